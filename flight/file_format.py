@@ -1,0 +1,143 @@
+"""Versioned files that are either whole or absent: temporary file, fsync, rename."""
+
+import contextlib
+import hashlib
+import json
+import os
+import shutil
+import tempfile
+import tomllib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from flight.errors import FormatError, InputError
+
+Document = dict[str, Any]
+
+
+@contextlib.contextmanager
+def atomic_file(path: Path) -> Iterator[Path]:
+    """Yield a temporary sibling of `path`; move it into place only if the block ends well.
+
+    Whatever interrupts the block (an exception, Ctrl-C), an earlier `path` stays as it was.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=path.suffix, dir=path.parent)
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        os.chmod(temporary, 0o666 & ~_umask())  # mkstemp makes private files; ours are ordinary ones
+        yield temporary
+        with open(temporary, "rb") as written:
+            os.fsync(written.fileno())
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def atomic_folder(path: Path) -> Iterator[Path]:
+    """The same promise for a folder: the old one is replaced as a whole once the new one is complete."""
+    path = Path(path)
+    if path.is_symlink() or path.is_file():
+        raise InputError(f"{path} is a file or a link, not a folder; choose another output")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.new-", dir=path.parent))
+    retired = temporary.with_name(temporary.name.replace(".new-", ".old-"))
+    try:
+        os.chmod(temporary, 0o777 & ~_umask())
+        yield temporary
+        if path.exists():
+            os.replace(path, retired)
+        os.replace(temporary, path)
+    finally:
+        if retired.exists() and not path.exists():
+            os.replace(retired, path)
+        shutil.rmtree(temporary, ignore_errors=True)
+        shutil.rmtree(retired, ignore_errors=True)
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    with atomic_file(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def write_json(path: Path, *, format: str, version: int, body: Mapping[str, Any]) -> None:
+    """Write `body` with its `format` and `version` in front.
+
+    Raises:
+        InputError: a number in `body` is NaN or infinite (JSON has no word for it).
+    """
+    try:
+        text = json.dumps({"format": format, "version": version, **body}, indent=1, allow_nan=False)
+    except ValueError as error:
+        raise InputError(f"{path}: not written, a number in it is not finite ({error})") from error
+    write_bytes(path, (text + "\n").encode())
+
+
+def read_json(path: Path, *, format: str, version: int) -> Document:
+    """Read a file that `write_json` wrote.
+
+    Raises:
+        InputError: there is no such file.
+        FormatError: it is not JSON, of another format, or newer than `version`.
+    """
+    try:
+        document = json.loads(_read(path))
+    except ValueError as error:
+        raise FormatError(f"{path} is not valid JSON ({error}); it may have been cut off") from error
+    return _checked(path, document, format, version)
+
+
+def write_toml(path: Path, *, format: str, version: int, body: Mapping[str, Any]) -> None:
+    write_bytes(path, tomli_w.dumps({"format": format, "version": version, **body}).encode())
+
+
+def read_toml(path: Path, *, format: str, version: int) -> Document:
+    """Read a TOML file with a `format` and `version`; raises as `read_json`."""
+    try:
+        document = tomllib.loads(_read(path).decode())
+    except ValueError as error:
+        raise FormatError(f"{path} is not valid TOML ({error})") from error
+    return _checked(path, document, format, version)
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return Path(path).read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"{path} does not exist") from None
+    except IsADirectoryError:
+        raise InputError(f"{path} is a folder; a file is wanted here") from None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from error
+
+
+def _checked(path: Path, document: object, format: str, version: int) -> Document:
+    if not isinstance(document, dict) or "format" not in document:
+        raise FormatError(f"{path} is not a {format} file: it names no format")
+    found: Document = document  # pyright: ignore[reportUnknownVariableType]
+    if found["format"] != format:
+        raise FormatError(f"{path} is a {found['format']} file; a {format} file is wanted here")
+    if not isinstance(found.get("version"), int):
+        raise FormatError(f"{path}: version is {found.get('version')!r}, not a whole number")
+    if found["version"] > version:
+        raise FormatError(
+            f"{path} is version {found['version']} of {format}; this Goshawk reads up to {version}: update Goshawk"
+        )
+    return found
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file's bytes, in hex: what a plan remembers of the map it was made for."""
+    return hashlib.sha256(_read(path)).hexdigest()

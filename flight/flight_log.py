@@ -1,0 +1,172 @@
+"""A flight log: one row per instant, one column per quantity, the unit in the column's name; Parquet on disk.
+
+The standard columns are in `COLUMNS`; any further column is welcome if its name ends in a unit of `UNITS`.
+A quantity that was not recorded has no column; one that was not sampled at a row is NaN there.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flight import file_format
+from flight.errors import FormatError, InputError
+from flight.rotations import FloatArray
+
+FORMAT = "goshawk-flight-log"
+VERSION = 1
+
+UNITS = ("s", "m", "m_s", "m_s2", "m_s3", "rad", "rad_s", "rad_s2", "n", "n_m", "v", "a", "pa", "k", "kg", "ratio")
+"""Unit suffixes a column may end in (after an underscore). `ratio` is for numbers without a unit."""
+
+_AXES = ("x", "y", "z")
+_QUATERNION = ("w", "x", "y", "z")
+_ROTORS = ("0", "1", "2", "3")
+_GROUPS: dict[str, tuple[str, tuple[str, ...], str]] = {
+    # name of the vector: (column stem, component labels, unit suffix)
+    "position_world_m": ("position_world", _AXES, "_m"),
+    "velocity_world_m_s": ("velocity_world", _AXES, "_m_s"),
+    "q_world_body": ("q_world_body", _QUATERNION, ""),
+    "rate_body_rad_s": ("rate_body", _AXES, "_rad_s"),
+    "specific_force_body_m_s2": ("specific_force_body", _AXES, "_m_s2"),
+    "rotor_speed_rad_s": ("rotor_speed", _ROTORS, "_rad_s"),
+    "rotor_speed_command_rad_s": ("rotor_speed_command", _ROTORS, "_rad_s"),
+    "setpoint_position_world_m": ("setpoint_position_world", _AXES, "_m"),
+    "setpoint_velocity_world_m_s": ("setpoint_velocity_world", _AXES, "_m_s"),
+    "setpoint_q_world_body": ("setpoint_q_world_body", _QUATERNION, ""),
+    "wind_world_m_s": ("wind_world", _AXES, "_m_s"),
+}
+
+COLUMNS: dict[str, tuple[str, ...]] = {
+    name: tuple(f"{stem}_{label}{unit}" for label in labels) for name, (stem, labels, unit) in _GROUPS.items()
+}
+"""Vector quantity to its column names, e.g. `position_world_m` to `position_world_x_m`, `_y_m`, `_z_m`."""
+
+SCALARS = ("time_s", "battery_v", "mission_state", "saturation")
+"""Further standard columns. `mission_state` and `saturation` are codes of the controller (see its header)."""
+
+_QUATERNION_COLUMNS = frozenset(COLUMNS["q_world_body"] + COLUMNS["setpoint_q_world_body"])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FlightLog:
+    """Columns of equal length, `time_s` among them and strictly increasing."""
+
+    columns: Mapping[str, FloatArray]
+    """Column name to (n,) values."""
+    metadata: Mapping[str, Any]
+    """Whatever describes the flight: `vehicle`, `trajectory`, `source`, ... JSON-able values."""
+
+    def __post_init__(self) -> None:
+        columns = {name: np.ascontiguousarray(values, dtype=np.float64) for name, values in self.columns.items()}
+        if "time_s" not in columns:
+            raise InputError("a flight log needs a column time_s")
+        n = len(columns["time_s"])
+        for name, values in columns.items():
+            if values.shape != (n,):
+                raise InputError(f"column {name} has shape {values.shape}; time_s has {n} rows")
+            if name not in SCALARS and name not in _QUATERNION_COLUMNS and not _has_unit(name):
+                raise InputError(f"column {name} names no unit; end it in one of: {', '.join('_' + u for u in UNITS)}")
+        time_s = columns["time_s"]
+        if not np.isfinite(time_s).all():
+            raise InputError(f"time_s is not finite in {int((~np.isfinite(time_s)).sum())} rows")
+        backward = np.flatnonzero(np.diff(time_s) <= 0.0)
+        if backward.size:
+            i = int(backward[0])
+            raise InputError(
+                f"time does not increase at row {i + 1} ({time_s[i]:.6f} s, then {time_s[i + 1]:.6f} s), "
+                f"{backward.size} times in all; drop or sort the repeated rows first"
+            )
+        object.__setattr__(self, "columns", columns)
+
+    def __len__(self) -> int:
+        return len(self.columns["time_s"])
+
+    @property
+    def time_s(self) -> FloatArray:
+        return self.columns["time_s"]
+
+    def has(self, quantity: str) -> bool:
+        """Whether every column of a vector of `COLUMNS`, or the scalar column, is there."""
+        return all(name in self.columns for name in COLUMNS.get(quantity, (quantity,)))
+
+    def vector(self, quantity: str) -> FloatArray:
+        """A vector quantity of `COLUMNS` as (n, 3) or (n, 4).
+
+        Raises:
+            InputError: a column of it is missing; the message names those and what is there.
+        """
+        missing = [name for name in COLUMNS[quantity] if name not in self.columns]
+        if missing:
+            raise InputError(f"the log has no {', '.join(missing)}; it has {', '.join(sorted(self.columns))}")
+        return np.stack([self.columns[name] for name in COLUMNS[quantity]], axis=-1)
+
+    def slice(self, start_s: float, end_s: float) -> "FlightLog":
+        """Rows with start_s <= time < end_s."""
+        keep = (self.time_s >= start_s) & (self.time_s < end_s)
+        return FlightLog({name: values[keep] for name, values in self.columns.items()}, self.metadata)
+
+
+def from_vectors(
+    time_s: FloatArray,
+    vectors: Mapping[str, FloatArray],
+    *,
+    scalars: Mapping[str, FloatArray] | None = None,
+    metadata: Mapping[str, Any] | None = None,
+) -> FlightLog:
+    """Build a log from (n, 3) and (n, 4) arrays keyed as in `COLUMNS`, and (n,) scalar columns."""
+    columns: dict[str, FloatArray] = {"time_s": np.asarray(time_s, dtype=np.float64)}
+    for quantity, values in vectors.items():
+        if quantity not in COLUMNS:
+            raise InputError(f"unknown quantity {quantity}; known are {', '.join(COLUMNS)}")
+        if np.shape(values) != (len(columns["time_s"]), len(COLUMNS[quantity])):
+            raise InputError(f"{quantity} has shape {np.shape(values)}; (n, {len(COLUMNS[quantity])}) is wanted")
+        columns |= {name: values[:, i] for i, name in enumerate(COLUMNS[quantity])}
+    return FlightLog(columns | dict(scalars or {}), dict(metadata or {}))
+
+
+def save(path: Path, log: FlightLog) -> None:
+    """Write a log (format `goshawk-flight-log`: Parquet, with the format, version and metadata in the schema)."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    header = {"format": FORMAT, "version": VERSION, "metadata": dict(log.metadata)}
+    try:
+        text = json.dumps(header, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{path}: not written, the log's metadata do not fit JSON ({error})") from error
+    table = pa.table({name: pa.array(values) for name, values in log.columns.items()})
+    with file_format.atomic_file(path) as temporary:
+        pq.write_table(table.replace_schema_metadata({"goshawk": text}), temporary, compression="zstd")
+
+
+def load(path: Path) -> FlightLog:
+    """Read a log that `save` wrote.
+
+    Raises:
+        InputError: there is no such file.
+        FormatError: it is not a flight log, is cut off, or newer than this version.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    if not Path(path).is_file():
+        raise InputError(f"{path} does not exist or is not a file")
+    try:
+        table = pq.read_table(path)
+    except (pa.ArrowException, OSError) as error:
+        raise FormatError(f"{path} is not a readable Parquet file ({error}); it may have been cut off") from error
+    header = json.loads((table.schema.metadata or {}).get(b"goshawk", b"{}"))
+    if header.get("format") != FORMAT:
+        raise FormatError(f"{path} is Parquet but not a {FORMAT}; import it with a column map")
+    if header["version"] > VERSION:
+        raise FormatError(f"{path} is version {header['version']} of {FORMAT}; this Goshawk reads up to {VERSION}")
+    columns = {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
+    return FlightLog(columns, header["metadata"])
+
+
+def _has_unit(name: str) -> bool:
+    return any(name.endswith("_" + unit) for unit in UNITS)

@@ -1,0 +1,13 @@
+"""How long work reports where it stands, without knowing who is watching."""
+
+from typing import Protocol
+
+
+class Progress(Protocol):
+    """A callable `progress(stage, fraction)`: the step being worked on, and how much of it is done (0 to 1)."""
+
+    def __call__(self, stage: str, fraction: float) -> None: ...
+
+
+def silent(stage: str, fraction: float) -> None:
+    """The progress of those who do not ask."""

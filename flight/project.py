@@ -1,0 +1,117 @@
+"""A project folder: the map, the vehicle, the waypoints, the trajectories and the flights of one place.
+
+project.toml        what this folder is
+map/                written by `goshawk map`
+vehicle.toml        what we believe about the vehicle
+waypoints.json      what the pilot drew (see `Waypoints`)
+trajectories/*.json checked trajectories
+flights/*.parquet   flight logs
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from flight import file_format
+from flight.errors import FormatError, InputError
+from flight.rotations import FloatArray
+
+FORMAT = "goshawk-project"
+VERSION = 1
+WAYPOINTS_FORMAT = "goshawk-waypoints"
+WAYPOINTS_VERSION = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Project:
+    """Where the parts of a project lie. The parts may not be there yet."""
+
+    folder: Path
+    name: str
+
+    @property
+    def map(self) -> Path:
+        return self.folder / "map"
+
+    @property
+    def vehicle(self) -> Path:
+        return self.folder / "vehicle.toml"
+
+    @property
+    def waypoints(self) -> Path:
+        return self.folder / "waypoints.json"
+
+    def trajectory(self, name: str) -> Path:
+        return self.folder / "trajectories" / f"{name}.json"
+
+    def flight(self, name: str) -> Path:
+        return self.folder / "flights" / f"{name}.parquet"
+
+    def trajectories(self) -> list[Path]:
+        return sorted((self.folder / "trajectories").glob("*.json"))
+
+    def flights(self) -> list[Path]:
+        return sorted((self.folder / "flights").glob("*.parquet"))
+
+
+def create(folder: Path, name: str) -> Project:
+    """Start a project in `folder` (made if need be); opening one that is there already is no error."""
+    folder = Path(folder)
+    if (folder / "project.toml").exists():
+        return open_project(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    file_format.write_toml(folder / "project.toml", format=FORMAT, version=VERSION, body={"name": name})
+    return Project(folder, name)
+
+
+def open_project(folder: Path) -> Project:
+    """Raises `InputError` if `folder` is not a project, `FormatError` if its `project.toml` cannot be read."""
+    folder = Path(folder)
+    if not (folder / "project.toml").is_file():
+        raise InputError(f"{folder} is not a Goshawk project: it has no project.toml; `goshawk demo` makes one")
+    document = file_format.read_toml(folder / "project.toml", format=FORMAT, version=VERSION)
+    return Project(folder, str(document.get("name", folder.name)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Waypoints:
+    """What the pilot asks the planner to fly through."""
+
+    positions_world_m: FloatArray
+    """(n, 3), in order."""
+    yaw_rad: FloatArray
+    """(n,) heading at each; NaN where the planner may choose (it then looks along the path)."""
+
+    def __post_init__(self) -> None:
+        positions = np.asarray(self.positions_world_m, dtype=np.float64)
+        yaw = np.asarray(self.yaw_rad, dtype=np.float64)
+        if positions.ndim != 2 or positions.shape[1] != 3 or yaw.shape != (len(positions),):
+            raise InputError(f"waypoints have shape {positions.shape} and yaw {yaw.shape}; (n, 3) and (n,) are wanted")
+        broken = np.flatnonzero(~np.isfinite(positions).all(axis=1))
+        if broken.size:
+            raise InputError(f"waypoint {int(broken[0])} is not finite: {positions[broken[0]].tolist()}")
+        if np.isinf(yaw).any():
+            raise InputError(f"the yaw of waypoint {int(np.flatnonzero(np.isinf(yaw))[0])} is infinite")
+        object.__setattr__(self, "positions_world_m", positions)
+        object.__setattr__(self, "yaw_rad", yaw)
+
+
+def save_waypoints(path: Path, waypoints: Waypoints) -> None:
+    points = [
+        {"position_world_m": p.tolist(), "yaw_rad": None if np.isnan(y) else float(y)}
+        for p, y in zip(waypoints.positions_world_m, waypoints.yaw_rad, strict=True)
+    ]
+    body = {"waypoints": points}
+    file_format.write_json(path, format=WAYPOINTS_FORMAT, version=WAYPOINTS_VERSION, body=body)
+
+
+def load_waypoints(path: Path) -> Waypoints:
+    document = file_format.read_json(path, format=WAYPOINTS_FORMAT, version=WAYPOINTS_VERSION)
+    try:
+        points = document["waypoints"]
+        positions = np.array([p["position_world_m"] for p in points], dtype=np.float64).reshape(-1, 3)
+        yaws = [p.get("yaw_rad") for p in points]
+        return Waypoints(positions, np.array([np.nan if y is None else y for y in yaws], dtype=np.float64))
+    except (KeyError, TypeError, ValueError) as error:
+        raise FormatError(f"{path} is a damaged waypoint file: {error}") from error

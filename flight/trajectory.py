@@ -1,0 +1,197 @@
+"""A trajectory: position and yaw as piecewise polynomials of time, and the file that carries it.
+
+The file remembers which map and which vehicle it was checked against; `goshawk upload` refuses one that was not.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flight import file_format, polynomial
+from flight.errors import FormatError, InputError
+from flight.rotations import FloatArray
+
+FORMAT = "goshawk-trajectory"
+VERSION = 1
+AXES = ("x", "y", "z", "yaw")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectory:
+    """k polynomial segments flown one after the other, in world axes."""
+
+    durations_s: FloatArray
+    """(k,) how long each segment takes; all positive."""
+    coefficients: FloatArray
+    """(k, 4, n) of x, y, z in metres and yaw in radians; ascending powers of seconds from the segment's start."""
+    starts_s: FloatArray = field(init=False)
+    """(k + 1,) when each segment starts; the last entry is the total duration."""
+
+    def __post_init__(self) -> None:
+        durations = np.ascontiguousarray(self.durations_s, dtype=np.float64)
+        coefficients = np.ascontiguousarray(self.coefficients, dtype=np.float64)
+        if durations.ndim != 1 or coefficients.ndim != 3 or coefficients.shape[:2] != (len(durations), 4):
+            raise InputError(
+                f"durations {durations.shape} and coefficients {coefficients.shape} do not fit (k,) and (k, 4, n)"
+            )
+        if len(durations) == 0 or coefficients.shape[2] == 0:
+            raise InputError("a trajectory needs at least one segment with at least one coefficient")
+        if not (np.isfinite(durations).all() and np.isfinite(coefficients).all()):
+            raise InputError("a trajectory's durations and coefficients must be finite")
+        if durations.min() <= 0.0:
+            raise InputError(f"segment {int(durations.argmin())} lasts {durations.min():g} s; it must be positive")
+        object.__setattr__(self, "durations_s", durations)
+        object.__setattr__(self, "coefficients", coefficients)
+        object.__setattr__(self, "starts_s", np.concatenate([[0.0], np.cumsum(durations)]))
+
+    @property
+    def duration_s(self) -> float:
+        return float(self.starts_s[-1])
+
+    def segment_at(self, times_s: ArrayLike) -> tuple[np.ndarray, FloatArray]:
+        """Segment index and seconds since its start, for times (n,).
+
+        Raises:
+            InputError: a time is not finite, or outside [0, duration] by more than a nanosecond.
+        """
+        t = np.asarray(times_s, dtype=np.float64)
+        if not np.isfinite(t).all():
+            raise InputError("a time is not finite")
+        if t.size and (t.min() < -1e-9 or t.max() > self.duration_s + 1e-9):
+            raise InputError(f"times {t.min():g} to {t.max():g} s leave the trajectory's 0 to {self.duration_s:g} s")
+        segment = np.clip(np.searchsorted(self.starts_s, t, side="right") - 1, 0, len(self.durations_s) - 1)
+        return segment, np.clip(t - self.starts_s[segment], 0.0, self.durations_s[segment])
+
+    def evaluate(self, times_s: ArrayLike, derivative: int = 0) -> FloatArray:
+        """Value of the given derivative of (x, y, z, yaw) at times (n,) from the start: (n, 4).
+
+        At a join the segment that starts there counts. Raises as `segment_at`.
+        """
+        segment, local_s = self.segment_at(times_s)
+        coefficients = polynomial.differentiate(self.coefficients, derivative)
+        return polynomial.evaluate(coefficients[segment], local_s[..., None])
+
+    def position(self, times_s: ArrayLike, derivative: int = 0) -> FloatArray:
+        """World position in metres (n, 3), or its time derivative of the given order."""
+        return self.evaluate(times_s, derivative)[..., :3]
+
+    def sample(self, step_s: float) -> FloatArray:
+        """Times from 0 to the duration inclusive, at most `step_s` apart."""
+        if not step_s > 0.0:
+            raise InputError(f"the sampling step is {step_s:g} s; it must be positive")
+        return np.linspace(0.0, self.duration_s, int(np.ceil(self.duration_s / step_s)) + 1)
+
+    def join_jumps(self, derivative: int) -> FloatArray:
+        """How far each inner join misses continuity in the given derivative: (k - 1, 4), later minus earlier."""
+        coefficients = polynomial.differentiate(self.coefficients, derivative)
+        ends = polynomial.evaluate(coefficients, self.durations_s[:, None])
+        return coefficients[1:, :, 0] - ends[:-1]
+
+    def split(self, time_s: float) -> tuple["Trajectory", "Trajectory"]:
+        """The part before `time_s` and the part from it on; each starts its own clock at zero.
+
+        Raises:
+            InputError: `time_s` is not strictly inside the trajectory.
+        """
+        if not 0.0 < time_s < self.duration_s:
+            raise InputError(f"cannot split at {time_s:g} s: the trajectory runs from 0 to {self.duration_s:g} s")
+        segment, local = self.segment_at(np.array([time_s]))
+        i, local_s = int(segment[0]), float(local[0])
+        before = np.append(self.durations_s[:i], local_s)
+        after = np.append(self.durations_s[i] - local_s, self.durations_s[i + 1 :])
+        shifted = polynomial.shift_argument(self.coefficients[i], np.full(4, local_s))
+        first = (
+            Trajectory(before, self.coefficients[: i + 1])
+            if local_s > 0.0
+            else Trajectory(self.durations_s[:i], self.coefficients[:i])
+        )
+        return first, Trajectory(after, np.concatenate([shifted[None], self.coefficients[i + 1 :]]))
+
+    def scale_time(self, factor: float) -> "Trajectory":
+        """The same path flown `factor` times as slowly (a factor of 2 halves every speed)."""
+        if not (np.isfinite(factor) and factor > 0.0):
+            raise InputError(f"the time scale is {factor:g}; it must be positive")
+        slower = polynomial.scale_argument(self.coefficients, 1.0 / factor)
+        return Trajectory(self.durations_s * factor, slower)
+
+    def reverse(self) -> "Trajectory":
+        """The same path flown from end to start (yaw values are kept, not turned round)."""
+        T = self.durations_s[::-1, None]
+        from_the_end = polynomial.shift_argument(self.coefficients[::-1], np.broadcast_to(T, (len(T), 4)))
+        return Trajectory(self.durations_s[::-1], polynomial.scale_argument(from_the_end, -1.0))
+
+
+def join(parts: list[Trajectory]) -> Trajectory:
+    """Fly the parts one after the other. Continuity is the caller's business; see `join_jumps`."""
+    if not parts:
+        raise InputError("nothing to join")
+    n = max(part.coefficients.shape[2] for part in parts)
+    padded = [np.pad(p.coefficients, ((0, 0), (0, 0), (0, n - p.coefficients.shape[2]))) for p in parts]
+    return Trajectory(np.concatenate([p.durations_s for p in parts]), np.concatenate(padded))
+
+
+@dataclass(frozen=True, slots=True)
+class TrajectoryFile:
+    """A trajectory with where it came from and what it was checked against."""
+
+    trajectory: Trajectory
+    name: str
+    map_hash: str
+    """Hash of the map it was checked in (`map.toml`'s `hash`); empty if it was not checked in a map."""
+    vehicle_hash: str
+    """Hash of the vehicle file whose limits it was checked against."""
+    waypoints_world_m: FloatArray
+    """(m, 3) the waypoints it was planned through."""
+    check: Mapping[str, Any]
+    """The final gate's report: `passed`, `clearance_m`, `required_clearance_m`, margins; empty if never checked."""
+
+    @property
+    def checked(self) -> bool:
+        """Whether the final gate let it pass."""
+        return bool(self.check.get("passed", False))
+
+
+def save(path: Path, item: TrajectoryFile) -> None:
+    """Write a trajectory file (format `goshawk-trajectory`, JSON)."""
+    segments = [
+        {"duration_s": float(T), **{axis: c[i].tolist() for i, axis in enumerate(AXES)}}
+        for T, c in zip(item.trajectory.durations_s, item.trajectory.coefficients, strict=True)
+    ]
+    body = {
+        "name": item.name,
+        "frame": "world",
+        "basis": "ascending powers of seconds from the segment's start",
+        "map_hash": item.map_hash,
+        "vehicle_hash": item.vehicle_hash,
+        "waypoints_world_m": np.asarray(item.waypoints_world_m).tolist(),
+        "check": dict(item.check),
+        "segments": segments,
+    }
+    file_format.write_json(path, format=FORMAT, version=VERSION, body=body)
+
+
+def load(path: Path) -> TrajectoryFile:
+    """Read a trajectory file.
+
+    Raises:
+        InputError: there is no such file.
+        FormatError: it is not a trajectory file, is damaged, or newer than this version.
+    """
+    document = file_format.read_json(path, format=FORMAT, version=VERSION)
+    try:
+        durations = np.array([s["duration_s"] for s in document["segments"]], dtype=np.float64)
+        coefficients = np.array([[s[axis] for axis in AXES] for s in document["segments"]], dtype=np.float64)
+        return TrajectoryFile(
+            trajectory=Trajectory(durations, coefficients),
+            name=str(document["name"]),
+            map_hash=str(document["map_hash"]),
+            vehicle_hash=str(document["vehicle_hash"]),
+            waypoints_world_m=np.array(document["waypoints_world_m"], dtype=np.float64).reshape(-1, 3),
+            check=dict(document["check"]),
+        )
+    except (KeyError, TypeError, ValueError, InputError) as error:
+        raise FormatError(f"{path} is a damaged trajectory file: {error}") from error
