@@ -1,0 +1,332 @@
+"""The cameras on the vehicle: their lenses and where they sit on the body, read from `camera.toml`.
+
+    format = "goshawk-camera"
+    version = 1
+    intrinsics = "fixed"            # or "refine": the lens below is a first guess, the images improve it
+    [[camera]]
+    name = "front"
+    folder = "front"                # sub-folder with this camera's images; "." is the image folder itself
+    model = "OPENCV_FISHEYE"        # COLMAP's names and parameter order
+    width = 640
+    height = 480
+    params = [fx, fy, cx, cy, k1, k2, k3, k4]
+    field_of_view_deg = 165.0       # optional: nothing is seen outside this cone (a lens darker at the rim)
+    T_body_camera = { q = [w, x, y, z], t = [x, y, z] }   # optional; metres; else looking along body x
+
+Pixel coordinates are COLMAP's: the centre of the upper left pixel is (0.5, 0.5).
+"""
+
+import dataclasses
+import functools
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flight import FloatArray, FormatError, InputError, file_format, frames, rotations
+
+FORMAT = "goshawk-camera"
+VERSION = 1
+
+R_BODY_CAMERA_FORWARD = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""A camera (x right, y down, z forward) that looks along body x (x forward, y left, z up)."""
+
+_PARAMETERS = {
+    "SIMPLE_PINHOLE": ("f", "cx", "cy"),
+    "PINHOLE": ("fx", "fy", "cx", "cy"),
+    "SIMPLE_RADIAL_FISHEYE": ("f", "cx", "cy", "k"),
+    "RADIAL_FISHEYE": ("f", "cx", "cy", "k1", "k2"),
+    "OPENCV_FISHEYE": ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4"),
+}
+_TABLE_SIZE = 2048
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Camera:
+    """One lens, and where it sits on the body."""
+
+    name: str
+    """Unique in the rig."""
+    folder: str
+    """Sub-folder of the image folder; "." is the image folder itself."""
+    model: str
+    """One of COLMAP's model names; the fisheye ones are Kannala-Brandt."""
+    width: int
+    """Pixels."""
+    height: int
+    """Pixels."""
+    params: FloatArray
+    """In COLMAP's order for `model`."""
+    T_body_camera: FloatArray
+    """(4, 4), metres."""
+    field_of_view_rad: float = 2.0 * np.pi
+    """Full angle of the cone that reaches the sensor."""
+
+    def __post_init__(self) -> None:
+        names = _PARAMETERS.get(self.model)
+        if names is None:
+            raise InputError(f"camera {self.name}: model {self.model!r} is not one of {', '.join(_PARAMETERS)}")
+        params = np.array(self.params, dtype=np.float64)
+        if params.shape != (len(names),) or not np.isfinite(params).all():
+            raise InputError(
+                f"camera {self.name}: {self.model} takes {len(names)} finite params "
+                f"({', '.join(names)}), not {params.tolist()}"
+            )
+        if self.width < 8 or self.height < 8:
+            raise InputError(f"camera {self.name}: an image of {self.width}x{self.height} pixels is too small")
+        object.__setattr__(self, "params", params)
+        object.__setattr__(self, "T_body_camera", np.array(self.T_body_camera, dtype=np.float64))
+        if min(self.focal_px) <= 0.0:
+            raise InputError(f"camera {self.name}: the focal length {self.focal_px} is not positive")
+        if not 0.0 < self.field_of_view_rad <= 2.0 * np.pi:
+            raise InputError(f"camera {self.name}: the field of view is not between 0 and 360 degrees")
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        return dict(zip(_PARAMETERS[self.model], self.params.tolist(), strict=True))
+
+    @property
+    def focal_px(self) -> tuple[float, float]:
+        named = self.parameters
+        return (named["f"], named["f"]) if "f" in named else (named["fx"], named["fy"])
+
+    @property
+    def principal_point_px(self) -> tuple[float, float]:
+        return self.parameters["cx"], self.parameters["cy"]
+
+    @property
+    def distortion(self) -> FloatArray:
+        """(4,) Kannala-Brandt k1..k4; zeros for a pinhole."""
+        values = [v for name, v in self.parameters.items() if name.startswith("k")]
+        return np.array((values + [0.0] * 4)[:4])
+
+    @property
+    def is_fisheye(self) -> bool:
+        return self.model.endswith("FISHEYE")
+
+    @property
+    def half_field_rad(self) -> float:
+        """Angle from the optical axis up to which the lens model holds and light arrives."""
+        return min(0.5 * self.field_of_view_rad, self._lens().limit_rad)
+
+    def project(self, points_camera: ArrayLike) -> FloatArray:
+        """(..., 3) points in the camera frame to (..., 2) pixels; NaN outside `half_field_rad`.
+
+        The pixel may lie outside the image: see `contains`.
+        """
+        x, y, z = np.moveaxis(np.asarray(points_camera, dtype=np.float64), -1, 0)
+        rho = np.hypot(x, y)
+        theta = np.arctan2(rho, z)
+        radius = self._lens().radius(theta)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            stretch = np.where(rho > 0.0, radius / rho, 0.0)
+        stretch = np.where((theta <= self.half_field_rad) & ((rho > 0.0) | (z > 0.0)), stretch, np.nan)
+        (fx, fy), (cx, cy) = self.focal_px, self.principal_point_px
+        return np.stack([fx * stretch * x + cx, fy * stretch * y + cy], axis=-1)
+
+    def unproject(self, pixels: ArrayLike) -> FloatArray:
+        """(..., 2) pixels to (..., 3) unit rays in the camera frame; NaN outside `half_field_rad`."""
+        u, v = np.moveaxis(np.asarray(pixels, dtype=np.float64), -1, 0)
+        (fx, fy), (cx, cy) = self.focal_px, self.principal_point_px
+        x, y = (u - cx) / fx, (v - cy) / fy
+        radius = np.hypot(x, y)
+        theta = self._lens().angle(radius)
+        theta = np.where(theta <= self.half_field_rad, theta, np.nan)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            sine = np.where(radius > 0.0, np.sin(theta) / radius, 0.0)
+        return np.stack([sine * x, sine * y, np.cos(theta)], axis=-1)
+
+    def contains(self, pixels: ArrayLike) -> np.ndarray:
+        """(..., 2) to (...,) bool: whether the pixel lies on the image (NaN does not)."""
+        u, v = np.moveaxis(np.asarray(pixels, dtype=np.float64), -1, 0)
+        return (u >= 0.0) & (u < self.width) & (v >= 0.0) & (v < self.height)
+
+    def pixel_centres(self) -> FloatArray:
+        """(height, width, 2)."""
+        u, v = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
+        return np.stack([u, v], axis=-1)
+
+    def lit(self) -> np.ndarray:
+        """(height, width) bool: pixels inside the field of view."""
+        return np.isfinite(self.unproject(self.pixel_centres())[..., 2])
+
+    def _lens(self) -> "_Lens":
+        return _lens(self.is_fisheye, tuple(self.distortion.tolist()))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Lens:
+    """Radius on the unit-focal sensor as a function of the angle from the axis, and back."""
+
+    fisheye: bool
+    distortion: tuple[float, ...]
+    limit_rad: float
+    angles_rad: FloatArray
+    radii: FloatArray
+
+    def radius(self, theta_rad: FloatArray) -> FloatArray:
+        """Kannala-Brandt: theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8); a pinhole: tan(theta)."""
+        return _radius(self.fisheye, self.distortion, theta_rad)
+
+    def angle(self, radius: FloatArray) -> FloatArray:
+        """The inverse; NaN beyond the largest radius."""
+        if not self.fisheye:
+            return np.arctan(radius)
+        theta = np.interp(radius, self.radii, self.angles_rad, right=np.nan)
+        for _ in range(2):  # the table is good to 1e-6 rad, each Newton step squares that
+            theta = theta - (self.radius(theta) - radius) / np.maximum(_slope(self.distortion, theta), 1e-3)
+        return np.asarray(theta, dtype=np.float64)
+
+
+def _radius(fisheye: bool, k: tuple[float, ...], theta_rad: FloatArray) -> FloatArray:
+    if not fisheye:
+        return np.tan(theta_rad)
+    s = theta_rad * theta_rad
+    return theta_rad * (1.0 + s * (k[0] + s * (k[1] + s * (k[2] + s * k[3]))))
+
+
+def _slope(k: tuple[float, ...], theta_rad: FloatArray) -> FloatArray:
+    s = theta_rad * theta_rad
+    return 1.0 + s * (3.0 * k[0] + s * (5.0 * k[1] + s * (7.0 * k[2] + s * 9.0 * k[3])))
+
+
+@functools.lru_cache(maxsize=64)
+def _lens(fisheye: bool, distortion: tuple[float, ...]) -> _Lens:
+    limit_rad = np.pi if fisheye else np.radians(89.0)
+    if fisheye:
+        angles = np.linspace(0.0, limit_rad, 4 * _TABLE_SIZE)
+        # past the angle where the radius stops growing, two directions share one pixel: the model ends there
+        falling = np.flatnonzero(_slope(distortion, angles) <= 1e-3)
+        limit_rad = float(angles[max(falling[0] - 1, 1)]) if falling.size else limit_rad
+    angles = np.linspace(0.0, limit_rad, _TABLE_SIZE)
+    return _Lens(fisheye, distortion, limit_rad, angles, _radius(fisheye, distortion, angles))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rig:
+    """All cameras of the vehicle; images of equal name were taken at the same instant."""
+
+    cameras: tuple[Camera, ...]
+    """The first is the reference camera."""
+    refine_intrinsics: bool = False
+    """Whether the lens parameters are a first guess that the images may improve."""
+
+    def __post_init__(self) -> None:
+        if not self.cameras:
+            raise InputError("a rig needs at least one camera")
+        for what in ("name", "folder"):
+            values = [getattr(camera, what) for camera in self.cameras]
+            if len(set(values)) < len(values):
+                raise InputError(f"two cameras of the rig share the {what}: {values}")
+        if len(self.cameras) > 1 and any(Path(c.folder) == Path(".") for c in self.cameras):
+            raise InputError("with several cameras each one needs its own sub-folder of images")
+
+    def __iter__(self) -> Iterator[Camera]:
+        return iter(self.cameras)
+
+    def __len__(self) -> int:
+        return len(self.cameras)
+
+    def __getitem__(self, name: str) -> Camera:
+        for camera in self.cameras:
+            if camera.name == name:
+                return camera
+        raise InputError(f"the rig has no camera {name!r}; it has {', '.join(c.name for c in self.cameras)}")
+
+    @property
+    def baseline_m(self) -> float:
+        """Largest distance between two cameras: what gives a map its scale."""
+        t = np.array([camera.T_body_camera[:3, 3] for camera in self.cameras])
+        return float(np.linalg.norm(t[:, None] - t[None], axis=-1).max())
+
+    def with_params(self, params: dict[str, FloatArray]) -> "Rig":
+        """The same rig with other lens parameters for the cameras named."""
+        changed = (dataclasses.replace(c, params=params.get(c.name, c.params)) for c in self.cameras)
+        return dataclasses.replace(self, cameras=tuple(changed))
+
+
+def forward_camera(model: str, width: int, height: int, params: ArrayLike, *, name: str = "camera") -> Camera:
+    """A single camera at the body's origin, looking along body x, with its images in the image folder itself."""
+    T = np.eye(4)
+    T[:3, :3] = R_BODY_CAMERA_FORWARD
+    return Camera(name, ".", model, width, height, np.asarray(params, dtype=np.float64), T)
+
+
+def load(path: Path) -> Rig:
+    """Read a `camera.toml`.
+
+    Raises:
+        InputError: no such file, or a value that no camera can have.
+        FormatError: not a camera file, or a field is missing or of the wrong kind.
+    """
+    document = file_format.read_toml(path, format=FORMAT, version=VERSION)
+    intrinsics = document.get("intrinsics", "fixed")
+    if intrinsics not in ("fixed", "refine"):
+        raise FormatError(f'{path}: intrinsics is {intrinsics!r}; "fixed" or "refine" is wanted')
+    tables = document.get("camera", [])
+    if not isinstance(tables, list) or not tables:
+        raise FormatError(f"{path} has no [[camera]] table")
+    try:
+        return Rig(tuple(_camera(table, len(tables) == 1) for table in tables), intrinsics == "refine")
+    except KeyError as error:
+        raise FormatError(f"{path}: a [[camera]] lacks {error.args[0]!r}") from None
+    except (TypeError, ValueError) as error:
+        raise FormatError(f"{path}: a [[camera]] is damaged: {error}") from error
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _camera(table: dict[str, Any], alone: bool) -> Camera:
+    pose = table.get("T_body_camera")
+    if pose is None:
+        T_body_camera = np.eye(4)
+        T_body_camera[:3, :3] = R_BODY_CAMERA_FORWARD
+    else:
+        T_body_camera = frames.transform(_unit_quaternion(pose["q"]), _vector(pose["t"]))
+    return Camera(
+        name=str(table["name"]),
+        folder=str(table.get("folder", "." if alone else table["name"])),
+        model=str(table["model"]),
+        width=int(table["width"]),
+        height=int(table["height"]),
+        params=np.array(table["params"], dtype=np.float64),
+        T_body_camera=T_body_camera,
+        field_of_view_rad=float(np.radians(table.get("field_of_view_deg", 360.0))),
+    )
+
+
+def _unit_quaternion(values: ArrayLike) -> FloatArray:
+    q = np.asarray(values, dtype=np.float64)
+    if q.shape != (4,) or not abs(np.linalg.norm(q) - 1.0) < 1e-3:
+        raise InputError(f"T_body_camera: q (w, x, y, z) is not a unit quaternion: {q.tolist()}")
+    return rotations.normalise(q)
+
+
+def _vector(values: ArrayLike) -> FloatArray:
+    t = np.asarray(values, dtype=np.float64)
+    if t.shape != (3,) or not np.isfinite(t).all():
+        raise InputError(f"T_body_camera: t is not three finite numbers: {t.tolist()}")
+    return t
+
+
+def save(path: Path, rig: Rig) -> None:
+    """Write a `camera.toml` that `load` reads back."""
+    body = {"intrinsics": "refine" if rig.refine_intrinsics else "fixed", "camera": [_table(c) for c in rig.cameras]}
+    file_format.write_toml(path, format=FORMAT, version=VERSION, body=body)
+
+
+def _table(camera: Camera) -> dict[str, Any]:
+    q = rotations.from_matrix(camera.T_body_camera[:3, :3]).tolist()
+    return {
+        "name": camera.name,
+        "folder": camera.folder,
+        "model": camera.model,
+        "width": camera.width,
+        "height": camera.height,
+        "params": camera.params.tolist(),
+        "field_of_view_deg": float(np.degrees(camera.field_of_view_rad)),
+        "T_body_camera": {"q": q, "t": camera.T_body_camera[:3, 3].tolist()},
+    }

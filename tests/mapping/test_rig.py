@@ -1,0 +1,123 @@
+"""Lenses and rigs: projection and its inverse, COLMAP's own numbers, the camera file."""
+
+import numpy as np
+import pytest
+
+from flight import FormatError, InputError, frames, rotations
+from mapping import rig as rigs
+from mapping.rig import Camera, Rig
+
+KB = [278.0, 279.0, 320.0, 240.0, 0.02, -0.01, 0.004, -0.001]
+LENSES = [
+    ("SIMPLE_PINHOLE", [400.0, 320.0, 240.0]),
+    ("PINHOLE", [400.0, 410.0, 320.0, 240.0]),
+    ("SIMPLE_RADIAL_FISHEYE", [374.9, 320.0, 240.0, 0.061]),
+    ("RADIAL_FISHEYE", [300.0, 320.0, 240.0, 0.05, -0.01]),
+    ("OPENCV_FISHEYE", KB),
+]
+
+
+def lens(model: str, params: list[float], **changes: object) -> Camera:
+    return Camera(**{"name": "c", "folder": "c", "model": model, "width": 640, "height": 480,
+                     "params": np.array(params), "T_body_camera": np.eye(4)} | changes)  # fmt: skip
+
+
+@pytest.mark.parametrize(("model", "params"), LENSES)
+def test_unproject_inverts_project_everywhere_on_the_image(model: str, params: list[float]) -> None:
+    camera = lens(model, params)
+    pixels = camera.pixel_centres()[::7, ::7]
+    rays = camera.unproject(pixels)
+    seen = np.isfinite(rays[..., 0])
+    assert seen.mean() > 0.9
+    np.testing.assert_allclose(np.linalg.norm(rays[seen], axis=-1), 1.0, atol=1e-12)
+    np.testing.assert_allclose(camera.project(3.0 * rays[seen]), pixels[seen], atol=1e-6)
+
+
+@pytest.mark.parametrize(("model", "params"), LENSES)
+def test_projection_agrees_with_colmap(model: str, params: list[float]) -> None:
+    pycolmap = pytest.importorskip("pycolmap")
+    theirs = pycolmap.Camera(model=model, width=640, height=480, params=params)
+    points = np.random.default_rng(3).normal(size=(500, 3)) * [1.0, 1.0, 0.3] + [0.0, 0.0, 1.2]
+    points = points[points[:, 2] > 0.2]
+    expected = np.array([theirs.img_from_cam(p) for p in points], dtype=np.float64)
+    np.testing.assert_allclose(lens(model, params).project(points), expected, atol=1e-9)
+
+
+def test_directions_outside_the_field_of_view_have_no_pixel() -> None:
+    camera = lens("OPENCV_FISHEYE", KB, field_of_view_rad=np.radians(165.0))
+    angle = np.radians([80.0, 82.4, 82.6, 120.0])
+    pixels = camera.project(np.stack([np.sin(angle), 0 * angle, np.cos(angle)], axis=-1))
+    assert np.isfinite(pixels[:, 0]).tolist() == [True, True, False, False]
+    assert np.isfinite(camera.project([0.0, 0.0, 1.0])).all()
+    assert np.isnan(camera.project([0.0, 0.0, -1.0])).all()
+    assert not camera.contains([[np.nan, 3.0], [-0.1, 3.0], [640.0, 3.0]]).any()
+    assert 0.5 < camera.lit().mean() <= 1.0
+
+
+def test_model_ends_where_the_radius_stops_growing() -> None:
+    camera = lens("SIMPLE_RADIAL_FISHEYE", [300.0, 320.0, 240.0, -0.3])
+    assert camera.half_field_rad == pytest.approx(np.sqrt(1 / 0.9), abs=2e-3)
+
+
+def test_rig_file_round_trips(tmp_path) -> None:
+    T_down = frames.transform(rotations.exp([0.0, np.pi / 2, 0.0]), [0.02, 0.0, -0.08])
+    front = lens("OPENCV_FISHEYE", KB, name="front", folder="front", field_of_view_rad=2.8)
+    down = lens("RADIAL_FISHEYE", LENSES[3][1], name="down", folder="down", T_body_camera=T_down)
+    rigs.save(tmp_path / "camera.toml", Rig((front, down), refine_intrinsics=True))
+    back = rigs.load(tmp_path / "camera.toml")
+    assert back.refine_intrinsics
+    assert [c.name for c in back] == ["front", "down"]
+    assert back.baseline_m == pytest.approx(np.hypot(0.02, 0.08))
+    for a, b in zip((front, down), back, strict=True):
+        assert (a.model, a.width, a.height, a.folder) == (b.model, b.width, b.height, b.folder)
+        np.testing.assert_array_equal(a.params, b.params)
+        np.testing.assert_allclose(a.T_body_camera, b.T_body_camera, atol=1e-15)
+        assert a.field_of_view_rad == pytest.approx(b.field_of_view_rad)
+
+
+GOOD = """format = "goshawk-camera"
+version = 1
+[[camera]]
+name = "c"
+model = "SIMPLE_RADIAL_FISHEYE"
+width = 640
+height = 480
+params = [300.0, 320.0, 240.0, 0.05]
+"""
+
+
+def test_shortest_camera_file_is_one_camera_that_looks_ahead(tmp_path) -> None:
+    (tmp_path / "camera.toml").write_text(GOOD)
+    rig = rigs.load(tmp_path / "camera.toml")
+    assert rig["c"].folder == "."
+    ahead = frames.apply(rig["c"].T_body_camera, rig["c"].unproject([320.0, 240.0]))
+    np.testing.assert_allclose(ahead, [1.0, 0.0, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "kind", "word"),
+    [
+        ("SIMPLE_RADIAL_FISHEYE", "FANTASY", InputError, "FANTASY"),
+        (", 0.05]", "]", InputError, "takes 4"),
+        ("0.05]", "nan]", InputError, "finite"),
+        ("300.0,", "-300.0,", InputError, "focal"),
+        ("width = 640\n", "", FormatError, "'width'"),
+        ("width = 640", "width = 2", InputError, "too small"),
+        ("version = 1", "version = 2", FormatError, "update"),
+        ("version = 1", 'version = 1\nintrinsics = "maybe"', FormatError, "maybe"),
+        ("goshawk-camera", "goshawk-map", FormatError, "goshawk-map"),
+        ("height = 480", "height = 480\nT_body_camera = {q=[1,1,0,0], t=[0,0,0]}", InputError, "unit"),
+        ("height = 480", "height = 480\nT_body_camera = {q=[1,0,0,0]}", FormatError, "'t'"),
+    ],
+)
+def test_damaged_camera_file_is_refused_in_one_sentence(tmp_path, old: str, new: str, kind: type, word: str) -> None:
+    path = tmp_path / "camera.toml"
+    path.write_text(GOOD.replace(old, new))
+    with pytest.raises(kind, match=word) as caught:
+        rigs.load(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_cameras_of_a_rig_may_not_share_a_folder() -> None:
+    with pytest.raises(InputError, match="share the folder"):
+        Rig((lens("OPENCV_FISHEYE", KB, name="a"), lens("OPENCV_FISHEYE", KB, name="b")))
