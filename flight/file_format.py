@@ -7,7 +7,7 @@ import os
 import shutil
 import tempfile
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ Document = dict[str, Any]
 
 
 @contextlib.contextmanager
-def atomic_file(path: Path) -> Iterator[Path]:
+def atomic_file(path: Path) -> Generator[Path]:
     """Yield a temporary sibling of `path`; move it into place only if the block ends well.
 
     Whatever interrupts the block (an exception, Ctrl-C), an earlier `path` stays as it was.
@@ -40,7 +40,7 @@ def atomic_file(path: Path) -> Iterator[Path]:
 
 
 @contextlib.contextmanager
-def atomic_folder(path: Path) -> Iterator[Path]:
+def atomic_folder(path: Path) -> Generator[Path]:
     """The same promise for a folder: the old one is replaced as a whole once the new one is complete."""
     path = Path(path)
     if path.is_symlink() or path.is_file():

@@ -4,6 +4,7 @@ The standard columns are in `COLUMNS`; any further column is welcome if its name
 A quantity that was not recorded has no column; one that was not sampled at a row is NaN there.
 """
 
+import importlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -130,9 +131,7 @@ def from_vectors(
 
 def save(path: Path, log: FlightLog) -> None:
     """Write a log (format `goshawk-flight-log`: Parquet, with the format, version and metadata in the schema)."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
+    pa, parquet = _arrow()
     header = {"format": FORMAT, "version": VERSION, "metadata": dict(log.metadata)}
     try:
         text = json.dumps(header, allow_nan=False)
@@ -140,7 +139,7 @@ def save(path: Path, log: FlightLog) -> None:
         raise InputError(f"{path}: not written, the log's metadata do not fit JSON ({error})") from error
     table = pa.table({name: pa.array(values) for name, values in log.columns.items()})
     with file_format.atomic_file(path) as temporary:
-        pq.write_table(table.replace_schema_metadata({"goshawk": text}), temporary, compression="zstd")
+        parquet.write_table(table.replace_schema_metadata({"goshawk": text}), temporary, compression="zstd")
 
 
 def load(path: Path) -> FlightLog:
@@ -150,22 +149,29 @@ def load(path: Path) -> FlightLog:
         InputError: there is no such file.
         FormatError: it is not a flight log, is cut off, or newer than this version.
     """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
+    pa, parquet = _arrow()
     if not Path(path).is_file():
         raise InputError(f"{path} does not exist or is not a file")
     try:
-        table = pq.read_table(path)
+        table = parquet.read_table(path)
     except (pa.ArrowException, OSError) as error:
         raise FormatError(f"{path} is not a readable Parquet file ({error}); it may have been cut off") from error
-    header = json.loads((table.schema.metadata or {}).get(b"goshawk", b"{}"))
+    header = _header(table.schema.metadata)
     if header.get("format") != FORMAT:
         raise FormatError(f"{path} is Parquet but not a {FORMAT}; import it with a column map")
     if header["version"] > VERSION:
         raise FormatError(f"{path} is version {header['version']} of {FORMAT}; this Goshawk reads up to {VERSION}")
     columns = {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
     return FlightLog(columns, header["metadata"])
+
+
+def _header(schema_metadata: dict[bytes, bytes] | None) -> dict[str, Any]:
+    return json.loads((schema_metadata or {}).get(b"goshawk", b"{}"))
+
+
+def _arrow() -> tuple[Any, Any]:
+    """pyarrow and pyarrow.parquet, imported when first needed (a third of a second) and untyped by their makers."""
+    return importlib.import_module("pyarrow"), importlib.import_module("pyarrow.parquet")
 
 
 def _has_unit(name: str) -> bool:

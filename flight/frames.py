@@ -16,20 +16,20 @@ _HALF_TURN_ABOUT_X = np.array([1.0, -1.0, -1.0])
 def transform(q: ArrayLike, translation_m: ArrayLike) -> FloatArray:
     """(..., 4) quaternion and (..., 3) translation to (..., 4, 4)."""
     q = np.asarray(q, dtype=np.float64)
-    T = np.zeros((*q.shape[:-1], 4, 4))
-    T[..., :3, :3] = rotations.matrix(q)
-    T[..., :3, 3] = translation_m
-    T[..., 3, 3] = 1.0
-    return T
+    result = np.zeros((*q.shape[:-1], 4, 4))
+    result[..., :3, :3] = rotations.matrix(q)
+    result[..., :3, 3] = translation_m
+    result[..., 3, 3] = 1.0
+    return result
 
 
 def invert(T: ArrayLike) -> FloatArray:
     """Inverse of a rigid transform, `invert(T_a_b)` is `T_b_a`."""
-    T = np.asarray(T, dtype=np.float64)
-    result = np.zeros_like(T)
-    R_transposed = np.swapaxes(T[..., :3, :3], -1, -2)
+    given = np.asarray(T, dtype=np.float64)
+    result = np.zeros_like(given)
+    R_transposed = np.swapaxes(given[..., :3, :3], -1, -2)
     result[..., :3, :3] = R_transposed
-    result[..., :3, 3] = -(R_transposed @ T[..., :3, 3:])[..., 0]
+    result[..., :3, 3] = -(R_transposed @ given[..., :3, 3:])[..., 0]
     result[..., 3, 3] = 1.0
     return result
 

@@ -5,7 +5,7 @@
 """
 
 from functools import cache
-from math import comb
+from math import comb, perm
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,27 +26,33 @@ def evaluate(coefficients: ArrayLike, t: ArrayLike) -> FloatArray:
 def differentiate(coefficients: ArrayLike, order: int = 1) -> FloatArray:
     """Coefficients of the derivative; a constant differentiates to the single coefficient 0."""
     c = np.asarray(coefficients, dtype=np.float64)
-    for _ in range(order):
-        c = c[..., 1:] * np.arange(1, c.shape[-1]) if c.shape[-1] > 1 else np.zeros_like(c)
-    return c
+    n = int(c.shape[-1])
+    if order >= n:
+        return np.zeros((*c.shape[:-1], 1))
+    falling = np.array([perm(i, order) for i in range(order, n)], dtype=np.float64)  # i (i - 1) ... (i - order + 1)
+    return c[..., order:] * falling
 
 
 def scale_argument(coefficients: ArrayLike, factor: ArrayLike) -> FloatArray:
     """Coefficients of p(factor * t). `factor` broadcasts against the leading axes."""
     c = np.asarray(coefficients, dtype=np.float64)
-    powers = np.asarray(factor, dtype=np.float64)[..., None] ** np.arange(c.shape[-1])
-    return c * powers
+    return c * _powers(factor, c.shape[-1])
 
 
 def shift_argument(coefficients: ArrayLike, offset: ArrayLike) -> FloatArray:
     """Coefficients of p(t + offset) (Taylor shift). `offset` broadcasts against the leading axes."""
     c = np.asarray(coefficients, dtype=np.float64)
-    n = c.shape[-1]
-    powers = np.asarray(offset, dtype=np.float64)[..., None] ** np.arange(n)
+    n = int(c.shape[-1])
+    powers = _powers(offset, n)
     shifted = [
         sum((comb(j, i) * powers[..., j - i] * c[..., j] for j in range(i + 1, n)), start=c[..., i]) for i in range(n)
     ]
     return np.stack(np.broadcast_arrays(*shifted), axis=-1)
+
+
+def _powers(x: ArrayLike, n: int) -> FloatArray:
+    """1, x, x^2, ... x^(n-1) along a new last axis."""
+    return np.power(np.asarray(x, dtype=np.float64)[..., None], np.arange(n))
 
 
 def centred_from_seconds(coefficients: ArrayLike, duration_s: ArrayLike) -> FloatArray:

@@ -77,20 +77,20 @@ def matrix(q: ArrayLike) -> FloatArray:
 
 def from_matrix(R: ArrayLike) -> FloatArray:
     """Unit quaternion of a rotation matrix, (..., 3, 3) to (..., 4), with w >= 0 (Shepperd's choice of pivot)."""
-    R = np.asarray(R, dtype=np.float64)
-    m00, m11, m22 = R[..., 0, 0], R[..., 1, 1], R[..., 2, 2]
+    m = np.asarray(R, dtype=np.float64)
+    m00, m11, m22 = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
     # Four times the outer product q q^T; the row with the largest diagonal is q up to scale.
-    outer = np.empty((*R.shape[:-2], 4, 4))
+    outer = np.empty((*m.shape[:-2], 4, 4))
     outer[..., 0, 0] = 1 + m00 + m11 + m22
     outer[..., 1, 1] = 1 + m00 - m11 - m22
     outer[..., 2, 2] = 1 - m00 + m11 - m22
     outer[..., 3, 3] = 1 - m00 - m11 + m22
-    outer[..., 0, 1] = outer[..., 1, 0] = R[..., 2, 1] - R[..., 1, 2]
-    outer[..., 0, 2] = outer[..., 2, 0] = R[..., 0, 2] - R[..., 2, 0]
-    outer[..., 0, 3] = outer[..., 3, 0] = R[..., 1, 0] - R[..., 0, 1]
-    outer[..., 1, 2] = outer[..., 2, 1] = R[..., 0, 1] + R[..., 1, 0]
-    outer[..., 1, 3] = outer[..., 3, 1] = R[..., 0, 2] + R[..., 2, 0]
-    outer[..., 2, 3] = outer[..., 3, 2] = R[..., 1, 2] + R[..., 2, 1]
+    outer[..., 0, 1] = outer[..., 1, 0] = m[..., 2, 1] - m[..., 1, 2]
+    outer[..., 0, 2] = outer[..., 2, 0] = m[..., 0, 2] - m[..., 2, 0]
+    outer[..., 0, 3] = outer[..., 3, 0] = m[..., 1, 0] - m[..., 0, 1]
+    outer[..., 1, 2] = outer[..., 2, 1] = m[..., 0, 1] + m[..., 1, 0]
+    outer[..., 1, 3] = outer[..., 3, 1] = m[..., 0, 2] + m[..., 2, 0]
+    outer[..., 2, 3] = outer[..., 3, 2] = m[..., 1, 2] + m[..., 2, 1]
     pivot = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
     q = np.take_along_axis(outer, pivot[..., None, None], axis=-2)[..., 0, :]
     return normalise(np.where(q[..., :1] < 0.0, -q, q))

@@ -1,0 +1,44 @@
+# The README's commands. Each sets up first (a no-op when nothing changed).
+PYTHON := .venv/bin/python
+PACKAGES := flight esdf vehicle mapping planner sysid firmware_bridge gcs_web goshawk
+DEMO_OUT ?= demo-out
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test test-all bench docs lint lock clean
+
+help:  ## what there is to make
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 18
+
+setup:  ## install what is missing into .venv and build
+	@tools/setup.sh
+
+demo: setup  ## map, plan, fly and learn on a rendered room; leaves the project in demo-out
+	.venv/bin/goshawk demo --out $(DEMO_OUT)
+
+test:  ## set up and run the tests
+	@tools/setup.sh browser
+	$(PYTHON) -m pytest
+
+test-all: lint  ## the slow tests too, and the lint
+	@tools/setup.sh browser
+	$(PYTHON) -m pytest -m "slow or not slow"
+
+bench: setup  ## measure every package beside its peers; writes build/bench/*.json
+	@mkdir -p build/bench
+	@for script in $(filter-out benchmarks/report.py,$(wildcard benchmarks/*.py)); do \
+	  echo "== $$script"; $(PYTHON) $$script --json build/bench/$$(basename $$script .py).json || exit 1; done
+
+docs: setup  ## the documentation, as HTML in docs/_build
+	$(PYTHON) -m sphinx -W --keep-going -b html docs docs/_build
+
+lint: setup  ## ruff, pyright, clang-format
+	.venv/bin/ruff check .
+	.venv/bin/ruff format --check .
+	.venv/bin/pyright --pythonpath $(PYTHON)
+	.venv/bin/clang-format --dry-run -Werror $$(git ls-files '*.c' '*.h' '*.cpp' '*.hpp' | grep -v generated)
+
+lock: setup  ## pin the newest allowed versions in requirements.lock
+	.venv/bin/uv pip compile --quiet --universal --python-version 3.11 --no-emit-index-url --no-emit-find-links \
+	  --custom-compile-command "make lock" --extra dev --extra docs pyproject.toml -o requirements.lock
+
+clean:  ## remove what was built; .venv stays
+	rm -rf build dist docs/_build
