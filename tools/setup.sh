@@ -1,0 +1,64 @@
+#!/usr/bin/env bash
+# Prepares .venv and builds Goshawk into it. Run by every make target; does only what is not done yet.
+#   tools/setup.sh          what the demo and the commands need
+#   tools/setup.sh browser  also Chromium, for the tests of the web page
+set -euo pipefail
+cd "$(dirname "$0")/.."
+say() { printf '\033[1m[setup]\033[0m %s\n' "$*"; }
+
+python=""
+for candidate in python3.13 python3.12 python3.11 python3; do
+  if command -v "$candidate" >/dev/null && "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
+    python=$candidate && break
+  fi
+done
+[ -n "$python" ] || { say "Python 3.11 or newer is needed and none was found"; exit 1; }
+
+# Debian packages: shared libraries that wheels expect of the system, a compiler, and (for tests) a browser.
+wanted=(libusb-1.0-0 libgl1 libegl1 libgomp1 libx11-6)
+command -v c++ >/dev/null || wanted+=(build-essential)
+"$python" -c 'import ensurepip' 2>/dev/null || wanted+=(python3-venv)
+[ -f "$("$python" -c 'import sysconfig; print(sysconfig.get_path("include"))')/Python.h" ] || wanted+=(python3-dev)
+[ "${1:-}" != browser ] || command -v chromium >/dev/null || wanted+=(chromium)
+if command -v dpkg-query >/dev/null; then
+  missing=()
+  for package in "${wanted[@]}"; do
+    dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing+=("$package")
+  done
+  if [ ${#missing[@]} -gt 0 ]; then
+    if [ "$(id -u)" = 0 ]; then
+      say "installing Debian packages: ${missing[*]}"
+      apt-get update -qq
+      DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
+    else
+      say "these Debian packages are missing; install them, then run this again:"
+      say "  sudo apt-get install --no-install-recommends ${missing[*]}"
+      exit 1
+    fi
+  fi
+fi
+
+if [ ! -x .venv/bin/uv ]; then
+  say "making .venv with $("$python" --version)"
+  "$python" -m venv .venv
+  .venv/bin/pip install --quiet --disable-pip-version-check "$(grep -oE '^uv==[^ ;]+' requirements.lock)"
+fi
+if ! cmp -s requirements.lock .venv/installed.lock; then
+  say "installing $(grep -cE '^[a-z0-9]' requirements.lock) Python packages, as pinned in requirements.lock"
+  .venv/bin/uv pip sync --python .venv/bin/python requirements.lock
+  cp requirements.lock .venv/installed.lock
+  rm -f .venv/built.stamp
+fi
+
+# The native parts are built again when one of their sources is newer than the last build.
+native_sources() {
+  find pyproject.toml CMakeLists.txt esdf vehicle mapping planner sysid firmware_bridge -type f \
+    \( -name '*.c' -o -name '*.h' -o -name '*.cpp' -o -name '*.hpp' -o -name CMakeLists.txt -o -name pyproject.toml \) "$@"
+}
+if [ ! -f .venv/built.stamp ] || [ -n "$(native_sources -newer .venv/built.stamp -print -quit)" ]; then
+  say "building Goshawk (the C and C++ parts take about a minute)"
+  touch .venv/building.stamp
+  PATH="$PWD/.venv/bin:$PATH" .venv/bin/uv pip install --quiet --python .venv/bin/python \
+    --no-deps --no-build-isolation --reinstall-package goshawk -e .
+  mv .venv/building.stamp .venv/built.stamp
+fi
