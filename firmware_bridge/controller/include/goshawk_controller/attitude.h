@@ -1,0 +1,31 @@
+/* Attitude loop: PD with feed-forward, in two forms.
+
+   TC_ATTITUDE_TILT splits the error into the turn of the thrust axis and the turn about it and gives the first its own,
+   higher gain (Brescianini and D'Andrea 2018). TC_ATTITUDE_LEE is Lee et al. 2010, kept to reproduce the paper. */
+#ifndef GOSHAWK_CONTROLLER_ATTITUDE_H
+#define GOSHAWK_CONTROLLER_ATTITUDE_H
+
+#include "goshawk_controller/flatness.h"
+#include "goshawk_controller/parameters.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Torque in body axes, modelled moments of the airframe not yet taken off. */
+void tc_attitude_step(const tc_parameters* parameters, const tc_attitude_reference* reference,
+                      const float q_world_body[4], const float rate_body_rad_s[3], float torque_body_n_m[3]);
+
+/* Moments that the model knows and the mixer must cancel: flapping, damping, rotor drag at hubs that turn. */
+void tc_modelled_moment(const tc_parameters* parameters, const float air_velocity_body_m_s[3],
+                        const float rate_body_rad_s[3], const float rotor_speed_rad_s[TC_ROTORS],
+                        float moment_body_n_m[3]);
+
+/* Angle between the thrust axes of two attitudes as 1 - cosine: 0 .. 2. */
+float tc_tilt_difference(const float q_a[4], const float q_b[4]);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

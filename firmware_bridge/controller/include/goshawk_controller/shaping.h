@@ -1,0 +1,59 @@
+/* Reference shaping: how fast the path is flown, and moves from point to point.
+
+   The path clock maps time to path time with a rate between 0 (standing) and 1 (as planned). Changing the rate follows
+   a quintic, so that path velocity, acceleration and jerk stay continuous and every derivative of the set-point is
+   consistent with it: p' = p_theta theta', p'' = p_theta_theta theta'^2 + p_theta theta'', and so on. */
+#ifndef GOSHAWK_CONTROLLER_SHAPING_H
+#define GOSHAWK_CONTROLLER_SHAPING_H
+
+#include "goshawk_controller/trajectory.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct {
+    uint32_t path_us;   /* whole microseconds of path time */
+    float path_part_us; /* [0, 1) on top */
+    float rate;         /* d path time / d time, and its derivatives */
+    float rate_1_s;     /* per second */
+    float rate_1_s2;
+    float target_rate;
+    float ramp_s; /* duration of the running change of rate; 0 = none */
+    float ramp_elapsed_s;
+    float ramp_quintic[6]; /* rate over u = elapsed / ramp_s */
+    uint16_t segment;      /* cursor: the segment that holds path_us */
+} tc_clock;
+
+void tc_clock_start(tc_clock* clock, float rate);
+/* Changes to `target_rate` within `ramp_s` (> 0), continuing from the present rate and its derivatives. */
+void tc_clock_retarget(tc_clock* clock, float target_rate, float ramp_s);
+/* Advances by at most 20 ms and moves the cursor. */
+void tc_clock_advance(tc_clock* clock, const tc_trajectory* trajectory, float step_s);
+bool tc_clock_standing(const tc_clock* clock);
+bool tc_clock_finished(const tc_clock* clock, const tc_trajectory* trajectory);
+/* The set-point on the path with derivatives with respect to true time. */
+void tc_clock_setpoint(const tc_clock* clock, const tc_trajectory* trajectory, tc_setpoint* out);
+
+/* A straight move from rest to rest: position along a septic, zero velocity, acceleration and jerk at both ends. */
+typedef struct {
+    float from_world_m[3];
+    float to_world_m[3];
+    float from_yaw_rad;
+    float to_yaw_rad;
+    float duration_s;
+    float elapsed_s;
+} tc_move;
+
+/* The peak speed is `speed_m_s` (> 0), the peak yaw rate 1 rad/s, and the peak acceleration 2 m/s^2. */
+void tc_move_start(tc_move* move, const float from_world_m[3], float from_yaw_rad, const float to_world_m[3],
+                   float to_yaw_rad, float speed_m_s);
+void tc_move_advance(tc_move* move, float step_s);
+bool tc_move_done(const tc_move* move);
+void tc_move_setpoint(const tc_move* move, tc_setpoint* out);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,148 @@
+/* The trajectory store: a staged slot that an upload fills piece by piece, and the active slot that is flown.
+
+   A trajectory is up to TC_MAX_SEGMENTS segments of four polynomials (world x, y, z in metres, yaw in radians) in the
+   centred variable s = 2 t / T - 1 in [-1, 1]; float32 in that basis errs by 0.05 mm where powers of seconds err by
+   centimetres. Time is integer microseconds. An upload goes
+
+       tc_store_begin -> tc_store_put_segment (any order, repeats welcome) -> tc_store_put_sample (optional)
+       -> tc_store_finish (checks everything) -> tc_store_activate (by id and CRC)
+
+   Nothing that happens to the staged slot can touch the active one; a refused or interrupted upload changes nothing. */
+#ifndef GOSHAWK_CONTROLLER_TRAJECTORY_H
+#define GOSHAWK_CONTROLLER_TRAJECTORY_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "goshawk_controller/reason.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* A slot takes about 200 bytes a segment; there are two slots. A small vehicle may build with fewer segments. */
+#ifndef TC_MAX_SEGMENTS
+#define TC_MAX_SEGMENTS 256
+#endif
+#define TC_MAX_COEFFICIENTS 12
+#define TC_AXES 4
+#define TC_MAX_SAMPLES 8
+
+/* A tick may advance by at most one segment, so a segment must outlast the longest tick. */
+#define TC_MIN_SEGMENT_US 20000u
+#define TC_MAX_SEGMENT_US 60000000u
+
+/* What to do when the ground has been silent for `link_loss_s` while this trajectory is flown. */
+typedef enum { TC_LINK_LOSS_FINISH = 0, TC_LINK_LOSS_HOLD = 1, TC_LINK_LOSS_LAND = 2 } tc_link_loss_policy;
+
+typedef struct {
+    uint32_t duration_us;
+    /* [x, y, z, yaw][ascending powers of s]; entries from the trajectory's coefficient_count on are zero. */
+    float coefficient[TC_AXES][TC_MAX_COEFFICIENTS];
+} tc_segment;
+
+typedef struct {
+    uint32_t id;               /* chosen by the ground; not 0 */
+    uint32_t crc32;            /* tc_trajectory_crc32 over everything but this field */
+    uint16_t segment_count;    /* 1 .. TC_MAX_SEGMENTS */
+    uint8_t coefficient_count; /* 1 .. TC_MAX_COEFFICIENTS */
+    uint8_t link_loss_policy;  /* tc_link_loss_policy */
+} tc_trajectory_header;
+
+typedef struct {
+    tc_trajectory_header header;
+    uint32_t start_us[TC_MAX_SEGMENTS + 1]; /* when each segment starts; entry segment_count is the duration */
+    tc_segment segment[TC_MAX_SEGMENTS];
+} tc_trajectory;
+
+/* A point of the curve as the planner evaluates it (float64 there); the vehicle compares with its own evaluation. */
+typedef struct {
+    uint32_t time_us;
+    float value[TC_AXES];
+} tc_trajectory_sample;
+
+/* What every trajectory must keep to; copied from the parameters. */
+typedef struct {
+    float fence_min_world_m[3];
+    float fence_max_world_m[3];
+    float speed_m_s;
+    float acceleration_m_s2;
+    float jerk_m_s3;
+    float yaw_rate_rad_s;
+} tc_path_limits;
+
+typedef enum { TC_STAGED_EMPTY = 0, TC_STAGED_FILLING = 1, TC_STAGED_CHECKED = 2 } tc_staged_state;
+
+typedef struct {
+    tc_trajectory slot[2];
+    uint8_t active;       /* index of the active slot; the other one is staged */
+    bool has_active;      /* false until the first activation */
+    uint8_t staged_state; /* tc_staged_state */
+    uint8_t sample_count;
+    uint8_t received[(TC_MAX_SEGMENTS + 7) / 8]; /* bit i: staged segment i is there */
+    tc_trajectory_sample sample[TC_MAX_SAMPLES];
+    tc_path_limits limits;
+    uint16_t refused_segment; /* which segment (or join at whose start) the last refusal is about */
+} tc_store;
+
+/* Value and time derivatives of (x, y, z, yaw) at one instant. */
+typedef struct {
+    float position_world_m[3];
+    float velocity_world_m_s[3];
+    float acceleration_world_m_s2[3];
+    float jerk_world_m_s3[3];
+    float snap_world_m_s4[3];
+    float yaw_rad;
+    float yaw_rate_rad_s;
+    float yaw_acceleration_rad_s2;
+} tc_setpoint;
+
+void tc_store_init(tc_store* store);
+
+/* Opens the staged slot for a new upload, discarding what was staged. Refuses counts out of range and id 0. */
+tc_reason tc_store_begin(tc_store* store, const tc_trajectory_header* header);
+
+/* Stores one segment of the upload after checking it alone: finite, duration, fence, speed, acceleration and yaw-rate
+   hulls. The same segment may come again. Needs coefficients beyond the count to be zero (they are set to zero). */
+tc_reason tc_store_put_segment(tc_store* store, uint16_t index, const tc_segment* segment);
+
+/* Adds a point that the planner evaluated; `tc_store_finish` compares it. At most TC_MAX_SAMPLES, else refused. */
+tc_reason tc_store_put_sample(tc_store* store, const tc_trajectory_sample* sample);
+
+/* Whether segment `index` of the running upload has arrived. */
+bool tc_store_has_segment(const tc_store* store, uint16_t index);
+
+/* All there, CRC right, continuous at every join, at rest at both ends, samples reproduced: the slot is then CHECKED
+   and can be activated. On refusal the upload stays open, and `refused_segment` says where. */
+tc_reason tc_store_finish(tc_store* store);
+
+/* Makes the checked slot with this id and CRC the active one. Activating what is active already is fine (repeats). */
+tc_reason tc_store_activate(tc_store* store, uint32_t id, uint32_t crc32);
+
+/* Throws the staged upload away. */
+void tc_store_discard(tc_store* store);
+
+/* NULL when there is none. */
+const tc_trajectory* tc_store_active(const tc_store* store);
+const tc_trajectory* tc_store_staged(const tc_store* store);
+
+uint32_t tc_trajectory_duration_us(const tc_trajectory* trajectory);
+
+/* CRC-32 (IEEE 802.3) over little-endian id u32, segment_count u16, coefficient_count u8, link_loss_policy u8, then per
+   segment duration_us u32 and 4 x coefficient_count float32. */
+uint32_t tc_trajectory_crc32(const tc_trajectory* trajectory);
+uint32_t tc_crc32(uint32_t crc, const uint8_t* bytes, size_t count); /* start with 0 */
+
+/* Index of the segment that holds `time_us` (the later one at a join; the last one from the end on). Nine probes. */
+uint16_t tc_trajectory_find(const tc_trajectory* trajectory, uint32_t time_us);
+
+/* Evaluates segment `index` at `time_us` + `part_us` from the trajectory's start, clamped to the segment. */
+void tc_trajectory_evaluate(const tc_trajectory* trajectory, uint16_t index, uint32_t time_us, float part_us,
+                            tc_setpoint* out);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
