@@ -1,0 +1,64 @@
+"""A distance field on disk: a folder that is either whole or absent.
+
+`esdf.toml` says how the field was made and what its hash is; `state.npz` holds the voxels. Distances are rebuilt on
+loading, which is faster than reading them and cannot disagree with the voxels.
+"""
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from esdf.build import build
+from esdf.field import Field
+from esdf.grid import Grid
+from flight import FormatError, InputError, file_format
+
+FORMAT = "goshawk-esdf"
+VERSION = 1
+
+
+def save(folder: Path, field: Field) -> None:
+    """Write a field; an earlier one in `folder` stays until the new one is complete.
+
+    Raises:
+        InputError: the disk is full or the folder cannot be written; the earlier field is untouched.
+    """
+    body = {
+        "origin_world_m": list(field.grid.origin_world_m),
+        "voxel_m": list(field.grid.voxel_m),
+        "shape": list(field.grid.shape),
+        "cap_m": field.cap_m,
+        "unknown": field.unknown,
+        "hash": field.hash,
+    }
+    try:
+        with file_format.atomic_folder(folder) as temporary:
+            np.savez_compressed(temporary / "state.npz", state=field.state)
+            file_format.write_toml(temporary / "esdf.toml", format=FORMAT, version=VERSION, body=body)
+    except OSError as error:
+        raise InputError(
+            f"{folder}: the distance field was not written ({error.strerror}); the old one stays"
+        ) from error
+
+
+def load(folder: Path) -> Field:
+    """Read a field.
+
+    Raises:
+        InputError: there is none in `folder`.
+        FormatError: it is damaged, or newer than this version.
+    """
+    folder = Path(folder)
+    document = file_format.read_toml(folder / "esdf.toml", format=FORMAT, version=VERSION)
+    try:
+        grid = Grid(tuple(document["origin_world_m"]), tuple(document["voxel_m"]), tuple(document["shape"]))
+        with np.load(folder / "state.npz") as archive:
+            state = archive["state"]
+        field = build(state, grid, cap_m=float(document["cap_m"]), unknown=document["unknown"])
+        wanted = str(document["hash"])
+    except (KeyError, TypeError, ValueError, EOFError, OSError, zipfile.BadZipFile, InputError) as error:
+        raise FormatError(f"{folder} holds a damaged distance field: {error}") from error
+    if field.hash != wanted:
+        raise FormatError(f"{folder} holds a damaged distance field: its voxels do not match its hash")
+    return field
