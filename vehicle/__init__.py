@@ -1,1 +1,30 @@
-"""(filled in by this room)"""
+"""What we believe about the vehicle: parameters, effects, forces, flatness, simulation."""
+
+from vehicle import effects, flatness, invert, simulate
+from vehicle.dynamics import Jacobian, acceleration, acceleration_jacobian, wrench, wrench_jacobian
+from vehicle.files import example, load, save, vehicle_hash
+from vehicle.forces import Surroundings, rigid_body
+from vehicle.model import Vehicle, specs
+from vehicle.parameters import Limits, Parameter
+
+__all__ = [
+    "Jacobian",
+    "Limits",
+    "Parameter",
+    "Surroundings",
+    "Vehicle",
+    "acceleration",
+    "acceleration_jacobian",
+    "effects",
+    "example",
+    "flatness",
+    "invert",
+    "load",
+    "rigid_body",
+    "save",
+    "simulate",
+    "specs",
+    "vehicle_hash",
+    "wrench",
+    "wrench_jacobian",
+]

@@ -1,0 +1,48 @@
+"""Flatness: what it says is what the vehicle would do."""
+
+import numpy as np
+import pytest
+
+import vehicle
+from flight import Trajectory, rotations
+from vehicle import flatness
+
+
+def wavy(seed=0):
+    rng = np.random.default_rng(seed)
+    scale = np.array([1.0, 2.0, 1.5, 0.6, 0.25, 0.1, 0.05, 0.02])
+    return Trajectory(np.array([1.2, 0.9]), rng.normal(0, 1, (2, 4, 8)) * scale)
+
+
+@pytest.mark.parametrize("name", ["rigter2019", "hummingbird"])
+def test_the_accelerations_of_flatness_are_those_of_the_model(name):
+    v = vehicle.example(name)
+    flat = flatness.state(v, wavy(), wavy().sample(0.01)[:-1])
+    velocity = rotations.rotate(rotations.conjugate(flat.q_world_body), flat.velocity_world_m_s)
+    specific, turn = vehicle.acceleration(v, velocity, flat.rate_body_rad_s, flat.rotor_speed_rad_s)
+    world = rotations.rotate(flat.q_world_body, specific) - np.array([0, 0, 9.81])
+    np.testing.assert_allclose(world, flat.acceleration_world_m_s2, atol=1e-8)
+    np.testing.assert_allclose(turn, flat.rate_derivative_body_rad_s2, atol=1e-7)
+
+
+def test_rates_are_the_derivative_of_the_attitude():
+    v, path, h = vehicle.example(), wavy(), 1e-5
+    times = np.linspace(0.1, 1.1, 7)
+    flat = flatness.state(v, path, times)
+    before, after = flatness.state(v, path, times - h), flatness.state(v, path, times + h)
+    turned = rotations.multiply(rotations.conjugate(before.q_world_body), after.q_world_body)
+    np.testing.assert_allclose(rotations.log(turned) / (2 * h), flat.rate_body_rad_s, atol=1e-5)
+
+
+def test_hover_is_level_and_even():
+    v = vehicle.example()
+    still = Trajectory(np.array([1.0]), np.zeros((1, 4, 1)))
+    flat = flatness.state(v, still, np.array([0.0, 0.5, 1.0]))
+    np.testing.assert_allclose(flat.q_world_body, [[1, 0, 0, 0]] * 3, atol=1e-12)
+    np.testing.assert_allclose(flat.rotor_speed_rad_s, [vehicle.invert.hover(v)] * 3, atol=1e-6)
+
+
+def test_free_fall_has_no_attitude_and_says_so():
+    falling = Trajectory(np.array([0.5]), np.array([[[0, 0, 0], [0, 0, 0], [10.0, 0, -9.81 / 2], [0, 0, 0]]]))
+    flat = flatness.state(vehicle.example(), falling, np.array([0.2]))
+    assert np.isnan(flat.rotor_speed_rad_s).all()

@@ -1,0 +1,78 @@
+"""Vehicle files: what is saved comes back, and a wrong file says what is wrong."""
+
+import numpy as np
+import pytest
+
+import vehicle
+from flight import FormatError, InputError
+
+
+@pytest.mark.parametrize("name", ["rigter2019", "hummingbird"])
+def test_a_saved_vehicle_loads_equal(tmp_path, name):
+    before = vehicle.example(name).with_value("mass_kg", 0.8, std=0.01, source="scale")
+    vehicle.save(tmp_path / "v.toml", before)
+    after = vehicle.load(tmp_path / "v.toml")
+    assert after.parameters == before.parameters
+    assert after.effects == before.effects
+    assert after.limits == before.limits
+    np.testing.assert_array_equal(after.hub_body_m, before.hub_body_m)
+    assert vehicle.vehicle_hash(after) == vehicle.vehicle_hash(before)
+
+
+def test_the_hash_follows_the_values_but_not_the_notes():
+    base = vehicle.example()
+    noted = base.with_value("mass_kg", base.mass_kg, source="another scale")
+    assert vehicle.vehicle_hash(noted) == vehicle.vehicle_hash(base)
+    assert vehicle.vehicle_hash(base.with_value("mass_kg", 0.71)) != vehicle.vehicle_hash(base)
+    assert vehicle.vehicle_hash(base.with_limits(speed_m_s=3.0)) != vehicle.vehicle_hash(base)
+
+
+def test_the_papers_vehicle_hovers_at_the_papers_rotor_speed():
+    rpm = vehicle.invert.hover(vehicle.example("rigter2019")).mean() * 60 / (2 * np.pi)
+    assert rpm == pytest.approx(9085, abs=2)
+
+
+def test_adding_and_removing_an_effect_is_a_round_trip():
+    base = vehicle.example().without_effect("rotor_drag_thrust")
+    back = base.with_effect("rotor_drag_thrust", drag_s_m=0.01).without_effect("rotor_drag_thrust")
+    assert back.effects == base.effects
+    assert back.parameters == base.parameters
+
+
+def test_an_effect_is_inserted_at_its_stage():
+    base = vehicle.example().without_effect("thrust_bem").with_effect("thrust_quadratic", k_n_s2=2e-6)
+    assert base.effects.index("thrust_quadratic") < base.effects.index("parasitic_drag")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("spin = [-1, 1, -1, 1]", "spin = [-1, 1, 0, 1]"), "spins"),
+        (("value = 0.70", "value = -0.70"), "mass_kg is -0.7"),
+        (('unit = "kg"', 'unit = "g"'), "given in 'g'"),
+        (('"thrust_bem", ', ""), "no active effect uses"),
+        (('"thrust_bem"', '"thrust_bam"'), "no effect named 'thrust_bam'"),
+        (("version = 1", "version = 2"), "update Goshawk"),
+        (("speed_m_s = 10.5", "spede_m_s = 10.5"), "unknown limits spede_m_s"),
+    ],
+)
+def test_a_wrong_file_says_what_is_wrong(tmp_path, change, message):
+    vehicle.save(tmp_path / "v.toml", vehicle.example())
+    from importlib import resources
+
+    text = (resources.files("vehicle") / "examples" / "rigter2019.toml").read_text()
+    assert change[0] in text
+    (tmp_path / "v.toml").write_text(text.replace(*change, 1))
+    with pytest.raises(FormatError, match=message):
+        vehicle.load(tmp_path / "v.toml")
+
+
+def test_unknown_names_are_refused_with_the_known_ones():
+    with pytest.raises(InputError, match="rigter2019"):
+        vehicle.example("eagle")
+    with pytest.raises(InputError, match="mass_kg"):
+        vehicle.example().with_value("mass", 1.0)
+    with pytest.raises(InputError, match="drag_s_m"):
+        vehicle.example().with_effect("rotor_drag_thrust", drag=1.0)
+    with pytest.raises(InputError, match="positive"):
+        vehicle.example().with_limits(speed_m_s=-1.0)

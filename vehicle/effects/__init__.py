@@ -1,0 +1,72 @@
+"""The catalogue: every effect a vehicle model may contain, one file each; and effects of the user's own."""
+
+import importlib
+import importlib.util
+import pkgutil
+from functools import cache
+from pathlib import Path
+
+from flight import FormatError, InputError
+from vehicle.effects.base import Effect
+
+__all__ = ["Effect", "catalogue", "find", "load_file", "register"]
+
+_NOT_EFFECTS = ("base",)
+_registered: dict[str, Effect] = {}
+
+
+@cache
+def catalogue() -> dict[str, Effect]:
+    """Every effect that comes with the package, by name, in the order of the catalogue."""
+    names = [m.name for m in pkgutil.iter_modules(__path__) if m.name not in _NOT_EFFECTS]
+    found = [importlib.import_module(f"{__name__}.{name}").EFFECT for name in names]
+    return {effect.name: effect for effect in sorted(found, key=lambda e: (e.number, e.name))}
+
+
+def find(name: str) -> Effect:
+    """The effect of this name: the user's own first, then the catalogue.
+
+    Raises:
+        InputError: there is none.
+    """
+    effect = _registered.get(name) or catalogue().get(name)
+    if effect is None:
+        known = ", ".join([*_registered, *catalogue()])
+        raise InputError(f"there is no effect named {name!r}; known are {known}")
+    return effect
+
+
+def register(effect: Effect) -> Effect:
+    """Make an effect of your own known by its name.
+
+    Raises:
+        InputError: the catalogue already uses the name.
+    """
+    if effect.name in catalogue():
+        raise InputError(f"the name {effect.name!r} is taken by the catalogue; choose another")
+    _registered[effect.name] = effect
+    return effect
+
+
+def load_file(path: Path) -> Effect:
+    """Read one Python file that defines `EFFECT`, and register it.
+
+    Raises:
+        InputError: there is no such file.
+        FormatError: it does not run, or defines no `EFFECT`.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"effect file {path} does not exist")
+    spec = importlib.util.spec_from_file_location(f"goshawk_effect_{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise FormatError(f"effect file {path} is not a Python file")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise FormatError(f"effect file {path} does not run: {error}") from error
+    effect = getattr(module, "EFFECT", None)
+    if not isinstance(effect, Effect):
+        raise FormatError(f"effect file {path} defines no EFFECT = Effect(...)")
+    return register(effect)

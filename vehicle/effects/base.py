@@ -1,0 +1,178 @@
+"""What an effect is: a small function that adds to a flow, with parameters, a source and a way to see it.
+
+Arrays inside effects keep their components first and the instants last, `(3, n)` and `(4, n)`, so that formulas
+read as in the papers (`v_x, v_y, v_z = flow.velocity_m_s`) and a parameter may be one number or one per instant.
+Every function must also accept complex numbers (derivatives are checked by complex steps): use `magnitude`,
+`length` and `positive` of this module instead of `abs`, `norm` and `maximum`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import IntEnum
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+"""float64, or complex128 while a derivative is taken."""
+
+Values = SimpleNamespace
+"""An effect's parameter values by name; each a number, or (n,) with one value per instant."""
+
+
+class Stage(IntEnum):
+    """When an effect acts; effects of a vehicle are ordered by stage, then as the vehicle file lists them."""
+
+    MASS = 0
+    """Changes mass, inertia or centre of mass (acts on a `RigidBody`)."""
+    DRIVE = 1
+    """Between rotor speed command and rotor speed (acts on a `Drive`)."""
+    AIR = 2
+    """Changes the air speed the other effects see."""
+    THRUST = 3
+    """Adds to the thrust of each rotor."""
+    THRUST_FACTOR = 4
+    """Scales the thrust the earlier effects have made."""
+    FORCE = 5
+    """Adds force and torque, once thrust is known."""
+    SENSOR = 6
+    """Changes what a sensor reports, not what the vehicle does (acts on a `Reading`)."""
+
+
+@dataclass(slots=True)
+class RigidBody:
+    """Mass properties. Effects of stage MASS change them in place."""
+
+    mass_kg: Any
+    inertia_kg_m2: Array
+    """(3, 3) or (3, 3, n), about the centre of mass, body axes."""
+    centre_of_mass_m: Array
+    """(3,) or (3, n), from the middle of the hubs, body axes."""
+
+
+@dataclass(slots=True)
+class Drive:
+    """The four motors. Effects of stage DRIVE change `command_rad_s` or set `acceleration_rad_s2`."""
+
+    command_rad_s: Array
+    """(4, n) commanded rotor speed."""
+    speed_rad_s: Array
+    """(4, n) rotor speed."""
+    battery_v: Any
+    """Battery voltage, a number or (n,)."""
+    acceleration_rad_s2: Array | None = None
+    """(4, n) rotor acceleration, or None: the rotors follow the command at once."""
+
+
+@dataclass(slots=True)
+class Flow:
+    """What air and rotors do at n instants, and what the effects have added so far."""
+
+    velocity_m_s: Array
+    """(3, n) velocity of the centre of mass relative to the air, body axes."""
+    rate_rad_s: Array
+    """(3, n) body rate."""
+    rotor_speed_rad_s: Array
+    """(4, n), positive for every rotor whatever its spin."""
+    hub_m: Array
+    """(3, 4, n or 1) hubs from the centre of mass, body axes."""
+    spin: Array
+    """(4, 1): +1 turns counter-clockwise seen from above, -1 clockwise."""
+    radius_m: Any
+    """Rotor radius."""
+    air_density_kg_m3: Any
+    q_world_body: Array | None = None
+    """(4, n) attitude, when the caller gave it."""
+    height_m: Array | None = None
+    """(n,) height of the hubs above the ground, when the caller gave it."""
+    ceiling_gap_m: Array | None = None
+    """(n,) free height above the hubs, when the caller gave it."""
+    rotor_acceleration_rad_s2: Array | None = None
+    """(4, n), when the caller gave it."""
+    thrust_n: Array = field(init=False)
+    """(4, n) sum so far of the thrust of each rotor along body z, at its hub."""
+    hub_force_n: Array = field(init=False)
+    """(3, 4, n) sum so far of other forces that act at the hubs, body axes."""
+    force_n: Array = field(init=False)
+    """(3, n) sum so far of forces at the centre of mass, body axes."""
+    torque_n_m: Array = field(init=False)
+    """(3, n) sum so far of torques, body axes."""
+
+    def __post_init__(self) -> None:
+        n = self.velocity_m_s.shape[-1]
+        dtype = np.result_type(self.velocity_m_s, self.rate_rad_s, self.rotor_speed_rad_s, self.hub_m)
+        self.thrust_n = np.zeros((4, n), dtype)
+        self.hub_force_n = np.zeros((3, 4, n), dtype)
+        self.force_n = np.zeros((3, n), dtype)
+        self.torque_n_m = np.zeros((3, n), dtype)
+
+    def hub_velocity_m_s(self) -> Array:
+        """(3, 4, n) velocity of each hub relative to the air, body axes."""
+        return self.velocity_m_s[:, None] + cross(self.rate_rad_s[:, None], self.hub_m)
+
+
+@dataclass(frozen=True, slots=True)
+class Spec:
+    """One parameter of an effect."""
+
+    name: str
+    """Ends in its unit, e.g. `drag_s_m`."""
+    unit: str
+    prior: float
+    """How large it typically is: the scale of a weak prior, and of the step in a numeric search."""
+    bounds: tuple[float, float]
+    """Values outside are refused."""
+    default: float = 0.0
+    """Used when an effect is added without saying; 0 is always `no effect` where that makes sense."""
+    planted: float = 0.0
+    """The value the self-test plants and must recover."""
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """One entry of the catalogue: a law, its parameters, and how it shows itself."""
+
+    name: str
+    number: int
+    """Number in the catalogue (`docs/vehicle_model.md`); 0 for one of the user's own."""
+    stage: Stage
+    apply: Callable[[Any, Values], None]
+    """`apply(flow, values)` adds to a `Flow` (or `RigidBody`, `Drive`, `Reading`, by stage) in place."""
+    parameters: tuple[Spec, ...]
+    law: str
+    """The formula, for people."""
+    source: str
+    """Publication or reasoning the formula comes from."""
+    channel: str
+    """Residual channel that reveals it: of `F_x F_y F_z M_x M_y M_z`, or command, sensor or time words."""
+    regressor: str
+    """What to plot that residual against."""
+    excited_by: tuple[str, ...]
+    """Manoeuvres of `vehicle.manoeuvres` that show it."""
+    needs: tuple[str, ...] = ()
+    """Which of `q_world_body`, `height_m`, `ceiling_gap_m`, `rotor_acceleration_rad_s2` it reads."""
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Cross product along the first axis, broadcasting the others (np.cross is slow and wants equal shapes)."""
+    return np.stack(
+        np.broadcast_arrays(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+    )
+
+
+def magnitude(x: Any) -> Any:
+    """|x| of a real quantity; keeps the derivative when x carries a complex step."""
+    return np.where(np.real(x) < 0.0, -x, x)
+
+
+def length(v: Array) -> Array:
+    """Euclidean length along the first axis; keeps a complex step, with derivative 0 at length 0."""
+    squared = (v * v).sum(axis=0)
+    return np.sqrt(np.where(np.real(squared) > 0.0, squared, 0.0))
+
+
+def positive(x: Any) -> Any:
+    """max(x, 0), keeping a complex step."""
+    return np.where(np.real(x) > 0.0, x, 0.0)

@@ -1,0 +1,184 @@
+"""From a trajectory to everything the vehicle must do for it: attitude, rates, torque, rotor speeds, drag included.
+
+Yaw is the Hopf chart's: body axes are turned by yaw about world z, then tilted the shortest way to the thrust axis.
+It is smooth everywhere except upside down, and is what the controller uses.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flight import FloatArray, Trajectory, polynomial, rotations
+from vehicle import dynamics, invert
+from vehicle.forces import Surroundings, rigid_body
+from vehicle.model import Vehicle
+
+GRAVITY_M_S2 = 9.81
+_OFFSET_S = 2e-3
+"""Spacing of the five instants from which rates are taken: truncation and rounding are both near 1e-8 rad/s there."""
+_FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
+_SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FlatState:
+    """What a vehicle does at n instants of a trajectory. Rows are NaN where it cannot be done at all."""
+
+    time_s: FloatArray
+    position_world_m: FloatArray
+    velocity_world_m_s: FloatArray
+    acceleration_world_m_s2: FloatArray
+    q_world_body: FloatArray
+    """(n, 4); NaN where the thrust would vanish (free fall)."""
+    rate_body_rad_s: FloatArray
+    rate_derivative_body_rad_s2: FloatArray
+    thrust_n: FloatArray
+    """(n,) force along body z, drag along it included."""
+    torque_n_m: FloatArray
+    """(n, 3) body axes."""
+    rotor_speed_rad_s: FloatArray
+    """(n, 4); NaN where a rotor would have to pull downward."""
+    tilt_rad: FloatArray
+    """(n,) angle between body z and world z."""
+
+
+@dataclass(slots=True)
+class _Path:
+    """The trajectory at (m,) instants."""
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    yaw: FloatArray
+
+
+def state(vehicle: Vehicle, trajectory: Trajectory, times_s: FloatArray, *, ground_m: float = -np.inf) -> FlatState:
+    """Attitude, rates, torque and rotor speeds along a trajectory in still air.
+
+    Args:
+        times_s: (n,) seconds from the trajectory's start.
+        ground_m: height of the ground, for vehicles with ground effect.
+    """
+    times = np.atleast_1d(np.asarray(times_s, dtype=np.float64))
+    n = len(times)
+    path = _sample(trajectory, times)
+    mass = float(rigid_body(vehicle).mass_kg)
+    speed = np.broadcast_to(invert.hover(vehicle), (5 * n, 4))
+    rate, turn = np.zeros((5 * n, 3)), np.zeros((n, 3))
+    offsets = np.repeat(np.arange(-2, 3) * _OFFSET_S, n)[:, None]
+    for _ in range(2):  # forces depend a little on the rates, which come from the attitudes: second round settles it
+        q, speed = _attitudes(vehicle, mass, path, rate, speed, ground_m)
+        centre_rate, turn = _rates(q.reshape(5, n, 4))
+        rate = np.tile(centre_rate, (5, 1)) + offsets * np.tile(turn, (5, 1))
+    middle = slice(2 * n, 3 * n)
+    centre = _Path(*(getattr(path, name)[middle] for name in _Path.__slots__))
+    return _finish(vehicle, times, centre, q[middle], centre_rate, turn, speed[middle], ground_m)
+
+
+def _sample(trajectory: Trajectory, times: FloatArray) -> _Path:
+    """The path at five instants round each time, each time's own segment continued beyond its ends."""
+    segment, local = trajectory.segment_at(times)
+    at = local + np.arange(-2, 3)[:, None] * _OFFSET_S
+    values = [
+        polynomial.evaluate(polynomial.differentiate(trajectory.coefficients, order)[segment], at[..., None])
+        for order in range(3)
+    ]
+    flat = [value.reshape(-1, 4) for value in values]
+    return _Path(flat[0][:, :3], flat[1][:, :3], flat[2][:, :3], flat[0][:, 3])
+
+
+def _attitudes(
+    vehicle: Vehicle, mass: float, path: _Path, rate: FloatArray, speed: FloatArray, ground_m: float
+) -> tuple[FloatArray, FloatArray]:
+    """Attitude and even rotor speeds at which the vehicle's own forces give the path's acceleration.
+
+    Drag decides the thrust axis and the thrust axis decides drag: a contraction, as drag is a fraction of thrust.
+    """
+    wanted = mass * (path.acceleration + np.array([0.0, 0.0, GRAVITY_M_S2]))
+    size = np.linalg.norm(wanted, axis=1)
+    q = hopf(wanted / np.where(size > 1e-9, size, np.nan)[:, None], path.yaw)
+    for _ in range(40):
+        turned, along, force_z = _turned(vehicle, wanted, path, q, rate, speed, ground_m)
+        ratio = np.sqrt(np.clip(along / np.maximum(force_z, 1e-12), 0.25, 4.0))
+        change = np.abs(turned - q).max(axis=1) + np.abs(ratio - 1.0)
+        q, speed = turned, speed * ratio[:, None]
+        if not (change > 1e-13).any():
+            break
+    return q, speed
+
+
+def _turned(
+    vehicle: Vehicle,
+    wanted: FloatArray,
+    path: _Path,
+    q: FloatArray,
+    rate: FloatArray,
+    speed: FloatArray,
+    ground_m: float,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The attitude that lines thrust up with what drag at the old attitude leaves to do; its size; the old thrust."""
+    velocity = rotations.rotate(rotations.conjugate(q), path.velocity)
+    force, _ = dynamics.wrench(vehicle, velocity, rate, speed, _around(path, q, ground_m))
+    axis = wanted - rotations.rotate(q, force * np.array([1.0, 1.0, 0.0]))
+    along = np.linalg.norm(axis, axis=1)
+    return hopf(axis / along[:, None], path.yaw), along, force[:, 2]
+
+
+def hopf(axis: FloatArray, yaw_rad: FloatArray) -> FloatArray:
+    """Attitude whose body z is `axis` (n, 3, unit), turned by yaw before tilting the shortest way. (n, 4)."""
+    x, y, z = axis.T
+    scale = 1.0 / np.sqrt(2.0 * np.maximum(1.0 + z, 1e-15))
+    tilt = np.stack([(1.0 + z) * scale, -y * scale, x * scale, np.zeros_like(x)], axis=1)
+    return rotations.multiply(tilt, rotations.from_yaw(yaw_rad))
+
+
+def _rates(q: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Body rate and its derivative at the middle of five attitudes (5, n, 4)."""
+    slope = np.tensordot(_FIRST, q, axes=1) / _OFFSET_S
+    bend = np.tensordot(_SECOND, q, axes=1) / _OFFSET_S**2
+    back = rotations.conjugate(q[2])
+    return 2.0 * rotations.multiply(back, slope)[:, 1:], 2.0 * rotations.multiply(back, bend)[:, 1:]
+
+
+def _around(path: _Path, q: FloatArray, ground_m: float) -> Surroundings:
+    n = len(q)
+    return Surroundings(q, path.position[:, 2] - ground_m, np.full(n, np.inf), np.zeros((n, 4)))
+
+
+def _finish(
+    vehicle: Vehicle,
+    times: FloatArray,
+    path: _Path,
+    q: FloatArray,
+    rate: FloatArray,
+    turn: FloatArray,
+    speed: FloatArray,
+    ground_m: float,
+) -> FlatState:
+    """Rotor speeds one by one; where drag depends on each of them, the attitude is lined up once more."""
+    body = rigid_body(vehicle)
+    torque = turn @ body.inertia_kg_m2.T + np.cross(rate, rate @ body.inertia_kg_m2.T)
+    wanted = float(body.mass_kg) * (path.acceleration + np.array([0.0, 0.0, GRAVITY_M_S2]))
+    for _ in range(20):
+        back = rotations.conjugate(q)
+        thrust, velocity = rotations.rotate(back, wanted)[:, 2], rotations.rotate(back, path.velocity)
+        around = _around(path, q, ground_m)
+        speed = invert.rotor_speeds(vehicle, thrust, torque, velocity, rate, surroundings=around, guess_rad_s=speed)
+        turned, _, _ = _turned(vehicle, wanted, path, q, rate, speed, ground_m)
+        if not (np.abs(turned - q) > 1e-12).any():
+            break
+        q = turned
+    up = rotations.rotate(q, np.array([0.0, 0.0, 1.0]))[:, 2]
+    return FlatState(
+        time_s=times,
+        position_world_m=path.position,
+        velocity_world_m_s=path.velocity,
+        acceleration_world_m_s2=path.acceleration,
+        q_world_body=q,
+        rate_body_rad_s=rate,
+        rate_derivative_body_rad_s2=turn,
+        thrust_n=thrust,
+        torque_n_m=torque,
+        rotor_speed_rad_s=speed,
+        tilt_rad=np.arccos(np.clip(up, -1.0, 1.0)),
+    )

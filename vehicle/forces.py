@@ -1,0 +1,135 @@
+"""Force and torque on the body: the sum of the active effects, in plain NumPy.
+
+This is the twin that is obviously right; `vehicle.wrench` runs the compiled kernel when it knows every effect.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flight import FloatArray, InputError
+from vehicle import effects as registry
+from vehicle.effects.base import Array, Flow, RigidBody, Stage, Values, cross
+from vehicle.model import BODY, Vehicle
+
+ValueMap = Mapping[str, Any]
+"""Full parameter name to value: a number, or (n,) with one per instant; complex while a derivative is taken."""
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What some effects read besides air speed, body rate and rotor speed. None where not known."""
+
+    q_world_body: FloatArray | None = None
+    """(n, 4), for wind given in world axes."""
+    height_m: FloatArray | None = None
+    """(n,) height above the ground."""
+    ceiling_gap_m: FloatArray | None = None
+    """(n,) free height above; infinite in the open."""
+    rotor_acceleration_rad_s2: FloatArray | None = None
+    """(n, 4)."""
+
+
+NOTHING_KNOWN = Surroundings()
+
+
+def values_of(vehicle: Vehicle) -> dict[str, Any]:
+    return {name: parameter.value for name, parameter in vehicle.parameters.items()}
+
+
+def namespace(values: ValueMap, effect: str) -> Values:
+    return Values(**{s.name: values[f"{effect}.{s.name}"] for s in registry.find(effect).parameters})
+
+
+def active(vehicle: Vehicle, *stages: Stage) -> list[str]:
+    """Names of the active effects of these stages, in order."""
+    return [name for name in vehicle.effects if registry.find(name).stage in stages]
+
+
+def rigid_body(vehicle: Vehicle, values: ValueMap | None = None) -> RigidBody:
+    """Mass, inertia (3, 3) and centre of mass (3,) with the effects of stage MASS included."""
+    values = values_of(vehicle) if values is None else values
+    diagonal = [values[f"inertia_{axis}_kg_m2"] for axis in ("xx", "yy", "zz")]
+    shape = np.broadcast_shapes(*(np.shape(i) for i in diagonal))
+    inertia = np.zeros((3, 3, *shape), np.result_type(*diagonal))
+    for i in range(3):
+        inertia[i, i] = diagonal[i]
+    body = RigidBody(values["mass_kg"], inertia, np.zeros(3))
+    for name in active(vehicle, Stage.MASS):
+        registry.find(name).apply(body, namespace(values, name))
+    return body
+
+
+def evaluate(
+    vehicle: Vehicle,
+    velocity_m_s: Array,
+    rate_rad_s: Array,
+    rotor_speed_rad_s: Array,
+    surroundings: Surroundings = NOTHING_KNOWN,
+    values: ValueMap | None = None,
+) -> Flow:
+    """Run the effects over n instants given components first, (3, n), (3, n), (4, n); sums are complete in the result.
+
+    Raises:
+        InputError: an active effect reads a surrounding that was not given.
+    """
+    values = values_of(vehicle) if values is None else values
+    dtype = np.result_type(velocity_m_s, rate_rad_s, rotor_speed_rad_s, *values.values(), np.float64)
+    centre = rigid_body(vehicle, values).centre_of_mass_m
+    flow = Flow(
+        velocity_m_s=np.array(velocity_m_s, dtype),
+        rate_rad_s=np.asarray(rate_rad_s, dtype),
+        rotor_speed_rad_s=np.asarray(rotor_speed_rad_s, dtype),
+        hub_m=vehicle.hub_body_m.T[:, :, None] - centre.reshape(3, 1, -1),
+        spin=vehicle.spin[:, None],
+        radius_m=values["rotor_radius_m"],
+        air_density_kg_m3=values["air_density_kg_m3"],
+        q_world_body=_components_first(surroundings.q_world_body),
+        height_m=surroundings.height_m,
+        ceiling_gap_m=surroundings.ceiling_gap_m,
+        rotor_acceleration_rad_s2=_components_first(surroundings.rotor_acceleration_rad_s2),
+    )
+    for name in active(vehicle, Stage.AIR, Stage.THRUST, Stage.THRUST_FACTOR, Stage.FORCE):
+        effect = registry.find(name)
+        for need in effect.needs:
+            if getattr(flow, need) is None:
+                raise InputError(f"effect {name} reads {need}; give it in the surroundings")
+        effect.apply(flow, namespace(values, name))
+    _collect_hub_forces(flow)
+    return flow
+
+
+def _collect_hub_forces(flow: Flow) -> None:
+    """Carry thrust and hub forces to the centre of mass."""
+    flow.hub_force_n[2] += flow.thrust_n
+    flow.force_n += flow.hub_force_n.sum(axis=1)
+    flow.torque_n_m += cross(flow.hub_m, flow.hub_force_n).sum(axis=1)
+
+
+def wrench_numpy(
+    vehicle: Vehicle,
+    velocity_air_body_m_s: FloatArray,
+    rate_body_rad_s: FloatArray,
+    rotor_speed_rad_s: FloatArray,
+    surroundings: Surroundings = NOTHING_KNOWN,
+    values: ValueMap | None = None,
+) -> tuple[Array, Array]:
+    """As `vehicle.wrench`, without the compiled kernel; accepts complex arrays and values."""
+    flow = evaluate(
+        vehicle,
+        np.atleast_2d(velocity_air_body_m_s).T,
+        np.atleast_2d(rate_body_rad_s).T,
+        np.atleast_2d(rotor_speed_rad_s).T,
+        surroundings,
+        values,
+    )
+    return flow.force_n.T, flow.torque_n_m.T
+
+
+def _components_first(array: FloatArray | None) -> FloatArray | None:
+    return None if array is None else np.atleast_2d(array).T
+
+
+BODY_NAMES = tuple(s.name for s in BODY)

@@ -1,0 +1,103 @@
+"""The exact inverse: which rotor speeds give a wanted thrust and torque, with every active effect counted."""
+
+import numpy as np
+
+from flight import FloatArray, InfeasibleError
+from vehicle import dynamics
+from vehicle.forces import Surroundings, rigid_body
+from vehicle.model import Vehicle
+
+_STEPS = 25
+_TOLERANCE_RAD_S = 1e-9
+_DEFAULT_GRAVITY_M_S2 = 9.81
+
+
+def rotor_speeds(
+    vehicle: Vehicle,
+    thrust_n: FloatArray,
+    torque_n_m: FloatArray,
+    velocity_air_body_m_s: FloatArray,
+    rate_body_rad_s: FloatArray,
+    *,
+    surroundings: Surroundings | None = None,
+    guess_rad_s: FloatArray | None = None,
+) -> FloatArray:
+    """Rotor speeds whose force along body z and torque are the wanted ones (Newton on all four at once).
+
+    Args:
+        thrust_n: (n,) wanted force along body z, drag along it included.
+        torque_n_m: (n, 3) wanted torque.
+        guess_rad_s: (n, 4) start; the speeds of an even thrust if not given.
+
+    Returns:
+        (n, 4) rotor speeds; a row is NaN where none exist (a rotor would have to pull downward).
+    """
+    wanted = np.column_stack([np.atleast_1d(thrust_n), np.atleast_2d(torque_n_m)])
+    count = len(wanted)
+    velocity = np.broadcast_to(np.atleast_2d(velocity_air_body_m_s), (count, 3))
+    rate = np.broadcast_to(np.atleast_2d(rate_body_rad_s), (count, 3))
+    around = surroundings or open_air(count)
+    speed = np.full((count, 4), 0.5 * vehicle.limits.rotor_speed_max_rad_s) if guess_rad_s is None else guess_rad_s
+    speed = np.array(np.broadcast_to(speed, (count, 4)))
+    change = np.full(count, np.inf)
+    for _ in range(_STEPS):
+        todo = np.flatnonzero(change > _TOLERANCE_RAD_S)
+        if not todo.size:
+            break
+        step = _newton_step(vehicle, wanted[todo], velocity[todo], rate[todo], speed[todo], _rows(around, todo, count))
+        # a start far off may overshoot below zero, where n^2 has its false twin: stop at a tenth of the speed
+        moved = np.maximum(speed[todo] + step, 0.1 * speed[todo])
+        change[todo] = np.abs(moved - speed[todo]).max(axis=1)
+        speed[todo] = moved
+    speed[~(change <= 1e-6)] = np.nan
+    return speed
+
+
+def _newton_step(
+    vehicle: Vehicle,
+    wanted: FloatArray,
+    velocity: FloatArray,
+    rate: FloatArray,
+    speed: FloatArray,
+    around: Surroundings,
+) -> FloatArray:
+    jacobian = dynamics.wrench_jacobian(vehicle, velocity, rate, speed, surroundings=around)
+    missing = wanted - jacobian.value[:, 2:]
+    slope = jacobian.rotor_speed[:, 2:]
+    singular = ~np.isfinite(slope).all(axis=(1, 2)) | (np.abs(speed).min(axis=1) < 1e-9)
+    slope[singular] = np.eye(4)
+    step = np.linalg.solve(slope, missing[..., None])[..., 0]
+    return np.where(singular[:, None], np.nan, step)
+
+
+def open_air(n: int) -> Surroundings:
+    """Level, far from ground and ceiling, rotors at steady speed."""
+    return Surroundings(np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)), np.full(n, np.inf), np.full(n, np.inf), np.zeros((n, 4)))
+
+
+def _rows(around: Surroundings, index: np.ndarray, n: int) -> Surroundings:
+    def pick(array: FloatArray | None) -> FloatArray | None:
+        return array[index] if array is not None and len(array) == n else array
+
+    return Surroundings(
+        pick(around.q_world_body),
+        pick(around.height_m),
+        pick(around.ceiling_gap_m),
+        pick(around.rotor_acceleration_rad_s2),
+    )
+
+
+def hover(vehicle: Vehicle) -> FloatArray:
+    """(4,) rotor speeds of a level hover in still air, far from ground and ceiling.
+
+    Raises:
+        InfeasibleError: the rotors cannot carry the weight within their fastest speed.
+    """
+    weight = np.array([float(rigid_body(vehicle).mass_kg) * _DEFAULT_GRAVITY_M_S2])
+    speed = rotor_speeds(vehicle, weight, np.zeros((1, 3)), np.zeros(3), np.zeros(3))[0]
+    fastest = vehicle.limits.rotor_speed_max_rad_s
+    if not (speed <= fastest).all():
+        raise InfeasibleError(
+            f"{vehicle.name} cannot hover: it needs rotor speeds {np.round(speed)} rad/s, the limit is {fastest:g}"
+        )
+    return speed

@@ -1,0 +1,171 @@
+"""The vehicle as we believe it to be: a rigid body, four rotors, and an ordered list of effects."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from flight import FloatArray, InputError
+from vehicle import effects as registry
+from vehicle.effects.base import Effect, Spec
+from vehicle.parameters import Limits, Parameter
+
+BODY = (
+    Spec("mass_kg", "kg", prior=0.1, bounds=(1e-3, 1e3), default=1.0),
+    Spec("inertia_xx_kg_m2", "kg m2", prior=1e-3, bounds=(1e-9, 1e3), default=1e-2),
+    Spec("inertia_yy_kg_m2", "kg m2", prior=1e-3, bounds=(1e-9, 1e3), default=1e-2),
+    Spec("inertia_zz_kg_m2", "kg m2", prior=1e-3, bounds=(1e-9, 1e3), default=1e-2),
+    Spec("rotor_radius_m", "m", prior=1e-2, bounds=(1e-3, 10.0), default=0.1),
+    Spec("air_density_kg_m3", "kg/m3", prior=0.05, bounds=(0.0, 10.0), default=1.225),
+    Spec("pose_sensor_x_m", "m", prior=0.05, bounds=(-10.0, 10.0)),
+    Spec("pose_sensor_y_m", "m", prior=0.05, bounds=(-10.0, 10.0)),
+    Spec("pose_sensor_z_m", "m", prior=0.05, bounds=(-10.0, 10.0)),
+    Spec("pose_sensor_rotation_x_rad", "rad", prior=0.05, bounds=(-3.2, 3.2)),
+    Spec("pose_sensor_rotation_y_rad", "rad", prior=0.05, bounds=(-3.2, 3.2)),
+    Spec("pose_sensor_rotation_z_rad", "rad", prior=0.05, bounds=(-3.2, 3.2)),
+)
+"""Parameters every vehicle has. The pose sensor's place is given from the centre of mass, its rotation vector
+turns sensor axes into body axes."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
+class Vehicle:
+    """Everything that is believed about one vehicle. Change it with the `with_...` methods, which copy."""
+
+    name: str
+    parameters: Mapping[str, Parameter]
+    """Body parameters by name (`mass_kg`), effects' parameters by `effect.parameter`."""
+    hub_body_m: FloatArray
+    """(4, 3) rotor hubs in body axes. Our own files start front left and go counter-clockwise seen from above,
+    but nothing depends on that order: everybody reads it here."""
+    spin: FloatArray
+    """(4,) +1 turns counter-clockwise seen from above, -1 clockwise."""
+    effects: tuple[str, ...]
+    """Names of the active effects, in the order they act."""
+    limits: Limits = field(default_factory=Limits)
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    """Where the model came from: flights, hashes, program version; TOML-able values."""
+    effect_files: tuple[Path, ...] = ()
+    """Python files of the user's own effects, absolute."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "hub_body_m", np.ascontiguousarray(self.hub_body_m, dtype=np.float64))
+        object.__setattr__(self, "spin", np.ascontiguousarray(self.spin, dtype=np.float64))
+        _check_rotors(self)
+        _check_effects(self)
+        _check_parameters(self)
+
+    def value(self, name: str) -> float:
+        """Value of `mass_kg` or `effect.parameter`.
+
+        Raises:
+            InputError: the vehicle has no such parameter.
+        """
+        return self.parameter(name).value
+
+    def parameter(self, name: str) -> Parameter:
+        """As `value`, with std, unit and source."""
+        if name not in self.parameters:
+            raise InputError(f"vehicle {self.name} has no parameter {name!r}; it has {', '.join(self.parameters)}")
+        return self.parameters[name]
+
+    def values(self, effect: str) -> SimpleNamespace:
+        """All values of one active effect, as its `apply` wants them."""
+        return SimpleNamespace(
+            **{s.name: self.parameters[f"{effect}.{s.name}"].value for s in registry.find(effect).parameters}
+        )
+
+    def with_value(self, name: str, value: float, *, std: float = 0.0, source: str = "set by hand") -> "Vehicle":
+        """A copy with one parameter changed. Raises `InputError` for an unknown name or a value out of bounds."""
+        old = self.parameter(name)
+        return replace(self, parameters={**self.parameters, name: Parameter(float(value), std, old.unit, source)})
+
+    def with_effect(self, name: str, *, source: str = "assumed", **values: float) -> "Vehicle":
+        """A copy with one more active effect (or the same one with other values).
+
+        Args:
+            values: the effect's parameters; one that is not given takes its default and its prior's width.
+        """
+        effect = registry.find(name)
+        unknown = set(values) - {s.name for s in effect.parameters}
+        if unknown:
+            wanted = ", ".join(s.name for s in effect.parameters)
+            raise InputError(f"effect {name} has no parameter {', '.join(sorted(unknown))}; it has {wanted}")
+        added = {
+            f"{name}.{s.name}": Parameter(
+                float(values.get(s.name, s.default)), 0.0 if s.name in values else s.prior, s.unit, source
+            )
+            for s in effect.parameters
+        }
+        return replace(self, effects=_inserted(self.effects, effect), parameters={**self.parameters, **added})
+
+    def without_effect(self, name: str) -> "Vehicle":
+        """A copy without that effect. Raises `InputError` if it is not active."""
+        if name not in self.effects:
+            raise InputError(f"effect {name} is not active in {self.name}; active are {', '.join(self.effects)}")
+        kept = {key: p for key, p in self.parameters.items() if not key.startswith(name + ".")}
+        return replace(self, effects=tuple(e for e in self.effects if e != name), parameters=kept)
+
+    def with_limits(self, **limits: float) -> "Vehicle":
+        """A copy with other limits."""
+        return replace(self, limits=replace(self.limits, **limits))
+
+    @property
+    def mass_kg(self) -> float:
+        """The base mass; effects of stage MASS may add to it, see `rigid_body`."""
+        return self.parameters["mass_kg"].value
+
+
+def body_parameters(**values: Parameter) -> dict[str, Parameter]:
+    """The full set of body parameters; those not given take their defaults."""
+    return {s.name: values.get(s.name, Parameter(s.default, 0.0, s.unit, "default")) for s in BODY}
+
+
+def specs(vehicle: Vehicle) -> dict[str, Spec]:
+    """Unit, prior scale and bounds of every parameter of a vehicle, by full name."""
+    named = {s.name: s for s in BODY}
+    for effect in vehicle.effects:
+        named |= {f"{effect}.{s.name}": s for s in registry.find(effect).parameters}
+    return named
+
+
+def _inserted(active: tuple[str, ...], effect: Effect) -> tuple[str, ...]:
+    """Behind the last effect of the same or an earlier stage."""
+    if effect.name in active:
+        return active
+    place = sum(registry.find(name).stage <= effect.stage for name in active)
+    return (*active[:place], effect.name, *active[place:])
+
+
+def _check_rotors(vehicle: Vehicle) -> None:
+    if vehicle.hub_body_m.shape != (4, 3) or not np.isfinite(vehicle.hub_body_m).all():
+        raise InputError(f"rotor positions of {vehicle.name} must be four finite rows of x, y, z")
+    if vehicle.spin.shape != (4,) or not np.isin(vehicle.spin, (-1.0, 1.0)).all():
+        raise InputError(f"rotor spins of {vehicle.name} must be four of +1 and -1")
+
+
+def _check_effects(vehicle: Vehicle) -> None:
+    stages = [registry.find(name).stage for name in vehicle.effects]
+    if len(set(vehicle.effects)) != len(vehicle.effects):
+        raise InputError(f"an effect is listed twice in {vehicle.name}: {', '.join(vehicle.effects)}")
+    if stages != sorted(stages):
+        in_order = sorted(vehicle.effects, key=lambda name: registry.find(name).stage)
+        raise InputError(f"effects of {vehicle.name} are out of order; list them as {', '.join(in_order)}")
+
+
+def _check_parameters(vehicle: Vehicle) -> None:
+    wanted = specs(vehicle)
+    missing, surplus = set(wanted) - set(vehicle.parameters), set(vehicle.parameters) - set(wanted)
+    if missing:
+        raise InputError(f"vehicle {vehicle.name} lacks {', '.join(sorted(missing))}")
+    if surplus:
+        raise InputError(f"vehicle {vehicle.name} gives {', '.join(sorted(surplus))}, which no active effect uses")
+    for name, spec in wanted.items():
+        parameter, (low, high) = vehicle.parameters[name], spec.bounds
+        if not low <= parameter.value <= high:
+            raise InputError(f"{name} is {parameter.value:g} {spec.unit}; it must be from {low:g} to {high:g}")
+        if parameter.unit != spec.unit:
+            raise InputError(f"{name} is given in {parameter.unit!r}; it must be in {spec.unit!r}")

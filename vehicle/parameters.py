@@ -1,0 +1,58 @@
+"""One number we believe about the vehicle, with how well and why; and what may be asked of the vehicle."""
+
+from dataclasses import dataclass, fields
+from math import isfinite
+
+from flight import InputError
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A value, its standard deviation, its unit and where it came from."""
+
+    value: float
+    """In SI units."""
+    std: float = 0.0
+    """Standard deviation in the same unit; 0 for a number taken as exact."""
+    unit: str = "1"
+    """SI unit as text, `1` for none."""
+    source: str = ""
+    """Where the value came from: a paper, a data sheet, a scale, an identification."""
+
+    def __post_init__(self) -> None:
+        if not isfinite(self.value):
+            raise InputError(f"a parameter's value is {self.value}; it must be finite")
+        if not self.std >= 0.0:
+            raise InputError(f"a parameter's standard deviation is {self.std}; it must be zero or more")
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What the planner may ask of the vehicle."""
+
+    speed_m_s: float = 8.0
+    """Largest speed along the path."""
+    acceleration_m_s2: float = 8.0
+    """Largest acceleration, gravity not included."""
+    tilt_rad: float = 0.9
+    """Largest angle between body z and world z."""
+    rate_rad_s: float = 6.0
+    """Largest roll or pitch rate."""
+    yaw_rate_rad_s: float = 2.0
+    """Largest yaw rate."""
+    rotor_speed_min_rad_s: float = 200.0
+    """Slowest speed a rotor may turn at in flight."""
+    rotor_speed_max_rad_s: float = 2000.0
+    """Fastest speed a rotor reaches."""
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            lowest_allowed = field.name == "rotor_speed_min_rad_s"
+            if not (isfinite(value) and (value > 0.0 or (lowest_allowed and value >= 0.0))):
+                raise InputError(f"limit {field.name} is {value}; it must be a positive, finite number")
+        if self.rotor_speed_min_rad_s >= self.rotor_speed_max_rad_s:
+            raise InputError(
+                f"rotor_speed_min_rad_s {self.rotor_speed_min_rad_s:g} is not below "
+                f"rotor_speed_max_rad_s {self.rotor_speed_max_rad_s:g}"
+            )
