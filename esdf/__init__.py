@@ -3,10 +3,11 @@
 from esdf import solids
 from esdf.build import build
 from esdf.clearance import Clearance, certify
+from esdf.edits import Edit, Editor, load_edits, save_edits
 from esdf.field import KNOWN, OUTSIDE, UNMAPPED, Field
 from esdf.grid import FREE, OCCUPIED, UNKNOWN, Grid
 from esdf.solids import rasterize
-from esdf.storage import load, save
+from esdf.storage import load, open_editor, save
 
 __all__ = [
     "FREE",
@@ -16,12 +17,17 @@ __all__ = [
     "UNKNOWN",
     "UNMAPPED",
     "Clearance",
+    "Edit",
+    "Editor",
     "Field",
     "Grid",
     "build",
     "certify",
     "load",
+    "load_edits",
+    "open_editor",
     "rasterize",
     "save",
+    "save_edits",
     "solids",
 ]

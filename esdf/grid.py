@@ -34,6 +34,18 @@ class Region(NamedTuple):
     def empty(self) -> bool:
         return 0 in self.shape
 
+    def common(self, other: "Region") -> "Region":
+        """The voxels in both (empty if there are none)."""
+        low = tuple(max(a, b) for a, b in zip(self.low, other.low, strict=True))
+        high = tuple(max(min(a, b), c) for a, b, c in zip(self.high, other.high, low, strict=True))
+        return Region(low, high)  # pyright: ignore[reportArgumentType]
+
+    def seen_from(self, other: "Region") -> "Region":
+        """This box in the indices of an array that holds only `other`."""
+        low = tuple(a - b for a, b in zip(self.low, other.low, strict=True))
+        high = tuple(a - b for a, b in zip(self.high, other.low, strict=True))
+        return Region(low, high)  # pyright: ignore[reportArgumentType]
+
     def grown(self, voxels: tuple[int, int, int], shape: tuple[int, int, int]) -> "Region":
         """This box with a margin, as far as a lattice of `shape` goes."""
         low = tuple(max(a - m, 0) for a, m in zip(self.low, voxels, strict=True))
@@ -126,7 +138,8 @@ class Grid:
     def axis_centres(self, axis: int, region: Region | None = None) -> FloatArray:
         """Coordinates of the voxel centres along one axis, of the whole grid or of a region."""
         low, high = (0, self.shape[axis]) if region is None else (region.low[axis], region.high[axis])
-        return np.arange(low, high) * self.voxel_m[axis] + (self.origin_world_m[axis] + 0.5 * self.voxel_m[axis])
+        first = self.origin_world_m[axis] + 0.5 * self.voxel_m[axis]
+        return np.asarray(np.arange(low, high) * self.voxel_m[axis] + first, dtype=np.float64)
 
     def centres(self, region: Region | None = None) -> FloatArray:
         """World coordinates of all voxel centres of a region: (nx, ny, nz, 3)."""

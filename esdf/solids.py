@@ -208,6 +208,31 @@ class Prism:
 
 
 @dataclass(frozen=True)
+class Stroke:
+    """What a round brush of a given radius paints along a polyline; one point paints a ball."""
+
+    points_world_m: tuple[Vector, ...]
+    radius_m: float
+
+    def __post_init__(self) -> None:
+        points = np.asarray(self.points_world_m, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0 or not np.isfinite(points).all():
+            raise InputError(f"a stroke's points have shape {points.shape}; (n, 3) finite numbers are wanted")
+        _positive(self.radius_m, "the radius of a brush")
+        object.__setattr__(self, "points_world_m", tuple((float(x), float(y), float(z)) for x, y, z in points))
+
+    def distance(self, points_world_m: ArrayLike) -> FloatArray:
+        path = self.points_world_m
+        pieces = [Capsule(a, b, self.radius_m) for a, b in zip(path, path[1:] or path, strict=False)]
+        return Scene(pieces).distance(points_world_m)
+
+    @property
+    def bounds_world_m(self) -> Bounds:
+        points = np.array(self.points_world_m)
+        return points.min(axis=0) - self.radius_m, points.max(axis=0) + self.radius_m
+
+
+@dataclass(frozen=True)
 class Scene:
     """The union of solids. Exact outside all of them; inside overlapping ones the depth is a lower bound."""
 

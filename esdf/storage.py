@@ -1,25 +1,29 @@
 """A distance field on disk: a folder that is either whole or absent.
 
 `esdf.toml` says how the field was made and what its hash is; `state.npz` holds the voxels. Distances are rebuilt on
-loading, which is faster than reading them and cannot disagree with the voxels.
+loading, which is faster than reading them and cannot disagree with the voxels. `edits.json`, if there is one, is the
+pilot's list of edits: saving a rebuilt map keeps it, loading replays it.
 """
 
+import shutil
 import zipfile
 from pathlib import Path
 
 import numpy as np
 
 from esdf.build import build
+from esdf.edits import Editor, load_edits
 from esdf.field import Field
 from esdf.grid import Grid
 from flight import FormatError, InputError, file_format
 
 FORMAT = "goshawk-esdf"
 VERSION = 1
+EDITS = "edits.json"
 
 
 def save(folder: Path, field: Field) -> None:
-    """Write a field; an earlier one in `folder` stays until the new one is complete.
+    """Write a mapped field; an earlier one in `folder` stays until the new one is complete.
 
     Raises:
         InputError: the disk is full or the folder cannot be written; the earlier field is untouched.
@@ -34,6 +38,8 @@ def save(folder: Path, field: Field) -> None:
     }
     try:
         with file_format.atomic_folder(folder) as temporary:
+            if (Path(folder) / EDITS).exists():
+                shutil.copy(Path(folder) / EDITS, temporary / EDITS)
             np.savez_compressed(temporary / "state.npz", state=field.state)
             file_format.write_toml(temporary / "esdf.toml", format=FORMAT, version=VERSION, body=body)
     except OSError as error:
@@ -43,7 +49,12 @@ def save(folder: Path, field: Field) -> None:
 
 
 def load(folder: Path) -> Field:
-    """Read a field.
+    """Read a field, its edits applied. Raises as `open_editor`."""
+    return open_editor(folder).field
+
+
+def open_editor(folder: Path) -> Editor:
+    """Read a field and its edits, ready for more.
 
     Raises:
         InputError: there is none in `folder`.
@@ -61,4 +72,4 @@ def load(folder: Path) -> Field:
         raise FormatError(f"{folder} holds a damaged distance field: {error}") from error
     if field.hash != wanted:
         raise FormatError(f"{folder} holds a damaged distance field: its voxels do not match its hash")
-    return field
+    return Editor(field, load_edits(folder / EDITS) if (folder / EDITS).exists() else ())

@@ -1,0 +1,216 @@
+"""Changes a pilot makes to a map: a list that is replayed on top of it, with undo, and outlives every rebuild.
+
+A voxel's state depends only on what was mapped there and on the edits that reach it, and a distance capped at D only on
+the states within D. So after an edit a small window is replayed and recomputed, and the result is bit-equal to a
+rebuild of everything.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from esdf import solids
+from esdf.build import Recipe, transform
+from esdf.field import Field
+from esdf.grid import FREE, OCCUPIED, Grid, Region, StateArray
+from esdf.solids import Solid
+from flight import FormatError, InputError, file_format
+
+FORMAT = "goshawk-edits"
+VERSION = 1
+MAX_UNDO = 1000
+
+Action = Literal["add", "remove", "clear", "no-fly"]
+ACTIONS: tuple[Action, ...] = ("add", "remove", "clear", "no-fly")
+
+
+@dataclass(frozen=True, slots=True)
+class Edit:
+    """One change: an action on the voxels of a solid."""
+
+    action: Action
+    """"add": every voxel the solid touches is occupied. "remove": every voxel whose centre is inside is free, seen or
+    not: the pilot vouches for it. "clear": what was mapped as occupied there is free; what was never seen stays unknown
+    and what edits put there stays. "no-fly": as "add", but a rule, not an obstacle: no other edit opens it."""
+    solid: Solid
+    name: str = ""
+    """What the pilot calls it; a no-fly zone must have one."""
+
+    def __post_init__(self) -> None:
+        if self.action not in ACTIONS:
+            raise InputError(f"an edit's action is {self.action!r}; choose one of {', '.join(ACTIONS)}")
+        if self.action == "no-fly" and not self.name:
+            raise InputError("a no-fly zone needs a name")
+
+    def reaches(self, grid: Grid, region: Region) -> NDArray[np.bool_]:
+        """Which voxels of the region this edit is about."""
+        if self.action in ("add", "no-fly"):
+            return solids.touched(self.solid, grid, region)
+        return self.solid.distance(grid.centres(region).reshape(-1, 3)).reshape(region.shape) <= 0.0
+
+
+def replay(mapped: StateArray, grid: Grid, edits: Iterable[Edit], region: Region) -> StateArray:
+    """The states of a region after all edits; no-fly zones come last, whenever they were drawn."""
+    state = mapped[region.slices].copy()
+    edited = np.zeros(state.shape, bool)
+    for edit in sorted(edits, key=lambda e: e.action == "no-fly"):
+        for slab in solids.slabs(solids.covered_region(edit.solid, grid).common(region)):
+            part = slab.seen_from(region).slices
+            chosen = edit.reaches(grid, slab)
+            if edit.action == "clear":
+                chosen &= (state[part] == OCCUPIED) & ~edited[part]
+            state[part][chosen] = OCCUPIED if edit.action in ("add", "no-fly") else FREE
+            edited[part] |= chosen
+    return state
+
+
+class Editor:
+    """A field under edit. `field` is live: every edit changes its arrays in place; take `snapshot` to keep a state."""
+
+    def __init__(self, mapped: Field, edits: Sequence[Edit] = ()) -> None:
+        self._mapped = mapped.state
+        self._recipe = Recipe.of(mapped.grid, mapped.cap_m, mapped.unknown)
+        self._field = replace(mapped, state=mapped.state.copy(), values_m=mapped.values_m.copy())
+        self._history: list[tuple[Edit, ...]] = [()]
+        self._now = 0
+        if edits:
+            for edit in edits:
+                self._check(edit)
+            self._history = [tuple(edits)]
+            self._refresh(edits)
+
+    @property
+    def field(self) -> Field:
+        return self._field
+
+    @property
+    def edits(self) -> tuple[Edit, ...]:
+        """The list in force, in the order it was made."""
+        return self._history[self._now]
+
+    def snapshot(self) -> Field:
+        """A copy that later edits leave alone."""
+        return replace(self._field, state=self._field.state.copy(), values_m=self._field.values_m.copy())
+
+    def apply(self, edit: Edit) -> Region:
+        """Append an edit; returns the box of voxels whose distance may have changed.
+
+        Raises:
+            InputError: the solid touches no voxel of the map, or a no-fly zone of that name exists.
+        """
+        self._check(edit)
+        return self._record((*self.edits, edit))
+
+    def drop(self, name: str) -> Region:
+        """Take every edit of that name (a no-fly zone, say) off the list; can be undone like any edit."""
+        kept = tuple(edit for edit in self.edits if edit.name != name)
+        if len(kept) == len(self.edits):
+            raise InputError(f"no edit is called {name!r}; there are: {sorted({e.name for e in self.edits if e.name})}")
+        return self._record(kept)
+
+    def undo(self) -> Region:
+        """Back to before the last change; raises `InputError` if there is none."""
+        if self._now == 0:
+            raise InputError("there is nothing to undo")
+        return self._move(self._now - 1)
+
+    def redo(self) -> Region:
+        """Forward again after `undo`; raises `InputError` if nothing was undone since the last change."""
+        if self._now + 1 == len(self._history):
+            raise InputError("there is nothing to redo")
+        return self._move(self._now + 1)
+
+    def _check(self, edit: Edit) -> None:
+        if solids.covered_region(edit.solid, self._field.grid).empty:
+            raise InputError(f"the {type(edit.solid).__name__.lower()} to {edit.action} touches no voxel of this map")
+        if edit.action == "no-fly" and any(e.action == "no-fly" and e.name == edit.name for e in self.edits):
+            raise InputError(f"there is a no-fly zone called {edit.name!r} already; drop it first")
+
+    def _record(self, edits: tuple[Edit, ...]) -> Region:
+        self._history = [*self._history[: self._now + 1], edits][-MAX_UNDO:]
+        self._now = len(self._history) - 2 if len(self._history) > 1 else 0
+        return self._move(len(self._history) - 1)
+
+    def _move(self, to: int) -> Region:
+        before, after = self.edits, self._history[to]
+        self._now = to
+        return self._refresh(_differing(before, after))
+
+    def _refresh(self, changed: Iterable[Edit]) -> Region:
+        """Replay and recompute where the given edits reach; returns a box round everything recomputed."""
+        grid, state, values = self._field.grid, self._field.state, self._field.values_m
+        boxes: list[Region] = []
+        for edit in changed:
+            region = solids.covered_region(edit.solid, grid)
+            near = [e for e in self.edits if not solids.covered_region(e.solid, grid).common(region).empty]
+            fresh = replay(self._mapped, grid, near, region)
+            dirty = _bounding_box(fresh != state[region.slices], region)
+            state[region.slices] = fresh
+            if dirty.empty:
+                continue
+            window = dirty.grown(self._recipe.reach, grid.shape)
+            transform(self._recipe, state, window, values[window.slices], self._recipe.faces)
+            boxes.append(window)
+        self._field = replace(self._field)  # the hash is another one now
+        lows, highs = [b.low for b in boxes] or [(0, 0, 0)], [b.high for b in boxes] or [(0, 0, 0)]
+        return Region(tuple(np.min(lows, axis=0).tolist()), tuple(np.max(highs, axis=0).tolist()))
+
+
+def _differing(a: tuple[Edit, ...], b: tuple[Edit, ...]) -> tuple[Edit, ...]:
+    """The edits in one list and not in the other: what is left after the common beginning and end."""
+    shorter = min(len(a), len(b))
+    start = next((i for i in range(shorter) if a[i] is not b[i]), shorter)
+    end = next((i for i in range(shorter - start) if a[-1 - i] is not b[-1 - i]), shorter - start)
+    return a[start : len(a) - end] + b[start : len(b) - end]
+
+
+def _bounding_box(mask: NDArray[np.bool_], region: Region) -> Region:
+    """The smallest box round the True voxels of a mask over `region`."""
+    low, high = [], []
+    for axis in range(3):
+        hits = np.flatnonzero(mask.any(axis=tuple(a for a in range(3) if a != axis)))
+        low.append(region.low[axis] + (int(hits[0]) if hits.size else 0))
+        high.append(region.low[axis] + (int(hits[-1]) + 1 if hits.size else 0))
+    return Region(tuple(low), tuple(high))
+
+
+def save_edits(path: Path, edits: Sequence[Edit]) -> None:
+    """Write an edit list (format `goshawk-edits`, JSON)."""
+    entries = [
+        {"action": e.action, "name": e.name, "solid": type(e.solid).__name__, **asdict(e.solid)}  # pyright: ignore[reportArgumentType]
+        for e in edits
+    ]
+    file_format.write_json(path, format=FORMAT, version=VERSION, body={"edits": entries})
+
+
+def load_edits(path: Path) -> tuple[Edit, ...]:
+    """Read an edit list; raises `InputError` if there is none, `FormatError` if it is damaged or newer."""
+    document = file_format.read_json(path, format=FORMAT, version=VERSION)
+    try:
+        return tuple(_edit(dict(entry)) for entry in document["edits"])
+    except (KeyError, TypeError, ValueError, InputError) as error:
+        raise FormatError(f"{path} is a damaged edit list: {error}") from error
+
+
+SHAPES = {
+    s.__name__: s
+    for s in (
+        solids.Box,
+        solids.Capsule,
+        solids.Cylinder,
+        solids.OrientedBox,
+        solids.Prism,
+        solids.Room,
+        solids.Sphere,
+        solids.Stroke,
+    )
+}
+
+
+def _edit(entry: dict[str, Any]) -> Edit:
+    action, name, shape = entry.pop("action"), entry.pop("name"), entry.pop("solid")
+    return Edit(action, SHAPES[shape](**entry), name)
