@@ -1,6 +1,6 @@
 """Wrench and accelerations of a vehicle, and their derivatives; compiled where every active effect is."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,6 +37,10 @@ class Jacobian:
     """(n, 6) by the height, at fixed ceiling gap."""
     rotor_acceleration: FloatArray
     """(n, 6, 4)."""
+
+    def __iter__(self) -> Iterator[FloatArray]:
+        """Unpacks as by velocity, by rate, by rotor speed, by parameters."""
+        return iter((self.velocity, self.rate, self.rotor_speed, self.parameters))
 
 
 def wrench(
@@ -172,10 +176,11 @@ def _jacobian(
         out, slopes = _complex_steps(vehicle, motion, parameters, around, as_acceleration)
     else:
         column = {name: 20 + i for i, name in enumerate(kernel.names)}
-        # parameters of sensors have no column: nothing here depends on them
-        directions = [*range(13), 14, *range(16, 20), *(column.get(name, 13) for name in parameters)]
-        out, slopes = np.empty((n, 6)), np.empty((n, 6, 18 + p))
-        kernel.model.jacobian(kernel.values, motion, rows, directions, as_acceleration, out, slopes)
+        # parameters of sensors and motors have no influence here, and no column
+        slots, directions = _wanted_directions(vehicle, [column.get(name) for name in parameters])
+        out, packed, slopes = np.empty((n, 6)), np.empty((n, 6, len(slots))), np.zeros((n, 6, 18 + p))
+        kernel.model.jacobian(kernel.values, motion, rows, directions, as_acceleration, out, packed)
+        slopes[:, :, slots] = packed
     return Jacobian(
         value=out,
         velocity=slopes[:, :, 0:3],
@@ -186,6 +191,20 @@ def _jacobian(
         rotor_acceleration=slopes[:, :, 14:18],
         parameters=slopes[:, :, 18:],
     )
+
+
+def _wanted_directions(vehicle: Vehicle, columns: list[int | None]) -> tuple[list[int], list[int]]:
+    """Slots among the slopes that are not zero anyway, and the kernel's number for each of those directions."""
+    needs = {need for name in vehicle.effects for need in registry.find(name).needs}
+    wanted = [(slot, slot) for slot in range(10)]
+    if "q_world_body" in needs:
+        wanted += [(slot, slot) for slot in (10, 11, 12)]
+    if "height_m" in needs:
+        wanted += [(13, 14)]
+    if "rotor_acceleration_rad_s2" in needs:
+        wanted += [(14 + k, 16 + k) for k in range(4)]
+    wanted += [(18 + i, column) for i, column in enumerate(columns) if column is not None]
+    return [slot for slot, _ in wanted], [direction for _, direction in wanted]
 
 
 def _complex_steps(

@@ -4,7 +4,7 @@ This is the twin that is obviously right; `vehicle.wrench` runs the compiled ker
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Any
 
 import numpy as np
@@ -76,7 +76,8 @@ def evaluate(
         InputError: an active effect reads a surrounding that was not given.
     """
     values = values_of(vehicle) if values is None else values
-    dtype = np.result_type(velocity_m_s, rate_rad_s, rotor_speed_rad_s, *values.values(), np.float64)
+    known = [around for around in astuple(surroundings) if around is not None]
+    dtype = np.result_type(velocity_m_s, rate_rad_s, rotor_speed_rad_s, *known, *values.values(), np.float64)
     centre = rigid_body(vehicle, values).centre_of_mass_m
     flow = Flow(
         velocity_m_s=np.array(velocity_m_s, dtype),

@@ -67,6 +67,20 @@ class Drive:
 
 
 @dataclass(slots=True)
+class Reading:
+    """What the sensors report at n instants. Effects of stage SENSOR change it in place."""
+
+    gyroscope_rad_s: Array
+    """(3, n)."""
+    accelerometer_m_s2: Array
+    """(3, n) specific force."""
+    angular_acceleration_rad_s2: Array
+    """(3, n) of the body: what a sensor away from the centre of mass feels; not reported."""
+    pose_age_s: Any = 0.0
+    """How much older the pose is than its time stamp."""
+
+
+@dataclass(slots=True)
 class Flow:
     """What air and rotors do at n instants, and what the effects have added so far."""
 
@@ -102,7 +116,7 @@ class Flow:
 
     def __post_init__(self) -> None:
         n = self.velocity_m_s.shape[-1]
-        dtype = np.result_type(self.velocity_m_s, self.rate_rad_s, self.rotor_speed_rad_s, self.hub_m)
+        dtype = np.result_type(self.velocity_m_s, self.hub_m)
         self.thrust_n = np.zeros((4, n), dtype)
         self.hub_force_n = np.zeros((3, 4, n), dtype)
         self.force_n = np.zeros((3, n), dtype)

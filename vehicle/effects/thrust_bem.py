@@ -6,20 +6,38 @@ import numpy as np
 
 from vehicle.effects.base import Array, Effect, Flow, Spec, Stage, Values
 
-NEWTON_STEPS = 7
-"""Four reach rounding for axial speeds above -2 m/s; fast descent takes six; one more carries the derivative."""
+MOST_STEPS = 60
+"""Three or four reach rounding in climb and level flight; only fast, oblique descent needs bisection between."""
+
+
+def defect_and_slope(
+    induced: Array, n: Array, axial: Array, lateral_squared: Array, k1: Any, k2: Any, two_rho_area: Any
+) -> tuple[Array, Array]:
+    """How far v_ind misses 2 rho A v_ind sqrt((v_z + v_ind)^2 + v_xy^2) = k1 n^2 + k2 n (v_z + v_ind)."""
+    through = axial + induced
+    speed = np.sqrt(through * through + lateral_squared + 1e-12)
+    defect = two_rho_area * induced * speed - k1 * n * n - k2 * n * through
+    return defect, two_rho_area * (speed + induced * through / speed) - k2 * n + 1e-12
 
 
 def induced_velocity(n: Array, axial: Array, lateral_squared: Array, k1: Any, k2: Any, two_rho_area: Any) -> Array:
-    """Root v_ind of 2 rho A v_ind sqrt((v_z + v_ind)^2 + v_xy^2) = k1 n^2 + k2 n (v_z + v_ind)."""
-    a, b, c = two_rho_area, two_rho_area * axial - k2 * n, k1 * n * n + k2 * n * axial
+    """The root between 0 and the root of purely axial flow: Newton, with bisection where it would leave the bracket."""
+    real = [np.real(x) for x in (n, axial, lateral_squared, k1, k2, two_rho_area)]
+    a, b = real[5], real[5] * real[1] - real[4] * real[0]
+    c = real[3] * real[0] ** 2 + real[4] * real[0] * real[1]
     induced = (-b + np.sqrt(b * b + 4.0 * a * c)) / (2.0 * a)  # exact when v_xy = 0
-    for _ in range(NEWTON_STEPS):
-        through = axial + induced
-        speed = np.sqrt(through * through + lateral_squared + 1e-12)
-        defect = a * induced * speed - c - k2 * n * induced
-        induced = induced - defect / (a * (speed + induced * through / speed) - k2 * n + 1e-12)
-    return induced
+    low, high = np.minimum(induced, 0.0), np.maximum(induced, 0.0)
+    for _ in range(MOST_STEPS):
+        defect, slope = defect_and_slope(induced, *real)
+        low, high = np.where(defect > 0.0, low, induced), np.where(defect > 0.0, induced, high)
+        moved = induced - defect / np.where(slope > 0.0, slope, np.nan)
+        moved = np.where((moved >= low) & (moved <= high), moved, 0.5 * (low + high))
+        change, induced = np.abs(moved - induced).max(initial=0.0), moved
+        if change < 1e-8:
+            break
+    # the root in plain numbers; this step then carries its derivative when a complex step comes in
+    defect, slope = defect_and_slope(induced, n, axial, lateral_squared, k1, k2, two_rho_area)
+    return induced - defect / slope
 
 
 def apply(flow: Flow, p: Values) -> None:

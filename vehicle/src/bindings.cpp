@@ -25,119 +25,113 @@ constexpr int kSurroundings = 10;
 
 template <class T>
 void fill(Flow<T>& flow, const double* motion, const double* around) {
-  for (int k = 0; k < 3; ++k) flow.velocity[k] = T(motion[k]);
-  for (int k = 0; k < 3; ++k) flow.rate[k] = T(motion[3 + k]);
-  for (int k = 0; k < 4; ++k) flow.rotor_speed[k] = T(motion[6 + k]);
-  for (int k = 0; k < 4; ++k) flow.q[k] = T(around[k]);
-  flow.height = T(around[4]);
-  flow.ceiling_gap = T(around[5]);
-  for (int k = 0; k < 4; ++k) flow.rotor_acceleration[k] = T(around[6 + k]);
+    for (int k = 0; k < 3; ++k) flow.velocity[k] = T(motion[k]);
+    for (int k = 0; k < 3; ++k) flow.rate[k] = T(motion[3 + k]);
+    for (int k = 0; k < 4; ++k) flow.rotor_speed[k] = T(motion[6 + k]);
+    for (int k = 0; k < 4; ++k) flow.q[k] = T(around[k]);
+    flow.height = T(around[4]);
+    flow.ceiling_gap = T(around[5]);
+    for (int k = 0; k < 4; ++k) flow.rotor_acceleration[k] = T(around[6 + k]);
 }
 
 template <class T>
 void result(const Model&, const Body<T>& body, const Flow<T>& flow, bool as_acceleration, T out[6]) {
-  for (int k = 0; k < 3; ++k) out[k] = as_acceleration ? flow.force[k] / body.mass : flow.force[k];
-  if (as_acceleration) {
-    angular_acceleration(body, flow.rate, flow.torque, out + 3);
-  } else {
-    for (int k = 0; k < 3; ++k) out[3 + k] = flow.torque[k];
-  }
+    for (int k = 0; k < 3; ++k) out[k] = as_acceleration ? flow.force[k] / body.mass : flow.force[k];
+    if (as_acceleration) {
+        angular_acceleration(body, flow.rate, flow.torque, out + 3);
+    } else {
+        for (int k = 0; k < 3; ++k) out[3 + k] = flow.torque[k];
+    }
 }
 
-const double* row(const In& array, size_t i) {
-  return array.data() + (array.shape(0) == 1 ? 0 : i) * array.shape(1);
-}
+const double* row(const In& array, size_t i) { return array.data() + (array.shape(0) == 1 ? 0 : i) * array.shape(1); }
 
 void evaluate(const Model& model, In values, In motion, In around, bool as_acceleration, InOut out) {
-  nb::gil_scoped_release release;
-  for (size_t i = 0; i < motion.shape(0); ++i) {
-    const double* v = row(values, i);
-    const Body<double> body = rigid_body(model, v);
-    Flow<double> flow;
-    fill(flow, row(motion, i), row(around, i));
-    wrench(model, v, body, flow);
-    result(model, body, flow, as_acceleration, out.data() + 6 * i);
-  }
+    nb::gil_scoped_release release;
+    for (size_t i = 0; i < motion.shape(0); ++i) {
+        const double* v = row(values, i);
+        const Body<double> body = rigid_body(model, v);
+        Flow<double> flow;
+        fill(flow, row(motion, i), row(around, i));
+        wrench(model, v, body, flow);
+        result(model, body, flow, as_acceleration, out.data() + 6 * i);
+    }
 }
 
 // Directions are numbered: 0-9 motion, 10-19 surroundings (of which 10-12 is a body-axes turn of the attitude,
-// 14 height, 15 gap, 16-19 rotor acceleration), 20 + j value j.
-void seed(Number* motion[10], Flow<Number>& flow, std::vector<Number>& values, int direction, int slot) {
-  if (direction < 10) {
-    motion[direction]->d[slot] = 1.0;
-  } else if (direction < 13) {
-    const double q[4] = {flow.q[0].v, flow.q[1].v, flow.q[2].v, flow.q[3].v};
-    const int k = direction - 10;
-    const double turn[3][4] = {{-q[1], q[0], q[3], -q[2]}, {-q[2], -q[3], q[0], q[1]}, {-q[3], q[2], -q[1], q[0]}};
-    for (int i = 0; i < 4; ++i) flow.q[i].d[slot] = 0.5 * turn[k][i];
-  } else if (direction == 14) {
-    flow.height.d[slot] = 1.0;
-  } else if (direction == 15) {
-    flow.ceiling_gap.d[slot] = 1.0;
-  } else if (direction >= 16 && direction < 20) {
-    flow.rotor_acceleration[direction - 16].d[slot] = 1.0;
-  } else if (direction >= 20) {
-    values[direction - 20].d[slot] = 1.0;
-  }
+// 14 height (the gap to the ceiling is not differentiated), 16-19 rotor acceleration), 20 + j value j.
+void seed(Number* const motion[10], Flow<Number>& flow, std::vector<Number>& values, int direction, int slot) {
+    if (direction < 10) {
+        motion[direction]->d[slot] = 1.0;
+    } else if (direction < 13) {
+        const double q[4] = {flow.q[0].v, flow.q[1].v, flow.q[2].v, flow.q[3].v};
+        const int k = direction - 10;
+        const double turn[3][4] = {{-q[1], q[0], q[3], -q[2]}, {-q[2], -q[3], q[0], q[1]}, {-q[3], q[2], -q[1], q[0]}};
+        for (int i = 0; i < 4; ++i) flow.q[i].d[slot] = 0.5 * turn[k][i];
+    } else if (direction == 14) {
+        flow.height.d[slot] = 1.0;
+    } else if (direction >= 16 && direction < 20) {
+        flow.rotor_acceleration[direction - 16].d[slot] = 1.0;
+    } else if (direction >= 20) {
+        values[direction - 20].d[slot] = 1.0;
+    }
 }
 
 // out (n, 6, directions)
 void jacobian(const Model& model, In values, In motion, In around, const std::vector<int>& directions,
               bool as_acceleration, InOut out, InOut3 slopes) {
-  nb::gil_scoped_release release;
-  const int total = static_cast<int>(directions.size());
-  std::vector<Number> v(model.width);
-  for (size_t i = 0; i < motion.shape(0); ++i) {
-    for (int first = 0; first < total || first == 0; first += kDirections) {
-      const double* numbers = row(values, i);
-      for (int j = 0; j < model.width; ++j) v[j] = Number(numbers[j]);
-      Flow<Number> flow;
-      fill(flow, row(motion, i), row(around, i));
-      Number* where[10];
-      for (int k = 0; k < 3; ++k) where[k] = &flow.velocity[k], where[3 + k] = &flow.rate[k];
-      for (int k = 0; k < 4; ++k) where[6 + k] = &flow.rotor_speed[k];
-      const int count = total - first < kDirections ? total - first : kDirections;
-      for (int s = 0; s < count; ++s) seed(where, flow, v, directions[first + s], s);
-      const Body<Number> body = rigid_body(model, v.data());
-      wrench(model, v.data(), body, flow);
-      Number six[6];
-      result(model, body, flow, as_acceleration, six);
-      for (int k = 0; k < 6; ++k) {
-        out.data()[6 * i + k] = six[k].v;
-        for (int s = 0; s < count; ++s) slopes.data()[(6 * i + k) * total + first + s] = six[k].d[s];
-      }
+    nb::gil_scoped_release release;
+    const int total = static_cast<int>(directions.size());
+    std::vector<Number> v(model.width);
+    for (size_t i = 0; i < motion.shape(0); ++i) {
+        for (int first = 0; first < total || first == 0; first += kDirections) {
+            const double* numbers = row(values, i);
+            for (int j = 0; j < model.width; ++j) v[j] = Number(numbers[j]);
+            Flow<Number> flow;
+            fill(flow, row(motion, i), row(around, i));
+            Number* where[10];
+            for (int k = 0; k < 3; ++k) where[k] = &flow.velocity[k], where[3 + k] = &flow.rate[k];
+            for (int k = 0; k < 4; ++k) where[6 + k] = &flow.rotor_speed[k];
+            const int count = total - first < kDirections ? total - first : kDirections;
+            for (int s = 0; s < count; ++s) seed(where, flow, v, directions[first + s], s);
+            const Body<Number> body = rigid_body(model, v.data());
+            wrench(model, v.data(), body, flow);
+            Number six[6];
+            result(model, body, flow, as_acceleration, six);
+            for (int k = 0; k < 6; ++k) {
+                out.data()[6 * i + k] = six[k].v;
+                for (int s = 0; s < count; ++s) slopes.data()[(6 * i + k) * total + first + s] = six[k].d[s];
+            }
+        }
     }
-  }
 }
 
 // world: one row of wind 0-2, gravity 3, ground 4, ceiling 5 per vehicle
 void step(const Model& model, In values, In world, In command, In battery_v, int steps, double step_s, InOut states,
           InOut specific_force, InOut energy_j) {
-  nb::gil_scoped_release release;
-  for (size_t i = 0; i < states.shape(0); ++i) {
-    const double* w = row(world, i);
-    const World around = {{w[0], w[1], w[2]}, w[3], w[4], w[5]};
-    energy_j.data()[i] = integrate(model, row(values, i), around, row(command, i), row(battery_v, i)[0], steps, step_s,
-                                   states.data() + kState * i, specific_force.data() + 3 * i);
-  }
+    nb::gil_scoped_release release;
+    for (size_t i = 0; i < states.shape(0); ++i) {
+        const double* w = row(world, i);
+        const World around = {{w[0], w[1], w[2]}, w[3], w[4], w[5]};
+        energy_j.data()[i] = integrate(model, row(values, i), around, row(command, i), row(battery_v, i)[0], steps,
+                                       step_s, states.data() + kState * i, specific_force.data() + 3 * i);
+    }
 }
 
 }  // namespace
 
 NB_MODULE(_vehicle, m) {
-  m.doc() = "Compiled kernel of the vehicle model.";
-  nb::class_<Model>(m, "Model")
-      .def("__init__",
-           [](Model* self, const std::vector<std::string>& names, In hubs, In spins) {
-             new (self) Model(names, hubs.data(), spins.data());
-           })
-      .def_ro("width", &Model::width)
-      .def("evaluate", &evaluate)
-      .def("jacobian", &jacobian)
-      .def("step", &step);
-  m.def("effects", [] {
-    std::vector<std::pair<std::string, int>> known;
-    for (const Entry& e : catalogue()) known.emplace_back(e.name, e.parameters);
-    return known;
-  });
+    m.doc() = "Compiled kernel of the vehicle model.";
+    nb::class_<Model>(m, "Model")
+        .def("__init__", [](Model* self, const std::vector<std::string>& names, In hubs,
+                            In spins) { new (self) Model(names, hubs.data(), spins.data()); })
+        .def_ro("width", &Model::width)
+        .def("evaluate", &evaluate)
+        .def("jacobian", &jacobian)
+        .def("step", &step);
+    m.def("effects", [] {
+        std::vector<std::pair<std::string, int>> known;
+        for (const Entry& e : catalogue()) known.emplace_back(e.name, e.parameters);
+        return known;
+    });
 }

@@ -1,0 +1,27 @@
+"""Turning is resisted in proportion to the body rate."""
+
+from vehicle.effects.base import Effect, Flow, Spec, Stage, Values
+
+
+def apply(flow: Flow, p: Values) -> None:
+    flow.torque_n_m[0] -= p.x_n_m_s * flow.rate_rad_s[0]
+    flow.torque_n_m[1] -= p.y_n_m_s * flow.rate_rad_s[1]
+    flow.torque_n_m[2] -= p.z_n_m_s * flow.rate_rad_s[2]
+
+
+EFFECT = Effect(
+    name="angular_damping",
+    number=21,
+    stage=Stage.FORCE,
+    apply=apply,
+    parameters=(
+        Spec("x_n_m_s", "N m s", prior=1e-3, bounds=(0.0, 1.0), planted=8e-4),
+        Spec("y_n_m_s", "N m s", prior=1e-3, bounds=(0.0, 1.0), planted=9e-4),
+        Spec("z_n_m_s", "N m s", prior=1e-3, bounds=(0.0, 1.0), planted=5e-4),
+    ),
+    law="M = -D w",
+    source="Mahony, Kumar, Corke 2012, sec. on aerodynamic damping; Faessler, Franchi, Scaramuzza 2018",
+    channel="M_x M_y M_z",
+    regressor="w",
+    excited_by=("rotation", "yaw_sweep"),
+)

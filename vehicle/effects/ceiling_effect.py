@@ -1,0 +1,30 @@
+"""Under a ceiling the rotors pull harder."""
+
+import numpy as np
+
+from vehicle.effects.base import Effect, Flow, Spec, Stage, Values
+
+SMALLEST_GAP_RADII = 0.5
+"""Closer than half a radius the law has no meaning; it is held there."""
+
+
+def apply(flow: Flow, p: Values) -> None:
+    assert flow.ceiling_gap_m is not None
+    smallest = SMALLEST_GAP_RADII * flow.radius_m
+    gap = np.where(np.real(flow.ceiling_gap_m) > np.real(smallest), flow.ceiling_gap_m, smallest)
+    flow.thrust_n *= 1.0 + p.strength * (flow.radius_m / gap) ** 2
+
+
+EFFECT = Effect(
+    name="ceiling_effect",
+    number=11,
+    stage=Stage.THRUST_FACTOR,
+    apply=apply,
+    parameters=(Spec("strength", "1", prior=0.1, bounds=(0.0, 5.0), planted=0.12),),
+    law="T (1 + g_c (R / d)^2)",
+    source="own one-parameter form of the trend in Sanchez-Cuevas, Heredia, Ollero 2017; Hsiao, Chirarattananon 2019",
+    channel="F_z",
+    regressor="gap to the ceiling",
+    excited_by=("ceiling_climb",),
+    needs=("ceiling_gap_m",),
+)

@@ -1,0 +1,23 @@
+"""Blade flapping in edgewise flow tilts the vehicle back: a moment at each hub."""
+
+from vehicle.effects.base import Effect, Flow, Spec, Stage, Values
+
+
+def apply(flow: Flow, p: Values) -> None:
+    a_x, a_y, _ = flow.hub_velocity_m_s()
+    flow.torque_n_m[0] -= (p.moment_kg_m * flow.rotor_speed_rad_s * a_y).sum(axis=0)
+    flow.torque_n_m[1] += (p.moment_kg_m * flow.rotor_speed_rad_s * a_x).sum(axis=0)
+
+
+EFFECT = Effect(
+    name="flapping_moment",
+    number=8,
+    stage=Stage.FORCE,
+    apply=apply,
+    parameters=(Spec("moment_kg_m", "kg m", prior=1e-6, bounds=(-1e-3, 1e-3), planted=1.5e-6),),
+    law="M = -k_f sum n_i (a_i x e3)",
+    source="Hoffmann, Huang, Waslander, Tomlin 2007; Mahony, Kumar, Corke 2012; RotorPy, k_flap",
+    channel="M_x M_y",
+    regressor="n v",
+    excited_by=("fast_level",),
+)

@@ -1,0 +1,31 @@
+"""Near the ground the same rotor speed gives more thrust."""
+
+import numpy as np
+
+from vehicle.effects.base import Effect, Flow, Spec, Stage, Values
+
+LARGEST_RATIO = 0.5
+"""Below a quarter of a radius or so the law has no meaning; its ratio is held there, so thrust at most doubles."""
+
+
+def apply(flow: Flow, p: Values) -> None:
+    assert flow.height_m is not None
+    near = (flow.radius_m / (4.0 * np.where(np.real(flow.height_m) > 1e-3, flow.height_m, 1e-3))) ** 2
+    ratio = p.strength * near
+    ratio = np.where(np.real(ratio) < LARGEST_RATIO, ratio, LARGEST_RATIO)
+    flow.thrust_n *= 1.0 / (1.0 - ratio)
+
+
+EFFECT = Effect(
+    name="ground_effect",
+    number=10,
+    stage=Stage.THRUST_FACTOR,
+    apply=apply,
+    parameters=(Spec("strength", "1", prior=1.0, bounds=(0.0, 20.0), planted=1.3),),
+    law="T / (1 - g (R / 4h)^2)",
+    source="Cheeseman and Bennett 1955, ARC R&M 3021; Sanchez-Cuevas, Heredia, Ollero 2017 for multirotors (g above 1)",
+    channel="F_z",
+    regressor="height",
+    excited_by=("ground_sweep",),
+    needs=("height_m",),
+)

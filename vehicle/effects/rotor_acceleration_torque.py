@@ -1,0 +1,23 @@
+"""Speeding a rotor up turns the body the other way, at once and before the air has its say."""
+
+from vehicle.effects.base import Effect, Flow, Spec, Stage, Values
+
+
+def apply(flow: Flow, p: Values) -> None:
+    assert flow.rotor_acceleration_rad_s2 is not None
+    flow.torque_n_m[2] -= p.rotor_inertia_kg_m2 * (flow.spin * flow.rotor_acceleration_rad_s2).sum(axis=0)
+
+
+EFFECT = Effect(
+    name="rotor_acceleration_torque",
+    number=14,
+    stage=Stage.FORCE,
+    apply=apply,
+    parameters=(Spec("rotor_inertia_kg_m2", "kg m2", prior=5e-6, bounds=(0.0, 1e-2), planted=6e-6),),
+    law="M_z = -J_r sum spin_i dn_i/dt",
+    source="Bangura 2017, thesis; Burri et al. 2017",
+    channel="M_z",
+    regressor="sum spin dn/dt",
+    excited_by=("yaw_doublets",),
+    needs=("rotor_acceleration_rad_s2",),
+)

@@ -1,0 +1,24 @@
+"""Thrust terms below the square of rotor speed: a dead zone, a constant bias."""
+
+from vehicle.effects.base import Effect, Flow, Spec, Stage, Values
+
+
+def apply(flow: Flow, p: Values) -> None:
+    flow.thrust_n += p.constant_n + p.slope_n_s * flow.rotor_speed_rad_s
+
+
+EFFECT = Effect(
+    name="thrust_affine",
+    number=25,
+    stage=Stage.THRUST,
+    apply=apply,
+    parameters=(
+        Spec("constant_n", "N", prior=0.1, bounds=(-10.0, 10.0), planted=-0.08),
+        Spec("slope_n_s", "N s", prior=1e-4, bounds=(-0.1, 0.1), planted=1.5e-4),
+    ),
+    law="T_i += k_0 + k_a n_i",
+    source="Bangura 2017, thesis (static thrust maps); Foerster 2015, thesis, for the nano quadrotor's affine fit",
+    channel="F_z",
+    regressor="n",
+    excited_by=("vertical", "throttle_steps"),
+)
