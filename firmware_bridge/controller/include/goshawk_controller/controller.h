@@ -72,10 +72,12 @@ typedef struct {
     tc_flatness_state flatness;
     tc_position_state position;
     tc_telemetry telemetry;
-    float ground_z_m; /* height of the take-off point */
-    float hold_yaw_rad;
-    float offset_world_m[3]; /* set-point minus path, fading out (position) */
-    float last_rotor_speed_rad_s[TC_ROTORS];
+    float ground_z_m;                    /* height of the take-off point */
+    float time_scale;                    /* path rate asked for */
+    float take_off_m;                    /* height asked for */
+    float wanted_speed_rad_s[TC_ROTORS]; /* by the mixer, before battery and lag */
+    bool was_flying;
+    tc_estimate last_good; /* halves as they came, with their own time stamps */
     uint64_t last_tick_us;
     uint64_t ground_seen_us;
     uint64_t bad_tilt_since_us;
@@ -94,7 +96,8 @@ tc_reason tc_tick(tc_controller* controller, uint64_t time_us, const tc_estimate
 /* A command from the ground; refusals leave everything as it was. `value`: see tc_command. */
 tc_reason tc_do(tc_controller* controller, tc_command command, float value);
 
-/* All parameters at once, or nothing: range of each, then geometry. Those not marked in_flight only when disarmed. */
+/* All parameters at once, or nothing: range of each, then geometry. Those not marked in_flight only when disarmed.
+   New path limits or a new fence make the store forget its trajectories: they were checked against the old ones. */
 tc_reason tc_parameters_set(tc_controller* controller, const tc_parameters* parameters);
 const tc_parameters* tc_parameters_now(const tc_controller* controller);
 

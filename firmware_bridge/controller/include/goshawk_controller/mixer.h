@@ -30,6 +30,7 @@ typedef struct {
     float arm_y_m[TC_ROTORS];
     float inverse_k1;
     float inverse_two_rho_area;
+    float largest_thrust_n; /* of all four, hovering */
 } tc_mixer;
 
 typedef struct {

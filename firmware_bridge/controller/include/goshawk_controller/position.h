@@ -14,12 +14,11 @@ typedef struct {
 } tc_position_state;
 
 typedef struct {
-    const float* position_world_m;   /* estimate, 3 */
-    const float* velocity_world_m_s; /* estimate, 3 */
-    const float* q_world_body;       /* attitude in which drag is worked out, 4 */
-    float thrust_n;                  /* collective that scales rotor drag: the last demand */
-    float mean_rotor_speed_rad_s;    /* for the speed-scaled rotor drag */
-    bool integrate;                  /* the gate: flying and nothing saturated */
+    float position_world_m[3];   /* estimate */
+    float velocity_world_m_s[3]; /* estimate */
+    float drag_world_n[3];       /* modelled drag, to be cancelled */
+    float largest_thrust_n;
+    bool integrate; /* the gate: flying and nothing saturated */
 } tc_position_input;
 
 /* Force of all modelled drag in world axes (it points against the motion), eqs. (4)-(5) and their rival forms. */

@@ -17,6 +17,7 @@ typedef enum {
     TC_SINGULAR_GEOMETRY = 4,
     TC_ONLY_WHEN_DISARMED = 5,
     TC_TIME_WENT_BACK = 6,
+    TC_CANNOT_HOVER = 7,
 
     /* The trajectory store. */
     TC_NO_UPLOAD = 10,

@@ -18,6 +18,7 @@ typedef struct {
     float rate;         /* d path time / d time, and its derivatives */
     float rate_1_s;     /* per second */
     float rate_1_s2;
+    float rate_1_s3;
     float target_rate;
     float ramp_s; /* duration of the running change of rate; 0 = none */
     float ramp_elapsed_s;
@@ -35,19 +36,19 @@ bool tc_clock_finished(const tc_clock* clock, const tc_trajectory* trajectory);
 /* The set-point on the path with derivatives with respect to true time. */
 void tc_clock_setpoint(const tc_clock* clock, const tc_trajectory* trajectory, tc_setpoint* out);
 
-/* A straight move from rest to rest: position along a septic, zero velocity, acceleration and jerk at both ends. */
+/* A move to rest at a point: a septic per axis that goes on from any set-point with position, velocity, acceleration
+   and jerk unbroken. Take-off, landing, hovering and the way to a trajectory's start are all moves. */
 typedef struct {
-    float from_world_m[3];
-    float to_world_m[3];
-    float from_yaw_rad;
-    float to_yaw_rad;
+    float septic[TC_AXES][8]; /* x, y, z, yaw over u = elapsed / duration */
     float duration_s;
     float elapsed_s;
 } tc_move;
 
-/* The peak speed is `speed_m_s` (> 0), the peak yaw rate 1 rad/s, and the peak acceleration 2 m/s^2. */
-void tc_move_start(tc_move* move, const float from_world_m[3], float from_yaw_rad, const float to_world_m[3],
-                   float to_yaw_rad, float speed_m_s);
+/* To a point; from rest the peak speed is `speed_m_s` (> 0), peak yaw rate 1 rad/s, peak acceleration 2 m/s^2. */
+void tc_move_start(tc_move* move, const tc_setpoint* from, const float to_world_m[3], float to_yaw_rad,
+                   float speed_m_s);
+/* To rest as soon as `brake_m_s2` (> 0) allows, straight ahead. */
+void tc_move_stop(tc_move* move, const tc_setpoint* from, float brake_m_s2);
 void tc_move_advance(tc_move* move, float step_s);
 bool tc_move_done(const tc_move* move);
 void tc_move_setpoint(const tc_move* move, tc_setpoint* out);

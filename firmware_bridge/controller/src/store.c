@@ -1,0 +1,142 @@
+/* The two slots and the upload that fills one of them. */
+#include "goshawk_controller/trajectory.h"
+#include "maths.h"
+#include "path_check.h"
+
+#define LONGEST_US 3600000000u
+
+static tc_trajectory *staged_slot(tc_store *store) { return &store->slot[1u - store->active]; }
+
+void tc_store_init(tc_store *store) { memset(store, 0, sizeof *store); }
+
+void tc_store_discard(tc_store *store) {
+    store->staged_state = TC_STAGED_EMPTY;
+    store->sample_count = 0;
+    memset(store->received, 0, sizeof store->received);
+}
+
+tc_reason tc_store_begin(tc_store *store, const tc_trajectory_header *header) {
+    if (header->id == 0u) return TC_WRONG_ID;
+    if (header->segment_count == 0u || header->segment_count > TC_MAX_SEGMENTS) return TC_SEGMENT_COUNT;
+    if (header->coefficient_count == 0u || header->coefficient_count > TC_MAX_COEFFICIENTS) {
+        return TC_COEFFICIENT_COUNT;
+    }
+    if (header->link_loss_policy > (uint8_t)TC_LINK_LOSS_LAND) return TC_OUT_OF_RANGE;
+    tc_store_discard(store);
+    staged_slot(store)->header = *header;
+    store->staged_state = TC_STAGED_FILLING;
+    store->refused_segment = 0;
+    return TC_OK;
+}
+
+bool tc_store_has_segment(const tc_store *store, uint16_t index) {
+    return index < TC_MAX_SEGMENTS && ((store->received[index / 8u] >> (index % 8u)) & 1u) != 0u;
+}
+
+/* A late repeat of what was already checked is no error; anything else is. */
+static tc_reason repeated(const tc_store *store, uint16_t index, const tc_segment *segment) {
+    const tc_trajectory *slot = tc_store_staged(store);
+    const tc_segment *held = &slot->segment[index];
+    bool same = held->duration_us == segment->duration_us;
+    for (int axis = 0; axis < TC_AXES; axis++) {
+        const size_t bytes = slot->header.coefficient_count * sizeof(float);
+        same = same && memcmp(held->coefficient[axis], segment->coefficient[axis], bytes) == 0;
+    }
+    return same ? TC_OK : TC_NO_UPLOAD;
+}
+
+tc_reason tc_store_put_segment(tc_store *store, uint16_t index, const tc_segment *segment) {
+    if (store->staged_state == TC_STAGED_EMPTY) return TC_NO_UPLOAD;
+    tc_trajectory *slot = staged_slot(store);
+    if (index >= slot->header.segment_count) return TC_SEGMENT_INDEX;
+    if (store->staged_state == TC_STAGED_CHECKED) return repeated(store, index, segment);
+    const uint32_t count = slot->header.coefficient_count;
+    const tc_reason reason = tc_check_segment(segment, count, &store->limits);
+    if (reason != TC_OK) {
+        store->refused_segment = index;
+        return reason;
+    }
+    tc_segment *held = &slot->segment[index];
+    memset(held, 0, sizeof *held);
+    held->duration_us = segment->duration_us;
+    for (int axis = 0; axis < TC_AXES; axis++) {
+        memcpy(held->coefficient[axis], segment->coefficient[axis], count * sizeof(float));
+    }
+    store->received[index / 8u] = (uint8_t)(store->received[index / 8u] | (1u << (index % 8u)));
+    return TC_OK;
+}
+
+tc_reason tc_store_put_sample(tc_store *store, const tc_trajectory_sample *sample) {
+    if (store->staged_state != TC_STAGED_FILLING) return TC_NO_UPLOAD;
+    if (!tc_all_finite(sample->value, TC_AXES)) return TC_NOT_FINITE;
+    for (uint32_t i = 0; i < store->sample_count; i++) { /* a repeat replaces */
+        if (store->sample[i].time_us == sample->time_us) {
+            store->sample[i] = *sample;
+            return TC_OK;
+        }
+    }
+    if (store->sample_count >= TC_MAX_SAMPLES) return TC_OUT_OF_RANGE;
+    store->sample[store->sample_count++] = *sample;
+    return TC_OK;
+}
+
+/* Sums the durations; false when segments are missing (then `refused_segment` is the first) or it gets too long. */
+static tc_reason lay_out(tc_store *store, tc_trajectory *slot) {
+    uint64_t start_us = 0;
+    for (uint16_t i = 0; i < slot->header.segment_count; i++) {
+        store->refused_segment = i;
+        if (!tc_store_has_segment(store, i)) return TC_SEGMENTS_MISSING;
+        slot->start_us[i] = (uint32_t)start_us;
+        start_us += slot->segment[i].duration_us;
+        if (start_us > LONGEST_US) return TC_SEGMENT_DURATION;
+    }
+    slot->start_us[slot->header.segment_count] = (uint32_t)start_us;
+    return TC_OK;
+}
+
+static tc_reason check_joins(tc_store *store, const tc_trajectory *slot) {
+    for (uint16_t i = 1; i < slot->header.segment_count; i++) {
+        store->refused_segment = i;
+        const tc_reason reason = tc_check_join(slot, i);
+        if (reason != TC_OK) return reason;
+    }
+    return TC_OK;
+}
+
+tc_reason tc_store_finish(tc_store *store) {
+    if (store->staged_state == TC_STAGED_CHECKED) return TC_OK;
+    if (store->staged_state == TC_STAGED_EMPTY) return TC_NO_UPLOAD;
+    tc_trajectory *slot = staged_slot(store);
+    tc_reason reason = lay_out(store, slot);
+    if (reason != TC_OK) return reason;
+    store->refused_segment = 0;
+    if (tc_trajectory_crc32(slot) != slot->header.crc32) return TC_CRC_MISMATCH;
+    reason = check_joins(store, slot);
+    if (reason != TC_OK) return reason;
+    store->refused_segment = 0;
+    reason = tc_check_ends(slot);
+    for (uint32_t i = 0; i < store->sample_count && reason == TC_OK; i++) {
+        reason = tc_check_sample(slot, &store->sample[i]);
+    }
+    if (reason == TC_OK) store->staged_state = TC_STAGED_CHECKED;
+    return reason;
+}
+
+tc_reason tc_store_activate(tc_store *store, uint32_t id, uint32_t crc32) {
+    const tc_trajectory *active = tc_store_active(store);
+    if (active != NULL && active->header.id == id && active->header.crc32 == crc32) return TC_OK;
+    const tc_trajectory_header *staged = &staged_slot(store)->header;
+    if (store->staged_state != TC_STAGED_CHECKED || staged->id != id || staged->crc32 != crc32) return TC_NOT_STAGED;
+    store->active = (uint8_t)(1u - store->active);
+    store->has_active = true;
+    tc_store_discard(store);
+    return TC_OK;
+}
+
+const tc_trajectory *tc_store_active(const tc_store *store) {
+    return store->has_active ? &store->slot[store->active] : NULL;
+}
+
+const tc_trajectory *tc_store_staged(const tc_store *store) {
+    return store->staged_state == TC_STAGED_EMPTY ? NULL : &store->slot[1u - store->active];
+}
