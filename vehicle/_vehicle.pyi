@@ -40,5 +40,15 @@ class Model:
         energy_j: NDArray[float64],
         /,
     ) -> None: ...
+    def flatness(
+        self,
+        values: NDArray[float64],
+        gravity_m_s2: float,
+        hover_rad_s: NDArray[float64],
+        spacing_s: float,
+        path: NDArray[float64],
+        out: NDArray[float64],
+        /,
+    ) -> None: ...
 
 def effects() -> list[tuple[str, int]]: ...

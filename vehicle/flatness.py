@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight import FloatArray, Trajectory, polynomial, rotations
-from vehicle import dynamics, invert
+from vehicle import dynamics, invert, native
 from vehicle.forces import Surroundings, rigid_body
 from vehicle.model import Vehicle
 
@@ -60,19 +60,40 @@ def state(vehicle: Vehicle, trajectory: Trajectory, times_s: FloatArray, *, grou
         ground_m: height of the ground, for vehicles with ground effect.
     """
     times = np.atleast_1d(np.asarray(times_s, dtype=np.float64))
-    n = len(times)
     path = _sample(trajectory, times)
+    kernel = native.compiled(vehicle)
+    if kernel is None:
+        return _state_numpy(vehicle, times, path, ground_m)
+    n = len(times)
+    height = (path.position[:, 2:] - ground_m).reshape(5, n, 1)
+    blocks = (path.velocity.reshape(5, n, 3), path.acceleration.reshape(5, n, 3), height, path.yaw.reshape(5, n, 1))
+    rows = np.ascontiguousarray(np.concatenate(blocks, axis=2).swapaxes(0, 1)).reshape(5 * n, 8)
+    out = np.empty((n, 18))
+    kernel.model.flatness(kernel.values, GRAVITY_M_S2, invert.hover(vehicle)[None], _OFFSET_S, rows, out)
+    return _flat_state(
+        times, _middle(path), out[:, :4], out[:, 4:7], out[:, 7:10], out[:, 10], out[:, 11:14], out[:, 14:]
+    )
+
+
+def _middle(path: _Path) -> _Path:
+    n = len(path.yaw) // 5
+    return _Path(*(getattr(path, name)[2 * n : 3 * n] for name in _Path.__slots__))
+
+
+def _state_numpy(vehicle: Vehicle, times: FloatArray, path: _Path, ground_m: float) -> FlatState:
+    """The plain twin of the kernel, for vehicles with effects of the user's own."""
+    n = len(times)
     mass = float(rigid_body(vehicle).mass_kg)
     speed = np.broadcast_to(invert.hover(vehicle), (5 * n, 4))
-    rate, turn = np.zeros((5 * n, 3)), np.zeros((n, 3))
+    rate, centre_rate, turn = np.zeros((5 * n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
     offsets = np.repeat(np.arange(-2, 3) * _OFFSET_S, n)[:, None]
+    q = np.zeros((5 * n, 4))
     for _ in range(2):  # forces depend a little on the rates, which come from the attitudes: second round settles it
         q, speed = _attitudes(vehicle, mass, path, rate, speed, ground_m)
         centre_rate, turn = _rates(q.reshape(5, n, 4))
         rate = np.tile(centre_rate, (5, 1)) + offsets * np.tile(turn, (5, 1))
     middle = slice(2 * n, 3 * n)
-    centre = _Path(*(getattr(path, name)[middle] for name in _Path.__slots__))
-    return _finish(vehicle, times, centre, q[middle], centre_rate, turn, speed[middle], ground_m)
+    return _finish(vehicle, times, _middle(path), q[middle], centre_rate, turn, speed[middle], ground_m)
 
 
 def _sample(trajectory: Trajectory, times: FloatArray) -> _Path:
@@ -97,7 +118,7 @@ def _attitudes(
     wanted = mass * (path.acceleration + np.array([0.0, 0.0, GRAVITY_M_S2]))
     size = np.linalg.norm(wanted, axis=1)
     q = hopf(wanted / np.where(size > 1e-9, size, np.nan)[:, None], path.yaw)
-    for _ in range(40):
+    for _ in range(200):
         turned, along, force_z = _turned(vehicle, wanted, path, q, rate, speed, ground_m)
         ratio = np.sqrt(np.clip(along / np.maximum(force_z, 1e-12), 0.25, 4.0))
         change = np.abs(turned - q).max(axis=1) + np.abs(ratio - 1.0)
@@ -168,7 +189,20 @@ def _finish(
         if not (np.abs(turned - q) > 1e-12).any():
             break
         q = turned
-    up = rotations.rotate(q, np.array([0.0, 0.0, 1.0]))[:, 2]
+    return _flat_state(times, path, q, rate, turn, thrust, torque, speed)
+
+
+def _flat_state(
+    times: FloatArray,
+    path: _Path,
+    q: FloatArray,
+    rate: FloatArray,
+    turn: FloatArray,
+    thrust: FloatArray,
+    torque: FloatArray,
+    speed: FloatArray,
+) -> FlatState:
+    _, x, y, _ = q.T
     return FlatState(
         time_s=times,
         position_world_m=path.position,
@@ -180,5 +214,5 @@ def _finish(
         thrust_n=thrust,
         torque_n_m=torque,
         rotor_speed_rad_s=speed,
-        tilt_rad=np.arccos(np.clip(up, -1.0, 1.0)),
+        tilt_rad=np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)),
     )

@@ -5,6 +5,7 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include "flat.hpp"
 #include "model.hpp"
 #include "motion.hpp"
 
@@ -118,6 +119,25 @@ void step(const Model& model, In values, In world, In command, In battery_v, int
     }
 }
 
+// path: rows of velocity 0-2, acceleration 3-5, height 6, yaw 7, five rows per instant.
+// out: rows of q 0-3, rate 4-6, its derivative 7-9, thrust 10, torque 11-13, rotor speed 14-17.
+void flatness(const Model& model, In values, double gravity, In hover, double spacing, In path, InOut out) {
+    nb::gil_scoped_release release;
+    for (size_t i = 0; i < out.shape(0); ++i) {
+        PathPoint points[5];
+        for (int s = 0; s < 5; ++s) {
+            const double* p = path.data() + (5 * i + s) * 8;
+            points[s] = {{p[0], p[1], p[2]}, {p[3], p[4], p[5]}, p[6], p[7]};
+        }
+        Flat flat;
+        flatten(model, values.data(), gravity, hover.data(), spacing, points, flat);
+        double* o = out.data() + 18 * i;
+        for (int k = 0; k < 4; ++k) o[k] = flat.q[k], o[14 + k] = flat.rotor_speed[k];
+        for (int k = 0; k < 3; ++k) o[4 + k] = flat.rate[k], o[7 + k] = flat.turn[k], o[11 + k] = flat.torque[k];
+        o[10] = flat.thrust;
+    }
+}
+
 }  // namespace
 
 NB_MODULE(_vehicle, m) {
@@ -128,7 +148,8 @@ NB_MODULE(_vehicle, m) {
         .def_ro("width", &Model::width)
         .def("evaluate", &evaluate)
         .def("jacobian", &jacobian)
-        .def("step", &step);
+        .def("step", &step)
+        .def("flatness", &flatness);
     m.def("effects", [] {
         std::vector<std::pair<std::string, int>> known;
         for (const Entry& e : catalogue()) known.emplace_back(e.name, e.parameters);
