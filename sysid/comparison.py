@@ -1,0 +1,173 @@
+"""Models against measurements on flights: open-loop prediction error by horizon, and residual force and torque."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flight import FlightLog, InputError, Progress, rotations, silent
+from flight.rotations import FloatArray
+from sysid import dynamics
+from sysid.flight_data import Flight, prepare
+from sysid.identification import smooth
+from sysid.options import Options
+from sysid.prediction import predict
+from sysid.result import CHANNELS
+from sysid.sensors import PoseSensor
+from sysid.states import States
+from vehicle import Vehicle, rigid_body
+
+SCHEMA_VERSION = 1
+"""Version of `Comparison.as_dict`."""
+
+HORIZONS_S = (0.1, 0.2, 0.5, 1.0)
+QUANTITIES = {"position": "m", "velocity": "m/s", "attitude": "rad", "rate": "rad/s"}
+"""What prediction errors are given in; the unit of each."""
+
+REFERENCE_LOOSENESS = 30.0
+"""The reference states trust every model this much less than its own residuals suggest: they follow the sensors."""
+
+
+@dataclass(frozen=True, slots=True)
+class Residual:
+    """What one model leaves unexplained on one flight."""
+
+    time_s: FloatArray
+    """(k,) middle of each interval."""
+    wrench: FloatArray
+    """(k, 6) force (N) and torque (N m) in body axes: measured less modelled."""
+    velocity_body_m_s: FloatArray
+    """(k, 3)."""
+    rate_body_rad_s: FloatArray
+    """(k, 3)."""
+    position_world_m: FloatArray
+    """(k, 3)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Result of `compare`."""
+
+    flights: tuple[Flight, ...]
+    models: Mapping[str, Vehicle]
+    errors: Mapping[str, Mapping[str, tuple[float, ...]]]
+    """Model, quantity: root mean square error at each of `HORIZONS_S`, all flights together."""
+    flight_errors: Mapping[str, tuple[float, ...]]
+    """Model: root mean square position error at 0.5 s of each flight."""
+    residuals: Mapping[str, tuple[Residual, ...]]
+    """Model: residual wrench on each flight, at states that follow the sensors and are the same for every model."""
+    predictions: int
+    """Number of predictions behind each error."""
+
+    def wrench_rms(self, model: str) -> FloatArray:
+        """(6,) root mean square of the residual force (N) and torque (N m) of one model, after a 0.1 s mean."""
+        parts = [_mean_over(r.wrench, r.time_s, 0.1) for r in self.residuals[model]]
+        return np.sqrt((np.concatenate(parts) ** 2).mean(axis=0))
+
+    def as_dict(self) -> dict[str, Any]:
+        """The figures as plain JSON values."""
+        return {
+            "schema": "goshawk-comparison",
+            "version": SCHEMA_VERSION,
+            "flights": [f.name for f in self.flights],
+            "horizons_s": list(HORIZONS_S),
+            "predictions": self.predictions,
+            "models": {
+                name: {
+                    "vehicle": vehicle.name,
+                    "effects": list(vehicle.effects),
+                    "error_rms": {
+                        f"{quantity}_{unit.replace('/', '_')}": list(self.errors[name][quantity])
+                        for quantity, unit in QUANTITIES.items()
+                    },
+                    "position_error_at_0.5_s_by_flight_m": list(self.flight_errors[name]),
+                    "residual_rms": dict(zip(CHANNELS, self.wrench_rms(name).tolist(), strict=True)),
+                }
+                for name, vehicle in self.models.items()
+            },
+        }
+
+
+def compare(
+    logs: Sequence[FlightLog],
+    models: Mapping[str, Vehicle],
+    options: Options | None = None,
+    *,
+    progress: Progress = silent,
+) -> Comparison:
+    """Judge models on flights, best ones that were not used for fitting.
+
+    Every prediction starts from the state that the smoother finds under the model being judged, so that no model pays
+    for the noise of a differentiated pose. Velocity and rate errors are taken against one set of reference states that
+    follow the sensors; position and attitude errors against the pose sensor itself.
+
+    Raises:
+        InputError: no flight, no model, or a log that cannot be used.
+    """
+    if not logs or not models:
+        raise InputError("compare needs at least one flight and one model")
+    flights = [flight for i, log in enumerate(logs) for flight in prepare(log, i, options or Options())]
+    longest_s = max(HORIZONS_S)
+    flights = [f for f in flights if f.time_s[-1] - f.time_s[0] > 2.0 * longest_s]
+    if not flights:
+        raise InputError(f"no flight is longer than {2.0 * longest_s:g} s; predictions need that")
+    first = next(iter(models.values()))
+    reference = smooth(flights, first, process_scale=REFERENCE_LOOSENESS).point.states
+    errors, flight_errors, residuals = {}, {}, {}
+    count = 0
+    for i, (name, vehicle) in enumerate(models.items()):
+        states = smooth(flights, vehicle).point.states
+        sensor = PoseSensor.of(vehicle)
+        parts = [_errors(*one, vehicle, sensor) for one in zip(flights, states, reference, strict=True)]
+        errors[name] = {
+            quantity: tuple(_rms(np.concatenate([p[quantity][h] for p in parts])) for h in range(len(HORIZONS_S)))
+            for quantity in QUANTITIES
+        }
+        flight_errors[name] = tuple(_rms(p["position"][HORIZONS_S.index(0.5)]) for p in parts)
+        residuals[name] = tuple(_residual(f, s, vehicle) for f, s in zip(flights, reference, strict=True))
+        count = sum(len(p["position"][0]) for p in parts)
+        progress("compare", (i + 1) / len(models))
+    return Comparison(tuple(flights), dict(models), errors, flight_errors, residuals, count)
+
+
+def _errors(
+    flight: Flight, states: States, reference: States, vehicle: Vehicle, sensor: PoseSensor
+) -> dict[str, list[FloatArray]]:
+    """Per quantity and horizon, the size of the error of each prediction."""
+    predictions = predict(flight, states, vehicle, HORIZONS_S, every_s=0.1)
+    found: dict[str, list[FloatArray]] = {quantity: [] for quantity in QUANTITIES}
+    for steps, predicted in zip(predictions.steps, predictions.states, strict=True):
+        end = predictions.start + steps
+        position, q = sensor.reading(predicted)
+        found["position"].append(np.linalg.norm(position - flight.position_world_m[end], axis=1))
+        found["attitude"].append(rotations.angle_between(flight.q_world_sensor[end], q))
+        found["velocity"].append(
+            np.linalg.norm(predicted.velocity_world_m_s - reference.velocity_world_m_s[end], axis=1)
+        )
+        found["rate"].append(np.linalg.norm(predicted.rate_body_rad_s - reference.rate_body_rad_s[end], axis=1))
+    return found
+
+
+def _residual(flight: Flight, reference: States, vehicle: Vehicle) -> Residual:
+    mid = dynamics.middle(flight, reference)
+    left = dynamics.unexplained(flight, reference, vehicle)
+    body = rigid_body(vehicle)
+    return Residual(
+        time_s=0.5 * (flight.time_s[1:] + flight.time_s[:-1]),
+        wrench=np.concatenate([body.mass_kg * left[:, :3], left[:, 3:] @ body.inertia_kg_m2], axis=1),
+        velocity_body_m_s=mid.velocity_body_m_s,
+        rate_body_rad_s=mid.rate_body_rad_s,
+        position_world_m=mid.position_world_m,
+    )
+
+
+def _mean_over(values: FloatArray, time_s: FloatArray, span_s: float) -> FloatArray:
+    """Means over consecutive stretches of time."""
+    bin_ = ((time_s - time_s[0]) / span_s).astype(int)
+    count = np.maximum(np.bincount(bin_), 1)
+    return np.stack([np.bincount(bin_, column) / count for column in values.T], axis=1)
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt((values**2).mean()))

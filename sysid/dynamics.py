@@ -1,0 +1,160 @@
+"""Model defects over each interval between nodes, whitened, with their derivatives.
+
+Implicit midpoint rule: everything is evaluated once per interval, half-way between the two states, with the mean
+rotor speed of the interval. Only the wrench is differentiated by the vehicle; the rigid body is chained here by hand.
+Unmodelled acceleration is white noise in body axes, so a defect has the covariance of its integral over the interval.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flight import rotations
+from flight.rotations import FloatArray
+from sysid.flight_data import Flight
+from sysid.model import along
+from sysid.states import States
+from vehicle import Jacobian, Vehicle
+
+GRAVITY_WORLD_M_S2 = np.array([0.0, 0.0, -9.80665])
+
+
+@dataclass(frozen=True, slots=True)
+class Middle:
+    """What the model needs half-way through each interval."""
+
+    step_s: FloatArray
+    """(k, 1)."""
+    R_world_body: FloatArray
+    """(k, 3, 3)."""
+    turn_rad: FloatArray
+    """(k, 3) rotation vector from the state before to the state after."""
+    q_world_body: FloatArray
+    """(k, 4)."""
+    position_world_m: FloatArray
+    """(k, 3)."""
+    velocity_world_m_s: FloatArray
+    """(k, 3)."""
+    velocity_body_m_s: FloatArray
+    """(k, 3)."""
+    rate_body_rad_s: FloatArray
+    """(k, 3)."""
+
+
+def middle(flight: Flight, states: States) -> Middle:
+    """The mid-states of all intervals."""
+    q0, q1 = states.q_world_body[:-1], states.q_world_body[1:]
+    turn = rotations.log(rotations.multiply(rotations.conjugate(q0), q1))
+    q = rotations.multiply(q0, rotations.exp(0.5 * turn))
+    R = rotations.matrix(q)
+    velocity = 0.5 * (states.velocity_world_m_s[:-1] + states.velocity_world_m_s[1:])
+    return Middle(
+        step_s=flight.step_s[:, None],
+        R_world_body=R,
+        turn_rad=turn,
+        q_world_body=q,
+        position_world_m=0.5 * (states.position_world_m[:-1] + states.position_world_m[1:]),
+        velocity_world_m_s=velocity,
+        velocity_body_m_s=(velocity[:, None, :] @ R)[:, 0],
+        rate_body_rad_s=0.5 * (states.rate_body_rad_s[:-1] + states.rate_body_rad_s[1:]),
+    )
+
+
+def unexplained(flight: Flight, states: States, vehicle: Vehicle) -> FloatArray:
+    """(k, 6) mean acceleration the vehicle does not explain: body axes, m/s2 and rad/s2."""
+    mid = middle(flight, states)
+    return _rates_of_change(states, mid) - along(vehicle, flight, mid)
+
+
+def _rates_of_change(states: States, mid: Middle) -> FloatArray:
+    dv = np.diff(states.velocity_world_m_s, axis=0) / mid.step_s - GRAVITY_WORLD_M_S2
+    specific_force = (dv[:, None, :] @ mid.R_world_body)[:, 0]
+    return np.concatenate([specific_force, np.diff(states.rate_body_rad_s, axis=0) / mid.step_s], axis=1)
+
+
+def defects(states: States, mid: Middle, value: FloatArray) -> FloatArray:
+    """(k, 12) what is left of the motion over each interval: position, velocity (body axes), turn, rate."""
+    h = mid.step_s
+    moved = np.diff(states.position_world_m, axis=0) - h * mid.velocity_world_m_s
+    # The cross product is the coning term of a rate that changes linearly over the interval (Magnus, fourth order).
+    coning = h * h / 12.0 * np.cross(states.rate_body_rad_s[:-1], states.rate_body_rad_s[1:])
+    change = h * (_rates_of_change(states, mid) - value)
+    return np.concatenate(
+        [
+            (moved[:, None, :] @ mid.R_world_body)[:, 0],
+            change[:, :3],
+            mid.turn_rad - h * mid.rate_body_rad_s - coning,
+            change[:, 3:],
+        ],
+        axis=1,
+    )
+
+
+def defect_jacobians(
+    states: States, mid: Middle, acceleration: Jacobian
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Derivatives of `defects` by the state before, the state after (k, 12, 12) and the model's parameters (k, 12, p)."""
+    k = len(mid.step_s)
+    h = mid.step_s[:, :, None]
+    Rt = np.swapaxes(mid.R_world_body, 1, 2)
+    eye = np.broadcast_to(np.eye(3), (k, 3, 3))
+    half_turn = rotations.hat(mid.turn_rad)
+    # attitude of the middle by the attitudes before and after, to first order in the turn
+    m0, m1 = 0.5 * eye - 0.125 * half_turn, 0.5 * eye + 0.125 * half_turn
+    square = half_turn @ half_turn / 12.0
+    moved = np.diff(states.position_world_m, axis=0) - mid.step_s * mid.velocity_world_m_s
+    gained = np.diff(states.velocity_world_m_s, axis=0) - mid.step_s * GRAVITY_WORLD_M_S2
+    hat_moved = rotations.hat((moved[:, None, :] @ mid.R_world_body)[:, 0])
+    hat_gained = rotations.hat((gained[:, None, :] @ mid.R_world_body)[:, 0])
+    by_velocity, by_rate = h * acceleration.velocity, h * acceleration.rate
+    by_attitude = by_velocity @ rotations.hat(mid.velocity_body_m_s) + h * acceleration.attitude
+    by_velocity_world = by_velocity @ Rt
+    by_height = 0.5 * h[:, 0] * acceleration.height
+
+    before, after = np.zeros((k, 12, 12)), np.zeros((k, 12, 12))
+    for jacobian, sign, half in ((before, -1.0, m0), (after, 1.0, m1)):
+        jacobian[:, 0:3, 0:3] = sign * Rt
+        jacobian[:, 0:3, 3:6] = -0.5 * h * Rt
+        jacobian[:, 0:3, 6:9] = hat_moved @ half
+        jacobian[:, 3:6, 3:6] = sign * Rt - 0.5 * by_velocity_world[:, :3]
+        jacobian[:, 3:6, 6:9] = (hat_gained - by_attitude[:, :3]) @ half
+        jacobian[:, 3:6, 9:12] = -0.5 * by_rate[:, :3]
+        jacobian[:, 6:9, 6:9] = sign * (eye + square) + 0.5 * half_turn
+        jacobian[:, 6:9, 9:12] = -0.5 * h * eye
+        jacobian[:, 9:12, 3:6] = -0.5 * by_velocity_world[:, 3:]
+        jacobian[:, 9:12, 6:9] = -by_attitude[:, 3:] @ half
+        jacobian[:, 9:12, 9:12] = sign * eye - 0.5 * by_rate[:, 3:]
+        jacobian[:, 3:6, 2] -= by_height[:, :3]
+        jacobian[:, 9:12, 2] -= by_height[:, 3:]
+    border = np.zeros((k, 12, acceleration.parameters.shape[2]))
+    border[:, 3:6] = -h * acceleration.parameters[:, :3]
+    border[:, 9:12] = -h * acceleration.parameters[:, 3:]
+    return before, after, border
+
+
+def whiten(step_s: FloatArray, std: FloatArray, *rows: FloatArray) -> list[FloatArray]:
+    """Rows (k, 12, ...) of defects divided by the Cholesky factor of their covariance.
+
+    White acceleration of density std^2 (six channels, m/s2 and rad/s2 times root second) makes the covariance of the
+    pair (position, velocity) over h std^2 [[h^3/3, h^2/2], [h^2/2, h]]; turn and rate likewise.
+
+    Args:
+        step_s: (k, 1).
+        std: (6,).
+    """
+    h = step_s[:, 0]
+    first = np.sqrt(h**3 / 3.0)
+    mixed = 0.5 * h * h / first
+    second = 0.5 * np.sqrt(h)
+    result = []
+    for row in rows:
+        shape = (-1, *(1,) * (row.ndim - 1))
+        a, b, c = first.reshape(shape), mixed.reshape(shape), second.reshape(shape)
+        scale = std.reshape(1, 6, *(1,) * (row.ndim - 2))
+        white = np.empty_like(row)
+        for low, channel in ((0, slice(0, 3)), (6, slice(3, 6))):
+            integral = row[:, low : low + 3] / (a * scale[:, channel])
+            white[:, low : low + 3] = integral
+            white[:, low + 3 : low + 6] = (row[:, low + 3 : low + 6] / scale[:, channel] - b * integral) / c
+        result.append(white)
+    return result

@@ -1,0 +1,161 @@
+"""Maximum-likelihood identification of a vehicle from flights: joint over all states and parameters (Rigter eq. 10)."""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from flight import FlightLog, InputError, Progress, silent
+from sysid import dynamics, excitation
+from sysid.flight_data import Flight, prepare
+from sysid.model import chosen_names
+from sysid.options import Options
+from sysid.problem import Noise, Point, Unknowns, with_values
+from sysid.result import Identification, conclude
+from sysid.sensors import SENSOR_NAMES, PoseSensor
+from sysid.solver import Prior, Solution, solve
+from sysid.states import first_guess
+from vehicle import Vehicle, specs
+
+logger = logging.getLogger(__name__)
+
+UNSEEN_SHARE = 0.5
+"""A parameter is unseen when its standard error exceeds this share of its usual size."""
+
+
+def identify(
+    logs: Sequence[FlightLog], vehicle: Vehicle, options: Options | None = None, *, progress: Progress = silent
+) -> Identification:
+    """Fit a vehicle's parameters to flights with measured pose and rotor speed.
+
+    Mass, air density and rotor radius are never estimated: only ratios to them show. Everything else that acts on the
+    motion is, unless the options hold it; the pose sensor's place and a gyro bias per log are estimated along.
+
+    Raises:
+        InputError: a log lacks a quantity, has a gap, or shows too little motion; a name is unknown.
+    """
+    options = options or Options()
+    if not logs:
+        raise InputError("no flight was given; identification needs at least one log")
+    flights = [flight for i, log in enumerate(logs) for flight in prepare(log, i, options)]
+    excitation.require(flights, chosen_names(vehicle, options.free, options.held))
+    unknowns = _unknowns(vehicle, flights, options)
+    point, noise = start(vehicle, flights)
+    held: list[str] = []
+    while True:
+        prior = _prior(point, vehicle, unknowns, options)
+        solution = solve(
+            flights,
+            point,
+            noise,
+            unknowns,
+            prior,
+            robust=options.robust,
+            max_iterations=options.max_iterations,
+            progress=progress,
+        )
+        unseen = _least_seen(solution, vehicle, unknowns)
+        if unseen is None:
+            break
+        if options.unseen == "refuse":
+            raise InputError(_unseen_message(unseen))
+        held.append(unseen)
+        logger.info("holding %s: these flights do not show it", unseen)
+        unknowns = without(unknowns, unseen)
+        point, noise = _reset(solution.point, vehicle, unseen), solution.noise
+    progress("identify", 1.0)
+    return conclude(vehicle, flights, unknowns, solution, tuple(held), options)
+
+
+def start(vehicle: Vehicle, flights: list[Flight]) -> tuple[Point, Noise]:
+    """States by smoothing the pose; noise levels from what the vehicle then leaves unexplained."""
+    sensor = PoseSensor.of(vehicle)
+    states = tuple(first_guess(flight, sensor.offset_body_m, sensor.q_body_sensor) for flight in flights)
+    left = [dynamics.unexplained(f, s, vehicle) for f, s in zip(flights, states, strict=True)]
+    # An unexplained acceleration that lasts about a tenth of a second has the density size x sqrt(0.1 s).
+    size = np.sqrt(np.mean(np.concatenate(left) ** 2, axis=0))
+    logs = 1 + max(flight.log_index for flight in flights)
+    return Point(vehicle, sensor, np.zeros((logs, 3)), states), Noise(process=np.sqrt(0.1) * size + 1e-3)
+
+
+def _unknowns(vehicle: Vehicle, flights: list[Flight], options: Options) -> Unknowns:
+    names = chosen_names(vehicle, options.free, options.held)
+    sensor = tuple(n for n in SENSOR_NAMES if options.pose_sensor and n not in options.held)
+    with_gyro = {f.log_index for f in flights if np.isfinite(f.rate_body_rad_s).any()}
+    return Unknowns(names, sensor, tuple(sorted(with_gyro)))
+
+
+def without(unknowns: Unknowns, name: str) -> Unknowns:
+    """The unknowns less one."""
+    return replace(
+        unknowns,
+        model=tuple(n for n in unknowns.model if n != name),
+        sensor=tuple(n for n in unknowns.sensor if n != name),
+    )
+
+
+def _reset(point: Point, vehicle: Vehicle, name: str) -> Point:
+    """The point with one parameter back at the vehicle's value."""
+    if name not in SENSOR_NAMES:
+        return replace(point, vehicle=with_values(point.vehicle, (name,), np.array([vehicle.value(name)])))
+    both = np.concatenate([point.pose_sensor.offset_body_m, point.pose_sensor.rotation_rad])
+    both[SENSOR_NAMES.index(name)] = vehicle.value(name)
+    return replace(point, pose_sensor=PoseSensor(both[:3], both[3:]))
+
+
+def _prior(point: Point, vehicle: Vehicle, unknowns: Unknowns, options: Options) -> Prior:
+    for name in options.prior_std:
+        vehicle.parameter(name)
+    named = (*unknowns.model, *unknowns.sensor)
+    mean = [vehicle.value(name) for name in named] + [0.0] * (3 * len(unknowns.biased_logs))
+    std = [options.prior_std.get(name, np.inf) for name in named] + [0.1] * (3 * len(unknowns.biased_logs))
+    return Prior(np.array(mean), np.array(std))
+
+
+def usual_size(vehicle: Vehicle, point: Point, name: str) -> float:
+    """The size a standard error is judged by: the value itself, or what is typical of the effect if larger."""
+    value = max(abs(point.value(name)), abs(vehicle.value(name)))
+    never_zero = name.startswith(("inertia_", "thrust_", "rotor_yaw_torque"))
+    return value if never_zero and value > 0.0 else max(value, specs(vehicle)[name].prior)
+
+
+def _least_seen(solution: Solution, vehicle: Vehicle, unknowns: Unknowns) -> str | None:
+    """The parameter these flights show least, if they do not show it at all."""
+    named = (*unknowns.model, *unknowns.sensor)
+    if not named:
+        return None
+    std = np.sqrt(np.diag(solution.covariance()))[: len(named)]
+    share = std / np.array([usual_size(vehicle, solution.point, name) for name in named])
+    worst = int(np.argmax(share))
+    return named[worst] if share[worst] > UNSEEN_SHARE else None
+
+
+def _unseen_message(name: str) -> str:
+    return (
+        f"these flights do not show {name}: its standard error is larger than half its usual size; "
+        "fly a manoeuvre that excites it, hold it, or let all unseen parameters be held with unseen='hold'"
+    )
+
+
+def smooth(
+    flights: list[Flight], vehicle: Vehicle, *, process_scale: float = 1.0, progress: Progress = silent
+) -> Solution:
+    """The states of flights under a vehicle whose parameters stay as they are; noise levels are estimated.
+
+    Args:
+        process_scale: more than 1 trusts the model less, so that the measurements decide.
+    """
+    with_gyro = tuple(sorted({f.log_index for f in flights if np.isfinite(f.rate_body_rad_s).any()}))
+    unknowns = Unknowns((), (), with_gyro)
+    point, noise = start(vehicle, flights)
+    prior = Prior(np.zeros(unknowns.size), np.full(unknowns.size, 0.1))
+    solution = solve(
+        flights, point, noise, unknowns, prior, robust=False, max_iterations=20, progress=progress
+    )
+    if process_scale <= 1.0:
+        return solution
+    loose = replace(solution.noise, process=process_scale * solution.noise.process)
+    return solve(
+        flights, solution.point, loose, unknowns, prior, robust=False, max_iterations=1, progress=progress
+    )

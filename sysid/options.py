@@ -1,0 +1,45 @@
+"""What the user may ask of an identification."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from flight import InputError
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """Choices of `identify`; the defaults fit every parameter these flights can show."""
+
+    free: tuple[str, ...] | None = None
+    """Names to estimate, e.g. `rotor_drag_thrust.drag_s_m`; None: every parameter but those in `held`."""
+    held: tuple[str, ...] = ()
+    """Names kept at the vehicle's value. The mass is always held: pose and rotor speed show only ratios to it."""
+    prior_std: Mapping[str, float] = field(default_factory=dict)
+    """Name to the standard deviation of a prior around the vehicle's value."""
+    pose_sensor: bool = True
+    """Estimate where the pose sensor sits and how it is turned."""
+    use_rates: bool = True
+    """Use `rate_body_rad_s` of the log as a gyro with a constant bias, when it is there."""
+    gaps: Literal["refuse", "split"] = "refuse"
+    """A log with a gap: refuse it, or fit the pieces between gaps as separate flights."""
+    unseen: Literal["refuse", "hold"] = "refuse"
+    """Parameters these flights cannot show: refuse with their names, or hold them at the vehicle's value."""
+    node_rate_hz: float = 200.0
+    """Most states per second; faster logs are averaged down to it."""
+    robust: bool = False
+    """Give pose samples far off the fit less weight (Huber), for motion capture that jumps now and then."""
+    block_s: float = 1.5
+    """Length of the blocks within which errors may be correlated, for the robust standard errors."""
+    max_iterations: int = 30
+    """Gauss-Newton steps before giving up."""
+
+    def __post_init__(self) -> None:
+        for name in ("node_rate_hz", "block_s"):
+            if not getattr(self, name) > 0.0:
+                raise InputError(f"option {name} is {getattr(self, name)}; it must be positive")
+        if self.max_iterations < 1:
+            raise InputError(f"max_iterations is {self.max_iterations}; it must be at least 1")
+        for name, std in self.prior_std.items():
+            if not std > 0.0:
+                raise InputError(f"the prior of {name} has standard deviation {std}; it must be positive")

@@ -1,0 +1,67 @@
+"""Open-loop prediction: start from smoothed states, drive the model with measured rotor speed, look how far it drifts."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flight import rotations
+from flight.rotations import FloatArray
+from sysid.dynamics import GRAVITY_WORLD_M_S2
+from sysid.flight_data import Flight
+from sysid.model import surroundings
+from sysid.states import States
+from vehicle import Vehicle, acceleration
+
+
+@dataclass(frozen=True, slots=True)
+class Predictions:
+    """States predicted from many starts, one column of starts per horizon."""
+
+    start: FloatArray
+    """(s,) node each prediction starts from."""
+    steps: tuple[int, ...]
+    """Intervals from the start to each horizon."""
+    states: tuple[States, ...]
+    """Per horizon, (s, ...) each."""
+
+
+def predict(
+    flight: Flight, states: States, vehicle: Vehicle, horizons_s: tuple[float, ...], every_s: float
+) -> Predictions:
+    """Integrate the vehicle from the state at every `every_s` over each horizon, rotor speeds as measured."""
+    usual_s = float(np.median(flight.step_s))
+    steps = tuple(max(1, round(horizon / usual_s)) for horizon in horizons_s)
+    stride = max(1, round(every_s / usual_s))
+    starts = np.arange(0, len(flight) - max(steps), stride)
+    now = States(*(getattr(states, name)[starts] for name in States.__slots__))
+    reached = {}
+    for step in range(max(steps)):
+        now = _advance(flight, starts + step, now, vehicle)
+        if step + 1 in steps:
+            reached[step + 1] = now
+    return Predictions(starts, steps, tuple(reached[s] for s in steps))
+
+
+def _advance(flight: Flight, interval: FloatArray, now: States, vehicle: Vehicle) -> States:
+    """One interval by the explicit midpoint rule, rotor speed at its mean: as exact as the estimator's own rule."""
+    h = flight.step_s[interval][:, None]
+    half = _moved(now, now, 0.5 * h, _slope(flight, interval, now, vehicle))
+    return _moved(now, half, h, _slope(flight, interval, half, vehicle))
+
+
+def _slope(flight: Flight, interval: FloatArray, at: States, vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
+    """Acceleration in world axes and angular acceleration in body axes."""
+    around = surroundings(at.position_world_m, at.q_world_body, flight.rotor_acceleration_rad_s2[interval])
+    air = rotations.rotate(rotations.conjugate(at.q_world_body), at.velocity_world_m_s)
+    force, angular = acceleration(vehicle, air, at.rate_body_rad_s, flight.rotor_speed_rad_s[interval], around)
+    return rotations.rotate(at.q_world_body, force) + GRAVITY_WORLD_M_S2, angular
+
+
+def _moved(origin: States, at: States, h: FloatArray, slope: tuple[FloatArray, FloatArray]) -> States:
+    """From `origin` over h with the velocity, rate and accelerations found at `at`."""
+    return States(
+        origin.position_world_m + h * at.velocity_world_m_s,
+        origin.velocity_world_m_s + h * slope[0],
+        rotations.multiply(origin.q_world_body, rotations.exp(h * at.rate_body_rad_s)),
+        origin.rate_body_rad_s + h * slope[1],
+    )

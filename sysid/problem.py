@@ -1,0 +1,143 @@
+"""The joint estimation problem: which unknowns there are, where they stand, and their linearised residuals."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from flight.rotations import FloatArray
+from sysid import dynamics, sensors
+from sysid.chain import Rows
+from sysid.flight_data import Flight
+from sysid.model import along, slopes_along
+from sysid.sensors import SENSOR_NAMES, PoseSensor, SensorNoise
+from sysid.states import States
+from vehicle import Parameter, Vehicle, specs
+
+
+@dataclass(frozen=True, slots=True)
+class Unknowns:
+    """The border: parameters shared by all states, in this order."""
+
+    model: tuple[str, ...]
+    """Parameters of the vehicle's motion."""
+    sensor: tuple[str, ...]
+    """Of `SENSOR_NAMES`."""
+    biased_logs: tuple[int, ...]
+    """Logs with a gyro, each with a bias of its own."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        biases = tuple(f"gyro_bias_{axis}_rad_s[{log}]" for log in self.biased_logs for axis in "xyz")
+        return (*self.model, *self.sensor, *biases)
+
+    @property
+    def size(self) -> int:
+        return len(self.model) + len(self.sensor) + 3 * len(self.biased_logs)
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """How large the random errors are; estimated along with everything else."""
+
+    process: FloatArray = field(default_factory=lambda: np.array([1.0, 1.0, 1.0, 10.0, 10.0, 10.0]))
+    """(6,) densities of unmodelled acceleration, body axes: m/s2 and rad/s2 times root second."""
+    sensor: SensorNoise = field(default_factory=SensorNoise)
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """Where the unknowns stand."""
+
+    vehicle: Vehicle
+    """With the values tried at the moment."""
+    pose_sensor: PoseSensor
+    bias_rad_s: FloatArray
+    """(logs, 3)."""
+    states: tuple[States, ...]
+    """One per flight."""
+
+    def moved(self, unknowns: Unknowns, border: FloatArray, states: list[FloatArray]) -> "Point":
+        """The point after a change of border (p,) and states (n, 12) each."""
+        m, s = len(unknowns.model), len(unknowns.sensor)
+        change = np.zeros(6)
+        change[[SENSOR_NAMES.index(name) for name in unknowns.sensor]] = border[m : m + s]
+        bias = self.bias_rad_s.copy()
+        bias[list(unknowns.biased_logs)] += border[m + s :].reshape(-1, 3)
+        return replace(
+            self,
+            vehicle=with_values(self.vehicle, unknowns.model, self.values(unknowns.model) + border[:m]),
+            pose_sensor=PoseSensor(
+                self.pose_sensor.offset_body_m + change[:3], self.pose_sensor.rotation_rad + change[3:]
+            ),
+            bias_rad_s=bias,
+            states=tuple(s.moved(d) for s, d in zip(self.states, states, strict=True)),
+        )
+
+    def value(self, name: str) -> float:
+        """Value of one of the model's or the sensor's parameters."""
+        if name in SENSOR_NAMES:
+            both = np.concatenate([self.pose_sensor.offset_body_m, self.pose_sensor.rotation_rad])
+            return float(both[SENSOR_NAMES.index(name)])
+        return self.vehicle.value(name)
+
+    def values(self, names: tuple[str, ...]) -> FloatArray:
+        """Several at once."""
+        return np.array([self.value(name) for name in names], dtype=np.float64)
+
+
+def with_values(vehicle: Vehicle, names: tuple[str, ...], values: FloatArray) -> Vehicle:
+    """The vehicle with trial values, clipped by rounding at most (the solver keeps to the bounds)."""
+    bounds = specs(vehicle)
+    changed = dict(vehicle.parameters)
+    for name, value in zip(names, values, strict=True):
+        old = changed[name]
+        changed[name] = Parameter(float(np.clip(value, *bounds[name].bounds)), old.std, old.unit, old.source)
+    return replace(vehicle, parameters=changed)
+
+
+def linearise(flight: Flight, states: States, point: Point, unknowns: Unknowns, noise: Noise, robust: bool) -> Rows:
+    """Whitened residual rows of one flight with all derivatives."""
+    mid = dynamics.middle(flight, states)
+    acceleration = slopes_along(point.vehicle, unknowns.model, flight, mid)
+    defect = dynamics.defects(states, mid, acceleration.value)
+    before, after, by_model = dynamics.defect_jacobians(states, mid, acceleration)
+    by_border = np.zeros((len(flight) - 1, 12, unknowns.size))
+    by_border[:, :, : len(unknowns.model)] = by_model
+    defect, before, after, by_border = dynamics.whiten(mid.step_s, noise.process, defect, before, after, by_border)
+    rows = sensors.linearise(flight, states, point.pose_sensor, point.bias_rad_s[flight.log_index])
+    weight = 1.0 / sensors.deviations(noise.sensor)
+    weights = np.broadcast_to(weight, rows.residual.shape)
+    if robust:
+        weights = weights * sensors.robust_weights(rows.residual * weight)
+    return Rows(
+        defect=defect,
+        defect_before=before,
+        defect_after=after,
+        defect_border=by_border,
+        sensor=rows.residual * weights,
+        sensor_state=rows.by_state * weights[:, :, None],
+        sensor_border=_sensor_border(rows.by_sensor, flight, unknowns) * weights[:, :, None],
+    )
+
+
+def _sensor_border(by_sensor: FloatArray, flight: Flight, unknowns: Unknowns) -> FloatArray:
+    border = np.zeros((len(flight), 9, unknowns.size))
+    start = len(unknowns.model)
+    for i, name in enumerate(unknowns.sensor):
+        border[:, :, start + i] = by_sensor[:, :, SENSOR_NAMES.index(name)]
+    if flight.log_index in unknowns.biased_logs:
+        place = start + len(unknowns.sensor) + 3 * unknowns.biased_logs.index(flight.log_index)
+        border[:, :, place : place + 3] = by_sensor[:, :, 6:]
+    return border
+
+
+def cost(flight: Flight, states: States, point: Point, noise: Noise, robust: bool) -> float:
+    """Half the sum of squares of one flight's whitened residuals, without derivatives."""
+    mid = dynamics.middle(flight, states)
+    defect = dynamics.defects(states, mid, along(point.vehicle, flight, mid))
+    (defect,) = dynamics.whiten(mid.step_s, noise.process, defect)
+    sensor = sensors.residuals(flight, states, point.pose_sensor, point.bias_rad_s[flight.log_index])
+    sensor = sensor / sensors.deviations(noise.sensor)
+    if robust:
+        sensor = sensor * sensors.robust_weights(sensor)
+    return 0.5 * float(np.vdot(defect, defect) + np.vdot(sensor, sensor))

@@ -1,0 +1,218 @@
+"""What an identification found: estimates with errors that can be believed, and how it got there."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from flight.rotations import FloatArray
+from sysid.flight_data import Flight
+from sysid.options import Options
+from sysid.problem import Noise, Unknowns
+from sysid.sensors import SENSOR_NAMES
+from sysid.solver import Solution, robust_covariance
+from vehicle import Vehicle, specs
+
+SCHEMA_VERSION = 1
+"""Version of `Identification.as_dict`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """One parameter after the fit."""
+
+    name: str
+    value: float
+    unit: str
+    std: float
+    """Standard error if all noise were white and all forms exact."""
+    std_robust: float
+    """Standard error that allows for errors correlated within a block of time, and for slightly wrong forms."""
+    start: float
+    """Value before the fit."""
+    status: str
+    """`free`, `held` (by the user), or `unseen` (held because these flights do not show it)."""
+    information: tuple[float, ...]
+    """Share of each flight in what is known about it, the other parameters taken out; sums to 1 with the prior."""
+
+
+@dataclass(frozen=True, slots=True)
+class Identification:
+    """Result of `identify`."""
+
+    vehicle: Vehicle
+    """The vehicle with the new values, robust standard errors and their source."""
+    parameters: tuple[Estimate, ...]
+    """Every parameter that acts on the motion, and the pose sensor's."""
+    correlation: FloatArray
+    """(p, p) between the free parameters, in the order of `free_names`."""
+    free_names: tuple[str, ...]
+    noise: Noise
+    gyro_bias_rad_s: FloatArray
+    """(logs, 3), zero without a gyro."""
+    solution: Solution
+    """States, residuals and derivatives at the optimum, for plots and diagnosis."""
+    unknowns: Unknowns
+    flights: tuple[Flight, ...]
+    findings: tuple[str, ...]
+    """Sentences the user should read."""
+
+    @property
+    def converged(self) -> bool:
+        return self.solution.converged
+
+    def estimate(self, name: str) -> Estimate:
+        """The estimate of one parameter. Raises `KeyError` if it is not among them."""
+        return {e.name: e for e in self.parameters}[name]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Everything but states and residuals, as plain JSON values."""
+        return {
+            "schema": "goshawk-identification",
+            "version": SCHEMA_VERSION,
+            "vehicle": self.vehicle.name,
+            "effects": list(self.vehicle.effects),
+            "flights": [{"name": f.name, "duration_s": float(f.time_s[-1] - f.time_s[0]), "nodes": len(f)} for f in self.flights],
+            "parameters": {
+                e.name: {
+                    "value": e.value,
+                    "unit": e.unit,
+                    "std": e.std,
+                    "std_robust": e.std_robust,
+                    "start": e.start,
+                    "status": e.status,
+                    "information": list(e.information),
+                }
+                for e in self.parameters
+            },
+            "free": list(self.free_names),
+            "correlation": self.correlation.tolist(),
+            "converged": self.converged,
+            "iterations": [
+                {"cost": i.cost, "step_sigma": i.step_sigma, "damping": i.damping} for i in self.solution.record
+            ],
+            "noise": {
+                "force_m_s2_sqrt_s": self.noise.process[:3].tolist(),
+                "torque_rad_s2_sqrt_s": self.noise.process[3:].tolist(),
+                "position_m": self.noise.sensor.position_m,
+                "attitude_rad": self.noise.sensor.attitude_rad,
+                "rate_rad_s": self.noise.sensor.rate_rad_s,
+            },
+            "residuals": residual_statistics(self.solution),
+            "gyro_bias_rad_s": self.gyro_bias_rad_s.tolist(),
+            "findings": list(self.findings),
+        }
+
+
+CHANNELS = ("F_x", "F_y", "F_z", "M_x", "M_y", "M_z")
+
+
+def residual_statistics(solution: Solution) -> dict[str, dict[str, float]]:
+    """Per channel: root mean square of the whitened residual and its correlation with the next one."""
+    rows = {"F": (3, 6), "M": (9, 12)}
+    found: dict[str, dict[str, float]] = {}
+    for channel in CHANNELS:
+        column = rows[channel[0]][0] + "xyz".index(channel[2])
+        found[channel] = _statistics([r.defect[:, column] for r in solution.rows])
+    for i, name in enumerate(("position", "attitude", "rate")):
+        found[name] = _statistics([r.sensor[:, 3 * i + j] for r in solution.rows for j in range(3)])
+    return found
+
+
+def _statistics(series: list[FloatArray]) -> dict[str, float]:
+    square = sum(float(s @ s) for s in series)
+    lagged = sum(float(s[1:] @ s[:-1]) for s in series)
+    count = sum(len(s) for s in series)
+    return {"rms": float(np.sqrt(square / count)), "lag_one": lagged / square if square > 0.0 else 0.0}
+
+
+def conclude(
+    vehicle: Vehicle,
+    flights: list[Flight],
+    unknowns: Unknowns,
+    solution: Solution,
+    unseen: tuple[str, ...],
+    options: Options,
+) -> Identification:
+    """Estimates, errors and sentences from a solved problem."""
+    names = (*unknowns.model, *unknowns.sensor)
+    p = len(names)
+    plain = solution.covariance()
+    sandwich = robust_covariance(solution, [f.time_s for f in flights], options.block_s)
+    std, std_robust = np.sqrt(np.diag(plain))[:p], np.sqrt(np.diag(sandwich))[:p]
+    shares = _information_shares(solution)
+    estimates = [
+        Estimate(
+            name=name,
+            value=solution.point.value(name),
+            unit=vehicle.parameter(name).unit,
+            std=float(std[i]),
+            std_robust=float(std_robust[i]),
+            start=vehicle.value(name),
+            status="free",
+            information=tuple(shares[:, i].tolist()),
+        )
+        for i, name in enumerate(names)
+    ]
+    estimates += [_held(vehicle, name, "unseen") for name in unseen]
+    estimates += [_held(vehicle, name, "held") for name in sorted({"mass_kg", *options.held}) if name not in names]
+    safe = np.where(std > 0.0, std, 1.0)
+    return Identification(
+        vehicle=_updated(vehicle, estimates, flights),
+        parameters=tuple(estimates),
+        correlation=plain[:p, :p] / np.outer(safe, safe),
+        free_names=names,
+        noise=solution.noise,
+        gyro_bias_rad_s=solution.point.bias_rad_s,
+        solution=solution,
+        unknowns=unknowns,
+        flights=tuple(flights),
+        findings=tuple(_findings(vehicle, estimates, solution)),
+    )
+
+
+def _held(vehicle: Vehicle, name: str, status: str) -> Estimate:
+    p = vehicle.parameter(name)
+    return Estimate(name, p.value, p.unit, p.std, p.std, p.value, status, ())
+
+
+def _information_shares(solution: Solution) -> FloatArray:
+    """(flights, p): the flight's part of sum_f c^T I_f c, c the direction in which each parameter varies alone."""
+    covariance = solution.covariance()
+    if not len(covariance):
+        return np.zeros((len(solution.information), 0))
+    parts = np.stack([np.einsum("ip,ij,jp->p", covariance, info, covariance) for info in solution.information])
+    return parts / np.diag(covariance)
+
+
+def _updated(vehicle: Vehicle, estimates: list[Estimate], flights: list[Flight]) -> Vehicle:
+    source = "identified from " + ", ".join(dict.fromkeys(f.name for f in flights))
+    bounds = specs(vehicle)
+    for e in estimates:
+        if e.status == "free":
+            value = float(np.clip(e.value, *bounds[e.name].bounds))
+            vehicle = vehicle.with_value(e.name, value, std=e.std_robust, source=source)
+    return replace(vehicle, provenance={**vehicle.provenance, "identified_from": [f.name for f in flights]})
+
+
+def _findings(vehicle: Vehicle, estimates: list[Estimate], solution: Solution) -> list[str]:
+    found = [
+        f"mass_kg was given as {vehicle.mass_kg:g} and not estimated: pose and rotor speed show only ratios to it, so "
+        "thrust, drag and inertia are as right as the mass is"
+    ]
+    if not solution.converged:
+        found.append(f"not converged after {len(solution.record)} iterations; do not use these values")
+    bounds = specs(vehicle)
+    for e in estimates:
+        if e.status == "unseen":
+            found.append(f"{e.name} was held at {e.value:g} {e.unit}: these flights do not show it")
+        elif e.status == "free":
+            low, high = bounds[e.name].bounds
+            if not low <= e.value <= high:
+                found.append(f"{e.name} came out as {e.value:.3g} ± {e.std_robust:.2g} {e.unit}, outside {low:g} to {high:g}; the bound is kept")
+            if e.name not in SENSOR_NAMES and e.std > 0.0 and e.std_robust > 5.0 * e.std:
+                found.append(
+                    f"{e.name}: errors are strongly correlated in time (robust standard error {e.std_robust / e.std:.0f} times "
+                    "the plain one); the model may lack an effect"
+                )
+    return found

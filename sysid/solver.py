@@ -1,0 +1,303 @@
+"""Gauss-Newton on the joint problem: eliminate the states, step the parameters, re-estimate the noise, repeat."""
+
+import logging
+from dataclasses import dataclass, replace
+from math import sqrt
+
+import numpy as np
+
+from flight import InputError, Progress
+from flight.rotations import FloatArray
+from sysid import chain
+from sysid.chain import Factor, Rows
+from sysid.flight_data import Flight
+from sysid.problem import Noise, Point, Unknowns, cost, linearise
+from sysid.sensors import SensorNoise
+from vehicle import specs
+
+logger = logging.getLogger(__name__)
+
+LEAST_PROCESS = np.array([2e-4, 2e-4, 2e-4, 2e-3, 2e-3, 2e-3])
+"""Floor of the estimated process noise: what the midpoint rule itself leaves over."""
+OVER_RELAXATION = 1.6
+"""Power of the noise update: the plain fixed point (1) creeps, 2 overshoots."""
+CONVERGED_SIGMA = 0.02
+"""Stop when no parameter moves by more than this part of its standard error."""
+CONVERGED_NOISE = 0.05
+"""... and no noise level changes by more than this share."""
+
+
+@dataclass(frozen=True, slots=True)
+class Iteration:
+    """One line of the convergence record."""
+
+    cost: float
+    """Half the sum of squares before the step."""
+    step_sigma: float
+    """Largest step of a parameter in standard errors."""
+    damping: float
+    """Share of the Gauss-Newton step that was taken."""
+    values: tuple[float, ...]
+    """Parameters after the step."""
+    noise_change: float
+    """Largest relative change of a noise level after the step."""
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """The converged problem, ready for statistics."""
+
+    point: Point
+    noise: Noise
+    rows: tuple[Rows, ...]
+    """Linearised residuals per flight at the solution."""
+    sensitivity: tuple[FloatArray, ...]
+    """Per flight (n, 12, p): how the best states follow the parameters, H^-1 J^T J_border."""
+    information: tuple[FloatArray, ...]
+    """Per flight (p, p): information on the parameters with the states eliminated."""
+    prior_information: FloatArray
+    """(p, p)."""
+    record: tuple[Iteration, ...]
+    converged: bool
+
+    @property
+    def hessian(self) -> FloatArray:
+        """(p, p) information of all flights and the prior."""
+        return self.prior_information + np.sum(self.information, axis=0)
+
+    def covariance(self) -> FloatArray:
+        """(p, p) of the parameters, from the likelihood's curvature alone."""
+        return covariance_of(self.hessian)
+
+
+@dataclass(frozen=True, slots=True)
+class Prior:
+    """A Gaussian prior on the border; infinite standard deviation where nothing is known."""
+
+    mean: FloatArray
+    std: FloatArray
+
+    @property
+    def information(self) -> FloatArray:
+        return np.diag(1.0 / self.std**2)
+
+
+def solve(
+    flights: list[Flight],
+    point: Point,
+    noise: Noise,
+    unknowns: Unknowns,
+    prior: Prior,
+    *,
+    robust: bool,
+    max_iterations: int,
+    progress: Progress,
+) -> Solution:
+    """Iterate to the joint maximum of the likelihood over states, parameters and noise levels."""
+    record: list[Iteration] = []
+    converged = False
+    while True:
+        rows = [linearise(f, s, point, unknowns, noise, robust) for f, s in zip(flights, point.states, strict=True)]
+        border = _border_values(point, unknowns)
+        eliminated = [_eliminate(r) for r in rows]
+        if converged or len(record) == max_iterations:
+            break
+        hessian = prior.information + sum(e.information for e in eliminated)
+        gradient = prior.information @ (border - prior.mean) + sum(e.gradient for e in eliminated)
+        step, sigma = _parameter_step(hessian, gradient, _room(point, unknowns))
+        changes = [-(e.state_step + e.sensitivity @ step) for e in eliminated]
+        point, taken = _take(flights, point, unknowns, noise, prior, step, changes, robust, sum(r.cost() for r in rows))
+        old, noise = noise, _noise(rows, eliminated, step, taken, changes, noise)
+        record.append(
+            Iteration(
+                cost=sum(r.cost() for r in rows),
+                step_sigma=float(np.max(np.abs(step) / sigma, initial=0.0)),
+                damping=taken,
+                values=tuple(_border_values(point, unknowns)),
+                noise_change=_relative_change(old, noise),
+            )
+        )
+        last = record[-1]
+        # A noise level without influence may creep for long; two small steps in a row are enough then.
+        still = [i.step_sigma < CONVERGED_SIGMA and i.damping > 0.99 for i in record[-2:]]
+        converged = still[-1] and (last.noise_change < CONVERGED_NOISE or (len(still) == 2 and still[0]))
+        progress("identify", min(0.95, len(record) / 12.0))
+        logger.info("iteration %d: cost %.6g, step %.3g sigma", len(record), last.cost, last.step_sigma)
+    return Solution(
+        point=point,
+        noise=noise,
+        rows=tuple(rows),
+        sensitivity=tuple(e.sensitivity for e in eliminated),
+        information=tuple(e.information for e in eliminated),
+        prior_information=prior.information,
+        record=tuple(record),
+        converged=converged,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Eliminated:
+    factor: Factor
+    sensitivity: FloatArray
+    state_step: FloatArray
+    information: FloatArray
+    gradient: FloatArray
+
+
+def _eliminate(rows: Rows) -> _Eliminated:
+    """Schur complement of the states: what one flight says about the parameters alone."""
+    normal = chain.normal_equations(rows)
+    factor = Factor(normal.diagonal, normal.coupling)
+    both = factor.solve(np.concatenate([normal.border, normal.gradient[:, :, None]], axis=2))
+    sensitivity, state_step = both[:, :, :-1], both[:, :, -1]
+    flat = normal.border.reshape(-1, normal.border.shape[2])
+    return _Eliminated(
+        factor=factor,
+        sensitivity=sensitivity,
+        state_step=state_step,
+        information=normal.border_hessian - flat.T @ sensitivity.reshape(flat.shape),
+        gradient=normal.border_gradient - flat.T @ state_step.ravel(),
+    )
+
+
+def _parameter_step(
+    hessian: FloatArray, gradient: FloatArray, room: tuple[FloatArray, FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Newton step (p,) that stays within `room` (lowest and highest step), and standard errors (p,).
+
+    A parameter that would leave its bounds goes to the bound, and the others are solved for again with it there.
+    """
+    step, stopped = np.zeros(len(gradient)), np.zeros(len(gradient), dtype=bool)
+    while True:
+        left = ~stopped
+        pull = gradient[left] + hessian[np.ix_(left, stopped)] @ step[stopped]
+        step[left] = -_solve_scaled(hessian[np.ix_(left, left)], pull)
+        beyond = left & ((step < room[0]) | (step > room[1]))
+        if not beyond.any():
+            return step, np.sqrt(np.diag(covariance_of(hessian)))
+        step = np.where(beyond, np.clip(step, *room), step)
+        stopped |= beyond
+
+
+def _solve_scaled(hessian: FloatArray, right: FloatArray) -> FloatArray:
+    """Directions that carry no information at all (below 1e-12 of the scaled matrix) are left where they are."""
+    scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    values, vectors = np.linalg.eigh(hessian / np.outer(scale, scale))
+    inverse = np.where(values > 1e-12, 1.0 / np.maximum(values, 1e-12), 0.0)
+    return (vectors @ (inverse * (vectors.T @ (right / scale)))) / scale
+
+
+def covariance_of(hessian: FloatArray) -> FloatArray:
+    """Inverse of an information matrix whose rows differ wildly in size; what is unknown comes out huge, not infinite."""
+    scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    values, vectors = np.linalg.eigh(hessian / np.outer(scale, scale))
+    return (vectors / np.maximum(values, 1e-24)) @ vectors.T / np.outer(scale, scale)
+
+
+def _room(point: Point, unknowns: Unknowns) -> tuple[FloatArray, FloatArray]:
+    """How far each parameter may step down and up; an inertia at most by two thirds down, so it stays positive."""
+    bounds = specs(point.vehicle)
+    low, high = np.full(unknowns.size, -np.inf), np.full(unknowns.size, np.inf)
+    for i, name in enumerate(unknowns.model):
+        value = point.value(name)
+        low[i], high[i] = bounds[name].bounds[0] - value, bounds[name].bounds[1] - value
+        if name.startswith("inertia_"):
+            low[i] = max(low[i], -2.0 / 3.0 * value)
+    return low, high
+
+
+def _take(
+    flights: list[Flight],
+    point: Point,
+    unknowns: Unknowns,
+    noise: Noise,
+    prior: Prior,
+    step: FloatArray,
+    changes: list[FloatArray],
+    robust: bool,
+    before: float,
+) -> tuple[Point, float]:
+    """The point after the largest share of the step that lowers the cost."""
+
+    def total(candidate: Point) -> float:
+        border = _border_values(candidate, unknowns)
+        own = 0.5 * float((((border - prior.mean) / prior.std) ** 2).sum())
+        return own + sum(cost(f, s, candidate, noise, robust) for f, s in zip(flights, candidate.states, strict=True))
+
+    start = before + 0.5 * float((((_border_values(point, unknowns) - prior.mean) / prior.std) ** 2).sum())
+    share = 1.0
+    while share > 1e-3:
+        candidate = point.moved(unknowns, share * step, [share * c for c in changes])
+        after = total(candidate)
+        # rounding of sums over 1e5 rows is allowed for; at the optimum the cost no longer falls
+        if np.isfinite(after) and after <= start * (1.0 + 1e-6) + 1e-3:
+            return candidate, share
+        share *= 0.5
+    raise InputError(
+        "the fit does not get better in any direction; the start values may be of another vehicle, "
+        "or the rotor order, spin or units of the log may be wrong"
+    )
+
+
+def _border_values(point: Point, unknowns: Unknowns) -> FloatArray:
+    named = point.values((*unknowns.model, *unknowns.sensor))
+    return np.concatenate([named, point.bias_rad_s[list(unknowns.biased_logs)].ravel()])
+
+
+def _noise(
+    rows: list[Rows],
+    eliminated: list[_Eliminated],
+    step: FloatArray,
+    taken: float,
+    changes: list[FloatArray],
+    noise: Noise,
+) -> Noise:
+    """Noise levels that match the residuals: squares over the rows left after the states took their share."""
+    squares, left = np.zeros(21), np.zeros(21)
+    for r, e, change in zip(rows, eliminated, changes, strict=True):
+        defect_change, sensor_change = r.change(taken * change[:, :, None], taken * step[:, None])
+        defect, sensor = r.defect + defect_change[:, :, 0], r.sensor + sensor_change[:, :, 0]
+        defect_leverage, sensor_leverage = chain.leverage(r, e.factor.covariance())
+        measured = (r.sensor_state != 0.0).any(axis=2)
+        squares += np.concatenate([(defect**2).sum(axis=0), (sensor**2).sum(axis=0)])
+        left += np.concatenate([(1.0 - defect_leverage).sum(axis=0), (measured - sensor_leverage).sum(axis=0)])
+    channel = np.array([0, 1, 2, 0, 1, 2, 3, 4, 5, 3, 4, 5, 6, 6, 6, 7, 7, 7, 8, 8, 8])
+    total, count = np.bincount(channel, squares, 9), np.bincount(channel, left, 9)
+    ratio = np.where(count > 1.0, np.sqrt(np.clip(total / np.maximum(count, 1.0), 0.01, 100.0)), 1.0)
+    ratio[:6] = np.where(ratio[:6] < 1.0, ratio[:6] ** OVER_RELAXATION, ratio[:6])
+    s = noise.sensor
+    return replace(
+        noise,
+        process=np.maximum(noise.process * ratio[:6], LEAST_PROCESS),
+        sensor=SensorNoise(
+            max(s.position_m * float(ratio[6]), 1e-5),
+            max(s.attitude_rad * float(ratio[7]), 1e-5),
+            max(s.rate_rad_s * float(ratio[8]), 1e-5),
+        ),
+    )
+
+
+def _relative_change(old: Noise, new: Noise) -> float:
+    def levels(noise: Noise) -> FloatArray:
+        s = noise.sensor
+        return np.concatenate([noise.process, [s.position_m, s.attitude_rad, s.rate_rad_s]])
+
+    return float(np.abs(levels(new) / levels(old) - 1.0).max())
+
+
+def robust_covariance(solution: Solution, times_s: list[FloatArray], block_s: float) -> FloatArray:
+    """(p, p) sandwich covariance: errors may be correlated within blocks of `block_s`, and forms slightly wrong."""
+    meat, blocks = np.zeros_like(solution.hessian), 0
+    for rows, sensitivity, time_s in zip(solution.rows, solution.sensitivity, times_s, strict=True):
+        p = sensitivity.shape[2]
+        defect, sensor = rows.change(-sensitivity, np.eye(p))
+        node_scores = np.einsum("kip,ki->kp", sensor, rows.sensor)
+        node_scores[:-1] += np.einsum("kip,ki->kp", defect, rows.defect)
+        block = ((time_s - time_s[0]) / block_s).astype(int)
+        count = int(block[-1]) + 1
+        scores = np.stack([np.bincount(block, column, count) for column in node_scores.T], axis=1)
+        meat += scores.T @ scores
+        blocks += count
+    bread = solution.covariance()
+    correction = blocks / max(1.0, blocks - sqrt(blocks))
+    return bread @ meat @ bread * correction
