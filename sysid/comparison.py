@@ -25,8 +25,8 @@ HORIZONS_S = (0.1, 0.2, 0.5, 1.0)
 QUANTITIES = {"position": "m", "velocity": "m/s", "attitude": "rad", "rate": "rad/s"}
 """What prediction errors are given in; the unit of each."""
 
-REFERENCE_LOOSENESS = 30.0
-"""The reference states trust every model this much less than its own residuals suggest: they follow the sensors."""
+REFERENCE_LOOSENESS = 2.0
+"""The reference states trust the first model this much less than its own residuals suggest, so as to take no side."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,13 +56,13 @@ class Comparison:
     flight_errors: Mapping[str, tuple[float, ...]]
     """Model: root mean square position error at 0.5 s of each flight."""
     residuals: Mapping[str, tuple[Residual, ...]]
-    """Model: residual wrench on each flight, at states that follow the sensors and are the same for every model."""
+    """Model: residual wrench on each flight, the smoothed process noise under that model."""
     predictions: int
     """Number of predictions behind each error."""
 
     def wrench_rms(self, model: str) -> FloatArray:
         """(6,) root mean square of the residual force (N) and torque (N m) of one model, after a 0.1 s mean."""
-        parts = [_mean_over(r.wrench, r.time_s, 0.1) for r in self.residuals[model]]
+        parts = [means_over(r.wrench, r.time_s, 0.1) for r in self.residuals[model]]
         return np.sqrt((np.concatenate(parts) ** 2).mean(axis=0))
 
     def as_dict(self) -> dict[str, Any]:
@@ -99,8 +99,8 @@ def compare(
     """Judge models on flights, best ones that were not used for fitting.
 
     Every prediction starts from the state that the smoother finds under the model being judged, so that no model pays
-    for the noise of a differentiated pose. Velocity and rate errors are taken against one set of reference states that
-    follow the sensors; position and attitude errors against the pose sensor itself.
+    for the noise of a differentiated pose. Position and attitude errors are taken against the pose sensor itself,
+    velocity and rate errors against one set of smoothed states, the same for all models.
 
     Raises:
         InputError: no flight, no model, or a log that cannot be used.
@@ -125,7 +125,7 @@ def compare(
             for quantity in QUANTITIES
         }
         flight_errors[name] = tuple(_rms(p["position"][HORIZONS_S.index(0.5)]) for p in parts)
-        residuals[name] = tuple(_residual(f, s, vehicle) for f, s in zip(flights, reference, strict=True))
+        residuals[name] = tuple(_residual(f, s, vehicle) for f, s in zip(flights, states, strict=True))
         count = sum(len(p["position"][0]) for p in parts)
         progress("compare", (i + 1) / len(models))
     return Comparison(tuple(flights), dict(models), errors, flight_errors, residuals, count)
@@ -149,9 +149,9 @@ def _errors(
     return found
 
 
-def _residual(flight: Flight, reference: States, vehicle: Vehicle) -> Residual:
-    mid = dynamics.middle(flight, reference)
-    left = dynamics.unexplained(flight, reference, vehicle)
+def _residual(flight: Flight, states: States, vehicle: Vehicle) -> Residual:
+    mid = dynamics.middle(flight, states)
+    left = dynamics.unexplained(flight, states, vehicle)
     body = rigid_body(vehicle)
     return Residual(
         time_s=0.5 * (flight.time_s[1:] + flight.time_s[:-1]),
@@ -162,7 +162,7 @@ def _residual(flight: Flight, reference: States, vehicle: Vehicle) -> Residual:
     )
 
 
-def _mean_over(values: FloatArray, time_s: FloatArray, span_s: float) -> FloatArray:
+def means_over(values: FloatArray, time_s: FloatArray, span_s: float) -> FloatArray:
     """Means over consecutive stretches of time."""
     bin_ = ((time_s - time_s[0]) / span_s).astype(int)
     count = np.maximum(np.bincount(bin_), 1)

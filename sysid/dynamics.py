@@ -90,10 +90,8 @@ def defects(states: States, mid: Middle, value: FloatArray) -> FloatArray:
     )
 
 
-def defect_jacobians(
-    states: States, mid: Middle, acceleration: Jacobian
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Derivatives of `defects` by the state before, the state after (k, 12, 12) and the model's parameters (k, 12, p)."""
+def defect_jacobians(states: States, mid: Middle, acceleration: Jacobian) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Derivatives of `defects` by the states before and after (k, 12, 12) and by the parameters (k, 12, p)."""
     k = len(mid.step_s)
     h = mid.step_s[:, :, None]
     Rt = np.swapaxes(mid.R_world_body, 1, 2)

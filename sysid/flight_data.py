@@ -3,11 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from flight import FlightLog, InputError, rotations
 from flight.rotations import FloatArray
 from sysid.options import Options
+
+IndexArray = NDArray[np.intp]
 
 GAP_FACTOR = 4.0
 """A pause is a gap when it lasts this many usual sample intervals ..."""
@@ -88,7 +91,7 @@ def _split(log: FlightLog, name: str, options: Options) -> list[tuple[float, flo
     return pieces
 
 
-def _finite_rows(log: FlightLog, quantities: tuple[str, ...], name: str) -> FloatArray:
+def _finite_rows(log: FlightLog, quantities: tuple[str, ...], name: str) -> IndexArray:
     values = np.concatenate([log.vector(quantity) for quantity in quantities], axis=1)
     finite = np.isfinite(values).all(axis=1)
     partly = np.isfinite(values).any(axis=1) & ~finite
@@ -99,7 +102,7 @@ def _finite_rows(log: FlightLog, quantities: tuple[str, ...], name: str) -> Floa
             f"{int(partly.sum())} such rows in all; write NaN in all of them where nothing was sampled"
         )
     if finite.sum() < 10:
-        raise InputError(f"{name} has {int(finite.sum())} samples of {' and '.join(quantities)}; at least 10 are needed")
+        raise InputError(f"{name} has {int(finite.sum())} samples of {' and '.join(quantities)}; 10 are needed")
     return np.flatnonzero(finite)
 
 
@@ -109,9 +112,7 @@ def _gaps(time_s: FloatArray, what: str) -> list[tuple[float, float, str]]:
     return [(float(time_s[i]), float(time_s[i + 1]), what) for i in np.flatnonzero(step_s > longest_s)]
 
 
-def _flight(
-    log: FlightLog, piece: tuple[float, float], name: str, index: int, pieces: int, options: Options
-) -> Flight:
+def _flight(log: FlightLog, piece: tuple[float, float], name: str, index: int, pieces: int, options: Options) -> Flight:
     start_s, end_s = piece
     inside = (log.time_s >= start_s) & (log.time_s <= end_s)
     position, q = log.vector("position_world_m"), log.vector("q_world_body")
@@ -135,15 +136,13 @@ def _flight(
     )
 
 
-def _thin(time_s: FloatArray, rate_hz: float) -> FloatArray:
+def _thin(time_s: FloatArray, rate_hz: float) -> IndexArray:
     """Indices so that no more than about `rate_hz` remain per second."""
     every = max(1, int(np.floor(1.0 / (float(np.median(np.diff(time_s))) * rate_hz) + 0.5)))
     return np.arange(0, len(time_s), every)
 
 
-def interval_means(
-    time_s: FloatArray, values: FloatArray, node_s: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def interval_means(time_s: FloatArray, values: FloatArray, node_s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Mean of a sampled signal and of its slope over each interval between nodes: (k, c) twice.
 
     The spline matters: a mean of the two end samples damps what the midpoint rule of the model passes, and biases

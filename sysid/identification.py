@@ -134,7 +134,7 @@ def _least_seen(solution: Solution, vehicle: Vehicle, unknowns: Unknowns) -> str
 def _unseen_message(name: str) -> str:
     return (
         f"these flights do not show {name}: its standard error is larger than half its usual size; "
-        "fly a manoeuvre that excites it, hold it, or let all unseen parameters be held with unseen='hold'"
+        "fly a manoeuvre that excites it, or hold it"
     )
 
 
@@ -150,12 +150,8 @@ def smooth(
     unknowns = Unknowns((), (), with_gyro)
     point, noise = start(vehicle, flights)
     prior = Prior(np.zeros(unknowns.size), np.full(unknowns.size, 0.1))
-    solution = solve(
-        flights, point, noise, unknowns, prior, robust=False, max_iterations=20, progress=progress
-    )
+    solution = solve(flights, point, noise, unknowns, prior, robust=False, max_iterations=20, progress=progress)
     if process_scale <= 1.0:
         return solution
     loose = replace(solution.noise, process=process_scale * solution.noise.process)
-    return solve(
-        flights, solution.point, loose, unknowns, prior, robust=False, max_iterations=1, progress=progress
-    )
+    return solve(flights, solution.point, loose, unknowns, prior, robust=False, max_iterations=1, progress=progress)

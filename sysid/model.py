@@ -45,7 +45,9 @@ def chosen_names(vehicle: Vehicle, free: tuple[str, ...] | None, held: tuple[str
     return tuple(name for name in wanted if name not in held)
 
 
-def surroundings(position_world_m: FloatArray, q_world_body: FloatArray, rotor_acceleration: FloatArray) -> Surroundings:
+def surroundings(
+    position_world_m: FloatArray, q_world_body: FloatArray, rotor_acceleration: FloatArray
+) -> Surroundings:
     """What effects may read besides the motion; the ground is at height zero of the world, the sky is open."""
     return Surroundings(
         q_world_body=q_world_body,

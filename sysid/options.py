@@ -23,8 +23,8 @@ class Options:
     """Use `rate_body_rad_s` of the log as a gyro with a constant bias, when it is there."""
     gaps: Literal["refuse", "split"] = "refuse"
     """A log with a gap: refuse it, or fit the pieces between gaps as separate flights."""
-    unseen: Literal["refuse", "hold"] = "refuse"
-    """Parameters these flights cannot show: refuse with their names, or hold them at the vehicle's value."""
+    unseen: Literal["refuse", "hold"] = "hold"
+    """Parameters these flights cannot show: hold them at the vehicle's value and say so, or refuse."""
     node_rate_hz: float = 200.0
     """Most states per second; faster logs are averaged down to it."""
     robust: bool = False

@@ -1,4 +1,4 @@
-"""Open-loop prediction: start from smoothed states, drive the model with measured rotor speed, look how far it drifts."""
+"""Open-loop prediction: from smoothed states, driven by measured rotor speed, how far does the model drift?"""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ import numpy as np
 from flight import rotations
 from flight.rotations import FloatArray
 from sysid.dynamics import GRAVITY_WORLD_M_S2
-from sysid.flight_data import Flight
+from sysid.flight_data import Flight, IndexArray
 from sysid.model import surroundings
 from sysid.states import States
 from vehicle import Vehicle, acceleration
@@ -17,7 +17,7 @@ from vehicle import Vehicle, acceleration
 class Predictions:
     """States predicted from many starts, one column of starts per horizon."""
 
-    start: FloatArray
+    start: IndexArray
     """(s,) node each prediction starts from."""
     steps: tuple[int, ...]
     """Intervals from the start to each horizon."""
@@ -42,14 +42,14 @@ def predict(
     return Predictions(starts, steps, tuple(reached[s] for s in steps))
 
 
-def _advance(flight: Flight, interval: FloatArray, now: States, vehicle: Vehicle) -> States:
+def _advance(flight: Flight, interval: IndexArray, now: States, vehicle: Vehicle) -> States:
     """One interval by the explicit midpoint rule, rotor speed at its mean: as exact as the estimator's own rule."""
     h = flight.step_s[interval][:, None]
     half = _moved(now, now, 0.5 * h, _slope(flight, interval, now, vehicle))
     return _moved(now, half, h, _slope(flight, interval, half, vehicle))
 
 
-def _slope(flight: Flight, interval: FloatArray, at: States, vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
+def _slope(flight: Flight, interval: IndexArray, at: States, vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
     """Acceleration in world axes and angular acceleration in body axes."""
     around = surroundings(at.position_world_m, at.q_world_body, flight.rotor_acceleration_rad_s2[interval])
     air = rotations.rotate(rotations.conjugate(at.q_world_body), at.velocity_world_m_s)

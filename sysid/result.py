@@ -72,7 +72,9 @@ class Identification:
             "version": SCHEMA_VERSION,
             "vehicle": self.vehicle.name,
             "effects": list(self.vehicle.effects),
-            "flights": [{"name": f.name, "duration_s": float(f.time_s[-1] - f.time_s[0]), "nodes": len(f)} for f in self.flights],
+            "flights": [
+                {"name": f.name, "duration_s": float(f.time_s[-1] - f.time_s[0]), "nodes": len(f)} for f in self.flights
+            ],
             "parameters": {
                 e.name: {
                     "value": e.value,
@@ -208,11 +210,11 @@ def _findings(vehicle: Vehicle, estimates: list[Estimate], solution: Solution) -
             found.append(f"{e.name} was held at {e.value:g} {e.unit}: these flights do not show it")
         elif e.status == "free":
             low, high = bounds[e.name].bounds
-            if not low <= e.value <= high:
-                found.append(f"{e.name} came out as {e.value:.3g} ± {e.std_robust:.2g} {e.unit}, outside {low:g} to {high:g}; the bound is kept")
+            if not low < e.value < high:
+                found.append(f"{e.name} came out at its bound, {e.value:.3g} ± {e.std_robust:.2g} {e.unit}")
             if e.name not in SENSOR_NAMES and e.std > 0.0 and e.std_robust > 5.0 * e.std:
                 found.append(
-                    f"{e.name}: errors are strongly correlated in time (robust standard error {e.std_robust / e.std:.0f} times "
-                    "the plain one); the model may lack an effect"
+                    f"{e.name}: errors are strongly correlated in time (robust standard error "
+                    f"{e.std_robust / e.std:.0f} times the plain one); the model may lack an effect"
                 )
     return found

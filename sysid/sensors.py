@@ -74,11 +74,11 @@ def linearise(flight: Flight, states: States, sensor: PoseSensor, bias_rad_s: Fl
     n = len(flight)
     R = rotations.matrix(states.q_world_body)
     by_state, by_sensor = np.zeros((n, 9, 12)), np.zeros((n, 9, 9))
-    has_rate = np.isfinite(flight.rate_body_rad_s).all(axis=1).astype(np.float64)
+    has_rate = np.where(np.isfinite(flight.rate_body_rad_s).all(axis=1), 1.0, 0.0)
     by_state[:, 0:3, 0:3] = -np.eye(3)
     by_state[:, 0:3, 6:9] = R @ rotations.hat(sensor.offset_body_m)
     by_state[:, 3:6, 6:9] = -rotations.matrix(sensor.q_body_sensor).T
-    by_state[:, 6:9, 9:12] = -has_rate[:, None, None] * np.eye(3)
+    by_state[:, 6:9, 9:12] = -has_rate.reshape(-1, 1, 1) * np.eye(3)
     by_sensor[:, 0:3, 0:3] = -R
     by_sensor[:, 3:6, 3:6] = -_right_jacobian(sensor.rotation_rad)
     by_sensor[:, 6:9, 6:9] = by_state[:, 6:9, 9:12]

@@ -150,7 +150,7 @@ def _eliminate(rows: Rows) -> _Eliminated:
     factor = Factor(normal.diagonal, normal.coupling)
     both = factor.solve(np.concatenate([normal.border, normal.gradient[:, :, None]], axis=2))
     sensitivity, state_step = both[:, :, :-1], both[:, :, -1]
-    flat = normal.border.reshape(-1, normal.border.shape[2])
+    flat = normal.border.reshape(normal.gradient.size, normal.border.shape[2])
     return _Eliminated(
         factor=factor,
         sensitivity=sensitivity,
@@ -188,7 +188,7 @@ def _solve_scaled(hessian: FloatArray, right: FloatArray) -> FloatArray:
 
 
 def covariance_of(hessian: FloatArray) -> FloatArray:
-    """Inverse of an information matrix whose rows differ wildly in size; what is unknown comes out huge, not infinite."""
+    """Inverse of an information matrix with rows of any size; what is unknown comes out huge, not infinite."""
     scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
     values, vectors = np.linalg.eigh(hessian / np.outer(scale, scale))
     return (vectors / np.maximum(values, 1e-24)) @ vectors.T / np.outer(scale, scale)

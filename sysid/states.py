@@ -40,12 +40,12 @@ def first_guess(flight: Flight, offset_body_m: FloatArray, q_body_sensor: FloatA
     """States from the pose alone, by local cubic fits."""
     uniform_s = np.linspace(flight.time_s[0], flight.time_s[-1], len(flight))
     step_s = uniform_s[1] - uniform_s[0]
-    window = 2 * max(2, int(round(0.5 * WINDOW_S / step_s))) + 1
+    window = 2 * max(2, round(0.5 * WINDOW_S / step_s)) + 1
     window = min(window, len(flight) - 1 + len(flight) % 2)
 
     def smooth(values: FloatArray, derivative: int) -> FloatArray:
         resampled = _interpolate(uniform_s, flight.time_s, values)
-        fitted = savgol_filter(resampled, window, 3, deriv=derivative, delta=step_s, axis=0)
+        fitted = np.asarray(savgol_filter(resampled, window, 3, deriv=derivative, delta=step_s, axis=0))
         return _interpolate(flight.time_s, uniform_s, fitted)
 
     q_measured = rotations.multiply(flight.q_world_sensor, rotations.conjugate(q_body_sensor))

@@ -41,12 +41,21 @@ class Truth:
 
 
 def thrust(truth: Truth, speed: np.ndarray, axial: np.ndarray, lateral: np.ndarray) -> np.ndarray:
-    """Blade element thrust k1 n^2 + k2 n (v_z + v_i) balanced with momentum theory by damped iteration on v_i."""
-    induced = np.full_like(speed, 4.0)
-    for _ in range(60):
-        blade = truth.k1 * speed**2 + truth.k2 * speed * (axial + induced)
-        induced = 0.5 * induced + 0.5 * blade / (2.0 * RHO_AREA * np.hypot(axial + induced, lateral))
-    return truth.k1 * speed**2 + truth.k2 * speed * (axial + induced)
+    """Blade element thrust k1 n^2 + k2 n (v_z + v_i), balanced with momentum theory by a bracketed secant on v_i."""
+    static, slope = truth.k1 * speed**2 + truth.k2 * speed * axial, truth.k2 * speed
+
+    def surplus(induced: np.ndarray) -> np.ndarray:
+        return static + slope * induced - 2.0 * RHO_AREA * induced * np.hypot(axial + induced, lateral)
+
+    low, high = np.full_like(speed, 3.0), np.full_like(speed, 8.0)
+    at_low, at_high = surplus(low), surplus(high)
+    for _ in range(7):
+        change = np.where(
+            at_high == at_low, 0.0, at_high * (high - low) / np.where(at_high == at_low, 1.0, at_high - at_low)
+        )
+        low, at_low, high = high, at_high, high - change
+        at_high = surplus(high)
+    return static + slope * high
 
 
 def wrench(truth: Truth, velocity: np.ndarray, rate: np.ndarray, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -117,7 +126,7 @@ def fly(
     attitude_noise_rad: float = 2e-3,
     rotor_noise_rad_s: float = 4.0,
     gyro_noise_rad_s: float | None = None,
-    steps_per_sample: int = 4,
+    steps_per_sample: int = 3,
 ) -> list[FlightLog]:
     """Fly all references at once with the fourth-order Runge-Kutta rule, and record noisy logs."""
     h = 1.0 / (rate_hz * steps_per_sample)

@@ -1,0 +1,61 @@
+"""Adding the effect that is missing lowers the prediction error on a flight that was not used; drawings are written."""
+
+import json
+
+import numpy as np
+import pytest
+
+import sysid
+from flight import InputError
+
+
+@pytest.fixture(scope="module")
+def judged(campaign, truth):
+    base = truth.without_effect("rotor_drag_thrust")
+    training, held_out = [campaign[0], campaign[2]], campaign[1:2]
+    before = sysid.identify(training, base)
+    after = sysid.identify(training, base.with_effect("rotor_drag_thrust"))
+    return sysid.compare(held_out, {"before": before.vehicle, "after": after.vehicle}), before, after
+
+
+def test_adding_rotor_drag_lowers_the_error_on_the_held_out_flight(judged):
+    comparison, _, _ = judged
+    for quantity in ("position", "velocity"):
+        for horizon in range(1, 4):
+            assert comparison.errors["after"][quantity][horizon] < 0.6 * comparison.errors["before"][quantity][horizon]
+    assert comparison.wrench_rms("after")[0] < 0.5 * comparison.wrench_rms("before")[0]
+
+
+def test_the_truth_predicts_to_within_the_noise(campaign, truth):
+    comparison = sysid.compare(campaign[1:2], {"truth": truth})
+    # sqrt(3) x 2 mm of pose noise, and a little of start states and rotor noise
+    assert comparison.errors["truth"]["position"][0] < 5e-3
+    assert comparison.errors["truth"]["position"][2] < 2e-2
+
+
+def test_errors_grow_with_the_horizon(judged):
+    comparison, _, _ = judged
+    for errors in comparison.errors.values():
+        assert np.all(np.diff(errors["position"]) > 0.0)
+
+
+def test_figures_are_json(judged):
+    comparison, _, _ = judged
+    facts = json.loads(json.dumps(comparison.as_dict(), allow_nan=False))
+    assert set(facts["models"]) == {"before", "after"}
+    assert facts["horizons_s"] == [0.1, 0.2, 0.5, 1.0]
+    assert len(facts["models"]["after"]["error_rms"]["position_m"]) == 4
+
+
+def test_plots_are_written(judged, tmp_path):
+    comparison, _, after = judged
+    files = sysid.plots.comparison(comparison, tmp_path) + sysid.plots.identification(after, tmp_path, suffix="png")
+    assert len(files) == 6
+    for file in files:
+        head = file.read_bytes()[:400]
+        assert head.startswith(b"\x89PNG") or b"<svg" in head or b"<?xml" in head
+
+
+def test_comparing_nothing_is_refused(campaign):
+    with pytest.raises(InputError, match="at least one"):
+        sysid.compare(campaign, {})

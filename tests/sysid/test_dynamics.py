@@ -1,0 +1,89 @@
+"""The hand-chained derivatives against finite differences."""
+
+import numpy as np
+import pytest
+
+import vehicle
+from flight import rotations
+from sysid import dynamics, sensors
+from sysid.flight_data import Flight
+from sysid.model import along, slopes_along
+from sysid.sensors import PoseSensor
+from sysid.states import States
+
+NAMES = ("inertia_xx_kg_m2", "thrust_bem.k1_n_s2", "centre_of_mass.x_m", "parasitic_drag.drag_xy_kg_m")
+
+
+@pytest.fixture(scope="module")
+def scene() -> tuple[Flight, States, vehicle.Vehicle]:
+    rng = np.random.default_rng(4)
+    n = 6
+    time_s = np.cumsum(rng.uniform(0.004, 0.012, n))
+    rate = rng.uniform(-4.0, 4.0, (n, 3))
+    q = rotations.multiply(rotations.exp([0.3, -0.2, 0.7]), rotations.exp(np.cumsum(0.008 * rate, axis=0)))
+    states = States(rng.standard_normal((n, 3)), rng.uniform(-6.0, 6.0, (n, 3)), q, rate)
+    flight = Flight(
+        name="random",
+        log_index=0,
+        time_s=time_s,
+        position_world_m=rng.standard_normal((n, 3)),
+        q_world_sensor=rotations.multiply(q, rotations.exp(0.01 * rng.standard_normal((n, 3)))),
+        rate_body_rad_s=rate + 0.1,
+        rotor_speed_rad_s=rng.uniform(700.0, 1200.0, (n - 1, 4)),
+        rotor_acceleration_rad_s2=np.zeros((n - 1, 4)),
+    )
+    wind = vehicle.example().with_value("centre_of_mass.y_m", -2e-3)
+    return flight, states, wind
+
+
+def _defects(flight, states, model):
+    mid = dynamics.middle(flight, states)
+    return dynamics.defects(states, mid, along(model, flight, mid))
+
+
+def test_defect_derivatives_match_finite_differences(scene):
+    flight, states, model = scene
+    mid = dynamics.middle(flight, states)
+    before, after, _ = dynamics.defect_jacobians(states, mid, slopes_along(model, NAMES, flight, mid))
+    for column in range(12):
+        step = 1e-6
+        for moved_nodes, jacobian in ((slice(0, 1), before[0]), (slice(1, 2), after[0])):
+            change = np.zeros((len(flight), 12))
+            change[moved_nodes, column] = step
+            high, low = (_defects(flight, states.moved(s * change), model)[0] for s in (1.0, -1.0))
+            # the attitude part is exact to first order in the turn over one interval, 0.05 rad here
+            np.testing.assert_allclose(jacobian[:, column], (high - low) / (2.0 * step), rtol=4e-3, atol=3e-4)
+
+
+def test_parameter_columns_match_finite_differences(scene):
+    flight, states, model = scene
+    mid = dynamics.middle(flight, states)
+    _, _, border = dynamics.defect_jacobians(states, mid, slopes_along(model, NAMES, flight, mid))
+    for j, name in enumerate(NAMES):
+        step = 1e-5 * abs(model.value(name))
+        high, low = (
+            _defects(flight, states, model.with_value(name, model.value(name) + s * step)) for s in (1.0, -1.0)
+        )
+        expected = (high - low) / (2.0 * step)
+        np.testing.assert_allclose(border[:, :, j], expected, rtol=1e-4, atol=1e-6 * np.abs(expected).max())
+
+
+def test_sensor_derivatives_match_finite_differences(scene):
+    flight, states, _ = scene
+    sensor, bias = PoseSensor(np.array([0.09, -0.02, 0.03]), np.array([0.02, -0.05, 0.1])), np.array([0.01, 0.02, 0.03])
+    rows = sensors.linearise(flight, states, sensor, bias)
+    step = 1e-6
+    for column in range(12):
+        change = np.zeros((len(flight), 12))
+        change[:, column] = step
+        high, low = (sensors.residuals(flight, states.moved(s * change), sensor, bias) for s in (1.0, -1.0))
+        np.testing.assert_allclose(rows.by_state[:, :, column], (high - low) / (2.0 * step), atol=0.12)
+    for column in range(9):
+        change = np.eye(9)[column] * step
+
+        def at(sign, change=change):
+            moved = PoseSensor(sensor.offset_body_m + sign * change[:3], sensor.rotation_rad + sign * change[3:6])
+            return sensors.residuals(flight, states, moved, bias + sign * change[6:])
+
+        expected = (at(1.0) - at(-1.0)) / (2.0 * step)
+        np.testing.assert_allclose(rows.by_sensor[:, :, column], expected, atol=0.12)
