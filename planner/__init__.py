@@ -1,1 +1,8 @@
-"""(filled in by this room)"""
+"""From waypoints to a checked trajectory: the fastest smooth path the vehicle can fly, clear of everything mapped."""
+
+from planner.gate import GateReport
+from planner.limits import Check
+from planner.options import PlanInfeasibleError, PlanOptions
+from planner.planning import Plan, plan, save_plan
+
+__all__ = ["Check", "GateReport", "Plan", "PlanInfeasibleError", "PlanOptions", "plan", "save_plan"]

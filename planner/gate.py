@@ -1,0 +1,186 @@
+"""The final gate: no trajectory leaves the planner without it, and it is asked again before anything is uploaded.
+
+It knows nothing of how the trajectory came about. It never raises for a "no": it says which check failed, with the
+value, the bound, when and where.
+"""
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+
+import esdf
+import vehicle as vehicles
+from flight import FlightError, FloatArray, Trajectory, polynomial
+from planner import limits
+from planner.limits import Check
+from planner.options import PlanOptions
+from planner.space import DistanceField
+from vehicle import Vehicle
+
+_ORDER_UNITS = ("m", "m/s", "m/s2", "m/s3")
+_NAMES = ("position", "velocity", "acceleration", "jerk")
+_REST = 1e-6
+"""Largest velocity, acceleration or jerk (SI) that counts as rest at either end."""
+_JUMP = 1e-6
+"""Largest jump (SI) at a join, relative to the largest value of that derivative where that is above one."""
+
+
+@dataclass(frozen=True, slots=True)
+class GateReport:
+    """Every check with its value and bound, and what it was checked against."""
+
+    checks: tuple[Check, ...]
+    clearance_m: float
+    """No point of the curve is nearer to an obstacle than this; minus infinity where nothing can be said."""
+    required_clearance_m: float
+    clearance_point_world_m: tuple[float, float, float]
+    """Where it comes closest, or meets the unknown."""
+    duration_s: float
+    map_hash: str
+    """Hash of the field, empty for a formula."""
+    vehicle_hash: str
+    trajectory_hash: str
+    """Fingerprint of the very trajectory that was checked."""
+
+    @property
+    def passed(self) -> bool:
+        return all(check.passed for check in self.checks)
+
+    @property
+    def failures(self) -> tuple[Check, ...]:
+        return tuple(check for check in self.checks if not check.passed)
+
+    def as_dict(self) -> dict[str, object]:
+        """JSON-able, for the trajectory file and for screens."""
+        return {
+            "passed": self.passed,
+            "clearance_m": self.clearance_m if np.isfinite(self.clearance_m) else None,
+            "required_clearance_m": self.required_clearance_m,
+            "clearance_point_world_m": list(self.clearance_point_world_m),
+            "duration_s": self.duration_s,
+            "map_hash": self.map_hash,
+            "vehicle_hash": self.vehicle_hash,
+            "trajectory_hash": self.trajectory_hash,
+            "checks": [check.as_dict() for check in self.checks],
+        }
+
+
+def check(
+    trajectory: Trajectory,
+    field: DistanceField,
+    vehicle: Vehicle,
+    options: PlanOptions | None = None,
+    *,
+    waypoints_world_m: FloatArray | None = None,
+) -> GateReport:
+    """Check a trajectory, whoever made it, against a field and a vehicle.
+
+    Args:
+        waypoints_world_m: (n, 3) points it must reach in this order; None if it need not reach any.
+    """
+    options = PlanOptions() if options is None else options
+    finite = _finite(trajectory)
+    checks = [finite]
+    clearance = _no_clearance("not asked: the trajectory is not finite")
+    if finite.passed:
+        clearance = _clearance(trajectory, field, options.clearance_m)
+        checks += [] if waypoints_world_m is None else [_waypoints(trajectory, waypoints_world_m, options)]
+        checks += _rest(trajectory) + _continuity(trajectory)
+        checks += [_clearance_check(clearance, options.clearance_m)]
+        checks += limits.check(trajectory, vehicle, options.limits, step_s=options.sample_step_s)
+    return GateReport(
+        checks=tuple(checks),
+        clearance_m=clearance.proven_m,
+        required_clearance_m=options.clearance_m,
+        clearance_point_world_m=tuple(np.nan_to_num(clearance.point_world_m).tolist()),
+        duration_s=trajectory.duration_s if np.isfinite(trajectory.duration_s) else 0.0,
+        map_hash=str(getattr(field, "hash", "")),
+        vehicle_hash=vehicles.vehicle_hash(vehicle),
+        trajectory_hash=fingerprint(trajectory),
+    )
+
+
+def fingerprint(trajectory: Trajectory) -> str:
+    """SHA-256 of the durations and coefficients."""
+    digest = hashlib.sha256(np.ascontiguousarray(trajectory.durations_s).tobytes())
+    digest.update(np.ascontiguousarray(trajectory.coefficients).tobytes())
+    return digest.hexdigest()
+
+
+def _finite(trajectory: Trajectory) -> Check:
+    T = np.asarray(trajectory.durations_s)
+    good = bool(np.isfinite(T).all() and (T > 0.0).all() and np.isfinite(trajectory.coefficients).all())
+    starts = np.concatenate([[0.0], np.cumsum(T)])
+    good = good and np.allclose(starts, trajectory.starts_s, rtol=1e-12, atol=1e-12)
+    broken = int((~np.isfinite(trajectory.coefficients)).sum())
+    return Check("finite", float(broken), 0.0, "", good, reason="durations positive, clock and coefficients whole")
+
+
+def _waypoints(trajectory: Trajectory, waypoints_world_m: FloatArray, options: PlanOptions) -> Check:
+    """In order, each at the first chance after the one before; the ends must be the first and the last of them."""
+    wanted = np.asarray(waypoints_world_m, dtype=np.float64).reshape(-1, 3)
+    if not len(wanted) or not np.isfinite(wanted).all():
+        return Check("waypoints", np.nan, options.waypoint_tolerance_m, "m", False, reason="none, or not finite")
+    # Dense samples, joins included: a planned waypoint is a join, another one is met to within half a step.
+    times, segment = limits.sample_times(trajectory, 1e-3)
+    times, segment = np.append(times, trajectory.duration_s), np.append(segment, segment[-1])
+    points = trajectory.position(times)
+    ends = max(float(np.linalg.norm(points[0] - wanted[0])), float(np.linalg.norm(points[-1] - wanted[-1])))
+    worst, missed, at = ends, 0 if ends > options.waypoint_tolerance_m else -1, 0
+    for i, waypoint in enumerate(wanted[:-1]):
+        gaps = np.linalg.norm(points[at:] - waypoint, axis=1)
+        near = np.flatnonzero(gaps <= options.waypoint_tolerance_m)
+        if not near.size:
+            worst, missed = float(gaps.min()), i
+            break
+        last = near[: 1 + int(np.argmax(np.append(np.diff(near) > 1, True)))]  # the first visit
+        best = int(last[np.argmin(gaps[last])])
+        worst, at = max(worst, float(gaps[best])), at + best
+    passed = missed < 0
+    reason = f"all {len(wanted)} in order" if passed else f"waypoint {missed} is missed by {worst:.3f} m"
+    return Check("waypoints", worst, options.waypoint_tolerance_m, "m", passed, reason=reason)
+
+
+def _rest(trajectory: Trajectory) -> list[Check]:
+    T = trajectory.durations_s
+    checks = []
+    for name, coefficients, local in (
+        ("start", trajectory.coefficients[0], 0.0),
+        ("end", trajectory.coefficients[-1], T[-1]),
+    ):
+        motion = [polynomial.evaluate(polynomial.differentiate(coefficients, r), np.full(4, local)) for r in (1, 2, 3)]
+        worst = float(np.abs(motion).max())
+        tolerance = _REST * max(1.0, float(np.abs(coefficients * T[-1] ** np.arange(coefficients.shape[-1])).max()))
+        checks.append(Check(f"rest at the {name}", worst, tolerance, "SI", worst <= tolerance))
+    return checks
+
+
+def _continuity(trajectory: Trajectory) -> list[Check]:
+    checks = []
+    for r, (name, unit) in enumerate(zip(_NAMES, _ORDER_UNITS, strict=True)):
+        jumps = np.abs(trajectory.join_jumps(r))
+        size = np.abs(trajectory.evaluate(trajectory.starts_s, r)).max()
+        tolerance = _JUMP * max(1.0, float(size))
+        worst = float(jumps.max(initial=0.0))
+        where = int(jumps.max(axis=1).argmax()) if len(jumps) else None
+        checks.append(Check(f"{name} at joins", worst, tolerance, unit, worst <= tolerance, segment=where))
+    return checks
+
+
+def _no_clearance(why: str) -> esdf.Clearance:
+    return esdf.Clearance(np.nan, -np.inf, 0.0, np.full(3, np.nan), 0, False, why)  # pyright: ignore[reportArgumentType]
+
+
+def _clearance(trajectory: Trajectory, field: DistanceField, required_m: float) -> esdf.Clearance:
+    try:
+        return esdf.certify(field, trajectory, required_m)
+    except FlightError as error:
+        return _no_clearance(str(error))
+
+
+def _clearance_check(found: esdf.Clearance, required_m: float) -> Check:
+    point = np.round(found.point_world_m, 2).tolist()
+    reason = f"proved along the whole curve; closest at {point}" if found.passed else f"{found.reason} at {point}"
+    value = found.proven_m
+    return Check("clearance", value, required_m, "m", found.passed, found.time_s, found.segment, reason)

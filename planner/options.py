@@ -1,0 +1,60 @@
+"""What the pilot may choose, and how the planner says no."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from flight import InfeasibleError, InputError
+from vehicle import Limits
+
+
+@dataclass(frozen=True, slots=True)
+class PlanOptions:
+    """How to plan; the defaults suit a small quadrotor in a mapped room."""
+
+    radius_m: float = 0.15
+    """Radius of a ball round the vehicle's centre that holds all of it."""
+    margin_m: float = 0.15
+    """Distance to keep between that ball and every obstacle, for map and tracking errors."""
+    waypoint_tolerance_m: float = 0.01
+    """How close to a waypoint counts as reached."""
+    yaw: Literal["along_path", "smooth"] = "along_path"
+    """Where to look where no heading is asked for: the way the vehicle flies, or as steadily as possible."""
+    limits: Limits | None = None
+    """Instead of the vehicle's own."""
+    pieces: int = 2
+    """Polynomials per piece of route: more fly faster and take longer to plan."""
+    search_margin_m: float = 6.0
+    """How far round the waypoints to look for a way, where the field names no borders."""
+    sample_step_s: float = 0.01
+    """Time between the samples at which attitude, rates and rotor speeds are checked."""
+    repairs: int = 4
+    """How often a path that comes too close is bent away before the corridor method takes over."""
+
+    def __post_init__(self) -> None:
+        for name in ("radius_m", "margin_m"):
+            if not 0.0 <= getattr(self, name) < 100.0:
+                raise InputError(f"{name} is {getattr(self, name)}; it must be from 0 to 100 m")
+        for name in ("waypoint_tolerance_m", "search_margin_m", "sample_step_s"):
+            if not 0.0 < getattr(self, name) < 1000.0:
+                raise InputError(f"{name} is {getattr(self, name)}; it must be positive")
+        if self.pieces < 1 or self.repairs < 0:
+            raise InputError(f"pieces {self.pieces} and repairs {self.repairs} must be at least 1 and 0")
+        if self.yaw not in ("along_path", "smooth"):
+            raise InputError(f"yaw is {self.yaw!r}; along_path or smooth is wanted")
+
+    @property
+    def clearance_m(self) -> float:
+        """Distance to keep between the vehicle's centre and every obstacle."""
+        return self.radius_m + self.margin_m
+
+
+class PlanInfeasibleError(InfeasibleError):
+    """No trajectory was found that passes the gate."""
+
+    def __init__(self, reason: str, remedy: str, segment: int | None = None) -> None:
+        where = "" if segment is None else f"between waypoints {segment} and {segment + 1}: "
+        super().__init__(f"{where}{reason}; {remedy}")
+        self.segment = segment
+        """Index of the waypoint where the leg in question starts; None if it is no single leg."""
+        self.reason = reason
+        self.remedy = remedy

@@ -1,0 +1,92 @@
+"""From the pilot's waypoints to a polyline clear of obstacles: checks them, and looks for a way between them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flight import FlightError, FloatArray, InputError, Waypoints
+from planner import search, space
+from planner.options import PlanInfeasibleError, PlanOptions
+
+_SAME_M = 1e-3
+"""Waypoints nearer than this are one point."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Route:
+    """A polyline through the waypoints whose lines all keep the required clearance."""
+
+    points: FloatArray
+    """(n, 3) in order."""
+    waypoint: np.ndarray
+    """(n,) index of the waypoint a point is, -1 for a point that the search put in."""
+
+    def leg(self, segment: int) -> int:
+        """Index of the waypoint before the given line of the route."""
+        return int(self.waypoint[: segment + 1].max())
+
+
+def check_waypoints(waypoints: Waypoints, field: space.DistanceField, clearance_m: float) -> None:
+    """Refuse waypoints no path can pass.
+
+    Raises:
+        InputError: too few, two in the same place, or one too close to an obstacle or in unknown space.
+    """
+    points = waypoints.positions_world_m
+    if len(points) < 2:
+        raise InputError(f"{len(points)} waypoint is given; at least two are needed, a start and an end")
+    gaps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    if gaps.min() < _SAME_M:
+        i = int(gaps.argmin())
+        raise InputError(f"waypoints {i} and {i + 1} are in the same place {_text(points[i])}; remove one of them")
+    distances = space.distance(field, points)
+    short = np.flatnonzero(distances < clearance_m)
+    if short.size:
+        i = int(short[0])
+        raise InputError(_trouble(field, i, points[i], float(distances[i]), clearance_m))
+
+
+def _trouble(field: space.DistanceField, i: int, point: FloatArray, distance_m: float, clearance_m: float) -> str:
+    if np.isneginf(distance_m):
+        where = f"waypoint {i} at {_text(point)} lies outside the map or where the map knows nothing"
+    elif distance_m < 0.0:
+        where = f"waypoint {i} at {_text(point)} is {-distance_m:.2f} m inside an obstacle"
+    else:
+        where = (
+            f"waypoint {i} at {_text(point)} is {distance_m:.2f} m from an obstacle, {clearance_m:.2f} m are required"
+        )
+    try:
+        free = space.nearest_free(field, point, clearance_m + 0.01)
+        return f"{where}; the nearest free point is near {_text(free)}"
+    except FlightError as error:
+        return f"{where}; {error}"
+
+
+def _text(point: FloatArray) -> str:
+    return "(" + ", ".join(f"{x:.2f}" for x in point) + ")"
+
+
+def find(waypoints: Waypoints, field: space.DistanceField, options: PlanOptions) -> Route:
+    """Straight lines where they are free, and a way round where they are not.
+
+    Raises:
+        PlanInfeasibleError: there is no way between two waypoints.
+    """
+    points, required = waypoints.positions_world_m, options.clearance_m
+    lines = space.check_lines(field, points[:-1], points[1:], required)
+    grid = None if all(line.free for line in lines) else search.lattice(field, points, options.search_margin_m)
+    found, index = [points[0]], [0]
+    for i, line in enumerate(lines):
+        if not line.free and grid is not None:
+            way = search.route(field, grid, points[i], points[i + 1], required, required + 0.5)
+            if way is None:
+                raise PlanInfeasibleError(
+                    f"there is no way round that keeps {required:.2f} m (straight ahead it is {line.distance_m:.2f} m)",
+                    "move a waypoint, or lower margin_m",
+                    i,
+                )
+            found += list(way[1:-1])
+            index += [-1] * (len(way) - 2)
+        found.append(points[i + 1])
+        index.append(i + 1)
+    return Route(np.array(found), np.array(index))

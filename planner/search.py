@@ -1,0 +1,111 @@
+"""A way round obstacles: compiled A* on a grid of the field, then straight lines as far as the field lets them go."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flight import FloatArray
+from planner import simplify, space
+from planner._planner import search as grid_search
+
+_CELLS = 2_000_000
+"""Most cells of a search grid; larger regions get larger cells."""
+_FINEST_M = 0.1
+_PRICE = 3.0
+"""Added price per metre of going at the required clearance rather than at a comfortable one."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lattice:
+    """Distances on a regular grid of points over the region to search."""
+
+    origin_world_m: FloatArray
+    step_m: float
+    distance_m: np.ndarray
+    """(nx, ny, nz) float32; minus infinity where nothing is known."""
+
+    def point(self, cells: np.ndarray) -> FloatArray:
+        return self.origin_world_m + self.step_m * np.stack(np.unravel_index(cells, self.distance_m.shape), axis=-1)
+
+    def nearest_allowed(self, point: FloatArray, required_m: float) -> int:
+        """The closest cell within two steps whose distance suffices; -1 if there is none."""
+        centre = np.round((point - self.origin_world_m) / self.step_m).astype(int)
+        around = np.stack(np.meshgrid(*[np.arange(-2, 3)] * 3, indexing="ij"), axis=-1).reshape(-1, 3) + centre
+        around = around[((around >= 0) & (around < self.distance_m.shape)).all(axis=1)]
+        if not len(around):
+            return -1
+        free = self.distance_m[tuple(around.T)] >= required_m
+        gap = np.linalg.norm(self.origin_world_m + self.step_m * around - point, axis=1)
+        gap[~free] = np.inf
+        best = int(np.argmin(gap))
+        return int(np.ravel_multi_index(tuple(around[best]), self.distance_m.shape)) if free[best] else -1
+
+
+def region(field: space.DistanceField, points: FloatArray, margin_m: float) -> tuple[FloatArray, FloatArray]:
+    """Lower and upper corner of the box to search: round the points, and inside the field's grid if it has one."""
+    low, high = points.min(axis=0) - margin_m, points.max(axis=0) + margin_m
+    grid = getattr(field, "grid", None)
+    if grid is not None:
+        origin = np.asarray(grid.origin_world_m, dtype=np.float64)
+        low = np.maximum(low, origin)
+        high = np.minimum(high, origin + np.asarray(grid.voxel_m) * np.asarray(grid.shape))
+    return low, np.maximum(high, low)
+
+
+def lattice(field: space.DistanceField, points: FloatArray, margin_m: float, *, finest_m: float = _FINEST_M) -> Lattice:
+    """Sample the field round `points` (n, 3), one of them exactly on the grid."""
+    low, high = region(field, points, margin_m)
+    step = max(finest_m, float(np.prod(high - low) / _CELLS) ** (1 / 3))
+    low = points[0] - np.floor((points[0] - low) / step) * step
+    shape = np.floor((high - low) / step).astype(int) + 1
+    axes = [low[i] + step * np.arange(shape[i]) for i in range(3)]
+    distances = np.empty(tuple(shape), dtype=np.float32)
+    for i, x in enumerate(axes[0]):
+        layer = np.stack(np.broadcast_arrays(x, axes[1][:, None], axes[2][None, :]), axis=-1)
+        distances[i] = space.distance(field, layer.reshape(-1, 3)).reshape(shape[1], shape[2])
+    return Lattice(low, step, distances)
+
+
+def route(
+    field: space.DistanceField,
+    grid: Lattice,
+    start: FloatArray,
+    goal: FloatArray,
+    required_m: float,
+    comfort_m: float,
+) -> FloatArray | None:
+    """Points (m, 3) from start to goal whose straight lines all keep `required_m`; None if the grid has no such way.
+
+    Cells just at the required distance can be joined by lines that dip below it; then cells must keep a little more,
+    up to half the diagonal of a cell, where every line is sure.
+    """
+    for extra in (0.0, 0.3, 0.6, 0.87):
+        level = required_m + extra * grid.step_m
+        first, last = grid.nearest_allowed(start, level), grid.nearest_allowed(goal, level)
+        if first < 0 or last < 0:
+            continue
+        cells = grid_search(grid.distance_m, first, last, level, max(comfort_m, level), _PRICE)
+        if not len(cells):
+            break
+        points = np.concatenate([[start], grid.point(cells), [goal]])
+        points = simplify.shortcut(points, field, required_m, required_m + 0.05)
+        if all(check.free for check in space.check_lines(field, points[:-1], points[1:], required_m)):
+            return points
+    return _finer(field, grid, start, goal, required_m, comfort_m)
+
+
+def _finer(
+    field: space.DistanceField,
+    grid: Lattice,
+    start: FloatArray,
+    goal: FloatArray,
+    required_m: float,
+    comfort_m: float,
+) -> FloatArray | None:
+    """Once more with half the cells' size, near the two points only; None if that is too fine to be worth it."""
+    if grid.step_m < 0.03:
+        return None
+    closer = lattice(field, np.stack([start, goal]), 3.0, finest_m=0.5 * grid.step_m)
+    if closer.step_m > 0.75 * grid.step_m:
+        return None
+    return route(field, closer, start, goal, required_m, comfort_m)

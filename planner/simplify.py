@@ -1,0 +1,101 @@
+"""A dense recorded path as a few waypoints: Ramer-Douglas-Peucker, and the variant that asks the map first."""
+
+import numpy as np
+
+from flight import FloatArray, InputError
+from planner import space
+
+
+def rdp(
+    points_world_m: FloatArray,
+    tolerance_m: float,
+    *,
+    field: space.DistanceField | None = None,
+    clearance_m: float = 0.3,
+) -> np.ndarray:
+    """Indices of the points to keep, so that every other point is within `tolerance_m` of the line kept.
+
+    Args:
+        points_world_m: (n, 3) in order; repeated points are fine.
+        field: if given, a chord is also split where it does not keep `clearance_m` (as far as the points allow: a
+            chord between neighbouring points stays, whatever the field says of it).
+
+    Returns:
+        (m,) increasing indices; the first and the last point are always kept (one of them if they are all equal).
+
+    Raises:
+        InputError: a point is not finite, there is none, or the tolerance is negative.
+    """
+    points = np.asarray(points_world_m, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
+        raise InputError(f"the path has shape {points.shape}; (n, 3) with at least one point is wanted")
+    broken = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if broken.size:
+        raise InputError(f"point {int(broken[0])} of the path is not finite: {points[broken[0]].tolist()}")
+    if not tolerance_m >= 0.0:
+        raise InputError(f"tolerance_m is {tolerance_m:g}; it must be zero or more")
+    keep = np.zeros(len(points), dtype=bool)
+    keep[[0, -1]] = True
+    stack = [(0, len(points) - 1)]
+    while stack:
+        first, last = stack.pop()
+        if last - first < 2:
+            continue
+        gaps = distance_to_chord(points[first + 1 : last], points[first], points[last])
+        worst = first + 1 + int(np.argmax(gaps))
+        if gaps.max() > tolerance_m or _blocked(field, points[first], points[last], clearance_m):
+            if gaps.max() <= 0.0:  # a straight line that is blocked: no point stands out, halve it
+                worst = (first + last) // 2
+            keep[worst] = True
+            stack += [(first, worst), (worst, last)]
+    kept = np.flatnonzero(keep)
+    distinct = np.linalg.norm(np.diff(points[kept], axis=0), axis=1) > 0.0
+    return kept[np.concatenate([[True], distinct])]
+
+
+def distance_to_chord(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
+    """Distance of points (n, 3) from the line segment between `start` and `end`."""
+    along = end - start
+    square = float(along @ along)
+    fraction = np.clip((points - start) @ along / square, 0.0, 1.0) if square > 0.0 else np.zeros(len(points))
+    return np.linalg.norm(points - (start + fraction[:, None] * along), axis=1)
+
+
+def _blocked(field: space.DistanceField | None, start: FloatArray, end: FloatArray, clearance_m: float) -> bool:
+    return field is not None and not space.check_lines(field, start, end, clearance_m)[0].free
+
+
+def shortcut(points: FloatArray, field: space.DistanceField, clearance_m: float, comfort_m: float) -> FloatArray:
+    """Fewer points (m, 3) along a free path: each point is joined to the farthest one in a free straight line.
+
+    A shortcut may come no closer to obstacles than the part it replaces does, or than `comfort_m`, whichever is
+    smaller, and never closer than `clearance_m`. Neighbours are joined whatever the field says.
+    """
+    near = space.distance(field, points)
+    kept, at = [0], 0
+    while at < len(points) - 1:
+        ahead = np.arange(at + 1, len(points))
+        allowed = np.clip(np.minimum.accumulate(near[at:])[1:] - 1e-3, clearance_m, comfort_m)
+        at = int(ahead[_farthest_free(points, at, ahead, field, allowed)])
+        kept.append(at)
+    return points[kept]
+
+
+def _farthest_free(
+    points: FloatArray, at: int, ahead: np.ndarray, field: space.DistanceField, allowed: FloatArray
+) -> int:
+    """Position in `ahead` of the farthest point seen from `at`; 0 (the neighbour) if none is."""
+    best, step = 0, 16
+    for first in range(0, len(ahead), step):
+        block = slice(first, first + step)
+        seen = False
+        for level in np.unique(allowed[block]):
+            group = first + np.flatnonzero(allowed[block] >= level - 1e-12)
+            group = group[np.abs(allowed[group] - level) < 1e-12]
+            starts = np.repeat(points[at : at + 1], len(group), axis=0)
+            for i, check in zip(group, space.check_lines(field, starts, points[ahead[group]], level), strict=True):
+                if check.free:
+                    best, seen = max(best, int(i)), True
+        if not seen:
+            return best
+    return best

@@ -1,0 +1,110 @@
+"""What the planner knows of free space: anything with `distance(points)`; what it does not know is not free."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flight import FloatArray, InputError
+
+_STEP_M = 1e-4
+"""Step of the central difference for fields that cannot give a gradient."""
+
+
+class DistanceField(Protocol):
+    """Signed distance to the nearest obstacle, 1-Lipschitz; NaN where nothing is known."""
+
+    def distance(self, points_world_m: ArrayLike, /) -> FloatArray: ...
+
+
+@dataclass(frozen=True, slots=True)
+class LineCheck:
+    """How close a straight line comes to obstacles."""
+
+    free: bool
+    """Whether the distance is at least the required one everywhere on the line."""
+    distance_m: float
+    """Smallest distance seen (exact to the tolerance when free)."""
+    fraction: float
+    """Where on the line it was seen, 0 at the start and 1 at the end."""
+
+
+def distance(field: DistanceField, points_world_m: FloatArray) -> FloatArray:
+    """What is certain of the distance (n,); minus infinity where the field does not know.
+
+    A sampled field can prove a little less than it interpolates (`proven_distance`), a formula all it says.
+    """
+    ask = getattr(field, "proven_distance", field.distance)
+    values = np.asarray(ask(np.ascontiguousarray(points_world_m)), dtype=np.float64)
+    return np.where(np.isnan(values), -np.inf, values)
+
+
+def aim(field: DistanceField, required_m: float) -> float:
+    """The interpolated distance at which `required_m` is certain."""
+    grid = getattr(field, "grid", None)
+    return required_m if grid is None else float(np.hypot(required_m, grid.half_diagonal_m))
+
+
+def distance_and_gradient(field: DistanceField, points_world_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Distance (n,) and its gradient (n, 3); both NaN where the field does not know."""
+    points = np.ascontiguousarray(points_world_m)
+    exact = getattr(field, "distance_and_gradient", None)
+    if exact is not None:
+        value, gradient = exact(points)
+        return np.asarray(value, dtype=np.float64), np.asarray(gradient, dtype=np.float64)
+    steps = _STEP_M * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
+    values = np.asarray(field.distance((steps[:, None] + points).reshape(-1, 3)), dtype=np.float64)
+    values = values.reshape(7, -1)
+    return values[0], ((values[1:4] - values[4:]) / (2.0 * _STEP_M)).T
+
+
+def check_lines(
+    field: DistanceField, starts: FloatArray, ends: FloatArray, required_m: float, *, tolerance_m: float = 1e-3
+) -> list[LineCheck]:
+    """Check straight lines (n, 3) to (n, 3), exactly but for `tolerance_m`, on the careful side.
+
+    A distance d at the middle of a piece of half-length h proves a distance of d - h all along it; pieces that are not
+    proved are halved until they are, or until their middle is too close, or they are shorter than the tolerance.
+    """
+    starts, ends = np.atleast_2d(starts).astype(np.float64), np.atleast_2d(ends).astype(np.float64)
+    n = len(starts)
+    lengths = np.linalg.norm(ends - starts, axis=1)
+    least, where, free = np.full(n, np.inf), np.zeros(n), np.ones(n, dtype=bool)
+    line, middle, half = np.arange(n), np.full(n, 0.5), 0.5
+    while line.size:
+        d = distance(field, starts[line] + middle[:, None] * (ends - starts)[line])
+        order = np.argsort(-d, kind="stable")  # the smallest is written last
+        lower = order[d[order] < least[line[order]]]
+        least[line[lower]] = d[lower]
+        where[line[lower]] = middle[lower]
+        h = half * lengths[line]
+        unproved = d - h < required_m
+        failed = unproved & ((d < required_m) | (h < tolerance_m))
+        free[line[failed]] = False
+        keep = unproved & free[line]
+        half *= 0.5
+        line, middle = np.repeat(line[keep], 2), np.repeat(middle[keep], 2)
+        middle[0::2] -= half
+        middle[1::2] += half
+    return [LineCheck(bool(f), float(d), float(w)) for f, d, w in zip(free, least, where, strict=True)]
+
+
+def nearest_free(field: DistanceField, point: FloatArray, required_m: float, *, reach_m: float = 5.0) -> FloatArray:
+    """A point near `point` whose distance is at least `required_m`: the nearest found on growing shells.
+
+    Raises:
+        InputError: there is none within `reach_m`.
+    """
+    count = 200
+    i = np.arange(count) + 0.5
+    inclination, turn = np.arccos(1.0 - 2.0 * i / count), np.pi * (1.0 + np.sqrt(5.0)) * i
+    horizontal = np.sin(inclination)
+    ball = np.stack([horizontal * np.cos(turn), horizontal * np.sin(turn), np.cos(inclination)], axis=1)
+    directions = np.concatenate([np.eye(3), -np.eye(3), ball])
+    for radius in np.arange(0.05, reach_m, 0.05):
+        d = distance(field, point + radius * directions)
+        best = int(np.argmax(d))
+        if d[best] >= required_m:
+            return point + radius * directions[best]
+    raise InputError(f"no point within {reach_m:g} m of {np.round(point, 2).tolist()} is {required_m:.2f} m clear")

@@ -1,0 +1,152 @@
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+import planner
+from esdf import solids
+from flight import InputError, Trajectory, trajectory
+from planner import gate
+
+
+@pytest.fixture(scope="module")
+def good(pillar, drone):
+    waypoints = planner.planning.Waypoints(np.array([[-3.0, 0.2, 1.0], [0.0, 2.0, 1.5], [3.0, 0, 1.2]]), np.zeros(3))
+    return planner.plan(waypoints, pillar, drone)
+
+
+def failed(plan, changed: Trajectory, field, drone, **options) -> set[str]:
+    report = gate.check(
+        changed, field, drone, planner.PlanOptions(**options), waypoints_world_m=plan.waypoints.positions_world_m
+    )
+    assert report.passed == (not report.failures)
+    return {check.name for check in report.failures}
+
+
+def test_a_planned_trajectory_passes_every_check(good, pillar, drone):
+    assert good.gate.passed
+    assert failed(good, good.trajectory, pillar, drone) == set()
+    assert good.gate.clearance_m >= 0.3
+    assert len(good.gate.checks) == 16
+
+
+@pytest.mark.parametrize("power", range(1, 8))
+def test_a_changed_coefficient_is_caught(good, pillar, drone, power):
+    c = good.trajectory.coefficients.copy()
+    i = len(c) // 2
+    c[i, 1, power] += 0.02 / good.trajectory.durations_s[i] ** power
+    assert "position at joins" in failed(good, Trajectory(good.trajectory.durations_s, c), pillar, drone)
+
+
+def test_a_shift_of_everything_misses_the_waypoints(good, pillar, drone):
+    c = good.trajectory.coefficients.copy()
+    c[:, 0, 0] += 0.03
+    assert failed(good, Trajectory(good.trajectory.durations_s, c), pillar, drone) == {"waypoints"}
+
+
+def test_a_wrong_duration_is_caught(good, pillar, drone):
+    T = good.trajectory.durations_s.copy()
+    T[1] *= 1.05
+    assert "position at joins" in failed(good, Trajectory(T, good.trajectory.coefficients), pillar, drone)
+    T = good.trajectory.durations_s.copy()
+    T[-1] *= 0.9
+    assert "rest at the end" in failed(good, Trajectory(T, good.trajectory.coefficients), pillar, drone)
+
+
+def test_a_pillar_that_was_not_there_before_is_caught_where_it_stands(good, pillar, drone):
+    middle = good.trajectory.position(np.array([0.5 * good.trajectory.duration_s]))[0]
+    scene = solids.Scene([*pillar.solids, solids.Cylinder((middle[0], middle[1], 1.5), 0.05, 3.0)])
+    report = gate.check(good.trajectory, scene, drone)
+    assert [c.name for c in report.failures] == ["clearance"]
+    assert np.linalg.norm(np.array(report.clearance_point_world_m[:2]) - middle[:2]) < 0.1
+    assert report.clearance_m < 0.0
+
+
+def test_more_required_clearance_than_there_is_fails(good, pillar, drone):
+    assert failed(good, good.trajectory, pillar, drone, margin_m=5.0) == {"clearance"}
+
+
+def test_flying_faster_fails_on_limits_only(good, pillar, drone):
+    names = failed(good, good.trajectory.scale_time(0.8), pillar, drone)
+    assert names
+    assert names <= {"speed", "acceleration", "tilt", "roll and pitch rate", "yaw rate", "rotor speed", "slowest rotor"}
+
+
+def test_waypoints_in_another_order_are_not_reached(good, pillar, drone):
+    points = good.waypoints.positions_world_m
+    report = gate.check(good.trajectory, pillar, drone, waypoints_world_m=points[[0, 2, 1, 2]])
+    assert [c.name for c in report.failures] == ["waypoints"]
+    missing = np.vstack([points[:2], [[1.0, 1.0, 1.0]], points[2:]])
+    report = gate.check(good.trajectory, pillar, drone, waypoints_world_m=missing)
+    assert "waypoint 2" in report.failures[0].reason
+
+
+def test_starting_in_flight_is_caught(good, pillar, drone):
+    _, rest = good.trajectory.split(0.3 * good.trajectory.duration_s)
+    assert "rest at the start" in failed(good, rest, pillar, drone)
+
+
+def smuggled(item: Trajectory, **arrays) -> Trajectory:
+    """A trajectory changed behind the back of its own checks."""
+    copy = Trajectory(item.durations_s.copy(), item.coefficients.copy())
+    for name, value in arrays.items():
+        object.__setattr__(copy, name, value)
+    return copy
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_what_is_not_finite_is_caught_without_a_crash(good, pillar, drone, value):
+    c = good.trajectory.coefficients.copy()
+    c[1, 2, 3] = value
+    assert failed(good, smuggled(good.trajectory, coefficients=c), pillar, drone) == {"finite"}
+    T = good.trajectory.durations_s.copy()
+    T[0] = value
+    assert failed(good, smuggled(good.trajectory, durations_s=T), pillar, drone) == {"finite"}
+
+
+def test_a_clock_that_does_not_fit_the_durations_is_caught(good, pillar, drone):
+    starts = good.trajectory.starts_s * 0.99
+    assert failed(good, smuggled(good.trajectory, starts_s=starts), pillar, drone) == {"finite"}
+
+
+class KnowsNothing:
+    def distance(self, points):
+        return np.full(len(points), np.nan)
+
+
+class Breaks:
+    def distance(self, points):
+        raise InputError("the map is gone")
+
+
+@pytest.mark.parametrize("field", [KnowsNothing(), Breaks()])
+def test_a_field_without_answers_is_a_no(good, drone, field):
+    report = gate.check(good.trajectory, field, drone)
+    assert [c.name for c in report.failures] == ["clearance"]
+    assert report.as_dict()["clearance_m"] is None
+
+
+def test_the_report_is_json_and_survives_the_file(good, tmp_path):
+    json.dumps(good.gate.as_dict(), allow_nan=False)
+    planner.save_plan(tmp_path / "a.json", good, name="a")
+    read = trajectory.load(tmp_path / "a.json")
+    assert read.checked
+    assert read.vehicle_hash == good.gate.vehicle_hash
+    assert np.array_equal(read.trajectory.coefficients, good.trajectory.coefficients)
+    assert gate.fingerprint(read.trajectory) == read.check["trajectory_hash"]
+
+
+def test_a_failed_plan_is_never_saved(good, pillar, drone, tmp_path):
+    report = gate.check(good.trajectory, pillar, drone, planner.PlanOptions(margin_m=3.0))
+    bad = dataclasses.replace(good, gate=report)
+    with pytest.raises(InputError, match="clearance"):
+        planner.save_plan(tmp_path / "a.json", bad, name="a")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_plan_changed_after_its_check_is_never_saved(good, tmp_path):
+    swapped = dataclasses.replace(good, trajectory=good.trajectory.scale_time(1.5))
+    with pytest.raises(InputError, match="changed after"):
+        planner.save_plan(tmp_path / "a.json", swapped, name="a")
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,82 @@
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from planner import limits, minimum_snap, repair
+from vehicle import flatness
+
+
+def some_path(seed: int, pace: float = 1.0):
+    rng = np.random.default_rng(seed)
+    positions = np.cumsum(rng.normal(size=(6, 4)) * [2, 2, 0.5, 0.3], axis=0)
+    return minimum_snap.trajectory(minimum_snap.solve(positions, pace * rng.uniform(1.5, 2.5, 5)))
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10_000), st.sampled_from([1, 2, 3]))
+def test_the_certified_maximum_bounds_every_sample_and_is_tight(seed, derivative):
+    path = some_path(seed)
+    bound, time_s, segment = limits.certified_maximum(path, derivative)
+    t = path.sample(0.0005)
+    seen = np.linalg.norm(path.position(t, derivative), axis=1)
+    assert seen.max() <= bound * (1 + 1e-12)
+    assert bound <= 1.01 * seen.max()
+    assert path.starts_s[segment] <= time_s <= path.starts_s[segment + 1]
+
+
+def test_sampled_checks_bound_what_lies_between_their_samples(drone):
+    path = some_path(3)
+    coarse = {c.name: c.value for c in limits.check(path, drone, step_s=0.02)}
+    state = flatness.state(drone, path, path.sample(0.0007))
+    assert state.tilt_rad.max() <= coarse["tilt"] * (1 + 1e-6)
+    assert np.hypot(*state.rate_body_rad_s[:, :2].T).max() <= coarse["roll and pitch rate"] * (1 + 1e-4)
+    assert np.abs(state.rate_body_rad_s[:, 2]).max() <= coarse["yaw rate"] * (1 + 1e-4)
+    assert state.rotor_speed_rad_s.max() <= coarse["rotor speed"] * (1 + 1e-4)
+    assert state.rotor_speed_rad_s.min() >= coarse["slowest rotor"] * (1 - 1e-4)
+
+
+def test_more_time_eases_every_limit(drone):
+    paths = [some_path(4).scale_time(f) for f in (1.0, 1.5, 2.5, 5.0)]
+    found = [limits.check(path, drone) for path in paths]
+    for quick, slow in itertools.pairwise(found):
+        for a, b in zip(quick, slow, strict=True):
+            assert b.value > a.value if b.name == "slowest rotor" else b.value < a.value
+    assert all(c.passed for c in found[-1])
+
+
+@pytest.mark.parametrize(
+    ("name", "limit"),
+    [
+        ("speed", {"speed_m_s": 0.5}),
+        ("acceleration", {"acceleration_m_s2": 0.5}),
+        ("tilt", {"tilt_rad": 0.02}),
+        ("roll and pitch rate", {"rate_rad_s": 0.02}),
+        ("yaw rate", {"yaw_rate_rad_s": 0.02}),
+        ("rotor speed", {"rotor_speed_max_rad_s": 960.0}),
+        ("slowest rotor", {"rotor_speed_min_rad_s": 940.0}),
+    ],
+)
+def test_each_limit_is_the_one_that_fails_when_it_alone_is_tight(drone, name, limit):
+    path = some_path(5, pace=1.5)
+    tight = drone.with_limits(**limit)
+    assert [c.name for c in limits.check(path, drone) if not c.passed] == []
+    assert [c.name for c in limits.check(path, tight) if not c.passed] == [name]
+
+
+@pytest.mark.parametrize("pace", [0.5, 1.0, 4.0])
+def test_the_time_scale_just_uses_one_limit(drone, pace):
+    path = some_path(6, pace)
+    scaled = path.scale_time(repair.time_scale(path, drone, drone.limits))
+    checks = limits.check(scaled, drone, step_s=0.005)
+    assert all(c.passed for c in checks)
+    assert not all(c.passed for c in limits.check(scaled.scale_time(0.97), drone, step_s=0.005))
+
+
+def test_free_fall_fails_and_says_so(drone):
+    drop = minimum_snap.trajectory(minimum_snap.solve(np.array([[0.0, 0, 9, 0], [0, 0, 0, 0]]), np.array([1.0])))
+    checks = {c.name: c for c in limits.check(drop, drone)}
+    assert not checks["slowest rotor"].passed
+    assert not checks["acceleration"].passed

@@ -1,0 +1,181 @@
+import itertools
+
+import numpy as np
+import pytest
+
+import esdf
+import planner
+from esdf import solids
+from flight import InputError, Waypoints, rotations
+from planner import PlanInfeasibleError, PlanOptions
+from vehicle import flatness
+
+
+def dense_clearance(plan, field) -> float:
+    return float(field.distance(plan.trajectory.position(plan.trajectory.sample(0.001))).min())
+
+
+def length(plan) -> float:
+    points = plan.trajectory.position(plan.trajectory.sample(0.002))
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+
+
+def test_waypoints_are_hit_in_the_open(open_sky, drone, through):
+    waypoints = through((0, 0, 1), (4, 0, 2), (4, 4, 1), (0, 4, 2))
+    plan = planner.plan(waypoints, open_sky, drone)
+    t = plan.trajectory.sample(0.0005)
+    position = plan.trajectory.position(t)
+    for waypoint in waypoints.positions_world_m:
+        assert np.linalg.norm(position - waypoint, axis=1).min() < 0.01
+    assert plan.method == "direct"
+    assert plan.gate.passed
+
+
+def test_some_limit_is_used_to_the_full(open_sky, drone, through):
+    plan = planner.plan(through((0, 0, 1), (4, 0, 2), (4, 4, 1), (0, 4, 2)), open_sky, drone)
+    assert not planner.gate.check(plan.trajectory.scale_time(0.97), open_sky, drone).passed
+
+
+@pytest.mark.parametrize("margin", [0.1, 0.4, 0.9])
+def test_a_plan_stays_clear_of_the_pillar(pillar, drone, through, margin):
+    options = PlanOptions(margin_m=margin)
+    plan = planner.plan(through((-4, 0, 1.5), (4, 0.1, 1.5)), pillar, drone, options)
+    assert dense_clearance(plan, pillar) >= options.clearance_m
+    assert plan.gate.clearance_m <= dense_clearance(plan, pillar) + 1e-6
+
+
+def test_more_clearance_never_makes_a_shorter_path(pillar, drone, through):
+    lengths = [
+        length(planner.plan(through((-4, 0, 1.5), (4, 0.1, 1.5)), pillar, drone, PlanOptions(margin_m=m)))
+        for m in (0.05, 0.4, 0.8, 1.2)
+    ]
+    assert all(b > a for a, b in itertools.pairwise(lengths))
+
+
+def test_the_doorway_is_found_and_flown(two_rooms, drone, through):
+    plan = planner.plan(through((-3, -2, 1), (3, -2, 1)), two_rooms, drone)
+    assert len(plan.route_world_m) > 2
+    assert dense_clearance(plan, two_rooms) >= 0.3
+    crossing = plan.trajectory.position(plan.trajectory.sample(0.001))
+    at_wall = crossing[np.abs(crossing[:, 0]) < 0.1]
+    assert (at_wall[:, 1] > 1.5).all()
+    assert (at_wall[:, 1] < 2.5).all()
+
+
+def test_a_sampled_field_gives_the_same_promise_as_the_formula(two_rooms, drone, through):
+    grid = esdf.Grid(np.array([-5.3, -4.3, -0.3]), (0.1, 0.1, 0.1), (106, 86, 36))
+    field = esdf.build(esdf.rasterize(two_rooms, grid), grid)
+    plan = planner.plan(through((-3, -2, 1), (3, -2, 1)), field, drone)
+    assert plan.gate.map_hash == field.hash
+    assert dense_clearance(plan, field) >= 0.3
+    assert dense_clearance(plan, two_rooms) >= 0.3 - 0.05 * np.sqrt(3)  # rasterized: half a voxel's diagonal
+
+
+def test_asked_headings_are_met_and_yaw_turns_the_short_way(open_sky, drone):
+    yaw = np.array([3.0, np.nan, -3.0, 0.5])
+    waypoints = Waypoints(np.array([[0.0, 0, 1], [-3, 0, 1], [-6, 0, 1], [-6, 4, 1]]), yaw)
+    plan = planner.plan(waypoints, open_sky, drone, PlanOptions(yaw="smooth"))
+    t = plan.trajectory.sample(0.001)
+    values = plan.trajectory.evaluate(t)
+    for point, wanted in zip(waypoints.positions_world_m, yaw, strict=True):
+        if np.isfinite(wanted):
+            at = values[np.linalg.norm(values[:, :3] - point, axis=1).argmin(), 3]
+            assert abs(np.angle(np.exp(1j * (at - wanted)))) < 0.02
+    between = values[np.linalg.norm(values[:, :3] - waypoints.positions_world_m[1], axis=1).argmin(), 3]
+    assert abs(between - np.pi) < 0.6  # not round by zero
+
+
+def test_the_vehicle_looks_along_the_path_where_it_may(open_sky, drone, through):
+    plan = planner.plan(through((0, 0, 1), (8, 0, 1), (16, 3, 1), (24, 3, 1)), open_sky, drone)
+    t = plan.trajectory.sample(0.01)
+    velocity = plan.trajectory.position(t, 1)
+    fast = np.linalg.norm(velocity[:, :2], axis=1) > 3.0
+    q = flatness.state(drone, plan.trajectory, t[fast]).q_world_body
+    forward = rotations.rotate(q, np.array([1.0, 0.0, 0.0]))
+    course = velocity[fast] / np.linalg.norm(velocity[fast], axis=1)[:, None]
+    cosine = (forward[:, :2] * course[:, :2]).sum(axis=1) / np.linalg.norm(forward[:, :2], axis=1)
+    assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).max() < 15.0
+
+
+def test_a_straight_climb_has_a_plan(open_sky, drone, through):
+    plan = planner.plan(through((0, 0, 1), (0, 0, 4)), open_sky, drone)
+    assert np.abs(plan.trajectory.position(plan.trajectory.sample(0.01))[:, :2]).max() < 0.05
+
+
+def test_the_same_question_has_the_same_answer(pillar, drone, through):
+    ask = through((-4, 0, 1), (0, 3, 2), (4, 0.1, 1))
+    one, other = planner.plan(ask, pillar, drone), planner.plan(ask, pillar, drone)
+    assert one.gate.trajectory_hash == other.gate.trajectory_hash
+
+
+def test_progress_reaches_the_end_and_never_goes_back(open_sky, drone, through):
+    seen: list[float] = []
+    planner.plan(through((0, 0, 1), (3, 0, 1)), open_sky, drone, progress=lambda stage, f: seen.append(f))
+    assert seen == sorted(seen)
+    assert seen[-1] == 1.0
+
+
+def refusal(points, field, drone, error=InputError, **options) -> str:
+    with pytest.raises(error) as caught:
+        planner.plan(Waypoints(np.array(points, dtype=float), np.full(len(points), np.nan)), field, drone,
+                     PlanOptions(**options))  # fmt: skip
+    text = str(caught.value)
+    assert "\n" not in text
+    return text
+
+
+def test_one_waypoint_is_refused(pillar, drone):
+    assert "at least two" in refusal([[2, 2, 1]], pillar, drone)
+
+
+def test_waypoints_in_one_place_are_refused_by_number(pillar, drone):
+    assert "waypoints 1 and 2" in refusal([[2, 2, 1], [3, 3, 1], [3, 3, 1]], pillar, drone)
+
+
+def test_a_nan_waypoint_is_refused_by_number(pillar, drone):
+    assert "waypoint 1" in refusal([[2, 2, 1], [np.nan, 3, 1]], pillar, drone)
+
+
+def test_a_waypoint_inside_an_obstacle_is_refused_with_depth_and_the_nearest_free_point(pillar, drone):
+    text = refusal([[-3, 0, 1], [0.4, 0, 1.5], [3, 0, 1]], pillar, drone)
+    assert "waypoint 1" in text
+    assert "0.20 m inside" in text
+    named = np.array([float(x) for x in text.split("near (")[1].split(")")[0].split(",")])
+    assert pillar.distance(named[None])[0] >= 0.29
+    assert np.linalg.norm(named - [0.9, 0.0, 1.5]) < 0.15
+
+
+def test_a_waypoint_too_near_an_obstacle_is_refused_with_both_distances(pillar, drone):
+    text = refusal([[-3, 0, 1], [0.8, 0, 1.5], [3, 0, 1]], pillar, drone)
+    assert "0.20 m from an obstacle, 0.30 m are required" in text
+
+
+def test_a_waypoint_outside_the_map_or_in_the_unknown_is_refused(pillar, drone):
+    grid = esdf.Grid(np.array([-3.0, -3.0, 0.0]), (0.1, 0.1, 0.1), (60, 60, 30))
+    state = esdf.rasterize(pillar, grid)
+    state[40:, :10] = esdf.UNKNOWN
+    for policy in ("obstacle", "nan"):
+        field = esdf.build(state, grid, unknown=policy)
+        assert "waypoint 1" in refusal([[-2, 0, 1], [9, 0, 1]], field, drone)
+        assert "waypoint 1" in refusal([[-2, 0, 1], [2, -2.8, 1]], field, drone)
+
+
+def test_a_room_without_a_door_says_between_which_waypoints(drone):
+    scene = solids.Scene([solids.Room((-3, -3, 0), (3, 3, 2.5)), solids.Box((-0.1, -3.1, 0), (0.1, 3.1, 2.6))])
+    with pytest.raises(PlanInfeasibleError) as caught:
+        planner.plan(Waypoints(np.array([[-2.0, 0, 1], [-1.5, 1, 1], [2.0, 0, 1]]), np.full(3, np.nan)), scene, drone)
+    assert caught.value.segment == 1
+    assert "between waypoints 1 and 2" in str(caught.value)
+    assert caught.value.remedy
+
+
+def test_a_vehicle_that_cannot_hover_is_told_so(open_sky, drone, through):
+    weak = drone.with_limits(rotor_speed_min_rad_s=100.0, rotor_speed_max_rad_s=500.0)
+    with pytest.raises(PlanInfeasibleError, match="hover"):
+        planner.plan(through((0, 0, 1), (3, 0, 1)), open_sky, weak)
+
+
+@pytest.mark.parametrize("wrong", [{"radius_m": -1.0}, {"margin_m": np.nan}, {"pieces": 0}, {"sample_step_s": 0.0}])
+def test_options_that_make_no_sense_are_refused(wrong):
+    with pytest.raises(InputError):
+        PlanOptions(**wrong)

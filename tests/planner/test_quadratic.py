@@ -1,0 +1,96 @@
+import numpy as np
+import pytest
+
+from flight import InfeasibleError, InputError
+from planner import corridor, hermite, minimum_snap, quadratic, repair, space
+from planner.quadratic import Constraints, SnapProgram
+
+
+def random_problem(seed: int, segments: int = 6) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    return np.cumsum(rng.normal(size=(segments + 1, 3)), axis=0), rng.uniform(0.5, 1.5, segments)
+
+
+def dense(spline: minimum_snap.Spline, derivative: int = 0) -> np.ndarray:
+    path = repair.position_trajectory(spline)
+    return path.position(path.sample(0.002), derivative)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_without_inequalities_it_agrees_with_the_closed_form(seed):
+    waypoints, T = random_problem(seed)
+    program, exact = SnapProgram(Constraints(waypoints)).solve(T), minimum_snap.solve(waypoints, T)
+    assert program.snap_cost() == pytest.approx(exact.snap_cost(), rel=1e-6)
+    assert np.abs(program.states[:, 0] - waypoints).max() < 1e-12
+    assert np.abs(program.states - exact.states).max() < 1e-3 * np.abs(exact.states).max()
+
+
+def test_joins_are_continuous_through_jerk_whatever_the_solver_left_over():
+    waypoints, T = random_problem(3)
+    path = repair.position_trajectory(SnapProgram(Constraints(waypoints, speed_axis_m_s=12.0)).solve(T))
+    for derivative in range(4):
+        assert np.abs(path.join_jumps(derivative)).max() < 1e-9 * (1 + np.abs(path.coefficients).max())
+
+
+def test_a_tolerance_lowers_the_snap_and_is_kept():
+    waypoints, T = random_problem(2)
+    exact = SnapProgram(Constraints(waypoints)).solve(T)
+    loose = SnapProgram(Constraints(waypoints, tolerance_m=0.1)).solve(T)
+    assert loose.snap_cost() < 0.95 * exact.snap_cost()
+    assert np.abs(loose.states[:, 0] - waypoints).max() < 0.1 + 1e-5
+    assert np.abs((loose.states[:, 0] - waypoints)[[0, -1]]).max() == 0.0
+
+
+def test_speed_and_acceleration_stay_in_their_boxes_between_samples():
+    waypoints, T = random_problem(5)
+    T = 2.0 * T
+    free = minimum_snap.solve(waypoints, T)
+    hull = hermite.segment_states(free.states) * hermite.time_powers(T)[..., None]
+    speed, push = (0.9 * np.abs(quadratic.control_points(r) @ hull / T[:, None, None] ** r).max() for r in (1, 2))
+    boxed = SnapProgram(Constraints(waypoints, speed_axis_m_s=speed, acceleration_axis_m_s2=push)).solve(T)
+    assert np.abs(dense(boxed, 1)).max() <= speed + 1e-3
+    assert np.abs(dense(boxed, 2)).max() <= push + 1e-3
+    assert boxed.snap_cost() > 1.001 * free.snap_cost()
+
+
+def test_updating_the_times_gives_what_a_fresh_program_gives():
+    waypoints, T = random_problem(8)
+    constraints = Constraints(waypoints, tolerance_m=0.05, speed_axis_m_s=12.0)
+    program = SnapProgram(constraints)
+    program.solve(T)
+    again, fresh = program.solve(1.3 * T), SnapProgram(constraints).solve(1.3 * T)
+    assert again.snap_cost() == pytest.approx(fresh.snap_cost(), rel=1e-4)
+
+
+def test_no_time_for_the_way_is_infeasible():
+    with pytest.raises(InfeasibleError):
+        SnapProgram(Constraints(np.array([[0.0, 0, 0], [10.0, 0, 0]]), speed_axis_m_s=1.0)).solve(np.array([2.0]))
+
+
+def test_a_corridor_of_the_wrong_length_is_refused():
+    with pytest.raises(InputError):
+        SnapProgram(Constraints(np.zeros((3, 3)), corridor=[]))
+
+
+def test_every_point_of_a_corridor_keeps_the_clearance_and_every_leg_lies_in_its_box(two_rooms):
+    legs = np.array([[-3.0, -2.0, 1.0], [-1.0, 2.0, 1.2], [1.0, 2.0, 1.2], [3.0, 0.0, 1.5]])
+    assert all(line.free for line in space.check_lines(two_rooms, legs[:-1], legs[1:], 0.3))
+    rng = np.random.default_rng(1)
+    for box, start, end in zip(corridor.boxes(two_rooms, legs, 0.3), legs[:-1], legs[1:], strict=True):
+        assert box.lowest(np.linspace(start, end, 50)).min() > -1e-9
+        low, high = -box.offsets_m[:3], box.offsets_m[3:]
+        inside = rng.uniform(low, high, (20_000, 3)) @ box.normals[3:]
+        assert two_rooms.distance(inside).min() >= 0.3
+        assert np.prod(high - low) > 0.1
+
+
+def test_the_path_through_a_corridor_stays_in_it(two_rooms):
+    legs = np.array([[-3.0, -2.0, 1.0], [-1.0, 2.0, 1.2], [1.0, 2.0, 1.2], [3.0, 0.0, 1.5]])
+    wanted = legs.copy()
+    wanted[1:-1] = np.nan
+    boxes = corridor.boxes(two_rooms, legs, 0.3)
+    T = np.array([2.0, 1.5, 2.0])
+    spline = SnapProgram(Constraints(wanted, corridor=boxes)).solve(T)
+    assert two_rooms.distance(dense(spline)).min() >= 0.3 - 1e-4
+    unbound = SnapProgram(Constraints(wanted)).solve(T)
+    assert two_rooms.distance(dense(unbound)).min() < 0.0
