@@ -27,21 +27,41 @@ def transform_int16(
 transform_int32 = transform_int16
 transform_float = transform_int16
 
-def distance(
+def query_dense(
     values: NDArray[np.float32],
     origin: Vector,
     voxel: Vector,
     points: NDArray[np.float64],
     out: NDArray[np.float64],
+    gradient: NDArray[np.float64] | None,
+    isa: str,
     /,
 ) -> None: ...
-def distance_and_gradient(
-    values: NDArray[np.float32],
+def query_bricks(
+    addresses: NDArray[np.uint64],
+    shape: tuple[int, int, int],
     origin: Vector,
     voxel: Vector,
     points: NDArray[np.float64],
     out: NDArray[np.float64],
-    gradient: NDArray[np.float64],
+    gradient: NDArray[np.float64] | None,
+    isa: str,
     /,
 ) -> None: ...
+def cut_distance_bricks(
+    values: NDArray[np.float32],
+    overlap: int,
+    uniform: NDArray[np.float32],
+    out: NDArray[np.float32],
+    index: NDArray[np.int32],
+    /,
+) -> int: ...
+def cut_state_bricks(
+    values: NDArray[np.uint8],
+    overlap: int,
+    uniform: NDArray[np.uint8],
+    out: NDArray[np.uint8],
+    index: NDArray[np.int32],
+    /,
+) -> int: ...
 def instruction_sets() -> list[str]: ...

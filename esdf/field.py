@@ -49,7 +49,7 @@ class Field:
         """
         points = checked_points(points_world_m)
         out = np.empty(len(points))
-        _esdf.distance(self.values_m, self.grid.origin_world_m, self.grid.voxel_m, points, out)
+        _esdf.query_dense(self.values_m, self.grid.origin_world_m, self.grid.voxel_m, points, out, None, "best")
         return _finite_or_refused(points, out)
 
     def gradient(self, points_world_m: ArrayLike) -> FloatArray:
@@ -60,7 +60,7 @@ class Field:
         """`distance` (n,) and `gradient` (n, 3) at once, which costs hardly more than either."""
         points = checked_points(points_world_m)
         out, gradient = np.empty(len(points)), np.empty((len(points), 3))
-        _esdf.distance_and_gradient(self.values_m, self.grid.origin_world_m, self.grid.voxel_m, points, out, gradient)
+        _esdf.query_dense(self.values_m, self.grid.origin_world_m, self.grid.voxel_m, points, out, gradient, "best")
         return _finite_or_refused(points, out), gradient
 
     def status(self, points_world_m: ArrayLike) -> NDArray[np.uint8]:

@@ -1,9 +1,12 @@
 // The Python face of the kernels: arrays in, arrays out. Names, checks and documentation are in the Python modules.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 
+#include <algorithm>
 #include <cstring>
+#include <optional>
 #include <stdexcept>
 #include <string>
 
@@ -82,44 +85,74 @@ void transform(In<std::uint8_t, 3> state, OutBox out, nb::tuple lo, In<T, 1> tab
     dispatch(r, chosen);
 }
 
-Lattice lattice_of(nb::tuple origin, nb::tuple voxel, const In<float, 3>& values) {
+Lattice lattice_of(nb::tuple origin, nb::tuple voxel, nb::tuple shape) {
     Lattice lattice;
     for (int a = 0; a < 3; ++a) {
         lattice.origin[a] = nb::cast<double>(origin[a]);
         lattice.per_voxel[a] = 1.0 / nb::cast<double>(voxel[a]);
-        lattice.n[a] = static_cast<Index>(values.shape(a));
+        lattice.n[a] = nb::cast<Index>(shape[a]);
     }
     return lattice;
 }
 
-template <bool WANT_GRADIENT>
-void query_dense(const In<float, 3>& values, const Lattice& lattice, const double* points, Index count, double* distance, double* gradient) {
-    constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-    const Index sy = lattice.n[2], sx = lattice.n[1] * lattice.n[2];
-    const Index step[3] = {lattice.n[0] > 1 ? sx : 0, lattice.n[1] > 1 ? sy : 0, lattice.n[2] > 1 ? 1 : 0};
-    for (Index i = 0; i < count; ++i) {
-        Cell cell;
-        if (locate(lattice, points + 3 * i, cell)) {
-            const float* corner = values.data() + cell.index[0] * sx + cell.index[1] * sy + cell.index[2];
-            distance[i] = interpolate<WANT_GRADIENT>(corner, step, lattice, cell, WANT_GRADIENT ? gradient + 3 * i : nullptr);
-        } else {
-            distance[i] = nan;
-            if (WANT_GRADIENT) gradient[3 * i] = gradient[3 * i + 1] = gradient[3 * i + 2] = nan;
-        }
-    }
+template <class Store>
+void answer(const Store& store, const Lattice& lattice, const In<double, 2>& points, Out<double, 1>& out, Out<double, 2>* gradient,
+            const std::string& isa) {
+    const bool wide = isa_named(isa) >= Isa::avx2;
+    nb::gil_scoped_release release;
+    const Index count = static_cast<Index>(points.shape(0));
+    double* slopes = gradient ? gradient->data() : nullptr;
+#if GOSHAWK_X86_VARIANTS
+    if (wide) return avx2::query(store, lattice, points.data(), count, out.data(), slopes);
+#endif
+    (void)wide;
+    portable::query(store, lattice, points.data(), count, out.data(), slopes);
 }
 
-void distance(In<float, 3> values, nb::tuple origin, nb::tuple voxel, In<double, 2> points, Out<double, 1> out) {
-    const Lattice lattice = lattice_of(origin, voxel, values);
-    nb::gil_scoped_release release;
-    query_dense<false>(values, lattice, points.data(), static_cast<Index>(points.shape(0)), out.data(), nullptr);
+void query_dense(In<float, 3> values, nb::tuple origin, nb::tuple voxel, In<double, 2> points, Out<double, 1> out,
+                 std::optional<Out<double, 2>> gradient, const std::string& isa) {
+    const Lattice lattice = lattice_of(origin, voxel, nb::make_tuple(values.shape(0), values.shape(1), values.shape(2)));
+    answer(Dense(values.data(), lattice.n), lattice, points, out, gradient ? &*gradient : nullptr, isa);
 }
 
-void distance_and_gradient(In<float, 3> values, nb::tuple origin, nb::tuple voxel, In<double, 2> points, Out<double, 1> out,
-                           Out<double, 2> gradient) {
-    const Lattice lattice = lattice_of(origin, voxel, values);
+// `addresses` (bricks along x, y, z): where each brick's values begin; the caller keeps them alive.
+void query_bricks(In<std::uint64_t, 3> addresses, nb::tuple shape, nb::tuple origin, nb::tuple voxel, In<double, 2> points,
+                  Out<double, 1> out, std::optional<Out<double, 2>> gradient, const std::string& isa) {
+    const Lattice lattice = lattice_of(origin, voxel, shape);
+    const Index bricks[3] = {static_cast<Index>(addresses.shape(0)), static_cast<Index>(addresses.shape(1)), static_cast<Index>(addresses.shape(2))};
+    answer(Bricks(addresses.data(), bricks, lattice.n), lattice, points, out, gradient ? &*gradient : nullptr, isa);
+}
+
+// Cut an array into bricks (edge + overlap values a side; beyond the array its last value is repeated). index gets the
+// brick's number in `out`, or -1 - k if all of it is uniform[k]. Returns how many bricks were written.
+template <class T>
+Index cut_bricks(In<T, 3> values, Index overlap, In<T, 1> uniform, Out<T, 4> out, Out<std::int32_t, 3> index) {
     nb::gil_scoped_release release;
-    query_dense<true>(values, lattice, points.data(), static_cast<Index>(points.shape(0)), out.data(), gradient.data());
+    const Index n[3] = {static_cast<Index>(values.shape(0)), static_cast<Index>(values.shape(1)), static_cast<Index>(values.shape(2))};
+    const Index size = BRICK, edge = size + overlap;
+    Index written = 0;
+    std::int32_t* number = index.data();
+    for (Index bx = 0; bx < static_cast<Index>(index.shape(0)); ++bx)
+        for (Index by = 0; by < static_cast<Index>(index.shape(1)); ++by)
+            for (Index bz = 0; bz < static_cast<Index>(index.shape(2)); ++bz, ++number) {
+                T* brick = out.data() + written * edge * edge * edge;
+                for (Index x = 0, to = 0; x < edge; ++x)
+                    for (Index y = 0; y < edge; ++y, to += edge) {
+                        const Index ix = std::min(bx * size + x, n[0] - 1), iy = std::min(by * size + y, n[1] - 1);
+                        const T* line = values.data() + (ix * n[1] + iy) * n[2];
+                        const Index real = std::min(edge, n[2] - bz * size);
+                        std::memcpy(brick + to, line + bz * size, real * sizeof(T));
+                        std::fill(brick + to + real, brick + to + edge, line[n[2] - 1]);
+                    }
+                // All equal if the brick equals itself shifted by one.
+                const bool same = !std::memcmp(brick, brick + 1, (edge * edge * edge - 1) * sizeof(T));
+                std::int32_t code = static_cast<std::int32_t>(written);
+                for (std::size_t k = 0; same && k < uniform.shape(0); ++k)
+                    if (!std::memcmp(brick, uniform.data() + k, sizeof(T))) code = -1 - static_cast<std::int32_t>(k);
+                *number = code;
+                written += code >= 0;
+            }
+    return written;
 }
 
 }  // namespace
@@ -128,8 +161,10 @@ NB_MODULE(_esdf, m) {
     m.def("transform_int16", &transform<std::int16_t>);
     m.def("transform_int32", &transform<std::int32_t>);
     m.def("transform_float", &transform<float>);
-    m.def("distance", &distance);
-    m.def("distance_and_gradient", &distance_and_gradient);
+    m.def("query_dense", &query_dense, nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg());
+    m.def("query_bricks", &query_bricks, nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg());
+    m.def("cut_distance_bricks", &cut_bricks<float>);
+    m.def("cut_state_bricks", &cut_bricks<std::uint8_t>);
     m.def("instruction_sets", [] {
         nb::list names;
         names.append("portable");

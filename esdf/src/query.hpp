@@ -1,8 +1,7 @@
-// Trilinear value and gradient of a field, point by point.
+// What a query is asked of. The kernel itself is in query_kernel.hpp, compiled once per instruction set.
 #pragma once
-#include <cmath>
 #include <cstddef>
-#include <limits>
+#include <cstdint>
 
 namespace goshawk {
 
@@ -11,49 +10,38 @@ struct Lattice {  // where voxel centres are: world = origin + (index + 0.5) * v
     std::ptrdiff_t n[3];
 };
 
-struct Cell {  // the eight voxel centres round a point
-    std::ptrdiff_t index[3];
-    float t[3];          // where in the cell, 0 to 1
-    bool clamped[3];     // the point lies in the outer half voxel, where the field is continued as constant
+// Values in one C-ordered array.
+struct Dense {
+    const float* values;
+    std::ptrdiff_t step[3];
+    Dense(const float* v, const std::ptrdiff_t* n) : values(v), step{n[0] > 1 ? n[1] * n[2] : 0, n[1] > 1 ? n[2] : 0, n[2] > 1 ? 1 : 0} {}
+    const float* corner(const std::int32_t* i) const { return values + i[0] * step[0] + i[1] * step[1] + i[2] * step[2]; }
 };
 
-// A point on the outer face stays inside however the division rounds.
-constexpr double ROUNDING = 1e-9;
-
-// False if the point is outside the lattice's voxels (or not a number).
-inline bool locate(const Lattice& lattice, const double* point, Cell& cell) {
-    for (int a = 0; a < 3; ++a) {
-        const double n = static_cast<double>(lattice.n[a]);
-        const double u = (point[a] - lattice.origin[a]) * lattice.per_voxel[a];
-        if (!(u >= -ROUNDING && u <= n + ROUNDING)) return false;
-        const double c = u - 0.5 < 0.0 ? 0.0 : u - 0.5 > n - 1.0 ? n - 1.0 : u - 0.5;
-        cell.clamped[a] = c != u - 0.5;
-        std::ptrdiff_t i = static_cast<std::ptrdiff_t>(c);
-        if (i > lattice.n[a] - 2) i = lattice.n[a] > 1 ? lattice.n[a] - 2 : 0;
-        cell.index[a] = i;
-        cell.t[a] = static_cast<float>(c - static_cast<double>(i));
+// Values in bricks of BRICK^3 voxels, each stored with one more layer on its upper sides, so that no cell spans two.
+constexpr std::uint32_t BRICK = 16, STORED = BRICK + 1;
+struct Bricks {
+    const std::uint64_t* address;  // of each brick's first value; bricks of one value everywhere share one
+    std::ptrdiff_t count[3], step[3];
+    Bricks(const std::uint64_t* table, const std::ptrdiff_t* bricks, const std::ptrdiff_t* n)
+        : address(table), count{bricks[0], bricks[1], bricks[2]},
+          step{n[0] > 1 ? STORED * STORED : 0, n[1] > 1 ? STORED : 0, n[2] > 1 ? 1 : 0} {}
+    const float* corner(const std::int32_t* i) const {
+        const std::uint32_t x = i[0], y = i[1], z = i[2];
+        const std::ptrdiff_t brick = (std::ptrdiff_t(x / BRICK) * count[1] + y / BRICK) * count[2] + z / BRICK;
+        const std::ptrdiff_t within = x % BRICK * step[0] + y % BRICK * step[1] + z % BRICK * step[2];
+        return reinterpret_cast<const float*>(address[brick]) + within;
     }
-    return true;
-}
+};
 
-// corner: the cell's first voxel; step: distance to the next voxel of each axis (0 where the lattice is one voxel thick).
-template <bool WANT_GRADIENT>
-inline double interpolate(const float* corner, const std::ptrdiff_t* step, const Lattice& lattice, const Cell& cell, double* gradient) {
-    const float* c00 = corner;
-    const float* c01 = corner + step[1];
-    const float* c10 = corner + step[0];
-    const float* c11 = c10 + step[1];
-    const std::ptrdiff_t dz = step[2];
-    const float tx = cell.t[0], ty = cell.t[1], tz = cell.t[2];
-    const float d00 = c00[dz] - c00[0], d01 = c01[dz] - c01[0], d10 = c10[dz] - c10[0], d11 = c11[dz] - c11[0];
-    const float e00 = c00[0] + tz * d00, e01 = c01[0] + tz * d01, e10 = c10[0] + tz * d10, e11 = c11[0] + tz * d11;
-    const float f0 = e00 + ty * (e01 - e00), f1 = e10 + ty * (e11 - e10);
-    if constexpr (WANT_GRADIENT) {
-        const float gy0 = e01 - e00, gy1 = e11 - e10, gz0 = d00 + ty * (d01 - d00), gz1 = d10 + ty * (d11 - d10);
-        const float g[3] = {f1 - f0, gy0 + tx * (gy1 - gy0), gz0 + tx * (gz1 - gz0)};
-        for (int a = 0; a < 3; ++a) gradient[a] = cell.clamped[a] ? 0.0 * g[a] : g[a] * lattice.per_voxel[a];
+#define GOSHAWK_DECLARE_QUERY(isa)                                                                                           \
+    namespace isa { /* gradient may be null */                                                                               \
+    void query(const Dense&, const Lattice&, const double* points, std::ptrdiff_t count, double* distance, double* gradient);  \
+    void query(const Bricks&, const Lattice&, const double* points, std::ptrdiff_t count, double* distance, double* gradient); \
     }
-    return f0 + tx * (f1 - f0);
-}
+GOSHAWK_DECLARE_QUERY(portable)
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
+GOSHAWK_DECLARE_QUERY(avx2)
+#endif
 
 }  // namespace goshawk

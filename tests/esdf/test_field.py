@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from esdf import FREE, KNOWN, OCCUPIED, OUTSIDE, UNKNOWN, UNMAPPED, Field, Grid, build, rasterize, solids
+from esdf import FREE, KNOWN, OCCUPIED, OUTSIDE, UNKNOWN, UNMAPPED, Field, Grid, _esdf, build, rasterize, solids
 from flight import InputError
 
 ROOM = solids.Scene(
@@ -101,6 +101,17 @@ def test_a_grid_one_voxel_thick_can_be_queried():
     value, gradient = field.distance_and_gradient([[1.0, 0.3, 0.5]])
     assert value[0] == pytest.approx(0.0)
     assert gradient[0] == pytest.approx([-1.0, 0.0, 0.0])
+
+
+def test_queries_are_bit_equal_on_every_instruction_set(room_field):
+    points = np.random.default_rng(4).uniform(-0.3, 4.3, (5000, 3))
+    value, gradient = room_field.distance_and_gradient(points)
+    for instruction_set in _esdf.instruction_sets():
+        v, g = np.empty(5000), np.empty((5000, 3))
+        grid = room_field.grid
+        _esdf.query_dense(room_field.values_m, grid.origin_world_m, grid.voxel_m, points, v, g, instruction_set)
+        np.testing.assert_array_equal(v, value)
+        np.testing.assert_array_equal(g, gradient)
 
 
 @pytest.mark.parametrize("points", [[1.0, 2.0, 3.0], [[1.0, 2.0]], np.zeros((2, 3, 1)), "abc", [[0.0, np.nan, 0.0]]])

@@ -1,0 +1,9 @@
+// Queries for every processor; see query_kernel.hpp.
+#include <cstring>
+#include <limits>
+
+#include "edt.hpp"
+#include "query.hpp"
+
+#define GOSHAWK_ISA portable
+#include "query_kernel.hpp"
