@@ -1,6 +1,8 @@
 """The distance field: how far every point of a map is from the nearest surface, exactly, and honestly where unknown."""
 
 from esdf import solids
+from esdf.block_field import BlockField, build_blocks, open_blocks
+from esdf.blocks import ArraySource, SolidSource
 from esdf.build import build
 from esdf.clearance import Clearance, certify
 from esdf.edits import Edit, Editor, load_edits, save_edits
@@ -16,15 +18,20 @@ __all__ = [
     "OUTSIDE",
     "UNKNOWN",
     "UNMAPPED",
+    "ArraySource",
+    "BlockField",
     "Clearance",
     "Edit",
     "Editor",
     "Field",
     "Grid",
+    "SolidSource",
     "build",
+    "build_blocks",
     "certify",
     "load",
     "load_edits",
+    "open_blocks",
     "open_editor",
     "rasterize",
     "save",

@@ -12,7 +12,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from esdf.field import OUTSIDE, UNMAPPED, Field
+from esdf.field import OUTSIDE, UNMAPPED, SampledField
 from flight import FloatArray, InputError, Trajectory, polynomial
 
 Reason = Literal["clear", "too close", "unknown", "outside the map", "unfinished"]
@@ -68,12 +68,12 @@ class _Intervals:
 
 
 def certify(
-    field: Distances | Field, trajectory: Trajectory, required_m: float, *, tolerance_m: float = 1e-3
+    field: Distances | SampledField, trajectory: Trajectory, required_m: float, *, tolerance_m: float = 1e-3
 ) -> Clearance:
     """Whether every point of the curve keeps `required_m` from everything solid, and where it comes closest.
 
-    With a `Field`, the proof is about the exact distance to the solid voxels, not about its interpolation: `proven_m`
-    is below `minimum_m` by the tolerance and by what interpolation can hide (`Field.proven_distance`). With a formula
+    With a sampled field, the proof is about the exact distance to the solid voxels, not about its interpolation: `proven_m`
+    is below `minimum_m` by the tolerance and by what interpolation can hide (`proven_distance`). With a formula
     the difference is the tolerance alone.
 
     Raises:
@@ -83,7 +83,7 @@ def certify(
         raise InputError(f"the required clearance is {required_m:g} m; it must be finite")
     if not tolerance_m > 0.0:
         raise InputError(f"tolerance_m is {tolerance_m:g}; it must be positive")
-    if isinstance(field, Field) and field.unknown == "nan":
+    if isinstance(field, SampledField) and field.unknown == "nan":
         unseen = _first_unseen(field, trajectory)
         if unseen is not None:
             return _unknown(field, trajectory, *unseen)
@@ -91,7 +91,7 @@ def certify(
 
 
 def _branch_and_bound(
-    field: Distances | Field, trajectory: Trajectory, required_m: float, tolerance_m: float
+    field: Distances | SampledField, trajectory: Trajectory, required_m: float, tolerance_m: float
 ) -> Clearance:
     todo = _first_intervals(trajectory)
     best, proven = np.inf, np.inf
@@ -100,7 +100,7 @@ def _branch_and_bound(
     while len(todo.segment):
         points = _positions(trajectory, todo.segment, todo.middle_s)
         value = field.distance(points)
-        sample = field.proven_from_value(points, value) if isinstance(field, Field) else value
+        sample = field.proven_from_value(points, value) if isinstance(field, SampledField) else value
         unknown = np.flatnonzero(np.isnan(value))
         if unknown.size:
             return _unknown(field, trajectory, int(todo.segment[unknown[0]]), float(todo.middle_s[unknown[0]]))
@@ -138,7 +138,7 @@ def _positions(trajectory: Trajectory, segment: np.ndarray, local_s: FloatArray)
     return polynomial.evaluate(trajectory.coefficients[segment, :3], local_s[:, None])
 
 
-def _first_unseen(field: Field, trajectory: Trajectory) -> tuple[int, float] | None:
+def _first_unseen(field: SampledField, trajectory: Trajectory) -> tuple[int, float] | None:
     """Segment and time of a sample next to which the curve may touch a cell with an unknown corner, or leave the grid.
 
     Samples are so dense that the curve stays within r, half a voxel, of the nearest one; a cube of half edge r meets
@@ -156,9 +156,9 @@ def _first_unseen(field: Field, trajectory: Trajectory) -> tuple[int, float] | N
     return (int(pieces.segment[of[bad[0]]]), float(local_s[bad[0]])) if bad.size else None
 
 
-def _unknown(field: Distances | Field, trajectory: Trajectory, segment: int, local_s: float) -> Clearance:
+def _unknown(field: Distances | SampledField, trajectory: Trajectory, segment: int, local_s: float) -> Clearance:
     reason: Reason = "unknown"
-    if isinstance(field, Field):
+    if isinstance(field, SampledField):
         point = _positions(trajectory, np.array([segment]), np.array([local_s]))
         status = field.status(np.concatenate([point, point + _cube_corners(0.5 * min(field.grid.voxel_m))]))
         if status[0] == OUTSIDE or (OUTSIDE in status and UNMAPPED not in status):

@@ -54,8 +54,12 @@ class Edit:
 
 
 def replay(mapped: StateArray, grid: Grid, edits: Iterable[Edit], region: Region) -> StateArray:
-    """The states of a region after all edits; no-fly zones come last, whenever they were drawn."""
-    state = mapped[region.slices].copy()
+    """The states of a region after all edits; no-fly zones come last, whenever they were drawn.
+
+    Args:
+        mapped: The region's states as mapped.
+    """
+    state = mapped.copy()
     edited = np.zeros(state.shape, bool)
     for edit in sorted(edits, key=lambda e: e.action == "no-fly"):
         for slab in solids.slabs(solids.covered_region(edit.solid, grid).common(region)):
@@ -147,7 +151,7 @@ class Editor:
         for edit in changed:
             region = solids.covered_region(edit.solid, grid)
             near = [e for e in self.edits if not solids.covered_region(e.solid, grid).common(region).empty]
-            fresh = replay(self._mapped, grid, near, region)
+            fresh = replay(self._mapped[region.slices], grid, near, region)
             dirty = _bounding_box(fresh != state[region.slices], region)
             state[region.slices] = fresh
             if dirty.empty:

@@ -1,6 +1,7 @@
 """A distance field and the questions it answers at a point."""
 
 import hashlib
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -17,9 +18,8 @@ KNOWN, UNMAPPED, OUTSIDE = 0, 1, 2
 """What `Field.status` says of a point: in a seen voxel, in one never seen, beyond the grid."""
 
 
-@dataclass(frozen=True, eq=False)
-class Field:
-    """Signed distance to the nearest surface, sampled at voxel centres; treat its arrays as read-only.
+class SampledField(ABC):
+    """What every field can be asked, however it keeps its values.
 
     Between centres the value is trilinear. The exact distance d(p) to the solid voxels and the value f(p) obey
     |f - d| <= half a voxel's diagonal, and, where f > 0, d >= sqrt(f^2 - half_diagonal^2) (see docs/distance_field.md):
@@ -27,15 +27,16 @@ class Field:
     """
 
     grid: Grid
-    state: StateArray = field(repr=False)
-    """(nx, ny, nz) UNKNOWN, FREE or OCCUPIED."""
-    values_m: NDArray[np.float32] = field(repr=False)
-    """(nx, ny, nz) distance at each voxel's centre; NaN in unknown voxels under the policy "nan"."""
     cap_m: float
-    """Values are exact up to here; what is farther has this value."""
     unknown: Policy
-    """What was done about voxels never seen: see `build`."""
-    _hash: list[str] = field(default_factory=list, init=False, repr=False)
+
+    @abstractmethod
+    def _query(self, points: FloatArray, out: FloatArray, gradient: FloatArray | None) -> None:
+        """Value and, if wanted, gradient at checked points; NaN where there is none."""
+
+    @abstractmethod
+    def _states_at(self, index: NDArray[np.int64]) -> StateArray:
+        """States (n,) of the voxels (n, 3)."""
 
     def distance(self, points_world_m: ArrayLike) -> FloatArray:
         """Signed distance from each point (n, 3) to the nearest surface.
@@ -49,7 +50,7 @@ class Field:
         """
         points = checked_points(points_world_m)
         out = np.empty(len(points))
-        _esdf.query_dense(self.values_m, self.grid.origin_world_m, self.grid.voxel_m, points, out, None, "best")
+        self._query(points, out, None)
         return _finite_or_refused(points, out)
 
     def gradient(self, points_world_m: ArrayLike) -> FloatArray:
@@ -60,7 +61,7 @@ class Field:
         """`distance` (n,) and `gradient` (n, 3) at once, which costs hardly more than either."""
         points = checked_points(points_world_m)
         out, gradient = np.empty(len(points)), np.empty((len(points), 3))
-        _esdf.query_dense(self.values_m, self.grid.origin_world_m, self.grid.voxel_m, points, out, gradient, "best")
+        self._query(points, out, gradient)
         return _finite_or_refused(points, out), gradient
 
     def status(self, points_world_m: ArrayLike) -> NDArray[np.uint8]:
@@ -68,7 +69,7 @@ class Field:
         points = checked_points(points_world_m)
         inside = self.grid.contains(points)
         index = np.clip(self.grid.index(points), 0, np.array(self.grid.shape) - 1)
-        unseen = self.state[tuple(index.T)] == UNKNOWN
+        unseen = self._states_at(index) == UNKNOWN
         return np.where(inside, np.where(unseen, UNMAPPED, KNOWN), OUTSIDE).astype(np.uint8)
 
     def proven_distance(self, points_world_m: ArrayLike) -> FloatArray:
@@ -92,6 +93,28 @@ class Field:
         low, high = self.grid.low_world_m + half, self.grid.high_world_m - half
         overhang = np.linalg.norm(points_world_m - np.clip(points_world_m, low, high), axis=1)
         return bound - overhang
+
+
+@dataclass(frozen=True, eq=False)
+class Field(SampledField):
+    """Signed distance to the nearest surface, sampled at voxel centres; treat its arrays as read-only."""
+
+    grid: Grid
+    state: StateArray = field(repr=False)
+    """(nx, ny, nz) UNKNOWN, FREE or OCCUPIED."""
+    values_m: NDArray[np.float32] = field(repr=False)
+    """(nx, ny, nz) distance at each voxel's centre; NaN in unknown voxels under the policy "nan"."""
+    cap_m: float
+    """Values are exact up to here; what is farther has this value."""
+    unknown: Policy
+    """What was done about voxels never seen: see `build`."""
+    _hash: list[str] = field(default_factory=list, init=False, repr=False)
+
+    def _query(self, points: FloatArray, out: FloatArray, gradient: FloatArray | None) -> None:
+        _esdf.query_dense(self.values_m, self.grid.origin_world_m, self.grid.voxel_m, points, out, gradient, "best")
+
+    def _states_at(self, index: NDArray[np.int64]) -> StateArray:
+        return self.state[tuple(index.T)]
 
     @property
     def hash(self) -> str:

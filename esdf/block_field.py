@@ -1,0 +1,185 @@
+"""A distance field that stays on disk: bricks are memory-mapped, so only what is asked for is ever read."""
+
+import hashlib
+import math
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from esdf import _esdf
+from esdf.blocks import BRICK, CHUNK, EditedSource, Mapper, Source, build_chunks, chunk_regions, uniform_values
+from esdf.build import build
+from esdf.edits import Edit
+from esdf.field import Field, Policy, SampledField
+from esdf.grid import Grid, Region, StateArray
+from flight import FloatArray, FormatError, InputError, Progress, file_format, silent
+
+FORMAT = "goshawk-esdf-blocks"
+VERSION = 1
+
+
+@dataclass(frozen=True, eq=False)
+class BlockField(SampledField):
+    """The same answers as a `Field` of the same map, bit by bit, from memory-mapped bricks."""
+
+    folder: Path
+    grid: Grid
+    cap_m: float
+    unknown: Policy
+    hash: str
+    """Of everything that decides the values."""
+    _addresses: NDArray[np.uint64] = field(repr=False)
+    """Where each brick of distances begins in memory; uniform bricks share one."""
+    _states: dict[str, tuple[NDArray[np.int32], StateArray]] = field(repr=False)
+    """Per chunk: the index of its bricks of states, and the bricks."""
+    _mapped: list[np.ndarray] = field(repr=False)
+    """Keeps the memory behind `_addresses` alive."""
+
+    def _query(self, points: FloatArray, out: FloatArray, gradient: FloatArray | None) -> None:
+        grid = self.grid
+        _esdf.query_bricks(
+            self._addresses, grid.shape, grid.origin_world_m, grid.voxel_m, points, out, gradient, "best"
+        )
+
+    def _states_at(self, index: NDArray[np.int64]) -> StateArray:
+        states = np.empty(len(index), np.uint8)
+        chunks, of = np.unique(index // np.array(CHUNK), axis=0, return_inverse=True)
+        for number, chunk in enumerate(chunks):
+            mine = np.flatnonzero(of.ravel() == number)
+            bricks, stored = self._states["chunk_{}_{}_{}".format(*chunk)]
+            local = index[mine] - chunk * np.array(CHUNK)
+            code = bricks[tuple((local // BRICK).T)]
+            kept = code >= 0
+            states[mine[~kept]] = -1 - code[~kept]
+            states[mine[kept]] = stored[(code[kept], *(local[kept] % BRICK).T)]
+        return states
+
+    def states(self, region: Region) -> StateArray:
+        """The states of a box of voxels; so a block field can be the source of another."""
+        states = np.empty(region.shape, np.uint8)
+        for name, chunk in chunk_regions(self.grid):
+            common = chunk.common(region)
+            if not common.empty:
+                bricks, stored = self._states[name]
+                states[common.seen_from(region).slices] = _assemble(bricks, stored, common.seen_from(chunk))
+        return states
+
+    def crop(self, region: Region) -> Field:
+        """A part of the map in memory, as a map of its own (what lies beyond it is unknown to it)."""
+        return build(self.states(region), self.grid.part(region), cap_m=self.cap_m, unknown=self.unknown)
+
+
+def _assemble(bricks: NDArray[np.int32], stored: StateArray, region: Region) -> StateArray:
+    """A box of a chunk's states from its bricks."""
+    first = [a // BRICK for a in region.low]
+    last = [math.ceil(b / BRICK) for b in region.high]
+    whole = np.empty([(b - a) * BRICK for a, b in zip(first, last, strict=True)], np.uint8)
+    for at in np.ndindex(*[b - a for a, b in zip(first, last, strict=True)]):
+        code = bricks[at[0] + first[0], at[1] + first[1], at[2] + first[2]]
+        place = tuple(slice(i * BRICK, (i + 1) * BRICK) for i in at)
+        whole[place] = stored[code] if code >= 0 else -1 - code
+    inner = Region(*[tuple(c - f * BRICK for c, f in zip(corner, first, strict=True)) for corner in region])  # pyright: ignore[reportArgumentType]
+    return whole[inner.slices]
+
+
+def build_blocks(
+    folder: Path,
+    source: Source,
+    grid: Grid,
+    *,
+    cap_m: float = 2.0,
+    unknown: Policy = "obstacle",
+    edits: Sequence[Edit] = (),
+    executor: Mapper | Executor | None = None,
+    progress: Progress = silent,
+) -> BlockField:
+    """Build a map of any size on disk; an earlier one in `folder` stays until this one is complete.
+
+    Args:
+        source: Called with boxes of voxels; returns their states. See `ArraySource`, `SolidSource`, `BlockField.states`.
+        executor: Who does the work: None for one thread per core, any `concurrent.futures.Executor`, or
+            `client.get_executor()` of a Dask cluster (workers write to `folder`, which they must share). The result is
+            the same bytes in every case.
+    """
+    sources = EditedSource(source, grid, tuple(edits)) if edits else source
+    try:
+        with file_format.atomic_folder(folder) as temporary:
+            hashes = build_chunks(
+                temporary, sources, grid, cap_m=cap_m, unknown=unknown, executor=executor, progress=progress
+            )
+            body = {
+                "origin_world_m": list(grid.origin_world_m),
+                "voxel_m": list(grid.voxel_m),
+                "shape": list(grid.shape),
+                "cap_m": float(cap_m),
+                "unknown": unknown,
+                "chunk": list(CHUNK),
+                "chunks": hashes,
+            }
+            file_format.write_toml(temporary / "blocks.toml", format=FORMAT, version=VERSION, body=body)
+    except OSError as error:
+        raise InputError(
+            f"{folder}: the distance field was not written ({error.strerror}); the old one stays"
+        ) from error
+    return open_blocks(folder)
+
+
+def open_blocks(folder: Path) -> BlockField:
+    """Open a map that `build_blocks` made. Reads the indices alone; bricks come in as they are asked for.
+
+    Raises:
+        InputError: there is none in `folder`.
+        FormatError: it is damaged, or newer than this version.
+    """
+    folder = Path(folder)
+    document = file_format.read_toml(folder / "blocks.toml", format=FORMAT, version=VERSION)
+    try:
+        grid = Grid(tuple(document["origin_world_m"]), tuple(document["voxel_m"]), tuple(document["shape"]))
+        cap_m, unknown = float(document["cap_m"]), document["unknown"]
+        if tuple(document["chunk"]) != CHUNK:
+            raise ValueError(f"its chunks are {document['chunk']}, not {list(CHUNK)}")
+        recipe = (grid.origin_world_m, grid.voxel_m, grid.shape, cap_m, unknown, sorted(document["chunks"].items()))
+        addresses, states, mapped = _map_files(folder, grid, cap_m)
+    except (KeyError, TypeError, ValueError, EOFError, OSError, InputError) as error:
+        raise FormatError(f"{folder} holds a damaged distance field: {error}") from error
+    digest = hashlib.sha256(repr(recipe).encode()).hexdigest()
+    return BlockField(folder, grid, cap_m, unknown, digest, addresses, states, mapped)
+
+
+def _map_files(
+    folder: Path, grid: Grid, cap_m: float
+) -> tuple[NDArray[np.uint64], dict[str, tuple[NDArray[np.int32], StateArray]], list[np.ndarray]]:
+    shared = [np.full((BRICK + 1,) * 3, value, np.float32) for value in uniform_values(cap_m)]
+    mapped: list[np.ndarray] = [*shared]
+    shared_addresses = np.array([s.ctypes.data for s in shared], np.uint64)
+    addresses = np.zeros([math.ceil(n / BRICK) for n in grid.shape], np.uint64)
+    states: dict[str, tuple[NDArray[np.int32], StateArray]] = {}
+    for name, region in chunk_regions(grid):
+        index, bricks = _load_bricks(folder / f"{name}.values", region, np.float32, BRICK + 1)
+        mapped.append(bricks)
+        place = tuple(slice(a // BRICK, math.ceil(b / BRICK)) for a, b in zip(*region, strict=True))
+        inside = np.uint64(bricks.ctypes.data) + index.astype(np.uint64) * np.uint64((BRICK + 1) ** 3 * 4)
+        addresses[place] = np.where(index >= 0, inside, shared_addresses[np.maximum(-1 - index, 0)])
+        states[name] = _load_bricks(folder / f"{name}.states", region, np.uint8, BRICK)
+    return addresses, states, mapped
+
+
+def _load_bricks(path: Path, region: Region, kind: type, edge: int) -> tuple[NDArray[np.int32], np.ndarray]:
+    index = np.load(path.with_suffix(path.suffix + ".index.npy"))
+    file = path.with_suffix(path.suffix + ".npy")
+    # An empty file cannot be memory-mapped: every brick of that chunk is uniform.
+    stored = int(index.max()) + 1
+    bricks = np.load(file, mmap_mode="r") if stored > 0 else np.empty((0, edge, edge, edge), kind)
+    expected = tuple(math.ceil(n / BRICK) for n in region.shape)
+    if (
+        index.shape != expected
+        or index.min() < -3
+        or bricks.shape != (stored, edge, edge, edge)
+        or bricks.dtype != kind
+    ):
+        raise ValueError(f"{file.name} does not fit its index")
+    return index, bricks
