@@ -100,7 +100,7 @@ def build_blocks(
     """Build a map of any size on disk; an earlier one in `folder` stays until this one is complete.
 
     Args:
-        source: Called with boxes of voxels; returns their states. See `ArraySource`, `SolidSource`, `BlockField.states`.
+        source: Called with boxes of voxels, returns their states: `ArraySource`, `SolidSource`, `BlockField.states`...
         executor: Who does the work: None for one thread per core, any `concurrent.futures.Executor`, or
             `client.get_executor()` of a Dask cluster (workers write to `folder`, which they must share). The result is
             the same bytes in every case.

@@ -72,9 +72,9 @@ def certify(
 ) -> Clearance:
     """Whether every point of the curve keeps `required_m` from everything solid, and where it comes closest.
 
-    With a sampled field, the proof is about the exact distance to the solid voxels, not about its interpolation: `proven_m`
-    is below `minimum_m` by the tolerance and by what interpolation can hide (`proven_distance`). With a formula
-    the difference is the tolerance alone.
+    With a sampled field, the proof is about the exact distance to the solid voxels, not about its interpolation:
+    `proven_m` is below `minimum_m` by the tolerance and by what interpolation can hide (`proven_distance`). With a
+    formula the difference is the tolerance alone.
 
     Raises:
         InputError: `required_m` is not finite or `tolerance_m` is not positive.

@@ -160,8 +160,16 @@ class Editor:
             transform(self._recipe, state, window, values[window.slices], self._recipe.faces)
             boxes.append(window)
         self._field = replace(self._field)  # the hash is another one now
-        lows, highs = [b.low for b in boxes] or [(0, 0, 0)], [b.high for b in boxes] or [(0, 0, 0)]
-        return Region(tuple(np.min(lows, axis=0).tolist()), tuple(np.max(highs, axis=0).tolist()))
+        return _union(boxes)
+
+
+def _union(boxes: Sequence[Region]) -> Region:
+    """The smallest box round all of them (empty for none)."""
+    if not boxes:
+        return Region((0, 0, 0), (0, 0, 0))
+    low = np.array([b.low for b in boxes]).min(axis=0)
+    high = np.array([b.high for b in boxes]).max(axis=0)
+    return Region(tuple(low.tolist()), tuple(high.tolist()))
 
 
 def _differing(a: tuple[Edit, ...], b: tuple[Edit, ...]) -> tuple[Edit, ...]:
