@@ -1,1 +1,5 @@
-"""(filled in by this room)"""
+"""The web ground station: a project's map, waypoints and plan on one page, behind a gateway that asks for a token."""
+
+from gcs_web.app import GroundStation
+
+__all__ = ["GroundStation"]

@@ -1,1 +1,1 @@
-"""(filled in by this room)"""
+"""The roof: the command line, and the demo that runs every room once."""

@@ -1,0 +1,230 @@
+"""The pilot's page: viser's scene and controls wired to the session and, if there is one, to the vehicle."""
+
+import logging
+import threading
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flight import FlightError
+from gcs_web import scene
+from gcs_web.session import Session
+from gcs_web.vehicle_watch import VehicleWatch
+
+if TYPE_CHECKING:
+    import viser
+
+logger = logging.getLogger(__name__)
+
+
+class Page:
+    """Draws the session into a viser server and turns the pilot's gestures into changes of the session."""
+
+    def __init__(
+        self,
+        server: "viser.ViserServer",
+        session: Session,
+        watch: VehicleWatch | None,
+        *,
+        triangles: int = scene.DISPLAY_TRIANGLES,
+        required_clearance_m: float,
+    ) -> None:
+        self._server = server
+        self._session = session
+        self._watch = watch
+        self._required_m = required_clearance_m
+        self._drawing = threading.RLock()
+        self._gizmos: list[Any] = []
+        self._path: Any = None
+        self._message = ""
+        server.gui.configure_theme(
+            dark_mode=True, show_share_button=False, show_logo=False, control_layout="fixed", control_width="medium"
+        )
+        server.gui.set_panel_label(f"Goshawk · {session.project.name}")
+        server.scene.set_up_direction("+z")
+        server.scene.add_mesh_trimesh("/map", scene.display_mesh(session.map.mesh_path, triangles), cast_shadow=False)
+        self._vehicle = scene.draw_vehicle(server)
+        self._build_controls()
+        self._place_camera()
+        session.on_change(self._refresh)
+        if watch is not None:
+            watch.on_change(self._show_vehicle)
+        self._refresh()
+
+    # --- controls ---
+
+    def _build_controls(self) -> None:
+        gui = self._server.gui
+        self._status = gui.add_markdown("")
+        with gui.add_folder("Waypoints"):
+            self._selected = gui.add_slider("number", min=0, max=1, step=1, initial_value=0)
+            self._button("Insert after", self._insert)
+            self._button("Delete", lambda: self._session.delete(int(self._selected.value)))
+            self._button("Undo", self._session.undo)
+            self._button("Redo", self._session.redo)
+        with gui.add_folder("Trajectory"):
+            self._name = gui.add_text("name", initial_value="plan")
+            self._button("Save", self._save)
+            self._upload = gui.add_button("Upload ...", disabled=True)
+            self._upload.on_click(self._confirm_upload)
+        field = self._session.map.field
+        bottom = float(np.asarray(field.grid.origin_world_m)[2])
+        top = bottom + field.grid.shape[2] * float(np.broadcast_to(field.grid.voxel_m, (3,))[2])
+        with gui.add_folder("Distance field"):
+            self._show_slice = gui.add_checkbox("show slice", initial_value=True)
+            start = float(np.clip(1.2, bottom, top))
+            self._height = gui.add_slider("height (m)", min=round(bottom, 1), max=top, step=0.1, initial_value=start)
+            self._show_slice.on_update(lambda _: self._draw_slice())
+            self._height.on_update(lambda _: self._draw_slice())
+            gui.add_markdown(f"red: below {self._required_m:.2f} m · green: {self._required_m + 0.7:.2f} m and more")
+        self._draw_slice()
+
+    def _button(self, label: str, action: Callable[[], Any]) -> None:
+        """A button whose refusals are shown to the pilot in words."""
+        button = self._server.gui.add_button(label)
+
+        @button.on_click
+        def _(_event: Any) -> None:
+            self._attempt(action)
+
+    def _attempt(self, action: Callable[[], Any]) -> None:
+        try:
+            self._message = ""
+            action()
+        except FlightError as error:
+            self._message = str(error)
+        self._refresh()
+
+    def _insert(self) -> None:
+        index = int(self._selected.value)
+        positions = self._session.positions_world_m
+        after = positions[min(index + 1, len(positions) - 1)]
+        step = after - positions[index] if index + 1 < len(positions) else np.array([0.5, 0.0, 0.0]) * 2
+        self._session.insert(index + 1, positions[index] + 0.5 * step)
+
+    def _save(self) -> None:
+        path = self._session.save_trajectory(self._name.value)
+        self._message = f"saved as {path.relative_to(self._session.project.folder)}"
+
+    # --- upload: shown first, done on a second press ---
+
+    def _confirm_upload(self, _event: Any) -> None:
+        plan = self._session.plan
+        if self._watch is None or plan is None or plan.file is None:
+            return
+        modal = self._server.gui.add_modal("Upload this trajectory?")
+        with modal:
+            self._server.gui.add_markdown(
+                f"**{self._name.value}**: {plan.file.trajectory.duration_s:.1f} s, "
+                f"{len(plan.file.trajectory.durations_s)} segments, clearance {np.min(plan.clearance_m):.2f} m.\n\n"
+                f"To {self._watch.describe()}. It replaces what the vehicle holds; nothing moves before `goshawk fly`."
+            )
+            yes = self._server.gui.add_button("Upload")
+            no = self._server.gui.add_button("Cancel")
+        no.on_click(lambda _: modal.close())
+
+        @yes.on_click
+        def _(_event: Any) -> None:
+            modal.close()
+            self._attempt(self._do_upload)
+
+    def _do_upload(self) -> None:
+        assert self._watch is not None
+        plan = self._session.plan
+        if plan is None or plan.file is None:
+            self._message = "the waypoints changed meanwhile; wait for the new plan"
+            return
+        self._session.save_trajectory(self._name.value)
+        self._message = self._watch.upload(plan.file, self._name.value)
+
+    # --- drawing ---
+
+    def _refresh(self) -> None:
+        with self._drawing:
+            self._draw_waypoints()
+            self._draw_plan()
+            self._status.content = self._summary()
+            plan = self._session.plan
+            self._upload.disabled = self._watch is None or plan is None or plan.file is None
+
+    def _draw_waypoints(self) -> None:
+        positions = self._session.positions_world_m
+        if len(self._gizmos) != len(positions):
+            for gizmo in self._gizmos:
+                gizmo.remove()
+            self._gizmos = [self._add_gizmo(i) for i in range(len(positions))]
+            self._selected.max = max(1, len(positions) - 1)
+        for gizmo, position in zip(self._gizmos, positions, strict=True):
+            if not np.allclose(gizmo.position, position, atol=1e-9):
+                gizmo.position = tuple(position)
+
+    def _add_gizmo(self, index: int) -> Any:
+        position = tuple(self._session.positions_world_m[index])
+        name = f"/waypoint_{index}"
+        gizmo = self._server.scene.add_transform_controls(
+            name, scale=0.35, disable_rotations=True, depth_test=False, position=position
+        )
+        self._server.scene.add_icosphere(f"{name}/ball", radius=0.07, color=(38, 139, 210), cast_shadow=False)
+        self._server.scene.add_label(f"{name}/label", str(index))
+
+        @gizmo.on_update
+        def _(event: Any) -> None:
+            if event.phase == "end":
+                target = np.array(event.target.position, dtype=np.float64)
+                self._attempt(lambda: self._session.move(index, target))
+
+        return gizmo
+
+    def _draw_plan(self) -> None:
+        plan = self._session.plan
+        if self._path is not None:
+            self._path.remove()
+            self._path = None
+        if plan is not None and plan.file is not None:
+            colours = scene.clearance_colours(plan.clearance_m, self._required_m, self._required_m + 0.7)
+            self._path = scene.draw_path(self._server, plan.positions_world_m, colours)
+
+    def _draw_slice(self) -> None:
+        with self._drawing:
+            if not self._show_slice.value:
+                self._server.scene.remove_by_name("/esdf_slice")
+                return
+            scene.draw_slice(self._server, self._session.map.field, float(self._height.value), self._required_m)
+
+    def _summary(self) -> str:
+        plan, state = self._session.plan, self._session.state()
+        if state["planning"]:
+            line = "planning ..."
+        elif plan is None or plan.file is None:
+            line = f"**no plan:** {plan.problem if plan else 'drag a waypoint to begin'}"
+        else:
+            file = plan.file
+            line = (
+                f"**checked:** {file.trajectory.duration_s:.2f} s through {len(state['waypoints_world_m'])} waypoints, "
+                f"clearance {np.min(plan.clearance_m):.2f} m"
+            )
+        vehicle = self._watch.describe() if self._watch else "no vehicle (start with --vehicle)"
+        return "\n\n".join(part for part in (line, f"vehicle: {vehicle}", self._message) if part)
+
+    def _show_vehicle(self) -> None:
+        assert self._watch is not None
+        pose = self._watch.pose
+        if pose is not None:
+            with self._server.atomic():
+                self._vehicle.position, self._vehicle.wxyz = tuple(pose[0]), tuple(pose[1])
+                self._vehicle.visible = True
+
+    def _place_camera(self) -> None:
+        """Look at the waypoints (or the map) from behind and above, high enough to see over the walls."""
+        positions = self._session.positions_world_m
+        grid = self._session.map.field.grid
+        low = np.asarray(grid.origin_world_m)
+        high = low + np.asarray(grid.shape) * np.broadcast_to(grid.voxel_m, (3,))
+        target = positions.mean(axis=0) if len(positions) else (low + high) / 2
+        reach = float(np.linalg.norm((high - low)[:2]))
+
+        @self._server.on_client_connect
+        def _(client: Any) -> None:
+            client.camera.position = tuple(target + np.array([-0.45, -0.45, 0.75]) * reach)
+            client.camera.look_at = tuple(target)

@@ -1,0 +1,103 @@
+"""What the pilot sees: mesh, distance-field slice, path, waypoints, vehicle; arrays in, viser nodes out."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flight import FloatArray
+from flight.rotations import IDENTITY
+
+if TYPE_CHECKING:
+    import trimesh
+    import viser
+
+DISPLAY_TRIANGLES = 120_000
+"""More than this is thinned for the screen; the map on disk keeps everything."""
+
+_RED, _AMBER, _GREEN = np.array([220, 50, 47.0]), np.array([245, 180, 0.0]), np.array([38, 166, 91.0])
+_UNKNOWN = np.array([90, 90, 100.0])
+_SLICE_ALPHA = 150
+
+
+def clearance_colours(clearance_m: FloatArray, required_m: float, comfortable_m: float) -> np.ndarray:
+    """Red at the required clearance and below, amber half-way, green from the comfortable one on: (n, 3) uint8."""
+    share = (np.asarray(clearance_m) - required_m) / max(comfortable_m - required_m, 1e-6)
+    share = np.clip(np.nan_to_num(share, nan=0.0), 0.0, 1.0)[..., None]
+    low = _RED + 2 * share * (_AMBER - _RED)
+    high = _AMBER + (2 * share - 1) * (_GREEN - _AMBER)
+    return np.where(share < 0.5, low, high).astype(np.uint8)
+
+
+def display_mesh(path: Path, triangles: int = DISPLAY_TRIANGLES) -> "trimesh.Trimesh":
+    """The map's mesh, thinned by quadric decimation if it has more triangles than asked for."""
+    import open3d
+    import trimesh
+
+    mesh = open3d.io.read_triangle_mesh(str(path))
+    if len(mesh.triangles) > triangles:
+        mesh = mesh.simplify_quadric_decimation(triangles)
+    colours = np.asarray(mesh.vertex_colors)
+    return trimesh.Trimesh(
+        np.asarray(mesh.vertices),
+        np.asarray(mesh.triangles),
+        vertex_colors=(255 * colours).astype(np.uint8) if len(colours) else None,
+        process=False,
+    )
+
+
+def slice_image(field: Any, height_m: float, required_m: float) -> tuple[np.ndarray, FloatArray, FloatArray]:
+    """A horizontal slice of the distance field as RGBA (rows north to south), its centre (3,) and its size (2,)."""
+    grid = field.grid
+    low = np.asarray(grid.origin_world_m, dtype=np.float64)
+    voxel = np.broadcast_to(np.asarray(grid.voxel_m, dtype=np.float64), (3,))
+    nx, ny = grid.shape[0], grid.shape[1]
+    x = low[0] + (np.arange(nx) + 0.5) * voxel[0]
+    y = low[1] + (np.arange(ny)[::-1] + 0.5) * voxel[1]
+    points = np.stack([*np.meshgrid(x, y), np.full((ny, nx), height_m)], axis=-1)
+    distance = field.distance(points.reshape(-1, 3)).reshape(ny, nx)
+    colours = clearance_colours(distance, required_m, required_m + 0.7)
+    inside = np.nan_to_num(distance, nan=-1.0) < 0.0
+    rgba = np.dstack([np.where(inside[..., None], _UNKNOWN, colours), np.where(inside, 60, _SLICE_ALPHA)])
+    size = np.array([nx, ny]) * voxel[:2]
+    centre = np.array([low[0] + size[0] / 2, low[1] + size[1] / 2, height_m])
+    return rgba.astype(np.uint8), centre, size
+
+
+def draw_slice(server: "viser.ViserServer", field: Any, height_m: float, required_m: float) -> Any:
+    rgba, centre, size = slice_image(field, height_m, required_m)
+    # viser draws an image with x to the right and y downwards; half a turn about x puts its top to the north.
+    return server.scene.add_image(
+        "/esdf_slice", rgba, size[0], size[1], format="png", wxyz=(0.0, 1.0, 0.0, 0.0), position=centre,
+        cast_shadow=False, receive_shadow=False,
+    )  # fmt: skip
+
+
+def draw_path(server: "viser.ViserServer", positions_world_m: FloatArray, colours: np.ndarray) -> Any:
+    """A thick line through (m, 3) positions, coloured at each."""
+    return server.scene.add_line_segments(
+        "/path",
+        np.stack([positions_world_m[:-1], positions_world_m[1:]], axis=1),
+        np.stack([colours[:-1], colours[1:]], axis=1),
+        thickness=0.04,
+        thickness_units="world",
+    )
+
+
+def draw_vehicle(server: "viser.ViserServer", arm_m: float = 0.15) -> Any:
+    """A vehicle at the origin; set `.position` and `.wxyz` of what is returned to move it."""
+    frame = server.scene.add_frame("/vehicle", axes_length=0.35, axes_radius=0.015, wxyz=IDENTITY, visible=False)
+    server.scene.add_box("/vehicle/body", color=(30, 30, 34), dimensions=(0.14, 0.06, 0.04), cast_shadow=False)
+    for i, (x, y) in enumerate([(1, 1), (-1, 1), (-1, -1), (1, -1)]):
+        colour = (203, 75, 22) if x > 0 else (60, 60, 66)
+        hub = (x * arm_m * 0.7, y * arm_m * 0.7, 0.02)
+        server.scene.add_cylinder(
+            f"/vehicle/rotor_{i}",
+            radius=0.075,
+            height=0.012,
+            color=colour,
+            position=hub,
+            opacity=0.8,
+            cast_shadow=False,
+        )
+    return frame

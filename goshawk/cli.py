@@ -1,0 +1,84 @@
+"""The command `goshawk`: finds the verb, runs it, and turns every expected failure into one sentence.
+
+Exit codes: 0 done, 1 the answer is no (infeasible, unsafe, no link, no map), 2 wrong usage or bad input, 130 stopped.
+"""
+
+import importlib
+import json
+import sys
+from typing import Any
+
+import click
+
+from flight import FlightError, FormatError, InputError
+
+VERBS = {
+    # verb: what it does, in the words of `goshawk --help`
+    "map": "Turn images into a map: poses, mesh, distance field.",
+    "localize": "Find where images were taken in a map.",
+    "plan": "Plan a checked trajectory through waypoints or along a recorded path.",
+    "check": "Check a trajectory against a map and a vehicle.",
+    "vehicle-sim": "Run a virtual vehicle: the embedded C code on a simulated body.",
+    "upload": "Send a checked trajectory to the vehicle and read it back.",
+    "fly": "Fly the uploaded trajectory and record a flight log.",
+    "log": "Show what is in a flight log.",
+    "identify": "Fit the vehicle model to flight logs.",
+    "compare": "Compare vehicle models with measured flights.",
+    "gcs": "Serve the ground station's page.",
+    "demo": "Run the whole chain on a rendered room.",
+    "doctor": "Check this installation.",
+}
+
+
+class Verbs(click.Group):
+    """Imports a verb's module only when it is called: `goshawk --help` stays instant."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(VERBS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in VERBS:
+            return None
+        return importlib.import_module(f"goshawk.commands.{cmd_name.replace('-', '_')}").command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Verbs"):
+            formatter.write_dl(list(VERBS.items()))
+
+
+@click.command(cls=Verbs, epilog="Each verb explains itself: goshawk VERB --help.")
+@click.version_option(package_name="goshawk", message="goshawk %(version)s")
+def goshawk() -> None:
+    """Map a room, plan through it at speed, fly, and learn the vehicle from its flights.
+
+    \b
+    goshawk demo --out demo-out      the whole chain on a rendered room
+    goshawk gcs demo-out             the ground station on what it made
+    """
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Entry point of the `goshawk` command."""
+    given = sys.argv[1:] if arguments is None else arguments
+    try:
+        code = goshawk.main(args=given, prog_name="goshawk", standalone_mode=False)
+        sys.exit(code if isinstance(code, int) else 0)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(2)
+    except FlightError as error:
+        _report(error, as_json="--json" in given)
+        sys.exit(2 if isinstance(error, InputError | FormatError) else 1)
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("goshawk: stopped; nothing half-written was left behind", err=True)
+        sys.exit(130)
+    except BrokenPipeError:
+        sys.stderr.close()  # the reader of our output went away (`goshawk ... | head`); that is its right
+        sys.exit(0)
+
+
+def _report(error: FlightError, *, as_json: bool) -> None:
+    click.echo(f"goshawk: {error}", err=True)
+    if as_json:
+        body: dict[str, Any] = {"error": {"kind": type(error).__name__, "message": str(error)}}
+        click.echo(json.dumps(body))

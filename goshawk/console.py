@@ -1,0 +1,95 @@
+"""What every verb shows: a progress bar on stderr, a short table or JSON on stdout."""
+
+import contextlib
+import json
+import sys
+import time
+from collections.abc import Generator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from flight import Progress
+
+json_option = click.option("--json", "as_json", is_flag=True, help="Print the facts as JSON instead of a table.")
+
+
+def path_option(name: str, help: str, *, required: bool = False, default: Path | None = None) -> Any:
+    """An option that takes a path. Whether it is there is checked where it is read, with a better sentence."""
+    return click.option(name, type=click.Path(path_type=Path), required=required, default=default, help=help)
+
+
+@contextlib.contextmanager
+def progress() -> Generator[Progress]:
+    """A progress callable: a bar on a terminal, a line per stage elsewhere; always on stderr."""
+    if not sys.stderr.isatty():
+        yield _LinePerStage()
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bars
+
+    columns = (TextColumn("{task.description:<34}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"))
+    with Bars(*columns, TimeElapsedColumn(), console=Console(stderr=True)) as bars:
+        tasks: dict[str, Any] = {}
+
+        def show(stage: str, fraction: float) -> None:
+            if stage not in tasks:
+                for task in tasks.values():
+                    bars.update(task, completed=1.0)
+                tasks[stage] = bars.add_task(stage, total=1.0)
+            bars.update(tasks[stage], completed=fraction)
+
+        yield show
+        for task in tasks.values():
+            bars.update(task, completed=1.0)
+
+
+class _LinePerStage:
+    """Progress for logs: each stage once, with the seconds the one before took."""
+
+    def __init__(self) -> None:
+        self._stage = ""
+        self._began = time.monotonic()
+
+    def __call__(self, stage: str, fraction: float) -> None:
+        if stage != self._stage:
+            self._stage = stage
+            click.echo(f"  [{time.monotonic() - self._began:6.1f} s] {stage}", err=True)
+
+
+def show(title: str, facts: Mapping[str, object], *, as_json: bool, document: Mapping[str, Any] | None = None) -> None:
+    """Print facts as a two-column table, or (with --json) `document`, by default the facts themselves."""
+    if as_json:
+        click.echo(json.dumps(dict(document if document is not None else facts), indent=1, default=_plain))
+        return
+    table(title, ("", ""), [(name, _text(value)) for name, value in facts.items()])
+
+
+def table(title: str, heads: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    with_heads = any(heads)
+    drawn = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, show_header=with_heads)
+    for i, head in enumerate(heads):
+        numeric = with_heads and all(isinstance(row[i], int | float) for row in rows)
+        drawn.add_column(head, justify="right" if numeric else "left")
+    for row in rows:
+        drawn.add_row(*[_text(cell) for cell in row])
+    Console(highlight=False).print(drawn)
+
+
+def _text(value: object) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _plain(value: Any) -> Any:
+    """NumPy numbers, arrays and paths as JSON knows them."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    return str(value)
