@@ -15,9 +15,14 @@ from flight import Progress
 json_option = click.option("--json", "as_json", is_flag=True, help="Print the facts as JSON instead of a table.")
 
 
-def path_option(name: str, help: str, *, required: bool = False, default: Path | None = None) -> Any:
+def path_option(name: str, destination: str, help: str, *, required: bool = False) -> Any:
     """An option that takes a path. Whether it is there is checked where it is read, with a better sentence."""
-    return click.option(name, type=click.Path(path_type=Path), required=required, default=default, help=help)
+    return click.option(name, destination, type=click.Path(path_type=Path), required=required, help=help)
+
+
+map_option = path_option("--map", "map_folder", "Map folder, as `goshawk map` wrote it.", required=True)
+vehicle_option = path_option("--vehicle", "vehicle_file", "Vehicle file.", required=True)
+margin_option = click.option("--margin", "margin_m", type=float, help="Free space to keep round the vehicle, metres.")
 
 
 @contextlib.contextmanager

@@ -1,0 +1,5 @@
+"""`python -m goshawk` is `goshawk`."""
+
+from goshawk.cli import main
+
+main()

@@ -1,0 +1,45 @@
+"""`goshawk check`: the final gate, on its own, for any trajectory, map and vehicle."""
+
+from pathlib import Path
+
+import click
+
+import mapping
+import planner
+import vehicle
+from flight import file_format, trajectory
+from goshawk import console
+from goshawk.commands.plan import options_from
+
+
+@click.command()
+@click.argument("trajectory_file", metavar="TRAJECTORY", type=click.Path(path_type=Path))
+@console.map_option
+@console.vehicle_option
+@console.margin_option
+@console.json_option
+def command(trajectory_file: Path, map_folder: Path, vehicle_file: Path, margin_m: float | None, as_json: bool) -> int:
+    """Check TRAJECTORY over its whole length: clearance, continuity, the vehicle's limits.
+
+    \b
+    goshawk check walk.json --map map --vehicle vehicle.toml
+    goshawk check walk.json --map other-map --vehicle vehicle.toml --json
+
+    Exit code 0: it may be flown. 1: it may not, and the table says why.
+    """
+    item = trajectory.load(trajectory_file)
+    area = mapping.open_map(map_folder)
+    options = options_from(vehicle_file, margin_m)
+    report = check(item, area, vehicle_file, options)
+    same_map = not item.map_hash or item.map_hash == area.hash
+    same_vehicle = item.vehicle_hash == file_format.file_hash(vehicle_file)
+    notes = {"planned_for_this_map": same_map, "planned_for_this_vehicle": same_vehicle}
+    document = report.as_dict() | notes
+    console.show(f"check of {trajectory_file}", _facts(report) | notes, as_json=as_json, document=document)
+    return 0 if report.passed else 1
+
+
+def check(
+    item: trajectory.TrajectoryFile, area: mapping.Map, vehicle_file: Path, options: planner.PlanOptions
+) -> planner.GateReport:
+    return planner.gate.check(item.trajectory, area.field, vehicle.load(vehicle_file), options)

@@ -1,0 +1,145 @@
+"""`goshawk plan`: waypoints or a recorded path to a checked trajectory."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import click
+import numpy as np
+
+import mapping
+import planner
+import vehicle
+from flight import FloatArray, InputError, TrajectoryFile, file_format, project, trajectory
+from goshawk import console
+
+
+@click.command()
+@click.argument("waypoints", type=click.Path(path_type=Path), required=False)
+@console.path_option("--path", "path", "Recorded path instead of waypoints: CSV with x_m, y_m, z_m (a map's poses.csv).")
+@click.option("--simplify", "tolerance_m", default=0.10, show_default=True, help="RDP tolerance for --path, metres.")
+@console.map_option
+@console.vehicle_option
+@console.path_option("--out", "out", "Trajectory file to write.", required=True)
+@console.margin_option
+@click.option("--speed", "speed_m_s", type=float, help="Fly no faster than this, m/s.")
+@click.option("--acceleration", "acceleration_m_s2", type=float, help="Accelerate no harder than this, m/s2.")
+@console.json_option
+def command(
+    waypoints: Path | None,
+    path: Path | None,
+    tolerance_m: float,
+    map_folder: Path,
+    vehicle_file: Path,
+    out: Path,
+    margin_m: float | None,
+    speed_m_s: float | None,
+    acceleration_m_s2: float | None,
+    as_json: bool,
+) -> None:
+    """Plan a trajectory through WAYPOINTS and check it over its whole length.
+
+    \b
+    goshawk plan waypoints.json --map map --vehicle vehicle.toml --out lap.json
+    goshawk plan --path map/poses.csv --map map --vehicle vehicle.toml --out walk.json
+
+    The file is written only if the final gate passes. Exit code 1: there is no such trajectory; the message says
+    where, why, and what to change.
+    """
+    if (waypoints is None) == (path is None):
+        raise click.UsageError("give either WAYPOINTS or --path")
+    area = mapping.open_map(map_folder)
+    options = options_from(vehicle_file, margin_m, speed_m_s, acceleration_m_s2)
+    if path is not None:
+        asked = along(path, tolerance_m, area, options)
+    else:
+        assert waypoints is not None
+        asked = project.load_waypoints(waypoints)
+    with console.progress() as report:
+        item = plan_file(asked, area, vehicle_file, options, name=out.stem, progress=report)
+    trajectory.save(out, item)
+    facts = {
+        "written": str(out),
+        "waypoints": len(asked.positions_world_m),
+        "segments": len(item.trajectory.durations_s),
+        "duration_s": item.trajectory.duration_s,
+        "clearance_m": item.check["clearance_m"],
+        "top_speed_m_s": top_speed_m_s(item),
+    }
+    console.show(f"trajectory {item.name}", facts, as_json=as_json, document=facts | {"check": dict(item.check)})
+
+
+def options_from(
+    vehicle_file: Path,
+    margin_m: float | None = None,
+    speed_m_s: float | None = None,
+    acceleration_m_s2: float | None = None,
+) -> planner.PlanOptions:
+    """The planner's options: its defaults, and what the command line said otherwise."""
+    options = planner.PlanOptions() if margin_m is None else planner.PlanOptions(margin_m=margin_m)
+    asked = {"speed_m_s": speed_m_s, "acceleration_m_s2": acceleration_m_s2}
+    slower = {name: value for name, value in asked.items() if value is not None}
+    if not slower:
+        return options
+    own = vehicle.load(vehicle_file).limits
+    for name, value in slower.items():
+        if not 0.0 < value <= getattr(own, name):
+            raise InputError(f"{name} of {value:g} is not within 0 and the vehicle's {getattr(own, name):g}")
+    return replace(options, limits=replace(own, **slower))
+
+
+def plan_file(
+    asked: project.Waypoints,
+    area: mapping.Map,
+    vehicle_file: Path,
+    options: planner.PlanOptions,
+    *,
+    name: str,
+    progress: console.Progress,
+) -> TrajectoryFile:
+    """Plan and put the answer, with the hashes it was checked against, into a trajectory file's form."""
+    plan = planner.plan(asked, area.field, vehicle.load(vehicle_file), options, progress=progress)
+    return TrajectoryFile(
+        trajectory=plan.trajectory,
+        name=name,
+        map_hash=area.hash,
+        vehicle_hash=file_format.file_hash(vehicle_file),
+        waypoints_world_m=asked.positions_world_m,
+        check=plan.gate.as_dict(),
+    )
+
+
+def along(path: Path, tolerance_m: float, area: mapping.Map, options: planner.PlanOptions) -> project.Waypoints:
+    """Waypoints along a recorded path, as few as the tolerance allows."""
+    positions = planner.simplify.rdp(read_path(path), tolerance_m)
+    return project.Waypoints(positions, np.full(len(positions), np.nan))
+
+
+def read_path(path: Path) -> FloatArray:
+    """Positions (n, 3) from a CSV file with columns x_m, y_m, z_m; other columns are ignored.
+
+    Raises:
+        InputError: no such file, a column is missing, a number cannot be read, or fewer than two rows.
+    """
+    import csv
+
+    try:
+        with open(path, newline="") as file:
+            rows = list(csv.DictReader(file))
+        positions = np.array([[float(row[name]) for name in ("x_m", "y_m", "z_m")] for row in rows])
+    except FileNotFoundError:
+        raise InputError(f"{path} does not exist") from None
+    except KeyError as error:
+        raise InputError(f"{path} has no column {error}; x_m, y_m and z_m are wanted") from None
+    except (TypeError, ValueError, OSError) as error:
+        raise InputError(f"{path} is not a CSV file of positions: {error}") from error
+    if len(positions) < 2:
+        raise InputError(f"{path} holds {len(positions)} positions; a path has at least two")
+    if not np.isfinite(positions).all():
+        row = int(np.flatnonzero(~np.isfinite(positions).all(axis=1))[0])
+        raise InputError(f"{path}: position {row} is not finite")
+    return positions
+
+
+def top_speed_m_s(item: TrajectoryFile) -> float:
+    flown = item.trajectory
+    return float(np.linalg.norm(flown.position(flown.sample(0.01), 1), axis=1).max())

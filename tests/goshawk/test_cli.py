@@ -1,0 +1,67 @@
+"""The command line as a stranger meets it: run as a program, judged by exit code and words."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from flight import flight_log
+from goshawk.cli import VERBS
+
+
+def goshawk(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "goshawk", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+
+def test_help_names_every_verb():
+    answer = goshawk("--help")
+    assert answer.returncode == 0
+    for verb, words in VERBS.items():
+        assert f"  {verb} " in answer.stdout
+        assert words.split()[0] in answer.stdout
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_teaches_with_lines_to_paste(verb):
+    answer = goshawk(verb, "--help")
+    assert answer.returncode == 0, answer.stderr
+    assert answer.stdout.count(f"  goshawk {verb}") >= 2
+
+
+def test_wrong_usage_ends_with_2():
+    for arguments in (["nonsense"], ["plan"], ["log"], ["log", "a", "b"]):
+        assert goshawk(*arguments).returncode == 2
+
+
+def test_a_missing_file_is_one_sentence_and_no_traceback(tmp_path):
+    answer = goshawk("log", tmp_path / "none.parquet")
+    assert answer.returncode == 2
+    assert answer.stderr.startswith("goshawk: ")
+    assert len(answer.stderr.splitlines()) == 1
+
+
+def test_with_json_an_error_is_json_too(tmp_path):
+    answer = goshawk("log", tmp_path / "none.parquet", "--json")
+    assert json.loads(answer.stdout)["error"]["kind"] == "InputError"
+
+
+def test_a_log_is_described_with_its_gap(tmp_path):
+    time_s = np.delete(np.arange(200) / 100.0, np.arange(50, 70))
+    log = flight_log.from_vectors(time_s, {"position_world_m": np.ones((180, 3))}, metadata={"vehicle": "kestrel"})
+    flight_log.save(tmp_path / "f.parquet", log)
+    document = json.loads(goshawk("log", tmp_path / "f.parquet", "--json").stdout)
+    assert document["rows"] == 180
+    assert document["gaps"] == 1
+    assert document["longest_gap_s"] == pytest.approx(0.21)
+    assert document["rate_hz"] == pytest.approx(100.0)
+    assert "position_world_x_m" in goshawk("log", tmp_path / "f.parquet").stdout
+
+
+def test_doctor_finds_this_installation_well():
+    answer = goshawk("doctor", "--json")
+    document = json.loads(answer.stdout)
+    assert document["healthy"], [f for f in document["findings"] if not f["ok"]]
+    assert answer.returncode == 0
