@@ -1,6 +1,8 @@
 """Starts and stops the ground station: session, viser, page and gateway, in this order and back."""
 
 import asyncio
+import contextlib
+import io
 import logging
 import socket
 import threading
@@ -53,7 +55,8 @@ class GroundStation:
         try:
             if vehicle_url is not None:
                 self._watch = VehicleWatch(vehicle_url, key_file=key_file)
-            self._server = viser.ViserServer(host=gateway.LOOPBACK, port=_free_port(), verbose=False)
+            with contextlib.redirect_stdout(io.StringIO()):  # viser prints its own address, which is not for use
+                self._server = viser.ViserServer(host=gateway.LOOPBACK, port=_free_port(), verbose=False)
             required_m = (options or planner.PlanOptions()).clearance_m
             self.page = Page(
                 self._server, self._session, self._watch, triangles=triangles, required_clearance_m=required_m

@@ -1,0 +1,40 @@
+"""`goshawk gcs`: the ground station's page, until Ctrl-C."""
+
+import threading
+from pathlib import Path
+
+import click
+
+from goshawk import console
+
+
+@click.command()
+@click.argument("project", type=click.Path(path_type=Path))
+@click.option("--port", default=8080, show_default=True, help="Port on this machine; 0 takes a free one.")
+@click.option("--vehicle-url", help="Where the vehicle answers, e.g. udp://127.0.0.1:14550.")
+@console.key_option
+@console.margin_option
+@click.option("--triangles", default=120_000, show_default=True, help="Thin the mesh to this many for display.")
+def command(
+    project: Path, port: int, vehicle_url: str | None, key_file: Path | None, margin_m: float | None, triangles: int
+) -> None:
+    """Serve the page of PROJECT: map, distance field, waypoints to drag, upload, the vehicle live.
+
+    \b
+    goshawk gcs demo-out
+    goshawk gcs demo-out --vehicle-url udp://127.0.0.1:14550
+
+    It listens on this machine only, and lets in who opens the printed address. From another machine, forward the
+    port: ssh -L 8080:127.0.0.1:8080 THIS-MACHINE.
+    """
+    import planner
+    from gcs_web import GroundStation
+
+    options = planner.PlanOptions() if margin_m is None else planner.PlanOptions(margin_m=margin_m)
+    click.echo("opening the map ...", err=True)
+    with GroundStation(
+        project, port=port, vehicle_url=vehicle_url, key_file=key_file, options=options, triangles=triangles
+    ) as station:
+        click.echo(f"open  {station.url}")
+        click.echo("stop with Ctrl-C; every change is saved at once", err=True)
+        threading.Event().wait()
