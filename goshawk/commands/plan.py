@@ -15,7 +15,9 @@ from goshawk import console
 
 @click.command()
 @click.argument("waypoints", type=click.Path(path_type=Path), required=False)
-@console.path_option("--path", "path", "Recorded path instead of waypoints: CSV with x_m, y_m, z_m (a map's poses.csv).")
+@console.path_option(
+    "--path", "path", "Recorded path instead of waypoints: CSV with x_m, y_m, z_m (a map's poses.csv)."
+)
 @click.option("--simplify", "tolerance_m", default=0.10, show_default=True, help="RDP tolerance for --path, metres.")
 @console.map_option
 @console.vehicle_option

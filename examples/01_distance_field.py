@@ -1,0 +1,59 @@
+"""How far is the nearest thing? Build a distance field from solids, ask it, edit it, look at a slice.
+
+You will see: the field of a room with two pillars agrees with the closed-form distance, a box added to the map changes
+only what is near it, and `distance_field.png` shows a slice before and after. The idea: the field is exact, and space
+nobody has seen is never called free.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import esdf
+from esdf import Edit, Editor, solids
+
+OUT = Path(sys.argv[1] if len(sys.argv) > 1 else "example-out")
+
+room = solids.Scene(
+    [
+        solids.Room((0.0, 0.0, 0.0), (6.0, 4.0, 2.5)),
+        solids.Cylinder((2.0, 1.5, 0.0), 0.25, 2.5),
+        solids.Cylinder((4.0, 2.6, 0.0), 0.35, 2.5),
+    ]
+)
+grid = esdf.Grid(np.array([-0.2, -0.2, -0.2]), np.full(3, 0.05), (128, 88, 58))
+field = esdf.build(esdf.rasterize(room, grid), grid, cap_m=2.0)
+
+rng = np.random.default_rng(1)
+points = rng.uniform([0.3, 0.3, 0.3], [5.7, 3.7, 2.2], size=(20_000, 3))
+points = points[room.distance(points) > 0.1]
+worst_m = np.abs(field.distance(points) - np.minimum(room.distance(points), 2.0)).max()
+print(f"{len(points)} free points: the field is off by at most {1000 * worst_m:.0f} mm (voxels of 50 mm)")
+
+outside = field.distance(np.array([[100.0, 0.0, 0.0]]))[0]
+print(f"100 m away, where nobody has looked, the distance is {outside}")
+
+editor = Editor(field)
+before = editor.snapshot()
+changed = editor.apply(Edit("no-fly", solids.Box((2.7, 0.8, 0.0), (3.3, 1.6, 2.0)), name="camera tripod"))
+unchanged = np.array_equal(before.values_m[:20], editor.field.values_m[:20])
+print(
+    f"a no-fly zone recomputed {np.prod(changed.shape):,} of {field.values_m.size:,} voxels; far ones untouched: {unchanged}"
+)
+
+from matplotlib.figure import Figure  # noqa: E402  (heavy: after what needs no figure)
+
+x, y = np.linspace(0.0, 6.0, 241), np.linspace(0.0, 4.0, 161)
+plane = np.stack([*np.meshgrid(x, y), np.full((len(y), len(x)), 1.2)], axis=-1).reshape(-1, 3)
+figure = Figure(figsize=(9.5, 3.4), layout="constrained")
+axes_pair = figure.subplots(1, 2, sharey=True)
+for axes, shown, title in zip(axes_pair, (before, editor.field), ("mapped", "with a no-fly zone"), strict=True):
+    distance = shown.distance(plane).reshape(len(y), len(x))
+    image = axes.contourf(x, y, distance, levels=np.arange(-0.4, 1.7, 0.1), cmap="RdYlGn", extend="both")
+    axes.contour(x, y, distance, levels=[0.0, 0.3], colors="black", linewidths=(1.5, 0.7))
+    axes.set(title=title, xlabel="x (m)", ylabel="y (m)", aspect="equal")
+figure.colorbar(image, ax=axes_pair, label="distance (m); lines at 0 and 0.3 m")
+OUT.mkdir(parents=True, exist_ok=True)
+figure.savefig(OUT / "distance_field.png", dpi=130)
+print(f"wrote {OUT / 'distance_field.png'}")

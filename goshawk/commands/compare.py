@@ -1,0 +1,51 @@
+"""`goshawk compare`: what each model predicts, and what was measured."""
+
+from pathlib import Path
+
+import click
+
+import sysid
+import vehicle
+from flight import InputError
+from goshawk import console
+from goshawk.commands.identify import load_logs
+from sysid.comparison import HORIZONS_S
+
+
+@click.command()
+@click.argument("flights", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "--vehicle",
+    "vehicle_files",
+    multiple=True,
+    required=True,
+    type=click.Path(path_type=Path),
+    help="Vehicle file; give several to compare them side by side.",
+)
+@console.path_option("--plots", "plots", "Folder for figures.")
+@console.json_option
+def command(flights: tuple[Path, ...], vehicle_files: tuple[Path, ...], plots: Path | None, as_json: bool) -> None:
+    """Compare models with FLIGHTS, best those that were not used for fitting.
+
+    \b
+    goshawk compare flights/walk.parquet --vehicle fitted.toml
+    goshawk compare flights/walk.parquet --vehicle fitted.toml --vehicle with_drag.toml --plots figures
+
+    From many points of each flight the model flies on with the measured rotor speeds; the table shows how far it is
+    off after 0.1 to 1 s.
+    """
+    models = {path.stem: vehicle.load(path) for path in vehicle_files}
+    if len(models) < len(vehicle_files):
+        raise InputError("two vehicle files have the same name; the table could not tell them apart")
+    with console.progress() as report:
+        result = sysid.compare(load_logs(flights), models, progress=report)
+    figures = sysid.plots.comparison(result, plots) if plots is not None else []
+    if as_json:
+        document = result.as_dict() | {"figures": [str(f) for f in figures]}
+        console.show("", {}, as_json=True, document=document)
+        return
+    heads = ("model", "quantity", *(f"{h:g} s" for h in HORIZONS_S))
+    rows = [(model, name, *map(float, errors)) for model in models for name, errors in result.errors[model].items()]
+    console.table(f"open-loop prediction error, rms of {result.predictions} predictions", heads, rows)
+    for figure in figures:
+        click.echo(f"figure: {figure}")
