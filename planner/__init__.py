@@ -3,6 +3,6 @@
 from planner.gate import GateReport
 from planner.limits import Check
 from planner.options import PlanInfeasibleError, PlanOptions
-from planner.planning import Plan, plan, save_plan
+from planner.planning import Plan, plan, save_plan, trajectory_file
 
-__all__ = ["Check", "GateReport", "Plan", "PlanInfeasibleError", "PlanOptions", "plan", "save_plan"]
+__all__ = ["Check", "GateReport", "Plan", "PlanInfeasibleError", "PlanOptions", "plan", "save_plan", "trajectory_file"]

@@ -139,17 +139,24 @@ def _refused(report: gate.GateReport, trajectory: Trajectory, path: Path) -> Pla
 
 
 def save_plan(path: FilePath, plan: Plan, *, name: str) -> None:
-    """Write the trajectory file.
+    """Write the trajectory file. Raises as `trajectory_file`."""
+    flight.trajectory.save(path, trajectory_file(plan, name=name))
+
+
+def trajectory_file(plan: Plan, *, name: str) -> TrajectoryFile:
+    """The plan in the form in which it leaves the planner, with what it was checked against.
 
     Raises:
         InputError: the gate has not passed this very trajectory.
     """
     if not plan.gate.passed:
         failed = ", ".join(check.name for check in plan.gate.failures)
-        raise InputError(f"trajectory {name} is not saved: it did not pass the gate ({failed})")
+        raise InputError(f"trajectory {name} may not leave: it did not pass the gate ({failed})")
     if gate.fingerprint(plan.trajectory) != plan.gate.trajectory_hash:
-        raise InputError(f"trajectory {name} is not saved: it was changed after it was checked; plan or check it again")
-    item = TrajectoryFile(
+        raise InputError(
+            f"trajectory {name} may not leave: it was changed after it was checked; plan or check it again"
+        )
+    return TrajectoryFile(
         trajectory=plan.trajectory,
         name=name,
         map_hash=plan.gate.map_hash,
@@ -157,4 +164,3 @@ def save_plan(path: FilePath, plan: Plan, *, name: str) -> None:
         waypoints_world_m=plan.waypoints.positions_world_m,
         check=plan.gate.as_dict(),
     )
-    flight.trajectory.save(path, item)
