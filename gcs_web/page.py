@@ -136,7 +136,7 @@ class Page:
             self._message = "the waypoints changed meanwhile; wait for the new plan"
             return
         self._session.save_trajectory(self._name.value)
-        self._message = self._watch.upload(plan.file, self._name.value, map_hash=self._session.map.hash)
+        self._message = self._watch.upload(plan.file, self._name.value, map_hash=self._session.map.field.hash)
 
     # --- drawing ---
 

@@ -17,7 +17,7 @@ import numpy as np
 import mapping
 import planner
 import vehicle
-from flight import FlightError, FloatArray, InputError, TrajectoryFile, file_format, project, trajectory
+from flight import FlightError, FloatArray, InputError, TrajectoryFile, project, trajectory
 from flight.project import Project, Waypoints
 
 
@@ -126,7 +126,7 @@ class Session:
             plan = self.plan
             return {
                 "project": self.project.name,
-                "map_hash": self.map.hash,
+                "map_hash": self.map.field.hash,
                 "waypoints_world_m": self._positions.tolist(),
                 "revision": self._revision,
                 "planning": self._planning,
@@ -209,7 +209,6 @@ def _open_planner(folder: Path, options: planner.PlanOptions | None) -> None:
     opened = project.open_project(folder)
     _planner_state["map"] = mapping.open_map(opened.map)
     _planner_state["vehicle"] = vehicle.load(opened.vehicle)
-    _planner_state["vehicle_hash"] = file_format.file_hash(opened.vehicle)
     _planner_state["options"] = options or planner.PlanOptions()
 
 
@@ -221,7 +220,4 @@ def _plan(revision: int, positions_world_m: FloatArray) -> PlanResult:
     except FlightError as error:
         return PlanResult(revision, None, np.empty(0), np.empty((0, 3)), str(error))
     path = plan.trajectory.position(plan.trajectory.sample(0.03))
-    file = TrajectoryFile(
-        plan.trajectory, "plan", area.hash, _planner_state["vehicle_hash"], positions_world_m, plan.gate.as_dict()
-    )
-    return PlanResult(revision, file, area.field.distance(path), path, "")
+    return PlanResult(revision, planner.trajectory_file(plan, name="plan"), area.field.distance(path), path, "")

@@ -7,7 +7,7 @@ import click
 import mapping
 import planner
 import vehicle
-from flight import file_format, trajectory
+from flight import trajectory
 from goshawk import console
 from goshawk.commands.plan import options_from
 
@@ -30,16 +30,21 @@ def command(trajectory_file: Path, map_folder: Path, vehicle_file: Path, margin_
     item = trajectory.load(trajectory_file)
     area = mapping.open_map(map_folder)
     options = options_from(vehicle_file, margin_m)
-    report = check(item, area, vehicle_file, options)
-    same_map = not item.map_hash or item.map_hash == area.hash
-    same_vehicle = item.vehicle_hash == file_format.file_hash(vehicle_file)
+    report = planner.gate.check(
+        item.trajectory, area.field, vehicle.load(vehicle_file), options, waypoints_world_m=item.waypoints_world_m
+    )
+    same_map = not item.map_hash or item.map_hash == area.field.hash
+    same_vehicle = item.vehicle_hash == vehicle.vehicle_hash(vehicle.load(vehicle_file))
     notes = {"planned_for_this_map": same_map, "planned_for_this_vehicle": same_vehicle}
     document = report.as_dict() | notes
     console.show(f"check of {trajectory_file}", _facts(report) | notes, as_json=as_json, document=document)
     return 0 if report.passed else 1
 
 
-def check(
-    item: trajectory.TrajectoryFile, area: mapping.Map, vehicle_file: Path, options: planner.PlanOptions
-) -> planner.GateReport:
-    return planner.gate.check(item.trajectory, area.field, vehicle.load(vehicle_file), options)
+def _facts(report: planner.GateReport) -> dict[str, object]:
+    """One line a check: value, bound, verdict, and the reason where it fails."""
+    return {
+        check.name: f"{'ok' if check.passed else 'FAILS'}  {check.value:.4g} {check.unit} (bound {check.bound:.4g})"
+        + ("" if check.passed else f"  {check.reason}")
+        for check in report.checks
+    }

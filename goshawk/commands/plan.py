@@ -9,7 +9,7 @@ import numpy as np
 import mapping
 import planner
 import vehicle
-from flight import FloatArray, InputError, TrajectoryFile, file_format, project, trajectory
+from flight import FloatArray, InputError, Trajectory, project
 from goshawk import console
 
 
@@ -57,17 +57,17 @@ def command(
         assert waypoints is not None
         asked = project.load_waypoints(waypoints)
     with console.progress() as report:
-        item = plan_file(asked, area, vehicle_file, options, name=out.stem, progress=report)
-    trajectory.save(out, item)
+        plan = planner.plan(asked, area.field, vehicle.load(vehicle_file), options, progress=report)
+    planner.save_plan(out, plan, name=out.stem)
     facts = {
         "written": str(out),
         "waypoints": len(asked.positions_world_m),
-        "segments": len(item.trajectory.durations_s),
-        "duration_s": item.trajectory.duration_s,
-        "clearance_m": item.check["clearance_m"],
-        "top_speed_m_s": top_speed_m_s(item),
+        "segments": len(plan.trajectory.durations_s),
+        "duration_s": plan.trajectory.duration_s,
+        "clearance_m": plan.gate.clearance_m,
+        "top_speed_m_s": top_speed_m_s(plan.trajectory),
     }
-    console.show(f"trajectory {item.name}", facts, as_json=as_json, document=facts | {"check": dict(item.check)})
+    console.show(f"trajectory {out.stem}", facts, as_json=as_json, document=facts | {"check": plan.gate.as_dict()})
 
 
 def options_from(
@@ -87,27 +87,6 @@ def options_from(
         if not 0.0 < value <= getattr(own, name):
             raise InputError(f"{name} of {value:g} is not within 0 and the vehicle's {getattr(own, name):g}")
     return replace(options, limits=replace(own, **slower))
-
-
-def plan_file(
-    asked: project.Waypoints,
-    area: mapping.Map,
-    vehicle_file: Path,
-    options: planner.PlanOptions,
-    *,
-    name: str,
-    progress: console.Progress,
-) -> TrajectoryFile:
-    """Plan and put the answer, with the hashes it was checked against, into a trajectory file's form."""
-    plan = planner.plan(asked, area.field, vehicle.load(vehicle_file), options, progress=progress)
-    return TrajectoryFile(
-        trajectory=plan.trajectory,
-        name=name,
-        map_hash=area.hash,
-        vehicle_hash=file_format.file_hash(vehicle_file),
-        waypoints_world_m=asked.positions_world_m,
-        check=plan.gate.as_dict(),
-    )
 
 
 def along(path: Path, tolerance_m: float, area: mapping.Map, options: planner.PlanOptions) -> project.Waypoints:
@@ -142,6 +121,5 @@ def read_path(path: Path) -> FloatArray:
     return positions
 
 
-def top_speed_m_s(item: TrajectoryFile) -> float:
-    flown = item.trajectory
+def top_speed_m_s(flown: Trajectory) -> float:
     return float(np.linalg.norm(flown.position(flown.sample(0.01), 1), axis=1).max())

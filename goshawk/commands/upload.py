@@ -5,7 +5,8 @@ from pathlib import Path
 import click
 
 import firmware_bridge
-from flight import file_format, trajectory
+import vehicle
+from flight import trajectory
 from goshawk import console
 
 
@@ -38,8 +39,8 @@ def command(
     if map_folder is not None:
         import mapping
 
-        map_hash = mapping.open_map(map_folder).hash
-    vehicle_hash = file_format.file_hash(vehicle_file) if vehicle_file is not None else None
+        map_hash = mapping.open_map(map_folder).field.hash
+    vehicle_hash = vehicle.vehicle_hash(vehicle.load(vehicle_file)) if vehicle_file is not None else None
     with firmware_bridge.connect(url, key=key_file) as link, console.progress() as report:
         outcome = link.upload(item, map_hash=map_hash, vehicle_hash=vehicle_hash, progress=report)
     facts = {
