@@ -1,0 +1,206 @@
+"""Pictures with known poses to a surface mesh and to space that is free, occupied or unknown.
+
+    depth of each picture (`stereo`)  ->  one truncated distance volume (`fusion`)  ->  mesh and state grid
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight import FloatArray, MapError, Progress, silent
+from mapping import fusion, stereo
+from mapping.fusion import Volume
+from mapping.stereo import DepthImage, StereoOptions
+from mapping.views import ImageView
+
+__all__ = ["DenseOptions", "DepthStatistics", "ImageView", "Reconstruction", "StereoOptions", "reconstruct"]
+
+
+@dataclass(frozen=True, slots=True)
+class DenseOptions:
+    """How fine, and how careful."""
+
+    voxel_m: float = 0.05
+    """Edge of a voxel of the volume, the mesh and the state grid."""
+    truncation_voxels: float = 2.5
+    """How far from a surface distances are kept."""
+    stereo: StereoOptions = field(default_factory=StereoOptions)
+    """How pictures are matched."""
+    farthest_m: float = 8.0
+    """Depths beyond this do not enter the volume."""
+    least_weight: float = 0.6
+    """Evidence needed before space counts as seen: 1 is one measurement good to a voxel, a sharp near one brings 25."""
+    skin_voxels: float = 0.87
+    """Space this close in front of a surface is occupied (sqrt(3) / 2: no wall has a hole)."""
+    flown_radius_m: float = 0.20
+    """The vehicle's own size: space this close to where a camera was is free, whatever the pictures say."""
+    least_component_faces: int = 60
+    """Smaller loose pieces of the mesh are dropped."""
+
+
+@dataclass(frozen=True, slots=True)
+class DepthStatistics:
+    """What the depth pictures were like."""
+
+    images_used: int
+    """Pictures that had enough partners."""
+    images_skipped: int
+    """Pictures that had not."""
+    share_with_depth: float
+    """Share of the pixels of the used pictures that got a depth."""
+    median_relative_std: float
+    """Median of the expected error over the depth."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reconstruction:
+    """The mesh, and what is known about space."""
+
+    vertices_world_m: FloatArray
+    """(n, 3)."""
+    faces: NDArray[np.int32]
+    """(m, 3) counter-clockwise seen from free space."""
+    colours: NDArray[np.uint8]
+    """(n, 3) RGB of each vertex."""
+    state: NDArray[np.uint8]
+    """(nx, ny, nz) 0 unknown, 1 free, 2 occupied."""
+    origin_world_m: FloatArray
+    """(3,) lower corner of the state grid; voxel (i, j, k) has its centre at origin + (ijk + 0.5) * voxel."""
+    voxel_m: float
+    """Edge of a voxel."""
+    statistics: DepthStatistics
+    """Of the depth pictures."""
+
+
+def reconstruct(
+    images: Sequence[ImageView], options: DenseOptions | None = None, *, progress: Progress = silent
+) -> Reconstruction:
+    """Mesh and state grid from pictures with known poses.
+
+    Raises:
+        MapError: too few pictures see the same things from different places, or the volume does not fit in memory.
+    """
+    options = options or DenseOptions()
+    depths = depth_images(images, options.stereo, progress=progress)
+    volume = fuse(images, depths, options, progress=progress)
+    return extract(volume, images, depths, options)
+
+
+def depth_images(
+    images: Sequence[ImageView], options: StereoOptions, *, progress: Progress = silent
+) -> list[DepthImage | None]:
+    """Depth of each picture; None for those with too few partners."""
+    depths: list[DepthImage | None] = []
+    for index in range(len(images)):
+        depths.append(stereo.depth_image(images, index, options))
+        progress("dense depth", (index + 1) / len(images))
+    if not any(depth is not None and depth.inverse_range.any() for depth in depths):
+        raise MapError(
+            f"no depth was found in {len(images)} images: they need to show the same things from places "
+            f"about {options.baseline_ratio:.0%} of the distance apart"
+        )
+    return depths
+
+
+def fuse(
+    images: Sequence[ImageView],
+    depths: Sequence[DepthImage | None],
+    options: DenseOptions,
+    *,
+    progress: Progress = silent,
+) -> Volume:
+    """All depth pictures in one volume that just holds what they saw."""
+    truncation_m = options.truncation_voxels * options.voxel_m
+    lower, upper = _bounds(images, depths, options.farthest_m)
+    volume = fusion.empty_volume(
+        lower - 2 * truncation_m,
+        upper + 2 * truncation_m,
+        voxel_m=options.voxel_m,
+        truncation_m=truncation_m,
+        channels=3 if all(view.pixels.ndim == 3 for view in images) else 1,
+    )
+    for number, (view, depth) in enumerate(zip(images, depths, strict=True)):
+        if depth is not None:
+            volume.integrate(view, depth.inverse_range, depth.deviation, depth.facing, farthest_m=options.farthest_m)
+        progress("fuse depth", (number + 1) / len(images))
+    return volume
+
+
+def extract(
+    volume: Volume, images: Sequence[ImageView], depths: Sequence[DepthImage | None], options: DenseOptions
+) -> Reconstruction:
+    """Mesh and state grid of a filled volume."""
+    vertices, faces, colours = without_crumbs(
+        *volume.surface(least_weight=options.least_weight), least_faces=options.least_component_faces
+    )
+    if not len(faces):
+        raise MapError("the depth images hold no surface: their poses or lenses may be wrong")
+    state = volume.occupancy(least_weight=options.least_weight, skin_voxels=options.skin_voxels)
+    path = flown_path(images, 0.5 * options.voxel_m)
+    fusion.carve_tube(state, volume.origin_world_m, volume.voxel_m, path, options.flown_radius_m)
+    return Reconstruction(
+        vertices, faces, colours, state, volume.origin_world_m, volume.voxel_m, depth_statistics(depths)
+    )
+
+
+def flown_path(images: Sequence[ImageView], step_m: float, *, longest_gap_m: float = 1.0) -> FloatArray:
+    """(n, 3) points along the way of each camera, in the order of the pictures; gaps are not bridged."""
+    points = [view.position_world_m for view in images]
+    last: dict[str, FloatArray] = {}
+    for view in images:
+        here, before = view.position_world_m, last.get(view.camera.name)
+        last[view.camera.name] = here
+        if before is not None and (gap := float(np.linalg.norm(here - before))) <= longest_gap_m:
+            share = np.linspace(0.0, 1.0, 1 + int(np.ceil(gap / step_m)))[:, None]
+            points.extend(before + share * (here - before))
+    return np.array(points)
+
+
+def without_crumbs(
+    vertices: FloatArray, faces: NDArray[np.int32], colours: NDArray[np.uint8], *, least_faces: int
+) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.uint8]]:
+    """The mesh without loose pieces of fewer than `least_faces` faces, and without vertices that no face uses."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    links = np.concatenate([faces[:, :2], faces[:, 1:]])
+    graph = coo_matrix((np.ones(len(links), np.int8), links.T), shape=(len(vertices),) * 2)
+    _, piece = connected_components(graph, directed=False)
+    sizes = np.bincount(piece[faces[:, 0]], minlength=len(vertices) + 1)
+    kept = faces[sizes[piece[faces[:, 0]]] >= least_faces]
+    used = np.zeros(len(vertices), bool)
+    used[kept] = True
+    number = np.cumsum(used, dtype=np.int32) - 1
+    return vertices[used], number[kept].astype(np.int32), colours[used]
+
+
+def depth_statistics(depths: Sequence[DepthImage | None]) -> DepthStatistics:
+    used = [depth for depth in depths if depth is not None]
+    shares = [float((depth.inverse_range > 0).mean()) for depth in used]
+    relative = [depth.deviation[known] / depth.inverse_range[known] for depth in used if (known := depth.inverse_range > 0).any()]
+    return DepthStatistics(
+        images_used=len(used),
+        images_skipped=len(depths) - len(used),
+        share_with_depth=float(np.mean(shares)) if shares else 0.0,
+        median_relative_std=float(np.median(np.concatenate(relative))) if relative else float("nan"),
+    )
+
+
+def _bounds(
+    images: Sequence[ImageView], depths: Sequence[DepthImage | None], farthest_m: float
+) -> tuple[FloatArray, FloatArray]:
+    """Lower and upper corner of what was seen, without the last half percent of stray depths on each side."""
+    points = [np.array([view.position_world_m for view in images])]
+    for view, depth in zip(images, depths, strict=True):
+        if depth is None:
+            continue
+        inverse_range = depth.inverse_range[::4, ::4]
+        rays = stereo.depth_rays(view, depth.scale)[::4, ::4]
+        known = inverse_range * farthest_m > 1.0
+        at_camera = rays[known] / inverse_range[known, None]
+        points.append(at_camera @ view.T_world_camera[:3, :3].T + view.position_world_m)
+    cloud, path = np.concatenate(points), points[0]
+    lower, upper = np.quantile(cloud, 0.005, axis=0), np.quantile(cloud, 0.995, axis=0)
+    return np.minimum(lower, path.min(axis=0)), np.maximum(upper, path.max(axis=0))

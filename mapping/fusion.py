@@ -1,0 +1,149 @@
+"""Depth pictures to a volume: where the surface is, what was seen to be free, and what nobody looked at."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight import FloatArray, InputError, MapError, frames
+from mapping import _mapping
+from mapping.views import ImageView, lens_row
+
+UNKNOWN, FREE, OCCUPIED = 0, 1, 2  # as in `esdf`
+
+THREADS = 2
+MOST_VOXELS = 150_000_000
+"""Beyond this a volume takes more than 3 GB; the refusal says which voxel size would fit."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Volume:
+    """Truncated signed distance on a grid; voxel (i, j, k) has its centre at origin + (ijk + 0.5) * voxel."""
+
+    origin_world_m: FloatArray
+    """(3,) the grid's lower corner."""
+    voxel_m: float
+    """Edge of a voxel."""
+    truncation_m: float
+    """Distances are known within this much of a surface."""
+    distance: NDArray[np.float32]
+    """(nx, ny, nz) metres, positive in front of the surface."""
+    weight: NDArray[np.float32]
+    """(nx, ny, nz) how much was seen; 0 is never."""
+    colour: NDArray[np.float32]
+    """(nx, ny, nz, channels) 0 to 255."""
+    colour_weight: NDArray[np.float32]
+    """(nx, ny, nz)."""
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        x, y, z = self.distance.shape
+        return x, y, z
+
+    def integrate(
+        self,
+        view: ImageView,
+        inverse_range: NDArray[np.float32],
+        deviation: NDArray[np.float32],
+        facing: NDArray[np.float32],
+        *,
+        farthest_m: float,
+    ) -> None:
+        """Add what one picture says. `inverse_range` (h, w), 1/m along the ray, may be smaller than the picture."""
+        height, width = inverse_range.shape
+        channels = self.colour.shape[3]
+        _mapping.integrate(
+            self.origin_world_m,
+            self.voxel_m,
+            self.distance,
+            self.weight,
+            self.colour,
+            self.colour_weight,
+            np.ascontiguousarray(inverse_range, dtype=np.float32),
+            np.ascontiguousarray(deviation, dtype=np.float32),
+            np.ascontiguousarray(facing, dtype=np.float32),
+            _resized(view.grey if channels == 1 else view.pixels, width, height, channels),
+            lens_row(view.camera, width / view.camera.width),
+            frames.invert(view.T_world_camera),
+            self.truncation_m,
+            farthest_m,
+            THREADS,
+        )
+
+    def surface(self, *, least_weight: float) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.uint8]]:
+        """Marching cubes where all eight corners were seen: vertices (n, 3), faces (m, 3), colours (n, 3)."""
+        vertices, faces, colours = _mapping.marching_cubes(
+            self.origin_world_m,
+            self.voxel_m,
+            self.distance,
+            self.weight,
+            self.colour,
+            self.colour_weight,
+            least_weight,
+        )
+        shades = np.clip(np.round(colours), 0, 255).astype(np.uint8)
+        return vertices, faces, np.repeat(shades, 3, axis=1) if shades.shape[1] == 1 else shades
+
+    def occupancy(self, *, least_weight: float, skin_voxels: float) -> NDArray[np.uint8]:
+        """(nx, ny, nz) UNKNOWN, FREE or OCCUPIED.
+
+        A voxel whose centre is less than `skin_voxels` in front of the surface counts as occupied. With sqrt(3) / 2
+        every voxel that the surface passes through does, however it cuts it: walls have no holes.
+        """
+        state = np.full(self.shape, UNKNOWN, dtype=np.uint8)
+        seen = self.weight >= least_weight
+        near = self.distance < skin_voxels * self.voxel_m
+        state[seen & ~near] = FREE
+        state[(self.weight > 0.0) & near] = OCCUPIED
+        return state
+
+
+def empty_volume(
+    lower_world_m: FloatArray, upper_world_m: FloatArray, *, voxel_m: float, truncation_m: float, channels: int
+) -> Volume:
+    """A volume in which nothing was seen yet, on voxel borders that are whole multiples of `voxel_m`.
+
+    Raises:
+        InputError: the voxel size is not positive, or the truncation is under one voxel.
+        MapError: it would not fit in memory.
+    """
+    if not voxel_m > 0.0 or truncation_m < voxel_m:
+        raise InputError(f"voxel_m {voxel_m:g} must be positive and truncation_m {truncation_m:g} at least as large")
+    first = np.floor(np.asarray(lower_world_m) / voxel_m)
+    shape = (np.ceil(np.asarray(upper_world_m) / voxel_m) - first).astype(int)
+    count = float(np.prod(shape.astype(float)))
+    if count > MOST_VOXELS:
+        fitting_m = voxel_m * (count / MOST_VOXELS) ** (1 / 3)
+        size = " x ".join(f"{n * voxel_m:.0f}" for n in shape)
+        raise MapError(f"{size} m in voxels of {voxel_m:g} m does not fit in memory; voxel_m >= {fitting_m:.3f} does")
+    return Volume(
+        first * voxel_m,
+        voxel_m,
+        truncation_m,
+        np.zeros(shape, np.float32),
+        np.zeros(shape, np.float32),
+        np.zeros((*shape, channels), np.float32),
+        np.zeros(shape, np.float32),
+    )
+
+
+def carve_tube(
+    state: NDArray[np.uint8], origin_world_m: FloatArray, voxel_m: float, path_world_m: FloatArray, radius_m: float
+) -> None:
+    """Mark as FREE, in place, what lies within `radius_m` of the points (n, 3): the vehicle was there itself."""
+    reach = int(np.ceil(radius_m / voxel_m))
+    steps = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    for point in path_world_m:
+        cells = np.floor((point - origin_world_m) / voxel_m).astype(int) + steps
+        centres = origin_world_m + (cells + 0.5) * voxel_m
+        inside = ((cells >= 0) & (cells < state.shape)).all(axis=1)
+        inside &= np.linalg.norm(centres - point, axis=1) <= radius_m
+        state[tuple(cells[inside].T)] = FREE
+
+
+def _resized(pixels: NDArray[np.uint8], width: int, height: int, channels: int) -> NDArray[np.uint8]:
+    import cv2
+
+    if pixels.shape[:2] != (height, width):
+        pixels = np.asarray(cv2.resize(pixels, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    return np.ascontiguousarray(pixels.reshape(height, width, channels))

@@ -1,0 +1,124 @@
+#include "tsdf.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "parallel.hpp"
+
+namespace goshawk {
+namespace {
+
+struct Sample {
+    double inverse_range = 0.0;
+    int pixel = 0;
+};
+
+// Inverse range at a place of the image: bilinear on smooth ground, the nearest value beside a jump or a gap.
+Sample sample(const RangeImage& image, double u, double v) {
+    const int width = image.lens.width, height = image.lens.height;
+    const int column = std::min(static_cast<int>(u), width - 1), row = std::min(static_cast<int>(v), height - 1);
+    Sample result;
+    result.pixel = row * width + column;
+    result.inverse_range = image.inverse_range[result.pixel];
+    const double x = u - 0.5, y = v - 0.5;
+    const int c = static_cast<int>(std::floor(x)), r = static_cast<int>(std::floor(y));
+    if (result.inverse_range <= 0.0 || c < 0 || r < 0 || c + 1 >= width || r + 1 >= height) return result;
+    const float* p = image.inverse_range + static_cast<std::size_t>(r) * width + c;
+    const float q[4] = {p[0], p[1], p[width], p[width + 1]};
+    const auto [low, high] = std::minmax({q[0], q[1], q[2], q[3]});
+    if (low <= 0.0f || high > 1.1f * low) return result;
+    const double a = x - c, b = y - r;
+    result.inverse_range = (1 - b) * ((1 - a) * q[0] + a * q[1]) + b * ((1 - a) * q[2] + a * q[3]);
+    return result;
+}
+
+// Weight of a measurement: its inverse variance in metres, never better than a fifth of a voxel.
+double weight_of(double range, double deviation, double voxel) {
+    const double metres = deviation * range * range, floor = 0.2 * voxel;
+    return voxel * voxel / (metres * metres + floor * floor);
+}
+
+void update(const Volume& volume, std::size_t index, double distance, double weight) {
+    const double sum = volume.weight[index] + weight;
+    volume.distance[index] += static_cast<float>(weight / sum * (distance - volume.distance[index]));
+    volume.weight[index] = static_cast<float>(sum);
+}
+
+void update_colour(const Volume& volume, std::size_t index, const std::uint8_t* colour, double weight) {
+    const double sum = volume.colour_weight[index] + weight;
+    for (int c = 0; c < volume.channels; ++c) {
+        float& value = volume.colour[index * volume.channels + c];
+        value += static_cast<float>(weight / sum * (colour[c] - value));
+    }
+    volume.colour_weight[index] = static_cast<float>(sum);
+}
+
+// From the point in the middle to the one beside it or, if that is missing or on another surface, the one opposite.
+bool tangent(const float* inverse_range, const double* rays, int here, int there, int opposite, Vec3& out) {
+    auto point = [&](int i) { return (1.0 / inverse_range[i]) * Vec3{rays[3 * i], rays[3 * i + 1], rays[3 * i + 2]}; };
+    auto same_surface = [&](int i) {
+        const float ratio = i < 0 ? 0.0f : inverse_range[i] / inverse_range[here];
+        return ratio > 0.8f && ratio < 1.25f;
+    };
+    const bool forward = same_surface(there), backward = same_surface(opposite);
+    if (!forward && !backward) return false;
+    out = point(forward ? there : here) - point(backward ? opposite : here);
+    return true;
+}
+
+}  // namespace
+
+void facing(const float* inverse_range, const double* rays, int height, int width, int step, float unsure, int threads,
+            float* cosine) {
+    parallel_rows(height, threads, [&](int row) {
+        for (int column = 0; column < width; ++column) {
+            const int i = row * width + column;
+            cosine[i] = unsure;
+            if (inverse_range[i] <= 0.0f) continue;
+            Vec3 across, along;
+            if (!tangent(inverse_range, rays, i, column + step < width ? i + step : -1, column >= step ? i - step : -1,
+                         across) ||
+                !tangent(inverse_range, rays, i, row + step < height ? i + step * width : -1,
+                         row >= step ? i - step * width : -1, along))
+                continue;
+            const Vec3 normal = cross(across, along);
+            const double length = norm(normal);
+            if (length <= 0.0) continue;
+            const double value = dot(normal, {rays[3 * i], rays[3 * i + 1], rays[3 * i + 2]}) / length;
+            cosine[i] = static_cast<float>(std::clamp(std::abs(value), 0.1, 1.0));
+        }
+    });
+}
+
+void integrate(const Volume& volume, const RangeImage& image, const double* T_camera_world, const Fusion& fusion,
+               int threads) {
+    const Pose pose(T_camera_world);
+    const Vec3 step{volume.voxel * pose.m[2], volume.voxel * pose.m[6], volume.voxel * pose.m[10]};
+    const double reach = fusion.farthest + fusion.truncation;
+    parallel_rows(volume.shape[0], threads, [&](int i) {
+        for (int j = 0; j < volume.shape[1]; ++j) {
+            const Vec3 first = volume.origin + volume.voxel * Vec3{i + 0.5, j + 0.5, 0.5};
+            Vec3 p = pose.apply(first);
+            std::size_t index = (static_cast<std::size_t>(i) * volume.shape[1] + j) * volume.shape[2];
+            for (int k = 0; k < volume.shape[2]; ++k, ++index, p = p + step) {
+                const double squared = dot(p, p);
+                double u = 0.0, v = 0.0;
+                if (squared > reach * reach || !image.lens.project(p, u, v)) continue;
+                const Sample found = sample(image, u, v);
+                if (found.inverse_range * fusion.farthest < 1.0) continue;
+                const double range = 1.0 / found.inverse_range, along_ray = range - std::sqrt(squared);
+                if (along_ray < -fusion.truncation) continue;  // hidden behind the surface: nothing is known here
+                const double cosine = image.facing[found.pixel], distance = along_ray * cosine;
+                double weight = cosine * weight_of(range, image.deviation[found.pixel], volume.voxel);
+                // Behind the surface the belief fades, so that the front of a thin board does not erase its back.
+                if (distance < 0.0) weight *= 1.0 + 0.9 * along_ray / fusion.truncation;
+                update(volume, index, std::min(distance, fusion.truncation), weight);
+                if (distance < fusion.truncation)
+                    update_colour(volume, index, image.colour + static_cast<std::size_t>(found.pixel) * volume.channels,
+                                  weight);
+            }
+        }
+    });
+}
+
+}  // namespace goshawk

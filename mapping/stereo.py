@@ -1,0 +1,220 @@
+"""Depth from a moving fisheye camera: pairs of its own pictures, rectified on the sphere, matched, and made to agree.
+
+For a pair, columns of the rectified pictures are the angle from the baseline and rows the angle round it. A point lies
+in the same row of both, and its shift is the angle under which it sees the baseline. Nothing is flattened to a
+pinhole, so forward motion and the whole field of view work alike.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight import FloatArray, frames
+from mapping import _mapping
+from mapping.views import ImageView, lens_row
+
+FloatImage = NDArray[np.float32]
+THREADS = 2
+
+
+@dataclass(frozen=True, slots=True)
+class StereoOptions:
+    """How pictures are paired and matched."""
+
+    near_m: float = 0.4
+    """Nearest surface to look for, where a picture does not say better."""
+    far_m: float = 15.0
+    """Farthest surface to look for."""
+    partners: int = 4
+    """How many other pictures each picture is matched with, at most."""
+    least_agreeing: int = 2
+    """How many partners must tell the same depth."""
+    baseline_ratio: float = 0.12
+    """Baseline to aim for, over the typical distance of the scene."""
+    depth_scale: float = 0.5
+    """Size of the depth pictures over that of the pictures."""
+    column_px: float = 1.3
+    """Width of a rectified column, in pixels of the picture's centre."""
+    row_px: float = 2.0
+    """Height of a rectified row."""
+    disparity_std_px: float = 0.35
+    """Standard deviation of a match, in columns."""
+    largest_relative_std: float = 0.12
+    """Depths less certain than this share of themselves are dropped."""
+    tolerance: float = 2.0
+    """Depths agree when they differ by at most this many standard deviations."""
+
+
+LARGEST_STEP = 1.15
+"""Ratio of the ranges within 5x5 pixels beyond which they belong to two surfaces."""
+UNSURE_FACING = 0.5
+"""Taken beside jumps of depth: half the distance along the ray, so that free space is not overstated."""
+MOST_DISPARITIES = 112
+LEAST_ANGLE_RAD = 0.05  # nearer the baseline than this, parallax says nothing about depth
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DepthImage:
+    """What is known about the distance along each ray of one picture."""
+
+    inverse_range: FloatImage
+    """(h, w) 1/m along the ray, 0 where nothing is known."""
+    deviation: FloatImage
+    """(h, w) its standard deviation, 1/m."""
+    facing: FloatImage
+    """(h, w) cosine between the ray and the surface normal, 1 where the surface is met squarely."""
+    agreeing: NDArray[np.uint8]
+    """(h, w) how many partners told this depth."""
+    scale: float
+    """Size of this picture over that of the picture it belongs to."""
+
+
+def typical_distance_m(view: ImageView, options: StereoOptions) -> float:
+    """The geometric middle of the near and far end of what is in view."""
+    return float(np.sqrt((view.near_m or options.near_m) * (view.far_m or options.far_m)))
+
+
+def choose_partners(views: Sequence[ImageView], index: int, options: StereoOptions) -> list[int]:
+    """The pictures to match one picture with: a good baseline, much common view, different sides."""
+    centre, axis = views[index].position_world_m, views[index].T_world_camera[:3, 2]
+    offsets = np.array([v.position_world_m for v in views]) - centre
+    turns = np.array([v.T_world_camera[:3, 2] for v in views]) @ axis
+    lengths = np.linalg.norm(offsets, axis=1)
+    wanted = options.baseline_ratio * typical_distance_m(views[index], options)
+    usable = (lengths > 0.2 * wanted) & (lengths < 4.0 * wanted) & (turns > 0.5)
+    usable[index] = False
+    with np.errstate(divide="ignore"):
+        cost = np.abs(np.log(lengths / wanted)) + 2.0 * (1.0 - turns)
+    cost[~usable] = np.inf
+    chosen: list[int] = []
+    while len(chosen) < options.partners and np.isfinite(cost).any():
+        best = int(np.argmin(cost))
+        chosen.append(best)
+        # A second partner from the same side sees what the first saw; one from the other side fills its shadows.
+        same_side = offsets @ offsets[best] / np.maximum(lengths * lengths[best], 1e-12)
+        cost = cost + 0.3 * np.maximum(same_side, 0.0)
+        cost[best] = np.inf
+    return chosen
+
+
+def depth_of_pair(
+    view: ImageView, partner: ImageView, rays_camera: FloatArray, options: StereoOptions
+) -> tuple[FloatImage, FloatImage]:
+    """Inverse range and its standard deviation along each ray (h, w, 3) of `view`, from one partner."""
+    T_partner_camera = frames.invert(partner.T_world_camera) @ view.T_world_camera
+    baseline_camera_m = frames.invert(T_partner_camera)[:3, 3]
+    baseline_m = float(np.linalg.norm(baseline_camera_m))
+    R_camera_grid = _axes_about(baseline_camera_m / baseline_m)
+    R_partner_grid = np.ascontiguousarray(T_partner_camera[:3, :3] @ R_camera_grid)
+    near_m = view.near_m or options.near_m
+    grid, disparities = _grid(view, rays_camera @ R_camera_grid, baseline_m / near_m, options)
+    left = _mapping.rectify(view.grey, lens_row(view.camera), R_camera_grid, grid, THREADS)
+    right = _mapping.rectify(partner.grey, lens_row(partner.camera), R_partner_grid, grid, THREADS)
+    return _mapping.inverse_range(
+        _match(left, right, disparities),
+        grid,
+        R_camera_grid,
+        baseline_m,
+        np.ascontiguousarray(T_partner_camera),
+        lens_row(partner.camera),
+        rays_camera,
+        options.disparity_std_px,
+        options.largest_relative_std,
+        THREADS,
+    )
+
+
+def _axes_about(baseline: FloatArray) -> FloatArray:
+    """(3, 3) rotation: first axis the baseline, second the optical axis as far as it is square to it."""
+    second = np.array([0.0, 0.0, 1.0]) - baseline[2] * baseline
+    if np.linalg.norm(second) < 1e-3:
+        second = np.array([1.0, 0.0, 0.0]) - baseline[0] * baseline
+    second = second / np.linalg.norm(second)
+    return np.ascontiguousarray(np.stack([baseline, second, np.cross(baseline, second)], axis=1))
+
+
+def _grid(
+    view: ImageView, rays_grid: FloatArray, baseline_over_near: float, options: StereoOptions
+) -> tuple[FloatArray, int]:
+    """The kernel's grid row, and the number of disparities, for the part of the sphere that `view` sees."""
+    rays = rays_grid[np.isfinite(rays_grid[..., 0])]
+    from_baseline = np.arctan2(np.hypot(rays[:, 1], rays[:, 2]), rays[:, 0])
+    round_it = np.arctan2(rays[:, 2], rays[:, 1])
+    low = max(from_baseline.min(), LEAST_ANGLE_RAD)
+    high = min(from_baseline.max(), np.pi - LEAST_ANGLE_RAD)
+    focal_px = min(view.camera.focal_px)
+    angles = np.linspace(low, high, 64)
+    towards = np.maximum(1.0 / baseline_over_near - np.cos(angles), 1e-3)
+    parallax = min(float(np.arctan(np.sin(angles) / towards).max()), 1.2)
+    column_step = max(options.column_px / focal_px, parallax / MOST_DISPARITIES)
+    disparities = 16 * int(np.ceil(parallax / column_step / 16))
+    row_step = options.row_px / focal_px
+    if from_baseline.min() < LEAST_ANGLE_RAD or from_baseline.max() > np.pi - LEAST_ANGLE_RAD:
+        first, last = -np.pi, np.pi  # the baseline is in view: all directions round it are
+    else:
+        first, last = round_it.min(), round_it.max()
+    # OpenCV matches only columns beyond the largest disparity, so the grid starts that much before the picture.
+    start = high + disparities * column_step
+    columns, rows = np.ceil((start - low) / column_step), np.ceil((last - first) / row_step)
+    return np.array([start, column_step, first, row_step, rows, columns]), disparities
+
+
+def _match(left: NDArray[np.uint8], right: NDArray[np.uint8], disparities: int) -> NDArray[np.int16]:
+    import cv2
+
+    block = 5
+    matcher = cv2.StereoSGBM.create(
+        minDisparity=0,
+        numDisparities=disparities,
+        blockSize=block,
+        P1=8 * block * block,
+        P2=32 * block * block,
+        disp12MaxDiff=1,
+        preFilterCap=31,
+        uniquenessRatio=8,
+        speckleWindowSize=80,
+        speckleRange=2,
+        mode=cv2.StereoSGBM_MODE_SGBM_3WAY,
+    )
+    return np.ascontiguousarray(matcher.compute(left, right))
+
+
+def depth_image(views: Sequence[ImageView], index: int, options: StereoOptions) -> DepthImage | None:
+    """Depth of one picture from its partners; None when it has too few partners."""
+    view = views[index]
+    partners = choose_partners(views, index, options)
+    if len(partners) < options.least_agreeing:
+        return None
+    rays = depth_rays(view, options.depth_scale)
+    layers = [depth_of_pair(view, views[p], rays, options) for p in partners]
+    values, deviations = (np.stack(part) for part in zip(*layers, strict=True))
+    value, deviation, agreeing = _mapping.fuse(values, deviations, options.tolerance, options.least_agreeing)
+    value = without_jumps(value)
+    return DepthImage(value, deviation, facing(value, rays), agreeing, options.depth_scale)
+
+
+def without_jumps(inverse_range: FloatImage) -> FloatImage:
+    """The same without the pixels beside a jump of depth: there, block matching smears the nearer surface outwards."""
+    import cv2
+
+    window = np.ones((5, 5), np.uint8)
+    known = inverse_range > 0.0
+    nearest = cv2.dilate(inverse_range, window)
+    farthest = cv2.erode(np.where(known, inverse_range, np.float32(np.inf)), window)
+    return np.where(known & (nearest < LARGEST_STEP * farthest), inverse_range, np.float32(0.0))
+
+
+def facing(inverse_range: FloatImage, rays_camera: FloatArray) -> FloatImage:
+    """(h, w) cosine between each ray and the normal of the surface it meets."""
+    step = 2  # pixels; the noise of closer neighbours tilts the normal
+    return _mapping.facing(inverse_range, rays_camera, step, UNSURE_FACING, THREADS)
+
+
+def depth_rays(view: ImageView, scale: float) -> FloatArray:
+    """(h, w, 3) unit rays of the depth picture's pixels."""
+    camera = view.camera
+    width, height = round(camera.width * scale), round(camera.height * scale)
+    u, v = np.meshgrid((np.arange(width) + 0.5) * camera.width / width, (np.arange(height) + 0.5) * camera.height / height)
+    return np.ascontiguousarray(camera.unproject(np.stack([u, v], axis=-1)))

@@ -1,0 +1,55 @@
+"""One picture with its lens and its place in the world: what dense reconstruction is given."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight import FloatArray, InputError
+from mapping.rig import Camera
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImageView:
+    """A picture, the camera that took it and where that camera was."""
+
+    camera: Camera
+    """Its lens; only the lens is used, not its place on the body."""
+    T_world_camera: FloatArray
+    """(4, 4), metres."""
+    pixels: NDArray[np.uint8]
+    """(height, width) grey or (height, width, 3) RGB."""
+    near_m: float | None = None
+    """Range of the nearest thing in view, if known (from the sparse map); otherwise the option's."""
+    far_m: float | None = None
+    """Range of the farthest thing in view, if known."""
+
+    def __post_init__(self) -> None:
+        expected = (self.camera.height, self.camera.width)
+        if self.pixels.dtype != np.uint8 or self.pixels.shape not in (expected, (*expected, 3)):
+            raise InputError(
+                f"a picture of camera {self.camera.name} is {self.pixels.dtype} {self.pixels.shape}; "
+                f"uint8 {expected} or {(*expected, 3)} is wanted"
+            )
+        if self.T_world_camera.shape != (4, 4) or not np.isfinite(self.T_world_camera).all():
+            raise InputError(f"a pose of camera {self.camera.name} is not a finite (4, 4) matrix")
+
+    @property
+    def position_world_m(self) -> FloatArray:
+        return self.T_world_camera[:3, 3]
+
+    @property
+    def grey(self) -> NDArray[np.uint8]:
+        """(height, width)."""
+        if self.pixels.ndim == 2:
+            return self.pixels
+        return np.round(self.pixels @ np.array([0.299, 0.587, 0.114])).astype(np.uint8)
+
+
+def lens_row(camera: Camera, scale: float = 1.0) -> FloatArray:
+    """The lens as the kernels read it, for the picture enlarged by `scale` (a size that comes out whole)."""
+    width, height = round(camera.width * scale), round(camera.height * scale)
+    sx, sy = width / camera.width, height / camera.height
+    (fx, fy), (cx, cy) = camera.focal_px, camera.principal_point_px
+    head = [float(camera.is_fisheye), fx * sx, fy * sy, cx * sx, cy * sy]
+    return np.array([*head, *camera.distortion, camera.half_field_rad, width, height], dtype=np.float64)
