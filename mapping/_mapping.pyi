@@ -18,3 +18,54 @@ def render(
     seed: int,
     threads: int,
 ) -> NDArray[np.uint8]: ...
+def rectify(
+    image: NDArray[np.uint8],
+    lens: NDArray[np.float64],
+    R_camera_grid: NDArray[np.float64],
+    grid: NDArray[np.float64],
+    threads: int,
+) -> NDArray[np.uint8]: ...
+def inverse_range(
+    disparity: NDArray[np.int16],
+    grid: NDArray[np.float64],
+    R_camera_grid: NDArray[np.float64],
+    baseline_m: float,
+    T_partner_camera: NDArray[np.float64],
+    partner: NDArray[np.float64],
+    rays: NDArray[np.float64],
+    disparity_std_px: float,
+    largest_relative_std: float,
+    threads: int,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
+def fuse(
+    values: NDArray[np.float32], deviations: NDArray[np.float32], tolerance: float, least: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint8]]: ...
+def facing(
+    inverse_range: NDArray[np.float32], rays: NDArray[np.float64], step: int, unsure: float, threads: int
+) -> NDArray[np.float32]: ...
+def integrate(
+    origin_world_m: NDArray[np.float64],
+    voxel_m: float,
+    distance: NDArray[np.float32],
+    weight: NDArray[np.float32],
+    colour: NDArray[np.float32],
+    colour_weight: NDArray[np.float32],
+    inverse_range: NDArray[np.float32],
+    deviation: NDArray[np.float32],
+    facing: NDArray[np.float32],
+    pixels: NDArray[np.uint8],
+    lens: NDArray[np.float64],
+    T_camera_world: NDArray[np.float64],
+    truncation_m: float,
+    farthest_m: float,
+    threads: int,
+) -> None: ...
+def marching_cubes(
+    origin_world_m: NDArray[np.float64],
+    voxel_m: float,
+    distance: NDArray[np.float32],
+    weight: NDArray[np.float32],
+    colour: NDArray[np.float32],
+    colour_weight: NDArray[np.float32],
+    least_weight: float,
+) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float32]]: ...

@@ -1,6 +1,6 @@
 """Pictures with known poses to a surface mesh and to space that is free, occupied or unknown.
 
-    depth of each picture (`stereo`)  ->  one truncated distance volume (`fusion`)  ->  mesh and state grid
+depth of each picture (`stereo`)  ->  one truncated distance volume (`fusion`)  ->  mesh and state grid
 """
 
 from collections.abc import Sequence
@@ -9,13 +9,22 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from esdf import Grid
 from flight import FloatArray, MapError, Progress, silent
 from mapping import fusion, stereo
 from mapping.fusion import Volume
-from mapping.stereo import DepthImage, StereoOptions
+from mapping.stereo import DepthImage, StereoOptions, depth_from_sensor
 from mapping.views import ImageView
 
-__all__ = ["DenseOptions", "DepthStatistics", "ImageView", "Reconstruction", "StereoOptions", "reconstruct"]
+__all__ = [
+    "DenseOptions",
+    "DepthStatistics",
+    "ImageView",
+    "Reconstruction",
+    "StereoOptions",
+    "depth_from_sensor",
+    "reconstruct",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,25 +74,32 @@ class Reconstruction:
     colours: NDArray[np.uint8]
     """(n, 3) RGB of each vertex."""
     state: NDArray[np.uint8]
-    """(nx, ny, nz) 0 unknown, 1 free, 2 occupied."""
-    origin_world_m: FloatArray
-    """(3,) lower corner of the state grid; voxel (i, j, k) has its centre at origin + (ijk + 0.5) * voxel."""
-    voxel_m: float
-    """Edge of a voxel."""
+    """(nx, ny, nz) `esdf.UNKNOWN`, `FREE` or `OCCUPIED`."""
+    grid: Grid
+    """Where the voxels of `state` are."""
     statistics: DepthStatistics
     """Of the depth pictures."""
 
 
 def reconstruct(
-    images: Sequence[ImageView], options: DenseOptions | None = None, *, progress: Progress = silent
+    images: Sequence[ImageView],
+    options: DenseOptions | None = None,
+    *,
+    depths: Sequence[DepthImage | None] | None = None,
+    progress: Progress = silent,
 ) -> Reconstruction:
     """Mesh and state grid from pictures with known poses.
+
+    Args:
+        depths: one for each picture if a depth camera measured them (`depth_from_sensor`); otherwise they are found
+            by matching the pictures with each other.
 
     Raises:
         MapError: too few pictures see the same things from different places, or the volume does not fit in memory.
     """
     options = options or DenseOptions()
-    depths = depth_images(images, options.stereo, progress=progress)
+    if depths is None:
+        depths = depth_images(images, options.stereo, progress=progress)
     volume = fuse(images, depths, options, progress=progress)
     return extract(volume, images, depths, options)
 
@@ -139,10 +155,8 @@ def extract(
         raise MapError("the depth images hold no surface: their poses or lenses may be wrong")
     state = volume.occupancy(least_weight=options.least_weight, skin_voxels=options.skin_voxels)
     path = flown_path(images, 0.5 * options.voxel_m)
-    fusion.carve_tube(state, volume.origin_world_m, volume.voxel_m, path, options.flown_radius_m)
-    return Reconstruction(
-        vertices, faces, colours, state, volume.origin_world_m, volume.voxel_m, depth_statistics(depths)
-    )
+    fusion.carve_tube(state, volume.grid, path, options.flown_radius_m)
+    return Reconstruction(vertices, faces, colours, state, volume.grid, depth_statistics(depths))
 
 
 def flown_path(images: Sequence[ImageView], step_m: float, *, longest_gap_m: float = 1.0) -> FloatArray:
@@ -179,7 +193,11 @@ def without_crumbs(
 def depth_statistics(depths: Sequence[DepthImage | None]) -> DepthStatistics:
     used = [depth for depth in depths if depth is not None]
     shares = [float((depth.inverse_range > 0).mean()) for depth in used]
-    relative = [depth.deviation[known] / depth.inverse_range[known] for depth in used if (known := depth.inverse_range > 0).any()]
+    relative = [
+        depth.deviation[known] / depth.inverse_range[known]
+        for depth in used
+        if (known := depth.inverse_range > 0).any()
+    ]
     return DepthStatistics(
         images_used=len(used),
         images_skipped=len(depths) - len(used),

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from esdf import FREE, OCCUPIED, UNKNOWN, Grid
 from flight import FloatArray, InputError, MapError, frames
 from mapping import _mapping
 from mapping.views import ImageView, lens_row
-
-UNKNOWN, FREE, OCCUPIED = 0, 1, 2  # as in `esdf`
 
 THREADS = 2
 MOST_VOXELS = 150_000_000
@@ -18,12 +17,10 @@ MOST_VOXELS = 150_000_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Volume:
-    """Truncated signed distance on a grid; voxel (i, j, k) has its centre at origin + (ijk + 0.5) * voxel."""
+    """Truncated signed distance at the centres of the voxels of a grid."""
 
-    origin_world_m: FloatArray
-    """(3,) the grid's lower corner."""
-    voxel_m: float
-    """Edge of a voxel."""
+    grid: Grid
+    """Of cubes."""
     truncation_m: float
     """Distances are known within this much of a surface."""
     distance: NDArray[np.float32]
@@ -36,9 +33,8 @@ class Volume:
     """(nx, ny, nz)."""
 
     @property
-    def shape(self) -> tuple[int, int, int]:
-        x, y, z = self.distance.shape
-        return x, y, z
+    def voxel_m(self) -> float:
+        return self.grid.voxel_m[0]
 
     def integrate(
         self,
@@ -53,7 +49,7 @@ class Volume:
         height, width = inverse_range.shape
         channels = self.colour.shape[3]
         _mapping.integrate(
-            self.origin_world_m,
+            self.grid.low_world_m,
             self.voxel_m,
             self.distance,
             self.weight,
@@ -73,7 +69,7 @@ class Volume:
     def surface(self, *, least_weight: float) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.uint8]]:
         """Marching cubes where all eight corners were seen: vertices (n, 3), faces (m, 3), colours (n, 3)."""
         vertices, faces, colours = _mapping.marching_cubes(
-            self.origin_world_m,
+            self.grid.low_world_m,
             self.voxel_m,
             self.distance,
             self.weight,
@@ -90,7 +86,7 @@ class Volume:
         A voxel whose centre is less than `skin_voxels` in front of the surface counts as occupied. With sqrt(3) / 2
         every voxel that the surface passes through does, however it cuts it: walls have no holes.
         """
-        state = np.full(self.shape, UNKNOWN, dtype=np.uint8)
+        state = np.full(self.grid.shape, UNKNOWN, dtype=np.uint8)
         seen = self.weight >= least_weight
         near = self.distance < skin_voxels * self.voxel_m
         state[seen & ~near] = FREE
@@ -101,7 +97,7 @@ class Volume:
 def empty_volume(
     lower_world_m: FloatArray, upper_world_m: FloatArray, *, voxel_m: float, truncation_m: float, channels: int
 ) -> Volume:
-    """A volume in which nothing was seen yet, on voxel borders that are whole multiples of `voxel_m`.
+    """A volume in which nothing was seen yet.
 
     Raises:
         InputError: the voxel size is not positive, or the truncation is under one voxel.
@@ -109,35 +105,23 @@ def empty_volume(
     """
     if not voxel_m > 0.0 or truncation_m < voxel_m:
         raise InputError(f"voxel_m {voxel_m:g} must be positive and truncation_m {truncation_m:g} at least as large")
-    first = np.floor(np.asarray(lower_world_m) / voxel_m)
-    shape = (np.ceil(np.asarray(upper_world_m) / voxel_m) - first).astype(int)
-    count = float(np.prod(shape.astype(float)))
-    if count > MOST_VOXELS:
-        fitting_m = voxel_m * (count / MOST_VOXELS) ** (1 / 3)
-        size = " x ".join(f"{n * voxel_m:.0f}" for n in shape)
+    grid = Grid.covering(lower_world_m, upper_world_m, voxel_m)
+    if grid.voxels > MOST_VOXELS:
+        fitting_m = voxel_m * (grid.voxels / MOST_VOXELS) ** (1 / 3)
+        size = " x ".join(f"{n * voxel_m:.0f}" for n in grid.shape)
         raise MapError(f"{size} m in voxels of {voxel_m:g} m does not fit in memory; voxel_m >= {fitting_m:.3f} does")
-    return Volume(
-        first * voxel_m,
-        voxel_m,
-        truncation_m,
-        np.zeros(shape, np.float32),
-        np.zeros(shape, np.float32),
-        np.zeros((*shape, channels), np.float32),
-        np.zeros(shape, np.float32),
-    )
+    empty = [np.zeros((*grid.shape, *more), np.float32) for more in ((), (), (channels,), ())]
+    return Volume(grid, truncation_m, *empty)
 
 
-def carve_tube(
-    state: NDArray[np.uint8], origin_world_m: FloatArray, voxel_m: float, path_world_m: FloatArray, radius_m: float
-) -> None:
+def carve_tube(state: NDArray[np.uint8], grid: Grid, path_world_m: FloatArray, radius_m: float) -> None:
     """Mark as FREE, in place, what lies within `radius_m` of the points (n, 3): the vehicle was there itself."""
-    reach = int(np.ceil(radius_m / voxel_m))
+    reach = int(np.ceil(radius_m / min(grid.voxel_m)))
     steps = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     for point in path_world_m:
-        cells = np.floor((point - origin_world_m) / voxel_m).astype(int) + steps
-        centres = origin_world_m + (cells + 0.5) * voxel_m
-        inside = ((cells >= 0) & (cells < state.shape)).all(axis=1)
-        inside &= np.linalg.norm(centres - point, axis=1) <= radius_m
+        cells = grid.index(point) + steps
+        inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
+        inside &= np.linalg.norm(grid.centre(cells) - point, axis=1) <= radius_m
         state[tuple(cells[inside].T)] = FREE
 
 

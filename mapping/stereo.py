@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flight import FloatArray, frames
+from flight import FloatArray, InputError, frames
 from mapping import _mapping
 from mapping.views import ImageView, lens_row
 
@@ -106,7 +106,7 @@ def depth_of_pair(
     T_partner_camera = frames.invert(partner.T_world_camera) @ view.T_world_camera
     baseline_camera_m = frames.invert(T_partner_camera)[:3, 3]
     baseline_m = float(np.linalg.norm(baseline_camera_m))
-    R_camera_grid = _axes_about(baseline_camera_m / baseline_m)
+    R_camera_grid = axes_about(baseline_camera_m / baseline_m)
     R_partner_grid = np.ascontiguousarray(T_partner_camera[:3, :3] @ R_camera_grid)
     near_m = view.near_m or options.near_m
     grid, disparities = _grid(view, rays_camera @ R_camera_grid, baseline_m / near_m, options)
@@ -126,13 +126,14 @@ def depth_of_pair(
     )
 
 
-def _axes_about(baseline: FloatArray) -> FloatArray:
+def axes_about(baseline: FloatArray) -> FloatArray:
     """(3, 3) rotation: first axis the baseline, second the optical axis as far as it is square to it."""
     second = np.array([0.0, 0.0, 1.0]) - baseline[2] * baseline
     if np.linalg.norm(second) < 1e-3:
         second = np.array([1.0, 0.0, 0.0]) - baseline[0] * baseline
     second = second / np.linalg.norm(second)
-    return np.ascontiguousarray(np.stack([baseline, second, np.cross(baseline, second)], axis=1))
+    axes = np.array([baseline, second, np.cross(baseline, second)], dtype=np.float64)
+    return np.ascontiguousarray(axes.T)
 
 
 def _grid(
@@ -178,7 +179,7 @@ def _match(left: NDArray[np.uint8], right: NDArray[np.uint8], disparities: int) 
         speckleRange=2,
         mode=cv2.StereoSGBM_MODE_SGBM_3WAY,
     )
-    return np.ascontiguousarray(matcher.compute(left, right))
+    return np.ascontiguousarray(matcher.compute(left, right), dtype=np.int16)
 
 
 def depth_image(views: Sequence[ImageView], index: int, options: StereoOptions) -> DepthImage | None:
@@ -201,9 +202,10 @@ def without_jumps(inverse_range: FloatImage) -> FloatImage:
 
     window = np.ones((5, 5), np.uint8)
     known = inverse_range > 0.0
-    nearest = cv2.dilate(inverse_range, window)
-    farthest = cv2.erode(np.where(known, inverse_range, np.float32(np.inf)), window)
-    return np.where(known & (nearest < LARGEST_STEP * farthest), inverse_range, np.float32(0.0))
+    nearest = np.asarray(cv2.dilate(inverse_range, window), dtype=np.float32)
+    farthest = np.asarray(cv2.erode(np.where(known, inverse_range, np.float32(1e30)), window), dtype=np.float32)
+    inverse_range = np.where(known & (nearest < LARGEST_STEP * farthest), inverse_range, np.float32(0.0))
+    return inverse_range.astype(np.float32)
 
 
 def facing(inverse_range: FloatImage, rays_camera: FloatArray) -> FloatImage:
@@ -216,5 +218,26 @@ def depth_rays(view: ImageView, scale: float) -> FloatArray:
     """(h, w, 3) unit rays of the depth picture's pixels."""
     camera = view.camera
     width, height = round(camera.width * scale), round(camera.height * scale)
-    u, v = np.meshgrid((np.arange(width) + 0.5) * camera.width / width, (np.arange(height) + 0.5) * camera.height / height)
+    u, v = np.meshgrid(
+        (np.arange(width) + 0.5) * camera.width / width, (np.arange(height) + 0.5) * camera.height / height
+    )
     return np.ascontiguousarray(camera.unproject(np.stack([u, v], axis=-1)))
+
+
+def depth_from_sensor(view: ImageView, depth_m: NDArray[np.floating], *, relative_std: float = 0.01) -> DepthImage:
+    """What a depth camera measured, as if it had come from stereo.
+
+    Args:
+        depth_m: (h, w) metres along the optical axis (not along the ray), aligned with the picture, perhaps smaller;
+            0 or NaN where nothing was measured.
+        relative_std: standard deviation over the depth.
+    """
+    scale = depth_m.shape[1] / view.camera.width
+    rays = depth_rays(view, scale)
+    if depth_m.ndim != 2 or depth_m.shape != rays.shape[:2]:
+        raise InputError(f"a depth image of {depth_m.shape} does not fit a picture of {view.pixels.shape[:2]}")
+    known = np.isfinite(depth_m) & (depth_m > 0.0) & (rays[..., 2] > 0.0)
+    inverse_range = np.where(known, rays[..., 2] / np.where(known, depth_m, 1.0), 0.0).astype(np.float32)
+    inverse_range = without_jumps(inverse_range)
+    deviation = (relative_std * inverse_range).astype(np.float32)
+    return DepthImage(inverse_range, deviation, facing(inverse_range, rays), known.astype(np.uint8), scale)

@@ -69,22 +69,23 @@ static auto facing_view(Image inverse_range, Rays rays, int step, float unsure, 
 
 static Volume as_volume(const Point& origin, double voxel, const Cells& distance, const Cells& weight,
                         const ColourCells& colour, const Cells& colour_weight) {
-    return {{origin(0), origin(1), origin(2)},
-            voxel,
-            {static_cast<int>(distance.shape(0)), static_cast<int>(distance.shape(1)),
-             static_cast<int>(distance.shape(2))},
-            distance.data(),
-            weight.data(),
-            colour.data(),
-            colour_weight.data(),
-            static_cast<int>(colour.shape(3))};
+    return {
+        {origin(0), origin(1), origin(2)},
+        voxel,
+        {static_cast<int>(distance.shape(0)), static_cast<int>(distance.shape(1)), static_cast<int>(distance.shape(2))},
+        distance.data(),
+        weight.data(),
+        colour.data(),
+        colour_weight.data(),
+        static_cast<int>(colour.shape(3))};
 }
 
 static void integrate_view(Point origin, double voxel, Cells distance, Cells weight, ColourCells colour,
-                           Cells colour_weight, Image inverse_range, Image deviation, Image facing_image, Colour pixels, LensRow lens,
-                           Matrix4 T_camera_world, double truncation, double farthest, int threads) {
+                           Cells colour_weight, Image inverse_range, Image deviation, Image facing_image, Colour pixels,
+                           LensRow lens, Matrix4 T_camera_world, double truncation, double farthest, int threads) {
     const Volume volume = as_volume(origin, voxel, distance, weight, colour, colour_weight);
-    const RangeImage image{inverse_range.data(), deviation.data(), facing_image.data(), pixels.data(), Lens(lens.data())};
+    const RangeImage image{inverse_range.data(), deviation.data(), facing_image.data(), pixels.data(),
+                           Lens(lens.data())};
     nb::gil_scoped_release release;
     integrate(volume, image, T_camera_world.data(), {truncation, farthest}, threads);
 }
@@ -118,9 +119,10 @@ void bind_dense(nb::module_& m) {
     m.def("facing", &facing_view, nb::arg("inverse_range"), nb::arg("rays"), nb::arg("step"), nb::arg("unsure"),
           nb::arg("threads"));
     m.def("integrate", &integrate_view, nb::arg("origin_world_m"), nb::arg("voxel_m"), nb::arg("distance").noconvert(),
-          nb::arg("weight").noconvert(), nb::arg("colour").noconvert(), nb::arg("colour_weight").noconvert(), nb::arg("inverse_range"),
-          nb::arg("deviation"), nb::arg("facing"), nb::arg("pixels"), nb::arg("lens"), nb::arg("T_camera_world"), nb::arg("truncation_m"),
-          nb::arg("farthest_m"), nb::arg("threads"));
-    m.def("marching_cubes", &marching_cubes_view, nb::arg("origin_world_m"), nb::arg("voxel_m"), nb::arg("distance").noconvert(),
-          nb::arg("weight").noconvert(), nb::arg("colour").noconvert(), nb::arg("colour_weight").noconvert(), nb::arg("least_weight"));
+          nb::arg("weight").noconvert(), nb::arg("colour").noconvert(), nb::arg("colour_weight").noconvert(),
+          nb::arg("inverse_range"), nb::arg("deviation"), nb::arg("facing"), nb::arg("pixels"), nb::arg("lens"),
+          nb::arg("T_camera_world"), nb::arg("truncation_m"), nb::arg("farthest_m"), nb::arg("threads"));
+    m.def("marching_cubes", &marching_cubes_view, nb::arg("origin_world_m"), nb::arg("voxel_m"),
+          nb::arg("distance").noconvert(), nb::arg("weight").noconvert(), nb::arg("colour").noconvert(),
+          nb::arg("colour_weight").noconvert(), nb::arg("least_weight"));
 }

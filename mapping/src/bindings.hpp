@@ -22,6 +22,5 @@ inline nb::ndarray<nb::numpy, T> new_array(std::initializer_list<std::size_t> sh
     return nb::ndarray<nb::numpy, T>(data, shape, owner);
 }
 
-
 void bind_rendering(nb::module_& m);
 void bind_dense(nb::module_& m);

@@ -110,7 +110,7 @@ class Builder {
         for (const auto& loop : table()[inside]) {
             std::array<std::int32_t, 12> at{};
             for (std::size_t n = 0; n < loop.size(); ++n) at[n] = vertex(i, j, k, edges[loop[n]]);
-            for (std::size_t n = 2; n < loop.size(); ++n) mesh_.faces.push_back({at[0], at[n - 1], at[n]});
+            for (std::size_t n = 2; n < loop.size(); ++n) mesh_.faces.push_back({at[0], at[n], at[n - 1]});
         }
     }
 
@@ -135,9 +135,9 @@ class Builder {
         const double wa = (1.0 - share) * (volume_.colour_weight[from] > 0.0f) + 1e-9;
         const double wb = share * (volume_.colour_weight[to] > 0.0f) + 1e-9;
         for (int c = 0; c < volume_.channels; ++c)
-            mesh_.colours.push_back(static_cast<float>((wa * volume_.colour[from * volume_.channels + c] +
-                                                        wb * volume_.colour[to * volume_.channels + c]) /
-                                                       (wa + wb)));
+            mesh_.colours.push_back(static_cast<float>(
+                (wa * volume_.colour[from * volume_.channels + c] + wb * volume_.colour[to * volume_.channels + c]) /
+                (wa + wb)));
     }
 
     const Volume& volume_;

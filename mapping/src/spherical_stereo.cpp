@@ -55,8 +55,8 @@ void rectify(const std::uint8_t* image, const Lens& lens, const double* R_camera
         std::uint8_t* row = out + static_cast<std::size_t>(r) * grid.columns;
         for (int c = 0; c < grid.columns; ++c) {
             double u = 0.0, v = 0.0;
-            const bool seen = sine[c] >= 0.0 &&
-                              lens.project(rotate(R_camera_grid, {cosine[c], sine[c] * a, sine[c] * b}), u, v);
+            const bool seen =
+                sine[c] >= 0.0 && lens.project(rotate(R_camera_grid, {cosine[c], sine[c] * a, sine[c] * b}), u, v);
             row[c] = seen ? bilinear(image, lens.width, lens.height, u, v) : 0;
         }
     });
@@ -92,8 +92,8 @@ void inverse_range(const std::int16_t* disparity, const SphericalGrid& grid, con
     });
 }
 
-void fuse(const float* values, const float* deviations, int layers, int count, double tolerance, int least, float* value,
-          float* deviation, std::uint8_t* members) {
+void fuse(const float* values, const float* deviations, int layers, int count, double tolerance, int least,
+          float* value, float* deviation, std::uint8_t* members) {
     for (int i = 0; i < count; ++i) {
         double best_sum = 0.0, best_weight = 0.0;
         int best = 0;

@@ -35,7 +35,7 @@ void inverse_range(const std::int16_t* disparity, const SphericalGrid& grid, con
 
 // Several measurements of each pixel to one: the mean of the largest group that agrees within `tolerance` standard
 // deviations, if it has at least `least` members. `values`, `deviations`: (layers, count), 0 = none.
-void fuse(const float* values, const float* deviations, int layers, int count, double tolerance, int least, float* value,
-          float* deviation, std::uint8_t* members);
+void fuse(const float* values, const float* deviations, int layers, int count, double tolerance, int least,
+          float* value, float* deviation, std::uint8_t* members);
 
 }  // namespace goshawk

@@ -5,10 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from esdf.solids import Box, Capsule, Cylinder, Room, Sphere
 from flight import InputError
 from mapping import rendered_room, rendered_world
 from mapping import rig as rigs
-from mapping.rendered_room import RenderedScene, Solid
+from mapping.rendered_room import RenderedScene
 
 SCENE = rendered_room.furnished()
 RIG = rendered_world.default_rig(0.25)
@@ -29,25 +30,34 @@ def test_rays_end_on_the_surface_and_cross_only_air(index: int) -> None:
         assert SCENE.distance(origin + share * ranges[:, None] * rays).min() > 0.0
 
 
-@pytest.mark.parametrize("kind", ["box", "sphere", "cylinder", "room"])
-def test_each_solid_is_met_where_its_distance_vanishes(kind: str) -> None:
-    half = (0.5, 0.5, 0.5) if kind == "sphere" else (0.5, 0.5, 0.8)
-    scene = RenderedScene((Solid(kind, (0.3, -0.2, 0.1), half, "wood"),))
-    origin = np.array([0.35, -0.1, 0.2]) if kind == "room" else np.array([2.0, 1.5, -1.8])
+@pytest.mark.parametrize(
+    "solid",
+    [
+        Box((-0.2, -0.7, -0.7), (0.8, 0.3, 0.9)),
+        Room((-0.2, -0.7, -0.7), (0.8, 0.3, 0.9)),
+        Sphere((0.3, -0.2, 0.1), 0.5),
+        Cylinder((0.3, -0.2, 0.1), 0.5, 1.6),
+    ],
+    ids=lambda solid: type(solid).__name__,
+)
+def test_each_solid_is_met_where_its_distance_vanishes(solid: Box | Room | Sphere | Cylinder) -> None:
+    scene = RenderedScene(((solid, "wood"),))
+    inside = isinstance(solid, Room)
+    origin = np.array([0.35, -0.1, 0.2]) if inside else np.array([2.0, 1.5, -1.8])
     rays = unit_rays(20_000, 4)
     ranges = rendered_world.cast_rays(scene, origin, rays)
     met = np.isfinite(ranges)
-    assert met.all() if kind == "room" else 100 < met.sum() < 10_000
+    assert met.all() if inside else 100 < met.sum() < 10_000
     assert np.abs(scene.distance(origin + ranges[met, None] * rays[met])).max() < 1e-9
     # a ray that meets nothing stays outside all along
     for along in np.linspace(0.0, 5.0, 40):
         assert met.all() or scene.distance(origin + along * rays[~met]).min() > -1e-9
 
 
-def test_distance_is_to_the_nearest_point_of_a_box_face_edge_and_corner() -> None:
-    box = Solid("box", (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), "wood")
-    points = [[2.0, 0.0, 0.0], [2.0, 2.0, 0.0], [2.0, 2.0, 2.0], [0.5, 0.0, 0.0]]
-    np.testing.assert_allclose(box.distance(points), [1.0, np.sqrt(2), np.sqrt(3), -0.5])
+def test_a_solid_the_renderer_cannot_draw_is_refused() -> None:
+    scene = RenderedScene(((Capsule((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 0.1), "wood"),))
+    with pytest.raises(InputError, match="cannot draw a Capsule"):
+        scene.solid_table()
 
 
 def test_pixels_show_the_point_that_the_lens_projects_there() -> None:
@@ -55,8 +65,8 @@ def test_pixels_show_the_point_that_the_lens_projects_there() -> None:
     camera = rendered_world.default_rig()["front"]
     for direction in ([1.0, 0.0, 0.0], [1.0, 0.8, 0.3], [1.0, -0.9, -0.5], [0.6, 1.0, 0.2]):
         centre = 2.0 * np.array(direction) / np.linalg.norm(direction)
-        ball = Solid("sphere", (centre[0], centre[1], centre[2]), (0.05, 0.05, 0.05), "metal")
-        image = rendered_world.render(camera, np.eye(4), scene=RenderedScene((ball,)), seed=0, noise=0.0)
+        ball = Sphere((centre[0], centre[1], centre[2]), 0.05)
+        image = rendered_world.render(camera, np.eye(4), scene=RenderedScene(((ball, "metal"),)), seed=0, noise=0.0)
         T = camera.T_body_camera
         expected = camera.project((centre - T[:3, 3]) @ T[:3, :3])
         rows, columns = np.nonzero(image)

@@ -1,0 +1,147 @@
+"""Dense depth and reconstruction against the rendered room, whose surfaces are known in closed form."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from esdf import FREE, OCCUPIED, UNKNOWN
+from flight import MapError, frames
+from mapping import _mapping, dense, rendered_room, rendered_world, stereo
+from mapping.dense import DenseOptions, ImageView, StereoOptions
+from mapping.views import lens_row
+
+SCENE = rendered_room.furnished()
+RIG = rendered_world.default_rig(0.5)
+FLIGHT = rendered_world.loop_flight(60)
+
+
+def views_of(indices: range) -> list[ImageView]:
+    return [
+        ImageView(
+            camera,
+            FLIGHT.T_world_body[i] @ camera.T_body_camera,
+            rendered_world.render(camera, FLIGHT.T_world_body[i], scene=SCENE, seed=i),
+        )
+        for i in indices
+        for camera in RIG
+    ]
+
+
+def true_range(view: ImageView, scale: float) -> np.ndarray:
+    rays = stereo.depth_rays(view, scale)
+    directions = rays.reshape(-1, 3) @ view.T_world_camera[:3, :3].T
+    return rendered_world.cast_rays(SCENE, view.position_world_m, directions).reshape(rays.shape[:2])
+
+
+@pytest.fixture(scope="module")
+def views() -> list[ImageView]:
+    return views_of(range(14, 20))
+
+
+@pytest.fixture(scope="module")
+def reconstruction(views: list[ImageView]) -> dense.Reconstruction:
+    return dense.reconstruct(views, DenseOptions(voxel_m=0.06))
+
+
+def test_points_lie_in_one_row_of_both_rectified_pictures() -> None:
+    """A bright ball appears in the same row of both, shifted by the angle under which it sees the baseline."""
+    camera = RIG["front"]
+    at = [np.eye(4), frames.transform([1.0, 0.0, 0.0, 0.0], np.array([0.15, 0.3, 0.1]))]
+    ball = np.array([2.0, -0.5, 0.4])
+    scene = rendered_room.RenderedScene(((rendered_room.Sphere(tuple(ball), 0.08), "metal"),))
+    pair = [
+        ImageView(camera, T @ camera.T_body_camera, rendered_world.render(camera, T, scene=scene, seed=0, noise=0.0))
+        for T in at
+    ]
+    baseline = at[1][:3, 3] / np.linalg.norm(at[1][:3, 3])
+    axes = stereo.axes_about(camera.T_body_camera[:3, :3].T @ baseline)
+    step = 0.005
+    grid = np.array([3.0, step, -1.5, step, 600.0, 600.0])
+    places = []
+    for view in pair:
+        picture = _mapping.rectify(view.grey, lens_row(camera), axes, grid, 1)
+        places.append(np.mean(np.nonzero(picture), axis=1))
+    angles = [
+        np.arccos((ball - v.position_world_m) @ baseline / np.linalg.norm(ball - v.position_world_m)) for v in pair
+    ]
+    assert places[0][0] == pytest.approx(places[1][0], abs=0.5)
+    assert places[0][1] - places[1][1] == pytest.approx((angles[1] - angles[0]) / step, abs=1.0)
+
+
+@pytest.mark.parametrize("index", [4, 5])
+def test_depth_of_the_room_is_recovered(views: list[ImageView], index: int) -> None:
+    depth = stereo.depth_image(views, index, StereoOptions())
+    assert depth is not None
+    truth = true_range(views[index], depth.scale)
+    known = depth.inverse_range > 0
+    relative = np.abs(1.0 / depth.inverse_range[known] - truth[known]) / truth[known]
+    assert known.mean() > 0.6
+    assert np.median(relative) < 0.012
+    assert (relative < 0.1).mean() > 0.95
+    # the stated standard deviation is an honest one: 68 % within one, 95 % within two, give or take
+    error = np.abs(depth.inverse_range[known] - 1.0 / truth[known]) / depth.deviation[known]
+    assert 0.5 < np.quantile(error, 0.68) < 1.8
+
+
+def test_a_world_twice_as_large_has_twice_the_depth(views: list[ImageView]) -> None:
+    def scaled(view: ImageView, factor: float) -> ImageView:
+        T = view.T_world_camera.copy()
+        T[:3, 3] *= factor
+        return dataclasses.replace(view, T_world_camera=T, near_m=0.4 * factor, far_m=15.0 * factor)
+
+    small, large = (stereo.depth_image([scaled(v, f) for v in views], 4, StereoOptions()) for f in (1.0, 2.0))
+    assert small is not None
+    assert large is not None
+    np.testing.assert_allclose(large.inverse_range, 0.5 * small.inverse_range, rtol=1e-4, atol=1e-6)
+
+
+def test_partners_have_a_baseline_and_a_common_view(views: list[ImageView]) -> None:
+    options = StereoOptions()
+    for index, view in enumerate(views):
+        chosen = stereo.choose_partners(views, index, options)
+        assert index not in chosen
+        assert len(set(chosen)) == len(chosen) <= options.partners
+        for partner in chosen:
+            assert np.linalg.norm(views[partner].position_world_m - view.position_world_m) > 0.05
+            assert views[partner].T_world_camera[:3, 2] @ view.T_world_camera[:3, 2] > 0.5
+
+
+def test_mesh_lies_on_the_surface(reconstruction: dense.Reconstruction) -> None:
+    error_m = np.abs(SCENE.distance(reconstruction.vertices_world_m))
+    assert len(error_m) > 5000
+    assert np.median(error_m) < 0.015
+    assert (error_m < 0.06).mean() > 0.93
+
+
+def test_free_space_is_air_and_seen_walls_have_no_holes(
+    views: list[ImageView], reconstruction: dense.Reconstruction
+) -> None:
+    state, grid = reconstruction.state, reconstruction.grid
+    assert {UNKNOWN, FREE, OCCUPIED} == set(np.unique(state))
+    free = SCENE.distance(grid.centre(np.argwhere(state == FREE)))
+    assert (free < 0.0).mean() < 0.004
+    # walk from each camera to just behind what it sees: nobody passes through a wall that was seen
+    view = views[4]
+    rays = stereo.depth_rays(view, 0.5)[10:-10:4, 10:-10:4].reshape(-1, 3) @ view.T_world_camera[:3, :3].T
+    ranges = rendered_world.cast_rays(SCENE, view.position_world_m, rays)
+    stopped = np.zeros(len(rays), bool)
+    for beyond in np.arange(-0.15, 0.12, 0.02):
+        cells = grid.index(view.position_world_m + (ranges + beyond)[:, None] * rays)
+        inside = ((cells >= 0) & (cells < state.shape)).all(axis=1)
+        stopped[~inside] = True
+        stopped[inside] |= state[tuple(cells[inside].T)] != FREE
+    assert stopped.mean() > 0.995
+
+
+def test_the_vehicle_was_where_it_was(views: list[ImageView], reconstruction: dense.Reconstruction) -> None:
+    cells = reconstruction.grid.index(np.array([view.position_world_m for view in views]))
+    assert (reconstruction.state[tuple(cells.T)] == FREE).all()
+
+
+def test_pictures_that_share_nothing_give_a_message(views: list[ImageView]) -> None:
+    apart = [views[0], dataclasses.replace(views[2], T_world_camera=views[2].T_world_camera + np.eye(4, 4, 3) * 50.0)]
+    with pytest.raises(MapError, match="same things from places"):
+        dense.reconstruct(apart)
+    with pytest.raises(MapError, match="0 images"):
+        dense.reconstruct([])
