@@ -322,6 +322,8 @@ void bind_controller(nb::module_& m) {
                 return static_cast<int>(tc_upload_activate(self.c.get(), id, crc32));
             },
             "id"_a, "crc32"_a)
+        .def("state", [](const Controller& self) { return static_cast<int>(self.c->mission.state); })
+        .def_prop_ro("configured", [](const Controller& self) { return self.c->configured; })
         .def("refused_segment", [](const Controller& self) { return self.c->store.refused_segment; })
         .def(
             "ground_alive", [](Controller& self, uint64_t t) { tc_ground_alive(self.c.get(), t); }, "time_us"_a)

@@ -83,7 +83,6 @@ tc_reason tc_mixer_configure(tc_mixer *mixer, const tc_parameters *p) {
     }
     if (!(arm_m > SHORTEST_ARM_M)) return TC_SINGULAR_GEOMETRY;
     if (!(p->rotor_max_rad_s > p->rotor_min_rad_s)) return TC_OUT_OF_RANGE;
-    mixer->inverse_k1 = 1.0f / p->k1_n_s2;
     mixer->inverse_two_rho_area = 1.0f / (2.0f * p->air_density_kg_m3 * p->disk_area_m2);
     const tc_reason reason = lay_out(mixer, p, arm_m);
     if (reason != TC_OK) return reason;
@@ -112,24 +111,29 @@ static void solve_induced(rotor *r, float load, int steps) {
     r->induced_per_n = root / slope;
 }
 
-/* Eq. (1) for the speed: k1 n^2 + k2 (v_z + v_ind) n - T = 0, larger root, without cancellation for either sign. */
-static void solve_speed(const tc_mixer *mixer, const tc_parameters *p, rotor *r) {
-    const float thrust = r->bem_thrust_n;
+/* a n^2 + b n = T for the speed: larger root, without cancellation for either sign of b. Returns 2 a n + b. */
+static float larger_root(float a, float b, float thrust_n, float *speed_rad_s) {
+    const float root = sqrtf(tc_max(b * b + 4.0f * a * thrust_n, 1e-12f));
+    *speed_rad_s = b > 0.0f ? 2.0f * thrust_n / (b + root) : 0.5f * (root - b) / a;
+    return root;
+}
+
+/* Eq. (1): k1 n^2 + k2 (v_z + v_ind) n = T; the slope takes along that the induced velocity grows with thrust. */
+static void solve_blade_element(const tc_mixer *mixer, const tc_parameters *p, rotor *r) {
     const float b = p->k2_n_s2_m * (r->axial_m_s + r->induced_m_s);
-    const float root = sqrtf(tc_max(b * b + 4.0f * p->k1_n_s2 * thrust, 1e-12f));
-    r->speed_rad_s = b > 0.0f ? 2.0f * thrust / (b + root) : 0.5f * (root - b) * mixer->inverse_k1;
-    /* (2 k1 n + b) dn + k2 n dv = dT, and 2 k1 n + b is the root. */
-    r->speed_per_n = (1.0f - p->k2_n_s2_m * r->speed_rad_s * r->induced_per_n * mixer->inverse_two_rho_area) / root;
+    const float root = larger_root(p->k1_n_s2, b, r->bem_thrust_n, &r->speed_rad_s);
+    const float loss = p->k2_n_s2_m * r->speed_rad_s * r->induced_per_n * mixer->inverse_two_rho_area;
+    r->speed_per_n = (1.0f - loss) / root;
 }
 
 static void solve_rotor(const tc_mixer *mixer, const tc_parameters *p, rotor *r, int steps) {
-    if (p->thrust_model < 0.5f) {
-        r->speed_rad_s = sqrtf(r->bem_thrust_n / p->quad_n_s2);
-        r->speed_per_n = 0.5f * r->speed_rad_s / tc_max(r->bem_thrust_n, 1e-6f);
+    if (p->thrust_model < 0.5f) { /* k n^2 - k_z v_z n = T */
+        const float b = -p->inflow_kg * r->axial_m_s;
+        r->speed_per_n = 1.0f / larger_root(p->quad_n_s2, b, r->bem_thrust_n, &r->speed_rad_s);
         return;
     }
     solve_induced(r, r->bem_thrust_n * mixer->inverse_two_rho_area, steps);
-    solve_speed(mixer, p, r);
+    solve_blade_element(mixer, p, r);
 }
 
 /* Air speed at the hub and the thrust that momentum theory is asked for; the first guess is the answer for v_xy = 0. */

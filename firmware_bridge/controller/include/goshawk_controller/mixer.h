@@ -28,7 +28,6 @@ typedef struct {
     float yaw_per_free;              /* sum spin_i free_i */
     float arm_x_m[TC_ROTORS];        /* hub relative to the centre of mass */
     float arm_y_m[TC_ROTORS];
-    float inverse_k1;
     float inverse_two_rho_area;
     float largest_thrust_n; /* of all four, hovering */
 } tc_mixer;

@@ -39,11 +39,12 @@ typedef struct {
     float rotor_spin[TC_ROTORS];
     float rotor_gain[TC_ROTORS]; /* true thrust over model thrust, 1 for a healthy rotor */
 
-    /* Thrust, eqs. (1)-(3). For TC_THRUST_QUADRATIC T = quad_n_s2 n^2. */
+    /* Thrust, eqs. (1)-(3). For TC_THRUST_QUADRATIC T = quad_n_s2 n^2 - inflow_kg n v_z. */
     float thrust_model; /* tc_thrust_model */
     float k1_n_s2;
     float k2_n_s2_m;
     float quad_n_s2;
+    float inflow_kg; /* with TC_THRUST_QUADRATIC: - inflow n v_z, the linear form of inflow */
     float air_density_kg_m3;
     float disk_area_m2;
     float cq_n_m_s2;

@@ -1,0 +1,363 @@
+"""The embedded controller from Python: parameters from a vehicle, uploads, commands, ticks.
+
+The C files are those of the vehicle; this module only names, checks and converts.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from firmware_bridge import _controller
+from flight import FloatArray, InputError, Trajectory, polynomial
+
+
+class State(IntEnum):
+    """Mission states, as in `mission.h` and in the flight log's `mission_state`."""
+
+    DISARMED = 0
+    ARMED = 1
+    TAKE_OFF = 2
+    HOLD = 3
+    APPROACH = 4
+    TRAJECTORY = 5
+    PAUSING = 6
+    PAUSED = 7
+    STOPPING = 8
+    ABORTING = 9
+    LANDING = 10
+    EMERGENCY = 11
+    FAULT = 12
+
+
+class Command(IntEnum):
+    """What the ground may ask for, as in `mission.h`."""
+
+    ARM = 0
+    DISARM = 1
+    TAKE_OFF = 2
+    START = 3
+    PAUSE = 4
+    RESUME = 5
+    HOLD = 6
+    LAND = 7
+    KILL = 8
+    TIME_SCALE = 9
+
+
+class LinkLoss(IntEnum):
+    """What to do when the ground falls silent while a trajectory is flown."""
+
+    FINISH = 0
+    HOLD = 1
+    LAND = 2
+
+
+class ThrustModel(IntEnum):
+    """Which thrust law the mixer inverts."""
+
+    QUADRATIC = 0
+    BEM_AXIAL = 1
+    """Eqs. (1)-(2) with v_xy = 0, as a table over (v_z, n) would have it."""
+    BEM = 2
+
+
+class Velocity(IntEnum):
+    """Which velocity a compensation uses."""
+
+    NONE = 0
+    SETPOINT = 1
+    ESTIMATE = 2
+
+
+SATURATION = {"tilt": 1, "collective": 2, "yaw": 4, "rotor": 8, "input": 16}
+"""Bits of the saturation report."""
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterInfo:
+    """One row of the controller's parameter table."""
+
+    name: str
+    smallest: float
+    largest: float
+    preset: float
+    in_flight: bool
+    """Whether it may change in the air."""
+
+
+PARAMETERS: dict[str, ParameterInfo] = {row[0]: ParameterInfo(*row) for row in _controller.parameter_table()}
+"""The parameter table in the order of `parameters.h`."""
+
+
+class VehicleLike(Protocol):
+    """What `parameters_of` reads of a vehicle model; `vehicle.Vehicle` has it."""
+
+    hub_body_m: FloatArray
+    spin: FloatArray
+    effects: tuple[str, ...]
+
+    @property
+    def limits(self) -> Any: ...
+    def value(self, name: str) -> float: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Configuration:
+    """Controller parameters made from a vehicle model."""
+
+    parameters: Mapping[str, float]
+    """By the names of `PARAMETERS`; those not named keep their preset."""
+    not_compensated: tuple[str, ...] = ()
+    """Active effects of the model that the controller does not cancel."""
+
+    def with_values(self, **values: float) -> "Configuration":
+        """A copy with some parameters set otherwise."""
+        return Configuration(checked({**self.parameters, **values}), self.not_compensated)
+
+
+_EFFECTS: dict[str, dict[str, tuple[str, ...]]] = {
+    # effect: {its parameter: controller parameters}
+    "thrust_bem": {"k1_n_s2": ("k1_n_s2",), "k2_n_s2_m": ("k2_n_s2_m",)},
+    "thrust_quadratic": {"k_n_s2": ("quad_n_s2",)},
+    "inflow_linear": {"inflow_kg": ("inflow_kg",)},
+    "translational_lift": {"lift_kg_m": ("lift_kg_m",)},
+    "rotor_yaw_torque": {"torque_n_m_s2": ("cq_n_m_s2",)},
+    "centre_of_mass": {"x_m": ("com_x_m",), "y_m": ("com_y_m",)},
+    "rotor_drag_thrust": {"drag_s_m": ("rotor_drag_s_m",)},
+    "rotor_drag_speed": {"drag_kg": ("rotor_drag_kg",)},
+    "parasitic_drag": {"drag_xy_kg_m": ("drag_x_kg_m", "drag_y_kg_m"), "drag_z_kg_m": ("drag_z_kg_m",)},
+    "parasitic_drag_speed": {f"drag_{a}_kg_m": (f"drag_norm_{a}_kg_m",) for a in "xyz"},
+    "flapping_moment": {"moment_kg_m": ("flapping_kg_m",)},
+    "angular_damping": {f"{a}_n_m_s": (f"damping_{a}_n_m_s",) for a in "xyz"},
+    "battery_sag": {"sag_per_v": ("battery_gain_1_v",), "reference_v": ("battery_ref_v",)},
+    "weak_rotor": {f"loss_{i}": (f"rotor{i}_gain",) for i in range(4)},
+    "motor_lag": {"rise_s": ("rotor_lag_s",)},
+}
+_SWITCHED_OFF = (
+    "com_x_m", "com_y_m", "rotor_drag_s_m", "rotor_drag_kg", "drag_x_kg_m", "drag_y_kg_m", "drag_z_kg_m",
+    "drag_norm_x_kg_m", "drag_norm_y_kg_m", "drag_norm_z_kg_m", "lift_kg_m", "inflow_kg", "flapping_kg_m",
+    "damping_x_n_m_s", "damping_y_n_m_s", "damping_z_n_m_s", "battery_ref_v", "battery_gain_1_v",
+)  # fmt: skip
+"""Compensations that a model without the effect must not inherit from the presets."""
+
+
+def checked(values: Mapping[str, float]) -> dict[str, float]:
+    """The same values, after looking each one up in the table.
+
+    Raises:
+        InputError: an unknown name, a value that is not finite or out of range.
+    """
+    for name, value in values.items():
+        if name not in PARAMETERS:
+            raise InputError(f"the controller has no parameter {name!r}")
+        row = PARAMETERS[name]
+        if not (np.isfinite(value) and row.smallest <= np.float32(value) <= row.largest):
+            raise InputError(
+                f"controller parameter {name} is {value:g}; it must be {row.smallest:g} to {row.largest:g}"
+            )
+    return {name: float(value) for name, value in values.items()}
+
+
+def parameters_of(vehicle: VehicleLike, **overrides: float) -> Configuration:
+    """Controller parameters that mirror a vehicle model's body, rotors and effects; gains stay at their presets.
+
+    Raises:
+        InputError: the model has no thrust law the controller knows, or a value is out of the table's range.
+    """
+    values = dict.fromkeys(_SWITCHED_OFF, 0.0)
+    values |= _body(vehicle)
+    unknown: list[str] = []
+    for effect in vehicle.effects:
+        if effect not in _EFFECTS:
+            unknown.append(effect)
+            continue
+        for name, targets in _EFFECTS[effect].items():
+            value = vehicle.value(f"{effect}.{name}")
+            values |= dict.fromkeys(targets, 1.0 - value if effect == "weak_rotor" else value)
+    if "thrust_bem" in vehicle.effects:
+        values["thrust_model"] = ThrustModel.BEM
+        values["quad_n_s2"] = _quadratic_at_hover(values)
+    elif "thrust_quadratic" in vehicle.effects:
+        values["thrust_model"] = ThrustModel.QUADRATIC
+    else:
+        raise InputError("the controller needs a thrust law; add thrust_bem or thrust_quadratic to the vehicle")
+    return Configuration(checked({**values, **overrides}), tuple(unknown))
+
+
+def _body(vehicle: VehicleLike) -> dict[str, float]:
+    values = {
+        "mass_kg": vehicle.value("mass_kg"),
+        "gravity_m_s2": 9.81,
+        "air_density": vehicle.value("air_density_kg_m3"),
+        "disk_area_m2": float(np.pi * vehicle.value("rotor_radius_m") ** 2),
+        "rotor_min_rad_s": vehicle.limits.rotor_speed_min_rad_s,
+        "rotor_max_rad_s": vehicle.limits.rotor_speed_max_rad_s,
+        "rotor_idle_rad_s": vehicle.limits.rotor_speed_min_rad_s,
+    }
+    values |= {f"inertia_{a}": vehicle.value(f"inertia_{a}_kg_m2") for a in ("xx", "yy", "zz")}
+    for i in range(4):
+        values[f"rotor{i}_x_m"], values[f"rotor{i}_y_m"] = (float(x) for x in vehicle.hub_body_m[i, :2])
+        values[f"rotor{i}_spin"] = -float(vehicle.spin[i])  # drag turns the body against the rotor's spin
+        values[f"rotor{i}_gain"] = 1.0
+    return values
+
+
+def _quadratic_at_hover(values: Mapping[str, float]) -> float:
+    """The k of T = k n^2 that agrees with eqs. (1)-(2) at hover, for the quadratic controller variant."""
+    thrust = values["mass_kg"] * values["gravity_m_s2"] / 4.0
+    induced = np.sqrt(thrust / (2.0 * values["air_density"] * values["disk_area_m2"]))
+    k1, b = values["k1_n_s2"], values["k2_n_s2_m"] * induced
+    speed = (-b + np.sqrt(b * b + 4.0 * k1 * thrust)) / (2.0 * k1)
+    return float(thrust / speed**2)
+
+
+@dataclass(frozen=True, slots=True)
+class WireTrajectory:
+    """A trajectory as the vehicle stores it: integer microseconds, centred variable, float32."""
+
+    durations_us: NDArray[np.uint32]
+    """(k,)."""
+    coefficients: NDArray[np.float32]
+    """(k, 4, n) ascending powers of s = 2 t / T - 1."""
+    id: int
+    link_loss: LinkLoss
+
+    @property
+    def crc32(self) -> int:
+        return _controller.trajectory_crc32(self.id, int(self.link_loss), self.durations_us, self.coefficients)
+
+
+def to_wire(trajectory: Trajectory, *, id: int = 1, link_loss: LinkLoss = LinkLoss.FINISH) -> WireTrajectory:
+    """Convert for the vehicle. Durations are rounded to microseconds, and the polynomials stretched to fit.
+
+    Raises:
+        InputError: more segments or coefficients than the vehicle stores, a bad id.
+    """
+    k, _, n = trajectory.coefficients.shape
+    if k > _controller.MAX_SEGMENTS or n > _controller.MAX_COEFFICIENTS:
+        raise InputError(
+            f"the vehicle stores {_controller.MAX_SEGMENTS} segments of {_controller.MAX_COEFFICIENTS} coefficients; "
+            f"this trajectory has {k} of {n}"
+        )
+    if not 0 < id < 2**32:
+        raise InputError(f"trajectory id {id} is not in 1 .. 2^32 - 1")
+    durations_us = np.maximum(np.rint(trajectory.durations_s * 1e6), 1.0).astype(np.uint32)
+    centred = polynomial.centred_from_seconds(trajectory.coefficients, trajectory.durations_s[:, None])
+    return WireTrajectory(durations_us, np.ascontiguousarray(centred, dtype=np.float32), id, link_loss)
+
+
+def samples_of(trajectory: Trajectory, count: int = 8) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
+    """Points (time, x y z yaw) that the vehicle compares with its own evaluation: (m,) microseconds and (m, 4)."""
+    times_s = trajectory.duration_s * (np.arange(count) + 0.5) / count
+    return np.rint(times_s * 1e6).astype(np.uint32), trajectory.evaluate(times_s).astype(np.float32)
+
+
+class RefusedError(InputError):
+    """The controller said no; `reason` is its number, the message its words."""
+
+    def __init__(self, what: str, reason: int) -> None:
+        super().__init__(f"{what} refused: {_controller.reason_text(reason)}")
+        self.reason = reason
+
+
+@dataclass(slots=True)
+class Controller:
+    """One controller, as on the vehicle, without a link."""
+
+    configuration: Configuration
+    raw: _controller.Controller = field(default_factory=_controller.Controller)
+    """The compiled object, for the link and for benchmarks."""
+
+    def __post_init__(self) -> None:
+        self.set_parameters(self.configuration.parameters)
+
+    def set_parameters(self, values: Mapping[str, float]) -> None:
+        """Set some parameters, all of them or none; the others keep what they are.
+
+        Raises:
+            InputError: an unknown name or a value out of range.
+            RefusedError: singular rotor geometry, too little thrust, or not changeable in the air.
+        """
+        table = vector(checked(values), base=self.raw.parameters().ravel() if self.raw.configured else None)
+        reason, _ = self.raw.set_parameters(table)
+        if reason:
+            raise RefusedError("parameter set", reason)
+
+    def parameters(self) -> dict[str, float]:
+        """What is in force."""
+        return dict(zip(PARAMETERS, self.raw.parameters().ravel().tolist(), strict=True))
+
+    def command(self, command: Command, value: float = 0.0) -> None:
+        """Raises `RefusedError` with the controller's reason."""
+        reason = self.raw.command(int(command), float(value))
+        if reason:
+            raise RefusedError(command.name.lower().replace("_", " "), reason)
+
+    def upload(self, trajectory: Trajectory, *, id: int = 1, link_loss: LinkLoss = LinkLoss.FINISH) -> int:
+        """Stage, check and activate a trajectory without a link. Returns its CRC-32.
+
+        Raises:
+            RefusedError: the vehicle's own checks found something; the message says which segment.
+        """
+        wire = to_wire(trajectory, id=id, link_loss=link_loss)
+        k, _, n = wire.coefficients.shape
+        crc = wire.crc32
+        self._must("upload", self.raw.upload_begin(id, crc, k, n, int(link_loss)))
+        for i in range(k):
+            what = f"segment {i}"
+            self._must(what, self.raw.upload_segment(i, int(wire.durations_us[i]), wire.coefficients[i]))
+        for time_us, value in zip(*samples_of(trajectory), strict=True):
+            self._must("sample", self.raw.upload_sample(int(time_us), value))
+        reason = self.raw.upload_finish()
+        self._must(f"trajectory (segment {self.raw.refused_segment()})", reason)
+        self._must("activation", self.raw.upload_activate(id, crc))
+        return crc
+
+    @staticmethod
+    def _must(what: str, reason: int) -> None:
+        if reason:
+            raise RefusedError(what, reason)
+
+    def tick(
+        self,
+        time_us: int,
+        state: ArrayLike,
+        *,
+        position_time_us: int | None = None,
+        attitude_time_us: int | None = None,
+        battery_v: float = 0.0,
+    ) -> FloatArray:
+        """One control step. `state` (13,): position 3, velocity 3, q_world_body 4, body rate 3.
+
+        Returns:
+            (4,) rotor speed commands, rad/s. Always finite and in range, whatever the state holds.
+        """
+        row = np.ascontiguousarray(state, dtype=np.float64)
+        if row.shape != (13,):
+            raise InputError(f"the state has shape {row.shape}; 13 numbers are wanted")
+        at = time_us if position_time_us is None else position_time_us
+        attitude_at = time_us if attitude_time_us is None else attitude_time_us
+        speeds, _ = self.raw.tick(time_us, row, at, attitude_at, battery_v)
+        return speeds.astype(np.float64)
+
+    @property
+    def telemetry(self) -> dict[str, Any]:
+        """All of the last tick; see `tc_telemetry` in `controller.h`."""
+        return self.raw.telemetry()
+
+    @property
+    def state(self) -> State:
+        return State(self.raw.state())
+
+
+def vector(values: Mapping[str, float], base: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
+    """Parameters in table order, presets (or `base`) where not given: (p,) float32."""
+    table = np.array([row.preset for row in PARAMETERS.values()], np.float32) if base is None else base.copy()
+    names = list(PARAMETERS)
+    for name, value in values.items():
+        table[names.index(name)] = value
+    return table
