@@ -96,10 +96,12 @@ PARAMETERS: dict[str, ParameterInfo] = {row[0]: ParameterInfo(*row) for row in _
 class VehicleLike(Protocol):
     """What `parameters_of` reads of a vehicle model; `vehicle.Vehicle` has it."""
 
-    hub_body_m: FloatArray
-    spin: FloatArray
-    effects: tuple[str, ...]
-
+    @property
+    def hub_body_m(self) -> FloatArray: ...
+    @property
+    def spin(self) -> FloatArray: ...
+    @property
+    def effects(self) -> tuple[str, ...]: ...
     @property
     def limits(self) -> Any: ...
     def value(self, name: str) -> float: ...

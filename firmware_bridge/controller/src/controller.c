@@ -87,13 +87,19 @@ static void airflow(const tc_controller *c, const tc_attitude_reference *referen
     }
 }
 
-/* Battery sag and rotor lag, taken off the speed command. */
-static float command_speed(const tc_controller *c, float wanted, float before, float inverse_step_1_s) {
+/* Battery sag and rotor lag, taken off the speed command. The lead (lag s + 1) / (filter s + 1) undoes the rotors' lag
+   up to the filter's frequency; the plain inverse would drive the rotors with nothing but sensor noise. */
+static float command_speed(tc_controller *c, int rotor, float wanted, float step_s) {
     const tc_parameters *p = &c->parameters;
-    const float lead = wanted + p->rotor_lag_s * (wanted - before) * inverse_step_1_s;
+    float *slow = &c->slow_speed_rad_s[rotor];
+    if (!c->was_flying) *slow = wanted;
+    const float filter_s = tc_max(p->lead_filter_s, step_s);
+    *slow += (wanted - *slow) * tc_min(step_s / filter_s, 1.0f);
+    const float lead = wanted + (p->rotor_lag_s / filter_s) * (wanted - *slow);
     const float battery_v = c->telemetry.estimate.battery_v;
     const float sag_v = battery_v > 0.0f ? p->battery_reference_v - battery_v : 0.0f;
-    return tc_clamp(lead * (1.0f + p->battery_gain_1_v * sag_v), p->rotor_min_rad_s, p->rotor_max_rad_s);
+    const float speed = lead / tc_max(1.0f - p->battery_gain_1_v * sag_v, 0.5f);
+    return tc_clamp(speed, p->rotor_min_rad_s, p->rotor_max_rad_s);
 }
 
 static void fly(tc_controller *c, float step_s) {
@@ -118,10 +124,8 @@ static void fly(tc_controller *c, float step_s) {
     for (int i = 0; i < 3; i++) t->wrench.torque_n_m[i] = torque[i] - moment[i];
     tc_mixer_solve(&c->mixer, p, &t->wrench, air, rate, &mix);
     t->saturation |= mix.saturation;
-    const float inverse_step_1_s = step_s > 0.0f && c->was_flying ? 1.0f / step_s : 0.0f;
     for (int i = 0; i < TC_ROTORS; i++) {
-        t->rotor_speed_rad_s[i] =
-            command_speed(c, mix.rotor_speed_rad_s[i], c->wanted_speed_rad_s[i], inverse_step_1_s);
+        t->rotor_speed_rad_s[i] = command_speed(c, i, mix.rotor_speed_rad_s[i], step_s);
         c->wanted_speed_rad_s[i] = mix.rotor_speed_rad_s[i];
     }
     tc_copy4(t->q_reference, reference.q_world_body);

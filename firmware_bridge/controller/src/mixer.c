@@ -92,6 +92,7 @@ tc_reason tc_mixer_configure(tc_mixer *mixer, const tc_parameters *p) {
     const float n = p->rotor_max_rad_s;
     const bool quadratic = p->thrust_model < 0.5f;
     const float thrust_n = quadratic ? p->quad_n_s2 * n * n : p->k1_n_s2 * n * n + p->k2_n_s2_m * n * induced;
+    mixer->free_per_yaw = thrust_n / (n * n * p->cq_n_m_s2 * mixer->yaw_per_free);
     mixer->largest_thrust_n = 4.0f * thrust_n;
     return thrust_n >= each_n ? TC_OK : TC_CANNOT_HOVER;
 }
@@ -232,7 +233,7 @@ static void desaturate(const tc_mixer *mixer, const tc_parameters *p, demand *d)
     d->yaw_low = tc_min(range[0], kept_yaw);
     d->yaw_high = tc_max(range[1], kept_yaw);
     const float yaw = tc_clamp(d->yaw, d->yaw_low, d->yaw_high);
-    const float small_n = 1e-4f * (tc_abs(d->collective_n) + 1.0f);
+    const float small_n = 2e-6f * (tc_abs(d->collective_n) + 1.0f);
     if (scale < 1.0f) d->saturation |= TC_SATURATED_TILT;
     if (tc_abs(collective - d->collective_n) > small_n) d->saturation |= TC_SATURATED_COLLECTIVE;
     if (tc_abs(yaw - d->yaw) > small_n) d->saturation |= TC_SATURATED_YAW;
@@ -252,34 +253,48 @@ static float yaw_step(const tc_mixer *mixer, const tc_parameters *p, const rotor
     return (torque_n_m / p->cq_n_m_s2 - torque) / steepest;
 }
 
+/* Air at each hub, the operating point for the demand as it stands, and what the rotors could give there. */
+static void start_all(const tc_mixer *mixer, const tc_parameters *p, const tc_wrench *wrench, const float air[3],
+                      const float rate[3], rotor r[TC_ROTORS], demand *d) {
+    /* Yaw torque as if thrust went with n^2; Newton does the rest. */
+    d->yaw = wrench->torque_n_m[2] * mixer->free_per_yaw;
+    for (int i = 0; i < TC_ROTORS; i++) {
+        const float *row = mixer->from_wrench[i];
+        d->tilt_n[i] = row[1] * wrench->torque_n_m[0] + row[2] * wrench->torque_n_m[1];
+        const float wanted_n = row[0] * d->collective_n + d->tilt_n[i] + d->yaw * mixer->free[i];
+        const float thrust_n = tc_max(wanted_n, 0.02f * d->collective_n);
+        start_rotor(mixer, p, i, air, rate, thrust_n, &r[i]);
+        solve_rotor(mixer, p, &r[i], 4);
+        d->low_n[i] = tc_max(thrust_at(&r[i], p->rotor_min_rad_s, thrust_n, p->rotor_gain[i]), 0.0f);
+        d->high_n[i] = tc_max(thrust_at(&r[i], p->rotor_max_rad_s, thrust_n, p->rotor_gain[i]), d->low_n[i]);
+    }
+}
+
+/* Thrusts of the demand, and the rotors moved there. */
+static void move_all(const tc_mixer *mixer, const tc_parameters *p, const demand *d, int steps, rotor r[TC_ROTORS],
+                     float thrust_n[TC_ROTORS]) {
+    for (int i = 0; i < TC_ROTORS; i++) {
+        thrust_n[i] = mixer->from_wrench[i][0] * d->collective_n + d->tilt_n[i] + d->yaw * mixer->free[i];
+        move_rotor(mixer, p, i, thrust_n[i], steps, &r[i]);
+    }
+}
+
 void tc_mixer_solve(const tc_mixer *mixer, const tc_parameters *p, const tc_wrench *wrench,
                     const float air_velocity_body_m_s[3], const float rate_body_rad_s[3], tc_mix *out) {
     rotor r[TC_ROTORS];
     demand d = {.collective_n = tc_max(wrench->thrust_n, 0.0f)};
-    float base_n[TC_ROTORS], thrust_n[TC_ROTORS];
-    for (int i = 0; i < TC_ROTORS; i++) {
-        const float *row = mixer->from_wrench[i];
-        d.tilt_n[i] = row[1] * wrench->torque_n_m[0] + row[2] * wrench->torque_n_m[1];
-        base_n[i] = tc_max(row[0] * d.collective_n + d.tilt_n[i], 0.0f);
-        start_rotor(mixer, p, i, air_velocity_body_m_s, rate_body_rad_s, base_n[i], &r[i]);
-        solve_rotor(mixer, p, &r[i], 5);
-        d.low_n[i] = tc_max(thrust_at(&r[i], p->rotor_min_rad_s, base_n[i], p->rotor_gain[i]), 0.0f);
-        d.high_n[i] = tc_max(thrust_at(&r[i], p->rotor_max_rad_s, base_n[i], p->rotor_gain[i]), d.low_n[i]);
-    }
-    d.yaw = yaw_step(mixer, p, r, wrench->torque_n_m[2]);
+    start_all(mixer, p, wrench, air_velocity_body_m_s, rate_body_rad_s, r, &d);
+    d.yaw += yaw_step(mixer, p, r, wrench->torque_n_m[2]);
     desaturate(mixer, p, &d);
-    for (int i = 0; i < TC_ROTORS; i++) {
-        thrust_n[i] = mixer->from_wrench[i][0] * d.collective_n + d.tilt_n[i] + d.yaw * mixer->free[i];
-        move_rotor(mixer, p, i, thrust_n[i], 2, &r[i]);
+    for (int pass = 0; pass < 2; pass++) {
+        move_all(mixer, p, &d, 2, r, out->rotor_thrust_n);
+        d.yaw = tc_clamp(d.yaw + yaw_step(mixer, p, r, wrench->torque_n_m[2]), d.yaw_low, d.yaw_high);
     }
-    const float yaw = tc_clamp(d.yaw + yaw_step(mixer, p, r, wrench->torque_n_m[2]), d.yaw_low, d.yaw_high);
+    move_all(mixer, p, &d, 1, r, out->rotor_thrust_n);
     out->saturation = d.saturation;
     for (int i = 0; i < TC_ROTORS; i++) {
-        thrust_n[i] += (yaw - d.yaw) * mixer->free[i];
-        move_rotor(mixer, p, i, thrust_n[i], 1, &r[i]);
         const float n = tc_clamp(r[i].speed_rad_s, p->rotor_min_rad_s, p->rotor_max_rad_s);
         if (tc_abs(n - r[i].speed_rad_s) > 1e-3f * n) out->saturation |= TC_SATURATED_ROTOR;
         out->rotor_speed_rad_s[i] = n;
-        out->rotor_thrust_n[i] = thrust_n[i];
     }
 }

@@ -63,6 +63,7 @@ static const tc_parameter_info table[] = {
     {"battery_ref_v", AT(battery_reference_v), FLIGHT, REAL, 0.0f, 100.0f, 0.0f},
     {"battery_gain_1_v", AT(battery_gain_1_v), FLIGHT, REAL, 0.0f, 1.0f, 0.0f},
     {"rotor_lag_s", AT(rotor_lag_s), FLIGHT, REAL, 0.0f, 0.2f, 0.0f},
+    {"lead_filter_s", AT(lead_filter_s), FLIGHT, REAL, 0.001f, 0.2f, 0.015f},
     {"drag_velocity", AT(drag_velocity), FLIGHT, WHOLE, 0.0f, 2.0f, 1.0f},
     {"airflow_velocity", AT(airflow_velocity), FLIGHT, WHOLE, 0.0f, 2.0f, 1.0f},
 

@@ -76,6 +76,7 @@ typedef struct {
     float time_scale;                    /* path rate asked for */
     float take_off_m;                    /* height asked for */
     float wanted_speed_rad_s[TC_ROTORS]; /* by the mixer, before battery and lag */
+    float slow_speed_rad_s[TC_ROTORS];   /* the same, filtered: what the rotors are taken to do */
     bool was_flying;
     tc_estimate last_good; /* halves as they came, with their own time stamps */
     uint64_t last_tick_us;

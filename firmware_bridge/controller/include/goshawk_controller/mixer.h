@@ -28,6 +28,7 @@ typedef struct {
     float yaw_per_free;              /* sum spin_i free_i */
     float arm_x_m[TC_ROTORS];        /* hub relative to the centre of mass */
     float arm_y_m[TC_ROTORS];
+    float free_per_yaw; /* first guess of the multiple of `free` per N m of yaw */
     float inverse_two_rho_area;
     float largest_thrust_n; /* of all four, hovering */
 } tc_mixer;

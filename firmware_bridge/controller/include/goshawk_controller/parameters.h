@@ -60,9 +60,10 @@ typedef struct {
     float lift_kg_m;              /* translational lift per rotor: + k |v_xy|^2 */
     float flapping_kg_m;          /* moment -k n (v x e3) per rotor */
     float damping_n_m_s[3];       /* moment -D w */
-    float battery_reference_v;    /* battery_gain * (reference - battery voltage) raises the speed command; 0 = off */
+    float battery_reference_v;    /* rotors turn slower by battery_gain per volt below this; 0 V measured = off */
     float battery_gain_1_v;
     float rotor_lag_s;      /* the speed command leads the wanted speed by this lag; 0 = off */
+    float lead_filter_s;    /* noise filter of that lead */
     float drag_velocity;    /* tc_velocity_source of (4)-(5) and the rival forms */
     float airflow_velocity; /* tc_velocity_source of v_z, v_xy in (1)-(2) and of lift, flapping */
 

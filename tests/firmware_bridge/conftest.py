@@ -1,0 +1,184 @@
+"""Curves to fly and a closed loop to fly them in: the C controller round the virtual vehicle's plant."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import vehicle
+from firmware_bridge import controller as ctl
+from flight import FloatArray, Trajectory, polynomial, rotations
+from vehicle import simulate
+
+Curve = Callable[[FloatArray], FloatArray]
+
+
+def fitted(curve: Curve, durations_s: FloatArray) -> Trajectory:
+    """Degree-11 pieces through a smooth curve of time, by Chebyshev least squares: errors far below a millimetre."""
+    starts = np.concatenate([[0.0], np.cumsum(durations_s)])
+    nodes = np.cos(np.pi * (np.arange(60) + 0.5) / 60)
+    pieces = np.zeros((len(durations_s), 4, 12))
+    for i, duration in enumerate(durations_s):
+        values = curve(starts[i] + duration * (nodes + 1) / 2)
+        for axis in range(4):
+            centred = np.polynomial.chebyshev.cheb2poly(np.polynomial.chebyshev.chebfit(nodes, values[:, axis], 11))
+            pieces[i, axis, : len(centred)] = centred
+        pieces[i] = polynomial.seconds_from_centred(pieces[i], np.full(4, duration))
+    return Trajectory(durations_s, pieces)
+
+
+def _smooth_phase(t: FloatArray, rate: float, duration_s: float, rise_s: float) -> FloatArray:
+    """Integral of a rate that rises from zero within `rise_s`, stays, and falls to zero at the end."""
+
+    def ramp(u: FloatArray) -> FloatArray:
+        return u**4 * (2.5 - 3 * u + u * u)
+
+    rising = rise_s * ramp(np.clip(t / rise_s, 0, 1)) + np.clip(t - rise_s, 0, None)
+    falling = np.clip((t - duration_s + rise_s) / rise_s, 0, 1)
+    return rate * (rising - rise_s * ramp(falling))
+
+
+def loop(shape: Callable[[FloatArray], list[FloatArray]], rate: float, turns: float, rise_s: float = 3.0) -> Trajectory:
+    """`shape(phase)` gives x, y, z, yaw; the phase runs `turns` times round at `rate` rad/s, from rest to rest."""
+    cruise_s = 2 * np.pi * turns / rate - rise_s
+    duration_s = cruise_s + 2 * rise_s
+    pieces = [np.full(6, rise_s / 6), np.full(round(cruise_s / 0.5), cruise_s / round(cruise_s / 0.5))]
+
+    def curve(t: FloatArray) -> FloatArray:
+        phase = _smooth_phase(t, rate, duration_s, rise_s)
+        return np.stack([x + 0 * t for x in shape(phase)], axis=-1)
+
+    return fitted(curve, np.concatenate([*pieces, np.full(6, rise_s / 6)]))
+
+
+def figure_eight(speed_m_s: float = 8.5, size_m: float = 6.0, turns: float = 3) -> Trajectory:
+    """Level; fastest in its middle."""
+    rate = speed_m_s / (size_m * np.sqrt(2.0))
+    return loop(
+        lambda a: [size_m * np.sin(a), 0.5 * size_m * np.sin(2 * a), 1.5 + 0 * a, 0 * a], rate, turns, rise_s=3.5
+    )
+
+
+def vertical(speed_m_s: float = 3.1, size_m: float = 1.5, turns: float = 5) -> Trajectory:
+    return loop(lambda a: [0 * a, 0 * a, 1.5 + size_m * (1 - np.cos(a)), 0 * a], speed_m_s / size_m, turns)
+
+
+def general(rate: float = 1.4, turns: float = 4) -> Trajectory:
+    """All axes and the heading at once; yaw rates to 5.3 rad/s."""
+    return loop(
+        lambda a: [3 * np.sin(a), 2 * np.sin(2 * a), 1.5 + 0.8 * (1 - np.cos(a)), 1.9 * np.sin(2 * a)], rate, turns, 3.5
+    )
+
+
+def straight(to_m: tuple[float, float, float] = (3.0, 0.0, 1.5), duration_s: float = 3.0) -> Trajectory:
+    """From (0, 0, 1.5) to a point along a septic, from rest to rest."""
+    start = np.array([0.0, 0.0, 1.5])
+    coefficients = np.zeros((1, 4, 8))
+    for axis in range(3):
+        way = to_m[axis] - start[axis]
+        coefficients[0, axis, 0] = start[axis]
+        coefficients[0, axis, 4:] = way * np.array([35.0, -84.0, 70.0, -20.0]) / duration_s ** np.arange(4, 8)
+    return Trajectory(np.array([duration_s]), coefficients)
+
+
+@dataclass
+class Flight:
+    """The controller in a loop with a plant; `log` gets one dictionary per tick."""
+
+    truth: vehicle.Vehicle = field(default_factory=lambda: vehicle.example("rigter2019"))
+    believed: vehicle.Vehicle | None = None
+    overrides: dict[str, float] = field(default_factory=dict)
+    step_us: int = 2000
+    noise: bool = False
+    delay_s: float = 0.0
+    seed: int = 0
+    start_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        configuration = ctl.parameters_of(self.believed or self.truth).with_values(**self.overrides)
+        self.controller = ctl.Controller(configuration)
+        start = simulate.State(np.array(self.start_m))
+        self.plant = simulate.Plant(self.truth, start, ground_m=self.start_m[2])
+        self.rng = np.random.default_rng(self.seed)
+        self.time_us = 0
+        self.past: list[tuple[int, FloatArray]] = []
+        self.log: list[dict] = []
+        self.spoil: Callable[[FloatArray, int], tuple[FloatArray, int, int]] | None = None
+        """Called with (estimate, its time); returns (estimate, position time, attitude time)."""
+
+    def estimate(self) -> tuple[int, FloatArray]:
+        p = self.plant
+        row = np.concatenate([p.position_world_m, p.velocity_world_m_s, p.q_world_body, p.rate_body_rad_s])
+        if self.noise:
+            row[:3] += self.rng.normal(0, 0.003, 3)
+            row[3:6] += self.rng.normal(0, 0.02, 3)
+            row[6:10] = rotations.multiply(row[6:10], rotations.exp(self.rng.normal(0, 0.002, 3)))
+            row[10:] += self.rng.normal(0, 0.02, 3)
+        self.past.append((self.time_us, row))
+        if len(self.past) > 1 + round(self.delay_s * 1e6 / self.step_us):
+            self.past.pop(0)
+        return self.past[0]
+
+    def tick(self) -> dict:
+        at, row = self.estimate()
+        position_at = attitude_at = at
+        if self.spoil is not None:
+            row, position_at, attitude_at = self.spoil(row.copy(), at)
+        speed = self.controller.tick(
+            self.time_us,
+            row,
+            position_time_us=position_at,
+            attitude_time_us=attitude_at,
+            battery_v=self.plant.battery_v,
+        )
+        assert np.isfinite(speed).all()
+        self.plant.step(speed, self.step_us * 1e-6)
+        self.time_us += self.step_us
+        telemetry = self.controller.telemetry
+        position = self.plant.position_world_m
+        telemetry["error_m"] = float(np.linalg.norm(telemetry["setpoint"]["position_world_m"] - position))
+        telemetry["true_position_m"] = position
+        self.log.append(telemetry)
+        return telemetry
+
+    def run(self, seconds: float, until: ctl.State | None = None) -> bool:
+        """Returns whether the state `until` was reached."""
+        ticks = range(int(seconds * 1e6 / self.step_us))
+        return any(self.tick()["state"] == until for _ in ticks)
+
+    def hover(self, height_m: float = 1.5) -> None:
+        self.tick()
+        self.controller.command(ctl.Command.ARM)
+        self.controller.command(ctl.Command.TAKE_OFF, height_m)
+        assert self.run(10.0, ctl.State.HOLD)
+        self.run(1.0)
+
+    def start(self, trajectory: Trajectory, **options) -> None:
+        """Hover, upload, start, and go on until the trajectory itself begins."""
+        self.hover()
+        self.controller.upload(trajectory, **options)
+        self.controller.command(ctl.Command.START)
+        assert self.run(10.0, ctl.State.TRAJECTORY)
+
+    def fly(self, trajectory: Trajectory) -> FloatArray:
+        """Tracking error (n,) in metres at every tick of the trajectory."""
+        self.start(trajectory)
+        first = len(self.log)
+        assert self.run(trajectory.duration_s + 1.0, ctl.State.HOLD)
+        return np.array([row["error_m"] for row in self.log[first:] if row["state"] == ctl.State.TRAJECTORY])
+
+
+@pytest.fixture(scope="session")
+def curves() -> SimpleNamespace:
+    """`figure_eight`, `vertical`, `general`, `straight`, `fitted`, `loop`."""
+    return SimpleNamespace(
+        figure_eight=figure_eight, vertical=vertical, general=general, straight=straight, fitted=fitted, loop=loop
+    )
+
+
+@pytest.fixture
+def flight_of() -> type[Flight]:
+    """The closed loop; call it with options."""
+    return Flight
