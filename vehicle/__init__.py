@@ -1,6 +1,6 @@
 """What we believe about the vehicle: parameters, effects, forces, flatness, simulation."""
 
-from vehicle import effects, flatness, invert, simulate
+from vehicle import effects, flatness, flights, invert, manoeuvres, self_test, simulate, tracking
 from vehicle.dynamics import Jacobian, acceleration, acceleration_jacobian, wrench, wrench_jacobian
 from vehicle.files import example, load, save, vehicle_hash
 from vehicle.forces import Surroundings, rigid_body
@@ -18,12 +18,16 @@ __all__ = [
     "effects",
     "example",
     "flatness",
+    "flights",
     "invert",
     "load",
+    "manoeuvres",
     "rigid_body",
     "save",
+    "self_test",
     "simulate",
     "specs",
+    "tracking",
     "vehicle_hash",
     "wrench",
     "wrench_jacobian",

@@ -271,6 +271,6 @@ def driven(vehicle: Vehicle, command: FloatArray, speed: FloatArray, battery_v: 
     """What the motors make of a command (n, 4): the command that reaches the rotors (n, 4), and the rotor
     acceleration (n, 4), or None when no active effect models it and the rotors follow at once."""
     drive = Drive(np.atleast_2d(command).T, np.atleast_2d(speed).T, battery_v)
-    for name in forces.active(vehicle, Stage.DRIVE):
+    for name in forces.active(vehicle, Stage.COMMAND, Stage.DRIVE):
         registry.find(name).apply(drive, vehicle.values(name))
     return drive.command_rad_s.T, None if drive.acceleration_rad_s2 is None else drive.acceleration_rad_s2.T

@@ -1,6 +1,7 @@
 """Vehicle files: format `goshawk-vehicle`, TOML, one `{value, std, unit, source}` per parameter."""
 
 import hashlib
+import os
 from dataclasses import asdict, fields
 from importlib import resources
 from pathlib import Path
@@ -109,6 +110,6 @@ def _parameter(entry: dict[str, Any]) -> Parameter:
 
 def _relative(file: Path, folder: Path) -> str:
     try:
-        return str(file.relative_to(folder.resolve()))
-    except ValueError:
+        return os.path.relpath(file, folder.resolve())
+    except ValueError:  # another drive
         return str(file)

@@ -75,6 +75,11 @@ def state(vehicle: Vehicle, trajectory: Trajectory, times_s: FloatArray, *, grou
     )
 
 
+def air_velocity_body(flat: FlatState) -> FloatArray:
+    """(n, 3) velocity in body axes, relative to still air."""
+    return rotations.rotate(rotations.conjugate(flat.q_world_body), flat.velocity_world_m_s)
+
+
 def _middle(path: _Path) -> _Path:
     n = len(path.yaw) // 5
     return _Path(*(getattr(path, name)[2 * n : 3 * n] for name in _Path.__slots__))

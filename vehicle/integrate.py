@@ -4,11 +4,11 @@ A state is a row of 17: position 0-2 and velocity 3-5 in world axes, q_world_bod
 speed 13-16. The world is a row of 6: wind 0-2, gravity 3, floor height 4, ceiling height 5.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from flight import FloatArray, rotations
+from flight import FloatArray, InputError, rotations
 from vehicle import dynamics, native
 from vehicle.forces import Surroundings
 from vehicle.model import Vehicle
@@ -22,15 +22,31 @@ def world_row(wind_m_s: Sequence[float], gravity_m_s2: float, ground_m: float, c
     return np.array([[*wind_m_s, gravity_m_s2, ground_m, ceiling_m]], dtype=np.float64)
 
 
-def stepper(vehicle: Vehicle, values: FloatArray | None = None) -> Advance:
-    """The fastest engine for this vehicle; `values` (m, p) gives each of m vehicles its own numbers."""
+def stepper(vehicle: Vehicle, values: Mapping[str, FloatArray] | None = None, count: int = 1) -> Advance:
+    """The fastest engine for this vehicle; `values` gives each of `count` vehicles its own numbers.
+
+    Raises:
+        InputError: a value has no such parameter, another length, or the vehicle has no compiled form.
+    """
     kernel = native.compiled(vehicle)
-    return numpy_stepper(vehicle) if kernel is None else _kernel_stepper(kernel, values)
+    if kernel is not None:
+        return _kernel_stepper(kernel, _own_rows(vehicle, kernel, values, count) if values else kernel.values)
+    if values:
+        raise InputError("vehicles with effects of the user's own fly with shared values only; fly them one by one")
+    return numpy_stepper(vehicle)
 
 
-def _kernel_stepper(kernel: native.Compiled, values: FloatArray | None) -> Advance:
-    rows = kernel.values if values is None else np.ascontiguousarray(values)
+def _own_rows(vehicle: Vehicle, kernel: native.Compiled, values: Mapping[str, FloatArray], count: int) -> FloatArray:
+    rows = np.repeat(kernel.values, count, axis=0)
+    for name, column in values.items():
+        vehicle.parameter(name)
+        if np.shape(column) != (count,) or not np.isfinite(column).all():
+            raise InputError(f"{name} needs {count} finite values, one per vehicle; it has shape {np.shape(column)}")
+        rows[:, kernel.names.index(name)] = column
+    return rows
 
+
+def _kernel_stepper(kernel: native.Compiled, rows: FloatArray) -> Advance:
     def advance(world, command, battery_v, steps, step_s, states, specific_force):
         energy = np.empty((len(states), 1))
         kernel.model.step(rows, world, command, battery_v, steps, step_s, states, specific_force, energy)

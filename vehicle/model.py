@@ -102,6 +102,13 @@ class Vehicle:
         }
         return replace(self, effects=_inserted(self.effects, effect), parameters={**self.parameters, **added})
 
+    def with_effect_file(self, path: str | Path, *, source: str = "assumed", **values: float) -> "Vehicle":
+        """A copy with an effect of your own, read from a Python file; a saved vehicle file will name that file."""
+        file = Path(path).resolve()
+        effect = registry.load_file(file)
+        files = self.effect_files if file in self.effect_files else (*self.effect_files, file)
+        return replace(self, effect_files=files).with_effect(effect.name, source=source, **values)
+
     def without_effect(self, name: str) -> "Vehicle":
         """A copy without that effect. Raises `InputError` if it is not active."""
         if name not in self.effects:

@@ -4,7 +4,8 @@ The vehicle handed in here is the truth; what the controller believes may be ano
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -76,6 +77,124 @@ class Battery:
         return self.empty_v + (self.full_v - self.empty_v) * left
 
 
+class Fleet:
+    """Many vehicles of one kind flown at once, each with its own state, command and, if wanted, its own numbers."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        states: Sequence[State],
+        *,
+        values: Mapping[str, FloatArray] | None = None,
+        rng: np.random.Generator | None = None,
+        wind: Wind = CALM,
+        battery: Battery | None = None,
+        ground_m: float = -math.inf,
+        ceiling_m: float = math.inf,
+        step_s: float = 1e-3,
+    ) -> None:
+        """
+        Args:
+            states: where each of the m vehicles starts.
+            values: full parameter name to (m,) values, for those that differ from vehicle to vehicle.
+            rng: needed only for gusts.
+            ground_m: height of a floor that carries the vehicles; none by default.
+            step_s: largest step of the integrator. With 1 ms the position error in a second of brisk flight
+                stays below a tenth of a micrometre (tests/vehicle/test_plant.py), and falls with its fourth power.
+        """
+        if wind.gust_std_m_s > 0.0 and rng is None:
+            raise InputError("gusts need a random generator: pass rng=numpy.random.default_rng(seed)")
+        if not step_s > 0.0:
+            raise InputError(f"step_s is {step_s:g}; it must be positive")
+        if not states:
+            raise InputError("a fleet needs at least one state")
+        m = len(states)
+        self.vehicle = vehicle
+        self.time_s = 0.0
+        self._rng, self._wind, self._battery, self._step_s = rng, wind, battery or Battery(), step_s
+        self._rows = np.stack([state.row() for state in states])
+        self._advance = integrate.stepper(vehicle, values, m)
+        self._world = np.repeat(integrate.world_row(wind.mean_world_m_s, GRAVITY_M_S2, ground_m, ceiling_m), m, axis=0)
+        self._drawn_j, self._specific_force, self._gust = np.zeros(m), np.zeros((m, 3)), np.zeros((m, 3))
+        if rng is not None and wind.gust_std_m_s > 0.0:
+            self._gust = rng.normal(0.0, wind.gust_std_m_s, (m, 3))
+            self._world[:, :3] += self._gust
+        volts = self._battery.voltage(self._drawn_j)[:, None]
+        held = np.ascontiguousarray(self._rows[:, 13:17])
+        self._advance(self._world, held, volts, 0, step_s, self._rows, self._specific_force)
+
+    def step(self, rotor_speed_command_rad_s: FloatArray, duration_s: float) -> None:
+        """Hold rotor speed commands, (m, 4) or (4,) for all, for a while; they are clipped to 0 and the fastest speed.
+
+        Raises:
+            InputError: a command is not four finite numbers, or the duration is not positive.
+        """
+        command = np.atleast_2d(np.array(rotor_speed_command_rad_s, dtype=np.float64))
+        if command.ndim != 2 or command.shape[1] != 4 or len(command) not in (1, len(self._rows)):
+            raise InputError(f"the rotor speed command has shape {command.shape}; four finite numbers are wanted")
+        if not np.isfinite(command).all():
+            raise InputError(f"the rotor speed command is {command[0]}; four finite numbers are wanted")
+        if not duration_s > 0.0:
+            raise InputError(f"duration_s is {duration_s:g}; it must be positive")
+        np.clip(command, 0.0, self.vehicle.limits.rotor_speed_max_rad_s, out=command)
+        steps = max(1, math.ceil(duration_s / self._step_s - 1e-9))
+        self._blow(duration_s)
+        volts = self._battery.voltage(self._drawn_j)[:, None]
+        self._drawn_j += self._advance(
+            self._world, command, volts, steps, duration_s / steps, self._rows, self._specific_force
+        )
+        self.time_s += duration_s
+
+    def _blow(self, duration_s: float) -> None:
+        if self._rng is not None and self._wind.gust_std_m_s > 0.0:
+            keep = math.exp(-duration_s / self._wind.gust_time_s)
+            fresh = self._wind.gust_std_m_s * math.sqrt(1.0 - keep * keep)
+            self._gust = keep * self._gust + self._rng.normal(0.0, fresh, self._gust.shape)
+            self._world[:, :3] = np.asarray(self._wind.mean_world_m_s) + self._gust
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    @property
+    def rows(self) -> FloatArray:
+        """(m, 17) copy of all states: position, velocity, q_world_body, body rate, rotor speed."""
+        return self._rows.copy()
+
+    @property
+    def position_world_m(self) -> FloatArray:
+        """(m, 3) of the centres of mass."""
+        return self._rows[:, 0:3].copy()
+
+    @property
+    def velocity_world_m_s(self) -> FloatArray:
+        return self._rows[:, 3:6].copy()
+
+    @property
+    def q_world_body(self) -> FloatArray:
+        return self._rows[:, 6:10].copy()
+
+    @property
+    def rate_body_rad_s(self) -> FloatArray:
+        return self._rows[:, 10:13].copy()
+
+    @property
+    def rotor_speed_rad_s(self) -> FloatArray:
+        return self._rows[:, 13:17].copy()
+
+    @property
+    def specific_force_body_m_s2(self) -> FloatArray:
+        """(m, 3) what ideal accelerometers at the centres of mass read."""
+        return self._specific_force.copy()
+
+    @property
+    def wind_world_m_s(self) -> FloatArray:
+        return self._world[:, 0:3].copy()
+
+    @property
+    def battery_v(self) -> FloatArray:
+        return self._battery.voltage(self._drawn_j)
+
+
 class Plant:
     """One vehicle in flight. Step it with rotor speed commands; read its true state from the attributes."""
 
@@ -91,104 +210,61 @@ class Plant:
         ceiling_m: float = math.inf,
         step_s: float = 1e-3,
     ) -> None:
-        """
-        Args:
-            state: where it starts; at rest in the origin with rotors at hover speed if not given.
-            rng: needed only for gusts.
-            ground_m: height of a floor that carries the vehicle; none by default.
-            step_s: largest step of the integrator. With 1 ms the position error after 10 s of brisk flight
-                stays below a micrometre (see the tests).
-        """
-        if wind.gust_std_m_s > 0.0 and rng is None:
-            raise InputError("gusts need a random generator: pass rng=numpy.random.default_rng(seed)")
-        if not step_s > 0.0:
-            raise InputError(f"step_s is {step_s:g}; it must be positive")
+        """As `Fleet`, for one vehicle; it starts hovering at the origin if no state is given."""
         self.vehicle = vehicle
-        self.time_s = 0.0
-        self._rng, self._wind, self._battery, self._step_s = rng, wind, battery or Battery(), step_s
-        self._drawn_j, self._gust = 0.0, np.zeros(3)
-        self._world = integrate.world_row(wind.mean_world_m_s, GRAVITY_M_S2, ground_m, ceiling_m)
-        self._advance = integrate.stepper(vehicle)
-        self._row = (state or hovering(vehicle, np.zeros(3))).row()[None].copy()
-        self._specific_force = np.zeros((1, 3))
-        if wind.gust_std_m_s > 0.0 and rng is not None:
-            self._gust = rng.normal(0.0, wind.gust_std_m_s, 3)
+        self._fleet = Fleet(
+            vehicle,
+            [state or hovering(vehicle, np.zeros(3))],
+            rng=rng,
+            wind=wind,
+            battery=battery,
+            ground_m=ground_m,
+            ceiling_m=ceiling_m,
+            step_s=step_s,
+        )
 
     def step(self, rotor_speed_command_rad_s: FloatArray, duration_s: float) -> None:
-        """Hold a rotor speed command for a while.
+        """Hold a rotor speed command (4,) for a while; raises as `Fleet.step`."""
+        self._fleet.step(rotor_speed_command_rad_s, duration_s)
 
-        Raises:
-            InputError: the command is not four finite numbers, or the duration is not positive.
-        """
-        command = np.array(rotor_speed_command_rad_s, dtype=np.float64).reshape(1, -1)
-        if command.shape != (1, 4) or not np.isfinite(command).all():
-            raise InputError(f"the rotor speed command is {rotor_speed_command_rad_s}; four finite numbers are wanted")
-        if not duration_s > 0.0:
-            raise InputError(f"duration_s is {duration_s:g}; it must be positive")
-        limits = self.vehicle.limits
-        np.clip(command, 0.0, limits.rotor_speed_max_rad_s, out=command)
-        steps = max(1, math.ceil(duration_s / self._step_s - 1e-9))
-        self._blow(duration_s)
-        volts = np.array([[self.battery_v]])
-        self._drawn_j += float(
-            self._advance(self._world, command, volts, steps, duration_s / steps, self._row, self._specific_force)[0]
-        )
-        self.time_s += duration_s
-
-    def _blow(self, duration_s: float) -> None:
-        if self._wind.gust_std_m_s > 0.0 and self._rng is not None:
-            keep = math.exp(-duration_s / self._wind.gust_time_s)
-            fresh = self._wind.gust_std_m_s * math.sqrt(1.0 - keep * keep)
-            self._gust = keep * self._gust + self._rng.normal(0.0, fresh, 3)
-            self._world[0, :3] = np.asarray(self._wind.mean_world_m_s) + self._gust
+    @property
+    def time_s(self) -> float:
+        return self._fleet.time_s
 
     @property
     def state(self) -> State:
-        return State(
-            self.position_world_m,
-            self.velocity_world_m_s,
-            self.q_world_body,
-            self.rate_body_rad_s,
-            self.rotor_speed_rad_s,
-        )
+        return State(*np.split(self._fleet.rows[0], (3, 6, 10, 13)))
 
     @property
     def position_world_m(self) -> FloatArray:
         """(3,) of the centre of mass."""
-        return self._row[0, 0:3].copy()
+        return self._fleet.position_world_m[0]
 
     @property
     def velocity_world_m_s(self) -> FloatArray:
-        return self._row[0, 3:6].copy()
+        return self._fleet.velocity_world_m_s[0]
 
     @property
     def q_world_body(self) -> FloatArray:
-        return self._row[0, 6:10].copy()
+        return self._fleet.q_world_body[0]
 
     @property
     def rate_body_rad_s(self) -> FloatArray:
-        return self._row[0, 10:13].copy()
+        return self._fleet.rate_body_rad_s[0]
 
     @property
     def rotor_speed_rad_s(self) -> FloatArray:
-        return self._row[0, 13:17].copy()
+        return self._fleet.rotor_speed_rad_s[0]
 
     @property
     def specific_force_body_m_s2(self) -> FloatArray:
-        """(3,) what an ideal accelerometer at the centre of mass reads; zero before the first step."""
-        return self._specific_force[0].copy()
+        """(3,) what an ideal accelerometer at the centre of mass reads."""
+        return self._fleet.specific_force_body_m_s2[0]
 
     @property
     def wind_world_m_s(self) -> FloatArray:
-        return self._world[0, 0:3].copy()
+        return self._fleet.wind_world_m_s[0]
 
     @property
     def battery_v(self) -> float:
-        return float(self._battery.voltage(self._drawn_j))
-
-
-def with_truth(vehicle: Vehicle, **changes: float) -> Vehicle:
-    """A copy for use as hidden truth: parameters changed by full name, dots written as double underscores."""
-    for name, value in changes.items():
-        vehicle = vehicle.with_value(name.replace("__", "."), value, source="hidden truth")
-    return replace(vehicle, name=f"{vehicle.name} (truth)")
+        return float(self._fleet.battery_v[0])

@@ -9,7 +9,7 @@ from vehicle import dynamics, effects, forces, integrate, native, simulate
 from vehicle.effects.base import Stage
 
 CATALOGUE = effects.catalogue()
-MECHANICAL = [name for name, e in CATALOGUE.items() if e.stage not in (Stage.SENSOR, Stage.DRIVE)]
+MECHANICAL = [name for name, e in CATALOGUE.items() if e.stage not in (Stage.SENSOR, Stage.COMMAND, Stage.DRIVE)]
 
 
 def planted(name):

@@ -3,7 +3,7 @@
 Arrays inside effects keep their components first and the instants last, `(3, n)` and `(4, n)`, so that formulas
 read as in the papers (`v_x, v_y, v_z = flow.velocity_m_s`) and a parameter may be one number or one per instant.
 Every function must also accept complex numbers (derivatives are checked by complex steps): use `magnitude`,
-`length` and `positive` of this module instead of `abs`, `norm` and `maximum`.
+`length`, `positive` and `clipped` of this module instead of `abs`, `norm`, `maximum` and `clip`.
 """
 
 from collections.abc import Callable
@@ -27,17 +27,19 @@ class Stage(IntEnum):
 
     MASS = 0
     """Changes mass, inertia or centre of mass (acts on a `RigidBody`)."""
-    DRIVE = 1
-    """Between rotor speed command and rotor speed (acts on a `Drive`)."""
-    AIR = 2
+    COMMAND = 1
+    """Changes the rotor speed command that reaches the motors (acts on a `Drive`)."""
+    DRIVE = 2
+    """From command to rotor acceleration (acts on a `Drive`)."""
+    AIR = 3
     """Changes the air speed the other effects see."""
-    THRUST = 3
+    THRUST = 4
     """Adds to the thrust of each rotor."""
-    THRUST_FACTOR = 4
+    THRUST_FACTOR = 5
     """Scales the thrust the earlier effects have made."""
-    FORCE = 5
+    FORCE = 6
     """Adds force and torque, once thrust is known."""
-    SENSOR = 6
+    SENSOR = 7
     """Changes what a sensor reports, not what the vehicle does (acts on a `Reading`)."""
 
 
@@ -54,7 +56,7 @@ class RigidBody:
 
 @dataclass(slots=True)
 class Drive:
-    """The four motors. Effects of stage DRIVE change `command_rad_s` or set `acceleration_rad_s2`."""
+    """The four motors. Effects change `command_rad_s` (stage COMMAND) or set `acceleration_rad_s2` (stage DRIVE)."""
 
     command_rad_s: Array
     """(4, n) commanded rotor speed."""
@@ -142,6 +144,8 @@ class Spec:
     """Used when an effect is added without saying; 0 is always `no effect` where that makes sense."""
     planted: float = 0.0
     """The value the self-test plants and must recover."""
+    held: bool = False
+    """A convention rather than a fact (a reference voltage): never estimated."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,3 +194,9 @@ def length(v: Array) -> Array:
 def positive(x: Any) -> Any:
     """max(x, 0), keeping a complex step."""
     return np.where(np.real(x) > 0.0, x, 0.0)
+
+
+def clipped(x: Any, low: Any, high: Any) -> Any:
+    """x held between two bounds, keeping a complex step."""
+    raised = np.where(np.real(x) > np.real(low), x, low)
+    return np.where(np.real(raised) < np.real(high), raised, high)

@@ -10,11 +10,11 @@ def apply(drive: Drive, p: Values) -> None:
 EFFECT = Effect(
     name="battery_sag",
     number=15,
-    stage=Stage.DRIVE,
+    stage=Stage.COMMAND,
     apply=apply,
     parameters=(
         Spec("sag_per_v", "1/V", prior=0.05, bounds=(0.0, 1.0), planted=0.04),
-        Spec("reference_v", "V", prior=1.0, bounds=(0.0, 100.0), default=16.8, planted=16.8),
+        Spec("reference_v", "V", prior=1.0, bounds=(0.0, 100.0), default=16.8, planted=16.8, held=True),
     ),
     law="n_c (1 - s (V_ref - V)); V_ref only says where the command means what it says, and is held",
     source="Bangura 2017, thesis; first-order form, our own",

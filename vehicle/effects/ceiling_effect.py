@@ -1,17 +1,17 @@
 """Under a ceiling the rotors pull harder."""
 
-import numpy as np
-
-from vehicle.effects.base import Effect, Flow, Spec, Stage, Values
+from vehicle.effects.base import Effect, Flow, Spec, Stage, Values, clipped
 
 SMALLEST_GAP_RADII = 0.5
 """Closer than half a radius the law has no meaning; it is held there."""
 
+FAR_M = 1e6
+"""Stands for infinity, which would break derivatives."""
+
 
 def apply(flow: Flow, p: Values) -> None:
     assert flow.ceiling_gap_m is not None
-    smallest = SMALLEST_GAP_RADII * flow.radius_m
-    gap = np.where(np.real(flow.ceiling_gap_m) > np.real(smallest), flow.ceiling_gap_m, smallest)
+    gap = clipped(flow.ceiling_gap_m, SMALLEST_GAP_RADII * flow.radius_m, FAR_M)
     flow.thrust_n *= 1.0 + p.strength * (flow.radius_m / gap) ** 2
 
 

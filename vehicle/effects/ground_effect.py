@@ -2,16 +2,18 @@
 
 import numpy as np
 
-from vehicle.effects.base import Effect, Flow, Spec, Stage, Values
+from vehicle.effects.base import Effect, Flow, Spec, Stage, Values, clipped
 
 LARGEST_RATIO = 0.5
 """Below a quarter of a radius or so the law has no meaning; its ratio is held there, so thrust at most doubles."""
 
+FAR_M = 1e6
+"""Stands for infinity, which would break derivatives."""
+
 
 def apply(flow: Flow, p: Values) -> None:
     assert flow.height_m is not None
-    near = (flow.radius_m / (4.0 * np.where(np.real(flow.height_m) > 1e-3, flow.height_m, 1e-3))) ** 2
-    ratio = p.strength * near
+    ratio = p.strength * (flow.radius_m / (4.0 * clipped(flow.height_m, 1e-3, FAR_M))) ** 2
     ratio = np.where(np.real(ratio) < LARGEST_RATIO, ratio, LARGEST_RATIO)
     flow.thrust_n *= 1.0 / (1.0 - ratio)
 

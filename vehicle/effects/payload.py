@@ -1,4 +1,7 @@
-"""Something was added or taken off: a point mass at a place."""
+"""Something was added or taken off: a point mass at a place.
+
+Inertia knows the square of its height only, so whether it sits above or below must come from where the search starts.
+"""
 
 import numpy as np
 
@@ -26,9 +29,9 @@ EFFECT = Effect(
     apply=apply,
     parameters=(
         Spec("added_kg", "kg", prior=0.1, bounds=(-100.0, 100.0), planted=0.12),
-        Spec("x_m", "m", prior=0.03, bounds=(-1.0, 1.0), default=0.0, planted=0.01),
-        Spec("y_m", "m", prior=0.03, bounds=(-1.0, 1.0), default=0.0, planted=-0.005),
-        Spec("z_m", "m", prior=0.03, bounds=(-1.0, 1.0), default=0.0, planted=-0.03),
+        Spec("x_m", "m", prior=0.03, bounds=(-1.0, 1.0), planted=0.01),
+        Spec("y_m", "m", prior=0.03, bounds=(-1.0, 1.0), planted=-0.005),
+        Spec("z_m", "m", prior=0.03, bounds=(-1.0, 1.0), default=-0.02, planted=-0.03),
     ),
     law="m + dm; parallel-axis inertia; the centre of mass moves by dm / (m + dm) of the arm",
     source="Newton; parallel-axis theorem",

@@ -67,4 +67,11 @@ T magnitude(const T& x) {
     return real(x) < 0.0 ? -x : x;
 }
 
+template <class T>
+T clipped(const T& x, const T& low, const T& high) {
+    return real(x) > real(low) ? (real(x) < real(high) ? x : high) : low;
+}
+
+constexpr double kFar = 1e6;  // metres; stands for infinity, which would break derivatives
+
 }  // namespace goshawk

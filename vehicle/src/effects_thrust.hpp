@@ -92,7 +92,7 @@ void scale_thrust(Flow<T>& flow, const T& factor) {
 
 template <class T>
 void ground_effect(Flow<T>& flow, const T* p) {
-    const T height = real(flow.height) > 1e-3 ? flow.height : T(1e-3);
+    const T height = clipped(flow.height, T(1e-3), T(kFar));
     const T near = flow.radius / (4.0 * height);
     T ratio = p[0] * near * near;
     if (!(real(ratio) < 0.5)) ratio = T(0.5);
@@ -101,8 +101,7 @@ void ground_effect(Flow<T>& flow, const T* p) {
 
 template <class T>
 void ceiling_effect(Flow<T>& flow, const T* p) {
-    const T smallest = 0.5 * flow.radius;
-    const T near = flow.radius / (real(flow.ceiling_gap) > real(smallest) ? flow.ceiling_gap : smallest);
+    const T near = flow.radius / clipped(flow.ceiling_gap, T(0.5 * flow.radius), T(kFar));
     scale_thrust(flow, T(1.0 + p[0] * near * near));
 }
 
