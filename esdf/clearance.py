@@ -17,6 +17,7 @@ from flight import FloatArray, InputError, Trajectory, polynomial
 
 Reason = Literal["clear", "too close", "unknown", "outside the map", "unfinished"]
 MAX_INTERVALS = 4_000_000
+MARGIN_SHARE = 0.05  # with plenty of room to spare, the minimum need not be known to the millimetre
 PIECES = 4  # each segment starts as this many intervals, each with its own bound on the speed
 
 
@@ -76,6 +77,9 @@ def certify(
     `proven_m` is below `minimum_m` by the tolerance and by what interpolation can hide (`proven_distance`). With a
     formula the difference is the tolerance alone.
 
+    Args:
+        tolerance_m: The minimum is found this closely, or to a twentieth of what it exceeds `required_m` by.
+
     Raises:
         InputError: `required_m` is not finite or `tolerance_m` is not positive.
     """
@@ -109,7 +113,8 @@ def _branch_and_bound(
             best, minimum = float(sample[nearest]), float(value[nearest])
             where = int(todo.segment[nearest]), float(todo.middle_s[nearest])
         bound = sample - 0.5 * todo.speed_m_s * todo.length_s
-        unsettled = bound < best - tolerance_m
+        accepted_m = max(tolerance_m, MARGIN_SHARE * (best - required_m))
+        unsettled = bound < best - accepted_m
         finished = 2 * np.count_nonzero(unsettled) <= MAX_INTERVALS
         settled = bound[~unsettled] if finished else bound
         proven = min(proven, float(settled.min(initial=np.inf)))

@@ -5,6 +5,7 @@
 #include <nanobind/stl/string.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <optional>
 #include <stdexcept>
@@ -12,6 +13,7 @@
 
 #include "edt.hpp"
 #include "query.hpp"
+#include "raster.hpp"
 
 namespace nb = nanobind;
 using namespace goshawk;
@@ -85,6 +87,12 @@ void transform(In<std::uint8_t, 3> state, OutBox out, nb::tuple lo, In<T, 1> tab
     dispatch(r, chosen);
 }
 
+Point point_of(const In<double, 2>& points, std::size_t i) {
+    return {points.data()[3 * i], points.data()[3 * i + 1], points.data()[3 * i + 2]};
+}
+
+Index voxel_of(double coordinate) { return static_cast<Index>(std::floor(coordinate)); }
+
 Lattice lattice_of(nb::tuple origin, nb::tuple voxel, nb::tuple shape) {
     Lattice lattice;
     for (int a = 0; a < 3; ++a) {
@@ -155,6 +163,61 @@ Index cut_bricks(In<T, 3> values, Index overlap, In<T, 1> uniform, Out<T, 4> out
     return written;
 }
 
+// The functions below take coordinates in voxels (see raster.hpp).
+
+// Every voxel between origins[i] and ends[i] gets `value`, the last one excepted; occupied voxels stay.
+void carve(Out<std::uint8_t, 3> state, In<double, 2> origins, In<double, 2> ends, std::uint8_t value) {
+    nb::gil_scoped_release release;
+    const Index n[3] = {static_cast<Index>(state.shape(0)), static_cast<Index>(state.shape(1)), static_cast<Index>(state.shape(2))};
+    for (std::size_t i = 0; i < origins.shape(0); ++i) {
+        const Point start = point_of(origins, i), end = point_of(ends, i);
+        const Index last[3] = {voxel_of(end[0]), voxel_of(end[1]), voxel_of(end[2])};
+        walk(start, end, n, [&](Index x, Index y, Index z) {
+            if (x == last[0] && y == last[1] && z == last[2]) return false;
+            std::uint8_t& voxel = state.data()[(x * n[1] + y) * n[2] + z];
+            if (voxel != OCCUPIED) voxel = value;
+            return true;
+        });
+    }
+}
+
+// Whether nothing occupied lies between the eye and each target (the target's own voxel may be).
+void line_of_sight(In<std::uint8_t, 3> state, nb::tuple eye, In<double, 2> targets, Out<bool, 1> visible) {
+    const Point start = {nb::cast<double>(eye[0]), nb::cast<double>(eye[1]), nb::cast<double>(eye[2])};
+    nb::gil_scoped_release release;
+    const Index n[3] = {static_cast<Index>(state.shape(0)), static_cast<Index>(state.shape(1)), static_cast<Index>(state.shape(2))};
+    for (std::size_t i = 0; i < targets.shape(0); ++i) {
+        const Point end = point_of(targets, i);
+        const Index last[3] = {voxel_of(end[0]), voxel_of(end[1]), voxel_of(end[2])};
+        bool clear = true;
+        walk(start, end, n, [&](Index x, Index y, Index z) {
+            if (x == last[0] && y == last[1] && z == last[2]) return false;
+            return clear = state.data()[(x * n[1] + y) * n[2] + z] != OCCUPIED;
+        });
+        visible.data()[i] = clear;
+    }
+}
+
+// Every voxel a triangle touches gets `value`.
+void mark_triangles(Out<std::uint8_t, 3> state, In<double, 2> vertices, In<std::int64_t, 2> faces, std::uint8_t value) {
+    nb::gil_scoped_release release;
+    constexpr double half = 0.5 + 1e-9;  // touching counts however it is rounded
+    const Index n[3] = {static_cast<Index>(state.shape(0)), static_cast<Index>(state.shape(1)), static_cast<Index>(state.shape(2))};
+    for (std::size_t f = 0; f < faces.shape(0); ++f) {
+        Point corner[3];
+        for (int c = 0; c < 3; ++c) corner[c] = point_of(vertices, static_cast<std::size_t>(faces.data()[3 * f + c]));
+        Index lo[3], hi[3];
+        for (int a = 0; a < 3; ++a) {
+            lo[a] = std::max<Index>(voxel_of(std::min({corner[0][a], corner[1][a], corner[2][a]}) - 1e-9), 0);
+            hi[a] = std::min<Index>(voxel_of(std::max({corner[0][a], corner[1][a], corner[2][a]}) + 1e-9), n[a] - 1);
+        }
+        for (Index x = lo[0]; x <= hi[0]; ++x)
+            for (Index y = lo[1]; y <= hi[1]; ++y)
+                for (Index z = lo[2]; z <= hi[2]; ++z)
+                    if (touches(corner, {x + 0.5, y + 0.5, z + 0.5}, half)) state.data()[(x * n[1] + y) * n[2] + z] = value;
+    }
+}
+
 }  // namespace
 
 NB_MODULE(_esdf, m) {
@@ -165,6 +228,9 @@ NB_MODULE(_esdf, m) {
     m.def("query_bricks", &query_bricks, nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg());
     m.def("cut_distance_bricks", &cut_bricks<float>);
     m.def("cut_state_bricks", &cut_bricks<std::uint8_t>);
+    m.def("carve", &carve);
+    m.def("line_of_sight", &line_of_sight);
+    m.def("mark_triangles", &mark_triangles);
     m.def("instruction_sets", [] {
         nb::list names;
         names.append("portable");

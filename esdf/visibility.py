@@ -1,0 +1,104 @@
+"""What could not have been seen: free of a 12 mm cable may only mean too coarse, or too far away, to show one.
+
+For every place the mask holds the thinnest thing the cameras could have resolved there: the pixels it must span, times
+the angle of a pixel, times the distance of the nearest view with a free line of sight. A planner asks where something
+of a given thickness could hide, and keeps more distance there.
+"""
+
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from esdf import _esdf
+from esdf.field import checked_points
+from esdf.grid import Grid, StateArray, checked_state
+from flight import FloatArray, FormatError, InputError, file_format
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """One picture, as far as its resolution goes."""
+
+    centre_world_m: tuple[float, float, float]
+    axis_world: tuple[float, float, float]
+    """Where it looks."""
+    half_angle_rad: float
+    """How far from the axis it sees: 165 degrees of field is 1.44."""
+    pixel_rad: float
+    """Angle between neighbouring pixels: about 1 / focal length in pixels."""
+
+
+@dataclass(frozen=True, eq=False)
+class Visibility:
+    """The thinnest thing that could have been seen, place by place."""
+
+    grid: Grid
+    finest_m: NDArray[np.float32] = field(repr=False)
+    """(nx, ny, nz); infinite where no view reached."""
+
+    def finest(self, points_world_m: ArrayLike) -> FloatArray:
+        """Thickness (n,) of the thinnest thing that could have been seen at each point (n, 3); inf outside."""
+        points = checked_points(points_world_m)
+        index = np.clip(self.grid.index(points), 0, np.array(self.grid.shape) - 1)
+        return np.where(self.grid.contains(points), self.finest_m[tuple(index.T)].astype(np.float64), np.inf)
+
+    def could_hide(self, points_world_m: ArrayLike, thickness_m: float) -> NDArray[np.bool_]:
+        """Whether something of that thickness could be at each point without any picture showing it."""
+        return self.finest(points_world_m) > thickness_m
+
+
+def look(state: ArrayLike, grid: Grid, views: Sequence[View], *, pixels: float = 2.0, coarser: int = 4) -> Visibility:
+    """What the views could have seen of a map.
+
+    Args:
+        pixels: How many pixels a thing must span to be reconstructed.
+        coarser: The mask's voxels are this many map voxels long; the distance to a view is taken to the far corner.
+    """
+    states: StateArray = checked_state(state, grid)
+    if not views:
+        raise InputError("there is no view to judge visibility by")
+    shape = tuple(-(-n // coarser) for n in grid.shape)
+    coarse = Grid(grid.origin_world_m, tuple(coarser * np.array(grid.voxel_m)), shape)  # pyright: ignore[reportArgumentType]
+    finest = np.full(coarse.voxels, np.inf, np.float32)
+    centres = coarse.centres().reshape(-1, 3)
+    targets = np.ascontiguousarray((centres - grid.low_world_m) / np.array(grid.voxel_m))
+    for view in views:
+        offset = centres - np.array(view.centre_world_m)
+        distance = np.linalg.norm(offset, axis=1)
+        axis = np.array(view.axis_world) / np.linalg.norm(view.axis_world)
+        thinnest = pixels * view.pixel_rad * (distance + coarse.half_diagonal_m)
+        # Only where this view would be the best so far is the line of sight worth walking.
+        wanted = np.flatnonzero((offset @ axis >= np.cos(view.half_angle_rad) * distance) & (thinnest < finest))
+        visible = np.empty(len(wanted), bool)
+        eye = (np.array(view.centre_world_m) - grid.low_world_m) / np.array(grid.voxel_m)
+        _esdf.line_of_sight(states, tuple(eye.tolist()), targets[wanted], visible)
+        finest[wanted[visible]] = thinnest[wanted[visible]]
+    return Visibility(coarse, finest.reshape(shape))
+
+
+def save_visibility(path: Path, visibility: Visibility) -> None:
+    """Write the mask as a compressed `.npz`."""
+    grid = visibility.grid
+    with file_format.atomic_file(Path(path)) as temporary, open(temporary, "wb") as file:
+        np.savez_compressed(
+            file, version=1, origin_world_m=grid.origin_world_m, voxel_m=grid.voxel_m, finest_m=visibility.finest_m
+        )
+
+
+def load_visibility(path: Path) -> Visibility:
+    """Read what `save_visibility` wrote; raises `InputError` if missing, `FormatError` if damaged or newer."""
+    try:
+        with np.load(path) as archive:
+            if int(archive["version"]) > 1:
+                raise FormatError(f"{path} is of a newer version; update Goshawk")
+            finest = archive["finest_m"]
+            grid = Grid(tuple(archive["origin_world_m"]), tuple(archive["voxel_m"]), finest.shape)
+    except FileNotFoundError:
+        raise InputError(f"{path} does not exist") from None
+    except (KeyError, ValueError, EOFError, OSError, zipfile.BadZipFile, InputError) as error:
+        raise FormatError(f"{path} is a damaged visibility mask: {error}") from error
+    return Visibility(grid, finest)
