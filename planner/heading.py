@@ -1,8 +1,11 @@
 """Where the vehicle looks: a yaw spline on the same knots, along the path as far as the yaw rate allows.
 
-A smoothing spline: least integral of w (yaw - heading)^2 + smoothing^8 (fourth derivative)^2, with the headings that
-were asked for pinned. The weight w fades where the vehicle hardly moves, so a hover may face anywhere.
+A smoothing spline: least integral of w (yaw - heading)^2 + (s^2 times the body's yaw acceleration)^2 + a little of the
+fourth derivative, with the headings that were asked for pinned; s is the time over which turns are smoothed out. The
+weight w fades where the vehicle hardly moves, so a hover may face anywhere.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,8 +18,46 @@ _SLOW_M_S = 0.5
 """Horizontal speed at which looking along the path counts half."""
 _SMOOTHING_S = (0.05, 10.0)
 """Range of the time over which turns of the heading are smoothed out."""
+_SOFTEST_S = 0.2
+"""Most that goes into the fourth derivative: yaw must be able to take back what tilting adds to the yaw rate."""
 _FAINT = 1e-6
 """Weight of the heading where the vehicle stands still, so that the spline is always determined."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """What the vehicle can do about its yaw."""
+
+    rate_rad_s: float
+    """Largest yaw rate of the body."""
+    acceleration_rad_s2: float
+    """Largest change of it: rotors have little torque about their own axes."""
+
+
+def steady_enough(
+    spline: minimum_snap.Spline, asked_rad: FloatArray, bounds: Bounds, *, along_path: bool
+) -> FloatArray:
+    """As `solve`, with the least smoothing that stays within the bounds, or comes nearest to them."""
+    spin, spin_up = tilt_spin(spline)
+    T = spline.durations_s
+
+    def excess(states: FloatArray) -> float:
+        rate = np.abs(_sampled(states[..., None], T, 1)[..., 0] + spin).max() / bounds.rate_rad_s
+        change = np.abs(_sampled(states[..., None], T, 2)[..., 0] + spin_up).max() / bounds.acceleration_rad_s2
+        return float(max(rate, change))
+
+    quick, slow = np.log(_SMOOTHING_S)
+    best = solve(spline, asked_rad, smoothing_s=_SMOOTHING_S[1], along_path=along_path)
+    least = excess(best)
+    for _ in range(8):
+        middle = 0.5 * (quick + slow)
+        yaw = solve(spline, asked_rad, smoothing_s=float(np.exp(middle)), along_path=along_path)
+        found = excess(yaw)
+        if found <= max(least, 1.0):
+            best, least, slow = yaw, max(found, 1.0), middle
+        else:
+            quick = middle
+    return best
 
 
 def solve(
@@ -31,55 +72,42 @@ def solve(
     """
     T = spline.durations_s
     heading, weight = path_heading(spline)
-    if not along_path or not (weight > _FAINT).any():
-        heading, weight = np.zeros_like(heading), np.full_like(weight, _FAINT)
     pinned = _unwrapped(asked_rad, heading)
-    if not along_path and np.isfinite(pinned).any():
-        known = np.flatnonzero(np.isfinite(pinned))
-        starts = np.concatenate([[0.0], np.cumsum(T)])
-        times = starts[:-1, None] + _points() * T[:, None]
-        heading = np.interp(times, starts[known], pinned[known])
+    if not along_path:
+        heading, weight = np.zeros_like(heading), np.full_like(weight, _FAINT)
+        if np.isfinite(pinned).any():
+            heading += pinned[np.isfinite(pinned)][0]
     size = 4 * (len(T) + 1)
     matrix, right = np.zeros((size, size)), np.zeros(size)
-    B = hermite.basis(_points(), 0) @ hermite.monomials_from_states()
-    energy = minimum_snap.energy(T) * smoothing_s**8
-    for i, duration in enumerate(T):
-        rows = B * hermite.time_powers(duration[None])[0]
+    spin_up, step = tilt_spin(spline)[1], T / _SAMPLES
+    energy = minimum_snap.energy(T) * min(smoothing_s, _SOFTEST_S) ** 8
+    M, S = hermite.monomials_from_states(), hermite.time_powers(T)[:, None]
+    value = (hermite.basis(_points(), 0) @ M) * S
+    bend = (hermite.basis(_points(), 2) @ M) * S / T[:, None, None] ** 2
+    for i in range(len(T)):
         block = slice(4 * i, 4 * i + 8)
-        w = weight[i] * duration / _SAMPLES
-        matrix[block, block] += energy[i] + (rows.T * w) @ rows
-        right[block] += rows.T @ (w * heading[i])
+        look, steady = (weight[i] * step[i])[:, None] * value[i], smoothing_s**4 * step[i] * bend[i]
+        matrix[block, block] += energy[i] + look.T @ value[i] + steady.T @ bend[i]
+        right[block] += look.T @ heading[i] - steady.T @ spin_up[i]
     return _solve_pinned(matrix, right, pinned).reshape(-1, 4)
 
 
-def steady_enough(
-    spline: minimum_snap.Spline, asked_rad: FloatArray, yaw_rate_rad_s: float, *, along_path: bool
-) -> FloatArray:
-    """As `solve`, with the least smoothing that keeps the body's yaw rate within the bound (or the most there is)."""
-    quick, slow = np.log(_SMOOTHING_S)
-    yaw = solve(spline, asked_rad, smoothing_s=_SMOOTHING_S[1], along_path=along_path)
-    if not along_path:
-        return yaw
-    spin = _tilt_spin(spline)
-    for _ in range(8):
-        middle = 0.5 * (quick + slow)
-        candidate = solve(spline, asked_rad, smoothing_s=float(np.exp(middle)))
-        if np.abs(_sampled(candidate[..., None], spline.durations_s, 1)[..., 0] + spin).max() <= yaw_rate_rad_s:
-            slow, yaw = middle, candidate
-        else:
-            quick = middle
-    return yaw
+def tilt_spin(spline: minimum_snap.Spline) -> tuple[FloatArray, FloatArray]:
+    """What turning the thrust axis n adds to the body's yaw rate, and its time derivative: two arrays (k, samples).
 
-
-def _tilt_spin(spline: minimum_snap.Spline) -> FloatArray:
-    """What turning the thrust axis n adds to the body's yaw rate, (k, samples): yaw here turns before it tilts."""
+    Yaw turns before it tilts here, and the shortest tilt spins about body z by -(n x dn/dt)_z / (1 + n_z).
+    """
     T = spline.durations_s
     thrust = _sampled(spline.states, T, 2) + np.array([0.0, 0.0, GRAVITY_M_S2])
     size = np.maximum(np.linalg.norm(thrust, axis=-1, keepdims=True), 1.0)
-    n = thrust / size
-    jerk = _sampled(spline.states, T, 3) / size
-    turn = jerk - n * np.sum(n * jerk, axis=-1, keepdims=True)
-    return -(n[..., 0] * turn[..., 1] - n[..., 1] * turn[..., 0]) / np.maximum(1.0 + n[..., 2], 0.1)
+    n, jerk, snap = thrust / size, _sampled(spline.states, T, 3) / size, _sampled(spline.states, T, 4) / size
+    along = np.sum(n * jerk, axis=-1, keepdims=True)
+    turn = jerk - n * along
+    # d turn / dt, of which only the part across n matters below
+    bend = snap - 2.0 * along * turn - n * np.sum(n * snap, axis=-1, keepdims=True)
+    low = np.maximum(1.0 + n[..., 2], 0.1)
+    spin = -(n[..., 0] * turn[..., 1] - n[..., 1] * turn[..., 0]) / low
+    return spin, -(n[..., 0] * bend[..., 1] - n[..., 1] * bend[..., 0]) / low - spin * turn[..., 2] / low
 
 
 def _sampled(states: FloatArray, durations_s: FloatArray, derivative: int) -> FloatArray:

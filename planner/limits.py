@@ -11,13 +11,17 @@ import numpy as np
 
 import vehicle as vehicles
 from flight import FlightError, FloatArray, Trajectory, polynomial
-from planner import penalty
-from vehicle import Limits, Vehicle, flatness
+from planner import heading, penalty
+from vehicle import Limits, Vehicle, flatness, invert
 
 _PIECES = 16
 """Parts of a segment in which the hull bound is taken; its gap falls with the square of their number."""
 _SIDE_S = 1e-9
 """How far from a join the sides are looked at: snap, and with it the torque, may jump there."""
+
+
+NAMES = ("speed", "acceleration", "tilt", "roll and pitch rate", "yaw rate", "rotor speed", "slowest rotor")
+"""The checks of this module, in order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +123,29 @@ def _attitude_values(trajectory: Trajectory, vehicle: Vehicle, times: FloatArray
     return [tilt, np.hypot(rate[:, 0], rate[:, 1]), np.abs(rate[:, 2]), rotor.max(axis=1), rotor.min(axis=1)]
 
 
+def time_shares(trajectory: Trajectory, vehicle: Vehicle, limits: Limits, times: FloatArray) -> FloatArray:
+    """By what factor times must grow for each limit to be met exactly, (limits, times); below 1 there is room.
+
+    A prediction: speed and yaw rate fall with the time, acceleration and what follows from it with its square, rates
+    of the thrust's direction with its cube. Where the vehicle has no answer at all the factor is 1.5.
+    """
+    hover = float(flatness.state(vehicle, trajectory, times[:1]).rotor_speed_rad_s.mean())
+    tilt, rate, yaw_rate, fastest, slowest = _attitude_values(trajectory, vehicle, times)
+    speed, push = (np.linalg.norm(trajectory.position(times, r), axis=1) for r in (1, 2))
+    room = np.stack(
+        [
+            speed / limits.speed_m_s,
+            np.sqrt(push / limits.acceleration_m_s2),
+            np.sqrt(tilt / limits.tilt_rad),
+            np.cbrt(rate / limits.rate_rad_s),
+            yaw_rate / limits.yaw_rate_rad_s,
+            np.sqrt(np.maximum(fastest - hover, 0.0) / max(limits.rotor_speed_max_rad_s - hover, 1e-9)),
+            np.sqrt(np.maximum(hover - slowest, 0.0) / max(hover - limits.rotor_speed_min_rad_s, 1e-9)),
+        ]
+    )
+    return np.where(np.isfinite(room), room, 1.5)
+
+
 def sample_times(trajectory: Trajectory, step_s: float) -> tuple[FloatArray, np.ndarray]:
     """Times at most `step_s` apart, both sides of every join among them, and the segment each belongs to."""
     times, segments = [], []
@@ -149,8 +176,6 @@ def point_mass_bounds(vehicle: Vehicle, limits: Limits) -> penalty.Bounds:
     least, most = (float(vehicles.wrench(vehicle, still, still, np.full((1, 4), n))[0][0, 2]) / mass for n in speeds)
     arm = float(np.abs(vehicle.hub_body_m[:, :2]).mean())
     inertia = max(vehicle.value("inertia_xx_kg_m2"), vehicle.value("inertia_yy_kg_m2"))
-    # Half of the spare thrust turns the vehicle, the other half is left to climb and brake.
-    spare = 0.5 * mass * min(most - penalty.GRAVITY_M_S2, penalty.GRAVITY_M_S2 - least)
     return penalty.Bounds(
         speed_m_s=limits.speed_m_s,
         acceleration_m_s2=limits.acceleration_m_s2,
@@ -158,5 +183,15 @@ def point_mass_bounds(vehicle: Vehicle, limits: Limits) -> penalty.Bounds:
         rate_rad_s=limits.rate_rad_s,
         thrust_min_m_s2=least,
         thrust_max_m_s2=most,
-        turn_rad_s2=spare * arm / inertia / np.sqrt(2.0),
+        # A turn about the diagonal is the dearest, two rotors do all of it; a fifth of their room is left for yaw.
+        turn_rad_s2_per_m_s2=0.8 * mass * arm / inertia / np.sqrt(2.0),
     )
+
+
+def yaw_bounds(vehicle: Vehicle, limits: Limits) -> heading.Bounds:
+    """Yaw rate, and the yaw acceleration from moving a quarter of hover's thrust between the two pairs of rotors."""
+    still = np.zeros((1, 3))
+    hover = invert.hover(vehicle)
+    uneven = (hover * np.sqrt(1.0 + 0.25 * np.sign(vehicle.spin)))[None]
+    torque = float(abs(vehicles.wrench(vehicle, still, still, uneven)[1][0, 2]))
+    return heading.Bounds(0.9 * limits.yaw_rate_rad_s, max(torque / vehicle.value("inertia_zz_kg_m2"), 0.1))

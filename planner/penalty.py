@@ -27,20 +27,9 @@ class Bounds:
     """Smallest thrust per mass."""
     thrust_max_m_s2: float
     """Largest thrust per mass."""
-    turn_rad_s2: float
-    """Largest angular acceleration of the thrust direction that the rotors give at any thrust in between."""
-
-    def scaled(self, factor: float) -> "Bounds":
-        """Tighter (factor < 1) speeds, accelerations and rates; thrust and tilt shrink towards hover."""
-        return Bounds(
-            speed_m_s=self.speed_m_s * factor,
-            acceleration_m_s2=self.acceleration_m_s2 * factor,
-            tilt_rad=self.tilt_rad * factor,
-            rate_rad_s=self.rate_rad_s * factor,
-            thrust_min_m_s2=GRAVITY_M_S2 + (self.thrust_min_m_s2 - GRAVITY_M_S2) * factor,
-            thrust_max_m_s2=GRAVITY_M_S2 + (self.thrust_max_m_s2 - GRAVITY_M_S2) * factor,
-            turn_rad_s2=self.turn_rad_s2 * factor,
-        )
+    turn_rad_s2_per_m_s2: float
+    """Angular acceleration of the thrust direction bought with each m/s2 of thrust that the weakest rotor has above
+    its least, or the strongest below its most."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,10 +59,9 @@ def dynamics(
     thrust = acceleration + _UP
     # Near free fall the direction of the thrust is undefined; the lower thrust limit keeps the path from there.
     square = np.maximum(_dot(thrust, thrust), 0.04 * GRAVITY_M_S2**2)
-    _thrust(total, thrust, square, bounds)
     _tilt(total, thrust, square, bounds)
-    _turning(total.value, total.by_acceleration, total.by_jerk, thrust, square, jerk, bounds.rate_rad_s)
-    _turning(total.value, total.by_acceleration, total.by_snap, thrust, square, snap, bounds.turn_rad_s2)
+    _rate(total, thrust, square, jerk, bounds)
+    _rotors(total, thrust, square, snap, bounds)
     return total
 
 
@@ -100,13 +88,6 @@ def _acceleration(total: Penalty, acceleration: FloatArray, bounds: Bounds) -> N
     _add(total.value, excess, (total.by_acceleration, 2.0 * acceleration / square))
 
 
-def _thrust(total: Penalty, thrust: FloatArray, square: FloatArray, bounds: Bounds) -> None:
-    most = bounds.thrust_max_m_s2**2
-    least = bounds.thrust_min_m_s2**2
-    _add(total.value, square / most - 1.0, (total.by_acceleration, 2.0 * thrust / most))
-    _add(total.value, (least - square) / GRAVITY_M_S2**2, (total.by_acceleration, -2.0 * thrust / GRAVITY_M_S2**2))
-
-
 def _tilt(total: Penalty, thrust: FloatArray, square: FloatArray, bounds: Bounds) -> None:
     size = np.sqrt(square)
     cosine = np.cos(bounds.tilt_rad)
@@ -116,21 +97,42 @@ def _tilt(total: Penalty, thrust: FloatArray, square: FloatArray, bounds: Bounds
     _add(total.value, excess, (total.by_acceleration, gradient / GRAVITY_M_S2))
 
 
-def _turning(
-    value: FloatArray,
-    by_acceleration: FloatArray,
-    by_motion: FloatArray,
-    thrust: FloatArray,
-    square: FloatArray,
-    motion: FloatArray,
-    limit: float,
-) -> None:
-    """The part of jerk (or snap) across the thrust, over the thrust: how fast the direction turns (or is spun up)."""
-    along = _dot(motion, thrust)
-    across = np.maximum(_dot(motion, motion) * square - along * along, 0.0)
-    scale = 1.0 / (limit**2 * square * square)
-    excess = across * scale - 1.0
-    by_thrust = 2.0 * (_dot(motion, motion)[..., None] * thrust - along[..., None] * motion)
+def _across(motion: FloatArray, thrust: FloatArray, square: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """|motion x thrust|^2 and its gradients by motion and thrust: the part of jerk or snap that turns the thrust."""
+    along, size = _dot(motion, thrust), _dot(motion, motion)
+    value = np.maximum(size * square - along * along, 0.0)
+    by_motion = 2.0 * (square[..., None] * motion - along[..., None] * thrust)
+    by_thrust = 2.0 * (size[..., None] * thrust - along[..., None] * motion)
+    return value, by_motion, by_thrust
+
+
+def _rate(total: Penalty, thrust: FloatArray, square: FloatArray, jerk: FloatArray, bounds: Bounds) -> None:
+    """The thrust direction turns with |jerk x thrust| / thrust^2."""
+    across, by_jerk, by_thrust = _across(jerk, thrust, square)
+    scale = 1.0 / (bounds.rate_rad_s * square) ** 2
     by_thrust = by_thrust * scale[..., None] - (4.0 * across * scale / square)[..., None] * thrust
-    by_this = 2.0 * (square[..., None] * motion - along[..., None] * thrust) * scale[..., None]
-    _add(value, excess, (by_acceleration, by_thrust), (by_motion, by_this))
+    _add(
+        total.value,
+        across * scale - 1.0,
+        (total.by_acceleration, by_thrust),
+        (total.by_jerk, by_jerk * scale[..., None]),
+    )
+
+
+def _rotors(total: Penalty, thrust: FloatArray, square: FloatArray, snap: FloatArray, bounds: Bounds) -> None:
+    """The weakest and the strongest rotor: mean thrust, less or more what spinning the body up takes.
+
+    The angular acceleration is taken as |snap x thrust| / thrust^2, without what is quadratic in the rates.
+    """
+    size = np.sqrt(square)
+    across, by_snap, by_thrust = _across(snap, thrust, square)
+    root = np.sqrt(across + 1e-6)
+    gain = 1.0 / (bounds.turn_rad_s2_per_m_s2 * square * GRAVITY_M_S2)
+    spread = root * gain
+    by_snap = by_snap * (0.5 * gain / root)[..., None]
+    spread_by_thrust = by_thrust * (0.5 * gain / root)[..., None] - (2.0 * spread / square)[..., None] * thrust
+    direction = thrust / (size * GRAVITY_M_S2)[..., None]
+    weakest = spread + (bounds.thrust_min_m_s2 - size) / GRAVITY_M_S2
+    strongest = spread + (size - bounds.thrust_max_m_s2) / GRAVITY_M_S2
+    _add(total.value, weakest, (total.by_acceleration, spread_by_thrust - direction), (total.by_snap, by_snap))
+    _add(total.value, strongest, (total.by_acceleration, spread_by_thrust + direction), (total.by_snap, by_snap))

@@ -11,13 +11,13 @@ from planner import gate, heading, hermite, limits, minimum_snap, repair, routes
 from planner.options import PlanInfeasibleError, PlanOptions
 from planner.repair import Path
 from planner.time_allocation import Problem, Weights
-from vehicle import Limits, Vehicle
+from vehicle import Limits, Vehicle, invert
 
 _AIM_M = 0.02
 """What the optimiser keeps beyond the required clearance, for what lies between the samples it looks at."""
-_YAW_USE = 0.9
-"""Share of the yaw rate that looking along the path may take."""
-_MOST_KNOTS = 120
+_SLOWER = (1.005, 1.015, 1.04, 1.1, 1.3)
+"""Factors on the time that are tried where the gate, with its finer samples, finds a limit exceeded."""
+_MOST_KNOTS = 36
 """Beyond this many knots pieces are not split further: planning time grows with them."""
 
 
@@ -53,6 +53,7 @@ def plan(
     """
     options = PlanOptions() if options is None else options
     progress("route", 0.0)
+    _check_vehicle(vehicle)
     routes.check_waypoints(waypoints, field, options.clearance_m)
     route = routes.find(waypoints, field, options)
     progress("optimise", 0.2)
@@ -60,28 +61,36 @@ def plan(
     progress("limits", 0.7)
     trajectory = _with_heading(path, waypoints, vehicle, options)
     progress("gate", 0.9)
-    report = gate.check(trajectory, field, vehicle, options, waypoints_world_m=waypoints.positions_world_m)
+    trajectory, report = _at_the_gate(trajectory, waypoints, field, vehicle, options)
     if not report.passed:
         raise _refused(report, trajectory, path)
     progress("gate", 1.0)
     return Plan(trajectory, report, waypoints, route.points, path.method)
 
 
+def _check_vehicle(vehicle: Vehicle) -> None:
+    try:
+        invert.hover(vehicle)
+    except InfeasibleError as error:
+        raise PlanInfeasibleError(str(error), "correct the vehicle's mass, thrust or limits") from error
+
+
 def fastest_path(route: routes.Route, field: space.DistanceField, vehicle: Vehicle, options: PlanOptions) -> Path:
     """Least time along the route in two rounds: few knots first, then more of them and hardly any price on snap."""
     bounds = limits.point_mass_bounds(vehicle, _limits(vehicle, options))
+    dense = routes.subdivided(route, field)
     problem = Problem(
-        knots=route.points,
-        free=route.waypoint < 0,
+        knots=dense.points,
+        free=dense.waypoint < 0,
         bounds=bounds,
         field=field,
         clearance_m=space.aim(field, options.clearance_m) + _AIM_M,
         weights=Weights(snap=1e-5),
     )
-    lengths = np.linalg.norm(np.diff(route.points, axis=0), axis=1)
+    lengths = np.linalg.norm(np.diff(dense.points, axis=0), axis=1)
     slow = np.maximum(lengths, 0.3) / (0.3 * min(bounds.speed_m_s, bounds.acceleration_m_s2))
     rough = time_allocation.optimise(problem, slow, iterations=150)
-    knots, durations, waypoint = _split(rough.spline, route.waypoint, _pieces(route, options))
+    knots, durations, waypoint = _split(rough.spline, dense.waypoint, _pieces(dense, options))
     problem = replace(problem, knots=knots, free=waypoint < 0, weights=Weights(snap=1e-7, limits=1500.0))
     fine = time_allocation.optimise(problem, durations, iterations=200)
     path = repair.bend_until_clear(problem, fine, waypoint, options)
@@ -105,21 +114,31 @@ def _split(spline: minimum_snap.Spline, waypoint: np.ndarray, pieces: int) -> tu
 
 
 def _with_heading(path: Path, waypoints: Waypoints, vehicle: Vehicle, options: PlanOptions) -> Trajectory:
-    """Scale the path's time to use the limits to the full, then turn the vehicle along it as fast as it may turn."""
+    """Turn the vehicle along the path as fast as it may turn, and scale the time to use the limits to the full."""
     asked = np.where(path.waypoint >= 0, waypoints.yaw_rad[path.waypoint], np.nan)
     bounds = _limits(vehicle, options)
+    spline, can = path.spline, limits.yaw_bounds(vehicle, bounds)
+    yaw = heading.steady_enough(spline, asked, can, along_path=options.yaw == "along_path")
+    states = np.concatenate([spline.states, yaw[..., None]], axis=2)
+    trajectory = Trajectory(spline.durations_s, hermite.coefficients(states, spline.durations_s))
     try:
-        spline = repair.slower(path.spline, repair.time_scale(repair.position_trajectory(path.spline), vehicle, bounds))
-        yaw = heading.steady_enough(
-            spline, asked, _YAW_USE * bounds.yaw_rate_rad_s, along_path=options.yaw == "along_path"
-        )
-        states = np.concatenate([spline.states, yaw[..., None]], axis=2)
-        trajectory = Trajectory(spline.durations_s, hermite.coefficients(states, spline.durations_s))
-        return trajectory.scale_time(
-            max(1.0, repair.time_scale(trajectory, vehicle, bounds, step_s=options.sample_step_s))
-        )
+        return trajectory.scale_time(repair.time_scale(trajectory, vehicle, bounds))
     except InfeasibleError as error:
         raise PlanInfeasibleError(str(error), "check the vehicle's limits") from error
+
+
+def _at_the_gate(
+    trajectory: Trajectory, waypoints: Waypoints, field: space.DistanceField, vehicle: Vehicle, options: PlanOptions
+) -> tuple[Trajectory, gate.GateReport]:
+    """Ask the gate; where only limits are missed, which were sampled more coarsely before, slow down and ask again."""
+    slower, points = trajectory, waypoints.positions_world_m
+    report = gate.check(slower, field, vehicle, options, waypoints_world_m=points)
+    for factor in _SLOWER:
+        if report.passed or not all(check.name in limits.NAMES for check in report.failures):
+            break
+        slower = trajectory.scale_time(factor)
+        report = gate.check(slower, field, vehicle, options, waypoints_world_m=points)
+    return slower, report
 
 
 def _limits(vehicle: Vehicle, options: PlanOptions) -> Limits:

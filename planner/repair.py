@@ -5,15 +5,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import esdf
-from flight import FloatArray, InfeasibleError, Trajectory
+from flight import InfeasibleError, Trajectory
 from planner import corridor, hermite, limits, minimum_snap, quadratic, space, time_allocation
 from planner.options import PlanOptions
 from planner.routes import Route
 from planner.time_allocation import Problem, Solution
-from vehicle import Limits, Vehicle, flatness
+from vehicle import Limits, Vehicle
 
-_COARSE_S = 0.02
+_COARSE_S = 0.03
 """Sampling of the limits while a time scale is looked for; the gate samples finer."""
+_CRITICAL = 12
+"""Instants per limit that are watched while the time is scaled: those that came nearest to it."""
 _SPARE = 0.003
 """Share of the time that is given away, for what the coarse sampling does not see."""
 
@@ -44,7 +46,7 @@ def bend_until_clear(problem: Problem, start: Solution, waypoint: np.ndarray, op
         if attempt == options.repairs:
             break
         lack = required - found.proven_m if np.isfinite(found.proven_m) else 0.1
-        aim += float(np.clip(1.2 * lack, 0.005, 0.1))
+        aim += float(np.clip(lack, 0.002, 0.01))
         problem = time_allocation.with_weights(
             replace(problem, knots=solution.knots, clearance_m=aim), clearance=problem.weights.clearance * 4.0
         )
@@ -73,47 +75,29 @@ def through_corridor(route: Route, field: space.DistanceField, options: PlanOpti
     return Path(minimum_snap.Spline(T, states, np.empty(0)), route.waypoint, "stop and go")
 
 
-def time_scale(trajectory: Trajectory, vehicle: Vehicle, bounds: Limits, *, step_s: float = _COARSE_S) -> float:
+def time_scale(trajectory: Trajectory, vehicle: Vehicle, bounds: Limits) -> float:
     """The factor on all times at which the first limit is just used: above 1 slows down, below 1 speeds up.
 
     The way through space stays the same, and every limit eases with more time. How fast each one does is known well
-    enough (speed with the time, acceleration with its square...) for a few steps to find the factor.
+    enough (speed with the time, acceleration with its square...) for a few steps to find the factor; and it is the
+    same instants that matter all along, so only the first look is at the whole trajectory.
 
     Raises:
         InfeasibleError: no factor up to fifty keeps the limits.
     """
-    hover = float(flatness.state(vehicle, trajectory, np.zeros(1)).rotor_speed_rad_s.mean())
-    factor, safe = 1.0, np.inf
-    for _ in range(12):
-        checks = limits.check(trajectory.scale_time(factor), vehicle, bounds, step_s=step_s * factor)
-        step = max(_time_share(c, hover) for c in checks)
-        if step <= 1.0:
+    times, _ = limits.sample_times(trajectory, _COARSE_S)
+    shares = limits.time_shares(trajectory, vehicle, bounds, times)
+    critical = times[np.unique(np.argsort(shares, axis=1)[:, -_CRITICAL:])]
+    factor, safe, worst = 1.0, np.inf, float(shares.max())
+    for _ in range(15):
+        if worst <= 1.0:
             safe = min(safe, factor)
-        if 1.0 - 2.0 * _SPARE < step <= 1.0 or factor > 50.0:
+        if 1.0 - 2.0 * _SPARE < worst <= 1.0 or factor > 50.0:
             break
         # A hair more than predicted, or the factor would creep up on the bound from the wrong side for ever.
-        aimed = factor * float(np.clip(step * (1.0 + _SPARE), 0.5, 2.0))
-        factor = min(aimed, 0.5 * (factor + safe)) if step > 1.0 else aimed
+        aimed = factor * float(np.clip(worst * (1.0 + _SPARE), 0.5, 2.0))
+        factor = min(aimed, 0.5 * (factor + safe)) if worst > 1.0 else aimed
+        worst = float(limits.time_shares(trajectory.scale_time(factor), vehicle, bounds, critical * factor).max())
     if not np.isfinite(safe):
         raise InfeasibleError("a limit is exceeded even at a small fraction of the speed; can the vehicle hover?")
     return safe
-
-
-_EASING = {"acceleration": 2.0, "tilt": 2.0, "roll and pitch rate": 3.0, "rotor speed": 2.0, "slowest rotor": 2.0}
-"""Power of the time with which each limit eases; 1 for the others."""
-
-
-def _time_share(check: limits.Check, hover_rad_s: float) -> float:
-    """By what factor times must grow (or may shrink, below 1) for this check alone to be met exactly."""
-    if not np.isfinite(check.value):
-        return 1.5
-    share = check.value / check.bound
-    if check.name in ("rotor speed", "slowest rotor"):  # what counts is the way from hover to the bound
-        share = max((check.value - hover_rad_s) / (check.bound - hover_rad_s), 0.0)
-    return float(share ** (1.0 / _EASING.get(check.name, 1.0)))
-
-
-def slower(spline: minimum_snap.Spline, factor: float) -> minimum_snap.Spline:
-    """The same way with all times multiplied."""
-    states: FloatArray = spline.states / (factor ** np.arange(hermite.ORDER))[:, None]
-    return minimum_snap.Spline(spline.durations_s * factor, states, np.empty(0))

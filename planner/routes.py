@@ -8,6 +8,8 @@ from flight import FlightError, FloatArray, InputError, Waypoints
 from planner import search, space
 from planner.options import PlanInfeasibleError, PlanOptions
 
+_CLOSE_M = 0.5
+"""Spacing of the points of a way that touches obstacles; it grows with twice the room there is."""
 _SAME_M = 1e-3
 """Waypoints nearer than this are one point."""
 
@@ -90,3 +92,15 @@ def find(waypoints: Waypoints, field: space.DistanceField, options: PlanOptions)
         found.append(points[i + 1])
         index.append(i + 1)
     return Route(np.array(found), np.array(index))
+
+
+def subdivided(route: Route, field: space.DistanceField) -> Route:
+    """The same way with more points where it is narrow, so that a spline through them has no room to leave it."""
+    points, index = [route.points[:1]], [route.waypoint[:1]]
+    for i in range(len(route.points) - 1):
+        a, b = route.points[i], route.points[i + 1]
+        near = space.distance(field, a + np.linspace(0.0, 1.0, 9)[:, None] * (b - a)).min()
+        pieces = int(np.ceil(np.linalg.norm(b - a) / (_CLOSE_M + 2.0 * max(near, 0.0))))
+        points.append(a + np.linspace(0.0, 1.0, pieces + 1)[1:, None] * (b - a))
+        index.append(np.append(np.full(pieces - 1, -1), route.waypoint[i + 1]))
+    return Route(np.concatenate(points), np.concatenate(index))

@@ -13,7 +13,7 @@ BOUNDS = penalty.Bounds(
     rate_rad_s=4.0,
     thrust_min_m_s2=6.0,
     thrust_max_m_s2=14.0,
-    turn_rad_s2=60.0,
+    turn_rad_s2_per_m_s2=8.0,
 )
 
 
@@ -97,7 +97,7 @@ def test_twice_as_much_room_in_every_limit_flies_no_slower(open_sky):
     knots = np.array([[0.0, 0, 0], [4, 0, 0], [4, 3, 1], [0, 3, 1]])
     times = []
     for factor in (0.5, 1.0, 2.0):
-        bounds = penalty.Bounds(4 * factor, 6 * factor, 0.6 * factor, 5 * factor, 2.0, 12.0 + 8 * factor, 80 * factor)
+        bounds = penalty.Bounds(4 * factor, 6 * factor, 0.6 * factor, 5 * factor, 2.0, 12.0 + 8 * factor, 10 * factor)
         p = Problem(knots, np.zeros(4, dtype=bool), bounds, open_sky, 0.3, Weights(limits=1000.0))
         times.append(time_allocation.optimise(p, np.full(3, 3.0)).durations_s.sum())
     assert times[0] > times[1] > times[2]
