@@ -1,0 +1,223 @@
+"""Layer files of voxblox (ETH Zurich): ESDF layers out and in, TSDF and occupancy layers in.
+
+A file is the number of messages, then each with its length in front, as varints: one LayerProto (1 voxel_size: double,
+2 voxels_per_side: uint32, 3 type: string), then BlockProtos (1 voxels_per_side, 2 voxel_size, 3-5 origin: doubles,
+6 has_data, 7 voxel_data: repeated uint32). Voxels run x fastest. Words per voxel: "tsdf": distance, weight (floats),
+RGBA; "esdf": distance (float), flags (bit 0 observed, bit 3 fixed; the upper bytes, the parent, are 0);
+"occupancy": log-odds (float), observed. Lattices start at multiples of the voxel in the world.
+"""
+
+import math
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from esdf.field import Field
+from esdf.grid import UNKNOWN, Grid
+from flight import FormatError, InputError, file_format
+
+WORDS = {"tsdf": 3, "esdf": 2, "occupancy": 2}
+OBSERVED, FIXED = 1, 8
+SIDE = 16
+DATA = 0x38  # tag of one voxel_data word
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """A voxblox layer on one dense lattice; what no block covers is not observed."""
+
+    kind: str
+    """"tsdf", "esdf" or "occupancy"."""
+    grid: Grid
+    value: NDArray[np.float32]
+    """(nx, ny, nz) distance in metres, or log-odds; NaN where not observed."""
+    weight: NDArray[np.float32]
+    """(nx, ny, nz) how often seen (TSDF), else 1 where observed; 0 where not."""
+
+
+def export_layer(path: Path, field: Field) -> None:
+    """Write a field as a voxblox ESDF layer; unknown voxels are not observed.
+
+    Raises:
+        InputError: the voxels are not cubes, or the lattice does not start at a multiple of the voxel.
+    """
+    voxel = field.grid.voxel_m[0]
+    start = field.grid.low_world_m / voxel
+    if not field.grid.cubic or np.abs(start - np.rint(start)).max() > 1e-6:
+        raise InputError("voxblox layers have cubic voxels on a lattice through the world's origin; resample first")
+    first = np.rint(start).astype(int)
+    low, high = first // SIDE, -(-(first + np.array(field.grid.shape)) // SIDE)
+    words = np.zeros((*((high - low) * SIDE), 2), np.uint32)
+    place = tuple(slice(a, a + n) for a, n in zip(first - low * SIDE, field.grid.shape, strict=True))
+    known = field.state != UNKNOWN
+    words[(*place, 0)] = np.where(known, field.values_m, np.float32(0.0)).view(np.uint32)
+    words[(*place, 1)] = np.where(known, OBSERVED | np.where(np.abs(field.values_m) < field.cap_m, FIXED, 0), 0)
+    blocks = [
+        _block(words[tuple(slice(i * SIDE, (i + 1) * SIDE) for i in at)], (low + at) * SIDE * voxel, voxel)
+        for at in np.ndindex(*(high - low))
+    ]
+    blocks = [block for block in blocks if block]
+    header = _double(1, voxel) + _varint_field(2, SIDE) + b"\x1a" + _varint(4) + b"esdf"
+    body = b"".join(_varint(len(m)) + m for m in [header, *blocks])
+    file_format.write_bytes(Path(path), _varint(1 + len(blocks)) + body)
+
+
+def import_layer(path: Path) -> Layer:
+    """Read a voxblox layer.
+
+    Raises:
+        InputError: there is no such file.
+        FormatError: it is cut off, not a voxblox layer, or of a type this does not read.
+    """
+    try:
+        data = Path(path).read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"{path} does not exist") from None
+    try:
+        messages = list(_messages(data))
+        numbers, blobs, _ = _fields(messages[0])
+        voxel = struct.unpack("<d", blobs[1])[0]
+        side, kind = numbers[2], blobs[3].decode()
+        if kind not in WORDS:
+            raise ValueError(f"its type is {kind!r}; {', '.join(WORDS)} can be read")
+        blocks = [_read_block(m, side, WORDS[kind], voxel) for m in messages[1:]]
+        if not blocks:
+            raise ValueError("it holds no block")
+    except (IndexError, KeyError, ValueError, TypeError, struct.error) as error:
+        raise FormatError(f"{path} is not a whole voxblox layer: {error}") from error
+    return _assemble(kind, voxel, side, blocks)
+
+
+def _assemble(kind: str, voxel: float, side: int, blocks: list[tuple[NDArray[np.int64], NDArray[np.uint32]]]) -> Layer:
+    corners = np.array([corner for corner, _ in blocks])
+    low, high = corners.min(axis=0), corners.max(axis=0) + side
+    grid = Grid(tuple(low * voxel), (voxel, voxel, voxel), tuple(high - low))
+    value = np.full(grid.shape, np.nan, np.float32)
+    weight = np.zeros(grid.shape, np.float32)
+    for corner, words in blocks:
+        place = tuple(slice(a, a + side) for a in corner - low)
+        if kind == "tsdf":
+            seen = np.ascontiguousarray(words[..., 1]).view(np.float32)
+        else:
+            seen = (words[..., 1] & OBSERVED).astype(np.float32)
+        value[place] = np.where(seen > 0, np.ascontiguousarray(words[..., 0]).view(np.float32), np.nan)
+        weight[place] = seen
+    return Layer(kind, grid, value, weight)
+
+
+def _block(words: NDArray[np.uint32], origin: NDArray[np.float64], voxel: float) -> bytes:
+    """A BlockProto, or nothing if no voxel of it was observed."""
+    if not words[..., 1].any():
+        return b""
+    head = _varint_field(1, SIDE) + _double(2, voxel)
+    head += b"".join(_double(3 + a, float(origin[a])) for a in range(3)) + _varint_field(6, 1)
+    return head + _encode_words(np.ascontiguousarray(words.transpose(2, 1, 0, 3)).ravel())
+
+
+def _read_block(
+    message: bytes, side: int, words_per_voxel: int, voxel: float
+) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
+    """Lowest voxel of a block, and its words (x, y, z, word)."""
+    _, blobs, at = _fields(message, until=DATA)
+    if at < len(message):
+        pairs = _decode_varints(message[at:])
+        if (pairs[0::2] != DATA).any():
+            raise ValueError("a block holds unexpected fields among its voxels")
+        words = pairs[1::2]
+    else:  # written by a newer protobuf, which packs the words
+        words = _decode_varints(blobs.get(7, b""))
+    if len(words) != side**3 * words_per_voxel:
+        raise ValueError(f"a block holds {len(words)} words, not {side**3 * words_per_voxel}")
+    origin = np.array([struct.unpack("<d", blobs.get(3 + a, bytes(8)))[0] for a in range(3)])
+    grid_of_words = words.astype(np.uint32).reshape(side, side, side, words_per_voxel).transpose(2, 1, 0, 3)
+    return np.rint(origin / voxel).astype(np.int64), grid_of_words
+
+
+def _messages(data: bytes) -> Iterator[bytes]:
+    count, at = _read_varint(data, 0)
+    for _ in range(count):
+        size, at = _read_varint(data, at)
+        if at + size > len(data):
+            raise ValueError("it ends in the middle of a message")
+        yield data[at : at + size]
+        at += size
+
+
+def _fields(message: bytes, until: int | None = None) -> tuple[dict[int, int], dict[int, bytes], int]:
+    """Fields by number, varints and all others apart, and where it stopped: at the first tag `until`, or the end."""
+    numbers: dict[int, int] = {}
+    blobs: dict[int, bytes] = {}
+    at = 0
+    while at < len(message):
+        tag, after = _read_varint(message, at)
+        if tag == until:
+            break
+        field, kind, at = tag >> 3, tag & 7, after
+        if kind == 0:
+            numbers[field], at = _read_varint(message, at)
+            continue
+        if kind not in (1, 2, 5):
+            raise ValueError(f"wire type {kind} is not known")
+        size = {1: 8, 5: 4}.get(kind, 0)
+        if kind == 2:
+            size, at = _read_varint(message, at)
+        if at + size > len(message):
+            raise ValueError("a field is cut off")
+        blobs[field] = message[at : at + size]
+        at += size
+    return numbers, blobs, at
+
+
+def _read_varint(data: bytes, at: int) -> tuple[int, int]:
+    value, shift = 0, 0
+    while True:
+        byte = data[at]
+        value |= (byte & 0x7F) << shift
+        at, shift = at + 1, shift + 7
+        if byte < 0x80:
+            return value, at
+        if shift > 63:
+            raise ValueError("a number is longer than 64 bits")
+
+
+def _decode_varints(data: bytes) -> NDArray[np.uint64]:
+    """All varints of a stretch of bytes at once."""
+    raw = np.frombuffer(data, np.uint8)
+    ends = np.flatnonzero(raw < 0x80)
+    if len(raw) and (not len(ends) or ends[-1] != len(raw) - 1):
+        raise ValueError("it ends in the middle of a number")
+    starts = np.concatenate([[0], ends[:-1] + 1])
+    values = np.zeros(len(ends), np.uint64)
+    for byte in range(int((ends - starts).max(initial=0)) + 1):
+        inside = starts + byte <= ends
+        part = raw[np.minimum(starts + byte, max(len(raw) - 1, 0))].astype(np.uint64) & np.uint64(0x7F)
+        values |= np.where(inside, part << np.uint64(7 * byte), np.uint64(0))
+    return values
+
+
+def _encode_words(words: NDArray[np.uint32]) -> bytes:
+    """Field 7 of a BlockProto: every word with its tag in front."""
+    wide = words.astype(np.uint64)
+    groups = np.stack([(wide >> np.uint64(7 * b)) & np.uint64(0x7F) for b in range(5)], axis=1).astype(np.uint8)
+    length = np.maximum(5 - np.argmax(groups[:, ::-1] > 0, axis=1), 1)
+    length[~groups.any(axis=1)] = 1
+    more = np.arange(5) < (length - 1)[:, None]
+    stream = np.concatenate([np.full((len(words), 1), DATA, np.uint8), groups | np.where(more, 0x80, 0)], axis=1)
+    return stream[np.arange(6) <= length[:, None]].astype(np.uint8).tobytes()
+
+
+def _varint(value: int) -> bytes:
+    size = max(1, math.ceil(value.bit_length() / 7))
+    return bytes((value >> 7 * i) & 0x7F | (0x80 if i < size - 1 else 0) for i in range(size))
+
+
+def _varint_field(number: int, value: int) -> bytes:
+    return _varint(number << 3) + _varint(value)
+
+
+def _double(number: int, value: float) -> bytes:
+    return _varint(number << 3 | 1) + struct.pack("<d", value)

@@ -1,0 +1,197 @@
+"""Looking at a field: slices in any direction, iso-surfaces as meshes, a histogram."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from esdf.field import Field, SampledField
+from flight import FloatArray, InputError, file_format
+
+Axis = Literal["x", "y", "z"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Slice:
+    """A plane through a field, sampled like a picture."""
+
+    distance_m: FloatArray
+    """(rows, columns); NaN where the map has no answer."""
+    corner_world_m: FloatArray
+    """(3,) of the first sample."""
+    right_world_m: FloatArray
+    """(3,) step from column to column."""
+    up_world_m: FloatArray
+    """(3,) step from row to row."""
+
+    @property
+    def extent_m(self) -> tuple[float, float, float, float]:
+        """Left, right, bottom, top of the picture, in metres along its own axes from the first sample."""
+        rows, columns = self.distance_m.shape
+        width, height = np.linalg.norm(self.right_world_m), np.linalg.norm(self.up_world_m)
+        return (-0.5 * float(width), (columns - 0.5) * float(width), -0.5 * float(height), (rows - 0.5) * float(height))
+
+
+def axis_slice(field: SampledField, axis: Axis, at_m: float, *, step_m: float | None = None) -> Slice:
+    """The plane where one world coordinate is `at_m`: x or y horizontal, the later one upwards.
+
+    Raises:
+        InputError: the plane misses the map.
+    """
+    a = "xyz".index(axis)
+    low, high = field.grid.low_world_m, field.grid.high_world_m
+    if not low[a] <= at_m <= high[a]:
+        raise InputError(f"the map goes from {axis} = {low[a]:g} to {high[a]:g} m; {at_m:g} m is beside it")
+    u, v = [b for b in range(3) if b != a]
+    step = step_m if step_m is not None else min(field.grid.voxel_m)
+    centre = 0.5 * (low + high)
+    centre[a] = at_m
+    size = (float(high[u] - low[u]), float(high[v] - low[v]))
+    return oblique_slice(field, centre, np.eye(3)[u], np.eye(3)[v], size_m=size, step_m=step)
+
+
+def oblique_slice(
+    field: SampledField,
+    centre_world_m: ArrayLike,
+    right_world: ArrayLike,
+    up_world: ArrayLike,
+    *,
+    size_m: tuple[float, float],
+    step_m: float,
+) -> Slice:
+    """Any plane: `right` and `up` span it (`up` is made perpendicular), `size_m` is its width and height."""
+    right = np.asarray(right_world, dtype=np.float64)
+    up = np.asarray(up_world, dtype=np.float64)
+    if np.linalg.norm(np.cross(right, up)) < 1e-9:
+        raise InputError("the directions of a slice must not be parallel")
+    if not (step_m > 0.0 and min(size_m) > 0.0):
+        raise InputError(f"a slice of {size_m} m in steps of {step_m:g} m is empty")
+    right = right / np.linalg.norm(right)
+    up = up - right * (up @ right)
+    up = up / np.linalg.norm(up)
+    columns, rows = (max(1, round(s / step_m)) for s in size_m)
+    across = (np.arange(columns) - 0.5 * (columns - 1)) * step_m
+    along = (np.arange(rows) - 0.5 * (rows - 1)) * step_m
+    centre = np.asarray(centre_world_m, dtype=np.float64)
+    points = centre + along[:, None, None] * up + across[None, :, None] * right
+    distance = field.distance(points.reshape(-1, 3)).reshape(rows, columns)
+    return Slice(distance, points[0, 0], right * step_m, up * step_m)
+
+
+def colours(distance_m: FloatArray, *, full_m: float = 2.0) -> NDArray[np.uint8]:
+    """RGB (..., 3): red and dark inside obstacles, from orange over white to blue outside, grey where unknown."""
+    d = np.nan_to_num(np.clip(distance_m / full_m, -1.0, 1.0), nan=0.0)[..., None]
+    anchors = np.array([-1.0, -1e-6, 0.0, 0.15, 0.5, 1.0])
+    palette = np.array([[60, 0, 0], [170, 20, 20], [240, 110, 30], [250, 220, 160], [170, 205, 235], [30, 80, 160]])
+    rgb = np.concatenate([np.interp(d, anchors, palette[:, channel]) for channel in range(3)], axis=-1)
+    rgb[np.isnan(distance_m)] = 128
+    return np.rint(rgb).astype(np.uint8)
+
+
+def write_slice(path: Path, picture: Slice, *, title: str = "") -> None:
+    """A PNG with scale bar in metres and contour lines; the zero contour is the surface."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 6), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    full = float(np.nanmax(np.abs(picture.distance_m), initial=1e-3))
+    axes.imshow(
+        colours(picture.distance_m, full_m=full), origin="lower", extent=picture.extent_m, interpolation="nearest"
+    )
+    if np.isfinite(picture.distance_m).sum() > 3 and min(picture.distance_m.shape) > 1:
+        levels = np.arange(np.ceil(-full / 0.5), full / 0.5) * 0.5
+        lines = axes.contour(
+            picture.distance_m, levels=levels, colors="k", linewidths=0.5, extent=picture.extent_m, origin="lower"
+        )
+        axes.clabel(lines, fmt="%g m", fontsize=7)
+    axes.set(title=title, xlabel="m", ylabel="m")
+    with file_format.atomic_file(Path(path)) as temporary:
+        figure.savefig(temporary, format="png", dpi=110)
+
+
+def write_histogram(path: Path, field: Field) -> None:
+    """A PNG of how much of the known map is how far from the nearest surface."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    edges_m, volume_m3 = histogram(field)
+    figure = Figure(figsize=(7, 4), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    axes.stairs(volume_m3, edges_m, fill=True, color="#4477aa")
+    axes.set(xlabel="signed distance to the nearest surface (m)", ylabel="volume (m³)", yscale="log")
+    with file_format.atomic_file(Path(path)) as temporary:
+        figure.savefig(temporary, format="png", dpi=110)
+
+
+def histogram(field: Field, *, bins: int = 60) -> tuple[FloatArray, FloatArray]:
+    """Bin edges (bins + 1,) in metres and the known volume in each bin (bins,), in cubic metres."""
+    values = field.values_m[np.isfinite(field.values_m)]
+    if values.size == 0:
+        raise InputError("nothing in this map is known, so there is no distance to count")
+    counts, edges = np.histogram(values, bins=bins)
+    return edges.astype(np.float64), counts * float(np.prod(field.grid.voxel_m))
+
+
+def iso_surface(field: Field, level_m: float = 0.0) -> tuple[FloatArray, NDArray[np.int32]]:
+    """The surface where the distance is `level_m`: vertices (n, 3) and triangles (m, 3), normals towards free space.
+
+    Each cell of eight voxel centres is cut into six tetrahedra (so no case is ambiguous, and the surface has no holes);
+    cells with an unknown corner are left out.
+    """
+    values = field.values_m - np.float32(level_m)
+    base = np.argwhere(_crossed(values))
+    corners = np.array([[c >> 2 & 1, c >> 1 & 1, c & 1] for c in range(8)])
+    value = np.stack([values[tuple((base + c).T)] for c in corners], axis=1)
+    points = field.grid.centre((base[:, None] + corners).reshape(-1, 3)).reshape(-1, 8, 3)
+    triangles = [_cut(value[:, t], points[:, t]) for t in TETRAHEDRA]
+    soup = np.concatenate(triangles) if triangles else np.empty((0, 3, 3))
+    vertices, number = np.unique(np.round(soup.reshape(-1, 3), 9), axis=0, return_inverse=True)
+    faces = number.reshape(-1, 3).astype(np.int32)
+    whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    return vertices, faces[whole]
+
+
+TETRAHEDRA = np.array([[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]])
+"""A cube's corners 4 x + 2 y + z in six tetrahedra round the diagonal 0-7."""
+
+
+def _crossed(values: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Cells whose corners are on both sides (a NaN corner makes neither comparison true)."""
+    low, high = values, values
+    for axis in range(3):
+        front = tuple(slice(None, -1) if a == axis else slice(None) for a in range(3))
+        back = tuple(slice(1, None) if a == axis else slice(None) for a in range(3))
+        low, high = np.minimum(low[front], low[back]), np.maximum(high[front], high[back])
+    return (low < 0) & (high >= 0)
+
+
+def _cut(value: NDArray[np.float32], points: FloatArray) -> FloatArray:
+    """Triangles (m, 3, 3) where the linear function on tetrahedra (n, 4), (n, 4, 3) is zero."""
+    inside = value < 0
+    order = np.argsort(~inside, axis=1, kind="stable")  # corners inside come first
+    v = np.take_along_axis(value, order, axis=1).astype(np.float64)
+    p = np.take_along_axis(points, order[..., None], axis=1)
+    count = inside.sum(axis=1)
+
+    def crossing(rows: NDArray[np.bool_], a: int, b: int) -> FloatArray:
+        t = v[rows, a] / (v[rows, a] - v[rows, b])
+        return p[rows, a] + t[:, None] * (p[rows, b] - p[rows, a])
+
+    one, two, three = count == 1, count == 2, count == 3
+    pieces = [
+        np.stack([crossing(one, 0, b) for b in (1, 2, 3)], axis=1),
+        np.stack([crossing(three, a, 3) for a in (0, 1, 2)], axis=1),
+    ]
+    quad = [crossing(two, a, b) for a, b in ((0, 2), (0, 3), (1, 3), (1, 2))]
+    pieces += [np.stack([quad[0], quad[1], quad[2]], axis=1), np.stack([quad[0], quad[2], quad[3]], axis=1)]
+    out = np.concatenate(pieces)
+    deep = np.concatenate([p[rows, 0] for rows in (one, three, two, two)])
+    normal = np.cross(out[:, 1] - out[:, 0], out[:, 2] - out[:, 0])
+    inward = np.einsum("ij,ij->i", normal, out[:, 0] - deep) < 0
+    out[inward] = out[inward][:, ::-1]
+    return out
