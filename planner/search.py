@@ -8,9 +8,9 @@ from flight import FloatArray
 from planner import simplify, space
 from planner._planner import search as grid_search
 
-_CELLS = 2_000_000
+_CELLS = 800_000
 """Most cells of a search grid; larger regions get larger cells."""
-_FINEST_M = 0.1
+_FINEST_M = 0.12
 _PRICE = 3.0
 """Added price per metre of going at the required clearance rather than at a comfortable one."""
 

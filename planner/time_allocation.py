@@ -4,17 +4,18 @@ The path is always the minimum-snap spline of its knots and times, so the unknow
 and the positions of the knots no pilot asked for. Gradients are exact (adjoint: one more back-substitution).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 
 from flight import FloatArray
 from planner import hermite, minimum_snap, penalty, space
+from planner._planner import running_cost as kernel_cost
 
 _SAMPLES = 16
 """Points per segment where limits and clearance are looked at."""
 _U = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
-_SAMPLE_FROM_STATES = [hermite.basis(_U, r) @ hermite.monomials_from_states() for r in range(5)]
+_SAMPLE_FROM_STATES = np.stack([hermite.basis(_U, r) @ hermite.monomials_from_states() for r in range(5)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,26 +94,39 @@ def cost_and_gradient(
 
 def _running_cost(problem: Problem, d: FloatArray, T: FloatArray) -> tuple[float, FloatArray, FloatArray]:
     """Integral of the penalties over the path, with gradients by segment states (k, 8, 3) and durations (k,)."""
+    near, by_position = _priced_clearance(problem, d, T)
+    by_d, by_T = np.empty_like(d), np.empty_like(T)
+    bounds = np.array(astuple(problem.bounds))
+    value = kernel_cost(d, T, _SAMPLE_FROM_STATES, bounds, problem.weights.limits, near, by_position, by_d, by_T)
+    return value, by_d, by_T
+
+
+def running_cost_numpy(problem: Problem, d: FloatArray, T: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+    """The plain twin of the kernel."""
+    near, by_position = _priced_clearance(problem, d, T)
     S = hermite.time_powers(T)
     scaled = d * S[..., None]
     rates = [1.0 / T**r for r in range(5)]
     motion = [rates[r][:, None, None] * (_SAMPLE_FROM_STATES[r] @ scaled) for r in range(5)]
-    step = T / _SAMPLES
+    step, price = T / _SAMPLES, problem.weights.limits
     limits = penalty.dynamics(motion[1], motion[2], motion[3], motion[4], problem.bounds)
-    near, by_position = _clearance(problem, motion[0])
-    w = problem.weights
-    density = w.limits * limits.value + w.clearance * near
+    density = price * limits.value + near
     value = float(np.sum(step * density.sum(axis=1)))
-    gradients = [w.clearance * by_position] + [
-        w.limits * g for g in (limits.by_velocity, limits.by_acceleration, limits.by_jerk, limits.by_snap)
-    ]
+    others = (limits.by_velocity, limits.by_acceleration, limits.by_jerk, limits.by_snap)
     by_T = density.sum(axis=1) / _SAMPLES
     by_scaled = np.zeros_like(scaled)
-    for r, gradient in enumerate(gradients):
+    for r, gradient in enumerate([by_position, *(price * g for g in others)]):
         by_scaled += (step * rates[r])[:, None, None] * (_SAMPLE_FROM_STATES[r].T @ gradient)
         by_T -= step * r / T * np.einsum("ksx,ksx->k", gradient, motion[r])
     by_T += np.einsum("kax,kax,ka->k", by_scaled, d, hermite.POWERS * S / T[:, None])
     return value, by_scaled * S[..., None], by_T
+
+
+def _priced_clearance(problem: Problem, d: FloatArray, T: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Price of the positions at the samples (k, s), and its gradient (k, s, 3)."""
+    positions = _SAMPLE_FROM_STATES[0] @ (d * hermite.time_powers(T)[..., None])
+    near, by_position = _clearance(problem, positions)
+    return problem.weights.clearance * near, problem.weights.clearance * by_position
 
 
 def _clearance(problem: Problem, positions: FloatArray) -> tuple[FloatArray, FloatArray]:

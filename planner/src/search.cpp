@@ -86,6 +86,8 @@ std::vector<int64_t> astar(const float* distance, int64_t nx, int64_t ny, int64_
     return path;
 }
 
+}  // namespace
+
 Path search(Grid distance, int64_t start, int64_t goal, float required, float comfort, float price) {
     auto* found = new std::vector<int64_t>();
     nb::capsule owner(found, [](void* p) noexcept { delete static_cast<std::vector<int64_t>*>(p); });
@@ -98,9 +100,7 @@ Path search(Grid distance, int64_t start, int64_t goal, float required, float co
     return Path(found->data(), {found->size()}, owner);
 }
 
-}  // namespace
-
-NB_MODULE(_planner, m) {
+void bind_search(nb::module_& m) {
     m.def("search", &search, nb::arg("distance"), nb::arg("start"), nb::arg("goal"), nb::arg("required"),
           nb::arg("comfort"), nb::arg("price"),
           "Cells (flat indices) of the cheapest way from start to goal; empty if there is none.");

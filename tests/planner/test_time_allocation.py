@@ -47,6 +47,15 @@ def test_the_gradient_is_that_of_finite_differences(seed, only):
         assert by_knots[i] == pytest.approx((up - down) / (2 * h), rel=2e-5, abs=1e-4 * np.abs(by_knots).max())
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_the_kernel_says_what_its_plain_twin_says(seed):
+    p, T = problem(seed)
+    d = np.random.default_rng(seed).normal(size=(len(T), 8, 3)) * np.tile([1.0, 4.0, 10.0, 60.0], 2)[:, None]
+    fast, plain = time_allocation._running_cost(p, d, T), time_allocation.running_cost_numpy(p, d, T)
+    for a, b in zip(fast, plain, strict=True):
+        assert np.allclose(a, b, rtol=1e-10, atol=1e-10 * np.abs(b).max())
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_every_penalty_has_its_gradient(seed):
     rng = np.random.default_rng(seed)
