@@ -184,7 +184,7 @@ def _convergence(result: Identification) -> "Figure":
     figure, axes = _figure(1, 2, (10.0, 3.4))
     number = np.arange(1, len(record) + 1)
     axes[0, 0].semilogy(number, [max(i.step_sigma, 1e-6) for i in record], "o-", color=COLOURS[1], linewidth=1.6)
-    axes[0, 0].axhline(0.02, color=INK, linewidth=0.8, linestyle="--")
+    axes[0, 0].axhline(0.05, color=INK, linewidth=0.8, linestyle="--")
     _plain(axes[0, 0], "Largest step of a parameter", "iteration", "standard errors")
     final = np.array([e.value for e in result.parameters if e.status == "free"])
     count = len(final)

@@ -2,7 +2,6 @@
 
 import logging
 from dataclasses import dataclass, replace
-from math import sqrt
 
 import numpy as np
 
@@ -21,7 +20,7 @@ LEAST_PROCESS = np.array([2e-4, 2e-4, 2e-4, 2e-3, 2e-3, 2e-3])
 """Floor of the estimated process noise: what the midpoint rule itself leaves over."""
 OVER_RELAXATION = 1.6
 """Power of the noise update: the plain fixed point (1) creeps, 2 overshoots."""
-CONVERGED_SIGMA = 0.02
+CONVERGED_SIGMA = 0.05
 """Stop when no parameter moves by more than this part of its standard error."""
 CONVERGED_NOISE = 0.05
 """... and no noise level changes by more than this share."""
@@ -286,18 +285,21 @@ def _relative_change(old: Noise, new: Noise) -> float:
 
 
 def robust_covariance(solution: Solution, times_s: list[FloatArray], block_s: float) -> FloatArray:
-    """(p, p) sandwich covariance: errors may be correlated within blocks of `block_s`, and forms slightly wrong."""
-    meat, blocks = np.zeros_like(solution.hessian), 0
+    """(p, p) sandwich covariance: errors may be correlated within blocks of `block_s`, and forms slightly wrong.
+
+    Each block's score is freed of the block's own pull on the estimate (jackknife, CR3), or few blocks that fit
+    themselves would look too good.
+    """
+    bread = solution.covariance()
+    meat, blocks = np.zeros_like(bread), 0
     for rows, sensitivity, time_s in zip(solution.rows, solution.sensitivity, times_s, strict=True):
         p = sensitivity.shape[2]
         defect, sensor = rows.change(-sensitivity, np.eye(p))
-        node_scores = np.einsum("kip,ki->kp", sensor, rows.sensor)
-        node_scores[:-1] += np.einsum("kip,ki->kp", defect, rows.defect)
-        block = ((time_s - time_s[0]) / block_s).astype(int)
-        count = int(block[-1]) + 1
-        scores = np.stack([np.bincount(block, column, count) for column in node_scores.T], axis=1)
-        meat += scores.T @ scores
-        blocks += count
-    bread = solution.covariance()
-    correction = blocks / max(1.0, blocks - sqrt(blocks))
-    return bread @ meat @ bread * correction
+        edges = np.searchsorted(time_s, np.arange(time_s[0], time_s[-1], block_s))
+        for begin, end in zip(edges, [*edges[1:], len(time_s)], strict=True):
+            columns = np.concatenate([defect[begin:end].reshape(-1, p), sensor[begin:end].reshape(-1, p)])
+            residual = np.concatenate([rows.defect[begin:end].ravel(), rows.sensor[begin:end].ravel()])
+            score = np.linalg.solve(np.eye(p) - columns.T @ columns @ bread, columns.T @ residual)
+            meat += np.outer(score, score)
+            blocks += 1
+    return bread @ meat @ bread * ((blocks - 1) / blocks)

@@ -35,7 +35,8 @@ class Truth:
     sensor_turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
     lag: float = 0.03
     gust: float = 0.0
-    """Density of random acceleration, m/s2 root second."""
+    """Standard deviation of a random acceleration that lasts about `gust_time`, m/s2; as many rad/s2."""
+    gust_time: float = 0.5
     extra: Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
     """Hidden effect: velocity in body axes, rate, rotor speed to force and torque."""
 
@@ -98,8 +99,8 @@ def weave(amplitude: np.ndarray, frequency: np.ndarray, phase: np.ndarray, yaw: 
     return at
 
 
-def paper_flights(rng: np.random.Generator) -> Reference:
-    """Three flights as in the paper: vertical, horizontal (fast) and rotation."""
+def paper_flights(rng: np.random.Generator, campaigns: int = 1, spread: float = 0.0) -> Reference:
+    """Per campaign three flights as in the paper: vertical, horizontal (fast) and rotation; sizes vary by `spread`."""
     amplitude = np.zeros((3, 3, 2))
     frequency = np.ones((3, 3, 2))
     amplitude[0, 2], frequency[0, 2] = (1.2, 0.25), (1.7, 4.1)
@@ -110,8 +111,11 @@ def paper_flights(rng: np.random.Generator) -> Reference:
     amplitude[2, 0], frequency[2, 0] = (0.5, 0.08), (3.1, 7.3)
     amplitude[2, 1], frequency[2, 1] = (0.5, 0.08), (3.7, 6.7)
     amplitude[2, 2, 0], frequency[2, 2, 0] = 0.3, 2.3
-    phase = rng.uniform(0.0, 2.0 * np.pi, (3, 3, 2))
-    return weave(amplitude, frequency, phase, np.array([[0.8, 1.7], [1.0, 1.1], [0.9, 4.1]]))
+    shape = (3 * campaigns, 3, 2)
+    vary = 1.0 + spread * rng.uniform(-1.0, 1.0, shape)
+    phase = rng.uniform(0.0, 2.0 * np.pi, shape)
+    yaw = np.tile([[0.8, 1.7], [1.0, 1.1], [0.9, 4.1]], (campaigns, 1))
+    return weave(np.tile(amplitude, (campaigns, 1, 1)) * vary, np.tile(frequency, (campaigns, 1, 1)), phase, yaw)
 
 
 def fly(
@@ -137,13 +141,18 @@ def fly(
         [position, velocity, rotations.from_yaw(yaw), np.zeros((flights, 3)), np.full((flights, 4), 950.0)], axis=1
     )
     kept = np.empty((samples, flights, 17))
+    gust = np.zeros((flights, 6))
+    lasts = np.exp(-h / truth.gust_time)
+    fresh = np.sqrt(1.0 - lasts * lasts) * truth.gust
     for sample in range(samples):
         kept[sample] = state
         for sub in range(steps_per_sample):
             command = _control(truth, state, reference(sample / rate_hz + sub * h))
             state = _step(truth, state, command, h)
             if truth.gust > 0.0:
-                state[:, 3:6] += truth.gust * np.sqrt(h) * rng.standard_normal((flights, 3))
+                gust = lasts * gust + fresh * rng.standard_normal((flights, 6))
+                state[:, 3:6] += h * gust[:, :3]
+                state[:, 10:13] += h * gust[:, 3:]
     time_s = np.arange(samples) / rate_hz
     return [
         _log(truth, time_s, kept[:, i], rng, position_noise_m, attitude_noise_rad, rotor_noise_rad_s, gyro_noise_rad_s)

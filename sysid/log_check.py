@@ -1,0 +1,162 @@
+"""What is wrong with a log, said before anything is fitted; every finding proposes a fix and none is applied."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from flight import FlightLog
+from flight.flight_log import COLUMNS
+from flight.rotations import FloatArray
+from sysid import log_consistency
+from sysid.log_finding import Finding, error, warning
+from vehicle import Vehicle
+
+FROZEN_S = 0.25
+"""A moving quantity that repeats exactly one value for this long has frozen."""
+SATURATED_SHARE = 0.01
+"""A channel that sits exactly at its own extreme in this share of the samples has saturated."""
+COMMANDED = ("setpoint_", "rotor_speed_command", "wind_world")
+"""Columns that may stand still or sit at a limit by intent."""
+
+
+@dataclass(frozen=True, slots=True)
+class LogReport:
+    """All findings about one log."""
+
+    name: str
+    duration_s: float
+    rate_hz: float
+    findings: tuple[Finding, ...]
+
+    @property
+    def worst(self) -> Literal["fine", "warning", "error"]:
+        levels = {f.level for f in self.findings}
+        return "error" if "error" in levels else "warning" if levels else "fine"
+
+    def as_dict(self) -> dict[str, Any]:
+        return {
+            "name": self.name,
+            "duration_s": self.duration_s,
+            "rate_hz": self.rate_hz,
+            "worst": self.worst,
+            "findings": [
+                {"level": f.level, "what": f.what, "sentence": f.sentence, "fix": f.fix} for f in self.findings
+            ],
+        }
+
+
+def check(log: FlightLog, vehicle: Vehicle | None = None) -> LogReport:
+    """Look for faults in a log; with a vehicle, also for rotor order, spin and units that its motion contradicts."""
+    step_s = np.diff(log.time_s)
+    findings = [*_time_base(log), *_not_finite(log), *_frozen(log), *_saturated(log)]
+    findings += log_consistency.check(log, vehicle)
+    return LogReport(
+        name=str(log.metadata.get("name", "log")),
+        duration_s=float(log.time_s[-1] - log.time_s[0]) if len(log) else 0.0,
+        rate_hz=float(1.0 / np.median(step_s)) if len(step_s) else 0.0,
+        findings=tuple(findings),
+    )
+
+
+def _time_base(log: FlightLog) -> list[Finding]:
+    step_s = np.diff(log.time_s)
+    if len(step_s) < 10:
+        return [error("length", f"the log has only {len(log)} rows", "record a flight of 10 s or more")]
+    usual = float(np.median(step_s))
+    found = []
+    if usual >= 0.5:
+        unit, divisor = ("microseconds", "1e6") if usual > 100.0 else ("milliseconds", "1000")
+        sentence = f"rows are {usual:g} s apart: the time looks like {unit}"
+        found.append(error("time unit", sentence, f"divide time_s by {divisor}"))
+    holes = np.flatnonzero(step_s > max(4.0 * usual, 0.04))
+    if len(holes):
+        worst = int(holes[np.argmax(step_s[holes])])
+        found.append(
+            error(
+                "gap",
+                f"{len(holes)} gaps, the longest of {step_s[worst]:.3f} s at {log.time_s[worst]:.3f} s",
+                "fit the pieces between gaps as separate flights (gaps='split')",
+            )
+        )
+    jitter = float(np.std(step_s[step_s < 4.0 * usual]) / usual)
+    if jitter > 0.3:
+        sentence = f"sample intervals vary by {100.0 * jitter:.0f} % of {1000.0 * usual:.1f} ms"
+        found.append(warning("jitter", sentence, "stamp samples where they are taken"))
+    return found
+
+
+def _not_finite(log: FlightLog) -> list[Finding]:
+    found = []
+    for name, values in log.columns.items():
+        bad = ~np.isfinite(values)
+        if np.isinf(values).any():
+            row = int(np.flatnonzero(np.isinf(values))[0])
+            found.append(error("infinite", f"{name} is infinite in row {row}", "write NaN there"))
+        elif bad.all():
+            found.append(warning("empty", f"{name} is never finite", "drop the column"))
+    return found
+
+
+def _frozen(log: FlightLog) -> list[Finding]:
+    found = []
+    for quantity, columns in COLUMNS.items():
+        if quantity.startswith(COMMANDED) or not log.has(quantity):
+            continue
+        for name, values in zip(columns, log.vector(quantity).T, strict=True):
+            rows = np.flatnonzero(np.isfinite(values))
+            if len(rows) < 10:
+                continue
+            if np.ptp(values[rows]) == 0.0:
+                found.append(
+                    warning(
+                        "constant",
+                        f"{name} never changes from {values[rows[0]]:g}",
+                        "drop it or fix the recorder",
+                    )
+                )
+                continue
+            start, end = _longest_repeat(values[rows])
+            length_s = float(log.time_s[rows[end]] - log.time_s[rows[start]])
+            if length_s > FROZEN_S and end - start >= 10:
+                found.append(
+                    error(
+                        "frozen",
+                        f"{name} repeats {values[rows[start]]:g} for {length_s:.2f} s from "
+                        f"{log.time_s[rows[start]]:.2f} s on",
+                        "cut that stretch out, or write NaN there",
+                    )
+                )
+    return found
+
+
+def _longest_repeat(values: FloatArray) -> tuple[int, int]:
+    """First and last index of the longest run of equal values."""
+    edges = np.flatnonzero(np.concatenate([[True], np.diff(values) != 0.0, [True]]))
+    longest = int(np.argmax(np.diff(edges)))
+    return int(edges[longest]), int(edges[longest + 1] - 1)
+
+
+def _saturated(log: FlightLog) -> list[Finding]:
+    found = []
+    for quantity in ("rotor_speed_rad_s", "rate_body_rad_s", "specific_force_body_m_s2"):
+        if not log.has(quantity):
+            continue
+        for name, values in zip(COLUMNS[quantity], log.vector(quantity).T, strict=True):
+            finite = values[np.isfinite(values)]
+            if len(finite) < 100 or np.ptp(finite) == 0.0:
+                continue
+            for extreme in (finite.max(), finite.min()):
+                share = float((finite == extreme).mean())
+                if share > SATURATED_SHARE and extreme != 0.0 and _well_apart(finite, extreme):
+                    sentence = f"{name} sits exactly at {extreme:g} in {100.0 * share:.1f} % of the samples"
+                    fix = "raise the sensor's range or fly gentler; leave the stretch out of the fit"
+                    found.append(warning("saturated", sentence, fix))
+    return found
+
+
+def _well_apart(values: FloatArray, extreme: float) -> bool:
+    """Whether the extreme is much more frequent than its neighbours, so not just a coarse resolution."""
+    other = values[values != extreme]
+    nearest = other[np.argmin(np.abs(other - extreme))]
+    return (values == extreme).sum() > 5 * (other == nearest).sum()

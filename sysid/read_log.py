@@ -1,0 +1,30 @@
+"""Read a flight log of any kind we know: our own Parquet, PX4 ULog, or CSV with a map of its columns and units."""
+
+from pathlib import Path
+
+from flight import FlightLog, FormatError, flight_log
+from sysid import read_csv, read_ulog
+
+
+def read(path: Path, column_map: Path | None = None) -> FlightLog:
+    """The log in `path`; the kind goes by its ending.
+
+    Args:
+        column_map: TOML file that says what the columns of a CSV file are; needed for CSV only.
+
+    Raises:
+        InputError: the file is not there, or a column the map names is missing.
+        FormatError: the file cannot be read as what its name says.
+    """
+    path = Path(path)
+    name = path.name.lower()
+    if name.endswith((".csv", ".csv.gz")):
+        if column_map is None:
+            raise FormatError(f"{path} is CSV; say what its columns are with a column map")
+        return read_csv.read(path, read_csv.load_map(column_map))
+    if name.endswith(".ulg"):
+        return read_ulog.read(path)
+    if name.endswith((".mcap", ".bag", ".db3")):
+        raise FormatError(f"{path} is a ROS recording, which is not read here; export the topics to CSV")
+    log = flight_log.load(path)
+    return FlightLog(log.columns, {"name": path.stem, **log.metadata})

@@ -1,0 +1,116 @@
+"""Each planted fault is named with its fix; a clean log has no findings."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flight import FlightLog
+from sysid.log_check import check
+
+ROTORS = [f"rotor_speed_{i}_rad_s" for i in range(4)]
+QUATERNION = [f"q_world_body_{i}" for i in "wxyz"]
+
+
+def _changed(log: FlightLog, **columns: np.ndarray) -> FlightLog:
+    return FlightLog({**log.columns, **columns}, log.metadata)
+
+
+@pytest.fixture(scope="module")
+def log(flying) -> FlightLog:
+    rng = np.random.default_rng(5)
+    reference = flying.paper_flights(rng)
+    return flying.fly(flying.Truth(), reference, 3, duration_s=10.0, rng=rng, rate_hz=100.0, gyro_noise_rad_s=0.02)[2]
+
+
+def _whats(log, vehicle=None) -> dict[str, str]:
+    return {f.what: f.fix for f in check(log, vehicle).findings}
+
+
+def test_clean_flights_have_no_findings(campaign, log, truth):
+    for one in (*campaign, log):
+        report = check(one, truth)
+        assert report.findings == ()
+        assert report.worst == "fine"
+        assert report.rate_hz == pytest.approx(100.0)
+
+
+def test_rpm_in_a_rad_s_column(log, truth):
+    rpm = _changed(log, **{name: log.columns[name] * 60.0 / (2.0 * np.pi) for name in ROTORS})
+    assert "2 pi / 60" in _whats(rpm, truth)["unit"]
+
+
+def test_degrees_in_the_gyro_column(log, truth):
+    names = [f"rate_body_{axis}_rad_s" for axis in "xyz"]
+    degrees = _changed(log, **{name: np.rad2deg(log.columns[name]) for name in names})
+    assert "57.2958" in _whats(degrees, truth)["unit"]
+
+
+def test_a_gyro_axis_with_the_wrong_sign(log):
+    flipped = _changed(log, rate_body_y_rad_s=-log.columns["rate_body_y_rad_s"])
+    assert "rate_body_y" in _whats(flipped)["frame"]
+
+
+def test_a_gyro_that_comes_late(log):
+    names = [f"rate_body_{axis}_rad_s" for axis in "xyz"]
+    late = _changed(log, **{name: np.roll(log.columns[name], 3) for name in names})
+    assert "-30 ms" in _whats(late)["clock"]
+
+
+def test_quaternions_in_another_order(log, truth):
+    shuffled = _changed(log, **{q: log.columns[QUATERNION[(i + 1) % 4]] for i, q in enumerate(QUATERNION)})
+    assert "x y z w" in _whats(shuffled, truth)["frame"]
+
+
+def test_quaternions_from_world_to_body(log, truth):
+    conjugated = _changed(log, **{name: -log.columns[name] for name in QUATERNION[1:]})
+    assert "conjugate" in _whats(conjugated, truth)["frame"]
+
+
+def test_rotors_in_another_order(log, truth):
+    order = (2, 0, 3, 1)
+    shuffled = _changed(log, **{name: log.columns[ROTORS[k]] for name, k in zip(ROTORS, order, strict=True)})
+    inverse = [order.index(i) for i in range(4)]
+    assert str(inverse) in _whats(shuffled, truth)["rotor order"]
+
+
+def test_spins_the_other_way(log, truth):
+    assert "rotor spin" in _whats(log, replace(truth, spin=-truth.spin))
+
+
+def test_rotor_speed_that_comes_late(log, truth):
+    late = _changed(log, **{name: np.roll(log.columns[name], 4) for name in ROTORS})
+    fix = _whats(late, truth)["clock"]
+    assert float(fix.removeprefix("shift rotor speed by ").removesuffix(" ms")) == pytest.approx(-40.0, abs=3.0)
+
+
+def test_time_in_milliseconds(log):
+    assert "1000" in _whats(_changed(log, time_s=1000.0 * log.time_s))["time unit"]
+
+
+def test_a_gap_is_said_with_its_place(log):
+    keep = (log.time_s < 4.0) | (log.time_s > 4.6)
+    report = check(FlightLog({k: v[keep] for k, v in log.columns.items()}, {}))
+    assert any(f.what == "gap" and "3.99" in f.sentence for f in report.findings)
+    assert report.worst == "error"
+
+
+def test_a_frozen_channel(log):
+    x = log.columns["position_world_x_m"].copy()
+    x[300:400] = x[300]
+    assert "frozen" in _whats(_changed(log, position_world_x_m=x))
+
+
+def test_a_saturated_gyro(log):
+    clipped = np.clip(log.columns["rate_body_x_rad_s"], -2.0, 2.0)
+    assert "saturated" in _whats(_changed(log, rate_body_x_rad_s=clipped))
+
+
+def test_an_accelerometer_in_g_or_upside_down(log):
+    rng = np.random.default_rng(0)
+    noise = 0.05 * rng.standard_normal((len(log), 3))
+    names = [f"specific_force_body_{axis}_m_s2" for axis in "xyz"]
+    in_g = {name: noise[:, i] + (i == 2) for i, name in enumerate(names)}
+    assert "9.80665" in _whats(_changed(log, **in_g))["unit"]
+    downward = {name: noise[:, i] - 9.81 * (i == 2) for i, name in enumerate(names)}
+    assert "flip_vector" in _whats(_changed(log, **downward))["frame"]
