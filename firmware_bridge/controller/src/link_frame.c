@@ -1,0 +1,238 @@
+/* MAVLink 2 frames: checksums, the parser that finds them in a byte stream, building, signing. */
+#include <string.h>
+
+#include "goshawk_controller/link_codec.h"
+#include "goshawk_dialect.h"
+
+#define MAGIC 0xFDu
+#define HEADER 10u
+#define SIGNED_FLAG 0x01u
+#define SIGNATURE 13u
+#define LATE_10US 100000u /* 1 s */
+
+uint16_t tc_crc16(uint16_t crc, const uint8_t *bytes, size_t n) {
+    for (size_t i = 0; i < n; i++) {
+        unsigned low = (bytes[i] ^ crc) & 0xFFu;
+        low ^= (low << 4) & 0xFFu;
+        crc = (uint16_t)(((unsigned)crc >> 8) ^ (low << 8) ^ (low << 3) ^ (low >> 4));
+    }
+    return crc;
+}
+
+static void drop(tc_parser *parser, unsigned n) {
+    parser->filled = (uint16_t)(parser->filled - n);
+    memmove(parser->buffer, parser->buffer + n, parser->filled);
+}
+
+/* Length of the frame that starts in the buffer; 0 if none can start here; 1 if more header bytes are needed to tell.
+ */
+static unsigned frame_length(tc_parser *parser) {
+    const uint8_t *b = parser->buffer;
+    uint8_t crc_extra;
+    if (b[0] != MAGIC) {
+        return 0;
+    }
+    if (parser->filled < HEADER) {
+        return 1;
+    }
+    const uint32_t id = (uint32_t)b[7] | ((uint32_t)b[8] << 8) | ((uint32_t)b[9] << 16);
+    if ((b[2] & ~SIGNED_FLAG) != 0u || goshawk_dialect_find(id, &crc_extra) == 0u) {
+        parser->unknown++;
+        return 0;
+    }
+    return HEADER + b[1] + 2u + ((b[2] & SIGNED_FLAG) != 0u ? SIGNATURE : 0u);
+}
+
+static bool checksum_fits(const uint8_t *b, uint32_t id) {
+    uint8_t crc_extra;
+    (void)goshawk_dialect_find(id, &crc_extra);
+    const uint16_t crc = tc_crc16(tc_crc16(0xFFFFu, b + 1, HEADER - 1u + b[1]), &crc_extra, 1);
+    return crc == goshawk_get_u16(b + HEADER + b[1]);
+}
+
+static void read_frame(const uint8_t *b, unsigned length, tc_frame *frame) {
+    memset(frame, 0, sizeof *frame);
+    frame->raw_length = (uint16_t)length;
+    frame->is_signed = (b[2] & SIGNED_FLAG) != 0u;
+    frame->sequence = b[4];
+    frame->system_id = b[5];
+    frame->component_id = b[6];
+    frame->id = (uint32_t)b[7] | ((uint32_t)b[8] << 8) | ((uint32_t)b[9] << 16);
+    memcpy(frame->payload, b + HEADER, b[1]);
+    if (frame->is_signed) {
+        const uint8_t *s = b + length - SIGNATURE;
+        frame->link_id = s[0];
+        frame->timestamp_10us = (uint64_t)goshawk_get_u32(s + 1) | ((uint64_t)goshawk_get_u16(s + 5) << 32);
+        memcpy(frame->signature, s + 7, sizeof frame->signature);
+    }
+}
+
+bool tc_parser_next(tc_parser *parser, const uint8_t **bytes, size_t *n, tc_frame *frame) {
+    drop(parser, parser->frame_length);
+    parser->frame_length = 0;
+    for (;;) {
+        const unsigned length = parser->filled > 0u ? frame_length(parser) : 1u;
+        if (length == 0u) {
+            drop(parser, 1);
+        } else if (length > 1u && parser->filled >= length) {
+            read_frame(parser->buffer, length, frame);
+            if (checksum_fits(parser->buffer, frame->id)) {
+                parser->frame_length = (uint16_t)length;
+                return true;
+            }
+            parser->checksum_errors++;
+            drop(parser, 1);
+        } else if (*n == 0u) {
+            return false;
+        } else {
+            const size_t wanted = (length > 1u ? length : HEADER) - parser->filled;
+            const size_t take = *n < wanted ? *n : wanted;
+            memcpy(parser->buffer + parser->filled, *bytes, take);
+            parser->filled = (uint16_t)(parser->filled + take);
+            *bytes += take;
+            *n -= take;
+        }
+    }
+}
+
+void tc_parser_flush(tc_parser *parser) {
+    parser->filled = 0;
+    parser->frame_length = 0;
+}
+
+void tc_signing_init(tc_signing *signing, const uint8_t key[TC_KEY_BYTES], uint64_t start_10us) {
+    memset(signing, 0, sizeof *signing);
+    memcpy(signing->key, key, TC_KEY_BYTES);
+    signing->now_10us = start_10us;
+    signing->start_10us = start_10us;
+}
+
+/* The six bytes that sign `raw`: everything up to and with link id and time stamp. */
+static void sign(const tc_signing *signing, const uint8_t *raw, size_t n, uint8_t digest[32]) {
+    tc_sha256 hash;
+    tc_sha256_init(&hash);
+    tc_sha256_update(&hash, signing->key, TC_KEY_BYTES);
+    tc_sha256_update(&hash, raw, n);
+    tc_sha256_final(&hash, digest);
+}
+
+/* The stream of a frame: its own, else a free one, else NULL. */
+static tc_stream *find_stream(tc_signing *signing, const tc_frame *frame) {
+    tc_stream *found = NULL;
+    for (unsigned i = 0; i < TC_STREAMS; i++) {
+        tc_stream *stream = &signing->streams[i];
+        if (stream->count == 0u) {
+            found = found == NULL ? stream : found;
+        } else if (stream->system_id == frame->system_id && stream->component_id == frame->component_id &&
+                   stream->link_id == frame->link_id) {
+            return stream;
+        }
+    }
+    return found;
+}
+
+static bool is_new(const tc_stream *stream, uint64_t stamp_10us) {
+    if (stamp_10us <= stream->floor_10us) {
+        return false;
+    }
+    if (stamp_10us > stream->newest_10us) {
+        return true;
+    }
+    bool known = stream->newest_10us - stamp_10us > LATE_10US;
+    for (unsigned i = 0; i < stream->count; i++) {
+        known = known || stream->recent[i] == (uint32_t)(stamp_10us & 0xFFFFFFFFu);
+    }
+    return !known;
+}
+
+/* Notes an accepted stamp; when there is no room the oldest one goes, and becomes the floor. */
+static void remember(tc_stream *stream, uint64_t stamp_10us) {
+    if (stamp_10us > stream->newest_10us) {
+        stream->newest_10us = stamp_10us;
+    }
+    unsigned place = stream->count;
+    if (place == TC_RECENT) {
+        uint32_t oldest = 0;
+        for (unsigned i = 0; i < TC_RECENT; i++) {
+            const uint32_t age = (uint32_t)(stream->newest_10us & 0xFFFFFFFFu) - stream->recent[i];
+            if (age >= oldest) {
+                oldest = age;
+                place = i;
+            }
+        }
+        if (stream->newest_10us - oldest > stream->floor_10us) {
+            stream->floor_10us = stream->newest_10us - oldest;
+        }
+    } else {
+        stream->count++;
+    }
+    stream->recent[place] = (uint32_t)(stamp_10us & 0xFFFFFFFFu);
+}
+
+tc_signature tc_signing_check(tc_signing *signing, const tc_frame *frame, const uint8_t *raw) {
+    if (!frame->is_signed) {
+        return TC_SIGNATURE_MISSING;
+    }
+    uint8_t digest[32];
+    sign(signing, raw, frame->raw_length - 6u, digest);
+    unsigned difference = 0; /* all six bytes are always compared, so that the time taken tells nothing */
+    for (unsigned i = 0; i < 6u; i++) {
+        difference |= (unsigned)(digest[i] ^ frame->signature[i]);
+    }
+    if (difference != 0u) {
+        return TC_SIGNATURE_WRONG;
+    }
+    tc_stream *stream = find_stream(signing, frame);
+    if (stream == NULL) {
+        return TC_SIGNATURE_TOO_MANY_STREAMS;
+    }
+    if (stream->count == 0u) {
+        stream->floor_10us = signing->start_10us;
+        stream->newest_10us = signing->start_10us;
+    }
+    if (!is_new(stream, frame->timestamp_10us)) {
+        return TC_SIGNATURE_REPLAYED;
+    }
+    stream->system_id = frame->system_id;
+    stream->component_id = frame->component_id;
+    stream->link_id = frame->link_id;
+    remember(stream, frame->timestamp_10us);
+    if (frame->timestamp_10us > signing->now_10us) {
+        signing->now_10us = frame->timestamp_10us;
+    }
+    return TC_SIGNATURE_GOOD;
+}
+
+size_t tc_frame_build(uint8_t out[TC_FRAME_MAX], uint32_t id, const uint8_t *payload, unsigned length, uint8_t sequence,
+                      uint8_t system_id, uint8_t component_id, tc_signing *signing, uint8_t link_id) {
+    uint8_t crc_extra;
+    (void)goshawk_dialect_find(id, &crc_extra);
+    while (length > 1u && payload[length - 1u] == 0u) {
+        length--;
+    }
+    out[0] = MAGIC;
+    out[1] = (uint8_t)length;
+    out[2] = signing != NULL ? SIGNED_FLAG : 0u;
+    out[3] = 0;
+    out[4] = sequence;
+    out[5] = system_id;
+    out[6] = component_id;
+    out[7] = (uint8_t)(id & 0xFFu);
+    out[8] = (uint8_t)((id >> 8) & 0xFFu);
+    out[9] = (uint8_t)((id >> 16) & 0xFFu);
+    memcpy(out + HEADER, payload, length);
+    size_t n = HEADER + length;
+    goshawk_put_u16(out + n, tc_crc16(tc_crc16(0xFFFFu, out + 1, n - 1u), &crc_extra, 1));
+    n += 2u;
+    if (signing != NULL) {
+        uint8_t digest[32];
+        signing->now_10us++;
+        out[n] = link_id;
+        goshawk_put_u32(out + n + 1u, (uint32_t)(signing->now_10us & 0xFFFFFFFFu));
+        goshawk_put_u16(out + n + 5u, (uint16_t)((signing->now_10us >> 32) & 0xFFFFu));
+        sign(signing, out, n + 7u, digest);
+        memcpy(out + n + 7u, digest, 6);
+        n += SIGNATURE;
+    }
+    return n;
+}

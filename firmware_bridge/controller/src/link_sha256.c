@@ -1,0 +1,84 @@
+/* SHA-256, FIPS 180-4 section 6.2. */
+#include <string.h>
+
+#include "goshawk_controller/link_codec.h"
+
+static const uint32_t K[64] = {
+    0x428a2f98u, 0x71374491u, 0xb5c0fbcfu, 0xe9b5dba5u, 0x3956c25bu, 0x59f111f1u, 0x923f82a4u, 0xab1c5ed5u,
+    0xd807aa98u, 0x12835b01u, 0x243185beu, 0x550c7dc3u, 0x72be5d74u, 0x80deb1feu, 0x9bdc06a7u, 0xc19bf174u,
+    0xe49b69c1u, 0xefbe4786u, 0x0fc19dc6u, 0x240ca1ccu, 0x2de92c6fu, 0x4a7484aau, 0x5cb0a9dcu, 0x76f988dau,
+    0x983e5152u, 0xa831c66du, 0xb00327c8u, 0xbf597fc7u, 0xc6e00bf3u, 0xd5a79147u, 0x06ca6351u, 0x14292967u,
+    0x27b70a85u, 0x2e1b2138u, 0x4d2c6dfcu, 0x53380d13u, 0x650a7354u, 0x766a0abbu, 0x81c2c92eu, 0x92722c85u,
+    0xa2bfe8a1u, 0xa81a664bu, 0xc24b8b70u, 0xc76c51a3u, 0xd192e819u, 0xd6990624u, 0xf40e3585u, 0x106aa070u,
+    0x19a4c116u, 0x1e376c08u, 0x2748774cu, 0x34b0bcb5u, 0x391c0cb3u, 0x4ed8aa4au, 0x5b9cca4fu, 0x682e6ff3u,
+    0x748f82eeu, 0x78a5636fu, 0x84c87814u, 0x8cc70208u, 0x90befffau, 0xa4506cebu, 0xbef9a3f7u, 0xc67178f2u};
+
+static uint32_t rotate(uint32_t x, unsigned n) { return (x >> n) | (x << (32u - n)); }
+
+/* One block. The message schedule lives in a ring of 16 words, so that the stack stays small. */
+static void compress(uint32_t state[8], const uint8_t block[64]) {
+    uint32_t w[16];
+    uint32_t s[8];
+    memcpy(s, state, sizeof s);
+    for (unsigned t = 0; t < 64u; t++) {
+        if (t < 16u) {
+            const uint8_t *p = block + 4u * t;
+            w[t] = ((uint32_t)p[0] << 24) | ((uint32_t)p[1] << 16) | ((uint32_t)p[2] << 8) | (uint32_t)p[3];
+        } else {
+            const uint32_t a = w[(t + 1u) & 15u];
+            const uint32_t b = w[(t + 14u) & 15u];
+            w[t & 15u] += (rotate(a, 7) ^ rotate(a, 18) ^ (a >> 3)) + w[(t + 9u) & 15u] +
+                          (rotate(b, 17) ^ rotate(b, 19) ^ (b >> 10));
+        }
+        const uint32_t big_1 = rotate(s[4], 6) ^ rotate(s[4], 11) ^ rotate(s[4], 25);
+        const uint32_t choose = (s[4] & s[5]) ^ (~s[4] & s[6]);
+        const uint32_t t1 = s[7] + big_1 + choose + K[t] + w[t & 15u];
+        const uint32_t big_0 = rotate(s[0], 2) ^ rotate(s[0], 13) ^ rotate(s[0], 22);
+        const uint32_t majority = (s[0] & s[1]) ^ (s[0] & s[2]) ^ (s[1] & s[2]);
+        memmove(s + 1, s, 7u * sizeof s[0]);
+        s[4] += t1;
+        s[0] = t1 + big_0 + majority;
+    }
+    for (unsigned i = 0; i < 8u; i++) {
+        state[i] += s[i];
+    }
+}
+
+void tc_sha256_init(tc_sha256 *hash) {
+    static const uint32_t start[8] = {0x6a09e667u, 0xbb67ae85u, 0x3c6ef372u, 0xa54ff53au,
+                                      0x510e527fu, 0x9b05688cu, 0x1f83d9abu, 0x5be0cd19u};
+    memset(hash, 0, sizeof *hash);
+    memcpy(hash->state, start, sizeof start);
+}
+
+void tc_sha256_update(tc_sha256 *hash, const uint8_t *bytes, size_t n) {
+    while (n > 0u) {
+        const size_t used = (size_t)(hash->length % 64u);
+        const size_t take = n < 64u - used ? n : 64u - used;
+        memcpy(hash->block + used, bytes, take);
+        hash->length += take;
+        bytes += take;
+        n -= take;
+        if (used + take == 64u) {
+            compress(hash->state, hash->block);
+        }
+    }
+}
+
+void tc_sha256_final(tc_sha256 *hash, uint8_t digest[32]) {
+    const uint64_t bits = hash->length * 8u;
+    const size_t used = (size_t)(hash->length % 64u);
+    memset(hash->block + used, 0, 64u - used);
+    hash->block[used] = 0x80u;
+    if (used >= 56u) {
+        compress(hash->state, hash->block);
+        memset(hash->block, 0, 64u);
+    }
+    for (unsigned i = 0; i < 8u; i++) {
+        hash->block[63u - i] = (uint8_t)((bits >> (8u * i)) & 0xFFu);
+    }
+    compress(hash->state, hash->block);
+    for (unsigned i = 0; i < 32u; i++) {
+        digest[i] = (uint8_t)((hash->state[i / 4u] >> (24u - 8u * (i % 4u))) & 0xFFu);
+    }
+}

@@ -1,0 +1,315 @@
+/* The upload: pieces into the staged slot, reports of what arrived, commit, read-back. */
+#include <string.h>
+
+#include "link_parts.h"
+
+#define STATUS_EVERY 8u         /* frames between two reports at the most */
+#define STATUS_GAP_US 3000u     /* and at most this long after a frame */
+#define STATUS_REPEAT_US 10000u /* while pieces are missing and the ground is busy sending */
+#define STATUS_BUSY_US 1000000u /* ... which it is until so long after its last frame */
+
+_Static_assert(TC_MAX_SEGMENTS <= 1024, "the report's bitmap holds 1024 segments");
+
+void link_on_begin(tc_link *link, const link_sender *from, const uint8_t *payload) {
+    goshawk_trajectory_begin_msg m;
+    goshawk_trajectory_begin_decode(&m, payload);
+    if (m.transfer_id == 0u) {
+        return;
+    }
+    if (!from->in_control) {
+        link->upload.refused_transfer_id = m.transfer_id;
+        link->upload.refused_reason = TC_LINK_NOT_IN_CONTROL;
+        return;
+    }
+    if (m.transfer_id == link->upload.transfer_id) { /* repeated: what has arrived stays */
+        link->upload.answer = true;
+        link->upload.last_frame_us = from->now_us;
+        return;
+    }
+    const tc_trajectory_header header = {m.trajectory_id, m.crc32, m.segments, m.coefficient_count, m.link_loss_policy};
+    memset(&link->upload, 0, sizeof link->upload);
+    const tc_reason reason = tc_upload_begin(link->controller, &header);
+    if (reason != TC_OK) {
+        link->upload.refused_transfer_id = m.transfer_id;
+        link->upload.refused_reason = (uint8_t)reason;
+        return;
+    }
+    link->upload.header = header;
+    link->upload.transfer_id = m.transfer_id;
+    link->upload.samples_wanted = m.samples;
+    link->upload.answer = true;
+    link->upload.last_frame_us = from->now_us;
+    memcpy(link->upload.origin.map_hash, m.map_hash, sizeof m.map_hash);
+    memcpy(link->upload.origin.vehicle_hash, m.vehicle_hash, sizeof m.vehicle_hash);
+    memcpy(link->upload.origin.name, m.name, sizeof m.name);
+}
+
+/* Whether a piece belongs to the open transfer. One that does not is answered with what is open (0: nothing), so that
+   the ground learns of a restart at once. */
+static bool belongs(tc_link *link, const link_sender *from, uint32_t transfer_id) {
+    if (!from->in_control) {
+        return false;
+    }
+    if (transfer_id == link->commit.transfer_id && link->upload.transfer_id == 0u) {
+        return false; /* a late copy of a piece of a finished transfer */
+    }
+    const bool fits = transfer_id != 0u && transfer_id == link->upload.transfer_id;
+    if (fits) {
+        link->upload.frames++;
+        link->upload.last_frame_us = from->now_us;
+    }
+    const bool due = link->upload.frames % STATUS_EVERY == 0u;
+    link->upload.answer =
+        link->upload.answer || due || !fits || from->now_us - link->upload.last_status_us >= STATUS_GAP_US;
+    return fits;
+}
+
+static bool complete(const tc_link *link) {
+    return link->upload.received == link->upload.header.segment_count &&
+           (link->upload.samples || link->upload.samples_wanted == 0u);
+}
+
+void link_on_segment(tc_link *link, const link_sender *from, const uint8_t *payload) {
+    goshawk_trajectory_segment_msg m;
+    goshawk_trajectory_segment_decode(&m, payload);
+    if (!belongs(link, from, m.transfer_id)) {
+        return;
+    }
+    link->upload.last_index = m.index;
+    if (link->upload.reason != 0u || tc_store_has_segment(&link->controller->store, m.index)) {
+        return;
+    }
+    tc_segment segment;
+    segment.duration_us = m.duration_us;
+    for (unsigned axis = 0; axis < TC_AXES; axis++) {
+        for (unsigned k = 0; k < TC_MAX_COEFFICIENTS; k++) {
+            segment.coefficient[axis][k] = m.coefficients[TC_AXES * k + axis];
+        }
+    }
+    const tc_reason reason = tc_upload_segment(link->controller, m.index, &segment);
+    if (reason == TC_OK) {
+        link->upload.received++;
+    } else {
+        link->upload.reason = (uint8_t)reason;
+    }
+    link->upload.answer = link->upload.answer || reason != TC_OK || complete(link);
+}
+
+void link_on_samples(tc_link *link, const link_sender *from, const uint8_t *payload) {
+    goshawk_trajectory_samples_msg m;
+    goshawk_trajectory_samples_decode(&m, payload);
+    if (!belongs(link, from, m.transfer_id) || link->upload.samples || link->upload.reason != 0u) {
+        return;
+    }
+    tc_reason reason = TC_OK;
+    for (unsigned i = 0; i < link->upload.samples_wanted && i < TC_MAX_SAMPLES && reason == TC_OK; i++) {
+        tc_trajectory_sample sample;
+        sample.time_us = m.sample_us[i];
+        memcpy(sample.value, &m.values[TC_AXES * i], sizeof sample.value);
+        reason = tc_upload_sample(link->controller, &sample);
+    }
+    link->upload.samples = reason == TC_OK;
+    link->upload.reason = (uint8_t)reason;
+    link->upload.answer = link->upload.answer || reason != TC_OK || complete(link);
+}
+
+/* Checks and activates what is staged. */
+static tc_reason commit(tc_link *link, const goshawk_trajectory_commit_msg *m) {
+    if (m->transfer_id == 0u || m->transfer_id != link->upload.transfer_id) {
+        return TC_NO_UPLOAD;
+    }
+    if (m->trajectory_id != link->upload.header.id || m->crc32 != link->upload.header.crc32) {
+        return TC_WRONG_ID;
+    }
+    if (link->upload.reason != 0u) {
+        return (tc_reason)link->upload.reason;
+    }
+    if (link->upload.samples_wanted > 0u && !link->upload.samples) {
+        return (tc_reason)TC_LINK_SAMPLES_MISSING;
+    }
+    tc_reason reason = tc_upload_finish(link->controller);
+    if (reason == TC_OK) {
+        reason = tc_upload_activate(link->controller, m->trajectory_id, m->crc32);
+    }
+    return reason;
+}
+
+void link_on_commit(tc_link *link, const link_sender *from, const uint8_t *payload) {
+    goshawk_trajectory_commit_msg m;
+    goshawk_trajectory_commit_decode(&m, payload);
+    if (m.transfer_id == 0u || !from->in_control) {
+        return; /* a station that is not in control has been told so at its beginning */
+    }
+    link->commit.answer = true;
+    if (m.transfer_id == link->commit.transfer_id) {
+        return; /* repeated: the first answer again */
+    }
+    link->commit.transfer_id = m.transfer_id;
+    const tc_reason reason = commit(link, &m);
+    link->commit.reason = (uint8_t)reason;
+    link->commit.segment = link->controller->store.refused_segment;
+    if (reason == TC_OK) {
+        link->active_origin = link->upload.origin;
+        link->telemetry.status_us = from->now_us; /* tell everybody at once */
+    }
+    if (reason == TC_OK || m.transfer_id == link->upload.transfer_id) {
+        link->upload.transfer_id = 0; /* one commit ends a transfer, whatever its answer */
+        link->upload.answer = false;
+    }
+}
+
+bool link_want(tc_link_wanted *wanted, uint32_t first, const uint8_t bits[TC_LINK_WANTED]) {
+    unsigned any = 0;
+    wanted->first = first;
+    for (unsigned i = 0; i < TC_LINK_WANTED; i++) {
+        wanted->bits[i] = bits[i];
+        any |= bits[i];
+    }
+    return any != 0u;
+}
+
+uint32_t link_take(tc_link_wanted *wanted, uint32_t count) {
+    for (unsigned i = 0; i < 8u * TC_LINK_WANTED; i++) {
+        const uint8_t bit = (uint8_t)(1u << (i % 8u));
+        if ((wanted->bits[i / 8u] & bit) != 0u) {
+            wanted->bits[i / 8u] = (uint8_t)(wanted->bits[i / 8u] & ~bit);
+            if (wanted->first < count && i < count - wanted->first) {
+                return wanted->first + i;
+            }
+        }
+    }
+    return count;
+}
+
+void link_on_read(tc_link *link, const uint8_t *payload) {
+    goshawk_trajectory_read_msg m;
+    goshawk_trajectory_read_decode(&m, payload);
+    link->read.transfer_id = m.transfer_id;
+    link->read.header = !link_want(&link->read.wanted, m.first, m.wanted);
+}
+
+static unsigned send_status(tc_link *link, uint64_t now_us, uint8_t *payload, uint32_t *id) {
+    goshawk_trajectory_status_msg m;
+    memset(&m, 0, sizeof m);
+    m.transfer_id = link->upload.transfer_id;
+    m.frames = link->upload.frames;
+    m.received = link->upload.received;
+    m.segments = link->upload.header.segment_count;
+    m.last_index = link->upload.last_index;
+    m.reason = link->upload.reason;
+    m.samples = link->upload.samples ? 1u : 0u;
+    for (uint16_t i = 0; m.transfer_id != 0u && i < m.segments; i++) {
+        if (tc_store_has_segment(&link->controller->store, i)) {
+            m.bitmap[i / 8u] = (uint8_t)(m.bitmap[i / 8u] | (1u << (i % 8u)));
+        }
+    }
+    link->upload.answer = false;
+    link->upload.last_status_us = now_us;
+    goshawk_trajectory_status_encode(&m, payload);
+    *id = GOSHAWK_TRAJECTORY_STATUS_ID;
+    return GOSHAWK_TRAJECTORY_STATUS_LENGTH;
+}
+
+static unsigned send_refusal(tc_link *link, uint8_t *payload, uint32_t *id) {
+    goshawk_trajectory_status_msg m;
+    memset(&m, 0, sizeof m);
+    m.transfer_id = link->upload.refused_transfer_id;
+    m.reason = link->upload.refused_reason;
+    link->upload.refused_transfer_id = 0;
+    goshawk_trajectory_status_encode(&m, payload);
+    *id = GOSHAWK_TRAJECTORY_STATUS_ID;
+    return GOSHAWK_TRAJECTORY_STATUS_LENGTH;
+}
+
+static unsigned send_result(tc_link *link, uint8_t *payload, uint32_t *id) {
+    const tc_trajectory *active = tc_store_active(&link->controller->store);
+    goshawk_trajectory_result_msg m;
+    memset(&m, 0, sizeof m);
+    m.transfer_id = link->commit.transfer_id;
+    m.active_id = active != NULL ? active->header.id : 0u;
+    m.active_crc32 = active != NULL ? active->header.crc32 : 0u;
+    m.reason = link->commit.reason;
+    m.segment = link->commit.segment;
+    link->commit.answer = false;
+    goshawk_trajectory_result_encode(&m, payload);
+    *id = GOSHAWK_TRAJECTORY_RESULT_ID;
+    return GOSHAWK_TRAJECTORY_RESULT_LENGTH;
+}
+
+unsigned link_send_upload(tc_link *link, uint64_t now_us, uint8_t payload[TC_PAYLOAD_MAX], uint32_t *id) {
+    const bool open = link->upload.transfer_id != 0u;
+    const bool busy = open && now_us - link->upload.last_frame_us < STATUS_BUSY_US;
+    if (link->commit.answer) {
+        return send_result(link, payload, id);
+    }
+    if (link->upload.refused_transfer_id != 0u) {
+        return send_refusal(link, payload, id);
+    }
+    if (link->upload.answer || (busy && now_us - link->upload.last_status_us >= STATUS_REPEAT_US)) {
+        return send_status(link, now_us, payload, id);
+    }
+    return 0;
+}
+
+static unsigned send_header(tc_link *link, const tc_trajectory *active, uint8_t *payload, uint32_t *id) {
+    goshawk_trajectory_begin_msg m;
+    memset(&m, 0, sizeof m);
+    m.transfer_id = link->read.transfer_id;
+    if (active != NULL) {
+        m.trajectory_id = active->header.id;
+        m.crc32 = active->header.crc32;
+        m.segments = active->header.segment_count;
+        m.coefficient_count = active->header.coefficient_count;
+        m.link_loss_policy = active->header.link_loss_policy;
+        memcpy(m.map_hash, link->active_origin.map_hash, sizeof m.map_hash);
+        memcpy(m.vehicle_hash, link->active_origin.vehicle_hash, sizeof m.vehicle_hash);
+        memcpy(m.name, link->active_origin.name, sizeof m.name);
+    }
+    link->read.header = false;
+    goshawk_trajectory_begin_encode(&m, payload);
+    *id = GOSHAWK_TRAJECTORY_BEGIN_ID;
+    return GOSHAWK_TRAJECTORY_BEGIN_LENGTH;
+}
+
+unsigned link_send_read(tc_link *link, uint8_t payload[TC_PAYLOAD_MAX], uint32_t *id) {
+    const tc_trajectory *active = tc_store_active(&link->controller->store);
+    if (link->read.header) {
+        return send_header(link, active, payload, id);
+    }
+    const uint32_t count = active != NULL ? active->header.segment_count : 0u;
+    const uint32_t index = link_take(&link->read.wanted, count);
+    if (index >= count || active == NULL) {
+        return 0;
+    }
+    const tc_segment *segment = &active->segment[index];
+    goshawk_trajectory_segment_msg m;
+    memset(&m, 0, sizeof m);
+    m.transfer_id = link->read.transfer_id;
+    m.index = (uint16_t)index;
+    m.duration_us = segment->duration_us;
+    for (unsigned axis = 0; axis < TC_AXES; axis++) {
+        for (unsigned k = 0; k < TC_MAX_COEFFICIENTS; k++) {
+            m.coefficients[TC_AXES * k + axis] = segment->coefficient[axis][k];
+        }
+    }
+    goshawk_trajectory_segment_encode(&m, payload);
+    *id = GOSHAWK_TRAJECTORY_SEGMENT_ID;
+    return GOSHAWK_TRAJECTORY_SEGMENT_LENGTH;
+}
+
+tc_reason tc_link_restore(tc_link *link, const tc_trajectory *kept, const tc_link_origin *origin) {
+    tc_reason reason = tc_upload_begin(link->controller, &kept->header);
+    for (uint16_t i = 0; reason == TC_OK && i < kept->header.segment_count && i < TC_MAX_SEGMENTS; i++) {
+        reason = tc_upload_segment(link->controller, i, &kept->segment[i]);
+    }
+    if (reason == TC_OK) {
+        reason = tc_upload_finish(link->controller);
+    }
+    if (reason == TC_OK) {
+        reason = tc_upload_activate(link->controller, kept->header.id, kept->header.crc32);
+    }
+    if (reason == TC_OK) {
+        link->active_origin = *origin;
+    }
+    return reason;
+}

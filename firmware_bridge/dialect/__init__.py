@@ -1,0 +1,1 @@
+"""The messages on the link: XML definitions, their generator, and what it generated."""

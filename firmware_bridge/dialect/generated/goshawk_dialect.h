@@ -1,0 +1,1443 @@
+/* Written by dialect/generate.py from goshawk.xml; do not edit. */
+#ifndef GOSHAWK_DIALECT_H
+#define GOSHAWK_DIALECT_H
+
+#include <stdint.h>
+#include <string.h>
+
+/* Little-endian access that needs no alignment. */
+static inline void goshawk_put_u8(uint8_t *p, uint8_t v) { p[0] = v; }
+static inline void goshawk_put_u16(uint8_t *p, uint16_t v)
+{
+    p[0] = (uint8_t)(v & 0xFFu);
+    p[1] = (uint8_t)(v >> 8);
+}
+static inline void goshawk_put_u32(uint8_t *p, uint32_t v)
+{
+    goshawk_put_u16(p, (uint16_t)(v & 0xFFFFu));
+    goshawk_put_u16(p + 2, (uint16_t)(v >> 16));
+}
+static inline void goshawk_put_u64(uint8_t *p, uint64_t v)
+{
+    goshawk_put_u32(p, (uint32_t)(v & 0xFFFFFFFFu));
+    goshawk_put_u32(p + 4, (uint32_t)(v >> 32));
+}
+static inline void goshawk_put_i8(uint8_t *p, int8_t v) { goshawk_put_u8(p, (uint8_t)v); }
+static inline void goshawk_put_i16(uint8_t *p, int16_t v) { goshawk_put_u16(p, (uint16_t)v); }
+static inline void goshawk_put_i32(uint8_t *p, int32_t v) { goshawk_put_u32(p, (uint32_t)v); }
+static inline void goshawk_put_i64(uint8_t *p, int64_t v) { goshawk_put_u64(p, (uint64_t)v); }
+static inline void goshawk_put_f32(uint8_t *p, float v)
+{
+    uint32_t bits;
+    memcpy(&bits, &v, sizeof bits);
+    goshawk_put_u32(p, bits);
+}
+static inline uint8_t goshawk_get_u8(const uint8_t *p) { return p[0]; }
+static inline uint16_t goshawk_get_u16(const uint8_t *p) { return (uint16_t)(p[0] | (p[1] << 8)); }
+static inline uint32_t goshawk_get_u32(const uint8_t *p)
+{
+    return (uint32_t)goshawk_get_u16(p) | ((uint32_t)goshawk_get_u16(p + 2) << 16);
+}
+static inline uint64_t goshawk_get_u64(const uint8_t *p)
+{
+    return (uint64_t)goshawk_get_u32(p) | ((uint64_t)goshawk_get_u32(p + 4) << 32);
+}
+static inline int8_t goshawk_get_i8(const uint8_t *p) { return (int8_t)goshawk_get_u8(p); }
+static inline int16_t goshawk_get_i16(const uint8_t *p) { return (int16_t)goshawk_get_u16(p); }
+static inline int32_t goshawk_get_i32(const uint8_t *p) { return (int32_t)goshawk_get_u32(p); }
+static inline int64_t goshawk_get_i64(const uint8_t *p) { return (int64_t)goshawk_get_u64(p); }
+static inline float goshawk_get_f32(const uint8_t *p)
+{
+    const uint32_t bits = goshawk_get_u32(p);
+    float v;
+    memcpy(&v, &bits, sizeof v);
+    return v;
+}
+
+/* GOSHAWK_COMMAND */
+enum {
+    GOSHAWK_COMMAND_ARM = 0, /* Start the rotors at idle. */
+    GOSHAWK_COMMAND_DISARM = 1, /* Stop the rotors; refused in the air. Leads out of a fault. */
+    GOSHAWK_COMMAND_TAKE_OFF = 2, /* Climb by value (m), then hold. */
+    GOSHAWK_COMMAND_START = 3, /* Fly the active trajectory; its id and CRC must match. */
+    GOSHAWK_COMMAND_PAUSE = 4, /* Slow down along the trajectory and stand on it. */
+    GOSHAWK_COMMAND_RESUME = 5, /* Continue a paused trajectory. */
+    GOSHAWK_COMMAND_HOLD = 6, /* Leave the trajectory and hover. */
+    GOSHAWK_COMMAND_LAND = 7, /* Brake along the path, then land straight down. */
+    GOSHAWK_COMMAND_KILL = 8, /* Stop the rotors now, in the air too. */
+    GOSHAWK_COMMAND_TIME_SCALE = 9, /* Fly the path at value (0.1 to 1) times its planned rate. */
+    GOSHAWK_COMMAND_LOG_START = 100, /* Empty the on-board log and record. */
+    GOSHAWK_COMMAND_LOG_STOP = 101, /* Stop recording; the log stays readable. */
+    GOSHAWK_COMMAND_STATE_RATE = 102, /* Send GOSHAWK_STATE value times a second (0: never). */
+};
+
+/* GOSHAWK_MISSION_STATE */
+enum {
+    GOSHAWK_MISSION_STATE_DISARMED = 0, /* rotors stopped */
+    GOSHAWK_MISSION_STATE_ARMED = 1, /* rotors idle on the ground */
+    GOSHAWK_MISSION_STATE_TAKE_OFF = 2, /* straight up */
+    GOSHAWK_MISSION_STATE_HOLD = 3, /* hovers at a point */
+    GOSHAWK_MISSION_STATE_APPROACH = 4, /* slides from the hover point to the start of the trajectory */
+    GOSHAWK_MISSION_STATE_TRAJECTORY = 5, /* flies the active trajectory */
+    GOSHAWK_MISSION_STATE_PAUSING = 6, /* slows down along the path to stand on it */
+    GOSHAWK_MISSION_STATE_PAUSED = 7, /* stands on the path */
+    GOSHAWK_MISSION_STATE_STOPPING = 8, /* slows down along the path, then holds */
+    GOSHAWK_MISSION_STATE_ABORTING = 9, /* slows down along the path, then lands */
+    GOSHAWK_MISSION_STATE_LANDING = 10, /* straight down until touchdown */
+    GOSHAWK_MISSION_STATE_EMERGENCY = 11, /* position lost: level, sinking gently */
+    GOSHAWK_MISSION_STATE_FAULT = 12, /* rotors stopped; only disarming leads out */
+};
+
+/* GOSHAWK_LINK_REASON */
+enum {
+    GOSHAWK_LINK_REASON_NOT_IN_CONTROL = 70, /* another station holds control of the vehicle */
+    GOSHAWK_LINK_REASON_UNSUPPORTED = 71, /* this vehicle knows no such command */
+    GOSHAWK_LINK_REASON_OTHER_TRAJECTORY = 72, /* another trajectory is active */
+    GOSHAWK_LINK_REASON_NO_LOG_MEMORY = 73, /* this vehicle has no memory for a log */
+    GOSHAWK_LINK_REASON_SAMPLES_MISSING = 74, /* the check samples have not arrived */
+};
+
+/* Sent at 1 Hz by everyone on the link. */
+#define HEARTBEAT_ID 0u
+#define HEARTBEAT_LENGTH 9u
+#define HEARTBEAT_CRC_EXTRA 50u
+typedef struct {
+    uint32_t custom_mode; /* Mission state of the controller. */
+    uint8_t type; /* MAV_TYPE: 2 quadrotor, 6 ground station. */
+    uint8_t autopilot; /* MAV_AUTOPILOT: 0 generic, 8 none (a ground station). */
+    uint8_t base_mode; /* MAV_MODE_FLAG: 128 armed, 8 guided, 1 custom mode. */
+    uint8_t system_status; /* MAV_STATE: 3 standby, 4 active, 6 emergency. */
+    uint8_t mavlink_version; /* 3. */
+} heartbeat_msg;
+
+static inline void heartbeat_encode(const heartbeat_msg *m, uint8_t payload[HEARTBEAT_LENGTH])
+{
+    goshawk_put_u32(payload + 0, m->custom_mode);
+    goshawk_put_u8(payload + 4, m->type);
+    goshawk_put_u8(payload + 5, m->autopilot);
+    goshawk_put_u8(payload + 6, m->base_mode);
+    goshawk_put_u8(payload + 7, m->system_status);
+    goshawk_put_u8(payload + 8, m->mavlink_version);
+}
+
+static inline void heartbeat_decode(heartbeat_msg *m, const uint8_t payload[HEARTBEAT_LENGTH])
+{
+    m->custom_mode = goshawk_get_u32(payload + 0);
+    m->type = goshawk_get_u8(payload + 4);
+    m->autopilot = goshawk_get_u8(payload + 5);
+    m->base_mode = goshawk_get_u8(payload + 6);
+    m->system_status = goshawk_get_u8(payload + 7);
+    m->mavlink_version = goshawk_get_u8(payload + 8);
+}
+
+/* Ask for one parameter by index or by name. */
+#define PARAM_REQUEST_READ_ID 20u
+#define PARAM_REQUEST_READ_LENGTH 20u
+#define PARAM_REQUEST_READ_CRC_EXTRA 214u
+typedef struct {
+    int16_t param_index; /* Index, or -1. */
+    uint8_t target_system; /* System asked. */
+    uint8_t target_component; /* Component asked. */
+    char param_id[16]; /* Name; counts when the index is -1. */
+} param_request_read_msg;
+
+static inline void param_request_read_encode(const param_request_read_msg *m, uint8_t payload[PARAM_REQUEST_READ_LENGTH])
+{
+    goshawk_put_i16(payload + 0, m->param_index);
+    goshawk_put_u8(payload + 2, m->target_system);
+    goshawk_put_u8(payload + 3, m->target_component);
+    for (unsigned i = 0; i < 16u; i++)
+        goshawk_put_i8(payload + 4 + i, (int8_t)m->param_id[i]);
+}
+
+static inline void param_request_read_decode(param_request_read_msg *m, const uint8_t payload[PARAM_REQUEST_READ_LENGTH])
+{
+    m->param_index = goshawk_get_i16(payload + 0);
+    m->target_system = goshawk_get_u8(payload + 2);
+    m->target_component = goshawk_get_u8(payload + 3);
+    for (unsigned i = 0; i < 16u; i++)
+        m->param_id[i] = (char)goshawk_get_i8(payload + 4 + i);
+}
+
+/* Ask for all parameters. */
+#define PARAM_REQUEST_LIST_ID 21u
+#define PARAM_REQUEST_LIST_LENGTH 2u
+#define PARAM_REQUEST_LIST_CRC_EXTRA 159u
+typedef struct {
+    uint8_t target_system; /* System asked. */
+    uint8_t target_component; /* Component asked. */
+} param_request_list_msg;
+
+static inline void param_request_list_encode(const param_request_list_msg *m, uint8_t payload[PARAM_REQUEST_LIST_LENGTH])
+{
+    goshawk_put_u8(payload + 0, m->target_system);
+    goshawk_put_u8(payload + 1, m->target_component);
+}
+
+static inline void param_request_list_decode(param_request_list_msg *m, const uint8_t payload[PARAM_REQUEST_LIST_LENGTH])
+{
+    m->target_system = goshawk_get_u8(payload + 0);
+    m->target_component = goshawk_get_u8(payload + 1);
+}
+
+/* One parameter. */
+#define PARAM_VALUE_ID 22u
+#define PARAM_VALUE_LENGTH 25u
+#define PARAM_VALUE_CRC_EXTRA 220u
+typedef struct {
+    float param_value; /* Value. */
+    uint16_t param_count; /* How many there are. */
+    uint16_t param_index; /* Which one this is. */
+    char param_id[16]; /* Name, zero-terminated unless 16 long. */
+    uint8_t param_type; /* MAV_PARAM_TYPE: 9 real32. */
+} param_value_msg;
+
+static inline void param_value_encode(const param_value_msg *m, uint8_t payload[PARAM_VALUE_LENGTH])
+{
+    goshawk_put_f32(payload + 0, m->param_value);
+    goshawk_put_u16(payload + 4, m->param_count);
+    goshawk_put_u16(payload + 6, m->param_index);
+    for (unsigned i = 0; i < 16u; i++)
+        goshawk_put_i8(payload + 8 + i, (int8_t)m->param_id[i]);
+    goshawk_put_u8(payload + 24, m->param_type);
+}
+
+static inline void param_value_decode(param_value_msg *m, const uint8_t payload[PARAM_VALUE_LENGTH])
+{
+    m->param_value = goshawk_get_f32(payload + 0);
+    m->param_count = goshawk_get_u16(payload + 4);
+    m->param_index = goshawk_get_u16(payload + 6);
+    for (unsigned i = 0; i < 16u; i++)
+        m->param_id[i] = (char)goshawk_get_i8(payload + 8 + i);
+    m->param_type = goshawk_get_u8(payload + 24);
+}
+
+/* Attitude, NED from FRD. */
+#define ATTITUDE_QUATERNION_ID 31u
+#define ATTITUDE_QUATERNION_LENGTH 48u
+#define ATTITUDE_QUATERNION_CRC_EXTRA 246u
+typedef struct {
+    uint32_t time_boot_ms; /* Vehicle time. */
+    float q1; /* w. */
+    float q2; /* x. */
+    float q3; /* y. */
+    float q4; /* z. */
+    float rollspeed; /* Rate about FRD x, rad/s. */
+    float pitchspeed; /* Rate about FRD y, rad/s. */
+    float yawspeed; /* Rate about FRD z, rad/s. */
+    float repr_offset_q[4]; /* Unused. */
+} attitude_quaternion_msg;
+
+static inline void attitude_quaternion_encode(const attitude_quaternion_msg *m, uint8_t payload[ATTITUDE_QUATERNION_LENGTH])
+{
+    goshawk_put_u32(payload + 0, m->time_boot_ms);
+    goshawk_put_f32(payload + 4, m->q1);
+    goshawk_put_f32(payload + 8, m->q2);
+    goshawk_put_f32(payload + 12, m->q3);
+    goshawk_put_f32(payload + 16, m->q4);
+    goshawk_put_f32(payload + 20, m->rollspeed);
+    goshawk_put_f32(payload + 24, m->pitchspeed);
+    goshawk_put_f32(payload + 28, m->yawspeed);
+    for (unsigned i = 0; i < 4u; i++)
+        goshawk_put_f32(payload + 32 + 4u * i, m->repr_offset_q[i]);
+}
+
+static inline void attitude_quaternion_decode(attitude_quaternion_msg *m, const uint8_t payload[ATTITUDE_QUATERNION_LENGTH])
+{
+    m->time_boot_ms = goshawk_get_u32(payload + 0);
+    m->q1 = goshawk_get_f32(payload + 4);
+    m->q2 = goshawk_get_f32(payload + 8);
+    m->q3 = goshawk_get_f32(payload + 12);
+    m->q4 = goshawk_get_f32(payload + 16);
+    m->rollspeed = goshawk_get_f32(payload + 20);
+    m->pitchspeed = goshawk_get_f32(payload + 24);
+    m->yawspeed = goshawk_get_f32(payload + 28);
+    for (unsigned i = 0; i < 4u; i++)
+        m->repr_offset_q[i] = goshawk_get_f32(payload + 32 + 4u * i);
+}
+
+/* Position and velocity, NED. */
+#define LOCAL_POSITION_NED_ID 32u
+#define LOCAL_POSITION_NED_LENGTH 28u
+#define LOCAL_POSITION_NED_CRC_EXTRA 185u
+typedef struct {
+    uint32_t time_boot_ms; /* Vehicle time. */
+    float x; /* North, m. */
+    float y; /* East, m. */
+    float z; /* Down, m. */
+    float vx; /* m/s. */
+    float vy; /* m/s. */
+    float vz; /* m/s. */
+} local_position_ned_msg;
+
+static inline void local_position_ned_encode(const local_position_ned_msg *m, uint8_t payload[LOCAL_POSITION_NED_LENGTH])
+{
+    goshawk_put_u32(payload + 0, m->time_boot_ms);
+    goshawk_put_f32(payload + 4, m->x);
+    goshawk_put_f32(payload + 8, m->y);
+    goshawk_put_f32(payload + 12, m->z);
+    goshawk_put_f32(payload + 16, m->vx);
+    goshawk_put_f32(payload + 20, m->vy);
+    goshawk_put_f32(payload + 24, m->vz);
+}
+
+static inline void local_position_ned_decode(local_position_ned_msg *m, const uint8_t payload[LOCAL_POSITION_NED_LENGTH])
+{
+    m->time_boot_ms = goshawk_get_u32(payload + 0);
+    m->x = goshawk_get_f32(payload + 4);
+    m->y = goshawk_get_f32(payload + 8);
+    m->z = goshawk_get_f32(payload + 12);
+    m->vx = goshawk_get_f32(payload + 16);
+    m->vy = goshawk_get_f32(payload + 20);
+    m->vz = goshawk_get_f32(payload + 24);
+}
+
+/* A command of the common set. */
+#define COMMAND_LONG_ID 76u
+#define COMMAND_LONG_LENGTH 33u
+#define COMMAND_LONG_CRC_EXTRA 152u
+typedef struct {
+    float param1; /* Parameter 1. */
+    float param2; /* Parameter 2. */
+    float param3; /* Parameter 3. */
+    float param4; /* Parameter 4. */
+    float param5; /* Parameter 5. */
+    float param6; /* Parameter 6. */
+    float param7; /* Parameter 7. */
+    uint16_t command; /* MAV_CMD. */
+    uint8_t target_system; /* System asked. */
+    uint8_t target_component; /* Component asked. */
+    uint8_t confirmation; /* Repeat count. */
+} command_long_msg;
+
+static inline void command_long_encode(const command_long_msg *m, uint8_t payload[COMMAND_LONG_LENGTH])
+{
+    goshawk_put_f32(payload + 0, m->param1);
+    goshawk_put_f32(payload + 4, m->param2);
+    goshawk_put_f32(payload + 8, m->param3);
+    goshawk_put_f32(payload + 12, m->param4);
+    goshawk_put_f32(payload + 16, m->param5);
+    goshawk_put_f32(payload + 20, m->param6);
+    goshawk_put_f32(payload + 24, m->param7);
+    goshawk_put_u16(payload + 28, m->command);
+    goshawk_put_u8(payload + 30, m->target_system);
+    goshawk_put_u8(payload + 31, m->target_component);
+    goshawk_put_u8(payload + 32, m->confirmation);
+}
+
+static inline void command_long_decode(command_long_msg *m, const uint8_t payload[COMMAND_LONG_LENGTH])
+{
+    m->param1 = goshawk_get_f32(payload + 0);
+    m->param2 = goshawk_get_f32(payload + 4);
+    m->param3 = goshawk_get_f32(payload + 8);
+    m->param4 = goshawk_get_f32(payload + 12);
+    m->param5 = goshawk_get_f32(payload + 16);
+    m->param6 = goshawk_get_f32(payload + 20);
+    m->param7 = goshawk_get_f32(payload + 24);
+    m->command = goshawk_get_u16(payload + 28);
+    m->target_system = goshawk_get_u8(payload + 30);
+    m->target_component = goshawk_get_u8(payload + 31);
+    m->confirmation = goshawk_get_u8(payload + 32);
+}
+
+/* Answer to COMMAND_LONG. */
+#define COMMAND_ACK_ID 77u
+#define COMMAND_ACK_LENGTH 10u
+#define COMMAND_ACK_CRC_EXTRA 143u
+typedef struct {
+    uint16_t command; /* MAV_CMD. */
+    uint8_t result; /* MAV_RESULT: 0 accepted, 3 unsupported. */
+    uint8_t progress; /* Unused. */
+    int32_t result_param2; /* Unused. */
+    uint8_t target_system; /* Who asked. */
+    uint8_t target_component; /* Who asked. */
+} command_ack_msg;
+
+static inline void command_ack_encode(const command_ack_msg *m, uint8_t payload[COMMAND_ACK_LENGTH])
+{
+    goshawk_put_u16(payload + 0, m->command);
+    goshawk_put_u8(payload + 2, m->result);
+    goshawk_put_u8(payload + 3, m->progress);
+    goshawk_put_i32(payload + 4, m->result_param2);
+    goshawk_put_u8(payload + 8, m->target_system);
+    goshawk_put_u8(payload + 9, m->target_component);
+}
+
+static inline void command_ack_decode(command_ack_msg *m, const uint8_t payload[COMMAND_ACK_LENGTH])
+{
+    m->command = goshawk_get_u16(payload + 0);
+    m->result = goshawk_get_u8(payload + 2);
+    m->progress = goshawk_get_u8(payload + 3);
+    m->result_param2 = goshawk_get_i32(payload + 4);
+    m->target_system = goshawk_get_u8(payload + 8);
+    m->target_component = goshawk_get_u8(payload + 9);
+}
+
+/* Clock comparison. A request has tc1 = 0; the answer carries the answerer's time there. */
+#define TIMESYNC_ID 111u
+#define TIMESYNC_LENGTH 18u
+#define TIMESYNC_CRC_EXTRA 34u
+typedef struct {
+    int64_t tc1; /* Answerer's time, ns. */
+    int64_t ts1; /* Asker's time, ns, returned as sent. */
+    uint8_t target_system; /* System asked; 0 all. */
+    uint8_t target_component; /* Component asked; 0 all. */
+} timesync_msg;
+
+static inline void timesync_encode(const timesync_msg *m, uint8_t payload[TIMESYNC_LENGTH])
+{
+    goshawk_put_i64(payload + 0, m->tc1);
+    goshawk_put_i64(payload + 8, m->ts1);
+    goshawk_put_u8(payload + 16, m->target_system);
+    goshawk_put_u8(payload + 17, m->target_component);
+}
+
+static inline void timesync_decode(timesync_msg *m, const uint8_t payload[TIMESYNC_LENGTH])
+{
+    m->tc1 = goshawk_get_i64(payload + 0);
+    m->ts1 = goshawk_get_i64(payload + 8);
+    m->target_system = goshawk_get_u8(payload + 16);
+    m->target_component = goshawk_get_u8(payload + 17);
+}
+
+/* Battery. */
+#define BATTERY_STATUS_ID 147u
+#define BATTERY_STATUS_LENGTH 54u
+#define BATTERY_STATUS_CRC_EXTRA 154u
+typedef struct {
+    int32_t current_consumed; /* -1, unknown. */
+    int32_t energy_consumed; /* -1, unknown. */
+    int16_t temperature; /* INT16_MAX, unknown. */
+    uint16_t voltages[10]; /* mV; UINT16_MAX where unused. */
+    int16_t current_battery; /* -1, unknown. */
+    uint8_t id; /* 0. */
+    uint8_t battery_function; /* 0. */
+    uint8_t type; /* 1, lithium polymer. */
+    int8_t battery_remaining; /* -1, unknown. */
+    int32_t time_remaining; /* 0, unknown. */
+    uint8_t charge_state; /* 0, unknown. */
+    uint16_t voltages_ext[4]; /* Unused. */
+    uint8_t mode; /* 0. */
+    uint32_t fault_bitmask; /* 0. */
+} battery_status_msg;
+
+static inline void battery_status_encode(const battery_status_msg *m, uint8_t payload[BATTERY_STATUS_LENGTH])
+{
+    goshawk_put_i32(payload + 0, m->current_consumed);
+    goshawk_put_i32(payload + 4, m->energy_consumed);
+    goshawk_put_i16(payload + 8, m->temperature);
+    for (unsigned i = 0; i < 10u; i++)
+        goshawk_put_u16(payload + 10 + 2u * i, m->voltages[i]);
+    goshawk_put_i16(payload + 30, m->current_battery);
+    goshawk_put_u8(payload + 32, m->id);
+    goshawk_put_u8(payload + 33, m->battery_function);
+    goshawk_put_u8(payload + 34, m->type);
+    goshawk_put_i8(payload + 35, m->battery_remaining);
+    goshawk_put_i32(payload + 36, m->time_remaining);
+    goshawk_put_u8(payload + 40, m->charge_state);
+    for (unsigned i = 0; i < 4u; i++)
+        goshawk_put_u16(payload + 41 + 2u * i, m->voltages_ext[i]);
+    goshawk_put_u8(payload + 49, m->mode);
+    goshawk_put_u32(payload + 50, m->fault_bitmask);
+}
+
+static inline void battery_status_decode(battery_status_msg *m, const uint8_t payload[BATTERY_STATUS_LENGTH])
+{
+    m->current_consumed = goshawk_get_i32(payload + 0);
+    m->energy_consumed = goshawk_get_i32(payload + 4);
+    m->temperature = goshawk_get_i16(payload + 8);
+    for (unsigned i = 0; i < 10u; i++)
+        m->voltages[i] = goshawk_get_u16(payload + 10 + 2u * i);
+    m->current_battery = goshawk_get_i16(payload + 30);
+    m->id = goshawk_get_u8(payload + 32);
+    m->battery_function = goshawk_get_u8(payload + 33);
+    m->type = goshawk_get_u8(payload + 34);
+    m->battery_remaining = goshawk_get_i8(payload + 35);
+    m->time_remaining = goshawk_get_i32(payload + 36);
+    m->charge_state = goshawk_get_u8(payload + 40);
+    for (unsigned i = 0; i < 4u; i++)
+        m->voltages_ext[i] = goshawk_get_u16(payload + 41 + 2u * i);
+    m->mode = goshawk_get_u8(payload + 49);
+    m->fault_bitmask = goshawk_get_u32(payload + 50);
+}
+
+/* Who the vehicle is. */
+#define AUTOPILOT_VERSION_ID 148u
+#define AUTOPILOT_VERSION_LENGTH 78u
+#define AUTOPILOT_VERSION_CRC_EXTRA 178u
+typedef struct {
+    uint64_t capabilities; /* MAV_PROTOCOL_CAPABILITY: 8192, MAVLink 2. */
+    uint64_t uid; /* Unique id of the vehicle. */
+    uint32_t flight_sw_version; /* Version of the controller. */
+    uint32_t middleware_sw_version; /* 0. */
+    uint32_t os_sw_version; /* 0. */
+    uint32_t board_version; /* 0. */
+    uint16_t vendor_id; /* 0. */
+    uint16_t product_id; /* 0. */
+    uint8_t flight_custom_version[8]; /* 0. */
+    uint8_t middleware_custom_version[8]; /* 0. */
+    uint8_t os_custom_version[8]; /* 0. */
+    uint8_t uid2[18]; /* 0. */
+} autopilot_version_msg;
+
+static inline void autopilot_version_encode(const autopilot_version_msg *m, uint8_t payload[AUTOPILOT_VERSION_LENGTH])
+{
+    goshawk_put_u64(payload + 0, m->capabilities);
+    goshawk_put_u64(payload + 8, m->uid);
+    goshawk_put_u32(payload + 16, m->flight_sw_version);
+    goshawk_put_u32(payload + 20, m->middleware_sw_version);
+    goshawk_put_u32(payload + 24, m->os_sw_version);
+    goshawk_put_u32(payload + 28, m->board_version);
+    goshawk_put_u16(payload + 32, m->vendor_id);
+    goshawk_put_u16(payload + 34, m->product_id);
+    for (unsigned i = 0; i < 8u; i++)
+        goshawk_put_u8(payload + 36 + i, m->flight_custom_version[i]);
+    for (unsigned i = 0; i < 8u; i++)
+        goshawk_put_u8(payload + 44 + i, m->middleware_custom_version[i]);
+    for (unsigned i = 0; i < 8u; i++)
+        goshawk_put_u8(payload + 52 + i, m->os_custom_version[i]);
+    for (unsigned i = 0; i < 18u; i++)
+        goshawk_put_u8(payload + 60 + i, m->uid2[i]);
+}
+
+static inline void autopilot_version_decode(autopilot_version_msg *m, const uint8_t payload[AUTOPILOT_VERSION_LENGTH])
+{
+    m->capabilities = goshawk_get_u64(payload + 0);
+    m->uid = goshawk_get_u64(payload + 8);
+    m->flight_sw_version = goshawk_get_u32(payload + 16);
+    m->middleware_sw_version = goshawk_get_u32(payload + 20);
+    m->os_sw_version = goshawk_get_u32(payload + 24);
+    m->board_version = goshawk_get_u32(payload + 28);
+    m->vendor_id = goshawk_get_u16(payload + 32);
+    m->product_id = goshawk_get_u16(payload + 34);
+    for (unsigned i = 0; i < 8u; i++)
+        m->flight_custom_version[i] = goshawk_get_u8(payload + 36 + i);
+    for (unsigned i = 0; i < 8u; i++)
+        m->middleware_custom_version[i] = goshawk_get_u8(payload + 44 + i);
+    for (unsigned i = 0; i < 8u; i++)
+        m->os_custom_version[i] = goshawk_get_u8(payload + 52 + i);
+    for (unsigned i = 0; i < 18u; i++)
+        m->uid2[i] = goshawk_get_u8(payload + 60 + i);
+}
+
+/* A sentence for the pilot. */
+#define STATUSTEXT_ID 253u
+#define STATUSTEXT_LENGTH 54u
+#define STATUSTEXT_CRC_EXTRA 83u
+typedef struct {
+    uint8_t severity; /* MAV_SEVERITY: 3 error, 4 warning, 6 info. */
+    char text[50]; /* Zero-terminated unless 50 long. */
+    uint16_t id; /* 0: the text is whole. */
+    uint8_t chunk_seq; /* 0. */
+} statustext_msg;
+
+static inline void statustext_encode(const statustext_msg *m, uint8_t payload[STATUSTEXT_LENGTH])
+{
+    goshawk_put_u8(payload + 0, m->severity);
+    for (unsigned i = 0; i < 50u; i++)
+        goshawk_put_i8(payload + 1 + i, (int8_t)m->text[i]);
+    goshawk_put_u16(payload + 51, m->id);
+    goshawk_put_u8(payload + 53, m->chunk_seq);
+}
+
+static inline void statustext_decode(statustext_msg *m, const uint8_t payload[STATUSTEXT_LENGTH])
+{
+    m->severity = goshawk_get_u8(payload + 0);
+    for (unsigned i = 0; i < 50u; i++)
+        m->text[i] = (char)goshawk_get_i8(payload + 1 + i);
+    m->id = goshawk_get_u16(payload + 51);
+    m->chunk_seq = goshawk_get_u8(payload + 53);
+}
+
+/* Rotor speeds. */
+#define ESC_STATUS_ID 291u
+#define ESC_STATUS_LENGTH 57u
+#define ESC_STATUS_CRC_EXTRA 10u
+typedef struct {
+    uint64_t time_usec; /* Vehicle time. */
+    int32_t rpm[4]; /* Speed, rev/min. */
+    float voltage[4]; /* V. */
+    float current[4]; /* A; 0, unknown. */
+    uint8_t index; /* First rotor of this message: 0. */
+} esc_status_msg;
+
+static inline void esc_status_encode(const esc_status_msg *m, uint8_t payload[ESC_STATUS_LENGTH])
+{
+    goshawk_put_u64(payload + 0, m->time_usec);
+    for (unsigned i = 0; i < 4u; i++)
+        goshawk_put_i32(payload + 8 + 4u * i, m->rpm[i]);
+    for (unsigned i = 0; i < 4u; i++)
+        goshawk_put_f32(payload + 24 + 4u * i, m->voltage[i]);
+    for (unsigned i = 0; i < 4u; i++)
+        goshawk_put_f32(payload + 40 + 4u * i, m->current[i]);
+    goshawk_put_u8(payload + 56, m->index);
+}
+
+static inline void esc_status_decode(esc_status_msg *m, const uint8_t payload[ESC_STATUS_LENGTH])
+{
+    m->time_usec = goshawk_get_u64(payload + 0);
+    for (unsigned i = 0; i < 4u; i++)
+        m->rpm[i] = goshawk_get_i32(payload + 8 + 4u * i);
+    for (unsigned i = 0; i < 4u; i++)
+        m->voltage[i] = goshawk_get_f32(payload + 24 + 4u * i);
+    for (unsigned i = 0; i < 4u; i++)
+        m->current[i] = goshawk_get_f32(payload + 40 + 4u * i);
+    m->index = goshawk_get_u8(payload + 56);
+}
+
+/* All a flight log needs of one instant; also the record of the on-board log. */
+#define GOSHAWK_STATE_ID 54000u
+#define GOSHAWK_STATE_LENGTH 156u
+#define GOSHAWK_STATE_CRC_EXTRA 172u
+typedef struct {
+    uint64_t time_us; /* Vehicle time. */
+    float position_world_m[3]; /* Estimate. */
+    float velocity_world_m_s[3]; /* Estimate. */
+    float q_world_body[4]; /* Estimate. */
+    float rate_body_rad_s[3]; /* Gyroscope. */
+    float specific_force_body_m_s2[3]; /* Accelerometer. */
+    float rotor_speed_rad_s[4]; /* Measured. */
+    float rotor_speed_command_rad_s[4]; /* Asked of the motors. */
+    float setpoint_position_world_m[3]; /* Reference. */
+    float setpoint_velocity_world_m_s[3]; /* Reference. */
+    float setpoint_q_world_body[4]; /* Attitude the controller steers to. */
+    float battery_v; /* Measured. */
+    float trajectory_time_s; /* Time along the active trajectory; negative when none is being flown. */
+    uint16_t sequence; /* Counts these messages, so that a receiver knows what it missed. */
+    uint8_t mission_state; /* State of the mission. */
+    uint8_t saturation; /* Bits of the mixer's saturation report. */
+} goshawk_state_msg;
+
+static inline void goshawk_state_encode(const goshawk_state_msg *m, uint8_t payload[GOSHAWK_STATE_LENGTH])
+{
+    goshawk_put_u64(payload + 0, m->time_us);
+    for (unsigned i = 0; i < 3u; i++)
+        goshawk_put_f32(payload + 8 + 4u * i, m->position_world_m[i]);
+    for (unsigned i = 0; i < 3u; i++)
+        goshawk_put_f32(payload + 20 + 4u * i, m->velocity_world_m_s[i]);
+    for (unsigned i = 0; i < 4u; i++)
+        goshawk_put_f32(payload + 32 + 4u * i, m->q_world_body[i]);
+    for (unsigned i = 0; i < 3u; i++)
+        goshawk_put_f32(payload + 48 + 4u * i, m->rate_body_rad_s[i]);
+    for (unsigned i = 0; i < 3u; i++)
+        goshawk_put_f32(payload + 60 + 4u * i, m->specific_force_body_m_s2[i]);
+    for (unsigned i = 0; i < 4u; i++)
+        goshawk_put_f32(payload + 72 + 4u * i, m->rotor_speed_rad_s[i]);
+    for (unsigned i = 0; i < 4u; i++)
+        goshawk_put_f32(payload + 88 + 4u * i, m->rotor_speed_command_rad_s[i]);
+    for (unsigned i = 0; i < 3u; i++)
+        goshawk_put_f32(payload + 104 + 4u * i, m->setpoint_position_world_m[i]);
+    for (unsigned i = 0; i < 3u; i++)
+        goshawk_put_f32(payload + 116 + 4u * i, m->setpoint_velocity_world_m_s[i]);
+    for (unsigned i = 0; i < 4u; i++)
+        goshawk_put_f32(payload + 128 + 4u * i, m->setpoint_q_world_body[i]);
+    goshawk_put_f32(payload + 144, m->battery_v);
+    goshawk_put_f32(payload + 148, m->trajectory_time_s);
+    goshawk_put_u16(payload + 152, m->sequence);
+    goshawk_put_u8(payload + 154, m->mission_state);
+    goshawk_put_u8(payload + 155, m->saturation);
+}
+
+static inline void goshawk_state_decode(goshawk_state_msg *m, const uint8_t payload[GOSHAWK_STATE_LENGTH])
+{
+    m->time_us = goshawk_get_u64(payload + 0);
+    for (unsigned i = 0; i < 3u; i++)
+        m->position_world_m[i] = goshawk_get_f32(payload + 8 + 4u * i);
+    for (unsigned i = 0; i < 3u; i++)
+        m->velocity_world_m_s[i] = goshawk_get_f32(payload + 20 + 4u * i);
+    for (unsigned i = 0; i < 4u; i++)
+        m->q_world_body[i] = goshawk_get_f32(payload + 32 + 4u * i);
+    for (unsigned i = 0; i < 3u; i++)
+        m->rate_body_rad_s[i] = goshawk_get_f32(payload + 48 + 4u * i);
+    for (unsigned i = 0; i < 3u; i++)
+        m->specific_force_body_m_s2[i] = goshawk_get_f32(payload + 60 + 4u * i);
+    for (unsigned i = 0; i < 4u; i++)
+        m->rotor_speed_rad_s[i] = goshawk_get_f32(payload + 72 + 4u * i);
+    for (unsigned i = 0; i < 4u; i++)
+        m->rotor_speed_command_rad_s[i] = goshawk_get_f32(payload + 88 + 4u * i);
+    for (unsigned i = 0; i < 3u; i++)
+        m->setpoint_position_world_m[i] = goshawk_get_f32(payload + 104 + 4u * i);
+    for (unsigned i = 0; i < 3u; i++)
+        m->setpoint_velocity_world_m_s[i] = goshawk_get_f32(payload + 116 + 4u * i);
+    for (unsigned i = 0; i < 4u; i++)
+        m->setpoint_q_world_body[i] = goshawk_get_f32(payload + 128 + 4u * i);
+    m->battery_v = goshawk_get_f32(payload + 144);
+    m->trajectory_time_s = goshawk_get_f32(payload + 148);
+    m->sequence = goshawk_get_u16(payload + 152);
+    m->mission_state = goshawk_get_u8(payload + 154);
+    m->saturation = goshawk_get_u8(payload + 155);
+}
+
+/* Ask for records of the on-board log; nothing wanted asks for GOSHAWK_LOG_INFO. */
+#define GOSHAWK_LOG_REQUEST_ID 54001u
+#define GOSHAWK_LOG_REQUEST_LENGTH 30u
+#define GOSHAWK_LOG_REQUEST_CRC_EXTRA 126u
+typedef struct {
+    uint32_t first; /* Index of the first. */
+    uint8_t target_system; /* Vehicle. */
+    uint8_t target_component; /* Vehicle. */
+    uint8_t wanted[24]; /* Bit i % 8 of byte i / 8: record first + i is wanted. */
+} goshawk_log_request_msg;
+
+static inline void goshawk_log_request_encode(const goshawk_log_request_msg *m, uint8_t payload[GOSHAWK_LOG_REQUEST_LENGTH])
+{
+    goshawk_put_u32(payload + 0, m->first);
+    goshawk_put_u8(payload + 4, m->target_system);
+    goshawk_put_u8(payload + 5, m->target_component);
+    for (unsigned i = 0; i < 24u; i++)
+        goshawk_put_u8(payload + 6 + i, m->wanted[i]);
+}
+
+static inline void goshawk_log_request_decode(goshawk_log_request_msg *m, const uint8_t payload[GOSHAWK_LOG_REQUEST_LENGTH])
+{
+    m->first = goshawk_get_u32(payload + 0);
+    m->target_system = goshawk_get_u8(payload + 4);
+    m->target_component = goshawk_get_u8(payload + 5);
+    for (unsigned i = 0; i < 24u; i++)
+        m->wanted[i] = goshawk_get_u8(payload + 6 + i);
+}
+
+/* What the on-board log holds. */
+#define GOSHAWK_LOG_INFO_ID 54002u
+#define GOSHAWK_LOG_INFO_LENGTH 21u
+#define GOSHAWK_LOG_INFO_CRC_EXTRA 114u
+typedef struct {
+    uint32_t log_id; /* Changes with every LOG_START. */
+    uint32_t records; /* How many there are. */
+    uint32_t capacity; /* How many fit. */
+    uint32_t not_stored; /* Records that no longer fitted. */
+    uint32_t period_us; /* Time between records. */
+    uint8_t running; /* 1 while recording. */
+} goshawk_log_info_msg;
+
+static inline void goshawk_log_info_encode(const goshawk_log_info_msg *m, uint8_t payload[GOSHAWK_LOG_INFO_LENGTH])
+{
+    goshawk_put_u32(payload + 0, m->log_id);
+    goshawk_put_u32(payload + 4, m->records);
+    goshawk_put_u32(payload + 8, m->capacity);
+    goshawk_put_u32(payload + 12, m->not_stored);
+    goshawk_put_u32(payload + 16, m->period_us);
+    goshawk_put_u8(payload + 20, m->running);
+}
+
+static inline void goshawk_log_info_decode(goshawk_log_info_msg *m, const uint8_t payload[GOSHAWK_LOG_INFO_LENGTH])
+{
+    m->log_id = goshawk_get_u32(payload + 0);
+    m->records = goshawk_get_u32(payload + 4);
+    m->capacity = goshawk_get_u32(payload + 8);
+    m->not_stored = goshawk_get_u32(payload + 12);
+    m->period_us = goshawk_get_u32(payload + 16);
+    m->running = goshawk_get_u8(payload + 20);
+}
+
+/* One record. */
+#define GOSHAWK_LOG_RECORD_ID 54003u
+#define GOSHAWK_LOG_RECORD_LENGTH 164u
+#define GOSHAWK_LOG_RECORD_CRC_EXTRA 114u
+typedef struct {
+    uint32_t log_id; /* Of GOSHAWK_LOG_INFO. */
+    uint32_t index; /* Which record. */
+    uint8_t record[156]; /* Payload of a GOSHAWK_STATE. */
+} goshawk_log_record_msg;
+
+static inline void goshawk_log_record_encode(const goshawk_log_record_msg *m, uint8_t payload[GOSHAWK_LOG_RECORD_LENGTH])
+{
+    goshawk_put_u32(payload + 0, m->log_id);
+    goshawk_put_u32(payload + 4, m->index);
+    for (unsigned i = 0; i < 156u; i++)
+        goshawk_put_u8(payload + 8 + i, m->record[i]);
+}
+
+static inline void goshawk_log_record_decode(goshawk_log_record_msg *m, const uint8_t payload[GOSHAWK_LOG_RECORD_LENGTH])
+{
+    m->log_id = goshawk_get_u32(payload + 0);
+    m->index = goshawk_get_u32(payload + 4);
+    for (unsigned i = 0; i < 156u; i++)
+        m->record[i] = goshawk_get_u8(payload + 8 + i);
+}
+
+/* Opens (or re-opens) a transfer into the staging slot; also the header sent on read-back. */
+#define GOSHAWK_TRAJECTORY_BEGIN_ID 54010u
+#define GOSHAWK_TRAJECTORY_BEGIN_LENGTH 59u
+#define GOSHAWK_TRAJECTORY_BEGIN_CRC_EXTRA 47u
+typedef struct {
+    uint32_t transfer_id; /* Chosen by the sender, new for every upload; never 0. */
+    uint32_t trajectory_id; /* Identity of the trajectory. */
+    uint32_t crc32; /* tc_trajectory_crc32 (trajectory.h). */
+    uint16_t segments; /* How many. */
+    uint8_t target_system; /* Receiver. */
+    uint8_t target_component; /* Receiver. */
+    uint8_t coefficient_count; /* Per axis, at most 12; the others are zero. */
+    uint8_t link_loss_policy; /* tc_link_loss_policy: 0 finish then hold, 1 hold, 2 land. */
+    uint8_t samples; /* How many check samples come with it, at most 8. */
+    uint8_t map_hash[8]; /* First bytes of the map's hash. */
+    uint8_t vehicle_hash[8]; /* First bytes of the vehicle's hash. */
+    char name[24]; /* Zero-padded. */
+} goshawk_trajectory_begin_msg;
+
+static inline void goshawk_trajectory_begin_encode(const goshawk_trajectory_begin_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_BEGIN_LENGTH])
+{
+    goshawk_put_u32(payload + 0, m->transfer_id);
+    goshawk_put_u32(payload + 4, m->trajectory_id);
+    goshawk_put_u32(payload + 8, m->crc32);
+    goshawk_put_u16(payload + 12, m->segments);
+    goshawk_put_u8(payload + 14, m->target_system);
+    goshawk_put_u8(payload + 15, m->target_component);
+    goshawk_put_u8(payload + 16, m->coefficient_count);
+    goshawk_put_u8(payload + 17, m->link_loss_policy);
+    goshawk_put_u8(payload + 18, m->samples);
+    for (unsigned i = 0; i < 8u; i++)
+        goshawk_put_u8(payload + 19 + i, m->map_hash[i]);
+    for (unsigned i = 0; i < 8u; i++)
+        goshawk_put_u8(payload + 27 + i, m->vehicle_hash[i]);
+    for (unsigned i = 0; i < 24u; i++)
+        goshawk_put_i8(payload + 35 + i, (int8_t)m->name[i]);
+}
+
+static inline void goshawk_trajectory_begin_decode(goshawk_trajectory_begin_msg *m, const uint8_t payload[GOSHAWK_TRAJECTORY_BEGIN_LENGTH])
+{
+    m->transfer_id = goshawk_get_u32(payload + 0);
+    m->trajectory_id = goshawk_get_u32(payload + 4);
+    m->crc32 = goshawk_get_u32(payload + 8);
+    m->segments = goshawk_get_u16(payload + 12);
+    m->target_system = goshawk_get_u8(payload + 14);
+    m->target_component = goshawk_get_u8(payload + 15);
+    m->coefficient_count = goshawk_get_u8(payload + 16);
+    m->link_loss_policy = goshawk_get_u8(payload + 17);
+    m->samples = goshawk_get_u8(payload + 18);
+    for (unsigned i = 0; i < 8u; i++)
+        m->map_hash[i] = goshawk_get_u8(payload + 19 + i);
+    for (unsigned i = 0; i < 8u; i++)
+        m->vehicle_hash[i] = goshawk_get_u8(payload + 27 + i);
+    for (unsigned i = 0; i < 24u; i++)
+        m->name[i] = (char)goshawk_get_i8(payload + 35 + i);
+}
+
+/* One polynomial segment in the centred variable s = 2 t / T - 1. */
+#define GOSHAWK_TRAJECTORY_SEGMENT_ID 54011u
+#define GOSHAWK_TRAJECTORY_SEGMENT_LENGTH 204u
+#define GOSHAWK_TRAJECTORY_SEGMENT_CRC_EXTRA 103u
+typedef struct {
+    uint32_t transfer_id; /* Of the transfer, or of the read-back. */
+    uint32_t duration_us; /* T. */
+    uint16_t index; /* Which segment. */
+    uint8_t target_system; /* Receiver. */
+    uint8_t target_component; /* Receiver. */
+    float coefficients[48]; /* x, y, z (m), yaw (rad) of s^0, then of s^1, ... s^11. Last, so that zero ones are not sent. */
+} goshawk_trajectory_segment_msg;
+
+static inline void goshawk_trajectory_segment_encode(const goshawk_trajectory_segment_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_SEGMENT_LENGTH])
+{
+    goshawk_put_u32(payload + 0, m->transfer_id);
+    goshawk_put_u32(payload + 4, m->duration_us);
+    goshawk_put_u16(payload + 8, m->index);
+    goshawk_put_u8(payload + 10, m->target_system);
+    goshawk_put_u8(payload + 11, m->target_component);
+    for (unsigned i = 0; i < 48u; i++)
+        goshawk_put_f32(payload + 12 + 4u * i, m->coefficients[i]);
+}
+
+static inline void goshawk_trajectory_segment_decode(goshawk_trajectory_segment_msg *m, const uint8_t payload[GOSHAWK_TRAJECTORY_SEGMENT_LENGTH])
+{
+    m->transfer_id = goshawk_get_u32(payload + 0);
+    m->duration_us = goshawk_get_u32(payload + 4);
+    m->index = goshawk_get_u16(payload + 8);
+    m->target_system = goshawk_get_u8(payload + 10);
+    m->target_component = goshawk_get_u8(payload + 11);
+    for (unsigned i = 0; i < 48u; i++)
+        m->coefficients[i] = goshawk_get_f32(payload + 12 + 4u * i);
+}
+
+/* Which segments of the transfer have arrived. */
+#define GOSHAWK_TRAJECTORY_STATUS_ID 54012u
+#define GOSHAWK_TRAJECTORY_STATUS_LENGTH 144u
+#define GOSHAWK_TRAJECTORY_STATUS_CRC_EXTRA 86u
+typedef struct {
+    uint32_t transfer_id; /* 0: none is open. */
+    uint32_t frames; /* How many frames of this transfer have arrived, repeats included. */
+    uint16_t received; /* How many segments have arrived. */
+    uint16_t segments; /* Of how many. */
+    uint16_t last_index; /* Segment that arrived last. */
+    uint8_t reason; /* 0 done, else tc_reason or GOSHAWK_LINK_REASON. */
+    uint8_t samples; /* 1 when the check samples have arrived. */
+    uint8_t bitmap[128]; /* Bit i % 8 of byte i / 8: segment i has arrived. Last, so that its zero end is not sent. */
+} goshawk_trajectory_status_msg;
+
+static inline void goshawk_trajectory_status_encode(const goshawk_trajectory_status_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_STATUS_LENGTH])
+{
+    goshawk_put_u32(payload + 0, m->transfer_id);
+    goshawk_put_u32(payload + 4, m->frames);
+    goshawk_put_u16(payload + 8, m->received);
+    goshawk_put_u16(payload + 10, m->segments);
+    goshawk_put_u16(payload + 12, m->last_index);
+    goshawk_put_u8(payload + 14, m->reason);
+    goshawk_put_u8(payload + 15, m->samples);
+    for (unsigned i = 0; i < 128u; i++)
+        goshawk_put_u8(payload + 16 + i, m->bitmap[i]);
+}
+
+static inline void goshawk_trajectory_status_decode(goshawk_trajectory_status_msg *m, const uint8_t payload[GOSHAWK_TRAJECTORY_STATUS_LENGTH])
+{
+    m->transfer_id = goshawk_get_u32(payload + 0);
+    m->frames = goshawk_get_u32(payload + 4);
+    m->received = goshawk_get_u16(payload + 8);
+    m->segments = goshawk_get_u16(payload + 10);
+    m->last_index = goshawk_get_u16(payload + 12);
+    m->reason = goshawk_get_u8(payload + 14);
+    m->samples = goshawk_get_u8(payload + 15);
+    for (unsigned i = 0; i < 128u; i++)
+        m->bitmap[i] = goshawk_get_u8(payload + 16 + i);
+}
+
+/* Check the staged trajectory and make it the active one. */
+#define GOSHAWK_TRAJECTORY_COMMIT_ID 54013u
+#define GOSHAWK_TRAJECTORY_COMMIT_LENGTH 14u
+#define GOSHAWK_TRAJECTORY_COMMIT_CRC_EXTRA 180u
+typedef struct {
+    uint32_t transfer_id; /* Of the transfer. */
+    uint32_t trajectory_id; /* As in the beginning. */
+    uint32_t crc32; /* As in the beginning. */
+    uint8_t target_system; /* Vehicle. */
+    uint8_t target_component; /* Vehicle. */
+} goshawk_trajectory_commit_msg;
+
+static inline void goshawk_trajectory_commit_encode(const goshawk_trajectory_commit_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_COMMIT_LENGTH])
+{
+    goshawk_put_u32(payload + 0, m->transfer_id);
+    goshawk_put_u32(payload + 4, m->trajectory_id);
+    goshawk_put_u32(payload + 8, m->crc32);
+    goshawk_put_u8(payload + 12, m->target_system);
+    goshawk_put_u8(payload + 13, m->target_component);
+}
+
+static inline void goshawk_trajectory_commit_decode(goshawk_trajectory_commit_msg *m, const uint8_t payload[GOSHAWK_TRAJECTORY_COMMIT_LENGTH])
+{
+    m->transfer_id = goshawk_get_u32(payload + 0);
+    m->trajectory_id = goshawk_get_u32(payload + 4);
+    m->crc32 = goshawk_get_u32(payload + 8);
+    m->target_system = goshawk_get_u8(payload + 12);
+    m->target_component = goshawk_get_u8(payload + 13);
+}
+
+/* Answer to a commit; whatever the answer, what is active now. */
+#define GOSHAWK_TRAJECTORY_RESULT_ID 54014u
+#define GOSHAWK_TRAJECTORY_RESULT_LENGTH 15u
+#define GOSHAWK_TRAJECTORY_RESULT_CRC_EXTRA 100u
+typedef struct {
+    uint32_t transfer_id; /* Of the commit. */
+    uint32_t active_id; /* Trajectory now active; 0 none. */
+    uint32_t active_crc32; /* Its CRC. */
+    uint16_t segment; /* Where the check failed. */
+    uint8_t reason; /* 0 done, else tc_reason or GOSHAWK_LINK_REASON. */
+} goshawk_trajectory_result_msg;
+
+static inline void goshawk_trajectory_result_encode(const goshawk_trajectory_result_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_RESULT_LENGTH])
+{
+    goshawk_put_u32(payload + 0, m->transfer_id);
+    goshawk_put_u32(payload + 4, m->active_id);
+    goshawk_put_u32(payload + 8, m->active_crc32);
+    goshawk_put_u16(payload + 12, m->segment);
+    goshawk_put_u8(payload + 14, m->reason);
+}
+
+static inline void goshawk_trajectory_result_decode(goshawk_trajectory_result_msg *m, const uint8_t payload[GOSHAWK_TRAJECTORY_RESULT_LENGTH])
+{
+    m->transfer_id = goshawk_get_u32(payload + 0);
+    m->active_id = goshawk_get_u32(payload + 4);
+    m->active_crc32 = goshawk_get_u32(payload + 8);
+    m->segment = goshawk_get_u16(payload + 12);
+    m->reason = goshawk_get_u8(payload + 14);
+}
+
+/* Ask for segments of the active trajectory; nothing wanted asks for its header. */
+#define GOSHAWK_TRAJECTORY_READ_ID 54015u
+#define GOSHAWK_TRAJECTORY_READ_LENGTH 32u
+#define GOSHAWK_TRAJECTORY_READ_CRC_EXTRA 243u
+typedef struct {
+    uint32_t transfer_id; /* Chosen by the asker; the answers carry it. */
+    uint16_t first; /* Index of the first. */
+    uint8_t target_system; /* Vehicle. */
+    uint8_t target_component; /* Vehicle. */
+    uint8_t wanted[24]; /* Bit i % 8 of byte i / 8: segment first + i is wanted. */
+} goshawk_trajectory_read_msg;
+
+static inline void goshawk_trajectory_read_encode(const goshawk_trajectory_read_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_READ_LENGTH])
+{
+    goshawk_put_u32(payload + 0, m->transfer_id);
+    goshawk_put_u16(payload + 4, m->first);
+    goshawk_put_u8(payload + 6, m->target_system);
+    goshawk_put_u8(payload + 7, m->target_component);
+    for (unsigned i = 0; i < 24u; i++)
+        goshawk_put_u8(payload + 8 + i, m->wanted[i]);
+}
+
+static inline void goshawk_trajectory_read_decode(goshawk_trajectory_read_msg *m, const uint8_t payload[GOSHAWK_TRAJECTORY_READ_LENGTH])
+{
+    m->transfer_id = goshawk_get_u32(payload + 0);
+    m->first = goshawk_get_u16(payload + 4);
+    m->target_system = goshawk_get_u8(payload + 6);
+    m->target_component = goshawk_get_u8(payload + 7);
+    for (unsigned i = 0; i < 24u; i++)
+        m->wanted[i] = goshawk_get_u8(payload + 8 + i);
+}
+
+/* Points of the curve as the planner evaluates it; the vehicle compares at the commit. */
+#define GOSHAWK_TRAJECTORY_SAMPLES_ID 54016u
+#define GOSHAWK_TRAJECTORY_SAMPLES_LENGTH 166u
+#define GOSHAWK_TRAJECTORY_SAMPLES_CRC_EXTRA 180u
+typedef struct {
+    uint32_t transfer_id; /* Of the transfer. */
+    uint32_t sample_us[8]; /* Time from the trajectory's start. */
+    float values[32]; /* x, y, z (m), yaw (rad) of each. */
+    uint8_t target_system; /* Vehicle. */
+    uint8_t target_component; /* Vehicle. */
+} goshawk_trajectory_samples_msg;
+
+static inline void goshawk_trajectory_samples_encode(const goshawk_trajectory_samples_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_SAMPLES_LENGTH])
+{
+    goshawk_put_u32(payload + 0, m->transfer_id);
+    for (unsigned i = 0; i < 8u; i++)
+        goshawk_put_u32(payload + 4 + 4u * i, m->sample_us[i]);
+    for (unsigned i = 0; i < 32u; i++)
+        goshawk_put_f32(payload + 36 + 4u * i, m->values[i]);
+    goshawk_put_u8(payload + 164, m->target_system);
+    goshawk_put_u8(payload + 165, m->target_component);
+}
+
+static inline void goshawk_trajectory_samples_decode(goshawk_trajectory_samples_msg *m, const uint8_t payload[GOSHAWK_TRAJECTORY_SAMPLES_LENGTH])
+{
+    m->transfer_id = goshawk_get_u32(payload + 0);
+    for (unsigned i = 0; i < 8u; i++)
+        m->sample_us[i] = goshawk_get_u32(payload + 4 + 4u * i);
+    for (unsigned i = 0; i < 32u; i++)
+        m->values[i] = goshawk_get_f32(payload + 36 + 4u * i);
+    m->target_system = goshawk_get_u8(payload + 164);
+    m->target_component = goshawk_get_u8(payload + 165);
+}
+
+/* An order to the mission. A repeated request_id is answered again and not carried out again. */
+#define GOSHAWK_MISSION_COMMAND_ID 54020u
+#define GOSHAWK_MISSION_COMMAND_LENGTH 19u
+#define GOSHAWK_MISSION_COMMAND_CRC_EXTRA 90u
+typedef struct {
+    uint32_t request_id; /* New for every order; never 0. */
+    uint32_t trajectory_id; /* For START. */
+    uint32_t crc32; /* For START. */
+    float value; /* See GOSHAWK_COMMAND. */
+    uint8_t target_system; /* Vehicle. */
+    uint8_t target_component; /* Vehicle. */
+    uint8_t command; /* GOSHAWK_COMMAND. */
+} goshawk_mission_command_msg;
+
+static inline void goshawk_mission_command_encode(const goshawk_mission_command_msg *m, uint8_t payload[GOSHAWK_MISSION_COMMAND_LENGTH])
+{
+    goshawk_put_u32(payload + 0, m->request_id);
+    goshawk_put_u32(payload + 4, m->trajectory_id);
+    goshawk_put_u32(payload + 8, m->crc32);
+    goshawk_put_f32(payload + 12, m->value);
+    goshawk_put_u8(payload + 16, m->target_system);
+    goshawk_put_u8(payload + 17, m->target_component);
+    goshawk_put_u8(payload + 18, m->command);
+}
+
+static inline void goshawk_mission_command_decode(goshawk_mission_command_msg *m, const uint8_t payload[GOSHAWK_MISSION_COMMAND_LENGTH])
+{
+    m->request_id = goshawk_get_u32(payload + 0);
+    m->trajectory_id = goshawk_get_u32(payload + 4);
+    m->crc32 = goshawk_get_u32(payload + 8);
+    m->value = goshawk_get_f32(payload + 12);
+    m->target_system = goshawk_get_u8(payload + 16);
+    m->target_component = goshawk_get_u8(payload + 17);
+    m->command = goshawk_get_u8(payload + 18);
+}
+
+/* Answer to an order. */
+#define GOSHAWK_MISSION_RESULT_ID 54021u
+#define GOSHAWK_MISSION_RESULT_LENGTH 7u
+#define GOSHAWK_MISSION_RESULT_CRC_EXTRA 206u
+typedef struct {
+    uint32_t request_id; /* Of the order. */
+    uint8_t command; /* Of the order. */
+    uint8_t reason; /* 0 done, else tc_reason or GOSHAWK_LINK_REASON. */
+    uint8_t mission_state; /* After it. */
+} goshawk_mission_result_msg;
+
+static inline void goshawk_mission_result_encode(const goshawk_mission_result_msg *m, uint8_t payload[GOSHAWK_MISSION_RESULT_LENGTH])
+{
+    goshawk_put_u32(payload + 0, m->request_id);
+    goshawk_put_u8(payload + 4, m->command);
+    goshawk_put_u8(payload + 5, m->reason);
+    goshawk_put_u8(payload + 6, m->mission_state);
+}
+
+static inline void goshawk_mission_result_decode(goshawk_mission_result_msg *m, const uint8_t payload[GOSHAWK_MISSION_RESULT_LENGTH])
+{
+    m->request_id = goshawk_get_u32(payload + 0);
+    m->command = goshawk_get_u8(payload + 4);
+    m->reason = goshawk_get_u8(payload + 5);
+    m->mission_state = goshawk_get_u8(payload + 6);
+}
+
+/* Where the mission stands; sent at 5 Hz and on every change. */
+#define GOSHAWK_MISSION_STATUS_ID 54022u
+#define GOSHAWK_MISSION_STATUS_LENGTH 84u
+#define GOSHAWK_MISSION_STATUS_CRC_EXTRA 71u
+typedef struct {
+    uint64_t time_us; /* Vehicle time. */
+    uint32_t boot_id; /* Changes with every restart. */
+    uint32_t active_id; /* Trajectory now active; 0 none. */
+    uint32_t active_crc32; /* Its CRC. */
+    float trajectory_time_s; /* Negative when none is being flown. */
+    float trajectory_duration_s; /* Of the active one. */
+    uint32_t frames_refused; /* Since the start: unsigned, wrongly signed, replayed, damaged, or from a station not in control. */
+    uint32_t parameters_crc32; /* Of the parameters in force. */
+    float path_rate; /* 1 as planned, 0 standing on the path. */
+    uint8_t mission_state; /* State. */
+    uint8_t reason; /* Why it is in that state. */
+    uint8_t operator_system; /* Who holds the lease; 0 nobody. */
+    uint8_t operator_component; /* Who holds the lease. */
+    uint8_t map_hash[8]; /* Of the active trajectory. */
+    uint8_t vehicle_hash[8]; /* Of the active trajectory. */
+    char name[24]; /* Of the active trajectory. */
+} goshawk_mission_status_msg;
+
+static inline void goshawk_mission_status_encode(const goshawk_mission_status_msg *m, uint8_t payload[GOSHAWK_MISSION_STATUS_LENGTH])
+{
+    goshawk_put_u64(payload + 0, m->time_us);
+    goshawk_put_u32(payload + 8, m->boot_id);
+    goshawk_put_u32(payload + 12, m->active_id);
+    goshawk_put_u32(payload + 16, m->active_crc32);
+    goshawk_put_f32(payload + 20, m->trajectory_time_s);
+    goshawk_put_f32(payload + 24, m->trajectory_duration_s);
+    goshawk_put_u32(payload + 28, m->frames_refused);
+    goshawk_put_u32(payload + 32, m->parameters_crc32);
+    goshawk_put_f32(payload + 36, m->path_rate);
+    goshawk_put_u8(payload + 40, m->mission_state);
+    goshawk_put_u8(payload + 41, m->reason);
+    goshawk_put_u8(payload + 42, m->operator_system);
+    goshawk_put_u8(payload + 43, m->operator_component);
+    for (unsigned i = 0; i < 8u; i++)
+        goshawk_put_u8(payload + 44 + i, m->map_hash[i]);
+    for (unsigned i = 0; i < 8u; i++)
+        goshawk_put_u8(payload + 52 + i, m->vehicle_hash[i]);
+    for (unsigned i = 0; i < 24u; i++)
+        goshawk_put_i8(payload + 60 + i, (int8_t)m->name[i]);
+}
+
+static inline void goshawk_mission_status_decode(goshawk_mission_status_msg *m, const uint8_t payload[GOSHAWK_MISSION_STATUS_LENGTH])
+{
+    m->time_us = goshawk_get_u64(payload + 0);
+    m->boot_id = goshawk_get_u32(payload + 8);
+    m->active_id = goshawk_get_u32(payload + 12);
+    m->active_crc32 = goshawk_get_u32(payload + 16);
+    m->trajectory_time_s = goshawk_get_f32(payload + 20);
+    m->trajectory_duration_s = goshawk_get_f32(payload + 24);
+    m->frames_refused = goshawk_get_u32(payload + 28);
+    m->parameters_crc32 = goshawk_get_u32(payload + 32);
+    m->path_rate = goshawk_get_f32(payload + 36);
+    m->mission_state = goshawk_get_u8(payload + 40);
+    m->reason = goshawk_get_u8(payload + 41);
+    m->operator_system = goshawk_get_u8(payload + 42);
+    m->operator_component = goshawk_get_u8(payload + 43);
+    for (unsigned i = 0; i < 8u; i++)
+        m->map_hash[i] = goshawk_get_u8(payload + 44 + i);
+    for (unsigned i = 0; i < 8u; i++)
+        m->vehicle_hash[i] = goshawk_get_u8(payload + 52 + i);
+    for (unsigned i = 0; i < 24u; i++)
+        m->name[i] = (char)goshawk_get_i8(payload + 60 + i);
+}
+
+/* Take (or keep, or give back) control. The holder renews it; it ends 3 s after the last renewal. */
+#define GOSHAWK_LEASE_REQUEST_ID 54030u
+#define GOSHAWK_LEASE_REQUEST_LENGTH 7u
+#define GOSHAWK_LEASE_REQUEST_CRC_EXTRA 167u
+typedef struct {
+    uint32_t nonce; /* Returned in the answer. */
+    uint8_t target_system; /* Vehicle. */
+    uint8_t target_component; /* Vehicle. */
+    uint8_t action; /* 0 give back, 1 take if free or renew, 2 take over. */
+} goshawk_lease_request_msg;
+
+static inline void goshawk_lease_request_encode(const goshawk_lease_request_msg *m, uint8_t payload[GOSHAWK_LEASE_REQUEST_LENGTH])
+{
+    goshawk_put_u32(payload + 0, m->nonce);
+    goshawk_put_u8(payload + 4, m->target_system);
+    goshawk_put_u8(payload + 5, m->target_component);
+    goshawk_put_u8(payload + 6, m->action);
+}
+
+static inline void goshawk_lease_request_decode(goshawk_lease_request_msg *m, const uint8_t payload[GOSHAWK_LEASE_REQUEST_LENGTH])
+{
+    m->nonce = goshawk_get_u32(payload + 0);
+    m->target_system = goshawk_get_u8(payload + 4);
+    m->target_component = goshawk_get_u8(payload + 5);
+    m->action = goshawk_get_u8(payload + 6);
+}
+
+/* Answer to a request. */
+#define GOSHAWK_LEASE_STATUS_ID 54031u
+#define GOSHAWK_LEASE_STATUS_LENGTH 10u
+#define GOSHAWK_LEASE_STATUS_CRC_EXTRA 34u
+typedef struct {
+    uint32_t nonce; /* Of the request. */
+    uint32_t left_ms; /* Until it ends. */
+    uint8_t operator_system; /* Holder; 0 nobody. */
+    uint8_t operator_component; /* Holder. */
+} goshawk_lease_status_msg;
+
+static inline void goshawk_lease_status_encode(const goshawk_lease_status_msg *m, uint8_t payload[GOSHAWK_LEASE_STATUS_LENGTH])
+{
+    goshawk_put_u32(payload + 0, m->nonce);
+    goshawk_put_u32(payload + 4, m->left_ms);
+    goshawk_put_u8(payload + 8, m->operator_system);
+    goshawk_put_u8(payload + 9, m->operator_component);
+}
+
+static inline void goshawk_lease_status_decode(goshawk_lease_status_msg *m, const uint8_t payload[GOSHAWK_LEASE_STATUS_LENGTH])
+{
+    m->nonce = goshawk_get_u32(payload + 0);
+    m->left_ms = goshawk_get_u32(payload + 4);
+    m->operator_system = goshawk_get_u8(payload + 8);
+    m->operator_component = goshawk_get_u8(payload + 9);
+}
+
+/* Some values of a set that is to be applied as a whole; every value has to be sent. */
+#define GOSHAWK_PARAMETERS_STAGE_ID 54040u
+#define GOSHAWK_PARAMETERS_STAGE_LENGTH 199u
+#define GOSHAWK_PARAMETERS_STAGE_CRC_EXTRA 78u
+typedef struct {
+    uint32_t transfer_id; /* New for every set; never 0. */
+    float values[48]; /* In the order of the vehicle's table; behind its end ignored. */
+    uint8_t target_system; /* Vehicle. */
+    uint8_t target_component; /* Vehicle. */
+    uint8_t group; /* Values 48 group to 48 group + 47. */
+} goshawk_parameters_stage_msg;
+
+static inline void goshawk_parameters_stage_encode(const goshawk_parameters_stage_msg *m, uint8_t payload[GOSHAWK_PARAMETERS_STAGE_LENGTH])
+{
+    goshawk_put_u32(payload + 0, m->transfer_id);
+    for (unsigned i = 0; i < 48u; i++)
+        goshawk_put_f32(payload + 4 + 4u * i, m->values[i]);
+    goshawk_put_u8(payload + 196, m->target_system);
+    goshawk_put_u8(payload + 197, m->target_component);
+    goshawk_put_u8(payload + 198, m->group);
+}
+
+static inline void goshawk_parameters_stage_decode(goshawk_parameters_stage_msg *m, const uint8_t payload[GOSHAWK_PARAMETERS_STAGE_LENGTH])
+{
+    m->transfer_id = goshawk_get_u32(payload + 0);
+    for (unsigned i = 0; i < 48u; i++)
+        m->values[i] = goshawk_get_f32(payload + 4 + 4u * i);
+    m->target_system = goshawk_get_u8(payload + 196);
+    m->target_component = goshawk_get_u8(payload + 197);
+    m->group = goshawk_get_u8(payload + 198);
+}
+
+/* Apply the staged set if it is whole, its CRC fits and the controller accepts it. */
+#define GOSHAWK_PARAMETERS_COMMIT_ID 54041u
+#define GOSHAWK_PARAMETERS_COMMIT_LENGTH 10u
+#define GOSHAWK_PARAMETERS_COMMIT_CRC_EXTRA 168u
+typedef struct {
+    uint32_t transfer_id; /* Of the set. */
+    uint32_t crc32; /* CRC-32 of all values, little-endian float32 in table order. */
+    uint8_t target_system; /* Vehicle. */
+    uint8_t target_component; /* Vehicle. */
+} goshawk_parameters_commit_msg;
+
+static inline void goshawk_parameters_commit_encode(const goshawk_parameters_commit_msg *m, uint8_t payload[GOSHAWK_PARAMETERS_COMMIT_LENGTH])
+{
+    goshawk_put_u32(payload + 0, m->transfer_id);
+    goshawk_put_u32(payload + 4, m->crc32);
+    goshawk_put_u8(payload + 8, m->target_system);
+    goshawk_put_u8(payload + 9, m->target_component);
+}
+
+static inline void goshawk_parameters_commit_decode(goshawk_parameters_commit_msg *m, const uint8_t payload[GOSHAWK_PARAMETERS_COMMIT_LENGTH])
+{
+    m->transfer_id = goshawk_get_u32(payload + 0);
+    m->crc32 = goshawk_get_u32(payload + 4);
+    m->target_system = goshawk_get_u8(payload + 8);
+    m->target_component = goshawk_get_u8(payload + 9);
+}
+
+/* Answer to a stage or a commit. */
+#define GOSHAWK_PARAMETERS_RESULT_ID 54042u
+#define GOSHAWK_PARAMETERS_RESULT_LENGTH 13u
+#define GOSHAWK_PARAMETERS_RESULT_CRC_EXTRA 13u
+typedef struct {
+    uint32_t transfer_id; /* Of the set. */
+    uint32_t active_crc32; /* Of the values now in force. */
+    uint16_t index; /* Parameter that was refused. */
+    uint8_t staged; /* Bit i: group i has arrived. */
+    uint8_t committed; /* 1 when this answers a commit. */
+    uint8_t reason; /* 0 done, else tc_reason or GOSHAWK_LINK_REASON. */
+} goshawk_parameters_result_msg;
+
+static inline void goshawk_parameters_result_encode(const goshawk_parameters_result_msg *m, uint8_t payload[GOSHAWK_PARAMETERS_RESULT_LENGTH])
+{
+    goshawk_put_u32(payload + 0, m->transfer_id);
+    goshawk_put_u32(payload + 4, m->active_crc32);
+    goshawk_put_u16(payload + 8, m->index);
+    goshawk_put_u8(payload + 10, m->staged);
+    goshawk_put_u8(payload + 11, m->committed);
+    goshawk_put_u8(payload + 12, m->reason);
+}
+
+static inline void goshawk_parameters_result_decode(goshawk_parameters_result_msg *m, const uint8_t payload[GOSHAWK_PARAMETERS_RESULT_LENGTH])
+{
+    m->transfer_id = goshawk_get_u32(payload + 0);
+    m->active_crc32 = goshawk_get_u32(payload + 4);
+    m->index = goshawk_get_u16(payload + 8);
+    m->staged = goshawk_get_u8(payload + 10);
+    m->committed = goshawk_get_u8(payload + 11);
+    m->reason = goshawk_get_u8(payload + 12);
+}
+
+/* Full payload length of a message and its CRC_EXTRA; 0 for a message that is not of this dialect. */
+static inline unsigned goshawk_dialect_find(uint32_t id, uint8_t *crc_extra)
+{
+    switch (id) {
+    case HEARTBEAT_ID:
+        *crc_extra = HEARTBEAT_CRC_EXTRA;
+        return HEARTBEAT_LENGTH;
+    case PARAM_REQUEST_READ_ID:
+        *crc_extra = PARAM_REQUEST_READ_CRC_EXTRA;
+        return PARAM_REQUEST_READ_LENGTH;
+    case PARAM_REQUEST_LIST_ID:
+        *crc_extra = PARAM_REQUEST_LIST_CRC_EXTRA;
+        return PARAM_REQUEST_LIST_LENGTH;
+    case PARAM_VALUE_ID:
+        *crc_extra = PARAM_VALUE_CRC_EXTRA;
+        return PARAM_VALUE_LENGTH;
+    case ATTITUDE_QUATERNION_ID:
+        *crc_extra = ATTITUDE_QUATERNION_CRC_EXTRA;
+        return ATTITUDE_QUATERNION_LENGTH;
+    case LOCAL_POSITION_NED_ID:
+        *crc_extra = LOCAL_POSITION_NED_CRC_EXTRA;
+        return LOCAL_POSITION_NED_LENGTH;
+    case COMMAND_LONG_ID:
+        *crc_extra = COMMAND_LONG_CRC_EXTRA;
+        return COMMAND_LONG_LENGTH;
+    case COMMAND_ACK_ID:
+        *crc_extra = COMMAND_ACK_CRC_EXTRA;
+        return COMMAND_ACK_LENGTH;
+    case TIMESYNC_ID:
+        *crc_extra = TIMESYNC_CRC_EXTRA;
+        return TIMESYNC_LENGTH;
+    case BATTERY_STATUS_ID:
+        *crc_extra = BATTERY_STATUS_CRC_EXTRA;
+        return BATTERY_STATUS_LENGTH;
+    case AUTOPILOT_VERSION_ID:
+        *crc_extra = AUTOPILOT_VERSION_CRC_EXTRA;
+        return AUTOPILOT_VERSION_LENGTH;
+    case STATUSTEXT_ID:
+        *crc_extra = STATUSTEXT_CRC_EXTRA;
+        return STATUSTEXT_LENGTH;
+    case ESC_STATUS_ID:
+        *crc_extra = ESC_STATUS_CRC_EXTRA;
+        return ESC_STATUS_LENGTH;
+    case GOSHAWK_STATE_ID:
+        *crc_extra = GOSHAWK_STATE_CRC_EXTRA;
+        return GOSHAWK_STATE_LENGTH;
+    case GOSHAWK_LOG_REQUEST_ID:
+        *crc_extra = GOSHAWK_LOG_REQUEST_CRC_EXTRA;
+        return GOSHAWK_LOG_REQUEST_LENGTH;
+    case GOSHAWK_LOG_INFO_ID:
+        *crc_extra = GOSHAWK_LOG_INFO_CRC_EXTRA;
+        return GOSHAWK_LOG_INFO_LENGTH;
+    case GOSHAWK_LOG_RECORD_ID:
+        *crc_extra = GOSHAWK_LOG_RECORD_CRC_EXTRA;
+        return GOSHAWK_LOG_RECORD_LENGTH;
+    case GOSHAWK_TRAJECTORY_BEGIN_ID:
+        *crc_extra = GOSHAWK_TRAJECTORY_BEGIN_CRC_EXTRA;
+        return GOSHAWK_TRAJECTORY_BEGIN_LENGTH;
+    case GOSHAWK_TRAJECTORY_SEGMENT_ID:
+        *crc_extra = GOSHAWK_TRAJECTORY_SEGMENT_CRC_EXTRA;
+        return GOSHAWK_TRAJECTORY_SEGMENT_LENGTH;
+    case GOSHAWK_TRAJECTORY_STATUS_ID:
+        *crc_extra = GOSHAWK_TRAJECTORY_STATUS_CRC_EXTRA;
+        return GOSHAWK_TRAJECTORY_STATUS_LENGTH;
+    case GOSHAWK_TRAJECTORY_COMMIT_ID:
+        *crc_extra = GOSHAWK_TRAJECTORY_COMMIT_CRC_EXTRA;
+        return GOSHAWK_TRAJECTORY_COMMIT_LENGTH;
+    case GOSHAWK_TRAJECTORY_RESULT_ID:
+        *crc_extra = GOSHAWK_TRAJECTORY_RESULT_CRC_EXTRA;
+        return GOSHAWK_TRAJECTORY_RESULT_LENGTH;
+    case GOSHAWK_TRAJECTORY_READ_ID:
+        *crc_extra = GOSHAWK_TRAJECTORY_READ_CRC_EXTRA;
+        return GOSHAWK_TRAJECTORY_READ_LENGTH;
+    case GOSHAWK_TRAJECTORY_SAMPLES_ID:
+        *crc_extra = GOSHAWK_TRAJECTORY_SAMPLES_CRC_EXTRA;
+        return GOSHAWK_TRAJECTORY_SAMPLES_LENGTH;
+    case GOSHAWK_MISSION_COMMAND_ID:
+        *crc_extra = GOSHAWK_MISSION_COMMAND_CRC_EXTRA;
+        return GOSHAWK_MISSION_COMMAND_LENGTH;
+    case GOSHAWK_MISSION_RESULT_ID:
+        *crc_extra = GOSHAWK_MISSION_RESULT_CRC_EXTRA;
+        return GOSHAWK_MISSION_RESULT_LENGTH;
+    case GOSHAWK_MISSION_STATUS_ID:
+        *crc_extra = GOSHAWK_MISSION_STATUS_CRC_EXTRA;
+        return GOSHAWK_MISSION_STATUS_LENGTH;
+    case GOSHAWK_LEASE_REQUEST_ID:
+        *crc_extra = GOSHAWK_LEASE_REQUEST_CRC_EXTRA;
+        return GOSHAWK_LEASE_REQUEST_LENGTH;
+    case GOSHAWK_LEASE_STATUS_ID:
+        *crc_extra = GOSHAWK_LEASE_STATUS_CRC_EXTRA;
+        return GOSHAWK_LEASE_STATUS_LENGTH;
+    case GOSHAWK_PARAMETERS_STAGE_ID:
+        *crc_extra = GOSHAWK_PARAMETERS_STAGE_CRC_EXTRA;
+        return GOSHAWK_PARAMETERS_STAGE_LENGTH;
+    case GOSHAWK_PARAMETERS_COMMIT_ID:
+        *crc_extra = GOSHAWK_PARAMETERS_COMMIT_CRC_EXTRA;
+        return GOSHAWK_PARAMETERS_COMMIT_LENGTH;
+    case GOSHAWK_PARAMETERS_RESULT_ID:
+        *crc_extra = GOSHAWK_PARAMETERS_RESULT_CRC_EXTRA;
+        return GOSHAWK_PARAMETERS_RESULT_LENGTH;
+    default:
+        *crc_extra = 0;
+        return 0;
+    }
+}
+
+#define GOSHAWK_NO_TARGET 255u
+
+/* Where a message's target_system lies in its payload (target_component follows), or GOSHAWK_NO_TARGET. */
+static inline unsigned goshawk_dialect_target(uint32_t id)
+{
+    switch (id) {
+    case PARAM_REQUEST_READ_ID:
+        return 2u;
+    case PARAM_REQUEST_LIST_ID:
+        return 0u;
+    case COMMAND_LONG_ID:
+        return 30u;
+    case COMMAND_ACK_ID:
+        return 8u;
+    case TIMESYNC_ID:
+        return 16u;
+    case GOSHAWK_LOG_REQUEST_ID:
+        return 4u;
+    case GOSHAWK_TRAJECTORY_BEGIN_ID:
+        return 14u;
+    case GOSHAWK_TRAJECTORY_SEGMENT_ID:
+        return 10u;
+    case GOSHAWK_TRAJECTORY_COMMIT_ID:
+        return 12u;
+    case GOSHAWK_TRAJECTORY_READ_ID:
+        return 6u;
+    case GOSHAWK_TRAJECTORY_SAMPLES_ID:
+        return 164u;
+    case GOSHAWK_MISSION_COMMAND_ID:
+        return 16u;
+    case GOSHAWK_LEASE_REQUEST_ID:
+        return 4u;
+    case GOSHAWK_PARAMETERS_STAGE_ID:
+        return 196u;
+    case GOSHAWK_PARAMETERS_COMMIT_ID:
+        return 8u;
+    default:
+        return GOSHAWK_NO_TARGET;
+    }
+}
+
+#endif

@@ -1,0 +1,189 @@
+"""One flight from the ground: arm, take off, fly the active trajectory, land, fetch the log."""
+
+import contextlib
+import queue
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from firmware_bridge import transfer, wire
+from firmware_bridge.dialect.generated.messages import (
+    Command,
+    LinkReason,
+    LogInfo,
+    LogRecord,
+    LogRequest,
+    MissionState,
+    MissionStatus,
+    State,
+)
+from firmware_bridge.port import Port
+from firmware_bridge.telemetry_log import flight_log, lost_ratio
+from firmware_bridge.transfer import Cancel, CancelledError
+from firmware_bridge.words import reason_text
+from flight import FlightLog, LinkError, Progress, TrajectoryFile
+
+if TYPE_CHECKING:
+    from firmware_bridge.link import Link
+
+_STEP_S = 60.0
+"""Vehicle time that arming, climbing, approaching or landing may take."""
+_LOWEST_TAKE_OFF_M = 0.3
+_ON_PATH = (MissionState.APPROACH, MissionState.TRAJECTORY, MissionState.PAUSING, MissionState.PAUSED)
+_GROUND = (MissionState.DISARMED, MissionState.ARMED)
+
+
+class _Watch:
+    """Follows the mission through telemetry, and keeps the telemetry."""
+
+    def __init__(self, port: Port, inbox: "queue.SimpleQueue[Any]", cancel: Cancel) -> None:
+        self.port, self.inbox, self.cancel = port, inbox, cancel
+        self.states: list[State] = []
+        self.mission = MissionState.DISARMED
+        self.reason = 0
+        self.time_s = 0.0
+
+    def listen(self) -> None:
+        """Take in what came; wait a moment if nothing did."""
+        if time.monotonic() - self.port.last_heard_s > self.port.timeout_s:
+            raise self.port.silence()
+        if self.cancel():
+            raise CancelledError("flight cancelled")
+        try:
+            message = self.inbox.get(timeout=0.05)
+        except queue.Empty:
+            return
+        self.time_s = message.time_us * 1e-6
+        self.mission = MissionState(message.mission_state)
+        if isinstance(message, State):
+            self.states.append(message)
+        else:
+            self.reason = message.reason
+
+    def until(self, wanted: Sequence[MissionState], allowed: Sequence[MissionState], limit_s: float, what: str) -> None:
+        """Wait for one of the wanted states, while the mission stays within the allowed ones."""
+        self.listen_once()
+        start_s = self.time_s
+        while self.mission not in wanted:
+            if self.mission not in allowed:
+                raise self.early(what)
+            if self.time_s - start_s > limit_s:
+                raise LinkError(f"{what}: still {self.words()} after {limit_s:.0f} s of vehicle time")
+            self.listen()
+
+    def listen_once(self) -> None:
+        """Wait for news that is newer than the last order."""
+        while not self.inbox.empty():
+            self.listen()
+        before_s = self.time_s
+        while self.time_s <= before_s:
+            self.listen()
+
+    def words(self) -> str:
+        return self.mission.name.lower().replace("_", " ")
+
+    def early(self, what: str) -> LinkError:
+        """The error for a mission that went elsewhere."""
+        status = self.port.latest.get(MissionStatus)
+        reason = status.reason if isinstance(status, MissionStatus) else self.reason
+        return LinkError(f"{what}: the vehicle went to {self.words()} because {reason_text(reason)}")
+
+
+def fly(
+    link: "Link", port: Port, file: TrajectoryFile | None, *, rate_hz: float, progress: Progress, cancel: Cancel
+) -> FlightLog:
+    """See `Link.fly`."""
+    if not port.keep_lease:
+        link.take_control()
+    plan = link.read_back(cancel=cancel)
+    if plan is None:
+        raise LinkError("the vehicle holds no trajectory; upload one first")
+    if file is not None and plan.crc32 != wire.plan_from_file(file, on_link_loss=plan.on_link_loss).crc32:
+        raise LinkError(f"the vehicle holds {plan.name} (crc {plan.crc32:08x}), not {file.name}; upload it first")
+    link.command(Command.STATE_RATE, rate_hz)
+    has_log = link.try_command(Command.LOG_START) != LinkReason.NO_LOG_MEMORY
+    with port.inbox(State, MissionStatus) as inbox:
+        watch = _Watch(port, inbox, cancel)
+        try:
+            _mission(link, watch, plan, progress)
+        except (CancelledError, KeyboardInterrupt):
+            _land_quietly(link)
+            raise
+        metadata = {
+            "source": "telemetry",
+            "trajectory": plan.name,
+            "trajectory_crc32": f"{plan.crc32:08x}",
+            "map_hash": plan.map_hash.hex(),
+            "vehicle_hash": plan.vehicle_hash.hex(),
+            "telemetry_lost_ratio": round(lost_ratio(watch.states), 6),
+        }
+        if not has_log:
+            return flight_log(watch.states, metadata)
+    link.command(Command.LOG_STOP)
+    log = download_log(link, port, progress=progress, cancel=cancel)
+    return FlightLog(log.columns, metadata | dict(log.metadata))
+
+
+def _mission(link: "Link", watch: _Watch, plan: wire.WirePlan, progress: Progress) -> None:
+    """The flight itself, one step per line."""
+    S = MissionState
+    start_world_m = plan.trajectory().position([0.0])[0]
+    duration_s = float(plan.durations_us.sum()) * 1e-6
+    watch.listen_once()
+    if watch.mission is S.DISARMED:
+        link.command(Command.ARM)
+        watch.until([S.ARMED], [S.DISARMED], _STEP_S, "arming")
+    if watch.mission is S.ARMED:
+        progress("take-off", 0.0)
+        state = link.state
+        height_m = float(start_world_m[2] - (state.position_world_m[2] if state else 0.0))
+        link.command(Command.TAKE_OFF, max(height_m, _LOWEST_TAKE_OFF_M))
+        watch.until([S.HOLD], [S.ARMED, S.TAKE_OFF], _STEP_S, "take-off")
+    link.command(Command.START, plan=plan)
+    _follow(watch, duration_s, progress)
+    if watch.mission is not S.HOLD:
+        raise watch.early("the trajectory was not finished")
+    link.command(Command.LAND)
+    progress("landing", 0.0)
+    watch.until(_GROUND, [S.HOLD, S.LANDING], _STEP_S, "landing")
+    if watch.mission is S.ARMED:
+        link.command(Command.DISARM)
+
+
+def _follow(watch: _Watch, duration_s: float, progress: Progress) -> None:
+    """Wait until the trajectory has been flown, paused time included."""
+    watch.until(_ON_PATH, [MissionState.HOLD], _STEP_S, "start")
+    while watch.mission in _ON_PATH:
+        watch.listen()
+        along_s = watch.states[-1].trajectory_time_s if watch.states else 0.0
+        progress("flight", min(max(along_s, 0.0) / duration_s, 1.0))
+
+
+def _land_quietly(link: "Link") -> None:
+    """Order the landing of a flight that is being given up; if that fails the vehicle's own policy acts."""
+    with contextlib.suppress(LinkError):
+        link.try_command(Command.LAND)
+
+
+def download_log(link: "Link", port: Port, *, progress: Progress, cancel: Cancel) -> FlightLog:
+    """See `Link.download_log`."""
+    info = port.ask(LogRequest(), LogInfo, lambda _: True)
+    if not info.records:
+        raise LinkError("the vehicle has no log of a flight")
+    records = transfer.collect(
+        port,
+        info.records,
+        lambda first, wanted: LogRequest(first=first, wanted=wanted),
+        LogRecord,
+        lambda record: record.index if record.log_id == info.log_id else None,
+        stage="log",
+        progress=progress,
+        cancel=cancel,
+    )
+    states = [State.unpack(bytes(records[i].record)) for i in range(info.records)]
+    metadata = {
+        "source": "on-board log",
+        "period_s": info.period_us * 1e-6,
+        "records_not_stored": info.not_stored,
+    }
+    return flight_log(states, metadata)

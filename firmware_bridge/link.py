@@ -1,0 +1,368 @@
+"""The ground station's link to a vehicle: connect, upload, read back, fly, fetch the log.
+
+with connect("udp://127.0.0.1:14550") as link:
+    link.take_control()
+    link.upload(trajectory.load(path))
+    log = link.fly()
+"""
+
+import secrets
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from firmware_bridge import flying, keys, parameters, transfer, wire
+from firmware_bridge.dialect.generated.messages import (
+    AutopilotVersion,
+    Command,
+    LeaseRequest,
+    LeaseStatus,
+    MissionCommand,
+    MissionResult,
+    MissionState,
+    MissionStatus,
+    State,
+    Timesync,
+    TrajectoryResult,
+)
+from firmware_bridge.mavlink import Codec, Counts, Signing
+from firmware_bridge.port import Port
+from firmware_bridge.transfer import Cancel, CancelledError, UploadReport
+from firmware_bridge.wire import OnLinkLoss, WirePlan
+from firmware_bridge.words import reason_text
+from flight import FlightLog, FloatArray, InputError, LinkError, Progress, TrajectoryFile, silent
+
+__all__ = ["CancelledError", "Link", "OnLinkLoss", "Statistics", "UploadReport", "VehicleState", "connect"]
+
+
+def never() -> bool:
+    """The cancel of those who do not cancel."""
+    return False
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleState:
+    """What the vehicle last said of itself."""
+
+    age_s: float
+    """How old this is."""
+    time_s: float
+    """Vehicle time."""
+    position_world_m: FloatArray
+    """(3,)"""
+    q_world_body: FloatArray
+    """(4,)"""
+    velocity_world_m_s: FloatArray
+    """(3,)"""
+    battery_v: float
+    """0 when not measured."""
+    mission: MissionState
+    reason: str
+    """Why it is in that state."""
+    trajectory_time_s: float
+    """Negative when no trajectory is being flown."""
+    active_name: str
+    """Name of the trajectory it holds; empty if none."""
+    active_id: int
+    active_crc32: int
+    in_control: bool
+    """Whether this station has control."""
+    operator_system: int
+    """System id of the station in control; 0 nobody."""
+
+
+@dataclass(frozen=True, slots=True)
+class Statistics:
+    """How the link is doing."""
+
+    counts: Counts
+    refused_by_vehicle: int
+    """Frames of anybody that the vehicle refused since its start."""
+    silent_s: float
+    """Since the vehicle was last heard."""
+
+
+def connect(
+    url: str = "udp://127.0.0.1:14550",
+    *,
+    key: bytes | Path | None = None,
+    unsigned: bool = False,
+    system_id: int = 255,
+    timeout_s: float = 3.0,
+) -> "Link":
+    """Open the link and wait until the vehicle is heard.
+
+    Args:
+        key: 32 bytes, or a key file; None takes the default key file (`keys.default_path`).
+        unsigned: talk without signatures, to a vehicle that does.
+        system_id: of this ground station; stations on one vehicle need different ones.
+        timeout_s: silence longer than this is a dead link.
+
+    Raises:
+        LinkError: no vehicle answers.
+        InputError: the address or the key cannot be used.
+    """
+    if not 1 <= system_id <= 255:
+        raise InputError(f"system id {system_id} is not within 1 to 255")
+    signing = None
+    if not unsigned:
+        secret = key if isinstance(key, bytes) else keys.load(key)
+        if len(secret) != 32:
+            raise InputError(f"a link key has 32 bytes, this one {len(secret)}")
+        signing = Signing(secret)
+    port = Port(url, Codec(system_id, 190, signing), timeout_s)
+    try:
+        port.wait_for_vehicle()
+        return Link(port)
+    except BaseException:
+        port.close()
+        raise
+
+
+class Link:
+    """A connection to one vehicle; made by `connect`, closed by leaving its block."""
+
+    def __init__(self, port: Port) -> None:
+        self._port = port
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give control back and hang up."""
+        if self._port.keep_lease:
+            self._port.keep_lease = False
+            self._port.send(LeaseRequest(nonce=secrets.randbits(32), action=0))
+        self._port.close()
+
+    # -- what the vehicle says -------------------------------------------------------------------------------------
+
+    @property
+    def state(self) -> VehicleState | None:
+        """The vehicle's last word, or None before the first telemetry."""
+        state, status = self._port.latest.get(State), self._port.latest.get(MissionStatus)
+        if not isinstance(state, State) or not isinstance(status, MissionStatus):
+            return None
+        return VehicleState(
+            age_s=time.monotonic() - self._port.last_heard_s,
+            time_s=state.time_us * 1e-6,
+            position_world_m=np.array(state.position_world_m),
+            q_world_body=np.array(state.q_world_body),
+            velocity_world_m_s=np.array(state.velocity_world_m_s),
+            battery_v=state.battery_v,
+            mission=MissionState(state.mission_state),
+            reason=reason_text(status.reason),
+            trajectory_time_s=state.trajectory_time_s,
+            active_name=status.name,
+            active_id=status.active_id,
+            active_crc32=status.active_crc32,
+            in_control=self._port.keep_lease,
+            operator_system=status.operator_system,
+        )
+
+    @property
+    def statistics(self) -> Statistics:
+        status = self._port.latest.get(MissionStatus)
+        refused = status.frames_refused if isinstance(status, MissionStatus) else 0
+        return Statistics(self._port.codec.counts, refused, time.monotonic() - self._port.last_heard_s)
+
+    def clock_offset_s(self) -> tuple[float, float]:
+        """Vehicle time minus our monotonic clock, and half a round trip (its bound), from the best of eight exchanges.
+
+        Raises:
+            LinkError: no answer.
+        """
+        best = (float("inf"), 0.0)
+        for _ in range(8):
+            asked_ns = time.monotonic_ns()
+            answer = self._port.ask(
+                Timesync(tc1=0, ts1=asked_ns), Timesync, lambda m, at=asked_ns: m.ts1 == at and m.tc1 > 0
+            )
+            trip_ns = time.monotonic_ns() - asked_ns
+            best = min(best, (trip_ns * 0.5e-9, (answer.tc1 - (asked_ns + trip_ns // 2)) * 1e-9))
+        return best[1], best[0]
+
+    @property
+    def version(self) -> AutopilotVersion | None:
+        """Who the vehicle says it is; it tells every 5 s."""
+        version = self._port.latest.get(AutopilotVersion)
+        return version if isinstance(version, AutopilotVersion) else None
+
+    # -- control ---------------------------------------------------------------------------------------------------
+
+    def take_control(self, *, force: bool = False) -> None:
+        """Become the station whose orders count; kept until the link closes.
+
+        Raises:
+            LinkError: another station has control (and not `force`), or no answer.
+        """
+        if not self._port.lease(2 if force else 1):
+            status = self._port.latest[LeaseStatus]
+            assert isinstance(status, LeaseStatus)
+            raise LinkError(
+                f"station {status.operator_system} is in control of the vehicle; "
+                "wait until it hangs up, or take over by force"
+            )
+
+    def command(self, command: Command, value: float = 0.0, *, plan: WirePlan | None = None) -> None:
+        """Give an order and wait for its acknowledgement. `plan` is wanted for START.
+
+        Raises:
+            LinkError: the vehicle refused, or did not answer.
+        """
+        reason = self.try_command(command, value, plan=plan)
+        if reason:
+            raise LinkError(f"the vehicle refused to {command.name.lower().replace('_', ' ')}: {reason_text(reason)}")
+
+    def try_command(self, command: Command, value: float = 0.0, *, plan: WirePlan | None = None) -> int:
+        """The same; returns the reason code, 0 when done."""
+        order = MissionCommand(request_id=secrets.randbits(32) or 1, command=command, value=value)
+        if plan:
+            order.trajectory_id, order.crc32 = plan.id, plan.crc32
+        return self._port.ask(order, MissionResult, lambda result: result.request_id == order.request_id).reason
+
+    # -- trajectories ----------------------------------------------------------------------------------------------
+
+    def upload(
+        self,
+        file: TrajectoryFile,
+        *,
+        map_hash: str | None = None,
+        vehicle_hash: str | None = None,
+        allow_unchecked: bool = False,
+        on_link_loss: OnLinkLoss = OnLinkLoss.HOLD,
+        rate_bytes_s: float = 1e6,
+        progress: Progress = silent,
+        cancel: Cancel = never,
+    ) -> UploadReport:
+        """Send a trajectory, commit it, read it back and compare.
+
+        Args:
+            map_hash, vehicle_hash: what it must have been checked against; None does not ask.
+            allow_unchecked: send one that never passed the planner's final gate.
+            rate_bytes_s: how fast the line takes it; lowered when the line turns out slower.
+
+        Raises:
+            InputError: it is not checked, is for another map or vehicle, or does not fit into the vehicle.
+            LinkError: the vehicle refused or fell silent; the message says what it holds now.
+        """
+        _refuse_unfit(file, map_hash, vehicle_hash, allow_unchecked)
+        plan = wire.plan_from_file(file, on_link_loss=on_link_loss)
+        if not self._port.keep_lease:
+            self.take_control()
+        try:
+            result, report = transfer.upload(
+                self._port, plan, file.trajectory, rate_bytes_s=rate_bytes_s, progress=progress, cancel=cancel
+            )
+        except LinkError as error:
+            raise type(error)(f"{error}; {self._holds(plan)}") from error
+        if result.reason:
+            raise LinkError(f"the vehicle refused {file.name}: {_verdict(result)}; {self._holds(plan)}")
+        self._compare(plan, cancel)
+        progress("upload", 1.0)
+        return report
+
+    def _compare(self, plan: WirePlan, cancel: Cancel) -> None:
+        held = self.read_back(cancel=cancel)
+        if held is None or (held.id, held.crc32, held.name) != (plan.id, plan.crc32, plan.name):
+            raise LinkError(f"what was read back is not what was sent; do not fly it. {self._holds(plan)}")
+
+    def read_back(self, *, progress: Progress = silent, cancel: Cancel = never) -> WirePlan | None:
+        """The trajectory the vehicle holds, bit for bit; None if it holds none.
+
+        Raises:
+            LinkError: the vehicle fell silent.
+        """
+        return transfer.read_back(self._port, progress=progress, cancel=cancel)
+
+    def _holds(self, sent: WirePlan) -> str:
+        """What the vehicle holds after a failed upload, in words. It is asked, as a commit may have come through."""
+        try:
+            header = transfer.read_header(self._port)
+        except LinkError:
+            return "what it holds now is not known; connect again and read back before flying"
+        if not header.trajectory_id:
+            return "the vehicle holds no plan"
+        held = f"plan {header.name} (crc {header.crc32:08x})"
+        if (header.trajectory_id, header.crc32) == (sent.id, sent.crc32):
+            return f"the vehicle holds {held}, the one that was sent"
+        return f"the vehicle still holds {held}; nothing was changed"
+
+    # -- flying and logs -------------------------------------------------------------------------------------------
+
+    def fly(
+        self,
+        file: TrajectoryFile | None = None,
+        *,
+        rate_hz: float = 100.0,
+        progress: Progress = silent,
+        cancel: Cancel = never,
+    ) -> FlightLog:
+        """Arm, take off, fly the trajectory the vehicle holds, land, disarm; the flight's log.
+
+        The log is the vehicle's own, fetched after landing (nothing is lost on the way); a vehicle without log
+        memory is recorded from its telemetry at `rate_hz`.
+
+        Args:
+            file: what the vehicle should hold; refused when it holds something else.
+            cancel: when it says so the vehicle brakes and lands, and `CancelledError` is raised.
+
+        Raises:
+            LinkError: refused, the flight ended early, or the link died; the message says which.
+        """
+        return flying.fly(self, self._port, file, rate_hz=rate_hz, progress=progress, cancel=cancel)
+
+    def download_log(self, *, progress: Progress = silent, cancel: Cancel = never) -> FlightLog:
+        """The vehicle's on-board log of its last flight.
+
+        Raises:
+            LinkError: it has none, or fell silent.
+        """
+        return flying.download_log(self, self._port, progress=progress, cancel=cancel)
+
+    # -- parameters ------------------------------------------------------------------------------------------------
+
+    def parameters(self) -> dict[str, float]:
+        """All parameters of the controller by name.
+
+        Raises:
+            LinkError: the vehicle fell silent.
+        """
+        return parameters.read(self._port)
+
+    def set_parameters(self, values: dict[str, float]) -> None:
+        """Change some parameters, all of them or none.
+
+        Raises:
+            InputError: a name the vehicle does not know, or a value that is not finite.
+            LinkError: the vehicle refused a value (the message says which), or fell silent.
+        """
+        if not self._port.keep_lease:
+            self.take_control()
+        parameters.write(self._port, values)
+
+
+def _refuse_unfit(file: TrajectoryFile, map_hash: str | None, vehicle_hash: str | None, allow_unchecked: bool) -> None:
+    if not file.checked and not allow_unchecked:
+        raise InputError(f"{file.name} has not passed the final gate; run `goshawk check` on it first")
+    if map_hash is not None and file.map_hash != map_hash:
+        raise InputError(
+            f"{file.name} was checked in map {file.map_hash[:8] or '(none)'}, not in this one ({map_hash[:8]}); "
+            "plan or check it again"
+        )
+    if vehicle_hash is not None and file.vehicle_hash != vehicle_hash:
+        raise InputError(
+            f"{file.name} was checked for vehicle {file.vehicle_hash[:8] or '(none)'}, "
+            f"not for this one ({vehicle_hash[:8]}); check it again"
+        )
+
+
+def _verdict(result: TrajectoryResult) -> str:
+    where = f" (segment {result.segment})" if 13 <= result.reason <= 27 else ""
+    return reason_text(result.reason) + where

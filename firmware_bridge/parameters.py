@@ -1,0 +1,96 @@
+"""The controller's parameters over the link: read by name, written as one block or not at all."""
+
+import math
+import queue
+import secrets
+import struct
+import time
+import zlib
+
+from firmware_bridge.dialect.generated.messages import (
+    MissionStatus,
+    ParametersCommit,
+    ParametersResult,
+    ParametersStage,
+    ParamRequestList,
+    ParamRequestRead,
+    ParamValue,
+)
+from firmware_bridge.port import Port
+from firmware_bridge.words import reason_text
+from flight import InputError, LinkError
+
+_GROUP = 48
+
+
+def table(port: Port) -> list[tuple[str, float]]:
+    """Names and values in the vehicle's order.
+
+    Raises:
+        LinkError: the vehicle fell silent.
+    """
+    found: dict[int, ParamValue] = {}
+    count = 1
+    heard_s = time.monotonic()
+    with port.inbox(ParamValue) as inbox:
+        port.send(ParamRequestList())
+        while len(found) < count:
+            if time.monotonic() - heard_s > port.timeout_s:
+                raise port.silence()
+            try:
+                value = inbox.get(timeout=0.1)
+            except queue.Empty:
+                for index in [i for i in range(count) if i not in found][:16] if found else []:
+                    port.send(ParamRequestRead(param_index=index))
+                if not found:
+                    port.send(ParamRequestList())
+                continue
+            if isinstance(value, ParamValue) and value.param_index < value.param_count:
+                found[value.param_index] = value
+                count = value.param_count
+                heard_s = time.monotonic()
+    return [(found[i].param_id, found[i].param_value) for i in range(count)]
+
+
+def read(port: Port) -> dict[str, float]:
+    """All parameters by name."""
+    return dict(table(port))
+
+
+def write(port: Port, values: dict[str, float]) -> None:
+    """Change some parameters, all of them or none; then check the CRC of what is in force.
+
+    Raises:
+        InputError: an unknown name, or a value that is not finite.
+        LinkError: refused, or silence.
+    """
+    present = table(port)
+    names = [name for name, _ in present]
+    for name, value in values.items():
+        if name not in names:
+            raise InputError(f"the vehicle has no parameter {name}; it has {', '.join(sorted(names))}")
+        if not math.isfinite(value):
+            raise InputError(f"{name} = {value} is not finite")
+    block = [values.get(name, value) for name, value in present]
+    packed = struct.pack(f"<{len(block)}f", *block)
+    transfer_id = secrets.randbits(32) or 1
+    for group in range(-(-len(block) // _GROUP)):
+        part = block[_GROUP * group : _GROUP * (group + 1)]
+        stage = ParametersStage(transfer_id=transfer_id, group=group, values=(*part, *[0.0] * (_GROUP - len(part))))
+
+        def about_it(result: ParametersResult, bit: int = 1 << group) -> bool:
+            return result.transfer_id == transfer_id and bool(result.staged & bit or result.reason)
+
+        _accepted(port.ask(stage, ParametersResult, about_it), names)
+    commit = ParametersCommit(transfer_id=transfer_id, crc32=zlib.crc32(packed))
+    answer = port.ask(commit, ParametersResult, lambda r: r.transfer_id == transfer_id and bool(r.committed))
+    _accepted(answer, names)
+    if answer.active_crc32 != zlib.crc32(packed):
+        raise LinkError("the vehicle applied the parameters, but holds others now; read them again")
+    port.latest.pop(MissionStatus, None)  # it carries the CRC of the old ones
+
+
+def _accepted(answer: ParametersResult, names: list[str]) -> None:
+    if answer.reason:
+        where = f" ({names[answer.index]})" if answer.index < len(names) else ""
+        raise LinkError(f"the vehicle refused the parameters: {reason_text(answer.reason)}{where}; nothing was changed")

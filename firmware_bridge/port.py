@@ -1,0 +1,198 @@
+"""One ground station's end of the link: a UDP socket, a thread that listens, questions with retries."""
+
+import contextlib
+import logging
+import queue
+import secrets
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import TypeVar
+from urllib.parse import urlsplit
+
+from firmware_bridge.dialect.generated.messages import Heartbeat, LeaseRequest, LeaseStatus
+from firmware_bridge.dialect.message import Message
+from firmware_bridge.mavlink import Codec, Received
+from flight import InputError, LinkError
+
+logger = logging.getLogger(__name__)
+
+Answer = TypeVar("Answer", bound=Message)
+DEFAULT_PORT = 14550
+_HEARTBEAT_S = 0.5
+_GROUND_STATION, _NO_AUTOPILOT = 6, 8
+_BUFFER_BYTES = 4 << 20  # a log download comes in bursts
+
+
+def parse_url(url: str) -> tuple[str, int]:
+    """Host and port of `udp://host:port`.
+
+    Raises:
+        InputError: it is not such an address.
+    """
+    try:
+        parts = urlsplit(url if "://" in url else f"udp://{url}")
+        host, port = parts.hostname, parts.port or DEFAULT_PORT
+    except ValueError as error:
+        raise InputError(f"{url} is not an address: {error}") from error
+    if parts.scheme != "udp" or not host:
+        raise InputError(f"{url} is not an address of a vehicle; write udp://host:port, e.g. udp://127.0.0.1:14550")
+    return host, port
+
+
+class Port:
+    """Sends messages to one vehicle and hands out what it says. Made by `open_port`."""
+
+    def __init__(self, url: str, codec: Codec, timeout_s: float) -> None:
+        self.url = url
+        self.codec = codec
+        self.timeout_s = timeout_s
+        self.vehicle: tuple[int, int] | None = None
+        """System and component id, once it was heard."""
+        self.last_heard_s = 0.0
+        self.latest: dict[type[Message], Message] = {}
+        self.keep_lease = False
+        self._subscribers: list[tuple[tuple[type[Message], ...], queue.SimpleQueue[Message]]] = []
+        self._lock = threading.Lock()
+        self._closing = threading.Event()
+        host, port = parse_url(url)
+        try:
+            family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+            self._socket = socket.socket(family, kind)
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
+            self._socket.settimeout(0.05)
+            self._socket.connect(address)
+        except OSError as error:
+            raise LinkError(f"{url} cannot be reached: {error}") from error
+        self._thread = threading.Thread(target=self._listen, name=f"link {url}", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        self._closing.set()
+        self._thread.join()
+        self._socket.close()
+
+    def send(self, message: Message) -> None:
+        """Send to the vehicle. Whether it arrives only an answer can tell."""
+        if self.vehicle and hasattr(message, "target_system"):
+            message.target_system, message.target_component = self.vehicle  # pyright: ignore[reportAttributeAccessIssue]
+        with self._lock:
+            frame = self.codec.encode(message)
+        with contextlib.suppress(OSError):  # nobody listens there (yet): as silent as a lost datagram
+            self._socket.send(frame)
+
+    @contextlib.contextmanager
+    def inbox(self, *kinds: type[Message]) -> Iterator["queue.SimpleQueue[Message]"]:
+        """A queue that receives every message of these kinds while the block runs."""
+        entry = (kinds, queue.SimpleQueue[Message]())
+        with self._lock:
+            self._subscribers.append(entry)
+        try:
+            yield entry[1]
+        finally:
+            with self._lock:
+                self._subscribers.remove(entry)
+
+    def ask(
+        self, request: Message, kind: type[Answer], fits: Callable[[Answer], bool], *, retry_s: float = 0.1
+    ) -> Answer:
+        """Send a request until an answer fits.
+
+        Raises:
+            LinkError: none came within the time-out.
+        """
+        deadline_s = time.monotonic() + self.timeout_s
+        with self.inbox(kind) as inbox:
+            while time.monotonic() < deadline_s:
+                self.send(request)
+                until_s = time.monotonic() + retry_s
+                while (left_s := until_s - time.monotonic()) > 0.0:
+                    try:
+                        answer = inbox.get(timeout=left_s)
+                    except queue.Empty:
+                        break
+                    if isinstance(answer, kind) and fits(answer):
+                        return answer
+        raise self.silence()
+
+    def lease(self, action: int) -> bool:
+        """Ask for control (see GOSHAWK_LEASE_REQUEST); whether we have it now. If so it is renewed from now on.
+
+        Raises:
+            LinkError: no answer.
+        """
+        nonce = secrets.randbits(32)
+        answer = self.ask(LeaseRequest(nonce=nonce, action=action), LeaseStatus, lambda status: status.nonce == nonce)
+        self.keep_lease = (answer.operator_system, answer.operator_component) == self._we
+        return self.keep_lease
+
+    @property
+    def _we(self) -> tuple[int, int]:
+        return self.codec.system_id, self.codec.component_id
+
+    def silence(self) -> LinkError:
+        """The error for a vehicle that does not answer, with what is known about why."""
+        counts = self.codec.counts
+        if self.vehicle is None and counts.refused:
+            return LinkError(
+                f"the vehicle at {self.url} sends, but not with our key ({counts.refused} frames refused): "
+                "it is unsigned or signs with another key file"
+            )
+        if self.vehicle is None:
+            return LinkError(
+                f"no vehicle answers at {self.url} within {self.timeout_s:g} s; is it on, and the port right?"
+            )
+        silent_s = time.monotonic() - self.last_heard_s
+        if silent_s < 1.5:
+            return LinkError(
+                f"the vehicle at {self.url} is alive but did not answer within {self.timeout_s:g} s; "
+                "does it have our key, and is our clock behind its clock?"
+            )
+        return LinkError(f"the link to {self.url} is dead: nothing heard for {silent_s:.1f} s")
+
+    def wait_for_vehicle(self) -> None:
+        """Return once a vehicle was heard.
+
+        Raises:
+            LinkError: none was within the time-out.
+        """
+        deadline_s = time.monotonic() + self.timeout_s
+        while self.vehicle is None:
+            if time.monotonic() > deadline_s:
+                raise self.silence()
+            time.sleep(0.005)
+
+    def _listen(self) -> None:
+        next_heartbeat_s = 0.0
+        while not self._closing.is_set():
+            now_s = time.monotonic()
+            if now_s >= next_heartbeat_s:
+                next_heartbeat_s = now_s + _HEARTBEAT_S
+                self.send(Heartbeat(type=_GROUND_STATION, autopilot=_NO_AUTOPILOT, system_status=4, mavlink_version=3))
+                if self.keep_lease:
+                    self.send(LeaseRequest(nonce=secrets.randbits(32), action=1))
+            try:
+                datagram = self._socket.recv(65536)
+            except OSError:  # a time-out, or "connection refused" for an earlier datagram
+                if self._socket.fileno() >= 0 and self.last_heard_s < now_s - 1.0:
+                    self._closing.wait(0.01)
+                continue
+            for received in self.codec.decode(datagram):
+                self._deliver(received)
+
+    def _deliver(self, received: Received) -> None:
+        message = received.message
+        sender = (received.system_id, received.component_id)
+        if self.vehicle is None and isinstance(message, Heartbeat) and message.autopilot != _NO_AUTOPILOT:
+            self.vehicle = sender
+        if sender != self.vehicle:
+            return
+        self.last_heard_s = time.monotonic()
+        if isinstance(message, LeaseStatus) and message.operator_system:
+            self.keep_lease = self.keep_lease and (message.operator_system, message.operator_component) == self._we
+        with self._lock:
+            self.latest[type(message)] = message
+            for kinds, inbox in self._subscribers:
+                if isinstance(message, kinds):
+                    inbox.put(message)

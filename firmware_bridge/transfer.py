@@ -1,0 +1,301 @@
+"""Many pieces over a lossy line: upload by selective repeat, reading by asking for what is missing.
+
+The vehicle reports which pieces it has (a bitmap, again and again while some are missing). A piece is taken for lost,
+and sent again, when a report that must have seen it does not name it: so nothing is sent twice without need, and no
+timer is guessed.
+"""
+
+import queue
+import secrets
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+from firmware_bridge import wire
+from firmware_bridge.dialect.generated.messages import (
+    LinkReason,
+    TrajectoryBegin,
+    TrajectoryCommit,
+    TrajectoryRead,
+    TrajectoryResult,
+    TrajectorySegment,
+    TrajectoryStatus,
+)
+from firmware_bridge.dialect.message import Message
+from firmware_bridge.port import Answer, Port
+from flight import LinkError, Progress, Trajectory
+
+Cancel = Callable[[], bool]
+_SLACK_S = 0.004  # a report may be this much older than the round trip says: scheduling, reordering
+_PROBE_S = 0.15  # without a report for so long, ask for one
+_RESTARTS = 5
+_WINDOW = 192  # pieces asked for at once when reading
+
+
+class CancelledError(LinkError):
+    """The caller asked to stop; the vehicle keeps what it had."""
+
+
+@dataclass(slots=True)
+class UploadReport:
+    """How an upload went."""
+
+    segments: int
+    datagrams: int
+    """Sent for this upload, the opening and the commit included."""
+    duration_s: float
+    restarts: int
+    """How often the vehicle had forgotten the transfer (it restarted) and it began anew."""
+
+
+@dataclass(slots=True)
+class Pacer:
+    """Keeps to a byte rate; slows down when the round trip grows (a queue is filling), speeds up when it does not."""
+
+    rate_bytes_s: float
+    most_bytes_s: float
+    next_s: float = 0.0
+    shortest_rtt_s: float = float("inf")
+    rtt_s: float = 0.03
+    """Smoothed."""
+
+    def sent(self, frame_bytes: int, now_s: float) -> None:
+        # a late wake-up may catch up 5 ms, not more: the line's queue is shallow
+        self.next_s = max(self.next_s, now_s - 0.005) + frame_bytes / self.rate_bytes_s
+
+    def measured(self, rtt_s: float) -> None:
+        self.shortest_rtt_s = min(self.shortest_rtt_s, rtt_s)
+        self.rtt_s += 0.25 * (rtt_s - self.rtt_s)
+        crowded = rtt_s > 2.0 * self.shortest_rtt_s + 0.03
+        changed = self.rate_bytes_s * (0.8 if crowded else 1.02)
+        self.rate_bytes_s = min(max(changed, 2e4), self.most_bytes_s)
+
+
+@dataclass(slots=True)
+class Outgoing:
+    """Which pieces were sent when, and which the vehicle has."""
+
+    pieces: list[Message]
+    sent_at_s: dict[int, float] = field(default_factory=dict[int, float])
+    """Of pieces under way: sent and not yet known to have arrived or been lost."""
+    times_sent: dict[int, int] = field(default_factory=dict[int, int])
+    waiting: list[int] = field(default_factory=list[int])
+    arrived: set[int] = field(default_factory=set[int])
+
+    def __post_init__(self) -> None:
+        self.waiting = list(reversed(range(len(self.pieces))))
+
+    @property
+    def complete(self) -> bool:
+        return len(self.arrived) == len(self.pieces)
+
+    def next(self, now_s: float) -> Message | None:
+        """The piece to send now, if one is waiting."""
+        while self.waiting:
+            index = self.waiting.pop()
+            if index not in self.arrived:
+                self.sent_at_s[index] = now_s
+                self.times_sent[index] = self.times_sent.get(index, 0) + 1
+                return self.pieces[index]
+        return None
+
+    def reported(self, status: TrajectoryStatus, now_s: float, pacer: Pacer) -> None:
+        """Take a report in: what arrived, and what must have been lost."""
+        last = status.last_index
+        if self.times_sent.get(last) == 1 and last in self.sent_at_s:
+            pacer.measured(now_s - self.sent_at_s[last])
+        present = {i for i in range(status.segments) if status.bitmap[i // 8] >> (i % 8) & 1}
+        if status.samples:
+            present.add(len(self.pieces) - 1)
+        self.arrived |= present
+        for index in present:
+            self.sent_at_s.pop(index, None)
+        seen_before_s = now_s - pacer.rtt_s - _SLACK_S
+        lost = [index for index, at_s in self.sent_at_s.items() if at_s < seen_before_s]
+        for index in lost:
+            del self.sent_at_s[index]
+        self.waiting.extend(sorted(lost, reverse=True))
+
+
+def upload(
+    port: Port, plan: wire.WirePlan, trajectory: Trajectory, *, rate_bytes_s: float, progress: Progress, cancel: Cancel
+) -> tuple[TrajectoryResult, UploadReport]:
+    """Send a plan into the staging slot and commit it; the vehicle's verdict and how it went.
+
+    Raises:
+        LinkError: the vehicle fell silent, refused the beginning, or another station began an upload.
+        CancelledError: `cancel` said so.
+    """
+    started_s = time.monotonic()
+    sent_before = port.codec.counts.sent
+    pacer = Pacer(rate_bytes_s, rate_bytes_s)
+    for restarts in range(_RESTARTS):
+        transfer_id = secrets.randbits(32) or 1
+        result = _attempt(port, plan, trajectory, transfer_id, pacer, progress, cancel)
+        if result is not None:
+            sent = port.codec.counts.sent - sent_before
+            report = UploadReport(len(plan.durations_us), sent, time.monotonic() - started_s, restarts)
+            return result, report
+    raise LinkError(f"the vehicle forgot the upload {_RESTARTS} times; it keeps restarting")
+
+
+def _attempt(
+    port: Port,
+    plan: wire.WirePlan,
+    trajectory: Trajectory,
+    transfer_id: int,
+    pacer: Pacer,
+    progress: Progress,
+    cancel: Cancel,
+) -> TrajectoryResult | None:
+    """One transfer from beginning to commit; None when the vehicle no longer knows it."""
+    with port.inbox(TrajectoryStatus, TrajectoryResult) as inbox:
+        asked_s = time.monotonic()
+        opened = port.ask(
+            plan.begin(transfer_id), TrajectoryStatus, lambda s: s.transfer_id == transfer_id, retry_s=0.06
+        )
+        if opened.reason:
+            return _refused(port, transfer_id, opened)
+        pacer.rtt_s = min(time.monotonic() - asked_s, 0.2)
+        pieces: list[Message] = [plan.segment(transfer_id, i) for i in range(len(plan.durations_us))]
+        pieces.append(wire.samples(plan, trajectory, transfer_id))
+        outgoing = Outgoing(pieces)
+        heard_s = probed_s = time.monotonic()
+        while not outgoing.complete:
+            now_s = time.monotonic()
+            if cancel():
+                raise CancelledError("upload cancelled")
+            if not port.keep_lease:
+                raise LinkError("another station took control of the vehicle")
+            if now_s - heard_s > port.timeout_s:
+                raise port.silence()
+            if now_s - max(heard_s, probed_s) > _PROBE_S:
+                probed_s = now_s
+                port.send(plan.begin(transfer_id))  # a known beginning is answered with a report
+            if now_s >= pacer.next_s and (piece := outgoing.next(now_s)) is not None:
+                before = port.codec.counts.sent_bytes
+                port.send(piece)
+                pacer.sent(port.codec.counts.sent_bytes - before, now_s)
+            wait_s = pacer.next_s - time.monotonic() if outgoing.waiting else 0.02
+            for status in _drain(inbox, wait_s):
+                if not isinstance(status, TrajectoryStatus):
+                    continue
+                heard_s = time.monotonic()
+                if status.transfer_id == 0:
+                    return None
+                if status.transfer_id != transfer_id:
+                    continue  # an older report, still under way when this transfer began
+                if status.reason:
+                    return _refused(port, transfer_id, status)
+                outgoing.reported(status, heard_s, pacer)
+                progress("upload", 0.95 * len(outgoing.arrived) / len(pieces))
+        commit = TrajectoryCommit(transfer_id=transfer_id, trajectory_id=plan.id, crc32=plan.crc32)
+        return port.ask(commit, TrajectoryResult, lambda r: r.transfer_id == transfer_id, retry_s=pacer.rtt_s + 0.015)
+
+
+def _refused(port: Port, transfer_id: int, status: TrajectoryStatus) -> TrajectoryResult | None:
+    """The verdict in a refusing report; None if all that is missing is control, lost in a restart and taken again."""
+    if status.reason == LinkReason.NOT_IN_CONTROL and port.keep_lease and port.lease(1):
+        return None
+    return TrajectoryResult(transfer_id=transfer_id, reason=status.reason, segment=status.last_index)
+
+
+def _drain(inbox: "queue.SimpleQueue[Message]", wait_s: float) -> Iterable[Message]:
+    """All messages that are there, after waiting for the first one at most so long."""
+    try:
+        yield inbox.get(timeout=max(wait_s, 0.0)) if wait_s > 0.0 else inbox.get_nowait()
+        while True:
+            yield inbox.get_nowait()
+    except queue.Empty:
+        return
+
+
+def collect(
+    port: Port,
+    count: int,
+    request: Callable[[int, tuple[int, ...]], Message],
+    kind: type[Answer],
+    index: Callable[[Answer], int | None],
+    *,
+    stage: str,
+    progress: Progress,
+    cancel: Cancel,
+) -> dict[int, Answer]:
+    """Ask for the missing ones of pieces 0 to count - 1, a window at a time, until all are there.
+
+    Args:
+        request: the message that asks for the pieces whose bits are set, counted from its first argument on.
+        index: which piece an answer is; None if it belongs to something else.
+
+    Raises:
+        LinkError: nothing new came within the time-out.
+        CancelledError: `cancel` said so.
+    """
+    found: dict[int, Answer] = {}
+    heard_s = time.monotonic()
+    first = 0
+    with port.inbox(kind) as inbox:
+        while len(found) < count:
+            if cancel():
+                raise CancelledError(f"{stage} cancelled")
+            if time.monotonic() - heard_s > port.timeout_s:
+                raise port.silence()
+            while first in found:
+                first += 1
+            missing = {i for i in range(first, min(first + _WINDOW, count)) if i not in found}
+            port.send(request(first, _bits(i - first for i in missing)))
+            quiet_s = 0.1
+            while missing:
+                try:
+                    answer = inbox.get(timeout=quiet_s)
+                except queue.Empty:
+                    break
+                if isinstance(answer, kind) and (i := index(answer)) is not None and 0 <= i < count:
+                    found[i] = answer
+                    missing.discard(i)
+                    heard_s, quiet_s = time.monotonic(), 0.03
+            progress(stage, len(found) / count)
+    return found
+
+
+def _bits(indices: Iterable[int]) -> tuple[int, ...]:
+    """The bytes of a request whose bits are set at these indices."""
+    value = sum(1 << i for i in indices)
+    return tuple(value.to_bytes(_WINDOW // 8, "little"))
+
+
+def read_header(port: Port) -> TrajectoryBegin:
+    """Name, id and CRC of the active trajectory; id 0 if there is none.
+
+    Raises:
+        LinkError: the vehicle fell silent.
+    """
+    transfer_id = secrets.randbits(32) or 1
+    request = TrajectoryRead(transfer_id=transfer_id)
+    return port.ask(request, TrajectoryBegin, lambda begin: begin.transfer_id == transfer_id)
+
+
+def read_back(port: Port, *, progress: Progress, cancel: Cancel) -> wire.WirePlan | None:
+    """The active trajectory as the vehicle holds it; None if it holds none.
+
+    Raises:
+        LinkError: the vehicle fell silent, or what came does not fit its CRC.
+    """
+    header = read_header(port)
+    transfer_id = header.transfer_id
+    if header.trajectory_id == 0:
+        return None
+    segments = collect(
+        port,
+        header.segments,
+        lambda first, wanted: TrajectoryRead(transfer_id=transfer_id, first=first, wanted=wanted),
+        TrajectorySegment,
+        lambda segment: segment.index if segment.transfer_id == transfer_id else None,
+        stage="read back",
+        progress=progress,
+        cancel=cancel,
+    )
+    plan = wire.plan_from_messages(header, segments)
+    if plan.crc32 != header.crc32:
+        raise LinkError(f"what was read back has CRC {plan.crc32:08x}, its header says {header.crc32:08x}; read again")
+    return plan

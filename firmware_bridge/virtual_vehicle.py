@@ -1,0 +1,340 @@
+"""A vehicle without hardware: the embedded controller and link (the very C files) on a plant of your choice, over UDP.
+
+plant = vehicle.simulate.Plant(truth, ...)
+with VirtualVehicle(plant, controller_parameters, key=key) as served:
+    with connect(served.url, key=key) as link: ...
+"""
+
+import logging
+import select
+import socket
+import threading
+import time
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol, Self
+
+import numpy as np
+
+from firmware_bridge import _controller
+from firmware_bridge.impairment import Impairment, Line
+from firmware_bridge.mavlink import MAGIC, timestamp_now
+from flight import FloatArray, InputError, LinkError, rotations
+
+logger = logging.getLogger(__name__)
+
+LOG_PERIOD_US = 5000
+_LOG_RECORDS = 200_000  # 31 MB, 17 minutes at 200 Hz
+_STATION_SILENT_S = 10.0
+_STATIONS = 8
+_BATCH_S = 0.004  # how long the plant may run before the socket is looked after again
+_BEHIND_S = 0.05  # lag behind the clock that is no longer made up for
+
+
+class PlantLike(Protocol):
+    """What is flown: `vehicle.simulate.Plant`, or anything with these."""
+
+    time_s: float
+
+    @property
+    def position_world_m(self) -> FloatArray: ...
+    @property
+    def velocity_world_m_s(self) -> FloatArray: ...
+    @property
+    def q_world_body(self) -> FloatArray: ...
+    @property
+    def rate_body_rad_s(self) -> FloatArray: ...
+    @property
+    def rotor_speed_rad_s(self) -> FloatArray: ...
+    @property
+    def specific_force_body_m_s2(self) -> FloatArray: ...
+    @property
+    def battery_v(self) -> float: ...
+    def step(self, rotor_speed_command_rad_s: FloatArray, duration_s: float) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Sensors:
+    """What stands between the truth and the controller's estimate. The default is perfect."""
+
+    position_std_m: float = 0.0
+    velocity_std_m_s: float = 0.0
+    attitude_std_rad: float = 0.0
+    rate_std_rad_s: float = 0.0
+    specific_force_std_m_s2: float = 0.0
+    rotor_speed_std_rad_s: float = 0.0
+    delay_s: float = 0.0
+    """Age of the pose and velocity when they reach the controller; it is told the true time stamp."""
+
+    @staticmethod
+    def typical() -> "Sensors":
+        """A good visual-inertial estimator and a cheap IMU."""
+        return Sensors(0.002, 0.02, 0.002, 0.005, 0.05, 2.0, 0.01)
+
+
+@dataclass(slots=True)
+class Pace:
+    """How the simulation kept up with the clock."""
+
+    ticks: int = 0
+    busy_s: float = 0.0
+    """Wall-clock seconds spent on ticks."""
+    slipped_s: float = 0.0
+    """Vehicle seconds by which it fell behind and stayed behind."""
+
+
+class VirtualVehicle:
+    """Serves one vehicle to any number of ground stations. Use as a context manager, or call `serve`."""
+
+    def __init__(
+        self,
+        plant: PlantLike,
+        parameters: Mapping[str, float],
+        *,
+        key: bytes | None,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        system_id: int = 1,
+        speed: float = 1.0,
+        tick_hz: int = 400,
+        sensors: Sensors | None = None,
+        line: Impairment | None = None,
+        seed: int = 0,
+        bytes_per_s: int = 4_000_000,
+        log_records: int = _LOG_RECORDS,
+    ) -> None:
+        """
+        Args:
+            parameters: of the controller, by name; those not given keep their preset.
+            key: 32 bytes that sign the link; None serves unsigned.
+            port: UDP port; 0 takes a free one (see `url`).
+            speed: vehicle seconds per second. 0: as fast as it can while the rotors turn.
+            tick_hz: control rate.
+            line: what the radio does to datagrams, both ways.
+            bytes_per_s: what the vehicle sends at the most.
+            log_records: room in the on-board log (200 records a second).
+        """
+        if not (speed >= 0.0 and 100 <= tick_hz <= 4000):
+            raise InputError(f"speed {speed:g} must not be negative, tick_hz {tick_hz} be within 100 to 4000")
+        if key is not None and len(key) != 32:
+            raise InputError(f"a link key has 32 bytes, this one {len(key)}")
+        self.plant = plant
+        self.pace = Pace()
+        self._parameters, self._key, self._system_id = dict(parameters), key, system_id
+        self._speed, self._tick_us = speed, round(1e6 / tick_hz)
+        self._sensors, self._rng = sensors or Sensors(), np.random.default_rng(seed)
+        self._bytes_per_s, self._log_records = bytes_per_s, log_records
+        self._impairment = line or Impairment()
+        self._up = Line(self._impairment, np.random.default_rng(seed + 1))
+        self._down = Line(self._impairment, np.random.default_rng(seed + 2))
+        self._stations: dict[tuple[str, int], float] = {}
+        self._truth: deque[tuple[int, FloatArray]] = deque(maxlen=1 + round(self._sensors.delay_s * tick_hz))
+        self._time_us, self._boots = 0, 0
+        self._lock = threading.RLock()
+        self._closing = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._failure: BaseException | None = None
+        self._socket = _bind(host, port)
+        self._boot(kept=None)
+
+    @property
+    def url(self) -> str:
+        host, port = self._socket.getsockname()[:2]
+        return f"udp://{host}:{port}"
+
+    @property
+    def time_s(self) -> float:
+        """Vehicle time."""
+        return self._time_us * 1e-6
+
+    def counts(self) -> dict[str, int]:
+        """What the link endpoint accepted and refused since its start."""
+        with self._lock:
+            return self._link.counts()
+
+    def __enter__(self) -> Self:
+        self._thread = threading.Thread(target=self._run, name="virtual vehicle", daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._closing.set()
+        if self._thread:
+            self._thread.join()
+        self._socket.close()
+        if self._failure:
+            raise self._failure
+
+    def serve(self) -> None:
+        """Run in this thread until `stop`, or Ctrl-C."""
+        try:
+            self._run()
+        finally:
+            self._socket.close()
+        if self._failure:
+            raise self._failure
+
+    def stop(self) -> None:
+        """End `serve` from another thread."""
+        self._closing.set()
+
+    def restart(self) -> None:
+        """Switch the flight computer off and on. All is forgotten but the active trajectory (permanent memory)."""
+        with self._lock:
+            self._boot(kept=self._link.kept())
+
+    def _boot(self, kept: bytes | None) -> None:
+        self._boots += 1
+        self._controller = _controller.Controller()
+        self._set_parameters()
+        self._now0_s = time.monotonic()
+        self._link = _controller.Link(
+            self._controller,
+            self._key,
+            self._system_id,
+            timestamp_now(),
+            self._boots,
+            self._bytes_per_s,
+            self._log_records,
+            LOG_PERIOD_US,
+            self._now_us(),
+        )
+        self._command = np.zeros(4)
+        if kept and (reason := self._link.restore(kept)):
+            logger.warning("the kept trajectory was refused: %s", _controller.reason_text(reason))
+
+    def _set_parameters(self) -> None:
+        table = _controller.parameter_table()
+        names = [row[0] for row in table]
+        unknown = sorted(set(self._parameters) - set(names))
+        if unknown:
+            raise InputError(f"the controller has no parameter {', '.join(unknown)}")
+        values = np.array([self._parameters.get(row[0], row[3]) for row in table], dtype=np.float32)
+        reason, index = self._controller.set_parameters(values)
+        if reason:
+            where = f" ({names[index]})" if index >= 0 else ""
+            raise InputError(f"the controller refuses its parameters{where}: {_controller.reason_text(reason)}")
+
+    def _now_us(self) -> int:
+        return int((time.monotonic() - self._now0_s) * 1e6) + 1
+
+    def _run(self) -> None:
+        try:
+            self._loop()
+        except BaseException as error:
+            self._failure = error
+            logger.error("the virtual vehicle stopped: %s", error)
+
+    def _loop(self) -> None:
+        wall_s, vehicle_s = time.monotonic(), self.time_s
+        while not self._closing.is_set():
+            with self._lock:
+                self._receive()
+                rotors_on = bool(self._command.any())
+                rate = self._speed if self._speed > 0.0 or rotors_on else 1.0
+                began_s = time.monotonic()
+                due_s = vehicle_s + (began_s - wall_s) * rate if rate > 0.0 else float("inf")
+                while self.time_s + self._tick_us * 1e-6 <= due_s and time.monotonic() - began_s < _BATCH_S:
+                    self._tick()
+                    self._transmit()
+                self.pace.busy_s += time.monotonic() - began_s
+                behind_s = due_s - self.time_s
+                if rate == 0.0 or behind_s > _BEHIND_S * rate:
+                    if rate > 0.0:
+                        self._slip(behind_s)
+                    wall_s, vehicle_s = time.monotonic(), self.time_s
+                self._transmit()
+            if rate > 0.0:
+                pause_s = (self.time_s + self._tick_us * 1e-6 - vehicle_s) / rate - (time.monotonic() - wall_s)
+                soonest_s = min(self._up.next_s(), self._down.next_s()) - time.monotonic()
+                select.select([self._socket], [], [], max(0.0, min(pause_s, soonest_s, 0.05)))
+
+    def _slip(self, behind_s: float) -> None:
+        before = int(self.pace.slipped_s)
+        self.pace.slipped_s += behind_s
+        if int(self.pace.slipped_s) > before:
+            logger.warning("this machine is too slow: %.1f s of vehicle time lost so far", self.pace.slipped_s)
+
+    def _tick(self) -> None:
+        """One control period: sense, control, move."""
+        self._time_us += self._tick_us
+        plant, sensors, rng = self.plant, self._sensors, self._rng
+        truth = np.concatenate(
+            [plant.position_world_m, plant.velocity_world_m_s, plant.q_world_body, plant.rate_body_rad_s]
+        )
+        self._truth.append((self._time_us, truth))
+        pose_us, seen = self._truth[0]
+        estimate = seen.copy()
+        estimate[10:] = truth[10:]
+        if sensors.position_std_m or sensors.velocity_std_m_s:
+            estimate[:3] += rng.normal(0.0, sensors.position_std_m, 3)
+            estimate[3:6] += rng.normal(0.0, sensors.velocity_std_m_s, 3)
+        if sensors.attitude_std_rad:
+            error = rotations.exp(rng.normal(0.0, sensors.attitude_std_rad, 3))
+            estimate[6:10] = rotations.multiply(estimate[6:10], error)
+        estimate[10:] += rng.normal(0.0, sensors.rate_std_rad_s, 3) if sensors.rate_std_rad_s else 0.0
+        command, _ = self._controller.tick(self._time_us, estimate, pose_us, pose_us, plant.battery_v)
+        self._command = command.astype(np.float64)
+        rotor = np.asarray(plant.rotor_speed_rad_s, dtype=np.float64) + 0.0
+        force = np.asarray(plant.specific_force_body_m_s2, dtype=np.float64) + 0.0
+        rotor += rng.normal(0.0, sensors.rotor_speed_std_rad_s, 4) if sensors.rotor_speed_std_rad_s else 0.0
+        force += rng.normal(0.0, sensors.specific_force_std_m_s2, 3) if sensors.specific_force_std_m_s2 else 0.0
+        self._link.update(rotor, force, self._now_us())
+        plant.step(self._command, self._tick_us * 1e-6)
+        self.pace.ticks += 1
+
+    def _receive(self) -> None:
+        now_s = time.monotonic()
+        while True:
+            try:
+                datagram, address = self._socket.recvfrom(65536)
+            except BlockingIOError:
+                break
+            except OSError:  # an earlier answer found nobody
+                continue
+            self._meet(datagram, address, now_s)
+            if self._impairment.perfect:
+                self._link.receive(datagram, True, self._now_us())
+            else:
+                self._up.push(datagram, None, now_s)
+        for datagram, _ in self._up.pop(now_s):
+            self._link.receive(datagram, True, self._now_us())
+
+    def _meet(self, datagram: bytes, address: tuple[str, int], now_s: float) -> None:
+        """Answer whoever speaks MAVLink 2 to us, as long as there is room; the silent ones are forgotten."""
+        if datagram[:1] != bytes([MAGIC]):
+            return
+        for old in [a for a, heard_s in self._stations.items() if now_s - heard_s > _STATION_SILENT_S]:
+            del self._stations[old]
+        if address in self._stations or len(self._stations) < _STATIONS:
+            self._stations[address] = now_s
+
+    def _transmit(self) -> None:
+        while self._stations and (frame := self._link.transmit(self._now_us())):
+            if self._impairment.perfect:
+                self._send(frame)
+            else:
+                self._down.push(frame, None, time.monotonic())
+        for frame, _ in self._down.pop(time.monotonic()):
+            self._send(frame)
+
+    def _send(self, frame: bytes) -> None:
+        for address in self._stations:
+            try:
+                self._socket.sendto(frame, address)
+            except OSError:  # gone, or its buffer is full: a lost datagram
+                continue
+
+
+def _bind(host: str, port: int) -> socket.socket:
+    try:
+        family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+        bound = socket.socket(family, kind)
+        bound.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)
+        bound.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4 << 20)
+        bound.setblocking(False)
+        bound.bind(address)
+    except OSError as error:
+        raise LinkError(f"cannot serve at {host}:{port}: {error}") from error
+    return bound

@@ -1,0 +1,153 @@
+"""Over a real UDP socket: upload, read back, fly, log."""
+
+import time
+
+import numpy as np
+import pytest
+
+from firmware_bridge import wire
+from firmware_bridge.dialect.generated.messages import Command, MissionState
+from firmware_bridge.impairment import Impairment
+from firmware_bridge.link import CancelledError, connect
+from firmware_bridge.virtual_vehicle import Sensors
+from flight import InputError, LinkError
+
+
+def test_a_trajectory_is_read_back_bit_for_bit(serve, dial, plans):
+    file = plans.file(5)
+    link = dial(serve())
+    report = link.upload(file)
+    held = link.read_back()
+    sent = wire.plan_from_file(file)
+    assert report.segments == 5
+    assert report.restarts == 0
+    assert (held.name, held.id, held.crc32) == (sent.name, sent.id, sent.crc32)
+    np.testing.assert_array_equal(held.coefficients, sent.coefficients)
+    np.testing.assert_array_equal(held.durations_us, sent.durations_us)
+    assert held.map_hash == bytes.fromhex("ab" * 8)
+    times = file.trajectory.sample(0.01)
+    np.testing.assert_allclose(held.trajectory().evaluate(times), file.trajectory.evaluate(times), atol=1e-6)
+
+
+def test_a_flight_leaves_a_whole_log_that_follows_the_plan(serve, dial, plans):
+    file = plans.file(3)
+    link = dial(serve(speed=0.0))
+    link.upload(file)
+    log = link.fly(file)
+    assert log.metadata["source"] == "on-board log"
+    np.testing.assert_allclose(np.diff(log.time_s), 0.005, atol=1e-9)  # nothing lost, 200 Hz
+    for quantity in (
+        "rotor_speed_rad_s",
+        "rotor_speed_command_rad_s",
+        "specific_force_body_m_s2",
+    ):
+        assert np.isfinite(log.vector(quantity)).all()
+    on_path = log.columns["mission_state"] == MissionState.TRAJECTORY
+    along_s = log.columns["trajectory_time_s"][on_path]
+    planned = file.trajectory.position(np.clip(along_s, 0.0, file.trajectory.duration_s))
+    assert on_path.sum() == pytest.approx(file.trajectory.duration_s * 200, abs=3)
+    np.testing.assert_allclose(log.vector("setpoint_position_world_m")[on_path], planned, atol=1e-4)
+    error_m = np.linalg.norm(log.vector("position_world_m")[on_path] - planned, axis=1)
+    assert error_m.mean() < 0.02
+    assert link.state.mission is MissionState.DISARMED
+    assert log.vector("position_world_m")[-1, 2] < 0.05  # on the floor again
+
+
+def test_telemetry_is_lossless_at_100_hz_and_recorded_when_there_is_no_log_memory(serve, dial, plans):
+    link = dial(serve(log_records=0))
+    link.upload(plans.file(1))
+    log = link.fly(rate_hz=200.0)
+    assert log.metadata["source"] == "telemetry"
+    assert log.metadata["telemetry_lost_ratio"] <= 0.01  # a shared machine may stall once
+    assert np.median(np.diff(log.time_s)) == pytest.approx(0.005, abs=1e-4)
+    assert log.vector("rotor_speed_rad_s").max() > 500.0
+
+
+def test_sensor_noise_reaches_the_log_and_the_vehicle_still_flies(serve, dial, plans):
+    served = serve(speed=0.0, sensors=Sensors.typical(), seed=3)
+    link = dial(served)
+    link.upload(plans.file(2))
+    log = link.fly()
+    on_path = log.columns["mission_state"] == MissionState.TRAJECTORY
+    position = log.vector("position_world_m")[on_path]
+    error_m = np.linalg.norm(position - log.vector("setpoint_position_world_m")[on_path], axis=1)
+    assert 0.001 < error_m.mean() < 0.08
+    assert log.vector("rotor_speed_rad_s")[0].std() > 0.1  # the rotors stand still: all of it is noise
+
+
+def test_flying_something_else_than_expected_is_refused_on_the_ground(serve, dial, plans):
+    served = serve()
+    link = dial(served)
+    with pytest.raises(LinkError, match="holds no trajectory"):
+        link.fly()
+    link.upload(plans.file(2, name="lap-3"))
+    with pytest.raises(LinkError, match=r"holds lap-3 \(crc [0-9a-f]{8}\), not other"):
+        link.fly(plans.file(2, name="other", seed=5))
+    assert served.plant.position_world_m[2] < 0.01
+
+
+def test_cancelling_lands_the_vehicle(serve, dial, plans):
+    served = serve(speed=4.0)
+    link = dial(served)
+    link.upload(plans.file(3))
+    seen = []
+    with pytest.raises(CancelledError):
+        link.fly(progress=lambda stage, _: seen.append(stage), cancel=lambda: "flight" in seen)
+    until_s = time.monotonic() + 10.0
+    while link.state.mission not in (MissionState.DISARMED, MissionState.ARMED) and time.monotonic() < until_s:
+        time.sleep(0.05)
+    assert served.plant.position_world_m[2] < 0.05
+
+
+def test_an_order_that_makes_no_sense_is_refused_in_words(serve, dial):
+    link = dial(serve())
+    link.take_control()
+    with pytest.raises(LinkError, match="refused to land"):
+        link.command(Command.LAND)
+
+
+def test_a_dead_link_is_said_in_one_sentence_within_seconds(serve, plans):
+    began_s = time.monotonic()
+    with pytest.raises(LinkError, match=r"no vehicle answers at udp://127.0.0.1:9 within 0\.8 s"):
+        connect("udp://127.0.0.1:9", key=plans.key, timeout_s=0.8)
+    assert time.monotonic() - began_s < 3.0
+
+
+def test_a_link_that_dies_later_is_noticed_too(serve, plans):
+    served = serve(line=Impairment())
+    with connect(served.url, key=plans.key, timeout_s=0.8) as link:
+        link.take_control()
+        served.stop()
+        time.sleep(1.6)
+        with pytest.raises(LinkError, match="is dead: nothing heard for"):
+            link.command(Command.ARM)
+
+
+@pytest.mark.parametrize("url", ["tcp://127.0.0.1:1", "udp://", "udp://host:port"])
+def test_a_wrong_address_is_refused(url: str, plans):
+    with pytest.raises(InputError, match="is not an address"):
+        connect(url, key=plans.key)
+
+
+def test_the_vehicles_clock_is_compared(serve, dial):
+    served = serve()
+    link = dial(served)
+    offset_s, bound_s = link.clock_offset_s()
+    assert bound_s < 0.05
+    assert offset_s + time.monotonic() == pytest.approx(served.time_s, abs=bound_s + 0.1)
+
+
+def test_parameters_change_all_together_or_not_at_all(serve, dial):
+    link = dial(serve())
+    before = link.parameters()
+    link.set_parameters({"mass_kg": 0.72, "kp_xy_1_s2": 8.0})
+    after = link.parameters()
+    assert after["mass_kg"] == pytest.approx(0.72)
+    assert {k for k in after if after[k] != before[k]} == {"mass_kg", "kp_xy_1_s2"}
+    with pytest.raises(LinkError, match=r"refused the parameters: .*kp_z_1_s2.*nothing was changed"):
+        link.set_parameters({"mass_kg": 0.8, "kp_z_1_s2": -5.0})
+    assert link.parameters() == after
+    with pytest.raises(InputError, match="no parameter masss"):
+        link.set_parameters({"masss": 1.0})
+    with pytest.raises(InputError, match="not finite"):
+        link.set_parameters({"mass_kg": float("nan")})
