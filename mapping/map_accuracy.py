@@ -79,12 +79,12 @@ def compare(
         T_world_map: where the map's frame lies in the scene's, if they differ.
     """
     from scipy.ndimage import distance_transform_edt
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     T_world_map = np.eye(4) if T_world_map is None else T_world_map
     seen_map_m = frames.apply(frames.invert(T_world_map), seen_world_m)
     error_m = np.abs(scene.distance(frames.apply(T_world_map, vertices_map_m)))
-    gap_m, _ = cKDTree(vertices_map_m).query(seen_map_m, distance_upper_bound=WITHIN_M)
+    gap_m, _ = KDTree(vertices_map_m).query(seen_map_m, distance_upper_bound=WITHIN_M)
     is_free = state == FREE
     to_matter_m = np.asarray(distance_transform_edt(is_free, sampling=grid.voxel_m))
     free_centres = frames.apply(T_world_map, grid.centre(np.argwhere(is_free)))
