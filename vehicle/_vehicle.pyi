@@ -21,6 +21,7 @@ class Model:
         values: NDArray[float64],
         motion: NDArray[float64],
         surroundings: NDArray[float64],
+        slots: list[int],
         directions: list[int],
         as_acceleration: bool,
         out: NDArray[float64],
@@ -38,6 +39,15 @@ class Model:
         states: NDArray[float64],
         specific_force: NDArray[float64],
         energy_j: NDArray[float64],
+        /,
+    ) -> None: ...
+    def invert(
+        self,
+        values: NDArray[float64],
+        wanted: NDArray[float64],
+        motion: NDArray[float64],
+        surroundings: NDArray[float64],
+        out: NDArray[float64],
         /,
     ) -> None: ...
     def flatness(

@@ -178,9 +178,8 @@ def _jacobian(
         column = {name: 20 + i for i, name in enumerate(kernel.names)}
         # parameters of sensors and motors have no influence here, and no column
         slots, directions = _wanted_directions(vehicle, [column.get(name) for name in parameters])
-        out, packed, slopes = np.empty((n, 6)), np.empty((n, 6, len(slots))), np.zeros((n, 6, 18 + p))
-        kernel.model.jacobian(kernel.values, motion, rows, directions, as_acceleration, out, packed)
-        slopes[:, :, slots] = packed
+        out, slopes = np.empty((n, 6)), np.zeros((n, 6, 18 + p))
+        kernel.model.jacobian(kernel.values, motion, rows, slots, directions, as_acceleration, out, slopes)
     return Jacobian(
         value=out,
         velocity=slopes[:, :, 0:3],

@@ -3,7 +3,7 @@
 import numpy as np
 
 from flight import FloatArray, InfeasibleError
-from vehicle import dynamics
+from vehicle import dynamics, native
 from vehicle.forces import Surroundings, rigid_body
 from vehicle.model import Vehicle
 
@@ -39,6 +39,25 @@ def rotor_speeds(
     around = surroundings or open_air(count)
     speed = np.full((count, 4), 0.5 * vehicle.limits.rotor_speed_max_rad_s) if guess_rad_s is None else guess_rad_s
     speed = np.array(np.broadcast_to(speed, (count, 4)))
+    kernel = native.compiled(vehicle)
+    if kernel is None:
+        return rotor_speeds_numpy(vehicle, wanted, velocity, rate, speed, around)
+    out = np.empty((count, 4))
+    rows = native.surroundings_rows(around)
+    kernel.model.invert(kernel.values, wanted, np.hstack([velocity, rate, speed]), rows, out)
+    return out
+
+
+def rotor_speeds_numpy(
+    vehicle: Vehicle,
+    wanted: FloatArray,
+    velocity: FloatArray,
+    rate: FloatArray,
+    speed: FloatArray,
+    around: Surroundings,
+) -> FloatArray:
+    """The plain twin of the kernel: the same Newton steps, on all rows that still move. `wanted` is (n, 4)."""
+    count = len(wanted)
     change = np.full(count, np.inf)
     for _ in range(_STEPS):
         todo = np.flatnonzero(change > _TOLERANCE_RAD_S)
@@ -46,10 +65,9 @@ def rotor_speeds(
             break
         step = _newton_step(vehicle, wanted[todo], velocity[todo], rate[todo], speed[todo], _rows(around, todo, count))
         # a start far off may overshoot below zero, where n^2 has its false twin: stop at a tenth of the speed
-        moved = np.maximum(speed[todo] + step, 0.1 * speed[todo])
-        change[todo] = np.abs(moved - speed[todo]).max(axis=1)
-        speed[todo] = moved
-    speed[~(change <= 1e-6)] = np.nan
+        speed[todo] = np.maximum(speed[todo] + step, 0.1 * speed[todo])
+        change[todo] = np.abs(step).max(axis=1)
+    speed[~(change <= _TOLERANCE_RAD_S)] = np.nan
     return speed
 
 

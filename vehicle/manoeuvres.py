@@ -111,17 +111,17 @@ def _vertical_weave() -> Trajectory:
 
 
 def _doublets() -> Trajectory:
-    short = _there_and_back(0.75, 0.5, 3)
-    wait = (0.75 * 6, 0.0)
+    short = _there_and_back(0.8, 0.42, 3)
+    wait = (0.8 * 6, 0.0)
     return from_legs(x=[*short, wait], y=[wait, *short])
 
 
 def _rotation() -> Trajectory:
     return from_legs(
-        x=_there_and_back(0.95, 0.5, 8),
-        y=[(0.4, 0.0), *_there_and_back(1.05, 0.6, 6)],
+        x=_there_and_back(0.95, 0.42, 8),
+        y=[(0.4, 0.0), *_there_and_back(1.05, 0.5, 6)],
         z=_there_and_back(1.3, 0.5, 5),
-        yaw=_there_and_back(1.4, 0.9, 5),
+        yaw=_there_and_back(1.4, 0.8, 5),
     )
 
 

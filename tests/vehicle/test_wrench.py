@@ -5,7 +5,7 @@ import pytest
 
 import vehicle
 from flight import InputError
-from vehicle import dynamics, forces
+from vehicle import dynamics, forces, invert
 
 
 def samples(n=300, seed=1):
@@ -54,6 +54,24 @@ def test_rotor_speeds_invert_the_wrench():
     reached = vehicle.invert.rotor_speeds(v, force[:, 2], torque, velocity, rate)
     fast_descent = velocity[:, 2] < -2.0  # thrust is not a monotonic function of speed there
     np.testing.assert_allclose(reached[~fast_descent], speed[~fast_descent], atol=1e-6)
+
+
+def test_the_compiled_inverse_agrees_with_the_plain_one():
+    v = vehicle.example("hummingbird")
+    velocity, rate, speed = samples(40)
+    force, torque = vehicle.wrench(v, velocity, rate, speed)
+    wanted = np.column_stack([force[:, 2], torque])
+    start = np.full((40, 4), 700.0)
+    plain = invert.rotor_speeds_numpy(v, wanted, velocity, rate, start.copy(), invert.open_air(40))
+    fast = invert.rotor_speeds(v, force[:, 2], torque, velocity, rate, guess_rad_s=start)
+    np.testing.assert_allclose(fast, plain, atol=1e-7)
+    np.testing.assert_allclose(fast, speed, atol=1e-6)
+
+
+def test_an_impossible_wrench_has_no_rotor_speeds():
+    speeds = invert.rotor_speeds(vehicle.example(), np.array([-5.0, 7.0]), np.zeros((2, 3)), np.zeros(3), np.zeros(3))
+    assert np.isnan(speeds[0]).all()
+    assert np.isfinite(speeds[1]).all()
 
 
 def test_wrong_shapes_and_names_are_refused():

@@ -18,7 +18,7 @@ using InOut3 = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 
 namespace {
 
-constexpr int kDirections = 8;
+constexpr int kDirections = 12;  // ten for the motion, or half of motion and parameters together
 using Number = Dual<kDirections>;
 
 // Row of surroundings: q_world_body 0-3, height 4, ceiling gap 5, rotor acceleration 6-9.
@@ -78,9 +78,9 @@ void seed(Number* const motion[10], Flow<Number>& flow, std::vector<Number>& val
     }
 }
 
-// out (n, 6, directions)
-void jacobian(const Model& model, In values, In motion, In around, const std::vector<int>& directions,
-              bool as_acceleration, InOut out, InOut3 slopes) {
+// Writes direction j into column slots[j] of slopes (n, 6, columns).
+void jacobian(const Model& model, In values, In motion, In around, const std::vector<int>& slots,
+              const std::vector<int>& directions, bool as_acceleration, InOut out, InOut3 slopes) {
     nb::gil_scoped_release release;
     const int total = static_cast<int>(directions.size());
     std::vector<Number> v(model.width);
@@ -101,7 +101,8 @@ void jacobian(const Model& model, In values, In motion, In around, const std::ve
             result(model, body, flow, as_acceleration, six);
             for (int k = 0; k < 6; ++k) {
                 out.data()[6 * i + k] = six[k].v;
-                for (int s = 0; s < count; ++s) slopes.data()[(6 * i + k) * total + first + s] = six[k].d[s];
+                double* line = slopes.data() + (6 * i + k) * slopes.shape(2);
+                for (int s = 0; s < count; ++s) line[slots[first + s]] = six[k].d[s];
             }
         }
     }
@@ -116,6 +117,20 @@ void step(const Model& model, In values, In world, In command, In battery_v, int
         const World around = {{w[0], w[1], w[2]}, w[3], w[4], w[5]};
         energy_j.data()[i] = integrate(model, row(values, i), around, row(command, i), row(battery_v, i)[0], steps,
                                        step_s, states.data() + kState * i, specific_force.data() + 3 * i);
+    }
+}
+
+// wanted: rows of force along body z, then torque. motion: its rotor speeds are the start. Rows of out are NaN where no
+// speeds exist.
+void invert(const Model& model, In values, In wanted, In motion, In around, InOut out) {
+    nb::gil_scoped_release release;
+    for (size_t i = 0; i < out.shape(0); ++i) {
+        const double* m = row(motion, i);
+        double n[4] = {m[6], m[7], m[8], m[9]};
+        Flow<Dual<4>> flow;
+        fill(flow, m, row(around, i));
+        const bool found = invert_rotors(model, row(values, i), flow, row(wanted, i), n);
+        for (int k = 0; k < 4; ++k) out.data()[4 * i + k] = found ? n[k] : NAN;
     }
 }
 
@@ -149,6 +164,7 @@ NB_MODULE(_vehicle, m) {
         .def("evaluate", &evaluate)
         .def("jacobian", &jacobian)
         .def("step", &step)
+        .def("invert", &invert)
         .def("flatness", &flatness);
     m.def("effects", [] {
         std::vector<std::pair<std::string, int>> known;

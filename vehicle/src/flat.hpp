@@ -104,46 +104,51 @@ struct Lineup {
     }
 };
 
-// Newton on force along body z and torque by the four rotor speeds; false when there are none.
-inline bool invert_rotors(const Lineup& l, const PathPoint& p, const double q[4], const double rate[3],
-                          const double wanted[4], double n[4]) {
+// Solves A x = b by Gauss-Jordan with row exchange, b in the fifth column; false when A is singular.
+inline bool solve4(double A[4][5], double x[4]) {
+    for (int c = 0; c < 4; ++c) {
+        int best = c;
+        for (int r = c + 1; r < 4; ++r) {
+            if (std::fabs(A[r][c]) > std::fabs(A[best][c])) best = r;
+        }
+        if (!(std::fabs(A[best][c]) > 0.0)) return false;
+        for (int k = 0; k < 5; ++k) std::swap(A[c][k], A[best][k]);
+        for (int r = 0; r < 4; ++r) {
+            if (r == c) continue;
+            const double factor = A[r][c] / A[c][c];
+            for (int k = c; k < 5; ++k) A[r][k] -= factor * A[c][k];
+        }
+    }
+    for (int i = 0; i < 4; ++i) x[i] = A[i][4] / A[i][i];
+    return true;
+}
+
+// Newton on force along body z and torque by the four rotor speeds n, which are the start as well; `flow` holds all
+// else. False when it does not converge: there are no such speeds.
+inline bool invert_rotors(const Model& model, const double* values, Flow<Dual<4>> flow, const double wanted[4],
+                          double n[4]) {
     using Number = Dual<4>;
-    std::vector<Number> values(l.model.width);
-    for (int j = 0; j < l.model.width; ++j) values[j] = Number(l.values[j]);
-    const Body<Number> body = rigid_body(l.model, values.data());
+    std::vector<Number> numbers(values, values + model.width);
+    const Body<Number> body = rigid_body(model, numbers.data());
+    const Flow<Number> start = flow;
     for (int step = 0; step < 25; ++step) {
-        Flow<Number> flow;
-        l.air(p, q, rate, flow);
+        flow = start;
         for (int i = 0; i < 4; ++i) {
             flow.rotor_speed[i] = Number(n[i]);
             flow.rotor_speed[i].d[i] = 1.0;
         }
-        wrench(l.model, values.data(), body, flow);
-        double A[4][5];
+        wrench(model, numbers.data(), body, flow);
+        double A[4][5], move[4], change = 0.0;
         for (int r = 0; r < 4; ++r) {
             const Number& f = r == 0 ? flow.force[2] : flow.torque[r - 1];
             for (int c = 0; c < 4; ++c) A[r][c] = f.d[c];
             A[r][4] = wanted[r] - f.v;
         }
-        for (int c = 0; c < 4; ++c) {  // Gauss with column pivots
-            int best = c;
-            for (int r = c + 1; r < 4; ++r) {
-                if (std::fabs(A[r][c]) > std::fabs(A[best][c])) best = r;
-            }
-            if (!(std::fabs(A[best][c]) > 0.0)) return false;
-            for (int k = 0; k < 5; ++k) std::swap(A[c][k], A[best][k]);
-            for (int r = 0; r < 4; ++r) {
-                if (r == c) continue;
-                const double factor = A[r][c] / A[c][c];
-                for (int k = c; k < 5; ++k) A[r][k] -= factor * A[c][k];
-            }
-        }
-        double change = 0.0;
+        if (!solve4(A, move)) return false;
         for (int i = 0; i < 4; ++i) {
             // an overshoot below zero would find the false twin of n^2: stop at a tenth of the speed
-            const double moved = std::fmax(n[i] + A[i][4] / A[i][i], 0.1 * n[i]);
-            change = std::fmax(change, std::fabs(moved - n[i]));
-            n[i] = moved;
+            n[i] = std::fmax(n[i] + move[i], 0.1 * n[i]);
+            change = std::fmax(change, std::fabs(move[i]));
         }
         if (change < 1e-9) return true;
     }
@@ -210,7 +215,9 @@ inline void flatten(const Model& model, const double* values, double gravity, co
         rotate(back, force, body_force);
         out.thrust = body_force[2];
         const double wanted[4] = {out.thrust, out.torque[0], out.torque[1], out.torque[2]};
-        found = invert_rotors(l, path[2], out.q, out.rate, wanted, out.rotor_speed);
+        Flow<Dual<4>> flow;
+        l.air(path[2], out.q, out.rate, flow);
+        found = invert_rotors(model, values, flow, wanted, out.rotor_speed);
         if (!found) break;
         const double before[4] = {out.q[0], out.q[1], out.q[2], out.q[3]};
         double force_z, change = 0.0;
