@@ -5,13 +5,13 @@ value, the bound, when and where.
 """
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 import esdf
 import vehicle as vehicles
-from flight import FlightError, FloatArray, Trajectory, polynomial
+from flight import FlightError, FloatArray, Trajectory, TrajectoryFile, polynomial
 from planner import limits
 from planner.limits import Check
 from planner.options import PlanOptions
@@ -99,6 +99,23 @@ def check(
         vehicle_hash=vehicles.vehicle_hash(vehicle),
         trajectory_hash=fingerprint(trajectory),
     )
+
+
+def check_file(
+    item: TrajectoryFile, field: DistanceField, vehicle: Vehicle, options: PlanOptions | None = None
+) -> GateReport:
+    """Check what a file holds, and that it was planned for this map and this vehicle."""
+    report = check(item.trajectory, field, vehicle, options, waypoints_world_m=item.waypoints_world_m)
+    same = [
+        _identity("map", item.map_hash, report.map_hash),
+        _identity("vehicle", item.vehicle_hash, report.vehicle_hash),
+    ]
+    return replace(report, checks=(*report.checks, *same))
+
+
+def _identity(name: str, planned: str, here: str) -> Check:
+    reason = f"planned for {planned[:12] or 'none'}, checked against {here[:12] or 'none'}"
+    return Check(name, float(planned != here), 0.0, "", planned == here, reason=reason)
 
 
 def fingerprint(trajectory: Trajectory) -> str:

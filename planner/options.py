@@ -19,6 +19,8 @@ class PlanOptions:
     """How close to a waypoint counts as reached."""
     yaw: Literal["along_path", "smooth"] = "along_path"
     """Where to look where no heading is asked for: the way the vehicle flies, or as steadily as possible."""
+    method: Literal["fastest", "corridor"] = "fastest"
+    """Least time, or least snap inside a corridor of proved boxes (slower; also what is done when the former fails)."""
     limits: Limits | None = None
     """Instead of the vehicle's own."""
     pieces: int = 2
@@ -39,13 +41,19 @@ class PlanOptions:
                 raise InputError(f"{name} is {getattr(self, name)}; it must be positive")
         if self.pieces < 1 or self.repairs < 0:
             raise InputError(f"pieces {self.pieces} and repairs {self.repairs} must be at least 1 and 0")
-        if self.yaw not in ("along_path", "smooth"):
-            raise InputError(f"yaw is {self.yaw!r}; along_path or smooth is wanted")
+        for name, known in (("yaw", ("along_path", "smooth")), ("method", ("fastest", "corridor"))):
+            if getattr(self, name) not in known:
+                raise InputError(f"{name} is {getattr(self, name)!r}; {' or '.join(known)} is wanted")
 
     @property
     def clearance_m(self) -> float:
         """Distance to keep between the vehicle's centre and every obstacle."""
         return self.radius_m + self.margin_m
+
+    @property
+    def planned_clearance_m(self) -> float:
+        """What the planner keeps, so that the gate's proof, which is good to 1 mm, finds `clearance_m`."""
+        return self.clearance_m + 0.002
 
 
 class PlanInfeasibleError(InfeasibleError):

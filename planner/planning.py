@@ -54,7 +54,7 @@ def plan(
     options = PlanOptions() if options is None else options
     progress("route", 0.0)
     _check_vehicle(vehicle)
-    routes.check_waypoints(waypoints, field, options.clearance_m)
+    routes.check_waypoints(waypoints, field, options.planned_clearance_m)
     route = routes.find(waypoints, field, options)
     progress("optimise", 0.2)
     path = fastest_path(route, field, vehicle, options)
@@ -90,11 +90,13 @@ def fastest_path(route: routes.Route, field: space.DistanceField, vehicle: Vehic
     lengths = np.linalg.norm(np.diff(dense.points, axis=0), axis=1)
     slow = np.maximum(lengths, 0.3) / (0.3 * min(bounds.speed_m_s, bounds.acceleration_m_s2))
     rough = time_allocation.optimise(problem, slow, iterations=150)
+    if options.method == "corridor":
+        return repair.through_corridor(dense, rough.durations_s, field, options)
     knots, durations, waypoint = _split(rough.spline, dense.waypoint, _pieces(dense, options))
     problem = replace(problem, knots=knots, free=waypoint < 0, weights=Weights(snap=1e-7, limits=1500.0))
     fine = time_allocation.optimise(problem, durations, iterations=200)
     path = repair.bend_until_clear(problem, fine, waypoint, options)
-    return repair.through_corridor(route, field, options) if path is None else path
+    return repair.through_corridor(dense, rough.durations_s, field, options) if path is None else path
 
 
 def _pieces(route: routes.Route, options: PlanOptions) -> int:

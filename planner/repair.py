@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import esdf
-from flight import InfeasibleError, Trajectory
+from flight import FloatArray, InfeasibleError, Trajectory
 from planner import corridor, hermite, limits, minimum_snap, quadratic, space, time_allocation
 from planner.options import PlanOptions
 from planner.routes import Route
@@ -54,16 +54,18 @@ def bend_until_clear(problem: Problem, start: Solution, waypoint: np.ndarray, op
     return None
 
 
-def through_corridor(route: Route, field: space.DistanceField, options: PlanOptions) -> Path:
+def through_corridor(route: Route, durations_s: FloatArray, field: space.DistanceField, options: PlanOptions) -> Path:
     """The smoothest path inside proved boxes round the route; straight lines with stops if even that fails.
 
     The route itself is free, so there always is an answer; it is slower than a bent path.
+
+    Args:
+        durations_s: one for each line of the route; only their proportions matter.
     """
-    lengths = np.linalg.norm(np.diff(route.points, axis=0), axis=1)
-    T = 0.3 + lengths / 1.5
+    T = durations_s
     pinned = route.waypoint >= 0
     wanted = np.where(pinned[:, None], route.points, np.nan)
-    boxes = corridor.boxes(field, route.points, options.clearance_m)
+    boxes = corridor.boxes(field, route.points, options.planned_clearance_m)
     try:
         spline = quadratic.SnapProgram(quadratic.Constraints(wanted, corridor=boxes)).solve(T)
         if esdf.certify(field, position_trajectory(spline), options.clearance_m).passed:

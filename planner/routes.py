@@ -74,13 +74,13 @@ def find(waypoints: Waypoints, field: space.DistanceField, options: PlanOptions)
     Raises:
         PlanInfeasibleError: there is no way between two waypoints.
     """
-    points, required = waypoints.positions_world_m, options.clearance_m
+    points, required = waypoints.positions_world_m, options.planned_clearance_m
     lines = space.check_lines(field, points[:-1], points[1:], required)
-    grid = None if all(line.free for line in lines) else search.lattice(field, points, options.search_margin_m)
+    grids: dict[float, search.Lattice] = {}
     found, index = [points[0]], [0]
     for i, line in enumerate(lines):
-        if not line.free and grid is not None:
-            way = search.route(field, grid, points[i], points[i + 1], required, required + 0.5)
+        if not line.free:
+            way = _way_round(field, points, i, options, grids)
             if way is None:
                 raise PlanInfeasibleError(
                     f"there is no way round that keeps {required:.2f} m (straight ahead it is {line.distance_m:.2f} m)",
@@ -92,6 +92,24 @@ def find(waypoints: Waypoints, field: space.DistanceField, options: PlanOptions)
         found.append(points[i + 1])
         index.append(i + 1)
     return Route(np.array(found), np.array(index))
+
+
+def _way_round(
+    field: space.DistanceField, points: FloatArray, leg: int, options: PlanOptions, grids: dict[float, search.Lattice]
+) -> FloatArray | None:
+    """Search near the waypoints first, then far round them; `grids` keeps what was sampled for the other legs."""
+    for margin_m in (options.search_margin_m, 5.0 * options.search_margin_m):
+        if margin_m not in grids:
+            grids[margin_m] = search.lattice(field, points, margin_m)
+        way = search.route(
+            field, grids[margin_m], points[leg], points[leg + 1], options.planned_clearance_m, options.clearance_m + 0.5
+        )
+        if way is not None:
+            return way
+        low, high = search.region(field, points, margin_m)
+        if (np.array(search.region(field, points, 5.0 * margin_m)) == np.array([low, high])).all():
+            break
+    return None
 
 
 def subdivided(route: Route, field: space.DistanceField) -> Route:

@@ -150,3 +150,13 @@ def test_a_plan_changed_after_its_check_is_never_saved(good, tmp_path):
     with pytest.raises(InputError, match="changed after"):
         planner.save_plan(tmp_path / "a.json", swapped, name="a")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_file_is_good_for_its_own_map_and_vehicle_only(good, pillar, drone, tmp_path):
+    planner.save_plan(tmp_path / "a.json", good, name="a")
+    item = trajectory.load(tmp_path / "a.json")
+    assert gate.check_file(item, pillar, drone).passed
+    heavier = drone.with_value("mass_kg", 0.701)
+    assert [c.name for c in gate.check_file(item, pillar, heavier).failures] == ["vehicle"]
+    other = dataclasses.replace(item, map_hash="another")
+    assert [c.name for c in gate.check_file(other, pillar, drone).failures] == ["map"]

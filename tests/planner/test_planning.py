@@ -6,7 +6,7 @@ import pytest
 import esdf
 import planner
 from esdf import solids
-from flight import InputError, Waypoints, rotations
+from flight import InfeasibleError, InputError, Waypoints, rotations
 from planner import PlanInfeasibleError, PlanOptions
 from vehicle import flatness
 
@@ -60,6 +60,37 @@ def test_the_doorway_is_found_and_flown(two_rooms, drone, through):
     at_wall = crossing[np.abs(crossing[:, 0]) < 0.1]
     assert (at_wall[:, 1] > 1.5).all()
     assert (at_wall[:, 1] < 2.5).all()
+
+
+def test_the_corridor_method_keeps_the_same_promise_and_flies_no_faster(two_rooms, drone, through):
+    ask = through((-3, -2, 1), (3, -2, 1))
+    boxed = planner.plan(ask, two_rooms, drone, PlanOptions(method="corridor"))
+    assert boxed.method == "corridor"
+    assert boxed.gate.passed
+    assert dense_clearance(boxed, two_rooms) >= 0.3
+    assert boxed.trajectory.duration_s >= planner.plan(ask, two_rooms, drone).trajectory.duration_s
+
+
+def test_straight_lines_with_stops_are_the_last_resort_and_pass_the_gate(two_rooms, drone, through, monkeypatch):
+    def fails(self, durations_s):
+        raise InfeasibleError("no answer")
+
+    monkeypatch.setattr(planner.repair.quadratic.SnapProgram, "solve", fails)
+    plan = planner.plan(through((-3, -2, 1), (3, -2, 1)), two_rooms, drone, PlanOptions(method="corridor"))
+    assert plan.method == "stop and go"
+    assert dense_clearance(plan, two_rooms) >= 0.3
+
+
+def test_a_waypoint_at_hardly_more_than_the_required_distance_can_be_passed(pillar, drone, through):
+    plan = planner.plan(through((-4, -2, 1), (0, -0.902001, 1.5), (4, -2, 1)), pillar, drone)
+    assert plan.gate.passed
+
+
+def test_a_way_far_round_is_found(drone, through):
+    long_wall = solids.Scene([solids.Room((-30, -30, 0), (30, 30, 3)), solids.Box((-0.1, -31, -1), (0.1, 12, 4))])
+    plan = planner.plan(through((-2, 0, 1), (2, 0, 1)), long_wall, drone)
+    assert dense_clearance(plan, long_wall) >= 0.3
+    assert plan.trajectory.position(plan.trajectory.sample(0.01))[:, 1].max() > 12.0
 
 
 def test_a_sampled_field_gives_the_same_promise_as_the_formula(two_rooms, drone, through):
@@ -175,7 +206,9 @@ def test_a_vehicle_that_cannot_hover_is_told_so(open_sky, drone, through):
         planner.plan(through((0, 0, 1), (3, 0, 1)), open_sky, weak)
 
 
-@pytest.mark.parametrize("wrong", [{"radius_m": -1.0}, {"margin_m": np.nan}, {"pieces": 0}, {"sample_step_s": 0.0}])
+@pytest.mark.parametrize(
+    "wrong", [{"radius_m": -1.0}, {"margin_m": np.nan}, {"pieces": 0}, {"method": "x"}, {"sample_step_s": 0.0}]
+)
 def test_options_that_make_no_sense_are_refused(wrong):
     with pytest.raises(InputError):
         PlanOptions(**wrong)

@@ -1,0 +1,39 @@
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+import planner
+
+_FILE = Path(__file__).parents[2] / "benchmarks" / "planner_scenes.py"
+_SPEC = importlib.util.spec_from_file_location("planner_scenes", _FILE)
+assert _SPEC is not None
+assert _SPEC.loader is not None
+scenes = importlib.util.module_from_spec(_SPEC)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _loaded():
+    import sys
+
+    sys.modules["planner_scenes"] = scenes  # dataclasses look their module up
+    _SPEC.loader.exec_module(scenes)
+    yield
+    del sys.modules["planner_scenes"]
+
+
+def planned_without_fault(seed: int, drone) -> None:
+    place = scenes.place(seed)
+    plan = planner.plan(place.waypoints, place.field, drone)
+    assert scenes.faults(plan, place, drone) == []
+
+
+@pytest.mark.parametrize("seed", [0, 1, 4, 5])
+def test_a_plan_through_forest_or_rooms_passes_a_check_that_trusts_nobody(seed, drone):
+    planned_without_fault(seed, drone)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(6, 50))
+def test_so_do_all_others(seed, drone):
+    planned_without_fault(seed, drone)
