@@ -8,7 +8,7 @@ engine (one core, threads, processes, a Dask cluster) writes the same bytes. A c
 import hashlib
 import math
 import os
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -151,7 +151,7 @@ def build_chunks(
     cap_m: float,
     unknown: Policy,
     executor: Mapper | Executor | None = None,
-    only: Collection[str] | None = None,
+    only: set[str] | None = None,
     progress: Progress = silent,
 ) -> dict[str, str]:
     """Build chunks into `folder` (which exists), all or only the named ones; returns each one's hash."""

@@ -21,7 +21,6 @@ from flight import InputError
 
 INT16_CAP = 16383  # two of these still fit an int16, so sums in the kernel cannot overflow
 INT32_CAP = 1 << 30
-WORTH_A_THREAD = 500_000  # voxels below which starting another thread costs more than it saves
 
 
 def build(
@@ -119,10 +118,9 @@ def transform(
     ]
     window = region.grown(recipe.reach, state.shape)  # pyright: ignore[reportArgumentType]
     scratch = np.empty(window.shape[0] * region.shape[1] * region.shape[2], kind)
-    if threads is None:
-        threads = min(len(os.sched_getaffinity(0)), 1 + scratch.size // WORTH_A_THREAD)
+    workers = threads if threads is not None else len(os.sched_getaffinity(0))
     obstacle = recipe.unknown == "obstacle"
     kernel(
         state, out, region.low, *recipe.tables, recipe.cap, recipe.scale, recipe.cap_m,
-        obstacle, not obstacle, faces, scratch, threads, instruction_set,
+        obstacle, not obstacle, faces, scratch, workers, instruction_set,
     )  # fmt: skip

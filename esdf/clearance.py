@@ -94,13 +94,6 @@ def certify(
     return _branch_and_bound(field, trajectory, required_m, tolerance_m)
 
 
-def profile(field: SampledField, trajectory: Trajectory, times_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Distance in metres and its rate of change in m/s along a curve, at times (n,) from its start: two (n,)."""
-    times = np.asarray(times_s, dtype=np.float64)
-    distance, gradient = field.distance_and_gradient(trajectory.position(times))
-    return distance, np.einsum("ij,ij->i", gradient, trajectory.position(times, 1))
-
-
 def _branch_and_bound(
     field: Distances | SampledField, trajectory: Trajectory, required_m: float, tolerance_m: float
 ) -> Clearance:

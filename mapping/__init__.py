@@ -1,1 +1,37 @@
-"""(filled in by this room)"""
+"""From fisheye images to a metric map: poses, surfaces, free space, and where a camera is in it."""
+
+from mapping import localization, rig
+from mapping.alignment import Length
+from mapping.colmap import SparseOptions
+from mapping.dense import DenseOptions
+from mapping.images import ImageSet, read_folder
+from mapping.localization import Localization, LocalizationOptions
+from mapping.map_folder import Map, MapOptions, MapReport, build_map, open_map
+from mapping.rig import Camera, Rig
+from mapping.sparse import SparseMap
+
+__all__ = [
+    "Camera",
+    "DenseOptions",
+    "ImageSet",
+    "Length",
+    "Localization",
+    "LocalizationOptions",
+    "Map",
+    "MapOptions",
+    "MapReport",
+    "Rig",
+    "SparseMap",
+    "SparseOptions",
+    "build_map",
+    "localization",
+    "localize",
+    "open_map",
+    "read_folder",
+    "rig",
+]
+
+
+def localize(known: Map, images: ImageSet, *, options: LocalizationOptions | None = None) -> Localization:
+    """Poses of new images in a map; see `localization.localize`."""
+    return localization.localize(known.localization_map(), images, options=options)

@@ -147,7 +147,7 @@ class Camera:
     def pixel_centres(self) -> FloatArray:
         """(height, width, 2)."""
         u, v = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
-        return np.stack([u, v], axis=-1)
+        return np.asarray(np.stack([u, v], axis=-1), dtype=np.float64)
 
     def lit(self) -> np.ndarray:
         """(height, width) bool: pixels inside the field of view."""
@@ -174,7 +174,7 @@ class _Lens:
     def angle(self, radius: FloatArray) -> FloatArray:
         """The inverse; NaN beyond the largest radius."""
         if not self.fisheye:
-            return np.arctan(radius)
+            return np.asarray(np.arctan(radius), dtype=np.float64)
         theta = np.interp(radius, self.radii, self.angles_rad, right=np.nan)
         for _ in range(2):  # the table is good to 1e-6 rad, each Newton step squares that
             theta = theta - (self.radius(theta) - radius) / np.maximum(_slope(self.distortion, theta), 1e-3)

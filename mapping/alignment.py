@@ -1,0 +1,263 @@
+"""Metric scale and the world frame: z up, metres, and whose word that is.
+
+Scale comes, first that applies, from a length the user gives, the distance between the cameras of the rig, or recorded
+positions. Up comes from recorded gravity, else the first image is taken to be level. Recorded positions also place
+the map: its world is then theirs; otherwise the world starts at the first image and x is where it looks.
+
+`references.csv`: `image,x_m,y_m,z_m` (position of the body in any metric frame with z up) and, as well or instead,
+`up_body_x,up_body_y,up_body_z` (the direction away from the ground, in the body frame). Cells may be empty.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from flight import FloatArray, FormatError, InputError, MapError, frames, rotations
+from mapping.images import ImageSet, read_table
+
+_POSITION = ("x_m", "y_m", "z_m")
+_UP = ("up_body_x", "up_body_y", "up_body_z")
+_TRIALS = 400
+_LEAST_POSITIONS = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class References:
+    """What other instruments recorded with the images."""
+
+    position_m: FloatArray
+    """(instants, 3) NaN where nothing was recorded."""
+    up_body: FloatArray
+    """(instants, 3) unit vectors, NaN where nothing was recorded."""
+
+
+@dataclass(frozen=True, slots=True)
+class Length:
+    """A length the user measured, which fixes the scale."""
+
+    metres: float
+    """How long."""
+    between: tuple[str, str] | None = None
+    """Two image names; without them the length is that of the whole path."""
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.metres) and self.metres > 0.0):
+            raise InputError(f"a length of {self.metres} m cannot give a scale; it must be positive")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Alignment:
+    """The similarity from COLMAP's world to ours, and where it came from."""
+
+    scale: float
+    """Metres per unit of COLMAP's world."""
+    T_world_scaled: FloatArray
+    """(4, 4), applied after scaling."""
+    scale_source: str
+    """"given length", "rig baseline" or "recorded positions"."""
+    up_source: str
+    """"recorded gravity" or "first image taken as level"."""
+    position_residual_m: float | None = None
+    """Median distance between aligned and recorded positions; none without them."""
+    positions_used: int = 0
+    """Recorded positions that agree with the map."""
+    scale_ratio_to_positions: float | None = None
+    """Our scale over the one recorded positions alone would give: 1 when the two agree."""
+    up_spread_rad: float | None = None
+    """Median angle between the recorded up directions, turned into the world: they should all be one."""
+
+    def points(self, points_old: FloatArray) -> FloatArray:
+        """(n, 3) points of COLMAP's world in ours."""
+        return frames.apply(self.T_world_scaled, self.scale * points_old)
+
+    def poses(self, T_old_body: FloatArray) -> FloatArray:
+        """(n, 4, 4) poses in COLMAP's world to poses in ours."""
+        scaled = np.array(T_old_body)
+        scaled[:, :3, 3] *= self.scale
+        return self.T_world_scaled @ scaled
+
+
+def read_references(images: ImageSet, path: Path | None = None) -> References:
+    """Read `path`, or `references.csv` of the image folder; all NaN when there is none.
+
+    Raises:
+        FormatError: the file has neither positions nor up directions, or a cell is no number.
+        InputError: not one of its rows names an image of the folder.
+    """
+    count = len(images.instants)
+    if path is not None and not path.is_file():
+        raise InputError(f"{path} does not exist; it should hold the recorded positions or gravity")
+    path = path or images.folder / "references.csv"
+    if not path.is_file():
+        return References(np.full((count, 3), np.nan), np.full((count, 3), np.nan))
+    with open(path, encoding="utf-8") as stream:
+        header = stream.readline().strip().split(",")
+    groups = [columns for columns in (_POSITION, _UP) if columns[0] in header]
+    if not groups:
+        raise FormatError(f"{path} has neither {','.join(_POSITION)} nor {','.join(_UP)} in its first line")
+    values = {columns: _column_group(path, columns, images.instants) for columns in groups}
+    if all(np.isnan(v).any(axis=1).all() for v in values.values()):
+        raise InputError(f"{path} names none of the images in {images.folder}; its first column is the file name")
+    empty = np.full((count, 3), np.nan)
+    up = values.get(_UP, empty)
+    with np.errstate(invalid="ignore"):
+        return References(values.get(_POSITION, empty), up / np.linalg.norm(up, axis=1, keepdims=True))
+
+
+def _column_group(path: Path, columns: tuple[str, ...], instants: tuple[str, ...]) -> FloatArray:
+    table = read_table(path, ("image", *columns))
+    missing = (np.nan,) * len(columns)
+    return np.array([table.get(name, missing) for name in instants], dtype=np.float64)
+
+
+def align(
+    images: ImageSet, T_old_body: FloatArray, references: References, *, baseline_metric: bool, length: Length | None
+) -> Alignment:
+    """Find scale and world frame.
+
+    Args:
+        T_old_body: (instants, 4, 4) poses in COLMAP's world, NaN where not registered.
+        baseline_metric: whether COLMAP's world already has the scale of the rig's baseline.
+
+    Raises:
+        MapError: nothing gives the scale.
+        InputError: the given length is between images that are not in the map.
+    """
+    positions = T_old_body[:, :3, 3]
+    known = np.asarray(np.isfinite(positions).all(axis=1))
+    R_level, up_source, up_spread_rad = _level(T_old_body, references.up_body, known)
+    level = positions @ R_level.T
+    usable = known & np.isfinite(references.position_m).all(axis=1)
+    fit = _Fit.robust(level[usable], references.position_m[usable]) if usable.sum() >= _LEAST_POSITIONS else None
+    if length is not None:
+        scale, source = _from_length(images, positions, length), "given length"
+    elif baseline_metric:
+        scale, source = 1.0, "rig baseline"
+    elif fit is not None:
+        scale, source = fit.scale, "recorded positions"
+    else:
+        raise MapError(
+            "no metric scale: a single camera cannot tell a room from a doll's house; give a length between two "
+            f"images or of the path, or at least {_LEAST_POSITIONS} positions in references.csv"
+        )
+    if fit is None:
+        T = _start_at_first(scale * level[known][0], R_level, T_old_body[known][0])
+        return Alignment(scale, T, source, up_source, up_spread_rad=up_spread_rad)
+    placed = _Fit.robust(level[usable], references.position_m[usable], scale=scale)
+    T = np.eye(4)
+    T[:3, :3] = placed.R @ R_level
+    T[:3, 3] = placed.t
+    return Alignment(
+        scale, T, source, up_source, placed.residual_m, int(placed.inliers.sum()), scale / fit.scale, up_spread_rad
+    )
+
+
+def _level(T_old_body: FloatArray, up_body: FloatArray, known: np.ndarray) -> tuple[FloatArray, str, float | None]:
+    """Rotation that turns COLMAP's world upright."""
+    recorded = known & np.isfinite(up_body).all(axis=1)
+    if not recorded.any():
+        return _upright(T_old_body[known][0][:3, 2]), "first image taken as level", None
+    ups = (T_old_body[recorded, :3, :3] @ up_body[recorded][..., None])[..., 0]
+    up = ups.mean(axis=0)
+    for _ in range(20):  # the median direction: one shaken reading does not tilt the map
+        weight = 1.0 / np.maximum(np.linalg.norm(ups - up, axis=1), 1e-4)
+        up = (weight[:, None] * ups).sum(axis=0)
+        up /= np.linalg.norm(up)
+    spread_rad = float(np.median(np.arccos(np.clip(ups @ up, -1.0, 1.0))))
+    return _upright(up), "recorded gravity", spread_rad
+
+
+def _upright(up: FloatArray) -> FloatArray:
+    """The smallest rotation that takes the unit vector `up` to z."""
+    up = up / np.linalg.norm(up)
+    across = np.array([up[1], -up[0], 0.0])
+    if np.linalg.norm(across) < 1e-12:
+        return np.eye(3) if up[2] > 0.0 else np.diag([1.0, -1.0, -1.0])
+    angle_rad = np.arctan2(np.linalg.norm(across), up[2])
+    return rotations.matrix(rotations.exp(across / np.linalg.norm(across) * angle_rad))
+
+
+def _start_at_first(first_m: FloatArray, R_level: FloatArray, T_old_body: FloatArray) -> FloatArray:
+    """World with its origin at the first body and x along its heading."""
+    forward = R_level @ T_old_body[:3, 0]
+    yaw_rad = np.arctan2(forward[1], forward[0])
+    R_yaw = _about_z(-yaw_rad)
+    T = np.eye(4)
+    T[:3, :3] = R_yaw @ R_level
+    T[:3, 3] = -R_yaw @ first_m
+    return T
+
+
+def _about_z(angle_rad: float) -> FloatArray:
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _from_length(images: ImageSet, positions: FloatArray, length: Length) -> float:
+    if length.between is None:
+        known = positions[np.isfinite(positions).all(axis=1)]
+        units = float(np.linalg.norm(np.diff(known, axis=0), axis=1).sum())
+    else:
+        ends = []
+        for name in length.between:
+            if name not in images.instants:
+                raise InputError(f"the length is given between images, but {images.folder} has no {name!r}")
+            ends.append(positions[images.instants.index(name)])
+            if not np.isfinite(ends[-1]).all():
+                raise MapError(f"the length is given from image {name!r}, which could not be placed in the map")
+        units = float(np.linalg.norm(ends[1] - ends[0]))
+    if units < 1e-9:
+        raise InputError("the given length is between two images at one and the same place")
+    return length.metres / units
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    """Scale, heading and translation from level map positions to recorded ones."""
+
+    scale: float
+    R: FloatArray
+    t: FloatArray
+    residual_m: float
+    inliers: np.ndarray
+
+    @staticmethod
+    def robust(level: FloatArray, recorded_m: FloatArray, *, scale: float | None = None) -> "_Fit":
+        """Least median of squares over pairs, then least squares over what agrees: half the record may be wrong."""
+        rng = np.random.default_rng(0)
+        everyone = np.ones(len(level))
+        best = _similarity(level, recorded_m, everyone, scale)
+        best_median = np.median(_residuals(best, level, recorded_m))
+        for _ in range(_TRIALS):
+            weight = np.zeros(len(level))
+            weight[rng.choice(len(level), 2, replace=False)] = 1.0
+            trial = _similarity(level, recorded_m, weight, scale)
+            median = np.median(_residuals(trial, level, recorded_m))
+            if median < best_median:
+                best, best_median = trial, median
+        inliers = _residuals(best, level, recorded_m) <= max(3.7 * float(best_median), 1e-9)
+        s, R, t = _similarity(level, recorded_m, inliers.astype(float), scale)
+        return _Fit(s, R, t, float(np.median(_residuals((s, R, t), level, recorded_m)[inliers])), inliers)
+
+
+def _similarity(
+    level: FloatArray, recorded_m: FloatArray, weight: FloatArray, scale: float | None
+) -> tuple[float, FloatArray, FloatArray]:
+    """Weighted least squares, rotation about z only; closed form."""
+    w = weight / weight.sum()
+    a, b = w @ level, w @ recorded_m
+    p, q = level - a, recorded_m - b
+    cosine = w @ (p[:, 0] * q[:, 0] + p[:, 1] * q[:, 1])
+    sine = w @ (p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])
+    R = _about_z(float(np.arctan2(sine, cosine)))
+    if scale is None:
+        scale = max(
+            float((np.hypot(cosine, sine) + w @ (p[:, 2] * q[:, 2])) / max(w @ (p * p).sum(axis=1), 1e-30)), 1e-9
+        )
+    return scale, R, b - scale * (R @ a)
+
+
+def _residuals(fit: tuple[float, FloatArray, FloatArray], level: FloatArray, recorded_m: FloatArray) -> FloatArray:
+    scale, R, t = fit
+    return np.linalg.norm(scale * level @ R.T + t - recorded_m, axis=1)

@@ -1,0 +1,118 @@
+"""Work in a child process: COLMAP can abort the whole program on bad input, and then only the child dies.
+
+The child sends its progress back line by line, dies when the parent does, and is killed when the parent is
+interrupted. Its answer comes back as a pickle through a private temporary folder.
+"""
+
+import contextlib
+import json
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+from flight import FlightError, MapError, Progress, silent
+
+T = TypeVar("T")
+
+
+def run(work: Callable[..., T], *arguments: object, progress: Progress = silent) -> T:
+    """Call `work(*arguments, progress=...)` in a child process and return its answer.
+
+    Args:
+        work: a module-level function; it, its arguments and its answer must be picklable.
+
+    Raises:
+        MapError: the child crashed or raised; the message names the step it was in.
+        FlightError: whatever of our own errors `work` raised.
+    """
+    with tempfile.TemporaryDirectory(prefix="goshawk-") as name:
+        folder = Path(name)
+        (folder / "request").write_bytes(pickle.dumps((work, arguments)))
+        with open(folder / "log", "wb") as log:
+            step, code = _watch(_start(folder, log), progress)
+        if code != 0 or not (folder / "answer").exists():
+            raise MapError(_obituary(step or work.__name__, code, folder / "log"))
+        error, answer = pickle.loads((folder / "answer").read_bytes())
+    if isinstance(error, FlightError):
+        raise error
+    if error is not None:
+        raise MapError(f"{step or work.__name__} failed: {error}")
+    return answer
+
+
+def _start(folder: Path, log: Any) -> "subprocess.Popen[bytes]":
+    # GLOG prints a line per image otherwise; warnings stay, they explain a crash
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p), "GLOG_minloglevel": "1"}
+    return subprocess.Popen(
+        [sys.executable, "-m", "mapping.child", str(folder)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=log,
+        env=environment,
+        start_new_session=True,  # Ctrl-C reaches the parent only, which then ends the child
+    )
+
+
+def _watch(child: "subprocess.Popen[bytes]", progress: Progress) -> tuple[str, int]:
+    """Pass progress on until the child ends; returns the last step it named and its exit code."""
+    step = ""
+    assert child.stdout is not None
+    assert child.stdin is not None
+    try:
+        for line in child.stdout:
+            step, fraction = json.loads(line)
+            progress(step, fraction)
+        return step, child.wait()
+    finally:
+        if child.poll() is None:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(child.pid, signal.SIGKILL)
+            child.wait()
+        child.stdin.close()
+        child.stdout.close()
+
+
+def _obituary(step: str, code: int, log: Path) -> str:
+    said = [line.strip() for line in log.read_text(errors="replace").splitlines() if line.strip()]
+    reason = next((line for line in said if line[:1] == "F" or "Check failed" in line), said[-1] if said else "")
+    how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+    return f"{step} crashed ({how}){': ' + reason[:300] if reason else ''}"
+
+
+def _main(folder: Path) -> None:
+    """The child's side."""
+    with os.fdopen(os.dup(1), "w") as lines:
+        os.dup2(2, 1)  # whatever a library prints goes to the log, not between the progress lines
+        threading.Thread(target=_die_with_parent, daemon=True).start()
+
+        def tell(stage: str, fraction: float) -> None:
+            lines.write(json.dumps([stage, fraction]) + "\n")
+            lines.flush()
+
+        work, arguments = pickle.loads((folder / "request").read_bytes())
+        error: FlightError | str | None = None
+        answer: object = None
+        try:
+            answer = work(*arguments, progress=tell)
+        except FlightError as caught:
+            error = caught
+        except Exception as caught:
+            error = f"{type(caught).__name__}: {caught}".splitlines()[0]
+        (folder / "answer.part").write_bytes(pickle.dumps((error, answer), protocol=pickle.HIGHEST_PROTOCOL))
+        os.rename(folder / "answer.part", folder / "answer")
+
+
+def _die_with_parent() -> None:
+    os.read(0, 1)  # returns only when the parent has closed its end; a buffered read would hang the exit
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    _main(Path(sys.argv[1]))

@@ -1,0 +1,368 @@
+"""The steps COLMAP does for us: features, matches, incremental mapping. Runs in a child process only (see `child`)."""
+
+import logging
+import tempfile
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flight import FloatArray, MapError, Progress, frames
+from mapping import agreement, features, pairing
+from mapping.images import ImageSet
+from mapping.rig import Camera, Rig
+
+logger = logging.getLogger(__name__)
+
+_MATCHES = "matching features"
+_MAPPING = "placing images"
+_REFINING = "refining"
+_CHUNK = 100
+
+_REPAIRS = 4
+
+_OUTLIER_PX = 3.0
+"""Observations further off than this are dropped; 4 lets rolling leaves in, 2 throws good ones away."""
+
+
+@dataclass(frozen=True, slots=True)
+class SparseOptions:
+    """How the sparse map is made."""
+
+    features: int = 2000
+    """Most features an image; more cost time in every later step."""
+    window: int = 6
+    """Each image is matched with this many later ones of the same camera."""
+    similar: int = 3
+    """And with this many of the most similar ones elsewhere: closes loops."""
+    refine_rig: bool = False
+    """Free the rotations and positions of the cameras on the rig in the last adjustment."""
+    seed: int = 1
+    """COLMAP's random number generator."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SparseModel:
+    """What COLMAP found, in its own world frame; the scale is metric only if a rig baseline gave it."""
+
+    rig: Rig
+    """With refined lenses if they were to be refined."""
+    T_world_body: FloatArray
+    """(instants, 4, 4); NaN where not registered."""
+    registered: np.ndarray
+    """(instants, cameras) bool."""
+    points_world: FloatArray
+    """(m, 3)."""
+    descriptors: np.ndarray
+    """(m, 128) float32 of unit length: the mean descriptor of each point."""
+    observations: np.ndarray
+    """(o, 3) int: point, instant, camera."""
+    pixels: FloatArray
+    """(o, 2)."""
+    reprojection_error_px: float
+    """Mean over all observations."""
+    least_agreement: float
+    """Of the placed instants, see `agreement`."""
+    cpu_s: dict[str, float]
+    """CPU seconds of each step, all threads."""
+
+
+def reconstruct(images: ImageSet, options: SparseOptions, *, progress: Progress) -> SparseModel:
+    """Features, matches, poses and points of an image set."""
+    watch = _Stopwatch()
+    with tempfile.TemporaryDirectory(prefix="goshawk-colmap-") as name:
+        folder = Path(name)
+        database = folder / "database.db"
+        signatures = extract(database, images, options, progress)
+        watch.lap("features")
+        match(database, images, signatures, options, progress)
+        watch.lap("matches")
+        model = place(database, images, options, progress)
+        watch.lap("placing")
+        refine(database, model, images.rig, options, progress)
+        watch.lap("refining")
+        return _read_out(database, model, images, watch)
+
+
+class _Stopwatch:
+    """CPU seconds between laps."""
+
+    def __init__(self) -> None:
+        import time
+
+        self._clock = time.process_time
+        self._last_s = self._clock()
+        self.cpu_s: dict[str, float] = {}
+
+    def lap(self, name: str) -> None:
+        now_s = self._clock()
+        self.cpu_s[name] = round(now_s - self._last_s, 2)
+        self._last_s = now_s
+
+
+def extract(database: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> list[np.ndarray]:
+    """Write cameras, rig, instants and the features of all images to `database`.
+
+    Returns:
+        For each image the descriptors of its largest features, as unit vectors: what it is recognised by.
+    """
+    import pycolmap
+
+    signatures: list[np.ndarray] = []
+    with pycolmap.Database.open(database) as opened, pycolmap.DatabaseTransaction(opened):
+        _write_rig(opened, images.rig)
+        instants = [pycolmap.Frame(rig_id=1) for _ in images.instants]
+        found = features.of_set(images, options.features, progress=progress)
+        for (instant, camera), image in zip(images.pairs(), found, strict=True):
+            name = images.relative(instant, camera)
+            row = pycolmap.Image(name=name, keypoints=np.zeros((0, 2)), camera_id=camera + 1)
+            image_id = opened.write_image(row)
+            columns = (image.pixels, image.size_px[:, None], image.angle_rad[:, None])
+            opened.write_keypoints(image_id, np.concatenate(columns, axis=1).astype(np.float32))
+            kind = pycolmap.FeatureExtractorType.SIFT
+            opened.write_descriptors(image_id, pycolmap.FeatureDescriptors(kind, image.descriptors))
+            sensor = pycolmap.sensor_t(pycolmap.SensorType.CAMERA, camera + 1)
+            instants[instant].add_data_id(pycolmap.data_t(sensor, image_id))
+            largest = np.argsort(-image.size_px, kind="stable")[: pairing.SIGNATURE_SIZE]
+            signatures.append(features.unit(image.descriptors[largest]))
+        for frame in instants:
+            opened.write_frame(frame)
+    return signatures
+
+
+def _write_rig(opened: Any, rig: Rig) -> None:
+    import pycolmap
+
+    made = pycolmap.Rig(rig_id=1)
+    for index, (camera, pose) in enumerate(zip(rig, cam_from_rig(rig), strict=True)):
+        opened.write_camera(colmap_camera(camera, camera_id=index + 1), use_camera_id=True)
+        sensor = pycolmap.sensor_t(pycolmap.SensorType.CAMERA, index + 1)
+        if index == 0:
+            made.add_ref_sensor(sensor)
+        else:
+            made.add_sensor(sensor, pose)
+    opened.write_rig(made, use_rig_id=True)
+
+
+def colmap_camera(camera: Camera, *, camera_id: int = 0) -> Any:
+    """COLMAP's camera of ours; its `verify_params` guards against uninitialised numbers."""
+    import pycolmap
+
+    made = pycolmap.Camera(
+        camera_id=camera_id, model=camera.model, width=camera.width, height=camera.height, params=camera.params
+    )
+    # without this COLMAP calls every fisheye pair degenerate and finds no match at all
+    made.has_prior_focal_length = True
+    if not made.verify_params():
+        raise MapError(f"COLMAP refuses the parameters of camera {camera.name!r}: {camera.params.tolist()}")
+    return made
+
+
+def cam_from_rig(rig: Rig) -> list[Any]:
+    """Each camera's pose on COLMAP's rig, whose origin is the first camera."""
+    import pycolmap
+
+    T_body_rig = rig.cameras[0].T_body_camera
+    return [pycolmap.Rigid3d((frames.invert(c.T_body_camera) @ T_body_rig)[:3]) for c in rig]
+
+
+def match(
+    database: Path, images: ImageSet, signatures: list[np.ndarray], options: SparseOptions, progress: Progress
+) -> None:
+    """Match neighbours in time, the cameras of the rig with each other, and similar images anywhere."""
+    import pycolmap
+
+    progress(_MATCHES, 0.0)
+    pairs = pairing.choose(images.pairs(), signatures, window=options.window, similar=options.similar)
+    matching = pycolmap.FeatureMatchingOptions()
+    matching.use_gpu = False
+    verification = pycolmap.TwoViewGeometryOptions()
+    verification.ransac.random_seed = options.seed
+    pairing_options = pycolmap.ImportedPairingOptions()
+    pairing_options.match_list_path = database.parent / "pairs.txt"
+    done = 0
+    for chunk in _chunks(pairs, _CHUNK):
+        lines = (f"{images.relative(*a)} {images.relative(*b)}" for a, b in chunk)
+        pairing_options.match_list_path.write_text("\n".join(lines), encoding="utf-8")
+        pycolmap.match_image_pairs(database, matching, pairing_options, verification, pycolmap.Device.cpu)
+        done += len(chunk)
+        progress(_MATCHES, done / len(pairs))
+
+
+def place(database: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> Any:
+    """Incremental mapping; returns COLMAP's largest model, without images that are in the wrong place.
+
+    The first two images are sometimes placed wrongly against each other. The others still find their right places
+    among themselves, so the wrong ones are taken out and placed again, now against a map that is right.
+    """
+    model = _grow(database, images, options, None, progress)
+    for _ in range(_REPAIRS):
+        wrong = _wrong_instants(database, images, model)
+        if not wrong:
+            return model
+        logger.info("placing %d images again", len(wrong))
+        _take_out(model, wrong)
+        model = _grow(database, images, options, model, progress)
+    _take_out(model, _wrong_instants(database, images, model))
+    return model
+
+
+def _grow(database: Path, images: ImageSet, options: SparseOptions, start: Any, progress: Progress) -> Any:
+    """Place what can be placed, from nothing or from a model.
+
+    Lenses stay as they are here: freed on two images of a forward-moving camera they run away (a focal length of
+    138 px and k = 30 where 375 and 0.06 are right). `refine` frees them once all images hold them.
+    """
+    import pycolmap
+
+    placed = 0
+
+    def count() -> None:
+        nonlocal placed
+        placed += 1
+        progress(_MAPPING, min(placed / len(images.instants), 1.0))
+
+    progress(_MAPPING, 0.0)
+    with tempfile.TemporaryDirectory(dir=database.parent) as name:
+        folder = Path(name)
+        begin = folder / "begin" if start is not None else ""
+        if start is not None:
+            (folder / "begin").mkdir()
+            start.write(folder / "begin")
+        models = pycolmap.incremental_mapping(
+            database, images.folder, folder, _mapping_options(options), begin, next_image_callback=count
+        )
+    if not models:
+        raise MapError(
+            "no map: no two of these images could be placed against each other; "
+            "they need texture, overlap and a camera that moves sideways or forward, not only turns"
+        )
+    return max(models.values(), key=lambda model: model.num_reg_images())
+
+
+def _wrong_instants(database: Path, images: ImageSet, model: Any) -> set[str]:
+    """Names of the images (of instants) that the images around them contradict."""
+    T_world_body, _, rig = _poses(model, images)
+    agreed = agreement.of_instants(database, images, rig, T_world_body)
+    instants = np.flatnonzero(agreed < agreement.LEAST)
+    return {images.relative(i, c) for i, c in images.pairs() if i in instants}
+
+
+def _take_out(model: Any, names: set[str]) -> None:
+    """Remove instants and every point they saw: the points they share with others are the copy that drew them in."""
+    wrong = [model.image(k) for k in model.reg_image_ids() if model.image(k).name in names]
+    for point_id in {p.point3D_id for image in wrong for p in image.get_observation_points2D()}:
+        model.delete_point3D(point_id)
+    for frame_id in {image.frame_id for image in wrong}:
+        model.deregister_frame(frame_id)
+
+
+def _poses(model: Any, images: ImageSet) -> tuple[FloatArray, np.ndarray, Rig]:
+    """T_world_body (instants, 4, 4), what is registered (instants, cameras), and the rig with the model's lenses."""
+    where = {images.relative(i, c): (i, c) for i, c in images.pairs()}
+    T_world_body = np.full((len(images.instants), 4, 4), np.nan)
+    registered = np.zeros(images.present.shape, dtype=bool)
+    params: dict[str, FloatArray] = {}
+    for image_id in model.reg_image_ids():
+        image = model.image(image_id)
+        instant, camera = where[image.name]
+        params[images.rig.cameras[camera].name] = np.array(image.camera.params)
+        T_camera_world = np.eye(4)
+        T_camera_world[:3] = image.cam_from_world().matrix()
+        # the first camera carries the rig; if the others were moved on it, they do not speak for the body
+        if not registered[instant, :camera].any():
+            T_world_body[instant] = frames.invert(images.rig.cameras[camera].T_body_camera @ T_camera_world)
+        registered[instant, camera] = True
+    return T_world_body, registered, images.rig.with_params(params)
+
+
+def _mapping_options(options: SparseOptions) -> Any:
+    import pycolmap
+
+    mapping = pycolmap.IncrementalPipelineOptions()
+    mapping.random_seed = options.seed
+    mapping.extract_colors = False
+    mapping.min_model_size = 3
+    mapping.ba_refine_focal_length = False
+    mapping.ba_refine_extra_params = False
+    mapping.ba_refine_principal_point = False
+    mapping.ba_refine_sensor_from_rig = False
+    # placing an image by guesswork (no common 3D points) once turned a tail of frames by 19 degrees, silently
+    mapping.structure_less_registration_fallback = False
+    # adjusting everything at each tenth of growth takes half the time of mapping; `refine` does it in the end anyway
+    mapping.ba_global_frames_ratio = 1.3
+    mapping.ba_global_points_ratio = 1.3
+    mapping.mapper.abs_pose_max_error = 2.0 * _OUTLIER_PX
+    mapping.mapper.filter_max_reproj_error = _OUTLIER_PX
+    mapping.triangulation.merge_max_reproj_error = _OUTLIER_PX
+    mapping.triangulation.complete_max_reproj_error = _OUTLIER_PX
+    mapping.mapper.abs_pose_refine_focal_length = False
+    mapping.mapper.abs_pose_refine_extra_params = False
+    return mapping
+
+
+def refine(database: Path, model: Any, rig: Rig, options: SparseOptions, progress: Progress) -> None:
+    """Adjust everything together, lenses (and rig) freed where asked; the principal point always stays."""
+    import pycolmap
+
+    progress(_REFINING, 0.0)
+    mapping = _mapping_options(options)
+    mapping.ba_refine_focal_length = rig.refine_intrinsics
+    mapping.ba_refine_extra_params = rig.refine_intrinsics
+    mapping.ba_refine_sensor_from_rig = options.refine_rig
+    with pycolmap.Database.open(database) as opened:
+        cache = pycolmap.DatabaseCache.create(opened, pycolmap.DatabaseCacheOptions())
+        mapper = pycolmap.IncrementalMapper(cache)
+        mapper.begin_reconstruction(model)
+        mapper.iterative_global_refinement(
+            mapping.ba_global_max_refinements,
+            mapping.ba_global_max_refinement_change,
+            mapping.get_mapper(),
+            mapping.get_global_bundle_adjustment(),
+            mapping.get_triangulation(),
+            normalize_reconstruction=False,
+        )
+        mapper.end_reconstruction(False)
+        if len(rig) > 1 and not pycolmap.align_reconstruction_to_orig_rig_scales(cache.rigs, model):
+            raise MapError(f"{_REFINING}: the distance between the cameras of the rig could not be restored")
+    progress(_REFINING, 1.0)
+
+
+def _read_out(database: Path, model: Any, images: ImageSet, watch: _Stopwatch) -> SparseModel:
+    import pycolmap
+
+    T_world_body, registered, rig = _poses(model, images)
+    where = {images.relative(i, c): (i, c) for i, c in images.pairs()}
+    index_of = {point_id: index for index, point_id in enumerate(sorted(model.point3D_ids()))}
+    sums = np.zeros((len(index_of), 128), dtype=np.float32)
+    observations: list[np.ndarray] = []
+    pixels: list[np.ndarray] = []
+    with pycolmap.Database.open(database) as opened:
+        for image_id in model.reg_image_ids():
+            image = model.image(image_id)
+            seen = np.array(image.get_observation_point2D_idxs(), dtype=np.int64)
+            points = np.array([index_of[image.point2D(int(k)).point3D_id] for k in seen], dtype=np.int64)
+            sums[points] += features.unit(opened.read_descriptors(image_id).data[seen])
+            observations.append(np.column_stack([points, np.tile(where[image.name], (len(points), 1))]))
+            pixels.append(np.array([image.point2D(int(k)).xy for k in seen]).reshape(-1, 2))
+    model.update_point_3d_errors()
+    agreed = agreement.of_instants(database, images, rig, T_world_body)
+    watch.lap("reading out")
+    return SparseModel(
+        rig=rig,
+        T_world_body=T_world_body,
+        registered=registered,
+        points_world=np.array([model.point3D(k).xyz for k in index_of]).reshape(-1, 3),
+        descriptors=features.unit(sums),
+        observations=np.concatenate(observations),
+        pixels=np.concatenate(pixels),
+        reprojection_error_px=float(model.compute_mean_reprojection_error()),
+        least_agreement=float(np.nanmin(agreed, initial=1.0)),
+        cpu_s=watch.cpu_s,
+    )
+
+
+def _chunks(items: list[Any], size: int) -> Iterable[list[Any]]:
+    return (items[start : start + size] for start in range(0, len(items), size))

@@ -1,0 +1,187 @@
+"""Where are these images in a map made earlier? Matching against the map's points, then the pose of the whole rig.
+
+Every map point keeps the mean of its descriptors. Features of new images are compared with all of them at once; what
+matches clearly gives 2D-3D pairs of all cameras of an instant, and they give one pose, found robustly by COLMAP.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flight import FloatArray, FormatError, InputError, Progress, file_format, frames, silent
+from mapping import child, features
+from mapping.images import ImageSet
+from mapping.rig import Rig
+
+FORMAT = "goshawk-localization"
+VERSION = 1
+
+_STAGE = "localizing"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LocalizationMap:
+    """Points that can be recognised."""
+
+    points_world_m: FloatArray
+    """(m, 3)."""
+    descriptors: np.ndarray
+    """(m, 128) float32 of unit length."""
+
+
+@dataclass(frozen=True, slots=True)
+class LocalizationOptions:
+    """How sure a pose must be."""
+
+    features: int = 2000
+    """Most features an image."""
+    ratio: float = 0.85
+    """A match counts if its distance is less than this share of the second best's."""
+    outlier_px: float = 4.0
+    """Largest reprojection error of a match that supports a pose."""
+    least_inliers: int = 30
+    """A pose with fewer supporting matches is no answer."""
+    least_share: float = 0.15
+    """Nor is one that this share of the matches does not support."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Localization:
+    """One pose for each instant, or none."""
+
+    instants: tuple[str, ...]
+    """Image names."""
+    T_world_body: FloatArray
+    """(n, 4, 4), NaN where it failed."""
+    inliers: np.ndarray
+    """(n,) matches that support the pose."""
+    matches: np.ndarray
+    """(n,) matches that were found."""
+
+    @property
+    def found(self) -> np.ndarray:
+        """(n,) bool."""
+        return np.isfinite(self.T_world_body[:, 0, 0])
+
+    @property
+    def failed(self) -> tuple[str, ...]:
+        """Images without a pose."""
+        return tuple(name for name, good in zip(self.instants, self.found, strict=True) if not good)
+
+
+def localize(
+    known: LocalizationMap,
+    images: ImageSet,
+    *,
+    options: LocalizationOptions | None = None,
+    progress: Progress = silent,
+) -> Localization:
+    """Poses of `images`' rig in the map.
+
+    Raises:
+        MapError: COLMAP crashed.
+    """
+    return child.run(localize_here, known, images, options or LocalizationOptions(), progress=progress)
+
+
+def localize_here(
+    known: LocalizationMap, images: ImageSet, options: LocalizationOptions, *, progress: Progress
+) -> Localization:
+    """The work of `localize`, in this process."""
+    count = len(images.instants)
+    T_world_body = np.full((count, 4, 4), np.nan)
+    inliers, matches = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
+    waiting: list[list[tuple[int, FloatArray, FloatArray]]] = [[] for _ in range(count)]
+    found = features.of_set(images, options.features)
+    for done, ((instant, camera), image) in enumerate(zip(images.pairs(), found, strict=True), start=1):
+        feature, point = match(features.unit(image.descriptors), known.descriptors, options.ratio)
+        waiting[instant].append((camera, image.pixels[feature], known.points_world_m[point]))
+        matches[instant] += len(feature)
+        progress(_STAGE, done / images.count)
+    for instant, pairs in enumerate(waiting):
+        T, inliers[instant] = _pose(images.rig, pairs, options)
+        enough = inliers[instant] >= max(options.least_inliers, options.least_share * matches[instant])
+        if T is not None and enough:
+            T_world_body[instant] = T
+    return Localization(images.instants, T_world_body, inliers, matches)
+
+
+def match(query: np.ndarray, known: np.ndarray, ratio: float) -> tuple[np.ndarray, np.ndarray]:
+    """Indices (k,) of query descriptors and of the known ones they mean; each known one is meant once at most.
+
+    Args:
+        query: (n, 128) unit vectors; known: (m, 128) unit vectors.
+    """
+    if len(query) == 0 or len(known) < 2:
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    cosine = query @ known.T
+    rows = np.arange(len(query))
+    best = cosine.argmax(axis=1)
+    best_cosine = cosine[rows, best]
+    mutual = cosine.argmax(axis=0)[best] == rows
+    cosine[rows, best] = -1.0
+    # |a - b|^2 = 2 - 2 a.b for unit vectors
+    clear = 1.0 - best_cosine < ratio**2 * (1.0 - cosine.max(axis=1))
+    chosen = np.flatnonzero(clear & mutual)
+    return chosen, best[chosen]
+
+
+def _pose(
+    rig: Rig, pairs: list[tuple[int, FloatArray, FloatArray]], options: LocalizationOptions
+) -> tuple[FloatArray | None, int]:
+    """T_world_body (4, 4) from 2D-3D pairs of the cameras of the rig, and how many of them support it."""
+    import pycolmap
+
+    from mapping import colmap
+
+    total = sum(len(pixels) for _, pixels, _ in pairs)
+    if total < options.least_inliers:
+        return None, 0
+    ransac = pycolmap.RANSACOptions(max_error=options.outlier_px, random_seed=0, max_num_trials=10_000)
+    pixels = np.concatenate([p for _, p, _ in pairs])
+    points = np.concatenate([p for _, _, p in pairs])
+    if len(rig) == 1:
+        estimation = pycolmap.AbsolutePoseEstimationOptions()
+        estimation.ransac = ransac
+        camera = colmap.colmap_camera(rig.cameras[0])
+        answer: Any = pycolmap.estimate_and_refine_absolute_pose(pixels, points, camera, estimation)
+        T_first_world = answer["cam_from_world"] if answer else None
+    else:
+        cameras = [colmap.colmap_camera(c) for c in rig]
+        which = [camera for camera, p, _ in pairs for _ in range(len(p))]
+        answer = pycolmap.estimate_and_refine_generalized_absolute_pose(
+            pixels, points, which, colmap.cam_from_rig(rig), cameras, ransac
+        )
+        T_first_world = answer["rig_from_world"] if answer else None
+    if answer is None or T_first_world is None:
+        return None, 0
+    T = np.eye(4)
+    T[:3] = T_first_world.matrix()
+    return frames.invert(rig.cameras[0].T_body_camera @ T), int(np.sum(answer["inlier_mask"]))
+
+
+def save(folder: Path, known: LocalizationMap) -> None:
+    """Write `points.npz` and `localization.toml` into a new folder."""
+    folder.mkdir(parents=True)
+    descriptors = np.clip(np.round(512.0 * known.descriptors), 0, 255).astype(np.uint8)
+    np.savez(folder / "points.npz", points_world_m=known.points_world_m, descriptors=descriptors)
+    body = {"points": len(known.points_world_m), "hash": file_format.file_hash(folder / "points.npz")}
+    file_format.write_toml(folder / "localization.toml", format=FORMAT, version=VERSION, body=body)
+
+
+def load(folder: Path) -> LocalizationMap:
+    """Read what `save` wrote.
+
+    Raises:
+        InputError: the folder has no localization map.
+        FormatError: it is damaged.
+    """
+    document = file_format.read_toml(folder / "localization.toml", format=FORMAT, version=VERSION)
+    if not (folder / "points.npz").is_file():
+        raise InputError(f"{folder} has no points.npz; build the map again")
+    if file_format.file_hash(folder / "points.npz") != document.get("hash"):
+        raise FormatError(f"{folder / 'points.npz'} is not the file that was written; build the map again")
+    with np.load(folder / "points.npz", allow_pickle=False) as data:
+        return LocalizationMap(data["points_world_m"], features.unit(data["descriptors"]))

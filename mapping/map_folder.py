@@ -1,0 +1,267 @@
+"""The map folder: made from images in one go, whole or absent, and opened by everything that flies.
+
+map.toml        what this is, its hash, where its scale came from, its main figures
+mesh.glb/.ply   surfaces with vertex colours
+esdf/           the distance field, with the pilot's edits
+localization/   points that can be recognised
+camera.toml     the rig, with the lenses as the map knows them
+poses.csv       where each image was taken (body in world)
+report.json     everything that was counted and measured
+"""
+
+import csv
+import dataclasses
+import shutil
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import esdf
+from esdf.storage import EDITS
+from flight import FloatArray, FormatError, InputError, Progress, file_format, frames, rotations, silent
+from mapping import dense, localization, mesh_file, sparse
+from mapping import rig as rigs
+from mapping.alignment import Length
+from mapping.colmap import SparseOptions
+from mapping.dense import DenseOptions
+from mapping.images import read_folder, read_table
+from mapping.localization import LocalizationMap
+from mapping.rig import Rig
+from mapping.sparse import SparseMap
+from mapping.views import ImageView
+
+FORMAT = "goshawk-map"
+VERSION = 1
+REPORT_FORMAT = "goshawk-map-report"
+
+_POSE_COLUMNS = ("image", "time_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz")
+
+
+@dataclass(frozen=True, slots=True)
+class MapOptions:
+    """How a map is made."""
+
+    sparse: SparseOptions = field(default_factory=SparseOptions)
+    """Poses."""
+    dense: DenseOptions = field(default_factory=DenseOptions)
+    """Surfaces."""
+    length: Length | None = None
+    """A measured length that gives the scale."""
+    references: Path | None = None
+    """Recorded positions and gravity; `references.csv` beside the images by default."""
+    cap_m: float = 2.0
+    """Distances in the field are exact up to here."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapReport:
+    """What came out, in numbers. Written as `report.json`."""
+
+    images: int
+    """Pictures in the folder."""
+    images_placed: int
+    """Pictures that have a pose in the map."""
+    not_placed: list[str]
+    """The others."""
+    reprojection_error_px: float
+    """Mean over all observations."""
+    least_agreement: float
+    """The worst placed image's share of matches that agree with the map (above 0.85 or it is not placed)."""
+    points: int
+    """Sparse points."""
+    scale_source: str
+    """Whose word the metres are."""
+    up_source: str
+    """Whose word up is."""
+    position_residual_m: float | None
+    """Median distance to recorded positions, if there are any."""
+    scale_ratio_to_positions: float | None
+    """Our scale over the one recorded positions alone would give, if there are any."""
+    path_length_m: float
+    """From the first placed image to the last."""
+    lenses: dict[str, list[float]]
+    """Parameters of each camera as the map knows them."""
+    mesh_vertices: int
+    """Of `mesh.glb`."""
+    mesh_faces: int
+    """Of `mesh.glb`."""
+    free_m3: float
+    """Space known to be empty."""
+    occupied_m3: float
+    """Space known to be filled."""
+    depth: dict[str, float]
+    """What the depth pictures were like."""
+    hash: str
+    """Of the distance field, as built."""
+    cpu_s: dict[str, float]
+    """CPU seconds of each step, all threads and processes."""
+
+    def as_dict(self) -> dict[str, Any]:
+        return dataclasses.asdict(self)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Map:
+    """An opened map folder."""
+
+    folder: Path
+    """Where it is."""
+    field: esdf.Field
+    """Signed distance, the pilot's edits applied."""
+    rig: Rig
+    """The rig that took the images."""
+    images: tuple[str, ...]
+    """Names of the placed images."""
+    time_s: FloatArray
+    """(n,) NaN where unknown."""
+    T_world_body: FloatArray
+    """(n, 4, 4)."""
+    facts: dict[str, Any]
+    """`map.toml`: scale source, figures."""
+
+    @property
+    def hash(self) -> str:
+        """What a plan made in this map remembers; changes with every edit."""
+        return self.field.hash
+
+    @property
+    def mesh(self) -> Path:
+        return self.folder / "mesh.glb"
+
+    def localization_map(self) -> LocalizationMap:
+        return localization.load(self.folder / "localization")
+
+
+def build_map(
+    images: Path, rig: Rig, out: Path, options: MapOptions | None = None, *, progress: Progress = silent
+) -> MapReport:
+    """Make the map folder `out` from a folder of images.
+
+    An earlier map in `out` is replaced only when the new one is complete; the pilot's edits move over.
+
+    Raises:
+        InputError: the images or what was recorded with them cannot be used.
+        MapError: no map comes of these images.
+    """
+    options = options or MapOptions()
+    if (Path(out) / "map.toml").exists() or not Path(out).exists() or not any(Path(out).iterdir()):
+        checked = read_folder(images, rig, progress=progress)
+    else:
+        raise InputError(f"{out} is not empty and not a map; choose another output")
+    placed = sparse.reconstruct(
+        checked, options.sparse, length=options.length, references=options.references, progress=progress
+    )
+    started_s = time.process_time()
+    surface = dense.reconstruct(views(placed), options.dense, progress=progress)
+    progress("distance field", 0.0)
+    distances = esdf.build(surface.state, surface.grid, cap_m=options.cap_m)
+    cpu_s = {**placed.cpu_s, "dense": round(time.process_time() - started_s, 2)}
+    report = _report(placed, surface, distances.hash, cpu_s)
+    with file_format.atomic_folder(out) as new:
+        _keep_edits(Path(out), new)
+        esdf.save(new / "esdf", distances)
+        mesh_file.save(new / "mesh.glb", surface.vertices_world_m, surface.faces, surface.colours)
+        mesh_file.save(new / "mesh.ply", surface.vertices_world_m, surface.faces, surface.colours)
+        localization.save(new / "localization", placed.localization_map())
+        rigs.save(new / "camera.toml", placed.rig)
+        _write_poses(new / "poses.csv", placed)
+        file_format.write_json(new / "report.json", format=REPORT_FORMAT, version=VERSION, body=report.as_dict())
+        file_format.write_toml(new / "map.toml", format=FORMAT, version=VERSION, body=_facts(report))
+    progress("distance field", 1.0)
+    return report
+
+
+def views(placed: SparseMap) -> list[ImageView]:
+    """The placed pictures as dense reconstruction takes them, nearest and farthest range from the sparse points."""
+    result: list[ImageView] = []
+    for instant, camera in placed.images.pairs():
+        if placed.registered[instant, camera]:
+            ranges = placed.ranges_m(instant, camera)
+            near, far = np.percentile(ranges, [2.0, 98.0]) if len(ranges) >= 20 else (None, None)
+            result.append(
+                ImageView(
+                    placed.rig.cameras[camera],
+                    placed.T_world_camera(instant, camera),
+                    placed.images.pixels(instant, camera),
+                    near_m=None if near is None else 0.6 * float(near),
+                    far_m=None if far is None else 1.5 * float(far),
+                )
+            )
+    return result
+
+
+def _report(placed: SparseMap, surface: dense.Reconstruction, hash: str, cpu_s: dict[str, float]) -> MapReport:
+    voxel_m3 = float(np.prod(surface.grid.voxel_m))
+    path = placed.T_world_body[placed.placed, :3, 3]
+    return MapReport(
+        images=placed.images.count,
+        images_placed=int(placed.registered.sum()),
+        not_placed=list(sparse.unplaced(placed)),
+        reprojection_error_px=placed.reprojection_error_px,
+        least_agreement=placed.least_agreement,
+        points=len(placed.points_world_m),
+        scale_source=placed.alignment.scale_source,
+        up_source=placed.alignment.up_source,
+        position_residual_m=placed.alignment.position_residual_m,
+        scale_ratio_to_positions=placed.alignment.scale_ratio_to_positions,
+        path_length_m=float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()),
+        lenses={camera.name: camera.params.tolist() for camera in placed.rig},
+        mesh_vertices=len(surface.vertices_world_m),
+        mesh_faces=len(surface.faces),
+        free_m3=float((surface.state == esdf.FREE).sum()) * voxel_m3,
+        occupied_m3=float((surface.state == esdf.OCCUPIED).sum()) * voxel_m3,
+        depth=dataclasses.asdict(surface.statistics),
+        hash=hash,
+        cpu_s=cpu_s,
+    )
+
+
+def _facts(report: MapReport) -> dict[str, Any]:
+    wanted = ("hash", "scale_source", "up_source", "images", "images_placed", "reprojection_error_px", "path_length_m")
+    return {name: getattr(report, name) for name in wanted}
+
+
+def _keep_edits(old: Path, new: Path) -> None:
+    edits = old / "esdf" / EDITS
+    if edits.exists():
+        (new / "esdf").mkdir()
+        shutil.copy(edits, new / "esdf" / EDITS)
+
+
+def _write_poses(path: Path, placed: SparseMap) -> None:
+    q = rotations.from_matrix(placed.T_world_body[placed.placed][:, :3, :3])
+    with open(path, "w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(_POSE_COLUMNS)
+        for k, instant in enumerate(np.flatnonzero(placed.placed)):
+            numbers = [placed.images.time_s[instant], *placed.T_world_body[instant, :3, 3], *q[k]]
+            writer.writerow([placed.images.instants[instant], *(f"{v:.9g}" for v in numbers)])
+
+
+def open_map(folder: Path) -> Map:
+    """Open a map folder.
+
+    Raises:
+        InputError: `folder` is not a map.
+        FormatError: it is damaged or of a newer version.
+    """
+    folder = Path(folder)
+    if not (folder / "map.toml").is_file():
+        raise InputError(f"{folder} is not a map: it has no map.toml; `goshawk map` makes one")
+    facts = file_format.read_toml(folder / "map.toml", format=FORMAT, version=VERSION)
+    images, time_s, T_world_body = read_poses(folder / "poses.csv")
+    rig = rigs.load(folder / "camera.toml")
+    return Map(folder, esdf.load(folder / "esdf"), rig, images, time_s, T_world_body, facts)
+
+
+def read_poses(path: Path) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
+    """Names, times (n,) and poses (n, 4, 4) of a `poses.csv`."""
+
+    if not path.is_file():
+        raise FormatError(f"{path} is missing; build the map again")
+    table = read_table(path, _POSE_COLUMNS)
+    values = np.array(list(table.values()), dtype=np.float64).reshape(-1, 8)
+    return tuple(table), values[:, 0], frames.transform(rotations.normalise(values[:, 4:]), values[:, 1:4])

@@ -1,0 +1,61 @@
+"""Which images to match with which: matching all with all costs the square of the flight."""
+
+import numpy as np
+
+SIGNATURE_SIZE = 120
+"""Largest features of an image that stand for it when similar ones are looked for."""
+
+_SAME = 0.86
+"""Cosine of two descriptors that count as one and the same feature; two random ones reach 0.75 at most."""
+
+Shot = tuple[int, int]
+"""(instant, camera)."""
+
+
+def choose(shots: list[Shot], signatures: list[np.ndarray], *, window: int, similar: int) -> list[tuple[Shot, Shot]]:
+    """Pairs worth matching: neighbours in time, cameras of one rig at neighbouring instants, look-alikes.
+
+    Args:
+        shots: all images.
+        signatures: for each a (k, 128) array of unit descriptors.
+        window: how many later images of the same camera each is matched with.
+        similar: how many of the most similar other images each is matched with.
+    """
+    place = {shot: index for index, shot in enumerate(shots)}
+    cameras = max(camera for _, camera in shots) + 1
+    wanted: set[tuple[int, int]] = set()
+
+    def want(a: int, b: int | None) -> None:
+        if b is not None and a != b:
+            wanted.add((min(a, b), max(a, b)))
+
+    for index, (instant, camera) in enumerate(shots):
+        for step in range(1, window + 1):
+            want(index, place.get((instant + step, camera)))
+        for other in range(cameras):
+            if other != camera:
+                for step in (-1, 0, 1):
+                    want(index, place.get((instant + step, other)))
+    for index, others in enumerate(_look_alikes(signatures, similar, known=wanted)):
+        for other in others:
+            want(index, other)
+    return [(shots[a], shots[b]) for a, b in sorted(wanted)]
+
+
+def _look_alikes(signatures: list[np.ndarray], count: int, *, known: set[tuple[int, int]]) -> list[list[int]]:
+    """For each image the `count` others that share most of their largest features, pairs already known left out."""
+    if count == 0:
+        return []
+    all_descriptors = np.concatenate(signatures).astype(np.float32)
+    starts = np.concatenate([[0], np.cumsum([len(s) for s in signatures])])[:-1]
+    filled = np.array([len(s) > 0 for s in signatures])
+    result: list[list[int]] = []
+    for index, signature in enumerate(signatures):
+        score = np.zeros(len(signatures))
+        if len(signature):
+            best = np.maximum.reduceat(signature @ all_descriptors.T, starts[filled], axis=1)
+            score[filled] = (best > _SAME).sum(axis=0)
+        score[index] = 0
+        ranked = (int(k) for k in np.argsort(-score, kind="stable") if score[k] >= 4)
+        result.append([k for k in ranked if (min(index, k), max(index, k)) not in known][:count])
+    return result

@@ -1,0 +1,126 @@
+"""The sparse map: images to metric poses and points in a z-up world."""
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from flight import FloatArray, MapError, Progress, silent
+from mapping import alignment, child, colmap
+from mapping.alignment import Alignment, Length
+from mapping.colmap import SparseOptions
+from mapping.images import ImageSet
+from mapping.localization import LocalizationMap
+from mapping.rig import Rig
+
+_LEAST_SHARE = 0.5
+_LEAST_BASELINE_M = 0.005
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SparseMap:
+    """Where the images were taken, and the points they share."""
+
+    images: ImageSet
+    """The images; their rig has the lenses the map was made with."""
+    T_world_body: FloatArray
+    """(instants, 4, 4) metres, z up; NaN where an instant could not be placed."""
+    registered: np.ndarray
+    """(instants, cameras) bool."""
+    points_world_m: FloatArray
+    """(m, 3)."""
+    descriptors: np.ndarray
+    """(m, 128) float32 of unit length."""
+    observations: np.ndarray
+    """(o, 3) point, instant, camera."""
+    pixels: FloatArray
+    """(o, 2)."""
+    reprojection_error_px: float
+    """Mean over all observations."""
+    least_agreement: float
+    """The worst placed image's share of matches that agree with the map."""
+    alignment: Alignment
+    """Where scale and up came from."""
+    cpu_s: dict[str, float]
+    """CPU seconds of each step."""
+
+    @property
+    def rig(self) -> Rig:
+        return self.images.rig
+
+    @property
+    def placed(self) -> np.ndarray:
+        """(instants,) bool."""
+        return np.isfinite(self.T_world_body[:, 0, 0])
+
+    def T_world_camera(self, instant: int, camera: int) -> FloatArray:
+        return self.T_world_body[instant] @ self.rig.cameras[camera].T_body_camera
+
+    def ranges_m(self, instant: int, camera: int) -> FloatArray:
+        """Distances from a camera to the points it sees."""
+        seen = (self.observations[:, 1] == instant) & (self.observations[:, 2] == camera)
+        points = self.points_world_m[self.observations[seen, 0]]
+        return np.linalg.norm(points - self.T_world_camera(instant, camera)[:3, 3], axis=1)
+
+    def localization_map(self) -> LocalizationMap:
+        return LocalizationMap(self.points_world_m, self.descriptors)
+
+
+def reconstruct(
+    images: ImageSet,
+    options: SparseOptions | None = None,
+    *,
+    length: Length | None = None,
+    references: Path | None = None,
+    progress: Progress = silent,
+) -> SparseMap:
+    """Place the images in a metric, upright world.
+
+    Args:
+        length: a measured length, which then gives the scale.
+        references: recorded positions and gravity; `references.csv` of the image folder by default.
+
+    Raises:
+        MapError: COLMAP failed, fewer than half of the instants could be placed, or nothing gives the scale.
+        InputError, FormatError: the references or the length do not fit the images.
+    """
+    recorded = alignment.read_references(images, references)
+    model = child.run(colmap.reconstruct, images, options or SparseOptions(), progress=progress)
+    placed = np.isfinite(model.T_world_body[:, 0, 0])
+    if placed.mean() < _LEAST_SHARE:
+        raise MapError(
+            f"only {int(placed.sum())} of {len(placed)} images could be placed; "
+            "take them closer together, slower, or in more light"
+        )
+    aligned = alignment.align(
+        images,
+        model.T_world_body,
+        recorded,
+        baseline_metric=images.rig.baseline_m > _LEAST_BASELINE_M and _rig_seen(model.registered),
+        length=length,
+    )
+    return SparseMap(
+        images=dataclasses.replace(images, rig=model.rig),
+        T_world_body=aligned.poses(model.T_world_body),
+        registered=model.registered,
+        points_world_m=aligned.points(model.points_world),
+        descriptors=model.descriptors,
+        observations=model.observations,
+        pixels=model.pixels,
+        reprojection_error_px=model.reprojection_error_px,
+        least_agreement=model.least_agreement,
+        alignment=aligned,
+        cpu_s=model.cpu_s,
+    )
+
+
+def _rig_seen(registered: np.ndarray) -> bool:
+    """Whether several cameras of the rig are in the map: one alone tells no scale."""
+    return int(registered.any(axis=0).sum()) > 1
+
+
+def unplaced(sparse: SparseMap) -> Sequence[str]:
+    """Names of the images that have no pose."""
+    return [sparse.images.relative(i, c) for i, c in sparse.images.pairs() if not sparse.registered[i, c]]

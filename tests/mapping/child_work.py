@@ -1,0 +1,44 @@
+"""What the tests of `mapping.child` have children do."""
+
+import ctypes
+import os
+import time
+from pathlib import Path
+
+from flight import InputError, Progress
+
+
+def add(a: int, b: int, *, progress: Progress) -> int:
+    print("a library that talks on standard output")
+    progress("adding", 0.5)
+    progress("adding", 1.0)
+    return a + b
+
+
+def abort(*, progress: Progress) -> None:
+    progress("matching features", 0.2)
+    os.abort()
+
+
+def segfault(*, progress: Progress) -> None:
+    progress("placing images", 0.2)
+    ctypes.string_at(0)
+
+
+def vanish(*, progress: Progress) -> None:
+    os._exit(0)
+
+
+def refuse(*, progress: Progress) -> None:
+    raise InputError("too dark")
+
+
+def stumble(*, progress: Progress) -> None:
+    progress("refining", 0.0)
+    raise ValueError("first line\nsecond line")
+
+
+def linger(mark: str, *, progress: Progress) -> None:
+    Path(mark).write_text(str(os.getpid()))
+    progress("waiting", 0.0)
+    time.sleep(60.0)

@@ -1,0 +1,140 @@
+"""Scale and world frame: a known similarity is undone, liars in the record are outvoted, no scale is no map."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flight import FloatArray, FormatError, InputError, MapError, frames, rotations
+from mapping import alignment
+from mapping.alignment import Length, References
+from mapping.images import ImageSet
+from mapping.rig import Rig, forward_camera
+
+COUNT = 40
+RIG = Rig((forward_camera("SIMPLE_RADIAL_FISHEYE", 64, 48, [40.0, 32.0, 24.0, 0.0]),))
+
+
+def image_set(folder: Path = Path("images")) -> ImageSet:
+    names = tuple(f"{k:03d}.jpg" for k in range(COUNT))
+    return ImageSet(folder, RIG, names, np.ones((COUNT, 1), dtype=bool), np.full(COUNT, np.nan))
+
+
+@pytest.fixture
+def truth() -> FloatArray:
+    """Poses of a climbing turn, (n, 4, 4)."""
+    angle = np.linspace(0.0, 4.0, COUNT)
+    positions = np.stack([3.0 * np.sin(angle), 2.0 - 2.0 * np.cos(angle), 0.4 * angle], axis=-1)
+    tilt = rotations.exp(np.stack([0.1 * np.sin(angle), 0.2 + 0.0 * angle, 0.0 * angle], axis=-1))
+    return frames.transform(rotations.multiply(rotations.from_yaw(angle), tilt), positions)
+
+
+def as_colmap_gives_it(truth: FloatArray, scale: float) -> FloatArray:
+    T_old_world = frames.transform(rotations.exp([0.4, -1.1, 2.0]), [5.0, -3.0, 1.0])
+    old = T_old_world @ truth
+    old[:, :3, 3] /= scale
+    return old
+
+
+def nothing() -> References:
+    return References(np.full((COUNT, 3), np.nan), np.full((COUNT, 3), np.nan))
+
+
+def up_of(truth: FloatArray) -> FloatArray:
+    return truth[:, 2, :3].copy()  # R_world_body^T z
+
+
+def test_recorded_positions_and_gravity_undo_any_similarity(truth: FloatArray) -> None:
+    references = References(truth[:, :3, 3].copy(), up_of(truth))
+    found = alignment.align(
+        image_set(), as_colmap_gives_it(truth, 0.37), references, baseline_metric=False, length=None
+    )
+    assert found.scale == pytest.approx(0.37)
+    assert (found.scale_source, found.up_source) == ("recorded positions", "recorded gravity")
+    np.testing.assert_allclose(found.poses(as_colmap_gives_it(truth, 0.37)), truth, atol=1e-9)
+    assert found.position_residual_m == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_third_of_wrong_positions_and_some_shaken_gravity_are_outvoted(truth: FloatArray) -> None:
+    rng = np.random.default_rng(5)
+    positions = truth[:, :3, 3] + 0.01 * rng.normal(size=(COUNT, 3))
+    liars = rng.choice(COUNT, COUNT // 3, replace=False)
+    positions[liars] += rng.normal(size=(len(liars), 3)) * 8.0
+    up = up_of(truth)
+    up[::7] = [1.0, 0.0, 0.0]
+    old = as_colmap_gives_it(truth, 2.5)
+    found = alignment.align(image_set(), old, References(positions, up), baseline_metric=False, length=None)
+    assert found.scale == pytest.approx(2.5, rel=0.005)
+    np.testing.assert_allclose(found.poses(old)[:, :3, 3], truth[:, :3, 3], atol=0.03)
+    assert found.positions_used >= COUNT - COUNT // 3 - 3
+    assert found.up_spread_rad == pytest.approx(0.0, abs=1e-4)
+
+
+def test_baseline_keeps_its_scale_and_positions_only_place_and_judge(truth: FloatArray) -> None:
+    off = truth[:, :3, 3] * 1.1
+    references = References(off, up_of(truth))
+    old = as_colmap_gives_it(truth, 1.0)
+    found = alignment.align(image_set(), old, references, baseline_metric=True, length=None)
+    assert found.scale == 1.0
+    assert found.scale_source == "rig baseline"
+    assert found.scale_ratio_to_positions == pytest.approx(1 / 1.1)
+
+
+@pytest.mark.parametrize("between", [None, ("003.jpg", "021.jpg")])
+def test_a_given_length_overrules_everything(truth: FloatArray, between: tuple[str, str] | None) -> None:
+    p = truth[:, :3, 3]
+    metres = np.linalg.norm(np.diff(p, axis=0), axis=1).sum() if between is None else np.linalg.norm(p[21] - p[3])
+    length = Length(float(metres), between)
+    old = as_colmap_gives_it(truth, 0.02)
+    found = alignment.align(image_set(), old, nothing(), baseline_metric=True, length=length)
+    assert found.scale == pytest.approx(0.02)
+    assert found.scale_source == "given length"
+
+
+def test_without_records_the_world_starts_level_at_the_first_image(truth: FloatArray) -> None:
+    old = as_colmap_gives_it(truth, 1.0)
+    old[0] = np.nan  # not registered: the second image is then the first
+    found = alignment.align(image_set(), old, nothing(), baseline_metric=True, length=None)
+    assert found.up_source == "first image taken as level"
+    poses = found.poses(old)
+    np.testing.assert_allclose(poses[1], np.eye(4), atol=1e-9)
+    expected = frames.invert(truth[1]) @ truth[1:]
+    np.testing.assert_allclose(poses[1:], expected, atol=1e-9)
+
+
+def test_points_move_with_the_poses(truth: FloatArray) -> None:
+    old = as_colmap_gives_it(truth, 0.5)
+    found = alignment.align(image_set(), old, nothing(), baseline_metric=False, length=Length(7.0))
+    np.testing.assert_allclose(found.points(old[:, :3, 3]), found.poses(old)[:, :3, 3], atol=1e-12)
+
+
+def test_a_single_camera_without_any_length_is_refused(truth: FloatArray) -> None:
+    with pytest.raises(MapError, match="no metric scale"):
+        alignment.align(image_set(), truth, nothing(), baseline_metric=False, length=None)
+
+
+def test_a_length_between_images_that_are_not_there_is_refused(truth: FloatArray) -> None:
+    with pytest.raises(InputError, match=r"no .x\.jpg"):
+        alignment.align(image_set(), truth, nothing(), baseline_metric=False, length=Length(1.0, ("x.jpg", "001.jpg")))
+    with pytest.raises(InputError, match="positive"):
+        Length(0.0)
+
+
+def test_references_are_read_with_empty_cells(tmp_path: Path) -> None:
+    (tmp_path / "references.csv").write_text("image,x_m,y_m,z_m\n003.jpg,1,2,3\n004.jpg,,,\n")
+    references = alignment.read_references(image_set(tmp_path))
+    assert references.position_m[3].tolist() == [1.0, 2.0, 3.0]
+    assert int(np.isfinite(references.position_m).all(axis=1).sum()) == 1
+    assert np.isnan(references.up_body).all()
+
+
+def test_references_that_fit_nothing_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "references.csv"
+    path.write_text("image,lat,lon\n003.jpg,1,2\n")
+    with pytest.raises(FormatError, match="neither"):
+        alignment.read_references(image_set(tmp_path))
+    path.write_text("image,x_m,y_m,z_m\nother.jpg,1,2,3\n")
+    with pytest.raises(InputError, match="names none"):
+        alignment.read_references(image_set(tmp_path))
+    with pytest.raises(InputError, match="does not exist"):
+        alignment.read_references(image_set(tmp_path), tmp_path / "absent.csv")

@@ -1,0 +1,94 @@
+"""A crash in the child is a message in the parent; an interrupt in the parent is the end of the child."""
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from flight import InputError, MapError, Progress
+from mapping import child
+
+HERE = Path(__file__).parent
+
+
+def _work(name: str):
+    """Functions of this file, importable in the child."""
+    import importlib.util
+    import sys
+
+    if "child_work" not in sys.modules:
+        sys.path.insert(0, str(HERE))
+        spec = importlib.util.find_spec("child_work")
+        assert spec is not None
+        importlib.import_module("child_work")
+    return getattr(sys.modules["child_work"], name)
+
+
+def test_answer_and_progress_come_back() -> None:
+    heard: list[tuple[str, float]] = []
+    answer = child.run(_work("add"), 2, 3, progress=lambda stage, fraction: heard.append((stage, fraction)))
+    assert answer == 5
+    assert heard == [("adding", 0.5), ("adding", 1.0)]
+
+
+def test_abort_names_the_step_and_the_signal() -> None:
+    with pytest.raises(MapError, match=r"matching features crashed \(SIGABRT\)"):
+        child.run(_work("abort"))
+
+
+def test_segmentation_fault_is_a_message() -> None:
+    with pytest.raises(MapError, match=r"placing images crashed \(SIGSEGV\)"):
+        child.run(_work("segfault"))
+
+
+def test_quiet_exit_without_answer_is_an_error() -> None:
+    with pytest.raises(MapError, match="exit code 0"):
+        child.run(_work("vanish"))
+
+
+def test_our_own_errors_keep_their_kind() -> None:
+    with pytest.raises(InputError, match="too dark"):
+        child.run(_work("refuse"))
+
+
+def test_other_errors_name_the_step_in_one_line() -> None:
+    with pytest.raises(MapError, match=r"refining failed: ValueError: first line$"):
+        child.run(_work("stumble"))
+
+
+def test_interrupt_kills_the_child_and_leaves_nothing(tmp_path: Path) -> None:
+    mark = tmp_path / "pid"
+
+    def interrupted(stage: str, fraction: float) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        child.run(_work("linger"), str(mark), progress=interrupted)
+    pid = int(mark.read_text())
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
+
+
+def test_child_dies_with_its_parent(tmp_path: Path) -> None:
+    mark = tmp_path / "pid"
+    parent = os.fork()
+    if parent == 0:
+        child.run(_work("linger"), str(mark))
+        os._exit(0)
+    deadline_s = time.monotonic() + 20.0
+    while not mark.exists() or not mark.read_text():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.05)
+    os.kill(parent, signal.SIGKILL)
+    os.waitpid(parent, 0)
+    pid = int(mark.read_text())
+    while Path(f"/proc/{pid}").exists():
+        assert time.monotonic() < deadline_s, "the child outlived its parent"
+        time.sleep(0.05)
+
+
+def test_silent_work_needs_no_listener() -> None:
+    work: Progress = _work("add")
+    assert child.run(work, 1, 1) == 2
