@@ -1,10 +1,19 @@
+from collections.abc import Callable
+
 from numpy import float64
 from numpy.typing import NDArray
 
 class Model:
     """A vehicle's effects, compiled. All arrays are C-contiguous float64 with two axes; a single row is shared."""
 
-    def __init__(self, effects: list[str], hub_body_m: NDArray[float64], spin: NDArray[float64], /) -> None: ...
+    def __init__(
+        self,
+        effects: list[str],
+        hub_body_m: NDArray[float64],
+        spin: NDArray[float64],
+        own: list[tuple[Callable[[], None], NDArray[float64]]],
+        /,
+    ) -> None: ...
     @property
     def width(self) -> int: ...
     def evaluate(

@@ -1,4 +1,4 @@
-"""One integrator, two engines: the compiled kernel, and NumPy for vehicles with effects of the user's own.
+"""One integrator, two engines: the compiled kernel, and NumPy, its plain twin.
 
 A state is a row of 17: position 0-2 and velocity 3-5 in world axes, q_world_body 6-9, body rate 10-12, rotor
 speed 13-16. The world is a row of 6: wind 0-2, gravity 3, floor height 4, ceiling height 5.
@@ -33,7 +33,8 @@ def stepper(vehicle: Vehicle, values: Mapping[str, FloatArray] | None = None, co
         return _kernel_stepper(kernel, _own_rows(vehicle, kernel, values, count) if values else kernel.values)
     if values:
         raise InputError("vehicles with effects of the user's own fly with shared values only; fly them one by one")
-    return numpy_stepper(vehicle)
+    kernel = native.for_stepping(vehicle)
+    return numpy_stepper(vehicle) if kernel is None else _kernel_stepper(kernel, kernel.values)
 
 
 def _own_rows(vehicle: Vehicle, kernel: native.Compiled, values: Mapping[str, FloatArray], count: int) -> FloatArray:

@@ -1,5 +1,6 @@
 """The bridge to the compiled kernel: a vehicle as a list of compiled effects and one flat row of values."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
@@ -8,11 +9,12 @@ import numpy as np
 from flight import FloatArray
 from vehicle import _vehicle
 from vehicle import effects as registry
-from vehicle.effects.base import Stage
+from vehicle.effects.base import Flow, Stage
 from vehicle.forces import BODY_NAMES, Surroundings
 from vehicle.model import Vehicle
 
 _KNOWN = dict(_vehicle.effects())
+_FLOW_STAGES = (Stage.AIR, Stage.THRUST, Stage.THRUST_FACTOR, Stage.FORCE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,9 +43,67 @@ def _compile(vehicle: Vehicle) -> Compiled | None:
     if any(_KNOWN.get(name) != len(registry.find(name).parameters) for name in active):
         return None
     names = (*BODY_NAMES, *(f"{e}.{s.name}" for e in active for s in registry.find(e).parameters))
-    model = _vehicle.Model(active, vehicle.hub_body_m, vehicle.spin[None])
+    model = _vehicle.Model(active, vehicle.hub_body_m, vehicle.spin[None], [])
     assert model.width == len(names)
     return Compiled(model, np.array([[vehicle.parameters[name].value for name in names]]), names)
+
+
+def for_stepping(vehicle: Vehicle) -> Compiled | None:
+    """As `compiled`, but effects of the user's own take part too, called back from the kernel; only for simulation.
+
+    None when one of them acts on mass or motors, which the kernel does not hand out.
+    """
+    own = [name for name in vehicle.effects if name not in _KNOWN and registry.find(name).stage != Stage.SENSOR]
+    if any(registry.find(name).stage not in _FLOW_STAGES for name in own):
+        return None
+    active = [name for name in vehicle.effects if registry.find(name).stage != Stage.SENSOR]
+    compiled_only = [name for name in active if name not in own]
+    names = (*BODY_NAMES, *(f"{e}.{s.name}" for e in compiled_only for s in registry.find(e).parameters))
+    mirrors = [_mirrored(vehicle, name) for name in own]
+    marked = ["" if name in own else name for name in active]
+    model = _vehicle.Model(marked, vehicle.hub_body_m, vehicle.spin[None], mirrors)
+    return Compiled(model, np.array([[vehicle.parameters[name].value for name in names]]), names)
+
+
+def _mirrored(vehicle: Vehicle, name: str) -> tuple[Callable[[], None], FloatArray]:
+    """A function that runs an effect on a flow whose arrays all lie in one block of numbers, and that block.
+
+    The block is the kernel's Flow<double> (vehicle/src/state.hpp).
+    """
+    block = np.zeros(60)
+    per_hub = [block[start : start + 12].reshape(4, 3).T[:, :, None] for start in (10, 42)]
+    flow = Flow(
+        velocity_m_s=block[0:3, None],
+        rate_rad_s=block[3:6, None],
+        rotor_speed_rad_s=block[6:10, None],
+        hub_m=per_hub[0],
+        spin=vehicle.spin[:, None],
+        radius_m=vehicle.value("rotor_radius_m"),
+        air_density_kg_m3=vehicle.value("air_density_kg_m3"),
+        q_world_body=block[28:32, None],
+        height_m=block[32:33],
+        ceiling_gap_m=block[33:34],
+        rotor_acceleration_rad_s2=block[34:38, None],
+    )
+    results = {
+        "velocity_m_s": flow.velocity_m_s,
+        "thrust_n": block[38:42, None],
+        "hub_force_n": per_hub[1],
+        "force_n": block[54:57, None],
+        "torque_n_m": block[57:60, None],
+    }
+    effect, values = registry.find(name), vehicle.values(name)
+
+    def run() -> None:
+        for attribute, place in results.items():
+            setattr(flow, attribute, place)
+        effect.apply(flow, values)
+        for attribute, place in results.items():
+            changed = getattr(flow, attribute)
+            if changed is not place:  # the effect made a new array instead of changing the old one
+                place[...] = changed
+
+    return run, block
 
 
 def surroundings_rows(surroundings: Surroundings) -> FloatArray:

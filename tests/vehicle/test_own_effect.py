@@ -1,6 +1,7 @@
 """An effect of the user's own: the page in docs/ is run as it stands."""
 
 import contextlib
+import dataclasses
 import re
 from pathlib import Path
 
@@ -9,7 +10,8 @@ import pytest
 
 import vehicle
 from flight import FormatError, InputError, rotations
-from vehicle import dynamics, effects, flatness, forces, manoeuvres, native, simulate
+from vehicle import dynamics, effects, flatness, forces, integrate, manoeuvres, native, simulate
+from vehicle.effects.base import Effect, Spec, Stage
 
 PAGE = Path(__file__).parents[2] / "docs" / "add_an_effect.md"
 
@@ -47,6 +49,50 @@ def test_it_takes_part_in_wrench_flatness_and_simulation(worked_example):
     plant = simulate.Plant(guarded)
     plant.step(plant.rotor_speed_rad_s, 0.05)
     np.testing.assert_allclose(plant.position_world_m, 0.0, atol=1e-9)
+
+
+def test_the_kernel_calls_it_back_and_flies_as_numpy_does(worked_example):
+    guarded = worked_example["guarded"]
+    assert native.for_stepping(guarded) is not None
+    start = simulate.State(np.zeros(3), np.array([1.0, 6.0, 0.5]), rotations.exp(np.array([0.1, 0.2, 0.3])))
+    rows, force = [start.row()[None], start.row()[None]], [np.zeros((1, 3)), np.zeros((1, 3))]
+    world, volts = integrate.world_row((0.0, 0, 0), 9.81, -np.inf, np.inf), np.array([[16.0]])
+    for engine, row, specific in zip((integrate.stepper, integrate.numpy_stepper), rows, force, strict=True):
+        engine(guarded)(world, np.array([[900.0, 950, 1000, 980]]), volts, 30, 1e-3, row, specific)
+    np.testing.assert_allclose(rows[0], rows[1], atol=1e-12)
+    np.testing.assert_allclose(force[0], force[1], atol=1e-12)
+    plain = simulate.Plant(vehicle.example(), start)
+    plain.step(np.array([900.0, 950, 1000, 980]), 0.03)
+    assert np.abs(rows[0][0, :3] - plain.position_world_m).max() > 1e-5
+
+
+REPLACING = Effect(
+    name="replacing",
+    number=0,
+    stage=Stage.THRUST_FACTOR,
+    apply=lambda flow, p: setattr(flow, "thrust_n", flow.thrust_n * p.factor),
+    parameters=(Spec("factor", "1", prior=0.1, bounds=(0.0, 2.0), default=1.0, planted=0.8),),
+    law="T k",
+    source="test",
+    channel="F_z",
+    regressor="T",
+    excited_by=("vertical",),
+)
+
+
+def test_an_effect_may_also_put_new_arrays_in_place_of_the_old():
+    effects.register(REPLACING)
+    weaker = vehicle.example().with_effect("replacing", factor=0.8)
+    plant = simulate.Plant(weaker, simulate.hovering(vehicle.example(), np.zeros(3)))
+    assert plant.specific_force_body_m_s2[2] == pytest.approx(0.8 * 9.81, rel=1e-6)
+
+
+def test_an_error_in_an_own_effect_comes_out_of_the_simulation():
+    broken = dataclasses.replace(REPLACING, name="broken", apply=lambda flow, p: flow.no_such_thing)
+    effects.register(broken)
+    v = vehicle.example()
+    with pytest.raises(AttributeError, match="no_such_thing"):
+        simulate.Plant(v.with_effect("broken"), simulate.hovering(v, np.zeros(3)))
 
 
 def test_its_derivatives_are_exact(worked_example):

@@ -5,6 +5,8 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <cstring>
+
 #include "flat.hpp"
 #include "model.hpp"
 #include "motion.hpp"
@@ -14,6 +16,7 @@ using namespace goshawk;
 
 using In = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using InOut = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Mirror = nb::ndarray<double, nb::shape<60>, nb::c_contig, nb::device::cpu>;
 using InOut3 = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 
 namespace {
@@ -153,13 +156,30 @@ void flatness(const Model& model, In values, double gravity, In hover, double sp
     }
 }
 
+// An own effect is a Python function without arguments that works on `mirror`, a copy of the flow as 60 numbers in the
+// order of Flow<double>.
+OwnEffect own_effect(nb::callable function, Mirror mirror) {
+    static_assert(sizeof(Flow<double>) == 60 * sizeof(double), "vehicle/native.py knows the order of these numbers");
+    return [function, mirror](Flow<double>& flow) {
+        nb::gil_scoped_acquire acquire;
+        std::memcpy(mirror.data(), &flow, sizeof(flow));
+        function();
+        std::memcpy(static_cast<void*>(&flow), mirror.data(), sizeof(flow));
+    };
+}
+
 }  // namespace
 
 NB_MODULE(_vehicle, m) {
     m.doc() = "Compiled kernel of the vehicle model.";
     nb::class_<Model>(m, "Model")
-        .def("__init__", [](Model* self, const std::vector<std::string>& names, In hubs,
-                            In spins) { new (self) Model(names, hubs.data(), spins.data()); })
+        .def("__init__",
+             [](Model* self, const std::vector<std::string>& names, In hubs, In spins,
+                const std::vector<std::pair<nb::callable, Mirror>>& own) {
+                 std::vector<OwnEffect> effects;
+                 for (const auto& [function, mirror] : own) effects.push_back(own_effect(function, mirror));
+                 new (self) Model(names, hubs.data(), spins.data(), std::move(effects));
+             })
         .def_ro("width", &Model::width)
         .def("evaluate", &evaluate)
         .def("jacobian", &jacobian)

@@ -80,7 +80,7 @@ struct Lineup {
     }
 
     // Attitude and rotor speeds (their proportions kept) that give the path's acceleration.
-    void attitude(const PathPoint& p, const double rate[3], double n[4], double q[4]) const {
+    void attitude(const PathPoint& p, const double rate[3], double tolerance, double n[4], double q[4]) const {
         double power = 0.5, last = 0.0, last_ratio = 1.0;
         for (int step = 0; step < 60; ++step) {
             const double before[4] = {q[0], q[1], q[2], q[3]};
@@ -99,7 +99,7 @@ struct Lineup {
             }
             last = force_z;
             last_ratio = ratio;
-            if (change < 1e-13) break;
+            if (change < tolerance) break;
         }
     }
 };
@@ -170,14 +170,21 @@ inline void flatten(const Model& model, const double* values, double gravity, co
     }
     for (int k = 0; k < 3; ++k) out.rate[k] = out.turn[k] = 0.0;
     for (int round = 0; round < 2; ++round) {  // forces depend a little on the rates: the second round settles it
-        double slope[4] = {}, bend[4] = {};
+        // the last change is some ten times the error left; rates divide it by 2 ms, their derivatives by that squared
+        const double tolerance = round == 0 ? 1e-7 : 1e-11;
+        double slope[4] = {}, bend[4] = {}, moved[4] = {};
         for (int s = 0; s < 5; ++s) {
             double rate[3];
             for (int k = 0; k < 3; ++k) rate[k] = out.rate[k] + (s - 2) * spacing * out.turn[k];
-            if (round == 0 && s > 0) {
-                for (int i = 0; i < 4; ++i) n[s][i] = n[s - 1][i];
+            const double before[4] = {q[s][0], q[s][1], q[s][2], q[s][3]};
+            for (int k = 0; k < 4; ++k) {  // start from what the neighbours say
+                if (round == 0 && s > 0) n[s][k] = s == 1 ? n[0][k] : 2.0 * n[s - 1][k] - n[s - 2][k];
+                if (round == 0 && s > 1)
+                    q[s][k] = s == 2 ? 2.0 * q[1][k] - q[0][k] : 3.0 * (q[s - 1][k] - q[s - 2][k]) + q[s - 3][k];
+                if (round == 1) q[s][k] += moved[k];
             }
-            l.attitude(path[s], rate, n[s], q[s]);
+            l.attitude(path[s], rate, tolerance, n[s], q[s]);
+            for (int k = 0; k < 4; ++k) moved[k] = q[s][k] - before[k];
             for (int k = 0; k < 4; ++k) {
                 slope[k] += first[s] / spacing * q[s][k];
                 bend[k] += second[s] / (spacing * spacing) * q[s][k];

@@ -1,8 +1,10 @@
 // A vehicle compiled to a list of functions and one flat row of values per vehicle: body values, then each effect's.
 #pragma once
 
+#include <functional>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "effects_body.hpp"
@@ -75,8 +77,11 @@ const std::vector<Functions<T>>& functions() {
     return table;
 }
 
+// An effect of the user's own, in Python: it changes the flow through the caller's copy of it.
+using OwnEffect = std::function<void(Flow<double>&)>;
+
 struct Active {
-    int id;
+    int id;      // in the catalogue; -1 - k for the k-th own effect
     int offset;  // of its first value in the row
 };
 
@@ -84,12 +89,21 @@ struct Model {
     double hub[4][3];
     double spin[4];
     std::vector<Active> active;
+    std::vector<OwnEffect> own;
     int width = kBodyValues;
 
-    Model(const std::vector<std::string>& names, const double* hubs, const double* spins) {
+    // An empty name stands for the next of the own effects.
+    Model(const std::vector<std::string>& names, const double* hubs, const double* spins,
+          std::vector<OwnEffect> own_effects)
+        : own(std::move(own_effects)) {
+        int next_own = 0;
         for (int i = 0; i < 12; ++i) hub[i / 3][i % 3] = hubs[i];
         for (int i = 0; i < 4; ++i) spin[i] = spins[i];
         for (const std::string& name : names) {
+            if (name.empty()) {
+                active.push_back({-1 - next_own++, width});
+                continue;
+            }
             int id = -1;
             for (size_t k = 0; k < catalogue().size(); ++k) {
                 if (name == catalogue()[k].name) id = static_cast<int>(k);
@@ -107,6 +121,7 @@ Body<T> rigid_body(const Model& model, const T* values) {
     body.mass = values[kMass];
     for (int i = 0; i < 3; ++i) body.inertia[i][i] = values[kIxx + i];
     for (const Active& a : model.active) {
+        if (a.id < 0) continue;
         if (auto f = functions<T>()[a.id].mass) f(body, values + a.offset);
     }
     return body;
@@ -116,9 +131,17 @@ Body<T> rigid_body(const Model& model, const T* values) {
 template <class T>
 bool drive(const Model& model, const T* values, Drive<T>& d) {
     for (const Active& a : model.active) {
+        if (a.id < 0) continue;
         if (auto f = functions<T>()[a.id].drive) f(d, values + a.offset);
     }
     return !d.follows_at_once;
+}
+
+inline void run_own(const Model& model, int k, Flow<double>& flow) { model.own[k](flow); }
+
+template <int N>
+void run_own(const Model&, int, Flow<Dual<N>>&) {
+    throw std::logic_error("effects of the user's own have no derivatives in the kernel");
 }
 
 // Expects velocity, rate, rotor_speed, q, height, ceiling_gap and rotor_acceleration; fills force and torque.
@@ -136,7 +159,11 @@ void wrench(const Model& model, const T* values, const Body<T>& body, Flow<T>& f
     }
     for (int k = 0; k < 3; ++k) flow.force[k] = flow.torque[k] = T(0.0);
     for (const Active& a : model.active) {
-        if (auto f = functions<T>()[a.id].flow) f(flow, values + a.offset);
+        if (a.id < 0) {
+            run_own(model, -1 - a.id, flow);
+        } else if (auto f = functions<T>()[a.id].flow) {
+            f(flow, values + a.offset);
+        }
     }
     for (int i = 0; i < 4; ++i) {
         const T* r = flow.hub[i];
