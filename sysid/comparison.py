@@ -8,7 +8,7 @@ import numpy as np
 
 from flight import FlightLog, InputError, Progress, rotations, silent
 from flight.rotations import FloatArray
-from sysid import dynamics
+from sysid import drive, dynamics
 from sysid.flight_data import Flight, prepare
 from sysid.identification import smooth
 from sysid.options import Options
@@ -108,6 +108,9 @@ def compare(
     if not logs or not models:
         raise InputError("compare needs at least one flight and one model")
     flights = [flight for i, log in enumerate(logs) for flight in prepare(log, i, options or Options())]
+    for flight in flights:
+        if not flight.has_pose:
+            raise InputError(f"{flight.name} has no pose; predictions are judged against one")
     longest_s = max(HORIZONS_S)
     flights = [f for f in flights if f.time_s[-1] - f.time_s[0] > 2.0 * longest_s]
     if not flights:
@@ -135,7 +138,7 @@ def _errors(
     flight: Flight, states: States, reference: States, vehicle: Vehicle, sensor: PoseSensor
 ) -> dict[str, list[FloatArray]]:
     """Per quantity and horizon, the size of the error of each prediction."""
-    predictions = predict(flight, states, vehicle, HORIZONS_S, every_s=0.1)
+    predictions = predict(drive.driven(flight, vehicle), states, vehicle, HORIZONS_S, every_s=0.1)
     found: dict[str, list[FloatArray]] = {quantity: [] for quantity in QUANTITIES}
     for steps, predicted in zip(predictions.steps, predictions.states, strict=True):
         end = predictions.start + steps
@@ -151,7 +154,7 @@ def _errors(
 
 def _residual(flight: Flight, states: States, vehicle: Vehicle) -> Residual:
     mid = dynamics.middle(flight, states)
-    left = dynamics.unexplained(flight, states, vehicle)
+    left = dynamics.unexplained(drive.driven(flight, vehicle), states, vehicle)
     body = rigid_body(vehicle)
     return Residual(
         time_s=0.5 * (flight.time_s[1:] + flight.time_s[:-1]),

@@ -130,6 +130,24 @@ def defect_jacobians(states: States, mid: Middle, acceleration: Jacobian) -> tup
     return before, after, border
 
 
+def accelerometer(flight: Flight, states: States, mid: Middle, bias_m_s2: FloatArray) -> FloatArray:
+    """(k, 3) mean specific force measured over each interval, less what the states say."""
+    return flight.specific_force_body_m_s2 - bias_m_s2 - _rates_of_change(states, mid)[:, :3]
+
+
+def accelerometer_jacobians(states: States, mid: Middle) -> tuple[FloatArray, FloatArray]:
+    """Derivatives of `accelerometer` by the state before and the state after, (k, 3, 12)."""
+    k, h = len(mid.step_s), mid.step_s[:, :, None]
+    Rt = np.swapaxes(mid.R_world_body, 1, 2)
+    hat_force = rotations.hat(_rates_of_change(states, mid)[:, :3])
+    quarter_turn = 0.125 * rotations.hat(mid.turn_rad)
+    before, after = np.zeros((k, 3, 12)), np.zeros((k, 3, 12))
+    before[:, :, 3:6], after[:, :, 3:6] = Rt / h, -Rt / h
+    before[:, :, 6:9] = -hat_force @ (0.5 * np.eye(3) - quarter_turn)
+    after[:, :, 6:9] = -hat_force @ (0.5 * np.eye(3) + quarter_turn)
+    return before, after
+
+
 def whiten(step_s: FloatArray, std: FloatArray, *rows: FloatArray) -> list[FloatArray]:
     """Rows (k, 12, ...) of defects divided by the Cholesky factor of their covariance.
 

@@ -39,4 +39,6 @@ def require(flights: list[Flight], names: tuple[str, ...]) -> None:
 def _slow_rates(flight: Flight) -> np.ndarray:
     """Body rate over steps of about 0.1 s, so that attitude noise does not count as motion."""
     every = max(1, round(0.1 / float(np.median(flight.step_s))))
+    if not flight.has_pose:
+        return flight.rate_body_rad_s
     return rates_from_attitude(flight.time_s[::every], flight.q_world_sensor[::every])

@@ -22,12 +22,12 @@ SHORTEST_S = 1.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Flight:
-    """A stretch of one log without gaps."""
+    """A stretch of one log without gaps. What was not measured is NaN."""
 
     name: str
     """For messages: the log's name and the piece of it."""
     log_index: int
-    """Which of the logs handed in it came from; pieces of one log share the gyro bias."""
+    """Which of the logs handed in it came from; pieces of one log share the sensors' biases."""
     time_s: FloatArray
     """(n,) instants of the states."""
     position_world_m: FloatArray
@@ -35,44 +35,84 @@ class Flight:
     q_world_sensor: FloatArray
     """(n, 4) measured by the pose sensor, continuous in sign."""
     rate_body_rad_s: FloatArray
-    """(n, 3) measured by the gyro; NaN where not measured."""
+    """(n, 3) measured by the gyro."""
+    specific_force_body_m_s2: FloatArray
+    """(n - 1, 3) mean of the accelerometer over each interval."""
     rotor_speed_rad_s: FloatArray
-    """(n - 1, 4) mean over each interval."""
+    """(n - 1, 4) mean over each interval; found from the command where it was not measured."""
     rotor_acceleration_rad_s2: FloatArray
     """(n - 1, 4) mean over each interval."""
+    rotor_command_rad_s: FloatArray
+    """(n - 1, 4) mean over each interval; only used where rotor speed was not measured."""
+    battery_v: FloatArray
+    """(n - 1,) mean over each interval."""
 
     @property
     def step_s(self) -> FloatArray:
         """(n - 1,) lengths of the intervals."""
         return np.diff(self.time_s)
 
+    @property
+    def has_pose(self) -> bool:
+        return bool(np.isfinite(self.position_world_m).any())
+
+    @property
+    def has_accelerometer(self) -> bool:
+        return bool(np.isfinite(self.specific_force_body_m_s2).all())
+
+    @property
+    def driven_by_command(self) -> bool:
+        """Whether rotor speed was not measured and comes from the commands."""
+        return bool(np.isfinite(self.rotor_command_rad_s).all())
+
     def __len__(self) -> int:
         return len(self.time_s)
+
+
+@dataclass(frozen=True, slots=True)
+class _Source:
+    """Which quantities of a log the estimator is going to use."""
+
+    name: str
+    nodes: tuple[str, ...]
+    """Quantities that must be there at every node: the pose, or the IMU."""
+    rotors: str
+    """`rotor_speed_rad_s`, or the command."""
 
 
 def prepare(log: FlightLog, index: int, options: Options) -> list[Flight]:
     """Flights without gaps from one log.
 
     Raises:
-        InputError: pose or rotor speed is missing or not finite, or there is a gap and the options refuse gaps.
+        InputError: it has neither pose nor IMU, or neither rotor speed nor command, or there is a gap and the options
+            refuse gaps.
     """
-    name = str(log.metadata.get("name", f"flight {index + 1}"))
-    for quantity, why in (
-        ("position_world_m", "the position is what the model is compared with"),
-        ("q_world_body", "the attitude turns thrust into acceleration"),
-        ("rotor_speed_rad_s", "it drives the model; record measured rotor speed (ESC telemetry)"),
-    ):
-        if not log.has(quantity):
-            raise InputError(f"{name} has no {quantity}: {why}")
-    pieces = _split(log, name, options)
-    return [_flight(log, piece, name, index, len(pieces), options) for piece in pieces]
+    source = _source(log, str(log.metadata.get("name", f"flight {index + 1}")))
+    pieces = _split(log, source, options)
+    return [_flight(log, piece, source, index, len(pieces), options) for piece in pieces]
 
 
-def _split(log: FlightLog, name: str, options: Options) -> list[tuple[float, float]]:
-    """Start and end of each stretch where both pose and rotor speed were sampled."""
-    pose_s = log.time_s[_finite_rows(log, ("position_world_m", "q_world_body"), name)]
-    rotor_s = log.time_s[_finite_rows(log, ("rotor_speed_rad_s",), name)]
-    gaps = sorted(_gaps(pose_s, "pose") + _gaps(rotor_s, "rotor speed"))
+def _source(log: FlightLog, name: str) -> _Source:
+    pose, imu = ("position_world_m", "q_world_body"), ("rate_body_rad_s", "specific_force_body_m_s2")
+    if not all(log.has(q) for q in pose) and not all(log.has(q) for q in imu):
+        missing = " and ".join(q for q in pose if not log.has(q))
+        raise InputError(f"{name} has no {missing}, nor gyro and accelerometer to do without: nothing shows the motion")
+    rotors = "rotor_speed_rad_s" if log.has("rotor_speed_rad_s") else "rotor_speed_command_rad_s"
+    if not log.has(rotors):
+        raise InputError(
+            f"{name} has no rotor_speed_rad_s and no rotor_speed_command_rad_s: something must drive the model; "
+            "record rotor speed (ESC telemetry)"
+        )
+    return _Source(name, pose if all(log.has(q) for q in pose) else imu, rotors)
+
+
+def _split(log: FlightLog, source: _Source, options: Options) -> list[tuple[float, float]]:
+    """Start and end of each stretch where both pose (or IMU) and rotor speed (or command) were sampled."""
+    name = source.name
+    pose_s = log.time_s[_finite_rows(log, source.nodes, name)]
+    rotor_s = log.time_s[_finite_rows(log, (source.rotors,), name)]
+    kind = "pose" if source.nodes[0] == "position_world_m" else "IMU"
+    gaps = sorted(_gaps(pose_s, kind) + _gaps(rotor_s, "rotor speed"))
     start_s, end_s = max(pose_s[0], rotor_s[0]), min(pose_s[-1], rotor_s[-1])
     if gaps and options.gaps == "refuse":
         begin, end, what = gaps[0]
@@ -112,28 +152,66 @@ def _gaps(time_s: FloatArray, what: str) -> list[tuple[float, float, str]]:
     return [(float(time_s[i]), float(time_s[i + 1]), what) for i in np.flatnonzero(step_s > longest_s)]
 
 
-def _flight(log: FlightLog, piece: tuple[float, float], name: str, index: int, pieces: int, options: Options) -> Flight:
+def _flight(
+    log: FlightLog, piece: tuple[float, float], source: _Source, index: int, pieces: int, options: Options
+) -> Flight:
     start_s, end_s = piece
     inside = (log.time_s >= start_s) & (log.time_s <= end_s)
-    position, q = log.vector("position_world_m"), log.vector("q_world_body")
-    rows = np.flatnonzero(inside & np.isfinite(position).all(axis=1))
+    rows = np.flatnonzero(inside & np.isfinite(log.vector(source.nodes[0])).all(axis=1))
     rows = rows[_thin(log.time_s[rows], options.node_rate_hz)]
-    time_s = log.time_s[rows]
-    rotor_rows = np.flatnonzero(inside & np.isfinite(log.vector("rotor_speed_rad_s")).all(axis=1))
-    speed, acceleration = interval_means(log.time_s[rotor_rows], log.vector("rotor_speed_rad_s")[rotor_rows], time_s)
-    rate = np.full((len(rows), 3), np.nan)
-    if options.use_rates and log.has("rate_body_rad_s"):
-        rate = log.vector("rate_body_rad_s")[rows]
+    time_s, n = log.time_s[rows], len(rows)
+    with_pose = source.nodes[0] == "position_world_m"
+    position, q, rate, force = (np.full((m, c), np.nan) for m, c in ((n, 3), (n, 4), (n, 3), (n - 1, 3)))
+    if with_pose:
+        position = log.vector("position_world_m")[rows]
+        q = _continuous(_unit(log.vector("q_world_body")[rows], source.name))
+        if options.use_rates and log.has("rate_body_rad_s"):
+            rate = log.vector("rate_body_rad_s")[rows]
+    else:
+        rate = _around_nodes(log, "rate_body_rad_s", inside, time_s)
+    if log.has("specific_force_body_m_s2") and (options.use_accelerometer or not with_pose):
+        force = _means(log, "specific_force_body_m_s2", inside, time_s)[0]
+    speed, acceleration = _means(log, source.rotors, inside, time_s)
+    measured = source.rotors == "rotor_speed_rad_s"
     return Flight(
-        name=name if pieces == 1 else f"{name} from {start_s:.2f} s",
+        name=source.name if pieces == 1 else f"{source.name} from {start_s:.2f} s",
         log_index=index,
         time_s=time_s,
-        position_world_m=position[rows],
-        q_world_sensor=_continuous(_unit(q[rows], name)),
+        position_world_m=position,
+        q_world_sensor=q,
         rate_body_rad_s=rate,
+        specific_force_body_m_s2=force,
         rotor_speed_rad_s=speed,
         rotor_acceleration_rad_s2=acceleration,
+        rotor_command_rad_s=np.full_like(speed, np.nan) if measured else speed,
+        battery_v=_battery(log, inside, time_s),
     )
+
+
+def _means(
+    log: FlightLog, quantity: str, inside: NDArray[np.bool_], node_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    values = log.vector(quantity)
+    rows = inside & np.isfinite(values).all(axis=1)
+    if quantity == "rotor_speed_command_rad_s":
+        means = held_means(log.time_s[rows], values[rows], node_s)
+        return means, np.zeros_like(means)
+    return interval_means(log.time_s[rows], values[rows], node_s)
+
+
+def _around_nodes(log: FlightLog, quantity: str, inside: NDArray[np.bool_], node_s: FloatArray) -> FloatArray:
+    """Means over half an interval to each side of every node."""
+    middle = 0.5 * (node_s[1:] + node_s[:-1])
+    return _means(log, quantity, inside, np.concatenate([node_s[:1], middle, node_s[-1:]]))[0]
+
+
+def _battery(log: FlightLog, inside: NDArray[np.bool_], node_s: FloatArray) -> FloatArray:
+    middle = 0.5 * (node_s[1:] + node_s[:-1])
+    if "battery_v" not in log.columns:
+        return np.full(len(middle), np.nan)
+    values = log.columns["battery_v"]
+    rows = inside & np.isfinite(values)
+    return np.interp(middle, log.time_s[rows], values[rows]) if rows.any() else np.full(len(middle), np.nan)
 
 
 def _thin(time_s: FloatArray, rate_hz: float) -> IndexArray:
@@ -151,6 +229,14 @@ def interval_means(time_s: FloatArray, values: FloatArray, node_s: FloatArray) -
     spline = CubicSpline(time_s, values, axis=0)
     step_s = np.diff(node_s)[:, None]
     return np.diff(spline.antiderivative()(node_s), axis=0) / step_s, np.diff(spline(node_s), axis=0) / step_s
+
+
+def held_means(time_s: FloatArray, values: FloatArray, node_s: FloatArray) -> FloatArray:
+    """Mean over each interval of a signal that holds each value until the next: (k, c)."""
+    step_s = np.diff(time_s)[:, None]
+    area = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values[:-1] * step_s, axis=0)])
+    at_nodes = np.stack([np.interp(node_s, time_s, column) for column in area.T], axis=1)
+    return np.diff(at_nodes, axis=0) / np.diff(node_s)[:, None]
 
 
 def _unit(q: FloatArray, name: str) -> FloatArray:

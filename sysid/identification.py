@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from flight import FlightLog, InputError, Progress, silent
-from sysid import dynamics, excitation
+from flight.rotations import FloatArray
+from sysid import drive, dynamics, excitation
 from sysid.flight_data import Flight, prepare
 from sysid.model import chosen_names
 from sysid.options import Options
@@ -39,7 +40,7 @@ def identify(
     if not logs:
         raise InputError("no flight was given; identification needs at least one log")
     flights = [flight for i, log in enumerate(logs) for flight in prepare(log, i, options)]
-    excitation.require(flights, chosen_names(vehicle, options.free, options.held))
+    excitation.require(flights, _names(vehicle, flights, options))
     unknowns = _unknowns(vehicle, flights, options)
     point, noise = start(vehicle, flights)
     held: list[str] = []
@@ -72,18 +73,29 @@ def start(vehicle: Vehicle, flights: list[Flight]) -> tuple[Point, Noise]:
     """States by smoothing the pose; noise levels from what the vehicle then leaves unexplained."""
     sensor = PoseSensor.of(vehicle)
     states = tuple(first_guess(flight, sensor.offset_body_m, sensor.q_body_sensor) for flight in flights)
-    left = [dynamics.unexplained(f, s, vehicle) for f, s in zip(flights, states, strict=True)]
+    driven = [drive.driven(f, vehicle) for f in flights]
+    left = [dynamics.unexplained(f, s, vehicle) for f, s in zip(driven, states, strict=True)]
     # An unexplained acceleration that lasts about a tenth of a second has the density size x sqrt(0.1 s).
     size = np.sqrt(np.mean(np.concatenate(left) ** 2, axis=0))
     logs = 1 + max(flight.log_index for flight in flights)
-    return Point(vehicle, sensor, np.zeros((logs, 3)), states), Noise(process=np.sqrt(0.1) * size + 1e-3)
+    return Point(vehicle, sensor, np.zeros((logs, 6)), states), Noise(process=np.sqrt(0.1) * size + 1e-3)
 
 
 def _unknowns(vehicle: Vehicle, flights: list[Flight], options: Options) -> Unknowns:
-    names = chosen_names(vehicle, options.free, options.held)
-    sensor = tuple(n for n in SENSOR_NAMES if options.pose_sensor and n not in options.held)
-    with_gyro = {f.log_index for f in flights if np.isfinite(f.rate_body_rad_s).any()}
-    return Unknowns(names, sensor, tuple(sorted(with_gyro)))
+    with_pose = any(f.has_pose for f in flights)
+    sensor = tuple(n for n in SENSOR_NAMES if options.pose_sensor and with_pose and n not in options.held)
+    return Unknowns(_names(vehicle, flights, options), sensor, *_biased(flights))
+
+
+def _names(vehicle: Vehicle, flights: list[Flight], options: Options) -> tuple[str, ...]:
+    by_command = any(f.driven_by_command for f in flights)
+    return chosen_names(vehicle, options.free, options.held, by_command)
+
+
+def _biased(flights: list[Flight]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Logs with a gyro, and logs whose accelerometer is used."""
+    gyro = {f.log_index for f in flights if np.isfinite(f.rate_body_rad_s).any()}
+    return tuple(sorted(gyro)), tuple(sorted({f.log_index for f in flights if f.has_accelerometer}))
 
 
 def without(unknowns: Unknowns, name: str) -> Unknowns:
@@ -108,9 +120,14 @@ def _prior(point: Point, vehicle: Vehicle, unknowns: Unknowns, options: Options)
     for name in options.prior_std:
         vehicle.parameter(name)
     named = (*unknowns.model, *unknowns.sensor)
-    mean = [vehicle.value(name) for name in named] + [0.0] * (3 * len(unknowns.biased_logs))
-    std = [options.prior_std.get(name, np.inf) for name in named] + [0.1] * (3 * len(unknowns.biased_logs))
-    return Prior(np.array(mean), np.array(std))
+    mean = [vehicle.value(name) for name in named] + [0.0] * (unknowns.size - len(named))
+    std = [options.prior_std.get(name, np.inf) for name in named]
+    return Prior(np.array(mean), np.concatenate([std, _bias_std(unknowns)]))
+
+
+def _bias_std(unknowns: Unknowns) -> FloatArray:
+    """Weak priors on the biases: 0.1 rad/s and 0.3 m/s2."""
+    return np.repeat([0.1, 0.3], [3 * len(unknowns.biased_logs), 3 * len(unknowns.force_logs)])
 
 
 def usual_size(vehicle: Vehicle, point: Point, name: str) -> float:
@@ -146,10 +163,9 @@ def smooth(
     Args:
         process_scale: more than 1 trusts the model less, so that the measurements decide.
     """
-    with_gyro = tuple(sorted({f.log_index for f in flights if np.isfinite(f.rate_body_rad_s).any()}))
-    unknowns = Unknowns((), (), with_gyro)
+    unknowns = Unknowns((), (), *_biased(flights))
     point, noise = start(vehicle, flights)
-    prior = Prior(np.zeros(unknowns.size), np.full(unknowns.size, 0.1))
+    prior = Prior(np.zeros(unknowns.size), _bias_std(unknowns))
     solution = solve(flights, point, noise, unknowns, prior, robust=False, max_iterations=20, progress=progress)
     if process_scale <= 1.0:
         return solution

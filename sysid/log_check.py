@@ -46,7 +46,7 @@ class LogReport:
         }
 
 
-def check(log: FlightLog, vehicle: Vehicle | None = None) -> LogReport:
+def check_log(log: FlightLog, vehicle: Vehicle | None = None) -> LogReport:
     """Look for faults in a log; with a vehicle, also for rotor order, spin and units that its motion contradicts."""
     step_s = np.diff(log.time_s)
     findings = [*_time_base(log), *_not_finite(log), *_frozen(log), *_saturated(log)]
@@ -103,36 +103,25 @@ def _frozen(log: FlightLog) -> list[Finding]:
     for quantity, columns in COLUMNS.items():
         if quantity.startswith(COMMANDED) or not log.has(quantity):
             continue
-        for name, values in zip(columns, log.vector(quantity).T, strict=True):
-            rows = np.flatnonzero(np.isfinite(values))
-            if len(rows) < 10:
-                continue
-            if np.ptp(values[rows]) == 0.0:
-                found.append(
-                    warning(
-                        "constant",
-                        f"{name} never changes from {values[rows[0]]:g}",
-                        "drop it or fix the recorder",
-                    )
-                )
-                continue
-            start, end = _longest_repeat(values[rows])
-            length_s = float(log.time_s[rows[end]] - log.time_s[rows[start]])
-            if length_s > FROZEN_S and end - start >= 10:
-                found.append(
-                    error(
-                        "frozen",
-                        f"{name} repeats {values[rows[start]]:g} for {length_s:.2f} s from "
-                        f"{log.time_s[rows[start]]:.2f} s on",
-                        "cut that stretch out, or write NaN there",
-                    )
-                )
+        values = log.vector(quantity)
+        rows = np.flatnonzero(np.isfinite(values).all(axis=1))
+        if len(rows) < 10:
+            continue
+        for name, constant in zip(columns, np.ptp(values[rows], axis=0) == 0.0, strict=True):
+            if constant:
+                found.append(warning("constant", f"{name} never changes", "drop it or fix the recorder"))
+        # all components at once: a single one may repeat when its resolution is coarse
+        start, end = _longest_repeat(values[rows])
+        length_s = float(log.time_s[rows[end]] - log.time_s[rows[start]])
+        if length_s > FROZEN_S and end - start >= 10:
+            sentence = f"{quantity} repeats itself for {length_s:.2f} s from {log.time_s[rows[start]]:.2f} s on"
+            found.append(error("frozen", sentence, "cut that stretch out, or write NaN there"))
     return found
 
 
 def _longest_repeat(values: FloatArray) -> tuple[int, int]:
-    """First and last index of the longest run of equal values."""
-    edges = np.flatnonzero(np.concatenate([[True], np.diff(values) != 0.0, [True]]))
+    """First and last index of the longest run of equal rows."""
+    edges = np.flatnonzero(np.concatenate([[True], (np.diff(values, axis=0) != 0.0).any(axis=1), [True]]))
     longest = int(np.argmax(np.diff(edges)))
     return int(edges[longest]), int(edges[longest + 1] - 1)
 

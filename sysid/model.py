@@ -1,11 +1,14 @@
 """The vehicle seen by the estimator: which of its parameters flights can show, and its acceleration along a flight."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flight import InputError
 from flight.rotations import FloatArray
+from sysid import drive
+from sysid.drive import drive_parameters
 from sysid.flight_data import Flight
 from vehicle import Jacobian, Surroundings, Vehicle, acceleration, acceleration_jacobian, effects
 
@@ -16,22 +19,24 @@ ALWAYS_HELD = ("mass_kg", "rotor_radius_m", "air_density_kg_m3")
 """Pose and rotor speed show forces only per mass, and thrust only per air density and disk area."""
 
 
-def model_parameters(vehicle: Vehicle) -> tuple[str, ...]:
-    """Parameters that act on the motion when rotor speed is measured, and can be told from it."""
+def model_parameters(vehicle: Vehicle, by_command: bool = False) -> tuple[str, ...]:
+    """Parameters that act on the motion and can be told from it; the motors' only when driven by commands."""
     names = [name for name in vehicle.parameters if name.startswith("inertia_")]
     for effect in vehicle.effects:
         if effects.find(effect).stage.name not in ("DRIVE", "SENSOR"):
             names += [f"{effect}.{spec.name}" for spec in effects.find(effect).parameters]
-    return tuple(names)
+    return (*names, *drive_parameters(vehicle)) if by_command else tuple(names)
 
 
-def chosen_names(vehicle: Vehicle, free: tuple[str, ...] | None, held: tuple[str, ...]) -> tuple[str, ...]:
+def chosen_names(
+    vehicle: Vehicle, free: tuple[str, ...] | None, held: tuple[str, ...], by_command: bool = False
+) -> tuple[str, ...]:
     """Names of the model's parameters to estimate.
 
     Raises:
         InputError: a name is not a parameter of the vehicle, or cannot be told from flights.
     """
-    possible = model_parameters(vehicle)
+    possible = model_parameters(vehicle, by_command)
     for name in (*(free or ()), *held):
         vehicle.parameter(name)
     for name in free or ():
@@ -67,11 +72,23 @@ def along(vehicle: Vehicle, flight: Flight, mid: "Middle") -> FloatArray:
 def slopes_along(vehicle: Vehicle, names: tuple[str, ...], flight: Flight, mid: "Middle") -> Jacobian:
     """The same with derivatives by the state and by the named parameters."""
     around = surroundings(mid.position_world_m, mid.q_world_body, flight.rotor_acceleration_rad_s2)
-    return acceleration_jacobian(
+    known = [name for name in names if not name.startswith(_drive_effects(vehicle))]
+    found = acceleration_jacobian(
         vehicle,
         mid.velocity_body_m_s,
         mid.rate_body_rad_s,
         flight.rotor_speed_rad_s,
-        parameters=names,
+        parameters=known,
         surroundings=around,
     )
+    if len(known) == len(names):
+        return found
+    # the motors act through rotor speed: chain rule
+    by_speed, by_change = drive.slopes(flight, vehicle, names)
+    columns = found.rotor_speed @ by_speed + found.rotor_acceleration @ by_change
+    columns[:, :, [names.index(name) for name in known]] += found.parameters
+    return replace(found, parameters=columns)
+
+
+def _drive_effects(vehicle: Vehicle) -> tuple[str, ...]:
+    return tuple({name.split(".")[0] + "." for name in drive_parameters(vehicle)}) or ("\0",)

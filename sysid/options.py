@@ -21,6 +21,8 @@ class Options:
     """Estimate where the pose sensor sits and how it is turned."""
     use_rates: bool = True
     """Use `rate_body_rad_s` of the log as a gyro with a constant bias, when it is there."""
+    use_accelerometer: bool = False
+    """Use `specific_force_body_m_s2` also when there is a pose; without a pose it is always used."""
     gaps: Literal["refuse", "split"] = "refuse"
     """A log with a gap: refuse it, or fit the pieces between gaps as separate flights."""
     unseen: Literal["refuse", "hold"] = "hold"

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from flight.rotations import FloatArray
-from sysid import dynamics, sensors
+from sysid import drive, dynamics, sensors
 from sysid.chain import Rows
 from sysid.flight_data import Flight
 from sysid.model import along, slopes_along
@@ -24,15 +24,25 @@ class Unknowns:
     """Of `SENSOR_NAMES`."""
     biased_logs: tuple[int, ...]
     """Logs with a gyro, each with a bias of its own."""
+    force_logs: tuple[int, ...] = ()
+    """Logs whose accelerometer is used, each with a bias of its own."""
 
     @property
     def names(self) -> tuple[str, ...]:
         biases = tuple(f"gyro_bias_{axis}_rad_s[{log}]" for log in self.biased_logs for axis in "xyz")
-        return (*self.model, *self.sensor, *biases)
+        forces = tuple(f"accelerometer_bias_{axis}_m_s2[{log}]" for log in self.force_logs for axis in "xyz")
+        return (*self.model, *self.sensor, *biases, *forces)
 
     @property
     def size(self) -> int:
-        return len(self.model) + len(self.sensor) + 3 * len(self.biased_logs)
+        return len(self.model) + len(self.sensor) + 3 * (len(self.biased_logs) + len(self.force_logs))
+
+    @property
+    def bias_places(self) -> tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]:
+        """Rows and columns of `Point.bias` in the order of the border's tail."""
+        gyro = [(log, axis) for log in self.biased_logs for axis in range(3)]
+        force = [(log, 3 + axis) for log in self.force_logs for axis in range(3)]
+        return tuple(zip(*gyro, *force, strict=True)) if gyro or force else ((), ())
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +61,8 @@ class Point:
     vehicle: Vehicle
     """With the values tried at the moment."""
     pose_sensor: PoseSensor
-    bias_rad_s: FloatArray
-    """(logs, 3)."""
+    bias: FloatArray
+    """(logs, 6) gyro (rad/s) and accelerometer (m/s2)."""
     states: tuple[States, ...]
     """One per flight."""
 
@@ -61,15 +71,15 @@ class Point:
         m, s = len(unknowns.model), len(unknowns.sensor)
         change = np.zeros(6)
         change[[SENSOR_NAMES.index(name) for name in unknowns.sensor]] = border[m : m + s]
-        bias = self.bias_rad_s.copy()
-        bias[list(unknowns.biased_logs)] += border[m + s :].reshape(-1, 3)
+        bias = self.bias.copy()
+        bias[unknowns.bias_places] += border[m + s :]
         return replace(
             self,
             vehicle=with_values(self.vehicle, unknowns.model, self.values(unknowns.model) + border[:m]),
             pose_sensor=PoseSensor(
                 self.pose_sensor.offset_body_m + change[:3], self.pose_sensor.rotation_rad + change[3:]
             ),
-            bias_rad_s=bias,
+            bias=bias,
             states=tuple(s.moved(d) for s, d in zip(self.states, states, strict=True)),
         )
 
@@ -97,6 +107,7 @@ def with_values(vehicle: Vehicle, names: tuple[str, ...], values: FloatArray) ->
 
 def linearise(flight: Flight, states: States, point: Point, unknowns: Unknowns, noise: Noise, robust: bool) -> Rows:
     """Whitened residual rows of one flight with all derivatives."""
+    flight = drive.driven(flight, point.vehicle)
     mid = dynamics.middle(flight, states)
     acceleration = slopes_along(point.vehicle, unknowns.model, flight, mid)
     defect = dynamics.defects(states, mid, acceleration.value)
@@ -104,7 +115,13 @@ def linearise(flight: Flight, states: States, point: Point, unknowns: Unknowns, 
     by_border = np.zeros((len(flight) - 1, 12, unknowns.size))
     by_border[:, :, : len(unknowns.model)] = by_model
     defect, before, after, by_border = dynamics.whiten(mid.step_s, noise.process, defect, before, after, by_border)
-    rows = sensors.linearise(flight, states, point.pose_sensor, point.bias_rad_s[flight.log_index])
+    bias = point.bias[flight.log_index]
+    if flight.has_accelerometer:
+        force = _force_rows(flight, states, mid, unknowns, bias[3:], noise.sensor.force_m_s2)
+        defect, before, after, by_border = (
+            np.concatenate(both, axis=1) for both in zip((defect, before, after, by_border), force, strict=True)
+        )
+    rows = sensors.linearise(flight, states, point.pose_sensor, bias[:3])
     weight = 1.0 / sensors.deviations(noise.sensor)
     weights = np.broadcast_to(weight, rows.residual.shape)
     if robust:
@@ -120,6 +137,19 @@ def linearise(flight: Flight, states: States, point: Point, unknowns: Unknowns, 
     )
 
 
+def _force_rows(
+    flight: Flight, states: States, mid: dynamics.Middle, unknowns: Unknowns, bias: FloatArray, std: float
+) -> tuple[FloatArray, ...]:
+    """Whitened accelerometer residuals (k, 3) and their derivatives."""
+    residual = dynamics.accelerometer(flight, states, mid, bias)
+    before, after = dynamics.accelerometer_jacobians(states, mid)
+    border = np.zeros((len(residual), 3, unknowns.size))
+    tail = len(unknowns.model) + len(unknowns.sensor) + 3 * len(unknowns.biased_logs)
+    place = tail + 3 * unknowns.force_logs.index(flight.log_index)
+    border[:, :, place : place + 3] = -np.eye(3)
+    return residual / std, before / std, after / std, border / std
+
+
 def _sensor_border(by_sensor: FloatArray, flight: Flight, unknowns: Unknowns) -> FloatArray:
     border = np.zeros((len(flight), 9, unknowns.size))
     start = len(unknowns.model)
@@ -133,11 +163,16 @@ def _sensor_border(by_sensor: FloatArray, flight: Flight, unknowns: Unknowns) ->
 
 def cost(flight: Flight, states: States, point: Point, noise: Noise, robust: bool) -> float:
     """Half the sum of squares of one flight's whitened residuals, without derivatives."""
+    flight = drive.driven(flight, point.vehicle)
     mid = dynamics.middle(flight, states)
     defect = dynamics.defects(states, mid, along(point.vehicle, flight, mid))
     (defect,) = dynamics.whiten(mid.step_s, noise.process, defect)
-    sensor = sensors.residuals(flight, states, point.pose_sensor, point.bias_rad_s[flight.log_index])
+    bias = point.bias[flight.log_index]
+    sensor = sensors.residuals(flight, states, point.pose_sensor, bias[:3])
     sensor = sensor / sensors.deviations(noise.sensor)
     if robust:
         sensor = sensor * sensors.robust_weights(sensor)
-    return 0.5 * float(np.vdot(defect, defect) + np.vdot(sensor, sensor))
+    force = np.zeros(0)
+    if flight.has_accelerometer:
+        force = dynamics.accelerometer(flight, states, mid, bias[3:]) / noise.sensor.force_m_s2
+    return 0.5 * float(np.vdot(defect, defect) + np.vdot(sensor, sensor) + np.vdot(force, force))

@@ -13,6 +13,8 @@ from vehicle import Vehicle
 SENSOR_NAMES = tuple(f"pose_sensor_{axis}_m" for axis in "xyz") + tuple(
     f"pose_sensor_rotation_{axis}_rad" for axis in "xyz"
 )
+STILL_M_S = 2.0
+"""Without a pose the velocity is taken to be nil within this much: it hovers about in a room."""
 HUBER = 2.0
 """Standard deviations beyond which a robust fit counts a pose sample less."""
 
@@ -24,6 +26,8 @@ class SensorNoise:
     position_m: float = 3e-3
     attitude_rad: float = 3e-3
     rate_rad_s: float = 2e-2
+    force_m_s2: float = 0.3
+    """Of the mean over one interval between nodes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +67,8 @@ class SensorRows:
 
 def residuals(flight: Flight, states: States, sensor: PoseSensor, bias_rad_s: FloatArray) -> FloatArray:
     """(n, 9) measured minus expected: metres, radians, rad/s; zero where no rate was measured."""
+    if not flight.has_pose:
+        return _anchors(flight, states, bias_rad_s)
     expected, q = sensor.reading(states)
     turned = rotations.log(rotations.multiply(rotations.conjugate(q), flight.q_world_sensor))
     rate = flight.rate_body_rad_s - states.rate_body_rad_s - bias_rad_s
@@ -74,6 +80,8 @@ def linearise(flight: Flight, states: States, sensor: PoseSensor, bias_rad_s: Fl
     n = len(flight)
     R = rotations.matrix(states.q_world_body)
     by_state, by_sensor = np.zeros((n, 9, 12)), np.zeros((n, 9, 9))
+    if not flight.has_pose:
+        return _anchors_linearised(flight, states, bias_rad_s)
     has_rate = np.where(np.isfinite(flight.rate_body_rad_s).all(axis=1), 1.0, 0.0)
     by_state[:, 0:3, 0:3] = -np.eye(3)
     by_state[:, 0:3, 6:9] = R @ rotations.hat(sensor.offset_body_m)
@@ -83,6 +91,33 @@ def linearise(flight: Flight, states: States, sensor: PoseSensor, bias_rad_s: Fl
     by_sensor[:, 3:6, 3:6] = -_right_jacobian(sensor.rotation_rad)
     by_sensor[:, 6:9, 6:9] = by_state[:, 6:9, 9:12]
     return SensorRows(residuals(flight, states, sensor, bias_rad_s), by_state, by_sensor)
+
+
+def _anchors(flight: Flight, states: States, bias_rad_s: FloatArray) -> FloatArray:
+    """Without a pose, what keeps the states from wandering off, in the pose's rows (scaled for `deviations`).
+
+    Position and heading are free by nature: the first node is at the origin, the last has about its guessed heading.
+    Velocity is nil within `STILL_M_S`, which is what ties the tilt to gravity.
+    """
+    rows = np.zeros((len(flight), 9))
+    usual = SensorNoise()
+    rows[:, 0:3] = -states.velocity_world_m_s * (usual.position_m / STILL_M_S)
+    rows[0, 3:6] = -states.position_world_m[0] * usual.attitude_rad
+    rows[-1, 5] = -rotations.yaw(states.q_world_body[-1]) * usual.attitude_rad
+    rows[:, 6:9] = np.nan_to_num(flight.rate_body_rad_s - states.rate_body_rad_s - bias_rad_s)
+    return rows
+
+
+def _anchors_linearised(flight: Flight, states: States, bias_rad_s: FloatArray) -> SensorRows:
+    n = len(flight)
+    by_state, by_sensor = np.zeros((n, 9, 12)), np.zeros((n, 9, 9))
+    usual = SensorNoise()
+    by_state[:, 0:3, 3:6] = -np.eye(3) * (usual.position_m / STILL_M_S)
+    by_state[0, 3:6, 0:3] = -np.eye(3) * usual.attitude_rad
+    by_state[-1, 5, 6:9] = -usual.attitude_rad * rotations.matrix(states.q_world_body[-1])[2]
+    by_state[:, 6:9, 9:12] = -np.eye(3)
+    by_sensor[:, 6:9, 6:9] = -np.eye(3)
+    return SensorRows(_anchors(flight, states, bias_rad_s), by_state, by_sensor)
 
 
 def deviations(noise: SensorNoise) -> FloatArray:

@@ -106,7 +106,7 @@ def solve(
         step, sigma = _parameter_step(hessian, gradient, _room(point, unknowns))
         changes = [-(e.state_step + e.sensitivity @ step) for e in eliminated]
         point, taken = _take(flights, point, unknowns, noise, prior, step, changes, robust, sum(r.cost() for r in rows))
-        old, noise = noise, _noise(rows, eliminated, step, taken, changes, noise)
+        old, noise = noise, _noise(flights, rows, eliminated, step, taken, changes, noise)
         record.append(
             Iteration(
                 cost=sum(r.cost() for r in rows),
@@ -122,6 +122,7 @@ def solve(
         converged = still[-1] and (last.noise_change < CONVERGED_NOISE or (len(still) == 2 and still[0]))
         progress("identify", min(0.95, len(record) / 12.0))
         logger.info("iteration %d: cost %.6g, step %.3g sigma", len(record), last.cost, last.step_sigma)
+        logger.debug("values %s, noise %s", dict(zip(unknowns.names, last.values, strict=True)), noise)
     return Solution(
         point=point,
         noise=noise,
@@ -194,14 +195,14 @@ def covariance_of(hessian: FloatArray) -> FloatArray:
 
 
 def _room(point: Point, unknowns: Unknowns) -> tuple[FloatArray, FloatArray]:
-    """How far each parameter may step down and up; an inertia at most by two thirds down, so it stays positive."""
+    """How far each parameter may step down and up; inertias and time constants at most to a third or threefold."""
     bounds = specs(point.vehicle)
     low, high = np.full(unknowns.size, -np.inf), np.full(unknowns.size, np.inf)
     for i, name in enumerate(unknowns.model):
         value = point.value(name)
         low[i], high[i] = bounds[name].bounds[0] - value, bounds[name].bounds[1] - value
-        if name.startswith("inertia_"):
-            low[i] = max(low[i], -2.0 / 3.0 * value)
+        if name.startswith(("inertia_", "motor_lag.")):
+            low[i], high[i] = max(low[i], -2.0 / 3.0 * value), min(high[i], 2.0 * value)
     return low, high
 
 
@@ -240,10 +241,11 @@ def _take(
 
 def _border_values(point: Point, unknowns: Unknowns) -> FloatArray:
     named = point.values((*unknowns.model, *unknowns.sensor))
-    return np.concatenate([named, point.bias_rad_s[list(unknowns.biased_logs)].ravel()])
+    return np.concatenate([named, point.bias[unknowns.bias_places]])
 
 
 def _noise(
+    flights: list[Flight],
     rows: list[Rows],
     eliminated: list[_Eliminated],
     step: FloatArray,
@@ -252,34 +254,40 @@ def _noise(
     noise: Noise,
 ) -> Noise:
     """Noise levels that match the residuals: squares over the rows left after the states took their share."""
-    squares, left = np.zeros(21), np.zeros(21)
-    for r, e, change in zip(rows, eliminated, changes, strict=True):
+    total, count = np.zeros(10), np.zeros(10)
+    for flight, r, e, change in zip(flights, rows, eliminated, changes, strict=True):
         defect_change, sensor_change = r.change(taken * change[:, :, None], taken * step[:, None])
         defect, sensor = r.defect + defect_change[:, :, 0], r.sensor + sensor_change[:, :, 0]
         defect_leverage, sensor_leverage = chain.leverage(r, e.factor.covariance())
         measured = (r.sensor_state != 0.0).any(axis=2)
-        squares += np.concatenate([(defect**2).sum(axis=0), (sensor**2).sum(axis=0)])
-        left += np.concatenate([(1.0 - defect_leverage).sum(axis=0), (measured - sensor_leverage).sum(axis=0)])
-    channel = np.array([0, 1, 2, 0, 1, 2, 3, 4, 5, 3, 4, 5, 6, 6, 6, 7, 7, 7, 8, 8, 8])
-    total, count = np.bincount(channel, squares, 9), np.bincount(channel, left, 9)
+        if not flight.has_pose:
+            measured[:, :6] = False  # anchors, not measurements
+        squares = [(defect**2).sum(axis=0), (measured * sensor**2).sum(axis=0)]
+        left = [(1.0 - defect_leverage).sum(axis=0), (measured * (1.0 - sensor_leverage)).sum(axis=0)]
+        channel = np.array([0, 1, 2, 0, 1, 2, 3, 4, 5, 3, 4, 5, 9, 9, 9][: defect.shape[1]] + _SENSOR_CHANNELS)
+        total += np.bincount(channel, np.concatenate(squares), 10)
+        count += np.bincount(channel, np.concatenate(left), 10)
     ratio = np.where(count > 1.0, np.sqrt(np.clip(total / np.maximum(count, 1.0), 0.01, 100.0)), 1.0)
+    if not any(f.has_pose for f in flights):
+        ratio[9] = 1.0  # without a pose nothing tells accelerometer noise from unmodelled force
     ratio[:6] = np.where(ratio[:6] < 1.0, ratio[:6] ** OVER_RELAXATION, ratio[:6])
     s = noise.sensor
+    levels = np.maximum(ratio[6:] * [s.position_m, s.attitude_rad, s.rate_rad_s, s.force_m_s2], 1e-5)
     return replace(
         noise,
         process=np.maximum(noise.process * ratio[:6], LEAST_PROCESS),
-        sensor=SensorNoise(
-            max(s.position_m * float(ratio[6]), 1e-5),
-            max(s.attitude_rad * float(ratio[7]), 1e-5),
-            max(s.rate_rad_s * float(ratio[8]), 1e-5),
-        ),
+        sensor=SensorNoise(*map(float, levels)),
     )
+
+
+_SENSOR_CHANNELS = [6, 6, 6, 7, 7, 7, 8, 8, 8]
+"""Noise level of each sensor row; 0 to 5 are the process noise, 9 the accelerometer."""
 
 
 def _relative_change(old: Noise, new: Noise) -> float:
     def levels(noise: Noise) -> FloatArray:
         s = noise.sensor
-        return np.concatenate([noise.process, [s.position_m, s.attitude_rad, s.rate_rad_s]])
+        return np.concatenate([noise.process, [s.position_m, s.attitude_rad, s.rate_rad_s, s.force_m_s2]])
 
     return float(np.abs(levels(new) / levels(old) - 1.0).max())
 

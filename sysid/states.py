@@ -37,7 +37,9 @@ class States:
 
 
 def first_guess(flight: Flight, offset_body_m: FloatArray, q_body_sensor: FloatArray) -> States:
-    """States from the pose alone, by local cubic fits."""
+    """States from the pose alone, by local cubic fits; without a pose, from the IMU."""
+    if not flight.has_pose:
+        return _from_imu(flight)
     uniform_s = np.linspace(flight.time_s[0], flight.time_s[-1], len(flight))
     step_s = uniform_s[1] - uniform_s[0]
     window = 2 * max(2, round(0.5 * WINDOW_S / step_s)) + 1
@@ -63,3 +65,20 @@ def first_guess(flight: Flight, offset_body_m: FloatArray, q_body_sensor: FloatA
 
 def _interpolate(at: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
     return np.stack([np.interp(at, x, column) for column in y.T], axis=1)
+
+
+def _from_imu(flight: Flight) -> States:
+    """Attitude by turning with the gyro, pulled slowly so that the accelerometer points up; at rest at the origin."""
+    n, pull_per_s = len(flight), 0.3
+    q = np.empty((n, 4))
+    up = rotations.rotate(rotations.IDENTITY, np.array([0.0, 0.0, 1.0]))
+    q[0] = rotations.IDENTITY
+    for k in range(n - 1):
+        h = flight.time_s[k + 1] - flight.time_s[k]
+        rate = 0.5 * (flight.rate_body_rad_s[k] + flight.rate_body_rad_s[k + 1])
+        force = flight.specific_force_body_m_s2[k]
+        seen_up = rotations.rotate(rotations.conjugate(q[k]), up)
+        tilt = np.cross(force / np.linalg.norm(force), seen_up)
+        q[k + 1] = rotations.multiply(q[k], rotations.exp(h * (rate + pull_per_s * tilt)))
+    zero = np.zeros((n, 3))
+    return States(zero, zero, rotations.normalise(q), flight.rate_body_rad_s.copy())

@@ -140,14 +140,14 @@ def fly(
     state = np.concatenate(
         [position, velocity, rotations.from_yaw(yaw), np.zeros((flights, 3)), np.full((flights, 4), 950.0)], axis=1
     )
-    kept = np.empty((samples, flights, 17))
+    kept = np.empty((samples, flights, 21))
     gust = np.zeros((flights, 6))
     lasts = np.exp(-h / truth.gust_time)
     fresh = np.sqrt(1.0 - lasts * lasts) * truth.gust
     for sample in range(samples):
-        kept[sample] = state
-        for sub in range(steps_per_sample):
-            command = _control(truth, state, reference(sample / rate_hz + sub * h))
+        command = _control(truth, state, reference(sample / rate_hz))
+        kept[sample] = np.concatenate([state, command], axis=1)
+        for _ in range(steps_per_sample):
             state = _step(truth, state, command, h)
             if truth.gust > 0.0:
                 gust = lasts * gust + fresh * rng.standard_normal((flights, 6))
@@ -218,7 +218,8 @@ def _log(
     vectors = {
         "position_world_m": position + position_noise_m * rng.standard_normal((n, 3)),
         "q_world_body": rotations.multiply(sensed, rotations.exp(attitude_noise_rad * rng.standard_normal((n, 3)))),
-        "rotor_speed_rad_s": states[:, 13:] + rotor_noise_rad_s * rng.standard_normal((n, 4)),
+        "rotor_speed_rad_s": states[:, 13:17] + rotor_noise_rad_s * rng.standard_normal((n, 4)),
+        "rotor_speed_command_rad_s": states[:, 17:],
     }
     if gyro_noise_rad_s is not None:
         bias = 0.01 * rng.standard_normal(3)

@@ -31,6 +31,9 @@ def scene() -> tuple[Flight, States, vehicle.Vehicle]:
         rate_body_rad_s=rate + 0.1,
         rotor_speed_rad_s=rng.uniform(700.0, 1200.0, (n - 1, 4)),
         rotor_acceleration_rad_s2=np.zeros((n - 1, 4)),
+        specific_force_body_m_s2=rng.uniform(-2.0, 12.0, (n - 1, 3)),
+        rotor_command_rad_s=np.full((n - 1, 4), np.nan),
+        battery_v=np.full(n - 1, np.nan),
     )
     wind = vehicle.example().with_value("centre_of_mass.y_m", -2e-3)
     return flight, states, wind
@@ -66,6 +69,21 @@ def test_parameter_columns_match_finite_differences(scene):
         )
         expected = (high - low) / (2.0 * step)
         np.testing.assert_allclose(border[:, :, j], expected, rtol=1e-4, atol=1e-6 * np.abs(expected).max())
+
+
+def test_accelerometer_derivatives_match_finite_differences(scene):
+    flight, states, _ = scene
+    before, after = dynamics.accelerometer_jacobians(states, dynamics.middle(flight, states))
+    step = 1e-6
+    for column in range(12):
+        for node, jacobian in ((0, before[0]), (1, after[0])):
+            change = np.zeros((len(flight), 12))
+            change[node, column] = step
+            high, low = (
+                dynamics.accelerometer(flight, moved, dynamics.middle(flight, moved), np.zeros(3))[0]
+                for moved in (states.moved(change), states.moved(-change))
+            )
+            np.testing.assert_allclose(jacobian[:, column], (high - low) / (2.0 * step), rtol=4e-3, atol=0.2)
 
 
 def test_sensor_derivatives_match_finite_differences(scene):

@@ -6,7 +6,7 @@ from flight import FlightLog, FormatError, flight_log
 from sysid import read_csv, read_ulog
 
 
-def read(path: Path, column_map: Path | None = None) -> FlightLog:
+def read_log(path: Path, column_map: Path | None = None) -> FlightLog:
     """The log in `path`; the kind goes by its ending.
 
     Args:

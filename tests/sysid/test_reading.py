@@ -8,7 +8,7 @@ import pytest
 
 from flight import FlightLog, FormatError, InputError, flight_log, rotations
 from sysid.read_csv import from_roll_pitch_yaw
-from sysid.read_log import read
+from sysid.reading import read_log as read
 
 MAP = """
 format = "goshawk-csv-map"
