@@ -2,10 +2,13 @@
 
 import heapq
 from dataclasses import dataclass, field
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from flight import InputError
+
+Tag = TypeVar("Tag")
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,16 +43,16 @@ class Impairment:
 
 
 @dataclass(slots=True)
-class Line:
+class Line(Generic[Tag]):
     """One direction of an impaired line, for anything that travels with its datagram (an address)."""
 
     impairment: Impairment
     rng: np.random.Generator
-    waiting: list[tuple[float, int, bytes, object]] = field(default_factory=list[tuple[float, int, bytes, object]])
+    waiting: list[tuple[float, int, bytes, Tag]] = field(default_factory=list[tuple[float, int, bytes, Tag]])
     free_at_s: float = 0.0
     count: int = 0
 
-    def push(self, datagram: bytes, tag: object, now_s: float) -> None:
+    def push(self, datagram: bytes, tag: Tag, now_s: float) -> None:
         """Put a datagram on the line."""
         how, rng = self.impairment, self.rng
         start_s = max(now_s, self.free_at_s)
@@ -67,9 +70,9 @@ class Line:
             self.count += 1
             heapq.heappush(self.waiting, (due_s, self.count, datagram, tag))
 
-    def pop(self, now_s: float) -> list[tuple[bytes, object]]:
+    def pop(self, now_s: float) -> list[tuple[bytes, Tag]]:
         """What has arrived by now."""
-        arrived: list[tuple[bytes, object]] = []
+        arrived: list[tuple[bytes, Tag]] = []
         while self.waiting and self.waiting[0][0] <= now_s:
             arrived.append(heapq.heappop(self.waiting)[2:])
         return arrived

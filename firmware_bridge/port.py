@@ -11,7 +11,13 @@ from collections.abc import Callable, Iterator
 from typing import TypeVar
 from urllib.parse import urlsplit
 
-from firmware_bridge.dialect.generated.messages import Heartbeat, LeaseRequest, LeaseStatus
+from firmware_bridge.dialect.generated.messages import (
+    Heartbeat,
+    LeaseRequest,
+    LeaseStatus,
+    MissionStatus,
+    State,
+)
 from firmware_bridge.dialect.message import Message
 from firmware_bridge.mavlink import Codec, Received
 from flight import InputError, LinkError
@@ -184,7 +190,7 @@ class Port:
     def _deliver(self, received: Received) -> None:
         message = received.message
         sender = (received.system_id, received.component_id)
-        if self.vehicle is None and isinstance(message, Heartbeat) and message.autopilot != _NO_AUTOPILOT:
+        if self.vehicle is None and _speaks_for_a_vehicle(message):
             self.vehicle = sender
         if sender != self.vehicle:
             return
@@ -196,3 +202,10 @@ class Port:
             for kinds, inbox in self._subscribers:
                 if isinstance(message, kinds):
                     inbox.put(message)
+
+
+def _speaks_for_a_vehicle(message: Message) -> bool:
+    """Heartbeats come once a second and may get lost; our own telemetry tells as well."""
+    if isinstance(message, Heartbeat):
+        return message.autopilot != _NO_AUTOPILOT
+    return isinstance(message, State | MissionStatus)

@@ -5,6 +5,7 @@ and sent again, when a report that must have seen it does not name it: so nothin
 timer is guessed.
 """
 
+import itertools
 import queue
 import secrets
 import time
@@ -29,7 +30,8 @@ Cancel = Callable[[], bool]
 _SLACK_S = 0.004  # a report may be this much older than the round trip says: scheduling, reordering
 _PROBE_S = 0.15  # without a report for so long, ask for one
 _RESTARTS = 5
-_WINDOW = 192  # pieces asked for at once when reading
+_SPAN = 512  # bits of a request
+_AT_ONCE = 192  # pieces asked for with one request
 
 
 class CancelledError(LinkError):
@@ -242,7 +244,8 @@ def collect(
                 raise port.silence()
             while first in found:
                 first += 1
-            missing = {i for i in range(first, min(first + _WINDOW, count)) if i not in found}
+            span = range(first, min(first + _SPAN, count))
+            missing = set(itertools.islice((i for i in span if i not in found), _AT_ONCE))
             port.send(request(first, _bits(i - first for i in missing)))
             quiet_s = 0.1
             while missing:
@@ -261,7 +264,7 @@ def collect(
 def _bits(indices: Iterable[int]) -> tuple[int, ...]:
     """The bytes of a request whose bits are set at these indices."""
     value = sum(1 << i for i in indices)
-    return tuple(value.to_bytes(_WINDOW // 8, "little"))
+    return tuple(value.to_bytes(_SPAN // 8, "little"))
 
 
 def read_header(port: Port) -> TrajectoryBegin:

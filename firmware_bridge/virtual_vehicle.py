@@ -28,8 +28,12 @@ LOG_PERIOD_US = 5000
 _LOG_RECORDS = 200_000  # 31 MB, 17 minutes at 200 Hz
 _STATION_SILENT_S = 10.0
 _STATIONS = 8
+_DATAGRAMS_AT_ONCE = 64  # then the controller has its turn: a flood must not keep it from flying
 _BATCH_S = 0.004  # how long the plant may run before the socket is looked after again
 _BEHIND_S = 0.05  # lag behind the clock that is no longer made up for
+
+
+Address = tuple[str, int]
 
 
 class PlantLike(Protocol):
@@ -101,6 +105,7 @@ class VirtualVehicle:
         sensors: Sensors | None = None,
         line: Impairment | None = None,
         seed: int = 0,
+        listeners: bool = True,
         bytes_per_s: int = 4_000_000,
         log_records: int = _LOG_RECORDS,
     ) -> None:
@@ -112,6 +117,7 @@ class VirtualVehicle:
             speed: vehicle seconds per second. 0: as fast as it can while the rotors turn.
             tick_hz: control rate.
             line: what the radio does to datagrams, both ways.
+            listeners: whether stations without the key may listen (they can do nothing else).
             bytes_per_s: what the vehicle sends at the most.
             log_records: room in the on-board log (200 records a second).
         """
@@ -126,9 +132,11 @@ class VirtualVehicle:
         self._sensors, self._rng = sensors or Sensors(), np.random.default_rng(seed)
         self._bytes_per_s, self._log_records = bytes_per_s, log_records
         self._impairment = line or Impairment()
-        self._up = Line(self._impairment, np.random.default_rng(seed + 1))
-        self._down = Line(self._impairment, np.random.default_rng(seed + 2))
-        self._stations: dict[tuple[str, int], float] = {}
+        self._up: Line[Address] = Line(self._impairment, np.random.default_rng(seed + 1))
+        self._down: Line[None] = Line(self._impairment, np.random.default_rng(seed + 2))
+        self._stations: dict[Address, float] = {}
+        self._guests: dict[Address, float] = {}
+        self._listeners = listeners
         self._truth: deque[tuple[int, FloatArray]] = deque(maxlen=1 + round(self._sensors.delay_s * tick_hz))
         self._time_us, self._boots = 0, 0
         self._lock = threading.RLock()
@@ -286,32 +294,31 @@ class VirtualVehicle:
 
     def _receive(self) -> None:
         now_s = time.monotonic()
-        while True:
+        for _ in range(_DATAGRAMS_AT_ONCE):
             try:
                 datagram, address = self._socket.recvfrom(65536)
             except BlockingIOError:
                 break
             except OSError:  # an earlier answer found nobody
                 continue
-            self._meet(datagram, address, now_s)
             if self._impairment.perfect:
-                self._link.receive(datagram, True, self._now_us())
+                self._take(datagram, address, now_s)
             else:
-                self._up.push(datagram, None, now_s)
-        for datagram, _ in self._up.pop(now_s):
-            self._link.receive(datagram, True, self._now_us())
+                self._up.push(datagram, address, now_s)
+        for datagram, address in self._up.pop(now_s):
+            self._take(datagram, address, now_s)
 
-    def _meet(self, datagram: bytes, address: tuple[str, int], now_s: float) -> None:
-        """Answer whoever speaks MAVLink 2 to us, as long as there is room; the silent ones are forgotten."""
-        if datagram[:1] != bytes([MAGIC]):
-            return
-        for old in [a for a, heard_s in self._stations.items() if now_s - heard_s > _STATION_SILENT_S]:
-            del self._stations[old]
-        if address in self._stations or len(self._stations) < _STATIONS:
-            self._stations[address] = now_s
+    def _take(self, datagram: bytes, address: Address, now_s: float) -> None:
+        """Hand a datagram to the link. Who sends what it accepts is a station; other MAVLink 2 speakers may listen."""
+        accepted = self._link.receive(datagram, True, self._now_us())
+        if accepted:
+            self._guests.pop(address, None)
+            _remember(self._stations, address, now_s)
+        elif address not in self._stations and datagram[:1] == bytes([MAGIC]) and self._listeners:
+            _remember(self._guests, address, now_s)
 
     def _transmit(self) -> None:
-        while self._stations and (frame := self._link.transmit(self._now_us())):
+        while (self._stations or self._guests) and (frame := self._link.transmit(self._now_us())):
             if self._impairment.perfect:
                 self._send(frame)
             else:
@@ -320,11 +327,20 @@ class VirtualVehicle:
             self._send(frame)
 
     def _send(self, frame: bytes) -> None:
-        for address in self._stations:
+        for address in (*self._stations, *self._guests):
             try:
                 self._socket.sendto(frame, address)
             except OSError:  # gone, or its buffer is full: a lost datagram
                 continue
+
+
+def _remember(stations: dict[Address, float], address: Address, now_s: float) -> None:
+    """Note that a station was heard, as long as there is room; those long silent are forgotten."""
+    if address not in stations:
+        for silent in [a for a, heard_s in stations.items() if now_s - heard_s > _STATION_SILENT_S]:
+            del stations[silent]
+    if address in stations or len(stations) < _STATIONS:
+        stations[address] = now_s
 
 
 def _bind(host: str, port: int) -> socket.socket:

@@ -4,28 +4,18 @@ import hashlib
 import struct
 import zlib
 from dataclasses import dataclass
-from enum import IntEnum
 
 import numpy as np
 
+from firmware_bridge._controller import MAX_COEFFICIENTS, MAX_SEGMENTS
+from firmware_bridge.controller import LinkLoss
 from firmware_bridge.dialect.generated.messages import TrajectoryBegin, TrajectorySamples, TrajectorySegment
 from flight import FloatArray, InputError, Trajectory, TrajectoryFile, polynomial
 
-MAX_SEGMENTS = 256
-"""TC_MAX_SEGMENTS of the vehicle's trajectory store."""
-MAX_COEFFICIENTS = 12
 SAMPLES = 8
 """TC_MAX_SAMPLES: how many check points travel with a trajectory."""
 MIN_SEGMENT_S, MAX_SEGMENT_S = 0.02, 60.0
 """TC_MIN_SEGMENT_US, TC_MAX_SEGMENT_US."""
-
-
-class OnLinkLoss(IntEnum):
-    """What the vehicle does when the ground falls silent while it flies the trajectory."""
-
-    FINISH = 0
-    HOLD = 1
-    LAND = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,7 +27,7 @@ class WirePlan:
     """(k,) uint32."""
     coefficients: np.ndarray
     """(k, 4, n) float32, ascending powers of s = 2 t / T - 1."""
-    on_link_loss: OnLinkLoss
+    on_link_loss: LinkLoss
     map_hash: bytes
     """First 8 bytes; zeros when there is none."""
     vehicle_hash: bytes
@@ -102,7 +92,7 @@ def _short_hash(text: str) -> bytes:
         return hashlib.sha256(text.encode()).digest()[:8]
 
 
-def plan_from_file(file: TrajectoryFile, *, on_link_loss: OnLinkLoss = OnLinkLoss.HOLD) -> WirePlan:
+def plan_from_file(file: TrajectoryFile, *, on_link_loss: LinkLoss = LinkLoss.HOLD) -> WirePlan:
     """Convert a trajectory for the wire.
 
     Raises:
@@ -158,7 +148,7 @@ def plan_from_messages(header: TrajectoryBegin, segments: dict[int, TrajectorySe
         name=header.name,
         durations_us=np.array([s.duration_us for s in ordered], dtype=np.uint32),
         coefficients=np.ascontiguousarray(grid.transpose(0, 2, 1)[..., : header.coefficient_count]),
-        on_link_loss=OnLinkLoss(header.link_loss_policy),
+        on_link_loss=LinkLoss(header.link_loss_policy),
         map_hash=bytes(header.map_hash),
         vehicle_hash=bytes(header.vehicle_hash),
         id=header.trajectory_id,

@@ -53,8 +53,10 @@ class Link {
         tc_link_init(link_.get(), controller.c.get(), &config, now_us);
     }
 
-    void receive(const nb::bytes& bytes, bool datagram, uint64_t now_us) {
+    uint32_t receive(const nb::bytes& bytes, bool datagram, uint64_t now_us) {
+        const uint32_t before = link_->counts.accepted;
         tc_link_receive(link_.get(), data_of(bytes), bytes.size(), datagram, now_us);
+        return link_->counts.accepted - before;
     }
 
     void update(Row<4> rotor_speed, Row<3> specific_force, uint64_t now_us) {

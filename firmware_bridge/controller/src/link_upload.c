@@ -161,6 +161,7 @@ void link_on_commit(tc_link *link, const link_sender *from, const uint8_t *paylo
 bool link_want(tc_link_wanted *wanted, uint32_t first, const uint8_t bits[TC_LINK_WANTED]) {
     unsigned any = 0;
     wanted->first = first;
+    wanted->next = 0;
     for (unsigned i = 0; i < TC_LINK_WANTED; i++) {
         wanted->bits[i] = bits[i];
         any |= bits[i];
@@ -169,13 +170,11 @@ bool link_want(tc_link_wanted *wanted, uint32_t first, const uint8_t bits[TC_LIN
 }
 
 uint32_t link_take(tc_link_wanted *wanted, uint32_t count) {
-    for (unsigned i = 0; i < 8u * TC_LINK_WANTED; i++) {
-        const uint8_t bit = (uint8_t)(1u << (i % 8u));
-        if ((wanted->bits[i / 8u] & bit) != 0u) {
-            wanted->bits[i / 8u] = (uint8_t)(wanted->bits[i / 8u] & ~bit);
-            if (wanted->first < count && i < count - wanted->first) {
-                return wanted->first + i;
-            }
+    while (wanted->next < 8u * TC_LINK_WANTED) {
+        const uint16_t i = wanted->next++;
+        const bool asked = ((unsigned)wanted->bits[i / 8u] >> (i % 8u) & 1u) != 0u;
+        if (asked && wanted->first < count && i < count - wanted->first) {
+            return wanted->first + i;
         }
     }
     return count;

@@ -670,13 +670,13 @@ static inline void goshawk_state_decode(goshawk_state_msg *m, const uint8_t payl
 
 /* Ask for records of the on-board log; nothing wanted asks for GOSHAWK_LOG_INFO. */
 #define GOSHAWK_LOG_REQUEST_ID 54001u
-#define GOSHAWK_LOG_REQUEST_LENGTH 30u
+#define GOSHAWK_LOG_REQUEST_LENGTH 70u
 #define GOSHAWK_LOG_REQUEST_CRC_EXTRA 126u
 typedef struct {
     uint32_t first; /* Index of the first. */
     uint8_t target_system; /* Vehicle. */
     uint8_t target_component; /* Vehicle. */
-    uint8_t wanted[24]; /* Bit i % 8 of byte i / 8: record first + i is wanted. */
+    uint8_t wanted[64]; /* Bit i % 8 of byte i / 8: record first + i is wanted. */
 } goshawk_log_request_msg;
 
 static inline void goshawk_log_request_encode(const goshawk_log_request_msg *m, uint8_t payload[GOSHAWK_LOG_REQUEST_LENGTH])
@@ -684,7 +684,7 @@ static inline void goshawk_log_request_encode(const goshawk_log_request_msg *m, 
     goshawk_put_u32(payload + 0, m->first);
     goshawk_put_u8(payload + 4, m->target_system);
     goshawk_put_u8(payload + 5, m->target_component);
-    for (unsigned i = 0; i < 24u; i++)
+    for (unsigned i = 0; i < 64u; i++)
         goshawk_put_u8(payload + 6 + i, m->wanted[i]);
 }
 
@@ -693,7 +693,7 @@ static inline void goshawk_log_request_decode(goshawk_log_request_msg *m, const 
     m->first = goshawk_get_u32(payload + 0);
     m->target_system = goshawk_get_u8(payload + 4);
     m->target_component = goshawk_get_u8(payload + 5);
-    for (unsigned i = 0; i < 24u; i++)
+    for (unsigned i = 0; i < 64u; i++)
         m->wanted[i] = goshawk_get_u8(payload + 6 + i);
 }
 
@@ -951,14 +951,14 @@ static inline void goshawk_trajectory_result_decode(goshawk_trajectory_result_ms
 
 /* Ask for segments of the active trajectory; nothing wanted asks for its header. */
 #define GOSHAWK_TRAJECTORY_READ_ID 54015u
-#define GOSHAWK_TRAJECTORY_READ_LENGTH 32u
+#define GOSHAWK_TRAJECTORY_READ_LENGTH 72u
 #define GOSHAWK_TRAJECTORY_READ_CRC_EXTRA 243u
 typedef struct {
     uint32_t transfer_id; /* Chosen by the asker; the answers carry it. */
     uint16_t first; /* Index of the first. */
     uint8_t target_system; /* Vehicle. */
     uint8_t target_component; /* Vehicle. */
-    uint8_t wanted[24]; /* Bit i % 8 of byte i / 8: segment first + i is wanted. */
+    uint8_t wanted[64]; /* Bit i % 8 of byte i / 8: segment first + i is wanted. */
 } goshawk_trajectory_read_msg;
 
 static inline void goshawk_trajectory_read_encode(const goshawk_trajectory_read_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_READ_LENGTH])
@@ -967,7 +967,7 @@ static inline void goshawk_trajectory_read_encode(const goshawk_trajectory_read_
     goshawk_put_u16(payload + 4, m->first);
     goshawk_put_u8(payload + 6, m->target_system);
     goshawk_put_u8(payload + 7, m->target_component);
-    for (unsigned i = 0; i < 24u; i++)
+    for (unsigned i = 0; i < 64u; i++)
         goshawk_put_u8(payload + 8 + i, m->wanted[i]);
 }
 
@@ -977,7 +977,7 @@ static inline void goshawk_trajectory_read_decode(goshawk_trajectory_read_msg *m
     m->first = goshawk_get_u16(payload + 4);
     m->target_system = goshawk_get_u8(payload + 6);
     m->target_component = goshawk_get_u8(payload + 7);
-    for (unsigned i = 0; i < 24u; i++)
+    for (unsigned i = 0; i < 64u; i++)
         m->wanted[i] = goshawk_get_u8(payload + 8 + i);
 }
 

@@ -435,15 +435,15 @@ class LogRequest(Message):
 
     ID: ClassVar[int] = 54001
     CRC_EXTRA: ClassVar[int] = 126
-    STRUCT: ClassVar[struct.Struct] = struct.Struct("<IBB24B")
-    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 24)
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<IBB64B")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 64)
     first: int = 0
     """Index of the first."""
     target_system: int = 0
     """Vehicle."""
     target_component: int = 0
     """Vehicle."""
-    wanted: tuple[int, ...] = (0,) * 24
+    wanted: tuple[int, ...] = (0,) * 64
     """Bit i % 8 of byte i / 8: record first + i is wanted."""
 
 
@@ -613,8 +613,8 @@ class TrajectoryRead(Message):
 
     ID: ClassVar[int] = 54015
     CRC_EXTRA: ClassVar[int] = 243
-    STRUCT: ClassVar[struct.Struct] = struct.Struct("<IHBB24B")
-    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0, 24)
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<IHBB64B")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0, 64)
     transfer_id: int = 0
     """Chosen by the asker; the answers carry it."""
     first: int = 0
@@ -623,7 +623,7 @@ class TrajectoryRead(Message):
     """Vehicle."""
     target_component: int = 0
     """Vehicle."""
-    wanted: tuple[int, ...] = (0,) * 24
+    wanted: tuple[int, ...] = (0,) * 64
     """Bit i % 8 of byte i / 8: segment first + i is wanted."""
 
 

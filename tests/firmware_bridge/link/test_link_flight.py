@@ -54,7 +54,7 @@ def test_a_flight_leaves_a_whole_log_that_follows_the_plan(serve, dial, plans):
 
 
 def test_telemetry_is_lossless_at_100_hz_and_recorded_when_there_is_no_log_memory(serve, dial, plans):
-    link = dial(serve(log_records=0))
+    link = dial(serve(log_records=0, speed=2.0))
     link.upload(plans.file(1))
     log = link.fly(rate_hz=200.0)
     assert log.metadata["source"] == "telemetry"

@@ -113,6 +113,7 @@ def test_what_cannot_fit_is_refused_before_anything_is_sent(plans):
         wire.plan_from_file(_with(file, file.trajectory.scale_time(0.01 / 1.2)))
 
 
+@pytest.mark.slow
 def test_a_log_comes_whole_over_a_lossy_line(serve, dial, plans):
     link = dial(serve(line=LOSSY, speed=0.0))
     link.upload(plans.file(1))

@@ -32,7 +32,7 @@ extern "C" {
 #define TC_LINK_RECORD 156u       /* bytes of a log record: the payload of a GOSHAWK_STATE */
 #define TC_LINK_LEASE_US 3000000u /* control ends this long after the last renewal */
 #define TC_LINK_GROUP 48u         /* parameters per frame */
-#define TC_LINK_WANTED 24u        /* bytes of bits in a request for pieces */
+#define TC_LINK_WANTED 64u        /* bytes of bits in a request for pieces */
 
 /* Reasons of the link itself; the values below 70 are tc_reason. Part of the protocol: only append. */
 enum {
@@ -79,6 +79,7 @@ typedef struct {
 /* Pieces somebody asked for and has not been sent yet. */
 typedef struct {
     uint32_t first;
+    uint16_t next;                /* bits before this one are done */
     uint8_t bits[TC_LINK_WANTED]; /* bit i: piece first + i */
 } tc_link_wanted;
 

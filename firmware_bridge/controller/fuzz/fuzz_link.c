@@ -1,0 +1,335 @@
+/* Fuzz target for the link endpoint and everything behind it: frames, uploads, parameters, orders, the state machine.
+
+   The input is a list of steps. Most are well-formed frames with the input's bytes as payload, so that the fuzzer gets
+   past checksums and leases; some are raw bytes; some are ticks with whatever estimate the bytes make. After each step
+   it must hold that
+   - what is active is whole: its CRC-32 is the one in its header;
+   - rotor speeds are finite and within the limits;
+   - a second endpoint, which signs, lets nothing in: no lease, no upload, no order.
+
+   With libFuzzer:  clang -fsanitize=fuzzer,address,undefined with this file and those of src.
+   Without:         fuzz_main.c drives it with random inputs (see docs/link.md). */
+#include <stdlib.h>
+#include <string.h>
+
+#include "goshawk_controller/link.h"
+#include "goshawk_dialect.h"
+
+#define TICK_US 2500u
+#define LOG_RECORDS 16u
+
+static const uint32_t kinds[] = {GOSHAWK_LEASE_REQUEST_ID,
+                                 GOSHAWK_MISSION_COMMAND_ID,
+                                 GOSHAWK_TRAJECTORY_BEGIN_ID,
+                                 GOSHAWK_TRAJECTORY_SEGMENT_ID,
+                                 GOSHAWK_TRAJECTORY_SAMPLES_ID,
+                                 GOSHAWK_TRAJECTORY_COMMIT_ID,
+                                 GOSHAWK_TRAJECTORY_READ_ID,
+                                 GOSHAWK_PARAMETERS_STAGE_ID,
+                                 GOSHAWK_PARAMETERS_COMMIT_ID,
+                                 GOSHAWK_LOG_REQUEST_ID,
+                                 PARAM_REQUEST_READ_ID,
+                                 PARAM_REQUEST_LIST_ID,
+                                 COMMAND_LONG_ID,
+                                 TIMESYNC_ID,
+                                 HEARTBEAT_ID};
+
+typedef struct {
+    tc_controller controller;
+    tc_link link;
+    uint8_t log[LOG_RECORDS * TC_LINK_RECORD];
+} vehicle;
+
+/* One step's share of the input. */
+typedef struct {
+    const uint8_t *data;
+    size_t n;
+} bytes;
+
+static uint8_t take(bytes *input) {
+    if (input->n == 0u) {
+        return 0;
+    }
+    input->n--;
+    return *input->data++;
+}
+
+static void must(bool holds) {
+    if (!holds) {
+        abort();
+    }
+}
+
+static void start(vehicle *v, bool sign) {
+    tc_link_config config;
+    memset(&config, 0, sizeof config);
+    config.system_id = 1;
+    config.component_id = 1;
+    config.sign = sign;
+    config.start_10us = 1000;
+    config.boot_id = 1;
+    config.bytes_per_s = 100000000u;
+    config.log = v->log;
+    config.log_records = LOG_RECORDS;
+    config.log_period_us = 5000;
+    tc_parameters parameters;
+    tc_parameters_default(&parameters);
+    tc_init(&v->controller);
+    (void)tc_parameters_set(&v->controller, &parameters);
+    tc_link_init(&v->link, &v->controller, &config, 1);
+}
+
+/* A frame of the dialect whose payload comes from the input; small numbers where the fuzzer would need luck. */
+static size_t make_frame(bytes *input, uint8_t sequence, uint8_t frame[TC_FRAME_MAX]) {
+    uint8_t payload[TC_PAYLOAD_MAX];
+    uint8_t crc_extra;
+    const uint32_t id = kinds[take(input) % (sizeof kinds / sizeof kinds[0])];
+    const unsigned length = goshawk_dialect_find(id, &crc_extra);
+    const unsigned given = take(input);
+    memset(payload, 0, sizeof payload);
+    for (unsigned i = 0; i < length && i < given; i++) {
+        payload[i] = take(input);
+    }
+    const unsigned target = goshawk_dialect_target(id);
+    if (target != GOSHAWK_NO_TARGET) {
+        payload[target] = 1;
+        payload[target + 1u] = 1;
+    }
+    return tc_frame_build(frame, id, payload, length, sequence, 255, 190, NULL, 0);
+}
+
+/* Encodes a message by its name and hands it to the vehicle. */
+#define SEND(v, now_us, NAME, name, message)                                                                \
+    do {                                                                                                    \
+        uint8_t payload_[TC_PAYLOAD_MAX];                                                                   \
+        uint8_t frame_[TC_FRAME_MAX];                                                                       \
+        name##_encode(&(message), payload_);                                                                \
+        const size_t n_ = tc_frame_build(frame_, NAME##_ID, payload_, NAME##_LENGTH, 0, 255, 190, NULL, 0); \
+        tc_link_receive(&(v)->link, frame_, n_, true, now_us);                                              \
+    } while (0)
+
+/* A plan that passes all checks (standing still at 1 m for a while), sent whole but for its flaws: bit 0 and 1 together
+   a wrong CRC; bit 1 wrong samples; bit 2 with samples, which bit 0 then loses; bit 3 pieces missing; bit 4 two
+   commits. */
+static void send_plan(vehicle *v, uint64_t now_us, uint8_t salt, uint8_t flaws) {
+    static tc_trajectory plan; /* too large for a stack */
+    memset(&plan, 0, sizeof plan);
+    plan.header.id = 1u + salt;
+    plan.header.segment_count = (uint16_t)(1u + salt % 12u);
+    plan.header.coefficient_count = 1;
+    plan.header.link_loss_policy = salt % 3u;
+    for (unsigned i = 0; i < plan.header.segment_count; i++) {
+        plan.segment[i].duration_us = 100000;
+        plan.segment[i].coefficient[2][0] = 1.0f;
+    }
+    plan.header.crc32 = tc_trajectory_crc32(&plan) ^ ((flaws & 3u) == 3u ? 1u : 0u);
+    goshawk_trajectory_begin_msg begin = {0};
+    begin.target_system = begin.target_component = 1;
+    begin.transfer_id = 77u + salt + 256u * (flaws / 32u);
+    begin.trajectory_id = plan.header.id;
+    begin.crc32 = plan.header.crc32;
+    begin.segments = plan.header.segment_count;
+    begin.coefficient_count = 1;
+    begin.link_loss_policy = plan.header.link_loss_policy;
+    begin.samples = (flaws & 4u) != 0u ? 2 : 0;
+    SEND(v, now_us, GOSHAWK_TRAJECTORY_BEGIN, goshawk_trajectory_begin, begin);
+    for (uint16_t i = 0; i < plan.header.segment_count; i++) {
+        goshawk_trajectory_segment_msg segment = {0};
+        segment.target_system = segment.target_component = 1;
+        segment.transfer_id = begin.transfer_id;
+        segment.index = i;
+        segment.duration_us = plan.segment[i].duration_us;
+        segment.coefficients[2] = 1.0f;
+        if ((flaws & 8u) == 0u || i % 3u != 1u) {
+            SEND(v, now_us, GOSHAWK_TRAJECTORY_SEGMENT, goshawk_trajectory_segment, segment);
+        }
+    }
+    goshawk_trajectory_samples_msg samples = {0};
+    samples.target_system = samples.target_component = 1;
+    samples.transfer_id = begin.transfer_id;
+    samples.values[2] = samples.values[6] = (flaws & 2u) != 0u ? 2.0f : 1.0f;
+    if ((flaws & 5u) == 4u) {
+        SEND(v, now_us, GOSHAWK_TRAJECTORY_SAMPLES, goshawk_trajectory_samples, samples);
+    }
+    goshawk_trajectory_commit_msg commit = {0};
+    commit.target_system = commit.target_component = 1;
+    commit.transfer_id = begin.transfer_id;
+    commit.trajectory_id = plan.header.id;
+    commit.crc32 = plan.header.crc32;
+    for (unsigned i = 0; i < 1u + (flaws >> 4) % 2u; i++) {
+        SEND(v, now_us, GOSHAWK_TRAJECTORY_COMMIT, goshawk_trajectory_commit, commit);
+    }
+}
+
+/* An order that names the active plan, as a ground station's would. */
+static void send_order(vehicle *v, uint64_t now_us, uint32_t request_id, bytes *input) {
+    const tc_trajectory *active = tc_store_active(&v->controller.store);
+    goshawk_mission_command_msg order = {0};
+    const uint8_t command = take(input) & 15u;
+    order.target_system = order.target_component = 1;
+    order.request_id = request_id;
+    order.command = command < 10u ? command : (uint8_t)(90u + command);
+    order.value = 1.0f;
+    if (active != NULL) {
+        order.trajectory_id = active->header.id;
+        order.crc32 = active->header.crc32;
+    }
+    SEND(v, now_us, GOSHAWK_MISSION_COMMAND, goshawk_mission_command, order);
+}
+
+/* All parameters as they are, one of them changed by the input, then the commit. */
+static void send_parameters(vehicle *v, uint64_t now_us, uint32_t transfer_id, bytes *input) {
+    tc_parameters next = *tc_parameters_now(&v->controller);
+    goshawk_parameters_commit_msg commit = {0};
+    const uint16_t changed = take(input) % 128u;
+    (void)tc_parameters_put(&next, changed, (float)take(input) * 0.1f);
+    for (uint8_t group = 0; group * TC_LINK_GROUP < tc_parameters_count(); group++) {
+        goshawk_parameters_stage_msg stage = {0};
+        stage.target_system = stage.target_component = 1;
+        stage.transfer_id = transfer_id;
+        stage.group = group;
+        for (unsigned i = 0; i < TC_LINK_GROUP; i++) {
+            stage.values[i] = tc_parameters_get(&next, (uint16_t)(group * TC_LINK_GROUP + i));
+        }
+        SEND(v, now_us, GOSHAWK_PARAMETERS_STAGE, goshawk_parameters_stage, stage);
+    }
+    commit.target_system = commit.target_component = 1;
+    commit.transfer_id = transfer_id;
+    commit.crc32 = tc_parameters_crc32(&next);
+    SEND(v, now_us, GOSHAWK_PARAMETERS_COMMIT, goshawk_parameters_commit, commit);
+}
+
+/* A signed heartbeat, sent twice: with the right key it is heard at most once, with another one never. */
+static void send_signed(vehicle *v, uint64_t now_us, tc_signing *station, bytes *input) {
+    uint8_t frame[TC_FRAME_MAX];
+    uint8_t payload[TC_PAYLOAD_MAX] = {0};
+    const uint8_t how = take(input);
+    const heartbeat_msg heartbeat = {0};
+    heartbeat_encode(&heartbeat, payload);
+    station->now_10us += take(input);
+    const size_t n = tc_frame_build(frame, HEARTBEAT_ID, payload, HEARTBEAT_LENGTH, 0, (uint8_t)(2u + how % 12u), 190,
+                                    station, how >> 6);
+    if ((how & 16u) != 0u && station->now_10us > 1400u) {
+        station->now_10us -= 300u; /* the next ones come with older stamps */
+    }
+    tc_link_receive(&v->link, frame, n, true, now_us);
+    tc_link_receive(&v->link, frame, n, true, now_us);
+}
+
+static void tick(vehicle *v, bytes *input, uint64_t *now_us) {
+    tc_estimate estimate;
+    tc_output output;
+    tc_link_measured measured = {{0}, {0}};
+    memset(&estimate, 0, sizeof estimate);
+    const unsigned how = take(input);
+    *now_us += how % 16u == 15u ? 3000000u : TICK_US;
+    estimate.position_time_us = estimate.attitude_time_us = *now_us;
+    estimate.q_world_body[0] = 1.0f;
+    if (tc_mission_in_air(v->controller.mission.state) && how % 16u < 12u) { /* it is where it should be */
+        memcpy(estimate.position_world_m, v->controller.telemetry.setpoint.position_world_m, sizeof(float[3]));
+    } else {
+        estimate.position_world_m[2] = (float)(how / 16u) * 0.2f;
+    }
+    if (how % 16u == 14u) { /* anything at all, NaN included */
+        uint8_t *raw = (uint8_t *)&estimate;
+        for (unsigned i = 0; i < sizeof estimate && input->n > 0u; i++) {
+            raw[i] = take(input);
+        }
+    }
+    (void)tc_tick(&v->controller, *now_us, &estimate, &output);
+    const tc_parameters *p = tc_parameters_now(&v->controller);
+    for (unsigned i = 0; i < TC_ROTORS; i++) {
+        must(output.rotor_speed_rad_s[i] >= 0.0f && output.rotor_speed_rad_s[i] <= p->rotor_max_rad_s);
+    }
+    tc_link_update(&v->link, &measured, *now_us);
+}
+
+static void drain(vehicle *v, uint64_t now_us) {
+    uint8_t frame[TC_FRAME_MAX];
+    for (unsigned i = 0; i < 64u; i++) {
+        const size_t n = tc_link_transmit(&v->link, frame, now_us);
+        must(n <= TC_FRAME_MAX);
+        if (n == 0u) {
+            return;
+        }
+        must(frame[0] == 0xFDu && n >= 12u);
+    }
+}
+
+static void check(const vehicle *open, const vehicle *closed) {
+    const tc_trajectory *active = tc_store_active(&open->controller.store);
+    must(active == NULL || tc_trajectory_crc32(active) == active->header.crc32);
+    must(open->controller.mission.state < (uint8_t)TC_MISSION_STATE_COUNT);
+    must(closed->link.counts.accepted == 0u && closed->link.lease.system_id == 0u);
+    must(tc_store_active(&closed->controller.store) == NULL);
+    must(closed->controller.mission.state == (uint8_t)TC_DISARMED);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+/* Three vehicles: one without signatures, one whose key nobody has, one whose key `friend` has. */
+typedef struct {
+    vehicle open, closed, keyed;
+    tc_signing friend, stranger;
+    uint32_t steps, signed_frames;
+    uint64_t now_us;
+} scene;
+
+static void set_scene(scene *s) {
+    static const uint8_t right_key[TC_KEY_BYTES] = {0}, other_key[TC_KEY_BYTES] = {1};
+    start(&s->open, false);
+    start(&s->closed, true);
+    start(&s->keyed, true);
+    tc_signing_init(&s->friend, right_key, 1000);
+    tc_signing_init(&s->stranger, other_key, 1000);
+    s->steps = s->signed_frames = 0;
+    s->now_us = 1;
+}
+
+static void to_both(scene *s, const uint8_t *data, size_t n, bool datagram) {
+    tc_link_receive(&s->open.link, data, n, datagram, s->now_us);
+    tc_link_receive(&s->closed.link, data, n, datagram, s->now_us);
+}
+
+static void act(scene *s, bytes *input) {
+    uint8_t frame[TC_FRAME_MAX];
+    const unsigned step = take(input) % 16u;
+    s->steps++;
+    if (step < 4u) {
+        const size_t n = make_frame(input, (uint8_t)s->steps, frame);
+        to_both(s, frame, n, true);
+    } else if (step == 4u) {
+        const size_t n = input->n > 0u ? (size_t)input->data[0] % (input->n + 1u) : 0u;
+        to_both(s, input->data, n, (n & 1u) != 0u);
+        input->data += n;
+        input->n -= n;
+    } else if (step == 5u) {
+        const uint8_t salt = take(input);
+        send_plan(&s->open, s->now_us, salt, take(input));
+    } else if (step == 6u) {
+        send_parameters(&s->open, s->now_us, s->steps, input);
+    } else if (step == 7u) {
+        s->signed_frames++;
+        send_signed(&s->keyed, s->now_us, &s->friend, input);
+        send_signed(&s->closed, s->now_us, &s->stranger, input);
+        must(s->keyed.link.counts.accepted <= s->signed_frames);
+    } else if (step < 10u) {
+        send_order(&s->open, s->now_us, s->steps, input);
+    } else if (step == 10u) {
+        drain(&s->open, s->now_us);
+        drain(&s->closed, s->now_us);
+    } else {
+        tick(&s->open, input, &s->now_us);
+    }
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    static scene s; /* too large for a stack; set anew for every input */
+    bytes input = {data, size};
+    set_scene(&s);
+    while (input.n > 0u) {
+        act(&s, &input);
+        check(&s.open, &s.closed);
+    }
+    return 0;
+}

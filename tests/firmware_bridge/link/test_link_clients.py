@@ -1,0 +1,114 @@
+"""A public client library finds the vehicle and reads its pose; our frames and pymavlink's are the same bytes."""
+
+import time
+
+import numpy as np
+import pytest
+
+from firmware_bridge.dialect.generated import messages as m
+from firmware_bridge.mavlink import Codec, Signing
+from flight import frames
+
+pymavlink = pytest.importorskip("pymavlink", reason="pymavlink is a development dependency")
+
+
+@pytest.fixture
+def mavlink2(monkeypatch):
+    monkeypatch.setenv("MAVLINK20", "1")
+    from pymavlink import mavutil
+    from pymavlink.dialects.v20 import common
+
+    return mavutil, common
+
+
+def test_pymavlink_finds_the_vehicle_and_reads_its_pose(serve, dial, plans, mavlink2):
+    mavutil, common = mavlink2
+    served = serve(speed=2.0)
+    link = dial(served)
+    link.upload(plans.file(1))
+    client = mavutil.mavlink_connection(served.url.replace("udp://", "udpout:"), source_system=77, dialect="common")
+    try:
+        client.mav.heartbeat_send(6, 8, 0, 0, 4)
+        heartbeat = client.recv_match(type="HEARTBEAT", blocking=True, timeout=3.0)
+        assert heartbeat.type == common.MAV_TYPE_QUADROTOR
+        assert heartbeat.get_srcSystem() == 1
+        link.take_control()
+        link.command(m.Command.ARM)
+        link.command(m.Command.TAKE_OFF, 1.0)
+        until_s = time.monotonic() + 10.0
+        while link.state.mission is not m.MissionState.HOLD and time.monotonic() < until_s:
+            client.recv_match(blocking=True, timeout=0.1)
+        time.sleep(0.3)
+        while client.recv_match(blocking=False) is not None:
+            pass
+        position = client.recv_match(type="LOCAL_POSITION_NED", blocking=True, timeout=3.0)
+        attitude = client.recv_match(type="ATTITUDE_QUATERNION", blocking=True, timeout=3.0)
+        battery = client.recv_match(type="BATTERY_STATUS", blocking=True, timeout=3.0)
+        ours = link.state
+        world = frames.flip_vector([position.x, position.y, position.z])
+        np.testing.assert_allclose(world, ours.position_world_m, atol=0.05)
+        assert world[2] > 0.8
+        q = frames.flip_attitude([attitude.q1, attitude.q2, attitude.q3, attitude.q4])
+        assert abs(q @ ours.q_world_body) > 0.999
+        assert 12_000 < battery.voltages[0] < 17_000
+    finally:
+        client.close()
+
+
+def test_ned_and_frd_are_the_flips_of_the_ground_floor(serve, dial):
+    link = dial(serve())
+    with link._port.inbox(m.LocalPositionNed, m.AttitudeQuaternion, m.State) as inbox:
+        seen = [inbox.get(timeout=2.0) for _ in range(10)]
+    state = next(s for s in seen if isinstance(s, m.State))
+    position = next(s for s in seen if isinstance(s, m.LocalPositionNed))
+    attitude = next(s for s in seen if isinstance(s, m.AttitudeQuaternion))
+    np.testing.assert_allclose(
+        frames.flip_vector([position.x, position.y, position.z]), state.position_world_m, atol=1e-3
+    )
+    q = [attitude.q1, attitude.q2, attitude.q3, attitude.q4]
+    np.testing.assert_allclose(frames.flip_attitude(q), state.q_world_body, atol=1e-3)
+
+
+def _theirs(common, key: bytes):
+    mav = common.MAVLink(None, srcSystem=42, srcComponent=190)
+    mav.signing.secret_key = key
+    mav.signing.sign_outgoing = True
+    mav.signing.timestamp = 10**12
+    mav.signing.link_id = 3
+    return mav
+
+
+def test_pymavlink_accepts_our_signature_and_we_accept_its(mavlink2, plans):
+    _, common = mavlink2
+    theirs = _theirs(common, plans.key)
+    ours = Codec(7, 1, Signing(plans.key))
+    frame = ours.encode(m.LocalPositionNed(time_boot_ms=5, x=1.5, vz=-2.0))
+    parsed = theirs.parse_buffer(frame)
+    assert [(p.get_type(), p.x, p.vz, p.get_signed()) for p in parsed] == [("LOCAL_POSITION_NED", 1.5, -2.0, True)]
+    packed = common.MAVLink_timesync_message(0, 123456789).pack(theirs)
+    received = ours.decode(bytes(packed))
+    assert received[0].message == m.Timesync(tc1=0, ts1=123456789)
+    assert received[0].system_id == 42
+    assert not ours.decode(bytes(packed))  # a replay
+    stranger = Codec(7, 1, Signing(b"x" * 32))
+    assert not stranger.decode(common.MAVLink_timesync_message(0, 1).pack(theirs))
+    assert stranger.counts.refused == 1
+
+
+def test_a_station_that_only_knows_pymavlink_signs_its_way_in(serve, plans, mavlink2):
+    """Ask for the version with the key, over the wire, with nothing of ours."""
+    mavutil, common = mavlink2
+    served = serve()
+    client = mavutil.mavlink_connection(served.url.replace("udp://", "udpout:"), source_system=77, dialect="common")
+    try:
+        client.setup_signing(plans.key, sign_outgoing=True)
+        client.mav.heartbeat_send(6, 8, 0, 0, 4)
+        client.recv_match(type="HEARTBEAT", blocking=True, timeout=3.0)
+        client.mav.command_long_send(1, 1, common.MAV_CMD_REQUEST_MESSAGE, 0, 148, 0, 0, 0, 0, 0, 0)
+        acknowledged = client.recv_match(type="COMMAND_ACK", blocking=True, timeout=3.0)
+        assert (acknowledged.command, acknowledged.result) == (512, 0)
+        client.mav.param_request_list_send(1, 1)
+        value = client.recv_match(type="PARAM_VALUE", blocking=True, timeout=3.0)
+        assert value.param_id == "mass_kg"
+    finally:
+        client.close()

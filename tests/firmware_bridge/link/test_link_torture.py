@@ -1,0 +1,133 @@
+"""Thousands of uploads that are cut, damaged, doubled, swapped and restarted: never a mixed plan, never a wrong one."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from firmware_bridge import _controller, wire
+from firmware_bridge.dialect.generated import messages as m
+from firmware_bridge.mavlink import Codec
+from flight import Trajectory
+
+CONTROLLER = Path(__file__).parents[3] / "firmware_bridge" / "controller"
+PRESETS = np.array([row[3] for row in _controller.parameter_table()], dtype=np.float32)
+
+
+def boot(kept: bytes | None) -> _controller.Link:
+    controller = _controller.Controller()
+    assert controller.set_parameters(PRESETS)[0] == 0
+    link = _controller.Link(controller, None, 1, 0, 1, 10**9, 0, 5000, 1)
+    if kept:
+        assert link.restore(kept) == 0
+    return link
+
+
+def held(link: _controller.Link, ears: Codec, codec: Codec) -> tuple[int, int, bytes]:
+    """Id, CRC and every segment's bytes of the active plan, as read back over a perfect line."""
+    answers: list = []
+    for wanted in ((), (0xFF,)):
+        request = m.TrajectoryRead(target_system=1, target_component=1, transfer_id=5, wanted=(*wanted, *[0] * 64)[:64])
+        link.receive(codec.encode(request), True, 10**9)
+        while frame := link.transmit(10**9):
+            answers += [received.message for received in ears.decode(frame)]
+    header = next(a for a in answers if isinstance(a, m.TrajectoryBegin))
+    segments = sorted((a for a in answers if isinstance(a, m.TrajectorySegment)), key=lambda s: s.index)
+    content = b"".join(np.float32([s.duration_us, *s.coefficients]).tobytes() for s in segments[: header.segments])
+    return header.trajectory_id, header.crc32, content
+
+
+def upload_frames(plan: wire.WirePlan, trajectory: Trajectory, transfer_id: int, codec: Codec) -> list[bytes]:
+    messages = [plan.begin(transfer_id), *(plan.segment(transfer_id, i) for i in range(len(plan.durations_us)))]
+    messages.append(wire.samples(plan, trajectory, transfer_id))
+    messages.append(m.TrajectoryCommit(transfer_id=transfer_id, trajectory_id=plan.id, crc32=plan.crc32))
+    for message in messages:
+        message.target_system = message.target_component = 1
+    return [codec.encode(message) for message in messages]
+
+
+def bad_line(frames: list[bytes], rng: np.random.Generator) -> list[bytes]:
+    """The frames as they may arrive: some lost, doubled, swapped, damaged; the commit may overtake; several rounds."""
+    frames = frames * int(rng.integers(1, 5))
+    arriving = [frame for frame in frames for _ in range(rng.choice([0, 1, 1, 1, 2]))]
+    order = np.argsort(np.arange(len(arriving)) + rng.uniform(0, rng.choice([0, 4, 40]), len(arriving)))
+    for i in np.flatnonzero(rng.random(len(arriving)) < 0.05):
+        damaged = bytearray(arriving[i])
+        damaged[rng.integers(len(damaged))] ^= 1 << int(rng.integers(8))
+        arriving[i] = bytes(damaged)
+    return [arriving[i] for i in order]
+
+
+def torture(runs: int, plans, seed: int) -> tuple[int, int]:
+    """How many uploads took effect, and how many restarts there were."""
+    rng = np.random.default_rng(seed)
+    codec, ears = Codec(255, 190, None), Codec(254, 190, None)
+    files = [plans.file(4, name=f"plan-{i}", seed=i) for i in range(6)]
+    sent = [(wire.plan_from_file(file), file.trajectory) for file in files]
+    lease = codec.encode(m.LeaseRequest(target_system=1, target_component=1, nonce=1, action=1))
+    whole: dict[tuple[int, int], bytes] = {}
+    for plan, trajectory in sent:
+        link = boot(None)
+        for frame in [lease, *upload_frames(plan, trajectory, 3, codec)]:
+            link.receive(frame, True, 1)
+        identity = held(link, ears, codec)
+        assert identity[:2] == (plan.id, plan.crc32)
+        whole[identity[:2]] = identity[2]
+    link, now, took_effect, restarts = boot(None), (0, 0, b""), 0, 0
+    for transfer_id in range(10, 10 + runs):
+        link.receive(lease, True, transfer_id)
+        plan, trajectory = sent[rng.integers(len(sent))]
+        arriving = bad_line(upload_frames(plan, trajectory, transfer_id, codec), rng)
+        restart_at = rng.integers(len(arriving) + 1) if rng.random() < 0.3 else -1
+        for i, frame in enumerate(arriving):
+            if i == restart_at:
+                link, restarts = boot(link.kept()), restarts + 1
+                link.receive(lease, True, transfer_id)
+            link.receive(frame, True, transfer_id)
+        after = held(link, ears, codec)
+        if after != now:
+            assert after[:2] == (plan.id, plan.crc32)
+            took_effect += 1
+        assert after == (0, 0, b"") or whole[after[:2]] == after[2]
+        now = after
+    return took_effect, restarts
+
+
+def test_a_thousand_bad_uploads_leave_only_whole_plans(plans):
+    took_effect, restarts = torture(1000, plans, seed=0)
+    assert took_effect > 100  # else the test tests nothing
+    assert restarts > 200
+
+
+@pytest.mark.slow
+def test_ten_thousand_bad_uploads_leave_only_whole_plans(plans):
+    took_effect, restarts = torture(10_000, plans, seed=1)
+    assert took_effect > 1000
+    assert restarts > 2000
+
+
+@pytest.fixture(scope="session")
+def fuzz_target(tmp_path_factory) -> Path:
+    """The fuzz target with address and undefined-behaviour sanitizers, driven by random inputs."""
+    compiler = shutil.which("gcc") or shutil.which("clang")
+    if compiler is None:
+        pytest.skip("no C compiler here")
+    program = tmp_path_factory.mktemp("fuzz") / "fuzz_link"
+    sources = [*sorted((CONTROLLER / "fuzz").glob("*.c")), *sorted((CONTROLLER / "src").glob("*.c"))]
+    options = ["-std=c11", "-O0", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    includes = [f"-I{CONTROLLER / 'include'}", f"-I{CONTROLLER.parent / 'dialect' / 'generated'}"]
+    built = subprocess.run(
+        [compiler, *options, *includes, *map(str, sources), "-lm", "-o", str(program)], capture_output=True, text=True
+    )
+    if "cannot find" in built.stderr and "san" in built.stderr:
+        pytest.skip("this compiler has no sanitizers")
+    assert built.returncode == 0, built.stderr
+    return program
+
+
+def test_fuzzing_the_link_and_the_state_machine_finds_nothing(fuzz_target: Path):
+    run = subprocess.run([str(fuzz_target), "1", "1500"], capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr[-2000:]
+    assert "1500 runs, no finding" in run.stdout
