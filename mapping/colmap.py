@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from flight import FloatArray, MapError, Progress, frames
+from flight import FloatArray, InputError, MapError, Progress, frames
 from mapping import agreement, features, pairing
 from mapping.images import ImageSet
 from mapping.rig import Camera, Rig
@@ -31,16 +31,21 @@ _OUTLIER_PX = 3.0
 class SparseOptions:
     """How the sparse map is made."""
 
-    features: int = 2000
+    features: int = 1500
     """Most features an image; more cost time in every later step."""
-    window: int = 6
+    window: int = 5
     """Each image is matched with this many later ones of the same camera."""
-    similar: int = 3
+    similar: int = 2
     """And with this many of the most similar ones elsewhere: closes loops."""
     refine_rig: bool = False
     """Free the rotations and positions of the cameras on the rig in the last adjustment."""
     seed: int = 1
     """COLMAP's random number generator."""
+
+    def __post_init__(self) -> None:
+        for name, least in (("features", 100), ("window", 1), ("similar", 0)):
+            if getattr(self, name) < least:
+                raise InputError(f"{name} is {getattr(self, name)}; at least {least} is wanted")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

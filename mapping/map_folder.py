@@ -167,7 +167,7 @@ def build_map(
         mesh_file.save(new / "mesh.ply", surface.vertices_world_m, surface.faces, surface.colours)
         localization.save(new / "localization", placed.localization_map())
         rigs.save(new / "camera.toml", placed.rig)
-        _write_poses(new / "poses.csv", placed)
+        write_poses(new / "poses.csv", placed)
         file_format.write_json(new / "report.json", format=REPORT_FORMAT, version=VERSION, body=report.as_dict())
         file_format.write_toml(new / "map.toml", format=FORMAT, version=VERSION, body=_facts(report))
     progress("distance field", 1.0)
@@ -231,7 +231,8 @@ def _keep_edits(old: Path, new: Path) -> None:
         shutil.copy(edits, new / "esdf" / EDITS)
 
 
-def _write_poses(path: Path, placed: SparseMap) -> None:
+def write_poses(path: Path, placed: SparseMap) -> None:
+    """Write the body poses of the placed instants; `read_poses` reads them back."""
     q = rotations.from_matrix(placed.T_world_body[placed.placed][:, :3, :3])
     with open(path, "w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")

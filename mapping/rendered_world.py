@@ -20,6 +20,7 @@ NOISE_GREY_LEVELS = 1.6
 VIGNETTE = 0.35
 GAIN = 230.0
 RATE_HZ = 4.0
+UP_NOISE_RAD = 0.005
 THREADS = 2
 
 # Through both doorways and round the furniture; x, y, z of a closed loop
@@ -141,7 +142,8 @@ def write_rendered_sequence(
 ) -> Path:
     """Render a flight into an image folder that `goshawk map` reads; 60 pairs of the furnished room by default.
 
-    Writes `CAMERA/0000.png`..., `times.csv`, `camera.toml`, and, apart from what a mapper reads, `truth/poses.csv`.
+    Writes `CAMERA/0000.png`..., `times.csv`, `references.csv` (the direction of up, as the flight controller of a real
+    vehicle knows it), `camera.toml`, and, apart from what a mapper reads, `truth/poses.csv`.
     """
     import cv2
 
@@ -161,6 +163,7 @@ def write_rendered_sequence(
         rigs.save(new / "camera.toml", rig)
         rows = (f"{name},{t:.6f}" for name, t in zip(names, flight.times_s, strict=True))
         file_format.write_bytes(new / "times.csv", _csv("image,time_s", rows))
+        file_format.write_bytes(new / "references.csv", _up_csv(names, flight, seed))
         file_format.write_bytes(new / "truth" / "poses.csv", _poses_csv(names, flight))
     return Path(folder)
 
@@ -178,6 +181,12 @@ def _poses_csv(names: list[str], flight: RenderedFlight) -> bytes:
         for name, t, p, a in zip(names, flight.times_s, positions, q, strict=True)
     )
     return _csv("image,time_s,x_m,y_m,z_m,qw,qx,qy,qz", rows)
+
+
+def _up_csv(names: list[str], flight: RenderedFlight, seed: int) -> bytes:
+    up = flight.T_world_body[:, 2, :3] + UP_NOISE_RAD * np.random.default_rng(seed).normal(size=(len(names), 3))
+    rows = (",".join([name, *(f"{v:.6f}" for v in u)]) for name, u in zip(names, up, strict=True))
+    return _csv("image,up_body_x,up_body_y,up_body_z", rows)
 
 
 def _csv(header: str, rows: Iterable[str]) -> bytes:

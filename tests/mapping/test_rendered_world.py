@@ -108,7 +108,14 @@ def test_a_written_sequence_has_equal_names_per_instant_and_its_truth_apart(tmp_
     folder = rendered_world.write_rendered_sequence(tmp_path / "flight", rig=RIG, flight=flight)
     names = [sorted(p.name for p in (folder / camera).iterdir()) for camera in ("front", "down")]
     assert names == [["0000.png", "0001.png", "0002.png"]] * 2
-    assert sorted(p.name for p in folder.iterdir()) == ["camera.toml", "down", "front", "times.csv", "truth"]
+    assert sorted(p.name for p in folder.iterdir()) == [
+        "camera.toml",
+        "down",
+        "front",
+        "references.csv",
+        "times.csv",
+        "truth",
+    ]
     read = rigs.load(folder / "camera.toml")
     np.testing.assert_allclose(read["down"].T_body_camera, RIG["down"].T_body_camera, atol=1e-12)
     poses = np.loadtxt(folder / "truth" / "poses.csv", delimiter=",", skiprows=1, usecols=range(1, 9))

@@ -73,6 +73,12 @@ def test_poses_are_true(placed: SparseMap, folders) -> None:
     assert np.degrees(off_rad).max() < 0.1
 
 
+def test_world_is_upright(placed: SparseMap, folders) -> None:
+    assert placed.alignment.up_source == "recorded gravity"
+    up_true, up_ours = folders[2].T_world_body[:, 2, :3], placed.T_world_body[:, 2, :3]
+    assert np.degrees(np.arccos((up_true * up_ours).sum(axis=1))).max() < 0.5
+
+
 def test_images_taken_between_are_found_in_the_map(placed: SparseMap, folders) -> None:
     _, folder, known, asked = folders
     images = mapping.read_folder(folder, rigs.load(folder / "camera.toml"))

@@ -1,0 +1,200 @@
+"""The map folder: whole or absent, opened or refused, and what a bad folder of images leaves behind (nothing)."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import esdf
+import mapping
+from flight import FlightError, FloatArray, FormatError, InputError, MapError, file_format, frames, rotations
+from mapping import colmap, localization, map_folder, sparse
+from mapping import rig as rigs
+from mapping.alignment import Alignment
+from mapping.colmap import SparseOptions
+from mapping.images import ImageSet
+from mapping.localization import LocalizationMap
+from mapping.map_folder import MapOptions
+from mapping.sparse import SparseMap
+
+RIG = rigs.Rig((rigs.forward_camera("SIMPLE_RADIAL_FISHEYE", 160, 120, [90.0, 80.0, 60.0, 0.0]),))
+
+
+def write_images(folder: Path, pictures: list[np.ndarray]) -> Path:
+    folder.mkdir()
+    for k, picture in enumerate(pictures):
+        cv2.imwrite(str(folder / f"{k:02d}.png"), picture)
+    return folder
+
+
+def noise(seed: int) -> np.ndarray:
+    return np.random.default_rng(seed).integers(0, 255, (120, 160), dtype=np.uint8)
+
+
+def made_map(folder: Path) -> Path:
+    """A map folder around a small field, written with the functions `build_map` writes with."""
+    grid = esdf.Grid((0.0, 0.0, 0.0), (0.1, 0.1, 0.1), (8, 9, 10))
+    state = np.full(grid.shape, esdf.FREE, dtype=np.uint8)
+    state[3:5] = esdf.OCCUPIED
+    field = esdf.build(state, grid)
+    placed = sparse_map(folder)
+    with file_format.atomic_folder(folder) as new:
+        esdf.save(new / "esdf", field)
+        localization.save(new / "localization", placed.localization_map())
+        rigs.save(new / "camera.toml", RIG)
+        map_folder.write_poses(new / "poses.csv", placed)
+        file_format.write_toml(new / "map.toml", format=map_folder.FORMAT, version=1, body={"hash": field.hash})
+    return folder
+
+
+def sparse_map(folder: Path) -> SparseMap:
+    poses: FloatArray = frames.transform(rotations.exp([[0.1, 0.2, k] for k in range(3)]), np.arange(9.0).reshape(3, 3))
+    poses[1] = np.nan
+    images = ImageSet(folder, RIG, ("a.png", "b.png", "c.png"), np.ones((3, 1), bool), np.array([0.0, 0.5, np.nan]))
+    descriptors = np.abs(np.random.default_rng(0).normal(size=(20, 128))).astype(np.float32)
+    descriptors /= np.linalg.norm(descriptors, axis=1, keepdims=True)
+    return SparseMap(
+        images=images,
+        T_world_body=poses,
+        registered=np.array([[True], [False], [True]]),
+        points_world_m=np.random.default_rng(1).normal(size=(20, 3)),
+        descriptors=descriptors,
+        observations=np.zeros((0, 3), dtype=np.int64),
+        pixels=np.zeros((0, 2)),
+        reprojection_error_px=0.3,
+        least_agreement=0.99,
+        alignment=Alignment(1.0, np.eye(4), "rig baseline", "recorded gravity"),
+        cpu_s={},
+    )
+
+
+def test_a_map_opens_as_it_was_written(tmp_path: Path) -> None:
+    opened = mapping.open_map(made_map(tmp_path / "map"))
+    placed = sparse_map(tmp_path)
+    assert opened.images == ("a.png", "c.png")
+    np.testing.assert_allclose(opened.T_world_body, placed.T_world_body[[0, 2]], atol=1e-8)
+    assert opened.time_s[0] == 0.0
+    assert np.isnan(opened.time_s[1])
+    assert opened.hash == opened.field.hash == opened.facts["hash"]
+    known = opened.localization_map()
+    np.testing.assert_array_equal(known.points_world_m, placed.points_world_m)
+    assert ((known.descriptors * placed.descriptors).sum(axis=1) > 0.999).all()
+
+
+def test_what_is_not_a_map_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="not a map"):
+        mapping.open_map(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["poses.csv", "camera.toml", "localization/points.npz", "esdf/esdf.toml"])
+def test_a_damaged_map_is_refused(tmp_path: Path, name: str) -> None:
+    folder = made_map(tmp_path / "map")
+    (folder / name).write_bytes(b"image,nothing\n")
+    with pytest.raises((FormatError, InputError)):
+        mapping.open_map(folder).localization_map()
+
+
+def failing(images: Path, out: Path) -> str:
+    """The message of the failure; an earlier map in `out` must have survived it."""
+    hash = mapping.open_map(made_map(out)).hash
+    before = sorted(p.relative_to(out) for p in out.rglob("*"))
+    with pytest.raises(FlightError) as caught:
+        mapping.build_map(images, RIG, out, MapOptions(length=mapping.Length(1.0)))
+    assert mapping.open_map(out).hash == hash
+    assert sorted(p.relative_to(out) for p in out.rglob("*")) == before
+    assert not [p for p in out.parent.iterdir() if p.name.startswith(".")]
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_images_that_show_nothing_in_common_leave_the_old_map(tmp_path: Path) -> None:
+    images = write_images(tmp_path / "images", [noise(k) for k in range(4)])
+    assert "no map" in failing(images, tmp_path / "map")
+
+
+def test_blank_images_leave_the_old_map(tmp_path: Path) -> None:
+    images = write_images(tmp_path / "images", [np.full((120, 160), 90, np.uint8)] * 3)
+    assert "no map" in failing(images, tmp_path / "map")
+
+
+def test_one_image_again_and_again_is_no_map(tmp_path: Path) -> None:
+    images = write_images(tmp_path / "images", [noise(1)] * 5)
+    assert "no map" in failing(images, tmp_path / "map")
+
+
+def test_a_damaged_image_leaves_the_old_map(tmp_path: Path) -> None:
+    images = write_images(tmp_path / "images", [noise(k) for k in range(4)])
+    (images / "02.png").write_bytes(b"torn")
+    assert "02.png is damaged" in failing(images, tmp_path / "map")
+
+
+def test_a_folder_with_other_things_is_not_overwritten(tmp_path: Path) -> None:
+    images = write_images(tmp_path / "images", [noise(k) for k in range(4)])
+    out = tmp_path / "thesis"
+    out.mkdir()
+    (out / "chapter1.tex").write_text("precious")
+    with pytest.raises(InputError, match="not empty and not a map"):
+        mapping.build_map(images, RIG, out)
+    assert (out / "chapter1.tex").read_text() == "precious"
+
+
+def test_interrupt_leaves_the_old_map(tmp_path: Path) -> None:
+    images = write_images(tmp_path / "images", [noise(k) for k in range(4)])
+    out = made_map(tmp_path / "map")
+
+    def interrupted(stage: str, fraction: float) -> None:
+        if stage == "matching features":
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        mapping.build_map(images, RIG, out, progress=interrupted)
+    assert mapping.open_map(out).images == ("a.png", "c.png")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["images", "map"]
+
+
+def test_matching_is_mutual_and_clear() -> None:
+    rng = np.random.default_rng(2)
+    known = rng.normal(size=(300, 128)).astype(np.float32)
+    known /= np.linalg.norm(known, axis=1, keepdims=True)
+    known[1] = known[0]  # a doubled point is never clear
+    query = known[[7, 0, 250]] + 0.01 * rng.normal(size=(3, 128)).astype(np.float32)
+    query /= np.linalg.norm(query, axis=1, keepdims=True)
+    chosen, points = localization.match(query, known, 0.85)
+    assert chosen.tolist() == [0, 2]
+    assert points.tolist() == [7, 250]
+
+
+def test_nothing_matches_nothing() -> None:
+    empty = np.zeros((0, 128), dtype=np.float32)
+    assert len(localization.match(empty, empty, 0.8)[0]) == 0
+    with pytest.raises(InputError):
+        localization.load(Path("nowhere"))
+
+
+def test_colmap_options_refuse_nonsense() -> None:
+    for wrong in ({"features": 10}, {"window": 0}, {"similar": -1}):
+        with pytest.raises(InputError):
+            SparseOptions(**wrong)
+
+
+def test_too_few_placed_images_are_no_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    images = sparse_map(tmp_path).images
+    model = colmap.SparseModel(
+        RIG, np.stack([np.eye(4), *[np.full((4, 4), np.nan)] * 2]), np.zeros((3, 1), bool), np.zeros((0, 3)),
+        np.zeros((0, 128)), np.zeros((0, 3), int), np.zeros((0, 2)), 0.3, 1.0, {},
+    )  # fmt: skip
+    monkeypatch.setattr("mapping.child.run", lambda *_, **__: model)
+    with pytest.raises(MapError, match="only 1 of 3 images"):
+        sparse.reconstruct(images)
+
+
+def test_localization_map_survives_its_file(tmp_path: Path) -> None:
+    placed = sparse_map(tmp_path)
+    localization.save(tmp_path / "points", placed.localization_map())
+    back = localization.load(tmp_path / "points")
+    assert isinstance(back, LocalizationMap)
+    with open(tmp_path / "points" / "points.npz", "ab") as file:
+        file.write(b"x")
+    with pytest.raises(FormatError, match="not the file"):
+        localization.load(tmp_path / "points")
