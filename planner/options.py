@@ -55,6 +55,11 @@ class PlanOptions:
         """What the planner keeps, so that the gate's proof, which is good to 1 mm, finds `clearance_m`."""
         return self.clearance_m + 0.002
 
+    @property
+    def waypoint_clearance_m(self) -> float:
+        """What waypoints must keep: a little more, so that there is a way up to them."""
+        return self.clearance_m + 0.004
+
 
 class PlanInfeasibleError(InfeasibleError):
     """No trajectory was found that passes the gate."""

@@ -54,7 +54,7 @@ def plan(
     options = PlanOptions() if options is None else options
     progress("route", 0.0)
     _check_vehicle(vehicle)
-    routes.check_waypoints(waypoints, field, options.planned_clearance_m)
+    routes.check_waypoints(waypoints, field, options.waypoint_clearance_m)
     route = routes.find(waypoints, field, options)
     progress("optimise", 0.2)
     path = fastest_path(route, field, vehicle, options)
@@ -94,7 +94,7 @@ def fastest_path(route: routes.Route, field: space.DistanceField, vehicle: Vehic
         return repair.through_corridor(dense, rough.durations_s, field, options)
     knots, durations, waypoint = _split(rough.spline, dense.waypoint, _pieces(dense, options))
     problem = replace(problem, knots=knots, free=waypoint < 0, weights=Weights(snap=1e-7, limits=1500.0))
-    fine = time_allocation.optimise(problem, durations, iterations=200)
+    fine = time_allocation.optimise(problem, durations)
     path = repair.bend_until_clear(problem, fine, waypoint, options)
     return repair.through_corridor(dense, rough.durations_s, field, options) if path is None else path
 

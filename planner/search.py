@@ -10,6 +10,8 @@ from planner._planner import search as grid_search
 
 _CELLS = 800_000
 """Most cells of a search grid; larger regions get larger cells."""
+_CELLS_FINE = 4_000_000
+"""The same for the second look, where the first found no way."""
 _FINEST_M = 0.12
 _PRICE = 3.0
 """Added price per metre of going at the required clearance rather than at a comfortable one."""
@@ -52,10 +54,12 @@ def region(field: space.DistanceField, points: FloatArray, margin_m: float) -> t
     return low, np.maximum(high, low)
 
 
-def lattice(field: space.DistanceField, points: FloatArray, margin_m: float, *, finest_m: float = _FINEST_M) -> Lattice:
+def lattice(
+    field: space.DistanceField, points: FloatArray, margin_m: float, *, finest_m: float = _FINEST_M, cells: int = _CELLS
+) -> Lattice:
     """Sample the field round `points` (n, 3), one of them exactly on the grid."""
     low, high = region(field, points, margin_m)
-    step = max(finest_m, float(np.prod(high - low) / _CELLS) ** (1 / 3))
+    step = max(finest_m, float(np.prod(high - low) / cells) ** (1 / 3))
     low = points[0] - np.floor((points[0] - low) / step) * step
     shape = np.floor((high - low) / step).astype(int) + 1
     axes = [low[i] + step * np.arange(shape[i]) for i in range(3)]
@@ -105,7 +109,8 @@ def _finer(
     """Once more with half the cells' size, near the two points only; None if that is too fine to be worth it."""
     if grid.step_m < 0.03:
         return None
-    closer = lattice(field, np.stack([start, goal]), 3.0, finest_m=0.5 * grid.step_m)
+    cells = _CELLS_FINE if hasattr(field, "grid") else _CELLS  # a formula is slow to sample
+    closer = lattice(field, np.stack([start, goal]), 3.0, finest_m=0.5 * grid.step_m, cells=cells)
     if closer.step_m > 0.75 * grid.step_m:
         return None
     return route(field, closer, start, goal, required_m, comfort_m)

@@ -151,7 +151,7 @@ def _chords(knots: FloatArray) -> FloatArray:
     return knots[:-1, None] + _U[None, :, None] * (knots[1:] - knots[:-1])[:, None]
 
 
-def optimise(problem: Problem, durations_s: FloatArray, *, iterations: int = 200, precision: float = 1e-5) -> Solution:
+def optimise(problem: Problem, durations_s: FloatArray, *, iterations: int = 300, precision: float = 1e-6) -> Solution:
     """Minimise over log durations and free knots with L-BFGS, from `durations_s`."""
     from scipy.optimize import minimize
 
@@ -170,7 +170,7 @@ def optimise(problem: Problem, durations_s: FloatArray, *, iterations: int = 200
 
     start = np.concatenate([np.log(durations_s), problem.knots[free].ravel()])
     box = [(-5.0, 6.0)] * k + [(None, None)] * (3 * len(free))
-    options = {"maxiter": iterations, "ftol": precision, "gtol": 1e-6, "maxcor": 20}
+    options = {"maxiter": iterations, "ftol": precision, "gtol": 1e-6, "maxcor": 30}
     found = minimize(evaluate, start, jac=True, method="L-BFGS-B", bounds=box, options=options)
     knots, T = unpack(found.x)
     spline = minimum_snap.solve(knots, T)

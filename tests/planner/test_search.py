@@ -84,7 +84,7 @@ def test_the_way_through_a_doorway_is_free_and_hardly_longer_than_it_must_be(two
     assert np.linalg.norm(np.diff(way, axis=0), axis=1).sum() < 1.1 * shortest
 
 
-@pytest.mark.parametrize("width", [0.62, 0.66, 0.75])
+@pytest.mark.parametrize("width", [0.64, 0.68, 0.75])
 def test_a_doorway_that_is_only_just_wide_enough_is_found(width):
     y = 0.137
     scene = solids.Scene(
