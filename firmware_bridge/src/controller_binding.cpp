@@ -324,7 +324,7 @@ void bind_controller(nb::module_& m) {
             "id"_a, "crc32"_a)
         .def("state", [](const Controller& self) { return static_cast<int>(self.c->mission.state); })
         .def_prop_ro("configured", [](const Controller& self) { return self.c->configured; })
-        .def("has_trajectory", [](const Controller &self) { return tc_store_active(&self.c->store) != nullptr; })
+        .def("has_trajectory", [](const Controller& self) { return tc_store_active(&self.c->store) != nullptr; })
         .def("refused_segment", [](const Controller& self) { return self.c->store.refused_segment; })
         .def(
             "ground_alive", [](Controller& self, uint64_t t) { tc_ground_alive(self.c.get(), t); }, "time_us"_a)

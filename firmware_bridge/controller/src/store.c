@@ -30,7 +30,7 @@ tc_reason tc_store_begin(tc_store *store, const tc_trajectory_header *header) {
 }
 
 bool tc_store_has_segment(const tc_store *store, uint16_t index) {
-    return index < TC_MAX_SEGMENTS && ((store->received[index / 8u] >> (index % 8u)) & 1u) != 0u;
+    return index < TC_MAX_SEGMENTS && (((uint32_t)store->received[index / 8u] >> (index % 8u)) & 1u) != 0u;
 }
 
 /* A late repeat of what was already checked is no error; anything else is. */
