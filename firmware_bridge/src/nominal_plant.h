@@ -35,9 +35,12 @@ class NominalPlant {
         float *position = state_, *velocity = state_ + 3, *q = state_ + 6, *rate = state_ + 10;
         const float thrust = flying ? c.telemetry.wrench.thrust_n : 0.0f;
         float drag[3];
-        tc_drag(&p, velocity, q, thrust, 0.0f, drag);
-        const float z[3] = {2 * (q[1] * q[3] + q[0] * q[2]), 2 * (q[2] * q[3] - q[0] * q[1]),
-                            1 - 2 * (q[1] * q[1] + q[2] * q[2])};
+        float axes[3][3] = {
+            {1 - 2 * (q[2] * q[2] + q[3] * q[3]), 2 * (q[1] * q[2] + q[0] * q[3]), 2 * (q[1] * q[3] - q[0] * q[2])},
+            {2 * (q[1] * q[2] - q[0] * q[3]), 1 - 2 * (q[1] * q[1] + q[3] * q[3]), 2 * (q[2] * q[3] + q[0] * q[1])},
+            {2 * (q[1] * q[3] + q[0] * q[2]), 2 * (q[2] * q[3] - q[0] * q[1]), 1 - 2 * (q[1] * q[1] + q[2] * q[2])}};
+        tc_drag(&p, velocity, axes, thrust, 0.0f, drag);
+        const float* z = axes[2];
         for (int i = 0; i < 3; i++) {
             const float weight = i == 2 ? p.gravity_m_s2 : 0.0f;
             const float acceleration = (z[i] * thrust + drag[i]) / p.mass_kg - weight;

@@ -24,8 +24,9 @@ static void lee_error(const float difference[4], float error[3]) {
     for (int i = 0; i < 3; i++) error[i] = 2.0f * difference[0] * difference[i + 1];
 }
 
-void tc_attitude_step(const tc_parameters *p, const tc_attitude_reference *reference, const float q_world_body[4],
+void tc_attitude_step(const tc_parameters* p, const tc_attitude_reference* reference, const float q_world_body[4],
                       const float rate_body_rad_s[3], float torque_body_n_m[3]) {
+    float axes[3][3];
     float difference[4], error[3], feed_rate[3], feed_acceleration[3], momentum[3], gyroscopic[3];
     tc_q_difference(q_world_body, reference->q_world_body, difference);
     if (p->attitude_mode > 0.5f) {
@@ -34,8 +35,9 @@ void tc_attitude_step(const tc_parameters *p, const tc_attitude_reference *refer
         tilt_error(difference, error);
     }
     /* Feed-forward is given in the reference's axes; bring it into the body's. */
-    tc_to_world(difference, reference->rate_body_rad_s, feed_rate);
-    tc_to_world(difference, reference->angular_acceleration_rad_s2, feed_acceleration);
+    tc_q_axes(difference, axes);
+    tc_to_world(axes, reference->rate_body_rad_s, feed_rate);
+    tc_to_world(axes, reference->angular_acceleration_rad_s2, feed_acceleration);
     for (int i = 0; i < 3; i++) momentum[i] = p->inertia_kg_m2[i] * rate_body_rad_s[i];
     tc_cross(rate_body_rad_s, momentum, gyroscopic);
     for (int i = 0; i < 3; i++) {
@@ -47,24 +49,20 @@ void tc_attitude_step(const tc_parameters *p, const tc_attitude_reference *refer
     }
 }
 
-void tc_modelled_moment(const tc_parameters *p, const float air_velocity_body_m_s[3], const float rate_body_rad_s[3],
-                        const float rotor_speed_rad_s[TC_ROTORS], float moment_body_n_m[3]) {
-    for (int i = 0; i < 3; i++) moment_body_n_m[i] = -p->damping_n_m_s[i] * rate_body_rad_s[i];
+void tc_modelled_moment(const tc_parameters* p, const tc_mixer* mixer, const float air_velocity_body_m_s[3],
+                        const float rate_body_rad_s[3], const float rotor_speed_rad_s[TC_ROTORS],
+                        float moment_body_n_m[3]) {
+    float sum = 0.0f, sum_x = 0.0f, sum_y = 0.0f, sum_xx = 0.0f; /* of speeds, and of speeds times arms */
     for (int i = 0; i < TC_ROTORS; i++) {
-        const float x = p->rotor_x_m[i] - p->centre_of_mass_m[0], y = p->rotor_y_m[i] - p->centre_of_mass_m[1];
-        const float vx = air_velocity_body_m_s[0] - rate_body_rad_s[2] * y;
-        const float vy = air_velocity_body_m_s[1] + rate_body_rad_s[2] * x;
-        const float flapping = p->flapping_kg_m * rotor_speed_rad_s[i];
-        const float drag = p->rotor_drag_kg * rotor_speed_rad_s[i];
-        moment_body_n_m[0] -= flapping * vy;
-        moment_body_n_m[1] += flapping * vx;
-        moment_body_n_m[2] -= drag * (x * vy - y * vx);
+        const float n = rotor_speed_rad_s[i], x = mixer->arm_x_m[i], y = mixer->arm_y_m[i];
+        sum += n;
+        sum_x += n * x;
+        sum_y += n * y;
+        sum_xx += n * (x * x + y * y);
     }
-}
-
-float tc_tilt_difference(const float q_a[4], const float q_b[4]) {
-    float a[3], b[3];
-    tc_q_axis_z(q_a, a);
-    tc_q_axis_z(q_b, b);
-    return 1.0f - tc_dot(a, b);
+    const float vx = air_velocity_body_m_s[0], vy = air_velocity_body_m_s[1], wz = rate_body_rad_s[2];
+    const float drag_moment = vy * sum_x - vx * sum_y + wz * sum_xx;
+    moment_body_n_m[0] = -p->damping_n_m_s[0] * rate_body_rad_s[0] - p->flapping_kg_m * (vy * sum + wz * sum_x);
+    moment_body_n_m[1] = -p->damping_n_m_s[1] * rate_body_rad_s[1] + p->flapping_kg_m * (vx * sum - wz * sum_y);
+    moment_body_n_m[2] = -p->damping_n_m_s[2] * wz - p->rotor_drag_kg * drag_moment;
 }

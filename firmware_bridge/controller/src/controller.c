@@ -6,21 +6,21 @@
 
 #define LONGEST_STEP_US 20000u
 
-void tc_init(tc_controller *c) {
+void tc_init(tc_controller* c) {
     memset(c, 0, sizeof *c);
     tc_store_init(&c->store);
     tc_mission_init(&c->mission);
     tc_parameters_default(&c->parameters);
     c->last_good.q_world_body[0] = 1.0f;
-    c->flatness.q_reference[0] = 1.0f;
+    tc_flatness_reset(&c->flatness, c->last_good.q_world_body);
     c->time_scale = 1.0f;
 }
 
-static void make_setpoint(tc_controller *c, float step_s) {
-    tc_setpoint *setpoint = &c->telemetry.setpoint;
+static void make_setpoint(tc_controller* c, float step_s) {
+    tc_setpoint* setpoint = &c->telemetry.setpoint;
     const uint8_t state = c->mission.state;
     if (tc_mission_on_path(state)) {
-        const tc_trajectory *trajectory = tc_store_active(&c->store);
+        const tc_trajectory* trajectory = tc_store_active(&c->store);
         tc_clock_advance(&c->clock, trajectory, step_s);
         tc_clock_setpoint(&c->clock, trajectory, setpoint);
     } else if (tc_mission_in_air(state) && state != TC_EMERGENCY) {
@@ -30,32 +30,31 @@ static void make_setpoint(tc_controller *c, float step_s) {
 }
 
 /* Level, heading kept, a little less thrust than the weight: what attitude alone can do. */
-static void emergency_force(const tc_controller *c, tc_flat_input *flat) {
+static void emergency_force(const tc_controller* c, tc_flat_input* flat) {
     memset(flat, 0, sizeof *flat);
     flat->force_world_n[2] = c->parameters.emergency_sink * c->parameters.mass_kg * c->parameters.gravity_m_s2;
     flat->yaw_rad = c->telemetry.setpoint.yaw_rad;
 }
 
-static float mean_rotor_speed(const tc_controller *c) {
-    const float *n = c->telemetry.rotor_speed_rad_s;
+static float mean_rotor_speed(const tc_controller* c) {
+    const float* n = c->telemetry.rotor_speed_rad_s;
     return 0.25f * (n[0] + n[1] + n[2] + n[3]);
 }
 
-static void modelled_drag(const tc_controller *c, float drag_world_n[3]) {
+static void modelled_drag(tc_controller* c, float drag_world_n[3]) {
     static const float still[3] = {0.0f, 0.0f, 0.0f};
-    const tc_parameters *p = &c->parameters;
-    const tc_telemetry *t = &c->telemetry;
+    const tc_parameters* p = &c->parameters;
+    const tc_telemetry* t = &c->telemetry;
     const bool estimated = p->drag_velocity > 1.5f;
-    const float *velocity = estimated ? t->estimate.velocity_world_m_s : t->setpoint.velocity_world_m_s;
-    const float *attitude = estimated ? t->estimate.q_world_body : c->flatness.q_reference;
-    tc_drag(p, p->drag_velocity < 0.5f ? still : velocity, attitude, t->wrench.thrust_n, mean_rotor_speed(c),
-            drag_world_n);
+    const float* velocity = estimated ? t->estimate.velocity_world_m_s : t->setpoint.velocity_world_m_s;
+    tc_drag(p, p->drag_velocity < 0.5f ? still : velocity, estimated ? c->axes : c->flatness.axes, t->wrench.thrust_n,
+            mean_rotor_speed(c), drag_world_n);
 }
 
 /* Eq. (9) and the derivatives of its feed-forward part. */
-static void flight_force(tc_controller *c, float step_s, tc_flat_input *flat) {
-    const tc_parameters *p = &c->parameters;
-    const tc_setpoint *setpoint = &c->telemetry.setpoint;
+static void flight_force(tc_controller* c, float step_s, tc_flat_input* flat) {
+    const tc_parameters* p = &c->parameters;
+    const tc_setpoint* setpoint = &c->telemetry.setpoint;
     tc_position_input input = {.largest_thrust_n = c->mixer.largest_thrust_n,
                                .integrate = c->mission.state != TC_TAKE_OFF && c->telemetry.saturation == 0u};
     tc_copy(input.position_world_m, c->telemetry.estimate.position_world_m);
@@ -73,14 +72,14 @@ static void flight_force(tc_controller *c, float step_s, tc_flat_input *flat) {
 }
 
 /* Air speed and rates at the rotors, from the source that was chosen. */
-static void airflow(const tc_controller *c, const tc_attitude_reference *reference, float air[3], float rate[3]) {
-    const tc_telemetry *t = &c->telemetry;
+static void airflow(tc_controller* c, const tc_attitude_reference* reference, float air[3], float rate[3]) {
+    const tc_telemetry* t = &c->telemetry;
     const float source = c->parameters.airflow_velocity;
     const bool estimated = source > 1.5f;
     const float on = source > 0.5f && c->mission.state != TC_EMERGENCY ? 1.0f : 0.0f;
-    const float *velocity = estimated ? t->estimate.velocity_world_m_s : t->setpoint.velocity_world_m_s;
-    const float *rates = estimated ? t->estimate.rate_body_rad_s : reference->rate_body_rad_s;
-    tc_to_body(t->estimate.q_world_body, velocity, air);
+    const float* velocity = estimated ? t->estimate.velocity_world_m_s : t->setpoint.velocity_world_m_s;
+    const float* rates = estimated ? t->estimate.rate_body_rad_s : reference->rate_body_rad_s;
+    tc_to_body(c->axes, velocity, air);
     for (int i = 0; i < 3; i++) {
         air[i] *= on;
         rate[i] = on * rates[i];
@@ -89,9 +88,9 @@ static void airflow(const tc_controller *c, const tc_attitude_reference *referen
 
 /* Battery sag and rotor lag, taken off the speed command. The lead (lag s + 1) / (filter s + 1) undoes the rotors' lag
    up to the filter's frequency; the plain inverse would drive the rotors with nothing but sensor noise. */
-static float command_speed(tc_controller *c, int rotor, float wanted, float step_s) {
-    const tc_parameters *p = &c->parameters;
-    float *slow = &c->slow_speed_rad_s[rotor];
+static float command_speed(tc_controller* c, int rotor, float wanted, float step_s) {
+    const tc_parameters* p = &c->parameters;
+    float* slow = &c->slow_speed_rad_s[rotor];
     if (!c->was_flying) *slow = wanted;
     const float filter_s = tc_max(p->lead_filter_s, step_s);
     *slow += (wanted - *slow) * tc_min(step_s / filter_s, 1.0f);
@@ -102,12 +101,12 @@ static float command_speed(tc_controller *c, int rotor, float wanted, float step
     return tc_clamp(speed, p->rotor_min_rad_s, p->rotor_max_rad_s);
 }
 
-static void fly(tc_controller *c, float step_s) {
-    const tc_parameters *p = &c->parameters;
-    tc_telemetry *t = &c->telemetry;
+static void fly(tc_controller* c, float step_s) {
+    const tc_parameters* p = &c->parameters;
+    tc_telemetry* t = &c->telemetry;
     tc_flat_input flat;
     tc_attitude_reference reference;
-    float torque[3], moment[3], air[3], rate[3], z[3];
+    float torque[3], moment[3], air[3], rate[3];
     tc_mix mix;
     t->saturation = 0;
     if (c->mission.state == TC_EMERGENCY) {
@@ -117,10 +116,9 @@ static void fly(tc_controller *c, float step_s) {
     }
     tc_flatness_step(&c->flatness, p, &flat, p->mass_kg * p->gravity_m_s2, step_s, &reference);
     tc_attitude_step(p, &reference, t->estimate.q_world_body, t->estimate.rate_body_rad_s, torque);
-    tc_q_axis_z(t->estimate.q_world_body, z);
     airflow(c, &reference, air, rate);
-    tc_modelled_moment(p, air, t->estimate.rate_body_rad_s, c->wanted_speed_rad_s, moment);
-    t->wrench.thrust_n = tc_max(tc_dot(z, flat.force_world_n), 0.0f);
+    tc_modelled_moment(p, &c->mixer, air, t->estimate.rate_body_rad_s, c->wanted_speed_rad_s, moment);
+    t->wrench.thrust_n = tc_max(tc_dot(c->axes[2], flat.force_world_n), 0.0f);
     for (int i = 0; i < 3; i++) t->wrench.torque_n_m[i] = torque[i] - moment[i];
     tc_mixer_solve(&c->mixer, p, &t->wrench, air, rate, &mix);
     t->saturation |= mix.saturation;
@@ -134,8 +132,8 @@ static void fly(tc_controller *c, float step_s) {
 }
 
 /* On the ground or at fault: the rotors idle or stand, and the reference follows the vehicle. */
-static void rest(tc_controller *c) {
-    tc_telemetry *t = &c->telemetry;
+static void rest(tc_controller* c) {
+    tc_telemetry* t = &c->telemetry;
     const float speed = c->mission.state == TC_ARMED ? c->parameters.rotor_idle_rad_s : 0.0f;
     for (int i = 0; i < TC_ROTORS; i++) {
         t->rotor_speed_rad_s[i] = speed;
@@ -150,9 +148,9 @@ static void rest(tc_controller *c) {
     c->was_flying = false;
 }
 
-static void describe(tc_controller *c) {
-    tc_telemetry *t = &c->telemetry;
-    const tc_trajectory *active = tc_store_active(&c->store);
+static void describe(tc_controller* c) {
+    tc_telemetry* t = &c->telemetry;
+    const tc_trajectory* active = tc_store_active(&c->store);
     t->state = c->mission.state;
     t->reason = c->mission.reason;
     t->path_rate = tc_mission_on_path(t->state) ? c->clock.rate : 0.0f;
@@ -162,7 +160,7 @@ static void describe(tc_controller *c) {
     t->ticks++;
 }
 
-static void write_output(const tc_controller *c, tc_output *output) {
+static void write_output(const tc_controller* c, tc_output* output) {
     for (int i = 0; i < TC_ROTORS; i++) output->rotor_speed_rad_s[i] = c->telemetry.rotor_speed_rad_s[i];
     output->saturation = c->telemetry.saturation;
     output->state = c->mission.state;
@@ -174,7 +172,7 @@ static tc_reason estimate_reason(uint8_t faults) {
     return (faults & TC_FAULT_POSITION_STALE) != 0u ? TC_ESTIMATE_STALE : TC_OK;
 }
 
-tc_reason tc_tick(tc_controller *c, uint64_t time_us, const tc_estimate *estimate, tc_output *output) {
+tc_reason tc_tick(tc_controller* c, uint64_t time_us, const tc_estimate* estimate, tc_output* output) {
     const bool first = c->telemetry.ticks == 0u;
     if (!first && time_us <= c->last_tick_us) {
         c->telemetry.refused_ticks++;
@@ -188,6 +186,7 @@ tc_reason tc_tick(tc_controller *c, uint64_t time_us, const tc_estimate *estimat
     c->telemetry.time_us = time_us;
     const uint8_t faults = tc_take_estimate(c, time_us, estimate);
     c->telemetry.estimate_faults = faults;
+    tc_q_axes(c->telemetry.estimate.q_world_body, c->axes);
     make_setpoint(c, step_s);
     tc_observe(c, faults);
     if (tc_mission_in_air(c->mission.state)) {
@@ -201,4 +200,4 @@ tc_reason tc_tick(tc_controller *c, uint64_t time_us, const tc_estimate *estimat
     return late ? TC_TIME_WENT_BACK : estimate_reason(faults);
 }
 
-const tc_telemetry *tc_telemetry_now(const tc_controller *c) { return &c->telemetry; }
+const tc_telemetry* tc_telemetry_now(const tc_controller* c) { return &c->telemetry; }

@@ -11,9 +11,10 @@
 #define CHART_GOOD 0.30f
 #define LARGEST_ANGULAR_ACCELERATION_RAD_S2 300.0f
 
-void tc_flatness_reset(tc_flatness_state *state, const float q_world_body[4]) {
+void tc_flatness_reset(tc_flatness_state* state, const float q_world_body[4]) {
     tc_copy4(state->q_reference, q_world_body);
     tc_q_normalise(state->q_reference);
+    tc_q_axes(state->q_reference, state->axes);
     state->started = true;
 }
 
@@ -26,14 +27,12 @@ void tc_flatness_chart(const float axis_world[3], float yaw_rad, float q_world_b
     q_world_body[1] = tilt[1] * cosine + tilt[2] * sine;
     q_world_body[2] = tilt[2] * cosine - tilt[1] * sine;
     q_world_body[3] = tilt[0] * sine;
-    tc_q_normalise(q_world_body);
 }
 
-/* Turns `q` the shortest way so that its z axis comes to `axis`, by at most `limit_rad` (small). True if it got there.
- */
-static bool transport(const float q[4], const float axis[3], float limit_rad, float out[4]) {
-    float z[3], normal[3];
-    tc_q_axis_z(q, z);
+/* Turns `q`, whose z axis is `z`, the shortest way so that z comes to `axis`, by at most `limit_rad` (small). True if
+   it got there. */
+static bool transport(const float q[4], const float z[3], const float axis[3], float limit_rad, float out[4]) {
+    float normal[3];
     tc_cross(z, axis, normal);
     const float cosine = tc_dot(z, axis);
     const float half_limit = 0.5f * limit_rad;
@@ -60,7 +59,7 @@ static bool transport(const float q[4], const float axis[3], float limit_rad, fl
 
 /* Turns `q` about its own z axis towards the chart by at most `limit_rad` (small). Returns the angle turned, or
    NaN-free 2 pi as "arrived". */
-static bool turn_to_chart(const float chart[4], float limit_rad, float q[4], float *turned_rad) {
+static bool turn_to_chart(const float chart[4], float limit_rad, float q[4], float* turned_rad) {
     float difference[4];
     tc_q_difference(q, chart, difference);
     const float half = difference[0] < 0.0f ? -difference[3] : difference[3];
@@ -79,11 +78,9 @@ static bool turn_to_chart(const float chart[4], float limit_rad, float q[4], flo
 }
 
 /* Rates of the axis and of the chart about it, from the force and its derivatives. */
-static void rates(const tc_flat_input *input, const float q[4], float size_n, tc_attitude_reference *out) {
-    float x[3], y[3], z[3], z1[3], z2[3];
-    tc_q_axis_x(q, x);
-    tc_q_axis_y(q, y);
-    tc_q_axis_z(q, z);
+static void rates(const tc_flat_input* input, float axes[3][3], float size_n, tc_attitude_reference* out) {
+    const float *x = axes[0], *y = axes[1], *z = axes[2];
+    float z1[3], z2[3];
     const float inverse = 1.0f / size_n;
     const float along1 = tc_dot(z, input->force_rate_n_s) * inverse;
     for (int i = 0; i < 3; i++) z1[i] = input->force_rate_n_s[i] * inverse - z[i] * along1;
@@ -102,19 +99,20 @@ static void rates(const tc_flat_input *input, const float q[4], float size_n, tc
     a[2] = input->yaw_acceleration_rad_s2 + (z[1] * z2[0] - z[0] * z2[1]) * below - swirl * z1[2] * below * below;
 }
 
-void tc_flatness_step(tc_flatness_state *state, const tc_parameters *p, const tc_flat_input *input, float weight_n,
-                      float step_s, tc_attitude_reference *out) {
+void tc_flatness_step(tc_flatness_state* state, const tc_parameters* p, const tc_flat_input* input, float weight_n,
+                      float step_s, tc_attitude_reference* out) {
     const float size_n = tc_norm(input->force_world_n);
     const float usable = tc_max(size_n, NO_DIRECTION * weight_n);
     float axis[3], q[4], chart[4];
     for (int i = 0; i < 3; i++) axis[i] = input->force_world_n[i] / tc_max(size_n, 1e-6f);
     if (!state->started) {
         tc_flatness_chart(axis, input->yaw_rad, state->q_reference);
+        tc_q_axes(state->q_reference, state->axes);
         state->started = true;
     }
     const float direction = tc_clamp((size_n / weight_n - NO_DIRECTION) / (FULL_DIRECTION - NO_DIRECTION), 0.0f, 1.0f);
     const float tilt_limit = tc_min(direction * p->tilt_slew_rad_s * step_s, 1.0f);
-    const bool on_axis = transport(state->q_reference, axis, tilt_limit, q);
+    const bool on_axis = transport(state->q_reference, state->axes[2], axis, tilt_limit, q);
     if (!on_axis) tc_q_axis_z(q, axis);
     tc_flatness_chart(axis, input->yaw_rad, chart);
     const float trust = tc_clamp((1.0f + axis[2] - CHART_LOST) / (CHART_GOOD - CHART_LOST), 0.0f, 1.0f);
@@ -122,7 +120,8 @@ void tc_flatness_step(tc_flatness_state *state, const tc_parameters *p, const tc
     const bool on_chart = turn_to_chart(chart, tc_min(trust * p->yaw_slew_rad_s * step_s, 1.0f), q, &turned_rad);
     tc_copy4(state->q_reference, q);
     tc_copy4(out->q_world_body, q);
-    rates(input, q, usable, out);
+    tc_q_axes(q, state->axes);
+    rates(input, state->axes, usable, out);
     if (!on_chart) {
         out->rate_body_rad_s[2] = step_s > 0.0f ? turned_rad / step_s : 0.0f;
         out->angular_acceleration_rad_s2[2] = 0.0f;

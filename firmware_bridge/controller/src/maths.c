@@ -2,7 +2,7 @@
 #include "maths.h"
 
 /* pi/2 in three parts (Cody and Waite): the first two have so few bits that their products with the turn are exact. */
-static float reduce(float x, int32_t *quadrant) {
+static float reduce(float x, int32_t* quadrant) {
     const float turns = x * 0.636619772f;
     const int32_t n = (int32_t)(turns >= 0.0f ? turns + 0.5f : turns - 0.5f);
     const float k = (float)n;
@@ -10,7 +10,7 @@ static float reduce(float x, int32_t *quadrant) {
     return ((x - k * 1.5703125f) - k * 4.83751297e-4f) - k * 7.54978942e-8f;
 }
 
-void tc_sin_cos(float x, float *sine, float *cosine) {
+void tc_sin_cos(float x, float* sine, float* cosine) {
     const bool usable = tc_abs(x) <= 1000.0f; /* false for NaN */
     int32_t quadrant;
     const float r = reduce(usable ? x : 0.0f, &quadrant);

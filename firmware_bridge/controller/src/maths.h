@@ -17,6 +17,18 @@ static inline bool tc_finite(float x) {
     return (bits & 0x7f800000u) != 0x7f800000u;
 }
 
+/* Finite and no larger than `bound` in size, by one integer comparison each; false for NaN. */
+static inline bool tc_all_within(const float* x, size_t count, float bound) {
+    uint32_t limit, over = 0u;
+    memcpy(&limit, &bound, sizeof limit);
+    for (size_t i = 0; i < count; i++) {
+        uint32_t bits;
+        memcpy(&bits, &x[i], sizeof bits);
+        over |= limit - (bits & 0x7fffffffu); /* the top bit tells that it was smaller than the value */
+    }
+    return (over & 0x80000000u) == 0u;
+}
+
 static inline bool tc_all_finite(const float* x, size_t count) {
     bool finite = true;
     for (size_t i = 0; i < count; i++) finite = finite && tc_finite(x[i]);
@@ -70,12 +82,6 @@ static inline void tc_q_normalise(float q[4]) {
     if (scale <= 0.0f) q[0] = 1.0f;
 }
 
-static inline void tc_q_axis_x(const float q[4], float out[3]) {
-    out[0] = 1.0f - 2.0f * (q[2] * q[2] + q[3] * q[3]);
-    out[1] = 2.0f * (q[1] * q[2] + q[0] * q[3]);
-    out[2] = 2.0f * (q[1] * q[3] - q[0] * q[2]);
-}
-
 static inline void tc_q_axis_y(const float q[4], float out[3]) {
     out[0] = 2.0f * (q[1] * q[2] - q[0] * q[3]);
     out[1] = 1.0f - 2.0f * (q[1] * q[1] + q[3] * q[3]);
@@ -88,23 +94,28 @@ static inline void tc_q_axis_z(const float q[4], float out[3]) {
     out[2] = 1.0f - 2.0f * (q[1] * q[1] + q[2] * q[2]);
 }
 
-/* World to body: the transpose of the rotation applied to v. */
-static inline void tc_to_body(const float q[4], const float v[3], float out[3]) {
-    float x[3], y[3], z[3];
-    tc_q_axis_x(q, x);
-    tc_q_axis_y(q, y);
-    tc_q_axis_z(q, z);
-    out[0] = tc_dot(x, v);
-    out[1] = tc_dot(y, v);
-    out[2] = tc_dot(z, v);
+/* Rows: the body's x, y, z axes in world coordinates. */
+static inline void tc_q_axes(const float q[4], float axes[3][3]) {
+    const float x = 2.0f * q[1], y = 2.0f * q[2], z = 2.0f * q[3];
+    const float wx = q[0] * x, wy = q[0] * y, wz = q[0] * z;
+    const float xx = q[1] * x, xy = q[1] * y, xz = q[1] * z, yy = q[2] * y, yz = q[2] * z, zz = q[3] * z;
+    axes[0][0] = 1.0f - (yy + zz);
+    axes[0][1] = xy + wz;
+    axes[0][2] = xz - wy;
+    axes[1][0] = xy - wz;
+    axes[1][1] = 1.0f - (xx + zz);
+    axes[1][2] = yz + wx;
+    axes[2][0] = xz + wy;
+    axes[2][1] = yz - wx;
+    axes[2][2] = 1.0f - (xx + yy);
 }
 
-static inline void tc_to_world(const float q[4], const float v[3], float out[3]) {
-    float x[3], y[3], z[3];
-    tc_q_axis_x(q, x);
-    tc_q_axis_y(q, y);
-    tc_q_axis_z(q, z);
-    for (int i = 0; i < 3; i++) out[i] = x[i] * v[0] + y[i] * v[1] + z[i] * v[2];
+static inline void tc_to_body(float axes[3][3], const float v[3], float out[3]) {
+    for (int i = 0; i < 3; i++) out[i] = tc_dot(axes[i], v);
+}
+
+static inline void tc_to_world(float axes[3][3], const float v[3], float out[3]) {
+    for (int i = 0; i < 3; i++) out[i] = axes[0][i] * v[0] + axes[1][i] * v[1] + axes[2][i] * v[2];
 }
 
 /* Both to about 1e-7 for |x| <= 1000 rad; larger arguments are the caller's mistake and give 0 and 1. */

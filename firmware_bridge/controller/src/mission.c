@@ -139,9 +139,9 @@ static const uint8_t table[TC_MISSION_STATE_COUNT][TC_EVENT_COUNT] = {
 };
 /* clang-format on */
 
-void tc_mission_init(tc_mission *mission) { memset(mission, 0, sizeof *mission); }
+void tc_mission_init(tc_mission* mission) { memset(mission, 0, sizeof *mission); }
 
-tc_reason tc_mission_post(tc_mission *mission, uint8_t event, tc_reason reason, uint64_t time_us) {
+tc_reason tc_mission_post(tc_mission* mission, uint8_t event, tc_reason reason, uint64_t time_us) {
     if (mission->state >= TC_MISSION_STATE_COUNT || event >= TC_EVENT_COUNT) return TC_WRONG_STATE;
     const uint8_t next = table[mission->state][event];
     if (next == 0u) return TC_WRONG_STATE;
@@ -161,7 +161,7 @@ bool tc_mission_on_path(uint8_t state) { return state >= TC_TRAJECTORY && state 
 
 bool tc_mission_rotors_on(uint8_t state) { return state >= TC_ARMED && state <= TC_EMERGENCY; }
 
-const char *tc_mission_state_text(uint8_t state) {
+const char* tc_mission_state_text(uint8_t state) {
     switch (state) {
         case TC_DISARMED:
             return "disarmed";
@@ -194,7 +194,7 @@ const char *tc_mission_state_text(uint8_t state) {
     }
 }
 
-const char *tc_command_text(uint8_t command) {
+const char* tc_command_text(uint8_t command) {
     switch (command) {
         case TC_COMMAND_ARM:
             return "arm";

@@ -4,15 +4,24 @@
 #include "maths.h"
 
 #define SHORTEST_ARM_M 0.01f
+/* Newton steps for the first guess; then rounds of one step each, until the last changes were so small that what is
+   left is second order: the error against eqs. (1)-(3) stays below 1e-5 of full speed over the envelope, see
+   tests/firmware_bridge/test_controller_numbers.py. A flight needs one or two rounds. */
+#define FIRST_STEPS 2
+#define MOST_ROUNDS 5
+#define SETTLED_M_S 2e-3f
+#define SETTLED_N 1e-3f
 
-/* What the air does at one hub, and the operating point found there. */
+/* The air at one hub, and the operating point found there. Thrusts are those of the healthy rotor without translational
+   lift: what eqs. (1)-(2) must give. */
 typedef struct {
     float axial_m_s;      /* v_z */
     float lateral2_m2_s2; /* v_xy^2 */
-    float lift_n;         /* translational lift, of the healthy rotor */
-    float bem_thrust_n;   /* of the healthy rotor, without translational lift: what (1)-(2) must give */
+    float lift_n;
+    float thrust_n;
     float induced_m_s;
     float induced_per_n; /* d induced / d thrust */
+    float last_step_m_s; /* of the Newton iteration on the induced velocity */
     float speed_rad_s;
     float speed_per_n; /* d speed / d thrust */
 } rotor;
@@ -43,7 +52,7 @@ static float invert_symmetric(float m[3][3], float out[3][3]) {
     return det;
 }
 
-static tc_reason lay_out(tc_mixer *mixer, const tc_parameters *p, float arm_m) {
+static tc_reason lay_out(tc_mixer* mixer, const tc_parameters* p, float arm_m) {
     float column[TC_ROTORS][3]; /* collective, torque x, torque y per newton, arms scaled to about 1 */
     float gram[3][3] = {{0.0f}}, inverse[3][3];
     for (int i = 0; i < TC_ROTORS; i++) {
@@ -68,12 +77,31 @@ static tc_reason lay_out(tc_mixer *mixer, const tc_parameters *p, float arm_m) {
             const float value = tc_dot(inverse[r], column[i]);
             mixer->from_wrench[i][r] = r == 0 ? value : value / arm_m;
         }
+        /* Every rotor must lift and take part in yaw. */
+        if (!(mixer->from_wrench[i][0] > 0.05f && tc_abs(mixer->free[i]) > 0.05f)) return TC_SINGULAR_GEOMETRY;
+        mixer->per_lift[i] = 1.0f / mixer->from_wrench[i][0];
+        mixer->per_free[i] = 1.0f / mixer->free[i];
+        mixer->per_gain[i] = 1.0f / p->rotor_gain[i];
+        mixer->free_gain[i] = 2.0f * mixer->free[i] * mixer->per_gain[i];
     }
     mixer->yaw_per_free = spin_sum;
+    mixer->yaw_sign = spin_sum < 0.0f ? -1.0f : 1.0f;
     return tc_abs(spin_sum) > 0.25f * size_sum ? TC_OK : TC_SINGULAR_GEOMETRY;
 }
 
-tc_reason tc_mixer_configure(tc_mixer *mixer, const tc_parameters *p) {
+/* T = a n^2 + b n with b = through (v_z + v_ind) + axial v_z: one form for all three thrust laws. */
+static void choose_law(tc_mixer* mixer, const tc_parameters* p) {
+    const bool quadratic = p->thrust_model < 0.5f;
+    mixer->square = quadratic ? p->quad_n_s2 : p->k1_n_s2;
+    mixer->through = quadratic ? 0.0f : p->k2_n_s2_m;
+    mixer->axial = quadratic ? -p->inflow_kg : 0.0f;
+    mixer->lateral = p->thrust_model > 1.5f ? 1.0f : 0.0f;
+    mixer->half_per_square = 0.5f / mixer->square;
+    mixer->four_square = 4.0f * mixer->square;
+    mixer->per_load = 1.0f / (2.0f * p->air_density_kg_m3 * p->disk_area_m2);
+}
+
+tc_reason tc_mixer_configure(tc_mixer* mixer, const tc_parameters* p) {
     float arm_m = 0.0f;
     for (int i = 0; i < TC_ROTORS; i++) {
         mixer->arm_x_m[i] = p->rotor_x_m[i] - p->centre_of_mass_m[0];
@@ -83,91 +111,62 @@ tc_reason tc_mixer_configure(tc_mixer *mixer, const tc_parameters *p) {
     }
     if (!(arm_m > SHORTEST_ARM_M)) return TC_SINGULAR_GEOMETRY;
     if (!(p->rotor_max_rad_s > p->rotor_min_rad_s)) return TC_OUT_OF_RANGE;
-    mixer->inverse_two_rho_area = 1.0f / (2.0f * p->air_density_kg_m3 * p->disk_area_m2);
+    choose_law(mixer, p);
     const tc_reason reason = lay_out(mixer, p, arm_m);
     if (reason != TC_OK) return reason;
     /* Enough thrust to hover with a tenth to spare, in still air. */
     const float each_n = p->mass_kg * p->gravity_m_s2 * 1.1f * 0.25f;
-    const float induced = sqrtf(each_n * mixer->inverse_two_rho_area);
     const float n = p->rotor_max_rad_s;
-    const bool quadratic = p->thrust_model < 0.5f;
-    const float thrust_n = quadratic ? p->quad_n_s2 * n * n : p->k1_n_s2 * n * n + p->k2_n_s2_m * n * induced;
+    const float thrust_n = mixer->square * n * n + mixer->through * n * sqrtf(each_n * mixer->per_load);
     mixer->free_per_yaw = thrust_n / (n * n * p->cq_n_m_s2 * mixer->yaw_per_free);
     mixer->largest_thrust_n = 4.0f * thrust_n;
     return thrust_n >= each_n ? TC_OK : TC_CANNOT_HOVER;
 }
 
-/* Newton on eq. (2), v sqrt((v_z + v)^2 + v_xy^2) = T / (2 rho A), from `induced_m_s`. */
-static void solve_induced(rotor *r, float load, int steps) {
-    float v = r->induced_m_s;
-    float slope = 1.0f, root = 1.0f;
+/* The speed for r->thrust_n: Newton on eq. (2), v sqrt((v_z + v)^2 + v_xy^2) = T / (2 rho A), from the induced velocity
+   at hand; then eq. (1) as a quadratic in n. The slopes let the next thrust start close. */
+static inline void solve_rotor(const tc_mixer* mixer, rotor* r, int steps) {
+    const float load = r->thrust_n * mixer->per_load;
+    float v = r->induced_m_s, root = 0.0f, inverse = 0.0f, step = 0.0f;
     for (int i = 0; i < steps; i++) {
         const float w = r->axial_m_s + v;
         const float q = w * w + r->lateral2_m2_s2;
         root = sqrtf(q);
-        slope = tc_max(q + v * w, 1e-6f); /* root times the derivative */
-        v = tc_max(v - (v * q - load * root) / slope, 0.0f);
+        inverse = 1.0f / tc_max(q + v * w, 1e-3f); /* over the derivative times root */
+        step = (v * q - load * root) * inverse;
+        v -= step;
     }
+    v = tc_max(v, 0.0f);
+    const float b = mixer->through * (r->axial_m_s + v) + mixer->axial * r->axial_m_s;
+    const float slope = sqrtf(b * b + mixer->four_square * r->thrust_n); /* 2 a n + b */
+    r->last_step_m_s = step;
     r->induced_m_s = v;
-    r->induced_per_n = root / slope;
+    r->induced_per_n = root * inverse * mixer->per_load;
+    r->speed_rad_s = (slope - b) * mixer->half_per_square;
+    r->speed_per_n = (1.0f - mixer->through * r->speed_rad_s * r->induced_per_n) / slope;
 }
 
-/* a n^2 + b n = T for the speed: larger root, without cancellation for either sign of b. Returns 2 a n + b. */
-static float larger_root(float a, float b, float thrust_n, float *speed_rad_s) {
-    const float root = sqrtf(tc_max(b * b + 4.0f * a * thrust_n, 1e-12f));
-    *speed_rad_s = b > 0.0f ? 2.0f * thrust_n / (b + root) : 0.5f * (root - b) / a;
-    return root;
-}
-
-/* Eq. (1): k1 n^2 + k2 (v_z + v_ind) n = T; the slope takes along that the induced velocity grows with thrust. */
-static void solve_blade_element(const tc_mixer *mixer, const tc_parameters *p, rotor *r) {
-    const float b = p->k2_n_s2_m * (r->axial_m_s + r->induced_m_s);
-    const float root = larger_root(p->k1_n_s2, b, r->bem_thrust_n, &r->speed_rad_s);
-    const float loss = p->k2_n_s2_m * r->speed_rad_s * r->induced_per_n * mixer->inverse_two_rho_area;
-    r->speed_per_n = (1.0f - loss) / root;
-}
-
-static void solve_rotor(const tc_mixer *mixer, const tc_parameters *p, rotor *r, int steps) {
-    if (p->thrust_model < 0.5f) { /* k n^2 - k_z v_z n = T */
-        const float b = -p->inflow_kg * r->axial_m_s;
-        r->speed_per_n = 1.0f / larger_root(p->quad_n_s2, b, r->bem_thrust_n, &r->speed_rad_s);
-        return;
-    }
-    solve_induced(r, r->bem_thrust_n * mixer->inverse_two_rho_area, steps);
-    solve_blade_element(mixer, p, r);
-}
-
-/* Air speed at the hub and the thrust that momentum theory is asked for; the first guess is the answer for v_xy = 0. */
-static void start_rotor(const tc_mixer *mixer, const tc_parameters *p, int i, const float air[3], const float rate[3],
-                        float thrust_n, rotor *r) {
+/* Air speed at the hub; the first guess of the induced velocity is the answer for v_xy = 0. */
+static inline void start_rotor(const tc_mixer* mixer, const tc_parameters* p, int i, const float air[3],
+                               const float rate[3], float thrust_n, rotor* r) {
     const float x = mixer->arm_x_m[i], y = mixer->arm_y_m[i];
     const float vx = air[0] - rate[2] * y, vy = air[1] + rate[2] * x;
     const float lateral2 = vx * vx + vy * vy;
     r->axial_m_s = air[2] + rate[0] * y - rate[1] * x;
-    r->lateral2_m2_s2 = p->thrust_model > 1.5f ? lateral2 : 0.0f;
+    r->lateral2_m2_s2 = mixer->lateral * lateral2;
     r->lift_n = p->lift_kg_m * lateral2;
-    r->bem_thrust_n = tc_max(thrust_n / p->rotor_gain[i] - r->lift_n, 0.0f);
+    r->thrust_n = tc_max(thrust_n * mixer->per_gain[i] - r->lift_n, 1e-3f);
     const float half = 0.5f * r->axial_m_s;
-    r->induced_m_s = sqrtf(half * half + r->bem_thrust_n * mixer->inverse_two_rho_area) - half;
-    r->induced_per_n = 0.0f;
+    r->induced_m_s = sqrtf(half * half + r->thrust_n * mixer->per_load) - half;
+    solve_rotor(mixer, r, FIRST_STEPS);
 }
 
 /* A new thrust for a rotor that has been solved: carry the induced velocity along, then polish. */
-static void move_rotor(const tc_mixer *mixer, const tc_parameters *p, int i, float thrust_n, int steps, rotor *r) {
-    const float before = r->bem_thrust_n;
-    r->bem_thrust_n = tc_max(thrust_n / p->rotor_gain[i] - r->lift_n, 0.0f);
-    const float slope = r->induced_per_n * mixer->inverse_two_rho_area;
-    r->induced_m_s = tc_max(r->induced_m_s + slope * (r->bem_thrust_n - before), 0.0f);
-    solve_rotor(mixer, p, r, steps);
-}
-
-/* Thrust at a speed limit, from T = a n^2 + b n through the operating point with its slope. */
-static float thrust_at(const rotor *r, float n, float thrust_n, float gain) {
-    const float n0 = tc_max(r->speed_rad_s, 1.0f);
-    const float mean = r->bem_thrust_n / n0;
-    const float slope = 1.0f / tc_max(r->speed_per_n, 1e-6f);
-    const float change = ((slope - mean) / n0) * (n * n - n0 * n0) + (2.0f * mean - slope) * (n - n0);
-    return thrust_n + gain * change;
+static inline void move_rotor(const tc_mixer* mixer, int i, float thrust_n, rotor* r) {
+    const float next_n = tc_max(thrust_n * mixer->per_gain[i] - r->lift_n, 1e-3f);
+    r->induced_m_s += r->induced_per_n * (next_n - r->thrust_n);
+    r->thrust_n = next_n;
+    solve_rotor(mixer, r, 1);
 }
 
 /* What the rotors can give at these air speeds, and what is asked of them. */
@@ -180,60 +179,50 @@ typedef struct {
     uint8_t saturation;
 } demand;
 
-/* How far tilt torque can be kept so that one collective still satisfies every rotor: largest scale in [0, 1]. */
-static float tilt_scale(const tc_mixer *mixer, const demand *d, float yaw) {
-    float high[TC_ROTORS], low[TC_ROTORS], tilt[TC_ROTORS];
-    for (int i = 0; i < TC_ROTORS; i++) {
-        const float per = 1.0f / mixer->from_wrench[i][0];
-        high[i] = (d->high_n[i] - yaw * mixer->free[i]) * per;
-        low[i] = (d->low_n[i] - yaw * mixer->free[i]) * per;
-        tilt[i] = d->tilt_n[i] * per;
-    }
-    float scale = 1.0f;
-    for (int i = 0; i < TC_ROTORS; i++) {
-        for (int j = 0; j < TC_ROTORS; j++) {
-            const float spread = tilt[j] - tilt[i];
-            const float room = tc_max(high[j] - low[i], 0.0f);
-            if (spread * scale > room) scale = room / spread;
-        }
-    }
-    return scale;
-}
-
-/* The range of `x` for which base + x * per stays within [low, high] for every rotor. */
-static void common_range(const float base[TC_ROTORS], const float per[TC_ROTORS], const demand *d, float range[2]) {
-    range[0] = -1e9f;
-    range[1] = 1e9f;
-    for (int i = 0; i < TC_ROTORS; i++) {
-        if (tc_abs(per[i]) < 1e-6f) continue;
-        const float inverse = 1.0f / per[i];
-        const float a = (d->low_n[i] - base[i]) * inverse, b = (d->high_n[i] - base[i]) * inverse;
-        range[0] = tc_max(range[0], tc_min(a, b));
-        range[1] = tc_min(range[1], tc_max(a, b));
-    }
+/* Thrust at the speed limits, from T = a n^2 + b n through the operating point with its slope. */
+static inline void reach(const tc_parameters* p, const rotor* r, float gain, float* low_n, float* high_n) {
+    const float per_speed = 1.0f / tc_max(r->speed_rad_s, 1.0f);
+    const float mean = r->thrust_n * per_speed;
+    const float slope = 1.0f / r->speed_per_n;
+    const float a = (slope - mean) * per_speed, b = 2.0f * mean - slope;
+    const float least = p->rotor_min_rad_s, most = p->rotor_max_rad_s;
+    *low_n = tc_max(gain * ((a * least + b) * least + r->lift_n), 0.0f);
+    *high_n = tc_max(gain * ((a * most + b) * most + r->lift_n), *low_n);
 }
 
 /* Priority: tilt torque, then collective, then yaw, which keeps `yaw_share` of its authority throughout. */
-static void desaturate(const tc_mixer *mixer, const tc_parameters *p, demand *d) {
-    float room = 1e9f;
-    for (int i = 0; i < TC_ROTORS; i++) room = tc_min(room, d->high_n[i] - d->low_n[i]);
-    const float share = 0.5f * p->yaw_share * tc_max(room, 0.0f);
-    const float kept_yaw = tc_clamp(d->yaw, -share, share);
-    const float scale = tilt_scale(mixer, d, kept_yaw);
-    float base[TC_ROTORS], lift[TC_ROTORS], range[2];
+static inline void desaturate(const tc_mixer* mixer, const tc_parameters* p, demand* d) {
+    float low = d->low_n[0], high = d->high_n[0], least = d->tilt_n[0], most = d->tilt_n[0];
+    for (int i = 1; i < TC_ROTORS; i++) {
+        low = tc_max(low, d->low_n[i]);
+        high = tc_min(high, d->high_n[i]);
+        least = tc_min(least, d->tilt_n[i]);
+        most = tc_max(most, d->tilt_n[i]);
+    }
+    const float room = tc_max(high - low, 0.0f);
+    const float share = 0.5f * p->yaw_share * room;
+    const float kept = tc_clamp(d->yaw, -share, share);
+    const float left = room - 2.0f * tc_abs(kept), spread = most - least;
+    const float scale = spread > left ? left / spread : 1.0f;
+    float collective_low = 0.0f, collective_high = 1e9f;
     for (int i = 0; i < TC_ROTORS; i++) {
         d->tilt_n[i] *= scale;
-        lift[i] = mixer->from_wrench[i][0];
-        base[i] = d->tilt_n[i] + kept_yaw * mixer->free[i];
+        const float base = d->tilt_n[i] + kept * mixer->free[i];
+        collective_low = tc_max(collective_low, (d->low_n[i] - base) * mixer->per_lift[i]);
+        collective_high = tc_min(collective_high, (d->high_n[i] - base) * mixer->per_lift[i]);
     }
-    common_range(base, lift, d, range);
-    const float collective = tc_clamp(d->collective_n, range[0], range[1]);
-    for (int i = 0; i < TC_ROTORS; i++) base[i] = d->tilt_n[i] + collective * lift[i];
-    common_range(base, mixer->free, d, range);
-    d->yaw_low = tc_min(range[0], kept_yaw);
-    d->yaw_high = tc_max(range[1], kept_yaw);
+    const float collective = tc_clamp(d->collective_n, collective_low, collective_high);
+    float yaw_low = -1e9f, yaw_high = 1e9f;
+    for (int i = 0; i < TC_ROTORS; i++) {
+        const float base = d->tilt_n[i] + collective * mixer->from_wrench[i][0];
+        const float a = (d->low_n[i] - base) * mixer->per_free[i], b = (d->high_n[i] - base) * mixer->per_free[i];
+        yaw_low = tc_max(yaw_low, tc_min(a, b));
+        yaw_high = tc_min(yaw_high, tc_max(a, b));
+    }
+    d->yaw_low = tc_min(yaw_low, kept);
+    d->yaw_high = tc_max(yaw_high, kept);
     const float yaw = tc_clamp(d->yaw, d->yaw_low, d->yaw_high);
-    const float small_n = 2e-6f * (tc_abs(d->collective_n) + 1.0f);
+    const float small_n = 2e-6f * (d->collective_n + 1.0f);
     if (scale < 1.0f) d->saturation |= TC_SATURATED_TILT;
     if (tc_abs(collective - d->collective_n) > small_n) d->saturation |= TC_SATURATED_COLLECTIVE;
     if (tc_abs(yaw - d->yaw) > small_n) d->saturation |= TC_SATURATED_YAW;
@@ -241,60 +230,51 @@ static void desaturate(const tc_mixer *mixer, const tc_parameters *p, demand *d)
     d->yaw = yaw;
 }
 
-/* One Newton step along the free direction towards the wanted yaw torque. */
-static float yaw_step(const tc_mixer *mixer, const tc_parameters *p, const rotor r[TC_ROTORS], float torque_n_m) {
-    float torque = 0.0f, slope = 0.0f;
+/* One Newton step along the free direction towards the wanted sum of spin n^2. */
+static inline float yaw_step(const tc_mixer* mixer, const tc_parameters* p, const rotor r[TC_ROTORS], float wanted) {
+    float sum = 0.0f, slope = 0.0f;
     for (int i = 0; i < TC_ROTORS; i++) {
-        const float n = r[i].speed_rad_s;
-        torque += p->rotor_spin[i] * n * n;
-        slope += p->rotor_spin[i] * mixer->free[i] * 2.0f * n * r[i].speed_per_n / p->rotor_gain[i];
+        const float turning = p->rotor_spin[i] * r[i].speed_rad_s;
+        sum += turning * r[i].speed_rad_s;
+        slope += turning * r[i].speed_per_n * mixer->free_gain[i];
     }
-    const float steepest = tc_abs(slope) > 1e-3f ? slope : (mixer->yaw_per_free > 0.0f ? 1e-3f : -1e-3f);
-    return (torque_n_m / p->cq_n_m_s2 - torque) / steepest;
+    return mixer->yaw_sign * (wanted - sum) / tc_max(mixer->yaw_sign * slope, 1e-3f);
 }
 
-/* Air at each hub, the operating point for the demand as it stands, and what the rotors could give there. */
-static void start_all(const tc_mixer *mixer, const tc_parameters *p, const tc_wrench *wrench, const float air[3],
-                      const float rate[3], rotor r[TC_ROTORS], demand *d) {
-    /* Yaw torque as if thrust went with n^2; Newton does the rest. */
-    d->yaw = wrench->torque_n_m[2] * mixer->free_per_yaw;
-    for (int i = 0; i < TC_ROTORS; i++) {
-        const float *row = mixer->from_wrench[i];
-        d->tilt_n[i] = row[1] * wrench->torque_n_m[0] + row[2] * wrench->torque_n_m[1];
-        const float wanted_n = row[0] * d->collective_n + d->tilt_n[i] + d->yaw * mixer->free[i];
-        const float thrust_n = tc_max(wanted_n, 0.02f * d->collective_n);
-        start_rotor(mixer, p, i, air, rate, thrust_n, &r[i]);
-        solve_rotor(mixer, p, &r[i], 4);
-        d->low_n[i] = tc_max(thrust_at(&r[i], p->rotor_min_rad_s, thrust_n, p->rotor_gain[i]), 0.0f);
-        d->high_n[i] = tc_max(thrust_at(&r[i], p->rotor_max_rad_s, thrust_n, p->rotor_gain[i]), d->low_n[i]);
-    }
-}
-
-/* Thrusts of the demand, and the rotors moved there. */
-static void move_all(const tc_mixer *mixer, const tc_parameters *p, const demand *d, int steps, rotor r[TC_ROTORS],
-                     float thrust_n[TC_ROTORS]) {
-    for (int i = 0; i < TC_ROTORS; i++) {
-        thrust_n[i] = mixer->from_wrench[i][0] * d->collective_n + d->tilt_n[i] + d->yaw * mixer->free[i];
-        move_rotor(mixer, p, i, thrust_n[i], steps, &r[i]);
-    }
-}
-
-void tc_mixer_solve(const tc_mixer *mixer, const tc_parameters *p, const tc_wrench *wrench,
-                    const float air_velocity_body_m_s[3], const float rate_body_rad_s[3], tc_mix *out) {
+void tc_mixer_solve(const tc_mixer* mixer, const tc_parameters* p, const tc_wrench* wrench,
+                    const float air_velocity_body_m_s[3], const float rate_body_rad_s[3], tc_mix* out) {
     rotor r[TC_ROTORS];
     demand d = {.collective_n = tc_max(wrench->thrust_n, 0.0f)};
-    start_all(mixer, p, wrench, air_velocity_body_m_s, rate_body_rad_s, r, &d);
-    d.yaw += yaw_step(mixer, p, r, wrench->torque_n_m[2]);
-    desaturate(mixer, p, &d);
-    for (int pass = 0; pass < 2; pass++) {
-        move_all(mixer, p, &d, 2, r, out->rotor_thrust_n);
-        d.yaw = tc_clamp(d.yaw + yaw_step(mixer, p, r, wrench->torque_n_m[2]), d.yaw_low, d.yaw_high);
-    }
-    move_all(mixer, p, &d, 1, r, out->rotor_thrust_n);
-    out->saturation = d.saturation;
+    const float turning = wrench->torque_n_m[2] / p->cq_n_m_s2;
+    const float floor_n = 0.02f * d.collective_n;
+    d.yaw = wrench->torque_n_m[2] * mixer->free_per_yaw; /* as if thrust went with n^2; Newton does the rest */
     for (int i = 0; i < TC_ROTORS; i++) {
-        const float n = tc_clamp(r[i].speed_rad_s, p->rotor_min_rad_s, p->rotor_max_rad_s);
-        if (tc_abs(n - r[i].speed_rad_s) > 1e-3f * n) out->saturation |= TC_SATURATED_ROTOR;
+        const float* row = mixer->from_wrench[i];
+        d.tilt_n[i] = row[1] * wrench->torque_n_m[0] + row[2] * wrench->torque_n_m[1];
+        const float wanted_n = row[0] * d.collective_n + d.tilt_n[i] + d.yaw * mixer->free[i];
+        start_rotor(mixer, p, i, air_velocity_body_m_s, rate_body_rad_s, tc_max(wanted_n, floor_n), &r[i]);
+        reach(p, &r[i], p->rotor_gain[i], &d.low_n[i], &d.high_n[i]);
+    }
+    d.yaw += yaw_step(mixer, p, r, turning);
+    desaturate(mixer, p, &d);
+    float change = 0.0f;
+    for (int round = 0; round < MOST_ROUNDS; round++) {
+        float restless = 0.0f;
+        for (int i = 0; i < TC_ROTORS; i++) {
+            out->rotor_thrust_n[i] = mixer->from_wrench[i][0] * d.collective_n + d.tilt_n[i] + d.yaw * mixer->free[i];
+            move_rotor(mixer, i, out->rotor_thrust_n[i], &r[i]);
+            restless = tc_max(restless, tc_abs(r[i].last_step_m_s));
+        }
+        change = tc_clamp(yaw_step(mixer, p, r, turning), d.yaw_low - d.yaw, d.yaw_high - d.yaw);
+        if (restless < SETTLED_M_S && tc_abs(change) < SETTLED_N) break;
+        d.yaw += change;
+        change = 0.0f;
+    }
+    for (int i = 0; i < TC_ROTORS; i++) {
+        const float wanted = r[i].speed_rad_s + 0.5f * change * r[i].speed_per_n * mixer->free_gain[i];
+        const float n = tc_clamp(wanted, p->rotor_min_rad_s, p->rotor_max_rad_s);
+        if (tc_abs(n - wanted) > 1e-3f * n) d.saturation |= TC_SATURATED_ROTOR;
         out->rotor_speed_rad_s[i] = n;
     }
+    out->saturation = d.saturation;
 }

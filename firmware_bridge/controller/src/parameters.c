@@ -116,17 +116,17 @@ static const tc_parameter_info table[] = {
 #define COUNT ((uint16_t)(sizeof table / sizeof table[0]))
 _Static_assert(sizeof table / sizeof table[0] == sizeof(tc_parameters) / sizeof(float), "every parameter has a row");
 
-static float read(const tc_parameters *parameters, const tc_parameter_info *info) {
+static float read(const tc_parameters* parameters, const tc_parameter_info* info) {
     float value;
-    memcpy(&value, (const uint8_t *)parameters + info->offset, sizeof value);
+    memcpy(&value, (const uint8_t*)parameters + info->offset, sizeof value);
     return value;
 }
 
-static void write(tc_parameters *parameters, const tc_parameter_info *info, float value) {
-    memcpy((uint8_t *)parameters + info->offset, &value, sizeof value);
+static void write(tc_parameters* parameters, const tc_parameter_info* info, float value) {
+    memcpy((uint8_t*)parameters + info->offset, &value, sizeof value);
 }
 
-static tc_reason acceptable(const tc_parameter_info *info, float value) {
+static tc_reason acceptable(const tc_parameter_info* info, float value) {
     if (!tc_finite(value)) return TC_NOT_FINITE;
     if (value < info->smallest || value > info->largest) return TC_OUT_OF_RANGE;
     const float off = value - (float)(int32_t)value;
@@ -135,31 +135,31 @@ static tc_reason acceptable(const tc_parameter_info *info, float value) {
 
 uint16_t tc_parameters_count(void) { return COUNT; }
 
-const tc_parameter_info *tc_parameters_info(uint16_t index) { return index < COUNT ? &table[index] : NULL; }
+const tc_parameter_info* tc_parameters_info(uint16_t index) { return index < COUNT ? &table[index] : NULL; }
 
-int32_t tc_parameters_find(const char *name) {
+int32_t tc_parameters_find(const char* name) {
     for (uint16_t i = 0; i < COUNT; i++) {
         if (strncmp(name, table[i].name, TC_PARAMETER_NAME_SIZE - 1) == 0) return i;
     }
     return -1;
 }
 
-void tc_parameters_default(tc_parameters *parameters) {
+void tc_parameters_default(tc_parameters* parameters) {
     for (uint16_t i = 0; i < COUNT; i++) write(parameters, &table[i], table[i].preset);
 }
 
-float tc_parameters_get(const tc_parameters *parameters, uint16_t index) {
+float tc_parameters_get(const tc_parameters* parameters, uint16_t index) {
     return index < COUNT ? read(parameters, &table[index]) : 0.0f;
 }
 
-tc_reason tc_parameters_put(tc_parameters *parameters, uint16_t index, float value) {
+tc_reason tc_parameters_put(tc_parameters* parameters, uint16_t index, float value) {
     if (index >= COUNT) return TC_UNKNOWN_PARAMETER;
     const tc_reason reason = acceptable(&table[index], value);
     if (reason == TC_OK) write(parameters, &table[index], value);
     return reason;
 }
 
-tc_reason tc_parameters_check(const tc_parameters *parameters, uint16_t *index) {
+tc_reason tc_parameters_check(const tc_parameters* parameters, uint16_t* index) {
     for (uint16_t i = 0; i < COUNT; i++) {
         const tc_reason reason = acceptable(&table[i], read(parameters, &table[i]));
         if (reason != TC_OK) {
@@ -170,7 +170,7 @@ tc_reason tc_parameters_check(const tc_parameters *parameters, uint16_t *index) 
     return TC_OK;
 }
 
-uint32_t tc_parameters_crc32(const tc_parameters *parameters) {
+uint32_t tc_parameters_crc32(const tc_parameters* parameters) {
     uint32_t crc = 0;
     for (uint16_t i = 0; i < COUNT; i++) {
         const float value = read(parameters, &table[i]);

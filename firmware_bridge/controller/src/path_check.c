@@ -22,7 +22,7 @@
 typedef float points[TC_MAX_COEFFICIENTS];
 
 /* Coefficients of p(start + width * u), u in [0, 1], as Bernstein control points. */
-static void control_points(const float *coefficient, uint32_t count, float start, float width, points out) {
+static void control_points(const float* coefficient, uint32_t count, float start, float width, points out) {
     for (uint32_t i = 0; i < count; i++) out[i] = coefficient[i];
     for (uint32_t i = 0; i + 1u < count; i++) { /* Taylor shift by synthetic division */
         for (uint32_t j = count - 1u; j > i; j--) out[j - 1u] += start * out[j];
@@ -37,7 +37,7 @@ static void control_points(const float *coefficient, uint32_t count, float start
     }
 }
 
-static uint32_t differentiate(const float *coefficient, uint32_t count, float scale, points out) {
+static uint32_t differentiate(const float* coefficient, uint32_t count, float scale, points out) {
     if (count < 2u) {
         out[0] = 0.0f;
         return 1u;
@@ -69,7 +69,7 @@ static bool length_within(points axis[3], uint32_t count, float bound) {
     return false;
 }
 
-static bool range_within(const float *coefficient, uint32_t count, float low, float high) {
+static bool range_within(const float* coefficient, uint32_t count, float low, float high) {
     for (uint32_t pieces = 1; pieces <= PIECES_FINEST; pieces *= 4u) {
         const float width = 2.0f / (float)pieces;
         bool within = true;
@@ -83,7 +83,7 @@ static bool range_within(const float *coefficient, uint32_t count, float low, fl
     return false;
 }
 
-tc_reason tc_check_segment(const tc_segment *segment, uint32_t coefficient_count, const tc_path_limits *limits) {
+tc_reason tc_check_segment(const tc_segment* segment, uint32_t coefficient_count, const tc_path_limits* limits) {
     if (segment->duration_us < TC_MIN_SEGMENT_US || segment->duration_us > TC_MAX_SEGMENT_US) {
         return TC_SEGMENT_DURATION;
     }
@@ -123,7 +123,7 @@ static bool close(const float a[3], const float b[3], float tolerance) {
     return near;
 }
 
-tc_reason tc_check_join(const tc_trajectory *trajectory, uint16_t index) {
+tc_reason tc_check_join(const tc_trajectory* trajectory, uint16_t index) {
     tc_setpoint before, after;
     const uint32_t time_us = trajectory->start_us[index];
     tc_trajectory_evaluate(trajectory, (uint16_t)(index - 1u), time_us, 0.0f, &before);
@@ -136,7 +136,7 @@ tc_reason tc_check_join(const tc_trajectory *trajectory, uint16_t index) {
     return smooth ? TC_OK : TC_JUMP_AT_JOIN;
 }
 
-static bool at_rest(const tc_trajectory *trajectory, uint16_t index, uint32_t time_us) {
+static bool at_rest(const tc_trajectory* trajectory, uint16_t index, uint32_t time_us) {
     tc_setpoint point;
     tc_trajectory_evaluate(trajectory, index, time_us, 0.0f, &point);
     return tc_norm(point.velocity_world_m_s) <= REST_VELOCITY_M_S &&
@@ -144,13 +144,13 @@ static bool at_rest(const tc_trajectory *trajectory, uint16_t index, uint32_t ti
            tc_abs(point.yaw_rate_rad_s) <= JOIN_YAW_RATE_RAD_S;
 }
 
-tc_reason tc_check_ends(const tc_trajectory *trajectory) {
+tc_reason tc_check_ends(const tc_trajectory* trajectory) {
     const uint16_t last = (uint16_t)(trajectory->header.segment_count - 1u);
     const bool resting = at_rest(trajectory, 0, 0u) && at_rest(trajectory, last, tc_trajectory_duration_us(trajectory));
     return resting ? TC_OK : TC_NOT_AT_REST;
 }
 
-tc_reason tc_check_sample(const tc_trajectory *trajectory, const tc_trajectory_sample *sample) {
+tc_reason tc_check_sample(const tc_trajectory* trajectory, const tc_trajectory_sample* sample) {
     tc_setpoint ours;
     tc_trajectory_evaluate(trajectory, tc_trajectory_find(trajectory, sample->time_us), sample->time_us, 0.0f, &ours);
     const bool same =

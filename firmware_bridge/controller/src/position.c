@@ -3,20 +3,20 @@
 
 #include "maths.h"
 
-void tc_drag(const tc_parameters *p, const float velocity_world_m_s[3], const float q_world_body[4], float thrust_n,
+void tc_drag(const tc_parameters* p, const float velocity_world_m_s[3], float axes[3][3], float thrust_n,
              float mean_rotor_speed_rad_s, float drag_world_n[3]) {
     float v[3], drag[3];
-    tc_to_body(q_world_body, velocity_world_m_s, v);
+    tc_to_body(axes, velocity_world_m_s, v);
     const float speed = tc_norm(v);
     const float lateral = p->rotor_drag_s_m * thrust_n + 4.0f * p->rotor_drag_kg * mean_rotor_speed_rad_s;
     for (int i = 0; i < 3; i++) {
         const float rotor = i < 2 ? lateral : 0.0f;
         drag[i] = -v[i] * (rotor + p->parasitic_kg_m[i] * tc_abs(v[i]) + p->parasitic_norm_kg_m[i] * speed);
     }
-    tc_to_world(q_world_body, drag, drag_world_n);
+    tc_to_world(axes, drag, drag_world_n);
 }
 
-static void integrate(tc_position_state *state, const tc_parameters *p, const float error[3], float step_s) {
+static void integrate(tc_position_state* state, const tc_parameters* p, const float error[3], float step_s) {
     for (int i = 0; i < 3; i++) {
         const float gain = i < 2 ? p->ki_xy_1_s3 : p->ki_z_1_s3;
         const float next = state->integral_m_s2[i] + gain * error[i] * step_s;
@@ -36,8 +36,8 @@ static bool limit_thrust(float largest_n, float force[3]) {
     return true;
 }
 
-bool tc_position_step(tc_position_state *state, const tc_parameters *p, const tc_setpoint *setpoint,
-                      const tc_position_input *input, float step_s, float force_world_n[3]) {
+bool tc_position_step(tc_position_state* state, const tc_parameters* p, const tc_setpoint* setpoint,
+                      const tc_position_input* input, float step_s, float force_world_n[3]) {
     float error[3], feedback[3];
     for (int i = 0; i < 3; i++) {
         const float kp = i < 2 ? p->kp_xy_1_s2 : p->kp_z_1_s2;

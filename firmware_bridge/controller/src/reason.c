@@ -1,7 +1,7 @@
 /* Reasons in words. */
 #include "goshawk_controller/reason.h"
 
-const char *tc_reason_text(tc_reason reason) {
+const char* tc_reason_text(tc_reason reason) {
     switch (reason) {
         case TC_OK:
             return "done";

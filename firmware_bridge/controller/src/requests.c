@@ -7,19 +7,18 @@
 #define LOWEST_TAKE_OFF_M 0.1f
 #define HIGHEST_TAKE_OFF_M 50.0f
 
-static tc_reason guard_arm(const tc_controller *c) {
-    static const float upright[4] = {1.0f, 0.0f, 0.0f, 0.0f};
+static tc_reason guard_arm(const tc_controller* c) {
     if (!c->configured) return TC_NOT_CONFIGURED;
     if (c->telemetry.ticks == 0u ||
         (c->telemetry.estimate_faults & (TC_FAULT_ATTITUDE_BAD | TC_FAULT_ATTITUDE_STALE)) != 0u) {
         return TC_ATTITUDE_STALE;
     }
     if (c->telemetry.estimate_faults != 0u) return TC_ESTIMATE_STALE;
-    if (tc_tilt_difference(c->telemetry.estimate.q_world_body, upright) > LEVEL) return TC_TILT_ERROR;
+    if (1.0f - c->axes[2][2] > LEVEL) return TC_TILT_ERROR;
     return tc_inside_fence(&c->parameters, c->telemetry.estimate.position_world_m) ? TC_OK : TC_FENCE_BREACH;
 }
 
-static tc_reason guard_take_off(const tc_controller *c, float height_m) {
+static tc_reason guard_take_off(const tc_controller* c, float height_m) {
     if (height_m < LOWEST_TAKE_OFF_M || height_m > HIGHEST_TAKE_OFF_M) return TC_OUT_OF_RANGE;
     if (c->telemetry.estimate_faults != 0u) return TC_ESTIMATE_STALE;
     float top[3];
@@ -28,8 +27,8 @@ static tc_reason guard_take_off(const tc_controller *c, float height_m) {
     return tc_inside_fence(&c->parameters, top) ? TC_OK : TC_FENCE_BREACH;
 }
 
-static tc_reason guard_start(const tc_controller *c) {
-    const tc_trajectory *trajectory = tc_store_active(&c->store);
+static tc_reason guard_start(const tc_controller* c) {
+    const tc_trajectory* trajectory = tc_store_active(&c->store);
     if (trajectory == NULL) return TC_NO_TRAJECTORY;
     if (c->mission.state != TC_HOLD) return TC_WRONG_STATE;
     tc_setpoint start;
@@ -39,7 +38,7 @@ static tc_reason guard_start(const tc_controller *c) {
     return tc_norm(gap) <= c->parameters.start_radius_m ? TC_OK : TC_START_TOO_FAR;
 }
 
-static tc_reason set_time_scale(tc_controller *c, float scale) {
+static tc_reason set_time_scale(tc_controller* c, float scale) {
     if (scale < SMALLEST_TIME_SCALE || scale > 1.0f) return TC_OUT_OF_RANGE;
     c->time_scale = scale;
     if (c->mission.state == TC_TRAJECTORY) {
@@ -49,7 +48,7 @@ static tc_reason set_time_scale(tc_controller *c, float scale) {
     return TC_OK;
 }
 
-tc_reason tc_do(tc_controller *c, tc_command command, float value) {
+tc_reason tc_do(tc_controller* c, tc_command command, float value) {
     if ((uint32_t)command >= TC_COMMAND_COUNT) return TC_OUT_OF_RANGE;
     if (!tc_finite(value)) return TC_NOT_FINITE;
     tc_reason reason = TC_OK;
@@ -73,7 +72,7 @@ tc_reason tc_do(tc_controller *c, tc_command command, float value) {
     return tc_post(c, (uint8_t)command, TC_COMMANDED);
 }
 
-static bool only_flight_parameters_differ(const tc_parameters *a, const tc_parameters *b) {
+static bool only_flight_parameters_differ(const tc_parameters* a, const tc_parameters* b) {
     for (uint16_t i = 0; i < tc_parameters_count(); i++) {
         const float x = tc_parameters_get(a, i), y = tc_parameters_get(b, i);
         if ((x > y || x < y) && tc_parameters_info(i)->in_flight == 0u) return false;
@@ -82,7 +81,7 @@ static bool only_flight_parameters_differ(const tc_parameters *a, const tc_param
 }
 
 /* A trajectory was accepted under the limits of its time: new limits, new upload. */
-static void use_limits(tc_store *store, const tc_parameters *p) {
+static void use_limits(tc_store* store, const tc_parameters* p) {
     tc_path_limits limits = {.speed_m_s = p->path_speed_m_s,
                              .acceleration_m_s2 = p->path_acceleration_m_s2,
                              .jerk_m_s3 = p->path_jerk_m_s3,
@@ -95,7 +94,7 @@ static void use_limits(tc_store *store, const tc_parameters *p) {
     tc_store_discard(store);
 }
 
-tc_reason tc_parameters_set(tc_controller *c, const tc_parameters *parameters) {
+tc_reason tc_parameters_set(tc_controller* c, const tc_parameters* parameters) {
     tc_reason reason = tc_parameters_check(parameters, NULL);
     if (reason != TC_OK) return reason;
     if (c->mission.state != TC_DISARMED && !only_flight_parameters_differ(&c->parameters, parameters)) {
@@ -107,35 +106,38 @@ tc_reason tc_parameters_set(tc_controller *c, const tc_parameters *parameters) {
     c->parameters = *parameters;
     c->mixer = mixer;
     c->configured = true;
+    float sine, cosine;
+    tc_sin_cos(parameters->tilt_error_rad, &sine, &cosine);
+    c->tilt_bound = 1.0f - cosine;
     use_limits(&c->store, parameters);
     return TC_OK;
 }
 
-const tc_parameters *tc_parameters_now(const tc_controller *c) { return &c->parameters; }
+const tc_parameters* tc_parameters_now(const tc_controller* c) { return &c->parameters; }
 
-tc_reason tc_upload_begin(tc_controller *c, const tc_trajectory_header *header) {
+tc_reason tc_upload_begin(tc_controller* c, const tc_trajectory_header* header) {
     return c->configured ? tc_store_begin(&c->store, header) : TC_NOT_CONFIGURED;
 }
 
-tc_reason tc_upload_segment(tc_controller *c, uint16_t index, const tc_segment *segment) {
+tc_reason tc_upload_segment(tc_controller* c, uint16_t index, const tc_segment* segment) {
     return tc_store_put_segment(&c->store, index, segment);
 }
 
-tc_reason tc_upload_sample(tc_controller *c, const tc_trajectory_sample *sample) {
+tc_reason tc_upload_sample(tc_controller* c, const tc_trajectory_sample* sample) {
     return tc_store_put_sample(&c->store, sample);
 }
 
-tc_reason tc_upload_finish(tc_controller *c) { return tc_store_finish(&c->store); }
+tc_reason tc_upload_finish(tc_controller* c) { return tc_store_finish(&c->store); }
 
-tc_reason tc_upload_activate(tc_controller *c, uint32_t id, uint32_t crc32) {
+tc_reason tc_upload_activate(tc_controller* c, uint32_t id, uint32_t crc32) {
     const uint8_t state = c->mission.state;
     const bool in_use = state == TC_APPROACH || tc_mission_on_path(state);
-    const tc_trajectory *active = tc_store_active(&c->store);
+    const tc_trajectory* active = tc_store_active(&c->store);
     const bool repeated = active != NULL && active->header.id == id && active->header.crc32 == crc32;
     return in_use && !repeated ? TC_SLOT_IN_USE : tc_store_activate(&c->store, id, crc32);
 }
 
-void tc_ground_alive(tc_controller *c, uint64_t time_us) {
+void tc_ground_alive(tc_controller* c, uint64_t time_us) {
     c->ground_seen_us = time_us;
     c->ground_ever_seen = true;
 }

@@ -8,7 +8,7 @@
 #define MOVE_ACCELERATION_M_S2 2.0f
 #define MOVE_YAW_RATE_RAD_S 1.0f
 
-void tc_clock_start(tc_clock *clock, float rate) {
+void tc_clock_start(tc_clock* clock, float rate) {
     memset(clock, 0, sizeof *clock);
     clock->rate = rate;
     clock->target_rate = rate;
@@ -27,7 +27,7 @@ static void flat_ending_quintic(float value, float slope, float curvature, float
     out[5] = 6.0f * d - 3.0f * d1 + 0.5f * d2;
 }
 
-void tc_clock_retarget(tc_clock *clock, float target_rate, float ramp_s) {
+void tc_clock_retarget(tc_clock* clock, float target_rate, float ramp_s) {
     flat_ending_quintic(clock->rate, clock->rate_1_s * ramp_s, clock->rate_1_s2 * ramp_s * ramp_s, target_rate,
                         clock->ramp_quintic);
     clock->target_rate = target_rate;
@@ -35,7 +35,7 @@ void tc_clock_retarget(tc_clock *clock, float target_rate, float ramp_s) {
     clock->ramp_elapsed_s = 0.0f;
 }
 
-static void advance_rate(tc_clock *clock, float step_s) {
+static void advance_rate(tc_clock* clock, float step_s) {
     clock->ramp_elapsed_s += step_s;
     if (clock->ramp_elapsed_s >= clock->ramp_s) {
         clock->ramp_s = 0.0f;
@@ -61,7 +61,7 @@ static void advance_rate(tc_clock *clock, float step_s) {
 }
 
 /* At most one segment on, or one back: segments outlast the longest step. */
-static void move_cursor(tc_clock *clock, const tc_trajectory *trajectory) {
+static void move_cursor(tc_clock* clock, const tc_trajectory* trajectory) {
     const uint32_t last = trajectory->header.segment_count - 1u;
     if (clock->segment < last && clock->path_us >= trajectory->start_us[clock->segment + 1u]) {
         clock->segment++;
@@ -70,7 +70,7 @@ static void move_cursor(tc_clock *clock, const tc_trajectory *trajectory) {
     }
 }
 
-void tc_clock_advance(tc_clock *clock, const tc_trajectory *trajectory, float step_s) {
+void tc_clock_advance(tc_clock* clock, const tc_trajectory* trajectory, float step_s) {
     const float step = tc_clamp(step_s, 0.0f, LONGEST_STEP_S);
     const float rate_before = clock->rate;
     const float slope_before = clock->rate_1_s;
@@ -89,13 +89,13 @@ void tc_clock_advance(tc_clock *clock, const tc_trajectory *trajectory, float st
     move_cursor(clock, trajectory);
 }
 
-bool tc_clock_standing(const tc_clock *clock) { return clock->ramp_s <= 0.0f && clock->rate < STANDING_RATE; }
+bool tc_clock_standing(const tc_clock* clock) { return clock->ramp_s <= 0.0f && clock->rate < STANDING_RATE; }
 
-bool tc_clock_finished(const tc_clock *clock, const tc_trajectory *trajectory) {
+bool tc_clock_finished(const tc_clock* clock, const tc_trajectory* trajectory) {
     return clock->path_us >= tc_trajectory_duration_us(trajectory);
 }
 
-void tc_clock_setpoint(const tc_clock *clock, const tc_trajectory *trajectory, tc_setpoint *out) {
+void tc_clock_setpoint(const tc_clock* clock, const tc_trajectory* trajectory, tc_setpoint* out) {
     tc_trajectory_evaluate(trajectory, clock->segment, clock->path_us, clock->path_part_us, out);
     const float r = clock->rate, r1 = clock->rate_1_s, r2 = clock->rate_1_s2, r3 = clock->rate_1_s3;
     const float rr = r * r;
@@ -131,7 +131,7 @@ static void resting_septic(float p, float v, float a, float j, float end, float 
     out[7] = -20.0f * d + 10.0f * d1 - 2.0f * d2 + d3 * (1.0f / 6.0f);
 }
 
-static void lay_out(tc_move *move, const tc_setpoint *from, const float to_world_m[3], float to_yaw_rad) {
+static void lay_out(tc_move* move, const tc_setpoint* from, const float to_world_m[3], float to_yaw_rad) {
     const float t = move->duration_s;
     for (int i = 0; i < 3; i++) {
         resting_septic(from->position_world_m[i], from->velocity_world_m_s[i] * t,
@@ -143,7 +143,7 @@ static void lay_out(tc_move *move, const tc_setpoint *from, const float to_world
     move->elapsed_s = 0.0f;
 }
 
-void tc_move_start(tc_move *move, const tc_setpoint *from, const float to_world_m[3], float to_yaw_rad,
+void tc_move_start(tc_move* move, const tc_setpoint* from, const float to_world_m[3], float to_yaw_rad,
                    float speed_m_s) {
     float way[3];
     for (int i = 0; i < 3; i++) way[i] = to_world_m[i] - from->position_world_m[i];
@@ -156,7 +156,7 @@ void tc_move_start(tc_move *move, const tc_setpoint *from, const float to_world_
     lay_out(move, from, to_world_m, to_yaw_rad);
 }
 
-void tc_move_stop(tc_move *move, const tc_setpoint *from, float brake_m_s2) {
+void tc_move_stop(tc_move* move, const tc_setpoint* from, float brake_m_s2) {
     const float speed = tc_norm(from->velocity_world_m_s);
     move->duration_s = tc_max(2.0f * speed / brake_m_s2, 0.5f);
     float to[3];
@@ -166,18 +166,18 @@ void tc_move_stop(tc_move *move, const tc_setpoint *from, float brake_m_s2) {
     lay_out(move, from, to, from->yaw_rad + 0.5f * move->duration_s * from->yaw_rate_rad_s);
 }
 
-void tc_move_advance(tc_move *move, float step_s) {
+void tc_move_advance(tc_move* move, float step_s) {
     move->elapsed_s = tc_min(move->elapsed_s + step_s, move->duration_s);
 }
 
-bool tc_move_done(const tc_move *move) { return move->elapsed_s >= move->duration_s; }
+bool tc_move_done(const tc_move* move) { return move->elapsed_s >= move->duration_s; }
 
-void tc_move_setpoint(const tc_move *move, tc_setpoint *out) {
+void tc_move_setpoint(const tc_move* move, tc_setpoint* out) {
     const float k1 = 1.0f / move->duration_s;
     const float u = move->elapsed_s * k1;
     const float k2 = k1 * k1, k3 = k2 * k1, k4 = k2 * k2;
     for (int axis = 0; axis < TC_AXES; axis++) {
-        const float *c = move->septic[axis];
+        const float* c = move->septic[axis];
         float d0 = c[7], d1 = 0.0f, d2 = 0.0f, d3 = 0.0f, d4 = 0.0f;
         for (int i = 6; i >= 0; i--) {
             d4 = d4 * u + d3;

@@ -5,17 +5,17 @@
 
 #define LONGEST_US 3600000000u
 
-static tc_trajectory *staged_slot(tc_store *store) { return &store->slot[1u - store->active]; }
+static tc_trajectory* staged_slot(tc_store* store) { return &store->slot[1u - store->active]; }
 
-void tc_store_init(tc_store *store) { memset(store, 0, sizeof *store); }
+void tc_store_init(tc_store* store) { memset(store, 0, sizeof *store); }
 
-void tc_store_discard(tc_store *store) {
+void tc_store_discard(tc_store* store) {
     store->staged_state = TC_STAGED_EMPTY;
     store->sample_count = 0;
     memset(store->received, 0, sizeof store->received);
 }
 
-tc_reason tc_store_begin(tc_store *store, const tc_trajectory_header *header) {
+tc_reason tc_store_begin(tc_store* store, const tc_trajectory_header* header) {
     if (header->id == 0u) return TC_WRONG_ID;
     if (header->segment_count == 0u || header->segment_count > TC_MAX_SEGMENTS) return TC_SEGMENT_COUNT;
     if (header->coefficient_count == 0u || header->coefficient_count > TC_MAX_COEFFICIENTS) {
@@ -29,14 +29,14 @@ tc_reason tc_store_begin(tc_store *store, const tc_trajectory_header *header) {
     return TC_OK;
 }
 
-bool tc_store_has_segment(const tc_store *store, uint16_t index) {
+bool tc_store_has_segment(const tc_store* store, uint16_t index) {
     return index < TC_MAX_SEGMENTS && (((uint32_t)store->received[index / 8u] >> (index % 8u)) & 1u) != 0u;
 }
 
 /* A late repeat of what was already checked is no error; anything else is. */
-static tc_reason repeated(const tc_store *store, uint16_t index, const tc_segment *segment) {
-    const tc_trajectory *slot = tc_store_staged(store);
-    const tc_segment *held = &slot->segment[index];
+static tc_reason repeated(const tc_store* store, uint16_t index, const tc_segment* segment) {
+    const tc_trajectory* slot = tc_store_staged(store);
+    const tc_segment* held = &slot->segment[index];
     bool same = held->duration_us == segment->duration_us;
     for (int axis = 0; axis < TC_AXES; axis++) {
         const size_t bytes = slot->header.coefficient_count * sizeof(float);
@@ -45,9 +45,9 @@ static tc_reason repeated(const tc_store *store, uint16_t index, const tc_segmen
     return same ? TC_OK : TC_NO_UPLOAD;
 }
 
-tc_reason tc_store_put_segment(tc_store *store, uint16_t index, const tc_segment *segment) {
+tc_reason tc_store_put_segment(tc_store* store, uint16_t index, const tc_segment* segment) {
     if (store->staged_state == TC_STAGED_EMPTY) return TC_NO_UPLOAD;
-    tc_trajectory *slot = staged_slot(store);
+    tc_trajectory* slot = staged_slot(store);
     if (index >= slot->header.segment_count) return TC_SEGMENT_INDEX;
     if (store->staged_state == TC_STAGED_CHECKED) return repeated(store, index, segment);
     const uint32_t count = slot->header.coefficient_count;
@@ -56,7 +56,7 @@ tc_reason tc_store_put_segment(tc_store *store, uint16_t index, const tc_segment
         store->refused_segment = index;
         return reason;
     }
-    tc_segment *held = &slot->segment[index];
+    tc_segment* held = &slot->segment[index];
     memset(held, 0, sizeof *held);
     held->duration_us = segment->duration_us;
     for (int axis = 0; axis < TC_AXES; axis++) {
@@ -66,7 +66,7 @@ tc_reason tc_store_put_segment(tc_store *store, uint16_t index, const tc_segment
     return TC_OK;
 }
 
-tc_reason tc_store_put_sample(tc_store *store, const tc_trajectory_sample *sample) {
+tc_reason tc_store_put_sample(tc_store* store, const tc_trajectory_sample* sample) {
     if (store->staged_state != TC_STAGED_FILLING) return TC_NO_UPLOAD;
     if (!tc_all_finite(sample->value, TC_AXES)) return TC_NOT_FINITE;
     for (uint32_t i = 0; i < store->sample_count; i++) { /* a repeat replaces */
@@ -81,7 +81,7 @@ tc_reason tc_store_put_sample(tc_store *store, const tc_trajectory_sample *sampl
 }
 
 /* Sums the durations; false when segments are missing (then `refused_segment` is the first) or it gets too long. */
-static tc_reason lay_out(tc_store *store, tc_trajectory *slot) {
+static tc_reason lay_out(tc_store* store, tc_trajectory* slot) {
     uint64_t start_us = 0;
     for (uint16_t i = 0; i < slot->header.segment_count; i++) {
         store->refused_segment = i;
@@ -94,7 +94,7 @@ static tc_reason lay_out(tc_store *store, tc_trajectory *slot) {
     return TC_OK;
 }
 
-static tc_reason check_joins(tc_store *store, const tc_trajectory *slot) {
+static tc_reason check_joins(tc_store* store, const tc_trajectory* slot) {
     for (uint16_t i = 1; i < slot->header.segment_count; i++) {
         store->refused_segment = i;
         const tc_reason reason = tc_check_join(slot, i);
@@ -103,10 +103,10 @@ static tc_reason check_joins(tc_store *store, const tc_trajectory *slot) {
     return TC_OK;
 }
 
-tc_reason tc_store_finish(tc_store *store) {
+tc_reason tc_store_finish(tc_store* store) {
     if (store->staged_state == TC_STAGED_CHECKED) return TC_OK;
     if (store->staged_state == TC_STAGED_EMPTY) return TC_NO_UPLOAD;
-    tc_trajectory *slot = staged_slot(store);
+    tc_trajectory* slot = staged_slot(store);
     tc_reason reason = lay_out(store, slot);
     if (reason != TC_OK) return reason;
     store->refused_segment = 0;
@@ -122,10 +122,10 @@ tc_reason tc_store_finish(tc_store *store) {
     return reason;
 }
 
-tc_reason tc_store_activate(tc_store *store, uint32_t id, uint32_t crc32) {
-    const tc_trajectory *active = tc_store_active(store);
+tc_reason tc_store_activate(tc_store* store, uint32_t id, uint32_t crc32) {
+    const tc_trajectory* active = tc_store_active(store);
     if (active != NULL && active->header.id == id && active->header.crc32 == crc32) return TC_OK;
-    const tc_trajectory_header *staged = &staged_slot(store)->header;
+    const tc_trajectory_header* staged = &staged_slot(store)->header;
     if (store->staged_state != TC_STAGED_CHECKED || staged->id != id || staged->crc32 != crc32) return TC_NOT_STAGED;
     store->active = (uint8_t)(1u - store->active);
     store->has_active = true;
@@ -133,10 +133,10 @@ tc_reason tc_store_activate(tc_store *store, uint32_t id, uint32_t crc32) {
     return TC_OK;
 }
 
-const tc_trajectory *tc_store_active(const tc_store *store) {
+const tc_trajectory* tc_store_active(const tc_store* store) {
     return store->has_active ? &store->slot[store->active] : NULL;
 }
 
-const tc_trajectory *tc_store_staged(const tc_store *store) {
+const tc_trajectory* tc_store_staged(const tc_store* store) {
     return store->staged_state == TC_STAGED_EMPTY ? NULL : &store->slot[1u - store->active];
 }

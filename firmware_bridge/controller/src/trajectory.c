@@ -4,7 +4,7 @@
 #include "maths.h"
 
 /* One polynomial and its derivatives by repeated Horner; derivative[k] comes out divided by k!. */
-static void horner(const float *coefficient, uint32_t count, float s, float derivative[5]) {
+static void horner(const float* coefficient, uint32_t count, float s, float derivative[5]) {
     float d0 = coefficient[count - 1u], d1 = 0.0f, d2 = 0.0f, d3 = 0.0f, d4 = 0.0f;
     for (uint32_t i = count - 1u; i > 0u; i--) {
         d4 = d4 * s + d3;
@@ -21,7 +21,7 @@ static void horner(const float *coefficient, uint32_t count, float s, float deri
 }
 
 /* The same for yaw, which needs no more than its second derivative. */
-static void horner2(const float *coefficient, uint32_t count, float s, float derivative[3]) {
+static void horner2(const float* coefficient, uint32_t count, float s, float derivative[3]) {
     float d0 = coefficient[count - 1u], d1 = 0.0f, d2 = 0.0f;
     for (uint32_t i = count - 1u; i > 0u; i--) {
         d2 = d2 * s + d1;
@@ -33,9 +33,9 @@ static void horner2(const float *coefficient, uint32_t count, float s, float der
     derivative[2] = d2;
 }
 
-void tc_trajectory_evaluate(const tc_trajectory *trajectory, uint16_t index, uint32_t time_us, float part_us,
-                            tc_setpoint *out) {
-    const tc_segment *segment = &trajectory->segment[index];
+void tc_trajectory_evaluate(const tc_trajectory* trajectory, uint16_t index, uint32_t time_us, float part_us,
+                            tc_setpoint* out) {
+    const tc_segment* segment = &trajectory->segment[index];
     const uint32_t count = trajectory->header.coefficient_count;
     const uint32_t start_us = trajectory->start_us[index];
     const uint32_t duration_us = segment->duration_us;
@@ -63,7 +63,7 @@ void tc_trajectory_evaluate(const tc_trajectory *trajectory, uint16_t index, uin
     out->yaw_acceleration_rad_s2 = 2.0f * yaw[2] * k2;
 }
 
-uint16_t tc_trajectory_find(const tc_trajectory *trajectory, uint32_t time_us) {
+uint16_t tc_trajectory_find(const tc_trajectory* trajectory, uint32_t time_us) {
     uint32_t low = 0, high = trajectory->header.segment_count; /* the answer is in [low, high) */
     for (int probe = 0; probe < 16 && high - low > 1u; probe++) {
         const uint32_t middle = (low + high) / 2u;
@@ -76,7 +76,7 @@ uint16_t tc_trajectory_find(const tc_trajectory *trajectory, uint32_t time_us) {
     return (uint16_t)low;
 }
 
-uint32_t tc_trajectory_duration_us(const tc_trajectory *trajectory) {
+uint32_t tc_trajectory_duration_us(const tc_trajectory* trajectory) {
     return trajectory->start_us[trajectory->header.segment_count];
 }
 
@@ -85,13 +85,13 @@ static uint32_t crc_u32(uint32_t crc, uint32_t value) {
     return tc_crc32(crc, bytes, sizeof bytes);
 }
 
-uint32_t tc_trajectory_crc32(const tc_trajectory *trajectory) {
-    const tc_trajectory_header *header = &trajectory->header;
+uint32_t tc_trajectory_crc32(const tc_trajectory* trajectory) {
+    const tc_trajectory_header* header = &trajectory->header;
     const uint32_t counts = (uint32_t)header->segment_count | ((uint32_t)header->coefficient_count << 16) |
                             ((uint32_t)header->link_loss_policy << 24);
     uint32_t crc = crc_u32(crc_u32(0u, header->id), counts);
     for (uint32_t i = 0; i < header->segment_count; i++) {
-        const tc_segment *segment = &trajectory->segment[i];
+        const tc_segment* segment = &trajectory->segment[i];
         crc = crc_u32(crc, segment->duration_us);
         for (int axis = 0; axis < TC_AXES; axis++) {
             for (uint32_t j = 0; j < header->coefficient_count; j++) {

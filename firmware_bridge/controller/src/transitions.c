@@ -16,40 +16,40 @@ static void target_at(const float position[3], float z, float out[3]) {
 }
 
 /* A set-point that stands where the vehicle is: after the loss of everything better. */
-static void setpoint_here(tc_controller *c) {
-    const tc_estimate *estimate = &c->telemetry.estimate;
-    tc_setpoint *setpoint = &c->telemetry.setpoint;
+static void setpoint_here(tc_controller* c) {
+    const tc_estimate* estimate = &c->telemetry.estimate;
+    tc_setpoint* setpoint = &c->telemetry.setpoint;
     memset(setpoint, 0, sizeof *setpoint);
     tc_copy(setpoint->position_world_m, estimate->position_world_m);
     setpoint->yaw_rad = tc_q_yaw(estimate->q_world_body);
 }
 
-float tc_ramp_s(const tc_controller *c, float change) {
+float tc_ramp_s(const tc_controller* c, float change) {
     const float speed = tc_norm(c->telemetry.setpoint.velocity_world_m_s) / tc_max(c->clock.rate, 0.1f);
     return tc_max(RAMP_PEAK * speed * tc_abs(change) / c->parameters.brake_m_s2, RAMP_SHORTEST_S);
 }
 
-static void enter_take_off(tc_controller *c) {
+static void enter_take_off(tc_controller* c) {
     setpoint_here(c);
     memset(&c->position, 0, sizeof c->position);
     tc_flatness_reset(&c->flatness, c->telemetry.estimate.q_world_body);
-    const tc_setpoint *from = &c->telemetry.setpoint;
+    const tc_setpoint* from = &c->telemetry.setpoint;
     c->ground_z_m = from->position_world_m[2];
     float to[3];
     target_at(from->position_world_m, c->ground_z_m + c->take_off_m, to);
     tc_move_start(&c->move, from, to, from->yaw_rad, c->parameters.take_off_m_s);
 }
 
-static void enter_approach(tc_controller *c) {
-    const tc_trajectory *trajectory = tc_store_active(&c->store);
+static void enter_approach(tc_controller* c) {
+    const tc_trajectory* trajectory = tc_store_active(&c->store);
     tc_setpoint start;
     tc_trajectory_evaluate(trajectory, 0, 0u, 0.0f, &start);
-    const tc_setpoint *from = &c->telemetry.setpoint;
+    const tc_setpoint* from = &c->telemetry.setpoint;
     const float yaw = from->yaw_rad + tc_wrap(start.yaw_rad - from->yaw_rad);
     tc_move_start(&c->move, from, start.position_world_m, yaw, APPROACH_M_S);
 }
 
-static void enter_landing(tc_controller *c) {
+static void enter_landing(tc_controller* c) {
     if (c->mission.previous_state == TC_EMERGENCY) {
         setpoint_here(c);
         tc_copy(c->telemetry.setpoint.velocity_world_m_s, c->telemetry.estimate.velocity_world_m_s);
@@ -59,9 +59,9 @@ static void enter_landing(tc_controller *c) {
     c->touching_since_us = c->telemetry.time_us;
 }
 
-static void slow_down(tc_controller *c) { tc_clock_retarget(&c->clock, 0.0f, tc_ramp_s(c, c->clock.rate)); }
+static void slow_down(tc_controller* c) { tc_clock_retarget(&c->clock, 0.0f, tc_ramp_s(c, c->clock.rate)); }
 
-static void enter(tc_controller *c) {
+static void enter(tc_controller* c) {
     const uint8_t from = c->mission.previous_state;
     switch (c->mission.state) {
         case TC_TAKE_OFF:
@@ -96,14 +96,14 @@ static void enter(tc_controller *c) {
     c->bad_tilt_since_us = c->telemetry.time_us;
 }
 
-tc_reason tc_post(tc_controller *c, uint8_t event, tc_reason reason) {
+tc_reason tc_post(tc_controller* c, uint8_t event, tc_reason reason) {
     const uint8_t before = c->mission.state;
     const tc_reason result = tc_mission_post(&c->mission, event, reason, c->telemetry.time_us);
     if (result == TC_OK && c->mission.state != before) enter(c);
     return result;
 }
 
-bool tc_inside_fence(const tc_parameters *p, const float position_world_m[3]) {
+bool tc_inside_fence(const tc_parameters* p, const float position_world_m[3]) {
     bool inside = true;
     for (int i = 0; i < 3; i++) {
         inside =
@@ -112,36 +112,29 @@ bool tc_inside_fence(const tc_parameters *p, const float position_world_m[3]) {
     return inside;
 }
 
-static float seconds_since(const tc_controller *c, uint64_t then_us) {
+static float seconds_since(const tc_controller* c, uint64_t then_us) {
     return (float)(uint32_t)((c->telemetry.time_us - then_us) & 0xffffffffu) * 1e-6f;
 }
 
-static void observe_estimate(tc_controller *c, uint8_t faults) {
+static void observe_estimate(tc_controller* c, uint8_t faults) {
     if ((faults & TC_FAULT_ATTITUDE_STALE) != 0u) {
         (void)tc_post(c, TC_EVENT_ATTITUDE_LOST, TC_ATTITUDE_STALE);
     } else if ((faults & TC_FAULT_POSITION_STALE) != 0u) {
         const bool bad = (faults & TC_FAULT_POSITION_BAD) != 0u;
         (void)tc_post(c, TC_EVENT_POSITION_LOST, bad ? TC_ESTIMATE_NOT_FINITE : TC_ESTIMATE_STALE);
     } else if (c->mission.state == TC_EMERGENCY && faults == 0u) {
-        const float tilt = tc_tilt_difference(c->flatness.q_reference, c->telemetry.estimate.q_world_body);
+        const float tilt = 1.0f - tc_dot(c->flatness.axes[2], c->axes[2]);
         if (tilt < 0.05f && seconds_since(c, c->mission.since_us) > 0.2f) {
             (void)tc_post(c, TC_EVENT_POSITION_BACK, TC_ESTIMATE_BACK);
         }
     }
 }
 
-/* 1 - cos(x) by its Taylor series; good to 1 % at 1.2 rad, and the bound is no precision matter. */
-static float one_minus_cosine(float x) {
-    float sine, cosine;
-    tc_sin_cos(x, &sine, &cosine);
-    return 1.0f - cosine;
-}
-
-static void observe_flight(tc_controller *c) {
-    const tc_parameters *p = &c->parameters;
-    const tc_estimate *estimate = &c->telemetry.estimate;
-    const float tilt = tc_tilt_difference(c->flatness.q_reference, estimate->q_world_body);
-    if (tilt <= one_minus_cosine(p->tilt_error_rad)) c->bad_tilt_since_us = c->telemetry.time_us;
+static void observe_flight(tc_controller* c) {
+    const tc_parameters* p = &c->parameters;
+    const tc_estimate* estimate = &c->telemetry.estimate;
+    const float tilt = 1.0f - tc_dot(c->flatness.axes[2], c->axes[2]);
+    if (tilt <= c->tilt_bound) c->bad_tilt_since_us = c->telemetry.time_us;
     if (seconds_since(c, c->bad_tilt_since_us) > p->tilt_error_s) (void)tc_post(c, TC_EVENT_TILT, TC_TILT_ERROR);
     if (!tc_inside_fence(p, estimate->position_world_m)) (void)tc_post(c, TC_EVENT_FENCE, TC_FENCE_BREACH);
     if (c->mission.state == TC_EMERGENCY && seconds_since(c, c->mission.since_us) > p->emergency_s) {
@@ -149,13 +142,13 @@ static void observe_flight(tc_controller *c) {
     }
 }
 
-static void observe_link(tc_controller *c) {
+static void observe_link(tc_controller* c) {
     if (!c->ground_ever_seen) return;
     const float silent_s = seconds_since(c, c->ground_seen_us);
     if (silent_s <= c->parameters.link_loss_s) return;
     uint8_t event = TC_EVENT_LINK_LOST_HOLD;
     if (tc_mission_on_path(c->mission.state)) {
-        const tc_trajectory *trajectory = tc_store_active(&c->store);
+        const tc_trajectory* trajectory = tc_store_active(&c->store);
         const uint8_t policy = trajectory->header.link_loss_policy;
         if (policy == (uint8_t)TC_LINK_LOSS_FINISH && c->mission.state == TC_TRAJECTORY) return;
         if (policy == (uint8_t)TC_LINK_LOSS_LAND) event = TC_EVENT_LINK_LOST_LAND;
@@ -170,9 +163,9 @@ static void observe_link(tc_controller *c) {
 
 /* On the ground when close to the take-off height and slow, or when the set-point has sunk below a vehicle that stands.
  */
-static void observe_landing(tc_controller *c) {
-    const tc_estimate *estimate = &c->telemetry.estimate;
-    const float *setpoint = c->telemetry.setpoint.position_world_m;
+static void observe_landing(tc_controller* c) {
+    const tc_estimate* estimate = &c->telemetry.estimate;
+    const float* setpoint = c->telemetry.setpoint.position_world_m;
     if (tc_move_done(&c->move)) { /* the stop is over, or the ground was not where it was expected */
         const float low = tc_min(c->ground_z_m, setpoint[2]) - BELOW_GROUND_M;
         float to[3];
@@ -186,7 +179,7 @@ static void observe_landing(tc_controller *c) {
     if (seconds_since(c, c->touching_since_us) > TOUCH_S) (void)tc_post(c, TC_EVENT_TOUCHDOWN, TC_TOUCHDOWN);
 }
 
-static void observe_setpoint(tc_controller *c) {
+static void observe_setpoint(tc_controller* c) {
     switch (c->mission.state) {
         case TC_TAKE_OFF:
         case TC_APPROACH:
@@ -210,7 +203,7 @@ static void observe_setpoint(tc_controller *c) {
     }
 }
 
-void tc_observe(tc_controller *c, uint8_t faults) {
+void tc_observe(tc_controller* c, uint8_t faults) {
     observe_estimate(c, faults);
     if (tc_mission_in_air(c->mission.state)) observe_flight(c);
     observe_link(c);

@@ -6,6 +6,7 @@
 #define GOSHAWK_CONTROLLER_ATTITUDE_H
 
 #include "goshawk_controller/flatness.h"
+#include "goshawk_controller/mixer.h"
 #include "goshawk_controller/parameters.h"
 
 #ifdef __cplusplus
@@ -17,12 +18,9 @@ void tc_attitude_step(const tc_parameters* parameters, const tc_attitude_referen
                       const float q_world_body[4], const float rate_body_rad_s[3], float torque_body_n_m[3]);
 
 /* Moments that the model knows and the mixer must cancel: flapping, damping, rotor drag at hubs that turn. */
-void tc_modelled_moment(const tc_parameters* parameters, const float air_velocity_body_m_s[3],
+void tc_modelled_moment(const tc_parameters* parameters, const tc_mixer* mixer, const float air_velocity_body_m_s[3],
                         const float rate_body_rad_s[3], const float rotor_speed_rad_s[TC_ROTORS],
                         float moment_body_n_m[3]);
-
-/* Angle between the thrust axes of two attitudes as 1 - cosine: 0 .. 2. */
-float tc_tilt_difference(const float q_a[4], const float q_b[4]);
 
 #ifdef __cplusplus
 }

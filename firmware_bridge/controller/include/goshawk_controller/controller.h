@@ -75,6 +75,8 @@ typedef struct {
     float ground_z_m;                    /* height of the take-off point */
     float time_scale;                    /* path rate asked for */
     float take_off_m;                    /* height asked for */
+    float axes[3][3];                    /* of the estimated attitude: body x, y, z in world coordinates */
+    float tilt_bound;                    /* 1 - cos(tilt_error_rad) */
     float wanted_speed_rad_s[TC_ROTORS]; /* by the mixer, before battery and lag */
     float slow_speed_rad_s[TC_ROTORS];   /* the same, filtered: what the rotors are taken to do */
     bool was_flying;

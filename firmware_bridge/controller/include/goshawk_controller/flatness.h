@@ -15,6 +15,7 @@ extern "C" {
 
 typedef struct {
     float q_reference[4]; /* world from body */
+    float axes[3][3];     /* the same: the body's x, y, z axes in world coordinates, one a row */
     bool started;
 } tc_flatness_state;
 

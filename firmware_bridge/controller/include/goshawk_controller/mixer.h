@@ -25,11 +25,19 @@ enum {
 typedef struct {
     float from_wrench[TC_ROTORS][3]; /* thrusts of least norm for (collective, torque x, torque y) */
     float free[TC_ROTORS];           /* the direction of thrusts that changes none of the three; largest entry 1 */
-    float yaw_per_free;              /* sum spin_i free_i */
-    float arm_x_m[TC_ROTORS];        /* hub relative to the centre of mass */
+    float per_lift[TC_ROTORS];       /* reciprocals of from_wrench[i][0], of free, of the rotor gains */
+    float per_free[TC_ROTORS];
+    float per_gain[TC_ROTORS];
+    float free_gain[TC_ROTORS]; /* 2 free / gain: the slope of n^2 in the free direction takes this factor */
+    float yaw_per_free;         /* sum spin_i free_i, and its sign */
+    float yaw_sign;
+    float free_per_yaw;       /* first guess of the multiple of `free` per N m of yaw */
+    float arm_x_m[TC_ROTORS]; /* hub relative to the centre of mass */
     float arm_y_m[TC_ROTORS];
-    float free_per_yaw; /* first guess of the multiple of `free` per N m of yaw */
-    float inverse_two_rho_area;
+    float square, through, axial; /* T = square n^2 + (through (v_z + v_ind) + axial v_z) n */
+    float lateral;                /* 1 when v_xy counts in eq. (2), else 0 */
+    float half_per_square, four_square;
+    float per_load;         /* 1 / (2 rho A) */
     float largest_thrust_n; /* of all four, hovering */
 } tc_mixer;
 

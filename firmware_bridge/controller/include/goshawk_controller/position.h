@@ -21,9 +21,10 @@ typedef struct {
     bool integrate; /* the gate: flying and nothing saturated */
 } tc_position_input;
 
-/* Force of all modelled drag in world axes (it points against the motion), eqs. (4)-(5) and their rival forms. */
-void tc_drag(const tc_parameters* parameters, const float velocity_world_m_s[3], const float q_world_body[4],
-             float thrust_n, float mean_rotor_speed_rad_s, float drag_world_n[3]);
+/* Force of all modelled drag in world axes (it points against the motion), eqs. (4)-(5) and their rival forms. `axes`:
+   the body's x, y, z axes in world coordinates, one a row. */
+void tc_drag(const tc_parameters* parameters, const float velocity_world_m_s[3], float axes[3][3], float thrust_n,
+             float mean_rotor_speed_rad_s, float drag_world_n[3]);
 
 /* Eq. (9): the thrust vector in world axes. Returns true when feedback or thrust had to be limited. */
 bool tc_position_step(tc_position_state* state, const tc_parameters* parameters, const tc_setpoint* setpoint,
