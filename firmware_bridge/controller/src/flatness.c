@@ -57,8 +57,8 @@ static bool transport(const float q[4], const float z[3], const float axis[3], f
     return reached;
 }
 
-/* Turns `q` about its own z axis towards the chart by at most `limit_rad` (small). Returns the angle turned, or
-   NaN-free 2 pi as "arrived". */
+/* Turns `q` about its own z axis towards the chart by at most `limit_rad` (small). True if it arrived; else
+   `turned_rad` tells how far it came. */
 static bool turn_to_chart(const float chart[4], float limit_rad, float q[4], float* turned_rad) {
     float difference[4];
     tc_q_difference(q, chart, difference);
@@ -107,6 +107,7 @@ void tc_flatness_step(tc_flatness_state* state, const tc_parameters* p, const tc
     for (int i = 0; i < 3; i++) axis[i] = input->force_world_n[i] / tc_max(size_n, 1e-6f);
     if (!state->started) {
         tc_flatness_chart(axis, input->yaw_rad, state->q_reference);
+        tc_q_normalise(state->q_reference);
         tc_q_axes(state->q_reference, state->axes);
         state->started = true;
     }
@@ -117,7 +118,8 @@ void tc_flatness_step(tc_flatness_state* state, const tc_parameters* p, const tc
     tc_flatness_chart(axis, input->yaw_rad, chart);
     const float trust = tc_clamp((1.0f + axis[2] - CHART_LOST) / (CHART_GOOD - CHART_LOST), 0.0f, 1.0f);
     float turned_rad = 0.0f;
-    const bool on_chart = turn_to_chart(chart, tc_min(trust * p->yaw_slew_rad_s * step_s, 1.0f), q, &turned_rad);
+    const float turn_limit = tc_min(trust * p->yaw_slew_rad_s * step_s, 1.0f);
+    const bool on_chart = trust > 0.0f && turn_to_chart(chart, turn_limit, q, &turned_rad);
     tc_copy4(state->q_reference, q);
     tc_copy4(out->q_world_body, q);
     tc_q_axes(q, state->axes);

@@ -41,7 +41,7 @@ void tc_flatness_reset(tc_flatness_state* state, const float q_world_body[4]);
 void tc_flatness_step(tc_flatness_state* state, const tc_parameters* parameters, const tc_flat_input* input,
                       float weight_n, float step_s, tc_attitude_reference* out);
 
-/* The chart alone, for thrust that is not straight down: no state. */
+/* The chart alone, no state; unit length while the axis (a unit vector) is not within 20 degrees of straight down. */
 void tc_flatness_chart(const float axis_world[3], float yaw_rad, float q_world_body[4]);
 
 #ifdef __cplusplus

@@ -1,0 +1,150 @@
+"""The C library as a flight-control developer meets it: builds alone, clean, and gives the same bits everywhere."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2] / "firmware_bridge" / "controller"
+DRIVER = [ROOT / "test" / "driver.c"]
+DIALECT = ROOT.parent / "dialect" / "generated"
+INCLUDES = (f"-I{ROOT / 'include'}", "-isystem", DIALECT)
+WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Werror")
+STRICT = ("-std=c11", *WARNINGS, "-ffp-contract=off", "-fno-math-errno")
+TARGETS = {
+    "M4F": ("-mcpu=cortex-m4 -mfpu=fpv4-sp-d16", "mps2-an386"),
+    "M7": ("-mcpu=cortex-m7 -mfpu=fpv5-sp-d16", "mps2-an500"),
+}
+TICKS = 40_000
+"""One whole round of the driver's script: take-off, trajectory, pause, slow motion, abort, landing."""
+
+
+def _need(*tools: str) -> None:
+    for tool in tools:
+        if shutil.which(tool) is None:
+            pytest.skip(f"{tool} is not installed")
+
+
+def _run(*command: object) -> str:
+    words = [str(word) for word in command]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, f"{' '.join(words)}\n{done.stdout}{done.stderr}"
+    return done.stdout or done.stderr  # QEMU's semihosting console is stderr when nobody watches
+
+
+def _sources() -> list[Path]:
+    return sorted((ROOT / "src").glob("*.c"))
+
+
+def _host(compiler: str, out: Path, *flags: str) -> Path:
+    main = ROOT / "test" / "host_main.c"
+    _run(compiler, *STRICT, *flags, *INCLUDES, *_sources(), *DRIVER, main, "-o", out, "-lm")
+    return out
+
+
+def _firmware(target: str, out: Path, *flags: str) -> tuple[Path, str]:
+    cpu, machine = TARGETS[target]
+    _run(
+        "arm-none-eabi-gcc", *STRICT, *cpu.split(), "-mthumb", "-mfloat-abi=hard", "-nostartfiles",
+        "--specs=nosys.specs", "-T", ROOT / "test" / "target.ld", *flags, *INCLUDES,
+        *_sources(), *DRIVER, ROOT / "test" / "target_main.c", "-o", out,
+    )  # fmt: skip
+    return out, machine
+
+
+def _emulate(firmware: Path, machine: str) -> list[str]:
+    return _run("qemu-system-arm", "-machine", machine, "-nographic", "-semihosting", "-kernel", firmware).split()
+
+
+def test_the_library_builds_alone(tmp_path):
+    _need("cmake", "gcc")
+    _run("cmake", "-S", ROOT, "-B", tmp_path, "-DCMAKE_BUILD_TYPE=Release")
+    _run("cmake", "--build", tmp_path)
+    assert (tmp_path / "libgoshawk_controller.a").exists()
+
+
+def test_headers_stand_alone_in_c_and_in_cpp(tmp_path):
+    _need("gcc", "g++")
+    for header in sorted((ROOT / "include" / "goshawk_controller").glob("*.h")):
+        for compiler, language in (("gcc", "c"), ("g++", "c++")):
+            _run(
+                compiler,
+                "-Wall",
+                "-Wextra",
+                "-Werror",
+                f"-I{ROOT / 'include'}",
+                "-fsyntax-only",
+                "-x",
+                language,
+                header,
+            )
+
+
+def test_a_whole_mission_is_clean_under_sanitizers(tmp_path):
+    _need("gcc")
+    probe = tmp_path / "probe.c"
+    probe.write_text("int main(void) { return 0; }\n")
+    sanitizers = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    if subprocess.run(["gcc", *sanitizers, probe, "-o", tmp_path / "probe"], capture_output=True).returncode:
+        pytest.skip("this gcc has no address and undefined-behaviour sanitizers")
+    crc, states = _run(_host("gcc", tmp_path / "driver", "-O1", "-g", *sanitizers), TICKS).split()
+    assert int(states, 16) == 0b0110_1111_1111  # every state but stopping, emergency and fault
+    assert int(crc, 16) != 0
+
+
+def test_the_library_needs_no_heap_no_libm_and_no_globals(tmp_path):
+    _need("gcc", "nm")
+    allowed = {"memset", "memcpy", "memcmp", "strncmp", "memmove", "strlen", "sqrtf", "_GLOBAL_OFFSET_TABLE_"}
+    objects = []
+    for source in _sources():
+        objects.append(tmp_path / f"{source.stem}.o")
+        _run("gcc", *STRICT, "-O2", *INCLUDES, "-c", source, "-o", objects[-1])
+    wanted: set[str] = set()
+    for line in _run("nm", *objects).splitlines():
+        words = line.split()
+        if len(words) < 2:
+            continue  # an empty line or a file's name
+        kind, name = words[-2:]
+        assert kind not in "dDbBC", f"{name} is a global variable"
+        if kind == "U" and not name.startswith(("tc_", "link_", "__stack_chk")):
+            wanted.add(name)
+    assert wanted <= allowed
+
+
+def test_no_source_uses_double_or_recursion_prone_constructs():
+    for source in [*_sources(), *sorted((ROOT / "src").glob("*.h"))]:
+        code = source.read_text()
+        for word in ("double ", "malloc", "free(", "goto ", "setjmp", "alloca"):
+            assert word not in code, f"{source.name}: {word}"
+
+
+@pytest.mark.slow
+def test_outputs_are_bit_identical_on_every_compiler_and_level(tmp_path):
+    _need("gcc")
+    compilers = [c for c in ("gcc", "clang") if shutil.which(c)]
+    said = {
+        (c, level): _run(_host(c, tmp_path / f"{c}{level}", level), 100_000)
+        for c in compilers
+        for level in ("-O0", "-O2", "-O3")
+    }
+    assert len(set(said.values())) == 1, said
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("target", list(TARGETS))
+def test_outputs_on_the_target_are_those_of_the_host(tmp_path, target):
+    _need("gcc", "arm-none-eabi-gcc", "qemu-system-arm")
+    host = _run(_host("gcc", tmp_path / "host", "-O2"), TICKS).split()
+    crc, states, _stack, failed = _emulate(*_firmware(target, tmp_path / "firmware", "-O2", f"-DTICKS={TICKS}"))
+    assert int(failed, 16) == 0
+    assert (int(crc, 16), int(states, 16)) == (int(host[0], 16), int(host[1], 16))
+
+
+@pytest.mark.slow
+def test_cppcheck_has_nothing_to_say():
+    _need("cppcheck")
+    _run(
+        "cppcheck", "--enable=warning,performance,portability", "--std=c11", "--error-exitcode=1", "--quiet",
+        "--inline-suppr", f"-I{ROOT / 'include'}", ROOT / "src",
+    )  # fmt: skip
