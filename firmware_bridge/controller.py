@@ -73,6 +73,19 @@ class Velocity(IntEnum):
     ESTIMATE = 2
 
 
+_PLAIN = {"airflow_velocity": 1.0, "attitude_mode": 1.0, "feed_torque": 0.0, "rotor_lag_s": 0.0}
+VARIANTS: dict[str, dict[str, float]] = {
+    "quadratic thrust, no drag": {**_PLAIN, "thrust_model": ThrustModel.QUADRATIC, "drag_velocity": Velocity.NONE},
+    "axial BEM, no drag": {**_PLAIN, "thrust_model": ThrustModel.BEM_AXIAL, "drag_velocity": Velocity.NONE},
+    "axial BEM, rotor drag": {
+        **_PLAIN, "thrust_model": ThrustModel.BEM_AXIAL, "drag_x_kg_m": 0.0, "drag_y_kg_m": 0.0, "drag_z_kg_m": 0.0
+    },
+    "axial BEM, all drag (the paper)": {**_PLAIN, "thrust_model": ThrustModel.BEM_AXIAL},
+    "full BEM, all drag": {**_PLAIN},
+    "ours": {},
+}  # fmt: skip
+"""Overrides that turn a configuration into the rungs of the paper's ladder (all with Lee et al.'s attitude loop)."""
+
 SATURATION = {"tilt": 1, "collective": 2, "yaw": 4, "rotor": 8, "input": 16}
 """Bits of the saturation report."""
 

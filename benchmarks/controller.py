@@ -1,0 +1,172 @@
+"""The embedded controller: speed, exactness, tracking, and (with the ARM tools) what it costs on a Cortex-M4F."""
+
+import importlib.util
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import report
+
+import vehicle
+from firmware_bridge import _controller, controller
+
+ROOT = Path(__file__).resolve().parents[1]
+LIBRARY = ROOT / "firmware_bridge" / "controller"
+NOISE = {"noise": True, "delay_s": 0.01, "seed": 1}
+
+
+def _module(path: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[path.stem] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+FLIGHTS = _module(ROOT / "tests" / "firmware_bridge" / "conftest.py")
+
+
+def _throughput() -> report.Row:
+    """Controller ticks per CPU second on a trajectory of 12 coefficients, closed loop, nominal plant."""
+    flight = FLIGHTS.Flight(step_us=1000)
+    flight.start(FLIGHTS.figure_eight())
+    p, n = flight.plant, 200_000
+    state = np.concatenate([p.position_world_m, p.velocity_world_m_s, p.q_world_body, p.rate_body_rad_s])
+    start = time.process_time()
+    flight.controller.raw.run_nominal(state, flight.time_us, 100, n, 0)  # 20 s, all of it on the trajectory
+    rate = n / (time.process_time() - start)
+    return report.row("closed loop from Python, run(n)", rate / 1e6, "M ticks/s", ">= 1", rate >= 1e6)
+
+
+def _mixer() -> list[report.Row]:
+    """Inverse against eqs. (1)-(3) for random speeds and flows; saturated demands are left out and counted."""
+    model = vehicle.example("rigter2019")
+    rotors = model.without_effect("parasitic_drag")
+    table = controller.vector(controller.parameters_of(model).parameters)
+    rng, n = np.random.default_rng(0), 50_000
+    speed = rng.uniform(300, 1750, (n, 4))
+    air, rate = rng.uniform([-12, -12, -3], [12, 12, 6], (n, 3)), rng.uniform(-6, 6, (n, 3))
+    force, torque = vehicle.wrench(rotors, air, rate, speed)
+    wrench = np.column_stack([force[:, 2], torque]).astype(np.float32)
+    rows, _ = _controller.mixer(table, wrench, air.astype(np.float32), rate.astype(np.float32))
+    free = rows[:, 8] == 0
+    error = (np.abs(rows[:, :4] - speed).max(axis=1) / 1800.0)[free]
+    return [
+        report.row("mixer error, of full speed, worst", error.max(), "1", "<= 1e-5", error.max() <= 1e-5),
+        report.row("mixer: feasible demands called saturated", 1.0 - free.mean(), "1"),
+    ]
+
+
+def _evaluator() -> list[report.Row]:
+    worst = np.zeros(2)
+    for trajectory in (FLIGHTS.figure_eight(), FLIGHTS.vertical(), FLIGHTS.general()):
+        wire = controller.to_wire(trajectory)
+        times_us = np.linspace(0, trajectory.duration_s * 1e6, 20_001).astype(np.uint32)
+        rows = _controller.evaluate(wire.durations_us, wire.coefficients, times_us)
+        times_s = np.minimum(times_us * 1e-6, trajectory.duration_s)
+        for order in (0, 1):
+            truth = trajectory.position(times_s, order)
+            worst[order] = max(worst[order], np.abs(rows[:, 3 * order : 3 * order + 3] - truth).max())
+    return [
+        report.row("float32 reference, position", worst[0] * 1e3, "mm", "<= 0.1", worst[0] <= 1e-4),
+        report.row("float32 reference, velocity", worst[1] * 1e3, "mm/s", "<= 1", worst[1] <= 1e-3),
+    ]
+
+
+def _tracking() -> list[report.Row]:
+    """Mean error with estimator noise and 10 ms delay; peers: without either, and the paper's flights."""
+    rows = []
+    for name, trajectory, bar_cm in (
+        ("level 8.5 m/s", FLIGHTS.figure_eight(), 5.1),
+        ("vertical 3.1 m/s", FLIGHTS.vertical(), 1.32),
+        ("general, yaw 5.3 rad/s", FLIGHTS.general(), 4.9),
+    ):
+        noisy = FLIGHTS.Flight(**NOISE).fly(trajectory).mean() * 100
+        clean = FLIGHTS.Flight().fly(trajectory).mean() * 100
+        peers = {"no noise, no delay": clean, "Rigter et al., in flight": bar_cm}
+        rows.append(report.row(f"tracking, {name}", noisy, "cm", f"<= {bar_cm}", noisy <= bar_cm, peers))
+    return rows
+
+
+def _ladder() -> list[report.Row]:
+    """The paper's controller variants, in the same plant, on the level figure of eight."""
+    rows = []
+    for name, overrides in controller.VARIANTS.items():
+        error = FLIGHTS.Flight(**NOISE, overrides=overrides).fly(FLIGHTS.figure_eight(turns=2))
+        rows.append(report.row(f"ladder: {name}", error.mean() * 100, "cm"))
+    return rows
+
+
+def _target() -> list[report.Row]:
+    """Instructions, stack and size on Cortex-M4F; nothing when the tools are missing."""
+    if not (shutil.which("arm-none-eabi-gcc") and shutil.which("qemu-system-arm")):
+        print("no arm-none-eabi-gcc or qemu-system-arm: the Cortex-M rows are left out")
+        return []
+    with tempfile.TemporaryDirectory() as folder:
+        counting, flying = Path(folder) / "count.elf", Path(folder) / "fly.elf"
+        _compile(counting, "-DTICKS=1400", "-DSTEP_US=10000u", "-DPAINTED_WORDS=0u")
+        _compile(flying, "-DTICKS=8000", "-DSTEP_US=5000u")
+        counts = _module(LIBRARY / "test" / "count_instructions.py").count(str(counting), "mps2-an386")
+        flight = np.array(counts[2:])  # the first ticks rest on the ground
+        flight = flight[flight > 0.5 * flight.max()]
+        said = _shell("qemu-system-arm", "-machine", "mps2-an386", "-nographic", "-semihosting", "-kernel", flying)
+        flash = _flash(Path(folder))
+    worst, ratio, stack = flight.max(), flight.max() / flight.mean(), int(said.split()[2], 16)
+    return [
+        report.row("worst tick on Cortex-M4F", worst, "instructions", "<= 2500", worst <= 2500),
+        report.row("worst over mean tick in flight", ratio, "1", "<= 1.05", ratio <= 1.05),
+        report.row("stack of a tick", stack, "B", "<= 512", stack <= 512),
+        report.row("flash without the link, -Os", flash / 1024, "kB", "<= 24", flash <= 24 * 1024),
+    ]
+
+
+CPU = [
+    "-mcpu=cortex-m4",
+    "-mthumb",
+    "-mfloat-abi=hard",
+    "-mfpu=fpv4-sp-d16",
+    "-std=c11",
+    "-ffp-contract=off",
+    "-fno-math-errno",
+]
+
+
+def _sources() -> list[Path]:
+    return [path for path in sorted((LIBRARY / "src").glob("*.c")) if not path.name.startswith("link")]
+
+
+def _compile(out: Path, *flags: str) -> None:
+    test = LIBRARY / "test"
+    start = ["-nostartfiles", "--specs=nosys.specs", "-T", test / "target.ld"]
+    files = [*_sources(), test / "driver.c", test / "target_main.c"]
+    _shell("arm-none-eabi-gcc", *CPU, "-O3", *start, *flags, f"-I{LIBRARY / 'include'}", *files, "-o", out)
+
+
+def _flash(folder: Path) -> int:
+    """Code and constants of the controller's own objects."""
+    total = 0
+    for source in _sources():
+        out = folder / f"{source.stem}.o"
+        _shell("arm-none-eabi-gcc", *CPU, "-Os", f"-I{LIBRARY / 'include'}", "-c", source, "-o", out)
+        total += int(_shell("arm-none-eabi-size", out).splitlines()[1].split()[0])
+    return total
+
+
+def _shell(*command: object) -> str:
+    done = subprocess.run([str(word) for word in command], check=True, capture_output=True, text=True)
+    return done.stdout or done.stderr
+
+
+def rows() -> list[report.Row]:
+    return [_throughput(), *_mixer(), *_evaluator(), *_tracking(), *_ladder(), *_target()]
+
+
+if __name__ == "__main__":
+    report.main(rows)
