@@ -145,9 +145,15 @@ def _turned(
     """The attitude that lines thrust up with what drag at the old attitude leaves to do; its size; the old thrust."""
     velocity = rotations.rotate(rotations.conjugate(q), path.velocity)
     force, _ = dynamics.wrench(vehicle, velocity, rate, speed, _around(path, q, ground_m))
-    axis = wanted - rotations.rotate(q, force * np.array([1.0, 1.0, 0.0]))
-    along = np.linalg.norm(axis, axis=1)
-    return hopf(axis / along[:, None], path.yaw), along, force[:, 2]
+    # With drag -c v the axis is wanted + c v whatever the attitude (Faessler et al. 2018); only what is not of that
+    # form has to be iterated.
+    lateral = velocity * np.array([1.0, 1.0, 0.0])
+    square = (lateral**2).sum(axis=1)
+    c = np.where(square > 1e-6, -(force * lateral).sum(axis=1) / np.maximum(square, 1e-6), 0.0)[:, None]
+    rest = force * np.array([1.0, 1.0, 0.0]) + c * lateral
+    axis = wanted - rotations.rotate(q, rest) + c * path.velocity
+    axis = axis / np.linalg.norm(axis, axis=1, keepdims=True)
+    return hopf(axis, path.yaw), (wanted * axis).sum(axis=1), force[:, 2]
 
 
 def hopf(axis: FloatArray, yaw_rad: FloatArray) -> FloatArray:

@@ -133,3 +133,12 @@ def test_a_wrong_effect_file_says_what_is_wrong(tmp_path, text, message):
 def test_a_name_of_the_catalogue_is_not_replaced():
     with pytest.raises(InputError, match="taken by the catalogue"):
         effects.register(effects.find("payload"))
+
+
+def test_two_different_files_may_not_share_a_name(worked_example, tmp_path):
+    text = (worked_example["folder"] / "side_guard.py").read_text()
+    (tmp_path / "copy.py").write_text(text)
+    effects.load_file(tmp_path / "copy.py")
+    (tmp_path / "other.py").write_text(text.replace("v_y\n", "2.0 * v_y\n"))
+    with pytest.raises(InputError, match="rename one"):
+        effects.load_file(tmp_path / "other.py")

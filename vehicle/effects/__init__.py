@@ -13,6 +13,8 @@ __all__ = ["Effect", "catalogue", "find", "load_file", "register"]
 
 _NOT_EFFECTS = ("base",)
 _registered: dict[str, Effect] = {}
+_origins: dict[str, tuple[Path, bytes]] = {}
+"""Which file, with which text, each of the user's own effects came from."""
 
 
 @cache
@@ -52,10 +54,10 @@ def load_file(path: Path) -> Effect:
     """Read one Python file that defines `EFFECT`, and register it.
 
     Raises:
-        InputError: there is no such file.
+        InputError: there is no such file, or another file already defines an effect of that name in another way.
         FormatError: it does not run, or defines no `EFFECT`.
     """
-    path = Path(path)
+    path = Path(path).resolve()
     if not path.is_file():
         raise InputError(f"effect file {path} does not exist")
     spec = importlib.util.spec_from_file_location(f"goshawk_effect_{path.stem}", path)
@@ -69,4 +71,14 @@ def load_file(path: Path) -> Effect:
     effect = getattr(module, "EFFECT", None)
     if not isinstance(effect, Effect):
         raise FormatError(f"effect file {path} defines no EFFECT = Effect(...)")
+    _check_origin(effect, path)
     return register(effect)
+
+
+def _check_origin(effect: Effect, path: Path) -> None:
+    """Vehicles know effects by name: two different ones of one name would quietly stand in for each other."""
+    text = path.read_bytes()
+    known, known_text = _origins.get(effect.name, (path, text))
+    if known != path and known_text != text:
+        raise InputError(f"{path} defines effect {effect.name!r}, and so does {known}, differently; rename one")
+    _origins[effect.name] = (path, text)
