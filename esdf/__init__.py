@@ -1,10 +1,10 @@
 """The distance field: how far every point of a map is from the nearest surface, exactly, and honestly where unknown."""
 
 from esdf import solids
-from esdf.block_field import BlockField, build_blocks, open_blocks
+from esdf.block_field import BlockField, build_blocks, open_blocks, update_blocks
 from esdf.blocks import ArraySource, SolidSource
 from esdf.build import build
-from esdf.clearance import Clearance, certify
+from esdf.clearance import Clearance, certify, profile
 from esdf.edits import Edit, Editor, load_edits, save_edits
 from esdf.field import KNOWN, OUTSIDE, UNMAPPED, Field
 from esdf.grid import FREE, OCCUPIED, UNKNOWN, Grid
@@ -33,8 +33,10 @@ __all__ = [
     "load_edits",
     "open_blocks",
     "open_editor",
+    "profile",
     "rasterize",
     "save",
     "save_edits",
     "solids",
+    "update_blocks",
 ]

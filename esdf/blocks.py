@@ -8,7 +8,7 @@ engine (one core, threads, processes, a Dask cluster) writes the same bytes. A c
 import hashlib
 import math
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +17,7 @@ from typing import Protocol
 import numpy as np
 
 from esdf import _esdf
-from esdf.build import Recipe, transform
+from esdf.build import FARTHEST_M, Recipe, transform
 from esdf.edits import Edit, replay
 from esdf.field import Policy
 from esdf.grid import FREE, OCCUPIED, UNKNOWN, Grid, Region, StateArray
@@ -151,12 +151,12 @@ def build_chunks(
     cap_m: float,
     unknown: Policy,
     executor: Mapper | Executor | None = None,
-    only: set[str] | None = None,
+    only: Collection[str] | None = None,
     progress: Progress = silent,
 ) -> dict[str, str]:
     """Build chunks into `folder` (which exists), all or only the named ones; returns each one's hash."""
-    if not math.isfinite(cap_m):
-        raise InputError("a map built in chunks needs a finite cap_m")
+    if not cap_m < FARTHEST_M:
+        raise InputError(f"cap_m is {cap_m:g}; a map built in chunks needs a bound, a few metres")
     jobs = [
         ChunkJob(Path(folder), name, region, source, grid, cap_m, unknown)
         for name, region in chunk_regions(grid)

@@ -21,6 +21,8 @@ from flight import InputError
 
 INT16_CAP = 16383  # two of these still fit an int16, so sums in the kernel cannot overflow
 INT32_CAP = 1 << 30
+FARTHEST_M = 1e9  # stands for infinitely far, which could not be interpolated
+WORTH_A_THREAD = 500_000  # voxels below which starting another thread costs more than it saves
 
 
 def build(
@@ -35,7 +37,8 @@ def build(
 
     Args:
         state: (nx, ny, nz) of UNKNOWN, FREE, OCCUPIED.
-        cap_m: Distances are exact up to here and equal to it beyond; `math.inf` for no limit.
+        cap_m: Distances are exact up to here and equal to it beyond; `math.inf` for no limit (a map with
+            nothing solid then says 1e9 m).
         unknown: "obstacle": unknown voxels, and everything outside the grid, are solid. "nan": unknown voxels do not
             stop a distance, and have none themselves.
         threads: None for every core.
@@ -67,6 +70,7 @@ class Recipe:
     def of(grid: Grid, cap_m: float, unknown: Policy) -> "Recipe":
         if not cap_m > 0.0:
             raise InputError(f"cap_m is {cap_m:g}; it must be positive (math.inf for no limit)")
+        cap_m = min(float(cap_m), FARTHEST_M)
         if unknown not in ("obstacle", "nan"):
             raise InputError(f"unknown is {unknown!r}; choose 'obstacle' or 'nan'")
         # The box of a voxel k away begins k - 1/2 voxels from our centre; doubled, that is a whole number.
@@ -77,13 +81,12 @@ class Recipe:
         if grid.cubic and cap <= INT32_CAP:
             kind = np.int16 if cap <= INT16_CAP else np.int32
             tables = tuple(np.minimum(d**2, cap).astype(kind) for d in doubled)
-            return Recipe(float(cap_m), unknown, tables, cap, 0.5 * grid.voxel_m[0])  # pyright: ignore[reportArgumentType]
+            return Recipe(cap_m, unknown, tables, cap, 0.5 * grid.voxel_m[0])  # pyright: ignore[reportArgumentType]
         limit = np.float32(cap_m * cap_m)
-        if math.isfinite(cap_m):
-            limit = np.nextafter(limit, np.float32(np.inf))
+        limit = np.nextafter(limit, np.float32(np.inf))
         squares = [np.square(0.5 * v * d).astype(np.float32) for v, d in zip(grid.voxel_m, doubled, strict=True)]
         tables = tuple(np.minimum(s, limit) for s in squares)
-        return Recipe(float(cap_m), unknown, tables, float(limit), 1.0)  # pyright: ignore[reportArgumentType]
+        return Recipe(cap_m, unknown, tables, float(limit), 1.0)  # pyright: ignore[reportArgumentType]
 
     @property
     def faces(self) -> int:
@@ -118,9 +121,10 @@ def transform(
     ]
     window = region.grown(recipe.reach, state.shape)  # pyright: ignore[reportArgumentType]
     scratch = np.empty(window.shape[0] * region.shape[1] * region.shape[2], kind)
-    workers = threads if threads is not None else len(os.sched_getaffinity(0))
+    if threads is None:
+        threads = min(len(os.sched_getaffinity(0)), 1 + scratch.size // WORTH_A_THREAD)
     obstacle = recipe.unknown == "obstacle"
     kernel(
         state, out, region.low, *recipe.tables, recipe.cap, recipe.scale, recipe.cap_m,
-        obstacle, not obstacle, faces, scratch, workers, instruction_set,
+        obstacle, not obstacle, faces, scratch, threads, instruction_set,
     )  # fmt: skip

@@ -5,7 +5,7 @@ vouches for every point the curve can reach before t + h: s - speed * h. Interva
 (branch and bound) until the smallest bound is within a tolerance of the smallest sample.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Literal, Protocol
 
@@ -87,11 +87,22 @@ def certify(
         raise InputError(f"the required clearance is {required_m:g} m; it must be finite")
     if not tolerance_m > 0.0:
         raise InputError(f"tolerance_m is {tolerance_m:g}; it must be positive")
-    if isinstance(field, SampledField) and field.unknown == "nan":
-        unseen = _first_unseen(field, trajectory)
+    verdict = _branch_and_bound(field, trajectory, required_m, tolerance_m)
+    if isinstance(field, SampledField) and field.unknown == "nan" and not np.isnan(verdict.minimum_m):
+        pieces, parts = _half_voxel_steps(field, trajectory)
+        if parts.sum() > MAX_INTERVALS:
+            return replace(verdict, passed=False, proven_m=-np.inf, reason="unfinished")
+        unseen = _first_unseen(field, trajectory, pieces, parts)
         if unseen is not None:
             return _unknown(field, trajectory, *unseen)
-    return _branch_and_bound(field, trajectory, required_m, tolerance_m)
+    return verdict
+
+
+def profile(field: SampledField, trajectory: Trajectory, times_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Distance in metres and its rate of change in m/s along a curve, at times (n,) from its start: two (n,)."""
+    times = np.asarray(times_s, dtype=np.float64)
+    distance, gradient = field.distance_and_gradient(trajectory.position(times))
+    return distance, np.einsum("ij,ij->i", gradient, trajectory.position(times, 1))
 
 
 def _branch_and_bound(
@@ -143,15 +154,22 @@ def _positions(trajectory: Trajectory, segment: np.ndarray, local_s: FloatArray)
     return polynomial.evaluate(trajectory.coefficients[segment, :3], local_s[:, None])
 
 
-def _first_unseen(field: SampledField, trajectory: Trajectory) -> tuple[int, float] | None:
+def _half_voxel_steps(field: SampledField, trajectory: Trajectory) -> tuple[_Intervals, np.ndarray]:
+    """Pieces of the curve, and how many parts of each keep the curve within half a voxel of their middles."""
+    pieces = _first_intervals(trajectory)
+    parts = np.ceil(pieces.speed_m_s * pieces.length_s / min(field.grid.voxel_m))
+    return pieces, np.maximum(parts, 1.0).astype(np.int64)
+
+
+def _first_unseen(
+    field: SampledField, trajectory: Trajectory, pieces: _Intervals, parts: np.ndarray
+) -> tuple[int, float] | None:
     """Segment and time of a sample next to which the curve may touch a cell with an unknown corner, or leave the grid.
 
-    Samples are so dense that the curve stays within r, half a voxel, of the nearest one; a cube of half edge r meets
-    only cells that hold one of its corners.
+    The curve stays within r, half a voxel, of the nearest sample; a cube of half edge r meets only cells that hold one
+    of its corners.
     """
     r = 0.5 * min(field.grid.voxel_m)
-    pieces = _first_intervals(trajectory)
-    parts = np.maximum(np.ceil(0.5 * pieces.speed_m_s * pieces.length_s / r).astype(int), 1)
     of = np.repeat(np.arange(len(parts)), parts)
     number = np.arange(len(of)) - np.repeat(np.cumsum(parts) - parts, parts)
     local_s = pieces.start_s[of] + (number + 0.5) * (pieces.length_s / parts)[of]

@@ -79,6 +79,7 @@ class Editor:
         self._mapped = mapped.state
         self._recipe = Recipe.of(mapped.grid, mapped.cap_m, mapped.unknown)
         self._field = replace(mapped, state=mapped.state.copy(), values_m=mapped.values_m.copy())
+        self._regions: dict[Edit, Region] = {}
         self._history: list[tuple[Edit, ...]] = [()]
         self._now = 0
         if edits:
@@ -129,10 +130,15 @@ class Editor:
         return self._move(self._now + 1)
 
     def _check(self, edit: Edit) -> None:
-        if solids.covered_region(edit.solid, self._field.grid).empty:
+        if self._covered(edit).empty:
             raise InputError(f"the {type(edit.solid).__name__.lower()} to {edit.action} touches no voxel of this map")
         if edit.action == "no-fly" and any(e.action == "no-fly" and e.name == edit.name for e in self.edits):
             raise InputError(f"there is a no-fly zone called {edit.name!r} already; drop it first")
+
+    def _covered(self, edit: Edit) -> Region:
+        if edit not in self._regions:
+            self._regions[edit] = solids.covered_region(edit.solid, self._field.grid)
+        return self._regions[edit]
 
     def _record(self, edits: tuple[Edit, ...]) -> Region:
         self._history = [*self._history[: self._now + 1], edits][-MAX_UNDO:]
@@ -149,8 +155,8 @@ class Editor:
         grid, state, values = self._field.grid, self._field.state, self._field.values_m
         boxes: list[Region] = []
         for edit in changed:
-            region = solids.covered_region(edit.solid, grid)
-            near = [e for e in self.edits if not solids.covered_region(e.solid, grid).common(region).empty]
+            region = self._covered(edit)
+            near = [e for e in self.edits if not self._covered(e).common(region).empty]
             fresh = replay(self._mapped[region.slices], grid, near, region)
             dirty = _bounding_box(fresh != state[region.slices], region)
             state[region.slices] = fresh

@@ -64,6 +64,20 @@ class SampledField(ABC):
         self._query(points, out, gradient)
         return _finite_or_refused(points, out), gradient
 
+    def hessian(self, points_world_m: ArrayLike) -> NDArray[np.float64]:
+        """Second derivatives (n, 3, 3) in 1/m, symmetric; NaN where a neighbour half a voxel away has no distance.
+
+        Within a cell the interpolation has no curvature along the axes, so these are differences of the gradient over
+        one voxel: the curvature of the map at its own resolution.
+        """
+        points = checked_points(points_world_m)
+        columns = []
+        for axis, voxel in enumerate(self.grid.voxel_m):
+            half = 0.5 * voxel * np.eye(3)[axis]
+            columns.append((self.gradient(points + half) - self.gradient(points - half)) / voxel)
+        jacobian = np.stack(columns, axis=2)
+        return 0.5 * (jacobian + jacobian.transpose(0, 2, 1))
+
     def status(self, points_world_m: ArrayLike) -> NDArray[np.uint8]:
         """KNOWN, UNMAPPED or OUTSIDE for each point (n, 3), by the voxel it lies in."""
         points = checked_points(points_world_m)
@@ -88,7 +102,8 @@ class SampledField(ABC):
         # 1e-6: single precision in values and interpolation.
         lipschitz = value_m - slack
         concave = np.sqrt(np.maximum(value_m * value_m - slack * slack, 0.0))
-        bound = np.where(value_m > slack, np.maximum(concave, lipschitz), lipschitz) - 1e-6 * (1.0 + np.abs(value_m))
+        bound = np.where(value_m > slack, np.maximum(concave, lipschitz), lipschitz)
+        bound = bound - 1e-6 * (1.0 + np.abs(value_m))
         half = 0.5 * np.array(self.grid.voxel_m)
         low, high = self.grid.low_world_m + half, self.grid.high_world_m - half
         overhang = np.linalg.norm(points_world_m - np.clip(points_world_m, low, high), axis=1)

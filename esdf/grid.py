@@ -1,7 +1,8 @@
 """Where the voxels are: an axis-aligned lattice of boxes in the world, and what each can be."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -91,6 +92,19 @@ class Grid:
         if counts.prod() > MAX_VOXELS:
             raise InputError(f"that box at {voxel_m:g} m has {counts.prod():.3g} voxels; at most {MAX_VOXELS:.3g}")
         return Grid(tuple(first * voxel_m), (voxel_m, voxel_m, voxel_m), tuple(counts.astype(int)))
+
+    def as_dict(self) -> dict[str, list[float] | list[int]]:
+        """For files."""
+        return {
+            "origin_world_m": list(self.origin_world_m),
+            "voxel_m": list(self.voxel_m),
+            "shape": list(self.shape),
+        }
+
+    @staticmethod
+    def from_dict(document: Mapping[str, Any]) -> "Grid":
+        """Read what `as_dict` wrote; raises `KeyError` or `InputError` if it is not that."""
+        return Grid(document["origin_world_m"], document["voxel_m"], tuple(document["shape"]))
 
     @property
     def voxels(self) -> int:

@@ -28,10 +28,16 @@ class Slice:
 
     @property
     def extent_m(self) -> tuple[float, float, float, float]:
-        """Left, right, bottom, top of the picture, in metres along its own axes from the first sample."""
-        rows, columns = self.distance_m.shape
-        width, height = np.linalg.norm(self.right_world_m), np.linalg.norm(self.up_world_m)
-        return (-0.5 * float(width), (columns - 0.5) * float(width), -0.5 * float(height), (rows - 0.5) * float(height))
+        """Left, right, bottom, top in metres along the picture's directions; of an axis slice, in the world."""
+        edges: list[float] = []
+        for step, count in (
+            (self.right_world_m, self.distance_m.shape[1]),
+            (self.up_world_m, self.distance_m.shape[0]),
+        ):
+            length = float(np.linalg.norm(step))
+            first = float(self.corner_world_m @ step) / length - 0.5 * length
+            edges += [first, first + count * length]
+        return (edges[0], edges[1], edges[2], edges[3])
 
 
 def axis_slice(field: SampledField, axis: Axis, at_m: float, *, step_m: float | None = None) -> Slice:

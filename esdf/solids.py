@@ -238,6 +238,9 @@ class Scene:
 
     solids: Sequence[Solid]
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "solids", tuple(self.solids))
+
     def distance(self, points_world_m: ArrayLike) -> FloatArray:
         points = checked_points(points_world_m)
         nearest = np.full(len(points), np.inf)

@@ -29,9 +29,7 @@ def save(folder: Path, field: Field) -> None:
         InputError: the disk is full or the folder cannot be written; the earlier field is untouched.
     """
     body = {
-        "origin_world_m": list(field.grid.origin_world_m),
-        "voxel_m": list(field.grid.voxel_m),
-        "shape": list(field.grid.shape),
+        **field.grid.as_dict(),
         "cap_m": field.cap_m,
         "unknown": field.unknown,
         "hash": field.hash,
@@ -63,7 +61,7 @@ def open_editor(folder: Path) -> Editor:
     folder = Path(folder)
     document = file_format.read_toml(folder / "esdf.toml", format=FORMAT, version=VERSION)
     try:
-        grid = Grid(tuple(document["origin_world_m"]), tuple(document["voxel_m"]), tuple(document["shape"]))
+        grid = Grid.from_dict(document)
         with np.load(folder / "state.npz") as archive:
             state = archive["state"]
         field = build(state, grid, cap_m=float(document["cap_m"]), unknown=document["unknown"])

@@ -1,12 +1,13 @@
-// Exact separable squared distance transform, signed and capped. Included by edt_*.cpp with GOSHAWK_ISA and VECTOR_BYTES set.
+// Exact separable squared distance transform, signed and capped. Included by edt_*.cpp with GOSHAWK_ISA and
+// VECTOR_BYTES set.
 //
 //   1. along z: distance to the nearest voxel of the other class on the same line, by runs
 //   2. along y, 3. along x: out[i] = min over k of in[i +- k] + table[k], for a cache line of neighbouring z at once;
 //      the search for one i stops at the first k whose table[k] alone is no improvement.
 //
-// Every value is the minimum over sites of one fixed sum (rounding is monotone), so it does not depend on the window, the
-// tiling, the instruction set or the number of threads: a recomputed window is bit-equal to a full rebuild.
-// The including file has included the standard headers, edt.hpp and parallel.hpp.
+// Every value is the minimum over sites of one fixed sum (rounding is monotone), so it does not depend on the window,
+// the tiling, the instruction set or the number of threads: a recomputed window is bit-equal to a full rebuild. The
+// including file has included the standard headers, edt.hpp and parallel.hpp.
 
 namespace goshawk {
 namespace GOSHAWK_ISA {
@@ -93,7 +94,8 @@ void scan_line(const std::uint8_t* solid, Index n, const T* table, T cap, bool s
     for (Index a = 0; a < n;) {
         const Index b = run_end(solid, a, n);
         const bool free = !solid[a];
-        fill_run<T>(out, a, b, table, free ? T(1) : T(-1), cap, a > 0 || (free && solid_before), b < n || (free && solid_after));
+        fill_run<T>(out, a, b, table, free ? T(1) : T(-1), cap, a > 0 || (free && solid_before),
+                    b < n || (free && solid_after));
         a = b;
     }
 }
@@ -101,9 +103,9 @@ void scan_line(const std::uint8_t* solid, Index n, const T* table, T cap, bool s
 // A column of cache lines, one per row: the unsigned distances of one sign, and how many rows hold any news.
 template <class T>
 struct Column {
-    std::vector<T> value;        // (rows, per_line)
-    std::vector<int> news;       // news[i]: rows before i with a value below cap
-    bool needed = false;         // some value is above zero, so there is something to minimise
+    std::vector<T> value;   // (rows, per_line)
+    std::vector<int> news;  // news[i]: rows before i with a value below cap
+    bool needed = false;    // some value is above zero, so there is something to minimise
     explicit Column(Index rows) : value(rows * Lanes<T>::per_line), news(rows + 1) {}
 };
 
@@ -194,7 +196,10 @@ struct Sheet {
     Column<T> free, solid;
     std::vector<T> gathered, result;
     Sheet(Index rows, Index wanted)
-        : free(rows), solid(rows), gathered(rows * Lanes<T>::per_line * TILE_LINES), result(wanted * Lanes<T>::per_line) {}
+        : free(rows),
+          solid(rows),
+          gathered(rows * Lanes<T>::per_line * TILE_LINES),
+          result(wanted * Lanes<T>::per_line) {}
 
     template <class Emit>
     void run(const T* in, Index stride, Index width, const Pass<T>& p, const Emit& emit) {
@@ -229,8 +234,8 @@ struct Sheet {
 
 template <class T>
 Pass<T> make_pass(const Request<T>& r, const Window<T>& w, int axis) {
-    return {w.size(axis),  r.lo[axis] - w.lo[axis], r.hi[axis] - w.lo[axis], r.reach[axis],
-            r.table[axis], r.cap,                   w.solid_before(r, axis), w.solid_after(r, axis)};
+    return {w.size(axis), r.lo[axis] - w.lo[axis], r.hi[axis] - w.lo[axis], r.reach[axis], r.table[axis],
+            r.cap,        w.solid_before(r, axis), w.solid_after(r, axis)};
 }
 
 // Steps 1 and 2 for one x, while its plane is in cache.
@@ -243,8 +248,13 @@ struct PlaneWorker {
     std::vector<T> line, plane;
     Sheet<T> sheet;
     PlaneWorker(const Request<T>& request, const Window<T>& window)
-        : r(request), w(window), pass(make_pass(request, window, 1)), solid(window.size(2)), line(window.size(2)),
-          plane(window.size(1) * (request.hi[2] - request.lo[2])), sheet(window.size(1), request.hi[1] - request.lo[1]) {}
+        : r(request),
+          w(window),
+          pass(make_pass(request, window, 1)),
+          solid(window.size(2)),
+          line(window.size(2)),
+          plane(window.size(1) * (request.hi[2] - request.lo[2])),
+          sheet(window.size(1), request.hi[1] - request.lo[1]) {}
 
     void operator()(Index item) {
         const Index width = r.hi[2] - r.lo[2], depth = w.size(2);
@@ -254,7 +264,8 @@ struct PlaneWorker {
                 for (Index z = 0; z < depth; ++z) solid[z] = state[z] != FREE;
             else
                 for (Index z = 0; z < depth; ++z) solid[z] = state[z] == OCCUPIED;
-            scan_line<T>(solid.data(), depth, r.table[2], r.cap, w.solid_before(r, 2), w.solid_after(r, 2), line.data());
+            scan_line<T>(solid.data(), depth, r.table[2], r.cap, w.solid_before(r, 2), w.solid_after(r, 2),
+                         line.data());
             std::memcpy(&plane[y * width], &line[r.lo[2] - w.lo[2]], width * sizeof(T));
         }
         T* out = r.scratch + item * (r.hi[1] - r.lo[1]) * width;

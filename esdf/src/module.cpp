@@ -26,11 +26,20 @@ template <class T, int N>
 using Out = nb::ndarray<T, nb::ndim<N>, nb::c_contig, nb::device::cpu>;
 using OutBox = nb::ndarray<float, nb::ndim<3>, nb::device::cpu>;
 
+struct Shape {  // of an array with three axes
+    Index size[3];
+    template <class Array>
+    explicit Shape(const Array& a)
+        : size{static_cast<Index>(a.shape(0)), static_cast<Index>(a.shape(1)), static_cast<Index>(a.shape(2))} {}
+    Index operator[](int axis) const { return size[axis]; }
+};
+
 enum class Isa { portable, avx2, avx512 };
 
 Isa best_isa() {
 #if GOSHAWK_X86_VARIANTS
-    if (__builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl")) return Isa::avx512;
+    if (__builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
+        return Isa::avx512;
     if (__builtin_cpu_supports("avx2")) return Isa::avx2;
 #endif
     return Isa::portable;
@@ -56,9 +65,9 @@ void dispatch(const Request<T>& request, Isa isa) {
 
 // One overload per number type; `faces` has bit 2 * axis + side set where everything beyond that face is solid.
 template <class T>
-void transform(In<std::uint8_t, 3> state, OutBox out, nb::tuple lo, In<T, 1> table_x, In<T, 1> table_y, In<T, 1> table_z, T cap,
-               float scale, float cap_m, bool unknown_is_solid, bool unknown_is_nan, int faces, Out<T, 1> scratch, int threads,
-               const std::string& isa) {
+void transform(In<std::uint8_t, 3> state, OutBox out, nb::tuple lo, In<T, 1> table_x, In<T, 1> table_y,
+               In<T, 1> table_z, T cap, float scale, float cap_m, bool unknown_is_solid, bool unknown_is_nan, int faces,
+               Out<T, 1> scratch, int threads, const std::string& isa) {
     Request<T> r{};
     const In<T, 1>* tables[3] = {&table_x, &table_y, &table_z};
     r.state = state.data();
@@ -104,8 +113,8 @@ Lattice lattice_of(nb::tuple origin, nb::tuple voxel, nb::tuple shape) {
 }
 
 template <class Store>
-void answer(const Store& store, const Lattice& lattice, const In<double, 2>& points, Out<double, 1>& out, Out<double, 2>* gradient,
-            const std::string& isa) {
+void answer(const Store& store, const Lattice& lattice, const In<double, 2>& points, Out<double, 1>& out,
+            Out<double, 2>* gradient, const std::string& isa) {
     const bool wide = isa_named(isa) >= Isa::avx2;
     nb::gil_scoped_release release;
     const Index count = static_cast<Index>(points.shape(0));
@@ -119,16 +128,18 @@ void answer(const Store& store, const Lattice& lattice, const In<double, 2>& poi
 
 void query_dense(In<float, 3> values, nb::tuple origin, nb::tuple voxel, In<double, 2> points, Out<double, 1> out,
                  std::optional<Out<double, 2>> gradient, const std::string& isa) {
-    const Lattice lattice = lattice_of(origin, voxel, nb::make_tuple(values.shape(0), values.shape(1), values.shape(2)));
+    const Lattice lattice =
+        lattice_of(origin, voxel, nb::make_tuple(values.shape(0), values.shape(1), values.shape(2)));
     answer(Dense(values.data(), lattice.n), lattice, points, out, gradient ? &*gradient : nullptr, isa);
 }
 
 // `addresses` (bricks along x, y, z): where each brick's values begin; the caller keeps them alive.
-void query_bricks(In<std::uint64_t, 3> addresses, nb::tuple shape, nb::tuple origin, nb::tuple voxel, In<double, 2> points,
-                  Out<double, 1> out, std::optional<Out<double, 2>> gradient, const std::string& isa) {
+void query_bricks(In<std::uint64_t, 3> addresses, nb::tuple shape, nb::tuple origin, nb::tuple voxel,
+                  In<double, 2> points, Out<double, 1> out, std::optional<Out<double, 2>> gradient,
+                  const std::string& isa) {
     const Lattice lattice = lattice_of(origin, voxel, shape);
-    const Index bricks[3] = {static_cast<Index>(addresses.shape(0)), static_cast<Index>(addresses.shape(1)), static_cast<Index>(addresses.shape(2))};
-    answer(Bricks(addresses.data(), bricks, lattice.n), lattice, points, out, gradient ? &*gradient : nullptr, isa);
+    answer(Bricks(addresses.data(), Shape(addresses).size, lattice.n), lattice, points, out,
+           gradient ? &*gradient : nullptr, isa);
 }
 
 // Cut an array into bricks (edge + overlap values a side; beyond the array its last value is repeated). index gets the
@@ -136,7 +147,7 @@ void query_bricks(In<std::uint64_t, 3> addresses, nb::tuple shape, nb::tuple ori
 template <class T>
 Index cut_bricks(In<T, 3> values, Index overlap, In<T, 1> uniform, Out<T, 4> out, Out<std::int32_t, 3> index) {
     nb::gil_scoped_release release;
-    const Index n[3] = {static_cast<Index>(values.shape(0)), static_cast<Index>(values.shape(1)), static_cast<Index>(values.shape(2))};
+    const Shape n(values);
     const Index size = BRICK, edge = size + overlap;
     Index written = 0;
     std::int32_t* number = index.data();
@@ -168,11 +179,11 @@ Index cut_bricks(In<T, 3> values, Index overlap, In<T, 1> uniform, Out<T, 4> out
 // Every voxel between origins[i] and ends[i] gets `value`, the last one excepted; occupied voxels stay.
 void carve(Out<std::uint8_t, 3> state, In<double, 2> origins, In<double, 2> ends, std::uint8_t value) {
     nb::gil_scoped_release release;
-    const Index n[3] = {static_cast<Index>(state.shape(0)), static_cast<Index>(state.shape(1)), static_cast<Index>(state.shape(2))};
+    const Shape n(state);
     for (std::size_t i = 0; i < origins.shape(0); ++i) {
         const Point start = point_of(origins, i), end = point_of(ends, i);
         const Index last[3] = {voxel_of(end[0]), voxel_of(end[1]), voxel_of(end[2])};
-        walk(start, end, n, [&](Index x, Index y, Index z) {
+        walk(start, end, n.size, [&](Index x, Index y, Index z) {
             if (x == last[0] && y == last[1] && z == last[2]) return false;
             std::uint8_t& voxel = state.data()[(x * n[1] + y) * n[2] + z];
             if (voxel != OCCUPIED) voxel = value;
@@ -185,12 +196,12 @@ void carve(Out<std::uint8_t, 3> state, In<double, 2> origins, In<double, 2> ends
 void line_of_sight(In<std::uint8_t, 3> state, nb::tuple eye, In<double, 2> targets, Out<bool, 1> visible) {
     const Point start = {nb::cast<double>(eye[0]), nb::cast<double>(eye[1]), nb::cast<double>(eye[2])};
     nb::gil_scoped_release release;
-    const Index n[3] = {static_cast<Index>(state.shape(0)), static_cast<Index>(state.shape(1)), static_cast<Index>(state.shape(2))};
+    const Shape n(state);
     for (std::size_t i = 0; i < targets.shape(0); ++i) {
         const Point end = point_of(targets, i);
         const Index last[3] = {voxel_of(end[0]), voxel_of(end[1]), voxel_of(end[2])};
         bool clear = true;
-        walk(start, end, n, [&](Index x, Index y, Index z) {
+        walk(start, end, n.size, [&](Index x, Index y, Index z) {
             if (x == last[0] && y == last[1] && z == last[2]) return false;
             return clear = state.data()[(x * n[1] + y) * n[2] + z] != OCCUPIED;
         });
@@ -202,7 +213,7 @@ void line_of_sight(In<std::uint8_t, 3> state, nb::tuple eye, In<double, 2> targe
 void mark_triangles(Out<std::uint8_t, 3> state, In<double, 2> vertices, In<std::int64_t, 2> faces, std::uint8_t value) {
     nb::gil_scoped_release release;
     constexpr double half = 0.5 + 1e-9;  // touching counts however it is rounded
-    const Index n[3] = {static_cast<Index>(state.shape(0)), static_cast<Index>(state.shape(1)), static_cast<Index>(state.shape(2))};
+    const Shape n(state);
     for (std::size_t f = 0; f < faces.shape(0); ++f) {
         Point corner[3];
         for (int c = 0; c < 3; ++c) corner[c] = point_of(vertices, static_cast<std::size_t>(faces.data()[3 * f + c]));
@@ -214,7 +225,8 @@ void mark_triangles(Out<std::uint8_t, 3> state, In<double, 2> vertices, In<std::
         for (Index x = lo[0]; x <= hi[0]; ++x)
             for (Index y = lo[1]; y <= hi[1]; ++y)
                 for (Index z = lo[2]; z <= hi[2]; ++z)
-                    if (touches(corner, {x + 0.5, y + 0.5, z + 0.5}, half)) state.data()[(x * n[1] + y) * n[2] + z] = value;
+                    if (touches(corner, {x + 0.5, y + 0.5, z + 0.5}, half))
+                        state.data()[(x * n[1] + y) * n[2] + z] = value;
     }
 }
 
@@ -224,8 +236,10 @@ NB_MODULE(_esdf, m) {
     m.def("transform_int16", &transform<std::int16_t>);
     m.def("transform_int32", &transform<std::int32_t>);
     m.def("transform_float", &transform<float>);
-    m.def("query_dense", &query_dense, nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg());
-    m.def("query_bricks", &query_bricks, nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg());
+    m.def("query_dense", &query_dense, nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg().none(),
+          nb::arg());
+    m.def("query_bricks", &query_bricks, nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(),
+          nb::arg().none(), nb::arg());
     m.def("cut_distance_bricks", &cut_bricks<float>);
     m.def("cut_state_bricks", &cut_bricks<std::uint8_t>);
     m.def("carve", &carve);

@@ -14,8 +14,11 @@ struct Lattice {  // where voxel centres are: world = origin + (index + 0.5) * v
 struct Dense {
     const float* values;
     std::ptrdiff_t step[3];
-    Dense(const float* v, const std::ptrdiff_t* n) : values(v), step{n[0] > 1 ? n[1] * n[2] : 0, n[1] > 1 ? n[2] : 0, n[2] > 1 ? 1 : 0} {}
-    const float* corner(const std::int32_t* i) const { return values + i[0] * step[0] + i[1] * step[1] + i[2] * step[2]; }
+    Dense(const float* v, const std::ptrdiff_t* n)
+        : values(v), step{n[0] > 1 ? n[1] * n[2] : 0, n[1] > 1 ? n[2] : 0, n[2] > 1 ? 1 : 0} {}
+    const float* corner(const std::int32_t* i) const {
+        return values + i[0] * step[0] + i[1] * step[1] + i[2] * step[2];
+    }
 };
 
 // Values in bricks of BRICK^3 voxels, each stored with one more layer on its upper sides, so that no cell spans two.
@@ -24,7 +27,8 @@ struct Bricks {
     const std::uint64_t* address;  // of each brick's first value; bricks of one value everywhere share one
     std::ptrdiff_t count[3], step[3];
     Bricks(const std::uint64_t* table, const std::ptrdiff_t* bricks, const std::ptrdiff_t* n)
-        : address(table), count{bricks[0], bricks[1], bricks[2]},
+        : address(table),
+          count{bricks[0], bricks[1], bricks[2]},
           step{n[0] > 1 ? STORED * STORED : 0, n[1] > 1 ? STORED : 0, n[2] > 1 ? 1 : 0} {}
     const float* corner(const std::int32_t* i) const {
         const std::uint32_t x = i[0], y = i[1], z = i[2];
@@ -34,10 +38,12 @@ struct Bricks {
     }
 };
 
-#define GOSHAWK_DECLARE_QUERY(isa)                                                                                           \
-    namespace isa { /* gradient may be null */                                                                               \
-    void query(const Dense&, const Lattice&, const double* points, std::ptrdiff_t count, double* distance, double* gradient);  \
-    void query(const Bricks&, const Lattice&, const double* points, std::ptrdiff_t count, double* distance, double* gradient); \
+#define GOSHAWK_DECLARE_QUERY(isa)                                                                          \
+    namespace isa { /* gradient may be null */                                                              \
+    void query(const Dense&, const Lattice&, const double* points, std::ptrdiff_t count, double* distance,  \
+               double* gradient);                                                                           \
+    void query(const Bricks&, const Lattice&, const double* points, std::ptrdiff_t count, double* distance, \
+               double* gradient);                                                                           \
     }
 GOSHAWK_DECLARE_QUERY(portable)
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)

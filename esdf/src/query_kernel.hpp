@@ -1,4 +1,5 @@
-// Trilinear value and gradient of a field, point by point. Included by query_*.cpp with GOSHAWK_ISA set, after query.hpp.
+// Trilinear value and gradient of a field, point by point. Included by query_*.cpp with GOSHAWK_ISA set, after
+// query.hpp.
 
 namespace goshawk {
 namespace GOSHAWK_ISA {
@@ -17,8 +18,10 @@ struct Frame {  // a lattice, ready for arithmetic on all axes at once
     Floats slope;
     Ints last_cell;
     explicit Frame(const Lattice& l)
-        : origin{l.origin[0], l.origin[1], l.origin[2], 0.0}, per_voxel{l.per_voxel[0], l.per_voxel[1], l.per_voxel[2], 0.0},
-          end{l.n[0] + ROUNDING, l.n[1] + ROUNDING, l.n[2] + ROUNDING, 1.0}, last{l.n[0] - 1.0, l.n[1] - 1.0, l.n[2] - 1.0, 0.0},
+        : origin{l.origin[0], l.origin[1], l.origin[2], 0.0},
+          per_voxel{l.per_voxel[0], l.per_voxel[1], l.per_voxel[2], 0.0},
+          end{l.n[0] + ROUNDING, l.n[1] + ROUNDING, l.n[2] + ROUNDING, 1.0},
+          last{l.n[0] - 1.0, l.n[1] - 1.0, l.n[2] - 1.0, 0.0},
           slope{float(l.per_voxel[0]), float(l.per_voxel[1]), float(l.per_voxel[2]), 0.0f},
           last_cell{cell(l.n[0]), cell(l.n[1]), cell(l.n[2]), 0} {}
     static std::int32_t cell(std::ptrdiff_t n) { return static_cast<std::int32_t>(n > 1 ? n - 2 : 0); }
@@ -87,7 +90,8 @@ inline double interpolate(const float* corner, const std::ptrdiff_t* step, const
 
 // All points. They are located in batches and fetched ahead, so that the memory answers many at a time.
 template <bool WANT_GRADIENT, class Store>
-void answer(const Store& store, const Lattice& lattice, const double* points, std::ptrdiff_t count, double* distance, double* gradient) {
+void answer(const Store& store, const Lattice& lattice, const double* points, std::ptrdiff_t count, double* distance,
+            double* gradient) {
     constexpr double nan = std::numeric_limits<double>::quiet_NaN();
     constexpr std::ptrdiff_t BATCH = 32;
     const Frame frame(lattice);
@@ -119,7 +123,8 @@ void answer(const Store& store, const Lattice& lattice, const double* points, st
 }
 
 template <class Store>
-void either(const Store& store, const Lattice& lattice, const double* points, std::ptrdiff_t count, double* distance, double* gradient) {
+void either(const Store& store, const Lattice& lattice, const double* points, std::ptrdiff_t count, double* distance,
+            double* gradient) {
     if (gradient)
         answer<true>(store, lattice, points, count, distance, gradient);
     else
@@ -128,10 +133,12 @@ void either(const Store& store, const Lattice& lattice, const double* points, st
 
 }  // namespace
 
-void query(const Dense& store, const Lattice& lattice, const double* points, std::ptrdiff_t count, double* distance, double* gradient) {
+void query(const Dense& store, const Lattice& lattice, const double* points, std::ptrdiff_t count, double* distance,
+           double* gradient) {
     either(store, lattice, points, count, distance, gradient);
 }
-void query(const Bricks& store, const Lattice& lattice, const double* points, std::ptrdiff_t count, double* distance, double* gradient) {
+void query(const Bricks& store, const Lattice& lattice, const double* points, std::ptrdiff_t count, double* distance,
+           double* gradient) {
     either(store, lattice, points, count, distance, gradient);
 }
 

@@ -19,6 +19,7 @@ from esdf import (
     open_blocks,
     rasterize,
     solids,
+    update_blocks,
 )
 from flight import FormatError, InputError, Trajectory
 
@@ -51,6 +52,18 @@ def test_a_map_on_disk_answers_bit_by_bit_as_the_one_in_memory(tmp_path, unknown
     for got, expected in zip(on_disk.distance_and_gradient(points), field.distance_and_gradient(points), strict=True):
         np.testing.assert_array_equal(got, expected)
     np.testing.assert_array_equal(on_disk.status(points), field.status(points))
+    np.testing.assert_array_equal(on_disk.states(grid.everything), state)
+
+
+@pytest.mark.parametrize("kind", [0, 1, 2])
+@pytest.mark.parametrize("unknown", ["obstacle", "nan"])
+def test_maps_that_are_the_same_everywhere_need_no_bricks(tmp_path, kind, unknown):
+    state, grid = np.full(SHAPE, kind, np.uint8), Grid((0, 0, 0), 0.1, SHAPE)
+    on_disk = build_blocks(tmp_path / "map", ArraySource(state), grid, cap_m=0.3, unknown=unknown)
+    points = np.random.default_rng(6).uniform(0, np.array(SHAPE) * 0.1, (2000, 3))
+    np.testing.assert_array_equal(
+        on_disk.distance(points), build(state, grid, cap_m=0.3, unknown=unknown).distance(points)
+    )
     np.testing.assert_array_equal(on_disk.states(grid.everything), state)
 
 
@@ -101,6 +114,19 @@ def test_edits_give_the_same_map_on_disk_and_in_memory(tmp_path):
     np.testing.assert_array_equal(on_disk.distance(points), edited.distance(points))
 
 
+def test_an_update_is_the_same_bytes_as_a_rebuild_and_leaves_open_fields_alone(tmp_path):
+    state, grid = random_map(np.random.default_rng(7))
+    wall = Edit("add", solids.Box((0.0, 3.0, 1.0), (0.4, 4.0, 2.0)))
+    before = build_blocks(tmp_path / "map", ArraySource(state), grid, cap_m=0.5)
+    points = np.random.default_rng(8).uniform(grid.low_world_m, grid.high_world_m, (5000, 3))
+    old = before.distance(points)
+    update_blocks(tmp_path / "map", ArraySource(state), solids.covered_region(wall.solid, grid), edits=[wall])
+    build_blocks(tmp_path / "rebuilt", ArraySource(state), grid, cap_m=0.5, edits=[wall])
+    assert _bytes(tmp_path / "map") == _bytes(tmp_path / "rebuilt")
+    np.testing.assert_array_equal(before.distance(points), old)
+    assert (open_blocks(tmp_path / "map", in_memory=True).distance(points) != old).any()
+
+
 def test_a_crop_is_the_field_of_that_part(tmp_path):
     state, grid = random_map(np.random.default_rng(3))
     on_disk = build_blocks(tmp_path / "map", ArraySource(state), grid)
@@ -136,7 +162,7 @@ def test_damaged_maps_are_refused_and_failed_builds_leave_the_old_one(tmp_path):
     with pytest.raises(InputError, match="No space left"):
         build_blocks(tmp_path / "map", broken, grid)
     assert open_blocks(tmp_path / "map").hash == old.hash
-    with pytest.raises(InputError, match="finite"):
+    with pytest.raises(InputError, match="bound"):
         build_blocks(tmp_path / "other", ArraySource(state), grid, cap_m=float("inf"))
     bricks = tmp_path / "map" / "chunk_0_0_0.values.npy"
     bricks.write_bytes(bricks.read_bytes()[:5000])

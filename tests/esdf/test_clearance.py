@@ -103,6 +103,26 @@ def test_a_single_unknown_voxel_is_found_however_fast_the_flight():
     assert not verdict.passed
 
 
+def test_an_uncapped_map_without_obstacles_is_clear_and_still_has_an_edge():
+    free = np.full((40, 40, 40), FREE, np.uint8)
+    field = build(free, Grid((0, 0, 0), 0.1, free.shape), cap_m=np.inf, unknown="nan")
+    verdict = certify(field, straight((1, 1, 1), (3, 3, 3)), 0.3)
+    assert verdict.passed
+    assert verdict.minimum_m == pytest.approx(1e9)
+    assert certify(field, straight((1, 1, 1), (30, 3, 3)), 0.3).reason == "outside the map"
+
+
+def test_a_flight_too_long_to_walk_is_not_passed():
+    coefficients = np.zeros((1, 4, 8))
+    coefficients[0, :3, 0] = 2.0
+    coefficients[0, 0, 1:] = 1e9 * np.array([1, -7, 19, -25.5, 18.1, -6.6, 0.98])
+    free = np.full((40, 40, 40), FREE, np.uint8)
+    field = build(free, Grid((0, 0, 0), 0.1, free.shape), unknown="nan")
+    verdict = certify(field, Trajectory(np.array([1.0]), coefficients), 0.3)
+    assert not verdict.passed
+    assert verdict.reason in ("unfinished", "outside the map")
+
+
 def test_more_required_clearance_never_turns_a_failure_into_a_pass():
     path = straight((0, 0, 1), (5, 0.5, 1))
     verdicts = [certify(PILLARS, path, r).passed for r in np.linspace(0, 1, 11)]

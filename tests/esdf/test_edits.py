@@ -72,11 +72,11 @@ def test_any_sequence_of_edits_equals_a_rebuild_bit_by_bit(seed, unknown):
 
 
 @pytest.mark.slow
-def test_a_hundred_thousand_random_steps_never_differ_from_a_rebuild():
+def test_twenty_thousand_random_steps_never_differ_from_a_rebuild():
     rng = np.random.default_rng(11)
     for unknown in ("obstacle", "nan"):
         base = mapped(rng, unknown)
-        for _ in range(500):
+        for _ in range(100):
             editor = Editor(base)
             for _ in range(100):
                 random_step(editor, rng)

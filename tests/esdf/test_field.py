@@ -3,8 +3,22 @@
 import numpy as np
 import pytest
 
-from esdf import FREE, KNOWN, OCCUPIED, OUTSIDE, UNKNOWN, UNMAPPED, Field, Grid, _esdf, build, rasterize, solids
-from flight import InputError
+from esdf import (
+    FREE,
+    KNOWN,
+    OCCUPIED,
+    OUTSIDE,
+    UNKNOWN,
+    UNMAPPED,
+    Field,
+    Grid,
+    _esdf,
+    build,
+    profile,
+    rasterize,
+    solids,
+)
+from flight import InputError, Trajectory
 
 ROOM = solids.Scene(
     [
@@ -71,6 +85,30 @@ def test_the_gradient_is_the_slope_of_the_value(room_field):
         step = np.eye(3)[axis] * 1e-3
         slope = (room_field.distance(points + step) - room_field.distance(points - step)) / 2e-3
         np.testing.assert_allclose(gradient[:, axis], slope, atol=2e-3)
+
+
+def test_the_hessian_of_the_distance_to_a_ball_is_its_curvature():
+    ball = solids.Sphere((0.0, 0.0, 0.0), 0.5)
+    grid = Grid((-2.0, -2.0, -2.0), 0.04, (100, 100, 100))
+    field = build(rasterize(ball, grid), grid, cap_m=3.0, unknown="nan")
+    direction = np.random.default_rng(5).normal(size=(200, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    hessian = field.hessian(1.5 * direction)
+    np.testing.assert_array_equal(hessian, hessian.transpose(0, 2, 1))
+    mean = hessian.mean(axis=0)  # voxels are coarse; on average the curvature is (I - n n^T) / r
+    np.testing.assert_allclose(np.trace(mean), 2 / 1.5, rtol=0.15)
+
+
+def test_along_a_curve_the_rate_is_the_slope_of_the_distance(room_field):
+    coefficients = np.zeros((1, 4, 3))
+    coefficients[0, :3] = [[0.6, 0.5, 0.1], [0.4, 0.6, -0.1], [0.5, 0.2, 0.05]]
+    path = Trajectory(np.array([2.0]), coefficients)
+    times = np.linspace(0.1, 1.9, 500)
+    distance, rate = profile(room_field, path, times)
+    np.testing.assert_array_equal(distance, room_field.distance(path.position(times)))
+    before, after = profile(room_field, path, times - 1e-4)[0], profile(room_field, path, times + 1e-4)[0]
+    smooth = np.abs((after - before) / 2e-4 - rate) < 1e-2  # a kink at a cell's border may fall between
+    assert smooth.mean() > 0.98
 
 
 def test_at_a_centre_the_value_is_the_voxels(room_field):
