@@ -22,7 +22,9 @@ static bool due(uint64_t *next_us, uint64_t now_us, uint32_t period_us) {
 
 static bool on_path(uint8_t state) { return tc_mission_on_path(state); }
 
-static void encode_state(tc_link *link, const tc_link_measured *measured, uint8_t record[TC_LINK_RECORD]) {
+/* The last tick, with what was measured at it. */
+static void encode_state(const tc_link *link, uint8_t record[TC_LINK_RECORD]) {
+    const tc_link_measured *measured = &link->telemetry.measured;
     const tc_telemetry *t = &link->controller->telemetry;
     goshawk_state_msg m;
     memset(&m, 0, sizeof m);
@@ -58,7 +60,7 @@ uint8_t link_log_start(tc_link *link, uint32_t id) {
     return TC_OK;
 }
 
-static void write_log(tc_link *link, const tc_link_measured *measured) {
+static void write_log(tc_link *link) {
     if (!link->log.running ||
         !due(&link->log.due_us, link->controller->telemetry.time_us, link->config.log_period_us)) {
         return;
@@ -67,16 +69,16 @@ static void write_log(tc_link *link, const tc_link_measured *measured) {
         link->log.not_stored++;
         return;
     }
-    encode_state(link, measured, link->config.log + (size_t)TC_LINK_RECORD * link->log.records);
+    encode_state(link, link->config.log + (size_t)TC_LINK_RECORD * link->log.records);
     link->log.records++;
 }
 
 void link_telemetry_update(tc_link *link, const tc_link_measured *measured, uint64_t now_us) {
     const uint64_t vehicle_us = link->controller->telemetry.time_us;
-    write_log(link, measured);
+    link->telemetry.measured = *measured;
+    write_log(link);
     if (link->telemetry.state_period_us != 0u &&
         due(&link->telemetry.state_due_us, vehicle_us, link->telemetry.state_period_us)) {
-        encode_state(link, measured, link->telemetry.state);
         link->telemetry.state_sequence++;
         link->telemetry.state_ready = true;
     }
@@ -85,7 +87,6 @@ void link_telemetry_update(tc_link *link, const tc_link_measured *measured, uint
     }
     if (due(&link->telemetry.slow_due_us, vehicle_us, SLOW_US)) {
         link->telemetry.standard |= DUE_ESC | DUE_BATTERY;
-        memcpy(link->telemetry.rotor_speed_rad_s, measured->rotor_speed_rad_s, sizeof measured->rotor_speed_rad_s);
     }
     if (link->telemetry.transitions != link->controller->mission.transitions) {
         link->telemetry.transitions = link->controller->mission.transitions;
@@ -200,7 +201,7 @@ static unsigned send_esc(tc_link *link, uint8_t *payload, uint32_t *id) {
     memset(&m, 0, sizeof m);
     m.time_usec = link->controller->telemetry.time_us;
     for (unsigned i = 0; i < TC_ROTORS; i++) {
-        m.rpm[i] = (int32_t)(link->telemetry.rotor_speed_rad_s[i] * rpm_per_rad_s);
+        m.rpm[i] = (int32_t)(link->telemetry.measured.rotor_speed_rad_s[i] * rpm_per_rad_s);
         m.voltage[i] = link->controller->telemetry.estimate.battery_v;
     }
     esc_status_encode(&m, payload);
@@ -252,7 +253,7 @@ unsigned link_send_telemetry(tc_link *link, uint64_t now_us, uint8_t payload[TC_
     }
     if (link->telemetry.state_ready) {
         link->telemetry.state_ready = false;
-        memcpy(payload, link->telemetry.state, TC_LINK_RECORD);
+        encode_state(link, payload);
         *id = GOSHAWK_STATE_ID;
         return GOSHAWK_STATE_LENGTH;
     }

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from firmware_bridge import wire
+from firmware_bridge.controller import LinkLoss
 from firmware_bridge.dialect.generated.messages import Command, MissionState
 from firmware_bridge.impairment import Impairment
 from firmware_bridge.link import CancelledError, connect
@@ -151,3 +152,33 @@ def test_parameters_change_all_together_or_not_at_all(serve, dial):
         link.set_parameters({"masss": 1.0})
     with pytest.raises(InputError, match="not finite"):
         link.set_parameters({"mass_kg": float("nan")})
+
+
+@pytest.mark.parametrize(
+    ("policy", "end"),
+    [
+        (LinkLoss.LAND, MissionState.DISARMED),
+        (LinkLoss.FINISH, MissionState.HOLD),
+    ],
+)
+def test_a_vehicle_whose_operator_vanishes_does_what_was_agreed_at_the_upload(serve, dial, plans, policy, end):
+    served = serve(speed=2.0)
+    watcher, pilot = dial(served, system_id=200), dial(served)
+    pilot.upload(plans.file(4), on_link_loss=policy)
+
+    def crash(stage: str, fraction: float) -> None:
+        if stage == "flight" and fraction > 0.05:
+            pilot._port._closing.set()  # no farewell, no heartbeat
+            raise RuntimeError("the ground station's program crashed")
+
+    with pytest.raises(RuntimeError):
+        pilot.fly(progress=crash)
+    seen = set()
+    until_s = time.monotonic() + 6.0
+    while time.monotonic() < until_s and watcher.state.mission is not end:
+        seen.add(watcher.state.mission)
+        time.sleep(0.02)
+    assert MissionState.TRAJECTORY in seen
+    assert (MissionState.ABORTING in seen) == (policy is LinkLoss.LAND)
+    assert MissionState.STOPPING not in seen
+    assert watcher.state.mission in (end, MissionState.ARMED if policy is LinkLoss.LAND else end)

@@ -154,9 +154,8 @@ typedef struct {
     struct {
         uint64_t state_due_us, standard_due_us, slow_due_us, heartbeat_us, status_us, version_us;
         uint32_t state_period_us; /* 0: never */
-        uint8_t state[TC_LINK_RECORD];
+        tc_link_measured measured; /* at the last tick */
         uint16_t state_sequence;
-        float rotor_speed_rad_s[TC_ROTORS];
         uint8_t standard; /* bits: which standard messages are due */
         bool state_ready, version;
         uint32_t transitions; /* of the mission, when last told */
