@@ -37,8 +37,6 @@ class SparseOptions:
     """Each image is matched with this many later ones of the same camera."""
     similar: int = 2
     """And with this many of the most similar ones elsewhere: closes loops."""
-    refine_rig: bool = False
-    """Free the rotations and positions of the cameras on the rig in the last adjustment."""
     seed: int = 1
     """COLMAP's random number generator."""
 
@@ -309,14 +307,13 @@ def _mapping_options(options: SparseOptions) -> Any:
 
 
 def refine(database: Path, model: Any, rig: Rig, options: SparseOptions, progress: Progress) -> None:
-    """Adjust everything together, lenses (and rig) freed where asked; the principal point always stays."""
+    """Adjust everything together, lenses freed where asked; the rig and the principal points stay."""
     import pycolmap
 
     progress(_REFINING, 0.0)
     mapping = _mapping_options(options)
     mapping.ba_refine_focal_length = rig.refine_intrinsics
     mapping.ba_refine_extra_params = rig.refine_intrinsics
-    mapping.ba_refine_sensor_from_rig = options.refine_rig
     with pycolmap.Database.open(database) as opened:
         cache = pycolmap.DatabaseCache.create(opened, pycolmap.DatabaseCacheOptions())
         mapper = pycolmap.IncrementalMapper(cache)
