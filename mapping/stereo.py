@@ -25,13 +25,13 @@ class StereoOptions:
 
     near_m: float = 0.4
     """Nearest surface to look for, where a picture does not say better."""
-    far_m: float = 15.0
-    """Farthest surface to look for."""
+    far_m: float = 8.0
+    """Farthest surface of interest; baselines are not lengthened for the sake of what lies beyond."""
     partners: int = 4
     """How many other pictures each picture is matched with, at most."""
     least_agreeing: int = 2
     """How many partners must tell the same depth."""
-    baseline_ratio: float = 0.12
+    baseline_ratio: float = 0.08
     """Baseline to aim for, over the typical distance of the scene."""
     depth_scale: float = 0.5
     """Size of the depth pictures over that of the pictures."""
@@ -39,6 +39,8 @@ class StereoOptions:
     """Width of a rectified column, in pixels of the picture's centre."""
     row_px: float = 2.0
     """Height of a rectified row."""
+    block_columns: int = 5
+    """Edge of the blocks that are compared; larger ones bridge weak texture and blur edges."""
     disparity_std_px: float = 0.35
     """Standard deviation of a match, in columns."""
     largest_relative_std: float = 0.12
@@ -47,6 +49,8 @@ class StereoOptions:
     """Depths agree when they differ by at most this many standard deviations."""
 
 
+LARGEST_BASELINE_RATIO = 0.5
+"""Over the typical distance; from farther apart, two pictures look too different to be matched."""
 LARGEST_STEP = 1.15
 """Ratio of the ranges within 5x5 pixels beyond which they belong to two surfaces."""
 UNSURE_FACING = 0.5
@@ -72,8 +76,9 @@ class DepthImage:
 
 
 def typical_distance_m(view: ImageView, options: StereoOptions) -> float:
-    """The geometric middle of the near and far end of what is in view."""
-    return float(np.sqrt((view.near_m or options.near_m) * (view.far_m or options.far_m)))
+    """The geometric middle of the near and far end of what is in view, as far as it is of interest."""
+    near_m = view.near_m or options.near_m
+    return float(np.sqrt(near_m * max(min(view.far_m or options.far_m, options.far_m), near_m)))
 
 
 def choose_partners(views: Sequence[ImageView], index: int, options: StereoOptions) -> list[int]:
@@ -82,8 +87,9 @@ def choose_partners(views: Sequence[ImageView], index: int, options: StereoOptio
     offsets = np.array([v.position_world_m for v in views]) - centre
     turns = np.array([v.T_world_camera[:3, 2] for v in views]) @ axis
     lengths = np.linalg.norm(offsets, axis=1)
-    wanted = options.baseline_ratio * typical_distance_m(views[index], options)
-    usable = (lengths > 0.2 * wanted) & (lengths < 4.0 * wanted) & (turns > 0.5)
+    typical_m = typical_distance_m(views[index], options)
+    wanted = options.baseline_ratio * typical_m
+    usable = (lengths > 0.2 * wanted) & (lengths < LARGEST_BASELINE_RATIO * typical_m) & (turns > 0.5)
     usable[index] = False
     with np.errstate(divide="ignore"):
         cost = np.abs(np.log(lengths / wanted)) + 2.0 * (1.0 - turns)
@@ -113,7 +119,7 @@ def depth_of_pair(
     left = _mapping.rectify(view.grey, lens_row(view.camera), R_camera_grid, grid, THREADS)
     right = _mapping.rectify(partner.grey, lens_row(partner.camera), R_partner_grid, grid, THREADS)
     return _mapping.inverse_range(
-        _match(left, right, disparities),
+        _match(left, right, disparities, options.block_columns),
         grid,
         R_camera_grid,
         baseline_m,
@@ -162,10 +168,9 @@ def _grid(
     return np.array([start, column_step, first, row_step, rows, columns]), disparities
 
 
-def _match(left: NDArray[np.uint8], right: NDArray[np.uint8], disparities: int) -> NDArray[np.int16]:
+def _match(left: NDArray[np.uint8], right: NDArray[np.uint8], disparities: int, block: int) -> NDArray[np.int16]:
     import cv2
 
-    block = 5
     matcher = cv2.StereoSGBM.create(
         minDisparity=0,
         numDisparities=disparities,
