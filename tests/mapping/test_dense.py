@@ -85,12 +85,14 @@ def test_depth_of_the_room_is_recovered(views: list[ImageView], index: int) -> N
 
 
 def test_a_world_twice_as_large_has_twice_the_depth(views: list[ImageView]) -> None:
-    def scaled(view: ImageView, factor: float) -> ImageView:
-        T = view.T_world_camera.copy()
-        T[:3, 3] *= factor
-        return dataclasses.replace(view, T_world_camera=T, near_m=0.4 * factor, far_m=15.0 * factor)
+    def depth_at(factor: float) -> stereo.DepthImage | None:
+        poses = [view.T_world_camera.copy() for view in views]
+        for T in poses:
+            T[:3, 3] *= factor
+        scaled = [dataclasses.replace(view, T_world_camera=T) for view, T in zip(views, poses, strict=True)]
+        return stereo.depth_image(scaled, 4, StereoOptions(near_m=0.4 * factor, far_m=8.0 * factor))
 
-    small, large = (stereo.depth_image([scaled(v, f) for v in views], 4, StereoOptions()) for f in (1.0, 2.0))
+    small, large = depth_at(1.0), depth_at(2.0)
     assert small is not None
     assert large is not None
     np.testing.assert_allclose(large.inverse_range, 0.5 * small.inverse_range, rtol=1e-4, atol=1e-6)
