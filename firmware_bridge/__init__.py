@@ -1,1 +1,19 @@
 """The vehicle's side door: the embedded controller, the link to it, and a virtual vehicle that runs both."""
+
+from firmware_bridge import controller, keys
+from firmware_bridge.impairment import Impairment
+from firmware_bridge.link import Link, OnLinkLoss, UploadReport, VehicleState, connect
+from firmware_bridge.virtual_vehicle import Sensors, VirtualVehicle
+
+__all__ = [
+    "Impairment",
+    "Link",
+    "OnLinkLoss",
+    "Sensors",
+    "UploadReport",
+    "VehicleState",
+    "VirtualVehicle",
+    "connect",
+    "controller",
+    "keys",
+]

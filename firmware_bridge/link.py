@@ -15,7 +15,7 @@ from typing import Self
 import numpy as np
 
 from firmware_bridge import flying, keys, parameters, transfer, wire
-from firmware_bridge.controller import LinkLoss
+from firmware_bridge.controller import LinkLoss as OnLinkLoss
 from firmware_bridge.dialect.generated.messages import (
     AutopilotVersion,
     Command,
@@ -36,7 +36,7 @@ from firmware_bridge.wire import WirePlan
 from firmware_bridge.words import reason_text
 from flight import FlightLog, FloatArray, InputError, LinkError, Progress, TrajectoryFile, silent
 
-__all__ = ["CancelledError", "Link", "LinkLoss", "Statistics", "UploadReport", "VehicleState", "connect"]
+__all__ = ["CancelledError", "Link", "OnLinkLoss", "Statistics", "UploadReport", "VehicleState", "connect"]
 
 
 def never() -> bool:
@@ -237,7 +237,7 @@ class Link:
         map_hash: str | None = None,
         vehicle_hash: str | None = None,
         allow_unchecked: bool = False,
-        on_link_loss: LinkLoss = LinkLoss.HOLD,
+        on_link_loss: OnLinkLoss = OnLinkLoss.HOLD,
         rate_bytes_s: float = 1e6,
         progress: Progress = silent,
         cancel: Cancel = never,

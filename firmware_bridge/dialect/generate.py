@@ -1,6 +1,6 @@
 """Write generated/goshawk_dialect.h (the vehicle) and generated/messages.py (the ground) from the XML beside this file.
 
-    python -m firmware_bridge.dialect.generate
+    python firmware_bridge/dialect/generate.py
 
 A test regenerates and compares, and checks layout and CRC_EXTRA against pymavlink's own generator.
 """
