@@ -177,11 +177,9 @@ class VirtualVehicle:
     def serve(self) -> None:
         """Run in this thread until `stop`, or Ctrl-C."""
         try:
-            self._run()
+            self._loop()
         finally:
             self._socket.close()
-        if self._failure:
-            raise self._failure
 
     def stop(self) -> None:
         """End `serve` from another thread."""
