@@ -114,7 +114,9 @@ def build_blocks(
             )
             _write_contents(temporary, grid, cap_m, unknown, hashes)
     except OSError as error:
-        raise InputError(f"{folder}: no distance field was written ({error.strerror}); the old one stays") from error
+        raise InputError(
+            f"{folder}: no distance field was written ({error.strerror or error}); the old one stays"
+        ) from error
     return open_blocks(folder)
 
 
@@ -149,7 +151,9 @@ def update_blocks(
             )  # fmt: skip
             _write_contents(temporary, old.grid, old.cap_m, old.unknown, hashes)
     except OSError as error:
-        raise InputError(f"{folder}: no distance field was written ({error.strerror}); the old one stays") from error
+        raise InputError(
+            f"{folder}: no distance field was written ({error.strerror or error}); the old one stays"
+        ) from error
     return open_blocks(folder)
 
 

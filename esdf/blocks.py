@@ -7,7 +7,6 @@ engine (one core, threads, processes, a Dask cluster) writes the same bytes. A c
 
 import hashlib
 import math
-import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ from typing import Protocol
 import numpy as np
 
 from esdf import _esdf
-from esdf.build import FARTHEST_M, Recipe, transform
+from esdf.build import FARTHEST_M, Recipe, cores, transform
 from esdf.edits import Edit, replay
 from esdf.field import Policy
 from esdf.grid import FREE, OCCUPIED, UNKNOWN, Grid, Region, StateArray
@@ -163,7 +162,7 @@ def build_chunks(
         if only is None or name in only
     ]
     if executor is None:
-        with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:
+        with ThreadPoolExecutor(cores()) as threads:
             return _collect(threads, jobs, progress)
     return _collect(executor, jobs, progress)
 

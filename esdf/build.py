@@ -122,9 +122,14 @@ def transform(
     window = region.grown(recipe.reach, state.shape)  # pyright: ignore[reportArgumentType]
     scratch = np.empty(window.shape[0] * region.shape[1] * region.shape[2], kind)
     if threads is None:
-        threads = min(len(os.sched_getaffinity(0)), 1 + scratch.size // WORTH_A_THREAD)
+        threads = min(cores(), 1 + scratch.size // WORTH_A_THREAD)
     obstacle = recipe.unknown == "obstacle"
     kernel(
         state, out, region.low, *recipe.tables, recipe.cap, recipe.scale, recipe.cap_m,
         obstacle, not obstacle, faces, scratch, threads, instruction_set,
     )  # fmt: skip
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from esdf.build import build
-from esdf.edits import Editor, load_edits
+from esdf.edits import Edit, Editor, load_edits
 from esdf.field import Field
 from esdf.grid import Grid
 from flight import FormatError, InputError, file_format
@@ -42,13 +42,14 @@ def save(folder: Path, field: Field) -> None:
             file_format.write_toml(temporary / "esdf.toml", format=FORMAT, version=VERSION, body=body)
     except OSError as error:
         raise InputError(
-            f"{folder}: the distance field was not written ({error.strerror}); the old one stays"
+            f"{folder}: the distance field was not written ({error.strerror or error}); the old one stays"
         ) from error
 
 
 def load(folder: Path) -> Field:
     """Read a field, its edits applied. Raises as `open_editor`."""
-    return open_editor(folder).field
+    mapped, edits = _read(Path(folder))
+    return Editor(mapped, edits).field if edits else mapped
 
 
 def open_editor(folder: Path) -> Editor:
@@ -58,7 +59,10 @@ def open_editor(folder: Path) -> Editor:
         InputError: there is none in `folder`.
         FormatError: it is damaged, or newer than this version.
     """
-    folder = Path(folder)
+    return Editor(*_read(Path(folder)))
+
+
+def _read(folder: Path) -> tuple[Field, tuple[Edit, ...]]:
     document = file_format.read_toml(folder / "esdf.toml", format=FORMAT, version=VERSION)
     try:
         grid = Grid.from_dict(document)
@@ -70,4 +74,4 @@ def open_editor(folder: Path) -> Editor:
         raise FormatError(f"{folder} holds a damaged distance field: {error}") from error
     if field.hash != wanted:
         raise FormatError(f"{folder} holds a damaged distance field: its voxels do not match its hash")
-    return Editor(field, load_edits(folder / EDITS) if (folder / EDITS).exists() else ())
+    return field, load_edits(folder / EDITS) if (folder / EDITS).exists() else ()
