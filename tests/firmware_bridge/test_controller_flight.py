@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import vehicle
-from firmware_bridge.controller import Command, State, parameters_of
+from firmware_bridge.controller import VARIANTS, Command, State, parameters_of
 
 
 def test_hover_stays_where_it_took_off(flight_of):
@@ -91,3 +91,10 @@ def test_a_weak_rotor_that_is_known_is_compensated(flight_of):
 
     assert offset_m(weak) < 3e-3
     assert offset_m(vehicle.example("rigter2019")) > 0.02
+
+
+def test_each_rung_of_the_papers_ladder_tracks_better(flight_of, curves):
+    names = ["quadratic thrust, no drag", "axial BEM, rotor drag", "full BEM, all drag", "ours"]
+    error = [flight_of(overrides=VARIANTS[n]).fly(curves.figure_eight(turns=1)).mean() for n in names]
+    assert error == sorted(error, reverse=True)
+    assert error[0] > 5 * error[-1]

@@ -148,3 +148,13 @@ def test_cppcheck_has_nothing_to_say():
         "cppcheck", "--enable=warning,performance,portability", "--std=c11", "--error-exitcode=1", "--quiet",
         "--inline-suppr", f"-I{ROOT / 'include'}", ROOT / "src",
     )  # fmt: skip
+
+
+def test_arbitrary_bytes_break_nothing(tmp_path):
+    """A short run of the fuzz target with its own random bytes; docs/c_integration.md tells how to run it for long."""
+    _need("gcc")
+    flags = ("-O1", "-DSTANDALONE", "-DTC_MAX_SEGMENTS=8", "-fsanitize=undefined", "-fno-sanitize-recover=all")
+    sources = [path for path in _sources() if not path.name.startswith("link")]
+    out = tmp_path / "fuzz"
+    _run("gcc", "-std=c11", *flags, *INCLUDES, *sources, ROOT / "fuzz" / "fuzz_controller.c", "-o", out, "-lm")
+    assert _run(out, 5000).strip() == "5000 runs"

@@ -41,6 +41,7 @@ static void check(const tc_controller* c, const tc_output* output) {
     must(output->state < TC_MISSION_STATE_COUNT, "known state");
     for (int i = 0; i < TC_ROTORS; i++) {
         const float n = output->rotor_speed_rad_s[i];
+        if (!(n >= 0.0f && n <= c->parameters.rotor_max_rad_s)) fprintf(stderr, "rotor %d: %g\n", i, (double)n);
         must(n >= 0.0f && n <= c->parameters.rotor_max_rad_s, "rotor speed in range"); /* false for NaN */
         must(tc_mission_in_air(output->state) || n <= c->parameters.rotor_idle_rad_s, "resting rotors rest");
         must(!tc_mission_in_air(output->state) || n >= c->parameters.rotor_min_rad_s, "idle floor in flight");

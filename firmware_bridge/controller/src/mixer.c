@@ -110,7 +110,7 @@ tc_reason tc_mixer_configure(tc_mixer* mixer, const tc_parameters* p) {
         if (!(tc_abs(p->rotor_spin[i]) > 0.5f)) return TC_SINGULAR_GEOMETRY;
     }
     if (!(arm_m > SHORTEST_ARM_M)) return TC_SINGULAR_GEOMETRY;
-    if (!(p->rotor_max_rad_s > p->rotor_min_rad_s)) return TC_OUT_OF_RANGE;
+    if (!(p->rotor_max_rad_s > p->rotor_min_rad_s && p->rotor_max_rad_s >= p->rotor_idle_rad_s)) return TC_OUT_OF_RANGE;
     choose_law(mixer, p);
     const tc_reason reason = lay_out(mixer, p, arm_m);
     if (reason != TC_OK) return reason;
