@@ -260,7 +260,8 @@ def to_wire(trajectory: Trajectory, *, id: int = 1, link_loss: LinkLoss = LinkLo
         )
     if not 0 < id < 2**32:
         raise InputError(f"trajectory id {id} is not in 1 .. 2^32 - 1")
-    durations_us = np.maximum(np.rint(trajectory.durations_s * 1e6), 1.0).astype(np.uint32)
+    # Joins are rounded, not durations: rounding errors must not add up over many segments.
+    durations_us = np.maximum(np.diff(np.rint(trajectory.starts_s * 1e6)), 1.0).astype(np.uint32)
     centred = polynomial.centred_from_seconds(trajectory.coefficients, trajectory.durations_s[:, None])
     return WireTrajectory(durations_us, np.ascontiguousarray(centred, dtype=np.float32), id, link_loss)
 
