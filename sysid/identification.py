@@ -77,6 +77,8 @@ def start(vehicle: Vehicle, flights: list[Flight]) -> tuple[Point, Noise]:
     left = [dynamics.unexplained(f, s, vehicle) for f, s in zip(driven, states, strict=True)]
     # An unexplained acceleration that lasts about a tenth of a second has the density size x sqrt(0.1 s).
     size = np.sqrt(np.mean(np.concatenate(left) ** 2, axis=0))
+    if not all(flight.has_pose for flight in flights):
+        size[:3] = np.maximum(size[:3], 2.0)  # a guess that rests at the origin leaves no horizontal force to see
     logs = 1 + max(flight.log_index for flight in flights)
     return Point(vehicle, sensor, np.zeros((logs, 6)), states), Noise(process=np.sqrt(0.1) * size + 1e-3)
 

@@ -18,6 +18,8 @@ logger = logging.getLogger(__name__)
 
 LEAST_PROCESS = np.array([2e-4, 2e-4, 2e-4, 2e-3, 2e-3, 2e-3])
 """Floor of the estimated process noise: what the midpoint rule itself leaves over."""
+LEAST_FORCE_WITHOUT_POSE = 0.1
+"""Without a pose, positions hang on almost nothing; a stiffer model would leave their equations singular."""
 OVER_RELAXATION = 1.6
 """Power of the noise update: the plain fixed point (1) creeps, 2 overshoots."""
 CONVERGED_SIGMA = 0.05
@@ -268,14 +270,16 @@ def _noise(
         total += np.bincount(channel, np.concatenate(squares), 10)
         count += np.bincount(channel, np.concatenate(left), 10)
     ratio = np.where(count > 1.0, np.sqrt(np.clip(total / np.maximum(count, 1.0), 0.01, 100.0)), 1.0)
-    if not any(f.has_pose for f in flights):
+    least = LEAST_PROCESS.copy()
+    if not all(f.has_pose for f in flights):
         ratio[9] = 1.0  # without a pose nothing tells accelerometer noise from unmodelled force
+        least[:3] = LEAST_FORCE_WITHOUT_POSE
     ratio[:6] = np.where(ratio[:6] < 1.0, ratio[:6] ** OVER_RELAXATION, ratio[:6])
     s = noise.sensor
     levels = np.maximum(ratio[6:] * [s.position_m, s.attitude_rad, s.rate_rad_s, s.force_m_s2], 1e-5)
     return replace(
         noise,
-        process=np.maximum(noise.process * ratio[:6], LEAST_PROCESS),
+        process=np.maximum(noise.process * ratio[:6], least),
         sensor=SensorNoise(*map(float, levels)),
     )
 
