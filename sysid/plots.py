@@ -43,6 +43,19 @@ def identification(result: Identification, folder: Path, *, suffix: str = "svg")
     return [_written(figure, folder / f"{name}.{suffix}") for name, figure in drawings.items()]
 
 
+def repeated(results: Sequence[Identification], names: Sequence[str], path: Path) -> Path:
+    """One parameter per panel over repeated trials with one-sigma bars (the paper's Fig. 8)."""
+    figure, axes = _figure(1, len(names), (3.4 * len(names), 3.0))
+    trial = np.arange(1, len(results) + 1)
+    for panel, name in zip(axes[0], names, strict=True):
+        value = np.array([r.estimate(name).value for r in results])
+        std = np.array([r.estimate(name).std_robust for r in results])
+        panel.errorbar(trial, value, std, fmt="o", color=COLOURS[1], capsize=3, markersize=4)
+        panel.axhline(value.mean(), color=INK, linewidth=0.8, linestyle="--")
+        _plain(panel, name, "trial", results[0].estimate(name).unit)
+    return _written(figure, Path(path))
+
+
 def _figure(rows: int, columns: int, size: tuple[float, float], **options: Any) -> "tuple[Figure, np.ndarray]":
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
