@@ -107,6 +107,9 @@ class Identification:
         }
 
 
+LARGE_FORCE_M_S2 = 2.5
+"""Unexplained acceleration over 0.1 s from which on a model cannot be called right: a quarter of gravity."""
+
 CHANNELS = ("F_x", "F_y", "F_z", "M_x", "M_y", "M_z")
 
 
@@ -205,6 +208,12 @@ def _findings(vehicle: Vehicle, estimates: list[Estimate], solution: Solution) -
     ]
     if not solution.converged:
         found.append(f"not converged after {len(solution.record)} iterations; do not use these values")
+    worst = float(solution.noise.process[:3].max() / np.sqrt(0.1))
+    if worst > LARGE_FORCE_M_S2:
+        found.append(
+            f"the model leaves {worst:.1f} m/s2 unexplained (over 0.1 s): a held parameter may be wrong (a wrong "
+            "inertia spoils the thrust), or units, frames or rotor order; do not use these values before that is clear"
+        )
     bounds = specs(vehicle)
     for e in estimates:
         if e.status == "unseen":
