@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 _STEP_S = 60.0
 """Vehicle time that arming, climbing, approaching or landing may take."""
 _LOWEST_TAKE_OFF_M = 0.3
+_END_S = 0.5
+"""The last telemetry on the path may be lost: this close to its end counts as the end."""
 _ON_PATH = (MissionState.APPROACH, MissionState.TRAJECTORY, MissionState.PAUSING, MissionState.PAUSED)
 _GROUND = (MissionState.DISARMED, MissionState.ARMED)
 
@@ -45,13 +47,13 @@ class _Watch:
 
     def listen(self) -> None:
         """Take in what came; wait a moment if nothing did."""
-        if time.monotonic() - self.port.last_heard_s > self.port.timeout_s:
-            raise self.port.silence()
         if self.cancel():
             raise CancelledError("flight cancelled")
         try:
             message = self.inbox.get(timeout=0.05)
         except queue.Empty:
+            if time.monotonic() - self.port.last_heard_s > self.port.timeout_s:
+                raise self.port.silence() from None
             return
         self.time_s = message.time_us * 1e-6
         self.mission = MissionState(message.mission_state)
@@ -61,8 +63,10 @@ class _Watch:
             self.reason = message.reason
 
     def until(self, wanted: Sequence[MissionState], allowed: Sequence[MissionState], limit_s: float, what: str) -> None:
-        """Wait for one of the wanted states, while the mission stays within the allowed ones."""
-        self.listen_once()
+        """Wait for one of the wanted states, while the mission stays within the allowed ones.
+
+        Every message is looked at in its order, so that a state cannot be missed however far behind we are.
+        """
         start_s = self.time_s
         while self.mission not in wanted:
             if self.mission not in allowed:
@@ -71,12 +75,9 @@ class _Watch:
                 raise LinkError(f"{what}: still {self.words()} after {limit_s:.0f} s of vehicle time")
             self.listen()
 
-    def listen_once(self) -> None:
-        """Wait for news that is newer than the last order."""
-        while not self.inbox.empty():
-            self.listen()
-        before_s = self.time_s
-        while self.time_s <= before_s:
+    def first(self) -> None:
+        """Wait for the first news."""
+        while not self.time_s:
             self.listen()
 
     def words(self) -> str:
@@ -129,7 +130,7 @@ def _mission(link: "Link", watch: _Watch, plan: wire.WirePlan, progress: Progres
     S = MissionState
     start_world_m = plan.trajectory().position([0.0])[0]
     duration_s = float(plan.durations_us.sum()) * 1e-6
-    watch.listen_once()
+    watch.first()
     if watch.mission is S.DISARMED:
         link.command(Command.ARM)
         watch.until([S.ARMED], [S.DISARMED], _STEP_S, "arming")
@@ -140,8 +141,8 @@ def _mission(link: "Link", watch: _Watch, plan: wire.WirePlan, progress: Progres
         link.command(Command.TAKE_OFF, max(height_m, _LOWEST_TAKE_OFF_M))
         watch.until([S.HOLD], [S.ARMED, S.TAKE_OFF], _STEP_S, "take-off")
     link.command(Command.START, plan=plan)
-    _follow(watch, duration_s, progress)
-    if watch.mission is not S.HOLD:
+    along_s = _follow(watch, duration_s, progress)
+    if watch.mission is not S.HOLD or along_s < duration_s - _END_S:
         raise watch.early("the trajectory was not finished")
     link.command(Command.LAND)
     progress("landing", 0.0)
@@ -150,13 +151,16 @@ def _mission(link: "Link", watch: _Watch, plan: wire.WirePlan, progress: Progres
         link.command(Command.DISARM)
 
 
-def _follow(watch: _Watch, duration_s: float, progress: Progress) -> None:
-    """Wait until the trajectory has been flown, paused time included."""
+def _follow(watch: _Watch, duration_s: float, progress: Progress) -> float:
+    """Wait until the trajectory is left, paused time included; how far along it the vehicle was last seen."""
     watch.until(_ON_PATH, [MissionState.HOLD], _STEP_S, "start")
+    furthest_s = 0.0
     while watch.mission in _ON_PATH:
         watch.listen()
         along_s = watch.states[-1].trajectory_time_s if watch.states else 0.0
-        progress("flight", min(max(along_s, 0.0) / duration_s, 1.0))
+        furthest_s = max(furthest_s, along_s)
+        progress("flight", min(furthest_s / duration_s, 1.0))
+    return furthest_s
 
 
 def _land_quietly(link: "Link") -> None:

@@ -27,6 +27,7 @@ logger = logging.getLogger(__name__)
 Answer = TypeVar("Answer", bound=Message)
 DEFAULT_PORT = 14550
 _HEARTBEAT_S = 0.5
+_LEAST_TRIES = 5  # on a stalled machine time runs out without the vehicle having had a chance
 _GROUND_STATION, _NO_AUTOPILOT = 6, 8
 _BUFFER_BYTES = 4 << 20  # a log download comes in bursts
 
@@ -109,8 +110,10 @@ class Port:
             LinkError: none came within the time-out.
         """
         deadline_s = time.monotonic() + self.timeout_s
+        tries = 0
         with self.inbox(kind) as inbox:
-            while time.monotonic() < deadline_s:
+            while time.monotonic() < deadline_s or tries < _LEAST_TRIES:
+                tries += 1
                 self.send(request)
                 until_s = time.monotonic() + retry_s
                 while (left_s := until_s - time.monotonic()) > 0.0:
@@ -164,8 +167,10 @@ class Port:
             LinkError: none was within the time-out.
         """
         deadline_s = time.monotonic() + self.timeout_s
+        tries = 0
         while self.vehicle is None:
-            if time.monotonic() > deadline_s:
+            tries += 1
+            if time.monotonic() > deadline_s and tries > 10 * _LEAST_TRIES:
                 raise self.silence()
             time.sleep(0.005)
 

@@ -29,6 +29,7 @@ from flight import LinkError, Progress, Trajectory
 Cancel = Callable[[], bool]
 _SLACK_S = 0.004  # a report may be this much older than the round trip says: scheduling, reordering
 _PROBE_S = 0.15  # without a report for so long, ask for one
+_LEAST_PROBES = 5  # a stalled machine is not a silent vehicle
 _RESTARTS = 5
 _SPAN = 512  # bits of a request
 _AT_ONCE = 192  # pieces asked for with one request
@@ -163,16 +164,18 @@ def _attempt(
         pieces.append(wire.samples(plan, trajectory, transfer_id))
         outgoing = Outgoing(pieces)
         heard_s = probed_s = time.monotonic()
+        unanswered = 0
         while not outgoing.complete:
             now_s = time.monotonic()
             if cancel():
                 raise CancelledError("upload cancelled")
             if not port.keep_lease:
                 raise LinkError("another station took control of the vehicle")
-            if now_s - heard_s > port.timeout_s:
+            if now_s - heard_s > port.timeout_s and unanswered > _LEAST_PROBES:
                 raise port.silence()
             if now_s - max(heard_s, probed_s) > _PROBE_S:
                 probed_s = now_s
+                unanswered += 1
                 port.send(plan.begin(transfer_id))  # a known beginning is answered with a report
             if now_s >= pacer.next_s and (piece := outgoing.next(now_s)) is not None:
                 before = port.codec.counts.sent_bytes
@@ -182,7 +185,7 @@ def _attempt(
             for status in _drain(inbox, wait_s):
                 if not isinstance(status, TrajectoryStatus):
                     continue
-                heard_s = time.monotonic()
+                heard_s, unanswered = time.monotonic(), 0
                 if status.transfer_id == 0:
                     return None
                 if status.transfer_id != transfer_id:
@@ -235,13 +238,14 @@ def collect(
     """
     found: dict[int, Answer] = {}
     heard_s = time.monotonic()
-    first = 0
+    first = unanswered = 0
     with port.inbox(kind) as inbox:
         while len(found) < count:
             if cancel():
                 raise CancelledError(f"{stage} cancelled")
-            if time.monotonic() - heard_s > port.timeout_s:
+            if time.monotonic() - heard_s > port.timeout_s and unanswered > _LEAST_PROBES:
                 raise port.silence()
+            unanswered += 1
             while first in found:
                 first += 1
             span = range(first, min(first + _SPAN, count))
@@ -256,7 +260,7 @@ def collect(
                 if isinstance(answer, kind) and (i := index(answer)) is not None and 0 <= i < count:
                     found[i] = answer
                     missing.discard(i)
-                    heard_s, quiet_s = time.monotonic(), 0.03
+                    heard_s, quiet_s, unanswered = time.monotonic(), 0.03, 0
             progress(stage, len(found) / count)
     return found
 

