@@ -14,6 +14,8 @@ from vehicle import Vehicle
 
 FROZEN_S = 0.25
 """A moving quantity that repeats exactly one value for this long has frozen."""
+JUMP_FACTOR, JUMP_LEAST_M = 30.0, 0.05
+"""A position jumps when it leaves the line through its neighbours by this many usual deviations, and this far."""
 SATURATED_SHARE = 0.01
 """A channel that sits exactly at its own extreme in this share of the samples has saturated."""
 COMMANDED = ("setpoint_", "rotor_speed_command", "wind_world")
@@ -49,7 +51,7 @@ class LogReport:
 def check_log(log: FlightLog, vehicle: Vehicle | None = None) -> LogReport:
     """Look for faults in a log; with a vehicle, also for rotor order, spin and units that its motion contradicts."""
     step_s = np.diff(log.time_s)
-    findings = [*_time_base(log), *_not_finite(log), *_frozen(log), *_saturated(log)]
+    findings = [*_time_base(log), *_not_finite(log), *_jumps(log), *_frozen(log), *_saturated(log)]
     findings += log_consistency.check(log, vehicle)
     return LogReport(
         name=str(log.metadata.get("name", "log")),
@@ -96,6 +98,25 @@ def _not_finite(log: FlightLog) -> list[Finding]:
         elif bad.all():
             found.append(warning("empty", f"{name} is never finite", "drop the column"))
     return found
+
+
+def _jumps(log: FlightLog) -> list[Finding]:
+    """Positions that leave the line through their neighbours by far more than is usual in this log."""
+    if not log.has("position_world_m"):
+        return []
+    position = log.vector("position_world_m")
+    rows = np.flatnonzero(np.isfinite(position).all(axis=1))
+    if len(rows) < 50:
+        return []
+    off = np.linalg.norm(position[rows[2:]] - 2.0 * position[rows[1:-1]] + position[rows[:-2]], axis=1)
+    bad = np.flatnonzero(off > max(JUMP_FACTOR * float(np.median(off)), JUMP_LEAST_M))
+    if not len(bad):
+        return []
+    worst = int(bad[np.argmax(off[bad])])
+    sentence = (
+        f"the position jumps by {off[worst]:.3f} m at {log.time_s[rows[worst + 1]]:.3f} s, {len(bad)} such samples"
+    )
+    return [error("jump", sentence, "write NaN there, or fit with robust=True")]
 
 
 def _frozen(log: FlightLog) -> list[Finding]:
