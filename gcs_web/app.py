@@ -8,6 +8,7 @@ import socket
 import threading
 from pathlib import Path
 from types import TracebackType
+from typing import TYPE_CHECKING
 
 import planner
 from flight import InputError, project
@@ -15,6 +16,9 @@ from gcs_web import gateway, scene
 from gcs_web.page import Page
 from gcs_web.session import Session
 from gcs_web.vehicle_watch import VehicleWatch
+
+if TYPE_CHECKING:
+    import viser
 
 
 class GroundStation:
@@ -83,6 +87,12 @@ class GroundStation:
     def session(self) -> Session:
         return self._session
 
+    @property
+    def server(self) -> "viser.ViserServer":
+        """viser's server, e.g. for its clients' cameras."""
+        assert self._server is not None
+        return self._server
+
     def close(self) -> None:
         if self._thread.is_alive():
             asyncio.run_coroutine_threadsafe(self._gateway.stop(), self._loop).result(timeout=20)
@@ -91,7 +101,8 @@ class GroundStation:
         if self._watch is not None:
             self._watch.close()
         if self._server is not None:
-            self._server.stop()
+            with contextlib.redirect_stdout(io.StringIO()):
+                self._server.stop()
         self._session.close()
 
     def __enter__(self) -> "GroundStation":

@@ -3,7 +3,7 @@
 import logging
 import threading
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -43,7 +43,7 @@ class Page:
         )
         server.gui.set_panel_label(f"Goshawk · {session.project.name}")
         server.scene.set_up_direction("+z")
-        server.scene.add_mesh_trimesh("/map", scene.display_mesh(session.map.mesh_path, triangles), cast_shadow=False)
+        server.scene.add_mesh_trimesh("/map", scene.display_mesh(session.map.mesh, triangles), cast_shadow=False)
         self._vehicle = scene.draw_vehicle(server)
         self._build_controls()
         self._place_camera()
@@ -59,10 +59,10 @@ class Page:
         self._status = gui.add_markdown("")
         with gui.add_folder("Waypoints"):
             self._selected = gui.add_slider("number", min=0, max=1, step=1, initial_value=0)
-            self._button("Insert after", self._insert)
-            self._button("Delete", lambda: self._session.delete(int(self._selected.value)))
-            self._button("Undo", self._session.undo)
-            self._button("Redo", self._session.redo)
+            self._button("Insert after", self._insert, color="gray")
+            self._button("Delete", lambda: self._session.delete(int(self._selected.value)), color="gray")
+            self._button("Undo", self._session.undo, color="gray")
+            self._button("Redo", self._session.redo, color="gray")
         with gui.add_folder("Trajectory"):
             self._name = gui.add_text("name", initial_value="plan")
             self._button("Save", self._save)
@@ -80,9 +80,9 @@ class Page:
             gui.add_markdown(f"red: below {self._required_m:.2f} m · green: {self._required_m + 0.7:.2f} m and more")
         self._draw_slice()
 
-    def _button(self, label: str, action: Callable[[], Any]) -> None:
+    def _button(self, label: str, action: Callable[[], Any], *, color: Literal["gray"] | None = None) -> None:
         """A button whose refusals are shown to the pilot in words."""
-        button = self._server.gui.add_button(label)
+        button = self._server.gui.add_button(label, color=color)
 
         @button.on_click
         def _(_event: Any) -> None:
@@ -136,7 +136,7 @@ class Page:
             self._message = "the waypoints changed meanwhile; wait for the new plan"
             return
         self._session.save_trajectory(self._name.value)
-        self._message = self._watch.upload(plan.file, self._name.value, map_hash=self._session.map.field.hash)
+        self._message = self._watch.upload(plan.file, self._name.value, map_hash=self._session.map.hash)
 
     # --- drawing ---
 
@@ -163,9 +163,9 @@ class Page:
         position = tuple(self._session.positions_world_m[index])
         name = f"/waypoint_{index}"
         gizmo = self._server.scene.add_transform_controls(
-            name, scale=0.35, disable_rotations=True, depth_test=False, position=position
+            name, scale=0.6, disable_rotations=True, depth_test=False, position=position
         )
-        self._server.scene.add_icosphere(f"{name}/ball", radius=0.07, color=(38, 139, 210), cast_shadow=False)
+        self._server.scene.add_icosphere(f"{name}/ball", radius=0.09, color=(38, 139, 210), cast_shadow=False)
         self._server.scene.add_label(f"{name}/label", str(index))
 
         @gizmo.on_update
@@ -204,7 +204,7 @@ class Page:
                 f"**checked:** {file.trajectory.duration_s:.2f} s through {len(state['waypoints_world_m'])} waypoints, "
                 f"clearance {np.min(plan.clearance_m):.2f} m"
             )
-        vehicle = self._watch.describe() if self._watch else "no vehicle (start with --vehicle)"
+        vehicle = self._watch.describe() if self._watch else "none (start with --vehicle-url)"
         return "\n\n".join(part for part in (line, f"vehicle: {vehicle}", self._message) if part)
 
     def _show_vehicle(self) -> None:
@@ -226,5 +226,5 @@ class Page:
 
         @self._server.on_client_connect
         def _(client: Any) -> None:
-            client.camera.position = tuple(target + np.array([-0.45, -0.45, 0.75]) * reach)
+            client.camera.position = tuple(target + np.array([-0.30, -0.42, 0.62]) * reach)
             client.camera.look_at = tuple(target)

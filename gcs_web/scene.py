@@ -17,7 +17,7 @@ DISPLAY_TRIANGLES = 120_000
 
 _RED, _AMBER, _GREEN = np.array([220, 50, 47.0]), np.array([245, 180, 0.0]), np.array([38, 166, 91.0])
 _UNKNOWN = np.array([90, 90, 100.0])
-_SLICE_ALPHA = 150
+_SLICE_ALPHA, _INSIDE_ALPHA = 90, 40
 
 
 def clearance_colours(clearance_m: FloatArray, required_m: float, comfortable_m: float) -> np.ndarray:
@@ -58,7 +58,7 @@ def slice_image(field: Any, height_m: float, required_m: float) -> tuple[np.ndar
     distance = field.distance(points.reshape(-1, 3)).reshape(ny, nx)
     colours = clearance_colours(distance, required_m, required_m + 0.7)
     inside = np.nan_to_num(distance, nan=-1.0) < 0.0
-    rgba = np.dstack([np.where(inside[..., None], _UNKNOWN, colours), np.where(inside, 60, _SLICE_ALPHA)])
+    rgba = np.dstack([np.where(inside[..., None], _UNKNOWN, colours), np.where(inside, _INSIDE_ALPHA, _SLICE_ALPHA)])
     size = np.array([nx, ny]) * voxel[:2]
     centre = np.array([low[0] + size[0] / 2, low[1] + size[1] / 2, height_m])
     return rgba.astype(np.uint8), centre, size
@@ -79,7 +79,7 @@ def draw_path(server: "viser.ViserServer", positions_world_m: FloatArray, colour
         "/path",
         np.stack([positions_world_m[:-1], positions_world_m[1:]], axis=1),
         np.stack([colours[:-1], colours[1:]], axis=1),
-        thickness=0.04,
+        thickness=0.05,
         thickness_units="world",
     )
 

@@ -126,7 +126,7 @@ class Session:
             plan = self.plan
             return {
                 "project": self.project.name,
-                "map_hash": self.map.field.hash,
+                "map_hash": self.map.hash,
                 "waypoints_world_m": self._positions.tolist(),
                 "revision": self._revision,
                 "planning": self._planning,

@@ -1,0 +1,138 @@
+"""The page in a real browser: a dragged waypoint is planned anew, undo brings it back, nothing leaves this machine."""
+
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import vehicle
+from flight import Waypoints, project
+from gcs_web import GroundStation
+
+CHROMIUM = shutil.which("chromium")
+FLAGS = [
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync",
+    "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+]  # fmt: skip
+SIZE = (1100, 720)
+WAYPOINTS = np.array([[0.8, 0.8, 1.0], [3.0, 2.0, 1.2], [5.2, 0.8, 1.2]])
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium")
+
+
+@pytest.fixture(scope="module")
+def station(pillar_map: Path, tmp_path_factory) -> Iterator[GroundStation]:
+    folder = tmp_path_factory.mktemp("station") / "project"
+    opened = project.create(folder, "two pillars")
+    shutil.copytree(pillar_map, opened.map)
+    vehicle.save(opened.vehicle, vehicle.example("rigter2019"))
+    project.save_waypoints(opened.waypoints, Waypoints(WAYPOINTS, np.full(3, np.nan)))
+    with GroundStation(folder, triangles=4000) as running:
+        yield running
+
+
+@pytest.fixture
+def page(station: GroundStation):
+    from playwright.sync_api import sync_playwright
+
+    foreign: list[str] = []
+
+    def only_loopback(route):
+        if route.request.url.startswith(("http://127.0.0.1:", "data:", "blob:")):
+            route.continue_()
+        else:
+            foreign.append(route.request.url)
+            route.abort()
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        context = browser.new_context(viewport={"width": SIZE[0], "height": SIZE[1]})
+        context.route("**/*", only_loopback)
+        opened = context.new_page()
+        opened.goto(station.url)
+        wait(lambda: len(station.server.get_clients()) == 1)
+        yield opened
+        context.close()
+        browser.close()
+    assert foreign == []
+
+
+def wait(condition: Callable[[], object], seconds: float = 60.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, f"not within {seconds} s"
+        time.sleep(0.05)
+
+
+def pixel(station: GroundStation, point_world_m: np.ndarray) -> tuple[float, float]:
+    """Where the browser draws a point: pinhole projection with the camera the browser reports."""
+    camera = next(iter(station.server.get_clients().values())).camera
+    from flight import rotations
+
+    x, y, z = rotations.rotate(rotations.conjugate(camera.wxyz), point_world_m - np.asarray(camera.position))
+    height = SIZE[1]
+    width = camera.aspect * height
+    scale = 0.5 * height / np.tan(0.5 * camera.fov)
+    return width / 2 + scale * x / z, height / 2 + scale * y / z
+
+
+def settled(station: GroundStation) -> bool:
+    return not station.session.state()["planning"]
+
+
+def test_a_dragged_waypoint_is_planned_anew_and_undo_brings_it_back(station, page, tmp_path):
+    station.session.request_plan()
+    wait(lambda: station.session.state()["plan"])
+    before = station.session.state()
+    assert before["plan"]["checked"]
+
+    time.sleep(2.0)  # let the browser draw the gizmo it is to hit
+    pull = np.array([0.0, 0.35, 0.0])
+    grip = WAYPOINTS[1] + np.array([0.0, 0.3, 0.0])  # on the gizmo's y arrow
+    start, end = pixel(station, grip), pixel(station, grip + pull)
+    page.mouse.move(*start)
+    page.mouse.down()
+    for share in np.linspace(0.1, 1.0, 10):
+        page.mouse.move(*(np.array(start) + share * (np.array(end) - start)))
+    page.mouse.up()
+    wait(lambda: station.session.state()["revision"] > before["revision"])
+    wait(lambda: settled(station))
+    moved = np.array(station.session.state()["waypoints_world_m"])
+    np.testing.assert_allclose(moved[1], WAYPOINTS[1] + pull, atol=0.15)
+    np.testing.assert_array_equal(moved[[0, 2]], WAYPOINTS[[0, 2]])
+    saved = project.load_waypoints(station.session.project.waypoints).positions_world_m
+    np.testing.assert_array_equal(saved, moved)
+
+    page.get_by_role("button", name="Undo").click()
+    wait(lambda: station.session.state()["can_redo"])
+    np.testing.assert_array_equal(station.session.positions_world_m, WAYPOINTS)
+    page.screenshot(path=tmp_path / "page.png")
+    assert (tmp_path / "page.png").stat().st_size > 20_000
+
+
+def test_a_waypoint_in_a_pillar_is_refused_in_words(station, page):
+    station.session.move(1, np.array([2.0, 1.5, 1.2]))
+    wait(lambda: settled(station))
+    state = station.session.state()
+    assert state["plan"] is None
+    assert "waypoint 1" in state["problem"]
+    page.get_by_text("no plan").wait_for(timeout=20_000)
+    assert page.get_by_role("button", name="Upload").is_disabled()
+    station.session.undo()
+    wait(lambda: station.session.state()["plan"])
+
+
+def test_saving_writes_a_checked_trajectory(station, page):
+    wait(lambda: station.session.state()["plan"])
+    page.get_by_role("button", name="Save").click()
+    path = station.session.project.trajectory("plan")
+    wait(path.exists)
+    from flight import trajectory
+
+    saved = trajectory.load(path)
+    assert saved.checked
+    assert saved.map_hash == station.session.map.hash
