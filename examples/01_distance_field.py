@@ -18,8 +18,8 @@ OUT = Path(sys.argv[1] if len(sys.argv) > 1 else "example-out")
 room = solids.Scene(
     [
         solids.Room((0.0, 0.0, 0.0), (6.0, 4.0, 2.5)),
-        solids.Cylinder((2.0, 1.5, 0.0), 0.25, 2.5),
-        solids.Cylinder((4.0, 2.6, 0.0), 0.35, 2.5),
+        solids.Cylinder((2.0, 1.5, 1.25), 0.25, 2.5),
+        solids.Cylinder((4.0, 2.6, 1.25), 0.35, 2.5),
     ]
 )
 grid = esdf.Grid(np.array([-0.2, -0.2, -0.2]), np.full(3, 0.05), (128, 88, 58))
