@@ -33,7 +33,7 @@ def command(trajectory_file: Path, map_folder: Path, vehicle_file: Path, margin_
     report = planner.gate.check(
         item.trajectory, area.field, vehicle.load(vehicle_file), options, waypoints_world_m=item.waypoints_world_m
     )
-    same_map = not item.map_hash or item.map_hash == area.field.hash
+    same_map = not item.map_hash or item.map_hash == area.hash
     same_vehicle = item.vehicle_hash == vehicle.vehicle_hash(vehicle.load(vehicle_file))
     notes = {"planned_for_this_map": same_map, "planned_for_this_vehicle": same_vehicle}
     document = report.as_dict() | notes

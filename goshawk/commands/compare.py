@@ -8,7 +8,7 @@ import sysid
 import vehicle
 from flight import InputError
 from goshawk import console
-from goshawk.commands.identify import load_logs
+from goshawk.flights import load
 from sysid.comparison import HORIZONS_S
 
 
@@ -38,7 +38,7 @@ def command(flights: tuple[Path, ...], vehicle_files: tuple[Path, ...], plots: P
     if len(models) < len(vehicle_files):
         raise InputError("two vehicle files have the same name; the table could not tell them apart")
     with console.progress() as report:
-        result = sysid.compare(load_logs(flights), models, progress=report)
+        result = sysid.compare([load(path) for path in flights], models, progress=report)
     figures = sysid.plots.comparison(result, plots) if plots is not None else []
     if as_json:
         document = result.as_dict() | {"figures": [str(f) for f in figures]}

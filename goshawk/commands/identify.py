@@ -6,8 +6,8 @@ import click
 
 import sysid
 import vehicle
-from flight import FlightLog, flight_log
 from goshawk import console
+from goshawk.flights import load
 
 
 @click.command()
@@ -47,16 +47,12 @@ def command(
         held=held, gaps="split" if split_gaps else "refuse", unseen="hold" if hold_unseen else "refuse"
     )
     with console.progress() as report:
-        result = sysid.identify(load_logs(flights), believed, options, progress=report)
+        result = sysid.identify([load(path) for path in flights], believed, options, progress=report)
     if result.converged:
         vehicle.save(out, result.vehicle)
     figures = sysid.plots.identification(result, plots) if plots is not None else []
     _show(result, out, figures, as_json)
     return 0 if result.converged else 1
-
-
-def load_logs(flights: tuple[Path, ...]) -> list[FlightLog]:
-    return [flight_log.load(path) for path in flights]
 
 
 def _show(result: sysid.Identification, out: Path, figures: list[Path], as_json: bool) -> None:

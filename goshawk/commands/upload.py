@@ -39,7 +39,7 @@ def command(
     if map_folder is not None:
         import mapping
 
-        map_hash = mapping.open_map(map_folder).field.hash
+        map_hash = mapping.open_map(map_folder).hash
     vehicle_hash = vehicle.vehicle_hash(vehicle.load(vehicle_file)) if vehicle_file is not None else None
     with firmware_bridge.connect(url, key=key_file) as link, console.progress() as report:
         outcome = link.upload(item, map_hash=map_hash, vehicle_hash=vehicle_hash, progress=report)

@@ -1,0 +1,88 @@
+"""`goshawk demo`: every room once, on a rendered room, with a table of how well it went."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from goshawk import console
+
+
+@click.command()
+@console.path_option("--out", "out", "Project folder to make.", required=True)
+@click.option("--pairs", default=60, show_default=True, help="Image pairs to render; fewer are quicker and map worse.")
+@console.json_option
+def command(out: Path, pairs: int, as_json: bool) -> None:
+    """Map a rendered room, plan through it, fly the virtual vehicle, learn its model. About five minutes.
+
+    \b
+    goshawk demo --out demo-out
+    goshawk demo --out demo-out --json > demo.json
+
+    Everything is real but the world: images are rendered, the vehicle is simulated; COLMAP, solver, gate, C controller,
+    sockets and estimator are those of a real day. The facts are written to demo.json in the project.
+    """
+    from goshawk import demo
+
+    click.echo("rendered room -> map -> checked trajectories -> virtual flights -> learned vehicle", err=True)
+    with console.progress() as report:
+        facts = demo.run(out, pairs=pairs, progress=report)
+    if as_json:
+        console.show("", {}, as_json=True, document=facts)
+        return
+    _show(facts)
+    click.echo("\ntry next:")
+    click.echo(f"  goshawk gcs {out}")
+    click.echo(f"  goshawk check {out}/trajectories/walk.json --map {out}/map --vehicle {out}/vehicle.toml")
+    click.echo(
+        f"  goshawk compare {out}/flights/walk.parquet --vehicle {out}/vehicle.toml --vehicle {out}/learned.toml"
+    )
+
+
+def _show(facts: dict[str, Any]) -> None:
+    area, accuracy = facts["map"], facts["map"]["accuracy"]
+    console.show(
+        "map",
+        {
+            "images registered": f"{area['images_placed']} of {area['images']}",
+            "poses off by": f"{1000 * accuracy['position_rms_m']:.1f} mm rms",
+            "scale": f"{accuracy['scale']:.4f} of the truth ({area['scale_source']})",
+            "surface off by": f"{1000 * accuracy['surface_median_m']:.1f} mm median, "
+            f"{100 * accuracy['surface_within_5_cm']:.1f} % within 5 cm",
+            "called free but solid": f"{100 * accuracy['free_but_solid']:.3f} % of free voxels",
+        },
+        as_json=False,
+    )
+    plans, flights = facts["plans"], facts["flights"]
+    rows = [
+        (
+            name,
+            f"{plans[name]['duration_s']:.2f} s" if name in plans else "",
+            f"{plans[name]['clearance_m']:.2f} m" if name in plans else "",
+            f"{flown['top_speed_m_s']:.1f} m/s",
+            f"{1000 * flown['tracking_mean_m']:.0f} mm",
+            f"{1000 * flown['tracking_worst_m']:.0f} mm",
+        )
+        for name, flown in flights.items()
+    ]
+    console.table("flights", ("flight", "planned", "clearance", "top speed", "tracking mean", "worst"), rows)
+    rows = [
+        (
+            name,
+            f"{p['truth']:.4g}",
+            "" if p["without_effect"] is None else f"{p['without_effect']:.4g}",
+            f"{p['estimate']:.4g} ± {p['std']:.1g}",
+            p["unit"],
+        )
+        for name, p in facts["identified"].items()
+    ]
+    console.table(
+        "identified from the training flights", ("parameter", "truth", "without rotor drag", "with", "unit"), rows
+    )
+    held = facts["held_out"]
+    heads = ("position error after", *(f"{h:g} s" for h in held["horizons_s"]))
+    rows = [
+        (model, *(f"{1000 * error:.1f} mm" for error in found["error_rms"]["position_m"]))
+        for model, found in held["models"].items()
+    ]
+    console.table("prediction of the walk, which was not used", heads, rows)

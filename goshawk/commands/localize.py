@@ -1,0 +1,46 @@
+"""`goshawk localize`: where images were taken in a map made earlier."""
+
+from pathlib import Path
+
+import click
+
+import mapping
+from goshawk import console
+
+
+@click.command()
+@click.argument("images", type=click.Path(path_type=Path))
+@console.map_option
+@console.path_option("--camera", "camera", "The rig that took IMAGES [default: that of the map].")
+@console.path_option("--out", "out", "Poses to write, as CSV; `goshawk plan --path` reads them.", required=True)
+@console.json_option
+def command(images: Path, map_folder: Path, camera: Path | None, out: Path, as_json: bool) -> int:
+    """Find where IMAGES were taken in a map: a recorded walk becomes a path to plan along.
+
+    \b
+    goshawk localize walk --map map --out walk.csv
+    goshawk plan --path walk.csv --map map --vehicle vehicle.toml --out walk.json
+
+    Exit code 1: not one image was found. Those that were not found are named and left out.
+    """
+    area = mapping.open_map(map_folder)
+    rig = mapping.rig.load(camera) if camera is not None else area.rig
+    with console.progress() as progress:
+        folder = mapping.read_folder(images, rig, progress=progress)
+        result = mapping.localize(area.localization_map(), folder, progress=progress)
+    if result.found.any():
+        mapping.write_poses(out, result.instants, folder.time_s, result.T_world_body)
+    facts = {
+        "found": f"{int(result.found.sum())} of {len(result.instants)}",
+        "not found": ", ".join(result.failed) or "none",
+        "written": str(out) if result.found.any() else "nothing",
+    }
+    document = {
+        "found": int(result.found.sum()),
+        "images": len(result.instants),
+        "failed": list(result.failed),
+        "inliers": result.inliers.tolist(),
+        "written": str(out) if result.found.any() else None,
+    }
+    console.show("localization", facts, as_json=as_json, document=document)
+    return 0 if result.found.any() else 1

@@ -1,0 +1,80 @@
+"""`goshawk map`: a folder of images to a map folder."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import click
+
+import mapping
+from flight import InputError
+from goshawk import console
+
+
+@click.command()
+@click.argument("images", type=click.Path(path_type=Path))
+@console.path_option("--camera", "camera", "The rig: camera.toml.", required=True)
+@console.path_option("--out", "out", "Map folder to write.", required=True)
+@console.path_option("--references", "references", "Recorded positions or gravity [default: IMAGES/references.csv].")
+@click.option(
+    "--length", "length", metavar="[A,B,]METRES", help="Measured length: of the path, or between images A and B."
+)
+@click.option("--voxel", "voxel_m", default=0.05, show_default=True, help="Edge of a voxel, metres.")
+@click.option("--farthest", "farthest_m", default=8.0, show_default=True, help="Leave out depths beyond this, metres.")
+@console.json_option
+def command(
+    images: Path,
+    camera: Path,
+    out: Path,
+    references: Path | None,
+    length: str | None,
+    voxel_m: float,
+    farthest_m: float,
+    as_json: bool,
+) -> None:
+    """Make a map from IMAGES: poses, mesh, distance field, localization map.
+
+    \b
+    goshawk map images --camera images/camera.toml --out map
+    goshawk map walk --camera gopro.toml --out map --length 13.2
+
+    IMAGES holds one folder per camera of the rig (or the images themselves, for one camera); the same file name
+    means the same instant. Metres come from --length, the distance between the cameras of a rig, or recorded
+    positions. An earlier map in --out is replaced only when the new one is complete; edits made in it move over.
+    """
+    if not (voxel_m > 0.0 and farthest_m > 0.0):
+        raise InputError(f"--voxel {voxel_m:g} and --farthest {farthest_m:g} must be positive")
+    base = mapping.MapOptions()
+    options = replace(
+        base,
+        dense=replace(base.dense, voxel_m=voxel_m, farthest_m=farthest_m),
+        length=_length(length) if length is not None else None,
+        references=references,
+    )
+    with console.progress() as progress:
+        report = mapping.build_map(images, mapping.rig.load(camera), out, options, progress=progress)
+    facts = {
+        "images registered": f"{report.images_placed} of {report.images}",
+        "reprojection error": f"{report.reprojection_error_px:.2f} px",
+        "scale from": report.scale_source,
+        "up from": report.up_source,
+        "path": f"{report.path_length_m:.2f} m",
+        "mesh": f"{report.mesh_vertices} vertices, {report.mesh_faces} faces",
+        "space": f"{report.free_m3:.1f} m3 free, {report.occupied_m3:.1f} m3 occupied; the rest is unknown",
+        "written": str(out),
+    }
+    if report.not_placed:
+        facts["not placed"] = ", ".join(report.not_placed)
+    console.show("map", facts, as_json=as_json, document=report.as_dict() | {"written": str(out)})
+
+
+def _length(text: str) -> mapping.Length:
+    parts = text.split(",")
+    try:
+        metres = float(parts[-1])
+    except ValueError:
+        raise InputError(f"--length {text!r} does not end in a number of metres") from None
+    if len(parts) == 1:
+        return mapping.Length(metres)
+    if len(parts) == 3:
+        return mapping.Length(metres, (parts[0], parts[1]))
+    raise InputError(f"--length {text!r} is neither METRES nor IMAGE_A,IMAGE_B,METRES")

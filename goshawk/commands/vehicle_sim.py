@@ -1,0 +1,98 @@
+"""`goshawk vehicle-sim`: the virtual vehicle, until Ctrl-C."""
+
+import math
+from pathlib import Path
+
+import click
+import numpy as np
+
+import vehicle
+from firmware_bridge import Impairment, Sensors, VirtualVehicle, controller, keys
+from flight import FloatArray, InputError, trajectory
+from goshawk import console
+
+
+@click.command()
+@console.vehicle_option
+@console.path_option("--believed", "believed_file", "What the controller believes instead, if that is another vehicle.")
+@click.option("--at", "at", default="0,0,0", show_default=True, help="Start on the ground at x,y,z (world, metres).")
+@console.path_option("--start-of", "trajectory_file", "Start on the ground below the start of this trajectory.")
+@click.option(
+    "--ground", "ground_m", default=0.0, show_default=True, help="Height of the floor for --start-of, metres."
+)
+@click.option("--port", default=14550, show_default=True, help="UDP port; 0 takes a free one.")
+@console.key_option
+@click.option("--speed", default=1.0, show_default=True, help="Vehicle seconds per second; 0 is as fast as it can.")
+@click.option("--perfect-sensors", is_flag=True, help="No noise and no delay in the estimate.")
+@click.option("--loss", "loss_ratio", default=0.0, show_default=True, help="Share of datagrams lost each way.")
+@click.option("--delay", "delay_s", default=0.0, show_default=True, help="Delay of datagrams each way, seconds.")
+@click.option("--wind", default="0,0,0", show_default=True, help="Steady wind, x,y,z (world, m/s).")
+@click.option("--gusts", "gust_std_m_s", default=0.0, show_default=True, help="Standard deviation of gusts, m/s.")
+@click.option("--seed", default=0, show_default=True, help="Seed of all noise.")
+def command(
+    vehicle_file: Path,
+    believed_file: Path | None,
+    at: str,
+    trajectory_file: Path | None,
+    ground_m: float,
+    port: int,
+    key_file: Path | None,
+    speed: float,
+    perfect_sensors: bool,
+    loss_ratio: float,
+    delay_s: float,
+    wind: str,
+    gust_std_m_s: float,
+    seed: int,
+) -> None:
+    """Run a virtual vehicle: the embedded controller and link (the same C files) on a simulated body, over UDP.
+
+    \b
+    goshawk vehicle-sim --vehicle vehicle.toml --start-of walk.json
+    goshawk vehicle-sim --vehicle truth.toml --believed vehicle.toml --speed 0 --loss 0.2 --delay 0.005
+
+    --vehicle is the truth that flies; --believed is what its controller was configured with. A link key is made on
+    first use. The first line printed is the address.
+    """
+    truth = vehicle.load(vehicle_file)
+    setup = controller.parameters_of(vehicle.load(believed_file) if believed_file is not None else truth)
+    place = _vector("--at", at) if trajectory_file is None else _below(trajectory_file, ground_m)
+    plant = vehicle.simulate.Plant(
+        truth,
+        vehicle.simulate.State(position_world_m=place),
+        rng=np.random.default_rng(seed + 1),
+        wind=vehicle.simulate.Wind(tuple(_vector("--wind", wind)), gust_std_m_s),
+        ground_m=float(place[2]),
+    )
+    served = VirtualVehicle(
+        plant,
+        setup.parameters,
+        key=keys.load_or_create(key_file),
+        port=port,
+        speed=speed,
+        sensors=Sensors() if perfect_sensors else Sensors.typical(),
+        line=Impairment(loss_ratio=loss_ratio, delay_s=delay_s),
+        seed=seed,
+    )
+    click.echo(served.url)
+    click.echo(f"{truth.name} stands at {place.round(2).tolist()}; stop with Ctrl-C", err=True)
+    if setup.not_compensated:
+        click.echo(f"not compensated by the controller: {', '.join(setup.not_compensated)}", err=True)
+    served.serve()
+
+
+def _vector(option: str, text: str) -> FloatArray:
+    try:
+        values = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        values = np.empty(0)
+    if values.shape != (3,) or not all(map(math.isfinite, values)):
+        raise InputError(f"{option} {text!r} is not three numbers like 1.0,2.5,0")
+    return values
+
+
+def _below(trajectory_file: Path, ground_m: float) -> FloatArray:
+    start = trajectory.load(trajectory_file).trajectory.position([0.0])[0]
+    if start[2] <= ground_m:
+        raise InputError(f"the trajectory starts at {start[2]:.2f} m, below the ground at {ground_m:.2f} m")
+    return np.array([start[0], start[1], ground_m])

@@ -1,0 +1,45 @@
+"""Flight logs as the estimator wants them: the rows in the air, without take-off and landing."""
+
+from pathlib import Path
+
+import numpy as np
+
+from firmware_bridge.controller import State
+from flight import FlightLog, InputError, flight_log
+
+IN_FREE_AIR = (State.HOLD, State.APPROACH, State.TRAJECTORY, State.PAUSING, State.PAUSED, State.STOPPING)
+"""Mission states in which only air touches the vehicle."""
+
+
+def load(path: Path) -> FlightLog:
+    """Read a log; if it says what the mission was doing, keep what lies between take-off and landing.
+
+    Raises:
+        InputError: the vehicle was never in the air.
+    """
+    log = flight_log.load(path)
+    return in_the_air(log, str(path)) if log.has("mission_state") else log
+
+
+def in_the_air(log: FlightLog, name: str) -> FlightLog:
+    """The rows from the first to the last in free air, landing in between included if there was one."""
+    rows = np.flatnonzero(np.isin(log.columns["mission_state"], IN_FREE_AIR))
+    if not rows.size:
+        raise InputError(f"{name}: the vehicle was never in free air (mission_state says so)")
+    kept = slice(rows[0], rows[-1] + 1)
+    return FlightLog({column: values[kept] for column, values in log.columns.items()}, log.metadata)
+
+
+def tracking(log: FlightLog) -> dict[str, float]:
+    """How well the vehicle followed: distance to the set-point while on the trajectory, and how fast it was."""
+    rows = log.columns["mission_state"] == State.TRAJECTORY
+    if not rows.any():
+        return {"flown_s": 0.0}
+    error_m = np.linalg.norm(log.vector("position_world_m") - log.vector("setpoint_position_world_m"), axis=1)[rows]
+    speed_m_s = np.linalg.norm(log.vector("velocity_world_m_s"), axis=1)[rows]
+    return {
+        "flown_s": float(np.ptp(log.time_s[rows])),
+        "tracking_mean_m": float(error_m.mean()),
+        "tracking_worst_m": float(error_m.max()),
+        "top_speed_m_s": float(speed_m_s.max()),
+    }
