@@ -35,7 +35,9 @@ t = path.sample(0.01)
 speed = np.linalg.norm(path.position(t, 1), axis=1)
 print(f"{path.duration_s:.2f} s through {len(centres)} pillars, up to {speed.max():.1f} m/s")
 gate = plan.gate
-print(f"no point of it is nearer than {gate.clearance_m:.3f} m to anything; {gate.required_clearance_m:.2f} m were asked")
+print(
+    f"no point of it is nearer than {gate.clearance_m:.3f} m to anything; {gate.required_clearance_m:.2f} m were asked"
+)
 for check in plan.gate.checks:
     verdict = "passed" if check.passed else "FAILED"
     print(f"  {verdict}  {check.name:22s} {check.value:10.4g} of {check.bound:.4g} {check.unit}")

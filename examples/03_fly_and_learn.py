@@ -45,7 +45,9 @@ def fly(item: TrajectoryFile, believed_now: vehicle.Vehicle) -> FlightLog:
 
 
 before = fly(figure_of_eight, believed)
-fit = sysid.identify([in_the_air(before, "eight")], believed.with_effect("rotor_drag_thrust"), sysid.Options(unseen="hold"))
+fit = sysid.identify(
+    [in_the_air(before, "eight")], believed.with_effect("rotor_drag_thrust"), sysid.Options(unseen="hold")
+)
 for name in ("rotor_drag_thrust.drag_s_m", "thrust_bem.k1_n_s2", "inertia_xx_kg_m2"):
     found = fit.estimate(name)
     print(f"{name:28s} {found.value:.4g} +- {found.std_robust:.1g} {found.unit} (truth {truth.value(name):.4g})")

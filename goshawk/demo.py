@@ -29,6 +29,7 @@ from flight import (
     trajectory,
 )
 from flight.project import Project
+from goshawk.commands.plan import waypoints_along
 from goshawk.flights import in_the_air, tracking
 from goshawk.map_accuracy import MapAccuracy, measure
 from goshawk.virtual_flight import virtual_vehicle
@@ -106,11 +107,11 @@ def vehicles() -> tuple[Vehicle, Vehicle]:
 def plan_flights(opened: Project, area: mapping.Map, believed: Vehicle, progress: Progress) -> dict[str, planner.Plan]:
     """Plan the recorded walk and two training flights, and save them: `trajectories/NAME.json`."""
     walked = area.T_world_body[:, :3, 3]
-    corners = planner.simplify.rdp(walked, 0.10)
-    project.save_waypoints(opened.waypoints, _free_heading(corners))
+    along_the_walk = waypoints_along(walked, 0.10, area, planner.PlanOptions().clearance_m)
+    project.save_waypoints(opened.waypoints, along_the_walk)
     rng = np.random.default_rng(1)
     asked = {
-        "walk": _free_heading(corners),
+        "walk": along_the_walk,
         "train-1": _excursion(walked[::8], area.field, rng, yaw_swing_rad=0.0),
         "train-2": _excursion(walked[::-7], area.field, rng, yaw_swing_rad=1.0),
     }
@@ -123,10 +124,6 @@ def plan_flights(opened: Project, area: mapping.Map, believed: Vehicle, progress
     return plans
 
 
-def _free_heading(positions_world_m: FloatArray) -> Waypoints:
-    return Waypoints(positions_world_m, np.full(len(positions_world_m), np.nan))
-
-
 def _excursion(path: FloatArray, field: esdf.Field, rng: np.random.Generator, *, yaw_swing_rad: float) -> Waypoints:
     """Waypoints up and down and to the sides of a path, as far as there is room: a flight that shakes the model."""
     chosen = []
@@ -136,7 +133,7 @@ def _excursion(path: FloatArray, field: esdf.Field, rng: np.random.Generator, *,
         chosen.append(roomy[0] if len(roomy) else point)
     positions = np.array(chosen)
     if not yaw_swing_rad:
-        return _free_heading(positions)
+        return Waypoints(positions, np.full(len(positions), np.nan))
     along = np.unwrap(np.arctan2(*np.gradient(positions[:, :2], axis=0).T[::-1]))
     return Waypoints(positions, along + yaw_swing_rad * (-1.0) ** np.arange(len(positions)))
 

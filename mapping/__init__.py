@@ -1,12 +1,13 @@
 """From fisheye images to a metric map: poses, surfaces, free space, and where a camera is in it."""
 
+from flight import Progress, silent
 from mapping import localization, rig
 from mapping.alignment import Length
 from mapping.colmap import SparseOptions
 from mapping.dense import DenseOptions
 from mapping.images import ImageSet, read_folder
 from mapping.localization import Localization, LocalizationOptions
-from mapping.map_folder import Map, MapOptions, MapReport, build_map, open_map
+from mapping.map_folder import Map, MapOptions, MapReport, build_map, open_map, read_poses, write_poses
 from mapping.rig import Camera, Rig
 from mapping.sparse import SparseMap
 
@@ -28,10 +29,14 @@ __all__ = [
     "localize",
     "open_map",
     "read_folder",
+    "read_poses",
     "rig",
+    "write_poses",
 ]
 
 
-def localize(known: Map, images: ImageSet, *, options: LocalizationOptions | None = None) -> Localization:
+def localize(
+    known: Map, images: ImageSet, *, options: LocalizationOptions | None = None, progress: Progress = silent
+) -> Localization:
     """Poses of new images in a map; see `localization.localize`."""
-    return localization.localize(known.localization_map(), images, options=options)
+    return localization.localize(known.localization_map(), images, options=options, progress=progress)

@@ -13,6 +13,7 @@ import csv
 import dataclasses
 import shutil
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -167,7 +168,7 @@ def build_map(
         mesh_file.save(new / "mesh.ply", surface.vertices_world_m, surface.faces, surface.colours)
         localization.save(new / "localization", placed.localization_map())
         rigs.save(new / "camera.toml", placed.rig)
-        write_poses(new / "poses.csv", placed)
+        write_poses(new / "poses.csv", placed.images.instants, placed.images.time_s, placed.T_world_body)
         file_format.write_json(new / "report.json", format=REPORT_FORMAT, version=VERSION, body=report.as_dict())
         file_format.write_toml(new / "map.toml", format=FORMAT, version=VERSION, body=_facts(report))
     progress("distance field", 1.0)
@@ -231,15 +232,18 @@ def _keep_edits(old: Path, new: Path) -> None:
         shutil.copy(edits, new / "esdf" / EDITS)
 
 
-def write_poses(path: Path, placed: SparseMap) -> None:
-    """Write the body poses of the placed instants; `read_poses` reads them back."""
-    q = rotations.from_matrix(placed.T_world_body[placed.placed][:, :3, :3])
-    with open(path, "w", newline="", encoding="utf-8") as stream:
+def write_poses(path: Path, images: Sequence[str], time_s: FloatArray, T_world_body: FloatArray) -> None:
+    """Write a `poses.csv`; instants without a pose (NaN) are left out.
+
+    Args:
+        images: (n,) names; time_s: (n,) NaN where unknown; T_world_body: (n, 4, 4).
+    """
+    with file_format.atomic_file(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(_POSE_COLUMNS)
-        for k, instant in enumerate(np.flatnonzero(placed.placed)):
-            numbers = [placed.images.time_s[instant], *placed.T_world_body[instant, :3, 3], *q[k]]
-            writer.writerow([placed.images.instants[instant], *(f"{v:.9g}" for v in numbers)])
+        for k in np.flatnonzero(np.isfinite(T_world_body[:, 0, 0])):
+            numbers = [time_s[k], *T_world_body[k, :3, 3], *rotations.from_matrix(T_world_body[k, :3, :3])]
+            writer.writerow([images[k], *(f"{v:.9g}" for v in numbers)])
 
 
 def open_map(folder: Path) -> Map:
@@ -259,8 +263,11 @@ def open_map(folder: Path) -> Map:
 
 
 def read_poses(path: Path) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
-    """Names, times (n,) and poses (n, 4, 4) of a `poses.csv`."""
+    """Names, times (n,) and poses (n, 4, 4) of a `poses.csv`.
 
+    Raises:
+        FormatError: it is missing or damaged.
+    """
     if not path.is_file():
         raise FormatError(f"{path} is missing; build the map again")
     table = read_table(path, _POSE_COLUMNS)

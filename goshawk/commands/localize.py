@@ -27,7 +27,7 @@ def command(images: Path, map_folder: Path, camera: Path | None, out: Path, as_j
     rig = mapping.rig.load(camera) if camera is not None else area.rig
     with console.progress() as progress:
         folder = mapping.read_folder(images, rig, progress=progress)
-        result = mapping.localize(area.localization_map(), folder, progress=progress)
+        result = mapping.localize(area, folder, progress=progress)
     if result.found.any():
         mapping.write_poses(out, result.instants, folder.time_s, result.T_world_body)
     facts = {

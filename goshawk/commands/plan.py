@@ -90,9 +90,16 @@ def options_from(
 
 
 def along(path: Path, tolerance_m: float, area: mapping.Map, options: planner.PlanOptions) -> project.Waypoints:
-    """Waypoints along a recorded path, as few as the tolerance allows."""
-    positions = planner.simplify.rdp(read_path(path), tolerance_m)
-    return project.Waypoints(positions, np.full(len(positions), np.nan))
+    """Waypoints along a recorded path, as few as the tolerance and the obstacles allow."""
+    return waypoints_along(read_path(path), tolerance_m, area, options.clearance_m)
+
+
+def waypoints_along(
+    walked_world_m: FloatArray, tolerance_m: float, area: mapping.Map, clearance_m: float
+) -> project.Waypoints:
+    """Waypoints along positions (n, 3) that were recorded, headings free."""
+    kept = planner.simplify.rdp(walked_world_m, tolerance_m, field=area.field, clearance_m=clearance_m)
+    return project.Waypoints(walked_world_m[kept], np.full(len(kept), np.nan))
 
 
 def read_path(path: Path) -> FloatArray:
