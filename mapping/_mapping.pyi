@@ -37,6 +37,27 @@ def inverse_range(
     largest_relative_std: float,
     threads: int,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
+def inverse_range_bound(
+    disparity: NDArray[np.int16],
+    grid: NDArray[np.float64],
+    R_camera_grid: NDArray[np.float64],
+    baseline_m: float,
+    rays: NDArray[np.float64],
+    disparity_std_px: float,
+    deviations: float,
+    threads: int,
+) -> NDArray[np.float32]: ...
+def carve(
+    origin_world_m: NDArray[np.float64],
+    voxel_m: float,
+    seen_through: NDArray[np.uint8],
+    bound: NDArray[np.float32],
+    lens: NDArray[np.float64],
+    T_camera_world: NDArray[np.float64],
+    truncation_m: float,
+    farthest_m: float,
+    threads: int,
+) -> None: ...
 def fuse(
     values: NDArray[np.float32], deviations: NDArray[np.float32], tolerance: float, least: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint8]]: ...

@@ -140,6 +140,7 @@ def fuse(
     for number, (view, depth) in enumerate(zip(images, depths, strict=True)):
         if depth is not None:
             volume.integrate(view, depth.inverse_range, depth.deviation, depth.facing, farthest_m=options.farthest_m)
+            volume.carve(view, depth.bound, farthest_m=options.farthest_m)
         progress("fuse depth", (number + 1) / len(images))
     return volume
 
@@ -156,6 +157,7 @@ def extract(
     state = volume.occupancy(least_weight=options.least_weight, skin_voxels=options.skin_voxels)
     path = flown_path(images, 0.5 * options.voxel_m)
     fusion.carve_tube(state, volume.grid, path, options.flown_radius_m)
+    fusion.unreached_is_unknown(state, volume.grid, path)
     return Reconstruction(vertices, faces, colours, state, volume.grid, depth_statistics(depths))
 
 

@@ -11,6 +11,8 @@ from mapping import _mapping
 from mapping.views import ImageView, lens_row
 
 THREADS = 2
+LEAST_SEEN_THROUGH = 4
+"""Pictures that must have seen through a voxel before it counts as free without a measured depth behind it."""
 MOST_VOXELS = 150_000_000
 """Beyond this a volume takes more than 3 GB; the refusal says which voxel size would fit."""
 
@@ -31,6 +33,8 @@ class Volume:
     """(nx, ny, nz, channels) 0 to 255."""
     colour_weight: NDArray[np.float32]
     """(nx, ny, nz)."""
+    seen_through: NDArray[np.uint8]
+    """(nx, ny, nz) how many pictures saw through the voxel, to something that must be farther away."""
 
     @property
     def voxel_m(self) -> float:
@@ -66,6 +70,24 @@ class Volume:
             THREADS,
         )
 
+    def carve(self, view: ImageView, bound: NDArray[np.float32], *, farthest_m: float) -> None:
+        """Count the voxels one picture saw through.
+
+        Args:
+            bound: (h, w), 1/m: nothing on the ray has a larger inverse range; 0 where that is not known.
+        """
+        _mapping.carve(
+            self.grid.low_world_m,
+            self.voxel_m,
+            self.seen_through,
+            np.ascontiguousarray(bound, dtype=np.float32),
+            lens_row(view.camera, bound.shape[1] / view.camera.width),
+            frames.invert(view.T_world_camera),
+            self.truncation_m,
+            farthest_m,
+            THREADS,
+        )
+
     def surface(self, *, least_weight: float) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.uint8]]:
         """Marching cubes where all eight corners were seen: vertices (n, 3), faces (m, 3), colours (n, 3)."""
         vertices, faces, colours = _mapping.marching_cubes(
@@ -84,13 +106,14 @@ class Volume:
         """(nx, ny, nz) UNKNOWN, FREE or OCCUPIED.
 
         A voxel whose centre is less than `skin_voxels` in front of the surface counts as occupied. With sqrt(3) / 2
-        every voxel that the surface passes through does, however it cuts it: walls have no holes.
+        every voxel that the surface passes through does, however it cuts it: walls have no holes. Any trace of a
+        surface outweighs any number of pictures that saw through.
         """
         state = np.full(self.grid.shape, UNKNOWN, dtype=np.uint8)
         seen = self.weight >= least_weight
-        near = self.distance < skin_voxels * self.voxel_m
-        state[seen & ~near] = FREE
-        state[(self.weight > 0.0) & near] = OCCUPIED
+        near = (self.distance < skin_voxels * self.voxel_m) & (self.weight > 0.0)
+        state[(seen | (self.seen_through >= LEAST_SEEN_THROUGH)) & ~near] = FREE
+        state[near] = OCCUPIED
         return state
 
 
@@ -111,7 +134,21 @@ def empty_volume(
         size = " x ".join(f"{n * voxel_m:.0f}" for n in grid.shape)
         raise MapError(f"{size} m in voxels of {voxel_m:g} m does not fit in memory; voxel_m >= {fitting_m:.3f} does")
     empty = [np.zeros((*grid.shape, *more), np.float32) for more in ((), (), (channels,), ())]
-    return Volume(grid, truncation_m, *empty)
+    return Volume(grid, truncation_m, *empty, np.zeros(grid.shape, np.uint8))
+
+
+def unreached_is_unknown(state: NDArray[np.uint8], grid: Grid, path_world_m: FloatArray) -> None:
+    """Take back, in place, FREE space that no free way joins to the points (n, 3) where the vehicle was.
+
+    What a false match sees through a wall lies behind that wall; a vehicle that cannot get there loses nothing.
+    """
+    from scipy import ndimage
+
+    pieces, _ = ndimage.label(state == FREE)
+    cells = grid.index(path_world_m)
+    inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
+    reached = np.unique(pieces[tuple(cells[inside].T)])
+    state[(pieces > 0) & ~np.isin(pieces, reached[reached > 0])] = UNKNOWN
 
 
 def carve_tube(state: NDArray[np.uint8], grid: Grid, path_world_m: FloatArray, radius_m: float) -> None:

@@ -51,6 +51,8 @@ class StereoOptions:
 
 LARGEST_BASELINE_RATIO = 0.5
 """Over the typical distance; from farther apart, two pictures look too different to be matched."""
+BOUND_DEVIATIONS = 3.0
+"""How much nearer than measured, in standard deviations, a surface may be."""
 LARGEST_STEP = 1.15
 """Ratio of the ranges within 5x5 pixels beyond which they belong to two surfaces."""
 UNSURE_FACING = 0.5
@@ -69,6 +71,9 @@ class DepthImage:
     """(h, w) its standard deviation, 1/m."""
     facing: FloatImage
     """(h, w) cosine between the ray and the surface normal, 1 where the surface is met squarely."""
+    bound: FloatImage
+    """(h, w) 1/m, the largest inverse range that is possible, 0 where nothing is known: space nearer than that is open.
+    Known also where parallax is too small to tell a depth, above all ahead of a camera that moves forward."""
     agreeing: NDArray[np.uint8]
     """(h, w) how many partners told this depth."""
     scale: float
@@ -107,8 +112,8 @@ def choose_partners(views: Sequence[ImageView], index: int, options: StereoOptio
 
 def depth_of_pair(
     view: ImageView, partner: ImageView, rays_camera: FloatArray, options: StereoOptions
-) -> tuple[FloatImage, FloatImage]:
-    """Inverse range and its standard deviation along each ray (h, w, 3) of `view`, from one partner."""
+) -> tuple[FloatImage, FloatImage, FloatImage]:
+    """Inverse range, its standard deviation and its bound along each ray (h, w, 3) of `view`, from one partner."""
     T_partner_camera = frames.invert(partner.T_world_camera) @ view.T_world_camera
     baseline_camera_m = frames.invert(T_partner_camera)[:3, 3]
     baseline_m = float(np.linalg.norm(baseline_camera_m))
@@ -118,8 +123,9 @@ def depth_of_pair(
     grid, disparities = _grid(view, rays_camera @ R_camera_grid, baseline_m / near_m, options)
     left = _mapping.rectify(view.grey, lens_row(view.camera), R_camera_grid, grid, THREADS)
     right = _mapping.rectify(partner.grey, lens_row(partner.camera), R_partner_grid, grid, THREADS)
-    return _mapping.inverse_range(
-        _match(left, right, disparities, options.block_columns),
+    disparity = _match(left, right, disparities, options.block_columns)
+    value, deviation = _mapping.inverse_range(
+        disparity,
         grid,
         R_camera_grid,
         baseline_m,
@@ -130,6 +136,10 @@ def depth_of_pair(
         options.largest_relative_std,
         THREADS,
     )
+    bound = _mapping.inverse_range_bound(
+        disparity, grid, R_camera_grid, baseline_m, rays_camera, options.disparity_std_px, BOUND_DEVIATIONS, THREADS
+    )
+    return value, deviation, bound
 
 
 def axes_about(baseline: FloatArray) -> FloatArray:
@@ -195,10 +205,24 @@ def depth_image(views: Sequence[ImageView], index: int, options: StereoOptions) 
         return None
     rays = depth_rays(view, options.depth_scale)
     layers = [depth_of_pair(view, views[p], rays, options) for p in partners]
-    values, deviations = (np.stack(part) for part in zip(*layers, strict=True))
+    values, deviations, bounds = (np.stack(part) for part in zip(*layers, strict=True))
     value, deviation, agreeing = _mapping.fuse(values, deviations, options.tolerance, options.least_agreeing)
+    bound = agreed_bound(bounds, value, deviation, options.least_agreeing)
     value = without_jumps(value)
-    return DepthImage(value, deviation, facing(value, rays), agreeing, options.depth_scale)
+    return DepthImage(value, deviation, facing(value, rays), bound, agreeing, options.depth_scale)
+
+
+def agreed_bound(bounds: FloatImage, value: FloatImage, deviation: FloatImage, least_agreeing: int) -> FloatImage:
+    """(h, w) 1/m: so many partners at least say that nothing has a larger inverse range; never below a known depth's.
+
+    Spread to the pixels around, because block matching may lose the edge of a near thing before a far one.
+    """
+    import cv2
+
+    ordered = np.sort(np.where(bounds > 0.0, bounds, np.float32(np.inf)), axis=0)
+    bound = np.maximum(ordered[least_agreeing - 1], value + np.float32(BOUND_DEVIATIONS) * deviation)
+    spread = np.asarray(cv2.dilate(bound, np.ones((5, 5), np.uint8)), dtype=np.float32)
+    return np.where(np.isfinite(spread), spread, np.float32(0.0))
 
 
 def without_jumps(inverse_range: FloatImage) -> FloatImage:
@@ -245,4 +269,5 @@ def depth_from_sensor(view: ImageView, depth_m: NDArray[np.floating], *, relativ
     inverse_range = np.where(known, rays[..., 2] / np.where(known, depth_m, 1.0), 0.0).astype(np.float32)
     inverse_range = without_jumps(inverse_range)
     deviation = (relative_std * inverse_range).astype(np.float32)
-    return DepthImage(inverse_range, deviation, facing(inverse_range, rays), known.astype(np.uint8), scale)
+    bound = inverse_range + np.float32(BOUND_DEVIATIONS) * deviation
+    return DepthImage(inverse_range, deviation, facing(inverse_range, rays), bound, known.astype(np.uint8), scale)

@@ -16,6 +16,7 @@ using Point = nb::ndarray<const double, nb::shape<3>, nb::c_contig, nb::device::
 using Image = nb::ndarray<const float, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
 using Layers = nb::ndarray<const float, nb::shape<-1, -1, -1>, nb::c_contig, nb::device::cpu>;
 using Cells = nb::ndarray<float, nb::shape<-1, -1, -1>, nb::c_contig, nb::device::cpu>;
+using Counts = nb::ndarray<std::uint8_t, nb::shape<-1, -1, -1>, nb::c_contig, nb::device::cpu>;
 using ColourCells = nb::ndarray<float, nb::shape<-1, -1, -1, -1>, nb::c_contig, nb::device::cpu>;
 using GridRow = nb::ndarray<const double, nb::shape<6>, nb::c_contig, nb::device::cpu>;
 
@@ -44,6 +45,16 @@ static nb::tuple inverse_range_view(Disparity disparity, GridRow grid, Matrix3 R
                       static_cast<int>(rays.shape(0) * rays.shape(1)), threads, value.data(), deviation.data());
     }
     return nb::make_tuple(value, deviation);
+}
+
+static auto inverse_range_bound_view(Disparity disparity, GridRow grid, Matrix3 R_camera_grid, double baseline_m,
+                                     Rays rays, double disparity_std_px, double deviations, int threads) {
+    auto bound = new_array<float>({rays.shape(0), rays.shape(1)});
+    const StereoPair pair{baseline_m, nullptr, disparity_std_px, 0.0};
+    nb::gil_scoped_release release;
+    inverse_range_bound(disparity.data(), as_grid(grid), R_camera_grid.data(), pair, rays.data(),
+                        static_cast<int>(rays.shape(0) * rays.shape(1)), deviations, threads, bound.data());
+    return bound;
 }
 
 static nb::tuple fuse_layers(Layers values, Layers deviations, double tolerance, int least) {
@@ -90,6 +101,22 @@ static void integrate_view(Point origin, double voxel, Cells distance, Cells wei
     integrate(volume, image, T_camera_world.data(), {truncation, farthest}, threads);
 }
 
+static void carve_view(Point origin, double voxel, Counts seen_through, Image bound, LensRow lens,
+                       Matrix4 T_camera_world, double truncation, double farthest, int threads) {
+    const Volume volume{{origin(0), origin(1), origin(2)},
+                        voxel,
+                        {static_cast<int>(seen_through.shape(0)), static_cast<int>(seen_through.shape(1)),
+                         static_cast<int>(seen_through.shape(2))},
+                        nullptr,
+                        nullptr,
+                        nullptr,
+                        nullptr,
+                        0};
+    nb::gil_scoped_release release;
+    carve(volume, bound.data(), Lens(lens.data()), T_camera_world.data(), {truncation, farthest}, threads,
+          seen_through.data());
+}
+
 static nb::tuple marching_cubes_view(Point origin, double voxel, Cells distance, Cells weight, ColourCells colour,
                                      Cells colour_weight, double least_weight) {
     const Volume volume = as_volume(origin, voxel, distance, weight, colour, colour_weight);
@@ -115,6 +142,12 @@ void bind_dense(nb::module_& m) {
     m.def("inverse_range", &inverse_range_view, nb::arg("disparity"), nb::arg("grid"), nb::arg("R_camera_grid"),
           nb::arg("baseline_m"), nb::arg("T_partner_camera"), nb::arg("partner"), nb::arg("rays"),
           nb::arg("disparity_std_px"), nb::arg("largest_relative_std"), nb::arg("threads"));
+    m.def("inverse_range_bound", &inverse_range_bound_view, nb::arg("disparity"), nb::arg("grid"),
+          nb::arg("R_camera_grid"), nb::arg("baseline_m"), nb::arg("rays"), nb::arg("disparity_std_px"),
+          nb::arg("deviations"), nb::arg("threads"));
+    m.def("carve", &carve_view, nb::arg("origin_world_m"), nb::arg("voxel_m"), nb::arg("seen_through").noconvert(),
+          nb::arg("bound"), nb::arg("lens"), nb::arg("T_camera_world"), nb::arg("truncation_m"), nb::arg("farthest_m"),
+          nb::arg("threads"));
     m.def("fuse", &fuse_layers, nb::arg("values"), nb::arg("deviations"), nb::arg("tolerance"), nb::arg("least"));
     m.def("facing", &facing_view, nb::arg("inverse_range"), nb::arg("rays"), nb::arg("step"), nb::arg("unsure"),
           nb::arg("threads"));

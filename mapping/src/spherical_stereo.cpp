@@ -92,6 +92,29 @@ void inverse_range(const std::int16_t* disparity, const SphericalGrid& grid, con
     });
 }
 
+void inverse_range_bound(const std::int16_t* disparity, const SphericalGrid& grid, const double* R_camera_grid,
+                         const StereoPair& pair, const double* rays, int count, double deviations, int threads,
+                         float* bound) {
+    constexpr int chunk = 1024;
+    parallel_rows((count + chunk - 1) / chunk, threads, [&](int part) {
+        for (int i = part * chunk; i < std::min(count, (part + 1) * chunk); ++i) {
+            bound[i] = 0.0f;
+            const Vec3 ray{rays[3 * i], rays[3 * i + 1], rays[3 * i + 2]};
+            if (std::isnan(ray.z)) continue;
+            const Vec3 g = rotate_back(R_camera_grid, ray);
+            const double here = std::atan2(std::sqrt(g.y * g.y + g.z * g.z), g.x), round = std::atan2(g.z, g.y);
+            const int column = static_cast<int>((grid.from_baseline - here) / grid.column_step);
+            const int row = static_cast<int>((round - grid.from_axis) / grid.row_step);
+            if (column < 0 || row < 0 || column >= grid.columns || row >= grid.rows) continue;
+            const int d = disparity[static_cast<std::size_t>(row) * grid.columns + column];
+            if (d < 0) continue;
+            const double parallax = (d / 16.0 + deviations * pair.disparity_std_px) * grid.column_step;
+            if (here + parallax >= M_PI - 0.02) continue;
+            bound[i] = static_cast<float>(std::sin(parallax) / (pair.baseline_m * std::sin(here + parallax)));
+        }
+    });
+}
+
 void fuse(const float* values, const float* deviations, int layers, int count, double tolerance, int least,
           float* value, float* deviation, std::uint8_t* members) {
     for (int i = 0; i < count; ++i) {

@@ -33,6 +33,13 @@ void inverse_range(const std::int16_t* disparity, const SphericalGrid& grid, con
                    const StereoPair& pair, const Lens& partner, const double* rays, int count, int threads,
                    float* inverse_range, float* standard_deviation);
 
+// The largest inverse range (1/m along the ray) that a match allows, `deviations` standard deviations above its own:
+// whatever the ray meets is at least that far away. Near the baseline, where parallax tells no depth, this still says
+// much. 0 where there is no match.
+void inverse_range_bound(const std::int16_t* disparity, const SphericalGrid& grid, const double* R_camera_grid,
+                         const StereoPair& pair, const double* rays, int count, double deviations, int threads,
+                         float* bound);
+
 // Several measurements of each pixel to one: the mean of the largest group that agrees within `tolerance` standard
 // deviations, if it has at least `least` members. `values`, `deviations`: (layers, count), 0 = none.
 void fuse(const float* values, const float* deviations, int layers, int count, double tolerance, int least,

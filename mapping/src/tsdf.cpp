@@ -90,6 +90,27 @@ void facing(const float* inverse_range, const double* rays, int height, int widt
     });
 }
 
+void carve(const Volume& volume, const float* bound, const Lens& lens, const double* T_camera_world,
+           const Fusion& fusion, int threads, std::uint8_t* seen_through) {
+    const Pose pose(T_camera_world);
+    const Vec3 step{volume.voxel * pose.m[2], volume.voxel * pose.m[6], volume.voxel * pose.m[10]};
+    parallel_rows(volume.shape[0], threads, [&](int i) {
+        for (int j = 0; j < volume.shape[1]; ++j) {
+            Vec3 p = pose.apply(volume.origin + volume.voxel * Vec3{i + 0.5, j + 0.5, 0.5});
+            std::size_t index = (static_cast<std::size_t>(i) * volume.shape[1] + j) * volume.shape[2];
+            for (int k = 0; k < volume.shape[2]; ++k, ++index, p = p + step) {
+                const double range = norm(p);
+                double u = 0.0, v = 0.0;
+                if (range > fusion.farthest || seen_through[index] == 255 || !lens.project(p, u, v)) continue;
+                const int column = std::min(static_cast<int>(u), lens.width - 1);
+                const int row = std::min(static_cast<int>(v), lens.height - 1);
+                const float limit = bound[static_cast<std::size_t>(row) * lens.width + column];
+                if (limit > 0.0f && (range + fusion.truncation) * limit < 1.0) ++seen_through[index];
+            }
+        }
+    });
+}
+
 void integrate(const Volume& volume, const RangeImage& image, const double* T_camera_world, const Fusion& fusion,
                int threads) {
     const Pose pose(T_camera_world);
