@@ -31,7 +31,7 @@ from flight import (
 from flight.project import Project
 from goshawk.commands.plan import waypoints_along
 from goshawk.flights import in_the_air, tracking
-from goshawk.map_accuracy import MapAccuracy, measure
+from goshawk.map_accuracy import Accuracy, measure
 from goshawk.virtual_flight import virtual_vehicle
 from mapping import rendered_room, rendered_world
 from vehicle import Vehicle
@@ -191,7 +191,7 @@ def learn(opened: Project, logs: dict[str, FlightLog], believed: Vehicle, progre
 
 def _facts(
     report: mapping.MapReport,
-    accuracy: MapAccuracy,
+    accuracy: Accuracy,
     plans: dict[str, planner.Plan],
     logs: dict[str, FlightLog],
     learned: Learned,

@@ -1,61 +1,54 @@
-"""How far a map of the rendered room is from the truth: poses, surface, and free space that is not free."""
+"""How far a map of the rendered room is from the truth: poses, and surface and free space by `mapping.map_accuracy`."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import mapping
-from esdf import FREE
 from flight import FloatArray, frames, rotations
-
-_NEAR_M = 0.05
+from mapping import map_accuracy
+from mapping.map_accuracy import MapAccuracy
+from mapping.rendered_room import RenderedScene
 
 
 @dataclass(frozen=True, slots=True)
-class MapAccuracy:
+class Accuracy:
     """A map after the best rigid alignment (no scale) of its poses with the true ones."""
 
-    poses: int
     position_rms_m: float
     attitude_rms_rad: float
     scale: float
     """Length of the mapped path over the true one."""
-    surface_median_m: float
-    """Median distance of the mesh's vertices to the nearest true surface."""
-    surface_within_5_cm: float
-    """Share of the vertices that are nearer than 5 cm to a true surface."""
-    free_but_solid: float
-    """Share of the voxels called free whose centre is more than a voxel deep in something solid."""
+    surface: MapAccuracy
 
     def as_dict(self) -> dict[str, Any]:
-        return {name: getattr(self, name) for name in self.__slots__}
+        return asdict(self)
 
 
-def measure(area: mapping.Map, truth_csv: Path, scene: Any) -> MapAccuracy:
+def measure(area: mapping.Map, truth_csv: Path, scene: RenderedScene) -> Accuracy:
     """Compare a map with the poses and the scene it was rendered from.
 
     Args:
         truth_csv: `truth/poses.csv` of the rendered sequence; images are matched by name.
-        scene: with `distance(points) -> (n,)`, the true distance to the nearest surface, negative inside.
     """
     names, _, T_all = mapping.read_poses(truth_csv)
     index = {name: i for i, name in enumerate(names)}
     T_true = T_all[[index[name] for name in area.images]]
     T_truth_map = rigid_alignment(area.T_world_body[:, :3, 3], T_true[:, :3, 3])
     T_aligned = T_truth_map @ area.T_world_body
-    true_m, aligned = T_true[:, :3, 3], T_aligned[:, :3, 3]
+    true_m, aligned_m = T_true[:, :3, 3], T_aligned[:, :3, 3]
     turned = rotations.from_matrix(frames.invert(T_true)[:, :3, :3] @ T_aligned[:, :3, :3])
-    surface = np.abs(scene.distance(frames.apply(T_truth_map, mesh_vertices(area.mesh))))
-    return MapAccuracy(
-        poses=len(area.images),
-        position_rms_m=_rms(np.linalg.norm(aligned - true_m, axis=1)),
+    shots = [(camera, T @ camera.T_body_camera) for T in T_true for camera in area.rig.cameras]
+    seen = map_accuracy.seen_surface(scene, shots, rng=np.random.default_rng(1))
+    return Accuracy(
+        position_rms_m=_rms(np.linalg.norm(aligned_m - true_m, axis=1)),
         attitude_rms_rad=_rms(np.linalg.norm(rotations.log(turned), axis=1)),
-        scale=_length(aligned) / _length(true_m),
-        surface_median_m=float(np.median(surface)),
-        surface_within_5_cm=float((surface < _NEAR_M).mean()),
-        free_but_solid=_free_but_solid(area, T_truth_map, scene),
+        scale=_length(aligned_m) / _length(true_m),
+        surface=map_accuracy.compare(
+            scene, seen, mesh_vertices(area.mesh), area.field.state, area.field.grid, T_world_map=T_truth_map
+        ),
     )
 
 
@@ -74,14 +67,6 @@ def mesh_vertices(path: Path) -> FloatArray:
     import open3d
 
     return np.asarray(open3d.io.read_triangle_mesh(str(path)).vertices)
-
-
-def _free_but_solid(area: mapping.Map, T_truth_map: FloatArray, scene: Any) -> float:
-    grid = area.field.grid
-    free = np.argwhere(area.field.state == FREE)
-    voxel_m = np.asarray(grid.voxel_m)
-    centres = np.asarray(grid.origin_world_m) + (free + 0.5) * voxel_m
-    return float((scene.distance(frames.apply(T_truth_map, centres)) < -voxel_m.max()).mean())
 
 
 def _length(path: FloatArray) -> float:

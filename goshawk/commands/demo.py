@@ -41,15 +41,17 @@ def command(out: Path, pairs: int, as_json: bool) -> None:
 
 def _show(facts: dict[str, Any]) -> None:
     area, accuracy = facts["map"], facts["map"]["accuracy"]
+    surface = accuracy["surface"]
     console.show(
         "map",
         {
             "images registered": f"{area['images_placed']} of {area['images']}",
             "poses off by": f"{1000 * accuracy['position_rms_m']:.1f} mm rms",
             "scale": f"{accuracy['scale']:.4f} of the truth ({area['scale_source']})",
-            "surface off by": f"{1000 * accuracy['surface_median_m']:.1f} mm median, "
-            f"{100 * accuracy['surface_within_5_cm']:.1f} % within 5 cm",
-            "called free but solid": f"{100 * accuracy['free_but_solid']:.3f} % of free voxels",
+            "surface off by": f"{1000 * surface['median_error_m']:.1f} mm median, "
+            f"{100 * surface['share_within_5cm']:.1f} % of it within 5 cm",
+            "surface found": f"{100 * surface['seen_share_within_5cm']:.1f} % of what the cameras saw",
+            "called free but solid": f"{100 * surface['free_share_in_matter']:.3f} % of the free voxels",
         },
         as_json=False,
     )
