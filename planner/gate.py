@@ -88,7 +88,7 @@ def check(
         checks += [] if waypoints_world_m is None else [_waypoints(trajectory, waypoints_world_m, options)]
         checks += _rest(trajectory) + _continuity(trajectory)
         checks += [_clearance_check(clearance, options.clearance_m)]
-        checks += limits.check(trajectory, vehicle, options.limits, step_s=options.sample_step_s)
+        checks += limits.check(trajectory, vehicle, options.limits_for(vehicle), step_s=options.sample_step_s)
     return GateReport(
         checks=tuple(checks),
         clearance_m=clearance.proven_m,

@@ -1,10 +1,11 @@
 """What the pilot may choose, and how the planner says no."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import sqrt
 from typing import Literal
 
 from flight import InfeasibleError, InputError
-from vehicle import Limits
+from vehicle import Limits, Vehicle
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +24,9 @@ class PlanOptions:
     """Least time, or least snap inside a corridor of proved boxes (slower; also what is done when the former fails)."""
     limits: Limits | None = None
     """Instead of the vehicle's own."""
+    control_reserve: float = 0.08
+    """Share of the range of rotor thrust that a plan leaves free at either end. A vehicle planned down to its slowest
+    rotor speed, say in a dive, has no torque left to hold its attitude with, and tumbles."""
     pieces: int = 2
     """Polynomials per piece of route: more fly faster and take longer to plan."""
     search_margin_m: float = 6.0
@@ -39,11 +43,20 @@ class PlanOptions:
         for name in ("waypoint_tolerance_m", "search_margin_m", "sample_step_s"):
             if not 0.0 < getattr(self, name) < 1000.0:
                 raise InputError(f"{name} is {getattr(self, name)}; it must be positive")
+        if not 0.0 <= self.control_reserve < 0.4:
+            raise InputError(f"control_reserve is {self.control_reserve}; it must be from 0 to below 0.4")
         if self.pieces < 1 or self.repairs < 0:
             raise InputError(f"pieces {self.pieces} and repairs {self.repairs} must be at least 1 and 0")
         for name, known in (("yaw", ("along_path", "smooth")), ("method", ("fastest", "corridor"))):
             if getattr(self, name) not in known:
                 raise InputError(f"{name} is {getattr(self, name)!r}; {' or '.join(known)} is wanted")
+
+    def limits_for(self, vehicle: Vehicle) -> Limits:
+        """What a plan may use: the limits asked for (or the vehicle's own), less the control reserve."""
+        own = vehicle.limits if self.limits is None else self.limits
+        slowest, fastest = own.rotor_speed_min_rad_s**2, own.rotor_speed_max_rad_s**2
+        spare = self.control_reserve * (fastest - slowest)  # thrust goes with the square of the speed
+        return replace(own, rotor_speed_min_rad_s=sqrt(slowest + spare), rotor_speed_max_rad_s=sqrt(fastest - spare))
 
     @property
     def clearance_m(self) -> float:

@@ -11,7 +11,7 @@ from planner import gate, heading, hermite, limits, minimum_snap, repair, routes
 from planner.options import PlanInfeasibleError, PlanOptions
 from planner.repair import Path
 from planner.time_allocation import Problem, Weights
-from vehicle import Limits, Vehicle, invert
+from vehicle import Vehicle, invert
 
 _AIM_M = 0.02
 """What the optimiser keeps beyond the required clearance, for what lies between the samples it looks at."""
@@ -77,7 +77,7 @@ def _check_vehicle(vehicle: Vehicle) -> None:
 
 def fastest_path(route: routes.Route, field: space.DistanceField, vehicle: Vehicle, options: PlanOptions) -> Path:
     """Least time along the route in two rounds: few knots first, then more of them and hardly any price on snap."""
-    bounds = limits.point_mass_bounds(vehicle, _limits(vehicle, options))
+    bounds = limits.point_mass_bounds(vehicle, options.limits_for(vehicle))
     dense = routes.subdivided(route, field)
     problem = Problem(
         knots=dense.points,
@@ -118,7 +118,7 @@ def _split(spline: minimum_snap.Spline, waypoint: np.ndarray, pieces: int) -> tu
 def _with_heading(path: Path, waypoints: Waypoints, vehicle: Vehicle, options: PlanOptions) -> Trajectory:
     """Turn the vehicle along the path as fast as it may turn, and scale the time to use the limits to the full."""
     asked = np.where(path.waypoint >= 0, waypoints.yaw_rad[path.waypoint], np.nan)
-    bounds = _limits(vehicle, options)
+    bounds = options.limits_for(vehicle)
     spline, can = path.spline, limits.yaw_bounds(vehicle, bounds)
     yaw = heading.steady_enough(spline, asked, can, along_path=options.yaw == "along_path")
     states = np.concatenate([spline.states, yaw[..., None]], axis=2)
@@ -141,10 +141,6 @@ def _at_the_gate(
         slower = trajectory.scale_time(factor)
         report = gate.check(slower, field, vehicle, options, waypoints_world_m=points)
     return slower, report
-
-
-def _limits(vehicle: Vehicle, options: PlanOptions) -> Limits:
-    return vehicle.limits if options.limits is None else options.limits
 
 
 def _refused(report: gate.GateReport, trajectory: Trajectory, path: Path) -> PlanInfeasibleError:

@@ -25,19 +25,14 @@ def command(trajectory_file: Path, map_folder: Path, vehicle_file: Path, margin_
     goshawk check walk.json --map map --vehicle vehicle.toml
     goshawk check walk.json --map other-map --vehicle vehicle.toml --json
 
-    Exit code 0: it may be flown. 1: it may not, and the table says why.
+    Exit code 0: it may be flown. 1: it may not, and the table says why. One that was planned for another map or
+    another vehicle may not.
     """
     item = trajectory.load(trajectory_file)
     area = mapping.open_map(map_folder)
     options = options_from(vehicle_file, margin_m)
-    report = planner.gate.check(
-        item.trajectory, area.field, vehicle.load(vehicle_file), options, waypoints_world_m=item.waypoints_world_m
-    )
-    same_map = not item.map_hash or item.map_hash == area.hash
-    same_vehicle = item.vehicle_hash == vehicle.vehicle_hash(vehicle.load(vehicle_file))
-    notes = {"planned_for_this_map": same_map, "planned_for_this_vehicle": same_vehicle}
-    document = report.as_dict() | notes
-    console.show(f"check of {trajectory_file}", _facts(report) | notes, as_json=as_json, document=document)
+    report = planner.gate.check_file(item, area.field, vehicle.load(vehicle_file), options)
+    console.show(f"check of {trajectory_file}", _facts(report), as_json=as_json, document=report.as_dict())
     return 0 if report.passed else 1
 
 

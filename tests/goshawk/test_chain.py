@@ -49,8 +49,6 @@ def test_a_planned_file_is_checked_and_passes_the_gate_again(folder):
     assert item.checked
     report = run("check", folder / "loop.json", *world(folder))
     assert report["passed"]
-    assert report["planned_for_this_map"]
-    assert report["planned_for_this_vehicle"]
     assert report["clearance_m"] >= 0.3
 
 
@@ -58,6 +56,11 @@ def test_the_gate_says_no_to_more_clearance_than_there_is(folder):
     report = run("check", folder / "loop.json", *world(folder), "--margin", "0.9", code=1)
     assert not report["passed"]
     assert any(not c["passed"] and c["name"] == "clearance" for c in report["checks"])
+
+
+def test_the_gate_says_no_for_another_vehicle(folder):
+    report = run("check", folder / "loop.json", "--map", folder / "map", "--vehicle", folder / "truth.toml", code=1)
+    assert "vehicle" in [c["name"] for c in report["checks"] if not c["passed"]]
 
 
 def test_a_recorded_path_is_planned_along(folder):

@@ -5,7 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner import limits, minimum_snap, repair
+import planner
+import vehicle
+from esdf.solids import Room
+from flight import Waypoints
+from planner import PlanOptions, limits, minimum_snap, repair
 from vehicle import flatness
 
 
@@ -80,3 +84,19 @@ def test_free_fall_fails_and_says_so(drone):
     checks = {c.name: c for c in limits.check(drop, drone)}
     assert not checks["slowest rotor"].passed
     assert not checks["acceleration"].passed
+
+
+def test_a_plan_leaves_the_controller_its_reserve():
+    """Tight turns up and down: thrust stays off both ends of its range, and a smaller reserve is never slower."""
+    kestrel = vehicle.example("rigter2019").with_limits(acceleration_m_s2=30.0, speed_m_s=12.0)
+    hill = Waypoints(np.array([[0.0, 0, 1], [3, 0, 4], [6, 0, 1], [9, 0, 4]]), np.full(4, np.nan))
+    durations = []
+    for reserve in (0.0, 0.08, 0.16):
+        options = PlanOptions(control_reserve=reserve)
+        plan = planner.plan(hill, Room((-2.0, -3.0, 0.0), (11.0, 3.0, 6.0)), kestrel, options)
+        speeds = vehicle.flatness.state(kestrel, plan.trajectory, plan.trajectory.sample(0.005)).rotor_speed_rad_s
+        usable = options.limits_for(kestrel)
+        assert speeds.min() > usable.rotor_speed_min_rad_s - 1.0
+        assert speeds.max() < usable.rotor_speed_max_rad_s + 1.0
+        durations.append(plan.trajectory.duration_s)
+    assert durations == sorted(durations)
