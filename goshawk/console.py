@@ -89,7 +89,9 @@ def table(title: str, heads: Sequence[str], rows: Sequence[Sequence[object]]) ->
         drawn.add_column(head, justify="right" if numeric else "left")
     for row in rows:
         drawn.add_row(*[_text(cell) for cell in row])
-    Console(highlight=False).print(drawn)
+    console = Console(highlight=False)
+    console.width = console.width if console.is_terminal else max(console.width, 120)
+    console.print(drawn)
 
 
 def _text(value: object) -> str:

@@ -107,7 +107,7 @@ def vehicles() -> tuple[Vehicle, Vehicle]:
 def plan_flights(opened: Project, area: mapping.Map, believed: Vehicle, progress: Progress) -> dict[str, planner.Plan]:
     """Plan the recorded walk and two training flights, and save them: `trajectories/NAME.json`."""
     walked = area.T_world_body[:, :3, 3]
-    along_the_walk = waypoints_along(walked, 0.10, area, planner.PlanOptions().clearance_m)
+    along_the_walk, _ = waypoints_along(walked, 0.10, area, planner.PlanOptions())
     project.save_waypoints(opened.waypoints, along_the_walk)
     rng = np.random.default_rng(1)
     asked = {

@@ -51,8 +51,9 @@ def command(
         raise click.UsageError("give either WAYPOINTS or --path")
     area = mapping.open_map(map_folder)
     options = options_from(vehicle_file, margin_m, speed_m_s, acceleration_m_s2)
+    left_out = 0
     if path is not None:
-        asked = along(path, tolerance_m, area, options)
+        asked, left_out = waypoints_along(read_path(path), tolerance_m, area, options)
     else:
         assert waypoints is not None
         asked = project.load_waypoints(waypoints)
@@ -62,6 +63,7 @@ def command(
     facts = {
         "written": str(out),
         "waypoints": len(asked.positions_world_m),
+        "recorded_positions_left_out": left_out,
         "segments": len(plan.trajectory.durations_s),
         "duration_s": plan.trajectory.duration_s,
         "clearance_m": plan.gate.clearance_m,
@@ -89,17 +91,26 @@ def options_from(
     return replace(options, limits=replace(own, **slower))
 
 
-def along(path: Path, tolerance_m: float, area: mapping.Map, options: planner.PlanOptions) -> project.Waypoints:
-    """Waypoints along a recorded path, as few as the tolerance and the obstacles allow."""
-    return waypoints_along(read_path(path), tolerance_m, area, options.clearance_m)
-
-
 def waypoints_along(
-    walked_world_m: FloatArray, tolerance_m: float, area: mapping.Map, clearance_m: float
-) -> project.Waypoints:
-    """Waypoints along positions (n, 3) that were recorded, headings free."""
-    kept = planner.simplify.rdp(walked_world_m, tolerance_m, field=area.field, clearance_m=clearance_m)
-    return project.Waypoints(walked_world_m[kept], np.full(len(kept), np.nan))
+    walked_world_m: FloatArray, tolerance_m: float, area: mapping.Map, options: planner.PlanOptions
+) -> tuple[project.Waypoints, int]:
+    """Waypoints along recorded positions (n, 3), headings free, and how many positions had to be left out.
+
+    Whoever walked may have started with a wall, or with space that no camera saw, closer than the vehicle may come.
+    Such positions are left out; between the others the planner finds its own way.
+
+    Raises:
+        InputError: fewer than two positions have room.
+    """
+    near_m = np.nan_to_num(area.field.distance(walked_world_m), nan=-np.inf)
+    roomy = walked_world_m[near_m >= options.waypoint_clearance_m]
+    if len(roomy) < 2:
+        raise InputError(
+            f"{len(roomy)} of {len(walked_world_m)} recorded positions keep {options.clearance_m:.2f} m from obstacles "
+            "and unknown space; lower --margin, or map with a wider view"
+        )
+    kept = planner.simplify.rdp(roomy, tolerance_m, field=area.field, clearance_m=options.clearance_m)
+    return project.Waypoints(roomy[kept], np.full(len(kept), np.nan)), len(walked_world_m) - len(roomy)
 
 
 def read_path(path: Path) -> FloatArray:
