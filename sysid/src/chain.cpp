@@ -22,7 +22,7 @@ constexpr int block = n * n;
 #endif
 
 // In-place lower Cholesky factor of one block; the diagonal holds 1 / L_ii. False when not positive definite.
-inline bool factor_block(double *a) {
+inline bool factor_block(double* a) {
     for (int j = 0; j < n; ++j) {
         double d = a[j * n + j];
         for (int k = 0; k < j; ++k) d -= a[j * n + k] * a[j * n + k];
@@ -39,12 +39,12 @@ inline bool factor_block(double *a) {
 }
 
 // X <- L^-1 X and X <- L^-T X for X (12, m).
-inline void lower_solve(const double *l, double *x, std::size_t m) {
+inline void lower_solve(const double* l, double* x, std::size_t m) {
     for (int i = 0; i < n; ++i) {
-        double *xi = x + i * m;
+        double* xi = x + i * m;
         for (int k = 0; k < i; ++k) {
             const double f = l[i * n + k];
-            const double *xk = x + k * m;
+            const double* xk = x + k * m;
             for (std::size_t c = 0; c < m; ++c) xi[c] -= f * xk[c];
         }
         const double inverse = l[i * n + i];
@@ -52,12 +52,12 @@ inline void lower_solve(const double *l, double *x, std::size_t m) {
     }
 }
 
-inline void upper_solve(const double *l, double *x, std::size_t m) {
+inline void upper_solve(const double* l, double* x, std::size_t m) {
     for (int i = n - 1; i >= 0; --i) {
-        double *xi = x + i * m;
+        double* xi = x + i * m;
         for (int k = i + 1; k < n; ++k) {
             const double f = l[k * n + i];
-            const double *xk = x + k * m;
+            const double* xk = x + k * m;
             for (std::size_t c = 0; c < m; ++c) xi[c] -= f * xk[c];
         }
         const double inverse = l[i * n + i];
@@ -67,29 +67,30 @@ inline void upper_solve(const double *l, double *x, std::size_t m) {
 
 // Y <- Y - W X (transposed: Y <- Y - W^T X), W (12, 12), X and Y (12, m).
 template <bool transposed>
-inline void subtract_product(const double *w, const double *x, double *y, std::size_t m) {
+inline void subtract_product(const double* w, const double* x, double* y, std::size_t m) {
     for (int i = 0; i < n; ++i) {
-        double *yi = y + i * m;
+        double* yi = y + i * m;
         for (int k = 0; k < n; ++k) {
             const double f = transposed ? w[k * n + i] : w[i * n + k];
-            const double *xk = x + k * m;
+            const double* xk = x + k * m;
             for (std::size_t c = 0; c < m; ++c) yi[c] -= f * xk[c];
         }
     }
 }
 
-// Diagonal blocks D become L, coupling blocks E (row k + 1, column k) become W = E L^-T. Returns the first bad node or -1.
+// Diagonal blocks D become L, coupling blocks E (row k + 1, column k) become W = E L^-T. Returns the first bad node or
+// -1.
 GOSHAWK_CLONES
-std::ptrdiff_t factor_chain(double *d, double *e, std::size_t nodes) {
+std::ptrdiff_t factor_chain(double* d, double* e, std::size_t nodes) {
     double wt[block];
     for (std::size_t k = 0; k < nodes; ++k) {
-        double *dk = d + k * block;
+        double* dk = d + k * block;
         if (!factor_block(dk)) return static_cast<std::ptrdiff_t>(k);
         if (k + 1 == nodes) break;
-        double *ek = e + k * block;
+        double* ek = e + k * block;
         for (int i = 0; i < n; ++i)
             for (int j = 0; j < n; ++j) wt[j * n + i] = ek[i * n + j];
-        lower_solve(dk, wt, n); // L^-1 E^T = W^T
+        lower_solve(dk, wt, n);  // L^-1 E^T = W^T
         for (int i = 0; i < n; ++i)
             for (int j = 0; j < n; ++j) ek[i * n + j] = wt[j * n + i];
         subtract_product<false>(ek, wt, dk + block, n);
@@ -98,7 +99,7 @@ std::ptrdiff_t factor_chain(double *d, double *e, std::size_t nodes) {
 }
 
 GOSHAWK_CLONES
-void solve_chain(const double *l, const double *w, double *x, std::size_t nodes, std::size_t m) {
+void solve_chain(const double* l, const double* w, double* x, std::size_t nodes, std::size_t m) {
     for (std::size_t k = 0; k < nodes; ++k) {
         if (k > 0) subtract_product<false>(w + (k - 1) * block, x + (k - 1) * n * m, x + k * n * m, m);
         lower_solve(l + k * block, x + k * n * m, m);
@@ -111,23 +112,23 @@ void solve_chain(const double *l, const double *w, double *x, std::size_t nodes,
 
 // Blocks (k, k) and (k, k + 1) of the inverse, from the last node backwards.
 GOSHAWK_CLONES
-void inverse_blocks(const double *l, const double *w, double *diagonal, double *coupling, std::size_t nodes) {
+void inverse_blocks(const double* l, const double* w, double* diagonal, double* coupling, std::size_t nodes) {
     double m[block], sm[block];
     for (std::size_t k = nodes; k-- > 0;) {
-        double *s = diagonal + k * block;
+        double* s = diagonal + k * block;
         std::memset(s, 0, sizeof(double) * block);
         for (int i = 0; i < n; ++i) s[i * n + i] = 1.0;
         lower_solve(l + k * block, s, n);
         upper_solve(l + k * block, s, n);
         if (k + 1 == nodes) continue;
-        const double *next = s + block;
-        for (int i = 0; i < n; ++i) // m = L^-T W^T
+        const double* next = s + block;
+        for (int i = 0; i < n; ++i)  // m = L^-T W^T
             for (int j = 0; j < n; ++j) m[i * n + j] = w[k * block + j * n + i];
         upper_solve(l + k * block, m, n);
-        std::memset(sm, 0, sizeof(sm)); // -m S(k + 1)
+        std::memset(sm, 0, sizeof(sm));  // -m S(k + 1)
         subtract_product<false>(m, next, sm, n);
         std::memcpy(coupling + k * block, sm, sizeof(sm));
-        for (int i = 0; i < n; ++i) // S(k) = (L L^T)^-1 + m S(k + 1) m^T
+        for (int i = 0; i < n; ++i)  // S(k) = (L L^T)^-1 + m S(k + 1) m^T
             for (int j = 0; j < n; ++j) {
                 double sum = 0.0;
                 for (int q = 0; q < n; ++q) sum += sm[i * n + q] * m[j * n + q];
@@ -140,7 +141,7 @@ using Blocks = nb::ndarray<double, nb::shape<-1, n, n>, nb::c_contig, nb::device
 using ConstBlocks = nb::ndarray<const double, nb::shape<-1, n, n>, nb::c_contig, nb::device::cpu>;
 using Columns = nb::ndarray<double, nb::shape<-1, n, -1>, nb::c_contig, nb::device::cpu>;
 
-} // namespace
+}  // namespace
 
 NB_MODULE(_sysid, module) {
     module.def(

@@ -42,11 +42,11 @@ typedef struct {
 
 /* One step's share of the input. */
 typedef struct {
-    const uint8_t *data;
+    const uint8_t* data;
     size_t n;
 } bytes;
 
-static uint8_t take(bytes *input) {
+static uint8_t take(bytes* input) {
     if (input->n == 0u) {
         return 0;
     }
@@ -60,7 +60,7 @@ static void must(bool holds) {
     }
 }
 
-static void start(vehicle *v, bool sign) {
+static void start(vehicle* v, bool sign) {
     tc_link_config config;
     memset(&config, 0, sizeof config);
     config.system_id = 1;
@@ -80,7 +80,7 @@ static void start(vehicle *v, bool sign) {
 }
 
 /* A frame of the dialect whose payload comes from the input; small numbers where the fuzzer would need luck. */
-static size_t make_frame(bytes *input, uint8_t sequence, uint8_t frame[TC_FRAME_MAX]) {
+static size_t make_frame(bytes* input, uint8_t sequence, uint8_t frame[TC_FRAME_MAX]) {
     uint8_t payload[TC_PAYLOAD_MAX];
     uint8_t crc_extra;
     const uint32_t id = kinds[take(input) % (sizeof kinds / sizeof kinds[0])];
@@ -111,7 +111,7 @@ static size_t make_frame(bytes *input, uint8_t sequence, uint8_t frame[TC_FRAME_
 /* A plan that passes all checks (standing still at 1 m for a while), sent whole but for its flaws: bit 0 and 1 together
    a wrong CRC; bit 1 wrong samples; bit 2 with samples, which bit 0 then loses; bit 3 pieces missing; bit 4 two
    commits. */
-static void send_plan(vehicle *v, uint64_t now_us, uint8_t salt, uint8_t flaws) {
+static void send_plan(vehicle* v, uint64_t now_us, uint8_t salt, uint8_t flaws) {
     static tc_trajectory plan; /* too large for a stack */
     memset(&plan, 0, sizeof plan);
     plan.header.id = 1u + salt;
@@ -162,8 +162,8 @@ static void send_plan(vehicle *v, uint64_t now_us, uint8_t salt, uint8_t flaws) 
 }
 
 /* An order that names the active plan, as a ground station's would. */
-static void send_order(vehicle *v, uint64_t now_us, uint32_t request_id, bytes *input) {
-    const tc_trajectory *active = tc_store_active(&v->controller.store);
+static void send_order(vehicle* v, uint64_t now_us, uint32_t request_id, bytes* input) {
+    const tc_trajectory* active = tc_store_active(&v->controller.store);
     goshawk_mission_command_msg order = {0};
     const uint8_t command = take(input) & 15u;
     order.target_system = order.target_component = 1;
@@ -178,7 +178,7 @@ static void send_order(vehicle *v, uint64_t now_us, uint32_t request_id, bytes *
 }
 
 /* All parameters as they are, one of them changed by the input, then the commit. */
-static void send_parameters(vehicle *v, uint64_t now_us, uint32_t transfer_id, bytes *input) {
+static void send_parameters(vehicle* v, uint64_t now_us, uint32_t transfer_id, bytes* input) {
     tc_parameters next = *tc_parameters_now(&v->controller);
     goshawk_parameters_commit_msg commit = {0};
     const uint16_t changed = take(input) % 128u;
@@ -200,7 +200,7 @@ static void send_parameters(vehicle *v, uint64_t now_us, uint32_t transfer_id, b
 }
 
 /* A signed heartbeat, sent twice: with the right key it is heard at most once, with another one never. */
-static void send_signed(vehicle *v, uint64_t now_us, tc_signing *station, bytes *input) {
+static void send_signed(vehicle* v, uint64_t now_us, tc_signing* station, bytes* input) {
     uint8_t frame[TC_FRAME_MAX];
     uint8_t payload[TC_PAYLOAD_MAX] = {0};
     const uint8_t how = take(input);
@@ -216,7 +216,7 @@ static void send_signed(vehicle *v, uint64_t now_us, tc_signing *station, bytes 
     tc_link_receive(&v->link, frame, n, true, now_us);
 }
 
-static void tick(vehicle *v, bytes *input, uint64_t *now_us) {
+static void tick(vehicle* v, bytes* input, uint64_t* now_us) {
     tc_estimate estimate;
     tc_output output;
     tc_link_measured measured = {{0}, {0}};
@@ -231,20 +231,20 @@ static void tick(vehicle *v, bytes *input, uint64_t *now_us) {
         estimate.position_world_m[2] = (float)(how / 16u) * 0.2f;
     }
     if (how % 16u == 14u) { /* anything at all, NaN included */
-        uint8_t *raw = (uint8_t *)&estimate;
+        uint8_t* raw = (uint8_t*)&estimate;
         for (unsigned i = 0; i < sizeof estimate && input->n > 0u; i++) {
             raw[i] = take(input);
         }
     }
     (void)tc_tick(&v->controller, *now_us, &estimate, &output);
-    const tc_parameters *p = tc_parameters_now(&v->controller);
+    const tc_parameters* p = tc_parameters_now(&v->controller);
     for (unsigned i = 0; i < TC_ROTORS; i++) {
         must(output.rotor_speed_rad_s[i] >= 0.0f && output.rotor_speed_rad_s[i] <= p->rotor_max_rad_s);
     }
     tc_link_update(&v->link, &measured, *now_us);
 }
 
-static void drain(vehicle *v, uint64_t now_us) {
+static void drain(vehicle* v, uint64_t now_us) {
     uint8_t frame[TC_FRAME_MAX];
     for (unsigned i = 0; i < 64u; i++) {
         const size_t n = tc_link_transmit(&v->link, frame, now_us);
@@ -256,8 +256,8 @@ static void drain(vehicle *v, uint64_t now_us) {
     }
 }
 
-static void check(const vehicle *open, const vehicle *closed) {
-    const tc_trajectory *active = tc_store_active(&open->controller.store);
+static void check(const vehicle* open, const vehicle* closed) {
+    const tc_trajectory* active = tc_store_active(&open->controller.store);
     must(active == NULL || tc_trajectory_crc32(active) == active->header.crc32);
     must(open->controller.mission.state < (uint8_t)TC_MISSION_STATE_COUNT);
     must(closed->link.counts.accepted == 0u && closed->link.lease.system_id == 0u);
@@ -265,7 +265,7 @@ static void check(const vehicle *open, const vehicle *closed) {
     must(closed->controller.mission.state == (uint8_t)TC_DISARMED);
 }
 
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size);
 
 /* Three vehicles: one without signatures, one whose key nobody has, one whose key `friend` has. */
 typedef struct {
@@ -275,7 +275,7 @@ typedef struct {
     uint64_t now_us;
 } scene;
 
-static void set_scene(scene *s) {
+static void set_scene(scene* s) {
     static const uint8_t right_key[TC_KEY_BYTES] = {0}, other_key[TC_KEY_BYTES] = {1};
     start(&s->open, false);
     start(&s->closed, true);
@@ -286,12 +286,12 @@ static void set_scene(scene *s) {
     s->now_us = 1;
 }
 
-static void to_both(scene *s, const uint8_t *data, size_t n, bool datagram) {
+static void to_both(scene* s, const uint8_t* data, size_t n, bool datagram) {
     tc_link_receive(&s->open.link, data, n, datagram, s->now_us);
     tc_link_receive(&s->closed.link, data, n, datagram, s->now_us);
 }
 
-static void act(scene *s, bytes *input) {
+static void act(scene* s, bytes* input) {
     uint8_t frame[TC_FRAME_MAX];
     const unsigned step = take(input) % 16u;
     s->steps++;
@@ -323,7 +323,7 @@ static void act(scene *s, bytes *input) {
     }
 }
 
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     static scene s; /* too large for a stack; set anew for every input */
     bytes input = {data, size};
     set_scene(&s);

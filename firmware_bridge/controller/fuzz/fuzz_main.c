@@ -8,9 +8,9 @@
 
 #define LONGEST 2048u
 
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size);
 
-static uint64_t next(uint64_t *state) { /* xorshift64* */
+static uint64_t next(uint64_t* state) { /* xorshift64* */
     *state ^= *state >> 12;
     *state ^= *state << 25;
     *state ^= *state >> 27;
@@ -33,9 +33,9 @@ static size_t invent(uint64_t seed, uint8_t data[LONGEST]) {
     return n;
 }
 
-static int replay(const char *path) {
+static int replay(const char* path) {
     static uint8_t data[1u << 20];
-    FILE *file = fopen(path, "rb");
+    FILE* file = fopen(path, "rb");
     if (file == NULL) {
         fprintf(stderr, "cannot read %s\n", path);
         return 1;
@@ -45,9 +45,9 @@ static int replay(const char *path) {
     return LLVMFuzzerTestOneInput(data, n);
 }
 
-int main(int argc, char **argv) {
+int main(int argc, char** argv) {
     static uint8_t data[LONGEST];
-    char *end = argv[argc - 1];
+    char* end = argv[argc - 1];
     const uint64_t seed = argc == 3 ? strtoull(argv[1], &end, 10) : 0u;
     if (argc != 3 || *end != '\0') {
         int failed = 0;

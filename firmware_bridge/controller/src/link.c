@@ -9,7 +9,7 @@
 #define REQUEST_CAPABILITIES 520u /* MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES */
 #define BURST_US 20000u           /* how much of the byte rate may be saved up */
 
-void tc_link_init(tc_link *link, tc_controller *controller, const tc_link_config *config, uint64_t now_us) {
+void tc_link_init(tc_link* link, tc_controller* controller, const tc_link_config* config, uint64_t now_us) {
     memset(link, 0, sizeof *link);
     link->config = *config;
     link->controller = controller;
@@ -20,11 +20,11 @@ void tc_link_init(tc_link *link, tc_controller *controller, const tc_link_config
     tc_signing_init(&link->signing, config->key, config->start_10us);
 }
 
-static bool lease_holds(const tc_link *link, uint64_t now_us) {
+static bool lease_holds(const tc_link* link, uint64_t now_us) {
     return link->lease.system_id != 0u && now_us < link->lease.until_us;
 }
 
-static void on_lease(tc_link *link, const link_sender *from, const uint8_t *payload) {
+static void on_lease(tc_link* link, const link_sender* from, const uint8_t* payload) {
     goshawk_lease_request_msg m;
     goshawk_lease_request_decode(&m, payload);
     const bool may_take = from->in_control || !lease_holds(link, from->now_us);
@@ -42,7 +42,7 @@ static void on_lease(tc_link *link, const link_sender *from, const uint8_t *payl
 }
 
 /* Orders that concern the link itself. */
-static uint8_t do_link_order(tc_link *link, const goshawk_mission_command_msg *m) {
+static uint8_t do_link_order(tc_link* link, const goshawk_mission_command_msg* m) {
     switch (m->command) {
         case GOSHAWK_COMMAND_LOG_START:
             return link_log_start(link, m->request_id);
@@ -60,11 +60,11 @@ static uint8_t do_link_order(tc_link *link, const goshawk_mission_command_msg *m
     }
 }
 
-static uint8_t do_order(tc_link *link, const goshawk_mission_command_msg *m) {
+static uint8_t do_order(tc_link* link, const goshawk_mission_command_msg* m) {
     if (m->command >= (uint8_t)TC_COMMAND_COUNT) {
         return do_link_order(link, m);
     }
-    const tc_trajectory *active = tc_store_active(&link->controller->store);
+    const tc_trajectory* active = tc_store_active(&link->controller->store);
     if (m->command == (uint8_t)TC_COMMAND_START && active == NULL) {
         return TC_NO_TRAJECTORY;
     }
@@ -75,7 +75,7 @@ static uint8_t do_order(tc_link *link, const goshawk_mission_command_msg *m) {
     return (uint8_t)tc_do(link->controller, (tc_command)m->command, m->value);
 }
 
-static void on_order(tc_link *link, const link_sender *from, const uint8_t *payload) {
+static void on_order(tc_link* link, const link_sender* from, const uint8_t* payload) {
     goshawk_mission_command_msg m;
     goshawk_mission_command_decode(&m, payload);
     if (m.request_id == 0u) {
@@ -98,7 +98,7 @@ static void on_order(tc_link *link, const link_sender *from, const uint8_t *payl
     link->order.reason = do_order(link, &m);
 }
 
-static void on_command_long(tc_link *link, const uint8_t *payload) {
+static void on_command_long(tc_link* link, const uint8_t* payload) {
     command_long_msg m;
     command_long_decode(&m, payload);
     const bool version =
@@ -109,7 +109,7 @@ static void on_command_long(tc_link *link, const uint8_t *payload) {
     link->command_ack = true;
 }
 
-static void on_timesync(tc_link *link, const uint8_t *payload) {
+static void on_timesync(tc_link* link, const uint8_t* payload) {
     timesync_msg m;
     timesync_decode(&m, payload);
     if (m.tc1 == 0) {
@@ -118,7 +118,7 @@ static void on_timesync(tc_link *link, const uint8_t *payload) {
     }
 }
 
-static void dispatch(tc_link *link, const link_sender *from, uint32_t id, const uint8_t *payload) {
+static void dispatch(tc_link* link, const link_sender* from, uint32_t id, const uint8_t* payload) {
     switch (id) {
         case GOSHAWK_LEASE_REQUEST_ID:
             on_lease(link, from, payload);
@@ -168,7 +168,7 @@ static void dispatch(tc_link *link, const link_sender *from, uint32_t id, const 
     }
 }
 
-static bool is_for_us(const tc_link *link, const tc_frame *frame) {
+static bool is_for_us(const tc_link* link, const tc_frame* frame) {
     const unsigned at = goshawk_dialect_target(frame->id);
     if (frame->system_id == link->config.system_id || frame->system_id == 0u) {
         return false;
@@ -183,7 +183,7 @@ static bool is_for_us(const tc_link *link, const tc_frame *frame) {
 }
 
 /* Whether the frame is let in. Counts it when not. */
-static bool passes(tc_link *link, const tc_frame *frame) {
+static bool passes(tc_link* link, const tc_frame* frame) {
     if (!is_for_us(link, frame)) {
         link->counts.not_for_us++;
         return false;
@@ -206,7 +206,7 @@ static bool passes(tc_link *link, const tc_frame *frame) {
     }
 }
 
-void tc_link_receive(tc_link *link, const uint8_t *bytes, size_t n, bool datagram, uint64_t now_us) {
+void tc_link_receive(tc_link* link, const uint8_t* bytes, size_t n, bool datagram, uint64_t now_us) {
     tc_frame frame;
     while (tc_parser_next(&link->parser, &bytes, &n, &frame)) {
         if (!passes(link, &frame)) {
@@ -226,7 +226,7 @@ void tc_link_receive(tc_link *link, const uint8_t *bytes, size_t n, bool datagra
     }
 }
 
-void tc_link_update(tc_link *link, const tc_link_measured *measured, uint64_t now_us) {
+void tc_link_update(tc_link* link, const tc_link_measured* measured, uint64_t now_us) {
     const uint64_t vehicle_us = link->controller->telemetry.time_us;
     const uint64_t silent_us = now_us - link->lease.heard_us;
     if (link->lease.heard_us != 0u) {
@@ -239,7 +239,7 @@ void tc_link_update(tc_link *link, const tc_link_measured *measured, uint64_t no
     link_telemetry_update(link, measured, now_us);
 }
 
-static unsigned send_lease(tc_link *link, uint64_t now_us, uint8_t *payload, uint32_t *id) {
+static unsigned send_lease(tc_link* link, uint64_t now_us, uint8_t* payload, uint32_t* id) {
     goshawk_lease_status_msg m;
     memset(&m, 0, sizeof m);
     m.nonce = link->lease.nonce;
@@ -252,7 +252,7 @@ static unsigned send_lease(tc_link *link, uint64_t now_us, uint8_t *payload, uin
     return GOSHAWK_LEASE_STATUS_LENGTH;
 }
 
-static unsigned send_order(tc_link *link, uint8_t *payload, uint32_t *id) {
+static unsigned send_order(tc_link* link, uint8_t* payload, uint32_t* id) {
     goshawk_mission_result_msg m;
     memset(&m, 0, sizeof m);
     if (link->order.answer) {
@@ -272,7 +272,7 @@ static unsigned send_order(tc_link *link, uint8_t *payload, uint32_t *id) {
     return GOSHAWK_MISSION_RESULT_LENGTH;
 }
 
-static unsigned send_timesync(tc_link *link, uint8_t *payload, uint32_t *id) {
+static unsigned send_timesync(tc_link* link, uint8_t* payload, uint32_t* id) {
     timesync_msg m;
     memset(&m, 0, sizeof m);
     m.tc1 = (int64_t)(link->controller->telemetry.time_us * 1000u);
@@ -283,7 +283,7 @@ static unsigned send_timesync(tc_link *link, uint8_t *payload, uint32_t *id) {
     return TIMESYNC_LENGTH;
 }
 
-static unsigned send_command_ack(tc_link *link, uint8_t *payload, uint32_t *id) {
+static unsigned send_command_ack(tc_link* link, uint8_t* payload, uint32_t* id) {
     command_ack_msg m;
     memset(&m, 0, sizeof m);
     m.command = link->command_long;
@@ -295,7 +295,7 @@ static unsigned send_command_ack(tc_link *link, uint8_t *payload, uint32_t *id) 
 }
 
 /* The most urgent thing to say: answers, then telemetry, then bulk. */
-static unsigned next_payload(tc_link *link, uint64_t now_us, uint8_t payload[TC_PAYLOAD_MAX], uint32_t *id) {
+static unsigned next_payload(tc_link* link, uint64_t now_us, uint8_t payload[TC_PAYLOAD_MAX], uint32_t* id) {
     unsigned length = 0;
     if (link->order.answer || link->order.foreign_id != 0u) {
         return send_order(link, payload, id);
@@ -325,7 +325,7 @@ static unsigned next_payload(tc_link *link, uint64_t now_us, uint8_t payload[TC_
     return length;
 }
 
-size_t tc_link_transmit(tc_link *link, uint8_t frame[TC_FRAME_MAX], uint64_t now_us) {
+size_t tc_link_transmit(tc_link* link, uint8_t frame[TC_FRAME_MAX], uint64_t now_us) {
     const uint64_t waited_us = now_us - link->budget_us;
     const uint64_t most = (uint64_t)link->config.bytes_per_s * BURST_US / 1000000u + TC_FRAME_MAX;
     const uint64_t earned = waited_us > BURST_US ? most : waited_us * link->config.bytes_per_s / 1000000u;

@@ -10,7 +10,7 @@
 #define SIGNATURE 13u
 #define LATE_10US 100000u /* 1 s */
 
-uint16_t tc_crc16(uint16_t crc, const uint8_t *bytes, size_t n) {
+uint16_t tc_crc16(uint16_t crc, const uint8_t* bytes, size_t n) {
     for (size_t i = 0; i < n; i++) {
         unsigned low = (bytes[i] ^ crc) & 0xFFu;
         low ^= (low << 4) & 0xFFu;
@@ -19,15 +19,15 @@ uint16_t tc_crc16(uint16_t crc, const uint8_t *bytes, size_t n) {
     return crc;
 }
 
-static void drop(tc_parser *parser, unsigned n) {
+static void drop(tc_parser* parser, unsigned n) {
     parser->filled = (uint16_t)(parser->filled - n);
     memmove(parser->buffer, parser->buffer + n, parser->filled);
 }
 
 /* Length of the frame that starts in the buffer; 0 if none can start here; 1 if more header bytes are needed to tell.
  */
-static unsigned frame_length(tc_parser *parser) {
-    const uint8_t *b = parser->buffer;
+static unsigned frame_length(tc_parser* parser) {
+    const uint8_t* b = parser->buffer;
     uint8_t crc_extra;
     if (b[0] != MAGIC) {
         return 0;
@@ -43,14 +43,14 @@ static unsigned frame_length(tc_parser *parser) {
     return HEADER + b[1] + 2u + ((b[2] & SIGNED_FLAG) != 0u ? SIGNATURE : 0u);
 }
 
-static bool checksum_fits(const uint8_t *b, uint32_t id) {
+static bool checksum_fits(const uint8_t* b, uint32_t id) {
     uint8_t crc_extra;
     (void)goshawk_dialect_find(id, &crc_extra);
     const uint16_t crc = tc_crc16(tc_crc16(0xFFFFu, b + 1, HEADER - 1u + b[1]), &crc_extra, 1);
     return crc == goshawk_get_u16(b + HEADER + b[1]);
 }
 
-static void read_frame(const uint8_t *b, unsigned length, tc_frame *frame) {
+static void read_frame(const uint8_t* b, unsigned length, tc_frame* frame) {
     memset(frame, 0, sizeof *frame);
     frame->raw_length = (uint16_t)length;
     frame->is_signed = (b[2] & SIGNED_FLAG) != 0u;
@@ -60,14 +60,14 @@ static void read_frame(const uint8_t *b, unsigned length, tc_frame *frame) {
     frame->id = (uint32_t)b[7] | ((uint32_t)b[8] << 8) | ((uint32_t)b[9] << 16);
     memcpy(frame->payload, b + HEADER, b[1]);
     if (frame->is_signed) {
-        const uint8_t *s = b + length - SIGNATURE;
+        const uint8_t* s = b + length - SIGNATURE;
         frame->link_id = s[0];
         frame->timestamp_10us = (uint64_t)goshawk_get_u32(s + 1) | ((uint64_t)goshawk_get_u16(s + 5) << 32);
         memcpy(frame->signature, s + 7, sizeof frame->signature);
     }
 }
 
-bool tc_parser_next(tc_parser *parser, const uint8_t **bytes, size_t *n, tc_frame *frame) {
+bool tc_parser_next(tc_parser* parser, const uint8_t** bytes, size_t* n, tc_frame* frame) {
     drop(parser, parser->frame_length);
     parser->frame_length = 0;
     for (;;) {
@@ -95,12 +95,12 @@ bool tc_parser_next(tc_parser *parser, const uint8_t **bytes, size_t *n, tc_fram
     }
 }
 
-void tc_parser_flush(tc_parser *parser) {
+void tc_parser_flush(tc_parser* parser) {
     parser->filled = 0;
     parser->frame_length = 0;
 }
 
-void tc_signing_init(tc_signing *signing, const uint8_t key[TC_KEY_BYTES], uint64_t start_10us) {
+void tc_signing_init(tc_signing* signing, const uint8_t key[TC_KEY_BYTES], uint64_t start_10us) {
     memset(signing, 0, sizeof *signing);
     memcpy(signing->key, key, TC_KEY_BYTES);
     signing->now_10us = start_10us;
@@ -108,7 +108,7 @@ void tc_signing_init(tc_signing *signing, const uint8_t key[TC_KEY_BYTES], uint6
 }
 
 /* The six bytes that sign `raw`: everything up to and with link id and time stamp. */
-static void sign(const tc_signing *signing, const uint8_t *raw, size_t n, uint8_t digest[32]) {
+static void sign(const tc_signing* signing, const uint8_t* raw, size_t n, uint8_t digest[32]) {
     tc_sha256 hash;
     tc_sha256_init(&hash);
     tc_sha256_update(&hash, signing->key, TC_KEY_BYTES);
@@ -117,10 +117,10 @@ static void sign(const tc_signing *signing, const uint8_t *raw, size_t n, uint8_
 }
 
 /* The stream of a frame: its own, else a free one, else NULL. */
-static tc_stream *find_stream(tc_signing *signing, const tc_frame *frame) {
-    tc_stream *found = NULL;
+static tc_stream* find_stream(tc_signing* signing, const tc_frame* frame) {
+    tc_stream* found = NULL;
     for (unsigned i = 0; i < TC_STREAMS; i++) {
-        tc_stream *stream = &signing->streams[i];
+        tc_stream* stream = &signing->streams[i];
         if (stream->count == 0u) {
             found = found == NULL ? stream : found;
         } else if (stream->system_id == frame->system_id && stream->component_id == frame->component_id &&
@@ -131,7 +131,7 @@ static tc_stream *find_stream(tc_signing *signing, const tc_frame *frame) {
     return found;
 }
 
-static bool is_new(const tc_stream *stream, uint64_t stamp_10us) {
+static bool is_new(const tc_stream* stream, uint64_t stamp_10us) {
     if (stamp_10us <= stream->floor_10us) {
         return false;
     }
@@ -146,7 +146,7 @@ static bool is_new(const tc_stream *stream, uint64_t stamp_10us) {
 }
 
 /* Notes an accepted stamp; when there is no room the oldest one goes, and becomes the floor. */
-static void remember(tc_stream *stream, uint64_t stamp_10us) {
+static void remember(tc_stream* stream, uint64_t stamp_10us) {
     if (stamp_10us > stream->newest_10us) {
         stream->newest_10us = stamp_10us;
     }
@@ -169,7 +169,7 @@ static void remember(tc_stream *stream, uint64_t stamp_10us) {
     stream->recent[place] = (uint32_t)(stamp_10us & 0xFFFFFFFFu);
 }
 
-tc_signature tc_signing_check(tc_signing *signing, const tc_frame *frame, const uint8_t *raw) {
+tc_signature tc_signing_check(tc_signing* signing, const tc_frame* frame, const uint8_t* raw) {
     if (!frame->is_signed) {
         return TC_SIGNATURE_MISSING;
     }
@@ -182,7 +182,7 @@ tc_signature tc_signing_check(tc_signing *signing, const tc_frame *frame, const 
     if (difference != 0u) {
         return TC_SIGNATURE_WRONG;
     }
-    tc_stream *stream = find_stream(signing, frame);
+    tc_stream* stream = find_stream(signing, frame);
     if (stream == NULL) {
         return TC_SIGNATURE_TOO_MANY_STREAMS;
     }
@@ -203,8 +203,8 @@ tc_signature tc_signing_check(tc_signing *signing, const tc_frame *frame, const 
     return TC_SIGNATURE_GOOD;
 }
 
-size_t tc_frame_build(uint8_t out[TC_FRAME_MAX], uint32_t id, const uint8_t *payload, unsigned length, uint8_t sequence,
-                      uint8_t system_id, uint8_t component_id, tc_signing *signing, uint8_t link_id) {
+size_t tc_frame_build(uint8_t out[TC_FRAME_MAX], uint32_t id, const uint8_t* payload, unsigned length, uint8_t sequence,
+                      uint8_t system_id, uint8_t component_id, tc_signing* signing, uint8_t link_id) {
     uint8_t crc_extra;
     (void)goshawk_dialect_find(id, &crc_extra);
     while (length > 1u && payload[length - 1u] == 0u) {

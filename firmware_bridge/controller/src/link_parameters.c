@@ -7,7 +7,7 @@
 
 static unsigned groups(void) { return (tc_parameters_count() + TC_LINK_GROUP - 1u) / TC_LINK_GROUP; }
 
-void link_on_parameter_request(tc_link *link, const uint8_t *payload) {
+void link_on_parameter_request(tc_link* link, const uint8_t* payload) {
     param_request_read_msg m;
     param_request_read_decode(&m, payload);
     char name[TC_PARAMETER_NAME_SIZE];
@@ -20,7 +20,7 @@ void link_on_parameter_request(tc_link *link, const uint8_t *payload) {
     }
 }
 
-void link_on_parameters_stage(tc_link *link, const link_sender *from, const uint8_t *payload) {
+void link_on_parameters_stage(tc_link* link, const link_sender* from, const uint8_t* payload) {
     goshawk_parameters_stage_msg m;
     goshawk_parameters_stage_decode(&m, payload);
     if (m.transfer_id == 0u || m.transfer_id == link->parameters.done_id) {
@@ -53,7 +53,7 @@ void link_on_parameters_stage(tc_link *link, const link_sender *from, const uint
     link->parameters.groups = (uint8_t)(link->parameters.groups | (1u << m.group));
 }
 
-static tc_reason commit(tc_link *link, uint32_t crc32) {
+static tc_reason commit(tc_link* link, uint32_t crc32) {
     if (link->parameters.reason != (uint8_t)TC_OK) {
         return (tc_reason)link->parameters.reason;
     }
@@ -66,7 +66,7 @@ static tc_reason commit(tc_link *link, uint32_t crc32) {
     return tc_parameters_set(link->controller, &link->parameters.staged);
 }
 
-void link_on_parameters_commit(tc_link *link, const link_sender *from, const uint8_t *payload) {
+void link_on_parameters_commit(tc_link* link, const link_sender* from, const uint8_t* payload) {
     goshawk_parameters_commit_msg m;
     goshawk_parameters_commit_decode(&m, payload);
     if (m.transfer_id == 0u || !from->in_control) {
@@ -82,7 +82,7 @@ void link_on_parameters_commit(tc_link *link, const link_sender *from, const uin
     link->parameters.answer = true;
 }
 
-static unsigned send_result(tc_link *link, uint8_t *payload, uint32_t *id) {
+static unsigned send_result(tc_link* link, uint8_t* payload, uint32_t* id) {
     goshawk_parameters_result_msg m;
     memset(&m, 0, sizeof m);
     m.transfer_id = link->parameters.transfer_id;
@@ -97,7 +97,7 @@ static unsigned send_result(tc_link *link, uint8_t *payload, uint32_t *id) {
     return GOSHAWK_PARAMETERS_RESULT_LENGTH;
 }
 
-unsigned link_send_parameters(tc_link *link, uint8_t payload[TC_PAYLOAD_MAX], uint32_t *id) {
+unsigned link_send_parameters(tc_link* link, uint8_t payload[TC_PAYLOAD_MAX], uint32_t* id) {
     if (link->parameters.answer) {
         return send_result(link, payload, id);
     }
@@ -105,7 +105,7 @@ unsigned link_send_parameters(tc_link *link, uint8_t payload[TC_PAYLOAD_MAX], ui
         return 0;
     }
     const uint16_t index = link->parameters.next;
-    const tc_parameter_info *info = tc_parameters_info(index);
+    const tc_parameter_info* info = tc_parameters_info(index);
     link->parameters.next++;
     if (info == NULL) {
         return 0;

@@ -22,7 +22,7 @@ static void compress(uint32_t state[8], const uint8_t block[64]) {
     memcpy(s, state, sizeof s);
     for (unsigned t = 0; t < 64u; t++) {
         if (t < 16u) {
-            const uint8_t *p = block + 4u * t;
+            const uint8_t* p = block + 4u * t;
             w[t] = ((uint32_t)p[0] << 24) | ((uint32_t)p[1] << 16) | ((uint32_t)p[2] << 8) | (uint32_t)p[3];
         } else {
             const uint32_t a = w[(t + 1u) & 15u];
@@ -44,14 +44,14 @@ static void compress(uint32_t state[8], const uint8_t block[64]) {
     }
 }
 
-void tc_sha256_init(tc_sha256 *hash) {
+void tc_sha256_init(tc_sha256* hash) {
     static const uint32_t start[8] = {0x6a09e667u, 0xbb67ae85u, 0x3c6ef372u, 0xa54ff53au,
                                       0x510e527fu, 0x9b05688cu, 0x1f83d9abu, 0x5be0cd19u};
     memset(hash, 0, sizeof *hash);
     memcpy(hash->state, start, sizeof start);
 }
 
-void tc_sha256_update(tc_sha256 *hash, const uint8_t *bytes, size_t n) {
+void tc_sha256_update(tc_sha256* hash, const uint8_t* bytes, size_t n) {
     while (n > 0u) {
         const size_t used = (size_t)(hash->length % 64u);
         const size_t take = n < 64u - used ? n : 64u - used;
@@ -65,7 +65,7 @@ void tc_sha256_update(tc_sha256 *hash, const uint8_t *bytes, size_t n) {
     }
 }
 
-void tc_sha256_final(tc_sha256 *hash, uint8_t digest[32]) {
+void tc_sha256_final(tc_sha256* hash, uint8_t digest[32]) {
     const uint64_t bits = hash->length * 8u;
     const size_t used = (size_t)(hash->length % 64u);
     memset(hash->block + used, 0, 64u - used);

@@ -12,7 +12,7 @@
 enum { DUE_ATTITUDE = 1, DUE_POSITION = 2, DUE_ESC = 4, DUE_BATTERY = 8 };
 
 /* When the next one of a series is due. A late one is not made up for. */
-static bool due(uint64_t *next_us, uint64_t now_us, uint32_t period_us) {
+static bool due(uint64_t* next_us, uint64_t now_us, uint32_t period_us) {
     if (now_us < *next_us) {
         return false;
     }
@@ -23,9 +23,9 @@ static bool due(uint64_t *next_us, uint64_t now_us, uint32_t period_us) {
 static bool on_path(uint8_t state) { return tc_mission_on_path(state); }
 
 /* The last tick, with what was measured at it. */
-static void encode_state(const tc_link *link, uint8_t record[TC_LINK_RECORD]) {
-    const tc_link_measured *measured = &link->telemetry.measured;
-    const tc_telemetry *t = &link->controller->telemetry;
+static void encode_state(const tc_link* link, uint8_t record[TC_LINK_RECORD]) {
+    const tc_link_measured* measured = &link->telemetry.measured;
+    const tc_telemetry* t = &link->controller->telemetry;
     goshawk_state_msg m;
     memset(&m, 0, sizeof m);
     m.time_us = t->time_us;
@@ -47,7 +47,7 @@ static void encode_state(const tc_link *link, uint8_t record[TC_LINK_RECORD]) {
     goshawk_state_encode(&m, record);
 }
 
-uint8_t link_log_start(tc_link *link, uint32_t id) {
+uint8_t link_log_start(tc_link* link, uint32_t id) {
     if (link->config.log == NULL || link->config.log_records == 0u || link->config.log_period_us == 0u) {
         return TC_LINK_NO_LOG_MEMORY;
     }
@@ -60,7 +60,7 @@ uint8_t link_log_start(tc_link *link, uint32_t id) {
     return TC_OK;
 }
 
-static void write_log(tc_link *link) {
+static void write_log(tc_link* link) {
     if (!link->log.running ||
         !due(&link->log.due_us, link->controller->telemetry.time_us, link->config.log_period_us)) {
         return;
@@ -73,7 +73,7 @@ static void write_log(tc_link *link) {
     link->log.records++;
 }
 
-void link_telemetry_update(tc_link *link, const tc_link_measured *measured, uint64_t now_us) {
+void link_telemetry_update(tc_link* link, const tc_link_measured* measured, uint64_t now_us) {
     const uint64_t vehicle_us = link->controller->telemetry.time_us;
     link->telemetry.measured = *measured;
     write_log(link);
@@ -95,7 +95,7 @@ void link_telemetry_update(tc_link *link, const tc_link_measured *measured, uint
     }
 }
 
-static unsigned send_heartbeat(tc_link *link, uint8_t *payload, uint32_t *id) {
+static unsigned send_heartbeat(tc_link* link, uint8_t* payload, uint32_t* id) {
     const uint8_t state = link->controller->mission.state;
     const bool in_trouble = state == (uint8_t)TC_EMERGENCY || state == (uint8_t)TC_FAULT;
     heartbeat_msg m;
@@ -110,10 +110,10 @@ static unsigned send_heartbeat(tc_link *link, uint8_t *payload, uint32_t *id) {
     return HEARTBEAT_LENGTH;
 }
 
-static unsigned send_status(tc_link *link, uint8_t *payload, uint32_t *id) {
-    const tc_telemetry *t = &link->controller->telemetry;
-    const tc_trajectory *active = tc_store_active(&link->controller->store);
-    const tc_link_counts *c = &link->counts;
+static unsigned send_status(tc_link* link, uint8_t* payload, uint32_t* id) {
+    const tc_telemetry* t = &link->controller->telemetry;
+    const tc_trajectory* active = tc_store_active(&link->controller->store);
+    const tc_link_counts* c = &link->counts;
     goshawk_mission_status_msg m;
     memset(&m, 0, sizeof m);
     m.time_us = t->time_us;
@@ -139,8 +139,8 @@ static unsigned send_status(tc_link *link, uint8_t *payload, uint32_t *id) {
     return GOSHAWK_MISSION_STATUS_LENGTH;
 }
 
-static unsigned send_text(tc_link *link, uint8_t *payload, uint32_t *id) {
-    const char *words = tc_reason_text((tc_reason)link->controller->mission.reason);
+static unsigned send_text(tc_link* link, uint8_t* payload, uint32_t* id) {
+    const char* words = tc_reason_text((tc_reason)link->controller->mission.reason);
     const uint8_t state = link->controller->mission.state;
     statustext_msg m;
     memset(&m, 0, sizeof m);
@@ -154,7 +154,7 @@ static unsigned send_text(tc_link *link, uint8_t *payload, uint32_t *id) {
     return STATUSTEXT_LENGTH;
 }
 
-static unsigned send_version(tc_link *link, uint8_t *payload, uint32_t *id) {
+static unsigned send_version(tc_link* link, uint8_t* payload, uint32_t* id) {
     autopilot_version_msg m;
     memset(&m, 0, sizeof m);
     m.capabilities = 8192u; /* MAV_PROTOCOL_CAPABILITY_MAVLINK2 */
@@ -167,13 +167,13 @@ static unsigned send_version(tc_link *link, uint8_t *payload, uint32_t *id) {
 }
 
 /* Our axes to MAVLink's (NED from world, FRD from body): a half turn about x. */
-static void flip(const float v[3], float *x, float *y, float *z) {
+static void flip(const float v[3], float* x, float* y, float* z) {
     *x = v[0];
     *y = -v[1];
     *z = -v[2];
 }
 
-static unsigned send_attitude(const tc_telemetry *t, uint8_t *payload, uint32_t *id) {
+static unsigned send_attitude(const tc_telemetry* t, uint8_t* payload, uint32_t* id) {
     attitude_quaternion_msg m;
     memset(&m, 0, sizeof m);
     m.time_boot_ms = (uint32_t)(t->time_us / 1000u);
@@ -185,7 +185,7 @@ static unsigned send_attitude(const tc_telemetry *t, uint8_t *payload, uint32_t 
     return ATTITUDE_QUATERNION_LENGTH;
 }
 
-static unsigned send_position(const tc_telemetry *t, uint8_t *payload, uint32_t *id) {
+static unsigned send_position(const tc_telemetry* t, uint8_t* payload, uint32_t* id) {
     local_position_ned_msg m;
     m.time_boot_ms = (uint32_t)(t->time_us / 1000u);
     flip(t->estimate.position_world_m, &m.x, &m.y, &m.z);
@@ -195,7 +195,7 @@ static unsigned send_position(const tc_telemetry *t, uint8_t *payload, uint32_t 
     return LOCAL_POSITION_NED_LENGTH;
 }
 
-static unsigned send_esc(tc_link *link, uint8_t *payload, uint32_t *id) {
+static unsigned send_esc(tc_link* link, uint8_t* payload, uint32_t* id) {
     const float rpm_per_rad_s = 9.5492966f;
     esc_status_msg m;
     memset(&m, 0, sizeof m);
@@ -209,7 +209,7 @@ static unsigned send_esc(tc_link *link, uint8_t *payload, uint32_t *id) {
     return ESC_STATUS_LENGTH;
 }
 
-static unsigned send_battery(const tc_telemetry *t, uint8_t *payload, uint32_t *id) {
+static unsigned send_battery(const tc_telemetry* t, uint8_t* payload, uint32_t* id) {
     const float millivolts = t->estimate.battery_v * 1000.0f;
     battery_status_msg m;
     memset(&m, 0, sizeof m);
@@ -228,8 +228,8 @@ static unsigned send_battery(const tc_telemetry *t, uint8_t *payload, uint32_t *
     return BATTERY_STATUS_LENGTH;
 }
 
-static unsigned send_standard(tc_link *link, uint8_t *payload, uint32_t *id) {
-    const tc_telemetry *t = &link->controller->telemetry;
+static unsigned send_standard(tc_link* link, uint8_t* payload, uint32_t* id) {
+    const tc_telemetry* t = &link->controller->telemetry;
     const unsigned waiting = link->telemetry.standard;
     link->telemetry.standard = (uint8_t)(waiting & (waiting - 1u)); /* takes the lowest bit off */
     switch (waiting & ~(waiting - 1u)) {
@@ -244,7 +244,7 @@ static unsigned send_standard(tc_link *link, uint8_t *payload, uint32_t *id) {
     }
 }
 
-unsigned link_send_telemetry(tc_link *link, uint64_t now_us, uint8_t payload[TC_PAYLOAD_MAX], uint32_t *id) {
+unsigned link_send_telemetry(tc_link* link, uint64_t now_us, uint8_t payload[TC_PAYLOAD_MAX], uint32_t* id) {
     if (due(&link->telemetry.heartbeat_us, now_us, HEARTBEAT_US)) {
         return send_heartbeat(link, payload, id);
     }
@@ -266,13 +266,13 @@ unsigned link_send_telemetry(tc_link *link, uint64_t now_us, uint8_t payload[TC_
     return link->telemetry.standard != 0u ? send_standard(link, payload, id) : 0u;
 }
 
-void link_on_log_request(tc_link *link, const uint8_t *payload) {
+void link_on_log_request(tc_link* link, const uint8_t* payload) {
     goshawk_log_request_msg m;
     goshawk_log_request_decode(&m, payload);
     link->log.info = !link_want(&link->log.wanted, m.first, m.wanted);
 }
 
-static unsigned send_log_info(tc_link *link, uint8_t *payload, uint32_t *id) {
+static unsigned send_log_info(tc_link* link, uint8_t* payload, uint32_t* id) {
     goshawk_log_info_msg m;
     memset(&m, 0, sizeof m);
     m.log_id = link->log.id;
@@ -287,7 +287,7 @@ static unsigned send_log_info(tc_link *link, uint8_t *payload, uint32_t *id) {
     return GOSHAWK_LOG_INFO_LENGTH;
 }
 
-unsigned link_send_log(tc_link *link, uint8_t payload[TC_PAYLOAD_MAX], uint32_t *id) {
+unsigned link_send_log(tc_link* link, uint8_t payload[TC_PAYLOAD_MAX], uint32_t* id) {
     if (link->log.info) {
         return send_log_info(link, payload, id);
     }

@@ -10,7 +10,7 @@
 
 _Static_assert(TC_MAX_SEGMENTS <= 1024, "the report's bitmap holds 1024 segments");
 
-void link_on_begin(tc_link *link, const link_sender *from, const uint8_t *payload) {
+void link_on_begin(tc_link* link, const link_sender* from, const uint8_t* payload) {
     goshawk_trajectory_begin_msg m;
     goshawk_trajectory_begin_decode(&m, payload);
     if (m.transfer_id == 0u) {
@@ -46,7 +46,7 @@ void link_on_begin(tc_link *link, const link_sender *from, const uint8_t *payloa
 
 /* Whether a piece belongs to the open transfer. One that does not is answered with what is open (0: nothing), so that
    the ground learns of a restart at once. */
-static bool belongs(tc_link *link, const link_sender *from, uint32_t transfer_id) {
+static bool belongs(tc_link* link, const link_sender* from, uint32_t transfer_id) {
     if (!from->in_control) {
         return false;
     }
@@ -64,12 +64,12 @@ static bool belongs(tc_link *link, const link_sender *from, uint32_t transfer_id
     return fits;
 }
 
-static bool complete(const tc_link *link) {
+static bool complete(const tc_link* link) {
     return link->upload.received == link->upload.header.segment_count &&
            (link->upload.samples || link->upload.samples_wanted == 0u);
 }
 
-void link_on_segment(tc_link *link, const link_sender *from, const uint8_t *payload) {
+void link_on_segment(tc_link* link, const link_sender* from, const uint8_t* payload) {
     goshawk_trajectory_segment_msg m;
     goshawk_trajectory_segment_decode(&m, payload);
     if (!belongs(link, from, m.transfer_id)) {
@@ -95,7 +95,7 @@ void link_on_segment(tc_link *link, const link_sender *from, const uint8_t *payl
     link->upload.answer = link->upload.answer || reason != TC_OK || complete(link);
 }
 
-void link_on_samples(tc_link *link, const link_sender *from, const uint8_t *payload) {
+void link_on_samples(tc_link* link, const link_sender* from, const uint8_t* payload) {
     goshawk_trajectory_samples_msg m;
     goshawk_trajectory_samples_decode(&m, payload);
     if (!belongs(link, from, m.transfer_id) || link->upload.samples || link->upload.reason != 0u) {
@@ -114,7 +114,7 @@ void link_on_samples(tc_link *link, const link_sender *from, const uint8_t *payl
 }
 
 /* Checks and activates what is staged. */
-static tc_reason commit(tc_link *link, const goshawk_trajectory_commit_msg *m) {
+static tc_reason commit(tc_link* link, const goshawk_trajectory_commit_msg* m) {
     if (m->transfer_id == 0u || m->transfer_id != link->upload.transfer_id) {
         return TC_NO_UPLOAD;
     }
@@ -134,7 +134,7 @@ static tc_reason commit(tc_link *link, const goshawk_trajectory_commit_msg *m) {
     return reason;
 }
 
-void link_on_commit(tc_link *link, const link_sender *from, const uint8_t *payload) {
+void link_on_commit(tc_link* link, const link_sender* from, const uint8_t* payload) {
     goshawk_trajectory_commit_msg m;
     goshawk_trajectory_commit_decode(&m, payload);
     if (m.transfer_id == 0u || !from->in_control) {
@@ -158,7 +158,7 @@ void link_on_commit(tc_link *link, const link_sender *from, const uint8_t *paylo
     }
 }
 
-bool link_want(tc_link_wanted *wanted, uint32_t first, const uint8_t bits[TC_LINK_WANTED]) {
+bool link_want(tc_link_wanted* wanted, uint32_t first, const uint8_t bits[TC_LINK_WANTED]) {
     unsigned any = 0;
     wanted->first = first;
     wanted->next = 0;
@@ -169,7 +169,7 @@ bool link_want(tc_link_wanted *wanted, uint32_t first, const uint8_t bits[TC_LIN
     return any != 0u;
 }
 
-uint32_t link_take(tc_link_wanted *wanted, uint32_t count) {
+uint32_t link_take(tc_link_wanted* wanted, uint32_t count) {
     while (wanted->next < 8u * TC_LINK_WANTED) {
         const uint16_t i = wanted->next++;
         const bool asked = ((unsigned)wanted->bits[i / 8u] >> (i % 8u) & 1u) != 0u;
@@ -180,14 +180,14 @@ uint32_t link_take(tc_link_wanted *wanted, uint32_t count) {
     return count;
 }
 
-void link_on_read(tc_link *link, const uint8_t *payload) {
+void link_on_read(tc_link* link, const uint8_t* payload) {
     goshawk_trajectory_read_msg m;
     goshawk_trajectory_read_decode(&m, payload);
     link->read.transfer_id = m.transfer_id;
     link->read.header = !link_want(&link->read.wanted, m.first, m.wanted);
 }
 
-static unsigned send_status(tc_link *link, uint64_t now_us, uint8_t *payload, uint32_t *id) {
+static unsigned send_status(tc_link* link, uint64_t now_us, uint8_t* payload, uint32_t* id) {
     goshawk_trajectory_status_msg m;
     memset(&m, 0, sizeof m);
     m.transfer_id = link->upload.transfer_id;
@@ -209,7 +209,7 @@ static unsigned send_status(tc_link *link, uint64_t now_us, uint8_t *payload, ui
     return GOSHAWK_TRAJECTORY_STATUS_LENGTH;
 }
 
-static unsigned send_refusal(tc_link *link, uint8_t *payload, uint32_t *id) {
+static unsigned send_refusal(tc_link* link, uint8_t* payload, uint32_t* id) {
     goshawk_trajectory_status_msg m;
     memset(&m, 0, sizeof m);
     m.transfer_id = link->upload.refused_transfer_id;
@@ -220,8 +220,8 @@ static unsigned send_refusal(tc_link *link, uint8_t *payload, uint32_t *id) {
     return GOSHAWK_TRAJECTORY_STATUS_LENGTH;
 }
 
-static unsigned send_result(tc_link *link, uint8_t *payload, uint32_t *id) {
-    const tc_trajectory *active = tc_store_active(&link->controller->store);
+static unsigned send_result(tc_link* link, uint8_t* payload, uint32_t* id) {
+    const tc_trajectory* active = tc_store_active(&link->controller->store);
     goshawk_trajectory_result_msg m;
     memset(&m, 0, sizeof m);
     m.transfer_id = link->commit.transfer_id;
@@ -235,7 +235,7 @@ static unsigned send_result(tc_link *link, uint8_t *payload, uint32_t *id) {
     return GOSHAWK_TRAJECTORY_RESULT_LENGTH;
 }
 
-unsigned link_send_upload(tc_link *link, uint64_t now_us, uint8_t payload[TC_PAYLOAD_MAX], uint32_t *id) {
+unsigned link_send_upload(tc_link* link, uint64_t now_us, uint8_t payload[TC_PAYLOAD_MAX], uint32_t* id) {
     const bool open = link->upload.transfer_id != 0u;
     const bool busy = open && now_us - link->upload.last_frame_us < STATUS_BUSY_US;
     if (link->commit.answer) {
@@ -250,7 +250,7 @@ unsigned link_send_upload(tc_link *link, uint64_t now_us, uint8_t payload[TC_PAY
     return 0;
 }
 
-static unsigned send_header(tc_link *link, const tc_trajectory *active, uint8_t *payload, uint32_t *id) {
+static unsigned send_header(tc_link* link, const tc_trajectory* active, uint8_t* payload, uint32_t* id) {
     goshawk_trajectory_begin_msg m;
     memset(&m, 0, sizeof m);
     m.transfer_id = link->read.transfer_id;
@@ -270,8 +270,8 @@ static unsigned send_header(tc_link *link, const tc_trajectory *active, uint8_t 
     return GOSHAWK_TRAJECTORY_BEGIN_LENGTH;
 }
 
-unsigned link_send_read(tc_link *link, uint8_t payload[TC_PAYLOAD_MAX], uint32_t *id) {
-    const tc_trajectory *active = tc_store_active(&link->controller->store);
+unsigned link_send_read(tc_link* link, uint8_t payload[TC_PAYLOAD_MAX], uint32_t* id) {
+    const tc_trajectory* active = tc_store_active(&link->controller->store);
     if (link->read.header) {
         return send_header(link, active, payload, id);
     }
@@ -280,7 +280,7 @@ unsigned link_send_read(tc_link *link, uint8_t payload[TC_PAYLOAD_MAX], uint32_t
     if (index >= count || active == NULL) {
         return 0;
     }
-    const tc_segment *segment = &active->segment[index];
+    const tc_segment* segment = &active->segment[index];
     goshawk_trajectory_segment_msg m;
     memset(&m, 0, sizeof m);
     m.transfer_id = link->read.transfer_id;
@@ -296,7 +296,7 @@ unsigned link_send_read(tc_link *link, uint8_t payload[TC_PAYLOAD_MAX], uint32_t
     return GOSHAWK_TRAJECTORY_SEGMENT_LENGTH;
 }
 
-tc_reason tc_link_restore(tc_link *link, const tc_trajectory *kept, const tc_link_origin *origin) {
+tc_reason tc_link_restore(tc_link* link, const tc_trajectory* kept, const tc_link_origin* origin) {
     tc_reason reason = tc_upload_begin(link->controller, &kept->header);
     for (uint16_t i = 0; reason == TC_OK && i < kept->header.segment_count && i < TC_MAX_SEGMENTS; i++) {
         reason = tc_upload_segment(link->controller, i, &kept->segment[i]);

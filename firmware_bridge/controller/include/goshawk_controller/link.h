@@ -153,7 +153,7 @@ typedef struct {
 
     struct {
         uint64_t state_due_us, standard_due_us, slow_due_us, heartbeat_us, status_us, version_us;
-        uint32_t state_period_us; /* 0: never */
+        uint32_t state_period_us;  /* 0: never */
         tc_link_measured measured; /* at the last tick */
         uint16_t state_sequence;
         uint8_t standard; /* bits: which standard messages are due */
