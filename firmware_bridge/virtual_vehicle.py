@@ -39,8 +39,8 @@ Address = tuple[str, int]
 class PlantLike(Protocol):
     """What is flown: `vehicle.simulate.Plant`, or anything with these."""
 
-    time_s: float
-
+    @property
+    def time_s(self) -> float: ...
     @property
     def position_world_m(self) -> FloatArray: ...
     @property

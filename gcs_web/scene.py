@@ -34,7 +34,7 @@ def display_mesh(path: Path, triangles: int = DISPLAY_TRIANGLES) -> "trimesh.Tri
     import open3d
     import trimesh
 
-    mesh = open3d.io.read_triangle_mesh(str(path))
+    mesh = open3d.io.read_triangle_mesh(path)
     if len(mesh.triangles) > triangles:
         mesh = mesh.simplify_quadric_decimation(triangles)
     colours = np.asarray(mesh.vertex_colors)

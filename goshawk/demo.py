@@ -151,7 +151,7 @@ def fly(
         virtual_vehicle(*options, *ground, key_file=key_file) as url,
         firmware_bridge.connect(url, key=key_file) as link,
     ):
-        link.upload(item, progress=lambda _, fraction: progress(f"upload {label}", fraction))
+        link.upload(item, progress=lambda stage, fraction: progress(f"{stage} {label}", fraction))
         log = link.fly(item, progress=lambda stage, fraction: progress(f"fly {label}: {stage}", fraction))
     flight_log.save(opened.flight(label), log)
     return log

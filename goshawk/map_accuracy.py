@@ -66,7 +66,7 @@ def rigid_alignment(points_a: FloatArray, points_b: FloatArray) -> FloatArray:
 def mesh_vertices(path: Path) -> FloatArray:
     import open3d
 
-    return np.asarray(open3d.io.read_triangle_mesh(str(path)).vertices)
+    return np.asarray(open3d.io.read_triangle_mesh(path).vertices)
 
 
 def _length(path: FloatArray) -> float:

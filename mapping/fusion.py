@@ -133,8 +133,12 @@ def empty_volume(
         fitting_m = voxel_m * (grid.voxels / MOST_VOXELS) ** (1 / 3)
         size = " x ".join(f"{n * voxel_m:.0f}" for n in grid.shape)
         raise MapError(f"{size} m in voxels of {voxel_m:g} m does not fit in memory; voxel_m >= {fitting_m:.3f} does")
-    empty = [np.zeros((*grid.shape, *more), np.float32) for more in ((), (), (channels,), ())]
-    return Volume(grid, truncation_m, *empty, np.zeros(grid.shape, np.uint8))
+
+    def empty(*more: int) -> NDArray[np.float32]:
+        return np.zeros((*grid.shape, *more), np.float32)
+
+    seen_through = np.zeros(grid.shape, np.uint8)
+    return Volume(grid, truncation_m, empty(), empty(), empty(channels), empty(), seen_through)
 
 
 def unreached_is_unknown(state: NDArray[np.uint8], grid: Grid, path_world_m: FloatArray) -> None:
@@ -144,7 +148,8 @@ def unreached_is_unknown(state: NDArray[np.uint8], grid: Grid, path_world_m: Flo
     """
     from scipy import ndimage
 
-    pieces, _ = ndimage.label(state == FREE)
+    pieces = np.zeros(state.shape, np.int32)
+    ndimage.label(state == FREE, output=pieces)
     cells = grid.index(path_world_m)
     inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
     reached = np.unique(pieces[tuple(cells[inside].T)])

@@ -241,7 +241,7 @@ def write_poses(path: Path, images: Sequence[str], time_s: FloatArray, T_world_b
     with file_format.atomic_file(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(_POSE_COLUMNS)
-        for k in np.flatnonzero(np.isfinite(T_world_body[:, 0, 0])):
+        for k in map(int, np.flatnonzero(np.isfinite(T_world_body[:, 0, 0]))):
             numbers = [time_s[k], *T_world_body[k, :3, 3], *rotations.from_matrix(T_world_body[k, :3, :3])]
             writer.writerow([images[k], *(f"{v:.9g}" for v in numbers)])
 

@@ -269,5 +269,5 @@ def depth_from_sensor(view: ImageView, depth_m: NDArray[np.floating], *, relativ
     inverse_range = np.where(known, rays[..., 2] / np.where(known, depth_m, 1.0), 0.0).astype(np.float32)
     inverse_range = without_jumps(inverse_range)
     deviation = (relative_std * inverse_range).astype(np.float32)
-    bound = inverse_range + np.float32(BOUND_DEVIATIONS) * deviation
+    bound = (inverse_range + BOUND_DEVIATIONS * deviation).astype(np.float32)
     return DepthImage(inverse_range, deviation, facing(inverse_range, rays), bound, known.astype(np.uint8), scale)

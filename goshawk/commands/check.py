@@ -10,6 +10,7 @@ import vehicle
 from flight import trajectory
 from goshawk import console
 from goshawk.commands.plan import options_from
+from planner import gate
 
 
 @click.command()
@@ -31,7 +32,7 @@ def command(trajectory_file: Path, map_folder: Path, vehicle_file: Path, margin_
     item = trajectory.load(trajectory_file)
     area = mapping.open_map(map_folder)
     options = options_from(vehicle_file, margin_m)
-    report = planner.gate.check_file(item, area.field, vehicle.load(vehicle_file), options)
+    report = gate.check_file(item, area.field, vehicle.load(vehicle_file), options)
     console.show(f"check of {trajectory_file}", _facts(report), as_json=as_json, document=report.as_dict())
     return 0 if report.passed else 1
 

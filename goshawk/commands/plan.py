@@ -11,6 +11,7 @@ import planner
 import vehicle
 from flight import FloatArray, InputError, Trajectory, project
 from goshawk import console
+from planner import simplify
 
 
 @click.command()
@@ -109,7 +110,7 @@ def waypoints_along(
             f"{len(roomy)} of {len(walked_world_m)} recorded positions keep {options.clearance_m:.2f} m from obstacles "
             "and unknown space; lower --margin, or map with a wider view"
         )
-    kept = planner.simplify.rdp(roomy, tolerance_m, field=area.field, clearance_m=options.clearance_m)
+    kept = simplify.rdp(roomy, tolerance_m, field=area.field, clearance_m=options.clearance_m)
     return project.Waypoints(roomy[kept], np.full(len(kept), np.nan)), len(walked_world_m) - len(roomy)
 
 
