@@ -28,7 +28,8 @@ def test_help_names_every_verb():
 def test_every_verb_teaches_with_lines_to_paste(verb):
     answer = goshawk(verb, "--help")
     assert answer.returncode == 0, answer.stderr
-    assert answer.stdout.count(f"  goshawk {verb}") >= 2
+    assert f"  goshawk {verb} " in answer.stdout.split("Options:")[0]
+    assert answer.stdout.count("\n  goshawk ") >= 2
 
 
 def test_wrong_usage_ends_with_2():
