@@ -88,6 +88,12 @@ class GroundStation:
         return self._session
 
     @property
+    def watch(self) -> VehicleWatch:
+        """The vehicle, for a station that was started with one."""
+        assert self._watch is not None
+        return self._watch
+
+    @property
     def server(self) -> "viser.ViserServer":
         """viser's server, e.g. for its clients' cameras."""
         assert self._server is not None

@@ -44,7 +44,7 @@ class Page:
         server.gui.set_panel_label(f"Goshawk · {session.project.name}")
         server.scene.set_up_direction("+z")
         server.scene.add_mesh_trimesh("/map", scene.display_mesh(session.map.mesh, triangles), cast_shadow=False)
-        self._vehicle = scene.draw_vehicle(server)
+        self.vehicle_frame = scene.draw_vehicle(server)
         self._build_controls()
         self._place_camera()
         session.on_change(self._refresh)
@@ -73,7 +73,7 @@ class Page:
         top = bottom + field.grid.shape[2] * float(np.broadcast_to(field.grid.voxel_m, (3,))[2])
         with gui.add_folder("Distance field"):
             self._show_slice = gui.add_checkbox("show slice", initial_value=True)
-            start = float(np.clip(1.2, bottom, top))
+            start = float(np.clip(self._flight_height_m(), bottom, top))
             self._height = gui.add_slider("height (m)", min=round(bottom, 1), max=top, step=0.1, initial_value=start)
             self._show_slice.on_update(lambda _: self._draw_slice())
             self._height.on_update(lambda _: self._draw_slice())
@@ -163,9 +163,9 @@ class Page:
         position = tuple(self._session.positions_world_m[index])
         name = f"/waypoint_{index}"
         gizmo = self._server.scene.add_transform_controls(
-            name, scale=0.6, disable_rotations=True, depth_test=False, position=position
+            name, scale=self._gizmo_scale(), disable_rotations=True, depth_test=False, position=position
         )
-        self._server.scene.add_icosphere(f"{name}/ball", radius=0.09, color=(38, 139, 210), cast_shadow=False)
+        self._server.scene.add_icosphere(f"{name}/ball", radius=0.07, color=(38, 139, 210), cast_shadow=False)
         self._server.scene.add_label(f"{name}/label", str(index))
 
         @gizmo.on_update
@@ -175,6 +175,17 @@ class Page:
                 self._attempt(lambda: self._session.move(index, target))
 
         return gizmo
+
+    def _gizmo_scale(self) -> float:
+        """Large enough to grab, small enough not to hide a path with many waypoints."""
+        positions = self._session.positions_world_m
+        spacing = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+        return float(np.clip(0.5 * np.median(spacing), 0.3, 0.6)) if len(spacing) else 0.6
+
+    def _flight_height_m(self) -> float:
+        """Where the slice starts: at the height of the waypoints."""
+        positions = self._session.positions_world_m
+        return float(np.round(np.median(positions[:, 2]), 1)) if len(positions) else 1.2
 
     def _draw_plan(self) -> None:
         plan = self._session.plan
@@ -212,8 +223,8 @@ class Page:
         pose = self._watch.pose
         if pose is not None:
             with self._server.atomic():
-                self._vehicle.position, self._vehicle.wxyz = tuple(pose[0]), tuple(pose[1])
-                self._vehicle.visible = True
+                self.vehicle_frame.position, self.vehicle_frame.wxyz = tuple(pose[0]), tuple(pose[1])
+                self.vehicle_frame.visible = True
 
     def _place_camera(self) -> None:
         """Look at the waypoints (or the map) from behind and above, high enough to see over the walls."""
@@ -226,5 +237,5 @@ class Page:
 
         @self._server.on_client_connect
         def _(client: Any) -> None:
-            client.camera.position = tuple(target + np.array([-0.30, -0.42, 0.62]) * reach)
+            client.camera.position = tuple(target + np.array([-0.27, -0.37, 0.54]) * reach)
             client.camera.look_at = tuple(target)

@@ -17,7 +17,7 @@ DISPLAY_TRIANGLES = 120_000
 
 _RED, _AMBER, _GREEN = np.array([220, 50, 47.0]), np.array([245, 180, 0.0]), np.array([38, 166, 91.0])
 _UNKNOWN = np.array([90, 90, 100.0])
-_SLICE_ALPHA, _INSIDE_ALPHA = 90, 40
+_SLICE_ALPHA, _INSIDE_ALPHA = 90, 0
 
 
 def clearance_colours(clearance_m: FloatArray, required_m: float, comfortable_m: float) -> np.ndarray:
@@ -79,7 +79,7 @@ def draw_path(server: "viser.ViserServer", positions_world_m: FloatArray, colour
         "/path",
         np.stack([positions_world_m[:-1], positions_world_m[1:]], axis=1),
         np.stack([colours[:-1], colours[1:]], axis=1),
-        thickness=0.05,
+        thickness=0.06,
         thickness_units="world",
     )
 

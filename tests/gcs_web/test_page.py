@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import vehicle
+from firmware_bridge import VirtualVehicle, controller, keys
 from flight import Waypoints, project
 from gcs_web import GroundStation
 
@@ -31,7 +32,13 @@ def station(pillar_map: Path, tmp_path_factory) -> Iterator[GroundStation]:
     shutil.copytree(pillar_map, opened.map)
     vehicle.save(opened.vehicle, vehicle.example("rigter2019"))
     project.save_waypoints(opened.waypoints, Waypoints(WAYPOINTS, np.full(3, np.nan)))
-    with GroundStation(folder, triangles=4000) as running:
+    key_file = folder / "link.key"
+    parameters = controller.parameters_of(vehicle.load(opened.vehicle)).parameters
+    plant = vehicle.simulate.Plant(vehicle.load(opened.vehicle), vehicle.simulate.State(), ground_m=0.0)
+    with (
+        VirtualVehicle(plant, parameters, key=keys.create(key_file)) as simulated,
+        GroundStation(folder, triangles=4000, vehicle_url=simulated.url, key_file=key_file) as running,
+    ):
         yield running
 
 
@@ -136,3 +143,15 @@ def test_saving_writes_a_checked_trajectory(station, page):
     saved = trajectory.load(path)
     assert saved.checked
     assert saved.map_hash == station.session.map.hash
+
+
+def test_an_upload_is_shown_first_then_done_and_the_vehicle_is_drawn(station, page):
+    wait(lambda: station.session.state()["plan"])
+    page.get_by_role("button", name="Upload ...").click()
+    page.get_by_text("It replaces what the vehicle holds").wait_for(timeout=20_000)
+    assert "holds no trajectory" in station.watch.describe()
+    page.get_by_role("button", name="Upload", exact=True).click()
+    wait(lambda: "holds plan" in station.watch.describe())
+    page.get_by_text("read back and equal").wait_for(timeout=20_000)
+    assert station.page.vehicle_frame.visible
+    np.testing.assert_allclose(station.page.vehicle_frame.position, [0.0, 0.0, 0.0], atol=0.05)
