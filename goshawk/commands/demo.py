@@ -1,5 +1,7 @@
 """`goshawk demo`: every room once, on a rendered room, with a table of how well it went."""
 
+import shutil
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,7 @@ from goshawk import console
 @click.option("--pairs", default=60, show_default=True, help="Image pairs to render; fewer are quicker and map worse.")
 @console.json_option
 def command(out: Path, pairs: int, as_json: bool) -> None:
-    """Map a rendered room, plan through it, fly the virtual vehicle, learn its model. About five minutes.
+    """Map a rendered room, plan through it, fly the virtual vehicle, learn its model. About three minutes.
 
     \b
     goshawk demo --out demo-out
