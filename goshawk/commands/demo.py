@@ -34,11 +34,11 @@ def command(out: Path, pairs: int, as_json: bool) -> None:
         return
     _show(facts)
     click.echo("\ntry next:")
-    click.echo(f"  goshawk gcs {out}")
-    click.echo(f"  goshawk check {out}/trajectories/walk.json --map {out}/map --vehicle {out}/vehicle.toml")
-    click.echo(
-        f"  goshawk compare {out}/flights/walk.parquet --vehicle {out}/vehicle.toml --vehicle {out}/learned.toml"
-    )
+    me = "goshawk" if shutil.which("goshawk") else sys.argv[0]
+    vehicles = f"--vehicle {out}/vehicle.toml --vehicle {out}/learned.toml"
+    click.echo(f"  {me} gcs {out}")
+    click.echo(f"  {me} check {out}/trajectories/walk.json --map {out}/map --vehicle {out}/vehicle.toml")
+    click.echo(f"  {me} compare {out}/flights/walk.parquet {vehicles}")
 
 
 def _show(facts: dict[str, Any]) -> None:
