@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from esdf import Grid
-from flight import FloatArray, MapError, Progress, silent
+from flight import FloatArray, InputError, MapError, Progress, silent
 from mapping import fusion, stereo
 from mapping.fusion import Volume
 from mapping.stereo import DepthImage, StereoOptions, depth_from_sensor
@@ -44,9 +44,18 @@ class DenseOptions:
     skin_voxels: float = 0.87
     """Space this close in front of a surface is occupied (sqrt(3) / 2: no wall has a hole)."""
     flown_radius_m: float = 0.20
-    """The vehicle's own size: space this close to where a camera was is free, whatever the pictures say."""
+    """The vehicle's own size: space this close to where a camera was is free, whatever the pictures say. So is the
+    straight way between two pictures in a row whose bodies touch; farther apart, it may have gone round something."""
     least_component_faces: int = 60
     """Smaller loose pieces of the mesh are dropped."""
+
+    def __post_init__(self) -> None:
+        coarsest_m = 2.0 / np.sqrt(3.0) * self.flown_radius_m
+        if not 0.0 < self.voxel_m <= coarsest_m:  # else the path may lie in no free voxel, and nothing is reached
+            raise InputError(
+                f"voxel_m {self.voxel_m:g} must be positive and at most {coarsest_m:.2f}, so that a vehicle of "
+                f"flown_radius_m {self.flown_radius_m:g} fills a voxel"
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,14 +164,14 @@ def extract(
     if not len(faces):
         raise MapError("the depth images hold no surface: their poses or lenses may be wrong")
     state = volume.occupancy(least_weight=options.least_weight, skin_voxels=options.skin_voxels)
-    path = flown_path(images, 0.5 * options.voxel_m)
+    path = flown_path(images, 0.5 * options.voxel_m, longest_gap_m=2.0 * options.flown_radius_m)
     fusion.carve_tube(state, volume.grid, path, options.flown_radius_m)
     fusion.unreached_is_unknown(state, volume.grid, path)
     return Reconstruction(vertices, faces, colours, state, volume.grid, depth_statistics(depths))
 
 
-def flown_path(images: Sequence[ImageView], step_m: float, *, longest_gap_m: float = 1.0) -> FloatArray:
-    """(n, 3) points along the way of each camera, in the order of the pictures; gaps are not bridged."""
+def flown_path(images: Sequence[ImageView], step_m: float, *, longest_gap_m: float) -> FloatArray:
+    """(n, 3) points along the way of each camera, in the order of the pictures; longer gaps are not bridged."""
     points = [view.position_world_m for view in images]
     last: dict[str, FloatArray] = {}
     for view in images:

@@ -20,7 +20,8 @@ def filled(distance: np.ndarray, voxel_m: float = 0.1) -> Volume:
     grid = Grid((0.0, 0.0, 0.0), (voxel_m,) * 3, distance.shape)
     ones = np.ones(distance.shape, np.float32)
     colour = np.zeros((*distance.shape, 1), np.float32)
-    return Volume(grid, 3 * voxel_m, distance.astype(np.float32), ones, colour, ones.copy())
+    seen_through = np.zeros(distance.shape, np.uint8)
+    return Volume(grid, 3 * voxel_m, distance.astype(np.float32), ones, colour, ones.copy(), seen_through)
 
 
 def signed_volume(vertices: np.ndarray, faces: np.ndarray) -> float:
@@ -95,7 +96,7 @@ def test_a_plane_seen_by_a_depth_camera_comes_back(tilt_deg: float) -> None:
 def test_space_is_free_before_a_plane_occupied_at_it_and_unknown_behind(tilt_deg: float) -> None:
     view, depth_m, normal = plane_view(np.radians(tilt_deg))
     depth = stereo.depth_from_sensor(view, depth_m, relative_std=0.005)
-    result = dense.reconstruct([view], DenseOptions(least_component_faces=10, flown_radius_m=0.0), depths=[depth])
+    result = dense.reconstruct([view], DenseOptions(least_component_faces=10), depths=[depth])
     cells = np.argwhere(result.state >= 0)
     centres, state = result.grid.centre(cells), result.state.ravel()
     before_m = (centres - view.position_world_m - [2.0, 0.0, 0.0]) @ normal
@@ -105,7 +106,9 @@ def test_space_is_free_before_a_plane_occupied_at_it_and_unknown_behind(tilt_deg
     assert (state[seen & (before_m > 0.05)] == FREE).all()
     assert (state[seen & (np.abs(before_m) < 0.04)] == OCCUPIED).all()
     assert (state[before_m < -0.2] == UNKNOWN).all()
-    unseen = ~PINHOLE.contains(pixels) | (at_camera[:, 2] < 0.0)
+    flown = np.linalg.norm(at_camera, axis=1) <= DenseOptions().flown_radius_m
+    assert (state[flown] == FREE).all()
+    unseen = (~PINHOLE.contains(pixels) | (at_camera[:, 2] < 0.0)) & ~flown
     assert (state[unseen] == UNKNOWN).all()
 
 

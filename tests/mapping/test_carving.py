@@ -1,0 +1,160 @@
+"""Space that pictures saw through: what is counted, how often it must be, and what is taken back."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from esdf import FREE, OCCUPIED, UNKNOWN, Grid
+from flight import InputError
+from mapping import dense, fusion, stereo
+from mapping.dense import DenseOptions
+from mapping.fusion import LEAST_SEEN_THROUGH, Volume
+from mapping.rig import Camera
+from mapping.views import ImageView
+
+PINHOLE = Camera("forward", ".", "PINHOLE", 160, 120, np.array([120.0, 120.0, 80.0, 60.0]), np.eye(4))
+LOOKING_ALONG_X = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+FARTHEST_M = 5.0
+
+
+def view_from(position_world_m: tuple[float, float, float] = (0.1, 1.0, 1.0)) -> ImageView:
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = LOOKING_ALONG_X, position_world_m
+    return ImageView(PINHOLE, T, np.full((120, 160), 90, np.uint8))
+
+
+def unseen_volume() -> Volume:
+    return fusion.empty_volume(np.zeros(3), np.array([7.0, 2.0, 2.0]), voxel_m=0.1, truncation_m=0.25, channels=1)
+
+
+def centres(volume: Volume) -> np.ndarray:
+    return volume.grid.centre(np.argwhere(volume.seen_through >= 0)).reshape(*volume.grid.shape, 3)
+
+
+def bound(range_m: float) -> np.ndarray:
+    return np.full((60, 80), 1.0 / range_m if range_m else 0.0, np.float32)
+
+
+@pytest.mark.parametrize("range_m", [0.8, 3.0, 4.9, 50.0])
+def test_nothing_behind_the_bound_out_of_view_or_too_far_is_counted(range_m: float) -> None:
+    view, volume = view_from(), unseen_volume()
+    volume.carve(view, bound(range_m), farthest_m=FARTHEST_M)
+    at = centres(volume) - view.position_world_m
+    distance_m = np.linalg.norm(at, axis=-1)
+    in_view = PINHOLE.contains(PINHOLE.project((at @ LOOKING_ALONG_X).reshape(-1, 3))).reshape(distance_m.shape)
+    expected = in_view & (at[..., 0] > 0.0) & (distance_m < min(range_m - volume.truncation_m, FARTHEST_M))
+    near_the_edge = np.abs(distance_m - min(range_m - volume.truncation_m, FARTHEST_M)) < 1e-4
+    counted = volume.seen_through == 1
+    assert counted.any()
+    assert not (counted & ~expected & ~near_the_edge).any()
+    assert (counted | ~expected | near_the_edge).all()
+    assert not volume.weight.any()
+
+
+def test_where_no_bound_is_known_nothing_is_counted() -> None:
+    volume = unseen_volume()
+    volume.carve(view_from(), bound(0.0), farthest_m=FARTHEST_M)
+    assert not volume.seen_through.any()
+
+
+def test_only_enough_pictures_make_space_free_and_the_count_does_not_run_over() -> None:
+    volume = unseen_volume()
+    for pictures in range(1, 300):
+        volume.carve(view_from(), bound(3.0), farthest_m=FARTHEST_M)
+        if pictures in (1, LEAST_SEEN_THROUGH - 1, LEAST_SEEN_THROUGH, 256, 299):
+            state = volume.occupancy(least_weight=0.6, skin_voxels=0.87)
+            assert (state == FREE).any() == (pictures >= LEAST_SEEN_THROUGH)
+            assert not (state == OCCUPIED).any()
+    assert volume.seen_through.max() == 255
+
+
+def test_any_trace_of_a_surface_outweighs_every_look_through() -> None:
+    volume = unseen_volume()
+    volume.seen_through[...] = 255
+    volume.weight[30], volume.distance[30] = 0.01, -0.02
+    state = volume.occupancy(least_weight=0.6, skin_voxels=0.87)
+    assert (state[30] == OCCUPIED).all()
+    assert (np.delete(state, 30, axis=0) == FREE).all()
+
+
+def test_free_space_cut_off_from_the_path_becomes_unknown_and_nothing_else_changes() -> None:
+    rng = np.random.default_rng(3)
+    grid = Grid((0.0, 0.0, 0.0), (0.1,) * 3, (20, 12, 12))
+    state = rng.choice(np.array([UNKNOWN, FREE, FREE, FREE, OCCUPIED], np.uint8), grid.shape)
+    state[10] = OCCUPIED  # a wall through all of it
+    state[3, 3, 3] = FREE
+    before = state.copy()
+    fusion.unreached_is_unknown(state, grid, np.array([[0.35, 0.35, 0.35], [50.0, 0.0, 0.0]]))
+    assert state[3, 3, 3] == FREE
+    assert not (state[10:] == FREE).any()
+    changed = state != before
+    assert (before[changed] == FREE).all()
+    assert (state[changed] == UNKNOWN).all()
+    edge_to_edge = np.full((4, 4, 4), OCCUPIED, np.uint8)
+    edge_to_edge[1, 1, 1] = edge_to_edge[2, 2, 1] = FREE  # a vehicle does not pass through an edge
+    fusion.unreached_is_unknown(edge_to_edge, Grid((0.0, 0.0, 0.0), (0.1,) * 3, (4, 4, 4)), np.array([[0.15] * 3]))
+    assert edge_to_edge[1, 1, 1] == FREE
+    assert edge_to_edge[2, 2, 1] == UNKNOWN
+
+
+def test_without_a_path_in_free_space_nothing_stays_free() -> None:
+    state = np.full((5, 5, 5), FREE, np.uint8)
+    fusion.unreached_is_unknown(state, Grid((0.0, 0.0, 0.0), (0.1,) * 3, (5, 5, 5)), np.array([[9.0, 9.0, 9.0]]))
+    assert (state == UNKNOWN).all()
+
+
+def layers(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Bounds of four partners (0: nothing known), a depth and its deviation (0: none) for 30 by 40 pixels."""
+    rng = np.random.default_rng(seed)
+    bounds = np.where(rng.random((4, 30, 40)) < 0.1, 0.0, rng.uniform(0.1, 2.0, (4, 30, 40))).astype(np.float32)
+    value = np.where(rng.random((30, 40)) < 0.5, 0.0, rng.uniform(0.1, 2.0, (30, 40))).astype(np.float32)
+    return bounds, value, (0.05 * value).astype(np.float32)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_bound_is_never_below_a_known_depth_and_needs_partners_that_agree(seed: int) -> None:
+    bounds, value, deviation = layers(seed)
+    agreed = stereo.agreed_bound(bounds, value, deviation, 2)
+    known = agreed > 0.0
+    assert known.any()
+    assert (agreed[known] >= (value + 3.0 * deviation)[known]).all()
+    agreeing = ((bounds > 0.0) & (bounds <= agreed)).sum(axis=0)
+    assert (agreeing[known] >= 2).all()
+    silent = (bounds > 0.0).sum(axis=0) < 2
+    assert silent.any()
+    assert not known[silent].any()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_more_partners_that_must_agree_never_open_more_space(seed: int) -> None:
+    bounds, value, deviation = layers(seed)
+    fewer = stereo.agreed_bound(bounds, value, deviation, 1)
+    more = stereo.agreed_bound(bounds, value, deviation, 2)
+    assert (fewer[more > 0.0] > 0.0).all()
+    assert (more[more > 0.0] >= fewer[more > 0.0]).all()
+
+
+def test_a_near_edge_bounds_the_pixels_around_it_too() -> None:
+    bounds = np.full((2, 21, 21), 0.2, np.float32)
+    bounds[:, 10, 10] = 1.0
+    agreed = stereo.agreed_bound(bounds, np.zeros((21, 21), np.float32), np.zeros((21, 21), np.float32), 2)
+    expected = np.full((21, 21), 0.2, np.float32)
+    expected[8:13, 8:13] = 1.0
+    np.testing.assert_array_equal(agreed, expected)
+
+
+def test_a_vehicle_smaller_than_a_voxel_is_refused_because_nothing_would_be_reached() -> None:
+    with pytest.raises(InputError, match="flown_radius_m"):
+        DenseOptions(flown_radius_m=0.0)
+    with pytest.raises(InputError, match=r"0\.23"):
+        DenseOptions(voxel_m=0.25)
+
+
+def test_the_way_between_pictures_is_walked_only_where_the_bodies_touch() -> None:
+    places = [(0.0, 0.0, 0.0), (0.3, 0.0, 0.0), (1.2, 0.0, 0.0)]
+    path = dense.flown_path([view_from(place) for place in places], 0.05, longest_gap_m=0.4)
+    np.testing.assert_allclose(sorted({round(x, 3) for x in path[:, 0]}), [*np.linspace(0.0, 0.3, 7), 1.2], atol=1e-9)
+    other = dataclasses.replace(PINHOLE, name="backward")
+    pair = [view_from(), dataclasses.replace(view_from((0.3, 1.0, 1.0)), camera=other)]
+    assert len(dense.flown_path(pair, 0.05, longest_gap_m=0.4)) == 2
