@@ -172,7 +172,7 @@ def open_blocks(folder: Path, *, in_memory: bool = False) -> BlockField:
     """Open a map that `build_blocks` made. Reads the indices alone; bricks come in as they are asked for.
 
     Args:
-        in_memory: Read all bricks now, into large pages: twice the rate at places all over a map of gigabytes.
+        in_memory: Read all bricks now, so that no query waits for the disk; from the system's cache they come as fast.
 
     Raises:
         InputError: there is none in `folder`.
