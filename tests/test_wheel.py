@@ -1,0 +1,53 @@
+"""The wheel, installed outside the repository, is whole: kernels, packaged files, command."""
+
+import json
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+
+
+def run(*command: object, cwd: Path) -> str:
+    done = subprocess.run([*map(str, command)], cwd=cwd, capture_output=True, text=True, timeout=600, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.slow
+def test_the_wheel_works_outside_the_repository(tmp_path):
+    uv = Path(sys.executable).parent / "uv"
+    if not uv.exists():
+        pytest.skip("uv is not beside this Python; `make setup` puts it there")
+    path = f"PATH={Path(sys.executable).parent}:/usr/local/bin:/usr/bin:/bin"
+    run(
+        "env",
+        path,
+        uv,
+        "build",
+        "--wheel",
+        "--no-build-isolation",
+        "--python",
+        sys.executable,
+        "-o",
+        tmp_path,
+        ROOT,
+        cwd=tmp_path,
+    )
+    (wheel,) = tmp_path.glob("goshawk-*.whl")
+    run(sys.executable, "-m", "venv", "--without-pip", tmp_path / "venv", cwd=tmp_path)
+    python = tmp_path / "venv" / "bin" / "python"
+    run(uv, "pip", "install", "--python", python, "--no-deps", wheel, cwd=tmp_path)
+    site = Path(run(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))", cwd=tmp_path).strip())
+    # the libraries are those of this environment; only Goshawk itself is the wheel's
+    (site / "libraries.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    where = run(python, "-c", "import esdf, vehicle; vehicle.example('rigter2019'); print(esdf.__file__)", cwd=tmp_path)
+    assert str(tmp_path) in where
+    health = json.loads(run(tmp_path / "venv" / "bin" / "goshawk", "doctor", "--json", cwd=tmp_path))
+    assert health["healthy"]
+    listed = run(python, "-m", "zipfile", "-l", wheel, cwd=tmp_path)
+    assert "tests/" not in listed
+    assert ".cpp" not in listed
