@@ -7,6 +7,7 @@ pilot's list of edits: saving a rebuilt map keeps it, loading replays it.
 
 import shutil
 import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -70,7 +71,7 @@ def _read(folder: Path) -> tuple[Field, tuple[Edit, ...]]:
             state = archive["state"]
         field = build(state, grid, cap_m=float(document["cap_m"]), unknown=document["unknown"])
         wanted = str(document["hash"])
-    except (KeyError, TypeError, ValueError, EOFError, OSError, zipfile.BadZipFile, InputError) as error:
+    except (KeyError, TypeError, ValueError, EOFError, OSError, zipfile.BadZipFile, zlib.error, InputError) as error:
         raise FormatError(f"{folder} holds a damaged distance field: {error}") from error
     if field.hash != wanted:
         raise FormatError(f"{folder} holds a damaged distance field: its voxels do not match its hash")

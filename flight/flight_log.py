@@ -157,16 +157,23 @@ def load(path: Path) -> FlightLog:
     except (pa.ArrowException, OSError) as error:
         raise FormatError(f"{path} is not a readable Parquet file ({error}); it may have been cut off") from error
     header = _header(table.schema.metadata)
-    if header.get("format") != FORMAT:
+    if header.get("format") != FORMAT or not isinstance(header.get("version"), int):
         raise FormatError(f"{path} is Parquet but not a {FORMAT}; import it with a column map")
     if header["version"] > VERSION:
         raise FormatError(f"{path} is version {header['version']} of {FORMAT}; this Goshawk reads up to {VERSION}")
     columns = {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
-    return FlightLog(columns, header["metadata"])
+    try:
+        return FlightLog(columns, header["metadata"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise FormatError(f"{path} is a damaged flight log: {error}") from error
 
 
 def _header(schema_metadata: dict[bytes, bytes] | None) -> dict[str, Any]:
-    return json.loads((schema_metadata or {}).get(b"goshawk", b"{}"))
+    try:
+        header: Any = json.loads((schema_metadata or {}).get(b"goshawk", b"{}"))
+    except ValueError:
+        return {}
+    return dict(header) if isinstance(header, dict) else {}  # pyright: ignore[reportUnknownArgumentType]
 
 
 def _arrow() -> tuple[Any, Any]:

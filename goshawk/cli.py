@@ -64,10 +64,10 @@ def main(arguments: list[str] | None = None) -> None:
         code = goshawk.main(args=given, prog_name="goshawk", standalone_mode=False)
         sys.exit(code if isinstance(code, int) else 0)
     except click.ClickException as error:
-        error.show()
+        _report(error, _usage(error), as_json="--json" in given)
         sys.exit(2)
     except FlightError as error:
-        _report(error, as_json="--json" in given)
+        _report(error, str(error), as_json="--json" in given)
         sys.exit(2 if isinstance(error, InputError | FormatError) else 1)
     except (KeyboardInterrupt, click.Abort):
         click.echo("goshawk: stopped; nothing half-written was left behind", err=True)
@@ -75,10 +75,21 @@ def main(arguments: list[str] | None = None) -> None:
     except BrokenPipeError:
         sys.stderr.close()  # the reader of our output went away (`goshawk ... | head`); that is its right
         sys.exit(0)
+    except OSError as error:  # a full disk, a folder that may not be written: the system's own words say which
+        where = f"{error.filename2 or error.filename}: " if error.filename else ""
+        _report(error, f"{where}{error.strerror or error}", as_json="--json" in given)
+        sys.exit(2)
 
 
-def _report(error: FlightError, *, as_json: bool) -> None:
-    click.echo(f"goshawk: {error}", err=True)
+def _usage(error: click.ClickException) -> str:
+    """Click's sentence, and where to read on."""
+    context = error.ctx if isinstance(error, click.UsageError) else None
+    said = " ".join(error.format_message().split()).rstrip(".")
+    return f"{said}; see {context.command_path} --help" if context is not None else said
+
+
+def _report(error: Exception, sentence: str, *, as_json: bool) -> None:
+    click.echo(f"goshawk: {sentence}", err=True)
     if as_json:
-        body: dict[str, Any] = {"error": {"kind": type(error).__name__, "message": str(error)}}
+        body: dict[str, Any] = {"error": {"kind": type(error).__name__, "message": sentence}}
         click.echo(json.dumps(body))

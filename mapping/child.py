@@ -21,6 +21,9 @@ from flight import FlightError, MapError, Progress, silent
 
 T = TypeVar("T")
 
+_STACK = ("@ ", "*** ", "PC: @")
+"""How lines of a stack trace begin: they tell a user nothing."""
+
 
 def run(work: Callable[..., T], *arguments: object, progress: Progress = silent) -> T:
     """Call `work(*arguments, progress=...)` in a child process and return its answer.
@@ -49,7 +52,12 @@ def run(work: Callable[..., T], *arguments: object, progress: Progress = silent)
 
 def _start(folder: Path, log: Any) -> "subprocess.Popen[bytes]":
     # GLOG prints a line per image otherwise; warnings stay, they explain a crash
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p), "GLOG_minloglevel": "1"}
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join(p for p in sys.path if p),
+        "GLOG_minloglevel": "1",
+        "TMPDIR": str(folder),  # what a killed child leaves behind goes with the request
+    }
     return subprocess.Popen(
         [sys.executable, "-m", "mapping.child", str(folder)],
         stdin=subprocess.PIPE,
@@ -80,7 +88,8 @@ def _watch(child: "subprocess.Popen[bytes]", progress: Progress) -> tuple[str, i
 
 
 def _obituary(step: str, code: int, log: Path) -> str:
-    said = [line.strip() for line in log.read_text(errors="replace").splitlines() if line.strip()]
+    said = [line.strip() for line in log.read_text(errors="replace").splitlines()]
+    said = [line for line in said if line and not line.startswith(_STACK)]
     reason = next((line for line in said if line[:1] == "F" or "Check failed" in line), said[-1] if said else "")
     how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
     return f"{step} crashed ({how}){': ' + reason[:300] if reason else ''}"

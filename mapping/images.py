@@ -106,8 +106,9 @@ def _gray(path: Path, camera: Camera) -> np.ndarray:
     import cv2
 
     data = np.fromfile(path, dtype=np.uint8)
-    image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
-    if image is None or _cut_off(data):
+    whole = data.size and not _cut_off(data)  # asked first: decoders complain about a cut-off file on stderr
+    image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if whole else None
+    if image is None:
         raise InputError(f"{path} is damaged: it cannot be decoded as a whole image; restore it or take it out")
     height, width = image.shape
     if (width, height) != (camera.width, camera.height):
@@ -137,17 +138,20 @@ def read_table(path: Path, columns: tuple[str, ...]) -> dict[str, tuple[float, .
     """Rows of a CSV file with a header: the first of `columns` is the key, the others are numbers; empty cells are NaN.
 
     Raises:
-        FormatError: a column is missing or a cell is not a number.
+        FormatError: it is not text, a column is missing or a cell is not a number.
     """
-    with open(path, newline="", encoding="utf-8") as stream:
-        reader = csv.DictReader(stream)
-        missing = [c for c in columns if c not in (reader.fieldnames or [])]
-        if missing:
-            raise FormatError(f"{path} has no column {missing[0]!r}; its first line must name {','.join(columns)}")
-        rows: dict[str, tuple[float, ...]] = {}
-        for number, row in enumerate(reader, start=2):
-            try:
-                rows[row[columns[0]]] = tuple(float(row[c]) if row[c] else math.nan for c in columns[1:])
-            except (TypeError, ValueError) as error:
-                raise FormatError(f"{path}, line {number}: not a number ({error})") from None
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except UnicodeDecodeError:
+        raise FormatError(f"{path} is not a CSV file: it holds bytes that are no text") from None
+    reader = csv.DictReader(lines)
+    missing = [c for c in columns if c not in (reader.fieldnames or [])]
+    if missing:
+        raise FormatError(f"{path} has no column {missing[0]!r}; its first line must name {','.join(columns)}")
+    rows: dict[str, tuple[float, ...]] = {}
+    for number, row in enumerate(reader, start=2):
+        try:
+            rows[row[columns[0]]] = tuple(float(row[c]) if row[c] else math.nan for c in columns[1:])
+        except (TypeError, ValueError) as error:
+            raise FormatError(f"{path}, line {number}: not a number ({error})") from None
     return rows

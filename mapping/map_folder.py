@@ -148,10 +148,8 @@ def build_map(
         MapError: no map comes of these images.
     """
     options = options or MapOptions()
-    if (Path(out) / "map.toml").exists() or not Path(out).exists() or not any(Path(out).iterdir()):
-        checked = read_folder(images, rig, progress=progress)
-    else:
-        raise InputError(f"{out} is not empty and not a map; choose another output")
+    _check_output(Path(out))
+    checked = read_folder(images, rig, progress=progress)
     placed = sparse.reconstruct(
         checked, options.sparse, length=options.length, references=options.references, progress=progress
     )
@@ -173,6 +171,14 @@ def build_map(
         file_format.write_toml(new / "map.toml", format=FORMAT, version=VERSION, body=_facts(report))
     progress("distance field", 1.0)
     return report
+
+
+def _check_output(out: Path) -> None:
+    """Refuse, before any work, an output that is no map and may be precious."""
+    if out.exists() and not out.is_dir():
+        raise InputError(f"{out} is a file; a map is a folder: choose another output")
+    if out.is_dir() and not (out / "map.toml").exists() and any(out.iterdir()):
+        raise InputError(f"{out} is not empty and not a map; choose another output")
 
 
 def views(placed: SparseMap) -> list[ImageView]:

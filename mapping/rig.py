@@ -267,7 +267,7 @@ def load(path: Path) -> Rig:
     if intrinsics not in ("fixed", "refine"):
         raise FormatError(f'{path}: intrinsics is {intrinsics!r}; "fixed" or "refine" is wanted')
     tables = document.get("camera", [])
-    if not isinstance(tables, list) or not tables:
+    if not isinstance(tables, list) or not tables or not all(isinstance(table, dict) for table in tables):
         raise FormatError(f"{path} has no [[camera]] table")
     try:
         return Rig(tuple(_camera(table, len(tables) == 1) for table in tables), intrinsics == "refine")

@@ -34,7 +34,11 @@ def command(trajectory_file: Path, map_folder: Path, vehicle_file: Path, margin_
     options = options_from(vehicle_file, margin_m)
     report = gate.check_file(item, area.field, vehicle.load(vehicle_file), options)
     console.show(f"check of {trajectory_file}", _facts(report), as_json=as_json, document=report.as_dict())
-    return 0 if report.passed else 1
+    if not report.passed:
+        failed = ", ".join(check.name for check in report.checks if not check.passed)
+        click.echo(f"goshawk: {trajectory_file} may not be flown; it fails: {failed}", err=True)
+        return 1
+    return 0
 
 
 def _facts(report: planner.GateReport) -> dict[str, object]:

@@ -10,7 +10,13 @@ from goshawk import console
 
 @click.command()
 @click.argument("project", type=click.Path(path_type=Path))
-@click.option("--port", default=8080, show_default=True, help="Port on this machine; 0 takes a free one.")
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=8080,
+    show_default=True,
+    help="Port on this machine; 0 takes a free one.",
+)
 @click.option("--vehicle-url", help="Where the vehicle answers, e.g. udp://127.0.0.1:14550.")
 @console.key_option
 @console.margin_option

@@ -43,4 +43,7 @@ def command(images: Path, map_folder: Path, camera: Path | None, out: Path, as_j
         "written": str(out) if result.found.any() else None,
     }
     console.show("localization", facts, as_json=as_json, document=document)
-    return 0 if result.found.any() else 1
+    if not result.found.any():
+        click.echo(f"goshawk: none of {images} was found in {map_folder}; nothing was written", err=True)
+        return 1
+    return 0

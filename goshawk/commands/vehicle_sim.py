@@ -20,14 +20,23 @@ from goshawk import console
 @click.option(
     "--ground", "ground_m", default=0.0, show_default=True, help="Height of the floor for --start-of, metres."
 )
-@click.option("--port", default=14550, show_default=True, help="UDP port; 0 takes a free one.")
+@click.option(
+    "--port", type=click.IntRange(0, 65535), default=14550, show_default=True, help="UDP port; 0 takes a free one."
+)
 @console.key_option
 @click.option("--speed", default=1.0, show_default=True, help="Vehicle seconds per second; 0 is as fast as it can.")
 @click.option("--perfect-sensors", is_flag=True, help="No noise and no delay in the estimate.")
 @click.option("--loss", "loss_ratio", default=0.0, show_default=True, help="Share of datagrams lost each way.")
 @click.option("--delay", "delay_s", default=0.0, show_default=True, help="Delay of datagrams each way, seconds.")
 @click.option("--wind", default="0,0,0", show_default=True, help="Steady wind, x,y,z (world, m/s).")
-@click.option("--gusts", "gust_std_m_s", default=0.0, show_default=True, help="Standard deviation of gusts, m/s.")
+@click.option(
+    "--gusts",
+    "gust_std_m_s",
+    type=click.FloatRange(min=0.0),
+    default=0.0,
+    show_default=True,
+    help="Standard deviation of gusts, m/s.",
+)
 @click.option("--seed", default=0, show_default=True, help="Seed of all noise.")
 def command(
     vehicle_file: Path,

@@ -1,0 +1,162 @@
+"""Bad input as a stranger meets it: one sentence, an exit code that is not 0, earlier results as they were."""
+
+import hashlib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flight import FlightLog, flight_log
+from mapping.rendered_world import default_rig, loop_flight, write_rendered_sequence
+
+PROGRAM = [sys.executable, "-m", "goshawk"]
+
+
+def refused(*arguments: object, code: int = 2) -> str:
+    """Run `goshawk`, see that it refuses in one sentence, and return that."""
+    answer = subprocess.run([*PROGRAM, *map(str, arguments)], capture_output=True, text=True, timeout=120, check=False)
+    said = [line for line in answer.stderr.splitlines() if line.strip() and not line.startswith("  [")]
+    assert answer.returncode == code, answer.stderr
+    assert len(said) == 1, answer.stderr
+    assert said[0].startswith("goshawk: ")
+    return said[0]
+
+
+def hashes(folder: Path) -> dict[str, str]:
+    files = sorted(p for p in folder.rglob("*") if p.is_file())
+    return {str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
+
+
+@pytest.fixture(scope="module")
+def images(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("rendered") / "images"
+    return write_rendered_sequence(folder, rig=default_rig(0.4), flight=loop_flight(10, share=0.2))
+
+
+@pytest.fixture
+def earlier(tmp_path: Path) -> Path:
+    """What counts as an earlier map: whatever is in it must stay."""
+    folder = tmp_path / "out" / "map"
+    folder.mkdir(parents=True)
+    (folder / "map.toml").write_text('format = "goshawk-map"\nversion = 1\n')
+    (folder / "poses.csv").write_text("precious")
+    return folder
+
+
+def test_one_broken_image_is_named_and_the_earlier_map_stays(images: Path, earlier: Path, tmp_path: Path):
+    shutil.copytree(images, tmp_path / "broken")
+    broken = tmp_path / "broken" / "front" / "0004.png"
+    broken.write_bytes(broken.read_bytes()[:3000])
+    before = hashes(earlier)
+    assert "front/0004.png" in refused("map", tmp_path / "broken", "--camera", images / "camera.toml", "--out", earlier)
+    assert hashes(earlier) == before
+
+
+def test_an_output_that_is_no_map_is_refused(images: Path, tmp_path: Path):
+    precious = tmp_path / "folder" / "precious.txt"
+    precious.parent.mkdir()
+    precious.write_text("precious")
+    for out in (precious, precious.parent):
+        assert str(out) in refused("map", images, "--camera", images / "camera.toml", "--out", out)
+    assert precious.read_text() == "precious"
+
+
+def test_a_camera_of_numbers_is_refused(images: Path, tmp_path: Path):
+    (tmp_path / "camera.toml").write_text('format = "goshawk-camera"\nversion = 1\ncamera = [3]\n')
+    assert "[[camera]]" in refused("map", images, "--camera", tmp_path / "camera.toml", "--out", tmp_path / "map")
+
+
+def test_wrong_usage_is_one_sentence(images: Path):
+    assert "--out" in refused("map", images, "--camera", images / "camera.toml")
+
+
+@pytest.mark.parametrize("stage", ["finding features", "placing images", "dense depth"])
+def test_ctrl_c_leaves_the_earlier_map_and_nothing_else(images: Path, earlier: Path, tmp_path: Path, stage: str):
+    before = hashes(earlier)
+    code, said, _ = interrupted(images, earlier, tmp_path / "tmp", stage)
+    assert code == 130
+    assert said[-1].startswith("goshawk: stopped")
+    assert hashes(earlier) == before
+    assert [p.name for p in earlier.parent.iterdir()] == ["map"]
+    assert not list((tmp_path / "tmp").iterdir())
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="finds the child process through /proc")
+def test_a_crash_of_the_child_is_a_sentence(images: Path, earlier: Path, tmp_path: Path):
+    before = hashes(earlier)
+    code, said, child = interrupted(images, earlier, tmp_path / "tmp", "placing images", crash_child=True)
+    assert code == 1
+    assert said[-1].startswith("goshawk: ")
+    assert "crashed (SIGABRT)" in said[-1]
+    assert not Path(f"/proc/{child}").exists()
+    assert hashes(earlier) == before
+    assert not list((tmp_path / "tmp").iterdir())
+
+
+def interrupted(
+    images: Path, out: Path, temporary: Path, stage: str, *, crash_child: bool = False
+) -> tuple[int, list[str], int]:
+    """Interrupt `goshawk map` (or abort its child) at a stage: exit code, words after it, process id."""
+    temporary.mkdir()
+    arguments = ["map", str(images), "--camera", str(images / "camera.toml"), "--out", str(out)]
+    process = subprocess.Popen(
+        [*PROGRAM, *arguments],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "TMPDIR": str(temporary)},
+        start_new_session=True,
+    )
+    assert process.stderr is not None
+    assert any(stage in line for line in process.stderr), f"never came to {stage}"
+    victim = process.pid
+    if crash_child:
+        victim = next(int(pid) for pid in children(process.pid) if b"mapping.child" in command_line(pid))
+    os.kill(victim, signal.SIGABRT if crash_child else signal.SIGINT)
+    said = process.stderr.read().splitlines()
+    process.stderr.close()
+    return process.wait(timeout=30), said, victim
+
+
+def children(pid: int) -> list[str]:
+    return [c for task in Path(f"/proc/{pid}/task").iterdir() for c in (task / "children").read_text().split()]
+
+
+def command_line(pid: str) -> bytes:
+    return Path(f"/proc/{pid}/cmdline").read_bytes()
+
+
+def test_a_dead_link_is_a_no(tmp_path: Path):
+    key = tmp_path / "link.key"
+    key.write_text("5a" * 32)
+    key.chmod(0o600)
+    words = refused("fly", "--out", tmp_path / "f.parquet", "--vehicle-url", "udp://127.0.0.1:9", "--key", key, code=1)
+    assert "no vehicle answers" in words
+    assert not (tmp_path / "f.parquet").exists()
+
+
+def test_an_impossible_port_is_refused(tmp_path: Path):
+    assert "--port" in refused("gcs", tmp_path, "--port", 99999)
+
+
+@pytest.mark.parametrize("header", ['{"format"', "[1]", '{"format": "goshawk-flight-log"}'])
+def test_a_damaged_log_is_named(tmp_path: Path, header: str):
+    from pyarrow import parquet
+
+    path = tmp_path / "flight.parquet"
+    flight_log.save(path, FlightLog({"time_s": np.arange(3.0)}, {}))
+    parquet.write_table(parquet.read_table(path).replace_schema_metadata({"goshawk": header}), path)
+    assert str(path) in refused("log", path)
+
+
+def test_a_missing_map_and_a_cut_off_trajectory_are_named(tmp_path: Path):
+    (tmp_path / "cut.json").write_text(json.dumps({"format": "goshawk-trajectory", "version": 1})[:20])
+    rest = ("--map", tmp_path / "none", "--vehicle", tmp_path / "v.toml")
+    assert "cut.json" in refused("check", tmp_path / "cut.json", *rest)
+    assert "not a map" in refused("plan", tmp_path / "w.json", *rest, "--out", tmp_path / "t.json")
