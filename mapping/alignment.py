@@ -87,7 +87,7 @@ def read_references(images: ImageSet, path: Path | None = None) -> References:
     """
     count = len(images.instants)
     if path is not None and not path.is_file():
-        raise InputError(f"{path} is not a file; it should hold the recorded positions or gravity")
+        raise InputError(f"{path} does not exist; it should hold the recorded positions or gravity")
     path = path or images.folder / "references.csv"
     if not path.is_file():
         return References(np.full((count, 3), np.nan), np.full((count, 3), np.nan))
