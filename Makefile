@@ -2,6 +2,7 @@
 PYTHON := .venv/bin/python
 PACKAGES := flight esdf vehicle mapping planner sysid firmware_bridge gcs_web goshawk
 DEMO_OUT ?= demo-out
+export OPENBLAS_NUM_THREADS ?= 1  # see goshawk/__init__.py
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test test-all bench docs lint lock clean
 
