@@ -138,7 +138,7 @@ def read_table(path: Path, columns: tuple[str, ...]) -> dict[str, tuple[float, .
     """Rows of a CSV file with a header: the first of `columns` is the key, the others are numbers; empty cells are NaN.
 
     Raises:
-        FormatError: it is not text, a column is missing or a cell is not a number.
+        FormatError: it is not text, a column is missing, a cell is not a number, or a key comes twice.
     """
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
@@ -150,8 +150,11 @@ def read_table(path: Path, columns: tuple[str, ...]) -> dict[str, tuple[float, .
         raise FormatError(f"{path} has no column {missing[0]!r}; its first line must name {','.join(columns)}")
     rows: dict[str, tuple[float, ...]] = {}
     for number, row in enumerate(reader, start=2):
+        key = row[columns[0]]
+        if key in rows:
+            raise FormatError(f"{path}, line {number}: {key} was there before; each has one line")
         try:
-            rows[row[columns[0]]] = tuple(float(row[c]) if row[c] else math.nan for c in columns[1:])
+            rows[key] = tuple(float(row[c]) if row[c] else math.nan for c in columns[1:])
         except (TypeError, ValueError) as error:
             raise FormatError(f"{path}, line {number}: not a number ({error})") from None
     return rows

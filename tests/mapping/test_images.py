@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flight import FormatError, InputError
-from mapping.images import read_folder
+from mapping.images import read_folder, read_table
 from mapping.rig import Camera, Rig, forward_camera
 
 SINGLE = Rig((forward_camera("SIMPLE_RADIAL_FISHEYE", 64, 48, [40.0, 32.0, 24.0, 0.0]),))
@@ -112,3 +112,9 @@ def test_other_files_beside_the_images_are_left_alone(folder: Path) -> None:
     (folder / "notes.txt").write_text("windy")
     shutil.copy(folder / "00.jpg", folder / ".hidden.jpg")
     assert read_folder(folder, SINGLE).count == 4
+
+
+def test_a_table_that_names_an_image_twice_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "times.csv").write_text("image,time_s\na.png,0.0\nb.png,0.1\na.png,0.2\n")
+    with pytest.raises(FormatError, match=r"line 4: a\.png was there before"):
+        read_table(tmp_path / "times.csv", ("image", "time_s"))
