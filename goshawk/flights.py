@@ -9,6 +9,7 @@ from flight import FlightLog, InputError, flight_log
 
 IN_FREE_AIR = (State.HOLD, State.APPROACH, State.TRAJECTORY, State.PAUSING, State.PAUSED, State.STOPPING)
 """Mission states in which only air touches the vehicle."""
+ON_THE_GROUND = (State.DISARMED, State.ARMED, State.FAULT)
 
 
 def load(path: Path) -> FlightLog:
@@ -22,11 +23,21 @@ def load(path: Path) -> FlightLog:
 
 
 def in_the_air(log: FlightLog, name: str) -> FlightLog:
-    """The rows from the first to the last in free air, landing in between included if there was one."""
-    rows = np.flatnonzero(np.isin(log.columns["mission_state"], IN_FREE_AIR))
+    """The rows from the first to the last in free air.
+
+    Raises:
+        InputError: there are none, or the vehicle stood on the ground in between: what the floor does to it would be
+            taken for what the air does.
+    """
+    states = log.columns["mission_state"]
+    rows = np.flatnonzero(np.isin(states, IN_FREE_AIR))
     if not rows.size:
         raise InputError(f"{name}: the vehicle was never in free air (mission_state says so)")
     kept = slice(rows[0], rows[-1] + 1)
+    landed = np.flatnonzero(np.isin(states[kept], ON_THE_GROUND))
+    if landed.size:
+        landed_s = log.time_s[kept][landed[0]]
+        raise InputError(f"{name} holds more than one flight: it stands at {landed_s:.1f} s; cut it there")
     return FlightLog({column: values[kept] for column, values in log.columns.items()}, log.metadata)
 
 

@@ -29,4 +29,8 @@ def virtual_vehicle(*options: object, key_file: Path) -> Generator[str]:
         yield url
     finally:
         process.terminate()
-        process.communicate(timeout=20)
+        try:
+            process.communicate(timeout=20)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.communicate()

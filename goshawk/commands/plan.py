@@ -107,8 +107,8 @@ def waypoints_along(
     roomy = walked_world_m[near_m >= options.waypoint_clearance_m]
     if len(roomy) < 2:
         raise InputError(
-            f"{len(roomy)} of {len(walked_world_m)} recorded positions keep {options.clearance_m:.2f} m from obstacles "
-            "and unknown space; lower --margin, or map with a wider view"
+            f"{len(roomy)} of {len(walked_world_m)} recorded positions keep {options.waypoint_clearance_m:.3f} m from "
+            "obstacles and unknown space; lower --margin, or map with a wider view"
         )
     kept = simplify.rdp(roomy, tolerance_m, field=area.field, clearance_m=options.clearance_m)
     return project.Waypoints(roomy[kept], np.full(len(kept), np.nan)), len(walked_world_m) - len(roomy)
