@@ -60,7 +60,7 @@ class Page:
         with gui.add_folder("Waypoints"):
             self._selected = gui.add_slider("number", min=0, max=1, step=1, initial_value=0)
             self._button("Insert after", self._insert, color="gray")
-            self._button("Delete", lambda: self._session.delete(int(self._selected.value)), color="gray")
+            self._button("Delete", lambda: self._session.delete(self._number()), color="gray")
             self._button("Undo", self._session.undo, color="gray")
             self._button("Redo", self._session.redo, color="gray")
         with gui.add_folder("Trajectory"):
@@ -96,11 +96,17 @@ class Page:
             self._message = str(error)
         self._refresh()
 
+    def _number(self) -> int:
+        """The selected waypoint; the slider may still show one that was deleted."""
+        return min(int(self._selected.value), len(self._session.positions_world_m) - 1)
+
     def _insert(self) -> None:
-        index = int(self._selected.value)
-        positions = self._session.positions_world_m
+        index, positions = self._number(), self._session.positions_world_m
+        if not len(positions):
+            self._session.insert(0, self._session.map.T_world_body[0, :3, 3])  # the first picture was taken there
+            return
         after = positions[min(index + 1, len(positions) - 1)]
-        step = after - positions[index] if index + 1 < len(positions) else np.array([0.5, 0.0, 0.0]) * 2
+        step = after - positions[index] if index + 1 < len(positions) else np.array([1.0, 0.0, 0.0])
         self._session.insert(index + 1, positions[index] + 0.5 * step)
 
     def _save(self) -> None:
