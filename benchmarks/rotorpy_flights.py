@@ -7,10 +7,10 @@ import numpy as np
 import vehicle
 from flight import FlightLog, rotations
 from flight.flight_log import from_vectors
+from flight.frames import GRAVITY_M_S2
 
 SENSOR_BODY_M = np.array([0.0901, 0.0063, 0.0142])
 CENTRE_M = np.array([0.0014, -0.0008, 0.0])
-GRAVITY_M_S2 = 9.80665
 
 
 def parameters() -> dict:

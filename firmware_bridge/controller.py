@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from firmware_bridge import _controller
 from flight import FloatArray, InputError, Trajectory, polynomial
+from flight.frames import GRAVITY_M_S2
 
 
 class State(IntEnum):
@@ -206,7 +207,7 @@ def parameters_of(vehicle: VehicleLike, **overrides: float) -> Configuration:
 def _body(vehicle: VehicleLike) -> dict[str, float]:
     values = {
         "mass_kg": vehicle.value("mass_kg"),
-        "gravity_m_s2": 9.81,
+        "gravity_m_s2": GRAVITY_M_S2,
         "air_density": vehicle.value("air_density_kg_m3"),
         "disk_area_m2": float(np.pi * vehicle.value("rotor_radius_m") ** 2),
         "rotor_min_rad_s": vehicle.limits.rotor_speed_min_rad_s,

@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 from flight import rotations
 from flight.rotations import FloatArray
 
+GRAVITY_M_S2 = 9.80665
+"""Standard gravity, towards -z of the world: one number for simulator, planner, controller and estimator."""
 _HALF_TURN_ABOUT_X = np.array([1.0, -1.0, -1.0])
 
 

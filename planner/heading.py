@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight import FloatArray
+from flight.frames import GRAVITY_M_S2
 from planner import hermite, minimum_snap
-from planner.penalty import GRAVITY_M_S2
 
 _SAMPLES = 12
 _SLOW_M_S = 0.5

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight import FloatArray
+from flight.frames import GRAVITY_M_S2
 
-GRAVITY_M_S2 = 9.80665
 _UP = np.array([0.0, 0.0, GRAVITY_M_S2])
 
 

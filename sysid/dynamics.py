@@ -10,13 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight import rotations
+from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
 from sysid.flight_data import Flight
 from sysid.model import along
 from sysid.states import States
 from vehicle import Jacobian, Vehicle
 
-GRAVITY_WORLD_M_S2 = np.array([0.0, 0.0, -9.80665])
+GRAVITY_WORLD_M_S2 = np.array([0.0, 0.0, -GRAVITY_M_S2])
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from flight import FlightLog, rotations
+from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
 from sysid.log_finding import Finding, error, warning
 from sysid.model import surroundings
@@ -19,7 +20,6 @@ from vehicle import Vehicle, acceleration, wrench
 GRID_S = 0.01
 WINDOW = 15
 """Samples of the local cubic fits: 0.15 s."""
-GRAVITY_M_S2 = 9.80665
 DEGREES = 180.0 / np.pi
 RPM = 60.0 / (2.0 * np.pi)
 LEAST_RATE_RAD_S = 0.15

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight import FloatArray, Trajectory, polynomial, rotations
+from flight.frames import GRAVITY_M_S2
 from vehicle import dynamics, invert, native
 from vehicle.forces import Surroundings, rigid_body
 from vehicle.model import Vehicle
 
-GRAVITY_M_S2 = 9.81
 _OFFSET_S = 2e-3
 """Spacing of the five instants from which rates are taken: truncation and rounding are both near 1e-8 rad/s there."""
 _FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0

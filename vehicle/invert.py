@@ -3,13 +3,13 @@
 import numpy as np
 
 from flight import FloatArray, InfeasibleError
+from flight.frames import GRAVITY_M_S2
 from vehicle import dynamics, native
 from vehicle.forces import Surroundings, rigid_body
 from vehicle.model import Vehicle
 
 _STEPS = 25
 _TOLERANCE_RAD_S = 1e-9
-_DEFAULT_GRAVITY_M_S2 = 9.81
 
 
 def rotor_speeds(
@@ -111,7 +111,7 @@ def hover(vehicle: Vehicle) -> FloatArray:
     Raises:
         InfeasibleError: the rotors cannot carry the weight within their fastest speed.
     """
-    weight = np.array([float(rigid_body(vehicle).mass_kg) * _DEFAULT_GRAVITY_M_S2])
+    weight = np.array([float(rigid_body(vehicle).mass_kg) * GRAVITY_M_S2])
     speed = rotor_speeds(vehicle, weight, np.zeros((1, 3)), np.zeros(3), np.zeros(3))[0]
     fastest = vehicle.limits.rotor_speed_max_rad_s
     if not (speed <= fastest).all():

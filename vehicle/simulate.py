@@ -10,10 +10,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from flight import FloatArray, InputError
+from flight.frames import GRAVITY_M_S2
 from vehicle import integrate, invert
 from vehicle.model import Vehicle
-
-GRAVITY_M_S2 = 9.81
 
 
 @dataclass(frozen=True, slots=True, eq=False)

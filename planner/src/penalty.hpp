@@ -6,7 +6,7 @@
 
 namespace goshawk {
 
-constexpr double kGravity = 9.80665;
+constexpr double kGravity = 9.80665;  // flight.frames.GRAVITY_M_S2
 
 struct Vec {
     double x, y, z;

@@ -11,8 +11,9 @@ import numpy as np
 
 from flight import FlightLog, rotations
 from flight.flight_log import from_vectors
+from flight.frames import GRAVITY_M_S2
 
-GRAVITY = np.array([0.0, 0.0, -9.80665])
+GRAVITY = np.array([0.0, 0.0, -GRAVITY_M_S2])
 HUBS = 0.0885 * np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
 SPIN = np.array([-1.0, 1.0, -1.0, 1.0])
 RHO_AREA = 1.2 * np.pi * 0.0635**2

@@ -7,6 +7,7 @@ import pytest
 
 import vehicle
 from flight import InputError
+from flight.frames import GRAVITY_M_S2
 from vehicle import dynamics, effects, forces, integrate, native, simulate
 from vehicle.effects.base import Stage
 
@@ -97,7 +98,7 @@ def test_it_does_something(name):
 def test_motor_effects_integrate_alike_compiled_and_plain(name):
     v = planted(name)
     states = [simulate.hovering(v, np.zeros(3)).row()[None] for _ in range(2)]
-    world = integrate.world_row((0.0, 0, 0), 9.81, -np.inf, np.inf)
+    world = integrate.world_row((0.0, 0, 0), GRAVITY_M_S2, -np.inf, np.inf)
     command, volts = np.array([[900.0, 950, 1000, 980]]), np.array([[15.0]])
     for stepper, rows in zip((integrate.stepper(v), integrate.numpy_stepper(v)), states, strict=True):
         stepper(world, command, volts, 20, 1e-3, rows, np.zeros((1, 3)))

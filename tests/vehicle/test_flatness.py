@@ -5,6 +5,7 @@ import pytest
 
 import vehicle
 from flight import Trajectory, rotations
+from flight.frames import GRAVITY_M_S2
 from vehicle import flatness
 
 
@@ -20,7 +21,7 @@ def test_the_accelerations_of_flatness_are_those_of_the_model(name):
     flat = flatness.state(v, wavy(), wavy().sample(0.01)[:-1])
     velocity = rotations.rotate(rotations.conjugate(flat.q_world_body), flat.velocity_world_m_s)
     specific, turn = vehicle.acceleration(v, velocity, flat.rate_body_rad_s, flat.rotor_speed_rad_s)
-    world = rotations.rotate(flat.q_world_body, specific) - np.array([0, 0, 9.81])
+    world = rotations.rotate(flat.q_world_body, specific) - np.array([0, 0, GRAVITY_M_S2])
     np.testing.assert_allclose(world, flat.acceleration_world_m_s2, atol=1e-8)
     np.testing.assert_allclose(turn, flat.rate_derivative_body_rad_s2, atol=1e-7)
 
@@ -57,6 +58,6 @@ def test_hover_is_level_and_even():
 
 
 def test_free_fall_has_no_attitude_and_says_so():
-    falling = Trajectory(np.array([0.5]), np.array([[[0, 0, 0], [0, 0, 0], [10.0, 0, -9.81 / 2], [0, 0, 0]]]))
+    falling = Trajectory(np.array([0.5]), np.array([[[0, 0, 0], [0, 0, 0], [10.0, 0, -GRAVITY_M_S2 / 2], [0, 0, 0]]]))
     flat = flatness.state(vehicle.example(), falling, np.array([0.2]))
     assert np.isnan(flat.rotor_speed_rad_s).all()

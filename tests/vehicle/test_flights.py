@@ -5,6 +5,7 @@ import pytest
 
 import vehicle
 from flight import InfeasibleError, InputError, rotations
+from flight.frames import GRAVITY_M_S2
 from vehicle import flights, manoeuvres, simulate, tracking
 
 
@@ -101,7 +102,7 @@ def test_a_delayed_pose_is_the_earlier_pose():
 def test_the_accelerometer_reads_gravity_at_rest_and_the_rotation_of_its_arm():
     truth = ride(vehicle.example().with_effect("imu_errors", place_x_m=0.1))
     log = flights.measure(truth, noise=flights.QUIET, rng=np.random.default_rng(0))
-    np.testing.assert_allclose(truth.specific_force_body_m_s2[0, 0], [0, 0, 9.81], atol=1e-6)
+    np.testing.assert_allclose(truth.specific_force_body_m_s2[0, 0], [0, 0, GRAVITY_M_S2], atol=1e-6)
     rate = truth.rows[:, 0, 10:13]
     turn = np.gradient(rate, truth.time_s, axis=0)
     arm = np.array([0.1, 0.0, 0.0])
@@ -129,7 +130,7 @@ def test_noise_has_the_size_it_is_said_to_have():
 def test_integrated_specific_force_is_the_change_of_velocity():
     truth = ride(vehicle.example(), "vertical_weave")
     q, force = truth.rows[:, 0, 6:10], truth.specific_force_body_m_s2[:, 0]
-    world = rotations.rotate(q, force) - np.array([0, 0, 9.81])
+    world = rotations.rotate(q, force) - np.array([0, 0, GRAVITY_M_S2])
     step = np.diff(truth.time_s)[:, None]
     travelled = np.cumsum(0.5 * (world[1:] + world[:-1]) * step, axis=0)
     np.testing.assert_allclose(travelled, truth.rows[1:, 0, 3:6] - truth.rows[0, 0, 3:6], atol=0.02)

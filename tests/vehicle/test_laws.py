@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 import vehicle
 from flight import rotations
+from flight.frames import GRAVITY_M_S2
 from vehicle import simulate
 
 MIRROR = [3, 2, 1, 0]  # left and right rotors change places
@@ -97,7 +98,7 @@ def test_power_of_the_wrench_is_the_change_of_energy(name):
         return (
             0.5 * body.mass_kg * (speed @ speed)
             + 0.5 * w @ body.inertia_kg_m2 @ w
-            + body.mass_kg * 9.81 * (plant.position_world_m[2])
+            + body.mass_kg * GRAVITY_M_S2 * (plant.position_world_m[2])
         )
 
     def power(plant):

@@ -10,6 +10,7 @@ import pytest
 
 import vehicle
 from flight import FormatError, InputError, rotations
+from flight.frames import GRAVITY_M_S2
 from vehicle import dynamics, effects, flatness, forces, integrate, manoeuvres, native, simulate
 from vehicle.effects.base import Effect, Spec, Stage
 
@@ -44,7 +45,7 @@ def test_it_takes_part_in_wrench_flatness_and_simulation(worked_example):
     specific, _ = vehicle.acceleration(
         guarded, flatness.air_velocity_body(flat), flat.rate_body_rad_s, flat.rotor_speed_rad_s
     )
-    world = rotations.rotate(flat.q_world_body, specific) - np.array([0, 0, 9.81])
+    world = rotations.rotate(flat.q_world_body, specific) - np.array([0, 0, GRAVITY_M_S2])
     np.testing.assert_allclose(world, flat.acceleration_world_m_s2, atol=1e-7)
     plant = simulate.Plant(guarded)
     plant.step(plant.rotor_speed_rad_s, 0.05)
@@ -56,7 +57,7 @@ def test_the_kernel_calls_it_back_and_flies_as_numpy_does(worked_example):
     assert native.for_stepping(guarded) is not None
     start = simulate.State(np.zeros(3), np.array([1.0, 6.0, 0.5]), rotations.exp(np.array([0.1, 0.2, 0.3])))
     rows, force = [start.row()[None], start.row()[None]], [np.zeros((1, 3)), np.zeros((1, 3))]
-    world, volts = integrate.world_row((0.0, 0, 0), 9.81, -np.inf, np.inf), np.array([[16.0]])
+    world, volts = integrate.world_row((0.0, 0, 0), GRAVITY_M_S2, -np.inf, np.inf), np.array([[16.0]])
     for engine, row, specific in zip((integrate.stepper, integrate.numpy_stepper), rows, force, strict=True):
         engine(guarded)(world, np.array([[900.0, 950, 1000, 980]]), volts, 30, 1e-3, row, specific)
     np.testing.assert_allclose(rows[0], rows[1], atol=1e-12)
@@ -84,7 +85,7 @@ def test_an_effect_may_also_put_new_arrays_in_place_of_the_old():
     effects.register(REPLACING)
     weaker = vehicle.example().with_effect("replacing", factor=0.8)
     plant = simulate.Plant(weaker, simulate.hovering(vehicle.example(), np.zeros(3)))
-    assert plant.specific_force_body_m_s2[2] == pytest.approx(0.8 * 9.81, rel=1e-6)
+    assert plant.specific_force_body_m_s2[2] == pytest.approx(0.8 * GRAVITY_M_S2, rel=1e-6)
 
 
 def test_an_error_in_an_own_effect_comes_out_of_the_simulation():

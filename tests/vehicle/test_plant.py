@@ -5,6 +5,7 @@ import pytest
 
 import vehicle
 from flight import InputError, rotations
+from flight.frames import GRAVITY_M_S2
 from vehicle import integrate, simulate
 
 
@@ -20,7 +21,7 @@ def test_with_dead_rotors_it_falls_freely():
     start = simulate.State(np.array([0, 0, 50.0]), np.array([3.0, 0, 1.0]))
     plant = simulate.Plant(bare(), start)
     plant.step(np.zeros(4), 2.0)
-    np.testing.assert_allclose(plant.position_world_m, [6.0, 0.0, 52.0 - 9.81 * 2.0], atol=1e-9)
+    np.testing.assert_allclose(plant.position_world_m, [6.0, 0.0, 52.0 - GRAVITY_M_S2 * 2.0], atol=1e-9)
     np.testing.assert_allclose(plant.specific_force_body_m_s2, 0.0, atol=1e-12)
 
 
@@ -42,7 +43,7 @@ def test_hover_stays_where_it_is():
     plant = simulate.Plant(v, simulate.hovering(v, np.array([1.0, 2.0, 3.0]), yaw_rad=1.0))
     plant.step(plant.rotor_speed_rad_s, 1.0)
     np.testing.assert_allclose(plant.position_world_m, [1, 2, 3], atol=1e-9)
-    np.testing.assert_allclose(plant.specific_force_body_m_s2, [0, 0, 9.81], atol=1e-9)
+    np.testing.assert_allclose(plant.specific_force_body_m_s2, [0, 0, GRAVITY_M_S2], atol=1e-9)
 
 
 def test_halving_the_step_shrinks_the_error_sixteenfold():
@@ -65,7 +66,7 @@ def test_the_kernel_integrates_as_numpy_does(name):
     v = vehicle.example(name)
     rng = np.random.default_rng(3)
     start = simulate.State(np.zeros(3), rng.normal(0, 3, 3), rotations.exp(rng.normal(0, 1, 3)), rng.normal(0, 3, 3))
-    world = integrate.world_row((1.0, -2.0, 0.5), 9.81, -np.inf, np.inf)
+    world = integrate.world_row((1.0, -2.0, 0.5), GRAVITY_M_S2, -np.inf, np.inf)
     command, volts = rng.uniform(500, 1200, (1, 4)), np.array([[16.0]])
     rows = [start.row()[None], start.row()[None]]
     forces = [np.zeros((1, 3)), np.zeros((1, 3))]
@@ -111,7 +112,7 @@ def test_the_floor_carries_it_until_the_rotors_lift_it():
     plant = simulate.Plant(v, simulate.State(), ground_m=0.0)
     plant.step(np.full(4, 500.0), 1.0)
     np.testing.assert_array_equal(plant.position_world_m, 0.0)
-    np.testing.assert_allclose(plant.specific_force_body_m_s2, [0, 0, 9.81])
+    np.testing.assert_allclose(plant.specific_force_body_m_s2, [0, 0, GRAVITY_M_S2])
     plant.step(1.1 * vehicle.invert.hover(v), 1.0)
     assert plant.position_world_m[2] > 0.2
 

@@ -5,6 +5,7 @@ import pytest
 
 import vehicle
 from flight import rotations
+from flight.frames import GRAVITY_M_S2
 from vehicle import dynamics, integrate
 
 rotorpy = pytest.importorskip("rotorpy.vehicles.multirotor", reason="RotorPy is a development dependency")
@@ -19,7 +20,9 @@ def pair():
     ours = vehicle.example("hummingbird").with_effect("flapping_moment", moment_kg_m=2e-6)
     ours = ours.with_value("parasitic_drag_speed.drag_y_kg_m", 0.007)
     ours = ours.with_effect("products_of_inertia", xy_kg_m2=1e-4, yz_kg_m2=-2e-4, xz_kg_m2=3e-4)
-    return ours, rotorpy.Multirotor(parameters, aero=True)
+    theirs = rotorpy.Multirotor(parameters, aero=True)
+    theirs.g, theirs.weight = GRAVITY_M_S2, np.array([0.0, 0.0, -theirs.mass * GRAVITY_M_S2])
+    return ours, theirs
 
 
 def test_the_wrench_agrees_to_rounding(pair):
@@ -44,7 +47,7 @@ def test_the_state_derivative_agrees_to_rounding(pair):
         state = np.concatenate([np.zeros(3), velocity, np.roll(q, -1), rate, wind, speed[OUR_ORDER]])
         slope = theirs._s_dot_fn(0.0, state, command[OUR_ORDER])
         row = np.concatenate([np.zeros(3), velocity, q, rate, speed])[None]
-        world = integrate.world_row(tuple(wind), 9.81, -np.inf, np.inf)
+        world = integrate.world_row(tuple(wind), GRAVITY_M_S2, -np.inf, np.inf)
         mine = integrate._derive(ours, world, command[None], np.array([[16.0]]), row)[0][0]
         np.testing.assert_allclose(mine[3:6], slope[3:6], atol=1e-11)
         np.testing.assert_allclose(mine[6:10], np.roll(slope[6:10], 1), atol=1e-12)
