@@ -1,8 +1,8 @@
 # The README's commands. Each sets up first (a no-op when nothing changed).
 PYTHON := .venv/bin/python
-PACKAGES := flight esdf vehicle mapping planner sysid firmware_bridge gcs_web goshawk
 DEMO_OUT ?= demo-out
-export OPENBLAS_NUM_THREADS ?= 1  # see goshawk/__init__.py
+# BLAS threads only spin on matrices as small as ours; see goshawk/__init__.py.
+export OPENBLAS_NUM_THREADS ?= 1
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test test-all bench docs lint lock clean
 
