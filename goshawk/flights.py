@@ -4,21 +4,25 @@ from pathlib import Path
 
 import numpy as np
 
+import sysid
 from firmware_bridge.controller import State
-from flight import FlightLog, InputError, flight_log
+from flight import FlightLog, InputError
 
 IN_FREE_AIR = (State.HOLD, State.APPROACH, State.TRAJECTORY, State.PAUSING, State.PAUSED, State.STOPPING)
 """Mission states in which only air touches the vehicle."""
 ON_THE_GROUND = (State.DISARMED, State.ARMED, State.FAULT)
 
 
-def load(path: Path) -> FlightLog:
+def load(path: Path, columns: Path | None = None) -> FlightLog:
     """Read a log; if it says what the mission was doing, keep what lies between take-off and landing.
+
+    Args:
+        columns: TOML file that says what the columns of a CSV log are.
 
     Raises:
         InputError: the vehicle was never in the air.
     """
-    log = flight_log.load(path)
+    log = sysid.read_log(path, columns)
     return in_the_air(log, str(path)) if log.has("mission_state") else log
 
 

@@ -22,9 +22,12 @@ from sysid.comparison import HORIZONS_S
     type=click.Path(path_type=Path),
     help="Vehicle file; give several to compare them side by side.",
 )
+@console.columns_option
 @console.path_option("--plots", "plots", "Folder for figures.")
 @console.json_option
-def command(flights: tuple[Path, ...], vehicle_files: tuple[Path, ...], plots: Path | None, as_json: bool) -> None:
+def command(
+    flights: tuple[Path, ...], vehicle_files: tuple[Path, ...], columns: Path | None, plots: Path | None, as_json: bool
+) -> None:
     """Compare models with FLIGHTS, best those that were not used for fitting.
 
     \b
@@ -38,7 +41,7 @@ def command(flights: tuple[Path, ...], vehicle_files: tuple[Path, ...], plots: P
     if len(models) < len(vehicle_files):
         raise InputError("two vehicle files have the same name; the table could not tell them apart")
     with console.progress() as report:
-        result = sysid.compare([load(path) for path in flights], models, progress=report)
+        result = sysid.compare([load(path, columns) for path in flights], models, progress=report)
     figures = sysid.plots.comparison(result, plots) if plots is not None else []
     if as_json:
         document = result.as_dict() | {"figures": [str(f) for f in figures]}

@@ -18,6 +18,7 @@ from goshawk.flights import load
 @click.option("--hold", "held", multiple=True, help="Keep this parameter as it is. Repeatable.")
 @click.option("--split-gaps", is_flag=True, help="Fit the pieces between gaps as separate flights.")
 @click.option("--hold-unseen", is_flag=True, help="Hold what these flights cannot show, instead of refusing.")
+@console.columns_option
 @console.path_option("--plots", "plots", "Folder for figures.")
 @console.json_option
 def command(
@@ -28,6 +29,7 @@ def command(
     held: tuple[str, ...],
     split_gaps: bool,
     hold_unseen: bool,
+    columns: Path | None,
     plots: Path | None,
     as_json: bool,
 ) -> int:
@@ -36,6 +38,9 @@ def command(
     \b
     goshawk identify flights/*.parquet --vehicle vehicle.toml --out fitted.toml
     goshawk identify flights/*.parquet --vehicle vehicle.toml --add-effect rotor_drag_thrust --out with_drag.toml
+
+    FLIGHTS are our own logs (.parquet), PX4's (.ulg), or CSV with --columns. Each is checked first; what looks wrong
+    is said, with the fix, and nothing is changed.
 
     The mass is given, not estimated: pose and rotor speed show only ratios to it. Exit code 1: the fit did not
     converge, and nothing was written.
@@ -47,7 +52,12 @@ def command(
         held=held, gaps="split" if split_gaps else "refuse", unseen="hold" if hold_unseen else "refuse"
     )
     with console.progress() as report:
-        result = sysid.identify([load(path) for path in flights], believed, options, progress=report)
+        logs = [load(path, columns) for path in flights]
+        findings = {str(path): sysid.check_log(log, believed) for path, log in zip(flights, logs, strict=True)}
+        for path, found in findings.items():
+            for finding in found.findings:
+                click.echo(f"{path}: {finding.level}: {finding.sentence}; {finding.fix}", err=True)
+        result = sysid.identify(logs, believed, options, progress=report)
     if result.converged:
         vehicle.save(out, result.vehicle)
     figures = sysid.plots.identification(result, plots) if plots is not None else []

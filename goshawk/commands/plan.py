@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import click
 import numpy as np
@@ -26,6 +27,13 @@ from planner import simplify
 @console.margin_option
 @click.option("--speed", "speed_m_s", type=float, help="Fly no faster than this, m/s.")
 @click.option("--acceleration", "acceleration_m_s2", type=float, help="Accelerate no harder than this, m/s2.")
+@click.option(
+    "--method",
+    type=click.Choice(["fastest", "corridor"]),
+    default="fastest",
+    show_default=True,
+    help="Least time, or least snap within a corridor of proven boxes (by OSQP; slower to fly).",
+)
 @console.json_option
 def command(
     waypoints: Path | None,
@@ -37,6 +45,7 @@ def command(
     margin_m: float | None,
     speed_m_s: float | None,
     acceleration_m_s2: float | None,
+    method: Literal["fastest", "corridor"],
     as_json: bool,
 ) -> None:
     """Plan a trajectory through WAYPOINTS and check it over its whole length.
@@ -51,7 +60,7 @@ def command(
     if (waypoints is None) == (path is None):
         raise click.UsageError("give either WAYPOINTS or --path")
     area = mapping.open_map(map_folder)
-    options = options_from(vehicle_file, margin_m, speed_m_s, acceleration_m_s2)
+    options = replace(options_from(vehicle_file, margin_m, speed_m_s, acceleration_m_s2), method=method)
     left_out = 0
     if path is not None:
         asked, left_out = waypoints_along(read_path(path), tolerance_m, area, options)
