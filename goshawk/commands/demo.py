@@ -15,7 +15,7 @@ from goshawk import console
 @click.option("--pairs", default=60, show_default=True, help="Image pairs to render; fewer are quicker and map worse.")
 @console.json_option
 def command(out: Path, pairs: int, as_json: bool) -> None:
-    """Map a rendered room, plan through it, fly the virtual vehicle, learn its model. About three minutes.
+    """Map a rendered room, plan through it, fly the virtual vehicle, learn its model. About two minutes.
 
     \b
     goshawk demo --out demo-out
