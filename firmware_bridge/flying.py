@@ -31,6 +31,8 @@ _STEP_S = 60.0
 _LOWEST_TAKE_OFF_M = 0.3
 _END_S = 0.5
 """The last telemetry on the path may be lost: this close to its end counts as the end."""
+_RESTART_S = 5.0
+"""A clock that steps back by more than this has been started anew; by less, a message was overtaken by a later one."""
 _ON_PATH = (MissionState.APPROACH, MissionState.TRAJECTORY, MissionState.PAUSING, MissionState.PAUSED)
 _GROUND = (MissionState.DISARMED, MissionState.ARMED)
 
@@ -55,11 +57,14 @@ class _Watch:
             if time.monotonic() - self.port.last_heard_s > self.port.timeout_s:
                 raise self.port.silence() from None
             return
-        self.time_s = message.time_us * 1e-6
-        self.mission = MissionState(message.mission_state)
         if isinstance(message, State):
             self.states.append(message)
-        else:
+        time_s = message.time_us * 1e-6
+        if self.time_s - _RESTART_S < time_s < self.time_s:
+            return  # overtaken on the way: what it says of the mission is no longer so
+        self.time_s = time_s
+        self.mission = MissionState(message.mission_state)
+        if not isinstance(message, State):
             self.reason = message.reason
 
     def until(self, wanted: Sequence[MissionState], allowed: Sequence[MissionState], limit_s: float, what: str) -> None:

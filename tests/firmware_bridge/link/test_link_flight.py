@@ -1,13 +1,15 @@
 """Over a real UDP socket: upload, read back, fly, log."""
 
+import queue
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from firmware_bridge import wire
+from firmware_bridge import flying, wire
 from firmware_bridge.controller import LinkLoss
-from firmware_bridge.dialect.generated.messages import Command, MissionState
+from firmware_bridge.dialect.generated.messages import Command, MissionState, State
 from firmware_bridge.impairment import Impairment
 from firmware_bridge.link import CancelledError, connect
 from firmware_bridge.virtual_vehicle import Sensors
@@ -196,3 +198,19 @@ def test_a_vehicle_whose_operator_vanishes_does_what_was_agreed_at_the_upload(se
     assert (MissionState.ABORTING in seen) == (policy is LinkLoss.LAND)
     assert MissionState.STOPPING not in seen
     assert watcher.state.mission in (end, MissionState.ARMED if policy is LinkLoss.LAND else end)
+
+
+def test_a_message_that_was_overtaken_does_not_turn_the_mission_back():
+    """Seen on a jittering line: HOLD, then a TAKE_OFF that was sent before it, was taken for a refusal to start."""
+    inbox: queue.SimpleQueue[State] = queue.SimpleQueue()
+    watch = flying._Watch(SimpleNamespace(timeout_s=1.0, last_heard_s=time.monotonic()), inbox, lambda: False)
+    sent = [(10_000_000, MissionState.TAKE_OFF), (10_020_000, MissionState.HOLD), (10_010_000, MissionState.TAKE_OFF)]
+    for time_us, mission in sent:
+        inbox.put(State(time_us=time_us, mission_state=mission))
+        watch.listen()
+    assert watch.mission is MissionState.HOLD
+    assert watch.time_s == pytest.approx(10.02)
+    assert len(watch.states) == 3  # the log still wants it
+    inbox.put(State(time_us=1_000, mission_state=MissionState.DISARMED))  # the vehicle was started anew
+    watch.listen()
+    assert watch.mission is MissionState.DISARMED
