@@ -12,26 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from firmware_bridge import _controller
+from firmware_bridge.dialect.generated.messages import MissionState as State
 from flight import FloatArray, InputError, Trajectory, polynomial
 from flight.frames import GRAVITY_M_S2
-
-
-class State(IntEnum):
-    """Mission states, as in `mission.h` and in the flight log's `mission_state`."""
-
-    DISARMED = 0
-    ARMED = 1
-    TAKE_OFF = 2
-    HOLD = 3
-    APPROACH = 4
-    TRAJECTORY = 5
-    PAUSING = 6
-    PAUSED = 7
-    STOPPING = 8
-    ABORTING = 9
-    LANDING = 10
-    EMERGENCY = 11
-    FAULT = 12
 
 
 class Command(IntEnum):
