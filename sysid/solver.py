@@ -100,7 +100,7 @@ def solve(
     while True:
         rows = [linearise(f, s, point, unknowns, noise, robust) for f, s in zip(flights, point.states, strict=True)]
         border = _border_values(point, unknowns)
-        eliminated = [_eliminate(r) for r in rows]
+        eliminated = [eliminate(r) for r in rows]
         if converged or len(record) == max_iterations:
             break
         hessian = prior.information + sum(e.information for e in eliminated)
@@ -138,22 +138,29 @@ def solve(
 
 
 @dataclass(frozen=True, slots=True)
-class _Eliminated:
+class Eliminated:
+    """One flight with its states eliminated: what is left speaks of the parameters alone."""
+
     factor: Factor
+    """Of the states' block-tridiagonal normal matrix."""
     sensitivity: FloatArray
+    """(n, 12, p): H^-1 J^T J_border; the best states move by minus this times the parameters' step."""
     state_step: FloatArray
+    """(n, 12): H^-1 times the gradient; the states move by minus this when the parameters stay."""
     information: FloatArray
+    """(p, p)."""
     gradient: FloatArray
+    """(p,) of the cost, the states at their best."""
 
 
-def _eliminate(rows: Rows) -> _Eliminated:
-    """Schur complement of the states: what one flight says about the parameters alone."""
+def eliminate(rows: Rows) -> Eliminated:
+    """Schur complement of the states of one flight."""
     normal = chain.normal_equations(rows)
     factor = Factor(normal.diagonal, normal.coupling)
     both = factor.solve(np.concatenate([normal.border, normal.gradient[:, :, None]], axis=2))
     sensitivity, state_step = both[:, :, :-1], both[:, :, -1]
     flat = normal.border.reshape(normal.gradient.size, normal.border.shape[2])
-    return _Eliminated(
+    return Eliminated(
         factor=factor,
         sensitivity=sensitivity,
         state_step=state_step,
@@ -249,7 +256,7 @@ def _border_values(point: Point, unknowns: Unknowns) -> FloatArray:
 def _noise(
     flights: list[Flight],
     rows: list[Rows],
-    eliminated: list[_Eliminated],
+    eliminated: list[Eliminated],
     step: FloatArray,
     taken: float,
     changes: list[FloatArray],
