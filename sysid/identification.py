@@ -85,7 +85,8 @@ def start(vehicle: Vehicle, flights: list[Flight]) -> tuple[Point, Noise]:
 
 def _unknowns(vehicle: Vehicle, flights: list[Flight], options: Options) -> Unknowns:
     with_pose = any(f.has_pose for f in flights)
-    sensor = tuple(n for n in SENSOR_NAMES if options.pose_sensor and with_pose and n not in options.held)
+    wanted = SENSOR_NAMES if options.pose_sensor and with_pose else ()
+    sensor = tuple(n for n in wanted if n in vehicle.parameters and n not in options.held)
     return Unknowns(_names(vehicle, flights, options), sensor, *_biased(flights))
 
 
@@ -113,9 +114,9 @@ def _reset(point: Point, vehicle: Vehicle, name: str) -> Point:
     """The point with one parameter back at the vehicle's value."""
     if name not in SENSOR_NAMES:
         return replace(point, vehicle=with_values(point.vehicle, (name,), np.array([vehicle.value(name)])))
-    both = np.concatenate([point.pose_sensor.offset_body_m, point.pose_sensor.rotation_rad])
-    both[SENSOR_NAMES.index(name)] = vehicle.value(name)
-    return replace(point, pose_sensor=PoseSensor(both[:3], both[3:]))
+    values = point.pose_sensor.values
+    values[SENSOR_NAMES.index(name)] = vehicle.value(name)
+    return replace(point, pose_sensor=PoseSensor.of_values(values))
 
 
 def _prior(point: Point, vehicle: Vehicle, unknowns: Unknowns, options: Options) -> Prior:

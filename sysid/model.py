@@ -10,6 +10,7 @@ from flight.rotations import FloatArray
 from sysid import drive
 from sysid.drive import drive_parameters
 from sysid.flight_data import Flight
+from sysid.sensors import SENSOR_NAMES
 from vehicle import Jacobian, Surroundings, Vehicle, acceleration, acceleration_jacobian, effects
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ def chosen_names(
             raise InputError(
                 f"{name} cannot be estimated from pose and rotor speed: only ratios to it show; weigh or measure it"
             )
-        if name not in possible and not name.startswith("pose_sensor_"):
+        if name not in possible and name not in SENSOR_NAMES:
             raise InputError(f"{name} does not act on the motion when rotor speed is measured; hold it")
     wanted = possible if free is None else tuple(name for name in possible if name in free)
     return tuple(name for name in wanted if name not in held)

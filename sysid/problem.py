@@ -69,16 +69,14 @@ class Point:
     def moved(self, unknowns: Unknowns, border: FloatArray, states: list[FloatArray]) -> "Point":
         """The point after a change of border (p,) and states (n, 12) each."""
         m, s = len(unknowns.model), len(unknowns.sensor)
-        change = np.zeros(6)
+        change = np.zeros(len(SENSOR_NAMES))
         change[[SENSOR_NAMES.index(name) for name in unknowns.sensor]] = border[m : m + s]
         bias = self.bias.copy()
         bias[unknowns.bias_places] += border[m + s :]
         return replace(
             self,
             vehicle=with_values(self.vehicle, unknowns.model, self.values(unknowns.model) + border[:m]),
-            pose_sensor=PoseSensor(
-                self.pose_sensor.offset_body_m + change[:3], self.pose_sensor.rotation_rad + change[3:]
-            ),
+            pose_sensor=PoseSensor.of_values(self.pose_sensor.values + change),
             bias=bias,
             states=tuple(s.moved(d) for s, d in zip(self.states, states, strict=True)),
         )
@@ -86,8 +84,7 @@ class Point:
     def value(self, name: str) -> float:
         """Value of one of the model's or the sensor's parameters."""
         if name in SENSOR_NAMES:
-            both = np.concatenate([self.pose_sensor.offset_body_m, self.pose_sensor.rotation_rad])
-            return float(both[SENSOR_NAMES.index(name)])
+            return float(self.pose_sensor.values[SENSOR_NAMES.index(name)])
         return self.vehicle.value(name)
 
     def values(self, names: tuple[str, ...]) -> FloatArray:
@@ -157,7 +154,7 @@ def _sensor_border(by_sensor: FloatArray, flight: Flight, unknowns: Unknowns) ->
         border[:, :, start + i] = by_sensor[:, :, SENSOR_NAMES.index(name)]
     if flight.log_index in unknowns.biased_logs:
         place = start + len(unknowns.sensor) + 3 * unknowns.biased_logs.index(flight.log_index)
-        border[:, :, place : place + 3] = by_sensor[:, :, 6:]
+        border[:, :, place : place + 3] = by_sensor[:, :, len(SENSOR_NAMES) :]
     return border
 
 
