@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from firmware_bridge import _controller
+from firmware_bridge.compensation import EFFECTS, Compensation, missing_partner
 from firmware_bridge.dialect.generated.messages import MissionState as State
 from flight import FloatArray, InputError, Trajectory, polynomial
 from flight.frames import GRAVITY_M_S2
@@ -101,6 +102,8 @@ class VehicleLike(Protocol):
     def effects(self) -> tuple[str, ...]: ...
     @property
     def limits(self) -> Any: ...
+    @property
+    def body(self) -> Any: ...
     def value(self, name: str) -> float: ...
 
 
@@ -118,30 +121,17 @@ class Configuration:
         return Configuration(checked({**self.parameters, **values}), self.not_compensated)
 
 
-_EFFECTS: dict[str, dict[str, tuple[str, ...]]] = {
-    # effect: {its parameter: controller parameters}
-    "thrust_bem": {"k1_n_s2": ("k1_n_s2",), "k2_n_s2_m": ("k2_n_s2_m",)},
-    "thrust_quadratic": {"k_n_s2": ("quad_n_s2",)},
-    "inflow_linear": {"inflow_kg": ("inflow_kg",)},
-    "translational_lift": {"lift_kg_m": ("lift_kg_m",)},
-    "rotor_yaw_torque": {"torque_n_m_s2": ("cq_n_m_s2",)},
-    "centre_of_mass": {"x_m": ("com_x_m",), "y_m": ("com_y_m",)},
-    "rotor_drag_thrust": {"drag_s_m": ("rotor_drag_s_m",)},
-    "rotor_drag_speed": {"drag_kg": ("rotor_drag_kg",)},
-    "parasitic_drag": {"drag_xy_kg_m": ("drag_x_kg_m", "drag_y_kg_m"), "drag_z_kg_m": ("drag_z_kg_m",)},
-    "parasitic_drag_speed": {f"drag_{a}_kg_m": (f"drag_norm_{a}_kg_m",) for a in "xyz"},
-    "flapping_moment": {"moment_kg_m": ("flapping_kg_m",)},
-    "angular_damping": {f"{a}_n_m_s": (f"damping_{a}_n_m_s",) for a in "xyz"},
-    "battery_sag": {"sag_per_v": ("battery_gain_1_v",), "reference_v": ("battery_ref_v",)},
-    "weak_rotor": {f"loss_{i}": (f"rotor{i}_gain",) for i in range(4)},
-    "motor_lag": {"rise_s": ("rotor_lag_s",)},
-}
 _SWITCHED_OFF = (
-    "com_x_m", "com_y_m", "rotor_drag_s_m", "rotor_drag_kg", "drag_x_kg_m", "drag_y_kg_m", "drag_z_kg_m",
+    "rotor_drag_s_m", "rotor_drag_kg", "drag_x_kg_m", "drag_y_kg_m", "drag_z_kg_m",
     "drag_norm_x_kg_m", "drag_norm_y_kg_m", "drag_norm_z_kg_m", "lift_kg_m", "inflow_kg", "flapping_kg_m",
     "damping_x_n_m_s", "damping_y_n_m_s", "damping_z_n_m_s", "battery_ref_v", "battery_gain_1_v",
 )  # fmt: skip
 """Compensations that a model without the effect must not inherit from the presets."""
+
+
+def compensated_effects() -> dict[str, Compensation]:
+    """Every effect of the catalogue, and whether the controller cancels it: true or false, with words in `how`."""
+    return dict(EFFECTS)
 
 
 def checked(values: Mapping[str, float]) -> dict[str, float]:
@@ -169,12 +159,13 @@ def parameters_of(vehicle: VehicleLike, **overrides: float) -> Configuration:
     """
     values = dict.fromkeys(_SWITCHED_OFF, 0.0)
     values |= _body(vehicle)
-    unknown: list[str] = []
+    left: list[str] = []
     for effect in vehicle.effects:
-        if effect not in _EFFECTS:
-            unknown.append(effect)
+        entry = EFFECTS.get(effect)
+        if entry is None or not entry.compensated or missing_partner(effect, vehicle.effects):
+            left.append(effect)
             continue
-        for name, targets in _EFFECTS[effect].items():
+        for name, targets in entry.targets.items():
             value = vehicle.value(f"{effect}.{name}")
             values |= dict.fromkeys(targets, 1.0 - value if effect == "weak_rotor" else value)
     if "thrust_bem" in vehicle.effects:
@@ -184,12 +175,15 @@ def parameters_of(vehicle: VehicleLike, **overrides: float) -> Configuration:
         values["thrust_model"] = ThrustModel.QUADRATIC
     else:
         raise InputError("the controller needs a thrust law; add thrust_bem or thrust_quadratic to the vehicle")
-    return Configuration(checked({**values, **overrides}), tuple(unknown))
+    return Configuration(checked({**values, **overrides}), tuple(left))
 
 
 def _body(vehicle: VehicleLike) -> dict[str, float]:
+    body = vehicle.body
     values = {
-        "mass_kg": vehicle.value("mass_kg"),
+        "mass_kg": float(body.mass_kg),
+        "com_x_m": float(body.centre_of_mass_m[0]),
+        "com_y_m": float(body.centre_of_mass_m[1]),
         "gravity_m_s2": GRAVITY_M_S2,
         "air_density": vehicle.value("air_density_kg_m3"),
         "disk_area_m2": float(np.pi * vehicle.value("rotor_radius_m") ** 2),
@@ -197,7 +191,7 @@ def _body(vehicle: VehicleLike) -> dict[str, float]:
         "rotor_max_rad_s": vehicle.limits.rotor_speed_max_rad_s,
         "rotor_idle_rad_s": vehicle.limits.rotor_speed_min_rad_s,
     }
-    values |= {f"inertia_{a}": vehicle.value(f"inertia_{a}_kg_m2") for a in ("xx", "yy", "zz")}
+    values |= {f"inertia_{axis * 2}": float(body.inertia_kg_m2[i, i]) for i, axis in enumerate("xyz")}
     for i in range(4):
         values[f"rotor{i}_x_m"], values[f"rotor{i}_y_m"] = (float(x) for x in vehicle.hub_body_m[i, :2])
         values[f"rotor{i}_spin"] = -float(vehicle.spin[i])  # drag turns the body against the rotor's spin

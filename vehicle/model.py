@@ -10,7 +10,7 @@ import numpy as np
 
 from flight import FloatArray, InputError
 from vehicle import effects as registry
-from vehicle.effects.base import Effect, Spec
+from vehicle.effects.base import Effect, RigidBody, Spec
 from vehicle.parameters import Limits, Parameter
 
 BODY = (
@@ -122,8 +122,15 @@ class Vehicle:
 
     @property
     def mass_kg(self) -> float:
-        """The base mass; effects of stage MASS may add to it, see `rigid_body`."""
+        """The base mass; effects of stage MASS may add to it, see `body`."""
         return self.parameters["mass_kg"].value
+
+    @property
+    def body(self) -> RigidBody:
+        """Mass, inertia (3, 3) and centre of mass (3,) with the effects of stage MASS included."""
+        from vehicle.forces import rigid_body  # forces works on vehicles, so it comes after this module
+
+        return rigid_body(self)
 
 
 def body_parameters(**values: Parameter) -> dict[str, Parameter]:

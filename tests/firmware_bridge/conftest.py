@@ -95,12 +95,13 @@ class Flight:
     delay_s: float = 0.0
     seed: int = 0
     start_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    battery: simulate.Battery | None = None
 
     def __post_init__(self) -> None:
         configuration = ctl.parameters_of(self.believed or self.truth).with_values(**self.overrides)
         self.controller = ctl.Controller(configuration)
         start = simulate.State(np.array(self.start_m))
-        self.plant = simulate.Plant(self.truth, start, ground_m=self.start_m[2])
+        self.plant = simulate.Plant(self.truth, start, ground_m=self.start_m[2], battery=self.battery)
         self.rng = np.random.default_rng(self.seed)
         self.time_us = 0
         self.past: list[tuple[int, FloatArray]] = []
