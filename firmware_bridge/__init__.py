@@ -2,10 +2,11 @@
 
 from firmware_bridge import controller, keys
 from firmware_bridge.impairment import Impairment
-from firmware_bridge.link import Link, OnLinkLoss, UploadReport, VehicleState, connect
+from firmware_bridge.link import CancelledError, Link, OnLinkLoss, UploadReport, VehicleState, connect
 from firmware_bridge.virtual_vehicle import Sensors, VirtualVehicle
 
 __all__ = [
+    "CancelledError",
     "Impairment",
     "Link",
     "OnLinkLoss",

@@ -13,24 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from firmware_bridge import _controller
 from firmware_bridge.compensation import EFFECTS, Compensation, missing_partner
+from firmware_bridge.dialect.generated.messages import Command
 from firmware_bridge.dialect.generated.messages import MissionState as State
 from flight import FloatArray, InputError, Trajectory, polynomial
 from flight.frames import GRAVITY_M_S2
-
-
-class Command(IntEnum):
-    """What the ground may ask for, as in `mission.h`."""
-
-    ARM = 0
-    DISARM = 1
-    TAKE_OFF = 2
-    START = 3
-    PAUSE = 4
-    RESUME = 5
-    HOLD = 6
-    LAND = 7
-    KILL = 8
-    TIME_SCALE = 9
 
 
 class LinkLoss(IntEnum):

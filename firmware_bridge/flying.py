@@ -1,6 +1,5 @@
 """One flight from the ground: arm, take off, fly the active trajectory, land, fetch the log."""
 
-import contextlib
 import queue
 import time
 from collections.abc import Sequence
@@ -112,8 +111,10 @@ def fly(
         watch = _Watch(port, inbox, cancel)
         try:
             _mission(link, watch, plan, progress)
-        except (CancelledError, KeyboardInterrupt):
-            _land_quietly(link)
+        except CancelledError:
+            raise CancelledError(f"flight cancelled; {_land(link)}") from None
+        except KeyboardInterrupt:
+            _land(link)
             raise
         metadata = {
             "source": "telemetry",
@@ -168,10 +169,15 @@ def _follow(watch: _Watch, duration_s: float, progress: Progress) -> float:
     return furthest_s
 
 
-def _land_quietly(link: "Link") -> None:
-    """Order the landing of a flight that is being given up; if that fails the vehicle's own policy acts."""
-    with contextlib.suppress(LinkError):
-        link.try_command(Command.LAND)
+def _land(link: "Link") -> str:
+    """Order the landing of a flight that is being given up; in words, what the vehicle does now."""
+    try:
+        if not link.try_command(Command.LAND):
+            return "the vehicle brakes along its path and lands"
+        refused = link.try_command(Command.DISARM)
+    except LinkError as error:
+        return f"the order to land was not answered ({error}): the vehicle does what was agreed for a lost link"
+    return f"it refused to land and to disarm: {reason_text(refused)}" if refused else "the vehicle is disarmed"
 
 
 def download_log(link: "Link", port: Port, *, progress: Progress, cancel: Cancel) -> FlightLog:

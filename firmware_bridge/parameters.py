@@ -1,5 +1,6 @@
 """The controller's parameters over the link: read by name, written as one block or not at all."""
 
+import difflib
 import math
 import queue
 import secrets
@@ -7,6 +8,7 @@ import struct
 import time
 import zlib
 
+from firmware_bridge import controller
 from firmware_bridge.dialect.generated.messages import (
     MissionStatus,
     ParametersCommit,
@@ -21,6 +23,8 @@ from firmware_bridge.words import reason_text
 from flight import InputError, LinkError
 
 _GROUP = 48
+_ABOUT_ONE = (1, 2)
+"""TC_NOT_FINITE, TC_OUT_OF_RANGE: reasons that are about a single value."""
 
 
 def table(port: Port) -> list[tuple[str, float]]:
@@ -68,7 +72,8 @@ def write(port: Port, values: dict[str, float]) -> None:
     names = [name for name, _ in present]
     for name, value in values.items():
         if name not in names:
-            raise InputError(f"the vehicle has no parameter {name}; it has {', '.join(sorted(names))}")
+            near = difflib.get_close_matches(name, names, 3, 0.4)
+            raise InputError(f"the vehicle has no parameter {name}; the nearest are {', '.join(near or names[:3])}")
         if not math.isfinite(value):
             raise InputError(f"{name} = {value} is not finite")
     block = [values.get(name, value) for name, value in present]
@@ -92,5 +97,16 @@ def write(port: Port, values: dict[str, float]) -> None:
 
 def _accepted(answer: ParametersResult, names: list[str]) -> None:
     if answer.reason:
-        where = f" ({names[answer.index]})" if answer.index < len(names) else ""
-        raise LinkError(f"the vehicle refused the parameters: {reason_text(answer.reason)}{where}; nothing was changed")
+        raise LinkError(
+            f"the vehicle refused the parameters: {reason_text(answer.reason)}{_where(answer, names)}; "
+            "nothing was changed"
+        )
+
+
+def _where(answer: ParametersResult, names: list[str]) -> str:
+    """Which parameter a refusal is about, and what it may be."""
+    if answer.reason not in _ABOUT_ONE or answer.index >= len(names):
+        return ""
+    row = controller.PARAMETERS.get(names[answer.index])
+    span = f" may be {row.smallest:g} to {row.largest:g}" if row else ""
+    return f" ({names[answer.index]}{span})"

@@ -26,7 +26,8 @@ logger = logging.getLogger(__name__)
 
 LOG_PERIOD_US = 5000
 _LOG_RECORDS = 200_000  # 31 MB, 17 minutes at 200 Hz
-_STATION_SILENT_S = 10.0
+_STATION_SILENT_S = 2.0
+"""A station is heard twice a second; one silent for longer makes room for another."""
 _STATIONS = 8
 _DATAGRAMS_AT_ONCE = 64  # then the controller has its turn: a flood must not keep it from flying
 _BATCH_S = 0.004  # how long the plant may run before the socket is looked after again
@@ -333,12 +334,13 @@ class VirtualVehicle:
 
 
 def _remember(stations: dict[Address, float], address: Address, now_s: float) -> None:
-    """Note that a station was heard, as long as there is room; those long silent are forgotten."""
-    if address not in stations:
-        for silent in [a for a, heard_s in stations.items() if now_s - heard_s > _STATION_SILENT_S]:
-            del stations[silent]
-    if address in stations or len(stations) < _STATIONS:
-        stations[address] = now_s
+    """Note that a station was heard. When there is no room, the one that has been silent longest goes, if it is."""
+    if address not in stations and len(stations) >= _STATIONS:
+        quietest = min(stations, key=stations.__getitem__)
+        if now_s - stations[quietest] < _STATION_SILENT_S:
+            return
+        del stations[quietest]
+    stations[address] = now_s
 
 
 def _bind(host: str, port: int) -> socket.socket:

@@ -2,9 +2,10 @@
 
 import contextlib
 import json
+import signal
 import sys
 import time
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +56,31 @@ def progress() -> Generator[Progress]:
         yield show
         for task in tasks.values():
             bars.update(task, completed=1.0)
+
+
+@contextlib.contextmanager
+def cancel_by_ctrl_c() -> Generator[Callable[[], bool]]:
+    """What links take as `cancel`: true after the first Ctrl-C. The second one interrupts as usual.
+
+    A cancelled upload or flight ends the verb with what the vehicle does now, and exit code 130.
+    """
+    from firmware_bridge import CancelledError
+
+    pressed = False
+
+    def note(*_: object) -> None:
+        nonlocal pressed
+        pressed = True
+        signal.signal(signal.SIGINT, before)
+
+    before = signal.signal(signal.SIGINT, note)
+    try:
+        yield lambda: pressed
+    except CancelledError as error:
+        click.echo(f"goshawk: {error}", err=True)
+        raise click.exceptions.Exit(130) from None
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 class _LinePerStage:

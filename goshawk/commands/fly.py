@@ -23,12 +23,16 @@ def command(out: Path, trajectory_file: Path | None, url: str, key_file: Path | 
     goshawk fly --out flights/walk.parquet
     goshawk fly --trajectory walk.json --out flights/walk.parquet
 
-    Ctrl-C brakes along the path and lands.
+    Ctrl-C brakes along the path and lands; `goshawk log --download` then fetches the log of what was flown.
     """
     item = trajectory.load(trajectory_file) if trajectory_file is not None else None
-    with firmware_bridge.connect(url, key=key_file) as link, console.progress() as report:
+    with (
+        console.cancel_by_ctrl_c() as cancel,
+        firmware_bridge.connect(url, key=key_file) as link,
+        console.progress() as report,
+    ):
         link.take_control()
-        log = link.fly(item, progress=report)
+        log = link.fly(item, progress=report, cancel=cancel)
     flight_log.save(out, log)
     facts = {"written": str(out), "rows": len(log), **tracking(log)}
     console.show("flight", facts, as_json=as_json)

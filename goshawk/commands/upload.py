@@ -32,7 +32,7 @@ def command(
     goshawk upload walk.json --map map --vehicle vehicle.toml --vehicle-url udp://192.168.4.1:14550
 
     A trajectory that never passed the final gate is refused, and so is one for another map or vehicle. Whatever goes
-    wrong, the vehicle keeps what it held.
+    wrong, the vehicle keeps what it held. Ctrl-C stops the upload and says what that is.
     """
     item = trajectory.load(trajectory_file)
     map_hash = None
@@ -41,12 +41,20 @@ def command(
 
         map_hash = mapping.open_map(map_folder).hash
     vehicle_hash = vehicle.vehicle_hash(vehicle.load(vehicle_file)) if vehicle_file is not None else None
-    with firmware_bridge.connect(url, key=key_file) as link, console.progress() as report:
-        outcome = link.upload(item, map_hash=map_hash, vehicle_hash=vehicle_hash, progress=report)
+    with (
+        console.cancel_by_ctrl_c() as cancel,
+        firmware_bridge.connect(url, key=key_file) as link,
+        console.progress() as report,
+    ):
+        outcome = link.upload(item, map_hash=map_hash, vehicle_hash=vehicle_hash, progress=report, cancel=cancel)
+        line = link.statistics
     facts = {
         "uploaded": item.name,
         "segments": outcome.segments,
         "datagrams": outcome.datagrams,
+        "datagrams_received": line.counts.received,
+        "datagrams_refused": line.counts.refused + line.counts.damaged,
+        "vehicle_restarts": outcome.restarts,
         "duration_s": outcome.duration_s,
         "read_back_equal": True,
     }

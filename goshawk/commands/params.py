@@ -1,0 +1,179 @@
+"""`goshawk params`: look at the controller's parameters on the vehicle, and change some of them, all or none."""
+
+import difflib
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+import click
+import numpy as np
+
+import firmware_bridge
+import vehicle
+from firmware_bridge import controller
+from flight import InputError
+from goshawk import console
+
+
+@click.group()
+def command() -> None:
+    """List, read and set the parameters of the vehicle's controller.
+
+    \b
+    goshawk params list
+    goshawk params get mass_kg kp_xy_1_s2
+    goshawk params set mass_kg=0.72 kp_xy_1_s2=8
+    goshawk params set --from vehicle.toml --dry-run
+
+    A set is sent as one block with a checksum: the vehicle takes all of it or nothing, and says why.
+    """
+
+
+@command.command("list")
+@console.url_option
+@console.key_option
+@console.json_option
+def list_(url: str, key_file: Path | None, as_json: bool) -> None:
+    """Show every parameter that the vehicle has, with the range it may take.
+
+    \b
+    goshawk params list
+    goshawk params list --json > before.json
+    """
+    with firmware_bridge.connect(url, key=key_file) as link:
+        values = shortest(link.parameters())
+    if as_json:
+        console.show("", {}, as_json=True, document=values)
+        return
+    rows = [(name, value, *_range(name)) for name, value in values.items()]
+    console.table(f"parameters of {url}", ("name", "value", "smallest", "largest", "in the air"), rows)
+
+
+@command.command()
+@click.argument("names", nargs=-1, required=True, metavar="NAME...")
+@console.url_option
+@console.key_option
+@console.json_option
+def get(names: tuple[str, ...], url: str, key_file: Path | None, as_json: bool) -> None:
+    """Read some parameters.
+
+    \b
+    goshawk params get mass_kg
+    goshawk params get kp_xy_1_s2 kd_xy_1_s --json
+    """
+    with firmware_bridge.connect(url, key=key_file) as link:
+        values = shortest(link.parameters())
+    refuse_unknown(names, values)
+    console.show("", {name: values[name] for name in names}, as_json=as_json)
+
+
+@command.command("set")
+@click.argument("assignments", nargs=-1, metavar="NAME=VALUE...")
+@console.path_option("--from", "vehicle_file", "Take what mirrors this vehicle file; NAME=VALUE goes before it.")
+@click.option("--dry-run", is_flag=True, help="Show what would change, and change nothing.")
+@click.option("--yes", is_flag=True, help="Do not ask, on a terminal, before changing.")
+@console.url_option
+@console.key_option
+@console.json_option
+def set_(
+    assignments: tuple[str, ...],
+    vehicle_file: Path | None,
+    dry_run: bool,
+    yes: bool,
+    url: str,
+    key_file: Path | None,
+    as_json: bool,
+) -> None:
+    """Change some parameters, all of them or none; what would change is shown first.
+
+    \b
+    goshawk params set mass_kg=0.72
+    goshawk params set --from vehicle.toml kp_xy_1_s2=8
+    goshawk params set --from vehicle.toml --dry-run --json
+    """
+    wanted = from_vehicle(vehicle_file) | dict(parse(text) for text in assignments)
+    if not wanted:
+        raise InputError("nothing to set: give NAME=VALUE, or --from a vehicle file")
+    controller.checked(wanted)
+    with firmware_bridge.connect(url, key=key_file) as link:
+        present = link.parameters()
+        refuse_unknown(wanted, present)
+        changed = difference(present, wanted)
+        rows = [(name, before, after) for name, (before, after) in changed.items()]
+        if rows and not as_json:
+            console.table("", ("name", "vehicle has", "will have"), rows)
+        asked = not (dry_run or yes or as_json) and bool(rows) and sys.stdin.isatty()
+        if asked and not click.confirm("Set these?", default=False, err=True):
+            dry_run = True
+        if rows and not dry_run:
+            link.set_parameters({name: after for name, (_, after) in changed.items()})
+    document = {
+        "vehicle": url,
+        "set": bool(rows) and not dry_run,
+        "changes": {name: {"before": before, "after": after} for name, (before, after) in changed.items()},
+    }
+    if as_json:
+        console.show("", {}, as_json=True, document=document)
+    else:
+        click.echo(_verdict(len(rows), dry_run=dry_run), err=True)
+
+
+def _verdict(changes: int, *, dry_run: bool) -> str:
+    if not changes:
+        return "the vehicle has these values already; nothing was sent"
+    return "nothing was changed" if dry_run else f"set and confirmed by checksum: {changes} parameters"
+
+
+def parse(text: str) -> tuple[str, float]:
+    """Name and value of `NAME=VALUE`.
+
+    Raises:
+        InputError: it is not such an assignment.
+    """
+    name, equals, value = text.partition("=")
+    try:
+        return name.strip(), float(value if equals else "")
+    except ValueError:
+        raise InputError(f"{text!r} is not NAME=VALUE with a number, like mass_kg=0.72") from None
+
+
+def from_vehicle(file: Path | None) -> dict[str, float]:
+    """Controller parameters that mirror a vehicle file; says on stderr what the controller cannot mirror."""
+    if file is None:
+        return {}
+    made = controller.parameters_of(vehicle.load(file))
+    if made.not_compensated:
+        click.echo(f"not compensated by the controller: {', '.join(made.not_compensated)}", err=True)
+    return dict(made.parameters)
+
+
+def difference(present: dict[str, float], wanted: dict[str, float]) -> dict[str, tuple[float, float]]:
+    """Before and after of what really changes, as the vehicle's float32 sees it, in the vehicle's order."""
+    before, after = shortest(present), shortest(wanted)
+    return {name: (before[name], after[name]) for name in before if name in after and before[name] != after[name]}
+
+
+def shortest(values: dict[str, float]) -> dict[str, float]:
+    """The same float32 values with as few digits as tell them apart: 0.7, not 0.699999988."""
+    return {name: float(str(np.float32(value))) for name, value in values.items()}
+
+
+def refuse_unknown(names: Iterable[str], known: Iterable[str]) -> None:
+    """
+    Raises:
+        InputError: a name is not among the known ones; the message has the nearest.
+    """
+    known = list(known)
+    for name in names:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, 3, 0.4)
+            hint = f"; did you mean {' or '.join(near)}?" if near else "; `goshawk params list` shows all"
+            raise InputError(f"the vehicle has no parameter {name}{hint}")
+
+
+def _range(name: str) -> tuple[object, object, str]:
+    """Smallest, largest, and whether it may change in flight, by this program's own table."""
+    row = controller.PARAMETERS.get(name)
+    if row is None:
+        return "?", "?", "?"
+    return row.smallest, row.largest, "yes" if row.in_flight else "only disarmed"

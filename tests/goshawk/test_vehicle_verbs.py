@@ -1,0 +1,173 @@
+"""`params`, `upload`, `fly` and `log` as programs, against a virtual vehicle that is a program too; Ctrl-C included."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import firmware_bridge
+import vehicle
+from firmware_bridge import controller
+from firmware_bridge.controller import State
+from flight import Trajectory, TrajectoryFile, flight_log, trajectory
+from goshawk.virtual_flight import virtual_vehicle
+
+
+def goshawk(*arguments: object, code: int = 0) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "goshawk", *map(str, arguments)]
+    answer = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert answer.returncode == code, answer.stderr
+    assert "Traceback" not in answer.stderr
+    return answer
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """A vehicle file, and two checked trajectories: twelve hops at 1 m height, and 200."""
+    folder = tmp_path_factory.mktemp("verbs")
+    vehicle.save(folder / "vehicle.toml", vehicle.example("rigter2019"))
+    for name, segments in (("hops", 12), ("many", 200)):
+        save_hops(folder / f"{name}.json", segments)
+    return folder
+
+
+def save_hops(path: Path, segments: int) -> None:
+    rng = np.random.default_rng(segments)
+    pieces, here = np.zeros((segments, 4, 8)), np.array([0.0, 0.0, 1.0, 0.0])
+    for piece in pieces:
+        there = np.array([*rng.uniform(-0.4, 0.4, 2), 1.0, 0.0])
+        piece[:, 0] = here
+        piece[:, 4:] = (there - here)[:, None] * np.array([35.0, -84.0, 70.0, -20.0]) / 1.2 ** np.arange(4, 8)
+        here = there
+    curve = Trajectory(np.full(segments, 1.2), pieces)
+    trajectory.save(path, TrajectoryFile(curve, path.stem, "", "", np.zeros((2, 3)), {"passed": True}))
+
+
+@pytest.fixture
+def link(folder: Path) -> Iterator[tuple[object, ...]]:
+    """Options that reach a virtual vehicle on the floor."""
+    key = folder / "link.key"
+    with virtual_vehicle("--vehicle", folder / "vehicle.toml", "--speed", 2, key_file=key) as url:
+        yield ("--vehicle-url", url, "--key", key)
+
+
+@pytest.fixture(scope="module")
+def standing(folder: Path) -> Iterator[tuple[object, ...]]:
+    """The same for the tests that change nothing, which share it."""
+    with virtual_vehicle("--vehicle", folder / "vehicle.toml", key_file=folder / "link.key") as url:
+        yield ("--vehicle-url", url, "--key", folder / "link.key")
+
+
+def parameters(link: tuple[object, ...]) -> dict[str, float]:
+    with firmware_bridge.connect(str(link[1]), key=Path(str(link[3])), system_id=200) as station:
+        return {name: float(str(np.float32(value))) for name, value in station.parameters().items()}
+
+
+def test_parameters_are_listed_read_and_set_after_showing_what_changes(link):
+    before = parameters(link)
+    assert list(before) == list(controller.PARAMETERS)
+    assert before["mass_kg"] == 0.7  # as written, not 0.699999988
+    assert "only disarmed" in goshawk("params", "list", *link).stdout
+    assert json.loads(goshawk("params", "list", "--json", *link).stdout) == before
+    read = goshawk("params", "get", "mass_kg", "kp_z_1_s2", "--json", *link).stdout
+    assert json.loads(read) == {"mass_kg": 0.7, "kp_z_1_s2": before["kp_z_1_s2"]}
+    looked = goshawk("params", "set", "mass_kg=0.72", "kp_xy_1_s2=8", "--dry-run", *link)
+    assert "nothing was changed" in looked.stderr
+    assert "0.72" in looked.stdout
+    assert parameters(link) == before
+    done = goshawk("params", "set", "mass_kg=0.72", "kp_xy_1_s2=8", *link)
+    assert "confirmed by checksum: 2 parameters" in done.stderr
+    assert parameters(link) == before | {"mass_kg": 0.72, "kp_xy_1_s2": 8.0}
+    again = goshawk("params", "set", "mass_kg=0.72", *link)
+    assert "nothing was sent" in again.stderr
+
+
+def test_a_vehicle_file_is_mirrored_and_single_values_go_before_it(link, folder, tmp_path):
+    heavier = vehicle.load(folder / "vehicle.toml").with_value("mass_kg", 0.81)
+    vehicle.save(tmp_path / "heavier.toml", heavier)
+    answer = goshawk("params", "set", "--from", tmp_path / "heavier.toml", "kp_xy_1_s2=8", "--json", *link)
+    document = json.loads(answer.stdout)
+    assert document["set"]
+    assert document["changes"]["mass_kg"] == {"before": 0.7, "after": 0.81}
+    assert document["changes"]["kp_xy_1_s2"]["after"] == 8.0
+    assert parameters(link)["mass_kg"] == 0.81
+    assert not json.loads(goshawk("params", "set", "--from", tmp_path / "heavier.toml", "--json", *link).stdout)["set"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["set", "masss=1"], 2, "no parameter 'masss'"),
+        (["set", "mass_kg=heavy"], 2, "is not NAME=VALUE with a number"),
+        (["set", "mass_kg=nan"], 2, "it must be 0.01 to 50"),
+        (["set", "kp_z_1_s2=-5"], 2, "it must be 0 to 100"),
+        (["set"], 2, "nothing to set"),
+        (["get", "masss"], 2, "did you mean mass_kg"),
+        (["set", "mass_kg=40", "kp_z_1_s2=1"], 1, "rotors cannot carry the mass; nothing was changed"),
+    ],
+)
+def test_what_cannot_be_set_is_said_in_words_and_changes_nothing(standing, arguments, code, words):
+    before = parameters(standing)
+    assert words in goshawk("params", *arguments, *standing, code=code).stderr
+    assert parameters(standing) == before
+
+
+def until(process: subprocess.Popen[str], words: str) -> None:
+    """Read the program's stderr until it says so."""
+    assert process.stderr is not None
+    for line in process.stderr:
+        if words in line:
+            return
+    raise AssertionError(f"it ended ({process.wait()}) without saying {words!r}")
+
+
+def start(*arguments: object) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "goshawk", *map(str, arguments)]
+    return subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+
+
+def test_ctrl_c_in_flight_lands_the_vehicle_and_its_log_can_be_fetched(link, folder, tmp_path):
+    goshawk("upload", folder / "hops.json", *link)
+    flying = start("fly", "--out", tmp_path / "flight.parquet", *link)
+    until(flying, "] flight")
+    time.sleep(1.0)
+    flying.send_signal(signal.SIGINT)
+    said = flying.communicate(timeout=20)[1]
+    assert flying.returncode == 130
+    assert "flight cancelled; the vehicle brakes along its path and lands" in said
+    assert not (tmp_path / "flight.parquet").exists()
+    url, key = link[1], link[3]
+    with firmware_bridge.connect(str(url), key=Path(str(key)), system_id=200) as watcher:
+        deadline_s = time.monotonic() + 20.0
+        while (state := watcher.state) is None or state.mission not in (State.ARMED, State.DISARMED):
+            assert time.monotonic() < deadline_s
+            time.sleep(0.05)
+        assert state.position_world_m[2] < 0.1
+    goshawk("log", tmp_path / "fetched.parquet", "--download", *link)
+    flown = set(flight_log.load(tmp_path / "fetched.parquet").columns["mission_state"])
+    assert {State.TRAJECTORY, State.ABORTING, State.LANDING} <= flown
+    assert State.FAULT not in flown
+
+
+def test_ctrl_c_during_an_upload_says_what_the_vehicle_holds(folder):
+    key = folder / "link.key"
+    with virtual_vehicle("--vehicle", folder / "vehicle.toml", "--delay", 0.15, "--loss", 0.3, key_file=key) as url:
+        link = ("--vehicle-url", url, "--key", key)
+        sending = start("upload", folder / "many.json", *link)
+        until(sending, "] upload")
+        sending.send_signal(signal.SIGINT)
+        said = sending.communicate(timeout=30)[1]
+    assert sending.returncode == 130
+    assert "upload cancelled; the vehicle holds no plan" in said
+
+
+def test_a_log_that_the_vehicle_does_not_have_is_not_invented(standing, tmp_path):
+    answer = goshawk("log", tmp_path / "none.parquet", "--download", *standing, code=1)
+    assert "the vehicle has no log of a flight" in answer.stderr
+    assert not (tmp_path / "none.parquet").exists()
