@@ -115,14 +115,15 @@ Lattice lattice_of(nb::tuple origin, nb::tuple voxel, nb::tuple shape) {
 template <class Store>
 void answer(const Store& store, const Lattice& lattice, const In<double, 2>& points, Out<double, 1>& out,
             Out<double, 2>* gradient, const std::string& isa) {
-    const bool wide = isa_named(isa) >= Isa::avx2;
+    const Isa chosen = isa_named(isa);
     nb::gil_scoped_release release;
     const Index count = static_cast<Index>(points.shape(0));
     double* slopes = gradient ? gradient->data() : nullptr;
 #if GOSHAWK_X86_VARIANTS
-    if (wide) return avx2::query(store, lattice, points.data(), count, out.data(), slopes);
+    if (chosen == Isa::avx512) return avx512::query(store, lattice, points.data(), count, out.data(), slopes);
+    if (chosen == Isa::avx2) return avx2::query(store, lattice, points.data(), count, out.data(), slopes);
 #endif
-    (void)wide;
+    (void)chosen;
     portable::query(store, lattice, points.data(), count, out.data(), slopes);
 }
 

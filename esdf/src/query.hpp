@@ -16,8 +16,8 @@ struct Dense {
     std::ptrdiff_t step[3];
     Dense(const float* v, const std::ptrdiff_t* n)
         : values(v), step{n[0] > 1 ? n[1] * n[2] : 0, n[1] > 1 ? n[2] : 0, n[2] > 1 ? 1 : 0} {}
-    const float* corner(const std::int32_t* i) const {
-        return values + i[0] * step[0] + i[1] * step[1] + i[2] * step[2];
+    const float* corner(std::int32_t x, std::int32_t y, std::int32_t z) const {
+        return values + x * step[0] + y * step[1] + z * step[2];
     }
 };
 
@@ -30,8 +30,7 @@ struct Bricks {
         : address(table),
           count{bricks[0], bricks[1], bricks[2]},
           step{n[0] > 1 ? STORED * STORED : 0, n[1] > 1 ? STORED : 0, n[2] > 1 ? 1 : 0} {}
-    const float* corner(const std::int32_t* i) const {
-        const std::uint32_t x = i[0], y = i[1], z = i[2];
+    const float* corner(std::uint32_t x, std::uint32_t y, std::uint32_t z) const {
         const std::ptrdiff_t brick = (std::ptrdiff_t(x / BRICK) * count[1] + y / BRICK) * count[2] + z / BRICK;
         const std::ptrdiff_t within = x % BRICK * step[0] + y % BRICK * step[1] + z % BRICK * step[2];
         return reinterpret_cast<const float*>(address[brick]) + within;
@@ -48,6 +47,7 @@ struct Bricks {
 GOSHAWK_DECLARE_QUERY(portable)
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
 GOSHAWK_DECLARE_QUERY(avx2)
+GOSHAWK_DECLARE_QUERY(avx512)
 #endif
 
 }  // namespace goshawk

@@ -9,6 +9,7 @@
 #pragma GCC push_options
 #pragma GCC target("avx2")
 #define GOSHAWK_ISA avx2
+#define LANES 4
 #include "query_kernel.hpp"
 #pragma GCC pop_options
 #endif

@@ -6,4 +6,5 @@
 #include "query.hpp"
 
 #define GOSHAWK_ISA portable
+#define LANES 4
 #include "query_kernel.hpp"

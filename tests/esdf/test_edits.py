@@ -71,18 +71,6 @@ def test_any_sequence_of_edits_equals_a_rebuild_bit_by_bit(seed, unknown):
     assert_equals_rebuild(editor, base)
 
 
-@pytest.mark.slow
-def test_twenty_thousand_random_steps_never_differ_from_a_rebuild():
-    rng = np.random.default_rng(11)
-    for unknown in ("obstacle", "nan"):
-        base = mapped(rng, unknown)
-        for _ in range(100):
-            editor = Editor(base)
-            for _ in range(100):
-                random_step(editor, rng)
-            assert_equals_rebuild(editor, base)
-
-
 def test_undoing_everything_gives_the_mapped_field_back_and_redoing_the_edited_one():
     rng = np.random.default_rng(1)
     base = mapped(rng)

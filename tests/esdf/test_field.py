@@ -152,6 +152,16 @@ def test_queries_are_bit_equal_on_every_instruction_set(room_field):
         np.testing.assert_array_equal(g, gradient)
 
 
+def test_an_answer_does_not_depend_on_what_else_is_asked(room_field):
+    points = np.random.default_rng(5).uniform(-0.1, 4.1, (150, 3))
+    value, gradient = room_field.distance_and_gradient(points)
+    for count in (1, 3, 4, 7, 8, 9, 31, 32, 33, 65, 149):
+        some, slopes = room_field.distance_and_gradient(points[-count:])
+        np.testing.assert_array_equal(some, value[-count:])
+        np.testing.assert_array_equal(slopes, gradient[-count:])
+        np.testing.assert_array_equal(room_field.distance(points[-count:]), value[-count:])
+
+
 @pytest.mark.parametrize("points", [[1.0, 2.0, 3.0], [[1.0, 2.0]], np.zeros((2, 3, 1)), "abc", [[0.0, np.nan, 0.0]]])
 def test_points_of_the_wrong_shape_or_not_finite_are_refused(room_field, points):
     with pytest.raises(InputError):
