@@ -77,6 +77,18 @@ class Sensors:
         """A good visual-inertial estimator and a cheap IMU."""
         return Sensors(0.002, 0.02, 0.002, 0.005, 0.05, 2.0, 0.01)
 
+    def estimate(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """A true state (13,) (position, velocity, q_world_body, body rate) with the estimator's noise on it."""
+        seen = state.copy()
+        if self.position_std_m or self.velocity_std_m_s:
+            seen[:3] += rng.normal(0.0, self.position_std_m, 3)
+            seen[3:6] += rng.normal(0.0, self.velocity_std_m_s, 3)
+        if self.attitude_std_rad:
+            error = rotations.exp(rng.normal(0.0, self.attitude_std_rad, 3))
+            seen[6:10] = rotations.multiply(seen[6:10], error)
+        seen[10:] += rng.normal(0.0, self.rate_std_rad_s, 3) if self.rate_std_rad_s else 0.0
+        return seen
+
 
 @dataclass(slots=True)
 class Pace:
@@ -272,15 +284,7 @@ class VirtualVehicle:
         )
         self._truth.append((self._time_us, truth))
         pose_us, seen = self._truth[0]
-        estimate = seen.copy()
-        estimate[10:] = truth[10:]
-        if sensors.position_std_m or sensors.velocity_std_m_s:
-            estimate[:3] += rng.normal(0.0, sensors.position_std_m, 3)
-            estimate[3:6] += rng.normal(0.0, sensors.velocity_std_m_s, 3)
-        if sensors.attitude_std_rad:
-            error = rotations.exp(rng.normal(0.0, sensors.attitude_std_rad, 3))
-            estimate[6:10] = rotations.multiply(estimate[6:10], error)
-        estimate[10:] += rng.normal(0.0, sensors.rate_std_rad_s, 3) if sensors.rate_std_rad_s else 0.0
+        estimate = sensors.estimate(np.concatenate([seen[:10], truth[10:]]), rng)
         command, _ = self._controller.tick(self._time_us, estimate, pose_us, pose_us, plant.battery_v)
         self._command = command.astype(np.float64)
         rotor = np.asarray(plant.rotor_speed_rad_s, dtype=np.float64) + 0.0

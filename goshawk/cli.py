@@ -25,6 +25,7 @@ VERBS = {
     "params": "List, read and set the controller's parameters on the vehicle.",
     "identify": "Fit the vehicle model to flight logs.",
     "compare": "Compare vehicle models with measured flights.",
+    "vehicle": "Show a vehicle model, add or remove effects, undo, history.",
     "gcs": "Serve the ground station's page.",
     "demo": "Run the whole chain on a rendered room.",
     "doctor": "Check this installation.",

@@ -1,6 +1,6 @@
 """What we believe about the vehicle: parameters, effects, forces, flatness, simulation."""
 
-from vehicle import effects, flatness, flights, invert, manoeuvres, self_test, simulate, tracking
+from vehicle import effects, flatness, flights, history, invert, manoeuvres, self_test, simulate, tracking
 from vehicle.dynamics import Jacobian, acceleration, acceleration_jacobian, wrench, wrench_jacobian
 from vehicle.files import example, load, save, vehicle_hash
 from vehicle.forces import Surroundings, rigid_body
@@ -19,6 +19,7 @@ __all__ = [
     "example",
     "flatness",
     "flights",
+    "history",
     "invert",
     "load",
     "manoeuvres",

@@ -36,8 +36,11 @@ def save(path: Path, vehicle: Vehicle) -> None:
     file_format.write_toml(path, format=FORMAT, version=VERSION, body=body)
 
 
-def load(path: Path) -> Vehicle:
+def load(path: Path, *, relative_to: Path | None = None) -> Vehicle:
     """Read a vehicle file, and with it the user's own effects it names.
+
+    Args:
+        relative_to: the folder that the paths of effect files start from; None: the file's own.
 
     Raises:
         InputError: there is no such file.
@@ -45,7 +48,8 @@ def load(path: Path) -> Vehicle:
     """
     path = Path(path)
     document = file_format.read_toml(path, format=FORMAT, version=VERSION)
-    files = tuple((path.parent / name).resolve() for name in document.get("effect_files", []))
+    start = path.parent if relative_to is None else relative_to
+    files = tuple((start / name).resolve() for name in document.get("effect_files", []))
     for file in files:
         registry.load_file(file)
     try:

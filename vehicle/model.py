@@ -110,11 +110,15 @@ class Vehicle:
         return replace(self, effect_files=files).with_effect(effect.name, source=source, **values)
 
     def without_effect(self, name: str) -> "Vehicle":
-        """A copy without that effect. Raises `InputError` if it is not active."""
+        """A copy without that effect, nor the file it came from. Raises `InputError` if it is not active."""
         if name not in self.effects:
             raise InputError(f"effect {name} is not active in {self.name}; active are {', '.join(self.effects)}")
         kept = {key: p for key, p in self.parameters.items() if not key.startswith(name + ".")}
-        return replace(self, effects=tuple(e for e in self.effects if e != name), parameters=kept)
+        effects = tuple(e for e in self.effects if e != name)
+        still_needed = {registry.origin(e) for e in effects}
+        unneeded = registry.origin(name)
+        files = tuple(f for f in self.effect_files if f != unneeded or f in still_needed)
+        return replace(self, effects=effects, parameters=kept, effect_files=files)
 
     def with_limits(self, **limits: float) -> "Vehicle":
         """A copy with other limits."""

@@ -1,5 +1,6 @@
 """The catalogue: every effect a vehicle model may contain, one file each; and effects of the user's own."""
 
+import difflib
 import importlib
 import importlib.util
 import pkgutil
@@ -33,9 +34,18 @@ def find(name: str) -> Effect:
     """
     effect = _registered.get(name) or catalogue().get(name)
     if effect is None:
-        known = ", ".join([*_registered, *catalogue()])
-        raise InputError(f"there is no effect named {name!r}; known are {known}")
+        known = [*_registered, *catalogue()]
+        near = f"near it: {', '.join(found)}; " if (found := _near(name, known)) else ""
+        raise InputError(f"there is no effect named {name!r}; {near}known are {', '.join(known)}")
     return effect
+
+
+def _near(name: str, known: list[str]) -> list[str]:
+    """Names that were perhaps meant: spelt alike, or with all the words that were given."""
+    words = [word for word in name.lower().replace("-", "_").split("_") if word]
+    with_words = [k for k in known if words and all(word in k for word in words)]
+    alike = difflib.get_close_matches(name.lower(), known, n=3, cutoff=0.6)
+    return list(dict.fromkeys([*with_words, *alike]))[:4]
 
 
 def register(effect: Effect) -> Effect:
@@ -73,6 +83,11 @@ def load_file(path: Path) -> Effect:
         raise FormatError(f"effect file {path} defines no EFFECT = Effect(...)")
     _check_origin(effect, path)
     return register(effect)
+
+
+def origin(name: str) -> Path | None:
+    """The file that one of the user's own effects came from; None for the catalogue's."""
+    return _origins[name][0] if name in _registered and name in _origins else None
 
 
 def _check_origin(effect: Effect, path: Path) -> None:

@@ -1,0 +1,301 @@
+"""`goshawk vehicle`: look at a vehicle model, change it, see what the change is worth, take it back."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+import vehicle
+from flight import InputError
+from goshawk import console, model_change
+from goshawk.commands.params import parse
+from goshawk.flights import load
+from goshawk.model_change import Change, Flights
+from vehicle import Vehicle, history
+
+vehicle_argument = click.argument("vehicle_file", metavar="VEHICLE", type=click.Path(path_type=Path))
+preview_option = click.option("--preview", is_flag=True, help="Say what would change, and write nothing.")
+yes_option = click.option("--yes", is_flag=True, help="Do not ask.")
+flights_option = click.option(
+    "--flights", multiple=True, type=click.Path(path_type=Path), help="Refit to this flight. Repeatable."
+)
+held_out_option = click.option(
+    "--held-out", multiple=True, type=click.Path(path_type=Path), help="Judge on this flight. Repeatable."
+)
+
+
+def flights_options(verb: Any) -> Any:
+    """What add-effect and remove-effect share."""
+    for option in (console.json_option, preview_option, console.columns_option, held_out_option, flights_option):
+        verb = option(verb)
+    return verb
+
+
+@click.group()
+def command() -> None:
+    """Look at a vehicle model, change it one effect at a time, and take changes back.
+
+    \b
+    goshawk vehicle show vehicle.toml
+    goshawk vehicle add-effect vehicle.toml rotor_drag_thrust --flights a.parquet --held-out b.parquet
+    goshawk vehicle history vehicle.toml --held-out b.parquet --figure staircase.svg
+    goshawk vehicle undo vehicle.toml
+
+    Every version is kept beside the file, in `vehicle.history`.
+    """
+
+
+@command.command()
+@vehicle_argument
+@console.json_option
+def show(vehicle_file: Path, as_json: bool) -> None:
+    """Parameters with their errors and sources, effects, and which of them the controller compensates.
+
+    \b
+    goshawk vehicle show vehicle.toml
+    goshawk vehicle show vehicle.toml --json
+    """
+    shown = vehicle.load(vehicle_file)
+    cancelled = model_change.compensations(shown)
+    effects = [
+        {"name": n, "law": vehicle.effects.find(n).law, "compensated": done, "how": how}
+        for n, (done, how) in cancelled.items()
+    ]
+    parameters = {
+        name: {"value": p.value, "std": p.std, "unit": p.unit, "source": p.source}
+        for name, p in ((name, shown.parameter(name)) for name in vehicle.specs(shown))
+    }
+    if as_json:
+        document = {"name": shown.name, "hash": vehicle.vehicle_hash(shown), "effects": effects}
+        console.show("", {}, as_json=True, document=document | {"parameters": parameters})
+        return
+    rows = [(n, f"{p['value']:.5g}", f"{p['std']:.2g}", p["unit"], p["source"]) for n, p in parameters.items()]
+    title = f"{shown.name} ({vehicle.vehicle_hash(shown)[:12]})"
+    console.table(title, ("parameter", "value", "std", "unit", "source"), rows)
+    lines = [(e["name"], e["law"], "yes" if e["compensated"] else "no", e["how"]) for e in effects]
+    console.table("effects", ("effect", "law", "compensated", "how the controller does it, or why not"), lines)
+
+
+@command.command("add-effect")
+@vehicle_argument
+@click.argument("effect")
+@click.argument("values", metavar="[NAME=VALUE]...", nargs=-1)
+@flights_options
+def add_effect(
+    vehicle_file: Path,
+    effect: str,
+    values: tuple[str, ...],
+    flights: tuple[Path, ...],
+    held_out: tuple[Path, ...],
+    columns: Path | None,
+    preview: bool,
+    as_json: bool,
+) -> None:
+    """Add EFFECT, a name of the catalogue or a Python file of your own, to the model.
+
+    \b
+    goshawk vehicle add-effect vehicle.toml rotor_drag_thrust drag_s_m=0.0175
+    goshawk vehicle add-effect vehicle.toml rotor_drag_thrust --flights a.parquet --held-out b.parquet
+    goshawk vehicle add-effect vehicle.toml side_guard.py drag_kg_m=0.03
+
+    With --flights the whole model is refitted; with --held-out errors on flights that were not used are printed
+    before and after, against the present model fitted to the same flights. `goshawk vehicle undo` takes it back.
+    """
+    present, given = vehicle.load(vehicle_file), dict(parse(word) for word in values)
+    if effect.endswith(".py"):
+        changed = present.with_effect_file(effect, source="set by hand" if given else "assumed", **given)
+        name = next(iter(set(changed.effects) - set(present.effects)), Path(effect).stem)
+    else:
+        name = vehicle.effects.find(effect).name
+        changed = present.with_effect(name, source="set by hand" if given else "assumed", **given)
+    if name in present.effects:
+        raise InputError(f"{vehicle_file} has {name} already; remove it first, or refit with goshawk identify")
+    _change(vehicle_file, present, changed, ("add-effect", name), (flights, held_out, columns), preview, as_json)
+
+
+@command.command("remove-effect")
+@vehicle_argument
+@click.argument("effect")
+@flights_options
+@yes_option
+def remove_effect(
+    vehicle_file: Path,
+    effect: str,
+    flights: tuple[Path, ...],
+    held_out: tuple[Path, ...],
+    columns: Path | None,
+    preview: bool,
+    yes: bool,
+    as_json: bool,
+) -> None:
+    """Remove EFFECT and its numbers from the model; asks first.
+
+    \b
+    goshawk vehicle remove-effect vehicle.toml flapping_moment
+    goshawk vehicle remove-effect vehicle.toml flapping_moment --flights a.parquet --held-out b.parquet --yes
+
+    Refitting and judging are as for add-effect.
+    """
+    present = vehicle.load(vehicle_file)
+    changed = present.without_effect(effect)
+    if not preview:
+        lost = {n: p for n, p in present.parameters.items() if n.startswith(effect + ".")}
+        said = ", ".join(f"{n} = {p.value:.4g} {p.unit} ({p.source})" for n, p in lost.items())
+        _ask(f"remove {effect} from {vehicle_file}, and with it {said}?", yes, as_json)
+    _change(vehicle_file, present, changed, ("remove-effect", effect), (flights, held_out, columns), preview, as_json)
+
+
+@command.command()
+@vehicle_argument
+@click.option("--to", "number", type=int, help="Return to this version of the history instead.")
+@preview_option
+@yes_option
+@console.json_option
+def undo(vehicle_file: Path, number: int | None, preview: bool, yes: bool, as_json: bool) -> None:
+    """Restore the vehicle file as it was before its last change, byte for byte; asks first.
+
+    \b
+    goshawk vehicle undo vehicle.toml
+    goshawk vehicle undo vehicle.toml --to 0 --yes
+
+    What is undone stays in the history and can be returned to with --to.
+    """
+    left, restored = history.target(vehicle_file, number)
+    was, will_be = history.version(vehicle_file, left), history.version(vehicle_file, restored)
+    if not preview:
+        what = f"return {vehicle_file} from version {left.number} to {restored.number} ({_done(restored)})"
+        _ask("\n".join([f"{what}?", *model_change.differences(was, will_be)]), yes, as_json)
+        history.restore(vehicle_file, number)
+    facts = {"left": left.number, "restored": restored.number, "file_sha256": restored.file_sha256}
+    document = facts | {"written": not preview, "changes": model_change.differences(was, will_be)}
+    if as_json:
+        console.show("", {}, as_json=True, document=document)
+        return
+    for line in document["changes"]:
+        click.echo(line)
+    click.echo(f"{'would be' if preview else 'is'} at version {restored.number} ({_done(restored)})")
+
+
+@command.command("history")
+@vehicle_argument
+@held_out_option
+@console.columns_option
+@console.path_option("--figure", "figure", "Draw the error staircase over the versions: .svg or .png.")
+@console.json_option
+def show_history(
+    vehicle_file: Path, held_out: tuple[Path, ...], columns: Path | None, figure: Path | None, as_json: bool
+) -> None:
+    """Every version of the model, how it came about, and what it was worth on held-out flights.
+
+    \b
+    goshawk vehicle history vehicle.toml
+    goshawk vehicle history vehicle.toml --held-out b.parquet --figure staircase.svg
+
+    With --held-out every version is judged anew on these flights; else the table shows what was found at the time.
+    """
+    if figure is not None and not held_out:
+        raise click.UsageError("--figure needs --held-out: versions are compared on the same flights")
+    told = history.read(vehicle_file)
+    line = told.line()
+    errors: dict[int, dict[str, float]] = {}
+    if held_out:
+        models = {str(step.number): history.version(vehicle_file, step) for step in line}
+        with console.progress() as report:
+            logs = [load(path, columns) for path in held_out]
+            judged = model_change.held_out_errors(models, logs, progress=report)
+        errors = {int(number): found for number, found in judged.items()}
+    if figure is not None:
+        names = [path.name for path in held_out]
+        model_change.staircase(line, [errors[step.number] for step in line], names, figure)
+    _show_history(told, errors, figure, as_json)
+
+
+def _show_history(
+    told: history.History, errors: dict[int, dict[str, float]], figure: Path | None, as_json: bool
+) -> None:
+    on_line = {step.number for step in told.line()}
+    if as_json:
+        steps = [vehicle_step | {"undone": n not in on_line} for n, vehicle_step in enumerate(told.as_dicts())]
+        document = {"current": told.current, "steps": steps, "errors": errors, "figure": figure and str(figure)}
+        console.show("", {}, as_json=True, document=document)
+        return
+    rows = []
+    for step in told.steps:
+        found = errors.get(step.number) or (step.held_out.after if step.held_out else {})
+        position = f"{1000 * found['position_m']:.1f}" if found else ""
+        words = step.held_out.verdict if step.held_out else ""
+        mark = "now" if step.number == told.current else "" if step.number in on_line else "undone"
+        rows.append((step.number, mark, _done(step), step.when_utc[:16], step.vehicle_hash[:8], position, words))
+    heads = (
+        "version",
+        "",
+        "made by",
+        "when (UTC)",
+        "hash",
+        f"mm at {model_change.HORIZON_S:g} s",
+        "verdict at the time",
+    )
+    console.table("history", heads, rows)
+    if figure is not None:
+        click.echo(f"figure: {figure}")
+
+
+def _change(
+    file: Path,
+    present: Vehicle,
+    changed: Vehicle,
+    what: tuple[str, str],
+    logs: tuple[tuple[Path, ...], tuple[Path, ...], Path | None],
+    preview: bool,
+    as_json: bool,
+) -> None:
+    """Refit and judge as far as flights were given; write; say."""
+    training, held_out, columns = logs
+    with console.progress() as report:
+        flights = Flights({p: load(p, columns) for p in training}, {p: load(p, columns) for p in held_out})
+        change = Change(changed, {}, None, ())
+        if training:
+            change = model_change.refitted(present, changed, flights, progress=report)
+        elif held_out:
+            change = model_change.judged(present, changed, flights, progress=report)
+    step = None if preview else history.record(file, change.vehicle, what[0], effect=what[1], held_out=change.held_out)
+    _show_change(file, present, change, what, step, as_json)
+
+
+def _show_change(
+    file: Path, present: Vehicle, change: Change, what: tuple[str, str], step: history.Step | None, as_json: bool
+) -> None:
+    words = change.held_out.verdict if change.held_out else "not judged: no held-out flight was given"
+    facts: dict[str, Any] = {"vehicle": str(file), "action": what[0], "effect": what[1], "verdict": words}
+    facts |= {"version": step.number if step else None}
+    cancelled, how = model_change.compensations(change.vehicle).get(what[1], (None, ""))
+    if as_json:
+        document = facts | {"errors": change.errors, "changes": model_change.differences(present, change.vehicle)}
+        document |= {"findings": change.findings, "compensated": cancelled, "how": how}
+        console.show("", {}, as_json=True, document=document)
+        return
+    for line in model_change.differences(present, change.vehicle):
+        click.echo(line)
+    if change.errors:
+        heads = ("model", *next(iter(change.errors.values())))
+        rows = [(model, *errors.values()) for model, errors in change.errors.items()]
+        console.table(f"held-out error after {model_change.HORIZON_S:g} s, rms", heads, rows)
+    for finding in change.findings:
+        click.echo(f"note: {finding}")
+    click.echo(f"{what[1]} {words}" if change.held_out else words)
+    if cancelled is not None:
+        click.echo(f"{'compensated' if cancelled else 'NOT compensated'} by the controller: {how}")
+    click.echo(f"written: {file}, version {step.number}" if step else "nothing was written (--preview)")
+
+
+def _done(step: history.Step) -> str:
+    return f"{step.action} {step.effect}".rstrip()
+
+
+def _ask(question: str, yes: bool, as_json: bool) -> None:
+    if yes:
+        return
+    if as_json or not sys.stdin.isatty():
+        raise click.UsageError("this changes the vehicle file; say --yes to do it, or --preview to see it")
+    click.confirm(question, abort=True, err=True)

@@ -1,0 +1,166 @@
+"""`goshawk vehicle` as a user runs it: add, judge, undo; and what did not help is said to have not helped."""
+
+import contextlib
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import vehicle
+from flight import flight_log
+from goshawk import model_change
+from goshawk.cli import main
+from vehicle import flights, manoeuvres
+
+DRAG = "rotor_drag_thrust"
+BOB = [(1.25, 1.0), (1.25, -1.0)] * 2
+
+
+def goshawk(*arguments: object, code: int = 0) -> str:
+    """What the verb says; judged by exit code, as the program would end."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), pytest.raises(SystemExit) as ended:
+        main(["vehicle", *map(str, arguments)])
+    assert ended.value.code == code, out.getvalue() + err.getvalue()
+    return out.getvalue() if code == 0 else err.getvalue()
+
+
+def told(*arguments: object) -> dict:
+    return json.loads(goshawk(*arguments, "--json"))
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory) -> Path:
+    """A truth with rotor drag, two flights of it, and a vehicle file without."""
+    folder = tmp_path_factory.mktemp("flown")
+    truth = vehicle.example()
+    rng = np.random.default_rng(5)
+    for name, size in (("a", 9.0), ("b", -7.0)):
+        weave = manoeuvres.from_legs(x=[(2.5, size), (2.5, -size)], y=[(1.0, 0.0), (2.0, 4.0), (2.0, -4.0)], z=BOB)
+        flight = flights.fly_trajectory(truth, weave)
+        flight_log.save(folder / f"{name}.parquet", flights.measure(flight, rng=rng))
+    return folder
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "kestrel.toml"
+    vehicle.save(path, vehicle.example().without_effect(DRAG))
+    return path
+
+
+def logs(flown: Path) -> tuple[object, ...]:
+    return ("--flights", flown / "a.parquet", "--held-out", flown / "b.parquet")
+
+
+def test_the_missing_effect_helps_on_a_flight_that_was_not_used_and_undo_brings_the_file_back(file, flown):
+    before = file.read_bytes()
+    found = told("add-effect", file, DRAG, *logs(flown))
+    assert found["verdict"].startswith("helped")
+    assert found["compensated"] is True
+    errors = found["errors"]
+    assert errors[model_change.AFTER]["position_m"] < 0.3 * errors[model_change.BEFORE]["position_m"]
+    learned = vehicle.load(file).parameter(f"{DRAG}.drag_s_m")
+    assert abs(learned.value - 0.0175) < 5.0 * learned.std
+    assert told("undo", file, "--yes")["restored"] == 0
+    assert file.read_bytes() == before
+
+
+def test_an_effect_that_is_not_there_is_said_not_to_help(file, flown):
+    goshawk("add-effect", file, DRAG, "drag_s_m=0.0175")
+    said = goshawk("add-effect", file, "gyroscopic_torque", *logs(flown))
+    assert "did not" in said
+    assert "NOT compensated by the controller" in said
+
+
+def test_the_history_is_a_staircase_on_any_flights(file, flown):
+    goshawk("add-effect", file, DRAG, "drag_s_m=0.0175")
+    goshawk("remove-effect", file, "parasitic_drag", "--yes")
+    picture = file.parent / "stairs.svg"
+    found = told("history", file, "--held-out", flown / "b.parquet", "--figure", picture)
+    position = [found["errors"][str(n)]["position_m"] for n in range(3)]
+    assert position[1] < position[2] < position[0]
+    assert "<svg" in picture.read_text()
+    assert [step["action"] for step in found["steps"]] == ["start", "add-effect", "remove-effect"]
+    assert "rotor_drag_thrust" in goshawk("history", file)
+
+
+def test_a_preview_writes_nothing(file):
+    before = file.read_bytes()
+    assert "nothing was written" in goshawk("add-effect", file, DRAG, "--preview")
+    assert "- effect parasitic_drag" in goshawk("remove-effect", file, "parasitic_drag", "--preview")
+    assert file.read_bytes() == before
+    assert [p.name for p in file.parent.iterdir()] == [file.name]
+
+
+def test_what_destroys_is_asked_first(file):
+    before = file.read_bytes()
+    assert "--yes" in goshawk("remove-effect", file, "parasitic_drag", code=2)
+    assert file.read_bytes() == before
+
+
+def test_show_tells_values_sources_and_what_the_controller_does(file):
+    found = told("show", file)
+    assert found["parameters"]["mass_kg"] == {
+        "value": 0.7,
+        "std": 0.0,
+        "unit": "kg",
+        "source": "Rigter et al. 2019, weighed",
+    }
+    assert all(effect["compensated"] for effect in found["effects"])
+    goshawk("add-effect", file, "gyroscopic_torque")
+    effects = {effect["name"]: effect for effect in told("show", file)["effects"]}
+    assert effects["gyroscopic_torque"]["compensated"] is False
+
+
+def test_an_effect_of_ones_own_comes_as_a_file(file):
+    (file.parent / "guard.py").write_text(OWN)
+    assert told("add-effect", file, file.parent / "guard.py", "drag_kg_m=0.03")["compensated"] is False
+    assert vehicle.load(file).value("side_guard_here.drag_kg_m") == 0.03
+    goshawk("remove-effect", file, "side_guard_here", "--yes")
+    assert vehicle.load(file).effect_files == ()
+
+
+OWN = """
+from vehicle.effects.base import Effect, Spec, Stage
+
+def apply(flow, p):
+    flow.force_n[1] -= p.drag_kg_m * flow.velocity_m_s[1]
+
+EFFECT = Effect(name="side_guard_here", number=0, stage=Stage.FORCE, apply=apply,
+    parameters=(Spec("drag_kg_m", "N s/m", prior=0.02, bounds=(0.0, 1.0)),),
+    law="F_y = -c v_y", source="here", channel="F_y", regressor="v_y", excited_by=("fast_level",))
+"""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("add-effect", "{file}", "rotor_drag"), "near it: rotor_drag_thrust"),
+        (("add-effect", "{file}", DRAG, "drag=0.1"), "it has drag_s_m"),
+        (("add-effect", "{file}", DRAG, "drag_s_m"), "NAME=VALUE"),
+        (("add-effect", "{file}", "parasitic_drag"), "already"),
+        (("remove-effect", "{file}", DRAG, "--yes"), "not active"),
+        (("undo", "{file}", "--yes"), "nothing to undo"),
+        (("show", "{folder}/none.toml"), "does not exist"),
+        (("add-effect", "{file}", DRAG, "--flights", "{a}", "--held-out", "{a}"), "cannot be both"),
+    ],
+)
+def test_mistakes_are_answered_in_one_sentence(file, flown, arguments, words):
+    said = [a.format(file=file, folder=file.parent, a=flown / "a.parquet") for a in arguments]
+    assert words in goshawk(*said, code=2)
+
+
+@pytest.mark.parametrize(
+    ("after", "words"),
+    [
+        ({"position_m": 0.5, "velocity_m_s": 1.0}, "helped: position -50%"),
+        ({"position_m": 0.995, "velocity_m_s": 1.0}, "did not help"),
+        ({"position_m": 0.9, "velocity_m_s": 1.2}, "did not clearly help"),
+        ({"position_m": 1.1, "velocity_m_s": 1.0}, "made the model worse"),
+    ],
+)
+def test_the_verdict_weighs_every_quantity(after, words):
+    assert words in model_change.verdict({"position_m": 1.0, "velocity_m_s": 1.0}, after)
