@@ -135,11 +135,18 @@ def _c_message(message: Definition) -> str:
     lines += [f"#define {upper}_ID {message.id}u", f"#define {upper}_LENGTH {message.length}u"]
     lines += [f"#define {upper}_CRC_EXTRA {message.crc_extra}u", "typedef struct {"]
     lines += [f"    {f.ctype} {f.name}{f'[{f.length}]' if f.length else ''}; /* {f.words} */" for f in message.fields]
-    lines += [f"}} {lower}_msg;", ""]
+    lines += [f"}} {lower}_msg;", "enum {"]
+    offset = 0
+    for f in message.fields:
+        lines.append(f"    {upper}_{f.name.upper()}_AT = {offset},")
+        offset += f.size
+    lines += ["};", ""]
     for verb in ("encode", "decode"):
         out = verb == "encode"
-        m, b = ("const ", "") if out else ("", "const ")
-        lines += [f"static inline void {lower}_{verb}({m}{lower}_msg *m, {b}uint8_t payload[{upper}_LENGTH])", "{"]
+        given = (
+            f"const {lower}_msg *m, uint8_t payload[{upper}_LENGTH]" if out else f"{lower}_msg *m, goshawk_payload p"
+        )
+        lines += [f"static inline void {lower}_{verb}({given})", "{"]
         offset = 0
         for field in message.fields:
             lines += _c_field(field, offset, "put" if out else "get")
@@ -153,12 +160,12 @@ def _c_field(field: Field, offset: int, verb: str) -> list[str]:
     if suffix in ("", "u"):
         suffix = f"{suffix or 'i'}{_SIZES[field.ctype] * 8}"
     size = _SIZES[field.ctype]
-    target, place = f"m->{field.name}", f"payload + {offset}"
+    target, place = f"m->{field.name}", f"payload + {offset}" if verb == "put" else f"p, {offset}u"
     loop: list[str] = []
     if field.length:
         loop = [f"    for (unsigned i = 0; i < {field.length}u; i++)"]
         target += "[i]"
-        place += f" + {size}u * i" if size > 1 else " + i"
+        place += f" + ({size}u * i)" if size > 1 else " + i"
     cast = "(char)" if field.ctype == "char" else ""
     if verb == "put":
         value = f"(int8_t){target}" if field.ctype == "char" else target
@@ -242,23 +249,33 @@ static inline void goshawk_put_f32(uint8_t *p, float v)
     memcpy(&bits, &v, sizeof bits);
     goshawk_put_u32(p, bits);
 }
-static inline uint8_t goshawk_get_u8(const uint8_t *p) { return p[0]; }
-static inline uint16_t goshawk_get_u16(const uint8_t *p) { return (uint16_t)(p[0] | (p[1] << 8)); }
-static inline uint32_t goshawk_get_u32(const uint8_t *p)
+
+/* A payload as it came. MAVLink cuts trailing zeros off, so what lies beyond its end reads as zero. */
+typedef struct {
+    const uint8_t *bytes;
+    unsigned n;
+} goshawk_payload;
+
+static inline uint8_t goshawk_get_u8(goshawk_payload p, unsigned at) { return at < p.n ? p.bytes[at] : 0u; }
+static inline uint16_t goshawk_get_u16(goshawk_payload p, unsigned at)
 {
-    return (uint32_t)goshawk_get_u16(p) | ((uint32_t)goshawk_get_u16(p + 2) << 16);
+    return (uint16_t)(goshawk_get_u8(p, at) | ((unsigned)goshawk_get_u8(p, at + 1u) << 8));
 }
-static inline uint64_t goshawk_get_u64(const uint8_t *p)
+static inline uint32_t goshawk_get_u32(goshawk_payload p, unsigned at)
 {
-    return (uint64_t)goshawk_get_u32(p) | ((uint64_t)goshawk_get_u32(p + 4) << 32);
+    return (uint32_t)goshawk_get_u16(p, at) | ((uint32_t)goshawk_get_u16(p, at + 2u) << 16);
 }
-static inline int8_t goshawk_get_i8(const uint8_t *p) { return (int8_t)goshawk_get_u8(p); }
-static inline int16_t goshawk_get_i16(const uint8_t *p) { return (int16_t)goshawk_get_u16(p); }
-static inline int32_t goshawk_get_i32(const uint8_t *p) { return (int32_t)goshawk_get_u32(p); }
-static inline int64_t goshawk_get_i64(const uint8_t *p) { return (int64_t)goshawk_get_u64(p); }
-static inline float goshawk_get_f32(const uint8_t *p)
+static inline uint64_t goshawk_get_u64(goshawk_payload p, unsigned at)
 {
-    const uint32_t bits = goshawk_get_u32(p);
+    return (uint64_t)goshawk_get_u32(p, at) | ((uint64_t)goshawk_get_u32(p, at + 4u) << 32);
+}
+static inline int8_t goshawk_get_i8(goshawk_payload p, unsigned at) { return (int8_t)goshawk_get_u8(p, at); }
+static inline int16_t goshawk_get_i16(goshawk_payload p, unsigned at) { return (int16_t)goshawk_get_u16(p, at); }
+static inline int32_t goshawk_get_i32(goshawk_payload p, unsigned at) { return (int32_t)goshawk_get_u32(p, at); }
+static inline int64_t goshawk_get_i64(goshawk_payload p, unsigned at) { return (int64_t)goshawk_get_u64(p, at); }
+static inline float goshawk_get_f32(goshawk_payload p, unsigned at)
+{
+    const uint32_t bits = goshawk_get_u32(p, at);
     float v;
     memcpy(&v, &bits, sizeof v);
     return v;

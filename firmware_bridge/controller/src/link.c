@@ -6,6 +6,7 @@
 #include "link_parts.h"
 
 #define REQUEST_MESSAGE 512u      /* MAV_CMD_REQUEST_MESSAGE */
+#define REQUEST_HOME 410u         /* MAV_CMD_GET_HOME_POSITION */
 #define REQUEST_CAPABILITIES 520u /* MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES */
 #define BURST_US 20000u           /* how much of the byte rate may be saved up */
 
@@ -17,14 +18,14 @@ void tc_link_init(tc_link* link, tc_controller* controller, const tc_link_config
     link->budget_us = now_us;
     link->telemetry.state_period_us = 20000;
     link->telemetry.transitions = controller->mission.transitions;
-    tc_signing_init(&link->signing, config->key, config->start_10us);
+    tc_signing_init(&link->signing, link->config.key, config->start_10us);
 }
 
 static bool lease_holds(const tc_link* link, uint64_t now_us) {
     return link->lease.system_id != 0u && now_us < link->lease.until_us;
 }
 
-static void on_lease(tc_link* link, const link_sender* from, const uint8_t* payload) {
+static void on_lease(tc_link* link, const link_sender* from, goshawk_payload payload) {
     goshawk_lease_request_msg m;
     goshawk_lease_request_decode(&m, payload);
     const bool may_take = from->in_control || !lease_holds(link, from->now_us);
@@ -75,7 +76,7 @@ static uint8_t do_order(tc_link* link, const goshawk_mission_command_msg* m) {
     return (uint8_t)tc_do(link->controller, (tc_command)m->command, m->value);
 }
 
-static void on_order(tc_link* link, const link_sender* from, const uint8_t* payload) {
+static void on_order(tc_link* link, const link_sender* from, goshawk_payload payload) {
     goshawk_mission_command_msg m;
     goshawk_mission_command_decode(&m, payload);
     if (m.request_id == 0u) {
@@ -98,18 +99,24 @@ static void on_order(tc_link* link, const link_sender* from, const uint8_t* payl
     link->order.reason = do_order(link, &m);
 }
 
-static void on_command_long(tc_link* link, const uint8_t* payload) {
+/* Whether it is a request for the message whose id follows `below`. */
+static bool asks_for(const command_long_msg* m, float below) {
+    return m->command == REQUEST_MESSAGE && m->param1 > below && m->param1 < below + 1.0f;
+}
+
+static void on_command_long(tc_link* link, goshawk_payload payload) {
     command_long_msg m;
     command_long_decode(&m, payload);
-    const bool version =
-        m.command == REQUEST_CAPABILITIES || (m.command == REQUEST_MESSAGE && m.param1 > 147.5f && m.param1 < 148.5f);
+    const bool version = m.command == REQUEST_CAPABILITIES || asks_for(&m, 147.5f);
+    const bool home = m.command == REQUEST_HOME || asks_for(&m, 241.5f);
     link->telemetry.version = link->telemetry.version || version;
+    link->telemetry.home = link->telemetry.home || home;
     link->command_long = m.command;
-    link->command_long_result = version ? 0u : 3u;
+    link->command_long_result = version || home ? 0u : 3u;
     link->command_ack = true;
 }
 
-static void on_timesync(tc_link* link, const uint8_t* payload) {
+static void on_timesync(tc_link* link, goshawk_payload payload) {
     timesync_msg m;
     timesync_decode(&m, payload);
     if (m.tc1 == 0) {
@@ -118,7 +125,7 @@ static void on_timesync(tc_link* link, const uint8_t* payload) {
     }
 }
 
-static void dispatch(tc_link* link, const link_sender* from, uint32_t id, const uint8_t* payload) {
+static void dispatch(tc_link* link, const link_sender* from, uint32_t id, goshawk_payload payload) {
     switch (id) {
         case GOSHAWK_LEASE_REQUEST_ID:
             on_lease(link, from, payload);
@@ -176,8 +183,9 @@ static bool is_for_us(const tc_link* link, const tc_frame* frame) {
     if (at == GOSHAWK_NO_TARGET) {
         return true;
     }
-    const uint8_t system_id = frame->payload[at];
-    const uint8_t component_id = frame->payload[at + 1u];
+    const goshawk_payload payload = {frame->payload, frame->payload_length};
+    const uint8_t system_id = goshawk_get_u8(payload, at);
+    const uint8_t component_id = goshawk_get_u8(payload, at + 1u);
     return (system_id == 0u || system_id == link->config.system_id) &&
            (component_id == 0u || component_id == link->config.component_id);
 }
@@ -219,7 +227,8 @@ void tc_link_receive(tc_link* link, const uint8_t* bytes, size_t n, bool datagra
             link->lease.heard_us = now_us;
         }
         link->counts.accepted++;
-        dispatch(link, &from, frame.id, frame.payload);
+        const goshawk_payload payload = {frame.payload, frame.payload_length};
+        dispatch(link, &from, frame.id, payload);
     }
     if (datagram) {
         tc_parser_flush(&link->parser);
@@ -339,7 +348,7 @@ size_t tc_link_transmit(tc_link* link, uint8_t frame[TC_FRAME_MAX], uint64_t now
     if (link->budget_bytes < 0) {
         return 0;
     }
-    uint8_t payload[TC_PAYLOAD_MAX];
+    uint8_t* payload = frame + TC_FRAME_HEADER; /* where it belongs */
     uint32_t id = 0;
     const unsigned length = next_payload(link, now_us, payload, &id);
     if (length == 0u) {

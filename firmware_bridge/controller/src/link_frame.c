@@ -5,7 +5,7 @@
 #include "goshawk_dialect.h"
 
 #define MAGIC 0xFDu
-#define HEADER 10u
+#define HEADER TC_FRAME_HEADER
 #define SIGNED_FLAG 0x01u
 #define SIGNATURE 13u
 #define LATE_10US 100000u /* 1 s */
@@ -18,6 +18,10 @@ uint16_t tc_crc16(uint16_t crc, const uint8_t* bytes, size_t n) {
     }
     return crc;
 }
+
+static unsigned get_u16(const uint8_t* b) { return (unsigned)b[0] | ((unsigned)b[1] << 8); }
+
+static uint32_t get_u24(const uint8_t* b) { return (uint32_t)get_u16(b) | ((uint32_t)b[2] << 16); }
 
 static void drop(tc_parser* parser, unsigned n) {
     parser->filled = (uint16_t)(parser->filled - n);
@@ -35,8 +39,7 @@ static unsigned frame_length(tc_parser* parser) {
     if (parser->filled < HEADER) {
         return 1;
     }
-    const uint32_t id = (uint32_t)b[7] | ((uint32_t)b[8] << 8) | ((uint32_t)b[9] << 16);
-    if ((b[2] & ~SIGNED_FLAG) != 0u || goshawk_dialect_find(id, &crc_extra) == 0u) {
+    if ((b[2] & ~SIGNED_FLAG) != 0u || goshawk_dialect_find(get_u24(b + 7), &crc_extra) == 0u) {
         parser->unknown++;
         return 0;
     }
@@ -47,23 +50,23 @@ static bool checksum_fits(const uint8_t* b, uint32_t id) {
     uint8_t crc_extra;
     (void)goshawk_dialect_find(id, &crc_extra);
     const uint16_t crc = tc_crc16(tc_crc16(0xFFFFu, b + 1, HEADER - 1u + b[1]), &crc_extra, 1);
-    return crc == goshawk_get_u16(b + HEADER + b[1]);
+    return crc == get_u16(b + HEADER + b[1]);
 }
 
 static void read_frame(const uint8_t* b, unsigned length, tc_frame* frame) {
     memset(frame, 0, sizeof *frame);
+    frame->payload = b + HEADER;
+    frame->payload_length = b[1];
     frame->raw_length = (uint16_t)length;
     frame->is_signed = (b[2] & SIGNED_FLAG) != 0u;
     frame->sequence = b[4];
     frame->system_id = b[5];
     frame->component_id = b[6];
-    frame->id = (uint32_t)b[7] | ((uint32_t)b[8] << 8) | ((uint32_t)b[9] << 16);
-    memcpy(frame->payload, b + HEADER, b[1]);
+    frame->id = get_u24(b + 7);
     if (frame->is_signed) {
         const uint8_t* s = b + length - SIGNATURE;
         frame->link_id = s[0];
-        frame->timestamp_10us = (uint64_t)goshawk_get_u32(s + 1) | ((uint64_t)goshawk_get_u16(s + 5) << 32);
-        memcpy(frame->signature, s + 7, sizeof frame->signature);
+        frame->timestamp_10us = (uint64_t)get_u24(s + 1) | ((uint64_t)get_u24(s + 4) << 24);
     }
 }
 
@@ -102,7 +105,7 @@ void tc_parser_flush(tc_parser* parser) {
 
 void tc_signing_init(tc_signing* signing, const uint8_t key[TC_KEY_BYTES], uint64_t start_10us) {
     memset(signing, 0, sizeof *signing);
-    memcpy(signing->key, key, TC_KEY_BYTES);
+    signing->key = key;
     signing->now_10us = start_10us;
     signing->start_10us = start_10us;
 }
@@ -116,19 +119,38 @@ static void sign(const tc_signing* signing, const uint8_t* raw, size_t n, uint8_
     tc_sha256_final(&hash, digest);
 }
 
-/* The stream of a frame: its own, else a free one, else NULL. */
+static bool is_stream_of(const tc_stream* stream, const tc_frame* frame) {
+    return stream->count != 0u && stream->system_id == frame->system_id &&
+           stream->component_id == frame->component_id && stream->link_id == frame->link_id;
+}
+
+/* The stream of a frame; else the one that makes room for it: a free one (its newest stamp is 0), or the most silent.
+ */
 static tc_stream* find_stream(tc_signing* signing, const tc_frame* frame) {
-    tc_stream* found = NULL;
+    tc_stream* quietest = &signing->streams[0];
     for (unsigned i = 0; i < TC_STREAMS; i++) {
         tc_stream* stream = &signing->streams[i];
-        if (stream->count == 0u) {
-            found = found == NULL ? stream : found;
-        } else if (stream->system_id == frame->system_id && stream->component_id == frame->component_id &&
-                   stream->link_id == frame->link_id) {
+        if (is_stream_of(stream, frame)) {
             return stream;
         }
+        if (stream->newest_10us < quietest->newest_10us) {
+            quietest = stream;
+        }
     }
-    return found;
+    return quietest;
+}
+
+/* Gives the stream to a new sender. What the one before sent is older than the new start. */
+static void hand_over(tc_signing* signing, tc_stream* stream, const tc_frame* frame) {
+    if (stream->newest_10us > signing->start_10us) {
+        signing->start_10us = stream->newest_10us;
+    }
+    memset(stream, 0, sizeof *stream);
+    stream->floor_10us = signing->start_10us;
+    stream->newest_10us = signing->start_10us;
+    stream->system_id = frame->system_id;
+    stream->component_id = frame->component_id;
+    stream->link_id = frame->link_id;
 }
 
 static bool is_new(const tc_stream* stream, uint64_t stamp_10us) {
@@ -177,25 +199,21 @@ tc_signature tc_signing_check(tc_signing* signing, const tc_frame* frame, const 
     sign(signing, raw, frame->raw_length - 6u, digest);
     unsigned difference = 0; /* all six bytes are always compared, so that the time taken tells nothing */
     for (unsigned i = 0; i < 6u; i++) {
-        difference |= (unsigned)(digest[i] ^ frame->signature[i]);
+        difference |= (unsigned)digest[i] ^ (unsigned)raw[frame->raw_length - 6u + i];
     }
     if (difference != 0u) {
         return TC_SIGNATURE_WRONG;
     }
     tc_stream* stream = find_stream(signing, frame);
-    if (stream == NULL) {
-        return TC_SIGNATURE_TOO_MANY_STREAMS;
-    }
-    if (stream->count == 0u) {
-        stream->floor_10us = signing->start_10us;
-        stream->newest_10us = signing->start_10us;
-    }
-    if (!is_new(stream, frame->timestamp_10us)) {
+    if (is_stream_of(stream, frame)) {
+        if (!is_new(stream, frame->timestamp_10us)) {
+            return TC_SIGNATURE_REPLAYED;
+        }
+    } else if (frame->timestamp_10us > signing->start_10us && frame->timestamp_10us > stream->newest_10us) {
+        hand_over(signing, stream, frame);
+    } else {
         return TC_SIGNATURE_REPLAYED;
     }
-    stream->system_id = frame->system_id;
-    stream->component_id = frame->component_id;
-    stream->link_id = frame->link_id;
     remember(stream, frame->timestamp_10us);
     if (frame->timestamp_10us > signing->now_10us) {
         signing->now_10us = frame->timestamp_10us;
@@ -220,7 +238,7 @@ size_t tc_frame_build(uint8_t out[TC_FRAME_MAX], uint32_t id, const uint8_t* pay
     out[7] = (uint8_t)(id & 0xFFu);
     out[8] = (uint8_t)((id >> 8) & 0xFFu);
     out[9] = (uint8_t)((id >> 16) & 0xFFu);
-    memcpy(out + HEADER, payload, length);
+    memmove(out + HEADER, payload, length);
     size_t n = HEADER + length;
     goshawk_put_u16(out + n, tc_crc16(tc_crc16(0xFFFFu, out + 1, n - 1u), &crc_extra, 1));
     n += 2u;

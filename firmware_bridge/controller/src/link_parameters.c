@@ -7,7 +7,7 @@
 
 static unsigned groups(void) { return (tc_parameters_count() + TC_LINK_GROUP - 1u) / TC_LINK_GROUP; }
 
-void link_on_parameter_request(tc_link* link, const uint8_t* payload) {
+void link_on_parameter_request(tc_link* link, goshawk_payload payload) {
     param_request_read_msg m;
     param_request_read_decode(&m, payload);
     char name[TC_PARAMETER_NAME_SIZE];
@@ -20,17 +20,31 @@ void link_on_parameter_request(tc_link* link, const uint8_t* payload) {
     }
 }
 
-void link_on_parameters_stage(tc_link* link, const link_sender* from, const uint8_t* payload) {
-    goshawk_parameters_stage_msg m;
-    goshawk_parameters_stage_decode(&m, payload);
-    if (m.transfer_id == 0u || m.transfer_id == link->parameters.done_id) {
+static void take_group(tc_link* link, unsigned group, goshawk_payload payload) {
+    const unsigned first = group * TC_LINK_GROUP;
+    for (unsigned i = 0; i < TC_LINK_GROUP && first + i < tc_parameters_count(); i++) {
+        const uint16_t index = (uint16_t)(first + i);
+        const float value = goshawk_get_f32(payload, GOSHAWK_PARAMETERS_STAGE_VALUES_AT + 4u * i);
+        const tc_reason reason = tc_parameters_put(&link->parameters.staged, index, value);
+        if (reason != TC_OK && link->parameters.reason == (uint8_t)TC_OK) {
+            link->parameters.reason = (uint8_t)reason;
+            link->parameters.index = index;
+        }
+    }
+    link->parameters.groups = (uint8_t)(link->parameters.groups | (1u << group));
+}
+
+void link_on_parameters_stage(tc_link* link, const link_sender* from, goshawk_payload payload) {
+    const uint32_t transfer_id = goshawk_get_u32(payload, GOSHAWK_PARAMETERS_STAGE_TRANSFER_ID_AT);
+    const unsigned group = goshawk_get_u8(payload, GOSHAWK_PARAMETERS_STAGE_GROUP_AT);
+    if (transfer_id == 0u || transfer_id == link->parameters.done_id) {
         return;
     }
-    if (m.transfer_id != link->parameters.transfer_id) {
+    if (transfer_id != link->parameters.transfer_id) {
         if (!from->in_control) {
             return;
         }
-        link->parameters.transfer_id = m.transfer_id;
+        link->parameters.transfer_id = transfer_id;
         link->parameters.staged = *tc_parameters_now(link->controller);
         link->parameters.groups = 0;
         link->parameters.reason = TC_OK;
@@ -38,19 +52,9 @@ void link_on_parameters_stage(tc_link* link, const link_sender* from, const uint
     }
     link->parameters.committed = false;
     link->parameters.answer = true;
-    if (m.group >= groups() || link->parameters.reason != (uint8_t)TC_OK) {
-        return;
+    if (group < groups() && link->parameters.reason == (uint8_t)TC_OK) {
+        take_group(link, group, payload);
     }
-    const unsigned first = m.group * TC_LINK_GROUP;
-    for (unsigned i = 0; i < TC_LINK_GROUP && first + i < tc_parameters_count(); i++) {
-        const uint16_t index = (uint16_t)(first + i);
-        const tc_reason reason = tc_parameters_put(&link->parameters.staged, index, m.values[i]);
-        if (reason != TC_OK && link->parameters.reason == (uint8_t)TC_OK) {
-            link->parameters.reason = (uint8_t)reason;
-            link->parameters.index = index;
-        }
-    }
-    link->parameters.groups = (uint8_t)(link->parameters.groups | (1u << m.group));
 }
 
 static tc_reason commit(tc_link* link, uint32_t crc32) {
@@ -66,7 +70,7 @@ static tc_reason commit(tc_link* link, uint32_t crc32) {
     return tc_parameters_set(link->controller, &link->parameters.staged);
 }
 
-void link_on_parameters_commit(tc_link* link, const link_sender* from, const uint8_t* payload) {
+void link_on_parameters_commit(tc_link* link, const link_sender* from, goshawk_payload payload) {
     goshawk_parameters_commit_msg m;
     goshawk_parameters_commit_decode(&m, payload);
     if (m.transfer_id == 0u || !from->in_control) {

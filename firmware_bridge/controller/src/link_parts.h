@@ -13,15 +13,15 @@ typedef struct {
 } link_sender;
 
 /* Receivers: one per message that asks for something. */
-void link_on_begin(tc_link* link, const link_sender* from, const uint8_t* payload);
-void link_on_segment(tc_link* link, const link_sender* from, const uint8_t* payload);
-void link_on_samples(tc_link* link, const link_sender* from, const uint8_t* payload);
-void link_on_commit(tc_link* link, const link_sender* from, const uint8_t* payload);
-void link_on_read(tc_link* link, const uint8_t* payload);
-void link_on_parameters_stage(tc_link* link, const link_sender* from, const uint8_t* payload);
-void link_on_parameters_commit(tc_link* link, const link_sender* from, const uint8_t* payload);
-void link_on_parameter_request(tc_link* link, const uint8_t* payload);
-void link_on_log_request(tc_link* link, const uint8_t* payload);
+void link_on_begin(tc_link* link, const link_sender* from, goshawk_payload payload);
+void link_on_segment(tc_link* link, const link_sender* from, goshawk_payload payload);
+void link_on_samples(tc_link* link, const link_sender* from, goshawk_payload payload);
+void link_on_commit(tc_link* link, const link_sender* from, goshawk_payload payload);
+void link_on_read(tc_link* link, goshawk_payload payload);
+void link_on_parameters_stage(tc_link* link, const link_sender* from, goshawk_payload payload);
+void link_on_parameters_commit(tc_link* link, const link_sender* from, goshawk_payload payload);
+void link_on_parameter_request(tc_link* link, goshawk_payload payload);
+void link_on_log_request(tc_link* link, goshawk_payload payload);
 
 /* Senders: fill `payload`, set `id`, return the length; 0 when there is nothing to say. */
 unsigned link_send_upload(tc_link* link, uint64_t now_us, uint8_t payload[TC_PAYLOAD_MAX], uint32_t* id);
@@ -30,8 +30,8 @@ unsigned link_send_parameters(tc_link* link, uint8_t payload[TC_PAYLOAD_MAX], ui
 unsigned link_send_log(tc_link* link, uint8_t payload[TC_PAYLOAD_MAX], uint32_t* id);
 unsigned link_send_telemetry(tc_link* link, uint64_t now_us, uint8_t payload[TC_PAYLOAD_MAX], uint32_t* id);
 
-/* Notes a request for pieces; false when it asks for none. */
-bool link_want(tc_link_wanted* wanted, uint32_t first, const uint8_t bits[TC_LINK_WANTED]);
+/* Notes a request for pieces, whose bits lie at `bits_at`; false when it asks for none. */
+bool link_want(tc_link_wanted* wanted, uint32_t first, goshawk_payload payload, unsigned bits_at);
 /* Takes the next piece that was asked for and exists; `count` when there is none. */
 uint32_t link_take(tc_link_wanted* wanted, uint32_t count);
 

@@ -15,16 +15,13 @@ static const uint32_t K[64] = {
 
 static uint32_t rotate(uint32_t x, unsigned n) { return (x >> n) | (x << (32u - n)); }
 
-/* One block. The message schedule lives in a ring of 16 words, so that the stack stays small. */
-static void compress(uint32_t state[8], const uint8_t block[64]) {
-    uint32_t w[16];
+/* One block, whose message schedule is a ring of 16 words in its own place: so the stack stays small. */
+static void compress(tc_sha256* hash) {
+    uint32_t* w = hash->block;
     uint32_t s[8];
-    memcpy(s, state, sizeof s);
+    memcpy(s, hash->state, sizeof s);
     for (unsigned t = 0; t < 64u; t++) {
-        if (t < 16u) {
-            const uint8_t* p = block + 4u * t;
-            w[t] = ((uint32_t)p[0] << 24) | ((uint32_t)p[1] << 16) | ((uint32_t)p[2] << 8) | (uint32_t)p[3];
-        } else {
+        if (t >= 16u) {
             const uint32_t a = w[(t + 1u) & 15u];
             const uint32_t b = w[(t + 14u) & 15u];
             w[t & 15u] += (rotate(a, 7) ^ rotate(a, 18) ^ (a >> 3)) + w[(t + 9u) & 15u] +
@@ -40,7 +37,7 @@ static void compress(uint32_t state[8], const uint8_t block[64]) {
         s[0] = t1 + big_0 + majority;
     }
     for (unsigned i = 0; i < 8u; i++) {
-        state[i] += s[i];
+        hash->state[i] += s[i];
     }
 }
 
@@ -52,32 +49,26 @@ void tc_sha256_init(tc_sha256* hash) {
 }
 
 void tc_sha256_update(tc_sha256* hash, const uint8_t* bytes, size_t n) {
-    while (n > 0u) {
-        const size_t used = (size_t)(hash->length % 64u);
-        const size_t take = n < 64u - used ? n : 64u - used;
-        memcpy(hash->block + used, bytes, take);
-        hash->length += take;
-        bytes += take;
-        n -= take;
-        if (used + take == 64u) {
-            compress(hash->state, hash->block);
+    for (size_t i = 0; i < n; i++) {
+        const size_t at = (size_t)(hash->length % 64u);
+        hash->block[at / 4u] = (hash->block[at / 4u] << 8) | bytes[i]; /* four of them push out what was there */
+        hash->length++;
+        if (at == 63u) {
+            compress(hash);
         }
     }
 }
 
 void tc_sha256_final(tc_sha256* hash, uint8_t digest[32]) {
+    static const uint8_t mark = 0x80u, nothing = 0u;
     const uint64_t bits = hash->length * 8u;
-    const size_t used = (size_t)(hash->length % 64u);
-    memset(hash->block + used, 0, 64u - used);
-    hash->block[used] = 0x80u;
-    if (used >= 56u) {
-        compress(hash->state, hash->block);
-        memset(hash->block, 0, 64u);
+    tc_sha256_update(hash, &mark, 1);
+    while (hash->length % 64u != 56u) {
+        tc_sha256_update(hash, &nothing, 1);
     }
-    for (unsigned i = 0; i < 8u; i++) {
-        hash->block[63u - i] = (uint8_t)((bits >> (8u * i)) & 0xFFu);
-    }
-    compress(hash->state, hash->block);
+    hash->block[14] = (uint32_t)(bits >> 32);
+    hash->block[15] = (uint32_t)(bits & 0xFFFFFFFFu);
+    compress(hash);
     for (unsigned i = 0; i < 32u; i++) {
         digest[i] = (uint8_t)((hash->state[i / 4u] >> (24u - 8u * (i % 4u))) & 0xFFu);
     }

@@ -1,15 +1,18 @@
 /* What the vehicle tells unasked, and the on-board log, whose records are the same bytes. */
+#include <math.h>
 #include <string.h>
 
 #include "link_parts.h"
 
 #define HEARTBEAT_US 1000000u
 #define STATUS_US 200000u   /* GOSHAWK_MISSION_STATUS */
-#define STANDARD_US 50000u  /* ATTITUDE_QUATERNION, LOCAL_POSITION_NED */
+#define STANDARD_US 50000u  /* ATTITUDE_QUATERNION, LOCAL_POSITION_NED; every other time ODOMETRY */
 #define SLOW_US 500000u     /* ESC_STATUS, BATTERY_STATUS */
-#define VERSION_US 5000000u /* AUTOPILOT_VERSION */
+#define VERSION_US 5000000u /* AUTOPILOT_VERSION, HOME_POSITION */
+#define FRAME_LOCAL_FRD 20u
+#define FRAME_BODY_FRD 12u
 
-enum { DUE_ATTITUDE = 1, DUE_POSITION = 2, DUE_ESC = 4, DUE_BATTERY = 8 };
+enum { DUE_ATTITUDE = 1, DUE_POSITION = 2, DUE_ESC = 4, DUE_BATTERY = 8, DUE_ODOMETRY = 16 };
 
 /* When the next one of a series is due. A late one is not made up for. */
 static bool due(uint64_t* next_us, uint64_t now_us, uint32_t period_us) {
@@ -83,10 +86,15 @@ void link_telemetry_update(tc_link* link, const tc_link_measured* measured, uint
         link->telemetry.state_ready = true;
     }
     if (due(&link->telemetry.standard_due_us, vehicle_us, STANDARD_US)) {
-        link->telemetry.standard |= DUE_ATTITUDE | DUE_POSITION;
+        const bool second = (link->telemetry.standard_due_us / STANDARD_US) % 2u == 0u;
+        link->telemetry.standard |= DUE_ATTITUDE | DUE_POSITION | (second ? DUE_ODOMETRY : 0);
     }
     if (due(&link->telemetry.slow_due_us, vehicle_us, SLOW_US)) {
         link->telemetry.standard |= DUE_ESC | DUE_BATTERY;
+    }
+    if (!tc_mission_in_air(link->controller->mission.state)) {
+        memcpy(link->telemetry.home_world_m, link->controller->telemetry.estimate.position_world_m,
+               sizeof link->telemetry.home_world_m);
     }
     if (link->telemetry.transitions != link->controller->mission.transitions) {
         link->telemetry.transitions = link->controller->mission.transitions;
@@ -166,33 +174,62 @@ static unsigned send_version(tc_link* link, uint8_t* payload, uint32_t* id) {
     return AUTOPILOT_VERSION_LENGTH;
 }
 
-/* Our axes to MAVLink's (NED from world, FRD from body): a half turn about x. */
-static void flip(const float v[3], float* x, float* y, float* z) {
-    *x = v[0];
-    *y = -v[1];
-    *z = -v[2];
+/* Three of our numbers as MAVLink's (NED from world, FRD from body: a half turn about x), at a place of the payload. */
+static void put_flipped(uint8_t* payload, unsigned at, const float v[3]) {
+    goshawk_put_f32(payload + at, v[0]);
+    goshawk_put_f32(payload + at + 4u, -v[1]);
+    goshawk_put_f32(payload + at + 8u, -v[2]);
 }
 
 static unsigned send_attitude(const tc_telemetry* t, uint8_t* payload, uint32_t* id) {
-    attitude_quaternion_msg m;
-    memset(&m, 0, sizeof m);
-    m.time_boot_ms = (uint32_t)(t->time_us / 1000u);
-    m.q1 = t->estimate.q_world_body[0];
-    flip(&t->estimate.q_world_body[1], &m.q2, &m.q3, &m.q4);
-    flip(t->estimate.rate_body_rad_s, &m.rollspeed, &m.pitchspeed, &m.yawspeed);
-    attitude_quaternion_encode(&m, payload);
+    memset(payload, 0, ATTITUDE_QUATERNION_LENGTH);
+    goshawk_put_u32(payload + ATTITUDE_QUATERNION_TIME_BOOT_MS_AT, (uint32_t)(t->time_us / 1000u));
+    goshawk_put_f32(payload + ATTITUDE_QUATERNION_Q1_AT, t->estimate.q_world_body[0]);
+    put_flipped(payload, ATTITUDE_QUATERNION_Q2_AT, &t->estimate.q_world_body[1]);
+    put_flipped(payload, ATTITUDE_QUATERNION_ROLLSPEED_AT, t->estimate.rate_body_rad_s);
     *id = ATTITUDE_QUATERNION_ID;
     return ATTITUDE_QUATERNION_LENGTH;
 }
 
 static unsigned send_position(const tc_telemetry* t, uint8_t* payload, uint32_t* id) {
-    local_position_ned_msg m;
-    m.time_boot_ms = (uint32_t)(t->time_us / 1000u);
-    flip(t->estimate.position_world_m, &m.x, &m.y, &m.z);
-    flip(t->estimate.velocity_world_m_s, &m.vx, &m.vy, &m.vz);
-    local_position_ned_encode(&m, payload);
+    goshawk_put_u32(payload + LOCAL_POSITION_NED_TIME_BOOT_MS_AT, (uint32_t)(t->time_us / 1000u));
+    put_flipped(payload, LOCAL_POSITION_NED_X_AT, t->estimate.position_world_m);
+    put_flipped(payload, LOCAL_POSITION_NED_VX_AT, t->estimate.velocity_world_m_s);
     *id = LOCAL_POSITION_NED_ID;
     return LOCAL_POSITION_NED_LENGTH;
+}
+
+/* Straight into the payload: the message's struct has 240 bytes, most of them covariances that nobody knows. */
+static unsigned send_odometry(const tc_controller* c, uint8_t* payload, uint32_t* id) {
+    const tc_estimate* e = &c->telemetry.estimate;
+    float along[3];
+    for (unsigned i = 0; i < 3u; i++) {
+        along[i] = c->axes[i][0] * e->velocity_world_m_s[0] + c->axes[i][1] * e->velocity_world_m_s[1] +
+                   c->axes[i][2] * e->velocity_world_m_s[2];
+    }
+    memset(payload, 0, ODOMETRY_LENGTH);
+    goshawk_put_u64(payload + ODOMETRY_TIME_USEC_AT, c->telemetry.time_us);
+    put_flipped(payload, ODOMETRY_X_AT, e->position_world_m);
+    goshawk_put_f32(payload + ODOMETRY_Q_AT, e->q_world_body[0]);
+    put_flipped(payload, ODOMETRY_Q_AT + 4u, &e->q_world_body[1]);
+    put_flipped(payload, ODOMETRY_VX_AT, along);
+    put_flipped(payload, ODOMETRY_ROLLSPEED_AT, e->rate_body_rad_s);
+    goshawk_put_f32(payload + ODOMETRY_POSE_COVARIANCE_AT, NAN);
+    goshawk_put_f32(payload + ODOMETRY_VELOCITY_COVARIANCE_AT, NAN);
+    payload[ODOMETRY_FRAME_ID_AT] = FRAME_LOCAL_FRD;
+    payload[ODOMETRY_CHILD_FRAME_ID_AT] = FRAME_BODY_FRD;
+    *id = ODOMETRY_ID;
+    return ODOMETRY_LENGTH;
+}
+
+static unsigned send_home(tc_link* link, uint8_t* payload, uint32_t* id) {
+    memset(payload, 0, HOME_POSITION_LENGTH);
+    put_flipped(payload, HOME_POSITION_X_AT, link->telemetry.home_world_m);
+    goshawk_put_f32(payload + HOME_POSITION_Q_AT, 1.0f);
+    goshawk_put_u64(payload + HOME_POSITION_TIME_USEC_AT, link->controller->telemetry.time_us);
+    link->telemetry.home = false;
+    *id = HOME_POSITION_ID;
+    return HOME_POSITION_LENGTH;
 }
 
 static unsigned send_esc(tc_link* link, uint8_t* payload, uint32_t* id) {
@@ -239,6 +276,8 @@ static unsigned send_standard(tc_link* link, uint8_t* payload, uint32_t* id) {
             return send_position(t, payload, id);
         case DUE_ESC:
             return send_esc(link, payload, id);
+        case DUE_ODOMETRY:
+            return send_odometry(link->controller, payload, id);
         default:
             return send_battery(t, payload, id);
     }
@@ -261,15 +300,18 @@ unsigned link_send_telemetry(tc_link* link, uint64_t now_us, uint8_t payload[TC_
         return send_text(link, payload, id);
     }
     if (link->telemetry.version || due(&link->telemetry.version_us, now_us, VERSION_US)) {
+        link->telemetry.home = link->telemetry.home || !link->telemetry.version; /* the regular one brings its fellow */
         return send_version(link, payload, id);
+    }
+    if (link->telemetry.home) {
+        return send_home(link, payload, id);
     }
     return link->telemetry.standard != 0u ? send_standard(link, payload, id) : 0u;
 }
 
-void link_on_log_request(tc_link* link, const uint8_t* payload) {
-    goshawk_log_request_msg m;
-    goshawk_log_request_decode(&m, payload);
-    link->log.info = !link_want(&link->log.wanted, m.first, m.wanted);
+void link_on_log_request(tc_link* link, goshawk_payload payload) {
+    const uint32_t first = goshawk_get_u32(payload, GOSHAWK_LOG_REQUEST_FIRST_AT);
+    link->log.info = !link_want(&link->log.wanted, first, payload, GOSHAWK_LOG_REQUEST_WANTED_AT);
 }
 
 static unsigned send_log_info(tc_link* link, uint8_t* payload, uint32_t* id) {

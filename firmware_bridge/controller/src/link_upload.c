@@ -10,7 +10,7 @@
 
 _Static_assert(TC_MAX_SEGMENTS <= 1024, "the report's bitmap holds 1024 segments");
 
-void link_on_begin(tc_link* link, const link_sender* from, const uint8_t* payload) {
+void link_on_begin(tc_link* link, const link_sender* from, goshawk_payload payload) {
     goshawk_trajectory_begin_msg m;
     goshawk_trajectory_begin_decode(&m, payload);
     if (m.transfer_id == 0u) {
@@ -69,24 +69,32 @@ static bool complete(const tc_link* link) {
            (link->upload.samples || link->upload.samples_wanted == 0u);
 }
 
-void link_on_segment(tc_link* link, const link_sender* from, const uint8_t* payload) {
-    goshawk_trajectory_segment_msg m;
-    goshawk_trajectory_segment_decode(&m, payload);
-    if (!belongs(link, from, m.transfer_id)) {
-        return;
-    }
-    link->upload.last_index = m.index;
-    if (link->upload.reason != 0u || tc_store_has_segment(&link->controller->store, m.index)) {
-        return;
-    }
-    tc_segment segment;
-    segment.duration_us = m.duration_us;
+/* Coefficients travel by power, so that the highest can be left out; they are stored by axis. */
+static void take_segment(tc_segment* segment, goshawk_payload payload) {
+    segment->duration_us = goshawk_get_u32(payload, GOSHAWK_TRAJECTORY_SEGMENT_DURATION_US_AT);
     for (unsigned axis = 0; axis < TC_AXES; axis++) {
         for (unsigned k = 0; k < TC_MAX_COEFFICIENTS; k++) {
-            segment.coefficient[axis][k] = m.coefficients[TC_AXES * k + axis];
+            const unsigned at = GOSHAWK_TRAJECTORY_SEGMENT_COEFFICIENTS_AT + 4u * (TC_AXES * k + axis);
+            segment->coefficient[axis][k] = goshawk_get_f32(payload, at);
         }
     }
-    const tc_reason reason = tc_upload_segment(link->controller, m.index, &segment);
+}
+
+void link_on_segment(tc_link* link, const link_sender* from, goshawk_payload payload) {
+    const uint16_t index = goshawk_get_u16(payload, GOSHAWK_TRAJECTORY_SEGMENT_INDEX_AT);
+    if (!belongs(link, from, goshawk_get_u32(payload, GOSHAWK_TRAJECTORY_SEGMENT_TRANSFER_ID_AT))) {
+        return;
+    }
+    link->upload.last_index = index;
+    if (link->upload.reason != 0u || tc_store_has_segment(&link->controller->store, index)) {
+        return;
+    }
+    tc_segment* place = tc_upload_place(link->controller, index);
+    tc_reason reason = index >= link->upload.header.segment_count ? TC_SEGMENT_INDEX : TC_NO_UPLOAD;
+    if (place != NULL) { /* straight into the staged slot: a copy would cost 200 bytes of stack */
+        take_segment(place, payload);
+        reason = tc_upload_segment(link->controller, index, place);
+    }
     if (reason == TC_OK) {
         link->upload.received++;
     } else {
@@ -95,17 +103,19 @@ void link_on_segment(tc_link* link, const link_sender* from, const uint8_t* payl
     link->upload.answer = link->upload.answer || reason != TC_OK || complete(link);
 }
 
-void link_on_samples(tc_link* link, const link_sender* from, const uint8_t* payload) {
-    goshawk_trajectory_samples_msg m;
-    goshawk_trajectory_samples_decode(&m, payload);
-    if (!belongs(link, from, m.transfer_id) || link->upload.samples || link->upload.reason != 0u) {
+void link_on_samples(tc_link* link, const link_sender* from, goshawk_payload payload) {
+    const bool ours = belongs(link, from, goshawk_get_u32(payload, GOSHAWK_TRAJECTORY_SAMPLES_TRANSFER_ID_AT));
+    if (!ours || link->upload.samples || link->upload.reason != 0u) {
         return;
     }
     tc_reason reason = TC_OK;
     for (unsigned i = 0; i < link->upload.samples_wanted && i < TC_MAX_SAMPLES && reason == TC_OK; i++) {
         tc_trajectory_sample sample;
-        sample.time_us = m.sample_us[i];
-        memcpy(sample.value, &m.values[TC_AXES * i], sizeof sample.value);
+        sample.time_us = goshawk_get_u32(payload, GOSHAWK_TRAJECTORY_SAMPLES_SAMPLE_US_AT + 4u * i);
+        for (unsigned axis = 0; axis < TC_AXES; axis++) {
+            const unsigned at = GOSHAWK_TRAJECTORY_SAMPLES_VALUES_AT + 4u * (TC_AXES * i + axis);
+            sample.value[axis] = goshawk_get_f32(payload, at);
+        }
         reason = tc_upload_sample(link->controller, &sample);
     }
     link->upload.samples = reason == TC_OK;
@@ -134,7 +144,7 @@ static tc_reason commit(tc_link* link, const goshawk_trajectory_commit_msg* m) {
     return reason;
 }
 
-void link_on_commit(tc_link* link, const link_sender* from, const uint8_t* payload) {
+void link_on_commit(tc_link* link, const link_sender* from, goshawk_payload payload) {
     goshawk_trajectory_commit_msg m;
     goshawk_trajectory_commit_decode(&m, payload);
     if (m.transfer_id == 0u || !from->in_control) {
@@ -158,13 +168,13 @@ void link_on_commit(tc_link* link, const link_sender* from, const uint8_t* paylo
     }
 }
 
-bool link_want(tc_link_wanted* wanted, uint32_t first, const uint8_t bits[TC_LINK_WANTED]) {
+bool link_want(tc_link_wanted* wanted, uint32_t first, goshawk_payload payload, unsigned bits_at) {
     unsigned any = 0;
     wanted->first = first;
     wanted->next = 0;
     for (unsigned i = 0; i < TC_LINK_WANTED; i++) {
-        wanted->bits[i] = bits[i];
-        any |= bits[i];
+        wanted->bits[i] = goshawk_get_u8(payload, bits_at + i);
+        any |= wanted->bits[i];
     }
     return any != 0u;
 }
@@ -180,11 +190,10 @@ uint32_t link_take(tc_link_wanted* wanted, uint32_t count) {
     return count;
 }
 
-void link_on_read(tc_link* link, const uint8_t* payload) {
-    goshawk_trajectory_read_msg m;
-    goshawk_trajectory_read_decode(&m, payload);
-    link->read.transfer_id = m.transfer_id;
-    link->read.header = !link_want(&link->read.wanted, m.first, m.wanted);
+void link_on_read(tc_link* link, goshawk_payload payload) {
+    const uint32_t first = goshawk_get_u16(payload, GOSHAWK_TRAJECTORY_READ_FIRST_AT);
+    link->read.transfer_id = goshawk_get_u32(payload, GOSHAWK_TRAJECTORY_READ_TRANSFER_ID_AT);
+    link->read.header = !link_want(&link->read.wanted, first, payload, GOSHAWK_TRAJECTORY_READ_WANTED_AT);
 }
 
 static unsigned send_status(tc_link* link, uint64_t now_us, uint8_t* payload, uint32_t* id) {

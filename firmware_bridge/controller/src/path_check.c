@@ -21,9 +21,31 @@
 
 typedef float points[TC_MAX_COEFFICIENTS];
 
-/* Coefficients of p(start + width * u), u in [0, 1], as Bernstein control points. */
-static void control_points(const float* coefficient, uint32_t count, float start, float width, points out) {
-    for (uint32_t i = 0; i < count; i++) out[i] = coefficient[i];
+/* A polynomial of `count` coefficients, or its derivative: one of `order` is meant, with respect to seconds. */
+typedef struct {
+    const float* coefficient;
+    uint32_t count;
+    uint32_t order;
+    float rate; /* ds / dt */
+} curve;
+
+static uint32_t derivative(const curve* c, points out) {
+    uint32_t count = c->count;
+    for (uint32_t i = 0; i < count; i++) out[i] = c->coefficient[i];
+    for (uint32_t order = 0; order < c->order; order++) {
+        for (uint32_t i = 1; i < count; i++) out[i - 1u] = out[i] * (float)i * c->rate;
+        if (count > 1u) {
+            count--;
+        } else {
+            out[0] = 0.0f;
+        }
+    }
+    return count;
+}
+
+/* Bernstein control points of c(start + width * u), u in [0, 1]; returns how many. */
+static uint32_t control_points(const curve* c, float start, float width, points out) {
+    const uint32_t count = derivative(c, out);
     for (uint32_t i = 0; i + 1u < count; i++) { /* Taylor shift by synthetic division */
         for (uint32_t j = count - 1u; j > i; j--) out[j - 1u] += start * out[j];
     }
@@ -35,47 +57,43 @@ static void control_points(const float* coefficient, uint32_t count, float start
     for (uint32_t i = 0; i + 1u < count; i++) { /* binomial transform */
         for (uint32_t j = count - 1u; j > i; j--) out[j] += out[j - 1u];
     }
+    return count;
 }
 
-static uint32_t differentiate(const float* coefficient, uint32_t count, float scale, points out) {
-    if (count < 2u) {
-        out[0] = 0.0f;
-        return 1u;
-    }
-    for (uint32_t i = 1; i < count; i++) out[i - 1u] = coefficient[i] * (float)i * scale;
-    return count - 1u;
-}
-
-/* The longest control vector of three polynomials over one piece. */
-static float longest(points axis[3], uint32_t count, float start, float width) {
-    points x, y, z;
-    control_points(axis[0], count, start, width, x);
-    control_points(axis[1], count, start, width, y);
-    control_points(axis[2], count, start, width, z);
+/* The longest control vector of x, y and z over one piece. One axis after the other: the stack stays small. */
+static float longest(const tc_segment* segment, curve c, float start, float width) {
+    points squared, hull;
+    uint32_t count = 0;
     float largest = 0.0f;
-    for (uint32_t i = 0; i < count; i++) largest = tc_max(largest, x[i] * x[i] + y[i] * y[i] + z[i] * z[i]);
+    memset(squared, 0, sizeof squared);
+    for (int axis = 0; axis < 3; axis++) {
+        c.coefficient = segment->coefficient[axis];
+        count = control_points(&c, start, width, hull);
+        for (uint32_t i = 0; i < count; i++) squared[i] += hull[i] * hull[i];
+    }
+    for (uint32_t i = 0; i < count; i++) largest = tc_max(largest, squared[i]);
     return sqrtf(largest);
 }
 
-static bool length_within(points axis[3], uint32_t count, float bound) {
+static bool length_within(const tc_segment* segment, curve c, float bound) {
     for (uint32_t pieces = 1; pieces <= PIECES_FINEST; pieces *= 4u) {
         const float width = 2.0f / (float)pieces;
         bool within = true;
         for (uint32_t i = 0; i < pieces && within; i++) {
-            within = longest(axis, count, -1.0f + (float)i * width, width) <= bound;
+            within = longest(segment, c, -1.0f + (float)i * width, width) <= bound;
         }
         if (within) return true;
     }
     return false;
 }
 
-static bool range_within(const float* coefficient, uint32_t count, float low, float high) {
+static bool range_within(const curve* c, float low, float high) {
     for (uint32_t pieces = 1; pieces <= PIECES_FINEST; pieces *= 4u) {
         const float width = 2.0f / (float)pieces;
         bool within = true;
         for (uint32_t i = 0; i < pieces && within; i++) {
             points hull;
-            control_points(coefficient, count, -1.0f + (float)i * width, width, hull);
+            const uint32_t count = control_points(c, -1.0f + (float)i * width, width, hull);
             for (uint32_t j = 0; j < count; j++) within = within && hull[j] >= low && hull[j] <= high;
         }
         if (within) return true;
@@ -90,31 +108,22 @@ tc_reason tc_check_segment(const tc_segment* segment, uint32_t coefficient_count
     for (int axis = 0; axis < TC_AXES; axis++) {
         if (!tc_all_finite(segment->coefficient[axis], coefficient_count)) return TC_NOT_FINITE;
     }
+    curve c = {.count = coefficient_count, .rate = 2e6f / (float)segment->duration_us};
     for (int axis = 0; axis < 3; axis++) {
-        if (!range_within(segment->coefficient[axis], coefficient_count, limits->fence_min_world_m[axis],
-                          limits->fence_max_world_m[axis])) {
+        c.coefficient = segment->coefficient[axis];
+        if (!range_within(&c, limits->fence_min_world_m[axis], limits->fence_max_world_m[axis])) {
             return TC_PATH_LEAVES_FENCE;
         }
     }
-    if (!range_within(segment->coefficient[3], coefficient_count, -LARGEST_YAW_RAD, LARGEST_YAW_RAD)) {
-        return TC_OUT_OF_RANGE;
-    }
-    const float rate = 2e6f / (float)segment->duration_us;
-    const float bound[3] = {limits->speed_m_s, limits->acceleration_m_s2, limits->jerk_m_s3};
-    static const tc_reason excess[3] = {TC_PATH_TOO_FAST, TC_PATH_ACCELERATION, TC_PATH_JERK};
-    points axis[3];
-    for (int i = 0; i < 3; i++) memcpy(axis[i], segment->coefficient[i], sizeof axis[i]);
-    uint32_t count = coefficient_count;
-    for (int order = 0; order < 3; order++) {
-        uint32_t left = 1u;
-        for (int i = 0; i < 3; i++) left = differentiate(axis[i], count, rate, axis[i]);
-        count = left;
-        if (!length_within(axis, count, bound[order])) return excess[order];
-    }
-    points yaw_rate;
-    count = differentiate(segment->coefficient[3], coefficient_count, rate, yaw_rate);
-    const bool slow_enough = range_within(yaw_rate, count, -limits->yaw_rate_rad_s, limits->yaw_rate_rad_s);
-    return slow_enough ? TC_OK : TC_PATH_YAW_RATE;
+    c.coefficient = segment->coefficient[3];
+    if (!range_within(&c, -LARGEST_YAW_RAD, LARGEST_YAW_RAD)) return TC_OUT_OF_RANGE;
+    c.order = 1;
+    if (!length_within(segment, c, limits->speed_m_s)) return TC_PATH_TOO_FAST;
+    if (!range_within(&c, -limits->yaw_rate_rad_s, limits->yaw_rate_rad_s)) return TC_PATH_YAW_RATE;
+    c.order = 2;
+    if (!length_within(segment, c, limits->acceleration_m_s2)) return TC_PATH_ACCELERATION;
+    c.order = 3;
+    return length_within(segment, c, limits->jerk_m_s3) ? TC_OK : TC_PATH_JERK;
 }
 
 static bool close(const float a[3], const float b[3], float tolerance) {

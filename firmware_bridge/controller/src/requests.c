@@ -100,11 +100,12 @@ tc_reason tc_parameters_set(tc_controller* c, const tc_parameters* parameters) {
     if (c->mission.state != TC_DISARMED && !only_flight_parameters_differ(&c->parameters, parameters)) {
         return TC_ONLY_WHEN_DISARMED;
     }
-    tc_mixer mixer;
-    reason = tc_mixer_configure(&mixer, parameters);
-    if (reason != TC_OK) return reason;
+    reason = tc_mixer_configure(&c->mixer, parameters);
+    if (reason != TC_OK) { /* back to what was: cheaper than 200 bytes of stack for a copy */
+        if (c->configured) (void)tc_mixer_configure(&c->mixer, &c->parameters);
+        return reason;
+    }
     c->parameters = *parameters;
-    c->mixer = mixer;
     c->configured = true;
     float sine, cosine;
     tc_sin_cos(parameters->tilt_error_rad, &sine, &cosine);
@@ -122,6 +123,8 @@ tc_reason tc_upload_begin(tc_controller* c, const tc_trajectory_header* header) 
 tc_reason tc_upload_segment(tc_controller* c, uint16_t index, const tc_segment* segment) {
     return tc_store_put_segment(&c->store, index, segment);
 }
+
+tc_segment* tc_upload_place(tc_controller* c, uint16_t index) { return tc_store_place(&c->store, index); }
 
 tc_reason tc_upload_sample(tc_controller* c, const tc_trajectory_sample* sample) {
     return tc_store_put_sample(&c->store, sample);

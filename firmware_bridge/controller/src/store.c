@@ -33,6 +33,12 @@ bool tc_store_has_segment(const tc_store* store, uint16_t index) {
     return index < TC_MAX_SEGMENTS && (((uint32_t)store->received[index / 8u] >> (index % 8u)) & 1u) != 0u;
 }
 
+tc_segment* tc_store_place(tc_store* store, uint16_t index) {
+    tc_trajectory* slot = staged_slot(store);
+    const bool open = store->staged_state == TC_STAGED_FILLING && index < slot->header.segment_count;
+    return open && !tc_store_has_segment(store, index) ? &slot->segment[index] : NULL;
+}
+
 /* A late repeat of what was already checked is no error; anything else is. */
 static tc_reason repeated(const tc_store* store, uint16_t index, const tc_segment* segment) {
     const tc_trajectory* slot = tc_store_staged(store);
@@ -57,10 +63,9 @@ tc_reason tc_store_put_segment(tc_store* store, uint16_t index, const tc_segment
         return reason;
     }
     tc_segment* held = &slot->segment[index];
-    memset(held, 0, sizeof *held);
-    held->duration_us = segment->duration_us;
+    memmove(held, segment, sizeof *held); /* it may lie there already */
     for (int axis = 0; axis < TC_AXES; axis++) {
-        memcpy(held->coefficient[axis], segment->coefficient[axis], count * sizeof(float));
+        memset(&held->coefficient[axis][count], 0, (TC_MAX_COEFFICIENTS - count) * sizeof(float));
     }
     store->received[index / 8u] = (uint8_t)(store->received[index / 8u] | (1u << (index % 8u)));
     return TC_OK;

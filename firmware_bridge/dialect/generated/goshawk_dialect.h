@@ -32,23 +32,33 @@ static inline void goshawk_put_f32(uint8_t *p, float v)
     memcpy(&bits, &v, sizeof bits);
     goshawk_put_u32(p, bits);
 }
-static inline uint8_t goshawk_get_u8(const uint8_t *p) { return p[0]; }
-static inline uint16_t goshawk_get_u16(const uint8_t *p) { return (uint16_t)(p[0] | (p[1] << 8)); }
-static inline uint32_t goshawk_get_u32(const uint8_t *p)
+
+/* A payload as it came. MAVLink cuts trailing zeros off, so what lies beyond its end reads as zero. */
+typedef struct {
+    const uint8_t *bytes;
+    unsigned n;
+} goshawk_payload;
+
+static inline uint8_t goshawk_get_u8(goshawk_payload p, unsigned at) { return at < p.n ? p.bytes[at] : 0u; }
+static inline uint16_t goshawk_get_u16(goshawk_payload p, unsigned at)
 {
-    return (uint32_t)goshawk_get_u16(p) | ((uint32_t)goshawk_get_u16(p + 2) << 16);
+    return (uint16_t)(goshawk_get_u8(p, at) | ((unsigned)goshawk_get_u8(p, at + 1u) << 8));
 }
-static inline uint64_t goshawk_get_u64(const uint8_t *p)
+static inline uint32_t goshawk_get_u32(goshawk_payload p, unsigned at)
 {
-    return (uint64_t)goshawk_get_u32(p) | ((uint64_t)goshawk_get_u32(p + 4) << 32);
+    return (uint32_t)goshawk_get_u16(p, at) | ((uint32_t)goshawk_get_u16(p, at + 2u) << 16);
 }
-static inline int8_t goshawk_get_i8(const uint8_t *p) { return (int8_t)goshawk_get_u8(p); }
-static inline int16_t goshawk_get_i16(const uint8_t *p) { return (int16_t)goshawk_get_u16(p); }
-static inline int32_t goshawk_get_i32(const uint8_t *p) { return (int32_t)goshawk_get_u32(p); }
-static inline int64_t goshawk_get_i64(const uint8_t *p) { return (int64_t)goshawk_get_u64(p); }
-static inline float goshawk_get_f32(const uint8_t *p)
+static inline uint64_t goshawk_get_u64(goshawk_payload p, unsigned at)
 {
-    const uint32_t bits = goshawk_get_u32(p);
+    return (uint64_t)goshawk_get_u32(p, at) | ((uint64_t)goshawk_get_u32(p, at + 4u) << 32);
+}
+static inline int8_t goshawk_get_i8(goshawk_payload p, unsigned at) { return (int8_t)goshawk_get_u8(p, at); }
+static inline int16_t goshawk_get_i16(goshawk_payload p, unsigned at) { return (int16_t)goshawk_get_u16(p, at); }
+static inline int32_t goshawk_get_i32(goshawk_payload p, unsigned at) { return (int32_t)goshawk_get_u32(p, at); }
+static inline int64_t goshawk_get_i64(goshawk_payload p, unsigned at) { return (int64_t)goshawk_get_u64(p, at); }
+static inline float goshawk_get_f32(goshawk_payload p, unsigned at)
+{
+    const uint32_t bits = goshawk_get_u32(p, at);
     float v;
     memcpy(&v, &bits, sizeof v);
     return v;
@@ -109,6 +119,14 @@ typedef struct {
     uint8_t system_status; /* MAV_STATE: 3 standby, 4 active, 6 emergency. */
     uint8_t mavlink_version; /* 3. */
 } heartbeat_msg;
+enum {
+    HEARTBEAT_CUSTOM_MODE_AT = 0,
+    HEARTBEAT_TYPE_AT = 4,
+    HEARTBEAT_AUTOPILOT_AT = 5,
+    HEARTBEAT_BASE_MODE_AT = 6,
+    HEARTBEAT_SYSTEM_STATUS_AT = 7,
+    HEARTBEAT_MAVLINK_VERSION_AT = 8,
+};
 
 static inline void heartbeat_encode(const heartbeat_msg *m, uint8_t payload[HEARTBEAT_LENGTH])
 {
@@ -120,14 +138,14 @@ static inline void heartbeat_encode(const heartbeat_msg *m, uint8_t payload[HEAR
     goshawk_put_u8(payload + 8, m->mavlink_version);
 }
 
-static inline void heartbeat_decode(heartbeat_msg *m, const uint8_t payload[HEARTBEAT_LENGTH])
+static inline void heartbeat_decode(heartbeat_msg *m, goshawk_payload p)
 {
-    m->custom_mode = goshawk_get_u32(payload + 0);
-    m->type = goshawk_get_u8(payload + 4);
-    m->autopilot = goshawk_get_u8(payload + 5);
-    m->base_mode = goshawk_get_u8(payload + 6);
-    m->system_status = goshawk_get_u8(payload + 7);
-    m->mavlink_version = goshawk_get_u8(payload + 8);
+    m->custom_mode = goshawk_get_u32(p, 0u);
+    m->type = goshawk_get_u8(p, 4u);
+    m->autopilot = goshawk_get_u8(p, 5u);
+    m->base_mode = goshawk_get_u8(p, 6u);
+    m->system_status = goshawk_get_u8(p, 7u);
+    m->mavlink_version = goshawk_get_u8(p, 8u);
 }
 
 /* Ask for one parameter by index or by name. */
@@ -140,6 +158,12 @@ typedef struct {
     uint8_t target_component; /* Component asked. */
     char param_id[16]; /* Name; counts when the index is -1. */
 } param_request_read_msg;
+enum {
+    PARAM_REQUEST_READ_PARAM_INDEX_AT = 0,
+    PARAM_REQUEST_READ_TARGET_SYSTEM_AT = 2,
+    PARAM_REQUEST_READ_TARGET_COMPONENT_AT = 3,
+    PARAM_REQUEST_READ_PARAM_ID_AT = 4,
+};
 
 static inline void param_request_read_encode(const param_request_read_msg *m, uint8_t payload[PARAM_REQUEST_READ_LENGTH])
 {
@@ -150,13 +174,13 @@ static inline void param_request_read_encode(const param_request_read_msg *m, ui
         goshawk_put_i8(payload + 4 + i, (int8_t)m->param_id[i]);
 }
 
-static inline void param_request_read_decode(param_request_read_msg *m, const uint8_t payload[PARAM_REQUEST_READ_LENGTH])
+static inline void param_request_read_decode(param_request_read_msg *m, goshawk_payload p)
 {
-    m->param_index = goshawk_get_i16(payload + 0);
-    m->target_system = goshawk_get_u8(payload + 2);
-    m->target_component = goshawk_get_u8(payload + 3);
+    m->param_index = goshawk_get_i16(p, 0u);
+    m->target_system = goshawk_get_u8(p, 2u);
+    m->target_component = goshawk_get_u8(p, 3u);
     for (unsigned i = 0; i < 16u; i++)
-        m->param_id[i] = (char)goshawk_get_i8(payload + 4 + i);
+        m->param_id[i] = (char)goshawk_get_i8(p, 4u + i);
 }
 
 /* Ask for all parameters. */
@@ -167,6 +191,10 @@ typedef struct {
     uint8_t target_system; /* System asked. */
     uint8_t target_component; /* Component asked. */
 } param_request_list_msg;
+enum {
+    PARAM_REQUEST_LIST_TARGET_SYSTEM_AT = 0,
+    PARAM_REQUEST_LIST_TARGET_COMPONENT_AT = 1,
+};
 
 static inline void param_request_list_encode(const param_request_list_msg *m, uint8_t payload[PARAM_REQUEST_LIST_LENGTH])
 {
@@ -174,10 +202,10 @@ static inline void param_request_list_encode(const param_request_list_msg *m, ui
     goshawk_put_u8(payload + 1, m->target_component);
 }
 
-static inline void param_request_list_decode(param_request_list_msg *m, const uint8_t payload[PARAM_REQUEST_LIST_LENGTH])
+static inline void param_request_list_decode(param_request_list_msg *m, goshawk_payload p)
 {
-    m->target_system = goshawk_get_u8(payload + 0);
-    m->target_component = goshawk_get_u8(payload + 1);
+    m->target_system = goshawk_get_u8(p, 0u);
+    m->target_component = goshawk_get_u8(p, 1u);
 }
 
 /* One parameter. */
@@ -191,6 +219,13 @@ typedef struct {
     char param_id[16]; /* Name, zero-terminated unless 16 long. */
     uint8_t param_type; /* MAV_PARAM_TYPE: 9 real32. */
 } param_value_msg;
+enum {
+    PARAM_VALUE_PARAM_VALUE_AT = 0,
+    PARAM_VALUE_PARAM_COUNT_AT = 4,
+    PARAM_VALUE_PARAM_INDEX_AT = 6,
+    PARAM_VALUE_PARAM_ID_AT = 8,
+    PARAM_VALUE_PARAM_TYPE_AT = 24,
+};
 
 static inline void param_value_encode(const param_value_msg *m, uint8_t payload[PARAM_VALUE_LENGTH])
 {
@@ -202,14 +237,14 @@ static inline void param_value_encode(const param_value_msg *m, uint8_t payload[
     goshawk_put_u8(payload + 24, m->param_type);
 }
 
-static inline void param_value_decode(param_value_msg *m, const uint8_t payload[PARAM_VALUE_LENGTH])
+static inline void param_value_decode(param_value_msg *m, goshawk_payload p)
 {
-    m->param_value = goshawk_get_f32(payload + 0);
-    m->param_count = goshawk_get_u16(payload + 4);
-    m->param_index = goshawk_get_u16(payload + 6);
+    m->param_value = goshawk_get_f32(p, 0u);
+    m->param_count = goshawk_get_u16(p, 4u);
+    m->param_index = goshawk_get_u16(p, 6u);
     for (unsigned i = 0; i < 16u; i++)
-        m->param_id[i] = (char)goshawk_get_i8(payload + 8 + i);
-    m->param_type = goshawk_get_u8(payload + 24);
+        m->param_id[i] = (char)goshawk_get_i8(p, 8u + i);
+    m->param_type = goshawk_get_u8(p, 24u);
 }
 
 /* Attitude, NED from FRD. */
@@ -227,6 +262,17 @@ typedef struct {
     float yawspeed; /* Rate about FRD z, rad/s. */
     float repr_offset_q[4]; /* Unused. */
 } attitude_quaternion_msg;
+enum {
+    ATTITUDE_QUATERNION_TIME_BOOT_MS_AT = 0,
+    ATTITUDE_QUATERNION_Q1_AT = 4,
+    ATTITUDE_QUATERNION_Q2_AT = 8,
+    ATTITUDE_QUATERNION_Q3_AT = 12,
+    ATTITUDE_QUATERNION_Q4_AT = 16,
+    ATTITUDE_QUATERNION_ROLLSPEED_AT = 20,
+    ATTITUDE_QUATERNION_PITCHSPEED_AT = 24,
+    ATTITUDE_QUATERNION_YAWSPEED_AT = 28,
+    ATTITUDE_QUATERNION_REPR_OFFSET_Q_AT = 32,
+};
 
 static inline void attitude_quaternion_encode(const attitude_quaternion_msg *m, uint8_t payload[ATTITUDE_QUATERNION_LENGTH])
 {
@@ -239,21 +285,21 @@ static inline void attitude_quaternion_encode(const attitude_quaternion_msg *m, 
     goshawk_put_f32(payload + 24, m->pitchspeed);
     goshawk_put_f32(payload + 28, m->yawspeed);
     for (unsigned i = 0; i < 4u; i++)
-        goshawk_put_f32(payload + 32 + 4u * i, m->repr_offset_q[i]);
+        goshawk_put_f32(payload + 32 + (4u * i), m->repr_offset_q[i]);
 }
 
-static inline void attitude_quaternion_decode(attitude_quaternion_msg *m, const uint8_t payload[ATTITUDE_QUATERNION_LENGTH])
+static inline void attitude_quaternion_decode(attitude_quaternion_msg *m, goshawk_payload p)
 {
-    m->time_boot_ms = goshawk_get_u32(payload + 0);
-    m->q1 = goshawk_get_f32(payload + 4);
-    m->q2 = goshawk_get_f32(payload + 8);
-    m->q3 = goshawk_get_f32(payload + 12);
-    m->q4 = goshawk_get_f32(payload + 16);
-    m->rollspeed = goshawk_get_f32(payload + 20);
-    m->pitchspeed = goshawk_get_f32(payload + 24);
-    m->yawspeed = goshawk_get_f32(payload + 28);
+    m->time_boot_ms = goshawk_get_u32(p, 0u);
+    m->q1 = goshawk_get_f32(p, 4u);
+    m->q2 = goshawk_get_f32(p, 8u);
+    m->q3 = goshawk_get_f32(p, 12u);
+    m->q4 = goshawk_get_f32(p, 16u);
+    m->rollspeed = goshawk_get_f32(p, 20u);
+    m->pitchspeed = goshawk_get_f32(p, 24u);
+    m->yawspeed = goshawk_get_f32(p, 28u);
     for (unsigned i = 0; i < 4u; i++)
-        m->repr_offset_q[i] = goshawk_get_f32(payload + 32 + 4u * i);
+        m->repr_offset_q[i] = goshawk_get_f32(p, 32u + (4u * i));
 }
 
 /* Position and velocity, NED. */
@@ -269,6 +315,15 @@ typedef struct {
     float vy; /* m/s. */
     float vz; /* m/s. */
 } local_position_ned_msg;
+enum {
+    LOCAL_POSITION_NED_TIME_BOOT_MS_AT = 0,
+    LOCAL_POSITION_NED_X_AT = 4,
+    LOCAL_POSITION_NED_Y_AT = 8,
+    LOCAL_POSITION_NED_Z_AT = 12,
+    LOCAL_POSITION_NED_VX_AT = 16,
+    LOCAL_POSITION_NED_VY_AT = 20,
+    LOCAL_POSITION_NED_VZ_AT = 24,
+};
 
 static inline void local_position_ned_encode(const local_position_ned_msg *m, uint8_t payload[LOCAL_POSITION_NED_LENGTH])
 {
@@ -281,15 +336,15 @@ static inline void local_position_ned_encode(const local_position_ned_msg *m, ui
     goshawk_put_f32(payload + 24, m->vz);
 }
 
-static inline void local_position_ned_decode(local_position_ned_msg *m, const uint8_t payload[LOCAL_POSITION_NED_LENGTH])
+static inline void local_position_ned_decode(local_position_ned_msg *m, goshawk_payload p)
 {
-    m->time_boot_ms = goshawk_get_u32(payload + 0);
-    m->x = goshawk_get_f32(payload + 4);
-    m->y = goshawk_get_f32(payload + 8);
-    m->z = goshawk_get_f32(payload + 12);
-    m->vx = goshawk_get_f32(payload + 16);
-    m->vy = goshawk_get_f32(payload + 20);
-    m->vz = goshawk_get_f32(payload + 24);
+    m->time_boot_ms = goshawk_get_u32(p, 0u);
+    m->x = goshawk_get_f32(p, 4u);
+    m->y = goshawk_get_f32(p, 8u);
+    m->z = goshawk_get_f32(p, 12u);
+    m->vx = goshawk_get_f32(p, 16u);
+    m->vy = goshawk_get_f32(p, 20u);
+    m->vz = goshawk_get_f32(p, 24u);
 }
 
 /* A command of the common set. */
@@ -309,6 +364,19 @@ typedef struct {
     uint8_t target_component; /* Component asked. */
     uint8_t confirmation; /* Repeat count. */
 } command_long_msg;
+enum {
+    COMMAND_LONG_PARAM1_AT = 0,
+    COMMAND_LONG_PARAM2_AT = 4,
+    COMMAND_LONG_PARAM3_AT = 8,
+    COMMAND_LONG_PARAM4_AT = 12,
+    COMMAND_LONG_PARAM5_AT = 16,
+    COMMAND_LONG_PARAM6_AT = 20,
+    COMMAND_LONG_PARAM7_AT = 24,
+    COMMAND_LONG_COMMAND_AT = 28,
+    COMMAND_LONG_TARGET_SYSTEM_AT = 30,
+    COMMAND_LONG_TARGET_COMPONENT_AT = 31,
+    COMMAND_LONG_CONFIRMATION_AT = 32,
+};
 
 static inline void command_long_encode(const command_long_msg *m, uint8_t payload[COMMAND_LONG_LENGTH])
 {
@@ -325,19 +393,19 @@ static inline void command_long_encode(const command_long_msg *m, uint8_t payloa
     goshawk_put_u8(payload + 32, m->confirmation);
 }
 
-static inline void command_long_decode(command_long_msg *m, const uint8_t payload[COMMAND_LONG_LENGTH])
+static inline void command_long_decode(command_long_msg *m, goshawk_payload p)
 {
-    m->param1 = goshawk_get_f32(payload + 0);
-    m->param2 = goshawk_get_f32(payload + 4);
-    m->param3 = goshawk_get_f32(payload + 8);
-    m->param4 = goshawk_get_f32(payload + 12);
-    m->param5 = goshawk_get_f32(payload + 16);
-    m->param6 = goshawk_get_f32(payload + 20);
-    m->param7 = goshawk_get_f32(payload + 24);
-    m->command = goshawk_get_u16(payload + 28);
-    m->target_system = goshawk_get_u8(payload + 30);
-    m->target_component = goshawk_get_u8(payload + 31);
-    m->confirmation = goshawk_get_u8(payload + 32);
+    m->param1 = goshawk_get_f32(p, 0u);
+    m->param2 = goshawk_get_f32(p, 4u);
+    m->param3 = goshawk_get_f32(p, 8u);
+    m->param4 = goshawk_get_f32(p, 12u);
+    m->param5 = goshawk_get_f32(p, 16u);
+    m->param6 = goshawk_get_f32(p, 20u);
+    m->param7 = goshawk_get_f32(p, 24u);
+    m->command = goshawk_get_u16(p, 28u);
+    m->target_system = goshawk_get_u8(p, 30u);
+    m->target_component = goshawk_get_u8(p, 31u);
+    m->confirmation = goshawk_get_u8(p, 32u);
 }
 
 /* Answer to COMMAND_LONG. */
@@ -352,6 +420,14 @@ typedef struct {
     uint8_t target_system; /* Who asked. */
     uint8_t target_component; /* Who asked. */
 } command_ack_msg;
+enum {
+    COMMAND_ACK_COMMAND_AT = 0,
+    COMMAND_ACK_RESULT_AT = 2,
+    COMMAND_ACK_PROGRESS_AT = 3,
+    COMMAND_ACK_RESULT_PARAM2_AT = 4,
+    COMMAND_ACK_TARGET_SYSTEM_AT = 8,
+    COMMAND_ACK_TARGET_COMPONENT_AT = 9,
+};
 
 static inline void command_ack_encode(const command_ack_msg *m, uint8_t payload[COMMAND_ACK_LENGTH])
 {
@@ -363,14 +439,14 @@ static inline void command_ack_encode(const command_ack_msg *m, uint8_t payload[
     goshawk_put_u8(payload + 9, m->target_component);
 }
 
-static inline void command_ack_decode(command_ack_msg *m, const uint8_t payload[COMMAND_ACK_LENGTH])
+static inline void command_ack_decode(command_ack_msg *m, goshawk_payload p)
 {
-    m->command = goshawk_get_u16(payload + 0);
-    m->result = goshawk_get_u8(payload + 2);
-    m->progress = goshawk_get_u8(payload + 3);
-    m->result_param2 = goshawk_get_i32(payload + 4);
-    m->target_system = goshawk_get_u8(payload + 8);
-    m->target_component = goshawk_get_u8(payload + 9);
+    m->command = goshawk_get_u16(p, 0u);
+    m->result = goshawk_get_u8(p, 2u);
+    m->progress = goshawk_get_u8(p, 3u);
+    m->result_param2 = goshawk_get_i32(p, 4u);
+    m->target_system = goshawk_get_u8(p, 8u);
+    m->target_component = goshawk_get_u8(p, 9u);
 }
 
 /* Clock comparison. A request has tc1 = 0; the answer carries the answerer's time there. */
@@ -383,6 +459,12 @@ typedef struct {
     uint8_t target_system; /* System asked; 0 all. */
     uint8_t target_component; /* Component asked; 0 all. */
 } timesync_msg;
+enum {
+    TIMESYNC_TC1_AT = 0,
+    TIMESYNC_TS1_AT = 8,
+    TIMESYNC_TARGET_SYSTEM_AT = 16,
+    TIMESYNC_TARGET_COMPONENT_AT = 17,
+};
 
 static inline void timesync_encode(const timesync_msg *m, uint8_t payload[TIMESYNC_LENGTH])
 {
@@ -392,12 +474,12 @@ static inline void timesync_encode(const timesync_msg *m, uint8_t payload[TIMESY
     goshawk_put_u8(payload + 17, m->target_component);
 }
 
-static inline void timesync_decode(timesync_msg *m, const uint8_t payload[TIMESYNC_LENGTH])
+static inline void timesync_decode(timesync_msg *m, goshawk_payload p)
 {
-    m->tc1 = goshawk_get_i64(payload + 0);
-    m->ts1 = goshawk_get_i64(payload + 8);
-    m->target_system = goshawk_get_u8(payload + 16);
-    m->target_component = goshawk_get_u8(payload + 17);
+    m->tc1 = goshawk_get_i64(p, 0u);
+    m->ts1 = goshawk_get_i64(p, 8u);
+    m->target_system = goshawk_get_u8(p, 16u);
+    m->target_component = goshawk_get_u8(p, 17u);
 }
 
 /* Battery. */
@@ -420,6 +502,22 @@ typedef struct {
     uint8_t mode; /* 0. */
     uint32_t fault_bitmask; /* 0. */
 } battery_status_msg;
+enum {
+    BATTERY_STATUS_CURRENT_CONSUMED_AT = 0,
+    BATTERY_STATUS_ENERGY_CONSUMED_AT = 4,
+    BATTERY_STATUS_TEMPERATURE_AT = 8,
+    BATTERY_STATUS_VOLTAGES_AT = 10,
+    BATTERY_STATUS_CURRENT_BATTERY_AT = 30,
+    BATTERY_STATUS_ID_AT = 32,
+    BATTERY_STATUS_BATTERY_FUNCTION_AT = 33,
+    BATTERY_STATUS_TYPE_AT = 34,
+    BATTERY_STATUS_BATTERY_REMAINING_AT = 35,
+    BATTERY_STATUS_TIME_REMAINING_AT = 36,
+    BATTERY_STATUS_CHARGE_STATE_AT = 40,
+    BATTERY_STATUS_VOLTAGES_EXT_AT = 41,
+    BATTERY_STATUS_MODE_AT = 49,
+    BATTERY_STATUS_FAULT_BITMASK_AT = 50,
+};
 
 static inline void battery_status_encode(const battery_status_msg *m, uint8_t payload[BATTERY_STATUS_LENGTH])
 {
@@ -427,7 +525,7 @@ static inline void battery_status_encode(const battery_status_msg *m, uint8_t pa
     goshawk_put_i32(payload + 4, m->energy_consumed);
     goshawk_put_i16(payload + 8, m->temperature);
     for (unsigned i = 0; i < 10u; i++)
-        goshawk_put_u16(payload + 10 + 2u * i, m->voltages[i]);
+        goshawk_put_u16(payload + 10 + (2u * i), m->voltages[i]);
     goshawk_put_i16(payload + 30, m->current_battery);
     goshawk_put_u8(payload + 32, m->id);
     goshawk_put_u8(payload + 33, m->battery_function);
@@ -436,29 +534,29 @@ static inline void battery_status_encode(const battery_status_msg *m, uint8_t pa
     goshawk_put_i32(payload + 36, m->time_remaining);
     goshawk_put_u8(payload + 40, m->charge_state);
     for (unsigned i = 0; i < 4u; i++)
-        goshawk_put_u16(payload + 41 + 2u * i, m->voltages_ext[i]);
+        goshawk_put_u16(payload + 41 + (2u * i), m->voltages_ext[i]);
     goshawk_put_u8(payload + 49, m->mode);
     goshawk_put_u32(payload + 50, m->fault_bitmask);
 }
 
-static inline void battery_status_decode(battery_status_msg *m, const uint8_t payload[BATTERY_STATUS_LENGTH])
+static inline void battery_status_decode(battery_status_msg *m, goshawk_payload p)
 {
-    m->current_consumed = goshawk_get_i32(payload + 0);
-    m->energy_consumed = goshawk_get_i32(payload + 4);
-    m->temperature = goshawk_get_i16(payload + 8);
+    m->current_consumed = goshawk_get_i32(p, 0u);
+    m->energy_consumed = goshawk_get_i32(p, 4u);
+    m->temperature = goshawk_get_i16(p, 8u);
     for (unsigned i = 0; i < 10u; i++)
-        m->voltages[i] = goshawk_get_u16(payload + 10 + 2u * i);
-    m->current_battery = goshawk_get_i16(payload + 30);
-    m->id = goshawk_get_u8(payload + 32);
-    m->battery_function = goshawk_get_u8(payload + 33);
-    m->type = goshawk_get_u8(payload + 34);
-    m->battery_remaining = goshawk_get_i8(payload + 35);
-    m->time_remaining = goshawk_get_i32(payload + 36);
-    m->charge_state = goshawk_get_u8(payload + 40);
+        m->voltages[i] = goshawk_get_u16(p, 10u + (2u * i));
+    m->current_battery = goshawk_get_i16(p, 30u);
+    m->id = goshawk_get_u8(p, 32u);
+    m->battery_function = goshawk_get_u8(p, 33u);
+    m->type = goshawk_get_u8(p, 34u);
+    m->battery_remaining = goshawk_get_i8(p, 35u);
+    m->time_remaining = goshawk_get_i32(p, 36u);
+    m->charge_state = goshawk_get_u8(p, 40u);
     for (unsigned i = 0; i < 4u; i++)
-        m->voltages_ext[i] = goshawk_get_u16(payload + 41 + 2u * i);
-    m->mode = goshawk_get_u8(payload + 49);
-    m->fault_bitmask = goshawk_get_u32(payload + 50);
+        m->voltages_ext[i] = goshawk_get_u16(p, 41u + (2u * i));
+    m->mode = goshawk_get_u8(p, 49u);
+    m->fault_bitmask = goshawk_get_u32(p, 50u);
 }
 
 /* Who the vehicle is. */
@@ -479,6 +577,20 @@ typedef struct {
     uint8_t os_custom_version[8]; /* 0. */
     uint8_t uid2[18]; /* 0. */
 } autopilot_version_msg;
+enum {
+    AUTOPILOT_VERSION_CAPABILITIES_AT = 0,
+    AUTOPILOT_VERSION_UID_AT = 8,
+    AUTOPILOT_VERSION_FLIGHT_SW_VERSION_AT = 16,
+    AUTOPILOT_VERSION_MIDDLEWARE_SW_VERSION_AT = 20,
+    AUTOPILOT_VERSION_OS_SW_VERSION_AT = 24,
+    AUTOPILOT_VERSION_BOARD_VERSION_AT = 28,
+    AUTOPILOT_VERSION_VENDOR_ID_AT = 32,
+    AUTOPILOT_VERSION_PRODUCT_ID_AT = 34,
+    AUTOPILOT_VERSION_FLIGHT_CUSTOM_VERSION_AT = 36,
+    AUTOPILOT_VERSION_MIDDLEWARE_CUSTOM_VERSION_AT = 44,
+    AUTOPILOT_VERSION_OS_CUSTOM_VERSION_AT = 52,
+    AUTOPILOT_VERSION_UID2_AT = 60,
+};
 
 static inline void autopilot_version_encode(const autopilot_version_msg *m, uint8_t payload[AUTOPILOT_VERSION_LENGTH])
 {
@@ -500,24 +612,87 @@ static inline void autopilot_version_encode(const autopilot_version_msg *m, uint
         goshawk_put_u8(payload + 60 + i, m->uid2[i]);
 }
 
-static inline void autopilot_version_decode(autopilot_version_msg *m, const uint8_t payload[AUTOPILOT_VERSION_LENGTH])
+static inline void autopilot_version_decode(autopilot_version_msg *m, goshawk_payload p)
 {
-    m->capabilities = goshawk_get_u64(payload + 0);
-    m->uid = goshawk_get_u64(payload + 8);
-    m->flight_sw_version = goshawk_get_u32(payload + 16);
-    m->middleware_sw_version = goshawk_get_u32(payload + 20);
-    m->os_sw_version = goshawk_get_u32(payload + 24);
-    m->board_version = goshawk_get_u32(payload + 28);
-    m->vendor_id = goshawk_get_u16(payload + 32);
-    m->product_id = goshawk_get_u16(payload + 34);
+    m->capabilities = goshawk_get_u64(p, 0u);
+    m->uid = goshawk_get_u64(p, 8u);
+    m->flight_sw_version = goshawk_get_u32(p, 16u);
+    m->middleware_sw_version = goshawk_get_u32(p, 20u);
+    m->os_sw_version = goshawk_get_u32(p, 24u);
+    m->board_version = goshawk_get_u32(p, 28u);
+    m->vendor_id = goshawk_get_u16(p, 32u);
+    m->product_id = goshawk_get_u16(p, 34u);
     for (unsigned i = 0; i < 8u; i++)
-        m->flight_custom_version[i] = goshawk_get_u8(payload + 36 + i);
+        m->flight_custom_version[i] = goshawk_get_u8(p, 36u + i);
     for (unsigned i = 0; i < 8u; i++)
-        m->middleware_custom_version[i] = goshawk_get_u8(payload + 44 + i);
+        m->middleware_custom_version[i] = goshawk_get_u8(p, 44u + i);
     for (unsigned i = 0; i < 8u; i++)
-        m->os_custom_version[i] = goshawk_get_u8(payload + 52 + i);
+        m->os_custom_version[i] = goshawk_get_u8(p, 52u + i);
     for (unsigned i = 0; i < 18u; i++)
-        m->uid2[i] = goshawk_get_u8(payload + 60 + i);
+        m->uid2[i] = goshawk_get_u8(p, 60u + i);
+}
+
+/* Where the vehicle last stood on the ground with its rotors idle or off. */
+#define HOME_POSITION_ID 242u
+#define HOME_POSITION_LENGTH 60u
+#define HOME_POSITION_CRC_EXTRA 104u
+typedef struct {
+    int32_t latitude; /* 0: there is no global position. */
+    int32_t longitude; /* 0: there is no global position. */
+    int32_t altitude; /* 0: there is no global position. */
+    float x; /* North, m. */
+    float y; /* East, m. */
+    float z; /* Down, m. */
+    float q[4]; /* Of the ground: level. */
+    float approach_x; /* 0. */
+    float approach_y; /* 0. */
+    float approach_z; /* 0. */
+    uint64_t time_usec; /* Vehicle time. */
+} home_position_msg;
+enum {
+    HOME_POSITION_LATITUDE_AT = 0,
+    HOME_POSITION_LONGITUDE_AT = 4,
+    HOME_POSITION_ALTITUDE_AT = 8,
+    HOME_POSITION_X_AT = 12,
+    HOME_POSITION_Y_AT = 16,
+    HOME_POSITION_Z_AT = 20,
+    HOME_POSITION_Q_AT = 24,
+    HOME_POSITION_APPROACH_X_AT = 40,
+    HOME_POSITION_APPROACH_Y_AT = 44,
+    HOME_POSITION_APPROACH_Z_AT = 48,
+    HOME_POSITION_TIME_USEC_AT = 52,
+};
+
+static inline void home_position_encode(const home_position_msg *m, uint8_t payload[HOME_POSITION_LENGTH])
+{
+    goshawk_put_i32(payload + 0, m->latitude);
+    goshawk_put_i32(payload + 4, m->longitude);
+    goshawk_put_i32(payload + 8, m->altitude);
+    goshawk_put_f32(payload + 12, m->x);
+    goshawk_put_f32(payload + 16, m->y);
+    goshawk_put_f32(payload + 20, m->z);
+    for (unsigned i = 0; i < 4u; i++)
+        goshawk_put_f32(payload + 24 + (4u * i), m->q[i]);
+    goshawk_put_f32(payload + 40, m->approach_x);
+    goshawk_put_f32(payload + 44, m->approach_y);
+    goshawk_put_f32(payload + 48, m->approach_z);
+    goshawk_put_u64(payload + 52, m->time_usec);
+}
+
+static inline void home_position_decode(home_position_msg *m, goshawk_payload p)
+{
+    m->latitude = goshawk_get_i32(p, 0u);
+    m->longitude = goshawk_get_i32(p, 4u);
+    m->altitude = goshawk_get_i32(p, 8u);
+    m->x = goshawk_get_f32(p, 12u);
+    m->y = goshawk_get_f32(p, 16u);
+    m->z = goshawk_get_f32(p, 20u);
+    for (unsigned i = 0; i < 4u; i++)
+        m->q[i] = goshawk_get_f32(p, 24u + (4u * i));
+    m->approach_x = goshawk_get_f32(p, 40u);
+    m->approach_y = goshawk_get_f32(p, 44u);
+    m->approach_z = goshawk_get_f32(p, 48u);
+    m->time_usec = goshawk_get_u64(p, 52u);
 }
 
 /* A sentence for the pilot. */
@@ -530,6 +705,12 @@ typedef struct {
     uint16_t id; /* 0: the text is whole. */
     uint8_t chunk_seq; /* 0. */
 } statustext_msg;
+enum {
+    STATUSTEXT_SEVERITY_AT = 0,
+    STATUSTEXT_TEXT_AT = 1,
+    STATUSTEXT_ID_AT = 51,
+    STATUSTEXT_CHUNK_SEQ_AT = 53,
+};
 
 static inline void statustext_encode(const statustext_msg *m, uint8_t payload[STATUSTEXT_LENGTH])
 {
@@ -540,13 +721,13 @@ static inline void statustext_encode(const statustext_msg *m, uint8_t payload[ST
     goshawk_put_u8(payload + 53, m->chunk_seq);
 }
 
-static inline void statustext_decode(statustext_msg *m, const uint8_t payload[STATUSTEXT_LENGTH])
+static inline void statustext_decode(statustext_msg *m, goshawk_payload p)
 {
-    m->severity = goshawk_get_u8(payload + 0);
+    m->severity = goshawk_get_u8(p, 0u);
     for (unsigned i = 0; i < 50u; i++)
-        m->text[i] = (char)goshawk_get_i8(payload + 1 + i);
-    m->id = goshawk_get_u16(payload + 51);
-    m->chunk_seq = goshawk_get_u8(payload + 53);
+        m->text[i] = (char)goshawk_get_i8(p, 1u + i);
+    m->id = goshawk_get_u16(p, 51u);
+    m->chunk_seq = goshawk_get_u8(p, 53u);
 }
 
 /* Rotor speeds. */
@@ -560,29 +741,131 @@ typedef struct {
     float current[4]; /* A; 0, unknown. */
     uint8_t index; /* First rotor of this message: 0. */
 } esc_status_msg;
+enum {
+    ESC_STATUS_TIME_USEC_AT = 0,
+    ESC_STATUS_RPM_AT = 8,
+    ESC_STATUS_VOLTAGE_AT = 24,
+    ESC_STATUS_CURRENT_AT = 40,
+    ESC_STATUS_INDEX_AT = 56,
+};
 
 static inline void esc_status_encode(const esc_status_msg *m, uint8_t payload[ESC_STATUS_LENGTH])
 {
     goshawk_put_u64(payload + 0, m->time_usec);
     for (unsigned i = 0; i < 4u; i++)
-        goshawk_put_i32(payload + 8 + 4u * i, m->rpm[i]);
+        goshawk_put_i32(payload + 8 + (4u * i), m->rpm[i]);
     for (unsigned i = 0; i < 4u; i++)
-        goshawk_put_f32(payload + 24 + 4u * i, m->voltage[i]);
+        goshawk_put_f32(payload + 24 + (4u * i), m->voltage[i]);
     for (unsigned i = 0; i < 4u; i++)
-        goshawk_put_f32(payload + 40 + 4u * i, m->current[i]);
+        goshawk_put_f32(payload + 40 + (4u * i), m->current[i]);
     goshawk_put_u8(payload + 56, m->index);
 }
 
-static inline void esc_status_decode(esc_status_msg *m, const uint8_t payload[ESC_STATUS_LENGTH])
+static inline void esc_status_decode(esc_status_msg *m, goshawk_payload p)
 {
-    m->time_usec = goshawk_get_u64(payload + 0);
+    m->time_usec = goshawk_get_u64(p, 0u);
     for (unsigned i = 0; i < 4u; i++)
-        m->rpm[i] = goshawk_get_i32(payload + 8 + 4u * i);
+        m->rpm[i] = goshawk_get_i32(p, 8u + (4u * i));
     for (unsigned i = 0; i < 4u; i++)
-        m->voltage[i] = goshawk_get_f32(payload + 24 + 4u * i);
+        m->voltage[i] = goshawk_get_f32(p, 24u + (4u * i));
     for (unsigned i = 0; i < 4u; i++)
-        m->current[i] = goshawk_get_f32(payload + 40 + 4u * i);
-    m->index = goshawk_get_u8(payload + 56);
+        m->current[i] = goshawk_get_f32(p, 40u + (4u * i));
+    m->index = goshawk_get_u8(p, 56u);
+}
+
+/* Pose, velocity and rate in one message. */
+#define ODOMETRY_ID 331u
+#define ODOMETRY_LENGTH 233u
+#define ODOMETRY_CRC_EXTRA 91u
+typedef struct {
+    uint64_t time_usec; /* Vehicle time. */
+    float x; /* m. */
+    float y; /* m. */
+    float z; /* m. */
+    float q[4]; /* w x y z, frame from child frame. */
+    float vx; /* In the child frame, m/s. */
+    float vy; /* In the child frame, m/s. */
+    float vz; /* In the child frame, m/s. */
+    float rollspeed; /* rad/s. */
+    float pitchspeed; /* rad/s. */
+    float yawspeed; /* rad/s. */
+    float pose_covariance[21]; /* NaN first: unknown. */
+    float velocity_covariance[21]; /* NaN first: unknown. */
+    uint8_t frame_id; /* MAV_FRAME: 20, local FRD (any heading). */
+    uint8_t child_frame_id; /* MAV_FRAME: 12, body FRD. */
+    uint8_t reset_counter; /* 0. */
+    uint8_t estimator_type; /* 0, unknown. */
+    int8_t quality; /* 0, unknown. */
+} odometry_msg;
+enum {
+    ODOMETRY_TIME_USEC_AT = 0,
+    ODOMETRY_X_AT = 8,
+    ODOMETRY_Y_AT = 12,
+    ODOMETRY_Z_AT = 16,
+    ODOMETRY_Q_AT = 20,
+    ODOMETRY_VX_AT = 36,
+    ODOMETRY_VY_AT = 40,
+    ODOMETRY_VZ_AT = 44,
+    ODOMETRY_ROLLSPEED_AT = 48,
+    ODOMETRY_PITCHSPEED_AT = 52,
+    ODOMETRY_YAWSPEED_AT = 56,
+    ODOMETRY_POSE_COVARIANCE_AT = 60,
+    ODOMETRY_VELOCITY_COVARIANCE_AT = 144,
+    ODOMETRY_FRAME_ID_AT = 228,
+    ODOMETRY_CHILD_FRAME_ID_AT = 229,
+    ODOMETRY_RESET_COUNTER_AT = 230,
+    ODOMETRY_ESTIMATOR_TYPE_AT = 231,
+    ODOMETRY_QUALITY_AT = 232,
+};
+
+static inline void odometry_encode(const odometry_msg *m, uint8_t payload[ODOMETRY_LENGTH])
+{
+    goshawk_put_u64(payload + 0, m->time_usec);
+    goshawk_put_f32(payload + 8, m->x);
+    goshawk_put_f32(payload + 12, m->y);
+    goshawk_put_f32(payload + 16, m->z);
+    for (unsigned i = 0; i < 4u; i++)
+        goshawk_put_f32(payload + 20 + (4u * i), m->q[i]);
+    goshawk_put_f32(payload + 36, m->vx);
+    goshawk_put_f32(payload + 40, m->vy);
+    goshawk_put_f32(payload + 44, m->vz);
+    goshawk_put_f32(payload + 48, m->rollspeed);
+    goshawk_put_f32(payload + 52, m->pitchspeed);
+    goshawk_put_f32(payload + 56, m->yawspeed);
+    for (unsigned i = 0; i < 21u; i++)
+        goshawk_put_f32(payload + 60 + (4u * i), m->pose_covariance[i]);
+    for (unsigned i = 0; i < 21u; i++)
+        goshawk_put_f32(payload + 144 + (4u * i), m->velocity_covariance[i]);
+    goshawk_put_u8(payload + 228, m->frame_id);
+    goshawk_put_u8(payload + 229, m->child_frame_id);
+    goshawk_put_u8(payload + 230, m->reset_counter);
+    goshawk_put_u8(payload + 231, m->estimator_type);
+    goshawk_put_i8(payload + 232, m->quality);
+}
+
+static inline void odometry_decode(odometry_msg *m, goshawk_payload p)
+{
+    m->time_usec = goshawk_get_u64(p, 0u);
+    m->x = goshawk_get_f32(p, 8u);
+    m->y = goshawk_get_f32(p, 12u);
+    m->z = goshawk_get_f32(p, 16u);
+    for (unsigned i = 0; i < 4u; i++)
+        m->q[i] = goshawk_get_f32(p, 20u + (4u * i));
+    m->vx = goshawk_get_f32(p, 36u);
+    m->vy = goshawk_get_f32(p, 40u);
+    m->vz = goshawk_get_f32(p, 44u);
+    m->rollspeed = goshawk_get_f32(p, 48u);
+    m->pitchspeed = goshawk_get_f32(p, 52u);
+    m->yawspeed = goshawk_get_f32(p, 56u);
+    for (unsigned i = 0; i < 21u; i++)
+        m->pose_covariance[i] = goshawk_get_f32(p, 60u + (4u * i));
+    for (unsigned i = 0; i < 21u; i++)
+        m->velocity_covariance[i] = goshawk_get_f32(p, 144u + (4u * i));
+    m->frame_id = goshawk_get_u8(p, 228u);
+    m->child_frame_id = goshawk_get_u8(p, 229u);
+    m->reset_counter = goshawk_get_u8(p, 230u);
+    m->estimator_type = goshawk_get_u8(p, 231u);
+    m->quality = goshawk_get_i8(p, 232u);
 }
 
 /* All a flight log needs of one instant; also the record of the on-board log. */
@@ -607,30 +890,48 @@ typedef struct {
     uint8_t mission_state; /* State of the mission. */
     uint8_t saturation; /* Bits of the mixer's saturation report. */
 } goshawk_state_msg;
+enum {
+    GOSHAWK_STATE_TIME_US_AT = 0,
+    GOSHAWK_STATE_POSITION_WORLD_M_AT = 8,
+    GOSHAWK_STATE_VELOCITY_WORLD_M_S_AT = 20,
+    GOSHAWK_STATE_Q_WORLD_BODY_AT = 32,
+    GOSHAWK_STATE_RATE_BODY_RAD_S_AT = 48,
+    GOSHAWK_STATE_SPECIFIC_FORCE_BODY_M_S2_AT = 60,
+    GOSHAWK_STATE_ROTOR_SPEED_RAD_S_AT = 72,
+    GOSHAWK_STATE_ROTOR_SPEED_COMMAND_RAD_S_AT = 88,
+    GOSHAWK_STATE_SETPOINT_POSITION_WORLD_M_AT = 104,
+    GOSHAWK_STATE_SETPOINT_VELOCITY_WORLD_M_S_AT = 116,
+    GOSHAWK_STATE_SETPOINT_Q_WORLD_BODY_AT = 128,
+    GOSHAWK_STATE_BATTERY_V_AT = 144,
+    GOSHAWK_STATE_TRAJECTORY_TIME_S_AT = 148,
+    GOSHAWK_STATE_SEQUENCE_AT = 152,
+    GOSHAWK_STATE_MISSION_STATE_AT = 154,
+    GOSHAWK_STATE_SATURATION_AT = 155,
+};
 
 static inline void goshawk_state_encode(const goshawk_state_msg *m, uint8_t payload[GOSHAWK_STATE_LENGTH])
 {
     goshawk_put_u64(payload + 0, m->time_us);
     for (unsigned i = 0; i < 3u; i++)
-        goshawk_put_f32(payload + 8 + 4u * i, m->position_world_m[i]);
+        goshawk_put_f32(payload + 8 + (4u * i), m->position_world_m[i]);
     for (unsigned i = 0; i < 3u; i++)
-        goshawk_put_f32(payload + 20 + 4u * i, m->velocity_world_m_s[i]);
+        goshawk_put_f32(payload + 20 + (4u * i), m->velocity_world_m_s[i]);
     for (unsigned i = 0; i < 4u; i++)
-        goshawk_put_f32(payload + 32 + 4u * i, m->q_world_body[i]);
+        goshawk_put_f32(payload + 32 + (4u * i), m->q_world_body[i]);
     for (unsigned i = 0; i < 3u; i++)
-        goshawk_put_f32(payload + 48 + 4u * i, m->rate_body_rad_s[i]);
+        goshawk_put_f32(payload + 48 + (4u * i), m->rate_body_rad_s[i]);
     for (unsigned i = 0; i < 3u; i++)
-        goshawk_put_f32(payload + 60 + 4u * i, m->specific_force_body_m_s2[i]);
+        goshawk_put_f32(payload + 60 + (4u * i), m->specific_force_body_m_s2[i]);
     for (unsigned i = 0; i < 4u; i++)
-        goshawk_put_f32(payload + 72 + 4u * i, m->rotor_speed_rad_s[i]);
+        goshawk_put_f32(payload + 72 + (4u * i), m->rotor_speed_rad_s[i]);
     for (unsigned i = 0; i < 4u; i++)
-        goshawk_put_f32(payload + 88 + 4u * i, m->rotor_speed_command_rad_s[i]);
+        goshawk_put_f32(payload + 88 + (4u * i), m->rotor_speed_command_rad_s[i]);
     for (unsigned i = 0; i < 3u; i++)
-        goshawk_put_f32(payload + 104 + 4u * i, m->setpoint_position_world_m[i]);
+        goshawk_put_f32(payload + 104 + (4u * i), m->setpoint_position_world_m[i]);
     for (unsigned i = 0; i < 3u; i++)
-        goshawk_put_f32(payload + 116 + 4u * i, m->setpoint_velocity_world_m_s[i]);
+        goshawk_put_f32(payload + 116 + (4u * i), m->setpoint_velocity_world_m_s[i]);
     for (unsigned i = 0; i < 4u; i++)
-        goshawk_put_f32(payload + 128 + 4u * i, m->setpoint_q_world_body[i]);
+        goshawk_put_f32(payload + 128 + (4u * i), m->setpoint_q_world_body[i]);
     goshawk_put_f32(payload + 144, m->battery_v);
     goshawk_put_f32(payload + 148, m->trajectory_time_s);
     goshawk_put_u16(payload + 152, m->sequence);
@@ -638,34 +939,34 @@ static inline void goshawk_state_encode(const goshawk_state_msg *m, uint8_t payl
     goshawk_put_u8(payload + 155, m->saturation);
 }
 
-static inline void goshawk_state_decode(goshawk_state_msg *m, const uint8_t payload[GOSHAWK_STATE_LENGTH])
+static inline void goshawk_state_decode(goshawk_state_msg *m, goshawk_payload p)
 {
-    m->time_us = goshawk_get_u64(payload + 0);
+    m->time_us = goshawk_get_u64(p, 0u);
     for (unsigned i = 0; i < 3u; i++)
-        m->position_world_m[i] = goshawk_get_f32(payload + 8 + 4u * i);
+        m->position_world_m[i] = goshawk_get_f32(p, 8u + (4u * i));
     for (unsigned i = 0; i < 3u; i++)
-        m->velocity_world_m_s[i] = goshawk_get_f32(payload + 20 + 4u * i);
+        m->velocity_world_m_s[i] = goshawk_get_f32(p, 20u + (4u * i));
     for (unsigned i = 0; i < 4u; i++)
-        m->q_world_body[i] = goshawk_get_f32(payload + 32 + 4u * i);
+        m->q_world_body[i] = goshawk_get_f32(p, 32u + (4u * i));
     for (unsigned i = 0; i < 3u; i++)
-        m->rate_body_rad_s[i] = goshawk_get_f32(payload + 48 + 4u * i);
+        m->rate_body_rad_s[i] = goshawk_get_f32(p, 48u + (4u * i));
     for (unsigned i = 0; i < 3u; i++)
-        m->specific_force_body_m_s2[i] = goshawk_get_f32(payload + 60 + 4u * i);
+        m->specific_force_body_m_s2[i] = goshawk_get_f32(p, 60u + (4u * i));
     for (unsigned i = 0; i < 4u; i++)
-        m->rotor_speed_rad_s[i] = goshawk_get_f32(payload + 72 + 4u * i);
+        m->rotor_speed_rad_s[i] = goshawk_get_f32(p, 72u + (4u * i));
     for (unsigned i = 0; i < 4u; i++)
-        m->rotor_speed_command_rad_s[i] = goshawk_get_f32(payload + 88 + 4u * i);
+        m->rotor_speed_command_rad_s[i] = goshawk_get_f32(p, 88u + (4u * i));
     for (unsigned i = 0; i < 3u; i++)
-        m->setpoint_position_world_m[i] = goshawk_get_f32(payload + 104 + 4u * i);
+        m->setpoint_position_world_m[i] = goshawk_get_f32(p, 104u + (4u * i));
     for (unsigned i = 0; i < 3u; i++)
-        m->setpoint_velocity_world_m_s[i] = goshawk_get_f32(payload + 116 + 4u * i);
+        m->setpoint_velocity_world_m_s[i] = goshawk_get_f32(p, 116u + (4u * i));
     for (unsigned i = 0; i < 4u; i++)
-        m->setpoint_q_world_body[i] = goshawk_get_f32(payload + 128 + 4u * i);
-    m->battery_v = goshawk_get_f32(payload + 144);
-    m->trajectory_time_s = goshawk_get_f32(payload + 148);
-    m->sequence = goshawk_get_u16(payload + 152);
-    m->mission_state = goshawk_get_u8(payload + 154);
-    m->saturation = goshawk_get_u8(payload + 155);
+        m->setpoint_q_world_body[i] = goshawk_get_f32(p, 128u + (4u * i));
+    m->battery_v = goshawk_get_f32(p, 144u);
+    m->trajectory_time_s = goshawk_get_f32(p, 148u);
+    m->sequence = goshawk_get_u16(p, 152u);
+    m->mission_state = goshawk_get_u8(p, 154u);
+    m->saturation = goshawk_get_u8(p, 155u);
 }
 
 /* Ask for records of the on-board log; nothing wanted asks for GOSHAWK_LOG_INFO. */
@@ -678,6 +979,12 @@ typedef struct {
     uint8_t target_component; /* Vehicle. */
     uint8_t wanted[64]; /* Bit i % 8 of byte i / 8: record first + i is wanted. */
 } goshawk_log_request_msg;
+enum {
+    GOSHAWK_LOG_REQUEST_FIRST_AT = 0,
+    GOSHAWK_LOG_REQUEST_TARGET_SYSTEM_AT = 4,
+    GOSHAWK_LOG_REQUEST_TARGET_COMPONENT_AT = 5,
+    GOSHAWK_LOG_REQUEST_WANTED_AT = 6,
+};
 
 static inline void goshawk_log_request_encode(const goshawk_log_request_msg *m, uint8_t payload[GOSHAWK_LOG_REQUEST_LENGTH])
 {
@@ -688,13 +995,13 @@ static inline void goshawk_log_request_encode(const goshawk_log_request_msg *m, 
         goshawk_put_u8(payload + 6 + i, m->wanted[i]);
 }
 
-static inline void goshawk_log_request_decode(goshawk_log_request_msg *m, const uint8_t payload[GOSHAWK_LOG_REQUEST_LENGTH])
+static inline void goshawk_log_request_decode(goshawk_log_request_msg *m, goshawk_payload p)
 {
-    m->first = goshawk_get_u32(payload + 0);
-    m->target_system = goshawk_get_u8(payload + 4);
-    m->target_component = goshawk_get_u8(payload + 5);
+    m->first = goshawk_get_u32(p, 0u);
+    m->target_system = goshawk_get_u8(p, 4u);
+    m->target_component = goshawk_get_u8(p, 5u);
     for (unsigned i = 0; i < 64u; i++)
-        m->wanted[i] = goshawk_get_u8(payload + 6 + i);
+        m->wanted[i] = goshawk_get_u8(p, 6u + i);
 }
 
 /* What the on-board log holds. */
@@ -709,6 +1016,14 @@ typedef struct {
     uint32_t period_us; /* Time between records. */
     uint8_t running; /* 1 while recording. */
 } goshawk_log_info_msg;
+enum {
+    GOSHAWK_LOG_INFO_LOG_ID_AT = 0,
+    GOSHAWK_LOG_INFO_RECORDS_AT = 4,
+    GOSHAWK_LOG_INFO_CAPACITY_AT = 8,
+    GOSHAWK_LOG_INFO_NOT_STORED_AT = 12,
+    GOSHAWK_LOG_INFO_PERIOD_US_AT = 16,
+    GOSHAWK_LOG_INFO_RUNNING_AT = 20,
+};
 
 static inline void goshawk_log_info_encode(const goshawk_log_info_msg *m, uint8_t payload[GOSHAWK_LOG_INFO_LENGTH])
 {
@@ -720,14 +1035,14 @@ static inline void goshawk_log_info_encode(const goshawk_log_info_msg *m, uint8_
     goshawk_put_u8(payload + 20, m->running);
 }
 
-static inline void goshawk_log_info_decode(goshawk_log_info_msg *m, const uint8_t payload[GOSHAWK_LOG_INFO_LENGTH])
+static inline void goshawk_log_info_decode(goshawk_log_info_msg *m, goshawk_payload p)
 {
-    m->log_id = goshawk_get_u32(payload + 0);
-    m->records = goshawk_get_u32(payload + 4);
-    m->capacity = goshawk_get_u32(payload + 8);
-    m->not_stored = goshawk_get_u32(payload + 12);
-    m->period_us = goshawk_get_u32(payload + 16);
-    m->running = goshawk_get_u8(payload + 20);
+    m->log_id = goshawk_get_u32(p, 0u);
+    m->records = goshawk_get_u32(p, 4u);
+    m->capacity = goshawk_get_u32(p, 8u);
+    m->not_stored = goshawk_get_u32(p, 12u);
+    m->period_us = goshawk_get_u32(p, 16u);
+    m->running = goshawk_get_u8(p, 20u);
 }
 
 /* One record. */
@@ -739,6 +1054,11 @@ typedef struct {
     uint32_t index; /* Which record. */
     uint8_t record[156]; /* Payload of a GOSHAWK_STATE. */
 } goshawk_log_record_msg;
+enum {
+    GOSHAWK_LOG_RECORD_LOG_ID_AT = 0,
+    GOSHAWK_LOG_RECORD_INDEX_AT = 4,
+    GOSHAWK_LOG_RECORD_RECORD_AT = 8,
+};
 
 static inline void goshawk_log_record_encode(const goshawk_log_record_msg *m, uint8_t payload[GOSHAWK_LOG_RECORD_LENGTH])
 {
@@ -748,12 +1068,12 @@ static inline void goshawk_log_record_encode(const goshawk_log_record_msg *m, ui
         goshawk_put_u8(payload + 8 + i, m->record[i]);
 }
 
-static inline void goshawk_log_record_decode(goshawk_log_record_msg *m, const uint8_t payload[GOSHAWK_LOG_RECORD_LENGTH])
+static inline void goshawk_log_record_decode(goshawk_log_record_msg *m, goshawk_payload p)
 {
-    m->log_id = goshawk_get_u32(payload + 0);
-    m->index = goshawk_get_u32(payload + 4);
+    m->log_id = goshawk_get_u32(p, 0u);
+    m->index = goshawk_get_u32(p, 4u);
     for (unsigned i = 0; i < 156u; i++)
-        m->record[i] = goshawk_get_u8(payload + 8 + i);
+        m->record[i] = goshawk_get_u8(p, 8u + i);
 }
 
 /* Opens (or re-opens) a transfer into the staging slot; also the header sent on read-back. */
@@ -774,6 +1094,20 @@ typedef struct {
     uint8_t vehicle_hash[8]; /* First bytes of the vehicle's hash. */
     char name[24]; /* Zero-padded. */
 } goshawk_trajectory_begin_msg;
+enum {
+    GOSHAWK_TRAJECTORY_BEGIN_TRANSFER_ID_AT = 0,
+    GOSHAWK_TRAJECTORY_BEGIN_TRAJECTORY_ID_AT = 4,
+    GOSHAWK_TRAJECTORY_BEGIN_CRC32_AT = 8,
+    GOSHAWK_TRAJECTORY_BEGIN_SEGMENTS_AT = 12,
+    GOSHAWK_TRAJECTORY_BEGIN_TARGET_SYSTEM_AT = 14,
+    GOSHAWK_TRAJECTORY_BEGIN_TARGET_COMPONENT_AT = 15,
+    GOSHAWK_TRAJECTORY_BEGIN_COEFFICIENT_COUNT_AT = 16,
+    GOSHAWK_TRAJECTORY_BEGIN_LINK_LOSS_POLICY_AT = 17,
+    GOSHAWK_TRAJECTORY_BEGIN_SAMPLES_AT = 18,
+    GOSHAWK_TRAJECTORY_BEGIN_MAP_HASH_AT = 19,
+    GOSHAWK_TRAJECTORY_BEGIN_VEHICLE_HASH_AT = 27,
+    GOSHAWK_TRAJECTORY_BEGIN_NAME_AT = 35,
+};
 
 static inline void goshawk_trajectory_begin_encode(const goshawk_trajectory_begin_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_BEGIN_LENGTH])
 {
@@ -794,23 +1128,23 @@ static inline void goshawk_trajectory_begin_encode(const goshawk_trajectory_begi
         goshawk_put_i8(payload + 35 + i, (int8_t)m->name[i]);
 }
 
-static inline void goshawk_trajectory_begin_decode(goshawk_trajectory_begin_msg *m, const uint8_t payload[GOSHAWK_TRAJECTORY_BEGIN_LENGTH])
+static inline void goshawk_trajectory_begin_decode(goshawk_trajectory_begin_msg *m, goshawk_payload p)
 {
-    m->transfer_id = goshawk_get_u32(payload + 0);
-    m->trajectory_id = goshawk_get_u32(payload + 4);
-    m->crc32 = goshawk_get_u32(payload + 8);
-    m->segments = goshawk_get_u16(payload + 12);
-    m->target_system = goshawk_get_u8(payload + 14);
-    m->target_component = goshawk_get_u8(payload + 15);
-    m->coefficient_count = goshawk_get_u8(payload + 16);
-    m->link_loss_policy = goshawk_get_u8(payload + 17);
-    m->samples = goshawk_get_u8(payload + 18);
+    m->transfer_id = goshawk_get_u32(p, 0u);
+    m->trajectory_id = goshawk_get_u32(p, 4u);
+    m->crc32 = goshawk_get_u32(p, 8u);
+    m->segments = goshawk_get_u16(p, 12u);
+    m->target_system = goshawk_get_u8(p, 14u);
+    m->target_component = goshawk_get_u8(p, 15u);
+    m->coefficient_count = goshawk_get_u8(p, 16u);
+    m->link_loss_policy = goshawk_get_u8(p, 17u);
+    m->samples = goshawk_get_u8(p, 18u);
     for (unsigned i = 0; i < 8u; i++)
-        m->map_hash[i] = goshawk_get_u8(payload + 19 + i);
+        m->map_hash[i] = goshawk_get_u8(p, 19u + i);
     for (unsigned i = 0; i < 8u; i++)
-        m->vehicle_hash[i] = goshawk_get_u8(payload + 27 + i);
+        m->vehicle_hash[i] = goshawk_get_u8(p, 27u + i);
     for (unsigned i = 0; i < 24u; i++)
-        m->name[i] = (char)goshawk_get_i8(payload + 35 + i);
+        m->name[i] = (char)goshawk_get_i8(p, 35u + i);
 }
 
 /* One polynomial segment in the centred variable s = 2 t / T - 1. */
@@ -825,6 +1159,14 @@ typedef struct {
     uint8_t target_component; /* Receiver. */
     float coefficients[48]; /* x, y, z (m), yaw (rad) of s^0, then of s^1, ... s^11. Last, so that zero ones are not sent. */
 } goshawk_trajectory_segment_msg;
+enum {
+    GOSHAWK_TRAJECTORY_SEGMENT_TRANSFER_ID_AT = 0,
+    GOSHAWK_TRAJECTORY_SEGMENT_DURATION_US_AT = 4,
+    GOSHAWK_TRAJECTORY_SEGMENT_INDEX_AT = 8,
+    GOSHAWK_TRAJECTORY_SEGMENT_TARGET_SYSTEM_AT = 10,
+    GOSHAWK_TRAJECTORY_SEGMENT_TARGET_COMPONENT_AT = 11,
+    GOSHAWK_TRAJECTORY_SEGMENT_COEFFICIENTS_AT = 12,
+};
 
 static inline void goshawk_trajectory_segment_encode(const goshawk_trajectory_segment_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_SEGMENT_LENGTH])
 {
@@ -834,18 +1176,18 @@ static inline void goshawk_trajectory_segment_encode(const goshawk_trajectory_se
     goshawk_put_u8(payload + 10, m->target_system);
     goshawk_put_u8(payload + 11, m->target_component);
     for (unsigned i = 0; i < 48u; i++)
-        goshawk_put_f32(payload + 12 + 4u * i, m->coefficients[i]);
+        goshawk_put_f32(payload + 12 + (4u * i), m->coefficients[i]);
 }
 
-static inline void goshawk_trajectory_segment_decode(goshawk_trajectory_segment_msg *m, const uint8_t payload[GOSHAWK_TRAJECTORY_SEGMENT_LENGTH])
+static inline void goshawk_trajectory_segment_decode(goshawk_trajectory_segment_msg *m, goshawk_payload p)
 {
-    m->transfer_id = goshawk_get_u32(payload + 0);
-    m->duration_us = goshawk_get_u32(payload + 4);
-    m->index = goshawk_get_u16(payload + 8);
-    m->target_system = goshawk_get_u8(payload + 10);
-    m->target_component = goshawk_get_u8(payload + 11);
+    m->transfer_id = goshawk_get_u32(p, 0u);
+    m->duration_us = goshawk_get_u32(p, 4u);
+    m->index = goshawk_get_u16(p, 8u);
+    m->target_system = goshawk_get_u8(p, 10u);
+    m->target_component = goshawk_get_u8(p, 11u);
     for (unsigned i = 0; i < 48u; i++)
-        m->coefficients[i] = goshawk_get_f32(payload + 12 + 4u * i);
+        m->coefficients[i] = goshawk_get_f32(p, 12u + (4u * i));
 }
 
 /* Which segments of the transfer have arrived. */
@@ -862,6 +1204,16 @@ typedef struct {
     uint8_t samples; /* 1 when the check samples have arrived. */
     uint8_t bitmap[128]; /* Bit i % 8 of byte i / 8: segment i has arrived. Last, so that its zero end is not sent. */
 } goshawk_trajectory_status_msg;
+enum {
+    GOSHAWK_TRAJECTORY_STATUS_TRANSFER_ID_AT = 0,
+    GOSHAWK_TRAJECTORY_STATUS_FRAMES_AT = 4,
+    GOSHAWK_TRAJECTORY_STATUS_RECEIVED_AT = 8,
+    GOSHAWK_TRAJECTORY_STATUS_SEGMENTS_AT = 10,
+    GOSHAWK_TRAJECTORY_STATUS_LAST_INDEX_AT = 12,
+    GOSHAWK_TRAJECTORY_STATUS_REASON_AT = 14,
+    GOSHAWK_TRAJECTORY_STATUS_SAMPLES_AT = 15,
+    GOSHAWK_TRAJECTORY_STATUS_BITMAP_AT = 16,
+};
 
 static inline void goshawk_trajectory_status_encode(const goshawk_trajectory_status_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_STATUS_LENGTH])
 {
@@ -876,17 +1228,17 @@ static inline void goshawk_trajectory_status_encode(const goshawk_trajectory_sta
         goshawk_put_u8(payload + 16 + i, m->bitmap[i]);
 }
 
-static inline void goshawk_trajectory_status_decode(goshawk_trajectory_status_msg *m, const uint8_t payload[GOSHAWK_TRAJECTORY_STATUS_LENGTH])
+static inline void goshawk_trajectory_status_decode(goshawk_trajectory_status_msg *m, goshawk_payload p)
 {
-    m->transfer_id = goshawk_get_u32(payload + 0);
-    m->frames = goshawk_get_u32(payload + 4);
-    m->received = goshawk_get_u16(payload + 8);
-    m->segments = goshawk_get_u16(payload + 10);
-    m->last_index = goshawk_get_u16(payload + 12);
-    m->reason = goshawk_get_u8(payload + 14);
-    m->samples = goshawk_get_u8(payload + 15);
+    m->transfer_id = goshawk_get_u32(p, 0u);
+    m->frames = goshawk_get_u32(p, 4u);
+    m->received = goshawk_get_u16(p, 8u);
+    m->segments = goshawk_get_u16(p, 10u);
+    m->last_index = goshawk_get_u16(p, 12u);
+    m->reason = goshawk_get_u8(p, 14u);
+    m->samples = goshawk_get_u8(p, 15u);
     for (unsigned i = 0; i < 128u; i++)
-        m->bitmap[i] = goshawk_get_u8(payload + 16 + i);
+        m->bitmap[i] = goshawk_get_u8(p, 16u + i);
 }
 
 /* Check the staged trajectory and make it the active one. */
@@ -900,6 +1252,13 @@ typedef struct {
     uint8_t target_system; /* Vehicle. */
     uint8_t target_component; /* Vehicle. */
 } goshawk_trajectory_commit_msg;
+enum {
+    GOSHAWK_TRAJECTORY_COMMIT_TRANSFER_ID_AT = 0,
+    GOSHAWK_TRAJECTORY_COMMIT_TRAJECTORY_ID_AT = 4,
+    GOSHAWK_TRAJECTORY_COMMIT_CRC32_AT = 8,
+    GOSHAWK_TRAJECTORY_COMMIT_TARGET_SYSTEM_AT = 12,
+    GOSHAWK_TRAJECTORY_COMMIT_TARGET_COMPONENT_AT = 13,
+};
 
 static inline void goshawk_trajectory_commit_encode(const goshawk_trajectory_commit_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_COMMIT_LENGTH])
 {
@@ -910,13 +1269,13 @@ static inline void goshawk_trajectory_commit_encode(const goshawk_trajectory_com
     goshawk_put_u8(payload + 13, m->target_component);
 }
 
-static inline void goshawk_trajectory_commit_decode(goshawk_trajectory_commit_msg *m, const uint8_t payload[GOSHAWK_TRAJECTORY_COMMIT_LENGTH])
+static inline void goshawk_trajectory_commit_decode(goshawk_trajectory_commit_msg *m, goshawk_payload p)
 {
-    m->transfer_id = goshawk_get_u32(payload + 0);
-    m->trajectory_id = goshawk_get_u32(payload + 4);
-    m->crc32 = goshawk_get_u32(payload + 8);
-    m->target_system = goshawk_get_u8(payload + 12);
-    m->target_component = goshawk_get_u8(payload + 13);
+    m->transfer_id = goshawk_get_u32(p, 0u);
+    m->trajectory_id = goshawk_get_u32(p, 4u);
+    m->crc32 = goshawk_get_u32(p, 8u);
+    m->target_system = goshawk_get_u8(p, 12u);
+    m->target_component = goshawk_get_u8(p, 13u);
 }
 
 /* Answer to a commit; whatever the answer, what is active now. */
@@ -930,6 +1289,13 @@ typedef struct {
     uint16_t segment; /* Where the check failed. */
     uint8_t reason; /* 0 done, else tc_reason or GOSHAWK_LINK_REASON. */
 } goshawk_trajectory_result_msg;
+enum {
+    GOSHAWK_TRAJECTORY_RESULT_TRANSFER_ID_AT = 0,
+    GOSHAWK_TRAJECTORY_RESULT_ACTIVE_ID_AT = 4,
+    GOSHAWK_TRAJECTORY_RESULT_ACTIVE_CRC32_AT = 8,
+    GOSHAWK_TRAJECTORY_RESULT_SEGMENT_AT = 12,
+    GOSHAWK_TRAJECTORY_RESULT_REASON_AT = 14,
+};
 
 static inline void goshawk_trajectory_result_encode(const goshawk_trajectory_result_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_RESULT_LENGTH])
 {
@@ -940,13 +1306,13 @@ static inline void goshawk_trajectory_result_encode(const goshawk_trajectory_res
     goshawk_put_u8(payload + 14, m->reason);
 }
 
-static inline void goshawk_trajectory_result_decode(goshawk_trajectory_result_msg *m, const uint8_t payload[GOSHAWK_TRAJECTORY_RESULT_LENGTH])
+static inline void goshawk_trajectory_result_decode(goshawk_trajectory_result_msg *m, goshawk_payload p)
 {
-    m->transfer_id = goshawk_get_u32(payload + 0);
-    m->active_id = goshawk_get_u32(payload + 4);
-    m->active_crc32 = goshawk_get_u32(payload + 8);
-    m->segment = goshawk_get_u16(payload + 12);
-    m->reason = goshawk_get_u8(payload + 14);
+    m->transfer_id = goshawk_get_u32(p, 0u);
+    m->active_id = goshawk_get_u32(p, 4u);
+    m->active_crc32 = goshawk_get_u32(p, 8u);
+    m->segment = goshawk_get_u16(p, 12u);
+    m->reason = goshawk_get_u8(p, 14u);
 }
 
 /* Ask for segments of the active trajectory; nothing wanted asks for its header. */
@@ -960,6 +1326,13 @@ typedef struct {
     uint8_t target_component; /* Vehicle. */
     uint8_t wanted[64]; /* Bit i % 8 of byte i / 8: segment first + i is wanted. */
 } goshawk_trajectory_read_msg;
+enum {
+    GOSHAWK_TRAJECTORY_READ_TRANSFER_ID_AT = 0,
+    GOSHAWK_TRAJECTORY_READ_FIRST_AT = 4,
+    GOSHAWK_TRAJECTORY_READ_TARGET_SYSTEM_AT = 6,
+    GOSHAWK_TRAJECTORY_READ_TARGET_COMPONENT_AT = 7,
+    GOSHAWK_TRAJECTORY_READ_WANTED_AT = 8,
+};
 
 static inline void goshawk_trajectory_read_encode(const goshawk_trajectory_read_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_READ_LENGTH])
 {
@@ -971,14 +1344,14 @@ static inline void goshawk_trajectory_read_encode(const goshawk_trajectory_read_
         goshawk_put_u8(payload + 8 + i, m->wanted[i]);
 }
 
-static inline void goshawk_trajectory_read_decode(goshawk_trajectory_read_msg *m, const uint8_t payload[GOSHAWK_TRAJECTORY_READ_LENGTH])
+static inline void goshawk_trajectory_read_decode(goshawk_trajectory_read_msg *m, goshawk_payload p)
 {
-    m->transfer_id = goshawk_get_u32(payload + 0);
-    m->first = goshawk_get_u16(payload + 4);
-    m->target_system = goshawk_get_u8(payload + 6);
-    m->target_component = goshawk_get_u8(payload + 7);
+    m->transfer_id = goshawk_get_u32(p, 0u);
+    m->first = goshawk_get_u16(p, 4u);
+    m->target_system = goshawk_get_u8(p, 6u);
+    m->target_component = goshawk_get_u8(p, 7u);
     for (unsigned i = 0; i < 64u; i++)
-        m->wanted[i] = goshawk_get_u8(payload + 8 + i);
+        m->wanted[i] = goshawk_get_u8(p, 8u + i);
 }
 
 /* Points of the curve as the planner evaluates it; the vehicle compares at the commit. */
@@ -992,27 +1365,34 @@ typedef struct {
     uint8_t target_system; /* Vehicle. */
     uint8_t target_component; /* Vehicle. */
 } goshawk_trajectory_samples_msg;
+enum {
+    GOSHAWK_TRAJECTORY_SAMPLES_TRANSFER_ID_AT = 0,
+    GOSHAWK_TRAJECTORY_SAMPLES_SAMPLE_US_AT = 4,
+    GOSHAWK_TRAJECTORY_SAMPLES_VALUES_AT = 36,
+    GOSHAWK_TRAJECTORY_SAMPLES_TARGET_SYSTEM_AT = 164,
+    GOSHAWK_TRAJECTORY_SAMPLES_TARGET_COMPONENT_AT = 165,
+};
 
 static inline void goshawk_trajectory_samples_encode(const goshawk_trajectory_samples_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_SAMPLES_LENGTH])
 {
     goshawk_put_u32(payload + 0, m->transfer_id);
     for (unsigned i = 0; i < 8u; i++)
-        goshawk_put_u32(payload + 4 + 4u * i, m->sample_us[i]);
+        goshawk_put_u32(payload + 4 + (4u * i), m->sample_us[i]);
     for (unsigned i = 0; i < 32u; i++)
-        goshawk_put_f32(payload + 36 + 4u * i, m->values[i]);
+        goshawk_put_f32(payload + 36 + (4u * i), m->values[i]);
     goshawk_put_u8(payload + 164, m->target_system);
     goshawk_put_u8(payload + 165, m->target_component);
 }
 
-static inline void goshawk_trajectory_samples_decode(goshawk_trajectory_samples_msg *m, const uint8_t payload[GOSHAWK_TRAJECTORY_SAMPLES_LENGTH])
+static inline void goshawk_trajectory_samples_decode(goshawk_trajectory_samples_msg *m, goshawk_payload p)
 {
-    m->transfer_id = goshawk_get_u32(payload + 0);
+    m->transfer_id = goshawk_get_u32(p, 0u);
     for (unsigned i = 0; i < 8u; i++)
-        m->sample_us[i] = goshawk_get_u32(payload + 4 + 4u * i);
+        m->sample_us[i] = goshawk_get_u32(p, 4u + (4u * i));
     for (unsigned i = 0; i < 32u; i++)
-        m->values[i] = goshawk_get_f32(payload + 36 + 4u * i);
-    m->target_system = goshawk_get_u8(payload + 164);
-    m->target_component = goshawk_get_u8(payload + 165);
+        m->values[i] = goshawk_get_f32(p, 36u + (4u * i));
+    m->target_system = goshawk_get_u8(p, 164u);
+    m->target_component = goshawk_get_u8(p, 165u);
 }
 
 /* An order to the mission. A repeated request_id is answered again and not carried out again. */
@@ -1028,6 +1408,15 @@ typedef struct {
     uint8_t target_component; /* Vehicle. */
     uint8_t command; /* GOSHAWK_COMMAND. */
 } goshawk_mission_command_msg;
+enum {
+    GOSHAWK_MISSION_COMMAND_REQUEST_ID_AT = 0,
+    GOSHAWK_MISSION_COMMAND_TRAJECTORY_ID_AT = 4,
+    GOSHAWK_MISSION_COMMAND_CRC32_AT = 8,
+    GOSHAWK_MISSION_COMMAND_VALUE_AT = 12,
+    GOSHAWK_MISSION_COMMAND_TARGET_SYSTEM_AT = 16,
+    GOSHAWK_MISSION_COMMAND_TARGET_COMPONENT_AT = 17,
+    GOSHAWK_MISSION_COMMAND_COMMAND_AT = 18,
+};
 
 static inline void goshawk_mission_command_encode(const goshawk_mission_command_msg *m, uint8_t payload[GOSHAWK_MISSION_COMMAND_LENGTH])
 {
@@ -1040,15 +1429,15 @@ static inline void goshawk_mission_command_encode(const goshawk_mission_command_
     goshawk_put_u8(payload + 18, m->command);
 }
 
-static inline void goshawk_mission_command_decode(goshawk_mission_command_msg *m, const uint8_t payload[GOSHAWK_MISSION_COMMAND_LENGTH])
+static inline void goshawk_mission_command_decode(goshawk_mission_command_msg *m, goshawk_payload p)
 {
-    m->request_id = goshawk_get_u32(payload + 0);
-    m->trajectory_id = goshawk_get_u32(payload + 4);
-    m->crc32 = goshawk_get_u32(payload + 8);
-    m->value = goshawk_get_f32(payload + 12);
-    m->target_system = goshawk_get_u8(payload + 16);
-    m->target_component = goshawk_get_u8(payload + 17);
-    m->command = goshawk_get_u8(payload + 18);
+    m->request_id = goshawk_get_u32(p, 0u);
+    m->trajectory_id = goshawk_get_u32(p, 4u);
+    m->crc32 = goshawk_get_u32(p, 8u);
+    m->value = goshawk_get_f32(p, 12u);
+    m->target_system = goshawk_get_u8(p, 16u);
+    m->target_component = goshawk_get_u8(p, 17u);
+    m->command = goshawk_get_u8(p, 18u);
 }
 
 /* Answer to an order. */
@@ -1061,6 +1450,12 @@ typedef struct {
     uint8_t reason; /* 0 done, else tc_reason or GOSHAWK_LINK_REASON. */
     uint8_t mission_state; /* After it. */
 } goshawk_mission_result_msg;
+enum {
+    GOSHAWK_MISSION_RESULT_REQUEST_ID_AT = 0,
+    GOSHAWK_MISSION_RESULT_COMMAND_AT = 4,
+    GOSHAWK_MISSION_RESULT_REASON_AT = 5,
+    GOSHAWK_MISSION_RESULT_MISSION_STATE_AT = 6,
+};
 
 static inline void goshawk_mission_result_encode(const goshawk_mission_result_msg *m, uint8_t payload[GOSHAWK_MISSION_RESULT_LENGTH])
 {
@@ -1070,12 +1465,12 @@ static inline void goshawk_mission_result_encode(const goshawk_mission_result_ms
     goshawk_put_u8(payload + 6, m->mission_state);
 }
 
-static inline void goshawk_mission_result_decode(goshawk_mission_result_msg *m, const uint8_t payload[GOSHAWK_MISSION_RESULT_LENGTH])
+static inline void goshawk_mission_result_decode(goshawk_mission_result_msg *m, goshawk_payload p)
 {
-    m->request_id = goshawk_get_u32(payload + 0);
-    m->command = goshawk_get_u8(payload + 4);
-    m->reason = goshawk_get_u8(payload + 5);
-    m->mission_state = goshawk_get_u8(payload + 6);
+    m->request_id = goshawk_get_u32(p, 0u);
+    m->command = goshawk_get_u8(p, 4u);
+    m->reason = goshawk_get_u8(p, 5u);
+    m->mission_state = goshawk_get_u8(p, 6u);
 }
 
 /* Where the mission stands; sent at 5 Hz and on every change. */
@@ -1100,6 +1495,24 @@ typedef struct {
     uint8_t vehicle_hash[8]; /* Of the active trajectory. */
     char name[24]; /* Of the active trajectory. */
 } goshawk_mission_status_msg;
+enum {
+    GOSHAWK_MISSION_STATUS_TIME_US_AT = 0,
+    GOSHAWK_MISSION_STATUS_BOOT_ID_AT = 8,
+    GOSHAWK_MISSION_STATUS_ACTIVE_ID_AT = 12,
+    GOSHAWK_MISSION_STATUS_ACTIVE_CRC32_AT = 16,
+    GOSHAWK_MISSION_STATUS_TRAJECTORY_TIME_S_AT = 20,
+    GOSHAWK_MISSION_STATUS_TRAJECTORY_DURATION_S_AT = 24,
+    GOSHAWK_MISSION_STATUS_FRAMES_REFUSED_AT = 28,
+    GOSHAWK_MISSION_STATUS_PARAMETERS_CRC32_AT = 32,
+    GOSHAWK_MISSION_STATUS_PATH_RATE_AT = 36,
+    GOSHAWK_MISSION_STATUS_MISSION_STATE_AT = 40,
+    GOSHAWK_MISSION_STATUS_REASON_AT = 41,
+    GOSHAWK_MISSION_STATUS_OPERATOR_SYSTEM_AT = 42,
+    GOSHAWK_MISSION_STATUS_OPERATOR_COMPONENT_AT = 43,
+    GOSHAWK_MISSION_STATUS_MAP_HASH_AT = 44,
+    GOSHAWK_MISSION_STATUS_VEHICLE_HASH_AT = 52,
+    GOSHAWK_MISSION_STATUS_NAME_AT = 60,
+};
 
 static inline void goshawk_mission_status_encode(const goshawk_mission_status_msg *m, uint8_t payload[GOSHAWK_MISSION_STATUS_LENGTH])
 {
@@ -1124,27 +1537,27 @@ static inline void goshawk_mission_status_encode(const goshawk_mission_status_ms
         goshawk_put_i8(payload + 60 + i, (int8_t)m->name[i]);
 }
 
-static inline void goshawk_mission_status_decode(goshawk_mission_status_msg *m, const uint8_t payload[GOSHAWK_MISSION_STATUS_LENGTH])
+static inline void goshawk_mission_status_decode(goshawk_mission_status_msg *m, goshawk_payload p)
 {
-    m->time_us = goshawk_get_u64(payload + 0);
-    m->boot_id = goshawk_get_u32(payload + 8);
-    m->active_id = goshawk_get_u32(payload + 12);
-    m->active_crc32 = goshawk_get_u32(payload + 16);
-    m->trajectory_time_s = goshawk_get_f32(payload + 20);
-    m->trajectory_duration_s = goshawk_get_f32(payload + 24);
-    m->frames_refused = goshawk_get_u32(payload + 28);
-    m->parameters_crc32 = goshawk_get_u32(payload + 32);
-    m->path_rate = goshawk_get_f32(payload + 36);
-    m->mission_state = goshawk_get_u8(payload + 40);
-    m->reason = goshawk_get_u8(payload + 41);
-    m->operator_system = goshawk_get_u8(payload + 42);
-    m->operator_component = goshawk_get_u8(payload + 43);
+    m->time_us = goshawk_get_u64(p, 0u);
+    m->boot_id = goshawk_get_u32(p, 8u);
+    m->active_id = goshawk_get_u32(p, 12u);
+    m->active_crc32 = goshawk_get_u32(p, 16u);
+    m->trajectory_time_s = goshawk_get_f32(p, 20u);
+    m->trajectory_duration_s = goshawk_get_f32(p, 24u);
+    m->frames_refused = goshawk_get_u32(p, 28u);
+    m->parameters_crc32 = goshawk_get_u32(p, 32u);
+    m->path_rate = goshawk_get_f32(p, 36u);
+    m->mission_state = goshawk_get_u8(p, 40u);
+    m->reason = goshawk_get_u8(p, 41u);
+    m->operator_system = goshawk_get_u8(p, 42u);
+    m->operator_component = goshawk_get_u8(p, 43u);
     for (unsigned i = 0; i < 8u; i++)
-        m->map_hash[i] = goshawk_get_u8(payload + 44 + i);
+        m->map_hash[i] = goshawk_get_u8(p, 44u + i);
     for (unsigned i = 0; i < 8u; i++)
-        m->vehicle_hash[i] = goshawk_get_u8(payload + 52 + i);
+        m->vehicle_hash[i] = goshawk_get_u8(p, 52u + i);
     for (unsigned i = 0; i < 24u; i++)
-        m->name[i] = (char)goshawk_get_i8(payload + 60 + i);
+        m->name[i] = (char)goshawk_get_i8(p, 60u + i);
 }
 
 /* Take (or keep, or give back) control. The holder renews it; it ends 3 s after the last renewal. */
@@ -1157,6 +1570,12 @@ typedef struct {
     uint8_t target_component; /* Vehicle. */
     uint8_t action; /* 0 give back, 1 take if free or renew, 2 take over. */
 } goshawk_lease_request_msg;
+enum {
+    GOSHAWK_LEASE_REQUEST_NONCE_AT = 0,
+    GOSHAWK_LEASE_REQUEST_TARGET_SYSTEM_AT = 4,
+    GOSHAWK_LEASE_REQUEST_TARGET_COMPONENT_AT = 5,
+    GOSHAWK_LEASE_REQUEST_ACTION_AT = 6,
+};
 
 static inline void goshawk_lease_request_encode(const goshawk_lease_request_msg *m, uint8_t payload[GOSHAWK_LEASE_REQUEST_LENGTH])
 {
@@ -1166,12 +1585,12 @@ static inline void goshawk_lease_request_encode(const goshawk_lease_request_msg 
     goshawk_put_u8(payload + 6, m->action);
 }
 
-static inline void goshawk_lease_request_decode(goshawk_lease_request_msg *m, const uint8_t payload[GOSHAWK_LEASE_REQUEST_LENGTH])
+static inline void goshawk_lease_request_decode(goshawk_lease_request_msg *m, goshawk_payload p)
 {
-    m->nonce = goshawk_get_u32(payload + 0);
-    m->target_system = goshawk_get_u8(payload + 4);
-    m->target_component = goshawk_get_u8(payload + 5);
-    m->action = goshawk_get_u8(payload + 6);
+    m->nonce = goshawk_get_u32(p, 0u);
+    m->target_system = goshawk_get_u8(p, 4u);
+    m->target_component = goshawk_get_u8(p, 5u);
+    m->action = goshawk_get_u8(p, 6u);
 }
 
 /* Answer to a request. */
@@ -1184,6 +1603,12 @@ typedef struct {
     uint8_t operator_system; /* Holder; 0 nobody. */
     uint8_t operator_component; /* Holder. */
 } goshawk_lease_status_msg;
+enum {
+    GOSHAWK_LEASE_STATUS_NONCE_AT = 0,
+    GOSHAWK_LEASE_STATUS_LEFT_MS_AT = 4,
+    GOSHAWK_LEASE_STATUS_OPERATOR_SYSTEM_AT = 8,
+    GOSHAWK_LEASE_STATUS_OPERATOR_COMPONENT_AT = 9,
+};
 
 static inline void goshawk_lease_status_encode(const goshawk_lease_status_msg *m, uint8_t payload[GOSHAWK_LEASE_STATUS_LENGTH])
 {
@@ -1193,12 +1618,12 @@ static inline void goshawk_lease_status_encode(const goshawk_lease_status_msg *m
     goshawk_put_u8(payload + 9, m->operator_component);
 }
 
-static inline void goshawk_lease_status_decode(goshawk_lease_status_msg *m, const uint8_t payload[GOSHAWK_LEASE_STATUS_LENGTH])
+static inline void goshawk_lease_status_decode(goshawk_lease_status_msg *m, goshawk_payload p)
 {
-    m->nonce = goshawk_get_u32(payload + 0);
-    m->left_ms = goshawk_get_u32(payload + 4);
-    m->operator_system = goshawk_get_u8(payload + 8);
-    m->operator_component = goshawk_get_u8(payload + 9);
+    m->nonce = goshawk_get_u32(p, 0u);
+    m->left_ms = goshawk_get_u32(p, 4u);
+    m->operator_system = goshawk_get_u8(p, 8u);
+    m->operator_component = goshawk_get_u8(p, 9u);
 }
 
 /* Some values of a set that is to be applied as a whole; every value has to be sent. */
@@ -1212,25 +1637,32 @@ typedef struct {
     uint8_t target_component; /* Vehicle. */
     uint8_t group; /* Values 48 group to 48 group + 47. */
 } goshawk_parameters_stage_msg;
+enum {
+    GOSHAWK_PARAMETERS_STAGE_TRANSFER_ID_AT = 0,
+    GOSHAWK_PARAMETERS_STAGE_VALUES_AT = 4,
+    GOSHAWK_PARAMETERS_STAGE_TARGET_SYSTEM_AT = 196,
+    GOSHAWK_PARAMETERS_STAGE_TARGET_COMPONENT_AT = 197,
+    GOSHAWK_PARAMETERS_STAGE_GROUP_AT = 198,
+};
 
 static inline void goshawk_parameters_stage_encode(const goshawk_parameters_stage_msg *m, uint8_t payload[GOSHAWK_PARAMETERS_STAGE_LENGTH])
 {
     goshawk_put_u32(payload + 0, m->transfer_id);
     for (unsigned i = 0; i < 48u; i++)
-        goshawk_put_f32(payload + 4 + 4u * i, m->values[i]);
+        goshawk_put_f32(payload + 4 + (4u * i), m->values[i]);
     goshawk_put_u8(payload + 196, m->target_system);
     goshawk_put_u8(payload + 197, m->target_component);
     goshawk_put_u8(payload + 198, m->group);
 }
 
-static inline void goshawk_parameters_stage_decode(goshawk_parameters_stage_msg *m, const uint8_t payload[GOSHAWK_PARAMETERS_STAGE_LENGTH])
+static inline void goshawk_parameters_stage_decode(goshawk_parameters_stage_msg *m, goshawk_payload p)
 {
-    m->transfer_id = goshawk_get_u32(payload + 0);
+    m->transfer_id = goshawk_get_u32(p, 0u);
     for (unsigned i = 0; i < 48u; i++)
-        m->values[i] = goshawk_get_f32(payload + 4 + 4u * i);
-    m->target_system = goshawk_get_u8(payload + 196);
-    m->target_component = goshawk_get_u8(payload + 197);
-    m->group = goshawk_get_u8(payload + 198);
+        m->values[i] = goshawk_get_f32(p, 4u + (4u * i));
+    m->target_system = goshawk_get_u8(p, 196u);
+    m->target_component = goshawk_get_u8(p, 197u);
+    m->group = goshawk_get_u8(p, 198u);
 }
 
 /* Apply the staged set if it is whole, its CRC fits and the controller accepts it. */
@@ -1243,6 +1675,12 @@ typedef struct {
     uint8_t target_system; /* Vehicle. */
     uint8_t target_component; /* Vehicle. */
 } goshawk_parameters_commit_msg;
+enum {
+    GOSHAWK_PARAMETERS_COMMIT_TRANSFER_ID_AT = 0,
+    GOSHAWK_PARAMETERS_COMMIT_CRC32_AT = 4,
+    GOSHAWK_PARAMETERS_COMMIT_TARGET_SYSTEM_AT = 8,
+    GOSHAWK_PARAMETERS_COMMIT_TARGET_COMPONENT_AT = 9,
+};
 
 static inline void goshawk_parameters_commit_encode(const goshawk_parameters_commit_msg *m, uint8_t payload[GOSHAWK_PARAMETERS_COMMIT_LENGTH])
 {
@@ -1252,12 +1690,12 @@ static inline void goshawk_parameters_commit_encode(const goshawk_parameters_com
     goshawk_put_u8(payload + 9, m->target_component);
 }
 
-static inline void goshawk_parameters_commit_decode(goshawk_parameters_commit_msg *m, const uint8_t payload[GOSHAWK_PARAMETERS_COMMIT_LENGTH])
+static inline void goshawk_parameters_commit_decode(goshawk_parameters_commit_msg *m, goshawk_payload p)
 {
-    m->transfer_id = goshawk_get_u32(payload + 0);
-    m->crc32 = goshawk_get_u32(payload + 4);
-    m->target_system = goshawk_get_u8(payload + 8);
-    m->target_component = goshawk_get_u8(payload + 9);
+    m->transfer_id = goshawk_get_u32(p, 0u);
+    m->crc32 = goshawk_get_u32(p, 4u);
+    m->target_system = goshawk_get_u8(p, 8u);
+    m->target_component = goshawk_get_u8(p, 9u);
 }
 
 /* Answer to a stage or a commit. */
@@ -1272,6 +1710,14 @@ typedef struct {
     uint8_t committed; /* 1 when this answers a commit. */
     uint8_t reason; /* 0 done, else tc_reason or GOSHAWK_LINK_REASON. */
 } goshawk_parameters_result_msg;
+enum {
+    GOSHAWK_PARAMETERS_RESULT_TRANSFER_ID_AT = 0,
+    GOSHAWK_PARAMETERS_RESULT_ACTIVE_CRC32_AT = 4,
+    GOSHAWK_PARAMETERS_RESULT_INDEX_AT = 8,
+    GOSHAWK_PARAMETERS_RESULT_STAGED_AT = 10,
+    GOSHAWK_PARAMETERS_RESULT_COMMITTED_AT = 11,
+    GOSHAWK_PARAMETERS_RESULT_REASON_AT = 12,
+};
 
 static inline void goshawk_parameters_result_encode(const goshawk_parameters_result_msg *m, uint8_t payload[GOSHAWK_PARAMETERS_RESULT_LENGTH])
 {
@@ -1283,14 +1729,14 @@ static inline void goshawk_parameters_result_encode(const goshawk_parameters_res
     goshawk_put_u8(payload + 12, m->reason);
 }
 
-static inline void goshawk_parameters_result_decode(goshawk_parameters_result_msg *m, const uint8_t payload[GOSHAWK_PARAMETERS_RESULT_LENGTH])
+static inline void goshawk_parameters_result_decode(goshawk_parameters_result_msg *m, goshawk_payload p)
 {
-    m->transfer_id = goshawk_get_u32(payload + 0);
-    m->active_crc32 = goshawk_get_u32(payload + 4);
-    m->index = goshawk_get_u16(payload + 8);
-    m->staged = goshawk_get_u8(payload + 10);
-    m->committed = goshawk_get_u8(payload + 11);
-    m->reason = goshawk_get_u8(payload + 12);
+    m->transfer_id = goshawk_get_u32(p, 0u);
+    m->active_crc32 = goshawk_get_u32(p, 4u);
+    m->index = goshawk_get_u16(p, 8u);
+    m->staged = goshawk_get_u8(p, 10u);
+    m->committed = goshawk_get_u8(p, 11u);
+    m->reason = goshawk_get_u8(p, 12u);
 }
 
 /* Full payload length of a message and its CRC_EXTRA; 0 for a message that is not of this dialect. */
@@ -1330,12 +1776,18 @@ static inline unsigned goshawk_dialect_find(uint32_t id, uint8_t *crc_extra)
     case AUTOPILOT_VERSION_ID:
         *crc_extra = AUTOPILOT_VERSION_CRC_EXTRA;
         return AUTOPILOT_VERSION_LENGTH;
+    case HOME_POSITION_ID:
+        *crc_extra = HOME_POSITION_CRC_EXTRA;
+        return HOME_POSITION_LENGTH;
     case STATUSTEXT_ID:
         *crc_extra = STATUSTEXT_CRC_EXTRA;
         return STATUSTEXT_LENGTH;
     case ESC_STATUS_ID:
         *crc_extra = ESC_STATUS_CRC_EXTRA;
         return ESC_STATUS_LENGTH;
+    case ODOMETRY_ID:
+        *crc_extra = ODOMETRY_CRC_EXTRA;
+        return ODOMETRY_LENGTH;
     case GOSHAWK_STATE_ID:
         *crc_extra = GOSHAWK_STATE_CRC_EXTRA;
         return GOSHAWK_STATE_LENGTH;

@@ -350,6 +350,38 @@ class AutopilotVersion(Message):
 
 
 @dataclass(slots=True)
+class HomePosition(Message):
+    """Where the vehicle last stood on the ground with its rotors idle or off."""
+
+    ID: ClassVar[int] = 242
+    CRC_EXTRA: ClassVar[int] = 104
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<iiifff4ffffQ")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0, 0, 0, 4, 0, 0, 0, 0)
+    latitude: int = 0
+    """0: there is no global position."""
+    longitude: int = 0
+    """0: there is no global position."""
+    altitude: int = 0
+    """0: there is no global position."""
+    x: float = 0.0
+    """North, m."""
+    y: float = 0.0
+    """East, m."""
+    z: float = 0.0
+    """Down, m."""
+    q: tuple[float, ...] = (0.0,) * 4
+    """Of the ground: level."""
+    approach_x: float = 0.0
+    """0."""
+    approach_y: float = 0.0
+    """0."""
+    approach_z: float = 0.0
+    """0."""
+    time_usec: int = 0
+    """Vehicle time."""
+
+
+@dataclass(slots=True)
 class Statustext(Message):
     """A sentence for the pilot."""
 
@@ -385,6 +417,52 @@ class EscStatus(Message):
     """A; 0, unknown."""
     index: int = 0
     """First rotor of this message: 0."""
+
+
+@dataclass(slots=True)
+class Odometry(Message):
+    """Pose, velocity and rate in one message."""
+
+    ID: ClassVar[int] = 331
+    CRC_EXTRA: ClassVar[int] = 91
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<Qfff4fffffff21f21fBBBBb")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0, 4, 0, 0, 0, 0, 0, 0, 21, 21, 0, 0, 0, 0, 0)
+    time_usec: int = 0
+    """Vehicle time."""
+    x: float = 0.0
+    """m."""
+    y: float = 0.0
+    """m."""
+    z: float = 0.0
+    """m."""
+    q: tuple[float, ...] = (0.0,) * 4
+    """w x y z, frame from child frame."""
+    vx: float = 0.0
+    """In the child frame, m/s."""
+    vy: float = 0.0
+    """In the child frame, m/s."""
+    vz: float = 0.0
+    """In the child frame, m/s."""
+    rollspeed: float = 0.0
+    """rad/s."""
+    pitchspeed: float = 0.0
+    """rad/s."""
+    yawspeed: float = 0.0
+    """rad/s."""
+    pose_covariance: tuple[float, ...] = (0.0,) * 21
+    """NaN first: unknown."""
+    velocity_covariance: tuple[float, ...] = (0.0,) * 21
+    """NaN first: unknown."""
+    frame_id: int = 0
+    """MAV_FRAME: 20, local FRD (any heading)."""
+    child_frame_id: int = 0
+    """MAV_FRAME: 12, body FRD."""
+    reset_counter: int = 0
+    """0."""
+    estimator_type: int = 0
+    """0, unknown."""
+    quality: int = 0
+    """0, unknown."""
 
 
 @dataclass(slots=True)
@@ -839,8 +917,10 @@ BY_ID: dict[int, type[Message]] = {
     111: Timesync,
     147: BatteryStatus,
     148: AutopilotVersion,
+    242: HomePosition,
     253: Statustext,
     291: EscStatus,
+    331: Odometry,
     54000: State,
     54001: LogRequest,
     54002: LogInfo,

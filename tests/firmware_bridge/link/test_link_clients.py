@@ -5,6 +5,7 @@ import time
 import numpy as np
 import pytest
 
+from firmware_bridge import _controller
 from firmware_bridge.dialect.generated import messages as m
 from firmware_bridge.mavlink import Codec, Signing
 from flight import frames
@@ -51,8 +52,40 @@ def test_pymavlink_finds_the_vehicle_and_reads_its_pose(serve, dial, plans, mavl
         q = frames.flip_attitude([attitude.q1, attitude.q2, attitude.q3, attitude.q4])
         assert abs(q @ ours.q_world_body) > 0.999
         assert 12_000 < battery.voltages[0] < 17_000
+        odometry = client.recv_match(type="ODOMETRY", blocking=True, timeout=3.0)
+        np.testing.assert_allclose(
+            frames.flip_vector([odometry.x, odometry.y, odometry.z]), ours.position_world_m, atol=0.05
+        )
+        assert abs(frames.flip_attitude(odometry.q) @ ours.q_world_body) > 0.999
+        assert (odometry.frame_id, odometry.child_frame_id) == (20, common.MAV_FRAME_BODY_FRD)
+        assert np.isnan(odometry.pose_covariance[0])
+        home = client.recv_match(type="HOME_POSITION", blocking=True, timeout=6.0)
+        assert abs(home.z) < 0.05  # where it took off, not where it hovers
     finally:
         client.close()
+
+
+def test_odometry_tells_velocity_along_the_body_axes():
+    """At a quarter turn to the left, flying along world x is flying to the right."""
+    table = np.array([row[3] for row in _controller.parameter_table()], dtype=np.float32)
+    endpoint = _controller.Controller()
+    assert endpoint.set_parameters(table)[0] == 0
+    link = _controller.Link(endpoint, None, 1, 0, 1, 10**9, 0, 5000, 1)
+    left = [np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]
+    state = np.array([1.0, 2.0, 3.0, 4.0, 0.0, 0.0, *left, 0.1, 0.2, 0.3])
+    ears, told = Codec(9, 1, None), []
+    for time_us in range(100_000, 400_000, 50_000):
+        endpoint.tick(time_us, state, time_us, time_us, 0.0)
+        link.update(np.zeros(4), np.zeros(3), time_us)
+        while frame := link.transmit(time_us):
+            told += [received.message for received in ears.decode(frame)]
+    odometry = next(message for message in told if isinstance(message, m.Odometry))
+    np.testing.assert_allclose([odometry.vx, odometry.vy, odometry.vz], [0.0, 4.0, 0.0], atol=1e-5)
+    np.testing.assert_allclose([odometry.x, odometry.y, odometry.z], [1.0, -2.0, -3.0], atol=1e-5)
+    np.testing.assert_allclose([odometry.rollspeed, odometry.pitchspeed, odometry.yawspeed], [0.1, -0.2, -0.3])
+    assert sum(isinstance(message, m.Odometry) for message in told) == 3  # half as often as the position
+    home = next(message for message in told if isinstance(message, m.HomePosition))
+    np.testing.assert_allclose([home.x, home.y, home.z, *home.q], [1.0, -2.0, -3.0, 1.0, 0.0, 0.0, 0.0])
 
 
 def test_ned_and_frd_are_the_flips_of_the_ground_floor(serve, dial):

@@ -86,6 +86,20 @@ def test_frames_may_overtake_each_other_and_each_counts_once(plans):
     assert sum(ground.accepts(frame) for frame in swapped for _ in range(2)) == 300
 
 
+def test_any_number_of_stations_may_follow_each_other_and_none_comes_back_from_a_recording(plans):
+    """The vehicle remembers four senders; the one silent for longest makes room, and what it sent stays refused."""
+    endpoint = Endpoint(plans.key)
+    recorded = []
+    for system_id in range(20, 40):
+        codec = station(plans.key, system_id)
+        recorded.append([codec.encode(lease(action=2)) for _ in range(3)])
+        assert sum(endpoint.receive(frame) for frame in recorded[-1]) == 3
+        assert sum(endpoint.receive(frame) for frames in recorded for frame in frames) == 0
+    replayed = endpoint.link.counts()["replayed"]
+    assert replayed == sum(3 * n for n in range(1, 21))
+    assert endpoint.receive(station(plans.key, 20).encode(lease())) == 1  # but its next word counts
+
+
 def test_every_damaged_frame_is_refused(plans):
     endpoint = Endpoint(plans.key)
     codec = station(plans.key)

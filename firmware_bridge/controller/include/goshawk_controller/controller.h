@@ -107,6 +107,7 @@ const tc_parameters* tc_parameters_now(const tc_controller* controller);
 /* The upload: as in trajectory.h. Staging works in flight; activation is refused while the active slot is flown. */
 tc_reason tc_upload_begin(tc_controller* controller, const tc_trajectory_header* header);
 tc_reason tc_upload_segment(tc_controller* controller, uint16_t index, const tc_segment* segment);
+tc_segment* tc_upload_place(tc_controller* controller, uint16_t index);
 tc_reason tc_upload_sample(tc_controller* controller, const tc_trajectory_sample* sample);
 tc_reason tc_upload_finish(tc_controller* controller);
 tc_reason tc_upload_activate(tc_controller* controller, uint32_t id, uint32_t crc32);

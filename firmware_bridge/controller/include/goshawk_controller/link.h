@@ -156,8 +156,9 @@ typedef struct {
         uint32_t state_period_us;  /* 0: never */
         tc_link_measured measured; /* at the last tick */
         uint16_t state_sequence;
-        uint8_t standard; /* bits: which standard messages are due */
-        bool state_ready, version;
+        float home_world_m[3]; /* where it last stood */
+        uint8_t standard;      /* bits: which standard messages are due */
+        bool state_ready, version, home;
         uint32_t transitions; /* of the mission, when last told */
         bool text;
     } telemetry;

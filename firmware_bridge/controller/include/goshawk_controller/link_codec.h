@@ -14,7 +14,8 @@ extern "C" {
 #define TC_FRAME_MAX 280u /* header 10, payload 255, checksum 2, signature 13 */
 #define TC_PAYLOAD_MAX 255u
 #define TC_KEY_BYTES 32u
-#define TC_STREAMS 8u /* how many (system, component, link) sign towards one endpoint */
+#define TC_FRAME_HEADER 10u
+#define TC_STREAMS 4u /* how many (system, component, link) may sign towards one endpoint at the same time */
 
 /* CRC-16/MCRF4XX, continued from `crc` (start with 0xFFFF). */
 uint16_t tc_crc16(uint16_t crc, const uint8_t* bytes, size_t n);
@@ -22,25 +23,25 @@ uint16_t tc_crc16(uint16_t crc, const uint8_t* bytes, size_t n);
 /* SHA-256 (FIPS 180-4): init, then update as often as wanted, then final once. */
 typedef struct {
     uint32_t state[8];
-    uint64_t length;
-    uint8_t block[64];
+    uint64_t length;    /* bytes so far */
+    uint32_t block[16]; /* the one being filled; then its message schedule, in place */
 } tc_sha256;
 
 void tc_sha256_init(tc_sha256* hash);
 void tc_sha256_update(tc_sha256* hash, const uint8_t* bytes, size_t n);
 void tc_sha256_final(tc_sha256* hash, uint8_t digest[32]);
 
-/* A frame that passed its checksum. The payload is padded with zeros to its full length and beyond. */
+/* A frame that passed its checksum. Its payload lies in the parser's buffer and is gone after the next call. */
 typedef struct {
-    uint32_t id;
     uint64_t timestamp_10us; /* of the signature */
+    const uint8_t* payload;  /* as it came: what is missing at its end is zero */
+    uint32_t id;
     uint8_t sequence;
     uint8_t system_id;
     uint8_t component_id;
     uint8_t link_id; /* of the signature */
     bool is_signed;
-    uint8_t signature[6];
-    uint8_t payload[TC_PAYLOAD_MAX];
+    uint8_t payload_length;
     uint16_t raw_length; /* of the frame as it came */
 } tc_frame;
 
@@ -72,21 +73,17 @@ typedef struct {
     uint8_t system_id, component_id, link_id;
 } tc_stream;
 
-/* Signing and checking with one shared key (MAVLink 2 message signing). Time stamps count 10 microseconds. */
+/* Signing and checking with one shared key (MAVLink 2 message signing). Time stamps count 10 microseconds. When there
+   is no room for a new stream the one that has been silent longest goes, and its last stamp becomes the start: so
+   nothing it ever sent can come back. */
 typedef struct {
-    uint8_t key[TC_KEY_BYTES];
+    const uint8_t* key;  /* TC_KEY_BYTES; the caller's, and stays where it is */
     uint64_t now_10us;   /* next stamp to send is above it; lifted by every accepted frame */
     uint64_t start_10us; /* a new stream must be later than this: what was recorded before the start stays refused */
     tc_stream streams[TC_STREAMS];
 } tc_signing;
 
-typedef enum {
-    TC_SIGNATURE_GOOD = 0,
-    TC_SIGNATURE_MISSING,
-    TC_SIGNATURE_WRONG,
-    TC_SIGNATURE_REPLAYED,
-    TC_SIGNATURE_TOO_MANY_STREAMS
-} tc_signature;
+typedef enum { TC_SIGNATURE_GOOD = 0, TC_SIGNATURE_MISSING, TC_SIGNATURE_WRONG, TC_SIGNATURE_REPLAYED } tc_signature;
 
 void tc_signing_init(tc_signing* signing, const uint8_t key[TC_KEY_BYTES], uint64_t start_10us);
 
@@ -94,7 +91,7 @@ void tc_signing_init(tc_signing* signing, const uint8_t key[TC_KEY_BYTES], uint6
 tc_signature tc_signing_check(tc_signing* signing, const tc_frame* frame, const uint8_t* raw);
 
 /* Builds a frame of a message of the dialect into `out`; signs it if `signing` is not NULL. Trailing zeros of the
-   payload are cut. Returns its length. */
+   payload are cut; it may lie in `out` already, behind TC_FRAME_HEADER bytes. Returns its length. */
 size_t tc_frame_build(uint8_t out[TC_FRAME_MAX], uint32_t id, const uint8_t* payload, unsigned length, uint8_t sequence,
                       uint8_t system_id, uint8_t component_id, tc_signing* signing, uint8_t link_id);
 

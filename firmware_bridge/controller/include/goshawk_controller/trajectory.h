@@ -106,6 +106,9 @@ tc_reason tc_store_begin(tc_store* store, const tc_trajectory_header* header);
 /* Stores one segment of the upload after checking it alone: finite, duration, fence, speed, acceleration and yaw-rate
    hulls. The same segment may come again. Needs coefficients beyond the count to be zero (they are set to zero). */
 tc_reason tc_store_put_segment(tc_store* store, uint16_t index, const tc_segment* segment);
+/* Where a segment that is still missing will lie, so that it can be written there and then put without a copy; NULL
+   when no upload is open, the index is beyond its end, or the segment has been checked already. */
+tc_segment* tc_store_place(tc_store* store, uint16_t index);
 
 /* Adds a point that the planner evaluated; `tc_store_finish` compares it. At most TC_MAX_SAMPLES, else refused. */
 tc_reason tc_store_put_sample(tc_store* store, const tc_trajectory_sample* sample);
