@@ -66,10 +66,10 @@ def main(arguments: list[str] | None = None) -> None:
         code = goshawk.main(args=given, prog_name="goshawk", standalone_mode=False)
         sys.exit(code if isinstance(code, int) else 0)
     except click.ClickException as error:
-        _report(error, _usage(error), as_json="--json" in given)
+        _report(error, _usage(error), as_json=_prints_json(given))
         sys.exit(2)
     except FlightError as error:
-        _report(error, str(error), as_json="--json" in given)
+        _report(error, str(error), as_json=_prints_json(given))
         sys.exit(2 if isinstance(error, InputError | FormatError) else 1)
     except (KeyboardInterrupt, click.Abort):
         click.echo("goshawk: stopped; nothing half-written was left behind", err=True)
@@ -79,8 +79,16 @@ def main(arguments: list[str] | None = None) -> None:
         sys.exit(0)
     except OSError as error:  # a full disk, a folder that may not be written: the system's own words say which
         where = f"{error.filename2 or error.filename}: " if error.filename else ""
-        _report(error, f"{where}{error.strerror or error}", as_json="--json" in given)
+        _report(error, f"{where}{error.strerror or error}", as_json=_prints_json(given))
         sys.exit(2)
+
+
+def _prints_json(given: list[str]) -> bool:
+    """Whether standard output is JSON: `--json` alone or with `-`, not with the name of a file."""
+    if "--json" not in given:
+        return False
+    after = given[given.index("--json") + 1 :]
+    return not (after and after[0].endswith(".json"))
 
 
 def _usage(error: click.ClickException) -> str:

@@ -64,10 +64,10 @@ def middle(flight: Flight, states: States) -> Middle:
 def unexplained(flight: Flight, states: States, vehicle: Vehicle) -> FloatArray:
     """(k, 6) mean acceleration the vehicle does not explain: body axes, m/s2 and rad/s2."""
     mid = middle(flight, states)
-    return _rates_of_change(states, mid) - along(vehicle, flight, mid)
+    return rates_of_change(states, mid) - along(vehicle, flight, mid)
 
 
-def _rates_of_change(states: States, mid: Middle) -> FloatArray:
+def rates_of_change(states: States, mid: Middle) -> FloatArray:
     dv = np.diff(states.velocity_world_m_s, axis=0) / mid.step_s - GRAVITY_WORLD_M_S2
     specific_force = (dv[:, None, :] @ mid.R_world_body)[:, 0]
     return np.concatenate([specific_force, np.diff(states.rate_body_rad_s, axis=0) / mid.step_s], axis=1)
@@ -79,7 +79,7 @@ def defects(states: States, mid: Middle, value: FloatArray) -> FloatArray:
     moved = np.diff(states.position_world_m, axis=0) - h * mid.velocity_world_m_s
     # The cross product is the coning term of a rate that changes linearly over the interval (Magnus, fourth order).
     coning = h * h / 12.0 * np.cross(states.rate_body_rad_s[:-1], states.rate_body_rad_s[1:])
-    change = h * (_rates_of_change(states, mid) - value)
+    change = h * (rates_of_change(states, mid) - value)
     return np.concatenate(
         [
             (moved[:, None, :] @ mid.R_world_body)[:, 0],
@@ -133,14 +133,14 @@ def defect_jacobians(states: States, mid: Middle, acceleration: Jacobian) -> tup
 
 def accelerometer(flight: Flight, states: States, mid: Middle, bias_m_s2: FloatArray) -> FloatArray:
     """(k, 3) mean specific force measured over each interval, less what the states say."""
-    return flight.specific_force_body_m_s2 - bias_m_s2 - _rates_of_change(states, mid)[:, :3]
+    return flight.specific_force_body_m_s2 - bias_m_s2 - rates_of_change(states, mid)[:, :3]
 
 
 def accelerometer_jacobians(states: States, mid: Middle) -> tuple[FloatArray, FloatArray]:
     """Derivatives of `accelerometer` by the state before and the state after, (k, 3, 12)."""
     k, h = len(mid.step_s), mid.step_s[:, :, None]
     Rt = np.swapaxes(mid.R_world_body, 1, 2)
-    hat_force = rotations.hat(_rates_of_change(states, mid)[:, :3])
+    hat_force = rotations.hat(rates_of_change(states, mid)[:, :3])
     quarter_turn = 0.125 * rotations.hat(mid.turn_rad)
     before, after = np.zeros((k, 3, 12)), np.zeros((k, 3, 12))
     before[:, :, 3:6], after[:, :, 3:6] = Rt / h, -Rt / h

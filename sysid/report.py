@@ -2,108 +2,199 @@
 
 import base64
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from html import escape
+from importlib.metadata import version
 from pathlib import Path
 
 from flight import file_format
 from sysid import plots
 from sysid.comparison import HORIZONS_S, QUANTITIES, Comparison
 from sysid.log_check import LogReport
-from sysid.result import Identification
+from sysid.result import Estimate, Identification, residual_statistics
 
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #2b2b2b; max-width: 1180px; margin: 2em auto; padding: 0 1em }
-h1 { font-size: 1.5em } h2 { font-size: 1.15em; margin-top: 2em; border-bottom: 1px solid #ddd }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums }
-td, th { padding: .2em .9em .2em 0; text-align: right }
+h1 { font-size: 1.6em; margin-bottom: .2em } h2 { font-size: 1.2em; margin-top: 2em; border-bottom: 1px solid #ddd }
+h3 { font-size: 1em; margin: 1.6em 0 .2em } .small { color: #777; font-size: .88em; max-width: 60em }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; margin: .5em 0 }
+td, th { padding: .2em 1.2em .2em .4em; text-align: right; white-space: nowrap }
+thead th { border-bottom: 1px solid #bbb }
 td:first-child, th:first-child { text-align: left; font-family: ui-monospace, monospace; font-size: .92em }
-tr:nth-child(even) { background: #f7f7f7 } img { width: 100% } .held { color: #999 } li.error { color: #b0413e }
+td.word, th.word { text-align: left } tbody tr:nth-child(even) { background: #f7f7f7 }
+img { width: 100%; margin: .3em 0 } .held { color: #999 } li.error, .bad { color: #b0413e } .good { color: #3c7a1f }
+@media print { body { max-width: none; font-size: 11px } h2, h3 { break-after: avoid } img, tr { break-inside: avoid } }
 """
+
+CAPTIONS = {
+    "parameters": "How well each parameter is known, and which flight says so",
+    "convergence": "How the fit got there",
+    "correlation": "Which estimates hang together",
+    "overlay": "Measured motion and model",
+    "residuals": "What is left, with its band",
+    "prediction_error": "Prediction error against horizon",
+    "residual_wrench": "Unexplained force and torque over time",
+    "residual_against_speed": "Unexplained force against air speed",
+    "repeated": "Repeated trials",
+}
 
 
 def write(
     path: Path,
-    result: Identification,
+    result: Identification | Mapping[str, Identification],
     *,
     comparison: Comparison | None = None,
     logs: Sequence[LogReport] = (),
+    trials: Sequence[Identification] = (),
 ) -> Path:
-    """Write the report; pictures are inside the file."""
-    parts = [_head(result), _parameters(result)]
+    """Write the report; pictures are inside the file.
+
+    Args:
+        result: one fit, or one per stage as `identify_in_stages` returns them.
+        comparison: of models on flights that were not fitted.
+        logs: what the checks of the logs found.
+        trials: fits of repeated trials, drawn as estimates over trials.
+    """
+    stages = {"": result} if isinstance(result, Identification) else dict(result)
+    last = list(stages.values())[-1]
+    parts = [_head(stages), _logs(logs)]
     with tempfile.TemporaryDirectory() as folder:
-        parts += [_picture(p) for p in plots.identification(result, Path(folder))]
+        for name, fit in stages.items():
+            parts.append(_fit(name, fit, Path(folder) / (name or "fit")))
+        if trials:
+            picture = plots.repeated(trials, last.free_names, Path(folder) / "repeated.svg")
+            parts += ["<h2>Repeated trials</h2>", _picture(picture)]
         if comparison is not None:
             parts.append(_comparison(comparison))
             parts += [_picture(p) for p in plots.comparison(comparison, Path(folder))]
-    parts += [_noise(result), _logs(logs)]
+    title = f"Identification of {escape(last.vehicle.name)}"
     page = (
-        f"<!doctype html><html lang='en'><meta charset='utf-8'><title>Identification of {escape(result.vehicle.name)}"
+        f"<!doctype html><html lang='en'><head><meta charset='utf-8'><title>{title}</title><style>{STYLE}</style>"
+        f"</head><body>{''.join(parts)}</body></html>\n"
     )
-    page += f"</title><style>{STYLE}</style><body>{''.join(parts)}</body></html>"
     with file_format.atomic_file(Path(path)) as temporary:
         temporary.write_text(page, encoding="utf-8")
     return Path(path)
 
 
-def _head(result: Identification) -> str:
-    flights = ", ".join(f"{escape(f.name)} ({f.time_s[-1] - f.time_s[0]:.1f} s)" for f in result.flights)
-    steps = len(result.solution.record)
-    verdict = f"converged in {steps} steps" if result.converged else f"<b>not converged after {steps} steps</b>"
-    findings = "".join(f"<li>{escape(sentence)}</li>" for sentence in result.findings)
+def _head(stages: Mapping[str, Identification]) -> str:
+    now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    last = list(stages.values())[-1]
+    verdicts = "".join(f"<p>{escape(name.capitalize() or 'Fit')}: {_verdict(fit)}</p>" for name, fit in stages.items())
     return (
-        f"<h1>Identification of {escape(result.vehicle.name)}</h1>"
-        f"<p>Model: {escape(', '.join(result.vehicle.effects))}. Flights: {flights}. "
-        f"Joint maximum likelihood, {verdict}.</p><h2>To read first</h2><ul>{findings}</ul>"
+        f"<h1>Identification of {escape(last.vehicle.name)}</h1>"
+        f"<p class='small'>goshawk {version('goshawk')}, {now}. Joint maximum likelihood over states, parameters and "
+        "noise levels. All values in SI units, body axes x forward, y left, z up.</p>"
+        f"{verdicts}<p>Model: {escape(', '.join(last.vehicle.effects))}.</p>"
     )
 
 
-def _parameters(result: Identification) -> str:
+def _verdict(result: Identification) -> str:
+    steps = len(result.solution.record)
+    if result.converged:
+        return f"<b class='good'>converged</b> in {steps} steps."
+    return f"<b class='bad'>not converged</b> after {steps} steps; do not use these values."
+
+
+def _fit(stage: str, result: Identification, folder: Path) -> str:
+    heading = f"<h1>Stage: {escape(stage)}</h1>" if stage else ""
+    findings = "".join(f"<li>{escape(sentence)}</li>" for sentence in result.findings)
+    flights = "".join(
+        f"<tr><td>{escape(f.name)}</td><td>{f.time_s[-1] - f.time_s[0]:.1f}</td><td>{len(f)}</td></tr>"
+        for f in result.flights
+    )
+    return "".join(
+        (
+            heading,
+            f"<h2>To read first</h2><ul>{findings}</ul>",
+            _parameters(result.parameters),
+            f"<h2>Flights</h2>{_table(('flight', 'length (s)', 'nodes'), flights)}",
+            _noise(result),
+            "<h2>Pictures</h2>",
+            *(_picture(p) for p in plots.identification(result, folder)),
+        )
+    )
+
+
+def _parameters(estimates: Sequence[Estimate]) -> str:
     rows = []
-    for e in result.parameters:
+    for e in estimates:
         if e.status == "free":
-            cells = (f"{e.value:.5g}", f"{e.std_robust:.2g}", f"{e.std:.2g}", f"{e.start:.5g}", escape(e.unit))
+            share = f"{100.0 * e.std_robust / abs(e.value):.2g}" if e.std_robust < abs(e.value) else ">100"
+            cells = (f"{e.value:.5g}", f"{e.std_robust:.2g}", f"{e.std:.2g}", share, f"{e.start:.5g}")
         else:
-            cells = (f"{e.value:.5g}", e.status, "", f"{e.start:.5g}", escape(e.unit))
+            cells = (f"{e.value:.5g}", "", "", "", f"{e.start:.5g}")
         style = "" if e.status == "free" else " class='held'"
-        rows.append(f"<tr{style}><td>{escape(e.name)}</td>" + "".join(f"<td>{c}</td>" for c in cells) + "</tr>")
-    head = "".join(f"<th>{h}</th>" for h in ("parameter", "value", "robust std", "plain std", "start", "unit"))
-    return f"<h2>Parameters</h2><table><tr>{head}</tr>{''.join(rows)}</table>"
+        numbers = "".join(f"<td>{c}</td>" for c in cells)
+        words = f"<td class='word'>{escape(e.unit)}</td><td class='word'>{e.status}</td>"
+        rows.append(f"<tr{style}><td>{escape(e.name)}</td>{numbers}{words}</tr>")
+    head = ("parameter", "value", "± robust", "± plain", "robust, %", "start", "unit", "status")
+    note = (
+        "<p class='small'>± is one standard error. The robust one allows for errors correlated in time and for forms "
+        "that are slightly wrong; believe that one. Unseen: held, because these flights do not show it.</p>"
+    )
+    return f"<h2>Parameters</h2>{_table(head, ''.join(rows), words=2)}{note}"
+
+
+def _noise(result: Identification) -> str:
+    sensor, process = result.noise.sensor, result.noise.process
+    levels = [
+        ("pose sensor: position", f"{1000.0 * sensor.position_m:.2f} mm"),
+        ("pose sensor: attitude", f"{1000.0 * sensor.attitude_rad:.2f} mrad"),
+        ("unmodelled acceleration x, y, z", ", ".join(f"{v:.3g}" for v in process[:3]) + " m/s² √s"),
+        ("unmodelled angular acceleration x, y, z", ", ".join(f"{v:.3g}" for v in process[3:]) + " rad/s² √s"),
+    ]
+    rows = "".join(f"<tr><td>{name}</td><td class='word'>{value}</td></tr>" for name, value in levels)
+    statistics = "".join(
+        f"<tr><td>{name}</td><td>{s['rms']:.2f}</td><td>{s['lag_one']:+.2f}</td></tr>"
+        for name, s in residual_statistics(result.solution).items()
+        if s["rms"] > 0.0
+    )
+    note = (
+        "<p class='small'>Residuals over the noise found. Those of the sensors have an rms of 1 or a little less and "
+        "no correlation with the next when the model is right. Force and torque are what the smoother leaves to the "
+        "model's noise: below 1 and smooth in time by nature, the more so the noisier the pose.</p>"
+    )
+    head = ("channel", "rms", "correlation with the next")
+    tables = _table(("noise as estimated", ""), rows, words=1) + _table(head, statistics)
+    return f"<h2>Noise and residuals</h2>{tables}{note}"
 
 
 def _comparison(comparison: Comparison) -> str:
-    head = "".join(f"<th>{h:g} s</th>" for h in HORIZONS_S)
-    rows = [
+    rows = "".join(
         f"<tr><td>{escape(model)}: {quantity} ({unit})</td>"
         + "".join(f"<td>{value:.4g}</td>" for value in comparison.errors[model][quantity])
         + "</tr>"
         for model in comparison.models
         for quantity, unit in QUANTITIES.items()
-    ]
-    flights = ", ".join(escape(f.name) for f in comparison.flights)
-    return f"<h2>Prediction on {flights}</h2><table><tr><th>rms error after</th>{head}</tr>{''.join(rows)}</table>"
-
-
-def _noise(result: Identification) -> str:
-    sensor, process = result.noise.sensor, result.noise.process
-    force, torque = (", ".join(f"{v:.3g}" for v in part) for part in (process[:3], process[3:]))
-    return (
-        f"<h2>Noise as estimated</h2><p>Pose {1000.0 * sensor.position_m:.2f} mm and {sensor.attitude_rad:.2g} rad. "
-        f"Unmodelled acceleration, body axes: {force} m/s² √s; {torque} rad/s² √s.</p>"
     )
+    flights = ", ".join(escape(f.name) for f in comparison.flights)
+    head = ("rms error after", *(f"{h:g} s" for h in HORIZONS_S))
+    return f"<h2>Prediction on {flights}</h2>{_table(head, rows)}"
 
 
 def _logs(logs: Sequence[LogReport]) -> str:
+    if not logs:
+        return ""
     items = [
-        f"<li class='{f.level}'>{escape(report.name)}: {escape(f.sentence)}. <i>{escape(f.fix)}</i></li>"
+        f"<li class='{f.level}'>{escape(report.name)}: {escape(f.sentence)}. <i>Fix: {escape(f.fix)}.</i></li>"
         for report in logs
         for f in report.findings
     ]
-    if not logs:
-        return ""
-    return f"<h2>Checks of the logs</h2><ul>{''.join(items) or '<li>nothing found</li>'}</ul>"
+    found = "".join(items) or "<li class='good'>nothing found</li>"
+    return f"<h2>Checks of the logs</h2><ul>{found}</ul><p class='small'>Nothing was changed in any log.</p>"
+
+
+def _table(head: Sequence[str], rows: str, *, words: int = 0) -> str:
+    """A table; the last `words` columns are text."""
+    marks = ["" if i < len(head) - words else " class='word'" for i in range(len(head))]
+    cells = "".join(f"<th{mark}>{name}</th>" for mark, name in zip(marks, head, strict=True))
+    return f"<table><thead><tr>{cells}</tr></thead><tbody>{rows}</tbody></table>"
 
 
 def _picture(path: Path) -> str:
+    kind = path.stem.rstrip("0123456789").rstrip("_")
+    caption = CAPTIONS.get(kind, path.stem)
     data = base64.b64encode(path.read_bytes()).decode()
-    return f"<p><img alt='{escape(path.stem)}' src='data:image/svg+xml;base64,{data}'></p>"
+    return f"<h3>{caption}</h3><img alt='{escape(caption)}' src='data:image/svg+xml;base64,{data}'>"

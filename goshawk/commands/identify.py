@@ -1,86 +1,288 @@
 """`goshawk identify`: the vehicle model from flights, with standard errors."""
 
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import Any
 
 import click
 
 import sysid
 import vehicle
+from flight import FlightError, FlightLog, InputError, Progress, file_format
 from goshawk import console
 from goshawk.flights import load
+from sysid.stages import STAGES
+
+FLAGS = {"gaps='split'": "--split-gaps", "robust=True": "--robust"}
+"""What the library's sentences name, and the option of this command that does it."""
+STAGES_SCHEMA_VERSION = 1
+
+stage_options = [
+    click.option(f"--{stage}", stage, multiple=True, type=click.Path(path_type=Path), help=said)
+    for stage, said in (
+        ("vertical", "Flight for the first of three stages. Repeatable."),
+        ("horizontal", "Flight for the second stage. Repeatable."),
+        ("rotation", "Flight for the third stage. Repeatable."),
+    )
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Fits:
+    """What was fitted: the answer last."""
+
+    stages: Mapping[str, sysid.Identification]
+    """One under the name "", or one per stage."""
+    logs: Mapping[str, sysid.LogReport]
+    trials: Sequence[sysid.Identification]
+
+    @property
+    def answer(self) -> sysid.Identification:
+        return list(self.stages.values())[-1]
+
+    @property
+    def converged(self) -> bool:
+        return all(fit.converged for fit in self.stages.values())
+
+
+def _with_stages(function: Any) -> Any:
+    for option in reversed(stage_options):
+        function = option(function)
+    return function
 
 
 @click.command()
-@click.argument("flights", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("flights", nargs=-1, type=click.Path(path_type=Path))
 @console.vehicle_option
 @console.path_option("--out", "out", "Vehicle file to write.", required=True)
-@click.option("--add-effect", "added", multiple=True, help="Add this effect to the model first. Repeatable.")
-@click.option("--hold", "held", multiple=True, help="Keep this parameter as it is. Repeatable.")
+@click.option("--add-effect", "added", multiple=True, metavar="NAME", help="Add this effect to the model. Repeatable.")
+@click.option("--hold", "held", multiple=True, metavar="NAME", help="Keep this parameter as it is. Repeatable.")
+@click.option(
+    "--free", "free", multiple=True, metavar="NAME", help="Estimate this only, and the pose sensor. Repeatable."
+)
+@click.option("--prior", "priors", multiple=True, metavar="NAME=STD", help="Pull towards the file's value. Repeatable.")
+@_with_stages
+@click.option("--trials", type=click.IntRange(2), help="FLIGHTS are this many repeated trials; fit each one too.")
 @click.option("--split-gaps", is_flag=True, help="Fit the pieces between gaps as separate flights.")
 @click.option("--hold-unseen", is_flag=True, help="Hold what these flights cannot show, instead of refusing.")
+@click.option("--robust", is_flag=True, help="Count pose samples less that lie far off (a pose that jumps).")
+@click.option("--steps", "most_steps", default=30, show_default=True, help="Steps after which to give up.")
 @console.columns_option
-@console.path_option("--plots", "plots", "Folder for figures.")
-@console.json_option
+@console.path_option("--report", "report_file", "HTML page to write: everything in one file.")
+@console.path_option("--plots", "plots", "Folder for figures (SVG).")
+@click.option("--json", "json_file", is_flag=False, flag_value="-", metavar="FILE", help="JSON to write, - to print.")
 def command(
     flights: tuple[Path, ...],
     vehicle_file: Path,
     out: Path,
     added: tuple[str, ...],
     held: tuple[str, ...],
+    free: tuple[str, ...],
+    priors: tuple[str, ...],
+    trials: int | None,
     split_gaps: bool,
     hold_unseen: bool,
+    robust: bool,
+    most_steps: int,
     columns: Path | None,
+    report_file: Path | None,
     plots: Path | None,
-    as_json: bool,
+    json_file: str | None,
+    **stages: tuple[Path, ...],
 ) -> int:
     """Fit the vehicle model to FLIGHTS: joint maximum likelihood over parameters and all states.
 
     \b
-    goshawk identify flights/*.parquet --vehicle vehicle.toml --out fitted.toml
-    goshawk identify flights/*.parquet --vehicle vehicle.toml --add-effect rotor_drag_thrust --out with_drag.toml
+    goshawk identify flights/*.parquet --vehicle vehicle.toml --out fitted.toml --report fit.html
+    goshawk identify flights/*.parquet --vehicle vehicle.toml --out with_drag.toml --add-effect rotor_drag_thrust
+    goshawk identify flights/*.parquet --vehicle vehicle.toml --out f.toml --hold 'inertia_*'
 
-    FLIGHTS are our own logs (.parquet), PX4's (.ulg), or CSV with --columns. Each is checked first; what looks wrong
-    is said, with the fix, and nothing is changed.
+    FLIGHTS are our own logs (.parquet), PX4's (.ulg), ROS recordings (.bag, .db3, .mcap) or CSV, the last two with
+    --columns. Each is checked first; what looks wrong is said, with the fix, and nothing is changed.
 
-    The mass is given, not estimated: pose and rotor speed show only ratios to it. Exit code 1: the fit did not
-    converge, and nothing was written.
+    NAME is a parameter as the vehicle file names it (rotor_drag_thrust.drag_s_m), an effect (motor_lag), or a pattern
+    ('inertia_*'). The mass is given, not estimated: pose and rotor speed show only ratios to it.
+
+    Three stages instead of one joint fit, as in the paper; each fixes what the next ones need:
+
+    \b
+    goshawk identify --vertical a.parquet --horizontal b.parquet --rotation c.parquet \\
+        --vehicle vehicle.toml --out fitted.toml
+
+    Repeated trials: the joint fit is the answer, and each trial is fitted too and drawn beside the others:
+
+    \b
+    goshawk identify trial*.parquet --trials 8 --vehicle vehicle.toml --out f.toml --plots figures
+
+    Exit code 1: the fit did not converge; then no vehicle file is written, but report, figures and JSON are.
     """
+    _check_usage(flights, stages, trials, free, json_file)
     believed = vehicle.load(vehicle_file)
     for effect in added:
         believed = believed.with_effect(effect)
     options = sysid.Options(
-        held=held, gaps="split" if split_gaps else "refuse", unseen="hold" if hold_unseen else "refuse"
+        held=_named(held, believed),
+        free=_named(free, believed) if free else None,
+        prior_std=dict(_prior(text, believed) for text in priors),
+        gaps="split" if split_gaps else "refuse",
+        unseen="hold" if hold_unseen else "refuse",
+        robust=robust,
+        max_iterations=most_steps,
     )
-    with console.progress() as report:
-        logs = [load(path, columns) for path in flights]
-        findings = {str(path): sysid.check_log(log, believed) for path, log in zip(flights, logs, strict=True)}
-        for path, found in findings.items():
-            for finding in found.findings:
-                click.echo(f"{path}: {finding.level}: {finding.sentence}; {finding.fix}", err=True)
-        result = sysid.identify(logs, believed, options, progress=report)
-    if result.converged:
-        vehicle.save(out, result.vehicle)
-    figures = sysid.plots.identification(result, plots) if plots is not None else []
-    _show(result, out, figures, as_json)
-    return 0 if result.converged else 1
-
-
-def _show(result: sysid.Identification, out: Path, figures: list[Path], as_json: bool) -> None:
-    written = str(out) if result.converged else None
-    document = result.as_dict() | {"written": written, "figures": [str(f) for f in figures]}
-    if as_json:
+    with console.progress() as progress:
+        try:
+            fits = _fit(flights, stages, trials, believed, options, columns, progress)
+        except FlightError as error:
+            raise type(error)(_in_flags(str(error))) from error
+    written = _write(fits, out, report_file, plots)
+    document = _document(fits) | written
+    if json_file not in (None, "-"):
+        file_format.write_bytes(Path(json_file), (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
+    if json_file == "-":
         console.show("", {}, as_json=True, document=document)
-        return
-    rows = [
-        (e.name, f"{e.value:.5g}", f"{e.std_robust:.2g}" if e.status == "free" else e.status, e.unit, f"{e.start:.4g}")
-        for e in result.parameters
-    ]
-    console.table("identified", ("parameter", "value", "robust std", "unit", "started from"), rows)
-    for finding in result.findings:
-        click.echo(f"note: {finding}")
-    steps = len(document["iterations"])
-    click.echo(
-        f"converged in {steps} steps; written: {out}" if written else f"NOT converged in {steps} steps; not written"
-    )
-    for figure in figures:
-        click.echo(f"figure: {figure}")
+    else:
+        _show(fits, written)
+    return 0 if fits.converged else 1
+
+
+def _check_usage(
+    flights: tuple[Path, ...],
+    stages: Mapping[str, tuple[Path, ...]],
+    trials: int | None,
+    free: tuple[str, ...],
+    json_file: str | None,
+) -> None:
+    if json_file not in (None, "-") and not json_file.endswith(".json"):
+        raise InputError(f"--json wants a file that ends in .json, or - for standard output, not {json_file}")
+    if bool(flights) == any(stages.values()):
+        raise InputError("give FLIGHTS for one joint fit, or --vertical, --horizontal and --rotation for three stages")
+    if free and any(stages.values()):
+        raise InputError("--free and the three stages exclude each other: each stage frees its own parameters")
+    if trials and (any(stages.values()) or len(flights) % trials):
+        raise InputError(f"--trials {trials} wants {trials} groups of equally many FLIGHTS; there are {len(flights)}")
+
+
+def _named(wanted: Iterable[str], believed: vehicle.Vehicle) -> tuple[str, ...]:
+    """Names of parameters: each given as such, as an effect, or as a pattern."""
+    found: list[str] = []
+    for name in wanted:
+        matches = [p for p in believed.parameters if p.startswith(f"{name}.") or fnmatchcase(p, name)]
+        if not matches:
+            believed.parameter(name)  # says what there is
+        found += matches
+    return tuple(dict.fromkeys(found))
+
+
+def _prior(text: str, believed: vehicle.Vehicle) -> tuple[str, float]:
+    name, _, std = text.partition("=")
+    believed.parameter(name)
+    try:
+        return name, float(std)
+    except ValueError:
+        raise InputError(f"--prior {text}: write NAME=STD, for example inertia_zz_kg_m2=1e-4") from None
+
+
+def _in_flags(sentence: str) -> str:
+    """A sentence of the library in the words of this command."""
+    for python, flag in FLAGS.items():
+        sentence = sentence.replace(python, flag)
+    return sentence
+
+
+def _fit(
+    flights: tuple[Path, ...],
+    stages: Mapping[str, tuple[Path, ...]],
+    trials: int | None,
+    believed: vehicle.Vehicle,
+    options: sysid.Options,
+    columns: Path | None,
+    progress: Progress,
+) -> Fits:
+    checked: dict[str, sysid.LogReport] = {}
+
+    def read(paths: Iterable[Path]) -> list[FlightLog]:
+        logs = {str(path): load(path, columns) for path in paths}
+        for path, log in logs.items():
+            checked[path] = _checked(path, log, believed)
+        return list(logs.values())
+
+    if any(stages.values()):
+        staged = {stage: read(stages[stage]) for stage in STAGES}
+        return Fits(sysid.identify_in_stages(staged, believed, options, progress=progress), checked, ())
+    logs = read(flights)
+    joint = sysid.identify(logs, believed, options, progress=progress)
+    each = len(logs) // trials if trials else 1
+    groups = [logs[i : i + each] for i in range(0, len(logs), each)] if trials else []
+    # a parameter that some trial cannot show must not end the others
+    alone = replace(options, unseen="hold")
+    return Fits({"": joint}, checked, [sysid.identify(g, believed, alone, progress=progress) for g in groups])
+
+
+def _checked(path: str, log: FlightLog, believed: vehicle.Vehicle) -> sysid.LogReport:
+    """The findings about a log, said at once and kept in this command's words."""
+    found = sysid.check_log(log, believed)
+    findings = tuple(replace(f, fix=_in_flags(f.fix)) for f in found.findings)
+    for finding in findings:
+        click.echo(f"{path}: {finding.level}: {finding.sentence}; {finding.fix}", err=True)
+    return replace(found, name=path, findings=findings)
+
+
+def _write(fits: Fits, out: Path, report_file: Path | None, plots: Path | None) -> dict[str, Any]:
+    """Write what was asked for; each file is whole or absent. Returns what was written, for the document."""
+    figures: list[Path] = []
+    if plots is not None:
+        for stage, fit in fits.stages.items():
+            figures += sysid.plots.identification(fit, plots / stage)
+        if fits.trials:
+            figures.append(sysid.plots.repeated(fits.trials, fits.answer.free_names, plots / "repeated.svg"))
+    if report_file is not None:
+        result = dict(fits.stages) if len(fits.stages) > 1 else fits.answer
+        sysid.report.write(report_file, result, logs=list(fits.logs.values()), trials=fits.trials)
+    if fits.converged:
+        vehicle.save(out, fits.answer.vehicle)
+    return {
+        "written": str(out) if fits.converged else None,
+        "report": str(report_file) if report_file is not None else None,
+        "figures": [str(figure) for figure in figures],
+    }
+
+
+def _document(fits: Fits) -> dict[str, Any]:
+    logs = {path: found.as_dict() for path, found in fits.logs.items()}
+    if len(fits.stages) > 1:
+        stages = {stage: fit.as_dict() for stage, fit in fits.stages.items()}
+        head = {"schema": "goshawk-identification-stages", "version": STAGES_SCHEMA_VERSION}
+        return head | {"converged": fits.converged, "stages": stages, "logs": logs}
+    trials = [{key: fit.as_dict()[key] for key in ("converged", "parameters")} for fit in fits.trials]
+    return fits.answer.as_dict() | {"logs": logs} | ({"trials": trials} if trials else {})
+
+
+def _show(fits: Fits, written: Mapping[str, Any]) -> None:
+    for stage, fit in fits.stages.items():
+        rows = [
+            (
+                e.name,
+                f"{e.value:.5g}",
+                f"{e.std_robust:.2g}" if e.status == "free" else e.status,
+                e.unit,
+                f"{e.start:.4g}",
+            )
+            for e in fit.parameters
+            if not stage or e.status == "free"
+        ]
+        heads = ("parameter", "value", "robust std", "unit", "started from")
+        console.table(f"identified: {stage}" if stage else "identified", heads, rows)
+        for finding in fit.findings:
+            click.echo(f"note: {_in_flags(finding)}")
+        steps = len(fit.solution.record)
+        click.echo(f"converged in {steps} steps" if fit.converged else f"NOT converged in {steps} steps")
+    failed = sum(not trial.converged for trial in fits.trials)
+    if failed:
+        click.echo(f"{failed} of {len(fits.trials)} trials did not converge")
+    click.echo(f"written: {written['written']}" if written["written"] else "no vehicle file written")
+    for path in (written["report"], *written["figures"]):
+        if path:
+            click.echo(f"written: {path}")

@@ -46,10 +46,21 @@ def test_the_report_is_one_page_with_its_pictures_inside(campaign, truth, tmp_pa
         tmp_path / "fit.html", result, comparison=comparison, logs=[sysid.check_log(campaign[2], truth)]
     )
     page = path.read_text()
-    assert page.count("data:image/svg+xml;base64,") == 6
+    assert page.count("data:image/svg+xml;base64,") == 8  # five of the fit, three of the comparison
     assert "inertia_xx_kg_m2" in page
     assert "only ratios" in page
     assert "http" not in page.replace("http-equiv", "").split("<body>")[0]
+
+
+def test_the_report_of_stages_says_which_did_not_converge(campaign, truth, tmp_path):
+    results = {
+        stage: sysid.identify(campaign[2:], truth, sysid.Options(max_iterations=steps))
+        for stage, steps in (("vertical", 30), ("rotation", 1))
+    }
+    page = sysid.report.write(tmp_path / "fit.html", results).read_text()
+    assert "Stage: vertical" in page
+    assert "Vertical: <b class='good'>converged" in page
+    assert "Rotation: <b class='bad'>not converged" in page
 
 
 def test_repeated_trials_are_drawn(campaign, truth, tmp_path):
