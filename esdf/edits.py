@@ -110,6 +110,10 @@ class Editor:
         self._check(edit)
         return self._record((*self.edits, edit))
 
+    def replace(self, edits: Sequence[Edit]) -> Region:
+        """Put another list in force, one that was checked before; can be undone like any edit."""
+        return self._record(tuple(edits))
+
     def drop(self, name: str) -> Region:
         """Take every edit of that name (a no-fly zone, say) off the list; can be undone like any edit."""
         kept = tuple(edit for edit in self.edits if edit.name != name)

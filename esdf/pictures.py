@@ -1,5 +1,6 @@
 """Looking at a field: slices in any direction, iso-surfaces as meshes, a histogram."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -7,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from esdf.field import Field, SampledField
+from esdf.field import OUTSIDE, UNMAPPED, Field, SampledField
 from flight import FloatArray, InputError, file_format
 
 Axis = Literal["x", "y", "z"]
@@ -19,6 +20,8 @@ class Slice:
 
     distance_m: FloatArray
     """(rows, columns); NaN where the map has no answer."""
+    status: NDArray[np.uint8]
+    """(rows, columns) KNOWN, UNMAPPED or OUTSIDE."""
     corner_world_m: FloatArray
     """(3,) of the first sample."""
     right_world_m: FloatArray
@@ -82,12 +85,48 @@ def oblique_slice(
     along = (np.arange(rows) - 0.5 * (rows - 1)) * step_m
     centre = np.asarray(centre_world_m, dtype=np.float64)
     points = centre + along[:, None, None] * up + across[None, :, None] * right
-    distance = field.distance(points.reshape(-1, 3)).reshape(rows, columns)
-    return Slice(distance, points[0, 0], right * step_m, up * step_m)
+    flat = points.reshape(-1, 3)
+    distance, status = field.distance(flat).reshape(rows, columns), field.status(flat).reshape(rows, columns)
+    return Slice(distance, status, points[0, 0], right * step_m, up * step_m)
+
+
+def plane_through(field: SampledField, a_world_m: ArrayLike, b_world_m: ArrayLike, c_world_m: ArrayLike) -> Slice:
+    """The plane through three points as far as the map goes: from a to b is right, and c lies above that line.
+
+    Raises:
+        InputError: the points lie on one line, or the plane misses the map.
+    """
+    a, b, c = (np.asarray(p, dtype=np.float64) for p in (a_world_m, b_world_m, c_world_m))
+    right, up = b - a, c - a
+    if np.linalg.norm(np.cross(right, up)) < 1e-9 * max(float(right @ right), float(up @ up), 1e-9):
+        raise InputError("the three points of a plane must not lie on one line")
+    right = right / np.linalg.norm(right)
+    up = up - right * (up @ right)
+    up = up / np.linalg.norm(up)
+    outline = _cut_box(a, np.cross(right, up), field.grid.low_world_m, field.grid.high_world_m)
+    if len(outline) < 3:
+        raise InputError("the plane through these points misses the map")
+    across, along = (outline - a) @ right, (outline - a) @ up
+    centre = a + 0.5 * (across.min() + across.max()) * right + 0.5 * (along.min() + along.max()) * up
+    size = (float(np.ptp(across)), float(np.ptp(along)))
+    return oblique_slice(field, centre, right, up, size_m=size, step_m=min(field.grid.voxel_m))
+
+
+def _cut_box(point: FloatArray, normal: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+    """Where a plane meets the edges of a box: (n, 3)."""
+    corners = np.array([[(low, high)[i >> a & 1][a] for a in range(3)] for i in range(8)])
+    beside = (corners - point) @ normal
+    hits = [
+        corners[i] + (corners[j] - corners[i]) * (beside[i] / (beside[i] - beside[j]))
+        for i in range(8)
+        for j in (i | 1, i | 2, i | 4)
+        if i != j and beside[i] * beside[j] <= 0.0 and beside[i] != beside[j]
+    ]
+    return np.array(hits).reshape(-1, 3)
 
 
 def colours(distance_m: FloatArray, *, full_m: float = 2.0) -> NDArray[np.uint8]:
-    """RGB (..., 3): red and dark inside obstacles, from orange over white to blue outside, grey where unknown."""
+    """RGB (..., 3): red and dark inside obstacles, from orange over white to blue outside, grey for NaN."""
     d = np.nan_to_num(np.clip(distance_m / full_m, -1.0, 1.0), nan=0.0)[..., None]
     anchors = np.array([-1.0, -1e-6, 0.0, 0.15, 0.5, 1.0])
     palette = np.array([[60, 0, 0], [170, 20, 20], [240, 110, 30], [250, 220, 160], [170, 205, 235], [30, 80, 160]])
@@ -98,25 +137,38 @@ def colours(distance_m: FloatArray, *, full_m: float = 2.0) -> NDArray[np.uint8]
 
 def write_slice(path: Path, picture: Slice, *, title: str = "") -> None:
     """A PNG with scale bar in metres and contour lines; the zero contour is the surface."""
+    write_slices(path, {title: picture})
+
+
+def write_slices(path: Path, pictures: Mapping[str, Slice]) -> None:
+    """Slices side by side in one PNG, in the same colours, each under its title; grey was never seen."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(8, 6), layout="constrained")
+    figure = Figure(figsize=(8 * len(pictures), 6), layout="constrained")
     FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
-    full = float(np.nanmax(np.abs(picture.distance_m), initial=1e-3))
-    axes.imshow(
-        colours(picture.distance_m, full_m=full), origin="lower", extent=picture.extent_m, interpolation="nearest"
-    )
-    if np.isfinite(picture.distance_m).sum() > 3 and min(picture.distance_m.shape) > 1:
-        levels = np.arange(np.ceil(-full / 0.5), full / 0.5) * 0.5
-        lines = axes.contour(
-            picture.distance_m, levels=levels, colors="k", linewidths=0.5, extent=picture.extent_m, origin="lower"
-        )
-        axes.clabel(lines, fmt="%g m", fontsize=7)
-    axes.set(title=title, xlabel="m", ylabel="m")
+    full = max(float(np.nanmax(np.abs(p.distance_m), initial=1e-3)) for p in pictures.values())
+    for axes, (title, picture) in zip(
+        figure.subplots(1, len(pictures), squeeze=False)[0], pictures.items(), strict=True
+    ):
+        rgb = colours(picture.distance_m, full_m=full)
+        rgb[picture.status == UNMAPPED], rgb[picture.status == OUTSIDE] = 128, 255
+        axes.imshow(rgb, origin="lower", extent=picture.extent_m, interpolation="nearest")
+        if np.isfinite(picture.distance_m).sum() > 3 and min(picture.distance_m.shape) > 1:
+            levels = np.arange(np.ceil(-full / 0.5), full / 0.5) * 0.5
+            lines = axes.contour(
+                picture.distance_m, levels=levels, colors="k", linewidths=0.5, extent=picture.extent_m, origin="lower"
+            )
+            axes.clabel(lines, fmt="%g m", fontsize=7)
+        axes.set(title=title, xlabel=_label(picture.right_world_m), ylabel=_label(picture.up_world_m))
     with file_format.atomic_file(Path(path)) as temporary:
         figure.savefig(temporary, format="png", dpi=110)
+
+
+def _label(step_world_m: FloatArray) -> str:
+    """What an axis of a picture measures: a coordinate of the world, if it runs along one."""
+    along = np.flatnonzero(step_world_m)
+    return f"{'xyz'[along[0]]} (m)" if len(along) == 1 and step_world_m[along[0]] > 0.0 else "m"
 
 
 def write_histogram(path: Path, field: Field) -> None:

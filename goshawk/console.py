@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import math
 import signal
 import sys
 import time
@@ -11,7 +12,7 @@ from typing import Any
 
 import click
 
-from flight import Progress
+from flight import InputError, Progress
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print the facts as JSON instead of a table.")
 
@@ -30,6 +31,17 @@ url_option = click.option(
     "--vehicle-url", "url", default="udp://127.0.0.1:14550", show_default=True, help="Where the vehicle answers."
 )
 key_option = path_option("--key", "key_file", "Key file that signs the link [default: ~/.config/goshawk/link.key].")
+
+
+def numbers(option: str, text: str, count: int | None = None) -> list[float]:
+    """The finite numbers of an option like `1.0,2.5,0`; as many as wanted, if that is said."""
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if not values or not all(map(math.isfinite, values)) or len(values) != (count or len(values)):
+        raise InputError(f"{option} {text!r} is not {count or 'a list of'} numbers like 1.0,2.5,0")
+    return values
 
 
 @contextlib.contextmanager

@@ -1,13 +1,27 @@
-"""`goshawk map`: a folder of images to a map folder."""
+"""`goshawk map`: a folder of images to a map folder; its sub-verbs look at the distance field of one and edit it."""
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import click
 
 import mapping
 from flight import InputError
 from goshawk import console
+from goshawk.commands.map_edit import edit
+from goshawk.commands.map_show_esdf import show_esdf
+
+
+class MapVerbs(click.Group):
+    """`goshawk map IMAGES` makes a map; only where a sub-verb's name stands in the place of IMAGES it is that."""
+
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
+    ) -> click.Context:
+        if args and args[0] in self.commands:
+            return super().make_context(info_name, args, parent, **extra)
+        return build.make_context(info_name, args, parent, **extra)
 
 
 @click.command()
@@ -21,7 +35,7 @@ from goshawk import console
 @click.option("--voxel", "voxel_m", default=0.05, show_default=True, help="Edge of a voxel, metres.")
 @click.option("--farthest", "farthest_m", default=8.0, show_default=True, help="Leave out depths beyond this, metres.")
 @console.json_option
-def command(
+def build(
     images: Path,
     camera: Path,
     out: Path,
@@ -36,6 +50,8 @@ def command(
     \b
     goshawk map images --camera images/camera.toml --out map
     goshawk map walk --camera gopro.toml --out map --length 13.2
+    goshawk map show-esdf --help     look at the distance field of a map
+    goshawk map edit --help          add obstacles and no-fly zones to it, clear mistakes
 
     IMAGES holds one folder per camera of the rig (or the images themselves, for one camera); the same file name
     means the same instant. Metres come from --length, the distance between the cameras of a rig, or recorded
@@ -78,3 +94,6 @@ def _length(text: str) -> mapping.Length:
     if len(parts) == 3:
         return mapping.Length(metres, (parts[0], parts[1]))
     raise InputError(f"--length {text!r} is neither METRES nor IMAGE_A,IMAGE_B,METRES")
+
+
+command = MapVerbs("map", commands=[show_esdf, edit])
