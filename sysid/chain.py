@@ -1,7 +1,8 @@
 """Linear algebra of a chain with a border: states coupled to their neighbours in time, a few parameters to all.
 
-One flight is a chain of nodes with 12 unknowns each, so the normal matrix is block tridiagonal; the parameters
-are its border. `Factor` eliminates the states (compiled kernel), the caller adds up what is left for the border.
+One flight is a chain of nodes with s unknowns each (12, or 18 with disturbances), so the normal matrix is block
+tridiagonal; the parameters are its border. `Factor` eliminates the states (compiled kernel), the caller adds up what
+is left for the border.
 """
 
 from dataclasses import dataclass
@@ -13,26 +14,23 @@ from flight import InputError
 from flight.rotations import FloatArray
 from sysid import _sysid
 
-STATE = 12
-"""Unknowns per node: position (3), velocity (3), rotation vector of the attitude error (3), body rate (3)."""
-
 
 @dataclass(frozen=True, slots=True)
 class Rows:
     """Whitened residuals of one flight and their derivatives; a row is r + d r/d x dx + d r/d parameter dp."""
 
     defect: FloatArray
-    """(k, 12) model defect of each interval between nodes."""
+    """(k, d) model defect of each interval between nodes: the motion's 12, the disturbance's 6, the accelerometer's."""
     defect_before: FloatArray
-    """(k, 12, 12) its derivative with respect to the state before it."""
+    """(k, d, s) its derivative with respect to the state before it."""
     defect_after: FloatArray
-    """(k, 12, 12) with respect to the state after it."""
+    """(k, d, s) with respect to the state after it."""
     defect_border: FloatArray
-    """(k, 12, p) with respect to the parameters."""
+    """(k, d, p) with respect to the parameters."""
     sensor: FloatArray
     """(k + 1, m) residual of the sensors at each node; zero where nothing was measured."""
     sensor_state: FloatArray
-    """(k + 1, m, 12)."""
+    """(k + 1, m, s)."""
     sensor_border: FloatArray
     """(k + 1, m, p)."""
 
@@ -41,7 +39,7 @@ class Rows:
         return 0.5 * float(np.vdot(self.defect, self.defect) + np.vdot(self.sensor, self.sensor))
 
     def change(self, states: FloatArray, border: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Change of defect and sensor rows for columns of state (k + 1, 12, c) and border (p, c) changes."""
+        """Change of defect and sensor rows for columns of state (k + 1, s, c) and border (p, c) changes."""
         defect = self.defect_before @ states[:-1] + self.defect_after @ states[1:] + self.defect_border @ border
         return defect, self.sensor_state @ states + self.sensor_border @ border
 
@@ -51,13 +49,13 @@ class Normal:
     """Normal equations of one flight."""
 
     diagonal: FloatArray
-    """(k + 1, 12, 12)."""
+    """(k + 1, s, s)."""
     coupling: FloatArray
-    """(k, 12, 12), rows of the later node, columns of the earlier."""
+    """(k, s, s), rows of the later node, columns of the earlier."""
     border: FloatArray
-    """(k + 1, 12, p)."""
+    """(k + 1, s, p)."""
     gradient: FloatArray
-    """(k + 1, 12)."""
+    """(k + 1, s)."""
     border_hessian: FloatArray
     """(p, p)."""
     border_gradient: FloatArray
@@ -108,13 +106,13 @@ class Factor:
             raise InputError(f"the states of the flight are not determined from node {bad} on; are there pose samples?")
 
     def solve(self, columns: FloatArray) -> FloatArray:
-        """H^-1 columns for (nodes, 12, c)."""
+        """H^-1 columns for (nodes, s, c)."""
         result = np.array(columns, dtype=np.float64, order="C")
         _sysid.solve(self._diagonal, self._coupling, result)
         return result
 
     def covariance(self) -> tuple[FloatArray, FloatArray]:
-        """Blocks (i, i) and (i, i + 1) of the inverse: (nodes, 12, 12) and (nodes - 1, 12, 12)."""
+        """Blocks (i, i) and (i, i + 1) of the inverse: (nodes, s, s) and (nodes - 1, s, s)."""
         diagonal = np.empty_like(self._diagonal)
         off_diagonal = np.empty_like(self._coupling)
         _sysid.inverse_blocks(self._diagonal, self._coupling, diagonal, off_diagonal)
@@ -123,19 +121,19 @@ class Factor:
 
 def solve_numpy(diagonal: FloatArray, coupling: FloatArray, columns: FloatArray) -> FloatArray:
     """The plain twin of `Factor(...).solve`, by LAPACK's banded Cholesky."""
-    nodes = len(diagonal)
-    tall = np.zeros((nodes, 2 * STATE, STATE))
-    tall[:, :STATE] = diagonal
-    tall[:-1, STATE:] = coupling
-    band = np.zeros((2 * STATE, nodes, STATE))
-    for c in range(STATE):
-        band[: 2 * STATE - c, :, c] = tall[:, c:, c].T
-    flat = columns.reshape(nodes * STATE, -1)
-    return solveh_banded(band.reshape(2 * STATE, -1), flat, lower=True).reshape(columns.shape)
+    nodes, size = diagonal.shape[:2]
+    tall = np.zeros((nodes, 2 * size, size))
+    tall[:, :size] = diagonal
+    tall[:-1, size:] = coupling
+    band = np.zeros((2 * size, nodes, size))
+    for c in range(size):
+        band[: 2 * size - c, :, c] = tall[:, c:, c].T
+    flat = columns.reshape(nodes * size, -1)
+    return solveh_banded(band.reshape(2 * size, -1), flat, lower=True).reshape(columns.shape)
 
 
 def leverage(rows: Rows, covariance: tuple[FloatArray, FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Share of each whitened row that its own fit takes up: (k, 12) of the defects, (k + 1, m) of the sensors.
+    """Share of each whitened row that its own fit takes up: (k, d) of the defects, (k + 1, m) of the sensors.
 
     One minus leverage, summed, is the number of rows left to judge the noise by.
     """

@@ -14,7 +14,7 @@ from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
 from sysid.flight_data import Flight
 from sysid.model import along
-from sysid.states import States
+from sysid.states import GUST, MOTION, States
 from vehicle import Jacobian, Vehicle
 
 GRAVITY_WORLD_M_S2 = np.array([0.0, 0.0, -GRAVITY_M_S2])
@@ -80,6 +80,9 @@ def defects(states: States, mid: Middle, value: FloatArray) -> FloatArray:
     # The cross product is the coning term of a rate that changes linearly over the interval (Magnus, fourth order).
     coning = h * h / 12.0 * np.cross(states.rate_body_rad_s[:-1], states.rate_body_rad_s[1:])
     change = h * (rates_of_change(states, mid) - value)
+    if states.gust is not None:
+        gust = 0.5 * (states.gust[:-1] + states.gust[1:])
+        change -= h * np.concatenate([(gust[:, None, :3] @ mid.R_world_body)[:, 0], gust[:, 3:]], axis=1)
     return np.concatenate(
         [
             (moved[:, None, :] @ mid.R_world_body)[:, 0],
@@ -92,7 +95,7 @@ def defects(states: States, mid: Middle, value: FloatArray) -> FloatArray:
 
 
 def defect_jacobians(states: States, mid: Middle, acceleration: Jacobian) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Derivatives of `defects` by the states before and after (k, 12, 12) and by the parameters (k, 12, p)."""
+    """Derivatives of `defects` by the states before and after (k, 12, 12 or 18) and by the parameters (k, 12, p)."""
     k = len(mid.step_s)
     h = mid.step_s[:, :, None]
     Rt = np.swapaxes(mid.R_world_body, 1, 2)
@@ -103,6 +106,8 @@ def defect_jacobians(states: States, mid: Middle, acceleration: Jacobian) -> tup
     square = half_turn @ half_turn / 12.0
     moved = np.diff(states.position_world_m, axis=0) - mid.step_s * mid.velocity_world_m_s
     gained = np.diff(states.velocity_world_m_s, axis=0) - mid.step_s * GRAVITY_WORLD_M_S2
+    if states.gust is not None:
+        gained -= 0.5 * mid.step_s * (states.gust[:-1, :3] + states.gust[1:, :3])
     hat_moved = rotations.hat((moved[:, None, :] @ mid.R_world_body)[:, 0])
     hat_gained = rotations.hat((gained[:, None, :] @ mid.R_world_body)[:, 0])
     by_velocity, by_rate = h * acceleration.velocity, h * acceleration.rate
@@ -110,7 +115,7 @@ def defect_jacobians(states: States, mid: Middle, acceleration: Jacobian) -> tup
     by_velocity_world = by_velocity @ Rt
     by_height = 0.5 * h[:, 0] * acceleration.height
 
-    before, after = np.zeros((k, 12, 12)), np.zeros((k, 12, 12))
+    before, after = np.zeros((2, k, 12, MOTION if states.gust is None else MOTION + GUST))
     for jacobian, sign, half in ((before, -1.0, m0), (after, 1.0, m1)):
         jacobian[:, 0:3, 0:3] = sign * Rt
         jacobian[:, 0:3, 3:6] = -0.5 * h * Rt
@@ -125,6 +130,9 @@ def defect_jacobians(states: States, mid: Middle, acceleration: Jacobian) -> tup
         jacobian[:, 9:12, 9:12] = sign * eye - 0.5 * by_rate[:, 3:]
         jacobian[:, 3:6, 2] -= by_height[:, :3]
         jacobian[:, 9:12, 2] -= by_height[:, 3:]
+        if states.gust is not None:
+            jacobian[:, 3:6, 12:15] = -0.5 * h * Rt
+            jacobian[:, 9:12, 15:18] = -0.5 * h * eye
     border = np.zeros((k, 12, acceleration.parameters.shape[2]))
     border[:, 3:6] = -h * acceleration.parameters[:, :3]
     border[:, 9:12] = -h * acceleration.parameters[:, 3:]

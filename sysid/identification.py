@@ -8,15 +8,15 @@ import numpy as np
 
 from flight import FlightLog, InputError, Progress, silent
 from flight.rotations import FloatArray
-from sysid import drive, dynamics, excitation
+from sysid import drive, dynamics, excitation, gusts
 from sysid.flight_data import Flight, prepare
 from sysid.model import chosen_names
 from sysid.options import Options
 from sysid.problem import Noise, Point, Unknowns, with_values
 from sysid.result import Identification, conclude
 from sysid.sensors import SENSOR_NAMES, PoseSensor
-from sysid.solver import Prior, Solution, solve
-from sysid.states import first_guess
+from sysid.solver import LEAST_PROCESS, Prior, Solution, solve
+from sysid.states import GUST, first_guess
 from vehicle import Vehicle, specs
 
 logger = logging.getLogger(__name__)
@@ -44,6 +44,27 @@ def identify(
     unknowns = _unknowns(vehicle, flights, options)
     point, noise = start(vehicle, flights)
     held: list[str] = []
+    solution, unknowns = _fit(flights, vehicle, point, noise, unknowns, held, options, progress)
+    lasting = _with_gusts(flights, solution) if options.gusts == "estimate" else None
+    if lasting is not None:
+        before = solution.record
+        solution, unknowns = _fit(flights, vehicle, *lasting, unknowns, held, options, progress)
+        solution = replace(solution, record=before + solution.record)
+    progress("identify", 1.0)
+    return conclude(vehicle, flights, unknowns, solution, tuple(held), options)
+
+
+def _fit(
+    flights: list[Flight],
+    vehicle: Vehicle,
+    point: Point,
+    noise: Noise,
+    unknowns: Unknowns,
+    held: list[str],
+    options: Options,
+    progress: Progress,
+) -> tuple[Solution, Unknowns]:
+    """Solve, hold what these flights do not show (its names are added to `held`), and solve again."""
     while True:
         prior = _prior(point, vehicle, unknowns, options)
         solution = solve(
@@ -58,15 +79,30 @@ def identify(
         )
         unseen = _least_seen(solution, vehicle, unknowns)
         if unseen is None:
-            break
+            return solution, unknowns
         if options.unseen == "refuse":
             raise InputError(_unseen_message(unseen))
         held.append(unseen)
         logger.info("holding %s: these flights do not show it", unseen)
         unknowns = without(unknowns, unseen)
         point, noise = _reset(solution.point, vehicle, unseen), solution.noise
-    progress("identify", 1.0)
-    return conclude(vehicle, flights, unknowns, solution, tuple(held), options)
+
+
+def _with_gusts(flights: list[Flight], solution: Solution) -> tuple[Point, Noise] | None:
+    """Where to start with disturbances among the states; None when what is unexplained is white or not to be judged."""
+    if not all(flight.has_pose for flight in flights):
+        return None
+    point = solution.point
+    pose, usual_s = solution.noise.sensor, float(np.median(np.concatenate([f.step_s for f in flights])))
+    seen = np.repeat([pose.position_m, pose.attitude_rad], 3) * np.sqrt(usual_s)  # densities, m and rad root second
+    found = gusts.find(flights, point.states, point.vehicle, np.sqrt(solution.noise.process / seen))
+    if found is None:
+        return None
+    lasting, white = found
+    logger.info("disturbances last: %s m/s2 and rad/s2 for %s s", lasting.size, lasting.lasts_s)
+    process = np.minimum(solution.noise.process, np.maximum(white, LEAST_PROCESS))
+    states = tuple(replace(s, gust=np.zeros((len(s.position_world_m), GUST))) for s in point.states)
+    return replace(point, states=states), replace(solution.noise, process=process, gusts=lasting)
 
 
 def start(vehicle: Vehicle, flights: list[Flight]) -> tuple[Point, Noise]:

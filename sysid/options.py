@@ -31,6 +31,9 @@ class Options:
     """Most states per second; faster logs are averaged down to it."""
     robust: bool = False
     """Give pose samples far off the fit less weight (Huber), for motion capture that jumps now and then."""
+    gusts: Literal["estimate", "white"] = "estimate"
+    """Disturbances that last (gusts, a swinging load): estimate their size and duration when the flights show such, and
+    carry them among the states; or take all that is unexplained for white noise."""
     block_s: float = 1.5
     """Length of the blocks within which errors may be correlated, for the robust standard errors."""
     max_iterations: int = 30

@@ -33,7 +33,12 @@ def predict(
     steps = tuple(max(1, round(horizon / usual_s)) for horizon in horizons_s)
     stride = max(1, round(every_s / usual_s))
     starts = np.arange(0, len(flight) - max(steps), stride)
-    now = States(*(getattr(states, name)[starts] for name in States.__slots__))
+    now = States(
+        states.position_world_m[starts],
+        states.velocity_world_m_s[starts],
+        states.q_world_body[starts],
+        states.rate_body_rad_s[starts],
+    )
     reached = {}
     for step in range(max(steps)):
         now = _advance(flight, starts + step, now, vehicle)

@@ -5,12 +5,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from flight.rotations import FloatArray
-from sysid import drive, dynamics, sensors
+from sysid import drive, dynamics, gusts, sensors
 from sysid.chain import Rows
 from sysid.flight_data import Flight
+from sysid.gusts import Gusts
 from sysid.model import along, slopes_along
 from sysid.sensors import SENSOR_NAMES, PoseSensor, SensorNoise
-from sysid.states import States
+from sysid.states import GUST, States
 from vehicle import Parameter, Vehicle, specs
 
 
@@ -52,6 +53,8 @@ class Noise:
     process: FloatArray = field(default_factory=lambda: np.array([1.0, 1.0, 1.0, 10.0, 10.0, 10.0]))
     """(6,) densities of unmodelled acceleration, body axes: m/s2 and rad/s2 times root second."""
     sensor: SensorNoise = field(default_factory=SensorNoise)
+    gusts: Gusts | None = None
+    """Disturbances that last; None when all unmodelled acceleration is taken for white."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +70,7 @@ class Point:
     """One per flight."""
 
     def moved(self, unknowns: Unknowns, border: FloatArray, states: list[FloatArray]) -> "Point":
-        """The point after a change of border (p,) and states (n, 12) each."""
+        """The point after a change of border (p,) and states (n, 12 or 18) each."""
         m, s = len(unknowns.model), len(unknowns.sensor)
         change = np.zeros(len(SENSOR_NAMES))
         change[[SENSOR_NAMES.index(name) for name in unknowns.sensor]] = border[m : m + s]
@@ -113,10 +116,14 @@ def linearise(flight: Flight, states: States, point: Point, unknowns: Unknowns, 
     by_border[:, :, : len(unknowns.model)] = by_model
     defect, before, after, by_border = dynamics.whiten(mid.step_s, noise.process, defect, before, after, by_border)
     bias = point.bias[flight.log_index]
+    further = []
+    if noise.gusts is not None:
+        further.append(_gust_rows(states, mid, unknowns, noise.gusts))
     if flight.has_accelerometer:
-        force = _force_rows(flight, states, mid, unknowns, bias[3:], noise.sensor.force_m_s2)
+        further.append(_force_rows(flight, states, mid, unknowns, bias[3:], noise.sensor.force_m_s2))
+    if further:
         defect, before, after, by_border = (
-            np.concatenate(both, axis=1) for both in zip((defect, before, after, by_border), force, strict=True)
+            np.concatenate(parts, axis=1) for parts in zip((defect, before, after, by_border), *further, strict=True)
         )
     rows = sensors.linearise(flight, states, point.pose_sensor, bias[:3])
     weight = 1.0 / sensors.deviations(noise.sensor)
@@ -129,7 +136,7 @@ def linearise(flight: Flight, states: States, point: Point, unknowns: Unknowns, 
         defect_after=after,
         defect_border=by_border,
         sensor=rows.residual * weights,
-        sensor_state=rows.by_state * weights[:, :, None],
+        sensor_state=_widened(rows.by_state * weights[:, :, None], states),
         sensor_border=_sensor_border(rows.by_sensor, flight, unknowns) * weights[:, :, None],
     )
 
@@ -144,7 +151,19 @@ def _force_rows(
     tail = len(unknowns.model) + len(unknowns.sensor) + 3 * len(unknowns.biased_logs)
     place = tail + 3 * unknowns.force_logs.index(flight.log_index)
     border[:, :, place : place + 3] = -np.eye(3)
-    return residual / std, before / std, after / std, border / std
+    return residual / std, _widened(before / std, states), _widened(after / std, states), border / std
+
+
+def _gust_rows(states: States, mid: dynamics.Middle, unknowns: Unknowns, of: Gusts) -> tuple[FloatArray, ...]:
+    """Whitened rows (k, 6) of the disturbance's own dynamics, and their derivatives."""
+    assert states.gust is not None
+    border = np.zeros((len(mid.step_s), GUST, unknowns.size))
+    return gusts.rows(of, mid.step_s, states.gust), *gusts.jacobians(of, mid.step_s), border
+
+
+def _widened(by_state: FloatArray, states: States) -> FloatArray:
+    """Derivatives (n, m, 12) with columns of zeros for the disturbances, when there are any."""
+    return by_state if states.gust is None else np.pad(by_state, ((0, 0), (0, 0), (0, GUST)))
 
 
 def _sensor_border(by_sensor: FloatArray, flight: Flight, unknowns: Unknowns) -> FloatArray:
@@ -169,7 +188,9 @@ def cost(flight: Flight, states: States, point: Point, noise: Noise, robust: boo
     sensor = sensor / sensors.deviations(noise.sensor)
     if robust:
         sensor = sensor * sensors.robust_weights(sensor)
-    force = np.zeros(0)
+    force = gust = np.zeros(0)
+    if noise.gusts is not None and states.gust is not None:
+        gust = gusts.rows(noise.gusts, mid.step_s, states.gust)
     if flight.has_accelerometer:
         force = dynamics.accelerometer(flight, states, mid, bias[3:]) / noise.sensor.force_m_s2
-    return 0.5 * float(np.vdot(defect, defect) + np.vdot(sensor, sensor) + np.vdot(force, force))
+    return 0.5 * float(sum(np.vdot(part, part) for part in (defect, sensor, force, gust)))

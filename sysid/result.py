@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.special import stdtrit
 
 from flight.rotations import FloatArray
 from sysid.flight_data import Flight
@@ -12,6 +13,9 @@ from sysid.problem import Noise, Unknowns
 from sysid.sensors import SENSOR_NAMES
 from sysid.solver import Solution, robust_covariance
 from vehicle import Vehicle, specs
+
+NORMAL_90 = 1.6449
+"""Half width of a normal 90 % interval in standard deviations."""
 
 SCHEMA_VERSION = 1
 """Version of `Identification.as_dict`."""
@@ -34,6 +38,8 @@ class Estimate:
     """`free`, `held` (by the user), or `unseen` (held because these flights do not show it)."""
     information: tuple[float, ...]
     """Share of each flight in what is known about it, the other parameters taken out; sums to 1 with the prior."""
+    interval90: float
+    """Half width of the 90 % interval: `std_robust` times Student's quantile for the blocks of time it rests on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +87,7 @@ class Identification:
                     "unit": e.unit,
                     "std": e.std,
                     "std_robust": e.std_robust,
+                    "interval90": e.interval90,
                     "start": e.start,
                     "status": e.status,
                     "information": list(e.information),
@@ -100,11 +107,19 @@ class Identification:
                 "attitude_rad": self.noise.sensor.attitude_rad,
                 "rate_rad_s": self.noise.sensor.rate_rad_s,
                 "force_m_s2": self.noise.sensor.force_m_s2,
+                "gusts": _gusts(self.noise),
             },
             "residuals": residual_statistics(self.solution),
             "gyro_bias_rad_s": self.gyro_bias_rad_s.tolist(),
             "findings": list(self.findings),
         }
+
+
+def _gusts(noise: Noise) -> dict[str, list[float]] | None:
+    if noise.gusts is None:
+        return None
+    size, lasts_s = noise.gusts.size.tolist(), noise.gusts.lasts_s.tolist()
+    return {"force_m_s2": size[:3], "torque_rad_s2": size[3:], "lasts_s": lasts_s}
 
 
 LARGE_FORCE_M_S2 = 2.5
@@ -144,7 +159,8 @@ def conclude(
     names = (*unknowns.model, *unknowns.sensor)
     p = len(names)
     plain = solution.covariance()
-    sandwich = robust_covariance(solution, [f.time_s for f in flights], options.block_s)
+    sandwich, freedom = robust_covariance(solution, [f.time_s for f in flights], options.block_s)
+    interval90 = stdtrit(freedom, 0.95) * np.sqrt(np.diag(sandwich))
     std, std_robust = np.sqrt(np.diag(plain))[:p], np.sqrt(np.diag(sandwich))[:p]
     shares = _information_shares(solution)
     estimates = [
@@ -157,6 +173,7 @@ def conclude(
             start=vehicle.value(name),
             status="free",
             information=tuple(shares[:, i].tolist()),
+            interval90=float(interval90[i]),
         )
         for i, name in enumerate(names)
     ]
@@ -179,7 +196,7 @@ def conclude(
 
 def _held(vehicle: Vehicle, name: str, status: str) -> Estimate:
     p = vehicle.parameter(name)
-    return Estimate(name, p.value, p.unit, p.std, p.std, p.value, status, ())
+    return Estimate(name, p.value, p.unit, p.std, p.std, p.value, status, (), NORMAL_90 * p.std)
 
 
 def _information_shares(solution: Solution) -> FloatArray:
@@ -208,7 +225,15 @@ def _findings(vehicle: Vehicle, estimates: list[Estimate], solution: Solution) -
     ]
     if not solution.converged:
         found.append(f"not converged after {len(solution.record)} iterations; do not use these values")
-    worst = float(solution.noise.process[:3].max() / np.sqrt(0.1))
+    noise = solution.noise
+    lasting = np.zeros(6) if noise.gusts is None else noise.gusts.size
+    if noise.gusts is not None:
+        force, torque, lasts_s = lasting[:3].max(), lasting[3:].max(), np.median(noise.gusts.lasts_s)
+        found.append(
+            f"what the model leaves unexplained lasts: up to {force:.2g} m/s2 and {torque:.2g} rad/s2 for about "
+            f"{lasts_s:.1f} s (gusts, a swinging load, or an effect the model lacks); the fit allows for it"
+        )
+    worst = float(np.sqrt(noise.process[:3] ** 2 / 0.1 + lasting[:3] ** 2).max())
     if worst > LARGE_FORCE_M_S2:
         found.append(
             f"the model leaves {worst:.1f} m/s2 unexplained (over 0.1 s): a held parameter may be wrong (a wrong "

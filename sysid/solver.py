@@ -10,6 +10,7 @@ from flight.rotations import FloatArray
 from sysid import chain
 from sysid.chain import Factor, Rows
 from sysid.flight_data import Flight
+from sysid.gusts import LEAST_SIZE
 from sysid.problem import Noise, Point, Unknowns, cost, linearise
 from sysid.sensors import SensorNoise
 from vehicle import specs
@@ -263,7 +264,7 @@ def _noise(
     noise: Noise,
 ) -> Noise:
     """Noise levels that match the residuals: squares over the rows left after the states took their share."""
-    total, count = np.zeros(10), np.zeros(10)
+    total, count = np.zeros(16), np.zeros(16)
     for flight, r, e, change in zip(flights, rows, eliminated, changes, strict=True):
         defect_change, sensor_change = r.change(taken * change[:, :, None], taken * step[:, None])
         defect, sensor = r.defect + defect_change[:, :, 0], r.sensor + sensor_change[:, :, 0]
@@ -273,44 +274,52 @@ def _noise(
             measured[:, :6] = False  # anchors, not measurements
         squares = [(defect**2).sum(axis=0), (measured * sensor**2).sum(axis=0)]
         left = [(1.0 - defect_leverage).sum(axis=0), (measured * (1.0 - sensor_leverage)).sum(axis=0)]
-        channel = np.array([0, 1, 2, 0, 1, 2, 3, 4, 5, 3, 4, 5, 9, 9, 9][: defect.shape[1]] + _SENSOR_CHANNELS)
-        total += np.bincount(channel, np.concatenate(squares), 10)
-        count += np.bincount(channel, np.concatenate(left), 10)
+        channel = _channels(flight, noise)
+        total += np.bincount(channel, np.concatenate(squares), 16)
+        count += np.bincount(channel, np.concatenate(left), 16)
     ratio = np.where(count > 1.0, np.sqrt(np.clip(total / np.maximum(count, 1.0), 0.01, 100.0)), 1.0)
     least = LEAST_PROCESS.copy()
     if not all(f.has_pose for f in flights):
         ratio[9] = 1.0  # without a pose nothing tells accelerometer noise from unmodelled force
         least[:3] = LEAST_FORCE_WITHOUT_POSE
-    ratio[:6] = np.where(ratio[:6] < 1.0, ratio[:6] ** OVER_RELAXATION, ratio[:6])
-    s = noise.sensor
-    levels = np.maximum(ratio[6:] * [s.position_m, s.attitude_rad, s.rate_rad_s, s.force_m_s2], 1e-5)
+    slow = np.r_[0:6, 10:16]
+    ratio[slow] = np.where(ratio[slow] < 1.0, ratio[slow] ** OVER_RELAXATION, ratio[slow])
+    s, gusts = noise.sensor, noise.gusts
+    levels = np.maximum(ratio[6:10] * [s.position_m, s.attitude_rad, s.rate_rad_s, s.force_m_s2], 1e-5)
     return replace(
         noise,
         process=np.maximum(noise.process * ratio[:6], least),
         sensor=SensorNoise(*map(float, levels)),
+        gusts=gusts and replace(gusts, size=np.maximum(gusts.size * ratio[10:], LEAST_SIZE)),
     )
 
 
-_SENSOR_CHANNELS = [6, 6, 6, 7, 7, 7, 8, 8, 8]
-"""Noise level of each sensor row; 0 to 5 are the process noise, 9 the accelerometer."""
+def _channels(flight: Flight, noise: Noise) -> list[int]:
+    """Noise level of each row: 0 to 5 process, 6 position, 7 attitude, 8 rate, 9 accelerometer, 10 to 15 gusts."""
+    gusts = [] if noise.gusts is None else list(range(10, 16))
+    force = [9, 9, 9] if flight.has_accelerometer else []
+    return [0, 1, 2, 0, 1, 2, 3, 4, 5, 3, 4, 5, *gusts, *force, 6, 6, 6, 7, 7, 7, 8, 8, 8]
 
 
 def _relative_change(old: Noise, new: Noise) -> float:
     def levels(noise: Noise) -> FloatArray:
         s = noise.sensor
-        return np.concatenate([noise.process, [s.position_m, s.attitude_rad, s.rate_rad_s, s.force_m_s2]])
+        gusts = [] if noise.gusts is None else noise.gusts.size
+        return np.concatenate([noise.process, [s.position_m, s.attitude_rad, s.rate_rad_s, s.force_m_s2], gusts])
 
     return float(np.abs(levels(new) / levels(old) - 1.0).max())
 
 
-def robust_covariance(solution: Solution, times_s: list[FloatArray], block_s: float) -> FloatArray:
+def robust_covariance(solution: Solution, times_s: list[FloatArray], block_s: float) -> tuple[FloatArray, FloatArray]:
     """(p, p) sandwich covariance: errors may be correlated within blocks of `block_s`, and forms slightly wrong.
 
     Each block's score is freed of the block's own pull on the estimate (jackknife, CR3), or few blocks that fit
-    themselves would look too good.
+    themselves would look too good. The second result (p,) is how many blocks each variance rests on in effect
+    (Satterthwaite): a drag that shows in a dozen fast blocks has errors known no better than from a dozen samples.
     """
     bread = solution.covariance()
     meat, blocks = np.zeros_like(bread), 0
+    shares: list[FloatArray] = []
     for rows, sensitivity, time_s in zip(solution.rows, solution.sensitivity, times_s, strict=True):
         p = sensitivity.shape[2]
         defect, sensor = rows.change(-sensitivity, np.eye(p))
@@ -318,7 +327,10 @@ def robust_covariance(solution: Solution, times_s: list[FloatArray], block_s: fl
         for begin, end in zip(edges, [*edges[1:], len(time_s)], strict=True):
             columns = np.concatenate([defect[begin:end].reshape(-1, p), sensor[begin:end].reshape(-1, p)])
             residual = np.concatenate([rows.defect[begin:end].ravel(), rows.sensor[begin:end].ravel()])
-            score = np.linalg.solve(np.eye(p) - columns.T @ columns @ bread, columns.T @ residual)
+            information = columns.T @ columns
+            score = np.linalg.solve(np.eye(p) - information @ bread, columns.T @ residual)
+            shares.append(np.einsum("ip,ij,jp->p", bread, information, bread))
             meat += np.outer(score, score)
             blocks += 1
-    return bread @ meat @ bread * ((blocks - 1) / blocks)
+    freedom = np.sum(shares, axis=0) ** 2 / np.maximum(np.sum(np.square(shares), axis=0), 1e-300)
+    return bread @ meat @ bread * ((blocks - 1) / blocks), np.maximum(freedom, 1.0)

@@ -9,6 +9,11 @@ from flight import rotations
 from flight.rotations import FloatArray
 from sysid.flight_data import Flight
 
+MOTION = 12
+"""Unknowns per node: position, velocity, rotation vector of the attitude error, body rate (3 each)."""
+GUST = 6
+"""Further unknowns per node when disturbances that last are among the states: force (3) and torque (3)."""
+
 WINDOW_S = 0.15
 """Length of the smoothing window of the first guess: shorter than the vehicle's motion, longer than the noise."""
 
@@ -25,14 +30,17 @@ class States:
     """(n, 4)."""
     rate_body_rad_s: FloatArray
     """(n, 3)."""
+    gust: FloatArray | None = None
+    """(n, 6) disturbance that lasts: force per mass in world axes (m/s2), turning in body axes (rad/s2)."""
 
     def moved(self, change: FloatArray) -> "States":
-        """The states after a change (n, 12); the attitude turns by a rotation vector in body axes."""
+        """The states after a change (n, 12 or 18); the attitude turns by a rotation vector in body axes."""
         return States(
             self.position_world_m + change[:, 0:3],
             self.velocity_world_m_s + change[:, 3:6],
             rotations.normalise(rotations.multiply(self.q_world_body, rotations.exp(change[:, 6:9]))),
             self.rate_body_rad_s + change[:, 9:12],
+            None if self.gust is None else self.gust + change[:, MOTION:],
         )
 
 

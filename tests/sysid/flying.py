@@ -36,7 +36,9 @@ class Truth:
     sensor_turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
     lag: float = 0.03
     gust: float = 0.0
-    """Standard deviation of a random acceleration that lasts about `gust_time`, m/s2; as many rad/s2."""
+    """Standard deviation of a random acceleration that lasts about `gust_time`, m/s2."""
+    gust_torque: float = 0.0
+    """The same of a random angular acceleration, rad/s2."""
     gust_time: float = 0.5
     extra: Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
     """Hidden effect: velocity in body axes, rate, rotor speed to force and torque."""
@@ -144,13 +146,13 @@ def fly(
     kept = np.empty((samples, flights, 21))
     gust = np.zeros((flights, 6))
     lasts = np.exp(-h / truth.gust_time)
-    fresh = np.sqrt(1.0 - lasts * lasts) * truth.gust
+    fresh = np.sqrt(1.0 - lasts * lasts) * np.repeat([truth.gust, truth.gust_torque], 3)
     for sample in range(samples):
         command = _control(truth, state, reference(sample / rate_hz))
         kept[sample] = np.concatenate([state, command], axis=1)
         for _ in range(steps_per_sample):
             state = _step(truth, state, command, h)
-            if truth.gust > 0.0:
+            if fresh.any():
                 gust = lasts * gust + fresh * rng.standard_normal((flights, 6))
                 state[:, 3:6] += h * gust[:, :3]
                 state[:, 10:13] += h * gust[:, 3:]

@@ -7,32 +7,34 @@ from flight import InputError
 from sysid import chain
 
 
-def _random_chain(nodes: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _random_chain(nodes: int, seed: int, size: int = 12) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
-    dense = np.zeros((12 * nodes, 12 * nodes))
+    dense = np.zeros((size * nodes, size * nodes))
     for k in range(nodes):
-        rows = rng.standard_normal((12, 24 if k + 1 < nodes else 12))
-        place = slice(12 * k, 12 * k + rows.shape[1])
+        rows = rng.standard_normal((size, 2 * size if k + 1 < nodes else size))
+        place = slice(size * k, size * k + rows.shape[1])
         dense[place, place] += rows.T @ rows
-        dense[12 * k : 12 * k + 12, 12 * k : 12 * k + 12] += np.eye(12)
-    blocks = dense.reshape(nodes, 12, nodes, 12)
+        dense[size * k : size * k + size, size * k : size * k + size] += np.eye(size)
+    blocks = dense.reshape(nodes, size, nodes, size)
     diagonal = np.stack([blocks[k, :, k] for k in range(nodes)])
-    coupling = np.stack([blocks[k + 1, :, k] for k in range(nodes - 1)]) if nodes > 1 else np.zeros((0, 12, 12))
+    coupling = np.stack([blocks[k + 1, :, k] for k in range(nodes - 1)]) if nodes > 1 else np.zeros((0, size, size))
     return dense, diagonal, coupling
 
 
+@pytest.mark.parametrize("size", [12, 18])
 @pytest.mark.parametrize("nodes", [1, 2, 7])
-def test_compiled_solve_equals_lapack_and_dense_solve(nodes):
-    dense, diagonal, coupling = _random_chain(nodes, nodes)
-    columns = np.random.default_rng(0).standard_normal((nodes, 12, 5))
-    expected = np.linalg.solve(dense, columns.reshape(12 * nodes, 5)).reshape(nodes, 12, 5)
+def test_compiled_solve_equals_lapack_and_dense_solve(nodes, size):
+    dense, diagonal, coupling = _random_chain(nodes, nodes, size)
+    columns = np.random.default_rng(0).standard_normal((nodes, size, 5))
+    expected = np.linalg.solve(dense, columns.reshape(size * nodes, 5)).reshape(nodes, size, 5)
     np.testing.assert_allclose(chain.Factor(diagonal, coupling).solve(columns), expected, rtol=1e-9, atol=1e-10)
     np.testing.assert_allclose(chain.solve_numpy(diagonal, coupling, columns), expected, rtol=1e-9, atol=1e-10)
 
 
-def test_covariance_blocks_are_those_of_the_dense_inverse():
-    dense, diagonal, coupling = _random_chain(6, 3)
-    inverse = np.linalg.inv(dense).reshape(6, 12, 6, 12)
+@pytest.mark.parametrize("size", [12, 18])
+def test_covariance_blocks_are_those_of_the_dense_inverse(size):
+    dense, diagonal, coupling = _random_chain(6, 3, size)
+    inverse = np.linalg.inv(dense).reshape(6, size, 6, size)
     own, next_ = chain.Factor(diagonal, coupling).covariance()
     for k in range(6):
         np.testing.assert_allclose(own[k], inverse[k, :, k], rtol=1e-8, atol=1e-10)

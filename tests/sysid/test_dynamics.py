@@ -16,14 +16,15 @@ from sysid.states import States
 NAMES = ("inertia_xx_kg_m2", "thrust_bem.k1_n_s2", "centre_of_mass.x_m", "parasitic_drag.drag_xy_kg_m")
 
 
-@pytest.fixture(scope="module")
-def scene() -> tuple[Flight, States, vehicle.Vehicle]:
+@pytest.fixture(scope="module", params=["white", "gusts"])
+def scene(request) -> tuple[Flight, States, vehicle.Vehicle]:
     rng = np.random.default_rng(4)
     n = 6
     time_s = np.cumsum(rng.uniform(0.004, 0.012, n))
     rate = rng.uniform(-4.0, 4.0, (n, 3))
     q = rotations.multiply(rotations.exp([0.3, -0.2, 0.7]), rotations.exp(np.cumsum(0.008 * rate, axis=0)))
-    states = States(rng.standard_normal((n, 3)), rng.uniform(-6.0, 6.0, (n, 3)), q, rate)
+    gust = rng.uniform(-3.0, 3.0, (n, 6)) if request.param == "gusts" else None
+    states = States(rng.standard_normal((n, 3)), rng.uniform(-6.0, 6.0, (n, 3)), q, rate, gust)
     flight = Flight(
         name="random",
         log_index=0,
@@ -50,10 +51,11 @@ def test_defect_derivatives_match_finite_differences(scene):
     flight, states, model = scene
     mid = dynamics.middle(flight, states)
     before, after, _ = dynamics.defect_jacobians(states, mid, slopes_along(model, NAMES, flight, mid))
-    for column in range(12):
+    assert before.shape[2] == (12 if states.gust is None else 18)
+    for column in range(before.shape[2]):
         step = 1e-6
         for moved_nodes, jacobian in ((slice(0, 1), before[0]), (slice(1, 2), after[0])):
-            change = np.zeros((len(flight), 12))
+            change = np.zeros((len(flight), before.shape[2]))
             change[moved_nodes, column] = step
             high, low = (_defects(flight, states.moved(s * change), model)[0] for s in (1.0, -1.0))
             # the attitude part is exact to first order in the turn over one interval, 0.05 rad here
@@ -79,7 +81,7 @@ def test_accelerometer_derivatives_match_finite_differences(scene):
     step = 1e-6
     for column in range(12):
         for node, jacobian in ((0, before[0]), (1, after[0])):
-            change = np.zeros((len(flight), 12))
+            change = np.zeros((len(flight), 18))
             change[node, column] = step
             high, low = (
                 dynamics.accelerometer(flight, moved, dynamics.middle(flight, moved), np.zeros(3))[0]
@@ -98,7 +100,7 @@ def test_sensor_derivatives_match_finite_differences(scene, delay_s):
     rows = sensors.linearise(flight, states, sensor, bias)
     step = 1e-6
     for column in range(12):
-        change = np.zeros((len(flight), 12))
+        change = np.zeros((len(flight), 18))
         change[:, column] = step
         high, low = (sensors.residuals(flight, states.moved(s * change), sensor, bias) for s in (1.0, -1.0))
         np.testing.assert_allclose(rows.by_state[:, :, column], (high - low) / (2.0 * step), atol=0.02)
