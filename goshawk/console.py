@@ -26,7 +26,7 @@ map_option = path_option("--map", "map_folder", "Map folder, as `goshawk map` wr
 vehicle_option = path_option("--vehicle", "vehicle_file", "Vehicle file.", required=True)
 margin_option = click.option("--margin", "margin_m", type=float, help="Free space to keep round the vehicle, metres.")
 
-columns_option = path_option("--columns", "columns", "What the columns of CSV logs are: a TOML file.")
+columns_option = path_option("--columns", "columns", "What columns (CSV) or topics (ROS) are: a TOML file.")
 url_option = click.option(
     "--vehicle-url", "url", default="udp://127.0.0.1:14550", show_default=True, help="Where the vehicle answers."
 )

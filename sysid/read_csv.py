@@ -130,7 +130,7 @@ def _column(table: dict[str, FloatArray], name: str, path: Path) -> FloatArray:
 
 def _vector(table: dict[str, FloatArray], name: str, entry: dict[str, Any], path: Path) -> FloatArray:
     values = np.stack([_column(table, column, path) for column in entry["columns"]], axis=1)
-    values = values * UNITS[entry.get("unit", "1")] * float(entry.get("scale", 1.0))
+    values = values * UNITS[entry.get("unit", "1")] * float(entry.get("scale", 1.0)) + float(entry.get("offset", 0.0))
     if name.endswith("q_world_body"):
         return _attitude(values, entry, name, path)
     if values.shape[1] != len(COLUMNS[name]):

@@ -8,6 +8,7 @@ import numpy as np
 from flight import FlightLog, FormatError, InputError, frames, rotations
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
+from sysid.streams import interpolated, joined
 
 RPM = 2.0 * np.pi / 60.0
 
@@ -36,8 +37,8 @@ def read(path: Path) -> FlightLog:
             raise InputError(f"{path} has no {name}; it has {', '.join(sorted(topics))}")
     columns = _pose(topics)
     for part in (_rates(topics), _accelerations(topics), _motors(topics), _battery(topics)):
-        columns |= _interpolated(columns["time_s"], part)
-    columns = _joined(columns, _rotor_speeds(topics))
+        columns |= interpolated(columns["time_s"], part)
+    columns = joined(columns, _rotor_speeds(topics))
     columns["time_s"] = columns["time_s"] - columns["time_s"][0]
     return FlightLog(columns, {"name": path.stem, "source": path.name})
 
@@ -116,32 +117,3 @@ def _rotor_speeds(topics: dict[str, Any]) -> dict[str, FloatArray]:
     data = topics["esc_status"]
     speeds = np.stack([np.asarray(data[f"esc[{i}].esc_rpm"], dtype=np.float64) for i in range(4)], axis=1)
     return {"time_s": _time(data), **_columns("rotor_speed_rad_s", np.abs(speeds) * RPM)}
-
-
-def _interpolated(time_s: FloatArray, part: dict[str, FloatArray]) -> dict[str, FloatArray]:
-    """Columns of a faster stream at the rows' instants; NaN beyond its ends."""
-    own_s = part.get("time_s")
-    if own_s is None:
-        return {}
-    return {
-        name: np.interp(time_s, own_s, values, left=np.nan, right=np.nan)
-        for name, values in part.items()
-        if name != "time_s"
-    }
-
-
-def _joined(columns: dict[str, FloatArray], more: dict[str, FloatArray]) -> dict[str, FloatArray]:
-    """One table with the rows of both, NaN where a stream was not sampled."""
-    if not more:
-        return columns
-    inside = (more["time_s"] >= columns["time_s"][0]) & (more["time_s"] <= columns["time_s"][-1])
-    time_s = np.unique(np.concatenate([columns["time_s"], more["time_s"][inside]]))
-    joined = {"time_s": time_s}
-    for part in (columns, more):
-        place = np.searchsorted(time_s, part["time_s"])
-        rows = (part["time_s"] >= time_s[0]) & (part["time_s"] <= time_s[-1])
-        for name, values in part.items():
-            if name != "time_s":
-                joined[name] = np.full(len(time_s), np.nan)
-                joined[name][place[rows]] = values[rows]
-    return joined

@@ -1,16 +1,16 @@
-"""Read a flight log of any kind we know: our own Parquet, PX4 ULog, or CSV with a map of its columns and units."""
+"""Read a flight log of any kind we know: our own Parquet, PX4 ULog, CSV or a ROS recording with a map."""
 
 from pathlib import Path
 
 from flight import FlightLog, FormatError, flight_log
-from sysid import read_csv, read_ulog
+from sysid import read_bag, read_csv, read_ulog
 
 
 def read_log(path: Path, column_map: Path | None = None) -> FlightLog:
     """The log in `path`; the kind goes by its ending.
 
     Args:
-        column_map: TOML file that says what the columns of a CSV file are; needed for CSV only.
+        column_map: TOML file that says what the columns of a CSV file, or the topics of a ROS recording, are.
 
     Raises:
         InputError: the file is not there, or a column the map names is missing.
@@ -24,7 +24,9 @@ def read_log(path: Path, column_map: Path | None = None) -> FlightLog:
         return read_csv.read(path, read_csv.load_map(column_map))
     if name.endswith(".ulg"):
         return read_ulog.read(path)
-    if name.endswith((".mcap", ".bag", ".db3")):
-        raise FormatError(f"{path} is a ROS recording, which is not read here; export the topics to CSV")
+    if name.endswith((".mcap", ".bag", ".db3")) or (path / "metadata.yaml").is_file():
+        if column_map is None:
+            raise FormatError(f"{path} is a ROS recording; say what its topics are with a column map")
+        return read_bag.read(path, column_map)
     log = flight_log.load(path)
     return FlightLog(log.columns, {"name": path.stem, **log.metadata})

@@ -84,9 +84,9 @@ def test_a_wrong_map_is_refused(tmp_path, map_file, old, new, message):
         read(path, map_file)
 
 
-def test_csv_without_a_map_and_ros_bags_are_refused(tmp_path):
+def test_csv_without_a_map_is_refused(tmp_path):
     (tmp_path / "log.csv").write_text(HEADER)
-    for name, message in (("log.csv", "column map"), ("log.mcap", "export")):
+    for name, message in (("log.csv", "column map"), ("log.mcap", "column map")):
         with pytest.raises(FormatError, match=message):
             read(tmp_path / name)
 
@@ -149,3 +149,11 @@ def test_a_file_that_is_no_ulog_is_refused(tmp_path):
     (tmp_path / "flight.ulg").write_bytes(b"hello")
     with pytest.raises(FormatError, match="not a readable ULog"):
         read(tmp_path / "flight.ulg")
+
+
+def test_an_offset_is_added_in_si(tmp_path, map_file):
+    map_file.write_text(MAP.replace('unit = "rpm"', 'scale = 0.5\noffset = 10.0\nunit = "rad/s"'))
+    (tmp_path / "log.csv").write_text(HEADER + "".join(ROWS))
+    np.testing.assert_allclose(
+        read(tmp_path / "log.csv", map_file).vector("rotor_speed_rad_s"), [[70.0, 40.0, 100.0, 130.0]]
+    )

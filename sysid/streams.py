@@ -1,0 +1,36 @@
+"""One table out of several streams, each with its own instants (`time_s` among its columns)."""
+
+import numpy as np
+
+from flight.rotations import FloatArray
+
+Stream = dict[str, FloatArray]
+
+
+def interpolated(time_s: FloatArray, stream: Stream) -> Stream:
+    """Columns of another stream at these instants; NaN beyond its ends."""
+    own_s = stream.get("time_s")
+    if own_s is None:
+        return {}
+    return {
+        name: np.interp(time_s, own_s, values, left=np.nan, right=np.nan)
+        for name, values in stream.items()
+        if name != "time_s"
+    }
+
+
+def joined(first: Stream, second: Stream) -> Stream:
+    """One table with the rows of both while the first lasts, NaN where a stream was not sampled."""
+    if not second:
+        return first
+    inside = (second["time_s"] >= first["time_s"][0]) & (second["time_s"] <= first["time_s"][-1])
+    time_s = np.unique(np.concatenate([first["time_s"], second["time_s"][inside]]))
+    table = {"time_s": time_s}
+    for part in (first, second):
+        place = np.searchsorted(time_s, part["time_s"])
+        rows = (part["time_s"] >= time_s[0]) & (part["time_s"] <= time_s[-1])
+        for name, values in part.items():
+            if name != "time_s":
+                table[name] = np.full(len(time_s), np.nan)
+                table[name][place[rows]] = values[rows]
+    return table
