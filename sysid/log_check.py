@@ -74,10 +74,11 @@ def _time_base(log: FlightLog) -> list[Finding]:
     holes = np.flatnonzero(step_s > max(4.0 * usual, 0.04))
     if len(holes):
         worst = int(holes[np.argmax(step_s[holes])])
+        many = "1 gap" if len(holes) == 1 else f"{len(holes)} gaps"
         found.append(
             error(
                 "gap",
-                f"{len(holes)} gaps, the longest of {step_s[worst]:.3f} s at {log.time_s[worst]:.3f} s",
+                f"{many}, the longest of {step_s[worst]:.3f} s at {log.time_s[worst]:.3f} s",
                 "fit the pieces between gaps as separate flights (gaps='split')",
             )
         )

@@ -10,7 +10,7 @@ from itertools import permutations
 import numpy as np
 from scipy.signal import savgol_filter
 
-from flight import FlightLog, rotations
+from flight import FlightLog, frames, rotations
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
 from sysid.log_finding import Finding, error, warning
@@ -110,23 +110,26 @@ def _accelerometer(log: FlightLog) -> list[Finding]:
 
 def _attitude(motion: Kinematics) -> list[Finding]:
     """The thrust axis must follow the acceleration; other readings of the quaternion are tried when it does not."""
-    force = motion.specific_force_world_m_s2
-    wanted = force / np.linalg.norm(force, axis=1, keepdims=True)
+    upright = motion.specific_force_world_m_s2
+    gravity = np.array([0.0, 0.0, GRAVITY_M_S2])
+    downward = frames.flip_vector(upright - gravity) + gravity
     q = motion.q
-    turned = np.array([1.0, 1.0, -1.0, -1.0])
+    turned = frames.flip_attitude(q)
     readings = {
-        "": q,
-        "the quaternion is stored x y z w; reorder it to w x y z": np.roll(q, 1, axis=1),
-        "the quaternion takes world to body; conjugate it": rotations.conjugate(q),
-        "the quaternion is stored x y z w and takes world to body": rotations.conjugate(np.roll(q, 1, axis=1)),
-        "the attitude is NED/FRD while positions are z up; apply flight.frames.flip_attitude": q * turned,
+        "": (q, upright),
+        "the quaternion is stored x y z w; reorder it to w x y z": (np.roll(q, 1, axis=1), upright),
+        "the quaternion takes world to body; conjugate it": (rotations.conjugate(q), upright),
+        "the quaternion is stored x y z w and takes world to body": (
+            rotations.conjugate(np.roll(q, 1, axis=1)),
+            upright,
+        ),
+        "the attitude is NED/FRD while positions are z up; apply flight.frames.flip_attitude": (turned, upright),
+        "positions are z down while the attitude is z up; apply flight.frames.flip_vector to them": (q, downward),
+        "positions and attitude are z down (NED/FRD): apply flight.frames.flip_vector to all vectors and "
+        "flight.frames.flip_attitude": (turned, downward),
     }
-    axis = np.array([0.0, 0.0, 1.0])
-    angle = {
-        fix: float(np.median(np.arccos(np.clip((rotations.rotate(r, axis) * wanted).sum(axis=1), -1.0, 1.0))))
-        for fix, r in readings.items()
-    }
-    spread = float(np.median(np.arccos(np.clip(wanted[:, 2], -1.0, 1.0))))
+    angle = {fix: _angle_to_thrust(*reading) for fix, reading in readings.items()}
+    spread = float(np.median(np.arccos(np.clip((upright / _length(upright))[:, 2], -1.0, 1.0))))
     best = min(angle, key=lambda fix: angle[fix])
     found = []
     if angle[""] > np.deg2rad(60.0) and best == "":
@@ -148,6 +151,16 @@ def _attitude(motion: Kinematics) -> list[Finding]:
         sentence = f"attitude explains little of the acceleration: {DEGREES * angle['']:.1f} deg apart (median)"
         found.append(warning("frame", sentence, "check units of position and the frame of the attitude"))
     return found
+
+
+def _angle_to_thrust(q: FloatArray, force: FloatArray) -> float:
+    """Median angle between body z and the specific force."""
+    axis = rotations.rotate(q, np.array([0.0, 0.0, 1.0]))
+    return float(np.median(np.arccos(np.clip((axis * force / _length(force)).sum(axis=1), -1.0, 1.0))))
+
+
+def _length(vectors: FloatArray) -> FloatArray:
+    return np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
 def _velocity(log: FlightLog, motion: Kinematics) -> list[Finding]:

@@ -1,4 +1,4 @@
-"""`goshawk log`: what is in a flight log, and what is missing from it; fetched from the vehicle first if wanted."""
+"""`goshawk log`: what is in a flight log, and what is wrong with it; fetched from the vehicle first if wanted."""
 
 from pathlib import Path
 
@@ -6,35 +6,62 @@ import click
 import numpy as np
 
 import firmware_bridge
+import sysid
+import vehicle
 from flight import FlightLog, flight_log
 from goshawk import console
+from goshawk.flights import IN_FREE_AIR, in_the_air
 
 
 @click.command()
 @click.argument("flight", type=click.Path(path_type=Path))
 @click.option("--download", is_flag=True, help="Fetch the vehicle's own log of its last flight into FLIGHT first.")
+@console.path_option("--vehicle", "vehicle_file", "Vehicle file: check rotor order, spin and units against it too.")
+@console.columns_option
 @console.url_option
 @console.key_option
 @console.json_option
-def command(flight: Path, download: bool, url: str, key_file: Path | None, as_json: bool) -> None:
-    """Show what FLIGHT holds: columns, rates, gaps, ranges.
+def command(
+    flight: Path,
+    download: bool,
+    vehicle_file: Path | None,
+    columns: Path | None,
+    url: str,
+    key_file: Path | None,
+    as_json: bool,
+) -> None:
+    """Show what FLIGHT holds (columns, rates, gaps, ranges) and what looks wrong with it.
+
+    Each finding comes with a fix; nothing is changed. FLIGHT is our own log, PX4's (.ulg), or CSV or a ROS recording
+    with --columns.
 
     \b
     goshawk log demo-out/flights/walk.parquet
-    goshawk log demo-out/flights/walk.parquet --json
+    goshawk log flight.csv --columns map.toml --vehicle vehicle.toml --json
     goshawk log last.parquet --download --vehicle-url udp://192.168.4.1:14550
     """
     if download:
         fetch(flight, url, key_file)
-    log = flight_log.load(flight)
-    document = describe(log)
+    log = sysid.read_log(flight, columns)
+    believed = vehicle.load(vehicle_file) if vehicle_file is not None else None
+    document = describe(log) | {"check": sysid.check_log(_aloft(log, flight), believed).as_dict()}
     if as_json:
         console.show("", {}, as_json=True, document=document)
         return
-    facts = {key: value for key, value in document.items() if key not in ("columns", "metadata")}
+    facts = {key: value for key, value in document.items() if key not in ("columns", "metadata", "check")}
     console.show(f"{flight}", facts | document["metadata"], as_json=False)
     rows = [(name, c["smallest"], c["largest"], c["missing"]) for name, c in document["columns"].items()]
     console.table("columns", ("name", "smallest", "largest", "rows without"), rows)
+    for finding in document["check"]["findings"]:
+        click.echo(f"{finding['level']}: {finding['sentence']}; {finding['fix']}")
+    if not document["check"]["findings"]:
+        click.echo("the checks found nothing wrong")
+
+
+def _aloft(log: FlightLog, path: Path) -> FlightLog:
+    """The part in the air when the log says which: standing still on the floor is no fault."""
+    aloft = log.has("mission_state") and np.isin(log.columns["mission_state"], IN_FREE_AIR).any()
+    return in_the_air(log, str(path)) if aloft else log
 
 
 def fetch(out: Path, url: str, key_file: Path | None) -> None:

@@ -111,6 +111,7 @@ def flown(folder: Path) -> Path:
 def test_the_flown_loop_is_logged_with_rotor_speeds(flown):
     document = run("log", flown)
     assert document["gaps"] == 0
+    assert document["check"]["worst"] != "error"
     assert document["rate_hz"] == pytest.approx(200.0, rel=0.01)
     assert document["columns"]["rotor_speed_0_rad_s"]["missing"] == 0
 

@@ -58,7 +58,10 @@ def test_a_log_is_described_with_its_gap(tmp_path):
     assert document["gaps"] == 1
     assert document["longest_gap_s"] == pytest.approx(0.21)
     assert document["rate_hz"] == pytest.approx(100.0)
-    assert "position_world_x_m" in goshawk("log", tmp_path / "f.parquet").stdout
+    assert "gap" in {finding["what"] for finding in document["check"]["findings"]}
+    said = goshawk("log", tmp_path / "f.parquet").stdout
+    assert "position_world_x_m" in said
+    assert "error: 1 gap," in said
 
 
 def test_doctor_finds_this_installation_well():

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flight import FlightLog
+from flight import FlightLog, frames
 from sysid.log_check import check_log as check
 
 ROTORS = [f"rotor_speed_{i}_rad_s" for i in range(4)]
@@ -67,6 +67,20 @@ def test_quaternions_from_world_to_body(log, truth):
     assert "conjugate" in _whats(conjugated, truth)["frame"]
 
 
+def _down(log: FlightLog) -> dict[str, np.ndarray]:
+    names = [f"position_world_{axis}_m" for axis in "xyz"]
+    return dict(zip(names, frames.flip_vector(log.vector("position_world_m")).T, strict=True))
+
+
+def test_gravity_the_wrong_way_round(log, truth):
+    """Positions with z down, alone or with the attitude, and an attitude with z down among positions with z up."""
+    attitude = dict(zip(QUATERNION, frames.flip_attitude(log.vector("q_world_body")).T, strict=True))
+    everything = _whats(_changed(log, **_down(log), **attitude), truth)["frame"]
+    assert "positions and attitude are z down" in everything
+    assert "positions are z down" in _whats(_changed(log, **_down(log)), truth)["frame"]
+    assert "the attitude is NED/FRD" in _whats(_changed(log, **attitude), truth)["frame"]
+
+
 def test_rotors_in_another_order(log, truth):
     order = (2, 0, 3, 1)
     shuffled = _changed(log, **{name: log.columns[ROTORS[k]] for name, k in zip(ROTORS, order, strict=True)})
@@ -114,6 +128,31 @@ def test_a_frozen_channel(log):
 def test_a_saturated_gyro(log):
     clipped = np.clip(log.columns["rate_body_x_rad_s"], -2.0, 2.0)
     assert "saturated" in _whats(_changed(log, rate_body_x_rad_s=clipped))
+
+
+def test_saturated_rotors_and_accelerometer(log):
+    rotors = {name: np.minimum(log.columns[name], np.quantile(log.columns[name], 0.9)) for name in ROTORS}
+    assert "saturated" in _whats(_changed(log, **rotors))
+    rng = np.random.default_rng(1)
+    force = {f"specific_force_body_{axis}_m_s2": rng.standard_normal(len(log)) for axis in "xy"}
+    force["specific_force_body_z_m_s2"] = np.minimum(9.8 + 2.0 * rng.standard_normal(len(log)), 12.0)
+    assert "saturated" in _whats(_changed(log, **force))
+
+
+def test_uneven_sampling(log):
+    rng = np.random.default_rng(2)
+    uneven = log.time_s + rng.uniform(-0.004, 0.004, len(log))
+    assert "stamp samples" in _whats(_changed(log, time_s=uneven))["jitter"]
+
+
+def test_nothing_is_changed_in_a_log_and_every_finding_says_what_to_do(log, truth):
+    faulty = _changed(log, **{name: np.roll(log.columns[name], 4) * 60.0 / (2.0 * np.pi) for name in ROTORS})
+    before = {name: values.copy() for name, values in faulty.columns.items()}
+    findings = check(faulty, truth).findings
+    assert findings
+    assert all(f.fix and f.sentence for f in findings)
+    for name, values in before.items():
+        np.testing.assert_array_equal(faulty.columns[name], values)
 
 
 def test_an_accelerometer_in_g_or_upside_down(log):
