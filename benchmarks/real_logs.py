@@ -56,7 +56,7 @@ def fit(logs: Sequence[FlightLog], model: vehicle.Vehicle, options: sysid.Option
     return result
 
 
-def nanodrone(folder: Path) -> None:
+def nanodrone(folder: Path, only: Sequence[str]) -> None:
     """Measured rotor speed: thrust, inflow, rotor drag; battery sag from command to speed."""
     paths = sorted(folder.glob("*.csv.gz"))
     logs = {p.name.split(".")[0]: sysid.read_log(p, MAPS / "nanodrone.toml") for p in paths}
@@ -106,7 +106,7 @@ def _mean_command(log: FlightLog) -> np.ndarray:
     return np.mean([log.columns[f"motor_command_{i}_ratio"] for i in range(4)], axis=0)
 
 
-def motor_lag(folder: Path) -> None:
+def motor_lag(folder: Path, only: Sequence[str]) -> None:
     """IMU and commands only: motor lag, thrust per command; twice, for the two ways to read a command."""
     usual = [sysid.read_log(p, MAPS / "motor_lag.toml") for p in sorted(folder.glob("*.csv.gz"))]
     sizes = {"inertia_xx_kg_m2": 1.5e-5, "inertia_yy_kg_m2": 1.5e-5, "inertia_zz_kg_m2": 1.955e-5}
@@ -138,12 +138,12 @@ def _in_flight(log: FlightLog) -> list[FlightLog]:
     return [log.slice(a + 1.5, b - 1.0) for a, b in times if b - a > 6.0]
 
 
-def controller(folder: Path) -> None:
+def controller(folder: Path, only: Sequence[str]) -> None:
     """Commanded wrench: the gain between commanded and true thrust, one fit a flight."""
     arm, k = 0.046 / np.sqrt(2.0), 2.5e-8
     sizes = {"inertia_xx_kg_m2": 1.66e-5, "inertia_yy_kg_m2": 1.67e-5, "inertia_zz_kg_m2": 2.93e-5}
     with open(folder / "index.csv", newline="") as file:
-        index = list(csv.DictReader(file))
+        index = [row for row in csv.DictReader(file) if not only or row["log"] in only]
     groups: dict[str, list[tuple[float, float]]] = {}
     held = ("inertia_zz_kg_m2", "motor_lag.*", "rotor_yaw_torque.torque_n_m_s2")
     for row in index:
@@ -195,12 +195,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("set", choices=SETS)
     parser.add_argument("--data", type=Path, default=Path("../shared/data/flight"), help="folder of the sets")
+    parser.add_argument("--logs", nargs="+", default=[], help="only these logs of the controller set")
     chosen = parser.parse_args()
     name, work = SETS[chosen.set]
     folder = chosen.data / name
     if not folder.is_dir():
         sys.exit(f"{folder} is not there; say with --data where the logs are (docs/real_logs_*.md says where from)")
-    work(folder)
+    work(folder, chosen.logs)
 
 
 if __name__ == "__main__":

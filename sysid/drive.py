@@ -66,12 +66,17 @@ def _simulate(flight: Flight, vehicle: Vehicle, moved: dict[str, FloatArray]) ->
             effect.apply(drive, own)
         return drive
 
-    speed = np.repeat(flight.rotor_command_rad_s[0][:, None], variants, axis=1)
-    mean = np.empty((len(flight) - 1, 4, variants))
+    before = flight.lead_in
+    steps, commands, volts = flight.step_s, flight.rotor_command_rad_s, flight.battery_v
+    if before is not None:
+        steps = np.concatenate([before.step_s, steps])
+        commands = np.concatenate([before.rotor_command_rad_s, commands])
+        volts = np.concatenate([before.battery_v, volts])
+    skipped = len(steps) - len(flight.step_s)
+    speed = np.repeat(commands[0][:, None], variants, axis=1)
+    mean = np.empty((len(steps), 4, variants))
     change = np.empty_like(mean)
-    for k, (h, command, volt) in enumerate(
-        zip(flight.step_s, flight.rotor_command_rad_s, flight.battery_v, strict=True)
-    ):
+    for k, (h, command, volt) in enumerate(zip(steps, commands, volts, strict=True)):
         column = np.repeat(command[:, None], variants, axis=1)
         first = reached(column, speed, volt)
         if first.acceleration_rad_s2 is None:  # no lag in the model: the rotors follow at once
@@ -81,7 +86,7 @@ def _simulate(flight: Flight, vehicle: Vehicle, moved: dict[str, FloatArray]) ->
             after, mean[k] = _interval(lambda s, c=column, v=volt: reached(c, s, v).acceleration_rad_s2, speed, h)
         change[k] = (after - speed) / h
         speed = after
-    return mean, change
+    return mean[skipped:], change[skipped:]
 
 
 def _interval(slope: Callable[[FloatArray], Any], start: FloatArray, h: float) -> tuple[FloatArray, FloatArray]:

@@ -16,6 +16,8 @@ GAP_FACTOR = 4.0
 """A pause is a gap when it lasts this many usual sample intervals ..."""
 GAP_LEAST_S = 0.04
 """... and at least this long: single lost frames are harmless."""
+LEAD_IN_S = 0.3
+"""Where only commands are known, this much is given to the rotors to reach the speed that nobody measured."""
 SHORTEST_S = 1.0
 """Pieces between gaps that are shorter say nothing and are left out."""
 
@@ -46,6 +48,8 @@ class Flight:
     """(n - 1, 4) mean over each interval; only used where rotor speed was not measured."""
     battery_v: FloatArray
     """(n - 1,) mean over each interval."""
+    lead_in: "LeadIn | None" = None
+    """What was commanded just before; only where rotor speed was not measured."""
 
     @property
     def step_s(self) -> FloatArray:
@@ -67,6 +71,18 @@ class Flight:
 
     def __len__(self) -> int:
         return len(self.time_s)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LeadIn:
+    """Intervals before the first node: only the motors are simulated there."""
+
+    step_s: FloatArray
+    """(m,)."""
+    rotor_command_rad_s: FloatArray
+    """(m, 4)."""
+    battery_v: FloatArray
+    """(m,)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +189,8 @@ def _flight(
         force = _means(log, "specific_force_body_m_s2", inside, time_s)[0]
     speed, acceleration = _means(log, source.rotors, inside, time_s)
     measured = source.rotors == "rotor_speed_rad_s"
-    return Flight(
+    battery = _battery(log, inside, time_s)
+    flight = Flight(
         name=source.name if pieces == 1 else f"{source.name} from {start_s:.2f} s",
         log_index=index,
         time_s=time_s,
@@ -184,8 +201,18 @@ def _flight(
         rotor_speed_rad_s=speed,
         rotor_acceleration_rad_s2=acceleration,
         rotor_command_rad_s=np.full_like(speed, np.nan) if measured else speed,
-        battery_v=_battery(log, inside, time_s),
+        battery_v=battery,
     )
+    return flight if measured else _after_lead_in(flight)
+
+
+def _after_lead_in(flight: Flight) -> Flight:
+    """The flight less its first moments, in which rotor speed still depends on what was before the log."""
+    m = int(np.searchsorted(flight.time_s, flight.time_s[0] + LEAD_IN_S))
+    own = {name: getattr(flight, name) for name in Flight.__slots__}
+    cropped = {name: value[m:] if isinstance(value, np.ndarray) else value for name, value in own.items()}
+    before = LeadIn(flight.step_s[:m], flight.rotor_command_rad_s[:m], flight.battery_v[:m])
+    return Flight(**{**cropped, "lead_in": before})
 
 
 def _means(

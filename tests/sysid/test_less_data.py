@@ -20,12 +20,16 @@ def slow_motors(truth):
     return truth.with_value("motor_lag.rise_s", 0.06).with_value("motor_lag.fall_s", 0.05)
 
 
-def test_motor_lag_comes_out_of_commands(campaign, slow_motors):
+def test_motor_lag_comes_out_of_commands(campaign, truth, slow_motors):
     logs = [_without(log, *ROTOR_SPEED).slice(0.0, 8.0) for log in campaign[1:]]
     result = sysid.identify(logs, slow_motors)
     for name in ("motor_lag.rise_s", "motor_lag.fall_s"):
-        assert result.estimate(name).value == pytest.approx(0.03, rel=0.03)
-    assert result.estimate("thrust_bem.k1_n_s2").value == pytest.approx(3.119e-6, rel=0.01)
+        assert result.estimate(name).value == pytest.approx(0.03, rel=0.01)
+    assert result.estimate("thrust_bem.k1_n_s2").value == pytest.approx(3.119e-6, rel=0.002)
+    # from the command alone nobody knows how fast the rotors turned at first; taken for settled, 2 % off (and more)
+    for axis in ("xx", "yy", "zz"):
+        name = f"inertia_{axis}_kg_m2"
+        assert result.estimate(name).value == pytest.approx(truth.value(name), rel=0.004)
 
 
 def test_with_measured_rotor_speed_the_motors_play_no_part(campaign, slow_motors):
