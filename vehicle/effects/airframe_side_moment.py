@@ -21,7 +21,7 @@ EFFECT = Effect(
         Spec("z_kg", "N s2/m", prior=2e-4, bounds=(-0.1, 0.1), planted=2e-4),
     ),
     law="M = (c r_cp) x (-|v| v)",
-    source="own form: one drag coefficient c at the centre of pressure r_cp; compare Hoffmann et al. 2007",
+    source="own form: one drag coefficient c at the centre of pressure r_cp",
     channel="M_x M_y M_z",
     regressor="|v| v",
     excited_by=("fast_level", "oblique"),

@@ -20,7 +20,7 @@ EFFECT = Effect(
         Spec("z_n_m_s", "N m s", prior=1e-3, bounds=(0.0, 1.0), planted=5e-4),
     ),
     law="M = -D w",
-    source="Mahony, Kumar, Corke 2012, sec. on aerodynamic damping; Faessler, Franchi, Scaramuzza 2018",
+    source="Faessler, Franchi, Scaramuzza 2018 (RA-L 3-2), the term linear in the body rate",
     channel="M_x M_y M_z",
     regressor="w",
     excited_by=("rotation", "yaw_sweep"),

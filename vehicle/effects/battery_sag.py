@@ -17,7 +17,7 @@ EFFECT = Effect(
         Spec("reference_v", "V", prior=1.0, bounds=(0.0, 100.0), default=16.8, planted=16.8, held=True),
     ),
     law="n_c (1 - s (V_ref - V)); V_ref only says where the command means what it says, and is held",
-    source="Bangura 2017, thesis; first-order form, our own",
+    source="own first-order form",
     channel="command to speed",
     regressor="battery voltage",
     excited_by=("long_hover",),

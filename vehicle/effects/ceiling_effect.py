@@ -22,7 +22,8 @@ EFFECT = Effect(
     apply=apply,
     parameters=(Spec("strength", "1", prior=0.1, bounds=(0.0, 5.0), planted=0.12),),
     law="T (1 + g_c (R / d)^2)",
-    source="own one-parameter form of the trend in Sanchez-Cuevas, Heredia, Ollero 2017; Hsiao, Chirarattananon 2019",
+    source="own one-parameter form of the trend in Hsiao, Chirarattananon 2019, Ceiling Effects for Hybrid "
+    "Aerial-Surface Locomotion of Small Rotorcraft",
     channel="F_z",
     regressor="gap to the ceiling",
     excited_by=("ceiling_climb",),

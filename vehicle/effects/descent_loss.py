@@ -25,7 +25,7 @@ EFFECT = Effect(
     apply=apply,
     parameters=(Spec("depth", "1", prior=0.2, bounds=(0.0, 1.0), planted=0.25),),
     law="T_i (1 - depth b(v_z / sqrt(T_i / 2 rho A))), b a smooth bump on (-2, -0.5)",
-    source="Leishman, Principles of Helicopter Aerodynamics, sec. 2.13 and 12; the bump is our own form",
+    source="Leishman, Principles of Helicopter Aerodynamics, on the vortex ring state; the bump is our own form",
     channel="F_z",
     regressor="v_z / v_ind",
     excited_by=("descent",),

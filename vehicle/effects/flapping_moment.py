@@ -16,7 +16,7 @@ EFFECT = Effect(
     apply=apply,
     parameters=(Spec("moment_kg_m", "kg m", prior=1e-6, bounds=(-1e-3, 1e-3), planted=1.5e-6),),
     law="M = -k_f sum n_i (a_i x e3)",
-    source="Hoffmann, Huang, Waslander, Tomlin 2007; Mahony, Kumar, Corke 2012; RotorPy, k_flap",
+    source="RotorPy (Folk, Paulos, Kumar 2023), k_flap; for the physics Hoffmann, Huang, Waslander, Tomlin 2007",
     channel="M_x M_y",
     regressor="n v",
     excited_by=("fast_level",),

@@ -17,7 +17,7 @@ EFFECT = Effect(
     apply=apply,
     parameters=(Spec("rotor_inertia_kg_m2", "kg m2", prior=5e-6, bounds=(0.0, 1e-2), planted=6e-6),),
     law="M = -w x J_r (sum spin_i n_i) e3",
-    source="Mahony, Kumar, Corke 2012; Bouabdallah 2007",
+    source="rigid-body mechanics; Bouabdallah 2007, thesis",
     channel="M_x M_y",
     regressor="w x net n",
     excited_by=("rotation", "yaw_doublets"),

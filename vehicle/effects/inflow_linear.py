@@ -14,7 +14,7 @@ EFFECT = Effect(
     apply=apply,
     parameters=(Spec("inflow_kg", "kg", prior=1e-4, bounds=(-1e-2, 1e-2), planted=1.2e-4),),
     law="T_i += -k_z n_i a_z",
-    source="Svacha, Mohta, Kumar 2017; RotorPy (Folk, Paulos, Kumar 2023), k_z",
+    source="Svacha, Mohta, Kumar 2017 (ICUAS), k_z; RotorPy (Folk, Paulos, Kumar 2023), k_z",
     channel="F_z M_x M_y",
     regressor="n v_z; w",
     excited_by=("vertical", "rotation"),

@@ -20,7 +20,7 @@ EFFECT = Effect(
         Spec("fall_s", "s", prior=0.05, bounds=(1e-4, 1.0), default=0.03, planted=0.060),
     ),
     law="dn/dt = (n_c - n) / tau, tau_rise when n_c > n else tau_fall",
-    source="Furrer, Burri, Achtelik, Siegwart 2016, RotorS, sec. 4.2",
+    source="Furrer, Burri, Achtelik, Siegwart 2016, RotorS: first order, one time constant up and one down",
     channel="command",
     regressor="d(command)/dt",
     excited_by=("doublets",),

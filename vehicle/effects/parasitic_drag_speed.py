@@ -22,7 +22,7 @@ EFFECT = Effect(
         Spec("drag_z_kg_m", "N s2/m2", prior=0.02, bounds=(0.0, 1.0), planted=0.010),
     ),
     law="F_i = -c_i |v| v_i",
-    source="RotorPy (Folk, Paulos, Kumar 2023), c_D; Hoffmann, Huang, Waslander, Tomlin 2007",
+    source="RotorPy (Folk, Paulos, Kumar 2023), c_D",
     channel="F_x F_y F_z",
     regressor="|v| v_i",
     excited_by=("fast_level", "oblique"),

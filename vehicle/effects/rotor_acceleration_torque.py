@@ -15,7 +15,7 @@ EFFECT = Effect(
     apply=apply,
     parameters=(Spec("rotor_inertia_kg_m2", "kg m2", prior=5e-6, bounds=(0.0, 1e-2), planted=6e-6),),
     law="M_z = -J_r sum spin_i dn_i/dt",
-    source="Bangura 2017, thesis; Burri et al. 2017",
+    source="rigid-body mechanics: the reaction to spinning a rotor up",
     channel="M_z",
     regressor="sum spin dn/dt",
     excited_by=("yaw_doublets",),

@@ -14,8 +14,8 @@ EFFECT = Effect(
     apply=apply,
     parameters=(Spec("drag_kg", "kg", prior=3e-5, bounds=(0.0, 1e-2), planted=3.2e-5),),
     law="f_i = -k_d n_i (a_x, a_y, 0) at hub i",
-    source="Svacha, Mohta, Kumar 2017, Improving quadrotor trajectory tracking by compensating for aerodynamic "
-    "effects; Burri et al. 2017; Faessler, Franchi, Scaramuzza 2018",
+    source="RotorPy (Folk, Paulos, Kumar 2023), k_d; RotorS (Furrer et al. 2016); Svacha, Mohta, Kumar 2017, Improving "
+    "Quadrotor Trajectory Tracking by Compensating for Aerodynamic Effects",
     channel="F_x F_y M_z",
     regressor="n v; w_z",
     excited_by=("fast_level", "yaw_sweep"),

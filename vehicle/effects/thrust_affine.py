@@ -17,7 +17,8 @@ EFFECT = Effect(
         Spec("slope_n_s", "N s", prior=1e-4, bounds=(-0.1, 0.1), planted=1.5e-4),
     ),
     law="T_i += k_0 + k_a n_i",
-    source="Bangura 2017, thesis (static thrust maps); Foerster 2015, thesis, for the nano quadrotor's affine fit",
+    source="own; Foerster 2015, System Identification of the Crazyflie 2.0 Nano Quadrocopter, has a thrust map that is "
+    "not purely quadratic",
     channel="F_z",
     regressor="n",
     excited_by=("vertical", "throttle_steps"),

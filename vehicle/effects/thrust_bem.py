@@ -59,8 +59,7 @@ EFFECT = Effect(
         Spec("k2_n_s2_m", "N s2/m", prior=1.5e-4, bounds=(-1e-2, 0.0), default=-1.547e-4, planted=-1.547e-4),
     ),
     law="T = k1 n^2 + k2 n (v_z + v_ind),  T = 2 rho A v_ind sqrt((v_z + v_ind)^2 + v_xy^2)",
-    source="Rigter, Morrell, Reid, Merrill, Tzoumanikas, Pounds, Mahony, eq. (1)-(2); Leishman, "
-    "Principles of Helicopter Aerodynamics, ch. 2-3",
+    source="Rigter et al. 2019 eq. (1)-(2); Leishman, Principles of Helicopter Aerodynamics, ch. 2-3",
     channel="F_z",
     regressor="v_z n, v_xy",
     excited_by=("vertical", "fast_level"),

@@ -14,7 +14,7 @@ EFFECT = Effect(
     apply=apply,
     parameters=(Spec("k_n_s2", "N s2", prior=3e-6, bounds=(0.0, 1e-3), default=1.9e-6, planted=1.9e-6),),
     law="T = k n^2",
-    source="Mahony, Kumar, Corke 2012, Multirotor Aerial Vehicles, eq. (5)",
+    source="Mahony, Kumar, Corke 2012, Multirotor Aerial Vehicles (RAM 19-3), the static thrust law",
     channel="F_z",
     regressor="n^2",
     excited_by=("hover", "vertical"),

@@ -15,7 +15,7 @@ EFFECT = Effect(
     apply=apply,
     parameters=(Spec("lift_kg_m", "N s2/m2", prior=3e-3, bounds=(-0.1, 0.1), planted=3.4e-3),),
     law="T_i += k_h (a_x^2 + a_y^2)",
-    source="Svacha, Mohta, Kumar 2017; RotorPy (Folk, Paulos, Kumar 2023), k_h",
+    source="Svacha, Mohta, Kumar 2017 (ICUAS), k_h; RotorPy (Folk, Paulos, Kumar 2023), k_h",
     channel="F_z",
     regressor="v_xy^2",
     excited_by=("fast_level",),
