@@ -1,7 +1,7 @@
 """The distance field: how far every point of a map is from the nearest surface, exactly, and honestly where unknown."""
 
 from esdf import solids
-from esdf.block_field import BlockField, build_blocks, open_blocks, update_blocks
+from esdf.block_field import BlockField, build_blocks, edit_blocks, open_blocks, update_blocks
 from esdf.blocks import ArraySource, SolidSource
 from esdf.build import build
 from esdf.clearance import Clearance, certify, profile
@@ -29,6 +29,7 @@ __all__ = [
     "build",
     "build_blocks",
     "certify",
+    "edit_blocks",
     "load",
     "load_edits",
     "open_blocks",

@@ -3,7 +3,7 @@
 import hashlib
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from esdf import _esdf
 from esdf.blocks import BRICK, CHUNK, EditedSource, Mapper, Source, build_chunks, chunk_regions, uniform_values
 from esdf.build import Recipe, build
-from esdf.edits import Edit
+from esdf.edits import EDITS, Edit, differing, load_edits, save_edits
 from esdf.field import Field, Policy, SampledField
 from esdf.grid import Grid, Region, StateArray
+from esdf.solids import covered_region
 from flight import FloatArray, FormatError, InputError, Progress, file_format, silent
 
 FORMAT = "goshawk-esdf-blocks"
@@ -33,6 +34,8 @@ class BlockField(SampledField):
     unknown: Policy
     hash: str
     """Of everything that decides the values."""
+    edits: tuple[Edit, ...]
+    """What was replayed on top of the mapped states; kept in `edits.json` beside them."""
     _addresses: NDArray[np.uint64] = field(repr=False)
     """Where each brick of distances begins in memory; uniform bricks share one."""
     _states: dict[str, tuple[NDArray[np.int32], StateArray]] = field(repr=False)
@@ -94,7 +97,7 @@ def build_blocks(
     *,
     cap_m: float = 2.0,
     unknown: Policy = "obstacle",
-    edits: Sequence[Edit] = (),
+    edits: Sequence[Edit] | None = None,
     executor: Mapper | Executor | None = None,
     progress: Progress = silent,
 ) -> BlockField:
@@ -102,70 +105,110 @@ def build_blocks(
 
     Args:
         source: Called with boxes of voxels, returns their states: `ArraySource`, `SolidSource`, `BlockField.states`...
+        edits: Replayed on top, and saved with the map. None: those of the earlier map in `folder`, if there is one.
         executor: Who does the work: None for one thread per core, any `concurrent.futures.Executor`, or
             `client.get_executor()` of a Dask cluster (workers write to `folder`, which they must share). The result is
             the same bytes in every case.
     """
-    edited = EditedSource(source, grid, tuple(edits)) if edits else source
-    try:
-        with file_format.atomic_folder(folder) as temporary:
-            hashes = build_chunks(
-                temporary, edited, grid, cap_m=cap_m, unknown=unknown, executor=executor, progress=progress
-            )
-            _write_contents(temporary, grid, cap_m, unknown, hashes)
-    except OSError as error:
-        raise InputError(
-            f"{folder}: no distance field was written ({error.strerror or error}); the old one stays"
-        ) from error
-    return open_blocks(folder)
+    made = _Making(
+        Path(folder), source, grid, cap_m, unknown, _list_in(Path(folder)) if edits is None else tuple(edits)
+    )
+    return made.write({}, executor, progress)
 
 
 def update_blocks(
     folder: Path,
     source: Source,
-    changed: Region,
+    changed: Region | Sequence[Region],
     *,
-    edits: Sequence[Edit] = (),
+    edits: Sequence[Edit] | None = None,
     executor: Mapper | Executor | None = None,
     progress: Progress = silent,
 ) -> BlockField:
-    """Rebuild what depends on a box of voxels whose states changed (mapped anew, or edited); the rest is kept.
+    """Rebuild what depends on boxes of voxels whose states changed (mapped anew, or edited); the rest is kept.
 
     The result is the same bytes as a full rebuild. Fields opened before keep showing the old map.
     """
     folder = Path(folder)
     old = open_blocks(folder)
     reach = Recipe.of(old.grid, old.cap_m, old.unknown).reach
-    window = changed.grown(tuple(r + 1 for r in reach), old.grid.shape)  # pyright: ignore[reportArgumentType]
-    stale = [name for name, region in chunk_regions(old.grid) if not region.common(window).empty]
-    edited = EditedSource(source, old.grid, tuple(edits)) if edits else source
-    hashes = dict(file_format.read_toml(folder / "blocks.toml", format=FORMAT, version=VERSION)["chunks"])
-    try:
-        with file_format.atomic_folder(folder) as temporary:
-            for file in folder.glob("chunk_*.npy"):
-                if file.name.split(".")[0] not in stale:
+    margin = tuple(r + 1 for r in reach)
+    boxes = [changed] if isinstance(changed, Region) else changed
+    windows = [box.grown(margin, old.grid.shape) for box in boxes if not box.empty]  # pyright: ignore[reportArgumentType]
+    stale = {n for n, region in chunk_regions(old.grid) if any(not region.common(w).empty for w in windows)}
+    hashes: dict[str, str] = file_format.read_toml(folder / "blocks.toml", format=FORMAT, version=VERSION)["chunks"]
+    kept = {name: hash for name, hash in hashes.items() if name not in stale}
+    new = old.edits if edits is None else tuple(edits)
+    return _Making(folder, source, old.grid, old.cap_m, old.unknown, new).write(kept, executor, progress)
+
+
+def edit_blocks(
+    folder: Path,
+    source: Source,
+    edits: Sequence[Edit],
+    *,
+    executor: Mapper | Executor | None = None,
+    progress: Progress = silent,
+) -> BlockField:
+    """Put another list of edits in force: saved with the map, and only what they reach is rebuilt.
+
+    To add one: `edit_blocks(folder, source, [*field.edits, edit])`; to take the last back: `field.edits[:-1]`.
+
+    Args:
+        source: The states as mapped, without edits: what `build_blocks` was called with.
+    """
+    old = open_blocks(folder)
+    reached = [covered_region(e.solid, old.grid) for e in differing(old.edits, tuple(edits))]
+    return update_blocks(folder, source, reached, edits=edits, executor=executor, progress=progress)
+
+
+@dataclass(frozen=True, slots=True)
+class _Making:
+    """A map in blocks that is about to be written."""
+
+    folder: Path
+    source: Source
+    grid: Grid
+    cap_m: float
+    unknown: Policy
+    edits: tuple[Edit, ...]
+
+    def write(self, kept: Mapping[str, str], executor: Mapper | Executor | None, progress: Progress) -> BlockField:
+        """Build all chunks but the `kept` ones, which are taken over from the old map; each has its hash."""
+        edited = EditedSource(self.source, self.grid, self.edits) if self.edits else self.source
+        names = [name for name, _ in chunk_regions(self.grid)]
+        stale = [name for name in names if name not in kept]
+        try:
+            with file_format.atomic_folder(self.folder) as temporary:
+                for file in (f for name in kept for f in self.folder.glob(f"{name}.*.npy")):
                     os.link(file, temporary / file.name)
-            hashes |= build_chunks(
-                temporary, edited, old.grid, cap_m=old.cap_m, unknown=old.unknown, executor=executor, only=stale,
-                progress=progress,
-            )  # fmt: skip
-            _write_contents(temporary, old.grid, old.cap_m, old.unknown, hashes)
-    except OSError as error:
-        raise InputError(
-            f"{folder}: no distance field was written ({error.strerror or error}); the old one stays"
-        ) from error
-    return open_blocks(folder)
+                built = build_chunks(
+                    temporary, edited, self.grid, cap_m=self.cap_m, unknown=self.unknown, executor=executor, only=stale,
+                    progress=progress,
+                )  # fmt: skip
+                self._write_contents(temporary, {name: kept.get(name) or built[name] for name in names})
+        except OSError as error:
+            raise InputError(
+                f"{self.folder}: no distance field was written ({error.strerror or error}); the old one stays"
+            ) from error
+        return open_blocks(self.folder)
+
+    def _write_contents(self, folder: Path, hashes: dict[str, str]) -> None:
+        body = {
+            **self.grid.as_dict(),
+            "cap_m": float(self.cap_m),
+            "unknown": self.unknown,
+            "chunk": list(CHUNK),
+            "chunks": hashes,
+        }
+        file_format.write_toml(folder / "blocks.toml", format=FORMAT, version=VERSION, body=body)
+        if self.edits:
+            save_edits(folder / EDITS, self.edits)
 
 
-def _write_contents(folder: Path, grid: Grid, cap_m: float, unknown: Policy, hashes: dict[str, str]) -> None:
-    body = {
-        **grid.as_dict(),
-        "cap_m": float(cap_m),
-        "unknown": unknown,
-        "chunk": list(CHUNK),
-        "chunks": hashes,
-    }
-    file_format.write_toml(folder / "blocks.toml", format=FORMAT, version=VERSION, body=body)
+def _list_in(folder: Path) -> tuple[Edit, ...]:
+    """The edits saved with a map; none, if there is no map."""
+    return load_edits(folder / EDITS) if (folder / EDITS).exists() else ()
 
 
 def open_blocks(folder: Path, *, in_memory: bool = False) -> BlockField:
@@ -190,7 +233,7 @@ def open_blocks(folder: Path, *, in_memory: bool = False) -> BlockField:
     except (KeyError, TypeError, ValueError, EOFError, OSError, InputError) as error:
         raise FormatError(f"{folder} holds a damaged distance field: {error}") from error
     digest = hashlib.sha256(repr(recipe).encode()).hexdigest()
-    return BlockField(folder, grid, cap_m, unknown, digest, addresses, states, mapped)
+    return BlockField(folder, grid, cap_m, unknown, digest, _list_in(folder), addresses, states, mapped)
 
 
 def _map_files(

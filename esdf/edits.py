@@ -22,6 +22,8 @@ from flight import FormatError, InputError, file_format
 
 FORMAT = "goshawk-edits"
 VERSION = 1
+EDITS = "edits.json"
+"""Its name in the folder of a field."""
 MAX_UNDO = 1000
 
 Action = Literal["add", "remove", "clear", "no-fly"]
@@ -152,7 +154,7 @@ class Editor:
     def _move(self, to: int) -> Region:
         before, after = self.edits, self._history[to]
         self._now = to
-        return self._refresh(_differing(before, after))
+        return self._refresh(differing(before, after))
 
     def _refresh(self, changed: Iterable[Edit]) -> Region:
         """Replay and recompute where the given edits reach; returns a box round everything recomputed."""
@@ -182,11 +184,11 @@ def _union(boxes: Sequence[Region]) -> Region:
     return Region(tuple(low.tolist()), tuple(high.tolist()))
 
 
-def _differing(a: tuple[Edit, ...], b: tuple[Edit, ...]) -> tuple[Edit, ...]:
+def differing(a: tuple[Edit, ...], b: tuple[Edit, ...]) -> tuple[Edit, ...]:
     """The edits in one list and not in the other: what is left after the common beginning and end."""
     shorter = min(len(a), len(b))
-    start = next((i for i in range(shorter) if a[i] is not b[i]), shorter)
-    end = next((i for i in range(shorter - start) if a[-1 - i] is not b[-1 - i]), shorter - start)
+    start = next((i for i in range(shorter) if a[i] != b[i]), shorter)
+    end = next((i for i in range(shorter - start) if a[-1 - i] != b[-1 - i]), shorter - start)
     return a[start : len(a) - end] + b[start : len(b) - end]
 
 

@@ -81,8 +81,10 @@ class SampledField(ABC):
     def status(self, points_world_m: ArrayLike) -> NDArray[np.uint8]:
         """KNOWN, UNMAPPED or OUTSIDE for each point (n, 3), by the voxel it lies in."""
         points = checked_points(points_world_m)
+        _refuse_infinite(points)
         inside = self.grid.contains(points)
-        index = np.clip(self.grid.index(points), 0, np.array(self.grid.shape) - 1)
+        known_place = np.where(inside[:, None], points, self.grid.low_world_m)
+        index = np.clip(self.grid.index(known_place), 0, np.array(self.grid.shape) - 1)
         unseen = self._states_at(index) == UNKNOWN
         return np.where(inside, np.where(unseen, UNMAPPED, KNOWN), OUTSIDE).astype(np.uint8)
 
@@ -155,7 +157,13 @@ def checked_points(points_world_m: ArrayLike) -> FloatArray:
 
 def _finite_or_refused(points: FloatArray, out: FloatArray) -> FloatArray:
     # A point that is not finite comes back as NaN from the kernel; only then is it worth looking for.
-    if np.isnan(out.sum()) and not np.isfinite(points).all():
-        row = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
-        raise InputError(f"point {row} is not finite: {points[row].tolist()}")
+    if np.isnan(out.sum()):
+        _refuse_infinite(points)
     return out
+
+
+def _refuse_infinite(points: FloatArray) -> None:
+    finite = np.isfinite(points).all(axis=1)
+    if not finite.all():
+        row = int(np.flatnonzero(~finite)[0])
+        raise InputError(f"point {row} is not finite: {points[row].tolist()}")

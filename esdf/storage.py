@@ -13,14 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from esdf.build import build
-from esdf.edits import Edit, Editor, load_edits
+from esdf.edits import EDITS, Edit, Editor, load_edits
 from esdf.field import Field
 from esdf.grid import Grid
 from flight import FormatError, InputError, file_format
 
 FORMAT = "goshawk-esdf"
 VERSION = 1
-EDITS = "edits.json"
 
 
 def save(folder: Path, field: Field) -> None:

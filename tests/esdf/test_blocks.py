@@ -16,6 +16,7 @@ from esdf import (
     build,
     build_blocks,
     certify,
+    edit_blocks,
     open_blocks,
     rasterize,
     solids,
@@ -125,6 +126,44 @@ def test_an_update_is_the_same_bytes_as_a_rebuild_and_leaves_open_fields_alone(t
     assert _bytes(tmp_path / "map") == _bytes(tmp_path / "rebuilt")
     np.testing.assert_array_equal(before.distance(points), old)
     assert (open_blocks(tmp_path / "map", in_memory=True).distance(points) != old).any()
+
+
+def test_the_list_of_edits_lives_with_the_map_and_is_replayed_on_every_rebuild(tmp_path):
+    rng = np.random.default_rng(9)
+    state, grid = random_map(rng)
+    source, points = ArraySource(state), rng.uniform(grid.low_world_m, grid.high_world_m, (5000, 3))
+    shelf = Edit("add", solids.Box((0.0, 3.0, 1.0), (0.4, 4.0, 2.0)))
+    yard = Edit("no-fly", solids.Prism(((4, 3), (5.5, 3), (5, 5)), 0.5, 2.0), "yard")
+    hole = Edit("remove", solids.Sphere((0.2, 3.5, 1.5), 0.4))
+    mapped = build_blocks(tmp_path / "map", source, grid, cap_m=0.5)
+    for edits in ([shelf], [shelf, yard], [shelf, yard, hole], [yard, hole], [hole, yard], [yard], []):
+        field = edit_blocks(tmp_path / "map", source, edits)
+        assert field.edits == open_blocks(tmp_path / "map").edits == tuple(edits)
+        in_memory = Editor(build(state, grid, cap_m=0.5), edits).field
+        np.testing.assert_array_equal(field.distance(points), in_memory.distance(points))
+        build_blocks(tmp_path / "rebuilt", source, grid, cap_m=0.5, edits=edits)
+        assert _bytes(tmp_path / "map") == _bytes(tmp_path / "rebuilt")
+    assert open_blocks(tmp_path / "map").hash == mapped.hash
+
+    edit_blocks(tmp_path / "map", source, [shelf, yard])
+    again, _ = random_map(rng)
+    rebuilt = build_blocks(tmp_path / "map", ArraySource(again), grid, cap_m=0.5)
+    assert rebuilt.edits == (shelf, yard)
+    expected = Editor(build(again, grid, cap_m=0.5), [shelf, yard]).field
+    np.testing.assert_array_equal(rebuilt.distance(points), expected.distance(points))
+    assert build_blocks(tmp_path / "map", source, grid, cap_m=0.5, edits=[]).hash == mapped.hash
+
+
+def test_an_edit_of_a_large_map_touches_only_the_chunks_near_it(tmp_path):
+    state, grid = random_map(np.random.default_rng(10))
+    build_blocks(tmp_path / "map", ArraySource(state), grid, cap_m=0.3)
+    before = {p.name: p.stat().st_ino for p in (tmp_path / "map").glob("chunk_*.values.npy")}
+    far_apart = [Edit("add", solids.Sphere(c, 0.15)) for c in ((-0.8, 2.3, 0.6), (5.8, 6.3, 4.0))]
+    edit_blocks(tmp_path / "map", ArraySource(state), far_apart)
+    after = {p.name: p.stat().st_ino for p in (tmp_path / "map").glob("chunk_*.values.npy")}
+    changed = {name.removeprefix("chunk_").split(".")[0] for name in before if before[name] != after[name]}
+    assert len(before) == 12
+    assert changed == {"0_0_0", "1_1_0", "1_1_1", "2_1_0", "2_1_1"}
 
 
 def test_a_crop_is_the_field_of_that_part(tmp_path):
