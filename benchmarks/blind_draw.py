@@ -146,38 +146,38 @@ _RIVALS = (
 
 
 def _weak_rotor(t: Truth, rng: Rng) -> Sizes:
-    rotor, share = int(rng.integers(4)), _size(rng, 0.01, 0.08)
+    rotor, share = int(rng.integers(4)), _size(rng, 0.003, 0.06)
     t.extras.append(TiredRotor(rotor, share))
     return {f"loss_{i}": share if i == rotor else 0.0 for i in range(4)}
 
 
 def _centre_of_mass(t: Truth, rng: Rng) -> Sizes:
     t.known.discard("centre_of_mass")
-    size, angle = _size(rng, 5e-4, 4e-3), rng.uniform(0.0, 2.0 * np.pi)
+    size, angle = _size(rng, 6e-5, 2.5e-3), rng.uniform(0.0, 2.0 * np.pi)
     t.centre_m = (float(size * np.cos(angle)), float(size * np.sin(angle)))
     return {"x_m": t.centre_m[0], "y_m": t.centre_m[1]}
 
 
 def _ground_effect(t: Truth, rng: Rng) -> Sizes:
-    factor = _size(rng, 0.6, 2.5)
+    factor = _size(rng, 0.5, 2.5)
     t.extras.append(GroundCushion(factor, t.body["rotor_radius"]))
     return {"strength": factor}
 
 
 def _angular_damping(t: Truth, rng: Rng) -> Sizes:
-    about = _triple([_size(rng, 5e-4, 4e-3), _size(rng, 5e-4, 4e-3), _size(rng, 3e-4, 2e-3)])
+    about = _triple([_size(rng, 8e-4, 5e-3), _size(rng, 8e-4, 5e-3), _size(rng, 4e-4, 2e-3)])
     t.extras.append(SpinDamping(linear_n_m_s=about))
     return dict(zip(("x_n_m_s", "y_n_m_s", "z_n_m_s"), about, strict=True))
 
 
 def _rotor_spin_up(t: Truth, rng: Rng) -> Sizes:
-    inertia = _size(rng, 3e-6, 2e-5)
+    inertia = _size(rng, 4e-7, 1.2e-5)
     t.extras.append(RotorSpinUp(inertia))
     return {"rotor_inertia_kg_m2": inertia}
 
 
 def _gyroscope(t: Truth, rng: Rng) -> Sizes:
-    inertia = _size(rng, 6e-6, 4e-5)
+    inertia = _size(rng, 1.5e-6, 2.5e-5)
     t.extras.append(RotorGyroscope(inertia))
     return {"rotor_inertia_kg_m2": inertia}
 
@@ -215,13 +215,13 @@ def _thrust_drag(t: Truth, rng: Rng) -> Sizes:
 
 
 def _wind(t: Truth, rng: Rng) -> Sizes:
-    speed, angle = _size(rng, 0.4, 2.0), rng.uniform(0.0, 2.0 * np.pi)
+    speed, angle = _size(rng, 0.25, 2.0), rng.uniform(0.0, 2.0 * np.pi)
     t.wind_m_s = _triple([speed * np.cos(angle), speed * np.sin(angle), 0.0])
     return dict(zip(("x_m_s", "y_m_s", "z_m_s"), t.wind_m_s, strict=True))
 
 
 def _side_moment(t: Truth, rng: Rng) -> Sizes:
-    arm = _triple(rng.choice([-1.0, 1.0], 3) * [_size(rng, 3e-5, 2.5e-4) for _ in range(3)])
+    arm = _triple(rng.choice([-1.0, 1.0], 3) * [_size(rng, 1e-5, 2e-4) for _ in range(3)])
     t.extras.append(SideMoment(arm))
     return dict(zip(("x_kg", "y_kg", "z_kg"), arm, strict=True))
 
@@ -241,24 +241,24 @@ PAYLOAD_Z_M = -0.03
 
 
 def _products(t: Truth, rng: Rng) -> Sizes:
-    terms = _triple(rng.choice([-1.0, 1.0], 3) * [_size(rng, 8e-5, 4e-4) for _ in range(3)])
+    terms = _triple(rng.choice([-1.0, 1.0], 3) * [_size(rng, 3e-5, 4e-4) for _ in range(3)])
     t.body |= dict(zip(("Ixy", "Ixz", "Iyz"), terms, strict=True))
     return dict(zip(("xy_kg_m2", "xz_kg_m2", "yz_kg_m2"), terms, strict=True))
 
 
 def _delay(t: Truth, rng: Rng) -> Sizes:
-    t.delay_s = _size(rng, 0.004, 0.025)
+    t.delay_s = _size(rng, 0.002, 0.02)
     return {"delay_s": t.delay_s}
 
 
 def _affine(t: Truth, rng: Rng) -> Sizes:
-    slope = float(rng.choice([-1.0, 1.0])) * _size(rng, 2e-4, 1.2e-3)
+    slope = float(rng.choice([-1.0, 1.0])) * _size(rng, 3e-4, 1.5e-3)
     t.extras.append(AffineThrust(0.0, slope))
     return {"constant_n": 0.0, "slope_n_s": slope}
 
 
 def _interaction(t: Truth, rng: Rng) -> Sizes:
-    loss = _size(rng, 1.5e-3, 1.2e-2)
+    loss = _size(rng, 6e-4, 1e-2)
     t.extras.append(WakeOnRear(loss))
     return {"loss_s_m": loss}
 
@@ -272,8 +272,8 @@ HIDDEN: dict[str, Callable[[Truth, Rng], Sizes]] = {
     "gyroscopic_torque": _gyroscope,
     "translational_lift": _rotorpy_term("translational_lift", "k_h", "lift_kg_m", 8e-4, 5e-3),
     "inflow_linear": _rotorpy_term("inflow_linear", "k_z", "inflow_kg", 5e-5, 3.5e-4),
-    "rotor_drag_speed": _rotorpy_term("rotor_drag_speed", "k_d", "drag_kg", 2e-5, 1.2e-4),
-    "flapping_moment": _rotorpy_term("flapping_moment", "k_flap", "moment_kg_m", 4e-7, 3e-6),
+    "rotor_drag_speed": _rotorpy_term("rotor_drag_speed", "k_d", "drag_kg", 1e-5, 1.2e-4),
+    "flapping_moment": _rotorpy_term("flapping_moment", "k_flap", "moment_kg_m", 6e-8, 2.5e-6),
     "parasitic_drag_speed": _parasitic_speed,
     "parasitic_drag": _parasitic_axis,
     "rotor_drag_thrust": _thrust_drag,

@@ -1,0 +1,242 @@
+"""How good the diagnosis is, on blind campaigns:
+
+    python benchmarks/diagnosis.py [--count N] [--seed S] [--campaigns FOLDER] [--results FILE] [--jobs 1] [--json FILE]
+
+Campaigns are flown first (`blind_campaigns.py`), unless FOLDER has some already. Results are kept one a line, so that
+a run that was cut off goes on where it stopped. The truth of a campaign is opened after its diagnosis is finished.
+"""
+
+import argparse
+import json
+import os
+import tempfile
+from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import blind_campaigns
+import numpy as np
+import report
+from diagnosis_run import effect_of, judge
+
+MOST_JOBS = 2
+ABOVE = 2.0
+"""Singles and pairs count when their size is this many times the smallest the flights could have shown."""
+
+Result = dict[str, Any]
+
+
+def right(result: Result) -> list[str]:
+    """Names that are true, or at least no lie, in a campaign."""
+    return [*result["truth"]["hidden"], *result["truth"]["tolerated"]]
+
+
+def names(result: Result) -> list[str]:
+    """Effects added, in order, those set aside that every campaign would bear out."""
+    return [effect_of(n) for n in result["said"]["additions"] if effect_of(n) != "imu_errors"]
+
+
+def visible(result: Result) -> bool:
+    """Whether all that is hidden is well above what the flights could show."""
+    return all(r is not None and r >= ABOVE for r in result["ratio"].values())
+
+
+def outside_is_right(result: Result) -> bool:
+    """Right channel and right variable; `v_z v_z` is a matter of v_z."""
+    said = result["said"]["outside"]
+    if said is None or said["channel"] not in result["truth"]["channels"]:
+        return False
+    return set(said["variable"].replace("|", " ").split()) <= set(result["truth"]["variables"])
+
+
+def rows(results: list[Result]) -> list[report.Row]:
+    """The table of scores with their bars."""
+    kind = {k: [r for r in results if r["kind"] == k] for k in blind_campaigns.KINDS}
+    return [
+        *_singles_and_pairs(kind["single"], kind["pair"]),
+        *_nothing_and_outside(kind["none"], kind["outside"]),
+        *_names(results, kind["foreign"]),
+        *_sizes(results),
+        *_belief(results),
+        *_time(results),
+    ]
+
+
+def _share(name: str, told: Iterable[bool], bar: float, *, most: bool = False, peers: Any = None) -> report.Row:
+    values = list(told)
+    share = float(np.mean(values)) if values else float("nan")
+    ok = None if not values else share <= bar if most else share >= bar
+    sign = "<=" if most else ">="
+    return report.row(f"{name} (of {len(values)})", share, "", f"{sign} {bar:g}", ok, peers)
+
+
+def _mean(values: Iterable[Any]) -> float:
+    kept = [float(v) for v in values]
+    return float(np.mean(kept)) if kept else float("nan")
+
+
+def _singles_and_pairs(single: list[Result], pair: list[Result]) -> list[report.Row]:
+    first = [(r, names(r)[:1] == list(r["truth"]["hidden"])) for r in single]
+    both = [(r, set(names(r)) == set(r["truth"]["hidden"]) and r["said"]["outside"] is None) for r in pair]
+    return [
+        _share(
+            "single effects above twice the limit: first name right",
+            (ok for r, ok in first if visible(r)),
+            0.95,
+            peers={"all singles": _mean(ok for _, ok in first)},
+        ),
+        _share(
+            "pairs above twice the limit: both names and no other",
+            (ok for r, ok in both if visible(r)),
+            0.80,
+            peers={"all pairs": _mean(ok for _, ok in both)},
+        ),
+    ]
+
+
+def _nothing_and_outside(none: list[Result], outside: list[Result]) -> list[report.Row]:
+    said = {"curve drawn": _mean(r["said"]["outside"] is not None for r in none)}
+    seen = {
+        "said outside": _mean(r["said"]["outside"] is not None for r in outside),
+        "false name": _mean(bool(names(r)) for r in outside),
+    }
+    return [
+        _share("nothing missing: something added", (bool(names(r)) for r in none), 0.05, most=True, peers=said),
+        _share("outside: channel and variable right", map(outside_is_right, outside), 0.85, peers=seen),
+    ]
+
+
+def _names(results: list[Result], foreign: list[Result]) -> list[report.Row]:
+    def false(chosen: list[Result]) -> list[bool]:
+        return [name not in right(r) for r in chosen for name in names(r)]
+
+    own = [r for r in results if r["kind"] != "foreign"]
+    with_one = _mean(any(n not in right(r) for n in names(r)) for r in foreign)
+    return [
+        _share("false names among all added", false(own), 0.03, most=True),
+        _share("foreign base: false names", false(foreign), 0.10, most=True, peers={"campaigns with one": with_one}),
+    ]
+
+
+def _sizes(results: list[Result]) -> list[report.Row]:
+    shares = np.array([r["share"] for r in results if r.get("share") is not None])
+    told = [ok for r in results for ok in r["inside"].values()]
+    coverage = _mean(told)
+    median, low = (float(np.quantile(shares, q)) if len(shares) else float("nan") for q in (0.5, 0.1))
+    what = "share of the oracle's fall of the held-out error"
+    inside = 0.87 <= coverage <= 0.93 if told else None
+    return [
+        report.row(
+            f"{what}: median (of {len(shares)})", median, "", ">= 0.98", median >= 0.98 if len(shares) else None
+        ),
+        report.row(f"{what}: worst decile", low, "", ">= 0.9", low >= 0.9 if len(shares) else None),
+        report.row(f"90 % intervals of added sizes that hold ({len(told)})", coverage, "", "0.87-0.93", inside),
+    ]
+
+
+def claims(result: Result) -> list[tuple[float, bool]]:
+    """Stated confidence and whether it was right, of everything a diagnosis asserts."""
+    said = result["said"]
+    stated = [
+        (said["suspects"][name]["confidence"], effect_of(name) in right(result))
+        for name in said["additions"]
+        if name in said["suspects"] and effect_of(name) != "imu_errors"
+    ]
+    if said["outside"] is not None:
+        stated.append((said["outside"]["confidence"], outside_is_right(result)))
+    if not stated:
+        stated.append((said["confidence"], not _shown(result)))
+    return stated
+
+
+def _shown(result: Result) -> bool:
+    """Whether something was there to be seen; what lies outside the catalogue has no limit and counts as seen."""
+    return result["kind"] == "outside" or any(r is None or r >= 1.0 for r in result["ratio"].values())
+
+
+def _belief(results: list[Result]) -> list[report.Row]:
+    stated = [c for r in results for c in claims(r)]
+    brier = _mean((p - ok) ** 2 for p, ok in stated)
+    every = [
+        (s["confidence"], effect_of(name) in r["truth"]["hidden"])
+        for r in results
+        for name, s in r["said"]["suspects"].items()
+    ]
+    peers = {"every suspect": _mean((p - ok) ** 2 for p, ok in every), "mean stated": _mean(p for p, _ in stated)}
+    peers["share right"] = _mean(ok for _, ok in stated)
+    return [report.row(f"Brier score of {len(stated)} claims", brier, "", "<= 0.05", brier <= 0.05, peers)]
+
+
+def _time(results: list[Result]) -> list[report.Row]:
+    wall, cpu = ([r["said"][key] for r in results] for key in ("wall_s", "cpu_s"))
+    middle = float(np.median(wall))
+    return [
+        report.row("one campaign: median wall time", middle, "s", "<= 60", middle <= 60.0, {"worst": max(wall)}),
+        report.row("one campaign: median CPU time", float(np.median(cpu)), "CPU s", None, None, {"worst": max(cpu)}),
+    ]
+
+
+def mistakes(results: list[Result]) -> list[str]:
+    """One line per campaign that went wrong, for whoever wants to know why."""
+    lines = []
+    for r in sorted(results, key=lambda r: r["campaign"]):
+        hidden, said = list(r["truth"]["hidden"]), r["said"]
+        fine = set(hidden) <= set(names(r)) <= set(right(r)) if r["kind"] != "outside" else outside_is_right(r)
+        if not fine:
+            ratios = {k: x and round(x, 1) for k, x in r["ratio"].items()}
+            outside = said["outside"] and f"{said['outside']['channel']} vs {said['outside']['variable']}"
+            lines.append(f"{r['campaign']} {r['kind']}: {r['truth']['law'] or ratios}; said {names(r)}, {outside}")
+    return lines
+
+
+def run(folder: Path, results_file: Path, jobs: int) -> tuple[list[Result], int]:
+    """Judge every campaign of a folder that has no line in the results yet; also, how many broke the program."""
+    results = [json.loads(line) for line in results_file.read_text().splitlines()] if results_file.exists() else []
+    done = {r["campaign"] for r in results}
+    waiting = [p for p in sorted(folder.glob("campaign_*")) if p.name not in done]
+    failures = 0
+    with ProcessPoolExecutor(min(jobs, MOST_JOBS)) as pool:
+        futures = {pool.submit(judge, p): p.name for p in waiting}
+        for future in as_completed(futures):
+            broken = future.exception()
+            if broken is not None:
+                failures += 1
+                print(f"{futures[future]}: {type(broken).__name__}: {broken}", flush=True)
+                continue
+            results.append(future.result())
+            with results_file.open("a") as file:
+                file.write(json.dumps(results[-1]) + "\n")
+            print(f"{futures[future]}: {names(results[-1])} ({len(results)} done)", flush=True)
+    return results, failures
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--campaigns", type=Path, help="folder of campaigns; flown there if it is empty")
+    parser.add_argument("--results", type=Path, help="one line per campaign (default: in the campaigns' folder)")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--json", type=Path, metavar="FILE", help="also write the rows here")
+    a = parser.parse_args()
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    with tempfile.TemporaryDirectory() as spare:
+        folder = a.campaigns or Path(spare)
+        folder.mkdir(parents=True, exist_ok=True)
+        if not any(folder.glob("campaign_*")):
+            kinds = blind_campaigns.mixture(a.count, np.random.default_rng(a.seed))
+            blind_campaigns.generate(folder, kinds, a.seed)
+        results, failures = run(folder, a.results or folder / "results.jsonl", a.jobs)
+    for line in mistakes(results):
+        print(line)
+    measured = [*rows(results), report.row("campaigns that broke the program", failures, "", "0", failures == 0)]
+    report.print_table(measured)
+    if a.json:
+        body = {"machine": report.machine(), "rows": [asdict(r) for r in measured]}
+        a.json.write_text(json.dumps(body, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

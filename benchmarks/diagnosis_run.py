@@ -1,0 +1,154 @@
+"""One blind campaign: diagnose it from its logs and vehicle file alone; only then open the truth and judge."""
+
+import json
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import sysid
+import vehicle
+from flight import FlightLog, InputError, file_format, flight_log
+
+HORIZON = sysid.comparison.HORIZONS_S.index(0.5)
+LEAST_FALL = 0.01
+"""The oracle must lower the held-out error by this share before a share of its fall means anything."""
+NORMAL_90 = 1.6449
+MASSLESS = frozenset(
+    {
+        "weak_rotor",
+        "ground_effect",
+        "descent_loss",
+        "pose_delay",
+        "rotor_drag_thrust",
+        "rotor_interaction",
+        "centre_of_mass",
+        "constant_wind",
+    }
+)
+"""Effects whose parameters are ratios or lengths; all others scale with the mass, which the file has slightly wrong."""
+NOT_SIZED = frozenset({"payload", "thrust_bem"})
+"""Effects whose parameters mean something else in the truth: no coverage is counted."""
+
+
+def judge(folder: Path) -> dict[str, Any]:
+    """Diagnose, then score against the truth file; plain JSON values."""
+    from sysid.diagnosis import diagnose
+
+    name = folder.name
+    training, held_out, given = load(folder)
+    wall, cpu = time.perf_counter(), time.process_time()
+    found = diagnose(training, given, held_out=held_out, auto=True)
+    said = {"wall_s": time.perf_counter() - wall, "cpu_s": time.process_time() - cpu, **stated(found)}
+    truth = json.loads((folder.parent / "truth" / f"{name}.json").read_text())
+    return {
+        "campaign": name,
+        "kind": truth["kind"],
+        "said": said,
+        "truth": {k: truth[k] for k in ("hidden", "channels", "variables", "law", "tolerated", "real_drag")},
+        "ratio": {effect: ratio(effect, sizes, said["suspects"]) for effect, sizes in truth["hidden"].items()},
+        "inside": inside(found.vehicle, said["additions"], truth),
+        **errors(training, held_out, given, found.vehicle, truth),
+    }
+
+
+def load(folder: Path) -> tuple[list[FlightLog], list[FlightLog], vehicle.Vehicle]:
+    """All that the diagnosing side may see."""
+    manifest = file_format.read_toml(folder / "manifest.toml", format="goshawk-blind-campaign", version=1)
+    training, held_out = (
+        [flight_log.load(folder / file) for file in manifest[part]] for part in ("training", "held_out")
+    )
+    return training, held_out, vehicle.load(folder / manifest["vehicle"])
+
+
+def stated(found: Any) -> dict[str, Any]:
+    """What a diagnosis says, as plain values."""
+    outside = found.outside
+    return {
+        "additions": list(found.additions),
+        "confidence": float(found.confidence),
+        "outside": outside
+        and {"channel": outside.channel, "variable": outside.variable, "confidence": float(outside.confidence)},
+        "suspects": {
+            s.name: {
+                "verdict": s.verdict,
+                "confidence": float(s.confidence),
+                "size": _short(s.size),
+                "smallest_visible": _short(s.smallest_visible),
+            }
+            for s in found.suspects
+        },
+    }
+
+
+def _short(values: dict[str, float]) -> dict[str, float]:
+    return {name.split(".")[-1]: float(value) for name, value in values.items()}
+
+
+def effect_of(name: str) -> str:
+    """`weak_rotor[2]` is the effect `weak_rotor`."""
+    return name.split("[")[0]
+
+
+def ratio(effect: str, sizes: dict[str, float], suspects: dict[str, Any]) -> float | None:
+    """True size over the smallest these flights could have shown; the clearest parameter counts. None: not claimed."""
+    found = []
+    for name, suspect in suspects.items():
+        if effect_of(name) == effect:
+            visible = suspect["smallest_visible"]
+            found += [abs(sizes[p]) / x for p, x in visible.items() if p in sizes and x > 0.0]
+    return max(found, default=None)
+
+
+def inside(fitted: vehicle.Vehicle, additions: Iterable[str], truth: dict[str, Any]) -> dict[str, bool]:
+    """Whether the 90 % interval of each size of a rightly added effect holds the truth."""
+    told = {}
+    for effect in {effect_of(name) for name in additions} & set(truth["hidden"]) - NOT_SIZED:
+        if effect not in fitted.effects:
+            continue
+        scale = 1.0 if effect in MASSLESS else truth["file_mass_kg"] / truth["mass_kg"]
+        sizes = truth["hidden"][effect]
+        if effect == "weak_rotor" and any(
+            (fitted.value(f"{effect}.{p}") != 0.0) != (true != 0.0) for p, true in sizes.items()
+        ):
+            continue  # another rotor was blamed: counted as a name, not as a size
+        for parameter, true in sizes.items():
+            estimate = fitted.parameter(f"{effect}.{parameter}")
+            if estimate.std > 0.0 and estimate.value != 0.0:
+                miss = abs(estimate.value - scale * true)
+                told[f"{effect}.{parameter}"] = bool(miss <= NORMAL_90 * estimate.std)
+    return told
+
+
+def errors(
+    training: list[FlightLog],
+    held_out: list[FlightLog],
+    given: vehicle.Vehicle,
+    diagnosed: vehicle.Vehicle,
+    truth: dict[str, Any],
+) -> dict[str, Any]:
+    """Held-out position errors after 0.5 s: the base refitted, the diagnosis, and the oracle who knows the truth."""
+    if not truth["hidden"] and not truth["real_drag"]:
+        return {}
+    told = given
+    for believed in truth["believed_drag"]:
+        told = told.without_effect(believed)
+    names = [n for n in (*truth["hidden"], *truth["real_drag"]) if n != "payload"]
+    for effect in names:
+        told = told.with_effect(effect, **truth["hidden"].get(effect, {}))
+    try:
+        base = sysid.identify(training, given).vehicle
+        oracle = sysid.identify(training, told, _oracle_options(told, truth)).vehicle
+    except InputError as error:
+        return {"no_oracle": str(error)}
+    compared = sysid.compare(held_out, {"base": base, "diagnosed": diagnosed, "oracle": oracle})
+    found = {name: compared.errors[name]["position"][HORIZON] for name in compared.models}
+    fall = found["base"] - found["oracle"]
+    share = (found["base"] - found["diagnosed"]) / fall if fall > LEAST_FALL * found["base"] else None
+    return {"error_m": found, "share": share}
+
+
+def _oracle_options(told: vehicle.Vehicle, truth: dict[str, Any]) -> sysid.Options:
+    """The oracle knows which rotor is weak: the losses of the others are held at nil."""
+    losses = truth["hidden"].get("weak_rotor", {})
+    return sysid.Options(held=tuple(f"weak_rotor.{p}" for p, x in losses.items() if x == 0.0))
