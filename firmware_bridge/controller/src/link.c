@@ -37,6 +37,8 @@ static void on_lease(tc_link* link, const link_sender* from, goshawk_payload pay
         link->lease.component_id = from->component_id;
         link->lease.until_us = from->now_us + TC_LINK_LEASE_US;
         link->lease.heard_us = from->now_us;
+    } else {
+        /* an unknown action, or one that this station may not take: the answer tells who has control */
     }
     link->lease.nonce = m.nonce;
     link->lease.answer = true;

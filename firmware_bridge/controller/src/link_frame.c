@@ -182,9 +182,7 @@ static void remember(tc_stream* stream, uint64_t stamp_10us) {
                 place = i;
             }
         }
-        if (stream->newest_10us - oldest > stream->floor_10us) {
-            stream->floor_10us = stream->newest_10us - oldest;
-        }
+        stream->floor_10us = stream->newest_10us - oldest; /* all that is remembered lies above the old floor */
     } else {
         stream->count++;
     }

@@ -111,9 +111,6 @@ unsigned link_send_parameters(tc_link* link, uint8_t payload[TC_PAYLOAD_MAX], ui
     const uint16_t index = link->parameters.next;
     const tc_parameter_info* info = tc_parameters_info(index);
     link->parameters.next++;
-    if (info == NULL) {
-        return 0;
-    }
     param_value_msg m;
     memset(&m, 0, sizeof m);
     memcpy(m.param_id, info->name, sizeof m.param_id);

@@ -153,8 +153,9 @@ static unsigned send_text(tc_link* link, uint8_t* payload, uint32_t* id) {
     statustext_msg m;
     memset(&m, 0, sizeof m);
     m.severity = state == (uint8_t)TC_EMERGENCY || state == (uint8_t)TC_FAULT ? 3u : 6u;
-    for (unsigned i = 0; i < sizeof m.text && words[i] != '\0'; i++) {
-        m.text[i] = words[i];
+    for (unsigned i = 0; i < sizeof m.text; i++) { /* at the end of the words it stays at their zero */
+        m.text[i] = *words;
+        words += *words != '\0' ? 1 : 0;
     }
     link->telemetry.text = false;
     statustext_encode(&m, payload);

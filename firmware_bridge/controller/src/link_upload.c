@@ -59,8 +59,8 @@ static bool belongs(tc_link* link, const link_sender* from, uint32_t transfer_id
         link->upload.last_frame_us = from->now_us;
     }
     const bool due = link->upload.frames % STATUS_EVERY == 0u;
-    link->upload.answer =
-        link->upload.answer || due || !fits || from->now_us - link->upload.last_status_us >= STATUS_GAP_US;
+    const bool late = from->now_us - link->upload.last_status_us >= STATUS_GAP_US;
+    link->upload.answer = link->upload.answer || due || late || !fits;
     return fits;
 }
 
@@ -125,7 +125,7 @@ void link_on_samples(tc_link* link, const link_sender* from, goshawk_payload pay
 
 /* Checks and activates what is staged. */
 static tc_reason commit(tc_link* link, const goshawk_trajectory_commit_msg* m) {
-    if (m->transfer_id == 0u || m->transfer_id != link->upload.transfer_id) {
+    if (m->transfer_id != link->upload.transfer_id) {
         return TC_NO_UPLOAD;
     }
     if (m->trajectory_id != link->upload.header.id || m->crc32 != link->upload.header.crc32) {
@@ -181,8 +181,10 @@ bool link_want(tc_link_wanted* wanted, uint32_t first, goshawk_payload payload, 
 
 uint32_t link_take(tc_link_wanted* wanted, uint32_t count) {
     while (wanted->next < 8u * TC_LINK_WANTED) {
-        const uint16_t i = wanted->next++;
-        const bool asked = ((unsigned)wanted->bits[i / 8u] >> (i % 8u) & 1u) != 0u;
+        const uint32_t i = wanted->next;
+        const unsigned bits = wanted->bits[i / 8u];
+        const bool asked = ((bits >> (i % 8u)) & 1u) != 0u;
+        wanted->next++;
         if (asked && wanted->first < count && i < count - wanted->first) {
             return wanted->first + i;
         }
@@ -286,7 +288,7 @@ unsigned link_send_read(tc_link* link, uint8_t payload[TC_PAYLOAD_MAX], uint32_t
     }
     const uint32_t count = active != NULL ? active->header.segment_count : 0u;
     const uint32_t index = link_take(&link->read.wanted, count);
-    if (index >= count || active == NULL) {
+    if (index >= count) {
         return 0;
     }
     const tc_segment* segment = &active->segment[index];
@@ -307,7 +309,7 @@ unsigned link_send_read(tc_link* link, uint8_t payload[TC_PAYLOAD_MAX], uint32_t
 
 tc_reason tc_link_restore(tc_link* link, const tc_trajectory* kept, const tc_link_origin* origin) {
     tc_reason reason = tc_upload_begin(link->controller, &kept->header);
-    for (uint16_t i = 0; reason == TC_OK && i < kept->header.segment_count && i < TC_MAX_SEGMENTS; i++) {
+    for (uint16_t i = 0; reason == TC_OK && i < kept->header.segment_count; i++) {
         reason = tc_upload_segment(link->controller, i, &kept->segment[i]);
     }
     if (reason == TC_OK) {

@@ -30,7 +30,8 @@ tc_reason tc_store_begin(tc_store* store, const tc_trajectory_header* header) {
 }
 
 bool tc_store_has_segment(const tc_store* store, uint16_t index) {
-    return index < TC_MAX_SEGMENTS && (((uint32_t)store->received[index / 8u] >> (index % 8u)) & 1u) != 0u;
+    const uint32_t i = index;
+    return i < TC_MAX_SEGMENTS && (((uint32_t)store->received[i / 8u] >> (i % 8u)) & 1u) != 0u;
 }
 
 tc_segment* tc_store_place(tc_store* store, uint16_t index) {
@@ -81,7 +82,8 @@ tc_reason tc_store_put_sample(tc_store* store, const tc_trajectory_sample* sampl
         }
     }
     if (store->sample_count >= TC_MAX_SAMPLES) return TC_OUT_OF_RANGE;
-    store->sample[store->sample_count++] = *sample;
+    store->sample[store->sample_count] = *sample;
+    store->sample_count++;
     return TC_OK;
 }
 

@@ -109,6 +109,39 @@ def test_every_damaged_frame_is_refused(plans):
         assert endpoint.receive(bytes(frame)) == 0, bit
 
 
+def test_oversized_and_cut_frames_are_no_frames(plans):
+    """A length byte that claims more than the message has, more than came, or less: no frame; the next one counts."""
+    endpoint = Endpoint(plans.key)
+    codec = station(plans.key)
+    for claimed in range(256):
+        frame = bytearray(codec.encode(lease()))
+        if claimed == frame[1]:
+            continue
+        frame[1] = claimed
+        assert endpoint.receive(bytes(frame)) == 0
+        padded = bytes(frame) + secrets.token_bytes(300)
+        assert endpoint.receive(padded) == 0
+    for length in range(len(codec.encode(lease()))):
+        assert endpoint.receive(codec.encode(lease())[:length]) == 0
+    assert endpoint.receive(secrets.token_bytes(65_000)) == 0
+    assert endpoint.receive(codec.encode(lease())) == 1
+    assert not endpoint.says(m.TrajectoryStatus)
+
+
+def test_a_whole_frame_that_is_longer_than_its_message_does_not_spill(plans):
+    """255 bytes of payload for a message of 13, with a good checksum and signature: the surplus means nothing."""
+    endpoint = Endpoint(plans.key)
+    codec = station(plans.key)
+
+    class LongLease(m.LeaseRequest):
+        def pack(self) -> bytes:
+            return m.LeaseRequest.pack(self).ljust(m.LeaseRequest.STRUCT.size, b"\0").ljust(255, b"\xff")
+
+    long_lease = LongLease(target_system=1, target_component=1, nonce=7, action=1)
+    assert endpoint.receive(codec.encode(long_lease)) == 1
+    assert endpoint.says(m.LeaseStatus)[0].operator_system == 255
+
+
 def test_whole_frames_are_found_in_rubbish_in_any_cut(plans):
     rng = np.random.default_rng(3)
     codec = station(plans.key)

@@ -1,0 +1,149 @@
+/* The corners of codec and state machine that neither flights nor fuzzing are sure to reach, one function each; with
+   those of mission_cases.c and link_cases.c. Run by tools/assure.py coverage, which wants every branch taken, and by
+   the tests; prints the number of checks, or aborts. */
+#include "cases.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "goshawk_dialect.h"
+
+static unsigned checks;
+
+void must(bool holds, const char* what) {
+    checks++;
+    if (!holds) {
+        fprintf(stderr, "violated: %s\n", what);
+        abort();
+    }
+}
+
+/* Every state with every event, and what is neither. */
+static void mission_table(void) {
+    for (uint8_t state = 0; state <= TC_MISSION_STATE_COUNT; state++) {
+        for (uint8_t event = 0; event <= TC_EVENT_COUNT; event++) {
+            tc_mission mission;
+            tc_mission_init(&mission);
+            mission.state = state;
+            const tc_reason reason = tc_mission_post(&mission, event, TC_COMMANDED, 5);
+            const bool moved = mission.state != state;
+            must(reason == TC_OK || reason == TC_WRONG_STATE, "an event is taken or refused");
+            must(reason == TC_OK || !moved, "a refused event changes nothing");
+            must(mission.transitions == (moved ? 1u : 0u), "transitions are counted");
+            must(!moved || (mission.previous_state == state && mission.since_us == 5u), "a transition is noted");
+            must(state < TC_MISSION_STATE_COUNT || reason == TC_WRONG_STATE, "no such state");
+            must(event < TC_EVENT_COUNT || reason == TC_WRONG_STATE, "no such event");
+        }
+        must(!tc_mission_on_path(state) || tc_mission_in_air(state), "on the path is in the air");
+        must(!tc_mission_in_air(state) || tc_mission_rotors_on(state), "in the air the rotors turn");
+        must((strcmp(tc_mission_state_text(state), "unknown") == 0) == (state == TC_MISSION_STATE_COUNT), "words");
+    }
+    for (uint8_t command = 0; command <= TC_COMMAND_COUNT; command++) {
+        must((strcmp(tc_command_text(command), "unknown") == 0) == (command == TC_COMMAND_COUNT), "words");
+    }
+}
+
+static const uint8_t key[TC_KEY_BYTES] = {1, 2, 3};
+
+/* A heartbeat from `system`, signed on `link_id` with this stamp; unsigned when the stamp is 0. */
+static size_t heartbeat(uint8_t frame[TC_FRAME_MAX], uint8_t system, uint8_t component, uint8_t link_id,
+                        uint64_t stamp_10us) {
+    static const heartbeat_msg nothing = {0};
+    uint8_t payload[HEARTBEAT_LENGTH];
+    tc_signing signing;
+    heartbeat_encode(&nothing, payload);
+    tc_signing_init(&signing, key, stamp_10us - 1u);
+    return tc_frame_build(frame, HEARTBEAT_ID, payload, sizeof payload, 0, system, component,
+                          stamp_10us == 0u ? NULL : &signing, link_id);
+}
+
+static tc_signature judged(tc_signing* signing, uint8_t system, uint8_t component, uint8_t link_id, uint64_t stamp) {
+    uint8_t bytes[TC_FRAME_MAX];
+    const uint8_t* at = bytes;
+    size_t n = heartbeat(bytes, system, component, link_id, stamp);
+    tc_parser parser;
+    tc_frame frame;
+    memset(&parser, 0, sizeof parser);
+    must(tc_parser_next(&parser, &at, &n, &frame), "a frame is found");
+    return tc_signing_check(signing, &frame, parser.buffer);
+}
+
+/* Stamps: newer, equal, late, too late, forgotten; one stream from another by each of its three numbers. */
+static void signing_window(void) {
+    tc_signing signing;
+    tc_signing_init(&signing, key, 1000);
+    must(judged(&signing, 9, 1, 0, 0) == TC_SIGNATURE_MISSING, "unsigned");
+    must(judged(&signing, 9, 1, 0, 1000) == TC_SIGNATURE_REPLAYED, "not later than the start");
+    must(judged(&signing, 9, 1, 0, 200000) == TC_SIGNATURE_GOOD, "first");
+    must(judged(&signing, 9, 1, 0, 200000) == TC_SIGNATURE_REPLAYED, "twice");
+    must(judged(&signing, 9, 1, 0, 199999) == TC_SIGNATURE_GOOD, "overtaken");
+    must(judged(&signing, 9, 1, 0, 100000) == TC_SIGNATURE_GOOD, "a second late");
+    must(judged(&signing, 9, 1, 0, 99999) == TC_SIGNATURE_REPLAYED, "more than a second late");
+    must(judged(&signing, 9, 1, 0, 1000) == TC_SIGNATURE_REPLAYED, "at the floor");
+    must(judged(&signing, 9, 1, 1, 100001) == TC_SIGNATURE_GOOD, "another link is another stream");
+    must(judged(&signing, 9, 2, 0, 100001) == TC_SIGNATURE_GOOD, "another component");
+    must(judged(&signing, 8, 1, 0, 100001) == TC_SIGNATURE_GOOD, "another system");
+    must(judged(&signing, 7, 1, 0, 100001) == TC_SIGNATURE_REPLAYED, "no later than the stream that made room");
+    must(judged(&signing, 7, 1, 0, 300000) == TC_SIGNATURE_GOOD, "the most silent one makes room");
+    must(judged(&signing, 9, 1, 1, 100002) == TC_SIGNATURE_GOOD || signing.start_10us > 0u, "or it went");
+    for (uint64_t i = 0; i < 2u * TC_RECENT; i++) { /* in order: the oldest is forgotten and becomes the floor */
+        must(judged(&signing, 7, 1, 0, 300001u + i) == TC_SIGNATURE_GOOD, "later");
+    }
+    must(judged(&signing, 7, 1, 0, 300005) == TC_SIGNATURE_REPLAYED, "forgotten is refused");
+    must(judged(&signing, 7, 1, 0, 300031) == TC_SIGNATURE_REPLAYED, "remembered is refused");
+}
+
+/* A frame of any length claim, any flags, any id, in any cut. */
+static void parser_corners(void) {
+    uint8_t good[TC_FRAME_MAX];
+    const size_t length = heartbeat(good, 9, 1, 0, 77);
+    for (size_t cut = 0; cut <= length; cut++) {
+        tc_parser parser;
+        tc_frame frame;
+        memset(&parser, 0, sizeof parser);
+        const uint8_t* at = good;
+        size_t n = cut;
+        const bool first = tc_parser_next(&parser, &at, &n, &frame);
+        must(first == (cut == length), "only a whole frame is one");
+        n = length - cut;
+        must(first || tc_parser_next(&parser, &at, &n, &frame), "the rest completes it");
+        must(!tc_parser_next(&parser, &at, &n, &frame) && n == 0u, "and that was all");
+    }
+    for (unsigned position = 0; position < 10u; position++) { /* a damaged header, then a good frame */
+        uint8_t stream[3u * TC_FRAME_MAX];
+        memset(stream, 0, sizeof stream);
+        memcpy(stream, good, length);
+        stream[position] ^= 0xFFu;
+        memcpy(stream + 2u * TC_FRAME_MAX, good, length);
+        tc_parser parser;
+        tc_frame frame;
+        memset(&parser, 0, sizeof parser);
+        const uint8_t* at = stream;
+        size_t n = sizeof stream;
+        must(tc_parser_next(&parser, &at, &n, &frame), "the good one is found");
+        must(at >= stream + 2u * TC_FRAME_MAX, "behind the damaged one");
+        tc_parser_flush(&parser);
+        must(parser.filled == 0u, "flushed");
+    }
+}
+
+/* Of an all-zero payload one byte remains, and nothing signs it unless asked to. */
+static void building(void) {
+    static const uint8_t zeros[TC_PAYLOAD_MAX] = {0};
+    uint8_t frame[TC_FRAME_MAX];
+    must(tc_frame_build(frame, HEARTBEAT_ID, zeros, HEARTBEAT_LENGTH, 3, 1, 1, NULL, 0) == 13u, "one byte is left");
+    must(frame[1] == 1u && frame[2] == 0u && frame[4] == 3u, "header");
+    must(tc_frame_build(frame, HEARTBEAT_ID, zeros, 0, 0, 1, 1, NULL, 0) == 12u, "an empty payload stays empty");
+}
+
+int main(void) {
+    mission_table();
+    signing_window();
+    parser_corners();
+    building();
+    mission_cases();
+    link_cases();
+    printf("%u checks\n", checks);
+    return 0;
+}

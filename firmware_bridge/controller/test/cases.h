@@ -1,0 +1,29 @@
+/* What the case files share: a check that counts, a short plan, a vehicle that does as it is told. */
+#ifndef CASES_H
+#define CASES_H
+
+#include "goshawk_controller/link.h"
+
+/* Aborts with these words unless it holds. */
+void must(bool holds, const char* what);
+
+void mission_cases(void);
+void link_cases(void);
+
+/* Two segments: a metre up and back within 3 s, in place. `crc32` of it goes into the header. */
+void short_plan(tc_trajectory* plan, uint8_t link_loss_policy);
+
+/* What the estimator says besides the truth. */
+typedef struct {
+    bool no_position, no_attitude, bad_position; /* stale, stale, not finite */
+    float tilt;                                  /* rotation about x as a quaternion's x */
+    float offset_m;                              /* added to world x */
+} trouble;
+
+/* Ticks at 100 Hz with an estimate that follows the set-point; the last state. */
+uint8_t run(tc_controller* c, uint64_t* time_us, float seconds, const trouble* t);
+
+/* A configured controller with an active short plan, in `state` (disarmed to hold, or trajectory). */
+void set_out(tc_controller* c, uint64_t* time_us, uint8_t link_loss_policy, uint8_t state);
+
+#endif

@@ -1,0 +1,38 @@
+/* One vehicle with a link, and two stations that talk to it: what the case files of the link share. */
+#ifndef LINK_CASES_H
+#define LINK_CASES_H
+
+#include "cases.h"
+#include "goshawk_dialect.h"
+
+#define ME 1u /* the vehicle */
+#define PILOT 255u
+#define OTHER 200u
+#define TO_VEHICLE .target_system = ME, .target_component = ME
+
+extern tc_controller controller;
+extern tc_link ln;
+extern tc_trajectory plan;
+extern uint64_t clock_us; /* of the link */
+
+/* A vehicle on the ground, without a trajectory, with the short plan at hand. */
+void begin_anew(bool sign, unsigned records);
+void say(uint8_t system, uint8_t component, uint32_t id, const uint8_t* payload, unsigned length);
+/* Everything the vehicle wants to say now; the payload of the last message with this id, or NULL. */
+const uint8_t* answer(uint32_t id);
+void lease(uint8_t system, uint8_t action);
+
+/* Uploads and activates the short plan. */
+void activate(void);
+void upload_cases(void);
+
+/* Sends a message of the dialect to the vehicle. */
+#define SAY(system, NAME, name, ...)                                     \
+    do {                                                                 \
+        uint8_t payload_[TC_PAYLOAD_MAX];                                \
+        const name##_msg m_ = {__VA_ARGS__};                             \
+        name##_encode(&m_, payload_);                                    \
+        say((uint8_t)(system), 190, NAME##_ID, payload_, NAME##_LENGTH); \
+    } while (0)
+
+#endif

@@ -1,0 +1,296 @@
+"""How the embedded C is examined: branch coverage, static analysis, stack and memory, fuzzing.
+
+    python tools/assure.py coverage      branches of codec, link and state machine; MC/DC with clang-19
+    python tools/assure.py misra         strict warnings of gcc and clang; cppcheck's MISRA rules but for the deviations
+    python tools/assure.py size          stack of every entry point, memory and flash on a Cortex-M4F
+    python tools/assure.py fuzz [HOURS]  libFuzzer with address and undefined-behaviour sanitizers, 8 hours by default
+
+Each needs its tools (clang-19 with libclang-rt-19-dev and llvm-19; cppcheck; gcc-arm-none-eabi) and says which is
+missing. The slow tests run the first three, and a minute of the fourth. See docs/assurance.md.
+"""
+
+import importlib.util
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+
+ROOT = Path(__file__).resolve().parents[1]
+LIBRARY = ROOT / "firmware_bridge" / "controller"
+DIALECT = LIBRARY.parent / "dialect" / "generated"
+DEVIATIONS = ROOT / "docs" / "misra_deviations.md"
+INCLUDES = (f"-I{LIBRARY / 'include'}", "-isystem", str(DIALECT))
+CASES = ("cases.c", "mission_cases.c", "link_cases.c", "upload_cases.c")
+WHOLE = (
+    "crc32.c", "goshawk_dialect.h", "link.c", "link_frame.c", "link_parameters.c", "link_sha256.c",
+    "link_telemetry.c", "link_upload.c", "mission.c", "requests.c", "transitions.c",
+)  # fmt: skip
+"""Codec, link and state machine: every branch of these files is taken."""
+STRICT = (
+    "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion", "-Wdouble-promotion", "-Wshadow",
+    "-Wcast-align", "-Wcast-qual", "-Wstrict-prototypes", "-Wmissing-prototypes", "-Wundef",
+    "-Wfloat-equal", "-Wwrite-strings", "-Wvla", "-Wnull-dereference", "-Wformat=2", "-Werror",
+)  # fmt: skip
+ARM = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16", "-ffp-contract=off", "-fno-math-errno")
+
+
+class MissingToolError(RuntimeError):
+    """A program that this machine does not have."""
+
+
+def sources() -> list[Path]:
+    return sorted((LIBRARY / "src").glob("*.c"))
+
+
+def need(*tools: str) -> None:
+    """
+    Raises:
+        MissingToolError: one of them is not installed.
+    """
+    missing = [tool for tool in tools if shutil.which(tool) is None]
+    if missing:
+        raise MissingToolError(f"not installed: {', '.join(missing)}")
+
+
+def run(*command: object, **options: object) -> str:
+    """Run a program to its end; what it printed. Its failure is ours, with its words."""
+    words = [str(word) for word in command]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, **options)  # pyright: ignore[reportArgumentType, reportCallIssue]
+    if done.returncode:
+        raise SystemExit(f"{' '.join(words)}\n{done.stdout}{done.stderr}")
+    return done.stdout
+
+
+# -- coverage ----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class FileCoverage:
+    branches: int
+    taken: int
+    conditions: int
+    """Of decisions with several conditions."""
+    independent: int
+    """Of those, shown to decide by themselves (MC/DC)."""
+    open: tuple[str, ...]
+    """Branches never taken, as `line:column true` or `false`."""
+
+
+def coverage(folder: Path) -> dict[str, FileCoverage]:
+    """What the case files, a scripted mission and some fuzzing inputs take of every source, by file name."""
+    need("clang-19", "llvm-cov-19", "llvm-profdata-19")
+    instrument = ("-fprofile-instr-generate", "-fcoverage-mapping", "-fcoverage-mcdc")
+    test, fuzz, binaries = LIBRARY / "test", LIBRARY / "fuzz", []
+    for name, files, flags, arguments in (
+        ("cases", [test / case for case in CASES], ["-DTC_MAX_SEGMENTS=32"], []),
+        ("mission", [test / "driver.c", test / "host_main.c"], [], [60_000]),
+        ("link", [fuzz / "fuzz_link.c", fuzz / "fuzz_main.c"], ["-DTC_MAX_SEGMENTS=32"], [1, 3000]),
+        ("controller", [fuzz / "fuzz_controller.c"], ["-DSTANDALONE", "-DTC_MAX_SEGMENTS=8"], [3000]),
+    ):
+        program = folder / name
+        run("clang-19", "-std=c11", "-O0", *instrument, "-fno-math-errno", *flags, INCLUDES[0], f"-I{DIALECT}",
+            *files, *sources(), "-lm", "-o", program)  # fmt: skip
+        run(program, *arguments, env={**os.environ, "LLVM_PROFILE_FILE": f"{program}.profraw"})
+        run("llvm-profdata-19", "merge", f"{program}.profraw", "-o", f"{program}.profdata")
+        binaries.append(program)
+    found = [json.loads(run("llvm-cov-19", "export", b, "-instr-profile", f"{b}.profdata")) for b in binaries]
+    return _merge([file for export in found for file in export["data"][0]["files"]])
+
+
+def _merge(exports: list[dict]) -> dict[str, FileCoverage]:
+    """One entry per source: a branch counts as taken when any program, in any inlined copy, took it."""
+    branches: dict[str, Counter[tuple[int, int, bool]]] = {}
+    decisions: dict[str, dict[tuple[int, int], list[bool]]] = {}
+    for file in exports:
+        name = Path(file["filename"]).name
+        if Path(file["filename"]).parent not in (LIBRARY / "src", DIALECT):
+            continue
+        counts = branches.setdefault(name, Counter())
+        for line, column, _, _, true, false, *_ in file["branches"]:
+            counts[line, column, True] += true
+            counts[line, column, False] += false
+        for record in file.get("mcdc_records", []):
+            shown = next(item for item in record if isinstance(item, list))
+            known = decisions.setdefault(name, {}).setdefault((record[0], record[1]), [False] * len(shown))
+            decisions[name][record[0], record[1]] = [a or b for a, b in zip(known, shown, strict=True)]
+    return {name: _file(branches[name], decisions.get(name, {})) for name in sorted(branches)}
+
+
+def _file(counts: Counter[tuple[int, int, bool]], decisions: dict[tuple[int, int], list[bool]]) -> FileCoverage:
+    never = sorted(key for key, n in counts.items() if n == 0)
+    shown = [condition for conditions in decisions.values() for condition in conditions]
+    said = tuple(f"{line}:{column} {str(way).lower()}" for line, column, way in never)
+    return FileCoverage(len(counts), len(counts) - len(never), len(shown), sum(shown), said)
+
+
+def print_coverage() -> bool:
+    with tempfile.TemporaryDirectory() as folder:
+        found = coverage(Path(folder))
+    print(f"{'':22}{'branches':>10}{'taken':>8}{'MC/DC':>12}")
+    for name, file in found.items():
+        mark = "all" if not file.open else f"{100.0 * file.taken / max(file.branches, 1):.1f} %"
+        print(f"{name:22}{file.branches:10}{mark:>8}{file.independent:7} of {file.conditions}")
+        if name in WHOLE:
+            for place in file.open:
+                print(f"    never taken: {name}:{place}")
+    return all(not found[name].open for name in WHOLE)
+
+
+# -- static analysis ---------------------------------------------------------------------------------------------------
+
+
+def deviations() -> list[str]:
+    """The rules that the written list names, as cppcheck calls them."""
+    return [f"misra-c2012-{rule}" for rule in re.findall(r"^\| (\d+\.\d+) \|", DEVIATIONS.read_text(), re.MULTILINE)]
+
+
+def warnings(folder: Path) -> list[str]:
+    """What gcc and clang say with everything on; empty when they say nothing."""
+    said = []
+    for compiler in ("gcc", "clang"):
+        if shutil.which(compiler) is None:
+            continue
+        for source in sources():
+            command = [compiler, "-std=c11", "-O2", *STRICT, "-fno-math-errno", *INCLUDES, "-c", str(source)]
+            done = subprocess.run([*command, "-o", str(folder / "x.o")], capture_output=True, text=True, check=False)
+            said += [line for line in done.stderr.splitlines() if "error:" in line]
+    return said
+
+
+def misra(*, all_rules: bool = False) -> list[str]:
+    """cppcheck's findings, deviations left out unless `all_rules`."""
+    need("cppcheck")
+    suppress = [] if all_rules else [f"--suppress={rule}" for rule in deviations()]
+    done = subprocess.run(
+        ["cppcheck", "--addon=misra", "--enable=warning,style,performance,portability", "--std=c11", "--quiet",
+         "--platform=unix32", "--inline-suppr", "--template={id} {file}:{line} {message}", *suppress,
+         "--suppress=missingIncludeSystem", "--suppress=*:*goshawk_dialect.h", f"-I{LIBRARY / 'include'}",
+         f"-I{DIALECT}", *map(str, sources())],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    return [line for line in done.stderr.splitlines() if line.strip()]
+
+
+def print_misra() -> bool:
+    with tempfile.TemporaryDirectory() as folder:
+        said = warnings(Path(folder))
+    found = misra()
+    for line in (*said, *found):
+        print(line)
+    print(f"{len(said)} warnings of the compilers, {len(found)} findings of cppcheck outside the deviations")
+    return not said and not found
+
+
+# -- stack, memory, flash ----------------------------------------------------------------------------------------------
+
+SIZES = """\
+#include "goshawk_controller/link.h"
+char controller_ram[sizeof(tc_controller) - 2u * sizeof(tc_trajectory)];
+char link_ram[sizeof(tc_link)];
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Size:
+    stack: dict[str, tuple[int, list[str]]]
+    """Of every function that others may call: bytes, and the calls that need them."""
+    ram: dict[str, int]
+    """Of what the caller owns, trajectory slots left out."""
+    flash: dict[str, int]
+
+
+def _module(path: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def size(folder: Path, level: str = "-Os") -> Size:
+    """Compile for a Cortex-M4F and measure."""
+    need("arm-none-eabi-gcc", "arm-none-eabi-size", "arm-none-eabi-nm")
+    flash: Counter[str] = Counter()
+    for source in sources():
+        out = folder / f"{source.stem}.o"
+        graph = ("-fcallgraph-info=su", "-dumpdir", f"{folder}/")
+        run("arm-none-eabi-gcc", "-std=c11", *ARM, level, *graph, *INCLUDES, "-c", source, "-o", out)
+        part = "link" if source.name.startswith("link") else "controller"
+        flash[part] += int(run("arm-none-eabi-size", out).splitlines()[1].split()[0])
+    (folder / "sizes.c").write_text(SIZES)
+    run("arm-none-eabi-gcc", *ARM, *INCLUDES, "-fcommon", "-c", folder / "sizes.c", "-o", folder / "sizes.o")
+    listing = [line.split() for line in run("arm-none-eabi-nm", "-S", folder / "sizes.o").splitlines()]
+    ram = {row[3].removesuffix("_ram"): int(row[1], 16) for row in listing if row[-1].endswith("_ram")}
+    calls = _module(LIBRARY / "test" / "stack_usage.py").CallGraph(folder)
+    entries = sorted(name for name in calls.own if name.startswith("tc_"))
+    return Size({name: calls.deepest(name) for name in entries}, ram, dict(flash))
+
+
+def print_size() -> bool:
+    with tempfile.TemporaryDirectory() as folder:
+        found = size(Path(folder))
+    for name, (deepest, path) in sorted(found.stack.items(), key=lambda item: -item[1][0])[:12]:
+        print(f"stack {deepest:5} B  {name}: {' > '.join(path[1:])}")
+    for name in ("controller", "link"):
+        print(f"{name}: {found.ram[name]} B of memory besides trajectory slots, {found.flash[name]} B of flash")
+    return True
+
+
+# -- fuzzing -----------------------------------------------------------------------------------------------------------
+
+TARGETS = {"link": ("fuzz_link.c", "-DTC_MAX_SEGMENTS=16"), "controller": ("fuzz_controller.c", "-DTC_MAX_SEGMENTS=8")}
+"""Link with all behind it; state machine and control law alone."""
+
+
+def fuzz_target(name: str, folder: Path) -> Path:
+    """Build a libFuzzer program.
+
+    Raises:
+        MissingToolError: no clang with libFuzzer here.
+    """
+    need("clang-19")
+    file, segments = TARGETS[name]
+    sanitize = ("-fsanitize=fuzzer,address,undefined", "-fno-sanitize-recover=all")
+    run("clang-19", "-std=c11", "-g", "-O2", *sanitize, "-fno-math-errno", segments, *INCLUDES,
+        LIBRARY / "fuzz" / file, *sources(), "-lm", "-o", folder / f"fuzz_{name}")  # fmt: skip
+    return folder / f"fuzz_{name}"
+
+
+def fuzz(hours: float) -> bool:
+    """Both targets, half of the time each; inputs that lead somewhere stay in build/fuzz, findings too."""
+    folder = ROOT / "build" / "fuzz"
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in TARGETS:
+        corpus = folder / f"corpus_{name}"
+        corpus.mkdir(exist_ok=True)
+        limit = f"-max_total_time={max(1, round(1800.0 * hours))}"
+        flags = ("-max_len=512", "-print_final_stats=1", f"-artifact_prefix={folder}/")
+        if subprocess.run([str(fuzz_target(name, folder)), *flags, limit, str(corpus)], check=False).returncode:
+            return False
+    return True
+
+
+def main(arguments: list[str]) -> int:
+    verbs = {"coverage": print_coverage, "misra": print_misra, "size": print_size}
+    try:
+        if arguments[:1] == ["fuzz"]:
+            return 0 if fuzz(float(arguments[1]) if len(arguments) > 1 else 8.0) else 1
+        if len(arguments) == 1 and arguments[0] in verbs:
+            return 0 if verbs[arguments[0]]() else 1
+    except MissingToolError as error:
+        print(error, file=sys.stderr)
+        return 2
+    print(__doc__, file=sys.stderr)
+    return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
