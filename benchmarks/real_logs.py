@@ -8,7 +8,7 @@ import argparse
 import csv
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +16,8 @@ import numpy as np
 
 import sysid
 import vehicle
-from flight import FlightError, FlightLog
+from flight import FlightError, FlightLog, rotations
+from sysid.log_consistency import kinematics
 
 MAPS = Path(__file__).parent / "column_maps"
 SPIN = np.array([1.0, -1.0, 1.0, -1.0])
@@ -67,7 +68,7 @@ def nanodrone(folder: Path, only: Sequence[str]) -> None:
     for log in logs.values():
         found = sysid.check_log(log, replace(model, spin=-SPIN)).findings
         print(f"  {log.metadata['name']}: " + ("; ".join(f.sentence for f in found) or "nothing"))
-    options = sysid.Options(gaps="split", held=("inertia_zz_kg_m2",), max_iterations=60)
+    options = sysid.Options(gaps="split", held=("inertia_zz_kg_m2",), max_iterations=60, gusts="white")
     random = [log for name, log in logs.items() if name.startswith("random")]
     others = [log for name, log in logs.items() if name.startswith(("square", "multisine_20251017_run2"))]
     with_inflow = model.with_effect("inflow_linear", inflow_kg=0.0)
@@ -139,7 +140,7 @@ def _in_flight(log: FlightLog) -> list[FlightLog]:
 
 
 def controller(folder: Path, only: Sequence[str]) -> None:
-    """Commanded wrench: the gain between commanded and true thrust, one fit a flight."""
+    """Commanded wrench: the gain between commanded and true thrust, one fit a flight; and as a plain ratio of means."""
     arm, k = 0.046 / np.sqrt(2.0), 2.5e-8
     sizes = {"inertia_xx_kg_m2": 1.66e-5, "inertia_yy_kg_m2": 1.67e-5, "inertia_zz_kg_m2": 2.93e-5}
     with open(folder / "index.csv", newline="") as file:
@@ -169,19 +170,41 @@ def controller(folder: Path, only: Sequence[str]) -> None:
         print(f"{group}: {len(gains)} logs, mean {gains.mean():.3f}, median {middle:.3f}, {low:.3f} to {high:.3f}")
 
 
+def plain_gains(folder: Path) -> None:
+    """Mean specific force along body z over mean commanded thrust per mass, all logs, by group."""
+    groups: dict[str, list[float]] = {}
+    with open(folder / "index.csv", newline="") as file:
+        for row in csv.DictReader(file):
+            log = sysid.read_log(folder / "logs" / f"{row['log']}.csv.gz", MAPS / "controller.toml")
+            motion = kinematics(_flying(log, log.columns))
+            assert motion is not None
+            axis = rotations.rotate(motion.q, np.array([0.0, 0.0, 1.0]))
+            pull = (motion.specific_force_world_m_s2 * axis).sum(axis=1).mean()
+            asked = _flying(log, log.columns).columns["thrust_n"].mean() / float(row["mass_kg"])
+            payload = ", payload" if row["has_acc"] == "True" else ""
+            groups.setdefault(f"{row['motors']}, {row['mass_kg']} kg{payload}", []).append(float(pull / asked))
+    for group, found in groups.items():
+        print(f"{group:32s} {len(found):3d} logs, mean {np.mean(found):.3f}, {min(found):.3f} to {max(found):.3f}")
+
+
+def _flying(log: FlightLog, columns: Mapping[str, np.ndarray]) -> FlightLog:
+    """Take-off and landing dropped."""
+    rows = np.flatnonzero((log.columns["thrust_n"] > 0.15) & (log.columns["position_world_z_m"] > 0.3))
+    kept = slice(rows[0] + 100, rows[-1] - 100)
+    return FlightLog({n: v[kept] for n, v in columns.items()}, log.metadata)
+
+
 def _equivalent_speeds(path: Path, model: vehicle.Vehicle, k: float) -> FlightLog:
-    """The commanded wrench as four rotor speeds that would make it; take-off and landing dropped."""
+    """The commanded wrench as four rotor speeds that would make it."""
     log = sysid.read_log(path, MAPS / "controller.toml")
     thrust, arm = log.columns["thrust_n"], abs(model.hub_body_m[0, 0])
     each = thrust[:, None] / 4.0 + np.outer(log.columns["torque_x_n_m"], np.sign(model.hub_body_m[:, 1])) / (4.0 * arm)
     each -= np.outer(log.columns["torque_y_n_m"], np.sign(model.hub_body_m[:, 0])) / (4.0 * arm)
     each -= np.outer(log.columns["torque_z_n_m"], model.spin) / (4.0 * 0.006)
     speed = np.sqrt(np.clip(each, 1e-4, None) / k)
-    flying = np.flatnonzero((thrust > 0.15) & (log.columns["position_world_z_m"] > 0.3))
     columns = {n: v for n, v in log.columns.items() if not n.startswith(("thrust", "torque"))}
     columns |= {f"rotor_speed_command_{i}_rad_s": speed[:, i] for i in range(4)}
-    kept = slice(flying[0] + 100, flying[-1] - 100)
-    return FlightLog({n: v[kept] for n, v in columns.items()}, log.metadata)
+    return _flying(log, columns)
 
 
 SETS = {
@@ -195,12 +218,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("set", choices=SETS)
     parser.add_argument("--data", type=Path, default=Path("../shared/data/flight"), help="folder of the sets")
+    parser.add_argument("--no-fit", action="store_true", help="only the plain ratio of the controller set: seconds")
     parser.add_argument("--logs", nargs="+", default=[], help="only these logs of the controller set")
     chosen = parser.parse_args()
     name, work = SETS[chosen.set]
     folder = chosen.data / name
     if not folder.is_dir():
         sys.exit(f"{folder} is not there; say with --data where the logs are (docs/real_logs_*.md says where from)")
+    if chosen.no_fit:
+        plain_gains(folder)
+        return
     work(folder, chosen.logs)
 
 

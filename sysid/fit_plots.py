@@ -10,6 +10,7 @@ from flight.rotations import FloatArray
 from sysid import drawing, drive, dynamics, sensors
 from sysid.comparison import means_over
 from sysid.flight_data import Flight
+from sysid.problem import Noise
 from sysid.result import Identification
 from sysid.solver import CONVERGED_SIGMA
 from sysid.states import States
@@ -100,8 +101,8 @@ def _residuals(result: Identification, flight: Flight, states: States) -> "Figur
     """What is left in each channel, with the band of two standard deviations of the estimated noise."""
     noise, point = result.noise, result.solution.point
     body = rigid_body(result.vehicle)
-    lasting = noise.process / np.sqrt(SPAN_S)  # white noise of that density, averaged over the span
-    force, torque = body.mass_kg * lasting[:3], body.inertia_kg_m2 @ lasting[3:]
+    left_std = _unmodelled_std(noise)
+    force, torque = body.mass_kg * left_std[:3], body.inertia_kg_m2 @ left_std[3:]
     left = _left_over(result, flight, states)
     rows: list[tuple[str, str, FloatArray, FloatArray, FloatArray, bool]] = [
         ("F", "N", _middles(flight, left), left[:, :3], force, False),
@@ -133,6 +134,16 @@ def _residuals(result: Identification, flight: Flight, states: States) -> "Figur
     band = "grey: two standard deviations of the estimated noise (5 % lie outside if it is white)"
     drawing.headed(figure, f"{flight.name}: measured less modelled; {band}")
     return figure
+
+
+def _unmodelled_std(noise: Noise) -> FloatArray:
+    """(6,) of a mean over `SPAN_S`, m/s2 and rad/s2: white noise, and disturbances that last."""
+    variance = noise.process**2 / SPAN_S
+    if noise.gusts is not None:
+        size = noise.gusts.size**2
+        # force comes in world axes and is drawn in body axes: the mean of the three will do for a band
+        variance = variance + np.concatenate([np.full(3, size[:3].mean()), size[3:]])
+    return np.sqrt(variance)
 
 
 def _left_over(result: Identification, flight: Flight, states: States) -> FloatArray:
@@ -207,11 +218,19 @@ def _convergence(result: Identification) -> "Figure":
     panel = axes[0, 1]
     styles = ("-", "--", ":")
     for i, e in enumerate(e for e in result.parameters if e.status == "free"):
-        path = np.array([r.values[i] for r in record if len(r.values) >= len(result.free_names)])
+        path = np.array([r.values[i] for r in record if len(r.values) == len(record[-1].values)])
         if abs(e.value) > 0.0 and not e.name.startswith("pose_sensor"):
             colour, style = drawing.COLOURS[i % len(drawing.COLOURS)], styles[i // len(drawing.COLOURS) % len(styles)]
-            values = np.concatenate([[e.start], path[-len(record) :]]) / e.value
-            panel.plot(np.arange(len(values)), values, style, color=colour, linewidth=1.3, label=e.name)
+            whole = len(path) == len(record)  # else a parameter was held on the way, and what came before is left out
+            values = (np.concatenate([[e.start], path]) if whole else path) / e.value
+            panel.plot(
+                np.arange(len(record) + 1 - len(values), len(record) + 1),
+                values,
+                style,
+                color=colour,
+                linewidth=1.3,
+                label=e.name,
+            )
     panel.legend(frameon=False, fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
     drawing.plain(panel, "Each parameter over its final value (0: where it started)", "iteration", "ratio")
     return figure

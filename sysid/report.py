@@ -2,7 +2,7 @@
 
 import base64
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from html import escape
 from importlib.metadata import version
@@ -122,17 +122,25 @@ def _parameters(estimates: Sequence[Estimate]) -> str:
     for e in estimates:
         if e.status == "free":
             share = f"{100.0 * e.std_robust / abs(e.value):.2g}" if e.std_robust < abs(e.value) else ">100"
-            cells = (f"{e.value:.5g}", f"{e.std_robust:.2g}", f"{e.std:.2g}", share, f"{e.start:.5g}")
+            cells = (
+                f"{e.value:.5g}",
+                f"{e.std_robust:.2g}",
+                f"{e.std:.2g}",
+                share,
+                f"{e.interval90:.2g}",
+                f"{e.start:.5g}",
+            )
         else:
-            cells = (f"{e.value:.5g}", "", "", "", f"{e.start:.5g}")
+            cells = (f"{e.value:.5g}", "", "", "", "", f"{e.start:.5g}")
         style = "" if e.status == "free" else " class='held'"
         numbers = "".join(f"<td>{c}</td>" for c in cells)
         words = f"<td class='word'>{escape(e.unit)}</td><td class='word'>{e.status}</td>"
         rows.append(f"<tr{style}><td>{escape(e.name)}</td>{numbers}{words}</tr>")
-    head = ("parameter", "value", "± robust", "± plain", "robust, %", "start", "unit", "status")
+    head = ("parameter", "value", "± robust", "± plain", "robust, %", "90 % ±", "start", "unit", "status")
     note = (
         "<p class='small'>± is one standard error. The robust one allows for errors correlated in time and for forms "
-        "that are slightly wrong; believe that one. Unseen: held, because these flights do not show it.</p>"
+        "that are slightly wrong; believe that one, and the 90 % interval made of it. "
+        "Unseen: held, because these flights do not show it.</p>"
     )
     return f"<h2>Parameters</h2>{_table(head, ''.join(rows), words=2)}{note}"
 
@@ -142,9 +150,15 @@ def _noise(result: Identification) -> str:
     levels = [
         ("pose sensor: position", f"{1000.0 * sensor.position_m:.2f} mm"),
         ("pose sensor: attitude", f"{1000.0 * sensor.attitude_rad:.2f} mrad"),
-        ("unmodelled acceleration x, y, z", ", ".join(f"{v:.3g}" for v in process[:3]) + " m/s² √s"),
-        ("unmodelled angular acceleration x, y, z", ", ".join(f"{v:.3g}" for v in process[3:]) + " rad/s² √s"),
+        ("unmodelled acceleration x, y, z", f"{_listed(process[:3])} m/s² √s"),
+        ("unmodelled angular acceleration x, y, z", f"{_listed(process[3:])} rad/s² √s"),
     ]
+    if result.noise.gusts is not None:
+        size, lasts_s = result.noise.gusts.size, result.noise.gusts.lasts_s
+        levels += [
+            ("disturbance that lasts, world x, y, z", f"{_listed(size[:3])} m/s² for {_listed(lasts_s[:3])} s"),
+            ("turning disturbance that lasts, x, y, z", f"{_listed(size[3:])} rad/s² for {_listed(lasts_s[3:])} s"),
+        ]
     rows = "".join(f"<tr><td>{name}</td><td class='word'>{value}</td></tr>" for name, value in levels)
     statistics = "".join(
         f"<tr><td>{name}</td><td>{s['rms']:.2f}</td><td>{s['lag_one']:+.2f}</td></tr>"
@@ -159,6 +173,10 @@ def _noise(result: Identification) -> str:
     head = ("channel", "rms", "correlation with the next")
     tables = _table(("noise as estimated", ""), rows, words=1) + _table(head, statistics)
     return f"<h2>Noise and residuals</h2>{tables}{note}"
+
+
+def _listed(values: Iterable[float]) -> str:
+    return ", ".join(f"{v:.3g}" for v in values)
 
 
 def _comparison(comparison: Comparison) -> str:
