@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from flight import InputError
 from flight.rotations import FloatArray
 from sysid.flight_data import Flight
 from vehicle import Vehicle, effects
@@ -15,12 +16,16 @@ STEP = 1e-6
 """Relative step of the finite differences by the motors' parameters; their speeds are smooth in them."""
 
 
+STAGES = ("COMMAND", "DRIVE")
+"""Stages of effects between command and rotor speed."""
+
+
 def drive_parameters(vehicle: Vehicle) -> tuple[str, ...]:
     """Parameters between command and rotor speed, when only commands are known."""
     names = []
     for effect in vehicle.effects:
-        if effects.find(effect).stage.name == "DRIVE":
-            names += [f"{effect}.{spec.name}" for spec in effects.find(effect).parameters if spec.name != "reference_v"]
+        if effects.find(effect).stage.name in STAGES:
+            names += [f"{effect}.{spec.name}" for spec in effects.find(effect).parameters if not spec.held]
     return tuple(names)
 
 
@@ -52,7 +57,9 @@ def slopes(flight: Flight, vehicle: Vehicle, names: tuple[str, ...]) -> tuple[Fl
 def _simulate(flight: Flight, vehicle: Vehicle, moved: dict[str, FloatArray]) -> tuple[FloatArray, FloatArray]:
     """(k, 4, m) mean speed and acceleration over each interval, for m variants of the motors at once."""
     variants = len(next(iter(moved.values()))) if moved else 1
-    active = [effects.find(e) for e in vehicle.effects if effects.find(e).stage.name == "DRIVE"]
+    active = [effects.find(e) for e in vehicle.effects if effects.find(e).stage.name in STAGES]
+    if any(e.name == "battery_sag" for e in active) and not np.isfinite(flight.battery_v).all():
+        raise InputError(f"{flight.name} has no battery_v, which battery_sag needs; log it, or take the effect out")
     values = []
     for effect in active:
         own = vehicle.values(effect.name)

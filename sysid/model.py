@@ -24,7 +24,7 @@ def model_parameters(vehicle: Vehicle, by_command: bool = False) -> tuple[str, .
     """Parameters that act on the motion and can be told from it; the motors' only when driven by commands."""
     names = [name for name in vehicle.parameters if name.startswith("inertia_")]
     for effect in vehicle.effects:
-        if effects.find(effect).stage.name not in ("DRIVE", "SENSOR"):
+        if effects.find(effect).stage.name not in (*drive.STAGES, "SENSOR"):
             names += [f"{effect}.{spec.name}" for spec in effects.find(effect).parameters]
     return (*names, *drive_parameters(vehicle)) if by_command else tuple(names)
 

@@ -32,6 +32,21 @@ def test_motor_lag_comes_out_of_commands(campaign, truth, slow_motors):
         assert result.estimate(name).value == pytest.approx(truth.value(name), rel=0.004)
 
 
+def test_battery_sag_comes_out_of_commands(campaign, truth):
+    """The same flight by an emptying battery: commands rise so that the rotors turn as before."""
+    log = campaign[2].slice(0.0, 8.0)
+    volt = np.linspace(16.6, 14.8, len(log))
+    commands = {n: v / (1.0 - 0.04 * (16.8 - volt)) for n, v in log.columns.items() if n.startswith("rotor_speed_comm")}
+    emptying = FlightLog({**log.columns, **commands, "battery_v": volt}, log.metadata)
+    start = truth.with_effect("battery_sag", sag_per_v=0.0)
+    result = sysid.identify([_without(emptying, *ROTOR_SPEED)], start)
+    assert result.estimate("battery_sag.sag_per_v").value == pytest.approx(0.04, rel=0.05)
+    assert "battery_sag.reference_v" not in result.free_names
+    with pytest.raises(InputError, match="battery_v"):
+        sysid.identify([_without(log, *ROTOR_SPEED)], start)
+    assert not any(n.startswith("battery") for n in sysid.identify([emptying], start).free_names)
+
+
 def test_with_measured_rotor_speed_the_motors_play_no_part(campaign, slow_motors):
     names = sysid.identify(campaign[2:], slow_motors).free_names
     assert not any(name.startswith("motor_lag") for name in names)
