@@ -1,0 +1,173 @@
+"""What flights say about every suspect at once: one factorisation per flight, then only small matrices.
+
+At the fitted model each suspect is one or more further columns of the estimator's least-squares problem, and so is
+every free-form curve. With the states of the flights eliminated, a stretch of flight b (a block) costs, to second
+order in the border's change theta,
+
+    C_b(theta) = C_b + u_b . theta + 1/2 theta . I_b theta
+
+All questions (how far would the cost fall, how large, how sure, what else would do as well) are asked of u_b and I_b.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flight.rotations import FloatArray
+from sysid import drive, dynamics, problem, solver
+from sysid.chain import Rows
+from sysid.diagnosis import free_form, suspects
+from sysid.diagnosis.free_form import Curve
+from sysid.diagnosis.suspects import LineUp
+from sysid.flight_data import Flight, IndexArray
+from sysid.problem import Noise, Point, Unknowns
+from sysid.result import CHANNELS
+
+BLOCK_S = 3.0
+"""Errors (gusts above all) are taken as independent between blocks of this length."""
+
+
+@dataclass(frozen=True, slots=True)
+class Blocks:
+    """Second-order cost of each block over a set of columns."""
+
+    score: FloatArray
+    """(b, p) u."""
+    information: FloatArray
+    """(b, p, p) I."""
+
+    def only(self, columns: IndexArray) -> "Blocks":
+        """The same for some columns."""
+        return Blocks(self.score[:, columns], self.information[:, columns[:, None], columns])
+
+
+class Evidence:
+    """Blocks of a set of flights for the base parameters and all suspects; curves of a channel when asked for."""
+
+    def __init__(
+        self, flights: Sequence[Flight], point: Point, noise: Noise, unknowns: Unknowns, line_up: LineUp
+    ) -> None:
+        """Linearise where the base model stands (states at their best under it), every suspect at zero."""
+        base = suspects.base_names(unknowns.model, line_up.vehicle)
+        wanted = tuple(name for suspect in line_up.suspects for name in suspect.parameters)
+        extended = replace(unknowns, model=(*base, *wanted))
+        self._projected = [
+            _Projected(flight, replace(point, vehicle=line_up.vehicle, states=(states,)), extended, noise)
+            for flight, states in zip(flights, point.states, strict=True)
+        ]
+        self._order = _base_first(extended, len(base))
+        self._free: dict[str, Blocks] = {}
+        self.names = tuple(extended.names[i] for i in self._order)
+        """(n,) of the named columns: base parameters first, then the suspects'."""
+        self.base = np.arange(extended.size - len(wanted), dtype=np.intp)
+        """Which of them are the base's."""
+        self.curves = free_form.curves(flights, point.states, line_up.vehicle)
+        parts = [one.blocks() for one in self._projected]
+        self.named = _reordered(_joined(parts), self._order)
+        self.flight_of_block = np.repeat(np.arange(len(parts)), [len(p.score) for p in parts])
+        """(b,)."""
+
+    def place(self, names: Sequence[str]) -> IndexArray:
+        """Columns of these names."""
+        return np.array([self.names.index(name) for name in names], dtype=np.intp)
+
+    def with_curves(self, channel: str) -> Blocks:
+        """Blocks over the named columns followed by the curves of one channel."""
+        if channel not in self._free:
+            parts = [one.with_curves(channel, self.curves) for one in self._projected]
+            self._free[channel] = _reordered(_joined(parts), self._order)
+        return self._free[channel]
+
+    def groups(self, channel: str) -> list[tuple[str, IndexArray]]:
+        """Variables of one channel's curves, and their columns among `with_curves`."""
+        edges = len(self.names) + np.concatenate([[0], np.cumsum([c.functions for c in self.curves])])
+        return [(c.variable, np.arange(a, b)) for c, a, b in zip(self.curves, edges[:-1], edges[1:], strict=True)]
+
+
+def _base_first(unknowns: Unknowns, base: int) -> IndexArray:
+    """Order of the border: base model, sensor and biases, then the suspects."""
+    tail = np.arange(len(unknowns.model), unknowns.size)
+    return np.concatenate([np.arange(base), tail, np.arange(base, len(unknowns.model))]).astype(np.intp)
+
+
+def _reordered(blocks: Blocks, order: IndexArray) -> Blocks:
+    rest = np.arange(len(order), blocks.score.shape[1])
+    return blocks.only(np.concatenate([order, rest]).astype(np.intp))
+
+
+def _joined(parts: Sequence[Blocks]) -> Blocks:
+    return Blocks(np.concatenate([p.score for p in parts]), np.concatenate([p.information for p in parts]))
+
+
+class _Projected:
+    """One flight's rows with its states eliminated."""
+
+    def __init__(self, flight: Flight, point: Point, unknowns: Unknowns, noise: Noise) -> None:
+        states = point.states[0]
+        self._flight, self._noise = drive.driven(flight, point.vehicle), noise
+        self._rows = problem.linearise(flight, states, point, unknowns, noise, False)
+        self._mid = dynamics.middle(flight, states)
+        eliminated = solver.eliminate(self._rows)
+        self._factor = eliminated.factor
+        self._columns = self._rows.change(-eliminated.sensitivity, np.eye(unknowns.size))
+        moved = self._rows.change(-eliminated.state_step[:, :, None], np.zeros((unknowns.size, 1)))
+        self._residual = (self._rows.defect + moved[0][:, :, 0], self._rows.sensor + moved[1][:, :, 0])
+        self._edges = block_edges(flight.time_s)
+        self._named: Blocks | None = None
+
+    def blocks(self) -> Blocks:
+        """Of the named columns."""
+        if self._named is None:
+            self._named = Blocks(*self._products(self._columns, self._columns))
+        return self._named
+
+    def with_curves(self, channel: str, curves: Sequence[Curve]) -> Blocks:
+        """Of the named columns and the curves of one channel."""
+        whitened = self._whitened(free_form.columns(curves, self._flight, self._mid), channel)
+        free = _freed(self._rows, self._factor, whitened, _row(channel))
+        named = self.blocks()
+        score, own = self._products(free, free)
+        cross = self._products(free, self._columns)[1]
+        information = np.block([[named.information, np.swapaxes(cross, 1, 2)], [cross, own]])
+        return Blocks(np.concatenate([named.score, score], axis=1), information)
+
+    def _whitened(self, values: FloatArray, channel: str) -> FloatArray:
+        """What a unit of acceleration in one channel adds to that channel's whitened defect."""
+        std = self._noise.process[CHANNELS.index(channel)]
+        return -2.0 * np.sqrt(self._flight.step_s)[:, None] * values / std
+
+    def _products(self, left: tuple[FloatArray, ...], right: tuple[FloatArray, ...]) -> tuple[FloatArray, FloatArray]:
+        """Per block: products of columns with the residual (b, p), and with other columns (b, p, q)."""
+        score = np.zeros((len(self._edges), left[0].shape[2]))
+        information = np.zeros((len(self._edges), left[0].shape[2], right[0].shape[2]))
+        for i, (begin, end) in enumerate(self._edges):
+            for a, b, r in zip(left, right, self._residual, strict=True):
+                flat = a[begin:end].reshape(-1, a.shape[2])
+                score[i] += r[begin:end].ravel() @ flat
+                information[i] += flat.T @ b[begin:end].reshape(-1, b.shape[2])
+        return score, information
+
+
+def _row(channel: str) -> int:
+    """Place of a channel's velocity or rate among the 12 rows of a defect."""
+    return (3 if channel[0] == "F" else 9) + "xyz".index(channel[2])
+
+
+def _freed(rows: Rows, factor: "solver.Factor", column: FloatArray, row: int) -> tuple[FloatArray, FloatArray]:
+    """Columns that act on one row of each defect, with the states' answer to them taken out."""
+    nodes, count = len(rows.sensor), column.shape[1]
+    right = np.zeros((nodes, 12, count))
+    right[:-1] += rows.defect_before[:, row, :, None] * column[:, None, :]
+    right[1:] += rows.defect_after[:, row, :, None] * column[:, None, :]
+    states = factor.solve(right)
+    defect = -(rows.defect_before @ states[:-1] + rows.defect_after @ states[1:])
+    defect[:, row] += column
+    return defect, -(rows.sensor_state @ states)
+
+
+def block_edges(time_s: FloatArray) -> list[tuple[int, int]]:
+    """Node ranges of equal length, each about `BLOCK_S`."""
+    count = max(1, round((time_s[-1] - time_s[0]) / BLOCK_S))
+    edges = np.linspace(0, len(time_s), count + 1).astype(int)
+    return list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))

@@ -1,0 +1,173 @@
+"""What a diagnosis says: suspects with verdicts, additions with what they brought, a curve when no name fits.
+
+These types know nothing of flights: a camera model can be diagnosed in the same words (suspect, evidence, addition,
+error before and after).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from flight.rotations import FloatArray
+
+SCHEMA_VERSION = 1
+"""Version of `Diagnosis.as_dict` of `sysid.diagnosis.diagnose`."""
+
+Verdict = Literal["present", "excluded", "cannot tell"]
+
+
+@dataclass(frozen=True, slots=True)
+class Size:
+    """One parameter of a suspect."""
+
+    parameter: str
+    unit: str
+    value: float
+    sigma: float
+    """Standard error that allows for gusts and for slightly wrong forms."""
+    smallest_visible: float
+    """A size of this much would have been called present nine times in ten."""
+    usual: float
+    """How large it typically is, from the catalogue."""
+
+    @property
+    def excluded_above(self) -> float:
+        """Sizes above this can be excluded with 95 %."""
+        return abs(self.value) + 1.645 * self.sigma
+
+    def as_dict(self) -> dict[str, Any]:
+        return {
+            "unit": self.unit,
+            "value": self.value,
+            "sigma": self.sigma,
+            "excluded_above": self.excluded_above,
+            "smallest_visible": self.smallest_visible,
+            "usual": self.usual,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class SuspectFinding:
+    """What the measurements say about one suspect."""
+
+    name: str
+    verdict: Verdict
+    reason: str
+    """The verdict in a sentence."""
+    sizes: tuple[Size, ...]
+    gain: float
+    """Predicted fall of half the sum of squares, judged on blocks left out of the estimate."""
+    significance: float
+    """Probability that chance alone would explain as much."""
+    error_m: float
+    """Root mean square position error after 0.5 s that this effect makes, at the estimated size."""
+    confidence: float
+    """Probability that this effect is really missing (of those added: that this is the right name)."""
+    look_alikes: tuple[tuple[str, float], ...]
+    """Others that leave nearly the same traces on these flights: name, and share of the trace (0 to 1)."""
+    settled_by: tuple[str, ...]
+    """Manoeuvres that show it best."""
+    channels: tuple[str, ...]
+    regressor: str
+
+    @property
+    def size(self) -> dict[str, float]:
+        """Parameter to value."""
+        return {s.parameter: s.value for s in self.sizes}
+
+    @property
+    def sigma(self) -> dict[str, float]:
+        """Parameter to standard error."""
+        return {s.parameter: s.sigma for s in self.sizes}
+
+    @property
+    def smallest_visible(self) -> dict[str, float]:
+        """Parameter to the smallest size these flights could have shown."""
+        return {s.parameter: s.smallest_visible for s in self.sizes}
+
+    def as_dict(self) -> dict[str, Any]:
+        return {
+            "name": self.name,
+            "verdict": self.verdict,
+            "reason": self.reason,
+            "sizes": {s.parameter: s.as_dict() for s in self.sizes},
+            "evidence": {"gain": self.gain, "chance": self.significance, "error_0.5_s_m": self.error_m},
+            "confidence": self.confidence,
+            "look_alikes": [{"name": name, "share": share} for name, share in self.look_alikes],
+            "settled_by": list(self.settled_by),
+            "channels": list(self.channels),
+            "regressor": self.regressor,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class OutsideFinding:
+    """Something is missing that no known effect is: which channel, against what, and the curve."""
+
+    channel: str
+    variable: str
+    variable_unit: str
+    at: FloatArray
+    """(m,) values of the variable over the range flown."""
+    acceleration: FloatArray
+    """(m,) mean residual there: m/s2 for a force channel, rad/s2 for a torque channel."""
+    band: FloatArray
+    """(m,) one standard error of it."""
+    force_or_torque: float
+    """What to multiply the acceleration by: mass (kg) or moment of inertia (kg m2)."""
+    gain: float
+    significance: float
+    confidence: float
+
+    def as_dict(self) -> dict[str, Any]:
+        return {
+            "channel": self.channel,
+            "variable": self.variable,
+            "variable_unit": self.variable_unit,
+            "at": self.at.tolist(),
+            "residual": (self.acceleration * self.force_or_torque).tolist(),
+            "residual_sigma": (self.band * self.force_or_torque).tolist(),
+            "residual_unit": "N" if self.channel[0] == "F" else "N m",
+            "evidence": {"gain": self.gain, "chance": self.significance},
+            "confidence": self.confidence,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """One suspect that was tried, and how it ended."""
+
+    name: str
+    outcome: str
+    """`added`, `stand-in` (a free curve explains more), `not confirmed` by unseen flights, `removed` again."""
+    sentence: str
+    """In words, `helped` or `did not help` with the numbers."""
+    confidence: float
+    rivals: tuple[tuple[str, float], ...]
+    fall: float
+    """Fall of the cost on the flights that judged."""
+    fall_sigma: float
+    judged_on: str
+
+    def as_dict(self) -> dict[str, Any]:
+        return {
+            "name": self.name,
+            "outcome": self.outcome,
+            "sentence": self.sentence,
+            "confidence": self.confidence,
+            "rivals": [{"name": name, "probability": p} for name, p in self.rivals],
+            "evidence": {"fall": self.fall, "sigma": self.fall_sigma, "judged_on": self.judged_on},
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Stair:
+    """One step of the error staircase: a model of the history and its prediction errors."""
+
+    model: str
+    """`as given`, `fitted`, `+ effect` or `- effect`."""
+    position_m: Mapping[str, float]
+    """Horizon in words (`0.5 s`) to root mean square position error."""
+
+    def as_dict(self) -> dict[str, Any]:
+        return {"model": self.model, "position_error_m": dict(self.position_m)}

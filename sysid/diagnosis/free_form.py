@@ -1,0 +1,111 @@
+"""What could be explained at all: smooth curves of one variable in one channel, with no physics in them.
+
+A named effect must explain at least as much as the best of these, or it is not the one that is missing.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from flight import rotations
+from flight.rotations import FloatArray
+from sysid import drive, dynamics
+from sysid.dynamics import Middle
+from sysid.flight_data import Flight
+from sysid.states import States
+from vehicle import Vehicle
+
+Read = Callable[[Flight, Middle], FloatArray]
+
+
+def _rotor(i: int) -> Read:
+    return lambda flight, mid: flight.rotor_speed_rad_s[:, i]
+
+
+def _spin_up(i: int) -> Read:
+    return lambda flight, mid: flight.rotor_acceleration_rad_s2[:, i]
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """One thing a residual may depend on."""
+
+    name: str
+    unit: str
+    read: Read
+    """(k,) its value in the middle of each interval."""
+    functions: int
+    """How many B-splines span its range."""
+
+
+def _axis(quantity: str, i: int) -> Read:
+    return lambda flight, mid: getattr(mid, quantity)[:, i]
+
+
+def _product(i: int, j: int) -> Read:
+    return lambda flight, mid: mid.velocity_body_m_s[:, i] * mid.velocity_body_m_s[:, j]
+
+
+VARIABLES: tuple[Variable, ...] = (
+    Variable("constant", "", lambda flight, mid: np.zeros(len(mid.step_s)), 1),
+    Variable("time", "s", lambda flight, mid: 0.5 * (flight.time_s[1:] + flight.time_s[:-1]) - flight.time_s[0], 8),
+    Variable("x", "m", _axis("position_world_m", 0), 5),
+    Variable("y", "m", _axis("position_world_m", 1), 5),
+    Variable("height", "m", _axis("position_world_m", 2), 5),
+    *(Variable(f"v_{a}", "m/s", _axis("velocity_body_m_s", i), 6) for i, a in enumerate("xyz")),
+    *(
+        Variable(f"v_{'xyz'[i]} v_{'xyz'[j]}", "m2/s2", _product(i, j), 4)
+        for i, j in ((0, 1), (0, 2), (1, 2))
+    ),
+    Variable("speed", "m/s", lambda flight, mid: np.linalg.norm(mid.velocity_body_m_s, axis=1), 5),
+    *(Variable(f"w_{a}", "rad/s", _axis("rate_body_rad_s", i), 4) for i, a in enumerate("xyz")),
+    *(Variable(f"n_{i}", "rad/s", _rotor(i), 9) for i in range(4)),
+    *(Variable(f"dn_{i}/dt", "rad/s2", _spin_up(i), 4) for i in range(4)),
+    Variable("heading", "rad", lambda flight, mid: rotations.yaw(mid.q_world_body), 5),
+)
+"""What curves are drawn against; velocity and rate in body axes, position in world axes, time from the flight's start."""
+
+VARIABLE = {v.name: v for v in VARIABLES}
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """A family of curves of one variable: cubic B-splines over the range that was flown."""
+
+    variable: str
+    knots: FloatArray
+
+    def basis(self, values: FloatArray) -> FloatArray:
+        """(k, functions); values beyond the range are taken at its end."""
+        if self.variable == "constant":
+            return np.ones((len(values), 1))
+        low, high = self.knots[3], self.knots[-4]
+        inside = np.clip(values, low, high)
+        return BSpline.design_matrix(inside, self.knots, 3).toarray()
+
+    @property
+    def functions(self) -> int:
+        return 1 if self.variable == "constant" else len(self.knots) - 4
+
+
+def curves(flights: Sequence[Flight], states: Sequence[States], vehicle: Vehicle) -> tuple[Curve, ...]:
+    """Curve families whose knots follow what was flown; variables that hardly changed are left out."""
+    driven = [drive.driven(f, vehicle) for f in flights]
+    mids = [dynamics.middle(f, s) for f, s in zip(driven, states, strict=True)]
+    found = []
+    for variable in VARIABLES:
+        values = np.concatenate([variable.read(f, m) for f, m in zip(driven, mids, strict=True)])
+        low, high = np.quantile(values, [0.005, 0.995])
+        if variable.name == "constant":
+            found.append(Curve("constant", np.zeros(0)))
+        elif high - low > 1e-9:
+            inner = np.linspace(low, high, variable.functions - 2)
+            found.append(Curve(variable.name, np.concatenate([np.full(3, low), inner, np.full(3, high)])))
+    return tuple(found)
+
+
+def columns(curves_: Sequence[Curve], flight: Flight, mid: Middle) -> FloatArray:
+    """(k, c) all families side by side along one flight."""
+    return np.concatenate([c.basis(VARIABLE[c.variable].read(flight, mid)) for c in curves_], axis=1)

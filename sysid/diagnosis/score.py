@@ -1,0 +1,156 @@
+"""One question at a time, asked of the evidence: how much would these columns explain, and can it be chance?"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import f as f_distribution
+
+from flight.rotations import FloatArray
+from sysid.diagnosis.evidence import Blocks
+from sysid.flight_data import IndexArray
+
+FOLDS = 8
+"""Blocks are dealt out to this many folds in turn for cross-validation."""
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """What a set of columns would change, were it added to the model."""
+
+    columns: IndexArray
+    """Which columns of the blocks were tested."""
+    size: FloatArray
+    """(q,) one-step estimates."""
+    covariance: FloatArray
+    """(q, q) that allows for errors correlated within a block and for slightly wrong forms."""
+    gain: float
+    """Predicted fall of half the sum of squares on these flights."""
+    gain_unseen: float
+    """The same on blocks that were left out of the estimate (cross-validation): falls below zero for chance."""
+    unseen_by_block: FloatArray
+    """(b,) its parts."""
+    significance: float
+    """Probability that chance alone would explain as much."""
+
+    @property
+    def sigma(self) -> FloatArray:
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+
+def score(blocks: Blocks, given: IndexArray, tested: IndexArray, one_sided: FloatArray | None = None) -> Score:
+    """Test columns on top of others that are in the model already and stay free.
+
+    Args:
+        one_sided: (q,) true where a size cannot be negative; such columns are dropped when they come out so.
+    """
+    kept = np.ones(len(tested), dtype=bool)
+    while True:
+        columns = np.concatenate([given, tested[kept]])
+        part = blocks.only(columns)
+        step, covariance = _robust(part)
+        size = step[len(given) :]
+        wrong = np.zeros(kept.sum(), dtype=bool) if one_sided is None else one_sided[kept] & (size < 0.0)
+        if not wrong.any():
+            break
+        kept[np.flatnonzero(kept)[wrong]] = False
+        if not kept.any():
+            return _nothing(tested, len(blocks.score))
+    base = np.arange(len(given))
+    gain = _fall(part, step) - _fall(part.only(base), _solve(part.only(base)))
+    unseen = _cross_validated(part) - _cross_validated(part.only(base))
+    q = int(kept.sum())
+    covariance = covariance[len(given) :, len(given) :]
+    wald = float(size @ np.linalg.pinv(covariance, hermitian=True) @ size) / q
+    freedom = max(len(blocks.score) - len(columns), 4)
+    full, wide = np.zeros(len(tested)), np.zeros((len(tested), len(tested)))
+    full[kept] = size
+    wide[np.ix_(kept, kept)] = covariance
+    return Score(tested, full, wide, gain, float(unseen.sum()), unseen, float(f_distribution.sf(wald, q, freedom)))
+
+
+def _nothing(tested: IndexArray, blocks: int) -> Score:
+    """All sizes would have the wrong sign: nothing gained."""
+    q = len(tested)
+    return Score(tested, np.zeros(q), np.zeros((q, q)), 0.0, 0.0, np.zeros(blocks), 1.0)
+
+
+def _robust(blocks: Blocks) -> tuple[FloatArray, FloatArray]:
+    """Gauss-Newton step and its sandwich covariance, each block's score freed of its own pull (CR3 jackknife)."""
+    information = blocks.information.sum(axis=0)
+    inverse = inverse_of(information)
+    step = -inverse @ blocks.score.sum(axis=0)
+    left = blocks.score + blocks.information @ step
+    count, p = left.shape
+    freed = np.linalg.solve(np.eye(p) - blocks.information @ inverse + 1e-9 * np.eye(p), left[:, :, None])[:, :, 0]
+    return step, inverse @ (freed.T @ freed) @ inverse * ((count - 1) / count)
+
+
+def inverse_of(information: FloatArray) -> FloatArray:
+    """Inverse of an information matrix with rows of any size; directions without information are left out."""
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    inverse = np.where(values > 1e-9, 1.0 / np.maximum(values, 1e-9), 0.0)
+    return (vectors * inverse) @ vectors.T / np.outer(scale, scale)
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """What would be lost if parts of the model were taken out again."""
+
+    gain: float
+    """Rise of half the sum of squares."""
+    significance: float
+    """Probability that chance alone would make them as needed."""
+
+
+def loss_without(blocks: Blocks, kept: IndexArray, dropped: IndexArray, values: FloatArray) -> Loss:
+    """Set parameters that stand at `values` to zero, all the others in `kept` at their best before and after."""
+    part = blocks.only(np.concatenate([kept, dropped]))
+    step, covariance = _robust(part)
+    q = len(dropped)
+    rest = blocks.only(kept)
+    cross = part.information[:, :-q, -q:]
+    forced = Blocks(rest.score - np.einsum("bij,j->bi", cross, values), rest.information)
+    without = np.concatenate([_solve(forced), -values])
+    size, wide = values + step[-q:], covariance[-q:, -q:]
+    wald = float(size @ np.linalg.pinv(wide, hermitian=True) @ size) / q
+    freedom = max(len(blocks.score) - part.score.shape[1], 4)
+    return Loss(_fall(part, step) - _fall(part, without), float(f_distribution.sf(wald, q, freedom)))
+
+
+def unseen_by_flight(blocks: Blocks, given: IndexArray, tested: IndexArray, flight: IndexArray) -> FloatArray:
+    """(flights,) fall of each whole flight's cost by the estimate from the other flights, tested columns added."""
+    falls = []
+    for columns in (np.concatenate([given, tested]), given):
+        part = blocks.only(columns)
+        falls.append(_left_out(part, flight))
+    return np.bincount(flight, falls[0] - falls[1])
+
+
+def _solve(blocks: Blocks) -> FloatArray:
+    return -inverse_of(blocks.information.sum(axis=0)) @ blocks.score.sum(axis=0)
+
+
+def _fall(blocks: Blocks, step: FloatArray) -> float:
+    """How much the cost falls by a step, over all blocks."""
+    return float(fall_by_block(blocks, step).sum())
+
+
+def fall_by_block(blocks: Blocks, step: FloatArray) -> FloatArray:
+    """(b,) how much each block's cost falls by a step."""
+    return -(blocks.score @ step) - 0.5 * np.einsum("i,bij,j->b", step, blocks.information, step)
+
+
+def _cross_validated(blocks: Blocks) -> FloatArray:
+    """(b,) fall of each block's cost by the step that the other folds call for."""
+    return _left_out(blocks, np.arange(len(blocks.score)) % FOLDS)
+
+
+def _left_out(blocks: Blocks, fold: IndexArray) -> FloatArray:
+    score, information = blocks.score.sum(axis=0), blocks.information.sum(axis=0)
+    fall = np.zeros(len(blocks.score))
+    for k in np.unique(fold):
+        own = fold == k
+        out = inverse_of(information - blocks.information[own].sum(axis=0)) @ (score - blocks.score[own].sum(axis=0))
+        fall[own] = fall_by_block(Blocks(blocks.score[own], blocks.information[own]), -out)
+    return fall

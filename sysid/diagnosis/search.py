@@ -1,0 +1,314 @@
+"""Forward and backward: add the suspect that explains most, keep it if unseen flights agree, look again."""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flight import FlightLog, InputError, Progress, silent
+from sysid.diagnosis import suspects
+from sysid.diagnosis.confirm import Fall, Judge
+from sysid.diagnosis.evidence import Evidence
+from sysid.diagnosis.score import Loss, Score, loss_without, score
+from sysid.diagnosis.suspects import LineUp, Suspect, line_up
+from sysid.identification import identify
+from sysid.options import Options
+from sysid.result import CHANNELS, Identification
+from vehicle import Vehicle, effects
+
+logger = logging.getLogger(__name__)
+
+CHANCE = 1e-4
+"""A suspect is significant below this probability: with some 30 suspects, one wrong call in 300 diagnoses."""
+CHANCE_CURVE = 1e-5
+"""The same for a free-form curve, of which there are some 150."""
+LEAST_GAIN = 4.0
+"""Cross-validated fall of the cost below which nothing is taken seriously, whatever its significance."""
+RIVALS = 3
+"""So many of the best suspects are fitted in full before one is chosen."""
+RIVAL_SHARE = 0.3
+"""... if they promise at least this share of the best one's gain."""
+BACKWARD_CHANCE = 1e-3
+"""An addition goes when a later one has made it less significant than this."""
+NAMED_SHARE = 0.2
+"""A name stands if, with the best curve beside it, it keeps this share of its own gain."""
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """A fitted model with the evidence at it."""
+
+    fit: Identification
+    line_up: LineUp
+    evidence: Evidence
+    scores: dict[str, Score]
+    """Of every suspect."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A suspect fitted in full."""
+
+    suspect: Suspect
+    fit: Identification
+    fall: Fall
+    """Of the cost of the training flights."""
+    dispersion: float
+    """By how much errors vary more than white noise would: true variance over the plain one."""
+
+    @property
+    def weight(self) -> float:
+        """Log odds, up to a constant shared by all candidates."""
+        return self.fall.total / self.dispersion - len(self.suspect.parameters)
+
+
+@dataclass(frozen=True, slots=True)
+class Outside:
+    """A curve that explains what no named effect does."""
+
+    channel: str
+    variable: str
+    score: Score
+    columns: tuple[int, int]
+
+
+def examine(fit: Identification) -> Model:
+    """Score every suspect at a fitted model."""
+    lined = line_up(fit.vehicle, fit.flights)
+    evidence = Evidence(fit.flights, fit.solution.point, fit.noise, fit.unknowns, lined)
+    scores = {
+        s.name: score(evidence.named, evidence.base, evidence.place(s.parameters), np.array(s.one_sided))
+        for s in lined.suspects
+    }
+    return Model(fit, lined, evidence, scores)
+
+
+def significant(model: Model) -> list[Suspect]:
+    """Suspects beyond chance, best first."""
+    found = [
+        s
+        for s in model.line_up.suspects
+        if model.scores[s.name].significance < CHANCE and model.scores[s.name].gain_unseen > LEAST_GAIN
+    ]
+    return sorted(found, key=lambda s: -model.scores[s.name].gain_unseen)
+
+
+def best_curve(model: Model, channels: Sequence[str], given: Sequence[int] = ()) -> Outside | None:
+    """The free-form curve that explains most in some channels, if any is beyond chance."""
+    best: Outside | None = None
+    base = np.concatenate([model.evidence.base, np.asarray(given, dtype=np.intp)])
+    for channel in channels:
+        blocks = model.evidence.with_curves(channel)
+        for variable, columns in model.evidence.groups(channel):
+            found = score(blocks, base, columns)
+            if found.significance < CHANCE_CURVE and found.gain_unseen > LEAST_GAIN:
+                if best is None or found.gain_unseen > best.score.gain_unseen:
+                    best = Outside(channel, variable, found, (int(columns[0]), int(columns[-1]) + 1))
+    return best
+
+
+def refit(logs: Sequence[FlightLog], model: Model, suspect: Suspect, options: Options) -> Identification:
+    """Fit the model with a suspect in it."""
+    start = suspects.added(model.fit.vehicle, suspect, model.scores[suspect.name].size)
+    return identify(logs, start, _holding_others(options, start, suspect))
+
+
+def _holding_others(options: Options, vehicle: Vehicle, suspect: Suspect) -> Options:
+    """Parameters of the same effect that are no part of the suspect stay where they are, unless already found."""
+    own = [f"{suspect.effect}.{s.name}" for s in effects.find(suspect.effect).parameters]
+    idle = [n for n in own if n not in suspect.parameters and vehicle.value(n) == 0.0]
+    return replace(options, held=tuple(dict.fromkeys((*options.held, *idle))))
+
+
+def candidates(
+    logs: Sequence[FlightLog], model: Model, options: Options, refused: set[str]
+) -> list[Candidate]:
+    """The best suspects, each fitted in full, best first."""
+    found = [s for s in significant(model) if s.name not in refused]
+    if not found:
+        return []
+    top = model.scores[found[0].name].gain_unseen
+    close = [s for s in found if model.scores[s.name].gain_unseen > RIVAL_SHARE * top][:RIVALS]
+    judge = Judge(model.fit.flights, model.fit.noise)
+    before = judge.costs(model.fit.vehicle)
+    tried = []
+    for suspect in close:
+        try:
+            fit = refit(logs, model, suspect, options)
+        except InputError as error:
+            logger.info("%s could not be fitted: %s", suspect.name, error)
+            continue
+        fall = Fall(before - judge.costs(fit.vehicle))
+        tried.append(Candidate(suspect, fit, fall, dispersion(model, suspect)))
+    return sorted(tried, key=lambda c: -c.weight)
+
+
+def dispersion(model: Model, suspect: Suspect) -> float:
+    """True over plain variance of a suspect's size, at least one."""
+    found = model.scores[suspect.name]
+    columns = model.evidence.place(suspect.parameters)
+    part = np.concatenate([model.evidence.base, columns])
+    information = model.evidence.named.information.sum(axis=0)[part[:, None], part]
+    q = len(columns)
+    schur = information[-q:, -q:] - information[-q:, :-q] @ np.linalg.pinv(information[:-q, :-q]) @ information[:-q, -q:]
+    return max(1.0, float(np.trace(schur @ found.covariance)) / q)
+
+
+def stands(after: Model, suspect: Suspect) -> Outside | None:
+    """None if the name stands; else the curve that explains what the name was to explain, and more.
+
+    At the fit with the suspect in the model: a curve in its channels that is still needed beside the name, while the
+    name is not needed beside the curve, convicts the name of being a stand-in.
+    """
+    curve = best_curve(after, [c for c in suspect.channels if c in CHANNELS])
+    if curve is None:
+        return None
+    alone, beside = loss(after, suspect), loss(after, suspect, curve)
+    needed = beside.significance < CHANCE and beside.gain > NAMED_SHARE * alone.gain
+    logger.info(
+        "%s: worth %.1f, beside %s vs %s %.1f; the curve beside it %.1f",
+        *(suspect.name, alone.gain, curve.channel, curve.variable, beside.gain, curve.score.gain_unseen),
+    )
+    return None if needed or curve.score.gain_unseen < beside.gain else curve
+
+
+def loss(model: Model, suspect: Suspect, curve: Outside | None = None) -> Loss:
+    """What the model would lose without a suspect that is part of it, maybe with a curve beside it."""
+    evidence = model.evidence
+    names = [n for n in suspect.parameters if n in model.fit.free_names]
+    if not names:
+        return Loss(0.0, 1.0)
+    own = evidence.place(names)
+    kept = np.setdiff1d(evidence.base, own)
+    values = np.array([model.fit.vehicle.value(n) for n in names])
+    if curve is None:
+        return loss_without(evidence.named, kept, own, values)
+    return loss_without(
+        evidence.with_curves(curve.channel), np.concatenate([kept, np.arange(*curve.columns)]), own, values
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One attempt to add a suspect, and how it ended."""
+
+    suspect: Suspect
+    outcome: str
+    """`added`, `stand-in` (a curve explains more), `not confirmed` (unseen flights disagree), `removed` later."""
+    training: Fall
+    held_out: Fall | None
+    """On flights that were not used, or on each training flight left out in turn."""
+    judged_on: str
+    """In words, what confirmed or refused it."""
+    confidence: float
+    """Probability that this is the effect, given that one of the suspects is."""
+    rivals: tuple[tuple[str, float], ...]
+    """Others that were fitted, with their probabilities."""
+    stand_in_for: Outside | None
+    fit: Identification
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """The whole search."""
+
+    models: tuple[Model, ...]
+    """The base, then after each change."""
+    trials: tuple[Trial, ...]
+    added: tuple[Suspect, ...]
+    outside: Outside | None
+
+
+def search(
+    logs: Sequence[FlightLog],
+    base: Identification,
+    held_out: Judge | None,
+    options: Options,
+    *,
+    most: int,
+    progress: Progress = silent,
+) -> Search:
+    """Forward with a backward look after each addition, at most `most` additions."""
+    models, trials, added = [examine(base)], [], []
+    refused: set[str] = set()
+    outside: Outside | None = None
+    while len(added) < most:
+        trial, model = _next(logs, models[-1], held_out, options, refused)
+        if trial is None:
+            break
+        trials.append(trial)
+        progress("diagnose", 1.0 - 0.7 ** len(trials))
+        if model is None:
+            refused.add(trial.suspect.name)
+            outside = outside or trial.stand_in_for
+            continue
+        models.append(model)
+        added.append(trial.suspect)
+        outside = None
+        dropped = _superfluous(model, added)
+        if dropped is not None:
+            trials.append(replace(trial, suspect=dropped, outcome="removed"))
+            added.remove(dropped)
+            refused.add(dropped.name)
+            models.append(_without(logs, model, dropped, options))
+    if len(added) < most:
+        left = best_curve(models[-1], CHANNELS)
+        outside = left
+    return Search(tuple(models), tuple(trials), tuple(added), outside)
+
+
+def _next(
+    logs: Sequence[FlightLog], model: Model, held_out: Judge | None, options: Options, refused: set[str]
+) -> tuple[Trial | None, Model | None]:
+    """Try the most likely suspect; the model only if it was accepted."""
+    tried = candidates(logs, model, options, refused)
+    if not tried:
+        return None, None
+    best = tried[0]
+    odds = np.exp(np.array([c.weight for c in tried]) - best.weight)
+    share = odds / odds.sum()
+    after = examine(best.fit)
+    stand_in = stands(after, best.suspect)
+    confirmed, judged_on = _confirmed(model, best, held_out)
+    outcome = "stand-in" if stand_in else "added" if confirmed.confirmed else "not confirmed"
+    trial = Trial(
+        suspect=best.suspect,
+        outcome=outcome,
+        training=best.fall,
+        held_out=confirmed,
+        judged_on=judged_on,
+        confidence=float(share[0]),
+        rivals=tuple((c.suspect.name, float(p)) for c, p in zip(tried[1:], share[1:], strict=True)),
+        stand_in_for=stand_in,
+        fit=best.fit,
+    )
+    logger.info("%s: %s, training %.1f, held out %.1f +- %.1f", best.suspect.name, outcome,
+                best.fall.total, confirmed.total, confirmed.sigma)
+    return trial, after if outcome == "added" else None
+
+
+def _confirmed(model: Model, best: Candidate, held_out: Judge | None) -> tuple[Fall, str]:
+    """Held-out flights if they can tell; else every training flight judged by an estimate from the others."""
+    if held_out is not None:
+        fall = held_out.fall(model.fit.vehicle, best.fit.vehicle)
+        return fall, "held-out flights"
+    evidence = model.evidence
+    own = evidence.place(best.suspect.parameters)
+    unseen = score(evidence.named, evidence.base, own).unseen_by_block
+    return Fall(unseen), "training flights, left out in turn"
+
+
+def _superfluous(model: Model, added: Sequence[Suspect]) -> Suspect | None:
+    """The addition that the later ones have made unnecessary, if there is one."""
+    worst = max(added[:-1], key=lambda s: loss(model, s).significance, default=None)
+    return worst if worst is not None and loss(model, worst).significance > BACKWARD_CHANCE else None
+
+
+def _without(logs: Sequence[FlightLog], model: Model, dropped: Suspect, options: Options) -> Model:
+    vehicle = model.fit.vehicle
+    if dropped.effect == "weak_rotor":
+        for name in dropped.parameters:
+            vehicle = vehicle.with_value(name, 0.0, source="taken out")
+        return examine(identify(logs, vehicle, replace(options, held=(*options.held, *dropped.parameters))))
+    return examine(identify(logs, vehicle.without_effect(dropped.effect), options))
