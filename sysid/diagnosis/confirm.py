@@ -5,19 +5,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flight import InputError
 from flight.rotations import FloatArray
-from sysid import problem, solver
+from sysid import drive, dynamics, problem, solver
 from sysid.chain import Rows
 from sysid.diagnosis.evidence import block_edges
 from sysid.flight_data import Flight
 from sysid.identification import start
+from sysid.model import along
 from sysid.problem import Noise, Point, Unknowns
 from sysid.sensors import PoseSensor
 from sysid.states import States
 from vehicle import Vehicle
 
-SETTLING_STEPS = 4
-"""Gauss-Newton steps from smoothed poses to the best states under a model; two are usually enough."""
+MOST_STEPS = 30
+"""Gauss-Newton steps from smoothed poses to the best states under a model; four are usually enough."""
+SETTLED = 1e-7
+"""States are at their best when a step lowers the cost by less than this share."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,48 +50,91 @@ class Fall:
 class Judge:
     """Flights to judge models on, with one noise level for all of them."""
 
-    def __init__(self, flights: Sequence[Flight], noise: Noise) -> None:
-        """Of the flights, only what was measured is used."""
-        self._flights, self._noise = list(flights), noise
-        self._states: tuple[States, ...] | None = None
+    def __init__(self, flights: Sequence[Flight], noise: Noise, states: tuple[States, ...] | None = None) -> None:
+        """
+        Args:
+            states: where to start from; else the smoothed pose.
+        """
+        self._flights, self._noise, self._states = list(flights), noise, states
 
     def costs(self, vehicle: Vehicle) -> FloatArray:
         """(b,) half the sum of squares of each block, states at their best under the vehicle."""
         point = start(vehicle, self._flights)[0]
-        steps = SETTLING_STEPS
         if self._states is not None:
-            point, steps = replace(point, states=self._states), SETTLING_STEPS // 2
-        point, rows = settle(self._flights, replace(point, pose_sensor=PoseSensor.of(vehicle)), self._noise, steps)
+            point = replace(point, states=self._states)
+        point, rows = settle(self._flights, replace(point, pose_sensor=PoseSensor.of(vehicle)), self._noise)
         self._states = point.states
         return np.concatenate([_block_costs(f, r) for f, r in zip(self._flights, rows, strict=True)])
+
+    def strength(self, before: Vehicle, after: Vehicle) -> float:
+        """Half the sum of squares, in units of the noise, of what two models say differently about these flights."""
+        if self._states is None:
+            self.costs(before)
+        total = 0.0
+        for flight, states in zip(self._flights, self._states or (), strict=True):
+            mid = dynamics.middle(flight, states)
+            first, second = (along(v, drive.driven(flight, v), mid) for v in (before, after))
+            total += 0.5 * float((mid.step_s * ((first - second) / self._noise.process) ** 2).sum())
+        return total
 
     def fall(self, before: Vehicle, after: Vehicle) -> Fall:
         """From one model to another."""
         return Fall(self.costs(before) - self.costs(after))
 
 
-def settle(flights: Sequence[Flight], point: Point, noise: Noise, steps: int) -> tuple[Point, tuple[Rows, ...]]:
-    """States and gyro biases at their best with everything else held, and the rows there."""
+def settle(flights: Sequence[Flight], point: Point, noise: Noise) -> tuple[Point, tuple[Rows, ...]]:
+    """States and gyro biases at their best with everything else held, and the rows there.
+
+    Raises:
+        InputError: the states do not settle.
+    """
     gyro = tuple(sorted({f.log_index for f in flights if np.isfinite(f.rate_body_rad_s).any()}))
     unknowns = Unknowns((), (), gyro)
-    rows: list[Rows] = []
-    for step in range(steps + 1):
-        rows = [
-            problem.linearise(f, s, point, unknowns, noise, False) for f, s in zip(flights, point.states, strict=True)
-        ]
-        if step == steps:
-            break
+    before = np.inf
+    for _ in range(MOST_STEPS):
+        rows = _rows(flights, point, unknowns, noise)
+        now = sum(r.cost() for r in rows)
+        if before - now < SETTLED * max(now, 1.0):
+            return point, rows
+        before = now
         eliminated = [solver.eliminate(r) for r in rows]
         weak = 1e2 * np.eye(unknowns.size)  # the identification's own prior on a gyro bias, 0.1 rad/s
         information = weak + sum(e.information for e in eliminated)
-        border = -np.linalg.solve(information, sum((e.gradient for e in eliminated), np.zeros(unknowns.size)))
+        gradient = sum((e.gradient for e in eliminated), np.zeros(unknowns.size))
+        border = np.asarray(-np.linalg.solve(information, gradient), dtype=np.float64)
         changes = [-(e.state_step + e.sensitivity @ border) if unknowns.size else -e.state_step for e in eliminated]
-        point = point.moved(unknowns, border, changes)
-    return point, tuple(rows)
+        point = _lowered(flights, point, unknowns, noise, border, changes, now)
+    raise InputError(f"the states of {flights[0].name} do not settle under the model; it may be far from the truth")
+
+
+def _rows(flights: Sequence[Flight], point: Point, unknowns: Unknowns, noise: Noise) -> tuple[Rows, ...]:
+    both = zip(flights, point.states, strict=True)
+    return tuple(problem.linearise(f, s, point, unknowns, noise, False) for f, s in both)
+
+
+def _lowered(
+    flights: Sequence[Flight],
+    point: Point,
+    unknowns: Unknowns,
+    noise: Noise,
+    border: FloatArray,
+    changes: Sequence[FloatArray],
+    before: float,
+) -> Point:
+    """The point after the largest share of a step that lowers the cost; where it was if none does."""
+    share = 1.0
+    while share > 1e-2:
+        tried = point.moved(unknowns, share * border, [share * c for c in changes])
+        after = sum(problem.cost(f, s, tried, noise, False) for f, s in zip(flights, tried.states, strict=True))
+        if np.isfinite(after) and after <= before:
+            return tried
+        share *= 0.5
+    return point
 
 
 def _block_costs(flight: Flight, rows: Rows) -> FloatArray:
-    return np.array([
-        0.5 * (np.vdot(rows.defect[a:b], rows.defect[a:b]) + np.vdot(rows.sensor[a:b], rows.sensor[a:b]))
-        for a, b in block_edges(flight.time_s)
-    ])
+    edges = block_edges(flight.time_s)
+    costs = np.zeros(len(edges))
+    for i, (a, b) in enumerate(edges):
+        costs[i] = 0.5 * (np.vdot(rows.defect[a:b], rows.defect[a:b]) + np.vdot(rows.sensor[a:b], rows.sensor[a:b]))
+    return costs

@@ -23,6 +23,7 @@ from sysid.diagnosis.suspects import LineUp
 from sysid.flight_data import Flight, IndexArray
 from sysid.problem import Noise, Point, Unknowns
 from sysid.result import CHANNELS
+from sysid.sensors import SENSOR_NAMES
 
 BLOCK_S = 3.0
 """Errors (gusts above all) are taken as independent between blocks of this length."""
@@ -51,16 +52,21 @@ class Evidence:
         """Linearise where the base model stands (states at their best under it), every suspect at zero."""
         base = suspects.base_names(unknowns.model, line_up.vehicle)
         wanted = tuple(name for suspect in line_up.suspects for name in suspect.parameters)
-        extended = replace(unknowns, model=(*base, *wanted))
+        extended = replace(
+            unknowns,
+            model=(*base, *(n for n in wanted if n not in SENSOR_NAMES)),
+            sensor=(*unknowns.sensor, *(n for n in wanted if n in SENSOR_NAMES)),
+        )
         self._projected = [
             _Projected(flight, replace(point, vehicle=line_up.vehicle, states=(states,)), extended, noise)
             for flight, states in zip(flights, point.states, strict=True)
         ]
-        self._order = _base_first(extended, len(base))
+        fitted = [name for name in extended.names if name not in wanted]
+        self._order = np.array([extended.names.index(name) for name in (*fitted, *wanted)], dtype=np.intp)
         self._free: dict[str, Blocks] = {}
-        self.names = tuple(extended.names[i] for i in self._order)
+        self.names = (*fitted, *wanted)
         """(n,) of the named columns: base parameters first, then the suspects'."""
-        self.base = np.arange(extended.size - len(wanted), dtype=np.intp)
+        self.base = np.arange(len(fitted), dtype=np.intp)
         """Which of them are the base's."""
         self.curves = free_form.curves(flights, point.states, line_up.vehicle)
         parts = [one.blocks() for one in self._projected]
@@ -83,12 +89,6 @@ class Evidence:
         """Variables of one channel's curves, and their columns among `with_curves`."""
         edges = len(self.names) + np.concatenate([[0], np.cumsum([c.functions for c in self.curves])])
         return [(c.variable, np.arange(a, b)) for c, a, b in zip(self.curves, edges[:-1], edges[1:], strict=True)]
-
-
-def _base_first(unknowns: Unknowns, base: int) -> IndexArray:
-    """Order of the border: base model, sensor and biases, then the suspects."""
-    tail = np.arange(len(unknowns.model), unknowns.size)
-    return np.concatenate([np.arange(base), tail, np.arange(base, len(unknowns.model))]).astype(np.intp)
 
 
 def _reordered(blocks: Blocks, order: IndexArray) -> Blocks:
@@ -156,8 +156,7 @@ def _row(channel: str) -> int:
 
 def _freed(rows: Rows, factor: "solver.Factor", column: FloatArray, row: int) -> tuple[FloatArray, FloatArray]:
     """Columns that act on one row of each defect, with the states' answer to them taken out."""
-    nodes, count = len(rows.sensor), column.shape[1]
-    right = np.zeros((nodes, 12, count))
+    right = np.zeros((len(rows.sensor), rows.sensor_state.shape[2], column.shape[1]))
     right[:-1] += rows.defect_before[:, row, :, None] * column[:, None, :]
     right[1:] += rows.defect_after[:, row, :, None] * column[:, None, :]
     states = factor.solve(right)

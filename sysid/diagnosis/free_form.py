@@ -55,17 +55,14 @@ VARIABLES: tuple[Variable, ...] = (
     Variable("y", "m", _axis("position_world_m", 1), 5),
     Variable("height", "m", _axis("position_world_m", 2), 5),
     *(Variable(f"v_{a}", "m/s", _axis("velocity_body_m_s", i), 6) for i, a in enumerate("xyz")),
-    *(
-        Variable(f"v_{'xyz'[i]} v_{'xyz'[j]}", "m2/s2", _product(i, j), 4)
-        for i, j in ((0, 1), (0, 2), (1, 2))
-    ),
+    *(Variable(f"v_{'xyz'[i]} v_{'xyz'[j]}", "m2/s2", _product(i, j), 4) for i, j in ((0, 1), (0, 2), (1, 2))),
     Variable("speed", "m/s", lambda flight, mid: np.linalg.norm(mid.velocity_body_m_s, axis=1), 5),
     *(Variable(f"w_{a}", "rad/s", _axis("rate_body_rad_s", i), 4) for i, a in enumerate("xyz")),
     *(Variable(f"n_{i}", "rad/s", _rotor(i), 9) for i in range(4)),
     *(Variable(f"dn_{i}/dt", "rad/s2", _spin_up(i), 4) for i in range(4)),
     Variable("heading", "rad", lambda flight, mid: rotations.yaw(mid.q_world_body), 5),
 )
-"""What curves are drawn against; velocity and rate in body axes, position in world axes, time from the flight's start."""
+"""What curves are drawn against: velocity and rate in body axes, position in world axes, time since take-off."""
 
 VARIABLE = {v.name: v for v in VARIABLES}
 

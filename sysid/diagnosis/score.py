@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 
 from flight.rotations import FloatArray
@@ -37,24 +38,27 @@ class Score:
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
 
-def score(blocks: Blocks, given: IndexArray, tested: IndexArray, one_sided: FloatArray | None = None) -> Score:
+def score(blocks: Blocks, given: IndexArray, tested: IndexArray, one_sided: NDArray[np.bool_] | None = None) -> Score:
     """Test columns on top of others that are in the model already and stay free.
 
     Args:
         one_sided: (q,) true where a size cannot be negative; such columns are dropped when they come out so.
     """
     kept = np.ones(len(tested), dtype=bool)
+    wide = np.zeros((len(tested), len(tested)))
     while True:
         columns = np.concatenate([given, tested[kept]])
         part = blocks.only(columns)
         step, covariance = _robust(part)
         size = step[len(given) :]
+        wide[np.ix_(kept, kept)] = covariance[len(given) :, len(given) :]
         wrong = np.zeros(kept.sum(), dtype=bool) if one_sided is None else one_sided[kept] & (size < 0.0)
         if not wrong.any():
             break
         kept[np.flatnonzero(kept)[wrong]] = False
         if not kept.any():
-            return _nothing(tested, len(blocks.score))
+            nothing = np.zeros(len(tested))
+            return Score(tested, nothing, wide, 0.0, 0.0, np.zeros(len(blocks.score)), 1.0)
     base = np.arange(len(given))
     gain = _fall(part, step) - _fall(part.only(base), _solve(part.only(base)))
     unseen = _cross_validated(part) - _cross_validated(part.only(base))
@@ -62,16 +66,9 @@ def score(blocks: Blocks, given: IndexArray, tested: IndexArray, one_sided: Floa
     covariance = covariance[len(given) :, len(given) :]
     wald = float(size @ np.linalg.pinv(covariance, hermitian=True) @ size) / q
     freedom = max(len(blocks.score) - len(columns), 4)
-    full, wide = np.zeros(len(tested)), np.zeros((len(tested), len(tested)))
+    full = np.zeros(len(tested))
     full[kept] = size
-    wide[np.ix_(kept, kept)] = covariance
     return Score(tested, full, wide, gain, float(unseen.sum()), unseen, float(f_distribution.sf(wald, q, freedom)))
-
-
-def _nothing(tested: IndexArray, blocks: int) -> Score:
-    """All sizes would have the wrong sign: nothing gained."""
-    q = len(tested)
-    return Score(tested, np.zeros(q), np.zeros((q, q)), 0.0, 0.0, np.zeros(blocks), 1.0)
 
 
 def _robust(blocks: Blocks) -> tuple[FloatArray, FloatArray]:
@@ -124,7 +121,7 @@ def unseen_by_flight(blocks: Blocks, given: IndexArray, tested: IndexArray, flig
     for columns in (np.concatenate([given, tested]), given):
         part = blocks.only(columns)
         falls.append(_left_out(part, flight))
-    return np.bincount(flight, falls[0] - falls[1])
+    return np.bincount(flight, falls[0] - falls[1]).astype(np.float64)
 
 
 def _solve(blocks: Blocks) -> FloatArray:

@@ -1,7 +1,7 @@
 """Forward and backward: add the suspect that explains most, keep it if unseen flights agree, look again."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +10,7 @@ from flight import FlightLog, InputError, Progress, silent
 from sysid.diagnosis import suspects
 from sysid.diagnosis.confirm import Fall, Judge
 from sysid.diagnosis.evidence import Evidence
-from sysid.diagnosis.score import Loss, Score, loss_without, score
+from sysid.diagnosis.score import Loss, Score, inverse_of, loss_without, score, unseen_by_flight
 from sysid.diagnosis.suspects import LineUp, Suspect, line_up
 from sysid.identification import identify
 from sysid.options import Options
@@ -19,18 +19,30 @@ from vehicle import Vehicle, effects
 
 logger = logging.getLogger(__name__)
 
-CHANCE = 1e-4
-"""A suspect is significant below this probability: with some 30 suspects, one wrong call in 300 diagnoses."""
-CHANCE_CURVE = 1e-5
-"""The same for a free-form curve, of which there are some 150."""
+CHANCE = 3e-5
+"""A suspect is significant below this probability: with some 30 suspects, one wrong call in 1,000 diagnoses."""
+CHANCE_CURVE = 1e-6
+"""The same for a free-form curve, of which there are some 150, and whose many columns make their tests less sure."""
 LEAST_GAIN = 4.0
-"""Cross-validated fall of the cost below which nothing is taken seriously, whatever its significance."""
+"""Cross-validated fall of the cost below which no suspect is taken seriously, whatever its significance."""
+LEAST_GAIN_CURVE = 15.0
+"""The same for a curve."""
+LEAST_SIZE = 0.02
+"""Sizes below this share of the usual one are of no consequence, however significant."""
 RIVALS = 3
 """So many of the best suspects are fitted in full before one is chosen."""
 RIVAL_SHARE = 0.3
 """... if they promise at least this share of the best one's gain."""
 BACKWARD_CHANCE = 1e-3
 """An addition goes when a later one has made it less significant than this."""
+CERTAIN = 1e-8
+"""Significance on the training flights that leaves no doubt that something is there."""
+COULD_CONFIRM = 2.0
+"""Held-out flights that could not fall by so many standard deviations are not asked."""
+CLEAR_LEAD = 3.0
+"""Log odds from which on one suspect clearly explains more than another."""
+ALIKE = 0.5
+"""Suspects that reproduce this much of each other's trace compete for the same evidence."""
 NAMED_SHARE = 0.2
 """A name stands if, with the best curve beside it, it keeps this share of its own gain."""
 
@@ -44,6 +56,8 @@ class Model:
     evidence: Evidence
     scores: dict[str, Score]
     """Of every suspect."""
+    tried: "dict[str, Candidate | None]"
+    """Suspects that were fitted in full; None where that failed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +85,8 @@ class Outside:
     variable: str
     score: Score
     columns: tuple[int, int]
+    confidence: float
+    """Probability that this is the variable, given the channel."""
 
 
 def examine(fit: Identification) -> Model:
@@ -81,36 +97,39 @@ def examine(fit: Identification) -> Model:
         s.name: score(evidence.named, evidence.base, evidence.place(s.parameters), np.array(s.one_sided))
         for s in lined.suspects
     }
-    return Model(fit, lined, evidence, scores)
+    return Model(fit, lined, evidence, scores, {})
 
 
 def significant(model: Model) -> list[Suspect]:
     """Suspects beyond chance, best first."""
-    found = [
-        s
-        for s in model.line_up.suspects
-        if model.scores[s.name].significance < CHANCE and model.scores[s.name].gain_unseen > LEAST_GAIN
-    ]
+    found = [s for s in model.line_up.suspects if _stands_out(s, model.scores[s.name])]
     return sorted(found, key=lambda s: -model.scores[s.name].gain_unseen)
 
 
-def best_curve(model: Model, channels: Sequence[str], given: Sequence[int] = ()) -> Outside | None:
+def _stands_out(suspect: Suspect, found: Score) -> bool:
+    beyond_chance = found.significance < CHANCE and found.gain_unseen > LEAST_GAIN
+    return beyond_chance and bool((np.abs(found.size) > LEAST_SIZE * np.array(suspect.usual)).any())
+
+
+def best_curve(model: Model, channels: Sequence[str]) -> Outside | None:
     """The free-form curve that explains most in some channels, if any is beyond chance."""
-    best: Outside | None = None
-    base = np.concatenate([model.evidence.base, np.asarray(given, dtype=np.intp)])
+    found: list[Outside] = []
     for channel in channels:
         blocks = model.evidence.with_curves(channel)
         for variable, columns in model.evidence.groups(channel):
-            found = score(blocks, base, columns)
-            if found.significance < CHANCE_CURVE and found.gain_unseen > LEAST_GAIN:
-                if best is None or found.gain_unseen > best.score.gain_unseen:
-                    best = Outside(channel, variable, found, (int(columns[0]), int(columns[-1]) + 1))
-    return best
+            scored = score(blocks, model.evidence.base, columns)
+            if scored.significance < CHANCE_CURVE and scored.gain_unseen > LEAST_GAIN_CURVE:
+                found.append(Outside(channel, variable, scored, (int(columns[0]), int(columns[-1]) + 1), 1.0))
+    if not found:
+        return None
+    best = max(found, key=lambda o: o.score.gain_unseen)
+    odds = [np.exp(o.score.gain_unseen - best.score.gain_unseen) for o in found if o.channel == best.channel]
+    return replace(best, confidence=1.0 / float(np.sum(odds)))
 
 
 def refit(logs: Sequence[FlightLog], model: Model, suspect: Suspect, options: Options) -> Identification:
     """Fit the model with a suspect in it."""
-    start = suspects.added(model.fit.vehicle, suspect, model.scores[suspect.name].size)
+    start = suspects.added(model.fit.vehicle, suspect, list(model.scores[suspect.name].size))
     return identify(logs, start, _holding_others(options, start, suspect))
 
 
@@ -122,26 +141,55 @@ def _holding_others(options: Options, vehicle: Vehicle, suspect: Suspect) -> Opt
 
 
 def candidates(
-    logs: Sequence[FlightLog], model: Model, options: Options, refused: set[str]
+    logs: Sequence[FlightLog], model: Model, options: Options, refused: Mapping[str, float]
 ) -> list[Candidate]:
-    """The best suspects, each fitted in full, best first."""
+    """The best suspects, each fitted in full, best first.
+
+    Those that explain far less than one that was refused are left out: their traces are alike, and what unseen
+    flights could not confirm of the better one speaks against the worse one too.
+    """
     found = [s for s in significant(model) if s.name not in refused]
     if not found:
         return []
     top = model.scores[found[0].name].gain_unseen
     close = [s for s in found if model.scores[s.name].gain_unseen > RIVAL_SHARE * top][:RIVALS]
-    judge = Judge(model.fit.flights, model.fit.noise)
-    before = judge.costs(model.fit.vehicle)
-    tried = []
-    for suspect in close:
+    tried = [c for s in close if (c := _fitted(logs, model, s, options)) is not None]
+    outdone = [c for c in tried if any(_alike(model, c.suspect, name, w - c.weight) for name, w in refused.items())]
+    return sorted((c for c in tried if c not in outdone), key=lambda c: -c.weight)
+
+
+def _fitted(logs: Sequence[FlightLog], model: Model, suspect: Suspect, options: Options) -> Candidate | None:
+    """The suspect fitted in full, once per model; None if that fails."""
+    if suspect.name not in model.tried:
+        judge = Judge(model.fit.flights, model.fit.noise, model.fit.solution.point.states)
         try:
             fit = refit(logs, model, suspect, options)
+            fall = judge.fall(model.fit.vehicle, fit.vehicle)
+            model.tried[suspect.name] = Candidate(suspect, fit, fall, dispersion(model, suspect))
         except InputError as error:
             logger.info("%s could not be fitted: %s", suspect.name, error)
-            continue
-        fall = Fall(before - judge.costs(fit.vehicle))
-        tried.append(Candidate(suspect, fit, fall, dispersion(model, suspect)))
-    return sorted(tried, key=lambda c: -c.weight)
+            model.tried[suspect.name] = None
+    return model.tried[suspect.name]
+
+
+def _alike(model: Model, suspect: Suspect, other: str, lead: float) -> bool:
+    """Whether another suspect leaves much the same trace and explains it clearly better."""
+    return lead > CLEAR_LEAD and reproduced(model, suspect, model.line_up.suspect(other)) > ALIKE
+
+
+def reproduced(model: Model, suspect: Suspect, other: Suspect) -> float:
+    """How much of a suspect's trace another one can reproduce, the base parameters taken out: 0 to 1."""
+    evidence, found = model.evidence, model.scores[suspect.name]
+    size = found.size if found.significance < 0.05 else np.array(suspect.usual)
+    mine, its = evidence.place(suspect.parameters), evidence.place(other.parameters)
+    columns = np.concatenate([evidence.base, mine, its])
+    information = evidence.named.information.sum(axis=0)[columns[:, None], columns]
+    b, q = len(evidence.base), len(mine)
+    schur = information[b:, b:] - information[b:, :b] @ inverse_of(information[:b, :b]) @ information[:b, b:]
+    cross = schur[q:, :q] @ size
+    total = float(size @ schur[:q, :q] @ size)
+    share = float(cross @ inverse_of(schur[q:, q:]) @ cross) / total if total > 0.0 else 0.0
+    return float(np.sqrt(max(0.0, share)))
 
 
 def dispersion(model: Model, suspect: Suspect) -> float:
@@ -151,7 +199,9 @@ def dispersion(model: Model, suspect: Suspect) -> float:
     part = np.concatenate([model.evidence.base, columns])
     information = model.evidence.named.information.sum(axis=0)[part[:, None], part]
     q = len(columns)
-    schur = information[-q:, -q:] - information[-q:, :-q] @ np.linalg.pinv(information[:-q, :-q]) @ information[:-q, -q:]
+    schur = (
+        information[-q:, -q:] - information[-q:, :-q] @ np.linalg.pinv(information[:-q, :-q]) @ information[:-q, -q:]
+    )
     return max(1.0, float(np.trace(schur @ found.covariance)) / q)
 
 
@@ -197,7 +247,9 @@ class Trial:
     outcome: str
     """`added`, `stand-in` (a curve explains more), `not confirmed` (unseen flights disagree), `removed` later."""
     training: Fall
-    held_out: Fall | None
+    weight: float
+    """Log odds up to a constant, see `Candidate`."""
+    held_out: Fall
     """On flights that were not used, or on each training flight left out in turn."""
     judged_on: str
     """In words, what confirmed or refused it."""
@@ -231,7 +283,8 @@ def search(
 ) -> Search:
     """Forward with a backward look after each addition, at most `most` additions."""
     models, trials, added = [examine(base)], [], []
-    refused: set[str] = set()
+    refused: dict[str, float] = {}
+    dropped_before: dict[str, float] = {}
     outside: Outside | None = None
     while len(added) < most:
         trial, model = _next(logs, models[-1], held_out, options, refused)
@@ -240,17 +293,20 @@ def search(
         trials.append(trial)
         progress("diagnose", 1.0 - 0.7 ** len(trials))
         if model is None:
-            refused.add(trial.suspect.name)
+            refused[trial.suspect.name] = trial.weight
             outside = outside or trial.stand_in_for
             continue
         models.append(model)
         added.append(trial.suspect)
         outside = None
+        refused.clear()  # what could not be confirmed beside a wrong model gets another hearing
+        refused.update(dropped_before)
         dropped = _superfluous(model, added)
         if dropped is not None:
             trials.append(replace(trial, suspect=dropped, outcome="removed"))
             added.remove(dropped)
-            refused.add(dropped.name)
+            dropped_before[dropped.name] = -np.inf
+            refused.update(dropped_before)
             models.append(_without(logs, model, dropped, options))
     if len(added) < most:
         left = best_curve(models[-1], CHANNELS)
@@ -259,7 +315,7 @@ def search(
 
 
 def _next(
-    logs: Sequence[FlightLog], model: Model, held_out: Judge | None, options: Options, refused: set[str]
+    logs: Sequence[FlightLog], model: Model, held_out: Judge | None, options: Options, refused: dict[str, float]
 ) -> tuple[Trial | None, Model | None]:
     """Try the most likely suspect; the model only if it was accepted."""
     tried = candidates(logs, model, options, refused)
@@ -270,33 +326,48 @@ def _next(
     share = odds / odds.sum()
     after = examine(best.fit)
     stand_in = stands(after, best.suspect)
-    confirmed, judged_on = _confirmed(model, best, held_out)
-    outcome = "stand-in" if stand_in else "added" if confirmed.confirmed else "not confirmed"
+    fall, confirmed, judged_on = _confirmed(model, best, held_out)
+    outcome = "stand-in" if stand_in else "added" if confirmed else "not confirmed"
     trial = Trial(
         suspect=best.suspect,
         outcome=outcome,
         training=best.fall,
-        held_out=confirmed,
+        held_out=fall,
+        weight=best.weight,
         judged_on=judged_on,
         confidence=float(share[0]),
         rivals=tuple((c.suspect.name, float(p)) for c, p in zip(tried[1:], share[1:], strict=True)),
         stand_in_for=stand_in,
         fit=best.fit,
     )
-    logger.info("%s: %s, training %.1f, held out %.1f +- %.1f", best.suspect.name, outcome,
-                best.fall.total, confirmed.total, confirmed.sigma)
+    logger.info(
+        "%s: %s, training %.1f, held out %.1f +- %.1f",
+        best.suspect.name,
+        outcome,
+        best.fall.total,
+        fall.total,
+        fall.sigma,
+    )
     return trial, after if outcome == "added" else None
 
 
-def _confirmed(model: Model, best: Candidate, held_out: Judge | None) -> tuple[Fall, str]:
+def _confirmed(model: Model, best: Candidate, held_out: Judge | None) -> tuple[Fall, bool, str]:
     """Held-out flights if they can tell; else every training flight judged by an estimate from the others."""
+    why = "no flight was held out"
     if held_out is not None:
-        fall = held_out.fall(model.fit.vehicle, best.fit.vehicle)
-        return fall, "held-out flights"
+        before, after = model.fit.vehicle, best.fit.vehicle
+        fall = held_out.fall(before, after)
+        training = Judge(model.fit.flights, model.fit.noise, model.fit.solution.point.states)
+        could = best.fall.total * held_out.strength(before, after) / max(training.strength(before, after), 1e-12)
+        # as much as was to be expected counts too, where the training flights leave no doubt
+        certain = model.scores[best.suspect.name].significance < CERTAIN
+        if fall.confirmed or could > COULD_CONFIRM * fall.sigma:
+            return fall, fall.confirmed or (certain and fall.total > max(0.5 * could, fall.sigma)), "held-out flights"
+        why = f"held-out flights could confirm {could:.1f} ± {fall.sigma:.1f}, too little"
     evidence = model.evidence
     own = evidence.place(best.suspect.parameters)
-    unseen = score(evidence.named, evidence.base, own).unseen_by_block
-    return Fall(unseen), "training flights, left out in turn"
+    fall = Fall(unseen_by_flight(evidence.named, evidence.base, own, evidence.flight_of_block))
+    return fall, fall.total > LEAST_GAIN, f"training flights, each judged by the others ({why})"
 
 
 def _superfluous(model: Model, added: Sequence[Suspect]) -> Suspect | None:

@@ -92,7 +92,7 @@ def _why_not(effect: Effect, vehicle: Vehicle, by_command: bool) -> str:
         if not by_command:
             return "rotor speed was measured, so what lies between command and speed cannot show"
         return "identify it from commands with `goshawk identify --add-effect`"
-    if effect.stage == Stage.SENSOR:
+    if effect.stage == Stage.SENSOR and effect.name != "pose_delay":
         return "the estimator has the pose sensor's place and the gyro's bias among its unknowns already"
     if effect.name == "payload":
         return "a load on all flights only scales thrust and inertia; fit flights with and without it separately"

@@ -7,8 +7,7 @@ from scipy.ndimage import uniform_filter1d
 
 from flight.rotations import FloatArray
 from sysid import drive, dynamics
-from sysid.diagnosis.score import inverse_of
-from sysid.diagnosis.search import Model
+from sysid.diagnosis.search import Model, reproduced
 from sysid.diagnosis.suspects import Suspect
 from sysid.model import slopes_along
 
@@ -19,34 +18,8 @@ TURN_ERROR = 9.80665 * HORIZON_S**4 / 24.0
 
 def look_alikes(model: Model, suspect: Suspect, least: float) -> tuple[tuple[str, float], ...]:
     """Others whose columns reproduce this suspect's trace, the base parameters taken out, most alike first."""
-    trace = _trace(model, suspect)
-    found = []
-    for other in model.line_up.suspects:
-        if other.name != suspect.name:
-            share = float(np.sqrt(max(0.0, _reproduced(model, suspect, trace, other))))
-            if share > least:
-                found.append((other.name, share))
-    return tuple(sorted(found, key=lambda pair: -pair[1]))
-
-
-def _trace(model: Model, suspect: Suspect) -> FloatArray:
-    """The estimated size if it stands out, else the usual one."""
-    found = model.scores[suspect.name]
-    return found.size if found.significance < 0.05 else np.array(suspect.usual)
-
-
-def _reproduced(model: Model, suspect: Suspect, size: FloatArray, other: Suspect) -> float:
-    """Share of the trace's sum of squares that the other suspect's columns can reproduce."""
-    evidence = model.evidence
-    mine, its = evidence.place(suspect.parameters), evidence.place(other.parameters)
-    columns = np.concatenate([evidence.base, mine, its])
-    information = evidence.named.information.sum(axis=0)[columns[:, None], columns]
-    b = len(evidence.base)
-    schur = information[b:, b:] - information[b:, :b] @ inverse_of(information[:b, :b]) @ information[:b, b:]
-    q = len(mine)
-    cross = schur[q:, :q] @ size
-    total = float(size @ schur[:q, :q] @ size)
-    return float(cross @ inverse_of(schur[q:, q:]) @ cross) / total if total > 0.0 else 0.0
+    others = [(o.name, reproduced(model, suspect, o)) for o in model.line_up.suspects if o.name != suspect.name]
+    return tuple(sorted((pair for pair in others if pair[1] > least), key=lambda pair: -pair[1]))
 
 
 def prediction_error_m(model: Model, sized: Sequence[tuple[Suspect, FloatArray]]) -> dict[str, float]:

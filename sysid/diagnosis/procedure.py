@@ -1,0 +1,311 @@
+"""Diagnosis of a vehicle model: fit, see where it fails, name what is missing, add it, judge it on unseen flights."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.stats import norm
+
+from flight import FlightLog, InputError, Progress, silent
+from sysid.comparison import HORIZONS_S, compare
+from sysid.diagnosis import traces
+from sysid.diagnosis.confirm import Judge
+from sysid.diagnosis.findings import SCHEMA_VERSION, Attempt, OutsideFinding, Size, Stair, SuspectFinding
+from sysid.diagnosis.free_form import VARIABLE
+from sysid.diagnosis.score import Score
+from sysid.diagnosis.search import CHANCE, Model, Outside, Search, Trial, search
+from sysid.diagnosis.suspects import Suspect
+from sysid.flight_data import prepare
+from sysid.identification import identify
+from sysid.options import Options
+from sysid.result import CHANNELS
+from vehicle import Vehicle, effects, rigid_body
+
+NODE_RATE_HZ = 100.0
+"""States per second while searching; the vehicle's motion is slower than this by far."""
+VISIBLE_SIGMAS = float(norm.isf(CHANCE / 2.0) + norm.isf(0.1))
+"""A size of so many standard errors is called present nine times in ten."""
+LOOK_ALIKE = 0.9
+"""Suspects that reproduce this much of another's trace are named beside it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """Result of `diagnose`."""
+
+    base: Vehicle
+    """The vehicle as it was given."""
+    vehicle: Vehicle
+    """The fitted vehicle with what was added."""
+    additions: tuple[str, ...]
+    """Suspects added, in order."""
+    suspects: tuple[SuspectFinding, ...]
+    """Every suspect, most suspicious first."""
+    outside: OutsideFinding | None
+    """Something is missing that none of the known effects is."""
+    attempts: tuple[Attempt, ...]
+    staircase: tuple[Stair, ...]
+    """Prediction errors of each model of the history, on held-out flights if there were any."""
+    invisible: tuple[tuple[str, str], ...]
+    """Effects that no flight of this kind can show, with the reason."""
+    flights: tuple[str, ...]
+    held_out: tuple[str, ...]
+    findings: tuple[str, ...]
+    """Of the identification: sentences the user should read."""
+    search: Search
+    """Fits and evidence behind it all, for plots."""
+
+    @property
+    def verdict(self) -> str:
+        """The whole diagnosis in a sentence or two."""
+        parts = []
+        if self.additions:
+            parts.append(f"missing was {' and '.join(self.additions)}")
+        if self.outside is not None:
+            o = self.outside
+            parts.append(
+                f"{'besides, ' if parts else ''}something is missing that no known effect is: "
+                f"{o.channel} against {o.variable}"
+            )
+        doubts = [s.name for s in self.suspects if s.verdict == "cannot tell" and s.significance < CHANCE]
+        if not parts and doubts:
+            parts.append(f"something may be missing, and these flights cannot tell what: {', '.join(doubts)}")
+        return "; ".join(parts) if parts else "nothing that these flights could show is missing"
+
+    @property
+    def confidence(self) -> float:
+        """Probability that all additions are the right names, or that nothing is missing when there are none."""
+        if self.additions:
+            return float(np.prod([s.confidence for s in self.suspects if s.verdict == "present"]))
+        return (
+            self.outside.confidence if self.outside else 1.0 - max((s.confidence for s in self.suspects), default=0.0)
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """The facts as plain JSON values; schema in `docs/formats.md`."""
+        return {
+            "schema": "goshawk-diagnosis",
+            "version": SCHEMA_VERSION,
+            "verdict": self.verdict,
+            "confidence": self.confidence,
+            "flights": list(self.flights),
+            "held_out": list(self.held_out),
+            "base": {"vehicle": self.base.name, "effects": list(self.base.effects)},
+            "suspects": [s.as_dict() for s in self.suspects],
+            "additions": list(self.additions),
+            "attempts": [a.as_dict() for a in self.attempts],
+            "outside": self.outside.as_dict() if self.outside else None,
+            "staircase": [s.as_dict() for s in self.staircase],
+            "parameters": {
+                name: {"value": p.value, "sigma": p.std, "unit": p.unit} for name, p in self.vehicle.parameters.items()
+            },
+            "invisible": dict(self.invisible),
+            "findings": list(self.findings),
+        }
+
+
+def diagnose(
+    logs: Sequence[FlightLog],
+    vehicle: Vehicle,
+    *,
+    held_out: Sequence[FlightLog] = (),
+    auto: bool = False,
+    options: Options | None = None,
+    progress: Progress = silent,
+) -> Diagnosis:
+    """Find what the model lacks.
+
+    The vehicle is first fitted to the flights; every effect it lacks is then scored, the likeliest is fitted in full
+    and kept only if flights that were not used agree. With `auto` this goes on until nothing significant is left.
+
+    Args:
+        logs: flights to learn from.
+        held_out: flights only used to judge; without them each training flight is judged by the others.
+        auto: add all that is missing, not only the first.
+
+    Raises:
+        InputError: no flight, a log that cannot be used, or flights that show too little.
+    """
+    names = [str(log.metadata.get("name", "")) for log in (*logs, *held_out)]
+    if any(log is other for log in held_out for other in logs):
+        raise InputError("a flight is both to learn from and to judge by; split whole flights between the two")
+    options = replace(options or Options(), node_rate_hz=NODE_RATE_HZ, gusts="white")
+    base = identify(logs, vehicle, options)
+    progress("diagnose", 0.15)
+    judge = None
+    if held_out:
+        judge = Judge([f for i, log in enumerate(held_out) for f in prepare(log, i, options)], base.noise)
+    found = search(logs, base, judge, options, most=8 if auto else 1, progress=progress)
+    last = found.models[-1].fit
+    models = {"as given": vehicle, "fitted": base.vehicle}
+    models |= {label: model.fit.vehicle for label, model in zip(_labels(found), found.models[1:], strict=True)}
+    judged = compare(held_out or logs, models, options)
+    stairs = tuple(
+        Stair(name, {f"{h:g} s": e for h, e in zip(HORIZONS_S, judged.errors[name]["position"], strict=True)})
+        for name in models
+    )
+    progress("diagnose", 1.0)
+    return Diagnosis(
+        base=vehicle,
+        vehicle=last.vehicle,
+        additions=tuple(s.name for s in found.added),
+        suspects=_findings(found, last.vehicle),
+        outside=_outside(found.models[-1], found.outside) if found.outside else None,
+        attempts=tuple(_attempt(t) for t in found.trials),
+        staircase=stairs,
+        invisible=found.models[0].line_up.invisible,
+        flights=tuple(names[: len(logs)]),
+        held_out=tuple(names[len(logs) :]),
+        findings=last.findings,
+        search=found,
+    )
+
+
+def _labels(found: Search) -> list[str]:
+    signs = {"added": "+", "removed": "-"}
+    return [f"{signs[t.outcome]} {t.suspect.name}" for t in found.trials if t.outcome in signs]
+
+
+def _findings(found: Search, fitted: Vehicle) -> tuple[SuspectFinding, ...]:
+    first, last = found.models[0], found.models[-1]
+    added = {s.name: s for s in found.added}
+    sized = [(s, _scored(found, s).size) for s in first.line_up.suspects]
+    errors = traces.prediction_error_m(first, sized)
+    result = []
+    for suspect in first.line_up.suspects:
+        trial = next((t for t in reversed(found.trials) if t.suspect.name == suspect.name), None)
+        if suspect.name in added and trial is not None:
+            result.append(_present(found, suspect, trial, fitted, errors[suspect.name]))
+        else:
+            result.append(_not_added(last, suspect, _scored(found, suspect), trial, errors[suspect.name]))
+    order = {"present": 0, "cannot tell": 1, "excluded": 2}
+    return tuple(sorted(result, key=lambda f: (order[f.verdict], f.significance, -f.gain)))
+
+
+def _scored(found: Search, suspect: Suspect) -> Score:
+    """Of the last model in which it was a suspect."""
+    return next(m.scores[suspect.name] for m in reversed(found.models) if suspect.name in m.scores)
+
+
+def _present(found: Search, suspect: Suspect, trial: Trial, fitted: Vehicle, error_m: float) -> SuspectFinding:
+    before = next(m for m in reversed(found.models) if suspect.name in m.scores)
+    scored = before.scores[suspect.name]
+    sizes = tuple(
+        Size(
+            n, fitted.parameter(n).unit, fitted.value(n), fitted.parameter(n).std, VISIBLE_SIGMAS * float(sigma), usual
+        )
+        for n, sigma, usual in zip(suspect.parameters, scored.sigma, suspect.usual, strict=True)
+    )
+    alike = traces.look_alikes(before, suspect, LOOK_ALIKE)
+    return SuspectFinding(
+        name=suspect.name,
+        verdict="present",
+        reason=_present_reason(trial),
+        sizes=sizes,
+        gain=trial.training.total,
+        significance=scored.significance,
+        error_m=error_m,
+        confidence=trial.confidence,
+        look_alikes=alike,
+        settled_by=suspect.excited_by,
+        channels=suspect.channels,
+        regressor=suspect.regressor,
+    )
+
+
+def _present_reason(trial: Trial) -> str:
+    text = f"explains {trial.training.total:.0f} of the cost, and {trial.judged_on} agree"
+    doubtful = [f"{name} ({p:.0%})" for name, p in trial.rivals if p > 0.05]
+    return text + (f"; it may also be {' or '.join(doubtful)}" if doubtful else "")
+
+
+def _not_added(model: Model, suspect: Suspect, scored: Score, trial: Trial | None, error_m: float) -> SuspectFinding:
+    units = {s.name: s.unit for s in effects.find(suspect.effect).parameters}
+    sizes = tuple(
+        Size(n, units[n.split(".")[1]], float(v), float(sigma), VISIBLE_SIGMAS * float(sigma), usual)
+        for n, v, sigma, usual in zip(suspect.parameters, scored.size, scored.sigma, suspect.usual, strict=True)
+    )
+    seen = [s for s in sizes if 0.0 < s.smallest_visible <= s.usual]
+    alike = traces.look_alikes(model, suspect, LOOK_ALIKE) if suspect.name in model.scores else ()
+    verdict, reason = "cannot tell", ""
+    if trial is not None and trial.outcome != "added":
+        reason = _sentence(trial)
+    elif scored.significance < CHANCE:
+        reason = "significant, but another explains more; look again after adding that one"
+    elif len(seen) == len(sizes):
+        verdict = "excluded"
+        limits = ", ".join(f"{s.parameter.split('.')[1]} above {s.excluded_above:.2g} {s.unit}" for s in sizes)
+        reason = f"{limits} can be excluded (95 %)"
+    else:
+        reason = f"these flights could not have shown its usual size; fly {' or '.join(suspect.excited_by)}"
+    return SuspectFinding(
+        name=suspect.name,
+        verdict=verdict,
+        reason=reason,
+        sizes=sizes,
+        gain=scored.gain_unseen,
+        significance=scored.significance,
+        error_m=error_m,
+        confidence=0.0 if verdict == "excluded" else min(0.5, max(0.0, 1.0 - scored.significance / 0.01)),
+        look_alikes=alike,
+        settled_by=suspect.excited_by,
+        channels=suspect.channels,
+        regressor=suspect.regressor,
+    )
+
+
+def _attempt(trial: Trial) -> Attempt:
+    judged = trial.held_out
+    return Attempt(
+        name=trial.suspect.name,
+        outcome=trial.outcome,
+        sentence=_sentence(trial),
+        confidence=trial.confidence,
+        rivals=trial.rivals,
+        fall=judged.total,
+        fall_sigma=judged.sigma,
+        judged_on=trial.judged_on,
+    )
+
+
+def _sentence(trial: Trial) -> str:
+    judged = trial.held_out
+    numbers = f"the cost of {trial.judged_on} fell by {judged.total:.1f} ± {judged.sigma:.1f}"
+    if trial.outcome == "added":
+        return f"helped: {numbers}"
+    if trial.outcome == "not confirmed":
+        return f"did not help: {numbers}"
+    if trial.outcome == "removed":
+        return "taken out again: a later addition made it unnecessary"
+    curve = trial.stand_in_for
+    assert curve is not None
+    return (
+        f"not named: a free curve of {curve.channel} against {curve.variable} explains more, and beside it the effect "
+        "is not needed"
+    )
+
+
+def _outside(model: Model, found: Outside) -> OutsideFinding:
+    blocks = found.score
+    curve = next(c for c in model.evidence.curves if c.variable == found.variable)
+    low, high = (0.0, 1.0) if found.variable == "constant" else (curve.knots[3], curve.knots[-4])
+    at = np.linspace(low, high, 80)
+    basis = curve.basis(at)
+    variance = np.einsum("ij,jk,ik->i", basis, blocks.covariance, basis)
+    body = rigid_body(model.fit.vehicle)
+    axis = "xyz".index(found.channel[2])
+    scale = body.mass_kg if found.channel[0] == "F" else body.inertia_kg_m2[axis, axis]
+    assert found.channel in CHANNELS
+    return OutsideFinding(
+        channel=found.channel,
+        variable=found.variable,
+        variable_unit=VARIABLE[found.variable].unit,
+        at=at,
+        acceleration=basis @ blocks.size,
+        band=np.sqrt(np.maximum(variance, 0.0)),
+        force_or_torque=float(scale),
+        gain=blocks.gain_unseen,
+        significance=blocks.significance,
+        confidence=found.confidence,
+    )

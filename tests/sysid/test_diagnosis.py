@@ -1,0 +1,135 @@
+"""Diagnosis: a planted effect is found, an innocent model is left alone, what nobody knows is drawn and not named."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import vehicle
+from flight import FlightLog, InputError
+from sysid import Options, identify
+from sysid.diagnosis import diagnose
+from sysid.diagnosis.evidence import Blocks, Evidence
+from sysid.diagnosis.score import loss_without, score
+from sysid.diagnosis.suspects import line_up
+from tests.sysid import flying
+
+Extra = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+def flights(extra: Extra | None, seed: int, duration_s: float, spread: float = 0.0) -> list[FlightLog]:
+    rng = np.random.default_rng(seed)
+    truth = flying.Truth(gust=0.1, extra=extra)
+    return flying.fly(truth, flying.paper_flights(rng, spread=spread), 3, duration_s=duration_s, rng=rng)
+
+
+def damping(velocity: np.ndarray, rate: np.ndarray, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return 0.0 * velocity, -0.0008 * rate
+
+
+def turning_when_climbing(velocity: np.ndarray, rate: np.ndarray, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    torque = np.zeros_like(rate)
+    torque[:, 2] = 0.004 * velocity[:, 2]
+    return 0.0 * velocity, torque
+
+
+def test_a_hidden_effect_is_named_sized_and_confirmed_by_unseen_flights():
+    found = diagnose(
+        flights(damping, 1, 16.0), vehicle.example(), held_out=flights(damping, 2, 10.0, spread=0.2), auto=True
+    )
+    assert found.additions == ("angular_damping",)
+    suspect = found.suspects[0]
+    assert suspect.verdict == "present"
+    assert suspect.confidence > 0.8
+    for size in suspect.sizes:
+        assert abs(size.value - 0.0008) < 4.0 * size.sigma
+    before, after = (s.position_m["0.5 s"] for s in found.staircase[-2:])
+    assert after < before
+    assert found.outside is None
+    assert found.as_dict()["additions"] == ["angular_damping"]
+
+
+@pytest.mark.slow
+def test_nothing_is_added_to_a_model_that_lacks_nothing():
+    found = diagnose(flights(None, 3, 20.0), vehicle.example(), held_out=flights(None, 4, 12.0, spread=0.2), auto=True)
+    assert found.additions == ()
+    assert found.outside is None
+    assert found.verdict == "nothing that these flights could show is missing"
+
+
+@pytest.mark.slow
+def test_an_effect_that_nobody_knows_is_drawn_and_not_named():
+    found = diagnose(
+        flights(turning_when_climbing, 5, 20.0),
+        vehicle.example(),
+        held_out=flights(turning_when_climbing, 6, 12.0, spread=0.2),
+        auto=True,
+    )
+    assert found.additions == ()
+    assert found.outside is not None
+    assert (found.outside.channel, found.outside.variable) == ("M_z", "v_z")
+    inner = slice(10, -10)
+    drawn = found.outside.acceleration * found.outside.force_or_torque
+    slope = np.polyfit(found.outside.at[inner], drawn[inner], 1)[0]
+    assert slope == pytest.approx(0.004, rel=0.15)
+
+
+def test_blocks_add_up_to_what_the_estimator_knows():
+    """At the optimum the base's scores vanish, and the blocks' information is the fit's own."""
+    logs = flights(damping, 7, 6.0)
+    fit = identify(logs, vehicle.example(), Options(node_rate_hz=100.0, gusts="white"))
+    evidence = Evidence(fit.flights, fit.solution.point, fit.noise, fit.unknowns, line_up(fit.vehicle, fit.flights))
+    known = np.sum(fit.solution.information, axis=0)
+    scale = np.sqrt(np.outer(np.diag(known), np.diag(known)))
+    summed = evidence.named.only(evidence.base)
+    assert evidence.names[: len(evidence.base)] == fit.unknowns.names
+    assert np.abs((summed.information.sum(axis=0) - known) / scale).max() < 1e-6
+    pull = np.abs(summed.score.sum(axis=0) / np.sqrt(np.diag(known)))
+    bounds = vehicle.specs(fit.vehicle)
+    free = [n not in bounds or bounds[n].bounds[0] < fit.vehicle.value(n) for n in fit.unknowns.names]
+    assert pull[free].max() < 0.1
+
+
+def linear_blocks(rng: np.random.Generator, truth: np.ndarray, blocks: int = 60) -> Blocks:
+    """Blocks of a linear problem with unit noise: residual y - A theta, at theta = 0."""
+    columns = rng.normal(size=(blocks, 40, len(truth)))
+    residual = -(columns @ truth) + rng.normal(size=(blocks, 40))
+    return Blocks(np.einsum("bri,br->bi", columns, residual), np.einsum("bri,brj->bij", columns, columns))
+
+
+def test_a_score_recovers_size_sigma_and_chance():
+    rng = np.random.default_rng(0)
+    given, tested = np.arange(2), np.array([2])
+    present = score(linear_blocks(rng, np.array([1.0, -2.0, 0.3])), given, tested)
+    assert present.size[0] == pytest.approx(0.3, abs=4.0 * present.sigma[0])
+    assert present.sigma[0] == pytest.approx(1.0 / np.sqrt(60 * 40), rel=0.3)
+    assert present.significance < 1e-8
+    assert present.gain_unseen > 50.0
+    chances = [score(linear_blocks(rng, np.array([1.0, -2.0, 0.0])), given, tested).significance for _ in range(200)]
+    assert 0.02 < np.mean(np.array(chances) < 0.05) < 0.11
+
+
+def test_a_size_that_cannot_be_negative_is_not_called_negative():
+    rng = np.random.default_rng(1)
+    found = score(linear_blocks(rng, np.array([1.0, -0.5])), np.array([0]), np.array([1]), np.array([True]))
+    assert found.size[0] == 0.0
+    assert found.gain == 0.0
+    assert found.significance == 1.0
+    assert found.sigma[0] > 0.0
+
+
+def test_taking_out_what_is_needed_costs_what_it_brought():
+    rng = np.random.default_rng(2)
+    blocks = linear_blocks(rng, np.array([1.0, 0.5]))
+    brought = score(blocks, np.array([0]), np.array([1])).gain
+    step = -np.linalg.solve(blocks.information.sum(axis=0), blocks.score.sum(axis=0))
+    moved = Blocks(blocks.score + blocks.information @ step, blocks.information)
+    lost = loss_without(moved, np.array([0]), np.array([1]), step[1:])
+    assert lost.gain == pytest.approx(brought, rel=1e-9)
+    assert lost.significance < 1e-8
+
+
+def test_one_flight_cannot_both_teach_and_judge():
+    logs = flights(None, 8, 6.0)
+    with pytest.raises(InputError, match="both to learn from and to judge by"):
+        diagnose(logs, vehicle.example(), held_out=logs[:1])
