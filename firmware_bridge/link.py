@@ -253,7 +253,7 @@ class Link:
             InputError: it is not checked, is for another map or vehicle, or does not fit into the vehicle.
             LinkError: the vehicle refused or fell silent; the message says what it holds now.
         """
-        _refuse_unfit(file, map_hash, vehicle_hash, allow_unchecked)
+        refuse_unfit(file, map_hash, vehicle_hash, allow_unchecked)
         plan = wire.plan_from_file(file, on_link_loss=on_link_loss)
         if not self._port.keep_lease:
             self.take_control()
@@ -349,7 +349,8 @@ class Link:
         parameters.write(self._port, values)
 
 
-def _refuse_unfit(file: TrajectoryFile, map_hash: str | None, vehicle_hash: str | None, allow_unchecked: bool) -> None:
+def refuse_unfit(file: TrajectoryFile, map_hash: str | None, vehicle_hash: str | None, allow_unchecked: bool) -> None:
+    """What `Link.upload` asks of a file before anything is sent; raises as it does."""
     if not file.checked and not allow_unchecked:
         raise InputError(f"{file.name} has not passed the final gate; run `goshawk check` on it first")
     if map_hash is not None and file.map_hash != map_hash:

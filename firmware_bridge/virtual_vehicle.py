@@ -260,7 +260,7 @@ class VirtualVehicle:
                 self.pace.busy_s += time.monotonic() - began_s
                 behind_s = due_s - self.time_s
                 if rate == 0.0 or behind_s > _BEHIND_S * rate:
-                    if rate > 0.0:
+                    if self._speed > 0.0:  # at 0 nobody asked it to keep up with a clock
                         self._slip(behind_s)
                     wall_s, vehicle_s = time.monotonic(), self.time_s
                 self._transmit()

@@ -1,5 +1,6 @@
 """`goshawk check`: the final gate, on its own, for any trajectory, map and vehicle."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -7,7 +8,7 @@ import click
 import mapping
 import planner
 import vehicle
-from flight import trajectory
+from flight import TrajectoryFile, trajectory
 from goshawk import console
 from goshawk.commands.plan import options_from
 from planner import gate
@@ -18,27 +19,42 @@ from planner import gate
 @console.map_option
 @console.vehicle_option
 @console.margin_option
+@click.option("--renew", is_flag=True, help="If it passes, write it as checked for this map and vehicle.")
 @console.json_option
-def command(trajectory_file: Path, map_folder: Path, vehicle_file: Path, margin_m: float | None, as_json: bool) -> int:
+def command(
+    trajectory_file: Path, map_folder: Path, vehicle_file: Path, margin_m: float | None, renew: bool, as_json: bool
+) -> int:
     """Check TRAJECTORY over its whole length: clearance, continuity, the vehicle's limits.
 
     \b
     goshawk check walk.json --map map --vehicle vehicle.toml
     goshawk check walk.json --map other-map --vehicle vehicle.toml --json
+    goshawk check walk.json --map map --vehicle learned.toml --renew
 
     Exit code 0: it may be flown. 1: it may not, and the table says why. One that was planned for another map or
-    another vehicle may not.
+    another vehicle may not, unless it passes every check there and --renew says to keep it for these.
     """
     item = trajectory.load(trajectory_file)
     area = mapping.open_map(map_folder)
     options = options_from(vehicle_file, margin_m)
-    report = gate.check_file(item, area.field, vehicle.load(vehicle_file), options)
+    believed = vehicle.load(vehicle_file)
+    if renew:
+        report = gate.check(item.trajectory, area.field, believed, options, waypoints_world_m=item.waypoints_world_m)
+    else:
+        report = gate.check_file(item, area.field, believed, options)
+    if renew and report.passed:
+        trajectory.save(trajectory_file, renewed(item, report))
     console.show(f"check of {trajectory_file}", _facts(report), as_json=as_json, document=report.as_dict())
     if not report.passed:
         failed = ", ".join(check.name for check in report.checks if not check.passed)
         click.echo(f"goshawk: {trajectory_file} may not be flown; it fails: {failed}", err=True)
         return 1
     return 0
+
+
+def renewed(item: TrajectoryFile, report: planner.GateReport) -> TrajectoryFile:
+    """The same trajectory as checked for the map and the vehicle of a report."""
+    return replace(item, map_hash=report.map_hash, vehicle_hash=report.vehicle_hash, check=report.as_dict())
 
 
 def _facts(report: planner.GateReport) -> dict[str, object]:

@@ -6,8 +6,11 @@ import click
 
 import firmware_bridge
 import vehicle
-from flight import trajectory
+from firmware_bridge import controller
+from firmware_bridge.link import refuse_unfit
+from flight import InputError, trajectory
 from goshawk import console
+from goshawk.commands.params import difference
 
 
 @click.command()
@@ -15,7 +18,10 @@ from goshawk import console
 @console.url_option
 @console.key_option
 @console.path_option("--map", "map_folder", "Refuse unless it was checked in this map.")
-@console.path_option("--vehicle", "vehicle_file", "Refuse unless it was checked for this vehicle.")
+@console.path_option(
+    "--vehicle", "vehicle_file", "Refuse unless it was checked for this vehicle, and the controller is set for it."
+)
+@click.option("--other-parameters", is_flag=True, help="With --vehicle: only warn if the controller is set otherwise.")
 @console.json_option
 def command(
     trajectory_file: Path,
@@ -23,6 +29,7 @@ def command(
     key_file: Path | None,
     map_folder: Path | None,
     vehicle_file: Path | None,
+    other_parameters: bool,
     as_json: bool,
 ) -> None:
     """Send TRAJECTORY to the vehicle, commit it, read it back and compare.
@@ -31,8 +38,9 @@ def command(
     goshawk upload walk.json
     goshawk upload walk.json --map map --vehicle vehicle.toml --vehicle-url udp://192.168.4.1:14550
 
-    A trajectory that never passed the final gate is refused, and so is one for another map or vehicle. Whatever goes
-    wrong, the vehicle keeps what it held. Ctrl-C stops the upload and says what that is.
+    A trajectory that never passed the final gate is refused, and so is one for another map or vehicle, and one for a
+    model that the controller was not set to (`goshawk params set --from VEHICLE`). Whatever goes wrong, the vehicle
+    keeps what it held. Ctrl-C stops the upload and says what that is.
     """
     item = trajectory.load(trajectory_file)
     map_hash = None
@@ -40,12 +48,20 @@ def command(
         import mapping
 
         map_hash = mapping.open_map(map_folder).hash
-    vehicle_hash = vehicle.vehicle_hash(vehicle.load(vehicle_file)) if vehicle_file is not None else None
+    believed = vehicle.load(vehicle_file) if vehicle_file is not None else None
+    vehicle_hash = vehicle.vehicle_hash(believed) if believed is not None else None
+    refuse_unfit(item, map_hash, vehicle_hash, False)
     with (
         console.cancel_by_ctrl_c() as cancel,
         firmware_bridge.connect(url, key=key_file) as link,
         console.progress() as report,
     ):
+        if believed is not None and (said := set_otherwise(link.parameters(), believed)):
+            if not other_parameters:
+                raise InputError(
+                    f"{said}; run `goshawk params set --from {vehicle_file}` first, or give --other-parameters"
+                )
+            click.echo(f"warning: {said}", err=True)
         outcome = link.upload(item, map_hash=map_hash, vehicle_hash=vehicle_hash, progress=report, cancel=cancel)
         line = link.statistics
     facts = {
@@ -59,3 +75,13 @@ def command(
         "read_back_equal": True,
     }
     console.show(f"upload to {url}", facts, as_json=as_json)
+
+
+def set_otherwise(present: dict[str, float], believed: vehicle.Vehicle) -> str:
+    """What the controller was told of the vehicle other than this model says, in words; empty if nothing."""
+    differing = difference(present, dict(controller.parameters_of(believed).parameters))
+    if not differing:
+        return ""
+    first = [f"{name} {before:g} (model {after:g})" for name, (before, after) in list(differing.items())[:3]]
+    more = f" and {len(differing) - 3} more" if len(differing) > 3 else ""
+    return f"the controller is set for another model than {believed.name}'s: {', '.join(first)}{more}"
