@@ -6,7 +6,11 @@ Uploads run over a real UDP socket on loopback against the virtual vehicle; loss
 at the vehicle's end of the line.
 """
 
+import importlib.util
+import sys
+import tempfile
 import time
+from pathlib import Path
 
 import numpy as np
 import report
@@ -146,6 +150,36 @@ def costs() -> list[report.Row]:
     ]
 
 
+def footprint() -> list[report.Row]:
+    """Stack, memory and flash of the link on a Cortex-M4F; nothing when the compiler is missing."""
+    path = Path(__file__).resolve().parents[1] / "tools" / "assure.py"
+    spec = importlib.util.spec_from_file_location("assure", path)
+    assert spec is not None
+    assert spec.loader is not None
+    assure = importlib.util.module_from_spec(spec)
+    sys.modules["assure"] = assure
+    spec.loader.exec_module(assure)
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            found = assure.size(Path(folder))
+    except assure.MissingToolError as missing:
+        print(f"{missing}: the Cortex-M rows are left out")
+        return []
+    table = []
+    for call in ("tc_link_receive", "tc_link_transmit", "tc_link_update", "tc_do"):
+        deepest = found.stack[call][0]
+        table.append(report.row(f"stack of {call}, bound", deepest, "B", "<= 512", deepest <= 512))
+    memory = sum(found.ram.values())
+    flash = sum(found.flash.values())
+    return [
+        *table,
+        report.row("memory of the link", found.ram["link"], "B"),
+        report.row("memory of link and controller besides the slots", memory, "B", "<= 2048", memory <= 2048),
+        report.row("flash of the link, -Os", found.flash["link"] / 1024, "kB"),
+        report.row("flash of link and controller, -Os", flash / 1024, "kB", "<= 24", flash <= 24 * 1024),
+    ]
+
+
 def rows() -> list[report.Row]:
     clean_s, clean_n = uploads(Impairment(), 10, 50e6, 12)
     seconds, datagrams = uploads(BAD_LINE, 20, 250e3, 12)
@@ -178,7 +212,7 @@ def rows() -> list[report.Row]:
                 report.row(f"telemetry at {rate_hz:g} Hz on loopback, lost", lost * 100, "%", "0", lost <= 0.0)
             )
             table.append(report.row(f"telemetry at {rate_hz:g} Hz, arriving", arrived_hz, "Hz"))
-    return table + costs()
+    return table + costs() + footprint()
 
 
 if __name__ == "__main__":
