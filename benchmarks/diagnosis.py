@@ -85,15 +85,20 @@ def _singles_and_pairs(single: list[Result], pair: list[Result]) -> list[report.
             "single effects above twice the limit: first name right",
             (ok for r, ok in first if visible(r)),
             0.95,
-            peers={"all singles": _mean(ok for _, ok in first)},
+            peers={"all singles": _mean(ok for _, ok in first), "no limit stated": _unstated(single)},
         ),
         _share(
             "pairs above twice the limit: both names and no other",
             (ok for r, ok in both if visible(r)),
             0.80,
-            peers={"all pairs": _mean(ok for _, ok in both)},
+            peers={"all pairs": _mean(ok for _, ok in both), "no limit stated": _unstated(pair)},
         ),
     ]
+
+
+def _unstated(results: list[Result]) -> float:
+    """Campaigns left out because the diagnosis did not say how small an effect its flights could have shown."""
+    return sum(None in r["ratio"].values() for r in results)
 
 
 def _nothing_and_outside(none: list[Result], outside: list[Result]) -> list[report.Row]:

@@ -57,7 +57,7 @@ def test_a_single_counts_by_its_first_name_and_only_when_it_could_be_seen():
     row = score(results, "single")
     assert row.value == 0.5
     assert row.ok is False
-    assert row.peers["all singles"] == 0.25
+    assert row.peers == {"all singles": 0.25, "no limit stated": 1.0}
 
 
 def test_a_pair_needs_both_names_and_no_other():
