@@ -7,12 +7,13 @@ import numpy as np
 from scipy.special import stdtrit
 
 from flight.rotations import FloatArray
+from sysid.agreement import odd_flights
 from sysid.flight_data import Flight
 from sysid.options import Options
 from sysid.problem import Noise, Unknowns
 from sysid.sensors import SENSOR_NAMES
 from sysid.solver import Solution, robust_covariance
-from vehicle import Vehicle, specs
+from vehicle import Vehicle, specs, wrench
 
 NORMAL_90 = 1.6449
 """Half width of a normal 90 % interval in standard deviations."""
@@ -122,6 +123,10 @@ def _gusts(noise: Noise) -> dict[str, list[float]] | None:
     return {"force_m_s2": size[:3], "torque_rad_s2": size[3:], "lasts_s": lasts_s}
 
 
+OFF_BELIEF = 0.1
+"""Share by which thrust may differ from the vehicle file's before it is worth a sentence."""
+LARGE_TORQUE_RAD_S2 = 20.0
+"""The same as `LARGE_FORCE_M_S2` for turning."""
 LARGE_FORCE_M_S2 = 2.5
 """Unexplained acceleration over 0.1 s from which on a model cannot be called right: a quarter of gravity."""
 
@@ -190,7 +195,11 @@ def conclude(
         solution=solution,
         unknowns=unknowns,
         flights=tuple(flights),
-        findings=tuple(_findings(vehicle, estimates, solution)),
+        findings=tuple(
+            _findings(vehicle, estimates, solution)
+            + _thrust_against_belief(vehicle, solution, flights)
+            + _disagreement(vehicle, unknowns, solution, flights, options)
+        ),
     )
 
 
@@ -239,6 +248,12 @@ def _findings(vehicle: Vehicle, estimates: list[Estimate], solution: Solution) -
             f"the model leaves {worst:.1f} m/s2 unexplained (over 0.1 s): a held parameter may be wrong (a wrong "
             "inertia spoils the thrust), or units, frames or rotor order; do not use these values before that is clear"
         )
+    turning = float(np.sqrt(noise.process[3:] ** 2 / 0.1 + lasting[3:] ** 2).max())
+    if turning > LARGE_TORQUE_RAD_S2:
+        found.append(
+            f"the model leaves {turning:.0f} rad/s2 unexplained (over 0.1 s): a held inertia may be far off, or units, "
+            "rotor order or spin; do not use these values before that is clear"
+        )
     bounds = specs(vehicle)
     for e in estimates:
         if e.status == "unseen":
@@ -253,3 +268,29 @@ def _findings(vehicle: Vehicle, estimates: list[Estimate], solution: Solution) -
                     f"{e.std_robust / e.std:.0f} times the plain one); the model may lack an effect"
                 )
     return found
+
+
+def _thrust_against_belief(vehicle: Vehicle, solution: Solution, flights: list[Flight]) -> list[str]:
+    """Thrust at the flights' usual rotor speed, fitted over believed: what a wrong mass looks like."""
+    still, speed = np.zeros((1, 3)), np.median(np.concatenate([f.rotor_speed_rad_s for f in flights]), axis=0)
+    fitted, believed = (float(wrench(v, still, still, speed[None])[0][0, 2]) for v in (solution.point.vehicle, vehicle))
+    if believed <= 0.0 or abs(fitted / believed - 1.0) < OFF_BELIEF:
+        return []
+    return [
+        f"thrust at {speed.mean():.0f} rad/s came out {fitted / believed:.2f} times the vehicle file's: the mass given "
+        f"({vehicle.mass_kg:g} kg) or the file's thrust is wrong, and flights cannot tell which; weigh the vehicle. If "
+        "it is the mass, correct it and fit again: thrust, drag and inertia all follow it"
+    ]
+
+
+def _disagreement(
+    vehicle: Vehicle, unknowns: Unknowns, solution: Solution, flights: list[Flight], options: Options
+) -> list[str]:
+    sizes = np.array([max(abs(solution.point.value(n)), specs(vehicle)[n].prior) for n in unknowns.model])
+    odd = odd_flights(solution, flights, unknowns.model, sizes, options.block_s)
+    return [
+        f"{o.flight} does not fit the other flights: without it {o.name} would be {o.others:.4g} instead of "
+        f"{solution.point.value(o.name):.4g} ({o.sigma:.0f} standard errors); was another vehicle, load or set of "
+        "propellers flown? Fit it by itself, or leave it out"
+        for o in odd[:2]
+    ]

@@ -320,17 +320,27 @@ def robust_covariance(solution: Solution, times_s: list[FloatArray], block_s: fl
     bread = solution.covariance()
     meat, blocks = np.zeros_like(bread), 0
     shares: list[FloatArray] = []
-    for rows, sensitivity, time_s in zip(solution.rows, solution.sensitivity, times_s, strict=True):
-        p = sensitivity.shape[2]
-        defect, sensor = rows.change(-sensitivity, np.eye(p))
-        edges = np.searchsorted(time_s, np.arange(time_s[0], time_s[-1], block_s))
-        for begin, end in zip(edges, [*edges[1:], len(time_s)], strict=True):
-            columns = np.concatenate([defect[begin:end].reshape(-1, p), sensor[begin:end].reshape(-1, p)])
-            residual = np.concatenate([rows.defect[begin:end].ravel(), rows.sensor[begin:end].ravel()])
-            information = columns.T @ columns
-            score = np.linalg.solve(np.eye(p) - information @ bread, columns.T @ residual)
+    for flight, time_s in enumerate(times_s):
+        for information, pull in block_scores(solution, flight, time_s, block_s):
+            score = np.linalg.solve(np.eye(len(pull)) - information @ bread, pull)
             shares.append(np.einsum("ip,ij,jp->p", bread, information, bread))
             meat += np.outer(score, score)
             blocks += 1
     freedom = np.sum(shares, axis=0) ** 2 / np.maximum(np.sum(np.square(shares), axis=0), 1e-300)
     return bread @ meat @ bread * ((blocks - 1) / blocks), np.maximum(freedom, 1.0)
+
+
+def block_scores(
+    solution: Solution, flight: int, time_s: FloatArray, block_s: float
+) -> list[tuple[FloatArray, FloatArray]]:
+    """For each block of a flight its information (p, p) and its pull on the parameters (p,), the states eliminated."""
+    rows, sensitivity = solution.rows[flight], solution.sensitivity[flight]
+    p = sensitivity.shape[2]
+    defect, sensor = rows.change(-sensitivity, np.eye(p))
+    edges = np.searchsorted(time_s, np.arange(time_s[0], time_s[-1], block_s))
+    found = []
+    for begin, end in zip(edges, [*edges[1:], len(time_s)], strict=True):
+        columns = np.concatenate([defect[begin:end].reshape(-1, p), sensor[begin:end].reshape(-1, p)])
+        residual = np.concatenate([rows.defect[begin:end].ravel(), rows.sensor[begin:end].ravel()])
+        found.append((columns.T @ columns, columns.T @ residual))
+    return found
