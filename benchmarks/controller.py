@@ -59,8 +59,8 @@ def _mixer() -> list[report.Row]:
     force, torque = vehicle.wrench(rotors, air, rate, speed)
     wrench = np.column_stack([force[:, 2], torque]).astype(np.float32)
     rows, _ = _controller.mixer(table, wrench, air.astype(np.float32), rate.astype(np.float32))
-    free = rows[:, 8] == 0
-    pushing = rows[:, 4:8].min(axis=1) > 2e-3
+    free = rows[:, 4] == 0
+    pushing = vehicle.forces.evaluate(rotors, air.T, rate.T, speed.T).thrust_n.min(axis=0) > 2e-3
     error = (np.abs(rows[:, :4] - speed).max(axis=1) / 1800.0)[free & pushing]
     return [
         report.row("mixer error, of full speed, worst", error.max(), "1", "<= 1e-5", error.max() <= 1e-5),

@@ -221,7 +221,7 @@ Out evaluate(In<uint32_t, any> durations_us, In<float, any, 4, any> c, In<uint32
     return out;
 }
 
-// Columns out: rotor speeds 4, thrusts asked for 4, saturation bits.
+// Columns out: rotor speeds 4, saturation bits.
 std::tuple<Out, int> mixer(In<float, any> parameters, In<float, any, 4> wrench, In<float, any, 3> air,
                            In<float, any, 3> rate) {
     const tc_parameters p = parameters_from(parameters.data(), parameters.shape(0));
@@ -229,16 +229,15 @@ std::tuple<Out, int> mixer(In<float, any> parameters, In<float, any, 4> wrench, 
     const tc_reason reason = tc_mixer_configure(&m, &p);
     float* data = nullptr;
     const size_t n = reason == TC_OK ? wrench.shape(0) : 0;
-    Out out = make(n, 9, data);
+    Out out = make(n, 5, data);
     for (size_t i = 0; i < n; i++) {
         tc_wrench w{};
         w.thrust_n = wrench.data()[4 * i];
         std::memcpy(w.torque_n_m, wrench.data() + 4 * i + 1, 12);
         tc_mix mix{};
         tc_mixer_solve(&m, &p, &w, air.data() + 3 * i, rate.data() + 3 * i, &mix);
-        std::memcpy(data + 9 * i, mix.rotor_speed_rad_s, 16);
-        std::memcpy(data + 9 * i + 4, mix.rotor_thrust_n, 16);
-        data[9 * i + 8] = mix.saturation;
+        std::memcpy(data + 5 * i, mix.rotor_speed_rad_s, 16);
+        data[5 * i + 4] = mix.saturation;
     }
     return {out, static_cast<int>(reason)};
 }

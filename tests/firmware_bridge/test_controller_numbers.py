@@ -131,7 +131,7 @@ def _mix(model, speed, air, rate, parameters=None):
     table = PARAMETERS if parameters is None else parameters
     rows, reason = _controller.mixer(table, wrench, air.astype(np.float32), rate.astype(np.float32))
     assert reason == 0
-    return rows[:, :4].astype(np.float64), rows[:, 8].astype(int)
+    return rows[:, :4].astype(np.float64), rows[:, 4].astype(int)
 
 
 def test_the_mixer_inverts_the_rotor_equations_exactly():
@@ -182,7 +182,7 @@ def test_saturation_gives_up_yaw_first_then_collective_then_tilt():
         rows, _ = _controller.mixer(PARAMETERS, np.array([[thrust, *torque]], np.float32), zero, zero)
         model = VEHICLE.without_effect("parasitic_drag")
         force, moment = vehicle.wrench(model, still, still, rows[:, :4].astype(np.float64))
-        return force[0, 2], moment[0], int(rows[0, 8])
+        return force[0, 2], moment[0], int(rows[0, 4])
 
     bits = controller.SATURATION
     thrust, moment, saturation = produced(6.9, (0.05, -0.04, 0.6))  # far more yaw than there is

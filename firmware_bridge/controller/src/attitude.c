@@ -54,7 +54,7 @@ void tc_modelled_moment(const tc_parameters* p, const tc_mixer* mixer, const flo
                         float moment_body_n_m[3]) {
     float sum = 0.0f, sum_x = 0.0f, sum_y = 0.0f, sum_xx = 0.0f; /* of speeds, and of speeds times arms */
     for (int i = 0; i < TC_ROTORS; i++) {
-        const float n = rotor_speed_rad_s[i], x = mixer->arm_x_m[i], y = mixer->arm_y_m[i];
+        const float n = rotor_speed_rad_s[i], x = mixer->rotor[i].arm_x_m, y = mixer->rotor[i].arm_y_m;
         sum += n;
         sum_x += n * x;
         sum_y += n * y;

@@ -1,29 +1,34 @@
-/* Exact inverse of eqs. (1)-(3), with desaturation. */
+/* Exact inverse of eqs. (1)-(3), with desaturation.
+
+   One form covers all three thrust laws, T = a n^2 + (c v_z - k v) n, with v from eq. (2); its root is
+   2 a n = sqrt(b^2 + 4 a T) - b, b = c v_z - k v. Air speeds are kept times k, rotor speeds times 2 a, and thrusts as
+   "load" T k^2 / (2 rho A), so that eq. (2) reads v sqrt((v_z + v)^2 + v_xy^2) = load and b = drag - v. */
 #include "goshawk_controller/mixer.h"
 
 #include "maths.h"
 
 #define SHORTEST_ARM_M 0.01f
-/* Newton steps for the first guess; then rounds of one step each, until the last changes were so small that what is
-   left is second order: the error against eqs. (1)-(3) stays below 1e-5 of full speed over the envelope, see
-   tests/firmware_bridge/test_controller_numbers.py. A flight needs one or two rounds. */
-#define FIRST_STEPS 2
-#define MOST_ROUNDS 5
-#define SETTLED_M_S 2e-3f
-#define SETTLED_N 1e-3f
+/* Rounds of Newton's method on induced velocities and yaw together. Three leave less than 1e-5 of full speed over the
+   envelope, see tests/firmware_bridge/test_controller_numbers.py; desaturation, where needed, comes before the last. */
+#define ROUNDS 3
+/* The free direction starts this share inside the range that keeps all thrusts positive, and a step goes at most this
+   share of the way to the range's ends: a rotor that is asked for next to nothing must not be driven below. */
+#define INSIDE 0.05f
+#define TOWARDS_END 0.9f
+/* Speeds this far outside the limits, of the fastest speed, still count as inside: what the last round may change. */
+#define TOLERANCE 2e-3f
+#define NO_END 1e9f
 
-/* The air at one hub, and the operating point found there. Thrusts are those of the healthy rotor without translational
-   lift: what eqs. (1)-(2) must give. */
+/* The air at one hub, and the operating point found there. */
 typedef struct {
-    float axial_m_s;      /* v_z */
-    float lateral2_m2_s2; /* v_xy^2 */
-    float lift_n;
-    float thrust_n;
-    float induced_m_s;
-    float induced_per_n; /* d induced / d thrust */
-    float last_step_m_s; /* of the Newton iteration on the induced velocity */
-    float speed_rad_s;
-    float speed_per_n; /* d speed / d thrust */
+    float base;     /* load asked for, without the free direction; of a healthy rotor without translational lift */
+    float axial;    /* v_z */
+    float lateral2; /* v_xy^2 */
+    float drag;     /* what v_z adds to the linear term of the thrust law */
+    float induced;  /* v */
+    float induced_per_free; /* d / d multiple of the free direction */
+    float speed;
+    float speed_per_free;
 } rotor;
 
 static float determinant(const float a[3], const float b[3], const float c[3]) {
@@ -40,8 +45,8 @@ static void null_vector(float column[TC_ROTORS][3], float out[TC_ROTORS]) {
     out[3] = -determinant(column[0], column[1], column[2]);
 }
 
-/* Inverse of a symmetric 3x3 matrix by cross products of its rows; returns the determinant. */
-static float invert_symmetric(float m[3][3], float out[3][3]) {
+/* Inverse of a symmetric 3x3 matrix by cross products of its rows. */
+static void invert_symmetric(float m[3][3], float out[3][3]) {
     tc_cross(m[1], m[2], out[0]);
     tc_cross(m[2], m[0], out[1]);
     tc_cross(m[0], m[1], out[2]);
@@ -49,232 +54,325 @@ static float invert_symmetric(float m[3][3], float out[3][3]) {
     for (int i = 0; i < 3; i++) {
         for (int j = 0; j < 3; j++) out[i][j] /= det;
     }
-    return det;
 }
 
-static tc_reason lay_out(tc_mixer* mixer, const tc_parameters* p, float arm_m) {
+/* `yaw_per_free`: sum spin_i free_i. */
+static tc_reason lay_out(tc_mixer* mixer, const tc_parameters* p, float arm_m, float load_per_n, float* yaw_per_free) {
     float column[TC_ROTORS][3]; /* collective, torque x, torque y per newton, arms scaled to about 1 */
-    float gram[3][3] = {{0.0f}}, inverse[3][3];
+    float gram[3][3] = {{0.0f}}, inverse[3][3], free[TC_ROTORS];
     for (int i = 0; i < TC_ROTORS; i++) {
         column[i][0] = 1.0f;
-        column[i][1] = mixer->arm_y_m[i] / arm_m;
-        column[i][2] = -mixer->arm_x_m[i] / arm_m;
+        column[i][1] = mixer->rotor[i].arm_y_m / arm_m;
+        column[i][2] = -mixer->rotor[i].arm_x_m / arm_m;
         for (int r = 0; r < 3; r++) {
             for (int c = 0; c < 3; c++) gram[r][c] += column[i][r] * column[i][c];
         }
     }
     if (!(determinant(gram[0], gram[1], gram[2]) > 0.5f)) return TC_SINGULAR_GEOMETRY; /* 64 for a square */
-    (void)invert_symmetric(gram, inverse);
-    null_vector(column, mixer->free);
+    invert_symmetric(gram, inverse);
+    null_vector(column, free);
     float largest = 0.0f, spin_sum = 0.0f, size_sum = 0.0f;
-    for (int i = 0; i < TC_ROTORS; i++) largest = tc_max(largest, tc_abs(mixer->free[i]));
+    for (int i = 0; i < TC_ROTORS; i++) largest = tc_max(largest, tc_abs(free[i]));
     if (!(largest > 1e-3f)) return TC_SINGULAR_GEOMETRY;
     for (int i = 0; i < TC_ROTORS; i++) {
-        mixer->free[i] /= largest;
-        spin_sum += p->rotor_spin[i] * mixer->free[i];
-        size_sum += tc_abs(mixer->free[i]);
-        for (int r = 0; r < 3; r++) {
-            const float value = tc_dot(inverse[r], column[i]);
-            mixer->from_wrench[i][r] = r == 0 ? value : value / arm_m;
-        }
+        tc_mixer_rotor* m = &mixer->rotor[i];
+        free[i] /= largest;
+        spin_sum += p->rotor_spin[i] * free[i];
+        size_sum += tc_abs(free[i]);
+        const float per_collective = tc_dot(inverse[0], column[i]);
         /* Every rotor must lift and take part in yaw. */
-        if (!(mixer->from_wrench[i][0] > 0.05f && tc_abs(mixer->free[i]) > 0.05f)) return TC_SINGULAR_GEOMETRY;
-        mixer->per_lift[i] = 1.0f / mixer->from_wrench[i][0];
-        mixer->per_free[i] = 1.0f / mixer->free[i];
-        mixer->per_gain[i] = 1.0f / p->rotor_gain[i];
-        mixer->free_gain[i] = 2.0f * mixer->free[i] * mixer->per_gain[i];
+        if (!(per_collective > 0.05f && tc_abs(free[i]) > 0.05f)) return TC_SINGULAR_GEOMETRY;
+        const float unit = load_per_n / p->rotor_gain[i];
+        m->per_collective = unit * per_collective;
+        m->per_torque_x = unit * tc_dot(inverse[1], column[i]) / arm_m;
+        m->per_torque_y = unit * tc_dot(inverse[2], column[i]) / arm_m;
+        m->free = unit * free[i];
+        m->per_free = 1.0f / m->free;
+        m->free_slope = 0.5f * mixer->load_factor * m->free;
+        m->spin = p->rotor_spin[i];
     }
-    mixer->yaw_per_free = spin_sum;
-    mixer->yaw_sign = spin_sum < 0.0f ? -1.0f : 1.0f;
+    *yaw_per_free = spin_sum;
     return tc_abs(spin_sum) > 0.25f * size_sum ? TC_OK : TC_SINGULAR_GEOMETRY;
 }
 
-/* T = a n^2 + b n with b = through (v_z + v_ind) + axial v_z: one form for all three thrust laws. */
-static void choose_law(tc_mixer* mixer, const tc_parameters* p) {
+/* Units and thrust law; returns the load per newton. */
+static float choose_law(tc_mixer* mixer, const tc_parameters* p) {
     const bool quadratic = p->thrust_model < 0.5f;
-    mixer->square = quadratic ? p->quad_n_s2 : p->k1_n_s2;
-    mixer->through = quadratic ? 0.0f : p->k2_n_s2_m;
-    mixer->axial = quadratic ? -p->inflow_kg : 0.0f;
+    const float square = quadratic ? p->quad_n_s2 : p->k1_n_s2;
+    const float per_disk = 1.0f / (2.0f * p->air_density_kg_m3 * p->disk_area_m2);
+    const float hover_n = 0.25f * p->mass_kg * p->gravity_m_s2;
+    /* Without induced velocity in the law any small unit will do: a millionth of what the square law gives at hover. */
+    const float none = 1e-6f * sqrtf(square * hover_n) / sqrtf(hover_n * per_disk);
+    const float unit = quadratic ? none : tc_max(-p->k2_n_s2_m, none);
+    const float load_per_n = unit * unit * per_disk;
+    mixer->unit_m_s = unit;
+    mixer->axial = (quadratic ? -p->inflow_kg : p->k2_n_s2_m) / unit;
     mixer->lateral = p->thrust_model > 1.5f ? 1.0f : 0.0f;
-    mixer->half_per_square = 0.5f / mixer->square;
-    mixer->four_square = 4.0f * mixer->square;
-    mixer->per_load = 1.0f / (2.0f * p->air_density_kg_m3 * p->disk_area_m2);
+    mixer->lift = p->lift_kg_m * per_disk;
+    mixer->guard = 1e-3f * unit * unit;
+    mixer->load_factor = 4.0f * square / load_per_n;
+    mixer->speed_unit = 2.0f * square;
+    mixer->per_speed = 1.0f / mixer->speed_unit;
+    mixer->turn_per_yaw = mixer->speed_unit * mixer->speed_unit / p->cq_n_m_s2;
+    return load_per_n;
+}
+
+/* Thrust over n^2 in still air, where it is the same for every thrust: from the hover. */
+static float still_air_factor(const tc_mixer* mixer, float each_n, float load_per_n) {
+    const float load = each_n * load_per_n;
+    const float b = -sqrtf(load);
+    const float n = mixer->per_speed * (sqrtf(b * b + mixer->load_factor * load) - b);
+    return each_n / (n * n);
 }
 
 tc_reason tc_mixer_configure(tc_mixer* mixer, const tc_parameters* p) {
-    float arm_m = 0.0f;
+    float arm_m = 0.0f, yaw_per_free = 0.0f;
     for (int i = 0; i < TC_ROTORS; i++) {
-        mixer->arm_x_m[i] = p->rotor_x_m[i] - p->centre_of_mass_m[0];
-        mixer->arm_y_m[i] = p->rotor_y_m[i] - p->centre_of_mass_m[1];
-        arm_m = tc_max(arm_m, tc_max(tc_abs(mixer->arm_x_m[i]), tc_abs(mixer->arm_y_m[i])));
+        tc_mixer_rotor* m = &mixer->rotor[i];
+        m->arm_x_m = p->rotor_x_m[i] - p->centre_of_mass_m[0];
+        m->arm_y_m = p->rotor_y_m[i] - p->centre_of_mass_m[1];
+        arm_m = tc_max(arm_m, tc_max(tc_abs(m->arm_x_m), tc_abs(m->arm_y_m)));
         if (!(tc_abs(p->rotor_spin[i]) > 0.5f)) return TC_SINGULAR_GEOMETRY;
     }
     if (!(arm_m > SHORTEST_ARM_M)) return TC_SINGULAR_GEOMETRY;
     if (!(p->rotor_max_rad_s > p->rotor_min_rad_s && p->rotor_max_rad_s >= p->rotor_idle_rad_s)) return TC_OUT_OF_RANGE;
-    choose_law(mixer, p);
-    const tc_reason reason = lay_out(mixer, p, arm_m);
+    const float load_per_n = choose_law(mixer, p);
+    const tc_reason reason = lay_out(mixer, p, arm_m, load_per_n, &yaw_per_free);
     if (reason != TC_OK) return reason;
-    /* Enough thrust to hover with a tenth to spare, in still air. */
+    /* Enough to hover with a tenth to spare? */
     const float each_n = p->mass_kg * p->gravity_m_s2 * 1.1f * 0.25f;
-    const float n = p->rotor_max_rad_s;
-    const float thrust_n = mixer->square * n * n + mixer->through * n * sqrtf(each_n * mixer->per_load);
-    mixer->free_per_yaw = thrust_n / (n * n * p->cq_n_m_s2 * mixer->yaw_per_free);
+    const float per_square = still_air_factor(mixer, each_n, load_per_n);
+    const float thrust_n = per_square * p->rotor_max_rad_s * p->rotor_max_rad_s;
+    mixer->free_per_yaw = per_square / (p->cq_n_m_s2 * yaw_per_free);
     mixer->largest_thrust_n = 4.0f * thrust_n;
     return thrust_n >= each_n ? TC_OK : TC_CANNOT_HOVER;
 }
 
-/* The speed for r->thrust_n: Newton on eq. (2), v sqrt((v_z + v)^2 + v_xy^2) = T / (2 rho A), from the induced velocity
-   at hand; then eq. (1) as a quadratic in n. The slopes let the next thrust start close. */
-static inline void solve_rotor(const tc_mixer* mixer, rotor* r, int steps) {
-    const float load = r->thrust_n * mixer->per_load;
-    float v = r->induced_m_s, root = 0.0f, inverse = 0.0f, step = 0.0f;
-    for (int i = 0; i < steps; i++) {
-        const float w = r->axial_m_s + v;
-        const float q = w * w + r->lateral2_m2_s2;
-        root = sqrtf(q);
-        inverse = 1.0f / tc_max(q + v * w, 1e-3f); /* over the derivative times root */
-        step = (v * q - load * root) * inverse;
-        v -= step;
-    }
-    v = tc_max(v, 0.0f);
-    const float b = mixer->through * (r->axial_m_s + v) + mixer->axial * r->axial_m_s;
-    const float slope = sqrtf(b * b + mixer->four_square * r->thrust_n); /* 2 a n + b */
-    r->last_step_m_s = step;
-    r->induced_m_s = v;
-    r->induced_per_n = root * inverse * mixer->per_load;
-    r->speed_rad_s = (slope - b) * mixer->half_per_square;
-    r->speed_per_n = (1.0f - mixer->through * r->speed_rad_s * r->induced_per_n) / slope;
-}
-
-/* Air speed at the hub; the first guess of the induced velocity is the answer for v_xy = 0. */
-static inline void start_rotor(const tc_mixer* mixer, const tc_parameters* p, int i, const float air[3],
-                               const float rate[3], float thrust_n, rotor* r) {
-    const float x = mixer->arm_x_m[i], y = mixer->arm_y_m[i];
-    const float vx = air[0] - rate[2] * y, vy = air[1] + rate[2] * x;
-    const float lateral2 = vx * vx + vy * vy;
-    r->axial_m_s = air[2] + rate[0] * y - rate[1] * x;
-    r->lateral2_m2_s2 = mixer->lateral * lateral2;
-    r->lift_n = p->lift_kg_m * lateral2;
-    r->thrust_n = tc_max(thrust_n * mixer->per_gain[i] - r->lift_n, 1e-3f);
-    const float half = 0.5f * r->axial_m_s;
-    r->induced_m_s = sqrtf(half * half + r->thrust_n * mixer->per_load) - half;
-    solve_rotor(mixer, r, FIRST_STEPS);
-}
-
-/* A new thrust for a rotor that has been solved: carry the induced velocity along, then polish. */
-static inline void move_rotor(const tc_mixer* mixer, int i, float thrust_n, rotor* r) {
-    const float next_n = tc_max(thrust_n * mixer->per_gain[i] - r->lift_n, 1e-3f);
-    r->induced_m_s += r->induced_per_n * (next_n - r->thrust_n);
-    r->thrust_n = next_n;
-    solve_rotor(mixer, r, 1);
-}
-
-/* What the rotors can give at these air speeds, and what is asked of them. */
+/* Where the free direction may go: within it all thrusts are positive. */
 typedef struct {
-    float low_n[TC_ROTORS], high_n[TC_ROTORS];
-    float tilt_n[TC_ROTORS]; /* thrusts of the roll and pitch torque */
-    float collective_n;
-    float yaw; /* multiple of the free direction */
-    float yaw_low, yaw_high;
-    uint8_t saturation;
-} demand;
+    float low, high;
+} range;
 
-/* Thrust at the speed limits, from T = a n^2 + b n through the operating point with its slope. */
-static inline void reach(const tc_parameters* p, const rotor* r, float gain, float* low_n, float* high_n) {
-    const float per_speed = 1.0f / tc_max(r->speed_rad_s, 1.0f);
-    const float mean = r->thrust_n * per_speed;
-    const float slope = 1.0f / r->speed_per_n;
-    const float a = (slope - mean) * per_speed, b = 2.0f * mean - slope;
-    const float least = p->rotor_min_rad_s, most = p->rotor_max_rad_s;
-    *low_n = tc_max(gain * ((a * least + b) * least + r->lift_n), 0.0f);
-    *high_n = tc_max(gain * ((a * most + b) * most + r->lift_n), *low_n);
+/* What each rotor is asked for, the air at its hub, and the range of the free direction. */
+static inline range start(const tc_mixer* mixer, const tc_wrench* wrench, const float air_m_s[3],
+                          const float rate_rad_s[3], rotor r[TC_ROTORS]) {
+    range free = {-NO_END, NO_END};
+    float air[3], rate[3];
+    for (int i = 0; i < 3; i++) {
+        air[i] = mixer->unit_m_s * air_m_s[i];
+        rate[i] = mixer->unit_m_s * rate_rad_s[i];
+    }
+    const float smallest = 1e-6f * mixer->guard; /* a load of exactly nothing has no slope */
+    for (int i = 0; i < TC_ROTORS; i++) {
+        const tc_mixer_rotor* m = &mixer->rotor[i];
+        const float x = m->arm_x_m, y = m->arm_y_m;
+        const float vx = air[0] - rate[2] * y, vy = air[1] + rate[2] * x;
+        const float vz = air[2] + rate[0] * y - rate[1] * x;
+        const float lateral2 = vx * vx + vy * vy;
+        const float base = m->per_collective * wrench->thrust_n + m->per_torque_x * wrench->torque_n_m[0] +
+                           m->per_torque_y * wrench->torque_n_m[1] - mixer->lift * lateral2 + smallest;
+        const float end = -base * m->per_free;
+        if (m->free > 0.0f) {
+            free.low = tc_max(free.low, end);
+        } else {
+            free.high = tc_min(free.high, end);
+        }
+        r[i].base = base;
+        r[i].axial = vz;
+        r[i].lateral2 = mixer->lateral * lateral2;
+        r[i].drag = mixer->axial * vz;
+    }
+    return free;
 }
 
-/* Priority: tilt torque, then collective, then yaw, which keeps `yaw_share` of its authority throughout. */
-static inline void desaturate(const tc_mixer* mixer, const tc_parameters* p, demand* d) {
-    float low = d->low_n[0], high = d->high_n[0], least = d->tilt_n[0], most = d->tilt_n[0];
-    for (int i = 1; i < TC_ROTORS; i++) {
-        low = tc_max(low, d->low_n[i]);
-        high = tc_min(high, d->high_n[i]);
-        least = tc_min(least, d->tilt_n[i]);
-        most = tc_max(most, d->tilt_n[i]);
-    }
-    const float room = tc_max(high - low, 0.0f);
-    const float share = 0.5f * p->yaw_share * room;
-    const float kept = tc_clamp(d->yaw, -share, share);
-    const float left = room - 2.0f * tc_abs(kept), spread = most - least;
-    const float scale = spread > left ? left / spread : 1.0f;
-    float collective_low = 0.0f, collective_high = 1e9f;
+/* The induced velocity for v_xy = 0, where eq. (2) is a quadratic. */
+static inline void guess(const tc_mixer* mixer, float free, rotor r[TC_ROTORS]) {
     for (int i = 0; i < TC_ROTORS; i++) {
-        d->tilt_n[i] *= scale;
-        const float base = d->tilt_n[i] + kept * mixer->free[i];
-        collective_low = tc_max(collective_low, (d->low_n[i] - base) * mixer->per_lift[i]);
-        collective_high = tc_min(collective_high, (d->high_n[i] - base) * mixer->per_lift[i]);
+        const float half = 0.5f * r[i].axial;
+        r[i].induced = sqrtf(half * half + tc_abs(r[i].base + free * mixer->rotor[i].free)) - half;
+        r[i].induced_per_free = 0.0f;
     }
-    const float collective = tc_clamp(d->collective_n, collective_low, collective_high);
-    float yaw_low = -1e9f, yaw_high = 1e9f;
-    for (int i = 0; i < TC_ROTORS; i++) {
-        const float base = d->tilt_n[i] + collective * mixer->from_wrench[i][0];
-        const float a = (d->low_n[i] - base) * mixer->per_free[i], b = (d->high_n[i] - base) * mixer->per_free[i];
-        yaw_low = tc_max(yaw_low, tc_min(a, b));
-        yaw_high = tc_min(yaw_high, tc_max(a, b));
-    }
-    d->yaw_low = tc_min(yaw_low, kept);
-    d->yaw_high = tc_max(yaw_high, kept);
-    const float yaw = tc_clamp(d->yaw, d->yaw_low, d->yaw_high);
-    const float small_n = 2e-6f * (d->collective_n + 1.0f);
-    if (scale < 1.0f) d->saturation |= TC_SATURATED_TILT;
-    if (tc_abs(collective - d->collective_n) > small_n) d->saturation |= TC_SATURATED_COLLECTIVE;
-    if (tc_abs(yaw - d->yaw) > small_n) d->saturation |= TC_SATURATED_YAW;
-    d->collective_n = collective;
-    d->yaw = yaw;
 }
 
-/* One Newton step along the free direction towards the wanted sum of spin n^2. */
-static inline float yaw_step(const tc_mixer* mixer, const tc_parameters* p, const rotor r[TC_ROTORS], float wanted) {
-    float sum = 0.0f, slope = 0.0f;
+/* One round at the multiple `free`, which has moved by `step` since the last one: one Newton step on eq. (2) from the
+   induced velocity carried along; then eq. (1). Returns the Newton step of the multiple towards the wanted sum of spin
+   times squared speed. Absolute values stand where a demand that cannot be met would leave the law's domain. */
+static inline float solve_round(const tc_mixer* mixer, float free, float step, float turn, rotor r[TC_ROTORS]) {
+    float slope = 0.0f;
     for (int i = 0; i < TC_ROTORS; i++) {
-        const float turning = p->rotor_spin[i] * r[i].speed_rad_s;
-        sum += turning * r[i].speed_rad_s;
-        slope += turning * r[i].speed_per_n * mixer->free_gain[i];
+        const tc_mixer_rotor* m = &mixer->rotor[i];
+        const float load = tc_abs(r[i].base + free * m->free);
+        const float v = r[i].induced + r[i].induced_per_free * step;
+        const float w = r[i].axial + v;
+        const float q = w * w + r[i].lateral2;
+        const float root = sqrtf(q);
+        const float inverse = 1.0f / (tc_abs(q + v * w) + mixer->guard); /* over the derivative times root */
+        const float induced = tc_abs(v - (v * q - load * root) * inverse);
+        const float induced_per_free = root * inverse * m->free;
+        const float b = r[i].drag - induced;
+        const float steep = sqrtf(b * b + mixer->load_factor * load);
+        const float n = steep - b;
+        const float speed_per_free = (m->free_slope + n * induced_per_free) / steep;
+        const float turned = m->spin * n;
+        turn -= turned * n;
+        slope += turned * speed_per_free;
+        r[i].induced = induced;
+        r[i].induced_per_free = induced_per_free;
+        r[i].speed = n;
+        r[i].speed_per_free = speed_per_free;
     }
-    return mixer->yaw_sign * (wanted - sum) / tc_max(mixer->yaw_sign * slope, 1e-3f);
+    return 0.5f * turn / slope;
+}
+
+/* What the rotors can give at these air speeds, and what is asked of them, all as loads. */
+typedef struct {
+    float low[TC_ROTORS], high[TC_ROTORS]; /* at the speed limits */
+    float tilt[TC_ROTORS];                 /* of the roll and pitch torque */
+    float other[TC_ROTORS];                /* of neither tilt, collective nor free direction: the lift */
+} limits;
+
+/* Load at a speed: the induced velocity for v_xy = 0 from a quadratic, then one Newton step with v_xy. */
+static float load_at(const tc_mixer* mixer, const rotor* r, float speed) {
+    const float per_factor = 1.0f / mixer->load_factor;
+    const float slope = 2.0f * speed * per_factor; /* load lost per induced velocity */
+    const float still = tc_max(speed * (speed + 2.0f * r->drag) * per_factor, 0.0f);
+    const float half = 0.5f * (r->axial + slope);
+    float v = sqrtf(half * half + still) - half;
+    const float w = r->axial + v;
+    const float root = sqrtf(w * w + r->lateral2);
+    v -= (v * root - still + slope * v) * root / (tc_abs(root * (root + slope) + v * w) + mixer->guard);
+    return tc_max(still - slope * v, 0.0f);
+}
+
+static void reach(const tc_mixer* mixer, const tc_parameters* p, const tc_wrench* wrench, const rotor r[TC_ROTORS],
+                  limits* l) {
+    const float slowest = p->rotor_min_rad_s * mixer->speed_unit, fastest = p->rotor_max_rad_s * mixer->speed_unit;
+    for (int i = 0; i < TC_ROTORS; i++) {
+        const tc_mixer_rotor* m = &mixer->rotor[i];
+        l->low[i] = load_at(mixer, &r[i], slowest);
+        l->high[i] = tc_max(load_at(mixer, &r[i], fastest), l->low[i]);
+        l->tilt[i] = m->per_torque_x * wrench->torque_n_m[0] + m->per_torque_y * wrench->torque_n_m[1];
+        l->other[i] = r[i].base - l->tilt[i] - m->per_collective * wrench->thrust_n;
+    }
+}
+
+/* The largest share of the tilt torque, up to 1, for which some collective keeps every rotor within its limits. For
+   each pair: what raises rotor i to its lower limit must not lift rotor j over its upper one. */
+static float tilt_share(const tc_mixer* mixer, const limits* l, float kept) {
+    float share = 1.0f;
+    for (int i = 0; i < TC_ROTORS; i++) {
+        const tc_mixer_rotor* a = &mixer->rotor[i];
+        const float needs = (l->low[i] - l->other[i] - kept * a->free) / a->per_collective;
+        const float needs_less = l->tilt[i] / a->per_collective;
+        for (int j = 0; j < TC_ROTORS; j++) {
+            const tc_mixer_rotor* b = &mixer->rotor[j];
+            const float room = (l->high[j] - l->other[j] - kept * b->free) / b->per_collective - needs;
+            const float spread = l->tilt[j] / b->per_collective - needs_less;
+            if (spread * share > room) share = tc_max(room, 0.0f) / spread;
+        }
+    }
+    return share;
+}
+
+/* How far the free direction may go either way from nothing with the rotors' limits alone, at its share. */
+static float own_yaw(const tc_mixer* mixer, const tc_parameters* p, const limits* l) {
+    float own = NO_END;
+    for (int i = 0; i < TC_ROTORS; i++) {
+        own = tc_min(own, tc_abs((l->high[i] - l->low[i]) * mixer->rotor[i].per_free));
+    }
+    return 0.5f * p->yaw_share * own;
+}
+
+static float keep_collective(const tc_mixer* mixer, const limits* l, float share, float kept, float wanted_n) {
+    float least = 0.0f, most = NO_END;
+    for (int i = 0; i < TC_ROTORS; i++) {
+        const tc_mixer_rotor* m = &mixer->rotor[i];
+        const float taken = l->other[i] + share * l->tilt[i] + kept * m->free;
+        least = tc_max(least, (l->low[i] - taken) / m->per_collective);
+        most = tc_min(most, (l->high[i] - taken) / m->per_collective);
+    }
+    return tc_clamp(wanted_n, least, most);
+}
+
+/* Priority: tilt torque, then collective, then yaw, which keeps `yaw_share` of its authority throughout. Changes what
+   each rotor is asked for, moves `*free` and returns its range. */
+static __attribute__((noinline)) range desaturate(const tc_mixer* mixer, const tc_parameters* p,
+                                                  const tc_wrench* wrench, rotor r[TC_ROTORS], float* free,
+                                                  uint8_t* saturation) {
+    limits l;
+    reach(mixer, p, wrench, r, &l);
+    const float own = own_yaw(mixer, p, &l), wanted = *free;
+    const float kept = tc_clamp(wanted, -own, own);
+    const float share = tilt_share(mixer, &l, kept);
+    const float collective = keep_collective(mixer, &l, share, kept, wrench->thrust_n);
+    range yaw = {-NO_END, NO_END};
+    for (int i = 0; i < TC_ROTORS; i++) {
+        const tc_mixer_rotor* m = &mixer->rotor[i];
+        const float base = l.other[i] + share * l.tilt[i] + collective * m->per_collective;
+        const float a = (l.low[i] - base) * m->per_free, b = (l.high[i] - base) * m->per_free;
+        yaw.low = tc_max(yaw.low, tc_min(a, b));
+        yaw.high = tc_min(yaw.high, tc_max(a, b));
+        r[i].induced += (base - r[i].base) * m->per_free * r[i].induced_per_free;
+        r[i].base = base;
+    }
+    yaw.low = tc_min(yaw.low, kept);
+    yaw.high = tc_max(yaw.high, kept);
+    const float small_n = 1e-3f * (wrench->thrust_n + 1.0f);
+    *free = tc_clamp(wanted, yaw.low, yaw.high);
+    if (share < 0.999f) *saturation |= TC_SATURATED_TILT;
+    if (tc_abs(collective - wrench->thrust_n) > small_n) *saturation |= TC_SATURATED_COLLECTIVE;
+    if (tc_abs(*free - wanted) > small_n) *saturation |= TC_SATURATED_YAW;
+    return yaw;
+}
+
+/* Whether all of them lie between two positive bounds; one unsigned comparison of the bits each, NaN is outside. */
+static inline bool all_between(const float speed[TC_ROTORS], float low, float high) {
+    const uint32_t first = tc_bits(low), width = tc_bits(high) - first;
+    bool between = true;
+    for (int i = 0; i < TC_ROTORS; i++) between = between && tc_bits(speed[i]) - first <= width;
+    return between;
+}
+
+/* Speeds in rad/s once the free direction has moved by `step`. */
+static inline void speeds(const tc_mixer* mixer, const rotor r[TC_ROTORS], float step, float speed[TC_ROTORS]) {
+    for (int i = 0; i < TC_ROTORS; i++) speed[i] = mixer->per_speed * (r[i].speed + step * r[i].speed_per_free);
+}
+
+static __attribute__((noinline)) uint8_t clip(const tc_parameters* p, float speed[TC_ROTORS]) {
+    uint8_t saturation = 0u;
+    for (int i = 0; i < TC_ROTORS; i++) {
+        const float n = tc_clamp(speed[i], p->rotor_min_rad_s, p->rotor_max_rad_s);
+        if (!(tc_abs(n - speed[i]) <= 1e-3f * n)) saturation = TC_SATURATED_ROTOR;
+        speed[i] = n;
+    }
+    return saturation;
 }
 
 void tc_mixer_solve(const tc_mixer* mixer, const tc_parameters* p, const tc_wrench* wrench,
                     const float air_velocity_body_m_s[3], const float rate_body_rad_s[3], tc_mix* out) {
     rotor r[TC_ROTORS];
-    demand d = {.collective_n = tc_max(wrench->thrust_n, 0.0f)};
-    const float turning = wrench->torque_n_m[2] / p->cq_n_m_s2;
-    const float floor_n = 0.02f * d.collective_n;
-    d.yaw = wrench->torque_n_m[2] * mixer->free_per_yaw; /* as if thrust went with n^2; Newton does the rest */
-    for (int i = 0; i < TC_ROTORS; i++) {
-        const float* row = mixer->from_wrench[i];
-        d.tilt_n[i] = row[1] * wrench->torque_n_m[0] + row[2] * wrench->torque_n_m[1];
-        const float wanted_n = row[0] * d.collective_n + d.tilt_n[i] + d.yaw * mixer->free[i];
-        start_rotor(mixer, p, i, air_velocity_body_m_s, rate_body_rad_s, tc_max(wanted_n, floor_n), &r[i]);
-        reach(p, &r[i], p->rotor_gain[i], &d.low_n[i], &d.high_n[i]);
+    const float first = wrench->torque_n_m[2] * mixer->free_per_yaw; /* as if thrust went with n^2 */
+    const float turn = wrench->torque_n_m[2] * mixer->turn_per_yaw;
+    const float least = p->rotor_min_rad_s, most = p->rotor_max_rad_s, over = TOLERANCE * most;
+    const range positive = start(mixer, wrench, air_velocity_body_m_s, rate_body_rad_s, r);
+    const bool possible = positive.high > positive.low;
+    const float inside = INSIDE * (positive.high - positive.low);
+    float free = possible ? tc_clamp(first, positive.low + inside, positive.high - inside) : first;
+    float step = 0.0f;
+    out->saturation = 0u;
+    guess(mixer, free, r);
+    for (int round = 0; round < ROUNDS - 1; round++) {
+        const float next = solve_round(mixer, free, step, turn, r);
+        step = possible ? tc_clamp(next, TOWARDS_END * (positive.low - free), TOWARDS_END * (positive.high - free)) : 0.0f;
+        free += step;
     }
-    d.yaw += yaw_step(mixer, p, r, turning);
-    desaturate(mixer, p, &d);
-    float change = 0.0f;
-    for (int round = 0; round < MOST_ROUNDS; round++) {
-        float restless = 0.0f;
-        for (int i = 0; i < TC_ROTORS; i++) {
-            out->rotor_thrust_n[i] = mixer->from_wrench[i][0] * d.collective_n + d.tilt_n[i] + d.yaw * mixer->free[i];
-            move_rotor(mixer, i, out->rotor_thrust_n[i], &r[i]);
-            restless = tc_max(restless, tc_abs(r[i].last_step_m_s));
-        }
-        change = tc_clamp(yaw_step(mixer, p, r, turning), d.yaw_low - d.yaw, d.yaw_high - d.yaw);
-        if (restless < SETTLED_M_S && tc_abs(change) < SETTLED_N) break;
-        d.yaw += change;
-        change = 0.0f;
+    speeds(mixer, r, step, out->rotor_speed_rad_s);
+    if (all_between(out->rotor_speed_rad_s, tc_max(least - over, 0.0f), most + over)) {
+        step = solve_round(mixer, free, step, turn, r);
+    } else {
+        const range end = desaturate(mixer, p, wrench, r, &free, &out->saturation);
+        step = tc_clamp(solve_round(mixer, free, step, turn, r), end.low - free, end.high - free);
     }
-    for (int i = 0; i < TC_ROTORS; i++) {
-        const float wanted = r[i].speed_rad_s + 0.5f * change * r[i].speed_per_n * mixer->free_gain[i];
-        const float n = tc_clamp(wanted, p->rotor_min_rad_s, p->rotor_max_rad_s);
-        if (tc_abs(n - wanted) > 1e-3f * n) d.saturation |= TC_SATURATED_ROTOR;
-        out->rotor_speed_rad_s[i] = n;
-    }
-    out->saturation = d.saturation;
+    speeds(mixer, r, step, out->rotor_speed_rad_s);
+    if (!all_between(out->rotor_speed_rad_s, least, most)) out->saturation |= clip(p, out->rotor_speed_rad_s);
 }

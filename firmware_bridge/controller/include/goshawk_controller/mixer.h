@@ -1,9 +1,10 @@
 /* Wrench to rotor speeds: the exact inverse of eqs. (1)-(3), without a table.
 
-   Collective, roll and pitch are linear in the four thrusts; one direction is left free and is set so that
-   sum spin_i c_q n_i^2 is the wanted yaw torque. Thrust to speed is explicit once the induced velocity is known, and
-   that is a Newton iteration with a fixed number of steps. When the rotors cannot give all of it, torque about x and y
-   comes first, then the collective, then yaw, which keeps a guaranteed share. */
+   Collective, roll and pitch are linear in the four thrusts; one direction of thrusts is left free and is set so that
+   sum spin_i c_q n_i^2 is the wanted yaw torque. Induced velocities, speeds and the free direction are found together by
+   Newton's method, always in the same number of rounds. A demand that the rotors can meet is met exactly. When they
+   cannot give all of it, torque about x and y comes first, then the collective, then yaw, which keeps a guaranteed
+   share. */
 #ifndef GOSHAWK_CONTROLLER_MIXER_H
 #define GOSHAWK_CONTROLLER_MIXER_H
 
@@ -21,23 +22,29 @@ enum {
     TC_SATURATED_INPUT = 16      /* the position loop's demand was limited */
 };
 
+/* One rotor. What turns newtons and metres per second into the units of mixer.c is multiplied in already. */
+typedef struct {
+    float arm_x_m, arm_y_m;                           /* hub relative to the centre of mass */
+    float per_collective, per_torque_x, per_torque_y; /* load of least norm for each of the three */
+    float free;                                       /* loads that change none of the three, per newton of the largest */
+    float per_free;                                   /* its reciprocal */
+    float free_slope;                                 /* `free` times half of load_factor */
+    float spin;
+} tc_mixer_rotor;
+
 /* What follows from the parameters alone; made once by tc_mixer_configure. */
 typedef struct {
-    float from_wrench[TC_ROTORS][3]; /* thrusts of least norm for (collective, torque x, torque y) */
-    float free[TC_ROTORS];           /* the direction of thrusts that changes none of the three; largest entry 1 */
-    float per_lift[TC_ROTORS];       /* reciprocals of from_wrench[i][0], of free, of the rotor gains */
-    float per_free[TC_ROTORS];
-    float per_gain[TC_ROTORS];
-    float free_gain[TC_ROTORS]; /* 2 free / gain: the slope of n^2 in the free direction takes this factor */
-    float yaw_per_free;         /* sum spin_i free_i, and its sign */
-    float yaw_sign;
-    float free_per_yaw;       /* first guess of the multiple of `free` per N m of yaw */
-    float arm_x_m[TC_ROTORS]; /* hub relative to the centre of mass */
-    float arm_y_m[TC_ROTORS];
-    float square, through, axial; /* T = square n^2 + (through (v_z + v_ind) + axial v_z) n */
-    float lateral;                /* 1 when v_xy counts in eq. (2), else 0 */
-    float half_per_square, four_square;
-    float per_load;         /* 1 / (2 rho A) */
+    tc_mixer_rotor rotor[TC_ROTORS];
+    float free_per_yaw;    /* first guess of the multiple of `free` per N m of yaw */
+    float turn_per_yaw;    /* wanted sum of spin times squared speed, per N m of yaw */
+    float unit_m_s;        /* one metre per second */
+    float load_factor;     /* 4 a times the thrust of a unit of load */
+    float axial;           /* linear term of the thrust law per unit of v_z */
+    float lateral;         /* 1 when v_xy counts in eq. (2), else 0 */
+    float lift;            /* load per squared lateral air speed */
+    float guard;           /* keeps the Newton step finite */
+    float per_speed;       /* 1 / 2 a: rad/s per unit of speed */
+    float speed_unit;      /* 2 a */
     float largest_thrust_n; /* of all four, hovering */
 } tc_mixer;
 
@@ -48,8 +55,7 @@ typedef struct {
 
 typedef struct {
     float rotor_speed_rad_s[TC_ROTORS];
-    float rotor_thrust_n[TC_ROTORS]; /* what each rotor was asked for, after desaturation */
-    uint8_t saturation;              /* TC_SATURATED_ bits */
+    uint8_t saturation; /* TC_SATURATED_ bits */
 } tc_mix;
 
 /* TC_SINGULAR_GEOMETRY when the four rotors cannot produce an arbitrary wrench. */
