@@ -153,7 +153,7 @@ static void describe(tc_controller* c) {
     const tc_trajectory* active = tc_store_active(&c->store);
     t->state = c->mission.state;
     t->reason = c->mission.reason;
-    t->path_rate = tc_mission_on_path(t->state) ? c->clock.rate : 0.0f;
+    t->path_rate = tc_mission_on_path(t->state) ? c->clock.rate[0] : 0.0f;
     t->path_time_us = c->clock.path_us;
     t->trajectory_id = active != NULL ? active->header.id : 0u;
     t->trajectory_crc32 = active != NULL ? active->header.crc32 : 0u;

@@ -10,7 +10,7 @@
 
 void tc_clock_start(tc_clock* clock, float rate) {
     memset(clock, 0, sizeof *clock);
-    clock->rate = rate;
+    clock->rate[0] = rate;
     clock->target_rate = rate;
 }
 
@@ -28,7 +28,7 @@ static void flat_ending_quintic(float value, float slope, float curvature, float
 }
 
 void tc_clock_retarget(tc_clock* clock, float target_rate, float ramp_s) {
-    flat_ending_quintic(clock->rate, clock->rate_1_s * ramp_s, clock->rate_1_s2 * ramp_s * ramp_s, target_rate,
+    flat_ending_quintic(clock->rate[0], clock->rate[1] * ramp_s, clock->rate[2] * ramp_s * ramp_s, target_rate,
                         clock->ramp_quintic);
     clock->target_rate = target_rate;
     clock->ramp_s = ramp_s;
@@ -39,10 +39,10 @@ static void advance_rate(tc_clock* clock, float step_s) {
     clock->ramp_elapsed_s += step_s;
     if (clock->ramp_elapsed_s >= clock->ramp_s) {
         clock->ramp_s = 0.0f;
-        clock->rate = clock->target_rate;
-        clock->rate_1_s = 0.0f;
-        clock->rate_1_s2 = 0.0f;
-        clock->rate_1_s3 = 0.0f;
+        clock->rate[0] = clock->target_rate;
+        clock->rate[1] = 0.0f;
+        clock->rate[2] = 0.0f;
+        clock->rate[3] = 0.0f;
         return;
     }
     const float inverse = 1.0f / clock->ramp_s;
@@ -54,10 +54,10 @@ static void advance_rate(tc_clock* clock, float step_s) {
         d1 = d1 * u + d0;
         d0 = d0 * u + clock->ramp_quintic[i];
     }
-    clock->rate = d0;
-    clock->rate_1_s = d1 * inverse;
-    clock->rate_1_s2 = 2.0f * d2 * inverse * inverse;
-    clock->rate_1_s3 = 6.0f * d3 * inverse * inverse * inverse;
+    clock->rate[0] = d0;
+    clock->rate[1] = d1 * inverse;
+    clock->rate[2] = 2.0f * d2 * inverse * inverse;
+    clock->rate[3] = 6.0f * d3 * inverse * inverse * inverse;
 }
 
 /* At most one segment on, or one back: segments outlast the longest step. */
@@ -72,11 +72,11 @@ static void move_cursor(tc_clock* clock, const tc_trajectory* trajectory) {
 
 void tc_clock_advance(tc_clock* clock, const tc_trajectory* trajectory, float step_s) {
     const float step = tc_clamp(step_s, 0.0f, LONGEST_STEP_S);
-    const float rate_before = clock->rate;
-    const float slope_before = clock->rate_1_s;
+    const float rate_before = clock->rate[0];
+    const float slope_before = clock->rate[1];
     if (clock->ramp_s > 0.0f) advance_rate(clock, step);
     /* Corrected trapezoid: exact for a cubic rate. */
-    const float mean = 0.5f * (rate_before + clock->rate) + step * (slope_before - clock->rate_1_s) * (1.0f / 12.0f);
+    const float mean = 0.5f * (rate_before + clock->rate[0]) + step * (slope_before - clock->rate[1]) * (1.0f / 12.0f);
     const float part = tc_max(clock->path_part_us + 1e6f * step * mean, 0.0f);
     const uint32_t whole = (uint32_t)part;
     const uint32_t duration_us = tc_trajectory_duration_us(trajectory);
@@ -89,30 +89,14 @@ void tc_clock_advance(tc_clock* clock, const tc_trajectory* trajectory, float st
     move_cursor(clock, trajectory);
 }
 
-bool tc_clock_standing(const tc_clock* clock) { return clock->ramp_s <= 0.0f && clock->rate < STANDING_RATE; }
+bool tc_clock_standing(const tc_clock* clock) { return clock->ramp_s <= 0.0f && clock->rate[0] < STANDING_RATE; }
 
 bool tc_clock_finished(const tc_clock* clock, const tc_trajectory* trajectory) {
     return clock->path_us >= tc_trajectory_duration_us(trajectory);
 }
 
 void tc_clock_setpoint(const tc_clock* clock, const tc_trajectory* trajectory, tc_setpoint* out) {
-    tc_trajectory_evaluate(trajectory, clock->segment, clock->path_us, clock->path_part_us, out);
-    const float r = clock->rate, r1 = clock->rate_1_s, r2 = clock->rate_1_s2, r3 = clock->rate_1_s3;
-    const float rr = r * r;
-    const float jerk_a = 3.0f * r * r1;
-    const float snap_j = 6.0f * rr * r1;
-    const float snap_a = 4.0f * r * r2 + 3.0f * r1 * r1;
-    for (int i = 0; i < 3; i++) {
-        const float v = out->velocity_world_m_s[i], a = out->acceleration_world_m_s2[i];
-        const float j = out->jerk_world_m_s3[i], s = out->snap_world_m_s4[i];
-        out->velocity_world_m_s[i] = v * r;
-        out->acceleration_world_m_s2[i] = a * rr + v * r1;
-        out->jerk_world_m_s3[i] = j * rr * r + a * jerk_a + v * r2;
-        out->snap_world_m_s4[i] = s * rr * rr + j * snap_j + a * snap_a + v * r3;
-    }
-    const float yaw_rate = out->yaw_rate_rad_s;
-    out->yaw_rate_rad_s = yaw_rate * r;
-    out->yaw_acceleration_rad_s2 = out->yaw_acceleration_rad_s2 * rr + yaw_rate * r1;
+    tc_trajectory_evaluate_running(trajectory, clock->segment, clock->path_us, clock->path_part_us, clock->rate, out);
 }
 
 /* The septic over u in [0, 1] that starts with given value and first three derivatives (per u) and ends at rest. */

@@ -3,40 +3,26 @@
 
 #include "maths.h"
 
-/* One polynomial and its derivatives by repeated Horner; derivative[k] comes out divided by k!. */
-static void horner(const float* coefficient, uint32_t count, float s, float derivative[5]) {
-    float d0 = coefficient[count - 1u], d1 = 0.0f, d2 = 0.0f, d3 = 0.0f, d4 = 0.0f;
-    for (uint32_t i = count - 1u; i > 0u; i--) {
-        d4 = d4 * s + d3;
-        d3 = d3 * s + d2;
-        d2 = d2 * s + d1;
-        d1 = d1 * s + d0;
-        d0 = d0 * s + coefficient[i - 1u];
+/* Derivatives of a polynomial at x by repeated synthetic division, with x divided out: the coefficients are multiplied
+   by powers of x first, so that only additions are left (Shaw and Traub 1974). derivative[k] comes out times x^k / k!. */
+static inline void derivatives(const float coefficient[TC_MAX_COEFFICIENTS], const float power[TC_MAX_COEFFICIENTS],
+                               int count, float derivative[5]) {
+    float sum[TC_MAX_COEFFICIENTS];
+    sum[0] = coefficient[0];
+    for (int i = 1; i < TC_MAX_COEFFICIENTS; i++) sum[i] = coefficient[i] * power[i];
+    for (int k = 0; k < count; k++) {
+        for (int i = TC_MAX_COEFFICIENTS - 2; i >= k; i--) sum[i] += sum[i + 1];
+        derivative[k] = sum[k];
     }
-    derivative[0] = d0;
-    derivative[1] = d1;
-    derivative[2] = d2;
-    derivative[3] = d3;
-    derivative[4] = d4;
 }
 
-/* The same for yaw, which needs no more than its second derivative. */
-static void horner2(const float* coefficient, uint32_t count, float s, float derivative[3]) {
-    float d0 = coefficient[count - 1u], d1 = 0.0f, d2 = 0.0f;
-    for (uint32_t i = count - 1u; i > 0u; i--) {
-        d2 = d2 * s + d1;
-        d1 = d1 * s + d0;
-        d0 = d0 * s + coefficient[i - 1u];
-    }
-    derivative[0] = d0;
-    derivative[1] = d1;
-    derivative[2] = d2;
-}
+/* Closer than this to a segment's middle, relative to its half, x is taken to be this: 0.1 mm at 12 m/s in the longest
+   segment, and nothing to speak of in others. Division by the powers of x stays within float32. */
+#define SMALLEST_X 2.4e-7f
 
-void tc_trajectory_evaluate(const tc_trajectory* trajectory, uint16_t index, uint32_t time_us, float part_us,
-                            tc_setpoint* out) {
+void tc_trajectory_evaluate_running(const tc_trajectory* trajectory, uint16_t index, uint32_t time_us, float part_us,
+                                    const float path_rate[4], tc_setpoint* out) {
     const tc_segment* segment = &trajectory->segment[index];
-    const uint32_t count = trajectory->header.coefficient_count;
     const uint32_t start_us = trajectory->start_us[index];
     const uint32_t duration_us = segment->duration_us;
     const uint32_t since_us = time_us > start_us ? time_us - start_us : 0u;
@@ -44,23 +30,35 @@ void tc_trajectory_evaluate(const tc_trajectory* trajectory, uint16_t index, uin
     const float inverse_us = 1.0f / (float)duration_us;
     /* Centre in integers first: float32 has no room for microseconds in a minute. */
     const int32_t centred_us = 2 * (int32_t)local_us - (int32_t)duration_us;
-    const float s = tc_clamp(((float)centred_us + 2.0f * part_us) * inverse_us, -1.0f, 1.0f);
-    const float k1 = 2e6f * inverse_us; /* ds/dt */
-    const float k2 = k1 * k1, k3 = k2 * k1, k4 = k2 * k2;
+    const float s = tc_min(((float)centred_us + 2.0f * part_us) * inverse_us, 1.0f);
+    float power[TC_MAX_COEFFICIENTS], d[5];
+    power[0] = 1.0f;
+    power[1] = tc_abs(s) > SMALLEST_X ? s : SMALLEST_X;
+    for (int i = 2; i < TC_MAX_COEFFICIENTS; i++) power[i] = power[i - 1] * power[1];
+    /* Derivatives of x over x by time; the chain rule takes the path's rate in at the same time. */
+    const float per_s = 2e6f * inverse_us / power[1];
+    const float u1 = per_s * path_rate[0], u2 = per_s * path_rate[1], u3 = per_s * path_rate[2];
+    const float u4 = per_s * path_rate[3], u11 = u1 * u1, u12 = 6.0f * u1 * u2;
+    const float a2 = 2.0f * u11, j3 = 6.0f * u11 * u1, s4 = 24.0f * u11 * u11;
+    const float s3 = 6.0f * u1 * u12, s2 = 8.0f * u1 * u3 + 6.0f * u2 * u2;
     for (int axis = 0; axis < 3; axis++) {
-        float d[5];
-        horner(segment->coefficient[axis], count, s, d);
+        derivatives(segment->coefficient[axis], power, 5, d);
         out->position_world_m[axis] = d[0];
-        out->velocity_world_m_s[axis] = d[1] * k1;
-        out->acceleration_world_m_s2[axis] = 2.0f * d[2] * k2;
-        out->jerk_world_m_s3[axis] = 6.0f * d[3] * k3;
-        out->snap_world_m_s4[axis] = 24.0f * d[4] * k4;
+        out->velocity_world_m_s[axis] = d[1] * u1;
+        out->acceleration_world_m_s2[axis] = d[2] * a2 + d[1] * u2;
+        out->jerk_world_m_s3[axis] = d[3] * j3 + d[2] * u12 + d[1] * u3;
+        out->snap_world_m_s4[axis] = d[4] * s4 + d[3] * s3 + d[2] * s2 + d[1] * u4;
     }
-    float yaw[3];
-    horner2(segment->coefficient[3], count, s, yaw);
-    out->yaw_rad = yaw[0];
-    out->yaw_rate_rad_s = yaw[1] * k1;
-    out->yaw_acceleration_rad_s2 = 2.0f * yaw[2] * k2;
+    derivatives(segment->coefficient[3], power, 3, d);
+    out->yaw_rad = d[0];
+    out->yaw_rate_rad_s = d[1] * u1;
+    out->yaw_acceleration_rad_s2 = d[2] * a2 + d[1] * u2;
+}
+
+void tc_trajectory_evaluate(const tc_trajectory* trajectory, uint16_t index, uint32_t time_us, float part_us,
+                            tc_setpoint* out) {
+    static const float true_time[4] = {1.0f, 0.0f, 0.0f, 0.0f};
+    tc_trajectory_evaluate_running(trajectory, index, time_us, part_us, true_time, out);
 }
 
 uint16_t tc_trajectory_find(const tc_trajectory* trajectory, uint32_t time_us) {

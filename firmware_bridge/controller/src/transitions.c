@@ -25,7 +25,7 @@ static void setpoint_here(tc_controller* c) {
 }
 
 float tc_ramp_s(const tc_controller* c, float change) {
-    const float speed = tc_norm(c->telemetry.setpoint.velocity_world_m_s) / tc_max(c->clock.rate, 0.1f);
+    const float speed = tc_norm(c->telemetry.setpoint.velocity_world_m_s) / tc_max(c->clock.rate[0], 0.1f);
     return tc_max(RAMP_PEAK * speed * tc_abs(change) / c->parameters.brake_m_s2, RAMP_SHORTEST_S);
 }
 
@@ -59,7 +59,7 @@ static void enter_landing(tc_controller* c) {
     c->touching_since_us = c->telemetry.time_us;
 }
 
-static void slow_down(tc_controller* c) { tc_clock_retarget(&c->clock, 0.0f, tc_ramp_s(c, c->clock.rate)); }
+static void slow_down(tc_controller* c) { tc_clock_retarget(&c->clock, 0.0f, tc_ramp_s(c, c->clock.rate[0])); }
 
 static void enter(tc_controller* c) {
     const uint8_t from = c->mission.previous_state;
@@ -77,7 +77,7 @@ static void enter(tc_controller* c) {
             if (from == TC_APPROACH) {
                 tc_clock_start(&c->clock, c->time_scale);
             } else {
-                tc_clock_retarget(&c->clock, c->time_scale, tc_ramp_s(c, c->time_scale - c->clock.rate));
+                tc_clock_retarget(&c->clock, c->time_scale, tc_ramp_s(c, c->time_scale - c->clock.rate[0]));
             }
             break;
         case TC_PAUSING:

@@ -15,10 +15,7 @@ extern "C" {
 typedef struct {
     uint32_t path_us;   /* whole microseconds of path time */
     float path_part_us; /* [0, 1) on top */
-    float rate;         /* d path time / d time, and its derivatives */
-    float rate_1_s;     /* per second */
-    float rate_1_s2;
-    float rate_1_s3;
+    float rate[4];      /* d path time / d time, and its first three derivatives */
     float target_rate;
     float ramp_s; /* duration of the running change of rate; 0 = none */
     float ramp_elapsed_s;
