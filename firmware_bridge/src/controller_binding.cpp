@@ -242,22 +242,31 @@ std::tuple<Out, int> mixer(In<float, any> parameters, In<float, any, 4> wrench, 
     return {out, static_cast<int>(reason)};
 }
 
-// Rows in: force 3, its two derivatives 3 + 3, yaw, yaw rate, yaw acceleration. Rows out: q 4, rate 3, acceleration 3.
-Out flatness(In<float, any> parameters, In<float, any, 12> inputs, float weight_n, float step_s) {
+// Rows in: force 3, its two derivatives 3 + 3, yaw, yaw rate, yaw acceleration. Rows out: q 4, and rate 3 and angular
+// acceleration 3 in world axes.
+Out flatness(In<float, any> parameters, In<float, any, 12> inputs, float step_s) {
     const tc_parameters p = parameters_from(parameters.data(), parameters.shape(0));
     tc_flatness_state state{};
     float* data = nullptr;
     Out out = make(inputs.shape(0), 10, data);
     for (size_t i = 0; i < inputs.shape(0); i++) {
-        tc_flat_input in{};
-        std::memcpy(&in, inputs.data() + 12 * i, sizeof in);
-        tc_attitude_reference reference{};
-        tc_flatness_step(&state, &p, &in, weight_n, step_s, &reference);
-        std::memcpy(data + 10 * i, &reference, sizeof reference);
+        const float* row = inputs.data() + 12 * i;
+        tc_setpoint setpoint{};
+        for (int j = 0; j < 3; j++) {
+            setpoint.jerk_world_m_s3[j] = row[3 + j] / p.mass_kg;
+            setpoint.snap_world_m_s4[j] = row[6 + j] / p.mass_kg;
+        }
+        setpoint.yaw_rad = row[9];
+        setpoint.yaw_rate_rad_s = row[10];
+        setpoint.yaw_acceleration_rad_s2 = row[11];
+        tc_turning turning{};
+        tc_flatness_step(&state, &p, row, &setpoint, step_s, &turning);
+        std::memcpy(data + 10 * i, state.q_reference, 16);
+        std::memcpy(data + 10 * i + 4, turning.rate_world_rad_s, 12);
+        std::memcpy(data + 10 * i + 7, turning.acceleration_world_rad_s2, 12);
     }
     return out;
 }
-static_assert(sizeof(tc_flat_input) == 48 && sizeof(tc_attitude_reference) == 40);
 
 }  // namespace
 
@@ -268,7 +277,7 @@ void bind_controller(nb::module_& m) {
     m.def("trajectory_crc32", &trajectory_crc32, "id"_a, "policy"_a, "durations_us"_a, "coefficients"_a);
     m.def("evaluate", &evaluate, "durations_us"_a, "coefficients"_a, "times_us"_a);
     m.def("mixer", &mixer, "parameters"_a, "wrench"_a, "air_velocity_body_m_s"_a, "rate_body_rad_s"_a);
-    m.def("flatness", &flatness, "parameters"_a, "inputs"_a, "weight_n"_a, "step_s"_a);
+    m.def("flatness", &flatness, "parameters"_a, "inputs"_a, "step_s"_a);
     m.attr("MAX_SEGMENTS") = TC_MAX_SEGMENTS;
     m.attr("MAX_COEFFICIENTS") = TC_MAX_COEFFICIENTS;
     nb::class_<Controller>(m, "Controller")

@@ -39,7 +39,14 @@ class NominalPlant {
             {1 - 2 * (q[2] * q[2] + q[3] * q[3]), 2 * (q[1] * q[2] + q[0] * q[3]), 2 * (q[1] * q[3] - q[0] * q[2])},
             {2 * (q[1] * q[2] - q[0] * q[3]), 1 - 2 * (q[1] * q[1] + q[3] * q[3]), 2 * (q[2] * q[3] + q[0] * q[1])},
             {2 * (q[1] * q[3] + q[0] * q[2]), 2 * (q[2] * q[3] - q[0] * q[1]), 1 - 2 * (q[1] * q[1] + q[2] * q[2])}};
-        tc_drag(&p, velocity, axes, thrust, 0.0f, drag);
+        float velocity_body[3], drag_body[3];
+        for (int i = 0; i < 3; i++) {
+            velocity_body[i] = axes[i][0] * velocity[0] + axes[i][1] * velocity[1] + axes[i][2] * velocity[2];
+        }
+        tc_drag(&p, velocity_body, thrust, 0.0f, drag_body);
+        for (int i = 0; i < 3; i++) {
+            drag[i] = axes[0][i] * drag_body[0] + axes[1][i] * drag_body[1] + axes[2][i] * drag_body[2];
+        }
         const float* z = axes[2];
         for (int i = 0; i < 3; i++) {
             const float weight = i == 2 ? p.gravity_m_s2 : 0.0f;

@@ -67,7 +67,7 @@ vectors = st.tuples(*[st.floats(-8.0, 8.0) for _ in range(3)]).map(np.array)
 @given(vectors, st.floats(-20.0, 20.0))
 def test_attitude_points_the_thrust_and_keeps_the_heading(acceleration, yaw):
     force = 0.7 * (acceleration + np.array([0.0, 0.0, 12.0]))
-    row = _controller.flatness(PARAMETERS, _flat(force, np.zeros(3), np.zeros(3), yaw)[None], 6.87, 1e-3)[0]
+    row = _controller.flatness(PARAMETERS, _flat(force, np.zeros(3), np.zeros(3), yaw)[None], 1e-3)[0]
     q = row[:4].astype(np.float64)
     axis = force / np.linalg.norm(force)
     twin = vehicle.flatness.hopf(axis[None], np.array([yaw]))[0]
@@ -81,7 +81,7 @@ def test_rates_are_the_derivatives_of_the_attitude():
     for _ in range(50):
         f0, f1, f2 = rng.uniform(-3, 3, (3, 3)) * [[1], [8], [30]] + [[0, 0, 8], [0, 0, 0], [0, 0, 0]]
         y0, y1, y2 = rng.uniform(-2, 2, 3)
-        row = _controller.flatness(PARAMETERS, _flat(f0, f1, f2, y0, y1, y2)[None], 6.87, 1e-3)[0]
+        row = _controller.flatness(PARAMETERS, _flat(f0, f1, f2, y0, y1, y2)[None], 1e-3)[0]
 
         def attitude(t, f0=f0, f1=f1, f2=f2, y0=y0, y1=y1, y2=y2):
             force = f0 + f1 * t + 0.5 * f2 * t * t
@@ -92,8 +92,10 @@ def test_rates_are_the_derivatives_of_the_attitude():
             return rotations.log(rotations.multiply(rotations.conjugate(attitude(t - h)), attitude(t + h))) / (2 * h)
 
         bend = (rate(1e-4) - rate(-1e-4)) / 2e-4
-        assert np.abs(row[4:7] - rate(0.0)).max() < 1e-4 * max(1.0, np.abs(rate(0.0)).max())
-        assert np.abs(row[7:10] - bend).max() < 1e-3 * max(1.0, np.abs(bend).max())
+        back = rotations.conjugate(row[:4].astype(np.float64))
+        turning, turning_more = (rotations.rotate(back, row[k : k + 3].astype(np.float64)) for k in (4, 7))
+        assert np.abs(turning - rate(0.0)).max() < 1e-4 * max(1.0, np.abs(rate(0.0)).max())
+        assert np.abs(turning_more - bend).max() < 1e-3 * max(1.0, np.abs(bend).max())
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.02, 0.3])
@@ -105,7 +107,7 @@ def test_a_loop_turns_the_reference_no_faster_than_the_axis(offset):
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
     inputs = np.zeros((len(angle), 12), np.float32)
     inputs[:, :3] = 6.87 * axis
-    q = _controller.flatness(PARAMETERS, inputs, 6.87, step_s)[:, :4].astype(np.float64)
+    q = _controller.flatness(PARAMETERS, inputs, step_s)[:, :4].astype(np.float64)
     turn = rotations.angle_between(q[:-1], q[1:])
     motion = np.arccos(np.clip((axis[:-1] * axis[1:]).sum(1), -1, 1))
     assert (turn <= 1.05 * motion + yaw_slew * step_s + 1e-3).all()  # 1e-3 rad: float32 in the angle between two q
@@ -118,7 +120,7 @@ def test_free_fall_holds_the_axis():
     direction = np.where(t[:, None] < 1, [0.0, 0.0, 1.0], [0.6, 0.0, 0.8])
     inputs = np.zeros((len(t), 12), np.float32)
     inputs[:, :3] = size[:, None] * direction
-    q = _controller.flatness(PARAMETERS, inputs, 6.87, 1e-3)[:, :4].astype(np.float64)
+    q = _controller.flatness(PARAMETERS, inputs, 1e-3)[:, :4].astype(np.float64)
     limit = controller.PARAMETERS["tilt_slew_rad_s"].preset * 1e-3
     assert rotations.angle_between(q[:-1], q[1:]).max() < limit + 1e-3
     assert np.abs(rotations.rotate(q[-1], [0.0, 0.0, 1.0]) - [0.6, 0.0, 0.8]).max() < 1e-5
@@ -207,3 +209,13 @@ def test_singular_geometry_is_refused():
             controller.Controller(controller.Configuration(values))
     with pytest.raises(controller.RefusedError, match="carry the mass"):
         controller.Controller(controller.Configuration({**base, "mass_kg": 5.0}))
+
+
+def test_a_tilt_torque_that_asks_for_negative_thrusts_raises_the_collective():
+    zero = np.zeros((1, 3), np.float32)
+    rows, _ = _controller.mixer(PARAMETERS, np.array([[0.5, 0.3, 0.0, 0.0]], np.float32), zero, zero)
+    model = VEHICLE.without_effect("parasitic_drag")
+    force, moment = vehicle.wrench(model, np.zeros((1, 3)), np.zeros((1, 3)), rows[:, :4].astype(np.float64))
+    assert int(rows[0, 4]) & controller.SATURATION["collective"]
+    assert moment[0] == pytest.approx([0.3, 0.0, 0.0], abs=0.02)
+    assert 1.7 < force[0, 2] < 4.0

@@ -3,55 +3,57 @@
 
 #include "maths.h"
 
-/* Rotation vector of the missing turn, thrust axis first: twice the sines of the two half angles. */
-static void tilt_error(const float difference[4], float error[3]) {
-    const float w = difference[0], x = difference[1], y = difference[2], z = difference[3];
-    const float size = sqrtf(w * w + z * z);
-    if (size < 1e-4f) { /* upside down: any horizontal axis will do */
+/* Twice the sines of the half angles of the missing turn, thrust axis first: `axis` is the reference's z axis in body
+   axes; w and z of conjugate(q) * q_reference give the turn about it. */
+static inline void tilt_error(const float q[4], const float r[4], const float axis[3], float error[3]) {
+    const float above = 1.0f + axis[2];
+    if (above < 1e-6f) { /* upside down: any horizontal axis will do */
         error[0] = 2.0f;
         error[1] = 0.0f;
         error[2] = 0.0f;
         return;
     }
-    const float scale = 2.0f / size;
-    error[0] = scale * (w * x - y * z);
-    error[1] = scale * (w * y + x * z);
-    error[2] = scale * (w < 0.0f ? -z : z);
+    const float w = q[0] * r[0] + q[1] * r[1] + q[2] * r[2] + q[3] * r[3];
+    const float z = q[0] * r[3] - q[3] * r[0] - q[1] * r[2] + q[2] * r[1];
+    const float scale = sqrtf(2.0f / above);
+    error[0] = -axis[1] * scale;
+    error[1] = axis[0] * scale;
+    error[2] = (w < 0.0f ? -scale : scale) * z;
 }
 
 /* Lee et al. 2010, eq. (10): half the vee of Rd^T R - R^T Rd, turned round to point at what is missing. */
-static void lee_error(const float difference[4], float error[3]) {
+static __attribute__((noinline)) void lee_error(const float q[4], const float r[4], float error[3]) {
+    float difference[4];
+    tc_q_difference(q, r, difference);
     for (int i = 0; i < 3; i++) error[i] = 2.0f * difference[0] * difference[i + 1];
 }
 
-void tc_attitude_step(const tc_parameters* p, const tc_attitude_reference* reference, const float q_world_body[4],
-                      const float rate_body_rad_s[3], float torque_body_n_m[3]) {
-    float axes[3][3];
-    float difference[4], error[3], feed_rate[3], feed_acceleration[3], momentum[3], gyroscopic[3];
-    tc_q_difference(q_world_body, reference->q_world_body, difference);
+void tc_attitude_step(const tc_parameters* p, const tc_flatness_state* reference, const float q_world_body[4],
+                      float axes[3][3], const float rate[3], const float feed_rate[3], const float feed_acceleration[3],
+                      float torque_body_n_m[3]) {
+    float axis[3], error[3];
     if (p->attitude_mode > 0.5f) {
-        lee_error(difference, error);
+        lee_error(q_world_body, reference->q_reference, error);
     } else {
-        tilt_error(difference, error);
+        tc_to_body(axes, reference->axis, axis);
+        tilt_error(q_world_body, reference->q_reference, axis, error);
     }
-    /* Feed-forward is given in the reference's axes; bring it into the body's. */
-    tc_q_axes(difference, axes);
-    tc_to_world(axes, reference->rate_body_rad_s, feed_rate);
-    tc_to_world(axes, reference->angular_acceleration_rad_s2, feed_acceleration);
-    for (int i = 0; i < 3; i++) momentum[i] = p->inertia_kg_m2[i] * rate_body_rad_s[i];
-    tc_cross(rate_body_rad_s, momentum, gyroscopic);
+    const float* inertia = p->inertia_kg_m2;
+    const float gyroscopic[3] = {(inertia[2] - inertia[1]) * rate[1] * rate[2],
+                                 (inertia[0] - inertia[2]) * rate[2] * rate[0],
+                                 (inertia[1] - inertia[0]) * rate[0] * rate[1]};
     for (int i = 0; i < 3; i++) {
         const float kp = i < 2 ? p->att_kp_xy_1_s2 : p->att_kp_z_1_s2;
         const float kd = i < 2 ? p->att_kd_xy_1_s : p->att_kd_z_1_s;
-        const float wanted = kp * error[i] + kd * (p->feed_rate * feed_rate[i] - rate_body_rad_s[i]) +
+        const float wanted = kp * error[i] + kd * (p->feed_rate * feed_rate[i] - rate[i]) +
                              p->feed_torque * feed_acceleration[i];
-        torque_body_n_m[i] = p->inertia_kg_m2[i] * wanted + gyroscopic[i];
+        torque_body_n_m[i] = inertia[i] * wanted + gyroscopic[i];
     }
 }
 
-void tc_modelled_moment(const tc_parameters* p, const tc_mixer* mixer, const float air_velocity_body_m_s[3],
-                        const float rate_body_rad_s[3], const float rotor_speed_rad_s[TC_ROTORS],
-                        float moment_body_n_m[3]) {
+void tc_cancel_moments(const tc_parameters* p, const tc_mixer* mixer, const float air_velocity_body_m_s[3],
+                       const float rate_body_rad_s[3], const float rotor_speed_rad_s[TC_ROTORS],
+                       float torque_body_n_m[3]) {
     float sum = 0.0f, sum_x = 0.0f, sum_y = 0.0f, sum_xx = 0.0f; /* of speeds, and of speeds times arms */
     for (int i = 0; i < TC_ROTORS; i++) {
         const float n = rotor_speed_rad_s[i], x = mixer->rotor[i].arm_x_m, y = mixer->rotor[i].arm_y_m;
@@ -62,7 +64,12 @@ void tc_modelled_moment(const tc_parameters* p, const tc_mixer* mixer, const flo
     }
     const float vx = air_velocity_body_m_s[0], vy = air_velocity_body_m_s[1], wz = rate_body_rad_s[2];
     const float drag_moment = vy * sum_x - vx * sum_y + wz * sum_xx;
-    moment_body_n_m[0] = -p->damping_n_m_s[0] * rate_body_rad_s[0] - p->flapping_kg_m * (vy * sum + wz * sum_x);
-    moment_body_n_m[1] = -p->damping_n_m_s[1] * rate_body_rad_s[1] + p->flapping_kg_m * (vx * sum - wz * sum_y);
-    moment_body_n_m[2] = -p->damping_n_m_s[2] * wz - p->rotor_drag_kg * drag_moment;
+    torque_body_n_m[0] += p->damping_n_m_s[0] * rate_body_rad_s[0] + p->flapping_kg_m * (vy * sum + wz * sum_x);
+    torque_body_n_m[1] += p->damping_n_m_s[1] * rate_body_rad_s[1] - p->flapping_kg_m * (vx * sum - wz * sum_y);
+    torque_body_n_m[2] += p->damping_n_m_s[2] * wz + p->rotor_drag_kg * drag_moment;
+}
+
+bool tc_has_moments(const tc_parameters* p) {
+    return tc_dot(p->damping_n_m_s, p->damping_n_m_s) > 0.0f || tc_abs(p->flapping_kg_m) > 0.0f ||
+           p->rotor_drag_kg > 0.0f;
 }

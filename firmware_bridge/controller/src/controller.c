@@ -11,12 +11,12 @@ void tc_init(tc_controller* c) {
     tc_store_init(&c->store);
     tc_mission_init(&c->mission);
     tc_parameters_default(&c->parameters);
-    c->last_good.q_world_body[0] = 1.0f;
-    tc_flatness_reset(&c->flatness, c->last_good.q_world_body);
+    c->telemetry.estimate.q_world_body[0] = 1.0f;
+    tc_flatness_reset(&c->flatness, c->telemetry.estimate.q_world_body);
     c->time_scale = 1.0f;
 }
 
-static void make_setpoint(tc_controller* c, float step_s) {
+static inline void make_setpoint(tc_controller* c, float step_s) {
     tc_setpoint* setpoint = &c->telemetry.setpoint;
     const uint8_t state = c->mission.state;
     if (tc_mission_on_path(state)) {
@@ -30,104 +30,102 @@ static void make_setpoint(tc_controller* c, float step_s) {
 }
 
 /* Level, heading kept, a little less thrust than the weight: what attitude alone can do. */
-static void emergency_force(const tc_controller* c, tc_flat_input* flat) {
-    memset(flat, 0, sizeof *flat);
-    flat->force_world_n[2] = c->parameters.emergency_sink * c->parameters.mass_kg * c->parameters.gravity_m_s2;
-    flat->yaw_rad = c->telemetry.setpoint.yaw_rad;
+static __attribute__((noinline)) void emergency_force(tc_controller* c, float force_world_n[3]) {
+    tc_setpoint* setpoint = &c->telemetry.setpoint;
+    const float yaw_rad = setpoint->yaw_rad;
+    memset(setpoint->velocity_world_m_s, 0, sizeof *setpoint - offsetof(tc_setpoint, velocity_world_m_s));
+    setpoint->yaw_rad = yaw_rad;
+    force_world_n[0] = 0.0f;
+    force_world_n[1] = 0.0f;
+    force_world_n[2] = c->parameters.emergency_sink * c->parameters.mass_kg * c->parameters.gravity_m_s2;
 }
 
-static float mean_rotor_speed(const tc_controller* c) {
-    const float* n = c->telemetry.rotor_speed_rad_s;
-    return 0.25f * (n[0] + n[1] + n[2] + n[3]);
-}
-
-static void modelled_drag(tc_controller* c, float drag_world_n[3]) {
-    static const float still[3] = {0.0f, 0.0f, 0.0f};
-    const tc_parameters* p = &c->parameters;
+/* The velocity a compensation works with, in body axes. */
+static inline void chosen_velocity(tc_controller* c, float source, float velocity_body_m_s[3]) {
     const tc_telemetry* t = &c->telemetry;
-    const bool estimated = p->drag_velocity > 1.5f;
-    const float* velocity = estimated ? t->estimate.velocity_world_m_s : t->setpoint.velocity_world_m_s;
-    tc_drag(p, p->drag_velocity < 0.5f ? still : velocity, estimated ? c->axes : c->flatness.axes, t->wrench.thrust_n,
-            mean_rotor_speed(c), drag_world_n);
+    if (source < 0.5f || c->mission.state == TC_EMERGENCY) {
+        for (int i = 0; i < 3; i++) velocity_body_m_s[i] = 0.0f;
+        return;
+    }
+    tc_to_body(c->axes, source > 1.5f ? t->estimate.velocity_world_m_s : t->setpoint.velocity_world_m_s,
+               velocity_body_m_s);
 }
 
-/* Eq. (9) and the derivatives of its feed-forward part. */
-static void flight_force(tc_controller* c, float step_s, tc_flat_input* flat) {
+/* Eq. (9). */
+static inline void flight_force(tc_controller* c, const float velocity_body_m_s[3], float step_s,
+                                float force_world_n[3]) {
+    tc_telemetry* t = &c->telemetry;
+    const float* n = t->rotor_speed_rad_s;
+    float drag[3], drag_world_n[3];
+    tc_drag(&c->parameters, velocity_body_m_s, t->wrench.thrust_n, 0.25f * (n[0] + n[1] + n[2] + n[3]), drag);
+    tc_to_world(c->axes, drag, drag_world_n);
+    const bool limited =
+        tc_position_step(&c->position, &c->parameters, &t->setpoint, t->estimate.position_world_m,
+                         t->estimate.velocity_world_m_s, drag_world_n, 0.95f * c->mixer.largest_thrust_n,
+                         c->mission.state != TC_TAKE_OFF && t->saturation == 0u, step_s, force_world_n);
+    t->saturation = limited ? TC_SATURATED_INPUT : 0u;
+}
+
+/* Thrust vector to attitude, attitude error to torque; the reference's turning is brought into body axes. */
+static __attribute__((noinline)) void steer(tc_controller* c, const float velocity_body_m_s[3], float step_s) {
     const tc_parameters* p = &c->parameters;
-    const tc_setpoint* setpoint = &c->telemetry.setpoint;
-    tc_position_input input = {.largest_thrust_n = c->mixer.largest_thrust_n,
-                               .integrate = c->mission.state != TC_TAKE_OFF && c->telemetry.saturation == 0u};
-    tc_copy(input.position_world_m, c->telemetry.estimate.position_world_m);
-    tc_copy(input.velocity_world_m_s, c->telemetry.estimate.velocity_world_m_s);
-    modelled_drag(c, input.drag_world_n);
-    const bool limited = tc_position_step(&c->position, p, setpoint, &input, step_s, flat->force_world_n);
-    c->telemetry.saturation = limited ? TC_SATURATED_INPUT : 0u;
-    for (int i = 0; i < 3; i++) {
-        flat->force_rate_n_s[i] = p->mass_kg * setpoint->jerk_world_m_s3[i];
-        flat->force_rate2_n_s2[i] = p->mass_kg * setpoint->snap_world_m_s4[i];
+    tc_telemetry* t = &c->telemetry;
+    float force[3], feed_acceleration[3];
+    tc_turning turning;
+    if (c->mission.state == TC_EMERGENCY) {
+        t->saturation = 0u;
+        emergency_force(c, force);
+    } else {
+        flight_force(c, velocity_body_m_s, step_s, force);
     }
-    flat->yaw_rad = setpoint->yaw_rad;
-    flat->yaw_rate_rad_s = setpoint->yaw_rate_rad_s;
-    flat->yaw_acceleration_rad_s2 = setpoint->yaw_acceleration_rad_s2;
+    tc_flatness_step(&c->flatness, p, force, &t->setpoint, step_s, &turning);
+    tc_to_body(c->axes, turning.rate_world_rad_s, t->rate_reference_rad_s);
+    tc_to_body(c->axes, turning.acceleration_world_rad_s2, feed_acceleration);
+    tc_attitude_step(p, &c->flatness, t->estimate.q_world_body, c->axes, t->estimate.rate_body_rad_s,
+                     t->rate_reference_rad_s, feed_acceleration, t->wrench.torque_n_m);
+    t->wrench.thrust_n = tc_max(tc_dot(c->axes[2], force), 0.0f);
+    tc_copy4(t->q_reference, c->flatness.q_reference);
 }
 
-/* Air speed and rates at the rotors, from the source that was chosen. */
-static void airflow(tc_controller* c, const tc_attitude_reference* reference, float air[3], float rate[3]) {
-    const tc_telemetry* t = &c->telemetry;
-    const float source = c->parameters.airflow_velocity;
-    const bool estimated = source > 1.5f;
-    const float on = source > 0.5f && c->mission.state != TC_EMERGENCY ? 1.0f : 0.0f;
-    const float* velocity = estimated ? t->estimate.velocity_world_m_s : t->setpoint.velocity_world_m_s;
-    const float* rates = estimated ? t->estimate.rate_body_rad_s : reference->rate_body_rad_s;
-    tc_to_body(c->axes, velocity, air);
-    for (int i = 0; i < 3; i++) {
-        air[i] *= on;
-        rate[i] = on * rates[i];
-    }
-}
-
-/* Battery sag and rotor lag, taken off the speed command. The lead (lag s + 1) / (filter s + 1) undoes the rotors' lag
+/* Battery sag and rotor lag, taken off the speed commands. The lead (lag s + 1) / (filter s + 1) undoes the rotors' lag
    up to the filter's frequency; the plain inverse would drive the rotors with nothing but sensor noise. */
-static float command_speed(tc_controller* c, int rotor, float wanted, float step_s) {
+static inline void command_speeds(tc_controller* c, const float wanted[TC_ROTORS], float step_s) {
     const tc_parameters* p = &c->parameters;
-    float* slow = &c->slow_speed_rad_s[rotor];
-    if (!c->was_flying) *slow = wanted;
     const float filter_s = tc_max(p->lead_filter_s, step_s);
-    *slow += (wanted - *slow) * tc_min(step_s / filter_s, 1.0f);
-    const float lead = wanted + (p->rotor_lag_s / filter_s) * (wanted - *slow);
+    const float per_filter = 1.0f / filter_s;
+    const float pass = step_s * per_filter, lead = p->rotor_lag_s * per_filter;
     const float battery_v = c->telemetry.estimate.battery_v;
-    const float sag_v = battery_v > 0.0f ? p->battery_reference_v - battery_v : 0.0f;
-    const float speed = lead / tc_max(1.0f - p->battery_gain_1_v * sag_v, 0.5f);
-    return tc_clamp(speed, p->rotor_min_rad_s, p->rotor_max_rad_s);
+    float per_battery = 1.0f;
+    if (battery_v > 0.0f) {
+        per_battery = 1.0f / tc_max(1.0f - p->battery_gain_1_v * (p->battery_reference_v - battery_v), 0.5f);
+    }
+    for (int i = 0; i < TC_ROTORS; i++) {
+        float behind = c->was_flying ? wanted[i] - c->slow_speed_rad_s[i] : 0.0f;
+        behind -= pass * behind;
+        c->slow_speed_rad_s[i] = wanted[i] - behind;
+        c->telemetry.rotor_speed_rad_s[i] =
+            tc_clamp((wanted[i] + lead * behind) * per_battery, p->rotor_min_rad_s, p->rotor_max_rad_s);
+    }
 }
 
 static void fly(tc_controller* c, float step_s) {
+    static const float still[3] = {0.0f, 0.0f, 0.0f};
     const tc_parameters* p = &c->parameters;
     tc_telemetry* t = &c->telemetry;
-    tc_flat_input flat;
-    tc_attitude_reference reference;
-    float torque[3], moment[3], air[3], rate[3];
+    float air[3];
     tc_mix mix;
-    t->saturation = 0;
-    if (c->mission.state == TC_EMERGENCY) {
-        emergency_force(c, &flat);
-    } else {
-        flight_force(c, step_s, &flat);
+    chosen_velocity(c, p->drag_velocity, air);
+    steer(c, air, step_s);
+    const float difference = p->airflow_velocity - p->drag_velocity;
+    if (difference > 0.5f || difference < -0.5f) chosen_velocity(c, p->airflow_velocity, air);
+    const float* rate = p->airflow_velocity > 1.5f ? t->estimate.rate_body_rad_s : t->rate_reference_rad_s;
+    if (p->airflow_velocity < 0.5f || c->mission.state == TC_EMERGENCY) rate = still;
+    if (c->has_moments) {
+        tc_cancel_moments(p, &c->mixer, air, t->estimate.rate_body_rad_s, c->slow_speed_rad_s, t->wrench.torque_n_m);
     }
-    tc_flatness_step(&c->flatness, p, &flat, p->mass_kg * p->gravity_m_s2, step_s, &reference);
-    tc_attitude_step(p, &reference, t->estimate.q_world_body, t->estimate.rate_body_rad_s, torque);
-    airflow(c, &reference, air, rate);
-    tc_modelled_moment(p, &c->mixer, air, t->estimate.rate_body_rad_s, c->wanted_speed_rad_s, moment);
-    t->wrench.thrust_n = tc_max(tc_dot(c->axes[2], flat.force_world_n), 0.0f);
-    for (int i = 0; i < 3; i++) t->wrench.torque_n_m[i] = torque[i] - moment[i];
     tc_mixer_solve(&c->mixer, p, &t->wrench, air, rate, &mix);
     t->saturation |= mix.saturation;
-    for (int i = 0; i < TC_ROTORS; i++) {
-        t->rotor_speed_rad_s[i] = command_speed(c, i, mix.rotor_speed_rad_s[i], step_s);
-        c->wanted_speed_rad_s[i] = mix.rotor_speed_rad_s[i];
-    }
-    tc_copy4(t->q_reference, reference.q_world_body);
-    tc_copy(t->rate_reference_rad_s, reference.rate_body_rad_s);
+    command_speeds(c, mix.rotor_speed_rad_s, step_s);
     c->was_flying = true;
 }
 
@@ -137,7 +135,7 @@ static void rest(tc_controller* c) {
     const float speed = c->mission.state == TC_ARMED ? c->parameters.rotor_idle_rad_s : 0.0f;
     for (int i = 0; i < TC_ROTORS; i++) {
         t->rotor_speed_rad_s[i] = speed;
-        c->wanted_speed_rad_s[i] = speed;
+        c->slow_speed_rad_s[i] = speed;
     }
     memset(&t->setpoint, 0, sizeof t->setpoint);
     memset(&t->wrench, 0, sizeof t->wrench);
@@ -184,7 +182,7 @@ tc_reason tc_tick(tc_controller* c, uint64_t time_us, const tc_estimate* estimat
     const float step_s = (float)(uint32_t)(late ? LONGEST_STEP_US : step_us) * 1e-6f;
     c->last_tick_us = time_us;
     c->telemetry.time_us = time_us;
-    const uint8_t faults = tc_take_estimate(c, time_us, estimate);
+    const uint8_t faults = tc_take_estimate(c, time_us, step_s, estimate);
     c->telemetry.estimate_faults = faults;
     tc_q_axes(c->telemetry.estimate.q_world_body, c->axes);
     make_setpoint(c, step_s);

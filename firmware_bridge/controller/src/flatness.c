@@ -14,7 +14,7 @@
 void tc_flatness_reset(tc_flatness_state* state, const float q_world_body[4]) {
     tc_copy4(state->q_reference, q_world_body);
     tc_q_normalise(state->q_reference);
-    tc_q_axes(state->q_reference, state->axes);
+    tc_q_axis_z(state->q_reference, state->axis);
     state->started = true;
 }
 
@@ -77,61 +77,111 @@ static bool turn_to_chart(const float chart[4], float limit_rad, float q[4], flo
     return false;
 }
 
-/* Rates of the axis and of the chart about it, from the force and its derivatives. */
-static void rates(const tc_flat_input* input, float axes[3][3], float size_n, tc_attitude_reference* out) {
-    const float *x = axes[0], *y = axes[1], *z = axes[2];
-    float z1[3], z2[3];
-    const float inverse = 1.0f / size_n;
-    const float along1 = tc_dot(z, input->force_rate_n_s) * inverse;
-    for (int i = 0; i < 3; i++) z1[i] = input->force_rate_n_s[i] * inverse - z[i] * along1;
-    const float along2 = tc_dot(z, input->force_rate2_n_s2) * inverse;
-    for (int i = 0; i < 3; i++) {
-        z2[i] = input->force_rate2_n_s2[i] * inverse - z[i] * along2 - 2.0f * along1 * z1[i];
+/* Where the chart cannot be followed at once: little thrust, near straight down, or further than the slew limits allow.
+   Moves `q` and `axis` on; returns the rate about the axis if the chart's is not to be used. */
+typedef struct {
+    float yaw_rad_s;
+    bool on_chart;
+} transported;
+
+static __attribute__((noinline)) transported move_on(tc_flatness_state* state, const tc_parameters* p,
+                                                     const float wanted[3], float direction, float yaw_rad,
+                                                     float step_s) {
+    transported out = {0.0f, false};
+    float q[4], chart[4], turned_rad = 0.0f;
+    const float tilt_limit = tc_min(direction * p->tilt_slew_rad_s * step_s, 1.0f);
+    const bool on_axis = transport(state->q_reference, state->axis, wanted, tilt_limit, q);
+    if (on_axis) {
+        tc_copy(state->axis, wanted);
+    } else {
+        tc_q_axis_z(q, state->axis);
     }
-    const float below = 1.0f / tc_max(1.0f + z[2], CHART_LOST);
-    const float swirl = z[1] * z1[0] - z[0] * z1[1];
-    float *w = out->rate_body_rad_s, *a = out->angular_acceleration_rad_s2;
-    w[0] = -tc_dot(z1, y);
-    w[1] = tc_dot(z1, x);
-    w[2] = input->yaw_rate_rad_s + swirl * below;
-    a[0] = -tc_dot(z2, y) + w[2] * w[1];
-    a[1] = tc_dot(z2, x) - w[2] * w[0];
-    a[2] = input->yaw_acceleration_rad_s2 + (z[1] * z2[0] - z[0] * z2[1]) * below - swirl * z1[2] * below * below;
+    tc_flatness_chart(state->axis, yaw_rad, chart);
+    const float trust = tc_clamp((1.0f + state->axis[2] - CHART_LOST) / (CHART_GOOD - CHART_LOST), 0.0f, 1.0f);
+    const float turn_limit = tc_min(trust * p->yaw_slew_rad_s * step_s, 1.0f);
+    out.on_chart = trust > 0.0f && turn_to_chart(chart, turn_limit, q, &turned_rad);
+    out.yaw_rad_s = step_s > 0.0f ? turned_rad / step_s : 0.0f;
+    tc_copy4(state->q_reference, q);
+    return out;
 }
 
-void tc_flatness_step(tc_flatness_state* state, const tc_parameters* p, const tc_flat_input* input, float weight_n,
-                      float step_s, tc_attitude_reference* out) {
-    const float size_n = tc_norm(input->force_world_n);
-    const float usable = tc_max(size_n, NO_DIRECTION * weight_n);
-    float axis[3], q[4], chart[4];
-    for (int i = 0; i < 3; i++) axis[i] = input->force_world_n[i] / tc_max(size_n, 1e-6f);
+/* Goes straight to the chart when that is close enough: of the turn from the last attitude, (w, x, y, z), the part of
+   the axis has half the sine (x, y), the part about it half the tangent z / w. */
+static bool follow_chart(tc_flatness_state* state, const tc_parameters* p, const float axis[3], float yaw_rad,
+                         float step_s) {
+    float chart[4], turn[4];
+    if (axis[2] < CHART_GOOD - 1.0f) return false;
+    tc_flatness_chart(axis, yaw_rad, chart);
+    tc_q_difference(state->q_reference, chart, turn);
+    const float half = 0.5f * tc_min(step_s, 0.03f);
+    const float tilt = half * p->tilt_slew_rad_s, yaw = half * p->yaw_slew_rad_s;
+    if (turn[1] * turn[1] + turn[2] * turn[2] > tilt * tilt || tc_abs(turn[3]) > yaw * tc_abs(turn[0])) return false;
+    tc_copy4(state->q_reference, chart);
+    tc_copy(state->axis, axis);
+    return true;
+}
+
+static inline void shorten(float v[3], float largest) {
+    const float size2 = tc_dot(v, v);
+    if (size2 > largest * largest) {
+        const float scale = largest / sqrtf(size2);
+        for (int i = 0; i < 3; i++) v[i] *= scale;
+    }
+}
+
+/* Rates of the axis z and of the chart about it, from the force and its derivatives. `other`: the rate about the axis
+   where the chart's is not used, else NULL. */
+static inline void rates(const tc_parameters* p, const tc_setpoint* setpoint, const float z[3], float per_mass,
+                         float direction, const float* other, tc_turning* out) {
+    float z1[3], z2[3], w[3], a[3];
+    const float along1 = tc_dot(z, setpoint->jerk_world_m_s3) * per_mass;
+    const float along2 = tc_dot(z, setpoint->snap_world_m_s4) * per_mass;
+    for (int i = 0; i < 3; i++) {
+        z1[i] = setpoint->jerk_world_m_s3[i] * per_mass - z[i] * along1;
+        z2[i] = setpoint->snap_world_m_s4[i] * per_mass - z[i] * along2 - 2.0f * along1 * z1[i];
+    }
+    const float below = 1.0f / tc_max(1.0f + z[2], CHART_LOST);
+    const float swirl = (z[1] * z1[0] - z[0] * z1[1]) * below;
+    const float swirl1 = (z[1] * z2[0] - z[0] * z2[1]) * below - swirl * z1[2] * below;
+    const float most = direction * LARGEST_ANGULAR_ACCELERATION_RAD_S2;
+    float turn = other != NULL ? *other : setpoint->yaw_rate_rad_s + swirl;
+    float turn1 = other != NULL ? 0.0f : setpoint->yaw_acceleration_rad_s2 + swirl1;
+    turn = tc_clamp(turn, -p->yaw_slew_rad_s, p->yaw_slew_rad_s);
+    turn1 = tc_clamp(turn1, -most, most);
+    tc_cross(z, z1, w);
+    tc_cross(z, z2, a);
+    for (int i = 0; i < 3; i++) a[i] += turn * z1[i];
+    shorten(w, direction * p->tilt_slew_rad_s);
+    shorten(a, most);
+    for (int i = 0; i < 3; i++) {
+        out->rate_world_rad_s[i] = w[i] + turn * z[i];
+        out->acceleration_world_rad_s2[i] = a[i] + turn1 * z[i];
+    }
+}
+
+void tc_flatness_step(tc_flatness_state* state, const tc_parameters* p, const float force_world_n[3],
+                      const tc_setpoint* setpoint, float step_s, tc_turning* out) {
+    const float size_n = tc_norm(force_world_n);
+    const float weight_n = p->mass_kg * p->gravity_m_s2;
+    const float inverse = 1.0f / tc_max(size_n, NO_DIRECTION * weight_n);
+    float axis[3], direction = 1.0f;
+    for (int i = 0; i < 3; i++) axis[i] = force_world_n[i] * inverse;
+    const float* other = NULL;
+    transported moved = {0.0f, true};
+    if (size_n < FULL_DIRECTION * weight_n) {
+        const float share = (size_n / weight_n - NO_DIRECTION) / (FULL_DIRECTION - NO_DIRECTION);
+        direction = tc_max(share, 0.0f);
+        for (int i = 0; i < 3; i++) axis[i] = force_world_n[i] / tc_max(size_n, 1e-6f);
+    }
     if (!state->started) {
-        tc_flatness_chart(axis, input->yaw_rad, state->q_reference);
+        tc_flatness_chart(axis, setpoint->yaw_rad, state->q_reference);
         tc_q_normalise(state->q_reference);
-        tc_q_axes(state->q_reference, state->axes);
+        tc_q_axis_z(state->q_reference, state->axis);
         state->started = true;
     }
-    const float direction = tc_clamp((size_n / weight_n - NO_DIRECTION) / (FULL_DIRECTION - NO_DIRECTION), 0.0f, 1.0f);
-    const float tilt_limit = tc_min(direction * p->tilt_slew_rad_s * step_s, 1.0f);
-    const bool on_axis = transport(state->q_reference, state->axes[2], axis, tilt_limit, q);
-    if (!on_axis) tc_q_axis_z(q, axis);
-    tc_flatness_chart(axis, input->yaw_rad, chart);
-    const float trust = tc_clamp((1.0f + axis[2] - CHART_LOST) / (CHART_GOOD - CHART_LOST), 0.0f, 1.0f);
-    float turned_rad = 0.0f;
-    const float turn_limit = tc_min(trust * p->yaw_slew_rad_s * step_s, 1.0f);
-    const bool on_chart = trust > 0.0f && turn_to_chart(chart, turn_limit, q, &turned_rad);
-    tc_copy4(state->q_reference, q);
-    tc_copy4(out->q_world_body, q);
-    tc_q_axes(q, state->axes);
-    rates(input, state->axes, usable, out);
-    if (!on_chart) {
-        out->rate_body_rad_s[2] = step_s > 0.0f ? turned_rad / step_s : 0.0f;
-        out->angular_acceleration_rad_s2[2] = 0.0f;
+    if (direction < 1.0f || !follow_chart(state, p, axis, setpoint->yaw_rad, step_s)) {
+        moved = move_on(state, p, axis, direction, setpoint->yaw_rad, step_s);
+        if (!moved.on_chart) other = &moved.yaw_rad_s;
     }
-    for (int i = 0; i < 3; i++) {
-        const float slew = i < 2 ? direction * p->tilt_slew_rad_s : p->yaw_slew_rad_s;
-        const float largest = direction * LARGEST_ANGULAR_ACCELERATION_RAD_S2;
-        out->rate_body_rad_s[i] = tc_clamp(out->rate_body_rad_s[i], -slew, slew);
-        out->angular_acceleration_rad_s2[i] = tc_clamp(out->angular_acceleration_rad_s2[i], -largest, largest);
-    }
+    rates(p, setpoint, state->axis, p->mass_kg * inverse, direction, other, out);
 }

@@ -8,7 +8,7 @@ enum { TC_FAULT_POSITION_STALE = 1, TC_FAULT_POSITION_BAD = 2, TC_FAULT_ATTITUDE
 
 /* estimate.c: takes what is usable of `estimate`, carries it forward to `time_us` into telemetry.estimate, and returns
    the fault bits. */
-uint8_t tc_take_estimate(tc_controller* c, uint64_t time_us, const tc_estimate* estimate);
+uint8_t tc_take_estimate(tc_controller* c, uint64_t time_us, float step_s, const tc_estimate* estimate);
 
 /* transitions.c: posts an event; when the state changes, prepares the set-point source of the new one. */
 tc_reason tc_post(tc_controller* c, uint8_t event, tc_reason reason);

@@ -35,6 +35,9 @@ static inline bool tc_all_within(const float* x, size_t count, float bound) {
     return (over & 0x80000000u) == 0u;
 }
 
+/* The same for one number, for a squared size above all: finite, not negative, at most `bound`. */
+static inline bool tc_up_to(float x, float bound) { return tc_bits(x) <= tc_bits(bound); }
+
 static inline bool tc_all_finite(const float* x, size_t count) {
     bool finite = true;
     for (size_t i = 0; i < count; i++) finite = finite && tc_finite(x[i]);
@@ -81,8 +84,10 @@ static inline void tc_q_difference(const float a[4], const float b[4], float out
     out[3] = a[0] * b[3] - a[3] * b[0] - a[1] * b[2] + a[2] * b[1];
 }
 
+static inline float tc_q_size2(const float q[4]) { return q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]; }
+
 static inline void tc_q_normalise(float q[4]) {
-    const float norm2 = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
+    const float norm2 = tc_q_size2(q);
     const float scale = norm2 > 1e-12f ? 1.0f / sqrtf(norm2) : 0.0f;
     for (int i = 0; i < 4; i++) q[i] *= scale;
     if (scale <= 0.0f) q[0] = 1.0f;

@@ -367,7 +367,7 @@ void tc_mixer_solve(const tc_mixer* mixer, const tc_parameters* p, const tc_wren
         free += step;
     }
     speeds(mixer, r, step, out->rotor_speed_rad_s);
-    if (all_between(out->rotor_speed_rad_s, tc_max(least - over, 0.0f), most + over)) {
+    if (possible && all_between(out->rotor_speed_rad_s, tc_max(least - over, 0.0f), most + over)) {
         step = solve_round(mixer, free, step, turn, r);
     } else {
         const range end = desaturate(mixer, p, wrench, r, &free, &out->saturation);

@@ -3,20 +3,17 @@
 
 #include "maths.h"
 
-void tc_drag(const tc_parameters* p, const float velocity_world_m_s[3], float axes[3][3], float thrust_n,
-             float mean_rotor_speed_rad_s, float drag_world_n[3]) {
-    float v[3], drag[3];
-    tc_to_body(axes, velocity_world_m_s, v);
+void tc_drag(const tc_parameters* p, const float v[3], float thrust_n, float mean_rotor_speed_rad_s,
+             float drag_body_n[3]) {
     const float speed = tc_norm(v);
     const float lateral = p->rotor_drag_s_m * thrust_n + 4.0f * p->rotor_drag_kg * mean_rotor_speed_rad_s;
     for (int i = 0; i < 3; i++) {
         const float rotor = i < 2 ? lateral : 0.0f;
-        drag[i] = -v[i] * (rotor + p->parasitic_kg_m[i] * tc_abs(v[i]) + p->parasitic_norm_kg_m[i] * speed);
+        drag_body_n[i] = -v[i] * (rotor + p->parasitic_kg_m[i] * tc_abs(v[i]) + p->parasitic_norm_kg_m[i] * speed);
     }
-    tc_to_world(axes, drag, drag_world_n);
 }
 
-static void integrate(tc_position_state* state, const tc_parameters* p, const float error[3], float step_s) {
+static inline void integrate(tc_position_state* state, const tc_parameters* p, const float error[3], float step_s) {
     for (int i = 0; i < 3; i++) {
         const float gain = i < 2 ? p->ki_xy_1_s3 : p->ki_z_1_s3;
         const float next = state->integral_m_s2[i] + gain * error[i] * step_s;
@@ -37,22 +34,26 @@ static bool limit_thrust(float largest_n, float force[3]) {
 }
 
 bool tc_position_step(tc_position_state* state, const tc_parameters* p, const tc_setpoint* setpoint,
-                      const tc_position_input* input, float step_s, float force_world_n[3]) {
+                      const float position_world_m[3], const float velocity_world_m_s[3], const float drag_world_n[3],
+                      float largest_n, bool integrate_now, float step_s, float force_world_n[3]) {
     float error[3], feedback[3];
     for (int i = 0; i < 3; i++) {
         const float kp = i < 2 ? p->kp_xy_1_s2 : p->kp_z_1_s2;
         const float kd = i < 2 ? p->kd_xy_1_s : p->kd_z_1_s;
-        error[i] = setpoint->position_world_m[i] - input->position_world_m[i];
-        feedback[i] = kp * error[i] + kd * (setpoint->velocity_world_m_s[i] - input->velocity_world_m_s[i]);
+        error[i] = setpoint->position_world_m[i] - position_world_m[i];
+        feedback[i] = kp * error[i] + kd * (setpoint->velocity_world_m_s[i] - velocity_world_m_s[i]);
     }
-    const float size = tc_norm(feedback);
-    const bool limited = size > p->feedback_m_s2;
-    const float scale = limited ? p->feedback_m_s2 / size : 1.0f;
-    if (input->integrate && !limited && tc_norm(error) < p->integral_gate_m) integrate(state, p, error, step_s);
+    const float size2 = tc_dot(feedback, feedback), gate_m = p->integral_gate_m;
+    const bool limited = size2 > p->feedback_m_s2 * p->feedback_m_s2;
+    if (limited) {
+        const float scale = p->feedback_m_s2 / sqrtf(size2);
+        for (int i = 0; i < 3; i++) feedback[i] *= scale;
+    }
+    if (integrate_now && !limited && tc_dot(error, error) < gate_m * gate_m) integrate(state, p, error, step_s);
+    feedback[2] += p->gravity_m_s2;
     for (int i = 0; i < 3; i++) {
-        const float gravity = i == 2 ? p->gravity_m_s2 : 0.0f;
-        const float wanted = feedback[i] * scale + state->integral_m_s2[i] + setpoint->acceleration_world_m_s2[i];
-        force_world_n[i] = p->mass_kg * (wanted + gravity) - input->drag_world_n[i];
+        const float wanted = feedback[i] + state->integral_m_s2[i] + setpoint->acceleration_world_m_s2[i];
+        force_world_n[i] = p->mass_kg * wanted - drag_world_n[i];
     }
-    return limit_thrust(0.95f * input->largest_thrust_n, force_world_n) || limited;
+    return limit_thrust(largest_n, force_world_n) || limited;
 }

@@ -110,6 +110,7 @@ tc_reason tc_parameters_set(tc_controller* c, const tc_parameters* parameters) {
     float sine, cosine;
     tc_sin_cos(parameters->tilt_error_rad, &sine, &cosine);
     c->tilt_bound = 1.0f - cosine;
+    c->has_moments = tc_has_moments(parameters);
     use_limits(&c->store, parameters);
     return TC_OK;
 }

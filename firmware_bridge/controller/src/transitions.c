@@ -123,7 +123,7 @@ static void observe_estimate(tc_controller* c, uint8_t faults) {
         const bool bad = (faults & TC_FAULT_POSITION_BAD) != 0u;
         (void)tc_post(c, TC_EVENT_POSITION_LOST, bad ? TC_ESTIMATE_NOT_FINITE : TC_ESTIMATE_STALE);
     } else if (c->mission.state == TC_EMERGENCY && faults == 0u) {
-        const float tilt = 1.0f - tc_dot(c->flatness.axes[2], c->axes[2]);
+        const float tilt = 1.0f - tc_dot(c->flatness.axis, c->axes[2]);
         if (tilt < 0.05f && seconds_since(c, c->mission.since_us) > 0.2f) {
             (void)tc_post(c, TC_EVENT_POSITION_BACK, TC_ESTIMATE_BACK);
         }
@@ -133,7 +133,7 @@ static void observe_estimate(tc_controller* c, uint8_t faults) {
 static void observe_flight(tc_controller* c) {
     const tc_parameters* p = &c->parameters;
     const tc_estimate* estimate = &c->telemetry.estimate;
-    const float tilt = 1.0f - tc_dot(c->flatness.axes[2], c->axes[2]);
+    const float tilt = 1.0f - tc_dot(c->flatness.axis, c->axes[2]);
     if (tilt <= c->tilt_bound) c->bad_tilt_since_us = c->telemetry.time_us;
     if (seconds_since(c, c->bad_tilt_since_us) > p->tilt_error_s) (void)tc_post(c, TC_EVENT_TILT, TC_TILT_ERROR);
     if (!tc_inside_fence(p, estimate->position_world_m)) (void)tc_post(c, TC_EVENT_FENCE, TC_FENCE_BREACH);

@@ -47,10 +47,10 @@ typedef struct {
     uint8_t reason; /* tc_reason of the last transition */
     uint8_t saturation;
     uint8_t estimate_faults; /* bit 0 position stale, 1 position not finite, 2 attitude stale, 3 attitude not finite */
-    tc_estimate estimate;    /* as used: carried forward to the tick */
+    tc_estimate estimate;    /* as used: carried forward to the tick; its time stamps are those of the last good halves */
     tc_setpoint setpoint;
     float q_reference[4]; /* world from reference body */
-    float rate_reference_rad_s[3];
+    float rate_reference_rad_s[3]; /* how it turns, in the body axes of the estimate */
     tc_wrench wrench; /* as demanded */
     float rotor_speed_rad_s[TC_ROTORS];
     float path_rate;        /* 1 = as planned, 0 = standing on the path */
@@ -77,10 +77,9 @@ typedef struct {
     float take_off_m;                    /* height asked for */
     float axes[3][3];                    /* of the estimated attitude: body x, y, z in world coordinates */
     float tilt_bound;                    /* 1 - cos(tilt_error_rad) */
-    float wanted_speed_rad_s[TC_ROTORS]; /* by the mixer, before battery and lag */
-    float slow_speed_rad_s[TC_ROTORS];   /* the same, filtered: what the rotors are taken to do */
+    float slow_speed_rad_s[TC_ROTORS];   /* the mixer's, filtered: what the rotors are taken to do */
+    bool has_moments;                    /* of the modelled moments any is not zero */
     bool was_flying;
-    tc_estimate last_good; /* halves as they came, with their own time stamps */
     uint64_t last_tick_us;
     uint64_t ground_seen_us;
     uint64_t bad_tilt_since_us;

@@ -8,6 +8,7 @@
 #define GOSHAWK_CONTROLLER_FLATNESS_H
 
 #include "goshawk_controller/parameters.h"
+#include "goshawk_controller/trajectory.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -15,31 +16,23 @@ extern "C" {
 
 typedef struct {
     float q_reference[4]; /* world from body */
-    float axes[3][3];     /* the same: the body's x, y, z axes in world coordinates, one a row */
+    float axis[3];        /* its z axis in world coordinates */
     bool started;
 } tc_flatness_state;
 
+/* How the reference turns, in world axes. The reference itself is in the state. */
 typedef struct {
-    float force_world_n[3];    /* the thrust vector, eq. (9) */
-    float force_rate_n_s[3];   /* its first derivative: mass x jerk */
-    float force_rate2_n_s2[3]; /* its second derivative: mass x snap */
-    float yaw_rad;
-    float yaw_rate_rad_s;
-    float yaw_acceleration_rad_s2;
-} tc_flat_input;
-
-typedef struct {
-    float q_world_body[4];
-    float rate_body_rad_s[3];
-    float angular_acceleration_rad_s2[3];
-} tc_attitude_reference;
+    float rate_world_rad_s[3];
+    float acceleration_world_rad_s2[3];
+} tc_turning;
 
 /* Forgets the last attitude and starts from this one. */
 void tc_flatness_reset(tc_flatness_state* state, const float q_world_body[4]);
 
-/* One step of `step_s`; `weight_n` tells what "little thrust" means. */
-void tc_flatness_step(tc_flatness_state* state, const tc_parameters* parameters, const tc_flat_input* input,
-                      float weight_n, float step_s, tc_attitude_reference* out);
+/* One step of `step_s` towards the thrust vector `force_world_n` (eq. (9)) and the yaw of the set-point, whose jerk and
+   snap, times the mass, are the derivatives of that vector. */
+void tc_flatness_step(tc_flatness_state* state, const tc_parameters* parameters, const float force_world_n[3],
+                      const tc_setpoint* setpoint, float step_s, tc_turning* out);
 
 /* The chart alone, no state; unit length while the axis (a unit vector) is not within 20 degrees of straight down. */
 void tc_flatness_chart(const float axis_world[3], float yaw_rad, float q_world_body[4]);
