@@ -14,6 +14,7 @@ import report
 
 import vehicle
 from firmware_bridge import _controller, controller
+from vehicle import forces
 
 ROOT = Path(__file__).resolve().parents[1]
 LIBRARY = ROOT / "firmware_bridge" / "controller"
@@ -60,7 +61,7 @@ def _mixer() -> list[report.Row]:
     wrench = np.column_stack([force[:, 2], torque]).astype(np.float32)
     rows, _ = _controller.mixer(table, wrench, air.astype(np.float32), rate.astype(np.float32))
     free = rows[:, 4] == 0
-    pushing = vehicle.forces.evaluate(rotors, air.T, rate.T, speed.T).thrust_n.min(axis=0) > 2e-3
+    pushing = forces.evaluate(rotors, air.T, rate.T, speed.T).thrust_n.min(axis=0) > 2e-3
     error = (np.abs(rows[:, :4] - speed).max(axis=1) / 1800.0)[free & pushing]
     return [
         report.row("mixer error, of full speed, worst", error.max(), "1", "<= 1e-5", error.max() <= 1e-5),
@@ -123,7 +124,9 @@ def _target() -> list[report.Row]:
         said = _shell("qemu-system-arm", "-machine", "mps2-an386", "-nographic", "-semihosting", "-kernel", flying)
         flash = _flash(Path(folder))
     worst, ratio, stack = flight.max(), flight.max() / flight.mean(), int(said.split()[2], 16)
+    usual = float(np.quantile(flight, 0.99))
     return [
+        report.row("99 % of ticks on Cortex-M4F below", usual, "instructions", "<= 2500", usual <= 2500),
         report.row("worst tick on Cortex-M4F", worst, "instructions", "<= 2500", worst <= 2500),
         report.row("worst over mean tick in flight", ratio, "1", "<= 1.05", ratio <= 1.05),
         report.row("stack of a tick", stack, "B", "<= 512", stack <= 512),

@@ -260,7 +260,7 @@ Out flatness(In<float, any> parameters, In<float, any, 12> inputs, float step_s)
         setpoint.yaw_rate_rad_s = row[10];
         setpoint.yaw_acceleration_rad_s2 = row[11];
         tc_turning turning{};
-        tc_flatness_step(&state, &p, row, &setpoint, step_s, &turning);
+        tc_flatness_step(&state, &p, row, &setpoint, 0.0f, step_s, &turning);
         std::memcpy(data + 10 * i, state.q_reference, 16);
         std::memcpy(data + 10 * i + 4, turning.rate_world_rad_s, 12);
         std::memcpy(data + 10 * i + 7, turning.acceleration_world_rad_s2, 12);

@@ -18,6 +18,8 @@ TARGETS = {
 }
 TICKS = 40_000
 """One whole round of the driver's script: take-off, trajectory, pause, slow motion, abort, landing."""
+LONG = 100_000
+"""For comparisons bit by bit."""
 
 
 def _need(*tools: str) -> None:
@@ -124,7 +126,7 @@ def test_outputs_are_bit_identical_on_every_compiler_and_level(tmp_path):
     _need("gcc")
     compilers = [c for c in ("gcc", "clang") if shutil.which(c)]
     said = {
-        (c, level): _run(_host(c, tmp_path / f"{c}{level}", level), 100_000)
+        (c, level): _run(_host(c, tmp_path / f"{c}{level}", level), LONG)
         for c in compilers
         for level in ("-O0", "-O2", "-O3")
     }
@@ -135,8 +137,8 @@ def test_outputs_are_bit_identical_on_every_compiler_and_level(tmp_path):
 @pytest.mark.parametrize("target", list(TARGETS))
 def test_outputs_on_the_target_are_those_of_the_host(tmp_path, target):
     _need("gcc", "arm-none-eabi-gcc", "qemu-system-arm")
-    host = _run(_host("gcc", tmp_path / "host", "-O2"), TICKS).split()
-    crc, states, _stack, failed = _emulate(*_firmware(target, tmp_path / "firmware", "-O2", f"-DTICKS={TICKS}"))
+    host = _run(_host("gcc", tmp_path / "host", "-O2"), LONG).split()
+    crc, states, _stack, failed = _emulate(*_firmware(target, tmp_path / "firmware", "-O2", f"-DTICKS={LONG}"))
     assert int(failed, 16) == 0
     assert (int(crc, 16), int(states, 16)) == (int(host[0], 16), int(host[1], 16))
 

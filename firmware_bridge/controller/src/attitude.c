@@ -45,8 +45,8 @@ void tc_attitude_step(const tc_parameters* p, const tc_flatness_state* reference
     for (int i = 0; i < 3; i++) {
         const float kp = i < 2 ? p->att_kp_xy_1_s2 : p->att_kp_z_1_s2;
         const float kd = i < 2 ? p->att_kd_xy_1_s : p->att_kd_z_1_s;
-        const float wanted = kp * error[i] + kd * (p->feed_rate * feed_rate[i] - rate[i]) +
-                             p->feed_torque * feed_acceleration[i];
+        const float wanted =
+            kp * error[i] + kd * (p->feed_rate * feed_rate[i] - rate[i]) + p->feed_torque * feed_acceleration[i];
         torque_body_n_m[i] = inertia[i] * wanted + gyroscopic[i];
     }
 }

@@ -52,18 +52,22 @@ static inline void chosen_velocity(tc_controller* c, float source, float velocit
 }
 
 /* Eq. (9). */
-static inline void flight_force(tc_controller* c, const float velocity_body_m_s[3], float step_s,
-                                float force_world_n[3]) {
+static inline float flight_force(tc_controller* c, const float velocity_body_m_s[3], float step_s,
+                                 float force_world_n[3]) {
     tc_telemetry* t = &c->telemetry;
     const float* n = t->rotor_speed_rad_s;
     float drag[3], drag_world_n[3];
-    tc_drag(&c->parameters, velocity_body_m_s, t->wrench.thrust_n, 0.25f * (n[0] + n[1] + n[2] + n[3]), drag);
+    const float mean_n = 0.25f * (n[0] + n[1] + n[2] + n[3]);
+    tc_drag(&c->parameters, velocity_body_m_s, t->wrench.thrust_n, mean_n, drag);
     tc_to_world(c->axes, drag, drag_world_n);
     const bool limited =
         tc_position_step(&c->position, &c->parameters, &t->setpoint, t->estimate.position_world_m,
                          t->estimate.velocity_world_m_s, drag_world_n, 0.95f * c->mixer.largest_thrust_n,
                          c->mission.state != TC_TAKE_OFF && t->saturation == 0u, step_s, force_world_n);
     t->saturation = limited ? TC_SATURATED_INPUT : 0u;
+    return c->parameters.drag_velocity > 0.5f
+               ? tc_drag_slope(&c->parameters, velocity_body_m_s, t->wrench.thrust_n, mean_n)
+               : 0.0f;
 }
 
 /* Thrust vector to attitude, attitude error to torque; the reference's turning is brought into body axes. */
@@ -72,13 +76,14 @@ static __attribute__((noinline)) void steer(tc_controller* c, const float veloci
     tc_telemetry* t = &c->telemetry;
     float force[3], feed_acceleration[3];
     tc_turning turning;
+    float drag_1_s = 0.0f;
     if (c->mission.state == TC_EMERGENCY) {
         t->saturation = 0u;
         emergency_force(c, force);
     } else {
-        flight_force(c, velocity_body_m_s, step_s, force);
+        drag_1_s = flight_force(c, velocity_body_m_s, step_s, force) / p->mass_kg;
     }
-    tc_flatness_step(&c->flatness, p, force, &t->setpoint, step_s, &turning);
+    tc_flatness_step(&c->flatness, p, force, &t->setpoint, drag_1_s, step_s, &turning);
     tc_to_body(c->axes, turning.rate_world_rad_s, t->rate_reference_rad_s);
     tc_to_body(c->axes, turning.acceleration_world_rad_s2, feed_acceleration);
     tc_attitude_step(p, &c->flatness, t->estimate.q_world_body, c->axes, t->estimate.rate_body_rad_s,

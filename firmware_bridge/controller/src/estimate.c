@@ -46,10 +46,10 @@ uint8_t tc_take_estimate(tc_controller* c, uint64_t time_us, float step_s, const
     const tc_parameters* p = &c->parameters;
     tc_estimate* now = &c->telemetry.estimate;
     uint8_t faults = 0;
-    const bool position_good =
-        tc_up_to(tc_dot(estimate->position_world_m, estimate->position_world_m), LARGEST_POSITION_M * LARGEST_POSITION_M) &&
-        tc_up_to(tc_dot(estimate->velocity_world_m_s, estimate->velocity_world_m_s),
-                 LARGEST_VELOCITY_M_S * LARGEST_VELOCITY_M_S);
+    const bool position_good = tc_up_to(tc_dot(estimate->position_world_m, estimate->position_world_m),
+                                        LARGEST_POSITION_M * LARGEST_POSITION_M) &&
+                               tc_up_to(tc_dot(estimate->velocity_world_m_s, estimate->velocity_world_m_s),
+                                        LARGEST_VELOCITY_M_S * LARGEST_VELOCITY_M_S);
     const bool attitude_good =
         tc_up_to(tc_q_size2(estimate->q_world_body) - 0.8f, 0.4f) &&
         tc_up_to(tc_dot(estimate->rate_body_rad_s, estimate->rate_body_rad_s), LARGEST_RATE_RAD_S * LARGEST_RATE_RAD_S);

@@ -132,13 +132,17 @@ static inline void shorten(float v[3], float largest) {
 /* Rates of the axis z and of the chart about it, from the force and its derivatives. `other`: the rate about the axis
    where the chart's is not used, else NULL. */
 static inline void rates(const tc_parameters* p, const tc_setpoint* setpoint, const float z[3], float per_mass,
-                         float direction, const float* other, tc_turning* out) {
+                         float drag_1_s, float direction, const float* other, tc_turning* out) {
     float z1[3], z2[3], w[3], a[3];
-    const float along1 = tc_dot(z, setpoint->jerk_world_m_s3) * per_mass;
-    const float along2 = tc_dot(z, setpoint->snap_world_m_s4) * per_mass;
     for (int i = 0; i < 3; i++) {
-        z1[i] = setpoint->jerk_world_m_s3[i] * per_mass - z[i] * along1;
-        z2[i] = setpoint->snap_world_m_s4[i] * per_mass - z[i] * along2 - 2.0f * along1 * z1[i];
+        const float jerk = setpoint->jerk_world_m_s3[i];
+        z1[i] = (jerk + drag_1_s * setpoint->acceleration_world_m_s2[i]) * per_mass;
+        z2[i] = (setpoint->snap_world_m_s4[i] + drag_1_s * jerk) * per_mass;
+    }
+    const float along1 = tc_dot(z, z1), along2 = tc_dot(z, z2);
+    for (int i = 0; i < 3; i++) {
+        z1[i] -= z[i] * along1;
+        z2[i] -= z[i] * along2 + 2.0f * along1 * z1[i];
     }
     const float below = 1.0f / tc_max(1.0f + z[2], CHART_LOST);
     const float swirl = (z[1] * z1[0] - z[0] * z1[1]) * below;
@@ -160,7 +164,7 @@ static inline void rates(const tc_parameters* p, const tc_setpoint* setpoint, co
 }
 
 void tc_flatness_step(tc_flatness_state* state, const tc_parameters* p, const float force_world_n[3],
-                      const tc_setpoint* setpoint, float step_s, tc_turning* out) {
+                      const tc_setpoint* setpoint, float drag_1_s, float step_s, tc_turning* out) {
     const float size_n = tc_norm(force_world_n);
     const float weight_n = p->mass_kg * p->gravity_m_s2;
     const float inverse = 1.0f / tc_max(size_n, NO_DIRECTION * weight_n);
@@ -183,5 +187,5 @@ void tc_flatness_step(tc_flatness_state* state, const tc_parameters* p, const fl
         moved = move_on(state, p, axis, direction, setpoint->yaw_rad, step_s);
         if (!moved.on_chart) other = &moved.yaw_rad_s;
     }
-    rates(p, setpoint, state->axis, p->mass_kg * inverse, direction, other, out);
+    rates(p, setpoint, state->axis, p->mass_kg * inverse, drag_1_s, direction, other, out);
 }

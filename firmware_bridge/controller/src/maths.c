@@ -1,5 +1,26 @@
-/* Sine, cosine and arc tangent in plain float32 arithmetic: the same bits on every machine. */
+/* Quaternions; sine, cosine and arc tangent in plain float32 arithmetic: the same bits on every machine. */
 #include "maths.h"
+
+void tc_q_normalise(float q[4]) {
+    const float norm2 = tc_q_size2(q);
+    const float scale = norm2 > 1e-12f ? 1.0f / sqrtf(norm2) : 0.0f;
+    for (int i = 0; i < 4; i++) q[i] *= scale;
+    if (scale <= 0.0f) q[0] = 1.0f;
+}
+
+void tc_q_multiply(const float a[4], const float b[4], float out[4]) {
+    out[0] = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3];
+    out[1] = a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2];
+    out[2] = a[0] * b[2] + a[2] * b[0] + a[3] * b[1] - a[1] * b[3];
+    out[3] = a[0] * b[3] + a[3] * b[0] + a[1] * b[2] - a[2] * b[1];
+}
+
+void tc_q_difference(const float a[4], const float b[4], float out[4]) {
+    out[0] = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3];
+    out[1] = a[0] * b[1] - a[1] * b[0] - a[2] * b[3] + a[3] * b[2];
+    out[2] = a[0] * b[2] - a[2] * b[0] - a[3] * b[1] + a[1] * b[3];
+    out[3] = a[0] * b[3] - a[3] * b[0] - a[1] * b[2] + a[2] * b[1];
+}
 
 /* pi/2 in three parts (Cody and Waite): the first two have so few bits that their products with the turn are exact. */
 static float reduce(float x, int32_t* quadrant) {

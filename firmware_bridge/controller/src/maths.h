@@ -69,29 +69,14 @@ static inline void tc_cross(const float a[3], const float b[3], float out[3]) {
 }
 
 /* Hamilton product; `out` is neither input. */
-static inline void tc_q_multiply(const float a[4], const float b[4], float out[4]) {
-    out[0] = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3];
-    out[1] = a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2];
-    out[2] = a[0] * b[2] + a[2] * b[0] + a[3] * b[1] - a[1] * b[3];
-    out[3] = a[0] * b[3] + a[3] * b[0] + a[1] * b[2] - a[2] * b[1];
-}
+void tc_q_multiply(const float a[4], const float b[4], float out[4]);
 
 /* conjugate(a) * b: the rotation that is still missing from a to b, in a's own axes. */
-static inline void tc_q_difference(const float a[4], const float b[4], float out[4]) {
-    out[0] = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3];
-    out[1] = a[0] * b[1] - a[1] * b[0] - a[2] * b[3] + a[3] * b[2];
-    out[2] = a[0] * b[2] - a[2] * b[0] - a[3] * b[1] + a[1] * b[3];
-    out[3] = a[0] * b[3] - a[3] * b[0] - a[1] * b[2] + a[2] * b[1];
-}
+void tc_q_difference(const float a[4], const float b[4], float out[4]);
 
 static inline float tc_q_size2(const float q[4]) { return q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]; }
 
-static inline void tc_q_normalise(float q[4]) {
-    const float norm2 = tc_q_size2(q);
-    const float scale = norm2 > 1e-12f ? 1.0f / sqrtf(norm2) : 0.0f;
-    for (int i = 0; i < 4; i++) q[i] *= scale;
-    if (scale <= 0.0f) q[0] = 1.0f;
-}
+void tc_q_normalise(float q[4]);
 
 static inline void tc_q_axis_y(const float q[4], float out[3]) {
     out[0] = 2.0f * (q[1] * q[2] - q[0] * q[3]);

@@ -358,20 +358,25 @@ void tc_mixer_solve(const tc_mixer* mixer, const tc_parameters* p, const tc_wren
     const bool possible = positive.high > positive.low;
     const float inside = INSIDE * (positive.high - positive.low);
     float free = possible ? tc_clamp(first, positive.low + inside, positive.high - inside) : first;
+    range end = {-NO_END, NO_END};
     float step = 0.0f;
     out->saturation = 0u;
     guess(mixer, free, r);
-    for (int round = 0; round < ROUNDS - 1; round++) {
+    for (int round = 1; round <= ROUNDS; round++) {
+        if (round == ROUNDS) {
+            speeds(mixer, r, step, out->rotor_speed_rad_s);
+            if (!possible || !all_between(out->rotor_speed_rad_s, tc_max(least - over, 0.0f), most + over)) {
+                end = desaturate(mixer, p, wrench, r, &free, &out->saturation);
+            }
+        }
         const float next = solve_round(mixer, free, step, turn, r);
-        step = possible ? tc_clamp(next, TOWARDS_END * (positive.low - free), TOWARDS_END * (positive.high - free)) : 0.0f;
-        free += step;
-    }
-    speeds(mixer, r, step, out->rotor_speed_rad_s);
-    if (possible && all_between(out->rotor_speed_rad_s, tc_max(least - over, 0.0f), most + over)) {
-        step = solve_round(mixer, free, step, turn, r);
-    } else {
-        const range end = desaturate(mixer, p, wrench, r, &free, &out->saturation);
-        step = tc_clamp(solve_round(mixer, free, step, turn, r), end.low - free, end.high - free);
+        if (round == ROUNDS) {
+            step = tc_clamp(next, end.low - free, end.high - free);
+        } else {
+            step = possible ? tc_clamp(next, TOWARDS_END * (positive.low - free), TOWARDS_END * (positive.high - free))
+                            : 0.0f;
+            free += step;
+        }
     }
     speeds(mixer, r, step, out->rotor_speed_rad_s);
     if (!all_between(out->rotor_speed_rad_s, least, most)) out->saturation |= clip(p, out->rotor_speed_rad_s);

@@ -13,6 +13,12 @@ void tc_drag(const tc_parameters* p, const float v[3], float thrust_n, float mea
     }
 }
 
+float tc_drag_slope(const tc_parameters* p, const float v[3], float thrust_n, float mean_rotor_speed_rad_s) {
+    const float speed = tc_norm(v);
+    const float airframe = p->parasitic_kg_m[0] + p->parasitic_norm_kg_m[0];
+    return p->rotor_drag_s_m * thrust_n + 4.0f * p->rotor_drag_kg * mean_rotor_speed_rad_s + 2.0f * airframe * speed;
+}
+
 static inline void integrate(tc_position_state* state, const tc_parameters* p, const float error[3], float step_s) {
     for (int i = 0; i < 3; i++) {
         const float gain = i < 2 ? p->ki_xy_1_s3 : p->ki_z_1_s3;

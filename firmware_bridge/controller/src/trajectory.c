@@ -4,7 +4,8 @@
 #include "maths.h"
 
 /* Derivatives of a polynomial at x by repeated synthetic division, with x divided out: the coefficients are multiplied
-   by powers of x first, so that only additions are left (Shaw and Traub 1974). derivative[k] comes out times x^k / k!. */
+   by powers of x first, so that only additions are left (Shaw and Traub 1974). derivative[k] comes out times x^k / k!.
+ */
 static inline void derivatives(const float coefficient[TC_MAX_COEFFICIENTS], const float power[TC_MAX_COEFFICIENTS],
                                int count, float derivative[5]) {
     float sum[TC_MAX_COEFFICIENTS];

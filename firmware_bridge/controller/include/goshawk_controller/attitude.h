@@ -16,9 +16,9 @@ extern "C" {
 /* Torque in body axes, modelled moments of the airframe not yet taken off. */
 /* `axes`: the body's x, y, z axes in world coordinates, one a row; `feed_rate` and `feed_acceleration`: how the
    reference turns, in body axes. */
-void tc_attitude_step(const tc_parameters* parameters, const tc_flatness_state* reference,
-                      const float q_world_body[4], float axes[3][3], const float rate_body_rad_s[3],
-                      const float feed_rate[3], const float feed_acceleration[3], float torque_body_n_m[3]);
+void tc_attitude_step(const tc_parameters* parameters, const tc_flatness_state* reference, const float q_world_body[4],
+                      float axes[3][3], const float rate_body_rad_s[3], const float feed_rate[3],
+                      const float feed_acceleration[3], float torque_body_n_m[3]);
 
 /* Takes the moments that the model knows off the torque: flapping, damping, rotor drag at hubs that turn. */
 void tc_cancel_moments(const tc_parameters* parameters, const tc_mixer* mixer, const float air_velocity_body_m_s[3],

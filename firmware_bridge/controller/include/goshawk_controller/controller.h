@@ -47,11 +47,11 @@ typedef struct {
     uint8_t reason; /* tc_reason of the last transition */
     uint8_t saturation;
     uint8_t estimate_faults; /* bit 0 position stale, 1 position not finite, 2 attitude stale, 3 attitude not finite */
-    tc_estimate estimate;    /* as used: carried forward to the tick; its time stamps are those of the last good halves */
+    tc_estimate estimate; /* as used: carried forward to the tick; its time stamps are those of the last good halves */
     tc_setpoint setpoint;
-    float q_reference[4]; /* world from reference body */
+    float q_reference[4];          /* world from reference body */
     float rate_reference_rad_s[3]; /* how it turns, in the body axes of the estimate */
-    tc_wrench wrench; /* as demanded */
+    tc_wrench wrench;              /* as demanded */
     float rotor_speed_rad_s[TC_ROTORS];
     float path_rate;        /* 1 = as planned, 0 = standing on the path */
     uint32_t path_time_us;  /* since the trajectory's start */
@@ -72,13 +72,13 @@ typedef struct {
     tc_flatness_state flatness;
     tc_position_state position;
     tc_telemetry telemetry;
-    float ground_z_m;                    /* height of the take-off point */
-    float time_scale;                    /* path rate asked for */
-    float take_off_m;                    /* height asked for */
-    float axes[3][3];                    /* of the estimated attitude: body x, y, z in world coordinates */
-    float tilt_bound;                    /* 1 - cos(tilt_error_rad) */
-    float slow_speed_rad_s[TC_ROTORS];   /* the mixer's, filtered: what the rotors are taken to do */
-    bool has_moments;                    /* of the modelled moments any is not zero */
+    float ground_z_m;                  /* height of the take-off point */
+    float time_scale;                  /* path rate asked for */
+    float take_off_m;                  /* height asked for */
+    float axes[3][3];                  /* of the estimated attitude: body x, y, z in world coordinates */
+    float tilt_bound;                  /* 1 - cos(tilt_error_rad) */
+    float slow_speed_rad_s[TC_ROTORS]; /* the mixer's, filtered: what the rotors are taken to do */
+    bool has_moments;                  /* of the modelled moments any is not zero */
     bool was_flying;
     uint64_t last_tick_us;
     uint64_t ground_seen_us;

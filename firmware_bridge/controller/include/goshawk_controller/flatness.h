@@ -30,9 +30,10 @@ typedef struct {
 void tc_flatness_reset(tc_flatness_state* state, const float q_world_body[4]);
 
 /* One step of `step_s` towards the thrust vector `force_world_n` (eq. (9)) and the yaw of the set-point, whose jerk and
-   snap, times the mass, are the derivatives of that vector. */
+   snap, times the mass, are the derivatives of that vector; `drag_1_s`, drag over momentum, adds what cancelling the
+   drag contributes to them. */
 void tc_flatness_step(tc_flatness_state* state, const tc_parameters* parameters, const float force_world_n[3],
-                      const tc_setpoint* setpoint, float step_s, tc_turning* out);
+                      const tc_setpoint* setpoint, float drag_1_s, float step_s, tc_turning* out);
 
 /* The chart alone, no state; unit length while the axis (a unit vector) is not within 20 degrees of straight down. */
 void tc_flatness_chart(const float axis_world[3], float yaw_rad, float q_world_body[4]);

@@ -17,6 +17,10 @@ typedef struct {
 void tc_drag(const tc_parameters* parameters, const float velocity_body_m_s[3], float thrust_n,
              float mean_rotor_speed_rad_s, float drag_body_n[3]);
 
+/* How fast the lateral part of it grows with speed, N s/m: what turns acceleration into a rate of force. */
+float tc_drag_slope(const tc_parameters* parameters, const float velocity_body_m_s[3], float thrust_n,
+                    float mean_rotor_speed_rad_s);
+
 /* Eq. (9): the thrust vector in world axes, at most `largest_n`, for the estimated position and velocity and with the
    modelled drag cancelled. `integrate`: the gate of the integrator, flying and nothing saturated. Returns true when
    feedback or thrust had to be limited. */

@@ -140,8 +140,9 @@ uint32_t tc_crc32(uint32_t crc, const uint8_t* bytes, size_t count); /* start wi
 /* Index of the segment that holds `time_us` (the later one at a join; the last one from the end on). Nine probes. */
 uint16_t tc_trajectory_find(const tc_trajectory* trajectory, uint32_t time_us);
 
-/* Evaluates segment `index` at `time_us` + `part_us` from the trajectory's start, clamped to the segment, while path time
-   runs at path_rate[0] (1 = true time) with the derivatives path_rate[1..3]. Always the same work: twelve coefficients.
+/* Evaluates segment `index` at `time_us` + `part_us` from the trajectory's start, clamped to the segment, while path
+   time runs at path_rate[0] (1 = true time) with the derivatives path_rate[1..3]. Always the same work: twelve
+   coefficients.
  */
 void tc_trajectory_evaluate_running(const tc_trajectory* trajectory, uint16_t index, uint32_t time_us, float part_us,
                                     const float path_rate[4], tc_setpoint* out);
