@@ -24,6 +24,7 @@ VERBS = {
     "log": "Show what is in a flight log, or fetch the vehicle's own.",
     "params": "List, read and set the controller's parameters on the vehicle.",
     "identify": "Fit the vehicle model to flight logs.",
+    "diagnose": "Find which effect the vehicle model lacks, on measured flights.",
     "compare": "Compare vehicle models with measured flights.",
     "vehicle": "Show a vehicle model, add or remove effects, undo, history.",
     "gcs": "Serve the ground station's page.",

@@ -1,0 +1,207 @@
+"""`goshawk diagnose`: which effect the vehicle model lacks, or that nothing or nothing known is missing."""
+
+import json
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+import vehicle
+from flight import FlightLog, InputError, file_format
+from goshawk import console
+from goshawk.flights import load
+from sysid.diagnosis import Diagnosis, Size, SuspectFinding, diagnose
+from vehicle import history
+
+THRUST = "thrust_bem"
+"""This suspect replaces the thrust law the vehicle has, so `add-effect` alone does not add it."""
+
+
+@click.command()
+@click.argument("flights", nargs=-1, required=True, type=click.Path(path_type=Path))
+@console.vehicle_option
+@click.option(
+    "--held-out", "held_out", multiple=True, type=click.Path(path_type=Path), help="Only judge on this. Repeatable."
+)
+@click.option("--auto", is_flag=True, help="Go on until nothing significant is left, not one step.")
+@console.path_option("--out", "out", "Vehicle file to write: fitted, with what was added.")
+@click.option("--overwrite", is_flag=True, help="Let --out be the file of --vehicle (`goshawk vehicle undo` returns).")
+@console.columns_option
+@click.option("--json", "json_file", is_flag=False, flag_value="-", metavar="FILE", help="JSON to write, - to print.")
+def command(
+    flights: tuple[Path, ...],
+    vehicle_file: Path,
+    held_out: tuple[Path, ...],
+    auto: bool,
+    out: Path | None,
+    overwrite: bool,
+    columns: Path | None,
+    json_file: str | None,
+) -> None:
+    """Find what the vehicle model lacks on FLIGHTS: which effect, how large, how sure.
+
+    \b
+    goshawk diagnose a.parquet b.parquet --vehicle vehicle.toml --held-out c.parquet
+    goshawk diagnose a.parquet b.parquet --vehicle vehicle.toml --held-out c.parquet \\
+        --auto --out better.toml
+
+    The model is fitted to FLIGHTS; then every effect of the catalogue that it lacks is a suspect:
+
+    \b
+    present      named, fitted, and flights that were not used agree
+    excluded     a size above the one given would have shown
+    cannot tell  these flights could not have shown it; fly the manoeuvre that is named
+
+    When a free curve explains more than any name does, the verdict is "no known effect", with the force or torque
+    and the variable it follows. "Did not help" is said as plainly as "helped".
+
+    Hold out whole flights (--held-out), best of another kind; without them each flight is judged by the others. One
+    step adds at most one effect; --auto goes on to the end. A few flights of half a minute take about a minute.
+
+    Exit code 0 whatever the verdict; 2 for input that cannot be used.
+    """
+    _check_usage(flights, held_out, vehicle_file, out, overwrite, json_file)
+    given = vehicle.load(vehicle_file)
+    with console.progress() as progress:
+        learn, judge = ([_read(path, columns) for path in paths] for paths in (flights, held_out))
+        found = diagnose(learn, given, held_out=judge, auto=auto, progress=progress)
+    document = found.as_dict()
+    document["next"] = _next(found, flights, vehicle_file, held_out, out, auto)
+    document |= _write(found, vehicle_file, out)
+    if json_file not in (None, "-"):
+        file_format.write_bytes(Path(json_file), (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
+    if json_file == "-":
+        console.show("", {}, as_json=True, document=document)
+    else:
+        _show(found, document)
+
+
+def _read(path: Path, columns: Path | None) -> FlightLog:
+    log = load(path, columns)
+    return FlightLog(log.columns, {**log.metadata, "name": path.stem})
+
+
+def _check_usage(
+    flights: Sequence[Path],
+    held_out: Sequence[Path],
+    vehicle_file: Path,
+    out: Path | None,
+    overwrite: bool,
+    json_file: str | None,
+) -> None:
+    if json_file not in (None, "-") and not json_file.endswith(".json"):
+        raise InputError(f"--json wants a file that ends in .json, or - for standard output, not {json_file}")
+    seen: dict[str, Path] = {}
+    for path in (*flights, *held_out):
+        if not path.exists():
+            raise InputError(f"{path}: there is no such file")
+        digest = file_format.file_hash(path) if path.is_file() else str(path.resolve())
+        if digest in seen:
+            raise InputError(
+                f"{path} and {seen[digest]} are the same flight; give each flight once, to learn from or to judge by"
+            )
+        seen[digest] = path
+    if out is not None and not overwrite and out.exists() and out.resolve() == vehicle_file.resolve():
+        raise InputError(f"--out {out} is the file of --vehicle; give another name, or say --overwrite")
+
+
+def _write(found: Diagnosis, vehicle_file: Path, out: Path | None) -> dict[str, Any]:
+    """Write what was asked for; each file is whole or absent. Returns what was written, for the document."""
+    if out is not None and out.exists() and out.resolve() == vehicle_file.resolve():
+        history.record(vehicle_file, found.vehicle, "diagnose", effect=" + ".join(found.additions))
+    elif out is not None:
+        vehicle.save(out, found.vehicle)
+    return {"written": out and str(out)}
+
+
+def _next(
+    found: Diagnosis,
+    flights: Sequence[Path],
+    vehicle_file: Path,
+    held_out: Sequence[Path],
+    out: Path | None,
+    auto: bool,
+) -> list[str]:
+    """What to type or to fly now."""
+    training = shlex.join(map(str, flights))
+    judging = "".join(f" --held-out {shlex.quote(str(path))}" for path in held_out)
+    again = f"goshawk diagnose {training} --vehicle {{}}{judging}"
+    if found.additions and out is not None:
+        return [] if auto else [again.format(shlex.quote(str(out)))]
+    if found.additions:
+        effects = list(dict.fromkeys(name.partition("[")[0] for name in found.additions))
+        if THRUST in effects and THRUST not in found.base.effects:
+            return [again.format(vehicle_file) + (" --auto" if auto else "") + " --out better.toml"]
+        fly = "".join(f" --flights {shlex.quote(str(path))}" for path in flights)
+        return [f"goshawk vehicle add-effect {vehicle_file} {effect}{fly}{judging}" for effect in effects]
+    if found.outside is not None:
+        return []
+    open_ = [s for s in found.suspects if s.verdict == "cannot tell" and s.settled_by]
+    manoeuvres = dict.fromkeys(m for s in open_[:3] for m in s.settled_by)
+    return [f"fly: {manoeuvre}" for manoeuvre in manoeuvres]
+
+
+def _show(found: Diagnosis, document: dict[str, Any]) -> None:
+    click.echo(f"{found.verdict} (confidence {found.confidence:.0%})")
+    for attempt in found.attempts:
+        click.echo(f"  {attempt.name} {attempt.sentence}")
+    if found.outside is not None:
+        click.echo(f"  outside the catalogue: {outside_sentence(found)}")
+    _show_staircase(found)
+    heads = ("suspect", "verdict", "parameter", "size ± sigma", "excl. >", "visible >", "mm", "sure")
+    console.table(
+        "suspects (mm: position error that the effect makes within 0.5 s)",
+        heads,
+        [row for s in found.suspects for row in _rows(s)],
+    )
+    alike = [(s.name, ", ".join(f"{n} ({share:.0%})" for n, share in s.look_alikes)) for s in found.suspects]
+    if any(names for _, names in alike):
+        console.table("look-alikes on these flights", ("suspect", "leaves the trace of"), [a for a in alike if a[1]])
+    reasons = [(s.name, s.reason) for s in found.suspects if s.verdict == "cannot tell"]
+    reasons += [(name, f"cannot be seen: {why}") for name, why in found.invisible]
+    if reasons:
+        console.table("what these flights cannot tell, and why", ("effect", "reason"), reasons)
+    for finding in found.findings:
+        click.echo(f"note: {finding}")
+    for line in document["next"]:
+        click.echo(f"next: {line}")
+    if document["written"]:
+        click.echo(f"written: {document['written']}")
+
+
+def outside_sentence(found: Diagnosis) -> str:
+    """The curve that no known effect explains, in words."""
+    o = found.outside
+    assert o is not None
+    unit = "N" if o.channel[0] == "F" else "N m"
+    curve = o.acceleration * o.force_or_torque
+    return (
+        f"{o.channel} follows {o.variable}, from {curve.min():.2g} to {curve.max():.2g} {unit} over "
+        f"{o.at[0]:.3g} to {o.at[-1]:.3g} {o.variable_unit} (confidence {o.confidence:.0%})"
+    )
+
+
+def _show_staircase(found: Diagnosis) -> None:
+    horizons = list(found.staircase[0].position_m)
+    on = ", ".join(found.held_out) if found.held_out else "the flights learnt from (none was held out)"
+    rows = [(s.model, *(f"{1000.0 * s.position_m[h]:.1f}" for h in horizons)) for s in found.staircase]
+    console.table(f"position error (mm, rms) on {on}", ("model", *(f"after {h}" for h in horizons)), rows)
+
+
+def _rows(suspect: SuspectFinding) -> list[tuple[str, ...]]:
+    """One line per parameter; what belongs to the suspect as a whole stands in the first."""
+    heads = ((suspect.name, suspect.verdict), *((("", ""),) * (len(suspect.sizes) - 1)))
+    whole = (f"{1000.0 * suspect.error_m:.1f}", f"{suspect.confidence:.0%}")
+    return [
+        (*head, size.parameter.split(".")[-1], *_size(size), *(whole if head[0] else ("", "")))
+        for head, size in zip(heads, suspect.sizes, strict=True)
+    ]
+
+
+def _size(size: Size) -> tuple[str, str, str]:
+    """Size with sigma, excluded above, smallest visible; the unit is in the parameter's name."""
+    if size.sigma == 0.0:
+        return "not flown", "", ""
+    return f"{size.value:.3g} ± {size.sigma:.1g}", f"{size.excluded_above:.2g}", f"{size.smallest_visible:.2g}"
