@@ -41,11 +41,6 @@ class Fall:
         count = len(self.by_block)
         return float(np.sqrt(count * np.var(self.by_block, ddof=1))) if count > 1 else float("inf")
 
-    @property
-    def confirmed(self) -> bool:
-        """Whether the fall is beyond chance."""
-        return self.total > 0.0 and self.total > 1.64 * self.sigma
-
 
 class Judge:
     """Flights to judge models on, with one noise level for all of them."""

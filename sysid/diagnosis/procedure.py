@@ -10,7 +10,6 @@ from scipy.stats import norm
 from flight import FlightLog, InputError, Progress, silent
 from sysid.comparison import HORIZONS_S, compare
 from sysid.diagnosis import traces
-from sysid.diagnosis.confirm import Judge
 from sysid.diagnosis.findings import SCHEMA_VERSION, Attempt, OutsideFinding, Size, Stair, SuspectFinding
 from sysid.diagnosis.free_form import VARIABLE
 from sysid.diagnosis.score import Score
@@ -133,10 +132,8 @@ def diagnose(
     options = replace(options or Options(), node_rate_hz=NODE_RATE_HZ, gusts="white")
     base = identify(logs, vehicle, options)
     progress("diagnose", 0.15)
-    judge = None
-    if held_out:
-        judge = Judge([f for i, log in enumerate(held_out) for f in prepare(log, i, options)], base.noise)
-    found = search(logs, base, judge, options, most=8 if auto else 1, progress=progress)
+    unseen = [flight for i, log in enumerate(held_out) for flight in prepare(log, i, options)]
+    found = search(logs, base, unseen, options, most=8 if auto else 1, progress=progress)
     last = found.models[-1].fit
     models = {"as given": vehicle, "fitted": base.vehicle}
     models |= {label: model.fit.vehicle for label, model in zip(_labels(found), found.models[1:], strict=True)}

@@ -12,6 +12,7 @@ from sysid.diagnosis.confirm import Fall, Judge
 from sysid.diagnosis.evidence import Evidence
 from sysid.diagnosis.score import Loss, Score, inverse_of, loss_without, score, unseen_by_flight
 from sysid.diagnosis.suspects import LineUp, Suspect, line_up
+from sysid.flight_data import Flight
 from sysid.identification import identify
 from sysid.options import Options
 from sysid.result import CHANNELS, Identification
@@ -35,10 +36,8 @@ RIVAL_SHARE = 0.3
 """... if they promise at least this share of the best one's gain."""
 BACKWARD_CHANCE = 1e-3
 """An addition goes when a later one has made it less significant than this."""
-CERTAIN = 1e-8
-"""Significance on the training flights that leaves no doubt that something is there."""
-COULD_CONFIRM = 2.0
-"""Held-out flights that could not fall by so many standard deviations are not asked."""
+CONFIRMING_ODDS = 2.0
+"""Log odds by which unseen flights must prefer the model with the suspect."""
 CLEAR_LEAD = 3.0
 """Log odds from which on one suspect clearly explains more than another."""
 ALIKE = 0.5
@@ -275,7 +274,7 @@ class Search:
 def search(
     logs: Sequence[FlightLog],
     base: Identification,
-    held_out: Judge | None,
+    held_out: Sequence[Flight],
     options: Options,
     *,
     most: int,
@@ -315,7 +314,7 @@ def search(
 
 
 def _next(
-    logs: Sequence[FlightLog], model: Model, held_out: Judge | None, options: Options, refused: dict[str, float]
+    logs: Sequence[FlightLog], model: Model, held_out: Sequence[Flight], options: Options, refused: dict[str, float]
 ) -> tuple[Trial | None, Model | None]:
     """Try the most likely suspect; the model only if it was accepted."""
     tried = candidates(logs, model, options, refused)
@@ -351,23 +350,26 @@ def _next(
     return trial, after if outcome == "added" else None
 
 
-def _confirmed(model: Model, best: Candidate, held_out: Judge | None) -> tuple[Fall, bool, str]:
-    """Held-out flights if they can tell; else every training flight judged by an estimate from the others."""
+def _confirmed(model: Model, best: Candidate, held_out: Sequence[Flight]) -> tuple[Fall, bool, str]:
+    """Held-out flights if they can tell; else every training flight judged by an estimate from the others.
+
+    The fall of the cost of unseen flights is the logarithm of the odds between the two models, up to the dispersion.
+    """
+    least = CONFIRMING_ODDS * best.dispersion
     why = "no flight was held out"
-    if held_out is not None:
+    if held_out:
         before, after = model.fit.vehicle, best.fit.vehicle
-        fall = held_out.fall(before, after)
+        judge = Judge(held_out, model.fit.noise)
+        fall = judge.fall(before, after)
         training = Judge(model.fit.flights, model.fit.noise, model.fit.solution.point.states)
-        could = best.fall.total * held_out.strength(before, after) / max(training.strength(before, after), 1e-12)
-        # as much as was to be expected counts too, where the training flights leave no doubt
-        certain = model.scores[best.suspect.name].significance < CERTAIN
-        if fall.confirmed or could > COULD_CONFIRM * fall.sigma:
-            return fall, fall.confirmed or (certain and fall.total > max(0.5 * could, fall.sigma)), "held-out flights"
-        why = f"held-out flights could confirm {could:.1f} ± {fall.sigma:.1f}, too little"
+        could = best.fall.total * judge.strength(before, after) / max(training.strength(before, after), 1e-12)
+        if fall.total > least or could > 2.0 * least:
+            return fall, fall.total > least, "held-out flights"
+        why = f"held-out flights could show {could:.1f} at best, and {least:.1f} is needed"
     evidence = model.evidence
     own = evidence.place(best.suspect.parameters)
     fall = Fall(unseen_by_flight(evidence.named, evidence.base, own, evidence.flight_of_block))
-    return fall, fall.total > LEAST_GAIN, f"training flights, each judged by the others ({why})"
+    return fall, fall.total > least, f"training flights, each judged by the others ({why})"
 
 
 def _superfluous(model: Model, added: Sequence[Suspect]) -> Suspect | None:
