@@ -28,10 +28,15 @@ class Score:
     """Predicted fall of half the sum of squares on these flights."""
     gain_unseen: float
     """The same on blocks that were left out of the estimate (cross-validation): falls below zero for chance."""
-    unseen_by_block: FloatArray
-    """(b,) its parts."""
     significance: float
     """Probability that chance alone would explain as much."""
+    dispersion: float
+    """By how much the sizes vary more than white noise would make them: true over plain variance, at least one."""
+
+    @property
+    def log_odds(self) -> float:
+        """What unseen blocks say for these columns, gusts allowed for."""
+        return self.gain_unseen / self.dispersion
 
     @property
     def sigma(self) -> FloatArray:
@@ -58,7 +63,7 @@ def score(blocks: Blocks, given: IndexArray, tested: IndexArray, one_sided: NDAr
         kept[np.flatnonzero(kept)[wrong]] = False
         if not kept.any():
             nothing = np.zeros(len(tested))
-            return Score(tested, nothing, wide, 0.0, 0.0, np.zeros(len(blocks.score)), 1.0)
+            return Score(tested, nothing, wide, 0.0, 0.0, 1.0, 1.0)
     base = np.arange(len(given))
     gain = _fall(part, step) - _fall(part.only(base), _solve(part.only(base)))
     unseen = _cross_validated(part) - _cross_validated(part.only(base))
@@ -68,7 +73,10 @@ def score(blocks: Blocks, given: IndexArray, tested: IndexArray, one_sided: NDAr
     freedom = max(len(blocks.score) - len(columns), 4)
     full = np.zeros(len(tested))
     full[kept] = size
-    return Score(tested, full, wide, gain, float(unseen.sum()), unseen, float(f_distribution.sf(wald, q, freedom)))
+    plain = inverse_of(part.information.sum(axis=0))[len(given) :, len(given) :]
+    dispersion = max(1.0, float(np.trace(np.linalg.pinv(plain, hermitian=True) @ covariance)) / q)
+    chance = float(f_distribution.sf(wald, q, freedom))
+    return Score(tested, full, wide, gain, float(unseen.sum()), chance, dispersion)
 
 
 def _robust(blocks: Blocks) -> tuple[FloatArray, FloatArray]:
