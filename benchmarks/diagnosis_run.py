@@ -3,14 +3,18 @@
 import json
 import time
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import sysid
 import vehicle
 from flight import FlightLog, InputError, file_format, flight_log
+from sysid.diagnosis.procedure import NODE_RATE_HZ
 
 HORIZON = sysid.comparison.HORIZONS_S.index(0.5)
+SAME = sysid.Options(node_rate_hz=NODE_RATE_HZ, gusts="white")
+"""Base and oracle are fitted as the diagnosis fits, so that only the effects differ."""
 LEAST_FALL = 0.01
 """The oracle must lower the held-out error by this share before a share of its fall means anything."""
 NORMAL_90 = 1.6449
@@ -137,11 +141,11 @@ def errors(
     for effect in names:
         told = told.with_effect(effect, **truth["hidden"].get(effect, {}))
     try:
-        base = sysid.identify(training, given).vehicle
+        base = sysid.identify(training, given, SAME).vehicle
         oracle = sysid.identify(training, told, _oracle_options(told, truth)).vehicle
     except InputError as error:
         return {"no_oracle": str(error)}
-    compared = sysid.compare(held_out, {"base": base, "diagnosed": diagnosed, "oracle": oracle})
+    compared = sysid.compare(held_out, {"base": base, "diagnosed": diagnosed, "oracle": oracle}, SAME)
     found = {name: compared.errors[name]["position"][HORIZON] for name in compared.models}
     fall = found["base"] - found["oracle"]
     share = (found["base"] - found["diagnosed"]) / fall if fall > LEAST_FALL * found["base"] else None
@@ -151,4 +155,4 @@ def errors(
 def _oracle_options(told: vehicle.Vehicle, truth: dict[str, Any]) -> sysid.Options:
     """The oracle knows which rotor is weak: the losses of the others are held at nil."""
     losses = truth["hidden"].get("weak_rotor", {})
-    return sysid.Options(held=tuple(f"weak_rotor.{p}" for p, x in losses.items() if x == 0.0))
+    return replace(SAME, held=tuple(f"weak_rotor.{p}" for p, x in losses.items() if x == 0.0))
