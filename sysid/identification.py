@@ -21,6 +21,10 @@ from vehicle import Vehicle, specs
 
 logger = logging.getLogger(__name__)
 
+UNSETTLED = (
+    "disturbances that last (gusts) were seen, and carrying them among the states did not settle; they were taken for "
+    "white noise, so inertias and torques may be off by a few of their standard errors; fly in calmer air"
+)
 UNSEEN_SHARE = 0.5
 """A parameter is unseen when its standard error exceeds this share of its usual size."""
 
@@ -46,12 +50,18 @@ def identify(
     held: list[str] = []
     solution, unknowns = _fit(flights, vehicle, point, noise, unknowns, held, options, progress)
     lasting = _with_gusts(flights, solution) if options.gusts == "estimate" else None
+    doubts = ()
     if lasting is not None:
-        before = solution.record
-        solution, unknowns = _fit(flights, vehicle, *lasting, unknowns, held, options, progress)
-        solution = replace(solution, record=before + solution.record)
+        also_held = list(held)
+        carried, still_free = _fit(flights, vehicle, *lasting, unknowns, also_held, options, progress)
+        if carried.converged:
+            unknowns, held = still_free, also_held
+            solution = replace(carried, record=solution.record + carried.record)
+        else:
+            doubts = (UNSETTLED,)
     progress("identify", 1.0)
-    return conclude(vehicle, flights, unknowns, solution, tuple(held), options)
+    found = conclude(vehicle, flights, unknowns, solution, tuple(held), options)
+    return replace(found, findings=(*found.findings, *doubts))
 
 
 def _fit(
