@@ -1,10 +1,11 @@
 # The README's commands. Each sets up first (a no-op when nothing changed).
 PYTHON := .venv/bin/python
 DEMO_OUT ?= demo-out
+HOURS ?=
 # BLAS threads only spin on matrices as small as ours; see goshawk/__init__.py.
 export OPENBLAS_NUM_THREADS ?= 1
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-all bench docs lint lock clean
+.PHONY: help setup demo test test-all bench fuzz docs lint lock clean
 
 help:  ## what there is to make
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 18
@@ -19,14 +20,18 @@ test:  ## set up and run the tests
 	@tools/setup.sh browser
 	$(PYTHON) -m pytest
 
-test-all: lint  ## the slow tests too, and the lint
-	@tools/setup.sh browser
+test-all: lint  ## the slow tests too, and the lint; installs the compilers and tools they need
+	@tools/setup.sh slow
 	$(PYTHON) -m pytest -m "slow or not slow"
 
 bench: setup  ## measure every package beside its peers; writes build/bench/*.json
 	@mkdir -p build/bench
 	@for script in $$(grep -lE '^    (report\.)?main\(rows\)' benchmarks/*.py); do \
 	  echo "== $$script"; $(PYTHON) $$script --json build/bench/$$(basename $$script .py).json || exit 1; done
+
+fuzz: setup  ## feed the link and the state machine 1e8 inputs each (hours); HOURS=0.1 for a taste
+	@tools/setup.sh slow
+	$(PYTHON) tools/assure.py fuzz $(HOURS)
 
 docs: setup  ## the documentation, as HTML in docs/_build
 	$(PYTHON) -m sphinx -W --keep-going -b html docs docs/_build

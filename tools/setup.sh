@@ -2,6 +2,7 @@
 # Prepares .venv and builds Goshawk into it. Run by every make target; does only what is not done yet.
 #   tools/setup.sh          what the demo and the commands need
 #   tools/setup.sh browser  also Chromium, for the tests of the web page
+#   tools/setup.sh slow     also what the slow tests need: ARM compiler and emulator, clang 19, cppcheck
 set -euo pipefail
 cd "$(dirname "$0")/.."
 say() { printf '\033[1m[setup]\033[0m %s\n' "$*"; }
@@ -19,7 +20,10 @@ wanted=(libusb-1.0-0 libgl1 libegl1 libgomp1 libx11-6)
 command -v c++ >/dev/null || wanted+=(build-essential)
 "$python" -c 'import ensurepip' 2>/dev/null || wanted+=(python3-venv)
 [ -f "$("$python" -c 'import sysconfig; print(sysconfig.get_path("include"))')/Python.h" ] || wanted+=(python3-dev)
-[ "${1:-}" != browser ] || command -v chromium >/dev/null || wanted+=(chromium)
+case "${1:-}" in browser | slow) command -v chromium >/dev/null || wanted+=(chromium) ;; esac
+if [ "${1:-}" = slow ]; then
+  wanted+=(gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm clang-19 llvm-19 libclang-rt-19-dev cppcheck)
+fi
 if command -v dpkg-query >/dev/null; then
   missing=()
   for package in "${wanted[@]}"; do
