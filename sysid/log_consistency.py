@@ -16,6 +16,7 @@ from flight.rotations import FloatArray
 from sysid.log_finding import Finding, error, warning
 from sysid.model import surroundings
 from vehicle import Vehicle, acceleration, wrench
+from vehicle.invert import open_air
 
 GRID_S = 0.01
 WINDOW = 15
@@ -234,7 +235,7 @@ def _rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle | None) -> list
             return [_rpm(float(np.median(speed)))]
         return []
     rest = np.zeros((len(speed), 3))
-    thrust = wrench(vehicle, rest, rest, speed)[0][:, 2] / vehicle.mass_kg
+    thrust = wrench(vehicle, rest, rest, speed, open_air(len(speed)))[0][:, 2] / vehicle.mass_kg
     needed = np.linalg.norm(motion.specific_force_world_m_s2, axis=1)
     ratio = float(np.median(thrust) / np.median(needed))
     if 0.4 * RPM**2 < ratio < 2.5 * RPM**2:

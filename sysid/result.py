@@ -14,6 +14,7 @@ from sysid.problem import Noise, Unknowns
 from sysid.sensors import SENSOR_NAMES
 from sysid.solver import Solution, robust_covariance
 from vehicle import Vehicle, specs, wrench
+from vehicle.invert import open_air
 
 NORMAL_90 = 1.6449
 """Half width of a normal 90 % interval in standard deviations."""
@@ -273,7 +274,9 @@ def _findings(vehicle: Vehicle, estimates: list[Estimate], solution: Solution) -
 def _thrust_against_belief(vehicle: Vehicle, solution: Solution, flights: list[Flight]) -> list[str]:
     """Thrust at the flights' usual rotor speed, fitted over believed: what a wrong mass looks like."""
     still, speed = np.zeros((1, 3)), np.median(np.concatenate([f.rotor_speed_rad_s for f in flights]), axis=0)
-    fitted, believed = (float(wrench(v, still, still, speed[None])[0][0, 2]) for v in (solution.point.vehicle, vehicle))
+    fitted, believed = (
+        float(wrench(v, still, still, speed[None], open_air(1))[0][0, 2]) for v in (solution.point.vehicle, vehicle)
+    )
     if believed <= 0.0 or abs(fitted / believed - 1.0) < OFF_BELIEF:
         return []
     return [

@@ -13,7 +13,7 @@ from sysid.diagnosis import traces
 from sysid.diagnosis.findings import SCHEMA_VERSION, Attempt, OutsideFinding, Size, Stair, SuspectFinding
 from sysid.diagnosis.free_form import VARIABLE
 from sysid.diagnosis.score import Score
-from sysid.diagnosis.search import CHANCE, Model, Outside, Search, Trial, search
+from sysid.diagnosis.search import CHANCE, LEAST_SIZE, Model, Outside, Search, Trial, search
 from sysid.diagnosis.suspects import Suspect
 from sysid.flight_data import prepare
 from sysid.identification import identify
@@ -159,6 +159,11 @@ def diagnose(
     )
 
 
+def _visible(sigma: float, usual: float) -> float:
+    """Smallest size that would have been called present nine times in ten; what is of no consequence is never."""
+    return max(VISIBLE_SIGMAS * float(sigma), LEAST_SIZE * usual)
+
+
 def _labels(found: Search) -> list[str]:
     signs = {"added": "+", "removed": "-"}
     return [f"{signs[t.outcome]} {t.suspect.name}" for t in found.trials if t.outcome in signs]
@@ -189,9 +194,7 @@ def _present(found: Search, suspect: Suspect, trial: Trial, fitted: Vehicle, err
     before = next(m for m in reversed(found.models) if suspect.name in m.scores)
     scored = before.scores[suspect.name]
     sizes = tuple(
-        Size(
-            n, fitted.parameter(n).unit, fitted.value(n), fitted.parameter(n).std, VISIBLE_SIGMAS * float(sigma), usual
-        )
+        Size(n, fitted.parameter(n).unit, fitted.value(n), fitted.parameter(n).std, _visible(sigma, usual), usual)
         for n, sigma, usual in zip(suspect.parameters, scored.sigma, suspect.usual, strict=True)
     )
     alike = traces.look_alikes(before, suspect, LOOK_ALIKE)
@@ -220,7 +223,7 @@ def _present_reason(trial: Trial) -> str:
 def _not_added(model: Model, suspect: Suspect, scored: Score, trial: Trial | None, error_m: float) -> SuspectFinding:
     units = {s.name: s.unit for s in effects.find(suspect.effect).parameters}
     sizes = tuple(
-        Size(n, units[n.split(".")[1]], float(v), float(sigma), VISIBLE_SIGMAS * float(sigma), usual)
+        Size(n, units[n.split(".")[1]], float(v), float(sigma), _visible(sigma, usual), usual)
         for n, v, sigma, usual in zip(suspect.parameters, scored.size, scored.sigma, suspect.usual, strict=True)
     )
     seen = [s for s in sizes if 0.0 < s.smallest_visible <= s.usual]

@@ -28,6 +28,8 @@ class Score:
     """Predicted fall of half the sum of squares on these flights."""
     gain_unseen: float
     """The same on blocks that were left out of the estimate (cross-validation): falls below zero for chance."""
+    unseen_by_block: FloatArray
+    """(b,) its parts."""
     significance: float
     """Probability that chance alone would explain as much."""
     dispersion: float
@@ -63,7 +65,7 @@ def score(blocks: Blocks, given: IndexArray, tested: IndexArray, one_sided: NDAr
         kept[np.flatnonzero(kept)[wrong]] = False
         if not kept.any():
             nothing = np.zeros(len(tested))
-            return Score(tested, nothing, wide, 0.0, 0.0, 1.0, 1.0)
+            return Score(tested, nothing, wide, 0.0, 0.0, np.zeros(len(blocks.score)), 1.0, 1.0)
     base = np.arange(len(given))
     gain = _fall(part, step) - _fall(part.only(base), _solve(part.only(base)))
     unseen = _cross_validated(part) - _cross_validated(part.only(base))
@@ -76,7 +78,7 @@ def score(blocks: Blocks, given: IndexArray, tested: IndexArray, one_sided: NDAr
     plain = inverse_of(part.information.sum(axis=0))[len(given) :, len(given) :]
     dispersion = max(1.0, float(np.trace(np.linalg.pinv(plain, hermitian=True) @ covariance)) / q)
     chance = float(f_distribution.sf(wald, q, freedom))
-    return Score(tested, full, wide, gain, float(unseen.sum()), chance, dispersion)
+    return Score(tested, full, wide, gain, float(unseen.sum()), unseen, chance, dispersion)
 
 
 def _robust(blocks: Blocks) -> tuple[FloatArray, FloatArray]:
@@ -123,15 +125,6 @@ def loss_without(blocks: Blocks, kept: IndexArray, dropped: IndexArray, values: 
     return Loss(_fall(part, step) - _fall(part, without), float(f_distribution.sf(wald, q, freedom)))
 
 
-def unseen_by_flight(blocks: Blocks, given: IndexArray, tested: IndexArray, flight: IndexArray) -> FloatArray:
-    """(flights,) fall of each whole flight's cost by the estimate from the other flights, tested columns added."""
-    falls = []
-    for columns in (np.concatenate([given, tested]), given):
-        part = blocks.only(columns)
-        falls.append(_left_out(part, flight))
-    return np.bincount(flight, falls[0] - falls[1]).astype(np.float64)
-
-
 def _solve(blocks: Blocks) -> FloatArray:
     return -inverse_of(blocks.information.sum(axis=0)) @ blocks.score.sum(axis=0)
 
@@ -148,10 +141,7 @@ def fall_by_block(blocks: Blocks, step: FloatArray) -> FloatArray:
 
 def _cross_validated(blocks: Blocks) -> FloatArray:
     """(b,) fall of each block's cost by the step that the other folds call for."""
-    return _left_out(blocks, np.arange(len(blocks.score)) % FOLDS)
-
-
-def _left_out(blocks: Blocks, fold: IndexArray) -> FloatArray:
+    fold = np.arange(len(blocks.score)) % FOLDS
     score, information = blocks.score.sum(axis=0), blocks.information.sum(axis=0)
     fall = np.zeros(len(blocks.score))
     for k in np.unique(fold):

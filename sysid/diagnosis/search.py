@@ -10,7 +10,7 @@ from flight import FlightLog, InputError, Progress, silent
 from sysid.diagnosis import suspects
 from sysid.diagnosis.confirm import Fall, Judge
 from sysid.diagnosis.evidence import Evidence
-from sysid.diagnosis.score import Loss, Score, inverse_of, loss_without, score, unseen_by_flight
+from sysid.diagnosis.score import Loss, Score, inverse_of, loss_without, score
 from sysid.diagnosis.suspects import LineUp, Suspect, line_up
 from sysid.flight_data import Flight
 from sysid.identification import identify
@@ -34,7 +34,7 @@ CLEAR_ODDS_CURVE = 16.0
 """The same for a curve; innocent models came to 10 at most."""
 DOUBTFUL = 1e-3
 """... and the probability of chance that is low enough then."""
-LEAST_SIZE = 0.02
+LEAST_SIZE = 0.05
 """Sizes below this share of the usual one are of no consequence, however significant."""
 RIVALS = 3
 """So many of the best suspects are fitted in full before one is chosen."""
@@ -44,6 +44,10 @@ BACKWARD_CHANCE = 1e-3
 """An addition goes when a later one has made it less significant than this."""
 CONFIRMING_ODDS = 2.0
 """Log odds by which unseen flights must prefer the model with the suspect."""
+COULD_CONFIRM = 2.0
+"""Held-out flights are not asked when a true effect would not stand out of their scatter by this factor."""
+CONTRADICTING_SIGMAS = 1.64
+"""... unless they speak against the effect by so many standard deviations."""
 MOST_CONFIDENCE = 0.97
 """Nothing is stated with more: so many of the names given on blind campaigns with well visible effects were right."""
 CLEAR_LEAD = 3.0
@@ -349,25 +353,27 @@ def _next(
 
 
 def _confirmed(model: Model, best: Candidate, held_out: Sequence[Flight]) -> tuple[Fall, bool, str]:
-    """Held-out flights if they can tell; else every training flight judged by an estimate from the others.
+    """Held-out flights if they can tell; else stretches of the training flights, each judged by the rest.
 
     The fall of the cost of unseen flights is the logarithm of the odds between the two models, up to the dispersion.
     """
-    least = CONFIRMING_ODDS * best.dispersion
-    why = "no flight was held out"
+    scored = model.scores[best.suspect.name]
+    least, why = CONFIRMING_ODDS * best.dispersion, "no flight was held out"
     if held_out:
         before, after = model.fit.vehicle, best.fit.vehicle
         judge = Judge(held_out, model.fit.noise)
         fall = judge.fall(before, after)
         training = Judge(model.fit.flights, model.fit.noise, model.fit.solution.point.states)
         could = best.fall.total * judge.strength(before, after) / max(training.strength(before, after), 1e-12)
-        if fall.total > least or could > 2.0 * least:
+        against = fall.total < -CONTRADICTING_SIGMAS * fall.sigma
+        if fall.total > least or against or could > COULD_CONFIRM * max(fall.sigma, least):
             return fall, fall.total > least, "held-out flights"
-        why = f"held-out flights could show {could:.1f} at best, and {least:.1f} is needed"
-    evidence = model.evidence
-    own = evidence.place(best.suspect.parameters)
-    fall = Fall(unseen_by_flight(evidence.named, evidence.base, own, evidence.flight_of_block))
-    return fall, fall.total > least, f"training flights, each judged by the others ({why})"
+        why = f"held-out flights could show {could:.0f} at best and scatter by {fall.sigma:.0f}"
+    return (
+        Fall(scored.unseen_by_block),
+        scored.log_odds > CLEAR_ODDS,
+        f"stretches of the training flights, each judged by the rest ({why})",
+    )
 
 
 def _superfluous(model: Model, added: Sequence[Suspect]) -> Suspect | None:

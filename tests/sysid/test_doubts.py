@@ -53,3 +53,10 @@ def test_repeated_time_stamps_are_refused(same, truth):
     time_s[40] = time_s[39]
     with pytest.raises(InputError, match="40"):
         sysid.identify([FlightLog({**same[0].columns, "time_s": time_s}, {})], truth)
+
+
+def test_effects_that_read_their_surroundings_can_be_fitted(campaign, truth):
+    """Wind needs the attitude, ground effect the height: the sentences about thrust must not trip over them."""
+    for effect in ("constant_wind", "ground_effect"):
+        found = sysid.identify(campaign, truth.with_effect(effect), sysid.Options(node_rate_hz=50.0, gusts="white"))
+        assert found.converged
