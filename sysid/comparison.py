@@ -9,6 +9,7 @@ import numpy as np
 from flight import FlightLog, InputError, Progress, rotations, silent
 from flight.rotations import FloatArray
 from sysid import drive, dynamics
+from sysid.dynamics import Middle
 from sysid.flight_data import Flight, prepare
 from sysid.identification import smooth
 from sysid.options import Options
@@ -24,6 +25,9 @@ SCHEMA_VERSION = 1
 HORIZONS_S = (0.1, 0.2, 0.5, 1.0)
 QUANTITIES = {"position": "m", "velocity": "m/s", "attitude": "rad", "rate": "rad/s"}
 """What prediction errors are given in; the unit of each."""
+
+SPAN_S = 0.1
+"""Residual forces and torques are judged and drawn as means over this long."""
 
 REFERENCE_LOOSENESS = 2.0
 """The reference states trust the first model this much less than its own residuals suggest, so as to take no side."""
@@ -43,6 +47,16 @@ class Residual:
     """(k, 3)."""
     position_world_m: FloatArray
     """(k, 3)."""
+    sigma: FloatArray
+    """(6,) standard deviation that white noise of the estimated strength gives to a mean over `SPAN_S`, N and N m."""
+    flight: Flight
+    """With the rotor speeds that drove the model."""
+    mid: Middle
+    """The smoothed motion in the middle of each interval."""
+
+    def means(self) -> FloatArray:
+        """(m, 6) wrench as means over `SPAN_S`: what is faster is noise."""
+        return means_over(self.wrench, self.time_s, SPAN_S)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +76,7 @@ class Comparison:
 
     def wrench_rms(self, model: str) -> FloatArray:
         """(6,) root mean square of the residual force (N) and torque (N m) of one model, after a 0.1 s mean."""
-        parts = [means_over(r.wrench, r.time_s, 0.1) for r in self.residuals[model]]
+        parts = [r.means() for r in self.residuals[model]]
         return np.sqrt((np.concatenate(parts) ** 2).mean(axis=0))
 
     def as_dict(self) -> dict[str, Any]:
@@ -120,7 +134,8 @@ def compare(
     errors, flight_errors, residuals = {}, {}, {}
     count = 0
     for i, (name, vehicle) in enumerate(models.items()):
-        states = smooth(flights, vehicle).point.states
+        smoothed = smooth(flights, vehicle)
+        states = smoothed.point.states
         sensor = PoseSensor.of(vehicle)
         parts = [_errors(*one, vehicle, sensor) for one in zip(flights, states, reference, strict=True)]
         errors[name] = {
@@ -128,7 +143,9 @@ def compare(
             for quantity in QUANTITIES
         }
         flight_errors[name] = tuple(_rms(p["position"][HORIZONS_S.index(0.5)]) for p in parts)
-        residuals[name] = tuple(_residual(f, s, vehicle) for f, s in zip(flights, states, strict=True))
+        residuals[name] = tuple(
+            residual(f, s, vehicle, smoothed.noise.process) for f, s in zip(flights, states, strict=True)
+        )
         count = sum(len(p["position"][0]) for p in parts)
         progress("compare", (i + 1) / len(models))
     return Comparison(tuple(flights), dict(models), errors, flight_errors, residuals, count)
@@ -152,16 +169,26 @@ def _errors(
     return found
 
 
-def _residual(flight: Flight, states: States, vehicle: Vehicle) -> Residual:
+def residual(flight: Flight, states: States, vehicle: Vehicle, process: FloatArray) -> Residual:
+    """What a vehicle leaves unexplained of smoothed states.
+
+    Args:
+        process: (6,) strength of the unmodelled acceleration, m/s2 and rad/s2 times root second.
+    """
     mid = dynamics.middle(flight, states)
-    left = dynamics.unexplained(drive.driven(flight, vehicle), states, vehicle)
+    driven = drive.driven(flight, vehicle)
+    left = dynamics.unexplained(driven, states, vehicle)
     body = rigid_body(vehicle)
+    turning = np.sqrt(body.inertia_kg_m2**2 @ process[3:] ** 2)
     return Residual(
         time_s=0.5 * (flight.time_s[1:] + flight.time_s[:-1]),
         wrench=np.concatenate([body.mass_kg * left[:, :3], left[:, 3:] @ body.inertia_kg_m2], axis=1),
         velocity_body_m_s=mid.velocity_body_m_s,
         rate_body_rad_s=mid.rate_body_rad_s,
         position_world_m=mid.position_world_m,
+        sigma=np.concatenate([body.mass_kg * process[:3], turning]) / np.sqrt(SPAN_S),
+        flight=driven,
+        mid=mid,
     )
 
 

@@ -68,3 +68,13 @@ def readable_log(axes: "Axes") -> None:
 
 def rms(values: FloatArray) -> float:
     return float(np.sqrt((values**2).mean()))
+
+
+def binned(x: FloatArray, y: FloatArray, bins: int = 12) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Mean of y in bins of x with equally many samples, and its standard error: centres, means, errors."""
+    order = np.argsort(x)
+    parts = [p for p in np.array_split(order, bins) if len(p) > 1]
+    centre = np.array([x[p].mean() for p in parts])
+    mean = np.array([y[p].mean() for p in parts])
+    error = np.array([y[p].std(ddof=1) / np.sqrt(len(p)) for p in parts])
+    return centre, mean, error

@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flight.rotations import FloatArray
-from sysid import drawing
+from sysid import drawing, residual_plots
 from sysid.comparison import HORIZONS_S, Comparison, means_over
 from sysid.fit_plots import identification, repeated
 from sysid.result import CHANNELS
@@ -14,19 +13,33 @@ from sysid.result import CHANNELS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["binned", "comparison", "identification", "repeated"]
+__all__ = ["comparison", "identification", "repeated"]
 
 
 def comparison(result: Comparison, folder: Path, *, suffix: str = "svg") -> list[Path]:
-    """Write `prediction_error`, `residual_wrench` and `residual_against_speed`; returns the files."""
+    """Write what models predict and what they leave unexplained; returns the files.
+
+    `prediction_error`, `residual_wrench` (first flight), `residual_share` (channel against variable),
+    `residual_against` (the two pairs that tell most), `residual_against_speed` and `residual_path` (first flight).
+    """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
+    first = result.flights[0].name
     drawings = {
         "prediction_error": _prediction_error(result),
-        "residual_wrench": _residual_wrench(result),
+        "residual_wrench": residual_plots.over_time(result.residuals, 0, f"Unexplained on {first}, body axes"),
+        "residual_share": residual_plots.heat_map(result.residuals),
+        "residual_against": residual_plots.against(result.residuals, _pairs(result)),
         "residual_against_speed": _residual_against_speed(result),
+        "residual_path": residual_plots.path(result.residuals, 0, f"Where on {first} the models fail"),
     }
     return [drawing.written(figure, folder / f"{name}.{suffix}") for name, figure in drawings.items()]
+
+
+def _pairs(result: Comparison) -> list[tuple[str, str]]:
+    """Of force and of torque, the channel and variable that tell most about the first model."""
+    residuals = next(iter(result.residuals.values()))
+    return [residual_plots.most_telling(residuals, CHANNELS[part])[:2] for part in (slice(0, 3), slice(3, 6))]
 
 
 def _prediction_error(result: Comparison) -> "Figure":
@@ -53,25 +66,6 @@ def _prediction_error(result: Comparison) -> "Figure":
     return figure
 
 
-def _residual_wrench(result: Comparison) -> "Figure":
-    figure, axes = drawing.figure(2, 3, (12.0, 5.4), sharex="col")
-    for i, (panel, channel) in enumerate(zip(axes.ravel(), CHANNELS, strict=True)):
-        scale, unit = (1.0, "N") if i < 3 else (1000.0, "mN m")
-        for colour, name in zip(drawing.cycle(result.models), result.models, strict=True):
-            residual = result.residuals[name][0]
-            smooth = scale * means_over(residual.wrench, residual.time_s, 0.1)[:, i]
-            time_s = residual.time_s[0] + 0.1 * (np.arange(len(smooth)) + 0.5)
-            panel.plot(time_s, smooth, color=colour, linewidth=1.0, label=f"{name}: {drawing.rms(smooth):.2g} {unit}")
-        panel.axhline(0.0, color=drawing.INK, linewidth=0.6)
-        panel.legend(framealpha=0.8, edgecolor="none", fontsize=8, loc="upper right")
-        drawing.plain(panel, channel.replace("_", " "), "time (s)" if i >= 3 else "", f"unexplained ({unit})")
-    drawing.headed(
-        figure,
-        f"Force and torque the model does not explain, body axes, {result.flights[0].name} (means over 0.1 s)",
-    )
-    return figure
-
-
 def _residual_against_speed(result: Comparison) -> "Figure":
     names = list(result.models)
     figure, axes = drawing.figure(len(names), 3, (12.0, 2.7 * len(names)), sharex="col", sharey="col")
@@ -80,7 +74,7 @@ def _residual_against_speed(result: Comparison) -> "Figure":
         speed = np.concatenate([means_over(r.velocity_body_m_s, r.time_s, 0.1) for r in result.residuals[name]])
         for i, panel in enumerate(row):
             panel.plot(speed[:, i], force[:, i], ".", color=colour, alpha=0.25, markersize=4)
-            centre, mean, error = binned(speed[:, i], force[:, i])
+            centre, mean, error = drawing.binned(speed[:, i], force[:, i])
             panel.errorbar(
                 centre, mean, 2.0 * error, color=drawing.INK, fmt="o-", markersize=3.5, linewidth=1.2, capsize=2
             )
@@ -93,13 +87,3 @@ def _residual_against_speed(result: Comparison) -> "Figure":
         "Unexplained force against air speed; a slope or curve is an effect the model lacks (bars: 2 standard errors)",
     )
     return figure
-
-
-def binned(x: FloatArray, y: FloatArray, bins: int = 12) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Mean of y in bins of x with equally many samples, and its standard error: centres, means, errors."""
-    order = np.argsort(x)
-    parts = [p for p in np.array_split(order, bins) if len(p) > 1]
-    centre = np.array([x[p].mean() for p in parts])
-    mean = np.array([y[p].mean() for p in parts])
-    error = np.array([y[p].std(ddof=1) / np.sqrt(len(p)) for p in parts])
-    return centre, mean, error

@@ -35,6 +35,9 @@ CAPTIONS = {
     "residuals": "What is left, with its band",
     "prediction_error": "Prediction error against horizon",
     "residual_wrench": "Unexplained force and torque over time",
+    "residual_share": "What explains the residual, channel by channel",
+    "residual_against": "Residual against what explains it",
+    "residual_path": "Where on the path the models fail",
     "residual_against_speed": "Unexplained force against air speed",
     "repeated": "Repeated trials",
 }
@@ -63,19 +66,40 @@ def write(
         for name, fit in stages.items():
             parts.append(_fit(name, fit, Path(folder) / (name or "fit")))
         if trials:
-            picture = plots.repeated(trials, last.free_names, Path(folder) / "repeated.svg")
-            parts += ["<h2>Repeated trials</h2>", _picture(picture)]
+            repeated = plots.repeated(trials, last.free_names, Path(folder) / "repeated.svg")
+            parts += ["<h2>Repeated trials</h2>", picture(repeated)]
         if comparison is not None:
             parts.append(_comparison(comparison))
-            parts += [_picture(p) for p in plots.comparison(comparison, Path(folder))]
-    title = f"Identification of {escape(last.vehicle.name)}"
-    page = (
-        f"<!doctype html><html lang='en'><head><meta charset='utf-8'><title>{title}</title><style>{STYLE}</style>"
-        f"</head><body>{''.join(parts)}</body></html>\n"
+            parts += [picture(p) for p in plots.comparison(comparison, Path(folder))]
+    return write_page(Path(path), f"Identification of {last.vehicle.name}", "".join(parts))
+
+
+def write_comparison(path: Path, comparison: Comparison) -> Path:
+    """Write a page about models on flights; pictures are inside the file."""
+    models = "".join(
+        f"<tr><td>{escape(name)}</td><td class='word'>{escape(', '.join(v.effects))}</td></tr>"
+        for name, v in comparison.models.items()
     )
-    with file_format.atomic_file(Path(path)) as temporary:
+    with tempfile.TemporaryDirectory() as folder:
+        pictures = "".join(picture(p) for p in plots.comparison(comparison, Path(folder)))
+    head = f"<h1>Comparison of models</h1>{_stamp()}{table(('model', 'effects'), models, words=1)}"
+    return write_page(Path(path), "Comparison of models", f"{head}{_comparison(comparison)}{pictures}")
+
+
+def write_page(path: Path, title: str, body: str, style: str = "") -> Path:
+    """Write a whole page in our style."""
+    page = (
+        f"<!doctype html><html lang='en'><head><meta charset='utf-8'><title>{escape(title)}</title>"
+        f"<style>{STYLE}{style}</style></head><body>{body}</body></html>\n"
+    )
+    with file_format.atomic_file(path) as temporary:
         temporary.write_text(page, encoding="utf-8")
-    return Path(path)
+    return path
+
+
+def _stamp() -> str:
+    now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    return f"<p class='small'>goshawk {version('goshawk')}, {now}. SI units, body axes x forward, y left, z up.</p>"
 
 
 def _head(stages: Mapping[str, Identification]) -> str:
@@ -109,10 +133,10 @@ def _fit(stage: str, result: Identification, folder: Path) -> str:
             heading,
             f"<h2>To read first</h2><ul>{findings}</ul>",
             _parameters(result.parameters),
-            f"<h2>Flights</h2>{_table(('flight', 'length (s)', 'nodes'), flights)}",
+            f"<h2>Flights</h2>{table(('flight', 'length (s)', 'nodes'), flights)}",
             _noise(result),
             "<h2>Pictures</h2>",
-            *(_picture(p) for p in plots.identification(result, folder)),
+            *(picture(p) for p in plots.identification(result, folder)),
         )
     )
 
@@ -142,7 +166,7 @@ def _parameters(estimates: Sequence[Estimate]) -> str:
         "that are slightly wrong; believe that one, and the 90 % interval made of it. "
         "Unseen: held, because these flights do not show it.</p>"
     )
-    return f"<h2>Parameters</h2>{_table(head, ''.join(rows), words=2)}{note}"
+    return f"<h2>Parameters</h2>{table(head, ''.join(rows), words=2)}{note}"
 
 
 def _noise(result: Identification) -> str:
@@ -171,7 +195,7 @@ def _noise(result: Identification) -> str:
         "model's noise: below 1 and smooth in time by nature, the more so the noisier the pose.</p>"
     )
     head = ("channel", "rms", "correlation with the next")
-    tables = _table(("noise as estimated", ""), rows, words=1) + _table(head, statistics)
+    tables = table(("noise as estimated", ""), rows, words=1) + table(head, statistics)
     return f"<h2>Noise and residuals</h2>{tables}{note}"
 
 
@@ -189,7 +213,7 @@ def _comparison(comparison: Comparison) -> str:
     )
     flights = ", ".join(escape(f.name) for f in comparison.flights)
     head = ("rms error after", *(f"{h:g} s" for h in HORIZONS_S))
-    return f"<h2>Prediction on {flights}</h2>{_table(head, rows)}"
+    return f"<h2>Prediction on {flights}</h2>{table(head, rows)}"
 
 
 def _logs(logs: Sequence[LogReport]) -> str:
@@ -204,15 +228,16 @@ def _logs(logs: Sequence[LogReport]) -> str:
     return f"<h2>Checks of the logs</h2><ul>{found}</ul><p class='small'>Nothing was changed in any log.</p>"
 
 
-def _table(head: Sequence[str], rows: str, *, words: int = 0) -> str:
+def table(head: Sequence[str], rows: str, *, words: int = 0) -> str:
     """A table; the last `words` columns are text."""
     marks = ["" if i < len(head) - words else " class='word'" for i in range(len(head))]
     cells = "".join(f"<th{mark}>{name}</th>" for mark, name in zip(marks, head, strict=True))
     return f"<table><thead><tr>{cells}</tr></thead><tbody>{rows}</tbody></table>"
 
 
-def _picture(path: Path) -> str:
+def picture(path: Path, caption: str = "") -> str:
+    """An SVG file as part of the page, under its caption."""
     kind = path.stem.rstrip("0123456789").rstrip("_")
-    caption = CAPTIONS.get(kind, path.stem)
+    caption = caption or CAPTIONS.get(kind, path.stem)
     data = base64.b64encode(path.read_bytes()).decode()
     return f"<h3>{caption}</h3><img alt='{escape(caption)}' src='data:image/svg+xml;base64,{data}'>"

@@ -23,19 +23,26 @@ from sysid.comparison import HORIZONS_S
     help="Vehicle file; give several to compare them side by side.",
 )
 @console.columns_option
-@console.path_option("--plots", "plots", "Folder for figures.")
+@console.path_option("--report", "report_file", "HTML page to write: tables and figures in one file.")
+@console.path_option("--plots", "plots", "Folder for figures (SVG).")
 @console.json_option
 def command(
-    flights: tuple[Path, ...], vehicle_files: tuple[Path, ...], columns: Path | None, plots: Path | None, as_json: bool
+    flights: tuple[Path, ...],
+    vehicle_files: tuple[Path, ...],
+    columns: Path | None,
+    report_file: Path | None,
+    plots: Path | None,
+    as_json: bool,
 ) -> None:
     """Compare models with FLIGHTS, best those that were not used for fitting.
 
     \b
     goshawk compare flights/walk.parquet --vehicle fitted.toml
-    goshawk compare flights/walk.parquet --vehicle fitted.toml --vehicle with_drag.toml --plots figures
+    goshawk compare flights/walk.parquet --vehicle fitted.toml --vehicle with_drag.toml --report compare.html
 
     From many points of each flight the model flies on with the measured rotor speeds; the table shows how far it is
-    off after 0.1 to 1 s.
+    off after 0.1 to 1 s. Figures and report show what is left: force and torque over time with their band, which
+    variable explains them, and where on the path it happens.
     """
     models = {path.stem: vehicle.load(path) for path in vehicle_files}
     if len(models) < len(vehicle_files):
@@ -43,8 +50,11 @@ def command(
     with console.progress() as report:
         result = sysid.compare([load(path, columns) for path in flights], models, progress=report)
     figures = sysid.plots.comparison(result, plots) if plots is not None else []
+    if report_file is not None:
+        sysid.report.write_comparison(report_file, result)
     if as_json:
         document = result.as_dict() | {"figures": [str(f) for f in figures]}
+        document |= {"report": report_file and str(report_file)}
         console.show("", {}, as_json=True, document=document)
         return
     heads = ("model", "quantity", *(f"{h:g} s" for h in HORIZONS_S))
@@ -52,3 +62,5 @@ def command(
     console.table(f"open-loop prediction error, rms of {result.predictions} predictions", heads, rows)
     for figure in figures:
         click.echo(f"figure: {figure}")
+    if report_file is not None:
+        click.echo(f"written: {report_file}")

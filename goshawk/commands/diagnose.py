@@ -12,7 +12,7 @@ import vehicle
 from flight import FlightLog, InputError, file_format
 from goshawk import console
 from goshawk.flights import load
-from sysid.diagnosis import Diagnosis, Size, SuspectFinding, diagnose
+from sysid.diagnosis import Diagnosis, Size, SuspectFinding, diagnose, figures, report
 from vehicle import history
 
 THRUST = "thrust_bem"
@@ -29,6 +29,8 @@ THRUST = "thrust_bem"
 @console.path_option("--out", "out", "Vehicle file to write: fitted, with what was added.")
 @click.option("--overwrite", is_flag=True, help="Let --out be the file of --vehicle (`goshawk vehicle undo` returns).")
 @console.columns_option
+@console.path_option("--report", "report_file", "HTML page to write: verdict, evidence and figures in one file.")
+@console.path_option("--plots", "plots", "Folder for figures (SVG).")
 @click.option("--json", "json_file", is_flag=False, flag_value="-", metavar="FILE", help="JSON to write, - to print.")
 def command(
     flights: tuple[Path, ...],
@@ -38,6 +40,8 @@ def command(
     out: Path | None,
     overwrite: bool,
     columns: Path | None,
+    report_file: Path | None,
+    plots: Path | None,
     json_file: str | None,
 ) -> None:
     """Find what the vehicle model lacks on FLIGHTS: which effect, how large, how sure.
@@ -45,7 +49,7 @@ def command(
     \b
     goshawk diagnose a.parquet b.parquet --vehicle vehicle.toml --held-out c.parquet
     goshawk diagnose a.parquet b.parquet --vehicle vehicle.toml --held-out c.parquet \\
-        --auto --out better.toml
+        --auto --out better.toml --report diagnosis.html
 
     The model is fitted to FLIGHTS; then every effect of the catalogue that it lacks is a suspect:
 
@@ -70,6 +74,10 @@ def command(
     document = found.as_dict()
     document["next"] = _next(found, flights, vehicle_file, held_out, out, auto)
     document |= _write(found, vehicle_file, out)
+    if report_file is not None:
+        report.write(report_file, found, further=document["next"])
+    drawn = figures.write(found, plots) if plots is not None else []
+    document |= {"report": report_file and str(report_file), "figures": [str(figure) for figure in drawn]}
     if json_file not in (None, "-"):
         file_format.write_bytes(Path(json_file), (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
     if json_file == "-":
@@ -167,8 +175,9 @@ def _show(found: Diagnosis, document: dict[str, Any]) -> None:
         click.echo(f"note: {finding}")
     for line in document["next"]:
         click.echo(f"next: {line}")
-    if document["written"]:
-        click.echo(f"written: {document['written']}")
+    for path in (document["written"], document["report"], *document["figures"]):
+        if path:
+            click.echo(f"written: {path}")
 
 
 def outside_sentence(found: Diagnosis) -> str:

@@ -94,13 +94,21 @@ def curves(flights: Sequence[Flight], states: Sequence[States], vehicle: Vehicle
     found = []
     for variable in VARIABLES:
         values = np.concatenate([variable.read(f, m) for f, m in zip(driven, mids, strict=True)])
-        low, high = np.quantile(values, [0.005, 0.995])
-        if variable.name == "constant":
-            found.append(Curve("constant", np.zeros(0)))
-        elif high - low > 1e-9:
-            inner = np.linspace(low, high, variable.functions - 2)
-            found.append(Curve(variable.name, np.concatenate([np.full(3, low), inner, np.full(3, high)])))
+        family = curves_of(variable, values)
+        if family is not None:
+            found.append(family)
     return tuple(found)
+
+
+def curves_of(variable: Variable, values: FloatArray) -> Curve | None:
+    """Curves of one variable over the range of its values; none if it hardly changes."""
+    if variable.name == "constant":
+        return Curve("constant", np.zeros(0))
+    low, high = np.quantile(values, [0.005, 0.995])
+    if high - low <= 1e-9:
+        return None
+    inner = np.linspace(low, high, variable.functions - 2)
+    return Curve(variable.name, np.concatenate([np.full(3, low), inner, np.full(3, high)]))
 
 
 def columns(curves_: Sequence[Curve], flight: Flight, mid: Middle) -> FloatArray:

@@ -55,8 +55,9 @@ def base(folder: Path) -> list[object]:
 
 
 def test_the_missing_effect_is_said_written_and_the_next_line_can_be_typed(folder, tmp_path):
-    out, facts = tmp_path / "better.toml", tmp_path / "d.json"
-    said = run(*base(folder), "--held-out", folder / "unseen.parquet", "--out", out, "--json", facts)
+    out, facts, page = tmp_path / "better.toml", tmp_path / "d.json", tmp_path / "d.html"
+    written = ("--out", out, "--json", facts, "--report", page, "--plots", tmp_path / "p")
+    said = run(*base(folder), "--held-out", folder / "unseen.parquet", *written)
     assert said.startswith("missing was angular_damping (confidence ")
     for expected in ("helped: ", "+ angular_damping", "excluded", "cannot be seen", f"written: {out}"):
         assert expected in said
@@ -75,6 +76,13 @@ def test_the_missing_effect_is_said_written_and_the_next_line_can_be_typed(folde
     assert document["next"][0].startswith("goshawk diagnose ")
     assert str(out) in document["next"][0]
     assert document["written"] == str(out)
+    drawn = {path.stem for path in (tmp_path / "p").iterdir()}
+    assert drawn == {"staircase", "suspect_1", "residual_share", "residual_wrench", "look_alikes"}
+    html = page.read_text()
+    assert html.count("data:image/svg+xml") == len(drawn)
+    assert "Missing was angular_damping." in html
+    assert document["next"][0] in html
+    assert "src='http" not in html
 
 
 def test_the_vehicle_is_replaced_only_when_asked_and_can_be_taken_back(folder, tmp_path):

@@ -1,0 +1,178 @@
+"""The pictures of a diagnosis: the staircase, what convicts the leading suspects, the curve that has no name."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flight.rotations import FloatArray
+from sysid import drawing, drive, explained, residual_plots
+from sysid.comparison import Residual, means_over, residual
+from sysid.diagnosis.findings import OutsideFinding
+from sysid.diagnosis.free_form import VARIABLE
+from sysid.diagnosis.procedure import Diagnosis
+from sysid.diagnosis.search import Model, reproduced
+from sysid.diagnosis.suspects import Suspect
+from sysid.model import slopes_along
+from sysid.result import CHANNELS
+from vehicle import rigid_body
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+BEFORE, AFTER = "fitted, before", "fitted, with what was added"
+MOST_SUSPECTS = 4
+"""Leading suspects with a picture of their own."""
+MOST_ALIKE = 12
+"""Suspects in the picture of look-alikes."""
+SHOWN = 0.3
+"""A channel in which a suspect is this much weaker than in its strongest is not drawn."""
+TOLD = 1e-3
+"""Suspects less significant than this have nothing to show."""
+
+
+def write(found: Diagnosis, folder: Path, *, suffix: str = "svg") -> list[Path]:
+    """Write every figure; returns the files, in the order they are to be read."""
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    first, last = found.search.models[0], found.search.models[-1]
+    named = {BEFORE: left_of(first)}
+    if last is not first:
+        named[AFTER] = left_of(last)
+    drawings = {"staircase": staircase(found)}
+    for i, suspect in enumerate(leading(found)):
+        drawings[f"suspect_{i + 1}"] = convicting(found, suspect, named)
+    if found.outside is not None:
+        drawings["outside"] = outside(found.outside)
+    longest = max(range(len(first.fit.flights)), key=lambda i: _loudness(named[BEFORE][i]))
+    title = f"Unexplained on {first.fit.flights[longest].name}, body axes"
+    drawings["residual_share"] = residual_plots.heat_map(named)
+    drawings["residual_wrench"] = residual_plots.over_time(named, longest, title)
+    drawings["look_alikes"] = look_alikes(found)
+    return [drawing.written(figure, folder / f"{name}.{suffix}") for name, figure in drawings.items()]
+
+
+def left_of(model: Model) -> list[Residual]:
+    """What a fitted model leaves unexplained on the flights it was fitted to."""
+    fit = model.fit
+    both = zip(fit.flights, fit.solution.point.states, strict=True)
+    return [residual(flight, states, fit.vehicle, fit.noise.process) for flight, states in both]
+
+
+def _loudness(one: Residual) -> float:
+    return float(((one.means() / one.sigma) ** 2).mean())
+
+
+def leading(found: Diagnosis) -> list[Suspect]:
+    """Suspects worth a picture: those added, then those tried, then the most significant."""
+    tried = [a.name for a in found.attempts]
+    wanted = [*found.additions, *tried, *(s.name for s in found.suspects if s.significance < TOLD)]
+    line_up = {s.name: s for s in found.search.models[0].line_up.suspects}
+    return [line_up[name] for name in dict.fromkeys(wanted) if name in line_up][:MOST_SUSPECTS]
+
+
+def staircase(found: Diagnosis) -> "Figure":
+    """Prediction errors of each model of the history, one panel per horizon."""
+    horizons = list(found.staircase[0].position_m)
+    labels = [s.model for s in found.staircase]
+    figure, axes = drawing.figure(1, len(horizons), (12.0, 1.2 + 0.42 * len(labels)), sharey=True)
+    for panel, horizon in zip(axes[0], horizons, strict=True):
+        values = 1000.0 * np.array([s.position_m[horizon] for s in found.staircase])
+        colours = [drawing.PALE] * len(values)
+        colours[-1] = drawing.COLOURS[2] if values[-1] <= values[min(1, len(values) - 1)] else drawing.COLOURS[0]
+        panel.barh(range(len(values)), values, color=colours, height=0.7)
+        for place, value in enumerate(values):
+            fell = "" if place == 0 else f"  {value / values[place - 1] - 1.0:+.0%}"
+            panel.text(value, place, f" {value:.3g}{fell}", va="center", fontsize=8, color=drawing.INK)
+        panel.set_xlim(0.0, 1.55 * values.max())
+        panel.set_yticks(range(len(labels)), labels, fontsize=9)
+        panel.set_ylim(len(labels) - 0.5, -0.5)
+        drawing.plain(panel, f"after {horizon}", "position error, rms (mm)", "")
+        panel.grid(False, axis="y")
+    on = f"held-out flights {', '.join(found.held_out)}" if found.held_out else "the flights learnt from"
+    drawing.headed(figure, f"Prediction error of each model on {on}; change from the model above")
+    return figure
+
+
+def convicting(found: Diagnosis, suspect: Suspect, named: dict[str, list[Residual]]) -> "Figure":
+    """The residual against the variable that tells most, before and after, and against the suspect's own trace."""
+    model = found.search.models[0]
+    channel, trace = strongest_trace(model, suspect)
+    before = named[BEFORE]
+    variable = residual_plots.most_telling(before, [channel])[1]
+    models = list(named.items()) if suspect.name in found.additions else [(BEFORE, before)]
+    figure, axes = drawing.figure(1, len(models) + 1, (12.0, 3.5), sharey=True)
+    scale, written = residual_plots.unit(channel)
+    row = CHANNELS.index(channel)
+    label = f"{variable} ({VARIABLE[variable].unit})" if VARIABLE[variable].unit else variable
+    for i, (panel, colour, (name, residuals)) in enumerate(zip(axes[0], drawing.cycle(range(9)), models, strict=False)):
+        left = scale * np.concatenate([r.means() for r in residuals])[:, row]
+        residual_plots.scatter(panel, explained.read(residuals, VARIABLE[variable]), left, colour)
+        drawing.plain(panel, name, label, f"unexplained {channel.replace('_', ' ')} ({written})" if i == 0 else "")
+    panel = axes[0, -1]
+    left = scale * np.concatenate([r.means() for r in before])[:, row]
+    residual_plots.scatter(panel, scale * trace, left, drawing.COLOURS[3])
+    reach = np.quantile(scale * trace, [0.005, 0.995])
+    panel.plot(reach, reach, "--", color=drawing.COLOURS[0], linewidth=1.4, label="the effect at its size")
+    panel.legend(frameon=False, fontsize=8)
+    drawing.plain(panel, "before, against what it would make", f"{suspect.name} ({written})", "")
+    drawing.headed(figure, f"{suspect.name}: {suspect.regressor} (means over 0.1 s; dark: binned mean, 95 % band)")
+    return figure
+
+
+def strongest_trace(model: Model, suspect: Suspect) -> tuple[str, FloatArray]:
+    """Channel whose residual a suspect concerns most, and (m,) the force (N) or torque (N m) it makes there."""
+    size, fit = model.scores[suspect.name].size, model.fit
+    left = left_of(model)
+    body = rigid_body(fit.vehicle)
+    parts = []
+    for one in left:
+        flight = drive.driven(one.flight, model.line_up.vehicle)
+        slopes = slopes_along(model.line_up.vehicle, suspect.parameters, flight, one.mid).parameters @ size
+        wrench = np.concatenate([body.mass_kg * slopes[:, :3], slopes[:, 3:] @ body.inertia_kg_m2], axis=1)
+        parts.append((means_over(wrench, one.time_s, 0.1), one.sigma))
+    trace = np.concatenate([wrench for wrench, _ in parts])
+    strength = np.sqrt((trace**2).mean(axis=0)) / parts[0][1]
+    shown = [c for c, s in zip(CHANNELS, strength, strict=True) if s >= SHOWN * strength.max()]
+    row = CHANNELS.index(residual_plots.most_telling(left, shown)[0])
+    return CHANNELS[row], trace[:, row]
+
+
+def outside(curve: OutsideFinding) -> "Figure":
+    """The curve that no known effect explains, with its 95 % band."""
+    scale, written = residual_plots.unit(curve.channel)
+    scale *= curve.force_or_torque
+    figure, axes = drawing.figure(1, 1, (12.0, 3.8))
+    panel, mean, band = axes[0, 0], scale * curve.acceleration, residual_plots.SIGMAS * scale * curve.band
+    panel.fill_between(curve.at, mean - band, mean + band, color=drawing.COLOURS[1], alpha=0.25, linewidth=0)
+    panel.plot(curve.at, mean, color=drawing.COLOURS[1], linewidth=1.8)
+    panel.axhline(0.0, color=drawing.INK, linewidth=0.6)
+    label = f"{curve.variable} ({curve.variable_unit})" if curve.variable_unit else curve.variable
+    drawing.plain(panel, "", label, f"{curve.channel.replace('_', ' ')} ({written})")
+    drawing.headed(
+        figure, f"{curve.channel.replace('_', ' ')} against {curve.variable}: what no known effect explains, 95 % band"
+    )
+    return figure
+
+
+def look_alikes(found: Diagnosis) -> "Figure":
+    """How much of one suspect's trace another could make up on these flights."""
+    model = found.search.models[0]
+    order = [s.name for s in found.suspects if s.name in model.scores]
+    shown = sorted(order, key=lambda n: model.scores[n].significance)[:MOST_ALIKE]
+    suspects = [model.line_up.suspect(name) for name in shown]
+    table = np.array([[1.0 if a is b else reproduced(model, a, b) for b in suspects] for a in suspects])
+    figure, axes = drawing.figure(1, 1, (12.0, 1.4 + 0.3 * len(shown)))
+    panel = axes[0, 0]
+    image = panel.imshow(table, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
+    for i, j in np.ndindex(*table.shape):
+        colour = "white" if table[i, j] > 0.6 else drawing.INK
+        panel.text(j, i, f"{100 * table[i, j]:.0f}", ha="center", va="center", fontsize=7.5, color=colour)
+    panel.set_yticks(range(len(shown)), shown, fontsize=8)
+    panel.set_xticks(range(len(shown)), shown, fontsize=8, rotation=40, ha="right")
+    panel.tick_params(length=0)
+    figure.colorbar(image, ax=panel, label="share of the trace", fraction=0.04, pad=0.02)
+    drawing.headed(
+        figure, "How much of the row's trace (%) the column could make up; above 90 they cannot be told apart"
+    )
+    return figure
