@@ -26,6 +26,7 @@ VERBS = {
     "identify": "Fit the vehicle model to flight logs.",
     "diagnose": "Find which effect the vehicle model lacks, on measured flights.",
     "compare": "Compare vehicle models with measured flights.",
+    "next-flight": "Propose the manoeuvre that would settle what the flights leave in doubt.",
     "vehicle": "Show a vehicle model, add or remove effects, undo, history.",
     "gcs": "Serve the ground station's page.",
     "demo": "Run the whole chain on a rendered room.",

@@ -1,13 +1,14 @@
 """`goshawk vehicle`: look at a vehicle model, change it, see what the change is worth, take it back."""
 
+import json
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import click
 
 import vehicle
-from flight import InputError
+from flight import FormatError, InputError
 from goshawk import console, model_change
 from goshawk.commands.params import parse
 from goshawk.flights import load
@@ -144,6 +145,52 @@ def remove_effect(
         said = ", ".join(f"{n} = {p.value:.4g} {p.unit} ({p.source})" for n, p in lost.items())
         _ask(f"remove {effect} from {vehicle_file}, and with it {said}?", yes, as_json)
     _change(vehicle_file, present, changed, ("remove-effect", effect), (flights, held_out, columns), preview, as_json)
+
+
+@command.command("scaffold-effect")
+@vehicle_argument
+@console.path_option("--diagnosis", "diagnosis", "JSON of `goshawk diagnose --json`.", required=True)
+@click.option("--name", required=True, help="What to call the effect: small letters, digits, _.")
+@console.path_option("--out", "out", "Python file to write; it must not be there yet.", required=True)
+@click.option("--form", type=click.Choice(["spline", "polynomial"]), default="spline", show_default=True)
+@console.json_option
+def scaffold_effect(
+    vehicle_file: Path, diagnosis: Path, name: str, out: Path, form: Literal["spline", "polynomial"], as_json: bool
+) -> None:
+    """Turn the curve of a diagnosis that found no name into an effect of your own, to try and to improve.
+
+    \b
+    goshawk diagnose flights/*.parquet --vehicle vehicle.toml --json > diagnosis.json
+    goshawk vehicle scaffold-effect vehicle.toml --diagnosis diagnosis.json --name climb_twist --out climb_twist.py
+    goshawk vehicle add-effect vehicle.toml climb_twist.py --flights a.parquet --held-out b.parquet
+
+    The vehicle file is not changed; the last line does that, and says whether it helped.
+    """
+    from sysid.diagnosis import curve
+
+    present, facts = vehicle.load(vehicle_file), _outside(diagnosis)
+    if name in present.effects:
+        raise InputError(f"{vehicle_file} has an effect {name} already; choose another name")
+    written = curve.scaffold(facts, out, name=name, form=form)
+    told = {"effect": name, "channel": facts["channel"], "variable": facts["variable"], "form": form}
+    then = f"goshawk vehicle add-effect {vehicle_file} {out} --flights FLIGHT --held-out FLIGHT"
+    document = told | {"written": str(written), "then": then}
+    console.show(f"{name}: {facts['channel']} against {facts['variable']}", document, as_json=as_json)
+
+
+def _outside(diagnosis: Path) -> dict[str, Any]:
+    """The curve in a diagnosis file."""
+    try:
+        document = json.loads(diagnosis.read_text())
+    except FileNotFoundError:
+        raise InputError(f"{diagnosis} does not exist; write it with goshawk diagnose --json") from None
+    except ValueError as error:
+        raise FormatError(f"{diagnosis} is not JSON: {error}") from error
+    if not isinstance(document, dict) or document.get("schema") != "goshawk-diagnosis":
+        raise FormatError(f"{diagnosis} is not a diagnosis as goshawk diagnose --json writes it")
+    if not isinstance(document.get("outside"), dict):
+        raise InputError(f"{diagnosis} draws no curve: {document.get('verdict', 'nothing is outside the catalogue')}")
+    return document["outside"]
 
 
 @command.command()

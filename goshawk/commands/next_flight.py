@@ -1,0 +1,118 @@
+"""`goshawk next-flight`: which manoeuvre would settle what the flights so far leave open."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+import sysid
+import vehicle
+from flight import FlightLog, InputError, project
+from goshawk import console
+from goshawk.flights import load
+from sysid.diagnosis import diagnose, next_flight
+from sysid.diagnosis.next_flight import Proposal, Ranking
+from sysid.diagnosis.procedure import NODE_RATE_HZ
+from sysid.diagnosis.search import examine
+
+SCHEMA_VERSION = 1
+
+
+@click.command()
+@click.argument("flights", nargs=-1, required=True, type=click.Path(path_type=Path))
+@console.vehicle_option
+@click.option("--suspect", "suspects", multiple=True, metavar="NAME", help="Whom it is about. Repeatable.")
+@click.option("--space", "space", required=True, metavar="X,Y,Z", help="Free volume for the vehicle's centre, metres.")
+@click.option("--corner", "corner", metavar="X,Y,Z", help="Its lowest corner [default: round the origin, 0.5 m up].")
+@click.option("--manoeuvre", "library", multiple=True, metavar="NAME", help="Only this one. Repeatable.")
+@console.path_option("--out", "out", "Waypoints of the best flight to write, for goshawk plan.")
+@console.columns_option
+@console.json_option
+def command(
+    flights: tuple[Path, ...],
+    vehicle_file: Path,
+    suspects: tuple[str, ...],
+    space: str,
+    corner: str | None,
+    library: tuple[str, ...],
+    out: Path | None,
+    columns: Path | None,
+    as_json: bool,
+) -> None:
+    """Rank manoeuvres by what they would tell about suspects that FLIGHTS leave in doubt, per second flown.
+
+    \b
+    goshawk next-flight flights/*.parquet --vehicle vehicle.toml --space 6,6,3
+    goshawk next-flight flights/*.parquet --vehicle vehicle.toml --space 6,6,3 \\
+        --suspect rotor_drag_thrust --suspect rotor_drag_speed --out waypoints.json
+    goshawk plan waypoints.json --map map --vehicle vehicle.toml --out next.json
+
+    Two suspects or more are to be told apart; one is to be sized. Without --suspect the flights are diagnosed first,
+    and the suspects are what the diagnosis leaves open. Every manoeuvre is shrunk to the space, flown in simulation
+    with the fitted vehicle, and its evidence added to that of FLIGHTS.
+    """
+    size, low = _three("--space", space), _three("--corner", corner) if corner else None
+    believed = vehicle.load(vehicle_file)
+    logs = [load(path, columns) for path in flights]
+    with console.progress() as progress:
+        ranking = next_flight.rank(
+            _examined(logs, believed, progress) if suspects else diagnose(logs, believed, auto=True, progress=progress),
+            suspects=suspects or None,
+            free_volume_m=size,
+            corner_world_m=low,
+            library=library or None,
+            rng=np.random.default_rng(0),
+            progress=progress,
+        )
+    if not len(ranking):
+        reasons = "; ".join(f"{name}: {why}" for name, why in ranking.skipped)
+        raise InputError(f"no manoeuvre can be flown in {space} m: {reasons}")
+    chosen = _write(ranking, out) if out is not None else ranking[0]
+    _show(ranking, chosen, out, as_json)
+
+
+def _three(option: str, text: str) -> tuple[float, float, float]:
+    x, y, z = console.numbers(option, text, 3)
+    return x, y, z
+
+
+def _examined(logs: list[FlightLog], believed: vehicle.Vehicle, progress: Any) -> Any:
+    options = replace(sysid.Options(), node_rate_hz=NODE_RATE_HZ, gusts="white")
+    return examine(sysid.identify(logs, believed, options, progress=progress))
+
+
+def _write(ranking: Ranking, out: Path) -> Proposal:
+    """Write the waypoints of the best proposal that has any."""
+    for proposal in ranking:
+        try:
+            waypoints = proposal.waypoints()
+        except InputError:
+            continue
+        project.save_waypoints(out, waypoints)
+        return proposal
+    raise InputError("every manoeuvre that fits stays in one place; there are no waypoints to write")
+
+
+def _show(ranking: Ranking, chosen: Proposal, out: Path | None, as_json: bool) -> None:
+    if as_json:
+        document = {
+            "schema": "goshawk-next-flight",
+            "version": SCHEMA_VERSION,
+            "suspects": list(ranking.suspects),
+            "proposals": [proposal.as_dict() for proposal in ranking],
+            "skipped": dict(ranking.skipped),
+            "chosen": chosen.name,
+            "written": str(out) if out is not None else None,
+        }
+        console.show("", {}, as_json=True, document=document)
+        return
+    rows = [(p.name, p.duration_s, p.top_speed_m_s, p.expected_log_odds, p.per_second) for p in ranking]
+    heads = ("manoeuvre", "seconds", "m/s at most", "log odds", "per second")
+    console.table(f"next flight for {' or '.join(ranking.suspects)}", heads, rows)
+    for name, why in ranking.skipped:
+        click.echo(f"not {name}: {why}")
+    click.echo(chosen.sentence)
+    if out is not None:
+        click.echo(f"written: {out}; then: goshawk plan {out} --map MAP --vehicle VEHICLE --out TRAJECTORY")

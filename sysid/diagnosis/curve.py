@@ -1,0 +1,246 @@
+"""From a drawn curve to an effect: a file of the user's own, to be tried at once and replaced by physics later."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from flight import FloatArray, FormatError, InputError, file_format
+from sysid.diagnosis.findings import OutsideFinding
+from vehicle import effects
+
+KNOTS = 9
+"""Of the curve in the file; the drawn one has no more freedom than that."""
+DEGREE = 3
+"""Of a polynomial."""
+CHANNELS = ("F_x", "F_y", "F_z", "M_x", "M_y", "M_z")
+UNSEEN = {
+    "time": "what drifts with time is not known at the next flight; look for what changes (battery, temperature, load)",
+    "x": "a place in the room says nothing of the vehicle; look for what stands there (a draught, a magnet, a surface)",
+    "y": "a place in the room says nothing of the vehicle; look for what stands there (a draught, a magnet, a surface)",
+}
+"""Variables that a vehicle model cannot see, and where to look instead."""
+CONSTANT = {
+    **dict.fromkeys(("F_x", "F_y"), "look at how the pose sensor is turned, or for a steady wind"),
+    "F_z": "weigh the vehicle again: a wrong mass looks so",
+    **dict.fromkeys(("M_x", "M_y", "M_z"), "look for a centre of mass off the middle, or a weak or tilted rotor"),
+}
+"""What is always there is no curve of anything, and has names in the catalogue."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Reading:
+    """How an effect reads a variable."""
+
+    expression: str
+    excited_by: str
+    needs: str = ""
+    before: str = ""
+    """A line that the expression builds on."""
+
+
+_HEADING = "turned(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))"
+_PAIRS = ((0, 1), (0, 2), (1, 2))
+_READ = {
+    "v_x": _Reading("flow.velocity_m_s[0]", "fast_level"),
+    "v_y": _Reading("flow.velocity_m_s[1]", "fast_level"),
+    "v_z": _Reading("flow.velocity_m_s[2]", "vertical"),
+    "w_x": _Reading("flow.rate_rad_s[0]", "rotation"),
+    "w_y": _Reading("flow.rate_rad_s[1]", "rotation"),
+    "w_z": _Reading("flow.rate_rad_s[2]", "yaw_doublets"),
+    "speed": _Reading("length(flow.velocity_m_s)", "fast_level"),
+    "height": _Reading("flow.height_m", "ground_sweep", "height_m"),
+    "heading": _Reading(_HEADING, "yaw_sweep", "q_world_body", "w, x, y, z = flow.q_world_body"),
+}
+for _i, _j in _PAIRS:
+    _product = f"flow.velocity_m_s[{_i}] * flow.velocity_m_s[{_j}]"
+    _READ[f"v_{'xyz'[_i]} v_{'xyz'[_j]}"] = _Reading(_product, "oblique")
+for _i in range(4):
+    _spin_up = f"flow.rotor_acceleration_rad_s2[{_i}]"
+    _READ[f"n_{_i}"] = _Reading(f"flow.rotor_speed_rad_s[{_i}]", "throttle_steps")
+    _READ[f"dn_{_i}/dt"] = _Reading(_spin_up, "yaw_doublets", "rotor_acceleration_rad_s2")
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """A curve as the diagnosis drew it."""
+
+    channel: str
+    variable: str
+    variable_unit: str
+    at: FloatArray
+    residual: FloatArray
+    """Force (N) or torque (N m)."""
+    sigma: FloatArray
+
+    @property
+    def unit(self) -> str:
+        return "N" if self.channel[0] == "F" else "N m"
+
+
+def drawn(outside: OutsideFinding | Mapping[str, Any]) -> Drawn:
+    """From a finding, or from `outside` of a diagnosis in JSON.
+
+    Raises:
+        FormatError: the JSON lacks something, or its arrays do not fit together.
+    """
+    facts = outside.as_dict() if isinstance(outside, OutsideFinding) else outside
+    try:
+        channel, variable, unit = (str(facts[key]) for key in ("channel", "variable", "variable_unit"))
+        at, residual, sigma = (np.asarray(facts[key], np.float64) for key in ("at", "residual", "residual_sigma"))
+        found = Drawn(channel, variable, unit, at, residual, sigma)
+    except (KeyError, TypeError, ValueError) as error:
+        raise FormatError(f"the diagnosis holds no usable curve: {type(error).__name__} {error}") from error
+    m = len(found.at) if found.at.ndim == 1 else 0
+    if found.channel not in CHANNELS:
+        raise FormatError(f"the diagnosis names a channel {found.channel!r}; known are {', '.join(CHANNELS)}")
+    sound = m >= 4 and found.residual.shape == found.sigma.shape == (m,)
+    sound = sound and bool(np.isfinite([found.at, found.residual, found.sigma]).all() and np.diff(found.at).min() > 0.0)
+    if not sound:
+        raise FormatError("the diagnosis holds no usable curve: at, residual and residual_sigma do not fit together")
+    return found
+
+
+def scaffold(
+    outside: OutsideFinding | Mapping[str, Any],
+    path: str | Path,
+    *,
+    name: str,
+    form: Literal["spline", "polynomial"] = "spline",
+) -> Path:
+    """Write an effect file that adds the drawn curve, times a `scale` that an identification estimates anew.
+
+    Outside the range that was flown the curve keeps the value of its end.
+
+    Returns:
+        The file, absolute. Try it with `vehicle.with_effect_file(path)`.
+
+    Raises:
+        InputError: the file is there already, the name is taken or no name, or no vehicle can know the variable.
+        FormatError: there is no usable curve.
+    """
+    file, curve = Path(path).resolve(), drawn(outside)
+    _check(file, curve, name)
+    text = _text(curve, name, *(_polynomial(curve) if form == "polynomial" else _spline(curve)))
+    file_format.write_bytes(file, text.encode())
+    return file
+
+
+def _check(file: Path, curve: Drawn, name: str) -> None:
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
+        raise InputError(
+            f"{name!r} cannot name an effect; use small letters, digits and _, such as turning_when_climbing"
+        )
+    if name in effects.catalogue():
+        raise InputError(f"the name {name!r} is taken by the catalogue; choose another")
+    if file.suffix != ".py":
+        raise InputError(f"an effect is a Python file; {file.name} does not end in .py")
+    if file.exists():
+        raise InputError(f"{file} exists already and is not overwritten; choose another file, or remove it")
+    if curve.variable in UNSEEN:
+        raise InputError(f"{curve.channel} against {curve.variable} cannot become an effect: {UNSEEN[curve.variable]}")
+    if curve.variable == "constant":
+        raise InputError(f"{curve.channel} is off by a constant; {CONSTANT[curve.channel]}")
+    if curve.variable not in _READ:
+        raise FormatError(f"the diagnosis names a variable {curve.variable!r}; known are {', '.join(_READ)}")
+
+
+def _spline(curve: Drawn) -> tuple[str, str, str]:
+    """Data, the function, and the form in words."""
+    knots = np.linspace(curve.at[0], curve.at[-1], KNOTS)
+    spline = CubicSpline(curve.at, curve.residual)
+    values, slopes = spline(knots), spline(knots, 1)
+    data = "\n".join(
+        [
+            f"AT = np.array({_numbers(knots)})  # {curve.variable_unit}",
+            f"VALUE = np.array({_numbers(values)})  # {curve.unit}",
+            f"SLOPE = np.array({_numbers(slopes)})",
+        ]
+    )
+    function = '''def curve(x: Array) -> Array:
+    """Cubic between the knots; beyond them the value of the last one."""
+    x = clipped(x, AT[0], AT[-1])
+    i = np.clip(np.searchsorted(AT, np.real(x)) - 1, 0, len(AT) - 2)
+    h = AT[i + 1] - AT[i]
+    t = (x - AT[i]) / h
+    rise, bulge_0, bulge_1 = t * t * (3.0 - 2.0 * t), t * (1.0 - t) ** 2, t * t * (t - 1.0)
+    return VALUE[i] + rise * (VALUE[i + 1] - VALUE[i]) + h * (bulge_0 * SLOPE[i] + bulge_1 * SLOPE[i + 1])'''
+    return data, function, "a spline"
+
+
+def _polynomial(curve: Drawn) -> tuple[str, str, str]:
+    middle, half = 0.5 * (curve.at[0] + curve.at[-1]), 0.5 * (curve.at[-1] - curve.at[0])
+    weights = 1.0 / np.maximum(curve.sigma, 1e-3 * curve.sigma.max() + 1e-30)
+    c = np.polynomial.polynomial.polyfit((curve.at - middle) / half, curve.residual, DEGREE, w=weights)
+    data = "\n".join(
+        [
+            f"LOW, HIGH = {curve.at[0]:.6g}, {curve.at[-1]:.6g}  # {curve.variable_unit}",
+            f"COEFFICIENTS = {_numbers(c)}  # {curve.unit}, of powers of s = -1 ... 1 from LOW to HIGH",
+        ]
+    )
+    function = '''def curve(x: Array) -> Array:
+    """A polynomial from LOW to HIGH; beyond them the value of that end."""
+    s = (2.0 * clipped(x, LOW, HIGH) - (HIGH + LOW)) / (HIGH - LOW)
+    return sum(c * s**k for k, c in enumerate(COEFFICIENTS))'''
+    return data, function, "a polynomial"
+
+
+_TURNED = '''
+
+def turned(sine: Array, cosine: Array) -> Array:
+    """Angle of a direction, which keeps a complex step where arctan2 would not."""
+    a = np.arctan2(np.real(sine), np.real(cosine))
+    s, c = np.sin(a), np.cos(a)
+    return a + np.arctan((sine * c - cosine * s) / (cosine * c + sine * s))'''
+
+
+def _text(curve: Drawn, name: str, data: str, function: str, form: str) -> str:
+    """The whole file."""
+    target = f"flow.{'force_n' if curve.channel[0] == 'F' else 'torque_n_m'}[{'xyz'.index(curve.channel[2])}]"
+    read = _READ[curve.variable]
+    assignments = [f"assert flow.{read.needs} is not None"] if read.needs else []
+    assignments += [read.before] if read.before else []
+    lines = "\n".join(f"    {line}" for line in [*assignments, f"{target} += p.scale * curve({read.expression})"])
+    functions = function + (_TURNED if curve.variable == "heading" else "")
+    numpy = "import numpy as np\n\n" if "np." in data + functions else ""
+    length = ", length" if curve.variable == "speed" else ""
+    needs = f'\n    needs=("{read.needs}",),' if read.needs else ""
+    return f'''"""{name}: {curve.channel} against {curve.variable}, as `goshawk diagnose` drew it.
+
+Flown from {curve.at[0]:.3g} to {curve.at[-1]:.3g} {curve.variable_unit}. This is what was measured, not why: when you
+know why, put the law of physics in place of the curve.
+"""
+
+{numpy}from vehicle.effects.base import Array, Effect, Flow, Spec, Stage, Values, clipped{length}
+
+{data}
+
+
+{functions}
+
+
+def apply(flow: Flow, p: Values) -> None:
+{lines}
+
+
+EFFECT = Effect(
+    name="{name}",
+    number=0,
+    stage=Stage.FORCE,
+    apply=apply,
+    parameters=(Spec("scale", "1", prior=1.0, bounds=(-20.0, 20.0), default=1.0, planted=1.0),),  # 0: no effect
+    law="{curve.channel} = s f({curve.variable}), f {form} drawn through flights",
+    source="drawn by goshawk diagnose",
+    channel="{curve.channel}",
+    regressor="{curve.variable}",
+    excited_by=("{read.excited_by}",),{needs}
+)
+'''
+
+
+def _numbers(values: FloatArray) -> str:
+    return "[" + ", ".join(f"{v:.6g}" for v in values) + "]"
