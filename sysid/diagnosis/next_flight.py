@@ -19,7 +19,7 @@ from sysid.diagnosis.evidence import Evidence
 from sysid.diagnosis.procedure import NODE_RATE_HZ, VISIBLE_SIGMAS, Diagnosis
 from sysid.diagnosis.rehearsal import Rehearsal, Room, fitted_into, rehearse, waypoints_of
 from sysid.diagnosis.score import inverse_of
-from sysid.diagnosis.search import CHANCE, Model, dispersion
+from sysid.diagnosis.search import CHANCE, Model
 from sysid.diagnosis.suspects import Suspect
 from sysid.problem import Unknowns
 from vehicle import effects, manoeuvres
@@ -201,7 +201,7 @@ class Question:
         mine, size = self._places(true), self._size(true)
         given = self._base() if rival is None else np.concatenate([self._base(), self._places(rival)])
         left = _without(information, mine, given)
-        return max(0.0, float(size @ left @ size)) / dispersion(self.model, true)
+        return max(0.0, float(size @ left @ size)) / self.model.scores[true.name].dispersion
 
     def _sizes(self, information: FloatArray) -> tuple[dict[str, float], dict[str, float]]:
         """Size in standard errors, and smallest visible size, of every parameter; each suspect without the others."""
@@ -209,7 +209,7 @@ class Question:
         smallest: dict[str, float] = {}
         for suspect in self.suspects:
             left = _without(information, self._places(suspect), self._base())
-            variance = dispersion(self.model, suspect) * np.diag(inverse_of(left))
+            variance = self.model.scores[suspect.name].dispersion * np.diag(inverse_of(left))
             for name, size, v in zip(suspect.parameters, self._size(suspect), variance, strict=True):
                 if v > 0.0:
                     expected[name], smallest[name] = abs(float(size)) / v**0.5, VISIBLE_SIGMAS * float(v**0.5)

@@ -13,7 +13,7 @@ from sysid import Options, identify
 from sysid.diagnosis.confirm import Judge
 from sysid.diagnosis.next_flight import Question, ask, rank
 from sysid.diagnosis.rehearsal import Room, fitted_into, rehearse
-from sysid.diagnosis.search import Model, dispersion, examine, refit
+from sysid.diagnosis.search import Model, examine, refit
 from vehicle import Vehicle, flights, manoeuvres
 from vehicle.simulate import Wind
 
@@ -195,13 +195,10 @@ PLANTED = {
 
 def odds_found(model: Model, logs: list[FlightLog], right: str, wrong: str) -> float:
     """Log odds of the right name against the wrong one, both fitted in full to flights."""
-    judge = Judge(model.fit.flights, model.fit.noise, model.fit.solution.point.states)
-    weights = []
-    for name in (right, wrong):
-        suspect = model.line_up.suspect(name)
-        fall = judge.fall(model.fit.vehicle, refit(logs, model, suspect, OPTIONS).vehicle)
-        weights.append(fall.total / dispersion(model, suspect))
-    return weights[0] - weights[1]
+    first, second = (refit(logs, model, model.line_up.suspect(name), OPTIONS) for name in (right, wrong))
+    # the lacking model's own noise would count what it lacks as noise
+    judge = Judge(first.flights, first.noise, first.solution.point.states)
+    return judge.fall(second.vehicle, first.vehicle).total
 
 
 @pytest.mark.slow
