@@ -10,10 +10,9 @@ import vehicle
 from esdf import solids
 from flight import FlightLog, InfeasibleError, InputError, Trajectory
 from sysid import Options, identify
-from sysid.diagnosis.confirm import Judge
 from sysid.diagnosis.next_flight import Question, ask, rank
 from sysid.diagnosis.rehearsal import Room, fitted_into, rehearse
-from sysid.diagnosis.search import Model, examine, refit
+from sysid.diagnosis.search import Model, examine
 from vehicle import Vehicle, flights, manoeuvres
 from vehicle.simulate import Wind
 
@@ -183,47 +182,3 @@ def test_a_manoeuvre_that_stays_in_one_place_has_no_waypoints(model: Model):
     )[0]
     with pytest.raises(InputError, match="stays in one place"):
         hover.waypoints()
-
-
-PLANTED = {
-    "centre_of_mass": ("weak_rotor", {"x_m": 0.001, "y_m": -0.001}),
-    "rotor_drag_thrust": ("rotor_drag_speed", {}),
-    "parasitic_drag": ("parasitic_drag_speed", {}),
-}
-"""True effect to its look-alike and its size; the usual one where nothing is said."""
-
-
-def odds_found(model: Model, logs: list[FlightLog], right: str, wrong: str) -> float:
-    """Log odds of the right name against the wrong one, both fitted in full to flights."""
-    first, second = (refit(logs, model, model.line_up.suspect(name), OPTIONS) for name in (right, wrong))
-    # the lacking model's own noise would count what it lacks as noise
-    judge = Judge(first.flights, first.noise, first.solution.point.states)
-    return judge.fall(second.vehicle, first.vehicle).total
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("right", PLANTED)
-def test_planted_look_alikes_are_told_apart_better_by_the_proposed_flight(right: str):
-    wrong, size = PLANTED[right]
-    rng = np.random.default_rng(3)
-    base = lacking(vehicle.example(), right, wrong)
-    usual = {s.name: s.prior for s in vehicle.effects.find(right).parameters}
-    truth = base.with_effect(right, source="planted", **(size or usual))
-    before = little_known(truth, rng)
-    model = examine(identify(before, base, OPTIONS))
-    question = ask(model, [right, wrong])
-    known = odds_found(model, before, *(s.name for s in question.suspects))
-    library = ("oblique", "yaw_doublets", "rotation", "vertical", "throttle_steps")
-    ranking = rank(model, suspects=[s.name for s in question.suspects], free_volume_m=SPACE, library=library, rng=rng)
-    gained = {}
-    for proposal in (ranking[0], ranking[-1]):
-        logs = [*before, flown(truth, proposal.trajectory, rng)]
-        after = examine(identify(logs, base, OPTIONS))
-        gained[proposal.name] = odds_found(after, logs, *(s.name for s in question.suspects)) - known
-        print(
-            f"{right} or {wrong}: {proposal.name} promised {proposal.expected_log_odds:.1f} in "
-            f"{proposal.duration_s:.0f} s, brought {gained[proposal.name]:.1f} (known {known:.1f})"
-        )
-    best, worst = gained[ranking[0].name], gained[ranking[-1].name]
-    assert best / ranking[0].duration_s > 3.0 * worst / ranking[-1].duration_s
-    assert 0.4 * ranking[0].expected_log_odds < best < 2.5 * ranking[0].expected_log_odds
