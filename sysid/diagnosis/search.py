@@ -46,6 +46,8 @@ CONFIRMING_ODDS = 2.0
 """Log odds by which unseen flights must prefer the model with the suspect."""
 COULD_CONFIRM = 2.0
 """Held-out flights are not asked when a true effect would not stand out of their scatter by this factor."""
+CERTAIN_ODDS = 40.0
+"""Log odds of training stretches from which on held-out flights that say neither yes nor no are not asked either."""
 CONTRADICTING_SIGMAS = 1.64
 """... unless they speak against the effect by so many standard deviations."""
 MOST_CONFIDENCE = 0.97
@@ -302,13 +304,12 @@ def search(
         outside = None
         refused.clear()  # what could not be confirmed beside a wrong model gets another hearing
         refused.update(dropped_before)
-        dropped = _superfluous(model, added)
-        if dropped is not None:
+        while (dropped := _superfluous(models[-1], added)) is not None:
             trials.append(replace(trial, suspect=dropped, outcome="removed"))
             added.remove(dropped)
             dropped_before[dropped.name] = -np.inf
             refused.update(dropped_before)
-            models.append(_without(logs, model, dropped, options))
+            models.append(_without(logs, models[-1], dropped, options))
     if len(added) < most:
         left = best_curve(models[-1], CHANNELS)
         outside = left
@@ -366,9 +367,10 @@ def _confirmed(model: Model, best: Candidate, held_out: Sequence[Flight]) -> tup
         training = Judge(model.fit.flights, model.fit.noise, model.fit.solution.point.states)
         could = best.fall.total * judge.strength(before, after) / max(training.strength(before, after), 1e-12)
         against = fall.total < -CONTRADICTING_SIGMAS * fall.sigma
-        if fall.total > least or against or could > COULD_CONFIRM * max(fall.sigma, least):
+        could_tell = could > COULD_CONFIRM * max(fall.sigma, least) and scored.log_odds < CERTAIN_ODDS
+        if fall.total > least or against or could_tell:
             return fall, fall.total > least, "held-out flights"
-        why = f"held-out flights could show {could:.0f} at best and scatter by {fall.sigma:.0f}"
+        why = f"held-out flights fell by {fall.total:.0f} ± {fall.sigma:.0f}, of {could:.0f} at best, and cannot tell"
     return (
         Fall(scored.unseen_by_block),
         scored.log_odds > CLEAR_ODDS,
