@@ -1,6 +1,9 @@
 """What several rooms' tests share: a small mapped room, without photographs."""
 
+import os
 from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line and the Makefile do, before NumPy is imported
 
 import numpy as np
 import pytest

@@ -126,7 +126,7 @@ def diagnose(
     Raises:
         InputError: no flight, a log that cannot be used, or flights that show too little.
     """
-    names = [str(log.metadata.get("name", "")) for log in (*logs, *held_out)]
+    names = [str(log.metadata.get("name", f"flight {i + 1}")) for i, log in enumerate((*logs, *held_out))]
     if any(log is other for log in held_out for other in logs):
         raise InputError("a flight is both to learn from and to judge by; split whole flights between the two")
     options = replace(options or Options(), node_rate_hz=NODE_RATE_HZ, gusts="white")
