@@ -8,7 +8,6 @@ import numpy as np
 from flight import FloatArray
 from planner import space
 
-_SIGNS = np.array([-1.0, -1.0, -1.0, 1.0, 1.0, 1.0])
 _DEPTH = 4
 """How often a piece of a box may be halved in every direction before it counts as not proved."""
 

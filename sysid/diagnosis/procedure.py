@@ -120,7 +120,7 @@ def diagnose(
 
     Args:
         logs: flights to learn from.
-        held_out: flights only used to judge; without them each training flight is judged by the others.
+        held_out: flights only used to judge; without them stretches of the training flights are judged by the rest.
         auto: add all that is missing, not only the first.
 
     Raises:

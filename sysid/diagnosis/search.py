@@ -288,7 +288,6 @@ def search(
     models, trials, added = [examine(base)], [], []
     refused: dict[str, float] = {}
     dropped_before: dict[str, float] = {}
-    outside: Outside | None = None
     while len(added) < most:
         trial, model = _next(logs, models[-1], held_out, options, refused)
         if trial is None:
@@ -297,11 +296,9 @@ def search(
         progress("diagnose", 1.0 - 0.7 ** len(trials))
         if model is None:
             refused[trial.suspect.name] = trial.weight
-            outside = outside or trial.stand_in_for
             continue
         models.append(model)
         added.append(trial.suspect)
-        outside = None
         refused.clear()  # what could not be confirmed beside a wrong model gets another hearing
         refused.update(dropped_before)
         while (dropped := _superfluous(models[-1], added)) is not None:
@@ -310,9 +307,7 @@ def search(
             dropped_before[dropped.name] = -np.inf
             refused.update(dropped_before)
             models.append(_without(logs, models[-1], dropped, options))
-    if len(added) < most:
-        left = best_curve(models[-1], CHANNELS)
-        outside = left
+    outside = best_curve(models[-1], CHANNELS) if len(added) < most else None
     return Search(tuple(models), tuple(trials), tuple(added), outside)
 
 

@@ -10,8 +10,6 @@ from sysid.flight_data import Flight
 from vehicle import Vehicle, effects
 from vehicle.effects.base import Effect, Stage
 
-THRUST_LAWS = ("thrust_quadratic", "thrust_bem")
-"""Two laws of the same thrust: a vehicle has one of them."""
 SEPARATELY = {"weak_rotor": "weak_rotor[{}]"}
 """Effects whose parameters are suspects of their own: one rotor is weak, not a mixture of all four."""
 

@@ -13,7 +13,8 @@ import numpy as np
 
 from esdf import FREE, OCCUPIED, UNKNOWN, Edit, Editor, Grid, build, solids
 from esdf.build import Recipe, transform
-from flight import InputError, rotations
+from flight import rotations
+from tests.esdf.pilot import step
 
 STEPS = int(os.environ.get("GOSHAWK_EDIT_STEPS", "2000"))
 SEED = int(os.environ.get("GOSHAWK_EDIT_SEED", "0"))
@@ -84,23 +85,6 @@ class Rebuild:
         return state, self.values
 
 
-def step(editor, edits, rng):
-    """One thing a pilot can do; nothing if there is nothing to undo or the solid misses the map."""
-    choice = rng.random()
-    try:
-        if choice < 0.15:
-            editor.undo()
-        elif choice < 0.25:
-            editor.redo()
-        elif choice < 0.3:
-            editor.drop(f"zone {int(rng.integers(3))}")
-        else:
-            editor.apply(edits[int(rng.integers(len(edits)))])
-    except InputError:
-        return False
-    return True
-
-
 def session(rng, steps):
     """Random steps on one random map, each compared; returns how many changed the list."""
     base = random_map(rng, GRIDS[int(rng.integers(len(GRIDS)))])
@@ -108,7 +92,7 @@ def session(rng, steps):
     edits = [random_edit(rng, base.grid) for _ in range(25)]
     taken = 0
     for _ in range(steps):
-        taken += step(editor, edits, rng)
+        taken += step(editor, lambda: edits[int(rng.integers(len(edits)))], rng)
         state, values = rebuild.of(editor.edits)
         assert editor.field.state.tobytes() == state.tobytes(), editor.edits
         assert editor.field.values_m.tobytes() == values.tobytes(), editor.edits

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from esdf import FREE, OCCUPIED, UNKNOWN, Edit, Editor, Grid, build, load, save, solids
 from esdf.edits import load_edits, save_edits
 from flight import FormatError, InputError, rotations
+from tests.esdf.pilot import step
 
 GRID = Grid((-1.0, 0.0, 0.5), 0.1, (30, 26, 22))
 
@@ -35,21 +36,9 @@ def random_solid(rng):
     return makers[int(rng.integers(len(makers)))]()
 
 
-def random_step(editor, rng):
-    """One thing a pilot can do; returns quietly when there is nothing to undo or the solid misses the map."""
-    choice = rng.random()
-    try:
-        if choice < 0.15:
-            editor.undo()
-        elif choice < 0.25:
-            editor.redo()
-        elif choice < 0.3:
-            editor.drop(f"zone {int(rng.integers(3))}")
-        else:
-            action = ("add", "remove", "clear", "no-fly")[int(rng.choice(4, p=[0.4, 0.3, 0.15, 0.15]))]
-            editor.apply(Edit(action, random_solid(rng), f"zone {int(rng.integers(3))}" if action == "no-fly" else ""))
-    except InputError:
-        pass
+def random_edit(rng):
+    action = ("add", "remove", "clear", "no-fly")[int(rng.choice(4, p=[0.4, 0.3, 0.15, 0.15]))]
+    return Edit(action, random_solid(rng), f"zone {int(rng.integers(3))}" if action == "no-fly" else "")
 
 
 def assert_equals_rebuild(editor, base):
@@ -67,7 +56,7 @@ def test_any_sequence_of_edits_equals_a_rebuild_bit_by_bit(seed, unknown):
     base = mapped(rng, unknown)
     editor = Editor(base)
     for _ in range(12):
-        random_step(editor, rng)
+        step(editor, lambda: random_edit(rng), rng)
     assert_equals_rebuild(editor, base)
 
 

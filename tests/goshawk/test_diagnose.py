@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import vehicle
 from flight import flight_log
-from goshawk.cli import main
+from tests.goshawk.running import run
 
 DAMPING = 0.0008
 
@@ -36,17 +35,6 @@ def folder(tmp_path_factory) -> Path:
         flight_log.save(folder / f"{name}.parquet", logs[i])
     vehicle.save(folder / "vehicle.toml", vehicle.example("rigter2019"))
     return folder
-
-
-def run(*arguments: object, code: int = 0) -> str:
-    """Standard output of the command, in this process; what it says on the other channel if it fails."""
-    runner = CliRunner()
-    with runner.isolation() as streams:
-        with pytest.raises(SystemExit) as ended:
-            main([str(a) for a in arguments])
-        said, errors = streams[0].getvalue().decode(), streams[1].getvalue().decode()
-    assert (ended.value.code or 0) == code, errors
-    return said if code == 0 else errors
 
 
 def base(folder: Path) -> list[object]:

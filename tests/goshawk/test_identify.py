@@ -10,11 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import vehicle
 from flight import FlightLog, flight_log
-from goshawk.cli import main
+from tests.goshawk.running import run
 
 STAGES = ("vertical", "horizontal", "rotation")
 
@@ -35,17 +34,6 @@ def folder(tmp_path_factory) -> Path:
     believed = vehicle.example("rigter2019").with_value("inertia_xx_kg_m2", 0.004)
     vehicle.save(folder / "vehicle.toml", believed)
     return folder
-
-
-def run(*arguments: object, code: int = 0) -> str:
-    """Standard output of the command, in this process."""
-    runner = CliRunner()
-    with runner.isolation() as streams:
-        with pytest.raises(SystemExit) as ended:
-            main([str(a) for a in arguments])
-        said, errors = streams[0].getvalue().decode(), streams[1].getvalue().decode()
-    assert (ended.value.code or 0) == code, errors
-    return said if code == 0 else errors
 
 
 def first_trial(folder: Path) -> list[Path]:
