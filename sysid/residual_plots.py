@@ -49,9 +49,14 @@ def over_time(named: Residuals, flight: int, title: str) -> "Figure":
     return figure
 
 
-def heat_map(named: Residuals) -> "Figure":
-    """Share of each channel's residual that a curve of each variable explains, one panel per model."""
-    found = {name: explained.shares(residuals) for name, residuals in named.items()}
+def heat_map(named: Residuals, unseen: Residuals | None = None) -> "Figure":
+    """Share of each channel's residual that a curve of each variable predicts, one panel per model.
+
+    Args:
+        unseen: residuals of flights that only judge the curves; without them each flight is judged by the others.
+    """
+    judging = {name: (unseen or {}).get(name, ()) for name in named}
+    found = {name: explained.shares(residuals, judging[name]) for name, residuals in named.items()}
     figure, axes = drawing.figure(len(found), 1, (12.0, 0.4 + 2.5 * len(found)), sharex=True)
     image = None
     for panel, (name, (variables, shares)) in zip(axes[:, 0], found.items(), strict=True):
@@ -65,9 +70,9 @@ def heat_map(named: Residuals) -> "Figure":
         panel.tick_params(length=0)
     assert image is not None
     figure.colorbar(image, ax=axes[:, 0].tolist(), label="share explained", fraction=0.03, pad=0.01)
-    drawing.headed(
-        figure, "Share of the residual (%) that a curve of one variable predicts on stretches that were left out"
-    )
+    first = next(iter(named))
+    how = explained.judged_how(named[first], judging[first])
+    drawing.headed(figure, f"Share of the residual (%) that a curve of one variable predicts {how}")
     return figure
 
 

@@ -1,5 +1,6 @@
 """The pictures of a diagnosis: the staircase, what convicts the leading suspects, the curve that has no name."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -46,7 +47,7 @@ def write(found: Diagnosis, folder: Path, *, suffix: str = "svg") -> list[Path]:
         drawings["outside"] = outside(found.outside)
     longest = max(range(len(first.fit.flights)), key=lambda i: _loudness(named[BEFORE][i]))
     title = f"Unexplained on {first.fit.flights[longest].name}, body axes"
-    drawings["residual_share"] = residual_plots.heat_map(named)
+    drawings["residual_share"] = residual_plots.heat_map(named, _unseen(found))
     drawings["residual_wrench"] = residual_plots.over_time(named, longest, title)
     drawings["look_alikes"] = look_alikes(found)
     return [drawing.written(figure, folder / f"{name}.{suffix}") for name, figure in drawings.items()]
@@ -57,6 +58,14 @@ def left_of(model: Model) -> list[Residual]:
     fit = model.fit
     both = zip(fit.flights, fit.solution.point.states, strict=True)
     return [residual(flight, states, fit.vehicle, fit.noise.process) for flight, states in both]
+
+
+def _unseen(found: Diagnosis) -> dict[str, Sequence[Residual]]:
+    """What the first and the last fitted model leave of the held-out flights, if there were any."""
+    if not found.held_out:
+        return {}
+    first, last = found.staircase[1].model, found.staircase[-1].model
+    return {BEFORE: found.judged.residuals[first], AFTER: found.judged.residuals[last]}
 
 
 def _loudness(one: Residual) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import norm
 
 from flight import FlightLog, InputError, Progress, silent
-from sysid.comparison import HORIZONS_S, compare
+from sysid.comparison import HORIZONS_S, Comparison, compare
 from sysid.diagnosis import traces
 from sysid.diagnosis.findings import SCHEMA_VERSION, Attempt, OutsideFinding, Size, Stair, SuspectFinding
 from sysid.diagnosis.free_form import VARIABLE
@@ -54,6 +54,8 @@ class Diagnosis:
     """Of the identification: sentences the user should read."""
     search: Search
     """Fits and evidence behind it all, for plots."""
+    judged: Comparison
+    """Every model of the staircase on the flights it was judged by, for plots."""
 
     @property
     def verdict(self) -> str:
@@ -156,6 +158,7 @@ def diagnose(
         held_out=tuple(names[len(logs) :]),
         findings=last.findings,
         search=found,
+        judged=judged,
     )
 
 

@@ -42,7 +42,9 @@ def found(
         trials=[SimpleNamespace(suspect=SimpleNamespace(name=name), rivals=rivals) for name in additions],
     )
     body = vehicle.example()
-    return Diagnosis(body, body, additions, suspects, outside, (), (), (), (), (), (), cast("Any", search))
+    return Diagnosis(
+        body, body, additions, suspects, outside, (), (), (), (), (), (), cast("Any", search), cast("Any", None)
+    )
 
 
 def test_an_addition_is_made_to_the_vehicle_file_and_the_diagnosis_goes_on_from_a_new_one():
