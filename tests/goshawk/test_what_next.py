@@ -1,6 +1,7 @@
 """After a diagnosis: every line it proposes can be typed, and leads on from that verdict."""
 
 import shlex
+from html import escape
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -128,9 +129,12 @@ def test_typed_one_after_the_other_the_lines_lead_from_an_unknown_effect_to_a_be
         flight_log.save(tmp_path / f"{name}.parquet", log)
     vehicle.save(tmp_path / "vehicle.toml", vehicle.example())
     said = run("diagnose", "vertical.parquet", "fast.parquet", "turning.parquet", "--vehicle", "vehicle.toml",
-               "--held-out", "unseen.parquet", "--json", "d.json")  # fmt: skip
+               "--held-out", "unseen.parquet", "--json", "d.json", "--report", "d.html")  # fmt: skip
     assert "something is missing that no known effect is: M_z against v_z" in said
     lines = [line.removeprefix("next: ") for line in said.splitlines() if line.startswith("next: ")]
     assert len(lines) == 2
+    page = (tmp_path / "d.html").read_text()
+    for words in ("The torque about z (M_z) follows velocity along z (v_z)", "What no known effect explains", *lines):
+        assert escape(words) in page
     run(*shlex.split(lines[0])[1:])
     assert "m_z_of_v_z helped: " in run(*shlex.split(lines[1])[1:])
