@@ -171,7 +171,7 @@ void tc_flatness_step(tc_flatness_state* state, const tc_parameters* p, const fl
     float axis[3], direction = 1.0f;
     for (int i = 0; i < 3; i++) axis[i] = force_world_n[i] * inverse;
     const float* other = NULL;
-    transported moved = {0.0f, true};
+    transported moved;
     if (size_n < FULL_DIRECTION * weight_n) {
         const float share = (size_n / weight_n - NO_DIRECTION) / (FULL_DIRECTION - NO_DIRECTION);
         direction = tc_max(share, 0.0f);

@@ -2,33 +2,38 @@
 
    One form covers all three thrust laws, T = a n^2 + (c v_z - k v) n, with v from eq. (2); its root is
    2 a n = sqrt(b^2 + 4 a T) - b, b = c v_z - k v. Air speeds are kept times k, rotor speeds times 2 a, and thrusts as
-   "load" T k^2 / (2 rho A), so that eq. (2) reads v sqrt((v_z + v)^2 + v_xy^2) = load and b = drag - v. */
+   "load" T k^2 / (2 rho A), so that eq. (2) reads v sqrt((v_z + v)^2 + v_xy^2) = load and b = drag - v.
+
+   What couples the rotors is yaw: the sum of spin times squared speed. The square is nearly a straight line over the
+   load. So the operating points are found once, by two Newton steps on eq. (2) from a close guess, at the loads that a
+   hovering vehicle would need; from there the free direction is moved along a parabola. */
 #include "goshawk_controller/mixer.h"
 
 #include "maths.h"
 
 #define SHORTEST_ARM_M 0.01f
-/* Rounds of Newton's method on induced velocities and yaw together. Three leave less than 1e-5 of full speed over the
-   envelope, see tests/firmware_bridge/test_controller_numbers.py; desaturation, where needed, comes before the last. */
-#define ROUNDS 3
-/* The free direction starts this share inside the range that keeps all thrusts positive, and a step goes at most this
-   share of the way to the range's ends: a rotor that is asked for next to nothing must not be driven below. */
-#define INSIDE 0.05f
-#define TOWARDS_END 0.9f
-/* Speeds this far outside the limits, of the fastest speed, still count as inside: what the last round may change. */
-#define TOLERANCE 2e-3f
+/* Where that move changes a rotor's load by more than this share, its operating point is found once more: strong yaw
+   together with fast air, or with a rotor that is asked for next to nothing. What is left is less than 1e-5 of full
+   speed for every feasible demand, see tests/firmware_bridge/test_controller_numbers.py. */
+#define FAR 0.05f
+/* Squared speeds this far outside the limits, of the highest, when found still count as inside. */
+#define TOLERANCE 0.01f
+/* The limits are kept this far inside, so that rounding does not lead beyond them. */
+#define ROUNDING 1e-6f
 #define NO_END 1e9f
+/* Less than this share of collective or cut counts as given in full. */
+#define SMALL 1e-3f
 
-/* The air at one hub, and the operating point found there. */
+/* One rotor: what is asked of it, the air at its hub, and the operating point found last. */
 typedef struct {
-    float base;     /* load asked for, without the free direction; of a healthy rotor without translational lift */
-    float axial;    /* v_z */
-    float lateral2; /* v_xy^2 */
-    float drag;     /* what v_z adds to the linear term of the thrust law */
-    float induced;  /* v */
-    float induced_per_free; /* d / d multiple of the free direction */
-    float speed;
-    float speed_per_free;
+    float load;        /* asked for; of a healthy rotor without translational lift */
+    float axial;       /* v_z */
+    float lateral2;    /* v_xy^2 */
+    float drag;        /* what v_z adds to the linear term of the thrust law */
+    float at;          /* what was asked where the operating point was found */
+    float square;      /* squared speed for `load`, along the parabola through the operating point */
+    float square_rise; /* its slope over the load */
+    float square_bend; /* half of its second derivative */
 } rotor;
 
 static float determinant(const float a[3], const float b[3], const float c[3]) {
@@ -87,9 +92,10 @@ static tc_reason lay_out(tc_mixer* mixer, const tc_parameters* p, float arm_m, f
         m->per_torque_x = unit * tc_dot(inverse[1], column[i]) / arm_m;
         m->per_torque_y = unit * tc_dot(inverse[2], column[i]) / arm_m;
         m->free = unit * free[i];
-        m->per_free = 1.0f / m->free;
-        m->free_slope = 0.5f * mixer->load_factor * m->free;
         m->spin = p->rotor_spin[i];
+        m->spin_free = m->spin * m->free;
+        m->spin_free2 = m->spin_free * m->free;
+        m->free_n = m->free / m->per_collective;
     }
     *yaw_per_free = spin_sum;
     return tc_abs(spin_sum) > 0.25f * size_sum ? TC_OK : TC_SINGULAR_GEOMETRY;
@@ -110,10 +116,17 @@ static float choose_law(tc_mixer* mixer, const tc_parameters* p) {
     mixer->lateral = p->thrust_model > 1.5f ? 1.0f : 0.0f;
     mixer->lift = p->lift_kg_m * per_disk;
     mixer->guard = 1e-3f * unit * unit;
+    mixer->still = 1e-6f * unit * unit;
     mixer->load_factor = 4.0f * square / load_per_n;
+    mixer->half_factor = 0.5f * mixer->load_factor;
     mixer->speed_unit = 2.0f * square;
     mixer->per_speed = 1.0f / mixer->speed_unit;
     mixer->turn_per_yaw = mixer->speed_unit * mixer->speed_unit / p->cq_n_m_s2;
+    const float slowest = p->rotor_min_rad_s * mixer->speed_unit, fastest = p->rotor_max_rad_s * mixer->speed_unit;
+    mixer->slowest2 = slowest * slowest * (1.0f + ROUNDING);
+    mixer->fastest2 = fastest * fastest * (1.0f - ROUNDING);
+    mixer->likely_slowest2 = tc_max(mixer->slowest2 - TOLERANCE * mixer->fastest2, 0.0f);
+    mixer->likely_fastest2 = mixer->fastest2 * (1.0f + TOLERANCE);
     return load_per_n;
 }
 
@@ -144,206 +157,225 @@ tc_reason tc_mixer_configure(tc_mixer* mixer, const tc_parameters* p) {
     const float per_square = still_air_factor(mixer, each_n, load_per_n);
     const float thrust_n = per_square * p->rotor_max_rad_s * p->rotor_max_rad_s;
     mixer->free_per_yaw = per_square / (p->cq_n_m_s2 * yaw_per_free);
+    for (int i = 0; i < TC_ROTORS; i++) mixer->rotor[i].per_torque_z = mixer->free_per_yaw * mixer->rotor[i].free;
     mixer->largest_thrust_n = 4.0f * thrust_n;
     return thrust_n >= each_n ? TC_OK : TC_CANNOT_HOVER;
 }
 
-/* Where the free direction may go: within it all thrusts are positive. */
+/* The air at one hub, and what the rotor is asked for if thrust goes with n^2 as it does in hover. */
+static inline void start(const tc_mixer* mixer, const tc_mixer_rotor* m, const tc_wrench* wrench, const float air[3],
+                         const float rate[3], rotor* r) {
+    const float x = m->arm_x_m, y = m->arm_y_m;
+    const float vx = air[0] - rate[2] * y, vy = air[1] + rate[2] * x;
+    const float vz = air[2] + rate[0] * y - rate[1] * x;
+    const float lateral2 = vx * vx + vy * vy;
+    r->load = m->per_collective * wrench->thrust_n + m->per_torque_x * wrench->torque_n_m[0] +
+              m->per_torque_y * wrench->torque_n_m[1] + m->per_torque_z * wrench->torque_n_m[2] -
+              mixer->lift * lateral2;
+    r->axial = vz;
+    r->lateral2 = mixer->lateral * lateral2 + mixer->still;
+    r->drag = mixer->axial * vz;
+}
+
+/* Induced velocity for a load, within 5 % for z > - sqrt(load): with v_xy = 0, eq. (2) is a quadratic for w = v_z + v;
+   one step corrects w for v_xy (the constant is fitted), and eq. (2) then gives v. */
+static inline float guess(const rotor* r, float load) {
+    const float half = 0.5f * r->axial;
+    const float middle = sqrtf(half * half + load);
+    const float w = middle + half, lateral2 = 1.2f * r->lateral2;
+    const float through = w - 0.5f * lateral2 * (middle - half) / (w * w + load + lateral2);
+    return load / sqrtf(through * through + r->lateral2);
+}
+
+/* One Newton step on eq. (2) from `v`. Absolute values stand where a demand that cannot be met would leave the law's
+   domain. */
+static inline float closer(const tc_mixer* mixer, const rotor* r, float load, float v) {
+    const float w = r->axial + v;
+    const float q = w * w + r->lateral2;
+    return tc_abs(v - (v * q - load * sqrtf(q)) / (tc_abs(q + v * w) + mixer->guard));
+}
+
+/* The operating point for what is asked: Newton steps on eq. (2), then eq. (1), with two derivatives. A negative load
+   has none; it gets the line through that of the opposite one, which says that the rotor would turn too slowly. */
+static inline void operate(const tc_mixer* mixer, rotor* r) {
+    const float load = tc_abs(r->load);
+    const float v = closer(mixer, r, load, guess(r, load));
+    const float w = r->axial + v;
+    const float q = w * w + r->lateral2;
+    const float root = sqrtf(q);
+    const float inverse = 1.0f / (tc_abs(q + v * w) + mixer->guard); /* over the derivative times root */
+    const float v1 = root * inverse;
+    const float v2 = -v1 * v1 * inverse * (w + w + v * r->lateral2 / q);
+    const float b = r->drag - tc_abs(v - (v * q - load * root) * inverse);
+    const float steep = sqrtf(b * b + mixer->load_factor * load);
+    const float n = steep - b;
+    const float n1 = (mixer->half_factor + n * v1) / steep;
+    const float n2 = (n * v2 + n1 * (v1 + v1 - n1)) / steep;
+    r->at = r->load;
+    r->square_rise = (n + n) * n1;
+    r->square = n * n + r->square_rise * (r->load - load);
+    r->square_bend = n1 * n1 + n * n2;
+}
+
+/* Asks for more or less without a new operating point. */
+static inline void move(rotor* r, float more) {
+    const float bent = r->square_bend * more;
+    r->load += more;
+    r->square += (r->square_rise + bent) * more;
+    r->square_rise += bent + bent;
+}
+
+/* The sum of spin times squared speed that is still missing, its slope along the free direction, and half of that
+   slope's slope. */
+typedef struct {
+    float missing, slope, bend;
+} yaw_balance;
+
+static inline void weigh(const tc_mixer_rotor* m, const rotor* r, yaw_balance* yaw) {
+    yaw->missing -= m->spin * r->square;
+    yaw->slope += m->spin_free * r->square_rise;
+    yaw->bend += m->spin_free2 * r->square_bend;
+}
+
+/* Moves the free direction by `step` to where nothing is missing. True if that was so far that the operating points
+   should be found once more. */
+static inline bool balance(const tc_mixer* mixer, const yaw_balance* yaw, rotor r[TC_ROTORS], float* step) {
+    const float straight = yaw->missing / yaw->slope;
+    uint32_t far = 0u; /* sign bits of what is left: one comparison for all four */
+    *step = straight - yaw->bend * straight * straight / yaw->slope;
+    for (int i = 0; i < TC_ROTORS; i++) {
+        const float more = *step * mixer->rotor[i].free;
+        move(&r[i], more);
+        far |= tc_bits(FAR * tc_abs(r[i].load) - tc_abs(more));
+    }
+    return (far & 0x80000000u) != 0u;
+}
+
+/* A new operating point for every rotor whose load has come far from the last one. */
+static __attribute__((noinline)) void repeat(const tc_mixer* mixer, float turn, rotor r[TC_ROTORS]) {
+    yaw_balance yaw = {turn, 0.0f, 0.0f};
+    float step;
+    for (int i = 0; i < TC_ROTORS; i++) {
+        if (tc_abs(r[i].load - r[i].at) > FAR * tc_abs(r[i].load)) operate(mixer, &r[i]);
+        weigh(&mixer->rotor[i], &r[i], &yaw);
+    }
+    (void)balance(mixer, &yaw, r, &step);
+}
+
+/* Beyond the rotors' limits all is reckoned as changes of the demand, in newtons of collective: what one rotor gets
+   when the collective changes by as much. Squared speeds follow in a straight line. */
+typedef struct {
+    float rise[TC_ROTORS];                /* of the squared speed */
+    float down[TC_ROTORS], up[TC_ROTORS]; /* changes that lead to the limits */
+    float yaw[TC_ROTORS];                 /* change that leaves yaw no more than what it has at any rate */
+    float tilt[TC_ROTORS];                /* change that takes all roll and pitch torque away */
+} leeway;
+
 typedef struct {
     float low, high;
 } range;
 
-/* What each rotor is asked for, the air at its hub, and the range of the free direction. */
-static inline range start(const tc_mixer* mixer, const tc_wrench* wrench, const float air_m_s[3],
-                          const float rate_rad_s[3], rotor r[TC_ROTORS]) {
-    range free = {-NO_END, NO_END};
-    float air[3], rate[3];
-    for (int i = 0; i < 3; i++) {
-        air[i] = mixer->unit_m_s * air_m_s[i];
-        rate[i] = mixer->unit_m_s * rate_rad_s[i];
-    }
-    const float smallest = 1e-6f * mixer->guard; /* a load of exactly nothing has no slope */
+/* Yaw has a share of what the rotors' limits alone allow at any rate. True if it wants more than that. */
+static inline bool measure(const tc_mixer* mixer, float yaw_share, float free, const rotor r[TC_ROTORS], leeway* l) {
+    float own = NO_END;
     for (int i = 0; i < TC_ROTORS; i++) {
         const tc_mixer_rotor* m = &mixer->rotor[i];
-        const float x = m->arm_x_m, y = m->arm_y_m;
-        const float vx = air[0] - rate[2] * y, vy = air[1] + rate[2] * x;
-        const float vz = air[2] + rate[0] * y - rate[1] * x;
-        const float lateral2 = vx * vx + vy * vy;
-        const float base = m->per_collective * wrench->thrust_n + m->per_torque_x * wrench->torque_n_m[0] +
-                           m->per_torque_y * wrench->torque_n_m[1] - mixer->lift * lateral2 + smallest;
-        const float end = -base * m->per_free;
-        if (m->free > 0.0f) {
-            free.low = tc_max(free.low, end);
-        } else {
-            free.high = tc_min(free.high, end);
-        }
-        r[i].base = base;
-        r[i].axial = vz;
-        r[i].lateral2 = mixer->lateral * lateral2;
-        r[i].drag = mixer->axial * vz;
+        /* Of a rotor that pulls air down it is at least that; a parabola followed too far may say anything. */
+        const float rise = tc_max(r[i].square_rise, mixer->load_factor) * m->per_collective;
+        l->rise[i] = rise;
+        l->down[i] = (mixer->slowest2 - r[i].square) / rise;
+        l->up[i] = (mixer->fastest2 - r[i].square) / rise;
+        l->tilt[i] = 0.0f;
+        own = tc_min(own, tc_abs((l->up[i] - l->down[i]) / m->free_n));
     }
-    return free;
+    own *= 0.5f * yaw_share;
+    const float cut = tc_clamp(free, -own, own) - free;
+    for (int i = 0; i < TC_ROTORS; i++) l->yaw[i] = cut * mixer->rotor[i].free_n;
+    return tc_abs(cut) > 0.0f;
 }
 
-/* The induced velocity for v_xy = 0, where eq. (2) is a quadratic. */
-static inline void guess(const tc_mixer* mixer, float free, rotor r[TC_ROTORS]) {
-    for (int i = 0; i < TC_ROTORS; i++) {
-        const float half = 0.5f * r[i].axial;
-        r[i].induced = sqrtf(half * half + tc_abs(r[i].base + free * mixer->rotor[i].free)) - half;
-        r[i].induced_per_free = 0.0f;
-    }
-}
-
-/* One round at the multiple `free`, which has moved by `step` since the last one: one Newton step on eq. (2) from the
-   induced velocity carried along; then eq. (1). Returns the Newton step of the multiple towards the wanted sum of spin
-   times squared speed. Absolute values stand where a demand that cannot be met would leave the law's domain. */
-static inline float solve_round(const tc_mixer* mixer, float free, float step, float turn, rotor r[TC_ROTORS]) {
-    float slope = 0.0f;
+/* Takes as little of the tilt torque away as leaves a collective that keeps every rotor within its limits; returns the
+   share that stays. For each pair: what raises rotor i to its lower limit must not lift rotor j over its upper one. */
+static __attribute__((noinline)) float cut_tilt(const tc_mixer* mixer, const tc_wrench* wrench, leeway* l) {
+    float tilt[TC_ROTORS], low[TC_ROTORS], high[TC_ROTORS], share = 1.0f;
     for (int i = 0; i < TC_ROTORS; i++) {
         const tc_mixer_rotor* m = &mixer->rotor[i];
-        const float load = tc_abs(r[i].base + free * m->free);
-        const float v = r[i].induced + r[i].induced_per_free * step;
-        const float w = r[i].axial + v;
-        const float q = w * w + r[i].lateral2;
-        const float root = sqrtf(q);
-        const float inverse = 1.0f / (tc_abs(q + v * w) + mixer->guard); /* over the derivative times root */
-        const float induced = tc_abs(v - (v * q - load * root) * inverse);
-        const float induced_per_free = root * inverse * m->free;
-        const float b = r[i].drag - induced;
-        const float steep = sqrtf(b * b + mixer->load_factor * load);
-        const float n = steep - b;
-        const float speed_per_free = (m->free_slope + n * induced_per_free) / steep;
-        const float turned = m->spin * n;
-        turn -= turned * n;
-        slope += turned * speed_per_free;
-        r[i].induced = induced;
-        r[i].induced_per_free = induced_per_free;
-        r[i].speed = n;
-        r[i].speed_per_free = speed_per_free;
+        tilt[i] =
+            (m->per_torque_x * wrench->torque_n_m[0] + m->per_torque_y * wrench->torque_n_m[1]) / m->per_collective;
+        low[i] = l->down[i] - l->yaw[i] + tilt[i];
+        high[i] = l->up[i] - l->yaw[i] + tilt[i];
     }
-    return 0.5f * turn / slope;
-}
-
-/* What the rotors can give at these air speeds, and what is asked of them, all as loads. */
-typedef struct {
-    float low[TC_ROTORS], high[TC_ROTORS]; /* at the speed limits */
-    float tilt[TC_ROTORS];                 /* of the roll and pitch torque */
-    float other[TC_ROTORS];                /* of neither tilt, collective nor free direction: the lift */
-} limits;
-
-/* Load at a speed: the induced velocity for v_xy = 0 from a quadratic, then one Newton step with v_xy. */
-static float load_at(const tc_mixer* mixer, const rotor* r, float speed) {
-    const float per_factor = 1.0f / mixer->load_factor;
-    const float slope = 2.0f * speed * per_factor; /* load lost per induced velocity */
-    const float still = tc_max(speed * (speed + 2.0f * r->drag) * per_factor, 0.0f);
-    const float half = 0.5f * (r->axial + slope);
-    float v = sqrtf(half * half + still) - half;
-    const float w = r->axial + v;
-    const float root = sqrtf(w * w + r->lateral2);
-    v -= (v * root - still + slope * v) * root / (tc_abs(root * (root + slope) + v * w) + mixer->guard);
-    return tc_max(still - slope * v, 0.0f);
-}
-
-static void reach(const tc_mixer* mixer, const tc_parameters* p, const tc_wrench* wrench, const rotor r[TC_ROTORS],
-                  limits* l) {
-    const float slowest = p->rotor_min_rad_s * mixer->speed_unit, fastest = p->rotor_max_rad_s * mixer->speed_unit;
     for (int i = 0; i < TC_ROTORS; i++) {
-        const tc_mixer_rotor* m = &mixer->rotor[i];
-        l->low[i] = load_at(mixer, &r[i], slowest);
-        l->high[i] = tc_max(load_at(mixer, &r[i], fastest), l->low[i]);
-        l->tilt[i] = m->per_torque_x * wrench->torque_n_m[0] + m->per_torque_y * wrench->torque_n_m[1];
-        l->other[i] = r[i].base - l->tilt[i] - m->per_collective * wrench->thrust_n;
-    }
-}
-
-/* The largest share of the tilt torque, up to 1, for which some collective keeps every rotor within its limits. For
-   each pair: what raises rotor i to its lower limit must not lift rotor j over its upper one. */
-static float tilt_share(const tc_mixer* mixer, const limits* l, float kept) {
-    float share = 1.0f;
-    for (int i = 0; i < TC_ROTORS; i++) {
-        const tc_mixer_rotor* a = &mixer->rotor[i];
-        const float needs = (l->low[i] - l->other[i] - kept * a->free) / a->per_collective;
-        const float needs_less = l->tilt[i] / a->per_collective;
         for (int j = 0; j < TC_ROTORS; j++) {
-            const tc_mixer_rotor* b = &mixer->rotor[j];
-            const float room = (l->high[j] - l->other[j] - kept * b->free) / b->per_collective - needs;
-            const float spread = l->tilt[j] / b->per_collective - needs_less;
+            const float room = high[j] - low[i], spread = tilt[j] - tilt[i];
             if (spread * share > room) share = tc_max(room, 0.0f) / spread;
         }
     }
+    for (int i = 0; i < TC_ROTORS; i++) l->tilt[i] = (share - 1.0f) * tilt[i];
     return share;
 }
 
-/* How far the free direction may go either way from nothing with the rotors' limits alone, at its share. */
-static float own_yaw(const tc_mixer* mixer, const tc_parameters* p, const limits* l) {
-    float own = NO_END;
+/* Changes of the collective that keep every rotor within its limits. */
+static inline range collective_range(const leeway* l) {
+    range collective = {-NO_END, NO_END};
     for (int i = 0; i < TC_ROTORS; i++) {
-        own = tc_min(own, tc_abs((l->high[i] - l->low[i]) * mixer->rotor[i].per_free));
+        const float other = l->yaw[i] + l->tilt[i];
+        collective.low = tc_max(collective.low, l->down[i] - other);
+        collective.high = tc_min(collective.high, l->up[i] - other);
     }
-    return 0.5f * p->yaw_share * own;
+    return collective;
 }
 
-static float keep_collective(const tc_mixer* mixer, const limits* l, float share, float kept, float wanted_n) {
-    float least = 0.0f, most = NO_END;
+/* The least part of the cut in yaw, from 0 to 1, that the rotors' limits need. */
+static inline float yaw_part(const leeway* l, float collective_n) {
+    float part = 0.0f;
     for (int i = 0; i < TC_ROTORS; i++) {
-        const tc_mixer_rotor* m = &mixer->rotor[i];
-        const float taken = l->other[i] + share * l->tilt[i] + kept * m->free;
-        least = tc_max(least, (l->low[i] - taken) / m->per_collective);
-        most = tc_min(most, (l->high[i] - taken) / m->per_collective);
+        const float change = collective_n + l->tilt[i];
+        const float over = change - tc_clamp(change, l->down[i], l->up[i]);
+        if (tc_abs(over) > part * tc_abs(l->yaw[i])) part = tc_abs(over / l->yaw[i]);
     }
-    return tc_clamp(wanted_n, least, most);
+    return tc_min(part, 1.0f);
 }
 
-/* Priority: tilt torque, then collective, then yaw, which keeps `yaw_share` of its authority throughout. Changes what
-   each rotor is asked for, moves `*free` and returns its range. */
-static __attribute__((noinline)) range desaturate(const tc_mixer* mixer, const tc_parameters* p,
-                                                  const tc_wrench* wrench, rotor r[TC_ROTORS], float* free,
-                                                  uint8_t* saturation) {
-    limits l;
-    reach(mixer, p, wrench, r, &l);
-    const float own = own_yaw(mixer, p, &l), wanted = *free;
-    const float kept = tc_clamp(wanted, -own, own);
-    const float share = tilt_share(mixer, &l, kept);
-    const float collective = keep_collective(mixer, &l, share, kept, wrench->thrust_n);
-    range yaw = {-NO_END, NO_END};
-    for (int i = 0; i < TC_ROTORS; i++) {
-        const tc_mixer_rotor* m = &mixer->rotor[i];
-        const float base = l.other[i] + share * l.tilt[i] + collective * m->per_collective;
-        const float a = (l.low[i] - base) * m->per_free, b = (l.high[i] - base) * m->per_free;
-        yaw.low = tc_max(yaw.low, tc_min(a, b));
-        yaw.high = tc_min(yaw.high, tc_max(a, b));
-        r[i].induced += (base - r[i].base) * m->per_free * r[i].induced_per_free;
-        r[i].base = base;
+/* Priority: tilt torque, then collective, then yaw, which keeps `yaw_share` of its authority throughout. `free` is
+   where the free direction stands. */
+static __attribute__((noinline)) uint8_t desaturate(const tc_mixer* mixer, float yaw_share, const tc_wrench* wrench,
+                                                    float free, rotor r[TC_ROTORS]) {
+    leeway l;
+    uint8_t saturation = 0u;
+    const bool yaw_cut = measure(mixer, yaw_share, free, r, &l);
+    range collective = collective_range(&l);
+    if (collective.low > collective.high) {
+        if (cut_tilt(mixer, wrench, &l) < 0.999f) saturation |= TC_SATURATED_TILT;
+        collective = collective_range(&l);
     }
-    yaw.low = tc_min(yaw.low, kept);
-    yaw.high = tc_max(yaw.high, kept);
-    const float small_n = 1e-3f * (wrench->thrust_n + 1.0f);
-    *free = tc_clamp(wanted, yaw.low, yaw.high);
-    if (share < 0.999f) *saturation |= TC_SATURATED_TILT;
-    if (tc_abs(collective - wrench->thrust_n) > small_n) *saturation |= TC_SATURATED_COLLECTIVE;
-    if (tc_abs(*free - wanted) > small_n) *saturation |= TC_SATURATED_YAW;
-    return yaw;
+    const float change_n = tc_clamp(0.0f, collective.low, collective.high);
+    const float part = yaw_cut ? yaw_part(&l, change_n) : 0.0f;
+    for (int i = 0; i < TC_ROTORS; i++) {
+        const float change = change_n + l.tilt[i] + part * l.yaw[i];
+        r[i].square = tc_clamp(r[i].square + l.rise[i] * change, mixer->slowest2, mixer->fastest2);
+    }
+    if (tc_abs(change_n) > SMALL * wrench->thrust_n) saturation |= TC_SATURATED_COLLECTIVE;
+    if (part > SMALL) saturation |= TC_SATURATED_YAW;
+    return saturation;
 }
 
-/* Whether all of them lie between two positive bounds; one unsigned comparison of the bits each, NaN is outside. */
-static inline bool all_between(const float speed[TC_ROTORS], float low, float high) {
+/* Whether all squared speeds lie between two positive bounds; one unsigned comparison of the bits each, NaN is outside.
+ */
+static inline bool all_between(const rotor r[TC_ROTORS], float low, float high) {
     const uint32_t first = tc_bits(low), width = tc_bits(high) - first;
     bool between = true;
-    for (int i = 0; i < TC_ROTORS; i++) between = between && tc_bits(speed[i]) - first <= width;
+    for (int i = 0; i < TC_ROTORS; i++) between = between && tc_bits(r[i].square) - first <= width;
     return between;
 }
 
-/* Speeds in rad/s once the free direction has moved by `step`. */
-static inline void speeds(const tc_mixer* mixer, const rotor r[TC_ROTORS], float step, float speed[TC_ROTORS]) {
-    for (int i = 0; i < TC_ROTORS; i++) speed[i] = mixer->per_speed * (r[i].speed + step * r[i].speed_per_free);
-}
-
-static __attribute__((noinline)) uint8_t clip(const tc_parameters* p, float speed[TC_ROTORS]) {
+/* Takes squared speeds to their limits; reports what is more than rounding. */
+static __attribute__((noinline)) uint8_t clip(const tc_mixer* mixer, rotor r[TC_ROTORS]) {
     uint8_t saturation = 0u;
     for (int i = 0; i < TC_ROTORS; i++) {
-        const float n = tc_clamp(speed[i], p->rotor_min_rad_s, p->rotor_max_rad_s);
-        if (!(tc_abs(n - speed[i]) <= 1e-3f * n)) saturation = TC_SATURATED_ROTOR;
-        speed[i] = n;
+        const float limited = tc_clamp(r[i].square, mixer->slowest2, mixer->fastest2);
+        if (!(tc_abs(limited - r[i].square) <= 2e-3f * limited)) saturation = TC_SATURATED_ROTOR;
+        r[i].square = limited;
     }
     return saturation;
 }
@@ -351,33 +383,27 @@ static __attribute__((noinline)) uint8_t clip(const tc_parameters* p, float spee
 void tc_mixer_solve(const tc_mixer* mixer, const tc_parameters* p, const tc_wrench* wrench,
                     const float air_velocity_body_m_s[3], const float rate_body_rad_s[3], tc_mix* out) {
     rotor r[TC_ROTORS];
-    const float first = wrench->torque_n_m[2] * mixer->free_per_yaw; /* as if thrust went with n^2 */
-    const float turn = wrench->torque_n_m[2] * mixer->turn_per_yaw;
-    const float least = p->rotor_min_rad_s, most = p->rotor_max_rad_s, over = TOLERANCE * most;
-    const range positive = start(mixer, wrench, air_velocity_body_m_s, rate_body_rad_s, r);
-    const bool possible = positive.high > positive.low;
-    const float inside = INSIDE * (positive.high - positive.low);
-    float free = possible ? tc_clamp(first, positive.low + inside, positive.high - inside) : first;
-    range end = {-NO_END, NO_END};
-    float step = 0.0f;
-    out->saturation = 0u;
-    guess(mixer, free, r);
-    for (int round = 1; round <= ROUNDS; round++) {
-        if (round == ROUNDS) {
-            speeds(mixer, r, step, out->rotor_speed_rad_s);
-            if (!possible || !all_between(out->rotor_speed_rad_s, tc_max(least - over, 0.0f), most + over)) {
-                end = desaturate(mixer, p, wrench, r, &free, &out->saturation);
-            }
-        }
-        const float next = solve_round(mixer, free, step, turn, r);
-        if (round == ROUNDS) {
-            step = tc_clamp(next, end.low - free, end.high - free);
-        } else {
-            step = possible ? tc_clamp(next, TOWARDS_END * (positive.low - free), TOWARDS_END * (positive.high - free))
-                            : 0.0f;
-            free += step;
-        }
+    float air[3], rate[3];
+    for (int i = 0; i < 3; i++) {
+        air[i] = mixer->unit_m_s * air_velocity_body_m_s[i];
+        rate[i] = mixer->unit_m_s * rate_body_rad_s[i];
     }
-    speeds(mixer, r, step, out->rotor_speed_rad_s);
-    if (!all_between(out->rotor_speed_rad_s, least, most)) out->saturation |= clip(p, out->rotor_speed_rad_s);
+    const float turn = wrench->torque_n_m[2] * mixer->turn_per_yaw;
+    yaw_balance yaw = {turn, 0.0f, 0.0f};
+    for (int i = 0; i < TC_ROTORS; i++) {
+        start(mixer, &mixer->rotor[i], wrench, air, rate, &r[i]);
+        operate(mixer, &r[i]);
+        weigh(&mixer->rotor[i], &r[i], &yaw);
+    }
+    float first;
+    const bool far = balance(mixer, &yaw, r, &first);
+    out->saturation = 0u;
+    if (all_between(r, mixer->likely_slowest2, mixer->likely_fastest2)) {
+        if (far) repeat(mixer, turn, r);
+        if (!all_between(r, mixer->slowest2, mixer->fastest2)) out->saturation = clip(mixer, r);
+    } else {
+        const float free = wrench->torque_n_m[2] * mixer->free_per_yaw + first;
+        out->saturation = desaturate(mixer, p->yaw_share, wrench, free, r);
+    }
+    for (int i = 0; i < TC_ROTORS; i++) out->rotor_speed_rad_s[i] = mixer->per_speed * sqrtf(r[i].square);
 }

@@ -2,7 +2,7 @@
 
    Collective, roll and pitch are linear in the four thrusts; one direction of thrusts is left free and is set so that
    sum spin_i c_q n_i^2 is the wanted yaw torque. Induced velocities, speeds and the free direction are found together
-   by Newton's method, always in the same number of rounds. A demand that the rotors can meet is met exactly. When they
+   by Newton's method. A demand that the rotors can meet is met exactly. When they
    cannot give all of it, torque about x and y comes first, then the collective, then yaw, which keeps a guaranteed
    share. */
 #ifndef GOSHAWK_CONTROLLER_MIXER_H
@@ -26,25 +26,33 @@ enum {
 typedef struct {
     float arm_x_m, arm_y_m;                           /* hub relative to the centre of mass */
     float per_collective, per_torque_x, per_torque_y; /* load of least norm for each of the three */
-    float free;       /* loads that change none of the three, per newton of the largest */
-    float per_free;   /* its reciprocal */
-    float free_slope; /* `free` times half of load_factor */
+    float per_torque_z;                               /* first guess of what yaw adds, along `free` */
+    float free;   /* loads that change none of the three, per newton of the largest */
+    float free_n; /* the same in newtons of collective */
     float spin;
+    float spin_free;  /* spin times free */
+    float spin_free2; /* spin times free squared */
 } tc_mixer_rotor;
 
 /* What follows from the parameters alone; made once by tc_mixer_configure. */
 typedef struct {
     tc_mixer_rotor rotor[TC_ROTORS];
-    float free_per_yaw;     /* first guess of the multiple of `free` per N m of yaw */
-    float turn_per_yaw;     /* wanted sum of spin times squared speed, per N m of yaw */
-    float unit_m_s;         /* one metre per second */
-    float load_factor;      /* 4 a times the thrust of a unit of load */
-    float axial;            /* linear term of the thrust law per unit of v_z */
-    float lateral;          /* 1 when v_xy counts in eq. (2), else 0 */
-    float lift;             /* load per squared lateral air speed */
-    float guard;            /* keeps the Newton step finite */
-    float per_speed;        /* 1 / 2 a: rad/s per unit of speed */
-    float speed_unit;       /* 2 a */
+    float free_per_yaw; /* first guess of the multiple of `free` per N m of yaw */
+    float turn_per_yaw; /* wanted sum of spin times squared speed, per N m of yaw */
+    float unit_m_s;     /* one metre per second */
+    float load_factor;  /* 4 a times the thrust of a unit of load */
+    float half_factor;  /* half of it */
+    float axial;        /* linear term of the thrust law per unit of v_z */
+    float lateral;      /* 1 when v_xy counts in eq. (2), else 0 */
+    float lift;         /* load per squared lateral air speed */
+    float guard;        /* keeps the Newton step finite */
+    float still;        /* added to v_xy^2: the guess divides by the air's speed */
+    float per_speed;    /* 1 / 2 a: rad/s per unit of speed */
+    float speed_unit;   /* 2 a */
+    float slowest2;     /* squared speed limits */
+    float fastest2;
+    float likely_slowest2; /* the same with a margin for what the second round may change */
+    float likely_fastest2;
     float largest_thrust_n; /* of all four, hovering */
 } tc_mixer;
 
