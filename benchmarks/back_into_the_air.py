@@ -2,7 +2,8 @@
 
 For each effect a vehicle that has it, and a controller that does not know it, fly; the effect is added to the model and
 fitted to the log; the new parameters go to the controller; it flies again. Effects that the controller does not cancel
-are there too, for what learning them is worth to it.
+are there too, for what learning them is worth to it. The same once more without being told which effect it is: a
+diagnosis of the two logs names it, or does not.
 """
 
 import controller as curves
@@ -43,20 +44,27 @@ def hidden(effect: str) -> tuple[Vehicle, Vehicle]:
     return without.with_effect(effect, **HIDDEN[effect]), without
 
 
-def second(effect: str) -> SecondFlight:
-    """A level figure of eight at 7 m/s before and after; a second flight, with climbs and turns, teaches as well."""
+def second(effect: str, *, told: bool = True) -> SecondFlight:
+    """A level figure of eight at 7 m/s before and after; a second flight, with climbs and turns, teaches as well.
+
+    Args:
+        told: which effect it is; else a diagnosis has to find out.
+    """
     truth, believed = hidden(effect)
     course = curves.FLIGHTS.figure_eight(7.0, 6.0, turns=1)
     turning = curves.FLIGHTS.general(turns=2)
-    learn = second_flight.adding(effect, sysid.Options(free=ONLY.get(effect)))
-    return second_flight.fly_again(truth, believed, course, learn, training=[turning])
+    named = second_flight.adding(effect, sysid.Options(free=ONLY.get(effect)))
+    return second_flight.fly_again(
+        truth, believed, course, named if told else second_flight.diagnosing, training=[turning]
+    )
 
 
 def rows() -> list[report.Row]:
     found = []
     for effect in HIDDEN:
-        flown = second(effect)
+        flown, diagnosed = second(effect), second(effect, told=False)
         peers = {"before": 100 * flown.before_m, "truth known": 100 * flown.known_m}
+        peers[f"diagnosed as {' and '.join(diagnosed.added) or 'nothing'}"] = 100 * diagnosed.after_m
         if compensated_effects()[effect]:
             bar = f"<= {110 * flown.known_m:.2f}"
             met = flown.after_m <= 1.1 * flown.known_m

@@ -9,6 +9,7 @@ import sysid
 from firmware_bridge import Sensors, closed_loop, controller
 from flight import FlightLog, Trajectory
 from goshawk.flights import in_the_air
+from sysid.diagnosis import diagnose
 from vehicle import Vehicle, simulate
 
 Learn = Callable[[Sequence[FlightLog], Vehicle], Vehicle]
@@ -20,6 +21,8 @@ class SecondFlight:
     """Mean tracking error of a course before and after learning."""
 
     learned: Vehicle
+    added: tuple[str, ...]
+    """Effects of the learned model that were not believed in before."""
     before_m: float
     after_m: float
     known_m: float
@@ -50,6 +53,7 @@ def fly_again(
     known = _fly(truth, truth, course, gust_std_m_s, seed + 1)
     return SecondFlight(
         learned=learned,
+        added=tuple(name for name in learned.effects if name not in believed.effects),
         before_m=float(before.error_m.mean()),
         after_m=float(after.error_m.mean()),
         known_m=float(known.error_m.mean()),
@@ -64,6 +68,11 @@ def adding(effect: str, options: sysid.Options | None = None) -> Learn:
         return sysid.identify(logs, believed.with_effect(effect), options).vehicle
 
     return learn
+
+
+def diagnosing(logs: Sequence[FlightLog], believed: Vehicle) -> Vehicle:
+    """To learn without being told what: the flights are diagnosed to the end, and whatever they confirm is added."""
+    return diagnose(logs, believed, auto=True).vehicle
 
 
 def _fly(

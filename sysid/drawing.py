@@ -29,9 +29,12 @@ def figure(rows: int, columns: int, size: tuple[float, float], **options: Any) -
 
 
 def written(drawn: "Figure", path: Path) -> Path:
-    """Save by the suffix of `path`."""
-    with file_format.atomic_file(path) as temporary:
-        drawn.savefig(temporary, format=path.suffix[1:], dpi=130)
+    """Save by the suffix of `path`; the same drawing makes the same file."""
+    from matplotlib import rc_context
+
+    kind = path.suffix[1:]
+    with file_format.atomic_file(path) as temporary, rc_context({"svg.hashsalt": "goshawk"}):
+        drawn.savefig(temporary, format=kind, dpi=130, metadata={"Date": None} if kind == "svg" else None)
     return path
 
 

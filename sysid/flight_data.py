@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.signal import savgol_filter
 
 from flight import FlightLog, InputError, rotations
 from flight.rotations import FloatArray
+from sysid import rotor_noise
 from sysid.options import Options
 
 IndexArray = NDArray[np.intp]
@@ -21,10 +21,6 @@ LEAD_IN_S = 0.3
 """Where only commands are known, this much is given to the rotors to reach the speed that nobody measured."""
 SHORTEST_S = 1.0
 """Pieces between gaps that are shorter say nothing and are left out."""
-
-
-SMOOTHED_S = 0.06
-"""Rotor acceleration is read off local cubics this long: motors are slower than that, noise is not."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -228,6 +224,8 @@ def _means(
     if quantity == "rotor_speed_command_rad_s":
         means = held_means(log.time_s[rows], values[rows], node_s)
         return means, np.zeros_like(means)
+    if quantity == "rotor_speed_rad_s":
+        return interval_means(log.time_s[rows], rotor_noise.most_likely(log.time_s[rows], values[rows]), node_s)
     return interval_means(log.time_s[rows], values[rows], node_s)
 
 
@@ -256,16 +254,11 @@ def interval_means(time_s: FloatArray, values: FloatArray, node_s: FloatArray) -
     """Mean of a sampled signal and of its slope over each interval between nodes: (k, c) twice.
 
     The spline matters: a mean of the two end samples damps what the midpoint rule of the model passes, and biases
-    inertias by (frequency x interval)^2 / 12, about 1 % for a fast motor at 100 Hz. The slope is taken of the signal
-    smoothed over `SMOOTHED_S`: of the raw one it would be little but noise, 500 rad/s2 of it at 4 rad/s and 100 Hz.
+    inertias by (frequency x interval)^2 / 12, about 1 % for a fast motor at 100 Hz.
     """
     spline = CubicSpline(time_s, values, axis=0)
     step_s = np.diff(node_s)[:, None]
-    window = 2 * int(0.5 * SMOOTHED_S / float(np.median(np.diff(time_s)))) + 1
-    calm = spline
-    if 5 <= window < len(time_s):
-        calm = CubicSpline(time_s, savgol_filter(values, window, 3, axis=0), axis=0)
-    return np.diff(spline.antiderivative()(node_s), axis=0) / step_s, np.diff(calm(node_s), axis=0) / step_s
+    return np.diff(spline.antiderivative()(node_s), axis=0) / step_s, np.diff(spline(node_s), axis=0) / step_s
 
 
 def held_means(time_s: FloatArray, values: FloatArray, node_s: FloatArray) -> FloatArray:

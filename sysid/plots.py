@@ -19,19 +19,21 @@ __all__ = ["comparison", "identification", "repeated"]
 def comparison(result: Comparison, folder: Path, *, suffix: str = "svg") -> list[Path]:
     """Write what models predict and what they leave unexplained; returns the files.
 
-    `prediction_error`, `residual_wrench` (first flight), `residual_share` (channel against variable),
-    `residual_against` (the two pairs that tell most), `residual_against_speed` and `residual_path` (first flight).
+    `prediction_error`, `residual_wrench` (the flight that the first model leaves most of), `residual_share` (channel
+    against variable), `residual_against` (the two pairs that tell most), `residual_against_speed` and `residual_path`
+    (the same flight).
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    first = result.flights[0].name
+    worst = residual_plots.loudest(next(iter(result.residuals.values())))
+    where = result.flights[worst].name
     drawings = {
         "prediction_error": _prediction_error(result),
-        "residual_wrench": residual_plots.over_time(result.residuals, 0, f"Unexplained on {first}, body axes"),
+        "residual_wrench": residual_plots.over_time(result.residuals, worst, f"Unexplained on {where}, body axes"),
         "residual_share": residual_plots.heat_map(result.residuals),
         "residual_against": residual_plots.against(result.residuals, _pairs(result)),
         "residual_against_speed": _residual_against_speed(result),
-        "residual_path": residual_plots.path(result.residuals, 0, f"Where on {first} the models fail"),
+        "residual_path": residual_plots.path(result.residuals, worst, f"Where on {where} the models fail"),
     }
     return [drawing.written(figure, folder / f"{name}.{suffix}") for name, figure in drawings.items()]
 
@@ -69,7 +71,7 @@ def _prediction_error(result: Comparison) -> "Figure":
 def _residual_against_speed(result: Comparison) -> "Figure":
     names = list(result.models)
     figure, axes = drawing.figure(len(names), 3, (12.0, 2.7 * len(names)), sharex="col", sharey="col")
-    for row, colour, name in zip(axes, drawing.cycle(names), names, strict=True):
+    for k, (row, colour, name) in enumerate(zip(axes, drawing.cycle(names), names, strict=True)):
         force = np.concatenate([means_over(r.wrench[:, :3], r.time_s, 0.1) for r in result.residuals[name]])
         speed = np.concatenate([means_over(r.velocity_body_m_s, r.time_s, 0.1) for r in result.residuals[name]])
         for i, panel in enumerate(row):
@@ -79,9 +81,8 @@ def _residual_against_speed(result: Comparison) -> "Figure":
                 centre, mean, 2.0 * error, color=drawing.INK, fmt="o-", markersize=3.5, linewidth=1.2, capsize=2
             )
             panel.axhline(0.0, color=drawing.INK, linewidth=0.6)
-            last = row is axes[-1]
-            label = f"velocity along body {'xyz'[i]} (m/s)" if last else ""
-            drawing.plain(panel, f"{name}: F {'xyz'[i]}", label, "unexplained force (N)" if i == 0 else "")
+            label = f"velocity along body {'xyz'[i]} (m/s)" if k == len(names) - 1 else ""
+            drawing.plain(panel, f"{name}: F_{'xyz'[i]}", label, "unexplained force (N)" if i == 0 else "")
     drawing.headed(
         figure,
         "Unexplained force against air speed; a slope or curve is an effect the model lacks (bars: 2 standard errors)",

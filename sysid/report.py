@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from flight import file_format
-from sysid import plots
+from sysid import explained, plots, residual_plots
 from sysid.comparison import HORIZONS_S, QUANTITIES, Comparison
 from sysid.log_check import LogReport
 from sysid.result import Estimate, Identification, residual_statistics
@@ -23,6 +23,8 @@ td, th { padding: .2em 1.2em .2em .4em; text-align: right; white-space: nowrap }
 thead th { border-bottom: 1px solid #bbb }
 td:first-child, th:first-child { text-align: left; font-family: ui-monospace, monospace; font-size: .92em }
 td.word, th.word { text-align: left } tbody tr:nth-child(even) { background: #f7f7f7 }
+.verdict { border-left: 5px solid #1f6f8b; background: #f2f7f9; padding: .4em 1em .6em; margin: 1em 0 }
+.verdict p { margin: .4em 0 } .verdict p:first-child { font-size: 1.3em } sup { line-height: 0; font-size: .75em }
 img { width: 100%; margin: .3em 0 } .held { color: #999 } li.error, .bad { color: #b0413e } .good { color: #3c7a1f }
 @media print { body { max-width: none; font-size: 11px } h2, h3 { break-after: avoid } img, tr { break-inside: avoid } }
 """
@@ -41,6 +43,12 @@ CAPTIONS = {
     "residual_against_speed": "Unexplained force against air speed",
     "repeated": "Repeated trials",
 }
+
+
+SHOWN = {"position": ("mm", 1e3), "velocity": ("m/s", 1.0), "attitude": ("deg", 57.29578), "rate": ("rad/s", 1.0)}
+"""Units of the table of prediction errors."""
+JUDGED_S = 0.5
+"""After how long predictions are compared in the verdict."""
 
 
 def write(
@@ -82,8 +90,32 @@ def write_comparison(path: Path, comparison: Comparison) -> Path:
     )
     with tempfile.TemporaryDirectory() as folder:
         pictures = "".join(picture(p) for p in plots.comparison(comparison, Path(folder)))
-    head = f"<h1>Comparison of models</h1>{_stamp()}{table(('model', 'effects'), models, words=1)}"
-    return write_page(Path(path), "Comparison of models", f"{head}{_comparison(comparison)}{pictures}")
+    head = f"<h1>Comparison of models</h1>{_stamp()}<div class='verdict'>{_comparison_verdict(comparison)}</div>"
+    body = f"{head}{table(('model', 'effects'), models, words=1)}{_comparison(comparison)}{pictures}"
+    return write_page(Path(path), "Comparison of models", body)
+
+
+def _comparison_verdict(comparison: Comparison) -> str:
+    """Who predicts best, by how much, and what tells most of what each model leaves."""
+    at = HORIZONS_S.index(JUDGED_S)
+    errors = {name: [found[quantity][at] for quantity in QUANTITIES] for name, found in comparison.errors.items()}
+    first, *others = errors
+    best = min(errors, key=lambda name: errors[name][0])
+    lines = []
+    if others:
+        off_mm = 1000.0 * errors[best][0]
+        lines.append(f"<b>{escape(best)}</b> predicts the position best: {off_mm:.3g} mm after {JUDGED_S:g} s.")
+    for name in others:
+        changes = zip(QUANTITIES, errors[name], errors[first], strict=True)
+        said = ", ".join(f"{quantity} {new / old - 1.0:+.0%}" for quantity, new, old in changes)
+        lines.append(f"{escape(name)} against {escape(first)}: {said}.")
+    for name, residuals in comparison.residuals.items():
+        channel, variable, share = residual_plots.most_telling(residuals)
+        told = (
+            f"{variable} predicts {share:.0%} of its {channel}" if share > residual_plots.NOTABLE else "nothing tells"
+        )
+        lines.append(f"What {escape(name)} leaves unexplained: {told} {explained.judged_how(residuals)}.")
+    return "".join(f"<p>{line}</p>" for line in lines)
 
 
 def write_page(path: Path, title: str, body: str, style: str = "") -> Path:
@@ -110,8 +142,25 @@ def _head(stages: Mapping[str, Identification]) -> str:
         f"<h1>Identification of {escape(last.vehicle.name)}</h1>"
         f"<p class='small'>goshawk {version('goshawk')}, {now}. Joint maximum likelihood over states, parameters and "
         "noise levels. All values in SI units, body axes x forward, y left, z up.</p>"
-        f"{verdicts}<p>Model: {escape(', '.join(last.vehicle.effects))}.</p>"
+        f"<div class='verdict'>{verdicts}<p>{_known(last)}</p></div>"
+        f"<p>Model: {escape(', '.join(last.vehicle.effects))}.</p>"
     )
+
+
+def _known(result: Identification) -> str:
+    """How much was estimated from what, and how well."""
+    free = [e for e in result.parameters if e.status == "free" and not e.name.startswith("pose_sensor")]
+    seconds = sum(float(f.time_s[-1] - f.time_s[0]) for f in result.flights)
+    unseen = [e.name for e in result.parameters if e.status == "unseen"]
+    said = f"{len(free)} numbers of the vehicle from {len(result.flights)} flights, {seconds:.0f} s."
+    shares = {e.name: e.std_robust / abs(e.value) for e in free if e.std_robust < abs(e.value)}
+    loose = [e.name for e in free if e.name not in shares]
+    if shares:
+        worst = max(shares, key=lambda name: shares[name])
+        said += f" Standard errors up to {shares[worst]:.0%} ({escape(worst)})."
+    if loose:
+        said += f" Not told from nil: {escape(', '.join(loose))}."
+    return said + (f" Held, because these flights do not show them: {escape(', '.join(unseen))}." if unseen else "")
 
 
 def _verdict(result: Identification) -> str:
@@ -205,15 +254,16 @@ def _listed(values: Iterable[float]) -> str:
 
 def _comparison(comparison: Comparison) -> str:
     rows = "".join(
-        f"<tr><td>{escape(model)}: {quantity} ({unit})</td>"
-        + "".join(f"<td>{value:.4g}</td>" for value in comparison.errors[model][quantity])
+        f"<tr><td>{escape(model)}</td><td class='word'>{quantity} ({unit})</td>"
+        + "".join(f"<td>{scale * value:.3g}</td>" for value in comparison.errors[model][quantity])
         + "</tr>"
+        for quantity, (unit, scale) in SHOWN.items()
         for model in comparison.models
-        for quantity, unit in QUANTITIES.items()
     )
     flights = ", ".join(escape(f.name) for f in comparison.flights)
-    head = ("rms error after", *(f"{h:g} s" for h in HORIZONS_S))
-    return f"<h2>Prediction on {flights}</h2>{table(head, rows)}"
+    head = ("model", "rms error after", *(f"{h:g} s" for h in HORIZONS_S))
+    note = f"<p class='small'>Open loop, with the measured rotor speeds, from {comparison.predictions} starts.</p>"
+    return f"<h2>Prediction on {flights}</h2>{table(head, rows)}{note}"
 
 
 def _logs(logs: Sequence[LogReport]) -> str:

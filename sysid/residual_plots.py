@@ -19,6 +19,8 @@ Residuals = Mapping[str, Sequence[Residual]]
 """Model to its residual on each flight."""
 NOTABLE = 0.03
 """Shares above this are written into the heat map."""
+FLATTEST = 0.4
+"""Of a flown path, as drawn."""
 SIGMAS = 1.96
 """Half the width of a 95 % band, in standard deviations."""
 
@@ -30,7 +32,7 @@ def unit(channel: str) -> tuple[float, str]:
 
 def over_time(named: Residuals, flight: int, title: str) -> "Figure":
     """Residual force and torque per body axis on one flight, with the band that white noise would keep to."""
-    figure, axes = drawing.figure(2, 3, (12.0, 5.4), sharex="col")
+    figure, axes = drawing.figure(2, 3, (12.0, 5.2 + 0.3 * len(named)), sharex="col")
     for i, (panel, channel) in enumerate(zip(axes.ravel(), CHANNELS, strict=True)):
         scale, written = unit(channel)
         for colour, (name, residuals) in zip(drawing.cycle(named), named.items(), strict=True):
@@ -43,15 +45,20 @@ def over_time(named: Residuals, flight: int, title: str) -> "Figure":
         band = SIGMAS * scale * list(named.values())[-1][flight].sigma[i]
         panel.axhspan(-band, band, color=drawing.PALE, alpha=0.5, linewidth=0, zorder=0)
         panel.axhline(0.0, color=drawing.INK, linewidth=0.6)
-        panel.legend(framealpha=0.8, edgecolor="none", fontsize=7.5, loc="upper right")
-        drawing.plain(panel, channel.replace("_", " "), "time (s)" if i >= 3 else "", f"unexplained ({written})")
+        panel.legend(frameon=False, fontsize=7.5, loc="lower right", bbox_to_anchor=(1.02, 0.97), borderpad=0.2)
+        drawing.plain(panel, "", "time (s)" if i >= 3 else "", f"unexplained {channel} ({written})")
     drawing.headed(figure, f"{title} (means over {SPAN_S:g} s; grey: 95 % band of the last model's white noise)")
     return figure
 
 
-def heat_map(named: Residuals) -> "Figure":
-    """Share of each channel's residual that a curve of each variable explains, one panel per model."""
-    found = {name: explained.shares(residuals) for name, residuals in named.items()}
+def heat_map(named: Residuals, unseen: Residuals | None = None) -> "Figure":
+    """Share of each channel's residual that a curve of each variable predicts, one panel per model.
+
+    Args:
+        unseen: residuals of flights that only judge the curves; without them each flight is judged by the others.
+    """
+    judging = {name: (unseen or {}).get(name, ()) for name in named}
+    found = {name: explained.shares(residuals, judging[name]) for name, residuals in named.items()}
     figure, axes = drawing.figure(len(found), 1, (12.0, 0.4 + 2.5 * len(found)), sharex=True)
     image = None
     for panel, (name, (variables, shares)) in zip(axes[:, 0], found.items(), strict=True):
@@ -59,15 +66,15 @@ def heat_map(named: Residuals) -> "Figure":
         for i, j in zip(*np.nonzero(shares > NOTABLE), strict=True):
             colour = "white" if shares[i, j] > 0.6 else drawing.INK
             panel.text(j, i, f"{100 * shares[i, j]:.0f}", ha="center", va="center", fontsize=7, color=colour)
-        panel.set_yticks(range(6), [c.replace("_", " ") for c in CHANNELS], fontsize=8)
+        panel.set_yticks(range(6), CHANNELS, fontsize=8)
         panel.set_xticks(range(len(variables)), variables, rotation=60, ha="right", fontsize=8)
         panel.set_title(name, loc="left", fontsize=10, color=drawing.INK)
         panel.tick_params(length=0)
     assert image is not None
     figure.colorbar(image, ax=axes[:, 0].tolist(), label="share explained", fraction=0.03, pad=0.01)
-    drawing.headed(
-        figure, "Share of the residual (%) that a curve of one variable predicts on stretches that were left out"
-    )
+    first = next(iter(named))
+    how = explained.judged_how(named[first], judging[first])
+    drawing.headed(figure, f"Share of the residual (%) that a curve of one variable predicts {how}")
     return figure
 
 
@@ -82,6 +89,7 @@ def most_telling(residuals: Sequence[Residual], channels: Sequence[str] = CHANNE
 def against(named: Residuals, pairs: Sequence[tuple[str, str]]) -> "Figure":
     """Residual against a variable with its binned mean and 95 % band: one row per pair, one column per model."""
     figure, axes = drawing.figure(len(pairs), len(named), (12.0, 0.4 + 3.0 * len(pairs)), sharey="row", sharex="row")
+    found = {name: explained.shares(residuals) for name, residuals in named.items()}
     for row, (channel, variable) in zip(axes, pairs, strict=True):
         scale, written = unit(channel)
         for i, (panel, colour, (name, residuals)) in enumerate(
@@ -89,12 +97,23 @@ def against(named: Residuals, pairs: Sequence[tuple[str, str]]) -> "Figure":
         ):
             left = scale * np.concatenate([r.means() for r in residuals])[:, CHANNELS.index(channel)]
             scatter(panel, explained.read(residuals, VARIABLE[variable]), left, colour)
-            label = f"{variable} ({VARIABLE[variable].unit})" if VARIABLE[variable].unit else variable
-            drawing.plain(
-                panel, f"{name}: {channel.replace('_', ' ')}", label, f"unexplained ({written})" if i == 0 else ""
-            )
-    drawing.headed(figure, "Unexplained against what explains it; dark: binned mean with 95 % band")
+            variables, shares = found[name]
+            share = shares[CHANNELS.index(channel), variables.index(variable)]
+            title = f"{name}: {variable} predicts {share:.0%} of {channel}"
+            drawing.plain(panel, title, labelled(variable), f"unexplained {channel} ({written})" if i == 0 else "")
+    how = explained.judged_how(next(iter(named.values())))
+    drawing.headed(figure, f"What tells most of force and of torque {how}; dark: binned mean with 95 % band")
     return figure
+
+
+def labelled(variable: str) -> str:
+    """A variable with its unit."""
+    return f"{variable} ({VARIABLE[variable].unit})" if VARIABLE[variable].unit else variable
+
+
+def loudest(residuals: Sequence[Residual]) -> int:
+    """The flight of which most is unexplained, over the noise."""
+    return max(range(len(residuals)), key=lambda i: float(((residuals[i].means() / residuals[i].sigma) ** 2).mean()))
 
 
 def scatter(panel: "Axes", x: FloatArray, y: FloatArray, colour: str) -> None:
@@ -124,7 +143,16 @@ def path(named: Residuals, flight: int, title: str) -> "Figure":
             image = panel.scatter(place[:, 0], place[:, down], c=size, s=14, cmap="inferno_r", vmin=0.0, vmax=4.0)
             side = f"{name}, from {'above' if down == 1 else 'the side'}"
             drawing.plain(panel, side, "x (m)" if down == 2 else "", label if i == 0 else "")
+    for row in axes:
+        _no_flatter_than(row[0], FLATTEST)
     assert image is not None
     figure.colorbar(image, ax=axes.ravel().tolist(), label="residual / its white noise (rms of 6 channels)", pad=0.01)
     drawing.headed(figure, title)
     return figure
+
+
+def _no_flatter_than(panel: "Axes", flattest: float) -> None:
+    """Give the vertical axis at least this share of the horizontal range, so that a few centimetres look like that."""
+    across, (low, high) = np.ptp(panel.get_xlim()), panel.get_ylim()
+    half = max(0.5 * (high - low), 0.5 * flattest * float(across))
+    panel.set_ylim(0.5 * (low + high) - half, 0.5 * (low + high) + half)

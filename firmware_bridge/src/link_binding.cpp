@@ -28,34 +28,27 @@ const uint8_t* data_of(const nb::bytes& bytes) { return reinterpret_cast<const u
 
 nb::bytes bytes_of(const void* data, size_t n) { return nb::bytes(static_cast<const char*>(data), n); }
 
-// What a vehicle keeps in permanent memory: its trajectory and where that came from.
-struct Kept {
-    tc_trajectory trajectory;
-    tc_link_origin origin;
-};
-
 class Link {
   public:
     Link(Controller& controller, std::optional<nb::bytes> key, uint8_t system_id, uint64_t start_10us, uint32_t boot_id,
          uint32_t bytes_per_s, uint32_t log_records, uint32_t log_period_us, uint64_t now_us)
         : log_(static_cast<size_t>(log_records) * TC_LINK_RECORD) {
-        tc_link_config config{};
-        config.system_id = system_id;
-        config.component_id = 1;
-        config.sign = key.has_value();
-        if (key) std::memcpy(config.key, key->c_str(), std::min<size_t>(key->size(), TC_KEY_BYTES));
-        config.start_10us = start_10us;
-        config.boot_id = boot_id;
-        config.bytes_per_s = bytes_per_s;
-        config.log = log_.data();
-        config.log_records = log_records;
-        config.log_period_us = log_period_us;
-        tc_link_init(link_.get(), controller.c.get(), &config, now_us);
+        config_.system_id = system_id;
+        config_.component_id = 1;
+        config_.sign = key.has_value();
+        if (key) std::memcpy(config_.key, key->c_str(), std::min<size_t>(key->size(), TC_KEY_BYTES));
+        config_.start_10us = start_10us;
+        config_.boot_id = boot_id;
+        config_.bytes_per_s = bytes_per_s;
+        config_.log = log_.data();
+        config_.log_records = log_records;
+        config_.log_period_us = log_period_us;
+        tc_link_init(link_.get(), controller.c.get(), &config_, now_us);
     }
 
     uint32_t receive(const nb::bytes& bytes, bool datagram, uint64_t now_us) {
         const uint32_t before = link_->counts.accepted;
-        tc_link_receive(link_.get(), data_of(bytes), bytes.size(), datagram, now_us);
+        tc_link_receive(link_.get(), data_of(bytes), bytes.size(), datagram ? nullptr : &stream_, now_us);
         return link_->counts.accepted - before;
     }
 
@@ -80,28 +73,28 @@ class Link {
         d["replayed"] = c.replayed;
         d["not_for_us"] = c.not_for_us;
         d["sent"] = c.sent;
-        d["checksum_errors"] = link_->parser.checksum_errors;
-        d["unknown"] = link_->parser.unknown;
+        d["checksum_errors"] = c.faults.checksum_errors;
+        d["unknown"] = c.faults.unknown;
         return d;
     }
 
+    // What a vehicle keeps in permanent memory.
     std::optional<nb::bytes> kept() const {
         const tc_trajectory* active = tc_store_active(&link_->controller->store);
         if (active == nullptr) return std::nullopt;
-        auto kept = std::make_unique<Kept>();
-        kept->trajectory = *active;
-        kept->origin = link_->active_origin;
-        return bytes_of(kept.get(), sizeof(Kept));
+        return bytes_of(active, sizeof *active);
     }
 
     int restore(const nb::bytes& bytes) {
-        if (bytes.size() != sizeof(Kept)) return TC_OUT_OF_RANGE;
-        auto kept = std::make_unique<Kept>();
-        std::memcpy(kept.get(), bytes.c_str(), sizeof(Kept));
-        return tc_link_restore(link_.get(), &kept->trajectory, &kept->origin);
+        if (bytes.size() != sizeof(tc_trajectory)) return TC_OUT_OF_RANGE;
+        auto kept = std::make_unique<tc_trajectory>();
+        std::memcpy(kept.get(), bytes.c_str(), sizeof *kept);
+        return tc_link_restore(link_.get(), kept.get());
     }
 
   private:
+    tc_link_config config_{};
+    tc_parser stream_{};
     std::unique_ptr<tc_link> link_ = std::make_unique<tc_link>();
     std::vector<uint8_t> log_;
 };

@@ -1,7 +1,6 @@
 """`goshawk diagnose`: which effect the vehicle model lacks, or that nothing or nothing known is missing."""
 
 import json
-import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,13 +9,11 @@ import click
 
 import vehicle
 from flight import FlightLog, InputError, file_format
-from goshawk import console
+from goshawk import console, what_next
 from goshawk.flights import load
+from goshawk.what_next import Asked
 from sysid.diagnosis import Diagnosis, Size, SuspectFinding, diagnose, figures, report
 from vehicle import history
-
-THRUST = "thrust_bem"
-"""This suspect replaces the thrust law the vehicle has, so `add-effect` alone does not add it."""
 
 
 @click.command()
@@ -72,7 +69,8 @@ def command(
         learn, judge = ([_read(path, columns) for path in paths] for paths in (flights, held_out))
         found = diagnose(learn, given, held_out=judge, auto=auto, progress=progress)
     document = found.as_dict()
-    document["next"] = _next(found, flights, vehicle_file, held_out, out, auto)
+    kept = Path(json_file) if json_file not in (None, "-") else None
+    document["next"] = what_next.lines(found, Asked(flights, vehicle_file, held_out, columns, out, kept, auto))
     document |= _write(found, vehicle_file, out)
     if report_file is not None:
         report.write(report_file, found, further=document["next"])
@@ -122,33 +120,6 @@ def _write(found: Diagnosis, vehicle_file: Path, out: Path | None) -> dict[str, 
     elif out is not None:
         vehicle.save(out, found.vehicle)
     return {"written": out and str(out)}
-
-
-def _next(
-    found: Diagnosis,
-    flights: Sequence[Path],
-    vehicle_file: Path,
-    held_out: Sequence[Path],
-    out: Path | None,
-    auto: bool,
-) -> list[str]:
-    """What to type or to fly now."""
-    training = shlex.join(map(str, flights))
-    judging = "".join(f" --held-out {shlex.quote(str(path))}" for path in held_out)
-    again = f"goshawk diagnose {training} --vehicle {{}}{judging}"
-    if found.additions and out is not None:
-        return [] if auto else [again.format(shlex.quote(str(out)))]
-    if found.additions:
-        effects = list(dict.fromkeys(name.partition("[")[0] for name in found.additions))
-        if THRUST in effects and THRUST not in found.base.effects:
-            return [again.format(vehicle_file) + (" --auto" if auto else "") + " --out better.toml"]
-        fly = "".join(f" --flights {shlex.quote(str(path))}" for path in flights)
-        return [f"goshawk vehicle add-effect {vehicle_file} {effect}{fly}{judging}" for effect in effects]
-    if found.outside is not None:
-        return []
-    open_ = [s for s in found.suspects if s.verdict == "cannot tell" and s.settled_by]
-    manoeuvres = dict.fromkeys(m for s in open_[:3] for m in s.settled_by)
-    return [f"fly: {manoeuvre}" for manoeuvre in manoeuvres]
 
 
 def _show(found: Diagnosis, document: dict[str, Any]) -> None:

@@ -9,13 +9,15 @@ import numpy as np
 
 import sysid
 import vehicle
-from flight import FlightLog, InputError, project
+from flight import FlightLog, InfeasibleError, InputError, project
 from goshawk import console
 from goshawk.flights import load
 from sysid.diagnosis import diagnose, next_flight
 from sysid.diagnosis.next_flight import Proposal, Ranking
 from sysid.diagnosis.procedure import NODE_RATE_HZ
+from sysid.diagnosis.rehearsal import Room
 from sysid.diagnosis.search import examine
+from vehicle import manoeuvres
 
 SCHEMA_VERSION = 1
 
@@ -54,6 +56,9 @@ def command(
     with the fitted vehicle, and its evidence added to that of FLIGHTS.
     """
     size, low = _three("--space", space), _three("--corner", corner) if corner else None
+    Room.of(size, low)
+    for name in library:
+        manoeuvres.make(name)
     believed = vehicle.load(vehicle_file)
     logs = [load(path, columns) for path in flights]
     with console.progress() as progress:
@@ -68,9 +73,10 @@ def command(
         )
     if not len(ranking):
         reasons = "; ".join(f"{name}: {why}" for name, why in ranking.skipped)
-        raise InputError(f"no manoeuvre can be flown in {space} m: {reasons}")
+        raise InfeasibleError(f"no manoeuvre can be flown in {space} m: {reasons}")
     chosen = _write(ranking, out) if out is not None else ranking[0]
-    _show(ranking, chosen, out, as_json)
+    then = f"goshawk plan {out} --map MAP --vehicle {vehicle_file} --out next.json" if out is not None else None
+    _show(ranking, chosen, then, out, as_json)
 
 
 def _three(option: str, text: str) -> tuple[float, float, float]:
@@ -95,7 +101,7 @@ def _write(ranking: Ranking, out: Path) -> Proposal:
     raise InputError("every manoeuvre that fits stays in one place; there are no waypoints to write")
 
 
-def _show(ranking: Ranking, chosen: Proposal, out: Path | None, as_json: bool) -> None:
+def _show(ranking: Ranking, chosen: Proposal, then: str | None, out: Path | None, as_json: bool) -> None:
     if as_json:
         document = {
             "schema": "goshawk-next-flight",
@@ -105,6 +111,7 @@ def _show(ranking: Ranking, chosen: Proposal, out: Path | None, as_json: bool) -
             "skipped": dict(ranking.skipped),
             "chosen": chosen.name,
             "written": str(out) if out is not None else None,
+            "then": then,
         }
         console.show("", {}, as_json=True, document=document)
         return
@@ -115,4 +122,5 @@ def _show(ranking: Ranking, chosen: Proposal, out: Path | None, as_json: bool) -
         click.echo(f"not {name}: {why}")
     click.echo(chosen.sentence)
     if out is not None:
-        click.echo(f"written: {out}; then: goshawk plan {out} --map MAP --vehicle VEHICLE --out TRAJECTORY")
+        click.echo(f"written: {out}")
+        click.echo(f"next: {then}")

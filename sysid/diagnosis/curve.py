@@ -105,6 +105,19 @@ def drawn(outside: OutsideFinding | Mapping[str, Any]) -> Drawn:
     return found
 
 
+def advice(curve: OutsideFinding | Drawn) -> str:
+    """Where to look instead when no vehicle can know the variable, or when names exist for it; empty otherwise."""
+    if curve.variable == "constant":
+        return CONSTANT[curve.channel]
+    return UNSEEN.get(curve.variable, "")
+
+
+def suggested_name(curve: OutsideFinding | Drawn) -> str:
+    """A name for the effect that only says what was drawn: `m_z_of_v_z`."""
+    variable = curve.variable.replace("/", "_").replace(" ", "_")
+    return f"{curve.channel}_of_{variable}".lower()
+
+
 def scaffold(
     outside: OutsideFinding | Mapping[str, Any],
     path: str | Path,
@@ -142,9 +155,9 @@ def _check(file: Path, curve: Drawn, name: str) -> None:
     if file.exists():
         raise InputError(f"{file} exists already and is not overwritten; choose another file, or remove it")
     if curve.variable in UNSEEN:
-        raise InputError(f"{curve.channel} against {curve.variable} cannot become an effect: {UNSEEN[curve.variable]}")
+        raise InputError(f"{curve.channel} against {curve.variable} cannot become an effect: {advice(curve)}")
     if curve.variable == "constant":
-        raise InputError(f"{curve.channel} is off by a constant; {CONSTANT[curve.channel]}")
+        raise InputError(f"{curve.channel} is off by a constant; {advice(curve)}")
     if curve.variable not in _READ:
         raise FormatError(f"the diagnosis names a variable {curve.variable!r}; known are {', '.join(_READ)}")
 

@@ -1,5 +1,6 @@
 """The pictures of a diagnosis: the staircase, what convicts the leading suspects, the curve that has no name."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,7 +21,7 @@ from vehicle import rigid_body
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-BEFORE, AFTER = "fitted, before", "fitted, with what was added"
+BEFORE, AFTER = "fitted", "fitted, with what was added"
 MOST_SUSPECTS = 4
 """Leading suspects with a picture of their own."""
 MOST_ALIKE = 12
@@ -39,15 +40,16 @@ def write(found: Diagnosis, folder: Path, *, suffix: str = "svg") -> list[Path]:
     named = {BEFORE: left_of(first)}
     if last is not first:
         named[AFTER] = left_of(last)
-    drawings = {"staircase": staircase(found)}
+    drawings = {}
+    if found.outside is not None:
+        drawings["outside"] = outside(found, found.outside)
     for i, suspect in enumerate(leading(found)):
         drawings[f"suspect_{i + 1}"] = convicting(found, suspect, named)
-    if found.outside is not None:
-        drawings["outside"] = outside(found.outside)
-    longest = max(range(len(first.fit.flights)), key=lambda i: _loudness(named[BEFORE][i]))
-    title = f"Unexplained on {first.fit.flights[longest].name}, body axes"
-    drawings["residual_share"] = residual_plots.heat_map(named)
-    drawings["residual_wrench"] = residual_plots.over_time(named, longest, title)
+    drawings["staircase"] = staircase(found)
+    loudest = residual_plots.loudest(named[BEFORE])
+    title = f"Unexplained on {first.fit.flights[loudest].name}, body axes"
+    drawings["residual_share"] = residual_plots.heat_map(named, _unseen(found))
+    drawings["residual_wrench"] = residual_plots.over_time(named, loudest, title)
     drawings["look_alikes"] = look_alikes(found)
     return [drawing.written(figure, folder / f"{name}.{suffix}") for name, figure in drawings.items()]
 
@@ -59,8 +61,12 @@ def left_of(model: Model) -> list[Residual]:
     return [residual(flight, states, fit.vehicle, fit.noise.process) for flight, states in both]
 
 
-def _loudness(one: Residual) -> float:
-    return float(((one.means() / one.sigma) ** 2).mean())
+def _unseen(found: Diagnosis) -> dict[str, Sequence[Residual]]:
+    """What the first and the last fitted model leave of the held-out flights, if there were any."""
+    if not found.held_out:
+        return {}
+    first, last = found.staircase[1].model, found.staircase[-1].model
+    return {BEFORE: found.judged.residuals[first], AFTER: found.judged.residuals[last]}
 
 
 def leading(found: Diagnosis) -> list[Suspect]:
@@ -79,11 +85,13 @@ def staircase(found: Diagnosis) -> "Figure":
     for panel, horizon in zip(axes[0], horizons, strict=True):
         values = 1000.0 * np.array([s.position_m[horizon] for s in found.staircase])
         colours = [drawing.PALE] * len(values)
-        colours[-1] = drawing.COLOURS[2] if values[-1] <= values[min(1, len(values) - 1)] else drawing.COLOURS[0]
+        if len(values) > 2:  # something was added to the fitted model
+            colours[-1] = drawing.COLOURS[2] if values[-1] <= values[1] else drawing.COLOURS[0]
         panel.barh(range(len(values)), values, color=colours, height=0.7)
         for place, value in enumerate(values):
-            fell = "" if place == 0 else f"  {value / values[place - 1] - 1.0:+.0%}"
-            panel.text(value, place, f" {value:.3g}{fell}", va="center", fontsize=8, color=drawing.INK)
+            fell = 0.0 if place == 0 else value / values[place - 1] - 1.0
+            said = f" {value:.3g}  {fell:+.0%}" if abs(fell) >= 0.005 else f" {value:.3g}"
+            panel.text(value, place, said, va="center", fontsize=8, color=drawing.INK)
         panel.set_xlim(0.0, 1.55 * values.max())
         panel.set_yticks(range(len(labels)), labels, fontsize=9)
         panel.set_ylim(len(labels) - 0.5, -0.5)
@@ -104,11 +112,11 @@ def convicting(found: Diagnosis, suspect: Suspect, named: dict[str, list[Residua
     figure, axes = drawing.figure(1, len(models) + 1, (12.0, 3.5), sharey=True)
     scale, written = residual_plots.unit(channel)
     row = CHANNELS.index(channel)
-    label = f"{variable} ({VARIABLE[variable].unit})" if VARIABLE[variable].unit else variable
+    label = residual_plots.labelled(variable)
     for i, (panel, colour, (name, residuals)) in enumerate(zip(axes[0], drawing.cycle(range(9)), models, strict=False)):
         left = scale * np.concatenate([r.means() for r in residuals])[:, row]
         residual_plots.scatter(panel, explained.read(residuals, VARIABLE[variable]), left, colour)
-        drawing.plain(panel, name, label, f"unexplained {channel.replace('_', ' ')} ({written})" if i == 0 else "")
+        drawing.plain(panel, name, label, f"unexplained {channel} ({written})" if i == 0 else "")
     panel = axes[0, -1]
     left = scale * np.concatenate([r.means() for r in before])[:, row]
     residual_plots.scatter(panel, scale * trace, left, drawing.COLOURS[3])
@@ -138,20 +146,28 @@ def strongest_trace(model: Model, suspect: Suspect) -> tuple[str, FloatArray]:
     return CHANNELS[row], trace[:, row]
 
 
-def outside(curve: OutsideFinding) -> "Figure":
-    """The curve that no known effect explains, with its 95 % band."""
+def outside(found: Diagnosis, curve: OutsideFinding) -> "Figure":
+    """The curve that no known effect explains, with its band; beside it flights that it was not drawn through."""
     scale, written = residual_plots.unit(curve.channel)
-    scale *= curve.force_or_torque
-    figure, axes = drawing.figure(1, 1, (12.0, 3.8))
-    panel, mean, band = axes[0, 0], scale * curve.acceleration, residual_plots.SIGMAS * scale * curve.band
-    panel.fill_between(curve.at, mean - band, mean + band, color=drawing.COLOURS[1], alpha=0.25, linewidth=0)
-    panel.plot(curve.at, mean, color=drawing.COLOURS[1], linewidth=1.8)
-    panel.axhline(0.0, color=drawing.INK, linewidth=0.6)
-    label = f"{curve.variable} ({curve.variable_unit})" if curve.variable_unit else curve.variable
-    drawing.plain(panel, "", label, f"{curve.channel.replace('_', ' ')} ({written})")
-    drawing.headed(
-        figure, f"{curve.channel.replace('_', ' ')} against {curve.variable}: what no known effect explains, 95 % band"
-    )
+    mean = scale * curve.force_or_torque * curve.acceleration
+    band = residual_plots.SIGMAS * scale * curve.force_or_torque * curve.band
+    figure, axes = drawing.figure(1, 2, (12.0, 3.8), sharex=True, sharey=True)
+    label = residual_plots.labelled(curve.variable)
+    last = found.search.models[-1]
+    left = found.judged.residuals[found.staircase[-1].model] if found.held_out else left_of(last)
+    at = explained.read(left, VARIABLE[curve.variable])
+    unexplained = scale * np.concatenate([r.means() for r in left])[:, CHANNELS.index(curve.channel)]
+    residual_plots.scatter(axes[0, 1], at, unexplained, drawing.COLOURS[0])
+    for panel in axes[0]:
+        panel.fill_between(curve.at, mean - band, mean + band, color=drawing.COLOURS[1], alpha=0.25, linewidth=0)
+        panel.plot(curve.at, mean, color=drawing.COLOURS[1], linewidth=1.8, label="the curve")
+        panel.axhline(0.0, color=drawing.INK, linewidth=0.6)
+    axes[0, 1].legend(frameon=False, fontsize=8)
+    drawing.plain(axes[0, 0], "the curve, from the flights learnt from", label, f"{curve.channel} ({written})")
+    judged = f"unexplained on {', '.join(found.held_out)}, not used" if found.held_out else "unexplained there"
+    drawing.plain(axes[0, 1], judged, label, "")
+    sentence = f"{curve.channel} against {curve.variable}: what no known effect explains"
+    drawing.headed(figure, f"{sentence} (95 % band; dots: means over 0.1 s; dark: binned mean)")
     return figure
 
 

@@ -26,7 +26,7 @@ class Size:
     sigma: float
     """Standard error that allows for gusts and for slightly wrong forms."""
     smallest_visible: float
-    """A size of this much would have been called present nine times in ten."""
+    """A size of this much would have been called present nine times in ten; zero: no size would have shown."""
     usual: float
     """How large it typically is, from the catalogue."""
 

@@ -266,7 +266,7 @@ def _sure(probability: float) -> str:
 
 def ask(model: Diagnosis | Model, suspects: Sequence[str] | None = None) -> Question:
     """The question a flight should answer. Arguments and errors as `rank`."""
-    names = tuple(suspects) if suspects else _in_doubt(model)
+    names = tuple(suspects) if suspects else in_doubt(model)
     chosen = model if isinstance(model, Model) else _in_which_all_are_suspects(model, names)
     found = tuple(_suspect(chosen, name) for name in names)
     if len({s.name for s in found}) < len(found):
@@ -274,8 +274,12 @@ def ask(model: Diagnosis | Model, suspects: Sequence[str] | None = None) -> Ques
     return Question(chosen, found, shared_information(chosen.evidence))
 
 
-def _in_doubt(model: Diagnosis | Model) -> tuple[str, ...]:
-    """What is still open: an addition and its rival, or else the suspect that may be there."""
+def in_doubt(model: Diagnosis | Model) -> tuple[str, ...]:
+    """What is still open: an addition and its rival, or else the suspect that may be there.
+
+    Raises:
+        InputError: nothing is.
+    """
     if isinstance(model, Model):
         ordered = sorted(model.scores, key=lambda name: model.scores[name].significance)
         return tuple(ordered[:2])

@@ -8,12 +8,12 @@ import numpy as np
 from scipy.stats import norm
 
 from flight import FlightLog, InputError, Progress, silent
-from sysid.comparison import HORIZONS_S, compare
+from sysid.comparison import HORIZONS_S, Comparison, compare
 from sysid.diagnosis import traces
 from sysid.diagnosis.findings import SCHEMA_VERSION, Attempt, OutsideFinding, Size, Stair, SuspectFinding
 from sysid.diagnosis.free_form import VARIABLE
 from sysid.diagnosis.score import Score
-from sysid.diagnosis.search import CHANCE, LEAST_SIZE, Model, Outside, Search, Trial, search
+from sysid.diagnosis.search import CHANCE, LEAST_SIZE, MOST_CONFIDENCE, Model, Outside, Search, Trial, search
 from sysid.diagnosis.suspects import Suspect
 from sysid.flight_data import prepare
 from sysid.identification import identify
@@ -25,6 +25,7 @@ NODE_RATE_HZ = 100.0
 """States per second while searching; the vehicle's motion is slower than this by far."""
 VISIBLE_SIGMAS = float(norm.isf(CHANCE / 2.0) + norm.isf(0.1))
 """A size of so many standard errors is called present nine times in ten."""
+OUTDONE = "significant, but another explains more"
 LOOK_ALIKE = 0.9
 """Suspects that reproduce this much of another's trace are named beside it."""
 
@@ -54,6 +55,8 @@ class Diagnosis:
     """Of the identification: sentences the user should read."""
     search: Search
     """Fits and evidence behind it all, for plots."""
+    judged: Comparison
+    """Every model of the staircase on the flights it was judged by, for plots."""
 
     @property
     def verdict(self) -> str:
@@ -77,9 +80,9 @@ class Diagnosis:
         """Probability that all additions are the right names, or that nothing is missing when there are none."""
         if self.additions:
             return float(np.prod([s.confidence for s in self.suspects if s.verdict == "present"]))
-        return (
-            self.outside.confidence if self.outside else 1.0 - max((s.confidence for s in self.suspects), default=0.0)
-        )
+        if self.outside is not None:
+            return self.outside.confidence
+        return min(MOST_CONFIDENCE, 1.0 - max((s.confidence for s in self.suspects), default=0.0))
 
     def as_dict(self) -> dict[str, Any]:
         """The facts as plain JSON values; schema in `docs/formats.md`."""
@@ -156,12 +159,16 @@ def diagnose(
         held_out=tuple(names[len(logs) :]),
         findings=last.findings,
         search=found,
+        judged=judged,
     )
 
 
 def _visible(sigma: float, usual: float) -> float:
-    """Smallest size that would have been called present nine times in ten; what is of no consequence is never."""
-    return max(VISIBLE_SIGMAS * float(sigma), LEAST_SIZE * usual)
+    """Smallest size that would have been called present nine times in ten; what is of no consequence is never.
+
+    Zero where nothing was flown that would show any size.
+    """
+    return max(VISIBLE_SIGMAS * float(sigma), LEAST_SIZE * usual) if sigma > 0.0 else 0.0
 
 
 def _labels(found: Search) -> list[str]:
@@ -181,6 +188,8 @@ def _findings(found: Search, fitted: Vehicle) -> tuple[SuspectFinding, ...]:
             result.append(_present(found, suspect, trial, fitted, errors[suspect.name]))
         else:
             result.append(_not_added(last, suspect, _scored(found, suspect), trial, errors[suspect.name]))
+    if found.outside is not None:
+        result = [_beside_curve(f, found.outside) for f in result]
     order = {"present": 0, "cannot tell": 1, "excluded": 2}
     return tuple(sorted(result, key=lambda f: (order[f.verdict], f.significance, -f.gain)))
 
@@ -232,7 +241,7 @@ def _not_added(model: Model, suspect: Suspect, scored: Score, trial: Trial | Non
     if trial is not None and trial.outcome != "added":
         reason = _sentence(trial)
     elif scored.significance < CHANCE:
-        reason = "significant, but another explains more; look again after adding that one"
+        reason = f"{OUTDONE}; look again after adding that one"
     elif len(seen) == len(sizes):
         verdict = "excluded"
         limits = ", ".join(f"{s.parameter.split('.')[1]} above {s.excluded_above:.2g} {s.unit}" for s in sizes)
@@ -253,6 +262,16 @@ def _not_added(model: Model, suspect: Suspect, scored: Score, trial: Trial | Non
         channels=suspect.channels,
         regressor=suspect.regressor,
     )
+
+
+def _beside_curve(finding: SuspectFinding, curve: Outside) -> SuspectFinding:
+    """A suspect that explains something, where a curve that has no name explains more."""
+    if finding.verdict != "cannot tell" or finding.confidence <= 0.0:
+        return finding
+    reason = finding.reason
+    if finding.significance < CHANCE and reason.startswith(OUTDONE):
+        reason = f"significant, but the curve of {curve.channel} against {curve.variable} explains more"
+    return replace(finding, reason=reason, confidence=finding.confidence * (1.0 - curve.confidence))
 
 
 def _attempt(trial: Trial) -> Attempt:

@@ -1,4 +1,4 @@
-"""One self-contained HTML page per diagnosis: the verdict first, then what convicts, then what cannot be told."""
+"""One self-contained HTML page per diagnosis: verdict, evidence, sizes, look-alikes, what was not seen, next steps."""
 
 import tempfile
 from collections.abc import Sequence
@@ -7,23 +7,29 @@ from html import escape
 from importlib.metadata import version
 from pathlib import Path
 
-from sysid.diagnosis import figures
-from sysid.diagnosis.findings import SuspectFinding
+from sysid.diagnosis import figures, report_tables, words
+from sysid.diagnosis.findings import OutsideFinding
 from sysid.diagnosis.procedure import Diagnosis
-from sysid.report import picture, table, write_page
+from sysid.report import picture, write_page
 
 CAPTIONS = {
-    "staircase": "The error, model by model",
+    "staircase": "Prediction error, model by model",
     "suspect": "What convicts",
     "outside": "What no known effect explains",
     "residual_share": "What explains the residual, channel by channel",
     "residual_wrench": "Unexplained force and torque over time",
-    "look_alikes": "Which suspects look alike on these flights",
+    "look_alikes": "How alike their traces are",
 }
-VERDICT_STYLE = (
-    ".verdict { font-size: 1.25em; border-left: 5px solid #1f6f8b; background: #f2f7f9; padding: .6em 1em }"
-    "td.present { color: #b0413e; font-weight: 600 } td.excluded { color: #777 } td.reason { white-space: normal }"
-    "td, th { padding: .1em .6em .1em .3em; font-size: .94em }"
+HORIZON = "0.5 s"
+"""At which the verdict states the error."""
+STYLE = (
+    "table.grouped td, table.grouped th { padding: .12em .9em .12em .3em; font-size: .94em }"
+    "table.grouped tbody tr { background: none !important; vertical-align: top }"
+    "table.grouped tbody:nth-of-type(even) tr { background: #f7f7f7 !important }"
+    "table.grouped td.name, td.name { font-family: ui-monospace, monospace; font-size: .9em; text-align: left }"
+    "table.grouped td.word { font-family: inherit; font-size: .94em }"
+    "td.present { color: #b0413e; font-weight: 600 }"
+    "pre { background: #f6f6f4; padding: .5em .8em; margin: .4em 0; white-space: pre-wrap; font-size: .92em }"
 )
 
 
@@ -36,38 +42,82 @@ def write(path: Path, found: Diagnosis, *, further: Sequence[str] = ()) -> Path:
     with tempfile.TemporaryDirectory() as folder:
         drawn = figures.write(found, Path(folder))
         pictures = {p.stem: picture(p, CAPTIONS[p.stem.rstrip("0123456789").rstrip("_")]) for p in drawn}
+    convicting = [drawn for name, drawn in pictures.items() if name.startswith(("outside", "suspect"))]
     parts = [
         _head(found),
-        "<h2>Did the error fall?</h2>",
-        pictures.pop("staircase"),
-        _attempts(found),
-        _next(further),
-        "<h2>Suspects</h2>",
-        _suspects(found.suspects),
         "<h2>Evidence</h2>",
-        *pictures.values(),
+        *convicting,
+        pictures["staircase"],
+        _attempts(found),
+        pictures["residual_share"],
+        pictures["residual_wrench"],
+        "<h2>Suspects</h2>",
+        report_tables.suspects(found.suspects),
+        "<h2>Look-alikes</h2>",
+        report_tables.look_alikes(found.suspects),
+        pictures["look_alikes"],
         _unseen(found),
-        _parameters(found),
+        _next(further),
+        "<h2>The model now</h2>",
+        report_tables.parameters(found.vehicle.parameters),
+        _notes(found),
     ]
-    return write_page(Path(path), f"Diagnosis of {found.base.name}", "".join(parts), VERDICT_STYLE)
+    return write_page(Path(path), f"Diagnosis of {found.base.name}", "".join(parts), STYLE)
 
 
 def _head(found: Diagnosis) -> str:
     now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     judged = f"judged on {', '.join(found.held_out)}" if found.held_out else "each flight judged by the others"
-    sentence = found.verdict[0].upper() + found.verdict[1:]
     return (
         f"<h1>Diagnosis of {escape(found.base.name)}</h1>"
         f"<p class='small'>goshawk {version('goshawk')}, {now}. Learnt from {escape(', '.join(found.flights))}; "
-        f"{escape(judged)}. Model as given: {escape(', '.join(found.base.effects))}. SI units, body axes x forward, "
-        "y left, z up.</p>"
-        f"<p class='verdict'>{escape(sentence)}.<br><span class='small'>Confidence {found.confidence:.0%}.</span></p>"
+        f"{escape(judged)}. Model as given: {escape(', '.join(found.base.effects))}. SI units; body axes x forward, "
+        "y left, z up. F is force, M torque, v velocity through the air, w turning rate, n rotor speed.</p>"
+        f"<div class='verdict'>{_verdict(found)}</div>"
     )
+
+
+def _verdict(found: Diagnosis) -> str:
+    sentence = found.verdict[0].upper() + found.verdict[1:]
+    said = [f"<b>{escape(sentence)}.</b>", f"Confidence {found.confidence:.0%}."]
+    said += [report_tables.size_sentence(s) for s in found.suspects if s.verdict == "present"]
+    if found.outside is not None:
+        said.append(_curve_sentence(found.outside))
+    said.append(_error_sentence(found))
+    if not found.additions:
+        said.append(_seen_sentence(found))
+    return "".join(f"<p>{line}</p>" for line in said)
+
+
+def _curve_sentence(o: OutsideFinding) -> str:
+    unit = "N" if o.channel[0] == "F" else "N m"
+    curve = o.acceleration * o.force_or_torque
+    return (
+        f"The {words.channel(o.channel)} ({o.channel}) follows {escape(words.variable(o.variable))} "
+        f"({escape(o.variable)}): from {report_tables.plain(float(curve.min()))} to "
+        f"{report_tables.plain(float(curve.max()))} {unit} over {o.at[0]:.3g} to {o.at[-1]:.3g} "
+        f"{report_tables.unit(o.variable_unit)}. Chance alone would do so with probability "
+        f"{report_tables.chance(o.significance)}."
+    )
+
+
+def _error_sentence(found: Diagnosis) -> str:
+    on = f"on the held-out flights {', '.join(found.held_out)}" if found.held_out else "on the flights learnt from"
+    steps = [f"{1000.0 * s.position_m[HORIZON]:.3g} mm ({escape(s.model)})" for s in found.staircase]
+    return f"Position error after {HORIZON} {escape(on)}: {', '.join(steps)}."
+
+
+def _seen_sentence(found: Diagnosis) -> str:
+    excluded = sum(s.verdict == "excluded" for s in found.suspects)
+    open_ = [s.name for s in found.suspects if s.verdict == "cannot tell"]
+    open_ += [name for name, _ in found.invisible]
+    told = f"Of {len(found.suspects)} suspects, {excluded} would have shown at their usual size and can be excluded"
+    return f"{told}. These flights say nothing certain of {escape(', '.join(open_))}." if open_ else f"{told}."
 
 
 def _attempts(found: Diagnosis) -> str:
     if not found.attempts:
-        return "<p>No suspect was strong enough to be tried.</p>"
+        return "<p>No known effect explained enough to be tried.</p>"
     style = {"added": "good", "removed": "held"}
     items = "".join(
         f"<li><b>{escape(a.name)}</b> <span class='{style.get(a.outcome, 'bad')}'>{escape(a.sentence)}</span>"
@@ -80,44 +130,14 @@ def _attempts(found: Diagnosis) -> str:
 
 def _rivals(rivals: Sequence[tuple[str, float]]) -> str:
     said = ", ".join(f"{escape(name)} {p:.0%}" for name, p in rivals)
-    return f" <span class='small'>also fitted: {said}</span>" if said else ""
+    return f" <span class='small'>also fitted, probability: {said}</span>" if said else ""
 
 
 def _next(further: Sequence[str]) -> str:
     if not further:
-        return ""
-    return "<h3>Next</h3>" + "".join(f"<p><code>{escape(line)}</code></p>" for line in further)
-
-
-def _suspects(suspects: Sequence[SuspectFinding]) -> str:
-    rows = []
-    for suspect in suspects:
-        span = f" rowspan='{len(suspect.sizes)}'"
-        alike = ", ".join(f"{escape(name)} {share:.0%}" for name, share in suspect.look_alikes[:3])
-        for i, size in enumerate(suspect.sizes):
-            name = f"<td{span}>{escape(suspect.name)}</td>" if i == 0 else "<td hidden></td>"
-            kind = suspect.verdict.split()[0]
-            word = f"<td class='word {kind}'{span}>{suspect.verdict}</td>" if i == 0 else ""
-            shown = size.sigma > 0.0
-            numbers = (
-                f"{size.value:.3g} ± {size.sigma:.1g}" if shown else "not flown",
-                f"{size.excluded_above:.2g}" if shown else "",
-                f"{size.smallest_visible:.2g}" if shown else "",
-            )
-            whole = f"<td{span}>{1000.0 * suspect.error_m:.1f}</td><td{span}>{suspect.confidence:.0%}</td>"
-            whole += f"<td class='word reason'{span}>{alike}</td>"
-            rows.append(
-                f"<tr>{name}{word}<td class='word'>{escape(size.parameter.split('.')[-1])}</td>"
-                + "".join(f"<td>{n}</td>" for n in numbers)
-                + f"<td class='word'>{escape(size.unit)}</td>{whole if i == 0 else ''}</tr>"
-            )
-    head = ("suspect", "verdict", "parameter", "size ± σ", "excluded above", "visible from", "unit", "mm at 0.5 s")
-    note = (
-        "<p class='small'>Excluded above: larger sizes can be ruled out with 95 %. Visible from: a size that would "
-        "have been called present nine times in ten. Mm at 0.5 s: position error the effect makes in half a second at "
-        "its estimated size. Look-alikes: suspects that leave more than 90 % of the same trace here.</p>"
-    )
-    return table((*head, "sure", "look-alikes"), "".join(rows)) + note
+        return "<h2>Next steps</h2><p>None: what these flights could show is in the model.</p>"
+    lines = [f"<p>{escape(line[1:-1])}.</p>" if line[0] == "(" else f"<pre>{escape(line)}</pre>" for line in further]
+    return f"<h2>Next steps</h2>{''.join(lines)}"
 
 
 def _unseen(found: Diagnosis) -> str:
@@ -127,14 +147,6 @@ def _unseen(found: Diagnosis) -> str:
     return f"<h2>What these flights cannot tell, and why</h2><ul>{''.join(items)}</ul>" if items else ""
 
 
-def _parameters(found: Diagnosis) -> str:
-    rows = "".join(
-        f"<tr><td>{escape(name)}</td><td>{p.value:.5g}</td><td>{p.std:.2g}</td>"
-        f"<td class='word'>{escape(p.unit)}</td></tr>"
-        for name, p in found.vehicle.parameters.items()
-    )
+def _notes(found: Diagnosis) -> str:
     findings = "".join(f"<li>{escape(sentence)}</li>" for sentence in found.findings)
-    return (
-        f"<h2>The model now</h2>{table(('parameter', 'value', '± σ', 'unit'), rows, words=1)}"
-        f"<h2>Notes of the fit</h2><ul>{findings}</ul>"
-    )
+    return f"<h2>Notes of the fit</h2><ul>{findings}</ul>" if findings else ""

@@ -162,8 +162,8 @@ def test_no_call_of_the_link_or_the_ground_needs_more_than_512_bytes_of_stack(tm
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("target", list(assure.TARGETS))
+@pytest.mark.parametrize("target", assure.TARGETS)
 def test_libfuzzer_finds_nothing_in_a_short_run(tmp_path, target):
     _need("clang-19")
     program = assure.fuzz_target(target, tmp_path)
-    _run(program, "-max_len=512", "-runs=50000", "-seed=1")
+    _run(program, f"-max_len={assure.LONGEST_INPUT}", "-runs=50000", "-seed=1")

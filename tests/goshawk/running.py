@@ -1,9 +1,13 @@
 """Runs the command line in this process."""
 
+import shlex
+from typing import Any, cast
+
+import click
 import pytest
 from click.testing import CliRunner
 
-from goshawk.cli import main
+from goshawk.cli import goshawk, main
 
 
 def run(*arguments: object, code: int = 0) -> str:
@@ -15,3 +19,16 @@ def run(*arguments: object, code: int = 0) -> str:
         said, errors = streams[0].getvalue().decode(), streams[1].getvalue().decode()
     assert (ended.value.code or 0) == code, errors
     return said if code == 0 else errors
+
+
+def typed(line: str) -> list[str]:
+    """The words after `goshawk` of a line that is to be typed; fails when the command line does not understand it."""
+    words = shlex.split(line, comments=True)
+    assert words[0] == "goshawk"
+    command, name, rest = goshawk.get_command(cast("Any", None), words[1]), words[1], words[2:]
+    if isinstance(command, click.Group):
+        name, rest = rest[0], rest[1:]
+        command = command.get_command(cast("Any", None), name)
+    assert command is not None
+    command.make_context(name, list(rest))
+    return words[1:]

@@ -72,6 +72,15 @@ def test_the_second_flight_tracks_as_well_as_if_the_truth_were_known(loops, effe
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("effect", ["rotor_drag_thrust", "weak_rotor"])
+def test_a_diagnosis_of_its_logs_makes_the_second_flight_as_good_without_being_told_what_is_missing(loops, effect):
+    flown = loops.second(effect, told=False)
+    assert flown.added == (effect,)
+    assert flown.after_m < 0.5 * flown.before_m
+    assert flown.after_m < 1.15 * flown.known_m
+
+
+@pytest.mark.slow
 def test_an_effect_that_the_controller_cannot_cancel_is_reported_as_such(loops):
     flown = loops.second("airframe_side_moment")
     assert flown.not_compensated == ("airframe_side_moment",)

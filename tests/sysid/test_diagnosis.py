@@ -46,6 +46,9 @@ def test_a_hidden_effect_is_named_sized_and_confirmed_by_unseen_flights():
     before, after = (s.position_m["0.5 s"] for s in found.staircase[-2:])
     assert after < before
     assert found.outside is None
+    for innocent in found.suspects:
+        if innocent.verdict == "excluded":  # nobody is cleared by flights that could not have shown him
+            assert all(s.sigma > 0.0 and s.smallest_visible <= s.usual for s in innocent.sizes), innocent.name
     assert found.as_dict()["additions"] == ["angular_damping"]
 
 

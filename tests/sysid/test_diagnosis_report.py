@@ -1,5 +1,8 @@
 """What is left over, and what explains it: shares on stretches left out, bands, and every figure of a comparison."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +10,7 @@ import sysid
 import vehicle
 from flight import FlightLog
 from sysid import explained, report, residual_plots
-from sysid.comparison import Comparison
+from sysid.comparison import Comparison, Residual
 from sysid.result import CHANNELS
 from tests.sysid import flying
 
@@ -38,6 +41,52 @@ def test_the_share_explained_names_channel_and_variable_and_goes_once_the_effect
     names, after = explained.shares(compared.residuals["knowing"])
     assert after[CHANNELS.index("M_z"), names.index("w_z")] < 0.3 * share
     assert ((after >= 0.0) & (after <= 1.0)).all()
+
+
+def share_of_v_x(flights: list[Residual], unseen: Sequence[Residual] = ()) -> float:
+    names, found = explained.shares(flights, unseen)
+    return float(found[CHANNELS.index("F_x"), names.index("v_x")])
+
+
+def with_force(one: Residual, slope: float) -> Residual:
+    """The same flight with nothing left but a force along x that follows the velocity."""
+    wrench = np.zeros_like(one.wrench)
+    wrench[:, 0] = slope * one.velocity_body_m_s[:, 0]
+    return replace(one, wrench=wrench)
+
+
+def test_a_share_counts_only_on_flights_that_the_curve_was_not_drawn_through(compared):
+    """What follows a variable upwards in one flight and downwards in the other is no law, and explains nothing."""
+    first, second = compared.residuals["lacking"]
+    law = [with_force(first, 0.1), with_force(second, 0.1)]
+    chance = [with_force(first, 0.1), with_force(second, -0.1)]
+    assert share_of_v_x(law) > 0.95
+    assert share_of_v_x(law[:1], law[1:]) > 0.95
+    assert share_of_v_x(chance) == 0.0
+    assert share_of_v_x(chance[:1], chance[1:]) == 0.0
+    assert share_of_v_x(chance[:1]) > 0.95  # alone, its own stretches judge it
+
+
+def test_a_law_goes_on_beyond_the_range_that_was_flown(compared):
+    """The flight that judges is three times as fast as the one that teaches."""
+    slow = compared.residuals["lacking"][0]
+    mid = replace(slow.mid, velocity_body_m_s=3.0 * slow.mid.velocity_body_m_s)
+    fast = replace(slow, mid=mid, velocity_body_m_s=3.0 * slow.velocity_body_m_s)
+    assert share_of_v_x([with_force(slow, 0.1)], [with_force(fast, 0.1)]) > 0.95
+
+
+def test_noise_is_explained_by_nothing(compared):
+    rng = np.random.default_rng(0)
+    noise = [replace(r, wrench=rng.standard_normal(r.wrench.shape)) for r in compared.residuals["lacking"]]
+    assert explained.shares(noise)[1].max() < 0.1
+
+
+def test_the_heat_map_says_what_judged_it(compared):
+    first, second = compared.residuals["lacking"]
+    said = [residual_plots.heat_map({"m": a}, {"m": b} if b else None).get_suptitle() for a, b in (
+        ([first, second], ()), ([first], ()), ([first], [second]))]  # fmt: skip
+    for words, sentence in zip(("on flights that", "on stretches that", second.flight.name), said, strict=True):
+        assert words in sentence
 
 
 def test_a_right_model_stays_within_its_band(compared):

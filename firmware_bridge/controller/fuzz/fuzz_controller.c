@@ -9,6 +9,8 @@
 
 #include "goshawk_controller/goshawk_controller.h"
 
+#define TICK_US 20000u /* the longest regular step: most of a flight for the fewest ticks */
+
 int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size);
 
 typedef struct {
@@ -63,11 +65,11 @@ static void tick(tc_controller* c, bytes* in, uint64_t* time_us) {
     if ((spoil & 2u) != 0u) take(in, estimate.q_world_body, 16);
     if ((spoil & 4u) != 0u) take(in, estimate.rate_body_rad_s, 16);
     if ((spoil & 8u) != 0u) take(in, &estimate.position_time_us, 16);
-    const uint32_t repeats = 1u + (uint32_t)(spoil >> 4) * 16u;
+    const uint32_t repeats = 1u + (uint32_t)(spoil >> 4) * 3u;
     for (uint32_t i = 0; i < repeats; i++) {
         (void)tc_tick(c, *time_us, &estimate, &output);
         check(c, &output);
-        *time_us += 4000u;
+        *time_us += TICK_US;
         if ((spoil & 8u) == 0u) estimate.position_time_us = estimate.attitude_time_us = *time_us;
     }
 }
@@ -104,13 +106,16 @@ static void set_parameters(tc_controller* c, bytes* in) {
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
-    static tc_controller c;
+    static tc_controller c, beginning; /* too large for a stack; every input starts from the same beginning */
     bytes in = {data, size};
     uint64_t time_us = 1000;
-    tc_parameters parameters;
-    tc_init(&c);
-    tc_parameters_default(&parameters);
-    (void)tc_parameters_set(&c, &parameters);
+    if (!beginning.configured) {
+        tc_parameters parameters;
+        tc_parameters_default(&parameters);
+        tc_init(&beginning);
+        (void)tc_parameters_set(&beginning, &parameters);
+    }
+    c = beginning;
     while (in.left > 0u) {
         switch (take_byte(&in) % 6u) {
             case 0: {

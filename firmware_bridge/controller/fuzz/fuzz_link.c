@@ -4,6 +4,7 @@
    past checksums and leases; some are raw bytes; some are ticks with whatever estimate the bytes make. After each step
    it must hold that
    - what is active is whole: its CRC-32 is the one in its header;
+   - the parameters in force are those before the step, or the whole set that the step sent;
    - rotor speeds are finite and within the limits;
    - a second endpoint, which signs, lets nothing in: no lease, no upload, no order.
 
@@ -15,8 +16,9 @@
 #include "goshawk_controller/link.h"
 #include "goshawk_dialect.h"
 
-#define TICK_US 2500u
-#define LOG_RECORDS 16u
+#define TICK_US 20000u /* the longest regular step: most of a flight for the fewest ticks */
+#define LONG_WAIT 24u  /* ticks */
+#define LOG_RECORDS 4u
 
 static const uint32_t kinds[] = {GOSHAWK_LEASE_REQUEST_ID,
                                  GOSHAWK_MISSION_COMMAND_ID,
@@ -37,6 +39,8 @@ static const uint32_t kinds[] = {GOSHAWK_LEASE_REQUEST_ID,
 typedef struct {
     tc_controller controller;
     tc_link link;
+    tc_link_config config;
+    tc_parser stream;
     uint8_t log[LOG_RECORDS * TC_LINK_RECORD];
 } vehicle;
 
@@ -61,22 +65,22 @@ static void must(bool holds) {
 }
 
 static void start(vehicle* v, bool sign) {
-    tc_link_config config;
-    memset(&config, 0, sizeof config);
-    config.system_id = 1;
-    config.component_id = 1;
-    config.sign = sign;
-    config.start_10us = 1000;
-    config.boot_id = 1;
-    config.bytes_per_s = 100000000u;
-    config.log = v->log;
-    config.log_records = LOG_RECORDS;
-    config.log_period_us = 5000;
+    tc_link_config* config = &v->config;
+    memset(v, 0, sizeof *v);
+    config->system_id = 1;
+    config->component_id = 1;
+    config->sign = sign;
+    config->start_10us = 1000;
+    config->boot_id = 1;
+    config->bytes_per_s = 100000000u;
+    config->log = v->log;
+    config->log_records = LOG_RECORDS;
+    config->log_period_us = 5000;
     tc_parameters parameters;
     tc_parameters_default(&parameters);
     tc_init(&v->controller);
     (void)tc_parameters_set(&v->controller, &parameters);
-    tc_link_init(&v->link, &v->controller, &config, 1);
+    tc_link_init(&v->link, &v->controller, config, 1);
 }
 
 /* A frame of the dialect whose payload comes from the input; small numbers where the fuzzer would need luck. */
@@ -105,7 +109,7 @@ static size_t make_frame(bytes* input, uint8_t sequence, uint8_t frame[TC_FRAME_
         uint8_t frame_[TC_FRAME_MAX];                                                                       \
         name##_encode(&(message), payload_);                                                                \
         const size_t n_ = tc_frame_build(frame_, NAME##_ID, payload_, NAME##_LENGTH, 0, 255, 190, NULL, 0); \
-        tc_link_receive(&(v)->link, frame_, n_, true, now_us);                                              \
+        tc_link_receive(&(v)->link, frame_, n_, NULL, now_us);                                              \
     } while (0)
 
 /* A plan that passes all checks (standing still at 1 m for a while), sent whole but for its flaws: bit 0 and 1 together
@@ -115,7 +119,7 @@ static void send_plan(vehicle* v, uint64_t now_us, uint8_t salt, uint8_t flaws) 
     static tc_trajectory plan; /* too large for a stack */
     memset(&plan, 0, sizeof plan);
     plan.header.id = 1u + salt;
-    plan.header.segment_count = (uint16_t)(1u + salt % 12u);
+    plan.header.segment_count = (uint16_t)(1u + salt % TC_MAX_SEGMENTS);
     plan.header.coefficient_count = 1;
     plan.header.link_loss_policy = salt % 3u;
     for (unsigned i = 0; i < plan.header.segment_count; i++) {
@@ -177,14 +181,20 @@ static void send_order(vehicle* v, uint64_t now_us, uint32_t request_id, bytes* 
     SEND(v, now_us, GOSHAWK_MISSION_COMMAND, goshawk_mission_command, order);
 }
 
-/* All parameters as they are, one of them changed by the input, then the commit. */
+/* All parameters as they are, two of them changed by the input, then the commit. Afterwards all of them are in force or
+   none. Highest bits of the first byte: an upload takes the memory before the second group or before the commit. */
 static void send_parameters(vehicle* v, uint64_t now_us, uint32_t transfer_id, bytes* input) {
-    tc_parameters next = *tc_parameters_now(&v->controller);
+    const tc_parameters before = *tc_parameters_now(&v->controller);
+    tc_parameters next = before;
     goshawk_parameters_commit_msg commit = {0};
-    const uint16_t changed = take(input) % 128u;
-    (void)tc_parameters_put(&next, changed, (float)take(input) * 0.1f);
+    const uint8_t how = take(input);
+    (void)tc_parameters_put(&next, how % 64u, (float)take(input) * 0.1f);
+    (void)tc_parameters_put(&next, 94u - how % 8u, (float)(how % 32u) * 0.1f);
     for (uint8_t group = 0; group * TC_LINK_GROUP < tc_parameters_count(); group++) {
         goshawk_parameters_stage_msg stage = {0};
+        if (how / 64u == group + 1u) {
+            send_plan(v, now_us, how, 8u);
+        }
         stage.target_system = stage.target_component = 1;
         stage.transfer_id = transfer_id;
         stage.group = group;
@@ -196,7 +206,12 @@ static void send_parameters(vehicle* v, uint64_t now_us, uint32_t transfer_id, b
     commit.target_system = commit.target_component = 1;
     commit.transfer_id = transfer_id;
     commit.crc32 = tc_parameters_crc32(&next);
+    if (how / 64u == 3u) {
+        send_plan(v, now_us, how, 8u);
+    }
     SEND(v, now_us, GOSHAWK_PARAMETERS_COMMIT, goshawk_parameters_commit, commit);
+    const tc_parameters* now = tc_parameters_now(&v->controller);
+    must(memcmp(now, &next, sizeof next) == 0 || memcmp(now, &before, sizeof before) == 0);
 }
 
 /* A signed heartbeat, sent twice: with the right key it is heard at most once, with another one never. */
@@ -212,36 +227,47 @@ static void send_signed(vehicle* v, uint64_t now_us, tc_signing* station, bytes*
     if ((how & 16u) != 0u && station->now_10us > 1400u) {
         station->now_10us -= 300u; /* the next ones come with older stamps */
     }
-    tc_link_receive(&v->link, frame, n, true, now_us);
-    tc_link_receive(&v->link, frame, n, true, now_us);
+    tc_link_receive(&v->link, frame, n, NULL, now_us);
+    tc_link_receive(&v->link, frame, n, NULL, now_us);
 }
 
-static void tick(vehicle* v, bytes* input, uint64_t* now_us) {
-    tc_estimate estimate;
+static void one_tick(vehicle* v, const tc_estimate* estimate, uint64_t now_us) {
+    const tc_link_measured measured = {{0}, {0}};
     tc_output output;
-    tc_link_measured measured = {{0}, {0}};
-    memset(&estimate, 0, sizeof estimate);
-    const unsigned how = take(input);
-    *now_us += how % 16u == 15u ? 3000000u : TICK_US;
-    estimate.position_time_us = estimate.attitude_time_us = *now_us;
-    estimate.q_world_body[0] = 1.0f;
-    if (tc_mission_in_air(v->controller.mission.state) && how % 16u < 12u) { /* it is where it should be */
-        memcpy(estimate.position_world_m, v->controller.telemetry.setpoint.position_world_m, sizeof(float[3]));
-    } else {
-        estimate.position_world_m[2] = (float)(how / 16u) * 0.2f;
-    }
-    if (how % 16u == 14u) { /* anything at all, NaN included */
-        uint8_t* raw = (uint8_t*)&estimate;
-        for (unsigned i = 0; i < sizeof estimate && input->n > 0u; i++) {
-            raw[i] = take(input);
-        }
-    }
-    (void)tc_tick(&v->controller, *now_us, &estimate, &output);
+    (void)tc_tick(&v->controller, now_us, estimate, &output);
     const tc_parameters* p = tc_parameters_now(&v->controller);
     for (unsigned i = 0; i < TC_ROTORS; i++) {
         must(output.rotor_speed_rad_s[i] >= 0.0f && output.rotor_speed_rad_s[i] <= p->rotor_max_rad_s);
     }
-    tc_link_update(&v->link, &measured, *now_us);
+    tc_link_update(&v->link, &measured, now_us);
+}
+
+/* Time goes on. Low half of the byte: 0 to 11 the vehicle is where it should be, 12 it is not, 13 it is for half a
+   second, 14 the estimate is anything at all, 15 three seconds without a tick. */
+static void tick(vehicle* v, bytes* input, uint64_t* now_us) {
+    tc_estimate estimate;
+    memset(&estimate, 0, sizeof estimate);
+    const unsigned how = take(input);
+    const bool in_place = how % 16u < 12u || how % 16u == 13u;
+    const unsigned ticks = how % 16u == 13u ? LONG_WAIT : 1u;
+    *now_us += how % 16u == 15u ? 3000000u : 0u;
+    estimate.q_world_body[0] = 1.0f;
+    for (unsigned i = 0; i < ticks; i++) {
+        *now_us += TICK_US;
+        estimate.position_time_us = estimate.attitude_time_us = *now_us;
+        if (tc_mission_in_air(v->controller.mission.state) && in_place) {
+            memcpy(estimate.position_world_m, v->controller.telemetry.setpoint.position_world_m, sizeof(float[3]));
+        } else {
+            estimate.position_world_m[2] = (float)(how / 16u) * 0.2f;
+        }
+        if (how % 16u == 14u) { /* NaN included */
+            uint8_t* raw = (uint8_t*)&estimate;
+            for (unsigned j = 0; j < sizeof estimate && input->n > 0u; j++) {
+                raw[j] = take(input);
+            }
+        }
+        one_tick(v, &estimate, *now_us);
+    }
 }
 
 static void drain(vehicle* v, uint64_t now_us) {
@@ -256,21 +282,13 @@ static void drain(vehicle* v, uint64_t now_us) {
     }
 }
 
-static void check(const vehicle* open, const vehicle* closed) {
-    const tc_trajectory* active = tc_store_active(&open->controller.store);
-    must(active == NULL || tc_trajectory_crc32(active) == active->header.crc32);
-    must(open->controller.mission.state < (uint8_t)TC_MISSION_STATE_COUNT);
-    must(closed->link.counts.accepted == 0u && closed->link.lease.system_id == 0u);
-    must(tc_store_active(&closed->controller.store) == NULL);
-    must(closed->controller.mission.state == (uint8_t)TC_DISARMED);
-}
-
 int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size);
 
 /* Three vehicles: one without signatures, one whose key nobody has, one whose key `friend` has. */
 typedef struct {
     vehicle open, closed, keyed;
     tc_signing friend, stranger;
+    tc_parameters in_force; /* of the open one */
     uint32_t steps, signed_frames;
     uint64_t now_us;
 } scene;
@@ -282,13 +300,25 @@ static void set_scene(scene* s) {
     start(&s->keyed, true);
     tc_signing_init(&s->friend, right_key, 1000);
     tc_signing_init(&s->stranger, other_key, 1000);
+    s->in_force = *tc_parameters_now(&s->open.controller);
     s->steps = s->signed_frames = 0;
     s->now_us = 1;
 }
 
+static void check(const scene* s) {
+    const vehicle *open = &s->open, *closed = &s->closed;
+    const tc_trajectory* active = tc_store_active(&open->controller.store);
+    must(active == NULL || tc_trajectory_crc32(active) == active->header.crc32);
+    must(memcmp(tc_parameters_now(&open->controller), &s->in_force, sizeof s->in_force) == 0);
+    must(open->controller.mission.state < (uint8_t)TC_MISSION_STATE_COUNT);
+    must(closed->link.counts.accepted == 0u && closed->link.lease.system_id == 0u);
+    must(tc_store_active(&closed->controller.store) == NULL);
+    must(closed->controller.mission.state == (uint8_t)TC_DISARMED);
+}
+
 static void to_both(scene* s, const uint8_t* data, size_t n, bool datagram) {
-    tc_link_receive(&s->open.link, data, n, datagram, s->now_us);
-    tc_link_receive(&s->closed.link, data, n, datagram, s->now_us);
+    tc_link_receive(&s->open.link, data, n, datagram ? NULL : &s->open.stream, s->now_us);
+    tc_link_receive(&s->closed.link, data, n, datagram ? NULL : &s->closed.stream, s->now_us);
 }
 
 static void act(scene* s, bytes* input) {
@@ -308,6 +338,7 @@ static void act(scene* s, bytes* input) {
         send_plan(&s->open, s->now_us, salt, take(input));
     } else if (step == 6u) {
         send_parameters(&s->open, s->now_us, s->steps, input);
+        s->in_force = *tc_parameters_now(&s->open.controller);
     } else if (step == 7u) {
         s->signed_frames++;
         send_signed(&s->keyed, s->now_us, &s->friend, input);
@@ -324,12 +355,16 @@ static void act(scene* s, bytes* input) {
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
-    static scene s; /* too large for a stack; set anew for every input */
+    static scene s, beginning; /* too large for a stack; every input starts from the same beginning */
     bytes input = {data, size};
-    set_scene(&s);
+    if (beginning.now_us == 0u) {
+        set_scene(&s);
+        beginning = s;
+    }
+    s = beginning;
     while (input.n > 0u) {
         act(&s, &input);
-        check(&s.open, &s.closed);
+        check(&s);
     }
     return 0;
 }

@@ -10,22 +10,25 @@
 #define REQUEST_CAPABILITIES 520u /* MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES */
 #define BURST_US 20000u           /* how much of the byte rate may be saved up */
 
+/* Keeps what a message needs off the stack of those that need more of it themselves. */
+#define NOINLINE __attribute__((noinline))
+
 void tc_link_init(tc_link* link, tc_controller* controller, const tc_link_config* config, uint64_t now_us) {
     memset(link, 0, sizeof *link);
-    link->config = *config;
+    link->config = config;
     link->controller = controller;
     link->started_us = now_us;
     link->budget_us = now_us;
     link->telemetry.state_period_us = 20000;
     link->telemetry.transitions = controller->mission.transitions;
-    tc_signing_init(&link->signing, link->config.key, config->start_10us);
+    tc_signing_init(&link->signing, config->key, config->start_10us);
 }
 
 static bool lease_holds(const tc_link* link, uint64_t now_us) {
     return link->lease.system_id != 0u && now_us < link->lease.until_us;
 }
 
-static void on_lease(tc_link* link, const link_sender* from, goshawk_payload payload) {
+static NOINLINE void on_lease(tc_link* link, const link_sender* from, goshawk_payload payload) {
     goshawk_lease_request_msg m;
     goshawk_lease_request_decode(&m, payload);
     const bool may_take = from->in_control || !lease_holds(link, from->now_us);
@@ -78,7 +81,7 @@ static uint8_t do_order(tc_link* link, const goshawk_mission_command_msg* m) {
     return (uint8_t)tc_do(link->controller, (tc_command)m->command, m->value);
 }
 
-static void on_order(tc_link* link, const link_sender* from, goshawk_payload payload) {
+static NOINLINE void on_order(tc_link* link, const link_sender* from, goshawk_payload payload) {
     goshawk_mission_command_msg m;
     goshawk_mission_command_decode(&m, payload);
     if (m.request_id == 0u) {
@@ -106,7 +109,7 @@ static bool asks_for(const command_long_msg* m, float below) {
     return m->command == REQUEST_MESSAGE && m->param1 > below && m->param1 < below + 1.0f;
 }
 
-static void on_command_long(tc_link* link, goshawk_payload payload) {
+static NOINLINE void on_command_long(tc_link* link, goshawk_payload payload) {
     command_long_msg m;
     command_long_decode(&m, payload);
     const bool version = m.command == REQUEST_CAPABILITIES || asks_for(&m, 147.5f);
@@ -118,7 +121,7 @@ static void on_command_long(tc_link* link, goshawk_payload payload) {
     link->command_ack = true;
 }
 
-static void on_timesync(tc_link* link, goshawk_payload payload) {
+static NOINLINE void on_timesync(tc_link* link, goshawk_payload payload) {
     timesync_msg m;
     timesync_decode(&m, payload);
     if (m.tc1 == 0) {
@@ -179,7 +182,7 @@ static void dispatch(tc_link* link, const link_sender* from, uint32_t id, goshaw
 
 static bool is_for_us(const tc_link* link, const tc_frame* frame) {
     const unsigned at = goshawk_dialect_target(frame->id);
-    if (frame->system_id == link->config.system_id || frame->system_id == 0u) {
+    if (frame->system_id == link->config->system_id || frame->system_id == 0u) {
         return false;
     }
     if (at == GOSHAWK_NO_TARGET) {
@@ -188,20 +191,20 @@ static bool is_for_us(const tc_link* link, const tc_frame* frame) {
     const goshawk_payload payload = {frame->payload, frame->payload_length};
     const uint8_t system_id = goshawk_get_u8(payload, at);
     const uint8_t component_id = goshawk_get_u8(payload, at + 1u);
-    return (system_id == 0u || system_id == link->config.system_id) &&
-           (component_id == 0u || component_id == link->config.component_id);
+    return (system_id == 0u || system_id == link->config->system_id) &&
+           (component_id == 0u || component_id == link->config->component_id);
 }
 
 /* Whether the frame is let in. Counts it when not. */
-static bool passes(tc_link* link, const tc_frame* frame) {
+static NOINLINE bool passes(tc_link* link, const tc_frame* frame) {
     if (!is_for_us(link, frame)) {
         link->counts.not_for_us++;
         return false;
     }
-    if (!link->config.sign) {
+    if (!link->config->sign) {
         return true;
     }
-    switch (tc_signing_check(&link->signing, frame, link->parser.buffer)) {
+    switch (tc_signing_check(&link->signing, frame)) {
         case TC_SIGNATURE_GOOD:
             return true;
         case TC_SIGNATURE_MISSING:
@@ -216,9 +219,11 @@ static bool passes(tc_link* link, const tc_frame* frame) {
     }
 }
 
-void tc_link_receive(tc_link* link, const uint8_t* bytes, size_t n, bool datagram, uint64_t now_us) {
+void tc_link_receive(tc_link* link, const uint8_t* bytes, size_t n, tc_parser* stream, uint64_t now_us) {
     tc_frame frame;
-    while (tc_parser_next(&link->parser, &bytes, &n, &frame)) {
+    tc_frame_faults* faults = &link->counts.faults;
+    while (stream != NULL ? tc_parser_next(stream, &bytes, &n, &frame, faults)
+                          : tc_frame_next(&bytes, &n, &frame, faults)) {
         if (!passes(link, &frame)) {
             continue;
         }
@@ -231,9 +236,6 @@ void tc_link_receive(tc_link* link, const uint8_t* bytes, size_t n, bool datagra
         link->counts.accepted++;
         const goshawk_payload payload = {frame.payload, frame.payload_length};
         dispatch(link, &from, frame.id, payload);
-    }
-    if (datagram) {
-        tc_parser_flush(&link->parser);
     }
 }
 
@@ -338,8 +340,8 @@ static unsigned next_payload(tc_link* link, uint64_t now_us, uint8_t payload[TC_
 
 size_t tc_link_transmit(tc_link* link, uint8_t frame[TC_FRAME_MAX], uint64_t now_us) {
     const uint64_t waited_us = now_us - link->budget_us;
-    const uint64_t most = (uint64_t)link->config.bytes_per_s * BURST_US / 1000000u + TC_FRAME_MAX;
-    const uint64_t earned = waited_us > BURST_US ? most : waited_us * link->config.bytes_per_s / 1000000u;
+    const uint64_t most = (uint64_t)link->config->bytes_per_s * BURST_US / 1000000u + TC_FRAME_MAX;
+    const uint64_t earned = waited_us > BURST_US ? most : waited_us * link->config->bytes_per_s / 1000000u;
     if (earned > 0u) { /* else keep the fraction of a byte for later */
         link->budget_us = now_us;
         link->budget_bytes += (int64_t)earned;
@@ -356,12 +358,12 @@ size_t tc_link_transmit(tc_link* link, uint8_t frame[TC_FRAME_MAX], uint64_t now
     if (length == 0u) {
         return 0;
     }
-    const uint64_t clock_10us = link->config.start_10us + (now_us - link->started_us) / 10u;
+    const uint64_t clock_10us = link->config->start_10us + (now_us - link->started_us) / 10u;
     if (clock_10us > link->signing.now_10us) {
         link->signing.now_10us = clock_10us;
     }
-    const size_t n = tc_frame_build(frame, id, payload, length, link->sequence, link->config.system_id,
-                                    link->config.component_id, link->config.sign ? &link->signing : NULL, 0);
+    const size_t n = tc_frame_build(frame, id, payload, length, link->sequence, link->config->system_id,
+                                    link->config->component_id, link->config->sign ? &link->signing : NULL, 0);
     link->sequence++;
     link->counts.sent++;
     link->budget_bytes -= (int64_t)n;

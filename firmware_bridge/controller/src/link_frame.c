@@ -8,7 +8,7 @@
 #define HEADER TC_FRAME_HEADER
 #define SIGNED_FLAG 0x01u
 #define SIGNATURE 13u
-#define LATE_10US 100000u /* 1 s */
+#define LATE_10US 65535u /* 0.65 s: what 16 bits hold */
 
 uint16_t tc_crc16(uint16_t crc, const uint8_t* bytes, size_t n) {
     for (size_t i = 0; i < n; i++) {
@@ -23,25 +23,20 @@ static unsigned get_u16(const uint8_t* b) { return (unsigned)b[0] | ((unsigned)b
 
 static uint32_t get_u24(const uint8_t* b) { return (uint32_t)get_u16(b) | ((uint32_t)b[2] << 16); }
 
-static void drop(tc_parser* parser, unsigned n) {
-    parser->filled = (uint16_t)(parser->filled - n);
-    memmove(parser->buffer, parser->buffer + n, parser->filled);
-}
+enum { NO_FRAME = 0, MORE_NEEDED = 1 };
 
-/* Length of the frame that starts in the buffer; 0 if none can start here; 1 if more header bytes are needed to tell.
- */
-static unsigned frame_length(tc_parser* parser) {
-    const uint8_t* b = parser->buffer;
+/* Length of the frame that starts here, NO_FRAME if none can, MORE_NEEDED if the header's bytes do not tell yet. */
+static size_t frame_length(const uint8_t* b, size_t n, tc_frame_faults* faults) {
     uint8_t crc_extra;
     if (b[0] != MAGIC) {
-        return 0;
+        return NO_FRAME;
     }
-    if (parser->filled < HEADER) {
-        return 1;
+    if (n < HEADER) {
+        return MORE_NEEDED;
     }
     if ((b[2] & ~SIGNED_FLAG) != 0u || goshawk_dialect_find(get_u24(b + 7), &crc_extra) == 0u) {
-        parser->unknown++;
-        return 0;
+        faults->unknown++;
+        return NO_FRAME;
     }
     return HEADER + b[1] + 2u + ((b[2] & SIGNED_FLAG) != 0u ? SIGNATURE : 0u);
 }
@@ -53,8 +48,9 @@ static bool checksum_fits(const uint8_t* b, uint32_t id) {
     return crc == get_u16(b + HEADER + b[1]);
 }
 
-static void read_frame(const uint8_t* b, unsigned length, tc_frame* frame) {
+static void read_frame(const uint8_t* b, size_t length, tc_frame* frame) {
     memset(frame, 0, sizeof *frame);
+    frame->raw = b;
     frame->payload = b + HEADER;
     frame->payload_length = b[1];
     frame->raw_length = (uint16_t)length;
@@ -70,37 +66,46 @@ static void read_frame(const uint8_t* b, unsigned length, tc_frame* frame) {
     }
 }
 
-bool tc_parser_next(tc_parser* parser, const uint8_t** bytes, size_t* n, tc_frame* frame) {
-    drop(parser, parser->frame_length);
-    parser->frame_length = 0;
-    for (;;) {
-        const unsigned length = parser->filled > 0u ? frame_length(parser) : 1u;
-        if (length == 0u) {
-            drop(parser, 1);
-        } else if (length > 1u && parser->filled >= length) {
-            read_frame(parser->buffer, length, frame);
-            if (checksum_fits(parser->buffer, frame->id)) {
-                parser->frame_length = (uint16_t)length;
-                return true;
-            }
-            parser->checksum_errors++;
-            drop(parser, 1);
-        } else if (*n == 0u) {
+bool tc_frame_next(const uint8_t** bytes, size_t* n, tc_frame* frame, tc_frame_faults* faults) {
+    while (*n > 0u) {
+        const uint8_t* b = *bytes;
+        size_t length = frame_length(b, *n, faults);
+        if (length == (size_t)MORE_NEEDED || length > *n) {
             return false;
-        } else {
-            const size_t wanted = (length > 1u ? length : HEADER) - parser->filled;
-            const size_t take = *n < wanted ? *n : wanted;
-            memcpy(parser->buffer + parser->filled, *bytes, take);
-            parser->filled = (uint16_t)(parser->filled + take);
-            *bytes += take;
-            *n -= take;
+        }
+        if (length != (size_t)NO_FRAME && !checksum_fits(b, get_u24(b + 7))) {
+            faults->checksum_errors++;
+            length = NO_FRAME;
+        }
+        const size_t past = length != (size_t)NO_FRAME ? length : 1u;
+        *bytes += past;
+        *n -= past;
+        if (length != (size_t)NO_FRAME) {
+            read_frame(b, length, frame);
+            return true;
         }
     }
+    return false;
 }
 
-void tc_parser_flush(tc_parser* parser) {
-    parser->filled = 0;
-    parser->frame_length = 0;
+bool tc_parser_next(tc_parser* parser, const uint8_t** bytes, size_t* n, tc_frame* frame, tc_frame_faults* faults) {
+    for (;;) {
+        const uint8_t* at = parser->buffer + parser->used;
+        size_t left = (size_t)parser->filled - parser->used;
+        const bool found = tc_frame_next(&at, &left, frame, faults);
+        parser->used = (uint16_t)(parser->filled - left);
+        if (found || *n == 0u) {
+            return found;
+        }
+        memmove(parser->buffer, at, left);
+        const size_t room = TC_FRAME_MAX - left;
+        const size_t take = *n < room ? *n : room;
+        memcpy(parser->buffer + left, *bytes, take);
+        parser->filled = (uint16_t)(left + take);
+        parser->used = 0;
+        *bytes += take;
+        *n -= take;
+    }
 }
 
 void tc_signing_init(tc_signing* signing, const uint8_t key[TC_KEY_BYTES], uint64_t start_10us) {
@@ -146,50 +151,69 @@ static void hand_over(tc_signing* signing, tc_stream* stream, const tc_frame* fr
         signing->start_10us = stream->newest_10us;
     }
     memset(stream, 0, sizeof *stream);
-    stream->floor_10us = signing->start_10us;
-    stream->newest_10us = signing->start_10us;
+    stream->newest_10us = signing->start_10us; /* within reach of it is nothing */
     stream->system_id = frame->system_id;
     stream->component_id = frame->component_id;
     stream->link_id = frame->link_id;
 }
 
+static uint16_t low_half(uint64_t stamp_10us) { return (uint16_t)(stamp_10us & 0xFFFFu); }
+
 static bool is_new(const tc_stream* stream, uint64_t stamp_10us) {
-    if (stamp_10us <= stream->floor_10us) {
-        return false;
-    }
     if (stamp_10us > stream->newest_10us) {
         return true;
     }
-    bool known = stream->newest_10us - stamp_10us > LATE_10US;
+    bool known = stream->newest_10us - stamp_10us >= stream->reach_10us;
     for (unsigned i = 0; i < stream->count; i++) {
-        known = known || stream->recent[i] == (uint32_t)(stamp_10us & 0xFFFFFFFFu);
+        known = known || stream->recent[i] == low_half(stamp_10us);
     }
     return !known;
 }
 
-/* Notes an accepted stamp; when there is no room the oldest one goes, and becomes the floor. */
+/* How much older than the newest a remembered stamp is. */
+static uint16_t age_of(const tc_stream* stream, unsigned i) {
+    return (uint16_t)((low_half(stream->newest_10us) - stream->recent[i]) & 0xFFFF);
+}
+
+/* A newer stamp than all before: forgets what 16 bits cannot tell apart from it. */
+static void advance(tc_stream* stream, uint64_t stamp_10us) {
+    const uint64_t step = stamp_10us - stream->newest_10us;
+    unsigned kept = 0;
+    for (unsigned i = 0; i < stream->count; i++) {
+        if (step + age_of(stream, i) <= LATE_10US) {
+            stream->recent[kept] = stream->recent[i];
+            kept++;
+        }
+    }
+    stream->count = (uint8_t)kept;
+    stream->reach_10us = (uint16_t)(step + stream->reach_10us < LATE_10US ? step + stream->reach_10us : LATE_10US);
+    stream->newest_10us = stamp_10us;
+}
+
+/* Notes an accepted stamp; when there is no room the oldest one goes, and bounds the reach. */
 static void remember(tc_stream* stream, uint64_t stamp_10us) {
     if (stamp_10us > stream->newest_10us) {
-        stream->newest_10us = stamp_10us;
+        advance(stream, stamp_10us);
     }
     unsigned place = stream->count;
     if (place == TC_RECENT) {
-        uint32_t oldest = 0;
+        uint16_t oldest = 0;
         for (unsigned i = 0; i < TC_RECENT; i++) {
-            const uint32_t age = (uint32_t)(stream->newest_10us & 0xFFFFFFFFu) - stream->recent[i];
+            const uint16_t age = age_of(stream, i);
             if (age >= oldest) {
                 oldest = age;
                 place = i;
             }
         }
-        stream->floor_10us = stream->newest_10us - oldest; /* all that is remembered lies above the old floor */
+        stream->reach_10us = oldest;
     } else {
         stream->count++;
     }
-    stream->recent[place] = (uint32_t)(stamp_10us & 0xFFFFFFFFu);
+    stream->recent[place] = low_half(stamp_10us);
 }
 
-tc_signature tc_signing_check(tc_signing* signing, const tc_frame* frame, const uint8_t* raw) {
+tc_signature tc_signing_check(tc_signing* signing, const tc_frame* frame) {
+    const uint8_t* raw = frame->raw;
     if (!frame->is_signed) {
         return TC_SIGNATURE_MISSING;
     }

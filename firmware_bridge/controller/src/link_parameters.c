@@ -20,18 +20,27 @@ void link_on_parameter_request(tc_link* link, goshawk_payload payload) {
     }
 }
 
-static void take_group(tc_link* link, unsigned group, goshawk_payload payload) {
+static void take_group(tc_link* link, tc_parameters* staged, unsigned group, goshawk_payload payload) {
     const unsigned first = group * TC_LINK_GROUP;
     for (unsigned i = 0; i < TC_LINK_GROUP && first + i < tc_parameters_count(); i++) {
         const uint16_t index = (uint16_t)(first + i);
         const float value = goshawk_get_f32(payload, GOSHAWK_PARAMETERS_STAGE_VALUES_AT + 4u * i);
-        const tc_reason reason = tc_parameters_put(&link->parameters.staged, index, value);
+        const tc_reason reason = tc_parameters_put(staged, index, value);
         if (reason != TC_OK && link->parameters.reason == (uint8_t)TC_OK) {
             link->parameters.reason = (uint8_t)reason;
             link->parameters.index = index;
         }
     }
     link->parameters.groups = (uint8_t)(link->parameters.groups | (1u << group));
+}
+
+/* Begins to gather a set in the memory of the staged slot, which an upload may have. */
+static void begin(tc_link* link, const link_sender* from, uint32_t transfer_id) {
+    link_give_way(link, from->now_us);
+    link->parameters.transfer_id = transfer_id;
+    link->parameters.groups = 0;
+    link->parameters.reason = (uint8_t)(tc_parameters_stage(link->controller) != NULL ? TC_OK : TC_UPLOAD_OPEN);
+    link->parameters.index = 0;
 }
 
 void link_on_parameters_stage(tc_link* link, const link_sender* from, goshawk_payload payload) {
@@ -44,30 +53,34 @@ void link_on_parameters_stage(tc_link* link, const link_sender* from, goshawk_pa
         if (!from->in_control) {
             return;
         }
-        link->parameters.transfer_id = transfer_id;
-        link->parameters.staged = *tc_parameters_now(link->controller);
-        link->parameters.groups = 0;
-        link->parameters.reason = TC_OK;
-        link->parameters.index = 0;
+        begin(link, from, transfer_id);
     }
     link->parameters.committed = false;
     link->parameters.answer = true;
+    tc_parameters* staged = tc_parameters_staged(link->controller);
+    if (staged == NULL && link->parameters.reason == (uint8_t)TC_OK) {
+        link->parameters.reason = (uint8_t)TC_UPLOAD_OPEN; /* one has begun since, and has taken the memory */
+    }
     if (group < groups() && link->parameters.reason == (uint8_t)TC_OK) {
-        take_group(link, group, payload);
+        take_group(link, staged, group, payload);
     }
 }
 
 static tc_reason commit(tc_link* link, uint32_t crc32) {
+    const tc_parameters* staged = tc_parameters_staged(link->controller);
     if (link->parameters.reason != (uint8_t)TC_OK) {
         return (tc_reason)link->parameters.reason;
+    }
+    if (staged == NULL) {
+        return TC_UPLOAD_OPEN;
     }
     if (link->parameters.groups != (1u << groups()) - 1u) {
         return TC_SEGMENTS_MISSING;
     }
-    if (tc_parameters_crc32(&link->parameters.staged) != crc32) {
+    if (tc_parameters_crc32(staged) != crc32) {
         return TC_CRC_MISMATCH;
     }
-    return tc_parameters_set(link->controller, &link->parameters.staged);
+    return tc_parameters_set(link->controller, staged);
 }
 
 void link_on_parameters_commit(tc_link* link, const link_sender* from, goshawk_payload payload) {
@@ -81,6 +94,7 @@ void link_on_parameters_commit(tc_link* link, const link_sender* from, goshawk_p
         link->parameters.reason = (uint8_t)(known ? commit(link, m.crc32) : TC_NO_UPLOAD);
         link->parameters.transfer_id = m.transfer_id;
         link->parameters.done_id = m.transfer_id;
+        tc_parameters_drop(link->controller);
     }
     link->parameters.committed = true;
     link->parameters.answer = true;

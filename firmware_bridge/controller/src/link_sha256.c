@@ -15,7 +15,8 @@ static const uint32_t K[64] = {
 
 static uint32_t rotate(uint32_t x, unsigned n) { return (x >> n) | (x << (32u - n)); }
 
-/* One block, whose message schedule is a ring of 16 words in its own place: so the stack stays small. */
+/* One block, whose message schedule is a ring of 16 words in its own place: so the stack stays small. The eight working
+   words are a ring too: in round t, letter k of the standard (0 is a, 7 is h) lies at (k - t) mod 8. */
 static void compress(tc_sha256* hash) {
     uint32_t* w = hash->block;
     uint32_t s[8];
@@ -27,14 +28,15 @@ static void compress(tc_sha256* hash) {
             w[t & 15u] += (rotate(a, 7) ^ rotate(a, 18) ^ (a >> 3)) + w[(t + 9u) & 15u] +
                           (rotate(b, 17) ^ rotate(b, 19) ^ (b >> 10));
         }
-        const uint32_t big_1 = rotate(s[4], 6) ^ rotate(s[4], 11) ^ rotate(s[4], 25);
-        const uint32_t choose = (s[4] & s[5]) ^ (~s[4] & s[6]);
-        const uint32_t t1 = s[7] + big_1 + choose + K[t] + w[t & 15u];
-        const uint32_t big_0 = rotate(s[0], 2) ^ rotate(s[0], 13) ^ rotate(s[0], 22);
-        const uint32_t majority = (s[0] & s[1]) ^ (s[0] & s[2]) ^ (s[1] & s[2]);
-        memmove(s + 1, s, 7u * sizeof s[0]);
-        s[4] += t1;
-        s[0] = t1 + big_0 + majority;
+        const uint32_t a = s[(64u - t) & 7u];
+        const uint32_t b = s[(65u - t) & 7u];
+        const uint32_t c = s[(66u - t) & 7u];
+        const uint32_t e = s[(68u - t) & 7u];
+        uint32_t* h = &s[(71u - t) & 7u];
+        *h += (rotate(e, 6) ^ rotate(e, 11) ^ rotate(e, 25)) + ((e & s[(69u - t) & 7u]) ^ (~e & s[(70u - t) & 7u])) +
+              K[t] + w[t & 15u];
+        s[(67u - t) & 7u] += *h;
+        *h += (rotate(a, 2) ^ rotate(a, 13) ^ rotate(a, 22)) + ((a & b) ^ (a & c) ^ (b & c));
     }
     for (unsigned i = 0; i < 8u; i++) {
         hash->state[i] += s[i];

@@ -51,28 +51,29 @@ static void encode_state(const tc_link* link, uint8_t record[TC_LINK_RECORD]) {
 }
 
 uint8_t link_log_start(tc_link* link, uint32_t id) {
-    if (link->config.log == NULL || link->config.log_records == 0u || link->config.log_period_us == 0u) {
+    if (link->config->log == NULL || link->config->log_records == 0u || link->config->log_period_us == 0u) {
         return TC_LINK_NO_LOG_MEMORY;
     }
     memset(&link->log, 0, sizeof link->log);
+    link->read.wanted.next = 8u * TC_LINK_WANTED; /* of the old log nothing is left to send */
     link->log.id = id;
     link->log.running = true;
     /* On whole multiples of the period, so that the spacing is even from the first record on. */
     link->log.due_us =
-        (link->controller->telemetry.time_us / link->config.log_period_us + 1u) * link->config.log_period_us;
+        (link->controller->telemetry.time_us / link->config->log_period_us + 1u) * link->config->log_period_us;
     return TC_OK;
 }
 
 static void write_log(tc_link* link) {
     if (!link->log.running ||
-        !due(&link->log.due_us, link->controller->telemetry.time_us, link->config.log_period_us)) {
+        !due(&link->log.due_us, link->controller->telemetry.time_us, link->config->log_period_us)) {
         return;
     }
-    if (link->log.records == link->config.log_records) {
+    if (link->log.records == link->config->log_records) {
         link->log.not_stored++;
         return;
     }
-    encode_state(link, link->config.log + (size_t)TC_LINK_RECORD * link->log.records);
+    encode_state(link, link->config->log + (size_t)TC_LINK_RECORD * link->log.records);
     link->log.records++;
 }
 
@@ -125,17 +126,17 @@ static unsigned send_status(tc_link* link, uint8_t* payload, uint32_t* id) {
     goshawk_mission_status_msg m;
     memset(&m, 0, sizeof m);
     m.time_us = t->time_us;
-    m.boot_id = link->config.boot_id;
+    m.boot_id = link->config->boot_id;
     if (active != NULL) {
         m.active_id = active->header.id;
         m.active_crc32 = active->header.crc32;
         m.trajectory_duration_s = (float)tc_trajectory_duration_us(active) * 1e-6f;
-        memcpy(m.map_hash, link->active_origin.map_hash, sizeof m.map_hash);
-        memcpy(m.vehicle_hash, link->active_origin.vehicle_hash, sizeof m.vehicle_hash);
-        memcpy(m.name, link->active_origin.name, sizeof m.name);
+        memcpy(m.map_hash, active->origin.map_hash, sizeof m.map_hash);
+        memcpy(m.vehicle_hash, active->origin.vehicle_hash, sizeof m.vehicle_hash);
+        memcpy(m.name, active->origin.name, sizeof m.name);
     }
     m.trajectory_time_s = on_path(t->state) ? (float)t->path_time_us * 1e-6f : -1.0f;
-    m.frames_refused = c->without_signature + c->wrong_key + c->replayed + link->parser.checksum_errors;
+    m.frames_refused = c->without_signature + c->wrong_key + c->replayed + c->faults.checksum_errors;
     m.parameters_crc32 = tc_parameters_crc32(tc_parameters_now(link->controller));
     m.path_rate = t->path_rate;
     m.mission_state = link->controller->mission.state;
@@ -168,7 +169,7 @@ static unsigned send_version(tc_link* link, uint8_t* payload, uint32_t* id) {
     memset(&m, 0, sizeof m);
     m.capabilities = 8192u; /* MAV_PROTOCOL_CAPABILITY_MAVLINK2 */
     m.flight_sw_version = 0x00010000u;
-    m.uid = link->config.system_id;
+    m.uid = link->config->system_id;
     link->telemetry.version = false;
     autopilot_version_encode(&m, payload);
     *id = AUTOPILOT_VERSION_ID;
@@ -312,7 +313,7 @@ unsigned link_send_telemetry(tc_link* link, uint64_t now_us, uint8_t payload[TC_
 
 void link_on_log_request(tc_link* link, goshawk_payload payload) {
     const uint32_t first = goshawk_get_u32(payload, GOSHAWK_LOG_REQUEST_FIRST_AT);
-    link->log.info = !link_want(&link->log.wanted, first, payload, GOSHAWK_LOG_REQUEST_WANTED_AT);
+    link->log.info = !link_want(link, true, first, payload, GOSHAWK_LOG_REQUEST_WANTED_AT);
 }
 
 static unsigned send_log_info(tc_link* link, uint8_t* payload, uint32_t* id) {
@@ -320,9 +321,9 @@ static unsigned send_log_info(tc_link* link, uint8_t* payload, uint32_t* id) {
     memset(&m, 0, sizeof m);
     m.log_id = link->log.id;
     m.records = link->log.records;
-    m.capacity = link->config.log_records;
+    m.capacity = link->config->log_records;
     m.not_stored = link->log.not_stored;
-    m.period_us = link->config.log_period_us;
+    m.period_us = link->config->log_period_us;
     m.running = link->log.running ? 1u : 0u;
     link->log.info = false;
     goshawk_log_info_encode(&m, payload);
@@ -334,14 +335,14 @@ unsigned link_send_log(tc_link* link, uint8_t payload[TC_PAYLOAD_MAX], uint32_t*
     if (link->log.info) {
         return send_log_info(link, payload, id);
     }
-    const uint32_t index = link_take(&link->log.wanted, link->log.records);
+    const uint32_t index = link_take(link, true, link->log.records);
     if (index >= link->log.records) {
         return 0;
     }
     goshawk_log_record_msg m;
     m.log_id = link->log.id;
     m.index = index;
-    memcpy(m.record, link->config.log + (size_t)TC_LINK_RECORD * index, sizeof m.record);
+    memcpy(m.record, link->config->log + (size_t)TC_LINK_RECORD * index, sizeof m.record);
     goshawk_log_record_encode(&m, payload);
     *id = GOSHAWK_LOG_RECORD_ID;
     return GOSHAWK_LOG_RECORD_LENGTH;

@@ -7,8 +7,37 @@
 #define STATUS_GAP_US 3000u     /* and at most this long after a frame */
 #define STATUS_REPEAT_US 10000u /* while pieces are missing and the ground is busy sending */
 #define STATUS_BUSY_US 1000000u /* ... which it is until so long after its last frame */
+#define GIVES_WAY_US 500000u    /* parameters may have the memory of an upload that has been silent for so long */
 
 _Static_assert(TC_MAX_SEGMENTS <= 1024, "the report's bitmap holds 1024 segments");
+
+/* What the open transfer is about; NULL when none is open, or when the controller has thrown it away since. */
+static const tc_trajectory_header* opened(const tc_link* link) {
+    const tc_trajectory* staged = tc_store_staged(&link->controller->store);
+    return link->upload.transfer_id != 0u && staged != NULL ? &staged->header : NULL;
+}
+
+static unsigned segments_wanted(const tc_link* link) {
+    const tc_trajectory_header* header = opened(link);
+    return header != NULL ? header->segment_count : 0u;
+}
+
+/* Ends the transfer. Whatever was not activated is given up, and so is its memory. */
+static void end_transfer(tc_link* link) {
+    if (opened(link) != NULL) {
+        tc_store_discard(&link->controller->store);
+    }
+    link->upload.transfer_id = 0;
+    link->upload.received = 0;
+    link->upload.reason = 0;
+    link->upload.answer = false;
+}
+
+void link_give_way(tc_link* link, uint64_t now_us) {
+    if (link->upload.reason != 0u || now_us - link->upload.last_frame_us >= GIVES_WAY_US) {
+        end_transfer(link);
+    }
+}
 
 void link_on_begin(tc_link* link, const link_sender* from, goshawk_payload payload) {
     goshawk_trajectory_begin_msg m;
@@ -27,6 +56,7 @@ void link_on_begin(tc_link* link, const link_sender* from, goshawk_payload paylo
         return;
     }
     const tc_trajectory_header header = {m.trajectory_id, m.crc32, m.segments, m.coefficient_count, m.link_loss_policy};
+    end_transfer(link);
     memset(&link->upload, 0, sizeof link->upload);
     const tc_reason reason = tc_upload_begin(link->controller, &header);
     if (reason != TC_OK) {
@@ -34,14 +64,15 @@ void link_on_begin(tc_link* link, const link_sender* from, goshawk_payload paylo
         link->upload.refused_reason = (uint8_t)reason;
         return;
     }
-    link->upload.header = header;
+    tc_origin origin;
+    memcpy(origin.map_hash, m.map_hash, sizeof m.map_hash);
+    memcpy(origin.vehicle_hash, m.vehicle_hash, sizeof m.vehicle_hash);
+    memcpy(origin.name, m.name, sizeof m.name);
+    (void)tc_upload_origin(link->controller, &origin);
     link->upload.transfer_id = m.transfer_id;
     link->upload.samples_wanted = m.samples;
     link->upload.answer = true;
     link->upload.last_frame_us = from->now_us;
-    memcpy(link->upload.origin.map_hash, m.map_hash, sizeof m.map_hash);
-    memcpy(link->upload.origin.vehicle_hash, m.vehicle_hash, sizeof m.vehicle_hash);
-    memcpy(link->upload.origin.name, m.name, sizeof m.name);
 }
 
 /* Whether a piece belongs to the open transfer. One that does not is answered with what is open (0: nothing), so that
@@ -65,7 +96,7 @@ static bool belongs(tc_link* link, const link_sender* from, uint32_t transfer_id
 }
 
 static bool complete(const tc_link* link) {
-    return link->upload.received == link->upload.header.segment_count &&
+    return link->upload.received == segments_wanted(link) &&
            (link->upload.samples || link->upload.samples_wanted == 0u);
 }
 
@@ -90,7 +121,7 @@ void link_on_segment(tc_link* link, const link_sender* from, goshawk_payload pay
         return;
     }
     tc_segment* place = tc_upload_place(link->controller, index);
-    tc_reason reason = index >= link->upload.header.segment_count ? TC_SEGMENT_INDEX : TC_NO_UPLOAD;
+    tc_reason reason = opened(link) != NULL && index >= segments_wanted(link) ? TC_SEGMENT_INDEX : TC_NO_UPLOAD;
     if (place != NULL) { /* straight into the staged slot: a copy would cost 200 bytes of stack */
         take_segment(place, payload);
         reason = tc_upload_segment(link->controller, index, place);
@@ -128,7 +159,11 @@ static tc_reason commit(tc_link* link, const goshawk_trajectory_commit_msg* m) {
     if (m->transfer_id != link->upload.transfer_id) {
         return TC_NO_UPLOAD;
     }
-    if (m->trajectory_id != link->upload.header.id || m->crc32 != link->upload.header.crc32) {
+    const tc_trajectory_header* header = opened(link);
+    if (header == NULL) {
+        return TC_NO_UPLOAD;
+    }
+    if (m->trajectory_id != header->id || m->crc32 != header->crc32) {
         return TC_WRONG_ID;
     }
     if (link->upload.reason != 0u) {
@@ -159,28 +194,34 @@ void link_on_commit(tc_link* link, const link_sender* from, goshawk_payload payl
     link->commit.reason = (uint8_t)reason;
     link->commit.segment = link->controller->store.refused_segment;
     if (reason == TC_OK) {
-        link->active_origin = link->upload.origin;
         link->telemetry.status_us = from->now_us; /* tell everybody at once */
     }
-    if (reason == TC_OK || m.transfer_id == link->upload.transfer_id) {
-        link->upload.transfer_id = 0; /* one commit ends a transfer, whatever its answer */
-        link->upload.answer = false;
+    if (m.transfer_id == link->upload.transfer_id) {
+        end_transfer(link); /* one commit ends it, whatever its answer */
     }
 }
 
-bool link_want(tc_link_wanted* wanted, uint32_t first, goshawk_payload payload, unsigned bits_at) {
+bool link_want(tc_link* link, bool log, uint32_t first, goshawk_payload payload, unsigned bits_at) {
+    tc_link_wanted* wanted = &link->read.wanted;
     unsigned any = 0;
-    wanted->first = first;
-    wanted->next = 0;
+    for (unsigned i = 0; i < TC_LINK_WANTED; i++) {
+        any |= goshawk_get_u8(payload, bits_at + i);
+    }
+    if (any == 0u) {
+        return false;
+    }
     for (unsigned i = 0; i < TC_LINK_WANTED; i++) {
         wanted->bits[i] = goshawk_get_u8(payload, bits_at + i);
-        any |= wanted->bits[i];
     }
-    return any != 0u;
+    wanted->first = first;
+    wanted->next = 0;
+    link->read.log = log;
+    return true;
 }
 
-uint32_t link_take(tc_link_wanted* wanted, uint32_t count) {
-    while (wanted->next < 8u * TC_LINK_WANTED) {
+uint32_t link_take(tc_link* link, bool log, uint32_t count) {
+    tc_link_wanted* wanted = &link->read.wanted;
+    while (link->read.log == log && wanted->next < 8u * TC_LINK_WANTED) {
         const uint32_t i = wanted->next;
         const unsigned bits = wanted->bits[i / 8u];
         const bool asked = ((bits >> (i % 8u)) & 1u) != 0u;
@@ -195,7 +236,7 @@ uint32_t link_take(tc_link_wanted* wanted, uint32_t count) {
 void link_on_read(tc_link* link, goshawk_payload payload) {
     const uint32_t first = goshawk_get_u16(payload, GOSHAWK_TRAJECTORY_READ_FIRST_AT);
     link->read.transfer_id = goshawk_get_u32(payload, GOSHAWK_TRAJECTORY_READ_TRANSFER_ID_AT);
-    link->read.header = !link_want(&link->read.wanted, first, payload, GOSHAWK_TRAJECTORY_READ_WANTED_AT);
+    link->read.header = !link_want(link, false, first, payload, GOSHAWK_TRAJECTORY_READ_WANTED_AT);
 }
 
 static unsigned send_status(tc_link* link, uint64_t now_us, uint8_t* payload, uint32_t* id) {
@@ -204,11 +245,11 @@ static unsigned send_status(tc_link* link, uint64_t now_us, uint8_t* payload, ui
     m.transfer_id = link->upload.transfer_id;
     m.frames = link->upload.frames;
     m.received = link->upload.received;
-    m.segments = link->upload.header.segment_count;
+    m.segments = (uint16_t)segments_wanted(link);
     m.last_index = link->upload.last_index;
     m.reason = link->upload.reason;
     m.samples = link->upload.samples ? 1u : 0u;
-    for (uint16_t i = 0; m.transfer_id != 0u && i < m.segments; i++) {
+    for (uint16_t i = 0; i < m.segments; i++) {
         if (tc_store_has_segment(&link->controller->store, i)) {
             m.bitmap[i / 8u] = (uint8_t)(m.bitmap[i / 8u] | (1u << (i % 8u)));
         }
@@ -271,9 +312,9 @@ static unsigned send_header(tc_link* link, const tc_trajectory* active, uint8_t*
         m.segments = active->header.segment_count;
         m.coefficient_count = active->header.coefficient_count;
         m.link_loss_policy = active->header.link_loss_policy;
-        memcpy(m.map_hash, link->active_origin.map_hash, sizeof m.map_hash);
-        memcpy(m.vehicle_hash, link->active_origin.vehicle_hash, sizeof m.vehicle_hash);
-        memcpy(m.name, link->active_origin.name, sizeof m.name);
+        memcpy(m.map_hash, active->origin.map_hash, sizeof m.map_hash);
+        memcpy(m.vehicle_hash, active->origin.vehicle_hash, sizeof m.vehicle_hash);
+        memcpy(m.name, active->origin.name, sizeof m.name);
     }
     link->read.header = false;
     goshawk_trajectory_begin_encode(&m, payload);
@@ -287,7 +328,7 @@ unsigned link_send_read(tc_link* link, uint8_t payload[TC_PAYLOAD_MAX], uint32_t
         return send_header(link, active, payload, id);
     }
     const uint32_t count = active != NULL ? active->header.segment_count : 0u;
-    const uint32_t index = link_take(&link->read.wanted, count);
+    const uint32_t index = link_take(link, false, count);
     if (index >= count) {
         return 0;
     }
@@ -307,8 +348,9 @@ unsigned link_send_read(tc_link* link, uint8_t payload[TC_PAYLOAD_MAX], uint32_t
     return GOSHAWK_TRAJECTORY_SEGMENT_LENGTH;
 }
 
-tc_reason tc_link_restore(tc_link* link, const tc_trajectory* kept, const tc_link_origin* origin) {
+tc_reason tc_link_restore(tc_link* link, const tc_trajectory* kept) {
     tc_reason reason = tc_upload_begin(link->controller, &kept->header);
+    (void)tc_upload_origin(link->controller, &kept->origin);
     for (uint16_t i = 0; reason == TC_OK && i < kept->header.segment_count; i++) {
         reason = tc_upload_segment(link->controller, i, &kept->segment[i]);
     }
@@ -317,9 +359,6 @@ tc_reason tc_link_restore(tc_link* link, const tc_trajectory* kept, const tc_lin
     }
     if (reason == TC_OK) {
         reason = tc_upload_activate(link->controller, kept->header.id, kept->header.crc32);
-    }
-    if (reason == TC_OK) {
-        link->active_origin = *origin;
     }
     return reason;
 }

@@ -61,7 +61,8 @@ static uint32_t control_points(const curve* c, float start, float width, points 
 }
 
 /* The longest control vector of x, y and z over one piece. One axis after the other: the stack stays small. */
-static float longest(const tc_segment* segment, curve c, float start, float width) {
+static float longest(const tc_segment* segment, const curve* of, float start, float width) {
+    curve c = *of;
     points squared, hull;
     uint32_t count = 0;
     float largest = 0.0f;
@@ -75,7 +76,7 @@ static float longest(const tc_segment* segment, curve c, float start, float widt
     return sqrtf(largest);
 }
 
-static bool length_within(const tc_segment* segment, curve c, float bound) {
+static bool length_within(const tc_segment* segment, const curve* c, float bound) {
     for (uint32_t pieces = 1; pieces <= PIECES_FINEST; pieces *= 4u) {
         const float width = 2.0f / (float)pieces;
         bool within = true;
@@ -118,12 +119,12 @@ tc_reason tc_check_segment(const tc_segment* segment, uint32_t coefficient_count
     c.coefficient = segment->coefficient[3];
     if (!range_within(&c, -LARGEST_YAW_RAD, LARGEST_YAW_RAD)) return TC_OUT_OF_RANGE;
     c.order = 1;
-    if (!length_within(segment, c, limits->speed_m_s)) return TC_PATH_TOO_FAST;
+    if (!length_within(segment, &c, limits->speed_m_s)) return TC_PATH_TOO_FAST;
     if (!range_within(&c, -limits->yaw_rate_rad_s, limits->yaw_rate_rad_s)) return TC_PATH_YAW_RATE;
     c.order = 2;
-    if (!length_within(segment, c, limits->acceleration_m_s2)) return TC_PATH_ACCELERATION;
+    if (!length_within(segment, &c, limits->acceleration_m_s2)) return TC_PATH_ACCELERATION;
     c.order = 3;
-    return length_within(segment, c, limits->jerk_m_s3) ? TC_OK : TC_PATH_JERK;
+    return length_within(segment, &c, limits->jerk_m_s3) ? TC_OK : TC_PATH_JERK;
 }
 
 static bool close(const float a[3], const float b[3], float tolerance) {
@@ -133,15 +134,20 @@ static bool close(const float a[3], const float b[3], float tolerance) {
 }
 
 tc_reason tc_check_join(const tc_trajectory* trajectory, uint16_t index) {
-    tc_setpoint before, after;
+    tc_setpoint point;
+    float position[3], velocity[3], acceleration[3];
     const uint32_t time_us = trajectory->start_us[index];
-    tc_trajectory_evaluate(trajectory, (uint16_t)(index - 1u), time_us, 0.0f, &before);
-    tc_trajectory_evaluate(trajectory, index, time_us, 0.0f, &after);
-    const bool smooth = close(before.position_world_m, after.position_world_m, JOIN_POSITION_M) &&
-                        close(before.velocity_world_m_s, after.velocity_world_m_s, JOIN_VELOCITY_M_S) &&
-                        close(before.acceleration_world_m_s2, after.acceleration_world_m_s2, JOIN_ACCELERATION_M_S2) &&
-                        tc_abs(before.yaw_rad - after.yaw_rad) <= JOIN_YAW_RAD &&
-                        tc_abs(before.yaw_rate_rad_s - after.yaw_rate_rad_s) <= JOIN_YAW_RATE_RAD_S;
+    tc_trajectory_evaluate(trajectory, (uint16_t)(index - 1u), time_us, 0.0f, &point);
+    tc_copy(position, point.position_world_m); /* a second whole set-point would cost more stack */
+    tc_copy(velocity, point.velocity_world_m_s);
+    tc_copy(acceleration, point.acceleration_world_m_s2);
+    const float yaw = point.yaw_rad, yaw_rate = point.yaw_rate_rad_s;
+    tc_trajectory_evaluate(trajectory, index, time_us, 0.0f, &point);
+    const bool smooth = close(position, point.position_world_m, JOIN_POSITION_M) &&
+                        close(velocity, point.velocity_world_m_s, JOIN_VELOCITY_M_S) &&
+                        close(acceleration, point.acceleration_world_m_s2, JOIN_ACCELERATION_M_S2) &&
+                        tc_abs(yaw - point.yaw_rad) <= JOIN_YAW_RAD &&
+                        tc_abs(yaw_rate - point.yaw_rate_rad_s) <= JOIN_YAW_RATE_RAD_S;
     return smooth ? TC_OK : TC_JUMP_AT_JOIN;
 }
 

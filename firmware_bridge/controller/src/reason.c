@@ -55,6 +55,8 @@ const char* tc_reason_text(tc_reason reason) {
             return "a trajectory is being flown";
         case TC_PATH_JERK:
             return "trajectory exceeds the jerk limit";
+        case TC_UPLOAD_OPEN:
+            return "an upload is under way";
         case TC_WRONG_STATE:
             return "not in this state";
         case TC_NO_TRAJECTORY:

@@ -27,7 +27,8 @@ static tc_reason guard_take_off(const tc_controller* c, float height_m) {
     return tc_inside_fence(&c->parameters, top) ? TC_OK : TC_FENCE_BREACH;
 }
 
-static tc_reason guard_start(const tc_controller* c) {
+/* On its own, so that the set-point it looks at is off the stack before the next one is made. */
+static __attribute__((noinline)) tc_reason guard_start(const tc_controller* c) {
     const tc_trajectory* trajectory = tc_store_active(&c->store);
     if (trajectory == NULL) return TC_NO_TRAJECTORY;
     if (c->mission.state != TC_HOLD) return TC_WRONG_STATE;
@@ -80,18 +81,26 @@ static bool only_flight_parameters_differ(const tc_parameters* a, const tc_param
     return true;
 }
 
-/* A trajectory was accepted under the limits of its time: new limits, new upload. */
-static void use_limits(tc_store* store, const tc_parameters* p) {
-    tc_path_limits limits = {.speed_m_s = p->path_speed_m_s,
-                             .acceleration_m_s2 = p->path_acceleration_m_s2,
-                             .jerk_m_s3 = p->path_jerk_m_s3,
-                             .yaw_rate_rad_s = p->path_yaw_rate_rad_s};
-    tc_copy(limits.fence_min_world_m, p->fence_min_world_m);
-    tc_copy(limits.fence_max_world_m, p->fence_max_world_m);
-    if (memcmp(&limits, &store->limits, sizeof limits) == 0) return;
-    store->limits = limits;
-    store->has_active = false;
-    tc_store_discard(store);
+static void limits_of(const tc_parameters* p, tc_path_limits* limits) {
+    tc_copy(limits->fence_min_world_m, p->fence_min_world_m);
+    tc_copy(limits->fence_max_world_m, p->fence_max_world_m);
+    limits->speed_m_s = p->path_speed_m_s;
+    limits->acceleration_m_s2 = p->path_acceleration_m_s2;
+    limits->jerk_m_s3 = p->path_jerk_m_s3;
+    limits->yaw_rate_rad_s = p->path_yaw_rate_rad_s;
+}
+
+/* Takes the new parameters. A trajectory was accepted under the limits of its time: new limits, new upload. */
+static void adopt(tc_controller* c, const tc_parameters* parameters) {
+    tc_path_limits before, after;
+    limits_of(&c->parameters, &before);
+    limits_of(parameters, &after);
+    c->parameters = *parameters;
+    c->configured = true;
+    if (memcmp(&before, &after, sizeof after) != 0) {
+        c->store.has_active = false;
+        tc_store_discard(&c->store);
+    }
 }
 
 tc_reason tc_parameters_set(tc_controller* c, const tc_parameters* parameters) {
@@ -105,25 +114,36 @@ tc_reason tc_parameters_set(tc_controller* c, const tc_parameters* parameters) {
         if (c->configured) (void)tc_mixer_configure(&c->mixer, &c->parameters);
         return reason;
     }
-    c->parameters = *parameters;
-    c->configured = true;
+    adopt(c, parameters);
+    parameters = &c->parameters; /* what came may have lain in the staged slot */
     float sine, cosine;
     tc_sin_cos(parameters->tilt_error_rad, &sine, &cosine);
     c->tilt_bound = 1.0f - cosine;
     c->has_moments = tc_has_moments(parameters);
-    use_limits(&c->store, parameters);
     return TC_OK;
 }
 
 const tc_parameters* tc_parameters_now(const tc_controller* c) { return &c->parameters; }
+
+tc_parameters* tc_parameters_stage(tc_controller* c) { return tc_store_stage_parameters(&c->store, &c->parameters); }
+
+tc_parameters* tc_parameters_staged(tc_controller* c) { return tc_store_staged_parameters(&c->store); }
+
+void tc_parameters_drop(tc_controller* c) {
+    if (tc_parameters_staged(c) != NULL) tc_store_discard(&c->store);
+}
 
 tc_reason tc_upload_begin(tc_controller* c, const tc_trajectory_header* header) {
     return c->configured ? tc_store_begin(&c->store, header) : TC_NOT_CONFIGURED;
 }
 
 tc_reason tc_upload_segment(tc_controller* c, uint16_t index, const tc_segment* segment) {
-    return tc_store_put_segment(&c->store, index, segment);
+    tc_path_limits limits;
+    limits_of(&c->parameters, &limits);
+    return tc_store_put_segment(&c->store, index, segment, &limits);
 }
+
+tc_reason tc_upload_origin(tc_controller* c, const tc_origin* origin) { return tc_store_put_origin(&c->store, origin); }
 
 tc_segment* tc_upload_place(tc_controller* c, uint16_t index) { return tc_store_place(&c->store, index); }
 
@@ -136,9 +156,8 @@ tc_reason tc_upload_finish(tc_controller* c) { return tc_store_finish(&c->store)
 tc_reason tc_upload_activate(tc_controller* c, uint32_t id, uint32_t crc32) {
     const uint8_t state = c->mission.state;
     const bool in_use = state == TC_APPROACH || tc_mission_on_path(state);
-    const tc_trajectory* active = tc_store_active(&c->store);
-    const bool repeated = active != NULL && active->header.id == id && active->header.crc32 == crc32;
-    return in_use && !repeated ? TC_SLOT_IN_USE : tc_store_activate(&c->store, id, crc32);
+    return in_use && !tc_store_is_active(&c->store, id, crc32) ? TC_SLOT_IN_USE
+                                                               : tc_store_activate(&c->store, id, crc32);
 }
 
 void tc_ground_alive(tc_controller* c, uint64_t time_us) {

@@ -5,14 +5,17 @@
 
 #define LONGEST_US 3600000000u
 
-static tc_trajectory* staged_slot(tc_store* store) { return &store->slot[1u - store->active]; }
+_Static_assert(sizeof(tc_parameters) <= sizeof(tc_trajectory), "parameters fit into a slot");
+
+static tc_slot* staged_memory(tc_store* store) { return &store->slot[1u - store->active]; }
+
+static tc_trajectory* staged_slot(tc_store* store) { return &staged_memory(store)->trajectory; }
 
 void tc_store_init(tc_store* store) { memset(store, 0, sizeof *store); }
 
 void tc_store_discard(tc_store* store) {
     store->staged_state = TC_STAGED_EMPTY;
     store->sample_count = 0;
-    memset(store->received, 0, sizeof store->received);
 }
 
 tc_reason tc_store_begin(tc_store* store, const tc_trajectory_header* header) {
@@ -23,15 +26,24 @@ tc_reason tc_store_begin(tc_store* store, const tc_trajectory_header* header) {
     }
     if (header->link_loss_policy > (uint8_t)TC_LINK_LOSS_LAND) return TC_OUT_OF_RANGE;
     tc_store_discard(store);
-    staged_slot(store)->header = *header;
+    tc_trajectory* slot = staged_slot(store);
+    slot->header = *header;
+    memset(&slot->origin, 0, sizeof slot->origin);
+    for (uint16_t i = 0; i < header->segment_count; i++) slot->segment[i].duration_us = 0;
     store->staged_state = TC_STAGED_FILLING;
     store->refused_segment = 0;
     return TC_OK;
 }
 
+tc_reason tc_store_put_origin(tc_store* store, const tc_origin* origin) {
+    if (store->staged_state != TC_STAGED_FILLING) return TC_NO_UPLOAD;
+    staged_slot(store)->origin = *origin;
+    return TC_OK;
+}
+
 bool tc_store_has_segment(const tc_store* store, uint16_t index) {
-    const uint32_t i = index;
-    return i < TC_MAX_SEGMENTS && (((uint32_t)store->received[i / 8u] >> (i % 8u)) & 1u) != 0u;
+    const tc_trajectory* slot = tc_store_staged(store);
+    return slot != NULL && index < slot->header.segment_count && slot->segment[index].duration_us != 0u;
 }
 
 tc_segment* tc_store_place(tc_store* store, uint16_t index) {
@@ -52,23 +64,24 @@ static tc_reason repeated(const tc_store* store, uint16_t index, const tc_segmen
     return same ? TC_OK : TC_NO_UPLOAD;
 }
 
-tc_reason tc_store_put_segment(tc_store* store, uint16_t index, const tc_segment* segment) {
-    if (store->staged_state == TC_STAGED_EMPTY) return TC_NO_UPLOAD;
+tc_reason tc_store_put_segment(tc_store* store, uint16_t index, const tc_segment* segment,
+                               const tc_path_limits* limits) {
+    if (tc_store_staged(store) == NULL) return TC_NO_UPLOAD;
     tc_trajectory* slot = staged_slot(store);
     if (index >= slot->header.segment_count) return TC_SEGMENT_INDEX;
     if (store->staged_state == TC_STAGED_CHECKED) return repeated(store, index, segment);
     const uint32_t count = slot->header.coefficient_count;
-    const tc_reason reason = tc_check_segment(segment, count, &store->limits);
+    const tc_reason reason = tc_check_segment(segment, count, limits);
+    tc_segment* held = &slot->segment[index];
     if (reason != TC_OK) {
         store->refused_segment = index;
+        if (held == segment) held->duration_us = 0; /* written into its place, but it is none */
         return reason;
     }
-    tc_segment* held = &slot->segment[index];
     memmove(held, segment, sizeof *held); /* it may lie there already */
     for (int axis = 0; axis < TC_AXES; axis++) {
         memset(&held->coefficient[axis][count], 0, (TC_MAX_COEFFICIENTS - count) * sizeof(float));
     }
-    store->received[index / 8u] = (uint8_t)(store->received[index / 8u] | (1u << (index % 8u)));
     return TC_OK;
 }
 
@@ -112,7 +125,7 @@ static tc_reason check_joins(tc_store* store, const tc_trajectory* slot) {
 
 tc_reason tc_store_finish(tc_store* store) {
     if (store->staged_state == TC_STAGED_CHECKED) return TC_OK;
-    if (store->staged_state == TC_STAGED_EMPTY) return TC_NO_UPLOAD;
+    if (store->staged_state != TC_STAGED_FILLING) return TC_NO_UPLOAD;
     tc_trajectory* slot = staged_slot(store);
     tc_reason reason = lay_out(store, slot);
     if (reason != TC_OK) return reason;
@@ -130,10 +143,14 @@ tc_reason tc_store_finish(tc_store* store) {
 }
 
 tc_reason tc_store_activate(tc_store* store, uint32_t id, uint32_t crc32) {
-    const tc_trajectory* active = tc_store_active(store);
-    if (active != NULL && active->header.id == id && active->header.crc32 == crc32) return TC_OK;
-    const tc_trajectory_header* staged = &staged_slot(store)->header;
-    if (store->staged_state != TC_STAGED_CHECKED || staged->id != id || staged->crc32 != crc32) return TC_NOT_STAGED;
+    const tc_trajectory* staged = tc_store_staged(store);
+    const bool ready =
+        store->staged_state == TC_STAGED_CHECKED && staged->header.id == id && staged->header.crc32 == crc32;
+    if (tc_store_is_active(store, id, crc32)) {
+        if (ready) store->slot[store->active].trajectory.origin = staged->origin; /* it may have got another name */
+        return TC_OK;
+    }
+    if (!ready) return TC_NOT_STAGED;
     store->active = (uint8_t)(1u - store->active);
     store->has_active = true;
     tc_store_discard(store);
@@ -141,9 +158,27 @@ tc_reason tc_store_activate(tc_store* store, uint32_t id, uint32_t crc32) {
 }
 
 const tc_trajectory* tc_store_active(const tc_store* store) {
-    return store->has_active ? &store->slot[store->active] : NULL;
+    return store->has_active ? &store->slot[store->active].trajectory : NULL;
+}
+
+bool tc_store_is_active(const tc_store* store, uint32_t id, uint32_t crc32) {
+    const tc_trajectory* active = tc_store_active(store);
+    return active != NULL && active->header.id == id && active->header.crc32 == crc32;
 }
 
 const tc_trajectory* tc_store_staged(const tc_store* store) {
-    return store->staged_state == TC_STAGED_EMPTY ? NULL : &store->slot[1u - store->active];
+    const bool open = store->staged_state == TC_STAGED_FILLING || store->staged_state == TC_STAGED_CHECKED;
+    return open ? &store->slot[1u - store->active].trajectory : NULL;
+}
+
+tc_parameters* tc_store_stage_parameters(tc_store* store, const tc_parameters* present) {
+    if (tc_store_staged(store) != NULL) return NULL;
+    store->staged_state = TC_STAGED_PARAMETERS;
+    tc_parameters* staged = &staged_memory(store)->parameters;
+    *staged = *present;
+    return staged;
+}
+
+tc_parameters* tc_store_staged_parameters(tc_store* store) {
+    return store->staged_state == TC_STAGED_PARAMETERS ? &staged_memory(store)->parameters : NULL;
 }

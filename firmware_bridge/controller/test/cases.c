@@ -62,11 +62,10 @@ static tc_signature judged(tc_signing* signing, uint8_t system, uint8_t componen
     uint8_t bytes[TC_FRAME_MAX];
     const uint8_t* at = bytes;
     size_t n = heartbeat(bytes, system, component, link_id, stamp);
-    tc_parser parser;
+    tc_frame_faults faults = {0};
     tc_frame frame;
-    memset(&parser, 0, sizeof parser);
-    must(tc_parser_next(&parser, &at, &n, &frame), "a frame is found");
-    return tc_signing_check(signing, &frame, parser.buffer);
+    must(tc_frame_next(&at, &n, &frame, &faults), "a frame is found");
+    return tc_signing_check(signing, &frame);
 }
 
 /* Stamps: newer, equal, late, too late, forgotten; one stream from another by each of its three numbers. */
@@ -78,8 +77,8 @@ static void signing_window(void) {
     must(judged(&signing, 9, 1, 0, 200000) == TC_SIGNATURE_GOOD, "first");
     must(judged(&signing, 9, 1, 0, 200000) == TC_SIGNATURE_REPLAYED, "twice");
     must(judged(&signing, 9, 1, 0, 199999) == TC_SIGNATURE_GOOD, "overtaken");
-    must(judged(&signing, 9, 1, 0, 100000) == TC_SIGNATURE_GOOD, "a second late");
-    must(judged(&signing, 9, 1, 0, 99999) == TC_SIGNATURE_REPLAYED, "more than a second late");
+    must(judged(&signing, 9, 1, 0, 134466) == TC_SIGNATURE_GOOD, "almost 0.65 s late");
+    must(judged(&signing, 9, 1, 0, 134465) == TC_SIGNATURE_REPLAYED, "later");
     must(judged(&signing, 9, 1, 0, 1000) == TC_SIGNATURE_REPLAYED, "at the floor");
     must(judged(&signing, 9, 1, 1, 100001) == TC_SIGNATURE_GOOD, "another link is another stream");
     must(judged(&signing, 9, 2, 0, 100001) == TC_SIGNATURE_GOOD, "another component");
@@ -92,39 +91,58 @@ static void signing_window(void) {
     }
     must(judged(&signing, 7, 1, 0, 300005) == TC_SIGNATURE_REPLAYED, "forgotten is refused");
     must(judged(&signing, 7, 1, 0, 300031) == TC_SIGNATURE_REPLAYED, "remembered is refused");
+    must(judged(&signing, 7, 1, 0, 300032u + 65000u) == TC_SIGNATURE_GOOD, "a leap that all of them stay in reach of");
+    must(judged(&signing, 7, 1, 0, 300032) == TC_SIGNATURE_REPLAYED, "remembered still");
+    must(judged(&signing, 7, 1, 0, 300032u + 65536u) == TC_SIGNATURE_GOOD, "equal to it in the low half");
+    must(judged(&signing, 7, 1, 0, 300032) == TC_SIGNATURE_REPLAYED, "and out of reach now");
+    must(judged(&signing, 7, 1, 0, 300033u + 65000u) == TC_SIGNATURE_GOOD, "overtaken, between the two");
+    must(judged(&signing, 7, 1, 0, 300032u + 65000u) == TC_SIGNATURE_REPLAYED, "that one was kept");
+    must(judged(&signing, 7, 1, 0, 1000000u) == TC_SIGNATURE_GOOD, "a leap that forgets all");
+    must(judged(&signing, 7, 1, 0, 1000000u - 65535u) == TC_SIGNATURE_REPLAYED, "refuses what is out of reach");
+    must(judged(&signing, 7, 1, 0, 1000000u - 65534u) == TC_SIGNATURE_GOOD, "and takes what is not");
 }
 
-/* A frame of any length claim, any flags, any id, in any cut. */
+/* A frame of any length claim, any flags, any id, in any cut; in a stream and in a datagram. */
 static void parser_corners(void) {
     uint8_t good[TC_FRAME_MAX];
+    tc_frame_faults faults = {0};
+    tc_frame frame;
     const size_t length = heartbeat(good, 9, 1, 0, 77);
     for (size_t cut = 0; cut <= length; cut++) {
         tc_parser parser;
-        tc_frame frame;
         memset(&parser, 0, sizeof parser);
         const uint8_t* at = good;
         size_t n = cut;
-        const bool first = tc_parser_next(&parser, &at, &n, &frame);
+        const bool first = tc_parser_next(&parser, &at, &n, &frame, &faults);
         must(first == (cut == length), "only a whole frame is one");
         n = length - cut;
-        must(first || tc_parser_next(&parser, &at, &n, &frame), "the rest completes it");
-        must(!tc_parser_next(&parser, &at, &n, &frame) && n == 0u, "and that was all");
+        must(first || tc_parser_next(&parser, &at, &n, &frame, &faults), "the rest completes it");
+        must(frame.raw_length == length && memcmp(frame.raw, good, length) == 0, "as it came");
+        must(!tc_parser_next(&parser, &at, &n, &frame, &faults) && n == 0u, "and that was all");
+        at = good;
+        n = cut;
+        must(tc_frame_next(&at, &n, &frame, &faults) == (cut == length), "nor is it in a datagram");
     }
-    for (unsigned position = 0; position < 10u; position++) { /* a damaged header, then a good frame */
+    must(faults.checksum_errors == 0u && faults.unknown == 0u, "nothing was broken");
+    for (unsigned position = 0; position < 10u; position++) { /* a damaged header, then good frames */
         uint8_t stream[3u * TC_FRAME_MAX];
         memset(stream, 0, sizeof stream);
         memcpy(stream, good, length);
         stream[position] ^= 0xFFu;
         memcpy(stream + 2u * TC_FRAME_MAX, good, length);
+        memcpy(stream + 2u * TC_FRAME_MAX + length, good, length);
         tc_parser parser;
-        tc_frame frame;
         memset(&parser, 0, sizeof parser);
         const uint8_t* at = stream;
         size_t n = sizeof stream;
-        must(tc_parser_next(&parser, &at, &n, &frame), "the good one is found");
-        must(at >= stream + 2u * TC_FRAME_MAX, "behind the damaged one");
-        tc_parser_flush(&parser);
-        must(parser.filled == 0u, "flushed");
+        must(tc_parser_next(&parser, &at, &n, &frame, &faults), "the good one is found");
+        must(at >= stream + 2u * TC_FRAME_MAX + length, "behind the damaged one");
+        must(tc_parser_next(&parser, &at, &n, &frame, &faults), "and its fellow");
+        must(!tc_parser_next(&parser, &at, &n, &frame, &faults) && n == 0u, "and no other");
+        at = stream;
+        n = sizeof stream;
+        must(tc_frame_next(&at, &n, &frame, &faults) && frame.raw == stream + 2u * TC_FRAME_MAX, "in a datagram too");
+        must(tc_frame_next(&at, &n, &frame, &faults) && !tc_frame_next(&at, &n, &frame, &faults), "two in all");
     }
 }
 

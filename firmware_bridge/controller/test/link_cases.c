@@ -10,9 +10,10 @@ tc_link ln;
 tc_trajectory plan;
 uint64_t clock_us;
 static uint8_t memory[4u * TC_LINK_RECORD];
+static tc_link_config config;
+static tc_parser serial;
 
 void begin_anew(bool sign, unsigned records) {
-    tc_link_config config;
     uint64_t now;
     clock_us = 1000000u;
     set_out(&controller, &now, 0, TC_DISARMED);
@@ -31,7 +32,7 @@ void begin_anew(bool sign, unsigned records) {
 void say(uint8_t system, uint8_t component, uint32_t id, const uint8_t* payload, unsigned length) {
     uint8_t frame[TC_FRAME_MAX];
     const size_t n = tc_frame_build(frame, id, payload, length, 0, system, component, NULL, 0);
-    tc_link_receive(&ln, frame, n, true, clock_us);
+    tc_link_receive(&ln, frame, n, NULL, clock_us);
 }
 
 const uint8_t* answer(uint32_t id) {
@@ -155,18 +156,19 @@ static void logs(void) {
     begin_anew(false, 0);
     lease(PILOT, 1);
     must(order(PILOT, 1, GOSHAWK_COMMAND_LOG_START, 0.0f, 0, 0) == TC_LINK_NO_LOG_MEMORY, "no records fit");
-    ln.config.log_records = 4;
-    ln.config.log_period_us = 0;
+    config.log_records = 4;
+    config.log_period_us = 0;
     must(order(PILOT, 2, GOSHAWK_COMMAND_LOG_START, 0.0f, 0, 0) == TC_LINK_NO_LOG_MEMORY, "no period");
-    ln.config.log_period_us = 10000;
-    ln.config.log = NULL;
+    config.log_period_us = 10000;
+    config.log = NULL;
     must(order(PILOT, 3, GOSHAWK_COMMAND_LOG_START, 0.0f, 0, 0) == TC_LINK_NO_LOG_MEMORY, "no memory");
-    ln.config.log = memory;
+    config.log = memory;
     must(order(PILOT, 4, GOSHAWK_COMMAND_LOG_START, 0.0f, 0, 0) == TC_OK, "runs");
     for (unsigned i = 0; i < 8u; i++) {
         (void)run(&controller, &now, 0.011f, &none);
         tc_link_update(&ln, &measured, clock_us);
     }
+    tc_link_update(&ln, &measured, clock_us); /* no time has passed: nothing is due */
     SAY(OTHER, GOSHAWK_LOG_REQUEST, goshawk_log_request, TO_VEHICLE, .first = 0);
     const uint8_t* info = answer(GOSHAWK_LOG_INFO_ID);
     must(info[GOSHAWK_LOG_INFO_RECORDS_AT] == 4u && info[GOSHAWK_LOG_INFO_NOT_STORED_AT] > 0u, "full, and says so");
@@ -197,6 +199,10 @@ static uint8_t set(uint8_t system, uint32_t transfer, uint32_t crc32) {
     const uint8_t* result = answer(GOSHAWK_PARAMETERS_RESULT_ID);
     return result == NULL ? 255u : result[GOSHAWK_PARAMETERS_RESULT_REASON_AT];
 }
+
+uint8_t stage_parameters(uint32_t transfer, uint8_t group) { return stage(PILOT, transfer, group, 0.0f); }
+
+uint8_t commit_parameters(uint32_t transfer, uint32_t crc32) { return set(PILOT, transfer, crc32); }
 
 static void parameters(void) {
     begin_anew(false, 4);
@@ -242,12 +248,12 @@ static void signed_and_slow(void) {
     must(ln.counts.without_signature == 1u, "heartbeats are not counted");
     heartbeat_encode(&nothing, payload);
     size_t n = tc_frame_build(frame, HEARTBEAT_ID, payload, HEARTBEAT_LENGTH, 0, PILOT, 190, &stranger, 0);
-    tc_link_receive(&ln, frame, n, true, clock_us);
+    tc_link_receive(&ln, frame, n, NULL, clock_us);
     n = tc_frame_build(frame, HEARTBEAT_ID, payload, HEARTBEAT_LENGTH, 0, PILOT, 190, &friend, 0);
-    tc_link_receive(&ln, frame, n, false, clock_us);
-    tc_link_receive(&ln, frame, n, true, clock_us);
+    tc_link_receive(&ln, frame, n, &serial, clock_us);
+    tc_link_receive(&ln, frame, n, NULL, clock_us);
     must(ln.counts.wrong_key == 1u && ln.counts.accepted == 1u && ln.counts.replayed == 1u, "counted");
-    ln.config.bytes_per_s = 1000;
+    config.bytes_per_s = 1000;
     ln.budget_bytes = -1;
     must(tc_link_transmit(&ln, frame, clock_us) == 0u, "nothing to spend");
     must(tc_link_transmit(&ln, frame, clock_us + 500u) == 0u, "half a byte is kept for later");

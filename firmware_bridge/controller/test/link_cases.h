@@ -25,6 +25,9 @@ void lease(uint8_t system, uint8_t action);
 /* Uploads and activates the short plan. */
 void activate(void);
 void upload_cases(void);
+/* The present parameters, by the pilot: one group; the commit. What the vehicle answers. */
+uint8_t stage_parameters(uint32_t transfer, uint8_t group);
+uint8_t commit_parameters(uint32_t transfer, uint32_t crc32);
 
 /* Sends a message of the dialect to the vehicle. */
 #define SAY(system, NAME, name, ...)                                     \

@@ -174,23 +174,73 @@ static void reading(void) {
 }
 
 static void restoring(void) {
-    const tc_link_origin origin = {{1}, {2}, "kept"};
+    static const tc_origin origin = {{1}, {2}, "kept"};
     begin_anew(false, 4);
-    must(tc_link_restore(&ln, &plan, &origin) == TC_OK && ln.active_origin.name[0] == 'k', "whole");
+    plan.origin = origin;
+    must(tc_link_restore(&ln, &plan) == TC_OK, "whole");
+    must(memcmp(&tc_store_active(&controller.store)->origin, &origin, sizeof origin) == 0, "with its origin");
+    plan.origin.name[0] = 'l';
+    must(tc_link_restore(&ln, &plan) == TC_OK, "once more");
+    must(tc_store_active(&controller.store)->origin.name[0] == 'l', "under a new name");
+    must(tc_upload_activate(&controller, plan.header.id, plan.header.crc32) == TC_OK, "a repeat");
     begin_anew(false, 4);
     plan.header.segment_count = 0;
-    must(tc_link_restore(&ln, &plan, &origin) == TC_SEGMENT_COUNT, "empty");
+    must(tc_link_restore(&ln, &plan) == TC_SEGMENT_COUNT, "empty");
     short_plan(&plan, 0);
     plan.segment[1].duration_us = 1;
-    must(tc_link_restore(&ln, &plan, &origin) == TC_SEGMENT_DURATION, "a damaged segment");
+    must(tc_link_restore(&ln, &plan) == TC_SEGMENT_DURATION, "a damaged segment");
     short_plan(&plan, 0);
     plan.header.crc32 ^= 1u;
-    must(tc_link_restore(&ln, &plan, &origin) == TC_CRC_MISMATCH, "a damaged header");
+    must(tc_link_restore(&ln, &plan) == TC_CRC_MISMATCH, "a damaged header");
     uint64_t now;
     set_out(&controller, &now, 0, TC_TRAJECTORY);
     short_plan(&plan, 1);
-    must(tc_link_restore(&ln, &plan, &origin) == TC_SLOT_IN_USE, "not in flight");
-    must(ln.active_origin.name[0] == '\0', "and none took effect");
+    plan.origin = origin;
+    must(tc_link_restore(&ln, &plan) == TC_SLOT_IN_USE, "not in flight");
+    must(tc_store_active(&controller.store)->origin.name[0] == '\0', "and none took effect");
+}
+
+/* Parameters and an upload share the staged slot: the one that is under way keeps it. */
+static void one_memory_for_two(void) {
+    uint8_t received;
+    begin_anew(false, 4);
+    lease(PILOT, 1);
+    const uint32_t before = tc_parameters_crc32(tc_parameters_now(&controller));
+    begin(PILOT, 1, 2, 0);
+    (void)upload_status(&received);
+    segment(PILOT, 1, 0, 0.0f);
+    must(stage_parameters(1, 0) == TC_UPLOAD_OPEN && stage_parameters(1, 1) == TC_UPLOAD_OPEN, "refused in words");
+    must(commit_parameters(1, before) == TC_UPLOAD_OPEN, "and stays refused");
+    segment(PILOT, 1, 1, 0.0f);
+    must(commit(PILOT, 1, plan.header.id, plan.header.crc32) == TC_OK, "and the upload did not feel it");
+    must(stage_parameters(2, 0) == TC_OK && stage_parameters(2, 1) == TC_OK, "afterwards there is room");
+    begin(PILOT, 3, 2, 0);
+    (void)upload_status(&received);
+    must(stage_parameters(2, 1) == TC_UPLOAD_OPEN, "an upload that begins takes it back");
+    must(commit_parameters(2, before) == TC_UPLOAD_OPEN, "and nothing is set");
+    clock_us += 600000u; /* the upload has fallen silent */
+    must(stage_parameters(4, 0) == TC_OK && stage_parameters(4, 1) == TC_OK, "it gives way");
+    begin(PILOT, 5, 2, 0);
+    must(commit_parameters(4, before) == TC_UPLOAD_OPEN, "taken back between the last piece and the commit");
+    segment(PILOT, 5, 0, 5000.0f);
+    must(upload_status(&received) == TC_PATH_LEAVES_FENCE, "a refused upload");
+    must(stage_parameters(6, 0) == TC_OK && stage_parameters(6, 1) == TC_OK, "gives way at once");
+    segment(PILOT, 5, 1, 0.0f);
+    must(upload_status(&received) == TC_OK && received == 0u, "and is told that none is open");
+    must(commit_parameters(6, before) == TC_OK, "set");
+    must(tc_parameters_crc32(tc_parameters_now(&controller)) == before, "to what they were");
+    must(tc_store_is_active(&controller.store, plan.header.id, plan.header.crc32), "the plan is active still");
+    must(tc_trajectory_crc32(tc_store_active(&controller.store)) == plan.header.crc32, "and whole");
+    must(tc_upload_begin(&controller, &plan.header) == TC_OK, "an upload that does not come over the link");
+    must(stage_parameters(7, 0) == TC_UPLOAD_OPEN, "keeps its memory");
+    must(tc_upload_segment(&controller, 0, &plan.segment[0]) == TC_OK, "and its pieces");
+    tc_store_discard(&controller.store);
+    must(tc_upload_origin(&controller, &plan.origin) == TC_NO_UPLOAD, "no upload, no origin");
+    begin(PILOT, 8, 2, 0);
+    tc_store_discard(&controller.store); /* behind the link's back */
+    segment(PILOT, 8, 0, 0.0f);
+    must(upload_status(&received) == TC_NO_UPLOAD, "it is told");
+    must(commit(PILOT, 8, plan.header.id, plan.header.crc32) == TC_NO_UPLOAD, "and nothing is committed");
 }
 
 void upload_cases(void) {
@@ -199,4 +249,5 @@ void upload_cases(void) {
     reports();
     reading();
     restoring();
+    one_memory_for_two();
 }

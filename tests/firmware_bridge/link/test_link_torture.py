@@ -2,6 +2,7 @@
 
 import shutil
 import subprocess
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from flight import Trajectory
 
 CONTROLLER = Path(__file__).parents[3] / "firmware_bridge" / "controller"
 PRESETS = np.array([row[3] for row in _controller.parameter_table()], dtype=np.float32)
+_NAMES = [row[0] for row in _controller.parameter_table()]
 
 
 def boot(kept: bytes | None) -> _controller.Link:
@@ -106,6 +108,60 @@ def test_ten_thousand_bad_uploads_leave_only_whole_plans(plans):
     took_effect, restarts = torture(10_000, plans, seed=1)
     assert took_effect > 1000
     assert restarts > 2000
+
+
+def parameter_frames(values: np.ndarray, transfer_id: int, codec: Codec) -> list[bytes]:
+    padded = [*map(float, values), *[0.0] * (-len(values) % 48)]
+    messages: list = [
+        m.ParametersStage(transfer_id=transfer_id, group=i // 48, values=tuple(padded[i : i + 48]))
+        for i in range(0, len(padded), 48)
+    ]
+    crc32 = zlib.crc32(np.asarray(values, np.float32).tobytes())
+    messages.append(m.ParametersCommit(transfer_id=transfer_id, crc32=crc32))
+    for message in messages:
+        message.target_system = message.target_component = 1
+    return [codec.encode(message) for message in messages]
+
+
+def test_parameters_and_uploads_that_meet_leave_whole_sets_and_whole_plans(plans):
+    """They share memory in the vehicle: whoever comes first keeps it, and neither is ever mixed."""
+    rng = np.random.default_rng(3)
+    codec, ears = Codec(255, 190, None), Codec(254, 190, None)
+    files = [plans.file(4, name=f"plan-{i}", seed=i) for i in range(3)]
+    sent = [(wire.plan_from_file(file), file.trajectory) for file in files]
+    sets = np.repeat(PRESETS[None], 4, axis=0)
+    first, last = _NAMES.index("mass_kg"), _NAMES.index("emergency_s")  # one in either group
+    sets[:, first] *= 1.0 + 0.01 * np.arange(4)
+    sets[:, last] *= 1.0 + 0.01 * np.arange(4)
+    lease = codec.encode(m.LeaseRequest(target_system=1, target_component=1, nonce=1, action=1))
+    controller = _controller.Controller()
+    assert controller.set_parameters(PRESETS)[0] == 0
+    link = _controller.Link(controller, None, 1, 0, 1, 10**9, 0, 5000, 1)
+    seen_sets, seen_plans, now_us = set(), set(), 1000
+    for transfer_id in range(10, 610):
+        now_us += int(rng.choice([1000, 700_000]))
+        link.receive(lease, True, now_us)
+        plan, trajectory = sent[rng.integers(len(sent))]
+        upload = upload_frames(plan, trajectory, transfer_id, codec)
+        setting = parameter_frames(sets[rng.integers(len(sets))], transfer_id, codec)
+        for _ in range(2):  # in order each, shuffled into each other; some lost
+            turns = rng.permutation([0] * len(upload) + [1] * len(setting))
+            queues = [list(upload), list(setting)]
+            if rng.random() < 0.3:
+                turns = np.sort(turns)[:: rng.choice([-1, 1])]
+            for turn in turns:
+                frame = queues[turn].pop(0)
+                if rng.random() > 0.02:
+                    link.receive(frame, True, now_us)
+                active = controller.parameters().ravel()
+                matches = [i for i, values in enumerate(sets) if np.array_equal(values, active)]
+                assert len(matches) == 1, "a mixed set of parameters"
+                seen_sets.add(matches[0])
+        identity = held(link, ears, codec)[:2]
+        assert identity in {(0, 0), *((plan.id, plan.crc32) for plan, _ in sent)}
+        seen_plans.add(identity)
+    assert seen_sets == {0, 1, 2, 3}  # else the test tests nothing
+    assert len(seen_plans) >= 3
 
 
 @pytest.fixture(scope="session")

@@ -103,8 +103,16 @@ tc_reason tc_do(tc_controller* controller, tc_command command, float value);
 tc_reason tc_parameters_set(tc_controller* controller, const tc_parameters* parameters);
 const tc_parameters* tc_parameters_now(const tc_controller* controller);
 
+/* Memory in which a set of parameters may be put together before tc_parameters_set: the staged slot. It begins as a
+   copy of the present ones; NULL while an upload is open. An upload that begins takes it back: ask tc_parameters_staged
+   each time (NULL: it is gone, nothing was changed). tc_parameters_drop gives it up. */
+tc_parameters* tc_parameters_stage(tc_controller* controller);
+tc_parameters* tc_parameters_staged(tc_controller* controller);
+void tc_parameters_drop(tc_controller* controller);
+
 /* The upload: as in trajectory.h. Staging works in flight; activation is refused while the active slot is flown. */
 tc_reason tc_upload_begin(tc_controller* controller, const tc_trajectory_header* header);
+tc_reason tc_upload_origin(tc_controller* controller, const tc_origin* origin);
 tc_reason tc_upload_segment(tc_controller* controller, uint16_t index, const tc_segment* segment);
 tc_segment* tc_upload_place(tc_controller* controller, uint16_t index);
 tc_reason tc_upload_sample(tc_controller* controller, const tc_trajectory_sample* sample);

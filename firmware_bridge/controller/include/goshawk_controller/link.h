@@ -2,7 +2,7 @@
 
        tc_link link;                                            // yours
        tc_link_init(&link, &controller, &config, now_us);       // after tc_init; log memory and key are in config
-       tc_link_receive(&link, bytes, n, true, now_us);          // whatever came in
+       tc_link_receive(&link, bytes, n, NULL, now_us);          // whatever came in
        tc_link_update(&link, &measured, now_us);                // once after every tc_tick
        while ((n = tc_link_transmit(&link, frame, now_us)) > 0) send(frame, n);
 
@@ -28,7 +28,6 @@
 extern "C" {
 #endif
 
-#define TC_LINK_NAME 24u
 #define TC_LINK_RECORD 156u       /* bytes of a log record: the payload of a GOSHAWK_STATE */
 #define TC_LINK_LEASE_US 3000000u /* control ends this long after the last renewal */
 #define TC_LINK_GROUP 48u         /* parameters per frame */
@@ -61,12 +60,6 @@ typedef struct {
     float specific_force_body_m_s2[3];
 } tc_link_measured;
 
-/* Where a trajectory comes from; travels with it. */
-typedef struct {
-    uint8_t map_hash[8], vehicle_hash[8];
-    char name[TC_LINK_NAME];
-} tc_link_origin;
-
 typedef struct {
     uint32_t accepted;          /* frames that passed everything */
     uint32_t without_signature; /* heartbeats not counted */
@@ -74,6 +67,7 @@ typedef struct {
     uint32_t replayed;
     uint32_t not_for_us; /* other target, or own system id */
     uint32_t sent;
+    tc_frame_faults faults; /* what was no frame at all */
 } tc_link_counts;
 
 /* Pieces somebody asked for and has not been sent yet. */
@@ -83,35 +77,32 @@ typedef struct {
     uint8_t bits[TC_LINK_WANTED]; /* bit i: piece first + i */
 } tc_link_wanted;
 
+/* In each part the widest members come first: no memory is lost to gaps. */
 typedef struct {
-    tc_link_config config;
+    const tc_link_config* config;
     tc_controller* controller;
-    tc_parser parser;
     tc_signing signing;
-    tc_link_counts counts;
-    uint64_t started_us;
-    uint8_t sequence;
+    uint64_t started_us, budget_us;
     int64_t budget_bytes; /* may be sent now */
-    uint64_t budget_us;
+    int64_t timesync_ts1;
+    tc_link_counts counts;
 
     struct {
-        uint8_t system_id, component_id; /* 0, 0: nobody */
         uint64_t until_us, heard_us;
         uint32_t nonce;
+        uint8_t system_id, component_id; /* 0, 0: nobody */
         bool answer;
     } lease;
 
     struct {
-        tc_trajectory_header header;
-        tc_link_origin origin;
-        uint32_t transfer_id; /* 0: none open */
+        uint64_t last_frame_us, last_status_us;
+        uint32_t transfer_id; /* 0: none open; else it fills the staged slot */
         uint32_t frames;
+        uint32_t refused_transfer_id; /* somebody asked to begin and may not */
         uint16_t received, last_index;
         uint8_t samples_wanted, reason;
-        bool samples, answer;
-        uint64_t last_frame_us, last_status_us;
-        uint32_t refused_transfer_id; /* somebody asked to begin and may not */
         uint8_t refused_reason;
+        bool samples, answer;
     } upload;
 
     struct {
@@ -121,59 +112,59 @@ typedef struct {
         bool answer;
     } commit;
 
+    /* Pieces of the trajectory or of the log: one request at a time, the newest. Whoever asked before asks again. */
     struct {
-        uint32_t transfer_id;
+        uint32_t transfer_id; /* of the trajectory's reader */
         tc_link_wanted wanted;
+        bool log; /* wanted of the log */
         bool header;
     } read;
 
     struct {
         uint32_t request_id;
-        uint8_t system_id, component_id, command, reason;
-        bool answer;
         uint32_t foreign_id; /* order of a station that is not in control */
         uint8_t foreign_command;
+        uint8_t system_id, component_id, command, reason;
+        bool answer;
     } order;
 
     struct {
-        tc_parameters staged;
         uint32_t transfer_id, done_id;
         uint16_t index;
+        uint16_t next, end; /* PARAM_VALUEs to send */
         uint8_t groups, reason;
         bool committed, answer;
-        uint16_t next, end; /* PARAM_VALUEs to send */
     } parameters;
 
     struct {
-        uint32_t id, records, not_stored;
-        tc_link_wanted wanted;
         uint64_t due_us;
+        uint32_t id, records, not_stored;
         bool running, info;
     } log;
 
     struct {
         uint64_t state_due_us, standard_due_us, slow_due_us, heartbeat_us, status_us, version_us;
         uint32_t state_period_us;  /* 0: never */
+        uint32_t transitions;      /* of the mission, when last told */
         tc_link_measured measured; /* at the last tick */
+        float home_world_m[3];     /* where it last stood */
         uint16_t state_sequence;
-        float home_world_m[3]; /* where it last stood */
-        uint8_t standard;      /* bits: which standard messages are due */
-        bool state_ready, version, home;
-        uint32_t transitions; /* of the mission, when last told */
-        bool text;
+        uint8_t standard; /* bits: which standard messages are due */
+        bool state_ready, version, home, text;
     } telemetry;
 
-    int64_t timesync_ts1;
     uint16_t command_long; /* MAV_CMD to acknowledge */
     uint8_t command_long_result;
+    uint8_t sequence;
     bool timesync, command_ack;
-    tc_link_origin active_origin;
 } tc_link;
 
+/* `config` stays the caller's, and stays where it is. */
 void tc_link_init(tc_link* link, tc_controller* controller, const tc_link_config* config, uint64_t now_us);
 
-/* Takes bytes from the radio. `datagram`: they are whole frames, and a broken one cannot continue in the next call. */
-void tc_link_receive(tc_link* link, const uint8_t* bytes, size_t n, bool datagram, uint64_t now_us);
+/* Takes bytes from the radio: a datagram of whole frames, which are read where they lie; or, with a `stream`, a piece
+   of a byte stream, which may end in the middle of a frame. Every serial port has its own `stream`. */
+void tc_link_receive(tc_link* link, const uint8_t* bytes, size_t n, tc_parser* stream, uint64_t now_us);
 
 /* Once after every tick: notes what is to be told, writes the log, tells the controller how long the operator is
  * silent. */
@@ -183,7 +174,7 @@ void tc_link_update(tc_link* link, const tc_link_measured* measured, uint64_t no
 size_t tc_link_transmit(tc_link* link, uint8_t frame[TC_FRAME_MAX], uint64_t now_us);
 
 /* Brings a trajectory kept over a restart back through all checks into the active slot. */
-tc_reason tc_link_restore(tc_link* link, const tc_trajectory* kept, const tc_link_origin* origin);
+tc_reason tc_link_restore(tc_link* link, const tc_trajectory* kept);
 
 #ifdef __cplusplus
 }

@@ -31,10 +31,11 @@ void tc_sha256_init(tc_sha256* hash);
 void tc_sha256_update(tc_sha256* hash, const uint8_t* bytes, size_t n);
 void tc_sha256_final(tc_sha256* hash, uint8_t digest[32]);
 
-/* A frame that passed its checksum. Its payload lies in the parser's buffer and is gone after the next call. */
+/* A frame that passed its checksum. It lies where it was found: in the datagram, or in the parser. */
 typedef struct {
     uint64_t timestamp_10us; /* of the signature */
-    const uint8_t* payload;  /* as it came: what is missing at its end is zero */
+    const uint8_t* raw;      /* the whole of it, as it came */
+    const uint8_t* payload;  /* what is missing at its end is zero */
     uint32_t id;
     uint8_t sequence;
     uint8_t system_id;
@@ -45,30 +46,34 @@ typedef struct {
     uint16_t raw_length; /* of the frame as it came */
 } tc_frame;
 
-/* Cuts a byte stream into frames. Zero it to start. */
+/* What was no frame. */
+typedef struct {
+    uint32_t checksum_errors; /* frames whose checksum failed */
+    uint32_t unknown;         /* starts that were no frame of this dialect */
+} tc_frame_faults;
+
+/* Takes bytes from (*bytes, *n) until a frame has been found (true) or no more can be (false): then what is left may
+   be the beginning of one. A broken frame costs only itself: the search goes on at its second byte. */
+bool tc_frame_next(const uint8_t** bytes, size_t* n, tc_frame* frame, tc_frame_faults* faults);
+
+/* Keeps the unfinished frame of a byte stream. Zero it to start. */
 typedef struct {
     uint8_t buffer[TC_FRAME_MAX];
     uint16_t filled;
-    uint16_t frame_length;    /* of the frame handed out last: taken off at the next call */
-    uint32_t checksum_errors; /* frames whose checksum failed */
-    uint32_t unknown;         /* starts that were no frame of this dialect */
+    uint16_t used; /* up to the end of the frame handed out last: taken off at the next call */
 } tc_parser;
 
-/* Takes bytes from (*bytes, *n) until a frame is complete (true) or none are left (false). `parser->buffer` then holds
-   the raw frame until the next call. A broken frame costs only itself: the search goes on at its second byte. */
-bool tc_parser_next(tc_parser* parser, const uint8_t** bytes, size_t* n, tc_frame* frame);
-
-/* Forgets an unfinished frame: at the end of a datagram, whose rest will never come. */
-void tc_parser_flush(tc_parser* parser);
+/* tc_frame_next for a stream: (*bytes, *n) may end anywhere. The frame is gone after the next call. */
+bool tc_parser_next(tc_parser* parser, const uint8_t** bytes, size_t* n, tc_frame* frame, tc_frame_faults* faults);
 
 #define TC_RECENT 16u
 
-/* Who signs: a (system, component, link). Frames may overtake each other: one that is late by less than a second is
+/* Who signs: a (system, component, link). Frames may overtake each other: one that is late by less than 0.65 s is
    accepted if it is not one of the last TC_RECENT accepted ones nor older than all of them. None counts twice. */
 typedef struct {
     uint64_t newest_10us;
-    uint64_t floor_10us;        /* at or below this all is refused */
-    uint32_t recent[TC_RECENT]; /* low words of the stamps accepted last */
+    uint16_t reach_10us;        /* what is this much older than the newest, or more, is refused */
+    uint16_t recent[TC_RECENT]; /* low halves of the stamps accepted last; all lie within 65535 of the newest */
     uint8_t count;
     uint8_t system_id, component_id, link_id;
 } tc_stream;
@@ -87,8 +92,8 @@ typedef enum { TC_SIGNATURE_GOOD = 0, TC_SIGNATURE_MISSING, TC_SIGNATURE_WRONG, 
 
 void tc_signing_init(tc_signing* signing, const uint8_t key[TC_KEY_BYTES], uint64_t start_10us);
 
-/* Verdict on a frame; `raw` is the frame's bytes as they came. Only a good one changes `signing`. */
-tc_signature tc_signing_check(tc_signing* signing, const tc_frame* frame, const uint8_t* raw);
+/* Verdict on a frame. Only a good one changes `signing`. */
+tc_signature tc_signing_check(tc_signing* signing, const tc_frame* frame);
 
 /* Builds a frame of a message of the dialect into `out`; signs it if `signing` is not NULL. Trailing zeros of the
    payload are cut; it may lie in `out` already, behind TC_FRAME_HEADER bytes. Returns its length. */

@@ -38,6 +38,7 @@ typedef enum {
     TC_NOT_STAGED = 25,
     TC_SLOT_IN_USE = 26,
     TC_PATH_JERK = 27,
+    TC_UPLOAD_OPEN = 28,
 
     /* The mission. */
     TC_WRONG_STATE = 40,

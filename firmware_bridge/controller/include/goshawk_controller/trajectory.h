@@ -15,13 +15,14 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "goshawk_controller/reason.h"
+#include "goshawk_controller/parameters.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-/* A slot takes about 200 bytes a segment; there are two slots. A small vehicle may build with fewer segments. */
+/* A slot takes about 200 bytes a segment; there are two slots. A small vehicle may build with fewer segments, two at
+   the least: a set of parameters that is arriving lies in the staged slot, too. */
 #ifndef TC_MAX_SEGMENTS
 #define TC_MAX_SEGMENTS 256
 #endif
@@ -50,11 +51,26 @@ typedef struct {
     uint8_t link_loss_policy;  /* tc_link_loss_policy */
 } tc_trajectory_header;
 
+#define TC_ORIGIN_NAME 24u
+
+/* Where a trajectory comes from; travels with it and means nothing to the controller. */
+typedef struct {
+    uint8_t map_hash[8], vehicle_hash[8];
+    char name[TC_ORIGIN_NAME];
+} tc_origin;
+
 typedef struct {
     tc_trajectory_header header;
+    tc_origin origin;
     uint32_t start_us[TC_MAX_SEGMENTS + 1]; /* when each segment starts; entry segment_count is the duration */
-    tc_segment segment[TC_MAX_SEGMENTS];
+    tc_segment segment[TC_MAX_SEGMENTS];    /* in an upload: duration 0 until it has arrived */
 } tc_trajectory;
+
+/* Memory for a trajectory. While none is being uploaded the staged one may hold parameters that are being set. */
+typedef union {
+    tc_trajectory trajectory;
+    tc_parameters parameters;
+} tc_slot;
 
 /* A point of the curve as the planner evaluates it (float64 there); the vehicle compares with its own evaluation. */
 typedef struct {
@@ -62,7 +78,7 @@ typedef struct {
     float value[TC_AXES];
 } tc_trajectory_sample;
 
-/* What every trajectory must keep to; copied from the parameters. */
+/* What every trajectory must keep to; some of the parameters. */
 typedef struct {
     float fence_min_world_m[3];
     float fence_max_world_m[3];
@@ -72,18 +88,21 @@ typedef struct {
     float yaw_rate_rad_s;
 } tc_path_limits;
 
-typedef enum { TC_STAGED_EMPTY = 0, TC_STAGED_FILLING = 1, TC_STAGED_CHECKED = 2 } tc_staged_state;
+typedef enum {
+    TC_STAGED_EMPTY = 0,
+    TC_STAGED_FILLING = 1,
+    TC_STAGED_CHECKED = 2,
+    TC_STAGED_PARAMETERS = 3 /* not a trajectory */
+} tc_staged_state;
 
 typedef struct {
-    tc_trajectory slot[2];
+    tc_slot slot[2];
     uint8_t active;       /* index of the active slot; the other one is staged */
     bool has_active;      /* false until the first activation */
     uint8_t staged_state; /* tc_staged_state */
     uint8_t sample_count;
-    uint8_t received[(TC_MAX_SEGMENTS + 7) / 8]; /* bit i: staged segment i is there */
-    tc_trajectory_sample sample[TC_MAX_SAMPLES];
-    tc_path_limits limits;
     uint16_t refused_segment; /* which segment (or join at whose start) the last refusal is about */
+    tc_trajectory_sample sample[TC_MAX_SAMPLES];
 } tc_store;
 
 /* Value and time derivatives of (x, y, z, yaw) at one instant. */
@@ -103,9 +122,13 @@ void tc_store_init(tc_store* store);
 /* Opens the staged slot for a new upload, discarding what was staged. Refuses counts out of range and id 0. */
 tc_reason tc_store_begin(tc_store* store, const tc_trajectory_header* header);
 
+/* Says where the trajectory that is being uploaded comes from. */
+tc_reason tc_store_put_origin(tc_store* store, const tc_origin* origin);
+
 /* Stores one segment of the upload after checking it alone: finite, duration, fence, speed, acceleration and yaw-rate
    hulls. The same segment may come again. Needs coefficients beyond the count to be zero (they are set to zero). */
-tc_reason tc_store_put_segment(tc_store* store, uint16_t index, const tc_segment* segment);
+tc_reason tc_store_put_segment(tc_store* store, uint16_t index, const tc_segment* segment,
+                               const tc_path_limits* limits);
 /* Where a segment that is still missing will lie, so that it can be written there and then put without a copy; NULL
    when no upload is open, the index is beyond its end, or the segment has been checked already. */
 tc_segment* tc_store_place(tc_store* store, uint16_t index);
@@ -120,15 +143,23 @@ bool tc_store_has_segment(const tc_store* store, uint16_t index);
    and can be activated. On refusal the upload stays open, and `refused_segment` says where. */
 tc_reason tc_store_finish(tc_store* store);
 
-/* Makes the checked slot with this id and CRC the active one. Activating what is active already is fine (repeats). */
+/* Makes the checked slot with this id and CRC the active one. Activating what is active already is fine (repeats; the
+   newer origin holds). */
 tc_reason tc_store_activate(tc_store* store, uint32_t id, uint32_t crc32);
 
 /* Throws the staged upload away. */
 void tc_store_discard(tc_store* store);
 
+/* Takes the staged slot for parameters, which begin as `present`; NULL while an upload is open. An upload that begins
+   takes it back. */
+tc_parameters* tc_store_stage_parameters(tc_store* store, const tc_parameters* present);
+/* NULL when none are staged. */
+tc_parameters* tc_store_staged_parameters(tc_store* store);
+
 /* NULL when there is none. */
 const tc_trajectory* tc_store_active(const tc_store* store);
 const tc_trajectory* tc_store_staged(const tc_store* store);
+bool tc_store_is_active(const tc_store* store, uint32_t id, uint32_t crc32);
 
 uint32_t tc_trajectory_duration_us(const tc_trajectory* trajectory);
 

@@ -1,0 +1,124 @@
+"""What to type after a diagnosis: judge the addition, make an effect of the curve, or fly what would settle it."""
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from flight import InputError
+from sysid.diagnosis import Diagnosis, OutsideFinding, curve, next_flight
+
+THRUST = "thrust_bem"
+"""This suspect replaces the thrust law the vehicle has, so `add-effect` alone does not add it."""
+LEAST_SPACE_M = 1.0
+"""No side of the space proposed for the next flight is smaller."""
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """How the diagnosis was asked for: what its follow-up commands repeat."""
+
+    flights: Sequence[Path]
+    vehicle_file: Path
+    held_out: Sequence[Path] = ()
+    columns: Path | None = None
+    out: Path | None = None
+    json_file: Path | None = None
+    auto: bool = False
+
+    @property
+    def model_file(self) -> Path:
+        """The newest vehicle file there is."""
+        return self.out or self.vehicle_file
+
+    def training(self) -> str:
+        """FLIGHTS as arguments."""
+        return _words(*self.flights)
+
+    def judging(self) -> str:
+        """Options that hold flights out, and say what columns are."""
+        return "".join(f" --held-out {_words(path)}" for path in self.held_out) + self.reading()
+
+    def reading(self) -> str:
+        return f" --columns {_words(self.columns)}" if self.columns else ""
+
+    def refitting(self) -> str:
+        """Options of `goshawk vehicle add-effect`."""
+        return "".join(f" --flights {_words(path)}" for path in self.flights) + self.judging()
+
+    def again(self, vehicle_file: Path) -> str:
+        """The diagnosis once more."""
+        return f"goshawk diagnose {self.training()} --vehicle {_words(vehicle_file)}{self.judging()}"
+
+
+def lines(found: Diagnosis, asked: Asked) -> list[str]:
+    """Commands that go on from here, the first one first; a line in brackets is nothing to type."""
+    said = _after_additions(found, asked) if found.additions else []
+    if found.outside is not None:
+        said += _after_curve(found.outside, asked)
+    return said + _next_flight(found, asked)
+
+
+def _after_additions(found: Diagnosis, asked: Asked) -> list[str]:
+    if asked.out is not None:
+        return [] if asked.auto else [asked.again(asked.out)]
+    effects = list(dict.fromkeys(name.partition("[")[0] for name in found.additions))
+    if THRUST in effects and THRUST not in found.base.effects:
+        return [asked.again(asked.vehicle_file) + (" --auto" if asked.auto else "") + " --out better.toml"]
+    change = f"goshawk vehicle add-effect {_words(asked.vehicle_file)} {{}}{asked.refitting()}"
+    return [change.format(effect) for effect in effects]
+
+
+def _after_curve(outside: OutsideFinding, asked: Asked) -> list[str]:
+    """From the curve to an effect of one's own; where no vehicle could know the variable, where to look instead."""
+    advice = curve.advice(outside)
+    if advice:
+        return [f"({outside.channel} against {outside.variable}: {advice})"]
+    name = curve.suggested_name(outside)
+    first = []
+    diagnosis = asked.json_file or Path("diagnosis.json")
+    if asked.json_file is None:
+        first = [f"{asked.again(asked.vehicle_file)}{' --auto' if asked.auto else ''} --json {diagnosis}"]
+    model = _words(asked.model_file)
+    return [
+        *first,
+        f"goshawk vehicle scaffold-effect {model} --diagnosis {_words(diagnosis)} --name {name} --out {name}.py",
+        f"goshawk vehicle add-effect {model} {name}.py{asked.refitting()}",
+    ]
+
+
+def _next_flight(found: Diagnosis, asked: Asked) -> list[str]:
+    """The flight that would settle what is in doubt, if anything is."""
+    try:
+        suspects = next_flight.in_doubt(found)
+    except InputError:
+        return []
+    named = bool(set(suspects) & set(found.additions))
+    to_be_adopted_first = found.outside is not None or (found.additions and asked.out is None)
+    if not named and to_be_adopted_first:
+        return []
+    size, corner = _space(found)
+    model = _words(asked.vehicle_file if named else asked.model_file)
+    whom = "".join(f" --suspect {_words(name)}" for name in suspects)
+    return [
+        f"goshawk next-flight {asked.training()} --vehicle {model}{asked.reading()}{whom}"
+        f" --space {size} --corner={corner} --out waypoints.json  # in the space that these flights took up"
+    ]
+
+
+def _space(found: Diagnosis) -> tuple[str, str]:
+    """The box that the flights learnt from took up, and its lowest corner."""
+    place = np.concatenate([f.position_world_m for f in found.search.models[0].fit.flights])
+    low, high = np.nanmin(place, axis=0), np.nanmax(place, axis=0)
+    size = np.round(np.maximum(high - low, LEAST_SPACE_M), 1)
+    return _numbers(size), _numbers(0.5 * (low + high - size))
+
+
+def _numbers(values: np.ndarray) -> str:
+    return ",".join(f"{v:.1f}" for v in np.round(values, 1) + 0.0)
+
+
+def _words(*paths: object) -> str:
+    return shlex.join(str(path) for path in paths)

@@ -1,0 +1,95 @@
+"""`goshawk next-flight` as a stranger uses it: a table and waypoints, the same as JSON, a second run, wrong input."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import vehicle
+from flight import flight_log, project
+from tests.goshawk.running import run, typed
+from vehicle import flights, manoeuvres
+
+PAIR = ("--suspect", "rotor_drag_thrust", "--suspect", "rotor_drag_speed")
+SPACE = ("--space", "6,6,3")
+TWO = ("--manoeuvre", "oblique", "--manoeuvre", "hover")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """A short flight that says little about drag, and a vehicle file without rotor drag."""
+    folder, truth, rng = tmp_path_factory.mktemp("next"), vehicle.example(), np.random.default_rng(2)
+    flown = flights.fly_trajectory(truth, manoeuvres.scaled(manoeuvres.make("doublets"), 0.5), rng=rng)
+    flight_log.save(folder / "doublets.parquet", flights.measure(flown, rng=rng))
+    vehicle.save(folder / "vehicle.toml", truth.without_effect("rotor_drag_thrust"))
+    return folder
+
+
+def asked(folder: Path, *more: object) -> tuple[object, ...]:
+    return ("next-flight", folder / "doublets.parquet", "--vehicle", folder / "vehicle.toml", *more)
+
+
+def test_it_says_which_manoeuvre_tells_two_suspects_apart_and_what_to_type_next(folder, tmp_path):
+    out = tmp_path / "waypoints.json"
+    said = run(*asked(folder, *PAIR, *SPACE, *TWO, "--out", out))
+    lines = said.splitlines()
+    assert "next flight for rotor_drag_thrust or rotor_drag_speed" in lines[0]
+    order = [name for line in lines for name in ("oblique", "hover") if line.strip().startswith(name)]
+    assert order == ["oblique", "hover"]
+    assert "oblique are expected to tell rotor_drag_thrust from rotor_drag_speed with log odds of" in said
+    assert f"written: {out}" in said
+    assert typed(lines[-1].removeprefix("next: "))[:2] == ["plan", str(out)]
+    points = project.load_waypoints(out).positions_world_m
+    assert len(points) > 2
+    assert (np.abs(points[:, :2]) < 3.0).all()
+    assert (points[:, 2] > 0.5).all()
+
+
+def test_json_has_the_same_facts_and_a_second_run_writes_the_same_file(folder, tmp_path):
+    out = tmp_path / "waypoints.json"
+    arguments = asked(folder, *PAIR, *SPACE, *TWO, "--manoeuvre", "ceiling_climb", "--out", out, "--json")
+    first = json.loads(run(*arguments))
+    written = out.read_bytes()
+    assert (first["schema"], first["version"]) == ("goshawk-next-flight", 1)
+    assert first["suspects"] == ["rotor_drag_thrust", "rotor_drag_speed"]
+    assert [p["name"] for p in first["proposals"]] == ["oblique", "hover"]
+    assert (first["chosen"], first["written"]) == ("oblique", str(out))
+    assert "ceiling" in first["skipped"]["ceiling_climb"]
+    best = first["proposals"][0]
+    assert best["expected_log_odds_per_s"] == pytest.approx(best["expected_log_odds"] / best["duration_s"])
+    assert json.loads(run(*arguments)) == first
+    assert out.read_bytes() == written
+
+
+def test_what_stays_in_one_place_is_ranked_but_never_written(folder, tmp_path):
+    out = tmp_path / "waypoints.json"
+    said = run(*asked(folder, *PAIR, *SPACE, "--manoeuvre", "hover", "--out", out), code=2)
+    assert "stays in one place" in said
+    assert not out.exists()
+
+
+def test_bad_input_is_one_sentence(folder, tmp_path):
+    (tmp_path / "empty.parquet").write_bytes(b"")
+    car = ("--vehicle", folder / "vehicle.toml")
+    refused = {
+        "none.parquet": ["next-flight", tmp_path / "none.parquet", *car, *PAIR, *SPACE],
+        "empty.parquet": ["next-flight", tmp_path / "empty.parquet", *car, *PAIR, *SPACE],
+        "other.toml": ["next-flight", folder / "doublets.parquet", "--vehicle", tmp_path / "other.toml", *SPACE],
+        "'no_such' is not among the suspects": asked(folder, "--suspect", "no_such", *SPACE),
+        "there is no manoeuvre 'looping'": asked(folder, *PAIR, *SPACE, "--manoeuvre", "looping"),
+        "is not 3 numbers": asked(folder, *PAIR, "--space", "6,6"),
+        "leaves no room": asked(folder, *PAIR, "--space", "6,0.1,3"),
+        "Missing option '--space'": asked(folder, *PAIR),
+        "Missing argument": ["next-flight", *car, *SPACE],
+    }
+    for words, arguments in refused.items():
+        said = run(*arguments, code=2)
+        assert words in said
+        assert said.strip().splitlines()[-1].startswith("goshawk: ")
+        assert "Traceback" not in said
+
+
+def test_a_space_in_which_nothing_can_be_flown_is_a_no_with_the_reason(folder):
+    document = run(*asked(folder, *PAIR, "--space", "6,6,3", "--manoeuvre", "ground_sweep"), code=1)
+    assert "no manoeuvre can be flown in 6,6,3 m: ground_sweep: it goes down to" in document

@@ -1,0 +1,104 @@
+"""`goshawk vehicle scaffold-effect` as a stranger uses it: from a diagnosis in JSON to an effect that can be added."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import vehicle
+from flight import flight_log
+from tests.goshawk.running import run, typed
+from vehicle import flights, manoeuvres
+
+AT = np.linspace(-2.0, 2.0, 80)
+CURVE = {
+    "channel": "M_z",
+    "variable": "v_z",
+    "variable_unit": "m/s",
+    "at": AT.tolist(),
+    "residual": (0.004 * AT).tolist(),
+    "residual_sigma": np.full(80, 1e-4).tolist(),
+}
+"""A torque of 4 mN m per m/s of climb."""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch) -> Path:
+    """A vehicle file and a diagnosis that draws a curve, in the folder where the user works."""
+    vehicle.save(tmp_path / "vehicle.toml", vehicle.example("rigter2019"))
+    diagnosis(tmp_path / "diagnosis.json", CURVE)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def diagnosis(path: Path, outside: object) -> None:
+    verdict = "nothing that these flights could show is missing" if outside is None else "M_z against v_z"
+    path.write_text(json.dumps({"schema": "goshawk-diagnosis", "version": 1, "verdict": verdict, "outside": outside}))
+
+
+def scaffolding(name: str = "climb_twist", *more: object, source: str = "diagnosis.json") -> list[object]:
+    options = ["--diagnosis", source, "--name", name, "--out", f"{name}.py", *more]
+    return ["vehicle", "scaffold-effect", "vehicle.toml", *options]
+
+
+def test_the_file_is_written_the_vehicle_untouched_and_the_next_line_adds_the_effect(folder):
+    before = (folder / "vehicle.toml").read_bytes()
+    said = run(*scaffolding())
+    assert "climb_twist: M_z against v_z" in said
+    assert (folder / "vehicle.toml").read_bytes() == before
+    assert "EFFECT = Effect(" in (folder / "climb_twist.py").read_text()
+    rng = np.random.default_rng(1)
+    steps = manoeuvres.scaled(manoeuvres.make("throttle_steps"), 0.5)
+    flown = flights.fly_trajectory(vehicle.example(), steps, rng=rng)
+    flight_log.save(folder / "a.parquet", flights.measure(flown, rng=rng))
+    document = json.loads(run(*scaffolding("climb_turn"), "--json"))
+    words = typed(document["then"].replace("--flights FLIGHT --held-out FLIGHT", "--held-out a.parquet"))
+    assert "NOT compensated" in run(*words)  # an effect of one's own is unknown to the controller
+    assert "climb_turn" in vehicle.load(folder / "vehicle.toml").effects
+
+
+def test_json_says_what_was_written(folder):
+    document = json.loads(run(*scaffolding("bent", "--form", "polynomial", "--json")))
+    assert {key: document[key] for key in ("effect", "channel", "variable", "form")} == {
+        "effect": "bent",
+        "channel": "M_z",
+        "variable": "v_z",
+        "form": "polynomial",
+    }
+    assert Path(document["written"]) == (folder / "bent.py").resolve()
+    assert "COEFFICIENTS" in (folder / "bent.py").read_text()
+
+
+def test_a_second_run_does_not_write_over_the_first(folder):
+    run(*scaffolding())
+    mine = (folder / "climb_twist.py").read_text() + "# improved by hand\n"
+    (folder / "climb_twist.py").write_text(mine)
+    assert "exists already and is not overwritten" in run(*scaffolding(), code=2)
+    assert (folder / "climb_twist.py").read_text() == mine
+
+
+def test_bad_input_is_one_sentence_and_writes_nothing(folder):
+    (folder / "broken.json").write_text("{")
+    (folder / "other.json").write_text('{"schema": "goshawk-comparison"}')
+    diagnosis(folder / "none.json", None)
+    diagnosis(folder / "time.json", CURVE | {"variable": "time", "variable_unit": "s"})
+    diagnosis(folder / "cut.json", CURVE | {"residual": [0.0, 1.0]})
+    refused = {
+        "absent.json does not exist": scaffolding(source="absent.json"),
+        "broken.json is not JSON": scaffolding(source="broken.json"),
+        "other.json is not a diagnosis": scaffolding(source="other.json"),
+        "draws no curve: nothing that these flights could show is missing": scaffolding(source="none.json"),
+        "cannot become an effect": scaffolding(source="time.json"),
+        "do not fit together": scaffolding(source="cut.json"),
+        "cannot name an effect": scaffolding("Climb-Twist"),
+        "is taken by the catalogue": scaffolding("angular_damping"),
+        "Missing option '--diagnosis'": ["vehicle", "scaffold-effect", "vehicle.toml", "--name", "a", "--out", "a.py"],
+        "no.toml": ["vehicle", "scaffold-effect", "no.toml", *scaffolding()[3:]],
+    }
+    for words, arguments in refused.items():
+        said = run(*arguments, code=2)
+        assert words in said
+        assert said.strip().splitlines()[-1].startswith("goshawk: ")
+        assert "Traceback" not in said
+    assert not list(folder.glob("*.py"))

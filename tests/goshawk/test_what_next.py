@@ -1,0 +1,140 @@
+"""After a diagnosis: every line it proposes can be typed, and leads on from that verdict."""
+
+import shlex
+from html import escape
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+import vehicle
+from flight import flight_log
+from goshawk import what_next
+from goshawk.what_next import Asked
+from sysid.diagnosis import Diagnosis, OutsideFinding, SuspectFinding
+from tests.goshawk.running import run, typed
+from tests.sysid import flying
+
+ASKED = Asked((Path("a.parquet"), Path("my b.parquet")), Path("vehicle.toml"), (Path("c.parquet"),))
+AGAIN = ["diagnose", "a.parquet", "my b.parquet", "--vehicle", "vehicle.toml", "--held-out", "c.parquet"]
+FITTED = ["--flights", "a.parquet", "--flights", "my b.parquet", "--held-out", "c.parquet"]
+
+
+def suspect(name: str, verdict: Any, significance: float, *alike: str) -> SuspectFinding:
+    shares = tuple((other, 0.95) for other in alike)
+    return SuspectFinding(name, verdict, "", (), 0.0, significance, 0.0, 0.9, shares, ("oblique",), ("F_x",), "v_x")
+
+
+def drawn(variable: str = "v_z", channel: str = "M_z") -> OutsideFinding:
+    at = np.linspace(0.0, 1.0, 9)
+    return OutsideFinding(channel, variable, "m/s", at, at, 0.1 * at, 1.0, 50.0, 1e-9, 0.9)
+
+
+def found(
+    *suspects: SuspectFinding, outside: OutsideFinding | None = None, rivals: tuple[tuple[str, float], ...] = ()
+) -> Diagnosis:
+    """A diagnosis whose flights took up 4 m x 2 m x 1 m round (1, 0, 1.5), one axis hardly moved."""
+    place = np.array([[-1.0, -1.0, 1.49], [3.0, 1.0, 1.51]])
+    additions = tuple(s.name for s in suspects if s.verdict == "present")
+    search = SimpleNamespace(
+        models=(SimpleNamespace(fit=SimpleNamespace(flights=[SimpleNamespace(position_world_m=place)])),),
+        trials=[SimpleNamespace(suspect=SimpleNamespace(name=name), rivals=rivals) for name in additions],
+    )
+    body = vehicle.example()
+    return Diagnosis(
+        body, body, additions, suspects, outside, (), (), (), (), (), (), cast("Any", search), cast("Any", None)
+    )
+
+
+def test_an_addition_is_made_to_the_vehicle_file_and_the_diagnosis_goes_on_from_a_new_one():
+    damping = suspect("weak_rotor[2]", "present", 1e-9)
+    (line,) = what_next.lines(found(damping), ASKED)
+    assert typed(line) == ["vehicle", "add-effect", "vehicle.toml", "weak_rotor", *FITTED]
+    asked = Asked(ASKED.flights, ASKED.vehicle_file, ASKED.held_out, out=Path("better.toml"))
+    (line,) = what_next.lines(found(damping), asked)
+    assert typed(line) == [*AGAIN[:4], "better.toml", *AGAIN[5:]]
+
+
+def test_a_curve_without_a_name_becomes_an_effect_and_is_tried():
+    asked = Asked(ASKED.flights, ASKED.vehicle_file, ASKED.held_out, json_file=Path("d.json"))
+    first, second = what_next.lines(found(outside=drawn("dn_0/dt")), asked)
+    scaffold = ["vehicle", "scaffold-effect", "vehicle.toml", "--diagnosis", "d.json"]
+    assert typed(first) == [*scaffold, "--name", "m_z_of_dn_0_dt", "--out", "m_z_of_dn_0_dt.py"]
+    assert typed(second) == ["vehicle", "add-effect", "vehicle.toml", "m_z_of_dn_0_dt.py", *FITTED]
+
+
+def test_without_a_json_file_the_diagnosis_is_written_first():
+    lines = what_next.lines(found(outside=drawn()), Asked(ASKED.flights, ASKED.vehicle_file, ASKED.held_out, auto=True))
+    assert typed(lines[0]) == [*AGAIN, "--auto", "--json", "diagnosis.json"]
+    assert typed(lines[1])[3:5] == ["--diagnosis", "diagnosis.json"]
+    assert len(lines) == 3
+
+
+@pytest.mark.parametrize(
+    ("curve", "words"),
+    [(drawn("time", "F_x"), "temperature"), (drawn("x"), "draught"), (drawn("constant", "F_z"), "weigh")],
+)
+def test_what_no_vehicle_can_know_is_said_where_to_look_for(curve, words):
+    (line,) = what_next.lines(found(outside=curve), ASKED)
+    assert line.startswith("(")
+    assert words in line
+
+
+def test_look_alikes_are_told_apart_by_the_next_flight_in_the_space_flown():
+    alike = suspect("rotor_drag_speed", "cannot tell", 1e-7, "rotor_drag_thrust")
+    (line,) = what_next.lines(found(alike), ASKED)
+    assert typed(line) == [
+        *["next-flight", "a.parquet", "my b.parquet", "--vehicle", "vehicle.toml"],
+        *["--suspect", "rotor_drag_speed", "--suspect", "rotor_drag_thrust"],
+        *["--space", "4.0,2.0,1.0", "--corner=-1.0,-1.0,1.0", "--out", "waypoints.json"],
+    ]
+
+
+def test_an_addition_that_may_be_another_is_settled_against_the_model_without_it():
+    named = suspect("rotor_drag_speed", "present", 1e-9)
+    asked = Asked(ASKED.flights, ASKED.vehicle_file, ASKED.held_out, out=Path("better.toml"), auto=True)
+    (line,) = what_next.lines(found(named, rivals=(("weak_rotor[1]", 0.3),)), asked)
+    words = typed(line)
+    assert words[words.index("--vehicle") + 1] == "vehicle.toml"
+    assert [words[i + 1] for i, word in enumerate(words) if word == "--suspect"] == [named.name, "weak_rotor[1]"]
+
+
+def test_nothing_in_doubt_proposes_nothing():
+    assert what_next.lines(found(suspect("angular_damping", "excluded", 0.4)), ASKED) == []
+
+
+def test_columns_of_a_foreign_log_are_said_again():
+    asked = Asked((Path("a.csv"),), Path("vehicle.toml"), columns=Path("columns.toml"))
+    lines = what_next.lines(found(suspect("ground_effect", "cannot tell", 0.4), outside=None), asked)
+    lines += what_next.lines(found(outside=drawn()), asked)
+    assert len(lines) == 4
+    for line in lines:
+        assert ("--columns columns.toml" in line) == ("scaffold-effect" not in line)
+        typed(line)
+
+
+def turning_when_climbing(velocity: np.ndarray, rate: np.ndarray, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return 0.0 * velocity, np.stack([0.0 * rate[:, 0], 0.0 * rate[:, 1], 0.004 * velocity[:, 2]], axis=1)
+
+
+@pytest.mark.slow
+def test_typed_one_after_the_other_the_lines_lead_from_an_unknown_effect_to_a_better_model(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(8)
+    truth = flying.Truth(gust=0.1, extra=turning_when_climbing)
+    logs = flying.fly(truth, flying.paper_flights(rng, 2, 0.1), 6, duration_s=10.0, rng=rng, rate_hz=100.0)
+    for name, log in zip(("vertical", "fast", "turning", "unseen"), logs, strict=False):
+        flight_log.save(tmp_path / f"{name}.parquet", log)
+    vehicle.save(tmp_path / "vehicle.toml", vehicle.example())
+    said = run("diagnose", "vertical.parquet", "fast.parquet", "turning.parquet", "--vehicle", "vehicle.toml",
+               "--held-out", "unseen.parquet", "--json", "d.json", "--report", "d.html")  # fmt: skip
+    assert "something is missing that no known effect is: M_z against v_z" in said
+    lines = [line.removeprefix("next: ") for line in said.splitlines() if line.startswith("next: ")]
+    assert len(lines) == 2
+    page = (tmp_path / "d.html").read_text()
+    for words in ("The torque about z (M_z) follows velocity along z (v_z)", "What no known effect explains", *lines):
+        assert escape(words) in page
+    run(*shlex.split(lines[0])[1:])
+    assert "m_z_of_v_z helped: " in run(*shlex.split(lines[1])[1:])
