@@ -60,10 +60,10 @@ static inline float flight_force(tc_controller* c, const float velocity_body_m_s
     const float mean_n = 0.25f * (n[0] + n[1] + n[2] + n[3]);
     tc_drag(&c->parameters, velocity_body_m_s, t->wrench.thrust_n, mean_n, drag);
     tc_to_world(c->axes, drag, drag_world_n);
-    const bool limited =
-        tc_position_step(&c->position, &c->parameters, &t->setpoint, t->estimate.position_world_m,
-                         t->estimate.velocity_world_m_s, drag_world_n, 0.95f * c->mixer.largest_thrust_n,
-                         c->mission.state != TC_TAKE_OFF && t->saturation == 0u, step_s, force_world_n);
+    const bool limited = tc_position_step(
+        &c->position, &c->parameters, &t->setpoint, t->estimate.position_world_m, t->estimate.velocity_world_m_s,
+        drag_world_n, 0.95f * c->mixer.largest_thrust_n,
+        c->has_integral && c->mission.state != TC_TAKE_OFF && t->saturation == 0u, step_s, force_world_n);
     t->saturation = limited ? TC_SATURATED_INPUT : 0u;
     return c->parameters.drag_velocity > 0.5f
                ? tc_drag_slope(&c->parameters, velocity_body_m_s, t->wrench.thrust_n, mean_n)
@@ -94,7 +94,7 @@ static __attribute__((noinline)) void steer(tc_controller* c, const float veloci
 
 /* Battery sag and rotor lag, taken off the speed commands. The lead (lag s + 1) / (filter s + 1) undoes the rotors' lag
    up to the filter's frequency; the plain inverse would drive the rotors with nothing but sensor noise. */
-static inline void command_speeds(tc_controller* c, const float wanted[TC_ROTORS], float step_s) {
+static __attribute__((noinline)) void lead_speeds(tc_controller* c, const float wanted[TC_ROTORS], float step_s) {
     const tc_parameters* p = &c->parameters;
     const float filter_s = tc_max(p->lead_filter_s, step_s);
     const float per_filter = 1.0f / filter_s;
@@ -130,8 +130,12 @@ static void fly(tc_controller* c, float step_s) {
     }
     tc_mixer_solve(&c->mixer, p, &t->wrench, air, rate, &mix);
     t->saturation |= mix.saturation;
-    command_speeds(c, mix.rotor_speed_rad_s, step_s);
-    c->was_flying = true;
+    if (c->has_lead) {
+        lead_speeds(c, mix.rotor_speed_rad_s, step_s);
+        c->was_flying = true;
+    } else {
+        tc_copy4(t->rotor_speed_rad_s, mix.rotor_speed_rad_s);
+    }
 }
 
 /* On the ground or at fault: the rotors idle or stand, and the reference follows the vehicle. */
@@ -153,13 +157,10 @@ static void rest(tc_controller* c) {
 
 static void describe(tc_controller* c) {
     tc_telemetry* t = &c->telemetry;
-    const tc_trajectory* active = tc_store_active(&c->store);
     t->state = c->mission.state;
     t->reason = c->mission.reason;
     t->path_rate = tc_mission_on_path(t->state) ? c->clock.rate[0] : 0.0f;
     t->path_time_us = c->clock.path_us;
-    t->trajectory_id = active != NULL ? active->header.id : 0u;
-    t->trajectory_crc32 = active != NULL ? active->header.crc32 : 0u;
     t->ticks++;
 }
 

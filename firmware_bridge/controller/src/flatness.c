@@ -106,16 +106,18 @@ static __attribute__((noinline)) transported move_on(tc_flatness_state* state, c
 }
 
 /* Goes straight to the chart when that is close enough: of the turn from the last attitude, (w, x, y, z), the part of
-   the axis has half the sine (x, y), the part about it half the tangent z / w. */
-static bool follow_chart(tc_flatness_state* state, const tc_parameters* p, const float axis[3], float yaw_rad,
-                         float step_s) {
-    float chart[4], turn[4];
+   the axis has half the sine (x, y), what is left of 1 beside w and z; the part about it half the tangent z / w. */
+static inline bool follow_chart(tc_flatness_state* state, const tc_parameters* p, const float axis[3], float yaw_rad,
+                                float step_s) {
+    float chart[4];
+    const float* q = state->q_reference;
     if (axis[2] < CHART_GOOD - 1.0f) return false;
     tc_flatness_chart(axis, yaw_rad, chart);
-    tc_q_difference(state->q_reference, chart, turn);
+    const float w = q[0] * chart[0] + q[1] * chart[1] + q[2] * chart[2] + q[3] * chart[3];
+    const float z = q[0] * chart[3] - q[3] * chart[0] - q[1] * chart[2] + q[2] * chart[1];
     const float half = 0.5f * tc_min(step_s, 0.03f);
     const float tilt = half * p->tilt_slew_rad_s, yaw = half * p->yaw_slew_rad_s;
-    if (turn[1] * turn[1] + turn[2] * turn[2] > tilt * tilt || tc_abs(turn[3]) > yaw * tc_abs(turn[0])) return false;
+    if (1.0f - w * w - z * z > tilt * tilt || tc_abs(z) > yaw * tc_abs(w)) return false;
     tc_copy4(state->q_reference, chart);
     tc_copy(state->axis, axis);
     return true;
@@ -129,32 +131,33 @@ static inline void shorten(float v[3], float largest) {
     }
 }
 
-/* Rates of the axis z and of the chart about it, from the force and its derivatives. `other`: the rate about the axis
-   where the chart's is not used, else NULL. */
+/* Rates of the axis z and of the chart about it, from the force and its derivatives over its size, f1 and f2: the axis
+   turns by w = z x f1, and that changes by z x f2 - 2 (z f1) w. The chart's own turn about the axis is told by the z
+   components of both. `other`: the rate about the axis where the chart's is not used, else NULL. */
 static inline void rates(const tc_parameters* p, const tc_setpoint* setpoint, const float z[3], float per_mass,
                          float drag_1_s, float direction, const float* other, tc_turning* out) {
-    float z1[3], z2[3], w[3], a[3];
+    float f1[3], f2[3], w[3], a[3];
     for (int i = 0; i < 3; i++) {
         const float jerk = setpoint->jerk_world_m_s3[i];
-        z1[i] = (jerk + drag_1_s * setpoint->acceleration_world_m_s2[i]) * per_mass;
-        z2[i] = (setpoint->snap_world_m_s4[i] + drag_1_s * jerk) * per_mass;
+        f1[i] = (jerk + drag_1_s * setpoint->acceleration_world_m_s2[i]) * per_mass;
+        f2[i] = (setpoint->snap_world_m_s4[i] + drag_1_s * jerk) * per_mass;
     }
-    const float along1 = tc_dot(z, z1), along2 = tc_dot(z, z2);
+    const float along = tc_dot(z, f1);
+    tc_cross(z, f1, w);
+    tc_cross(z, f2, a);
     for (int i = 0; i < 3; i++) {
-        z1[i] -= z[i] * along1;
-        z2[i] -= z[i] * along2 + 2.0f * along1 * z1[i];
+        a[i] -= (along + along) * w[i];
+        f1[i] -= along * z[i]; /* from here on: how the axis moves */
     }
     const float below = 1.0f / tc_max(1.0f + z[2], CHART_LOST);
-    const float swirl = (z[1] * z1[0] - z[0] * z1[1]) * below;
-    const float swirl1 = (z[1] * z2[0] - z[0] * z2[1]) * below - swirl * z1[2] * below;
+    const float swirl = -w[2] * below;
+    const float swirl1 = -(a[2] + swirl * f1[2]) * below;
     const float most = direction * LARGEST_ANGULAR_ACCELERATION_RAD_S2;
     float turn = other != NULL ? *other : setpoint->yaw_rate_rad_s + swirl;
     float turn1 = other != NULL ? 0.0f : setpoint->yaw_acceleration_rad_s2 + swirl1;
     turn = tc_clamp(turn, -p->yaw_slew_rad_s, p->yaw_slew_rad_s);
     turn1 = tc_clamp(turn1, -most, most);
-    tc_cross(z, z1, w);
-    tc_cross(z, z2, a);
-    for (int i = 0; i < 3; i++) a[i] += turn * z1[i];
+    for (int i = 0; i < 3; i++) a[i] += turn * f1[i];
     shorten(w, direction * p->tilt_slew_rad_s);
     shorten(a, most);
     for (int i = 0; i < 3; i++) {

@@ -90,6 +90,12 @@ static void limits_of(const tc_parameters* p, tc_path_limits* limits) {
     limits->yaw_rate_rad_s = p->path_yaw_rate_rad_s;
 }
 
+static void tell_active(tc_controller* c) {
+    const tc_trajectory* active = tc_store_active(&c->store);
+    c->telemetry.trajectory_id = active != NULL ? active->header.id : 0u;
+    c->telemetry.trajectory_crc32 = active != NULL ? active->header.crc32 : 0u;
+}
+
 /* Takes the new parameters. A trajectory was accepted under the limits of its time: new limits, new upload. */
 static void adopt(tc_controller* c, const tc_parameters* parameters) {
     tc_path_limits before, after;
@@ -100,7 +106,20 @@ static void adopt(tc_controller* c, const tc_parameters* parameters) {
     if (memcmp(&before, &after, sizeof after) != 0) {
         c->store.has_active = false;
         tc_store_discard(&c->store);
+        tell_active(c);
     }
+}
+
+/* What follows from the parameters, so that no tick has to ask for what it does not need. */
+static void prepare(tc_controller* c) {
+    const tc_parameters* p = &c->parameters;
+    float sine, cosine;
+    tc_sin_cos(p->tilt_error_rad, &sine, &cosine);
+    c->tilt_bound = 1.0f - cosine;
+    c->has_moments = tc_has_moments(p);
+    c->has_lead = c->has_moments || p->rotor_lag_s > 0.0f || p->battery_gain_1_v > 0.0f;
+    c->has_integral = p->ki_xy_1_s3 > 0.0f || p->ki_z_1_s3 > 0.0f;
+    c->was_flying = c->was_flying && c->has_lead; /* the filter starts anew when it comes to be needed */
 }
 
 tc_reason tc_parameters_set(tc_controller* c, const tc_parameters* parameters) {
@@ -114,12 +133,8 @@ tc_reason tc_parameters_set(tc_controller* c, const tc_parameters* parameters) {
         if (c->configured) (void)tc_mixer_configure(&c->mixer, &c->parameters);
         return reason;
     }
-    adopt(c, parameters);
-    parameters = &c->parameters; /* what came may have lain in the staged slot */
-    float sine, cosine;
-    tc_sin_cos(parameters->tilt_error_rad, &sine, &cosine);
-    c->tilt_bound = 1.0f - cosine;
-    c->has_moments = tc_has_moments(parameters);
+    adopt(c, parameters); /* what came may have lain in the staged slot: it is gone */
+    prepare(c);
     return TC_OK;
 }
 
@@ -156,8 +171,10 @@ tc_reason tc_upload_finish(tc_controller* c) { return tc_store_finish(&c->store)
 tc_reason tc_upload_activate(tc_controller* c, uint32_t id, uint32_t crc32) {
     const uint8_t state = c->mission.state;
     const bool in_use = state == TC_APPROACH || tc_mission_on_path(state);
-    return in_use && !tc_store_is_active(&c->store, id, crc32) ? TC_SLOT_IN_USE
-                                                               : tc_store_activate(&c->store, id, crc32);
+    if (in_use && !tc_store_is_active(&c->store, id, crc32)) return TC_SLOT_IN_USE;
+    const tc_reason reason = tc_store_activate(&c->store, id, crc32);
+    tell_active(c);
+    return reason;
 }
 
 void tc_ground_alive(tc_controller* c, uint64_t time_us) {

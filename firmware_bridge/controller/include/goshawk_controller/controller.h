@@ -78,6 +78,8 @@ typedef struct {
     float tilt_bound;                  /* 1 - cos(tilt_error_rad) */
     float slow_speed_rad_s[TC_ROTORS]; /* the mixer's, filtered: what the rotors are taken to do */
     bool has_moments;                  /* of the modelled moments any is not zero */
+    bool has_lead;                     /* rotor lag, battery or moments: speeds are filtered and corrected */
+    bool has_integral;                 /* of the integrator's gains any is not zero */
     bool was_flying;
     uint64_t last_tick_us;
     uint64_t ground_seen_us;
