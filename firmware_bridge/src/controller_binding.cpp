@@ -137,9 +137,7 @@ nb::dict telemetry(const Controller& self) {
 
 tc_parameters parameters_from(const float* values, size_t count) {
     tc_parameters p{};
-    for (uint16_t i = 0; i < tc_parameters_count() && i < count; i++) {
-        std::memcpy(reinterpret_cast<uint8_t*>(&p) + tc_parameters_info(i)->offset, values + i, sizeof(float));
-    }
+    std::memcpy(&p, values, std::min<size_t>(count * sizeof(float), sizeof p));  // in the order of the table
     return p;
 }
 
@@ -153,8 +151,9 @@ Out parameters(const Controller& self) {
 nb::list parameter_table() {
     nb::list rows;
     for (uint16_t i = 0; i < tc_parameters_count(); i++) {
-        const tc_parameter_info* info = tc_parameters_info(i);
-        rows.append(nb::make_tuple(info->name, info->smallest, info->largest, info->preset, info->in_flight != 0));
+        float smallest, largest, preset;
+        tc_parameters_range(i, &smallest, &largest, &preset);
+        rows.append(nb::make_tuple(tc_parameters_name(i), smallest, largest, preset, tc_parameters_in_flight(i)));
     }
     return rows;
 }

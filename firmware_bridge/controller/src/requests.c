@@ -76,7 +76,7 @@ tc_reason tc_do(tc_controller* c, tc_command command, float value) {
 static bool only_flight_parameters_differ(const tc_parameters* a, const tc_parameters* b) {
     for (uint16_t i = 0; i < tc_parameters_count(); i++) {
         const float x = tc_parameters_get(a, i), y = tc_parameters_get(b, i);
-        if ((x > y || x < y) && tc_parameters_info(i)->in_flight == 0u) return false;
+        if ((x > y || x < y) && !tc_parameters_in_flight(i)) return false;
     }
     return true;
 }
@@ -97,7 +97,7 @@ static void tell_active(tc_controller* c) {
 }
 
 /* Takes the new parameters. A trajectory was accepted under the limits of its time: new limits, new upload. */
-static void adopt(tc_controller* c, const tc_parameters* parameters) {
+static __attribute__((noinline)) void adopt(tc_controller* c, const tc_parameters* parameters) {
     tc_path_limits before, after;
     limits_of(&c->parameters, &before);
     limits_of(parameters, &after);

@@ -76,6 +76,34 @@ void set_out(tc_controller* c, uint64_t* time_us, uint8_t link_loss_policy, uint
     }
 }
 
+/* Names are kept apart from the rest of the table, in the order of the struct. */
+static void parameter_table(void) {
+#define STANDS_AT(name, field) \
+    must(tc_parameters_find(name) == (int32_t)(offsetof(tc_parameters, field) / sizeof(float)), name)
+    STANDS_AT("mass_kg", mass_kg);
+    STANDS_AT("inertia_zz", inertia_kg_m2[2]);
+    STANDS_AT("rotor3_gain", rotor_gain[3]);
+    STANDS_AT("cq_n_m_s2", cq_n_m_s2);
+    STANDS_AT("drag_norm_z_kg_m", parasitic_norm_kg_m[2]);
+    STANDS_AT("battery_ref_v", battery_reference_v);
+    STANDS_AT("kp_z_1_s2", kp_z_1_s2);
+    STANDS_AT("predict_extra_s", predict_extra_s);
+    STANDS_AT("fence_max_z_m", fence_max_world_m[2]);
+    STANDS_AT("emergency_s", emergency_s);
+#undef STANDS_AT
+    float smallest = 0.0f, largest = 0.0f, preset = 0.0f;
+    for (uint16_t i = 0; i < tc_parameters_count(); i++) {
+        must(tc_parameters_find(tc_parameters_name(i)) == (int32_t)i, "found by its name");
+        must(tc_parameters_range(i, &smallest, &largest, &preset), "has a range");
+        must(smallest < largest && smallest <= preset && preset <= largest, "in which its preset lies");
+    }
+    must(*tc_parameters_name(tc_parameters_count()) == '\0', "no name beyond the table");
+    must(*tc_parameters_name(UINT16_MAX) == '\0', "nor far beyond it");
+    must(!tc_parameters_in_flight(tc_parameters_count()), "which cannot change");
+    must(!tc_parameters_range(tc_parameters_count(), &smallest, &largest, &preset), "and has no range");
+    must(tc_parameters_find("nonsense") == -1, "nor is anything else found");
+}
+
 static void guards(void) {
     static tc_controller c;
     static tc_trajectory plan;
@@ -216,6 +244,7 @@ static void silence(void) {
 }
 
 void mission_cases(void) {
+    parameter_table();
     guards();
     on_the_path();
     misfortunes();

@@ -112,17 +112,12 @@ typedef struct {
     float emergency_s;    /* rotors off after this long in the emergency descent */
 } tc_parameters;
 
-typedef struct {
-    char name[TC_PARAMETER_NAME_SIZE];
-    uint16_t offset;   /* of the float in tc_parameters */
-    uint8_t in_flight; /* 1: may change in the air */
-    uint8_t whole;     /* 1: a choice, whole numbers only */
-    float smallest, largest, preset;
-} tc_parameter_info;
-
 uint16_t tc_parameters_count(void);
-const tc_parameter_info* tc_parameters_info(uint16_t index); /* NULL beyond the table */
-int32_t tc_parameters_find(const char* name);                /* -1 when there is none; reads at most 16 characters */
+const char* tc_parameters_name(uint16_t index); /* "" beyond the table */
+bool tc_parameters_in_flight(uint16_t index);   /* whether it may change in the air */
+/* False beyond the table, with nothing written. */
+bool tc_parameters_range(uint16_t index, float* smallest, float* largest, float* preset);
+int32_t tc_parameters_find(const char* name); /* -1 when there is none; reads at most 16 characters */
 
 void tc_parameters_default(tc_parameters* parameters);
 float tc_parameters_get(const tc_parameters* parameters, uint16_t index); /* 0 beyond the table */
