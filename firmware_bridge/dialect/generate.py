@@ -16,6 +16,7 @@ PYTHON = HERE / "generated" / "messages.py"
 
 _SIZES = {"double": 8, "float": 4, "char": 1} | {f"{s}int{n}_t": n // 8 for s in ("", "u") for n in (8, 16, 32, 64)}
 _STRUCT = {"float": "f", "char": "s", "int8_t": "b", "uint8_t": "B", "int16_t": "h", "uint16_t": "H", "int32_t": "i"}
+_NO_TARGET = 255
 _STRUCT |= {"uint32_t": "I", "int64_t": "q", "uint64_t": "Q"}
 
 
@@ -120,12 +121,11 @@ def header(messages: list[Definition], enums: list[tuple[str, list[tuple[str, in
         lines = [f"    {entry} = {value}, /* {words} */" for entry, value, words in entries]
         parts.append(f"/* {name} */\nenum {{\n" + "\n".join(lines) + "\n};\n")
     parts += [_c_message(message) for message in messages]
-    cases = [
-        f"    case {m.name}_ID:\n        *crc_extra = {m.name}_CRC_EXTRA;\n        return {m.name}_LENGTH;"
+    rows = [
+        f"    {{{m.name}_ID, {m.name}_LENGTH, {m.name}_CRC_EXTRA, {_NO_TARGET if m.target_offset < 0 else m.target_offset}u}},"
         for m in messages
     ]
-    targets = [f"    case {m.name}_ID:\n        return {m.target_offset}u;" for m in messages if m.target_offset >= 0]
-    parts.append(_C_BOTTOM.replace("CASES", "\n".join(cases)).replace("TARGETS", "\n".join(targets)))
+    parts.append(_C_BOTTOM.replace("ROWS", "\n".join(rows)).replace("NO_TARGET_VALUE", f"{_NO_TARGET}u"))
     return "\n".join(parts)
 
 
@@ -142,17 +142,26 @@ def _c_message(message: Definition) -> str:
         offset += f.size
     lines += ["};", ""]
     for verb in ("encode", "decode"):
-        out = verb == "encode"
-        given = (
-            f"const {lower}_msg *m, uint8_t payload[{upper}_LENGTH]" if out else f"{lower}_msg *m, goshawk_payload p"
-        )
-        lines += [f"static inline void {lower}_{verb}({given})", "{"]
-        offset = 0
-        for field in message.fields:
-            lines += _c_field(field, offset, "put" if out else "get")
-            offset += field.size
-        lines += ["}", ""]
+        lines += [*_c_codec(message, verb), ""]
     return "\n".join(lines)
+
+
+def _c_codec(message: Definition, verb: str) -> list[str]:
+    """Field by field; in one piece where memory and wire look alike."""
+    upper, lower, out = message.name, message.name.lower(), verb == "encode"
+    given = f"const {lower}_msg *m, uint8_t payload[{upper}_LENGTH]" if out else f"{lower}_msg *m, goshawk_payload p"
+    by_field: list[str] = []
+    offset, gapless = 0, True
+    for field in message.fields:
+        by_field += _c_field(field, offset, "put" if out else "get")
+        gapless = gapless and offset % _SIZES[field.ctype] == 0
+        offset += field.size
+    if gapless:
+        last = message.fields[-1].name
+        piece = f"memcpy(payload, m, {upper}_LENGTH);" if out else f"goshawk_read(m, {upper}_LENGTH, p, 0);"
+        check = f'_Static_assert(offsetof({lower}_msg, {last}) == {upper}_{last.upper()}_AT, "no gaps");'
+        by_field = ["#if GOSHAWK_LITTLE_ENDIAN", f"    {check}", f"    {piece}", "#else", *by_field, "#endif"]
+    return [f"static inline void {lower}_{verb}({given})", "{", *by_field, "}"]
 
 
 def _c_field(field: Field, offset: int, verb: str) -> list[str]:
@@ -219,11 +228,24 @@ _C_TOP = """\
 #ifndef GOSHAWK_DIALECT_H
 #define GOSHAWK_DIALECT_H
 
+#include <stddef.h>
 #include <stdint.h>
 #include <string.h>
 
+/* On such a machine a message's struct and its payload are the same bytes. */
+#if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
+#define GOSHAWK_LITTLE_ENDIAN 1
+#else
+#define GOSHAWK_LITTLE_ENDIAN 0
+#endif
+
 /* Little-endian access that needs no alignment. */
 static inline void goshawk_put_u8(uint8_t *p, uint8_t v) { p[0] = v; }
+#if GOSHAWK_LITTLE_ENDIAN
+static inline void goshawk_put_u16(uint8_t *p, uint16_t v) { memcpy(p, &v, sizeof v); }
+static inline void goshawk_put_u32(uint8_t *p, uint32_t v) { memcpy(p, &v, sizeof v); }
+static inline void goshawk_put_u64(uint8_t *p, uint64_t v) { memcpy(p, &v, sizeof v); }
+#else
 static inline void goshawk_put_u16(uint8_t *p, uint16_t v)
 {
     p[0] = (uint8_t)(v & 0xFFu);
@@ -239,6 +261,7 @@ static inline void goshawk_put_u64(uint8_t *p, uint64_t v)
     goshawk_put_u32(p, (uint32_t)(v & 0xFFFFFFFFu));
     goshawk_put_u32(p + 4, (uint32_t)(v >> 32));
 }
+#endif
 static inline void goshawk_put_i8(uint8_t *p, int8_t v) { goshawk_put_u8(p, (uint8_t)v); }
 static inline void goshawk_put_i16(uint8_t *p, int16_t v) { goshawk_put_u16(p, (uint16_t)v); }
 static inline void goshawk_put_i32(uint8_t *p, int32_t v) { goshawk_put_u32(p, (uint32_t)v); }
@@ -257,6 +280,14 @@ typedef struct {
 } goshawk_payload;
 
 static inline uint8_t goshawk_get_u8(goshawk_payload p, unsigned at) { return at < p.n ? p.bytes[at] : 0u; }
+#if GOSHAWK_LITTLE_ENDIAN
+static inline void goshawk_read(void *out, unsigned size, goshawk_payload p, unsigned at)
+{
+    uint8_t *bytes = (uint8_t *)out;
+    for (unsigned i = 0; i < size; i++)
+        bytes[i] = goshawk_get_u8(p, at + i);
+}
+#endif
 static inline uint16_t goshawk_get_u16(goshawk_payload p, unsigned at)
 {
     return (uint16_t)(goshawk_get_u8(p, at) | ((unsigned)goshawk_get_u8(p, at + 1u) << 8));
@@ -283,27 +314,27 @@ static inline float goshawk_get_f32(goshawk_payload p, unsigned at)
 """
 
 _C_BOTTOM = """\
-/* Full payload length of a message and its CRC_EXTRA; 0 for a message that is not of this dialect. */
-static inline unsigned goshawk_dialect_find(uint32_t id, uint8_t *crc_extra)
-{
-    switch (id) {
-CASES
-    default:
-        *crc_extra = 0;
-        return 0;
-    }
-}
+#define GOSHAWK_NO_TARGET NO_TARGET_VALUE
 
-#define GOSHAWK_NO_TARGET 255u
+typedef struct {
+    uint16_t id;
+    uint8_t length; /* of the full payload */
+    uint8_t crc_extra;
+    uint8_t target; /* where target_system lies in the payload (target_component follows), or GOSHAWK_NO_TARGET */
+} goshawk_dialect_row;
 
-/* Where a message's target_system lies in its payload (target_component follows), or GOSHAWK_NO_TARGET. */
-static inline unsigned goshawk_dialect_target(uint32_t id)
+/* What is known of a message; NULL when it is not of this dialect. */
+static inline const goshawk_dialect_row *goshawk_dialect_of(uint32_t id)
 {
-    switch (id) {
-TARGETS
-    default:
-        return GOSHAWK_NO_TARGET;
+    static const goshawk_dialect_row rows[] = {
+ROWS
+    };
+    for (unsigned i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        if (rows[i].id == id) {
+            return &rows[i];
+        }
     }
+    return NULL;
 }
 
 #endif

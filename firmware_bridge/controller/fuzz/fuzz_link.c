@@ -86,20 +86,18 @@ static void start(vehicle* v, bool sign) {
 /* A frame of the dialect whose payload comes from the input; small numbers where the fuzzer would need luck. */
 static size_t make_frame(bytes* input, uint8_t sequence, uint8_t frame[TC_FRAME_MAX]) {
     uint8_t payload[TC_PAYLOAD_MAX];
-    uint8_t crc_extra;
     const uint32_t id = kinds[take(input) % (sizeof kinds / sizeof kinds[0])];
-    const unsigned length = goshawk_dialect_find(id, &crc_extra);
+    const goshawk_dialect_row* row = goshawk_dialect_of(id);
     const unsigned given = take(input);
     memset(payload, 0, sizeof payload);
-    for (unsigned i = 0; i < length && i < given; i++) {
+    for (unsigned i = 0; i < row->length && i < given; i++) {
         payload[i] = take(input);
     }
-    const unsigned target = goshawk_dialect_target(id);
-    if (target != GOSHAWK_NO_TARGET) {
-        payload[target] = 1;
-        payload[target + 1u] = 1;
+    if (row->target != GOSHAWK_NO_TARGET) {
+        payload[row->target] = 1;
+        payload[row->target + 1u] = 1;
     }
-    return tc_frame_build(frame, id, payload, length, sequence, 255, 190, NULL, 0);
+    return tc_frame_build(frame, id, payload, row->length, sequence, 255, 190, NULL, 0);
 }
 
 /* Encodes a message by its name and hands it to the vehicle. */

@@ -47,61 +47,66 @@ static NOINLINE void on_lease(tc_link* link, const link_sender* from, goshawk_pa
     link->lease.answer = true;
 }
 
-/* Orders that concern the link itself. */
-static uint8_t do_link_order(tc_link* link, const goshawk_mission_command_msg* m) {
-    switch (m->command) {
+static uint8_t set_state_rate(tc_link* link, float rate_hz) {
+    if (!(rate_hz >= 0.0f && rate_hz <= 1000.0f)) {
+        return TC_OUT_OF_RANGE;
+    }
+    link->telemetry.state_period_us = rate_hz >= 0.1f ? (uint32_t)(1e6f / rate_hz) : 0u;
+    return TC_OK;
+}
+
+/* Whether the order means the trajectory that is active. */
+static NOINLINE tc_reason check_trajectory(const tc_link* link, goshawk_payload payload) {
+    const tc_store* store = &link->controller->store;
+    const uint32_t id = goshawk_get_u32(payload, GOSHAWK_MISSION_COMMAND_TRAJECTORY_ID_AT);
+    if (tc_store_active(store) == NULL) {
+        return TC_NO_TRAJECTORY;
+    }
+    const bool meant = tc_store_is_active(store, id, goshawk_get_u32(payload, GOSHAWK_MISSION_COMMAND_CRC32_AT));
+    return meant ? TC_OK : (tc_reason)TC_LINK_OTHER_TRAJECTORY;
+}
+
+static uint8_t do_order(tc_link* link, uint8_t command, goshawk_payload payload) {
+    const float value = goshawk_get_f32(payload, GOSHAWK_MISSION_COMMAND_VALUE_AT);
+    if (command < (uint8_t)TC_COMMAND_COUNT) {
+        const tc_reason reason =
+            command == (uint8_t)TC_COMMAND_START ? check_trajectory(link, payload) : (tc_reason)TC_OK;
+        return (uint8_t)(reason != TC_OK ? reason : tc_do(link->controller, (tc_command)command, value));
+    }
+    switch (command) { /* those that concern the link itself */
         case GOSHAWK_COMMAND_LOG_START:
-            return link_log_start(link, m->request_id);
+            return link_log_start(link, link->order.request_id);
         case GOSHAWK_COMMAND_LOG_STOP:
             link->log.running = false;
             return TC_OK;
         case GOSHAWK_COMMAND_STATE_RATE:
-            if (!(m->value >= 0.0f && m->value <= 1000.0f)) {
-                return TC_OUT_OF_RANGE;
-            }
-            link->telemetry.state_period_us = m->value >= 0.1f ? (uint32_t)(1e6f / m->value) : 0u;
-            return TC_OK;
+            return set_state_rate(link, value);
         default:
             return TC_LINK_UNSUPPORTED;
     }
 }
 
-static uint8_t do_order(tc_link* link, const goshawk_mission_command_msg* m) {
-    if (m->command >= (uint8_t)TC_COMMAND_COUNT) {
-        return do_link_order(link, m);
-    }
-    const tc_trajectory* active = tc_store_active(&link->controller->store);
-    if (m->command == (uint8_t)TC_COMMAND_START && active == NULL) {
-        return TC_NO_TRAJECTORY;
-    }
-    if (m->command == (uint8_t)TC_COMMAND_START &&
-        (active->header.id != m->trajectory_id || active->header.crc32 != m->crc32)) {
-        return TC_LINK_OTHER_TRAJECTORY;
-    }
-    return (uint8_t)tc_do(link->controller, (tc_command)m->command, m->value);
-}
-
 static NOINLINE void on_order(tc_link* link, const link_sender* from, goshawk_payload payload) {
-    goshawk_mission_command_msg m;
-    goshawk_mission_command_decode(&m, payload);
-    if (m.request_id == 0u) {
+    const uint32_t request_id = goshawk_get_u32(payload, GOSHAWK_MISSION_COMMAND_REQUEST_ID_AT);
+    const uint8_t command = goshawk_get_u8(payload, GOSHAWK_MISSION_COMMAND_COMMAND_AT);
+    if (request_id == 0u) {
         return;
     }
     if (!from->in_control) {
-        link->order.foreign_id = m.request_id;
-        link->order.foreign_command = m.command;
+        link->order.foreign_id = request_id;
+        link->order.foreign_command = command;
         return;
     }
     link->order.answer = true;
-    if (m.request_id == link->order.request_id && from->system_id == link->order.system_id &&
+    if (request_id == link->order.request_id && from->system_id == link->order.system_id &&
         from->component_id == link->order.component_id) {
         return; /* repeated: the first answer again */
     }
-    link->order.request_id = m.request_id;
+    link->order.request_id = request_id;
     link->order.system_id = from->system_id;
     link->order.component_id = from->component_id;
-    link->order.command = m.command;
-    link->order.reason = do_order(link, &m);
+    link->order.command = command;
+    link->order.reason = do_order(link, command, payload);
 }
 
 /* Whether it is a request for the message whose id follows `below`. */
@@ -181,7 +186,7 @@ static void dispatch(tc_link* link, const link_sender* from, uint32_t id, goshaw
 }
 
 static bool is_for_us(const tc_link* link, const tc_frame* frame) {
-    const unsigned at = goshawk_dialect_target(frame->id);
+    const unsigned at = frame->target_at;
     if (frame->system_id == link->config->system_id || frame->system_id == 0u) {
         return false;
     }

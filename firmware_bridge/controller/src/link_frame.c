@@ -25,30 +25,32 @@ static uint32_t get_u24(const uint8_t* b) { return (uint32_t)get_u16(b) | ((uint
 
 enum { NO_FRAME = 0, MORE_NEEDED = 1 };
 
-/* Length of the frame that starts here, NO_FRAME if none can, MORE_NEEDED if the header's bytes do not tell yet. */
-static size_t frame_length(const uint8_t* b, size_t n, tc_frame_faults* faults) {
-    uint8_t crc_extra;
+/* Length of the frame that starts here, and what message it is; NO_FRAME and no message if none can, MORE_NEEDED if the
+   header's bytes do not tell yet. */
+static size_t frame_length(const uint8_t* b, size_t n, const goshawk_dialect_row** row, tc_frame_faults* faults) {
+    *row = NULL;
     if (b[0] != MAGIC) {
         return NO_FRAME;
     }
     if (n < HEADER) {
         return MORE_NEEDED;
     }
-    if ((b[2] & ~SIGNED_FLAG) != 0u || goshawk_dialect_find(get_u24(b + 7), &crc_extra) == 0u) {
+    if ((b[2] & ~SIGNED_FLAG) == 0u) {
+        *row = goshawk_dialect_of(get_u24(b + 7));
+    }
+    if (*row == NULL) {
         faults->unknown++;
         return NO_FRAME;
     }
     return HEADER + b[1] + 2u + ((b[2] & SIGNED_FLAG) != 0u ? SIGNATURE : 0u);
 }
 
-static bool checksum_fits(const uint8_t* b, uint32_t id) {
-    uint8_t crc_extra;
-    (void)goshawk_dialect_find(id, &crc_extra);
-    const uint16_t crc = tc_crc16(tc_crc16(0xFFFFu, b + 1, HEADER - 1u + b[1]), &crc_extra, 1);
-    return crc == get_u16(b + HEADER + b[1]);
+static uint16_t checksum(const uint8_t* frame, const goshawk_dialect_row* row) {
+    return tc_crc16(tc_crc16(0xFFFFu, frame + 1, HEADER - 1u + frame[1]), &row->crc_extra, 1);
 }
 
-static void read_frame(const uint8_t* b, size_t length, tc_frame* frame) {
+/* Reads a whole frame; false when its checksum is wrong. */
+static bool read_frame(const uint8_t* b, size_t length, const goshawk_dialect_row* row, tc_frame* frame) {
     memset(frame, 0, sizeof *frame);
     frame->raw = b;
     frame->payload = b + HEADER;
@@ -58,30 +60,28 @@ static void read_frame(const uint8_t* b, size_t length, tc_frame* frame) {
     frame->sequence = b[4];
     frame->system_id = b[5];
     frame->component_id = b[6];
-    frame->id = get_u24(b + 7);
+    frame->id = row->id;
+    frame->target_at = row->target;
     if (frame->is_signed) {
         const uint8_t* s = b + length - SIGNATURE;
         frame->link_id = s[0];
         frame->timestamp_10us = (uint64_t)get_u24(s + 1) | ((uint64_t)get_u24(s + 4) << 24);
     }
+    return checksum(b, row) == get_u16(b + HEADER + b[1]);
 }
 
 bool tc_frame_next(const uint8_t** bytes, size_t* n, tc_frame* frame, tc_frame_faults* faults) {
     while (*n > 0u) {
-        const uint8_t* b = *bytes;
-        size_t length = frame_length(b, *n, faults);
+        const goshawk_dialect_row* row;
+        const size_t length = frame_length(*bytes, *n, &row, faults);
         if (length == (size_t)MORE_NEEDED || length > *n) {
             return false;
         }
-        if (length != (size_t)NO_FRAME && !checksum_fits(b, get_u24(b + 7))) {
-            faults->checksum_errors++;
-            length = NO_FRAME;
-        }
-        const size_t past = length != (size_t)NO_FRAME ? length : 1u;
-        *bytes += past;
-        *n -= past;
-        if (length != (size_t)NO_FRAME) {
-            read_frame(b, length, frame);
+        const bool whole = row != NULL && read_frame(*bytes, length, row, frame);
+        faults->checksum_errors += row != NULL && !whole ? 1u : 0u;
+        *bytes += whole ? length : 1u;
+        *n -= whole ? length : 1u;
+        if (whole) {
             return true;
         }
     }
@@ -245,8 +245,10 @@ tc_signature tc_signing_check(tc_signing* signing, const tc_frame* frame) {
 
 size_t tc_frame_build(uint8_t out[TC_FRAME_MAX], uint32_t id, const uint8_t* payload, unsigned length, uint8_t sequence,
                       uint8_t system_id, uint8_t component_id, tc_signing* signing, uint8_t link_id) {
-    uint8_t crc_extra;
-    (void)goshawk_dialect_find(id, &crc_extra);
+    const goshawk_dialect_row* row = goshawk_dialect_of(id);
+    if (row == NULL) {
+        return 0;
+    }
     while (length > 1u && payload[length - 1u] == 0u) {
         length--;
     }
@@ -262,7 +264,7 @@ size_t tc_frame_build(uint8_t out[TC_FRAME_MAX], uint32_t id, const uint8_t* pay
     out[9] = (uint8_t)((id >> 16) & 0xFFu);
     memmove(out + HEADER, payload, length);
     size_t n = HEADER + length;
-    goshawk_put_u16(out + n, tc_crc16(tc_crc16(0xFFFFu, out + 1, n - 1u), &crc_extra, 1));
+    goshawk_put_u16(out + n, checksum(out, row));
     n += 2u;
     if (signing != NULL) {
         uint8_t digest[32];

@@ -155,15 +155,12 @@ void link_on_samples(tc_link* link, const link_sender* from, goshawk_payload pay
 }
 
 /* Checks and activates what is staged. */
-static tc_reason commit(tc_link* link, const goshawk_trajectory_commit_msg* m) {
-    if (m->transfer_id != link->upload.transfer_id) {
-        return TC_NO_UPLOAD;
-    }
+static tc_reason commit(tc_link* link, uint32_t id, uint32_t crc32) {
     const tc_trajectory_header* header = opened(link);
     if (header == NULL) {
         return TC_NO_UPLOAD;
     }
-    if (m->trajectory_id != header->id || m->crc32 != header->crc32) {
+    if (id != header->id || crc32 != header->crc32) {
         return TC_WRONG_ID;
     }
     if (link->upload.reason != 0u) {
@@ -174,30 +171,31 @@ static tc_reason commit(tc_link* link, const goshawk_trajectory_commit_msg* m) {
     }
     tc_reason reason = tc_upload_finish(link->controller);
     if (reason == TC_OK) {
-        reason = tc_upload_activate(link->controller, m->trajectory_id, m->crc32);
+        reason = tc_upload_activate(link->controller, id, crc32);
     }
     return reason;
 }
 
 void link_on_commit(tc_link* link, const link_sender* from, goshawk_payload payload) {
-    goshawk_trajectory_commit_msg m;
-    goshawk_trajectory_commit_decode(&m, payload);
-    if (m.transfer_id == 0u || !from->in_control) {
+    const uint32_t transfer_id = goshawk_get_u32(payload, GOSHAWK_TRAJECTORY_COMMIT_TRANSFER_ID_AT);
+    if (transfer_id == 0u || !from->in_control) {
         return; /* a station that is not in control has been told so at its beginning */
     }
     link->commit.answer = true;
-    if (m.transfer_id == link->commit.transfer_id) {
+    if (transfer_id == link->commit.transfer_id) {
         return; /* repeated: the first answer again */
     }
-    link->commit.transfer_id = m.transfer_id;
-    const tc_reason reason = commit(link, &m);
+    link->commit.transfer_id = transfer_id;
+    tc_reason reason = TC_NO_UPLOAD;
+    if (transfer_id == link->upload.transfer_id) {
+        const uint32_t id = goshawk_get_u32(payload, GOSHAWK_TRAJECTORY_COMMIT_TRAJECTORY_ID_AT);
+        reason = commit(link, id, goshawk_get_u32(payload, GOSHAWK_TRAJECTORY_COMMIT_CRC32_AT));
+        end_transfer(link); /* one commit ends it, whatever its answer */
+    }
     link->commit.reason = (uint8_t)reason;
     link->commit.segment = link->controller->store.refused_segment;
     if (reason == TC_OK) {
         link->telemetry.status_us = from->now_us; /* tell everybody at once */
-    }
-    if (m.transfer_id == link->upload.transfer_id) {
-        end_transfer(link); /* one commit ends it, whatever its answer */
     }
 }
 

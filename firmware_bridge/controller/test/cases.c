@@ -153,6 +153,7 @@ static void building(void) {
     must(tc_frame_build(frame, HEARTBEAT_ID, zeros, HEARTBEAT_LENGTH, 3, 1, 1, NULL, 0) == 13u, "one byte is left");
     must(frame[1] == 1u && frame[2] == 0u && frame[4] == 3u, "header");
     must(tc_frame_build(frame, HEARTBEAT_ID, zeros, 0, 0, 1, 1, NULL, 0) == 12u, "an empty payload stays empty");
+    must(tc_frame_build(frame, 1, zeros, 1, 0, 1, 1, NULL, 0) == 0u, "a message that nobody knows");
 }
 
 int main(void) {

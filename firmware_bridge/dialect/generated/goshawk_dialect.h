@@ -2,11 +2,24 @@
 #ifndef GOSHAWK_DIALECT_H
 #define GOSHAWK_DIALECT_H
 
+#include <stddef.h>
 #include <stdint.h>
 #include <string.h>
 
+/* On such a machine a message's struct and its payload are the same bytes. */
+#if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
+#define GOSHAWK_LITTLE_ENDIAN 1
+#else
+#define GOSHAWK_LITTLE_ENDIAN 0
+#endif
+
 /* Little-endian access that needs no alignment. */
 static inline void goshawk_put_u8(uint8_t *p, uint8_t v) { p[0] = v; }
+#if GOSHAWK_LITTLE_ENDIAN
+static inline void goshawk_put_u16(uint8_t *p, uint16_t v) { memcpy(p, &v, sizeof v); }
+static inline void goshawk_put_u32(uint8_t *p, uint32_t v) { memcpy(p, &v, sizeof v); }
+static inline void goshawk_put_u64(uint8_t *p, uint64_t v) { memcpy(p, &v, sizeof v); }
+#else
 static inline void goshawk_put_u16(uint8_t *p, uint16_t v)
 {
     p[0] = (uint8_t)(v & 0xFFu);
@@ -22,6 +35,7 @@ static inline void goshawk_put_u64(uint8_t *p, uint64_t v)
     goshawk_put_u32(p, (uint32_t)(v & 0xFFFFFFFFu));
     goshawk_put_u32(p + 4, (uint32_t)(v >> 32));
 }
+#endif
 static inline void goshawk_put_i8(uint8_t *p, int8_t v) { goshawk_put_u8(p, (uint8_t)v); }
 static inline void goshawk_put_i16(uint8_t *p, int16_t v) { goshawk_put_u16(p, (uint16_t)v); }
 static inline void goshawk_put_i32(uint8_t *p, int32_t v) { goshawk_put_u32(p, (uint32_t)v); }
@@ -40,6 +54,14 @@ typedef struct {
 } goshawk_payload;
 
 static inline uint8_t goshawk_get_u8(goshawk_payload p, unsigned at) { return at < p.n ? p.bytes[at] : 0u; }
+#if GOSHAWK_LITTLE_ENDIAN
+static inline void goshawk_read(void *out, unsigned size, goshawk_payload p, unsigned at)
+{
+    uint8_t *bytes = (uint8_t *)out;
+    for (unsigned i = 0; i < size; i++)
+        bytes[i] = goshawk_get_u8(p, at + i);
+}
+#endif
 static inline uint16_t goshawk_get_u16(goshawk_payload p, unsigned at)
 {
     return (uint16_t)(goshawk_get_u8(p, at) | ((unsigned)goshawk_get_u8(p, at + 1u) << 8));
@@ -130,22 +152,32 @@ enum {
 
 static inline void heartbeat_encode(const heartbeat_msg *m, uint8_t payload[HEARTBEAT_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(heartbeat_msg, mavlink_version) == HEARTBEAT_MAVLINK_VERSION_AT, "no gaps");
+    memcpy(payload, m, HEARTBEAT_LENGTH);
+#else
     goshawk_put_u32(payload + 0, m->custom_mode);
     goshawk_put_u8(payload + 4, m->type);
     goshawk_put_u8(payload + 5, m->autopilot);
     goshawk_put_u8(payload + 6, m->base_mode);
     goshawk_put_u8(payload + 7, m->system_status);
     goshawk_put_u8(payload + 8, m->mavlink_version);
+#endif
 }
 
 static inline void heartbeat_decode(heartbeat_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(heartbeat_msg, mavlink_version) == HEARTBEAT_MAVLINK_VERSION_AT, "no gaps");
+    goshawk_read(m, HEARTBEAT_LENGTH, p, 0);
+#else
     m->custom_mode = goshawk_get_u32(p, 0u);
     m->type = goshawk_get_u8(p, 4u);
     m->autopilot = goshawk_get_u8(p, 5u);
     m->base_mode = goshawk_get_u8(p, 6u);
     m->system_status = goshawk_get_u8(p, 7u);
     m->mavlink_version = goshawk_get_u8(p, 8u);
+#endif
 }
 
 /* Ask for one parameter by index or by name. */
@@ -167,20 +199,30 @@ enum {
 
 static inline void param_request_read_encode(const param_request_read_msg *m, uint8_t payload[PARAM_REQUEST_READ_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(param_request_read_msg, param_id) == PARAM_REQUEST_READ_PARAM_ID_AT, "no gaps");
+    memcpy(payload, m, PARAM_REQUEST_READ_LENGTH);
+#else
     goshawk_put_i16(payload + 0, m->param_index);
     goshawk_put_u8(payload + 2, m->target_system);
     goshawk_put_u8(payload + 3, m->target_component);
     for (unsigned i = 0; i < 16u; i++)
         goshawk_put_i8(payload + 4 + i, (int8_t)m->param_id[i]);
+#endif
 }
 
 static inline void param_request_read_decode(param_request_read_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(param_request_read_msg, param_id) == PARAM_REQUEST_READ_PARAM_ID_AT, "no gaps");
+    goshawk_read(m, PARAM_REQUEST_READ_LENGTH, p, 0);
+#else
     m->param_index = goshawk_get_i16(p, 0u);
     m->target_system = goshawk_get_u8(p, 2u);
     m->target_component = goshawk_get_u8(p, 3u);
     for (unsigned i = 0; i < 16u; i++)
         m->param_id[i] = (char)goshawk_get_i8(p, 4u + i);
+#endif
 }
 
 /* Ask for all parameters. */
@@ -198,14 +240,24 @@ enum {
 
 static inline void param_request_list_encode(const param_request_list_msg *m, uint8_t payload[PARAM_REQUEST_LIST_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(param_request_list_msg, target_component) == PARAM_REQUEST_LIST_TARGET_COMPONENT_AT, "no gaps");
+    memcpy(payload, m, PARAM_REQUEST_LIST_LENGTH);
+#else
     goshawk_put_u8(payload + 0, m->target_system);
     goshawk_put_u8(payload + 1, m->target_component);
+#endif
 }
 
 static inline void param_request_list_decode(param_request_list_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(param_request_list_msg, target_component) == PARAM_REQUEST_LIST_TARGET_COMPONENT_AT, "no gaps");
+    goshawk_read(m, PARAM_REQUEST_LIST_LENGTH, p, 0);
+#else
     m->target_system = goshawk_get_u8(p, 0u);
     m->target_component = goshawk_get_u8(p, 1u);
+#endif
 }
 
 /* One parameter. */
@@ -229,22 +281,32 @@ enum {
 
 static inline void param_value_encode(const param_value_msg *m, uint8_t payload[PARAM_VALUE_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(param_value_msg, param_type) == PARAM_VALUE_PARAM_TYPE_AT, "no gaps");
+    memcpy(payload, m, PARAM_VALUE_LENGTH);
+#else
     goshawk_put_f32(payload + 0, m->param_value);
     goshawk_put_u16(payload + 4, m->param_count);
     goshawk_put_u16(payload + 6, m->param_index);
     for (unsigned i = 0; i < 16u; i++)
         goshawk_put_i8(payload + 8 + i, (int8_t)m->param_id[i]);
     goshawk_put_u8(payload + 24, m->param_type);
+#endif
 }
 
 static inline void param_value_decode(param_value_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(param_value_msg, param_type) == PARAM_VALUE_PARAM_TYPE_AT, "no gaps");
+    goshawk_read(m, PARAM_VALUE_LENGTH, p, 0);
+#else
     m->param_value = goshawk_get_f32(p, 0u);
     m->param_count = goshawk_get_u16(p, 4u);
     m->param_index = goshawk_get_u16(p, 6u);
     for (unsigned i = 0; i < 16u; i++)
         m->param_id[i] = (char)goshawk_get_i8(p, 8u + i);
     m->param_type = goshawk_get_u8(p, 24u);
+#endif
 }
 
 /* Attitude, NED from FRD. */
@@ -276,6 +338,10 @@ enum {
 
 static inline void attitude_quaternion_encode(const attitude_quaternion_msg *m, uint8_t payload[ATTITUDE_QUATERNION_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(attitude_quaternion_msg, repr_offset_q) == ATTITUDE_QUATERNION_REPR_OFFSET_Q_AT, "no gaps");
+    memcpy(payload, m, ATTITUDE_QUATERNION_LENGTH);
+#else
     goshawk_put_u32(payload + 0, m->time_boot_ms);
     goshawk_put_f32(payload + 4, m->q1);
     goshawk_put_f32(payload + 8, m->q2);
@@ -286,10 +352,15 @@ static inline void attitude_quaternion_encode(const attitude_quaternion_msg *m, 
     goshawk_put_f32(payload + 28, m->yawspeed);
     for (unsigned i = 0; i < 4u; i++)
         goshawk_put_f32(payload + 32 + (4u * i), m->repr_offset_q[i]);
+#endif
 }
 
 static inline void attitude_quaternion_decode(attitude_quaternion_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(attitude_quaternion_msg, repr_offset_q) == ATTITUDE_QUATERNION_REPR_OFFSET_Q_AT, "no gaps");
+    goshawk_read(m, ATTITUDE_QUATERNION_LENGTH, p, 0);
+#else
     m->time_boot_ms = goshawk_get_u32(p, 0u);
     m->q1 = goshawk_get_f32(p, 4u);
     m->q2 = goshawk_get_f32(p, 8u);
@@ -300,6 +371,7 @@ static inline void attitude_quaternion_decode(attitude_quaternion_msg *m, goshaw
     m->yawspeed = goshawk_get_f32(p, 28u);
     for (unsigned i = 0; i < 4u; i++)
         m->repr_offset_q[i] = goshawk_get_f32(p, 32u + (4u * i));
+#endif
 }
 
 /* Position and velocity, NED. */
@@ -327,6 +399,10 @@ enum {
 
 static inline void local_position_ned_encode(const local_position_ned_msg *m, uint8_t payload[LOCAL_POSITION_NED_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(local_position_ned_msg, vz) == LOCAL_POSITION_NED_VZ_AT, "no gaps");
+    memcpy(payload, m, LOCAL_POSITION_NED_LENGTH);
+#else
     goshawk_put_u32(payload + 0, m->time_boot_ms);
     goshawk_put_f32(payload + 4, m->x);
     goshawk_put_f32(payload + 8, m->y);
@@ -334,10 +410,15 @@ static inline void local_position_ned_encode(const local_position_ned_msg *m, ui
     goshawk_put_f32(payload + 16, m->vx);
     goshawk_put_f32(payload + 20, m->vy);
     goshawk_put_f32(payload + 24, m->vz);
+#endif
 }
 
 static inline void local_position_ned_decode(local_position_ned_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(local_position_ned_msg, vz) == LOCAL_POSITION_NED_VZ_AT, "no gaps");
+    goshawk_read(m, LOCAL_POSITION_NED_LENGTH, p, 0);
+#else
     m->time_boot_ms = goshawk_get_u32(p, 0u);
     m->x = goshawk_get_f32(p, 4u);
     m->y = goshawk_get_f32(p, 8u);
@@ -345,6 +426,7 @@ static inline void local_position_ned_decode(local_position_ned_msg *m, goshawk_
     m->vx = goshawk_get_f32(p, 16u);
     m->vy = goshawk_get_f32(p, 20u);
     m->vz = goshawk_get_f32(p, 24u);
+#endif
 }
 
 /* A command of the common set. */
@@ -380,6 +462,10 @@ enum {
 
 static inline void command_long_encode(const command_long_msg *m, uint8_t payload[COMMAND_LONG_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(command_long_msg, confirmation) == COMMAND_LONG_CONFIRMATION_AT, "no gaps");
+    memcpy(payload, m, COMMAND_LONG_LENGTH);
+#else
     goshawk_put_f32(payload + 0, m->param1);
     goshawk_put_f32(payload + 4, m->param2);
     goshawk_put_f32(payload + 8, m->param3);
@@ -391,10 +477,15 @@ static inline void command_long_encode(const command_long_msg *m, uint8_t payloa
     goshawk_put_u8(payload + 30, m->target_system);
     goshawk_put_u8(payload + 31, m->target_component);
     goshawk_put_u8(payload + 32, m->confirmation);
+#endif
 }
 
 static inline void command_long_decode(command_long_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(command_long_msg, confirmation) == COMMAND_LONG_CONFIRMATION_AT, "no gaps");
+    goshawk_read(m, COMMAND_LONG_LENGTH, p, 0);
+#else
     m->param1 = goshawk_get_f32(p, 0u);
     m->param2 = goshawk_get_f32(p, 4u);
     m->param3 = goshawk_get_f32(p, 8u);
@@ -406,6 +497,7 @@ static inline void command_long_decode(command_long_msg *m, goshawk_payload p)
     m->target_system = goshawk_get_u8(p, 30u);
     m->target_component = goshawk_get_u8(p, 31u);
     m->confirmation = goshawk_get_u8(p, 32u);
+#endif
 }
 
 /* Answer to COMMAND_LONG. */
@@ -431,22 +523,32 @@ enum {
 
 static inline void command_ack_encode(const command_ack_msg *m, uint8_t payload[COMMAND_ACK_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(command_ack_msg, target_component) == COMMAND_ACK_TARGET_COMPONENT_AT, "no gaps");
+    memcpy(payload, m, COMMAND_ACK_LENGTH);
+#else
     goshawk_put_u16(payload + 0, m->command);
     goshawk_put_u8(payload + 2, m->result);
     goshawk_put_u8(payload + 3, m->progress);
     goshawk_put_i32(payload + 4, m->result_param2);
     goshawk_put_u8(payload + 8, m->target_system);
     goshawk_put_u8(payload + 9, m->target_component);
+#endif
 }
 
 static inline void command_ack_decode(command_ack_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(command_ack_msg, target_component) == COMMAND_ACK_TARGET_COMPONENT_AT, "no gaps");
+    goshawk_read(m, COMMAND_ACK_LENGTH, p, 0);
+#else
     m->command = goshawk_get_u16(p, 0u);
     m->result = goshawk_get_u8(p, 2u);
     m->progress = goshawk_get_u8(p, 3u);
     m->result_param2 = goshawk_get_i32(p, 4u);
     m->target_system = goshawk_get_u8(p, 8u);
     m->target_component = goshawk_get_u8(p, 9u);
+#endif
 }
 
 /* Clock comparison. A request has tc1 = 0; the answer carries the answerer's time there. */
@@ -468,18 +570,28 @@ enum {
 
 static inline void timesync_encode(const timesync_msg *m, uint8_t payload[TIMESYNC_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(timesync_msg, target_component) == TIMESYNC_TARGET_COMPONENT_AT, "no gaps");
+    memcpy(payload, m, TIMESYNC_LENGTH);
+#else
     goshawk_put_i64(payload + 0, m->tc1);
     goshawk_put_i64(payload + 8, m->ts1);
     goshawk_put_u8(payload + 16, m->target_system);
     goshawk_put_u8(payload + 17, m->target_component);
+#endif
 }
 
 static inline void timesync_decode(timesync_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(timesync_msg, target_component) == TIMESYNC_TARGET_COMPONENT_AT, "no gaps");
+    goshawk_read(m, TIMESYNC_LENGTH, p, 0);
+#else
     m->tc1 = goshawk_get_i64(p, 0u);
     m->ts1 = goshawk_get_i64(p, 8u);
     m->target_system = goshawk_get_u8(p, 16u);
     m->target_component = goshawk_get_u8(p, 17u);
+#endif
 }
 
 /* Battery. */
@@ -594,6 +706,10 @@ enum {
 
 static inline void autopilot_version_encode(const autopilot_version_msg *m, uint8_t payload[AUTOPILOT_VERSION_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(autopilot_version_msg, uid2) == AUTOPILOT_VERSION_UID2_AT, "no gaps");
+    memcpy(payload, m, AUTOPILOT_VERSION_LENGTH);
+#else
     goshawk_put_u64(payload + 0, m->capabilities);
     goshawk_put_u64(payload + 8, m->uid);
     goshawk_put_u32(payload + 16, m->flight_sw_version);
@@ -610,10 +726,15 @@ static inline void autopilot_version_encode(const autopilot_version_msg *m, uint
         goshawk_put_u8(payload + 52 + i, m->os_custom_version[i]);
     for (unsigned i = 0; i < 18u; i++)
         goshawk_put_u8(payload + 60 + i, m->uid2[i]);
+#endif
 }
 
 static inline void autopilot_version_decode(autopilot_version_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(autopilot_version_msg, uid2) == AUTOPILOT_VERSION_UID2_AT, "no gaps");
+    goshawk_read(m, AUTOPILOT_VERSION_LENGTH, p, 0);
+#else
     m->capabilities = goshawk_get_u64(p, 0u);
     m->uid = goshawk_get_u64(p, 8u);
     m->flight_sw_version = goshawk_get_u32(p, 16u);
@@ -630,6 +751,7 @@ static inline void autopilot_version_decode(autopilot_version_msg *m, goshawk_pa
         m->os_custom_version[i] = goshawk_get_u8(p, 52u + i);
     for (unsigned i = 0; i < 18u; i++)
         m->uid2[i] = goshawk_get_u8(p, 60u + i);
+#endif
 }
 
 /* Where the vehicle last stood on the ground with its rotors idle or off. */
@@ -751,6 +873,10 @@ enum {
 
 static inline void esc_status_encode(const esc_status_msg *m, uint8_t payload[ESC_STATUS_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(esc_status_msg, index) == ESC_STATUS_INDEX_AT, "no gaps");
+    memcpy(payload, m, ESC_STATUS_LENGTH);
+#else
     goshawk_put_u64(payload + 0, m->time_usec);
     for (unsigned i = 0; i < 4u; i++)
         goshawk_put_i32(payload + 8 + (4u * i), m->rpm[i]);
@@ -759,10 +885,15 @@ static inline void esc_status_encode(const esc_status_msg *m, uint8_t payload[ES
     for (unsigned i = 0; i < 4u; i++)
         goshawk_put_f32(payload + 40 + (4u * i), m->current[i]);
     goshawk_put_u8(payload + 56, m->index);
+#endif
 }
 
 static inline void esc_status_decode(esc_status_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(esc_status_msg, index) == ESC_STATUS_INDEX_AT, "no gaps");
+    goshawk_read(m, ESC_STATUS_LENGTH, p, 0);
+#else
     m->time_usec = goshawk_get_u64(p, 0u);
     for (unsigned i = 0; i < 4u; i++)
         m->rpm[i] = goshawk_get_i32(p, 8u + (4u * i));
@@ -771,6 +902,7 @@ static inline void esc_status_decode(esc_status_msg *m, goshawk_payload p)
     for (unsigned i = 0; i < 4u; i++)
         m->current[i] = goshawk_get_f32(p, 40u + (4u * i));
     m->index = goshawk_get_u8(p, 56u);
+#endif
 }
 
 /* Pose, velocity and rate in one message. */
@@ -820,6 +952,10 @@ enum {
 
 static inline void odometry_encode(const odometry_msg *m, uint8_t payload[ODOMETRY_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(odometry_msg, quality) == ODOMETRY_QUALITY_AT, "no gaps");
+    memcpy(payload, m, ODOMETRY_LENGTH);
+#else
     goshawk_put_u64(payload + 0, m->time_usec);
     goshawk_put_f32(payload + 8, m->x);
     goshawk_put_f32(payload + 12, m->y);
@@ -841,10 +977,15 @@ static inline void odometry_encode(const odometry_msg *m, uint8_t payload[ODOMET
     goshawk_put_u8(payload + 230, m->reset_counter);
     goshawk_put_u8(payload + 231, m->estimator_type);
     goshawk_put_i8(payload + 232, m->quality);
+#endif
 }
 
 static inline void odometry_decode(odometry_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(odometry_msg, quality) == ODOMETRY_QUALITY_AT, "no gaps");
+    goshawk_read(m, ODOMETRY_LENGTH, p, 0);
+#else
     m->time_usec = goshawk_get_u64(p, 0u);
     m->x = goshawk_get_f32(p, 8u);
     m->y = goshawk_get_f32(p, 12u);
@@ -866,6 +1007,7 @@ static inline void odometry_decode(odometry_msg *m, goshawk_payload p)
     m->reset_counter = goshawk_get_u8(p, 230u);
     m->estimator_type = goshawk_get_u8(p, 231u);
     m->quality = goshawk_get_i8(p, 232u);
+#endif
 }
 
 /* All a flight log needs of one instant; also the record of the on-board log. */
@@ -911,6 +1053,10 @@ enum {
 
 static inline void goshawk_state_encode(const goshawk_state_msg *m, uint8_t payload[GOSHAWK_STATE_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_state_msg, saturation) == GOSHAWK_STATE_SATURATION_AT, "no gaps");
+    memcpy(payload, m, GOSHAWK_STATE_LENGTH);
+#else
     goshawk_put_u64(payload + 0, m->time_us);
     for (unsigned i = 0; i < 3u; i++)
         goshawk_put_f32(payload + 8 + (4u * i), m->position_world_m[i]);
@@ -937,10 +1083,15 @@ static inline void goshawk_state_encode(const goshawk_state_msg *m, uint8_t payl
     goshawk_put_u16(payload + 152, m->sequence);
     goshawk_put_u8(payload + 154, m->mission_state);
     goshawk_put_u8(payload + 155, m->saturation);
+#endif
 }
 
 static inline void goshawk_state_decode(goshawk_state_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_state_msg, saturation) == GOSHAWK_STATE_SATURATION_AT, "no gaps");
+    goshawk_read(m, GOSHAWK_STATE_LENGTH, p, 0);
+#else
     m->time_us = goshawk_get_u64(p, 0u);
     for (unsigned i = 0; i < 3u; i++)
         m->position_world_m[i] = goshawk_get_f32(p, 8u + (4u * i));
@@ -967,6 +1118,7 @@ static inline void goshawk_state_decode(goshawk_state_msg *m, goshawk_payload p)
     m->sequence = goshawk_get_u16(p, 152u);
     m->mission_state = goshawk_get_u8(p, 154u);
     m->saturation = goshawk_get_u8(p, 155u);
+#endif
 }
 
 /* Ask for records of the on-board log; nothing wanted asks for GOSHAWK_LOG_INFO. */
@@ -988,20 +1140,30 @@ enum {
 
 static inline void goshawk_log_request_encode(const goshawk_log_request_msg *m, uint8_t payload[GOSHAWK_LOG_REQUEST_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_log_request_msg, wanted) == GOSHAWK_LOG_REQUEST_WANTED_AT, "no gaps");
+    memcpy(payload, m, GOSHAWK_LOG_REQUEST_LENGTH);
+#else
     goshawk_put_u32(payload + 0, m->first);
     goshawk_put_u8(payload + 4, m->target_system);
     goshawk_put_u8(payload + 5, m->target_component);
     for (unsigned i = 0; i < 64u; i++)
         goshawk_put_u8(payload + 6 + i, m->wanted[i]);
+#endif
 }
 
 static inline void goshawk_log_request_decode(goshawk_log_request_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_log_request_msg, wanted) == GOSHAWK_LOG_REQUEST_WANTED_AT, "no gaps");
+    goshawk_read(m, GOSHAWK_LOG_REQUEST_LENGTH, p, 0);
+#else
     m->first = goshawk_get_u32(p, 0u);
     m->target_system = goshawk_get_u8(p, 4u);
     m->target_component = goshawk_get_u8(p, 5u);
     for (unsigned i = 0; i < 64u; i++)
         m->wanted[i] = goshawk_get_u8(p, 6u + i);
+#endif
 }
 
 /* What the on-board log holds. */
@@ -1027,22 +1189,32 @@ enum {
 
 static inline void goshawk_log_info_encode(const goshawk_log_info_msg *m, uint8_t payload[GOSHAWK_LOG_INFO_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_log_info_msg, running) == GOSHAWK_LOG_INFO_RUNNING_AT, "no gaps");
+    memcpy(payload, m, GOSHAWK_LOG_INFO_LENGTH);
+#else
     goshawk_put_u32(payload + 0, m->log_id);
     goshawk_put_u32(payload + 4, m->records);
     goshawk_put_u32(payload + 8, m->capacity);
     goshawk_put_u32(payload + 12, m->not_stored);
     goshawk_put_u32(payload + 16, m->period_us);
     goshawk_put_u8(payload + 20, m->running);
+#endif
 }
 
 static inline void goshawk_log_info_decode(goshawk_log_info_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_log_info_msg, running) == GOSHAWK_LOG_INFO_RUNNING_AT, "no gaps");
+    goshawk_read(m, GOSHAWK_LOG_INFO_LENGTH, p, 0);
+#else
     m->log_id = goshawk_get_u32(p, 0u);
     m->records = goshawk_get_u32(p, 4u);
     m->capacity = goshawk_get_u32(p, 8u);
     m->not_stored = goshawk_get_u32(p, 12u);
     m->period_us = goshawk_get_u32(p, 16u);
     m->running = goshawk_get_u8(p, 20u);
+#endif
 }
 
 /* One record. */
@@ -1062,18 +1234,28 @@ enum {
 
 static inline void goshawk_log_record_encode(const goshawk_log_record_msg *m, uint8_t payload[GOSHAWK_LOG_RECORD_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_log_record_msg, record) == GOSHAWK_LOG_RECORD_RECORD_AT, "no gaps");
+    memcpy(payload, m, GOSHAWK_LOG_RECORD_LENGTH);
+#else
     goshawk_put_u32(payload + 0, m->log_id);
     goshawk_put_u32(payload + 4, m->index);
     for (unsigned i = 0; i < 156u; i++)
         goshawk_put_u8(payload + 8 + i, m->record[i]);
+#endif
 }
 
 static inline void goshawk_log_record_decode(goshawk_log_record_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_log_record_msg, record) == GOSHAWK_LOG_RECORD_RECORD_AT, "no gaps");
+    goshawk_read(m, GOSHAWK_LOG_RECORD_LENGTH, p, 0);
+#else
     m->log_id = goshawk_get_u32(p, 0u);
     m->index = goshawk_get_u32(p, 4u);
     for (unsigned i = 0; i < 156u; i++)
         m->record[i] = goshawk_get_u8(p, 8u + i);
+#endif
 }
 
 /* Opens (or re-opens) a transfer into the staging slot; also the header sent on read-back. */
@@ -1111,6 +1293,10 @@ enum {
 
 static inline void goshawk_trajectory_begin_encode(const goshawk_trajectory_begin_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_BEGIN_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_trajectory_begin_msg, name) == GOSHAWK_TRAJECTORY_BEGIN_NAME_AT, "no gaps");
+    memcpy(payload, m, GOSHAWK_TRAJECTORY_BEGIN_LENGTH);
+#else
     goshawk_put_u32(payload + 0, m->transfer_id);
     goshawk_put_u32(payload + 4, m->trajectory_id);
     goshawk_put_u32(payload + 8, m->crc32);
@@ -1126,10 +1312,15 @@ static inline void goshawk_trajectory_begin_encode(const goshawk_trajectory_begi
         goshawk_put_u8(payload + 27 + i, m->vehicle_hash[i]);
     for (unsigned i = 0; i < 24u; i++)
         goshawk_put_i8(payload + 35 + i, (int8_t)m->name[i]);
+#endif
 }
 
 static inline void goshawk_trajectory_begin_decode(goshawk_trajectory_begin_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_trajectory_begin_msg, name) == GOSHAWK_TRAJECTORY_BEGIN_NAME_AT, "no gaps");
+    goshawk_read(m, GOSHAWK_TRAJECTORY_BEGIN_LENGTH, p, 0);
+#else
     m->transfer_id = goshawk_get_u32(p, 0u);
     m->trajectory_id = goshawk_get_u32(p, 4u);
     m->crc32 = goshawk_get_u32(p, 8u);
@@ -1145,6 +1336,7 @@ static inline void goshawk_trajectory_begin_decode(goshawk_trajectory_begin_msg 
         m->vehicle_hash[i] = goshawk_get_u8(p, 27u + i);
     for (unsigned i = 0; i < 24u; i++)
         m->name[i] = (char)goshawk_get_i8(p, 35u + i);
+#endif
 }
 
 /* One polynomial segment in the centred variable s = 2 t / T - 1. */
@@ -1170,6 +1362,10 @@ enum {
 
 static inline void goshawk_trajectory_segment_encode(const goshawk_trajectory_segment_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_SEGMENT_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_trajectory_segment_msg, coefficients) == GOSHAWK_TRAJECTORY_SEGMENT_COEFFICIENTS_AT, "no gaps");
+    memcpy(payload, m, GOSHAWK_TRAJECTORY_SEGMENT_LENGTH);
+#else
     goshawk_put_u32(payload + 0, m->transfer_id);
     goshawk_put_u32(payload + 4, m->duration_us);
     goshawk_put_u16(payload + 8, m->index);
@@ -1177,10 +1373,15 @@ static inline void goshawk_trajectory_segment_encode(const goshawk_trajectory_se
     goshawk_put_u8(payload + 11, m->target_component);
     for (unsigned i = 0; i < 48u; i++)
         goshawk_put_f32(payload + 12 + (4u * i), m->coefficients[i]);
+#endif
 }
 
 static inline void goshawk_trajectory_segment_decode(goshawk_trajectory_segment_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_trajectory_segment_msg, coefficients) == GOSHAWK_TRAJECTORY_SEGMENT_COEFFICIENTS_AT, "no gaps");
+    goshawk_read(m, GOSHAWK_TRAJECTORY_SEGMENT_LENGTH, p, 0);
+#else
     m->transfer_id = goshawk_get_u32(p, 0u);
     m->duration_us = goshawk_get_u32(p, 4u);
     m->index = goshawk_get_u16(p, 8u);
@@ -1188,6 +1389,7 @@ static inline void goshawk_trajectory_segment_decode(goshawk_trajectory_segment_
     m->target_component = goshawk_get_u8(p, 11u);
     for (unsigned i = 0; i < 48u; i++)
         m->coefficients[i] = goshawk_get_f32(p, 12u + (4u * i));
+#endif
 }
 
 /* Which segments of the transfer have arrived. */
@@ -1217,6 +1419,10 @@ enum {
 
 static inline void goshawk_trajectory_status_encode(const goshawk_trajectory_status_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_STATUS_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_trajectory_status_msg, bitmap) == GOSHAWK_TRAJECTORY_STATUS_BITMAP_AT, "no gaps");
+    memcpy(payload, m, GOSHAWK_TRAJECTORY_STATUS_LENGTH);
+#else
     goshawk_put_u32(payload + 0, m->transfer_id);
     goshawk_put_u32(payload + 4, m->frames);
     goshawk_put_u16(payload + 8, m->received);
@@ -1226,10 +1432,15 @@ static inline void goshawk_trajectory_status_encode(const goshawk_trajectory_sta
     goshawk_put_u8(payload + 15, m->samples);
     for (unsigned i = 0; i < 128u; i++)
         goshawk_put_u8(payload + 16 + i, m->bitmap[i]);
+#endif
 }
 
 static inline void goshawk_trajectory_status_decode(goshawk_trajectory_status_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_trajectory_status_msg, bitmap) == GOSHAWK_TRAJECTORY_STATUS_BITMAP_AT, "no gaps");
+    goshawk_read(m, GOSHAWK_TRAJECTORY_STATUS_LENGTH, p, 0);
+#else
     m->transfer_id = goshawk_get_u32(p, 0u);
     m->frames = goshawk_get_u32(p, 4u);
     m->received = goshawk_get_u16(p, 8u);
@@ -1239,6 +1450,7 @@ static inline void goshawk_trajectory_status_decode(goshawk_trajectory_status_ms
     m->samples = goshawk_get_u8(p, 15u);
     for (unsigned i = 0; i < 128u; i++)
         m->bitmap[i] = goshawk_get_u8(p, 16u + i);
+#endif
 }
 
 /* Check the staged trajectory and make it the active one. */
@@ -1262,20 +1474,30 @@ enum {
 
 static inline void goshawk_trajectory_commit_encode(const goshawk_trajectory_commit_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_COMMIT_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_trajectory_commit_msg, target_component) == GOSHAWK_TRAJECTORY_COMMIT_TARGET_COMPONENT_AT, "no gaps");
+    memcpy(payload, m, GOSHAWK_TRAJECTORY_COMMIT_LENGTH);
+#else
     goshawk_put_u32(payload + 0, m->transfer_id);
     goshawk_put_u32(payload + 4, m->trajectory_id);
     goshawk_put_u32(payload + 8, m->crc32);
     goshawk_put_u8(payload + 12, m->target_system);
     goshawk_put_u8(payload + 13, m->target_component);
+#endif
 }
 
 static inline void goshawk_trajectory_commit_decode(goshawk_trajectory_commit_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_trajectory_commit_msg, target_component) == GOSHAWK_TRAJECTORY_COMMIT_TARGET_COMPONENT_AT, "no gaps");
+    goshawk_read(m, GOSHAWK_TRAJECTORY_COMMIT_LENGTH, p, 0);
+#else
     m->transfer_id = goshawk_get_u32(p, 0u);
     m->trajectory_id = goshawk_get_u32(p, 4u);
     m->crc32 = goshawk_get_u32(p, 8u);
     m->target_system = goshawk_get_u8(p, 12u);
     m->target_component = goshawk_get_u8(p, 13u);
+#endif
 }
 
 /* Answer to a commit; whatever the answer, what is active now. */
@@ -1299,20 +1521,30 @@ enum {
 
 static inline void goshawk_trajectory_result_encode(const goshawk_trajectory_result_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_RESULT_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_trajectory_result_msg, reason) == GOSHAWK_TRAJECTORY_RESULT_REASON_AT, "no gaps");
+    memcpy(payload, m, GOSHAWK_TRAJECTORY_RESULT_LENGTH);
+#else
     goshawk_put_u32(payload + 0, m->transfer_id);
     goshawk_put_u32(payload + 4, m->active_id);
     goshawk_put_u32(payload + 8, m->active_crc32);
     goshawk_put_u16(payload + 12, m->segment);
     goshawk_put_u8(payload + 14, m->reason);
+#endif
 }
 
 static inline void goshawk_trajectory_result_decode(goshawk_trajectory_result_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_trajectory_result_msg, reason) == GOSHAWK_TRAJECTORY_RESULT_REASON_AT, "no gaps");
+    goshawk_read(m, GOSHAWK_TRAJECTORY_RESULT_LENGTH, p, 0);
+#else
     m->transfer_id = goshawk_get_u32(p, 0u);
     m->active_id = goshawk_get_u32(p, 4u);
     m->active_crc32 = goshawk_get_u32(p, 8u);
     m->segment = goshawk_get_u16(p, 12u);
     m->reason = goshawk_get_u8(p, 14u);
+#endif
 }
 
 /* Ask for segments of the active trajectory; nothing wanted asks for its header. */
@@ -1336,22 +1568,32 @@ enum {
 
 static inline void goshawk_trajectory_read_encode(const goshawk_trajectory_read_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_READ_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_trajectory_read_msg, wanted) == GOSHAWK_TRAJECTORY_READ_WANTED_AT, "no gaps");
+    memcpy(payload, m, GOSHAWK_TRAJECTORY_READ_LENGTH);
+#else
     goshawk_put_u32(payload + 0, m->transfer_id);
     goshawk_put_u16(payload + 4, m->first);
     goshawk_put_u8(payload + 6, m->target_system);
     goshawk_put_u8(payload + 7, m->target_component);
     for (unsigned i = 0; i < 64u; i++)
         goshawk_put_u8(payload + 8 + i, m->wanted[i]);
+#endif
 }
 
 static inline void goshawk_trajectory_read_decode(goshawk_trajectory_read_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_trajectory_read_msg, wanted) == GOSHAWK_TRAJECTORY_READ_WANTED_AT, "no gaps");
+    goshawk_read(m, GOSHAWK_TRAJECTORY_READ_LENGTH, p, 0);
+#else
     m->transfer_id = goshawk_get_u32(p, 0u);
     m->first = goshawk_get_u16(p, 4u);
     m->target_system = goshawk_get_u8(p, 6u);
     m->target_component = goshawk_get_u8(p, 7u);
     for (unsigned i = 0; i < 64u; i++)
         m->wanted[i] = goshawk_get_u8(p, 8u + i);
+#endif
 }
 
 /* Points of the curve as the planner evaluates it; the vehicle compares at the commit. */
@@ -1375,6 +1617,10 @@ enum {
 
 static inline void goshawk_trajectory_samples_encode(const goshawk_trajectory_samples_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_SAMPLES_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_trajectory_samples_msg, target_component) == GOSHAWK_TRAJECTORY_SAMPLES_TARGET_COMPONENT_AT, "no gaps");
+    memcpy(payload, m, GOSHAWK_TRAJECTORY_SAMPLES_LENGTH);
+#else
     goshawk_put_u32(payload + 0, m->transfer_id);
     for (unsigned i = 0; i < 8u; i++)
         goshawk_put_u32(payload + 4 + (4u * i), m->sample_us[i]);
@@ -1382,10 +1628,15 @@ static inline void goshawk_trajectory_samples_encode(const goshawk_trajectory_sa
         goshawk_put_f32(payload + 36 + (4u * i), m->values[i]);
     goshawk_put_u8(payload + 164, m->target_system);
     goshawk_put_u8(payload + 165, m->target_component);
+#endif
 }
 
 static inline void goshawk_trajectory_samples_decode(goshawk_trajectory_samples_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_trajectory_samples_msg, target_component) == GOSHAWK_TRAJECTORY_SAMPLES_TARGET_COMPONENT_AT, "no gaps");
+    goshawk_read(m, GOSHAWK_TRAJECTORY_SAMPLES_LENGTH, p, 0);
+#else
     m->transfer_id = goshawk_get_u32(p, 0u);
     for (unsigned i = 0; i < 8u; i++)
         m->sample_us[i] = goshawk_get_u32(p, 4u + (4u * i));
@@ -1393,6 +1644,7 @@ static inline void goshawk_trajectory_samples_decode(goshawk_trajectory_samples_
         m->values[i] = goshawk_get_f32(p, 36u + (4u * i));
     m->target_system = goshawk_get_u8(p, 164u);
     m->target_component = goshawk_get_u8(p, 165u);
+#endif
 }
 
 /* An order to the mission. A repeated request_id is answered again and not carried out again. */
@@ -1420,6 +1672,10 @@ enum {
 
 static inline void goshawk_mission_command_encode(const goshawk_mission_command_msg *m, uint8_t payload[GOSHAWK_MISSION_COMMAND_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_mission_command_msg, command) == GOSHAWK_MISSION_COMMAND_COMMAND_AT, "no gaps");
+    memcpy(payload, m, GOSHAWK_MISSION_COMMAND_LENGTH);
+#else
     goshawk_put_u32(payload + 0, m->request_id);
     goshawk_put_u32(payload + 4, m->trajectory_id);
     goshawk_put_u32(payload + 8, m->crc32);
@@ -1427,10 +1683,15 @@ static inline void goshawk_mission_command_encode(const goshawk_mission_command_
     goshawk_put_u8(payload + 16, m->target_system);
     goshawk_put_u8(payload + 17, m->target_component);
     goshawk_put_u8(payload + 18, m->command);
+#endif
 }
 
 static inline void goshawk_mission_command_decode(goshawk_mission_command_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_mission_command_msg, command) == GOSHAWK_MISSION_COMMAND_COMMAND_AT, "no gaps");
+    goshawk_read(m, GOSHAWK_MISSION_COMMAND_LENGTH, p, 0);
+#else
     m->request_id = goshawk_get_u32(p, 0u);
     m->trajectory_id = goshawk_get_u32(p, 4u);
     m->crc32 = goshawk_get_u32(p, 8u);
@@ -1438,6 +1699,7 @@ static inline void goshawk_mission_command_decode(goshawk_mission_command_msg *m
     m->target_system = goshawk_get_u8(p, 16u);
     m->target_component = goshawk_get_u8(p, 17u);
     m->command = goshawk_get_u8(p, 18u);
+#endif
 }
 
 /* Answer to an order. */
@@ -1459,18 +1721,28 @@ enum {
 
 static inline void goshawk_mission_result_encode(const goshawk_mission_result_msg *m, uint8_t payload[GOSHAWK_MISSION_RESULT_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_mission_result_msg, mission_state) == GOSHAWK_MISSION_RESULT_MISSION_STATE_AT, "no gaps");
+    memcpy(payload, m, GOSHAWK_MISSION_RESULT_LENGTH);
+#else
     goshawk_put_u32(payload + 0, m->request_id);
     goshawk_put_u8(payload + 4, m->command);
     goshawk_put_u8(payload + 5, m->reason);
     goshawk_put_u8(payload + 6, m->mission_state);
+#endif
 }
 
 static inline void goshawk_mission_result_decode(goshawk_mission_result_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_mission_result_msg, mission_state) == GOSHAWK_MISSION_RESULT_MISSION_STATE_AT, "no gaps");
+    goshawk_read(m, GOSHAWK_MISSION_RESULT_LENGTH, p, 0);
+#else
     m->request_id = goshawk_get_u32(p, 0u);
     m->command = goshawk_get_u8(p, 4u);
     m->reason = goshawk_get_u8(p, 5u);
     m->mission_state = goshawk_get_u8(p, 6u);
+#endif
 }
 
 /* Where the mission stands; sent at 5 Hz and on every change. */
@@ -1516,6 +1788,10 @@ enum {
 
 static inline void goshawk_mission_status_encode(const goshawk_mission_status_msg *m, uint8_t payload[GOSHAWK_MISSION_STATUS_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_mission_status_msg, name) == GOSHAWK_MISSION_STATUS_NAME_AT, "no gaps");
+    memcpy(payload, m, GOSHAWK_MISSION_STATUS_LENGTH);
+#else
     goshawk_put_u64(payload + 0, m->time_us);
     goshawk_put_u32(payload + 8, m->boot_id);
     goshawk_put_u32(payload + 12, m->active_id);
@@ -1535,10 +1811,15 @@ static inline void goshawk_mission_status_encode(const goshawk_mission_status_ms
         goshawk_put_u8(payload + 52 + i, m->vehicle_hash[i]);
     for (unsigned i = 0; i < 24u; i++)
         goshawk_put_i8(payload + 60 + i, (int8_t)m->name[i]);
+#endif
 }
 
 static inline void goshawk_mission_status_decode(goshawk_mission_status_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_mission_status_msg, name) == GOSHAWK_MISSION_STATUS_NAME_AT, "no gaps");
+    goshawk_read(m, GOSHAWK_MISSION_STATUS_LENGTH, p, 0);
+#else
     m->time_us = goshawk_get_u64(p, 0u);
     m->boot_id = goshawk_get_u32(p, 8u);
     m->active_id = goshawk_get_u32(p, 12u);
@@ -1558,6 +1839,7 @@ static inline void goshawk_mission_status_decode(goshawk_mission_status_msg *m, 
         m->vehicle_hash[i] = goshawk_get_u8(p, 52u + i);
     for (unsigned i = 0; i < 24u; i++)
         m->name[i] = (char)goshawk_get_i8(p, 60u + i);
+#endif
 }
 
 /* Take (or keep, or give back) control. The holder renews it; it ends 3 s after the last renewal. */
@@ -1579,18 +1861,28 @@ enum {
 
 static inline void goshawk_lease_request_encode(const goshawk_lease_request_msg *m, uint8_t payload[GOSHAWK_LEASE_REQUEST_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_lease_request_msg, action) == GOSHAWK_LEASE_REQUEST_ACTION_AT, "no gaps");
+    memcpy(payload, m, GOSHAWK_LEASE_REQUEST_LENGTH);
+#else
     goshawk_put_u32(payload + 0, m->nonce);
     goshawk_put_u8(payload + 4, m->target_system);
     goshawk_put_u8(payload + 5, m->target_component);
     goshawk_put_u8(payload + 6, m->action);
+#endif
 }
 
 static inline void goshawk_lease_request_decode(goshawk_lease_request_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_lease_request_msg, action) == GOSHAWK_LEASE_REQUEST_ACTION_AT, "no gaps");
+    goshawk_read(m, GOSHAWK_LEASE_REQUEST_LENGTH, p, 0);
+#else
     m->nonce = goshawk_get_u32(p, 0u);
     m->target_system = goshawk_get_u8(p, 4u);
     m->target_component = goshawk_get_u8(p, 5u);
     m->action = goshawk_get_u8(p, 6u);
+#endif
 }
 
 /* Answer to a request. */
@@ -1612,18 +1904,28 @@ enum {
 
 static inline void goshawk_lease_status_encode(const goshawk_lease_status_msg *m, uint8_t payload[GOSHAWK_LEASE_STATUS_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_lease_status_msg, operator_component) == GOSHAWK_LEASE_STATUS_OPERATOR_COMPONENT_AT, "no gaps");
+    memcpy(payload, m, GOSHAWK_LEASE_STATUS_LENGTH);
+#else
     goshawk_put_u32(payload + 0, m->nonce);
     goshawk_put_u32(payload + 4, m->left_ms);
     goshawk_put_u8(payload + 8, m->operator_system);
     goshawk_put_u8(payload + 9, m->operator_component);
+#endif
 }
 
 static inline void goshawk_lease_status_decode(goshawk_lease_status_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_lease_status_msg, operator_component) == GOSHAWK_LEASE_STATUS_OPERATOR_COMPONENT_AT, "no gaps");
+    goshawk_read(m, GOSHAWK_LEASE_STATUS_LENGTH, p, 0);
+#else
     m->nonce = goshawk_get_u32(p, 0u);
     m->left_ms = goshawk_get_u32(p, 4u);
     m->operator_system = goshawk_get_u8(p, 8u);
     m->operator_component = goshawk_get_u8(p, 9u);
+#endif
 }
 
 /* Some values of a set that is to be applied as a whole; every value has to be sent. */
@@ -1647,22 +1949,32 @@ enum {
 
 static inline void goshawk_parameters_stage_encode(const goshawk_parameters_stage_msg *m, uint8_t payload[GOSHAWK_PARAMETERS_STAGE_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_parameters_stage_msg, group) == GOSHAWK_PARAMETERS_STAGE_GROUP_AT, "no gaps");
+    memcpy(payload, m, GOSHAWK_PARAMETERS_STAGE_LENGTH);
+#else
     goshawk_put_u32(payload + 0, m->transfer_id);
     for (unsigned i = 0; i < 48u; i++)
         goshawk_put_f32(payload + 4 + (4u * i), m->values[i]);
     goshawk_put_u8(payload + 196, m->target_system);
     goshawk_put_u8(payload + 197, m->target_component);
     goshawk_put_u8(payload + 198, m->group);
+#endif
 }
 
 static inline void goshawk_parameters_stage_decode(goshawk_parameters_stage_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_parameters_stage_msg, group) == GOSHAWK_PARAMETERS_STAGE_GROUP_AT, "no gaps");
+    goshawk_read(m, GOSHAWK_PARAMETERS_STAGE_LENGTH, p, 0);
+#else
     m->transfer_id = goshawk_get_u32(p, 0u);
     for (unsigned i = 0; i < 48u; i++)
         m->values[i] = goshawk_get_f32(p, 4u + (4u * i));
     m->target_system = goshawk_get_u8(p, 196u);
     m->target_component = goshawk_get_u8(p, 197u);
     m->group = goshawk_get_u8(p, 198u);
+#endif
 }
 
 /* Apply the staged set if it is whole, its CRC fits and the controller accepts it. */
@@ -1684,18 +1996,28 @@ enum {
 
 static inline void goshawk_parameters_commit_encode(const goshawk_parameters_commit_msg *m, uint8_t payload[GOSHAWK_PARAMETERS_COMMIT_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_parameters_commit_msg, target_component) == GOSHAWK_PARAMETERS_COMMIT_TARGET_COMPONENT_AT, "no gaps");
+    memcpy(payload, m, GOSHAWK_PARAMETERS_COMMIT_LENGTH);
+#else
     goshawk_put_u32(payload + 0, m->transfer_id);
     goshawk_put_u32(payload + 4, m->crc32);
     goshawk_put_u8(payload + 8, m->target_system);
     goshawk_put_u8(payload + 9, m->target_component);
+#endif
 }
 
 static inline void goshawk_parameters_commit_decode(goshawk_parameters_commit_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_parameters_commit_msg, target_component) == GOSHAWK_PARAMETERS_COMMIT_TARGET_COMPONENT_AT, "no gaps");
+    goshawk_read(m, GOSHAWK_PARAMETERS_COMMIT_LENGTH, p, 0);
+#else
     m->transfer_id = goshawk_get_u32(p, 0u);
     m->crc32 = goshawk_get_u32(p, 4u);
     m->target_system = goshawk_get_u8(p, 8u);
     m->target_component = goshawk_get_u8(p, 9u);
+#endif
 }
 
 /* Answer to a stage or a commit. */
@@ -1721,175 +2043,88 @@ enum {
 
 static inline void goshawk_parameters_result_encode(const goshawk_parameters_result_msg *m, uint8_t payload[GOSHAWK_PARAMETERS_RESULT_LENGTH])
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_parameters_result_msg, reason) == GOSHAWK_PARAMETERS_RESULT_REASON_AT, "no gaps");
+    memcpy(payload, m, GOSHAWK_PARAMETERS_RESULT_LENGTH);
+#else
     goshawk_put_u32(payload + 0, m->transfer_id);
     goshawk_put_u32(payload + 4, m->active_crc32);
     goshawk_put_u16(payload + 8, m->index);
     goshawk_put_u8(payload + 10, m->staged);
     goshawk_put_u8(payload + 11, m->committed);
     goshawk_put_u8(payload + 12, m->reason);
+#endif
 }
 
 static inline void goshawk_parameters_result_decode(goshawk_parameters_result_msg *m, goshawk_payload p)
 {
+#if GOSHAWK_LITTLE_ENDIAN
+    _Static_assert(offsetof(goshawk_parameters_result_msg, reason) == GOSHAWK_PARAMETERS_RESULT_REASON_AT, "no gaps");
+    goshawk_read(m, GOSHAWK_PARAMETERS_RESULT_LENGTH, p, 0);
+#else
     m->transfer_id = goshawk_get_u32(p, 0u);
     m->active_crc32 = goshawk_get_u32(p, 4u);
     m->index = goshawk_get_u16(p, 8u);
     m->staged = goshawk_get_u8(p, 10u);
     m->committed = goshawk_get_u8(p, 11u);
     m->reason = goshawk_get_u8(p, 12u);
-}
-
-/* Full payload length of a message and its CRC_EXTRA; 0 for a message that is not of this dialect. */
-static inline unsigned goshawk_dialect_find(uint32_t id, uint8_t *crc_extra)
-{
-    switch (id) {
-    case HEARTBEAT_ID:
-        *crc_extra = HEARTBEAT_CRC_EXTRA;
-        return HEARTBEAT_LENGTH;
-    case PARAM_REQUEST_READ_ID:
-        *crc_extra = PARAM_REQUEST_READ_CRC_EXTRA;
-        return PARAM_REQUEST_READ_LENGTH;
-    case PARAM_REQUEST_LIST_ID:
-        *crc_extra = PARAM_REQUEST_LIST_CRC_EXTRA;
-        return PARAM_REQUEST_LIST_LENGTH;
-    case PARAM_VALUE_ID:
-        *crc_extra = PARAM_VALUE_CRC_EXTRA;
-        return PARAM_VALUE_LENGTH;
-    case ATTITUDE_QUATERNION_ID:
-        *crc_extra = ATTITUDE_QUATERNION_CRC_EXTRA;
-        return ATTITUDE_QUATERNION_LENGTH;
-    case LOCAL_POSITION_NED_ID:
-        *crc_extra = LOCAL_POSITION_NED_CRC_EXTRA;
-        return LOCAL_POSITION_NED_LENGTH;
-    case COMMAND_LONG_ID:
-        *crc_extra = COMMAND_LONG_CRC_EXTRA;
-        return COMMAND_LONG_LENGTH;
-    case COMMAND_ACK_ID:
-        *crc_extra = COMMAND_ACK_CRC_EXTRA;
-        return COMMAND_ACK_LENGTH;
-    case TIMESYNC_ID:
-        *crc_extra = TIMESYNC_CRC_EXTRA;
-        return TIMESYNC_LENGTH;
-    case BATTERY_STATUS_ID:
-        *crc_extra = BATTERY_STATUS_CRC_EXTRA;
-        return BATTERY_STATUS_LENGTH;
-    case AUTOPILOT_VERSION_ID:
-        *crc_extra = AUTOPILOT_VERSION_CRC_EXTRA;
-        return AUTOPILOT_VERSION_LENGTH;
-    case HOME_POSITION_ID:
-        *crc_extra = HOME_POSITION_CRC_EXTRA;
-        return HOME_POSITION_LENGTH;
-    case STATUSTEXT_ID:
-        *crc_extra = STATUSTEXT_CRC_EXTRA;
-        return STATUSTEXT_LENGTH;
-    case ESC_STATUS_ID:
-        *crc_extra = ESC_STATUS_CRC_EXTRA;
-        return ESC_STATUS_LENGTH;
-    case ODOMETRY_ID:
-        *crc_extra = ODOMETRY_CRC_EXTRA;
-        return ODOMETRY_LENGTH;
-    case GOSHAWK_STATE_ID:
-        *crc_extra = GOSHAWK_STATE_CRC_EXTRA;
-        return GOSHAWK_STATE_LENGTH;
-    case GOSHAWK_LOG_REQUEST_ID:
-        *crc_extra = GOSHAWK_LOG_REQUEST_CRC_EXTRA;
-        return GOSHAWK_LOG_REQUEST_LENGTH;
-    case GOSHAWK_LOG_INFO_ID:
-        *crc_extra = GOSHAWK_LOG_INFO_CRC_EXTRA;
-        return GOSHAWK_LOG_INFO_LENGTH;
-    case GOSHAWK_LOG_RECORD_ID:
-        *crc_extra = GOSHAWK_LOG_RECORD_CRC_EXTRA;
-        return GOSHAWK_LOG_RECORD_LENGTH;
-    case GOSHAWK_TRAJECTORY_BEGIN_ID:
-        *crc_extra = GOSHAWK_TRAJECTORY_BEGIN_CRC_EXTRA;
-        return GOSHAWK_TRAJECTORY_BEGIN_LENGTH;
-    case GOSHAWK_TRAJECTORY_SEGMENT_ID:
-        *crc_extra = GOSHAWK_TRAJECTORY_SEGMENT_CRC_EXTRA;
-        return GOSHAWK_TRAJECTORY_SEGMENT_LENGTH;
-    case GOSHAWK_TRAJECTORY_STATUS_ID:
-        *crc_extra = GOSHAWK_TRAJECTORY_STATUS_CRC_EXTRA;
-        return GOSHAWK_TRAJECTORY_STATUS_LENGTH;
-    case GOSHAWK_TRAJECTORY_COMMIT_ID:
-        *crc_extra = GOSHAWK_TRAJECTORY_COMMIT_CRC_EXTRA;
-        return GOSHAWK_TRAJECTORY_COMMIT_LENGTH;
-    case GOSHAWK_TRAJECTORY_RESULT_ID:
-        *crc_extra = GOSHAWK_TRAJECTORY_RESULT_CRC_EXTRA;
-        return GOSHAWK_TRAJECTORY_RESULT_LENGTH;
-    case GOSHAWK_TRAJECTORY_READ_ID:
-        *crc_extra = GOSHAWK_TRAJECTORY_READ_CRC_EXTRA;
-        return GOSHAWK_TRAJECTORY_READ_LENGTH;
-    case GOSHAWK_TRAJECTORY_SAMPLES_ID:
-        *crc_extra = GOSHAWK_TRAJECTORY_SAMPLES_CRC_EXTRA;
-        return GOSHAWK_TRAJECTORY_SAMPLES_LENGTH;
-    case GOSHAWK_MISSION_COMMAND_ID:
-        *crc_extra = GOSHAWK_MISSION_COMMAND_CRC_EXTRA;
-        return GOSHAWK_MISSION_COMMAND_LENGTH;
-    case GOSHAWK_MISSION_RESULT_ID:
-        *crc_extra = GOSHAWK_MISSION_RESULT_CRC_EXTRA;
-        return GOSHAWK_MISSION_RESULT_LENGTH;
-    case GOSHAWK_MISSION_STATUS_ID:
-        *crc_extra = GOSHAWK_MISSION_STATUS_CRC_EXTRA;
-        return GOSHAWK_MISSION_STATUS_LENGTH;
-    case GOSHAWK_LEASE_REQUEST_ID:
-        *crc_extra = GOSHAWK_LEASE_REQUEST_CRC_EXTRA;
-        return GOSHAWK_LEASE_REQUEST_LENGTH;
-    case GOSHAWK_LEASE_STATUS_ID:
-        *crc_extra = GOSHAWK_LEASE_STATUS_CRC_EXTRA;
-        return GOSHAWK_LEASE_STATUS_LENGTH;
-    case GOSHAWK_PARAMETERS_STAGE_ID:
-        *crc_extra = GOSHAWK_PARAMETERS_STAGE_CRC_EXTRA;
-        return GOSHAWK_PARAMETERS_STAGE_LENGTH;
-    case GOSHAWK_PARAMETERS_COMMIT_ID:
-        *crc_extra = GOSHAWK_PARAMETERS_COMMIT_CRC_EXTRA;
-        return GOSHAWK_PARAMETERS_COMMIT_LENGTH;
-    case GOSHAWK_PARAMETERS_RESULT_ID:
-        *crc_extra = GOSHAWK_PARAMETERS_RESULT_CRC_EXTRA;
-        return GOSHAWK_PARAMETERS_RESULT_LENGTH;
-    default:
-        *crc_extra = 0;
-        return 0;
-    }
+#endif
 }
 
 #define GOSHAWK_NO_TARGET 255u
 
-/* Where a message's target_system lies in its payload (target_component follows), or GOSHAWK_NO_TARGET. */
-static inline unsigned goshawk_dialect_target(uint32_t id)
+typedef struct {
+    uint16_t id;
+    uint8_t length; /* of the full payload */
+    uint8_t crc_extra;
+    uint8_t target; /* where target_system lies in the payload (target_component follows), or GOSHAWK_NO_TARGET */
+} goshawk_dialect_row;
+
+/* What is known of a message; NULL when it is not of this dialect. */
+static inline const goshawk_dialect_row *goshawk_dialect_of(uint32_t id)
 {
-    switch (id) {
-    case PARAM_REQUEST_READ_ID:
-        return 2u;
-    case PARAM_REQUEST_LIST_ID:
-        return 0u;
-    case COMMAND_LONG_ID:
-        return 30u;
-    case COMMAND_ACK_ID:
-        return 8u;
-    case TIMESYNC_ID:
-        return 16u;
-    case GOSHAWK_LOG_REQUEST_ID:
-        return 4u;
-    case GOSHAWK_TRAJECTORY_BEGIN_ID:
-        return 14u;
-    case GOSHAWK_TRAJECTORY_SEGMENT_ID:
-        return 10u;
-    case GOSHAWK_TRAJECTORY_COMMIT_ID:
-        return 12u;
-    case GOSHAWK_TRAJECTORY_READ_ID:
-        return 6u;
-    case GOSHAWK_TRAJECTORY_SAMPLES_ID:
-        return 164u;
-    case GOSHAWK_MISSION_COMMAND_ID:
-        return 16u;
-    case GOSHAWK_LEASE_REQUEST_ID:
-        return 4u;
-    case GOSHAWK_PARAMETERS_STAGE_ID:
-        return 196u;
-    case GOSHAWK_PARAMETERS_COMMIT_ID:
-        return 8u;
-    default:
-        return GOSHAWK_NO_TARGET;
+    static const goshawk_dialect_row rows[] = {
+    {HEARTBEAT_ID, HEARTBEAT_LENGTH, HEARTBEAT_CRC_EXTRA, 255u},
+    {PARAM_REQUEST_READ_ID, PARAM_REQUEST_READ_LENGTH, PARAM_REQUEST_READ_CRC_EXTRA, 2u},
+    {PARAM_REQUEST_LIST_ID, PARAM_REQUEST_LIST_LENGTH, PARAM_REQUEST_LIST_CRC_EXTRA, 0u},
+    {PARAM_VALUE_ID, PARAM_VALUE_LENGTH, PARAM_VALUE_CRC_EXTRA, 255u},
+    {ATTITUDE_QUATERNION_ID, ATTITUDE_QUATERNION_LENGTH, ATTITUDE_QUATERNION_CRC_EXTRA, 255u},
+    {LOCAL_POSITION_NED_ID, LOCAL_POSITION_NED_LENGTH, LOCAL_POSITION_NED_CRC_EXTRA, 255u},
+    {COMMAND_LONG_ID, COMMAND_LONG_LENGTH, COMMAND_LONG_CRC_EXTRA, 30u},
+    {COMMAND_ACK_ID, COMMAND_ACK_LENGTH, COMMAND_ACK_CRC_EXTRA, 8u},
+    {TIMESYNC_ID, TIMESYNC_LENGTH, TIMESYNC_CRC_EXTRA, 16u},
+    {BATTERY_STATUS_ID, BATTERY_STATUS_LENGTH, BATTERY_STATUS_CRC_EXTRA, 255u},
+    {AUTOPILOT_VERSION_ID, AUTOPILOT_VERSION_LENGTH, AUTOPILOT_VERSION_CRC_EXTRA, 255u},
+    {HOME_POSITION_ID, HOME_POSITION_LENGTH, HOME_POSITION_CRC_EXTRA, 255u},
+    {STATUSTEXT_ID, STATUSTEXT_LENGTH, STATUSTEXT_CRC_EXTRA, 255u},
+    {ESC_STATUS_ID, ESC_STATUS_LENGTH, ESC_STATUS_CRC_EXTRA, 255u},
+    {ODOMETRY_ID, ODOMETRY_LENGTH, ODOMETRY_CRC_EXTRA, 255u},
+    {GOSHAWK_STATE_ID, GOSHAWK_STATE_LENGTH, GOSHAWK_STATE_CRC_EXTRA, 255u},
+    {GOSHAWK_LOG_REQUEST_ID, GOSHAWK_LOG_REQUEST_LENGTH, GOSHAWK_LOG_REQUEST_CRC_EXTRA, 4u},
+    {GOSHAWK_LOG_INFO_ID, GOSHAWK_LOG_INFO_LENGTH, GOSHAWK_LOG_INFO_CRC_EXTRA, 255u},
+    {GOSHAWK_LOG_RECORD_ID, GOSHAWK_LOG_RECORD_LENGTH, GOSHAWK_LOG_RECORD_CRC_EXTRA, 255u},
+    {GOSHAWK_TRAJECTORY_BEGIN_ID, GOSHAWK_TRAJECTORY_BEGIN_LENGTH, GOSHAWK_TRAJECTORY_BEGIN_CRC_EXTRA, 14u},
+    {GOSHAWK_TRAJECTORY_SEGMENT_ID, GOSHAWK_TRAJECTORY_SEGMENT_LENGTH, GOSHAWK_TRAJECTORY_SEGMENT_CRC_EXTRA, 10u},
+    {GOSHAWK_TRAJECTORY_STATUS_ID, GOSHAWK_TRAJECTORY_STATUS_LENGTH, GOSHAWK_TRAJECTORY_STATUS_CRC_EXTRA, 255u},
+    {GOSHAWK_TRAJECTORY_COMMIT_ID, GOSHAWK_TRAJECTORY_COMMIT_LENGTH, GOSHAWK_TRAJECTORY_COMMIT_CRC_EXTRA, 12u},
+    {GOSHAWK_TRAJECTORY_RESULT_ID, GOSHAWK_TRAJECTORY_RESULT_LENGTH, GOSHAWK_TRAJECTORY_RESULT_CRC_EXTRA, 255u},
+    {GOSHAWK_TRAJECTORY_READ_ID, GOSHAWK_TRAJECTORY_READ_LENGTH, GOSHAWK_TRAJECTORY_READ_CRC_EXTRA, 6u},
+    {GOSHAWK_TRAJECTORY_SAMPLES_ID, GOSHAWK_TRAJECTORY_SAMPLES_LENGTH, GOSHAWK_TRAJECTORY_SAMPLES_CRC_EXTRA, 164u},
+    {GOSHAWK_MISSION_COMMAND_ID, GOSHAWK_MISSION_COMMAND_LENGTH, GOSHAWK_MISSION_COMMAND_CRC_EXTRA, 16u},
+    {GOSHAWK_MISSION_RESULT_ID, GOSHAWK_MISSION_RESULT_LENGTH, GOSHAWK_MISSION_RESULT_CRC_EXTRA, 255u},
+    {GOSHAWK_MISSION_STATUS_ID, GOSHAWK_MISSION_STATUS_LENGTH, GOSHAWK_MISSION_STATUS_CRC_EXTRA, 255u},
+    {GOSHAWK_LEASE_REQUEST_ID, GOSHAWK_LEASE_REQUEST_LENGTH, GOSHAWK_LEASE_REQUEST_CRC_EXTRA, 4u},
+    {GOSHAWK_LEASE_STATUS_ID, GOSHAWK_LEASE_STATUS_LENGTH, GOSHAWK_LEASE_STATUS_CRC_EXTRA, 255u},
+    {GOSHAWK_PARAMETERS_STAGE_ID, GOSHAWK_PARAMETERS_STAGE_LENGTH, GOSHAWK_PARAMETERS_STAGE_CRC_EXTRA, 196u},
+    {GOSHAWK_PARAMETERS_COMMIT_ID, GOSHAWK_PARAMETERS_COMMIT_LENGTH, GOSHAWK_PARAMETERS_COMMIT_CRC_EXTRA, 8u},
+    {GOSHAWK_PARAMETERS_RESULT_ID, GOSHAWK_PARAMETERS_RESULT_LENGTH, GOSHAWK_PARAMETERS_RESULT_CRC_EXTRA, 255u},
+    };
+    for (unsigned i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        if (rows[i].id == id) {
+            return &rows[i];
+        }
     }
+    return NULL;
 }
 
 #endif

@@ -42,6 +42,7 @@ typedef struct {
     uint8_t component_id;
     uint8_t link_id; /* of the signature */
     bool is_signed;
+    uint8_t target_at; /* where the payload names its receiver; 255: nowhere */
     uint8_t payload_length;
     uint16_t raw_length; /* of the frame as it came */
 } tc_frame;
@@ -96,7 +97,8 @@ void tc_signing_init(tc_signing* signing, const uint8_t key[TC_KEY_BYTES], uint6
 tc_signature tc_signing_check(tc_signing* signing, const tc_frame* frame);
 
 /* Builds a frame of a message of the dialect into `out`; signs it if `signing` is not NULL. Trailing zeros of the
-   payload are cut; it may lie in `out` already, behind TC_FRAME_HEADER bytes. Returns its length. */
+   payload are cut; it may lie in `out` already, behind TC_FRAME_HEADER bytes. Returns its length; 0 for a message that
+   is not of the dialect. */
 size_t tc_frame_build(uint8_t out[TC_FRAME_MAX], uint32_t id, const uint8_t* payload, unsigned length, uint8_t sequence,
                       uint8_t system_id, uint8_t component_id, tc_signing* signing, uint8_t link_id);
 
