@@ -133,8 +133,9 @@ def compare(
     reference = smooth(flights, first, process_scale=REFERENCE_LOOSENESS).point.states
     errors, flight_errors, residuals = {}, {}, {}
     count = 0
+    smoothed = None
     for i, (name, vehicle) in enumerate(models.items()):
-        smoothed = smooth(flights, vehicle)
+        smoothed = smooth(flights, vehicle, near=smoothed)
         states = smoothed.point.states
         sensor = PoseSensor.of(vehicle)
         parts = [_errors(*one, vehicle, sensor) for one in zip(flights, states, reference, strict=True)]

@@ -30,12 +30,21 @@ UNSEEN_SHARE = 0.5
 
 
 def identify(
-    logs: Sequence[FlightLog], vehicle: Vehicle, options: Options | None = None, *, progress: Progress = silent
+    logs: Sequence[FlightLog],
+    vehicle: Vehicle,
+    options: Options | None = None,
+    *,
+    near: Identification | None = None,
+    progress: Progress = silent,
 ) -> Identification:
     """Fit a vehicle's parameters to flights with measured pose and rotor speed.
 
     Mass, air density and rotor radius are never estimated: only ratios to them show. Everything else that acts on the
     motion is, unless the options hold it; the pose sensor's place and a gyro bias per log are estimated along.
+
+    Args:
+        near: the fit of a similar vehicle to the same logs with the same options; its states and noise levels are
+            started from.
 
     Raises:
         InputError: a log lacks a quantity, has a gap, or shows too little motion; a name is unknown.
@@ -43,10 +52,10 @@ def identify(
     options = options or Options()
     if not logs:
         raise InputError("no flight was given; identification needs at least one log")
-    flights = [flight for i, log in enumerate(logs) for flight in prepare(log, i, options)]
+    flights = list(near.flights) if near else [f for i, log in enumerate(logs) for f in prepare(log, i, options)]
     excitation.require(flights, _names(vehicle, flights, options))
     unknowns = _unknowns(vehicle, flights, options)
-    point, noise = start(vehicle, flights)
+    point, noise = _beside(near, vehicle) if near else start(vehicle, flights)
     held: list[str] = []
     solution, unknowns = _fit(flights, vehicle, point, noise, unknowns, held, options, progress)
     lasting = _with_gusts(flights, solution) if options.gusts == "estimate" else None
@@ -129,6 +138,11 @@ def start(vehicle: Vehicle, flights: list[Flight]) -> tuple[Point, Noise]:
     return Point(vehicle, sensor, np.zeros((logs, 6)), states), Noise(process=np.sqrt(0.1) * size + 1e-3)
 
 
+def _beside(near: Identification, vehicle: Vehicle) -> tuple[Point, Noise]:
+    """States, biases and noise levels of another fit, under this vehicle."""
+    return replace(near.solution.point, vehicle=vehicle, pose_sensor=PoseSensor.of(vehicle)), near.noise
+
+
 def _unknowns(vehicle: Vehicle, flights: list[Flight], options: Options) -> Unknowns:
     with_pose = any(f.has_pose for f in flights)
     wanted = SENSOR_NAMES if options.pose_sensor and with_pose else ()
@@ -205,15 +219,23 @@ def _unseen_message(name: str) -> str:
 
 
 def smooth(
-    flights: list[Flight], vehicle: Vehicle, *, process_scale: float = 1.0, progress: Progress = silent
+    flights: list[Flight],
+    vehicle: Vehicle,
+    *,
+    process_scale: float = 1.0,
+    near: Solution | None = None,
+    progress: Progress = silent,
 ) -> Solution:
     """The states of flights under a vehicle whose parameters stay as they are; noise levels are estimated.
 
     Args:
         process_scale: more than 1 trusts the model less, so that the measurements decide.
+        near: the same of a similar vehicle; its states and noise levels are started from.
     """
     unknowns = Unknowns((), (), *_biased(flights))
     point, noise = start(vehicle, flights)
+    if near is not None:
+        point, noise = replace(point, bias=near.point.bias, states=near.point.states), near.noise
     prior = Prior(np.zeros(unknowns.size), _bias_std(unknowns))
     solution = solve(flights, point, noise, unknowns, prior, robust=False, max_iterations=20, progress=progress)
     if process_scale <= 1.0:

@@ -51,15 +51,30 @@ class Judge:
             states: where to start from; else the smoothed pose.
         """
         self._flights, self._noise, self._states = list(flights), noise, states
+        self._known: list[tuple[Vehicle, FloatArray]] = []
 
-    def costs(self, vehicle: Vehicle) -> FloatArray:
-        """(b,) half the sum of squares of each block, states at their best under the vehicle."""
+    def turn_to(self, noise: Noise) -> None:
+        """Judge at this noise level from now on."""
+        if noise is not self._noise:
+            self._noise, self._known = noise, []
+
+    def costs(self, vehicle: Vehicle, states: tuple[States, ...] | None = None) -> FloatArray:
+        """(b,) half the sum of squares of each block, states at their best under the vehicle.
+
+        Args:
+            states: where these are likely to be, if known.
+        """
+        known = next((costs for other, costs in self._known if other is vehicle), None)
+        if known is not None:
+            return known
         point = start(vehicle, self._flights)[0]
-        if self._states is not None:
-            point = replace(point, states=self._states)
+        if states is not None or self._states is not None:
+            point = replace(point, states=states or self._states)
         point, rows = settle(self._flights, replace(point, pose_sensor=PoseSensor.of(vehicle)), self._noise)
         self._states = point.states
-        return np.concatenate([_block_costs(f, r) for f, r in zip(self._flights, rows, strict=True)])
+        costs = np.concatenate([_block_costs(f, r) for f, r in zip(self._flights, rows, strict=True)])
+        self._known.append((vehicle, costs))
+        return costs
 
     def strength(self, before: Vehicle, after: Vehicle) -> float:
         """Half the sum of squares, in units of the noise, of what two models say differently about these flights."""
@@ -72,9 +87,9 @@ class Judge:
             total += 0.5 * float((mid.step_s * ((first - second) / self._noise.process) ** 2).sum())
         return total
 
-    def fall(self, before: Vehicle, after: Vehicle) -> Fall:
+    def fall(self, before: Vehicle, after: Vehicle, states_after: tuple[States, ...] | None = None) -> Fall:
         """From one model to another."""
-        return Fall(self.costs(before) - self.costs(after))
+        return Fall(self.costs(before) - self.costs(after, states_after))
 
 
 def settle(flights: Sequence[Flight], point: Point, noise: Noise) -> tuple[Point, tuple[Rows, ...]]:
@@ -85,21 +100,28 @@ def settle(flights: Sequence[Flight], point: Point, noise: Noise) -> tuple[Point
     """
     gyro = tuple(sorted({f.log_index for f in flights if np.isfinite(f.rate_body_rad_s).any()}))
     unknowns = Unknowns((), (), gyro)
-    before = np.inf
     for _ in range(MOST_STEPS):
         rows = _rows(flights, point, unknowns, noise)
         now = sum(r.cost() for r in rows)
-        if before - now < SETTLED * max(now, 1.0):
-            return point, rows
-        before = now
         eliminated = [solver.eliminate(r) for r in rows]
         weak = 1e2 * np.eye(unknowns.size)  # the identification's own prior on a gyro bias, 0.1 rad/s
         information = weak + sum(e.information for e in eliminated)
         gradient = sum((e.gradient for e in eliminated), np.zeros(unknowns.size))
         border = np.asarray(-np.linalg.solve(information, gradient), dtype=np.float64)
         changes = [-(e.state_step + e.sensitivity @ border) if unknowns.size else -e.state_step for e in eliminated]
-        point = _lowered(flights, point, unknowns, noise, border, changes, now)
+        if sum(_promised(r, c, border) for r, c in zip(rows, changes, strict=True)) < SETTLED * max(now, 1.0):
+            return point, rows
+        point, lower = _lowered(flights, point, unknowns, noise, border, changes, now)
+        if not lower:
+            return point, rows
     raise InputError(f"the states of {flights[0].name} do not settle under the model; it may be far from the truth")
+
+
+def _promised(rows: Rows, change: FloatArray, border: FloatArray) -> float:
+    """Fall of the cost that the linearised rows expect of a step."""
+    defect, sensor = rows.change(change[:, :, None], border[:, None])
+    after = (rows.defect + defect[:, :, 0], rows.sensor + sensor[:, :, 0])
+    return rows.cost() - 0.5 * float(sum(np.vdot(part, part) for part in after))
 
 
 def _rows(flights: Sequence[Flight], point: Point, unknowns: Unknowns, noise: Noise) -> tuple[Rows, ...]:
@@ -115,16 +137,16 @@ def _lowered(
     border: FloatArray,
     changes: Sequence[FloatArray],
     before: float,
-) -> Point:
-    """The point after the largest share of a step that lowers the cost; where it was if none does."""
+) -> tuple[Point, bool]:
+    """The point after the largest share of a step that lowers the cost, or where it was and False if none does."""
     share = 1.0
     while share > 1e-2:
         tried = point.moved(unknowns, share * border, [share * c for c in changes])
         after = sum(problem.cost(f, s, tried, noise, False) for f, s in zip(flights, tried.states, strict=True))
         if np.isfinite(after) and after <= before:
-            return tried
+            return tried, True
         share *= 0.5
-    return point
+    return point, False
 
 
 def _block_costs(flight: Flight, rows: Rows) -> FloatArray:

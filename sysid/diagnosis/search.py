@@ -69,6 +69,8 @@ class Model:
     evidence: Evidence
     scores: dict[str, Score]
     """Of every suspect."""
+    judge: Judge
+    """Of the flights it was fitted to, at its noise level."""
     tried: "dict[str, Candidate | None]"
     """Suspects that were fitted in full; None where that failed."""
 
@@ -111,7 +113,8 @@ def examine(fit: Identification) -> Model:
         s.name: score(evidence.named, evidence.base, evidence.place(s.parameters), np.array(s.one_sided))
         for s in lined.suspects
     }
-    return Model(fit, lined, evidence, scores, {})
+    judge = Judge(fit.flights, fit.noise, fit.solution.point.states)
+    return Model(fit, lined, evidence, scores, judge, {})
 
 
 def significant(model: Model) -> list[Suspect]:
@@ -146,7 +149,7 @@ def best_curve(model: Model, channels: Sequence[str]) -> Outside | None:
 def refit(logs: Sequence[FlightLog], model: Model, suspect: Suspect, options: Options) -> Identification:
     """Fit the model with a suspect in it."""
     start = suspects.added(model.fit.vehicle, suspect, list(model.scores[suspect.name].size))
-    return identify(logs, start, _holding_others(options, start, suspect))
+    return identify(logs, start, _holding_others(options, start, suspect), near=model.fit)
 
 
 def _holding_others(options: Options, vehicle: Vehicle, suspect: Suspect) -> Options:
@@ -177,10 +180,9 @@ def candidates(
 def _fitted(logs: Sequence[FlightLog], model: Model, suspect: Suspect, options: Options) -> Candidate | None:
     """The suspect fitted in full, once per model; None if that fails."""
     if suspect.name not in model.tried:
-        judge = Judge(model.fit.flights, model.fit.noise, model.fit.solution.point.states)
         try:
             fit = refit(logs, model, suspect, options)
-            fall = judge.fall(model.fit.vehicle, fit.vehicle)
+            fall = model.judge.fall(model.fit.vehicle, fit.vehicle, fit.solution.point.states)
             model.tried[suspect.name] = Candidate(suspect, fit, fall, model.scores[suspect.name].dispersion)
         except InputError as error:
             logger.info("%s could not be fitted: %s", suspect.name, error)
@@ -286,10 +288,11 @@ def search(
 ) -> Search:
     """Forward with a backward look after each addition, at most `most` additions."""
     models, trials, added = [examine(base)], [], []
+    unseen = Judge(held_out, base.noise) if held_out else None
     refused: dict[str, float] = {}
     dropped_before: dict[str, float] = {}
     while len(added) < most:
-        trial, model = _next(logs, models[-1], held_out, options, refused)
+        trial, model = _next(logs, models[-1], unseen, options, refused)
         if trial is None:
             break
         trials.append(trial)
@@ -312,7 +315,7 @@ def search(
 
 
 def _next(
-    logs: Sequence[FlightLog], model: Model, held_out: Sequence[Flight], options: Options, refused: dict[str, float]
+    logs: Sequence[FlightLog], model: Model, unseen: Judge | None, options: Options, refused: dict[str, float]
 ) -> tuple[Trial | None, Model | None]:
     """Try the most likely suspect; the model only if it was accepted."""
     tried = candidates(logs, model, options, refused)
@@ -323,7 +326,7 @@ def _next(
     share = odds / odds.sum()
     after = examine(best.fit)
     stand_in = stands(after, best.suspect)
-    fall, confirmed, judged_on = _confirmed(model, best, held_out)
+    fall, confirmed, judged_on = _confirmed(model, best, unseen)
     outcome = "stand-in" if stand_in else "added" if confirmed else "not confirmed"
     trial = Trial(
         suspect=best.suspect,
@@ -348,19 +351,18 @@ def _next(
     return trial, after if outcome == "added" else None
 
 
-def _confirmed(model: Model, best: Candidate, held_out: Sequence[Flight]) -> tuple[Fall, bool, str]:
+def _confirmed(model: Model, best: Candidate, unseen: Judge | None) -> tuple[Fall, bool, str]:
     """Held-out flights if they can tell; else stretches of the training flights, each judged by the rest.
 
     The fall of the cost of unseen flights is the logarithm of the odds between the two models, up to the dispersion.
     """
     scored = model.scores[best.suspect.name]
     least, why = CONFIRMING_ODDS * best.dispersion, "no flight was held out"
-    if held_out:
+    if unseen is not None:
         before, after = model.fit.vehicle, best.fit.vehicle
-        judge = Judge(held_out, model.fit.noise)
-        fall = judge.fall(before, after)
-        training = Judge(model.fit.flights, model.fit.noise, model.fit.solution.point.states)
-        could = best.fall.total * judge.strength(before, after) / max(training.strength(before, after), 1e-12)
+        unseen.turn_to(model.fit.noise)
+        fall = unseen.fall(before, after)
+        could = best.fall.total * unseen.strength(before, after) / max(model.judge.strength(before, after), 1e-12)
         against = fall.total < -CONTRADICTING_SIGMAS * fall.sigma
         could_tell = could > COULD_CONFIRM * max(fall.sigma, least) and scored.log_odds < CERTAIN_ODDS
         if fall.total > least or against or could_tell:
@@ -384,5 +386,6 @@ def _without(logs: Sequence[FlightLog], model: Model, dropped: Suspect, options:
     if dropped.effect == "weak_rotor":
         for name in dropped.parameters:
             vehicle = vehicle.with_value(name, 0.0, source="taken out")
-        return examine(identify(logs, vehicle, replace(options, held=(*options.held, *dropped.parameters))))
-    return examine(identify(logs, vehicle.without_effect(dropped.effect), options))
+        options = replace(options, held=(*options.held, *dropped.parameters))
+        return examine(identify(logs, vehicle, options, near=model.fit))
+    return examine(identify(logs, vehicle.without_effect(dropped.effect), options, near=model.fit))
