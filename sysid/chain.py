@@ -1,7 +1,7 @@
 """Linear algebra of a chain with a border: states coupled to their neighbours in time, a few parameters to all.
 
 One flight is a chain of nodes with s unknowns each (12, or 18 with disturbances), so the normal matrix is block
-tridiagonal; the parameters are its border. `Factor` eliminates the states (compiled kernel), the caller adds up what
+tridiagonal; the parameters are its border. `eliminate` takes the states out (compiled kernel), the caller adds up what
 is left for the border.
 """
 
@@ -40,8 +40,14 @@ class Rows:
 
     def change(self, states: FloatArray, border: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Change of defect and sensor rows for columns of state (k + 1, s, c) and border (p, c) changes."""
-        defect = self.defect_before @ states[:-1] + self.defect_after @ states[1:] + self.defect_border @ border
-        return defect, self.sensor_state @ states + self.sensor_border @ border
+        p, c = border.shape
+        defect, sensor = (
+            (rows.reshape(rows.shape[0] * rows.shape[1], p) @ border).reshape(*rows.shape[:2], c)
+            for rows in (self.defect_border, self.sensor_border)
+        )
+        before, after, seen = _plain(self.defect_before), _plain(self.defect_after), _plain(self.sensor_state)
+        _sysid.add_change(before, after, seen, _plain(states), defect, sensor)
+        return defect, sensor
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +69,7 @@ class Normal:
 
 
 def normal_equations(rows: Rows) -> Normal:
-    """J^T J and J^T r in blocks."""
+    """J^T J and J^T r in blocks: with `factored`, the plain twin of `eliminate`."""
     before_t = np.swapaxes(rows.defect_before, 1, 2)
     after_t = np.swapaxes(rows.defect_after, 1, 2)
     sensor_t = np.swapaxes(rows.sensor_state, 1, 2)
@@ -92,18 +98,11 @@ def _with_residual(rows: Rows) -> FloatArray:
 
 
 class Factor:
-    """Cholesky factor of a block-tridiagonal matrix, ready to solve with.
-
-    Raises:
-        InputError: the matrix is singular, which happens when a stretch of the flight has no measurement.
-    """
+    """Cholesky factor of a block-tridiagonal matrix, ready to solve with."""
 
     def __init__(self, diagonal: FloatArray, coupling: FloatArray) -> None:
-        self._diagonal = np.array(diagonal, dtype=np.float64, order="C")
-        self._coupling = np.array(coupling, dtype=np.float64, order="C")
-        bad = _sysid.factor(self._diagonal, self._coupling)
-        if bad >= 0:
-            raise InputError(f"the states of the flight are not determined from node {bad} on; are there pose samples?")
+        """Takes over a factor that the kernel has made, see `factored` and `eliminate`."""
+        self._diagonal, self._coupling = diagonal, coupling
 
     def solve(self, columns: FloatArray) -> FloatArray:
         """H^-1 columns for (nodes, s, c)."""
@@ -111,12 +110,90 @@ class Factor:
         _sysid.solve(self._diagonal, self._coupling, result)
         return result
 
-    def covariance(self) -> tuple[FloatArray, FloatArray]:
-        """Blocks (i, i) and (i, i + 1) of the inverse: (nodes, s, s) and (nodes - 1, s, s)."""
-        diagonal = np.empty_like(self._diagonal)
-        off_diagonal = np.empty_like(self._coupling)
-        _sysid.inverse_blocks(self._diagonal, self._coupling, diagonal, off_diagonal)
-        return diagonal, off_diagonal
+    def solve_back(self, columns: FloatArray) -> FloatArray:
+        """L^-T columns: the second half of `solve`."""
+        result = np.array(columns, dtype=np.float64, order="C")
+        _sysid.solve(self._diagonal, self._coupling, result, only_back=True)
+        return result
+
+    def leverage(self, rows: Rows) -> tuple[FloatArray, FloatArray]:
+        """Share of each whitened row that its own fit takes up: (k, d) of the defects, (k + 1, m) of the sensors.
+
+        One minus leverage, summed, is the number of rows left to judge the noise by.
+        """
+        defect, sensor = np.empty_like(rows.defect), np.empty_like(rows.sensor)
+        before, after, seen = _plain(rows.defect_before), _plain(rows.defect_after), _plain(rows.sensor_state)
+        _sysid.leverage(before, after, seen, self._diagonal, self._coupling, defect, sensor)
+        return defect, sensor
+
+
+def factored(diagonal: FloatArray, coupling: FloatArray) -> Factor:
+    """Factor of a block-tridiagonal matrix.
+
+    Raises:
+        InputError: the matrix is singular, which happens when a stretch of the flight has no measurement.
+    """
+    own = np.array(diagonal, dtype=np.float64, order="C"), np.array(coupling, dtype=np.float64, order="C")
+    _require_determined(_sysid.factor(*own))
+    return Factor(*own)
+
+
+def _require_determined(bad: int) -> None:
+    if bad >= 0:
+        raise InputError(f"the states of the flight are not determined from node {bad} on; are there pose samples?")
+
+
+def _plain(array: FloatArray) -> FloatArray:
+    return np.ascontiguousarray(array, dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class Eliminated:
+    """One flight with its states eliminated: what is left speaks of the parameters alone."""
+
+    factor: Factor
+    """Of the states' block-tridiagonal normal matrix."""
+    half: FloatArray
+    """(n, s, p + 1) L^-1 [J^T J_border, gradient]: the elimination's way forward."""
+    information: FloatArray
+    """(p, p)."""
+    gradient: FloatArray
+    """(p,) of the cost, the states at their best."""
+
+    def sensitivity(self) -> FloatArray:
+        """(n, s, p) H^-1 J^T J_border: the best states move by minus this times the parameters' step."""
+        return self.factor.solve_back(self.half[:, :, :-1])
+
+    def states(self, step: FloatArray) -> FloatArray:
+        """(n, s) step to the best states when the parameters take a step (p,)."""
+        return -self.factor.solve_back(self.half @ np.append(step, 1.0)[:, None])[:, :, 0]
+
+
+def eliminate(rows: Rows) -> Eliminated:
+    """Schur complement of the states of one flight.
+
+    Raises:
+        InputError: the states are not determined.
+    """
+    nodes, _, size = rows.sensor_state.shape
+    p = rows.sensor_border.shape[2]
+    diagonal, coupling = np.empty((nodes, size, size)), np.empty((nodes - 1, size, size))
+    half, reduced = np.empty((nodes, size, p + 1)), np.empty((p + 1, p + 1))
+    bad = _sysid.eliminate(
+        _plain(rows.defect_before),
+        _plain(rows.defect_after),
+        _plain(rows.defect_border),
+        _plain(rows.defect),
+        _plain(rows.sensor_state),
+        _plain(rows.sensor_border),
+        _plain(rows.sensor),
+        diagonal,
+        coupling,
+        half,
+        reduced,
+    )
+    _require_determined(bad)
+    return Eliminated(Factor(diagonal, coupling), half, reduced[:-1, :-1], reduced[:-1, -1])
 
 
 def solve_numpy(diagonal: FloatArray, coupling: FloatArray, columns: FloatArray) -> FloatArray:
@@ -130,16 +207,3 @@ def solve_numpy(diagonal: FloatArray, coupling: FloatArray, columns: FloatArray)
         band[: 2 * size - c, :, c] = tall[:, c:, c].T
     flat = columns.reshape(nodes * size, -1)
     return solveh_banded(band.reshape(2 * size, -1), flat, lower=True).reshape(columns.shape)
-
-
-def leverage(rows: Rows, covariance: tuple[FloatArray, FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Share of each whitened row that its own fit takes up: (k, d) of the defects, (k + 1, m) of the sensors.
-
-    One minus leverage, summed, is the number of rows left to judge the noise by.
-    """
-    diagonal, off_diagonal = covariance
-    before, after = rows.defect_before, rows.defect_after
-    defect = np.einsum("kij,kij->ki", before @ diagonal[:-1], before)
-    defect += np.einsum("kij,kij->ki", after @ diagonal[1:], after)
-    defect += 2.0 * np.einsum("kij,kij->ki", before @ off_diagonal, after)
-    return defect, np.einsum("kij,kij->ki", rows.sensor_state @ diagonal, rows.sensor_state)

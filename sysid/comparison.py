@@ -130,10 +130,10 @@ def compare(
     if not flights:
         raise InputError(f"no flight is longer than {2.0 * longest_s:g} s; predictions need that")
     first = next(iter(models.values()))
-    reference = smooth(flights, first, process_scale=REFERENCE_LOOSENESS).point.states
+    smoothed = smooth(flights, first)
+    reference = smooth(flights, first, process_scale=REFERENCE_LOOSENESS, near=smoothed).point.states
     errors, flight_errors, residuals = {}, {}, {}
     count = 0
-    smoothed = None
     for i, (name, vehicle) in enumerate(models.items()):
         smoothed = smooth(flights, vehicle, near=smoothed)
         states = smoothed.point.states

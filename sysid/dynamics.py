@@ -12,6 +12,7 @@ import numpy as np
 from flight import rotations
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
+from sysid import _sysid
 from sysid.flight_data import Flight
 from sysid.model import along
 from sysid.states import GUST, MOTION, States
@@ -167,19 +168,12 @@ def whiten(step_s: FloatArray, std: FloatArray, *rows: FloatArray) -> list[Float
         step_s: (k, 1).
         std: (6,).
     """
-    h = step_s[:, 0]
-    first = np.sqrt(h**3 / 3.0)
-    mixed = 0.5 * h * h / first
-    second = 0.5 * np.sqrt(h)
+    first, second = np.sqrt(step_s**3 / 3.0), 0.5 * np.sqrt(step_s)
+    mixed = 0.5 * step_s**2 / first
+    scale = np.concatenate([1.0 / (first * std), 1.0 / (second * std), mixed / second * np.ones(6)], axis=1)
     result = []
     for row in rows:
-        shape = (-1, *(1,) * (row.ndim - 1))
-        a, b, c = first.reshape(shape), mixed.reshape(shape), second.reshape(shape)
-        scale = std.reshape(1, 6, *(1,) * (row.ndim - 2))
-        white = np.empty_like(row)
-        for low, channel in ((0, slice(0, 3)), (6, slice(3, 6))):
-            integral = row[:, low : low + 3] / (a * scale[:, channel])
-            white[:, low : low + 3] = integral
-            white[:, low + 3 : low + 6] = (row[:, low + 3 : low + 6] / scale[:, channel] - b * integral) / c
-        result.append(white)
+        white = np.array(row.reshape(len(row), 12, -1 if row.size else 0), dtype=np.float64, order="C")
+        _sysid.whiten(scale, white)
+        result.append(white.reshape(row.shape))
     return result

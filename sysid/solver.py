@@ -1,19 +1,21 @@
 """Gauss-Newton on the joint problem: eliminate the states, step the parameters, re-estimate the noise, repeat."""
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from flight import InputError, Progress
 from flight.rotations import FloatArray
-from sysid import chain
-from sysid.chain import Factor, Rows
+from sysid.chain import Eliminated, Rows, eliminate
 from sysid.flight_data import Flight
 from sysid.gusts import LEAST_SIZE
+from sysid.parallel import each
 from sysid.problem import Noise, Point, Unknowns, cost, linearise
 from sysid.sensors import SensorNoise
-from vehicle import specs
+from sysid.states import States
+from vehicle import Vehicle, specs
 
 logger = logging.getLogger(__name__)
 
@@ -99,17 +101,16 @@ def solve(
     record: list[Iteration] = []
     converged = False
     while True:
-        rows = [linearise(f, s, point, unknowns, noise, robust) for f, s in zip(flights, point.states, strict=True)]
+        rows, eliminated = linearised(flights, point, unknowns, noise, robust)
         border = _border_values(point, unknowns)
-        eliminated = [eliminate(r) for r in rows]
         if converged or len(record) == max_iterations:
             break
         hessian = prior.information + sum(e.information for e in eliminated)
         gradient = prior.information @ (border - prior.mean) + sum(e.gradient for e in eliminated)
         step, sigma = _parameter_step(hessian, gradient, _room(point, unknowns))
-        changes = [-(e.state_step + e.sensitivity @ step) for e in eliminated]
+        changes = [e.states(step) for e in eliminated]
         point, taken = _take(flights, point, unknowns, noise, prior, step, changes, robust, sum(r.cost() for r in rows))
-        old, noise = noise, _noise(flights, rows, eliminated, step, taken, changes, noise)
+        old, noise = noise, _noise(flights, point.vehicle, rows, eliminated, step, taken, changes, noise)
         record.append(
             Iteration(
                 cost=sum(r.cost() for r in rows),
@@ -120,17 +121,18 @@ def solve(
             )
         )
         last = record[-1]
-        # A noise level without influence may creep for long; two small steps in a row are enough then.
+        # A noise level without influence on the parameters may creep for long; two small steps in a row are enough.
         still = [i.step_sigma < CONVERGED_SIGMA and i.damping > 0.99 for i in record[-2:]]
-        converged = still[-1] and (last.noise_change < CONVERGED_NOISE or (len(still) == 2 and still[0]))
+        crept = bool(unknowns.model) and still == [True, True]
+        converged = still[-1] and (last.noise_change < CONVERGED_NOISE or crept)
         progress("identify", min(0.95, len(record) / 12.0))
         logger.info("iteration %d: cost %.6g, step %.3g sigma", len(record), last.cost, last.step_sigma)
         logger.debug("values %s, noise %s", dict(zip(unknowns.names, last.values, strict=True)), noise)
     return Solution(
         point=point,
         noise=noise,
-        rows=tuple(rows),
-        sensitivity=tuple(e.sensitivity for e in eliminated),
+        rows=rows,
+        sensitivity=tuple(e.sensitivity() for e in eliminated),
         information=tuple(e.information for e in eliminated),
         prior_information=prior.information,
         record=tuple(record),
@@ -138,36 +140,26 @@ def solve(
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Eliminated:
-    """One flight with its states eliminated: what is left speaks of the parameters alone."""
+def linearised(
+    flights: Sequence[Flight], point: Point, unknowns: Unknowns, noise: Noise, robust: bool = False
+) -> tuple[tuple[Rows, ...], tuple[Eliminated, ...]]:
+    """Rows of each flight at a point, and what they say of the parameters."""
 
-    factor: Factor
-    """Of the states' block-tridiagonal normal matrix."""
-    sensitivity: FloatArray
-    """(n, 12, p): H^-1 J^T J_border; the best states move by minus this times the parameters' step."""
-    state_step: FloatArray
-    """(n, 12): H^-1 times the gradient; the states move by minus this when the parameters stay."""
-    information: FloatArray
-    """(p, p)."""
-    gradient: FloatArray
-    """(p,) of the cost, the states at their best."""
+    def one(flight: Flight, states: States) -> tuple[Rows, Eliminated]:
+        rows = linearise(flight, states, point, unknowns, noise, robust)
+        return rows, eliminate(rows)
+
+    rows, eliminated = zip(*each(point.vehicle, one, flights, point.states), strict=True)
+    return rows, eliminated
 
 
-def eliminate(rows: Rows) -> Eliminated:
-    """Schur complement of the states of one flight."""
-    normal = chain.normal_equations(rows)
-    factor = Factor(normal.diagonal, normal.coupling)
-    both = factor.solve(np.concatenate([normal.border, normal.gradient[:, :, None]], axis=2))
-    sensitivity, state_step = both[:, :, :-1], both[:, :, -1]
-    flat = normal.border.reshape(normal.gradient.size, normal.border.shape[2])
-    return Eliminated(
-        factor=factor,
-        sensitivity=sensitivity,
-        state_step=state_step,
-        information=normal.border_hessian - flat.T @ sensitivity.reshape(flat.shape),
-        gradient=normal.border_gradient - flat.T @ state_step.ravel(),
-    )
+def total_cost(flights: Sequence[Flight], point: Point, noise: Noise, robust: bool = False) -> float:
+    """Half the sum of squares of all flights."""
+
+    def one(flight: Flight, states: States) -> float:
+        return cost(flight, states, point, noise, robust)
+
+    return sum(each(point.vehicle, one, flights, point.states))
 
 
 def _parameter_step(
@@ -232,7 +224,7 @@ def _take(
     def total(candidate: Point) -> float:
         border = _border_values(candidate, unknowns)
         own = 0.5 * float((((border - prior.mean) / prior.std) ** 2).sum())
-        return own + sum(cost(f, s, candidate, noise, robust) for f, s in zip(flights, candidate.states, strict=True))
+        return own + total_cost(flights, candidate, noise, robust)
 
     start = before + 0.5 * float((((_border_values(point, unknowns) - prior.mean) / prior.std) ** 2).sum())
     share = 1.0
@@ -256,27 +248,31 @@ def _border_values(point: Point, unknowns: Unknowns) -> FloatArray:
 
 def _noise(
     flights: list[Flight],
-    rows: list[Rows],
-    eliminated: list[Eliminated],
+    vehicle: Vehicle,
+    rows: Sequence[Rows],
+    eliminated: Sequence[Eliminated],
     step: FloatArray,
     taken: float,
     changes: list[FloatArray],
     noise: Noise,
 ) -> Noise:
     """Noise levels that match the residuals: squares over the rows left after the states took their share."""
-    total, count = np.zeros(16), np.zeros(16)
-    for flight, r, e, change in zip(flights, rows, eliminated, changes, strict=True):
+
+    def one(flight: Flight, r: Rows, e: Eliminated, change: FloatArray) -> tuple[FloatArray, FloatArray]:
         defect_change, sensor_change = r.change(taken * change[:, :, None], taken * step[:, None])
         defect, sensor = r.defect + defect_change[:, :, 0], r.sensor + sensor_change[:, :, 0]
-        defect_leverage, sensor_leverage = chain.leverage(r, e.factor.covariance())
+        defect_leverage, sensor_leverage = e.factor.leverage(r)
         measured = (r.sensor_state != 0.0).any(axis=2)
         if not flight.has_pose:
             measured[:, :6] = False  # anchors, not measurements
         squares = [(defect**2).sum(axis=0), (measured * sensor**2).sum(axis=0)]
         left = [(1.0 - defect_leverage).sum(axis=0), (measured * (1.0 - sensor_leverage)).sum(axis=0)]
         channel = _channels(flight, noise)
-        total += np.bincount(channel, np.concatenate(squares), 16)
-        count += np.bincount(channel, np.concatenate(left), 16)
+        squared, free = (np.bincount(channel, np.concatenate(part), 16) for part in (squares, left))
+        return np.asarray(squared, dtype=np.float64), np.asarray(free, dtype=np.float64)
+
+    parts = each(vehicle, one, flights, rows, eliminated, changes)
+    total, count = (np.sum(part, axis=0) for part in zip(*parts, strict=True))
     ratio = np.where(count > 1.0, np.sqrt(np.clip(total / np.maximum(count, 1.0), 0.01, 100.0)), 1.0)
     least = LEAST_PROCESS.copy()
     if not all(f.has_pose for f in flights):

@@ -7,7 +7,7 @@ import numpy as np
 
 from flight import InputError
 from flight.rotations import FloatArray
-from sysid import drive, dynamics, problem, solver
+from sysid import drive, dynamics
 from sysid.chain import Rows
 from sysid.diagnosis.evidence import block_edges
 from sysid.flight_data import Flight
@@ -15,6 +15,7 @@ from sysid.identification import start
 from sysid.model import along
 from sysid.problem import Noise, Point, Unknowns
 from sysid.sensors import PoseSensor
+from sysid.solver import linearised, total_cost
 from sysid.states import States
 from vehicle import Vehicle
 
@@ -101,14 +102,13 @@ def settle(flights: Sequence[Flight], point: Point, noise: Noise) -> tuple[Point
     gyro = tuple(sorted({f.log_index for f in flights if np.isfinite(f.rate_body_rad_s).any()}))
     unknowns = Unknowns((), (), gyro)
     for _ in range(MOST_STEPS):
-        rows = _rows(flights, point, unknowns, noise)
+        rows, eliminated = linearised(flights, point, unknowns, noise)
         now = sum(r.cost() for r in rows)
-        eliminated = [solver.eliminate(r) for r in rows]
         weak = 1e2 * np.eye(unknowns.size)  # the identification's own prior on a gyro bias, 0.1 rad/s
         information = weak + sum(e.information for e in eliminated)
         gradient = sum((e.gradient for e in eliminated), np.zeros(unknowns.size))
         border = np.asarray(-np.linalg.solve(information, gradient), dtype=np.float64)
-        changes = [-(e.state_step + e.sensitivity @ border) if unknowns.size else -e.state_step for e in eliminated]
+        changes = [e.states(border) for e in eliminated]
         if sum(_promised(r, c, border) for r, c in zip(rows, changes, strict=True)) < SETTLED * max(now, 1.0):
             return point, rows
         point, lower = _lowered(flights, point, unknowns, noise, border, changes, now)
@@ -124,11 +124,6 @@ def _promised(rows: Rows, change: FloatArray, border: FloatArray) -> float:
     return rows.cost() - 0.5 * float(sum(np.vdot(part, part) for part in after))
 
 
-def _rows(flights: Sequence[Flight], point: Point, unknowns: Unknowns, noise: Noise) -> tuple[Rows, ...]:
-    both = zip(flights, point.states, strict=True)
-    return tuple(problem.linearise(f, s, point, unknowns, noise, False) for f, s in both)
-
-
 def _lowered(
     flights: Sequence[Flight],
     point: Point,
@@ -142,7 +137,7 @@ def _lowered(
     share = 1.0
     while share > 1e-2:
         tried = point.moved(unknowns, share * border, [share * c for c in changes])
-        after = sum(problem.cost(f, s, tried, noise, False) for f, s in zip(flights, tried.states, strict=True))
+        after = total_cost(flights, tried, noise)
         if np.isfinite(after) and after <= before:
             return tried, True
         share *= 0.5

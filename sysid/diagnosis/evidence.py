@@ -15,15 +15,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flight.rotations import FloatArray
-from sysid import drive, dynamics, problem, solver
-from sysid.chain import Rows
+from sysid import drive, dynamics, problem
+from sysid.chain import Factor, Rows, eliminate
 from sysid.diagnosis import free_form, suspects
 from sysid.diagnosis.free_form import Curve
 from sysid.diagnosis.suspects import LineUp
 from sysid.flight_data import Flight, IndexArray
+from sysid.parallel import each
 from sysid.problem import Noise, Point, Unknowns
 from sysid.result import CHANNELS
 from sysid.sensors import SENSOR_NAMES
+from sysid.states import States
 
 BLOCK_S = 3.0
 """Errors (gusts above all) are taken as independent between blocks of this length."""
@@ -57,10 +59,12 @@ class Evidence:
             model=(*base, *(n for n in wanted if n not in SENSOR_NAMES)),
             sensor=(*unknowns.sensor, *(n for n in wanted if n in SENSOR_NAMES)),
         )
-        self._projected = [
-            _Projected(flight, replace(point, vehicle=line_up.vehicle, states=(states,)), extended, noise)
-            for flight, states in zip(flights, point.states, strict=True)
-        ]
+        self._vehicle = line_up.vehicle
+
+        def projected(flight: Flight, states: States) -> _Projected:
+            return _Projected(flight, replace(point, vehicle=line_up.vehicle, states=(states,)), extended, noise)
+
+        self._projected = each(self._vehicle, projected, flights, point.states)
         fitted = [name for name in extended.names if name not in wanted]
         self._order = np.array([extended.names.index(name) for name in (*fitted, *wanted)], dtype=np.intp)
         self._free: dict[str, Blocks] = {}
@@ -81,7 +85,7 @@ class Evidence:
     def with_curves(self, channel: str) -> Blocks:
         """Blocks over the named columns followed by the curves of one channel."""
         if channel not in self._free:
-            parts = [one.with_curves(channel, self.curves) for one in self._projected]
+            parts = each(self._vehicle, lambda one: one.with_curves(channel, self.curves), self._projected)
             self._free[channel] = _reordered(_joined(parts), self._order)
         return self._free[channel]
 
@@ -108,18 +112,16 @@ class _Projected:
         self._flight, self._noise = drive.driven(flight, point.vehicle), noise
         self._rows = problem.linearise(flight, states, point, unknowns, noise, False)
         self._mid = dynamics.middle(flight, states)
-        eliminated = solver.eliminate(self._rows)
+        eliminated = eliminate(self._rows)
         self._factor = eliminated.factor
-        self._columns = self._rows.change(-eliminated.sensitivity, np.eye(unknowns.size))
-        moved = self._rows.change(-eliminated.state_step[:, :, None], np.zeros((unknowns.size, 1)))
+        self._columns = self._rows.change(-eliminated.sensitivity(), np.eye(unknowns.size))
+        moved = self._rows.change(eliminated.states(np.zeros(unknowns.size))[:, :, None], np.zeros((unknowns.size, 1)))
         self._residual = (self._rows.defect + moved[0][:, :, 0], self._rows.sensor + moved[1][:, :, 0])
         self._edges = block_edges(flight.time_s)
-        self._named: Blocks | None = None
+        self._named = Blocks(*self._products(self._columns, self._columns))
 
     def blocks(self) -> Blocks:
         """Of the named columns."""
-        if self._named is None:
-            self._named = Blocks(*self._products(self._columns, self._columns))
         return self._named
 
     def with_curves(self, channel: str, curves: Sequence[Curve]) -> Blocks:
@@ -154,7 +156,7 @@ def _row(channel: str) -> int:
     return (3 if channel[0] == "F" else 9) + "xyz".index(channel[2])
 
 
-def _freed(rows: Rows, factor: "solver.Factor", column: FloatArray, row: int) -> tuple[FloatArray, FloatArray]:
+def _freed(rows: Rows, factor: Factor, column: FloatArray, row: int) -> tuple[FloatArray, FloatArray]:
     """Columns that act on one row of each defect, with the states' answer to them taken out."""
     right = np.zeros((len(rows.sensor), rows.sensor_state.shape[2], column.shape[1]))
     right[:-1] += rows.defect_before[:, row, :, None] * column[:, None, :]
