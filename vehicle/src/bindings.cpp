@@ -21,9 +21,6 @@ using InOut3 = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 
 namespace {
 
-constexpr int kDirections = 12;  // ten for the motion, or half of motion and parameters together
-using Number = Dual<kDirections>;
-
 // Row of surroundings: q_world_body 0-3, height 4, ceiling gap 5, rotor acceleration 6-9.
 constexpr int kSurroundings = 10;
 
@@ -64,6 +61,7 @@ void evaluate(const Model& model, In values, In motion, In around, bool as_accel
 
 // Directions are numbered: 0-9 motion, 10-19 surroundings (of which 10-12 is a body-axes turn of the attitude,
 // 14 height (the gap to the ceiling is not differentiated), 16-19 rotor acceleration), 20 + j value j.
+template <class Number>
 void seed(Number* const motion[10], Flow<Number>& flow, std::vector<Number>& values, int direction, int slot) {
     if (direction < 10) {
         motion[direction]->d[slot] = 1.0;
@@ -81,10 +79,11 @@ void seed(Number* const motion[10], Flow<Number>& flow, std::vector<Number>& val
     }
 }
 
-// Writes direction j into column slots[j] of slopes (n, 6, columns).
-void jacobian(const Model& model, In values, In motion, In around, const std::vector<int>& slots,
-              const std::vector<int>& directions, bool as_acceleration, InOut out, InOut3 slopes) {
-    nb::gil_scoped_release release;
+// Writes direction j into column slots[j] of slopes (n, 6, columns), kDirections at a time.
+template <int kDirections>
+void some_at_a_time(const Model& model, In values, In motion, In around, const std::vector<int>& slots,
+                    const std::vector<int>& directions, bool as_acceleration, InOut out, InOut3 slopes) {
+    using Number = Dual<kDirections>;
     const int total = static_cast<int>(directions.size());
     std::vector<Number> v(model.width);
     for (size_t i = 0; i < motion.shape(0); ++i) {
@@ -109,6 +108,15 @@ void jacobian(const Model& model, In values, In motion, In around, const std::ve
             }
         }
     }
+}
+
+void jacobian(const Model& model, In values, In motion, In around, const std::vector<int>& slots,
+              const std::vector<int>& directions, bool as_acceleration, InOut out, InOut3 slopes) {
+    nb::gil_scoped_release release;
+    const size_t total = directions.size();
+    const bool wide = (total + 15) / 16 < (total + 11) / 12;  // fewer rounds, each of which repeats the values
+    (wide ? some_at_a_time<16> : some_at_a_time<12>)(model, values, motion, around, slots, directions, as_acceleration,
+                                                     out, slopes);
 }
 
 // world: one row of wind 0-2, gravity 3, ground 4, ceiling 5 per vehicle
