@@ -45,6 +45,13 @@ class Rows:
             (rows.reshape(rows.shape[0] * rows.shape[1], p) @ border).reshape(*rows.shape[:2], c)
             for rows in (self.defect_border, self.sensor_border)
         )
+        return self._plus(states, defect, sensor)
+
+    def freed(self, sensitivity: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Border columns of defects (k, d, p) and sensor rows (k + 1, m, p), the states' answer to them taken out."""
+        return self._plus(-sensitivity, self.defect_border.copy(), self.sensor_border.copy())
+
+    def _plus(self, states: FloatArray, defect: FloatArray, sensor: FloatArray) -> tuple[FloatArray, FloatArray]:
         before, after, seen = _plain(self.defect_before), _plain(self.defect_after), _plain(self.sensor_state)
         _sysid.add_change(before, after, seen, _plain(states), defect, sensor)
         return defect, sensor
@@ -106,9 +113,12 @@ class Factor:
 
     def solve(self, columns: FloatArray) -> FloatArray:
         """H^-1 columns for (nodes, s, c)."""
-        result = np.array(columns, dtype=np.float64, order="C")
-        _sysid.solve(self._diagonal, self._coupling, result)
-        return result
+        return self.solve_in_place(np.array(columns, dtype=np.float64, order="C"))
+
+    def solve_in_place(self, columns: FloatArray) -> FloatArray:
+        """The same without a copy; what was given is lost."""
+        _sysid.solve(self._diagonal, self._coupling, columns)
+        return columns
 
     def solve_back(self, columns: FloatArray) -> FloatArray:
         """L^-T columns: the second half of `solve`."""

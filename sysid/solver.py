@@ -332,7 +332,7 @@ def block_scores(
     """For each block of a flight its information (p, p) and its pull on the parameters (p,), the states eliminated."""
     rows, sensitivity = solution.rows[flight], solution.sensitivity[flight]
     p = sensitivity.shape[2]
-    defect, sensor = rows.change(-sensitivity, np.eye(p))
+    defect, sensor = rows.freed(sensitivity)
     edges = np.searchsorted(time_s, np.arange(time_s[0], time_s[-1], block_s))
     found = []
     for begin, end in zip(edges, [*edges[1:], len(time_s)], strict=True):

@@ -114,11 +114,13 @@ class _Projected:
         self._mid = dynamics.middle(flight, states)
         eliminated = eliminate(self._rows)
         self._factor = eliminated.factor
-        self._columns = self._rows.change(-eliminated.sensitivity(), np.eye(unknowns.size))
+        columns = self._rows.freed(eliminated.sensitivity())
+        self._columns = columns[0]
         moved = self._rows.change(eliminated.states(np.zeros(unknowns.size))[:, :, None], np.zeros((unknowns.size, 1)))
         self._residual = (self._rows.defect + moved[0][:, :, 0], self._rows.sensor + moved[1][:, :, 0])
         self._edges = block_edges(flight.time_s)
-        self._named = Blocks(*self._products(self._columns, self._columns))
+        self._named = self._products(columns)
+        self._drawn: FloatArray | None = None
 
     def blocks(self) -> Blocks:
         """Of the named columns."""
@@ -126,29 +128,54 @@ class _Projected:
 
     def with_curves(self, channel: str, curves: Sequence[Curve]) -> Blocks:
         """Of the named columns and the curves of one channel."""
-        whitened = self._whitened(free_form.columns(curves, self._flight, self._mid), channel)
-        free = _freed(self._rows, self._factor, whitened, _row(channel))
-        named = self.blocks()
-        score, own = self._products(free, free)
-        cross = self._products(free, self._columns)[1]
+        if self._drawn is None:
+            self._drawn = free_form.columns(curves, self._flight, self._mid)
+        named, column = self.blocks(), self._whitened(self._drawn, channel)
+        products = self._freed_products(column, _row(channel))
+        c, p = column.shape[1], named.score.shape[1]
+        own, cross, score = products[:, :, :c], products[:, :, c : c + p], products[:, :, -1]
+        own = 0.5 * (own + np.swapaxes(own, 1, 2))
         information = np.block([[named.information, np.swapaxes(cross, 1, 2)], [cross, own]])
         return Blocks(np.concatenate([named.score, score], axis=1), information)
+
+    def _freed_products(self, column: FloatArray, row: int) -> FloatArray:
+        """(b, c, c + p + 1) columns that act on one row of each defect, with the states' answer to them taken out,
+        times themselves, the named columns, and the residual.
+
+        What is left of any column, the states at their best, is at right angles to all that states can do (J^T f = 0).
+        So of the product (a - J x)^T f over a block only a^T f remains, one row per interval, and x^T J^T f at the two
+        ends of the block, where J^T f has another part in the block beside.
+        """
+        rows, answer = self._rows, _answer(self._rows, self._factor, column, row)
+        before, after = rows.defect_before[:, row, None], rows.defect_after[:, row, None]
+        freed = column[:, None] - before @ answer[:-1] - after @ answer[1:]
+        other = np.concatenate([freed[:, 0], self._columns[:, row], self._residual[0][:, row, None]], axis=1)
+        last = np.array([end - 1 for _, end in self._edges[:-1]], dtype=np.intp)
+        outward = rows.defect_after[last]
+        own = -(rows.defect_before[last] @ answer[last] + outward @ answer[last + 1])
+        own[:, row] += column[last]
+        left = np.concatenate([own, self._columns[last], self._residual[0][last, :, None]], axis=2)
+        ends = np.swapaxes(outward @ answer[last + 1], 1, 2) @ left
+        products = np.stack([column[begin:end].T @ other[begin:end] for begin, end in self._edges])
+        products[:-1] -= ends
+        products[1:] += ends
+        return products
 
     def _whitened(self, values: FloatArray, channel: str) -> FloatArray:
         """What a unit of acceleration in one channel adds to that channel's whitened defect."""
         std = self._noise.process[CHANNELS.index(channel)]
         return -2.0 * np.sqrt(self._flight.step_s)[:, None] * values / std
 
-    def _products(self, left: tuple[FloatArray, ...], right: tuple[FloatArray, ...]) -> tuple[FloatArray, FloatArray]:
-        """Per block: products of columns with the residual (b, p), and with other columns (b, p, q)."""
-        score = np.zeros((len(self._edges), left[0].shape[2]))
-        information = np.zeros((len(self._edges), left[0].shape[2], right[0].shape[2]))
+    def _products(self, columns: tuple[FloatArray, ...]) -> Blocks:
+        """Products of columns (defects and sensor rows) with the residual and with each other."""
+        p = columns[0].shape[2]
+        score, information = np.zeros((len(self._edges), p)), np.zeros((len(self._edges), p, p))
         for i, (begin, end) in enumerate(self._edges):
-            for a, b, r in zip(left, right, self._residual, strict=True):
-                flat = a[begin:end].reshape(-1, a.shape[2])
+            for a, r in zip(columns, self._residual, strict=True):
+                flat = a[begin:end].reshape(-1, p)
                 score[i] += r[begin:end].ravel() @ flat
-                information[i] += flat.T @ b[begin:end].reshape(-1, b.shape[2])
-        return score, information
+                information[i] += flat.T @ flat
+        return Blocks(score, information)
 
 
 def _row(channel: str) -> int:
@@ -156,15 +183,13 @@ def _row(channel: str) -> int:
     return (3 if channel[0] == "F" else 9) + "xyz".index(channel[2])
 
 
-def _freed(rows: Rows, factor: Factor, column: FloatArray, row: int) -> tuple[FloatArray, FloatArray]:
-    """Columns that act on one row of each defect, with the states' answer to them taken out."""
+def _answer(rows: Rows, factor: Factor, column: FloatArray, row: int) -> FloatArray:
+    """(n, s, c) how the best states follow columns that act on one row of each defect."""
     right = np.zeros((len(rows.sensor), rows.sensor_state.shape[2], column.shape[1]))
-    right[:-1] += rows.defect_before[:, row, :, None] * column[:, None, :]
-    right[1:] += rows.defect_after[:, row, :, None] * column[:, None, :]
-    states = factor.solve(right)
-    defect = -(rows.defect_before @ states[:-1] + rows.defect_after @ states[1:])
-    defect[:, row] += column
-    return defect, -(rows.sensor_state @ states)
+    for i in range(right.shape[1]):
+        right[:-1, i] = rows.defect_before[:, row, i, None] * column
+        right[1:, i] += rows.defect_after[:, row, i, None] * column
+    return factor.solve_in_place(right)
 
 
 def block_edges(time_s: FloatArray) -> list[tuple[int, int]]:

@@ -1,15 +1,17 @@
 """Diagnosis: a planted effect is found, an innocent model is left alone, what nobody knows is drawn and not named."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import vehicle
 from flight import FlightLog, InputError
-from sysid import Options, identify
-from sysid.diagnosis import diagnose
-from sysid.diagnosis.evidence import Blocks, Evidence
+from sysid import Options, dynamics, identify
+from sysid.chain import eliminate
+from sysid.diagnosis import diagnose, free_form
+from sysid.diagnosis.evidence import Blocks, Evidence, block_edges
 from sysid.diagnosis.score import loss_without, score
 from sysid.diagnosis.suspects import line_up
 from tests.sysid import flying
@@ -91,6 +93,26 @@ def test_blocks_add_up_to_what_the_estimator_knows():
     bounds = vehicle.specs(fit.vehicle)
     free = [n not in bounds or bounds[n].bounds[0] < fit.vehicle.value(n) for n in fit.unknowns.names]
     assert pull[free].max() < 0.1
+
+
+def test_curves_are_freed_of_what_the_states_can_do_in_every_block():
+    """The short way of the evidence, by what is at right angles, against products of all rows."""
+    logs = flights(None, 9, 12.0)[:1]
+    fit = identify(logs, vehicle.example(), Options(node_rate_hz=100.0, gusts="white"))
+    evidence = Evidence(fit.flights, fit.solution.point, fit.noise, fit.unknowns, line_up(fit.vehicle, fit.flights))
+    flight, channel, row = fit.flights[0], "M_y", 10
+    drawn = free_form.columns(evidence.curves, flight, dynamics.middle(flight, fit.solution.point.states[0]))
+    border = np.zeros((len(drawn), 12, drawn.shape[1]))
+    border[:, row] = -2.0 * np.sqrt(flight.step_s)[:, None] * drawn / fit.noise.process[4]
+    rows = fit.solution.rows[0]
+    rows = replace(rows, defect_border=border, sensor_border=np.zeros((len(flight), 9, drawn.shape[1])))
+    defect, sensor = rows.freed(eliminate(rows).sensitivity())
+    found = evidence.with_curves(channel).information[:, len(evidence.names) :, len(evidence.names) :]
+    edges = block_edges(flight.time_s)
+    assert len(found) == len(edges) > 2
+    for own, (begin, end) in zip(found, edges, strict=True):
+        flat = np.concatenate([defect[begin:end].reshape(-1, len(own)), sensor[begin:end].reshape(-1, len(own))])
+        np.testing.assert_allclose(own, flat.T @ flat, atol=1e-9 * np.abs(own).max())
 
 
 def linear_blocks(rng: np.random.Generator, truth: np.ndarray, blocks: int = 60) -> Blocks:
