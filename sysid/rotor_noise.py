@@ -10,7 +10,8 @@ spectrum S of all rotors, because roll, pitch, yaw and thrust differ in how much
 """
 
 import numpy as np
-from scipy.signal import ShortTimeFFT, get_window
+from scipy.signal import ShortTimeFFT
+from scipy.signal.windows import hann
 
 from flight.rotations import FloatArray
 
@@ -34,7 +35,7 @@ def most_likely(time_s: FloatArray, speed: FloatArray) -> FloatArray:
     length = 2 * round(0.5 * min(SEGMENT_S / float(np.median(np.diff(time_s))), n / LEAST_SEGMENTS))
     if length < SHORTEST_SEGMENT:
         return speed
-    frames = ShortTimeFFT(get_window("hann", length), length // 4, fs=1.0)
+    frames = ShortTimeFFT(hann(length, sym=False), length // 4, fs=1.0)
     mean = speed.mean(axis=0)
     shares = frames.stft((speed - mean).T, padding="odd")
     spectrum = np.einsum("ift,jft->fij", shares, shares.conj()) / shares.shape[2]
