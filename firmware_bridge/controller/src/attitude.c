@@ -31,10 +31,11 @@ static __attribute__((noinline)) void lee_error(const float q[4], const float r[
 void tc_attitude_step(const tc_parameters* p, const tc_flatness_state* reference, const float q_world_body[4],
                       float axes[3][3], const float rate[3], const float feed_rate[3], const float feed_acceleration[3],
                       float torque_body_n_m[3]) {
-    float axis[3], error[3];
+    float error[3];
     if (p->attitude_mode > 0.5f) {
         lee_error(q_world_body, reference->q_reference, error);
     } else {
+        float axis[3];
         tc_to_body(axes, reference->axis, axis);
         tilt_error(q_world_body, reference->q_reference, axis, error);
     }

@@ -178,6 +178,6 @@ tc_reason tc_upload_activate(tc_controller* c, uint32_t id, uint32_t crc32) {
 }
 
 void tc_ground_alive(tc_controller* c, uint64_t time_us) {
-    c->ground_seen_us = time_us;
+    c->ground_seen_us = (uint32_t)(time_us & 0xffffffffu);
     c->ground_ever_seen = true;
 }

@@ -9,6 +9,8 @@
 #define BELOW_GROUND_M 0.4f
 #define TOUCH_S 0.25f
 
+static uint32_t low_word(uint64_t time_us) { return (uint32_t)(time_us & 0xffffffffu); }
+
 static void target_at(const float position[3], float z, float out[3]) {
     out[0] = position[0];
     out[1] = position[1];
@@ -56,7 +58,7 @@ static void enter_landing(tc_controller* c) {
         tc_flatness_reset(&c->flatness, c->telemetry.estimate.q_world_body);
     }
     tc_move_stop(&c->move, &c->telemetry.setpoint, c->parameters.brake_m_s2);
-    c->touching_since_us = c->telemetry.time_us;
+    c->touching_since_us = low_word(c->telemetry.time_us);
 }
 
 static void slow_down(tc_controller* c) { tc_clock_retarget(&c->clock, 0.0f, tc_ramp_s(c, c->clock.rate[0])); }
@@ -93,7 +95,7 @@ static void enter(tc_controller* c) {
         default:
             break;
     }
-    c->bad_tilt_since_us = c->telemetry.time_us;
+    c->bad_tilt_since_us = low_word(c->telemetry.time_us);
 }
 
 tc_reason tc_post(tc_controller* c, uint8_t event, tc_reason reason) {
@@ -112,8 +114,8 @@ bool tc_inside_fence(const tc_parameters* p, const float position_world_m[3]) {
     return inside;
 }
 
-static float seconds_since(const tc_controller* c, uint64_t then_us) {
-    return (float)(uint32_t)((c->telemetry.time_us - then_us) & 0xffffffffu) * 1e-6f;
+static float seconds_since(const tc_controller* c, uint32_t then_us) {
+    return (float)(low_word(c->telemetry.time_us) - then_us) * 1e-6f;
 }
 
 static void observe_estimate(tc_controller* c, uint8_t faults) {
@@ -124,7 +126,7 @@ static void observe_estimate(tc_controller* c, uint8_t faults) {
         (void)tc_post(c, TC_EVENT_POSITION_LOST, bad ? TC_ESTIMATE_NOT_FINITE : TC_ESTIMATE_STALE);
     } else if (c->mission.state == TC_EMERGENCY && faults == 0u) {
         const float tilt = 1.0f - tc_dot(c->flatness.axis, c->axes[2]);
-        if (tilt < 0.05f && seconds_since(c, c->mission.since_us) > 0.2f) {
+        if (tilt < 0.05f && seconds_since(c, low_word(c->mission.since_us)) > 0.2f) {
             (void)tc_post(c, TC_EVENT_POSITION_BACK, TC_ESTIMATE_BACK);
         }
     }
@@ -134,10 +136,10 @@ static void observe_flight(tc_controller* c) {
     const tc_parameters* p = &c->parameters;
     const tc_estimate* estimate = &c->telemetry.estimate;
     const float tilt = 1.0f - tc_dot(c->flatness.axis, c->axes[2]);
-    if (tilt <= c->tilt_bound) c->bad_tilt_since_us = c->telemetry.time_us;
+    if (tilt <= c->tilt_bound) c->bad_tilt_since_us = low_word(c->telemetry.time_us);
     if (seconds_since(c, c->bad_tilt_since_us) > p->tilt_error_s) (void)tc_post(c, TC_EVENT_TILT, TC_TILT_ERROR);
     if (!tc_inside_fence(p, estimate->position_world_m)) (void)tc_post(c, TC_EVENT_FENCE, TC_FENCE_BREACH);
-    if (c->mission.state == TC_EMERGENCY && seconds_since(c, c->mission.since_us) > p->emergency_s) {
+    if (c->mission.state == TC_EMERGENCY && seconds_since(c, low_word(c->mission.since_us)) > p->emergency_s) {
         (void)tc_post(c, TC_EVENT_TIMEOUT, TC_TIMEOUT);
     }
 }
@@ -154,7 +156,7 @@ static void observe_link(tc_controller* c) {
         if (policy == (uint8_t)TC_LINK_LOSS_LAND) event = TC_EVENT_LINK_LOST_LAND;
     }
     const bool hovering = c->mission.state == TC_HOLD || c->mission.state == TC_PAUSED;
-    if (hovering && seconds_since(c, c->mission.since_us) > c->parameters.link_hold_s &&
+    if (hovering && seconds_since(c, low_word(c->mission.since_us)) > c->parameters.link_hold_s &&
         silent_s > c->parameters.link_hold_s) {
         event = TC_EVENT_LINK_LOST_LAND;
     }
@@ -175,7 +177,7 @@ static void observe_landing(tc_controller* c) {
     const float speed = tc_norm(estimate->velocity_world_m_s);
     const bool low = estimate->position_world_m[2] < c->ground_z_m + GROUND_M && speed < 0.6f;
     const bool stuck = setpoint[2] < estimate->position_world_m[2] - 0.3f && speed < 0.1f;
-    if (!low && !stuck) c->touching_since_us = c->telemetry.time_us;
+    if (!low && !stuck) c->touching_since_us = low_word(c->telemetry.time_us);
     if (seconds_since(c, c->touching_since_us) > TOUCH_S) (void)tc_post(c, TC_EVENT_TOUCHDOWN, TC_TOUCHDOWN);
 }
 

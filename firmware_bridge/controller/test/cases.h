@@ -18,6 +18,8 @@ typedef struct {
     bool no_position, no_attitude, bad_position; /* stale, stale, not finite */
     float tilt;                                  /* rotation about x as a quaternion's x */
     float offset_m;                              /* added to world x */
+    float floor_m;                               /* it cannot get lower */
+    float drift_m_s;                             /* along world x, as estimated */
 } trouble;
 
 /* Ticks at 100 Hz with an estimate that follows the set-point; the last state. */

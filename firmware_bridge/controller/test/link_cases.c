@@ -65,7 +65,8 @@ static void leases_and_addresses(void) {
     must(ln.counts.accepted == 1u, "what only a vehicle says is heard and means nothing");
     SAY(PILOT, GOSHAWK_LEASE_REQUEST, goshawk_lease_request, .target_system = 2, .target_component = ME, .action = 1);
     SAY(PILOT, GOSHAWK_LEASE_REQUEST, goshawk_lease_request, .target_system = ME, .target_component = 9, .action = 1);
-    must(ln.counts.not_for_us == 4u && ln.lease.system_id == 0u, "to others");
+    SAY(PILOT, GOSHAWK_LEASE_REQUEST, goshawk_lease_request, .target_component = 9, .action = 1);
+    must(ln.counts.not_for_us == 5u && ln.lease.system_id == 0u, "to others");
     SAY(PILOT, GOSHAWK_LEASE_REQUEST, goshawk_lease_request, .action = 1);
     must(ln.lease.system_id == PILOT, "to all");
     lease(OTHER, 1);

@@ -42,7 +42,8 @@ uint8_t run(tc_controller* c, uint64_t* time_us, float seconds, const trouble* t
         e.q_world_body[0] = 1.0f;
         if (up) memcpy(e.position_world_m, c->telemetry.setpoint.position_world_m, sizeof e.position_world_m);
         if (up && c->mission.state != TC_EMERGENCY) memcpy(e.q_world_body, c->telemetry.q_reference, sizeof(float[4]));
-        if (e.position_world_m[2] < 0.0f) e.position_world_m[2] = 0.0f; /* the floor */
+        if (e.position_world_m[2] < t->floor_m) e.position_world_m[2] = t->floor_m;
+        e.velocity_world_m_s[0] = t->drift_m_s;
         e.position_world_m[0] += t->offset_m;
         if (t->bad_position) e.position_world_m[1] = 1e30f;
         if (t->tilt > 0.0f) {
@@ -122,6 +123,14 @@ static void guards(void) {
     must(tc_parameters_set(&c, &parameters) == TC_OK, "accepted");
     parameters.mass_kg = 40.0f;
     must(tc_parameters_set(&c, &parameters) == TC_CANNOT_HOVER && c.configured, "too heavy, the old ones stay");
+    parameters.mass_kg = 0.7f;
+    parameters.ki_xy_1_s3 = 1.0f;
+    must(tc_parameters_set(&c, &parameters) == TC_OK && c.has_integral, "integrates sideways");
+    parameters.ki_xy_1_s3 = 0.0f;
+    parameters.ki_z_1_s3 = 1.0f;
+    must(tc_parameters_set(&c, &parameters) == TC_OK && c.has_integral, "integrates upwards");
+    parameters.ki_z_1_s3 = 0.0f;
+    must(tc_parameters_set(&c, &parameters) == TC_OK && !c.has_integral, "does not integrate");
     must(tc_do(&c, TC_COMMAND_ARM, 0.0f) == TC_ATTITUDE_STALE, "before the first tick");
     (void)run(&c, &now, 0.1f, &(trouble){.tilt = 1.0f});
     must(tc_do(&c, TC_COMMAND_ARM, 0.0f) == TC_TILT_ERROR, "on its back");
@@ -148,6 +157,31 @@ static void guards(void) {
     must(tc_parameters_set(&c, &parameters) == TC_NOT_FINITE, "no number");
     parameters.gravity_m_s2 = 9.81f;
     must(tc_parameters_set(&c, &parameters) == TC_ONLY_WHEN_DISARMED, "not while armed");
+}
+
+/* The filter of the rotors' speeds goes on when its parameters change in flight, and starts anew when it was off. */
+static void filter_in_flight(void) {
+    static tc_controller c;
+    uint64_t now;
+    set_out(&c, &now, 0, TC_HOLD);
+    tc_parameters parameters = *tc_parameters_now(&c);
+    parameters.rotor_lag_s = 0.02f;
+    must(tc_parameters_set(&c, &parameters) == TC_OK && run(&c, &now, 0.1f, &none) == TC_HOLD, "on");
+    parameters.rotor_lag_s = 0.03f;
+    must(tc_parameters_set(&c, &parameters) == TC_OK && c.was_flying, "goes on");
+    parameters.rotor_lag_s = 0.0f;
+    must(tc_parameters_set(&c, &parameters) == TC_OK && !c.was_flying, "off");
+}
+
+/* What is in its way is not the ground until the vehicle stands on it. */
+static void landing_on_something(void) {
+    static tc_controller c;
+    uint64_t now;
+    set_out(&c, &now, 0, TC_HOLD);
+    must(tc_do(&c, TC_COMMAND_LAND, 0.0f) == TC_OK, "lands");
+    const trouble sliding = {.floor_m = 0.7f, .drift_m_s = 0.3f}, standing = {.floor_m = 0.7f};
+    must(run(&c, &now, 20.0f, &sliding) == TC_LANDING, "slides along it");
+    must(run(&c, &now, 1.0f, &standing) == TC_DISARMED, "stands");
 }
 
 static void on_the_path(void) {
@@ -245,6 +279,8 @@ static void silence(void) {
 
 void mission_cases(void) {
     parameter_table();
+    landing_on_something();
+    filter_in_flight();
     guards();
     on_the_path();
     misfortunes();

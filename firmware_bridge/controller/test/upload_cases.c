@@ -135,6 +135,9 @@ static void reports(void) {
     segment(PILOT, 1, 0, 0.0f);
     segment(PILOT, 1, 1, 0.0f);
     must(answer(GOSHAWK_TRAJECTORY_STATUS_ID) == NULL, "nothing to report, the samples are missing");
+    clock_us += 3000u;
+    segment(PILOT, 1, 1, 0.0f);
+    must(upload_status(&received) == TC_OK && received == 2u, "a while after the last report");
     samples(1, 1.0f);
     must(upload_status(&received) == TC_OK && received == 2u, "the last piece");
     begin(PILOT, 2, 2, 1);

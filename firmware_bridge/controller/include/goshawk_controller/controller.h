@@ -63,7 +63,6 @@ typedef struct {
 
 typedef struct {
     tc_parameters parameters;
-    bool configured;
     tc_mixer mixer;
     tc_mission mission;
     tc_clock clock;
@@ -81,11 +80,12 @@ typedef struct {
     bool has_lead;                     /* rotor lag, battery or moments: speeds are filtered and corrected */
     bool has_integral;                 /* of the integrator's gains any is not zero */
     bool was_flying;
-    uint64_t last_tick_us;
-    uint64_t ground_seen_us;
-    uint64_t bad_tilt_since_us;
-    uint64_t touching_since_us;
+    bool configured;
     bool ground_ever_seen;
+    uint32_t ground_seen_us; /* low words of times: none of them is ever asked for after an hour */
+    uint32_t bad_tilt_since_us;
+    uint32_t touching_since_us;
+    uint64_t last_tick_us;
     tc_store store; /* last: what every tick touches lies close together in front of it */
 } tc_controller;
 
