@@ -110,14 +110,16 @@ class _Projected:
     def __init__(self, flight: Flight, point: Point, unknowns: Unknowns, noise: Noise) -> None:
         states = point.states[0]
         self._flight, self._noise = drive.driven(flight, point.vehicle), noise
-        self._rows = problem.linearise(flight, states, point, unknowns, noise, False)
+        rows = problem.linearise(flight, states, point, unknowns, noise, False)
         self._mid = dynamics.middle(flight, states)
-        eliminated = eliminate(self._rows)
+        eliminated = eliminate(rows)
         self._factor = eliminated.factor
-        columns = self._rows.freed(eliminated.sensitivity())
+        columns = rows.freed(eliminated.sensitivity())
         self._columns = columns[0]
-        moved = self._rows.change(eliminated.states(np.zeros(unknowns.size))[:, :, None], np.zeros((unknowns.size, 1)))
-        self._residual = (self._rows.defect + moved[0][:, :, 0], self._rows.sensor + moved[1][:, :, 0])
+        moved = rows.change(eliminated.states(np.zeros(unknowns.size))[:, :, None], np.zeros((unknowns.size, 1)))
+        self._residual = (rows.defect + moved[0][:, :, 0], rows.sensor + moved[1][:, :, 0])
+        nothing = (np.zeros((len(part), part.shape[1], 0)) for part in (rows.defect, rows.sensor))
+        self._rows = replace(rows, **dict(zip(("defect_border", "sensor_border"), nothing, strict=True)))
         self._edges = block_edges(flight.time_s)
         self._named = self._products(columns)
         self._drawn: FloatArray | None = None
