@@ -34,6 +34,8 @@ class Rung:
     overrides: dict[str, float]
     wrong: bool = False
     """Whether the controller's drag numbers are 20 % off and its thrust numbers 1 % (standard deviations)."""
+    motor_lag_s: float | None = None
+    """Of the vehicle that flies, if not the example's 30 ms, which are assumed: the paper gives none."""
 
 
 _AS_PAPER = _PAPER | {"thrust_model": ThrustModel.BEM_AXIAL}
@@ -42,10 +44,11 @@ RUNGS = (
     Rung("+ drag", _PAPER | {"thrust_model": ThrustModel.QUADRATIC}),
     Rung("+ drag + thrust", _AS_PAPER),
     Rung("the same, drag 20 %, thrust 1 % off", _AS_PAPER, wrong=True),
+    Rung("the same, motors of 20 ms", _AS_PAPER, motor_lag_s=0.02),
     Rung("+ air speed across the rotors", dict(_PAPER)),
     Rung("as delivered", {}),
 )
-"""The paper's three, then two questions of ours, then what is flown by default."""
+"""The paper's three, then three questions of ours, then what is flown by default."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +68,8 @@ def courses() -> tuple[Course, ...]:
 def tracking_cm(course: Course, rung: Rung, seed: int) -> float:
     """Mean distance from the set-point in one flight."""
     truth, rng = vehicle.example("rigter2019"), np.random.default_rng(seed)
+    if rung.motor_lag_s is not None:
+        truth = truth.with_value("motor_lag.rise_s", rung.motor_lag_s).with_value("motor_lag.fall_s", rung.motor_lag_s)
     configuration = parameters_of(_misjudged(truth, seed) if rung.wrong else truth).with_values(**rung.overrides)
     start = simulate.State(course.trajectory.position([0.0])[0] * [1.0, 1.0, 0.0])
     plant = simulate.Plant(truth, start, rng=rng, wind=GUSTS, ground_m=0.0)
@@ -112,7 +117,7 @@ def draw(path: Path) -> None:
     from matplotlib.figure import Figure
 
     matplotlib.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "ladder", "font.size": 9})
-    figure = Figure(figsize=(9.0, 3.4), layout="constrained", facecolor="white")
+    figure = Figure(figsize=(10.0, 3.4), layout="constrained", facecolor="white")
     panels = figure.subplots(1, 2)
     titles = {"level": "level figure of eight, 8.5 m/s, 10.8 m/s²", "vertical": "vertical, 3.1 m/s"}
     for axes, course in zip(panels, courses(), strict=True):
