@@ -11,6 +11,7 @@ from flight import FlightLog, InputError
 from sysid import Options, dynamics, identify
 from sysid.chain import eliminate
 from sysid.diagnosis import diagnose, free_form
+from sysid.diagnosis.confirm import Judge
 from sysid.diagnosis.evidence import Blocks, Evidence, block_edges
 from sysid.diagnosis.score import loss_without, score
 from sysid.diagnosis.suspects import line_up
@@ -80,7 +81,10 @@ def test_an_effect_that_nobody_knows_is_drawn_and_not_named():
 
 
 def test_blocks_add_up_to_what_the_estimator_knows():
-    """At the optimum the base's scores vanish, and the blocks' information is the fit's own."""
+    """At the optimum the base's scores vanish, and the blocks' information is the fit's own.
+
+    A suspect's score and information say by how much the cost changes when it is put in, all states settled anew.
+    """
     logs = flights(damping, 7, 6.0)
     fit = identify(logs, vehicle.example(), Options(node_rate_hz=100.0, gusts="white"))
     evidence = Evidence(fit.flights, fit.solution.point, fit.noise, fit.unknowns, line_up(fit.vehicle, fit.flights))
@@ -93,6 +97,14 @@ def test_blocks_add_up_to_what_the_estimator_knows():
     bounds = vehicle.specs(fit.vehicle)
     free = [n not in bounds or bounds[n].bounds[0] < fit.vehicle.value(n) for n in fit.unknowns.names]
     assert pull[free].max() < 0.1
+    judge = Judge(fit.flights, fit.noise, fit.solution.point.states)
+    lined = line_up(fit.vehicle, fit.flights).vehicle
+    for name in ("angular_damping.z_n_m_s", "flapping_moment.moment_kg_m"):
+        (place,) = evidence.place([name])
+        score_, information = evidence.named.score[:, place].sum(), evidence.named.information[:, place, place].sum()
+        size = 0.5 * abs(score_) / information
+        predicted = score_ * size + 0.5 * information * size**2
+        assert -judge.fall(lined, lined.with_value(name, size)).total == pytest.approx(predicted, rel=0.05)
 
 
 def test_curves_are_freed_of_what_the_states_can_do_in_every_block():

@@ -67,6 +67,16 @@ def test_a_share_counts_only_on_flights_that_the_curve_was_not_drawn_through(com
     assert share_of_v_x(chance[:1]) > 0.95  # alone, its own stretches judge it
 
 
+def test_flights_that_teach_do_not_judge(compared):
+    """Noise on the flight that teaches blurs the curve a little, and counts against it nowhere else."""
+    rng = np.random.default_rng(1)
+    clean = with_force(compared.residuals["lacking"][0], 0.1)
+    loud = float(np.sqrt((clean.wrench[:, 0] ** 2).mean())) * np.sqrt(10.0)
+    noisy = replace(clean, wrench=clean.wrench + loud * rng.standard_normal((len(clean.wrench), 1)))
+    assert share_of_v_x([noisy], [clean]) > 0.8
+    assert share_of_v_x([noisy, clean]) < 0.75
+
+
 def test_a_law_goes_on_beyond_the_range_that_was_flown(compared):
     """The flight that judges is three times as fast as the one that teaches."""
     slow = compared.residuals["lacking"][0]
