@@ -168,13 +168,14 @@ def misra(*, all_rules: bool = False) -> list[str]:
     """cppcheck's findings, deviations left out unless `all_rules`."""
     need("cppcheck")
     suppress = [] if all_rules else [f"--suppress={rule}" for rule in deviations()]
-    done = subprocess.run(
-        ["cppcheck", "--addon=misra", "--enable=warning,style,performance,portability", "--std=c11", "--quiet",
-         "--platform=unix32", "--inline-suppr", "--template={id} {file}:{line} {message}", *suppress,
-         "--suppress=missingIncludeSystem", "--suppress=*:*goshawk_dialect.h", f"-I{LIBRARY / 'include'}",
-         f"-I{DIALECT}", *map(str, sources())],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    with tempfile.TemporaryDirectory() as folder:  # else it writes beside the sources
+        done = subprocess.run(
+            ["cppcheck", "--addon=misra", "--enable=warning,style,performance,portability", "--std=c11", "--quiet",
+             "--platform=unix32", "--inline-suppr", "--template={id} {file}:{line} {message}", *suppress,
+             "--suppress=missingIncludeSystem", "--suppress=*:*goshawk_dialect.h", f"--cppcheck-build-dir={folder}",
+             f"-I{LIBRARY / 'include'}", f"-I{DIALECT}", *map(str, sources())],
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
     return [line for line in done.stderr.splitlines() if line.strip()]
 
 
