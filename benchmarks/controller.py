@@ -109,29 +109,60 @@ def _ladder() -> list[report.Row]:
     return rows
 
 
+FEATURES = {
+    "plain thrust law": "parameters.thrust_model = 0.0f;",
+    "no drag": "parameters.drag_velocity = 0.0f;",
+    "air speed of the estimate": "parameters.airflow_velocity = 2.0f;",
+    "rotor lag and battery": "parameters.rotor_lag_s = 0.03f; parameters.battery_gain_1_v = 0.02f;",
+    "integrator": "parameters.ki_xy_1_s3 = 1.0f; parameters.ki_z_1_s3 = 1.0f;",
+    "moments of flapping and damping": "parameters.flapping_kg_m = 1e-6f; parameters.damping_n_m_s[2] = 1e-3f;",
+    "attitude after Lee et al.": "parameters.attitude_mode = 1.0f;",
+}
+"""What differs from the preset vehicle (exact inverse, drag of eqs. (4) and (5)), as assignments in C."""
+SCRIPT = ("-DTICKS=1400", "-DSTEP_US=10000u", "-DPAINTED_WORDS=0u")
+
+
 def _target() -> list[report.Row]:
     """Instructions, stack and size on Cortex-M4F; nothing when the tools are missing."""
     if not (shutil.which("arm-none-eabi-gcc") and shutil.which("qemu-system-arm")):
         print("no arm-none-eabi-gcc or qemu-system-arm: the Cortex-M rows are left out")
         return []
     with tempfile.TemporaryDirectory() as folder:
-        counting, flying = Path(folder) / "count.elf", Path(folder) / "fly.elf"
-        _compile(counting, "-DTICKS=1400", "-DSTEP_US=10000u", "-DPAINTED_WORDS=0u")
+        flying = Path(folder) / "fly.elf"
         _compile(flying, "-DTICKS=8000", "-DSTEP_US=5000u")
-        counts = _module(LIBRARY / "test" / "count_instructions.py").count(str(counting), "mps2-an386")
-        flight = np.array(counts[2:])  # the first ticks rest on the ground
-        flight = flight[flight > 0.5 * flight.max()]
         said = _shell("qemu-system-arm", "-machine", "mps2-an386", "-nographic", "-semihosting", "-kernel", flying)
+        flight = _instructions(Path(folder), *SCRIPT)
+        apart = _instructions(Path(folder), *SCRIPT, together=False)
         flash = _flash(Path(folder))
+        features = {name: _on_path(Path(folder), f"-DADJUST={code}") for name, code in FEATURES.items()}
+        features["all of these"] = _on_path(Path(folder), f"-DADJUST={' '.join(list(FEATURES.values())[2:])}")
     worst, ratio, stack = flight.max(), flight.max() / flight.mean(), int(said.split()[2], 16)
-    usual = float(np.quantile(flight, 0.99))
+    usual = float(np.quantile(flight, 0.95))
     return [
-        report.row("99 % of ticks on Cortex-M4F below", usual, "instructions", "<= 2500", usual <= 2500),
+        report.row("95 % of ticks on Cortex-M4F at most", usual, "instructions", "<= 2500", usual <= 2500),
         report.row("worst tick on Cortex-M4F", worst, "instructions", "<= 2500", worst <= 2500),
         report.row("worst over mean tick in flight", ratio, "1", "<= 1.05", ratio <= 1.05),
+        report.row("worst tick, files compiled apart", apart.max(), "instructions"),
+        report.row("95 % of ticks, files compiled apart, at most", float(np.quantile(apart, 0.95)), "instructions"),
         report.row("stack of a tick", stack, "B", "<= 512", stack <= 512),
         report.row("flash without the link, -Os", flash / 1024, "kB", "<= 24", flash <= 24 * 1024),
+        report.row("tick on a path, preset vehicle", float(np.median(flight[len(flight) // 2 :])), "instructions"),
+        *(report.row(f"tick on a path: {name}", count, "instructions") for name, count in features.items()),
     ]
+
+
+def _instructions(folder: Path, *flags: str, together: bool = True) -> np.ndarray:
+    """Of every tick in flight."""
+    counting = folder / "count.elf"
+    _compile(counting, *flags, together=together)
+    counts = _module(LIBRARY / "test" / "count_instructions.py").count(str(counting), "mps2-an386")
+    flight = np.array(counts[2:])  # the first ticks rest on the ground
+    return flight[flight > 0.5 * flight.max()]
+
+
+def _on_path(folder: Path, adjust: str) -> float:
+    """Of a usual tick on a path, of a vehicle adjusted like this."""
+    return float(_instructions(folder, "-DTICKS=720", *SCRIPT[1:], adjust)[-1])
 
 
 CPU = [
@@ -149,11 +180,15 @@ def _sources() -> list[Path]:
     return [path for path in sorted((LIBRARY / "src").glob("*.c")) if not path.name.startswith("link")]
 
 
-def _compile(out: Path, *flags: str) -> None:
-    test = LIBRARY / "test"
-    start = ["-nostartfiles", "--specs=nosys.specs", "-T", test / "target.ld"]
-    files = [*_sources(), test / "driver.c", test / "target_main.c"]
-    _shell("arm-none-eabi-gcc", *CPU, "-O3", *start, *flags, f"-I{LIBRARY / 'include'}", *files, "-o", out)
+def _compile(out: Path, *flags: str, together: bool = True) -> None:
+    """At -O3; `together`: the library's files as one program (-flto). The driver that counts stays apart."""
+    test, include = LIBRARY / "test", f"-I{LIBRARY / 'include'}"
+    driver = [out.parent / f"{name}.o" for name in ("driver", "target_main")]
+    for file in driver:
+        _shell("arm-none-eabi-gcc", *CPU, "-O3", *flags, include, "-c", test / f"{file.stem}.c", "-o", file)
+    level = ["-O3", "-flto"] if together else ["-O3"]
+    link = ["-nostartfiles", "--specs=nosys.specs", "-T", test / "target.ld"]
+    _shell("arm-none-eabi-gcc", *CPU, *level, *link, include, *_sources(), *driver, "-o", out)
 
 
 def _flash(folder: Path) -> int:

@@ -234,7 +234,7 @@ std::tuple<Out, int> mixer(In<float, any> parameters, In<float, any, 4> wrench, 
         w.thrust_n = wrench.data()[4 * i];
         std::memcpy(w.torque_n_m, wrench.data() + 4 * i + 1, 12);
         tc_mix mix{};
-        tc_mixer_solve(&m, &p, &w, air.data() + 3 * i, rate.data() + 3 * i, &mix);
+        tc_mixer_solve(&m, &w, air.data() + 3 * i, rate.data() + 3 * i, &mix);
         std::memcpy(data + 5 * i, mix.rotor_speed_rad_s, 16);
         data[5 * i + 4] = mix.saturation;
     }

@@ -24,7 +24,7 @@ static inline void make_setpoint(tc_controller* c, float step_s) {
         tc_clock_advance(&c->clock, trajectory, step_s);
         tc_clock_setpoint(&c->clock, trajectory, setpoint);
     } else if (tc_mission_in_air(state) && state != TC_EMERGENCY) {
-        tc_move_advance(&c->move, step_s);
+        tc_move_advance(&c->move, setpoint, step_s);
         tc_move_setpoint(&c->move, setpoint);
     }
 }
@@ -41,14 +41,22 @@ static __attribute__((noinline)) void emergency_force(tc_controller* c, float fo
 }
 
 /* The velocity a compensation works with, in body axes. */
-static inline void chosen_velocity(tc_controller* c, float source, float velocity_body_m_s[3]) {
+static inline void chosen_velocity(tc_controller* c, uint8_t source, float velocity_body_m_s[3]) {
     const tc_telemetry* t = &c->telemetry;
-    if (source < 0.5f || c->mission.state == TC_EMERGENCY) {
+    if (source == (uint8_t)TC_VELOCITY_NONE) {
         for (int i = 0; i < 3; i++) velocity_body_m_s[i] = 0.0f;
         return;
     }
-    tc_to_body(c->axes, source > 1.5f ? t->estimate.velocity_world_m_s : t->setpoint.velocity_world_m_s,
-               velocity_body_m_s);
+    const bool estimate = source == (uint8_t)TC_VELOCITY_ESTIMATE;
+    tc_to_body(c->axes, estimate ? t->estimate.velocity_world_m_s : t->setpoint.velocity_world_m_s, velocity_body_m_s);
+}
+
+/* Body rates to go with it: they move the hubs through the air. */
+static inline const float* chosen_rate(const tc_controller* c, uint8_t source) {
+    static const float still[3] = {0.0f, 0.0f, 0.0f};
+    if (source == (uint8_t)TC_VELOCITY_NONE) return still;
+    const bool estimate = source == (uint8_t)TC_VELOCITY_ESTIMATE;
+    return estimate ? c->telemetry.estimate.rate_body_rad_s : c->telemetry.rate_reference_rad_s;
 }
 
 /* Eq. (9). */
@@ -57,7 +65,7 @@ static inline float flight_force(tc_controller* c, const float velocity_body_m_s
     tc_telemetry* t = &c->telemetry;
     const float* n = t->rotor_speed_rad_s;
     float drag[3], drag_world_n[3];
-    const float mean_n = 0.25f * (n[0] + n[1] + n[2] + n[3]);
+    const float mean_n = c->parameters.rotor_drag_kg > 0.0f ? 0.25f * (n[0] + n[1] + n[2] + n[3]) : 0.0f;
     tc_drag(&c->parameters, velocity_body_m_s, t->wrench.thrust_n, mean_n, drag);
     tc_to_world(c->axes, drag, drag_world_n);
     const bool limited = tc_position_step(
@@ -65,7 +73,7 @@ static inline float flight_force(tc_controller* c, const float velocity_body_m_s
         drag_world_n, 0.95f * c->mixer.largest_thrust_n,
         c->has_integral && c->mission.state != TC_TAKE_OFF && t->saturation == 0u, step_s, force_world_n);
     t->saturation = limited ? TC_SATURATED_INPUT : 0u;
-    return c->parameters.drag_velocity > 0.5f
+    return c->drag_source != (uint8_t)TC_VELOCITY_NONE
                ? tc_drag_slope(&c->parameters, velocity_body_m_s, t->wrench.thrust_n, mean_n)
                : 0.0f;
 }
@@ -114,21 +122,20 @@ static __attribute__((noinline)) void lead_speeds(tc_controller* c, const float 
 }
 
 static void fly(tc_controller* c, float step_s) {
-    static const float still[3] = {0.0f, 0.0f, 0.0f};
-    const tc_parameters* p = &c->parameters;
+    const bool known = c->mission.state != TC_EMERGENCY; /* where the vehicle goes */
+    const uint8_t drag = known ? c->drag_source : (uint8_t)TC_VELOCITY_NONE;
+    const uint8_t airflow = known ? c->airflow_source : (uint8_t)TC_VELOCITY_NONE;
     tc_telemetry* t = &c->telemetry;
     float air[3];
     tc_mix mix;
-    chosen_velocity(c, p->drag_velocity, air);
+    chosen_velocity(c, drag, air);
     steer(c, air, step_s);
-    const float difference = p->airflow_velocity - p->drag_velocity;
-    if (difference > 0.5f || difference < -0.5f) chosen_velocity(c, p->airflow_velocity, air);
-    const float* rate = p->airflow_velocity > 1.5f ? t->estimate.rate_body_rad_s : t->rate_reference_rad_s;
-    if (p->airflow_velocity < 0.5f || c->mission.state == TC_EMERGENCY) rate = still;
+    if (airflow != drag) chosen_velocity(c, airflow, air);
     if (c->has_moments) {
-        tc_cancel_moments(p, &c->mixer, air, t->estimate.rate_body_rad_s, c->slow_speed_rad_s, t->wrench.torque_n_m);
+        tc_cancel_moments(&c->parameters, &c->mixer, air, t->estimate.rate_body_rad_s, c->slow_speed_rad_s,
+                          t->wrench.torque_n_m);
     }
-    tc_mixer_solve(&c->mixer, p, &t->wrench, air, rate, &mix);
+    tc_mixer_solve(&c->mixer, &t->wrench, air, chosen_rate(c, airflow), &mix);
     t->saturation |= mix.saturation;
     if (c->has_lead) {
         lead_speeds(c, mix.rotor_speed_rad_s, step_s);

@@ -12,10 +12,12 @@
 #include "maths.h"
 
 #define SHORTEST_ARM_M 0.01f
-/* Where that move changes a rotor's load by more than this share, its operating point is found once more: strong yaw
-   together with fast air, or with a rotor that is asked for next to nothing. What is left is less than 1e-5 of full
-   speed for every feasible demand, see tests/firmware_bridge/test_controller_numbers.py. */
+/* Where that move changes a rotor's load by more than this share (of it and a little of what hovering takes), its
+   operating point is found once more: strong yaw together with fast air, or with a rotor that is asked for next to
+   nothing. What is left is less than 1e-5 of full speed for every feasible demand, see
+   tests/firmware_bridge/test_controller_numbers.py. */
 #define FAR 0.05f
+#define NEAR 0.03f
 /* Squared speeds this far outside the limits, of the highest, when found still count as inside. */
 #define TOLERANCE 0.01f
 /* The limits are kept this far inside, so that rounding does not lead beyond them. */
@@ -95,7 +97,6 @@ static tc_reason lay_out(tc_mixer* mixer, const tc_parameters* p, float arm_m, f
         m->spin = p->rotor_spin[i];
         m->spin_free = m->spin * m->free;
         m->spin_free2 = m->spin_free * m->free;
-        m->free_n = m->free / m->per_collective;
     }
     *yaw_per_free = spin_sum;
     return tc_abs(spin_sum) > 0.25f * size_sum ? TC_OK : TC_SINGULAR_GEOMETRY;
@@ -119,10 +120,10 @@ static float choose_law(tc_mixer* mixer, const tc_parameters* p) {
     mixer->still = 1e-6f * unit * unit;
     mixer->load_factor = 4.0f * square / load_per_n;
     mixer->half_factor = 0.5f * mixer->load_factor;
-    mixer->speed_unit = 2.0f * square;
-    mixer->per_speed = 1.0f / mixer->speed_unit;
-    mixer->turn_per_yaw = mixer->speed_unit * mixer->speed_unit / p->cq_n_m_s2;
-    const float slowest = p->rotor_min_rad_s * mixer->speed_unit, fastest = p->rotor_max_rad_s * mixer->speed_unit;
+    const float speed_unit = 2.0f * square;
+    mixer->per_speed = 1.0f / speed_unit;
+    mixer->turn_per_yaw = speed_unit * speed_unit / p->cq_n_m_s2;
+    const float slowest = p->rotor_min_rad_s * speed_unit, fastest = p->rotor_max_rad_s * speed_unit;
     mixer->slowest2 = slowest * slowest * (1.0f + ROUNDING);
     mixer->fastest2 = fastest * fastest * (1.0f - ROUNDING);
     mixer->likely_slowest2 = tc_max(mixer->slowest2 - TOLERANCE * mixer->fastest2, 0.0f);
@@ -157,21 +158,22 @@ tc_reason tc_mixer_configure(tc_mixer* mixer, const tc_parameters* p) {
     const float per_square = still_air_factor(mixer, each_n, load_per_n);
     const float thrust_n = per_square * p->rotor_max_rad_s * p->rotor_max_rad_s;
     mixer->free_per_yaw = per_square / (p->cq_n_m_s2 * yaw_per_free);
-    for (int i = 0; i < TC_ROTORS; i++) mixer->rotor[i].per_torque_z = mixer->free_per_yaw * mixer->rotor[i].free;
     mixer->largest_thrust_n = 4.0f * thrust_n;
+    const float least_n = per_square * p->rotor_min_rad_s * p->rotor_min_rad_s;
+    mixer->guaranteed_yaw = 0.5f * p->yaw_share * (thrust_n - least_n);
+    mixer->near = FAR * NEAR * each_n * load_per_n;
     return thrust_n >= each_n ? TC_OK : TC_CANNOT_HOVER;
 }
 
 /* The air at one hub, and what the rotor is asked for if thrust goes with n^2 as it does in hover. */
 static inline void start(const tc_mixer* mixer, const tc_mixer_rotor* m, const tc_wrench* wrench, const float air[3],
-                         const float rate[3], rotor* r) {
+                         const float rate[3], float free, rotor* r) {
     const float x = m->arm_x_m, y = m->arm_y_m;
     const float vx = air[0] - rate[2] * y, vy = air[1] + rate[2] * x;
     const float vz = air[2] + rate[0] * y - rate[1] * x;
     const float lateral2 = vx * vx + vy * vy;
     r->load = m->per_collective * wrench->thrust_n + m->per_torque_x * wrench->torque_n_m[0] +
-              m->per_torque_y * wrench->torque_n_m[1] + m->per_torque_z * wrench->torque_n_m[2] -
-              mixer->lift * lateral2;
+              m->per_torque_y * wrench->torque_n_m[1] + m->free * free - mixer->lift * lateral2;
     r->axial = vz;
     r->lateral2 = mixer->lateral * lateral2 + mixer->still;
     r->drag = mixer->axial * vz;
@@ -246,7 +248,7 @@ static inline bool balance(const tc_mixer* mixer, const yaw_balance* yaw, rotor 
     for (int i = 0; i < TC_ROTORS; i++) {
         const float more = *step * mixer->rotor[i].free;
         move(&r[i], more);
-        far |= tc_bits(FAR * tc_abs(r[i].load) - tc_abs(more));
+        far |= tc_bits(mixer->near + FAR * tc_abs(r[i].load) - tc_abs(more));
     }
     return (far & 0x80000000u) != 0u;
 }
@@ -256,7 +258,7 @@ static __attribute__((noinline)) void repeat(const tc_mixer* mixer, float turn, 
     yaw_balance yaw = {turn, 0.0f, 0.0f};
     float step;
     for (int i = 0; i < TC_ROTORS; i++) {
-        if (tc_abs(r[i].load - r[i].at) > FAR * tc_abs(r[i].load)) operate(mixer, &r[i]);
+        if (tc_abs(r[i].load - r[i].at) > mixer->near + FAR * tc_abs(r[i].load)) operate(mixer, &r[i]);
         weigh(&mixer->rotor[i], &r[i], &yaw);
     }
     (void)balance(mixer, &yaw, r, &step);
@@ -267,96 +269,98 @@ static __attribute__((noinline)) void repeat(const tc_mixer* mixer, float turn, 
 typedef struct {
     float rise[TC_ROTORS];                /* of the squared speed */
     float down[TC_ROTORS], up[TC_ROTORS]; /* changes that lead to the limits */
-    float yaw[TC_ROTORS];                 /* change that leaves yaw no more than what it has at any rate */
-    float tilt[TC_ROTORS];                /* change that takes all roll and pitch torque away */
 } leeway;
 
 typedef struct {
     float low, high;
 } range;
 
-/* Yaw has a share of what the rotors' limits alone allow at any rate. True if it wants more than that. */
-static inline bool measure(const tc_mixer* mixer, float yaw_share, float free, const rotor r[TC_ROTORS], leeway* l) {
-    float own = NO_END;
+static inline void measure(const tc_mixer* mixer, const rotor r[TC_ROTORS], leeway* l) {
     for (int i = 0; i < TC_ROTORS; i++) {
-        const tc_mixer_rotor* m = &mixer->rotor[i];
-        /* Of a rotor that pulls air down it is at least that; a parabola followed too far may say anything. */
-        const float rise = tc_max(r[i].square_rise, mixer->load_factor) * m->per_collective;
+        /* Of a rotor that pulls air down the rise is at least that; a parabola followed too far may say anything. */
+        const float rise = tc_max(r[i].square_rise, mixer->load_factor) * mixer->rotor[i].per_collective;
         l->rise[i] = rise;
         l->down[i] = (mixer->slowest2 - r[i].square) / rise;
         l->up[i] = (mixer->fastest2 - r[i].square) / rise;
-        l->tilt[i] = 0.0f;
-        own = tc_min(own, tc_abs((l->up[i] - l->down[i]) / m->free_n));
     }
-    own *= 0.5f * yaw_share;
-    const float cut = tc_clamp(free, -own, own) - free;
-    for (int i = 0; i < TC_ROTORS; i++) l->yaw[i] = cut * mixer->rotor[i].free_n;
-    return tc_abs(cut) > 0.0f;
 }
 
-/* Takes as little of the tilt torque away as leaves a collective that keeps every rotor within its limits; returns the
-   share that stays. For each pair: what raises rotor i to its lower limit must not lift rotor j over its upper one. */
-static __attribute__((noinline)) float cut_tilt(const tc_mixer* mixer, const tc_wrench* wrench, leeway* l) {
-    float tilt[TC_ROTORS], low[TC_ROTORS], high[TC_ROTORS], share = 1.0f;
-    for (int i = 0; i < TC_ROTORS; i++) {
-        const tc_mixer_rotor* m = &mixer->rotor[i];
-        tilt[i] =
-            (m->per_torque_x * wrench->torque_n_m[0] + m->per_torque_y * wrench->torque_n_m[1]) / m->per_collective;
-        low[i] = l->down[i] - l->yaw[i] + tilt[i];
-        high[i] = l->up[i] - l->yaw[i] + tilt[i];
-    }
-    for (int i = 0; i < TC_ROTORS; i++) {
-        for (int j = 0; j < TC_ROTORS; j++) {
-            const float room = high[j] - low[i], spread = tilt[j] - tilt[i];
-            if (spread * share > room) share = tc_max(room, 0.0f) / spread;
-        }
-    }
-    for (int i = 0; i < TC_ROTORS; i++) l->tilt[i] = (share - 1.0f) * tilt[i];
-    return share;
+static inline void change(leeway* l, int i, float more_n, rotor* r) {
+    r->square += l->rise[i] * more_n;
+    l->down[i] -= more_n;
+    l->up[i] -= more_n;
 }
 
-/* Changes of the collective that keep every rotor within its limits. */
+static inline void change_yaw(const tc_mixer* mixer, float free, leeway* l, rotor r[TC_ROTORS]) {
+    for (int i = 0; i < TC_ROTORS; i++)
+        change(l, i, free * mixer->rotor[i].free / mixer->rotor[i].per_collective, &r[i]);
+}
+
+/* Changes of the collective that bring every rotor within its limits. */
 static inline range collective_range(const leeway* l) {
     range collective = {-NO_END, NO_END};
     for (int i = 0; i < TC_ROTORS; i++) {
-        const float other = l->yaw[i] + l->tilt[i];
-        collective.low = tc_max(collective.low, l->down[i] - other);
-        collective.high = tc_min(collective.high, l->up[i] - other);
+        collective.low = tc_max(collective.low, l->down[i]);
+        collective.high = tc_min(collective.high, l->up[i]);
     }
     return collective;
 }
 
-/* The least part of the cut in yaw, from 0 to 1, that the rotors' limits need. */
-static inline float yaw_part(const leeway* l, float collective_n) {
-    float part = 0.0f;
+/* Takes as little of the tilt torque away as leaves a collective that keeps every rotor within its limits; returns the
+   share that stays. For each pair: what raises rotor i to its lower limit must not lift rotor j over its upper one. */
+static __attribute__((noinline)) float cut_tilt(const tc_mixer* mixer, const tc_wrench* wrench, leeway* l,
+                                                rotor r[TC_ROTORS]) {
+    float tilt[TC_ROTORS], share = 1.0f;
     for (int i = 0; i < TC_ROTORS; i++) {
-        const float change = collective_n + l->tilt[i];
-        const float over = change - tc_clamp(change, l->down[i], l->up[i]);
-        if (tc_abs(over) > part * tc_abs(l->yaw[i])) part = tc_abs(over / l->yaw[i]);
+        const tc_mixer_rotor* m = &mixer->rotor[i];
+        tilt[i] = m->per_torque_x * wrench->torque_n_m[0] + m->per_torque_y * wrench->torque_n_m[1];
+        tilt[i] /= m->per_collective;
     }
-    return tc_min(part, 1.0f);
+    for (int i = 0; i < TC_ROTORS; i++) {
+        for (int j = 0; j < TC_ROTORS; j++) {
+            const float spread = tilt[j] - tilt[i], room = l->up[j] - l->down[i] + spread;
+            if (spread * share > room) share = tc_max(room, 0.0f) / spread;
+        }
+    }
+    for (int i = 0; i < TC_ROTORS; i++) change(l, i, (share - 1.0f) * tilt[i], &r[i]);
+    return share;
 }
 
-/* Priority: tilt torque, then collective, then yaw, which keeps `yaw_share` of its authority throughout. `free` is
-   where the free direction stands. */
-static __attribute__((noinline)) uint8_t desaturate(const tc_mixer* mixer, float yaw_share, const tc_wrench* wrench,
-                                                    float free, rotor r[TC_ROTORS]) {
+/* The part, up to 1, of a change of yaw that the rotors' limits leave room for. */
+static inline float yaw_part(const tc_mixer* mixer, float free, const leeway* l) {
+    float part = 1.0f;
+    for (int i = 0; i < TC_ROTORS; i++) {
+        const float more_n = free * mixer->rotor[i].free / mixer->rotor[i].per_collective;
+        const float room_n = more_n > 0.0f ? l->up[i] : l->down[i];
+        if (tc_abs(more_n) * part > tc_abs(room_n)) part = tc_abs(room_n / more_n);
+    }
+    return part;
+}
+
+/* Priority: tilt torque, then collective, then yaw, which keeps a share of its authority throughout. `free` is where
+   the free direction stands. */
+static __attribute__((noinline)) uint8_t desaturate(const tc_mixer* mixer, const tc_wrench* wrench, float free,
+                                                    rotor r[TC_ROTORS]) {
     leeway l;
     uint8_t saturation = 0u;
-    const bool yaw_cut = measure(mixer, yaw_share, free, r, &l);
+    const float yaw = free - tc_clamp(free, -mixer->guaranteed_yaw, mixer->guaranteed_yaw); /* beyond its share */
+    const bool much_yaw = tc_abs(yaw) > 0.0f;
+    measure(mixer, r, &l);
+    if (much_yaw) change_yaw(mixer, -yaw, &l, r);
     range collective = collective_range(&l);
     if (collective.low > collective.high) {
-        if (cut_tilt(mixer, wrench, &l) < 0.999f) saturation |= TC_SATURATED_TILT;
+        if (cut_tilt(mixer, wrench, &l, r) < 1.0f - SMALL) saturation |= TC_SATURATED_TILT;
         collective = collective_range(&l);
     }
-    const float change_n = tc_clamp(0.0f, collective.low, collective.high);
-    const float part = yaw_cut ? yaw_part(&l, change_n) : 0.0f;
-    for (int i = 0; i < TC_ROTORS; i++) {
-        const float change = change_n + l.tilt[i] + part * l.yaw[i];
-        r[i].square = tc_clamp(r[i].square + l.rise[i] * change, mixer->slowest2, mixer->fastest2);
+    const float more_n = tc_clamp(0.0f, collective.low, collective.high);
+    if (tc_abs(more_n) > SMALL * wrench->thrust_n) saturation |= TC_SATURATED_COLLECTIVE;
+    for (int i = 0; i < TC_ROTORS; i++) change(&l, i, more_n, &r[i]);
+    if (much_yaw) {
+        const float part = yaw_part(mixer, yaw, &l);
+        if (part < 1.0f - SMALL) saturation |= TC_SATURATED_YAW;
+        change_yaw(mixer, part * yaw, &l, r);
     }
-    if (tc_abs(change_n) > SMALL * wrench->thrust_n) saturation |= TC_SATURATED_COLLECTIVE;
-    if (part > SMALL) saturation |= TC_SATURATED_YAW;
+    for (int i = 0; i < TC_ROTORS; i++) r[i].square = tc_clamp(r[i].square, mixer->slowest2, mixer->fastest2);
     return saturation;
 }
 
@@ -380,8 +384,8 @@ static __attribute__((noinline)) uint8_t clip(const tc_mixer* mixer, rotor r[TC_
     return saturation;
 }
 
-void tc_mixer_solve(const tc_mixer* mixer, const tc_parameters* p, const tc_wrench* wrench,
-                    const float air_velocity_body_m_s[3], const float rate_body_rad_s[3], tc_mix* out) {
+void tc_mixer_solve(const tc_mixer* mixer, const tc_wrench* wrench, const float air_velocity_body_m_s[3],
+                    const float rate_body_rad_s[3], tc_mix* out) {
     rotor r[TC_ROTORS];
     float air[3], rate[3];
     for (int i = 0; i < 3; i++) {
@@ -389,9 +393,10 @@ void tc_mixer_solve(const tc_mixer* mixer, const tc_parameters* p, const tc_wren
         rate[i] = mixer->unit_m_s * rate_body_rad_s[i];
     }
     const float turn = wrench->torque_n_m[2] * mixer->turn_per_yaw;
+    const float free = wrench->torque_n_m[2] * mixer->free_per_yaw;
     yaw_balance yaw = {turn, 0.0f, 0.0f};
     for (int i = 0; i < TC_ROTORS; i++) {
-        start(mixer, &mixer->rotor[i], wrench, air, rate, &r[i]);
+        start(mixer, &mixer->rotor[i], wrench, air, rate, free, &r[i]);
         operate(mixer, &r[i]);
         weigh(&mixer->rotor[i], &r[i], &yaw);
     }
@@ -402,8 +407,7 @@ void tc_mixer_solve(const tc_mixer* mixer, const tc_parameters* p, const tc_wren
         if (far) repeat(mixer, turn, r);
         if (!all_between(r, mixer->slowest2, mixer->fastest2)) out->saturation = clip(mixer, r);
     } else {
-        const float free = wrench->torque_n_m[2] * mixer->free_per_yaw + first;
-        out->saturation = desaturate(mixer, p->yaw_share, wrench, free, r);
+        out->saturation = desaturate(mixer, wrench, free + first, r);
     }
     for (int i = 0; i < TC_ROTORS; i++) out->rotor_speed_rad_s[i] = mixer->per_speed * sqrtf(r[i].square);
 }

@@ -116,6 +116,8 @@ static void prepare(tc_controller* c) {
     float sine, cosine;
     tc_sin_cos(p->tilt_error_rad, &sine, &cosine);
     c->tilt_bound = 1.0f - cosine;
+    c->drag_source = (uint8_t)p->drag_velocity;
+    c->airflow_source = (uint8_t)p->airflow_velocity;
     c->has_moments = tc_has_moments(p);
     c->has_lead = c->has_moments || p->rotor_lag_s > 0.0f || p->battery_gain_1_v > 0.0f;
     c->has_integral = p->ki_xy_1_s3 > 0.0f || p->ki_z_1_s3 > 0.0f;

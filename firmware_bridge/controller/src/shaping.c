@@ -7,6 +7,7 @@
 #define LONGEST_STEP_S 0.02f
 #define MOVE_ACCELERATION_M_S2 2.0f
 #define MOVE_YAW_RATE_RAD_S 1.0f
+#define NOT_LAID_OUT -1.0f /* as time elapsed: the septics are not yet those of this move */
 
 void tc_clock_start(tc_clock* clock, float rate) {
     memset(clock, 0, sizeof *clock);
@@ -100,29 +101,34 @@ void tc_clock_setpoint(const tc_clock* clock, const tc_trajectory* trajectory, t
 }
 
 /* The septic over u in [0, 1] that starts with given value and first three derivatives (per u) and ends at rest. */
-static void resting_septic(float p, float v, float a, float j, float end, float out[8]) {
+static inline void resting_septic(float p, float v, float a, float j, float end, float out[8]) {
+    const float way = end - p;
     out[0] = p;
     out[1] = v;
     out[2] = 0.5f * a;
-    out[3] = j * (1.0f / 6.0f);
-    const float d = end - (out[0] + out[1] + out[2] + out[3]);
-    const float d1 = -(out[1] + 2.0f * out[2] + 3.0f * out[3]);
-    const float d2 = -(2.0f * out[2] + 6.0f * out[3]);
-    const float d3 = -6.0f * out[3];
-    out[4] = 35.0f * d - 15.0f * d1 + 2.5f * d2 - d3 * (1.0f / 6.0f);
-    out[5] = -84.0f * d + 39.0f * d1 - 7.0f * d2 + 0.5f * d3;
-    out[6] = 70.0f * d - 34.0f * d1 + 6.5f * d2 - 0.5f * d3;
-    out[7] = -20.0f * d + 10.0f * d1 - 2.0f * d2 + d3 * (1.0f / 6.0f);
+    out[3] = (1.0f / 6.0f) * j;
+    out[4] = 35.0f * way - 20.0f * v - 5.0f * a - (2.0f / 3.0f) * j;
+    out[5] = -84.0f * way + 45.0f * v + 10.0f * a + j;
+    out[6] = 70.0f * way - 36.0f * v - 7.5f * a - (2.0f / 3.0f) * j;
+    out[7] = -20.0f * way + 10.0f * v + 2.0f * a + out[3];
 }
 
-static void lay_out(tc_move* move, const tc_setpoint* from, const float to_world_m[3], float to_yaw_rad) {
+/* The work of a new move is left to its first step: the tick that orders it has evaluated another set-point already. */
+static void order(tc_move* move, const float to_world_m[3], float to_yaw_rad, float duration_s) {
+    tc_copy(move->to, to_world_m);
+    move->to[3] = to_yaw_rad;
+    move->duration_s = duration_s;
+    move->elapsed_s = NOT_LAID_OUT;
+}
+
+static void lay_out(tc_move* move, const tc_setpoint* from) {
     const float t = move->duration_s;
     for (int i = 0; i < 3; i++) {
         resting_septic(from->position_world_m[i], from->velocity_world_m_s[i] * t,
-                       from->acceleration_world_m_s2[i] * t * t, from->jerk_world_m_s3[i] * t * t * t, to_world_m[i],
+                       from->acceleration_world_m_s2[i] * t * t, from->jerk_world_m_s3[i] * t * t * t, move->to[i],
                        move->septic[i]);
     }
-    resting_septic(from->yaw_rad, from->yaw_rate_rad_s * t, from->yaw_acceleration_rad_s2 * t * t, 0.0f, to_yaw_rad,
+    resting_septic(from->yaw_rad, from->yaw_rate_rad_s * t, from->yaw_acceleration_rad_s2 * t * t, 0.0f, move->to[3],
                    move->septic[3]);
     move->elapsed_s = 0.0f;
 }
@@ -136,21 +142,19 @@ void tc_move_start(tc_move* move, const tc_setpoint* from, const float to_world_
     const float by_speed = 2.1875f * length_m / speed_m_s;
     const float by_acceleration = sqrtf(7.513f * length_m / MOVE_ACCELERATION_M_S2);
     const float by_yaw = 2.1875f * tc_abs(to_yaw_rad - from->yaw_rad) / MOVE_YAW_RATE_RAD_S;
-    move->duration_s = tc_max(tc_max(by_speed, by_acceleration), tc_max(by_yaw, 0.5f));
-    lay_out(move, from, to_world_m, to_yaw_rad);
+    order(move, to_world_m, to_yaw_rad, tc_max(tc_max(by_speed, by_acceleration), tc_max(by_yaw, 0.5f)));
 }
 
 void tc_move_stop(tc_move* move, const tc_setpoint* from, float brake_m_s2) {
     const float speed = tc_norm(from->velocity_world_m_s);
-    move->duration_s = tc_max(2.0f * speed / brake_m_s2, 0.5f);
+    const float duration_s = tc_max(2.0f * speed / brake_m_s2, 0.5f), half_s = 0.5f * duration_s;
     float to[3];
-    for (int i = 0; i < 3; i++) {
-        to[i] = from->position_world_m[i] + 0.5f * move->duration_s * from->velocity_world_m_s[i];
-    }
-    lay_out(move, from, to, from->yaw_rad + 0.5f * move->duration_s * from->yaw_rate_rad_s);
+    for (int i = 0; i < 3; i++) to[i] = from->position_world_m[i] + half_s * from->velocity_world_m_s[i];
+    order(move, to, from->yaw_rad + half_s * from->yaw_rate_rad_s, duration_s);
 }
 
-void tc_move_advance(tc_move* move, float step_s) {
+void tc_move_advance(tc_move* move, const tc_setpoint* from, float step_s) {
+    if (move->elapsed_s < 0.0f) lay_out(move, from);
     move->elapsed_s = tc_min(move->elapsed_s + step_s, move->duration_s);
 }
 

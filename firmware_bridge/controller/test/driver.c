@@ -10,6 +10,9 @@
 #define STEP_US 1000u
 #endif
 #define SEGMENTS 12
+#ifndef ADJUST
+#define ADJUST /* assignments to `parameters`, for other vehicles than the preset one */
+#endif
 
 typedef struct {
     float position[3], velocity[3], q[4], rate[3];
@@ -156,6 +159,7 @@ int driver_run(uint32_t ticks, uint32_t* crc32, uint32_t* states) {
     *states = 0u;
     tc_init(&controller);
     tc_parameters_default(&parameters);
+    ADJUST
     if (tc_parameters_set(&controller, &parameters) != TC_OK) return 1;
     const tc_reason reason = upload();
     if (reason != TC_OK) return 100 + (int)reason;

@@ -277,6 +277,31 @@ static void silence(void) {
     must(run(&c, &now, 120.0f, &none) == TC_DISARMED, "and lands in the end");
 }
 
+/* What the parameters do not need is not done; changing them in the air starts and ends it without a jump. */
+static void needs(void) {
+    static tc_controller c;
+    uint64_t time_us = 0;
+    set_out(&c, &time_us, TC_LINK_LOSS_FINISH, TC_HOLD);
+    must(!c.has_lead && !c.has_integral && !c.was_flying, "the preset vehicle needs neither lead nor integrator");
+    must(c.telemetry.trajectory_id != 0u, "the active plan is told");
+    tc_parameters parameters = *tc_parameters_now(&c);
+    parameters.rotor_lag_s = 0.03f;
+    parameters.ki_z_1_s3 = 1.0f;
+    must(tc_parameters_set(&c, &parameters) == TC_OK && c.has_lead && c.has_integral, "lag and one gain");
+    (void)run(&c, &time_us, 0.5f, &none);
+    must(c.was_flying, "the filter runs");
+    parameters.ki_xy_1_s3 = 1.0f;
+    must(tc_parameters_set(&c, &parameters) == TC_OK && c.was_flying, "and runs on");
+    parameters.rotor_lag_s = 0.0f;
+    parameters.battery_gain_1_v = 0.02f;
+    must(tc_parameters_set(&c, &parameters) == TC_OK && c.has_lead, "battery");
+    parameters.battery_gain_1_v = 0.0f;
+    must(tc_parameters_set(&c, &parameters) == TC_OK && !c.has_lead && !c.was_flying, "no more");
+    parameters.flapping_kg_m = 1e-6f;
+    must(tc_parameters_set(&c, &parameters) == TC_OK && c.has_moments && c.has_lead, "moments");
+    must(run(&c, &time_us, 0.5f, &none) == TC_HOLD, "still there");
+}
+
 void mission_cases(void) {
     parameter_table();
     landing_on_something();
@@ -285,4 +310,5 @@ void mission_cases(void) {
     on_the_path();
     misfortunes();
     silence();
+    needs();
 }

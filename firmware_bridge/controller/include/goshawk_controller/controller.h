@@ -76,9 +76,11 @@ typedef struct {
     float axes[3][3];                  /* of the estimated attitude: body x, y, z in world coordinates */
     float tilt_bound;                  /* 1 - cos(tilt_error_rad) */
     float slow_speed_rad_s[TC_ROTORS]; /* the mixer's, filtered: what the rotors are taken to do */
-    bool has_moments;                  /* of the modelled moments any is not zero */
-    bool has_lead;                     /* rotor lag, battery or moments: speeds are filtered and corrected */
-    bool has_integral;                 /* of the integrator's gains any is not zero */
+    uint8_t drag_source;               /* tc_velocity_source, as in the parameters */
+    uint8_t airflow_source;
+    bool has_moments;  /* of the modelled moments any is not zero */
+    bool has_lead;     /* rotor lag, battery or moments: speeds are filtered and corrected */
+    bool has_integral; /* of the integrator's gains any is not zero */
     bool was_flying;
     bool configured;
     bool ground_ever_seen;

@@ -26,9 +26,7 @@ enum {
 typedef struct {
     float arm_x_m, arm_y_m;                           /* hub relative to the centre of mass */
     float per_collective, per_torque_x, per_torque_y; /* load of least norm for each of the three */
-    float per_torque_z;                               /* first guess of what yaw adds, along `free` */
-    float free;   /* loads that change none of the three, per newton of the largest */
-    float free_n; /* the same in newtons of collective */
+    float free; /* loads that change none of the three, per newton of the largest */
     float spin;
     float spin_free;  /* spin times free */
     float spin_free2; /* spin times free squared */
@@ -48,11 +46,12 @@ typedef struct {
     float guard;        /* keeps the Newton step finite */
     float still;        /* added to v_xy^2: the guess divides by the air's speed */
     float per_speed;    /* 1 / 2 a: rad/s per unit of speed */
-    float speed_unit;   /* 2 a */
     float slowest2;     /* squared speed limits */
     float fastest2;
     float likely_slowest2; /* the same with a margin for what the second round may change */
     float likely_fastest2;
+    float near;             /* moves of the free direction that change loads by less are small */
+    float guaranteed_yaw;   /* multiple of `free` that yaw has at any rate */
     float largest_thrust_n; /* of all four, hovering */
 } tc_mixer;
 
@@ -71,8 +70,8 @@ tc_reason tc_mixer_configure(tc_mixer* mixer, const tc_parameters* parameters);
 
 /* air_velocity_body_m_s: of the vehicle through the air, rate_body_rad_s moves the hubs. All finite. Speeds come out in
    [rotor_min_rad_s, rotor_max_rad_s]. */
-void tc_mixer_solve(const tc_mixer* mixer, const tc_parameters* parameters, const tc_wrench* wrench,
-                    const float air_velocity_body_m_s[3], const float rate_body_rad_s[3], tc_mix* out);
+void tc_mixer_solve(const tc_mixer* mixer, const tc_wrench* wrench, const float air_velocity_body_m_s[3],
+                    const float rate_body_rad_s[3], tc_mix* out);
 
 #ifdef __cplusplus
 }

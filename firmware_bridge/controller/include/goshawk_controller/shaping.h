@@ -37,8 +37,9 @@ void tc_clock_setpoint(const tc_clock* clock, const tc_trajectory* trajectory, t
    and jerk unbroken. Take-off, landing, hovering and the way to a trajectory's start are all moves. */
 typedef struct {
     float septic[TC_AXES][8]; /* x, y, z, yaw over u = elapsed / duration */
+    float to[TC_AXES];
     float duration_s;
-    float elapsed_s;
+    float elapsed_s; /* negative until the first step */
 } tc_move;
 
 /* To a point; from rest the peak speed is `speed_m_s` (> 0), peak yaw rate 1 rad/s, peak acceleration 2 m/s^2. */
@@ -46,7 +47,8 @@ void tc_move_start(tc_move* move, const tc_setpoint* from, const float to_world_
                    float speed_m_s);
 /* To rest as soon as `brake_m_s2` (> 0) allows, straight ahead. */
 void tc_move_stop(tc_move* move, const tc_setpoint* from, float brake_m_s2);
-void tc_move_advance(tc_move* move, float step_s);
+/* `from`: the set-point that the move was started from, or one that has not changed since; used by the first step. */
+void tc_move_advance(tc_move* move, const tc_setpoint* from, float step_s);
 bool tc_move_done(const tc_move* move);
 void tc_move_setpoint(const tc_move* move, tc_setpoint* out);
 
