@@ -1,4 +1,4 @@
-"""What three public sets of real flights say: `python benchmarks/real_logs.py {nanodrone,motor_lag,controller}`.
+"""What public sets of real flights say: `python benchmarks/real_logs.py {nanodrone,staircase,motor_lag,controller}`.
 
 The logs are not part of this repository; `--data` is the folder that holds the sets. Each set has a page in docs
 (`real_logs_*.md`) with these numbers and what to make of them.
@@ -12,12 +12,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import nanodrone_staircase
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 import sysid
 import vehicle
 from flight import FlightError, FlightLog, rotations
-from sysid.log_consistency import kinematics
+from sysid.log_consistency import gyro_after_attitude, kinematics, rotors_after_gyro
 
 MAPS = Path(__file__).parent / "column_maps"
 SPIN = np.array([1.0, -1.0, 1.0, -1.0])
@@ -57,33 +59,91 @@ def fit(logs: Sequence[FlightLog], model: vehicle.Vehicle, options: sysid.Option
     return result
 
 
-def nanodrone(folder: Path, only: Sequence[str]) -> None:
+def nanodrone(folder: Path, chosen: argparse.Namespace) -> None:
     """Measured rotor speed: thrust, inflow, rotor drag; battery sag from command to speed."""
-    paths = sorted(folder.glob("*.csv.gz"))
-    logs = {p.name.split(".")[0]: sysid.read_log(p, MAPS / "nanodrone.toml") for p in paths}
-    sizes = dict.fromkeys(("inertia_xx_kg_m2", "inertia_yy_kg_m2"), 2.3951e-5) | {"inertia_zz_kg_m2": 3.2e-5}
-    model = small_quadrotor("cf21bl", 0.0353, 0.045, 3.72e-8, 3e-10 / 3.72e-8, **sizes).without_effect("motor_lag")
-    model = model.with_effect("centre_of_mass", x_m=0.0, y_m=0.0)
+    logs, model = nanodrone_logs(folder), nanodrone_model()
     print("what the checks say, with the spins as the source prints them first")
     for log in logs.values():
         found = sysid.check_log(log, replace(model, spin=-SPIN)).findings
         print(f"  {log.metadata['name']}: " + ("; ".join(f.sentence for f in found) or "nothing"))
-    options = sysid.Options(gaps="split", held=("inertia_zz_kg_m2",), max_iterations=60, gusts="white")
-    random = [log for name, log in logs.items() if name.startswith("random")]
-    others = [log for name, log in logs.items() if name.startswith(("square", "multisine_20251017_run2"))]
-    with_inflow = model.with_effect("inflow_linear", inflow_kg=0.0)
-    candidates = {"base": model, "+ inflow": with_inflow}
-    candidates["+ rotor drag"] = with_inflow.with_effect("rotor_drag_speed", drag_kg=0.0)
+    print("streams brought to the attitude's clock: rotor speed after the gyro, gyro after the attitude (ms)")
+    one_clock = {name: aligned(log, model) for name, log in logs.items()}
+    for say, these in (("as logged", logs), ("on one clock", one_clock)):
+        print(f"three random flights, {say}")
+        fit(_named(these, "random"), with_drag(model), NANODRONE)
     fitted = {}
-    for name, candidate in candidates.items():
-        print(f"three random flights, {name}")
-        fitted[name] = fit(random, candidate, options).vehicle
+    for name, candidate in {
+        "base": model,
+        "+ inflow": model.with_effect("inflow_linear", inflow_kg=0.0),
+        "+ inflow + rotor drag": with_drag(model),
+    }.items():
+        print(f"three random flights, on one clock, {name}")
+        fitted[name] = fit(_named(one_clock, "random"), candidate, NANODRONE).vehicle
+    others = _named(one_clock, "square", "multisine_20251017_run2")
     compared = sysid.compare(others, fitted, sysid.Options(gaps="split"))
     print("prediction on the flights not used, after 0.1, 0.2, 0.5, 1 s")
     for name, errors in compared.errors.items():
         for quantity in ("position", "velocity", "attitude"):
-            print(f"  {name:14s} {quantity:9s} " + " ".join(f"{e:8.4f}" for e in errors[quantity]))
+            print(f"  {name:24s} {quantity:9s} " + " ".join(f"{e:8.4f}" for e in errors[quantity]))
     _battery_sag(list(logs.values()))
+
+
+NANODRONE = sysid.Options(gaps="split", held=("inertia_zz_kg_m2",), max_iterations=60)
+
+
+def nanodrone_logs(folder: Path) -> dict[str, FlightLog]:
+    return {p.name.split(".")[0]: sysid.read_log(p, MAPS / "nanodrone.toml") for p in sorted(folder.glob("*.csv.gz"))}
+
+
+def nanodrone_model() -> vehicle.Vehicle:
+    sizes = dict.fromkeys(("inertia_xx_kg_m2", "inertia_yy_kg_m2"), 2.3951e-5) | {"inertia_zz_kg_m2": 3.2e-5}
+    model = small_quadrotor("cf21bl", 0.0353, 0.045, 3.72e-8, 3e-10 / 3.72e-8, **sizes).without_effect("motor_lag")
+    return model.with_effect("centre_of_mass", x_m=0.0, y_m=0.0)
+
+
+def with_drag(model: vehicle.Vehicle) -> vehicle.Vehicle:
+    return model.with_effect("inflow_linear", inflow_kg=0.0).with_effect("rotor_drag_speed", drag_kg=0.0)
+
+
+def _named(logs: Mapping[str, FlightLog], *beginnings: str) -> list[FlightLog]:
+    return [log for name, log in logs.items() if name.startswith(beginnings)]
+
+
+def aligned(log: FlightLog, model: vehicle.Vehicle) -> FlightLog:
+    """The log with gyro and rotor speed on the clock of the attitude, without jumps of the position, ends dropped."""
+    motion = kinematics(log)
+    assert motion is not None
+    gyro_s, rotors_s = gyro_after_attitude(log, motion)[0], rotors_after_gyro(log, motion.time_s, model)[0]
+    print(f"  {log.metadata['name']}: {1000.0 * rotors_s:+.1f}, {1000.0 * gyro_s:+.1f}")
+    columns = dict(log.columns)
+    for stream, late_s in (("rate_body_", gyro_s), ("rotor_speed_", gyro_s + rotors_s)):
+        at_s = np.clip(log.time_s + late_s, log.time_s[0], log.time_s[-1])
+        columns |= {n: CubicSpline(log.time_s, v)(at_s) for n, v in columns.items() if n.startswith(stream)}
+    columns |= {
+        n: np.where(_near_jump(log), np.nan, v) for n, v in columns.items() if n.startswith(("position_", "q_"))
+    }
+    return FlightLog(columns, log.metadata).slice(log.time_s[0] + 0.1, log.time_s[-1] - 0.1)
+
+
+def _near_jump(log: FlightLog) -> np.ndarray:
+    """Rows within half a second of where the position leaves its course by 5 cm from one sample to the next."""
+    off = np.linalg.norm(np.diff(log.vector("position_world_m"), 2, axis=0), axis=1)
+    at_s = log.time_s[1:-1][off > 0.05]
+    return (np.abs(log.time_s[:, None] - at_s) < 0.5).any(axis=1)
+
+
+def staircase(folder: Path, chosen: argparse.Namespace) -> None:
+    """Every flight of the nano-drone left out in turn, the model that the others call for judged by it.
+
+    Inertias are held at what the fast part of the quick flights says (docs/real_logs_nanodrone.md): a diagnosis takes
+    disturbances for white, and white disturbances make them several times too large here.
+    """
+    model = nanodrone_model()
+    logs = {name: aligned(log, model) for name, log in nanodrone_logs(folder).items()}
+    for axis in ("xx", "yy"):
+        model = model.with_value(f"inertia_{axis}_kg_m2", 3.2e-5)
+    options = replace(NANODRONE, held=tuple(f"inertia_{axis}_kg_m2" for axis in ("xx", "yy", "zz")))
+    nanodrone_staircase.run(logs, chosen.logs, model, options, chosen.out, chosen.same_kind)
 
 
 def _battery_sag(logs: list[FlightLog]) -> None:
@@ -107,7 +167,7 @@ def _mean_command(log: FlightLog) -> np.ndarray:
     return np.mean([log.columns[f"motor_command_{i}_ratio"] for i in range(4)], axis=0)
 
 
-def motor_lag(folder: Path, only: Sequence[str]) -> None:
+def motor_lag(folder: Path, chosen: argparse.Namespace) -> None:
     """IMU and commands only: motor lag, thrust per command; twice, for the two ways to read a command."""
     usual = [sysid.read_log(p, MAPS / "motor_lag.toml") for p in sorted(folder.glob("*.csv.gz"))]
     sizes = {"inertia_xx_kg_m2": 1.5e-5, "inertia_yy_kg_m2": 1.5e-5, "inertia_zz_kg_m2": 1.955e-5}
@@ -139,12 +199,12 @@ def _in_flight(log: FlightLog) -> list[FlightLog]:
     return [log.slice(a + 1.5, b - 1.0) for a, b in times if b - a > 6.0]
 
 
-def controller(folder: Path, only: Sequence[str]) -> None:
+def controller(folder: Path, chosen: argparse.Namespace) -> None:
     """Commanded wrench: the gain between commanded and true thrust, one fit a flight; and as a plain ratio of means."""
     arm, k = 0.046 / np.sqrt(2.0), 2.5e-8
     sizes = {"inertia_xx_kg_m2": 1.66e-5, "inertia_yy_kg_m2": 1.67e-5, "inertia_zz_kg_m2": 2.93e-5}
     with open(folder / "index.csv", newline="") as file:
-        index = [row for row in csv.DictReader(file) if not only or row["log"] in only]
+        index = [row for row in csv.DictReader(file) if not chosen.logs or row["log"] in chosen.logs]
     groups: dict[str, list[tuple[float, float]]] = {}
     held = ("inertia_zz_kg_m2", "motor_lag.*", "rotor_yaw_torque.torque_n_m_s2")
     for row in index:
@@ -209,6 +269,7 @@ def _equivalent_speeds(path: Path, model: vehicle.Vehicle, k: float) -> FlightLo
 
 SETS = {
     "nanodrone": ("nanodrone_cf21bl", nanodrone),
+    "staircase": ("nanodrone_cf21bl", staircase),
     "motor_lag": ("crazyflie_motor_lag_arpl", motor_lag),
     "controller": ("crazyflie_lee_imrclab", controller),
 }
@@ -219,7 +280,9 @@ def main() -> None:
     parser.add_argument("set", choices=SETS)
     parser.add_argument("--data", type=Path, default=Path("../shared/data/flight"), help="folder of the sets")
     parser.add_argument("--no-fit", action="store_true", help="only the plain ratio of the controller set: seconds")
-    parser.add_argument("--logs", nargs="+", default=[], help="only these logs of the controller set")
+    parser.add_argument("--logs", nargs="+", default=[], help="only these logs (controller, staircase)")
+    parser.add_argument("--same-kind", action="store_true", help="staircase: learn from flights of the same kind only")
+    parser.add_argument("--out", type=Path, default=Path("staircase"), help="folder for the facts of the staircase")
     chosen = parser.parse_args()
     name, work = SETS[chosen.set]
     folder = chosen.data / name
@@ -228,7 +291,7 @@ def main() -> None:
     if chosen.no_fit:
         plain_gains(folder)
         return
-    work(folder, chosen.logs)
+    work(folder, chosen)
 
 
 if __name__ == "__main__":

@@ -23,6 +23,8 @@ WINDOW = 15
 """Samples of the local cubic fits: 0.15 s."""
 DEGREES = 180.0 / np.pi
 RPM = 60.0 / (2.0 * np.pi)
+FAST_HZ = (3.0, 20.0)
+"""Turning in this band is the rotors' doing: slower, drag and disturbances take part; faster, it is noise."""
 LEAST_RATE_RAD_S = 0.15
 """Below this root mean square of the body rate, turning says nothing about gyro or rotors."""
 
@@ -187,7 +189,7 @@ def _gyro(log: FlightLog, motion: Kinematics) -> list[Finding]:
     if not log.has("rate_body_rad_s") or np.sqrt((motion.rate_body_rad_s**2).mean()) < LEAST_RATE_RAD_S:
         return []
     logged = _on_grid(log, "rate_body_rad_s", motion.time_s)
-    delay_s, quality = clock_offset(motion.rate_body_rad_s, logged)
+    delay_s, quality = gyro_after_attitude(log, motion)
     found = []
     if abs(delay_s) > 4e-3 and quality > 0.8:
         later = "late" if delay_s > 0.0 else "early"
@@ -226,6 +228,11 @@ def _gyro(log: FlightLog, motion: Kinematics) -> list[Finding]:
     return found
 
 
+def gyro_after_attitude(log: FlightLog, motion: Kinematics) -> tuple[float, float]:
+    """By how much the gyro comes later than the attitude, and their correlation then."""
+    return clock_offset(motion.rate_body_rad_s, _on_grid(log, "rate_body_rad_s", motion.time_s))
+
+
 def _rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle | None) -> list[Finding]:
     if not log.has("rotor_speed_rad_s"):
         return []
@@ -244,7 +251,7 @@ def _rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle | None) -> list
     if not 0.25 < ratio < 4.0:
         sentence = f"the rotors make {ratio:.2g} times the thrust that the motion needs"
         found.append(warning("unit", sentence, "check mass, thrust coefficient and the unit of rotor speed"))
-    return found + _rotor_order(speed, motion, vehicle)
+    return found + _rotor_order(log, speed, motion, vehicle)
 
 
 def _rpm(typical: float) -> Finding:
@@ -252,8 +259,8 @@ def _rpm(typical: float) -> Finding:
     return error("unit", sentence, "multiply rotor_speed by 2 pi / 60")
 
 
-def _rotor_order(speed: FloatArray, motion: Kinematics, vehicle: Vehicle) -> list[Finding]:
-    """Which rotor is which, from how the body answers: all orders and both senses of spin are tried."""
+def _rotor_order(log: FlightLog, speed: FloatArray, motion: Kinematics, vehicle: Vehicle) -> list[Finding]:
+    """Which rotor is which, from how the body answers: all orders and both senses of spin are tried; then its clock."""
     if np.sqrt((motion.rate_body_rad_s[:, :2] ** 2).mean()) < LEAST_RATE_RAD_S:
         return []
     squared = speed**2 - (speed**2).mean(axis=0)
@@ -278,13 +285,49 @@ def _rotor_order(speed: FloatArray, motion: Kinematics, vehicle: Vehicle) -> lis
     if yaw < -0.3:
         sentence = f"yaw turns against the rotors' torque (correlation {yaw:.2f}): spin directions are the other way"
         found.append(error("rotor spin", sentence, "turn the sign of every spin in the vehicle file"))
+    if log.has("rate_body_rad_s"):
+        delay_s, quality = rotors_after_gyro(log, motion.time_s, vehicle)
+        if quality > 0.7:
+            return found + _late(delay_s, "gyro")
     driven, damping = _turning_by_rotors(speed, motion, vehicle)
     delay_s, quality = clock_offset((turning - damping)[:, :2], driven[:, :2])
-    if abs(delay_s) > 8e-3 and quality > 0.7 and own > 0.3:
-        later = "late" if delay_s > 0.0 else "early"
-        sentence = f"rotor speed is {1000.0 * abs(delay_s):.0f} ms {later} against the motion"
-        found.append(warning("clock", sentence, f"shift rotor speed by {-1000.0 * delay_s:+.0f} ms"))
-    return found
+    return found + (_late(delay_s, "motion") if quality > 0.7 and own > 0.3 else [])
+
+
+def _late(delay_s: float, against: str) -> list[Finding]:
+    """Of rotor speed, where it is worth a word."""
+    if abs(delay_s) < 8e-3:
+        return []
+    later = "late" if delay_s > 0.0 else "early"
+    sentence = f"rotor speed is {1000.0 * abs(delay_s):.0f} ms {later} against the {against}"
+    return [warning("clock", sentence, f"shift rotor speed by {-1000.0 * delay_s:+.0f} ms against the {against}")]
+
+
+def rotors_after_gyro(log: FlightLog, grid_s: FloatArray, vehicle: Vehicle) -> tuple[float, float]:
+    """By how much rotor speed comes later than the gyro, from roll and pitch, and their correlation then."""
+    speed, rate = (
+        _resampled(grid_s, log.time_s[rows], values[rows])
+        for values in (log.vector("rotor_speed_rad_s"), log.vector("rate_body_rad_s"))
+        for rows in (np.isfinite(values).all(axis=1),)
+    )
+    rest = np.zeros((len(speed), 3))
+    driven = acceleration(vehicle, rest, rest, speed, open_air(len(speed)))[1]
+    return _fast_offset(np.gradient(rate[:, :2], GRID_S, axis=0), driven[:, :2])
+
+
+def _fast_offset(reference: FloatArray, other: FloatArray, longest_s: float = 0.06) -> tuple[float, float]:
+    """The same as `clock_offset` within `FAST_HZ`, to half a millisecond."""
+    hz = np.fft.rfftfreq(len(reference), GRID_S)
+    band, window = (hz > FAST_HZ[0]) & (hz < FAST_HZ[1]), np.hanning(len(reference))[:, None]
+    a, b = (np.fft.rfft((x - x.mean(axis=0)) * window, axis=0)[band] for x in (reference, other))
+    size = float(np.sqrt((np.abs(a) ** 2).sum() * (np.abs(b) ** 2).sum()))
+    if size == 0.0:
+        return 0.0, 0.0
+    lags_s = np.arange(-longest_s, longest_s, 5e-4)
+    together = (a.conj() * b).sum(axis=1)
+    values = (np.exp(2j * np.pi * np.outer(lags_s, hz[band])) @ together).real / size
+    best = int(np.argmax(values))
+    return float(lags_s[best]), float(values[best])
 
 
 def _turning_by_rotors(speed: FloatArray, motion: Kinematics, vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:

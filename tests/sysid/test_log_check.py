@@ -92,10 +92,20 @@ def test_spins_the_other_way(log, truth):
     assert "rotor spin" in _whats(log, replace(truth, spin=-truth.spin))
 
 
-def test_rotor_speed_that_comes_late(log, truth):
-    late = _changed(log, **{name: np.roll(log.columns[name], 4) for name in ROTORS})
+@pytest.mark.parametrize("rows", [4, 2, -1])
+def test_rotor_speed_that_comes_late_or_early_against_the_gyro(log, truth, rows):
+    late = _changed(log, **{name: np.roll(log.columns[name], rows) for name in ROTORS})
     fix = _whats(late, truth)["clock"]
-    assert float(fix.removeprefix("shift rotor speed by ").removesuffix(" ms")) == pytest.approx(-40.0, abs=3.0)
+    assert fix.endswith("against the gyro")
+    assert float(fix.split()[4]) == pytest.approx(-10.0 * rows, abs=1.0)
+
+
+def test_rotor_speed_that_comes_late_where_there_is_no_gyro(log, truth):
+    late = {name: np.roll(log.columns[name], 4) for name in ROTORS}
+    blind = {name: values for name, values in log.columns.items() if not name.startswith("rate_body")}
+    fix = _whats(FlightLog({**blind, **late}, log.metadata), truth)["clock"]
+    assert fix.endswith("against the motion")
+    assert float(fix.split()[4]) == pytest.approx(-40.0, abs=3.0)
 
 
 def test_time_in_milliseconds(log):
