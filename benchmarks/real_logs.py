@@ -129,21 +129,14 @@ def _near_jump(log: FlightLog) -> np.ndarray:
     """Rows within half a second of where the position leaves its course by 5 cm from one sample to the next."""
     off = np.linalg.norm(np.diff(log.vector("position_world_m"), 2, axis=0), axis=1)
     at_s = log.time_s[1:-1][off > 0.05]
-    return (np.abs(log.time_s[:, None] - at_s) < 0.5).any(axis=1)
+    return np.abs(log.time_s[:, None] - at_s).min(axis=1, initial=np.inf) < 0.5
 
 
 def staircase(folder: Path, chosen: argparse.Namespace) -> None:
-    """Every flight of the nano-drone left out in turn, the model that the others call for judged by it.
-
-    Inertias are held at what the fast part of the quick flights says (docs/real_logs_nanodrone.md): a diagnosis takes
-    disturbances for white, and white disturbances make them several times too large here.
-    """
+    """Every flight of the nano-drone left out in turn, the model that the others call for judged by it."""
     model = nanodrone_model()
     logs = {name: aligned(log, model) for name, log in nanodrone_logs(folder).items()}
-    for axis in ("xx", "yy"):
-        model = model.with_value(f"inertia_{axis}_kg_m2", 3.2e-5)
-    options = replace(NANODRONE, held=tuple(f"inertia_{axis}_kg_m2" for axis in ("xx", "yy", "zz")))
-    nanodrone_staircase.run(logs, chosen.logs, model, options, chosen.out, chosen.same_kind)
+    nanodrone_staircase.run(logs, chosen.logs, model, NANODRONE, chosen.out, chosen.same_kind)
 
 
 def _battery_sag(logs: list[FlightLog]) -> None:
@@ -196,7 +189,7 @@ def _in_flight(log: FlightLog) -> list[FlightLog]:
     flying = (command > floor).all(axis=1).astype(int)
     edges = np.flatnonzero(np.diff(flying, prepend=0, append=0))
     times = [(log.time_s[a], log.time_s[b - 1]) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-    return [log.slice(a + 1.5, b - 1.0) for a, b in times if b - a > 6.0]
+    return [log.slice(float(a) + 1.5, float(b) - 1.0) for a, b in times if b - a > 6.0]
 
 
 def controller(folder: Path, chosen: argparse.Namespace) -> None:
