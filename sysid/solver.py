@@ -306,19 +306,39 @@ def _relative_change(old: Noise, new: Noise) -> float:
     return float(np.abs(levels(new) / levels(old) - 1.0).max())
 
 
+FEWEST_FLIGHTS = 1.5
+"""Where fewer flights than this, in effect, show a parameter, flights have nothing to disagree on."""
+
+
 def robust_covariance(solution: Solution, times_s: list[FloatArray], block_s: float) -> tuple[FloatArray, FloatArray]:
     """(p, p) sandwich covariance: errors may be correlated within blocks of `block_s`, and forms slightly wrong.
 
-    Each block's score is freed of the block's own pull on the estimate (jackknife, CR3), or few blocks that fit
-    themselves would look too good. The second result (p,) is how many blocks each variance rests on in effect
+    What is wrong for as long as a whole flight (a manoeuvre the form fits badly, a controller that answers gusts)
+    shows in no block, only between flights. So variances are the mean of what blocks say and what whole flights say;
+    both are right for a right model. The second result (p,) is how many blocks each variance rests on in effect
     (Satterthwaite): a drag that shows in a dozen fast blocks has errors known no better than from a dozen samples.
+    """
+    blocks, freedom = _sandwich(solution, times_s, block_s)
+    if len(times_s) == 1:
+        return blocks, freedom
+    flights, shown_by = _sandwich(solution, times_s, max(float(np.ptp(time_s)) for time_s in times_s) + 1.0)
+    more = np.diag(flights) / np.maximum(np.diag(blocks), 1e-300)
+    scale = np.where(shown_by > FEWEST_FLIGHTS, np.sqrt(0.5 * (1.0 + more)), 1.0)
+    return blocks * np.outer(scale, scale), freedom
+
+
+def _sandwich(solution: Solution, times_s: list[FloatArray], block_s: float) -> tuple[FloatArray, FloatArray]:
+    """(p, p) covariance from the scatter of blocks, and (p,) how many it rests on in effect.
+
+    Each block's score is freed of the block's own pull on the estimate (jackknife, CR3), or few blocks that fit
+    themselves would look too good.
     """
     bread = solution.covariance()
     meat, blocks = np.zeros_like(bread), 0
     shares: list[FloatArray] = []
     for flight, time_s in enumerate(times_s):
         for information, pull in block_scores(solution, flight, time_s, block_s):
-            score = np.linalg.solve(np.eye(len(pull)) - information @ bread, pull)
+            score = np.linalg.lstsq(np.eye(len(pull)) - information @ bread, pull)[0]
             shares.append(np.einsum("ip,ij,jp->p", bread, information, bread))
             meat += np.outer(score, score)
             blocks += 1
