@@ -122,11 +122,16 @@ def header(messages: list[Definition], enums: list[tuple[str, list[tuple[str, in
         parts.append(f"/* {name} */\nenum {{\n" + "\n".join(lines) + "\n};\n")
     parts += [_c_message(message) for message in messages]
     rows = [
-        f"    {{{m.name}_ID, {m.name}_LENGTH, {m.name}_CRC_EXTRA, {_NO_TARGET if m.target_offset < 0 else m.target_offset}u}},"
+        f"    {{{m.name}_ID, {m.name}_LENGTH, {m.name}_CRC_EXTRA, {_target(m)}u}},"
         for m in messages
     ]
     parts.append(_C_BOTTOM.replace("ROWS", "\n".join(rows)).replace("NO_TARGET_VALUE", f"{_NO_TARGET}u"))
     return "\n".join(parts)
+
+
+def _target(message: Definition) -> int:
+    """Where the system a message is meant for stands in it."""
+    return _NO_TARGET if message.target_offset < 0 else message.target_offset
 
 
 def _c_message(message: Definition) -> str:
