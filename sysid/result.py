@@ -69,6 +69,12 @@ class Identification:
     def converged(self) -> bool:
         return self.solution.converged
 
+    @property
+    def leaves_too_much(self) -> bool:
+        """Whether so much stays unexplained that the model cannot be called right; the findings say how much."""
+        force, torque = _unexplained(self.noise)
+        return force > LARGE_FORCE_M_S2 or torque > LARGE_TORQUE_RAD_S2
+
     def estimate(self, name: str) -> Estimate:
         """The estimate of one parameter. Raises `KeyError` if it is not among them."""
         return {e.name: e for e in self.parameters}[name]
@@ -228,6 +234,13 @@ def _updated(vehicle: Vehicle, estimates: list[Estimate], flights: list[Flight])
     return replace(vehicle, provenance={**vehicle.provenance, "identified_from": [f.name for f in flights]})
 
 
+def _unexplained(noise: Noise) -> tuple[float, float]:
+    """Largest unexplained acceleration of an axis over 0.1 s: m/s2 and rad/s2."""
+    lasting = np.zeros(6) if noise.gusts is None else noise.gusts.size
+    size = np.sqrt(noise.process**2 / 0.1 + lasting**2)
+    return float(size[:3].max()), float(size[3:].max())
+
+
 def _findings(vehicle: Vehicle, estimates: list[Estimate], solution: Solution) -> list[str]:
     found = [
         f"mass_kg was given as {vehicle.mass_kg:g} and not estimated: pose and rotor speed show only ratios to it, so "
@@ -236,20 +249,19 @@ def _findings(vehicle: Vehicle, estimates: list[Estimate], solution: Solution) -
     if not solution.converged:
         found.append(f"not converged after {len(solution.record)} iterations; do not use these values")
     noise = solution.noise
-    lasting = np.zeros(6) if noise.gusts is None else noise.gusts.size
     if noise.gusts is not None:
-        force, torque, lasts_s = lasting[:3].max(), lasting[3:].max(), np.median(noise.gusts.lasts_s)
+        size = noise.gusts.size
+        force, torque, lasts_s = size[:3].max(), size[3:].max(), np.median(noise.gusts.lasts_s)
         found.append(
             f"what the model leaves unexplained lasts: up to {force:.2g} m/s2 and {torque:.2g} rad/s2 for about "
             f"{lasts_s:.1f} s (gusts, a swinging load, or an effect the model lacks); the fit allows for it"
         )
-    worst = float(np.sqrt(noise.process[:3] ** 2 / 0.1 + lasting[:3] ** 2).max())
+    worst, turning = _unexplained(noise)
     if worst > LARGE_FORCE_M_S2:
         found.append(
             f"the model leaves {worst:.1f} m/s2 unexplained (over 0.1 s): a held parameter may be wrong (a wrong "
             "inertia spoils the thrust), or units, frames or rotor order; do not use these values before that is clear"
         )
-    turning = float(np.sqrt(noise.process[3:] ** 2 / 0.1 + lasting[3:] ** 2).max())
     if turning > LARGE_TORQUE_RAD_S2:
         found.append(
             f"the model leaves {turning:.0f} rad/s2 unexplained (over 0.1 s): a held inertia may be far off, or units, "

@@ -26,6 +26,8 @@ NODE_RATE_HZ = 100.0
 VISIBLE_SIGMAS = float(norm.isf(CHANCE / 2.0) + norm.isf(0.1))
 """A size of so many standard errors is called present nine times in ten."""
 OUTDONE = "significant, but another explains more"
+DOUBTED = 0.5
+"""Nothing is stated with more while the model leaves more unexplained than any gust would."""
 LOOK_ALIKE = 0.9
 """Suspects that reproduce this much of another's trace are named beside it."""
 
@@ -73,16 +75,24 @@ class Diagnosis:
         doubts = [s.name for s in self.suspects if s.verdict == "cannot tell" and s.significance < CHANCE]
         if not parts and doubts:
             parts.append(f"something may be missing, and these flights cannot tell what: {', '.join(doubts)}")
+        if self.leaves_too_much:
+            parts.append("so much stays unexplained that these flights cannot tell what is missing: read the findings")
         return "; ".join(parts) if parts else "nothing that these flights could show is missing"
+
+    @property
+    def leaves_too_much(self) -> bool:
+        """Whether the last model is too far from the flights for anything to be excluded."""
+        return self.search.models[-1].fit.leaves_too_much
 
     @property
     def confidence(self) -> float:
         """Probability that all additions are the right names, or that nothing is missing when there are none."""
+        most = DOUBTED if self.leaves_too_much else MOST_CONFIDENCE
         if self.additions:
-            return float(np.prod([s.confidence for s in self.suspects if s.verdict == "present"]))
+            return min(most, float(np.prod([s.confidence for s in self.suspects if s.verdict == "present"])))
         if self.outside is not None:
-            return self.outside.confidence
-        return min(MOST_CONFIDENCE, 1.0 - max((s.confidence for s in self.suspects), default=0.0))
+            return min(most, self.outside.confidence)
+        return min(most, 1.0 - max((s.confidence for s in self.suspects), default=0.0))
 
     def as_dict(self) -> dict[str, Any]:
         """The facts as plain JSON values; schema in `docs/formats.md`."""
@@ -190,6 +200,8 @@ def _findings(found: Search, fitted: Vehicle) -> tuple[SuspectFinding, ...]:
             result.append(_not_added(last, suspect, _scored(found, suspect), trial, errors[suspect.name]))
     if found.outside is not None:
         result = [_beside_curve(f, found.outside) for f in result]
+    if last.fit.leaves_too_much:
+        result = [_not_excluded(f) for f in result]
     order = {"present": 0, "cannot tell": 1, "excluded": 2}
     return tuple(sorted(result, key=lambda f: (order[f.verdict], f.significance, -f.gain)))
 
@@ -272,6 +284,13 @@ def _beside_curve(finding: SuspectFinding, curve: Outside) -> SuspectFinding:
     if finding.significance < CHANCE and reason.startswith(OUTDONE):
         reason = f"significant, but the curve of {curve.channel} against {curve.variable} explains more"
     return replace(finding, reason=reason, confidence=finding.confidence * (1.0 - curve.confidence))
+
+
+def _not_excluded(finding: SuspectFinding) -> SuspectFinding:
+    """A suspect under a model so far from the flights that nothing can be excluded."""
+    if finding.verdict != "excluded":
+        return finding
+    return replace(finding, verdict="cannot tell", reason="too much stays unexplained to exclude it: read the findings")
 
 
 def _attempt(trial: Trial) -> Attempt:

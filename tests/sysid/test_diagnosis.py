@@ -170,3 +170,15 @@ def test_one_flight_cannot_both_teach_and_judge():
     logs = flights(None, 8, 6.0)
     with pytest.raises(InputError, match="both to learn from and to judge by"):
         diagnose(logs, vehicle.example(), held_out=logs[:1])
+
+
+def test_nothing_is_excluded_by_a_model_far_from_its_flights():
+    """Gusts of 8 m/s2, which no vehicle of this kind meets: something is wrong with log or model, and that is said."""
+    rng = np.random.default_rng(9)
+    truth = flying.Truth(gust=8.0, gust_time=0.15)
+    logs = flying.fly(truth, flying.paper_flights(rng), 3, duration_s=8.0, rng=rng, rate_hz=100.0)
+    found = diagnose(logs, vehicle.example())
+    assert found.confidence <= 0.5
+    assert "so much stays unexplained" in found.verdict
+    assert not [s.name for s in found.suspects if s.verdict == "excluded"]
+    assert any("unexplained" in finding for finding in found.findings)
