@@ -121,10 +121,7 @@ def header(messages: list[Definition], enums: list[tuple[str, list[tuple[str, in
         lines = [f"    {entry} = {value}, /* {words} */" for entry, value, words in entries]
         parts.append(f"/* {name} */\nenum {{\n" + "\n".join(lines) + "\n};\n")
     parts += [_c_message(message) for message in messages]
-    rows = [
-        f"    {{{m.name}_ID, {m.name}_LENGTH, {m.name}_CRC_EXTRA, {_target(m)}u}},"
-        for m in messages
-    ]
+    rows = [f"    {{{m.name}_ID, {m.name}_LENGTH, {m.name}_CRC_EXTRA, {_target(m)}u}}," for m in messages]
     parts.append(_C_BOTTOM.replace("ROWS", "\n".join(rows)).replace("NO_TARGET_VALUE", f"{_NO_TARGET}u"))
     return "\n".join(parts)
 
