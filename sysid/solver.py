@@ -306,16 +306,14 @@ def _relative_change(old: Noise, new: Noise) -> float:
     return float(np.abs(levels(new) / levels(old) - 1.0).max())
 
 
-FEWEST_FLIGHTS = 1.5
-"""Where fewer flights than this, in effect, show a parameter, flights have nothing to disagree on."""
-
-
 def robust_covariance(solution: Solution, times_s: list[FloatArray], block_s: float) -> tuple[FloatArray, FloatArray]:
     """(p, p) sandwich covariance: errors may be correlated within blocks of `block_s`, and forms slightly wrong.
 
     What is wrong for as long as a whole flight (a manoeuvre the form fits badly, a controller that answers gusts)
-    shows in no block, only between flights. So variances are the mean of what blocks say and what whole flights say;
-    both are right for a right model. The second result (p,) is how many blocks each variance rests on in effect
+    shows in no block, only between flights. So variances are a mean of what blocks say and what whole flights say; both
+    are right for a right model. Flights count for a half where three or more show a parameter in effect, for less
+    where fewer do, and not at all where one does: it has none to disagree with. The second result (p,) is how many
+    blocks each variance rests on in effect
     (Satterthwaite): a drag that shows in a dozen fast blocks has errors known no better than from a dozen samples.
     """
     blocks, freedom = _sandwich(solution, times_s, block_s)
@@ -323,7 +321,8 @@ def robust_covariance(solution: Solution, times_s: list[FloatArray], block_s: fl
         return blocks, freedom
     flights, shown_by = _sandwich(solution, times_s, max(float(np.ptp(time_s)) for time_s in times_s) + 1.0)
     more = np.diag(flights) / np.maximum(np.diag(blocks), 1e-300)
-    scale = np.where(shown_by > FEWEST_FLIGHTS, np.sqrt(0.5 * (1.0 + more)), 1.0)
+    weight = np.minimum(0.5, 0.25 * (shown_by - 1.0))
+    scale = np.sqrt(1.0 + weight * (more - 1.0))
     return blocks * np.outer(scale, scale), freedom
 
 
