@@ -10,10 +10,10 @@ from typing import Any
 import sysid
 import vehicle
 from flight import FlightLog, InputError, file_format, flight_log
-from sysid.diagnosis.procedure import NODE_RATE_HZ
+from sysid.diagnosis.procedure import while_searching
 
 HORIZON = sysid.comparison.HORIZONS_S.index(0.5)
-SAME = sysid.Options(node_rate_hz=NODE_RATE_HZ, gusts="white")
+SAME = while_searching(sysid.Options())
 """Base and oracle are fitted as the diagnosis fits, so that only the effects differ."""
 LEAST_FALL = 0.01
 """The oracle must lower the held-out error by this share before a share of its fall means anything."""

@@ -1,6 +1,5 @@
 """`goshawk next-flight`: which manoeuvre would settle what the flights so far leave open."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from goshawk import console
 from goshawk.flights import load
 from sysid.diagnosis import diagnose, next_flight
 from sysid.diagnosis.next_flight import Proposal, Ranking
-from sysid.diagnosis.procedure import NODE_RATE_HZ
+from sysid.diagnosis.procedure import while_searching
 from sysid.diagnosis.rehearsal import Room
 from sysid.diagnosis.search import examine
 from vehicle import manoeuvres
@@ -85,8 +84,7 @@ def _three(option: str, text: str) -> tuple[float, float, float]:
 
 
 def _examined(logs: list[FlightLog], believed: vehicle.Vehicle, progress: Any) -> Any:
-    options = replace(sysid.Options(), node_rate_hz=NODE_RATE_HZ, gusts="white")
-    return examine(sysid.identify(logs, believed, options, progress=progress))
+    return examine(sysid.identify(logs, believed, while_searching(sysid.Options()), progress=progress))
 
 
 def _write(ranking: Ranking, out: Path) -> Proposal:

@@ -117,6 +117,11 @@ class Diagnosis:
         }
 
 
+def while_searching(options: Options) -> Options:
+    """How every model of a diagnosis is fitted, so that fits differ by their effects alone."""
+    return replace(options, node_rate_hz=NODE_RATE_HZ, gusts="white")
+
+
 def diagnose(
     logs: Sequence[FlightLog],
     vehicle: Vehicle,
@@ -142,7 +147,7 @@ def diagnose(
     names = [str(log.metadata.get("name", f"flight {i + 1}")) for i, log in enumerate((*logs, *held_out))]
     if any(log is other for log in held_out for other in logs):
         raise InputError("a flight is both to learn from and to judge by; split whole flights between the two")
-    options = replace(options or Options(), node_rate_hz=NODE_RATE_HZ, gusts="white")
+    options = while_searching(options or Options())
     base = identify(logs, vehicle, options)
     progress("diagnose", 0.15)
     unseen = [flight for i, log in enumerate(held_out) for flight in prepare(log, i, options)]

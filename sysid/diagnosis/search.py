@@ -30,7 +30,8 @@ LEAST_GAIN_CURVE = 15.0
 """The same for a curve."""
 CLEAR_ODDS = 25.0
 """Log odds of unseen blocks that speak for a suspect where its significance rests on a few blocks and stays low;
-innocent models came to 20: a controller that answers gusts looks like a little less thrust per speed."""
+false names came to 20: a controller that answers gusts looks like a little less thrust per speed. It also confirms
+where held-out flights cannot tell."""
 CLEAR_ODDS_CURVE = 16.0
 """The same for a curve; innocent models came to 10 at most."""
 DOUBTFUL = 1e-3

@@ -55,6 +55,21 @@ using ConstBlocks = nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::dev
 using Lines = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using ConstLines = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
+// Derivatives by the states alone.
+Rows of_states(const ConstBlocks& before, const ConstBlocks& after, const ConstBlocks& sensor_state) {
+    return {before.data(),
+            after.data(),
+            nullptr,
+            nullptr,
+            sensor_state.data(),
+            nullptr,
+            nullptr,
+            sensor_state.shape(0),
+            before.shape(1),
+            sensor_state.shape(1),
+            0};
+}
+
 }  // namespace
 
 NB_MODULE(_sysid, module) {
@@ -95,17 +110,7 @@ NB_MODULE(_sysid, module) {
         "leverage",
         [](ConstBlocks before, ConstBlocks after, ConstBlocks sensor_state, ConstBlocks factor, ConstBlocks coupling,
            Lines defect, Lines sensor) {
-            const Rows rows{before.data(),
-                            after.data(),
-                            nullptr,
-                            nullptr,
-                            sensor_state.data(),
-                            nullptr,
-                            nullptr,
-                            sensor_state.shape(0),
-                            before.shape(1),
-                            sensor_state.shape(1),
-                            0};
+            const Rows rows = of_states(before, after, sensor_state);
             nb::gil_scoped_release release;
             kernels.leverage(static_cast<int>(factor.shape(1)), rows, factor.data(), coupling.data(), defect.data(),
                              sensor.data());
@@ -116,17 +121,7 @@ NB_MODULE(_sysid, module) {
         "add_change",
         [](ConstBlocks before, ConstBlocks after, ConstBlocks sensor_state, ConstBlocks states, Blocks defect,
            Blocks sensor) {
-            const Rows rows{before.data(),
-                            after.data(),
-                            nullptr,
-                            nullptr,
-                            sensor_state.data(),
-                            nullptr,
-                            nullptr,
-                            sensor_state.shape(0),
-                            before.shape(1),
-                            sensor_state.shape(1),
-                            0};
+            const Rows rows = of_states(before, after, sensor_state);
             nb::gil_scoped_release release;
             kernels.add_change(static_cast<int>(states.shape(1)), rows, states.data(), states.shape(2), defect.data(),
                                sensor.data());
