@@ -28,6 +28,13 @@ static bool lease_holds(const tc_link* link, uint64_t now_us) {
     return link->lease.system_id != 0u && now_us < link->lease.until_us;
 }
 
+/* The operator was heard. The controller learns it before the order that comes along: the next tick is no longer one
+   after a silence. */
+static void hear(tc_link* link, uint64_t now_us) {
+    link->lease.heard_us = now_us;
+    tc_ground_alive(link->controller, link->controller->telemetry.time_us);
+}
+
 static NOINLINE void on_lease(tc_link* link, const link_sender* from, goshawk_payload payload) {
     goshawk_lease_request_msg m;
     goshawk_lease_request_decode(&m, payload);
@@ -39,7 +46,7 @@ static NOINLINE void on_lease(tc_link* link, const link_sender* from, goshawk_pa
         link->lease.system_id = from->system_id;
         link->lease.component_id = from->component_id;
         link->lease.until_us = from->now_us + TC_LINK_LEASE_US;
-        link->lease.heard_us = from->now_us;
+        hear(link, from->now_us);
     } else {
         /* an unknown action, or one that this station may not take: the answer tells who has control */
     }
@@ -236,7 +243,7 @@ void tc_link_receive(tc_link* link, const uint8_t* bytes, size_t n, tc_parser* s
                                 frame.component_id == link->lease.component_id;
         const link_sender from = {frame.system_id, frame.component_id, in_control, now_us};
         if (in_control) {
-            link->lease.heard_us = now_us;
+            hear(link, now_us);
         }
         link->counts.accepted++;
         const goshawk_payload payload = {frame.payload, frame.payload_length};

@@ -150,6 +150,33 @@ static void orders(void) {
     must(answer(HOME_POSITION_ID) != NULL && !ln.telemetry.version && !ln.telemetry.home, "both");
 }
 
+/* The operator is back after a long silence, in control again or still, and orders at once. */
+static void silences(void) {
+    const tc_link_measured measured = {{0}, {0}};
+    const trouble none = {0};
+    uint64_t now;
+    for (unsigned still = 0; still < 2u; still++) {
+        begin_anew(false, 4);
+        set_out(&controller, &now, 0, TC_HOLD);
+        lease(PILOT, 1);
+        tc_link_update(&ln, &measured, clock_us);
+        for (unsigned i = 0; i < 28u; i++) {
+            clock_us += 100000u;
+            (void)run(&controller, &now, 0.1f, &none);
+            tc_link_update(&ln, &measured, clock_us);
+        }
+        must(controller.ground_seen_us + 2500000u < controller.telemetry.time_us, "a silence");
+        must((ln.lease.system_id == PILOT) && controller.mission.state == TC_HOLD, "it hovers");
+        if (still == 0u) { /* the lease has run out */
+            clock_us += 400000u;
+            lease(PILOT, 1);
+        }
+        const tc_trajectory* active = tc_store_active(&controller.store);
+        must(order(PILOT, 1, TC_COMMAND_START, 0.0f, active->header.id, active->header.crc32) == TC_OK, "starts");
+        must(run(&controller, &now, 0.01f, &none) == TC_APPROACH, "and goes on");
+    }
+}
+
 static void logs(void) {
     const tc_link_measured measured = {{1.0f}, {0}};
     const trouble none = {0};
@@ -290,6 +317,7 @@ static void tellings(void) {
 void link_cases(void) {
     leases_and_addresses();
     orders();
+    silences();
     upload_cases();
     logs();
     parameters();
