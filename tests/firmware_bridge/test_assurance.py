@@ -165,6 +165,36 @@ def test_calls_from_the_ground_keep_to_512_bytes_of_stack_and_state_to_2_kilobyt
     assert set(deep) <= {"tc_tick"}
 
 
+CHECKSUMS = """\
+#include "goshawk_controller/link_codec.h"
+#include "goshawk_controller/trajectory.h"
+uint16_t quick16(uint16_t crc, const uint8_t *bytes, size_t n);
+uint32_t quick32(uint32_t crc, const uint8_t *bytes, size_t n);
+int main(void)
+{
+    uint8_t bytes[300];
+    for (size_t i = 0; i < sizeof bytes; i++) bytes[i] = (uint8_t)(37u * i * i + 11u);
+    for (size_t n = 0; n <= sizeof bytes; n++) {
+        if (tc_crc16((uint16_t)n, bytes, n) != quick16((uint16_t)n, bytes, n)) return 1;
+        if (tc_crc32(99u * n, bytes, n) != quick32(99u * n, bytes, n)) return 2;
+    }
+    return 0;
+}
+"""
+
+
+def test_the_fuzz_targets_checksums_are_those_of_the_library(tmp_path):
+    _need("gcc")
+    main = tmp_path / "main.c"
+    main.write_text(CHECKSUMS)
+    quick = LIBRARY / "fuzz" / "quick_crc.c"
+    renamed = ("-Dtc_crc16=quick16", "-Dtc_crc32=quick32")
+    _run("gcc", "-std=c11", *renamed, *INCLUDES, "-c", quick, "-o", tmp_path / "quick.o")
+    plain = [LIBRARY / "src" / name for name in assure.QUICKER]
+    _run("gcc", "-std=c11", *INCLUDES, main, tmp_path / "quick.o", *plain, "-o", tmp_path / "checksums")
+    _run(tmp_path / "checksums")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("target", assure.TARGETS)
 def test_libfuzzer_finds_nothing_in_a_short_run(tmp_path, target):

@@ -76,22 +76,23 @@ static void tick(tc_controller* c, bytes* in, uint64_t* time_us) {
 
 static void upload(tc_controller* c, bytes* in) {
     static const float step[8] = {0.5f, 1.09375f, 0.0f, -1.09375f, 0.0f, 0.65625f, 0.0f, -0.15625f};
+    static tc_trajectory plan; /* too large for a stack */
     const uint8_t kind = take_byte(in);
-    tc_trajectory_header header = {.id = 1u, .segment_count = 2u, .coefficient_count = 8u};
-    header.link_loss_policy = kind & 3u;
-    for (int round = 0; round < 2; round++) {
-        if (tc_upload_begin(c, &header) != TC_OK) return;
-        for (uint16_t i = 0; i < 2u; i++) {
-            tc_segment segment = {.duration_us = 1500000u};
-            for (int j = 0; j < 8; j++) segment.coefficient[2][j] = i == 0u ? step[j] : -step[j];
-            segment.coefficient[2][0] = i == 0u ? 1.5f : 1.5f;
-            if ((kind & 16u) != 0u) take(in, &segment, 24);
-            (void)tc_upload_segment(c, i, &segment);
-        }
-        header.crc32 = tc_trajectory_crc32(tc_store_staged(&c->store));
+    plan.header = (tc_trajectory_header){.id = 1u, .segment_count = 2u, .coefficient_count = 8u};
+    plan.header.link_loss_policy = kind & 3u;
+    for (uint16_t i = 0; i < 2u; i++) {
+        tc_segment* segment = &plan.segment[i];
+        memset(segment, 0, sizeof *segment);
+        segment->duration_us = 1500000u;
+        for (int j = 0; j < 8; j++) segment->coefficient[2][j] = i == 0u ? step[j] : -step[j];
+        segment->coefficient[2][0] = 1.5f;
+        if ((kind & 16u) != 0u) take(in, segment, 24);
     }
+    plan.header.crc32 = tc_trajectory_crc32(&plan) ^ (kind & 32u);
+    if (tc_upload_begin(c, &plan.header) != TC_OK) return;
+    for (uint16_t i = 0; i < 2u; i++) (void)tc_upload_segment(c, i, &plan.segment[i]);
     (void)tc_upload_finish(c);
-    (void)tc_upload_activate(c, 1u, header.crc32 ^ (kind & 32u));
+    (void)tc_upload_activate(c, 1u, plan.header.crc32);
 }
 
 static void set_parameters(tc_controller* c, bytes* in) {

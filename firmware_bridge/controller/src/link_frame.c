@@ -1,4 +1,4 @@
-/* MAVLink 2 frames: checksums, the parser that finds them in a byte stream, building, signing. */
+/* MAVLink 2 frames: the parser that finds them in a byte stream, building, signing. */
 #include <string.h>
 
 #include "goshawk_controller/link_codec.h"
@@ -9,15 +9,6 @@
 #define SIGNED_FLAG 0x01u
 #define SIGNATURE 13u
 #define LATE_10US 65535u /* 0.65 s: what 16 bits hold */
-
-uint16_t tc_crc16(uint16_t crc, const uint8_t* bytes, size_t n) {
-    for (size_t i = 0; i < n; i++) {
-        unsigned low = (bytes[i] ^ crc) & 0xFFu;
-        low ^= (low << 4) & 0xFFu;
-        crc = (uint16_t)(((unsigned)crc >> 8) ^ (low << 8) ^ (low << 3) ^ (low >> 4));
-    }
-    return crc;
-}
 
 static unsigned get_u16(const uint8_t* b) { return (unsigned)b[0] | ((unsigned)b[1] << 8); }
 
