@@ -312,7 +312,7 @@ def _outside(t: Truth, rng: Rng) -> None:
     size = float(np.sign(low)) * _size(rng, *sorted((abs(low), abs(high))))
     if law == "tether":
         t.extras.append(Tether(size, (float(rng.uniform(-2, 2)), float(rng.uniform(-2, 2)))))
-        t.channels = ["F_x", "F_y"]
+        t.channels = ["F_x_world", "F_y_world", "F_x", "F_y"]
     else:
         assert channel in CHANNELS
         t.extras.append(Strange(channel, law, size))

@@ -11,19 +11,24 @@ from scipy.interpolate import CubicSpline
 
 from flight import FloatArray, FormatError, InputError, file_format
 from sysid.diagnosis.findings import OutsideFinding
+from sysid.diagnosis.free_form import EVERY_CHANNEL, WORLD
 from vehicle import effects
 
 KNOTS = 9
 """Of the curve in the file; the drawn one has no more freedom than that."""
 DEGREE = 3
 """Of a polynomial."""
-CHANNELS = ("F_x", "F_y", "F_z", "M_x", "M_y", "M_z")
 UNSEEN = {
     "time": "what drifts with time is not known at the next flight; look for what changes (battery, temperature, load)",
     "x": "a place in the room says nothing of the vehicle; look for what stands there (a draught, a magnet, a surface)",
     "y": "a place in the room says nothing of the vehicle; look for what stands there (a draught, a magnet, a surface)",
 }
 """Variables that a vehicle model cannot see, and where to look instead."""
+PULLED = (
+    "a level pull along the world's axes whatever the heading comes from the room, not from the vehicle; look for what "
+    "holds it (a tether, a cable) or blows at it (a draught)"
+)
+"""What to look for behind a force that is fixed in the world."""
 CONSTANT = {
     **dict.fromkeys(("F_x", "F_y"), "look at how the pose sensor is turned, or for a steady wind"),
     "F_z": "weigh the vehicle again: a wrong mass looks so",
@@ -96,8 +101,8 @@ def drawn(outside: OutsideFinding | Mapping[str, Any]) -> Drawn:
     except (KeyError, TypeError, ValueError) as error:
         raise FormatError(f"the diagnosis holds no usable curve: {type(error).__name__} {error}") from error
     m = len(found.at) if found.at.ndim == 1 else 0
-    if found.channel not in CHANNELS:
-        raise FormatError(f"the diagnosis names a channel {found.channel!r}; known are {', '.join(CHANNELS)}")
+    if found.channel not in EVERY_CHANNEL:
+        raise FormatError(f"the diagnosis names a channel {found.channel!r}; known are {', '.join(EVERY_CHANNEL)}")
     sound = m >= 4 and found.residual.shape == found.sigma.shape == (m,)
     sound = sound and bool(np.isfinite([found.at, found.residual, found.sigma]).all() and np.diff(found.at).min() > 0.0)
     if not sound:
@@ -109,7 +114,7 @@ def advice(curve: OutsideFinding | Drawn) -> str:
     """Where to look instead when no vehicle can know the variable, or when names exist for it; empty otherwise."""
     if curve.variable == "constant":
         return CONSTANT[curve.channel]
-    return UNSEEN.get(curve.variable, "")
+    return PULLED if curve.channel in WORLD else UNSEEN.get(curve.variable, "")
 
 
 def suggested_name(curve: OutsideFinding | Drawn) -> str:
@@ -154,7 +159,7 @@ def _check(file: Path, curve: Drawn, name: str) -> None:
         raise InputError(f"an effect is a Python file; {file.name} does not end in .py")
     if file.exists():
         raise InputError(f"{file} exists already and is not overwritten; choose another file, or remove it")
-    if curve.variable in UNSEEN:
+    if curve.variable in UNSEEN or curve.channel in WORLD:
         raise InputError(f"{curve.channel} against {curve.variable} cannot become an effect: {advice(curve)}")
     if curve.variable == "constant":
         raise InputError(f"{curve.channel} is off by a constant; {advice(curve)}")

@@ -23,7 +23,6 @@ from sysid.diagnosis.suspects import LineUp
 from sysid.flight_data import Flight, IndexArray
 from sysid.parallel import each
 from sysid.problem import Noise, Point, Unknowns
-from sysid.result import CHANNELS
 from sysid.sensors import SENSOR_NAMES
 from sysid.states import States
 
@@ -85,14 +84,19 @@ class Evidence:
     def with_curves(self, channel: str) -> Blocks:
         """Blocks over the named columns followed by the curves of one channel."""
         if channel not in self._free:
-            parts = each(self._vehicle, lambda one: one.with_curves(channel, self.curves), self._projected)
+            drawn = self._of(channel)
+            parts = each(self._vehicle, lambda one: one.with_curves(channel, drawn), self._projected)
             self._free[channel] = _reordered(_joined(parts), self._order)
         return self._free[channel]
 
     def groups(self, channel: str) -> list[tuple[str, IndexArray]]:
         """Variables of one channel's curves, and their columns among `with_curves`."""
-        edges = len(self.names) + np.concatenate([[0], np.cumsum([c.functions for c in self.curves])])
-        return [(c.variable, np.arange(a, b)) for c, a, b in zip(self.curves, edges[:-1], edges[1:], strict=True)]
+        drawn = self._of(channel)
+        edges = len(self.names) + np.concatenate([[0], np.cumsum([c.functions for c in drawn])])
+        return [(c.variable, np.arange(a, b)) for c, a, b in zip(drawn, edges[:-1], edges[1:], strict=True)]
+
+    def _of(self, channel: str) -> list[Curve]:
+        return [c for c in self.curves if free_form.belongs(c.variable, channel)]
 
 
 def _reordered(blocks: Blocks, order: IndexArray) -> Blocks:
@@ -122,7 +126,6 @@ class _Projected:
         self._rows = replace(rows, **dict(zip(("defect_border", "sensor_border"), nothing, strict=True)))
         self._edges = block_edges(flight.time_s)
         self._named = self._products(columns)
-        self._drawn: FloatArray | None = None
 
     def blocks(self) -> Blocks:
         """Of the named columns."""
@@ -130,32 +133,32 @@ class _Projected:
 
     def with_curves(self, channel: str, curves: Sequence[Curve]) -> Blocks:
         """Of the named columns and the curves of one channel."""
-        if self._drawn is None:
-            self._drawn = free_form.columns(curves, self._flight, self._mid)
-        named, column = self.blocks(), self._whitened(self._drawn, channel)
-        products = self._freed_products(column, _row(channel))
+        named, column = self.blocks(), free_form.columns(curves, self._flight, self._mid)
+        products = self._freed_products(column, channel)
         c, p = column.shape[1], named.score.shape[1]
         own, cross, score = products[:, :, :c], products[:, :, c : c + p], products[:, :, -1]
         own = 0.5 * (own + np.swapaxes(own, 1, 2))
         information = np.block([[named.information, np.swapaxes(cross, 1, 2)], [cross, own]])
         return Blocks(np.concatenate([named.score, score], axis=1), information)
 
-    def _freed_products(self, column: FloatArray, row: int) -> FloatArray:
-        """(b, c, c + p + 1) columns that act on one row of each defect, with the states' answer to them taken out,
-        times themselves, the named columns, and the residual.
+    def _freed_products(self, column: FloatArray, channel: str) -> FloatArray:
+        """(b, c, c + p + 1) accelerations in one channel, with the states' answer to them taken out, times themselves,
+        the named columns, and the residual.
 
         What is left of any column, the states at their best, is at right angles to all that states can do (J^T f = 0).
-        So of the product (a - J x)^T f over a block only a^T f remains, one row per interval, and x^T J^T f at the two
-        ends of the block, where J^T f has another part in the block beside.
+        So of the product (a - J x)^T f over a block only a^T f remains, along the rows of each interval that the
+        channel acts on, and x^T J^T f at the two ends of the block, where J^T f has another part in the block beside.
         """
-        rows, answer = self._rows, _answer(self._rows, self._factor, column, row)
-        before, after = rows.defect_before[:, row, None], rows.defect_after[:, row, None]
-        freed = column[:, None] - before @ answer[:-1] - after @ answer[1:]
-        other = np.concatenate([freed[:, 0], self._columns[:, row], self._residual[0][:, row, None]], axis=1)
+        rows, (which, weight) = self._rows, self._whitened(channel)
+        along = _Along(which, weight)
+        before, after = along.of(rows.defect_before)[:, None], along.of(rows.defect_after)[:, None]
+        answer = _answer(rows, self._factor, column, before[:, 0], after[:, 0])
+        freed = along.squared * column - (before @ answer[:-1] + after @ answer[1:])[:, 0]
+        other = np.concatenate([freed, along.of(self._columns), along.of(self._residual[0][:, :, None])], axis=1)
         last = np.array([end - 1 for _, end in self._edges[:-1]], dtype=np.intp)
         outward = rows.defect_after[last]
         own = -(rows.defect_before[last] @ answer[last] + outward @ answer[last + 1])
-        own[:, row] += column[last]
+        own[:, which] += weight[last][:, :, None] * column[last][:, None]
         left = np.concatenate([own, self._columns[last], self._residual[0][last, :, None]], axis=2)
         ends = np.swapaxes(outward @ answer[last + 1], 1, 2) @ left
         products = np.stack([column[begin:end].T @ other[begin:end] for begin, end in self._edges])
@@ -163,10 +166,11 @@ class _Projected:
         products[1:] += ends
         return products
 
-    def _whitened(self, values: FloatArray, channel: str) -> FloatArray:
-        """What a unit of acceleration in one channel adds to that channel's whitened defect."""
-        std = self._noise.process[CHANNELS.index(channel)]
-        return -2.0 * np.sqrt(self._flight.step_s)[:, None] * values / std
+    def _whitened(self, channel: str) -> tuple[slice, FloatArray]:
+        """Rows of each defect that a unit of acceleration in one channel moves, and (k, r) by how much, whitened."""
+        which, share = free_form.along_axes(channel, self._mid)
+        rows = slice(3 + which.start, 3 + which.stop) if which.start < 3 else slice(6 + which.start, 6 + which.stop)
+        return rows, -2.0 * np.sqrt(self._flight.step_s)[:, None] * share / self._noise.process[which]
 
     def _products(self, columns: tuple[FloatArray, ...]) -> Blocks:
         """Products of columns (defects and sensor rows) with the residual and with each other."""
@@ -180,17 +184,31 @@ class _Projected:
         return Blocks(score, information)
 
 
-def _row(channel: str) -> int:
-    """Place of a channel's velocity or rate among the 12 rows of a defect."""
-    return (3 if channel[0] == "F" else 9) + "xyz".index(channel[2])
+@dataclass(frozen=True, slots=True)
+class _Along:
+    """Rows of a defect taken together, as a channel acts on them."""
+
+    rows: slice
+    """Of the 12: velocity 3 to 5, rate 9 to 11."""
+    weight: FloatArray
+    """(k, r)."""
+
+    def of(self, defects: FloatArray) -> FloatArray:
+        """(k, m) from (k, 12, m)."""
+        return np.einsum("kr,krm->km", self.weight, defects[:, self.rows])
+
+    @property
+    def squared(self) -> FloatArray:
+        """(k, 1)."""
+        return (self.weight**2).sum(axis=1, keepdims=True)
 
 
-def _answer(rows: Rows, factor: Factor, column: FloatArray, row: int) -> FloatArray:
-    """(n, s, c) how the best states follow columns that act on one row of each defect."""
+def _answer(rows: Rows, factor: Factor, column: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
+    """(n, s, c) how the best states follow columns (k, c) that act on rows (k, s) of the states before and after."""
     right = np.zeros((len(rows.sensor), rows.sensor_state.shape[2], column.shape[1]))
     for i in range(right.shape[1]):
-        right[:-1, i] = rows.defect_before[:, row, i, None] * column
-        right[1:, i] += rows.defect_after[:, row, i, None] * column
+        right[:-1, i] = before[:, i, None] * column
+        right[1:, i] += after[:, i, None] * column
     return factor.solve_in_place(right)
 
 

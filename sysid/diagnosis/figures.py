@@ -8,9 +8,9 @@ import numpy as np
 
 from flight.rotations import FloatArray
 from sysid import drawing, drive, explained, residual_plots
-from sysid.comparison import Residual, means_over, residual
+from sysid.comparison import SPAN_S, Residual, means_over, residual
 from sysid.diagnosis.findings import OutsideFinding
-from sysid.diagnosis.free_form import VARIABLE
+from sysid.diagnosis.free_form import VARIABLE, along_axes
 from sysid.diagnosis.procedure import Diagnosis
 from sysid.diagnosis.search import Model, reproduced
 from sysid.diagnosis.suspects import Suspect
@@ -156,7 +156,7 @@ def outside(found: Diagnosis, curve: OutsideFinding) -> "Figure":
     last = found.search.models[-1]
     left = found.judged.residuals[found.staircase[-1].model] if found.held_out else left_of(last)
     at = explained.read(left, VARIABLE[curve.variable])
-    unexplained = scale * np.concatenate([r.means() for r in left])[:, CHANNELS.index(curve.channel)]
+    unexplained = scale * _in_channel(left, curve.channel)
     residual_plots.scatter(axes[0, 1], at, unexplained, drawing.COLOURS[0])
     for panel in axes[0]:
         panel.fill_between(curve.at, mean - band, mean + band, color=drawing.COLOURS[1], alpha=0.25, linewidth=0)
@@ -169,6 +169,15 @@ def outside(found: Diagnosis, curve: OutsideFinding) -> "Figure":
     sentence = f"{curve.channel} against {curve.variable}: what no known effect explains"
     drawing.headed(figure, f"{sentence} (95 % band; dots: means over 0.1 s; dark: binned mean)")
     return figure
+
+
+def _in_channel(left: Sequence[Residual], channel: str) -> FloatArray:
+    """(m,) residual force or torque in a channel as means over 0.1 s, flights one after the other."""
+    parts = []
+    for one in left:
+        which, weight = along_axes(channel, one.mid)
+        parts.append(means_over((one.wrench[:, which] * weight).sum(axis=1)[:, None], one.time_s, SPAN_S)[:, 0])
+    return np.concatenate(parts)
 
 
 def look_alikes(found: Diagnosis) -> "Figure":

@@ -14,6 +14,7 @@ from flight.rotations import FloatArray
 from sysid import drive, dynamics
 from sysid.dynamics import Middle
 from sysid.flight_data import Flight
+from sysid.result import CHANNELS
 from sysid.states import States
 from vehicle import Vehicle
 
@@ -65,6 +66,25 @@ VARIABLES: tuple[Variable, ...] = (
 """What curves are drawn against: velocity and rate in body axes, position in world axes, time since take-off."""
 
 VARIABLE = {v.name: v for v in VARIABLES}
+
+WORLD = ("F_x_world", "F_y_world")
+"""Level forces along the axes of the world: a tether, a draught, a slope of the floor pull so whatever the heading."""
+OF_THE_WORLD = ("time", "x", "y", "height")
+"""What such a force may depend on."""
+EVERY_CHANNEL = (*CHANNELS, *WORLD)
+
+
+def belongs(variable: str, channel: str) -> bool:
+    """Whether curves of a variable are drawn in a channel."""
+    return channel in CHANNELS or variable in OF_THE_WORLD
+
+
+def along_axes(channel: str, mid: Middle) -> tuple[slice, FloatArray]:
+    """Which of the six accelerations (force, then torque, in body axes) a channel moves, and (k, 1 or 3) how much."""
+    if channel in CHANNELS:
+        i = CHANNELS.index(channel)
+        return slice(i, i + 1), np.ones((len(mid.step_s), 1))
+    return slice(0, 3), mid.R_world_body[:, "xyz".index(channel[2])]
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ from flight import FlightLog, InputError, Progress, silent
 from sysid.diagnosis import suspects
 from sysid.diagnosis.confirm import Fall, Judge
 from sysid.diagnosis.evidence import Evidence
+from sysid.diagnosis.free_form import EVERY_CHANNEL
 from sysid.diagnosis.score import Loss, Score, inverse_of, loss_without, score
 from sysid.diagnosis.suspects import LineUp, Suspect, line_up
 from sysid.flight_data import Flight
@@ -314,7 +315,7 @@ def search(
             dropped_before[dropped.name] = -np.inf
             refused.update(dropped_before)
             models.append(_without(logs, models[-1], dropped, options))
-    outside = best_curve(models[-1], CHANNELS) if len(added) < most else None
+    outside = best_curve(models[-1], EVERY_CHANNEL) if len(added) < most else None
     return Search(tuple(models), tuple(trials), tuple(added), outside)
 
 

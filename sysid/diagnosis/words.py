@@ -3,7 +3,8 @@
 
 def channel(name: str) -> str:
     """`M_z` as `torque about z`."""
-    return f"{'force along' if name[0] == 'F' else 'torque about'} {name[2]}"
+    frame = " of the world" if name.endswith("_world") else ""
+    return f"{'force along' if name[0] == 'F' else 'torque about'} {name[2]}{frame}"
 
 
 def variable(name: str) -> str:

@@ -122,6 +122,8 @@ def test_what_a_vehicle_cannot_know_becomes_no_effect(tmp_path: Path):
     for variable in UNSEEN:
         with pytest.raises(InputError, match=r"cannot become an effect|off by a constant"):
             scaffold(finding("F_x", variable), tmp_path / "no.py", name="no_effect")
+    with pytest.raises(InputError, match="a tether"):
+        scaffold(finding("F_x_world", "height"), tmp_path / "no.py", name="no_effect")
     assert not list(tmp_path.iterdir())
 
 
