@@ -16,7 +16,7 @@ import numpy as np
 
 from flight.rotations import FloatArray
 from sysid import drive, dynamics, problem
-from sysid.chain import Factor, Rows, eliminate
+from sysid.chain import Factor, eliminate
 from sysid.diagnosis import free_form, suspects
 from sysid.diagnosis.free_form import Curve
 from sysid.diagnosis.suspects import LineUp
@@ -66,7 +66,7 @@ class Evidence:
         self._projected = each(self._vehicle, projected, flights, point.states)
         fitted = [name for name in extended.names if name not in wanted]
         self._order = np.array([extended.names.index(name) for name in (*fitted, *wanted)], dtype=np.intp)
-        self._free: dict[str, Blocks] = {}
+        self._free: dict[tuple[str, ...], Blocks] = {}
         self.names = (*fitted, *wanted)
         """(n,) of the named columns: base parameters first, then the suspects'."""
         self.base = np.arange(len(fitted), dtype=np.intp)
@@ -81,19 +81,19 @@ class Evidence:
         """Columns of these names."""
         return np.array([self.names.index(name) for name in names], dtype=np.intp)
 
-    def with_curves(self, channel: str) -> Blocks:
-        """Blocks over the named columns followed by the curves of one channel."""
-        if channel not in self._free:
-            drawn = self._of(channel)
-            parts = each(self._vehicle, lambda one: one.with_curves(channel, drawn), self._projected)
-            self._free[channel] = _reordered(_joined(parts), self._order)
-        return self._free[channel]
+    def with_curves(self, *channels: str) -> Blocks:
+        """Blocks over the named columns followed by the curves of one channel, or of several that share their axes."""
+        if channels not in self._free:
+            drawn = [(channel, self._of(channel)) for channel in channels]
+            parts = each(self._vehicle, lambda one: one.with_curves(drawn), self._projected)
+            self._free[channels] = _reordered(_joined(parts), self._order)
+        return self._free[channels]
 
-    def groups(self, channel: str) -> list[tuple[str, IndexArray]]:
-        """Variables of one channel's curves, and their columns among `with_curves`."""
-        drawn = self._of(channel)
-        edges = len(self.names) + np.concatenate([[0], np.cumsum([c.functions for c in drawn])])
-        return [(c.variable, np.arange(a, b)) for c, a, b in zip(drawn, edges[:-1], edges[1:], strict=True)]
+    def groups(self, *channels: str) -> list[tuple[str, str, IndexArray]]:
+        """Channel, variable and columns of each family of curves among `with_curves`."""
+        drawn = [(channel, curve) for channel in channels for curve in self._of(channel)]
+        edges = len(self.names) + np.concatenate([[0], np.cumsum([curve.functions for _, curve in drawn])])
+        return [(c, d.variable, np.arange(a, b)) for (c, d), a, b in zip(drawn, edges[:-1], edges[1:], strict=True)]
 
     def _of(self, channel: str) -> list[Curve]:
         return [c for c in self.curves if free_form.belongs(c.variable, channel)]
@@ -131,46 +131,51 @@ class _Projected:
         """Of the named columns."""
         return self._named
 
-    def with_curves(self, channel: str, curves: Sequence[Curve]) -> Blocks:
-        """Of the named columns and the curves of one channel."""
-        named, column = self.blocks(), free_form.columns(curves, self._flight, self._mid)
-        products = self._freed_products(column, channel)
-        c, p = column.shape[1], named.score.shape[1]
+    def with_curves(self, drawn: Sequence[tuple[str, Sequence[Curve]]]) -> Blocks:
+        """Of the named columns and the curves of channels that share their axes."""
+        named, (rows, moved) = self.blocks(), self._whitened(drawn)
+        products = self._freed_products(rows, moved)
+        c, p = moved.shape[2], named.score.shape[1]
         own, cross, score = products[:, :, :c], products[:, :, c : c + p], products[:, :, -1]
         own = 0.5 * (own + np.swapaxes(own, 1, 2))
         information = np.block([[named.information, np.swapaxes(cross, 1, 2)], [cross, own]])
         return Blocks(np.concatenate([named.score, score], axis=1), information)
 
-    def _freed_products(self, column: FloatArray, channel: str) -> FloatArray:
-        """(b, c, c + p + 1) accelerations in one channel, with the states' answer to them taken out, times themselves,
-        the named columns, and the residual.
+    def _freed_products(self, which: slice, moved: FloatArray) -> FloatArray:
+        """(b, c, c + p + 1) columns (k, r, c) on some rows of the defects, with the states' answer to them taken out,
+        times themselves, the named columns, and the residual.
 
         What is left of any column, the states at their best, is at right angles to all that states can do (J^T f = 0).
-        So of the product (a - J x)^T f over a block only a^T f remains, along the rows of each interval that the
-        channel acts on, and x^T J^T f at the two ends of the block, where J^T f has another part in the block beside.
+        So of the product (a - J x)^T f over a block only a^T f remains, along those rows of each interval, and
+        x^T J^T f at the two ends of the block, where J^T f has another part in the block beside.
         """
-        rows, (which, weight) = self._rows, self._whitened(channel)
-        along = _Along(which, weight)
-        before, after = along.of(rows.defect_before)[:, None], along.of(rows.defect_after)[:, None]
-        answer = _answer(rows, self._factor, column, before[:, 0], after[:, 0])
-        freed = along.squared * column - (before @ answer[:-1] + after @ answer[1:])[:, 0]
-        other = np.concatenate([freed, along.of(self._columns), along.of(self._residual[0][:, :, None])], axis=1)
+        rows = self._rows
+        before, after = rows.defect_before[:, which], rows.defect_after[:, which]
+        answer = _answer(before, after, self._factor, moved)
+        freed = moved - before @ answer[:-1] - after @ answer[1:]
+        other = np.concatenate([freed, self._columns[:, which], self._residual[0][:, which, None]], axis=2)
         last = np.array([end - 1 for _, end in self._edges[:-1]], dtype=np.intp)
         outward = rows.defect_after[last]
         own = -(rows.defect_before[last] @ answer[last] + outward @ answer[last + 1])
-        own[:, which] += weight[last][:, :, None] * column[last][:, None]
+        own[:, which] += moved[last]
         left = np.concatenate([own, self._columns[last], self._residual[0][last, :, None]], axis=2)
         ends = np.swapaxes(outward @ answer[last + 1], 1, 2) @ left
-        products = np.stack([column[begin:end].T @ other[begin:end] for begin, end in self._edges])
+        products = np.stack([_flat(moved[a:b]).T @ _flat(other[a:b]) for a, b in self._edges])
         products[:-1] -= ends
         products[1:] += ends
         return products
 
-    def _whitened(self, channel: str) -> tuple[slice, FloatArray]:
-        """Rows of each defect that a unit of acceleration in one channel moves, and (k, r) by how much, whitened."""
-        which, share = free_form.along_axes(channel, self._mid)
-        rows = slice(3 + which.start, 3 + which.stop) if which.start < 3 else slice(6 + which.start, 6 + which.stop)
-        return rows, -2.0 * np.sqrt(self._flight.step_s)[:, None] * share / self._noise.process[which]
+    def _whitened(self, drawn: Sequence[tuple[str, Sequence[Curve]]]) -> tuple[slice, FloatArray]:
+        """Rows of each defect that accelerations by curves move, and (k, r, c) by how much, whitened."""
+        parts = []
+        which = slice(0)
+        for channel, curves in drawn:
+            which, share = free_form.along_axes(channel, self._mid)
+            column = free_form.columns(curves, self._flight, self._mid)
+            weight = -2.0 * np.sqrt(self._flight.step_s)[:, None] * share / self._noise.process[which]
+            parts.append(weight[:, :, None] * column[:, None])
+        first = 3 if which.start < 3 else 6  # velocity stands in rows 3 to 5, rate in 9 to 11
+        return slice(first + which.start, first + which.stop), np.concatenate(parts, axis=2)
 
     def _products(self, columns: tuple[FloatArray, ...]) -> Blocks:
         """Products of columns (defects and sensor rows) with the residual and with each other."""
@@ -184,32 +189,18 @@ class _Projected:
         return Blocks(score, information)
 
 
-@dataclass(frozen=True, slots=True)
-class _Along:
-    """Rows of a defect taken together, as a channel acts on them."""
-
-    rows: slice
-    """Of the 12: velocity 3 to 5, rate 9 to 11."""
-    weight: FloatArray
-    """(k, r)."""
-
-    def of(self, defects: FloatArray) -> FloatArray:
-        """(k, m) from (k, 12, m)."""
-        return np.einsum("kr,krm->km", self.weight, defects[:, self.rows])
-
-    @property
-    def squared(self) -> FloatArray:
-        """(k, 1)."""
-        return (self.weight**2).sum(axis=1, keepdims=True)
-
-
-def _answer(rows: Rows, factor: Factor, column: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
-    """(n, s, c) how the best states follow columns (k, c) that act on rows (k, s) of the states before and after."""
-    right = np.zeros((len(rows.sensor), rows.sensor_state.shape[2], column.shape[1]))
+def _answer(before: FloatArray, after: FloatArray, factor: Factor, moved: FloatArray) -> FloatArray:
+    """(n, s, c) how the best states follow columns (k, r, c) on rows with these derivatives (k, r, s)."""
+    right = np.zeros((len(moved) + 1, before.shape[2], moved.shape[2]))
     for i in range(right.shape[1]):
-        right[:-1, i] = before[:, i, None] * column
-        right[1:, i] += after[:, i, None] * column
+        for j in range(moved.shape[1]):
+            right[:-1, i] += before[:, j, i, None] * moved[:, j]
+            right[1:, i] += after[:, j, i, None] * moved[:, j]
     return factor.solve_in_place(right)
+
+
+def _flat(rows: FloatArray) -> FloatArray:
+    return rows.reshape(-1, rows.shape[2])
 
 
 def block_edges(time_s: FloatArray) -> list[tuple[int, int]]:

@@ -51,9 +51,9 @@ def _product(i: int, j: int) -> Read:
 
 VARIABLES: tuple[Variable, ...] = (
     Variable("constant", "", lambda flight, mid: np.zeros(len(mid.step_s)), 1),
-    Variable("time", "s", lambda flight, mid: 0.5 * (flight.time_s[1:] + flight.time_s[:-1]) - flight.time_s[0], 8),
-    Variable("x", "m", _axis("position_world_m", 0), 5),
-    Variable("y", "m", _axis("position_world_m", 1), 5),
+    Variable("time", "s", lambda flight, mid: 0.5 * (flight.time_s[1:] + flight.time_s[:-1]) - flight.time_s[0], 16),
+    Variable("x", "m", _axis("position_world_m", 0), 8),
+    Variable("y", "m", _axis("position_world_m", 1), 8),
     Variable("height", "m", _axis("position_world_m", 2), 5),
     *(Variable(f"v_{a}", "m/s", _axis("velocity_body_m_s", i), 6) for i, a in enumerate("xyz")),
     *(Variable(f"v_{'xyz'[i]} v_{'xyz'[j]}", "m2/s2", _product(i, j), 4) for i, j in ((0, 1), (0, 2), (1, 2))),

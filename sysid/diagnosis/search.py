@@ -37,6 +37,8 @@ CLEAR_ODDS_CURVE = 16.0
 """The same for a curve; innocent models came to 10 at most."""
 DOUBTFUL = 1e-3
 """... and the probability of chance that is low enough then."""
+DOUBTFUL_CURVE = 1e-2
+"""The same for a curve: with a dozen columns and some fifty blocks the plain test has little power left."""
 LEAST_SIZE = 0.05
 """Sizes below this share of the usual one are of no consequence, however significant."""
 RIVALS = 3
@@ -108,7 +110,6 @@ class Outside:
     channel: str
     variable: str
     score: Score
-    columns: tuple[int, int]
     confidence: float
     """Probability that this is the variable, given the channel."""
 
@@ -142,11 +143,11 @@ def best_curve(model: Model, channels: Sequence[str]) -> Outside | None:
     found: list[Outside] = []
     for channel in channels:
         blocks = model.evidence.with_curves(channel)
-        for variable, columns in model.evidence.groups(channel):
+        for _, variable, columns in model.evidence.groups(channel):
             scored = score(blocks, model.evidence.base, columns)
             clear = scored.significance < CHANCE_CURVE and scored.gain_unseen > LEAST_GAIN_CURVE
-            if clear or (scored.significance < DOUBTFUL and scored.log_odds > CLEAR_ODDS_CURVE):
-                found.append(Outside(channel, variable, scored, (int(columns[0]), int(columns[-1]) + 1), 1.0))
+            if clear or (scored.significance < DOUBTFUL_CURVE and scored.log_odds > CLEAR_ODDS_CURVE):
+                found.append(Outside(channel, variable, scored, 1.0))
     if not found:
         return None
     best = max(found, key=lambda o: o.score.gain_unseen)
@@ -229,17 +230,21 @@ def stands(after: Model, suspect: Suspect) -> Outside | None:
     curve = best_curve(after, [*(c for c in suspect.channels if c in CHANNELS), *pulled])
     if curve is None:
         return None
-    alone, beside = loss(after, suspect), loss(after, suspect, curve)
-    needed = beside.significance < CHANCE and beside.gain > NAMED_SHARE * alone.gain
+    beside = [curve]
+    if curve.channel in WORLD:  # what pulls in one level direction may pull in the other as well
+        beside += [c for c in (best_curve(after, [w]) for w in WORLD if w != curve.channel) if c is not None]
+    alone, left = loss(after, suspect), loss(after, suspect, beside)
+    needed = left.significance < CHANCE and left.gain > NAMED_SHARE * alone.gain
+    drawn = " and ".join(f"{c.channel} vs {c.variable}" for c in beside)
     logger.info(
-        "%s: worth %.1f, beside %s vs %s %.1f; the curve beside it %.1f",
-        *(suspect.name, alone.gain, curve.channel, curve.variable, beside.gain, curve.score.gain_unseen),
+        "%s: worth %.1f, beside %s %.1f; the curve beside it %.1f",
+        *(suspect.name, alone.gain, drawn, left.gain, curve.score.gain_unseen),
     )
-    return None if needed or curve.score.gain_unseen < beside.gain else curve
+    return None if needed or curve.score.gain_unseen < left.gain else curve
 
 
-def loss(model: Model, suspect: Suspect, curve: Outside | None = None) -> Loss:
-    """What the model would lose without a suspect that is part of it, maybe with a curve beside it."""
+def loss(model: Model, suspect: Suspect, beside: Sequence[Outside] = ()) -> Loss:
+    """What the model would lose without a suspect that is part of it, maybe with curves beside it."""
     evidence = model.evidence
     names = [n for n in suspect.parameters if n in model.fit.free_names]
     if not names:
@@ -247,11 +252,12 @@ def loss(model: Model, suspect: Suspect, curve: Outside | None = None) -> Loss:
     own = evidence.place(names)
     kept = np.setdiff1d(evidence.base, own)
     values = np.array([model.fit.vehicle.value(n) for n in names])
-    if curve is None:
+    if not beside:
         return loss_without(evidence.named, kept, own, values)
-    return loss_without(
-        evidence.with_curves(curve.channel), np.concatenate([kept, np.arange(*curve.columns)]), own, values
-    )
+    channels = [c.channel for c in beside]
+    wanted = [(c.channel, c.variable) for c in beside]
+    drawn = [columns for channel, variable, columns in evidence.groups(*channels) if (channel, variable) in wanted]
+    return loss_without(evidence.with_curves(*channels), np.concatenate([kept, *drawn]), own, values)
 
 
 @dataclass(frozen=True, slots=True)

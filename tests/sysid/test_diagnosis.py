@@ -107,8 +107,8 @@ def test_blocks_add_up_to_what_the_estimator_knows():
         assert -judge.fall(lined, lined.with_value(name, size)).total == pytest.approx(predicted, rel=0.05)
 
 
-@pytest.mark.parametrize("channel", ["M_y", "F_x_world"])
-def test_curves_are_freed_of_what_the_states_can_do_in_every_block(channel):
+@pytest.mark.parametrize("channels", [("M_y",), ("F_x_world", "F_y_world")])
+def test_curves_are_freed_of_what_the_states_can_do_in_every_block(channels):
     """The short way of the evidence, by what is at right angles, against products of all rows."""
     logs = flights(None, 9, 12.0)[:1]
     fit = identify(logs, vehicle.example(), Options(node_rate_hz=100.0, gusts="white"))
@@ -116,16 +116,20 @@ def test_curves_are_freed_of_what_the_states_can_do_in_every_block(channel):
     flight = fit.flights[0]
     mid = dynamics.middle(flight, fit.solution.point.states[0])
     moved = {"M_y": {(10, 4): np.ones(len(mid.step_s))}}  # row of the defect, row of the process noise: share
-    moved["F_x_world"] = {(3 + i, i): mid.R_world_body[:, 0, i] for i in range(3)}
-    named = {variable for variable, _ in evidence.groups(channel)}
-    drawn = free_form.columns([c for c in evidence.curves if c.variable in named], flight, mid)
-    border = np.zeros((len(drawn), 12, drawn.shape[1]))
-    for (row, i), share in moved[channel].items():
-        border[:, row] = -2.0 * (np.sqrt(flight.step_s) * share)[:, None] * drawn / fit.noise.process[i]
+    for axis, name in enumerate(("F_x_world", "F_y_world")):
+        moved[name] = {(3 + i, i): mid.R_world_body[:, axis, i] for i in range(3)}
+    borders = []
+    for channel in channels:
+        named = {variable for _, variable, _ in evidence.groups(channel)}
+        drawn = free_form.columns([c for c in evidence.curves if c.variable in named], flight, mid)
+        borders.append(np.zeros((len(drawn), 12, drawn.shape[1])))
+        for (row, i), share in moved[channel].items():
+            borders[-1][:, row] = -2.0 * (np.sqrt(flight.step_s) * share)[:, None] * drawn / fit.noise.process[i]
+    border = np.concatenate(borders, axis=2)
     rows = fit.solution.rows[0]
-    rows = replace(rows, defect_border=border, sensor_border=np.zeros((len(flight), 9, drawn.shape[1])))
+    rows = replace(rows, defect_border=border, sensor_border=np.zeros((len(flight), 9, border.shape[2])))
     defect, sensor = rows.freed(eliminate(rows).sensitivity())
-    found = evidence.with_curves(channel).information[:, len(evidence.names) :, len(evidence.names) :]
+    found = evidence.with_curves(*channels).information[:, len(evidence.names) :, len(evidence.names) :]
     edges = block_edges(flight.time_s)
     assert len(found) == len(edges) > 2
     for own, (begin, end) in zip(found, edges, strict=True):
