@@ -151,6 +151,9 @@ def claims(result: Result) -> list[tuple[float, bool]]:
     ]
     if said["outside"] is not None:
         stated.append((said["outside"]["confidence"], outside_is_right(result)))
+    if said.get("undecided"):
+        one_of = any(effect_of(name) in right(result) for name in said["undecided"])
+        stated.append((sum(said["suspects"][name]["confidence"] for name in said["undecided"]), one_of))
     if not stated:
         stated.append((said["confidence"], not _shown(result)))
     return stated

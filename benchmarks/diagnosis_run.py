@@ -70,6 +70,7 @@ def stated(found: Any) -> dict[str, Any]:
     outside = found.outside
     return {
         "additions": list(found.additions),
+        "undecided": list(found.undecided),
         "confidence": float(found.confidence),
         "outside": outside
         and {"channel": outside.channel, "variable": outside.variable, "confidence": float(outside.confidence)},

@@ -54,6 +54,10 @@ class Judge:
         self._flights, self._noise, self._states = list(flights), noise, states
         self._known: list[tuple[Vehicle, FloatArray]] = []
 
+    def at(self, noise: Noise, states: tuple[States, ...]) -> "Judge":
+        """Another one of the same flights at another noise level; `states` is where to start from."""
+        return Judge(self._flights, noise, states)
+
     def turn_to(self, noise: Noise) -> None:
         """Judge at this noise level from now on."""
         if noise is not self._noise:

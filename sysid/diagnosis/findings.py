@@ -139,7 +139,8 @@ class Attempt:
 
     name: str
     outcome: str
-    """`added`, `stand-in` (a free curve explains more), `not confirmed` by unseen flights, `removed` again."""
+    """`added`, `undecided` (a look-alike explains as much), `stand-in` (a free curve explains more), `not confirmed` by
+    unseen flights, `removed` again."""
     sentence: str
     """In words, `helped` or `did not help` with the numbers."""
     confidence: float

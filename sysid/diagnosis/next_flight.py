@@ -275,7 +275,8 @@ def ask(model: Diagnosis | Model, suspects: Sequence[str] | None = None) -> Ques
 
 
 def in_doubt(model: Diagnosis | Model) -> tuple[str, ...]:
-    """What is still open: an addition and its rival, or else the suspect that may be there.
+    """What is still open: look-alikes of which one is missing, an addition and its rival, or the suspect that may be
+    there.
 
     Raises:
         InputError: nothing is.
@@ -283,6 +284,8 @@ def in_doubt(model: Diagnosis | Model) -> tuple[str, ...]:
     if isinstance(model, Model):
         ordered = sorted(model.scores, key=lambda name: model.scores[name].significance)
         return tuple(ordered[:2])
+    if model.undecided:
+        return model.undecided[:2]
     for finding in model.suspects:
         if finding.verdict == "present":
             trial = next(t for t in reversed(model.search.trials) if t.suspect.name == finding.name)

@@ -60,11 +60,19 @@ class Diagnosis:
     """Every model of the staircase on the flights it was judged by, for plots."""
 
     @property
+    def undecided(self) -> tuple[str, ...]:
+        """Suspects of which one is still missing and nothing tells which, the likeliest first."""
+        return self.search.undecided.between if self.search.undecided else ()
+
+    @property
     def verdict(self) -> str:
         """The whole diagnosis in a sentence or two."""
         parts = []
         if self.additions:
             parts.append(f"missing was {' and '.join(self.additions)}")
+        if self.undecided:
+            besides = "besides, " if parts else ""
+            parts.append(f"{besides}{' or '.join(self.undecided)} is missing: these flights cannot tell which")
         if self.outside is not None:
             o = self.outside
             parts.append(
@@ -85,10 +93,13 @@ class Diagnosis:
 
     @property
     def confidence(self) -> float:
-        """Probability that all additions are the right names, or that nothing is missing when there are none."""
+        """Probability that all additions are the right names, that one of those undecided is missing when there is no
+        addition, or that nothing is missing when there are neither."""
         most = DOUBTED if self.leaves_too_much else MOST_CONFIDENCE
         if self.additions:
             return min(most, float(np.prod([s.confidence for s in self.suspects if s.verdict == "present"])))
+        if self.undecided:
+            return min(most, sum(s.confidence for s in self.suspects if s.name in self.undecided))
         if self.outside is not None:
             return min(most, self.outside.confidence)
         return min(most, 1.0 - max((s.confidence for s in self.suspects), default=0.0))
@@ -105,6 +116,7 @@ class Diagnosis:
             "base": {"vehicle": self.base.name, "effects": list(self.base.effects)},
             "suspects": [s.as_dict() for s in self.suspects],
             "additions": list(self.additions),
+            "undecided": list(self.undecided),
             "attempts": [a.as_dict() for a in self.attempts],
             "outside": self.outside.as_dict() if self.outside else None,
             "staircase": [s.as_dict() for s in self.staircase],
@@ -165,7 +177,7 @@ def diagnose(
         vehicle=last.vehicle,
         additions=tuple(s.name for s in found.added),
         suspects=_findings(found, last.vehicle),
-        outside=_outside(found.models[-1], found.outside) if found.outside else None,
+        outside=_outside(found.drawn_at, found.outside) if found.outside else None,
         attempts=tuple(_attempt(t) for t in found.trials),
         staircase=stairs,
         invisible=found.models[0].line_up.invisible,
@@ -204,6 +216,8 @@ def _findings(found: Search, fitted: Vehicle) -> tuple[SuspectFinding, ...]:
             result.append(_not_added(last, suspect, _scored(found, suspect), trial, errors[suspect.name]))
     if found.outside is not None:
         result = [_beside_curve(f, found.outside) for f in result]
+    if found.undecided is not None:
+        result = [_one_of(f, found.undecided) for f in result]
     if last.fit.leaves_too_much:
         result = [_not_excluded(f) for f in result]
     order = {"present": 0, "cannot tell": 1, "excluded": 2}
@@ -290,6 +304,16 @@ def _beside_curve(finding: SuspectFinding, curve: Outside) -> SuspectFinding:
     return replace(finding, reason=reason, confidence=finding.confidence * (1.0 - curve.confidence))
 
 
+def _one_of(finding: SuspectFinding, trial: Trial) -> SuspectFinding:
+    """A suspect that nothing tells from its look-alikes, one of which is missing."""
+    if finding.name not in trial.between:
+        return finding
+    others = " or ".join(name for name in trial.between if name != finding.name)
+    reason = f"either it or {others} is missing; nothing these flights show tells which"
+    confidence = {trial.suspect.name: trial.confidence, **dict(trial.rivals)}[finding.name]
+    return replace(finding, verdict="cannot tell", reason=reason, confidence=confidence)
+
+
 def _not_excluded(finding: SuspectFinding) -> SuspectFinding:
     """A suspect under a model so far from the flights that nothing can be excluded."""
     if finding.verdict != "excluded":
@@ -318,6 +342,8 @@ def _sentence(trial: Trial) -> str:
         return f"helped: {numbers}"
     if trial.outcome == "not confirmed":
         return f"did not help: {numbers}"
+    if trial.outcome == "undecided":
+        return f"not named: {' or '.join(trial.between[1:])} explains as much; {numbers}"
     if trial.outcome == "removed":
         return "taken out again: a later addition made it unnecessary"
     curve = trial.stand_in_for

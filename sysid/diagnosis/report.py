@@ -118,7 +118,7 @@ def _seen_sentence(found: Diagnosis) -> str:
 def _attempts(found: Diagnosis) -> str:
     if not found.attempts:
         return "<p>No known effect explained enough to be tried.</p>"
-    style = {"added": "good", "removed": "held"}
+    style = {"added": "good", "removed": "held", "undecided": "held"}
     items = "".join(
         f"<li><b>{escape(a.name)}</b> <span class='{style.get(a.outcome, 'bad')}'>{escape(a.sentence)}</span>"
         f"{_rivals(a.rivals)}</li>"

@@ -1,7 +1,7 @@
 """Forward and backward: add the suspect that explains most, keep it if unseen flights agree, look again."""
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from sysid.diagnosis.evidence import Evidence
 from sysid.diagnosis.free_form import EVERY_CHANNEL, WORLD
 from sysid.diagnosis.score import Loss, Score, inverse_of, loss_without, score
 from sysid.diagnosis.suspects import LineUp, Suspect, line_up
+from sysid.diagnosis.weigh import Candidate, Scales, Tried
 from sysid.flight_data import Flight
 from sysid.identification import identify
 from sysid.options import Options
@@ -81,26 +82,7 @@ class Model:
     """Of every suspect."""
     judge: Judge
     """Of the flights it was fitted to, at its noise level."""
-    tried: "dict[str, Candidate | None]"
-    """Suspects that were fitted in full; None where that failed."""
-
-
-@dataclass(frozen=True, slots=True)
-class Candidate:
-    """A suspect fitted in full."""
-
-    suspect: Suspect
-    fit: Identification
-    fall: Fall
-    """Of the cost of the training flights."""
-    dispersion: float
-    """By how much errors vary more than white noise would: true variance over the plain one."""
-
-    @property
-    def weight(self) -> float:
-        """Log odds up to a constant shared by all candidates; each parameter costs what Schwarz's criterion asks."""
-        blocks = len(self.fall.by_block)
-        return self.fall.total / self.dispersion - 0.5 * len(self.suspect.parameters) * np.log(blocks)
+    tried: Tried
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +105,7 @@ def examine(fit: Identification) -> Model:
         for s in lined.suspects
     }
     judge = Judge(fit.flights, fit.noise, fit.solution.point.states)
-    return Model(fit, lined, evidence, scores, judge, {})
+    return Model(fit, lined, evidence, scores, judge, Tried())
 
 
 def significant(model: Model) -> list[Suspect]:
@@ -169,40 +151,59 @@ def _holding_others(options: Options, vehicle: Vehicle, suspect: Suspect) -> Opt
     return replace(options, held=tuple(dict.fromkeys((*options.held, *idle))))
 
 
-def candidates(
-    logs: Sequence[FlightLog], model: Model, options: Options, refused: Mapping[str, float]
-) -> list[Candidate]:
-    """The best suspects, each fitted in full, best first.
+def candidates(logs: Sequence[FlightLog], model: Model, options: Options, refused: Collection[str]) -> list[Candidate]:
+    """The best suspects, each fitted in full.
 
-    Those that explain far less than one that was refused are left out: their traces are alike, and what unseen
-    flights could not confirm of the better one speaks against the worse one too.
+    Once one of them is beyond chance, something is missing, and everybody who explains about as much may be it. Those
+    that explain far less than one that was refused are left out: their traces are alike, and what unseen flights could
+    not confirm of the better one speaks against the worse one too.
     """
     found = [s for s in significant(model) if s.name not in refused]
     if not found:
         return []
-    top = model.scores[found[0].name].gain_unseen
-    close = [s for s in found if model.scores[s.name].gain_unseen > RIVAL_SHARE * top][:RIVALS]
-    tried = [c for s in close if (c := _fitted(logs, model, s, options)) is not None]
-    outdone = [c for c in tried if any(_alike(model, c.suspect, name, w - c.weight) for name, w in refused.items())]
-    return sorted((c for c in tried if c not in outdone), key=lambda c: -c.weight)
+    gain = {s.name: model.scores[s.name].gain_unseen for s in model.line_up.suspects}
+    close = [s for s in model.line_up.suspects if gain[s.name] > RIVAL_SHARE * gain[found[0].name]]
+    best = sorted((s for s in close if s.name not in refused), key=lambda s: -gain[s.name])[:RIVALS]
+    tried = [c for s in best if (c := _fitted(logs, model, s, options)) is not None]
+    better = [c for name in refused if (c := model.tried.candidates.get(name)) is not None]
+    return [c for c in tried if not any(_outdone(model, c, b) for b in better)]
 
 
 def _fitted(logs: Sequence[FlightLog], model: Model, suspect: Suspect, options: Options) -> Candidate | None:
     """The suspect fitted in full, once per model; None if that fails."""
-    if suspect.name not in model.tried:
+    known = model.tried.candidates
+    if suspect.name not in known:
         try:
             fit = refit(logs, model, suspect, options)
             fall = model.judge.fall(model.fit.vehicle, fit.vehicle, fit.solution.point.states)
-            model.tried[suspect.name] = Candidate(suspect, fit, fall, model.scores[suspect.name].dispersion)
+            known[suspect.name] = Candidate(suspect, fit, fall)
         except InputError as error:
             logger.info("%s could not be fitted: %s", suspect.name, error)
-            model.tried[suspect.name] = None
-    return model.tried[suspect.name]
+            known[suspect.name] = None
+    return known[suspect.name]
 
 
-def _alike(model: Model, suspect: Suspect, other: str, lead: float) -> bool:
+def _outdone(model: Model, worse: Candidate, better: Candidate) -> bool:
     """Whether another suspect leaves much the same trace and explains it clearly better."""
-    return lead > CLEAR_LEAD and reproduced(model, suspect, model.line_up.suspect(other)) > ALIKE
+    scales = model.tried.scales
+    clearly = scales is not None and scales.weight(better) - scales.weight(worse) > CLEAR_LEAD
+    return clearly and reproduced(model, worse.suspect, better.suspect) > ALIKE
+
+
+def _weighed(model: Model, tried: Sequence[Candidate]) -> tuple[list[Candidate], Model]:
+    """Candidates by their weight, the heaviest first, and the model that this one makes."""
+    after = None
+    first = max(tried, key=lambda c: c.fall.total)
+    if model.tried.scales is None:
+        after = examine(first.fit)
+        model.tried.scales = Scales(first, model.judge, after.evidence)
+    scales = model.tried.scales
+    ordered = sorted(tried, key=scales.weight, reverse=True)
+    for c in ordered:
+        logger.info(
+            "%s: log odds %.1f, dispersion %.1f", c.suspect.name, scales.weight(c), scales.dispersion(c.suspect)
+        )
+    return ordered, after if after is not None and ordered[0] is first else examine(ordered[0].fit)
 
 
 def reproduced(model: Model, suspect: Suspect, other: Suspect) -> float:
@@ -266,10 +267,9 @@ class Trial:
 
     suspect: Suspect
     outcome: str
-    """`added`, `stand-in` (a curve explains more), `not confirmed` (unseen flights disagree), `removed` later."""
+    """`added`, `undecided` (a look-alike explains as much), `stand-in` (a curve explains more), `not confirmed` (unseen
+    flights disagree), `removed` later."""
     training: Fall
-    weight: float
-    """Log odds up to a constant, see `Candidate`."""
     held_out: Fall
     """On flights that were not used, or on each training flight left out in turn."""
     judged_on: str
@@ -277,9 +277,15 @@ class Trial:
     confidence: float
     """Probability that this is the effect, given that one of the suspects is."""
     rivals: tuple[tuple[str, float], ...]
-    """Others that were fitted, with their probabilities."""
+    """Look-alikes that were fitted, with their probabilities."""
     stand_in_for: Outside | None
     fit: Identification
+
+    @property
+    def between(self) -> tuple[str, ...]:
+        """Names that nothing tells apart: its own and those of rivals almost as likely."""
+        least = self.confidence * np.exp(-CLEAR_LEAD)
+        return (self.suspect.name, *(name for name, p in self.rivals if p > least))
 
 
 @dataclass(frozen=True, slots=True)
@@ -291,6 +297,10 @@ class Search:
     trials: tuple[Trial, ...]
     added: tuple[Suspect, ...]
     outside: Outside | None
+    undecided: Trial | None
+    """One of its look-alikes is missing from the last model."""
+    drawn_at: Model
+    """Where `outside` was looked for: the last model, with the likelier one in it where two could not be told apart."""
 
 
 def search(
@@ -305,56 +315,59 @@ def search(
     """Forward with a backward look after each addition, at most `most` additions."""
     models, trials, added = [examine(base)], [], []
     unseen = Judge(held_out, base.noise) if held_out else None
-    refused: dict[str, float] = {}
-    dropped_before: dict[str, float] = {}
+    refused: set[str] = set()
+    dropped_before: set[str] = set()
+    undecided: tuple[Trial, Model] | None = None
     while len(added) < most:
         trial, model = _next(logs, models[-1], unseen, options, refused)
-        if trial is None:
+        if trial is None or model is None:
             break
         trials.append(trial)
         progress("diagnose", 1.0 - 0.7 ** len(trials))
-        if model is None:
-            refused[trial.suspect.name] = trial.weight
+        if trial.outcome != "added":
+            refused.update(trial.between if trial.outcome == "undecided" else [trial.suspect.name])
+            undecided = (trial, model) if trial.outcome == "undecided" and undecided is None else undecided
             continue
         models.append(model)
         added.append(trial.suspect)
-        refused.clear()  # what could not be confirmed beside a wrong model gets another hearing
-        refused.update(dropped_before)
+        refused, undecided = set(dropped_before), None  # beside a wrong model was no fair hearing
         while (dropped := _superfluous(models[-1], added)) is not None:
             trials.append(replace(trial, suspect=dropped, outcome="removed"))
             added.remove(dropped)
-            dropped_before[dropped.name] = -np.inf
-            refused.update(dropped_before)
+            dropped_before.add(dropped.name)
+            refused.add(dropped.name)
             models.append(_without(logs, models[-1], dropped, options))
-    outside = best_curve(models[-1], EVERY_CHANNEL) if len(added) < most else None
+    trial, at = undecided or (None, models[-1])
+    outside = best_curve(at, EVERY_CHANNEL) if len(added) < most else None
     if outside is not None and outside.confidence < LEAST_CONFIDENCE_CURVE:
         outside = None
-    return Search(tuple(models), tuple(trials), tuple(added), outside)
+    return Search(tuple(models), tuple(trials), tuple(added), outside, trial, at)
 
 
 def _next(
-    logs: Sequence[FlightLog], model: Model, unseen: Judge | None, options: Options, refused: dict[str, float]
+    logs: Sequence[FlightLog], model: Model, unseen: Judge | None, options: Options, refused: Collection[str]
 ) -> tuple[Trial | None, Model | None]:
-    """Try the most likely suspect; the model only if it was accepted."""
+    """Try the most likely suspect; also the model with it."""
     tried = candidates(logs, model, options, refused)
     if not tried:
         return None, None
-    best = tried[0]
-    odds = np.exp(np.array([c.weight for c in tried]) - best.weight)
-    share = odds / odds.sum()
-    after = examine(best.fit)
+    (best, *others), after = _weighed(model, tried)
+    odds = {c.suspect.name: _odds(model, best, c) for c in (*others, *model.tried.undecided)}
+    share = 1.0 / (1.0 + sum(odds.values()))
     stand_in = stands(after, best.suspect)
     fall, confirmed, judged_on = _confirmed(model, best, unseen)
     outcome = "stand-in" if stand_in else "added" if confirmed else "not confirmed"
+    if outcome == "added" and max(odds.values(), default=0.0) > np.exp(-CLEAR_LEAD):
+        outcome = "undecided"
+        model.tried.undecided += [c for c in tried if c is best or odds[c.suspect.name] > np.exp(-CLEAR_LEAD)]
     trial = Trial(
         suspect=best.suspect,
         outcome=outcome,
         training=best.fall,
         held_out=fall,
-        weight=best.weight,
         judged_on=judged_on,
-        confidence=MOST_CONFIDENCE * float(share[0]),
-        rivals=tuple((c.suspect.name, float(p)) for c, p in zip(tried[1:], share[1:], strict=True)),
+        confidence=MOST_CONFIDENCE * share,
+        rivals=tuple((name, p * share) for name, p in odds.items() if p > 0.0),
         stand_in_for=stand_in,
         fit=best.fit,
     )
@@ -366,7 +379,16 @@ def _next(
         fall.total,
         fall.sigma,
     )
-    return trial, after if outcome == "added" else None
+    return trial, after
+
+
+def _odds(model: Model, best: Candidate, other: Candidate) -> float:
+    """Odds against the best of one that competes with it for the same evidence; else 0, for both may be missing."""
+    scales = model.tried.scales
+    pair = (best.suspect, other.suspect)
+    if scales is None or max(reproduced(model, *pair), reproduced(model, *pair[::-1])) <= ALIKE:
+        return 0.0
+    return float(np.exp(scales.weight(other) - scales.weight(best)))
 
 
 def _confirmed(model: Model, best: Candidate, unseen: Judge | None) -> tuple[Fall, bool, str]:
@@ -375,7 +397,7 @@ def _confirmed(model: Model, best: Candidate, unseen: Judge | None) -> tuple[Fal
     The fall of the cost of unseen flights is the logarithm of the odds between the two models, up to the dispersion.
     """
     scored = model.scores[best.suspect.name]
-    least, why = CONFIRMING_ODDS * best.dispersion, "no flight was held out"
+    least, why = CONFIRMING_ODDS * scored.dispersion, "no flight was held out"
     if unseen is not None:
         before, after = model.fit.vehicle, best.fit.vehicle
         unseen.turn_to(model.fit.noise)

@@ -40,6 +40,7 @@ def found(
     additions = tuple(s.name for s in suspects if s.verdict == "present")
     search = SimpleNamespace(
         models=(SimpleNamespace(fit=SimpleNamespace(flights=[SimpleNamespace(position_world_m=place)])),),
+        undecided=None,
         trials=[SimpleNamespace(suspect=SimpleNamespace(name=name), rivals=rivals) for name in additions],
     )
     body = vehicle.example()
