@@ -367,7 +367,7 @@ def _next(
         held_out=fall,
         judged_on=judged_on,
         confidence=MOST_CONFIDENCE * share,
-        rivals=tuple((name, p * share) for name, p in odds.items() if p > 0.0),
+        rivals=tuple((name, MOST_CONFIDENCE * share * p) for name, p in odds.items() if p > 0.0),
         stand_in_for=stand_in,
         fit=best.fit,
     )

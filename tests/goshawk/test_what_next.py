@@ -33,14 +33,17 @@ def drawn(variable: str = "v_z", channel: str = "M_z") -> OutsideFinding:
 
 
 def found(
-    *suspects: SuspectFinding, outside: OutsideFinding | None = None, rivals: tuple[tuple[str, float], ...] = ()
+    *suspects: SuspectFinding,
+    outside: OutsideFinding | None = None,
+    rivals: tuple[tuple[str, float], ...] = (),
+    undecided: tuple[str, ...] = (),
 ) -> Diagnosis:
     """A diagnosis whose flights took up 4 m x 2 m x 1 m round (1, 0, 1.5), one axis hardly moved."""
     place = np.array([[-1.0, -1.0, 1.49], [3.0, 1.0, 1.51]])
     additions = tuple(s.name for s in suspects if s.verdict == "present")
     search = SimpleNamespace(
         models=(SimpleNamespace(fit=SimpleNamespace(flights=[SimpleNamespace(position_world_m=place)])),),
-        undecided=None,
+        undecided=SimpleNamespace(between=undecided) if undecided else None,
         trials=[SimpleNamespace(suspect=SimpleNamespace(name=name), rivals=rivals) for name in additions],
     )
     body = vehicle.example()
@@ -91,6 +94,14 @@ def test_look_alikes_are_told_apart_by_the_next_flight_in_the_space_flown():
         *["--suspect", "rotor_drag_speed", "--suspect", "rotor_drag_thrust"],
         *["--space", "4.0,2.0,1.0", "--corner=-1.0,-1.0,1.0", "--out", "waypoints.json"],
     ]
+
+
+def test_the_undecided_are_told_apart_first():
+    doubtful = found(suspect("constant_wind", "cannot tell", 1e-9), undecided=("parasitic_drag", "rotor_drag_speed"))
+    (line,) = what_next.lines(doubtful, ASKED)
+    words = typed(line)
+    names = [words[i + 1] for i, word in enumerate(words) if word == "--suspect"]
+    assert names == ["parasitic_drag", "rotor_drag_speed"]
 
 
 def test_an_addition_that_may_be_another_is_settled_against_the_model_without_it():

@@ -10,7 +10,6 @@ import vehicle
 from esdf import solids
 from flight import FlightLog, InfeasibleError, InputError, Trajectory
 from sysid import Options, identify
-from sysid.diagnosis import diagnose
 from sysid.diagnosis.next_flight import Question, ask, rank
 from sysid.diagnosis.rehearsal import Room, fitted_into, rehearse
 from sysid.diagnosis.search import Model, examine
@@ -183,26 +182,3 @@ def test_a_manoeuvre_that_stays_in_one_place_has_no_waypoints(model: Model):
     )[0]
     with pytest.raises(InputError, match="stays in one place"):
         hover.waypoints()
-
-
-@pytest.mark.slow
-def test_what_the_flights_so_far_cannot_name_is_named_after_the_proposed_flight():
-    right, wrong = "rotor_drag_thrust", "rotor_drag_speed"
-    rng = np.random.default_rng(3)
-    base = lacking(vehicle.example(), right, wrong)
-    usual = {s.name: s.prior for s in vehicle.effects.find(right).parameters}
-    truth = base.with_effect(right, source="planted", **usual)
-    before = little_known(truth, rng)
-    doubtful = diagnose(before, base, auto=True)
-    assert right not in doubtful.additions
-    assert next(s for s in doubtful.suspects if s.name == right).verdict == "cannot tell"
-    best = rank(
-        doubtful,
-        suspects=[right, wrong],
-        free_volume_m=SPACE,
-        library=("oblique", "throttle_steps"),
-        rng=np.random.default_rng(0),
-    )[0]
-    settled = diagnose([*before, flown(truth, best.trajectory, rng)], base, auto=True)
-    assert settled.additions == (right,)
-    assert settled.confidence > 0.9
