@@ -40,6 +40,8 @@ class Truth:
     gust_torque: float = 0.0
     """The same of a random angular acceleration, rad/s2."""
     gust_time: float = 0.5
+    tether: float = 0.0
+    """Stiffness of a spring towards the world's origin, in the level plane, N/m."""
     extra: Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
     """Hidden effect: velocity in body axes, rate, rotor speed to force and torque."""
 
@@ -190,7 +192,8 @@ def _derivative(truth: Truth, state: np.ndarray, command: np.ndarray) -> np.ndar
     force, torque = wrench(truth, rotations.rotate(rotations.conjugate(q), state[:, 3:6]), rate, speed)
     turning = 0.5 * rotations.multiply(q, np.concatenate([np.zeros((len(q), 1)), rate], axis=1))
     angular = (torque - np.cross(rate, inertia * rate)) / inertia
-    linear = rotations.rotate(q, force) / truth.mass + GRAVITY
+    pulled = rotations.rotate(q, force) - truth.tether * np.array([1.0, 1.0, 0.0]) * state[:, :3]
+    linear = pulled / truth.mass + GRAVITY
     return np.concatenate([state[:, 3:6], linear, turning, angular, (command - speed) / truth.lag], axis=1)
 
 

@@ -20,9 +20,11 @@ from tests.sysid import flying
 Extra = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
-def flights(extra: Extra | None, seed: int, duration_s: float, spread: float = 0.0) -> list[FlightLog]:
+def flights(
+    extra: Extra | None, seed: int, duration_s: float, spread: float = 0.0, tether: float = 0.0
+) -> list[FlightLog]:
     rng = np.random.default_rng(seed)
-    truth = flying.Truth(gust=0.1, extra=extra)
+    truth = flying.Truth(gust=0.1, extra=extra, tether=tether)
     return flying.fly(truth, flying.paper_flights(rng, spread=spread), 3, duration_s=duration_s, rng=rng)
 
 
@@ -78,6 +80,24 @@ def test_an_effect_that_nobody_knows_is_drawn_and_not_named():
     drawn = found.outside.acceleration * found.outside.force_or_torque
     slope = np.polyfit(found.outside.at[inner], drawn[inner], 1)[0]
     assert slope == pytest.approx(0.004, rel=0.15)
+
+
+@pytest.mark.slow
+def test_a_tether_is_seen_in_the_axes_of_the_world():
+    found = diagnose(
+        flights(None, 5, 20.0, tether=0.05),
+        vehicle.example(),
+        held_out=flights(None, 6, 12.0, spread=0.2, tether=0.05),
+        auto=True,
+    )
+    assert found.additions == ()
+    assert found.outside is not None
+    assert found.outside.channel in ("F_x_world", "F_y_world")
+    assert found.outside.variable == found.outside.channel[2]
+    assert found.outside.confidence > 0.8
+    drawn = found.outside.acceleration * found.outside.force_or_torque
+    slope = np.polyfit(found.outside.at, drawn, 1)[0]
+    assert slope == pytest.approx(-0.05, rel=0.15)
 
 
 def test_blocks_add_up_to_what_the_estimator_knows():
