@@ -403,6 +403,9 @@ def _confirmed(model: Model, best: Candidate, unseen: Judge | None) -> tuple[Fal
         unseen.turn_to(model.fit.noise)
         fall = unseen.fall(before, after)
         could = best.fall.total * unseen.strength(before, after) / max(model.judge.strength(before, after), 1e-12)
+        if fall.total < 0.0:  # what the model lacks counts as noise in it: the noise left by the other is heard too
+            unseen.turn_to(best.fit.noise)
+            fall = max(fall, unseen.fall(before, after), key=lambda f: f.total)
         against = fall.total < -CONTRADICTING_SIGMAS * fall.sigma
         could_tell = could > COULD_CONFIRM * max(fall.sigma, least) and scored.log_odds < CERTAIN_ODDS
         if fall.total > least or against or could_tell:
