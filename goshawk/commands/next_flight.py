@@ -12,10 +12,10 @@ from flight import FlightLog, InfeasibleError, InputError, project
 from goshawk import console
 from goshawk.flights import load
 from sysid.diagnosis import diagnose, next_flight
+from sysid.diagnosis.examined import examine
 from sysid.diagnosis.next_flight import Proposal, Ranking
 from sysid.diagnosis.procedure import while_searching
 from sysid.diagnosis.rehearsal import Room
-from sysid.diagnosis.search import examine
 from vehicle import manoeuvres
 
 SCHEMA_VERSION = 1

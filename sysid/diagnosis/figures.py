@@ -9,10 +9,10 @@ import numpy as np
 from flight.rotations import FloatArray
 from sysid import drawing, drive, explained, residual_plots
 from sysid.comparison import SPAN_S, Residual, means_over, residual
+from sysid.diagnosis.examined import Model, reproduced
 from sysid.diagnosis.findings import OutsideFinding
 from sysid.diagnosis.free_form import VARIABLE, along_axes
 from sysid.diagnosis.procedure import Diagnosis
-from sysid.diagnosis.search import Model, reproduced
 from sysid.diagnosis.suspects import Suspect
 from sysid.model import slopes_along
 from sysid.result import CHANNELS

@@ -16,10 +16,10 @@ from scipy.special import expit
 
 from flight import FloatArray, InfeasibleError, InputError, Progress, Trajectory, Waypoints, silent
 from sysid.diagnosis.evidence import Evidence
+from sysid.diagnosis.examined import CHANCE, Model
 from sysid.diagnosis.procedure import NODE_RATE_HZ, VISIBLE_SIGMAS, Diagnosis
 from sysid.diagnosis.rehearsal import Rehearsal, Room, fitted_into, rehearse, waypoints_of
 from sysid.diagnosis.score import inverse_of
-from sysid.diagnosis.search import CHANCE, Model
 from sysid.diagnosis.suspects import Suspect
 from sysid.problem import Unknowns
 from vehicle import effects, manoeuvres

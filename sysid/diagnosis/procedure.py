@@ -10,10 +10,11 @@ from scipy.stats import norm
 from flight import FlightLog, InputError, Progress, silent
 from sysid.comparison import HORIZONS_S, Comparison, compare
 from sysid.diagnosis import traces
+from sysid.diagnosis.examined import CHANCE, LEAST_SIZE, MOST_CONFIDENCE, Model, Outside
 from sysid.diagnosis.findings import SCHEMA_VERSION, Attempt, OutsideFinding, Size, Stair, SuspectFinding
 from sysid.diagnosis.free_form import VARIABLE
 from sysid.diagnosis.score import Score
-from sysid.diagnosis.search import CHANCE, LEAST_SIZE, MOST_CONFIDENCE, Model, Outside, Search, Trial, search
+from sysid.diagnosis.search import Search, Trial, search
 from sysid.diagnosis.suspects import Suspect
 from sysid.flight_data import prepare
 from sysid.identification import identify
@@ -79,7 +80,11 @@ class Diagnosis:
                 f"{'besides, ' if parts else ''}something is missing that no known effect is: "
                 f"{o.channel} against {o.variable}"
             )
-        doubts = [s.name for s in self.suspects if s.verdict == "cannot tell" and s.significance < CHANCE]
+        doubts = [
+            s.name
+            for s in self.suspects
+            if s.verdict == "cannot tell" and (s.significance < CHANCE or s.name in self.search.doubted)
+        ]
         if not parts and doubts:
             parts.append(f"something may be missing, and these flights cannot tell what: {', '.join(doubts)}")
         if self.leaves_too_much:
@@ -218,6 +223,7 @@ def _findings(found: Search, fitted: Vehicle) -> tuple[SuspectFinding, ...]:
         result = [_beside_curve(f, found.outside) for f in result]
     if found.undecided is not None:
         result = [_one_of(f, found.undecided) for f in result]
+    result = [_doubted(f) if f.name in found.doubted else f for f in result]
     if last.fit.leaves_too_much:
         result = [_not_excluded(f) for f in result]
     order = {"present": 0, "cannot tell": 1, "excluded": 2}
@@ -312,6 +318,12 @@ def _one_of(finding: SuspectFinding, trial: Trial) -> SuspectFinding:
     reason = f"either it or {others} is missing; nothing these flights show tells which"
     confidence = {trial.suspect.name: trial.confidence, **dict(trial.rivals)}[finding.name]
     return replace(finding, verdict="cannot tell", reason=reason, confidence=confidence)
+
+
+def _doubted(finding: SuspectFinding) -> SuspectFinding:
+    """A suspect that explains as much as any curve does, in too few stretches of flight."""
+    reason = f"no curve explains more, yet too few stretches of flight show it; fly {' or '.join(finding.settled_by)}"
+    return replace(finding, verdict="cannot tell", reason=reason)
 
 
 def _not_excluded(finding: SuspectFinding) -> SuspectFinding:

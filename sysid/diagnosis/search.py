@@ -9,39 +9,31 @@ import numpy as np
 from flight import FlightLog, InputError, Progress, silent
 from sysid.diagnosis import suspects
 from sysid.diagnosis.confirm import Fall, Judge
-from sysid.diagnosis.evidence import Evidence
-from sysid.diagnosis.free_form import EVERY_CHANNEL, WORLD
-from sysid.diagnosis.score import Loss, Score, inverse_of, loss_without, score
-from sysid.diagnosis.suspects import LineUp, Suspect, line_up
-from sysid.diagnosis.weigh import Candidate, Scales, Tried
+from sysid.diagnosis.examined import (
+    ALIKE,
+    CLEAR_ODDS,
+    MOST_CONFIDENCE,
+    Model,
+    Outside,
+    alike,
+    as_good_as,
+    examine,
+    loss,
+    reproduced,
+    significant,
+    stands,
+    stated_curve,
+)
+from sysid.diagnosis.suspects import Suspect
+from sysid.diagnosis.weigh import Candidate, Scales
 from sysid.flight_data import Flight
 from sysid.identification import identify
 from sysid.options import Options
-from sysid.result import CHANNELS, Identification
+from sysid.result import Identification
 from vehicle import Vehicle, effects
 
 logger = logging.getLogger(__name__)
 
-CHANCE = 3e-5
-"""A suspect is significant below this probability: with some 30 suspects, one wrong call in 1,000 diagnoses."""
-CHANCE_CURVE = 1e-6
-"""The same for a free-form curve, of which there are some 150, and whose many columns make their tests less sure."""
-LEAST_GAIN = 4.0
-"""Cross-validated fall of the cost below which no suspect is taken seriously, whatever its significance."""
-LEAST_GAIN_CURVE = 15.0
-"""The same for a curve."""
-CLEAR_ODDS = 25.0
-"""Log odds of unseen blocks that speak for a suspect where its significance rests on a few blocks and stays low;
-false names came to 20: a controller that answers gusts looks like a little less thrust per speed. It also confirms
-where held-out flights cannot tell."""
-CLEAR_ODDS_CURVE = 16.0
-"""The same for a curve; innocent models came to 10 at most."""
-DOUBTFUL = 1e-3
-"""... and the probability of chance that is low enough then."""
-DOUBTFUL_CURVE = 1e-2
-"""The same for a curve: with a dozen columns and some fifty blocks the plain test has little power left."""
-LEAST_SIZE = 0.05
-"""Sizes below this share of the usual one are of no consequence, however significant."""
 RIVALS = 3
 """So many of the best suspects are fitted in full before one is chosen."""
 RIVAL_SHARE = 0.3
@@ -56,86 +48,10 @@ CERTAIN_ODDS = 40.0
 """Log odds of training stretches from which on held-out flights that say neither yes nor no are not asked either."""
 CONTRADICTING_SIGMAS = 1.64
 """... unless they speak against the effect by so many standard deviations."""
-MOST_CONFIDENCE = 0.97
-"""Nothing is stated with more: so many of the names given on blind campaigns with well visible effects were right."""
-EVEN_ODDS_CURVE = 30.0
-"""Log odds of unseen blocks at which a curve is as often wrong in channel or variable as right: on blind campaigns the
-wrong ones came to 19, 19 and 35, the right ones to 31 and more."""
-LEAST_CONFIDENCE_CURVE = 0.3
-"""A curve that would be stated with less is not stated."""
 CLEAR_LEAD = 3.0
 """Log odds from which on one suspect clearly explains more than another."""
-ALIKE = 0.5
-"""Suspects that reproduce this much of each other's trace compete for the same evidence."""
-NAMED_SHARE = 0.2
-"""A name stands if, with the best curve beside it, it keeps this share of its own gain."""
-
-
-@dataclass(frozen=True, slots=True)
-class Model:
-    """A fitted model with the evidence at it."""
-
-    fit: Identification
-    line_up: LineUp
-    evidence: Evidence
-    scores: dict[str, Score]
-    """Of every suspect."""
-    judge: Judge
-    """Of the flights it was fitted to, at its noise level."""
-    tried: Tried
-
-
-@dataclass(frozen=True, slots=True)
-class Outside:
-    """A curve that explains what no named effect does."""
-
-    channel: str
-    variable: str
-    score: Score
-    confidence: float
-    """Probability that this is the variable, given the channel."""
-
-
-def examine(fit: Identification) -> Model:
-    """Score every suspect at a fitted model."""
-    lined = line_up(fit.vehicle, fit.flights)
-    evidence = Evidence(fit.flights, fit.solution.point, fit.noise, fit.unknowns, lined)
-    scores = {
-        s.name: score(evidence.named, evidence.base, evidence.place(s.parameters), np.array(s.one_sided))
-        for s in lined.suspects
-    }
-    judge = Judge(fit.flights, fit.noise, fit.solution.point.states)
-    return Model(fit, lined, evidence, scores, judge, Tried())
-
-
-def significant(model: Model) -> list[Suspect]:
-    """Suspects beyond chance, best first."""
-    found = [s for s in model.line_up.suspects if _stands_out(s, model.scores[s.name])]
-    return sorted(found, key=lambda s: -model.scores[s.name].gain_unseen)
-
-
-def _stands_out(suspect: Suspect, found: Score) -> bool:
-    beyond_chance = found.significance < CHANCE and found.gain_unseen > LEAST_GAIN
-    beyond_chance |= found.significance < DOUBTFUL and found.log_odds > CLEAR_ODDS
-    return beyond_chance and bool((np.abs(found.size) > LEAST_SIZE * np.array(suspect.usual)).any())
-
-
-def best_curve(model: Model, channels: Sequence[str]) -> Outside | None:
-    """The free-form curve that explains most in some channels, if any is beyond chance."""
-    found: list[Outside] = []
-    for channel in channels:
-        blocks = model.evidence.with_curves(channel)
-        for _, variable, columns in model.evidence.groups(channel):
-            scored = score(blocks, model.evidence.base, columns)
-            clear = scored.significance < CHANCE_CURVE and scored.gain_unseen > LEAST_GAIN_CURVE
-            if clear or (scored.significance < DOUBTFUL_CURVE and scored.log_odds > CLEAR_ODDS_CURVE):
-                found.append(Outside(channel, variable, scored, 1.0))
-    if not found:
-        return None
-    best = max(found, key=lambda o: o.score.gain_unseen)
-    rivals = [np.exp(o.score.gain_unseen - best.score.gain_unseen) for o in found if o.channel == best.channel]
-    clear = 1.0 / (1.0 + (EVEN_ODDS_CURVE / max(best.score.log_odds, 1.0)) ** 4)
-    return replace(best, confidence=MOST_CONFIDENCE * clear / float(np.sum(rivals)))
+UNSEEN = "held-out flights"
+"""What judged, where these could."""
 
 
 def refit(logs: Sequence[FlightLog], model: Model, suspect: Suspect, options: Options) -> Identification:
@@ -154,16 +70,21 @@ def _holding_others(options: Options, vehicle: Vehicle, suspect: Suspect) -> Opt
 def candidates(logs: Sequence[FlightLog], model: Model, options: Options, refused: Collection[str]) -> list[Candidate]:
     """The best suspects, each fitted in full.
 
-    Once one of them is beyond chance, something is missing, and everybody who explains about as much may be it. Those
-    that explain far less than one that was refused are left out: their traces are alike, and what unseen flights could
-    not confirm of the better one speaks against the worse one too.
+    Once one of them is beyond chance, something is missing, and a look-alike that explains about as much may be it,
+    whatever its own significance. So may be whoever explains as much as a curve that is beyond chance.
+    Those that explain far less than one that was refused are left out: their traces are alike, and what unseen flights
+    could not confirm of the better one speaks against the worse one too.
     """
     found = [s for s in significant(model) if s.name not in refused]
+    if not found and (curve := stated_curve(model)) is not None:
+        found = [s for s in as_good_as(curve, model) if s.name not in refused]
     if not found:
         return []
     gain = {s.name: model.scores[s.name].gain_unseen for s in model.line_up.suspects}
-    close = [s for s in model.line_up.suspects if gain[s.name] > RIVAL_SHARE * gain[found[0].name]]
-    best = sorted((s for s in close if s.name not in refused), key=lambda s: -gain[s.name])[:RIVALS]
+    others = [s for s in model.line_up.suspects if s.name not in refused and s not in found]
+    close = [*found, *(s for s in others if any(alike(model, s, f) for f in found))]
+    close = [s for s in close if gain[s.name] > RIVAL_SHARE * gain[found[0].name]]
+    best = sorted(close, key=lambda s: -gain[s.name])[:RIVALS]
     tried = [c for s in best if (c := _fitted(logs, model, s, options)) is not None]
     better = [c for name in refused if (c := model.tried.candidates.get(name)) is not None]
     return [c for c in tried if not any(_outdone(model, c, b) for b in better)]
@@ -206,61 +127,6 @@ def _weighed(model: Model, tried: Sequence[Candidate]) -> tuple[list[Candidate],
     return ordered, after if after is not None and ordered[0] is first else examine(ordered[0].fit)
 
 
-def reproduced(model: Model, suspect: Suspect, other: Suspect) -> float:
-    """How much of a suspect's trace another one can reproduce, the base parameters taken out: 0 to 1."""
-    evidence, found = model.evidence, model.scores[suspect.name]
-    size = found.size if found.significance < 0.05 else np.array(suspect.usual)
-    mine, its = evidence.place(suspect.parameters), evidence.place(other.parameters)
-    columns = np.concatenate([evidence.base, mine, its])
-    information = evidence.named.information.sum(axis=0)[columns[:, None], columns]
-    b, q = len(evidence.base), len(mine)
-    schur = information[b:, b:] - information[b:, :b] @ inverse_of(information[:b, :b]) @ information[:b, b:]
-    cross = schur[q:, :q] @ size
-    total = float(size @ schur[:q, :q] @ size)
-    share = float(cross @ inverse_of(schur[q:, q:]) @ cross) / total if total > 0.0 else 0.0
-    return float(np.sqrt(max(0.0, share)))
-
-
-def stands(after: Model, suspect: Suspect) -> Outside | None:
-    """None if the name stands; else the curve that explains what the name was to explain, and more.
-
-    At the fit with the suspect in the model: a curve in its channels that is still needed beside the name, while the
-    name is not needed beside the curve, convicts the name of being a stand-in.
-    """
-    pulled = WORLD if any(c.startswith("F_") for c in suspect.channels) else ()
-    curve = best_curve(after, [*(c for c in suspect.channels if c in CHANNELS), *pulled])
-    if curve is None:
-        return None
-    beside = [curve]
-    if curve.channel in WORLD:  # what pulls in one level direction may pull in the other as well
-        beside += [c for c in (best_curve(after, [w]) for w in WORLD if w != curve.channel) if c is not None]
-    alone, left = loss(after, suspect), loss(after, suspect, beside)
-    needed = left.significance < CHANCE and left.gain > NAMED_SHARE * alone.gain
-    drawn = " and ".join(f"{c.channel} vs {c.variable}" for c in beside)
-    logger.info(
-        "%s: worth %.1f, beside %s %.1f; the curve beside it %.1f",
-        *(suspect.name, alone.gain, drawn, left.gain, curve.score.gain_unseen),
-    )
-    return None if needed or curve.score.gain_unseen < left.gain else curve
-
-
-def loss(model: Model, suspect: Suspect, beside: Sequence[Outside] = ()) -> Loss:
-    """What the model would lose without a suspect that is part of it, maybe with curves beside it."""
-    evidence = model.evidence
-    names = [n for n in suspect.parameters if n in model.fit.free_names]
-    if not names:
-        return Loss(0.0, 1.0)
-    own = evidence.place(names)
-    kept = np.setdiff1d(evidence.base, own)
-    values = np.array([model.fit.vehicle.value(n) for n in names])
-    if not beside:
-        return loss_without(evidence.named, kept, own, values)
-    channels = [c.channel for c in beside]
-    wanted = [(c.channel, c.variable) for c in beside]
-    drawn = [columns for channel, variable, columns in evidence.groups(*channels) if (channel, variable) in wanted]
-    return loss_without(evidence.with_curves(*channels), np.concatenate([kept, *drawn]), own, values)
-
-
 @dataclass(frozen=True, slots=True)
 class Trial:
     """One attempt to add a suspect, and how it ended."""
@@ -282,6 +148,11 @@ class Trial:
     fit: Identification
 
     @property
+    def refuted(self) -> bool:
+        """Whether something speaks against it, more than that too little speaks for it."""
+        return self.outcome == "stand-in" or (self.outcome == "not confirmed" and self.judged_on == UNSEEN)
+
+    @property
     def between(self) -> tuple[str, ...]:
         """Names that nothing tells apart: its own and those of rivals almost as likely."""
         least = self.confidence * np.exp(-CLEAR_LEAD)
@@ -297,6 +168,9 @@ class Search:
     trials: tuple[Trial, ...]
     added: tuple[Suspect, ...]
     outside: Outside | None
+    """None also where suspects that nothing refuted explain as much as the best curve."""
+    doubted: tuple[str, ...]
+    """Those suspects."""
     undecided: Trial | None
     """One of its look-alikes is missing from the last model."""
     drawn_at: Model
@@ -338,10 +212,10 @@ def search(
             refused.add(dropped.name)
             models.append(_without(logs, models[-1], dropped, options))
     trial, at = undecided or (None, models[-1])
-    outside = best_curve(at, EVERY_CHANNEL) if len(added) < most else None
-    if outside is not None and outside.confidence < LEAST_CONFIDENCE_CURVE:
-        outside = None
-    return Search(tuple(models), tuple(trials), tuple(added), outside, trial, at)
+    outside = stated_curve(at) if len(added) < most else None
+    refuted = {*dropped_before, *(t.suspect.name for t in trials if t.refuted)}
+    doubted = () if outside is None else tuple(s.name for s in as_good_as(outside, at) if s.name not in refuted)
+    return Search(tuple(models), tuple(trials), tuple(added), None if doubted else outside, doubted, trial, at)
 
 
 def _next(
@@ -385,8 +259,7 @@ def _next(
 def _odds(model: Model, best: Candidate, other: Candidate) -> float:
     """Odds against the best of one that competes with it for the same evidence; else 0, for both may be missing."""
     scales = model.tried.scales
-    pair = (best.suspect, other.suspect)
-    if scales is None or max(reproduced(model, *pair), reproduced(model, *pair[::-1])) <= ALIKE:
+    if scales is None or not alike(model, best.suspect, other.suspect):
         return 0.0
     return float(np.exp(scales.weight(other) - scales.weight(best)))
 
@@ -409,7 +282,7 @@ def _confirmed(model: Model, best: Candidate, unseen: Judge | None) -> tuple[Fal
         against = fall.total < -CONTRADICTING_SIGMAS * fall.sigma
         could_tell = could > COULD_CONFIRM * max(fall.sigma, least) and scored.log_odds < CERTAIN_ODDS
         if fall.total > least or against or could_tell:
-            return fall, fall.total > least, "held-out flights"
+            return fall, fall.total > least, UNSEEN
         why = f"held-out flights fell by {fall.total:.0f} ± {fall.sigma:.0f}, of {could:.0f} at best, and cannot tell"
     return (
         Fall(scored.unseen_by_block),

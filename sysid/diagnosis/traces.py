@@ -7,7 +7,7 @@ from scipy.ndimage import uniform_filter1d
 
 from flight.rotations import FloatArray
 from sysid import drive, dynamics
-from sysid.diagnosis.search import Model, reproduced
+from sysid.diagnosis.examined import Model, reproduced
 from sysid.diagnosis.suspects import Suspect
 from sysid.model import slopes_along
 

@@ -7,7 +7,7 @@ of all for the suspect that fits best, which would be its undoing. How they scat
 along it and along its rival, makes less of the difference between the two.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -60,14 +60,3 @@ class Scales:
         columns = np.array([self._names.index(n) for n in suspect.parameters if n in self._names], dtype=np.intp)
         given = np.setdiff1d(self._base, columns)
         return score(self._blocks, given, columns).dispersion if len(columns) else 1.0
-
-
-@dataclass(slots=True)
-class Tried:
-    """What was fitted in full beside one model; grows as the search goes on."""
-
-    candidates: dict[str, Candidate | None] = field(default_factory=dict)
-    """By suspect; None where the fit failed."""
-    scales: Scales | None = None
-    undecided: list[Candidate] = field(default_factory=list)
-    """Put aside because nothing tells them apart."""

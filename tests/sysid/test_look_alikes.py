@@ -4,6 +4,7 @@ Flights of `vehicle.flights` with one effect of the example vehicle in another's
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,8 +13,9 @@ import vehicle
 from flight import FlightLog
 from sysid import Options, identify
 from sysid.diagnosis import Diagnosis, diagnose, next_flight
+from sysid.diagnosis.examined import Model, as_good_as, best_curve, examine
 from sysid.diagnosis.rehearsal import Room, fitted_into
-from sysid.diagnosis.search import CLEAR_LEAD, Model, candidates, examine
+from sysid.diagnosis.search import CLEAR_LEAD, candidates
 from sysid.diagnosis.weigh import Candidate, Scales
 from vehicle import Vehicle, flights, manoeuvres
 from vehicle.simulate import Wind
@@ -100,6 +102,23 @@ def test_nobody_is_named_where_two_explain_as_much(doubtful):
 
 def test_the_flight_proposed_next_tells_the_undecided_apart(doubtful):
     assert next_flight.in_doubt(doubtful) == doubtful.undecided
+
+
+def test_no_curve_is_called_unknown_while_a_known_effect_explains_as_much(fitted):
+    model, _ = fitted
+    curve = best_curve(model, ["F_x"])
+    assert curve is not None
+    assert as_good_as(curve, model)[0].name == "rotor_drag_speed"
+    assert as_good_as(replace(curve, channel="F_z"), model) == []
+
+
+@pytest.mark.slow
+def test_what_rests_on_few_stretches_is_doubted_and_not_drawn_as_unknown():
+    base, truth = planted("inflow_linear", "thrust_affine")
+    found = diagnose(flown(truth, (*LITTLE, "vertical_weave"), np.random.default_rng(3)), base, auto=True)
+    assert found.outside is None
+    assert found.additions in ((), ("inflow_linear",))
+    assert "inflow_linear" in found.verdict
 
 
 @pytest.mark.slow

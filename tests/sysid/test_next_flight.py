@@ -10,9 +10,9 @@ import vehicle
 from esdf import solids
 from flight import FlightLog, InfeasibleError, InputError, Trajectory
 from sysid import Options, identify
+from sysid.diagnosis.examined import Model, examine
 from sysid.diagnosis.next_flight import Question, ask, rank
 from sysid.diagnosis.rehearsal import Room, fitted_into, rehearse
-from sysid.diagnosis.search import Model, examine
 from vehicle import Vehicle, flights, manoeuvres
 from vehicle.simulate import Wind
 

@@ -1,0 +1,211 @@
+"""A fitted model with the evidence at it, and what can be asked of it: who stands out, what curve, who stands in."""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from sysid.diagnosis.confirm import Judge
+from sysid.diagnosis.evidence import Evidence
+from sysid.diagnosis.free_form import EVERY_CHANNEL, WORLD
+from sysid.diagnosis.score import Loss, Score, inverse_of, loss_without, score
+from sysid.diagnosis.suspects import LineUp, Suspect, line_up
+from sysid.diagnosis.weigh import Candidate, Scales
+from sysid.result import CHANNELS, Identification
+
+logger = logging.getLogger(__name__)
+
+CHANCE = 3e-5
+"""A suspect is significant below this probability: with some 30 suspects, one wrong call in 1,000 diagnoses."""
+CHANCE_CURVE = 1e-6
+"""The same for a free-form curve, of which there are some 150, and whose many columns make their tests less sure."""
+LEAST_GAIN = 4.0
+"""Cross-validated fall of the cost below which no suspect is taken seriously, whatever its significance."""
+LEAST_GAIN_CURVE = 15.0
+"""The same for a curve."""
+CLEAR_ODDS = 25.0
+"""Log odds of unseen blocks that speak for a suspect where its significance rests on a few blocks and stays low;
+false names came to 20: a controller that answers gusts looks like a little less thrust per speed. It also confirms
+where held-out flights cannot tell."""
+CLEAR_ODDS_CURVE = 16.0
+"""The same for a curve; innocent models came to 10 at most."""
+DOUBTFUL = 1e-3
+"""... and the probability of chance that is low enough then."""
+DOUBTFUL_CURVE = 1e-2
+"""The same for a curve: with a dozen columns and some fifty blocks the plain test has little power left."""
+LEAST_SIZE = 0.05
+"""Sizes below this share of the usual one are of no consequence, however significant."""
+MOST_CONFIDENCE = 0.97
+"""Nothing is stated with more: so many of the names given on blind campaigns with well visible effects were right."""
+EVEN_ODDS_CURVE = 30.0
+"""Log odds of unseen blocks at which a curve is as often wrong in channel or variable as right: on blind campaigns the
+wrong ones came to 19, 19 and 35, the right ones to 31 and more."""
+LEAST_CONFIDENCE_CURVE = 0.3
+"""A curve that would be stated with less is not stated."""
+ALIKE = 0.5
+"""Suspects that reproduce this much of each other's trace compete for the same evidence."""
+NAMED_SHARE = 0.2
+"""A name stands if, with the best curve beside it, it keeps this share of its own gain."""
+
+
+@dataclass(slots=True)
+class Tried:
+    """What was tried beside one model; grows as the search goes on."""
+
+    candidates: dict[str, Candidate | None] = field(default_factory=dict)
+    """By suspect; None where the fit failed."""
+    scales: Scales | None = None
+    undecided: list[Candidate] = field(default_factory=list)
+    """Put aside because nothing tells them apart."""
+    curve: "list[Outside | None]" = field(default_factory=list)
+    """The best one, once it was looked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """A fitted model with the evidence at it."""
+
+    fit: Identification
+    line_up: LineUp
+    evidence: Evidence
+    scores: dict[str, Score]
+    """Of every suspect."""
+    judge: Judge
+    """Of the flights it was fitted to, at its noise level."""
+    tried: Tried
+
+
+@dataclass(frozen=True, slots=True)
+class Outside:
+    """A curve that explains what no named effect does."""
+
+    channel: str
+    variable: str
+    score: Score
+    confidence: float
+    """Probability that this is the variable, given the channel."""
+
+
+def examine(fit: Identification) -> Model:
+    """Score every suspect at a fitted model."""
+    lined = line_up(fit.vehicle, fit.flights)
+    evidence = Evidence(fit.flights, fit.solution.point, fit.noise, fit.unknowns, lined)
+    scores = {
+        s.name: score(evidence.named, evidence.base, evidence.place(s.parameters), np.array(s.one_sided))
+        for s in lined.suspects
+    }
+    judge = Judge(fit.flights, fit.noise, fit.solution.point.states)
+    return Model(fit, lined, evidence, scores, judge, Tried())
+
+
+def significant(model: Model) -> list[Suspect]:
+    """Suspects beyond chance, best first."""
+    found = [s for s in model.line_up.suspects if _stands_out(s, model.scores[s.name])]
+    return sorted(found, key=lambda s: -model.scores[s.name].gain_unseen)
+
+
+def _stands_out(suspect: Suspect, found: Score) -> bool:
+    beyond_chance = found.significance < CHANCE and found.gain_unseen > LEAST_GAIN
+    beyond_chance |= found.significance < DOUBTFUL and found.log_odds > CLEAR_ODDS
+    return beyond_chance and bool((np.abs(found.size) > LEAST_SIZE * np.array(suspect.usual)).any())
+
+
+def best_curve(model: Model, channels: Sequence[str]) -> Outside | None:
+    """The free-form curve that explains most in some channels, if any is beyond chance."""
+    found: list[Outside] = []
+    for channel in channels:
+        blocks = model.evidence.with_curves(channel)
+        for _, variable, columns in model.evidence.groups(channel):
+            scored = score(blocks, model.evidence.base, columns)
+            clear = scored.significance < CHANCE_CURVE and scored.gain_unseen > LEAST_GAIN_CURVE
+            if clear or (scored.significance < DOUBTFUL_CURVE and scored.log_odds > CLEAR_ODDS_CURVE):
+                found.append(Outside(channel, variable, scored, 1.0))
+    if not found:
+        return None
+    best = max(found, key=lambda o: o.score.gain_unseen)
+    rivals = [np.exp(o.score.gain_unseen - best.score.gain_unseen) for o in found if o.channel == best.channel]
+    clear = 1.0 / (1.0 + (EVEN_ODDS_CURVE / max(best.score.log_odds, 1.0)) ** 4)
+    return replace(best, confidence=MOST_CONFIDENCE * clear / float(np.sum(rivals)))
+
+
+def stated_curve(model: Model) -> Outside | None:
+    """The best curve of all, if it is sure enough to be stated."""
+    if not model.tried.curve:
+        best = best_curve(model, EVERY_CHANNEL)
+        model.tried.curve.append(best if best is not None and best.confidence >= LEAST_CONFIDENCE_CURVE else None)
+    return model.tried.curve[0]
+
+
+def as_good_as(curve: Outside, model: Model) -> list[Suspect]:
+    """Suspects that explain as much as a curve in a channel of theirs, best first."""
+    own = [
+        s for s in model.line_up.suspects if any(c == curve.channel or curve.channel in _turned(c) for c in s.channels)
+    ]
+    gain = {s.name: model.scores[s.name].gain_unseen for s in own}
+    return sorted((s for s in own if gain[s.name] >= curve.score.gain_unseen), key=lambda s: -gain[s.name])
+
+
+def _turned(channel: str) -> tuple[str, ...]:
+    """Channels along axes of the world in which a force along axes of the body shows."""
+    return tuple(WORLD) if channel.startswith("F_") else ()
+
+
+def alike(model: Model, one: Suspect, other: Suspect) -> bool:
+    """Whether either leaves much of the other's trace, so that the two compete for the same evidence."""
+    return max(reproduced(model, one, other), reproduced(model, other, one)) > ALIKE
+
+
+def reproduced(model: Model, suspect: Suspect, other: Suspect) -> float:
+    """How much of a suspect's trace another one can reproduce, the base parameters taken out: 0 to 1."""
+    evidence, found = model.evidence, model.scores[suspect.name]
+    size = found.size if found.significance < 0.05 else np.array(suspect.usual)
+    mine, its = evidence.place(suspect.parameters), evidence.place(other.parameters)
+    columns = np.concatenate([evidence.base, mine, its])
+    information = evidence.named.information.sum(axis=0)[columns[:, None], columns]
+    b, q = len(evidence.base), len(mine)
+    schur = information[b:, b:] - information[b:, :b] @ inverse_of(information[:b, :b]) @ information[:b, b:]
+    cross = schur[q:, :q] @ size
+    total = float(size @ schur[:q, :q] @ size)
+    share = float(cross @ inverse_of(schur[q:, q:]) @ cross) / total if total > 0.0 else 0.0
+    return float(np.sqrt(max(0.0, share)))
+
+
+def stands(after: Model, suspect: Suspect) -> Outside | None:
+    """None if the name stands; else the curve that explains what the name was to explain, and more.
+
+    At the fit with the suspect in the model: a curve in its channels that is still needed beside the name, while the
+    name is not needed beside the curve, convicts the name of being a stand-in.
+    """
+    pulled = WORLD if any(c.startswith("F_") for c in suspect.channels) else ()
+    curve = best_curve(after, [*(c for c in suspect.channels if c in CHANNELS), *pulled])
+    if curve is None:
+        return None
+    beside = [curve]
+    if curve.channel in WORLD:  # what pulls in one level direction may pull in the other as well
+        beside += [c for c in (best_curve(after, [w]) for w in WORLD if w != curve.channel) if c is not None]
+    alone, left = loss(after, suspect), loss(after, suspect, beside)
+    needed = left.significance < CHANCE and left.gain > NAMED_SHARE * alone.gain
+    drawn = " and ".join(f"{c.channel} vs {c.variable}" for c in beside)
+    logger.info(
+        "%s: worth %.1f, beside %s %.1f; the curve beside it %.1f",
+        *(suspect.name, alone.gain, drawn, left.gain, curve.score.gain_unseen),
+    )
+    return None if needed or curve.score.gain_unseen < left.gain else curve
+
+
+def loss(model: Model, suspect: Suspect, beside: Sequence[Outside] = ()) -> Loss:
+    """What the model would lose without a suspect that is part of it, maybe with curves beside it."""
+    evidence = model.evidence
+    names = [n for n in suspect.parameters if n in model.fit.free_names]
+    if not names:
+        return Loss(0.0, 1.0)
+    own = evidence.place(names)
+    kept = np.setdiff1d(evidence.base, own)
+    values = np.array([model.fit.vehicle.value(n) for n in names])
+    if not beside:
+        return loss_without(evidence.named, kept, own, values)
+    channels = [c.channel for c in beside]
+    wanted = [(c.channel, c.variable) for c in beside]
+    drawn = [columns for channel, variable, columns in evidence.groups(*channels) if (channel, variable) in wanted]
+    return loss_without(evidence.with_curves(*channels), np.concatenate([kept, *drawn]), own, values)
