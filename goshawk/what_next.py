@@ -62,13 +62,20 @@ def lines(found: Diagnosis, asked: Asked) -> list[str]:
 
 
 def _after_additions(found: Diagnosis, asked: Asked) -> list[str]:
+    marking = _marking(found, asked)
     if asked.out is not None:
-        return [] if asked.auto else [asked.again(asked.out)]
+        return marking if asked.auto else [*marking, asked.again(asked.out)]
     effects = list(dict.fromkeys(name.partition("[")[0] for name in found.additions))
     if THRUST in effects and THRUST not in found.base.effects:
-        return [asked.again(asked.vehicle_file) + (" --auto" if asked.auto else "") + " --out better.toml"]
+        return [*marking, asked.again(asked.vehicle_file) + (" --auto" if asked.auto else "") + " --out better.toml"]
     change = f"goshawk vehicle add-effect {_words(asked.vehicle_file)} {{}}{asked.refitting()}"
-    return [change.format(effect) for effect in effects]
+    return [*marking, *(change.format(effect) for effect in effects)]
+
+
+def _marking(found: Diagnosis, asked: Asked) -> list[str]:
+    """Tell the logs of flights without the payload that they are; the others need not be told."""
+    both = zip((*asked.flights, *asked.held_out), found.payload_carried, strict=False)
+    return [f"goshawk log {_words(path)}{asked.reading()} --payload left" for path, carries in both if not carries]
 
 
 def _after_curve(outside: OutsideFinding, asked: Asked) -> list[str]:

@@ -12,6 +12,7 @@ from sysid import drive, dynamics
 from sysid.dynamics import Middle
 from sysid.flight_data import Flight, prepare
 from sysid.identification import smooth
+from sysid.model import as_flown
 from sysid.options import Options
 from sysid.prediction import predict
 from sysid.result import CHANNELS
@@ -179,7 +180,7 @@ def residual(flight: Flight, states: States, vehicle: Vehicle, process: FloatArr
     mid = dynamics.middle(flight, states)
     driven = drive.driven(flight, vehicle)
     left = dynamics.unexplained(driven, states, vehicle)
-    body = rigid_body(vehicle)
+    body = rigid_body(as_flown(vehicle, flight.carries_payload))
     turning = np.sqrt(body.inertia_kg_m2**2 @ process[3:] ** 2)
     return Residual(
         time_s=0.5 * (flight.time_s[1:] + flight.time_s[:-1]),

@@ -19,6 +19,8 @@ GAP_LEAST_S = 0.04
 """... and at least this long: single lost frames are harmless."""
 LEAD_IN_S = 0.3
 """Where only commands are known, this much is given to the rotors to reach the speed that nobody measured."""
+PAYLOAD_CARRIED = "payload_carried"
+"""Key of a log's metadata that says whether the payload was on board."""
 SHORTEST_S = 1.0
 """Pieces between gaps that are shorter say nothing and are left out."""
 
@@ -51,6 +53,8 @@ class Flight:
     """(n - 1,) mean over each interval."""
     lead_in: "LeadIn | None" = None
     """What was commanded just before; only where rotor speed was not measured."""
+    carries_payload: bool | None = None
+    """Whether the vehicle's payload, if it has one, was on board; None where the log does not say: it was."""
 
     @property
     def step_s(self) -> FloatArray:
@@ -107,6 +111,19 @@ def prepare(log: FlightLog, index: int, options: Options) -> list[Flight]:
     source = _source(log, str(log.metadata.get("name", f"flight {index + 1}")))
     pieces = _split(log, source, options)
     return [_flight(log, piece, source, index, len(pieces), options) for piece in pieces]
+
+
+def carries_payload(log: FlightLog) -> bool | None:
+    """What the log's metadata say under `payload_carried`; None if nothing.
+
+    Raises:
+        InputError: something else than true or false.
+    """
+    said = log.metadata.get(PAYLOAD_CARRIED)
+    if said is not None and not isinstance(said, bool):
+        name = log.metadata.get("name", "the log")
+        raise InputError(f"{name}: {PAYLOAD_CARRIED} in its metadata is {said!r}; it must be true or false")
+    return said
 
 
 def _source(log: FlightLog, name: str) -> _Source:
@@ -203,6 +220,7 @@ def _flight(
         rotor_acceleration_rad_s2=acceleration,
         rotor_command_rad_s=np.full_like(speed, np.nan) if measured else speed,
         battery_v=battery,
+        carries_payload=carries_payload(log),
     )
     return flight if measured else _after_lead_in(flight)
 

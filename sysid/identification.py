@@ -10,7 +10,7 @@ from flight import FlightLog, InputError, Progress, silent
 from flight.rotations import FloatArray
 from sysid import drive, dynamics, excitation, gusts
 from sysid.flight_data import Flight, prepare
-from sysid.model import chosen_names
+from sysid.model import PAYLOAD, chosen_names
 from sysid.options import Options
 from sysid.problem import Noise, Point, Unknowns, with_values
 from sysid.result import Identification, conclude
@@ -25,6 +25,8 @@ UNSETTLED = (
     "disturbances that last (gusts) were seen, and carrying them among the states did not settle; they were taken for "
     "white noise, so inertias and torques may be off by a few of their standard errors; fly in calmer air"
 )
+PLACE_OF_LOAD = tuple(f"{PAYLOAD}.{axis}_m" for axis in "xyz")
+"""Fitted with the catalogue's width as a prior: a load of no weight has no place, and its height hardly ever shows."""
 UNSEEN_SHARE = 0.5
 """A parameter is unseen when its standard error exceeds this share of its usual size."""
 
@@ -184,7 +186,8 @@ def _prior(point: Point, vehicle: Vehicle, unknowns: Unknowns, options: Options)
         vehicle.parameter(name)
     named = (*unknowns.model, *unknowns.sensor)
     mean = [vehicle.value(name) for name in named] + [0.0] * (unknowns.size - len(named))
-    std = [options.prior_std.get(name, np.inf) for name in named]
+    believed = {name: specs(vehicle)[name].prior for name in PLACE_OF_LOAD if name in vehicle.parameters}
+    std = [(believed | dict(options.prior_std)).get(name, np.inf) for name in named]
     return Prior(np.array(mean), np.concatenate([std, _bias_std(unknowns)]))
 
 

@@ -13,8 +13,9 @@ from scipy.signal import savgol_filter
 from flight import FlightLog, frames, rotations
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
+from sysid.flight_data import carries_payload
 from sysid.log_finding import Finding, error, warning
-from sysid.model import surroundings
+from sysid.model import as_flown, surroundings
 from vehicle import Vehicle, acceleration, wrench
 from vehicle.invert import open_air
 
@@ -52,7 +53,8 @@ def check(log: FlightLog, vehicle: Vehicle | None) -> list[Finding]:
     found += [*attitude, *_velocity(log, motion)]
     if attitude:
         return found  # whatever is judged by the attitude would only repeat that
-    return [*found, *_gyro(log, motion), *_rotors(log, motion, vehicle)]
+    flown = as_flown(vehicle, carries_payload(log)) if vehicle is not None else None
+    return [*found, *_gyro(log, motion), *_rotors(log, motion, flown)]
 
 
 def kinematics(log: FlightLog) -> Kinematics | None:

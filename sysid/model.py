@@ -16,6 +16,8 @@ from vehicle import Jacobian, Surroundings, Vehicle, acceleration, acceleration_
 if TYPE_CHECKING:
     from sysid.dynamics import Middle
 
+PAYLOAD = "payload"
+"""The one effect that a flight may be without."""
 ALWAYS_HELD = ("mass_kg", "rotor_radius_m", "air_density_kg_m3")
 """Pose and rotor speed show forces only per mass, and thrust only per air density and disk area."""
 
@@ -51,6 +53,13 @@ def chosen_names(
     return tuple(name for name in wanted if name not in held)
 
 
+def as_flown(vehicle: Vehicle, carries_payload: bool | None) -> Vehicle:
+    """The vehicle of one flight: without its payload where that stayed behind."""
+    if carries_payload is not False or PAYLOAD not in vehicle.effects:
+        return vehicle
+    return vehicle.with_value(f"{PAYLOAD}.added_kg", 0.0)
+
+
 def surroundings(
     position_world_m: FloatArray, q_world_body: FloatArray, rotor_acceleration: FloatArray
 ) -> Surroundings:
@@ -66,6 +75,7 @@ def surroundings(
 def along(vehicle: Vehicle, flight: Flight, mid: "Middle") -> FloatArray:
     """(k, 6) specific force and angular acceleration in body axes over each interval."""
     around = surroundings(mid.position_world_m, mid.q_world_body, flight.rotor_acceleration_rad_s2)
+    vehicle = as_flown(vehicle, flight.carries_payload)
     both = acceleration(vehicle, mid.velocity_body_m_s, mid.rate_body_rad_s, flight.rotor_speed_rad_s, around)
     return np.concatenate(both, axis=1)
 
@@ -74,6 +84,7 @@ def slopes_along(vehicle: Vehicle, names: tuple[str, ...], flight: Flight, mid: 
     """The same with derivatives by the state and by the named parameters."""
     around = surroundings(mid.position_world_m, mid.q_world_body, flight.rotor_acceleration_rad_s2)
     known = [name for name in names if not name.startswith(_drive_effects(vehicle))]
+    vehicle = as_flown(vehicle, flight.carries_payload)
     found = acceleration_jacobian(
         vehicle,
         mid.velocity_body_m_s,
@@ -82,6 +93,8 @@ def slopes_along(vehicle: Vehicle, names: tuple[str, ...], flight: Flight, mid: 
         parameters=known,
         surroundings=around,
     )
+    if flight.carries_payload is False:
+        found.parameters[:, :, [name.startswith(f"{PAYLOAD}.") for name in known]] = 0.0
     if len(known) == len(names):
         return found
     # the motors act through rotor speed: chain rule

@@ -8,7 +8,7 @@ from flight import rotations
 from flight.rotations import FloatArray
 from sysid.dynamics import GRAVITY_WORLD_M_S2
 from sysid.flight_data import Flight, IndexArray
-from sysid.model import surroundings
+from sysid.model import as_flown, surroundings
 from sysid.states import States
 from vehicle import Vehicle, acceleration
 
@@ -32,6 +32,7 @@ def predict(
     usual_s = float(np.median(flight.step_s))
     steps = tuple(max(1, round(horizon / usual_s)) for horizon in horizons_s)
     stride = max(1, round(every_s / usual_s))
+    vehicle = as_flown(vehicle, flight.carries_payload)
     starts = np.arange(0, len(flight) - max(steps), stride)
     now = States(
         states.position_world_m[starts],

@@ -8,13 +8,19 @@ import numpy as np
 import firmware_bridge
 import sysid
 import vehicle
-from flight import FlightLog, flight_log
+from flight import FlightLog, InputError, flight_log
 from goshawk import console
 from goshawk.flights import IN_FREE_AIR, in_the_air
+from sysid.flight_data import PAYLOAD_CARRIED
 
 
 @click.command()
 @click.argument("flight", type=click.Path(path_type=Path))
+@click.option(
+    "--payload",
+    type=click.Choice(("carried", "left")),
+    help="Write into FLIGHT whether the payload was on board; a foreign log gets one of ours (.parquet) beside it.",
+)
 @click.option("--download", is_flag=True, help="Fetch the vehicle's own log of its last flight into FLIGHT first.")
 @console.path_option("--vehicle", "vehicle_file", "Vehicle file: check rotor order, spin and units against it too.")
 @console.columns_option
@@ -23,6 +29,7 @@ from goshawk.flights import IN_FREE_AIR, in_the_air
 @console.json_option
 def command(
     flight: Path,
+    payload: str | None,
     download: bool,
     vehicle_file: Path | None,
     columns: Path | None,
@@ -32,16 +39,19 @@ def command(
 ) -> None:
     """Show what FLIGHT holds (columns, rates, gaps, ranges) and what looks wrong with it.
 
-    Each finding comes with a fix; nothing is changed. FLIGHT is our own log, PX4's (.ulg), or CSV or a ROS recording
-    with --columns.
+    Each finding comes with a fix; the log stays as it is, but for what --payload says. FLIGHT is our own log, PX4's
+    (.ulg), or CSV or a ROS recording with --columns.
 
     \b
     goshawk log demo-out/flights/walk.parquet
     goshawk log flight.csv --columns map.toml --vehicle vehicle.toml --json
     goshawk log last.parquet --download --vehicle-url udp://192.168.4.1:14550
+    goshawk log lap.parquet --payload left
     """
     if download:
         fetch(flight, url, key_file)
+    if payload is not None:
+        mark(flight, columns, payload == "carried")
     log = sysid.read_log(flight, columns)
     believed = vehicle.load(vehicle_file) if vehicle_file is not None else None
     document = describe(log) | {"check": sysid.check_log(_aloft(log, flight), believed).as_dict()}
@@ -72,6 +82,21 @@ def fetch(out: Path, url: str, key_file: Path | None) -> None:
         console.progress() as report,
     ):
         flight_log.save(out, link.download_log(progress=report, cancel=cancel))
+
+
+def mark(path: Path, columns: Path | None, carried: bool) -> None:
+    """Write into a log whether the payload was on board; of a foreign log, into one of ours beside it.
+
+    Raises:
+        InputError: there is another log of that name beside it.
+    """
+    log = sysid.read_log(path, columns)
+    own = path.with_suffix(".parquet")
+    if own != path and own.exists():
+        raise InputError(f"{own} exists; mark that one, or move it away if it is not {path.name} in our own format")
+    flight_log.save(own, FlightLog(log.columns, {**log.metadata, PAYLOAD_CARRIED: carried}))
+    if own != path:
+        click.echo(f"written: {own}; give it instead of {path} from now on", err=True)
 
 
 def describe(log: FlightLog) -> dict:

@@ -53,6 +53,27 @@ class Judge:
         """
         self._flights, self._noise, self._states = list(flights), noise, states
         self._known: list[tuple[Vehicle, FloatArray]] = []
+        self._given = self._flights
+
+    @property
+    def flights(self) -> tuple[Flight, ...]:
+        """With what each carries, where that was decided."""
+        return tuple(self._flights)
+
+    def decide_load(self, vehicle: Vehicle) -> int:
+        """Say of each log that does not say so itself whether it carries the vehicle's payload: the likelier of both.
+
+        Returns:
+            How many logs it was decided for.
+        """
+        both = {carries: [_told(f, carries) for f in self._given] for carries in (True, False)}
+        costs = {c: Judge(f, self._noise, self._states).costs(vehicle) for c, f in both.items()}
+        open_ = sorted({f.log_index for f in self._given if f.carries_payload is None})
+        log_of_block = np.concatenate([np.full(len(block_edges(f.time_s)), f.log_index) for f in self._given])
+        lighter = {i for i in open_ if (costs[True] - costs[False])[log_of_block == i].sum() > 0.0}
+        self._flights = [_told(f, f.log_index not in lighter) for f in self._given]
+        self._known = []
+        return len(open_)
 
     def at(self, noise: Noise, states: tuple[States, ...]) -> "Judge":
         """Another one of the same flights at another noise level; `states` is where to start from."""
@@ -95,6 +116,10 @@ class Judge:
     def fall(self, before: Vehicle, after: Vehicle, states_after: tuple[States, ...] | None = None) -> Fall:
         """From one model to another."""
         return Fall(self.costs(before) - self.costs(after, states_after))
+
+
+def _told(flight: Flight, carries: bool) -> Flight:
+    return flight if flight.carries_payload is not None else replace(flight, carries_payload=carries)
 
 
 def settle(flights: Sequence[Flight], point: Point, noise: Noise) -> tuple[Point, tuple[Rows, ...]]:

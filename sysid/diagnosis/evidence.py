@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flight.rotations import FloatArray
 from sysid import drive, dynamics, problem
@@ -43,6 +44,12 @@ class Blocks:
         """The same for some columns."""
         return Blocks(self.score[:, columns], self.information[:, columns[:, None], columns])
 
+    def silenced(self, columns: IndexArray, where: NDArray[np.bool_]) -> "Blocks":
+        """The same with some columns zero in some blocks."""
+        heard = np.ones(self.score.shape)
+        heard[np.ix_(where, columns)] = 0.0
+        return Blocks(self.score * heard, self.information * heard[:, :, None] * heard[:, None])
+
 
 class Evidence:
     """Blocks of a set of flights for the base parameters and all suspects; curves of a channel when asked for."""
@@ -52,7 +59,7 @@ class Evidence:
     ) -> None:
         """Linearise where the base model stands (states at their best under it), every suspect at zero."""
         base = suspects.base_names(unknowns.model, line_up.vehicle)
-        wanted = tuple(name for suspect in line_up.suspects for name in suspect.parameters)
+        wanted = tuple(name for suspect in line_up.suspects for name in suspect.columns)
         extended = replace(
             unknowns,
             model=(*base, *(n for n in wanted if n not in SENSOR_NAMES)),
@@ -67,6 +74,7 @@ class Evidence:
         fitted = [name for name in extended.names if name not in wanted]
         self._order = np.array([extended.names.index(name) for name in (*fitted, *wanted)], dtype=np.intp)
         self._free: dict[tuple[str, ...], Blocks] = {}
+        self._silent: list[tuple[IndexArray, NDArray[np.bool_]]] = []
         self.names = (*fitted, *wanted)
         """(n,) of the named columns: base parameters first, then the suspects'."""
         self.base = np.arange(len(fitted), dtype=np.intp)
@@ -81,12 +89,23 @@ class Evidence:
         """Columns of these names."""
         return np.array([self.names.index(name) for name in names], dtype=np.intp)
 
+    def silence(self, names: Sequence[str], where: NDArray[np.bool_]) -> None:
+        """From now on the columns of these names are zero in some blocks (b,): what they stand for was not there."""
+        self._silent.append((self.place(names), where))
+        self.named = self._heard(self.named)
+        self._free = {channels: self._heard(blocks) for channels, blocks in self._free.items()}
+
+    def _heard(self, blocks: Blocks) -> Blocks:
+        for columns, where in self._silent:
+            blocks = blocks.silenced(columns, where)
+        return blocks
+
     def with_curves(self, *channels: str) -> Blocks:
         """Blocks over the named columns followed by the curves of one channel, or of several that share their axes."""
         if channels not in self._free:
             drawn = [(channel, self._of(channel)) for channel in channels]
             parts = each(self._vehicle, lambda one: one.with_curves(drawn), self._projected)
-            self._free[channels] = _reordered(_joined(parts), self._order)
+            self._free[channels] = self._heard(_reordered(_joined(parts), self._order))
         return self._free[channels]
 
     def groups(self, *channels: str) -> list[tuple[str, str, IndexArray]]:

@@ -6,12 +6,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from sysid.diagnosis import load
 from sysid.diagnosis.confirm import Judge
 from sysid.diagnosis.evidence import Evidence
 from sysid.diagnosis.free_form import EVERY_CHANNEL, WORLD
+from sysid.diagnosis.load import Load
 from sysid.diagnosis.score import Loss, Score, inverse_of, loss_without, score
 from sysid.diagnosis.suspects import LineUp, Suspect, line_up
 from sysid.diagnosis.weigh import Candidate, Scales
+from sysid.flight_data import Flight
+from sysid.model import PAYLOAD
 from sysid.result import CHANNELS, Identification
 
 logger = logging.getLogger(__name__)
@@ -74,6 +78,13 @@ class Model:
     judge: Judge
     """Of the flights it was fitted to, at its noise level."""
     tried: Tried
+    load: Load | None
+    """Which flights may carry a load, where the logs do not say so."""
+
+    @property
+    def flights(self) -> tuple[Flight, ...]:
+        """Those it was fitted to, with what they may carry."""
+        return self.load.marked(self.fit.flights) if self.load else self.fit.flights
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,12 +102,26 @@ def examine(fit: Identification) -> Model:
     """Score every suspect at a fitted model."""
     lined = line_up(fit.vehicle, fit.flights)
     evidence = Evidence(fit.flights, fit.solution.point, fit.noise, fit.unknowns, lined)
-    scores = {
-        s.name: score(evidence.named, evidence.base, evidence.place(s.parameters), np.array(s.one_sided))
-        for s in lined.suspects
-    }
-    judge = Judge(fit.flights, fit.noise, fit.solution.point.states)
-    return Model(fit, lined, evidence, scores, judge, Tried())
+    carried = _load(fit, lined, evidence)
+    scores = {s.name: _scored(evidence, s) for s in lined.suspects}
+    flights = fit.flights
+    if carried is not None:
+        scores[PAYLOAD], flights = carried.score, carried.marked(flights)
+    judge = Judge(flights, fit.noise, fit.solution.point.states)
+    return Model(fit, lined, evidence, scores, judge, Tried(), carried)
+
+
+def _scored(evidence: Evidence, suspect: Suspect) -> Score:
+    one_sided = np.array(suspect.one_sided + (False,) * len(suspect.fitted_along))
+    found = score(evidence.named, evidence.base, evidence.place(suspect.columns), one_sided)
+    return found.first(len(suspect.parameters))
+
+
+def _load(fit: Identification, lined: LineUp, evidence: Evidence) -> Load | None:
+    """Which flights may carry a load; the evidence then knows that the others do not."""
+    if any(f.carries_payload is not None for f in fit.flights) or PAYLOAD not in {s.name for s in lined.suspects}:
+        return None
+    return load.find(evidence, fit.flights)
 
 
 def significant(model: Model) -> list[Suspect]:
@@ -160,7 +185,7 @@ def reproduced(model: Model, suspect: Suspect, other: Suspect) -> float:
     """How much of a suspect's trace another one can reproduce, the base parameters taken out: 0 to 1."""
     evidence, found = model.evidence, model.scores[suspect.name]
     size = found.size if found.significance < 0.05 else np.array(suspect.usual)
-    mine, its = evidence.place(suspect.parameters), evidence.place(other.parameters)
+    mine, its = evidence.place(suspect.parameters), evidence.place(other.columns)
     columns = np.concatenate([evidence.base, mine, its])
     information = evidence.named.information.sum(axis=0)[columns[:, None], columns]
     b, q = len(evidence.base), len(mine)
@@ -201,7 +226,8 @@ def loss(model: Model, suspect: Suspect, beside: Sequence[Outside] = ()) -> Loss
     if not names:
         return Loss(0.0, 1.0)
     own = evidence.place(names)
-    kept = np.setdiff1d(evidence.base, own)
+    along = [n for n in suspect.fitted_along if n in model.fit.free_names]
+    kept = np.setdiff1d(evidence.base, evidence.place([*names, *along]))
     values = np.array([model.fit.vehicle.value(n) for n in names])
     if not beside:
         return loss_without(evidence.named, kept, own, values)

@@ -57,7 +57,7 @@ def write(found: Diagnosis, folder: Path, *, suffix: str = "svg") -> list[Path]:
 def left_of(model: Model) -> list[Residual]:
     """What a fitted model leaves unexplained on the flights it was fitted to."""
     fit = model.fit
-    both = zip(fit.flights, fit.solution.point.states, strict=True)
+    both = zip(model.flights, fit.solution.point.states, strict=True)
     return [residual(flight, states, fit.vehicle, fit.noise.process) for flight, states in both]
 
 

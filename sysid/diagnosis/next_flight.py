@@ -21,6 +21,7 @@ from sysid.diagnosis.procedure import NODE_RATE_HZ, VISIBLE_SIGMAS, Diagnosis
 from sysid.diagnosis.rehearsal import Rehearsal, Room, fitted_into, rehearse, waypoints_of
 from sysid.diagnosis.score import inverse_of
 from sysid.diagnosis.suspects import Suspect
+from sysid.model import PAYLOAD
 from sysid.problem import Unknowns
 from vehicle import effects, manoeuvres
 from vehicle.effects.base import Effect
@@ -240,7 +241,10 @@ class Question:
 
     def _supposition(self) -> str:
         shown = [self._is_shown(s) for s in self.suspects]
-        return f"supposing {'estimated' if all(shown) else 'estimated and usual' if any(shown) else 'usual'} sizes"
+        load = " and the load carried" if PAYLOAD in {s.name for s in self.suspects} else ""
+        return (
+            f"supposing {'estimated' if all(shown) else 'estimated and usual' if any(shown) else 'usual'} sizes{load}"
+        )
 
     def _effects(self) -> list[Effect]:
         return [effects.find(s.effect) for s in self.suspects]

@@ -9,15 +9,16 @@ from scipy.stats import norm
 
 from flight import FlightLog, InputError, Progress, silent
 from sysid.comparison import HORIZONS_S, Comparison, compare
-from sysid.diagnosis import traces
+from sysid.diagnosis import load, traces
 from sysid.diagnosis.examined import CHANCE, LEAST_SIZE, MOST_CONFIDENCE, Model, Outside
 from sysid.diagnosis.findings import SCHEMA_VERSION, Attempt, OutsideFinding, Size, Stair, SuspectFinding
 from sysid.diagnosis.free_form import VARIABLE
 from sysid.diagnosis.score import Score
 from sysid.diagnosis.search import Search, Trial, search
 from sysid.diagnosis.suspects import Suspect
-from sysid.flight_data import prepare
+from sysid.flight_data import carries_payload, prepare
 from sysid.identification import identify
+from sysid.model import PAYLOAD
 from sysid.options import Options
 from vehicle import Vehicle, effects, rigid_body
 
@@ -57,6 +58,9 @@ class Diagnosis:
     """Of the identification: sentences the user should read."""
     search: Search
     """Fits and evidence behind it all, for plots."""
+    payload_carried: tuple[bool, ...]
+    """Of each flight, then of each that was held out, whether it carries the payload that was added; empty if none was,
+    or if the logs say so themselves."""
     judged: Comparison
     """Every model of the staircase on the flights it was judged by, for plots."""
 
@@ -70,7 +74,7 @@ class Diagnosis:
         """The whole diagnosis in a sentence or two."""
         parts = []
         if self.additions:
-            parts.append(f"missing was {' and '.join(self.additions)}")
+            parts.append(f"missing was {' and '.join(self._said(name) for name in self.additions)}")
         if self.undecided:
             besides = "besides, " if parts else ""
             parts.append(f"{besides}{' or '.join(self.undecided)} is missing: these flights cannot tell which")
@@ -90,6 +94,11 @@ class Diagnosis:
         if self.leaves_too_much:
             parts.append("so much stays unexplained that these flights cannot tell what is missing: read the findings")
         return "; ".join(parts) if parts else "nothing that these flights could show is missing"
+
+    def _said(self, name: str) -> str:
+        both = zip((*self.flights, *self.held_out), self.payload_carried, strict=False)
+        loaded = [flight for flight, carries in both if carries]
+        return f"{name} (carried by {', '.join(loaded)} alone)" if name == PAYLOAD and loaded else name
 
     @property
     def leaves_too_much(self) -> bool:
@@ -121,6 +130,7 @@ class Diagnosis:
             "base": {"vehicle": self.base.name, "effects": list(self.base.effects)},
             "suspects": [s.as_dict() for s in self.suspects],
             "additions": list(self.additions),
+            "payload_carried": list(self.payload_carried) or None,
             "undecided": list(self.undecided),
             "attempts": [a.as_dict() for a in self.attempts],
             "outside": self.outside.as_dict() if self.outside else None,
@@ -171,7 +181,8 @@ def diagnose(
     last = found.models[-1].fit
     models = {"as given": vehicle, "fitted": base.vehicle}
     models |= {label: model.fit.vehicle for label, model in zip(_labels(found), found.models[1:], strict=True)}
-    judged = compare(held_out or logs, models, options)
+    carried = _carried(found, logs, held_out)
+    judged = compare(carried[len(logs) :] or carried[: len(logs)], models, options)
     stairs = tuple(
         Stair(name, {f"{h:g} s": e for h, e in zip(HORIZONS_S, judged.errors[name]["position"], strict=True)})
         for name in models
@@ -190,8 +201,22 @@ def diagnose(
         held_out=tuple(names[len(logs) :]),
         findings=last.findings,
         search=found,
+        payload_carried=_newly_told((*logs, *held_out), carried),
         judged=judged,
     )
+
+
+def _carried(found: Search, logs: Sequence[FlightLog], held_out: Sequence[FlightLog]) -> list[FlightLog]:
+    """All logs, saying whether they carry the payload if one was added."""
+    if PAYLOAD not in {s.name for s in found.added}:
+        return [*logs, *held_out]
+    return [*load.marked(logs, found.models[-1].flights), *load.marked(held_out, found.unseen)]
+
+
+def _newly_told(before: Sequence[FlightLog], after: Sequence[FlightLog]) -> tuple[bool, ...]:
+    """What each log carries; empty if that was no news."""
+    told = [(carries_payload(old), carries_payload(new)) for old, new in zip(before, after, strict=True)]
+    return tuple(bool(new) for _, new in told) if any(old is not new for old, new in told) else ()
 
 
 def _visible(sigma: float, usual: float) -> float:
@@ -246,7 +271,7 @@ def _present(found: Search, suspect: Suspect, trial: Trial, fitted: Vehicle, err
     return SuspectFinding(
         name=suspect.name,
         verdict="present",
-        reason=_present_reason(trial),
+        reason=_present_reason(trial, found),
         sizes=sizes,
         gain=trial.training.total,
         significance=scored.significance,
@@ -259,8 +284,10 @@ def _present(found: Search, suspect: Suspect, trial: Trial, fitted: Vehicle, err
     )
 
 
-def _present_reason(trial: Trial) -> str:
-    text = f"explains {trial.training.total:.0f} of the cost, and {trial.judged_on} agree"
+def _present_reason(trial: Trial, found: Search) -> str:
+    carried_by = [f.name for f in (*found.models[-1].fit.flights, *found.unseen) if f.carries_payload]
+    where = f"carried by {', '.join(carried_by)} and no other flight; " if trial.suspect.name == PAYLOAD else ""
+    text = f"{where}explains {trial.training.total:.0f} of the cost, and {trial.judged_on} agree"
     doubtful = [f"{name} ({p:.0%})" for name, p in trial.rivals if p > 0.05]
     return text + (f"; it may also be {' or '.join(doubtful)}" if doubtful else "")
 
@@ -274,7 +301,10 @@ def _not_added(model: Model, suspect: Suspect, scored: Score, trial: Trial | Non
     seen = [s for s in sizes if 0.0 < s.smallest_visible <= s.usual]
     alike = traces.look_alikes(model, suspect, LOOK_ALIKE) if suspect.name in model.scores else ()
     verdict, reason = "cannot tell", ""
-    if trial is not None and trial.outcome != "added":
+    doubt = model.load.doubt if model.load and suspect.name == PAYLOAD else ""
+    if doubt:
+        reason = doubt
+    elif trial is not None and trial.outcome != "added":
         reason = _sentence(trial)
     elif scored.significance < CHANCE:
         reason = f"{OUTDONE}; look again after adding that one"

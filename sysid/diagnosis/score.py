@@ -1,6 +1,6 @@
 """One question at a time, asked of the evidence: how much would these columns explain, and can it be chance?"""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,12 @@ class Score:
     """Probability that chance alone would explain as much."""
     dispersion: float
     """By how much the sizes vary more than white noise would make them: true over plain variance, at least one."""
+
+    def first(self, count: int) -> "Score":
+        """The same, but sizes of the first columns alone."""
+        return replace(
+            self, columns=self.columns[:count], size=self.size[:count], covariance=self.covariance[:count, :count]
+        )
 
     @property
     def log_odds(self) -> float:
@@ -71,12 +77,12 @@ def score(blocks: Blocks, given: IndexArray, tested: IndexArray, one_sided: NDAr
     unseen = _cross_validated(part) - _cross_validated(part.only(base))
     q = int(kept.sum())
     covariance = covariance[len(given) :, len(given) :]
-    wald = float(size @ np.linalg.pinv(covariance, hermitian=True) @ size) / q
+    wald = float(size @ _pseudo(covariance) @ size) / q
     freedom = max(len(blocks.score) - len(columns), 4)
     full = np.zeros(len(tested))
     full[kept] = size
     plain = inverse_of(part.information.sum(axis=0))[len(given) :, len(given) :]
-    dispersion = max(1.0, float(np.trace(np.linalg.pinv(plain, hermitian=True) @ covariance)) / q)
+    dispersion = max(1.0, float(np.trace(_pseudo(plain) @ covariance)) / q)
     chance = float(f_distribution.sf(wald, q, freedom))
     return Score(tested, full, wide, gain, float(unseen.sum()), unseen, chance, dispersion)
 
@@ -100,6 +106,12 @@ def inverse_of(information: FloatArray) -> FloatArray:
     return (vectors * inverse) @ vectors.T / np.outer(scale, scale)
 
 
+def _pseudo(covariance: FloatArray) -> FloatArray:
+    """Pseudo-inverse of a covariance with rows of any size."""
+    std = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    return np.linalg.pinv(covariance / np.outer(std, std), hermitian=True) / np.outer(std, std)
+
+
 @dataclass(frozen=True, slots=True)
 class Loss:
     """What would be lost if parts of the model were taken out again."""
@@ -120,7 +132,7 @@ def loss_without(blocks: Blocks, kept: IndexArray, dropped: IndexArray, values: 
     forced = Blocks(rest.score - np.einsum("bij,j->bi", cross, values), rest.information)
     without = np.concatenate([_solve(forced), -values])
     size, wide = values + step[-q:], covariance[-q:, -q:]
-    wald = float(size @ np.linalg.pinv(wide, hermitian=True) @ size) / q
+    wald = float(size @ _pseudo(wide) @ size) / q
     freedom = max(len(blocks.score) - part.score.shape[1], 4)
     return Loss(_fall(part, step) - _fall(part, without), float(f_distribution.sf(wald, q, freedom)))
 

@@ -28,6 +28,7 @@ from sysid.diagnosis.suspects import Suspect
 from sysid.diagnosis.weigh import Candidate, Scales
 from sysid.flight_data import Flight
 from sysid.identification import identify
+from sysid.model import PAYLOAD
 from sysid.options import Options
 from sysid.result import Identification
 from vehicle import Vehicle, effects
@@ -57,13 +58,15 @@ UNSEEN = "held-out flights"
 def refit(logs: Sequence[FlightLog], model: Model, suspect: Suspect, options: Options) -> Identification:
     """Fit the model with a suspect in it."""
     start = suspects.added(model.fit.vehicle, suspect, list(model.scores[suspect.name].size))
-    return identify(logs, start, _holding_others(options, start, suspect), near=model.fit)
+    flights = model.flights if suspect.effect == PAYLOAD else model.fit.flights
+    near = replace(model.fit, flights=flights)
+    return identify(logs, start, _holding_others(options, start, suspect), near=near)
 
 
 def _holding_others(options: Options, vehicle: Vehicle, suspect: Suspect) -> Options:
     """Parameters of the same effect that are no part of the suspect stay where they are, unless already found."""
     own = [f"{suspect.effect}.{s.name}" for s in effects.find(suspect.effect).parameters]
-    idle = [n for n in own if n not in suspect.parameters and vehicle.value(n) == 0.0]
+    idle = [n for n in own if n not in suspect.columns and vehicle.value(n) == 0.0]
     return replace(options, held=tuple(dict.fromkeys((*options.held, *idle))))
 
 
@@ -175,6 +178,8 @@ class Search:
     """One of its look-alikes is missing from the last model."""
     drawn_at: Model
     """Where `outside` was looked for: the last model, with the likelier one in it where two could not be told apart."""
+    unseen: tuple[Flight, ...]
+    """Held-out flights, with what they were found to carry."""
 
 
 def search(
@@ -212,10 +217,11 @@ def search(
             refused.add(dropped.name)
             models.append(_without(logs, models[-1], dropped, options))
     trial, at = undecided or (None, models[-1])
+    told = unseen.flights if unseen else ()
     outside = stated_curve(at) if len(added) < most else None
     refuted = {*dropped_before, *(t.suspect.name for t in trials if t.refuted)}
     doubted = () if outside is None else tuple(s.name for s in as_good_as(outside, at) if s.name not in refuted)
-    return Search(tuple(models), tuple(trials), tuple(added), None if doubted else outside, doubted, trial, at)
+    return Search(tuple(models), tuple(trials), tuple(added), None if doubted else outside, doubted, trial, at, told)
 
 
 def _next(
@@ -274,6 +280,8 @@ def _confirmed(model: Model, best: Candidate, unseen: Judge | None) -> tuple[Fal
     if unseen is not None:
         before, after = model.fit.vehicle, best.fit.vehicle
         unseen.turn_to(model.fit.noise)
+        if best.suspect.effect == PAYLOAD:
+            least += np.log(2.0) * unseen.decide_load(after) * scored.dispersion
         fall = unseen.fall(before, after)
         could = best.fall.total * unseen.strength(before, after) / max(model.judge.strength(before, after), 1e-12)
         if fall.total < 0.0:  # what the model lacks counts as noise in it: the noise left by the other is heard too

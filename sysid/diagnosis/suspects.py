@@ -7,11 +7,16 @@ import numpy as np
 
 from flight import InputError
 from sysid.flight_data import Flight
+from sysid.model import PAYLOAD
 from vehicle import Vehicle, effects
-from vehicle.effects.base import Effect, Stage
+from vehicle.effects.base import Effect, Spec, Stage
 
 SEPARATELY = {"weak_rotor": "weak_rotor[{}]"}
 """Effects whose parameters are suspects of their own: one rotor is weak, not a mixture of all four."""
+LOAD_SHARE = 0.2
+"""A usual load is this share of the vehicle's mass."""
+TRACE = 1e-9
+"""Share of the mass that a load at no strength weighs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +36,14 @@ class Suspect:
     """Of `F_x F_y F_z M_x M_y M_z`, where it shows."""
     regressor: str
     excited_by: tuple[str, ...]
+    fitted_along: tuple[str, ...] = ()
+    """Further parameters, which mean nothing while those above are zero: they say where a load sits, and are fitted and
+    scored with them."""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """All it is scored by."""
+        return (*self.parameters, *self.fitted_along)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,13 +72,15 @@ def line_up(vehicle: Vehicle, flights: Sequence[Flight]) -> LineUp:
     for effect in _known(vehicle):
         if effect.name in vehicle.effects:
             continue
-        reason = _why_not(effect, vehicle, by_command)
+        reason = _no_load(flights) if effect.name == PAYLOAD else _why_not(effect, vehicle, by_command)
         if reason:
             invisible.append((effect.name, reason))
             continue
         if effect.name not in extended.effects:
             extended = extended.with_effect(effect.name, source="suspect", **_at_rest(effect))
-        suspects += _suspects(effect)
+            if effect.name == PAYLOAD:  # a trace of it, so that its place has columns
+                extended = extended.with_value(f"{PAYLOAD}.added_kg", TRACE * vehicle.mass_kg)
+        suspects += _suspects(effect, vehicle)
     return LineUp(extended, tuple(suspects), tuple(invisible))
 
 
@@ -76,7 +91,7 @@ def _known(vehicle: Vehicle) -> list[Effect]:
 
 def _at_rest(effect: Effect) -> dict[str, float]:
     """Parameters at zero; shapes (what does not vanish by default) at their default."""
-    if effect.name == "payload":
+    if effect.name == PAYLOAD:
         return {"added_kg": 0.0}
     return {s.name: 0.0 for s in effect.parameters if s.bounds[0] <= 0.0 <= s.bounds[1] and not s.held}
 
@@ -92,16 +107,30 @@ def _why_not(effect: Effect, vehicle: Vehicle, by_command: bool) -> str:
         return "identify it from commands with `goshawk identify --add-effect`"
     if effect.stage == Stage.SENSOR and effect.name != "pose_delay":
         return "the estimator has the pose sensor's place and the gyro's bias among its unknowns already"
-    if effect.name == "payload":
-        return "a load on all flights only scales thrust and inertia; fit flights with and without it separately"
     return ""
 
 
-def _suspects(effect: Effect) -> list[Suspect]:
+def _no_load(flights: Sequence[Flight]) -> str:
+    """Why a load cannot show on these flights; it shows only between flights with it and flights without."""
+    said = {f.carries_payload for f in flights}
+    if False in said and len(said) > 1:
+        return ""
+    if said == {False}:
+        return "no flight carried it, as the logs say"
+    if True in said:
+        return "every flight carried it, as the logs say, and then it only scales thrust and inertia"
+    if len({f.log_index for f in flights}) < 2:
+        return "a load on all flights only scales thrust and inertia; fly with and without it"
+    return ""
+
+
+def _suspects(effect: Effect, vehicle: Vehicle) -> list[Suspect]:
+    wanted = [s for s in effect.parameters if not s.held]
+    along: list[Spec] = []
     if effect.name == "thrust_bem":
         wanted = [s for s in effect.parameters if s.name == "k2_n_s2_m"]
-    else:
-        wanted = [s for s in effect.parameters if not s.held]
+    if effect.name == PAYLOAD:
+        wanted, along = list(effect.parameters[:1]), list(effect.parameters[1:])
     channels = tuple(word for word in effect.channel.split() if word[:2] in ("F_", "M_"))
 
     def make(name: str, specs: list) -> Suspect:
@@ -110,10 +139,11 @@ def _suspects(effect: Effect) -> list[Suspect]:
             effect=effect.name,
             parameters=tuple(f"{effect.name}.{s.name}" for s in specs),
             one_sided=tuple(s.bounds[0] == 0.0 or effect.name in SEPARATELY for s in specs),
-            usual=tuple(s.prior for s in specs),
+            usual=tuple(LOAD_SHARE * vehicle.mass_kg if effect.name == PAYLOAD else s.prior for s in specs),
             channels=channels,
             regressor=effect.regressor,
             excited_by=effect.excited_by,
+            fitted_along=tuple(f"{effect.name}.{s.name}" for s in along),
         )
 
     if effect.name in SEPARATELY:

@@ -29,7 +29,7 @@ def prediction_error_m(model: Model, sized: Sequence[tuple[Suspect, FloatArray]]
     """
     names = tuple(n for suspect, _ in sized for n in suspect.parameters)
     squares, count = {suspect.name: 0.0 for suspect, _ in sized}, 0
-    for flight, states in zip(model.fit.flights, model.fit.solution.point.states, strict=True):
+    for flight, states in zip(model.flights, model.fit.solution.point.states, strict=True):
         flight = drive.driven(flight, model.line_up.vehicle)
         mid = dynamics.middle(flight, states)
         slopes = slopes_along(model.line_up.vehicle, names, flight, mid).parameters

@@ -49,7 +49,7 @@ class Scales:
         """Log odds against the best; each parameter costs what Schwarz's criterion asks."""
         fit, suspect = candidate.fit, candidate.suspect
         lead = float((self._zero - self._judge.costs(fit.vehicle, fit.solution.point.states)).sum())
-        return lead / self.dispersion(suspect) - 0.5 * len(suspect.parameters) * np.log(len(self._zero))
+        return lead / self.dispersion(suspect) - 0.5 * len(suspect.columns) * np.log(len(self._zero))
 
     def dispersion(self, rival: Suspect) -> float:
         """By how much errors vary more than white noise would along the best suspect or along this one."""
@@ -57,6 +57,6 @@ class Scales:
 
     def _along(self, suspect: Suspect) -> float:
         """1 where the model with the best suspect has no room for the other one beside it."""
-        columns = np.array([self._names.index(n) for n in suspect.parameters if n in self._names], dtype=np.intp)
+        columns = np.array([self._names.index(n) for n in suspect.columns if n in self._names], dtype=np.intp)
         given = np.setdiff1d(self._base, columns)
         return score(self._blocks, given, columns).dispersion if len(columns) else 1.0

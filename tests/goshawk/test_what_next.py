@@ -37,6 +37,7 @@ def found(
     outside: OutsideFinding | None = None,
     rivals: tuple[tuple[str, float], ...] = (),
     undecided: tuple[str, ...] = (),
+    carried: tuple[bool, ...] = (),
 ) -> Diagnosis:
     """A diagnosis whose flights took up 4 m x 2 m x 1 m round (1, 0, 1.5), one axis hardly moved."""
     place = np.array([[-1.0, -1.0, 1.49], [3.0, 1.0, 1.51]])
@@ -47,8 +48,9 @@ def found(
         trials=[SimpleNamespace(suspect=SimpleNamespace(name=name), rivals=rivals) for name in additions],
     )
     body = vehicle.example()
+    nothing = cast("Any", None)
     return Diagnosis(
-        body, body, additions, suspects, outside, (), (), (), (), (), (), cast("Any", search), cast("Any", None)
+        body, body, additions, suspects, outside, (), (), (), (), (), (), cast("Any", search), carried, nothing
     )
 
 
@@ -59,6 +61,14 @@ def test_an_addition_is_made_to_the_vehicle_file_and_the_diagnosis_goes_on_from_
     asked = Asked(ASKED.flights, ASKED.vehicle_file, ASKED.held_out, out=Path("better.toml"))
     (line,) = what_next.lines(found(damping), asked)
     assert typed(line) == [*AGAIN[:4], "better.toml", *AGAIN[5:]]
+
+
+def test_flights_without_the_load_are_told_so_before_the_vehicle_gets_it():
+    load = found(suspect("payload", "present", 1e-9), carried=(True, False, False))
+    marked, judging, line = what_next.lines(load, ASKED)
+    assert typed(marked) == ["log", "my b.parquet", "--payload", "left"]
+    assert typed(judging) == ["log", "c.parquet", "--payload", "left"]
+    assert typed(line) == ["vehicle", "add-effect", "vehicle.toml", "payload", *FITTED]
 
 
 def test_a_curve_without_a_name_becomes_an_effect_and_is_tried():
