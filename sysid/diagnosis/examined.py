@@ -47,6 +47,8 @@ EVEN_ODDS_CURVE = 30.0
 wrong ones came to 19, 19 and 35, the right ones to 31 and more."""
 LEAST_CONFIDENCE_CURVE = 0.3
 """A curve that would be stated with less is not stated."""
+CLEAR_LEAD = 3.0
+"""Log odds from which on one suspect, or a curve, clearly explains more than another."""
 ALIKE = 0.5
 """Suspects that reproduce this much of each other's trace compete for the same evidence."""
 NAMED_SHARE = 0.2
@@ -163,12 +165,11 @@ def stated_curve(model: Model) -> Outside | None:
 
 
 def as_good_as(curve: Outside, model: Model) -> list[Suspect]:
-    """Suspects that explain as much as a curve in a channel of theirs, best first."""
-    own = [
-        s for s in model.line_up.suspects if any(c == curve.channel or curve.channel in _turned(c) for c in s.channels)
-    ]
-    gain = {s.name: model.scores[s.name].gain_unseen for s in own}
-    return sorted((s for s in own if gain[s.name] >= curve.score.gain_unseen), key=lambda s: -gain[s.name])
+    """Suspects that a curve in a channel of theirs does not clearly outdo, best first."""
+    gain = {s.name: model.scores[s.name].gain_unseen for s in model.line_up.suspects}
+    least = curve.score.gain_unseen - CLEAR_LEAD * curve.score.dispersion
+    own = [s for s in model.line_up.suspects if any(curve.channel in (c, *_turned(c)) for c in s.channels)]
+    return sorted((s for s in own if gain[s.name] > max(least, LEAST_GAIN)), key=lambda s: -gain[s.name])
 
 
 def _turned(channel: str) -> tuple[str, ...]:

@@ -351,9 +351,10 @@ def _one_of(finding: SuspectFinding, trial: Trial) -> SuspectFinding:
 
 
 def _doubted(finding: SuspectFinding) -> SuspectFinding:
-    """A suspect that explains as much as any curve does, in too few stretches of flight."""
-    reason = f"no curve explains more, yet too few stretches of flight show it; fly {' or '.join(finding.settled_by)}"
-    return replace(finding, verdict="cannot tell", reason=reason)
+    """A suspect that explains about as much as any curve does, in too few stretches of flight."""
+    fly = " or ".join(finding.settled_by)
+    reason = f"no curve explains clearly more, yet too few stretches of flight show it; fly {fly}"
+    return replace(finding, verdict="cannot tell", reason=reason, confidence=max(0.5, finding.confidence))
 
 
 def _not_excluded(finding: SuspectFinding) -> SuspectFinding:

@@ -11,6 +11,7 @@ from sysid.diagnosis import suspects
 from sysid.diagnosis.confirm import Fall, Judge
 from sysid.diagnosis.examined import (
     ALIKE,
+    CLEAR_LEAD,
     CLEAR_ODDS,
     MOST_CONFIDENCE,
     Model,
@@ -49,8 +50,6 @@ CERTAIN_ODDS = 40.0
 """Log odds of training stretches from which on held-out flights that say neither yes nor no are not asked either."""
 CONTRADICTING_SIGMAS = 1.64
 """... unless they speak against the effect by so many standard deviations."""
-CLEAR_LEAD = 3.0
-"""Log odds from which on one suspect clearly explains more than another."""
 UNSEEN = "held-out flights"
 """What judged, where these could."""
 
@@ -74,7 +73,7 @@ def candidates(logs: Sequence[FlightLog], model: Model, options: Options, refuse
     """The best suspects, each fitted in full.
 
     Once one of them is beyond chance, something is missing, and a look-alike that explains about as much may be it,
-    whatever its own significance. So may be whoever explains as much as a curve that is beyond chance.
+    whatever its own significance. So may be whoever a curve beyond chance does not clearly outdo.
     Those that explain far less than one that was refused are left out: their traces are alike, and what unseen flights
     could not confirm of the better one speaks against the worse one too.
     """
@@ -171,7 +170,7 @@ class Search:
     trials: tuple[Trial, ...]
     added: tuple[Suspect, ...]
     outside: Outside | None
-    """None also where suspects that nothing refuted explain as much as the best curve."""
+    """None also where the best curve does not clearly outdo a suspect that nothing refuted."""
     doubted: tuple[str, ...]
     """Those suspects."""
     undecided: Trial | None
