@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from blind_campaigns import LOADED
+
 import sysid
 import vehicle
 from flight import FlightLog, InputError, file_format, flight_log
@@ -52,7 +54,7 @@ def judge(folder: Path) -> dict[str, Any]:
         "truth": {k: truth[k] for k in ("hidden", "channels", "variables", "law", "tolerated", "real_drag")},
         "ratio": {effect: ratio(effect, sizes, said["suspects"]) for effect, sizes in truth["hidden"].items()},
         "inside": inside(found.vehicle, said["additions"], truth),
-        **errors(training, held_out, given, found.vehicle, truth),
+        **errors(training, held_out, given, found, truth),
     }
 
 
@@ -129,28 +131,45 @@ def errors(
     training: list[FlightLog],
     held_out: list[FlightLog],
     given: vehicle.Vehicle,
-    diagnosed: vehicle.Vehicle,
+    diagnosis: Any,
     truth: dict[str, Any],
 ) -> dict[str, Any]:
-    """Held-out position errors after 0.5 s: the base refitted, the diagnosis, and the oracle who knows the truth."""
+    """Held-out position errors after 0.5 s: the base refitted, the diagnosis, and the oracle who knows the truth.
+
+    Which flights carry a load, the oracle knows, and the diagnosis found out.
+    """
     if not truth["hidden"] and not truth["real_drag"]:
         return {}
     told = given
     for believed in truth["believed_drag"]:
         told = told.without_effect(believed)
-    names = [n for n in (*truth["hidden"], *truth["real_drag"]) if n != "payload"]
-    for effect in names:
+    for effect in (*truth["hidden"], *truth["real_drag"]):
         told = told.with_effect(effect, **truth["hidden"].get(effect, {}))
     try:
         base = sysid.identify(training, given, SAME).vehicle
-        oracle = sysid.identify(training, told, _oracle_options(told, truth)).vehicle
+        learnt = loaded(training, [i in LOADED for i in range(len(training))])
+        oracle = sysid.identify(learnt, told, _oracle_options(told, truth)).vehicle
     except InputError as error:
         return {"no_oracle": str(error)}
-    compared = sysid.compare(held_out, {"base": base, "diagnosed": diagnosed, "oracle": oracle}, SAME)
-    found = {name: compared.errors[name]["position"][HORIZON] for name in compared.models}
+    truly = loaded(held_out, [len(training) + i in LOADED for i in range(len(held_out))])
+    supposed = loaded(held_out, diagnosis.payload_carried[len(training) :])
+    found = position_errors(truly, {"base": base, "oracle": oracle})
+    found |= position_errors(supposed, {"diagnosed": diagnosis.vehicle})
     fall = found["base"] - found["oracle"]
     share = (found["base"] - found["diagnosed"]) / fall if fall > LEAST_FALL * found["base"] else None
     return {"error_m": found, "share": share}
+
+
+def position_errors(logs: list[FlightLog], models: dict[str, vehicle.Vehicle]) -> dict[str, float]:
+    """By model, after 0.5 s."""
+    compared = sysid.compare(logs, models, SAME)
+    return {name: compared.errors[name]["position"][HORIZON] for name in models}
+
+
+def loaded(logs: list[FlightLog], carried: Iterable[bool]) -> list[FlightLog]:
+    """Logs that say whether they carry the payload; as they are when nobody says so."""
+    said = list(carried) or [None] * len(logs)
+    return [FlightLog(log.columns, {**log.metadata, "payload_carried": c}) for log, c in zip(logs, said, strict=True)]
 
 
 def _oracle_options(told: vehicle.Vehicle, truth: dict[str, Any]) -> sysid.Options:

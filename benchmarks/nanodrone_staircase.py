@@ -14,7 +14,7 @@ import numpy as np
 
 import sysid
 from flight import FlightLog
-from sysid.diagnosis import Diagnosis, diagnose
+from sysid.diagnosis import Diagnosis, diagnose, load
 from vehicle import Vehicle
 
 QUANTITIES = {"position": "m", "velocity": "m/s", "attitude": "rad"}
@@ -35,7 +35,7 @@ def fold(training: Sequence[FlightLog], left_out: FlightLog, model: Vehicle, opt
         models[name] = next(now).fit.vehicle if kept else trial.fit.vehicle
         steps.append({"model": name, "before": name_now, "effect": trial.suspect.name, "outcome": trial.outcome})
         name_now = name if kept else name_now
-    compared = sysid.compare([left_out], models, options)
+    compared = sysid.compare(load.marked([left_out], found.search.unseen), models, options)
     errors = {name: {q: list(compared.errors[name][q]) for q in QUANTITIES} for name in models}
     return {"cpu_s": spent, "last": name_now, "steps": steps, "errors": errors, **_said(found)}
 
