@@ -119,86 +119,67 @@ FEATURES = {
     "attitude after Lee et al.": "parameters.attitude_mode = 1.0f;",
 }
 """What differs from the preset vehicle (exact inverse, drag of eqs. (4) and (5)), as assignments in C."""
-SCRIPT = ("-DTICKS=1400", "-DSTEP_US=10000u", "-DPAINTED_WORDS=0u")
+SCRIPT = ("-DTICKS=3100", "-DSTEP_US=10000u", "-DPAINTED_WORDS=0u")
+"""A flight from take-off to touchdown, with a pause, another time scale, demands beyond the rotors."""
+ASSURE = _module(ROOT / "tools" / "assure.py")
 
 
 def _target() -> list[report.Row]:
-    """Instructions, stack and size on Cortex-M4F; nothing when the tools are missing."""
-    if not (shutil.which("arm-none-eabi-gcc") and shutil.which("qemu-system-arm")):
-        print("no arm-none-eabi-gcc or qemu-system-arm: the Cortex-M rows are left out")
+    """Instructions, stack and flash on a Cortex-M4F, all of one build; nothing when the tools are missing."""
+    if not (shutil.which("arm-none-eabi-gcc") and shutil.which("qemu-system-arm") and shutil.which("cmake")):
+        print("no arm-none-eabi-gcc, qemu-system-arm or cmake: the Cortex-M rows are left out")
         return []
-    with tempfile.TemporaryDirectory() as folder:
-        flying = Path(folder) / "fly.elf"
-        _compile(flying, "-DTICKS=8000", "-DSTEP_US=5000u")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        library = ASSURE.vehicle_library(folder / "library")
+        flying = _link(folder, library, "-DTICKS=8000", "-DSTEP_US=5000u")
         said = _shell("qemu-system-arm", "-machine", "mps2-an386", "-nographic", "-semihosting", "-kernel", flying)
-        flight = _instructions(Path(folder), *SCRIPT)
-        apart = _instructions(Path(folder), *SCRIPT, together=False)
-        flash = _flash(Path(folder))
-        features = {name: _on_path(Path(folder), f"-DADJUST={code}") for name, code in FEATURES.items()}
-        features["all of these"] = _on_path(Path(folder), f"-DADJUST={' '.join(list(FEATURES.values())[2:])}")
+        flight = _instructions(folder, library, *SCRIPT)
+        taken = ASSURE.flash(folder, library)
+        usual = _on_path(folder, library, "-DADJUST=")
+        features = {name: _on_path(folder, library, f"-DADJUST={code}") for name, code in FEATURES.items()}
+        features["all of these"] = _on_path(folder, library, f"-DADJUST={' '.join(list(FEATURES.values())[2:])}")
     worst, ratio, stack = flight.max(), flight.max() / flight.mean(), int(said.split()[2], 16)
-    usual = float(np.quantile(flight, 0.95))
+    both = taken["controller and link"]
     return [
-        report.row("95 % of ticks on Cortex-M4F at most", usual, "instructions", "<= 2500", usual <= 2500),
         report.row("worst tick on Cortex-M4F", worst, "instructions", "<= 2500", worst <= 2500),
+        report.row("95 % of ticks at most", float(np.quantile(flight, 0.95)), "instructions"),
+        report.row("mean tick in flight", flight.mean(), "instructions"),
         report.row("worst over mean tick in flight", ratio, "1", "<= 1.05", ratio <= 1.05),
-        report.row("worst tick, files compiled apart", apart.max(), "instructions"),
-        report.row("95 % of ticks, files compiled apart, at most", float(np.quantile(apart, 0.95)), "instructions"),
         report.row("stack of a tick", stack, "B", "<= 512", stack <= 512),
-        report.row("flash without the link, -Os", flash / 1024, "kB", "<= 24", flash <= 24 * 1024),
-        report.row("tick on a path, preset vehicle", float(np.median(flight[len(flight) // 2 :])), "instructions"),
+        report.row("flash without the link", taken["controller"] / 1024, "kB"),
+        report.row("flash with the link", both / 1024, "kB", "<= 24", both <= 24 * 1024),
+        report.row("tick on a path, preset vehicle", usual, "instructions"),
         *(report.row(f"tick on a path: {name}", count, "instructions") for name, count in features.items()),
     ]
 
 
-def _instructions(folder: Path, *flags: str, together: bool = True) -> np.ndarray:
+def _instructions(folder: Path, library: Path, *flags: str) -> np.ndarray:
     """Of every tick in flight."""
-    counting = folder / "count.elf"
-    _compile(counting, *flags, together=together)
-    counts = _module(LIBRARY / "test" / "count_instructions.py").count(str(counting), "mps2-an386")
+    counts = _module(LIBRARY / "test" / "count_instructions.py").count(
+        str(_link(folder, library, *flags)), "mps2-an386"
+    )
     flight = np.array(counts[2:])  # the first ticks rest on the ground
     return flight[flight > 0.5 * flight.max()]
 
 
-def _on_path(folder: Path, adjust: str) -> float:
-    """Of a usual tick on a path, of a vehicle adjusted like this."""
-    return float(_instructions(folder, "-DTICKS=720", *SCRIPT[1:], adjust)[-1])
+def _on_path(folder: Path, library: Path, adjust: str) -> float:
+    """Of a usual tick on a path, of a vehicle adjusted like this: the dearer of two, as every other tick looks at other
+    things."""
+    return float(_instructions(folder, library, "-DTICKS=720", *SCRIPT[1:], adjust)[-2:].max())
 
 
-CPU = [
-    "-mcpu=cortex-m4",
-    "-mthumb",
-    "-mfloat-abi=hard",
-    "-mfpu=fpv4-sp-d16",
-    "-std=c11",
-    "-ffp-contract=off",
-    "-fno-math-errno",
-]
-
-
-def _sources() -> list[Path]:
-    return [path for path in sorted((LIBRARY / "src").glob("*.c")) if not path.name.startswith("link")]
-
-
-def _compile(out: Path, *flags: str, together: bool = True) -> None:
-    """At -O3; `together`: the library's files as one program (-flto). The driver that counts stays apart."""
-    test, include = LIBRARY / "test", f"-I{LIBRARY / 'include'}"
-    driver = [out.parent / f"{name}.o" for name in ("driver", "target_main")]
+def _link(folder: Path, library: Path, *flags: str) -> Path:
+    """The scripted mission with the library as it is built for a vehicle. The driver that counts stays apart."""
+    test, out = LIBRARY / "test", folder / "mission.elf"
+    driver = [folder / f"{name}.o" for name in ("driver", "target_main")]
     for file in driver:
-        _shell("arm-none-eabi-gcc", *CPU, "-O3", *flags, include, "-c", test / f"{file.stem}.c", "-o", file)
-    level = ["-O3", "-flto"] if together else ["-O3"]
-    link = ["-nostartfiles", "--specs=nosys.specs", "-T", test / "target.ld"]
-    _shell("arm-none-eabi-gcc", *CPU, *level, *link, include, *_sources(), *driver, "-o", out)
-
-
-def _flash(folder: Path) -> int:
-    """Code and constants of the controller's own objects."""
-    total = 0
-    for source in _sources():
-        out = folder / f"{source.stem}.o"
-        _shell("arm-none-eabi-gcc", *CPU, "-Os", f"-I{LIBRARY / 'include'}", "-c", source, "-o", out)
-        total += int(_shell("arm-none-eabi-size", out).splitlines()[1].split()[0])
-    return total
+        include = f"-I{LIBRARY / 'include'}"
+        _shell("arm-none-eabi-gcc", *ASSURE.ARM, "-std=c11", "-O3", *flags, include, "-c", test / f"{file.stem}.c",
+               "-o", file)  # fmt: skip
+    link = ["-nostartfiles", "--specs=nosys.specs", "-Wl,--gc-sections", "-T", test / "target.ld"]
+    _shell("arm-none-eabi-gcc", *ASSURE.ARM, *driver, library, *link, "-o", out)
+    return out
 
 
 def _shell(*command: object) -> str:

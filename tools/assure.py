@@ -204,7 +204,6 @@ class Size:
     """Of every function that others may call: bytes, and the calls that need them."""
     ram: dict[str, int]
     """Of what the caller owns, trajectory slots left out."""
-    flash: dict[str, int]
 
 
 def _module(path: Path) -> ModuleType:
@@ -217,31 +216,51 @@ def _module(path: Path) -> ModuleType:
 
 
 def size(folder: Path, level: str = "-Os") -> Size:
-    """Compile for a Cortex-M4F and measure."""
-    need("arm-none-eabi-gcc", "arm-none-eabi-size", "arm-none-eabi-nm")
-    flash: Counter[str] = Counter()
+    """Compile for a Cortex-M4F, file by file, and measure."""
+    need("arm-none-eabi-gcc", "arm-none-eabi-nm")
     for source in sources():
         out = folder / f"{source.stem}.o"
         graph = ("-fcallgraph-info=su", "-dumpdir", f"{folder}/")
         run("arm-none-eabi-gcc", "-std=c11", *ARM, level, *graph, *INCLUDES, "-c", source, "-o", out)
-        part = "link" if source.name.startswith("link") else "controller"
-        flash[part] += int(run("arm-none-eabi-size", out).splitlines()[1].split()[0])
     (folder / "sizes.c").write_text(SIZES)
     run("arm-none-eabi-gcc", *ARM, *INCLUDES, "-fcommon", "-c", folder / "sizes.c", "-o", folder / "sizes.o")
     listing = [line.split() for line in run("arm-none-eabi-nm", "-S", folder / "sizes.o").splitlines()]
     ram = {row[3].removesuffix("_ram"): int(row[1], 16) for row in listing if row[-1].endswith("_ram")}
     calls = _module(LIBRARY / "test" / "stack_usage.py").CallGraph(folder)
     entries = sorted(name for name in calls.own if name.startswith("tc_"))
-    return Size({name: calls.deepest(name) for name in entries}, ram, dict(flash))
+    return Size({name: calls.deepest(name) for name in entries}, ram)
+
+
+def vehicle_library(folder: Path) -> Path:
+    """The library as the documentation builds it for a Cortex-M4F: what is flown, counted and weighed."""
+    need("cmake", "arm-none-eabi-gcc")
+    run("cmake", "-S", LIBRARY, "-B", folder, "-DCMAKE_TOOLCHAIN_FILE=cmake/cortex-m4f.cmake")
+    run("cmake", "--build", folder)
+    return folder / "libgoshawk_controller.a"
+
+
+def flash(folder: Path, library: Path) -> dict[str, int]:
+    """Bytes of the smallest program that integrates the library, what it takes of the C library included."""
+    need("arm-none-eabi-gcc", "arm-none-eabi-size")
+    taken = {}
+    for name, flags in (("controller", ["-DWITHOUT_LINK"]), ("controller and link", [])):
+        program = folder / f"{name}.elf"
+        run("arm-none-eabi-gcc", "-std=c11", *ARM, "-Os", *flags, *INCLUDES, LIBRARY / "test" / "image.c", library,
+            "-nostartfiles", "--specs=nosys.specs", "-Wl,--gc-sections,-e,reset", "-o", program)  # fmt: skip
+        taken[name] = int(run("arm-none-eabi-size", program).splitlines()[1].split()[0])
+    return taken
 
 
 def print_size() -> bool:
     with tempfile.TemporaryDirectory() as folder:
         found = size(Path(folder))
+        taken = flash(Path(folder), vehicle_library(Path(folder) / "library"))
     for name, (deepest, path) in sorted(found.stack.items(), key=lambda item: -item[1][0])[:12]:
         print(f"stack {deepest:5} B  {name}: {' > '.join(path[1:])}")
     for name in ("controller", "link"):
-        print(f"{name}: {found.ram[name]} B of memory besides trajectory slots, {found.flash[name]} B of flash")
+        print(f"{name}: {found.ram[name]} B of memory besides trajectory slots")
+    for name, count in taken.items():
+        print(f"{name}: {count} B of flash")
     return True
 
 

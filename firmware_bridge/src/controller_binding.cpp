@@ -121,7 +121,7 @@ nb::dict telemetry(const Controller& self) {
     d["rate_body_rad_s"] = copied(t.estimate.rate_body_rad_s, 3);
     d["battery_v"] = t.estimate.battery_v;
     d["setpoint"] = setpoint_dict(t.setpoint);
-    d["q_reference"] = copied(t.q_reference, 4);
+    d["q_reference"] = copied(t.flatness.q_reference, 4);
     d["rate_reference_rad_s"] = copied(t.rate_reference_rad_s, 3);
     d["thrust_n"] = t.wrench.thrust_n;
     d["torque_n_m"] = copied(t.wrench.torque_n_m, 3);
@@ -233,10 +233,10 @@ std::tuple<Out, int> mixer(In<float, any> parameters, In<float, any, 4> wrench, 
         tc_wrench w{};
         w.thrust_n = wrench.data()[4 * i];
         std::memcpy(w.torque_n_m, wrench.data() + 4 * i + 1, 12);
-        tc_mix mix{};
-        tc_mixer_solve(&m, &w, air.data() + 3 * i, rate.data() + 3 * i, &mix);
-        std::memcpy(data + 5 * i, mix.rotor_speed_rad_s, 16);
-        data[5 * i + 4] = mix.saturation;
+        float speed[TC_ROTORS];
+        const uint8_t saturation = tc_mixer_solve(&m, &w, air.data() + 3 * i, rate.data() + 3 * i, speed);
+        std::memcpy(data + 5 * i, speed, 16);
+        data[5 * i + 4] = saturation;
     }
     return {out, static_cast<int>(reason)};
 }

@@ -158,11 +158,17 @@ def test_calls_from_the_ground_keep_to_512_bytes_of_stack_and_state_to_2_kilobyt
     _need("arm-none-eabi-gcc")
     size = assure.size(tmp_path, level)
     assert sum(size.ram.values()) <= 2048  # besides the trajectory slots
-    assert level != "-Os" or size.flash["controller"] <= 24 * 1024
     stack = size.stack
     assert {"tc_link_receive", "tc_link_transmit", "tc_link_update", "tc_do", "tc_parameters_set"} <= set(stack)
     deep = {name: needed for name, (needed, _) in stack.items() if needed > 512}
     assert set(deep) <= {"tc_tick"}
+
+
+@pytest.mark.slow
+def test_the_vehicles_build_takes_no_more_flash_than_the_documentation_says(tmp_path):
+    _need("cmake", "arm-none-eabi-gcc")
+    taken = assure.flash(tmp_path, assure.vehicle_library(tmp_path / "library"))
+    assert taken["controller and link"] <= 40_500
 
 
 CHECKSUMS = """\

@@ -6,13 +6,13 @@
 
 #define LONGEST_STEP_US 20000u
 
-void tc_init(tc_controller* c) {
+TC_RARE void tc_init(tc_controller* c) {
     memset(c, 0, sizeof *c);
     tc_store_init(&c->store);
     tc_mission_init(&c->mission);
     tc_parameters_default(&c->parameters);
     c->telemetry.estimate.q_world_body[0] = 1.0f;
-    tc_flatness_reset(&c->flatness, c->telemetry.estimate.q_world_body);
+    tc_flatness_reset(&c->telemetry.flatness, c->telemetry.estimate.q_world_body);
     c->time_scale = 1.0f;
 }
 
@@ -30,7 +30,7 @@ static inline void make_setpoint(tc_controller* c, float step_s) {
 }
 
 /* Level, heading kept, a little less thrust than the weight: what attitude alone can do. */
-static __attribute__((noinline)) void emergency_force(tc_controller* c, float force_world_n[3]) {
+static TC_RARE void emergency_force(tc_controller* c, float force_world_n[3]) {
     tc_setpoint* setpoint = &c->telemetry.setpoint;
     const float yaw_rad = setpoint->yaw_rad;
     memset(setpoint->velocity_world_m_s, 0, sizeof *setpoint - offsetof(tc_setpoint, velocity_world_m_s));
@@ -91,19 +91,19 @@ static __attribute__((noinline)) void steer(tc_controller* c, const float veloci
     } else {
         drag_1_s = flight_force(c, velocity_body_m_s, step_s, force) / p->mass_kg;
     }
-    tc_flatness_step(&c->flatness, p, force, &t->setpoint, drag_1_s, step_s, &turning);
+    tc_flatness_step(&t->flatness, p, force, &t->setpoint, drag_1_s, step_s, &turning);
     tc_to_body(c->axes, turning.rate_world_rad_s, t->rate_reference_rad_s);
     tc_to_body(c->axes, turning.acceleration_world_rad_s2, feed_acceleration);
-    tc_attitude_step(p, &c->flatness, t->estimate.q_world_body, c->axes, t->estimate.rate_body_rad_s,
+    tc_attitude_step(p, &t->flatness, t->estimate.q_world_body, c->axes, t->estimate.rate_body_rad_s,
                      t->rate_reference_rad_s, feed_acceleration, t->wrench.torque_n_m);
     t->wrench.thrust_n = tc_max(tc_dot(c->axes[2], force), 0.0f);
-    tc_copy4(t->q_reference, c->flatness.q_reference);
 }
 
 /* Battery sag and rotor lag, taken off the speed commands. The lead (lag s + 1) / (filter s + 1) undoes the rotors' lag
    up to the filter's frequency; the plain inverse would drive the rotors with nothing but sensor noise. */
-static __attribute__((noinline)) void lead_speeds(tc_controller* c, const float wanted[TC_ROTORS], float step_s) {
+static __attribute__((noinline)) void lead_speeds(tc_controller* c, float step_s) {
     const tc_parameters* p = &c->parameters;
+    float* speed = c->telemetry.rotor_speed_rad_s;
     const float filter_s = tc_max(p->lead_filter_s, step_s);
     const float per_filter = 1.0f / filter_s;
     const float pass = step_s * per_filter, lead = p->rotor_lag_s * per_filter;
@@ -113,11 +113,10 @@ static __attribute__((noinline)) void lead_speeds(tc_controller* c, const float 
         per_battery = 1.0f / tc_max(1.0f - p->battery_gain_1_v * (p->battery_reference_v - battery_v), 0.5f);
     }
     for (int i = 0; i < TC_ROTORS; i++) {
-        float behind = c->was_flying ? wanted[i] - c->slow_speed_rad_s[i] : 0.0f;
+        float behind = c->was_flying ? speed[i] - c->slow_speed_rad_s[i] : 0.0f;
         behind -= pass * behind;
-        c->slow_speed_rad_s[i] = wanted[i] - behind;
-        c->telemetry.rotor_speed_rad_s[i] =
-            tc_clamp((wanted[i] + lead * behind) * per_battery, p->rotor_min_rad_s, p->rotor_max_rad_s);
+        c->slow_speed_rad_s[i] = speed[i] - behind;
+        speed[i] = tc_clamp((speed[i] + lead * behind) * per_battery, p->rotor_min_rad_s, p->rotor_max_rad_s);
     }
 }
 
@@ -127,7 +126,6 @@ static void fly(tc_controller* c, float step_s) {
     const uint8_t airflow = known ? c->airflow_source : (uint8_t)TC_VELOCITY_NONE;
     tc_telemetry* t = &c->telemetry;
     float air[3];
-    tc_mix mix;
     chosen_velocity(c, drag, air);
     steer(c, air, step_s);
     if (airflow != drag) chosen_velocity(c, airflow, air);
@@ -135,18 +133,15 @@ static void fly(tc_controller* c, float step_s) {
         tc_cancel_moments(&c->parameters, &c->mixer, air, t->estimate.rate_body_rad_s, c->slow_speed_rad_s,
                           t->wrench.torque_n_m);
     }
-    tc_mixer_solve(&c->mixer, &t->wrench, air, chosen_rate(c, airflow), &mix);
-    t->saturation |= mix.saturation;
+    t->saturation |= tc_mixer_solve(&c->mixer, &t->wrench, air, chosen_rate(c, airflow), t->rotor_speed_rad_s);
     if (c->has_lead) {
-        lead_speeds(c, mix.rotor_speed_rad_s, step_s);
+        lead_speeds(c, step_s);
         c->was_flying = true;
-    } else {
-        tc_copy4(t->rotor_speed_rad_s, mix.rotor_speed_rad_s);
     }
 }
 
 /* On the ground or at fault: the rotors idle or stand, and the reference follows the vehicle. */
-static void rest(tc_controller* c) {
+static TC_RARE void rest(tc_controller* c) {
     tc_telemetry* t = &c->telemetry;
     const float speed = c->mission.state == TC_ARMED ? c->parameters.rotor_idle_rad_s : 0.0f;
     for (int i = 0; i < TC_ROTORS; i++) {
@@ -157,7 +152,7 @@ static void rest(tc_controller* c) {
     memset(&t->wrench, 0, sizeof t->wrench);
     memset(t->rate_reference_rad_s, 0, sizeof t->rate_reference_rad_s);
     tc_copy(t->setpoint.position_world_m, t->estimate.position_world_m);
-    tc_copy4(t->q_reference, t->estimate.q_world_body);
+    tc_copy4(t->flatness.q_reference, t->estimate.q_world_body);
     t->saturation = 0;
     c->was_flying = false;
 }
@@ -172,7 +167,7 @@ static void describe(tc_controller* c) {
 }
 
 static void write_output(const tc_controller* c, tc_output* output) {
-    for (int i = 0; i < TC_ROTORS; i++) output->rotor_speed_rad_s[i] = c->telemetry.rotor_speed_rad_s[i];
+    tc_copy4(output->rotor_speed_rad_s, c->telemetry.rotor_speed_rad_s);
     output->saturation = c->telemetry.saturation;
     output->state = c->mission.state;
 }

@@ -11,7 +11,7 @@
 #define CHART_GOOD 0.30f
 #define LARGEST_ANGULAR_ACCELERATION_RAD_S2 300.0f
 
-void tc_flatness_reset(tc_flatness_state* state, const float q_world_body[4]) {
+TC_RARE void tc_flatness_reset(tc_flatness_state* state, const float q_world_body[4]) {
     tc_copy4(state->q_reference, q_world_body);
     tc_q_normalise(state->q_reference);
     tc_q_axis_z(state->q_reference, state->axis);
@@ -84,9 +84,8 @@ typedef struct {
     bool on_chart;
 } transported;
 
-static __attribute__((noinline)) transported move_on(tc_flatness_state* state, const tc_parameters* p,
-                                                     const float wanted[3], float direction, float yaw_rad,
-                                                     float step_s) {
+static TC_RARE transported move_on(tc_flatness_state* state, const tc_parameters* p, const float wanted[3],
+                                   float direction, float yaw_rad, float step_s) {
     transported out = {0.0f, false};
     float q[4], chart[4], turned_rad = 0.0f;
     const float tilt_limit = tc_min(direction * p->tilt_slew_rad_s * step_s, 1.0f);

@@ -41,7 +41,7 @@ static void encode_state(const tc_link* link, uint8_t record[TC_LINK_RECORD]) {
     memcpy(m.rotor_speed_command_rad_s, t->rotor_speed_rad_s, sizeof m.rotor_speed_command_rad_s);
     memcpy(m.setpoint_position_world_m, t->setpoint.position_world_m, sizeof m.setpoint_position_world_m);
     memcpy(m.setpoint_velocity_world_m_s, t->setpoint.velocity_world_m_s, sizeof m.setpoint_velocity_world_m_s);
-    memcpy(m.setpoint_q_world_body, t->q_reference, sizeof m.setpoint_q_world_body);
+    memcpy(m.setpoint_q_world_body, t->flatness.q_reference, sizeof m.setpoint_q_world_body);
     m.battery_v = t->estimate.battery_v;
     m.trajectory_time_s = on_path(t->state) ? (float)t->path_time_us * 1e-6f : -1.0f;
     m.sequence = link->telemetry.state_sequence;

@@ -8,7 +8,13 @@
 #include <stdint.h>
 #include <string.h>
 
+/* What a usual tick does not do: kept apart and small, whatever the rest is optimised for. */
+#define TC_RARE __attribute__((noinline, cold))
+
 #define TC_PI 3.14159265f
+/* Added to a number below 2^21 it leaves no room for what follows the point: it rounds to whole numbers, and these are
+   the lowest bits of the sum. */
+#define TC_WHOLE 12582912.0f
 
 static inline uint32_t tc_bits(float x) {
     uint32_t bits;
@@ -54,13 +60,9 @@ static inline float tc_dot(const float a[3], const float b[3]) { return a[0] * b
 
 static inline float tc_norm(const float a[3]) { return sqrtf(tc_dot(a, a)); }
 
-static inline void tc_copy(float to[3], const float from[3]) {
-    for (int i = 0; i < 3; i++) to[i] = from[i];
-}
+static inline void tc_copy(float to[3], const float from[3]) { memcpy(to, from, 3u * sizeof *to); }
 
-static inline void tc_copy4(float to[4], const float from[4]) {
-    for (int i = 0; i < 4; i++) to[i] = from[i];
-}
+static inline void tc_copy4(float to[4], const float from[4]) { memcpy(to, from, 4u * sizeof *to); }
 
 static inline void tc_cross(const float a[3], const float b[3], float out[3]) {
     out[0] = a[1] * b[2] - a[2] * b[1];

@@ -5,8 +5,8 @@
    "load" T k^2 / (2 rho A), so that eq. (2) reads v sqrt((v_z + v)^2 + v_xy^2) = load and b = drag - v.
 
    What couples the rotors is yaw: the sum of spin times squared speed. The square is nearly a straight line over the
-   load. So the operating points are found once, by two Newton steps on eq. (2) from a close guess, at the loads that a
-   hovering vehicle would need; from there the free direction is moved along a parabola. */
+   load. So the operating points are found once, by one step of third order on eq. (2) from a close guess, at the loads
+   that a hovering vehicle would need; from there the free direction is moved along a parabola. */
 #include "goshawk_controller/mixer.h"
 
 #include "maths.h"
@@ -20,20 +20,21 @@
 #define NEAR 0.03f
 /* Squared speeds this far outside the limits, of the highest, when found still count as inside. */
 #define TOLERANCE 0.01f
-/* The limits are kept this far inside, so that rounding does not lead beyond them. */
-#define ROUNDING 1e-6f
-#define NO_END 1e9f
+/* The limits are kept this far inside, so that rounding does not lead beyond them; and so many steps of float32 beyond
+   what is kept still count as inside. */
+#define ROUNDING 2e-6f
+#define STEPS 4u
+#define TINY 1e-30f
 /* Less than this share of collective or cut counts as given in full. */
 #define SMALL 1e-3f
 
 /* One rotor: what is asked of it, the air at its hub, and the operating point found last. */
 typedef struct {
-    float load;        /* asked for; of a healthy rotor without translational lift */
+    float load;        /* where the operating point was found; of a healthy rotor without translational lift */
     float axial;       /* v_z */
     float lateral2;    /* v_xy^2 */
     float drag;        /* what v_z adds to the linear term of the thrust law */
-    float at;          /* what was asked where the operating point was found */
-    float square;      /* squared speed for `load`, along the parabola through the operating point */
+    float square;      /* squared speed, along the parabola through the operating point */
     float square_rise; /* its slope over the load */
     float square_bend; /* half of its second derivative */
 } rotor;
@@ -126,7 +127,7 @@ static float choose_law(tc_mixer* mixer, const tc_parameters* p) {
     const float slowest = p->rotor_min_rad_s * speed_unit, fastest = p->rotor_max_rad_s * speed_unit;
     mixer->slowest2 = slowest * slowest * (1.0f + ROUNDING);
     mixer->fastest2 = fastest * fastest * (1.0f - ROUNDING);
-    mixer->likely_slowest2 = tc_max(mixer->slowest2 - TOLERANCE * mixer->fastest2, 0.0f);
+    mixer->likely_slowest2 = tc_max(mixer->slowest2 - TOLERANCE * mixer->fastest2, TINY);
     mixer->likely_fastest2 = mixer->fastest2 * (1.0f + TOLERANCE);
     return load_per_n;
 }
@@ -139,7 +140,7 @@ static float still_air_factor(const tc_mixer* mixer, float each_n, float load_pe
     return each_n / (n * n);
 }
 
-tc_reason tc_mixer_configure(tc_mixer* mixer, const tc_parameters* p) {
+TC_RARE tc_reason tc_mixer_configure(tc_mixer* mixer, const tc_parameters* p) {
     float arm_m = 0.0f, yaw_per_free = 0.0f;
     for (int i = 0; i < TC_ROTORS; i++) {
         tc_mixer_rotor* m = &mixer->rotor[i];
@@ -179,52 +180,40 @@ static inline void start(const tc_mixer* mixer, const tc_mixer_rotor* m, const t
     r->drag = mixer->axial * vz;
 }
 
-/* Induced velocity for a load, within 5 % for z > - sqrt(load): with v_xy = 0, eq. (2) is a quadratic for w = v_z + v;
-   one step corrects w for v_xy (the constant is fitted), and eq. (2) then gives v. */
+/* Induced velocity for a load, within 1.4 % for z > - sqrt(load): with v_xy = 0, eq. (2) is a quadratic for
+   w = v_z + v; one step corrects w for v_xy (its constants are fitted), and eq. (2) then gives v. */
 static inline float guess(const rotor* r, float load) {
-    const float half = 0.5f * r->axial;
+    const float half = 0.5f * r->axial, lateral2 = r->lateral2;
     const float middle = sqrtf(half * half + load);
-    const float w = middle + half, lateral2 = 1.2f * r->lateral2;
-    const float through = w - 0.5f * lateral2 * (middle - half) / (w * w + load + lateral2);
-    return load / sqrtf(through * through + r->lateral2);
+    const float w = middle + half;
+    const float through = w - 0.4614f * lateral2 * (middle - half) / (w * w + 0.668f * load + 0.395f * lateral2);
+    return load / sqrtf(through * through + lateral2);
 }
 
-/* One Newton step on eq. (2) from `v`. Absolute values stand where a demand that cannot be met would leave the law's
-   domain. */
-static inline float closer(const tc_mixer* mixer, const rotor* r, float load, float v) {
-    const float w = r->axial + v;
-    const float q = w * w + r->lateral2;
-    return tc_abs(v - (v * q - load * sqrtf(q)) / (tc_abs(q + v * w) + mixer->guard));
-}
-
-/* The operating point for what is asked: Newton steps on eq. (2), then eq. (1), with two derivatives. A negative load
-   has none; it gets the line through that of the opposite one, which says that the rotor would turn too slowly. */
+/* The operating point for what is asked: a step of third order on eq. (2) (the induced velocity as a parabola over the
+   load, after Chebyshev), then eq. (1), with two derivatives. A negative load has none; it gets the line through that
+   of the opposite one, which says that the rotor would turn too slowly. Absolute values stand where a demand that
+   cannot be met would leave the law's domain. */
 static inline void operate(const tc_mixer* mixer, rotor* r) {
     const float load = tc_abs(r->load);
-    const float v = closer(mixer, r, load, guess(r, load));
+    const float v = guess(r, load);
     const float w = r->axial + v;
     const float q = w * w + r->lateral2;
     const float root = sqrtf(q);
     const float inverse = 1.0f / (tc_abs(q + v * w) + mixer->guard); /* over the derivative times root */
-    const float v1 = root * inverse;
-    const float v2 = -v1 * v1 * inverse * (w + w + v * r->lateral2 / q);
-    const float b = r->drag - tc_abs(v - (v * q - load * root) * inverse);
+    const float rise = root * inverse;
+    const float v2 = -rise * rise * inverse * (w + w + v * r->lateral2 / q);
+    const float missing = load - v * root;
+    const float bent = v2 * missing;
+    const float v1 = rise + bent;
+    const float b = r->drag - tc_abs(v + (rise + 0.5f * bent) * missing);
     const float steep = sqrtf(b * b + mixer->load_factor * load);
     const float n = steep - b;
     const float n1 = (mixer->half_factor + n * v1) / steep;
     const float n2 = (n * v2 + n1 * (v1 + v1 - n1)) / steep;
-    r->at = r->load;
     r->square_rise = (n + n) * n1;
     r->square = n * n + r->square_rise * (r->load - load);
     r->square_bend = n1 * n1 + n * n2;
-}
-
-/* Asks for more or less without a new operating point. */
-static inline void move(rotor* r, float more) {
-    const float bent = r->square_bend * more;
-    r->load += more;
-    r->square += (r->square_rise + bent) * more;
-    r->square_rise += bent + bent;
 }
 
 /* The sum of spin times squared speed that is still missing, its slope along the free direction, and half of that
@@ -239,26 +228,37 @@ static inline void weigh(const tc_mixer_rotor* m, const rotor* r, yaw_balance* y
     yaw->bend += m->spin_free2 * r->square_bend;
 }
 
-/* Moves the free direction by `step` to where nothing is missing. True if that was so far that the operating points
-   should be found once more. */
+/* How much less `more` is than what a load may be changed by without a new operating point. */
+static inline float nearness(const tc_mixer* mixer, const rotor* r, float more) {
+    return mixer->near + FAR * tc_abs(r->load) - tc_abs(more);
+}
+
+/* Moves the squared speeds along the free direction to where nothing of the yaw is missing. True if that was so far
+   that operating points should be found once more. */
 static inline bool balance(const tc_mixer* mixer, const yaw_balance* yaw, rotor r[TC_ROTORS], float* step) {
     const float straight = yaw->missing / yaw->slope;
     uint32_t far = 0u; /* sign bits of what is left: one comparison for all four */
     *step = straight - yaw->bend * straight * straight / yaw->slope;
     for (int i = 0; i < TC_ROTORS; i++) {
         const float more = *step * mixer->rotor[i].free;
-        move(&r[i], more);
-        far |= tc_bits(mixer->near + FAR * tc_abs(r[i].load) - tc_abs(more));
+        r[i].square += (r[i].square_rise + r[i].square_bend * more) * more;
+        far |= tc_bits(nearness(mixer, &r[i], more));
     }
     return (far & 0x80000000u) != 0u;
 }
 
-/* A new operating point for every rotor whose load has come far from the last one. */
-static __attribute__((noinline)) void repeat(const tc_mixer* mixer, float turn, rotor r[TC_ROTORS]) {
+/* Once more for every rotor whose load has been changed too much by `step` for the parabola. */
+static TC_RARE void repeat(const tc_mixer* mixer, float turn, float step, rotor r[TC_ROTORS]) {
     yaw_balance yaw = {turn, 0.0f, 0.0f};
-    float step;
     for (int i = 0; i < TC_ROTORS; i++) {
-        if (tc_abs(r[i].load - r[i].at) > mixer->near + FAR * tc_abs(r[i].load)) operate(mixer, &r[i]);
+        const float more = step * mixer->rotor[i].free;
+        const bool far = nearness(mixer, &r[i], more) < 0.0f;
+        r[i].load += more;
+        if (far) {
+            operate(mixer, &r[i]);
+        } else {
+            r[i].square_rise += 2.0f * r[i].square_bend * more;
+        }
         weigh(&mixer->rotor[i], &r[i], &yaw);
     }
     (void)balance(mixer, &yaw, r, &step);
@@ -275,10 +275,14 @@ typedef struct {
     float low, high;
 } range;
 
+/* Of a rotor that pulls air down it is at least that; a parabola followed too far may say anything. */
+static inline float collective_rise(const tc_mixer* mixer, int i, const rotor* r) {
+    return tc_max(r->square_rise, mixer->load_factor) * mixer->rotor[i].per_collective;
+}
+
 static inline void measure(const tc_mixer* mixer, const rotor r[TC_ROTORS], leeway* l) {
     for (int i = 0; i < TC_ROTORS; i++) {
-        /* Of a rotor that pulls air down the rise is at least that; a parabola followed too far may say anything. */
-        const float rise = tc_max(r[i].square_rise, mixer->load_factor) * mixer->rotor[i].per_collective;
+        const float rise = collective_rise(mixer, i, &r[i]);
         l->rise[i] = rise;
         l->down[i] = (mixer->slowest2 - r[i].square) / rise;
         l->up[i] = (mixer->fastest2 - r[i].square) / rise;
@@ -298,8 +302,8 @@ static inline void change_yaw(const tc_mixer* mixer, float free, leeway* l, roto
 
 /* Changes of the collective that bring every rotor within its limits. */
 static inline range collective_range(const leeway* l) {
-    range collective = {-NO_END, NO_END};
-    for (int i = 0; i < TC_ROTORS; i++) {
+    range collective = {l->down[0], l->up[0]};
+    for (int i = 1; i < TC_ROTORS; i++) {
         collective.low = tc_max(collective.low, l->down[i]);
         collective.high = tc_min(collective.high, l->up[i]);
     }
@@ -308,8 +312,7 @@ static inline range collective_range(const leeway* l) {
 
 /* Takes as little of the tilt torque away as leaves a collective that keeps every rotor within its limits; returns the
    share that stays. For each pair: what raises rotor i to its lower limit must not lift rotor j over its upper one. */
-static __attribute__((noinline)) float cut_tilt(const tc_mixer* mixer, const tc_wrench* wrench, leeway* l,
-                                                rotor r[TC_ROTORS]) {
+static TC_RARE float cut_tilt(const tc_mixer* mixer, const tc_wrench* wrench, leeway* l, rotor r[TC_ROTORS]) {
     float tilt[TC_ROTORS], share = 1.0f;
     for (int i = 0; i < TC_ROTORS; i++) {
         const tc_mixer_rotor* m = &mixer->rotor[i];
@@ -337,44 +340,17 @@ static inline float yaw_part(const tc_mixer* mixer, float free, const leeway* l)
     return part;
 }
 
-/* Priority: tilt torque, then collective, then yaw, which keeps a share of its authority throughout. `free` is where
-   the free direction stands. */
-static __attribute__((noinline)) uint8_t desaturate(const tc_mixer* mixer, const tc_wrench* wrench, float free,
-                                                    rotor r[TC_ROTORS]) {
-    leeway l;
-    uint8_t saturation = 0u;
-    const float yaw = free - tc_clamp(free, -mixer->guaranteed_yaw, mixer->guaranteed_yaw); /* beyond its share */
-    const bool much_yaw = tc_abs(yaw) > 0.0f;
-    measure(mixer, r, &l);
-    if (much_yaw) change_yaw(mixer, -yaw, &l, r);
-    range collective = collective_range(&l);
-    if (collective.low > collective.high) {
-        if (cut_tilt(mixer, wrench, &l, r) < 1.0f - SMALL) saturation |= TC_SATURATED_TILT;
-        collective = collective_range(&l);
-    }
-    const float more_n = tc_clamp(0.0f, collective.low, collective.high);
-    if (tc_abs(more_n) > SMALL * wrench->thrust_n) saturation |= TC_SATURATED_COLLECTIVE;
-    for (int i = 0; i < TC_ROTORS; i++) change(&l, i, more_n, &r[i]);
-    if (much_yaw) {
-        const float part = yaw_part(mixer, yaw, &l);
-        if (part < 1.0f - SMALL) saturation |= TC_SATURATED_YAW;
-        change_yaw(mixer, part * yaw, &l, r);
-    }
-    for (int i = 0; i < TC_ROTORS; i++) r[i].square = tc_clamp(r[i].square, mixer->slowest2, mixer->fastest2);
-    return saturation;
-}
-
-/* Whether all squared speeds lie between two positive bounds; one unsigned comparison of the bits each, NaN is outside.
- */
+/* Whether all squared speeds lie between two positive bounds, but for rounding; one unsigned comparison of the bits
+   each, NaN is outside. */
 static inline bool all_between(const rotor r[TC_ROTORS], float low, float high) {
-    const uint32_t first = tc_bits(low), width = tc_bits(high) - first;
+    const uint32_t first = tc_bits(low) - STEPS, width = tc_bits(high) + STEPS - first;
     bool between = true;
     for (int i = 0; i < TC_ROTORS; i++) between = between && tc_bits(r[i].square) - first <= width;
     return between;
 }
 
 /* Takes squared speeds to their limits; reports what is more than rounding. */
-static __attribute__((noinline)) uint8_t clip(const tc_mixer* mixer, rotor r[TC_ROTORS]) {
+static TC_RARE uint8_t clip(const tc_mixer* mixer, rotor r[TC_ROTORS]) {
     uint8_t saturation = 0u;
     for (int i = 0; i < TC_ROTORS; i++) {
         const float limited = tc_clamp(r[i].square, mixer->slowest2, mixer->fastest2);
@@ -384,8 +360,47 @@ static __attribute__((noinline)) uint8_t clip(const tc_mixer* mixer, rotor r[TC_
     return saturation;
 }
 
-void tc_mixer_solve(const tc_mixer* mixer, const tc_wrench* wrench, const float air_velocity_body_m_s[3],
-                    const float rate_body_rad_s[3], tc_mix* out) {
+/* Priority: tilt torque, then collective, then yaw, which keeps a share of its authority throughout: `yaw` is what it
+   has beyond. */
+static TC_RARE uint8_t desaturate(const tc_mixer* mixer, const tc_wrench* wrench, float yaw, rotor r[TC_ROTORS]) {
+    leeway l;
+    uint8_t saturation = 0u;
+    measure(mixer, r, &l);
+    change_yaw(mixer, -yaw, &l, r);
+    range collective = collective_range(&l);
+    if (collective.low > collective.high) {
+        if (cut_tilt(mixer, wrench, &l, r) < 1.0f - SMALL) saturation |= TC_SATURATED_TILT;
+        collective = collective_range(&l);
+    }
+    const float more_n = tc_clamp(0.0f, collective.low, collective.high);
+    if (tc_abs(more_n) > SMALL * wrench->thrust_n) saturation |= TC_SATURATED_COLLECTIVE;
+    for (int i = 0; i < TC_ROTORS; i++) change(&l, i, more_n, &r[i]);
+    const float part = yaw_part(mixer, yaw, &l);
+    if (part < 1.0f - SMALL) saturation |= TC_SATURATED_YAW;
+    change_yaw(mixer, part * yaw, &l, r);
+    return saturation;
+}
+
+/* Keeps every rotor within its limits. Usually nothing is to be done, or another collective is all it takes: that is
+   reckoned in every tick, so that one in which it is needed costs no more. `all`: where the free direction stands. */
+static inline uint8_t keep_within_limits(const tc_mixer* mixer, const tc_wrench* wrench, float all,
+                                         rotor r[TC_ROTORS]) {
+    float rise[TC_ROTORS], low = 0.0f, high = 0.0f;
+    for (int i = 0; i < TC_ROTORS; i++) {
+        rise[i] = collective_rise(mixer, i, &r[i]);
+        const float down = (mixer->slowest2 - r[i].square) / rise[i], up = (mixer->fastest2 - r[i].square) / rise[i];
+        low = i == 0 ? down : tc_max(low, down);
+        high = i == 0 ? up : tc_min(high, up);
+    }
+    const float more_n = tc_clamp(0.0f, low, high), size_n = tc_abs(more_n);
+    const float yaw = all - tc_clamp(all, -mixer->guaranteed_yaw, mixer->guaranteed_yaw);
+    if (low > high || (size_n > 0.0f && tc_abs(yaw) > 0.0f)) return desaturate(mixer, wrench, yaw, r);
+    for (int i = 0; i < TC_ROTORS; i++) r[i].square += rise[i] * more_n;
+    return size_n > SMALL * wrench->thrust_n ? (uint8_t)TC_SATURATED_COLLECTIVE : 0u;
+}
+
+uint8_t tc_mixer_solve(const tc_mixer* mixer, const tc_wrench* wrench, const float air_velocity_body_m_s[3],
+                       const float rate_body_rad_s[3], float rotor_speed_rad_s[TC_ROTORS]) {
     rotor r[TC_ROTORS];
     float air[3], rate[3];
     for (int i = 0; i < 3; i++) {
@@ -400,14 +415,11 @@ void tc_mixer_solve(const tc_mixer* mixer, const tc_wrench* wrench, const float 
         operate(mixer, &r[i]);
         weigh(&mixer->rotor[i], &r[i], &yaw);
     }
-    float first;
-    const bool far = balance(mixer, &yaw, r, &first);
-    out->saturation = 0u;
-    if (all_between(r, mixer->likely_slowest2, mixer->likely_fastest2)) {
-        if (far) repeat(mixer, turn, r);
-        if (!all_between(r, mixer->slowest2, mixer->fastest2)) out->saturation = clip(mixer, r);
-    } else {
-        out->saturation = desaturate(mixer, wrench, free + first, r);
-    }
-    for (int i = 0; i < TC_ROTORS; i++) out->rotor_speed_rad_s[i] = mixer->per_speed * sqrtf(r[i].square);
+    float step;
+    const bool far = balance(mixer, &yaw, r, &step);
+    if (far && all_between(r, mixer->likely_slowest2, mixer->likely_fastest2)) repeat(mixer, turn, step, r);
+    uint8_t saturation = keep_within_limits(mixer, wrench, free + step, r);
+    if (!all_between(r, mixer->slowest2, mixer->fastest2)) saturation |= clip(mixer, r); /* or no numbers */
+    for (int i = 0; i < TC_ROTORS; i++) rotor_speed_rad_s[i] = mixer->per_speed * sqrtf(r[i].square);
+    return saturation;
 }

@@ -7,19 +7,50 @@
    by powers of x first, so that only additions are left (Shaw and Traub 1974). derivative[k] comes out times x^k / k!.
  */
 static inline void derivatives(const float coefficient[TC_MAX_COEFFICIENTS], const float power[TC_MAX_COEFFICIENTS],
-                               int count, float derivative[5]) {
+                               float derivative[5]) {
     float sum[TC_MAX_COEFFICIENTS];
     sum[0] = coefficient[0];
     for (int i = 1; i < TC_MAX_COEFFICIENTS; i++) sum[i] = coefficient[i] * power[i];
-    for (int k = 0; k < count; k++) {
+    for (int k = 0; k < 5; k++) {
         for (int i = TC_MAX_COEFFICIENTS - 2; i >= k; i--) sum[i] += sum[i + 1];
         derivative[k] = sum[k];
     }
 }
 
-/* Closer than this to a segment's middle, relative to its half, x is taken to be this: 0.1 mm at 12 m/s in the longest
-   segment, and nothing to speak of in others. Division by the powers of x stays within float32. */
+/* Closer than this to zero x is taken to be this: 0.1 mm at 12 m/s in the longest segment, and nothing to speak of in
+   others. Division by the powers of x stays within float32. */
 #define SMALLEST_X 2.4e-7f
+
+const float tc_true_time[4] = {1.0f, 0.0f, 0.0f, 0.0f};
+
+__attribute__((noinline)) void tc_evaluate_polynomials(const float coefficient[TC_AXES][TC_MAX_COEFFICIENTS], float x,
+                                                       float x_per_s, const float path_rate[4], tc_setpoint* out) {
+    float power[TC_MAX_COEFFICIENTS], d[5];
+    power[0] = 1.0f;
+    power[1] = tc_abs(x) > SMALLEST_X ? x : SMALLEST_X;
+    for (int i = 2; i < TC_MAX_COEFFICIENTS; i++) power[i] = power[i - 1] * power[1];
+    /* Derivatives of x over x by time; the chain rule takes the path's rate in at the same time. */
+    const float per_s = x_per_s / power[1];
+    const float u1 = per_s * path_rate[0], u2 = per_s * path_rate[1], u3 = per_s * path_rate[2];
+    const float u4 = per_s * path_rate[3], u11 = u1 * u1, u12 = 6.0f * u1 * u2;
+    const float a2 = 2.0f * u11, j3 = 6.0f * u11 * u1, s4 = 24.0f * u11 * u11;
+    const float s3 = 6.0f * u1 * u12, s2 = 8.0f * u1 * u3 + 6.0f * u2 * u2;
+    for (int axis = 0; axis < TC_AXES; axis++) {
+        derivatives(coefficient[axis], power, d);
+        const float rate = d[1] * u1, acceleration = d[2] * a2 + d[1] * u2;
+        if (axis == 3) {
+            out->yaw_rad = d[0];
+            out->yaw_rate_rad_s = rate;
+            out->yaw_acceleration_rad_s2 = acceleration;
+        } else {
+            out->position_world_m[axis] = d[0];
+            out->velocity_world_m_s[axis] = rate;
+            out->acceleration_world_m_s2[axis] = acceleration;
+            out->jerk_world_m_s3[axis] = d[3] * j3 + d[2] * u12 + d[1] * u3;
+            out->snap_world_m_s4[axis] = d[4] * s4 + d[3] * s3 + d[2] * s2 + d[1] * u4;
+        }
+    }
+}
 
 void tc_trajectory_evaluate_running(const tc_trajectory* trajectory, uint16_t index, uint32_t time_us, float part_us,
                                     const float path_rate[4], tc_setpoint* out) {
@@ -32,37 +63,10 @@ void tc_trajectory_evaluate_running(const tc_trajectory* trajectory, uint16_t in
     /* Centre in integers first: float32 has no room for microseconds in a minute. */
     const int32_t centred_us = 2 * (int32_t)local_us - (int32_t)duration_us;
     const float s = tc_min(((float)centred_us + 2.0f * part_us) * inverse_us, 1.0f);
-    float power[TC_MAX_COEFFICIENTS], d[5];
-    power[0] = 1.0f;
-    power[1] = tc_abs(s) > SMALLEST_X ? s : SMALLEST_X;
-    for (int i = 2; i < TC_MAX_COEFFICIENTS; i++) power[i] = power[i - 1] * power[1];
-    /* Derivatives of x over x by time; the chain rule takes the path's rate in at the same time. */
-    const float per_s = 2e6f * inverse_us / power[1];
-    const float u1 = per_s * path_rate[0], u2 = per_s * path_rate[1], u3 = per_s * path_rate[2];
-    const float u4 = per_s * path_rate[3], u11 = u1 * u1, u12 = 6.0f * u1 * u2;
-    const float a2 = 2.0f * u11, j3 = 6.0f * u11 * u1, s4 = 24.0f * u11 * u11;
-    const float s3 = 6.0f * u1 * u12, s2 = 8.0f * u1 * u3 + 6.0f * u2 * u2;
-    for (int axis = 0; axis < 3; axis++) {
-        derivatives(segment->coefficient[axis], power, 5, d);
-        out->position_world_m[axis] = d[0];
-        out->velocity_world_m_s[axis] = d[1] * u1;
-        out->acceleration_world_m_s2[axis] = d[2] * a2 + d[1] * u2;
-        out->jerk_world_m_s3[axis] = d[3] * j3 + d[2] * u12 + d[1] * u3;
-        out->snap_world_m_s4[axis] = d[4] * s4 + d[3] * s3 + d[2] * s2 + d[1] * u4;
-    }
-    derivatives(segment->coefficient[3], power, 3, d);
-    out->yaw_rad = d[0];
-    out->yaw_rate_rad_s = d[1] * u1;
-    out->yaw_acceleration_rad_s2 = d[2] * a2 + d[1] * u2;
+    tc_evaluate_polynomials(segment->coefficient, s, 2e6f * inverse_us, path_rate, out);
 }
 
-void tc_trajectory_evaluate(const tc_trajectory* trajectory, uint16_t index, uint32_t time_us, float part_us,
-                            tc_setpoint* out) {
-    static const float true_time[4] = {1.0f, 0.0f, 0.0f, 0.0f};
-    tc_trajectory_evaluate_running(trajectory, index, time_us, part_us, true_time, out);
-}
-
-uint16_t tc_trajectory_find(const tc_trajectory* trajectory, uint32_t time_us) {
+TC_RARE uint16_t tc_trajectory_find(const tc_trajectory* trajectory, uint32_t time_us) {
     uint32_t low = 0, high = trajectory->header.segment_count; /* the answer is in [low, high) */
     for (int probe = 0; probe < 16 && high - low > 1u; probe++) {
         const uint32_t middle = (low + high) / 2u;
@@ -79,12 +83,12 @@ uint32_t tc_trajectory_duration_us(const tc_trajectory* trajectory) {
     return trajectory->start_us[trajectory->header.segment_count];
 }
 
-static uint32_t crc_u32(uint32_t crc, uint32_t value) {
+static TC_RARE uint32_t crc_u32(uint32_t crc, uint32_t value) {
     const uint8_t bytes[4] = {(uint8_t)value, (uint8_t)(value >> 8), (uint8_t)(value >> 16), (uint8_t)(value >> 24)};
     return tc_crc32(crc, bytes, sizeof bytes);
 }
 
-uint32_t tc_trajectory_crc32(const tc_trajectory* trajectory) {
+TC_RARE uint32_t tc_trajectory_crc32(const tc_trajectory* trajectory) {
     const tc_trajectory_header* header = &trajectory->header;
     const uint32_t counts = (uint32_t)header->segment_count | ((uint32_t)header->coefficient_count << 16) |
                             ((uint32_t)header->link_loss_policy << 24);

@@ -18,7 +18,7 @@ static void target_at(const float position[3], float z, float out[3]) {
 }
 
 /* A set-point that stands where the vehicle is: after the loss of everything better. */
-static void setpoint_here(tc_controller* c) {
+static TC_RARE void setpoint_here(tc_controller* c) {
     const tc_estimate* estimate = &c->telemetry.estimate;
     tc_setpoint* setpoint = &c->telemetry.setpoint;
     memset(setpoint, 0, sizeof *setpoint);
@@ -26,7 +26,7 @@ static void setpoint_here(tc_controller* c) {
     setpoint->yaw_rad = tc_q_yaw(estimate->q_world_body);
 }
 
-float tc_ramp_s(const tc_controller* c, float change) {
+TC_RARE float tc_ramp_s(const tc_controller* c, float change) {
     const float speed = tc_norm(c->telemetry.setpoint.velocity_world_m_s) / tc_max(c->clock.rate[0], 0.1f);
     return tc_max(RAMP_PEAK * speed * tc_abs(change) / c->parameters.brake_m_s2, RAMP_SHORTEST_S);
 }
@@ -34,7 +34,7 @@ float tc_ramp_s(const tc_controller* c, float change) {
 static void enter_take_off(tc_controller* c) {
     setpoint_here(c);
     memset(&c->position, 0, sizeof c->position);
-    tc_flatness_reset(&c->flatness, c->telemetry.estimate.q_world_body);
+    tc_flatness_reset(&c->telemetry.flatness, c->telemetry.estimate.q_world_body);
     const tc_setpoint* from = &c->telemetry.setpoint;
     c->ground_z_m = from->position_world_m[2];
     float to[3];
@@ -55,22 +55,22 @@ static void enter_landing(tc_controller* c) {
     if (c->mission.previous_state == TC_EMERGENCY) {
         setpoint_here(c);
         tc_copy(c->telemetry.setpoint.velocity_world_m_s, c->telemetry.estimate.velocity_world_m_s);
-        tc_flatness_reset(&c->flatness, c->telemetry.estimate.q_world_body);
+        tc_flatness_reset(&c->telemetry.flatness, c->telemetry.estimate.q_world_body);
     }
-    tc_move_stop(&c->move, &c->telemetry.setpoint, c->parameters.brake_m_s2);
+    tc_move_stop(&c->move, c->parameters.brake_m_s2);
     c->touching_since_us = low_word(c->telemetry.time_us);
 }
 
 static void slow_down(tc_controller* c) { tc_clock_retarget(&c->clock, 0.0f, tc_ramp_s(c, c->clock.rate[0])); }
 
-static void enter(tc_controller* c) {
+static TC_RARE void enter(tc_controller* c) {
     const uint8_t from = c->mission.previous_state;
     switch (c->mission.state) {
         case TC_TAKE_OFF:
             enter_take_off(c);
             break;
         case TC_HOLD:
-            tc_move_stop(&c->move, &c->telemetry.setpoint, c->parameters.brake_m_s2);
+            tc_move_stop(&c->move, c->parameters.brake_m_s2);
             break;
         case TC_APPROACH:
             enter_approach(c);
@@ -125,22 +125,26 @@ static void observe_estimate(tc_controller* c, uint8_t faults) {
         const bool bad = (faults & TC_FAULT_POSITION_BAD) != 0u;
         (void)tc_post(c, TC_EVENT_POSITION_LOST, bad ? TC_ESTIMATE_NOT_FINITE : TC_ESTIMATE_STALE);
     } else if (c->mission.state == TC_EMERGENCY && faults == 0u) {
-        const float tilt = 1.0f - tc_dot(c->flatness.axis, c->axes[2]);
+        const float tilt = 1.0f - tc_dot(c->telemetry.flatness.axis, c->axes[2]);
         if (tilt < 0.05f && seconds_since(c, low_word(c->mission.since_us)) > 0.2f) {
             (void)tc_post(c, TC_EVENT_POSITION_BACK, TC_ESTIMATE_BACK);
         }
     }
 }
 
-static void observe_flight(tc_controller* c) {
+static void observe_attitude(tc_controller* c) {
     const tc_parameters* p = &c->parameters;
-    const tc_estimate* estimate = &c->telemetry.estimate;
-    const float tilt = 1.0f - tc_dot(c->flatness.axis, c->axes[2]);
+    const float tilt = 1.0f - tc_dot(c->telemetry.flatness.axis, c->axes[2]);
     if (tilt <= c->tilt_bound) c->bad_tilt_since_us = low_word(c->telemetry.time_us);
     if (seconds_since(c, c->bad_tilt_since_us) > p->tilt_error_s) (void)tc_post(c, TC_EVENT_TILT, TC_TILT_ERROR);
-    if (!tc_inside_fence(p, estimate->position_world_m)) (void)tc_post(c, TC_EVENT_FENCE, TC_FENCE_BREACH);
     if (c->mission.state == TC_EMERGENCY && seconds_since(c, low_word(c->mission.since_us)) > p->emergency_s) {
         (void)tc_post(c, TC_EVENT_TIMEOUT, TC_TIMEOUT);
+    }
+}
+
+static void observe_fence(tc_controller* c) {
+    if (!tc_inside_fence(&c->parameters, c->telemetry.estimate.position_world_m)) {
+        (void)tc_post(c, TC_EVENT_FENCE, TC_FENCE_BREACH);
     }
 }
 
@@ -165,7 +169,7 @@ static void observe_link(tc_controller* c) {
 
 /* On the ground when close to the take-off height and slow, or when the set-point has sunk below a vehicle that stands.
  */
-static void observe_landing(tc_controller* c) {
+static TC_RARE void observe_landing(tc_controller* c) {
     const tc_estimate* estimate = &c->telemetry.estimate;
     const float* setpoint = c->telemetry.setpoint.position_world_m;
     if (tc_move_done(&c->move)) { /* the stop is over, or the ground was not where it was expected */
@@ -205,9 +209,15 @@ static void observe_setpoint(tc_controller* c) {
     }
 }
 
+/* What takes tenths of a second to matter is looked at by every other tick. */
 void tc_observe(tc_controller* c, uint8_t faults) {
+    const bool in_air = tc_mission_in_air(c->mission.state);
     observe_estimate(c, faults);
-    if (tc_mission_in_air(c->mission.state)) observe_flight(c);
-    observe_link(c);
+    if ((c->telemetry.ticks & 1u) != 0u) {
+        if (in_air) observe_attitude(c);
+    } else {
+        if (in_air) observe_fence(c);
+        observe_link(c);
+    }
     observe_setpoint(c);
 }

@@ -10,7 +10,7 @@ import sys
 def symbol_address(elf: str, name: str) -> bytes:
     listing = subprocess.run(["arm-none-eabi-nm", elf], check=True, capture_output=True, text=True).stdout
     for line in listing.splitlines():
-        address, _, symbol = line.split(maxsplit=2)
+        address, *_, symbol = line.split(maxsplit=2)
         if symbol == name:
             return f"/{int(address, 16):08x}/".encode()
     raise SystemExit(f"{elf} has no symbol {name}")

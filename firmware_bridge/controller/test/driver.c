@@ -169,12 +169,13 @@ int driver_run(uint32_t ticks, uint32_t* crc32, uint32_t* states) {
         tc_output output;
         measure(&vehicle, time_us, &estimate);
         operate(tick);
+        tc_ground_alive(&controller, time_us);
         driver_tick_begins();
         (void)tc_tick(&controller, time_us, &estimate, &output);
         driver_tick_ends();
         *states |= 1u << output.state;
         *crc32 = add_floats(*crc32, output.rotor_speed_rad_s, TC_ROTORS);
-        *crc32 = add_floats(*crc32, tc_telemetry_now(&controller)->q_reference, 4);
+        *crc32 = add_floats(*crc32, tc_telemetry_now(&controller)->flatness.q_reference, 4);
         *crc32 = add_floats(*crc32, tc_telemetry_now(&controller)->setpoint.position_world_m, 3);
         move(&vehicle, (float)STEP_US * 1e-6f);
     }

@@ -41,7 +41,8 @@ uint8_t run(tc_controller* c, uint64_t* time_us, float seconds, const trouble* t
         e.attitude_time_us = t->no_attitude ? 1u : *time_us;
         e.q_world_body[0] = 1.0f;
         if (up) memcpy(e.position_world_m, c->telemetry.setpoint.position_world_m, sizeof e.position_world_m);
-        if (up && c->mission.state != TC_EMERGENCY) memcpy(e.q_world_body, c->telemetry.q_reference, sizeof(float[4]));
+        if (up && c->mission.state != TC_EMERGENCY)
+            memcpy(e.q_world_body, c->telemetry.flatness.q_reference, sizeof(float[4]));
         if (e.position_world_m[2] < t->floor_m) e.position_world_m[2] = t->floor_m;
         e.velocity_world_m_s[0] = t->drift_m_s;
         e.position_world_m[0] += t->offset_m;

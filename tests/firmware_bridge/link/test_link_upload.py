@@ -56,6 +56,7 @@ def test_a_ground_station_that_dies_in_mid_upload_leaves_the_old_plan(serve, dia
             plans.file(80, name="new", seed=4),
             progress=lambda _, fraction: gone.append(1) if fraction > 0.5 else None,
             cancel=lambda: bool(gone),
+            rate_bytes_s=100e3,
         )
     assert link.read_back().name == "old"
 

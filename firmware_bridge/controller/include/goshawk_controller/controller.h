@@ -49,7 +49,7 @@ typedef struct {
     uint8_t estimate_faults; /* bit 0 position stale, 1 position not finite, 2 attitude stale, 3 attitude not finite */
     tc_estimate estimate; /* as used: carried forward to the tick; its time stamps are those of the last good halves */
     tc_setpoint setpoint;
-    float q_reference[4];          /* world from reference body */
+    tc_flatness_state flatness;    /* the attitude asked for */
     float rate_reference_rad_s[3]; /* how it turns, in the body axes of the estimate */
     tc_wrench wrench;              /* as demanded */
     float rotor_speed_rad_s[TC_ROTORS];
@@ -67,7 +67,6 @@ typedef struct {
     tc_mission mission;
     tc_clock clock;
     tc_move move;
-    tc_flatness_state flatness;
     tc_position_state position;
     tc_telemetry telemetry;
     float ground_z_m;                  /* height of the take-off point */

@@ -60,18 +60,13 @@ typedef struct {
     float torque_n_m[3];
 } tc_wrench;
 
-typedef struct {
-    float rotor_speed_rad_s[TC_ROTORS];
-    uint8_t saturation; /* TC_SATURATED_ bits */
-} tc_mix;
-
 /* TC_SINGULAR_GEOMETRY when the four rotors cannot produce an arbitrary wrench. */
 tc_reason tc_mixer_configure(tc_mixer* mixer, const tc_parameters* parameters);
 
 /* air_velocity_body_m_s: of the vehicle through the air, rate_body_rad_s moves the hubs. All finite. Speeds come out in
-   [rotor_min_rad_s, rotor_max_rad_s]. */
-void tc_mixer_solve(const tc_mixer* mixer, const tc_wrench* wrench, const float air_velocity_body_m_s[3],
-                    const float rate_body_rad_s[3], tc_mix* out);
+   [rotor_min_rad_s, rotor_max_rad_s]; returns TC_SATURATED_ bits. */
+uint8_t tc_mixer_solve(const tc_mixer* mixer, const tc_wrench* wrench, const float air_velocity_body_m_s[3],
+                       const float rate_body_rad_s[3], float rotor_speed_rad_s[TC_ROTORS]);
 
 #ifdef __cplusplus
 }

@@ -17,10 +17,10 @@ typedef struct {
     float path_part_us; /* [0, 1) on top */
     float rate[4];      /* d path time / d time, and its first three derivatives */
     float target_rate;
-    float ramp_s; /* duration of the running change of rate; 0 = none */
-    float ramp_elapsed_s;
-    float ramp_quintic[6]; /* rate over u = elapsed / ramp_s */
-    uint16_t segment;      /* cursor: the segment that holds path_us */
+    float ramp_s;      /* duration of the last change of rate */
+    float ramp_left_s; /* of it; 0 = the rate stands */
+    float ramp[3];     /* rate - target_rate over x = left / ramp_s is x^3 times this parabola: it ends flat */
+    uint16_t segment;  /* cursor: the segment that holds path_us */
 } tc_clock;
 
 void tc_clock_start(tc_clock* clock, float rate);
@@ -36,17 +36,16 @@ void tc_clock_setpoint(const tc_clock* clock, const tc_trajectory* trajectory, t
 /* A move to rest at a point: a septic per axis that goes on from any set-point with position, velocity, acceleration
    and jerk unbroken. Take-off, landing, hovering and the way to a trajectory's start are all moves. */
 typedef struct {
-    float septic[TC_AXES][8]; /* x, y, z, yaw over u = elapsed / duration */
-    float to[TC_AXES];
-    float duration_s;
-    float elapsed_s; /* negative until the first step */
+    float septic[TC_AXES][TC_MAX_COEFFICIENTS]; /* x, y, z, yaw over left / duration; where it has no term: zeros */
+    float duration_s;                           /* until the first step of a stop: -brake_m_s2 */
+    float left_s;                               /* negative until the first step */
 } tc_move;
 
 /* To a point; from rest the peak speed is `speed_m_s` (> 0), peak yaw rate 1 rad/s, peak acceleration 2 m/s^2. */
 void tc_move_start(tc_move* move, const tc_setpoint* from, const float to_world_m[3], float to_yaw_rad,
                    float speed_m_s);
 /* To rest as soon as `brake_m_s2` (> 0) allows, straight ahead. */
-void tc_move_stop(tc_move* move, const tc_setpoint* from, float brake_m_s2);
+void tc_move_stop(tc_move* move, float brake_m_s2);
 /* `from`: the set-point that the move was started from, or one that has not changed since; used by the first step. */
 void tc_move_advance(tc_move* move, const tc_setpoint* from, float step_s);
 bool tc_move_done(const tc_move* move);

@@ -177,9 +177,16 @@ uint16_t tc_trajectory_find(const tc_trajectory* trajectory, uint32_t time_us);
  */
 void tc_trajectory_evaluate_running(const tc_trajectory* trajectory, uint16_t index, uint32_t time_us, float part_us,
                                     const float path_rate[4], tc_setpoint* out);
-/* The same at rate 1. */
-void tc_trajectory_evaluate(const tc_trajectory* trajectory, uint16_t index, uint32_t time_us, float part_us,
-                            tc_setpoint* out);
+/* One set of polynomials in x, while x grows by `x_per_s` in path time. */
+void tc_evaluate_polynomials(const float coefficient[TC_AXES][TC_MAX_COEFFICIENTS], float x, float x_per_s,
+                             const float path_rate[4], tc_setpoint* out);
+/* The `path_rate` of true time. */
+extern const float tc_true_time[4];
+/* At rate 1. */
+static inline void tc_trajectory_evaluate(const tc_trajectory* trajectory, uint16_t index, uint32_t time_us,
+                                          float part_us, tc_setpoint* out) {
+    tc_trajectory_evaluate_running(trajectory, index, time_us, part_us, tc_true_time, out);
+}
 
 #ifdef __cplusplus
 }
