@@ -12,9 +12,10 @@ from blind_campaigns import LOADED
 import sysid
 import vehicle
 from flight import FlightLog, InputError, file_format, flight_log
+from sysid.comparison import HORIZONS_S
 from sysid.diagnosis.procedure import while_searching
 
-HORIZON = sysid.comparison.HORIZONS_S.index(0.5)
+HORIZON = HORIZONS_S.index(0.5)
 SAME = while_searching(sysid.Options())
 """Base and oracle are fitted as the diagnosis fits, so that only the effects differ."""
 LEAST_FALL = 0.01

@@ -26,6 +26,11 @@ def load(path: Path, columns: Path | None = None) -> FlightLog:
     return in_the_air(log, str(path)) if log.has("mission_state") else log
 
 
+def marked_file(path: Path) -> Path:
+    """Where marks on a log are written: into itself if it is ours, else into one of ours beside it."""
+    return path.with_suffix(".parquet")
+
+
 def in_the_air(log: FlightLog, name: str) -> FlightLog:
     """The rows from the first to the last in free air.
 

@@ -2,12 +2,13 @@
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from flight import InputError
+from goshawk.flights import marked_file
 from sysid.diagnosis import Diagnosis, OutsideFinding, curve, next_flight
 
 THRUST = "thrust_bem"
@@ -55,27 +56,40 @@ class Asked:
 
 def lines(found: Diagnosis, asked: Asked) -> list[str]:
     """Commands that go on from here, the first one first; a line in brackets is nothing to type."""
-    said = _after_additions(found, asked) if found.additions else []
-    if found.outside is not None:
-        said += _after_curve(found.outside, asked)
+    marking, asked = _marking(found, asked)
+    said = [*marking, *_after_additions(found, asked)] if found.additions else []
+    if (outside := _to_be_adopted(found)) is not None:
+        said += _after_curve(outside, asked)
     return said + _next_flight(found, asked)
 
 
 def _after_additions(found: Diagnosis, asked: Asked) -> list[str]:
-    marking = _marking(found, asked)
     if asked.out is not None:
-        return marking if asked.auto else [*marking, asked.again(asked.out)]
+        return [] if asked.auto else [asked.again(asked.out)]
     effects = list(dict.fromkeys(name.partition("[")[0] for name in found.additions))
     if THRUST in effects and THRUST not in found.base.effects:
-        return [*marking, asked.again(asked.vehicle_file) + (" --auto" if asked.auto else "") + " --out better.toml"]
+        return [asked.again(asked.vehicle_file) + (" --auto" if asked.auto else "") + " --out better.toml"]
     change = f"goshawk vehicle add-effect {_words(asked.vehicle_file)} {{}}{asked.refitting()}"
-    return [*marking, *(change.format(effect) for effect in effects)]
+    return [change.format(effect) for effect in effects]
 
 
-def _marking(found: Diagnosis, asked: Asked) -> list[str]:
-    """Tell the logs of flights without the payload that they are; the others need not be told."""
-    both = zip((*asked.flights, *asked.held_out), found.payload_carried, strict=False)
-    return [f"goshawk log {_words(path)}{asked.reading()} --payload left" for path, carries in both if not carries]
+def _marking(found: Diagnosis, asked: Asked) -> tuple[list[str], Asked]:
+    """Tell the logs of flights without the payload that they are; the others need not be told.
+
+    Returns:
+        The commands, and what is asked for with the marked logs.
+    """
+    paths = (*asked.flights, *asked.held_out)
+    left = [path for path, carries in zip(paths, found.payload_carried, strict=False) if not carries]
+    marked = [marked_file(path) if path in left else path for path in paths]
+    many = len(asked.flights)
+    commands = [f"goshawk log {_words(path)}{asked.reading()} --payload left" for path in left]
+    return commands, replace(asked, flights=marked[:many], held_out=marked[many:])
+
+
+def _to_be_adopted(found: Diagnosis) -> OutsideFinding | None:
+    """The curve; none while it was drawn beside one of several names that nothing tells apart."""
+    return None if found.undecided else found.outside
 
 
 def _after_curve(outside: OutsideFinding, asked: Asked) -> list[str]:
@@ -103,7 +117,7 @@ def _next_flight(found: Diagnosis, asked: Asked) -> list[str]:
     except InputError:
         return []
     named = bool(set(suspects) & set(found.additions))
-    to_be_adopted_first = found.outside is not None or (found.additions and asked.out is None)
+    to_be_adopted_first = _to_be_adopted(found) is not None or (found.additions and asked.out is None)
     if not named and to_be_adopted_first:
         return []
     size, corner = _space(found)

@@ -10,7 +10,7 @@ import sysid
 import vehicle
 from flight import FlightLog, InputError, flight_log
 from goshawk import console
-from goshawk.flights import IN_FREE_AIR, in_the_air
+from goshawk.flights import IN_FREE_AIR, in_the_air, marked_file
 from sysid.flight_data import PAYLOAD_CARRIED
 
 
@@ -51,7 +51,7 @@ def command(
     if download:
         fetch(flight, url, key_file)
     if payload is not None:
-        mark(flight, columns, payload == "carried")
+        flight = mark(flight, columns, payload == "carried")
     log = sysid.read_log(flight, columns)
     believed = vehicle.load(vehicle_file) if vehicle_file is not None else None
     document = describe(log) | {"check": sysid.check_log(_aloft(log, flight), believed).as_dict()}
@@ -84,19 +84,23 @@ def fetch(out: Path, url: str, key_file: Path | None) -> None:
         flight_log.save(out, link.download_log(progress=report, cancel=cancel))
 
 
-def mark(path: Path, columns: Path | None, carried: bool) -> None:
+def mark(path: Path, columns: Path | None, carried: bool) -> Path:
     """Write into a log whether the payload was on board; of a foreign log, into one of ours beside it.
+
+    Returns:
+        The file that was marked.
 
     Raises:
         InputError: there is another log of that name beside it.
     """
-    log = sysid.read_log(path, columns)
-    own = path.with_suffix(".parquet")
+    own = marked_file(path)
+    log = flight_log.load(path) if own == path else sysid.read_log(path, columns)
     if own != path and own.exists():
         raise InputError(f"{own} exists; mark that one, or move it away if it is not {path.name} in our own format")
     flight_log.save(own, FlightLog(log.columns, {**log.metadata, PAYLOAD_CARRIED: carried}))
-    if own != path:
-        click.echo(f"written: {own}; give it instead of {path} from now on", err=True)
+    instead = "" if own == path else f"; give it instead of {path} from now on"
+    click.echo(f"written: {own}{instead}", err=True)
+    return own
 
 
 def describe(log: FlightLog) -> dict:

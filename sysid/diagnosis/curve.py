@@ -112,9 +112,9 @@ def drawn(outside: OutsideFinding | Mapping[str, Any]) -> Drawn:
 
 def advice(curve: OutsideFinding | Drawn) -> str:
     """Where to look instead when no vehicle can know the variable, or when names exist for it; empty otherwise."""
-    if curve.variable == "constant":
-        return CONSTANT[curve.channel]
-    return PULLED if curve.channel in WORLD else UNSEEN.get(curve.variable, "")
+    if curve.channel in WORLD:
+        return PULLED
+    return CONSTANT[curve.channel] if curve.variable == "constant" else UNSEEN.get(curve.variable, "")
 
 
 def suggested_name(curve: OutsideFinding | Drawn) -> str:

@@ -97,7 +97,7 @@ class Outside:
     variable: str
     score: Score
     confidence: float
-    """Probability that this is the variable, given the channel."""
+    """Probability that channel and variable are right."""
 
 
 def examine(fit: Identification) -> Model:

@@ -216,7 +216,7 @@ def _carried(found: Search, logs: Sequence[FlightLog], held_out: Sequence[Flight
 def _newly_told(before: Sequence[FlightLog], after: Sequence[FlightLog]) -> tuple[bool, ...]:
     """What each log carries; empty if that was no news."""
     told = [(carries_payload(old), carries_payload(new)) for old, new in zip(before, after, strict=True)]
-    return tuple(bool(new) for _, new in told) if any(old is not new for old, new in told) else ()
+    return () if all(old == new for old, new in told) else tuple(new is not False for _, new in told)
 
 
 def _visible(sigma: float, usual: float) -> float:
@@ -285,7 +285,7 @@ def _present(found: Search, suspect: Suspect, trial: Trial, fitted: Vehicle, err
 
 
 def _present_reason(trial: Trial, found: Search) -> str:
-    carried_by = [f.name for f in (*found.models[-1].fit.flights, *found.unseen) if f.carries_payload]
+    carried_by = [f.name for f in (*found.models[-1].fit.flights, *found.unseen) if f.carries_payload is not False]
     where = f"carried by {', '.join(carried_by)} and no other flight; " if trial.suspect.name == PAYLOAD else ""
     text = f"{where}explains {trial.training.total:.0f} of the cost, and {trial.judged_on} agree"
     doubtful = [f"{name} ({p:.0%})" for name, p in trial.rivals if p > 0.05]

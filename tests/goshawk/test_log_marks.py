@@ -23,11 +23,11 @@ unit = "m"
 def test_a_log_is_marked_and_stays_as_it_is_otherwise(tmp_path, word, carried):
     path = tmp_path / "lap.parquet"
     vectors = {"position_world_m": np.random.default_rng(0).normal(size=(200, 3))}
-    log = flight_log.from_vectors(np.arange(200) / 100.0, vectors, metadata={"name": "lap", "site": "hall"})
+    log = flight_log.from_vectors(np.arange(200) / 100.0, vectors, metadata={"site": "hall"})
     flight_log.save(path, log)
     run("log", path, "--payload", word)
     marked = flight_log.load(path)
-    assert marked.metadata == {"name": "lap", "site": "hall", PAYLOAD_CARRIED: carried}
+    assert marked.metadata == {"site": "hall", PAYLOAD_CARRIED: carried}
     for name, values in log.columns.items():
         np.testing.assert_array_equal(marked.columns[name], values)
 
@@ -38,7 +38,8 @@ def test_a_foreign_log_stays_and_gets_a_marked_one_of_ours_beside_it(tmp_path):
     (tmp_path / "map.toml").write_text(MAP)
     before = (tmp_path / "lap.csv").read_bytes()
     asked = ("log", tmp_path / "lap.csv", "--columns", tmp_path / "map.toml", "--payload", "left")
-    run(*asked)
+    said = run(*asked)
+    assert "payload_carried" in said
     assert (tmp_path / "lap.csv").read_bytes() == before
     assert flight_log.load(tmp_path / "lap.parquet").metadata[PAYLOAD_CARRIED] is False
     assert "exists" in run(*asked, code=2)

@@ -71,6 +71,14 @@ def test_flights_without_the_load_are_told_so_before_the_vehicle_gets_it():
     assert typed(line) == ["vehicle", "add-effect", "vehicle.toml", "payload", *FITTED]
 
 
+def test_a_foreign_log_is_marked_beside_itself_and_the_marked_one_is_fitted():
+    asked = Asked((Path("a.csv"), Path("b.csv")), ASKED.vehicle_file, columns=Path("map.toml"))
+    load = found(suspect("payload", "present", 1e-9), carried=(True, False))
+    marked, line = what_next.lines(load, asked)
+    assert typed(marked) == ["log", "b.csv", "--columns", "map.toml", "--payload", "left"]
+    assert typed(line)[4:] == ["--flights", "a.csv", "--flights", "b.parquet", "--columns", "map.toml"]
+
+
 def test_a_curve_without_a_name_becomes_an_effect_and_is_tried():
     asked = Asked(ASKED.flights, ASKED.vehicle_file, ASKED.held_out, json_file=Path("d.json"))
     first, second = what_next.lines(found(outside=drawn("dn_0/dt")), asked)
@@ -112,6 +120,8 @@ def test_the_undecided_are_told_apart_first():
     words = typed(line)
     names = [words[i + 1] for i, word in enumerate(words) if word == "--suspect"]
     assert names == ["parasitic_drag", "rotor_drag_speed"]
+    beside = found(outside=drawn(), undecided=("parasitic_drag", "rotor_drag_speed"))
+    assert what_next.lines(beside, ASKED) == [line]
 
 
 def test_an_addition_that_may_be_another_is_settled_against_the_model_without_it():

@@ -9,7 +9,7 @@ import pytest
 import vehicle
 from flight import FlightLog, InputError
 from sysid import Options, compare, identify
-from sysid.diagnosis import diagnose, examined, load
+from sysid.diagnosis import diagnose, examined, load, procedure
 from sysid.diagnosis.evidence import Blocks, Evidence
 from sysid.diagnosis.procedure import while_searching
 from sysid.diagnosis.suspects import line_up
@@ -187,6 +187,14 @@ def test_a_mark_that_is_no_yes_or_no_is_refused(partly):
     log = FlightLog(partly[0].columns, {"name": "lap", PAYLOAD_CARRIED: "yes"})
     with pytest.raises(InputError, match="lap: payload_carried in its metadata is 'yes'"):
         prepare(log, 0, Options())
+
+
+def test_only_what_the_logs_did_not_say_is_news(partly):
+    said = told(partly, PARTLY)
+    assert procedure._newly_told(said, told(partly, PARTLY)) == ()
+    unsaid = [*said[:3], partly[3]]  # the fourth carries it, as logs do that say nothing
+    assert procedure._newly_told(unsaid, unsaid) == ()
+    assert procedure._newly_told([*unsaid, partly[0]], [*unsaid, said[0]]) == (*PARTLY, False)
 
 
 @pytest.mark.slow
