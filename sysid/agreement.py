@@ -12,6 +12,8 @@ SURE_SIGMA = 5.0
 """A flight is odd when some parameter would move by more than this many standard errors without it ..."""
 LEAST_SHARE = 0.05
 """... and by more than this share of its size: slightly wrong forms move a little from flight to flight."""
+ROUNDING = 1e-13
+"""Less than this share of all information about a parameter is none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +53,7 @@ def odd_flights(
         keeps = np.eye(len(hessian)) - share
         rest = sum((s for j, s in enumerate(scatter) if j != i), np.zeros_like(hessian))
         spread = keeps @ scatter[i] @ keeps.T + share @ rest @ share.T
-        without = covariance_of(hessian - own)
+        without = covariance_without(hessian, own)
         move = (without @ pulls[i].sum(axis=0))[: len(names)]
         std = np.sqrt(np.diag(without @ spread @ without))[: len(names)]
         sigma = np.where(np.abs(move) > LEAST_SHARE * sizes, np.abs(move) / np.maximum(std, 1e-300), 0.0)
@@ -59,6 +61,15 @@ def odd_flights(
         if sigma[worst] > SURE_SIGMA:
             found.append(Odd(flight.name, names[worst], float(values[worst] + move[worst]), float(sigma[worst])))
     return sorted(found, key=lambda odd: -odd.sigma)
+
+
+def covariance_without(hessian: FloatArray, own: FloatArray) -> FloatArray:
+    """Covariance by all other flights; zero for a parameter that only this flight shows, which contradicts nothing."""
+    rest = hessian - own
+    shown = np.diag(rest) > ROUNDING * np.diag(hessian)
+    covariance = np.zeros_like(rest)
+    covariance[np.ix_(shown, shown)] = covariance_of(rest[np.ix_(shown, shown)])
+    return covariance
 
 
 def _scatter(pulls: FloatArray) -> FloatArray:

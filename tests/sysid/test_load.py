@@ -1,5 +1,6 @@
 """A load on some flights only: it is weighed, its flights are named, and logs that say of it are believed."""
 
+import warnings
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -8,7 +9,7 @@ import pytest
 
 import vehicle
 from flight import FlightLog, InputError
-from sysid import Options, compare, identify
+from sysid import Options, agreement, compare, identify
 from sysid.diagnosis import diagnose, examined, load, procedure
 from sysid.diagnosis.evidence import Blocks, Evidence
 from sysid.diagnosis.procedure import while_searching
@@ -195,6 +196,23 @@ def test_only_what_the_logs_did_not_say_is_news(partly):
     unsaid = [*said[:3], partly[3]]  # the fourth carries it, as logs do that say nothing
     assert procedure._newly_told(unsaid, unsaid) == ()
     assert procedure._newly_told([*unsaid, partly[0]], [*unsaid, said[0]]) == (*PARTLY, False)
+
+
+def test_flights_are_compared_where_one_alone_carries_the_load(partly):
+    """Without that flight nothing is known of the load; what is known of all else stays as it was."""
+    logs = told(partly[:3], (False, True, False))
+    loaded = vehicle.example().with_effect("payload", added_kg=0.5 * LOAD_KG)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fit = identify(logs, loaded, while_searching(Options()))
+    named = fit.unknowns.model
+    own = fit.solution.information[1]
+    left = agreement.covariance_without(fit.solution.hessian, own)
+    weight = named.index("payload.added_kg")
+    assert not left[weight].any()
+    rest = np.delete(np.arange(len(left)), weight)
+    others = (fit.solution.hessian - own)[np.ix_(rest, rest)]
+    np.testing.assert_allclose(left[np.ix_(rest, rest)] @ others, np.eye(len(rest)), atol=1e-6)
 
 
 @pytest.mark.slow
