@@ -134,8 +134,17 @@ def test_outputs_are_bit_identical_on_every_compiler_and_level(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("target", "level"), [("M4F", ["-O2"]), ("M4F", ["-O3", "-flto"]), ("M7", ["-O2"])])
+@pytest.mark.parametrize(
+    ("target", "level"),
+    [
+        ("M4F", ["-O2"]),
+        ("M4F", ["-Os"]),
+        ("M4F", ["-O3", "-flto", "-mtune=cortex-a5"]),
+        ("M7", ["-O2"]),
+    ],
+)
 def test_outputs_on_the_target_are_those_of_the_host(tmp_path, target, level):
+    """-Os and that tuning multiply and add in one instruction."""
     _need("gcc", "arm-none-eabi-gcc", "qemu-system-arm")
     host = _run(_host("gcc", tmp_path / "host", "-O2"), LONG).split()
     crc, states, _stack, failed = _emulate(*_firmware(target, tmp_path / "firmware", *level, f"-DTICKS={LONG}"))
