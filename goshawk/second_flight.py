@@ -71,8 +71,12 @@ def adding(effect: str, options: sysid.Options | None = None) -> Learn:
 
 
 def diagnosing(logs: Sequence[FlightLog], believed: Vehicle) -> Vehicle:
-    """To learn without being told what: the flights are diagnosed to the end, and whatever they confirm is added."""
-    return diagnose(logs, believed, auto=True).vehicle
+    """To learn without being told what: the flights are diagnosed to the end, and whatever they confirm is added.
+
+    A model in which nothing was confirmed does not fly: what the vehicle lacks may have bent its other numbers.
+    """
+    found = diagnose(logs, believed, auto=True)
+    return found.vehicle if found.additions else believed
 
 
 def _fly(

@@ -55,11 +55,24 @@ UNSEEN = "held-out flights"
 
 
 def refit(logs: Sequence[FlightLog], model: Model, suspect: Suspect, options: Options) -> Identification:
-    """Fit the model with a suspect in it."""
+    """Fit the model with a suspect in it.
+
+    Where the effect that is missing is large, the model has been bent out of shape to make up for it, and from there no
+    way may lead back; then the fit starts from the numbers that the model was given.
+    """
     start = suspects.added(model.fit.vehicle, suspect, list(model.scores[suspect.name].size))
     flights = model.flights if suspect.effect == PAYLOAD else model.fit.flights
     near = replace(model.fit, flights=flights)
-    return identify(logs, start, _holding_others(options, start, suspect), near=near)
+    try:
+        return identify(logs, start, _holding_others(options, start, suspect), near=near)
+    except InputError:
+        if suspect.effect == PAYLOAD:
+            raise
+        given = model.fit.vehicle
+        for estimate in model.fit.parameters:
+            given = given.with_value(estimate.name, estimate.start)
+        start = suspects.added(given, suspect, [0.0] * len(suspect.parameters))
+        return identify(logs, start, _holding_others(options, start, suspect))
 
 
 def _holding_others(options: Options, vehicle: Vehicle, suspect: Suspect) -> Options:

@@ -73,7 +73,7 @@ def test_the_second_flight_tracks_as_well_as_if_the_truth_were_known(loops, effe
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("effect", ["rotor_drag_thrust", "weak_rotor"])
+@pytest.mark.parametrize("effect", ["rotor_drag_thrust", "centre_of_mass", "weak_rotor"])
 def test_a_diagnosis_of_its_logs_makes_the_second_flight_as_good_without_being_told_what_is_missing(loops, effect):
     flown = loops.second(effect, told=False)
     assert flown.added == (effect,)
