@@ -18,6 +18,8 @@ from vehicle import Vehicle
 
 BIN_S = 0.1
 """Unexplained acceleration is judged as means over this long: below, the smoother itself decides what is seen."""
+LOGS = 50.0
+"""Logarithms beyond this are of no use to a search and overflow when squared."""
 SHORTEST_S, LONGEST_S = 0.1, 5.0
 """What lasts less is as good as white; what lasts longer is as good as a constant."""
 LEAST_SIZE = np.array([1e-3, 1e-3, 1e-3, 1e-2, 1e-2, 1e-2])
@@ -109,7 +111,7 @@ def _fit(series: list[FloatArray], up_to_rad_s: float) -> _Fit:
     mean = max(float(power.mean()), 1e-12)
 
     def spectrum(logs: FloatArray) -> FloatArray:
-        size, lasts, white = np.exp(logs)
+        size, lasts, white = np.exp(np.clip(logs, -LOGS, LOGS))
         keeps = np.exp(-BIN_S / np.clip(lasts, SHORTEST_S, LONGEST_S))
         return size**2 * (1.0 - keeps**2) / (1.0 + keeps**2 - 2.0 * keeps * np.cos(angle)) + white**2 + 1e-6 * mean
 
@@ -119,7 +121,7 @@ def _fit(series: list[FloatArray], up_to_rad_s: float) -> _Fit:
 
     start = np.log([np.sqrt(0.7 * mean), 0.5, np.sqrt(0.3 * mean)])
     best = minimize(surprise, start, method="Nelder-Mead", options={"maxiter": 400, "xatol": 0.01, "fatol": 0.01})
-    size, lasts, white = np.exp(best.x)
+    size, lasts, white = np.exp(np.clip(best.x, -LOGS, LOGS))
     white_alone = len(power) * (np.log(mean) + 1.0)
     return _Fit(size, float(np.clip(lasts, SHORTEST_S, LONGEST_S)), white, 2.0 * (white_alone - float(best.fun)))
 
