@@ -11,7 +11,7 @@ from sysid.diagnosis.confirm import Judge
 from sysid.diagnosis.evidence import Evidence
 from sysid.diagnosis.free_form import EVERY_CHANNEL, WORLD
 from sysid.diagnosis.load import Load
-from sysid.diagnosis.score import Loss, Score, inverse_of, loss_without, score
+from sysid.diagnosis.score import CLEAR_LEAD, Loss, Score, inverse_of, loss_without, score
 from sysid.diagnosis.suspects import LineUp, Suspect, line_up
 from sysid.diagnosis.weigh import Candidate, Scales
 from sysid.flight_data import Flight
@@ -33,7 +33,7 @@ CLEAR_ODDS = 25.0
 false names came to 20: a controller that answers gusts looks like a little less thrust per speed. It also confirms
 where held-out flights cannot tell."""
 CLEAR_ODDS_CURVE = 16.0
-"""The same for a curve; innocent models came to 10 at most."""
+"""The same for a curve; innocent models came to 11, and one to 35."""
 DOUBTFUL = 1e-3
 """... and the probability of chance that is low enough then."""
 DOUBTFUL_CURVE = 1e-2
@@ -47,8 +47,6 @@ EVEN_ODDS_CURVE = 30.0
 wrong ones came to 19, 19 and 35, the right ones to 31 and more."""
 LEAST_CONFIDENCE_CURVE = 0.3
 """A curve that would be stated with less is not stated."""
-CLEAR_LEAD = 3.0
-"""Log odds from which on one suspect, or a curve, clearly explains more than another."""
 ALIKE = 0.5
 """Suspects that reproduce this much of each other's trace compete for the same evidence."""
 NAMED_SHARE = 0.2
@@ -168,13 +166,14 @@ def as_good_as(curve: Outside, model: Model) -> list[Suspect]:
     """Suspects that a curve in a channel of theirs does not clearly outdo, best first."""
     gain = {s.name: model.scores[s.name].gain_unseen for s in model.line_up.suspects}
     least = curve.score.gain_unseen - CLEAR_LEAD * curve.score.dispersion
-    own = [s for s in model.line_up.suspects if any(curve.channel in (c, *_turned(c)) for c in s.channels)]
+    own = [s for s in model.line_up.suspects if curve.channel in shown_in(s)]
     return sorted((s for s in own if gain[s.name] > max(least, LEAST_GAIN)), key=lambda s: -gain[s.name])
 
 
-def _turned(channel: str) -> tuple[str, ...]:
-    """Channels along axes of the world in which a force along axes of the body shows."""
-    return tuple(WORLD) if channel.startswith("F_") else ()
+def shown_in(suspect: Suspect) -> list[str]:
+    """Channels of curves in which a suspect shows; a force along axes of the body shows along the world's too."""
+    own = [c for c in suspect.channels if c in CHANNELS]
+    return [*own, *WORLD] if any(c.startswith("F_") for c in own) else own
 
 
 def alike(model: Model, one: Suspect, other: Suspect) -> bool:
@@ -203,8 +202,7 @@ def stands(after: Model, suspect: Suspect) -> Outside | None:
     At the fit with the suspect in the model: a curve in its channels that is still needed beside the name, while the
     name is not needed beside the curve, convicts the name of being a stand-in.
     """
-    pulled = WORLD if any(c.startswith("F_") for c in suspect.channels) else ()
-    curve = best_curve(after, [*(c for c in suspect.channels if c in CHANNELS), *pulled])
+    curve = best_curve(after, shown_in(suspect))
     if curve is None:
         return None
     beside = [curve]

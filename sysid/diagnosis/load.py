@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from flight import FlightLog
 from flight.rotations import FloatArray
 from sysid.diagnosis.evidence import Blocks, Evidence
-from sysid.diagnosis.score import Score, score
+from sysid.diagnosis.score import CLEAR_LEAD, Score, score
 from sysid.flight_data import PAYLOAD_CARRIED, Flight, IndexArray
 
 logger = logging.getLogger(__name__)
@@ -28,8 +28,6 @@ WITHIN_SIGMAS = 2.0
 """... and so many standard errors."""
 SHOWS = 1e-3
 """Probability of chance below which it is asked whether it can be a load."""
-CLEAR_LEAD = 3.0
-"""Log odds from which on weaker thrust clearly explains more than a load."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,8 +77,9 @@ def find(evidence: Evidence, flights: Sequence[Flight]) -> Load:
 def _apart(blocks: Blocks, given: IndexArray, places: IndexArray, where: Sequence[NDArray[np.bool_]]) -> Blocks:
     """The given columns, and each of some others once per set of blocks: itself there, nothing elsewhere."""
     repeated = blocks.only(np.concatenate([given, np.repeat(places, len(where))]))
-    heard = np.concatenate([np.ones((len(given), len(blocks.score)), dtype=bool), *[where] * len(places)]).T
-    return Blocks(repeated.score * heard, repeated.information * heard[:, :, None] * heard[:, None])
+    for i, here in enumerate(where):
+        repeated = repeated.silenced(np.arange(len(given) + i, repeated.score.shape[1], len(where)), ~here)
+    return repeated
 
 
 def _not_two_groups(added: FloatArray, order: IndexArray, cut: int, sigma: float) -> str:

@@ -27,8 +27,9 @@ NODE_RATE_HZ = 100.0
 VISIBLE_SIGMAS = float(norm.isf(CHANCE / 2.0) + norm.isf(0.1))
 """A size of so many standard errors is called present nine times in ten."""
 OUTDONE = "significant, but another explains more"
-DOUBTED = 0.5
-"""Nothing is stated with more while the model leaves more unexplained than any gust would."""
+EVEN = 0.5
+"""Nothing is stated with more while the model leaves more unexplained than any gust would, and a suspect that explains
+as much as the best curve with no less."""
 LOOK_ALIKE = 0.9
 """Suspects that reproduce this much of another's trace are named beside it."""
 
@@ -109,7 +110,7 @@ class Diagnosis:
     def confidence(self) -> float:
         """Probability that all additions are the right names, that one of those undecided is missing when there is no
         addition, or that nothing is missing when there are neither."""
-        most = DOUBTED if self.leaves_too_much else MOST_CONFIDENCE
+        most = EVEN if self.leaves_too_much else MOST_CONFIDENCE
         if self.additions:
             return min(most, float(np.prod([s.confidence for s in self.suspects if s.verdict == "present"])))
         if self.undecided:
@@ -354,7 +355,7 @@ def _doubted(finding: SuspectFinding) -> SuspectFinding:
     """A suspect that explains about as much as any curve does, in too few stretches of flight."""
     fly = " or ".join(finding.settled_by)
     reason = f"no curve explains clearly more, yet too few stretches of flight show it; fly {fly}"
-    return replace(finding, verdict="cannot tell", reason=reason, confidence=max(0.5, finding.confidence))
+    return replace(finding, verdict="cannot tell", reason=reason, confidence=max(EVEN, finding.confidence))
 
 
 def _not_excluded(finding: SuspectFinding) -> SuspectFinding:

@@ -11,7 +11,6 @@ from sysid.diagnosis import suspects
 from sysid.diagnosis.confirm import Fall, Judge
 from sysid.diagnosis.examined import (
     ALIKE,
-    CLEAR_LEAD,
     CLEAR_ODDS,
     MOST_CONFIDENCE,
     Model,
@@ -25,6 +24,7 @@ from sysid.diagnosis.examined import (
     stands,
     stated_curve,
 )
+from sysid.diagnosis.score import CLEAR_LEAD
 from sysid.diagnosis.suspects import Suspect
 from sysid.diagnosis.weigh import Candidate, Scales
 from sysid.flight_data import Flight

@@ -13,8 +13,9 @@ import vehicle
 from flight import FlightLog
 from sysid import Options, identify
 from sysid.diagnosis import Diagnosis, diagnose, next_flight
-from sysid.diagnosis.examined import CLEAR_LEAD, Model, as_good_as, best_curve, examine
+from sysid.diagnosis.examined import Model, as_good_as, best_curve, examine
 from sysid.diagnosis.rehearsal import Room, fitted_into
+from sysid.diagnosis.score import CLEAR_LEAD
 from sysid.diagnosis.search import candidates
 from sysid.diagnosis.weigh import Candidate, Scales
 from vehicle import Vehicle, flights, manoeuvres
