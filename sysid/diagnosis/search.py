@@ -69,8 +69,8 @@ def refit(logs: Sequence[FlightLog], model: Model, suspect: Suspect, options: Op
         if suspect.effect == PAYLOAD:
             raise
         given = model.fit.vehicle
-        for estimate in model.fit.parameters:
-            given = given.with_value(estimate.name, estimate.start)
+        for free in (e for e in model.fit.parameters if e.status == "free"):
+            given = given.with_value(free.name, free.start)
         start = suspects.added(given, suspect, [0.0] * len(suspect.parameters))
         return identify(logs, start, _holding_others(options, start, suspect))
 

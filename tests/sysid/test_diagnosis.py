@@ -10,10 +10,13 @@ import vehicle
 from flight import FlightLog, InputError
 from sysid import Options, dynamics, identify
 from sysid.chain import eliminate
-from sysid.diagnosis import diagnose, free_form
+from sysid.diagnosis import diagnose, free_form, suspects
 from sysid.diagnosis.confirm import Judge
 from sysid.diagnosis.evidence import Blocks, Evidence, block_edges
+from sysid.diagnosis.examined import examine
+from sysid.diagnosis.procedure import while_searching
 from sysid.diagnosis.score import loss_without, score
+from sysid.diagnosis.search import refit
 from sysid.diagnosis.suspects import line_up
 from tests.sysid import flying
 
@@ -194,6 +197,24 @@ def test_taking_out_what_is_needed_costs_what_it_brought():
     lost = loss_without(moved, np.array([0]), np.array([1]), step[1:])
     assert lost.gain == pytest.approx(brought, rel=1e-9)
     assert lost.significance < 1e-8
+
+
+def test_an_effect_that_bent_the_whole_model_out_of_shape_is_still_fitted():
+    rng = np.random.default_rng(1)
+    believed = vehicle.example().without_effect("centre_of_mass")
+    truth = flying.Truth(gust=0.1, centre=(0.03, -0.02))
+    logs = flying.fly(truth, flying.paper_flights(rng), 3, duration_s=6.0, rng=rng)
+    options = while_searching(Options(held=("rotor_yaw_torque.torque_n_m_s2",)))
+    bent = examine(identify(logs, believed, options))
+    assert bent.fit.vehicle.value("inertia_xx_kg_m2") > 3.0 * believed.value("inertia_xx_kg_m2")
+    centre = bent.line_up.suspect("centre_of_mass")
+    start = suspects.added(bent.fit.vehicle, centre, list(bent.scores[centre.name].size))
+    with pytest.raises(InputError, match="does not get better"):
+        identify(logs, start, options, near=bent.fit)
+    found = refit(logs, bent, centre, options).vehicle
+    assert found.value("centre_of_mass.x_m") == pytest.approx(0.03, abs=1e-4)
+    assert found.value("centre_of_mass.y_m") == pytest.approx(-0.02, abs=1e-4)
+    assert found.parameter("rotor_yaw_torque.torque_n_m_s2") == believed.parameter("rotor_yaw_torque.torque_n_m_s2")
 
 
 def test_one_flight_cannot_both_teach_and_judge():
