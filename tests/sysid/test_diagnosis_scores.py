@@ -3,6 +3,7 @@
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
@@ -138,3 +139,21 @@ def test_the_clearest_parameter_says_whether_an_effect_could_be_seen():
     sizes = {"loss_0": 0.0, "loss_1": 0.05}
     assert diagnosis_run.ratio("weak_rotor", sizes, suspects) == pytest.approx(2.5)
     assert diagnosis_run.ratio("ground_effect", {"strength": 1.0}, suspects) is None
+
+
+@pytest.mark.slow
+def test_unseen_flights_do_not_refuse_a_name_for_what_the_model_without_it_takes_for_noise(tmp_path):
+    """The file believes in another form of drag: with the torque known, drag gets worse, and is renewed."""
+    import blind_campaigns
+    import blind_draw
+    import diagnosis_run
+
+    key = [20261121, blind_draw.KINDS.index("foreign"), 87, 0]
+    rng = np.random.default_rng(key)
+    truth = blind_draw.draw("foreign", rng)
+    assert list(truth.hidden) == ["rotor_acceleration_torque"]
+    (made,) = blind_campaigns.fly([truth], [rng], 36.0)
+    blind_campaigns.write(tmp_path, "campaign_087", truth, made, key, rng)
+    said = diagnosis_run.judge(tmp_path / "campaign_087")["said"]
+    assert said["additions"] == ["rotor_acceleration_torque", *truth.real]
+    assert said["outside"] is None
