@@ -149,7 +149,7 @@ static unsigned send_status(tc_link* link, uint8_t* payload, uint32_t* id) {
 }
 
 static unsigned send_text(tc_link* link, uint8_t* payload, uint32_t* id) {
-    const char* words = tc_reason_text((tc_reason)link->controller->mission.reason);
+    const char* words = tc_transition_text(link->controller->mission.reason);
     const uint8_t state = link->controller->mission.state;
     statustext_msg m;
     memset(&m, 0, sizeof m);

@@ -1,6 +1,34 @@
 /* Reasons in words. */
 #include "goshawk_controller/reason.h"
 
+#define FIRST ((uint32_t)TC_ESTIMATE_STALE)
+#define COUNT ((uint32_t)TC_TIMEOUT + 1u - FIRST)
+
+/* Those of transitions, in the order of their numbers. */
+static const char words_of_transitions[] =
+    "position is stale\0"
+    "position is not finite\0"
+    "attitude is stale or not finite\0"
+    "attitude error too large\0"
+    "vehicle left the fence\0"
+    "link to the ground lost\0"
+    "commanded\0"
+    "reached\0"
+    "trajectory finished\0"
+    "standing on the path\0"
+    "touched down\0"
+    "position is back\0"
+    "\0" /* TC_NOT_CONFIGURED */
+    "took too long\0";
+
+const char* tc_transition_text(uint8_t reason) {
+    const char* words = words_of_transitions;
+    uint32_t missing = reason - FIRST; /* large for one before the first */
+    if (missing > COUNT) missing = COUNT;
+    for (; missing > 0u; words++) missing -= *words == '\0' ? 1u : 0u;
+    return words; /* behind the last ones stand empty ones */
+}
+
 const char* tc_reason_text(tc_reason reason) {
     switch (reason) {
         case TC_OK:
@@ -63,35 +91,11 @@ const char* tc_reason_text(tc_reason reason) {
             return "no trajectory is active";
         case TC_START_TOO_FAR:
             return "trajectory starts too far from the vehicle";
-        case TC_ESTIMATE_STALE:
-            return "position estimate is stale";
-        case TC_ESTIMATE_NOT_FINITE:
-            return "position estimate is not finite";
-        case TC_ATTITUDE_STALE:
-            return "attitude is stale or not finite";
-        case TC_TILT_ERROR:
-            return "attitude error too large";
-        case TC_FENCE_BREACH:
-            return "vehicle left the fence";
-        case TC_LINK_LOST:
-            return "link to the ground lost";
-        case TC_COMMANDED:
-            return "commanded";
-        case TC_REACHED:
-            return "reached";
-        case TC_FINISHED:
-            return "trajectory finished";
-        case TC_STANDING_STILL:
-            return "standing still on the path";
-        case TC_TOUCHDOWN:
-            return "touched down";
-        case TC_ESTIMATE_BACK:
-            return "position estimate is back";
         case TC_NOT_CONFIGURED:
             return "vehicle parameters were never set";
-        case TC_TIMEOUT:
-            return "took too long";
         default:
-            return "unknown reason";
+            break;
     }
+    const char* words = tc_transition_text((uint8_t)reason);
+    return *words != '\0' ? words : "unknown reason";
 }

@@ -44,6 +44,20 @@ static void mission_table(void) {
     }
 }
 
+/* All have words that fit; those of transitions are the same alone. */
+static void words_of_reasons(void) {
+    for (uint8_t reason = 0; reason < UINT8_MAX; reason++) {
+        const char *words = tc_reason_text((tc_reason)reason), *alone = tc_transition_text(reason);
+        const bool transition = reason >= TC_ESTIMATE_STALE && reason <= TC_TIMEOUT && reason != TC_NOT_CONFIGURED;
+        must(strlen(words) > 0u && strlen(words) <= 50u, "words fit");
+        must(strcmp(alone, transition ? words : "") == 0, "transitions have theirs");
+        must(!transition || strcmp(words, "unknown reason") != 0, "every one of them");
+    }
+    must(strcmp(tc_transition_text(TC_ESTIMATE_STALE), "position is stale") == 0, "the first one");
+    must(strcmp(tc_transition_text(TC_LINK_LOST), "link to the ground lost") == 0, "one between");
+    must(strcmp(tc_reason_text(TC_TIMEOUT), "took too long") == 0, "the last one");
+}
+
 static const uint8_t key[TC_KEY_BYTES] = {1, 2, 3};
 
 /* A heartbeat from `system`, signed on `link_id` with this stamp; unsigned when the stamp is 0. */
@@ -158,6 +172,7 @@ static void building(void) {
 
 int main(void) {
     mission_table();
+    words_of_reasons();
     signing_window();
     parser_corners();
     building();

@@ -3,6 +3,8 @@
 #ifndef GOSHAWK_CONTROLLER_REASON_H
 #define GOSHAWK_CONTROLLER_REASON_H
 
+#include <stdint.h>
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -62,6 +64,9 @@ typedef enum {
 
 /* At most 50 characters, so that it fits a MAVLink STATUSTEXT; never NULL, "unknown reason" for a number not above. */
 const char* tc_reason_text(tc_reason reason);
+/* The same for reasons of a transition alone ("" for others): what a vehicle tells in words. Refusals it sends as
+   numbers, so that a program that words only transitions carries no other words. */
+const char* tc_transition_text(uint8_t reason);
 
 #ifdef __cplusplus
 }
