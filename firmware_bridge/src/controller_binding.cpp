@@ -153,7 +153,9 @@ nb::list parameter_table() {
     for (uint16_t i = 0; i < tc_parameters_count(); i++) {
         float smallest, largest, preset;
         tc_parameters_range(i, &smallest, &largest, &preset);
-        rows.append(nb::make_tuple(tc_parameters_name(i), smallest, largest, preset, tc_parameters_in_flight(i)));
+        char name[TC_PARAMETER_NAME_SIZE];
+        tc_parameters_name(i, name);
+        rows.append(nb::make_tuple(name, smallest, largest, preset, tc_parameters_in_flight(i)));
     }
     return rows;
 }

@@ -123,11 +123,12 @@ unsigned link_send_parameters(tc_link* link, uint8_t payload[TC_PAYLOAD_MAX], ui
         return 0;
     }
     const uint16_t index = link->parameters.next;
-    const char* name = tc_parameters_name(index);
+    char name[TC_PARAMETER_NAME_SIZE];
+    tc_parameters_name(index, name);
     link->parameters.next++;
     param_value_msg m;
     memset(&m, 0, sizeof m);
-    memcpy(m.param_id, name, strlen(name)); /* at most 16 */
+    memcpy(m.param_id, name, sizeof m.param_id);
     m.param_value = tc_parameters_get(tc_parameters_now(link->controller), index);
     m.param_type = REAL32;
     m.param_count = tc_parameters_count();

@@ -16,6 +16,15 @@
    the lowest bits of the sum. */
 #define TC_WHOLE 12582912.0f
 
+/* The word with this number, from 0, of many that end in zeros. */
+static inline const char* tc_word(const char* words, uint32_t number) {
+    while (number > 0u) {
+        number -= *words == '\0' ? 1u : 0u;
+        words++;
+    }
+    return words;
+}
+
 static inline uint32_t tc_bits(float x) {
     uint32_t bits;
     memcpy(&bits, &x, sizeof bits);

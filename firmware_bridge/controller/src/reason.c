@@ -1,6 +1,8 @@
 /* Reasons in words. */
 #include "goshawk_controller/reason.h"
 
+#include "maths.h"
+
 #define FIRST ((uint32_t)TC_ESTIMATE_STALE)
 #define COUNT ((uint32_t)TC_TIMEOUT + 1u - FIRST)
 
@@ -22,11 +24,8 @@ static const char words_of_transitions[] =
     "took too long\0";
 
 const char* tc_transition_text(uint8_t reason) {
-    const char* words = words_of_transitions;
-    uint32_t missing = reason - FIRST; /* large for one before the first */
-    if (missing > COUNT) missing = COUNT;
-    for (; missing > 0u; words++) missing -= *words == '\0' ? 1u : 0u;
-    return words; /* behind the last ones stand empty ones */
+    const uint32_t number = reason - FIRST;                                /* large for one before the first */
+    return tc_word(words_of_transitions, number < COUNT ? number : COUNT); /* behind the last stands an empty one */
 }
 
 const char* tc_reason_text(tc_reason reason) {

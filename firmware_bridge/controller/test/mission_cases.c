@@ -93,14 +93,19 @@ static void parameter_table(void) {
     STANDS_AT("fence_max_z_m", fence_max_world_m[2]);
     STANDS_AT("emergency_s", emergency_s);
 #undef STANDS_AT
+    char name[TC_PARAMETER_NAME_SIZE];
     float smallest = 0.0f, largest = 0.0f, preset = 0.0f;
     for (uint16_t i = 0; i < tc_parameters_count(); i++) {
-        must(tc_parameters_find(tc_parameters_name(i)) == (int32_t)i, "found by its name");
+        tc_parameters_name(i, name);
+        must(tc_parameters_find(name) == (int32_t)i, "found by its name");
+        must(strlen(name) < sizeof name, "which fits");
         must(tc_parameters_range(i, &smallest, &largest, &preset), "has a range");
         must(smallest < largest && smallest <= preset && preset <= largest, "in which its preset lies");
     }
-    must(*tc_parameters_name(tc_parameters_count()) == '\0', "no name beyond the table");
-    must(*tc_parameters_name(UINT16_MAX) == '\0', "nor far beyond it");
+    tc_parameters_name(tc_parameters_count(), name);
+    must(name[0] == '\0', "no name beyond the table");
+    tc_parameters_name(UINT16_MAX, name);
+    must(name[0] == '\0', "nor far beyond it");
     must(!tc_parameters_in_flight(tc_parameters_count()), "which cannot change");
     must(!tc_parameters_range(tc_parameters_count(), &smallest, &largest, &preset), "and has no range");
     must(tc_parameters_find("nonsense") == -1, "nor is anything else found");

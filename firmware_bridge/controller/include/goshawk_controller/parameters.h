@@ -113,8 +113,9 @@ typedef struct {
 } tc_parameters;
 
 uint16_t tc_parameters_count(void);
-const char* tc_parameters_name(uint16_t index); /* "" beyond the table */
-bool tc_parameters_in_flight(uint16_t index);   /* whether it may change in the air */
+void tc_parameters_name(uint16_t index,
+                        char name[TC_PARAMETER_NAME_SIZE]); /* filled up with zeros; "" beyond the table */
+bool tc_parameters_in_flight(uint16_t index);               /* whether it may change in the air */
 /* False beyond the table, with nothing written. */
 bool tc_parameters_range(uint16_t index, float* smallest, float* largest, float* preset);
 int32_t tc_parameters_find(const char* name); /* -1 when there is none; reads at most 16 characters */
