@@ -115,14 +115,16 @@ def _words(element: ElementTree.Element) -> str:
 
 
 def header(messages: list[Definition], enums: list[tuple[str, list[tuple[str, int, str]]]]) -> str:
-    """The C header: enum constants, one struct per message, encode and decode byte by byte."""
+    """The C header: enum constants, one struct and one encoder per message, the table of all messages."""
     parts = [_C_TOP]
     for name, entries in enums:
         lines = [f"    {entry} = {value}, /* {words} */" for entry, value, words in entries]
         parts.append(f"/* {name} */\nenum {{\n" + "\n".join(lines) + "\n};\n")
     parts += [_c_message(message) for message in messages]
     rows = [f"    {{{m.name}_ID, {m.name}_LENGTH, {m.name}_CRC_EXTRA, {_target(m)}u}}," for m in messages]
-    parts.append(_C_BOTTOM.replace("ROWS", "\n".join(rows)).replace("NO_TARGET_VALUE", f"{_NO_TARGET}u"))
+    numbers = [f"    {m.name}_ROW," for m in messages]
+    bottom = _C_BOTTOM.replace("\nROWS\n", "\n" + "\n".join(rows) + "\n").replace("NUMBERS", "\n".join(numbers))
+    parts.append(bottom.replace("NO_TARGET_VALUE", f"{_NO_TARGET}u"))
     return "\n".join(parts)
 
 
@@ -143,47 +145,26 @@ def _c_message(message: Definition) -> str:
         lines.append(f"    {upper}_{f.name.upper()}_AT = {offset},")
         offset += f.size
     lines += ["};", ""]
-    for verb in ("encode", "decode"):
-        lines += [*_c_codec(message, verb), ""]
+    lines += [*_c_encode(message), ""]
     return "\n".join(lines)
 
 
-def _c_codec(message: Definition, verb: str) -> list[str]:
-    """Field by field; in one piece where memory and wire look alike."""
-    upper, lower, out = message.name, message.name.lower(), verb == "encode"
-    given = f"const {lower}_msg *m, uint8_t payload[{upper}_LENGTH]" if out else f"{lower}_msg *m, goshawk_payload p"
+def _c_encode(message: Definition) -> list[str]:
+    """In one piece where memory and wire look alike, else field by field."""
+    upper, lower = message.name, message.name.lower()
     by_field: list[str] = []
     offset, gapless = 0, True
     for field in message.fields:
-        by_field += _c_field(field, offset, "put" if out else "get")
+        place = f"payload + {offset}"
+        by_field.append(f"    memcpy({place}, {'' if field.length else '&'}m->{field.name}, {field.size}u);")
         gapless = gapless and offset % _SIZES[field.ctype] == 0
         offset += field.size
     if gapless:
         last = message.fields[-1].name
-        piece = f"memcpy(payload, m, {upper}_LENGTH);" if out else f"goshawk_read(m, {upper}_LENGTH, p, 0);"
         check = f'_Static_assert(offsetof({lower}_msg, {last}) == {upper}_{last.upper()}_AT, "no gaps");'
-        by_field = ["#if GOSHAWK_LITTLE_ENDIAN", f"    {check}", f"    {piece}", "#else", *by_field, "#endif"]
-    return [f"static inline void {lower}_{verb}({given})", "{", *by_field, "}"]
-
-
-def _c_field(field: Field, offset: int, verb: str) -> list[str]:
-    suffix = {"float": "f32", "char": "i8"}.get(field.ctype) or re.sub(r"(u?)int(\d+)_t", r"\g<1>", field.ctype)
-    if suffix in ("", "u"):
-        suffix = f"{suffix or 'i'}{_SIZES[field.ctype] * 8}"
-    size = _SIZES[field.ctype]
-    target, place = f"m->{field.name}", f"payload + {offset}" if verb == "put" else f"p, {offset}u"
-    loop: list[str] = []
-    if field.length:
-        loop = [f"    for (unsigned i = 0; i < {field.length}u; i++)"]
-        target += "[i]"
-        place += f" + ({size}u * i)" if size > 1 else " + i"
-    cast = "(char)" if field.ctype == "char" else ""
-    if verb == "put":
-        value = f"(int8_t){target}" if field.ctype == "char" else target
-        statement = f"goshawk_put_{suffix}({place}, {value});"
-    else:
-        statement = f"{target} = {cast}goshawk_get_{suffix}({place});"
-    return [*loop, ("        " if loop else "    ") + statement]
+        by_field = [f"    {check}", f"    memcpy(payload, m, {upper}_LENGTH);"]
+    head = f"static inline void {lower}_encode(const {lower}_msg *m, uint8_t payload[{upper}_LENGTH])"
+    return [head, "{", *by_field, "}"]
 
 
 def python(messages: list[Definition], enums: list[tuple[str, list[tuple[str, int, str]]]]) -> str:
@@ -234,89 +215,20 @@ _C_TOP = """\
 #include <stdint.h>
 #include <string.h>
 
-/* On such a machine a message's struct and its payload are the same bytes. */
-#if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
-#define GOSHAWK_LITTLE_ENDIAN 1
-#else
-#define GOSHAWK_LITTLE_ENDIAN 0
+/* Payloads are little-endian, and so must be the machine: a message's struct and its payload are the same bytes. */
+#if defined(__BYTE_ORDER__)
+_Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "a little-endian machine");
 #endif
-
-/* Little-endian access that needs no alignment. */
-static inline void goshawk_put_u8(uint8_t *p, uint8_t v) { p[0] = v; }
-#if GOSHAWK_LITTLE_ENDIAN
-static inline void goshawk_put_u16(uint8_t *p, uint16_t v) { memcpy(p, &v, sizeof v); }
-static inline void goshawk_put_u32(uint8_t *p, uint32_t v) { memcpy(p, &v, sizeof v); }
-static inline void goshawk_put_u64(uint8_t *p, uint64_t v) { memcpy(p, &v, sizeof v); }
-#else
-static inline void goshawk_put_u16(uint8_t *p, uint16_t v)
-{
-    p[0] = (uint8_t)(v & 0xFFu);
-    p[1] = (uint8_t)(v >> 8);
-}
-static inline void goshawk_put_u32(uint8_t *p, uint32_t v)
-{
-    goshawk_put_u16(p, (uint16_t)(v & 0xFFFFu));
-    goshawk_put_u16(p + 2, (uint16_t)(v >> 16));
-}
-static inline void goshawk_put_u64(uint8_t *p, uint64_t v)
-{
-    goshawk_put_u32(p, (uint32_t)(v & 0xFFFFFFFFu));
-    goshawk_put_u32(p + 4, (uint32_t)(v >> 32));
-}
-#endif
-static inline void goshawk_put_i8(uint8_t *p, int8_t v) { goshawk_put_u8(p, (uint8_t)v); }
-static inline void goshawk_put_i16(uint8_t *p, int16_t v) { goshawk_put_u16(p, (uint16_t)v); }
-static inline void goshawk_put_i32(uint8_t *p, int32_t v) { goshawk_put_u32(p, (uint32_t)v); }
-static inline void goshawk_put_i64(uint8_t *p, int64_t v) { goshawk_put_u64(p, (uint64_t)v); }
-static inline void goshawk_put_f32(uint8_t *p, float v)
-{
-    uint32_t bits;
-    memcpy(&bits, &v, sizeof bits);
-    goshawk_put_u32(p, bits);
-}
-
-/* A payload as it came. MAVLink cuts trailing zeros off, so what lies beyond its end reads as zero. */
-typedef struct {
-    const uint8_t *bytes;
-    unsigned n;
-} goshawk_payload;
-
-static inline uint8_t goshawk_get_u8(goshawk_payload p, unsigned at) { return at < p.n ? p.bytes[at] : 0u; }
-#if GOSHAWK_LITTLE_ENDIAN
-static inline void goshawk_read(void *out, unsigned size, goshawk_payload p, unsigned at)
-{
-    uint8_t *bytes = (uint8_t *)out;
-    for (unsigned i = 0; i < size; i++)
-        bytes[i] = goshawk_get_u8(p, at + i);
-}
-#endif
-static inline uint16_t goshawk_get_u16(goshawk_payload p, unsigned at)
-{
-    return (uint16_t)(goshawk_get_u8(p, at) | ((unsigned)goshawk_get_u8(p, at + 1u) << 8));
-}
-static inline uint32_t goshawk_get_u32(goshawk_payload p, unsigned at)
-{
-    return (uint32_t)goshawk_get_u16(p, at) | ((uint32_t)goshawk_get_u16(p, at + 2u) << 16);
-}
-static inline uint64_t goshawk_get_u64(goshawk_payload p, unsigned at)
-{
-    return (uint64_t)goshawk_get_u32(p, at) | ((uint64_t)goshawk_get_u32(p, at + 4u) << 32);
-}
-static inline int8_t goshawk_get_i8(goshawk_payload p, unsigned at) { return (int8_t)goshawk_get_u8(p, at); }
-static inline int16_t goshawk_get_i16(goshawk_payload p, unsigned at) { return (int16_t)goshawk_get_u16(p, at); }
-static inline int32_t goshawk_get_i32(goshawk_payload p, unsigned at) { return (int32_t)goshawk_get_u32(p, at); }
-static inline int64_t goshawk_get_i64(goshawk_payload p, unsigned at) { return (int64_t)goshawk_get_u64(p, at); }
-static inline float goshawk_get_f32(goshawk_payload p, unsigned at)
-{
-    const uint32_t bits = goshawk_get_u32(p, at);
-    float v;
-    memcpy(&v, &bits, sizeof v);
-    return v;
-}
 """
 
 _C_BOTTOM = """\
 #define GOSHAWK_NO_TARGET NO_TARGET_VALUE
+
+/* Which row of the table below a message is. */
+enum {
+NUMBERS
+    GOSHAWK_DIALECT_ROWS
+};
 
 typedef struct {
     uint16_t id;
@@ -325,18 +237,13 @@ typedef struct {
     uint8_t target; /* where target_system lies in the payload (target_component follows), or GOSHAWK_NO_TARGET */
 } goshawk_dialect_row;
 
-/* What is known of a message; NULL when it is not of this dialect. */
-static inline const goshawk_dialect_row *goshawk_dialect_of(uint32_t id)
+/* All messages. For one file of a program: every file that calls this has the table. */
+static inline const goshawk_dialect_row *goshawk_dialect(void)
 {
-    static const goshawk_dialect_row rows[] = {
+    static const goshawk_dialect_row rows[GOSHAWK_DIALECT_ROWS] = {
 ROWS
     };
-    for (unsigned i = 0; i < sizeof rows / sizeof rows[0]; i++) {
-        if (rows[i].id == id) {
-            return &rows[i];
-        }
-    }
-    return NULL;
+    return rows;
 }
 
 #endif

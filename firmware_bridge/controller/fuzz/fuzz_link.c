@@ -20,21 +20,21 @@
 #define LONG_WAIT 24u  /* ticks */
 #define LOG_RECORDS 4u
 
-static const uint32_t kinds[] = {GOSHAWK_LEASE_REQUEST_ID,
-                                 GOSHAWK_MISSION_COMMAND_ID,
-                                 GOSHAWK_TRAJECTORY_BEGIN_ID,
-                                 GOSHAWK_TRAJECTORY_SEGMENT_ID,
-                                 GOSHAWK_TRAJECTORY_SAMPLES_ID,
-                                 GOSHAWK_TRAJECTORY_COMMIT_ID,
-                                 GOSHAWK_TRAJECTORY_READ_ID,
-                                 GOSHAWK_PARAMETERS_STAGE_ID,
-                                 GOSHAWK_PARAMETERS_COMMIT_ID,
-                                 GOSHAWK_LOG_REQUEST_ID,
-                                 PARAM_REQUEST_READ_ID,
-                                 PARAM_REQUEST_LIST_ID,
-                                 COMMAND_LONG_ID,
-                                 TIMESYNC_ID,
-                                 HEARTBEAT_ID};
+static const uint8_t kinds[] = {GOSHAWK_LEASE_REQUEST_ROW,
+                                GOSHAWK_MISSION_COMMAND_ROW,
+                                GOSHAWK_TRAJECTORY_BEGIN_ROW,
+                                GOSHAWK_TRAJECTORY_SEGMENT_ROW,
+                                GOSHAWK_TRAJECTORY_SAMPLES_ROW,
+                                GOSHAWK_TRAJECTORY_COMMIT_ROW,
+                                GOSHAWK_TRAJECTORY_READ_ROW,
+                                GOSHAWK_PARAMETERS_STAGE_ROW,
+                                GOSHAWK_PARAMETERS_COMMIT_ROW,
+                                GOSHAWK_LOG_REQUEST_ROW,
+                                PARAM_REQUEST_READ_ROW,
+                                PARAM_REQUEST_LIST_ROW,
+                                COMMAND_LONG_ROW,
+                                TIMESYNC_ROW,
+                                HEARTBEAT_ROW};
 
 typedef struct {
     tc_controller controller;
@@ -85,11 +85,11 @@ static void start(vehicle* v, bool sign) {
 
 /* A frame of the dialect whose payload comes from the input; small numbers where the fuzzer would need luck. */
 static size_t make_frame(bytes* input, uint8_t sequence, uint8_t frame[TC_FRAME_MAX]) {
-    uint8_t payload[TC_PAYLOAD_MAX];
-    const uint32_t id = kinds[take(input) % (sizeof kinds / sizeof kinds[0])];
-    const goshawk_dialect_row* row = goshawk_dialect_of(id);
+    uint8_t* payload = frame + TC_FRAME_HEADER;
+    const unsigned message = kinds[take(input) % (sizeof kinds / sizeof kinds[0])];
+    const goshawk_dialect_row* row = &goshawk_dialect()[message];
     const unsigned given = take(input);
-    memset(payload, 0, sizeof payload);
+    memset(payload, 0, TC_PAYLOAD_MAX);
     for (unsigned i = 0; i < row->length && i < given; i++) {
         payload[i] = take(input);
     }
@@ -97,7 +97,7 @@ static size_t make_frame(bytes* input, uint8_t sequence, uint8_t frame[TC_FRAME_
         payload[row->target] = 1;
         payload[row->target + 1u] = 1;
     }
-    return tc_frame_build(frame, id, payload, row->length, sequence, 255, 190, NULL, 0);
+    return tc_frame_build(frame, message, row->length, sequence, 255, 190, NULL, 0);
 }
 
 /* A payload's length without the zeros at its end, eight bytes at a time: tc_frame_build would look at each. */
@@ -111,14 +111,13 @@ static __attribute__((no_sanitize("address", "undefined"))) unsigned trimmed(con
 }
 
 /* Encodes a message by its name and hands it to the vehicle. */
-#define SEND(v, now_us, NAME, name, message)                                                          \
-    do {                                                                                              \
-        uint8_t payload_[TC_PAYLOAD_MAX];                                                             \
-        uint8_t frame_[TC_FRAME_MAX];                                                                 \
-        name##_encode(&(message), payload_);                                                          \
-        const unsigned length_ = trimmed(payload_, NAME##_LENGTH);                                    \
-        const size_t n_ = tc_frame_build(frame_, NAME##_ID, payload_, length_, 0, 255, 190, NULL, 0); \
-        tc_link_receive(&(v)->link, frame_, n_, NULL, now_us);                                        \
+#define SEND(v, now_us, NAME, name, message)                                                 \
+    do {                                                                                     \
+        uint8_t frame_[TC_FRAME_MAX];                                                        \
+        name##_encode(&(message), frame_ + TC_FRAME_HEADER);                                 \
+        const unsigned length_ = trimmed(frame_ + TC_FRAME_HEADER, NAME##_LENGTH);           \
+        const size_t n_ = tc_frame_build(frame_, NAME##_ROW, length_, 0, 255, 190, NULL, 0); \
+        tc_link_receive(&(v)->link, frame_, n_, NULL, now_us);                               \
     } while (0)
 
 /* A plan that passes all checks (standing still at 1 m for a while), sent whole but for its flaws: bit 0 and 1 together
@@ -226,13 +225,12 @@ static void send_parameters(vehicle* v, uint64_t now_us, uint32_t transfer_id, b
 /* A signed heartbeat, sent twice: with the right key it is heard at most once, with another one never. */
 static void send_signed(vehicle* v, uint64_t now_us, tc_signing* station, bytes* input) {
     uint8_t frame[TC_FRAME_MAX];
-    uint8_t payload[TC_PAYLOAD_MAX] = {0};
     const uint8_t how = take(input);
     const heartbeat_msg heartbeat = {0};
-    heartbeat_encode(&heartbeat, payload);
+    heartbeat_encode(&heartbeat, frame + TC_FRAME_HEADER);
     station->now_10us += take(input);
-    const size_t n = tc_frame_build(frame, HEARTBEAT_ID, payload, HEARTBEAT_LENGTH, 0, (uint8_t)(2u + how % 12u), 190,
-                                    station, how >> 6);
+    const size_t n =
+        tc_frame_build(frame, HEARTBEAT_ROW, HEARTBEAT_LENGTH, 0, (uint8_t)(2u + how % 12u), 190, station, how >> 6);
     if ((how & 16u) != 0u && station->now_10us > 1400u) {
         station->now_10us -= 300u; /* the next ones come with older stamps */
     }

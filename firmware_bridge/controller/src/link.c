@@ -8,184 +8,201 @@
 #define REQUEST_MESSAGE 512u      /* MAV_CMD_REQUEST_MESSAGE */
 #define REQUEST_HOME 410u         /* MAV_CMD_GET_HOME_POSITION */
 #define REQUEST_CAPABILITIES 520u /* MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES */
+#define FLOAT_148 0x43140000u     /* the bits of 148.0f: AUTOPILOT_VERSION, as a parameter */
+#define FLOAT_242 0x43720000u     /* HOME_POSITION */
 #define BURST_US 20000u           /* how much of the byte rate may be saved up */
+#define OLDEST_US 0x80000000u     /* moments get no older */
+#define STATUS_REPEAT_US 10000u   /* of an upload, while pieces are missing and the ground is busy sending */
+#define STATUS_BUSY_US 1000000u   /* ... which it is until so long after its last frame */
 
 /* Keeps what a message needs off the stack of those that need more of it themselves. */
 #define NOINLINE __attribute__((noinline))
+
+static uint32_t low_word(uint64_t time_us) { return (uint32_t)(time_us & 0xFFFFFFFFu); }
 
 void tc_link_init(tc_link* link, tc_controller* controller, const tc_link_config* config, uint64_t now_us) {
     memset(link, 0, sizeof *link);
     link->config = config;
     link->controller = controller;
     link->started_us = now_us;
-    link->budget_us = now_us;
-    link->telemetry.state_period_us = 20000;
-    link->telemetry.transitions = controller->mission.transitions;
+    link->budget_us = low_word(now_us);
+    link->state_period_us = 20000;
+    link->transitions = controller->mission.transitions;
     tc_signing_init(&link->signing, config->key, config->start_10us);
 }
 
-static bool lease_holds(const tc_link* link, uint64_t now_us) {
-    return link->lease.system_id != 0u && now_us < link->lease.until_us;
+/* Ends a lease that has run out. */
+static void expire(tc_link* link, uint32_t now_us) {
+    if ((uint32_t)(link->until_us - now_us - 1u) >= TC_LINK_LEASE_US) {
+        link->lease.system_id = 0;
+        link->lease.component_id = 0;
+    }
 }
 
 /* The operator was heard. The controller learns it before the order that comes along: the next tick is no longer one
    after a silence. */
-static void hear(tc_link* link, uint64_t now_us) {
-    link->lease.heard_us = now_us;
+static void hear(tc_link* link, uint32_t now_us) {
+    link->moment_us[HEARD] = now_us;
+    link->heard = true;
     tc_ground_alive(link->controller, link->controller->telemetry.time_us);
 }
 
-static NOINLINE void on_lease(tc_link* link, const link_sender* from, goshawk_payload payload) {
+static void on_lease(tc_link* link, const link_message* message) {
     goshawk_lease_request_msg m;
-    goshawk_lease_request_decode(&m, payload);
-    const bool may_take = from->in_control || !lease_holds(link, from->now_us);
-    if (m.action == 0u && from->in_control) {
+    tc_frame_read(&message->frame, 0, &m, GOSHAWK_LEASE_REQUEST_LENGTH);
+    const bool may_take = message->in_control || link->lease.system_id == 0u;
+    if (m.action == 0u && message->in_control) {
         link->lease.system_id = 0;
         link->lease.component_id = 0;
     } else if ((m.action == 1u && may_take) || m.action == 2u) {
-        link->lease.system_id = from->system_id;
-        link->lease.component_id = from->component_id;
-        link->lease.until_us = from->now_us + TC_LINK_LEASE_US;
-        hear(link, from->now_us);
+        link->lease.system_id = message->frame.raw[TC_FRAME_SYSTEM];
+        link->lease.component_id = message->frame.raw[TC_FRAME_COMPONENT];
+        link->until_us = message->now_us + TC_LINK_LEASE_US;
+        hear(link, message->now_us);
     } else {
         /* an unknown action, or one that this station may not take: the answer tells who has control */
     }
     link->lease.nonce = m.nonce;
-    link->lease.answer = true;
+    link->lease.left_ms = link->lease.system_id != 0u ? (link->until_us - message->now_us) / 1000u : 0u;
+    link->due |= DUE(SAY_LEASE);
 }
 
 static uint8_t set_state_rate(tc_link* link, float rate_hz) {
     if (!(rate_hz >= 0.0f && rate_hz <= 1000.0f)) {
         return TC_OUT_OF_RANGE;
     }
-    link->telemetry.state_period_us = rate_hz >= 0.1f ? (uint32_t)(1e6f / rate_hz) : 0u;
+    link->state_period_us = rate_hz >= 0.1f ? (uint32_t)(1e6f / rate_hz) : 0u;
     return TC_OK;
 }
 
 /* Whether the order means the trajectory that is active. */
-static NOINLINE tc_reason check_trajectory(const tc_link* link, goshawk_payload payload) {
+static tc_reason check_trajectory(const tc_link* link, const goshawk_mission_command_msg* m) {
     const tc_store* store = &link->controller->store;
-    const uint32_t id = goshawk_get_u32(payload, GOSHAWK_MISSION_COMMAND_TRAJECTORY_ID_AT);
     if (tc_store_active(store) == NULL) {
         return TC_NO_TRAJECTORY;
     }
-    const bool meant = tc_store_is_active(store, id, goshawk_get_u32(payload, GOSHAWK_MISSION_COMMAND_CRC32_AT));
+    const bool meant = tc_store_is_active(store, m->trajectory_id, m->crc32);
     return meant ? TC_OK : (tc_reason)TC_LINK_OTHER_TRAJECTORY;
 }
 
-static uint8_t do_order(tc_link* link, uint8_t command, goshawk_payload payload) {
-    const float value = goshawk_get_f32(payload, GOSHAWK_MISSION_COMMAND_VALUE_AT);
-    if (command < (uint8_t)TC_COMMAND_COUNT) {
-        const tc_reason reason =
-            command == (uint8_t)TC_COMMAND_START ? check_trajectory(link, payload) : (tc_reason)TC_OK;
-        return (uint8_t)(reason != TC_OK ? reason : tc_do(link->controller, (tc_command)command, value));
+static uint8_t do_order(tc_link* link, const goshawk_mission_command_msg* m) {
+    if (m->command < (uint8_t)TC_COMMAND_COUNT) {
+        const bool start = m->command == (uint8_t)TC_COMMAND_START;
+        const tc_reason reason = start ? check_trajectory(link, m) : (tc_reason)TC_OK;
+        return (uint8_t)(reason != TC_OK ? reason : tc_do(link->controller, (tc_command)m->command, m->value));
     }
-    switch (command) { /* those that concern the link itself */
+    switch (m->command) { /* those that concern the link itself */
         case GOSHAWK_COMMAND_LOG_START:
-            return link_log_start(link, link->order.request_id);
+            return link_log_start(link, m->request_id);
         case GOSHAWK_COMMAND_LOG_STOP:
-            link->log.running = false;
+            link->log.running = 0;
             return TC_OK;
         case GOSHAWK_COMMAND_STATE_RATE:
-            return set_state_rate(link, value);
+            return set_state_rate(link, m->value);
         default:
             return TC_LINK_UNSUPPORTED;
     }
 }
 
-static NOINLINE void on_order(tc_link* link, const link_sender* from, goshawk_payload payload) {
-    const uint32_t request_id = goshawk_get_u32(payload, GOSHAWK_MISSION_COMMAND_REQUEST_ID_AT);
-    const uint8_t command = goshawk_get_u8(payload, GOSHAWK_MISSION_COMMAND_COMMAND_AT);
-    if (request_id == 0u) {
+static NOINLINE void on_order(tc_link* link, const link_message* message) {
+    const uint8_t system_id = message->frame.raw[TC_FRAME_SYSTEM];
+    const uint8_t component_id = message->frame.raw[TC_FRAME_COMPONENT];
+    goshawk_mission_command_msg m;
+    tc_frame_read(&message->frame, 0, &m, GOSHAWK_MISSION_COMMAND_LENGTH);
+    if (m.request_id == 0u) {
         return;
     }
-    if (!from->in_control) {
-        link->order.foreign_id = request_id;
-        link->order.foreign_command = command;
-        return;
+    tc_link_order* order = message->in_control ? &link->order : &link->foreign;
+    const bool repeated =
+        m.request_id == order->request_id && system_id == link->order_from[0] && component_id == link->order_from[1];
+    link->due |= message->in_control ? DUE(SAY_ORDER) : DUE(SAY_FOREIGN);
+    if (!message->in_control) {
+        order->request_id = m.request_id;
+        order->command = m.command;
+        order->reason = TC_LINK_NOT_IN_CONTROL;
+    } else if (!repeated) { /* else the first answer again */
+        order->request_id = m.request_id;
+        order->command = m.command;
+        link->order_from[0] = system_id;
+        link->order_from[1] = component_id;
+        order->reason = do_order(link, &m);
+    } else {
+        /* nothing is carried out twice */
     }
-    link->order.answer = true;
-    if (request_id == link->order.request_id && from->system_id == link->order.system_id &&
-        from->component_id == link->order.component_id) {
-        return; /* repeated: the first answer again */
+    order->mission_state = link->controller->mission.state;
+}
+
+static NOINLINE void on_command_long(tc_link* link, const tc_frame* frame) {
+    uint32_t asked; /* the command, or, of a request for a message, its bits of the message's number */
+    uint16_t command;
+    tc_frame_read(frame, COMMAND_LONG_COMMAND_AT, &command, sizeof command);
+    tc_frame_read(frame, COMMAND_LONG_PARAM1_AT, &asked, sizeof asked);
+    asked = command == REQUEST_MESSAGE ? asked : command;
+    uint32_t due = 0;
+    if (asked == REQUEST_CAPABILITIES || asked == FLOAT_148) {
+        due = DUE(SAY_VERSION);
     }
-    link->order.request_id = request_id;
-    link->order.system_id = from->system_id;
-    link->order.component_id = from->component_id;
-    link->order.command = command;
-    link->order.reason = do_order(link, command, payload);
+    if (asked == REQUEST_HOME || asked == FLOAT_242) {
+        due = DUE(SAY_HOME);
+    }
+    link->acknowledged.command = command;
+    link->acknowledged.result = due != 0u ? 0u : 3u;
+    link->due |= due | DUE(SAY_ACKNOWLEDGED);
 }
 
-/* Whether it is a request for the message whose id follows `below`. */
-static bool asks_for(const command_long_msg* m, float below) {
-    return m->command == REQUEST_MESSAGE && m->param1 > below && m->param1 < below + 1.0f;
-}
-
-static NOINLINE void on_command_long(tc_link* link, goshawk_payload payload) {
-    command_long_msg m;
-    command_long_decode(&m, payload);
-    const bool version = m.command == REQUEST_CAPABILITIES || asks_for(&m, 147.5f);
-    const bool home = m.command == REQUEST_HOME || asks_for(&m, 241.5f);
-    link->telemetry.version = link->telemetry.version || version;
-    link->telemetry.home = link->telemetry.home || home;
-    link->command_long = m.command;
-    link->command_long_result = version || home ? 0u : 3u;
-    link->command_ack = true;
-}
-
-static NOINLINE void on_timesync(tc_link* link, goshawk_payload payload) {
+static NOINLINE void on_timesync(tc_link* link, const tc_frame* frame) {
     timesync_msg m;
-    timesync_decode(&m, payload);
+    tc_frame_read(frame, 0, &m, TIMESYNC_TARGET_SYSTEM_AT);
     if (m.tc1 == 0) {
-        link->timesync_ts1 = m.ts1;
-        link->timesync = true;
+        link->timesync.vehicle_ns = (int64_t)(link->controller->telemetry.time_us * 1000u);
+        link->timesync.asker_ns = m.ts1;
+        link->due |= DUE(SAY_TIMESYNC);
     }
 }
 
-static void dispatch(tc_link* link, const link_sender* from, uint32_t id, goshawk_payload payload) {
-    switch (id) {
-        case GOSHAWK_LEASE_REQUEST_ID:
-            on_lease(link, from, payload);
+static void dispatch(tc_link* link, const link_message* message) {
+    switch (message->frame.message) {
+        case GOSHAWK_LEASE_REQUEST_ROW:
+            on_lease(link, message);
             break;
-        case GOSHAWK_MISSION_COMMAND_ID:
-            on_order(link, from, payload);
+        case GOSHAWK_MISSION_COMMAND_ROW:
+            on_order(link, message);
             break;
-        case GOSHAWK_TRAJECTORY_BEGIN_ID:
-            link_on_begin(link, from, payload);
+        case GOSHAWK_TRAJECTORY_BEGIN_ROW:
+            link_on_begin(link, message);
             break;
-        case GOSHAWK_TRAJECTORY_SEGMENT_ID:
-            link_on_segment(link, from, payload);
+        case GOSHAWK_TRAJECTORY_SEGMENT_ROW:
+            link_on_segment(link, message);
             break;
-        case GOSHAWK_TRAJECTORY_SAMPLES_ID:
-            link_on_samples(link, from, payload);
+        case GOSHAWK_TRAJECTORY_SAMPLES_ROW:
+            link_on_samples(link, message);
             break;
-        case GOSHAWK_TRAJECTORY_COMMIT_ID:
-            link_on_commit(link, from, payload);
+        case GOSHAWK_TRAJECTORY_COMMIT_ROW:
+            link_on_commit(link, message);
             break;
-        case GOSHAWK_TRAJECTORY_READ_ID:
-            link_on_read(link, payload);
+        case GOSHAWK_TRAJECTORY_READ_ROW:
+            link_on_read(link, &message->frame);
             break;
-        case GOSHAWK_PARAMETERS_STAGE_ID:
-            link_on_parameters_stage(link, from, payload);
+        case GOSHAWK_PARAMETERS_STAGE_ROW:
+            link_on_parameters_stage(link, message);
             break;
-        case GOSHAWK_PARAMETERS_COMMIT_ID:
-            link_on_parameters_commit(link, from, payload);
+        case GOSHAWK_PARAMETERS_COMMIT_ROW:
+            link_on_parameters_commit(link, message);
             break;
-        case PARAM_REQUEST_READ_ID:
-            link_on_parameter_request(link, payload);
+        case PARAM_REQUEST_READ_ROW:
+            link_on_parameter_request(link, &message->frame);
             break;
-        case PARAM_REQUEST_LIST_ID:
-            link->parameters.next = 0;
-            link->parameters.end = tc_parameters_count();
+        case PARAM_REQUEST_LIST_ROW:
+            link_on_parameter_list(link, 0, tc_parameters_count());
             break;
-        case GOSHAWK_LOG_REQUEST_ID:
-            link_on_log_request(link, payload);
+        case GOSHAWK_LOG_REQUEST_ROW:
+            link_on_log_request(link, &message->frame);
             break;
-        case COMMAND_LONG_ID:
-            on_command_long(link, payload);
+        case COMMAND_LONG_ROW:
+            on_command_long(link, &message->frame);
             break;
-        case TIMESYNC_ID:
-            on_timesync(link, payload);
+        case TIMESYNC_ROW:
+            on_timesync(link, &message->frame);
             break;
         default:
             break; /* heartbeats, and what only a vehicle says */
@@ -193,191 +210,179 @@ static void dispatch(tc_link* link, const link_sender* from, uint32_t id, goshaw
 }
 
 static bool is_for_us(const tc_link* link, const tc_frame* frame) {
-    const unsigned at = frame->target_at;
-    if (frame->system_id == link->config->system_id || frame->system_id == 0u) {
-        return false;
-    }
-    if (at == GOSHAWK_NO_TARGET) {
-        return true;
-    }
-    const goshawk_payload payload = {frame->payload, frame->payload_length};
-    const uint8_t system_id = goshawk_get_u8(payload, at);
-    const uint8_t component_id = goshawk_get_u8(payload, at + 1u);
-    return (system_id == 0u || system_id == link->config->system_id) &&
-           (component_id == 0u || component_id == link->config->component_id);
+    const uint8_t system_id = link->config->system_id;
+    const uint8_t from = frame->raw[TC_FRAME_SYSTEM];
+    uint8_t target[2];
+    tc_frame_read(frame, frame->target_at, target, sizeof target); /* 0, to all, where there is none */
+    return from != 0u && from != system_id && (target[0] == 0u || target[0] == system_id) &&
+           (target[1] == 0u || target[1] == link->config->component_id);
 }
 
-/* Whether the frame is let in. Counts it when not. */
+/* Whether the frame is let in. Counts it. */
 static NOINLINE bool passes(tc_link* link, const tc_frame* frame) {
+    tc_link_counts* counts = &link->counts;
     if (!is_for_us(link, frame)) {
-        link->counts.not_for_us++;
+        counts->not_for_us++;
         return false;
     }
-    if (!link->config->sign) {
-        return true;
-    }
-    switch (tc_signing_check(&link->signing, frame)) {
+    switch (link->config->sign ? tc_signing_check(&link->signing, frame) : TC_SIGNATURE_GOOD) {
         case TC_SIGNATURE_GOOD:
+            counts->accepted++;
             return true;
         case TC_SIGNATURE_MISSING:
-            link->counts.without_signature += frame->id != HEARTBEAT_ID ? 1u : 0u;
+            counts->without_signature += frame->message != (uint8_t)HEARTBEAT_ROW ? 1u : 0u;
             return false;
         case TC_SIGNATURE_WRONG:
-            link->counts.wrong_key++;
+            counts->wrong_key++;
             return false;
         default:
-            link->counts.replayed++;
+            counts->replayed++;
             return false;
     }
 }
 
 void tc_link_receive(tc_link* link, const uint8_t* bytes, size_t n, tc_parser* stream, uint64_t now_us) {
-    tc_frame frame;
+    link_message message;
+    tc_frame* frame = &message.frame;
     tc_frame_faults* faults = &link->counts.faults;
-    while (stream != NULL ? tc_parser_next(stream, &bytes, &n, &frame, faults)
-                          : tc_frame_next(&bytes, &n, &frame, faults)) {
-        if (!passes(link, &frame)) {
-            continue;
+    message.now_us = low_word(now_us);
+    expire(link, message.now_us);
+    while (stream != NULL ? tc_parser_next(stream, &bytes, &n, frame, faults)
+                          : tc_frame_next(&bytes, &n, frame, faults)) {
+        if (passes(link, frame)) {
+            message.in_control = frame->raw[TC_FRAME_SYSTEM] == link->lease.system_id &&
+                                 frame->raw[TC_FRAME_COMPONENT] == link->lease.component_id;
+            if (message.in_control) {
+                hear(link, message.now_us);
+            }
+            dispatch(link, &message);
         }
-        const bool in_control = lease_holds(link, now_us) && frame.system_id == link->lease.system_id &&
-                                frame.component_id == link->lease.component_id;
-        const link_sender from = {frame.system_id, frame.component_id, in_control, now_us};
-        if (in_control) {
-            hear(link, now_us);
-        }
-        link->counts.accepted++;
-        const goshawk_payload payload = {frame.payload, frame.payload_length};
-        dispatch(link, &from, frame.id, payload);
     }
 }
 
 void tc_link_update(tc_link* link, const tc_link_measured* measured, uint64_t now_us) {
-    const uint64_t vehicle_us = link->controller->telemetry.time_us;
-    const uint64_t silent_us = now_us - link->lease.heard_us;
-    if (link->lease.heard_us != 0u) {
-        tc_ground_alive(link->controller, silent_us < vehicle_us ? vehicle_us - silent_us : 0u);
+    const uint32_t now = low_word(now_us);
+    for (unsigned i = 0; i < TC_LINK_MOMENTS; i++) {
+        if (now - link->moment_us[i] > OLDEST_US) {
+            link->moment_us[i] = now - OLDEST_US;
+        }
     }
-    if (link->lease.system_id != 0u && !lease_holds(link, now_us)) {
-        link->lease.system_id = 0;
-        link->lease.component_id = 0;
+    if (link->heard) { /* in the vehicle's time it has been silent for as long as in the link's */
+        tc_ground_alive(link->controller, link->controller->telemetry.time_us - (now - link->moment_us[HEARD]));
     }
-    link_telemetry_update(link, measured, now_us);
+    expire(link, now);
+    link_telemetry_update(link, measured);
+    if (link->transitions != link->controller->mission.transitions) {
+        link->transitions = link->controller->mission.transitions;
+        link->due_us[SERIES_MISSION] = now;
+        link->due |= DUE(SAY_TEXT);
+    }
 }
 
-static unsigned send_lease(tc_link* link, uint64_t now_us, uint8_t* payload, uint32_t* id) {
-    goshawk_lease_status_msg m;
-    memset(&m, 0, sizeof m);
-    m.nonce = link->lease.nonce;
-    m.operator_system = link->lease.system_id;
-    m.operator_component = link->lease.component_id;
-    m.left_ms = lease_holds(link, now_us) ? (uint32_t)((link->lease.until_us - now_us) / 1000u) : 0u;
-    link->lease.answer = false;
-    goshawk_lease_status_encode(&m, payload);
-    *id = GOSHAWK_LEASE_STATUS_ID;
-    return GOSHAWK_LEASE_STATUS_LENGTH;
+/* What of the link is a payload as it lies: where, and how much of it. The others have to be put together. */
+#define READY(part, row, end) {offsetof(tc_link, part), (row), (end)}
+#define MADE(row) {0, (row), 0}
+
+typedef struct {
+    uint16_t at;
+    uint8_t message, length;
+} saying;
+
+static const saying sayings[SAYINGS] = {
+    [SAY_ORDER] = READY(order, GOSHAWK_MISSION_RESULT_ROW, GOSHAWK_MISSION_RESULT_LENGTH),
+    [SAY_FOREIGN] = READY(foreign, GOSHAWK_MISSION_RESULT_ROW, GOSHAWK_MISSION_RESULT_LENGTH),
+    [SAY_LEASE] = READY(lease, GOSHAWK_LEASE_STATUS_ROW, GOSHAWK_LEASE_STATUS_LENGTH),
+    [SAY_TIMESYNC] = READY(timesync, TIMESYNC_ROW, TIMESYNC_TARGET_SYSTEM_AT),
+    [SAY_ACKNOWLEDGED] = READY(acknowledged, COMMAND_ACK_ROW, COMMAND_ACK_PROGRESS_AT),
+    [SAY_COMMIT] = READY(commit, GOSHAWK_TRAJECTORY_RESULT_ROW, GOSHAWK_TRAJECTORY_RESULT_LENGTH),
+    [SAY_REFUSED] = READY(refused, GOSHAWK_TRAJECTORY_STATUS_ROW, GOSHAWK_TRAJECTORY_STATUS_BITMAP_AT),
+    [SAY_UPLOAD] = READY(upload, GOSHAWK_TRAJECTORY_STATUS_ROW, GOSHAWK_TRAJECTORY_STATUS_BITMAP_AT),
+    [SAY_HEARTBEAT] = MADE(HEARTBEAT_ROW),
+    [SAY_MISSION] = MADE(GOSHAWK_MISSION_STATUS_ROW),
+    [SAY_STATE] = MADE(GOSHAWK_STATE_ROW),
+    [SAY_TEXT] = MADE(STATUSTEXT_ROW),
+    [SAY_VERSION] = MADE(AUTOPILOT_VERSION_ROW),
+    [SAY_HOME] = MADE(HOME_POSITION_ROW),
+    [SAY_ATTITUDE] = MADE(ATTITUDE_QUATERNION_ROW),
+    [SAY_POSITION] = MADE(LOCAL_POSITION_NED_ROW),
+    [SAY_ROTORS] = MADE(ESC_STATUS_ROW),
+    [SAY_BATTERY] = MADE(BATTERY_STATUS_ROW),
+    [SAY_ODOMETRY] = MADE(ODOMETRY_ROW),
+    [SAY_SET] = READY(set, GOSHAWK_PARAMETERS_RESULT_ROW, GOSHAWK_PARAMETERS_RESULT_LENGTH),
+    [SAY_VALUE] = MADE(PARAM_VALUE_ROW),
+    [SAY_HEADER] = MADE(GOSHAWK_TRAJECTORY_BEGIN_ROW),
+    [SAY_SEGMENT] = MADE(GOSHAWK_TRAJECTORY_SEGMENT_ROW),
+    [SAY_LOG] = READY(log, GOSHAWK_LOG_INFO_ROW, GOSHAWK_LOG_INFO_LENGTH),
+    [SAY_RECORD] = MADE(GOSHAWK_LOG_RECORD_ROW),
+};
+
+/* Puts a payload together; false when there is nothing to say after all. */
+static bool say(tc_link* link, unsigned what, uint8_t* payload) {
+    const uint8_t* ready = (const uint8_t*)link + sayings[what].at;
+    memcpy(payload, ready, sayings[what].length);
+    switch (what) {
+        case SAY_UPLOAD:
+            link_say_bitmap(link, payload);
+            return true;
+        case SAY_VALUE:
+            return link_say_value(link, payload);
+        case SAY_HEADER:
+            link_say_header(link, payload);
+            return true;
+        case SAY_SEGMENT:
+            return link_say_segment(link, payload);
+        case SAY_RECORD:
+            return link_say_record(link, payload);
+        default:
+            link_say_telemetry(link, what, payload);
+            return true;
+    }
 }
 
-static unsigned send_order(tc_link* link, uint8_t* payload, uint32_t* id) {
-    goshawk_mission_result_msg m;
-    memset(&m, 0, sizeof m);
-    if (link->order.answer) {
-        m.request_id = link->order.request_id;
-        m.command = link->order.command;
-        m.reason = link->order.reason;
-        link->order.answer = false;
-    } else {
-        m.request_id = link->order.foreign_id;
-        m.command = link->order.foreign_command;
-        m.reason = TC_LINK_NOT_IN_CONTROL;
-        link->order.foreign_id = 0;
-    }
-    m.mission_state = link->controller->mission.state;
-    goshawk_mission_result_encode(&m, payload);
-    *id = GOSHAWK_MISSION_RESULT_ID;
-    return GOSHAWK_MISSION_RESULT_LENGTH;
-}
-
-static unsigned send_timesync(tc_link* link, uint8_t* payload, uint32_t* id) {
-    timesync_msg m;
-    memset(&m, 0, sizeof m);
-    m.tc1 = (int64_t)(link->controller->telemetry.time_us * 1000u);
-    m.ts1 = link->timesync_ts1;
-    link->timesync = false;
-    timesync_encode(&m, payload);
-    *id = TIMESYNC_ID;
-    return TIMESYNC_LENGTH;
-}
-
-static unsigned send_command_ack(tc_link* link, uint8_t* payload, uint32_t* id) {
-    command_ack_msg m;
-    memset(&m, 0, sizeof m);
-    m.command = link->command_long;
-    m.result = link->command_long_result;
-    link->command_ack = false;
-    command_ack_encode(&m, payload);
-    *id = COMMAND_ACK_ID;
-    return COMMAND_ACK_LENGTH;
-}
-
-/* The most urgent thing to say: answers, then telemetry, then bulk. */
-static unsigned next_payload(tc_link* link, uint64_t now_us, uint8_t payload[TC_PAYLOAD_MAX], uint32_t* id) {
-    unsigned length = 0;
-    if (link->order.answer || link->order.foreign_id != 0u) {
-        return send_order(link, payload, id);
-    }
-    if (link->lease.answer) {
-        return send_lease(link, now_us, payload, id);
-    }
-    if (link->timesync) {
-        return send_timesync(link, payload, id);
-    }
-    if (link->command_ack) {
-        return send_command_ack(link, payload, id);
-    }
-    length = link_send_upload(link, now_us, payload, id);
-    if (length == 0u) {
-        length = link_send_telemetry(link, now_us, payload, id);
-    }
-    if (length == 0u) {
-        length = link_send_parameters(link, payload, id);
-    }
-    if (length == 0u) {
-        length = link_send_read(link, payload, id);
-    }
-    if (length == 0u) {
-        length = link_send_log(link, payload, id);
-    }
-    return length;
+/* Earns what the byte rate gives since the last time; whether anything may be sent. */
+static bool may_send(tc_link* link, uint32_t now_us) {
+    const uint32_t waited_us = now_us - link->budget_us;
+    const int64_t most = (int64_t)link->config->bytes_per_s * BURST_US + (int64_t)TC_FRAME_MAX * 1000000;
+    const int64_t earned = link->budget_byte_us + (int64_t)link->config->bytes_per_s * waited_us;
+    link->budget_us = now_us;
+    link->budget_byte_us = waited_us > BURST_US || earned > most ? most : earned;
+    return link->budget_byte_us >= 0;
 }
 
 size_t tc_link_transmit(tc_link* link, uint8_t frame[TC_FRAME_MAX], uint64_t now_us) {
-    const uint64_t waited_us = now_us - link->budget_us;
-    const uint64_t most = (uint64_t)link->config->bytes_per_s * BURST_US / 1000000u + TC_FRAME_MAX;
-    const uint64_t earned = waited_us > BURST_US ? most : waited_us * link->config->bytes_per_s / 1000000u;
-    if (earned > 0u) { /* else keep the fraction of a byte for later */
-        link->budget_us = now_us;
-        link->budget_bytes += (int64_t)earned;
-    }
-    if (link->budget_bytes > (int64_t)most) {
-        link->budget_bytes = (int64_t)most;
-    }
-    if (link->budget_bytes < 0) {
-        return 0;
-    }
+    const uint32_t now = low_word(now_us);
     uint8_t* payload = frame + TC_FRAME_HEADER; /* where it belongs */
-    uint32_t id = 0;
-    const unsigned length = next_payload(link, now_us, payload, &id);
-    if (length == 0u) {
+    unsigned what = 0;
+    bool said = false;
+    if (!may_send(link, now)) {
         return 0;
     }
-    const uint64_t clock_10us = link->config->start_10us + (now_us - link->started_us) / 10u;
+    link_series(link, SERIES_HEARTBEAT, TC_LINK_SERIES, now);
+    if (link->upload.transfer_id != 0u && now - link->moment_us[LAST_FRAME] < STATUS_BUSY_US &&
+        now - link->moment_us[LAST_STATUS] >= STATUS_REPEAT_US) {
+        link->due |= DUE(SAY_UPLOAD);
+    }
+    memset(payload, 0, TC_PAYLOAD_MAX);
+    while (!said && link->due != 0u) {
+        what = (unsigned)__builtin_ctz(link->due);
+        link->due &= link->due - 1u; /* takes the lowest bit off */
+        said = say(link, what, payload);
+    }
+    if (!said) {
+        return 0;
+    }
+    if (what == (unsigned)SAY_UPLOAD) {
+        link->moment_us[LAST_STATUS] = now;
+    }
+    const uint64_t clock_10us = link->config->start_10us + link_quotient(now_us - link->started_us, 10);
     if (clock_10us > link->signing.now_10us) {
         link->signing.now_10us = clock_10us;
     }
-    const size_t n = tc_frame_build(frame, id, payload, length, link->sequence, link->config->system_id,
-                                    link->config->component_id, link->config->sign ? &link->signing : NULL, 0);
+    const size_t n =
+        tc_frame_build(frame, sayings[what].message, TC_PAYLOAD_MAX, link->sequence, link->config->system_id,
+                       link->config->component_id, link->config->sign ? &link->signing : NULL, 0);
     link->sequence++;
     link->counts.sent++;
-    link->budget_bytes -= (int64_t)n;
+    link->budget_byte_us -= (int64_t)n * 1000000;
     return n;
 }

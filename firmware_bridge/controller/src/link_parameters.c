@@ -7,74 +7,83 @@
 
 static unsigned groups(void) { return (tc_parameters_count() + TC_LINK_GROUP - 1u) / TC_LINK_GROUP; }
 
-void link_on_parameter_request(tc_link* link, goshawk_payload payload) {
+void link_on_parameter_list(tc_link* link, uint16_t first, uint16_t end) {
+    link->value_next = first;
+    link->value_end = end;
+    link->due |= DUE(SAY_VALUE);
+}
+
+void link_on_parameter_request(tc_link* link, const tc_frame* frame) {
     param_request_read_msg m;
-    param_request_read_decode(&m, payload);
-    char name[TC_PARAMETER_NAME_SIZE];
-    memcpy(name, m.param_id, sizeof m.param_id);
-    name[sizeof m.param_id] = '\0';
-    const int32_t index = m.param_index >= 0 ? m.param_index : tc_parameters_find(name);
+    tc_frame_read(frame, 0, &m, PARAM_REQUEST_READ_LENGTH);
+    const int32_t index = m.param_index >= 0 ? m.param_index : tc_parameters_find(m.param_id);
     if (index >= 0 && index < (int32_t)tc_parameters_count()) {
-        link->parameters.next = (uint16_t)index;
-        link->parameters.end = (uint16_t)(index + 1);
+        link_on_parameter_list(link, (uint16_t)index, (uint16_t)(index + 1));
     }
 }
 
-static void take_group(tc_link* link, tc_parameters* staged, unsigned group, goshawk_payload payload) {
+/* Tells how the set stands. */
+static void answer(tc_link* link, tc_reason reason, bool committed) {
+    link->set.reason = (uint8_t)reason;
+    link->set.committed = committed ? 1u : 0u;
+    link->set.active_crc32 = tc_parameters_crc32(tc_parameters_now(link->controller));
+    link->due |= DUE(SAY_SET);
+}
+
+static tc_reason take_group(tc_link* link, tc_parameters* staged, unsigned group, const tc_frame* frame) {
     const unsigned first = group * TC_LINK_GROUP;
-    for (unsigned i = 0; i < TC_LINK_GROUP && first + i < tc_parameters_count(); i++) {
-        const uint16_t index = (uint16_t)(first + i);
-        const float value = goshawk_get_f32(payload, GOSHAWK_PARAMETERS_STAGE_VALUES_AT + 4u * i);
-        const tc_reason reason = tc_parameters_put(staged, index, value);
-        if (reason != TC_OK && link->parameters.reason == (uint8_t)TC_OK) {
-            link->parameters.reason = (uint8_t)reason;
-            link->parameters.index = index;
+    tc_reason refused = TC_OK;
+    for (unsigned i = 0; i < TC_LINK_GROUP && first + i < tc_parameters_count() && refused == TC_OK; i++) {
+        float value;
+        tc_frame_read(frame, GOSHAWK_PARAMETERS_STAGE_VALUES_AT + 4u * i, &value, sizeof value);
+        refused = tc_parameters_put(staged, (uint16_t)(first + i), value);
+        if (refused != TC_OK) {
+            link->set.index = (uint16_t)(first + i);
         }
     }
-    link->parameters.groups = (uint8_t)(link->parameters.groups | (1u << group));
+    link->set.groups = (uint8_t)(link->set.groups | (1u << group));
+    return refused;
 }
 
-/* Begins to gather a set in the memory of the staged slot, which an upload may have. */
-static void begin(tc_link* link, const link_sender* from, uint32_t transfer_id) {
-    link_give_way(link, from->now_us);
-    link->parameters.transfer_id = transfer_id;
-    link->parameters.groups = 0;
-    link->parameters.reason = (uint8_t)(tc_parameters_stage(link->controller) != NULL ? TC_OK : TC_UPLOAD_OPEN);
-    link->parameters.index = 0;
-}
-
-void link_on_parameters_stage(tc_link* link, const link_sender* from, goshawk_payload payload) {
-    const uint32_t transfer_id = goshawk_get_u32(payload, GOSHAWK_PARAMETERS_STAGE_TRANSFER_ID_AT);
-    const unsigned group = goshawk_get_u8(payload, GOSHAWK_PARAMETERS_STAGE_GROUP_AT);
-    if (transfer_id == 0u || transfer_id == link->parameters.done_id) {
+void link_on_parameters_stage(tc_link* link, const link_message* message) {
+    uint32_t transfer_id;
+    uint8_t group;
+    tc_frame_read(&message->frame, 0, &transfer_id, sizeof transfer_id);
+    tc_frame_read(&message->frame, GOSHAWK_PARAMETERS_STAGE_GROUP_AT, &group, sizeof group);
+    tc_reason reason = (tc_reason)link->set.reason;
+    if (transfer_id == 0u || transfer_id == link->set_done_id) {
         return;
     }
-    if (transfer_id != link->parameters.transfer_id) {
-        if (!from->in_control) {
+    if (transfer_id != link->set.transfer_id) {
+        if (!message->in_control) {
             return;
         }
-        begin(link, from, transfer_id);
+        link_give_way(link,
+                      message->now_us); /* it gathers in the memory of the staged slot, which an upload may have */
+        memset(&link->set, 0, sizeof link->set);
+        link->set.transfer_id = transfer_id;
+        (void)tc_parameters_stage(link->controller);
+        reason = TC_OK;
     }
-    link->parameters.committed = false;
-    link->parameters.answer = true;
     tc_parameters* staged = tc_parameters_staged(link->controller);
-    if (staged == NULL && link->parameters.reason == (uint8_t)TC_OK) {
-        link->parameters.reason = (uint8_t)TC_UPLOAD_OPEN; /* one has begun since, and has taken the memory */
+    if (reason == TC_OK && staged == NULL) {
+        reason = TC_UPLOAD_OPEN; /* or one has begun since, and has taken the memory */
     }
-    if (group < groups() && link->parameters.reason == (uint8_t)TC_OK) {
-        take_group(link, staged, group, payload);
+    if (reason == TC_OK && group < groups()) {
+        reason = take_group(link, staged, group, &message->frame);
     }
+    answer(link, reason, false);
 }
 
 static tc_reason commit(tc_link* link, uint32_t crc32) {
     const tc_parameters* staged = tc_parameters_staged(link->controller);
-    if (link->parameters.reason != (uint8_t)TC_OK) {
-        return (tc_reason)link->parameters.reason;
+    if (link->set.reason != (uint8_t)TC_OK) {
+        return (tc_reason)link->set.reason;
     }
     if (staged == NULL) {
         return TC_UPLOAD_OPEN;
     }
-    if (link->parameters.groups != (1u << groups()) - 1u) {
+    if (link->set.groups != (1u << groups()) - 1u) {
         return TC_SEGMENTS_MISSING;
     }
     if (tc_parameters_crc32(staged) != crc32) {
@@ -83,57 +92,35 @@ static tc_reason commit(tc_link* link, uint32_t crc32) {
     return tc_parameters_set(link->controller, staged);
 }
 
-void link_on_parameters_commit(tc_link* link, const link_sender* from, goshawk_payload payload) {
+void link_on_parameters_commit(tc_link* link, const link_message* message) {
     goshawk_parameters_commit_msg m;
-    goshawk_parameters_commit_decode(&m, payload);
-    if (m.transfer_id == 0u || !from->in_control) {
+    tc_frame_read(&message->frame, 0, &m, GOSHAWK_PARAMETERS_COMMIT_LENGTH);
+    tc_reason reason = (tc_reason)link->set.reason;
+    if (m.transfer_id == 0u || !message->in_control) {
         return;
     }
-    if (m.transfer_id != link->parameters.done_id) { /* a repeated commit gets the first answer again */
-        const bool known = m.transfer_id == link->parameters.transfer_id;
-        link->parameters.reason = (uint8_t)(known ? commit(link, m.crc32) : TC_NO_UPLOAD);
-        link->parameters.transfer_id = m.transfer_id;
-        link->parameters.done_id = m.transfer_id;
+    if (m.transfer_id != link->set_done_id) { /* a repeated commit gets the first answer again */
+        reason = m.transfer_id == link->set.transfer_id ? commit(link, m.crc32) : TC_NO_UPLOAD;
+        link->set.transfer_id = m.transfer_id;
+        link->set_done_id = m.transfer_id;
         tc_parameters_drop(link->controller);
     }
-    link->parameters.committed = true;
-    link->parameters.answer = true;
+    answer(link, reason, true);
 }
 
-static unsigned send_result(tc_link* link, uint8_t* payload, uint32_t* id) {
-    goshawk_parameters_result_msg m;
-    memset(&m, 0, sizeof m);
-    m.transfer_id = link->parameters.transfer_id;
-    m.active_crc32 = tc_parameters_crc32(tc_parameters_now(link->controller));
-    m.index = link->parameters.index;
-    m.staged = link->parameters.groups;
-    m.committed = link->parameters.committed ? 1u : 0u;
-    m.reason = link->parameters.reason;
-    link->parameters.answer = false;
-    goshawk_parameters_result_encode(&m, payload);
-    *id = GOSHAWK_PARAMETERS_RESULT_ID;
-    return GOSHAWK_PARAMETERS_RESULT_LENGTH;
-}
-
-unsigned link_send_parameters(tc_link* link, uint8_t payload[TC_PAYLOAD_MAX], uint32_t* id) {
-    if (link->parameters.answer) {
-        return send_result(link, payload, id);
+bool link_say_value(tc_link* link, uint8_t* payload) {
+    const uint16_t index = link->value_next;
+    if (index >= link->value_end) {
+        return false;
     }
-    if (link->parameters.next >= link->parameters.end) {
-        return 0;
-    }
-    const uint16_t index = link->parameters.next;
-    char name[TC_PARAMETER_NAME_SIZE];
-    tc_parameters_name(index, name);
-    link->parameters.next++;
-    param_value_msg m;
-    memset(&m, 0, sizeof m);
-    memcpy(m.param_id, name, sizeof m.param_id);
-    m.param_value = tc_parameters_get(tc_parameters_now(link->controller), index);
-    m.param_type = REAL32;
-    m.param_count = tc_parameters_count();
-    m.param_index = index;
-    param_value_encode(&m, payload);
-    *id = PARAM_VALUE_ID;
-    return PARAM_VALUE_LENGTH;
+    const float value = tc_parameters_get(tc_parameters_now(link->controller), index);
+    const uint16_t count = tc_parameters_count();
+    memcpy(payload, &value, sizeof value);
+    memcpy(payload + PARAM_VALUE_PARAM_COUNT_AT, &count, sizeof count);
+    memcpy(payload + PARAM_VALUE_PARAM_INDEX_AT, &index, sizeof index);
+    tc_parameters_name(index, (char*)payload + PARAM_VALUE_PARAM_ID_AT); /* its last zero goes where the type will be */
+    payload[PARAM_VALUE_PARAM_TYPE_AT] = REAL32;
+    link->value_next++;
+    link->due |= DUE(SAY_VALUE);
+    return true;
 }

@@ -5,41 +5,96 @@
 #include "goshawk_controller/link.h"
 #include "goshawk_dialect.h"
 
-/* Who sent a message, and when. */
+/* A message that came in, and when. */
 typedef struct {
-    uint8_t system_id, component_id;
-    bool in_control;
-    uint64_t now_us;
-} link_sender;
+    tc_frame frame;
+    uint32_t now_us;
+    bool in_control; /* its sender */
+} link_message;
+
+/* What the link may have to say, bits of `due`; the most urgent first: answers, then telemetry, then bulk. */
+enum {
+    SAY_ORDER,
+    SAY_FOREIGN,
+    SAY_LEASE,
+    SAY_TIMESYNC,
+    SAY_ACKNOWLEDGED,
+    SAY_COMMIT,
+    SAY_REFUSED,
+    SAY_UPLOAD,
+    SAY_HEARTBEAT,
+    SAY_MISSION,
+    SAY_STATE,
+    SAY_TEXT,
+    SAY_VERSION,
+    SAY_HOME,
+    SAY_ATTITUDE,
+    SAY_POSITION,
+    SAY_ROTORS,
+    SAY_BATTERY,
+    SAY_ODOMETRY,
+    SAY_SET,
+    SAY_VALUE, /* this one and those below that are asked for by the dozen stay due until there are no more */
+    SAY_HEADER,
+    SAY_SEGMENT,
+    SAY_LOG,
+    SAY_RECORD,
+    SAYINGS
+};
+#define DUE(what) ((uint32_t)1u << (uint32_t)(what))
+
+/* The series: what is due again and again. First those of the vehicle's clock, then those of the link's. */
+enum {
+    SERIES_STATE,
+    SERIES_POSE,
+    SERIES_ODOMETRY,
+    SERIES_SLOW,
+    SERIES_HEARTBEAT, /* the first one of the link's clock */
+    SERIES_MISSION,
+    SERIES_VERSION
+};
+
+/* The moments. */
+enum {
+    HEARD,      /* the station in control */
+    LAST_FRAME, /* of the upload */
+    LAST_STATUS
+};
 
 /* Receivers: one per message that asks for something. */
-void link_on_begin(tc_link* link, const link_sender* from, goshawk_payload payload);
-void link_on_segment(tc_link* link, const link_sender* from, goshawk_payload payload);
-void link_on_samples(tc_link* link, const link_sender* from, goshawk_payload payload);
-void link_on_commit(tc_link* link, const link_sender* from, goshawk_payload payload);
+void link_on_begin(tc_link* link, const link_message* message);
+void link_on_segment(tc_link* link, const link_message* message);
+void link_on_samples(tc_link* link, const link_message* message);
+void link_on_commit(tc_link* link, const link_message* message);
 /* Ends an upload that was refused or has fallen silent, so that parameters may have its memory. */
-void link_give_way(tc_link* link, uint64_t now_us);
-void link_on_read(tc_link* link, goshawk_payload payload);
-void link_on_parameters_stage(tc_link* link, const link_sender* from, goshawk_payload payload);
-void link_on_parameters_commit(tc_link* link, const link_sender* from, goshawk_payload payload);
-void link_on_parameter_request(tc_link* link, goshawk_payload payload);
-void link_on_log_request(tc_link* link, goshawk_payload payload);
+void link_give_way(tc_link* link, uint32_t now_us);
+void link_on_parameters_stage(tc_link* link, const link_message* message);
+void link_on_parameters_commit(tc_link* link, const link_message* message);
+void link_on_parameter_request(tc_link* link, const tc_frame* frame);
+void link_on_parameter_list(tc_link* link, uint16_t first, uint16_t count);
+/* A request for pieces of the trajectory or of the log. */
+void link_on_read(tc_link* link, const tc_frame* frame);
+void link_on_log_request(tc_link* link, const tc_frame* frame);
 
-/* Senders: fill `payload`, set `id`, return the length; 0 when there is nothing to say. */
-unsigned link_send_upload(tc_link* link, uint64_t now_us, uint8_t payload[TC_PAYLOAD_MAX], uint32_t* id);
-unsigned link_send_read(tc_link* link, uint8_t payload[TC_PAYLOAD_MAX], uint32_t* id);
-unsigned link_send_parameters(tc_link* link, uint8_t payload[TC_PAYLOAD_MAX], uint32_t* id);
-unsigned link_send_log(tc_link* link, uint8_t payload[TC_PAYLOAD_MAX], uint32_t* id);
-unsigned link_send_telemetry(tc_link* link, uint64_t now_us, uint8_t payload[TC_PAYLOAD_MAX], uint32_t* id);
+/* Senders: fill a payload that is zero, apart from what lies ready; false when there is nothing more to say. */
+void link_say_bitmap(const tc_link* link, uint8_t* payload);
+void link_say_header(const tc_link* link, uint8_t* payload);
+bool link_say_segment(tc_link* link, uint8_t* payload);
+bool link_say_value(tc_link* link, uint8_t* payload);
+bool link_say_record(tc_link* link, uint8_t* payload);
+void link_say_telemetry(const tc_link* link, unsigned what, uint8_t* payload);
 
-/* Notes a request for pieces of the log or the trajectory, whose bits lie at `bits_at`; false, and nothing is noted,
-   when it asks for none. */
-bool link_want(tc_link* link, bool log, uint32_t first, goshawk_payload payload, unsigned bits_at);
-/* Takes the next piece that was asked for and exists; `count` when there is none. */
-uint32_t link_take(tc_link* link, bool log, uint32_t count);
+/* The next piece that was asked for and exists, there being `count`; `count` when there is none. */
+uint32_t link_take(tc_link* link, uint32_t count);
 
 /* Log and telemetry. */
 uint8_t link_log_start(tc_link* link, uint32_t id);
-void link_telemetry_update(tc_link* link, const tc_link_measured* measured, uint64_t now_us);
+void link_telemetry_update(tc_link* link, const tc_link_measured* measured);
+/* Makes due what belongs to the series from `first` up to `end`. */
+void link_series(tc_link* link, unsigned first, unsigned end, uint32_t now_us);
+/* Whether one of a series is due now, and when the next one will be. A late one is not made up for. */
+bool link_due(uint32_t* next_us, uint32_t now_us, uint32_t period_us);
+/* Time over a unit of at most 65536. 32 bits at a time: a division of 64 would take 700 bytes of the C library. */
+uint64_t link_quotient(uint64_t time, uint32_t unit);
 
 #endif

@@ -4,346 +4,299 @@
 
 #include "link_parts.h"
 
-#define HEARTBEAT_US 1000000u
-#define STATUS_US 200000u   /* GOSHAWK_MISSION_STATUS */
-#define STANDARD_US 50000u  /* ATTITUDE_QUATERNION, LOCAL_POSITION_NED; every other time ODOMETRY */
-#define SLOW_US 500000u     /* ESC_STATUS, BATTERY_STATUS */
-#define VERSION_US 5000000u /* AUTOPILOT_VERSION, HOME_POSITION */
 #define FRAME_LOCAL_FRD 20u
 #define FRAME_BODY_FRD 12u
 
-enum { DUE_ATTITUDE = 1, DUE_POSITION = 2, DUE_ESC = 4, DUE_BATTERY = 8, DUE_ODOMETRY = 16 };
+typedef struct {
+    uint32_t period_us, due;
+} series;
 
-/* When the next one of a series is due. A late one is not made up for. */
-static bool due(uint64_t* next_us, uint64_t now_us, uint32_t period_us) {
-    if (now_us < *next_us) {
-        return false;
+/* The period of the state is what the ground asked for. */
+static const series all_series[TC_LINK_SERIES] = {
+    [SERIES_STATE] = {0, DUE(SAY_STATE)},
+    [SERIES_POSE] = {50000u, DUE(SAY_ATTITUDE) | DUE(SAY_POSITION)},
+    [SERIES_ODOMETRY] = {100000u, DUE(SAY_ODOMETRY)},
+    [SERIES_SLOW] = {500000u, DUE(SAY_ROTORS) | DUE(SAY_BATTERY)},
+    [SERIES_HEARTBEAT] = {1000000u, DUE(SAY_HEARTBEAT)},
+    [SERIES_MISSION] = {200000u, DUE(SAY_MISSION)},
+    [SERIES_VERSION] = {5000000u, DUE(SAY_VERSION) | DUE(SAY_HOME)},
+};
+
+bool link_due(uint32_t* next_us, uint32_t now_us, uint32_t period_us) {
+    if ((uint32_t)(*next_us - now_us - 1u) < period_us) {
+        return false; /* ahead by no more than a period */
     }
-    *next_us = now_us - *next_us < period_us ? *next_us + period_us : now_us + period_us;
+    *next_us = (now_us - *next_us < period_us ? *next_us : now_us) + period_us;
     return true;
 }
 
-static bool on_path(uint8_t state) { return tc_mission_on_path(state); }
+void link_series(tc_link* link, unsigned first, unsigned end, uint32_t now_us) {
+    for (unsigned i = first; i < end; i++) {
+        const uint32_t period_us = i == (unsigned)SERIES_STATE ? link->state_period_us : all_series[i].period_us;
+        if (period_us != 0u && link_due(&link->due_us[i], now_us, period_us)) {
+            link->due |= all_series[i].due;
+            link->state_sequence = (uint16_t)(link->state_sequence + (i == (unsigned)SERIES_STATE ? 1u : 0u));
+        }
+    }
+}
 
-/* The last tick, with what was measured at it. */
+uint64_t link_quotient(uint64_t time, uint32_t unit) {
+    const uint32_t high = (uint32_t)(time >> 32);
+    const uint32_t middle = ((high % unit) << 16) | ((uint32_t)(time >> 16) & 0xFFFFu);
+    const uint32_t low = ((middle % unit) << 16) | ((uint32_t)time & 0xFFFFu);
+    return ((uint64_t)(high / unit) << 32) + ((uint64_t)(middle / unit) << 16) + (uint64_t)(low / unit);
+}
+
+static float path_time_s(const tc_telemetry* t) {
+    return tc_mission_on_path(t->state) ? (float)t->path_time_us * 1e-6f : -1.0f;
+}
+
+static uint8_t* put(uint8_t* place, const void* from, size_t n) {
+    memcpy(place, from, n);
+    return place + n;
+}
+
+/* Neighbours in memory that are neighbours in the record. */
+_Static_assert(offsetof(tc_estimate, battery_v) - offsetof(tc_estimate, position_world_m) == 52, "one piece");
+_Static_assert(GOSHAWK_STATE_SPECIFIC_FORCE_BODY_M_S2_AT - GOSHAWK_STATE_POSITION_WORLD_M_AT == 52, "one piece");
+_Static_assert(offsetof(tc_setpoint, acceleration_world_m_s2) == 24, "position and velocity are one piece");
+_Static_assert(sizeof(tc_link_measured) == 28, "force and rotor speeds are one piece");
+
+/* The last tick, with what was measured at it; field by field as GOSHAWK_STATE lies. */
 static void encode_state(const tc_link* link, uint8_t record[TC_LINK_RECORD]) {
-    const tc_link_measured* measured = &link->telemetry.measured;
     const tc_telemetry* t = &link->controller->telemetry;
-    goshawk_state_msg m;
-    memset(&m, 0, sizeof m);
-    m.time_us = t->time_us;
-    memcpy(m.position_world_m, t->estimate.position_world_m, sizeof m.position_world_m);
-    memcpy(m.velocity_world_m_s, t->estimate.velocity_world_m_s, sizeof m.velocity_world_m_s);
-    memcpy(m.q_world_body, t->estimate.q_world_body, sizeof m.q_world_body);
-    memcpy(m.rate_body_rad_s, t->estimate.rate_body_rad_s, sizeof m.rate_body_rad_s);
-    memcpy(m.specific_force_body_m_s2, measured->specific_force_body_m_s2, sizeof m.specific_force_body_m_s2);
-    memcpy(m.rotor_speed_rad_s, measured->rotor_speed_rad_s, sizeof m.rotor_speed_rad_s);
-    memcpy(m.rotor_speed_command_rad_s, t->rotor_speed_rad_s, sizeof m.rotor_speed_command_rad_s);
-    memcpy(m.setpoint_position_world_m, t->setpoint.position_world_m, sizeof m.setpoint_position_world_m);
-    memcpy(m.setpoint_velocity_world_m_s, t->setpoint.velocity_world_m_s, sizeof m.setpoint_velocity_world_m_s);
-    memcpy(m.setpoint_q_world_body, t->flatness.q_reference, sizeof m.setpoint_q_world_body);
-    m.battery_v = t->estimate.battery_v;
-    m.trajectory_time_s = on_path(t->state) ? (float)t->path_time_us * 1e-6f : -1.0f;
-    m.sequence = link->telemetry.state_sequence;
-    m.mission_state = t->state;
-    m.saturation = t->saturation;
-    goshawk_state_encode(&m, record);
+    const float trajectory_time_s = path_time_s(t);
+    uint8_t* at = put(record, &t->time_us, sizeof t->time_us);
+    at = put(at, (const uint8_t*)&t->estimate + offsetof(tc_estimate, position_world_m), 52);
+    at = put(at, &link->measured, sizeof link->measured);
+    at = put(at, t->rotor_speed_rad_s, sizeof t->rotor_speed_rad_s);
+    at = put(at, &t->setpoint, 24);
+    at = put(at, t->flatness.q_reference, sizeof t->flatness.q_reference);
+    at = put(at, &t->estimate.battery_v, 4);
+    at = put(at, &trajectory_time_s, 4);
+    at = put(at, &link->state_sequence, 2);
+    at[0] = t->state;
+    at[1] = t->saturation;
 }
 
 uint8_t link_log_start(tc_link* link, uint32_t id) {
-    if (link->config->log == NULL || link->config->log_records == 0u || link->config->log_period_us == 0u) {
+    const uint32_t now_us = (uint32_t)link->controller->telemetry.time_us;
+    const uint32_t period_us = link->config->log_period_us;
+    if (link->config->log == NULL || link->config->log_records == 0u || period_us == 0u) {
         return TC_LINK_NO_LOG_MEMORY;
     }
     memset(&link->log, 0, sizeof link->log);
-    link->read.wanted.next = 8u * TC_LINK_WANTED; /* of the old log nothing is left to send */
+    link->due &= ~DUE(SAY_RECORD); /* of the old log nothing is left to send */
     link->log.id = id;
-    link->log.running = true;
+    link->log.running = 1;
     /* On whole multiples of the period, so that the spacing is even from the first record on. */
-    link->log.due_us =
-        (link->controller->telemetry.time_us / link->config->log_period_us + 1u) * link->config->log_period_us;
+    link->log_due_us = now_us - now_us % period_us + period_us;
     return TC_OK;
 }
 
-static void write_log(tc_link* link) {
-    if (!link->log.running ||
-        !due(&link->log.due_us, link->controller->telemetry.time_us, link->config->log_period_us)) {
+static void write_log(tc_link* link, uint32_t now_us) {
+    tc_link_log* log = &link->log;
+    if (log->running == 0u || !link_due(&link->log_due_us, now_us, link->config->log_period_us)) {
         return;
     }
-    if (link->log.records == link->config->log_records) {
-        link->log.not_stored++;
+    if (log->records == link->config->log_records) {
+        log->not_stored++;
         return;
     }
-    encode_state(link, link->config->log + (size_t)TC_LINK_RECORD * link->log.records);
-    link->log.records++;
+    encode_state(link, link->config->log + (size_t)TC_LINK_RECORD * log->records);
+    log->records++;
 }
 
-void link_telemetry_update(tc_link* link, const tc_link_measured* measured, uint64_t now_us) {
-    const uint64_t vehicle_us = link->controller->telemetry.time_us;
-    link->telemetry.measured = *measured;
-    write_log(link);
-    if (link->telemetry.state_period_us != 0u &&
-        due(&link->telemetry.state_due_us, vehicle_us, link->telemetry.state_period_us)) {
-        link->telemetry.state_sequence++;
-        link->telemetry.state_ready = true;
-    }
-    if (due(&link->telemetry.standard_due_us, vehicle_us, STANDARD_US)) {
-        const bool second = (link->telemetry.standard_due_us / STANDARD_US) % 2u == 0u;
-        link->telemetry.standard |= DUE_ATTITUDE | DUE_POSITION | (second ? DUE_ODOMETRY : 0);
-    }
-    if (due(&link->telemetry.slow_due_us, vehicle_us, SLOW_US)) {
-        link->telemetry.standard |= DUE_ESC | DUE_BATTERY;
-    }
+void link_telemetry_update(tc_link* link, const tc_link_measured* measured) {
+    const tc_telemetry* t = &link->controller->telemetry;
+    link->measured = *measured;
+    write_log(link, (uint32_t)t->time_us);
+    link_series(link, SERIES_STATE, SERIES_HEARTBEAT, (uint32_t)t->time_us);
     if (!tc_mission_in_air(link->controller->mission.state)) {
-        memcpy(link->telemetry.home_world_m, link->controller->telemetry.estimate.position_world_m,
-               sizeof link->telemetry.home_world_m);
-    }
-    if (link->telemetry.transitions != link->controller->mission.transitions) {
-        link->telemetry.transitions = link->controller->mission.transitions;
-        link->telemetry.status_us = now_us;
-        link->telemetry.text = true;
+        memcpy(link->home_world_m, t->estimate.position_world_m, sizeof link->home_world_m);
     }
 }
 
-static unsigned send_heartbeat(tc_link* link, uint8_t* payload, uint32_t* id) {
-    const uint8_t state = link->controller->mission.state;
-    const bool in_trouble = state == (uint8_t)TC_EMERGENCY || state == (uint8_t)TC_FAULT;
-    heartbeat_msg m;
-    m.type = 2;      /* MAV_TYPE_QUADROTOR */
-    m.autopilot = 0; /* MAV_AUTOPILOT_GENERIC */
-    m.base_mode = tc_mission_rotors_on(state) ? 1u + 8u + 128u : 1u + 8u;
-    m.custom_mode = state;
-    m.system_status = in_trouble ? 6u : tc_mission_in_air(state) ? 4u : 3u;
-    m.mavlink_version = 3;
-    heartbeat_encode(&m, payload);
-    *id = HEARTBEAT_ID;
-    return HEARTBEAT_LENGTH;
+bool link_say_record(tc_link* link, uint8_t* payload) {
+    const uint32_t index = link_take(link, link->log.records);
+    if (index >= link->log.records) {
+        return false;
+    }
+    memcpy(payload, &link->log.id, 4);
+    memcpy(payload + GOSHAWK_LOG_RECORD_INDEX_AT, &index, 4);
+    memcpy(payload + GOSHAWK_LOG_RECORD_RECORD_AT, link->config->log + (size_t)TC_LINK_RECORD * index, TC_LINK_RECORD);
+    link->due |= DUE(SAY_RECORD);
+    return true;
 }
 
-static unsigned send_status(tc_link* link, uint8_t* payload, uint32_t* id) {
+static void put_u32(uint8_t* place, uint32_t value) { memcpy(place, &value, 4); }
+
+static void put_f32(uint8_t* place, float value) { memcpy(place, &value, 4); }
+
+static bool in_trouble(uint8_t state) { return state == (uint8_t)TC_EMERGENCY || state == (uint8_t)TC_FAULT; }
+
+static void say_heartbeat(uint8_t state, uint8_t* payload) {
+    payload[HEARTBEAT_CUSTOM_MODE_AT] = state;
+    payload[HEARTBEAT_TYPE_AT] = 2; /* MAV_TYPE_QUADROTOR; the autopilot is 0, MAV_AUTOPILOT_GENERIC */
+    payload[HEARTBEAT_BASE_MODE_AT] = tc_mission_rotors_on(state) ? 1u + 8u + 128u : 1u + 8u;
+    payload[HEARTBEAT_SYSTEM_STATUS_AT] = in_trouble(state) ? 6u : tc_mission_in_air(state) ? 4u : 3u;
+    payload[HEARTBEAT_MAVLINK_VERSION_AT] = 3;
+}
+
+static void say_mission(const tc_link* link, uint8_t* payload) {
     const tc_telemetry* t = &link->controller->telemetry;
     const tc_trajectory* active = tc_store_active(&link->controller->store);
     const tc_link_counts* c = &link->counts;
-    goshawk_mission_status_msg m;
-    memset(&m, 0, sizeof m);
-    m.time_us = t->time_us;
-    m.boot_id = link->config->boot_id;
+    const uint32_t refused = c->without_signature + c->wrong_key + c->replayed + c->faults.checksum_errors;
+    memcpy(payload, &t->time_us, 8);
+    put_u32(payload + GOSHAWK_MISSION_STATUS_BOOT_ID_AT, link->config->boot_id);
     if (active != NULL) {
-        m.active_id = active->header.id;
-        m.active_crc32 = active->header.crc32;
-        m.trajectory_duration_s = (float)tc_trajectory_duration_us(active) * 1e-6f;
-        memcpy(m.map_hash, active->origin.map_hash, sizeof m.map_hash);
-        memcpy(m.vehicle_hash, active->origin.vehicle_hash, sizeof m.vehicle_hash);
-        memcpy(m.name, active->origin.name, sizeof m.name);
+        const float duration_s = (float)tc_trajectory_duration_us(active) * 1e-6f;
+        memcpy(payload + GOSHAWK_MISSION_STATUS_ACTIVE_ID_AT, &active->header, 8);
+        put_f32(payload + GOSHAWK_MISSION_STATUS_TRAJECTORY_DURATION_S_AT, duration_s);
+        memcpy(payload + GOSHAWK_MISSION_STATUS_MAP_HASH_AT, &active->origin, sizeof active->origin);
     }
-    m.trajectory_time_s = on_path(t->state) ? (float)t->path_time_us * 1e-6f : -1.0f;
-    m.frames_refused = c->without_signature + c->wrong_key + c->replayed + c->faults.checksum_errors;
-    m.parameters_crc32 = tc_parameters_crc32(tc_parameters_now(link->controller));
-    m.path_rate = t->path_rate;
-    m.mission_state = link->controller->mission.state;
-    m.reason = link->controller->mission.reason;
-    m.operator_system = link->lease.system_id;
-    m.operator_component = link->lease.component_id;
-    goshawk_mission_status_encode(&m, payload);
-    *id = GOSHAWK_MISSION_STATUS_ID;
-    return GOSHAWK_MISSION_STATUS_LENGTH;
+    put_f32(payload + GOSHAWK_MISSION_STATUS_TRAJECTORY_TIME_S_AT, path_time_s(t));
+    put_u32(payload + GOSHAWK_MISSION_STATUS_FRAMES_REFUSED_AT, refused);
+    put_u32(payload + GOSHAWK_MISSION_STATUS_PARAMETERS_CRC32_AT,
+            tc_parameters_crc32(tc_parameters_now(link->controller)));
+    put_f32(payload + GOSHAWK_MISSION_STATUS_PATH_RATE_AT, t->path_rate);
+    payload[GOSHAWK_MISSION_STATUS_MISSION_STATE_AT] = link->controller->mission.state;
+    payload[GOSHAWK_MISSION_STATUS_REASON_AT] = link->controller->mission.reason;
+    payload[GOSHAWK_MISSION_STATUS_OPERATOR_SYSTEM_AT] = link->lease.system_id;
+    payload[GOSHAWK_MISSION_STATUS_OPERATOR_COMPONENT_AT] = link->lease.component_id;
 }
 
-static unsigned send_text(tc_link* link, uint8_t* payload, uint32_t* id) {
-    const char* words = tc_transition_text(link->controller->mission.reason);
-    const uint8_t state = link->controller->mission.state;
-    statustext_msg m;
-    memset(&m, 0, sizeof m);
-    m.severity = state == (uint8_t)TC_EMERGENCY || state == (uint8_t)TC_FAULT ? 3u : 6u;
-    for (unsigned i = 0; i < sizeof m.text; i++) { /* at the end of the words it stays at their zero */
-        m.text[i] = *words;
+static void say_text(const tc_mission* mission, uint8_t* payload) {
+    const char* words = tc_transition_text(mission->reason);
+    payload[STATUSTEXT_SEVERITY_AT] = in_trouble(mission->state) ? 3u : 6u;
+    for (unsigned at = STATUSTEXT_TEXT_AT; at < (unsigned)STATUSTEXT_ID_AT; at++) {
+        payload[at] = (uint8_t)*words; /* at the end of the words it stays at their zero */
         words += *words != '\0' ? 1 : 0;
     }
-    link->telemetry.text = false;
-    statustext_encode(&m, payload);
-    *id = STATUSTEXT_ID;
-    return STATUSTEXT_LENGTH;
 }
 
-static unsigned send_version(tc_link* link, uint8_t* payload, uint32_t* id) {
-    autopilot_version_msg m;
-    memset(&m, 0, sizeof m);
-    m.capabilities = 8192u; /* MAV_PROTOCOL_CAPABILITY_MAVLINK2 */
-    m.flight_sw_version = 0x00010000u;
-    m.uid = link->config->system_id;
-    link->telemetry.version = false;
-    autopilot_version_encode(&m, payload);
-    *id = AUTOPILOT_VERSION_ID;
-    return AUTOPILOT_VERSION_LENGTH;
+static void say_version(const tc_link* link, uint8_t* payload) {
+    payload[AUTOPILOT_VERSION_CAPABILITIES_AT + 1] = 32;     /* 8192, MAV_PROTOCOL_CAPABILITY_MAVLINK2 */
+    payload[AUTOPILOT_VERSION_FLIGHT_SW_VERSION_AT + 2] = 1; /* 0x00010000 */
+    payload[AUTOPILOT_VERSION_UID_AT] = link->config->system_id;
 }
 
-/* Three of our numbers as MAVLink's (NED from world, FRD from body: a half turn about x), at a place of the payload. */
-static void put_flipped(uint8_t* payload, unsigned at, const float v[3]) {
-    goshawk_put_f32(payload + at, v[0]);
-    goshawk_put_f32(payload + at + 4u, -v[1]);
-    goshawk_put_f32(payload + at + 8u, -v[2]);
+/* Three of our numbers as MAVLink's: NED from world, FRD from body, a half turn about x. */
+static void put_flipped(uint8_t* place, const float v[3]) {
+    put_f32(place, v[0]);
+    put_f32(place + 4, -v[1]);
+    put_f32(place + 8, -v[2]);
 }
 
-static unsigned send_attitude(const tc_telemetry* t, uint8_t* payload, uint32_t* id) {
-    memset(payload, 0, ATTITUDE_QUATERNION_LENGTH);
-    goshawk_put_u32(payload + ATTITUDE_QUATERNION_TIME_BOOT_MS_AT, (uint32_t)(t->time_us / 1000u));
-    goshawk_put_f32(payload + ATTITUDE_QUATERNION_Q1_AT, t->estimate.q_world_body[0]);
-    put_flipped(payload, ATTITUDE_QUATERNION_Q2_AT, &t->estimate.q_world_body[1]);
-    put_flipped(payload, ATTITUDE_QUATERNION_ROLLSPEED_AT, t->estimate.rate_body_rad_s);
-    *id = ATTITUDE_QUATERNION_ID;
-    return ATTITUDE_QUATERNION_LENGTH;
+/* A unit quaternion likewise. */
+static void put_flipped_q(uint8_t* place, const float q[4]) {
+    put_f32(place, q[0]);
+    put_flipped(place + 4, q + 1);
 }
 
-static unsigned send_position(const tc_telemetry* t, uint8_t* payload, uint32_t* id) {
-    goshawk_put_u32(payload + LOCAL_POSITION_NED_TIME_BOOT_MS_AT, (uint32_t)(t->time_us / 1000u));
-    put_flipped(payload, LOCAL_POSITION_NED_X_AT, t->estimate.position_world_m);
-    put_flipped(payload, LOCAL_POSITION_NED_VX_AT, t->estimate.velocity_world_m_s);
-    *id = LOCAL_POSITION_NED_ID;
-    return LOCAL_POSITION_NED_LENGTH;
+static void put_boot_ms(uint8_t* payload, const tc_telemetry* t) {
+    put_u32(payload, (uint32_t)link_quotient(t->time_us, 1000));
 }
 
-/* Straight into the payload: the message's struct has 240 bytes, most of them covariances that nobody knows. */
-static unsigned send_odometry(const tc_controller* c, uint8_t* payload, uint32_t* id) {
+static void say_attitude(const tc_telemetry* t, uint8_t* payload) {
+    put_boot_ms(payload, t);
+    put_flipped_q(payload + ATTITUDE_QUATERNION_Q1_AT, t->estimate.q_world_body);
+    put_flipped(payload + ATTITUDE_QUATERNION_ROLLSPEED_AT, t->estimate.rate_body_rad_s);
+}
+
+static void say_position(const tc_telemetry* t, uint8_t* payload) {
+    put_boot_ms(payload, t);
+    put_flipped(payload + LOCAL_POSITION_NED_X_AT, t->estimate.position_world_m);
+    put_flipped(payload + LOCAL_POSITION_NED_VX_AT, t->estimate.velocity_world_m_s);
+}
+
+static void say_odometry(const tc_controller* c, uint8_t* payload) {
     const tc_estimate* e = &c->telemetry.estimate;
     float along[3];
     for (unsigned i = 0; i < 3u; i++) {
         along[i] = c->axes[i][0] * e->velocity_world_m_s[0] + c->axes[i][1] * e->velocity_world_m_s[1] +
                    c->axes[i][2] * e->velocity_world_m_s[2];
     }
-    memset(payload, 0, ODOMETRY_LENGTH);
-    goshawk_put_u64(payload + ODOMETRY_TIME_USEC_AT, c->telemetry.time_us);
-    put_flipped(payload, ODOMETRY_X_AT, e->position_world_m);
-    goshawk_put_f32(payload + ODOMETRY_Q_AT, e->q_world_body[0]);
-    put_flipped(payload, ODOMETRY_Q_AT + 4u, &e->q_world_body[1]);
-    put_flipped(payload, ODOMETRY_VX_AT, along);
-    put_flipped(payload, ODOMETRY_ROLLSPEED_AT, e->rate_body_rad_s);
-    goshawk_put_f32(payload + ODOMETRY_POSE_COVARIANCE_AT, NAN);
-    goshawk_put_f32(payload + ODOMETRY_VELOCITY_COVARIANCE_AT, NAN);
+    memcpy(payload, &c->telemetry.time_us, 8);
+    put_flipped(payload + ODOMETRY_X_AT, e->position_world_m);
+    put_flipped_q(payload + ODOMETRY_Q_AT, e->q_world_body);
+    put_flipped(payload + ODOMETRY_VX_AT, along);
+    put_flipped(payload + ODOMETRY_ROLLSPEED_AT, e->rate_body_rad_s);
+    put_f32(payload + ODOMETRY_POSE_COVARIANCE_AT, NAN); /* nobody knows them */
+    put_f32(payload + ODOMETRY_VELOCITY_COVARIANCE_AT, NAN);
     payload[ODOMETRY_FRAME_ID_AT] = FRAME_LOCAL_FRD;
     payload[ODOMETRY_CHILD_FRAME_ID_AT] = FRAME_BODY_FRD;
-    *id = ODOMETRY_ID;
-    return ODOMETRY_LENGTH;
 }
 
-static unsigned send_home(tc_link* link, uint8_t* payload, uint32_t* id) {
-    memset(payload, 0, HOME_POSITION_LENGTH);
-    put_flipped(payload, HOME_POSITION_X_AT, link->telemetry.home_world_m);
-    goshawk_put_f32(payload + HOME_POSITION_Q_AT, 1.0f);
-    goshawk_put_u64(payload + HOME_POSITION_TIME_USEC_AT, link->controller->telemetry.time_us);
-    link->telemetry.home = false;
-    *id = HOME_POSITION_ID;
-    return HOME_POSITION_LENGTH;
+static void say_home(const tc_link* link, uint8_t* payload) {
+    put_flipped(payload + HOME_POSITION_X_AT, link->home_world_m);
+    put_f32(payload + HOME_POSITION_Q_AT, 1.0f);
+    memcpy(payload + HOME_POSITION_TIME_USEC_AT, &link->controller->telemetry.time_us, 8);
 }
 
-static unsigned send_esc(tc_link* link, uint8_t* payload, uint32_t* id) {
+static void say_rotors(const tc_link* link, uint8_t* payload) {
     const float rpm_per_rad_s = 9.5492966f;
-    esc_status_msg m;
-    memset(&m, 0, sizeof m);
-    m.time_usec = link->controller->telemetry.time_us;
-    for (unsigned i = 0; i < TC_ROTORS; i++) {
-        m.rpm[i] = (int32_t)(link->telemetry.measured.rotor_speed_rad_s[i] * rpm_per_rad_s);
-        m.voltage[i] = link->controller->telemetry.estimate.battery_v;
-    }
-    esc_status_encode(&m, payload);
-    *id = ESC_STATUS_ID;
-    return ESC_STATUS_LENGTH;
-}
-
-static unsigned send_battery(const tc_telemetry* t, uint8_t* payload, uint32_t* id) {
-    const float millivolts = t->estimate.battery_v * 1000.0f;
-    battery_status_msg m;
-    memset(&m, 0, sizeof m);
-    m.type = 1;
-    m.temperature = INT16_MAX;
-    memset(m.voltages, 0xFF, sizeof m.voltages);
-    if (millivolts > 0.0f && millivolts < 65000.0f) {
-        m.voltages[0] = (uint16_t)millivolts;
-    }
-    m.current_battery = -1;
-    m.current_consumed = -1;
-    m.energy_consumed = -1;
-    m.battery_remaining = -1;
-    battery_status_encode(&m, payload);
-    *id = BATTERY_STATUS_ID;
-    return BATTERY_STATUS_LENGTH;
-}
-
-static unsigned send_standard(tc_link* link, uint8_t* payload, uint32_t* id) {
     const tc_telemetry* t = &link->controller->telemetry;
-    const unsigned waiting = link->telemetry.standard;
-    link->telemetry.standard = (uint8_t)(waiting & (waiting - 1u)); /* takes the lowest bit off */
-    switch (waiting & ~(waiting - 1u)) {
-        case DUE_ATTITUDE:
-            return send_attitude(t, payload, id);
-        case DUE_POSITION:
-            return send_position(t, payload, id);
-        case DUE_ESC:
-            return send_esc(link, payload, id);
-        case DUE_ODOMETRY:
-            return send_odometry(link->controller, payload, id);
+    memcpy(payload, &t->time_us, 8);
+    for (unsigned i = 0; i < TC_ROTORS; i++) {
+        const int32_t rpm = (int32_t)(link->measured.rotor_speed_rad_s[i] * rpm_per_rad_s);
+        put_u32(payload + ESC_STATUS_RPM_AT + 4u * i, (uint32_t)rpm);
+        put_f32(payload + ESC_STATUS_VOLTAGE_AT + 4u * i, t->estimate.battery_v);
+    }
+}
+
+/* Nothing but the voltage is known. */
+static void say_battery(const tc_telemetry* t, uint8_t* payload) {
+    const float millivolts = t->estimate.battery_v * 1000.0f;
+    memset(payload, 0xFF, BATTERY_STATUS_TIME_REMAINING_AT);
+    payload[BATTERY_STATUS_ID_AT] = 0;
+    payload[BATTERY_STATUS_BATTERY_FUNCTION_AT] = 0;
+    payload[BATTERY_STATUS_TYPE_AT] = 1;
+    payload[BATTERY_STATUS_TEMPERATURE_AT + 1] = 0x7F; /* INT16_MAX */
+    if (millivolts > 0.0f && millivolts < 65000.0f) {
+        const uint16_t rounded = (uint16_t)millivolts;
+        memcpy(payload + BATTERY_STATUS_VOLTAGES_AT, &rounded, 2);
+    }
+}
+
+void link_say_telemetry(const tc_link* link, unsigned what, uint8_t* payload) {
+    const tc_controller* c = link->controller;
+    switch (what) {
+        case SAY_HEARTBEAT:
+            say_heartbeat(c->mission.state, payload);
+            break;
+        case SAY_MISSION:
+            say_mission(link, payload);
+            break;
+        case SAY_STATE:
+            encode_state(link, payload);
+            break;
+        case SAY_TEXT:
+            say_text(&c->mission, payload);
+            break;
+        case SAY_VERSION:
+            say_version(link, payload);
+            break;
+        case SAY_HOME:
+            say_home(link, payload);
+            break;
+        case SAY_ATTITUDE:
+            say_attitude(&c->telemetry, payload);
+            break;
+        case SAY_POSITION:
+            say_position(&c->telemetry, payload);
+            break;
+        case SAY_ROTORS:
+            say_rotors(link, payload);
+            break;
+        case SAY_BATTERY:
+            say_battery(&c->telemetry, payload);
+            break;
+        case SAY_ODOMETRY:
+            say_odometry(c, payload);
+            break;
         default:
-            return send_battery(t, payload, id);
+            break; /* it lies there already */
     }
-}
-
-unsigned link_send_telemetry(tc_link* link, uint64_t now_us, uint8_t payload[TC_PAYLOAD_MAX], uint32_t* id) {
-    if (due(&link->telemetry.heartbeat_us, now_us, HEARTBEAT_US)) {
-        return send_heartbeat(link, payload, id);
-    }
-    if (due(&link->telemetry.status_us, now_us, STATUS_US)) {
-        return send_status(link, payload, id);
-    }
-    if (link->telemetry.state_ready) {
-        link->telemetry.state_ready = false;
-        encode_state(link, payload);
-        *id = GOSHAWK_STATE_ID;
-        return GOSHAWK_STATE_LENGTH;
-    }
-    if (link->telemetry.text) {
-        return send_text(link, payload, id);
-    }
-    if (link->telemetry.version || due(&link->telemetry.version_us, now_us, VERSION_US)) {
-        link->telemetry.home = link->telemetry.home || !link->telemetry.version; /* the regular one brings its fellow */
-        return send_version(link, payload, id);
-    }
-    if (link->telemetry.home) {
-        return send_home(link, payload, id);
-    }
-    return link->telemetry.standard != 0u ? send_standard(link, payload, id) : 0u;
-}
-
-void link_on_log_request(tc_link* link, goshawk_payload payload) {
-    const uint32_t first = goshawk_get_u32(payload, GOSHAWK_LOG_REQUEST_FIRST_AT);
-    link->log.info = !link_want(link, true, first, payload, GOSHAWK_LOG_REQUEST_WANTED_AT);
-}
-
-static unsigned send_log_info(tc_link* link, uint8_t* payload, uint32_t* id) {
-    goshawk_log_info_msg m;
-    memset(&m, 0, sizeof m);
-    m.log_id = link->log.id;
-    m.records = link->log.records;
-    m.capacity = link->config->log_records;
-    m.not_stored = link->log.not_stored;
-    m.period_us = link->config->log_period_us;
-    m.running = link->log.running ? 1u : 0u;
-    link->log.info = false;
-    goshawk_log_info_encode(&m, payload);
-    *id = GOSHAWK_LOG_INFO_ID;
-    return GOSHAWK_LOG_INFO_LENGTH;
-}
-
-unsigned link_send_log(tc_link* link, uint8_t payload[TC_PAYLOAD_MAX], uint32_t* id) {
-    if (link->log.info) {
-        return send_log_info(link, payload, id);
-    }
-    const uint32_t index = link_take(link, true, link->log.records);
-    if (index >= link->log.records) {
-        return 0;
-    }
-    goshawk_log_record_msg m;
-    m.log_id = link->log.id;
-    m.index = index;
-    memcpy(m.record, link->config->log + (size_t)TC_LINK_RECORD * index, sizeof m.record);
-    goshawk_log_record_encode(&m, payload);
-    *id = GOSHAWK_LOG_RECORD_ID;
-    return GOSHAWK_LOG_RECORD_LENGTH;
 }

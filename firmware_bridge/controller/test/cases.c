@@ -64,11 +64,10 @@ static const uint8_t key[TC_KEY_BYTES] = {1, 2, 3};
 static size_t heartbeat(uint8_t frame[TC_FRAME_MAX], uint8_t system, uint8_t component, uint8_t link_id,
                         uint64_t stamp_10us) {
     static const heartbeat_msg nothing = {0};
-    uint8_t payload[HEARTBEAT_LENGTH];
     tc_signing signing;
-    heartbeat_encode(&nothing, payload);
+    heartbeat_encode(&nothing, frame + TC_FRAME_HEADER);
     tc_signing_init(&signing, key, stamp_10us - 1u);
-    return tc_frame_build(frame, HEARTBEAT_ID, payload, sizeof payload, 0, system, component,
+    return tc_frame_build(frame, HEARTBEAT_ROW, HEARTBEAT_LENGTH, 0, system, component,
                           stamp_10us == 0u ? NULL : &signing, link_id);
 }
 
@@ -99,7 +98,6 @@ static void signing_window(void) {
     must(judged(&signing, 8, 1, 0, 100001) == TC_SIGNATURE_GOOD, "another system");
     must(judged(&signing, 7, 1, 0, 100001) == TC_SIGNATURE_REPLAYED, "no later than the stream that made room");
     must(judged(&signing, 7, 1, 0, 300000) == TC_SIGNATURE_GOOD, "the most silent one makes room");
-    must(judged(&signing, 9, 1, 1, 100002) == TC_SIGNATURE_GOOD || signing.start_10us > 0u, "or it went");
     for (uint64_t i = 0; i < 2u * TC_RECENT; i++) { /* in order: the oldest is forgotten and becomes the floor */
         must(judged(&signing, 7, 1, 0, 300001u + i) == TC_SIGNATURE_GOOD, "later");
     }
@@ -131,7 +129,7 @@ static void parser_corners(void) {
         must(first == (cut == length), "only a whole frame is one");
         n = length - cut;
         must(first || tc_parser_next(&parser, &at, &n, &frame, &faults), "the rest completes it");
-        must(frame.raw_length == length && memcmp(frame.raw, good, length) == 0, "as it came");
+        must(frame.length == length && memcmp(frame.raw, good, length) == 0, "as it came");
         must(!tc_parser_next(&parser, &at, &n, &frame, &faults) && n == 0u, "and that was all");
         at = good;
         n = cut;
@@ -162,12 +160,10 @@ static void parser_corners(void) {
 
 /* Of an all-zero payload one byte remains, and nothing signs it unless asked to. */
 static void building(void) {
-    static const uint8_t zeros[TC_PAYLOAD_MAX] = {0};
-    uint8_t frame[TC_FRAME_MAX];
-    must(tc_frame_build(frame, HEARTBEAT_ID, zeros, HEARTBEAT_LENGTH, 3, 1, 1, NULL, 0) == 13u, "one byte is left");
+    uint8_t frame[TC_FRAME_MAX] = {0};
+    must(tc_frame_build(frame, HEARTBEAT_ROW, HEARTBEAT_LENGTH, 3, 1, 1, NULL, 0) == 13u, "one byte is left");
     must(frame[1] == 1u && frame[2] == 0u && frame[4] == 3u, "header");
-    must(tc_frame_build(frame, HEARTBEAT_ID, zeros, 0, 0, 1, 1, NULL, 0) == 12u, "an empty payload stays empty");
-    must(tc_frame_build(frame, 1, zeros, 1, 0, 1, 1, NULL, 0) == 0u, "a message that nobody knows");
+    must(tc_frame_build(frame, HEARTBEAT_ROW, 0, 0, 1, 1, NULL, 0) == 12u, "an empty payload stays empty");
 }
 
 int main(void) {

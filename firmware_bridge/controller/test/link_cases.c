@@ -29,9 +29,10 @@ void begin_anew(bool sign, unsigned records) {
     short_plan(&plan, 0);
 }
 
-void say(uint8_t system, uint8_t component, uint32_t id, const uint8_t* payload, unsigned length) {
+void say(uint8_t system, uint8_t component, unsigned message, const uint8_t* payload, unsigned length) {
     uint8_t frame[TC_FRAME_MAX];
-    const size_t n = tc_frame_build(frame, id, payload, length, 0, system, component, NULL, 0);
+    memcpy(frame + TC_FRAME_HEADER, payload, length);
+    const size_t n = tc_frame_build(frame, message, length, 0, system, component, NULL, 0);
     tc_link_receive(&ln, frame, n, NULL, clock_us);
 }
 
@@ -58,8 +59,8 @@ void lease(uint8_t system, uint8_t action) {
 
 static void leases_and_addresses(void) {
     begin_anew(false, 4);
-    say(ME, 190, HEARTBEAT_ID, (const uint8_t*)"", 1);
-    say(0, 190, HEARTBEAT_ID, (const uint8_t*)"", 1);
+    say(ME, 190, HEARTBEAT_ROW, (const uint8_t*)"", 1);
+    say(0, 190, HEARTBEAT_ROW, (const uint8_t*)"", 1);
     must(ln.counts.not_for_us == 2u, "from its own id and from nobody");
     SAY(OTHER, COMMAND_ACK, command_ack, .command = 1);
     must(ln.counts.accepted == 1u, "what only a vehicle says is heard and means nothing");
@@ -73,7 +74,7 @@ static void leases_and_addresses(void) {
     lease(OTHER, 0);
     lease(OTHER, 7);
     must(ln.lease.system_id == PILOT, "held by another");
-    say(PILOT, 7, HEARTBEAT_ID, (const uint8_t*)"", 1); /* another component of the pilot's system */
+    say(PILOT, 7, HEARTBEAT_ROW, (const uint8_t*)"", 1); /* another component of the pilot's system */
     lease(PILOT, 1);
     lease(OTHER, 2);
     must(ln.lease.system_id == OTHER, "by force");
@@ -82,14 +83,14 @@ static void leases_and_addresses(void) {
     lease(PILOT, 1);
     (void)answer(0);
     const tc_link_measured measured = {{0}, {0}};
-    const uint64_t end_us = ln.lease.until_us;
+    const uint64_t end_us = clock_us - (uint32_t)clock_us + ln.until_us;
     tc_link_update(&ln, &measured, end_us - 1u);
     must(ln.lease.system_id == PILOT, "still held");
     tc_link_update(&ln, &measured, end_us);
     must(ln.lease.system_id == 0u, "expired");
     controller.telemetry.time_us = 500000u; /* the vehicle's clock is younger than the silence */
     tc_link_update(&ln, &measured, end_us);
-    must(controller.ground_seen_us == 0u, "silent since before its start");
+    must(500000u - controller.ground_seen_us == TC_LINK_LEASE_US, "silent since before its start");
     SAY(PILOT, TIMESYNC, timesync, .tc1 = 5, .ts1 = 6);
     must(answer(TIMESYNC_ID) == NULL, "an answer is not answered");
 }
@@ -118,14 +119,14 @@ static void orders(void) {
         const uint8_t reason = order(PILOT, 10u + i, GOSHAWK_COMMAND_STATE_RATE, rates[i], 0, 0);
         must(reason == (i < 3u ? TC_OUT_OF_RANGE : TC_OK), "rates");
     }
-    must(ln.telemetry.state_period_us == 20000u, "fifty a second");
+    must(ln.state_period_us == 20000u, "fifty a second");
     lease(OTHER, 2); /* the same request number from another system, then from another component of the first */
     must(order(OTHER, 14, 99, 0.0f, 0, 0) == TC_LINK_UNSUPPORTED, "not a repeat");
     ln.lease.component_id = 191;
     const goshawk_mission_command_msg m = {TO_VEHICLE, .request_id = 14, .command = GOSHAWK_COMMAND_LOG_STOP};
     uint8_t payload[TC_PAYLOAD_MAX];
     goshawk_mission_command_encode(&m, payload);
-    say(OTHER, 191, GOSHAWK_MISSION_COMMAND_ID, payload, GOSHAWK_MISSION_COMMAND_LENGTH);
+    say(OTHER, 191, GOSHAWK_MISSION_COMMAND_ROW, payload, GOSHAWK_MISSION_COMMAND_LENGTH);
     must(answer(GOSHAWK_MISSION_RESULT_ID)[GOSHAWK_MISSION_RESULT_REASON_AT] == TC_OK, "nor from a component");
     static const struct {
         uint16_t command;
@@ -147,7 +148,7 @@ static void orders(void) {
     SAY(OTHER, COMMAND_LONG, command_long, TO_VEHICLE, .command = 410);
     SAY(OTHER, COMMAND_LONG, command_long, TO_VEHICLE, .command = 410);
     SAY(OTHER, COMMAND_LONG, command_long, TO_VEHICLE, .command = 520);
-    must(answer(HOME_POSITION_ID) != NULL && !ln.telemetry.version && !ln.telemetry.home, "both");
+    must(answer(HOME_POSITION_ID) != NULL && answer(AUTOPILOT_VERSION_ID) == NULL, "both, once");
 }
 
 /* The operator is back after a long silence, in control again or still, and orders at once. */
@@ -178,7 +179,7 @@ static void silences(void) {
 }
 
 static void logs(void) {
-    const tc_link_measured measured = {{1.0f}, {0}};
+    const tc_link_measured measured = {.rotor_speed_rad_s = {1.0f}};
     const trouble none = {0};
     uint64_t now = 2000000u;
     begin_anew(false, 0);
@@ -216,7 +217,7 @@ static uint8_t stage(uint8_t system, uint32_t transfer, uint8_t group, float fir
     }
     if (isnan(first) || first != 0.0f) m.values[0] = first;
     goshawk_parameters_stage_encode(&m, payload);
-    say(system, 190, GOSHAWK_PARAMETERS_STAGE_ID, payload, GOSHAWK_PARAMETERS_STAGE_LENGTH);
+    say(system, 190, GOSHAWK_PARAMETERS_STAGE_ROW, payload, GOSHAWK_PARAMETERS_STAGE_LENGTH);
     const uint8_t* result = answer(GOSHAWK_PARAMETERS_RESULT_ID);
     return result == NULL ? 255u : result[GOSHAWK_PARAMETERS_RESULT_REASON_AT];
 }
@@ -265,24 +266,26 @@ static void parameters(void) {
 /* A signing vehicle: what it counts, and that a poor line makes it wait. */
 static void signed_and_slow(void) {
     static const uint8_t key[TC_KEY_BYTES] = {0}, wrong[TC_KEY_BYTES] = {1};
-    uint8_t frame[TC_FRAME_MAX], payload[HEARTBEAT_LENGTH];
+    uint8_t frame[TC_FRAME_MAX];
     static const heartbeat_msg nothing = {0};
     tc_signing friend, stranger;
     begin_anew(true, 4);
     tc_signing_init(&friend, key, 10);
     tc_signing_init(&stranger, wrong, 10);
     lease(PILOT, 1);
-    say(PILOT, 190, HEARTBEAT_ID, (const uint8_t*)"", 1);
+    say(PILOT, 190, HEARTBEAT_ROW, (const uint8_t*)"", 1);
     must(ln.counts.without_signature == 1u, "heartbeats are not counted");
-    heartbeat_encode(&nothing, payload);
-    size_t n = tc_frame_build(frame, HEARTBEAT_ID, payload, HEARTBEAT_LENGTH, 0, PILOT, 190, &stranger, 0);
+    heartbeat_encode(&nothing, frame + TC_FRAME_HEADER);
+    size_t n = tc_frame_build(frame, HEARTBEAT_ROW, HEARTBEAT_LENGTH, 0, PILOT, 190, &stranger, 0);
     tc_link_receive(&ln, frame, n, NULL, clock_us);
-    n = tc_frame_build(frame, HEARTBEAT_ID, payload, HEARTBEAT_LENGTH, 0, PILOT, 190, &friend, 0);
+    heartbeat_encode(&nothing, frame + TC_FRAME_HEADER);
+    n = tc_frame_build(frame, HEARTBEAT_ROW, HEARTBEAT_LENGTH, 0, PILOT, 190, &friend, 0);
     tc_link_receive(&ln, frame, n, &serial, clock_us);
     tc_link_receive(&ln, frame, n, NULL, clock_us);
     must(ln.counts.wrong_key == 1u && ln.counts.accepted == 1u && ln.counts.replayed == 1u, "counted");
     config.bytes_per_s = 1000;
-    ln.budget_bytes = -1;
+    ln.budget_byte_us = -1000000;
+    ln.budget_us = (uint32_t)clock_us;
     must(tc_link_transmit(&ln, frame, clock_us) == 0u, "nothing to spend");
     must(tc_link_transmit(&ln, frame, clock_us + 500u) == 0u, "half a byte is kept for later");
     must(tc_link_transmit(&ln, frame, clock_us + 1000000u) > 0u, "saved up");
@@ -297,21 +300,59 @@ static void tellings(void) {
     controller.telemetry.estimate.battery_v = 15.0f;
     tc_link_update(&ln, &measured, clock_us);
     must(answer(HEARTBEAT_ID)[HEARTBEAT_SYSTEM_STATUS_AT] == 4u, "active");
-    ln.telemetry.heartbeat_us = 0;
+    (void)memset(ln.due_us, 0, sizeof ln.due_us);
     (void)run(&controller, &now, 2.0f, &lost);
     tc_link_update(&ln, &measured, clock_us);
     must(answer(HEARTBEAT_ID)[HEARTBEAT_SYSTEM_STATUS_AT] == 6u, "in trouble");
     set_out(&controller, &now, 0, TC_TRAJECTORY);
     (void)run(&controller, &now, 0.05f, &none);
     controller.telemetry.estimate.battery_v = 70.0f;
-    ln.telemetry.status_us = ln.telemetry.state_due_us = ln.telemetry.slow_due_us = 0;
+    (void)memset(ln.due_us, 0, sizeof ln.due_us);
     tc_link_update(&ln, &measured, clock_us);
     must(answer(GOSHAWK_MISSION_STATUS_ID)[GOSHAWK_MISSION_STATUS_MISSION_STATE_AT] == TC_TRAJECTORY, "flies");
     set_out(&controller, &now, 0, TC_HOLD);
     (void)run(&controller, &now, 1.0f, &(trouble){.no_position = true});
-    ln.telemetry.heartbeat_us = 0;
+    (void)memset(ln.due_us, 0, sizeof ln.due_us);
     tc_link_update(&ln, &measured, clock_us);
     must(answer(STATUSTEXT_ID)[STATUSTEXT_SEVERITY_AT] == 3u, "an emergency is an error");
+}
+
+/* Times are low words. Over their wrap all goes on; what is long past stays past, also when its low word is back. */
+static void long_times(void) {
+    const tc_link_measured measured = {0};
+    const uint64_t round_us = (uint64_t)1 << 32;
+    begin_anew(false, 4);
+    clock_us = round_us - 1500000u;
+    lease(PILOT, 1);
+    (void)answer(0);
+    unsigned heartbeats = 0;
+    for (unsigned i = 0; i < 40u; i++) {
+        clock_us += 100000u;
+        lease(PILOT, 1);
+        tc_link_update(&ln, &measured, clock_us);
+        must(ln.lease.system_id == PILOT, "renewed over the wrap");
+        heartbeats += answer(HEARTBEAT_ID) != NULL ? 1u : 0u;
+    }
+    must(heartbeats == 4u, "one a second over the wrap");
+    activate();
+    SAY(PILOT, GOSHAWK_TRAJECTORY_BEGIN, goshawk_trajectory_begin, TO_VEHICLE, .transfer_id = 3, .trajectory_id = 9,
+        .segments = 2, .coefficient_count = 8);
+    (void)answer(0);
+    controller.telemetry.time_us = clock_us;
+    const uint64_t start_us = clock_us;
+    for (unsigned i = 1; i <= 5u; i++) { /* 14 to 72 minutes; the last one just before and behind a whole round */
+        clock_us = start_us + (i < 5u ? i * (round_us / 5u) : round_us + 400000u);
+        controller.telemetry.time_us = clock_us;
+        tc_link_update(&ln, &measured, clock_us);
+        must(ln.lease.system_id == 0u, "the lease is over and stays over");
+        must((uint32_t)clock_us - controller.ground_seen_us >= 800000000u, "silent for long, and not heard again");
+        must(answer(GOSHAWK_TRAJECTORY_STATUS_ID) == NULL, "nobody waits for reports on the upload");
+        clock_us += 1000000u;
+        must(answer(HEARTBEAT_ID) != NULL, "while the heart goes on beating");
+    }
+    lease(PILOT, 1);
+    must(ln.lease.system_id == PILOT, "may be taken anew");
+    must(stage_parameters(4, 0) == TC_OK, "and the upload gives way");
 }
 
 void link_cases(void) {
@@ -323,4 +364,5 @@ void link_cases(void) {
     parameters();
     signed_and_slow();
     tellings();
+    long_times();
 }

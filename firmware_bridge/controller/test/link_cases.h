@@ -17,7 +17,7 @@ extern uint64_t clock_us; /* of the link */
 
 /* A vehicle on the ground, without a trajectory, with the short plan at hand. */
 void begin_anew(bool sign, unsigned records);
-void say(uint8_t system, uint8_t component, uint32_t id, const uint8_t* payload, unsigned length);
+void say(uint8_t system, uint8_t component, unsigned message, const uint8_t* payload, unsigned length);
 /* Everything the vehicle wants to say now; the payload of the last message with this id, or NULL. */
 const uint8_t* answer(uint32_t id);
 void lease(uint8_t system, uint8_t action);
@@ -30,12 +30,12 @@ uint8_t stage_parameters(uint32_t transfer, uint8_t group);
 uint8_t commit_parameters(uint32_t transfer, uint32_t crc32);
 
 /* Sends a message of the dialect to the vehicle. */
-#define SAY(system, NAME, name, ...)                                     \
-    do {                                                                 \
-        uint8_t payload_[TC_PAYLOAD_MAX];                                \
-        const name##_msg m_ = {__VA_ARGS__};                             \
-        name##_encode(&m_, payload_);                                    \
-        say((uint8_t)(system), 190, NAME##_ID, payload_, NAME##_LENGTH); \
+#define SAY(system, NAME, name, ...)                                      \
+    do {                                                                  \
+        uint8_t payload_[TC_PAYLOAD_MAX];                                 \
+        const name##_msg m_ = {__VA_ARGS__};                              \
+        name##_encode(&m_, payload_);                                     \
+        say((uint8_t)(system), 190, NAME##_ROW, payload_, NAME##_LENGTH); \
     } while (0)
 
 #endif

@@ -23,7 +23,7 @@ static void segment(uint8_t system, uint32_t transfer, uint16_t index, float spo
     for (unsigned k = 0; k < 8u; k++) m.coefficients[TC_AXES * k + 2u] = plan.segment[index % 2u].coefficient[2][k];
     m.coefficients[0] += spoil;
     goshawk_trajectory_segment_encode(&m, payload);
-    say(system, 190, GOSHAWK_TRAJECTORY_SEGMENT_ID, payload, GOSHAWK_TRAJECTORY_SEGMENT_LENGTH);
+    say(system, 190, GOSHAWK_TRAJECTORY_SEGMENT_ROW, payload, GOSHAWK_TRAJECTORY_SEGMENT_LENGTH);
 }
 
 /* All of them at the start, which is at 1 m. */

@@ -6,85 +6,10 @@
 #include <stdint.h>
 #include <string.h>
 
-/* On such a machine a message's struct and its payload are the same bytes. */
-#if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
-#define GOSHAWK_LITTLE_ENDIAN 1
-#else
-#define GOSHAWK_LITTLE_ENDIAN 0
+/* Payloads are little-endian, and so must be the machine: a message's struct and its payload are the same bytes. */
+#if defined(__BYTE_ORDER__)
+_Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "a little-endian machine");
 #endif
-
-/* Little-endian access that needs no alignment. */
-static inline void goshawk_put_u8(uint8_t *p, uint8_t v) { p[0] = v; }
-#if GOSHAWK_LITTLE_ENDIAN
-static inline void goshawk_put_u16(uint8_t *p, uint16_t v) { memcpy(p, &v, sizeof v); }
-static inline void goshawk_put_u32(uint8_t *p, uint32_t v) { memcpy(p, &v, sizeof v); }
-static inline void goshawk_put_u64(uint8_t *p, uint64_t v) { memcpy(p, &v, sizeof v); }
-#else
-static inline void goshawk_put_u16(uint8_t *p, uint16_t v)
-{
-    p[0] = (uint8_t)(v & 0xFFu);
-    p[1] = (uint8_t)(v >> 8);
-}
-static inline void goshawk_put_u32(uint8_t *p, uint32_t v)
-{
-    goshawk_put_u16(p, (uint16_t)(v & 0xFFFFu));
-    goshawk_put_u16(p + 2, (uint16_t)(v >> 16));
-}
-static inline void goshawk_put_u64(uint8_t *p, uint64_t v)
-{
-    goshawk_put_u32(p, (uint32_t)(v & 0xFFFFFFFFu));
-    goshawk_put_u32(p + 4, (uint32_t)(v >> 32));
-}
-#endif
-static inline void goshawk_put_i8(uint8_t *p, int8_t v) { goshawk_put_u8(p, (uint8_t)v); }
-static inline void goshawk_put_i16(uint8_t *p, int16_t v) { goshawk_put_u16(p, (uint16_t)v); }
-static inline void goshawk_put_i32(uint8_t *p, int32_t v) { goshawk_put_u32(p, (uint32_t)v); }
-static inline void goshawk_put_i64(uint8_t *p, int64_t v) { goshawk_put_u64(p, (uint64_t)v); }
-static inline void goshawk_put_f32(uint8_t *p, float v)
-{
-    uint32_t bits;
-    memcpy(&bits, &v, sizeof bits);
-    goshawk_put_u32(p, bits);
-}
-
-/* A payload as it came. MAVLink cuts trailing zeros off, so what lies beyond its end reads as zero. */
-typedef struct {
-    const uint8_t *bytes;
-    unsigned n;
-} goshawk_payload;
-
-static inline uint8_t goshawk_get_u8(goshawk_payload p, unsigned at) { return at < p.n ? p.bytes[at] : 0u; }
-#if GOSHAWK_LITTLE_ENDIAN
-static inline void goshawk_read(void *out, unsigned size, goshawk_payload p, unsigned at)
-{
-    uint8_t *bytes = (uint8_t *)out;
-    for (unsigned i = 0; i < size; i++)
-        bytes[i] = goshawk_get_u8(p, at + i);
-}
-#endif
-static inline uint16_t goshawk_get_u16(goshawk_payload p, unsigned at)
-{
-    return (uint16_t)(goshawk_get_u8(p, at) | ((unsigned)goshawk_get_u8(p, at + 1u) << 8));
-}
-static inline uint32_t goshawk_get_u32(goshawk_payload p, unsigned at)
-{
-    return (uint32_t)goshawk_get_u16(p, at) | ((uint32_t)goshawk_get_u16(p, at + 2u) << 16);
-}
-static inline uint64_t goshawk_get_u64(goshawk_payload p, unsigned at)
-{
-    return (uint64_t)goshawk_get_u32(p, at) | ((uint64_t)goshawk_get_u32(p, at + 4u) << 32);
-}
-static inline int8_t goshawk_get_i8(goshawk_payload p, unsigned at) { return (int8_t)goshawk_get_u8(p, at); }
-static inline int16_t goshawk_get_i16(goshawk_payload p, unsigned at) { return (int16_t)goshawk_get_u16(p, at); }
-static inline int32_t goshawk_get_i32(goshawk_payload p, unsigned at) { return (int32_t)goshawk_get_u32(p, at); }
-static inline int64_t goshawk_get_i64(goshawk_payload p, unsigned at) { return (int64_t)goshawk_get_u64(p, at); }
-static inline float goshawk_get_f32(goshawk_payload p, unsigned at)
-{
-    const uint32_t bits = goshawk_get_u32(p, at);
-    float v;
-    memcpy(&v, &bits, sizeof v);
-    return v;
-}
 
 /* GOSHAWK_COMMAND */
 enum {
@@ -152,32 +77,8 @@ enum {
 
 static inline void heartbeat_encode(const heartbeat_msg *m, uint8_t payload[HEARTBEAT_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(heartbeat_msg, mavlink_version) == HEARTBEAT_MAVLINK_VERSION_AT, "no gaps");
     memcpy(payload, m, HEARTBEAT_LENGTH);
-#else
-    goshawk_put_u32(payload + 0, m->custom_mode);
-    goshawk_put_u8(payload + 4, m->type);
-    goshawk_put_u8(payload + 5, m->autopilot);
-    goshawk_put_u8(payload + 6, m->base_mode);
-    goshawk_put_u8(payload + 7, m->system_status);
-    goshawk_put_u8(payload + 8, m->mavlink_version);
-#endif
-}
-
-static inline void heartbeat_decode(heartbeat_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(heartbeat_msg, mavlink_version) == HEARTBEAT_MAVLINK_VERSION_AT, "no gaps");
-    goshawk_read(m, HEARTBEAT_LENGTH, p, 0);
-#else
-    m->custom_mode = goshawk_get_u32(p, 0u);
-    m->type = goshawk_get_u8(p, 4u);
-    m->autopilot = goshawk_get_u8(p, 5u);
-    m->base_mode = goshawk_get_u8(p, 6u);
-    m->system_status = goshawk_get_u8(p, 7u);
-    m->mavlink_version = goshawk_get_u8(p, 8u);
-#endif
 }
 
 /* Ask for one parameter by index or by name. */
@@ -199,30 +100,8 @@ enum {
 
 static inline void param_request_read_encode(const param_request_read_msg *m, uint8_t payload[PARAM_REQUEST_READ_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(param_request_read_msg, param_id) == PARAM_REQUEST_READ_PARAM_ID_AT, "no gaps");
     memcpy(payload, m, PARAM_REQUEST_READ_LENGTH);
-#else
-    goshawk_put_i16(payload + 0, m->param_index);
-    goshawk_put_u8(payload + 2, m->target_system);
-    goshawk_put_u8(payload + 3, m->target_component);
-    for (unsigned i = 0; i < 16u; i++)
-        goshawk_put_i8(payload + 4 + i, (int8_t)m->param_id[i]);
-#endif
-}
-
-static inline void param_request_read_decode(param_request_read_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(param_request_read_msg, param_id) == PARAM_REQUEST_READ_PARAM_ID_AT, "no gaps");
-    goshawk_read(m, PARAM_REQUEST_READ_LENGTH, p, 0);
-#else
-    m->param_index = goshawk_get_i16(p, 0u);
-    m->target_system = goshawk_get_u8(p, 2u);
-    m->target_component = goshawk_get_u8(p, 3u);
-    for (unsigned i = 0; i < 16u; i++)
-        m->param_id[i] = (char)goshawk_get_i8(p, 4u + i);
-#endif
 }
 
 /* Ask for all parameters. */
@@ -240,24 +119,8 @@ enum {
 
 static inline void param_request_list_encode(const param_request_list_msg *m, uint8_t payload[PARAM_REQUEST_LIST_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(param_request_list_msg, target_component) == PARAM_REQUEST_LIST_TARGET_COMPONENT_AT, "no gaps");
     memcpy(payload, m, PARAM_REQUEST_LIST_LENGTH);
-#else
-    goshawk_put_u8(payload + 0, m->target_system);
-    goshawk_put_u8(payload + 1, m->target_component);
-#endif
-}
-
-static inline void param_request_list_decode(param_request_list_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(param_request_list_msg, target_component) == PARAM_REQUEST_LIST_TARGET_COMPONENT_AT, "no gaps");
-    goshawk_read(m, PARAM_REQUEST_LIST_LENGTH, p, 0);
-#else
-    m->target_system = goshawk_get_u8(p, 0u);
-    m->target_component = goshawk_get_u8(p, 1u);
-#endif
 }
 
 /* One parameter. */
@@ -281,32 +144,8 @@ enum {
 
 static inline void param_value_encode(const param_value_msg *m, uint8_t payload[PARAM_VALUE_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(param_value_msg, param_type) == PARAM_VALUE_PARAM_TYPE_AT, "no gaps");
     memcpy(payload, m, PARAM_VALUE_LENGTH);
-#else
-    goshawk_put_f32(payload + 0, m->param_value);
-    goshawk_put_u16(payload + 4, m->param_count);
-    goshawk_put_u16(payload + 6, m->param_index);
-    for (unsigned i = 0; i < 16u; i++)
-        goshawk_put_i8(payload + 8 + i, (int8_t)m->param_id[i]);
-    goshawk_put_u8(payload + 24, m->param_type);
-#endif
-}
-
-static inline void param_value_decode(param_value_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(param_value_msg, param_type) == PARAM_VALUE_PARAM_TYPE_AT, "no gaps");
-    goshawk_read(m, PARAM_VALUE_LENGTH, p, 0);
-#else
-    m->param_value = goshawk_get_f32(p, 0u);
-    m->param_count = goshawk_get_u16(p, 4u);
-    m->param_index = goshawk_get_u16(p, 6u);
-    for (unsigned i = 0; i < 16u; i++)
-        m->param_id[i] = (char)goshawk_get_i8(p, 8u + i);
-    m->param_type = goshawk_get_u8(p, 24u);
-#endif
 }
 
 /* Attitude, NED from FRD. */
@@ -338,40 +177,8 @@ enum {
 
 static inline void attitude_quaternion_encode(const attitude_quaternion_msg *m, uint8_t payload[ATTITUDE_QUATERNION_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(attitude_quaternion_msg, repr_offset_q) == ATTITUDE_QUATERNION_REPR_OFFSET_Q_AT, "no gaps");
     memcpy(payload, m, ATTITUDE_QUATERNION_LENGTH);
-#else
-    goshawk_put_u32(payload + 0, m->time_boot_ms);
-    goshawk_put_f32(payload + 4, m->q1);
-    goshawk_put_f32(payload + 8, m->q2);
-    goshawk_put_f32(payload + 12, m->q3);
-    goshawk_put_f32(payload + 16, m->q4);
-    goshawk_put_f32(payload + 20, m->rollspeed);
-    goshawk_put_f32(payload + 24, m->pitchspeed);
-    goshawk_put_f32(payload + 28, m->yawspeed);
-    for (unsigned i = 0; i < 4u; i++)
-        goshawk_put_f32(payload + 32 + (4u * i), m->repr_offset_q[i]);
-#endif
-}
-
-static inline void attitude_quaternion_decode(attitude_quaternion_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(attitude_quaternion_msg, repr_offset_q) == ATTITUDE_QUATERNION_REPR_OFFSET_Q_AT, "no gaps");
-    goshawk_read(m, ATTITUDE_QUATERNION_LENGTH, p, 0);
-#else
-    m->time_boot_ms = goshawk_get_u32(p, 0u);
-    m->q1 = goshawk_get_f32(p, 4u);
-    m->q2 = goshawk_get_f32(p, 8u);
-    m->q3 = goshawk_get_f32(p, 12u);
-    m->q4 = goshawk_get_f32(p, 16u);
-    m->rollspeed = goshawk_get_f32(p, 20u);
-    m->pitchspeed = goshawk_get_f32(p, 24u);
-    m->yawspeed = goshawk_get_f32(p, 28u);
-    for (unsigned i = 0; i < 4u; i++)
-        m->repr_offset_q[i] = goshawk_get_f32(p, 32u + (4u * i));
-#endif
 }
 
 /* Position and velocity, NED. */
@@ -399,34 +206,8 @@ enum {
 
 static inline void local_position_ned_encode(const local_position_ned_msg *m, uint8_t payload[LOCAL_POSITION_NED_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(local_position_ned_msg, vz) == LOCAL_POSITION_NED_VZ_AT, "no gaps");
     memcpy(payload, m, LOCAL_POSITION_NED_LENGTH);
-#else
-    goshawk_put_u32(payload + 0, m->time_boot_ms);
-    goshawk_put_f32(payload + 4, m->x);
-    goshawk_put_f32(payload + 8, m->y);
-    goshawk_put_f32(payload + 12, m->z);
-    goshawk_put_f32(payload + 16, m->vx);
-    goshawk_put_f32(payload + 20, m->vy);
-    goshawk_put_f32(payload + 24, m->vz);
-#endif
-}
-
-static inline void local_position_ned_decode(local_position_ned_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(local_position_ned_msg, vz) == LOCAL_POSITION_NED_VZ_AT, "no gaps");
-    goshawk_read(m, LOCAL_POSITION_NED_LENGTH, p, 0);
-#else
-    m->time_boot_ms = goshawk_get_u32(p, 0u);
-    m->x = goshawk_get_f32(p, 4u);
-    m->y = goshawk_get_f32(p, 8u);
-    m->z = goshawk_get_f32(p, 12u);
-    m->vx = goshawk_get_f32(p, 16u);
-    m->vy = goshawk_get_f32(p, 20u);
-    m->vz = goshawk_get_f32(p, 24u);
-#endif
 }
 
 /* A command of the common set. */
@@ -462,42 +243,8 @@ enum {
 
 static inline void command_long_encode(const command_long_msg *m, uint8_t payload[COMMAND_LONG_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(command_long_msg, confirmation) == COMMAND_LONG_CONFIRMATION_AT, "no gaps");
     memcpy(payload, m, COMMAND_LONG_LENGTH);
-#else
-    goshawk_put_f32(payload + 0, m->param1);
-    goshawk_put_f32(payload + 4, m->param2);
-    goshawk_put_f32(payload + 8, m->param3);
-    goshawk_put_f32(payload + 12, m->param4);
-    goshawk_put_f32(payload + 16, m->param5);
-    goshawk_put_f32(payload + 20, m->param6);
-    goshawk_put_f32(payload + 24, m->param7);
-    goshawk_put_u16(payload + 28, m->command);
-    goshawk_put_u8(payload + 30, m->target_system);
-    goshawk_put_u8(payload + 31, m->target_component);
-    goshawk_put_u8(payload + 32, m->confirmation);
-#endif
-}
-
-static inline void command_long_decode(command_long_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(command_long_msg, confirmation) == COMMAND_LONG_CONFIRMATION_AT, "no gaps");
-    goshawk_read(m, COMMAND_LONG_LENGTH, p, 0);
-#else
-    m->param1 = goshawk_get_f32(p, 0u);
-    m->param2 = goshawk_get_f32(p, 4u);
-    m->param3 = goshawk_get_f32(p, 8u);
-    m->param4 = goshawk_get_f32(p, 12u);
-    m->param5 = goshawk_get_f32(p, 16u);
-    m->param6 = goshawk_get_f32(p, 20u);
-    m->param7 = goshawk_get_f32(p, 24u);
-    m->command = goshawk_get_u16(p, 28u);
-    m->target_system = goshawk_get_u8(p, 30u);
-    m->target_component = goshawk_get_u8(p, 31u);
-    m->confirmation = goshawk_get_u8(p, 32u);
-#endif
 }
 
 /* Answer to COMMAND_LONG. */
@@ -523,32 +270,8 @@ enum {
 
 static inline void command_ack_encode(const command_ack_msg *m, uint8_t payload[COMMAND_ACK_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(command_ack_msg, target_component) == COMMAND_ACK_TARGET_COMPONENT_AT, "no gaps");
     memcpy(payload, m, COMMAND_ACK_LENGTH);
-#else
-    goshawk_put_u16(payload + 0, m->command);
-    goshawk_put_u8(payload + 2, m->result);
-    goshawk_put_u8(payload + 3, m->progress);
-    goshawk_put_i32(payload + 4, m->result_param2);
-    goshawk_put_u8(payload + 8, m->target_system);
-    goshawk_put_u8(payload + 9, m->target_component);
-#endif
-}
-
-static inline void command_ack_decode(command_ack_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(command_ack_msg, target_component) == COMMAND_ACK_TARGET_COMPONENT_AT, "no gaps");
-    goshawk_read(m, COMMAND_ACK_LENGTH, p, 0);
-#else
-    m->command = goshawk_get_u16(p, 0u);
-    m->result = goshawk_get_u8(p, 2u);
-    m->progress = goshawk_get_u8(p, 3u);
-    m->result_param2 = goshawk_get_i32(p, 4u);
-    m->target_system = goshawk_get_u8(p, 8u);
-    m->target_component = goshawk_get_u8(p, 9u);
-#endif
 }
 
 /* Clock comparison. A request has tc1 = 0; the answer carries the answerer's time there. */
@@ -570,28 +293,8 @@ enum {
 
 static inline void timesync_encode(const timesync_msg *m, uint8_t payload[TIMESYNC_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(timesync_msg, target_component) == TIMESYNC_TARGET_COMPONENT_AT, "no gaps");
     memcpy(payload, m, TIMESYNC_LENGTH);
-#else
-    goshawk_put_i64(payload + 0, m->tc1);
-    goshawk_put_i64(payload + 8, m->ts1);
-    goshawk_put_u8(payload + 16, m->target_system);
-    goshawk_put_u8(payload + 17, m->target_component);
-#endif
-}
-
-static inline void timesync_decode(timesync_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(timesync_msg, target_component) == TIMESYNC_TARGET_COMPONENT_AT, "no gaps");
-    goshawk_read(m, TIMESYNC_LENGTH, p, 0);
-#else
-    m->tc1 = goshawk_get_i64(p, 0u);
-    m->ts1 = goshawk_get_i64(p, 8u);
-    m->target_system = goshawk_get_u8(p, 16u);
-    m->target_component = goshawk_get_u8(p, 17u);
-#endif
 }
 
 /* Battery. */
@@ -633,42 +336,20 @@ enum {
 
 static inline void battery_status_encode(const battery_status_msg *m, uint8_t payload[BATTERY_STATUS_LENGTH])
 {
-    goshawk_put_i32(payload + 0, m->current_consumed);
-    goshawk_put_i32(payload + 4, m->energy_consumed);
-    goshawk_put_i16(payload + 8, m->temperature);
-    for (unsigned i = 0; i < 10u; i++)
-        goshawk_put_u16(payload + 10 + (2u * i), m->voltages[i]);
-    goshawk_put_i16(payload + 30, m->current_battery);
-    goshawk_put_u8(payload + 32, m->id);
-    goshawk_put_u8(payload + 33, m->battery_function);
-    goshawk_put_u8(payload + 34, m->type);
-    goshawk_put_i8(payload + 35, m->battery_remaining);
-    goshawk_put_i32(payload + 36, m->time_remaining);
-    goshawk_put_u8(payload + 40, m->charge_state);
-    for (unsigned i = 0; i < 4u; i++)
-        goshawk_put_u16(payload + 41 + (2u * i), m->voltages_ext[i]);
-    goshawk_put_u8(payload + 49, m->mode);
-    goshawk_put_u32(payload + 50, m->fault_bitmask);
-}
-
-static inline void battery_status_decode(battery_status_msg *m, goshawk_payload p)
-{
-    m->current_consumed = goshawk_get_i32(p, 0u);
-    m->energy_consumed = goshawk_get_i32(p, 4u);
-    m->temperature = goshawk_get_i16(p, 8u);
-    for (unsigned i = 0; i < 10u; i++)
-        m->voltages[i] = goshawk_get_u16(p, 10u + (2u * i));
-    m->current_battery = goshawk_get_i16(p, 30u);
-    m->id = goshawk_get_u8(p, 32u);
-    m->battery_function = goshawk_get_u8(p, 33u);
-    m->type = goshawk_get_u8(p, 34u);
-    m->battery_remaining = goshawk_get_i8(p, 35u);
-    m->time_remaining = goshawk_get_i32(p, 36u);
-    m->charge_state = goshawk_get_u8(p, 40u);
-    for (unsigned i = 0; i < 4u; i++)
-        m->voltages_ext[i] = goshawk_get_u16(p, 41u + (2u * i));
-    m->mode = goshawk_get_u8(p, 49u);
-    m->fault_bitmask = goshawk_get_u32(p, 50u);
+    memcpy(payload + 0, &m->current_consumed, 4u);
+    memcpy(payload + 4, &m->energy_consumed, 4u);
+    memcpy(payload + 8, &m->temperature, 2u);
+    memcpy(payload + 10, m->voltages, 20u);
+    memcpy(payload + 30, &m->current_battery, 2u);
+    memcpy(payload + 32, &m->id, 1u);
+    memcpy(payload + 33, &m->battery_function, 1u);
+    memcpy(payload + 34, &m->type, 1u);
+    memcpy(payload + 35, &m->battery_remaining, 1u);
+    memcpy(payload + 36, &m->time_remaining, 4u);
+    memcpy(payload + 40, &m->charge_state, 1u);
+    memcpy(payload + 41, m->voltages_ext, 8u);
+    memcpy(payload + 49, &m->mode, 1u);
+    memcpy(payload + 50, &m->fault_bitmask, 4u);
 }
 
 /* Who the vehicle is. */
@@ -706,52 +387,8 @@ enum {
 
 static inline void autopilot_version_encode(const autopilot_version_msg *m, uint8_t payload[AUTOPILOT_VERSION_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(autopilot_version_msg, uid2) == AUTOPILOT_VERSION_UID2_AT, "no gaps");
     memcpy(payload, m, AUTOPILOT_VERSION_LENGTH);
-#else
-    goshawk_put_u64(payload + 0, m->capabilities);
-    goshawk_put_u64(payload + 8, m->uid);
-    goshawk_put_u32(payload + 16, m->flight_sw_version);
-    goshawk_put_u32(payload + 20, m->middleware_sw_version);
-    goshawk_put_u32(payload + 24, m->os_sw_version);
-    goshawk_put_u32(payload + 28, m->board_version);
-    goshawk_put_u16(payload + 32, m->vendor_id);
-    goshawk_put_u16(payload + 34, m->product_id);
-    for (unsigned i = 0; i < 8u; i++)
-        goshawk_put_u8(payload + 36 + i, m->flight_custom_version[i]);
-    for (unsigned i = 0; i < 8u; i++)
-        goshawk_put_u8(payload + 44 + i, m->middleware_custom_version[i]);
-    for (unsigned i = 0; i < 8u; i++)
-        goshawk_put_u8(payload + 52 + i, m->os_custom_version[i]);
-    for (unsigned i = 0; i < 18u; i++)
-        goshawk_put_u8(payload + 60 + i, m->uid2[i]);
-#endif
-}
-
-static inline void autopilot_version_decode(autopilot_version_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(autopilot_version_msg, uid2) == AUTOPILOT_VERSION_UID2_AT, "no gaps");
-    goshawk_read(m, AUTOPILOT_VERSION_LENGTH, p, 0);
-#else
-    m->capabilities = goshawk_get_u64(p, 0u);
-    m->uid = goshawk_get_u64(p, 8u);
-    m->flight_sw_version = goshawk_get_u32(p, 16u);
-    m->middleware_sw_version = goshawk_get_u32(p, 20u);
-    m->os_sw_version = goshawk_get_u32(p, 24u);
-    m->board_version = goshawk_get_u32(p, 28u);
-    m->vendor_id = goshawk_get_u16(p, 32u);
-    m->product_id = goshawk_get_u16(p, 34u);
-    for (unsigned i = 0; i < 8u; i++)
-        m->flight_custom_version[i] = goshawk_get_u8(p, 36u + i);
-    for (unsigned i = 0; i < 8u; i++)
-        m->middleware_custom_version[i] = goshawk_get_u8(p, 44u + i);
-    for (unsigned i = 0; i < 8u; i++)
-        m->os_custom_version[i] = goshawk_get_u8(p, 52u + i);
-    for (unsigned i = 0; i < 18u; i++)
-        m->uid2[i] = goshawk_get_u8(p, 60u + i);
-#endif
 }
 
 /* Where the vehicle last stood on the ground with its rotors idle or off. */
@@ -787,34 +424,17 @@ enum {
 
 static inline void home_position_encode(const home_position_msg *m, uint8_t payload[HOME_POSITION_LENGTH])
 {
-    goshawk_put_i32(payload + 0, m->latitude);
-    goshawk_put_i32(payload + 4, m->longitude);
-    goshawk_put_i32(payload + 8, m->altitude);
-    goshawk_put_f32(payload + 12, m->x);
-    goshawk_put_f32(payload + 16, m->y);
-    goshawk_put_f32(payload + 20, m->z);
-    for (unsigned i = 0; i < 4u; i++)
-        goshawk_put_f32(payload + 24 + (4u * i), m->q[i]);
-    goshawk_put_f32(payload + 40, m->approach_x);
-    goshawk_put_f32(payload + 44, m->approach_y);
-    goshawk_put_f32(payload + 48, m->approach_z);
-    goshawk_put_u64(payload + 52, m->time_usec);
-}
-
-static inline void home_position_decode(home_position_msg *m, goshawk_payload p)
-{
-    m->latitude = goshawk_get_i32(p, 0u);
-    m->longitude = goshawk_get_i32(p, 4u);
-    m->altitude = goshawk_get_i32(p, 8u);
-    m->x = goshawk_get_f32(p, 12u);
-    m->y = goshawk_get_f32(p, 16u);
-    m->z = goshawk_get_f32(p, 20u);
-    for (unsigned i = 0; i < 4u; i++)
-        m->q[i] = goshawk_get_f32(p, 24u + (4u * i));
-    m->approach_x = goshawk_get_f32(p, 40u);
-    m->approach_y = goshawk_get_f32(p, 44u);
-    m->approach_z = goshawk_get_f32(p, 48u);
-    m->time_usec = goshawk_get_u64(p, 52u);
+    memcpy(payload + 0, &m->latitude, 4u);
+    memcpy(payload + 4, &m->longitude, 4u);
+    memcpy(payload + 8, &m->altitude, 4u);
+    memcpy(payload + 12, &m->x, 4u);
+    memcpy(payload + 16, &m->y, 4u);
+    memcpy(payload + 20, &m->z, 4u);
+    memcpy(payload + 24, m->q, 16u);
+    memcpy(payload + 40, &m->approach_x, 4u);
+    memcpy(payload + 44, &m->approach_y, 4u);
+    memcpy(payload + 48, &m->approach_z, 4u);
+    memcpy(payload + 52, &m->time_usec, 8u);
 }
 
 /* A sentence for the pilot. */
@@ -836,20 +456,10 @@ enum {
 
 static inline void statustext_encode(const statustext_msg *m, uint8_t payload[STATUSTEXT_LENGTH])
 {
-    goshawk_put_u8(payload + 0, m->severity);
-    for (unsigned i = 0; i < 50u; i++)
-        goshawk_put_i8(payload + 1 + i, (int8_t)m->text[i]);
-    goshawk_put_u16(payload + 51, m->id);
-    goshawk_put_u8(payload + 53, m->chunk_seq);
-}
-
-static inline void statustext_decode(statustext_msg *m, goshawk_payload p)
-{
-    m->severity = goshawk_get_u8(p, 0u);
-    for (unsigned i = 0; i < 50u; i++)
-        m->text[i] = (char)goshawk_get_i8(p, 1u + i);
-    m->id = goshawk_get_u16(p, 51u);
-    m->chunk_seq = goshawk_get_u8(p, 53u);
+    memcpy(payload + 0, &m->severity, 1u);
+    memcpy(payload + 1, m->text, 50u);
+    memcpy(payload + 51, &m->id, 2u);
+    memcpy(payload + 53, &m->chunk_seq, 1u);
 }
 
 /* Rotor speeds. */
@@ -873,36 +483,8 @@ enum {
 
 static inline void esc_status_encode(const esc_status_msg *m, uint8_t payload[ESC_STATUS_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(esc_status_msg, index) == ESC_STATUS_INDEX_AT, "no gaps");
     memcpy(payload, m, ESC_STATUS_LENGTH);
-#else
-    goshawk_put_u64(payload + 0, m->time_usec);
-    for (unsigned i = 0; i < 4u; i++)
-        goshawk_put_i32(payload + 8 + (4u * i), m->rpm[i]);
-    for (unsigned i = 0; i < 4u; i++)
-        goshawk_put_f32(payload + 24 + (4u * i), m->voltage[i]);
-    for (unsigned i = 0; i < 4u; i++)
-        goshawk_put_f32(payload + 40 + (4u * i), m->current[i]);
-    goshawk_put_u8(payload + 56, m->index);
-#endif
-}
-
-static inline void esc_status_decode(esc_status_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(esc_status_msg, index) == ESC_STATUS_INDEX_AT, "no gaps");
-    goshawk_read(m, ESC_STATUS_LENGTH, p, 0);
-#else
-    m->time_usec = goshawk_get_u64(p, 0u);
-    for (unsigned i = 0; i < 4u; i++)
-        m->rpm[i] = goshawk_get_i32(p, 8u + (4u * i));
-    for (unsigned i = 0; i < 4u; i++)
-        m->voltage[i] = goshawk_get_f32(p, 24u + (4u * i));
-    for (unsigned i = 0; i < 4u; i++)
-        m->current[i] = goshawk_get_f32(p, 40u + (4u * i));
-    m->index = goshawk_get_u8(p, 56u);
-#endif
 }
 
 /* Pose, velocity and rate in one message. */
@@ -952,62 +534,8 @@ enum {
 
 static inline void odometry_encode(const odometry_msg *m, uint8_t payload[ODOMETRY_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(odometry_msg, quality) == ODOMETRY_QUALITY_AT, "no gaps");
     memcpy(payload, m, ODOMETRY_LENGTH);
-#else
-    goshawk_put_u64(payload + 0, m->time_usec);
-    goshawk_put_f32(payload + 8, m->x);
-    goshawk_put_f32(payload + 12, m->y);
-    goshawk_put_f32(payload + 16, m->z);
-    for (unsigned i = 0; i < 4u; i++)
-        goshawk_put_f32(payload + 20 + (4u * i), m->q[i]);
-    goshawk_put_f32(payload + 36, m->vx);
-    goshawk_put_f32(payload + 40, m->vy);
-    goshawk_put_f32(payload + 44, m->vz);
-    goshawk_put_f32(payload + 48, m->rollspeed);
-    goshawk_put_f32(payload + 52, m->pitchspeed);
-    goshawk_put_f32(payload + 56, m->yawspeed);
-    for (unsigned i = 0; i < 21u; i++)
-        goshawk_put_f32(payload + 60 + (4u * i), m->pose_covariance[i]);
-    for (unsigned i = 0; i < 21u; i++)
-        goshawk_put_f32(payload + 144 + (4u * i), m->velocity_covariance[i]);
-    goshawk_put_u8(payload + 228, m->frame_id);
-    goshawk_put_u8(payload + 229, m->child_frame_id);
-    goshawk_put_u8(payload + 230, m->reset_counter);
-    goshawk_put_u8(payload + 231, m->estimator_type);
-    goshawk_put_i8(payload + 232, m->quality);
-#endif
-}
-
-static inline void odometry_decode(odometry_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(odometry_msg, quality) == ODOMETRY_QUALITY_AT, "no gaps");
-    goshawk_read(m, ODOMETRY_LENGTH, p, 0);
-#else
-    m->time_usec = goshawk_get_u64(p, 0u);
-    m->x = goshawk_get_f32(p, 8u);
-    m->y = goshawk_get_f32(p, 12u);
-    m->z = goshawk_get_f32(p, 16u);
-    for (unsigned i = 0; i < 4u; i++)
-        m->q[i] = goshawk_get_f32(p, 20u + (4u * i));
-    m->vx = goshawk_get_f32(p, 36u);
-    m->vy = goshawk_get_f32(p, 40u);
-    m->vz = goshawk_get_f32(p, 44u);
-    m->rollspeed = goshawk_get_f32(p, 48u);
-    m->pitchspeed = goshawk_get_f32(p, 52u);
-    m->yawspeed = goshawk_get_f32(p, 56u);
-    for (unsigned i = 0; i < 21u; i++)
-        m->pose_covariance[i] = goshawk_get_f32(p, 60u + (4u * i));
-    for (unsigned i = 0; i < 21u; i++)
-        m->velocity_covariance[i] = goshawk_get_f32(p, 144u + (4u * i));
-    m->frame_id = goshawk_get_u8(p, 228u);
-    m->child_frame_id = goshawk_get_u8(p, 229u);
-    m->reset_counter = goshawk_get_u8(p, 230u);
-    m->estimator_type = goshawk_get_u8(p, 231u);
-    m->quality = goshawk_get_i8(p, 232u);
-#endif
 }
 
 /* All a flight log needs of one instant; also the record of the on-board log. */
@@ -1053,72 +581,8 @@ enum {
 
 static inline void goshawk_state_encode(const goshawk_state_msg *m, uint8_t payload[GOSHAWK_STATE_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(goshawk_state_msg, saturation) == GOSHAWK_STATE_SATURATION_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_STATE_LENGTH);
-#else
-    goshawk_put_u64(payload + 0, m->time_us);
-    for (unsigned i = 0; i < 3u; i++)
-        goshawk_put_f32(payload + 8 + (4u * i), m->position_world_m[i]);
-    for (unsigned i = 0; i < 3u; i++)
-        goshawk_put_f32(payload + 20 + (4u * i), m->velocity_world_m_s[i]);
-    for (unsigned i = 0; i < 4u; i++)
-        goshawk_put_f32(payload + 32 + (4u * i), m->q_world_body[i]);
-    for (unsigned i = 0; i < 3u; i++)
-        goshawk_put_f32(payload + 48 + (4u * i), m->rate_body_rad_s[i]);
-    for (unsigned i = 0; i < 3u; i++)
-        goshawk_put_f32(payload + 60 + (4u * i), m->specific_force_body_m_s2[i]);
-    for (unsigned i = 0; i < 4u; i++)
-        goshawk_put_f32(payload + 72 + (4u * i), m->rotor_speed_rad_s[i]);
-    for (unsigned i = 0; i < 4u; i++)
-        goshawk_put_f32(payload + 88 + (4u * i), m->rotor_speed_command_rad_s[i]);
-    for (unsigned i = 0; i < 3u; i++)
-        goshawk_put_f32(payload + 104 + (4u * i), m->setpoint_position_world_m[i]);
-    for (unsigned i = 0; i < 3u; i++)
-        goshawk_put_f32(payload + 116 + (4u * i), m->setpoint_velocity_world_m_s[i]);
-    for (unsigned i = 0; i < 4u; i++)
-        goshawk_put_f32(payload + 128 + (4u * i), m->setpoint_q_world_body[i]);
-    goshawk_put_f32(payload + 144, m->battery_v);
-    goshawk_put_f32(payload + 148, m->trajectory_time_s);
-    goshawk_put_u16(payload + 152, m->sequence);
-    goshawk_put_u8(payload + 154, m->mission_state);
-    goshawk_put_u8(payload + 155, m->saturation);
-#endif
-}
-
-static inline void goshawk_state_decode(goshawk_state_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(goshawk_state_msg, saturation) == GOSHAWK_STATE_SATURATION_AT, "no gaps");
-    goshawk_read(m, GOSHAWK_STATE_LENGTH, p, 0);
-#else
-    m->time_us = goshawk_get_u64(p, 0u);
-    for (unsigned i = 0; i < 3u; i++)
-        m->position_world_m[i] = goshawk_get_f32(p, 8u + (4u * i));
-    for (unsigned i = 0; i < 3u; i++)
-        m->velocity_world_m_s[i] = goshawk_get_f32(p, 20u + (4u * i));
-    for (unsigned i = 0; i < 4u; i++)
-        m->q_world_body[i] = goshawk_get_f32(p, 32u + (4u * i));
-    for (unsigned i = 0; i < 3u; i++)
-        m->rate_body_rad_s[i] = goshawk_get_f32(p, 48u + (4u * i));
-    for (unsigned i = 0; i < 3u; i++)
-        m->specific_force_body_m_s2[i] = goshawk_get_f32(p, 60u + (4u * i));
-    for (unsigned i = 0; i < 4u; i++)
-        m->rotor_speed_rad_s[i] = goshawk_get_f32(p, 72u + (4u * i));
-    for (unsigned i = 0; i < 4u; i++)
-        m->rotor_speed_command_rad_s[i] = goshawk_get_f32(p, 88u + (4u * i));
-    for (unsigned i = 0; i < 3u; i++)
-        m->setpoint_position_world_m[i] = goshawk_get_f32(p, 104u + (4u * i));
-    for (unsigned i = 0; i < 3u; i++)
-        m->setpoint_velocity_world_m_s[i] = goshawk_get_f32(p, 116u + (4u * i));
-    for (unsigned i = 0; i < 4u; i++)
-        m->setpoint_q_world_body[i] = goshawk_get_f32(p, 128u + (4u * i));
-    m->battery_v = goshawk_get_f32(p, 144u);
-    m->trajectory_time_s = goshawk_get_f32(p, 148u);
-    m->sequence = goshawk_get_u16(p, 152u);
-    m->mission_state = goshawk_get_u8(p, 154u);
-    m->saturation = goshawk_get_u8(p, 155u);
-#endif
 }
 
 /* Ask for records of the on-board log; nothing wanted asks for GOSHAWK_LOG_INFO. */
@@ -1140,30 +604,8 @@ enum {
 
 static inline void goshawk_log_request_encode(const goshawk_log_request_msg *m, uint8_t payload[GOSHAWK_LOG_REQUEST_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(goshawk_log_request_msg, wanted) == GOSHAWK_LOG_REQUEST_WANTED_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_LOG_REQUEST_LENGTH);
-#else
-    goshawk_put_u32(payload + 0, m->first);
-    goshawk_put_u8(payload + 4, m->target_system);
-    goshawk_put_u8(payload + 5, m->target_component);
-    for (unsigned i = 0; i < 64u; i++)
-        goshawk_put_u8(payload + 6 + i, m->wanted[i]);
-#endif
-}
-
-static inline void goshawk_log_request_decode(goshawk_log_request_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(goshawk_log_request_msg, wanted) == GOSHAWK_LOG_REQUEST_WANTED_AT, "no gaps");
-    goshawk_read(m, GOSHAWK_LOG_REQUEST_LENGTH, p, 0);
-#else
-    m->first = goshawk_get_u32(p, 0u);
-    m->target_system = goshawk_get_u8(p, 4u);
-    m->target_component = goshawk_get_u8(p, 5u);
-    for (unsigned i = 0; i < 64u; i++)
-        m->wanted[i] = goshawk_get_u8(p, 6u + i);
-#endif
 }
 
 /* What the on-board log holds. */
@@ -1189,32 +631,8 @@ enum {
 
 static inline void goshawk_log_info_encode(const goshawk_log_info_msg *m, uint8_t payload[GOSHAWK_LOG_INFO_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(goshawk_log_info_msg, running) == GOSHAWK_LOG_INFO_RUNNING_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_LOG_INFO_LENGTH);
-#else
-    goshawk_put_u32(payload + 0, m->log_id);
-    goshawk_put_u32(payload + 4, m->records);
-    goshawk_put_u32(payload + 8, m->capacity);
-    goshawk_put_u32(payload + 12, m->not_stored);
-    goshawk_put_u32(payload + 16, m->period_us);
-    goshawk_put_u8(payload + 20, m->running);
-#endif
-}
-
-static inline void goshawk_log_info_decode(goshawk_log_info_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(goshawk_log_info_msg, running) == GOSHAWK_LOG_INFO_RUNNING_AT, "no gaps");
-    goshawk_read(m, GOSHAWK_LOG_INFO_LENGTH, p, 0);
-#else
-    m->log_id = goshawk_get_u32(p, 0u);
-    m->records = goshawk_get_u32(p, 4u);
-    m->capacity = goshawk_get_u32(p, 8u);
-    m->not_stored = goshawk_get_u32(p, 12u);
-    m->period_us = goshawk_get_u32(p, 16u);
-    m->running = goshawk_get_u8(p, 20u);
-#endif
 }
 
 /* One record. */
@@ -1234,28 +652,8 @@ enum {
 
 static inline void goshawk_log_record_encode(const goshawk_log_record_msg *m, uint8_t payload[GOSHAWK_LOG_RECORD_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(goshawk_log_record_msg, record) == GOSHAWK_LOG_RECORD_RECORD_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_LOG_RECORD_LENGTH);
-#else
-    goshawk_put_u32(payload + 0, m->log_id);
-    goshawk_put_u32(payload + 4, m->index);
-    for (unsigned i = 0; i < 156u; i++)
-        goshawk_put_u8(payload + 8 + i, m->record[i]);
-#endif
-}
-
-static inline void goshawk_log_record_decode(goshawk_log_record_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(goshawk_log_record_msg, record) == GOSHAWK_LOG_RECORD_RECORD_AT, "no gaps");
-    goshawk_read(m, GOSHAWK_LOG_RECORD_LENGTH, p, 0);
-#else
-    m->log_id = goshawk_get_u32(p, 0u);
-    m->index = goshawk_get_u32(p, 4u);
-    for (unsigned i = 0; i < 156u; i++)
-        m->record[i] = goshawk_get_u8(p, 8u + i);
-#endif
 }
 
 /* Opens (or re-opens) a transfer into the staging slot; also the header sent on read-back. */
@@ -1293,50 +691,8 @@ enum {
 
 static inline void goshawk_trajectory_begin_encode(const goshawk_trajectory_begin_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_BEGIN_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(goshawk_trajectory_begin_msg, name) == GOSHAWK_TRAJECTORY_BEGIN_NAME_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_TRAJECTORY_BEGIN_LENGTH);
-#else
-    goshawk_put_u32(payload + 0, m->transfer_id);
-    goshawk_put_u32(payload + 4, m->trajectory_id);
-    goshawk_put_u32(payload + 8, m->crc32);
-    goshawk_put_u16(payload + 12, m->segments);
-    goshawk_put_u8(payload + 14, m->target_system);
-    goshawk_put_u8(payload + 15, m->target_component);
-    goshawk_put_u8(payload + 16, m->coefficient_count);
-    goshawk_put_u8(payload + 17, m->link_loss_policy);
-    goshawk_put_u8(payload + 18, m->samples);
-    for (unsigned i = 0; i < 8u; i++)
-        goshawk_put_u8(payload + 19 + i, m->map_hash[i]);
-    for (unsigned i = 0; i < 8u; i++)
-        goshawk_put_u8(payload + 27 + i, m->vehicle_hash[i]);
-    for (unsigned i = 0; i < 24u; i++)
-        goshawk_put_i8(payload + 35 + i, (int8_t)m->name[i]);
-#endif
-}
-
-static inline void goshawk_trajectory_begin_decode(goshawk_trajectory_begin_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(goshawk_trajectory_begin_msg, name) == GOSHAWK_TRAJECTORY_BEGIN_NAME_AT, "no gaps");
-    goshawk_read(m, GOSHAWK_TRAJECTORY_BEGIN_LENGTH, p, 0);
-#else
-    m->transfer_id = goshawk_get_u32(p, 0u);
-    m->trajectory_id = goshawk_get_u32(p, 4u);
-    m->crc32 = goshawk_get_u32(p, 8u);
-    m->segments = goshawk_get_u16(p, 12u);
-    m->target_system = goshawk_get_u8(p, 14u);
-    m->target_component = goshawk_get_u8(p, 15u);
-    m->coefficient_count = goshawk_get_u8(p, 16u);
-    m->link_loss_policy = goshawk_get_u8(p, 17u);
-    m->samples = goshawk_get_u8(p, 18u);
-    for (unsigned i = 0; i < 8u; i++)
-        m->map_hash[i] = goshawk_get_u8(p, 19u + i);
-    for (unsigned i = 0; i < 8u; i++)
-        m->vehicle_hash[i] = goshawk_get_u8(p, 27u + i);
-    for (unsigned i = 0; i < 24u; i++)
-        m->name[i] = (char)goshawk_get_i8(p, 35u + i);
-#endif
 }
 
 /* One polynomial segment in the centred variable s = 2 t / T - 1. */
@@ -1362,34 +718,8 @@ enum {
 
 static inline void goshawk_trajectory_segment_encode(const goshawk_trajectory_segment_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_SEGMENT_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(goshawk_trajectory_segment_msg, coefficients) == GOSHAWK_TRAJECTORY_SEGMENT_COEFFICIENTS_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_TRAJECTORY_SEGMENT_LENGTH);
-#else
-    goshawk_put_u32(payload + 0, m->transfer_id);
-    goshawk_put_u32(payload + 4, m->duration_us);
-    goshawk_put_u16(payload + 8, m->index);
-    goshawk_put_u8(payload + 10, m->target_system);
-    goshawk_put_u8(payload + 11, m->target_component);
-    for (unsigned i = 0; i < 48u; i++)
-        goshawk_put_f32(payload + 12 + (4u * i), m->coefficients[i]);
-#endif
-}
-
-static inline void goshawk_trajectory_segment_decode(goshawk_trajectory_segment_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(goshawk_trajectory_segment_msg, coefficients) == GOSHAWK_TRAJECTORY_SEGMENT_COEFFICIENTS_AT, "no gaps");
-    goshawk_read(m, GOSHAWK_TRAJECTORY_SEGMENT_LENGTH, p, 0);
-#else
-    m->transfer_id = goshawk_get_u32(p, 0u);
-    m->duration_us = goshawk_get_u32(p, 4u);
-    m->index = goshawk_get_u16(p, 8u);
-    m->target_system = goshawk_get_u8(p, 10u);
-    m->target_component = goshawk_get_u8(p, 11u);
-    for (unsigned i = 0; i < 48u; i++)
-        m->coefficients[i] = goshawk_get_f32(p, 12u + (4u * i));
-#endif
 }
 
 /* Which segments of the transfer have arrived. */
@@ -1419,38 +749,8 @@ enum {
 
 static inline void goshawk_trajectory_status_encode(const goshawk_trajectory_status_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_STATUS_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(goshawk_trajectory_status_msg, bitmap) == GOSHAWK_TRAJECTORY_STATUS_BITMAP_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_TRAJECTORY_STATUS_LENGTH);
-#else
-    goshawk_put_u32(payload + 0, m->transfer_id);
-    goshawk_put_u32(payload + 4, m->frames);
-    goshawk_put_u16(payload + 8, m->received);
-    goshawk_put_u16(payload + 10, m->segments);
-    goshawk_put_u16(payload + 12, m->last_index);
-    goshawk_put_u8(payload + 14, m->reason);
-    goshawk_put_u8(payload + 15, m->samples);
-    for (unsigned i = 0; i < 128u; i++)
-        goshawk_put_u8(payload + 16 + i, m->bitmap[i]);
-#endif
-}
-
-static inline void goshawk_trajectory_status_decode(goshawk_trajectory_status_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(goshawk_trajectory_status_msg, bitmap) == GOSHAWK_TRAJECTORY_STATUS_BITMAP_AT, "no gaps");
-    goshawk_read(m, GOSHAWK_TRAJECTORY_STATUS_LENGTH, p, 0);
-#else
-    m->transfer_id = goshawk_get_u32(p, 0u);
-    m->frames = goshawk_get_u32(p, 4u);
-    m->received = goshawk_get_u16(p, 8u);
-    m->segments = goshawk_get_u16(p, 10u);
-    m->last_index = goshawk_get_u16(p, 12u);
-    m->reason = goshawk_get_u8(p, 14u);
-    m->samples = goshawk_get_u8(p, 15u);
-    for (unsigned i = 0; i < 128u; i++)
-        m->bitmap[i] = goshawk_get_u8(p, 16u + i);
-#endif
 }
 
 /* Check the staged trajectory and make it the active one. */
@@ -1474,30 +774,8 @@ enum {
 
 static inline void goshawk_trajectory_commit_encode(const goshawk_trajectory_commit_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_COMMIT_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(goshawk_trajectory_commit_msg, target_component) == GOSHAWK_TRAJECTORY_COMMIT_TARGET_COMPONENT_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_TRAJECTORY_COMMIT_LENGTH);
-#else
-    goshawk_put_u32(payload + 0, m->transfer_id);
-    goshawk_put_u32(payload + 4, m->trajectory_id);
-    goshawk_put_u32(payload + 8, m->crc32);
-    goshawk_put_u8(payload + 12, m->target_system);
-    goshawk_put_u8(payload + 13, m->target_component);
-#endif
-}
-
-static inline void goshawk_trajectory_commit_decode(goshawk_trajectory_commit_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(goshawk_trajectory_commit_msg, target_component) == GOSHAWK_TRAJECTORY_COMMIT_TARGET_COMPONENT_AT, "no gaps");
-    goshawk_read(m, GOSHAWK_TRAJECTORY_COMMIT_LENGTH, p, 0);
-#else
-    m->transfer_id = goshawk_get_u32(p, 0u);
-    m->trajectory_id = goshawk_get_u32(p, 4u);
-    m->crc32 = goshawk_get_u32(p, 8u);
-    m->target_system = goshawk_get_u8(p, 12u);
-    m->target_component = goshawk_get_u8(p, 13u);
-#endif
 }
 
 /* Answer to a commit; whatever the answer, what is active now. */
@@ -1521,30 +799,8 @@ enum {
 
 static inline void goshawk_trajectory_result_encode(const goshawk_trajectory_result_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_RESULT_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(goshawk_trajectory_result_msg, reason) == GOSHAWK_TRAJECTORY_RESULT_REASON_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_TRAJECTORY_RESULT_LENGTH);
-#else
-    goshawk_put_u32(payload + 0, m->transfer_id);
-    goshawk_put_u32(payload + 4, m->active_id);
-    goshawk_put_u32(payload + 8, m->active_crc32);
-    goshawk_put_u16(payload + 12, m->segment);
-    goshawk_put_u8(payload + 14, m->reason);
-#endif
-}
-
-static inline void goshawk_trajectory_result_decode(goshawk_trajectory_result_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(goshawk_trajectory_result_msg, reason) == GOSHAWK_TRAJECTORY_RESULT_REASON_AT, "no gaps");
-    goshawk_read(m, GOSHAWK_TRAJECTORY_RESULT_LENGTH, p, 0);
-#else
-    m->transfer_id = goshawk_get_u32(p, 0u);
-    m->active_id = goshawk_get_u32(p, 4u);
-    m->active_crc32 = goshawk_get_u32(p, 8u);
-    m->segment = goshawk_get_u16(p, 12u);
-    m->reason = goshawk_get_u8(p, 14u);
-#endif
 }
 
 /* Ask for segments of the active trajectory; nothing wanted asks for its header. */
@@ -1568,32 +824,8 @@ enum {
 
 static inline void goshawk_trajectory_read_encode(const goshawk_trajectory_read_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_READ_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(goshawk_trajectory_read_msg, wanted) == GOSHAWK_TRAJECTORY_READ_WANTED_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_TRAJECTORY_READ_LENGTH);
-#else
-    goshawk_put_u32(payload + 0, m->transfer_id);
-    goshawk_put_u16(payload + 4, m->first);
-    goshawk_put_u8(payload + 6, m->target_system);
-    goshawk_put_u8(payload + 7, m->target_component);
-    for (unsigned i = 0; i < 64u; i++)
-        goshawk_put_u8(payload + 8 + i, m->wanted[i]);
-#endif
-}
-
-static inline void goshawk_trajectory_read_decode(goshawk_trajectory_read_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(goshawk_trajectory_read_msg, wanted) == GOSHAWK_TRAJECTORY_READ_WANTED_AT, "no gaps");
-    goshawk_read(m, GOSHAWK_TRAJECTORY_READ_LENGTH, p, 0);
-#else
-    m->transfer_id = goshawk_get_u32(p, 0u);
-    m->first = goshawk_get_u16(p, 4u);
-    m->target_system = goshawk_get_u8(p, 6u);
-    m->target_component = goshawk_get_u8(p, 7u);
-    for (unsigned i = 0; i < 64u; i++)
-        m->wanted[i] = goshawk_get_u8(p, 8u + i);
-#endif
 }
 
 /* Points of the curve as the planner evaluates it; the vehicle compares at the commit. */
@@ -1617,34 +849,8 @@ enum {
 
 static inline void goshawk_trajectory_samples_encode(const goshawk_trajectory_samples_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_SAMPLES_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(goshawk_trajectory_samples_msg, target_component) == GOSHAWK_TRAJECTORY_SAMPLES_TARGET_COMPONENT_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_TRAJECTORY_SAMPLES_LENGTH);
-#else
-    goshawk_put_u32(payload + 0, m->transfer_id);
-    for (unsigned i = 0; i < 8u; i++)
-        goshawk_put_u32(payload + 4 + (4u * i), m->sample_us[i]);
-    for (unsigned i = 0; i < 32u; i++)
-        goshawk_put_f32(payload + 36 + (4u * i), m->values[i]);
-    goshawk_put_u8(payload + 164, m->target_system);
-    goshawk_put_u8(payload + 165, m->target_component);
-#endif
-}
-
-static inline void goshawk_trajectory_samples_decode(goshawk_trajectory_samples_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(goshawk_trajectory_samples_msg, target_component) == GOSHAWK_TRAJECTORY_SAMPLES_TARGET_COMPONENT_AT, "no gaps");
-    goshawk_read(m, GOSHAWK_TRAJECTORY_SAMPLES_LENGTH, p, 0);
-#else
-    m->transfer_id = goshawk_get_u32(p, 0u);
-    for (unsigned i = 0; i < 8u; i++)
-        m->sample_us[i] = goshawk_get_u32(p, 4u + (4u * i));
-    for (unsigned i = 0; i < 32u; i++)
-        m->values[i] = goshawk_get_f32(p, 36u + (4u * i));
-    m->target_system = goshawk_get_u8(p, 164u);
-    m->target_component = goshawk_get_u8(p, 165u);
-#endif
 }
 
 /* An order to the mission. A repeated request_id is answered again and not carried out again. */
@@ -1672,34 +878,8 @@ enum {
 
 static inline void goshawk_mission_command_encode(const goshawk_mission_command_msg *m, uint8_t payload[GOSHAWK_MISSION_COMMAND_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(goshawk_mission_command_msg, command) == GOSHAWK_MISSION_COMMAND_COMMAND_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_MISSION_COMMAND_LENGTH);
-#else
-    goshawk_put_u32(payload + 0, m->request_id);
-    goshawk_put_u32(payload + 4, m->trajectory_id);
-    goshawk_put_u32(payload + 8, m->crc32);
-    goshawk_put_f32(payload + 12, m->value);
-    goshawk_put_u8(payload + 16, m->target_system);
-    goshawk_put_u8(payload + 17, m->target_component);
-    goshawk_put_u8(payload + 18, m->command);
-#endif
-}
-
-static inline void goshawk_mission_command_decode(goshawk_mission_command_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(goshawk_mission_command_msg, command) == GOSHAWK_MISSION_COMMAND_COMMAND_AT, "no gaps");
-    goshawk_read(m, GOSHAWK_MISSION_COMMAND_LENGTH, p, 0);
-#else
-    m->request_id = goshawk_get_u32(p, 0u);
-    m->trajectory_id = goshawk_get_u32(p, 4u);
-    m->crc32 = goshawk_get_u32(p, 8u);
-    m->value = goshawk_get_f32(p, 12u);
-    m->target_system = goshawk_get_u8(p, 16u);
-    m->target_component = goshawk_get_u8(p, 17u);
-    m->command = goshawk_get_u8(p, 18u);
-#endif
 }
 
 /* Answer to an order. */
@@ -1721,28 +901,8 @@ enum {
 
 static inline void goshawk_mission_result_encode(const goshawk_mission_result_msg *m, uint8_t payload[GOSHAWK_MISSION_RESULT_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(goshawk_mission_result_msg, mission_state) == GOSHAWK_MISSION_RESULT_MISSION_STATE_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_MISSION_RESULT_LENGTH);
-#else
-    goshawk_put_u32(payload + 0, m->request_id);
-    goshawk_put_u8(payload + 4, m->command);
-    goshawk_put_u8(payload + 5, m->reason);
-    goshawk_put_u8(payload + 6, m->mission_state);
-#endif
-}
-
-static inline void goshawk_mission_result_decode(goshawk_mission_result_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(goshawk_mission_result_msg, mission_state) == GOSHAWK_MISSION_RESULT_MISSION_STATE_AT, "no gaps");
-    goshawk_read(m, GOSHAWK_MISSION_RESULT_LENGTH, p, 0);
-#else
-    m->request_id = goshawk_get_u32(p, 0u);
-    m->command = goshawk_get_u8(p, 4u);
-    m->reason = goshawk_get_u8(p, 5u);
-    m->mission_state = goshawk_get_u8(p, 6u);
-#endif
 }
 
 /* Where the mission stands; sent at 5 Hz and on every change. */
@@ -1788,58 +948,8 @@ enum {
 
 static inline void goshawk_mission_status_encode(const goshawk_mission_status_msg *m, uint8_t payload[GOSHAWK_MISSION_STATUS_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(goshawk_mission_status_msg, name) == GOSHAWK_MISSION_STATUS_NAME_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_MISSION_STATUS_LENGTH);
-#else
-    goshawk_put_u64(payload + 0, m->time_us);
-    goshawk_put_u32(payload + 8, m->boot_id);
-    goshawk_put_u32(payload + 12, m->active_id);
-    goshawk_put_u32(payload + 16, m->active_crc32);
-    goshawk_put_f32(payload + 20, m->trajectory_time_s);
-    goshawk_put_f32(payload + 24, m->trajectory_duration_s);
-    goshawk_put_u32(payload + 28, m->frames_refused);
-    goshawk_put_u32(payload + 32, m->parameters_crc32);
-    goshawk_put_f32(payload + 36, m->path_rate);
-    goshawk_put_u8(payload + 40, m->mission_state);
-    goshawk_put_u8(payload + 41, m->reason);
-    goshawk_put_u8(payload + 42, m->operator_system);
-    goshawk_put_u8(payload + 43, m->operator_component);
-    for (unsigned i = 0; i < 8u; i++)
-        goshawk_put_u8(payload + 44 + i, m->map_hash[i]);
-    for (unsigned i = 0; i < 8u; i++)
-        goshawk_put_u8(payload + 52 + i, m->vehicle_hash[i]);
-    for (unsigned i = 0; i < 24u; i++)
-        goshawk_put_i8(payload + 60 + i, (int8_t)m->name[i]);
-#endif
-}
-
-static inline void goshawk_mission_status_decode(goshawk_mission_status_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(goshawk_mission_status_msg, name) == GOSHAWK_MISSION_STATUS_NAME_AT, "no gaps");
-    goshawk_read(m, GOSHAWK_MISSION_STATUS_LENGTH, p, 0);
-#else
-    m->time_us = goshawk_get_u64(p, 0u);
-    m->boot_id = goshawk_get_u32(p, 8u);
-    m->active_id = goshawk_get_u32(p, 12u);
-    m->active_crc32 = goshawk_get_u32(p, 16u);
-    m->trajectory_time_s = goshawk_get_f32(p, 20u);
-    m->trajectory_duration_s = goshawk_get_f32(p, 24u);
-    m->frames_refused = goshawk_get_u32(p, 28u);
-    m->parameters_crc32 = goshawk_get_u32(p, 32u);
-    m->path_rate = goshawk_get_f32(p, 36u);
-    m->mission_state = goshawk_get_u8(p, 40u);
-    m->reason = goshawk_get_u8(p, 41u);
-    m->operator_system = goshawk_get_u8(p, 42u);
-    m->operator_component = goshawk_get_u8(p, 43u);
-    for (unsigned i = 0; i < 8u; i++)
-        m->map_hash[i] = goshawk_get_u8(p, 44u + i);
-    for (unsigned i = 0; i < 8u; i++)
-        m->vehicle_hash[i] = goshawk_get_u8(p, 52u + i);
-    for (unsigned i = 0; i < 24u; i++)
-        m->name[i] = (char)goshawk_get_i8(p, 60u + i);
-#endif
 }
 
 /* Take (or keep, or give back) control. The holder renews it; it ends 3 s after the last renewal. */
@@ -1861,28 +971,8 @@ enum {
 
 static inline void goshawk_lease_request_encode(const goshawk_lease_request_msg *m, uint8_t payload[GOSHAWK_LEASE_REQUEST_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(goshawk_lease_request_msg, action) == GOSHAWK_LEASE_REQUEST_ACTION_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_LEASE_REQUEST_LENGTH);
-#else
-    goshawk_put_u32(payload + 0, m->nonce);
-    goshawk_put_u8(payload + 4, m->target_system);
-    goshawk_put_u8(payload + 5, m->target_component);
-    goshawk_put_u8(payload + 6, m->action);
-#endif
-}
-
-static inline void goshawk_lease_request_decode(goshawk_lease_request_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(goshawk_lease_request_msg, action) == GOSHAWK_LEASE_REQUEST_ACTION_AT, "no gaps");
-    goshawk_read(m, GOSHAWK_LEASE_REQUEST_LENGTH, p, 0);
-#else
-    m->nonce = goshawk_get_u32(p, 0u);
-    m->target_system = goshawk_get_u8(p, 4u);
-    m->target_component = goshawk_get_u8(p, 5u);
-    m->action = goshawk_get_u8(p, 6u);
-#endif
 }
 
 /* Answer to a request. */
@@ -1904,28 +994,8 @@ enum {
 
 static inline void goshawk_lease_status_encode(const goshawk_lease_status_msg *m, uint8_t payload[GOSHAWK_LEASE_STATUS_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(goshawk_lease_status_msg, operator_component) == GOSHAWK_LEASE_STATUS_OPERATOR_COMPONENT_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_LEASE_STATUS_LENGTH);
-#else
-    goshawk_put_u32(payload + 0, m->nonce);
-    goshawk_put_u32(payload + 4, m->left_ms);
-    goshawk_put_u8(payload + 8, m->operator_system);
-    goshawk_put_u8(payload + 9, m->operator_component);
-#endif
-}
-
-static inline void goshawk_lease_status_decode(goshawk_lease_status_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(goshawk_lease_status_msg, operator_component) == GOSHAWK_LEASE_STATUS_OPERATOR_COMPONENT_AT, "no gaps");
-    goshawk_read(m, GOSHAWK_LEASE_STATUS_LENGTH, p, 0);
-#else
-    m->nonce = goshawk_get_u32(p, 0u);
-    m->left_ms = goshawk_get_u32(p, 4u);
-    m->operator_system = goshawk_get_u8(p, 8u);
-    m->operator_component = goshawk_get_u8(p, 9u);
-#endif
 }
 
 /* Some values of a set that is to be applied as a whole; every value has to be sent. */
@@ -1949,32 +1019,8 @@ enum {
 
 static inline void goshawk_parameters_stage_encode(const goshawk_parameters_stage_msg *m, uint8_t payload[GOSHAWK_PARAMETERS_STAGE_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(goshawk_parameters_stage_msg, group) == GOSHAWK_PARAMETERS_STAGE_GROUP_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_PARAMETERS_STAGE_LENGTH);
-#else
-    goshawk_put_u32(payload + 0, m->transfer_id);
-    for (unsigned i = 0; i < 48u; i++)
-        goshawk_put_f32(payload + 4 + (4u * i), m->values[i]);
-    goshawk_put_u8(payload + 196, m->target_system);
-    goshawk_put_u8(payload + 197, m->target_component);
-    goshawk_put_u8(payload + 198, m->group);
-#endif
-}
-
-static inline void goshawk_parameters_stage_decode(goshawk_parameters_stage_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(goshawk_parameters_stage_msg, group) == GOSHAWK_PARAMETERS_STAGE_GROUP_AT, "no gaps");
-    goshawk_read(m, GOSHAWK_PARAMETERS_STAGE_LENGTH, p, 0);
-#else
-    m->transfer_id = goshawk_get_u32(p, 0u);
-    for (unsigned i = 0; i < 48u; i++)
-        m->values[i] = goshawk_get_f32(p, 4u + (4u * i));
-    m->target_system = goshawk_get_u8(p, 196u);
-    m->target_component = goshawk_get_u8(p, 197u);
-    m->group = goshawk_get_u8(p, 198u);
-#endif
 }
 
 /* Apply the staged set if it is whole, its CRC fits and the controller accepts it. */
@@ -1996,28 +1042,8 @@ enum {
 
 static inline void goshawk_parameters_commit_encode(const goshawk_parameters_commit_msg *m, uint8_t payload[GOSHAWK_PARAMETERS_COMMIT_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(goshawk_parameters_commit_msg, target_component) == GOSHAWK_PARAMETERS_COMMIT_TARGET_COMPONENT_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_PARAMETERS_COMMIT_LENGTH);
-#else
-    goshawk_put_u32(payload + 0, m->transfer_id);
-    goshawk_put_u32(payload + 4, m->crc32);
-    goshawk_put_u8(payload + 8, m->target_system);
-    goshawk_put_u8(payload + 9, m->target_component);
-#endif
-}
-
-static inline void goshawk_parameters_commit_decode(goshawk_parameters_commit_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(goshawk_parameters_commit_msg, target_component) == GOSHAWK_PARAMETERS_COMMIT_TARGET_COMPONENT_AT, "no gaps");
-    goshawk_read(m, GOSHAWK_PARAMETERS_COMMIT_LENGTH, p, 0);
-#else
-    m->transfer_id = goshawk_get_u32(p, 0u);
-    m->crc32 = goshawk_get_u32(p, 4u);
-    m->target_system = goshawk_get_u8(p, 8u);
-    m->target_component = goshawk_get_u8(p, 9u);
-#endif
 }
 
 /* Answer to a stage or a commit. */
@@ -2043,35 +1069,50 @@ enum {
 
 static inline void goshawk_parameters_result_encode(const goshawk_parameters_result_msg *m, uint8_t payload[GOSHAWK_PARAMETERS_RESULT_LENGTH])
 {
-#if GOSHAWK_LITTLE_ENDIAN
     _Static_assert(offsetof(goshawk_parameters_result_msg, reason) == GOSHAWK_PARAMETERS_RESULT_REASON_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_PARAMETERS_RESULT_LENGTH);
-#else
-    goshawk_put_u32(payload + 0, m->transfer_id);
-    goshawk_put_u32(payload + 4, m->active_crc32);
-    goshawk_put_u16(payload + 8, m->index);
-    goshawk_put_u8(payload + 10, m->staged);
-    goshawk_put_u8(payload + 11, m->committed);
-    goshawk_put_u8(payload + 12, m->reason);
-#endif
-}
-
-static inline void goshawk_parameters_result_decode(goshawk_parameters_result_msg *m, goshawk_payload p)
-{
-#if GOSHAWK_LITTLE_ENDIAN
-    _Static_assert(offsetof(goshawk_parameters_result_msg, reason) == GOSHAWK_PARAMETERS_RESULT_REASON_AT, "no gaps");
-    goshawk_read(m, GOSHAWK_PARAMETERS_RESULT_LENGTH, p, 0);
-#else
-    m->transfer_id = goshawk_get_u32(p, 0u);
-    m->active_crc32 = goshawk_get_u32(p, 4u);
-    m->index = goshawk_get_u16(p, 8u);
-    m->staged = goshawk_get_u8(p, 10u);
-    m->committed = goshawk_get_u8(p, 11u);
-    m->reason = goshawk_get_u8(p, 12u);
-#endif
 }
 
 #define GOSHAWK_NO_TARGET 255u
+
+/* Which row of the table below a message is. */
+enum {
+    HEARTBEAT_ROW,
+    PARAM_REQUEST_READ_ROW,
+    PARAM_REQUEST_LIST_ROW,
+    PARAM_VALUE_ROW,
+    ATTITUDE_QUATERNION_ROW,
+    LOCAL_POSITION_NED_ROW,
+    COMMAND_LONG_ROW,
+    COMMAND_ACK_ROW,
+    TIMESYNC_ROW,
+    BATTERY_STATUS_ROW,
+    AUTOPILOT_VERSION_ROW,
+    HOME_POSITION_ROW,
+    STATUSTEXT_ROW,
+    ESC_STATUS_ROW,
+    ODOMETRY_ROW,
+    GOSHAWK_STATE_ROW,
+    GOSHAWK_LOG_REQUEST_ROW,
+    GOSHAWK_LOG_INFO_ROW,
+    GOSHAWK_LOG_RECORD_ROW,
+    GOSHAWK_TRAJECTORY_BEGIN_ROW,
+    GOSHAWK_TRAJECTORY_SEGMENT_ROW,
+    GOSHAWK_TRAJECTORY_STATUS_ROW,
+    GOSHAWK_TRAJECTORY_COMMIT_ROW,
+    GOSHAWK_TRAJECTORY_RESULT_ROW,
+    GOSHAWK_TRAJECTORY_READ_ROW,
+    GOSHAWK_TRAJECTORY_SAMPLES_ROW,
+    GOSHAWK_MISSION_COMMAND_ROW,
+    GOSHAWK_MISSION_RESULT_ROW,
+    GOSHAWK_MISSION_STATUS_ROW,
+    GOSHAWK_LEASE_REQUEST_ROW,
+    GOSHAWK_LEASE_STATUS_ROW,
+    GOSHAWK_PARAMETERS_STAGE_ROW,
+    GOSHAWK_PARAMETERS_COMMIT_ROW,
+    GOSHAWK_PARAMETERS_RESULT_ROW,
+    GOSHAWK_DIALECT_ROWS
+};
 
 typedef struct {
     uint16_t id;
@@ -2080,10 +1121,10 @@ typedef struct {
     uint8_t target; /* where target_system lies in the payload (target_component follows), or GOSHAWK_NO_TARGET */
 } goshawk_dialect_row;
 
-/* What is known of a message; NULL when it is not of this dialect. */
-static inline const goshawk_dialect_row *goshawk_dialect_of(uint32_t id)
+/* All messages. For one file of a program: every file that calls this has the table. */
+static inline const goshawk_dialect_row *goshawk_dialect(void)
 {
-    static const goshawk_dialect_row rows[] = {
+    static const goshawk_dialect_row rows[GOSHAWK_DIALECT_ROWS] = {
     {HEARTBEAT_ID, HEARTBEAT_LENGTH, HEARTBEAT_CRC_EXTRA, 255u},
     {PARAM_REQUEST_READ_ID, PARAM_REQUEST_READ_LENGTH, PARAM_REQUEST_READ_CRC_EXTRA, 2u},
     {PARAM_REQUEST_LIST_ID, PARAM_REQUEST_LIST_LENGTH, PARAM_REQUEST_LIST_CRC_EXTRA, 0u},
@@ -2119,12 +1160,7 @@ static inline const goshawk_dialect_row *goshawk_dialect_of(uint32_t id)
     {GOSHAWK_PARAMETERS_COMMIT_ID, GOSHAWK_PARAMETERS_COMMIT_LENGTH, GOSHAWK_PARAMETERS_COMMIT_CRC_EXTRA, 8u},
     {GOSHAWK_PARAMETERS_RESULT_ID, GOSHAWK_PARAMETERS_RESULT_LENGTH, GOSHAWK_PARAMETERS_RESULT_CRC_EXTRA, 255u},
     };
-    for (unsigned i = 0; i < sizeof rows / sizeof rows[0]; i++) {
-        if (rows[i].id == id) {
-            return &rows[i];
-        }
-    }
-    return NULL;
+    return rows;
 }
 
 #endif

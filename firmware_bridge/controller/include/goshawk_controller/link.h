@@ -56,8 +56,8 @@ typedef struct {
 
 /* What the controller does not know but a flight log wants. */
 typedef struct {
-    float rotor_speed_rad_s[TC_ROTORS];
     float specific_force_body_m_s2[3];
+    float rotor_speed_rad_s[TC_ROTORS];
 } tc_link_measured;
 
 typedef struct {
@@ -70,93 +70,94 @@ typedef struct {
     tc_frame_faults faults; /* what was no frame at all */
 } tc_link_counts;
 
-/* Pieces somebody asked for and has not been sent yet. */
+/* The answers of the link wait in these places as they are sent: each lies as the payload of its message. */
 typedef struct {
-    uint32_t first;
-    uint16_t next;                /* bits before this one are done */
-    uint8_t bits[TC_LINK_WANTED]; /* bit i: piece first + i */
-} tc_link_wanted;
+    uint32_t request_id;
+    uint8_t command, reason, mission_state;
+} tc_link_order; /* GOSHAWK_MISSION_RESULT */
 
-/* In each part the widest members come first: no memory is lost to gaps. */
+typedef struct {
+    uint32_t nonce, left_ms;
+    uint8_t system_id, component_id; /* 0, 0: nobody is in control */
+} tc_link_lease;                     /* GOSHAWK_LEASE_STATUS */
+
+typedef struct {
+    int64_t vehicle_ns, asker_ns;
+} tc_link_timesync; /* TIMESYNC */
+
+typedef struct {
+    uint16_t command; /* MAV_CMD */
+    uint8_t result;
+} tc_link_acknowledged; /* COMMAND_ACK */
+
+typedef struct {
+    uint32_t transfer_id; /* 0: none open; else it fills the staged slot */
+    uint32_t frames;
+    uint16_t received, segments, last_index;
+    uint8_t reason;
+    uint8_t has_samples;
+} tc_link_upload; /* GOSHAWK_TRAJECTORY_STATUS, the bitmap left out */
+
+typedef struct {
+    uint32_t transfer_id, active_id, active_crc32;
+    uint16_t segment;
+    uint8_t reason;
+} tc_link_commit; /* GOSHAWK_TRAJECTORY_RESULT */
+
+typedef struct {
+    uint32_t transfer_id, active_crc32;
+    uint16_t index;
+    uint8_t groups, committed, reason;
+} tc_link_set; /* GOSHAWK_PARAMETERS_RESULT */
+
+typedef struct {
+    uint32_t id, records, capacity, not_stored, period_us;
+    uint8_t running;
+} tc_link_log; /* GOSHAWK_LOG_INFO */
+
+enum { TC_LINK_SERIES = 7, TC_LINK_MOMENTS = 3 };
+
+/* In each part the widest members come first: no memory is lost to gaps. Times without a 64 are low words, and wrap
+   after 71 minutes. None comes alive again by that: a series that is not ahead of the clock by at most its period is
+   due (link_series); tc_link_update ends a lease in time, and keeps moments from getting older than half of that. */
 typedef struct {
     const tc_link_config* config;
     tc_controller* controller;
-    tc_signing signing;
-    uint64_t started_us, budget_us;
-    int64_t budget_bytes; /* may be sent now */
-    int64_t timesync_ts1;
+    uint32_t due;                        /* bits: what is to be said */
+    uint32_t due_us[TC_LINK_SERIES];     /* when the next one of a series is */
+    uint32_t moment_us[TC_LINK_MOMENTS]; /* when something was last */
+    uint32_t until_us;                   /* end of the lease */
+    uint32_t log_due_us;
+    uint32_t budget_us;
+    uint64_t started_us;    /* 64 */
+    int64_t budget_byte_us; /* bytes that may be sent now, times a million */
+    tc_link_timesync timesync;
     tc_link_counts counts;
-
-    struct {
-        uint64_t until_us, heard_us;
-        uint32_t nonce;
-        uint8_t system_id, component_id; /* 0, 0: nobody */
-        bool answer;
-    } lease;
-
-    struct {
-        uint64_t last_frame_us, last_status_us;
-        uint32_t transfer_id; /* 0: none open; else it fills the staged slot */
-        uint32_t frames;
-        uint32_t refused_transfer_id; /* somebody asked to begin and may not */
-        uint16_t received, last_index;
-        uint8_t samples_wanted, reason;
-        uint8_t refused_reason;
-        bool samples, answer;
-    } upload;
-
-    struct {
-        uint32_t transfer_id; /* of the last commit, answered again when it is repeated */
-        uint16_t segment;
-        uint8_t reason;
-        bool answer;
-    } commit;
-
-    /* Pieces of the trajectory or of the log: one request at a time, the newest. Whoever asked before asks again. */
-    struct {
-        uint32_t transfer_id; /* of the trajectory's reader */
-        tc_link_wanted wanted;
-        bool log; /* wanted of the log */
-        bool header;
-    } read;
-
-    struct {
-        uint32_t request_id;
-        uint32_t foreign_id; /* order of a station that is not in control */
-        uint8_t foreign_command;
-        uint8_t system_id, component_id, command, reason;
-        bool answer;
-    } order;
-
-    struct {
-        uint32_t transfer_id, done_id;
-        uint16_t index;
-        uint16_t next, end; /* PARAM_VALUEs to send */
-        uint8_t groups, reason;
-        bool committed, answer;
-    } parameters;
-
-    struct {
-        uint64_t due_us;
-        uint32_t id, records, not_stored;
-        bool running, info;
-    } log;
-
-    struct {
-        uint64_t state_due_us, standard_due_us, slow_due_us, heartbeat_us, status_us, version_us;
-        uint32_t state_period_us;  /* 0: never */
-        uint32_t transitions;      /* of the mission, when last told */
-        tc_link_measured measured; /* at the last tick */
-        float home_world_m[3];     /* where it last stood */
-        uint16_t state_sequence;
-        uint8_t standard; /* bits: which standard messages are due */
-        bool state_ready, version, home, text;
-    } telemetry;
-
-    uint16_t command_long; /* MAV_CMD to acknowledge */
-    uint8_t command_long_result;
+    tc_link_lease lease;
+    tc_link_order order;   /* of the station in control, answered again when it is repeated */
+    tc_link_order foreign; /* of one that is not */
+    tc_link_acknowledged acknowledged;
+    tc_link_upload upload;
+    tc_link_upload refused; /* somebody asked to begin and may not */
+    tc_link_commit commit;  /* the last one, answered again when it is repeated */
+    tc_link_set set;
+    tc_link_log log;
+    uint32_t set_done_id;
+    uint32_t read_transfer_id; /* of the trajectory's reader */
+    uint32_t wanted_first;     /* pieces of the trajectory or of the log: the newest request, whoever asked before */
+    uint32_t state_period_us;  /* 0: never */
+    uint32_t transitions;      /* of the mission, when last told */
+    float home_world_m[3];     /* where it last stood */
+    tc_link_measured measured; /* at the last tick */
+    uint16_t wanted_next;      /* bits before this one are done */
+    uint16_t value_next, value_end; /* PARAM_VALUEs to send */
+    uint16_t state_sequence;
+    uint8_t wanted[TC_LINK_WANTED]; /* bit i: piece wanted_first + i */
+    uint8_t order_from[2];          /* system and component that gave the order */
+    uint8_t samples_wanted;
     uint8_t sequence;
-    bool timesync, command_ack;
+    bool heard; /* ever, the station in control */
+    tc_signing signing;
 } tc_link;
 
 /* `config` stays the caller's, and stays where it is. */

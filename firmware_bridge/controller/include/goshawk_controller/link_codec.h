@@ -14,7 +14,6 @@ extern "C" {
 #define TC_FRAME_MAX 280u /* header 10, payload 255, checksum 2, signature 13 */
 #define TC_PAYLOAD_MAX 255u
 #define TC_KEY_BYTES 32u
-#define TC_FRAME_HEADER 10u
 #define TC_STREAMS 4u /* how many (system, component, link) may sign towards one endpoint at the same time */
 
 /* CRC-16/MCRF4XX, continued from `crc` (start with 0xFFFF). */
@@ -33,19 +32,25 @@ void tc_sha256_final(tc_sha256* hash, uint8_t digest[32]);
 
 /* A frame that passed its checksum. It lies where it was found: in the datagram, or in the parser. */
 typedef struct {
-    uint64_t timestamp_10us; /* of the signature */
-    const uint8_t* raw;      /* the whole of it, as it came */
-    const uint8_t* payload;  /* what is missing at its end is zero */
-    uint32_t id;
-    uint8_t sequence;
-    uint8_t system_id;
-    uint8_t component_id;
-    uint8_t link_id; /* of the signature */
-    bool is_signed;
-    uint8_t target_at; /* where the payload names its receiver; 255: nowhere */
-    uint8_t payload_length;
-    uint16_t raw_length; /* of the frame as it came */
+    const uint8_t* raw; /* the whole of it, as it came */
+    uint16_t length;    /* of all that */
+    uint8_t message;    /* its row in the table of the dialect */
+    uint8_t target_at;  /* where the payload names its receiver; 255: nowhere */
 } tc_frame;
+
+/* Where what is in a frame. */
+enum {
+    TC_FRAME_LENGTH = 1, /* of the payload */
+    TC_FRAME_FLAGS = 2,  /* 1: signed */
+    TC_FRAME_SEQUENCE = 4,
+    TC_FRAME_SYSTEM = 5,
+    TC_FRAME_COMPONENT = 6,
+    TC_FRAME_ID = 7,
+    TC_FRAME_HEADER = 10 /* then the payload */
+};
+
+/* Copies a part of the payload; what was cut off at its end is zero. */
+void tc_frame_read(const tc_frame* frame, unsigned at, void* out, size_t n);
 
 /* What was no frame. */
 typedef struct {
@@ -70,37 +75,35 @@ bool tc_parser_next(tc_parser* parser, const uint8_t** bytes, size_t* n, tc_fram
 #define TC_RECENT 16u
 
 /* Who signs: a (system, component, link). Frames may overtake each other: one that is late by less than 0.65 s is
-   accepted if it is not one of the last TC_RECENT accepted ones nor older than all of them. None counts twice. */
+   accepted if it is not one of the last TC_RECENT accepted ones nor older than all of them. None counts twice.
+   Ages are counted from the newest stamp, in 10 us, and stay at 65535 once they are there: that is never accepted. */
 typedef struct {
     uint64_t newest_10us;
-    uint16_t reach_10us;        /* what is this much older than the newest, or more, is refused */
-    uint16_t recent[TC_RECENT]; /* low halves of the stamps accepted last; all lie within 65535 of the newest */
-    uint8_t count;
-    uint8_t system_id, component_id, link_id;
+    uint32_t sender;                   /* system, component, link, from the lowest byte on */
+    uint16_t age_10us[TC_RECENT + 1u]; /* of the stamps accepted last; then the reach: what is as old is refused */
 } tc_stream;
 
 /* Signing and checking with one shared key (MAVLink 2 message signing). Time stamps count 10 microseconds. When there
-   is no room for a new stream the one that has been silent longest goes, and its last stamp becomes the start: so
-   nothing it ever sent can come back. */
+   is no room for a new stream the one that has been silent longest makes it, and the new one must be later than its
+   last stamp: so nothing that it ever sent can come back. */
 typedef struct {
-    const uint8_t* key;  /* TC_KEY_BYTES; the caller's, and stays where it is */
-    uint64_t now_10us;   /* next stamp to send is above it; lifted by every accepted frame */
-    uint64_t start_10us; /* a new stream must be later than this: what was recorded before the start stays refused */
+    const uint8_t* key; /* TC_KEY_BYTES; the caller's, and stays where it is */
+    uint64_t now_10us;  /* next stamp to send is above it; lifted by every accepted frame */
     tc_stream streams[TC_STREAMS];
 } tc_signing;
 
 typedef enum { TC_SIGNATURE_GOOD = 0, TC_SIGNATURE_MISSING, TC_SIGNATURE_WRONG, TC_SIGNATURE_REPLAYED } tc_signature;
 
+/* A first stamp must be later than the start: what was recorded before it stays refused. */
 void tc_signing_init(tc_signing* signing, const uint8_t key[TC_KEY_BYTES], uint64_t start_10us);
 
 /* Verdict on a frame. Only a good one changes `signing`. */
 tc_signature tc_signing_check(tc_signing* signing, const tc_frame* frame);
 
-/* Builds a frame of a message of the dialect into `out`; signs it if `signing` is not NULL. Trailing zeros of the
-   payload are cut; it may lie in `out` already, behind TC_FRAME_HEADER bytes. Returns its length; 0 for a message that
-   is not of the dialect. */
-size_t tc_frame_build(uint8_t out[TC_FRAME_MAX], uint32_t id, const uint8_t* payload, unsigned length, uint8_t sequence,
-                      uint8_t system_id, uint8_t component_id, tc_signing* signing, uint8_t link_id);
+/* Makes a frame of a payload that lies in `out` already, behind TC_FRAME_HEADER bytes; `message` is its row in the
+   table of the dialect. Cuts off the zeros at its end; signs if `signing` is not NULL. Returns the frame's length. */
+size_t tc_frame_build(uint8_t out[TC_FRAME_MAX], unsigned message, unsigned length, uint8_t sequence, uint8_t system_id,
+                      uint8_t component_id, tc_signing* signing, uint8_t link_id);
 
 #ifdef __cplusplus
 }
