@@ -19,29 +19,10 @@ static float determinant(const float a[3], const float b[3], const float c[3]) {
     return tc_dot(a, bc);
 }
 
-/* Null vector of a 3x4 matrix given by its columns: the signed minors. */
-static void null_vector(float column[TC_ROTORS][3], float out[TC_ROTORS]) {
-    out[0] = determinant(column[1], column[2], column[3]);
-    out[1] = -determinant(column[0], column[2], column[3]);
-    out[2] = determinant(column[0], column[1], column[3]);
-    out[3] = -determinant(column[0], column[1], column[2]);
-}
-
-/* Inverse of a symmetric 3x3 matrix by cross products of its rows. */
-static void invert_symmetric(float m[3][3], float out[3][3]) {
-    tc_cross(m[1], m[2], out[0]);
-    tc_cross(m[2], m[0], out[1]);
-    tc_cross(m[0], m[1], out[2]);
-    const float det = tc_dot(m[0], out[0]);
-    for (int i = 0; i < 3; i++) {
-        for (int j = 0; j < 3; j++) out[i][j] /= det;
-    }
-}
-
 /* `yaw_per_free`: sum spin_i free_i. */
 static tc_reason lay_out(tc_mixer* mixer, const tc_parameters* p, float arm_m, float load_per_n, float* yaw_per_free) {
     float column[TC_ROTORS][3]; /* collective, torque x, torque y per newton, arms scaled to about 1 */
-    float gram[3][3] = {{0.0f}}, inverse[3][3], free[TC_ROTORS];
+    float gram[3][3] = {{0.0f}}, adjugate[3][3], free[TC_ROTORS];
     for (int i = 0; i < TC_ROTORS; i++) {
         column[i][0] = 1.0f;
         column[i][1] = mixer->rotor[i].arm_y_m / arm_m;
@@ -50,25 +31,31 @@ static tc_reason lay_out(tc_mixer* mixer, const tc_parameters* p, float arm_m, f
             for (int c = 0; c < 3; c++) gram[r][c] += column[i][r] * column[i][c];
         }
     }
-    if (!(determinant(gram[0], gram[1], gram[2]) > 0.5f)) return TC_SINGULAR_GEOMETRY; /* 64 for a square */
-    invert_symmetric(gram, inverse);
-    null_vector(column, free);
-    float largest = 0.0f, spin_sum = 0.0f, size_sum = 0.0f;
-    for (int i = 0; i < TC_ROTORS; i++) largest = tc_max(largest, tc_abs(free[i]));
-    if (!(largest > 1e-3f)) return TC_SINGULAR_GEOMETRY;
+    tc_cross(gram[1], gram[2], adjugate[0]);
+    tc_cross(gram[2], gram[0], adjugate[1]);
+    tc_cross(gram[0], gram[1], adjugate[2]);
+    const float det = tc_dot(gram[0], adjugate[0]);
+    float largest = 0.0f, spin_sum = 0.0f, size_sum = 0.0f, sign = 1.0f;
+    for (int i = 0; i < TC_ROTORS; i++) { /* null vector of the columns: the signed minors */
+        free[i] = sign * determinant(column[(i + 1) % 4], column[(i + 2) % 4], column[(i + 3) % 4]);
+        largest = tc_max(largest, tc_abs(free[i]));
+        sign = -sign;
+    }
+    if (!(det > 0.5f && largest > 1e-3f)) return TC_SINGULAR_GEOMETRY; /* 64 for a square */
     for (int i = 0; i < TC_ROTORS; i++) {
         tc_mixer_rotor* m = &mixer->rotor[i];
-        free[i] /= largest;
-        spin_sum += p->rotor_spin[i] * free[i];
-        size_sum += tc_abs(free[i]);
-        const float per_collective = tc_dot(inverse[0], column[i]);
+        const float share = free[i] / largest;
+        spin_sum += p->rotor_spin[i] * share;
+        size_sum += tc_abs(share);
+        const float per_collective = tc_dot(adjugate[0], column[i]) / det;
         /* Every rotor must lift and take part in yaw. */
-        if (!(per_collective > 0.05f && tc_abs(free[i]) > 0.05f)) return TC_SINGULAR_GEOMETRY;
+        if (!(per_collective > 0.05f && tc_abs(share) > 0.05f)) return TC_SINGULAR_GEOMETRY;
         const float unit = load_per_n / p->rotor_gain[i];
+        const float per_torque = unit / (det * arm_m);
         m->per_collective = unit * per_collective;
-        m->per_torque_x = unit * tc_dot(inverse[1], column[i]) / arm_m;
-        m->per_torque_y = unit * tc_dot(inverse[2], column[i]) / arm_m;
-        m->free = unit * free[i];
+        m->per_torque_x = per_torque * tc_dot(adjugate[1], column[i]);
+        m->per_torque_y = per_torque * tc_dot(adjugate[2], column[i]);
+        m->free = unit * share;
         m->spin = p->rotor_spin[i];
         m->spin_free = m->spin * m->free;
         m->spin_free2 = m->spin_free * m->free;
@@ -82,9 +69,8 @@ static float choose_law(tc_mixer* mixer, const tc_parameters* p) {
     const bool quadratic = p->thrust_model < 0.5f;
     const float square = quadratic ? p->quad_n_s2 : p->k1_n_s2;
     const float per_disk = 1.0f / (2.0f * p->air_density_kg_m3 * p->disk_area_m2);
-    const float hover_n = 0.25f * p->mass_kg * p->gravity_m_s2;
     /* Without induced velocity in the law any small unit will do: a millionth of what the square law gives at hover. */
-    const float none = 1e-6f * sqrtf(square * hover_n) / sqrtf(hover_n * per_disk);
+    const float none = 1e-6f * sqrtf(square / per_disk);
     const float unit = quadratic ? none : tc_max(-p->k2_n_s2_m, none);
     const float load_per_n = unit * unit * per_disk;
     mixer->unit_m_s = unit;
@@ -106,12 +92,10 @@ static float choose_law(tc_mixer* mixer, const tc_parameters* p) {
     return load_per_n;
 }
 
-/* Thrust over n^2 in still air, where it is the same for every thrust: from the hover. */
-static float still_air_factor(const tc_mixer* mixer, float each_n, float load_per_n) {
-    const float load = each_n * load_per_n;
-    const float b = -sqrtf(load);
-    const float n = mixer->per_speed * (sqrtf(b * b + mixer->load_factor * load) - b);
-    return each_n / (n * n);
+/* Thrust over n^2 in still air, where it is the same for every thrust. */
+static float still_air_factor(const tc_mixer* mixer, float load_per_n) {
+    const float per_root = mixer->per_speed * (1.0f + sqrtf(1.0f + mixer->load_factor)); /* speed by root of load */
+    return 1.0f / (load_per_n * per_root * per_root);
 }
 
 TC_RARE tc_reason tc_mixer_configure(tc_mixer* mixer, const tc_parameters* p) {
@@ -130,7 +114,7 @@ TC_RARE tc_reason tc_mixer_configure(tc_mixer* mixer, const tc_parameters* p) {
     if (reason != TC_OK) return reason;
     /* Enough to hover with a tenth to spare? */
     const float each_n = p->mass_kg * p->gravity_m_s2 * 1.1f * 0.25f;
-    const float per_square = still_air_factor(mixer, each_n, load_per_n);
+    const float per_square = still_air_factor(mixer, load_per_n);
     const float thrust_n = per_square * p->rotor_max_rad_s * p->rotor_max_rad_s;
     mixer->free_per_yaw = per_square / (p->cq_n_m_s2 * yaw_per_free);
     mixer->largest_thrust_n = 4.0f * thrust_n;
