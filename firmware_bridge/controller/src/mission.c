@@ -1,149 +1,137 @@
-/* The table of transitions. Rows are states, columns events; 0 means "not in this state". */
+/* The table of transitions. Rows are states, columns events; 0 means "not in this state", else one less is the next. */
 #include "goshawk_controller/mission.h"
 
 #include <string.h>
 
-#define TO(state) ((uint8_t)((state) + 1))
+/* What a transition adds to one byte of its state's row: two events a byte, four bits each. */
+#define TO(byte, event, state) \
+    +(((unsigned)(event) / 2u == (byte)) ? ((unsigned)(state) + 1u) << (4u * ((event) & 1u)) : 0u)
 
 /* What every flying state shares: the operator's cut-off, and losing attitude or position. */
-#define IN_FLIGHT                                                              \
-    [TC_COMMAND_KILL] = TO(TC_FAULT), [TC_EVENT_ATTITUDE_LOST] = TO(TC_FAULT), \
-    [TC_EVENT_POSITION_LOST] = TO(TC_EMERGENCY), [TC_EVENT_TILT] = TO(TC_EMERGENCY)
+#define IN_FLIGHT(ON, byte)                        \
+    ON(byte, TC_COMMAND_KILL, TC_FAULT)            \
+    ON(byte, TC_EVENT_ATTITUDE_LOST, TC_FAULT)     \
+    ON(byte, TC_EVENT_POSITION_LOST, TC_EMERGENCY) \
+    ON(byte, TC_EVENT_TILT, TC_EMERGENCY)
 
-/* clang-format off: one transition per line reads as the table it is */
-static const uint8_t table[TC_MISSION_STATE_COUNT][TC_EVENT_COUNT] = {
-    [TC_DISARMED] =
-        {
-            [TC_COMMAND_ARM] = TO(TC_ARMED),
-            [TC_COMMAND_DISARM] = TO(TC_DISARMED),
-            [TC_COMMAND_KILL] = TO(TC_DISARMED),
-        },
-    [TC_ARMED] =
-        {
-            [TC_COMMAND_ARM] = TO(TC_ARMED),
-            [TC_COMMAND_DISARM] = TO(TC_DISARMED),
-            [TC_COMMAND_TAKE_OFF] = TO(TC_TAKE_OFF),
-            [TC_COMMAND_KILL] = TO(TC_DISARMED),
-            [TC_EVENT_POSITION_LOST] = TO(TC_DISARMED),
-            [TC_EVENT_ATTITUDE_LOST] = TO(TC_DISARMED),
-            [TC_EVENT_LINK_LOST_HOLD] = TO(TC_DISARMED),
-            [TC_EVENT_LINK_LOST_LAND] = TO(TC_DISARMED),
-        },
-    [TC_TAKE_OFF] =
-        {
-            /* A large tilt error while leaving the ground is a tip-over: stop, do not fight. */
-            [TC_COMMAND_KILL] = TO(TC_FAULT),
-            [TC_EVENT_ATTITUDE_LOST] = TO(TC_FAULT),
-            [TC_EVENT_TILT] = TO(TC_FAULT),
-            [TC_EVENT_POSITION_LOST] = TO(TC_EMERGENCY),
-            [TC_COMMAND_HOLD] = TO(TC_HOLD),
-            [TC_COMMAND_LAND] = TO(TC_LANDING),
-            [TC_EVENT_REACHED] = TO(TC_HOLD),
-            [TC_EVENT_FENCE] = TO(TC_LANDING),
-            [TC_EVENT_LINK_LOST_HOLD] = TO(TC_HOLD),
-            [TC_EVENT_LINK_LOST_LAND] = TO(TC_LANDING),
-        },
-    [TC_HOLD] =
-        {
-            IN_FLIGHT,
-            [TC_COMMAND_START] = TO(TC_APPROACH),
-            [TC_COMMAND_HOLD] = TO(TC_HOLD),
-            [TC_COMMAND_LAND] = TO(TC_LANDING),
-            [TC_EVENT_FENCE] = TO(TC_LANDING),
-            [TC_EVENT_LINK_LOST_HOLD] = TO(TC_HOLD),
-            [TC_EVENT_LINK_LOST_LAND] = TO(TC_LANDING),
-        },
-    [TC_APPROACH] =
-        {
-            IN_FLIGHT,
-            [TC_COMMAND_HOLD] = TO(TC_HOLD),
-            [TC_COMMAND_LAND] = TO(TC_LANDING),
-            [TC_EVENT_REACHED] = TO(TC_TRAJECTORY),
-            [TC_EVENT_FENCE] = TO(TC_LANDING),
-            [TC_EVENT_LINK_LOST_HOLD] = TO(TC_HOLD),
-            [TC_EVENT_LINK_LOST_LAND] = TO(TC_LANDING),
-        },
-    [TC_TRAJECTORY] =
-        {
-            IN_FLIGHT,
-            [TC_COMMAND_PAUSE] = TO(TC_PAUSING),
-            [TC_COMMAND_HOLD] = TO(TC_STOPPING),
-            [TC_COMMAND_LAND] = TO(TC_ABORTING),
-            [TC_EVENT_FINISHED] = TO(TC_HOLD),
-            [TC_EVENT_FENCE] = TO(TC_ABORTING),
-            [TC_EVENT_LINK_LOST_HOLD] = TO(TC_STOPPING),
-            [TC_EVENT_LINK_LOST_LAND] = TO(TC_ABORTING),
-        },
-    [TC_PAUSING] =
-        {
-            IN_FLIGHT,
-            [TC_COMMAND_PAUSE] = TO(TC_PAUSING),
-            [TC_COMMAND_RESUME] = TO(TC_TRAJECTORY),
-            [TC_COMMAND_HOLD] = TO(TC_STOPPING),
-            [TC_COMMAND_LAND] = TO(TC_ABORTING),
-            [TC_EVENT_STANDING_STILL] = TO(TC_PAUSED),
-            [TC_EVENT_FINISHED] = TO(TC_HOLD),
-            [TC_EVENT_FENCE] = TO(TC_ABORTING),
-            [TC_EVENT_LINK_LOST_HOLD] = TO(TC_STOPPING),
-            [TC_EVENT_LINK_LOST_LAND] = TO(TC_ABORTING),
-        },
-    [TC_PAUSED] =
-        {
-            IN_FLIGHT,
-            [TC_COMMAND_PAUSE] = TO(TC_PAUSED),
-            [TC_COMMAND_RESUME] = TO(TC_TRAJECTORY),
-            [TC_COMMAND_HOLD] = TO(TC_HOLD),
-            [TC_COMMAND_LAND] = TO(TC_LANDING),
-            [TC_EVENT_FENCE] = TO(TC_LANDING),
-            [TC_EVENT_LINK_LOST_HOLD] = TO(TC_HOLD),
-            [TC_EVENT_LINK_LOST_LAND] = TO(TC_LANDING),
-        },
-    [TC_STOPPING] =
-        {
-            IN_FLIGHT,
-            [TC_COMMAND_HOLD] = TO(TC_STOPPING),
-            [TC_COMMAND_LAND] = TO(TC_ABORTING),
-            [TC_EVENT_STANDING_STILL] = TO(TC_HOLD),
-            [TC_EVENT_FINISHED] = TO(TC_HOLD),
-            [TC_EVENT_FENCE] = TO(TC_ABORTING),
-            [TC_EVENT_LINK_LOST_LAND] = TO(TC_ABORTING),
-        },
-    [TC_ABORTING] =
-        {
-            IN_FLIGHT,
-            [TC_COMMAND_LAND] = TO(TC_ABORTING),
-            [TC_EVENT_STANDING_STILL] = TO(TC_LANDING),
-            [TC_EVENT_FINISHED] = TO(TC_LANDING),
-        },
-    [TC_LANDING] =
-        {
-            IN_FLIGHT,
-            [TC_COMMAND_HOLD] = TO(TC_HOLD),
-            [TC_COMMAND_LAND] = TO(TC_LANDING),
-            [TC_EVENT_TOUCHDOWN] = TO(TC_DISARMED),
-        },
-    [TC_EMERGENCY] =
-        {
-            [TC_COMMAND_KILL] = TO(TC_FAULT),
-            [TC_COMMAND_LAND] = TO(TC_EMERGENCY),
-            [TC_EVENT_ATTITUDE_LOST] = TO(TC_FAULT),
-            [TC_EVENT_TILT] = TO(TC_FAULT),
-            [TC_EVENT_TIMEOUT] = TO(TC_FAULT),
-            [TC_EVENT_POSITION_BACK] = TO(TC_LANDING),
-        },
-    [TC_FAULT] =
-        {
-            [TC_COMMAND_DISARM] = TO(TC_DISARMED),
-            [TC_COMMAND_KILL] = TO(TC_FAULT),
-        },
+#define FROM_DISARMED(ON, byte)              \
+    ON(byte, TC_COMMAND_ARM, TC_ARMED)       \
+    ON(byte, TC_COMMAND_DISARM, TC_DISARMED) \
+    ON(byte, TC_COMMAND_KILL, TC_DISARMED)
+#define FROM_ARMED(ON, byte)                       \
+    ON(byte, TC_COMMAND_ARM, TC_ARMED)             \
+    ON(byte, TC_COMMAND_DISARM, TC_DISARMED)       \
+    ON(byte, TC_COMMAND_TAKE_OFF, TC_TAKE_OFF)     \
+    ON(byte, TC_COMMAND_KILL, TC_DISARMED)         \
+    ON(byte, TC_EVENT_POSITION_LOST, TC_DISARMED)  \
+    ON(byte, TC_EVENT_ATTITUDE_LOST, TC_DISARMED)  \
+    ON(byte, TC_EVENT_LINK_LOST_HOLD, TC_DISARMED) \
+    ON(byte, TC_EVENT_LINK_LOST_LAND, TC_DISARMED)
+/* A large tilt error while leaving the ground is a tip-over: stop, do not fight. */
+#define FROM_TAKE_OFF(ON, byte)                    \
+    ON(byte, TC_COMMAND_KILL, TC_FAULT)            \
+    ON(byte, TC_EVENT_ATTITUDE_LOST, TC_FAULT)     \
+    ON(byte, TC_EVENT_TILT, TC_FAULT)              \
+    ON(byte, TC_EVENT_POSITION_LOST, TC_EMERGENCY) \
+    ON(byte, TC_COMMAND_HOLD, TC_HOLD)             \
+    ON(byte, TC_COMMAND_LAND, TC_LANDING)          \
+    ON(byte, TC_EVENT_REACHED, TC_HOLD)            \
+    ON(byte, TC_EVENT_FENCE, TC_LANDING)           \
+    ON(byte, TC_EVENT_LINK_LOST_HOLD, TC_HOLD)     \
+    ON(byte, TC_EVENT_LINK_LOST_LAND, TC_LANDING)
+#define FROM_HOLD(ON, byte)                    \
+    IN_FLIGHT(ON, byte)                        \
+    ON(byte, TC_COMMAND_START, TC_APPROACH)    \
+    ON(byte, TC_COMMAND_HOLD, TC_HOLD)         \
+    ON(byte, TC_COMMAND_LAND, TC_LANDING)      \
+    ON(byte, TC_EVENT_FENCE, TC_LANDING)       \
+    ON(byte, TC_EVENT_LINK_LOST_HOLD, TC_HOLD) \
+    ON(byte, TC_EVENT_LINK_LOST_LAND, TC_LANDING)
+#define FROM_APPROACH(ON, byte)                \
+    IN_FLIGHT(ON, byte)                        \
+    ON(byte, TC_COMMAND_HOLD, TC_HOLD)         \
+    ON(byte, TC_COMMAND_LAND, TC_LANDING)      \
+    ON(byte, TC_EVENT_REACHED, TC_TRAJECTORY)  \
+    ON(byte, TC_EVENT_FENCE, TC_LANDING)       \
+    ON(byte, TC_EVENT_LINK_LOST_HOLD, TC_HOLD) \
+    ON(byte, TC_EVENT_LINK_LOST_LAND, TC_LANDING)
+#define FROM_TRAJECTORY(ON, byte)                  \
+    IN_FLIGHT(ON, byte)                            \
+    ON(byte, TC_COMMAND_PAUSE, TC_PAUSING)         \
+    ON(byte, TC_COMMAND_HOLD, TC_STOPPING)         \
+    ON(byte, TC_COMMAND_LAND, TC_ABORTING)         \
+    ON(byte, TC_EVENT_FINISHED, TC_HOLD)           \
+    ON(byte, TC_EVENT_FENCE, TC_ABORTING)          \
+    ON(byte, TC_EVENT_LINK_LOST_HOLD, TC_STOPPING) \
+    ON(byte, TC_EVENT_LINK_LOST_LAND, TC_ABORTING)
+#define FROM_PAUSING(ON, byte)                     \
+    IN_FLIGHT(ON, byte)                            \
+    ON(byte, TC_COMMAND_PAUSE, TC_PAUSING)         \
+    ON(byte, TC_COMMAND_RESUME, TC_TRAJECTORY)     \
+    ON(byte, TC_COMMAND_HOLD, TC_STOPPING)         \
+    ON(byte, TC_COMMAND_LAND, TC_ABORTING)         \
+    ON(byte, TC_EVENT_STANDING_STILL, TC_PAUSED)   \
+    ON(byte, TC_EVENT_FINISHED, TC_HOLD)           \
+    ON(byte, TC_EVENT_FENCE, TC_ABORTING)          \
+    ON(byte, TC_EVENT_LINK_LOST_HOLD, TC_STOPPING) \
+    ON(byte, TC_EVENT_LINK_LOST_LAND, TC_ABORTING)
+#define FROM_PAUSED(ON, byte)                  \
+    IN_FLIGHT(ON, byte)                        \
+    ON(byte, TC_COMMAND_PAUSE, TC_PAUSED)      \
+    ON(byte, TC_COMMAND_RESUME, TC_TRAJECTORY) \
+    ON(byte, TC_COMMAND_HOLD, TC_HOLD)         \
+    ON(byte, TC_COMMAND_LAND, TC_LANDING)      \
+    ON(byte, TC_EVENT_FENCE, TC_LANDING)       \
+    ON(byte, TC_EVENT_LINK_LOST_HOLD, TC_HOLD) \
+    ON(byte, TC_EVENT_LINK_LOST_LAND, TC_LANDING)
+#define FROM_STOPPING(ON, byte)                \
+    IN_FLIGHT(ON, byte)                        \
+    ON(byte, TC_COMMAND_HOLD, TC_STOPPING)     \
+    ON(byte, TC_COMMAND_LAND, TC_ABORTING)     \
+    ON(byte, TC_EVENT_STANDING_STILL, TC_HOLD) \
+    ON(byte, TC_EVENT_FINISHED, TC_HOLD)       \
+    ON(byte, TC_EVENT_FENCE, TC_ABORTING)      \
+    ON(byte, TC_EVENT_LINK_LOST_LAND, TC_ABORTING)
+#define FROM_ABORTING(ON, byte)                   \
+    IN_FLIGHT(ON, byte)                           \
+    ON(byte, TC_COMMAND_LAND, TC_ABORTING)        \
+    ON(byte, TC_EVENT_STANDING_STILL, TC_LANDING) \
+    ON(byte, TC_EVENT_FINISHED, TC_LANDING)
+#define FROM_LANDING(ON, byte)            \
+    IN_FLIGHT(ON, byte)                   \
+    ON(byte, TC_COMMAND_HOLD, TC_HOLD)    \
+    ON(byte, TC_COMMAND_LAND, TC_LANDING) \
+    ON(byte, TC_EVENT_TOUCHDOWN, TC_DISARMED)
+#define FROM_EMERGENCY(ON, byte)               \
+    ON(byte, TC_COMMAND_KILL, TC_FAULT)        \
+    ON(byte, TC_COMMAND_LAND, TC_EMERGENCY)    \
+    ON(byte, TC_EVENT_ATTITUDE_LOST, TC_FAULT) \
+    ON(byte, TC_EVENT_TILT, TC_FAULT)          \
+    ON(byte, TC_EVENT_TIMEOUT, TC_FAULT)       \
+    ON(byte, TC_EVENT_POSITION_BACK, TC_LANDING)
+#define FROM_FAULT(ON, byte)                 \
+    ON(byte, TC_COMMAND_DISARM, TC_DISARMED) \
+    ON(byte, TC_COMMAND_KILL, TC_FAULT)
+
+#define BYTE(from, byte) (uint8_t)(0u from(TO, byte))
+#define ROW(from)                                                                                    \
+    {BYTE(from, 0u), BYTE(from, 1u), BYTE(from, 2u), BYTE(from, 3u), BYTE(from, 4u), BYTE(from, 5u), \
+     BYTE(from, 6u), BYTE(from, 7u), BYTE(from, 8u), BYTE(from, 9u), BYTE(from, 10u)}
+static const uint8_t table[TC_MISSION_STATE_COUNT][TC_EVENT_COUNT / 2] = {
+    [TC_DISARMED] = ROW(FROM_DISARMED), [TC_ARMED] = ROW(FROM_ARMED),       [TC_TAKE_OFF] = ROW(FROM_TAKE_OFF),
+    [TC_HOLD] = ROW(FROM_HOLD),         [TC_APPROACH] = ROW(FROM_APPROACH), [TC_TRAJECTORY] = ROW(FROM_TRAJECTORY),
+    [TC_PAUSING] = ROW(FROM_PAUSING),   [TC_PAUSED] = ROW(FROM_PAUSED),     [TC_STOPPING] = ROW(FROM_STOPPING),
+    [TC_ABORTING] = ROW(FROM_ABORTING), [TC_LANDING] = ROW(FROM_LANDING),   [TC_EMERGENCY] = ROW(FROM_EMERGENCY),
+    [TC_FAULT] = ROW(FROM_FAULT),
 };
-/* clang-format on */
+
+_Static_assert(TC_EVENT_COUNT == 22 && TC_MISSION_STATE_COUNT < 16, "rows are whole, states fit into four bits");
 
 void tc_mission_init(tc_mission* mission) { memset(mission, 0, sizeof *mission); }
 
 tc_reason tc_mission_post(tc_mission* mission, uint8_t event, tc_reason reason, uint64_t time_us) {
     if (mission->state >= TC_MISSION_STATE_COUNT || event >= TC_EVENT_COUNT) return TC_WRONG_STATE;
-    const uint8_t next = table[mission->state][event];
+    const uint32_t next = ((uint32_t)table[mission->state][event / 2u] >> (4u * (event & 1u))) & 15u;
     if (next == 0u) return TC_WRONG_STATE;
     const uint8_t state = (uint8_t)(next - 1u);
     if (state == mission->state) return TC_OK;

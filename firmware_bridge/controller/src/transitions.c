@@ -98,7 +98,7 @@ static TC_RARE void enter(tc_controller* c) {
     c->bad_tilt_since_us = low_word(c->telemetry.time_us);
 }
 
-tc_reason tc_post(tc_controller* c, uint8_t event, tc_reason reason) {
+TC_RARE tc_reason tc_post(tc_controller* c, uint8_t event, tc_reason reason) {
     const uint8_t before = c->mission.state;
     const tc_reason result = tc_mission_post(&c->mission, event, reason, c->telemetry.time_us);
     if (result == TC_OK && c->mission.state != before) enter(c);
