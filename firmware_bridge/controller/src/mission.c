@@ -129,9 +129,10 @@ _Static_assert(TC_EVENT_COUNT == 22 && TC_MISSION_STATE_COUNT < 16, "rows are wh
 
 void tc_mission_init(tc_mission* mission) { memset(mission, 0, sizeof *mission); }
 
-tc_reason tc_mission_post(tc_mission* mission, uint8_t event, tc_reason reason, uint64_t time_us) {
+tc_reason tc_mission_post(tc_mission* mission, uint8_t event, tc_reason reason, uint32_t time_us) {
     if (mission->state >= TC_MISSION_STATE_COUNT || event >= TC_EVENT_COUNT) return TC_WRONG_STATE;
-    const uint32_t next = ((uint32_t)table[mission->state][event / 2u] >> (4u * (event & 1u))) & 15u;
+    const uint32_t pair = table[mission->state][event / 2u];
+    const uint32_t next = (event & 1u) != 0u ? pair >> 4 : pair & 15u;
     if (next == 0u) return TC_WRONG_STATE;
     const uint8_t state = (uint8_t)(next - 1u);
     if (state == mission->state) return TC_OK;

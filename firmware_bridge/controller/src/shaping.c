@@ -151,7 +151,7 @@ void tc_move_advance(tc_move* move, const tc_setpoint* from, float step_s) {
     move->left_s = tc_max(move->left_s - step_s, 0.0f);
 }
 
-bool tc_move_done(const tc_move* move) { return !(move->left_s > 0.0f || move->left_s < 0.0f); }
+bool tc_move_done(const tc_move* move) { return tc_bits(move->left_s) == 0u; }
 
 void tc_move_setpoint(const tc_move* move, tc_setpoint* out) {
     const float per_s = 1.0f / move->duration_s;

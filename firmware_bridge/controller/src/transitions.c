@@ -11,12 +11,6 @@
 
 static uint32_t low_word(uint64_t time_us) { return (uint32_t)(time_us & 0xffffffffu); }
 
-static void target_at(const float position[3], float z, float out[3]) {
-    out[0] = position[0];
-    out[1] = position[1];
-    out[2] = z;
-}
-
 /* A set-point that stands where the vehicle is: after the loss of everything better. */
 static TC_RARE void setpoint_here(tc_controller* c) {
     const tc_estimate* estimate = &c->telemetry.estimate;
@@ -31,15 +25,23 @@ TC_RARE float tc_ramp_s(const tc_controller* c, float change) {
     return tc_max(RAMP_PEAK * speed * tc_abs(change) / c->parameters.brake_m_s2, RAMP_SHORTEST_S);
 }
 
-static void enter_take_off(tc_controller* c) {
+/* Set-point and attitude reference begin again where the vehicle is. */
+static TC_RARE void begin_here(tc_controller* c) {
     setpoint_here(c);
-    memset(&c->position, 0, sizeof c->position);
     tc_flatness_reset(&c->telemetry.flatness, c->telemetry.estimate.q_world_body);
+}
+
+static TC_RARE void move_to_height(tc_controller* c, float z_m, float speed_m_s) {
     const tc_setpoint* from = &c->telemetry.setpoint;
-    c->ground_z_m = from->position_world_m[2];
-    float to[3];
-    target_at(from->position_world_m, c->ground_z_m + c->take_off_m, to);
-    tc_move_start(&c->move, from, to, from->yaw_rad, c->parameters.take_off_m_s);
+    const float to[3] = {from->position_world_m[0], from->position_world_m[1], z_m};
+    tc_move_start(&c->move, from, to, from->yaw_rad, speed_m_s);
+}
+
+static void enter_take_off(tc_controller* c) {
+    begin_here(c);
+    memset(&c->position, 0, sizeof c->position);
+    c->ground_z_m = c->telemetry.setpoint.position_world_m[2];
+    move_to_height(c, c->ground_z_m + c->take_off_m, c->parameters.take_off_m_s);
 }
 
 static void enter_approach(tc_controller* c) {
@@ -53,9 +55,8 @@ static void enter_approach(tc_controller* c) {
 
 static void enter_landing(tc_controller* c) {
     if (c->mission.previous_state == TC_EMERGENCY) {
-        setpoint_here(c);
+        begin_here(c);
         tc_copy(c->telemetry.setpoint.velocity_world_m_s, c->telemetry.estimate.velocity_world_m_s);
-        tc_flatness_reset(&c->telemetry.flatness, c->telemetry.estimate.q_world_body);
     }
     tc_move_stop(&c->move, c->parameters.brake_m_s2);
     c->touching_since_us = low_word(c->telemetry.time_us);
@@ -100,22 +101,22 @@ static TC_RARE void enter(tc_controller* c) {
 
 TC_RARE tc_reason tc_post(tc_controller* c, uint8_t event, tc_reason reason) {
     const uint8_t before = c->mission.state;
-    const tc_reason result = tc_mission_post(&c->mission, event, reason, c->telemetry.time_us);
+    const tc_reason result = tc_mission_post(&c->mission, event, reason, low_word(c->telemetry.time_us));
     if (result == TC_OK && c->mission.state != before) enter(c);
     return result;
 }
 
-bool tc_inside_fence(const tc_parameters* p, const float position_world_m[3]) {
+TC_RARE bool tc_inside_fence(const tc_parameters* p, const float position_world_m[3]) {
     bool inside = true;
-    for (int i = 0; i < 3; i++) {
-        inside =
-            inside && position_world_m[i] >= p->fence_min_world_m[i] && position_world_m[i] <= p->fence_max_world_m[i];
+    for (int i = 0; i < 3 && inside; i++) {
+        inside = position_world_m[i] >= p->fence_min_world_m[i] && position_world_m[i] <= p->fence_max_world_m[i];
     }
     return inside;
 }
 
-static float seconds_since(const tc_controller* c, uint32_t then_us) {
-    return (float)(low_word(c->telemetry.time_us) - then_us) * 1e-6f;
+/* Whether it has been so for longer than this. */
+static __attribute__((noinline)) bool lasts(const tc_controller* c, uint32_t since_us, float limit_s) {
+    return (float)(low_word(c->telemetry.time_us) - since_us) * 1e-6f > limit_s;
 }
 
 static void observe_estimate(tc_controller* c, uint8_t faults) {
@@ -126,7 +127,7 @@ static void observe_estimate(tc_controller* c, uint8_t faults) {
         (void)tc_post(c, TC_EVENT_POSITION_LOST, bad ? TC_ESTIMATE_NOT_FINITE : TC_ESTIMATE_STALE);
     } else if (c->mission.state == TC_EMERGENCY && faults == 0u) {
         const float tilt = 1.0f - tc_dot(c->telemetry.flatness.axis, c->axes[2]);
-        if (tilt < 0.05f && seconds_since(c, low_word(c->mission.since_us)) > 0.2f) {
+        if (tilt < 0.05f && lasts(c, c->mission.since_us, 0.2f)) {
             (void)tc_post(c, TC_EVENT_POSITION_BACK, TC_ESTIMATE_BACK);
         }
     }
@@ -136,8 +137,8 @@ static void observe_attitude(tc_controller* c) {
     const tc_parameters* p = &c->parameters;
     const float tilt = 1.0f - tc_dot(c->telemetry.flatness.axis, c->axes[2]);
     if (tilt <= c->tilt_bound) c->bad_tilt_since_us = low_word(c->telemetry.time_us);
-    if (seconds_since(c, c->bad_tilt_since_us) > p->tilt_error_s) (void)tc_post(c, TC_EVENT_TILT, TC_TILT_ERROR);
-    if (c->mission.state == TC_EMERGENCY && seconds_since(c, low_word(c->mission.since_us)) > p->emergency_s) {
+    if (lasts(c, c->bad_tilt_since_us, p->tilt_error_s)) (void)tc_post(c, TC_EVENT_TILT, TC_TILT_ERROR);
+    if (c->mission.state == TC_EMERGENCY && lasts(c, c->mission.since_us, p->emergency_s)) {
         (void)tc_post(c, TC_EVENT_TIMEOUT, TC_TIMEOUT);
     }
 }
@@ -150,8 +151,8 @@ static void observe_fence(tc_controller* c) {
 
 static void observe_link(tc_controller* c) {
     if (!c->ground_ever_seen) return;
-    const float silent_s = seconds_since(c, c->ground_seen_us);
-    if (silent_s <= c->parameters.link_loss_s) return;
+    const tc_parameters* p = &c->parameters;
+    if (!lasts(c, c->ground_seen_us, p->link_loss_s)) return;
     uint8_t event = TC_EVENT_LINK_LOST_HOLD;
     if (tc_mission_on_path(c->mission.state)) {
         const tc_trajectory* trajectory = tc_store_active(&c->store);
@@ -160,8 +161,7 @@ static void observe_link(tc_controller* c) {
         if (policy == (uint8_t)TC_LINK_LOSS_LAND) event = TC_EVENT_LINK_LOST_LAND;
     }
     const bool hovering = c->mission.state == TC_HOLD || c->mission.state == TC_PAUSED;
-    if (hovering && seconds_since(c, low_word(c->mission.since_us)) > c->parameters.link_hold_s &&
-        silent_s > c->parameters.link_hold_s) {
+    if (hovering && lasts(c, c->mission.since_us, p->link_hold_s) && lasts(c, c->ground_seen_us, p->link_hold_s)) {
         event = TC_EVENT_LINK_LOST_LAND;
     }
     (void)tc_post(c, event, TC_LINK_LOST);
@@ -171,18 +171,15 @@ static void observe_link(tc_controller* c) {
  */
 static TC_RARE void observe_landing(tc_controller* c) {
     const tc_estimate* estimate = &c->telemetry.estimate;
-    const float* setpoint = c->telemetry.setpoint.position_world_m;
+    const float setpoint_z_m = c->telemetry.setpoint.position_world_m[2], z_m = estimate->position_world_m[2];
     if (tc_move_done(&c->move)) { /* the stop is over, or the ground was not where it was expected */
-        const float low = tc_min(c->ground_z_m, setpoint[2]) - BELOW_GROUND_M;
-        float to[3];
-        target_at(setpoint, low, to);
-        tc_move_start(&c->move, &c->telemetry.setpoint, to, c->telemetry.setpoint.yaw_rad, c->parameters.landing_m_s);
+        move_to_height(c, tc_min(c->ground_z_m, setpoint_z_m) - BELOW_GROUND_M, c->parameters.landing_m_s);
     }
     const float speed = tc_norm(estimate->velocity_world_m_s);
-    const bool low = estimate->position_world_m[2] < c->ground_z_m + GROUND_M && speed < 0.6f;
-    const bool stuck = setpoint[2] < estimate->position_world_m[2] - 0.3f && speed < 0.1f;
+    const bool low = z_m < c->ground_z_m + GROUND_M && speed < 0.6f;
+    const bool stuck = setpoint_z_m < z_m - 0.3f && speed < 0.1f;
     if (!low && !stuck) c->touching_since_us = low_word(c->telemetry.time_us);
-    if (seconds_since(c, c->touching_since_us) > TOUCH_S) (void)tc_post(c, TC_EVENT_TOUCHDOWN, TC_TOUCHDOWN);
+    if (lasts(c, c->touching_since_us, TOUCH_S)) (void)tc_post(c, TC_EVENT_TOUCHDOWN, TC_TOUCHDOWN);
 }
 
 static void observe_setpoint(tc_controller* c) {
@@ -211,13 +208,10 @@ static void observe_setpoint(tc_controller* c) {
 
 /* What takes tenths of a second to matter is looked at by every other tick. */
 void tc_observe(tc_controller* c, uint8_t faults) {
-    const bool in_air = tc_mission_in_air(c->mission.state);
+    const bool in_air = tc_mission_in_air(c->mission.state), even = (c->telemetry.ticks & 1u) == 0u;
     observe_estimate(c, faults);
-    if ((c->telemetry.ticks & 1u) != 0u) {
-        if (in_air) observe_attitude(c);
-    } else {
-        if (in_air) observe_fence(c);
-        observe_link(c);
-    }
+    if (!even) observe_link(c);
+    if (in_air && even) observe_fence(c);
+    if (in_air && !even) observe_attitude(c);
     observe_setpoint(c);
 }

@@ -73,14 +73,14 @@ typedef struct {
     uint8_t previous_state; /* before the last transition */
     uint8_t reason;         /* tc_reason of the last transition */
     uint32_t transitions;   /* how many there have been */
-    uint64_t since_us;      /* when the state was entered */
+    uint32_t since_us;      /* when the state was entered: the low word of the time */
 } tc_mission;
 
 void tc_mission_init(tc_mission* mission);
 
 /* TC_OK when the event is legal in this state (then the state has changed, or the event says to stay);
    TC_WRONG_STATE otherwise, with nothing changed. `reason` is recorded when the state changes. */
-tc_reason tc_mission_post(tc_mission* mission, uint8_t event, tc_reason reason, uint64_t time_us);
+tc_reason tc_mission_post(tc_mission* mission, uint8_t event, tc_reason reason, uint32_t time_us);
 
 bool tc_mission_in_air(uint8_t state);  /* the position loop or the emergency loop is running */
 bool tc_mission_on_path(uint8_t state); /* the set-point comes from the trajectory */
