@@ -5,6 +5,7 @@ interrupted. Its answer comes back as a pickle through a private temporary folde
 """
 
 import contextlib
+import importlib
 import json
 import os
 import pickle
@@ -23,6 +24,8 @@ T = TypeVar("T")
 
 _STACK = ("@ ", "*** ", "PC: @")
 """How lines of a stack trace begin: they tell a user nothing."""
+_CRASHES = (signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGSEGV, signal.SIGTERM)
+"""What COLMAP answers with a stack trace."""
 
 
 def run(work: Callable[..., T], *arguments: object, progress: Progress = silent) -> T:
@@ -100,6 +103,7 @@ def _main(folder: Path) -> None:
     with os.fdopen(os.dup(1), "w") as lines:
         os.dup2(2, 1)  # whatever a library prints goes to the log, not between the progress lines
         threading.Thread(target=_die_with_parent, daemon=True).start()
+        _die_of_crashes()
 
         def tell(stage: str, fraction: float) -> None:
             lines.write(json.dumps([stage, fraction]) + "\n")
@@ -116,6 +120,17 @@ def _main(folder: Path) -> None:
             error = f"{type(caught).__name__}: {caught}".splitlines()[0]
         (folder / "answer.part").write_bytes(pickle.dumps((error, answer), protocol=pickle.HIGHEST_PROTOCOL))
         os.rename(folder / "answer.part", folder / "answer")
+
+
+def _die_of_crashes() -> None:
+    """Take back COLMAP's own answers to crashes, a stack trace each.
+
+    Printing it allocates: after a crash inside the allocator (a damaged heap, say) it would wait for ever, and the
+    parent with it.
+    """
+    importlib.import_module("pycolmap")
+    for crash in _CRASHES:
+        signal.signal(crash, signal.SIG_DFL)
 
 
 def _die_with_parent() -> None:

@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -114,12 +115,16 @@ def interrupted(
         start_new_session=True,
     )
     assert process.stderr is not None
+    patience = threading.Timer(240.0, process.kill)
+    patience.daemon = True
+    patience.start()
     assert any(stage in line for line in process.stderr), f"never came to {stage}"
     victim = process.pid
     if crash_child:
         victim = next(int(pid) for pid in children(process.pid) if b"mapping.child" in command_line(pid))
     os.kill(victim, signal.SIGABRT if crash_child else signal.SIGINT)
     said = process.stderr.read().splitlines()
+    patience.cancel()
     process.stderr.close()
     return process.wait(timeout=30), said, victim
 

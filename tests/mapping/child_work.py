@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import signal
 import time
 from pathlib import Path
 
@@ -23,6 +24,18 @@ def abort(*, progress: Progress) -> None:
 def segfault(*, progress: Progress) -> None:
     progress("placing images", 0.2)
     ctypes.string_at(0)
+
+
+def free_twice(*, progress: Progress) -> None:
+    """Crash inside the allocator; should nobody end this within 20 s, the alarm does."""
+    progress("placing images", 0.2)
+    signal.alarm(20)
+    c = ctypes.CDLL(None)
+    c.malloc.restype = ctypes.c_void_p
+    c.free.argtypes = [ctypes.c_void_p]
+    block, _beside = c.malloc(5000), c.malloc(5000)
+    c.free(block)
+    c.free(block)
 
 
 def vanish(*, progress: Progress) -> None:

@@ -43,6 +43,12 @@ def test_segmentation_fault_is_a_message() -> None:
         child.run(_work("segfault"))
 
 
+def test_a_damaged_heap_is_a_message() -> None:
+    """The C library aborts while it holds the heap: whoever allocates in answer to that waits for ever."""
+    with pytest.raises(MapError, match=r"placing images crashed \(SIGABRT\): .*free"):
+        child.run(_work("free_twice"))
+
+
 def test_quiet_exit_without_answer_is_an_error() -> None:
     with pytest.raises(MapError, match="exit code 0"):
         child.run(_work("vanish"))
