@@ -15,9 +15,6 @@
 #define STATUS_REPEAT_US 10000u   /* of an upload, while pieces are missing and the ground is busy sending */
 #define STATUS_BUSY_US 1000000u   /* ... which it is until so long after its last frame */
 
-/* Keeps what a message needs off the stack of those that need more of it themselves. */
-#define NOINLINE __attribute__((noinline))
-
 static uint32_t low_word(uint64_t time_us) { return (uint32_t)(time_us & 0xFFFFFFFFu); }
 
 void tc_link_init(tc_link* link, tc_controller* controller, const tc_link_config* config, uint64_t now_us) {
@@ -48,13 +45,12 @@ static void hear(tc_link* link, uint32_t now_us) {
 }
 
 static void on_lease(tc_link* link, const link_message* message) {
-    goshawk_lease_request_msg m;
-    tc_frame_read(&message->frame, 0, &m, GOSHAWK_LEASE_REQUEST_LENGTH);
+    const uint8_t action = message->head.lease.action;
     const bool may_take = message->in_control || link->lease.system_id == 0u;
-    if (m.action == 0u && message->in_control) {
+    if (action == 0u && message->in_control) {
         link->lease.system_id = 0;
         link->lease.component_id = 0;
-    } else if ((m.action == 1u && may_take) || m.action == 2u) {
+    } else if ((action == 1u && may_take) || action == 2u) {
         link->lease.system_id = message->frame.raw[TC_FRAME_SYSTEM];
         link->lease.component_id = message->frame.raw[TC_FRAME_COMPONENT];
         link->until_us = message->now_us + TC_LINK_LEASE_US;
@@ -62,7 +58,7 @@ static void on_lease(tc_link* link, const link_message* message) {
     } else {
         /* an unknown action, or one that this station may not take: the answer tells who has control */
     }
-    link->lease.nonce = m.nonce;
+    link->lease.nonce = message->head.id;
     link->lease.left_ms = link->lease.system_id != 0u ? (link->until_us - message->now_us) / 1000u : 0u;
     link->due |= DUE(SAY_LEASE);
 }
@@ -77,11 +73,11 @@ static uint8_t set_state_rate(tc_link* link, float rate_hz) {
 
 /* Whether the order means the trajectory that is active. */
 static tc_reason check_trajectory(const tc_link* link, const goshawk_mission_command_msg* m) {
-    const tc_store* store = &link->controller->store;
-    if (tc_store_active(store) == NULL) {
+    const tc_trajectory* active = link_active(link);
+    if (active == NULL) {
         return TC_NO_TRAJECTORY;
     }
-    const bool meant = tc_store_is_active(store, m->trajectory_id, m->crc32);
+    const bool meant = active->header.id == m->trajectory_id && active->header.crc32 == m->crc32;
     return meant ? TC_OK : (tc_reason)TC_LINK_OTHER_TRAJECTORY;
 }
 
@@ -107,55 +103,50 @@ static uint8_t do_order(tc_link* link, const goshawk_mission_command_msg* m) {
 static NOINLINE void on_order(tc_link* link, const link_message* message) {
     const uint8_t system_id = message->frame.raw[TC_FRAME_SYSTEM];
     const uint8_t component_id = message->frame.raw[TC_FRAME_COMPONENT];
-    goshawk_mission_command_msg m;
-    tc_frame_read(&message->frame, 0, &m, GOSHAWK_MISSION_COMMAND_LENGTH);
-    if (m.request_id == 0u) {
+    const goshawk_mission_command_msg* m = &message->head.order;
+    if (m->request_id == 0u) {
         return;
     }
     tc_link_order* order = message->in_control ? &link->order : &link->foreign;
     const bool repeated =
-        m.request_id == order->request_id && system_id == link->order_from[0] && component_id == link->order_from[1];
+        m->request_id == order->request_id && system_id == link->order_from[0] && component_id == link->order_from[1];
     link->due |= message->in_control ? DUE(SAY_ORDER) : DUE(SAY_FOREIGN);
     if (!message->in_control) {
-        order->request_id = m.request_id;
-        order->command = m.command;
+        order->request_id = m->request_id;
+        order->command = m->command;
         order->reason = TC_LINK_NOT_IN_CONTROL;
     } else if (!repeated) { /* else the first answer again */
-        order->request_id = m.request_id;
-        order->command = m.command;
+        order->request_id = m->request_id;
+        order->command = m->command;
         link->order_from[0] = system_id;
         link->order_from[1] = component_id;
-        order->reason = do_order(link, &m);
+        order->reason = do_order(link, m);
     } else {
         /* nothing is carried out twice */
     }
     order->mission_state = link->controller->mission.state;
 }
 
-static NOINLINE void on_command_long(tc_link* link, const tc_frame* frame) {
-    uint32_t asked; /* the command, or, of a request for a message, its bits of the message's number */
-    uint16_t command;
-    tc_frame_read(frame, COMMAND_LONG_COMMAND_AT, &command, sizeof command);
-    tc_frame_read(frame, COMMAND_LONG_PARAM1_AT, &asked, sizeof asked);
-    asked = command == REQUEST_MESSAGE ? asked : command;
-    uint32_t due = 0;
-    if (asked == REQUEST_CAPABILITIES || asked == FLOAT_148) {
-        due = DUE(SAY_VERSION);
-    }
-    if (asked == REQUEST_HOME || asked == FLOAT_242) {
-        due = DUE(SAY_HOME);
-    }
+static void on_command_long(tc_link* link, const link_message* message) {
+    const uint16_t command = message->head.command.command;
+    /* the command, or, of a request for a message, the bits of the message's number: the first parameter lies first */
+    const uint32_t asked = command == REQUEST_MESSAGE ? message->head.id : command;
     link->acknowledged.command = command;
-    link->acknowledged.result = due != 0u ? 0u : 3u;
-    link->due |= due | DUE(SAY_ACKNOWLEDGED);
+    link->acknowledged.result = 0;
+    link->due |= DUE(SAY_ACKNOWLEDGED);
+    if (asked == REQUEST_CAPABILITIES || asked == FLOAT_148) {
+        link->due |= DUE(SAY_VERSION);
+    } else if (asked == REQUEST_HOME || asked == FLOAT_242) {
+        link->due |= DUE(SAY_HOME);
+    } else {
+        link->acknowledged.result = 3;
+    }
 }
 
-static NOINLINE void on_timesync(tc_link* link, const tc_frame* frame) {
-    timesync_msg m;
-    tc_frame_read(frame, 0, &m, TIMESYNC_TARGET_SYSTEM_AT);
-    if (m.tc1 == 0) {
+static void on_timesync(tc_link* link, const timesync_msg* m) {
+    if (m->tc1 == 0) {
         link->timesync.vehicle_ns = (int64_t)(link->controller->telemetry.time_us * 1000u);
-        link->timesync.asker_ns = m.ts1;
+        link->timesync.asker_ns = m->ts1;
         link->due |= DUE(SAY_TIMESYNC);
     }
 }
@@ -181,7 +172,7 @@ static void dispatch(tc_link* link, const link_message* message) {
             link_on_commit(link, message);
             break;
         case GOSHAWK_TRAJECTORY_READ_ROW:
-            link_on_read(link, &message->frame);
+            link_on_read(link, message);
             break;
         case GOSHAWK_PARAMETERS_STAGE_ROW:
             link_on_parameters_stage(link, message);
@@ -190,19 +181,19 @@ static void dispatch(tc_link* link, const link_message* message) {
             link_on_parameters_commit(link, message);
             break;
         case PARAM_REQUEST_READ_ROW:
-            link_on_parameter_request(link, &message->frame);
+            link_on_parameter_request(link, message);
             break;
         case PARAM_REQUEST_LIST_ROW:
             link_on_parameter_list(link, 0, tc_parameters_count());
             break;
         case GOSHAWK_LOG_REQUEST_ROW:
-            link_on_log_request(link, &message->frame);
+            link_on_log_request(link, message);
             break;
         case COMMAND_LONG_ROW:
-            on_command_long(link, &message->frame);
+            on_command_long(link, message);
             break;
         case TIMESYNC_ROW:
-            on_timesync(link, &message->frame);
+            on_timesync(link, &message->head.timesync);
             break;
         default:
             break; /* heartbeats, and what only a vehicle says */
@@ -255,6 +246,7 @@ void tc_link_receive(tc_link* link, const uint8_t* bytes, size_t n, tc_parser* s
             if (message.in_control) {
                 hear(link, message.now_us);
             }
+            tc_frame_read(frame, 0, &message.head, sizeof message.head);
             dispatch(link, &message);
         }
     }
@@ -310,16 +302,15 @@ static const saying sayings[SAYINGS] = {
     [SAY_ODOMETRY] = MADE(ODOMETRY_ROW),
     [SAY_SET] = READY(set, GOSHAWK_PARAMETERS_RESULT_ROW, GOSHAWK_PARAMETERS_RESULT_LENGTH),
     [SAY_VALUE] = MADE(PARAM_VALUE_ROW),
-    [SAY_HEADER] = MADE(GOSHAWK_TRAJECTORY_BEGIN_ROW),
-    [SAY_SEGMENT] = MADE(GOSHAWK_TRAJECTORY_SEGMENT_ROW),
+    [SAY_HEADER] = READY(read_transfer_id, GOSHAWK_TRAJECTORY_BEGIN_ROW, 4),
+    [SAY_SEGMENT] = READY(read_transfer_id, GOSHAWK_TRAJECTORY_SEGMENT_ROW, 4),
     [SAY_LOG] = READY(log, GOSHAWK_LOG_INFO_ROW, GOSHAWK_LOG_INFO_LENGTH),
-    [SAY_RECORD] = MADE(GOSHAWK_LOG_RECORD_ROW),
+    [SAY_RECORD] = READY(log, GOSHAWK_LOG_RECORD_ROW, 4),
 };
 
 /* Puts a payload together; false when there is nothing to say after all. */
 static bool say(tc_link* link, unsigned what, uint8_t* payload) {
-    const uint8_t* ready = (const uint8_t*)link + sayings[what].at;
-    memcpy(payload, ready, sayings[what].length);
+    link_copy(payload, (const uint8_t*)link + sayings[what].at, sayings[what].length, 0);
     switch (what) {
         case SAY_UPLOAD:
             link_say_bitmap(link, payload);

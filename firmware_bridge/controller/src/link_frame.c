@@ -132,18 +132,19 @@ static tc_stream* find_stream(tc_signing* signing, uint32_t sender) {
     return quietest;
 }
 
-static uint64_t at_most(uint64_t age_10us) { return age_10us < LATE_10US ? age_10us : LATE_10US; }
+static uint32_t at_most(uint64_t age_10us) { return (uint32_t)(age_10us < LATE_10US ? age_10us : LATE_10US); }
 
 /* Whether a stamp is a new one. Then it is noted; where there is no room the oldest one goes, and bounds the reach. */
 static bool accept(tc_stream* stream, uint64_t stamp_10us) {
     if (stamp_10us > stream->newest_10us) {
-        const uint64_t step = at_most(stamp_10us - stream->newest_10us);
+        const uint32_t step = at_most(stamp_10us - stream->newest_10us);
         for (unsigned i = 0; i <= TC_RECENT; i++) {
-            stream->age_10us[i] = (uint16_t)at_most(stream->age_10us[i] + step);
+            const uint32_t older = stream->age_10us[i] + step;
+            stream->age_10us[i] = (uint16_t)(older < LATE_10US ? older : LATE_10US);
         }
         stream->newest_10us = stamp_10us;
     }
-    const uint64_t age_10us = stream->newest_10us - stamp_10us;
+    const uint32_t age_10us = at_most(stream->newest_10us - stamp_10us);
     uint16_t* oldest = &stream->age_10us[0];
     uint16_t* reach = &stream->age_10us[TC_RECENT];
     bool is_new = age_10us < *reach;

@@ -13,10 +13,9 @@ void link_on_parameter_list(tc_link* link, uint16_t first, uint16_t end) {
     link->due |= DUE(SAY_VALUE);
 }
 
-void link_on_parameter_request(tc_link* link, const tc_frame* frame) {
-    param_request_read_msg m;
-    tc_frame_read(frame, 0, &m, PARAM_REQUEST_READ_LENGTH);
-    const int32_t index = m.param_index >= 0 ? m.param_index : tc_parameters_find(m.param_id);
+void link_on_parameter_request(tc_link* link, const link_message* message) {
+    const param_request_read_msg* m = &message->head.parameter;
+    const int32_t index = m->param_index >= 0 ? m->param_index : tc_parameters_find(m->param_id);
     if (index >= 0 && index < (int32_t)tc_parameters_count()) {
         link_on_parameter_list(link, (uint16_t)index, (uint16_t)(index + 1));
     }
@@ -46,9 +45,8 @@ static tc_reason take_group(tc_link* link, tc_parameters* staged, unsigned group
 }
 
 void link_on_parameters_stage(tc_link* link, const link_message* message) {
-    uint32_t transfer_id;
+    const uint32_t transfer_id = message->head.id;
     uint8_t group;
-    tc_frame_read(&message->frame, 0, &transfer_id, sizeof transfer_id);
     tc_frame_read(&message->frame, GOSHAWK_PARAMETERS_STAGE_GROUP_AT, &group, sizeof group);
     tc_reason reason = (tc_reason)link->set.reason;
     if (transfer_id == 0u || transfer_id == link->set_done_id) {
@@ -93,16 +91,15 @@ static tc_reason commit(tc_link* link, uint32_t crc32) {
 }
 
 void link_on_parameters_commit(tc_link* link, const link_message* message) {
-    goshawk_parameters_commit_msg m;
-    tc_frame_read(&message->frame, 0, &m, GOSHAWK_PARAMETERS_COMMIT_LENGTH);
+    const uint32_t transfer_id = message->head.id;
     tc_reason reason = (tc_reason)link->set.reason;
-    if (m.transfer_id == 0u || !message->in_control) {
+    if (transfer_id == 0u || !message->in_control) {
         return;
     }
-    if (m.transfer_id != link->set_done_id) { /* a repeated commit gets the first answer again */
-        reason = m.transfer_id == link->set.transfer_id ? commit(link, m.crc32) : TC_NO_UPLOAD;
-        link->set.transfer_id = m.transfer_id;
-        link->set_done_id = m.transfer_id;
+    if (transfer_id != link->set_done_id) { /* a repeated commit gets the first answer again */
+        reason = transfer_id == link->set.transfer_id ? commit(link, message->head.parameters.crc32) : TC_NO_UPLOAD;
+        link->set.transfer_id = transfer_id;
+        link->set_done_id = transfer_id;
         tc_parameters_drop(link->controller);
     }
     answer(link, reason, true);

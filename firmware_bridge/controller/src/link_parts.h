@@ -5,9 +5,45 @@
 #include "goshawk_controller/link.h"
 #include "goshawk_dialect.h"
 
+/* GOSHAWK_TRAJECTORY_SEGMENT without its coefficients, GOSHAWK_TRAJECTORY_READ without its bits, and
+   GOSHAWK_TRAJECTORY_BEGIN without what only names it. */
+typedef struct {
+    uint32_t transfer_id, duration_us;
+    uint16_t index;
+} link_segment_head;
+
+typedef struct {
+    uint32_t transfer_id;
+    uint16_t first;
+} link_read_head;
+
+typedef struct {
+    uint32_t transfer_id, trajectory_id, crc32;
+    uint16_t segments;
+    uint8_t target[2];
+    uint8_t coefficient_count, link_loss_policy, samples;
+} link_begin_head;
+
+/* The beginning of a payload, as the message that it is of; the long ones, whose numbers begin in the same way, are
+   read on from the frame. What was cut off at its end is zero. */
+typedef union {
+    uint32_t id; /* of the transfer, the order, the request: the first number of each of our messages */
+    goshawk_lease_request_msg lease;
+    goshawk_mission_command_msg order;
+    goshawk_trajectory_commit_msg commit;
+    goshawk_parameters_commit_msg parameters;
+    link_segment_head segment;
+    link_read_head read;
+    link_begin_head begin;
+    param_request_read_msg parameter;
+    command_long_msg command;
+    timesync_msg timesync;
+} link_head;
+
 /* A message that came in, and when. */
 typedef struct {
     tc_frame frame;
+    link_head head;
     uint32_t now_us;
     bool in_control; /* its sender */
 } link_message;
@@ -41,6 +77,10 @@ enum {
     SAY_RECORD,
     SAYINGS
 };
+/* Keeps what a message needs off the stack of those that need more of it themselves, and what many need in one place.
+ */
+#define NOINLINE __attribute__((noinline))
+
 #define DUE(what) ((uint32_t)1u << (uint32_t)(what))
 
 /* The series: what is due again and again. First those of the vehicle's clock, then those of the link's. */
@@ -70,11 +110,11 @@ void link_on_commit(tc_link* link, const link_message* message);
 void link_give_way(tc_link* link, uint32_t now_us);
 void link_on_parameters_stage(tc_link* link, const link_message* message);
 void link_on_parameters_commit(tc_link* link, const link_message* message);
-void link_on_parameter_request(tc_link* link, const tc_frame* frame);
+void link_on_parameter_request(tc_link* link, const link_message* message);
 void link_on_parameter_list(tc_link* link, uint16_t first, uint16_t count);
 /* A request for pieces of the trajectory or of the log. */
-void link_on_read(tc_link* link, const tc_frame* frame);
-void link_on_log_request(tc_link* link, const tc_frame* frame);
+void link_on_read(tc_link* link, const link_message* message);
+void link_on_log_request(tc_link* link, const link_message* message);
 
 /* Senders: fill a payload that is zero, apart from what lies ready; false when there is nothing more to say. */
 void link_say_bitmap(const tc_link* link, uint8_t* payload);
@@ -84,6 +124,12 @@ bool link_say_value(tc_link* link, uint8_t* payload);
 bool link_say_record(tc_link* link, uint8_t* payload);
 void link_say_telemetry(const tc_link* link, unsigned what, uint8_t* payload);
 
+/* NULL when there is none. */
+const tc_trajectory* link_active(const tc_link* link);
+/* Copies bytes. Bit i of `signs` turns the highest bit of byte i over, which is the sign where a number ends. */
+void link_copy(uint8_t* to, const void* from, size_t n, uint32_t signs);
+/* Three numbers as MAVLink's: NED from world, FRD from body, a half turn about x. */
+#define LINK_FLIPPED 0x880u
 /* The next piece that was asked for and exists, there being `count`; `count` when there is none. */
 uint32_t link_take(tc_link* link, uint32_t count);
 

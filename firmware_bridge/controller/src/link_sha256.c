@@ -16,27 +16,29 @@ static const uint32_t K[64] = {
 static uint32_t rotate(uint32_t x, unsigned n) { return (x >> n) | (x << (32u - n)); }
 
 /* One block, whose message schedule is a ring of 16 words in its own place: so the stack stays small. The eight working
-   words are a ring too: in round t, letter k of the standard (0 is a, 7 is h) lies at (k - t) mod 8. */
+   words a to h move on by one place in every round. */
 static void compress(tc_sha256* hash) {
-    uint32_t* w = hash->block;
     uint32_t s[8];
     memcpy(s, hash->state, sizeof s);
     for (unsigned t = 0; t < 64u; t++) {
+        uint32_t* w = &hash->block[t & 15u];
         if (t >= 16u) {
-            const uint32_t a = w[(t + 1u) & 15u];
-            const uint32_t b = w[(t + 14u) & 15u];
-            w[t & 15u] += (rotate(a, 7) ^ rotate(a, 18) ^ (a >> 3)) + w[(t + 9u) & 15u] +
-                          (rotate(b, 17) ^ rotate(b, 19) ^ (b >> 10));
+            const uint32_t x = hash->block[(t + 1u) & 15u];
+            const uint32_t y = hash->block[(t + 14u) & 15u];
+            *w += (rotate(x, 7) ^ rotate(x, 18) ^ (x >> 3)) + hash->block[(t + 9u) & 15u] +
+                  (rotate(y, 17) ^ rotate(y, 19) ^ (y >> 10));
         }
-        const uint32_t a = s[(64u - t) & 7u];
-        const uint32_t b = s[(65u - t) & 7u];
-        const uint32_t c = s[(66u - t) & 7u];
-        const uint32_t e = s[(68u - t) & 7u];
-        uint32_t* h = &s[(71u - t) & 7u];
-        *h += (rotate(e, 6) ^ rotate(e, 11) ^ rotate(e, 25)) + ((e & s[(69u - t) & 7u]) ^ (~e & s[(70u - t) & 7u])) +
-              K[t] + w[t & 15u];
-        s[(67u - t) & 7u] += *h;
-        *h += (rotate(a, 2) ^ rotate(a, 13) ^ rotate(a, 22)) + ((a & b) ^ (a & c) ^ (b & c));
+        const uint32_t a = s[0];
+        const uint32_t e = s[4];
+        const uint32_t h =
+            s[7] + (rotate(e, 6) ^ rotate(e, 11) ^ rotate(e, 25)) + ((e & s[5]) ^ (~e & s[6])) + K[t] + *w;
+        const uint32_t next =
+            h + (rotate(a, 2) ^ rotate(a, 13) ^ rotate(a, 22)) + ((a & s[1]) ^ (a & s[2]) ^ (s[1] & s[2]));
+        for (unsigned i = 7; i > 0u; i--) {
+            s[i] = s[i - 1u];
+        }
+        s[4] += h;
+        s[0] = next;
     }
     for (unsigned i = 0; i < 8u; i++) {
         hash->state[i] += s[i];
@@ -46,32 +48,33 @@ static void compress(tc_sha256* hash) {
 void tc_sha256_init(tc_sha256* hash) {
     static const uint32_t start[8] = {0x6a09e667u, 0xbb67ae85u, 0x3c6ef372u, 0xa54ff53au,
                                       0x510e527fu, 0x9b05688cu, 0x1f83d9abu, 0x5be0cd19u};
-    memset(hash, 0, sizeof *hash);
     memcpy(hash->state, start, sizeof start);
+    hash->length = 0;
 }
 
 void tc_sha256_update(tc_sha256* hash, const uint8_t* bytes, size_t n) {
     for (size_t i = 0; i < n; i++) {
-        const size_t at = (size_t)(hash->length % 64u);
-        hash->block[at / 4u] = (hash->block[at / 4u] << 8) | bytes[i]; /* four of them push out what was there */
+        uint32_t* word = &hash->block[hash->length / 4u % 16u];
+        *word = (*word << 8) | bytes[i]; /* four of them push out what was there */
         hash->length++;
-        if (at == 63u) {
+        if (hash->length % 64u == 0u) {
             compress(hash);
         }
     }
 }
 
 void tc_sha256_final(tc_sha256* hash, uint8_t digest[32]) {
-    static const uint8_t mark = 0x80u, nothing = 0u;
-    const uint64_t bits = hash->length * 8u;
-    tc_sha256_update(hash, &mark, 1);
-    while (hash->length % 64u != 56u) {
-        tc_sha256_update(hash, &nothing, 1);
-    }
-    hash->block[14] = (uint32_t)(bits >> 32);
-    hash->block[15] = (uint32_t)(bits & 0xFFFFFFFFu);
+    const uint32_t length = hash->length;
+    uint8_t padding = 0x80u; /* one bit, then zeros up to the length */
+    do {
+        tc_sha256_update(hash, &padding, 1);
+        padding = 0;
+    } while (hash->length % 64u != 56u);
+    hash->block[14] = length >> 29;
+    hash->block[15] = length << 3;
     compress(hash);
-    for (unsigned i = 0; i < 32u; i++) {
-        digest[i] = (uint8_t)((hash->state[i / 4u] >> (24u - 8u * (i % 4u))) & 0xFFu);
+    for (unsigned i = 0; i < 8u; i++) {
+        const uint32_t word = __builtin_bswap32(hash->state[i]);
+        memcpy(digest + 4u * i, &word, sizeof word);
     }
 }

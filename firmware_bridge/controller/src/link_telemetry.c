@@ -40,6 +40,14 @@ void link_series(tc_link* link, unsigned first, unsigned end, uint32_t now_us) {
     }
 }
 
+void link_copy(uint8_t* to, const void* from, size_t n, uint32_t signs) {
+    const uint8_t* bytes = (const uint8_t*)from;
+    for (size_t i = 0; i < n; i++) {
+        to[i] = (uint8_t)(bytes[i] ^ ((signs & 1u) << 7));
+        signs >>= 1;
+    }
+}
+
 uint64_t link_quotient(uint64_t time, uint32_t unit) {
     const uint32_t high = (uint32_t)(time >> 32);
     const uint32_t middle = ((high % unit) << 16) | ((uint32_t)(time >> 16) & 0xFFFFu);
@@ -47,36 +55,77 @@ uint64_t link_quotient(uint64_t time, uint32_t unit) {
     return ((uint64_t)(high / unit) << 32) + ((uint64_t)(middle / unit) << 16) + (uint64_t)(low / unit);
 }
 
-static float path_time_s(const tc_telemetry* t) {
+static NOINLINE float path_time_s(const tc_telemetry* t) {
     return tc_mission_on_path(t->state) ? (float)t->path_time_us * 1e-6f : -1.0f;
 }
 
-static uint8_t* put(uint8_t* place, const void* from, size_t n) {
-    memcpy(place, from, n);
-    return place + n;
+/* What is copied as it is from the telemetry into a payload: words of four bytes, which all of it begins at. */
+typedef struct {
+    uint8_t message; /* SAY_... */
+    uint8_t to;      /* byte of the payload */
+    uint8_t from;    /* word of the telemetry */
+    uint8_t words;
+} run;
+
+#define FROM(member) (offsetof(tc_telemetry, member) / 4u)
+#define POSITION FROM(estimate.position_world_m)
+#define VELOCITY FROM(estimate.velocity_world_m_s)
+#define ATTITUDE FROM(estimate.q_world_body)
+#define RATE FROM(estimate.rate_body_rad_s)
+#define FLIPPED 128u /* three words, as LINK_FLIPPED */
+
+/* Neighbours in memory that are neighbours in GOSHAWK_STATE are one run. */
+_Static_assert(FROM(estimate.battery_v) - POSITION == 13u, "position, velocity, attitude, rate");
+_Static_assert(GOSHAWK_STATE_SPECIFIC_FORCE_BODY_M_S2_AT - GOSHAWK_STATE_POSITION_WORLD_M_AT == 52, "those");
+_Static_assert(FROM(setpoint.acceleration_world_m_s2) - FROM(setpoint) == 6u, "position and velocity");
+_Static_assert(FROM(setpoint.acceleration_world_m_s2) < 256u, "a word's number is a byte");
+_Static_assert(sizeof(tc_link_measured) == 28, "force and rotor speeds");
+
+static const run runs[] = {
+    {SAY_MISSION, GOSHAWK_MISSION_STATUS_TIME_US_AT, FROM(time_us), 2},
+    {SAY_MISSION, GOSHAWK_MISSION_STATUS_PATH_RATE_AT, FROM(path_rate), 1},
+    {SAY_STATE, GOSHAWK_STATE_TIME_US_AT, FROM(time_us), 2},
+    {SAY_STATE, GOSHAWK_STATE_POSITION_WORLD_M_AT, POSITION, 13},
+    {SAY_STATE, GOSHAWK_STATE_ROTOR_SPEED_COMMAND_RAD_S_AT, FROM(rotor_speed_rad_s), TC_ROTORS},
+    {SAY_STATE, GOSHAWK_STATE_SETPOINT_POSITION_WORLD_M_AT, FROM(setpoint), 6},
+    {SAY_STATE, GOSHAWK_STATE_SETPOINT_Q_WORLD_BODY_AT, FROM(flatness.q_reference), 4},
+    {SAY_STATE, GOSHAWK_STATE_BATTERY_V_AT, FROM(estimate.battery_v), 1},
+    {SAY_HOME, HOME_POSITION_TIME_USEC_AT, FROM(time_us), 2},
+    {SAY_ATTITUDE, ATTITUDE_QUATERNION_Q1_AT, ATTITUDE, 1},
+    {SAY_ATTITUDE, ATTITUDE_QUATERNION_Q2_AT, ATTITUDE + 1u, FLIPPED},
+    {SAY_ATTITUDE, ATTITUDE_QUATERNION_ROLLSPEED_AT, RATE, FLIPPED},
+    {SAY_POSITION, LOCAL_POSITION_NED_X_AT, POSITION, FLIPPED},
+    {SAY_POSITION, LOCAL_POSITION_NED_VX_AT, VELOCITY, FLIPPED},
+    {SAY_ROTORS, ESC_STATUS_TIME_USEC_AT, FROM(time_us), 2},
+    {SAY_ODOMETRY, ODOMETRY_TIME_USEC_AT, FROM(time_us), 2},
+    {SAY_ODOMETRY, ODOMETRY_X_AT, POSITION, FLIPPED},
+    {SAY_ODOMETRY, ODOMETRY_Q_AT, ATTITUDE, 1},
+    {SAY_ODOMETRY, ODOMETRY_Q_AT + 4, ATTITUDE + 1u, FLIPPED},
+    {SAY_ODOMETRY, ODOMETRY_ROLLSPEED_AT, RATE, FLIPPED},
+};
+
+static void put_u32(uint8_t* place, uint32_t value) { memcpy(place, &value, 4); }
+
+static void put_f32(uint8_t* place, float value) { memcpy(place, &value, 4); }
+
+static NOINLINE void put_runs(const tc_telemetry* t, unsigned what, uint8_t* payload) {
+    for (unsigned i = 0; i < sizeof runs / sizeof runs[0]; i++) {
+        const uint8_t* from = (const uint8_t*)t + 4u * runs[i].from;
+        if (runs[i].message == what) {
+            const bool flipped = runs[i].words == FLIPPED;
+            link_copy(payload + runs[i].to, from, flipped ? 12u : 4u * runs[i].words, flipped ? LINK_FLIPPED : 0u);
+        }
+    }
 }
 
-/* Neighbours in memory that are neighbours in the record. */
-_Static_assert(offsetof(tc_estimate, battery_v) - offsetof(tc_estimate, position_world_m) == 52, "one piece");
-_Static_assert(GOSHAWK_STATE_SPECIFIC_FORCE_BODY_M_S2_AT - GOSHAWK_STATE_POSITION_WORLD_M_AT == 52, "one piece");
-_Static_assert(offsetof(tc_setpoint, acceleration_world_m_s2) == 24, "position and velocity are one piece");
-_Static_assert(sizeof(tc_link_measured) == 28, "force and rotor speeds are one piece");
-
-/* The last tick, with what was measured at it; field by field as GOSHAWK_STATE lies. */
-static void encode_state(const tc_link* link, uint8_t record[TC_LINK_RECORD]) {
+/* The rest of a GOSHAWK_STATE: what was measured at the last tick, and what is not a word of the telemetry. */
+static NOINLINE void say_state(const tc_link* link, uint8_t record[TC_LINK_RECORD]) {
     const tc_telemetry* t = &link->controller->telemetry;
-    const float trajectory_time_s = path_time_s(t);
-    uint8_t* at = put(record, &t->time_us, sizeof t->time_us);
-    at = put(at, (const uint8_t*)&t->estimate + offsetof(tc_estimate, position_world_m), 52);
-    at = put(at, &link->measured, sizeof link->measured);
-    at = put(at, t->rotor_speed_rad_s, sizeof t->rotor_speed_rad_s);
-    at = put(at, &t->setpoint, 24);
-    at = put(at, t->flatness.q_reference, sizeof t->flatness.q_reference);
-    at = put(at, &t->estimate.battery_v, 4);
-    at = put(at, &trajectory_time_s, 4);
-    at = put(at, &link->state_sequence, 2);
-    at[0] = t->state;
-    at[1] = t->saturation;
+    link_copy(record + GOSHAWK_STATE_SPECIFIC_FORCE_BODY_M_S2_AT, &link->measured, sizeof link->measured, 0);
+    put_f32(record + GOSHAWK_STATE_TRAJECTORY_TIME_S_AT, path_time_s(t));
+    memcpy(record + GOSHAWK_STATE_SEQUENCE_AT, &link->state_sequence, 2);
+    record[GOSHAWK_STATE_MISSION_STATE_AT] = t->state;
+    record[GOSHAWK_STATE_SATURATION_AT] = t->saturation;
 }
 
 uint8_t link_log_start(tc_link* link, uint32_t id) {
@@ -103,7 +152,9 @@ static void write_log(tc_link* link, uint32_t now_us) {
         log->not_stored++;
         return;
     }
-    encode_state(link, link->config->log + (size_t)TC_LINK_RECORD * log->records);
+    uint8_t* record = link->config->log + (size_t)TC_LINK_RECORD * log->records;
+    put_runs(&link->controller->telemetry, SAY_STATE, record);
+    say_state(link, record);
     log->records++;
 }
 
@@ -122,16 +173,12 @@ bool link_say_record(tc_link* link, uint8_t* payload) {
     if (index >= link->log.records) {
         return false;
     }
-    memcpy(payload, &link->log.id, 4);
     memcpy(payload + GOSHAWK_LOG_RECORD_INDEX_AT, &index, 4);
-    memcpy(payload + GOSHAWK_LOG_RECORD_RECORD_AT, link->config->log + (size_t)TC_LINK_RECORD * index, TC_LINK_RECORD);
+    link_copy(payload + GOSHAWK_LOG_RECORD_RECORD_AT, link->config->log + (size_t)TC_LINK_RECORD * index,
+              TC_LINK_RECORD, 0);
     link->due |= DUE(SAY_RECORD);
     return true;
 }
-
-static void put_u32(uint8_t* place, uint32_t value) { memcpy(place, &value, 4); }
-
-static void put_f32(uint8_t* place, float value) { memcpy(place, &value, 4); }
 
 static bool in_trouble(uint8_t state) { return state == (uint8_t)TC_EMERGENCY || state == (uint8_t)TC_FAULT; }
 
@@ -145,22 +192,20 @@ static void say_heartbeat(uint8_t state, uint8_t* payload) {
 
 static void say_mission(const tc_link* link, uint8_t* payload) {
     const tc_telemetry* t = &link->controller->telemetry;
-    const tc_trajectory* active = tc_store_active(&link->controller->store);
+    const tc_trajectory* active = link_active(link);
     const tc_link_counts* c = &link->counts;
     const uint32_t refused = c->without_signature + c->wrong_key + c->replayed + c->faults.checksum_errors;
-    memcpy(payload, &t->time_us, 8);
     put_u32(payload + GOSHAWK_MISSION_STATUS_BOOT_ID_AT, link->config->boot_id);
     if (active != NULL) {
         const float duration_s = (float)tc_trajectory_duration_us(active) * 1e-6f;
         memcpy(payload + GOSHAWK_MISSION_STATUS_ACTIVE_ID_AT, &active->header, 8);
         put_f32(payload + GOSHAWK_MISSION_STATUS_TRAJECTORY_DURATION_S_AT, duration_s);
-        memcpy(payload + GOSHAWK_MISSION_STATUS_MAP_HASH_AT, &active->origin, sizeof active->origin);
+        link_copy(payload + GOSHAWK_MISSION_STATUS_MAP_HASH_AT, &active->origin, sizeof active->origin, 0);
     }
     put_f32(payload + GOSHAWK_MISSION_STATUS_TRAJECTORY_TIME_S_AT, path_time_s(t));
     put_u32(payload + GOSHAWK_MISSION_STATUS_FRAMES_REFUSED_AT, refused);
     put_u32(payload + GOSHAWK_MISSION_STATUS_PARAMETERS_CRC32_AT,
             tc_parameters_crc32(tc_parameters_now(link->controller)));
-    put_f32(payload + GOSHAWK_MISSION_STATUS_PATH_RATE_AT, t->path_rate);
     payload[GOSHAWK_MISSION_STATUS_MISSION_STATE_AT] = link->controller->mission.state;
     payload[GOSHAWK_MISSION_STATUS_REASON_AT] = link->controller->mission.reason;
     payload[GOSHAWK_MISSION_STATUS_OPERATOR_SYSTEM_AT] = link->lease.system_id;
@@ -182,33 +227,9 @@ static void say_version(const tc_link* link, uint8_t* payload) {
     payload[AUTOPILOT_VERSION_UID_AT] = link->config->system_id;
 }
 
-/* Three of our numbers as MAVLink's: NED from world, FRD from body, a half turn about x. */
-static void put_flipped(uint8_t* place, const float v[3]) {
-    put_f32(place, v[0]);
-    put_f32(place + 4, -v[1]);
-    put_f32(place + 8, -v[2]);
-}
-
-/* A unit quaternion likewise. */
-static void put_flipped_q(uint8_t* place, const float q[4]) {
-    put_f32(place, q[0]);
-    put_flipped(place + 4, q + 1);
-}
-
-static void put_boot_ms(uint8_t* payload, const tc_telemetry* t) {
+/* In both of them it lies first. */
+static void say_boot_ms(const tc_telemetry* t, uint8_t* payload) {
     put_u32(payload, (uint32_t)link_quotient(t->time_us, 1000));
-}
-
-static void say_attitude(const tc_telemetry* t, uint8_t* payload) {
-    put_boot_ms(payload, t);
-    put_flipped_q(payload + ATTITUDE_QUATERNION_Q1_AT, t->estimate.q_world_body);
-    put_flipped(payload + ATTITUDE_QUATERNION_ROLLSPEED_AT, t->estimate.rate_body_rad_s);
-}
-
-static void say_position(const tc_telemetry* t, uint8_t* payload) {
-    put_boot_ms(payload, t);
-    put_flipped(payload + LOCAL_POSITION_NED_X_AT, t->estimate.position_world_m);
-    put_flipped(payload + LOCAL_POSITION_NED_VX_AT, t->estimate.velocity_world_m_s);
 }
 
 static void say_odometry(const tc_controller* c, uint8_t* payload) {
@@ -218,11 +239,7 @@ static void say_odometry(const tc_controller* c, uint8_t* payload) {
         along[i] = c->axes[i][0] * e->velocity_world_m_s[0] + c->axes[i][1] * e->velocity_world_m_s[1] +
                    c->axes[i][2] * e->velocity_world_m_s[2];
     }
-    memcpy(payload, &c->telemetry.time_us, 8);
-    put_flipped(payload + ODOMETRY_X_AT, e->position_world_m);
-    put_flipped_q(payload + ODOMETRY_Q_AT, e->q_world_body);
-    put_flipped(payload + ODOMETRY_VX_AT, along);
-    put_flipped(payload + ODOMETRY_ROLLSPEED_AT, e->rate_body_rad_s);
+    link_copy(payload + ODOMETRY_VX_AT, along, sizeof along, LINK_FLIPPED);
     put_f32(payload + ODOMETRY_POSE_COVARIANCE_AT, NAN); /* nobody knows them */
     put_f32(payload + ODOMETRY_VELOCITY_COVARIANCE_AT, NAN);
     payload[ODOMETRY_FRAME_ID_AT] = FRAME_LOCAL_FRD;
@@ -230,15 +247,13 @@ static void say_odometry(const tc_controller* c, uint8_t* payload) {
 }
 
 static void say_home(const tc_link* link, uint8_t* payload) {
-    put_flipped(payload + HOME_POSITION_X_AT, link->home_world_m);
+    link_copy(payload + HOME_POSITION_X_AT, link->home_world_m, sizeof link->home_world_m, LINK_FLIPPED);
     put_f32(payload + HOME_POSITION_Q_AT, 1.0f);
-    memcpy(payload + HOME_POSITION_TIME_USEC_AT, &link->controller->telemetry.time_us, 8);
 }
 
 static void say_rotors(const tc_link* link, uint8_t* payload) {
     const float rpm_per_rad_s = 9.5492966f;
     const tc_telemetry* t = &link->controller->telemetry;
-    memcpy(payload, &t->time_us, 8);
     for (unsigned i = 0; i < TC_ROTORS; i++) {
         const int32_t rpm = (int32_t)(link->measured.rotor_speed_rad_s[i] * rpm_per_rad_s);
         put_u32(payload + ESC_STATUS_RPM_AT + 4u * i, (uint32_t)rpm);
@@ -262,6 +277,7 @@ static void say_battery(const tc_telemetry* t, uint8_t* payload) {
 
 void link_say_telemetry(const tc_link* link, unsigned what, uint8_t* payload) {
     const tc_controller* c = link->controller;
+    put_runs(&c->telemetry, what, payload);
     switch (what) {
         case SAY_HEARTBEAT:
             say_heartbeat(c->mission.state, payload);
@@ -270,7 +286,7 @@ void link_say_telemetry(const tc_link* link, unsigned what, uint8_t* payload) {
             say_mission(link, payload);
             break;
         case SAY_STATE:
-            encode_state(link, payload);
+            say_state(link, payload);
             break;
         case SAY_TEXT:
             say_text(&c->mission, payload);
@@ -282,10 +298,8 @@ void link_say_telemetry(const tc_link* link, unsigned what, uint8_t* payload) {
             say_home(link, payload);
             break;
         case SAY_ATTITUDE:
-            say_attitude(&c->telemetry, payload);
-            break;
         case SAY_POSITION:
-            say_position(&c->telemetry, payload);
+            say_boot_ms(&c->telemetry, payload);
             break;
         case SAY_ROTORS:
             say_rotors(link, payload);

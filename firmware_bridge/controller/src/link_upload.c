@@ -10,6 +10,8 @@
 
 _Static_assert(TC_MAX_SEGMENTS <= 1024, "the report's bitmap holds 1024 segments");
 
+NOINLINE const tc_trajectory* link_active(const tc_link* link) { return tc_store_active(&link->controller->store); }
+
 /* What the open transfer is about; NULL when none is open, or when the controller has thrown it away since. */
 static const tc_trajectory_header* opened(const tc_link* link) {
     const tc_trajectory* staged = tc_store_staged(&link->controller->store);
@@ -39,39 +41,31 @@ void link_give_way(tc_link* link, uint32_t now_us) {
 }
 
 /* Opens a transfer. What had been open is given up first. */
-static tc_reason begin(tc_link* link, const tc_frame* frame, uint32_t transfer_id) {
-    tc_trajectory_header header;
+static tc_reason begin(tc_link* link, const link_message* message) {
+    const link_begin_head* m = &message->head.begin;
+    const tc_trajectory_header header = {m->trajectory_id, m->crc32, m->segments, m->coefficient_count,
+                                         m->link_loss_policy};
     tc_origin origin;
-    tc_frame_read(frame, GOSHAWK_TRAJECTORY_BEGIN_TRAJECTORY_ID_AT, &header, 10);
-    tc_frame_read(frame, GOSHAWK_TRAJECTORY_BEGIN_COEFFICIENT_COUNT_AT, &header.coefficient_count, 2);
     end_transfer(link);
     memset(&link->upload, 0, sizeof link->upload);
     const tc_reason reason = tc_upload_begin(link->controller, &header);
     if (reason == TC_OK) {
-        tc_frame_read(frame, GOSHAWK_TRAJECTORY_BEGIN_MAP_HASH_AT, &origin, sizeof origin);
-        tc_frame_read(frame, GOSHAWK_TRAJECTORY_BEGIN_SAMPLES_AT, &link->samples_wanted, 1);
+        tc_frame_read(&message->frame, GOSHAWK_TRAJECTORY_BEGIN_MAP_HASH_AT, &origin, sizeof origin);
         (void)tc_upload_origin(link->controller, &origin);
-        link->upload.transfer_id = transfer_id;
+        link->samples_wanted = m->samples;
+        link->upload.transfer_id = m->transfer_id;
     }
     return reason;
 }
 
-/* The transfer that a message is about: in each of them the first number. */
-static uint32_t transfer_of(const link_message* message) {
-    uint32_t transfer_id;
-    tc_frame_read(&message->frame, 0, &transfer_id, sizeof transfer_id);
-    return transfer_id;
-}
-
 void link_on_begin(tc_link* link, const link_message* message) {
-    const uint32_t transfer_id = transfer_of(message);
+    const uint32_t transfer_id = message->head.id;
     uint8_t reason = TC_LINK_NOT_IN_CONTROL;
     if (transfer_id == 0u) {
         return;
     }
     if (message->in_control) { /* repeated: what has arrived stays */
-        const bool repeated = transfer_id == link->upload.transfer_id;
-        reason = (uint8_t)(repeated ? TC_OK : begin(link, &message->frame, transfer_id));
+        reason = (uint8_t)(transfer_id == link->upload.transfer_id ? TC_OK : begin(link, message));
     }
     if (reason != (uint8_t)TC_OK) {
         link->refused.transfer_id = transfer_id;
@@ -86,7 +80,7 @@ void link_on_begin(tc_link* link, const link_message* message) {
 /* Whether a piece belongs to the open transfer. One that does not is answered with what is open (0: nothing), so that
    the ground learns of a restart at once. */
 static bool belongs(tc_link* link, const link_message* message) {
-    const uint32_t transfer_id = transfer_of(message);
+    const uint32_t transfer_id = message->head.id;
     if (!message->in_control) {
         return false;
     }
@@ -116,23 +110,22 @@ static void report(tc_link* link, tc_reason reason) {
 }
 
 /* Coefficients travel by power, so that the highest can be left out; they are stored by axis. */
-static void take_segment(tc_segment* segment, const tc_frame* frame) {
+static void take_segment(tc_segment* segment, const link_message* message) {
     unsigned at = GOSHAWK_TRAJECTORY_SEGMENT_COEFFICIENTS_AT;
-    tc_frame_read(frame, GOSHAWK_TRAJECTORY_SEGMENT_DURATION_US_AT, &segment->duration_us, 4);
+    segment->duration_us = message->head.segment.duration_us;
     for (unsigned k = 0; k < TC_MAX_COEFFICIENTS; k++) {
         for (unsigned axis = 0; axis < TC_AXES; axis++) {
-            tc_frame_read(frame, at, &segment->coefficient[axis][k], 4);
+            tc_frame_read(&message->frame, at, &segment->coefficient[axis][k], 4);
             at += 4u;
         }
     }
 }
 
 void link_on_segment(tc_link* link, const link_message* message) {
-    uint16_t index;
+    const uint16_t index = message->head.segment.index;
     if (!belongs(link, message)) {
         return;
     }
-    tc_frame_read(&message->frame, GOSHAWK_TRAJECTORY_SEGMENT_INDEX_AT, &index, sizeof index);
     link->upload.last_index = index;
     if (tc_store_has_segment(&link->controller->store, index)) {
         return;
@@ -140,7 +133,7 @@ void link_on_segment(tc_link* link, const link_message* message) {
     tc_segment* place = tc_upload_place(link->controller, index);
     tc_reason reason = opened(link) != NULL && index >= segments_wanted(link) ? TC_SEGMENT_INDEX : TC_NO_UPLOAD;
     if (place != NULL) { /* straight into the staged slot: a copy would cost 200 bytes of stack */
-        take_segment(place, &message->frame);
+        take_segment(place, message);
         reason = tc_upload_segment(link->controller, index, place);
     }
     link->upload.received = (uint16_t)(link->upload.received + (reason == TC_OK ? 1u : 0u));
@@ -163,14 +156,12 @@ void link_on_samples(tc_link* link, const link_message* message) {
 }
 
 /* Checks and activates what is staged. */
-static tc_reason commit(tc_link* link, const tc_frame* frame) {
+static tc_reason commit(tc_link* link, const goshawk_trajectory_commit_msg* m) {
     const tc_trajectory_header* header = opened(link);
-    uint32_t meant[2]; /* id and CRC */
-    tc_frame_read(frame, GOSHAWK_TRAJECTORY_COMMIT_TRAJECTORY_ID_AT, meant, sizeof meant);
     if (header == NULL) {
         return TC_NO_UPLOAD;
     }
-    if (meant[0] != header->id || meant[1] != header->crc32) {
+    if (m->trajectory_id != header->id || m->crc32 != header->crc32) {
         return TC_WRONG_ID;
     }
     if (link->upload.reason != 0u) {
@@ -180,11 +171,11 @@ static tc_reason commit(tc_link* link, const tc_frame* frame) {
         return (tc_reason)TC_LINK_SAMPLES_MISSING;
     }
     const tc_reason reason = tc_upload_finish(link->controller);
-    return reason == TC_OK ? tc_upload_activate(link->controller, meant[0], meant[1]) : reason;
+    return reason == TC_OK ? tc_upload_activate(link->controller, m->trajectory_id, m->crc32) : reason;
 }
 
 void link_on_commit(tc_link* link, const link_message* message) {
-    const uint32_t transfer_id = transfer_of(message);
+    const uint32_t transfer_id = message->head.id;
     if (transfer_id == 0u || !message->in_control) {
         return; /* a station that is not in control has been told so at its beginning */
     }
@@ -192,7 +183,7 @@ void link_on_commit(tc_link* link, const link_message* message) {
         tc_reason reason = TC_NO_UPLOAD;
         link->commit.transfer_id = transfer_id;
         if (transfer_id == link->upload.transfer_id) {
-            reason = commit(link, &message->frame);
+            reason = commit(link, &message->head.commit);
             end_transfer(link); /* one commit ends it, whatever its answer */
         }
         link->commit.reason = (uint8_t)reason;
@@ -203,7 +194,7 @@ void link_on_commit(tc_link* link, const link_message* message) {
     }
     link->commit.active_id = 0;
     link->commit.active_crc32 = 0;
-    const tc_trajectory* active = tc_store_active(&link->controller->store);
+    const tc_trajectory* active = link_active(link);
     if (active != NULL) {
         link->commit.active_id = active->header.id;
         link->commit.active_crc32 = active->header.crc32;
@@ -240,19 +231,16 @@ uint32_t link_take(tc_link* link, uint32_t count) {
     return count;
 }
 
-void link_on_read(tc_link* link, const tc_frame* frame) {
-    uint16_t first;
-    tc_frame_read(frame, GOSHAWK_TRAJECTORY_READ_FIRST_AT, &first, sizeof first);
-    tc_frame_read(frame, 0, &link->read_transfer_id, 4);
-    want(link, frame, GOSHAWK_TRAJECTORY_READ_WANTED_AT, SAY_SEGMENT, SAY_HEADER, first);
+void link_on_read(tc_link* link, const link_message* message) {
+    const uint32_t first = message->head.read.first;
+    link->read_transfer_id = message->head.id;
+    want(link, &message->frame, GOSHAWK_TRAJECTORY_READ_WANTED_AT, SAY_SEGMENT, SAY_HEADER, first);
 }
 
-void link_on_log_request(tc_link* link, const tc_frame* frame) {
-    uint32_t first;
-    tc_frame_read(frame, 0, &first, sizeof first);
+void link_on_log_request(tc_link* link, const link_message* message) {
     link->log.capacity = link->config->log_records;
     link->log.period_us = link->config->log_period_us;
-    want(link, frame, GOSHAWK_LOG_REQUEST_WANTED_AT, SAY_RECORD, SAY_LOG, first);
+    want(link, &message->frame, GOSHAWK_LOG_REQUEST_WANTED_AT, SAY_RECORD, SAY_LOG, message->head.id);
 }
 
 void link_say_bitmap(const tc_link* link, uint8_t* payload) {
@@ -267,17 +255,16 @@ void link_say_bitmap(const tc_link* link, uint8_t* payload) {
 }
 
 void link_say_header(const tc_link* link, uint8_t* payload) {
-    const tc_trajectory* active = tc_store_active(&link->controller->store);
-    memcpy(payload, &link->read_transfer_id, 4);
+    const tc_trajectory* active = link_active(link);
     if (active != NULL) {
         memcpy(payload + GOSHAWK_TRAJECTORY_BEGIN_TRAJECTORY_ID_AT, &active->header, 10);
         memcpy(payload + GOSHAWK_TRAJECTORY_BEGIN_COEFFICIENT_COUNT_AT, &active->header.coefficient_count, 2);
-        memcpy(payload + GOSHAWK_TRAJECTORY_BEGIN_MAP_HASH_AT, &active->origin, sizeof active->origin);
+        link_copy(payload + GOSHAWK_TRAJECTORY_BEGIN_MAP_HASH_AT, &active->origin, sizeof active->origin, 0);
     }
 }
 
 bool link_say_segment(tc_link* link, uint8_t* payload) {
-    const tc_trajectory* active = tc_store_active(&link->controller->store);
+    const tc_trajectory* active = link_active(link);
     const uint32_t count = active != NULL ? active->header.segment_count : 0u;
     const uint32_t index = link_take(link, count);
     if (index >= count) {
@@ -285,7 +272,6 @@ bool link_say_segment(tc_link* link, uint8_t* payload) {
     }
     const tc_segment* segment = &active->segment[index];
     uint8_t* at = payload + GOSHAWK_TRAJECTORY_SEGMENT_COEFFICIENTS_AT;
-    memcpy(payload, &link->read_transfer_id, 4);
     memcpy(payload + GOSHAWK_TRAJECTORY_SEGMENT_INDEX_AT, &index, 2);
     memcpy(payload + GOSHAWK_TRAJECTORY_SEGMENT_DURATION_US_AT, &segment->duration_us, 4);
     for (unsigned k = 0; k < TC_MAX_COEFFICIENTS; k++) {

@@ -22,7 +22,7 @@ uint16_t tc_crc16(uint16_t crc, const uint8_t* bytes, size_t n);
 /* SHA-256 (FIPS 180-4): init, then update as often as wanted, then final once. */
 typedef struct {
     uint32_t state[8];
-    uint64_t length;    /* bytes so far */
+    uint32_t length;    /* bytes so far: less than 4 GiB */
     uint32_t block[16]; /* the one being filled; then its message schedule, in place */
 } tc_sha256;
 
