@@ -208,7 +208,7 @@ Out evaluate(In<uint32_t, any> durations_us, In<float, any, 4, any> c, In<uint32
     for (size_t i = 0; i < times_us.shape(0); i++) {
         tc_setpoint s{};
         const uint32_t t = times_us.data()[i];
-        tc_trajectory_evaluate(slot.get(), tc_trajectory_find(slot.get(), t), t, 0.0f, &s);
+        tc_trajectory_evaluate(slot.get(), tc_trajectory_find(slot.get(), t), t, &s);
         float* row = data + 18 * i;
         std::memcpy(row, s.position_world_m, 12);
         std::memcpy(row + 3, s.velocity_world_m_s, 12);

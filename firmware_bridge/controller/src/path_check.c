@@ -21,31 +21,27 @@
 
 typedef float points[TC_MAX_COEFFICIENTS];
 
-/* A polynomial of `count` coefficients, or its derivative: one of `order` is meant, with respect to seconds. */
+/* What may not go beyond a bound: some axes as one vector, or its derivative of this order with respect to seconds. */
 typedef struct {
-    const float* coefficient;
-    uint32_t count;
-    uint32_t order;
-    float rate; /* ds / dt */
-} curve;
+    uint8_t first, end; /* axes */
+    uint8_t order;
+    uint8_t reason; /* if it does */
+} claim;
 
-static uint32_t derivative(const curve* c, points out) {
-    uint32_t count = c->count;
-    for (uint32_t i = 0; i < count; i++) out[i] = c->coefficient[i];
-    for (uint32_t order = 0; order < c->order; order++) {
-        for (uint32_t i = 1; i < count; i++) out[i - 1u] = out[i] * (float)i * c->rate;
-        if (count > 1u) {
-            count--;
-        } else {
-            out[0] = 0.0f;
-        }
+static const claim claims[] = {{0, 1, 0, TC_PATH_LEAVES_FENCE}, {1, 2, 0, TC_PATH_LEAVES_FENCE},
+                               {2, 3, 0, TC_PATH_LEAVES_FENCE}, {3, 4, 0, TC_OUT_OF_RANGE},
+                               {0, 3, 1, TC_PATH_TOO_FAST},     {3, 4, 1, TC_PATH_YAW_RATE},
+                               {0, 3, 2, TC_PATH_ACCELERATION}, {0, 3, 3, TC_PATH_JERK}};
+
+/* Bernstein control points of a polynomial's derivative over start + width * u, u in [0, 1]: as many as coefficients.
+ */
+static void control_points(const float* coefficient, uint32_t count, uint32_t orders, float rate, float start,
+                           float width, points out) {
+    for (uint32_t i = 0; i < count; i++) out[i] = coefficient[i];
+    for (uint32_t order = 0; order < orders; order++) {
+        for (uint32_t i = 1; i < count; i++) out[i - 1u] = out[i] * (float)i * rate;
+        out[count - 1u] = 0.0f;
     }
-    return count;
-}
-
-/* Bernstein control points of c(start + width * u), u in [0, 1]; returns how many. */
-static uint32_t control_points(const curve* c, float start, float width, points out) {
-    const uint32_t count = derivative(c, out);
     for (uint32_t i = 0; i + 1u < count; i++) { /* Taylor shift by synthetic division */
         for (uint32_t j = count - 1u; j > i; j--) out[j - 1u] += start * out[j];
     }
@@ -57,74 +53,56 @@ static uint32_t control_points(const curve* c, float start, float width, points 
     for (uint32_t i = 0; i + 1u < count; i++) { /* binomial transform */
         for (uint32_t j = count - 1u; j > i; j--) out[j] += out[j - 1u];
     }
-    return count;
 }
 
-/* The longest control vector of x, y and z over one piece. One axis after the other: the stack stays small. */
-static float longest(const tc_segment* segment, const curve* of, float start, float width) {
-    curve c = *of;
+/* Whether over one piece no control vector is further than `bound` from `middle`. One axis after the other: the stack
+   stays small. */
+static bool piece_within(const tc_segment* segment, uint32_t count, const claim* of, float start, float width,
+                         float middle, float bound) {
     points squared, hull;
-    uint32_t count = 0;
-    float largest = 0.0f;
+    bool within = true;
     memset(squared, 0, sizeof squared);
-    for (int axis = 0; axis < 3; axis++) {
-        c.coefficient = segment->coefficient[axis];
-        count = control_points(&c, start, width, hull);
-        for (uint32_t i = 0; i < count; i++) squared[i] += hull[i] * hull[i];
+    for (uint32_t axis = of->first; axis < of->end; axis++) {
+        control_points(segment->coefficient[axis], count, of->order, 2e6f / (float)segment->duration_us, start, width,
+                       hull);
+        for (uint32_t i = 0; i < count; i++) squared[i] += (hull[i] - middle) * (hull[i] - middle);
     }
-    for (uint32_t i = 0; i < count; i++) largest = tc_max(largest, squared[i]);
-    return sqrtf(largest);
+    for (uint32_t i = 0; i < count; i++) within = within && squared[i] <= bound * bound; /* NaN is not */
+    return within;
 }
 
-static bool length_within(const tc_segment* segment, const curve* c, float bound) {
-    for (uint32_t pieces = 1; pieces <= PIECES_FINEST; pieces *= 4u) {
+static bool holds(const tc_segment* segment, uint32_t count, const claim* of, float middle, float bound) {
+    bool within = false;
+    for (uint32_t pieces = 1; pieces <= PIECES_FINEST && !within; pieces *= 4u) {
         const float width = 2.0f / (float)pieces;
-        bool within = true;
+        within = true;
         for (uint32_t i = 0; i < pieces && within; i++) {
-            within = longest(segment, c, -1.0f + (float)i * width, width) <= bound;
+            within = piece_within(segment, count, of, -1.0f + (float)i * width, width, middle, bound);
         }
-        if (within) return true;
     }
-    return false;
+    return within;
 }
 
-static bool range_within(const curve* c, float low, float high) {
-    for (uint32_t pieces = 1; pieces <= PIECES_FINEST; pieces *= 4u) {
-        const float width = 2.0f / (float)pieces;
-        bool within = true;
-        for (uint32_t i = 0; i < pieces && within; i++) {
-            points hull;
-            const uint32_t count = control_points(c, -1.0f + (float)i * width, width, hull);
-            for (uint32_t j = 0; j < count; j++) within = within && hull[j] >= low && hull[j] <= high;
-        }
-        if (within) return true;
-    }
-    return false;
-}
-
-tc_reason tc_check_segment(const tc_segment* segment, uint32_t coefficient_count, const tc_path_limits* limits) {
+tc_reason tc_check_segment(const tc_segment* segment, uint32_t coefficient_count, const tc_parameters* limits) {
     if (segment->duration_us < TC_MIN_SEGMENT_US || segment->duration_us > TC_MAX_SEGMENT_US) {
         return TC_SEGMENT_DURATION;
     }
     for (int axis = 0; axis < TC_AXES; axis++) {
         if (!tc_all_finite(segment->coefficient[axis], coefficient_count)) return TC_NOT_FINITE;
     }
-    curve c = {.count = coefficient_count, .rate = 2e6f / (float)segment->duration_us};
-    for (int axis = 0; axis < 3; axis++) {
-        c.coefficient = segment->coefficient[axis];
-        if (!range_within(&c, limits->fence_min_world_m[axis], limits->fence_max_world_m[axis])) {
-            return TC_PATH_LEAVES_FENCE;
+    const float bounds[] = {LARGEST_YAW_RAD, limits->path_speed_m_s, limits->path_yaw_rate_rad_s,
+                            limits->path_acceleration_m_s2, limits->path_jerk_m_s3};
+    for (uint32_t i = 0; i < sizeof claims / sizeof *claims; i++) {
+        float middle = 0.0f, bound;
+        if (i < 3u) {
+            middle = 0.5f * (limits->fence_max_world_m[i] + limits->fence_min_world_m[i]);
+            bound = 0.5f * (limits->fence_max_world_m[i] - limits->fence_min_world_m[i]);
+        } else {
+            bound = bounds[i - 3u];
         }
+        if (!holds(segment, coefficient_count, &claims[i], middle, bound)) return (tc_reason)claims[i].reason;
     }
-    c.coefficient = segment->coefficient[3];
-    if (!range_within(&c, -LARGEST_YAW_RAD, LARGEST_YAW_RAD)) return TC_OUT_OF_RANGE;
-    c.order = 1;
-    if (!length_within(segment, &c, limits->speed_m_s)) return TC_PATH_TOO_FAST;
-    if (!range_within(&c, -limits->yaw_rate_rad_s, limits->yaw_rate_rad_s)) return TC_PATH_YAW_RATE;
-    c.order = 2;
-    if (!length_within(segment, &c, limits->acceleration_m_s2)) return TC_PATH_ACCELERATION;
-    c.order = 3;
-    return length_within(segment, &c, limits->jerk_m_s3) ? TC_OK : TC_PATH_JERK;
+    return TC_OK;
 }
 
 static bool close(const float a[3], const float b[3], float tolerance) {
@@ -137,12 +115,12 @@ tc_reason tc_check_join(const tc_trajectory* trajectory, uint16_t index) {
     tc_setpoint point;
     float position[3], velocity[3], acceleration[3];
     const uint32_t time_us = trajectory->start_us[index];
-    tc_trajectory_evaluate(trajectory, (uint16_t)(index - 1u), time_us, 0.0f, &point);
+    tc_trajectory_evaluate(trajectory, (uint16_t)(index - 1u), time_us, &point);
     tc_copy(position, point.position_world_m); /* a second whole set-point would cost more stack */
     tc_copy(velocity, point.velocity_world_m_s);
     tc_copy(acceleration, point.acceleration_world_m_s2);
     const float yaw = point.yaw_rad, yaw_rate = point.yaw_rate_rad_s;
-    tc_trajectory_evaluate(trajectory, index, time_us, 0.0f, &point);
+    tc_trajectory_evaluate(trajectory, index, time_us, &point);
     const bool smooth = close(position, point.position_world_m, JOIN_POSITION_M) &&
                         close(velocity, point.velocity_world_m_s, JOIN_VELOCITY_M_S) &&
                         close(acceleration, point.acceleration_world_m_s2, JOIN_ACCELERATION_M_S2) &&
@@ -153,7 +131,7 @@ tc_reason tc_check_join(const tc_trajectory* trajectory, uint16_t index) {
 
 static bool at_rest(const tc_trajectory* trajectory, uint16_t index, uint32_t time_us) {
     tc_setpoint point;
-    tc_trajectory_evaluate(trajectory, index, time_us, 0.0f, &point);
+    tc_trajectory_evaluate(trajectory, index, time_us, &point);
     return tc_norm(point.velocity_world_m_s) <= REST_VELOCITY_M_S &&
            tc_norm(point.acceleration_world_m_s2) <= REST_ACCELERATION_M_S2 &&
            tc_abs(point.yaw_rate_rad_s) <= JOIN_YAW_RATE_RAD_S;
@@ -167,7 +145,7 @@ tc_reason tc_check_ends(const tc_trajectory* trajectory) {
 
 tc_reason tc_check_sample(const tc_trajectory* trajectory, const tc_trajectory_sample* sample) {
     tc_setpoint ours;
-    tc_trajectory_evaluate(trajectory, tc_trajectory_find(trajectory, sample->time_us), sample->time_us, 0.0f, &ours);
+    tc_trajectory_evaluate(trajectory, tc_trajectory_find(trajectory, sample->time_us), sample->time_us, &ours);
     const bool same =
         close(ours.position_world_m, sample->value, SAMPLE_M) && tc_abs(ours.yaw_rad - sample->value[3]) <= SAMPLE_M;
     return same ? TC_OK : TC_SAMPLE_MISMATCH;

@@ -5,7 +5,7 @@
 #include "goshawk_controller/trajectory.h"
 
 /* One segment alone: finite, duration, and by Bernstein hulls fence, speed, acceleration, jerk, yaw and yaw rate. */
-tc_reason tc_check_segment(const tc_segment* segment, uint32_t coefficient_count, const tc_path_limits* limits);
+tc_reason tc_check_segment(const tc_segment* segment, uint32_t coefficient_count, const tc_parameters* limits);
 
 /* Value, velocity and acceleration at the join of segments `index - 1` and `index`. */
 tc_reason tc_check_join(const tc_trajectory* trajectory, uint16_t index);

@@ -34,7 +34,7 @@ static __attribute__((noinline)) tc_reason guard_start(const tc_controller* c) {
     if (c->mission.state != TC_HOLD) return TC_WRONG_STATE;
     tc_setpoint start;
     float gap[3];
-    tc_trajectory_evaluate(trajectory, 0, 0u, 0.0f, &start);
+    tc_trajectory_evaluate(trajectory, 0, 0u, &start);
     for (int i = 0; i < 3; i++) gap[i] = start.position_world_m[i] - c->telemetry.estimate.position_world_m[i];
     return tc_norm(gap) <= c->parameters.start_radius_m ? TC_OK : TC_START_TOO_FAR;
 }
@@ -73,21 +73,15 @@ tc_reason tc_do(tc_controller* c, tc_command command, float value) {
     return tc_post(c, (uint8_t)command, TC_COMMANDED);
 }
 
-static bool only_flight_parameters_differ(const tc_parameters* a, const tc_parameters* b) {
-    for (uint16_t i = 0; i < tc_parameters_count(); i++) {
-        const float x = tc_parameters_get(a, i), y = tc_parameters_get(b, i);
-        if ((x > y || x < y) && !tc_parameters_in_flight(i)) return false;
-    }
-    return true;
-}
+#define AT(field) (offsetof(tc_parameters, field) / sizeof(float))
 
-static void limits_of(const tc_parameters* p, tc_path_limits* limits) {
-    tc_copy(limits->fence_min_world_m, p->fence_min_world_m);
-    tc_copy(limits->fence_max_world_m, p->fence_max_world_m);
-    limits->speed_m_s = p->path_speed_m_s;
-    limits->acceleration_m_s2 = p->path_acceleration_m_s2;
-    limits->jerk_m_s3 = p->path_jerk_m_s3;
-    limits->yaw_rate_rad_s = p->path_yaw_rate_rad_s;
+/* Whether any of the parameters from `first` to before `end` differs that may change on the ground only. */
+static TC_RARE bool differ(const tc_parameters* a, const tc_parameters* b, uint16_t first, uint16_t end) {
+    for (uint16_t i = first; i < end; i++) {
+        const float x = tc_parameters_get(a, i), y = tc_parameters_get(b, i);
+        if ((x > y || x < y) && !tc_parameters_in_flight(i)) return true;
+    }
+    return false;
 }
 
 static void tell_active(tc_controller* c) {
@@ -98,12 +92,10 @@ static void tell_active(tc_controller* c) {
 
 /* Takes the new parameters. A trajectory was accepted under the limits of its time: new limits, new upload. */
 static __attribute__((noinline)) void adopt(tc_controller* c, const tc_parameters* parameters) {
-    tc_path_limits before, after;
-    limits_of(&c->parameters, &before);
-    limits_of(parameters, &after);
+    const bool other_limits = differ(&c->parameters, parameters, AT(fence_min_world_m), AT(start_radius_m));
     c->parameters = *parameters;
     c->configured = true;
-    if (memcmp(&before, &after, sizeof after) != 0) {
+    if (other_limits) {
         c->store.has_active = false;
         tc_store_discard(&c->store);
         tell_active(c);
@@ -127,7 +119,7 @@ static void prepare(tc_controller* c) {
 tc_reason tc_parameters_set(tc_controller* c, const tc_parameters* parameters) {
     tc_reason reason = tc_parameters_check(parameters, NULL);
     if (reason != TC_OK) return reason;
-    if (c->mission.state != TC_DISARMED && !only_flight_parameters_differ(&c->parameters, parameters)) {
+    if (c->mission.state != TC_DISARMED && differ(&c->parameters, parameters, 0u, tc_parameters_count())) {
         return TC_ONLY_WHEN_DISARMED;
     }
     reason = tc_mixer_configure(&c->mixer, parameters);
@@ -155,9 +147,7 @@ tc_reason tc_upload_begin(tc_controller* c, const tc_trajectory_header* header) 
 }
 
 tc_reason tc_upload_segment(tc_controller* c, uint16_t index, const tc_segment* segment) {
-    tc_path_limits limits;
-    limits_of(&c->parameters, &limits);
-    return tc_store_put_segment(&c->store, index, segment, &limits);
+    return tc_store_put_segment(&c->store, index, segment, &c->parameters);
 }
 
 tc_reason tc_upload_origin(tc_controller* c, const tc_origin* origin) { return tc_store_put_origin(&c->store, origin); }

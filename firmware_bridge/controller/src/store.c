@@ -58,14 +58,15 @@ static tc_reason repeated(const tc_store* store, uint16_t index, const tc_segmen
     const tc_segment* held = &slot->segment[index];
     bool same = held->duration_us == segment->duration_us;
     for (int axis = 0; axis < TC_AXES; axis++) {
-        const size_t bytes = slot->header.coefficient_count * sizeof(float);
-        same = same && memcmp(held->coefficient[axis], segment->coefficient[axis], bytes) == 0;
+        for (int i = 0; i < slot->header.coefficient_count; i++) {
+            same = same && tc_bits(held->coefficient[axis][i]) == tc_bits(segment->coefficient[axis][i]);
+        }
     }
     return same ? TC_OK : TC_NO_UPLOAD;
 }
 
 tc_reason tc_store_put_segment(tc_store* store, uint16_t index, const tc_segment* segment,
-                               const tc_path_limits* limits) {
+                               const tc_parameters* limits) {
     if (tc_store_staged(store) == NULL) return TC_NO_UPLOAD;
     tc_trajectory* slot = staged_slot(store);
     if (index >= slot->header.segment_count) return TC_SEGMENT_INDEX;
@@ -78,7 +79,7 @@ tc_reason tc_store_put_segment(tc_store* store, uint16_t index, const tc_segment
         if (held == segment) held->duration_us = 0; /* written into its place, but it is none */
         return reason;
     }
-    memmove(held, segment, sizeof *held); /* it may lie there already */
+    if (held != segment) *held = *segment; /* it may lie there already */
     for (int axis = 0; axis < TC_AXES; axis++) {
         memset(&held->coefficient[axis][count], 0, (TC_MAX_COEFFICIENTS - count) * sizeof(float));
     }

@@ -66,6 +66,11 @@ void tc_trajectory_evaluate_running(const tc_trajectory* trajectory, uint16_t in
     tc_evaluate_polynomials(segment->coefficient, s, 2e6f * inverse_us, path_rate, out);
 }
 
+TC_RARE void tc_trajectory_evaluate(const tc_trajectory* trajectory, uint16_t index, uint32_t time_us,
+                                    tc_setpoint* out) {
+    tc_trajectory_evaluate_running(trajectory, index, time_us, 0.0f, tc_true_time, out);
+}
+
 TC_RARE uint16_t tc_trajectory_find(const tc_trajectory* trajectory, uint32_t time_us) {
     uint32_t low = 0, high = trajectory->header.segment_count; /* the answer is in [low, high) */
     for (int probe = 0; probe < 16 && high - low > 1u; probe++) {

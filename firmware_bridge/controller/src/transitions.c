@@ -47,7 +47,7 @@ static void enter_take_off(tc_controller* c) {
 static void enter_approach(tc_controller* c) {
     const tc_trajectory* trajectory = tc_store_active(&c->store);
     tc_setpoint start;
-    tc_trajectory_evaluate(trajectory, 0, 0u, 0.0f, &start);
+    tc_trajectory_evaluate(trajectory, 0, 0u, &start);
     const tc_setpoint* from = &c->telemetry.setpoint;
     const float yaw = from->yaw_rad + tc_wrap(start.yaw_rad - from->yaw_rad);
     tc_move_start(&c->move, from, start.position_world_m, yaw, APPROACH_M_S);

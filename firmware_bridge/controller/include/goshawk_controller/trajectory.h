@@ -78,16 +78,6 @@ typedef struct {
     float value[TC_AXES];
 } tc_trajectory_sample;
 
-/* What every trajectory must keep to; some of the parameters. */
-typedef struct {
-    float fence_min_world_m[3];
-    float fence_max_world_m[3];
-    float speed_m_s;
-    float acceleration_m_s2;
-    float jerk_m_s3;
-    float yaw_rate_rad_s;
-} tc_path_limits;
-
 typedef enum {
     TC_STAGED_EMPTY = 0,
     TC_STAGED_FILLING = 1,
@@ -96,13 +86,13 @@ typedef enum {
 } tc_staged_state;
 
 typedef struct {
-    tc_slot slot[2];
     uint8_t active;       /* index of the active slot; the other one is staged */
     bool has_active;      /* false until the first activation */
     uint8_t staged_state; /* tc_staged_state */
     uint8_t sample_count;
     uint16_t refused_segment; /* which segment (or join at whose start) the last refusal is about */
     tc_trajectory_sample sample[TC_MAX_SAMPLES];
+    tc_slot slot[2]; /* last: they are large */
 } tc_store;
 
 /* Value and time derivatives of (x, y, z, yaw) at one instant. */
@@ -127,8 +117,7 @@ tc_reason tc_store_put_origin(tc_store* store, const tc_origin* origin);
 
 /* Stores one segment of the upload after checking it alone: finite, duration, fence, speed, acceleration and yaw-rate
    hulls. The same segment may come again. Needs coefficients beyond the count to be zero (they are set to zero). */
-tc_reason tc_store_put_segment(tc_store* store, uint16_t index, const tc_segment* segment,
-                               const tc_path_limits* limits);
+tc_reason tc_store_put_segment(tc_store* store, uint16_t index, const tc_segment* segment, const tc_parameters* limits);
 /* Where a segment that is still missing will lie, so that it can be written there and then put without a copy; NULL
    when no upload is open, the index is beyond its end, or the segment has been checked already. */
 tc_segment* tc_store_place(tc_store* store, uint16_t index);
@@ -182,11 +171,8 @@ void tc_evaluate_polynomials(const float coefficient[TC_AXES][TC_MAX_COEFFICIENT
                              const float path_rate[4], tc_setpoint* out);
 /* The `path_rate` of true time. */
 extern const float tc_true_time[4];
-/* At rate 1. */
-static inline void tc_trajectory_evaluate(const tc_trajectory* trajectory, uint16_t index, uint32_t time_us,
-                                          float part_us, tc_setpoint* out) {
-    tc_trajectory_evaluate_running(trajectory, index, time_us, part_us, tc_true_time, out);
-}
+/* At rate 1, at a whole microsecond. */
+void tc_trajectory_evaluate(const tc_trajectory* trajectory, uint16_t index, uint32_t time_us, tc_setpoint* out);
 
 #ifdef __cplusplus
 }
