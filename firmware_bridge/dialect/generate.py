@@ -121,7 +121,7 @@ def header(messages: list[Definition], enums: list[tuple[str, list[tuple[str, in
         lines = [f"    {entry} = {value}, /* {words} */" for entry, value, words in entries]
         parts.append(f"/* {name} */\nenum {{\n" + "\n".join(lines) + "\n};\n")
     parts += [_c_message(message) for message in messages]
-    rows = [f"    {{{m.name}_ID, {m.name}_LENGTH, {m.name}_CRC_EXTRA, {_target(m)}u}}," for m in messages]
+    rows = [f"    {{{m.name}_ID, {m.name}_CRC_EXTRA, {_target(m)}u}}," for m in messages]
     numbers = [f"    {m.name}_ROW," for m in messages]
     bottom = _C_BOTTOM.replace("\nROWS\n", "\n" + "\n".join(rows) + "\n").replace("NUMBERS", "\n".join(numbers))
     parts.append(bottom.replace("NO_TARGET_VALUE", f"{_NO_TARGET}u"))
@@ -232,7 +232,6 @@ NUMBERS
 
 typedef struct {
     uint16_t id;
-    uint8_t length; /* of the full payload */
     uint8_t crc_extra;
     uint8_t target; /* where target_system lies in the payload (target_component follows), or GOSHAWK_NO_TARGET */
 } goshawk_dialect_row;

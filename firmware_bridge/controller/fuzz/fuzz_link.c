@@ -20,21 +20,24 @@
 #define LONG_WAIT 24u  /* ticks */
 #define LOG_RECORDS 4u
 
-static const uint8_t kinds[] = {GOSHAWK_LEASE_REQUEST_ROW,
-                                GOSHAWK_MISSION_COMMAND_ROW,
-                                GOSHAWK_TRAJECTORY_BEGIN_ROW,
-                                GOSHAWK_TRAJECTORY_SEGMENT_ROW,
-                                GOSHAWK_TRAJECTORY_SAMPLES_ROW,
-                                GOSHAWK_TRAJECTORY_COMMIT_ROW,
-                                GOSHAWK_TRAJECTORY_READ_ROW,
-                                GOSHAWK_PARAMETERS_STAGE_ROW,
-                                GOSHAWK_PARAMETERS_COMMIT_ROW,
-                                GOSHAWK_LOG_REQUEST_ROW,
-                                PARAM_REQUEST_READ_ROW,
-                                PARAM_REQUEST_LIST_ROW,
-                                COMMAND_LONG_ROW,
-                                TIMESYNC_ROW,
-                                HEARTBEAT_ROW};
+/* Row and length of those that ask for something. */
+static const uint8_t kinds[][2] = {
+    {GOSHAWK_LEASE_REQUEST_ROW, GOSHAWK_LEASE_REQUEST_LENGTH},
+    {GOSHAWK_MISSION_COMMAND_ROW, GOSHAWK_MISSION_COMMAND_LENGTH},
+    {GOSHAWK_TRAJECTORY_BEGIN_ROW, GOSHAWK_TRAJECTORY_BEGIN_LENGTH},
+    {GOSHAWK_TRAJECTORY_SEGMENT_ROW, GOSHAWK_TRAJECTORY_SEGMENT_LENGTH},
+    {GOSHAWK_TRAJECTORY_SAMPLES_ROW, GOSHAWK_TRAJECTORY_SAMPLES_LENGTH},
+    {GOSHAWK_TRAJECTORY_COMMIT_ROW, GOSHAWK_TRAJECTORY_COMMIT_LENGTH},
+    {GOSHAWK_TRAJECTORY_READ_ROW, GOSHAWK_TRAJECTORY_READ_LENGTH},
+    {GOSHAWK_PARAMETERS_STAGE_ROW, GOSHAWK_PARAMETERS_STAGE_LENGTH},
+    {GOSHAWK_PARAMETERS_COMMIT_ROW, GOSHAWK_PARAMETERS_COMMIT_LENGTH},
+    {GOSHAWK_LOG_REQUEST_ROW, GOSHAWK_LOG_REQUEST_LENGTH},
+    {PARAM_REQUEST_READ_ROW, PARAM_REQUEST_READ_LENGTH},
+    {PARAM_REQUEST_LIST_ROW, PARAM_REQUEST_LIST_LENGTH},
+    {COMMAND_LONG_ROW, COMMAND_LONG_LENGTH},
+    {TIMESYNC_ROW, TIMESYNC_LENGTH},
+    {HEARTBEAT_ROW, HEARTBEAT_LENGTH},
+};
 
 typedef struct {
     tc_controller controller;
@@ -86,18 +89,18 @@ static void start(vehicle* v, bool sign) {
 /* A frame of the dialect whose payload comes from the input; small numbers where the fuzzer would need luck. */
 static size_t make_frame(bytes* input, uint8_t sequence, uint8_t frame[TC_FRAME_MAX]) {
     uint8_t* payload = frame + TC_FRAME_HEADER;
-    const unsigned message = kinds[take(input) % (sizeof kinds / sizeof kinds[0])];
-    const goshawk_dialect_row* row = &goshawk_dialect()[message];
+    const uint8_t* kind = kinds[take(input) % (sizeof kinds / sizeof kinds[0])];
+    const goshawk_dialect_row* row = &goshawk_dialect()[kind[0]];
     const unsigned given = take(input);
     memset(payload, 0, TC_PAYLOAD_MAX);
-    for (unsigned i = 0; i < row->length && i < given; i++) {
+    for (unsigned i = 0; i < kind[1] && i < given; i++) {
         payload[i] = take(input);
     }
     if (row->target != GOSHAWK_NO_TARGET) {
         payload[row->target] = 1;
         payload[row->target + 1u] = 1;
     }
-    return tc_frame_build(frame, message, row->length, sequence, 255, 190, NULL, 0);
+    return tc_frame_build(frame, kind[0], kind[1], sequence, 255, 190, NULL, 0);
 }
 
 /* A payload's length without the zeros at its end, eight bytes at a time: tc_frame_build would look at each. */

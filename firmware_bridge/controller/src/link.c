@@ -211,25 +211,28 @@ static bool is_for_us(const tc_link* link, const tc_frame* frame) {
 
 /* Whether the frame is let in. Counts it. */
 static NOINLINE bool passes(tc_link* link, const tc_frame* frame) {
-    tc_link_counts* counts = &link->counts;
-    if (!is_for_us(link, frame)) {
-        counts->not_for_us++;
-        return false;
+    uint32_t* counted = &link->counts.not_for_us;
+    if (is_for_us(link, frame)) {
+        switch (link->config->sign ? tc_signing_check(&link->signing, frame) : TC_SIGNATURE_GOOD) {
+            case TC_SIGNATURE_GOOD:
+                counted = &link->counts.accepted;
+                break;
+            case TC_SIGNATURE_MISSING:
+                if (frame->message == (uint8_t)HEARTBEAT_ROW) {
+                    return false;
+                }
+                counted = &link->counts.without_signature;
+                break;
+            case TC_SIGNATURE_WRONG:
+                counted = &link->counts.wrong_key;
+                break;
+            default:
+                counted = &link->counts.replayed;
+                break;
+        }
     }
-    switch (link->config->sign ? tc_signing_check(&link->signing, frame) : TC_SIGNATURE_GOOD) {
-        case TC_SIGNATURE_GOOD:
-            counts->accepted++;
-            return true;
-        case TC_SIGNATURE_MISSING:
-            counts->without_signature += frame->message != (uint8_t)HEARTBEAT_ROW ? 1u : 0u;
-            return false;
-        case TC_SIGNATURE_WRONG:
-            counts->wrong_key++;
-            return false;
-        default:
-            counts->replayed++;
-            return false;
-    }
+    (*counted)++;
+    return counted == &link->counts.accepted;
 }
 
 void tc_link_receive(tc_link* link, const uint8_t* bytes, size_t n, tc_parser* stream, uint64_t now_us) {

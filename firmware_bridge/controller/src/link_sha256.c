@@ -32,13 +32,13 @@ static void compress(tc_sha256* hash) {
         const uint32_t e = s[4];
         const uint32_t h =
             s[7] + (rotate(e, 6) ^ rotate(e, 11) ^ rotate(e, 25)) + ((e & s[5]) ^ (~e & s[6])) + K[t] + *w;
-        const uint32_t next =
-            h + (rotate(a, 2) ^ rotate(a, 13) ^ rotate(a, 22)) + ((a & s[1]) ^ (a & s[2]) ^ (s[1] & s[2]));
-        for (unsigned i = 7; i > 0u; i--) {
-            s[i] = s[i - 1u];
+        uint32_t next = h + (rotate(a, 2) ^ rotate(a, 13) ^ rotate(a, 22)) + ((a & s[1]) ^ (a & s[2]) ^ (s[1] & s[2]));
+        for (unsigned i = 0; i < 8u; i++) {
+            const uint32_t moved = s[i];
+            s[i] = next;
+            next = moved;
         }
         s[4] += h;
-        s[0] = next;
     }
     for (unsigned i = 0; i < 8u; i++) {
         hash->state[i] += s[i];

@@ -8,18 +8,20 @@
 #define FRAME_BODY_FRD 12u
 
 typedef struct {
-    uint32_t period_us, due;
+    uint16_t period_ms;
+    uint8_t first; /* of what is due */
+    uint8_t count;
 } series;
 
 /* The period of the state is what the ground asked for. */
 static const series all_series[TC_LINK_SERIES] = {
-    [SERIES_STATE] = {0, DUE(SAY_STATE)},
-    [SERIES_POSE] = {50000u, DUE(SAY_ATTITUDE) | DUE(SAY_POSITION)},
-    [SERIES_ODOMETRY] = {100000u, DUE(SAY_ODOMETRY)},
-    [SERIES_SLOW] = {500000u, DUE(SAY_ROTORS) | DUE(SAY_BATTERY)},
-    [SERIES_HEARTBEAT] = {1000000u, DUE(SAY_HEARTBEAT)},
-    [SERIES_MISSION] = {200000u, DUE(SAY_MISSION)},
-    [SERIES_VERSION] = {5000000u, DUE(SAY_VERSION) | DUE(SAY_HOME)},
+    [SERIES_STATE] = {0, SAY_STATE, 1},
+    [SERIES_POSE] = {50, SAY_ATTITUDE, 2}, /* and the position */
+    [SERIES_ODOMETRY] = {100, SAY_ODOMETRY, 1},
+    [SERIES_SLOW] = {500, SAY_ROTORS, 2}, /* and the battery */
+    [SERIES_HEARTBEAT] = {1000, SAY_HEARTBEAT, 1},
+    [SERIES_MISSION] = {200, SAY_MISSION, 1},
+    [SERIES_VERSION] = {5000, SAY_VERSION, 2}, /* and the home */
 };
 
 bool link_due(uint32_t* next_us, uint32_t now_us, uint32_t period_us) {
@@ -32,9 +34,10 @@ bool link_due(uint32_t* next_us, uint32_t now_us, uint32_t period_us) {
 
 void link_series(tc_link* link, unsigned first, unsigned end, uint32_t now_us) {
     for (unsigned i = first; i < end; i++) {
-        const uint32_t period_us = i == (unsigned)SERIES_STATE ? link->state_period_us : all_series[i].period_us;
+        const series* one = &all_series[i];
+        const uint32_t period_us = i == (unsigned)SERIES_STATE ? link->state_period_us : 1000u * one->period_ms;
         if (period_us != 0u && link_due(&link->due_us[i], now_us, period_us)) {
-            link->due |= all_series[i].due;
+            link->due |= (DUE(one->count) - 1u) << one->first;
             link->state_sequence = (uint16_t)(link->state_sequence + (i == (unsigned)SERIES_STATE ? 1u : 0u));
         }
     }

@@ -117,46 +117,46 @@ typedef struct {
 
 enum { TC_LINK_SERIES = 7, TC_LINK_MOMENTS = 3 };
 
-/* In each part the widest members come first: no memory is lost to gaps. Times without a 64 are low words, and wrap
-   after 71 minutes. None comes alive again by that: a series that is not ahead of the clock by at most its period is
-   due (link_series); tc_link_update ends a lease in time, and keeps moments from getting older than half of that. */
+/* What is used most comes first, where short instructions reach it. Times of 32 bits are low words, and wrap after 71
+   minutes. None comes alive again by that: a series that is not ahead of the clock by at most its period is due
+   (link_due); tc_link_update ends a lease in time, and keeps moments from getting older than half of that. */
 typedef struct {
     const tc_link_config* config;
     tc_controller* controller;
-    uint32_t due;                        /* bits: what is to be said */
-    uint32_t due_us[TC_LINK_SERIES];     /* when the next one of a series is */
-    uint32_t moment_us[TC_LINK_MOMENTS]; /* when something was last */
-    uint32_t until_us;                   /* end of the lease */
-    uint32_t log_due_us;
-    uint32_t budget_us;
-    uint64_t started_us;    /* 64 */
-    int64_t budget_byte_us; /* bytes that may be sent now, times a million */
-    tc_link_timesync timesync;
-    tc_link_counts counts;
+    uint32_t due; /* bits: what is to be said */
     tc_link_lease lease;
-    tc_link_order order;   /* of the station in control, answered again when it is repeated */
-    tc_link_order foreign; /* of one that is not */
-    tc_link_acknowledged acknowledged;
     tc_link_upload upload;
-    tc_link_upload refused; /* somebody asked to begin and may not */
-    tc_link_commit commit;  /* the last one, answered again when it is repeated */
+    uint16_t wanted_next;           /* bits before this one are done */
+    uint16_t value_next, value_end; /* PARAM_VALUEs to send */
+    uint16_t state_sequence;
+    uint32_t until_us;                   /* end of the lease */
+    uint32_t moment_us[TC_LINK_MOMENTS]; /* when something was last */
     tc_link_set set;
-    tc_link_log log;
     uint32_t set_done_id;
+    tc_link_commit commit; /* the last one, answered again when it is repeated */
+    uint32_t wanted_first; /* pieces of the trajectory or of the log: the newest request, whoever asked before */
+    tc_link_counts counts;
+    int64_t budget_byte_us; /* bytes that may be sent now, times a million */
+    uint32_t budget_us;
+    uint32_t due_us[TC_LINK_SERIES]; /* when the next one of a series is */
+    uint64_t started_us;
+    tc_link_timesync timesync;
+    tc_link_log log;
+    uint32_t log_due_us;
+    tc_link_order order;       /* of the station in control, answered again when it is repeated */
+    tc_link_order foreign;     /* of one that is not */
+    tc_link_upload refused;    /* somebody asked to begin and may not */
     uint32_t read_transfer_id; /* of the trajectory's reader */
-    uint32_t wanted_first;     /* pieces of the trajectory or of the log: the newest request, whoever asked before */
     uint32_t state_period_us;  /* 0: never */
     uint32_t transitions;      /* of the mission, when last told */
     float home_world_m[3];     /* where it last stood */
     tc_link_measured measured; /* at the last tick */
-    uint16_t wanted_next;      /* bits before this one are done */
-    uint16_t value_next, value_end; /* PARAM_VALUEs to send */
-    uint16_t state_sequence;
-    uint8_t wanted[TC_LINK_WANTED]; /* bit i: piece wanted_first + i */
-    uint8_t order_from[2];          /* system and component that gave the order */
+    tc_link_acknowledged acknowledged;
+    uint8_t order_from[2]; /* system and component that gave the order */
     uint8_t samples_wanted;
     uint8_t sequence;
-    bool heard; /* ever, the station in control */
+    bool heard;                     /* ever, the station in control */
+    uint8_t wanted[TC_LINK_WANTED]; /* bit i: piece wanted_first + i */
     tc_signing signing;
 } tc_link;
 
