@@ -243,6 +243,15 @@ std::tuple<Out, int> mixer(In<float, any> parameters, In<float, any, 4> wrench, 
     return {out, static_cast<int>(reason)};
 }
 
+// The state of a vehicle whose reference has followed this force and yaw for long.
+void start_on_chart(const float* row, tc_flatness_state* state) {
+    const float size_n = std::sqrt(row[0] * row[0] + row[1] * row[1] + row[2] * row[2]);
+    const float axis[3] = {row[0] / size_n, row[1] / size_n, row[2] / size_n};
+    float q[4];
+    tc_flatness_chart(axis, row[9], q);
+    tc_flatness_reset(state, q);
+}
+
 // Rows in: force 3, its two derivatives 3 + 3, yaw, yaw rate, yaw acceleration. Rows out: q 4, and rate 3 and angular
 // acceleration 3 in world axes.
 Out flatness(In<float, any> parameters, In<float, any, 12> inputs, float step_s) {
@@ -252,6 +261,7 @@ Out flatness(In<float, any> parameters, In<float, any, 12> inputs, float step_s)
     Out out = make(inputs.shape(0), 10, data);
     for (size_t i = 0; i < inputs.shape(0); i++) {
         const float* row = inputs.data() + 12 * i;
+        if (i == 0) start_on_chart(row, &state);
         tc_setpoint setpoint{};
         for (int j = 0; j < 3; j++) {
             setpoint.jerk_world_m_s3[j] = row[3 + j] / p.mass_kg;

@@ -13,8 +13,8 @@ static inline void tilt_error(const float q[4], const float r[4], const float ax
         error[2] = 0.0f;
         return;
     }
-    const float w = q[0] * r[0] + q[1] * r[1] + q[2] * r[2] + q[3] * r[3];
-    const float z = q[0] * r[3] - q[3] * r[0] - q[1] * r[2] + q[2] * r[1];
+    float z;
+    const float w = tc_q_missing(q, r, &z);
     const float scale = sqrtf(2.0f / above);
     error[0] = -axis[1] * scale;
     error[1] = axis[0] * scale;
@@ -23,8 +23,9 @@ static inline void tilt_error(const float q[4], const float r[4], const float ax
 
 /* Lee et al. 2010, eq. (10): half the vee of Rd^T R - R^T Rd, turned round to point at what is missing. */
 static TC_RARE void lee_error(const float q[4], const float r[4], float error[3]) {
+    const float back[4] = {q[0], -q[1], -q[2], -q[3]};
     float difference[4];
-    tc_q_difference(q, r, difference);
+    tc_q_multiply(back, r, difference);
     for (int i = 0; i < 3; i++) error[i] = 2.0f * difference[0] * difference[i + 1];
 }
 

@@ -40,23 +40,18 @@ static TC_RARE void emergency_force(tc_controller* c, float force_world_n[3]) {
     force_world_n[2] = c->parameters.emergency_sink * c->parameters.mass_kg * c->parameters.gravity_m_s2;
 }
 
-/* The velocity a compensation works with, in body axes. */
-static inline void chosen_velocity(tc_controller* c, uint8_t source, float velocity_body_m_s[3]) {
-    const tc_telemetry* t = &c->telemetry;
-    if (source == (uint8_t)TC_VELOCITY_NONE) {
-        for (int i = 0; i < 3; i++) velocity_body_m_s[i] = 0.0f;
-        return;
-    }
-    const bool estimate = source == (uint8_t)TC_VELOCITY_ESTIMATE;
-    tc_to_body(c->axes, estimate ? t->estimate.velocity_world_m_s : t->setpoint.velocity_world_m_s, velocity_body_m_s);
-}
-
-/* Body rates to go with it: they move the hubs through the air. */
-static inline const float* chosen_rate(const tc_controller* c, uint8_t source) {
+/* What a compensation works with. */
+static const float* chosen(uint8_t source, const float setpoint[3], const float estimate[3]) {
     static const float still[3] = {0.0f, 0.0f, 0.0f};
     if (source == (uint8_t)TC_VELOCITY_NONE) return still;
-    const bool estimate = source == (uint8_t)TC_VELOCITY_ESTIMATE;
-    return estimate ? c->telemetry.estimate.rate_body_rad_s : c->telemetry.rate_reference_rad_s;
+    return source == (uint8_t)TC_VELOCITY_ESTIMATE ? estimate : setpoint;
+}
+
+/* The velocity of that source in body axes. */
+static inline void chosen_velocity(tc_controller* c, uint8_t source, float velocity_body_m_s[3]) {
+    const tc_telemetry* t = &c->telemetry;
+    tc_to_body(c->axes, chosen(source, t->setpoint.velocity_world_m_s, t->estimate.velocity_world_m_s),
+               velocity_body_m_s);
 }
 
 /* Eq. (9). */
@@ -101,7 +96,7 @@ static __attribute__((noinline)) void steer(tc_controller* c, const float veloci
 
 /* Battery sag and rotor lag, taken off the speed commands. The lead (lag s + 1) / (filter s + 1) undoes the rotors' lag
    up to the filter's frequency; the plain inverse would drive the rotors with nothing but sensor noise. */
-static __attribute__((noinline)) void lead_speeds(tc_controller* c, float step_s) {
+static TC_RARE void lead_speeds(tc_controller* c, float step_s) {
     const tc_parameters* p = &c->parameters;
     float* speed = c->telemetry.rotor_speed_rad_s;
     const float filter_s = tc_max(p->lead_filter_s, step_s);
@@ -133,7 +128,9 @@ static void fly(tc_controller* c, float step_s) {
         tc_cancel_moments(&c->parameters, &c->mixer, air, t->estimate.rate_body_rad_s, c->slow_speed_rad_s,
                           t->wrench.torque_n_m);
     }
-    t->saturation |= tc_mixer_solve(&c->mixer, &t->wrench, air, chosen_rate(c, airflow), t->rotor_speed_rad_s);
+    t->saturation |=
+        tc_mixer_solve(&c->mixer, &t->wrench, air,
+                       chosen(airflow, t->rate_reference_rad_s, t->estimate.rate_body_rad_s), t->rotor_speed_rad_s);
     if (c->has_lead) {
         lead_speeds(c, step_s);
         c->was_flying = true;

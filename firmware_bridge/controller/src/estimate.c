@@ -6,18 +6,25 @@
 #define LARGEST_VELOCITY_M_S 150.0f
 #define LARGEST_RATE_RAD_S 100.0f
 #define LARGEST_BATTERY_V 1000.0f
+#define LONGEST_AGE_S 10.0f
+#define LONGEST_AGE_US 10000000u
+/* Of the fault bits, from the position's to the attitude's. */
+#define ATTITUDE_BITS 2u
+_Static_assert((uint32_t)TC_FAULT_ATTITUDE_STALE == (uint32_t)TC_FAULT_POSITION_STALE << ATTITUDE_BITS &&
+                   (uint32_t)TC_FAULT_ATTITUDE_BAD == (uint32_t)TC_FAULT_POSITION_BAD << ATTITUDE_BITS,
+               "the bits of the attitude follow those of the position");
 
-static inline float age_s(uint64_t time_us, uint64_t stamp_us) {
-    const uint64_t age_us = time_us - stamp_us;
-    if (stamp_us >= time_us) return 0.0f;
-    return age_us > 10000000u ? 10.0f : (float)(uint32_t)age_us * 1e-6f;
-}
-
-/* How far to carry forward: a fresh sample by its whole age, what was carried before only by what is new since then. */
-static inline float ahead_s(const tc_parameters* p, float age, bool fresh, float step_s) {
-    const float ahead = tc_min(age + p->predict_extra_s, p->predict_max_s);
-    if (fresh) return ahead;
-    return tc_max(ahead - tc_max(age + p->predict_extra_s - step_s, 0.0f), 0.0f);
+/* What both halves of an estimate ask: is it too old (the fault bits, as for the position), and how far is it to be
+   carried forward: a fresh sample by its whole age, what was carried before only by what is new since then. */
+static TC_SHARED uint8_t carry(const tc_parameters* p, uint64_t time_us, uint64_t stamp_us, float step_s, bool fresh,
+                               float* ahead_s) {
+    const uint64_t since_us = stamp_us < time_us ? time_us - stamp_us : 0u;
+    const float age_s = since_us > LONGEST_AGE_US ? LONGEST_AGE_S : (float)(uint32_t)since_us * 1e-6f;
+    const float whole_s = age_s + p->predict_extra_s;
+    *ahead_s = tc_min(whole_s, p->predict_max_s);
+    if (!fresh) *ahead_s = tc_max(*ahead_s - tc_max(whole_s - step_s, 0.0f), 0.0f);
+    return (uint8_t)((fresh ? 0u : (uint32_t)TC_FAULT_POSITION_BAD) |
+                     (age_s > p->estimate_stale_s ? (uint32_t)TC_FAULT_POSITION_STALE : 0u));
 }
 
 /* Position by the last velocity and the acceleration that the set-point asks for. */
@@ -46,22 +53,19 @@ static inline void predict_attitude(const tc_estimate* from, float q_size2, floa
 
 /* Position and velocity, or what was carried so far; returns the fault bits. */
 static inline uint8_t take_position(tc_controller* c, uint64_t time_us, float step_s, const tc_estimate* estimate) {
-    const tc_parameters* p = &c->parameters;
     tc_estimate* now = &c->telemetry.estimate;
     const bool good = tc_up_to(tc_dot(estimate->position_world_m, estimate->position_world_m),
                                LARGEST_POSITION_M * LARGEST_POSITION_M) &&
                       tc_up_to(tc_dot(estimate->velocity_world_m_s, estimate->velocity_world_m_s),
                                LARGEST_VELOCITY_M_S * LARGEST_VELOCITY_M_S);
     if (good) now->position_time_us = estimate->position_time_us;
-    const float age = age_s(time_us, now->position_time_us);
-    predict_position(good ? estimate : now, c->telemetry.setpoint.acceleration_world_m_s2,
-                     ahead_s(p, age, good, step_s), now);
-    return (uint8_t)((good ? 0u : (uint32_t)TC_FAULT_POSITION_BAD) |
-                     (age > p->estimate_stale_s ? (uint32_t)TC_FAULT_POSITION_STALE : 0u));
+    float ahead_s;
+    const uint8_t faults = carry(&c->parameters, time_us, now->position_time_us, step_s, good, &ahead_s);
+    predict_position(good ? estimate : now, c->telemetry.setpoint.acceleration_world_m_s2, ahead_s, now);
+    return faults;
 }
 
 static inline uint8_t take_attitude(tc_controller* c, uint64_t time_us, float step_s, const tc_estimate* estimate) {
-    const tc_parameters* p = &c->parameters;
     tc_estimate* now = &c->telemetry.estimate;
     const tc_estimate* from = estimate;
     float q_size2 = tc_q_size2(from->q_world_body), rate2 = tc_dot(from->rate_body_rad_s, from->rate_body_rad_s);
@@ -73,10 +77,10 @@ static inline uint8_t take_attitude(tc_controller* c, uint64_t time_us, float st
         q_size2 = tc_q_size2(from->q_world_body);
         rate2 = tc_dot(from->rate_body_rad_s, from->rate_body_rad_s);
     }
-    const float age = age_s(time_us, now->attitude_time_us);
-    predict_attitude(from, q_size2, rate2, ahead_s(p, age, good, step_s), now);
-    return (uint8_t)((good ? 0u : (uint32_t)TC_FAULT_ATTITUDE_BAD) |
-                     (age > p->estimate_stale_s ? (uint32_t)TC_FAULT_ATTITUDE_STALE : 0u));
+    float ahead_s;
+    const uint8_t faults = carry(&c->parameters, time_us, now->attitude_time_us, step_s, good, &ahead_s);
+    predict_attitude(from, q_size2, rate2, ahead_s, now);
+    return faults;
 }
 
 uint8_t tc_take_estimate(tc_controller* c, uint64_t time_us, float step_s, const tc_estimate* estimate) {
@@ -84,5 +88,5 @@ uint8_t tc_take_estimate(tc_controller* c, uint64_t time_us, float step_s, const
     const uint8_t attitude = take_attitude(c, time_us, step_s, estimate);
     const float battery_v = estimate->battery_v;
     c->telemetry.estimate.battery_v = tc_up_to(battery_v, LARGEST_BATTERY_V) ? battery_v : 0.0f;
-    return position | attitude;
+    return (uint8_t)(position | attitude << ATTITUDE_BITS);
 }

@@ -1,6 +1,32 @@
 /* Quaternions; sine, cosine and arc tangent in plain float32 arithmetic: the same bits on every machine. */
 #include "maths.h"
 
+void tc_cross(const float a[3], const float b[3], float out[3]) {
+    out[0] = a[1] * b[2] - a[2] * b[1];
+    out[1] = a[2] * b[0] - a[0] * b[2];
+    out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+void tc_to_body(float axes[3][3], const float v[3], float out[3]) {
+    TC_UNROLLED
+    for (int i = 0; i < 3; i++) out[i] = axes[i][0] * v[0] + axes[i][1] * v[1] + axes[i][2] * v[2];
+}
+
+TC_SHARED void tc_q_axes(const float q[4], float axes[3][3]) {
+    const float x = 2.0f * q[1], y = 2.0f * q[2], z = 2.0f * q[3];
+    const float wx = q[0] * x, wy = q[0] * y, wz = q[0] * z;
+    const float xx = q[1] * x, xy = q[1] * y, xz = q[1] * z, yy = q[2] * y, yz = q[2] * z, zz = q[3] * z;
+    axes[0][0] = 1.0f - (yy + zz);
+    axes[0][1] = xy + wz;
+    axes[0][2] = xz - wy;
+    axes[1][0] = xy - wz;
+    axes[1][1] = 1.0f - (xx + zz);
+    axes[1][2] = yz + wx;
+    axes[2][0] = xz + wy;
+    axes[2][1] = yz - wx;
+    axes[2][2] = 1.0f - (xx + yy);
+}
+
 TC_RARE void tc_q_normalise(float q[4]) {
     const float norm2 = tc_q_size2(q);
     const float scale = norm2 > 1e-12f ? 1.0f / sqrtf(norm2) : 0.0f;
@@ -9,17 +35,9 @@ TC_RARE void tc_q_normalise(float q[4]) {
 }
 
 TC_RARE void tc_q_multiply(const float a[4], const float b[4], float out[4]) {
-    out[0] = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3];
-    out[1] = a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2];
-    out[2] = a[0] * b[2] + a[2] * b[0] + a[3] * b[1] - a[1] * b[3];
-    out[3] = a[0] * b[3] + a[3] * b[0] + a[1] * b[2] - a[2] * b[1];
-}
-
-TC_RARE void tc_q_difference(const float a[4], const float b[4], float out[4]) {
-    out[0] = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3];
-    out[1] = a[0] * b[1] - a[1] * b[0] - a[2] * b[3] + a[3] * b[2];
-    out[2] = a[0] * b[2] - a[2] * b[0] - a[3] * b[1] + a[1] * b[3];
-    out[3] = a[0] * b[3] - a[3] * b[0] - a[1] * b[2] + a[2] * b[1];
+    tc_cross(&a[1], &b[1], &out[1]);
+    for (int i = 1; i < 4; i++) out[i] += a[0] * b[i] + a[i] * b[0];
+    out[0] = a[0] * b[0] - tc_dot(&a[1], &b[1]);
 }
 
 /* pi/2 in three parts (Cody and Waite): the first two have so few bits that their products with the turn are exact. */
@@ -47,22 +65,17 @@ void tc_sin_cos(float x, float* sine, float* cosine) {
     *cosine = cosine_negative ? -b : b;
 }
 
+/* By Newton's method on sine and cosine: from 90 degrees off, the error goes 1.57, 0.57, 0.031, 5e-6 rad, 0. */
 TC_RARE float tc_atan2(float y, float x) {
-    const float ay = tc_abs(y);
-    const float ax = tc_abs(x);
-    const float larger = tc_max(ax, ay);
-    if (!(larger > 1e-30f)) return 0.0f;
-    const float ratio = tc_min(ax, ay) / larger;
-    /* atan(t) = pi/4 + atan((t - 1)/(t + 1)) brings [0, 1] into |u| <= tan(pi/8). */
-    const bool upper = ratio > 0.414213562f;
-    const float u = upper ? (ratio - 1.0f) / (ratio + 1.0f) : ratio;
-    const float u2 = u * u;
-    const float series =
-        u + u * u2 * (-3.33329491e-1f + u2 * (1.99777106e-1f + u2 * (-1.38776856e-1f + u2 * 8.05374449e-2f)));
-    float angle = upper ? 0.785398163f + series : series;
-    angle = ay > ax ? 1.57079633f - angle : angle;
-    angle = x < 0.0f ? TC_PI - angle : angle;
-    return y < 0.0f ? -angle : angle;
+    const float size = sqrtf(x * x + y * y);
+    if (!(size > 1e-15f)) return 0.0f;
+    float angle = y < 0.0f ? -0.5f * TC_PI : 0.5f * TC_PI;
+    for (int i = 0; i < 5; i++) {
+        float sine, cosine;
+        tc_sin_cos(angle, &sine, &cosine);
+        angle += (y * cosine - x * sine) / size;
+    }
+    return angle;
 }
 
 TC_RARE float tc_wrap(float angle_rad) {

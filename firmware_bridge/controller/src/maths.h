@@ -11,6 +11,11 @@
 /* What a usual tick does not do: kept apart and small, whatever the rest is optimised for. */
 #define TC_RARE __attribute__((noinline, cold))
 
+/* One copy for all who call it, in every tick too. */
+#define TC_SHARED __attribute__((noinline))
+/* The loop that follows is written out, whatever the rest is optimised for. */
+#define TC_UNROLLED _Pragma("GCC unroll 12")
+
 #define TC_PI 3.14159265f
 /* Added to a number below 2^21 it leaves no room for what follows the point: it rounds to whole numbers, and these are
    the lowest bits of the sum. */
@@ -73,53 +78,26 @@ static inline void tc_copy(float to[3], const float from[3]) { memcpy(to, from, 
 
 static inline void tc_copy4(float to[4], const float from[4]) { memcpy(to, from, 4u * sizeof *to); }
 
-static inline void tc_cross(const float a[3], const float b[3], float out[3]) {
-    out[0] = a[1] * b[2] - a[2] * b[1];
-    out[1] = a[2] * b[0] - a[0] * b[2];
-    out[2] = a[0] * b[1] - a[1] * b[0];
-}
+/* `out` is neither input. */
+void tc_cross(const float a[3], const float b[3], float out[3]);
 
 /* Hamilton product; `out` is neither input. */
 void tc_q_multiply(const float a[4], const float b[4], float out[4]);
 
-/* conjugate(a) * b: the rotation that is still missing from a to b, in a's own axes. */
-void tc_q_difference(const float a[4], const float b[4], float out[4]);
+/* Of the rotation that is still missing from a to b, conjugate(a) * b in a's own axes: w, and z about their third. */
+static inline float tc_q_missing(const float a[4], const float b[4], float* z) {
+    *z = a[0] * b[3] - a[3] * b[0] - a[1] * b[2] + a[2] * b[1];
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3];
+}
 
 static inline float tc_q_size2(const float q[4]) { return q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]; }
 
 void tc_q_normalise(float q[4]);
 
-static inline void tc_q_axis_y(const float q[4], float out[3]) {
-    out[0] = 2.0f * (q[1] * q[2] - q[0] * q[3]);
-    out[1] = 1.0f - 2.0f * (q[1] * q[1] + q[3] * q[3]);
-    out[2] = 2.0f * (q[2] * q[3] + q[0] * q[1]);
-}
-
-static inline void tc_q_axis_z(const float q[4], float out[3]) {
-    out[0] = 2.0f * (q[1] * q[3] + q[0] * q[2]);
-    out[1] = 2.0f * (q[2] * q[3] - q[0] * q[1]);
-    out[2] = 1.0f - 2.0f * (q[1] * q[1] + q[2] * q[2]);
-}
-
 /* Rows: the body's x, y, z axes in world coordinates. */
-static inline void tc_q_axes(const float q[4], float axes[3][3]) {
-    const float x = 2.0f * q[1], y = 2.0f * q[2], z = 2.0f * q[3];
-    const float wx = q[0] * x, wy = q[0] * y, wz = q[0] * z;
-    const float xx = q[1] * x, xy = q[1] * y, xz = q[1] * z, yy = q[2] * y, yz = q[2] * z, zz = q[3] * z;
-    axes[0][0] = 1.0f - (yy + zz);
-    axes[0][1] = xy + wz;
-    axes[0][2] = xz - wy;
-    axes[1][0] = xy - wz;
-    axes[1][1] = 1.0f - (xx + zz);
-    axes[1][2] = yz + wx;
-    axes[2][0] = xz + wy;
-    axes[2][1] = yz - wx;
-    axes[2][2] = 1.0f - (xx + yy);
-}
+void tc_q_axes(const float q[4], float axes[3][3]);
 
-static inline void tc_to_body(float axes[3][3], const float v[3], float out[3]) {
-    for (int i = 0; i < 3; i++) out[i] = tc_dot(axes[i], v);
-}
+void tc_to_body(float axes[3][3], const float v[3], float out[3]);
 
 static inline void tc_to_world(float axes[3][3], const float v[3], float out[3]) {
     for (int i = 0; i < 3; i++) out[i] = axes[0][i] * v[0] + axes[1][i] * v[1] + axes[2][i] * v[2];

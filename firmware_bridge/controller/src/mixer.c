@@ -90,40 +90,19 @@ static inline void weigh(const tc_mixer_rotor* m, const rotor* r, yaw_balance* y
     yaw->bend += m->spin_free2 * r->square_bend;
 }
 
-/* How much less `more` is than what a load may be changed by without a new operating point. */
-static inline float nearness(const tc_mixer* mixer, const rotor* r, float more) {
-    return mixer->near + TC_MIXER_FAR * tc_abs(r->load) - tc_abs(more);
-}
-
 /* Moves the squared speeds along the free direction to where nothing of the yaw is missing. True if that was so far
    that operating points should be found once more. */
 static inline bool balance(const tc_mixer* mixer, const yaw_balance* yaw, rotor r[TC_ROTORS], float* step) {
     const float straight = yaw->missing / yaw->slope;
-    uint32_t far = 0u; /* sign bits of what is left: one comparison for all four */
+    uint32_t far = 0u; /* sign bits of what is left of the way allowed: one comparison for all four */
     *step = straight - yaw->bend * straight * straight / yaw->slope;
+#pragma GCC unroll 1
     for (int i = 0; i < TC_ROTORS; i++) {
         const float more = *step * mixer->rotor[i].free;
         r[i].square += (r[i].square_rise + r[i].square_bend * more) * more;
-        far |= tc_bits(nearness(mixer, &r[i], more));
+        far |= tc_bits(mixer->near + TC_MIXER_FAR * tc_abs(r[i].load) - tc_abs(more));
     }
     return (far & 0x80000000u) != 0u;
-}
-
-/* Once more for every rotor whose load has been changed too much by `step` for the parabola. */
-static TC_RARE void repeat(const tc_mixer* mixer, float turn, float step, rotor r[TC_ROTORS]) {
-    yaw_balance yaw = {turn, 0.0f, 0.0f};
-    for (int i = 0; i < TC_ROTORS; i++) {
-        const float more = step * mixer->rotor[i].free;
-        const bool far = nearness(mixer, &r[i], more) < 0.0f;
-        r[i].load += more;
-        if (far) {
-            operate(mixer, &r[i]);
-        } else {
-            r[i].square_rise += 2.0f * r[i].square_bend * more;
-        }
-        weigh(&mixer->rotor[i], &r[i], &yaw);
-    }
-    (void)balance(mixer, &yaw, r, &step);
 }
 
 /* Beyond the rotors' limits all is reckoned as changes of the demand, in newtons of collective: what one rotor gets
@@ -137,29 +116,15 @@ typedef struct {
     float low, high;
 } range;
 
-/* Of a rotor that pulls air down it is at least that; a parabola followed too far may say anything. */
-static inline float collective_rise(const tc_mixer* mixer, int i, const rotor* r) {
-    return tc_max(r->square_rise, mixer->load_factor) * mixer->rotor[i].per_collective;
-}
-
+/* Of a rotor that pulls air down the slope is at least that of still air; a parabola followed too far may say
+   anything. */
 static inline void measure(const tc_mixer* mixer, const rotor r[TC_ROTORS], leeway* l) {
     for (int i = 0; i < TC_ROTORS; i++) {
-        const float rise = collective_rise(mixer, i, &r[i]);
+        const float rise = tc_max(r[i].square_rise, mixer->load_factor) * mixer->rotor[i].per_collective;
         l->rise[i] = rise;
         l->down[i] = (mixer->slowest2 - r[i].square) / rise;
         l->up[i] = (mixer->fastest2 - r[i].square) / rise;
     }
-}
-
-static inline void change(leeway* l, int i, float more_n, rotor* r) {
-    r->square += l->rise[i] * more_n;
-    l->down[i] -= more_n;
-    l->up[i] -= more_n;
-}
-
-static inline void change_yaw(const tc_mixer* mixer, float free, leeway* l, rotor r[TC_ROTORS]) {
-    for (int i = 0; i < TC_ROTORS; i++)
-        change(l, i, free * mixer->rotor[i].free / mixer->rotor[i].per_collective, &r[i]);
 }
 
 /* Changes of the collective that bring every rotor within its limits. */
@@ -172,39 +137,87 @@ static inline range collective_range(const leeway* l) {
     return collective;
 }
 
+/* Adds a multiple of what is to change rotor by rotor. */
+static TC_RARE void change(leeway* l, float times, const float each_n[TC_ROTORS], rotor r[TC_ROTORS]) {
+    for (int i = 0; i < TC_ROTORS; i++) {
+        const float more_n = times * each_n[i];
+        r[i].square += l->rise[i] * more_n;
+        l->down[i] -= more_n;
+        l->up[i] -= more_n;
+    }
+}
+
 /* Takes as little of the tilt torque away as leaves a collective that keeps every rotor within its limits; returns the
    share that stays. For each pair: what raises rotor i to its lower limit must not lift rotor j over its upper one. */
 static TC_RARE float cut_tilt(const tc_mixer* mixer, const tc_wrench* wrench, leeway* l, rotor r[TC_ROTORS]) {
-    float tilt[TC_ROTORS], share = 1.0f;
+    float tilt_n[TC_ROTORS], share = 1.0f;
     for (int i = 0; i < TC_ROTORS; i++) {
         const tc_mixer_rotor* m = &mixer->rotor[i];
-        tilt[i] = m->per_torque_x * wrench->torque_n_m[0] + m->per_torque_y * wrench->torque_n_m[1];
-        tilt[i] /= m->per_collective;
+        tilt_n[i] =
+            (m->per_torque_x * wrench->torque_n_m[0] + m->per_torque_y * wrench->torque_n_m[1]) / m->per_collective;
     }
     for (int i = 0; i < TC_ROTORS; i++) {
         for (int j = 0; j < TC_ROTORS; j++) {
-            const float spread = tilt[j] - tilt[i], room = l->up[j] - l->down[i] + spread;
+            const float spread = tilt_n[j] - tilt_n[i], room = l->up[j] - l->down[i] + spread;
             if (spread * share > room) share = tc_max(room, 0.0f) / spread;
         }
     }
-    for (int i = 0; i < TC_ROTORS; i++) change(l, i, (share - 1.0f) * tilt[i], &r[i]);
+    change(l, share - 1.0f, tilt_n, r);
     return share;
 }
 
-/* The part, up to 1, of a change of yaw that the rotors' limits leave room for. */
-static inline float yaw_part(const tc_mixer* mixer, float free, const leeway* l) {
+/* The part, up to 1, of a change that the rotors' limits leave room for. */
+static inline float part_of(float times, const float each_n[TC_ROTORS], const leeway* l) {
     float part = 1.0f;
     for (int i = 0; i < TC_ROTORS; i++) {
-        const float more_n = free * mixer->rotor[i].free / mixer->rotor[i].per_collective;
-        const float room_n = more_n > 0.0f ? l->up[i] : l->down[i];
+        const float more_n = times * each_n[i], room_n = more_n > 0.0f ? l->up[i] : l->down[i];
         if (tc_abs(more_n) * part > tc_abs(room_n)) part = tc_abs(room_n / more_n);
     }
     return part;
 }
 
+/* Priority: tilt torque, then collective, then yaw, which keeps a share of its authority throughout: `yaw` is what it
+   has beyond. */
+static TC_RARE uint8_t desaturate(const tc_mixer* mixer, const tc_wrench* wrench, float yaw, leeway* l,
+                                  rotor r[TC_ROTORS]) {
+    static const float all[TC_ROTORS] = {1.0f, 1.0f, 1.0f, 1.0f};
+    float yaw_n[TC_ROTORS];
+    uint8_t saturation = 0u;
+    for (int i = 0; i < TC_ROTORS; i++) yaw_n[i] = mixer->rotor[i].free / mixer->rotor[i].per_collective;
+    change(l, -yaw, yaw_n, r);
+    range collective = collective_range(l);
+    if (collective.low > collective.high) {
+        if (cut_tilt(mixer, wrench, l, r) < 1.0f - SMALL) saturation |= TC_SATURATED_TILT;
+        collective = collective_range(l);
+    }
+    const float more_n = tc_clamp(0.0f, collective.low, collective.high);
+    if (tc_abs(more_n) > SMALL * wrench->thrust_n) saturation |= TC_SATURATED_COLLECTIVE;
+    change(l, more_n, all, r);
+    const float part = part_of(yaw, yaw_n, l);
+    if (part < 1.0f - SMALL) saturation |= TC_SATURATED_YAW;
+    change(l, part * yaw, yaw_n, r);
+    return saturation;
+}
+
+/* Keeps every rotor within its limits. Usually nothing is to be done, or another collective is all it takes: that is
+   reckoned in every tick, so that one in which it is needed costs no more. `free`: where the free direction stands. */
+static inline uint8_t keep_within_limits(const tc_mixer* mixer, const tc_wrench* wrench, float free,
+                                         rotor r[TC_ROTORS]) {
+    leeway l;
+    measure(mixer, r, &l);
+    const range collective = collective_range(&l);
+    const float more_n = tc_clamp(0.0f, collective.low, collective.high), size_n = tc_abs(more_n);
+    const float yaw = free - tc_clamp(free, -mixer->guaranteed_yaw, mixer->guaranteed_yaw);
+    if (collective.low > collective.high || (size_n > 0.0f && tc_abs(yaw) > 0.0f)) {
+        return desaturate(mixer, wrench, yaw, &l, r);
+    }
+    for (int i = 0; i < TC_ROTORS; i++) r[i].square += l.rise[i] * more_n;
+    return size_n > SMALL * wrench->thrust_n ? (uint8_t)TC_SATURATED_COLLECTIVE : 0u;
+}
+
 /* Whether all squared speeds lie between two positive bounds, but for rounding; one unsigned comparison of the bits
    each, NaN is outside. */
-static inline bool all_between(const rotor r[TC_ROTORS], float low, float high) {
+static TC_SHARED bool all_between(const rotor r[TC_ROTORS], float low, float high) {
     const uint32_t first = tc_bits(low) - STEPS, width = tc_bits(high) + STEPS - first;
     bool between = true;
     for (int i = 0; i < TC_ROTORS; i++) between = between && tc_bits(r[i].square) - first <= width;
@@ -222,45 +235,6 @@ static TC_RARE uint8_t clip(const tc_mixer* mixer, rotor r[TC_ROTORS]) {
     return saturation;
 }
 
-/* Priority: tilt torque, then collective, then yaw, which keeps a share of its authority throughout: `yaw` is what it
-   has beyond. */
-static TC_RARE uint8_t desaturate(const tc_mixer* mixer, const tc_wrench* wrench, float yaw, rotor r[TC_ROTORS]) {
-    leeway l;
-    uint8_t saturation = 0u;
-    measure(mixer, r, &l);
-    change_yaw(mixer, -yaw, &l, r);
-    range collective = collective_range(&l);
-    if (collective.low > collective.high) {
-        if (cut_tilt(mixer, wrench, &l, r) < 1.0f - SMALL) saturation |= TC_SATURATED_TILT;
-        collective = collective_range(&l);
-    }
-    const float more_n = tc_clamp(0.0f, collective.low, collective.high);
-    if (tc_abs(more_n) > SMALL * wrench->thrust_n) saturation |= TC_SATURATED_COLLECTIVE;
-    for (int i = 0; i < TC_ROTORS; i++) change(&l, i, more_n, &r[i]);
-    const float part = yaw_part(mixer, yaw, &l);
-    if (part < 1.0f - SMALL) saturation |= TC_SATURATED_YAW;
-    change_yaw(mixer, part * yaw, &l, r);
-    return saturation;
-}
-
-/* Keeps every rotor within its limits. Usually nothing is to be done, or another collective is all it takes: that is
-   reckoned in every tick, so that one in which it is needed costs no more. `all`: where the free direction stands. */
-static inline uint8_t keep_within_limits(const tc_mixer* mixer, const tc_wrench* wrench, float all,
-                                         rotor r[TC_ROTORS]) {
-    float rise[TC_ROTORS], low = 0.0f, high = 0.0f;
-    for (int i = 0; i < TC_ROTORS; i++) {
-        rise[i] = collective_rise(mixer, i, &r[i]);
-        const float down = (mixer->slowest2 - r[i].square) / rise[i], up = (mixer->fastest2 - r[i].square) / rise[i];
-        low = i == 0 ? down : tc_max(low, down);
-        high = i == 0 ? up : tc_min(high, up);
-    }
-    const float more_n = tc_clamp(0.0f, low, high), size_n = tc_abs(more_n);
-    const float yaw = all - tc_clamp(all, -mixer->guaranteed_yaw, mixer->guaranteed_yaw);
-    if (low > high || (size_n > 0.0f && tc_abs(yaw) > 0.0f)) return desaturate(mixer, wrench, yaw, r);
-    for (int i = 0; i < TC_ROTORS; i++) r[i].square += rise[i] * more_n;
-    return size_n > SMALL * wrench->thrust_n ? (uint8_t)TC_SATURATED_COLLECTIVE : 0u;
-}
-
 uint8_t tc_mixer_solve(const tc_mixer* mixer, const tc_wrench* wrench, const float air_velocity_body_m_s[3],
                        const float rate_body_rad_s[3], float rotor_speed_rad_s[TC_ROTORS]) {
     rotor r[TC_ROTORS];
@@ -269,18 +243,25 @@ uint8_t tc_mixer_solve(const tc_mixer* mixer, const tc_wrench* wrench, const flo
         air[i] = mixer->unit_m_s * air_velocity_body_m_s[i];
         rate[i] = mixer->unit_m_s * rate_body_rad_s[i];
     }
-    const float turn = wrench->torque_n_m[2] * mixer->turn_per_yaw;
-    const float free = wrench->torque_n_m[2] * mixer->free_per_yaw;
-    yaw_balance yaw = {turn, 0.0f, 0.0f};
-    for (int i = 0; i < TC_ROTORS; i++) {
-        start(mixer, &mixer->rotor[i], wrench, air, rate, free, &r[i]);
-        operate(mixer, &r[i]);
-        weigh(&mixer->rotor[i], &r[i], &yaw);
+    float free = wrench->torque_n_m[2] * mixer->free_per_yaw;
+#pragma GCC unroll 1
+    for (int i = 0; i < TC_ROTORS; i++) start(mixer, &mixer->rotor[i], wrench, air, rate, free, &r[i]);
+    bool again = false;
+    for (;;) {
+        yaw_balance yaw = {wrench->torque_n_m[2] * mixer->turn_per_yaw, 0.0f, 0.0f};
+        for (int i = 0; i < TC_ROTORS; i++) {
+            operate(mixer, &r[i]);
+            weigh(&mixer->rotor[i], &r[i], &yaw);
+        }
+        float step;
+        const bool far = balance(mixer, &yaw, r, &step);
+        free += step;
+        if (again || !far || !all_between(r, mixer->likely_slowest2, mixer->likely_fastest2)) break;
+#pragma GCC unroll 1
+        for (int i = 0; i < TC_ROTORS; i++) r[i].load += step * mixer->rotor[i].free;
+        again = true;
     }
-    float step;
-    const bool far = balance(mixer, &yaw, r, &step);
-    if (far && all_between(r, mixer->likely_slowest2, mixer->likely_fastest2)) repeat(mixer, turn, step, r);
-    uint8_t saturation = keep_within_limits(mixer, wrench, free + step, r);
+    uint8_t saturation = keep_within_limits(mixer, wrench, free, r);
     if (!all_between(r, mixer->slowest2, mixer->fastest2)) saturation |= clip(mixer, r); /* or no numbers */
     for (int i = 0; i < TC_ROTORS; i++) rotor_speed_rad_s[i] = mixer->per_speed * sqrtf(r[i].square);
     return saturation;

@@ -91,7 +91,7 @@ void tc_clock_setpoint(const tc_clock* clock, const tc_trajectory* trajectory, t
 
 /* The septic over x = left / duration that starts (x = 1) with given value and first three derivatives (per x) and ends
    (x = 0) at rest: its end, and x^4 times a cubic. */
-static inline void resting_septic(float p, float v, float a, float j, float end, float out[8]) {
+static TC_RARE void resting_septic(float p, float v, float a, float j, float end, float out[8]) {
     const float g = p - end; /* the cubic and its derivatives at x = 1 */
     const float g1 = v - 4.0f * g;
     const float g2 = a - 12.0f * g - 8.0f * g1;
@@ -113,7 +113,7 @@ static void lay_out_stop(tc_move* move, const tc_setpoint* from, float brake_m_s
     move->septic[3][0] = from->yaw_rad + half_s * from->yaw_rate_rad_s;
 }
 
-static void lay_out(tc_move* move, const tc_setpoint* from) {
+static TC_RARE void lay_out(tc_move* move, const tc_setpoint* from) {
     if (move->duration_s < 0.0f) lay_out_stop(move, from, -move->duration_s);
     const float t = -move->duration_s, t2 = t * t, t3 = t2 * t; /* time by x */
     for (int i = 0; i < 3; i++) {

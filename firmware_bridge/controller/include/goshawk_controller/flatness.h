@@ -17,7 +17,6 @@ extern "C" {
 typedef struct {
     float q_reference[4]; /* world from body */
     float axis[3];        /* its z axis in world coordinates */
-    bool started;
 } tc_flatness_state;
 
 /* How the reference turns, in world axes. The reference itself is in the state. */
@@ -26,7 +25,7 @@ typedef struct {
     float acceleration_world_rad_s2[3];
 } tc_turning;
 
-/* Forgets the last attitude and starts from this one. */
+/* Forgets the last attitude and starts from this one: before the first step, and when the vehicle was elsewhere. */
 void tc_flatness_reset(tc_flatness_state* state, const float q_world_body[4]);
 
 /* One step of `step_s` towards the thrust vector `force_world_n` (eq. (9)) and the yaw of the set-point, whose jerk and
