@@ -14,8 +14,8 @@ uint8_t tc_take_estimate(tc_controller* c, uint64_t time_us, float step_s, const
 tc_reason tc_post(tc_controller* c, uint8_t event, tc_reason reason);
 /* Looks for everything that may change the state by itself, after the set-point has been advanced. */
 void tc_observe(tc_controller* c, uint8_t faults);
-/* How long a change of path rate should take so that braking stays within brake_m_s2. */
-float tc_ramp_s(const tc_controller* c, float change);
+/* Changes the rate of the path clock, so slowly that braking stays within brake_m_s2. */
+void tc_change_rate(tc_controller* c, float rate);
 
 bool tc_inside_fence(const tc_parameters* p, const float position_world_m[3]);
 

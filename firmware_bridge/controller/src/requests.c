@@ -42,10 +42,7 @@ static __attribute__((noinline)) tc_reason guard_start(const tc_controller* c) {
 static tc_reason set_time_scale(tc_controller* c, float scale) {
     if (scale < SMALLEST_TIME_SCALE || scale > 1.0f) return TC_OUT_OF_RANGE;
     c->time_scale = scale;
-    if (c->mission.state == TC_TRAJECTORY) {
-        const float change = tc_abs(scale - c->clock.rate[0]);
-        tc_clock_retarget(&c->clock, scale, tc_ramp_s(c, change));
-    }
+    if (c->mission.state == TC_TRAJECTORY) tc_change_rate(c, scale);
     return TC_OK;
 }
 

@@ -141,7 +141,7 @@ TC_RARE void tc_move_start(tc_move* move, const tc_setpoint* from, const float t
     move->septic[3][0] = to_yaw_rad;
 }
 
-void tc_move_stop(tc_move* move, float brake_m_s2) {
+TC_RARE void tc_move_stop(tc_move* move, float brake_m_s2) {
     move->duration_s = -brake_m_s2;
     move->left_s = FIRST_STEP;
 }

@@ -7,7 +7,7 @@
 
 _Static_assert(sizeof(tc_parameters) <= sizeof(tc_trajectory), "parameters fit into a slot");
 
-static tc_slot* staged_memory(tc_store* store) { return &store->slot[1u - store->active]; }
+static TC_RARE tc_slot* staged_memory(tc_store* store) { return &store->slot[1u - store->active]; }
 
 static tc_trajectory* staged_slot(tc_store* store) { return &staged_memory(store)->trajectory; }
 
@@ -41,7 +41,7 @@ tc_reason tc_store_put_origin(tc_store* store, const tc_origin* origin) {
     return TC_OK;
 }
 
-bool tc_store_has_segment(const tc_store* store, uint16_t index) {
+TC_RARE bool tc_store_has_segment(const tc_store* store, uint16_t index) {
     const tc_trajectory* slot = tc_store_staged(store);
     return slot != NULL && index < slot->header.segment_count && slot->segment[index].duration_us != 0u;
 }
@@ -158,16 +158,16 @@ tc_reason tc_store_activate(tc_store* store, uint32_t id, uint32_t crc32) {
     return TC_OK;
 }
 
-const tc_trajectory* tc_store_active(const tc_store* store) {
+TC_RARE const tc_trajectory* tc_store_active(const tc_store* store) {
     return store->has_active ? &store->slot[store->active].trajectory : NULL;
 }
 
-bool tc_store_is_active(const tc_store* store, uint32_t id, uint32_t crc32) {
+TC_RARE bool tc_store_is_active(const tc_store* store, uint32_t id, uint32_t crc32) {
     const tc_trajectory* active = tc_store_active(store);
     return active != NULL && active->header.id == id && active->header.crc32 == crc32;
 }
 
-const tc_trajectory* tc_store_staged(const tc_store* store) {
+TC_RARE const tc_trajectory* tc_store_staged(const tc_store* store) {
     const bool open = store->staged_state == TC_STAGED_FILLING || store->staged_state == TC_STAGED_CHECKED;
     return open ? &store->slot[1u - store->active].trajectory : NULL;
 }
@@ -180,6 +180,6 @@ tc_parameters* tc_store_stage_parameters(tc_store* store, const tc_parameters* p
     return staged;
 }
 
-tc_parameters* tc_store_staged_parameters(tc_store* store) {
+TC_RARE tc_parameters* tc_store_staged_parameters(tc_store* store) {
     return store->staged_state == TC_STAGED_PARAMETERS ? &staged_memory(store)->parameters : NULL;
 }

@@ -20,9 +20,11 @@ static TC_RARE void setpoint_here(tc_controller* c) {
     setpoint->yaw_rad = tc_q_yaw(estimate->q_world_body);
 }
 
-TC_RARE float tc_ramp_s(const tc_controller* c, float change) {
+TC_RARE void tc_change_rate(tc_controller* c, float rate) {
     const float speed = tc_norm(c->telemetry.setpoint.velocity_world_m_s) / tc_max(c->clock.rate[0], 0.1f);
-    return tc_max(RAMP_PEAK * speed * tc_abs(change) / c->parameters.brake_m_s2, RAMP_SHORTEST_S);
+    const float change = tc_abs(rate - c->clock.rate[0]);
+    const float ramp_s = tc_max(RAMP_PEAK * speed * change / c->parameters.brake_m_s2, RAMP_SHORTEST_S);
+    tc_clock_retarget(&c->clock, rate, ramp_s);
 }
 
 /* Set-point and attitude reference begin again where the vehicle is. */
@@ -62,8 +64,6 @@ static void enter_landing(tc_controller* c) {
     c->touching_since_us = low_word(c->telemetry.time_us);
 }
 
-static void slow_down(tc_controller* c) { tc_clock_retarget(&c->clock, 0.0f, tc_ramp_s(c, c->clock.rate[0])); }
-
 static TC_RARE void enter(tc_controller* c) {
     const uint8_t from = c->mission.previous_state;
     switch (c->mission.state) {
@@ -80,15 +80,13 @@ static TC_RARE void enter(tc_controller* c) {
             if (from == TC_APPROACH) {
                 tc_clock_start(&c->clock, c->time_scale);
             } else {
-                tc_clock_retarget(&c->clock, c->time_scale, tc_ramp_s(c, c->time_scale - c->clock.rate[0]));
+                tc_change_rate(c, c->time_scale);
             }
             break;
         case TC_PAUSING:
-            slow_down(c);
-            break;
         case TC_STOPPING:
         case TC_ABORTING:
-            if (c->clock.target_rate > 0.0f) slow_down(c);
+            if (c->clock.target_rate > 0.0f) tc_change_rate(c, 0.0f);
             break;
         case TC_LANDING:
             enter_landing(c);
@@ -173,6 +171,7 @@ static TC_RARE void observe_landing(tc_controller* c) {
     const tc_estimate* estimate = &c->telemetry.estimate;
     const float setpoint_z_m = c->telemetry.setpoint.position_world_m[2], z_m = estimate->position_world_m[2];
     if (tc_move_done(&c->move)) { /* the stop is over, or the ground was not where it was expected */
+        c->busy = true;
         move_to_height(c, tc_min(c->ground_z_m, setpoint_z_m) - BELOW_GROUND_M, c->parameters.landing_m_s);
     }
     const float speed = tc_norm(estimate->velocity_world_m_s);
@@ -206,12 +205,18 @@ static void observe_setpoint(tc_controller* c) {
     }
 }
 
-/* What takes tenths of a second to matter is looked at by every other tick. */
+/* What takes tenths of a second to matter is looked at by every other tick, and not by those two that have enough to do
+   with what the set-point has led to. */
 void tc_observe(tc_controller* c, uint8_t faults) {
     const bool in_air = tc_mission_in_air(c->mission.state), even = (c->telemetry.ticks & 1u) == 0u;
     observe_estimate(c, faults);
+    const uint8_t before = c->mission.state;
+    const bool busy = c->busy;
+    c->busy = false;
+    observe_setpoint(c);
+    if (c->mission.state != before) c->busy = true;
+    if (busy || c->busy) return;
     if (!even) observe_link(c);
     if (in_air && even) observe_fence(c);
     if (in_air && !even) observe_attitude(c);
-    observe_setpoint(c);
 }

@@ -66,7 +66,6 @@ typedef struct {
     tc_mixer mixer;
     tc_mission mission;
     tc_clock clock;
-    tc_move move;
     tc_position_state position;
     tc_telemetry telemetry;
     float ground_z_m;                  /* height of the take-off point */
@@ -81,13 +80,15 @@ typedef struct {
     bool has_lead;     /* rotor lag, battery or moments: speeds are filtered and corrected */
     bool has_integral; /* of the integrator's gains any is not zero */
     bool was_flying;
+    bool busy; /* the set-point of the last tick has led to another state or move: this one begins it */
     bool configured;
     bool ground_ever_seen;
     uint32_t ground_seen_us; /* low words of times: none of them is ever asked for after an hour */
     uint32_t bad_tilt_since_us;
     uint32_t touching_since_us;
     uint64_t last_tick_us;
-    tc_store store; /* last: what every tick touches lies close together in front of it */
+    tc_move move;
+    tc_store store; /* last, the move before: what every tick touches lies close together in front of them */
 } tc_controller;
 
 /* Everything zero, default parameters, disarmed and not configured: arming is refused until tc_parameters_set. */
