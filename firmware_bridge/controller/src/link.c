@@ -313,7 +313,7 @@ static const saying sayings[SAYINGS] = {
 
 /* Puts a payload together; false when there is nothing to say after all. */
 static bool say(tc_link* link, unsigned what, uint8_t* payload) {
-    link_copy(payload, (const uint8_t*)link + sayings[what].at, sayings[what].length, 0);
+    tc_copy_bytes(payload, (const uint8_t*)link + sayings[what].at, sayings[what].length, 0);
     switch (what) {
         case SAY_UPLOAD:
             link_say_bitmap(link, payload);

@@ -2,6 +2,7 @@
 #ifndef LINK_PARTS_H
 #define LINK_PARTS_H
 
+#include "copy.h"
 #include "goshawk_controller/link.h"
 #include "goshawk_dialect.h"
 
@@ -126,9 +127,7 @@ void link_say_telemetry(const tc_link* link, unsigned what, uint8_t* payload);
 
 /* NULL when there is none. */
 const tc_trajectory* link_active(const tc_link* link);
-/* Copies bytes. Bit i of `signs` turns the highest bit of byte i over, which is the sign where a number ends. */
-void link_copy(uint8_t* to, const void* from, size_t n, uint32_t signs);
-/* Three numbers as MAVLink's: NED from world, FRD from body, a half turn about x. */
+/* The signs of three numbers as MAVLink's (tc_copy_bytes): NED from world, FRD from body, a half turn about x. */
 #define LINK_FLIPPED 0x880u
 /* The next piece that was asked for and exists, there being `count`; `count` when there is none. */
 uint32_t link_take(tc_link* link, uint32_t count);

@@ -43,14 +43,6 @@ void link_series(tc_link* link, unsigned first, unsigned end, uint32_t now_us) {
     }
 }
 
-void link_copy(uint8_t* to, const void* from, size_t n, uint32_t signs) {
-    const uint8_t* bytes = (const uint8_t*)from;
-    for (size_t i = 0; i < n; i++) {
-        to[i] = (uint8_t)(bytes[i] ^ ((signs & 1u) << 7));
-        signs >>= 1;
-    }
-}
-
 uint64_t link_quotient(uint64_t time, uint32_t unit) {
     const uint32_t high = (uint32_t)(time >> 32);
     const uint32_t middle = ((high % unit) << 16) | ((uint32_t)(time >> 16) & 0xFFFFu);
@@ -116,7 +108,7 @@ static NOINLINE void put_runs(const tc_telemetry* t, unsigned what, uint8_t* pay
         const uint8_t* from = (const uint8_t*)t + 4u * runs[i].from;
         if (runs[i].message == what) {
             const bool flipped = runs[i].words == FLIPPED;
-            link_copy(payload + runs[i].to, from, flipped ? 12u : 4u * runs[i].words, flipped ? LINK_FLIPPED : 0u);
+            tc_copy_bytes(payload + runs[i].to, from, flipped ? 12u : 4u * runs[i].words, flipped ? LINK_FLIPPED : 0u);
         }
     }
 }
@@ -124,7 +116,7 @@ static NOINLINE void put_runs(const tc_telemetry* t, unsigned what, uint8_t* pay
 /* The rest of a GOSHAWK_STATE: what was measured at the last tick, and what is not a word of the telemetry. */
 static NOINLINE void say_state(const tc_link* link, uint8_t record[TC_LINK_RECORD]) {
     const tc_telemetry* t = &link->controller->telemetry;
-    link_copy(record + GOSHAWK_STATE_SPECIFIC_FORCE_BODY_M_S2_AT, &link->measured, sizeof link->measured, 0);
+    tc_copy_bytes(record + GOSHAWK_STATE_SPECIFIC_FORCE_BODY_M_S2_AT, &link->measured, sizeof link->measured, 0);
     put_f32(record + GOSHAWK_STATE_TRAJECTORY_TIME_S_AT, path_time_s(t));
     memcpy(record + GOSHAWK_STATE_SEQUENCE_AT, &link->state_sequence, 2);
     record[GOSHAWK_STATE_MISSION_STATE_AT] = t->state;
@@ -177,8 +169,8 @@ bool link_say_record(tc_link* link, uint8_t* payload) {
         return false;
     }
     memcpy(payload + GOSHAWK_LOG_RECORD_INDEX_AT, &index, 4);
-    link_copy(payload + GOSHAWK_LOG_RECORD_RECORD_AT, link->config->log + (size_t)TC_LINK_RECORD * index,
-              TC_LINK_RECORD, 0);
+    tc_copy_bytes(payload + GOSHAWK_LOG_RECORD_RECORD_AT, link->config->log + (size_t)TC_LINK_RECORD * index,
+                  TC_LINK_RECORD, 0);
     link->due |= DUE(SAY_RECORD);
     return true;
 }
@@ -203,7 +195,7 @@ static void say_mission(const tc_link* link, uint8_t* payload) {
         const float duration_s = (float)tc_trajectory_duration_us(active) * 1e-6f;
         memcpy(payload + GOSHAWK_MISSION_STATUS_ACTIVE_ID_AT, &active->header, 8);
         put_f32(payload + GOSHAWK_MISSION_STATUS_TRAJECTORY_DURATION_S_AT, duration_s);
-        link_copy(payload + GOSHAWK_MISSION_STATUS_MAP_HASH_AT, &active->origin, sizeof active->origin, 0);
+        tc_copy_bytes(payload + GOSHAWK_MISSION_STATUS_MAP_HASH_AT, &active->origin, sizeof active->origin, 0);
     }
     put_f32(payload + GOSHAWK_MISSION_STATUS_TRAJECTORY_TIME_S_AT, path_time_s(t));
     put_u32(payload + GOSHAWK_MISSION_STATUS_FRAMES_REFUSED_AT, refused);
@@ -242,7 +234,7 @@ static void say_odometry(const tc_controller* c, uint8_t* payload) {
         along[i] = c->axes[i][0] * e->velocity_world_m_s[0] + c->axes[i][1] * e->velocity_world_m_s[1] +
                    c->axes[i][2] * e->velocity_world_m_s[2];
     }
-    link_copy(payload + ODOMETRY_VX_AT, along, sizeof along, LINK_FLIPPED);
+    tc_copy_bytes(payload + ODOMETRY_VX_AT, along, sizeof along, LINK_FLIPPED);
     put_f32(payload + ODOMETRY_POSE_COVARIANCE_AT, NAN); /* nobody knows them */
     put_f32(payload + ODOMETRY_VELOCITY_COVARIANCE_AT, NAN);
     payload[ODOMETRY_FRAME_ID_AT] = FRAME_LOCAL_FRD;
@@ -250,7 +242,7 @@ static void say_odometry(const tc_controller* c, uint8_t* payload) {
 }
 
 static void say_home(const tc_link* link, uint8_t* payload) {
-    link_copy(payload + HOME_POSITION_X_AT, link->home_world_m, sizeof link->home_world_m, LINK_FLIPPED);
+    tc_copy_bytes(payload + HOME_POSITION_X_AT, link->home_world_m, sizeof link->home_world_m, LINK_FLIPPED);
     put_f32(payload + HOME_POSITION_Q_AT, 1.0f);
 }
 

@@ -259,7 +259,7 @@ void link_say_header(const tc_link* link, uint8_t* payload) {
     if (active != NULL) {
         memcpy(payload + GOSHAWK_TRAJECTORY_BEGIN_TRAJECTORY_ID_AT, &active->header, 10);
         memcpy(payload + GOSHAWK_TRAJECTORY_BEGIN_COEFFICIENT_COUNT_AT, &active->header.coefficient_count, 2);
-        link_copy(payload + GOSHAWK_TRAJECTORY_BEGIN_MAP_HASH_AT, &active->origin, sizeof active->origin, 0);
+        tc_copy_bytes(payload + GOSHAWK_TRAJECTORY_BEGIN_MAP_HASH_AT, &active->origin, sizeof active->origin, 0);
     }
 }
 

@@ -1,4 +1,5 @@
 /* What the ground may ask for, each with its guard. Refusals change nothing. */
+#include "copy.h"
 #include "internal.h"
 #include "maths.h"
 
@@ -90,7 +91,7 @@ static void tell_active(tc_controller* c) {
 /* Takes the new parameters. A trajectory was accepted under the limits of its time: new limits, new upload. */
 static __attribute__((noinline)) void adopt(tc_controller* c, const tc_parameters* parameters) {
     const bool other_limits = differ(&c->parameters, parameters, AT(fence_min_world_m), AT(start_radius_m));
-    c->parameters = *parameters;
+    tc_copy_bytes(&c->parameters, parameters, sizeof c->parameters, 0);
     c->configured = true;
     if (other_limits) {
         c->store.has_active = false;

@@ -1,4 +1,5 @@
 /* The two slots and the upload that fills one of them. */
+#include "copy.h"
 #include "goshawk_controller/trajectory.h"
 #include "maths.h"
 #include "path_check.h"
@@ -79,7 +80,7 @@ tc_reason tc_store_put_segment(tc_store* store, uint16_t index, const tc_segment
         if (held == segment) held->duration_us = 0; /* written into its place, but it is none */
         return reason;
     }
-    if (held != segment) *held = *segment; /* it may lie there already */
+    if (held != segment) tc_copy_bytes(held, segment, sizeof *held, 0); /* it may lie there already */
     for (int axis = 0; axis < TC_AXES; axis++) {
         memset(&held->coefficient[axis][count], 0, (TC_MAX_COEFFICIENTS - count) * sizeof(float));
     }
@@ -176,7 +177,7 @@ tc_parameters* tc_store_stage_parameters(tc_store* store, const tc_parameters* p
     if (tc_store_staged(store) != NULL) return NULL;
     store->staged_state = TC_STAGED_PARAMETERS;
     tc_parameters* staged = &staged_memory(store)->parameters;
-    *staged = *present;
+    tc_copy_bytes(staged, present, sizeof *staged, 0);
     return staged;
 }
 
