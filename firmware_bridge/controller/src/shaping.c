@@ -91,7 +91,7 @@ void tc_clock_setpoint(const tc_clock* clock, const tc_trajectory* trajectory, t
 
 /* The septic over x = left / duration that starts (x = 1) with given value and first three derivatives (per x) and ends
    (x = 0) at rest: its end, and x^4 times a cubic. */
-static TC_RARE void resting_septic(float p, float v, float a, float j, float end, float out[8]) {
+static inline __attribute__((always_inline)) void resting_septic(float p, float v, float a, float j, float end, float out[8]) {
     const float g = p - end; /* the cubic and its derivatives at x = 1 */
     const float g1 = v - 4.0f * g;
     const float g2 = a - 12.0f * g - 8.0f * g1;
