@@ -71,7 +71,8 @@ TC_RARE void tc_cancel_moments(const tc_parameters* p, const tc_mixer* mixer, co
     torque_body_n_m[2] += p->damping_n_m_s[2] * wz + p->rotor_drag_kg * drag_moment;
 }
 
-TC_RARE bool tc_has_moments(const tc_parameters* p) {
-    return tc_dot(p->damping_n_m_s, p->damping_n_m_s) > 0.0f || tc_abs(p->flapping_kg_m) > 0.0f ||
-           p->rotor_drag_kg > 0.0f;
+TC_RARE bool tc_has_moments(const tc_parameters* p) { /* only flapping may be negative */
+    return p->damping_n_m_s[0] + p->damping_n_m_s[1] + p->damping_n_m_s[2] + p->rotor_drag_kg +
+               tc_abs(p->flapping_kg_m) >
+           0.0f;
 }

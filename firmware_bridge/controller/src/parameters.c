@@ -365,12 +365,6 @@ tc_reason tc_parameters_check(const tc_parameters* parameters, uint16_t* index) 
 
 uint32_t tc_parameters_crc32(const tc_parameters* parameters) {
     uint32_t crc = 0;
-    for (uint16_t i = 0; i < COUNT; i++) {
-        const float value = read(parameters, i);
-        uint32_t bits;
-        memcpy(&bits, &value, sizeof bits);
-        const uint8_t bytes[4] = {(uint8_t)bits, (uint8_t)(bits >> 8), (uint8_t)(bits >> 16), (uint8_t)(bits >> 24)};
-        crc = tc_crc32(crc, bytes, sizeof bytes);
-    }
+    for (uint16_t i = 0; i < COUNT; i++) crc = tc_crc32_u32(crc, tc_bits(read(parameters, i)));
     return crc;
 }

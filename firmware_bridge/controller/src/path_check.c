@@ -112,20 +112,15 @@ static bool close(const float a[3], const float b[3], float tolerance) {
 }
 
 tc_reason tc_check_join(const tc_trajectory* trajectory, uint16_t index) {
-    tc_setpoint point;
-    float position[3], velocity[3], acceleration[3];
+    tc_setpoint before, after;
     const uint32_t time_us = trajectory->start_us[index];
-    tc_trajectory_evaluate(trajectory, (uint16_t)(index - 1u), time_us, &point);
-    tc_copy(position, point.position_world_m); /* a second whole set-point would cost more stack */
-    tc_copy(velocity, point.velocity_world_m_s);
-    tc_copy(acceleration, point.acceleration_world_m_s2);
-    const float yaw = point.yaw_rad, yaw_rate = point.yaw_rate_rad_s;
-    tc_trajectory_evaluate(trajectory, index, time_us, &point);
-    const bool smooth = close(position, point.position_world_m, JOIN_POSITION_M) &&
-                        close(velocity, point.velocity_world_m_s, JOIN_VELOCITY_M_S) &&
-                        close(acceleration, point.acceleration_world_m_s2, JOIN_ACCELERATION_M_S2) &&
-                        tc_abs(yaw - point.yaw_rad) <= JOIN_YAW_RAD &&
-                        tc_abs(yaw_rate - point.yaw_rate_rad_s) <= JOIN_YAW_RATE_RAD_S;
+    tc_trajectory_evaluate(trajectory, (uint16_t)(index - 1u), time_us, &before);
+    tc_trajectory_evaluate(trajectory, index, time_us, &after);
+    const bool smooth = close(before.position_world_m, after.position_world_m, JOIN_POSITION_M) &&
+                        close(before.velocity_world_m_s, after.velocity_world_m_s, JOIN_VELOCITY_M_S) &&
+                        close(before.acceleration_world_m_s2, after.acceleration_world_m_s2, JOIN_ACCELERATION_M_S2) &&
+                        tc_abs(before.yaw_rad - after.yaw_rad) <= JOIN_YAW_RAD &&
+                        tc_abs(before.yaw_rate_rad_s - after.yaw_rate_rad_s) <= JOIN_YAW_RATE_RAD_S;
     return smooth ? TC_OK : TC_JUMP_AT_JOIN;
 }
 

@@ -109,9 +109,9 @@ static void prepare(tc_controller* c) {
     c->drag_source = (uint8_t)p->drag_velocity;
     c->airflow_source = (uint8_t)p->airflow_velocity;
     c->has_moments = tc_has_moments(p);
-    c->has_lead = c->has_moments || p->rotor_lag_s > 0.0f || p->battery_gain_1_v > 0.0f;
-    c->has_integral = p->ki_xy_1_s3 > 0.0f || p->ki_z_1_s3 > 0.0f;
-    c->was_flying = c->was_flying && c->has_lead; /* the filter starts anew when it comes to be needed */
+    c->has_lead = c->has_moments || p->rotor_lag_s + p->battery_gain_1_v > 0.0f; /* neither is negative */
+    c->has_integral = p->ki_xy_1_s3 + p->ki_z_1_s3 > 0.0f;
+    if (!c->has_lead) c->was_flying = false; /* the filter starts anew when it comes to be needed */
 }
 
 tc_reason tc_parameters_set(tc_controller* c, const tc_parameters* parameters) {

@@ -88,7 +88,7 @@ uint32_t tc_trajectory_duration_us(const tc_trajectory* trajectory) {
     return trajectory->start_us[trajectory->header.segment_count];
 }
 
-static TC_RARE uint32_t crc_u32(uint32_t crc, uint32_t value) {
+TC_RARE uint32_t tc_crc32_u32(uint32_t crc, uint32_t value) {
     const uint8_t bytes[4] = {(uint8_t)value, (uint8_t)(value >> 8), (uint8_t)(value >> 16), (uint8_t)(value >> 24)};
     return tc_crc32(crc, bytes, sizeof bytes);
 }
@@ -97,15 +97,13 @@ TC_RARE uint32_t tc_trajectory_crc32(const tc_trajectory* trajectory) {
     const tc_trajectory_header* header = &trajectory->header;
     const uint32_t counts = (uint32_t)header->segment_count | ((uint32_t)header->coefficient_count << 16) |
                             ((uint32_t)header->link_loss_policy << 24);
-    uint32_t crc = crc_u32(crc_u32(0u, header->id), counts);
+    uint32_t crc = tc_crc32_u32(tc_crc32_u32(0u, header->id), counts);
     for (uint32_t i = 0; i < header->segment_count; i++) {
         const tc_segment* segment = &trajectory->segment[i];
-        crc = crc_u32(crc, segment->duration_us);
+        crc = tc_crc32_u32(crc, segment->duration_us);
         for (int axis = 0; axis < TC_AXES; axis++) {
             for (uint32_t j = 0; j < header->coefficient_count; j++) {
-                uint32_t bits;
-                memcpy(&bits, &segment->coefficient[axis][j], sizeof bits);
-                crc = crc_u32(crc, bits);
+                crc = tc_crc32_u32(crc, tc_bits(segment->coefficient[axis][j]));
             }
         }
     }

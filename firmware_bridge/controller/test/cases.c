@@ -54,7 +54,7 @@ static void words_of_reasons(void) {
         must(!transition || strcmp(words, "unknown reason") != 0, "every one of them");
     }
     must(strcmp(tc_transition_text(TC_ESTIMATE_STALE), "position is stale") == 0, "the first one");
-    must(strcmp(tc_transition_text(TC_LINK_LOST), "link to the ground lost") == 0, "one between");
+    must(strcmp(tc_transition_text(TC_LINK_LOST), "link is lost") == 0, "one between");
     must(strcmp(tc_reason_text(TC_TIMEOUT), "took too long") == 0, "the last one");
 }
 

@@ -156,6 +156,7 @@ uint32_t tc_trajectory_duration_us(const tc_trajectory* trajectory);
    segment duration_us u32 and 4 x coefficient_count float32. */
 uint32_t tc_trajectory_crc32(const tc_trajectory* trajectory);
 uint32_t tc_crc32(uint32_t crc, const uint8_t* bytes, size_t count); /* start with 0 */
+uint32_t tc_crc32_u32(uint32_t crc, uint32_t value); /* of its bytes, the lowest first */
 
 /* Index of the segment that holds `time_us` (the later one at a join; the last one from the end on). Nine probes. */
 uint16_t tc_trajectory_find(const tc_trajectory* trajectory, uint32_t time_us);
