@@ -32,9 +32,7 @@ static inline void make_setpoint(tc_controller* c, float step_s) {
 /* Level, heading kept, a little less thrust than the weight: what attitude alone can do. */
 static TC_RARE void emergency_force(tc_controller* c, float force_world_n[3]) {
     tc_setpoint* setpoint = &c->telemetry.setpoint;
-    const float yaw_rad = setpoint->yaw_rad;
     memset(setpoint->velocity_world_m_s, 0, sizeof *setpoint - offsetof(tc_setpoint, velocity_world_m_s));
-    setpoint->yaw_rad = yaw_rad;
     force_world_n[0] = 0.0f;
     force_world_n[1] = 0.0f;
     force_world_n[2] = c->parameters.emergency_sink * c->parameters.mass_kg * c->parameters.gravity_m_s2;

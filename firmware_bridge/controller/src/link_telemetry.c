@@ -72,7 +72,6 @@ typedef struct {
 /* Neighbours in memory that are neighbours in GOSHAWK_STATE are one run. */
 _Static_assert(FROM(estimate.battery_v) - POSITION == 13u, "position, velocity, attitude, rate");
 _Static_assert(GOSHAWK_STATE_SPECIFIC_FORCE_BODY_M_S2_AT - GOSHAWK_STATE_POSITION_WORLD_M_AT == 52, "those");
-_Static_assert(FROM(setpoint.acceleration_world_m_s2) - FROM(setpoint) == 6u, "position and velocity");
 _Static_assert(FROM(setpoint.acceleration_world_m_s2) < 256u, "a word's number is a byte");
 _Static_assert(sizeof(tc_link_measured) == 28, "force and rotor speeds");
 
@@ -82,7 +81,8 @@ static const run runs[] = {
     {SAY_STATE, GOSHAWK_STATE_TIME_US_AT, FROM(time_us), 2},
     {SAY_STATE, GOSHAWK_STATE_POSITION_WORLD_M_AT, POSITION, 13},
     {SAY_STATE, GOSHAWK_STATE_ROTOR_SPEED_COMMAND_RAD_S_AT, FROM(rotor_speed_rad_s), TC_ROTORS},
-    {SAY_STATE, GOSHAWK_STATE_SETPOINT_POSITION_WORLD_M_AT, FROM(setpoint), 6},
+    {SAY_STATE, GOSHAWK_STATE_SETPOINT_POSITION_WORLD_M_AT, FROM(setpoint.position_world_m), 3},
+    {SAY_STATE, GOSHAWK_STATE_SETPOINT_VELOCITY_WORLD_M_S_AT, FROM(setpoint.velocity_world_m_s), 3},
     {SAY_STATE, GOSHAWK_STATE_SETPOINT_Q_WORLD_BODY_AT, FROM(flatness.q_reference), 4},
     {SAY_STATE, GOSHAWK_STATE_BATTERY_V_AT, FROM(estimate.battery_v), 1},
     {SAY_HOME, HOME_POSITION_TIME_USEC_AT, FROM(time_us), 2},

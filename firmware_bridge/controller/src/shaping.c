@@ -2,6 +2,7 @@
 #include "goshawk_controller/shaping.h"
 
 #include "maths.h"
+#include "setpoint_parts.h"
 
 #define STANDING_RATE 1e-6f
 #define LONGEST_STEP_S 0.02f
@@ -89,40 +90,30 @@ void tc_clock_setpoint(const tc_clock* clock, const tc_trajectory* trajectory, t
     tc_trajectory_evaluate_running(trajectory, clock->segment, clock->path_us, clock->path_part_us, clock->rate, out);
 }
 
-/* The septic over x = left / duration that starts (x = 1) with given value and first three derivatives (per x) and ends
-   (x = 0) at rest: its end, and x^4 times a cubic. */
-static inline __attribute__((always_inline)) void resting_septic(float p, float v, float a, float j, float end, float out[8]) {
-    const float g = p - end; /* the cubic and its derivatives at x = 1 */
-    const float g1 = v - 4.0f * g;
-    const float g2 = a - 12.0f * g - 8.0f * g1;
-    const float g3 = j - 24.0f * g - 36.0f * g1 - 12.0f * g2;
-    out[0] = end;
-    out[7] = (1.0f / 6.0f) * g3;
-    out[6] = 0.5f * (g2 - g3);
-    out[5] = g1 - 2.0f * out[6] - 3.0f * out[7];
-    out[4] = g - out[5] - out[6] - out[7];
-}
-
 /* To rest straight ahead: duration and end follow from the speed. */
 static void lay_out_stop(tc_move* move, const tc_setpoint* from, float brake_m_s2) {
     move->duration_s = tc_max(2.0f * tc_norm(from->velocity_world_m_s) / brake_m_s2, 0.5f);
-    const float half_s = 0.5f * move->duration_s;
-    for (int i = 0; i < 3; i++) {
-        move->septic[i][0] = from->position_world_m[i] + half_s * from->velocity_world_m_s[i];
+    for (unsigned i = 0; i < TC_AXES; i++) {
+        move->septic[i][0] = tc_setpoint_get(from, 0, i) + 0.5f * move->duration_s * tc_setpoint_get(from, 1, i);
     }
-    move->septic[3][0] = from->yaw_rad + half_s * from->yaw_rate_rad_s;
 }
 
+/* The septics over x = left / duration that start (x = 1) with the set-point and its first three derivatives and end
+   (x = 0) at rest: the end, and x^4 times a cubic. */
 static TC_RARE void lay_out(tc_move* move, const tc_setpoint* from) {
     if (move->duration_s < 0.0f) lay_out_stop(move, from, -move->duration_s);
     const float t = -move->duration_s, t2 = t * t, t3 = t2 * t; /* time by x */
-    for (int i = 0; i < 3; i++) {
-        resting_septic(from->position_world_m[i], from->velocity_world_m_s[i] * t,
-                       from->acceleration_world_m_s2[i] * t2, from->jerk_world_m_s3[i] * t3, move->septic[i][0],
-                       move->septic[i]);
+    for (unsigned i = 0; i < TC_AXES; i++) {
+        float* c = move->septic[i];
+        const float g = tc_setpoint_get(from, 0, i) - c[0]; /* the cubic and its derivatives at x = 1 */
+        const float g1 = tc_setpoint_get(from, 1, i) * t - 4.0f * g;
+        const float g2 = tc_setpoint_get(from, 2, i) * t2 - 12.0f * g - 8.0f * g1;
+        const float g3 = tc_setpoint_get(from, 3, i) * t3 - 24.0f * g - 36.0f * g1 - 12.0f * g2;
+        c[7] = (1.0f / 6.0f) * g3;
+        c[6] = 0.5f * (g2 - g3);
+        c[5] = g1 - 2.0f * c[6] - 3.0f * c[7];
+        c[4] = g - c[5] - c[6] - c[7];
     }
-    resting_septic(from->yaw_rad, from->yaw_rate_rad_s * t, from->yaw_acceleration_rad_s2 * t2, 0.0f,
-                   move->septic[3][0], move->septic[3]);
     move->left_s = move->duration_s;
 }
 

@@ -2,6 +2,7 @@
 #include "goshawk_controller/trajectory.h"
 
 #include "maths.h"
+#include "setpoint_parts.h"
 
 /* Derivatives of a polynomial at x by repeated synthetic division, with x divided out: the coefficients are multiplied
    by powers of x first, so that only additions are left (Shaw and Traub 1974). derivative[k] comes out times x^k / k!.
@@ -35,20 +36,13 @@ TC_SHARED void tc_evaluate_polynomials(const float coefficient[TC_AXES][TC_MAX_C
     const float u4 = per_s * path_rate[3], u11 = u1 * u1, u12 = 6.0f * u1 * u2;
     const float a2 = 2.0f * u11, j3 = 6.0f * u11 * u1, s4 = 24.0f * u11 * u11;
     const float s3 = 6.0f * u1 * u12, s2 = 8.0f * u1 * u3 + 6.0f * u2 * u2;
-    for (int axis = 0; axis < TC_AXES; axis++) {
+    for (unsigned axis = 0; axis < TC_AXES; axis++) {
         derivatives(coefficient[axis], power, d);
-        const float rate = d[1] * u1, acceleration = d[2] * a2 + d[1] * u2;
-        if (axis == 3) {
-            out->yaw_rad = d[0];
-            out->yaw_rate_rad_s = rate;
-            out->yaw_acceleration_rad_s2 = acceleration;
-        } else {
-            out->position_world_m[axis] = d[0];
-            out->velocity_world_m_s[axis] = rate;
-            out->acceleration_world_m_s2[axis] = acceleration;
-            out->jerk_world_m_s3[axis] = d[3] * j3 + d[2] * u12 + d[1] * u3;
-            out->snap_world_m_s4[axis] = d[4] * s4 + d[3] * s3 + d[2] * s2 + d[1] * u4;
-        }
+        tc_setpoint_put(out, 0, axis, d[0]);
+        tc_setpoint_put(out, 1, axis, d[1] * u1);
+        tc_setpoint_put(out, 2, axis, d[2] * a2 + d[1] * u2);
+        tc_setpoint_put(out, 3, axis, d[3] * j3 + d[2] * u12 + d[1] * u3);
+        tc_setpoint_put(out, 4, axis, d[4] * s4 + d[3] * s3 + d[2] * s2 + d[1] * u4);
     }
 }
 

@@ -95,16 +95,18 @@ typedef struct {
     tc_slot slot[2]; /* last: they are large */
 } tc_store;
 
-/* Value and time derivatives of (x, y, z, yaw) at one instant. */
+/* Value and four time derivatives of (x, y, z, yaw) at one instant. */
 typedef struct {
     float position_world_m[3];
-    float velocity_world_m_s[3];
-    float acceleration_world_m_s2[3];
-    float jerk_world_m_s3[3];
-    float snap_world_m_s4[3];
     float yaw_rad;
+    float velocity_world_m_s[3];
     float yaw_rate_rad_s;
+    float acceleration_world_m_s2[3];
     float yaw_acceleration_rad_s2;
+    float jerk_world_m_s3[3];
+    float yaw_jerk_rad_s3;
+    float snap_world_m_s4[3];
+    float yaw_snap_rad_s4;
 } tc_setpoint;
 
 void tc_store_init(tc_store* store);
