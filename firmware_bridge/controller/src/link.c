@@ -128,7 +128,8 @@ static NOINLINE void on_order(tc_link* link, const link_message* message) {
 }
 
 static void on_command_long(tc_link* link, const link_message* message) {
-    const uint16_t command = message->head.command.command;
+    uint16_t command;
+    tc_frame_read(&message->frame, COMMAND_LONG_COMMAND_AT, &command, sizeof command);
     /* the command, or, of a request for a message, the bits of the message's number: the first parameter lies first */
     const uint32_t asked = command == REQUEST_MESSAGE ? message->head.id : command;
     link->acknowledged.command = command;

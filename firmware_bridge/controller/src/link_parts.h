@@ -37,7 +37,6 @@ typedef union {
     link_read_head read;
     link_begin_head begin;
     param_request_read_msg parameter;
-    command_long_msg command;
     timesync_msg timesync;
 } link_head;
 
