@@ -66,16 +66,9 @@ TC_RARE void tc_trajectory_evaluate(const tc_trajectory* trajectory, uint16_t in
 }
 
 TC_RARE uint16_t tc_trajectory_find(const tc_trajectory* trajectory, uint32_t time_us) {
-    uint32_t low = 0, high = trajectory->header.segment_count; /* the answer is in [low, high) */
-    for (int probe = 0; probe < 16 && high - low > 1u; probe++) {
-        const uint32_t middle = (low + high) / 2u;
-        if (trajectory->start_us[middle] <= time_us) {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    return (uint16_t)low;
+    uint16_t index = 0;
+    while (index + 1u < trajectory->header.segment_count && trajectory->start_us[index + 1u] <= time_us) index++;
+    return index;
 }
 
 uint32_t tc_trajectory_duration_us(const tc_trajectory* trajectory) {

@@ -158,9 +158,10 @@ uint32_t tc_trajectory_duration_us(const tc_trajectory* trajectory);
    segment duration_us u32 and 4 x coefficient_count float32. */
 uint32_t tc_trajectory_crc32(const tc_trajectory* trajectory);
 uint32_t tc_crc32(uint32_t crc, const uint8_t* bytes, size_t count); /* start with 0 */
-uint32_t tc_crc32_u32(uint32_t crc, uint32_t value); /* of its bytes, the lowest first */
+uint32_t tc_crc32_u32(uint32_t crc, uint32_t value);                 /* of its bytes, the lowest first */
 
-/* Index of the segment that holds `time_us` (the later one at a join; the last one from the end on). Nine probes. */
+/* Index of the segment that holds `time_us` (the later one at a join; the last one from the end on): for the
+   rare look-up. In flight a cursor moves on by at most one (tc_clock). */
 uint16_t tc_trajectory_find(const tc_trajectory* trajectory, uint32_t time_us);
 
 /* Evaluates segment `index` at `time_us` + `part_us` from the trajectory's start, clamped to the segment, while path
