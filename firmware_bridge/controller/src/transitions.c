@@ -207,7 +207,7 @@ static void observe_setpoint(tc_controller* c) {
 
 /* What takes tenths of a second to matter is looked at by every other tick, and not by those two that have enough to do
    with what the set-point has led to. */
-void tc_observe(tc_controller* c, uint8_t faults) {
+TC_SHARED void tc_observe(tc_controller* c, uint8_t faults) {
     const bool in_air = tc_mission_in_air(c->mission.state), even = (c->telemetry.ticks & 1u) == 0u;
     observe_estimate(c, faults);
     const uint8_t before = c->mission.state;
