@@ -205,10 +205,10 @@ static void observe_setpoint(tc_controller* c) {
     }
 }
 
-/* What takes tenths of a second to matter is looked at by every other tick, and not by those two that have enough to do
-   with what the set-point has led to. */
+/* What takes tenths of a second to matter is looked at by every other tick, the link by every eighth, and nothing of
+   that by those two that have enough to do with what the set-point has led to. */
 TC_SHARED void tc_observe(tc_controller* c, uint8_t faults) {
-    const bool in_air = tc_mission_in_air(c->mission.state), even = (c->telemetry.ticks & 1u) == 0u;
+    const bool in_air = tc_mission_in_air(c->mission.state);
     observe_estimate(c, faults);
     const uint8_t before = c->mission.state;
     const bool busy = c->busy;
@@ -216,7 +216,16 @@ TC_SHARED void tc_observe(tc_controller* c, uint8_t faults) {
     observe_setpoint(c);
     if (c->mission.state != before) c->busy = true;
     if (busy || c->busy) return;
-    if (!even) observe_link(c);
-    if (in_air && even) observe_fence(c);
-    if (in_air && !even) observe_attitude(c);
+    const uint32_t turn = c->telemetry.ticks & 7u;
+    if (turn == 7u) {
+        observe_link(c);
+    } else if (in_air) {
+        if ((turn & 1u) == 0u) {
+            observe_fence(c);
+        } else {
+            observe_attitude(c);
+        }
+    } else {
+        /* on the ground neither matters */
+    }
 }
