@@ -46,7 +46,7 @@ static const float* chosen(uint8_t source, const float setpoint[3], const float 
 }
 
 /* The velocity of that source in body axes. */
-static inline void chosen_velocity(tc_controller* c, uint8_t source, float velocity_body_m_s[3]) {
+static TC_SHARED void chosen_velocity(tc_controller* c, uint8_t source, float velocity_body_m_s[3]) {
     const tc_telemetry* t = &c->telemetry;
     tc_to_body(c->axes, chosen(source, t->setpoint.velocity_world_m_s, t->estimate.velocity_world_m_s),
                velocity_body_m_s);
@@ -175,15 +175,14 @@ static tc_reason estimate_reason(uint8_t faults) {
 
 tc_reason tc_tick(tc_controller* c, uint64_t time_us, const tc_estimate* estimate, tc_output* output) {
     const bool first = c->telemetry.ticks == 0u;
-    if (!first && time_us <= c->last_tick_us) {
+    if (!first && time_us <= c->telemetry.time_us) {
         c->telemetry.refused_ticks++;
         write_output(c, output);
         return TC_TIME_WENT_BACK;
     }
-    const uint64_t step_us = first ? 0u : time_us - c->last_tick_us;
+    const uint64_t step_us = first ? 0u : time_us - c->telemetry.time_us;
     const bool late = step_us > LONGEST_STEP_US;
     const float step_s = (float)(uint32_t)(late ? LONGEST_STEP_US : step_us) * 1e-6f;
-    c->last_tick_us = time_us;
     c->telemetry.time_us = time_us;
     const uint8_t faults = tc_take_estimate(c, time_us, step_s, estimate);
     c->telemetry.estimate_faults = faults;

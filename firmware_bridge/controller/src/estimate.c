@@ -74,7 +74,7 @@ static inline uint8_t take_attitude(tc_controller* c, uint64_t time_us, float st
         now->attitude_time_us = estimate->attitude_time_us;
     } else {
         from = now;
-        q_size2 = tc_q_size2(from->q_world_body);
+        q_size2 = 1.0f;
         rate2 = tc_dot(from->rate_body_rad_s, from->rate_body_rad_s);
     }
     float ahead_s;

@@ -2,20 +2,12 @@
 #ifndef SETPOINT_PARTS_H
 #define SETPOINT_PARTS_H
 
-#include <string.h>
-
 #include "goshawk_controller/trajectory.h"
 
 _Static_assert(sizeof(tc_setpoint) == 5u * TC_AXES * sizeof(float), "five orders of four axes, nothing between them");
 
-static inline float tc_setpoint_get(const tc_setpoint* setpoint, unsigned order, unsigned axis) {
-    float value;
-    memcpy(&value, (const uint8_t*)setpoint + sizeof value * (TC_AXES * order + axis), sizeof value);
-    return value;
-}
-
-static inline void tc_setpoint_put(tc_setpoint* setpoint, unsigned order, unsigned axis, float value) {
-    memcpy((uint8_t*)setpoint + sizeof value * (TC_AXES * order + axis), &value, sizeof value);
-}
+/* Number 4 order + axis: that derivative of that axis. */
+static inline float* tc_setpoint_numbers(tc_setpoint* setpoint) { return (float*)(void*)setpoint; }
+static inline const float* tc_setpoint_read(const tc_setpoint* setpoint) { return (const float*)(const void*)setpoint; }
 
 #endif

@@ -90,25 +90,22 @@ void tc_clock_setpoint(const tc_clock* clock, const tc_trajectory* trajectory, t
     tc_trajectory_evaluate_running(trajectory, clock->segment, clock->path_us, clock->path_part_us, clock->rate, out);
 }
 
-/* To rest straight ahead: duration and end follow from the speed. */
-static void lay_out_stop(tc_move* move, const tc_setpoint* from, float brake_m_s2) {
-    move->duration_s = tc_max(2.0f * tc_norm(from->velocity_world_m_s) / brake_m_s2, 0.5f);
-    for (unsigned i = 0; i < TC_AXES; i++) {
-        move->septic[i][0] = tc_setpoint_get(from, 0, i) + 0.5f * move->duration_s * tc_setpoint_get(from, 1, i);
-    }
-}
-
 /* The septics over x = left / duration that start (x = 1) with the set-point and its first three derivatives and end
-   (x = 0) at rest: the end, and x^4 times a cubic. */
+   (x = 0) at rest: the end, and x^4 times a cubic. Of a stop, which leads straight ahead, duration and end follow from
+   the speed. */
 static TC_RARE void lay_out(tc_move* move, const tc_setpoint* from) {
-    if (move->duration_s < 0.0f) lay_out_stop(move, from, -move->duration_s);
+    const float* now = tc_setpoint_read(from);
+    const bool stop = move->duration_s < 0.0f;
+    if (stop) move->duration_s = tc_max(-2.0f * tc_norm(from->velocity_world_m_s) / move->duration_s, 0.5f);
     const float t = -move->duration_s, t2 = t * t, t3 = t2 * t; /* time by x */
-    for (unsigned i = 0; i < TC_AXES; i++) {
+    for (int i = 0; i < TC_AXES; i++) {
         float* c = move->septic[i];
-        const float g = tc_setpoint_get(from, 0, i) - c[0]; /* the cubic and its derivatives at x = 1 */
-        const float g1 = tc_setpoint_get(from, 1, i) * t - 4.0f * g;
-        const float g2 = tc_setpoint_get(from, 2, i) * t2 - 12.0f * g - 8.0f * g1;
-        const float g3 = tc_setpoint_get(from, 3, i) * t3 - 24.0f * g - 36.0f * g1 - 12.0f * g2;
+        const float v = now[TC_AXES + i] * t;
+        if (stop) c[0] = now[i] - 0.5f * v;
+        const float g = now[i] - c[0]; /* the cubic and its derivatives at x = 1 */
+        const float g1 = v - 4.0f * g;
+        const float g2 = now[2 * TC_AXES + i] * t2 - 12.0f * g - 8.0f * g1;
+        const float g3 = now[3 * TC_AXES + i] * t3 - 24.0f * g - 36.0f * g1 - 12.0f * g2;
         c[7] = (1.0f / 6.0f) * g3;
         c[6] = 0.5f * (g2 - g3);
         c[5] = g1 - 2.0f * c[6] - 3.0f * c[7];

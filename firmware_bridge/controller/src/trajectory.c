@@ -36,13 +36,14 @@ TC_SHARED void tc_evaluate_polynomials(const float coefficient[TC_AXES][TC_MAX_C
     const float u4 = per_s * path_rate[3], u11 = u1 * u1, u12 = 6.0f * u1 * u2;
     const float a2 = 2.0f * u11, j3 = 6.0f * u11 * u1, s4 = 24.0f * u11 * u11;
     const float s3 = 6.0f * u1 * u12, s2 = 8.0f * u1 * u3 + 6.0f * u2 * u2;
-    for (unsigned axis = 0; axis < TC_AXES; axis++) {
+    float* number = tc_setpoint_numbers(out);
+    for (int axis = 0; axis < TC_AXES; axis++, number++) {
         derivatives(coefficient[axis], power, d);
-        tc_setpoint_put(out, 0, axis, d[0]);
-        tc_setpoint_put(out, 1, axis, d[1] * u1);
-        tc_setpoint_put(out, 2, axis, d[2] * a2 + d[1] * u2);
-        tc_setpoint_put(out, 3, axis, d[3] * j3 + d[2] * u12 + d[1] * u3);
-        tc_setpoint_put(out, 4, axis, d[4] * s4 + d[3] * s3 + d[2] * s2 + d[1] * u4);
+        number[0] = d[0];
+        number[TC_AXES] = d[1] * u1;
+        number[2 * TC_AXES] = d[2] * a2 + d[1] * u2;
+        number[3 * TC_AXES] = d[3] * j3 + d[2] * u12 + d[1] * u3;
+        number[4 * TC_AXES] = d[4] * s4 + d[3] * s3 + d[2] * s2 + d[1] * u4;
     }
 }
 

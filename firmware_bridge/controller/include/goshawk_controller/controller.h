@@ -86,7 +86,6 @@ typedef struct {
     uint32_t ground_seen_us; /* low words of times: none of them is ever asked for after an hour */
     uint32_t bad_tilt_since_us;
     uint32_t touching_since_us;
-    uint64_t last_tick_us;
     tc_move move;
     tc_store store; /* last, the move before: what every tick touches lies close together in front of them */
 } tc_controller;
