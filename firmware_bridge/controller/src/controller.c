@@ -1,13 +1,14 @@
 /* The whole, one step per line. */
 #include "goshawk_controller/controller.h"
 
+#include "copy.h"
 #include "internal.h"
 #include "maths.h"
 
 #define LONGEST_STEP_US 20000u
 
 TC_RARE void tc_init(tc_controller* c) {
-    memset(c, 0, sizeof *c);
+    tc_fill(c, 0, sizeof *c);
     tc_store_init(&c->store);
     tc_mission_init(&c->mission);
     tc_parameters_default(&c->parameters);
@@ -32,7 +33,7 @@ static inline void make_setpoint(tc_controller* c, float step_s) {
 /* Level, heading kept, a little less thrust than the weight: what attitude alone can do. */
 static TC_RARE void emergency_force(tc_controller* c, float force_world_n[3]) {
     tc_setpoint* setpoint = &c->telemetry.setpoint;
-    memset(setpoint->velocity_world_m_s, 0, sizeof *setpoint - offsetof(tc_setpoint, velocity_world_m_s));
+    tc_fill(setpoint->velocity_world_m_s, 0, sizeof *setpoint - offsetof(tc_setpoint, velocity_world_m_s));
     force_world_n[0] = 0.0f;
     force_world_n[1] = 0.0f;
     force_world_n[2] = c->parameters.emergency_sink * c->parameters.mass_kg * c->parameters.gravity_m_s2;
@@ -143,9 +144,9 @@ static TC_RARE void rest(tc_controller* c) {
         t->rotor_speed_rad_s[i] = speed;
         c->slow_speed_rad_s[i] = speed;
     }
-    memset(&t->setpoint, 0, sizeof t->setpoint);
-    memset(&t->wrench, 0, sizeof t->wrench);
-    memset(t->rate_reference_rad_s, 0, sizeof t->rate_reference_rad_s);
+    tc_fill(&t->setpoint, 0, sizeof t->setpoint);
+    tc_fill(&t->wrench, 0, sizeof t->wrench);
+    tc_fill(t->rate_reference_rad_s, 0, sizeof t->rate_reference_rad_s);
     tc_copy(t->setpoint.position_world_m, t->estimate.position_world_m);
     tc_copy4(t->flatness.q_reference, t->estimate.q_world_body);
     t->saturation = 0;

@@ -8,3 +8,8 @@ void tc_copy_bytes(void* to, const void* from, size_t n, uint32_t signs) {
         signs >>= 1;
     }
 }
+
+void tc_fill(void* to, uint8_t value, size_t n) {
+    uint8_t* place = (uint8_t*)to;
+    for (size_t i = 0; i < n; i++) place[i] = value;
+}

@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include "copy.h"
 #include "link_parts.h"
 
 #define REQUEST_MESSAGE 512u      /* MAV_CMD_REQUEST_MESSAGE */
@@ -18,7 +19,7 @@
 static uint32_t low_word(uint64_t time_us) { return (uint32_t)(time_us & 0xFFFFFFFFu); }
 
 void tc_link_init(tc_link* link, tc_controller* controller, const tc_link_config* config, uint64_t now_us) {
-    memset(link, 0, sizeof *link);
+    tc_fill(link, 0, sizeof *link);
     link->config = config;
     link->controller = controller;
     link->started_us = now_us;
@@ -357,7 +358,7 @@ size_t tc_link_transmit(tc_link* link, uint8_t frame[TC_FRAME_MAX], uint64_t now
         now - link->moment_us[LAST_STATUS] >= STATUS_REPEAT_US) {
         link->due |= DUE(SAY_UPLOAD);
     }
-    memset(payload, 0, TC_PAYLOAD_MAX);
+    tc_fill(payload, 0, TC_PAYLOAD_MAX);
     while (!said && link->due != 0u) {
         what = (unsigned)__builtin_ctz(link->due);
         link->due &= link->due - 1u; /* takes the lowest bit off */

@@ -1,6 +1,7 @@
 /* MAVLink 2 frames: the parser that finds them in a byte stream, building, signing. */
 #include <string.h>
 
+#include "copy.h"
 #include "goshawk_controller/link_codec.h"
 #include "goshawk_dialect.h"
 
@@ -100,7 +101,7 @@ bool tc_parser_next(tc_parser* parser, const uint8_t** bytes, size_t* n, tc_fram
 }
 
 void tc_signing_init(tc_signing* signing, const uint8_t key[TC_KEY_BYTES], uint64_t start_10us) {
-    memset(signing, 0, sizeof *signing);
+    tc_fill(signing, 0, sizeof *signing);
     signing->key = key;
     signing->now_10us = start_10us;
     for (unsigned i = 0; i < TC_STREAMS; i++) {
@@ -182,7 +183,7 @@ tc_signature tc_signing_check(tc_signing* signing, const tc_frame* frame) {
     sender |= (uint32_t)end[-7] << 16;
     tc_stream* stream = find_stream(signing, sender);
     if (stream->sender != sender && stamp_10us > stream->newest_10us) { /* its last stamp stays, as the start */
-        memset(stream->age_10us, 0, sizeof stream->age_10us);
+        tc_fill(stream->age_10us, 0, sizeof stream->age_10us);
         stream->sender = sender;
     }
     if (stream->sender != sender || !accept(stream, stamp_10us)) {

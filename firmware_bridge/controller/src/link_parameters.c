@@ -1,6 +1,7 @@
 /* Parameters over the link: read one by one as MAVLink does, set as a whole or not at all. */
 #include <string.h>
 
+#include "copy.h"
 #include "link_parts.h"
 
 #define REAL32 9u /* MAV_PARAM_TYPE_REAL32 */
@@ -58,7 +59,7 @@ void link_on_parameters_stage(tc_link* link, const link_message* message) {
         }
         link_give_way(link,
                       message->now_us); /* it gathers in the memory of the staged slot, which an upload may have */
-        memset(&link->set, 0, sizeof link->set);
+        tc_fill(&link->set, 0, sizeof link->set);
         link->set.transfer_id = transfer_id;
         (void)tc_parameters_stage(link->controller);
         reason = TC_OK;

@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "copy.h"
 #include "link_parts.h"
 
 #define FRAME_LOCAL_FRD 20u
@@ -129,7 +130,7 @@ uint8_t link_log_start(tc_link* link, uint32_t id) {
     if (link->config->log == NULL || link->config->log_records == 0u || period_us == 0u) {
         return TC_LINK_NO_LOG_MEMORY;
     }
-    memset(&link->log, 0, sizeof link->log);
+    tc_fill(&link->log, 0, sizeof link->log);
     link->due &= ~DUE(SAY_RECORD); /* of the old log nothing is left to send */
     link->log.id = id;
     link->log.running = 1;
@@ -259,7 +260,7 @@ static void say_rotors(const tc_link* link, uint8_t* payload) {
 /* Nothing but the voltage is known. */
 static void say_battery(const tc_telemetry* t, uint8_t* payload) {
     const float millivolts = t->estimate.battery_v * 1000.0f;
-    memset(payload, 0xFF, BATTERY_STATUS_TIME_REMAINING_AT);
+    tc_fill(payload, 0xFF, BATTERY_STATUS_TIME_REMAINING_AT);
     payload[BATTERY_STATUS_ID_AT] = 0;
     payload[BATTERY_STATUS_BATTERY_FUNCTION_AT] = 0;
     payload[BATTERY_STATUS_TYPE_AT] = 1;

@@ -1,6 +1,7 @@
 /* The upload: pieces into the staged slot, reports of what arrived, commit, read-back. */
 #include <string.h>
 
+#include "copy.h"
 #include "link_parts.h"
 
 #define STATUS_EVERY 8u      /* frames between two reports at the most */
@@ -47,7 +48,7 @@ static tc_reason begin(tc_link* link, const link_message* message) {
                                          m->link_loss_policy};
     tc_origin origin;
     end_transfer(link);
-    memset(&link->upload, 0, sizeof link->upload);
+    tc_fill(&link->upload, 0, sizeof link->upload);
     const tc_reason reason = tc_upload_begin(link->controller, &header);
     if (reason == TC_OK) {
         tc_frame_read(&message->frame, GOSHAWK_TRAJECTORY_BEGIN_MAP_HASH_AT, &origin, sizeof origin);

@@ -3,6 +3,8 @@
 
 #include <string.h>
 
+#include "copy.h"
+
 /* What a transition adds to one byte of its state's row: two events a byte, four bits each. */
 #define TO(byte, event, state) \
     +(((unsigned)(event) / 2u == (byte)) ? ((unsigned)(state) + 1u) << (4u * ((event) & 1u)) : 0u)
@@ -127,7 +129,7 @@ static const uint8_t table[TC_MISSION_STATE_COUNT][TC_EVENT_COUNT / 2] = {
 
 _Static_assert(TC_EVENT_COUNT == 22 && TC_MISSION_STATE_COUNT < 16, "rows are whole, states fit into four bits");
 
-void tc_mission_init(tc_mission* mission) { memset(mission, 0, sizeof *mission); }
+void tc_mission_init(tc_mission* mission) { tc_fill(mission, 0, sizeof *mission); }
 
 tc_reason tc_mission_post(tc_mission* mission, uint8_t event, tc_reason reason, uint32_t time_us) {
     if (mission->state >= TC_MISSION_STATE_COUNT || event >= TC_EVENT_COUNT) return TC_WRONG_STATE;

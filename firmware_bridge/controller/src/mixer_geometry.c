@@ -1,5 +1,6 @@
 /* What the mixer works with that follows from the parameters alone: units, thrust law, limits, and the inverse of the
    rotors' geometry. */
+#include "copy.h"
 #include "goshawk_controller/mixer.h"
 #include "maths.h"
 #include "mixer_parts.h"
@@ -22,7 +23,8 @@ static float determinant(const float a[3], const float b[3], const float c[3]) {
 /* `yaw_per_free`: sum spin_i free_i. */
 static tc_reason lay_out(tc_mixer* mixer, const tc_parameters* p, float arm_m, float load_per_n, float* yaw_per_free) {
     float column[TC_ROTORS][3]; /* collective, torque x, torque y per newton, arms scaled to about 1 */
-    float gram[3][3] = {{0.0f}}, adjugate[3][3], free[TC_ROTORS];
+    float gram[3][3], adjugate[3][3], free[TC_ROTORS];
+    tc_fill(gram, 0, sizeof gram);
     for (int i = 0; i < TC_ROTORS; i++) {
         column[i][0] = 1.0f;
         column[i][1] = mixer->rotor[i].arm_y_m / arm_m;

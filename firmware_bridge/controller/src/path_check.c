@@ -5,6 +5,7 @@
    16 pieces (the excess falls sixteen-fold each time) before it is refused. */
 #include "path_check.h"
 
+#include "copy.h"
 #include "maths.h"
 
 /* Room for what float32 storage and evaluation cost; far below what a vehicle feels. */
@@ -61,7 +62,7 @@ static bool piece_within(const tc_segment* segment, uint32_t count, const claim*
                          float middle, float bound) {
     points squared, hull;
     bool within = true;
-    memset(squared, 0, sizeof squared);
+    tc_fill(squared, 0, sizeof squared);
     for (uint32_t axis = of->first; axis < of->end; axis++) {
         control_points(segment->coefficient[axis], count, of->order, 2e6f / (float)segment->duration_us, start, width,
                        hull);

@@ -19,7 +19,7 @@ float tc_drag_slope(const tc_parameters* p, const float v[3], float thrust_n, fl
     return p->rotor_drag_s_m * thrust_n + 4.0f * p->rotor_drag_kg * mean_rotor_speed_rad_s + 2.0f * airframe * speed;
 }
 
-static TC_RARE void integrate(tc_position_state* state, const tc_parameters* p, const float error[3], float step_s) {
+static inline void integrate(tc_position_state* state, const tc_parameters* p, const float error[3], float step_s) {
     for (int i = 0; i < 3; i++) {
         const float gain = i < 2 ? p->ki_xy_1_s3 : p->ki_z_1_s3;
         const float next = state->integral_m_s2[i] + gain * error[i] * step_s;

@@ -13,10 +13,14 @@
 #define FIRST_STEP -1.0f
 
 TC_RARE void tc_clock_start(tc_clock* clock, float rate) {
-    memset(clock, 0, sizeof *clock);
+    clock->path_us = 0u;
+    clock->path_part_us = 0.0f;
+    clock->segment = 0u;
+    for (int i = 1; i < 4; i++) clock->rate[i] = 0.0f;
     clock->rate[0] = rate;
     clock->target_rate = rate;
     clock->ramp_s = 1.0f;
+    clock->ramp_left_s = 0.0f; /* which empties the ramp */
 }
 
 TC_RARE void tc_clock_retarget(tc_clock* clock, float target_rate, float ramp_s) {

@@ -12,7 +12,7 @@ static TC_RARE tc_slot* staged_memory(tc_store* store) { return &store->slot[1u 
 
 static tc_trajectory* staged_slot(tc_store* store) { return &staged_memory(store)->trajectory; }
 
-void tc_store_init(tc_store* store) { memset(store, 0, sizeof *store); }
+void tc_store_init(tc_store* store) { tc_fill(store, 0, sizeof *store); }
 
 void tc_store_discard(tc_store* store) {
     store->staged_state = TC_STAGED_EMPTY;
@@ -29,7 +29,7 @@ tc_reason tc_store_begin(tc_store* store, const tc_trajectory_header* header) {
     tc_store_discard(store);
     tc_trajectory* slot = staged_slot(store);
     slot->header = *header;
-    memset(&slot->origin, 0, sizeof slot->origin);
+    tc_fill(&slot->origin, 0, sizeof slot->origin);
     for (uint16_t i = 0; i < header->segment_count; i++) slot->segment[i].duration_us = 0;
     store->staged_state = TC_STAGED_FILLING;
     store->refused_segment = 0;
@@ -82,7 +82,7 @@ tc_reason tc_store_put_segment(tc_store* store, uint16_t index, const tc_segment
     }
     if (held != segment) tc_copy_bytes(held, segment, sizeof *held, 0); /* it may lie there already */
     for (int axis = 0; axis < TC_AXES; axis++) {
-        memset(&held->coefficient[axis][count], 0, (TC_MAX_COEFFICIENTS - count) * sizeof(float));
+        tc_fill(&held->coefficient[axis][count], 0, (TC_MAX_COEFFICIENTS - count) * sizeof(float));
     }
     return TC_OK;
 }

@@ -36,8 +36,9 @@ TC_SHARED void tc_evaluate_polynomials(const float coefficient[TC_AXES][TC_MAX_C
     const float u4 = per_s * path_rate[3], u11 = u1 * u1, u12 = 6.0f * u1 * u2;
     const float a2 = 2.0f * u11, j3 = 6.0f * u11 * u1, s4 = 24.0f * u11 * u11;
     const float s3 = 6.0f * u1 * u12, s2 = 8.0f * u1 * u3 + 6.0f * u2 * u2;
-    float* number = tc_setpoint_numbers(out);
-    for (int axis = 0; axis < TC_AXES; axis++, number++) {
+    float* numbers = tc_setpoint_numbers(out);
+    for (int axis = 0; axis < TC_AXES; axis++) {
+        float* number = &numbers[axis];
         derivatives(coefficient[axis], power, d);
         number[0] = d[0];
         number[TC_AXES] = d[1] * u1;

@@ -1,4 +1,5 @@
 /* What the controller observes about itself, and what changes with the state. */
+#include "copy.h"
 #include "internal.h"
 #include "maths.h"
 
@@ -15,7 +16,7 @@ static uint32_t low_word(uint64_t time_us) { return (uint32_t)(time_us & 0xfffff
 static TC_RARE void setpoint_here(tc_controller* c) {
     const tc_estimate* estimate = &c->telemetry.estimate;
     tc_setpoint* setpoint = &c->telemetry.setpoint;
-    memset(setpoint, 0, sizeof *setpoint);
+    tc_fill(setpoint, 0, sizeof *setpoint);
     tc_copy(setpoint->position_world_m, estimate->position_world_m);
     setpoint->yaw_rad = tc_q_yaw(estimate->q_world_body);
 }
