@@ -119,6 +119,12 @@ FEATURES = {
     "attitude after Lee et al.": "parameters.attitude_mode = 1.0f;",
 }
 """What differs from the preset vehicle (exact inverse, drag of eqs. (4) and (5)), as assignments in C."""
+RARE = {
+    "the estimated velocity jumps": "estimate.velocity_world_m_s[0] += noise(12.0f);",
+    "strong yaw": "estimate.rate_body_rad_s[2] += noise(12.0f);",
+    "tilt beyond the rotors": "estimate.rate_body_rad_s[0] += noise(120.0f);",
+}
+"""What makes a tick one of the rare ways through the code, as assignments in C; at every tenth tick."""
 SCRIPT = ("-DTICKS=3100", "-DSTEP_US=10000u", "-DPAINTED_WORDS=0u")
 """A flight from take-off to touchdown, with a pause, another time scale, demands beyond the rotors."""
 ASSURE = _module(ROOT / "tools" / "assure.py")
@@ -139,6 +145,8 @@ def _target() -> list[report.Row]:
         usual = _on_path(folder, library, "-DADJUST=")
         features = {name: _on_path(folder, library, f"-DADJUST={code}") for name, code in FEATURES.items()}
         features["all of these"] = _on_path(folder, library, f"-DADJUST={' '.join(list(FEATURES.values())[2:])}")
+        troubles = {**RARE, "all of these at once": " ".join(RARE.values())}
+        rare = {k: _instructions(folder, library, *SCRIPT, f"-DTROUBLE={code}").max() for k, code in troubles.items()}
     worst, ratio, stack = flight.max(), flight.max() / flight.mean(), int(said.split()[2], 16)
     both = taken["controller and link"]
     return [
@@ -150,6 +158,7 @@ def _target() -> list[report.Row]:
         report.row("flash without the link", taken["controller"] / 1024, "kB"),
         report.row("flash with the link", both / 1024, "kB", "<= 24", both <= 24 * 1024),
         report.row("tick on a path, preset vehicle", usual, "instructions"),
+        *(report.row(f"worst tick in rare ways: {name}", count, "instructions") for name, count in rare.items()),
         *(report.row(f"tick on a path: {name}", count, "instructions") for name, count in features.items()),
     ]
 

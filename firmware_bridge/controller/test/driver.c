@@ -13,6 +13,9 @@
 #ifndef ADJUST
 #define ADJUST /* assignments to `parameters`, for other vehicles than the preset one */
 #endif
+#ifndef TROUBLE
+#define TROUBLE /* assignments to `estimate` in every tenth tick */
+#endif
 
 typedef struct {
     float position[3], velocity[3], q[4], rate[3];
@@ -168,6 +171,9 @@ int driver_run(uint32_t ticks, uint32_t* crc32, uint32_t* states) {
         tc_estimate estimate;
         tc_output output;
         measure(&vehicle, time_us, &estimate);
+        if (tick % 10u == 9u) {
+            TROUBLE
+        }
         operate(tick);
         tc_ground_alive(&controller, time_us);
         driver_tick_begins();
