@@ -168,7 +168,7 @@ def test_calls_from_the_ground_keep_to_512_bytes_of_stack_and_state_to_2_kilobyt
 def test_the_vehicles_build_takes_no_more_flash_than_the_documentation_says(tmp_path):
     _need("cmake", "arm-none-eabi-gcc")
     taken = assure.flash(tmp_path, assure.vehicle_library(tmp_path / "library"))
-    assert taken["controller and link"] <= 40_500
+    assert taken["controller and link"] <= 26_500
 
 
 CHECKSUMS = """\
