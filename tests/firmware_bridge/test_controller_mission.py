@@ -208,6 +208,43 @@ def test_leaving_the_fence_lands(flight_of):
     assert flight.controller.state == State.LANDING
 
 
+@pytest.mark.parametrize("phase", range(8))
+@pytest.mark.parametrize(
+    ("what", "least_s", "late_s"), [("fence", 0.0, 0.010), ("tilt", 0.28, 0.040), ("link", 2.0, 0.040)]
+)
+def test_at_200_hz_a_look_is_hardly_late_whichever_tick_it_falls_on(what, least_s, late_s, phase):
+    """A tilt error is taken to have begun with the last look that found none: it may count as 20 ms older."""
+    c = Controller(parameters_of(vehicle.example("rigter2019")))
+    row = np.array([0, 0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 0, 0])
+    ticks = 0
+
+    def run(count: int) -> None:
+        nonlocal ticks
+        for _ in range(count):
+            ticks += 1
+            c.tick(5000 * ticks, row)
+            if c.state == State.TAKE_OFF:
+                row[:3] = c.telemetry["setpoint"]["position_world_m"]
+
+    run(16 + phase)
+    c.command(Command.ARM)
+    run(1)
+    if what != "link":  # an armed vehicle on the ground disarms when nobody is there
+        c.command(Command.TAKE_OFF, 1.0)
+        while c.state != State.HOLD:
+            run(1)
+    run(8)
+    c.raw.ground_alive(5000 * ticks)
+    state, before = c.state, ticks
+    if what == "fence":
+        row[0] = 2000.0
+    elif what == "tilt":
+        row[6:10] = [np.cos(1.0), np.sin(1.0), 0.0, 0.0]
+    while c.state == state and ticks < before + 1000:
+        run(1)
+    assert least_s <= 0.005 * (ticks - before) <= least_s + late_s + 1e-9
+
+
 @pytest.mark.parametrize(
     ("policy", "states"),
     [(LinkLoss.FINISH, [State.HOLD]), (LinkLoss.HOLD, [State.STOPPING, State.HOLD]),
