@@ -12,7 +12,9 @@
 #define FLOAT_148 0x43140000u     /* the bits of 148.0f: AUTOPILOT_VERSION, as a parameter */
 #define FLOAT_242 0x43720000u     /* HOME_POSITION */
 #define BURST_US 20000u           /* how much of the byte rate may be saved up */
+#define LONGEST_WAIT_US 1000000u  /* more than that of the byte rate is not made up for */
 #define OLDEST_US 0x80000000u     /* moments get no older */
+#define EARLY_US 1000000u         /* a moment may be ahead of a clock that was read just before it */
 #define STATUS_REPEAT_US 10000u   /* of an upload, while pieces are missing and the ground is busy sending */
 #define STATUS_BUSY_US 1000000u   /* ... which it is until so long after its last frame */
 
@@ -31,7 +33,7 @@ void tc_link_init(tc_link* link, tc_controller* controller, const tc_link_config
 
 /* Ends a lease that has run out. */
 static void expire(tc_link* link, uint32_t now_us) {
-    if ((uint32_t)(link->until_us - now_us - 1u) >= TC_LINK_LEASE_US) {
+    if ((uint32_t)(link->until_us - now_us - 1u) >= TC_LINK_LEASE_US + EARLY_US) {
         link->lease.system_id = 0;
         link->lease.component_id = 0;
     }
@@ -260,8 +262,9 @@ void tc_link_receive(tc_link* link, const uint8_t* bytes, size_t n, tc_parser* s
 void tc_link_update(tc_link* link, const tc_link_measured* measured, uint64_t now_us) {
     const uint32_t now = low_word(now_us);
     for (unsigned i = 0; i < TC_LINK_MOMENTS; i++) {
-        if (now - link->moment_us[i] > OLDEST_US) {
-            link->moment_us[i] = now - OLDEST_US;
+        const uint32_t age_us = now - link->moment_us[i];
+        if (age_us > OLDEST_US) {
+            link->moment_us[i] = now - (age_us > UINT32_MAX - EARLY_US ? 0u : OLDEST_US);
         }
     }
     if (link->heard) { /* in the vehicle's time it has been silent for as long as in the link's */
@@ -339,9 +342,10 @@ static bool say(tc_link* link, unsigned what, uint8_t* payload) {
 static bool may_send(tc_link* link, uint32_t now_us) {
     const uint32_t waited_us = now_us - link->budget_us;
     const int64_t most = (int64_t)link->config->bytes_per_s * BURST_US + (int64_t)TC_FRAME_MAX * 1000000;
-    const int64_t earned = link->budget_byte_us + (int64_t)link->config->bytes_per_s * waited_us;
+    const int64_t rate = link->config->bytes_per_s;
+    const int64_t earned = link->budget_byte_us + rate * (waited_us < LONGEST_WAIT_US ? waited_us : LONGEST_WAIT_US);
     link->budget_us = now_us;
-    link->budget_byte_us = waited_us > BURST_US || earned > most ? most : earned;
+    link->budget_byte_us = earned > most ? most : earned;
     return link->budget_byte_us >= 0;
 }
 

@@ -57,8 +57,8 @@ void link_on_parameters_stage(tc_link* link, const link_message* message) {
         if (!message->in_control) {
             return;
         }
-        link_give_way(link,
-                      message->now_us); /* it gathers in the memory of the staged slot, which an upload may have */
+        /* It gathers in the memory of the staged slot, which an upload may have. */
+        link_give_way(link, message->now_us);
         tc_fill(&link->set, 0, sizeof link->set);
         link->set.transfer_id = transfer_id;
         (void)tc_parameters_stage(link->controller);

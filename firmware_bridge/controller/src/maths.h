@@ -16,6 +16,10 @@
 /* The loop that follows is written out, whatever the rest is optimised for. */
 #define TC_UNROLLED _Pragma("GCC unroll 12")
 
+#ifdef __FAST_MATH__
+#error "-ffast-math takes the rounding out of the sine"
+#endif
+
 #define TC_PI 3.14159265f
 /* Added to a number below 2^21 it leaves no room for what follows the point: it rounds to whole numbers, and these are
    the lowest bits of the sum. */
@@ -36,26 +40,14 @@ static inline uint32_t tc_bits(float x) {
     return bits;
 }
 
-/* By the exponent bits, so that -ffast-math in a host project cannot optimise the check away. */
+/* By the exponent bits, which no compiler's idea of NaN can take away. */
 static inline bool tc_finite(float x) {
     uint32_t bits;
     memcpy(&bits, &x, sizeof bits);
     return (bits & 0x7f800000u) != 0x7f800000u;
 }
 
-/* Finite and no larger than `bound` in size, by one integer comparison each; false for NaN. */
-static inline bool tc_all_within(const float* x, size_t count, float bound) {
-    uint32_t limit, over = 0u;
-    memcpy(&limit, &bound, sizeof limit);
-    for (size_t i = 0; i < count; i++) {
-        uint32_t bits;
-        memcpy(&bits, &x[i], sizeof bits);
-        over |= limit - (bits & 0x7fffffffu); /* the top bit tells that it was smaller than the value */
-    }
-    return (over & 0x80000000u) == 0u;
-}
-
-/* The same for one number, for a squared size above all: finite, not negative, at most `bound`. */
+/* Finite, not negative, at most `bound`, by one integer comparison; false for NaN. */
 static inline bool tc_up_to(float x, float bound) { return tc_bits(x) <= tc_bits(bound); }
 
 static inline bool tc_all_finite(const float* x, size_t count) {

@@ -84,7 +84,7 @@ static const uint16_t ranges[RANGES][2] = {
     [BRAKE] = {PACKED(2, 1), PACKED(20, 0)},       [CLIMB] = {PACKED(1, 1), PACKED(5, 0)},
     [SINK] = {PACKED(1, 1), PACKED(3, 0)},         [STALE] = {PACKED(1, 2), PACKED(1, 0)},
     [TILT] = {PACKED(2, 1), PACKED(3, 0)},         [TILTED] = {PACKED(2, 2), PACKED(2, 0)},
-    [SILENCE] = {PACKED(2, 1), PACKED(60, 0)},     [WAIT] = {PACKED(1, 0), PACKED(360, -1)},
+    [SILENCE] = {PACKED(2, 1), PACKED(60, 0)},     [WAIT] = {PACKED(1, 0), PACKED(180, -1)},
     [WEIGHT] = {PACKED(5, 1), PACKED(1, 0)},       [FALL] = {PACKED(5, 1), PACKED(60, 0)}};
 
 #define RANGE_BITS 63u

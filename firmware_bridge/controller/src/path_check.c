@@ -68,7 +68,7 @@ static bool piece_within(const tc_segment* segment, uint32_t count, const claim*
                        hull);
         for (uint32_t i = 0; i < count; i++) squared[i] += (hull[i] - middle) * (hull[i] - middle);
     }
-    for (uint32_t i = 0; i < count; i++) within = within && squared[i] <= bound * bound; /* NaN is not */
+    for (uint32_t i = 0; i < count; i++) within = within && squared[i] <= bound * tc_abs(bound); /* NaN is not */
     return within;
 }
 

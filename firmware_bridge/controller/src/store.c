@@ -102,7 +102,7 @@ tc_reason tc_store_put_sample(tc_store* store, const tc_trajectory_sample* sampl
     return TC_OK;
 }
 
-/* Sums the durations; false when segments are missing (then `refused_segment` is the first) or it gets too long. */
+/* Sums the durations; refuses when segments are missing (then `refused_segment` is the first) or it gets too long. */
 static tc_reason lay_out(tc_store* store, tc_trajectory* slot) {
     uint64_t start_us = 0;
     for (uint16_t i = 0; i < slot->header.segment_count; i++) {

@@ -317,6 +317,28 @@ static void tellings(void) {
     must(answer(STATUSTEXT_ID)[STATUSTEXT_SEVERITY_AT] == 3u, "an emergency is an error");
 }
 
+/* A link task that read its clock just before or after the control task; and one that seldom gets to send. */
+static void other_clocks(void) {
+    const tc_link_measured measured = {0};
+    uint8_t frame[TC_FRAME_MAX];
+    begin_anew(false, 4);
+    controller.telemetry.time_us = clock_us;
+    lease(PILOT, 1);
+    tc_link_update(&ln, &measured, clock_us - 5u);
+    must(ln.lease.system_id == PILOT, "still in control");
+    must((uint32_t)controller.telemetry.time_us - controller.ground_seen_us == 0u, "heard just now");
+    (void)answer(0);
+    config.bytes_per_s = 1000;
+    size_t sent = 0;
+    for (unsigned i = 0; i < 400u; i++) {
+        clock_us += 25000u;
+        controller.telemetry.time_us = clock_us;
+        tc_link_update(&ln, &measured, clock_us);
+        for (size_t n = 1; n > 0u; sent += n) n = tc_link_transmit(&ln, frame, clock_us);
+    }
+    must(sent > 9000u && sent < 11000u, "keeps to its share however seldom it is asked");
+}
+
 /* Times are low words. Over their wrap all goes on; what is long past stays past, also when its low word is back. */
 static void long_times(void) {
     const tc_link_measured measured = {0};
@@ -365,4 +387,5 @@ void link_cases(void) {
     signed_and_slow();
     tellings();
     long_times();
+    other_clocks();
 }

@@ -83,7 +83,7 @@ typedef struct {
     bool busy; /* the set-point of the last tick has led to another state or move: this one begins it */
     bool configured;
     bool ground_ever_seen;
-    uint32_t ground_seen_us; /* low words of times: none of them is ever asked for after an hour */
+    uint32_t ground_seen_us; /* low words of times: what they are asked about lasts half an hour at the most */
     uint32_t bad_tilt_since_us;
     uint32_t touching_since_us;
     tc_move move;

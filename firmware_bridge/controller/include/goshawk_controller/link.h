@@ -7,8 +7,8 @@
        while ((n = tc_link_transmit(&link, frame, now_us)) > 0) send(frame, n);
 
    What it promises:
-   - Only frames signed with the key, each newer than the last of its stream, have any effect (heartbeats may be
-   unsigned: they only make the vehicle heard). Refused ones are counted.
+   - Only frames signed with the key, each once and none older than 0.65 s beside its stream, have any effect
+   (heartbeats may be unsigned: they only make the vehicle heard). Refused ones are counted.
    - One station at a time is in control (a lease it renews); the others may watch and read.
    - An upload fills the staged slot piece by piece, reports a bitmap of what arrived, and is committed by transfer, id
    and CRC. Lost, doubled, swapped or damaged pieces, and restarts, leave either the whole new plan or the whole old

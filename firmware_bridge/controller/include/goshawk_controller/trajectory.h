@@ -117,8 +117,9 @@ tc_reason tc_store_begin(tc_store* store, const tc_trajectory_header* header);
 /* Says where the trajectory that is being uploaded comes from. */
 tc_reason tc_store_put_origin(tc_store* store, const tc_origin* origin);
 
-/* Stores one segment of the upload after checking it alone: finite, duration, fence, speed, acceleration and yaw-rate
-   hulls. The same segment may come again. Needs coefficients beyond the count to be zero (they are set to zero). */
+/* Stores one segment of the upload after checking it alone: finite, duration, hulls of fence, speed, acceleration,
+   jerk, yaw and yaw rate. The same segment may come again. Needs coefficients beyond the count to be zero (they are set
+   to zero). */
 tc_reason tc_store_put_segment(tc_store* store, uint16_t index, const tc_segment* segment, const tc_parameters* limits);
 /* Where a segment that is still missing will lie, so that it can be written there and then put without a copy; NULL
    when no upload is open, the index is beyond its end, or the segment has been checked already. */
