@@ -47,7 +47,7 @@ static const float* chosen(uint8_t source, const float setpoint[3], const float 
 }
 
 /* The velocity of that source in body axes. */
-static TC_SHARED void chosen_velocity(tc_controller* c, uint8_t source, float velocity_body_m_s[3]) {
+static TC_APART void chosen_velocity(tc_controller* c, uint8_t source, float velocity_body_m_s[3]) {
     const tc_telemetry* t = &c->telemetry;
     tc_to_body(c->axes, chosen(source, t->setpoint.velocity_world_m_s, t->estimate.velocity_world_m_s),
                velocity_body_m_s);
@@ -73,7 +73,7 @@ static inline float flight_force(tc_controller* c, const float velocity_body_m_s
 }
 
 /* Thrust vector to attitude, attitude error to torque; the reference's turning is brought into body axes. */
-static __attribute__((noinline)) void steer(tc_controller* c, const float velocity_body_m_s[3], float step_s) {
+static TC_APART void steer(tc_controller* c, const float velocity_body_m_s[3], float step_s) {
     const tc_parameters* p = &c->parameters;
     tc_telemetry* t = &c->telemetry;
     float force[3], feed_acceleration[3];

@@ -16,8 +16,8 @@ _Static_assert((uint32_t)TC_FAULT_ATTITUDE_STALE == (uint32_t)TC_FAULT_POSITION_
 
 /* What both halves of an estimate ask: is it too old (the fault bits, as for the position), and how far is it to be
    carried forward: a fresh sample by its whole age, what was carried before only by what is new since then. */
-static TC_SHARED uint8_t carry(const tc_parameters* p, uint64_t time_us, uint64_t stamp_us, float step_s, bool fresh,
-                               float* ahead_s) {
+static TC_APART uint8_t carry(const tc_parameters* p, uint64_t time_us, uint64_t stamp_us, float step_s, bool fresh,
+                              float* ahead_s) {
     const uint64_t since_us = stamp_us < time_us ? time_us - stamp_us : 0u;
     const float age_s = since_us > LONGEST_AGE_US ? LONGEST_AGE_S : (float)(uint32_t)since_us * 1e-6f;
     const float whole_s = age_s + p->predict_extra_s;

@@ -23,7 +23,7 @@ TC_RARE void tc_flatness_reset(tc_flatness_state* state, const float q_world_bod
     z_axis(state->q_reference, state->axis);
 }
 
-TC_SHARED void tc_flatness_chart(const float axis_world[3], float yaw_rad, float q_world_body[4]) {
+TC_APART void tc_flatness_chart(const float axis_world[3], float yaw_rad, float q_world_body[4]) {
     const float scale = 1.0f / sqrtf(2.0f * tc_max(1.0f + axis_world[2], 1e-6f));
     const float tilt[3] = {(1.0f + axis_world[2]) * scale, -axis_world[1] * scale, axis_world[0] * scale};
     float sine, cosine;

@@ -103,7 +103,7 @@ static uint8_t do_order(tc_link* link, const goshawk_mission_command_msg* m) {
     }
 }
 
-static NOINLINE void on_order(tc_link* link, const link_message* message) {
+static TC_APART void on_order(tc_link* link, const link_message* message) {
     const uint8_t system_id = message->frame.raw[TC_FRAME_SYSTEM];
     const uint8_t component_id = message->frame.raw[TC_FRAME_COMPONENT];
     const goshawk_mission_command_msg* m = &message->head.order;
@@ -214,7 +214,7 @@ static bool is_for_us(const tc_link* link, const tc_frame* frame) {
 }
 
 /* Whether the frame is let in. Counts it. */
-static NOINLINE bool passes(tc_link* link, const tc_frame* frame) {
+static TC_APART bool passes(tc_link* link, const tc_frame* frame) {
     uint32_t* counted = &link->counts.not_for_us;
     if (is_for_us(link, frame)) {
         switch (link->config->sign ? tc_signing_check(&link->signing, frame) : TC_SIGNATURE_GOOD) {

@@ -5,6 +5,7 @@
 #include "copy.h"
 #include "goshawk_controller/link.h"
 #include "goshawk_dialect.h"
+#include "maths.h"
 
 /* GOSHAWK_TRAJECTORY_SEGMENT without its coefficients, GOSHAWK_TRAJECTORY_READ without its bits, and
    GOSHAWK_TRAJECTORY_BEGIN without what only names it. */
@@ -77,9 +78,6 @@ enum {
     SAY_RECORD,
     SAYINGS
 };
-/* Keeps what a message needs off the stack of those that need more of it themselves, and what many need in one place.
- */
-#define NOINLINE __attribute__((noinline))
 
 #define DUE(what) ((uint32_t)1u << (uint32_t)(what))
 

@@ -51,7 +51,7 @@ uint64_t link_quotient(uint64_t time, uint32_t unit) {
     return ((uint64_t)(high / unit) << 32) + ((uint64_t)(middle / unit) << 16) + (uint64_t)(low / unit);
 }
 
-static NOINLINE float path_time_s(const tc_telemetry* t) {
+static TC_APART float path_time_s(const tc_telemetry* t) {
     return tc_mission_on_path(t->state) ? (float)t->path_time_us * 1e-6f : -1.0f;
 }
 
@@ -104,7 +104,7 @@ static void put_u32(uint8_t* place, uint32_t value) { memcpy(place, &value, 4); 
 
 static void put_f32(uint8_t* place, float value) { memcpy(place, &value, 4); }
 
-static NOINLINE void put_runs(const tc_telemetry* t, unsigned what, uint8_t* payload) {
+static TC_APART void put_runs(const tc_telemetry* t, unsigned what, uint8_t* payload) {
     for (unsigned i = 0; i < sizeof runs / sizeof runs[0]; i++) {
         const uint8_t* from = (const uint8_t*)t + 4u * runs[i].from;
         if (runs[i].message == what) {
@@ -115,7 +115,7 @@ static NOINLINE void put_runs(const tc_telemetry* t, unsigned what, uint8_t* pay
 }
 
 /* The rest of a GOSHAWK_STATE: what was measured at the last tick, and what is not a word of the telemetry. */
-static NOINLINE void say_state(const tc_link* link, uint8_t record[TC_LINK_RECORD]) {
+static TC_APART void say_state(const tc_link* link, uint8_t record[TC_LINK_RECORD]) {
     const tc_telemetry* t = &link->controller->telemetry;
     tc_copy_bytes(record + GOSHAWK_STATE_SPECIFIC_FORCE_BODY_M_S2_AT, &link->measured, sizeof link->measured, 0);
     put_f32(record + GOSHAWK_STATE_TRAJECTORY_TIME_S_AT, path_time_s(t));

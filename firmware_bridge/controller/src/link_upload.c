@@ -11,7 +11,7 @@
 
 _Static_assert(TC_MAX_SEGMENTS <= 1024, "the report's bitmap holds 1024 segments");
 
-NOINLINE const tc_trajectory* link_active(const tc_link* link) { return tc_store_active(&link->controller->store); }
+TC_APART const tc_trajectory* link_active(const tc_link* link) { return tc_store_active(&link->controller->store); }
 
 /* What the open transfer is about; NULL when none is open, or when the controller has thrown it away since. */
 static const tc_trajectory_header* opened(const tc_link* link) {

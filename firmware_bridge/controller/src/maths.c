@@ -12,7 +12,7 @@ void tc_to_body(float axes[3][3], const float v[3], float out[3]) {
     for (int i = 0; i < 3; i++) out[i] = axes[i][0] * v[0] + axes[i][1] * v[1] + axes[i][2] * v[2];
 }
 
-TC_SHARED void tc_q_axes(const float q[4], float axes[3][3]) {
+TC_APART void tc_q_axes(const float q[4], float axes[3][3]) {
     const float x = 2.0f * q[1], y = 2.0f * q[2], z = 2.0f * q[3];
     const float wx = q[0] * x, wy = q[0] * y, wz = q[0] * z;
     const float xx = q[1] * x, xy = q[1] * y, xz = q[1] * z, yy = q[2] * y, yz = q[2] * z, zz = q[3] * z;

@@ -11,8 +11,8 @@
 /* What a usual tick does not do: kept apart and small, whatever the rest is optimised for. */
 #define TC_RARE __attribute__((noinline, cold))
 
-/* One copy for all who call it, in every tick too. */
-#define TC_SHARED __attribute__((noinline))
+/* Never inlined, in every tick too: one copy for all who call it, or registers of its own. */
+#define TC_APART __attribute__((noinline))
 /* The loop that follows is written out, whatever the rest is optimised for. */
 #define TC_UNROLLED _Pragma("GCC unroll 12")
 
@@ -24,15 +24,6 @@
 /* Added to a number below 2^21 it leaves no room for what follows the point: it rounds to whole numbers, and these are
    the lowest bits of the sum. */
 #define TC_WHOLE 12582912.0f
-
-/* The word with this number, from 0, of many that end in zeros. */
-static inline const char* tc_word(const char* words, uint32_t number) {
-    while (number > 0u) {
-        number -= *words == '\0' ? 1u : 0u;
-        words++;
-    }
-    return words;
-}
 
 static inline uint32_t tc_bits(float x) {
     uint32_t bits;

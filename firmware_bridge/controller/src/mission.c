@@ -5,7 +5,8 @@
 
 #include "copy.h"
 
-/* What a transition adds to one byte of its state's row: two events a byte, four bits each. */
+/* What a transition adds to one byte of its state's row: two events a byte, four bits each. They
+   are added up: no event may stand twice in a row. */
 #define TO(byte, event, state) \
     +(((unsigned)(event) / 2u == (byte)) ? ((unsigned)(state) + 1u) << (4u * ((event) & 1u)) : 0u)
 
@@ -15,6 +16,22 @@
     ON(byte, TC_EVENT_ATTITUDE_LOST, TC_FAULT)     \
     ON(byte, TC_EVENT_POSITION_LOST, TC_EMERGENCY) \
     ON(byte, TC_EVENT_TILT, TC_EMERGENCY)
+
+/* What states that hover or move from point to point share: stay, or go straight down. */
+#define OFF_PATH(ON, byte)                     \
+    ON(byte, TC_COMMAND_HOLD, TC_HOLD)         \
+    ON(byte, TC_COMMAND_LAND, TC_LANDING)      \
+    ON(byte, TC_EVENT_FENCE, TC_LANDING)       \
+    ON(byte, TC_EVENT_LINK_LOST_HOLD, TC_HOLD) \
+    ON(byte, TC_EVENT_LINK_LOST_LAND, TC_LANDING)
+
+/* What states on the path share: they leave it by slowing down along it, or at its end. */
+#define ON_PATH(ON, byte)                  \
+    ON(byte, TC_COMMAND_HOLD, TC_STOPPING) \
+    ON(byte, TC_COMMAND_LAND, TC_ABORTING) \
+    ON(byte, TC_EVENT_FENCE, TC_ABORTING)  \
+    ON(byte, TC_EVENT_FINISHED, TC_HOLD)   \
+    ON(byte, TC_EVENT_LINK_LOST_LAND, TC_ABORTING)
 
 #define FROM_DISARMED(ON, byte)              \
     ON(byte, TC_COMMAND_ARM, TC_ARMED)       \
@@ -31,69 +48,41 @@
     ON(byte, TC_EVENT_LINK_LOST_LAND, TC_DISARMED)
 /* A large tilt error while leaving the ground is a tip-over: stop, do not fight. */
 #define FROM_TAKE_OFF(ON, byte)                    \
+    OFF_PATH(ON, byte)                             \
     ON(byte, TC_COMMAND_KILL, TC_FAULT)            \
     ON(byte, TC_EVENT_ATTITUDE_LOST, TC_FAULT)     \
     ON(byte, TC_EVENT_TILT, TC_FAULT)              \
     ON(byte, TC_EVENT_POSITION_LOST, TC_EMERGENCY) \
-    ON(byte, TC_COMMAND_HOLD, TC_HOLD)             \
-    ON(byte, TC_COMMAND_LAND, TC_LANDING)          \
-    ON(byte, TC_EVENT_REACHED, TC_HOLD)            \
-    ON(byte, TC_EVENT_FENCE, TC_LANDING)           \
-    ON(byte, TC_EVENT_LINK_LOST_HOLD, TC_HOLD)     \
-    ON(byte, TC_EVENT_LINK_LOST_LAND, TC_LANDING)
-#define FROM_HOLD(ON, byte)                    \
-    IN_FLIGHT(ON, byte)                        \
-    ON(byte, TC_COMMAND_START, TC_APPROACH)    \
-    ON(byte, TC_COMMAND_HOLD, TC_HOLD)         \
-    ON(byte, TC_COMMAND_LAND, TC_LANDING)      \
-    ON(byte, TC_EVENT_FENCE, TC_LANDING)       \
-    ON(byte, TC_EVENT_LINK_LOST_HOLD, TC_HOLD) \
-    ON(byte, TC_EVENT_LINK_LOST_LAND, TC_LANDING)
-#define FROM_APPROACH(ON, byte)                \
-    IN_FLIGHT(ON, byte)                        \
-    ON(byte, TC_COMMAND_HOLD, TC_HOLD)         \
-    ON(byte, TC_COMMAND_LAND, TC_LANDING)      \
-    ON(byte, TC_EVENT_REACHED, TC_TRAJECTORY)  \
-    ON(byte, TC_EVENT_FENCE, TC_LANDING)       \
-    ON(byte, TC_EVENT_LINK_LOST_HOLD, TC_HOLD) \
-    ON(byte, TC_EVENT_LINK_LOST_LAND, TC_LANDING)
-#define FROM_TRAJECTORY(ON, byte)                  \
-    IN_FLIGHT(ON, byte)                            \
-    ON(byte, TC_COMMAND_PAUSE, TC_PAUSING)         \
-    ON(byte, TC_COMMAND_HOLD, TC_STOPPING)         \
-    ON(byte, TC_COMMAND_LAND, TC_ABORTING)         \
-    ON(byte, TC_EVENT_FINISHED, TC_HOLD)           \
-    ON(byte, TC_EVENT_FENCE, TC_ABORTING)          \
-    ON(byte, TC_EVENT_LINK_LOST_HOLD, TC_STOPPING) \
-    ON(byte, TC_EVENT_LINK_LOST_LAND, TC_ABORTING)
-#define FROM_PAUSING(ON, byte)                     \
-    IN_FLIGHT(ON, byte)                            \
-    ON(byte, TC_COMMAND_PAUSE, TC_PAUSING)         \
-    ON(byte, TC_COMMAND_RESUME, TC_TRAJECTORY)     \
-    ON(byte, TC_COMMAND_HOLD, TC_STOPPING)         \
-    ON(byte, TC_COMMAND_LAND, TC_ABORTING)         \
-    ON(byte, TC_EVENT_STANDING_STILL, TC_PAUSED)   \
-    ON(byte, TC_EVENT_FINISHED, TC_HOLD)           \
-    ON(byte, TC_EVENT_FENCE, TC_ABORTING)          \
-    ON(byte, TC_EVENT_LINK_LOST_HOLD, TC_STOPPING) \
-    ON(byte, TC_EVENT_LINK_LOST_LAND, TC_ABORTING)
-#define FROM_PAUSED(ON, byte)                  \
-    IN_FLIGHT(ON, byte)                        \
-    ON(byte, TC_COMMAND_PAUSE, TC_PAUSED)      \
-    ON(byte, TC_COMMAND_RESUME, TC_TRAJECTORY) \
-    ON(byte, TC_COMMAND_HOLD, TC_HOLD)         \
-    ON(byte, TC_COMMAND_LAND, TC_LANDING)      \
-    ON(byte, TC_EVENT_FENCE, TC_LANDING)       \
-    ON(byte, TC_EVENT_LINK_LOST_HOLD, TC_HOLD) \
-    ON(byte, TC_EVENT_LINK_LOST_LAND, TC_LANDING)
-#define FROM_STOPPING(ON, byte)                \
-    IN_FLIGHT(ON, byte)                        \
-    ON(byte, TC_COMMAND_HOLD, TC_STOPPING)     \
-    ON(byte, TC_COMMAND_LAND, TC_ABORTING)     \
-    ON(byte, TC_EVENT_STANDING_STILL, TC_HOLD) \
-    ON(byte, TC_EVENT_FINISHED, TC_HOLD)       \
-    ON(byte, TC_EVENT_FENCE, TC_ABORTING)      \
-    ON(byte, TC_EVENT_LINK_LOST_LAND, TC_ABORTING)
+    ON(byte, TC_EVENT_REACHED, TC_HOLD)
+#define FROM_HOLD(ON, byte) \
+    IN_FLIGHT(ON, byte)     \
+    OFF_PATH(ON, byte)      \
+    ON(byte, TC_COMMAND_START, TC_APPROACH)
+#define FROM_APPROACH(ON, byte) \
+    IN_FLIGHT(ON, byte)         \
+    OFF_PATH(ON, byte)          \
+    ON(byte, TC_EVENT_REACHED, TC_TRAJECTORY)
+#define FROM_TRAJECTORY(ON, byte)          \
+    IN_FLIGHT(ON, byte)                    \
+    ON_PATH(ON, byte)                      \
+    ON(byte, TC_COMMAND_PAUSE, TC_PAUSING) \
+    ON(byte, TC_EVENT_LINK_LOST_HOLD, TC_STOPPING)
+#define FROM_PAUSING(ON, byte)                   \
+    IN_FLIGHT(ON, byte)                          \
+    ON_PATH(ON, byte)                            \
+    ON(byte, TC_COMMAND_PAUSE, TC_PAUSING)       \
+    ON(byte, TC_COMMAND_RESUME, TC_TRAJECTORY)   \
+    ON(byte, TC_EVENT_STANDING_STILL, TC_PAUSED) \
+    ON(byte, TC_EVENT_LINK_LOST_HOLD, TC_STOPPING)
+#define FROM_PAUSED(ON, byte)             \
+    IN_FLIGHT(ON, byte)                   \
+    OFF_PATH(ON, byte)                    \
+    ON(byte, TC_COMMAND_PAUSE, TC_PAUSED) \
+    ON(byte, TC_COMMAND_RESUME, TC_TRAJECTORY)
+#define FROM_STOPPING(ON, byte) \
+    IN_FLIGHT(ON, byte)         \
+    ON_PATH(ON, byte)           \
+    ON(byte, TC_EVENT_STANDING_STILL, TC_HOLD)
 #define FROM_ABORTING(ON, byte)                   \
     IN_FLIGHT(ON, byte)                           \
     ON(byte, TC_COMMAND_LAND, TC_ABORTING)        \

@@ -217,7 +217,7 @@ static inline uint8_t keep_within_limits(const tc_mixer* mixer, const tc_wrench*
 
 /* Whether all squared speeds lie between two positive bounds, but for rounding; one unsigned comparison of the bits
    each, NaN is outside. */
-static TC_SHARED bool all_between(const rotor r[TC_ROTORS], float low, float high) {
+static TC_APART bool all_between(const rotor r[TC_ROTORS], float low, float high) {
     const uint32_t first = tc_bits(low) - STEPS, width = tc_bits(high) + STEPS - first;
     bool between = true;
     for (int i = 0; i < TC_ROTORS; i++) between = between && tc_bits(r[i].square) - first <= width;

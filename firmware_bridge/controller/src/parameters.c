@@ -6,6 +6,7 @@
 
 #include "goshawk_controller/trajectory.h"
 #include "maths.h"
+#include "words.h"
 
 /* A number: (u >> 4) - 2048 tenths of it over 10^(u & 15); so -2048 .. 2047, and from one zero to 14 decimals. */
 #define ZERO 2048

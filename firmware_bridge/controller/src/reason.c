@@ -1,7 +1,7 @@
 /* Reasons in words. */
 #include "goshawk_controller/reason.h"
 
-#include "maths.h"
+#include "words.h"
 
 #define FIRST ((uint32_t)TC_ESTIMATE_STALE)
 #define COUNT ((uint32_t)TC_TIMEOUT + 1u - FIRST)

@@ -29,7 +29,7 @@ static tc_reason guard_take_off(const tc_controller* c, float height_m) {
 }
 
 /* On its own, so that the set-point it looks at is off the stack before the next one is made. */
-static __attribute__((noinline)) tc_reason guard_start(const tc_controller* c) {
+static TC_APART tc_reason guard_start(const tc_controller* c) {
     const tc_trajectory* trajectory = tc_store_active(&c->store);
     if (trajectory == NULL) return TC_NO_TRAJECTORY;
     if (c->mission.state != TC_HOLD) return TC_WRONG_STATE;
@@ -89,7 +89,7 @@ static void tell_active(tc_controller* c) {
 }
 
 /* Takes the new parameters. A trajectory was accepted under the limits of its time: new limits, new upload. */
-static __attribute__((noinline)) void adopt(tc_controller* c, const tc_parameters* parameters) {
+static TC_APART void adopt(tc_controller* c, const tc_parameters* parameters) {
     const bool other_limits = differ(&c->parameters, parameters, AT(fence_min_world_m), AT(start_radius_m));
     tc_copy_bytes(&c->parameters, parameters, sizeof c->parameters, 0);
     c->configured = true;

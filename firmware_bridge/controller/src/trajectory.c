@@ -24,8 +24,8 @@ static inline void derivatives(const float coefficient[TC_MAX_COEFFICIENTS], con
 
 const float tc_true_time[4] = {1.0f, 0.0f, 0.0f, 0.0f};
 
-TC_SHARED void tc_evaluate_polynomials(const float coefficient[TC_AXES][TC_MAX_COEFFICIENTS], float x, float x_per_s,
-                                       const float path_rate[4], tc_setpoint* out) {
+TC_APART void tc_evaluate_polynomials(const float coefficient[TC_AXES][TC_MAX_COEFFICIENTS], float x, float x_per_s,
+                                      const float path_rate[4], tc_setpoint* out) {
     float power[TC_MAX_COEFFICIENTS], d[5];
     power[0] = 1.0f;
     power[1] = tc_abs(x) > SMALLEST_X ? x : SMALLEST_X;
@@ -48,8 +48,8 @@ TC_SHARED void tc_evaluate_polynomials(const float coefficient[TC_AXES][TC_MAX_C
     }
 }
 
-TC_SHARED void tc_trajectory_evaluate_running(const tc_trajectory* trajectory, uint16_t index, uint32_t time_us,
-                                              float part_us, const float path_rate[4], tc_setpoint* out) {
+TC_APART void tc_trajectory_evaluate_running(const tc_trajectory* trajectory, uint16_t index, uint32_t time_us,
+                                             float part_us, const float path_rate[4], tc_setpoint* out) {
     const tc_segment* segment = &trajectory->segment[index];
     const uint32_t start_us = trajectory->start_us[index];
     const uint32_t duration_us = segment->duration_us;

@@ -114,7 +114,7 @@ TC_RARE bool tc_inside_fence(const tc_parameters* p, const float position_world_
 }
 
 /* Whether it has been so for longer than this. */
-static __attribute__((noinline)) bool lasts(const tc_controller* c, uint32_t since_us, float limit_s) {
+static TC_APART bool lasts(const tc_controller* c, uint32_t since_us, float limit_s) {
     return (float)(low_word(c->telemetry.time_us) - since_us) * 1e-6f > limit_s;
 }
 
@@ -208,7 +208,7 @@ static void observe_setpoint(tc_controller* c) {
 
 /* What takes tenths of a second to matter is looked at by every other tick, the link by every eighth, and nothing of
    that by those two that have enough to do with what the set-point has led to. */
-TC_SHARED void tc_observe(tc_controller* c, uint8_t faults) {
+TC_APART void tc_observe(tc_controller* c, uint8_t faults) {
     const bool in_air = tc_mission_in_air(c->mission.state);
     observe_estimate(c, faults);
     const uint8_t before = c->mission.state;
