@@ -2,10 +2,13 @@
 PYTHON := .venv/bin/python
 DEMO_OUT ?= demo-out
 HOURS ?=
+JOBS ?= 2
+# One file's tests stay with one worker and long files go first: see tests/conftest.py.
+WORKERS := -n $(JOBS) --dist loadgroup --no-loadscope-reorder
 # BLAS threads only spin on matrices as small as ours; see goshawk/__init__.py.
 export OPENBLAS_NUM_THREADS ?= 1
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-all bench fuzz docs lint lock clean
+.PHONY: help setup demo test test-all mutate bench fuzz docs lint lock clean
 
 help:  ## what there is to make
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 18
@@ -16,13 +19,16 @@ setup:  ## install what is missing into .venv and build
 demo: setup  ## map, plan, fly and learn on a rendered room; leaves the project in demo-out
 	.venv/bin/goshawk demo --out $(DEMO_OUT)
 
-test:  ## set up and run the tests
+test:  ## set up and run the tests, JOBS=2 of them at a time
 	@tools/setup.sh browser
-	$(PYTHON) -m pytest
+	$(PYTHON) -m pytest $(WORKERS)
 
-test-all: lint  ## the slow tests too, and the lint; installs the compilers and tools they need
+test-all: lint mutate  ## the slow tests too, lint and mutations; installs the compilers and tools they need
 	@tools/setup.sh slow
-	$(PYTHON) -m pytest -m "slow or not slow"
+	$(PYTHON) -m pytest $(WORKERS) -m "slow or not slow"
+
+mutate: setup  ## put faults into the Python sources, one at a time: the tests must notice 90 % of them
+	$(PYTHON) tools/mutate.py --jobs $(JOBS)
 
 bench: setup  ## measure every package beside its peers; writes build/bench/*.json
 	@mkdir -p build/bench
@@ -36,11 +42,11 @@ fuzz: setup  ## feed the link and the state machine 1e8 inputs each (hours); HOU
 docs: setup  ## the documentation, as HTML in docs/_build
 	$(PYTHON) -m sphinx -W --keep-going -b html docs docs/_build
 
-lint: setup  ## ruff, pyright, clang-format
+lint: setup  ## ruff, clang-format, pyright; the slowest last
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
-	.venv/bin/pyright --pythonpath $(PYTHON)
 	.venv/bin/clang-format --dry-run -Werror $$(git ls-files '*.c' '*.h' '*.cpp' '*.hpp' | grep -v generated)
+	.venv/bin/pyright --pythonpath $(PYTHON) --threads $(JOBS)
 
 lock: setup  ## pin the newest allowed versions in requirements.lock
 	.venv/bin/uv pip compile --quiet --universal --python-version 3.11 --no-emit-index-url --no-emit-find-links \

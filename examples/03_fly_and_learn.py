@@ -1,4 +1,4 @@
-"""Fly a figure of eight in the virtual vehicle, learn its rotor drag from the log, fly again: the tracking error falls.
+"""Fly a figure of eight in the SITL vehicle, learn its rotor drag from the log, fly again: the tracking error falls.
 
 You will see: an upload that is read back, a flight at 5 m/s by the embedded C controller, the drag coefficient with its
 standard error beside the true one, and a second flight that follows better; `learn.png` shows both. The idea: what the
@@ -14,7 +14,7 @@ import planner
 import sysid
 import vehicle
 from esdf import solids
-from firmware_bridge import Sensors, VirtualVehicle, connect, controller
+from firmware_bridge import Sensors, SitlVehicle, connect, controller
 from flight import FlightLog, TrajectoryFile, Waypoints
 from goshawk.demo import vehicles
 from goshawk.flights import in_the_air, tracking
@@ -36,7 +36,7 @@ def fly(item: TrajectoryFile, believed_now: vehicle.Vehicle) -> FlightLog:
     plant = vehicle.simulate.Plant(truth, vehicle.simulate.State(position_world_m=start), ground_m=0.0)
     setup = controller.parameters_of(believed_now)
     with (
-        VirtualVehicle(plant, setup.parameters, key=KEY, speed=0.0, sensors=Sensors.typical()) as simulated,
+        SitlVehicle(plant, setup.parameters, key=KEY, speed=0.0, sensors=Sensors.typical()) as simulated,
         connect(simulated.url, key=KEY) as link,
     ):
         report = link.upload(item)

@@ -16,7 +16,7 @@ import numpy as np
 import planner
 import vehicle
 from esdf import solids
-from firmware_bridge import Sensors, VirtualVehicle, connect, controller
+from firmware_bridge import Sensors, SitlVehicle, connect, controller
 from flight import FlightLog, Waypoints
 from goshawk.demo import vehicles
 from goshawk.flights import in_the_air, tracking
@@ -57,7 +57,7 @@ def fly_learn_fly(teach: Callable[[list[FlightLog], vehicle.Vehicle], vehicle.Ve
     plant = vehicle.simulate.Plant(truth, vehicle.simulate.State(position_world_m=start), ground_m=0.0)
     setup = controller.parameters_of(believed)
     with (
-        VirtualVehicle(plant, setup.parameters, key=KEY, speed=0.0, sensors=Sensors.typical()) as simulated,
+        SitlVehicle(plant, setup.parameters, key=KEY, speed=0.0, sensors=Sensors.typical()) as simulated,
         connect(simulated.url, key=KEY) as link,
     ):
         link.upload(item)

@@ -1,9 +1,9 @@
-"""The vehicle's side door: the embedded controller, the link to it, and a virtual vehicle that runs both."""
+"""The vehicle's side door: the embedded controller, the link to it, and a SITL vehicle that runs both."""
 
 from firmware_bridge import controller, keys
 from firmware_bridge.impairment import Impairment
 from firmware_bridge.link import CancelledError, Link, OnLinkLoss, UploadReport, VehicleState, connect
-from firmware_bridge.virtual_vehicle import Sensors, VirtualVehicle
+from firmware_bridge.sitl_vehicle import Sensors, SitlVehicle
 
 __all__ = [
     "CancelledError",
@@ -11,9 +11,9 @@ __all__ = [
     "Link",
     "OnLinkLoss",
     "Sensors",
+    "SitlVehicle",
     "UploadReport",
     "VehicleState",
-    "VirtualVehicle",
     "connect",
     "controller",
     "keys",

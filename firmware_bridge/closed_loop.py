@@ -1,6 +1,6 @@
 """The embedded controller round a plant, without link and without clock: the same seed gives the same flight.
 
-For benchmarks and studies of many flights; `VirtualVehicle` is the same loop behind the link.
+For benchmarks and studies of many flights; `SitlVehicle` is the same loop behind the link.
 """
 
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from firmware_bridge.controller import Command, Configuration, Controller, State
-from firmware_bridge.virtual_vehicle import PlantLike, Sensors
+from firmware_bridge.sitl_vehicle import PlantLike, Sensors
 from flight import FlightLog, FloatArray, LinkError, Trajectory
 from flight.flight_log import from_vectors
 

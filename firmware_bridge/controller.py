@@ -5,26 +5,19 @@ The C files are those of the vehicle; this module only names, checks and convert
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import IntEnum
+from enum import IntEnum, IntFlag
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from firmware_bridge import _controller
+from firmware_bridge import _controller, wire
 from firmware_bridge.compensation import EFFECTS, Compensation, missing_partner
 from firmware_bridge.dialect.generated.messages import Command
 from firmware_bridge.dialect.generated.messages import MissionState as State
-from flight import FloatArray, InputError, Trajectory, polynomial
+from firmware_bridge.wire import LinkLoss
+from flight import FloatArray, InputError, Trajectory
 from flight.frames import GRAVITY_M_S2
-
-
-class LinkLoss(IntEnum):
-    """What to do when the ground falls silent while a trajectory is flown."""
-
-    FINISH = 0
-    HOLD = 1
-    LAND = 2
 
 
 class ThrustModel(IntEnum):
@@ -42,6 +35,33 @@ class Velocity(IntEnum):
     NONE = 0
     SETPOINT = 1
     ESTIMATE = 2
+
+
+class Valid(IntFlag):
+    """What of an estimate holds (tc_estimate.valid)."""
+
+    POSITION_XY = 1
+    POSITION_Z = 2
+    VELOCITY_XY = 4
+    VELOCITY_Z = 8
+    ATTITUDE = 16
+    RATE = 32
+    SPECIFIC_FORCE = 64
+
+
+_POSE = 63
+"""All of the pose."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reset:
+    """A relocalization: the estimator has moved its frame by this, new minus old."""
+
+    counter: int = 0
+    """One more with every relocalization."""
+    position_world_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    velocity_world_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    yaw_rad: float = 0.0
 
 
 _PLAIN = {"airflow_velocity": 1.0, "attitude_mode": 1.0, "feed_torque": 0.0, "rotor_lag_s": 0.0}
@@ -71,6 +91,8 @@ class ParameterInfo:
     preset: float
     in_flight: bool
     """Whether it may change in the air."""
+    unit: str
+    """"1": dimensionless."""
 
 
 PARAMETERS: dict[str, ParameterInfo] = {row[0]: ParameterInfo(*row) for row in _controller.parameter_table()}
@@ -194,48 +216,6 @@ def _quadratic_at_hover(values: Mapping[str, float]) -> float:
     return float(thrust / speed**2)
 
 
-@dataclass(frozen=True, slots=True)
-class WireTrajectory:
-    """A trajectory as the vehicle stores it: integer microseconds, centred variable, float32."""
-
-    durations_us: NDArray[np.uint32]
-    """(k,)."""
-    coefficients: NDArray[np.float32]
-    """(k, 4, n) ascending powers of s = 2 t / T - 1."""
-    id: int
-    link_loss: LinkLoss
-
-    @property
-    def crc32(self) -> int:
-        return _controller.trajectory_crc32(self.id, int(self.link_loss), self.durations_us, self.coefficients)
-
-
-def to_wire(trajectory: Trajectory, *, id: int = 1, link_loss: LinkLoss = LinkLoss.FINISH) -> WireTrajectory:
-    """Convert for the vehicle. Durations are rounded to microseconds, and the polynomials stretched to fit.
-
-    Raises:
-        InputError: more segments or coefficients than the vehicle stores, a bad id.
-    """
-    k, _, n = trajectory.coefficients.shape
-    if k > _controller.MAX_SEGMENTS or n > _controller.MAX_COEFFICIENTS:
-        raise InputError(
-            f"the vehicle stores {_controller.MAX_SEGMENTS} segments of {_controller.MAX_COEFFICIENTS} coefficients; "
-            f"this trajectory has {k} of {n}"
-        )
-    if not 0 < id < 2**32:
-        raise InputError(f"trajectory id {id} is not in 1 .. 2^32 - 1")
-    # Joins are rounded, not durations: rounding errors must not add up over many segments.
-    durations_us = np.maximum(np.diff(np.rint(trajectory.starts_s * 1e6)), 1.0).astype(np.uint32)
-    centred = polynomial.centred_from_seconds(trajectory.coefficients, trajectory.durations_s[:, None])
-    return WireTrajectory(durations_us, np.ascontiguousarray(centred, dtype=np.float32), id, link_loss)
-
-
-def samples_of(trajectory: Trajectory, count: int = 8) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
-    """Points (time, x y z yaw) that the vehicle compares with its own evaluation: (m,) microseconds and (m, 4)."""
-    times_s = trajectory.duration_s * (np.arange(count) + 0.5) / count
-    return np.rint(times_s * 1e6).astype(np.uint32), trajectory.evaluate(times_s).astype(np.float32)
-
-
 class RefusedError(InputError):
     """The controller said no; `reason` is its number, the message its words."""
 
@@ -277,20 +257,31 @@ class Controller:
         if reason:
             raise RefusedError(command.name.lower().replace("_", " "), reason)
 
-    def upload(self, trajectory: Trajectory, *, id: int = 1, link_loss: LinkLoss = LinkLoss.FINISH) -> int:
+    def upload(
+        self,
+        trajectory: Trajectory,
+        *,
+        id: int = 1,
+        link_loss: LinkLoss = LinkLoss.FINISH,
+        clearance_m: float = 0.0,
+    ) -> int:
         """Stage, check and activate a trajectory without a link. Returns its CRC-32.
 
+        Args:
+            clearance_m: room for the tracking error, by which the supervisor judges; 0 = not stated.
+
         Raises:
+            InputError: it does not fit into the vehicle (`wire.plan_from_trajectory`).
             RefusedError: the vehicle's own checks found something; the message says which segment.
         """
-        wire = to_wire(trajectory, id=id, link_loss=link_loss)
-        k, _, n = wire.coefficients.shape
-        crc = wire.crc32
-        self._must("upload", self.raw.upload_begin(id, crc, k, n, int(link_loss)))
+        plan = wire.plan_from_trajectory(trajectory, id=id, on_link_loss=link_loss, clearance_m=clearance_m)
+        k, _, n = plan.coefficients.shape
+        crc = plan.crc32
+        self._must("upload", self.raw.upload_begin(id, crc, k, n, int(link_loss), plan.clearance_m))
         for i in range(k):
             what = f"segment {i}"
-            self._must(what, self.raw.upload_segment(i, int(wire.durations_us[i]), wire.coefficients[i]))
-        for time_us, value in zip(*samples_of(trajectory), strict=True):
+            self._must(what, self.raw.upload_segment(i, int(plan.durations_us[i]), plan.coefficients[i]))
+        for time_us, value in zip(*wire.check_points(plan, trajectory), strict=True):
             self._must("sample", self.raw.upload_sample(int(time_us), value))
         reason = self.raw.upload_finish()
         self._must(f"trajectory (segment {self.raw.refused_segment()})", reason)
@@ -309,20 +300,55 @@ class Controller:
         *,
         position_time_us: int | None = None,
         attitude_time_us: int | None = None,
+        rate_time_us: int | None = None,
         battery_v: float = 0.0,
+        specific_force_body_m_s2: ArrayLike | None = None,
+        valid: int = _POSE,
+        position_std_m: tuple[float, float] = (0.0, 0.0),
+        velocity_std_m_s: tuple[float, float] = (0.0, 0.0),
+        reset: Reset | None = None,
     ) -> FloatArray:
-        """One control step. `state` (13,): position 3, velocity 3, q_world_body 4, body rate 3.
+        """One control step.
+
+        Args:
+            state: (13,): position 3, velocity 3, q_world_body 4, body rate 3.
+            position_time_us, attitude_time_us, rate_time_us: when those were true; `time_us` unless given.
+            specific_force_body_m_s2: (3,) of the accelerometer; None: there is none.
+            valid: bits of `Valid`, of the pose.
+            position_std_m, velocity_std_m_s: horizontal, vertical; 0 = not told.
+            reset: the estimator's last relocalization.
 
         Returns:
             (4,) rotor speed commands, rad/s. Always finite and in range, whatever the state holds.
         """
         row = np.ascontiguousarray(state, dtype=np.float64)
         if row.shape != (13,):
-            raise InputError(f"the state has shape {row.shape}; 13 numbers are wanted")
+            raise InputError(f"the state has shape {row.shape}, expected (13,)")
         at = time_us if position_time_us is None else position_time_us
         attitude_at = time_us if attitude_time_us is None else attitude_time_us
-        speeds, _ = self.raw.tick(time_us, row, at, attitude_at, battery_v)
+        moved = reset or Reset()
+        force = np.zeros(3) if specific_force_body_m_s2 is None else np.asarray(specific_force_body_m_s2, np.float64)
+        more = np.concatenate([
+            force, position_std_m, velocity_std_m_s, moved.position_world_m, moved.velocity_world_m_s, [moved.yaw_rad]
+        ])  # fmt: skip
+        bits = valid if specific_force_body_m_s2 is None else valid | Valid.SPECIFIC_FORCE
+        speeds, _ = self.raw.tick(
+            time_us, row, at, attitude_at, battery_v, rate_time_us, int(bits), moved.counter % 256, more
+        )
         return speeds.astype(np.float64)
+
+    def shadow(self) -> None:
+        """Compute while another controller flies. Raises `RefusedError`."""
+        self._must("shadow mode", self.raw.shadow())
+
+    def engage(self, rotor_speed_rad_s: ArrayLike | None = None) -> None:
+        """Take over in flight, from (4,) rotor speeds if known. Raises `RefusedError`."""
+        speeds = None if rotor_speed_rad_s is None else np.ascontiguousarray(rotor_speed_rad_s, dtype=np.float32)
+        self._must("taking over", self.raw.engage(speeds))
+
+    def release(self) -> None:
+        """Give back in flight, to shadow mode. Raises `RefusedError`."""
+        self._must("release", self.raw.release())
 
     @property
     def telemetry(self) -> dict[str, Any]:

@@ -39,6 +39,11 @@ from flight import FlightLog, FloatArray, InputError, LinkError, Progress, Traje
 __all__ = ["CancelledError", "Link", "OnLinkLoss", "Statistics", "UploadReport", "VehicleState", "connect"]
 
 
+_RETRY_S = 0.1
+_KILL_RETRY_S = 0.02
+"""In a flood of forged frames only some of ours are looked at: more tries, sooner through."""
+
+
 def never() -> bool:
     """The cancel of those who do not cancel."""
     return False
@@ -226,7 +231,10 @@ class Link:
         order = MissionCommand(request_id=secrets.randbits(32) or 1, command=command, value=value)
         if plan:
             order.trajectory_id, order.crc32 = plan.id, plan.crc32
-        return self._port.ask(order, MissionResult, lambda result: result.request_id == order.request_id).reason
+        retry_s = _KILL_RETRY_S if command is Command.KILL else _RETRY_S
+        return self._port.ask(
+            order, MissionResult, lambda result: result.request_id == order.request_id, retry_s=retry_s
+        ).reason
 
     # -- trajectories ----------------------------------------------------------------------------------------------
 

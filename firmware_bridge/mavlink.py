@@ -64,7 +64,11 @@ class _Stream:
 
 @dataclass(slots=True)
 class Signing:
-    """Signs with a shared 32-byte key and refuses what is unsigned, wrongly signed, or was received before."""
+    """Signs with a shared 32-byte key and refuses what is unsigned, wrongly signed, or was received before.
+
+    Its clock is real time or later: it follows any newer stamp that is validly signed. So a station whose clock is
+    behind the vehicle's adopts the vehicle's time.
+    """
 
     key: bytes
     link_id: int = 0

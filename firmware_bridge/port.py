@@ -16,6 +16,7 @@ from firmware_bridge.dialect.generated.messages import (
     LeaseRequest,
     LeaseStatus,
     MissionStatus,
+    Ping,
     State,
 )
 from firmware_bridge.dialect.message import Message
@@ -84,6 +85,9 @@ class Port:
         """Send to the vehicle. Whether it arrives only an answer can tell."""
         if self.vehicle and hasattr(message, "target_system"):
             message.target_system, message.target_component = self.vehicle  # pyright: ignore[reportAttributeAccessIssue]
+        self._send(message)
+
+    def _send(self, message: Message) -> None:
         with self._lock:
             frame = self.codec.encode(message)
         with contextlib.suppress(OSError):  # nobody listens there (yet): as silent as a lost datagram
@@ -156,7 +160,7 @@ class Port:
         if silent_s < 1.5:
             return LinkError(
                 f"the vehicle at {self.url} is alive but did not answer within {self.timeout_s:g} s; "
-                "does it have our key, and is our clock behind its clock?"
+                "does it have our key?"
             )
         return LinkError(f"the link to {self.url} is dead: nothing heard for {silent_s:.1f} s")
 
@@ -195,6 +199,12 @@ class Port:
     def _deliver(self, received: Received) -> None:
         message = received.message
         sender = (received.system_id, received.component_id)
+        if isinstance(message, Ping) and not message.target_system and not message.target_component:
+            # the vehicle's challenge: it lets us in when its number comes back with our signature
+            self._send(
+                Ping(time_usec=message.time_usec, seq=message.seq, target_system=sender[0], target_component=sender[1])
+            )
+            return
         if self.vehicle is None and _speaks_for_a_vehicle(message):
             self.vehicle = sender
         if sender != self.vehicle:

@@ -10,7 +10,23 @@ from flight import FlightLog, InputError
 from flight.flight_log import COLUMNS, from_vectors
 
 _VECTORS = tuple(name for name in COLUMNS if name in State.__annotations__)
-_SCALARS = ("battery_v", "mission_state", "saturation", "trajectory_time_s")
+_SCALARS = {
+    "battery_v": "battery_v",
+    "mission_state": "mission_state",
+    "mission_reason": "reason",
+    "saturation": "saturation",
+    "trajectory_time_s": "trajectory_time_s",
+    "path_rate_ratio": "path_rate",
+    "path_limit_ratio": "path_limit",
+    "limit_reason": "limit_reason",
+    "reckoning_s": "reckoning_s",
+    "reckoning_std_m": "reckoning_std_m",
+    "warnings": "warnings",
+    "landing_stage": "landing_stage",
+    "estimate_valid": "estimate_valid",
+    "estimate_faults": "estimate_faults",
+}
+"""Column to field of the message."""
 
 
 def flight_log(states: Iterable[State], metadata: Mapping[str, Any]) -> FlightLog:
@@ -24,7 +40,10 @@ def flight_log(states: Iterable[State], metadata: Mapping[str, Any]) -> FlightLo
         raise InputError("no telemetry was received: there is nothing to log")
     time_s = np.array([state.time_us for state in ordered], dtype=np.float64) * 1e-6
     vectors = {name: np.array([getattr(state, name) for state in ordered], dtype=np.float64) for name in _VECTORS}
-    scalars = {name: np.array([getattr(state, name) for state in ordered], dtype=np.float64) for name in _SCALARS}
+    scalars = {
+        column: np.array([getattr(state, name) for state in ordered], dtype=np.float64)
+        for column, name in _SCALARS.items()
+    }
     scalars["battery_v"][scalars["battery_v"] <= 0.0] = np.nan  # 0: the vehicle does not measure it
     scalars["trajectory_time_s"][scalars["trajectory_time_s"] < 0.0] = np.nan
     return from_vectors(time_s, vectors, scalars=scalars, metadata=metadata)

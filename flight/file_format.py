@@ -3,13 +3,14 @@
 import contextlib
 import hashlib
 import json
+import math
 import os
 import shutil
 import tempfile
 import tomllib
 from collections.abc import Generator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import tomli_w
 
@@ -72,6 +73,32 @@ def write_bytes(path: Path, data: bytes) -> None:
         temporary.write_bytes(data)
 
 
+def json_text(document: object) -> str:
+    """The JSON of a verb's answer. NumPy values and paths become plain ones; JSON has no word for NaN and infinity.
+
+    Such numbers become null, and a top-level key `not_finite` says of each where it was and what.
+    """
+    lost: dict[str, str] = {}
+    plain = _plain(document, "", lost)
+    if lost and isinstance(plain, dict):
+        plain["not_finite"] = lost
+    return json.dumps(plain, indent=1, allow_nan=False) + "\n"
+
+
+def _plain(value: Any, where: str, lost: dict[str, str]) -> Any:
+    if hasattr(value, "tolist"):  # NumPy's arrays and numbers
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        entries = cast("Mapping[Any, Any]", value).items()
+        return {str(key): _plain(item, f"{where}.{key}" if where else str(key), lost) for key, item in entries}
+    if isinstance(value, list | tuple):
+        return [_plain(item, f"{where}[{i}]", lost) for i, item in enumerate(cast("list[Any]", value))]
+    if isinstance(value, float) and not math.isfinite(value):
+        lost[where] = str(value)
+        return None
+    return value if value is None or isinstance(value, str | int | float) else str(value)
+
+
 def write_json(path: Path, *, format: str, version: int, body: Mapping[str, Any]) -> None:
     """Write `body` with its `format` and `version` in front.
 
@@ -94,7 +121,7 @@ def read_json(path: Path, *, format: str, version: int) -> Document:
     """
     try:
         document = json.loads(_read(path))
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise FormatError(f"{path} is not valid JSON ({error}); it may have been cut off") from error
     return _checked(path, document, format, version)
 
@@ -107,7 +134,7 @@ def read_toml(path: Path, *, format: str, version: int) -> Document:
     """Read a TOML file with a `format` and `version`; raises as `read_json`."""
     try:
         document = tomllib.loads(_read(path).decode())
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise FormatError(f"{path} is not valid TOML ({error})") from error
     return _checked(path, document, format, version)
 

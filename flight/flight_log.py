@@ -46,8 +46,19 @@ COLUMNS: dict[str, tuple[str, ...]] = {
 }
 """Vector quantity to its column names, e.g. `position_world_m` to `position_world_x_m`, `_y_m`, `_z_m`."""
 
-SCALARS = ("time_s", "battery_v", "mission_state", "saturation")
-"""Further standard columns. `mission_state` and `saturation` are codes of the controller (see its header)."""
+SCALARS = (
+    "time_s",
+    "battery_v",
+    "mission_state",
+    "saturation",
+    "mission_reason",
+    "limit_reason",
+    "warnings",
+    "landing_stage",
+    "estimate_valid",
+    "estimate_faults",
+)
+"""Further standard columns. All from `mission_state` on are codes or bits of the controller (see its headers)."""
 
 _QUATERNION_COLUMNS = frozenset(COLUMNS["q_world_body"] + COLUMNS["setpoint_q_world_body"])
 
@@ -162,9 +173,14 @@ def load(path: Path) -> FlightLog:
     if header["version"] > VERSION:
         raise FormatError(f"{path} is version {header['version']} of {FORMAT}; this Goshawk reads up to {VERSION}")
     columns = {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
+    metadata: Any = header.get("metadata")
+    if not isinstance(metadata, dict):
+        raise FormatError(f"{path} is a damaged flight log: its metadata are {str(metadata)[:60]!r}, not a table")
     try:
-        return FlightLog(columns, header["metadata"])
-    except (KeyError, TypeError, ValueError) as error:
+        return FlightLog(columns, metadata)  # pyright: ignore[reportUnknownArgumentType]
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    except (TypeError, ValueError) as error:
         raise FormatError(f"{path} is a damaged flight log: {error}") from error
 
 

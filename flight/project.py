@@ -69,7 +69,7 @@ def open_project(folder: Path) -> Project:
     """Raises `InputError` if `folder` is not a project, `FormatError` if its `project.toml` cannot be read."""
     folder = Path(folder)
     if not (folder / "project.toml").is_file():
-        raise InputError(f"{folder} is not a Goshawk project: it has no project.toml; `goshawk demo` makes one")
+        raise InputError(f"{folder} is not a Goshawk project: it has no project.toml; `goshawk init` makes one")
     document = file_format.read_toml(folder / "project.toml", format=FORMAT, version=VERSION)
     return Project(folder, str(document.get("name", folder.name)))
 

@@ -17,6 +17,8 @@ from flight.rotations import FloatArray
 
 FORMAT = "goshawk-trajectory"
 VERSION = 1
+LONGEST_S = 1e4
+"""No small vehicle flies for hours; a longer trajectory is a damaged file."""
 AXES = ("x", "y", "z", "yaw")
 
 
@@ -185,6 +187,8 @@ def load(path: Path) -> TrajectoryFile:
     try:
         durations = np.array([s["duration_s"] for s in document["segments"]], dtype=np.float64)
         coefficients = np.array([[s[axis] for axis in AXES] for s in document["segments"]], dtype=np.float64)
+        if durations.sum() > LONGEST_S:
+            raise InputError(f"it lasts {durations.sum():.3g} s; {LONGEST_S:g} s is the longest that is flown")
         return TrajectoryFile(
             trajectory=Trajectory(durations, coefficients),
             name=str(document["name"]),

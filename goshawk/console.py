@@ -1,7 +1,6 @@
 """What every verb shows: a progress bar on stderr, a short table or JSON on stdout."""
 
 import contextlib
-import json
 import math
 import signal
 import sys
@@ -12,7 +11,8 @@ from typing import Any
 
 import click
 
-from flight import InputError, Progress
+from flight import InputError, Progress, file_format
+from goshawk.words import with_unit
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print the facts as JSON instead of a table.")
 
@@ -46,28 +46,14 @@ def numbers(option: str, text: str, count: int | None = None) -> list[float]:
 
 @contextlib.contextmanager
 def progress() -> Generator[Progress]:
-    """A progress callable: a bar on a terminal, a line per stage elsewhere; always on stderr."""
+    """A progress callable: one line on a terminal, a line per stage elsewhere; always on stderr."""
     if not sys.stderr.isatty():
         yield _LinePerStage()
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
-    from rich.progress import Progress as Bars
+    from goshawk.progress_line import progress_line
 
-    columns = (TextColumn("{task.description:<34}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"))
-    with Bars(*columns, TimeElapsedColumn(), console=Console(stderr=True)) as bars:
-        tasks: dict[str, Any] = {}
-
-        def show(stage: str, fraction: float) -> None:
-            if stage not in tasks:
-                for task in tasks.values():
-                    bars.update(task, completed=1.0)
-                tasks[stage] = bars.add_task(stage, total=1.0)
-            bars.update(tasks[stage], completed=fraction)
-
-        yield show
-        for task in tasks.values():
-            bars.update(task, completed=1.0)
+    with progress_line() as line:
+        yield line
 
 
 @contextlib.contextmanager
@@ -111,9 +97,10 @@ class _LinePerStage:
 def show(title: str, facts: Mapping[str, object], *, as_json: bool, document: Mapping[str, Any] | None = None) -> None:
     """Print facts as a two-column table, or (with --json) `document`, by default the facts themselves."""
     if as_json:
-        click.echo(json.dumps(dict(document if document is not None else facts), indent=1, default=_plain))
+        click.echo(file_format.json_text(document if document is not None else facts), nl=False)
         return
-    table(title, ("", ""), [(name, _text(value)) for name, value in facts.items()])
+    rows = [with_unit(name, value) for name, value in facts.items()]
+    table(title, ("", ""), [(words, _text(value)) for words, value in rows])
 
 
 def table(title: str, heads: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
@@ -137,10 +124,3 @@ def _text(value: object) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
-def _plain(value: Any) -> Any:
-    """NumPy numbers, arrays and paths as JSON knows them."""
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    return str(value)

@@ -29,15 +29,13 @@ from flight import (
     trajectory,
 )
 from flight.project import Project
+from goshawk import demo_folder
 from goshawk.commands.plan import waypoints_along
 from goshawk.flights import in_the_air, tracking
 from goshawk.map_accuracy import Accuracy, measure
-from goshawk.virtual_flight import virtual_vehicle
+from goshawk.virtual_flight import sitl_vehicle
 from mapping import rendered_room, rendered_world
 from vehicle import Vehicle
-
-FORMAT = "goshawk-demo"
-VERSION = 1
 
 HIDDEN_EFFECT = "rotor_drag_thrust"
 FLIGHTS = ("train-1", "train-2", "walk")
@@ -66,10 +64,26 @@ class Learned:
 def run(out: Path, *, pairs: int = 60, progress: Progress) -> dict[str, Any]:
     """Run the demo into the project folder `out`; returns (and writes to `demo.json`) what came of it.
 
+    An earlier demo in `out` makes room: it is removed when the new one is complete, or stays beside it if anything in
+    it was changed since.
+
     Args:
         pairs: image pairs to render; fewer make a quicker and worse map.
+
+    Raises:
+        InputError: `out` holds something else than an earlier demo.
     """
-    opened = project.create(out, "rendered room")
+    with demo_folder.making(out):
+        facts = _run(out, pairs, progress)
+        body = facts | {"files": demo_folder.hashes(out)}
+        file_format.write_json(
+            out / demo_folder.FACTS, format=demo_folder.FORMAT, version=demo_folder.VERSION, body=body
+        )
+    return facts
+
+
+def _run(out: Path, pairs: int, progress: Progress) -> dict[str, Any]:
+    opened = project.create(out, demo_folder.NAME)
     images = rendered_world.write_rendered_sequence(
         out / "rendered", flight=rendered_world.loop_flight(pairs), progress=progress
     )
@@ -86,16 +100,14 @@ def run(out: Path, *, pairs: int = 60, progress: Progress) -> dict[str, Any]:
 
     vehicle.save(out / "learned.toml", learned.with_effect.vehicle)
     again = fly(opened, "walk", out / "truth.toml", out / "learned.toml", progress, save_as="walk-learned")
-    facts = _facts(report, accuracy, plans, logs | {"walk-learned": again}, learned, truth)
-    file_format.write_json(out / "demo.json", format=FORMAT, version=VERSION, body=facts)
-    return facts
+    return _facts(report, accuracy, plans, logs | {"walk-learned": again}, learned, truth)
 
 
 def vehicles() -> tuple[Vehicle, Vehicle]:
     """The vehicle that flies, and what is believed of it at first."""
     truth = vehicle.example("rigter2019")
-    for axis in "xyz":  # the virtual vehicle reports the pose of its centre of mass
-        truth = truth.with_value(f"pose_sensor_{axis}_m", 0.0, source="virtual vehicle")
+    for axis in "xyz":  # the SITL vehicle reports the pose of its centre of mass
+        truth = truth.with_value(f"pose_sensor_{axis}_m", 0.0, source="SITL vehicle")
     truth = truth.with_limits(speed_m_s=_SPEED_M_S, acceleration_m_s2=_ACCELERATION_M_S2)
     believed = truth.without_effect(HIDDEN_EFFECT)
     for name, value in {"inertia_xx_kg_m2": 0.00241, "inertia_yy_kg_m2": 0.00342, "inertia_zz_kg_m2": 0.00522}.items():
@@ -141,14 +153,14 @@ def _excursion(path: FloatArray, field: esdf.Field, rng: np.random.Generator, *,
 def fly(
     opened: Project, name: str, truth: Path, believed: Path, progress: Progress, *, save_as: str | None = None
 ) -> FlightLog:
-    """Fly one saved trajectory in the virtual vehicle: upload, read back, take off, fly, land, fetch the log."""
+    """Fly one saved trajectory in the SITL vehicle: upload, read back, take off, fly, land, fetch the log."""
     item = trajectory.load(opened.trajectory(name))
     key_file = opened.folder / "link.key"
     options = ("--vehicle", truth, "--believed", believed, "--start-of", opened.trajectory(name), "--speed", 0)
     ground = ("--ground", _ground_m(opened))
     label = save_as or name
     with (
-        virtual_vehicle(*options, *ground, key_file=key_file) as url,
+        sitl_vehicle(*options, *ground, key_file=key_file) as url,
         firmware_bridge.connect(url, key=key_file) as link,
     ):
         link.upload(item, progress=lambda stage, fraction: progress(f"{stage} {label}", fraction))

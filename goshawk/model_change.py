@@ -9,6 +9,7 @@ import sysid
 from firmware_bridge import controller
 from flight import FlightLog, InputError, Progress, file_format, silent
 from sysid.comparison import HORIZONS_S, QUANTITIES
+from sysid.verdict import Verdict
 from vehicle import Vehicle
 from vehicle.history import HeldOut, Step
 
@@ -46,6 +47,8 @@ class Change:
     """Model (`PRESENT`, `BEFORE`, `AFTER`) to quantity to error after `HORIZON_S`; empty without held-out flights."""
     held_out: HeldOut | None
     findings: tuple[str, ...]
+    fit: Verdict
+    """Whether to use what was refitted; usable where nothing was."""
 
 
 def refitted(present: Vehicle, changed: Vehicle, flights: Flights, *, progress: Progress = silent) -> Change:
@@ -57,12 +60,12 @@ def refitted(present: Vehicle, changed: Vehicle, flights: Flights, *, progress: 
     training = list(flights.training.values())
     after = _fit(training, changed, "the changed model", progress)
     if not flights.held_out:
-        return Change(after.vehicle, {}, None, after.findings)
+        return Change(after.vehicle, {}, None, after.findings, after.verdict)
     before = _fit(training, present, "the present model", progress)
     models = {PRESENT: present, BEFORE: before.vehicle, AFTER: after.vehicle}
     errors = held_out_errors(models, list(flights.held_out.values()), progress=progress)
     evidence = HeldOut(named(flights.held_out), errors[BEFORE], errors[AFTER], verdict(errors[BEFORE], errors[AFTER]))
-    return Change(after.vehicle, errors, evidence, after.findings)
+    return Change(after.vehicle, errors, evidence, after.findings, after.verdict)
 
 
 def _fit(logs: list[FlightLog], model: Vehicle, what: str, progress: Progress) -> sysid.Identification:
@@ -77,7 +80,9 @@ def judged(present: Vehicle, changed: Vehicle, flights: Flights, *, progress: Pr
     models = {BEFORE: present, AFTER: changed}
     errors = held_out_errors(models, list(flights.held_out.values()), progress=progress)
     words = verdict(errors[BEFORE], errors[AFTER])
-    return Change(changed, errors, HeldOut(named(flights.held_out), errors[BEFORE], errors[AFTER], words), ())
+    return Change(
+        changed, errors, HeldOut(named(flights.held_out), errors[BEFORE], errors[AFTER], words), (), Verdict()
+    )
 
 
 def held_out_errors(

@@ -1,4 +1,4 @@
-"""A virtual vehicle in a process of its own, for the demo and the examples: started, used, stopped."""
+"""A SITL vehicle in a process of its own, for the demo and the examples: started, used, stopped."""
 
 import contextlib
 import subprocess
@@ -10,7 +10,7 @@ from flight import LinkError
 
 
 @contextlib.contextmanager
-def virtual_vehicle(*options: object, key_file: Path) -> Generator[str]:
+def sitl_vehicle(*options: object, key_file: Path) -> Generator[str]:
     """Run `goshawk vehicle-sim` with these options on a free port; yields its address.
 
     Raises:
@@ -25,7 +25,7 @@ def virtual_vehicle(*options: object, key_file: Path) -> Generator[str]:
     try:
         url = process.stdout.readline().strip()
         if not url.startswith("udp://"):
-            raise LinkError(f"the virtual vehicle did not start: {process.stderr.read().strip()}")
+            raise LinkError(f"the SITL vehicle did not start: {process.stderr.read().strip()}")
         yield url
     finally:
         process.terminate()

@@ -15,11 +15,20 @@ import numpy as np
 
 from flight import FloatArray, FormatError, InputError, MapError, frames, rotations
 from mapping.images import ImageSet, read_table
+from mapping.rig import Rig
 
 _POSITION = ("x_m", "y_m", "z_m")
 _UP = ("up_body_x", "up_body_y", "up_body_z")
 _TRIALS = 400
 _LEAST_POSITIONS = 4
+LEAST_BASELINE_M = 0.005
+"""Cameras closer together than this give no scale."""
+NO_SCALE = (
+    "no metric scale: a single camera cannot tell a room from a doll's house; give the length of the path "
+    "(--length 13.2) or between two images (--length A.jpg,B.jpg,2.5), a rig of cameras with the distance between them "
+    f"in camera.toml, or at least {_LEAST_POSITIONS} positions from odometry, a tracker or GPS in references.csv "
+    "(image,x_m,y_m,z_m; --references FILE)"
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,6 +114,25 @@ def read_references(images: ImageSet, path: Path | None = None) -> References:
         return References(values.get(_POSITION, empty), up / np.linalg.norm(up, axis=1, keepdims=True))
 
 
+def require_scale(folder: Path, rig: Rig, length: Length | None, references: Path | None) -> None:
+    """Before any work: whether something can give the scale.
+
+    Raises:
+        MapError: nothing can; the message lists the ways to give it.
+    """
+    path = references or folder / "references.csv"
+    if length is not None or rig.baseline_m > LEAST_BASELINE_M or not folder.is_dir():
+        return
+    recorded = 0
+    if path.is_file():
+        with open(path, encoding="utf-8", errors="replace") as stream:
+            if _POSITION[0] in stream.readline().strip().split(","):
+                rows = read_table(path, ("image", *_POSITION)).values()
+                recorded = sum(all(np.isfinite(row)) for row in rows)
+    if recorded < _LEAST_POSITIONS:
+        raise MapError(NO_SCALE)
+
+
 def _column_group(path: Path, columns: tuple[str, ...], instants: tuple[str, ...]) -> FloatArray:
     table = read_table(path, ("image", *columns))
     missing = (np.nan,) * len(columns)
@@ -137,10 +165,7 @@ def align(
     elif fit is not None:
         scale, source = fit.scale, "recorded positions"
     else:
-        raise MapError(
-            "no metric scale: a single camera cannot tell a room from a doll's house; give a length between two "
-            f"images or of the path, or at least {_LEAST_POSITIONS} positions in references.csv"
-        )
+        raise MapError(NO_SCALE)
     if fit is None:
         T = _start_at_first(scale * level[known][0], R_level, T_old_body[known][0])
         return Alignment(scale, T, source, up_source, up_spread_rad=up_spread_rad)

@@ -6,6 +6,7 @@ Optional beside the images: `times.csv` (image,time_s) and `references.csv` (see
 
 import csv
 import math
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +15,9 @@ import numpy as np
 from flight import FloatArray, FormatError, InputError, Progress, silent
 from mapping.rig import Camera, Rig
 
+MOST_PIXELS = 1 << 28
+"""Larger pictures are refused before memory is set aside for them; OpenCV asks for it when it is first imported."""
+os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MOST_PIXELS))
 SUFFIXES = (".jpg", ".jpeg", ".png", ".pgm", ".tif", ".tiff", ".bmp")
 
 
@@ -107,7 +111,11 @@ def _gray(path: Path, camera: Camera) -> np.ndarray:
 
     data = np.fromfile(path, dtype=np.uint8)
     whole = data.size and not _cut_off(data)  # asked first: decoders complain about a cut-off file on stderr
-    image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if whole else None
+    try:
+        image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if whole else None
+    except cv2.error as error:
+        said = error.err if hasattr(error, "err") else str(error)
+        raise InputError(f"{path} cannot be decoded ({said}); a picture has at most {MOST_PIXELS:.2g} pixels") from None
     if image is None:
         raise InputError(f"{path} is damaged: it cannot be decoded as a whole image; restore it or take it out")
     height, width = image.shape

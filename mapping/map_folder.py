@@ -22,8 +22,8 @@ import numpy as np
 
 import esdf
 from esdf.storage import EDITS
-from flight import FloatArray, FormatError, InputError, Progress, file_format, frames, rotations, silent
-from mapping import dense, localization, mesh_file, sparse
+from flight import FloatArray, FormatError, InputError, Progress, file_format, frames, results, rotations, silent
+from mapping import alignment, dense, localization, mesh_file, sparse
 from mapping import rig as rigs
 from mapping.alignment import Length
 from mapping.colmap import SparseOptions
@@ -137,18 +137,28 @@ class Map:
 
 
 def build_map(
-    images: Path, rig: Rig, out: Path, options: MapOptions | None = None, *, progress: Progress = silent
+    images: Path,
+    rig: Rig,
+    out: Path,
+    options: MapOptions | None = None,
+    *,
+    overwrite: bool = False,
+    progress: Progress = silent,
 ) -> MapReport:
     """Make the map folder `out` from a folder of images.
 
-    An earlier map in `out` is replaced only when the new one is complete; the pilot's edits move over.
+    Args:
+        overwrite: replace an earlier map in `out` when the new one is complete. The pilot's edits are copied over, and
+            the earlier map stays beside it as `OUT.old-1`.
 
     Raises:
-        InputError: the images or what was recorded with them cannot be used.
+        InputError: there is an earlier map and `overwrite` was not given; the images or what was recorded with them
+            cannot be used.
         MapError: no map comes of these images.
     """
     options = options or MapOptions()
-    _check_output(Path(out))
+    results.require_free_folder(out, overwrite=overwrite, ours=_is_map)
+    alignment.require_scale(Path(images), rig, options.length, options.references)
     checked = read_folder(images, rig, progress=progress)
     placed = sparse.reconstruct(
         checked, options.sparse, length=options.length, references=options.references, progress=progress
@@ -159,7 +169,8 @@ def build_map(
     distances = esdf.build(surface.state, surface.grid, cap_m=options.cap_m)
     cpu_s = {**placed.cpu_s, "dense": round(time.process_time() - started_s, 2)}
     report = _report(placed, surface, distances.hash, cpu_s)
-    with file_format.atomic_folder(out) as new:
+    with results.new_folder(out, overwrite=overwrite, ours=_is_map) as placing:
+        new = placing.temporary
         _keep_edits(Path(out), new)
         esdf.save(new / "esdf", distances)
         mesh_file.save(new / "mesh.glb", surface.vertices_world_m, surface.faces, surface.colours)
@@ -173,12 +184,8 @@ def build_map(
     return report
 
 
-def _check_output(out: Path) -> None:
-    """Refuse, before any work, an output that is no map and may be precious."""
-    if out.exists() and not out.is_dir():
-        raise InputError(f"{out} is a file; a map is a folder: choose another output")
-    if out.is_dir() and not (out / "map.toml").exists() and any(out.iterdir()):
-        raise InputError(f"{out} is not empty and not a map; choose another output")
+def _is_map(folder: Path) -> bool:
+    return (folder / "map.toml").exists()
 
 
 def views(placed: SparseMap) -> list[ImageView]:

@@ -16,7 +16,6 @@ from mapping.localization import LocalizationMap
 from mapping.rig import Rig
 
 _LEAST_SHARE = 0.5
-_LEAST_BASELINE_M = 0.005
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,7 +97,7 @@ def reconstruct(
         images,
         model.T_world_body,
         recorded,
-        baseline_metric=images.rig.baseline_m > _LEAST_BASELINE_M and _rig_seen(model.registered),
+        baseline_metric=images.rig.baseline_m > alignment.LEAST_BASELINE_M and _rig_seen(model.registered),
         length=length,
     )
     return SparseMap(

@@ -34,6 +34,8 @@ class GateReport:
     clearance_m: float
     """No point of the curve is nearer to an obstacle than this; minus infinity where nothing can be said."""
     required_clearance_m: float
+    body_radius_m: float
+    """Of the sphere that the vehicle was taken for; what is left of the clearance is room for its tracking error."""
     clearance_point_world_m: tuple[float, float, float]
     """Where it comes closest, or meets the unknown."""
     duration_s: float
@@ -57,6 +59,7 @@ class GateReport:
             "passed": self.passed,
             "clearance_m": self.clearance_m if np.isfinite(self.clearance_m) else None,
             "required_clearance_m": self.required_clearance_m,
+            "body_radius_m": self.body_radius_m,
             "clearance_point_world_m": list(self.clearance_point_world_m),
             "duration_s": self.duration_s,
             "map_hash": self.map_hash,
@@ -93,6 +96,7 @@ def check(
         checks=tuple(checks),
         clearance_m=clearance.proven_m,
         required_clearance_m=options.clearance_m,
+        body_radius_m=options.radius_m,
         clearance_point_world_m=tuple(np.nan_to_num(clearance.point_world_m).tolist()),
         duration_s=trajectory.duration_s if np.isfinite(trajectory.duration_s) else 0.0,
         map_hash=str(getattr(field, "hash", "")),

@@ -15,7 +15,7 @@ from sysid.identification import smooth
 from sysid.model import as_flown
 from sysid.options import Options
 from sysid.prediction import predict
-from sysid.result import CHANNELS
+from sysid.result import CHANNELS, LARGE_FORCE_M_S2, LARGE_TORQUE_RAD_S2
 from sysid.sensors import PoseSensor
 from sysid.states import States
 from vehicle import Vehicle, rigid_body
@@ -80,6 +80,22 @@ class Comparison:
         parts = [r.means() for r in self.residuals[model]]
         return np.sqrt((np.concatenate(parts) ** 2).mean(axis=0))
 
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """A sentence on each model that cannot be these flights' vehicle as it is."""
+        said = []
+        for name, vehicle in self.models.items():
+            body, wrench = rigid_body(vehicle), self.wrench_rms(name)
+            force = float(wrench[:3].max()) / body.mass_kg
+            turning = float(np.abs(np.linalg.solve(body.inertia_kg_m2, np.diag(wrench[3:]))).max())
+            if force > LARGE_FORCE_M_S2 or turning > LARGE_TORQUE_RAD_S2:
+                said.append(
+                    f"{name} leaves {force:.2g} m/s2 and {turning:.2g} rad/s2 unexplained: too much for any missing "
+                    "effect. It is another vehicle's model, or units, frames or rotor order are wrong; see "
+                    "`goshawk log FLIGHT --vehicle VEHICLE`"
+                )
+        return tuple(said)
+
     def as_dict(self) -> dict[str, Any]:
         """The figures as plain JSON values."""
         return {
@@ -88,6 +104,7 @@ class Comparison:
             "flights": [f.name for f in self.flights],
             "horizons_s": list(HORIZONS_S),
             "predictions": self.predictions,
+            "remarks": list(self.remarks),
             "models": {
                 name: {
                     "vehicle": vehicle.name,

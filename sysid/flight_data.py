@@ -21,6 +21,8 @@ LEAD_IN_S = 0.3
 """Where only commands are known, this much is given to the rotors to reach the speed that nobody measured."""
 PAYLOAD_CARRIED = "payload_carried"
 """Key of a log's metadata that says whether the payload was on board."""
+SLOWEST_S = 0.5
+"""Samples further apart than this show no motion of a multirotor; the time is in another unit."""
 SHORTEST_S = 1.0
 """Pieces between gaps that are shorter say nothing and are left out."""
 
@@ -146,6 +148,12 @@ def _split(log: FlightLog, source: _Source, options: Options) -> list[tuple[floa
     pose_s = log.time_s[_finite_rows(log, source.nodes, name)]
     rotor_s = log.time_s[_finite_rows(log, (source.rotors,), name)]
     kind = "pose" if source.nodes[0] == "position_world_m" else "IMU"
+    usual_s = float(np.median(np.diff(pose_s)))
+    if usual_s >= SLOWEST_S:
+        raise InputError(
+            f"{name} has a {kind} every {usual_s:.3g} s: its time is in another unit, or it is too slow to fit; time_s "
+            "must be in seconds"
+        )
     gaps = sorted(_gaps(pose_s, kind) + _gaps(rotor_s, "rotor speed"))
     start_s, end_s = max(pose_s[0], rotor_s[0]), min(pose_s[-1], rotor_s[-1])
     if gaps and options.gaps == "refuse":
@@ -203,7 +211,7 @@ def _flight(
             rate = log.vector("rate_body_rad_s")[rows]
     else:
         rate = _around_nodes(log, "rate_body_rad_s", inside, time_s)
-    if log.has("specific_force_body_m_s2") and (options.use_accelerometer or not with_pose):
+    if (options.use_accelerometer or not with_pose) and _sampled(log, "specific_force_body_m_s2", inside):
         force = _means(log, "specific_force_body_m_s2", inside, time_s)[0]
     speed, acceleration = _means(log, source.rotors, inside, time_s)
     measured = source.rotors == "rotor_speed_rad_s"
@@ -245,6 +253,11 @@ def _means(
     if quantity == "rotor_speed_rad_s":
         return interval_means(log.time_s[rows], rotor_noise.most_likely(log.time_s[rows], values[rows]), node_s)
     return interval_means(log.time_s[rows], values[rows], node_s)
+
+
+def _sampled(log: FlightLog, quantity: str, inside: NDArray[np.bool_]) -> bool:
+    """Whether a quantity was recorded in a stretch, not only named."""
+    return log.has(quantity) and int((inside & np.isfinite(log.vector(quantity)).all(axis=1)).sum()) >= 2
 
 
 def _around_nodes(log: FlightLog, quantity: str, inside: NDArray[np.bool_], node_s: FloatArray) -> FloatArray:

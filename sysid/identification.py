@@ -37,6 +37,7 @@ def identify(
     options: Options | None = None,
     *,
     near: Identification | None = None,
+    given: Vehicle | None = None,
     progress: Progress = silent,
 ) -> Identification:
     """Fit a vehicle's parameters to flights with measured pose and rotor speed.
@@ -47,6 +48,8 @@ def identify(
     Args:
         near: the fit of a similar vehicle to the same logs with the same options; its states and noise levels are
             started from.
+        given: the vehicle as the user gave it, to judge the result by, where `vehicle` is an intermediate one;
+            None: that of `near`, or else `vehicle`.
 
     Raises:
         InputError: a log lacks a quantity, has a gap, or shows too little motion; a name is unknown.
@@ -71,8 +74,10 @@ def identify(
         else:
             doubts = (UNSETTLED,)
     progress("identify", 1.0)
-    found = conclude(vehicle, flights, unknowns, solution, tuple(held), options)
-    return replace(found, findings=(*found.findings, *doubts))
+    found = conclude(
+        vehicle, flights, unknowns, solution, tuple(held), options, given or (near.given if near else vehicle)
+    )
+    return replace(found, findings=(*found.findings, *doubts), verdict=found.verdict.doubted(*doubts))
 
 
 def _fit(

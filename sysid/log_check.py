@@ -9,7 +9,7 @@ from flight import FlightLog
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
 from sysid import log_consistency
-from sysid.log_finding import Finding, error, warning
+from sysid.log_finding import Finding, Repair, Span, error, warning
 from vehicle import Vehicle
 
 FROZEN_S = 0.25
@@ -43,7 +43,15 @@ class LogReport:
             "rate_hz": self.rate_hz,
             "worst": self.worst,
             "findings": [
-                {"level": f.level, "what": f.what, "sentence": f.sentence, "fix": f.fix} for f in self.findings
+                {
+                    "level": f.level,
+                    "what": f.what,
+                    "sentence": f.sentence,
+                    "fix": f.fix,
+                    "fixable": f.repair is not None,
+                    "spans_s": [list(span) for span in f.spans],
+                }
+                for f in self.findings
             ],
         }
 
@@ -70,7 +78,8 @@ def _time_base(log: FlightLog) -> list[Finding]:
     if usual >= 0.5:
         unit, divisor = ("microseconds", "1e6") if usual > 100.0 else ("milliseconds", "1000")
         sentence = f"rows are {usual:g} s apart: the time looks like {unit}"
-        found.append(error("time unit", sentence, f"divide time_s by {divisor}"))
+        repair = Repair("scale", ("time_s",), factor=1.0 / float(divisor))
+        found.append(error("time unit", sentence, f"divide time_s by {divisor}", repair=repair))
     holes = np.flatnonzero(step_s > max(4.0 * usual, 0.04))
     if len(holes):
         worst = int(holes[np.argmax(step_s[holes])])
@@ -80,6 +89,7 @@ def _time_base(log: FlightLog) -> list[Finding]:
                 "gap",
                 f"{many}, the longest of {step_s[worst]:.3f} s at {log.time_s[worst]:.3f} s",
                 "fit the pieces between gaps as separate flights (gaps='split')",
+                spans=tuple((float(log.time_s[i]), float(log.time_s[i + 1])) for i in holes),
             )
         )
     jitter = float(np.std(step_s[step_s < 4.0 * usual]) / usual)
@@ -95,9 +105,13 @@ def _not_finite(log: FlightLog) -> list[Finding]:
         bad = ~np.isfinite(values)
         if np.isinf(values).any():
             row = int(np.flatnonzero(np.isinf(values))[0])
-            found.append(error("infinite", f"{name} is infinite in row {row}", "write NaN there"))
+            where = _spans(log.time_s, np.flatnonzero(np.isinf(values)))
+            repair = Repair("blank", (name,), spans=where)
+            sentence = f"{name} is infinite in row {row}"
+            found.append(error("infinite", sentence, "write NaN there", repair=repair, spans=where))
         elif bad.all():
-            found.append(warning("empty", f"{name} is never finite", "drop the column"))
+            repair = Repair("drop", (name,))
+            found.append(warning("empty", f"{name} is never finite", "drop the column", repair=repair))
     return found
 
 
@@ -110,14 +124,24 @@ def _jumps(log: FlightLog) -> list[Finding]:
     if len(rows) < 50:
         return []
     off = np.linalg.norm(position[rows[2:]] - 2.0 * position[rows[1:-1]] + position[rows[:-2]], axis=1)
-    bad = np.flatnonzero(off > max(JUMP_FACTOR * float(np.median(off)), JUMP_LEAST_M))
+    step_s = np.diff(log.time_s[rows])
+    across_gap = np.maximum(step_s[1:], step_s[:-1]) > max(4.0 * float(np.median(step_s)), 0.04)
+    bad = np.flatnonzero((off > max(JUMP_FACTOR * float(np.median(off)), JUMP_LEAST_M)) & ~across_gap)
     if not len(bad):
         return []
     worst = int(bad[np.argmax(off[bad])])
     sentence = (
         f"the position jumps by {off[worst]:.3f} m at {log.time_s[rows[worst + 1]]:.3f} s, {len(bad)} such samples"
     )
-    return [error("jump", sentence, "write NaN there, or fit with robust=True")]
+    where = _spans(log.time_s, rows[bad + 1])
+    repair = Repair("blank", COLUMNS["position_world_m"], spans=where)
+    return [error("jump", sentence, "write NaN there, or fit with robust=True", repair=repair, spans=where)]
+
+
+def _spans(time_s: FloatArray, rows: np.ndarray) -> tuple[Span, ...]:
+    """Runs of neighbouring rows as spans."""
+    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
+    return tuple((float(time_s[run[0]]), float(time_s[run[-1]])) for run in runs if len(run))
 
 
 def _frozen(log: FlightLog) -> list[Finding]:
@@ -137,7 +161,10 @@ def _frozen(log: FlightLog) -> list[Finding]:
         length_s = float(log.time_s[rows[end]] - log.time_s[rows[start]])
         if length_s > FROZEN_S and end - start >= 10:
             sentence = f"{quantity} repeats itself for {length_s:.2f} s from {log.time_s[rows[start]]:.2f} s on"
-            found.append(error("frozen", sentence, "cut that stretch out, or write NaN there"))
+            where = ((float(log.time_s[rows[start + 1]]), float(log.time_s[rows[end]])),)
+            repair = Repair("blank", columns, spans=where)
+            fix = "cut that stretch out, or write NaN there"
+            found.append(error("frozen", sentence, fix, repair=repair, spans=where))
     return found
 
 

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
-from scipy.signal import savgol_filter
+from scipy.signal import savgol_coeffs, savgol_filter
 
 from flight import FlightLog, frames, rotations
+from flight.flight_log import COLUMNS
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
 from sysid.flight_data import carries_payload
-from sysid.log_finding import Finding, error, warning
+from sysid.log_finding import Finding, Repair, error, warning
 from sysid.model import as_flown, surroundings
 from vehicle import Vehicle, acceleration, wrench
 from vehicle.invert import open_air
@@ -26,6 +27,29 @@ DEGREES = 180.0 / np.pi
 RPM = 60.0 / (2.0 * np.pi)
 FAST_HZ = (3.0, 20.0)
 """Turning in this band is the rotors' doing: slower, drag and disturbances take part; faster, it is noise."""
+XYZW = "the quaternion is stored x y z w; reorder it to w x y z"
+CONJUGATE = "the quaternion takes world to body; conjugate it"
+ATTITUDE_DOWN = "the attitude is NED/FRD while positions are z up; apply flight.frames.flip_attitude"
+POSITIONS_DOWN = "positions are z down while the attitude is z up; apply flight.frames.flip_vector to them"
+ALL_DOWN = (
+    "positions and attitude are z down (NED/FRD): apply flight.frames.flip_vector to all vectors and "
+    "flight.frames.flip_attitude"
+)
+_REREAD = {
+    XYZW: Repair("quaternion order", COLUMNS["q_world_body"]),
+    CONJUGATE: Repair("conjugate", COLUMNS["q_world_body"]),
+    ATTITUDE_DOWN: Repair("flip", COLUMNS["q_world_body"]),
+    POSITIONS_DOWN: Repair("flip", COLUMNS["position_world_m"]),
+    ALL_DOWN: Repair("flip", tuple(c for q, columns in COLUMNS.items() if "rotor" not in q for c in columns)),
+}
+LONGEST_S = 1e4
+"""A longer log is in another unit of time; the check of the time base says so."""
+LEAST_SAMPLES = 50
+"""Fewer samples of a quantity are not judged."""
+RATIO_SIGMAS = 4.0
+"""A ratio is called wrong when it is off by this many of its standard errors."""
+LEAST_SIGNAL = 0.3
+"""... and when at least this share of the variance of what it is taken against is no noise."""
 LEAST_RATE_RAD_S = 0.15
 """Below this root mean square of the body rate, turning says nothing about gyro or rotors."""
 
@@ -36,6 +60,8 @@ class Kinematics:
 
     time_s: FloatArray
     velocity_world_m_s: FloatArray
+    velocity_noise_m_s: FloatArray
+    """(3,) standard deviation of what the position's noise makes of the velocity."""
     specific_force_world_m_s2: FloatArray
     """(n, 3) acceleration less gravity: what the rotors and the air do, per mass."""
     q: FloatArray
@@ -66,6 +92,8 @@ def kinematics(log: FlightLog) -> Kinematics | None:
     if len(rows) < 50 or log.time_s[rows[-1]] - log.time_s[rows[0]] < 100 * GRID_S:
         return None
     first_s, last_s = float(log.time_s[rows[0]]), float(log.time_s[rows[-1]])
+    if last_s - first_s > LONGEST_S:
+        return None
     time_s = np.arange(first_s, last_s, GRID_S)
     flips = np.cumprod(np.where((q[rows][1:] * q[rows][:-1]).sum(axis=1) < 0.0, -1.0, 1.0))
     smooth_q = q[rows] * np.concatenate([[1.0], flips])[:, None]
@@ -77,6 +105,7 @@ def kinematics(log: FlightLog) -> Kinematics | None:
     return Kinematics(
         time_s=time_s,
         velocity_world_m_s=_fit(grid, 1),
+        velocity_noise_m_s=_slope_noise(grid, float(np.median(np.diff(log.time_s[rows])))),
         specific_force_world_m_s2=_fit(grid, 2) + np.array([0.0, 0.0, GRAVITY_M_S2]),
         q=rotations.normalise(_fit(q_grid, 0)),
         rate_body_rad_s=rate,
@@ -92,6 +121,21 @@ def _fit(values: FloatArray, derivative: int) -> FloatArray:
     return np.asarray(savgol_filter(values, WINDOW, 3, deriv=derivative, delta=GRID_S, axis=0))
 
 
+def _slope_noise(grid: FloatArray, step_s: float) -> FloatArray:
+    """Noise of `_fit(grid, 1)` by what the fit leaves of the samples, which were `step_s` apart before resampling."""
+    left = grid - _fit(grid, 0)
+    kept = savgol_coeffs(WINDOW, 3)
+    share = np.sqrt(np.sum((np.eye(WINDOW)[WINDOW // 2] - kept) ** 2))  # of white noise that the fit leaves
+    gain = np.linalg.norm(savgol_coeffs(WINDOW, 3, deriv=1, delta=GRID_S))
+    fewer = np.sqrt(max(step_s / GRID_S, 1.0))  # interpolated samples are no new ones
+    return left.std(axis=0) / share * gain * fewer
+
+
+def _sampled(log: FlightLog, quantity: str) -> bool:
+    """Whether a log has a quantity, and enough of it to judge."""
+    return log.has(quantity) and int(np.isfinite(log.vector(quantity)).all(axis=1).sum()) >= LEAST_SAMPLES
+
+
 def _accelerometer(log: FlightLog) -> list[Finding]:
     if not log.has("specific_force_body_m_s2"):
         return []
@@ -103,13 +147,15 @@ def _accelerometer(log: FlightLog) -> list[Finding]:
     found = []
     if 0.7 < size < 1.4:
         sentence = f"the accelerometer reads {size:.2f} in hover: it is in g"
-        found.append(error("unit", sentence, "multiply specific_force_body by 9.80665"))
+        repair = Repair("scale", COLUMNS["specific_force_body_m_s2"], factor=GRAVITY_M_S2)
+        found.append(error("unit", sentence, "multiply specific_force_body by 9.80665", repair=repair))
     elif size < 5.0:
         sentence = f"the accelerometer reads {size:.2f} m/s2 as a rule: gravity is taken out, or the scale is off"
         found.append(error("frame", sentence, "log the specific force, gravity not removed"))
     if upward < -0.5 * size:
         sentence = "the accelerometer's z is negative in flight: body z points down"
-        found.append(error("frame", sentence, "give it to flight.frames.flip_vector"))
+        repair = Repair("flip", COLUMNS["specific_force_body_m_s2"])
+        found.append(error("frame", sentence, "give it to flight.frames.flip_vector", repair=repair))
     return found
 
 
@@ -122,16 +168,15 @@ def _attitude(motion: Kinematics) -> list[Finding]:
     turned = frames.flip_attitude(q)
     readings = {
         "": (q, upright),
-        "the quaternion is stored x y z w; reorder it to w x y z": (np.roll(q, 1, axis=1), upright),
-        "the quaternion takes world to body; conjugate it": (rotations.conjugate(q), upright),
+        XYZW: (np.roll(q, 1, axis=1), upright),
+        CONJUGATE: (rotations.conjugate(q), upright),
         "the quaternion is stored x y z w and takes world to body": (
             rotations.conjugate(np.roll(q, 1, axis=1)),
             upright,
         ),
-        "the attitude is NED/FRD while positions are z up; apply flight.frames.flip_attitude": (turned, upright),
-        "positions are z down while the attitude is z up; apply flight.frames.flip_vector to them": (q, downward),
-        "positions and attitude are z down (NED/FRD): apply flight.frames.flip_vector to all vectors and "
-        "flight.frames.flip_attitude": (turned, downward),
+        ATTITUDE_DOWN: (turned, upright),
+        POSITIONS_DOWN: (q, downward),
+        ALL_DOWN: (turned, downward),
     }
     angle = {fix: _angle_to_thrust(*reading) for fix, reading in readings.items()}
     spread = float(np.median(np.arccos(np.clip((upright / _length(upright))[:, 2], -1.0, 1.0))))
@@ -151,7 +196,7 @@ def _attitude(motion: Kinematics) -> list[Finding]:
             f"the thrust axis is {DEGREES * angle['']:.1f} deg from where the acceleration points "
             f"(median; {DEGREES * angle[best]:.1f} deg when read otherwise)"
         )
-        found.append(error("frame", sentence, best))
+        found.append(error("frame", sentence, best, repair=_REREAD.get(best)))
     elif angle[""] > max(0.7 * spread, np.deg2rad(8.0)) and spread > np.deg2rad(4.0):
         sentence = f"attitude explains little of the acceleration: {DEGREES * angle['']:.1f} deg apart (median)"
         found.append(warning("frame", sentence, "check units of position and the frame of the attitude"))
@@ -169,26 +214,32 @@ def _length(vectors: FloatArray) -> FloatArray:
 
 
 def _velocity(log: FlightLog, motion: Kinematics) -> list[Finding]:
-    if not log.has("velocity_world_m_s"):
+    """Logged velocity over the position's slope, axis by axis, where both errors of that ratio are small.
+
+    Noise of the differentiated position pulls the ratio towards zero; how far is known from what the smoothing takes
+    out of the position. Where an axis hardly moves, that is all there is.
+    """
+    if not _sampled(log, "velocity_world_m_s"):
         return []
     logged = _on_grid(log, "velocity_world_m_s", motion.time_s)
-    matrix = _regression(motion.velocity_world_m_s, logged)
+    ratio, error_of_ratio = _ratios(motion, logged)
     found = []
     for i, axis in enumerate("xyz"):
-        if np.std(motion.velocity_world_m_s[:, i]) < 0.1:
+        slope, sure = ratio[i], RATIO_SIGMAS * error_of_ratio[i]
+        if not np.std(motion.velocity_world_m_s[:, i]) > 0.1 or not np.isfinite(sure):
             continue
-        slope = matrix[i, i]
-        if slope < -0.5:
+        if slope + sure < -0.5:
             sentence = f"velocity_world_{axis} runs against the position's slope ({slope:.2f} of it)"
-            found.append(error("frame", sentence, f"turn the sign of velocity_world_{axis}"))
-        elif not 0.8 < slope < 1.25:
+            repair = Repair("scale", (COLUMNS["velocity_world_m_s"][i],), factor=-1.0)
+            found.append(error("frame", sentence, f"turn the sign of velocity_world_{axis}", repair=repair))
+        elif slope + sure < 0.8 or slope - sure > 1.25:
             sentence = f"velocity_world_{axis} is {slope:.2f} times the position's slope"
             found.append(warning("unit", sentence, "check its unit, or whether it is in body axes"))
     return found
 
 
 def _gyro(log: FlightLog, motion: Kinematics) -> list[Finding]:
-    if not log.has("rate_body_rad_s") or np.sqrt((motion.rate_body_rad_s**2).mean()) < LEAST_RATE_RAD_S:
+    if not _sampled(log, "rate_body_rad_s") or np.sqrt((motion.rate_body_rad_s**2).mean()) < LEAST_RATE_RAD_S:
         return []
     logged = _on_grid(log, "rate_body_rad_s", motion.time_s)
     delay_s, quality = gyro_after_attitude(log, motion)
@@ -196,7 +247,9 @@ def _gyro(log: FlightLog, motion: Kinematics) -> list[Finding]:
     if abs(delay_s) > 4e-3 and quality > 0.8:
         later = "late" if delay_s > 0.0 else "early"
         sentence = f"the gyro is {1000.0 * abs(delay_s):.0f} ms {later} against the attitude"
-        found.append(warning("clock", sentence, f"shift the gyro's time stamps by {-1000.0 * delay_s:+.0f} ms"))
+        fix = f"shift the gyro's time stamps by {-1000.0 * delay_s:+.0f} ms"
+        repair = Repair("shift", COLUMNS["rate_body_rad_s"], shift_s=-delay_s)
+        found.append(warning("clock", sentence, fix, repair=repair))
     matrix = _regression(motion.rate_body_rad_s, _shifted(logged, delay_s))
     for i, axis in enumerate("xyz"):
         if np.std(motion.rate_body_rad_s[:, i]) < LEAST_RATE_RAD_S:
@@ -208,6 +261,7 @@ def _gyro(log: FlightLog, motion: Kinematics) -> list[Finding]:
                     "unit",
                     f"rate_body_{axis} is {slope:.0f} times the attitude's turning: deg/s",
                     "divide it by 57.2958",
+                    repair=Repair("scale", (COLUMNS["rate_body_rad_s"][i],), factor=1.0 / DEGREES),
                 )
             )
         elif slope < -0.5:
@@ -216,6 +270,7 @@ def _gyro(log: FlightLog, motion: Kinematics) -> list[Finding]:
                     "frame",
                     f"rate_body_{axis} turns against the attitude",
                     f"turn the sign of rate_body_{axis}",
+                    repair=Repair("scale", (COLUMNS["rate_body_rad_s"][i],), factor=-1.0),
                 )
             )
         elif abs(slope) < 0.4 and np.abs(matrix[:, i]).max() > 0.6:
@@ -236,7 +291,7 @@ def gyro_after_attitude(log: FlightLog, motion: Kinematics) -> tuple[float, floa
 
 
 def _rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle | None) -> list[Finding]:
-    if not log.has("rotor_speed_rad_s"):
+    if not _sampled(log, "rotor_speed_rad_s"):
         return []
     speed = _on_grid(log, "rotor_speed_rad_s", motion.time_s)
     if vehicle is None:
@@ -258,7 +313,8 @@ def _rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle | None) -> list
 
 def _rpm(typical: float) -> Finding:
     sentence = f"rotor speed is {typical:.0f} as a rule: that is rpm in a rad/s column"
-    return error("unit", sentence, "multiply rotor_speed by 2 pi / 60")
+    repair = Repair("scale", COLUMNS["rotor_speed_rad_s"], factor=1.0 / RPM)
+    return error("unit", sentence, "multiply rotor_speed by 2 pi / 60", repair=repair)
 
 
 def _rotor_order(log: FlightLog, speed: FloatArray, motion: Kinematics, vehicle: Vehicle) -> list[Finding]:
@@ -281,13 +337,15 @@ def _rotor_order(log: FlightLog, speed: FloatArray, motion: Kinematics, vehicle:
             f"roll and pitch do not follow the rotors in this order (correlation {own:.2f}); "
             f"with order {list(best)} they do ({score[best]:.2f})"
         )
-        found.append(error("rotor order", sentence, f"take columns {list(best)} of rotor_speed as rotors 0 to 3"))
+        repair = Repair("rotor order", COLUMNS["rotor_speed_rad_s"], order=best)
+        fix = f"take columns {list(best)} of rotor_speed as rotors 0 to 3"
+        found.append(error("rotor order", sentence, fix, repair=repair))
         return found
     yaw = _correlation(-smooth @ vehicle.spin, turning[:, 2])
     if yaw < -0.3:
         sentence = f"yaw turns against the rotors' torque (correlation {yaw:.2f}): spin directions are the other way"
         found.append(error("rotor spin", sentence, "turn the sign of every spin in the vehicle file"))
-    if log.has("rate_body_rad_s"):
+    if _sampled(log, "rate_body_rad_s"):
         delay_s, quality = rotors_after_gyro(log, motion.time_s, vehicle)
         if quality > 0.7:
             return found + _late(delay_s, "gyro")
@@ -302,7 +360,9 @@ def _late(delay_s: float, against: str) -> list[Finding]:
         return []
     later = "late" if delay_s > 0.0 else "early"
     sentence = f"rotor speed is {1000.0 * abs(delay_s):.0f} ms {later} against the {against}"
-    return [warning("clock", sentence, f"shift rotor speed by {-1000.0 * delay_s:+.0f} ms against the {against}")]
+    fix = f"shift rotor speed by {-1000.0 * delay_s:+.0f} ms against the {against}"
+    repair = Repair("shift", COLUMNS["rotor_speed_rad_s"], shift_s=-delay_s)
+    return [warning("clock", sentence, fix, repair=repair)]
 
 
 def rotors_after_gyro(log: FlightLog, grid_s: FloatArray, vehicle: Vehicle) -> tuple[float, float]:
@@ -365,6 +425,31 @@ def _on_grid(log: FlightLog, quantity: str, time_s: FloatArray) -> FloatArray:
     values = log.vector(quantity)
     rows = np.isfinite(values).all(axis=1)
     return _fit(_resampled(time_s, log.time_s[rows], values[rows]), 0)
+
+
+def _ratios(motion: Kinematics, logged: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(3,) logged velocity over the position's slope, and the standard error of that; infinite where nothing shows it.
+
+    The velocity may be of another point of the body than the position (a pose sensor on an arm), so what turning makes
+    of an unknown arm is fitted along, and the other axes too (a velocity in body axes).
+    """
+    arms = [rotations.rotate(motion.q, np.cross(motion.rate_body_rad_s, axis)) for axis in np.eye(3)]
+    ratio, sigma = np.full(3, np.nan), np.full(3, np.inf)
+    starts = np.arange(0, len(logged), round(1.0 / GRID_S))  # errors are correlated within a second or so
+    for i in range(3):
+        x = np.column_stack([motion.velocity_world_m_s, *(arm[:, i] for arm in arms)])
+        x, y = x - x.mean(axis=0), logged[:, i] - logged[:, i].mean()
+        others = np.delete(x, i, axis=1)
+        own = x[:, i] - others @ np.linalg.lstsq(others, x[:, i], rcond=None)[0]
+        signal = float((own**2).mean()) - motion.velocity_noise_m_s[i] ** 2
+        if len(starts) < 4 or signal < LEAST_SIGNAL * float((own**2).mean()):
+            continue
+        slope = float(own @ y) / float(own @ own)
+        left = y - others @ np.linalg.lstsq(others, y, rcond=None)[0] - slope * own
+        pulls = np.add.reduceat(own * left, starts)
+        ratio[i] = slope * float((own**2).mean()) / signal
+        sigma[i] = np.sqrt((pulls**2).sum() * len(starts) / (len(starts) - 3)) / (signal * len(own))
+    return ratio, sigma
 
 
 def _regression(x: FloatArray, y: FloatArray) -> FloatArray:

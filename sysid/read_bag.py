@@ -10,7 +10,7 @@ import numpy as np
 from flight import FlightLog, FormatError, InputError, file_format, frames
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
-from sysid.read_csv import UNITS
+from sysid.read_csv import UNITS, table_of
 from sysid.streams import Stream, interpolated, joined
 
 FORMAT = "goshawk-bag-map"
@@ -55,13 +55,19 @@ def read(path: Path, map_file: Path) -> FlightLog:
 def _topics(wanted: dict[str, Any], map_file: Path) -> dict[str, dict[str, Any]]:
     """Stream name to `{topic, ...}`."""
     found = {name: wanted[name] for name in ("pose", "imu") if name in wanted}
-    found |= {**wanted.get("quantity", {}), **wanted.get("scalar", {})}
+    for key in ("quantity", "scalar"):
+        found |= table_of(map_file, key, wanted.get(key, {}))
+    table_of(map_file, "metadata", wanted.get("metadata", {}))
     for name, entry in found.items():
-        if "topic" not in entry:
+        table_of(map_file, name, entry)
+        if not isinstance(entry.get("topic"), str):
             raise InputError(f"{map_file}: {name} does not say its topic")
-        if name not in ("pose", "imu") and not entry.get("fields"):
+        if not isinstance(entry.get("scale", 1.0), int | float):
+            raise InputError(f"{map_file}: {name}.scale is {entry['scale']!r}, not a number")
+        fields = entry.get("fields")
+        if name not in ("pose", "imu") and not (isinstance(fields, list) and all(isinstance(f, str) for f in fields)):
             raise InputError(f"{map_file}: {name} does not say its fields, for example ['data[0]', 'data[1]']")
-        if entry.get("unit", "1") not in UNITS:
+        if str(entry.get("unit", "1")) not in UNITS:
             raise InputError(f"{map_file}: unknown unit {entry['unit']!r}; known are {', '.join(UNITS)}")
     for name in wanted.get("quantity", {}):
         if name not in COLUMNS:

@@ -2,6 +2,10 @@
 
 import csv
 import gzip
+import math
+import warnings
+import zlib
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +15,7 @@ import numpy as np
 from flight import FlightLog, FormatError, InputError, file_format, frames, rotations
 from flight.flight_log import COLUMNS, from_vectors
 from flight.rotations import FloatArray
+from sysid.streams import shifted
 
 FORMAT = "goshawk-csv-map"
 VERSION = 1
@@ -47,12 +52,19 @@ class ColumnMap:
     time: dict[str, Any]
     """`{column, unit}`."""
     quantities: dict[str, dict[str, Any]]
-    """Vector of `flight.flight_log.COLUMNS` to `{columns, unit, frame, order}`; `order` for quaternions and angles."""
+    """Vector of `flight.flight_log.COLUMNS` to `{columns, unit, frame, order, scale, sign, offset, shift_s}`; `order`
+    for quaternions and angles."""
     scalars: dict[str, dict[str, Any]]
-    """`battery_v`, or any column with a unit suffix, to `{column, unit}`."""
+    """`battery_v`, or any column with a unit suffix, to `{column, unit, scale, sign, offset, shift_s}`."""
     keep: dict[str, Any]
     """`{column, equals}`: only rows where the column has that value; empty for all rows."""
     metadata: dict[str, Any]
+    separator: str = ","
+    """Between the values of a row."""
+
+
+_MENDING = ("scale", "sign", "offset", "shift_s")
+SEPARATORS = (",", ";", "\t", " ", "|")
 
 
 def load_map(path: Path) -> ColumnMap:
@@ -65,22 +77,84 @@ def load_map(path: Path) -> ColumnMap:
     document = file_format.read_toml(Path(path), format=FORMAT, version=VERSION)
     if "time" not in document:
         raise FormatError(f"{path} does not say which column is the time: [time] column = ..., unit = ...")
-    column_map = ColumnMap(
-        time=document["time"],
-        quantities=document.get("quantity", {}),
-        scalars=document.get("scalar", {}),
-        keep=document.get("keep", {}),
-        metadata=document.get("metadata", {}),
+    _only(
+        path, "the map", document, ("format", "version", "time", "quantity", "scalar", "keep", "metadata", "separator")
     )
+    column_map = ColumnMap(
+        time=table_of(path, "time", document["time"]),
+        quantities=_tables(path, "quantity", document),
+        scalars=_tables(path, "scalar", document),
+        keep=table_of(path, "keep", document.get("keep", {})),
+        metadata=table_of(path, "metadata", document.get("metadata", {})),
+        separator=document.get("separator", ","),
+    )
+    if column_map.separator not in SEPARATORS:
+        raise InputError(f"{path}: separator {column_map.separator!r} is not one of {', '.join(map(repr, SEPARATORS))}")
+    _check_entry(path, "time", column_map.time, ("column", "unit", "scale"))
     for name, entry in column_map.quantities.items():
         if name not in COLUMNS:
             raise InputError(f"{path}: unknown quantity {name}; known are {', '.join(COLUMNS)}")
-        if "columns" not in entry:
-            raise InputError(f"{path}: {name} does not say its columns")
-    for entry in (column_map.time, *column_map.quantities.values(), *column_map.scalars.values()):
-        if entry.get("unit", "1") not in UNITS:
-            raise InputError(f"{path}: unknown unit {entry['unit']!r}; known are {', '.join(UNITS)}")
+        _check_entry(path, name, entry, ("columns", "unit", "frame", "order", *_MENDING))
+    for name, entry in column_map.scalars.items():
+        _check_entry(path, name, entry, ("column", "unit", *_MENDING))
+    if column_map.keep:
+        _only(path, "keep", column_map.keep, ("column", "equals"))
+        if not isinstance(column_map.keep.get("column"), str) or not _is_number(column_map.keep.get("equals")):
+            raise FormatError(f"{path}: [keep] needs column = a name and equals = a number")
     return column_map
+
+
+def table_of(path: Path, name: str, value: object) -> dict[str, Any]:
+    """
+    Raises:
+        FormatError: the value is no table of the map file.
+    """
+    if not isinstance(value, dict):
+        raise FormatError(f"{path}: {name} is {str(value)[:60]!r}, not a table")
+    return value  # pyright: ignore[reportUnknownVariableType]
+
+
+def _tables(path: Path, key: str, document: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    outer = table_of(path, key, document.get(key, {}))
+    return {name: table_of(path, f"{key}.{name}", entry) for name, entry in outer.items()}
+
+
+def _only(path: Path, name: str, table: dict[str, Any], known: tuple[str, ...]) -> None:
+    """Refuse keys that would be passed over: a misspelt `unit` would otherwise be a wrong answer."""
+    if surplus := sorted(set(table) - set(known)):
+        raise FormatError(f"{path}: {name} has an unknown key {surplus[0]!r}; known are {', '.join(known)}")
+
+
+def _check_entry(path: Path, name: str, entry: dict[str, Any], known: tuple[str, ...]) -> None:
+    _only(path, name, entry, known)
+    key = known[0]
+    names = [entry.get(key)] if key == "column" else entry.get(key)
+    if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
+        raise FormatError(
+            f"{path}: {name} does not say its {key}; write {key} = {'[...]' if key == 'columns' else '...'}"
+        )
+    if str(entry.get("unit", "1")) not in UNITS:
+        raise InputError(f"{path}: {name} has an unknown unit {entry['unit']!r}; known are {', '.join(UNITS)}")
+    if entry.get("frame", "z up") not in ("z up", "z down") or not isinstance(entry.get("order", ""), str):
+        raise InputError(f"{path}: {name}: frame is 'z up' or 'z down', order a word like 'w x y z'")
+    for key in ("scale", "sign", "offset"):
+        _numbers(entry.get(key, 1.0), f"{path}: {name}.{key}")
+    if not _is_number(entry.get("shift_s", 0.0)):
+        raise FormatError(f"{path}: {name}.shift_s is {entry['shift_s']!r}, not a finite number of seconds")
+    if not np.isin(_numbers(entry.get("sign", 1), ""), (-1.0, 1.0)).all():
+        raise InputError(f"{path}: {name}.sign is {entry['sign']!r}; 1 or -1 is expected, or a list of them")
+
+
+def _numbers(value: Any, what: str) -> FloatArray:
+    """A number, or a list with one for each column."""
+    numbers = value if isinstance(value, list) else [value]
+    if not numbers or not all(map(_is_number, numbers)):
+        raise FormatError(f"{what} is {value!r}, not a finite number, nor a list with one for each column")
+    return np.asarray(value, dtype=np.float64)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def read(path: Path, column_map: ColumnMap) -> FlightLog:
@@ -90,36 +164,106 @@ def read(path: Path, column_map: ColumnMap) -> FlightLog:
         InputError: the file or a column is not there.
         FormatError: a row does not fit the header.
     """
-    table = _table(Path(path))
+    table = _table(Path(path), column_map.separator)
     time = column_map.time
     keep = np.ones(len(next(iter(table.values()))), dtype=bool)
     if column_map.keep:
         keep = _column(table, column_map.keep["column"], path) == float(column_map.keep["equals"])
         if not keep.any():
             raise InputError(f"{path}: no row has {column_map.keep['column']} = {column_map.keep['equals']}")
-    vectors = {name: _vector(table, name, entry, path)[keep] for name, entry in column_map.quantities.items()}
+    time_s = _column(table, time["column"], path) * UNITS[time.get("unit", "s")] * float(time.get("scale", 1.0))
+    time_s = time_s[keep]
+    vectors = {
+        name: _in_time(_vector(table, name, entry, path)[keep], time_s, entry, name)
+        for name, entry in column_map.quantities.items()
+    }
     scalars = {
-        name: (_column(table, entry["column"], path) * UNITS[entry.get("unit", "1")])[keep]
+        name: _in_time(
+            _scaled(_column(table, entry["column"], path)[:, None], name, entry, path)[keep], time_s, entry, name
+        )[:, 0]
         for name, entry in column_map.scalars.items()
     }
-    time_s = (_column(table, time["column"], path) * UNITS[time.get("unit", "s")])[keep]
     metadata = {"name": Path(path).name.split(".")[0], "source": Path(path).name, **column_map.metadata}
-    return from_vectors(time_s, vectors, scalars=scalars, metadata=metadata)
+    moved = [n for n, entry in {**column_map.quantities, **column_map.scalars}.items() if entry.get("shift_s")]
+    known = np.ones(len(time_s), dtype=bool)
+    for name in moved:
+        rows = np.flatnonzero(np.isfinite(vectors[name]).all(axis=1) if name in vectors else np.isfinite(scalars[name]))
+        if len(rows) < 2:
+            raise InputError(f"{path}: nothing is left of {name} after its shift_s: it is longer than the log")
+        known[: rows[0]] = known[rows[-1] + 1 :] = False
+    vectors = {name: values[known] for name, values in vectors.items()}
+    scalars = {name: values[known] for name, values in scalars.items()}
+    return from_vectors(time_s[known], vectors, scalars=scalars, metadata=metadata)
 
 
-def _table(path: Path) -> dict[str, FloatArray]:
+def _in_time(values: FloatArray, time_s: FloatArray, entry: dict[str, Any], name: str) -> FloatArray:
+    """The stream with its own clock corrected: `shift_s` is added to its time stamps; NaN where nothing is known."""
+    shift_s = float(entry.get("shift_s", 0.0))
+    return shifted(time_s, values, shift_s, quaternion=name.endswith("q_world_body")) if shift_s else values
+
+
+def _scaled(values: FloatArray, name: str, entry: dict[str, Any], path: Path) -> FloatArray:
+    """From the file's unit to ours: times unit, scale and sign, plus offset; each one number or one for each column."""
+    count = values.shape[1]
+    factors = []
+    for key, neutral in (("scale", 1.0), ("sign", 1.0), ("offset", 0.0)):
+        given = _numbers(entry.get(key, neutral), f"{path}: {key} of {name}")
+        if given.ndim and len(given) != count:
+            raise InputError(f"{path}: {key} of {name} has {len(given)} numbers for {count} columns")
+        factors.append(given)
+    return values * UNITS[entry.get("unit", "1")] * factors[0] * factors[1] + factors[2]
+
+
+def _table(path: Path, separator: str) -> dict[str, FloatArray]:
     if not path.is_file():
         raise InputError(f"{path} does not exist or is not a file")
     opener = gzip.open if path.name.endswith(".gz") else open
     try:
         with opener(path, "rt", newline="", encoding="utf-8") as file:
-            header = [name.strip() for name in next(csv.reader(file))]
-            values = np.genfromtxt(file, delimiter=",", dtype=np.float64, ndmin=2)
-    except (StopIteration, OSError, UnicodeDecodeError, ValueError, EOFError) as error:
-        raise FormatError(f"{path} is not a readable CSV file: {error}") from error
+            header = header_names(file, separator)
+            with warnings.catch_warnings(action="ignore"):  # an empty table is said below
+                values = np.genfromtxt(_text(file), delimiter=_whitespace(separator), dtype=np.float64, ndmin=2)
+    except StopIteration:
+        raise FormatError(f"{path} is empty; a CSV file starts with the names of its columns") from None
+    except (OSError, ValueError, EOFError, csv.Error, zlib.error) as error:
+        said = " ".join(str(error).split())[:200]
+        raise FormatError(f"{path} is not a readable CSV file: {said}") from error
+    if not values.size:
+        raise FormatError(f"{path} has no rows below its header")
+    if twice := next((name for name in header if header.count(name) > 1), None):
+        raise FormatError(f"{path} has two columns named {twice!r}; rename one")
     if values.shape[1:] != (len(header),):
-        raise FormatError(f"{path} has {len(header)} names in its header and {values.shape[1:]} values in its rows")
+        raise FormatError(f"{path} has {len(header)} names in its header and {values.shape[1]} values in its rows")
     return dict(zip(header, values.T, strict=True))
+
+
+def header_names(lines: Iterator[str], separator: str) -> list[str]:
+    """Names of the columns: the first line that is not empty. Reads up to it.
+
+    Raises:
+        StopIteration: there is none.
+    """
+    line = next(line for line in lines if line.strip())
+    line = line.lstrip("\ufeff#").strip()
+    names = line.split() if separator == " " else next(csv.reader([line], delimiter=separator))
+    return [name.strip() for name in names]
+
+
+def _whitespace(separator: str) -> str | None:
+    """As NumPy wants it: None for any run of blanks."""
+    return None if separator == " " else separator
+
+
+def _text(lines: Iterable[str]) -> Iterator[str]:
+    """The lines of a text file.
+
+    Raises:
+        ValueError: it holds what no text does; a number with it inside would be read as missing.
+    """
+    for number, line in enumerate(lines, start=2):
+        if "\0" in line:
+            raise ValueError(f"line {number} holds a NUL byte; the file is damaged")
+        yield line
 
 
 def _column(table: dict[str, FloatArray], name: str, path: Path) -> FloatArray:
@@ -130,7 +274,7 @@ def _column(table: dict[str, FloatArray], name: str, path: Path) -> FloatArray:
 
 def _vector(table: dict[str, FloatArray], name: str, entry: dict[str, Any], path: Path) -> FloatArray:
     values = np.stack([_column(table, column, path) for column in entry["columns"]], axis=1)
-    values = values * UNITS[entry.get("unit", "1")] * float(entry.get("scale", 1.0)) + float(entry.get("offset", 0.0))
+    values = _scaled(values, name, entry, path)
     if name.endswith("q_world_body"):
         return _attitude(values, entry, name, path)
     if values.shape[1] != len(COLUMNS[name]):
@@ -140,6 +284,8 @@ def _vector(table: dict[str, FloatArray], name: str, entry: dict[str, Any], path
 
 def _attitude(values: FloatArray, entry: dict[str, Any], name: str, path: Path) -> FloatArray:
     order = entry.get("order")
+    if order in ("x y z w", "w x y z", "roll pitch yaw") and values.shape[1] != len(order.split()):
+        raise InputError(f"{path}: {name} in order {order!r} has {values.shape[1]} columns in the map")
     if order == "x y z w":
         values = np.roll(values, 1, axis=1)
     elif order == "roll pitch yaw":

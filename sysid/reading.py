@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from flight import FlightLog, FormatError, flight_log
+from flight import FlightLog, FormatError, InputError, flight_log
 from sysid import read_bag, read_csv, read_ulog
 
 
@@ -17,6 +17,15 @@ def read_log(path: Path, column_map: Path | None = None) -> FlightLog:
         FormatError: the file cannot be read as what its name says.
     """
     path = Path(path)
+    try:
+        return _read(path, column_map)
+    except (InputError, FormatError) as error:
+        if str(path) in str(error) or (column_map is not None and str(column_map) in str(error)):
+            raise
+        raise type(error)(f"{path}: {error}") from None
+
+
+def _read(path: Path, column_map: Path | None) -> FlightLog:
     name = path.name.lower()
     if name.endswith((".csv", ".csv.gz")):
         if column_map is None:

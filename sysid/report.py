@@ -13,6 +13,7 @@ from sysid import explained, plots, residual_plots
 from sysid.comparison import HORIZONS_S, QUANTITIES, Comparison
 from sysid.log_check import LogReport
 from sysid.result import Estimate, Identification, residual_statistics
+from sysid.verdict import Use
 
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #2b2b2b; max-width: 1180px; margin: 2em auto; padding: 0 1em }
@@ -115,6 +116,7 @@ def _comparison_verdict(comparison: Comparison) -> str:
             f"{variable} predicts {share:.0%} of its {channel}" if share > residual_plots.NOTABLE else "nothing tells"
         )
         lines.append(f"What {escape(name)} leaves unexplained: {told} {explained.judged_how(residuals)}.")
+    lines += [f"<b class='bad'>{escape(remark)}.</b>" for remark in comparison.remarks]
     return "".join(f"<p>{line}</p>" for line in lines)
 
 
@@ -137,7 +139,9 @@ def _stamp() -> str:
 def _head(stages: Mapping[str, Identification]) -> str:
     now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     last = list(stages.values())[-1]
-    verdicts = "".join(f"<p>{escape(name.capitalize() or 'Fit')}: {_verdict(fit)}</p>" for name, fit in stages.items())
+    verdicts = "".join(
+        f"<div>{escape(name.capitalize() or 'Fit')}: {_verdict(fit)}</div>" for name, fit in stages.items()
+    )
     return (
         f"<h1>Identification of {escape(last.vehicle.name)}</h1>"
         f"<p class='small'>goshawk {version('goshawk')}, {now}. Joint maximum likelihood over states, parameters and "
@@ -165,9 +169,11 @@ def _known(result: Identification) -> str:
 
 def _verdict(result: Identification) -> str:
     steps = len(result.solution.record)
-    if result.converged:
-        return f"<b class='good'>converged</b> in {steps} steps."
-    return f"<b class='bad'>not converged</b> after {steps} steps; do not use these values."
+    said = f"converged in {steps} steps." if result.converged else f"not converged after {steps} steps."
+    style = {Use.USABLE: "good", Use.DOUBTFUL: "held", Use.REJECTED: "bad"}[result.verdict.use]
+    reasons = (*result.verdict.against, *result.verdict.doubts)
+    listed = f"<ul>{''.join(f'<li>{escape(reason)}</li>' for reason in reasons)}</ul>" if reasons else ""
+    return f"<b class='{style}'>{result.verdict.use}</b>; {said}{listed}"
 
 
 def _fit(stage: str, result: Identification, folder: Path) -> str:

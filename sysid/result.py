@@ -7,14 +7,15 @@ import numpy as np
 from scipy.special import stdtrit
 
 from flight.rotations import FloatArray
+from sysid import verdict as verdicts
 from sysid.agreement import odd_flights
 from sysid.flight_data import Flight
 from sysid.options import Options
 from sysid.problem import Noise, Unknowns
 from sysid.sensors import SENSOR_NAMES
 from sysid.solver import Solution, robust_covariance
-from vehicle import Vehicle, specs, wrench
-from vehicle.invert import open_air
+from sysid.verdict import Verdict
+from vehicle import Vehicle, specs
 
 NORMAL_90 = 1.6449
 """Half width of a normal 90 % interval in standard deviations."""
@@ -64,6 +65,10 @@ class Identification:
     flights: tuple[Flight, ...]
     findings: tuple[str, ...]
     """Sentences the user should read."""
+    verdict: Verdict
+    """Whether to use the values."""
+    given: Vehicle
+    """The vehicle as the user gave it: what the values are compared with."""
 
     @property
     def converged(self) -> bool:
@@ -84,6 +89,7 @@ class Identification:
         return {
             "schema": "goshawk-identification",
             "version": SCHEMA_VERSION,
+            "verdict": self.verdict.as_dict(),
             "vehicle": self.vehicle.name,
             "effects": list(self.vehicle.effects),
             "flights": [
@@ -166,8 +172,14 @@ def conclude(
     solution: Solution,
     unseen: tuple[str, ...],
     options: Options,
+    given: Vehicle,
 ) -> Identification:
-    """Estimates, errors and sentences from a solved problem."""
+    """Estimates, errors, sentences and the verdict from a solved problem.
+
+    Args:
+        vehicle: what the fit started from.
+        given: what the user gave; another one where stages or a search came before.
+    """
     names = (*unknowns.model, *unknowns.sensor)
     p = len(names)
     plain = solution.covariance()
@@ -192,6 +204,8 @@ def conclude(
     estimates += [_held(vehicle, name, "unseen") for name in unseen]
     estimates += [_held(vehicle, name, "held") for name in sorted({"mass_kg", *options.held}) if name not in names]
     safe = np.where(std > 0.0, std, 1.0)
+    disagreement = _disagreement(vehicle, unknowns, solution, flights, options)
+    verdict = verdicts.of_fit(given, solution.point.vehicle, flights, unknowns.model, _against(solution))
     return Identification(
         vehicle=_updated(vehicle, estimates, flights),
         parameters=tuple(estimates),
@@ -203,10 +217,10 @@ def conclude(
         unknowns=unknowns,
         flights=tuple(flights),
         findings=tuple(
-            _findings(vehicle, estimates, solution)
-            + _thrust_against_belief(vehicle, solution, flights)
-            + _disagreement(vehicle, unknowns, solution, flights, options)
+            _findings(vehicle, estimates, solution) + _thrust_against_belief(given, solution, flights) + disagreement
         ),
+        verdict=verdict.doubted(*_at_bounds(vehicle, estimates, but=0.0), *disagreement),
+        given=given,
     )
 
 
@@ -246,8 +260,6 @@ def _findings(vehicle: Vehicle, estimates: list[Estimate], solution: Solution) -
         f"mass_kg was given as {vehicle.mass_kg:g} and not estimated: pose and rotor speed show only ratios to it, so "
         "thrust, drag and inertia are as right as the mass is"
     ]
-    if not solution.converged:
-        found.append(f"not converged after {len(solution.record)} iterations; do not use these values")
     noise = solution.noise
     if noise.gusts is not None:
         size = noise.gusts.size
@@ -256,44 +268,58 @@ def _findings(vehicle: Vehicle, estimates: list[Estimate], solution: Solution) -
             f"what the model leaves unexplained lasts: up to {force:.2g} m/s2 and {torque:.2g} rad/s2 for about "
             f"{lasts_s:.1f} s (gusts, a swinging load, or an effect the model lacks); the fit allows for it"
         )
-    worst, turning = _unexplained(noise)
+    found += _against(solution) + _at_bounds(vehicle, estimates)
+    for e in estimates:
+        if e.status == "unseen":
+            found.append(f"{e.name} was held at {e.value:g} {e.unit}: these flights do not show it")
+        elif e.status == "free" and e.name not in SENSOR_NAMES and e.std > 0.0 and e.std_robust > 5.0 * e.std:
+            found.append(
+                f"{e.name}: errors are strongly correlated in time (robust standard error "
+                f"{e.std_robust / e.std:.0f} times the plain one); the model may lack an effect"
+            )
+    return found
+
+
+def _against(solution: Solution) -> list[str]:
+    """What forbids the use of a solution, whatever it is a solution of."""
+    found = []
+    if not solution.converged:
+        found.append(f"not converged after {len(solution.record)} iterations")
+    worst, turning = _unexplained(solution.noise)
     if worst > LARGE_FORCE_M_S2:
         found.append(
             f"the model leaves {worst:.1f} m/s2 unexplained (over 0.1 s): a held parameter may be wrong (a wrong "
-            "inertia spoils the thrust), or units, frames or rotor order; do not use these values before that is clear"
+            "inertia spoils the thrust), or units, frames or rotor order"
         )
     if turning > LARGE_TORQUE_RAD_S2:
         found.append(
             f"the model leaves {turning:.0f} rad/s2 unexplained (over 0.1 s): a held inertia may be far off, or units, "
-            "rotor order or spin; do not use these values before that is clear"
+            "rotor order or spin"
         )
-    bounds = specs(vehicle)
-    for e in estimates:
-        if e.status == "unseen":
-            found.append(f"{e.name} was held at {e.value:g} {e.unit}: these flights do not show it")
-        elif e.status == "free":
-            low, high = bounds[e.name].bounds
-            if not low < e.value < high:
-                found.append(f"{e.name} came out at its bound, {e.value:.3g} ± {e.std_robust:.2g} {e.unit}")
-            if e.name not in SENSOR_NAMES and e.std > 0.0 and e.std_robust > 5.0 * e.std:
-                found.append(
-                    f"{e.name}: errors are strongly correlated in time (robust standard error "
-                    f"{e.std_robust / e.std:.0f} times the plain one); the model may lack an effect"
-                )
     return found
 
 
-def _thrust_against_belief(vehicle: Vehicle, solution: Solution, flights: list[Flight]) -> list[str]:
+def _at_bounds(vehicle: Vehicle, estimates: list[Estimate], *, but: float | None = None) -> list[str]:
+    """Estimates that left their range, but for the bound `but`: a drag of nil is no cause for doubt."""
+    bounds = specs(vehicle)
+    return [
+        f"{e.name} came out at its bound, {e.value:.3g} ± {e.std_robust:.2g} {e.unit}"
+        for e in estimates
+        if e.status == "free"
+        and not bounds[e.name].bounds[0] < e.value < bounds[e.name].bounds[1]
+        and float(np.clip(e.value, *bounds[e.name].bounds)) != but
+    ]
+
+
+def _thrust_against_belief(given: Vehicle, solution: Solution, flights: list[Flight]) -> list[str]:
     """Thrust at the flights' usual rotor speed, fitted over believed: what a wrong mass looks like."""
-    still, speed = np.zeros((1, 3)), np.median(np.concatenate([f.rotor_speed_rad_s for f in flights]), axis=0)
-    fitted, believed = (
-        float(wrench(v, still, still, speed[None], open_air(1))[0][0, 2]) for v in (solution.point.vehicle, vehicle)
-    )
+    speed = verdicts.usual_rotor_speed(flights)
+    fitted, believed = (verdicts.thrust_n(v, speed) for v in (solution.point.vehicle, given))
     if believed <= 0.0 or abs(fitted / believed - 1.0) < OFF_BELIEF:
         return []
     return [
         f"thrust at {speed.mean():.0f} rad/s came out {fitted / believed:.2f} times the vehicle file's: the mass given "
-        f"({vehicle.mass_kg:g} kg) or the file's thrust is wrong, and flights cannot tell which; weigh the vehicle. If "
+        f"({given.mass_kg:g} kg) or the file's thrust is wrong, and flights cannot tell which; weigh the vehicle. If "
         "it is the mass, correct it and fit again: thrust, drag and inertia all follow it"
     ]
 

@@ -41,10 +41,11 @@ def identify_in_stages(
     if missing:
         raise InputError(f"no flight for {', '.join(missing)}; the three stages are {', '.join(STAGES)}")
     results: dict[str, Identification] = {}
+    given = vehicle
     for stage in STAGES:
         free = tuple(name for name in model_parameters(vehicle) if stage_of(name) == stage)
         staged = replace(options or Options(), free=free)
-        results[stage] = identify(logs[stage], vehicle, staged, progress=progress)
+        results[stage] = identify(logs[stage], vehicle, staged, given=given, progress=progress)
         vehicle = results[stage].vehicle
     return results
 

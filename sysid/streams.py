@@ -34,3 +34,24 @@ def joined(first: Stream, second: Stream) -> Stream:
                 table[name] = np.full(len(time_s), np.nan)
                 table[name][place[rows]] = values[rows]
     return table
+
+
+def shifted(time_s: FloatArray, values: FloatArray, shift_s: float, *, quaternion: bool = False) -> FloatArray:
+    """Columns (n, c) whose time stamps move by `shift_s`, at the same instants; NaN where nothing was recorded.
+
+    Rows that were not sampled stay NaN; between samples the values go straight.
+    """
+    sampled = np.isfinite(values).all(axis=1)
+    moved = np.full(values.shape, np.nan)
+    if not sampled.any():
+        return moved
+    known = values[sampled]
+    if quaternion:
+        flips = np.where((known[1:] * known[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
+        known = known * np.concatenate([[1.0], np.cumprod(flips)])[:, None]
+    at = time_s[sampled]
+    columns = [np.interp(at, at + shift_s, column, left=np.nan, right=np.nan) for column in known.T]
+    moved[sampled] = np.stack(columns, axis=1)
+    if quaternion:
+        moved = moved / np.linalg.norm(moved, axis=1, keepdims=True)
+    return moved

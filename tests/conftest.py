@@ -1,10 +1,14 @@
-"""What several rooms' tests share: a small mapped room, without photographs."""
+"""What several rooms' tests share: a small mapped room, without photographs; and how tests are dealt out to workers."""
 
+import fcntl
 import os
+import shutil
 import signal
+from collections.abc import Callable
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line and the Makefile do, before NumPy is imported
+os.environ.setdefault("GOSHAWK_TRACEBACK", "1")  # a fault of our own is to be seen whole
 
 import numpy as np
 import pytest
@@ -14,9 +18,53 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+LONGEST_FIRST = (
+    "tests/sysid", "tests/test_examples.py", "tests/goshawk", "tests/gcs_web", "tests/firmware_bridge", "tests/mapping",
+)  # fmt: skip
+"""Long files go to the workers first, or one of them works on while the others have nothing left."""
+REAL_TIME = ("tests/firmware_bridge/link", "tests/gcs_web/test_page.py", "tests/goshawk/test_vehicle_verbs.py")
+"""A vehicle flies here by the clock: never two of these beside each other."""
+
+
+@pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """A file's tests stay together, so that what they share is made once; all flights by the clock stay together."""
+    places = [item.path.relative_to(item.config.rootpath).as_posix() for item in items]
+    for item, place in zip(items, places, strict=True):
+        group = "by the clock" if place.startswith(REAL_TIME) else place
+        if item.get_closest_marker("xdist_group") is None:
+            item.add_marker(pytest.mark.xdist_group(group))
+    ranks = [next((i for i, p in enumerate(LONGEST_FIRST) if place.startswith(p)), 99) for place in places]
+    items[:] = [items[i] for i in sorted(range(len(items)), key=ranks.__getitem__)]
+
+
 @pytest.fixture(scope="session")
-def pillar_map(tmp_path_factory) -> Path:
+def made_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[Path], None]], Path]:
+    """`made_once(name, make)`: a folder that `make` fills, once for all workers; read it, change copies of it."""
+    own = tmp_path_factory.getbasetemp()
+    shared = own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
+
+    def get(name: str, make: Callable[[Path], None]) -> Path:
+        folder, part = shared / name, shared / f"{name}.part"
+        with open(shared / f"{name}.lock", "w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not folder.exists():
+                shutil.rmtree(part, ignore_errors=True)  # of a worker that failed to make it
+                part.mkdir()
+                make(part)
+                part.rename(folder)
+        return folder
+
+    return get
+
+
+@pytest.fixture(scope="session")
+def pillar_map(made_once) -> Path:
     """A map folder of a 6 x 4 x 2.5 m room with two pillars, made from solids."""
+    return made_once("pillar_map", _make_pillar_map)
+
+
+def _make_pillar_map(folder: Path) -> None:
     import trimesh
 
     import esdf
@@ -35,12 +83,9 @@ def pillar_map(tmp_path_factory) -> Path:
         part.apply_translation(pillar.centre_world_m)
         parts.append(part)
 
-    folder = tmp_path_factory.mktemp("maps") / "map"
-    folder.mkdir()
     esdf.save(folder / "esdf", field)
     trimesh.util.concatenate(parts).export(folder / "mesh.glb")
     rig.save(folder / "camera.toml", rendered_world.default_rig())
     (folder / "poses.csv").write_text("image,time_s,x_m,y_m,z_m,qw,qx,qy,qz\n0.png,0,1,1,1,1,0,0,0\n")
     file_format.write_toml(folder / "map.toml", format=map_folder.FORMAT, version=1, body={"hash": field.hash})
     assert mapping.open_map(folder).hash == field.hash
-    return folder

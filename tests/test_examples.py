@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.waiting import PATIENCE_S
+
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("[0-9][0-9]_*.py"))
 
 
@@ -14,12 +16,19 @@ def test_examples_are_numbered_without_gaps():
     assert [int(path.name[:2]) for path in EXAMPLES] == list(range(1, len(EXAMPLES) + 1))
 
 
-@pytest.mark.parametrize("script", EXAMPLES, ids=lambda path: path.stem)
+LONG = ("04", "05")
+"""Half a minute each; tests/goshawk/test_second_flight.py and tests/sysid/test_diagnosis.py hold what they show."""
+
+
+@pytest.mark.parametrize(
+    "script",
+    [pytest.param(s, id=s.stem, marks=[pytest.mark.slow] if s.name.startswith(LONG) else []) for s in EXAMPLES],
+)
 def test_example_runs(script, tmp_path):
     environment = os.environ | {"GOSHAWK_LINK_KEY": str(tmp_path / "link.key")}
     command = [sys.executable, str(script), str(tmp_path / "out")]
     answer = subprocess.run(
-        command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300, check=False
+        command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=PATIENCE_S, check=False
     )
     assert answer.returncode == 0, answer.stderr
     assert answer.stdout.strip()

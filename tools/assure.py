@@ -1,12 +1,14 @@
-"""How the embedded C is examined: branch coverage, static analysis, stack and memory, fuzzing.
+"""How the embedded C is examined: coverage, mutation score, static analysis, cost on a Cortex-M4F, fuzzing.
 
-    python tools/assure.py coverage      branches of codec, link and state machine; MC/DC with clang-19
-    python tools/assure.py misra         strict warnings of gcc and clang; cppcheck's MISRA rules but for the deviations
-    python tools/assure.py size          stack of every entry point, memory and flash on a Cortex-M4F
-    python tools/assure.py fuzz [HOURS]  libFuzzer with address and undefined-behaviour sanitizers, 8 hours by default
+    python tools/assure.py coverage           branches of codec, link, state machine, failsafes; MC/DC with clang-19
+    python tools/assure.py mutate [FILES]     mutation score of state machine, failsafes, shaping and mixer limits
+    python tools/assure.py misra              strict warnings of gcc and clang; cppcheck's MISRA rules but deviations
+    python tools/assure.py size               stack of every entry point, memory and flash on a Cortex-M4F
+    python tools/assure.py cost [--markdown]  worst instructions of every public function; also into the documentation
+    python tools/assure.py fuzz [HOURS]       libFuzzer with address and undefined-behaviour sanitizers, 8 hours
 
-Each needs its tools (clang-19 with libclang-rt-19-dev and llvm-19; cppcheck; gcc-arm-none-eabi) and says which is
-missing. The slow tests run the first three, and a minute of the fourth. See docs/assurance.md.
+Each needs its tools (clang-19 with libclang-rt-19-dev and llvm-19; cppcheck; gcc-arm-none-eabi, qemu-system-arm) and
+reports which is missing. The slow tests run all of them, the last for a minute. See docs/assurance.md.
 """
 
 import importlib.util
@@ -22,22 +24,38 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
+sys.path.insert(0, str(Path(__file__).parent))
+import mutation
+
 ROOT = Path(__file__).resolve().parents[1]
 LIBRARY = ROOT / "firmware_bridge" / "controller"
 DIALECT = LIBRARY.parent / "dialect" / "generated"
 DEVIATIONS = ROOT / "docs" / "misra_deviations.md"
 INCLUDES = (f"-I{LIBRARY / 'include'}", "-isystem", str(DIALECT))
-CASES = ("cases.c", "mission_cases.c", "link_cases.c", "upload_cases.c")
+TESTS = LIBRARY / "test"
+CASES = (*sorted(path.name for path in TESTS.glob("*cases.c")), "safety_rig.c")
 WHOLE = (
-    "copy.c", "crc32.c", "goshawk_dialect.h", "link.c", "link_crc16.c", "link_frame.c", "link_parameters.c",
-    "link_sha256.c", "link_telemetry.c", "link_upload.c", "mission.c", "requests.c", "transitions.c",
+    "crc32.c", "failsafe.c", "landing.c", "mission.c", "requests.c", "supervisor.c", "transitions.c",
+    *sorted(path.name for path in (LIBRARY / "src").glob("link*.c")),
 )  # fmt: skip
-"""Codec, link and state machine: every branch of these files is taken."""
+"""Codec, link endpoint, state machine and failsafes: every branch of these files is taken."""
+GROUPS = ("supervisor", "landing", "mixer", "shaping", "tables", "safety", "mission")
+"""Of the case files, those that judge mutants; the link's are left out, for they fly no vehicle."""
 STRICT = (
     "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion", "-Wdouble-promotion", "-Wshadow",
     "-Wcast-align", "-Wcast-qual", "-Wstrict-prototypes", "-Wmissing-prototypes", "-Wundef",
     "-Wfloat-equal", "-Wwrite-strings", "-Wvla", "-Wnull-dereference", "-Wformat=2", "-Werror",
 )  # fmt: skip
+MIXER_LIMITS = frozenset({
+    "rotor_margins", "collective_range", "change_demand", "cut_tilt", "part_of", "desaturate", "keep_within_limits",
+    "all_between", "clip",
+})  # fmt: skip
+MUTATED: dict[str, frozenset[str] | None] = {
+    "mission.c": None, "transitions.c": None, "failsafe.c": None, "landing.c": None, "supervisor.c": None,
+    "shaping.c": None, "mixer.c": MIXER_LIMITS,
+}  # fmt: skip
+"""Sources whose faults the case files must notice, all of them or these functions."""
+LEAST_SCORE = 0.9
 ARM = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16", "-ffp-contract=off", "-fno-math-errno")
 
 
@@ -60,7 +78,7 @@ def need(*tools: str) -> None:
 
 
 def run(*command: object, **options: object) -> str:
-    """Run a program to its end; what it printed. Its failure is ours, with its words."""
+    """Run a program to its end; what it printed. Its failure is ours, with its output."""
     words = [str(word) for word in command]
     done = subprocess.run(words, capture_output=True, text=True, check=False, **options)  # pyright: ignore[reportArgumentType, reportCallIssue]
     if done.returncode:
@@ -87,10 +105,10 @@ def coverage(folder: Path) -> dict[str, FileCoverage]:
     """What the case files, a scripted mission and some fuzzing inputs take of every source, by file name."""
     need("clang-19", "llvm-cov-19", "llvm-profdata-19")
     instrument = ("-fprofile-instr-generate", "-fcoverage-mapping", "-fcoverage-mcdc")
-    test, fuzz, binaries = LIBRARY / "test", LIBRARY / "fuzz", []
+    fuzz, binaries = LIBRARY / "fuzz", []
     for name, files, flags, arguments in (
-        ("cases", [test / case for case in CASES], ["-DTC_MAX_SEGMENTS=32"], []),
-        ("mission", [test / "driver.c", test / "host_main.c"], [], [60_000]),
+        ("cases", [TESTS / case for case in CASES], ["-DTC_MAX_SEGMENTS=32"], []),
+        ("mission", [TESTS / "driver.c", TESTS / "host_main.c"], [], [60_000]),
         ("link", [fuzz / "fuzz_link.c", fuzz / "fuzz_main.c"], ["-DTC_MAX_SEGMENTS=32"], [1, 3000]),
         ("controller", [fuzz / "fuzz_controller.c"], ["-DSTANDALONE", "-DTC_MAX_SEGMENTS=8"], [3000]),
     ):
@@ -152,16 +170,16 @@ def deviations() -> list[str]:
 
 
 def warnings(folder: Path) -> list[str]:
-    """What gcc and clang say with everything on; empty when they say nothing."""
-    said = []
+    """Warnings of gcc and clang under all strict options."""
+    found = []
     for compiler in ("gcc", "clang"):
         if shutil.which(compiler) is None:
             continue
         for source in sources():
             command = [compiler, "-std=c11", "-O2", *STRICT, "-fno-math-errno", *INCLUDES, "-c", str(source)]
             done = subprocess.run([*command, "-o", str(folder / "x.o")], capture_output=True, text=True, check=False)
-            said += [line for line in done.stderr.splitlines() if "error:" in line]
-    return said
+            found += [line for line in done.stderr.splitlines() if "error:" in line]
+    return found
 
 
 def misra(*, all_rules: bool = False) -> list[str]:
@@ -172,7 +190,8 @@ def misra(*, all_rules: bool = False) -> list[str]:
         done = subprocess.run(
             ["cppcheck", "--addon=misra", "--enable=warning,style,performance,portability", "--std=c11", "--quiet",
              "--platform=unix32", "--inline-suppr", "--template={id} {file}:{line} {message}", *suppress,
-             "--suppress=missingIncludeSystem", "--suppress=*:*goshawk_dialect.h", f"--cppcheck-build-dir={folder}",
+             "--suppress=missingIncludeSystem", "--suppress=*:*goshawk_dialect.h",
+             "--suppress=badBitmaskCheck", f"--cppcheck-build-dir={folder}",
              f"-I{LIBRARY / 'include'}", f"-I{DIALECT}", *map(str, sources())],
             capture_output=True, text=True, check=False,
         )  # fmt: skip
@@ -215,7 +234,7 @@ def _module(path: Path) -> ModuleType:
     return module
 
 
-def size(folder: Path, level: str = "-Os") -> Size:
+def size(folder: Path, level: str = "-O2") -> Size:
     """Compile for a Cortex-M4F, file by file, and measure."""
     need("arm-none-eabi-gcc", "arm-none-eabi-nm")
     for source in sources():
@@ -226,7 +245,7 @@ def size(folder: Path, level: str = "-Os") -> Size:
     run("arm-none-eabi-gcc", *ARM, *INCLUDES, "-fcommon", "-c", folder / "sizes.c", "-o", folder / "sizes.o")
     listing = [line.split() for line in run("arm-none-eabi-nm", "-S", folder / "sizes.o").splitlines()]
     ram = {row[3].removesuffix("_ram"): int(row[1], 16) for row in listing if row[-1].endswith("_ram")}
-    calls = _module(LIBRARY / "test" / "stack_usage.py").CallGraph(folder)
+    calls = _module(TESTS / "stack_usage.py").CallGraph(folder)
     entries = sorted(name for name in calls.own if name.startswith("tc_"))
     return Size({name: calls.deepest(name) for name in entries}, ram)
 
@@ -245,10 +264,15 @@ def flash(folder: Path, library: Path) -> dict[str, int]:
     taken = {}
     for name, flags in (("controller", ["-DWITHOUT_LINK"]), ("controller and link", [])):
         program = folder / f"{name}.elf"
-        run("arm-none-eabi-gcc", "-std=c11", *ARM, "-Os", *flags, *INCLUDES, LIBRARY / "test" / "image.c", library,
+        run("arm-none-eabi-gcc", "-std=c11", *ARM, "-Os", *flags, *INCLUDES, TESTS / "image.c", library,
             "-nostartfiles", "--specs=nosys.specs", "-Wl,--gc-sections,-e,reset", "-o", program)  # fmt: skip
         taken[name] = int(run("arm-none-eabi-size", program).splitlines()[1].split()[0])
     return taken
+
+
+STACK_BAR, MEMORY_BAR, FLASH_BAR, TICK_BAR = 1024, 4096, 48 * 1024, 5000
+"""Bytes of the deepest call, of what the caller owns besides trajectory slots, of flash with the link; instructions of
+a tick in any situation."""
 
 
 def print_size() -> bool:
@@ -261,7 +285,81 @@ def print_size() -> bool:
         print(f"{name}: {found.ram[name]} B of memory besides trajectory slots")
     for name, count in taken.items():
         print(f"{name}: {count} B of flash")
-    return True
+    deepest = max(needed for needed, _ in found.stack.values())
+    return deepest <= STACK_BAR and sum(found.ram.values()) <= MEMORY_BAR and taken["controller and link"] <= FLASH_BAR
+
+
+# -- worst instructions ------------------------------------------------------------------------------------------------
+
+COST_PAGE = ROOT / "docs" / "controller_cost.md"
+COST_MARK = "<!-- written by tools/assure.py cost --markdown -->"
+
+
+def cost(folder: Path, library: Path) -> dict[str, int]:
+    """Worst instructions of every public function, by name and situation: test/worst_case.c on an emulated Cortex-M4F.
+
+    An emulator counts instructions; the cycles of a board's memory and pipeline it does not know.
+    """
+    need("arm-none-eabi-gcc", "qemu-system-arm")
+    program = folder / "worst_case.elf"
+    files = [TESTS / name for name in ("worst_case.c", "worst_case_link.c", "target_main.c")]
+    run("arm-none-eabi-gcc", "-std=c11", *ARM, "-O2", "-DTICKS=0", *INCLUDES, *files, library, "-nostartfiles",
+        "--specs=nosys.specs", "-Wl,--gc-sections", "-T", TESTS / "target.ld", "-o", program)  # fmt: skip
+    done = subprocess.run(
+        ["qemu-system-arm", "-machine", "mps2-an386", "-icount", "shift=6,sleep=off", "-nographic", "-semihosting",
+         "-kernel", str(program)], capture_output=True, text=True, check=True, timeout=300,
+    )  # fmt: skip
+    lines = (done.stdout or done.stderr).splitlines()  # the console is stderr when nobody watches
+    return {name: int(count) for count, _, name in (line.partition(" ") for line in lines) if name.startswith("tc_")}
+
+
+def cost_table(counts: dict[str, int]) -> str:
+    rows = [f"| `{name}` | {count:,} |" for name, count in sorted(counts.items())]
+    return "\n".join(("| function: situation | instructions, worst |", "|---|---|", *rows))
+
+
+def print_cost(*, markdown: bool = False) -> bool:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        counts = cost(folder, vehicle_library(folder / "library"))
+    for function, count in sorted(counts.items()):
+        print(f"{count:8}  {function}")
+    if markdown:
+        head, _, _ = COST_PAGE.read_text().partition(COST_MARK)
+        COST_PAGE.write_text(f"{head}{COST_MARK}\n\n{cost_table(counts)}\n")
+    return worst_tick(counts) <= TICK_BAR
+
+
+def worst_tick(counts: dict[str, int]) -> int:
+    return max(count for name, count in counts.items() if name.startswith("tc_tick"))
+
+
+# -- mutation score ----------------------------------------------------------------------------------------------------
+
+
+def mutate(files: list[str], every: int = 1) -> list[mutation.Score]:
+    """Scores of these sources, all of MUTATED without a name; of every so manieth mutant."""
+    need("clang-19", "gcc")
+    unknown = sorted(set(files) - set(MUTATED))
+    if unknown:
+        raise SystemExit(f"no mutants are made of {', '.join(unknown)}; choose from {', '.join(MUTATED)}")
+    tests = [TESTS / name for name in CASES]
+    return [
+        mutation.score(LIBRARY / "src" / name, MUTATED[name], tests, every=every, arguments=GROUPS)
+        for name in files or MUTATED
+    ]
+
+
+def print_mutate(files: list[str]) -> bool:
+    scores = mutate(files)
+    for found in scores:
+        for mutant in found.survived:
+            print(f"{mutant.file}:{mutant.line}  {mutant.key}")
+    print(f"{'':16}{'mutants':>8}{'killed':>8}{'score':>8}   equivalent")
+    for found in scores:
+        tried = found.killed + len(found.survived)
+        print(f"{found.file:16}{tried:8}{found.killed:8}{100 * found.share:7.1f} %{found.equivalent:11}")
+    return all(found.share >= LEAST_SCORE for found in scores)
 
 
 # -- fuzzing -----------------------------------------------------------------------------------------------------------
@@ -270,13 +368,13 @@ TARGETS = ("link", "controller")
 """Link with all behind it; state machine and control law alone."""
 FUZZ = (
     "-fsanitize=fuzzer,address,undefined", "-fsanitize-trap=undefined",
-    "-fno-sanitize-coverage=trace-cmp", f"-fsanitize-coverage-ignorelist={LIBRARY / 'fuzz' / 'unwatched.txt'}",
-    f"-fsanitize-ignorelist={LIBRARY / 'fuzz' / 'unchecked.txt'}",
+    "-fno-sanitize-coverage=trace-cmp", f"-fsanitize-coverage-ignorelist={LIBRARY / 'fuzz' / 'not_counted.txt'}",
+    f"-fsanitize-ignorelist={LIBRARY / 'fuzz' / 'not_sanitized.txt'}",
 )  # fmt: skip
-"""Both sanitizers whole; undefined behaviour ends in a trap rather than in a call that words it, and comparisons are
-not traced, for the targets know what a good frame looks like: that makes an execution several times as fast."""
+"""Both sanitizers; undefined behaviour ends in a trap rather than in a call that describes it, and comparisons are not
+traced, for the targets know what a good frame looks like: that makes an execution several times as fast."""
 QUICKER = ("crc32.c", "link_crc16.c")
-"""Sources for which fuzz/quick_crc.c stands: the same values, sooner."""
+"""Sources that fuzz/quick_crc.c replaces: the same values, several times as fast."""
 LONGEST_INPUT = 128
 """Bytes: some 50 steps, enough for a whole flight."""
 
@@ -309,8 +407,12 @@ def fuzz(hours: float) -> bool:
 
 
 def main(arguments: list[str]) -> int:
-    verbs = {"coverage": print_coverage, "misra": print_misra, "size": print_size}
+    verbs = {"coverage": print_coverage, "misra": print_misra, "size": print_size, "cost": print_cost}
     try:
+        if arguments[:1] == ["mutate"]:
+            return 0 if print_mutate(arguments[1:]) else 1
+        if arguments == ["cost", "--markdown"]:
+            return 0 if print_cost(markdown=True) else 1
         if arguments[:1] == ["fuzz"]:
             return 0 if fuzz(float(arguments[1]) if len(arguments) > 1 else 8.0) else 1
         if len(arguments) == 1 and arguments[0] in verbs:

@@ -6,6 +6,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 say() { printf '\033[1m[setup]\033[0m %s\n' "$*"; }
+source tools/again.sh
 
 python=""
 for candidate in python3.13 python3.12 python3.11 python3; do
@@ -32,8 +33,12 @@ if command -v dpkg-query >/dev/null; then
   if [ ${#missing[@]} -gt 0 ]; then
     if [ "$(id -u)" = 0 ]; then
       say "installing Debian packages: ${missing[*]}"
-      apt-get update -qq
-      DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
+      export DEBIAN_FRONTEND=noninteractive
+      # Without the error mode, apt-get update calls lists that it could not fetch a success.
+      AGAIN_TRIES=6 again "apt-get update" apt-get -o APT::Update::Error-Mode=any update -qq ||
+        say "going on with the package lists that are here"
+      again "apt-get install" apt-get -o DPkg::Lock::Timeout=60 -o Acquire::Retries=3 \
+        install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
     else
       say "these Debian packages are missing; install them, then run this again:"
       say "  sudo apt-get install --no-install-recommends ${missing[*]}"
@@ -45,11 +50,12 @@ fi
 if [ ! -x .venv/bin/uv ]; then
   say "making .venv with $("$python" --version)"
   "$python" -m venv .venv
-  .venv/bin/pip install --quiet --disable-pip-version-check "$(grep -oE '^uv==[^ ;]+' requirements.lock)"
+  again "installing uv" \
+    .venv/bin/pip install --quiet --disable-pip-version-check "$(grep -oE '^uv==[^ ;]+' requirements.lock)"
 fi
 if ! cmp -s requirements.lock .venv/installed.lock; then
   say "installing $(grep -cE '^[a-z0-9]' requirements.lock) Python packages, as pinned in requirements.lock"
-  .venv/bin/uv pip sync --python .venv/bin/python requirements.lock
+  again "installing the Python packages" .venv/bin/uv pip sync --quiet --python .venv/bin/python requirements.lock
   cp requirements.lock .venv/installed.lock
   rm -f .venv/built.stamp
 fi

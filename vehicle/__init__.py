@@ -1,6 +1,18 @@
 """What we believe about the vehicle: parameters, effects, forces, flatness, simulation."""
 
-from vehicle import effects, flatness, flights, history, invert, manoeuvres, self_test, simulate, tracking
+from vehicle import (
+    commented,
+    draft,
+    effects,
+    flatness,
+    flights,
+    history,
+    invert,
+    manoeuvres,
+    self_test,
+    simulate,
+    tracking,
+)
 from vehicle.dynamics import Jacobian, acceleration, acceleration_jacobian, wrench, wrench_jacobian
 from vehicle.files import example, load, save, vehicle_hash
 from vehicle.forces import Surroundings, rigid_body
@@ -15,6 +27,8 @@ __all__ = [
     "Vehicle",
     "acceleration",
     "acceleration_jacobian",
+    "commented",
+    "draft",
     "effects",
     "example",
     "flatness",

@@ -7,6 +7,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from flight import FormatError, InputError, file_format
 from vehicle import effects as registry
 from vehicle.model import BODY, Vehicle, body_parameters, specs
@@ -49,14 +51,13 @@ def load(path: Path, *, relative_to: Path | None = None) -> Vehicle:
     path = Path(path)
     document = file_format.read_toml(path, format=FORMAT, version=VERSION)
     start = path.parent if relative_to is None else relative_to
-    files = tuple((start / name).resolve() for name in document.get("effect_files", []))
-    for file in files:
-        registry.load_file(file)
     try:
+        names = _strings(document, "effect_files") if "effect_files" in document else []
+        files = tuple((start / name).resolve() for name in names)
+        for file in files:
+            registry.load_file(file)
         return _from_document(document, files)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise FormatError(f"{path} is a damaged vehicle file: {type(error).__name__} {error}") from error
-    except InputError as error:
+    except (InputError, FormatError) as error:
         raise FormatError(f"{path}: {error}") from error
 
 
@@ -84,32 +85,99 @@ def vehicle_hash(vehicle: Vehicle) -> str:
 
 
 def _from_document(document: dict[str, Any], files: tuple[Path, ...]) -> Vehicle:
-    parameters = {name: _parameter(entry) for name, entry in document["body"].items()}
-    complete = body_parameters(**parameters) | parameters
-    for effect, entries in document.get("effect", {}).items():
-        complete |= {f"{effect}.{name}": _parameter(entry) for name, entry in entries.items()}
-    known_limits = {f.name for f in fields(Limits)}
-    if surplus := set(document.get("limits", {})) - known_limits:
-        raise InputError(f"unknown limits {', '.join(sorted(surplus))}; known are {', '.join(sorted(known_limits))}")
+    units = {s.name: s.unit for s in BODY}
+    parameters = {n: _parameter(f"body.{n}", entry, units.get(n)) for n, entry in _table(document, "body").items()}
     if "mass_kg" not in parameters:
-        raise InputError("the body has no mass_kg")
+        raise InputError('the body has no mass_kg; weigh the vehicle and add mass_kg = { value = 0.7, unit = "kg" }')
+    complete = body_parameters(**parameters) | parameters
+    effects = _strings(document, "effects")
+    for effect, entries in _table(document, "effect", {}).items():
+        units = {s.name: s.unit for s in registry.find(effect).parameters}
+        for name, entry in _is_table(f"effect.{effect}", entries).items():
+            complete[f"{effect}.{name}"] = _parameter(f"effect.{effect}.{name}", entry, units.get(name))
+    rotors = _table(document, "rotors")
     return Vehicle(
-        name=str(document["name"]),
+        name=str(_there(document, "name")),
         parameters=complete,
-        hub_body_m=document["rotors"]["position_body_m"],
-        spin=document["rotors"]["spin"],
-        effects=tuple(document["effects"]),
-        limits=Limits(**document.get("limits", {})),
-        provenance=document.get("provenance", {}),
+        hub_body_m=_numbers(rotors, "rotors", "position_body_m", (4, 3)),
+        spin=_numbers(rotors, "rotors", "spin", (4,)),
+        effects=tuple(effects),
+        limits=_limits(_table(document, "limits", {})),
+        provenance=_table(document, "provenance", {}),
         effect_files=files,
     )
 
 
-def _parameter(entry: dict[str, Any]) -> Parameter:
-    unknown = set(entry) - {"value", "std", "unit", "source"}
-    if unknown:
-        raise InputError(f"a parameter has {', '.join(sorted(unknown))}; only value, std, unit, source are known")
-    return Parameter(float(entry["value"]), float(entry.get("std", 0.0)), entry["unit"], entry.get("source", ""))
+def _limits(given: dict[str, Any]) -> Limits:
+    known = [f.name for f in fields(Limits)]
+    if surplus := set(given) - set(known):
+        raise InputError(f"unknown limits {', '.join(sorted(surplus))}; known are {', '.join(sorted(known))}")
+    return Limits(**{name: _number(f"limits.{name}", value) for name, value in given.items()})
+
+
+def _parameter(name: str, entry: Any, unit: str | None) -> Parameter:
+    """One parameter of the file; `unit` is the one it must have, None where no such parameter is known."""
+    example = f'{name.split(".")[-1]} = {{ value = 0.1, std = 0.01, unit = "{unit or "1"}", source = "..." }}'
+    if not isinstance(entry, dict):
+        raise InputError(f"{name} is {entry!r}, not a table; write {example}")
+    found: dict[str, Any] = entry  # pyright: ignore[reportUnknownVariableType]
+    if unknown := set(found) - {"value", "std", "unit", "source"}:
+        raise InputError(f"{name} has {', '.join(sorted(unknown))}; only value, std, unit, source are known")
+    for key in ("value", "unit"):
+        if key not in found:
+            raise InputError(f"{name} has no {key}; write {example}")
+    if unit is not None and found["unit"] != unit:
+        raise InputError(f"{name} is given in {found['unit']!r}; it must be in {unit!r}")
+    value, std = _number(f"{name}.value", found["value"]), _number(f"{name}.std", found.get("std", 0.0))
+    try:
+        return Parameter(value, std, str(found["unit"]), str(found.get("source", "")))
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from None
+
+
+def _number(name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{name} is {value!r}, not a number")
+    return float(value)
+
+
+def _numbers(table: dict[str, Any], where: str, key: str, shape: tuple[int, ...]) -> np.ndarray:
+    """An array of numbers of a certain shape."""
+    wanted = " rows of ".join(str(n) for n in shape) + " numbers"
+    if key not in table:
+        raise InputError(f"{where} has no {key}; it must be {wanted}")
+    try:
+        values = np.array(table[key], dtype=np.float64)
+    except (TypeError, ValueError):
+        values = np.empty(0)
+    if values.shape != shape:
+        raise InputError(f"{where}.{key} is {str(table[key])[:60]}, not {wanted}")
+    return values
+
+
+def _there(document: dict[str, Any], key: str) -> Any:
+    if key not in document:
+        raise InputError(f"it has no {key}; `goshawk vehicle show` of an example shows what a vehicle file holds")
+    return document[key]
+
+
+def _table(document: dict[str, Any], key: str, instead: dict[str, Any] | None = None) -> dict[str, Any]:
+    if key not in document and instead is not None:
+        return instead
+    return _is_table(key, _there(document, key))
+
+
+def _is_table(name: str, value: Any) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise InputError(f"{name} is {str(value)[:60]!r}, not a table; write [{name}] above its lines")
+    return value  # pyright: ignore[reportUnknownVariableType]
+
+
+def _strings(document: dict[str, Any], key: str) -> list[str]:
+    value = _there(document, key)
+    if not isinstance(value, list) or not all(isinstance(item, str) for item in value):  # pyright: ignore[reportUnknownVariableType]
+        raise InputError(f"{key} is {str(value)[:60]!r}, not a list of names")  # pyright: ignore[reportUnknownArgumentType]
+    return value  # pyright: ignore[reportUnknownVariableType]
 
 
 def _relative(file: Path, folder: Path) -> str:

@@ -26,7 +26,7 @@ class Field:
     ctype: str
     length: int
     """0 for a single value."""
-    words: str
+    description: str
 
     @property
     def size(self) -> int:
@@ -37,7 +37,7 @@ class Field:
 class Definition:
     id: int
     name: str
-    words: str
+    description: str
     base: tuple[Field, ...]
     """In wire order: largest type first, else as written."""
     extension: tuple[Field, ...]
@@ -89,7 +89,7 @@ def read(path: Path) -> tuple[list[Definition], list[tuple[str, list[tuple[str, 
         messages += more_messages
         enums += more_enums
     for enum in root.iterfind("enums/enum"):
-        entries = [(e.attrib["name"], int(e.attrib["value"]), _words(e)) for e in enum.iterfind("entry")]
+        entries = [(e.attrib["name"], int(e.attrib["value"]), _description(e)) for e in enum.iterfind("entry")]
         enums.append((enum.attrib["name"], entries))
     messages += [_definition(message) for message in root.iterfind("messages/message")]
     return sorted(messages, key=lambda message: message.id), enums
@@ -107,21 +107,21 @@ def _definition(message: ElementTree.Element) -> Definition:
             target.append(Field(child.attrib["name"], kind, int(length or 0), (child.text or "").strip()))
     base.sort(key=lambda field: -_SIZES[field.ctype])
     name = message.attrib["name"]
-    return Definition(int(message.attrib["id"]), name, _words(message), tuple(base), tuple(extension))
+    return Definition(int(message.attrib["id"]), name, _description(message), tuple(base), tuple(extension))
 
 
-def _words(element: ElementTree.Element) -> str:
+def _description(element: ElementTree.Element) -> str:
     return " ".join((element.findtext("description") or "").split())
 
 
 def header(messages: list[Definition], enums: list[tuple[str, list[tuple[str, int, str]]]]) -> str:
-    """The C header: enum constants, one struct and one encoder per message, the table of all messages."""
+    """The C header: enum constants, one struct, encoder and decoder per message, the table of all messages."""
     parts = [_C_TOP]
     for name, entries in enums:
-        lines = [f"    {entry} = {value}, /* {words} */" for entry, value, words in entries]
+        lines = [f"    {entry} = {value}, /* {description} */" for entry, value, description in entries]
         parts.append(f"/* {name} */\nenum {{\n" + "\n".join(lines) + "\n};\n")
     parts += [_c_message(message) for message in messages]
-    rows = [f"    {{{m.name}_ID, {m.name}_CRC_EXTRA, {_target(m)}u}}," for m in messages]
+    rows = [f"    {{{m.name}_ID, {m.name}_CRC_EXTRA, {m.name}_LENGTH, {_target(m)}u}}," for m in messages]
     numbers = [f"    {m.name}_ROW," for m in messages]
     bottom = _C_BOTTOM.replace("\nROWS\n", "\n" + "\n".join(rows) + "\n").replace("NUMBERS", "\n".join(numbers))
     parts.append(bottom.replace("NO_TARGET_VALUE", f"{_NO_TARGET}u"))
@@ -135,36 +135,60 @@ def _target(message: Definition) -> int:
 
 def _c_message(message: Definition) -> str:
     upper, lower = message.name, message.name.lower()
-    lines = [f"/* {message.words} */"]
+    lines = [f"/* {message.description} */"]
     lines += [f"#define {upper}_ID {message.id}u", f"#define {upper}_LENGTH {message.length}u"]
     lines += [f"#define {upper}_CRC_EXTRA {message.crc_extra}u", "typedef struct {"]
-    lines += [f"    {f.ctype} {f.name}{f'[{f.length}]' if f.length else ''}; /* {f.words} */" for f in message.fields]
+    lines += [
+        f"    {f.ctype} {f.name}{f'[{f.length}]' if f.length else ''}; /* {f.description} */" for f in message.fields
+    ]
     lines += [f"}} {lower}_msg;", "enum {"]
     offset = 0
     for f in message.fields:
         lines.append(f"    {upper}_{f.name.upper()}_AT = {offset},")
         offset += f.size
     lines += ["};", ""]
-    lines += [*_c_encode(message), ""]
+    lines += [*_c_encode(message), "", *_c_decode(message), ""]
     return "\n".join(lines)
+
+
+def _gapless(message: Definition) -> bool:
+    """Whether the struct and the payload are the same bytes: every field lies on a multiple of its size."""
+    offset = 0
+    for field in message.fields:
+        if offset % _SIZES[field.ctype]:
+            return False
+        offset += field.size
+    return True
 
 
 def _c_encode(message: Definition) -> list[str]:
     """In one piece where memory and wire look alike, else field by field."""
     upper, lower = message.name, message.name.lower()
-    by_field: list[str] = []
-    offset, gapless = 0, True
-    for field in message.fields:
-        place = f"payload + {offset}"
-        by_field.append(f"    memcpy({place}, {'' if field.length else '&'}m->{field.name}, {field.size}u);")
-        gapless = gapless and offset % _SIZES[field.ctype] == 0
-        offset += field.size
-    if gapless:
+    head = f"static inline void {lower}_encode(const {lower}_msg *m, uint8_t payload[{upper}_LENGTH])"
+    if _gapless(message):
         last = message.fields[-1].name
         check = f'_Static_assert(offsetof({lower}_msg, {last}) == {upper}_{last.upper()}_AT, "no gaps");'
-        by_field = [f"    {check}", f"    memcpy(payload, m, {upper}_LENGTH);"]
-    head = f"static inline void {lower}_encode(const {lower}_msg *m, uint8_t payload[{upper}_LENGTH])"
-    return [head, "{", *by_field, "}"]
+        return [head, "{", f"    {check}", f"    memcpy(payload, m, {upper}_LENGTH);", "}"]
+    copies = [
+        f"    memcpy(payload + {upper}_{f.name.upper()}_AT, {'' if f.length else '&'}m->{f.name}, {f.size}u);"
+        for f in message.fields
+    ]
+    return [head, "{", *copies, "}"]
+
+
+def _c_decode(message: Definition) -> list[str]:
+    """The reverse. What MAVLink cut off at the end of the payload is zero; what is beyond the message is ignored."""
+    upper, lower = message.name, message.name.lower()
+    head = f"static inline void {lower}_decode({lower}_msg *m, const uint8_t *payload, size_t length)"
+    count = f"length < {upper}_LENGTH ? length : {upper}_LENGTH"
+    if _gapless(message):
+        return [head, "{", "    memset(m, 0, sizeof *m);", f"    memcpy(m, payload, {count});", "}"]
+    copies = [
+        f"    memcpy({'' if f.length else '&'}m->{f.name}, whole + {upper}_{f.name.upper()}_AT, {f.size}u);"
+        for f in message.fields
+    ]
+    whole = [f"    uint8_t whole[{upper}_LENGTH] = {{0}};", f"    memcpy(whole, payload, {count});"]
+    return [head, "{", *whole, "    memset(m, 0, sizeof *m);", *copies, "}"]
 
 
 def python(messages: list[Definition], enums: list[tuple[str, list[tuple[str, int, str]]]]) -> str:
@@ -173,8 +197,8 @@ def python(messages: list[Definition], enums: list[tuple[str, list[tuple[str, in
     for name, entries in enums:
         short = _camel(name.removeprefix("GOSHAWK_"))
         lines = [f"class {short}(IntEnum):"]
-        for entry, value, words in entries:
-            lines += [f"    {entry.removeprefix(name + '_')} = {value}", f'    """{words}"""']
+        for entry, value, description in entries:
+            lines += [f"    {entry.removeprefix(name + '_')} = {value}", f'    """{description}"""']
         parts.append("\n".join(lines) + "\n")
     parts += [_python_message(message) for message in messages]
     table = "\n".join(f"    {m.id}: {_camel(m.name.removeprefix('GOSHAWK_'))}," for m in messages)
@@ -186,7 +210,7 @@ def _python_message(message: Definition) -> str:
     layout = "".join(f"{f.length or ''}{_STRUCT[f.ctype]}" for f in message.fields)
     arrays = tuple(-1 if f.ctype == "char" and f.length else f.length for f in message.fields)
     lines = ["@dataclass(slots=True)", f"class {_camel(message.name.removeprefix('GOSHAWK_'))}(Message):"]
-    lines += [f'    """{message.words}"""', "", f"    ID: ClassVar[int] = {message.id}"]
+    lines += [f'    """{message.description}"""', "", f"    ID: ClassVar[int] = {message.id}"]
     lines += [f"    CRC_EXTRA: ClassVar[int] = {message.crc_extra}"]
     lines += [f'    STRUCT: ClassVar[struct.Struct] = struct.Struct("<{layout}")']
     lines += [f"    ARRAYS: ClassVar[tuple[int, ...]] = {arrays}"]
@@ -198,7 +222,7 @@ def _python_message(message: Definition) -> str:
             lines.append(f"    {field.name}: tuple[{number}, ...] = ({zero},) * {field.length}")
         else:
             lines.append(f"    {field.name}: {number} = {zero}")
-        lines.append(f'    """{field.words}"""')
+        lines.append(f'    """{field.description}"""')
     return "\n".join(lines) + "\n"
 
 
@@ -233,6 +257,7 @@ NUMBERS
 typedef struct {
     uint16_t id;
     uint8_t crc_extra;
+    uint8_t length; /* of the whole payload, before zeros at its end are cut off */
     uint8_t target; /* where target_system lies in the payload (target_component follows), or GOSHAWK_NO_TARGET */
 } goshawk_dialect_row;
 

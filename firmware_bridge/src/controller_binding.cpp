@@ -3,11 +3,14 @@
 #include "controller_binding.h"
 
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
 #include <cstring>
+#include <optional>
 #include <string>
 #include <tuple>
 
@@ -43,6 +46,8 @@ tc_estimate estimate_from(const double* row, uint64_t position_time_us, uint64_t
     tc_estimate e{};
     e.position_time_us = position_time_us;
     e.attitude_time_us = attitude_time_us;
+    e.rate_time_us = attitude_time_us;
+    e.valid = TC_VALID_POSE;
     for (int i = 0; i < 3; i++) {
         e.position_world_m[i] = static_cast<float>(row[i]);
         e.velocity_world_m_s[i] = static_cast<float>(row[3 + i]);
@@ -53,9 +58,24 @@ tc_estimate estimate_from(const double* row, uint64_t position_time_us, uint64_t
     return e;
 }
 
+// What else a tick may be told: a row of specific force 3, standard deviations of position and velocity (horizontal,
+// vertical) 2 + 2, and the last reset's position 3, velocity 3, yaw 1.
 std::tuple<Out, int> tick(Controller& self, uint64_t time_us, In<double, 13> state, uint64_t position_time_us,
-                          uint64_t attitude_time_us, double battery_v) {
-    const tc_estimate e = estimate_from(state.data(), position_time_us, attitude_time_us, battery_v);
+                          uint64_t attitude_time_us, double battery_v, std::optional<uint64_t> rate_time_us,
+                          uint8_t valid, uint8_t reset_counter, std::optional<In<double, 14>> more) {
+    tc_estimate e = estimate_from(state.data(), position_time_us, attitude_time_us, battery_v);
+    e.rate_time_us = rate_time_us.value_or(attitude_time_us);
+    e.valid = valid;
+    e.reset_counter = reset_counter;
+    if (more) {
+        const double* row = more->data();
+        std::copy_n(row, 3, e.specific_force_body_m_s2);
+        std::copy_n(row + 3, 2, e.position_std_m);
+        std::copy_n(row + 5, 2, e.velocity_std_m_s);
+        std::copy_n(row + 7, 3, e.reset_position_world_m);
+        std::copy_n(row + 10, 3, e.reset_velocity_world_m_s);
+        e.reset_yaw_rad = static_cast<float>(row[13]);
+    }
     tc_output output{};
     const tc_reason reason = tc_tick(self.c.get(), time_us, &e, &output);
     return {copied(output.rotor_speed_rad_s, TC_ROTORS), static_cast<int>(reason)};
@@ -127,6 +147,13 @@ nb::dict telemetry(const Controller& self) {
     d["torque_n_m"] = copied(t.wrench.torque_n_m, 3);
     d["rotor_speed_rad_s"] = copied(t.rotor_speed_rad_s, TC_ROTORS);
     d["path_rate"] = t.path_rate;
+    d["path_limit"] = t.path_limit;
+    d["limit_reason"] = t.limit_reason;
+    d["warnings"] = t.warnings;
+    d["landing_stage"] = t.landing_stage;
+    d["reckoning_s"] = t.reckoning_s;
+    d["reckoning_std_m"] = t.reckoning_std_m;
+    d["shift_world_m"] = copied(self.c->supervisor.shift, 3);
     d["path_time_us"] = t.path_time_us;
     d["trajectory_id"] = t.trajectory_id;
     d["trajectory_crc32"] = t.trajectory_crc32;
@@ -153,9 +180,8 @@ nb::list parameter_table() {
     for (uint16_t i = 0; i < tc_parameters_count(); i++) {
         float smallest, largest, preset;
         tc_parameters_range(i, &smallest, &largest, &preset);
-        char name[TC_PARAMETER_NAME_SIZE];
-        tc_parameters_name(i, name);
-        rows.append(nb::make_tuple(name, smallest, largest, preset, tc_parameters_in_flight(i)));
+        rows.append(nb::make_tuple(tc_parameters_name(i), smallest, largest, preset, tc_parameters_in_flight(i),
+                                   tc_parameters_unit(i)));
     }
     return rows;
 }
@@ -313,11 +339,13 @@ void bind_controller(nb::module_& m) {
             "command"_a, "value"_a)
         .def(
             "upload_begin",
-            [](Controller& self, uint32_t id, uint32_t crc32, size_t segments, size_t coefficients, int policy) {
-                const tc_trajectory_header header = header_of(id, crc32, segments, coefficients, policy);
+            [](Controller& self, uint32_t id, uint32_t crc32, size_t segments, size_t coefficients, int policy,
+               float clearance_m) {
+                tc_trajectory_header header = header_of(id, crc32, segments, coefficients, policy);
+                header.clearance_m = clearance_m;
                 return static_cast<int>(tc_upload_begin(self.c.get(), &header));
             },
-            "id"_a, "crc32"_a, "segments"_a, "coefficients"_a, "policy"_a)
+            "id"_a, "crc32"_a, "segments"_a, "coefficients"_a, "policy"_a, "clearance_m"_a = 0.0f)
         .def(
             "upload_segment",
             [](Controller& self, uint16_t index, uint32_t duration_us, In<float, 4, any> coefficients) {
@@ -334,7 +362,12 @@ void bind_controller(nb::module_& m) {
                 return static_cast<int>(tc_upload_sample(self.c.get(), &sample));
             },
             "time_us"_a, "value"_a)
-        .def("upload_finish", [](Controller& self) { return static_cast<int>(tc_upload_finish(self.c.get())); })
+        .def("upload_finish",
+             [](Controller& self) {
+                 tc_reason reason = TC_BUSY;
+                 while (reason == TC_BUSY) reason = tc_upload_finish(self.c.get());
+                 return static_cast<int>(reason);
+             })
         .def(
             "upload_activate",
             [](Controller& self, uint32_t id, uint32_t crc32) {
@@ -346,8 +379,20 @@ void bind_controller(nb::module_& m) {
         .def("has_trajectory", [](const Controller& self) { return tc_store_active(&self.c->store) != nullptr; })
         .def("refused_segment", [](const Controller& self) { return self.c->store.refused_segment; })
         .def(
-            "ground_alive", [](Controller& self, uint64_t t) { tc_ground_alive(self.c.get(), t); }, "time_us"_a)
-        .def("tick", &tick, "time_us"_a, "state"_a, "position_time_us"_a, "attitude_time_us"_a, "battery_v"_a)
+            "ground_alive", [](Controller& self, uint64_t ago_us) { tc_ground_alive(self.c.get(), ago_us); },
+            "ago_us"_a)
+        .def("tick", &tick, "time_us"_a, "state"_a, "position_time_us"_a, "attitude_time_us"_a, "battery_v"_a,
+             "rate_time_us"_a = nb::none(), "valid"_a = static_cast<int>(TC_VALID_POSE), "reset_counter"_a = 0,
+             "more"_a = nb::none())
+        .def("shadow", [](Controller& self) { return static_cast<int>(tc_shadow(self.c.get())); })
+        .def(
+            "engage",
+            [](Controller& self, std::optional<In<float, 4>> rotor_speed) {
+                return static_cast<int>(tc_engage(self.c.get(), rotor_speed ? rotor_speed->data() : nullptr));
+            },
+            "rotor_speed_rad_s"_a.none())
+        .def("release", [](Controller& self) { return static_cast<int>(tc_release(self.c.get())); })
+        .def("arming_check", [](const Controller& self) { return static_cast<int>(tc_arming_check(self.c.get())); })
         .def("run", &run, "times_us"_a, "states"_a)
         .def("run_nominal", &run_nominal, "start"_a, "time_us"_a, "step_us"_a, "n"_a, "every"_a)
         .def("telemetry", &telemetry);

@@ -31,7 +31,8 @@ nb::bytes bytes_of(const void* data, size_t n) { return nb::bytes(static_cast<co
 class Link {
   public:
     Link(Controller& controller, std::optional<nb::bytes> key, uint8_t system_id, uint64_t start_10us, uint32_t boot_id,
-         uint32_t bytes_per_s, uint32_t log_records, uint32_t log_period_us, uint64_t now_us)
+         uint32_t bytes_per_s, uint32_t log_records, uint32_t log_period_us, uint64_t now_us,
+         uint32_t signature_checks_per_s, uint32_t commit_slices)
         : log_(static_cast<size_t>(log_records) * TC_LINK_RECORD) {
         config_.system_id = system_id;
         config_.component_id = 1;
@@ -43,6 +44,8 @@ class Link {
         config_.log = log_.data();
         config_.log_records = log_records;
         config_.log_period_us = log_period_us;
+        config_.signature_checks_per_s = signature_checks_per_s;
+        config_.commit_slices = commit_slices;
         tc_link_init(link_.get(), controller.c.get(), &config_, now_us);
     }
 
@@ -52,10 +55,9 @@ class Link {
         return link_->counts.accepted - before;
     }
 
-    void update(Row<4> rotor_speed, Row<3> specific_force, uint64_t now_us) {
+    void update(Row<4> rotor_speed, uint64_t now_us) {
         tc_link_measured measured{};
         std::copy_n(rotor_speed.data(), 4, measured.rotor_speed_rad_s);
-        std::copy_n(specific_force.data(), 3, measured.specific_force_body_m_s2);
         tc_link_update(link_.get(), &measured, now_us);
     }
 
@@ -71,12 +73,16 @@ class Link {
         d["without_signature"] = c.without_signature;
         d["wrong_key"] = c.wrong_key;
         d["replayed"] = c.replayed;
+        d["unopened"] = c.unopened;
+        d["over_budget"] = c.over_budget;
         d["not_for_us"] = c.not_for_us;
         d["sent"] = c.sent;
         d["checksum_errors"] = c.faults.checksum_errors;
         d["unknown"] = c.faults.unknown;
         return d;
     }
+
+    uint64_t stamp_to_keep() const { return tc_link_stamp_to_keep(link_.get()); }
 
     // What a vehicle keeps in permanent memory.
     std::optional<nb::bytes> kept() const {
@@ -114,13 +120,15 @@ void bind_link(nb::module_& m) {
     m.def("sha256", &sha256, "data"_a);
     nb::class_<Link>(m, "Link")
         .def(nb::init<Controller&, std::optional<nb::bytes>, uint8_t, uint64_t, uint32_t, uint32_t, uint32_t, uint32_t,
-                      uint64_t>(),
+                      uint64_t, uint32_t, uint32_t>(),
              "controller"_a, "key"_a.none(), "system_id"_a, "start_10us"_a, "boot_id"_a, "bytes_per_s"_a,
-             "log_records"_a, "log_period_us"_a, "now_us"_a, nb::keep_alive<1, 2>())
+             "log_records"_a, "log_period_us"_a, "now_us"_a, "signature_checks_per_s"_a = 0, "commit_slices"_a = 0,
+             nb::keep_alive<1, 2>())
         .def("receive", &Link::receive, "data"_a, "datagram"_a, "now_us"_a)
-        .def("update", &Link::update, "rotor_speed_rad_s"_a, "specific_force_body_m_s2"_a, "now_us"_a)
+        .def("update", &Link::update, "rotor_speed_rad_s"_a, "now_us"_a)
         .def("transmit", &Link::transmit, "now_us"_a)
         .def("counts", &Link::counts)
+        .def("stamp_to_keep", &Link::stamp_to_keep)
         .def("kept", &Link::kept)
         .def("restore", &Link::restore, "kept"_a);
 }

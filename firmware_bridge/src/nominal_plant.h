@@ -18,7 +18,8 @@ class NominalPlant {
 
     tc_estimate estimate(uint64_t time_us) const {
         tc_estimate e{};
-        e.position_time_us = e.attitude_time_us = time_us;
+        e.position_time_us = e.attitude_time_us = e.rate_time_us = time_us;
+        e.valid = TC_VALID_POSE;
         for (int i = 0; i < 3; i++) {
             e.position_world_m[i] = state_[i];
             e.velocity_world_m_s[i] = state_[3 + i];

@@ -9,7 +9,7 @@ import mapping
 import planner
 import vehicle
 from flight import TrajectoryFile, trajectory
-from goshawk import console
+from goshawk import console, outputs
 from goshawk.commands.plan import options_from
 from planner import gate
 
@@ -19,7 +19,9 @@ from planner import gate
 @console.map_option
 @console.vehicle_option
 @console.margin_option
-@click.option("--renew", is_flag=True, help="If it passes, write it as checked for this map and vehicle.")
+@click.option(
+    "--renew", is_flag=True, help="If it passes, write it as checked for this map and vehicle; the old one is kept."
+)
 @console.json_option
 def command(
     trajectory_file: Path, map_folder: Path, vehicle_file: Path, margin_m: float | None, renew: bool, as_json: bool
@@ -43,7 +45,8 @@ def command(
     else:
         report = gate.check_file(item, area.field, believed, options)
     if renew and report.passed:
-        trajectory.save(trajectory_file, renewed(item, report))
+        with outputs.file(trajectory_file, overwrite=True) as temporary:
+            trajectory.save(temporary, renewed(item, report))
     console.show(f"check of {trajectory_file}", _facts(report), as_json=as_json, document=report.as_dict())
     if not report.passed:
         failed = ", ".join(check.name for check in report.checks if not check.passed)

@@ -7,7 +7,7 @@ import click
 import sysid
 import vehicle
 from flight import InputError
-from goshawk import console
+from goshawk import console, outputs
 from goshawk.flights import load
 from sysid.comparison import HORIZONS_S
 
@@ -25,6 +25,7 @@ from sysid.comparison import HORIZONS_S
 @console.columns_option
 @console.path_option("--report", "report_file", "HTML page to write: tables and figures in one file.")
 @console.path_option("--plots", "plots", "Folder for figures (SVG).")
+@outputs.overwrite_option
 @console.json_option
 def command(
     flights: tuple[Path, ...],
@@ -32,6 +33,7 @@ def command(
     columns: Path | None,
     report_file: Path | None,
     plots: Path | None,
+    overwrite: bool,
     as_json: bool,
 ) -> None:
     """Compare models with FLIGHTS, best those that were not used for fitting.
@@ -44,14 +46,19 @@ def command(
     off after 0.1 to 1 s. Figures and report show what is left: force and torque over time with their band, which
     variable explains them, and where on the path it happens.
     """
+    outputs.check(report_file, overwrite=overwrite, folders=[plots])
     models = {path.stem: vehicle.load(path) for path in vehicle_files}
     if len(models) < len(vehicle_files):
         raise InputError("two vehicle files have the same name; the table could not tell them apart")
     with console.progress() as report:
         result = sysid.compare([load(path, columns) for path in flights], models, progress=report)
-    figures = sysid.plots.comparison(result, plots) if plots is not None else []
+    figures: list[Path] = []
+    if plots is not None:
+        with outputs.pictures(plots, overwrite=overwrite) as drawn:
+            figures = [drawn.placed(figure) for figure in sysid.plots.comparison(result, drawn.temporary)]
     if report_file is not None:
-        sysid.report.write_comparison(report_file, result)
+        with outputs.file(report_file, overwrite=overwrite) as temporary:
+            sysid.report.write_comparison(temporary, result)
     if as_json:
         document = result.as_dict() | {"figures": [str(f) for f in figures]}
         document |= {"report": report_file and str(report_file)}
@@ -60,6 +67,8 @@ def command(
     heads = ("model", "quantity", *(f"{h:g} s" for h in HORIZONS_S))
     rows = [(model, name, *map(float, errors)) for model in models for name, errors in result.errors[model].items()]
     console.table(f"open-loop prediction error, rms of {result.predictions} predictions", heads, rows)
+    for remark in result.remarks:
+        click.echo(f"note: {remark}")
     for figure in figures:
         click.echo(f"figure: {figure}")
     if report_file is not None:

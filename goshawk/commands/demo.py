@@ -7,15 +7,21 @@ from typing import Any
 
 import click
 
-from goshawk import console
+from goshawk import console, outputs
 
 
 @click.command()
 @console.path_option("--out", "out", "Project folder to make.", required=True)
-@click.option("--pairs", default=60, show_default=True, help="Image pairs to render; fewer are quicker and map worse.")
+@click.option(
+    "--pairs",
+    type=click.IntRange(2),
+    default=60,
+    show_default=True,
+    help="Image pairs to render; fewer are quicker and map worse.",
+)
 @console.json_option
 def command(out: Path, pairs: int, as_json: bool) -> None:
-    """Map a rendered room, plan through it, fly the virtual vehicle, learn its model. About two minutes.
+    """Map a rendered room, plan through it, fly the SITL vehicle, learn its model. About two minutes.
 
     \b
     goshawk demo --out demo-out
@@ -23,6 +29,9 @@ def command(out: Path, pairs: int, as_json: bool) -> None:
 
     Everything is real but the world: images are rendered, the vehicle is simulated; COLMAP, solver, gate, C controller,
     sockets and estimator are those of a real day. The facts are written to demo.json in the project.
+
+    The folder is the demo's own: run it again and it is made anew. An earlier demo in which you changed anything stays
+    beside it, as OUT.old-1.
     """
     from goshawk import demo
 
@@ -33,12 +42,15 @@ def command(out: Path, pairs: int, as_json: bool) -> None:
         console.show("", {}, as_json=True, document=facts)
         return
     _show(facts)
-    click.echo("\ntry next:")
+    click.echo("try next:")
     me = "goshawk" if shutil.which("goshawk") else sys.argv[0]
     vehicles = f"--vehicle {out}/vehicle.toml --vehicle {out}/learned.toml"
     click.echo(f"  {me} gcs {out}")
     click.echo(f"  {me} check {out}/trajectories/walk.json --map {out}/map --vehicle {out}/vehicle.toml")
     click.echo(f"  {me} compare {out}/flights/walk.parquet {vehicles}")
+    click.echo("figures:")
+    for figure in sorted(p for p in (out / "figures").rglob("*") if p.suffix in outputs.PICTURES):
+        click.echo(f"  {figure}")
 
 
 def _show(facts: dict[str, Any]) -> None:

@@ -1,6 +1,5 @@
 """`goshawk diagnose`: which effect the vehicle model lacks, or that nothing or nothing known is missing."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -9,11 +8,11 @@ import click
 
 import vehicle
 from flight import FlightLog, InputError, file_format
-from goshawk import console, what_next
+from goshawk import console, outputs, what_next
 from goshawk.flights import load
 from goshawk.what_next import Asked
 from sysid.diagnosis import Diagnosis, Size, SuspectFinding, diagnose, figures, report
-from vehicle import history
+from sysid.verdict import Use
 
 
 @click.command()
@@ -24,7 +23,8 @@ from vehicle import history
 )
 @click.option("--auto", is_flag=True, help="Go on until nothing significant is left, not one step.")
 @console.path_option("--out", "out", "Vehicle file to write: fitted, with what was added.")
-@click.option("--overwrite", is_flag=True, help="Let --out be the file of --vehicle (`goshawk vehicle undo` returns).")
+@click.option("--anyway", is_flag=True, help="Write --out even if the verdict on the fit is `do not use`.")
+@outputs.overwrite_option
 @console.columns_option
 @console.path_option("--report", "report_file", "HTML page to write: verdict, evidence and figures in one file.")
 @console.path_option("--plots", "plots", "Folder for figures (SVG).")
@@ -35,12 +35,13 @@ def command(
     held_out: tuple[Path, ...],
     auto: bool,
     out: Path | None,
+    anyway: bool,
     overwrite: bool,
     columns: Path | None,
     report_file: Path | None,
     plots: Path | None,
     json_file: str | None,
-) -> None:
+) -> int:
     """Find what the vehicle model lacks on FLIGHTS: which effect, how large, how sure.
 
     \b
@@ -61,27 +62,29 @@ def command(
     Hold out whole flights (--held-out), best of another kind; without them each flight is judged by the others. One
     step adds at most one effect; --auto goes on to the end. A few flights of half a minute take about a minute.
 
-    Exit code 0 whatever the verdict; 2 for input that cannot be used.
+    --out may be the file of --vehicle if --overwrite is given: this is its next version then, and `goshawk vehicle
+    undo` returns. A fit that is not to be used (see `goshawk identify --help`) is only written with --anyway.
+
+    Exit code 0 whatever the diagnosis; 1 if the fit under it is not to be used, 2 for input that cannot be used.
     """
-    _check_usage(flights, held_out, vehicle_file, out, overwrite, json_file)
+    _check_usage(flights, held_out, json_file)
+    kept = Path(json_file) if json_file not in (None, "-") else None
+    outputs.check(out, report_file, kept, overwrite=overwrite, folders=[plots])
     given = vehicle.load(vehicle_file)
     with console.progress() as progress:
         learn, judge = ([_read(path, columns) for path in paths] for paths in (flights, held_out))
         found = diagnose(learn, given, held_out=judge, auto=auto, progress=progress)
     document = found.as_dict()
-    kept = Path(json_file) if json_file not in (None, "-") else None
+    usable = found.fit_verdict.use is not Use.REJECTED
     document["next"] = what_next.lines(found, Asked(flights, vehicle_file, held_out, columns, out, kept, auto))
-    document |= _write(found, vehicle_file, out)
-    if report_file is not None:
-        report.write(report_file, found, further=document["next"])
-    drawn = figures.write(found, plots) if plots is not None else []
-    document |= {"report": report_file and str(report_file), "figures": [str(figure) for figure in drawn]}
-    if json_file not in (None, "-"):
-        file_format.write_bytes(Path(json_file), (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
+    document |= _write(found, out if usable or anyway else None, report_file, plots, document["next"], overwrite)
+    if kept is not None:
+        outputs.write_json(kept, document, overwrite=overwrite)
     if json_file == "-":
         console.show("", {}, as_json=True, document=document)
     else:
         _show(found, document)
+    return 0 if usable else 1
 
 
 def _read(path: Path, columns: Path | None) -> FlightLog:
@@ -92,9 +95,6 @@ def _read(path: Path, columns: Path | None) -> FlightLog:
 def _check_usage(
     flights: Sequence[Path],
     held_out: Sequence[Path],
-    vehicle_file: Path,
-    out: Path | None,
-    overwrite: bool,
     json_file: str | None,
 ) -> None:
     if json_file not in (None, "-") and not json_file.endswith(".json"):
@@ -109,21 +109,32 @@ def _check_usage(
                 f"{path} and {seen[digest]} are the same flight; give each flight once, to learn from or to judge by"
             )
         seen[digest] = path
-    if out is not None and not overwrite and out.exists() and out.resolve() == vehicle_file.resolve():
-        raise InputError(f"--out {out} is the file of --vehicle; give another name, or say --overwrite")
 
 
-def _write(found: Diagnosis, vehicle_file: Path, out: Path | None) -> dict[str, Any]:
+def _write(
+    found: Diagnosis,
+    out: Path | None,
+    report_file: Path | None,
+    plots: Path | None,
+    further: Sequence[str],
+    overwrite: bool,
+) -> dict[str, Any]:
     """Write what was asked for; each file is whole or absent. Returns what was written, for the document."""
-    if out is not None and out.exists() and out.resolve() == vehicle_file.resolve():
-        history.record(vehicle_file, found.vehicle, "diagnose", effect=" + ".join(found.additions))
-    elif out is not None:
-        vehicle.save(out, found.vehicle)
-    return {"written": out and str(out)}
+    if out is not None:
+        outputs.write_vehicle(out, found.vehicle, "diagnose", effect=" + ".join(found.additions), overwrite=overwrite)
+    if report_file is not None:
+        with outputs.file(report_file, overwrite=overwrite) as temporary:
+            report.write(temporary, found, further=further)
+    placed: list[str] = []
+    if plots is not None:
+        with outputs.pictures(plots, overwrite=overwrite) as drawn:
+            placed = [str(drawn.placed(figure)) for figure in figures.write(found, drawn.temporary)]
+    return {"written": out and str(out), "report": report_file and str(report_file), "figures": placed}
 
 
 def _show(found: Diagnosis, document: dict[str, Any]) -> None:
     click.echo(f"{found.verdict} (confidence {found.confidence:.0%})")
+    click.echo(f"  the fit is {found.fit_verdict.sentence}")
     for attempt in found.attempts:
         click.echo(f"  {attempt.name} {attempt.sentence}")
     if found.outside is not None:

@@ -6,7 +6,7 @@ import click
 
 import firmware_bridge
 from flight import flight_log, trajectory
-from goshawk import console
+from goshawk import console, outputs
 from goshawk.flights import tracking
 
 
@@ -15,8 +15,11 @@ from goshawk.flights import tracking
 @console.path_option("--trajectory", "trajectory_file", "Refuse to fly unless the vehicle holds this one.")
 @console.url_option
 @console.key_option
+@outputs.overwrite_option
 @console.json_option
-def command(out: Path, trajectory_file: Path | None, url: str, key_file: Path | None, as_json: bool) -> None:
+def command(
+    out: Path, trajectory_file: Path | None, url: str, key_file: Path | None, overwrite: bool, as_json: bool
+) -> None:
     """Fly the trajectory that the vehicle holds, and write the flight log.
 
     \b
@@ -25,6 +28,7 @@ def command(out: Path, trajectory_file: Path | None, url: str, key_file: Path | 
 
     Ctrl-C brakes along the path and lands; `goshawk log --download` then fetches the log of what was flown.
     """
+    outputs.check(out, overwrite=overwrite)
     item = trajectory.load(trajectory_file) if trajectory_file is not None else None
     with (
         console.cancel_by_ctrl_c() as cancel,
@@ -33,6 +37,7 @@ def command(out: Path, trajectory_file: Path | None, url: str, key_file: Path | 
     ):
         link.take_control()
         log = link.fly(item, progress=report, cancel=cancel)
-    flight_log.save(out, log)
+    with outputs.file(out, overwrite=overwrite) as temporary:
+        flight_log.save(temporary, log)
     facts = {"written": str(out), "rows": len(log), **tracking(log)}
     console.show("flight", facts, as_json=as_json)

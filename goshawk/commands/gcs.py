@@ -30,9 +30,13 @@ def command(
     goshawk gcs demo-out
     goshawk gcs demo-out --vehicle-url udp://127.0.0.1:14550
 
-    It listens on this machine only, and lets in who opens the printed address. From another machine, forward the
-    port: ssh -L 8080:127.0.0.1:8080 THIS-MACHINE.
+    PROJECT is a folder of `goshawk init` (or the demo's) with a map and a vehicle; what it lacks is said, with the
+    command that gives it. The page listens on this machine only, and lets in who opens the printed address. From
+    another machine, forward the port: ssh -L 8080:127.0.0.1:8080 THIS-MACHINE.
     """
+    from goshawk.project_parts import check_for_station
+
+    check_for_station(project)
     import planner
     from gcs_web import GroundStation
 

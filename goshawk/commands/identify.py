@@ -1,9 +1,9 @@
 """`goshawk identify`: the vehicle model from flights, with standard errors."""
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +11,11 @@ import click
 
 import sysid
 import vehicle
-from flight import FlightError, FlightLog, InputError, Progress, file_format
-from goshawk import console
+from flight import FlightError, FlightLog, InputError, Progress
+from goshawk import console, outputs
 from goshawk.flights import load
 from sysid.stages import STAGES
+from sysid.verdict import Use, Verdict, of_logs
 
 FLAGS = {"gaps='split'": "--split-gaps", "robust=True": "--robust"}
 """What the library's sentences name, and the option of this command that does it."""
@@ -47,6 +48,11 @@ class Fits:
     def converged(self) -> bool:
         return all(fit.converged for fit in self.stages.values())
 
+    @property
+    def verdict(self) -> Verdict:
+        """On all stages and logs together."""
+        return reduce(Verdict.beside, (fit.verdict for fit in self.stages.values()), of_logs(self.logs.values()))
+
 
 def _with_stages(function: Any) -> Any:
     for option in reversed(stage_options):
@@ -69,11 +75,15 @@ def _with_stages(function: Any) -> Any:
 @click.option("--split-gaps", is_flag=True, help="Fit the pieces between gaps as separate flights.")
 @click.option("--hold-unseen", is_flag=True, help="Hold what these flights cannot show, instead of refusing.")
 @click.option("--robust", is_flag=True, help="Count pose samples less that lie far off (a pose that jumps).")
-@click.option("--steps", "most_steps", default=30, show_default=True, help="Steps after which to give up.")
+@click.option(
+    "--steps", "most_steps", type=click.IntRange(1), default=30, show_default=True, help="Steps after which to give up."
+)
 @console.columns_option
 @console.path_option("--report", "report_file", "HTML page to write: everything in one file.")
 @console.path_option("--plots", "plots", "Folder for figures (SVG).")
 @click.option("--json", "json_file", is_flag=False, flag_value="-", metavar="FILE", help="JSON to write, - to print.")
+@click.option("--anyway", is_flag=True, help="Write the vehicle file even if the verdict is `do not use`.")
+@outputs.overwrite_option
 def command(
     flights: tuple[Path, ...],
     vehicle_file: Path,
@@ -91,6 +101,8 @@ def command(
     report_file: Path | None,
     plots: Path | None,
     json_file: str | None,
+    anyway: bool,
+    overwrite: bool,
     **stages: tuple[Path, ...],
 ) -> int:
     """Fit the vehicle model to FLIGHTS: joint maximum likelihood over parameters and all states.
@@ -117,9 +129,14 @@ def command(
     \b
     goshawk identify trial*.parquet --trials 8 --vehicle vehicle.toml --out f.toml --plots figures
 
-    Exit code 1: the fit did not converge; then no vehicle file is written, but report, figures and JSON are.
+    The first line is the verdict: usable, doubtful (exit code 0; the reasons say what to look at), or do not use
+    (exit code 1). In the last case no vehicle file is written without --anyway; report, figures and JSON are.
+
+    Where --out is a vehicle file already, --overwrite makes this its next version; `goshawk vehicle undo` returns.
     """
     _check_usage(flights, stages, trials, free, json_file)
+    kept = Path(json_file) if json_file not in (None, "-") else None
+    outputs.check(out, report_file, kept, overwrite=overwrite, folders=[plots])
     believed = vehicle.load(vehicle_file)
     for effect in added:
         believed = believed.with_effect(effect)
@@ -137,15 +154,16 @@ def command(
             fits = _fit(flights, stages, trials, believed, options, columns, progress)
         except FlightError as error:
             raise type(error)(_in_flags(str(error))) from error
-    written = _write(fits, out, report_file, plots)
+    usable = fits.verdict.use is not Use.REJECTED
+    written = _write(fits, out if usable or anyway else None, report_file, plots, overwrite=overwrite)
     document = _document(fits) | written
-    if json_file not in (None, "-"):
-        file_format.write_bytes(Path(json_file), (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
+    if kept is not None:
+        outputs.write_json(kept, document, overwrite=overwrite)
     if json_file == "-":
         console.show("", {}, as_json=True, document=document)
     else:
         _show(fits, written)
-    return 0 if fits.converged else 1
+    return 0 if usable else 1
 
 
 def _check_usage(
@@ -230,24 +248,34 @@ def _checked(path: str, log: FlightLog, believed: vehicle.Vehicle) -> sysid.LogR
     return replace(found, name=path, findings=findings)
 
 
-def _write(fits: Fits, out: Path, report_file: Path | None, plots: Path | None) -> dict[str, Any]:
+def _write(
+    fits: Fits, out: Path | None, report_file: Path | None, plots: Path | None, *, overwrite: bool
+) -> dict[str, Any]:
     """Write what was asked for; each file is whole or absent. Returns what was written, for the document."""
     figures: list[Path] = []
     if plots is not None:
-        for stage, fit in fits.stages.items():
-            figures += sysid.plots.identification(fit, plots / stage)
-        if fits.trials:
-            figures.append(sysid.plots.repeated(fits.trials, fits.answer.free_names, plots / "repeated.svg"))
+        with outputs.pictures(plots, overwrite=overwrite) as drawn:
+            figures = [drawn.placed(figure) for figure in _figures(fits, drawn.temporary)]
     if report_file is not None:
         result = dict(fits.stages) if len(fits.stages) > 1 else fits.answer
-        sysid.report.write(report_file, result, logs=list(fits.logs.values()), trials=fits.trials)
-    if fits.converged:
-        vehicle.save(out, fits.answer.vehicle)
+        with outputs.file(report_file, overwrite=overwrite) as temporary:
+            sysid.report.write(temporary, result, logs=list(fits.logs.values()), trials=fits.trials)
+    if out is not None:
+        outputs.write_vehicle(out, fits.answer.vehicle, "identify", overwrite=overwrite)
     return {
-        "written": str(out) if fits.converged else None,
+        "written": out and str(out),
         "report": str(report_file) if report_file is not None else None,
         "figures": [str(figure) for figure in figures],
     }
+
+
+def _figures(fits: Fits, folder: Path) -> list[Path]:
+    figures: list[Path] = []
+    for stage, fit in fits.stages.items():
+        figures += sysid.plots.identification(fit, folder / stage)
+    if fits.trials:
+        figures.append(sysid.plots.repeated(fits.trials, fits.answer.free_names, folder / "repeated.svg"))
+    return figures
 
 
 def _document(fits: Fits) -> dict[str, Any]:
@@ -255,12 +283,20 @@ def _document(fits: Fits) -> dict[str, Any]:
     if len(fits.stages) > 1:
         stages = {stage: fit.as_dict() for stage, fit in fits.stages.items()}
         head = {"schema": "goshawk-identification-stages", "version": STAGES_SCHEMA_VERSION}
-        return head | {"converged": fits.converged, "stages": stages, "logs": logs}
+        head |= {"verdict": fits.verdict.as_dict(), "converged": fits.converged}
+        return head | {"stages": stages, "logs": logs}
     trials = [{key: fit.as_dict()[key] for key in ("converged", "parameters")} for fit in fits.trials]
-    return fits.answer.as_dict() | {"logs": logs} | ({"trials": trials} if trials else {})
+    return (
+        fits.answer.as_dict()
+        | {"verdict": fits.verdict.as_dict(), "logs": logs}
+        | ({"trials": trials} if trials else {})
+    )
 
 
 def _show(fits: Fits, written: Mapping[str, Any]) -> None:
+    click.echo(f"verdict: {fits.verdict.use}")
+    for reason in (*fits.verdict.against, *fits.verdict.doubts):
+        click.echo(f"  {_in_flags(reason)}")
     for stage, fit in fits.stages.items():
         rows = [
             (
@@ -275,14 +311,14 @@ def _show(fits: Fits, written: Mapping[str, Any]) -> None:
         ]
         heads = ("parameter", "value", "robust std", "unit", "started from")
         console.table(f"identified: {stage}" if stage else "identified", heads, rows)
-        for finding in fit.findings:
+        for finding in (f for f in fit.findings if f not in (*fit.verdict.against, *fit.verdict.doubts)):
             click.echo(f"note: {_in_flags(finding)}")
         steps = len(fit.solution.record)
         click.echo(f"converged in {steps} steps" if fit.converged else f"NOT converged in {steps} steps")
     failed = sum(not trial.converged for trial in fits.trials)
     if failed:
         click.echo(f"{failed} of {len(fits.trials)} trials did not converge")
-    click.echo(f"written: {written['written']}" if written["written"] else "no vehicle file written")
+    click.echo(f"written: {written['written']}" if written["written"] else "no vehicle file written (see --anyway)")
     for path in (written["report"], *written["figures"]):
         if path:
             click.echo(f"written: {path}")

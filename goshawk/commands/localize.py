@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 import mapping
-from goshawk import console
+from goshawk import console, outputs
 
 
 @click.command()
@@ -13,8 +13,9 @@ from goshawk import console
 @console.map_option
 @console.path_option("--camera", "camera", "The rig that took IMAGES [default: that of the map].")
 @console.path_option("--out", "out", "Poses to write, as CSV; `goshawk plan --path` reads them.", required=True)
+@outputs.overwrite_option
 @console.json_option
-def command(images: Path, map_folder: Path, camera: Path | None, out: Path, as_json: bool) -> int:
+def command(images: Path, map_folder: Path, camera: Path | None, out: Path, overwrite: bool, as_json: bool) -> int:
     """Find where IMAGES were taken in a map: a recorded walk becomes a path to plan along.
 
     \b
@@ -23,13 +24,15 @@ def command(images: Path, map_folder: Path, camera: Path | None, out: Path, as_j
 
     Exit code 1: not one image was found. Those that were not found are named and left out.
     """
+    outputs.check(out, overwrite=overwrite)
     area = mapping.open_map(map_folder)
     rig = mapping.rig.load(camera) if camera is not None else area.rig
     with console.progress() as progress:
         folder = mapping.read_folder(images, rig, progress=progress)
         result = mapping.localize(area, folder, progress=progress)
     if result.found.any():
-        mapping.write_poses(out, result.instants, folder.time_s, result.T_world_body)
+        with outputs.file(out, overwrite=overwrite) as temporary:
+            mapping.write_poses(temporary, result.instants, folder.time_s, result.T_world_body)
     facts = {
         "found": f"{int(result.found.sum())} of {len(result.instants)}",
         "not found": ", ".join(result.failed) or "none",

@@ -1,5 +1,6 @@
 """`goshawk log`: what is in a flight log, and what is wrong with it; fetched from the vehicle first if wanted."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -9,8 +10,9 @@ import firmware_bridge
 import sysid
 import vehicle
 from flight import FlightLog, InputError, flight_log
-from goshawk import console
+from goshawk import console, log_outputs, outputs
 from goshawk.flights import IN_FREE_AIR, in_the_air, marked_file
+from goshawk.words import named
 from sysid.flight_data import PAYLOAD_CARRIED
 
 
@@ -22,50 +24,117 @@ from sysid.flight_data import PAYLOAD_CARRIED
     help="Write into FLIGHT whether the payload was on board; a foreign log gets one of ours (.parquet) beside it.",
 )
 @click.option("--download", is_flag=True, help="Fetch the vehicle's own log of its last flight into FLIGHT first.")
+@console.path_option(
+    "--report", "report_file", "Draw every stream and mark what the checks found: one HTML page, offline."
+)
+@console.path_option("--csv", "csv_file", "Write the log as CSV.")
+@console.path_option("--mcap", "mcap_file", "Write the log as an MCAP recording of ROS 2 messages.")
+@console.path_option(
+    "--draft-columns", "draft_file", "Guess the columns of a foreign CSV: a map to check, for --columns."
+)
+@click.option("--fix", "fixes", is_flag=True, help="Apply the fixes that the checks propose; needs --out.")
+@console.path_option("--out", "out", "With --fix: the new log (.parquet); what was done stands in it.")
 @console.path_option("--vehicle", "vehicle_file", "Vehicle file: check rotor order, spin and units against it too.")
 @console.columns_option
 @console.url_option
 @console.key_option
+@outputs.overwrite_option
 @console.json_option
 def command(
     flight: Path,
     payload: str | None,
     download: bool,
+    report_file: Path | None,
+    csv_file: Path | None,
+    mcap_file: Path | None,
+    draft_file: Path | None,
+    fixes: bool,
+    out: Path | None,
     vehicle_file: Path | None,
     columns: Path | None,
     url: str,
     key_file: Path | None,
+    overwrite: bool,
     as_json: bool,
 ) -> None:
     """Show what FLIGHT holds (columns, rates, gaps, ranges) and what looks wrong with it.
 
-    Each finding comes with a fix; the log stays as it is, but for what --payload says. FLIGHT is our own log, PX4's
-    (.ulg), or CSV or a ROS recording with --columns.
+    Each finding comes with a fix; --fix writes a new log with those that are a change of the log. FLIGHT stays as it
+    is, but for what --payload says. It is our own log, PX4's (.ulg), or CSV or a ROS recording with --columns.
 
     \b
     goshawk log demo-out/flights/walk.parquet
-    goshawk log flight.csv --columns map.toml --vehicle vehicle.toml --json
+    goshawk log flight.csv --draft-columns map.toml
+    goshawk log flight.csv --columns map.toml --vehicle vehicle.toml --report flight.html
+    goshawk log flight.csv --columns map.toml --vehicle vehicle.toml --fix --out flight.parquet
     goshawk log last.parquet --download --vehicle-url udp://192.168.4.1:14550
     goshawk log lap.parquet --payload left
     """
+    if fixes != (out is not None):
+        raise click.UsageError("--fix and --out NEW.parquet go together: the new log is written, FLIGHT stays as it is")
+    if draft_file is not None:
+        draft_columns(flight, draft_file, overwrite, as_json)
+        return
+    outputs.check(report_file, csv_file, mcap_file, out, overwrite=overwrite)
     if download:
-        fetch(flight, url, key_file)
+        fetch(flight, url, key_file, overwrite=overwrite)
     if payload is not None:
-        flight = mark(flight, columns, payload == "carried")
+        flight = mark(flight, columns, payload == "carried", overwrite=overwrite)
     log = sysid.read_log(flight, columns)
     believed = vehicle.load(vehicle_file) if vehicle_file is not None else None
-    document = describe(log) | {"check": sysid.check_log(_aloft(log, flight), believed).as_dict()}
+    done: tuple[str, ...] = ()
+    if out is not None:
+        log, done = log_outputs.write_fixed(log, flight, out, believed, overwrite=overwrite)
+    checked = replace(sysid.check_log(_aloft(log, flight), believed), name=str(out or flight))
+    written = log_outputs.write(log, checked, (report_file, csv_file, mcap_file), overwrite=overwrite)
+    document = describe(log) | {"check": checked.as_dict()}
     if as_json:
-        console.show("", {}, as_json=True, document=document)
+        more = {"fixed": list(done), "written": [str(path) for path in (out, *written) if path is not None]}
+        console.show("", {}, as_json=True, document=document | more)
         return
+    _show(str(out or flight), document)
+    for sentence in done:
+        click.echo(f"fixed: {sentence}")
+    if out is not None and not done:
+        click.echo("fixed: nothing, no finding proposes a change of the log")
+    for path in (out, *written):
+        if path is not None:
+            click.echo(f"written: {path}")
+
+
+def _show(title: str, document: dict) -> None:
     facts = {key: value for key, value in document.items() if key not in ("columns", "metadata", "check")}
-    console.show(f"{flight}", facts | document["metadata"], as_json=False)
-    rows = [(name, c["smallest"], c["largest"], c["missing"]) for name, c in document["columns"].items()]
-    console.table("columns", ("name", "smallest", "largest", "rows without"), rows)
-    for finding in document["check"]["findings"]:
+    console.show(title, facts | {k: v for k, v in document["metadata"].items() if k != "fixes"}, as_json=False)
+    rows = [(*named(name), c["smallest"], c["largest"], c["missing"], name) for name, c in document["columns"].items()]
+    console.table("columns", ("quantity", "unit", "smallest", "largest", "rows without", "column"), rows)
+    findings = document["check"]["findings"]
+    for finding in findings:
         click.echo(f"{finding['level']}: {finding['sentence']}; {finding['fix']}")
-    if not document["check"]["findings"]:
+    if not findings:
         click.echo("the checks found nothing wrong")
+    elif any(finding["fixable"] for finding in findings):
+        click.echo("--fix --out NEW.parquet writes a log with these fixes")
+
+
+def draft_columns(flight: Path, out: Path, overwrite: bool, as_json: bool) -> None:
+    """Write a first column map of a foreign CSV."""
+    from sysid import draft_columns as drafting
+
+    outputs.check(out, overwrite=overwrite)
+    drafted = drafting.draft(flight)
+    with outputs.file(out, overwrite=overwrite) as temporary:
+        temporary.write_text(drafted.text, encoding="utf-8")
+    rows = [(g.name, ", ".join(g.columns), "; ".join(g.reasons)) for g in drafted.guesses]
+    if as_json:
+        entries = [{"name": g.name, "columns": g.columns, **g.entries, "reasons": g.reasons} for g in drafted.guesses]
+        console.show(
+            "", {}, as_json=True, document={"written": str(out), "guesses": entries, "unused": list(drafted.unused)}
+        )
+        return
+    console.table(f"guesses about {flight}", ("quantity", "columns", "why"), rows)
+    if drafted.unused:
+        click.echo(f"not used: {', '.join(drafted.unused)}")
+    click.echo(f"written: {out}; check it, then: goshawk log {flight} --columns {out}")
 
 
 def _aloft(log: FlightLog, path: Path) -> FlightLog:
@@ -74,18 +143,23 @@ def _aloft(log: FlightLog, path: Path) -> FlightLog:
     return in_the_air(log, str(path)) if aloft else log
 
 
-def fetch(out: Path, url: str, key_file: Path | None) -> None:
+def fetch(out: Path, url: str, key_file: Path | None, *, overwrite: bool) -> None:
     """Write the vehicle's on-board log to a file."""
+    outputs.check(out, overwrite=overwrite)
     with (
         console.cancel_by_ctrl_c() as cancel,
         firmware_bridge.connect(url, key=key_file) as link,
         console.progress() as report,
     ):
-        flight_log.save(out, link.download_log(progress=report, cancel=cancel))
+        log = link.download_log(progress=report, cancel=cancel)
+    with outputs.file(out, overwrite=overwrite) as temporary:
+        flight_log.save(temporary, log)
 
 
-def mark(path: Path, columns: Path | None, carried: bool) -> Path:
+def mark(path: Path, columns: Path | None, carried: bool, *, overwrite: bool) -> Path:
     """Write into a log whether the payload was on board; of a foreign log, into one of ours beside it.
+
+    A log of ours is kept beside as it was.
 
     Returns:
         The file that was marked.
@@ -95,9 +169,12 @@ def mark(path: Path, columns: Path | None, carried: bool) -> Path:
     """
     own = marked_file(path)
     log = flight_log.load(path) if own == path else sysid.read_log(path, columns)
-    if own != path and own.exists():
-        raise InputError(f"{own} exists; mark that one, or move it away if it is not {path.name} in our own format")
-    flight_log.save(own, FlightLog(log.columns, {**log.metadata, PAYLOAD_CARRIED: carried}))
+    if own != path and own.exists() and not overwrite:
+        raise InputError(f"{own} exists; mark that one, or give --overwrite if it is not {path.name} in our own format")
+    if own == path and log.metadata.get(PAYLOAD_CARRIED) is carried:
+        return own
+    with outputs.file(own, overwrite=own == path or overwrite) as temporary:
+        flight_log.save(temporary, FlightLog(log.columns, {**log.metadata, PAYLOAD_CARRIED: carried}))
     instead = "" if own == path else f"; give it instead of {path} from now on"
     click.echo(f"written: {own}{instead}", err=True)
     return own

@@ -7,10 +7,13 @@ from typing import Any
 import click
 
 import mapping
-from flight import InputError
-from goshawk import console
+from flight import InputError, results
+from goshawk import console, outputs
 from goshawk.commands.map_edit import edit
 from goshawk.commands.map_show_esdf import show_esdf
+
+VOXEL_M, FARTHEST_M = (0.005, 10.0), (0.1, 1000.0)
+"""What the options may be: finer voxels take more memory than any machine of ours has."""
 
 
 class MapVerbs(click.Group):
@@ -34,6 +37,7 @@ class MapVerbs(click.Group):
 )
 @click.option("--voxel", "voxel_m", default=0.05, show_default=True, help="Edge of a voxel, metres.")
 @click.option("--farthest", "farthest_m", default=8.0, show_default=True, help="Leave out depths beyond this, metres.")
+@outputs.overwrite_option
 @console.json_option
 def build(
     images: Path,
@@ -43,6 +47,7 @@ def build(
     length: str | None,
     voxel_m: float,
     farthest_m: float,
+    overwrite: bool,
     as_json: bool,
 ) -> None:
     """Make a map from IMAGES: poses, mesh, distance field, localization map.
@@ -55,10 +60,12 @@ def build(
 
     IMAGES holds one folder per camera of the rig (or the images themselves, for one camera); the same file name
     means the same instant. Metres come from --length, the distance between the cameras of a rig, or recorded
-    positions. An earlier map in --out is replaced only when the new one is complete; edits made in it move over.
+    positions. An earlier map in --out is replaced only with --overwrite and when the new one is complete: edits made in
+    it are copied over, and it stays beside as OUT.old-1.
     """
-    if not (voxel_m > 0.0 and farthest_m > 0.0):
-        raise InputError(f"--voxel {voxel_m:g} and --farthest {farthest_m:g} must be positive")
+    for option, value, (low, high) in (("--voxel", voxel_m, VOXEL_M), ("--farthest", farthest_m, FARTHEST_M)):
+        if not low <= value <= high:
+            raise InputError(f"{option} {value:g} is not from {low:g} to {high:g} m")
     base = mapping.MapOptions()
     options = replace(
         base,
@@ -66,8 +73,12 @@ def build(
         length=_length(length) if length is not None else None,
         references=references,
     )
+    earlier = results.newest_kept(out)
     with console.progress() as progress:
-        report = mapping.build_map(images, mapping.rig.load(camera), out, options, progress=progress)
+        rig = mapping.rig.load(camera)
+        report = mapping.build_map(images, rig, out, options, overwrite=overwrite, progress=progress)
+    if (kept := results.newest_kept(out)) != earlier:
+        outputs.tell_kept(out, kept)
     facts = {
         "images registered": f"{report.images_placed} of {report.images}",
         "reprojection error": f"{report.reprojection_error_px:.2f} px",

@@ -12,8 +12,8 @@ import numpy as np
 import esdf
 from esdf import Edit, Editor, Field, pictures, solids
 from esdf.storage import EDITS
-from flight import InputError
-from goshawk import console
+from flight import InputError, results
+from goshawk import console, outputs
 from goshawk.commands.map_show_esdf import field_folder
 
 DIMENSIONS = {
@@ -56,16 +56,18 @@ def _shape_options(command: Callable[..., None]) -> Callable[..., None]:
 
 def _finish(command: Callable[..., None]) -> Callable[..., None]:
     preview = console.path_option("--preview", "preview", "Draw before and after to this PNG, and change nothing.")
-    return preview(console.json_option(click.pass_obj(command)))
+    return preview(outputs.overwrite_option(console.json_option(click.pass_obj(command))))
 
 
 def _changing(action: Any, words: str) -> None:
     """A sub-verb that puts an edit of this action on the list."""
 
-    def command(map_folder: Path, name: str, preview: Path | None, as_json: bool, **shapes: str | None) -> None:
+    def command(
+        map_folder: Path, name: str, preview: Path | None, overwrite: bool, as_json: bool, **shapes: str | None
+    ) -> None:
         folder, new = field_folder(map_folder), Edit(action, solid_from(shapes), name)
         editor = esdf.open_editor(folder)
-        _change(folder, editor, lambda: editor.apply(new), preview, as_json)
+        _change(folder, editor, lambda: editor.apply(new), preview, overwrite, as_json)
 
     named = click.argument("name") if action == "no-fly" else click.option("--name", default="", help="For `drop`.")
     example = "no-fly NAME" if action == "no-fly" else action
@@ -81,7 +83,7 @@ _changing("no-fly", "A zone that counts as an obstacle and that no other edit op
 
 @edit.command()
 @_finish
-def undo(map_folder: Path, preview: Path | None, as_json: bool) -> None:
+def undo(map_folder: Path, preview: Path | None, overwrite: bool, as_json: bool) -> None:
     """Take the last edit off the list.
 
     \b
@@ -92,13 +94,13 @@ def undo(map_folder: Path, preview: Path | None, as_json: bool) -> None:
     editor = esdf.open_editor(folder)
     if not editor.edits:
         raise InputError(f"{folder} has no edits; there is nothing to undo")
-    _change(folder, editor, lambda: editor.replace(editor.edits[:-1]), preview, as_json)
+    _change(folder, editor, lambda: editor.replace(editor.edits[:-1]), preview, overwrite, as_json)
 
 
 @edit.command()
 @click.argument("name")
 @_finish
-def drop(map_folder: Path, name: str, preview: Path | None, as_json: bool) -> None:
+def drop(map_folder: Path, name: str, preview: Path | None, overwrite: bool, as_json: bool) -> None:
     """Take every edit of that NAME off the list.
 
     \b
@@ -107,7 +109,7 @@ def drop(map_folder: Path, name: str, preview: Path | None, as_json: bool) -> No
     """
     folder = field_folder(map_folder)
     editor = esdf.open_editor(folder)
-    _change(folder, editor, lambda: editor.drop(name), preview, as_json)
+    _change(folder, editor, lambda: editor.drop(name), preview, overwrite, as_json)
 
 
 @edit.command("list")
@@ -176,8 +178,11 @@ def _about_vertical(degrees: float) -> tuple[float, float, float, float]:
     return (math.cos(half), 0.0, 0.0, math.sin(half))
 
 
-def _change(folder: Path, editor: Editor, work: Callable[[], object], preview: Path | None, as_json: bool) -> None:
+def _change(
+    folder: Path, editor: Editor, work: Callable[[], object], preview: Path | None, overwrite: bool, as_json: bool
+) -> None:
     """Do the work on the editor; save its list, or draw what that would do; say what changed."""
+    outputs.check(preview, overwrite=overwrite)
     before, old = editor.snapshot(), editor.edits
     work()
     after = editor.field
@@ -192,12 +197,15 @@ def _change(folder: Path, editor: Editor, work: Callable[[], object], preview: P
         "hash": after.hash,
     }
     if preview is None:
+        if len(editor.edits) < len(old):  # what is taken off the list is nowhere else
+            outputs.tell_kept(folder / EDITS, results.keep(folder / EDITS))
         esdf.save_edits(folder / EDITS, editor.edits)
         document["written"] = str(folder / EDITS)
     else:
         z_m = _height(set(old) ^ set(editor.edits), after)
         slices = [(when, pictures.axis_slice(f, "z", z_m)) for when, f in (("before", before), ("after", after))]
-        pictures.write_slices(preview, {f"{when}, z = {z_m:.2f} m": picture for when, picture in slices})
+        with outputs.file(preview, overwrite=overwrite) as temporary:
+            pictures.write_slices(temporary, {f"{when}, z = {z_m:.2f} m": picture for when, picture in slices})
         document["preview"] = str(preview)
     facts = {
         "no longer free": f"{document['closed_m3']:.3f} m3",

@@ -9,7 +9,7 @@ import numpy as np
 import esdf
 from esdf import FREE, OCCUPIED, UNKNOWN, Field, pictures
 from flight import InputError
-from goshawk import console
+from goshawk import console, outputs
 
 CLEARANCES_M = (0.3, 0.5, 1.0)
 
@@ -26,6 +26,7 @@ CLEARANCES_M = (0.3, 0.5, 1.0)
     "--iso", "levels_m", multiple=True, type=float, metavar="METRES",
     help="The surface at this distance from everything, as a mesh (PLY); 0 is the obstacles' own.",
 )  # fmt: skip
+@outputs.overwrite_option
 @console.json_option
 def show_esdf(
     map_folder: Path,
@@ -33,6 +34,7 @@ def show_esdf(
     slices: tuple[str, ...],
     planes: tuple[tuple[str, str, str], ...],
     levels_m: tuple[float, ...],
+    overwrite: bool,
     as_json: bool,
 ) -> None:
     """Show the distance field of MAP: how much is free, how roomy it is, slices, surfaces, a histogram.
@@ -48,21 +50,37 @@ def show_esdf(
     """
     if out is None and (slices or planes or levels_m):
         raise InputError("--slice, --plane and --iso make pictures: say where with --out")
+    outputs.check(overwrite=overwrite, folders=[out])
     field = esdf.load(field_folder(map_folder))
     document = figures(field)
     if out is not None:
-        named = bool(slices or planes or levels_m)
-        at = document["roomiest_point_m"] or (0.5 * (field.grid.low_world_m + field.grid.high_world_m)).tolist()
-        chosen = slices if named else tuple(f"{axis}={value:.3f}" for axis, value in zip("xyz", at, strict=True))
-        document["written"] = [
-            *_slices(field, out, chosen),
-            *[_plane(field, out, number, points) for number, points in enumerate(planes, start=1)],
-            *[_surface(field, out, level_m) for level_m in (levels_m if named else (0.0,))],
-        ]
-        if not named and document["free_m3"] + document["occupied_m3"] > 0.0:
-            pictures.write_histogram(out / "histogram.png", field)
-            document["written"].append(str(out / "histogram.png"))
+        with outputs.pictures(out, overwrite=overwrite) as drawn:
+            files = _drawn(field, drawn.temporary, document, slices, planes, levels_m)
+            document["written"] = [str(drawn.placed(Path(file))) for file in files]
     console.show(f"distance field of {map_folder}", _facts(document), as_json=as_json, document=document)
+
+
+def _drawn(
+    field: Field,
+    out: Path,
+    document: dict[str, Any],
+    slices: tuple[str, ...],
+    planes: tuple[tuple[str, str, str], ...],
+    levels_m: tuple[float, ...],
+) -> list[str]:
+    """Draw what was asked for, or the usual pictures; returns the files."""
+    named = bool(slices or planes or levels_m)
+    at = document["roomiest_point_m"] or (0.5 * (field.grid.low_world_m + field.grid.high_world_m)).tolist()
+    chosen = slices if named else tuple(f"{axis}={value:.3f}" for axis, value in zip("xyz", at, strict=True))
+    written = [
+        *_slices(field, out, chosen),
+        *[_plane(field, out, number, points) for number, points in enumerate(planes, start=1)],
+        *[_surface(field, out, level_m) for level_m in (levels_m if named else (0.0,))],
+    ]
+    if not named and document["free_m3"] + document["occupied_m3"] > 0.0:
+        pictures.write_histogram(out / "histogram.png", field)
+        written.append(str(out / "histogram.png"))
+    return written
 
 
 def field_folder(map_folder: Path) -> Path:

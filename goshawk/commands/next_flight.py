@@ -9,7 +9,7 @@ import numpy as np
 import sysid
 import vehicle
 from flight import FlightLog, InfeasibleError, InputError, project
-from goshawk import console
+from goshawk import console, outputs
 from goshawk.flights import load
 from sysid.diagnosis import diagnose, next_flight
 from sysid.diagnosis.examined import examine
@@ -30,6 +30,7 @@ SCHEMA_VERSION = 1
 @click.option("--manoeuvre", "library", multiple=True, metavar="NAME", help="Only this one. Repeatable.")
 @console.path_option("--out", "out", "Waypoints of the best flight to write, for goshawk plan.")
 @console.columns_option
+@outputs.overwrite_option
 @console.json_option
 def command(
     flights: tuple[Path, ...],
@@ -40,6 +41,7 @@ def command(
     library: tuple[str, ...],
     out: Path | None,
     columns: Path | None,
+    overwrite: bool,
     as_json: bool,
 ) -> None:
     """Rank manoeuvres by what they would tell about suspects that FLIGHTS leave in doubt, per second flown.
@@ -54,6 +56,7 @@ def command(
     and the suspects are what the diagnosis leaves open. Every manoeuvre is shrunk to the space, flown in simulation
     with the fitted vehicle, and its evidence added to that of FLIGHTS.
     """
+    outputs.check(out, overwrite=overwrite)
     size, low = _three("--space", space), _three("--corner", corner) if corner else None
     Room.of(size, low)
     for name in library:
@@ -73,7 +76,7 @@ def command(
     if not len(ranking):
         reasons = "; ".join(f"{name}: {why}" for name, why in ranking.skipped)
         raise InfeasibleError(f"no manoeuvre can be flown in {space} m: {reasons}")
-    chosen = _write(ranking, out) if out is not None else ranking[0]
+    chosen = _write(ranking, out, overwrite=overwrite) if out is not None else ranking[0]
     then = f"goshawk plan {out} --map MAP --vehicle {vehicle_file} --out next.json" if out is not None else None
     _show(ranking, chosen, then, out, as_json)
 
@@ -87,14 +90,15 @@ def _examined(logs: list[FlightLog], believed: vehicle.Vehicle, progress: Any) -
     return examine(sysid.identify(logs, believed, while_searching(sysid.Options()), progress=progress))
 
 
-def _write(ranking: Ranking, out: Path) -> Proposal:
+def _write(ranking: Ranking, out: Path, *, overwrite: bool) -> Proposal:
     """Write the waypoints of the best proposal that has any."""
     for proposal in ranking:
         try:
             waypoints = proposal.waypoints()
         except InputError:
             continue
-        project.save_waypoints(out, waypoints)
+        with outputs.file(out, overwrite=overwrite) as temporary:
+            project.save_waypoints(temporary, waypoints)
         return proposal
     raise InputError("every manoeuvre that fits stays in one place; there are no waypoints to write")
 

@@ -13,9 +13,10 @@ import vehicle
 from firmware_bridge import controller
 from flight import InputError
 from goshawk import console
+from goshawk.verbs import VerbGroup
 
 
-@click.group()
+@click.group(cls=VerbGroup)
 def command() -> None:
     """List, read and set the parameters of the vehicle's controller.
 

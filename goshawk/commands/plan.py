@@ -11,7 +11,7 @@ import mapping
 import planner
 import vehicle
 from flight import FloatArray, InputError, Trajectory, project
-from goshawk import console
+from goshawk import console, outputs, waypoints_file
 from planner import simplify
 
 
@@ -34,6 +34,7 @@ from planner import simplify
     show_default=True,
     help="Least time, or least snap within a corridor of proven boxes (by OSQP; slower to fly).",
 )
+@outputs.overwrite_option
 @console.json_option
 def command(
     waypoints: Path | None,
@@ -46,19 +47,23 @@ def command(
     speed_m_s: float | None,
     acceleration_m_s2: float | None,
     method: Literal["fastest", "corridor"],
+    overwrite: bool,
     as_json: bool,
 ) -> None:
     """Plan a trajectory through WAYPOINTS and check it over its whole length.
 
     \b
+    goshawk plan waypoints.csv --map map --vehicle vehicle.toml --out lap.json
     goshawk plan waypoints.json --map map --vehicle vehicle.toml --out lap.json
     goshawk plan --path map/poses.csv --map map --vehicle vehicle.toml --out walk.json
 
+    WAYPOINTS is a project's waypoints.json, or CSV with columns x_m, y_m, z_m and, where wanted, yaw_deg (empty: free).
     The file is written only if the final gate passes. Exit code 1: there is no such trajectory; the message says
     where, why, and what to change.
     """
     if (waypoints is None) == (path is None):
         raise click.UsageError("give either WAYPOINTS or --path")
+    outputs.check(out, overwrite=overwrite)
     area = mapping.open_map(map_folder)
     options = replace(options_from(vehicle_file, margin_m, speed_m_s, acceleration_m_s2), method=method)
     left_out = 0
@@ -66,10 +71,11 @@ def command(
         asked, left_out = waypoints_along(read_path(path), tolerance_m, area, options)
     else:
         assert waypoints is not None
-        asked = project.load_waypoints(waypoints)
+        asked = waypoints_file.load(waypoints)
     with console.progress() as report:
         plan = planner.plan(asked, area.field, vehicle.load(vehicle_file), options, progress=report)
-    planner.save_plan(out, plan, name=out.stem)
+    with outputs.file(out, overwrite=overwrite) as temporary:
+        planner.save_plan(temporary, plan, name=out.stem)
     facts = {
         "written": str(out),
         "waypoints": len(asked.positions_world_m),

@@ -9,14 +9,18 @@ import click
 
 import vehicle
 from flight import FormatError, InputError
-from goshawk import console, model_change
+from goshawk import console, model_change, outputs
 from goshawk.commands.params import parse
+from goshawk.commands.vehicle_new import new, schema
 from goshawk.flights import load
 from goshawk.model_change import Change, Flights
+from goshawk.verbs import VerbGroup
+from sysid.verdict import Use, Verdict
 from vehicle import Vehicle, history
 
 vehicle_argument = click.argument("vehicle_file", metavar="VEHICLE", type=click.Path(path_type=Path))
 preview_option = click.option("--preview", is_flag=True, help="Say what would change, and write nothing.")
+anyway_option = click.option("--anyway", is_flag=True, help="Write it even if the refit is not to be used.")
 yes_option = click.option("--yes", is_flag=True, help="Do not ask.")
 flights_option = click.option(
     "--flights", multiple=True, type=click.Path(path_type=Path), help="Refit to this flight. Repeatable."
@@ -28,16 +32,24 @@ held_out_option = click.option(
 
 def flights_options(verb: Any) -> Any:
     """What add-effect and remove-effect share."""
-    for option in (console.json_option, preview_option, console.columns_option, held_out_option, flights_option):
+    for option in (
+        console.json_option,
+        anyway_option,
+        preview_option,
+        console.columns_option,
+        held_out_option,
+        flights_option,
+    ):
         verb = option(verb)
     return verb
 
 
-@click.group()
+@click.group(cls=VerbGroup)
 def command() -> None:
-    """Look at a vehicle model, change it one effect at a time, and take changes back.
+    """Make a vehicle model, look at it, change it one effect at a time, and take changes back.
 
     \b
+    goshawk vehicle new vehicle.toml --mass 0.72 --arm 0.125 --prop-diameter 0.127
     goshawk vehicle show vehicle.toml
     goshawk vehicle add-effect vehicle.toml rotor_drag_thrust --flights a.parquet --held-out b.parquet
     goshawk vehicle history vehicle.toml --held-out b.parquet --figure staircase.svg
@@ -45,6 +57,10 @@ def command() -> None:
 
     Every version is kept beside the file, in `vehicle.history`.
     """
+
+
+command.add_command(new)
+command.add_command(schema)
 
 
 @command.command()
@@ -91,8 +107,9 @@ def add_effect(
     held_out: tuple[Path, ...],
     columns: Path | None,
     preview: bool,
+    anyway: bool,
     as_json: bool,
-) -> None:
+) -> int:
     """Add EFFECT, a name of the catalogue or a Python file of your own, to the model.
 
     \b
@@ -112,7 +129,8 @@ def add_effect(
         changed = present.with_effect(name, source="set by hand" if given else "assumed", **given)
     if name in present.effects:
         raise InputError(f"{vehicle_file} has {name} already; remove it first, or refit with goshawk identify")
-    _change(vehicle_file, present, changed, ("add-effect", name), (flights, held_out, columns), preview, as_json)
+    logs, writing = (flights, held_out, columns), (preview, anyway)
+    return _change(vehicle_file, present, changed, ("add-effect", name), logs, writing, as_json)
 
 
 @command.command("remove-effect")
@@ -127,9 +145,10 @@ def remove_effect(
     held_out: tuple[Path, ...],
     columns: Path | None,
     preview: bool,
+    anyway: bool,
     yes: bool,
     as_json: bool,
-) -> None:
+) -> int:
     """Remove EFFECT and its numbers from the model; asks first.
 
     \b
@@ -144,18 +163,26 @@ def remove_effect(
         lost = {n: p for n, p in present.parameters.items() if n.startswith(effect + ".")}
         said = ", ".join(f"{n} = {p.value:.4g} {p.unit} ({p.source})" for n, p in lost.items())
         _ask(f"remove {effect} from {vehicle_file}, and with it {said}?", yes, as_json)
-    _change(vehicle_file, present, changed, ("remove-effect", effect), (flights, held_out, columns), preview, as_json)
+    logs, writing = (flights, held_out, columns), (preview, anyway)
+    return _change(vehicle_file, present, changed, ("remove-effect", effect), logs, writing, as_json)
 
 
 @command.command("scaffold-effect")
 @vehicle_argument
 @console.path_option("--diagnosis", "diagnosis", "JSON of `goshawk diagnose --json`.", required=True)
 @click.option("--name", required=True, help="What to call the effect: small letters, digits, _.")
-@console.path_option("--out", "out", "Python file to write; it must not be there yet.", required=True)
+@console.path_option("--out", "out", "Python file to write.", required=True)
 @click.option("--form", type=click.Choice(["spline", "polynomial"]), default="spline", show_default=True)
+@outputs.overwrite_option
 @console.json_option
 def scaffold_effect(
-    vehicle_file: Path, diagnosis: Path, name: str, out: Path, form: Literal["spline", "polynomial"], as_json: bool
+    vehicle_file: Path,
+    diagnosis: Path,
+    name: str,
+    out: Path,
+    form: Literal["spline", "polynomial"],
+    overwrite: bool,
+    as_json: bool,
 ) -> None:
     """Turn the curve of a diagnosis that found no name into an effect of your own, to try and to improve.
 
@@ -171,10 +198,12 @@ def scaffold_effect(
     present, facts = vehicle.load(vehicle_file), _outside(diagnosis)
     if name in present.effects:
         raise InputError(f"{vehicle_file} has an effect {name} already; choose another name")
-    written = curve.scaffold(facts, out, name=name, form=form)
+    outputs.check(out, overwrite=overwrite)
+    with outputs.file(out, overwrite=overwrite) as temporary:
+        curve.scaffold(facts, temporary, name=name, form=form)
     told = {"effect": name, "channel": facts["channel"], "variable": facts["variable"], "form": form}
     then = f"goshawk vehicle add-effect {vehicle_file} {out} --flights FLIGHT --held-out FLIGHT"
-    document = told | {"written": str(written), "then": then}
+    document = told | {"written": str(out.resolve()), "then": then}
     console.show(f"{name}: {facts['channel']} against {facts['variable']}", document, as_json=as_json)
 
 
@@ -184,7 +213,7 @@ def _outside(diagnosis: Path) -> dict[str, Any]:
         document = json.loads(diagnosis.read_text())
     except FileNotFoundError:
         raise InputError(f"{diagnosis} does not exist; write it with goshawk diagnose --json") from None
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise FormatError(f"{diagnosis} is not JSON: {error}") from error
     if not isinstance(document, dict) or document.get("schema") != "goshawk-diagnosis":
         raise FormatError(f"{diagnosis} is not a diagnosis as goshawk diagnose --json writes it")
@@ -229,9 +258,15 @@ def undo(vehicle_file: Path, number: int | None, preview: bool, yes: bool, as_js
 @held_out_option
 @console.columns_option
 @console.path_option("--figure", "figure", "Draw the error staircase over the versions: .svg or .png.")
+@outputs.overwrite_option
 @console.json_option
 def show_history(
-    vehicle_file: Path, held_out: tuple[Path, ...], columns: Path | None, figure: Path | None, as_json: bool
+    vehicle_file: Path,
+    held_out: tuple[Path, ...],
+    columns: Path | None,
+    figure: Path | None,
+    overwrite: bool,
+    as_json: bool,
 ) -> None:
     """Every version of the model, how it came about, and what it was worth on held-out flights.
 
@@ -243,6 +278,7 @@ def show_history(
     """
     if figure is not None and not held_out:
         raise click.UsageError("--figure needs --held-out: versions are compared on the same flights")
+    outputs.check(figure, overwrite=overwrite)
     told = history.read(vehicle_file)
     line = told.line()
     errors: dict[int, dict[str, float]] = {}
@@ -254,7 +290,8 @@ def show_history(
         errors = {int(number): found for number, found in judged.items()}
     if figure is not None:
         names = [path.name for path in held_out]
-        model_change.staircase(line, [errors[step.number] for step in line], names, figure)
+        with outputs.file(figure, overwrite=overwrite) as temporary:
+            model_change.staircase(line, [errors[step.number] for step in line], names, temporary)
     _show_history(told, errors, figure, as_json)
 
 
@@ -294,20 +331,32 @@ def _change(
     changed: Vehicle,
     what: tuple[str, str],
     logs: tuple[tuple[Path, ...], tuple[Path, ...], Path | None],
-    preview: bool,
+    writing: tuple[bool, bool],
     as_json: bool,
-) -> None:
-    """Refit and judge as far as flights were given; write; say."""
+) -> int:
+    """Refit and judge as far as flights were given; write; say.
+
+    Args:
+        writing: whether nothing is to be written, and whether even a refit that is not to be used.
+
+    Returns:
+        The exit code: 1 if the refit is not to be used.
+    """
+    preview, anyway = writing
     training, held_out, columns = logs
     with console.progress() as report:
         flights = Flights({p: load(p, columns) for p in training}, {p: load(p, columns) for p in held_out})
-        change = Change(changed, {}, None, ())
+        change = Change(changed, {}, None, (), Verdict())
         if training:
             change = model_change.refitted(present, changed, flights, progress=report)
         elif held_out:
             change = model_change.judged(present, changed, flights, progress=report)
-    step = None if preview else history.record(file, change.vehicle, what[0], effect=what[1], held_out=change.held_out)
+    usable = change.fit.use is not Use.REJECTED
+    step = None
+    if not preview and (usable or anyway):
+        step = history.record(file, change.vehicle, what[0], effect=what[1], held_out=change.held_out)
     _show_change(file, present, change, what, step, as_json)
+    return 0 if usable else 1
 
 
 def _show_change(
@@ -319,9 +368,11 @@ def _show_change(
     cancelled, how = model_change.compensations(change.vehicle).get(what[1], (None, ""))
     if as_json:
         document = facts | {"errors": change.errors, "changes": model_change.differences(present, change.vehicle)}
-        document |= {"findings": change.findings, "compensated": cancelled, "how": how}
+        document |= {"fit": change.fit.as_dict(), "findings": change.findings, "compensated": cancelled, "how": how}
         console.show("", {}, as_json=True, document=document)
         return
+    if change.fit.use is not Use.USABLE:
+        click.echo(f"the refit: {change.fit.sentence}")
     for line in model_change.differences(present, change.vehicle):
         click.echo(line)
     if change.errors:
@@ -333,7 +384,7 @@ def _show_change(
     click.echo(f"{what[1]} {words}" if change.held_out else words)
     if cancelled is not None:
         click.echo(f"{'compensated' if cancelled else 'NOT compensated'} by the controller: {how}")
-    click.echo(f"written: {file}, version {step.number}" if step else "nothing was written (--preview)")
+    click.echo(f"written: {file}, version {step.number}" if step else "nothing was written")
 
 
 def _done(step: history.Step) -> str:

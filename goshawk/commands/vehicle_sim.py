@@ -1,4 +1,4 @@
-"""`goshawk vehicle-sim`: the virtual vehicle, until Ctrl-C."""
+"""`goshawk vehicle-sim`: the SITL vehicle, until Ctrl-C."""
 
 import math
 from pathlib import Path
@@ -7,7 +7,7 @@ import click
 import numpy as np
 
 import vehicle
-from firmware_bridge import Impairment, Sensors, VirtualVehicle, controller, keys
+from firmware_bridge import Impairment, Sensors, SitlVehicle, controller, keys
 from flight import FloatArray, InputError, trajectory
 from goshawk import console
 
@@ -38,6 +38,12 @@ from goshawk import console
     help="Standard deviation of gusts, m/s.",
 )
 @click.option("--seed", default=0, show_default=True, help="Seed of all noise.")
+@click.option(
+    "--state",
+    "state_file",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Permanent memory of the link: boot count and signature stamp. Without it, a random boot number.",
+)
 def command(
     vehicle_file: Path,
     believed_file: Path | None,
@@ -53,8 +59,9 @@ def command(
     wind: str,
     gust_std_m_s: float,
     seed: int,
+    state_file: Path | None,
 ) -> None:
-    """Run a virtual vehicle: the embedded controller and link (the same C files) on a simulated body, over UDP.
+    """Run a SITL vehicle: the embedded controller and link (the same C files) on a simulated body, over UDP.
 
     \b
     goshawk vehicle-sim --vehicle vehicle.toml --start-of walk.json
@@ -63,6 +70,9 @@ def command(
     --vehicle is the truth that flies; --believed is what its controller was configured with. A link key is made on
     first use. The first line printed is the address.
     """
+    if not (math.isfinite(speed) and speed >= 0.0):
+        raise InputError(f"--speed {speed:g} is not a number of at least 0")
+    line = Impairment(loss_ratio=loss_ratio, delay_s=delay_s)
     truth = vehicle.load(vehicle_file)
     setup = controller.parameters_of(vehicle.load(believed_file) if believed_file is not None else truth)
     place = _vector("--at", at) if trajectory_file is None else _below(trajectory_file, ground_m)
@@ -73,15 +83,16 @@ def command(
         wind=vehicle.simulate.Wind(tuple(_vector("--wind", wind)), gust_std_m_s),
         ground_m=float(place[2]),
     )
-    served = VirtualVehicle(
+    served = SitlVehicle(
         plant,
         setup.parameters,
         key=keys.load_or_create(key_file),
         port=port,
         speed=speed,
         sensors=Sensors() if perfect_sensors else Sensors.typical(),
-        line=Impairment(loss_ratio=loss_ratio, delay_s=delay_s),
+        line=line,
         seed=seed,
+        state_file=state_file,
     )
     click.echo(served.url)
     click.echo(f"{truth.name} stands at {place.round(2).tolist()}; stop with Ctrl-C", err=True)

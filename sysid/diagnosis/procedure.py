@@ -20,6 +20,7 @@ from sysid.flight_data import carries_payload, prepare
 from sysid.identification import identify
 from sysid.model import PAYLOAD
 from sysid.options import Options
+from sysid.verdict import Verdict
 from vehicle import Vehicle, effects, rigid_body
 
 NODE_RATE_HZ = 100.0
@@ -92,6 +93,8 @@ class Diagnosis:
         ]
         if not parts and doubts:
             parts.append(f"something may be missing, and these flights cannot tell what: {', '.join(doubts)}")
+        if self.search.too_short and (self.additions or self.undecided or self.outside is not None):
+            parts.append("the held-out flights are too short to confirm it")
         if self.leaves_too_much:
             parts.append("so much stays unexplained that these flights cannot tell what is missing: read the findings")
         return "; ".join(parts) if parts else "nothing that these flights could show is missing"
@@ -107,6 +110,11 @@ class Diagnosis:
         return self.search.models[-1].fit.leaves_too_much
 
     @property
+    def fit_verdict(self) -> Verdict:
+        """Whether to use the numbers of the last model."""
+        return self.search.models[-1].fit.verdict
+
+    @property
     def confidence(self) -> float:
         """Probability that all additions are the right names, that one of those undecided is missing when there is no
         addition, or that nothing is missing when there are neither."""
@@ -116,7 +124,7 @@ class Diagnosis:
         if self.undecided:
             return min(most, sum(s.confidence for s in self.suspects if s.name in self.undecided))
         if self.outside is not None:
-            return min(most, self.outside.confidence)
+            return min(EVEN if self.search.too_short else most, self.outside.confidence)
         return min(most, 1.0 - max((s.confidence for s in self.suspects), default=0.0))
 
     def as_dict(self) -> dict[str, Any]:
@@ -126,6 +134,7 @@ class Diagnosis:
             "version": SCHEMA_VERSION,
             "verdict": self.verdict,
             "confidence": self.confidence,
+            "fit": self.fit_verdict.as_dict(),
             "flights": list(self.flights),
             "held_out": list(self.held_out),
             "base": {"vehicle": self.base.name, "effects": list(self.base.effects)},
@@ -200,7 +209,7 @@ def diagnose(
         invisible=found.models[0].line_up.invisible,
         flights=tuple(names[: len(logs)]),
         held_out=tuple(names[len(logs) :]),
-        findings=last.findings,
+        findings=((found.too_short,) if found.too_short else ()) + last.findings,
         search=found,
         payload_carried=_newly_told((*logs, *held_out), carried),
         judged=judged,
@@ -381,7 +390,8 @@ def _attempt(trial: Trial) -> Attempt:
 
 def _sentence(trial: Trial) -> str:
     judged = trial.held_out
-    numbers = f"the cost of {trial.judged_on} fell by {judged.total:.1f} ± {judged.sigma:.1f}"
+    scatter = f"± {judged.sigma:.1f}" if np.isfinite(judged.sigma) else "(one stretch, so nobody knows how surely)"
+    numbers = f"the cost of {trial.judged_on} fell by {judged.total:.1f} {scatter}"
     if trial.outcome == "added":
         return f"helped: {numbers}"
     if trial.outcome == "not confirmed":

@@ -9,6 +9,7 @@ import numpy as np
 from flight import FlightLog, InputError, Progress, silent
 from sysid.diagnosis import suspects
 from sysid.diagnosis.confirm import Fall, Judge
+from sysid.diagnosis.evidence import BLOCK_S, block_edges
 from sysid.diagnosis.examined import (
     ALIKE,
     CLEAR_ODDS,
@@ -50,6 +51,11 @@ CERTAIN_ODDS = 40.0
 """Log odds of training stretches from which on held-out flights that say neither yes nor no are not asked either."""
 CONTRADICTING_SIGMAS = 1.64
 """... unless they speak against the effect by so many standard deviations."""
+LEAST_BLOCKS = 3
+"""Fewer blocks than this have no scatter to judge a difference by."""
+UNJUDGED_CONFIDENCE = 0.5
+"""Nothing is named with more when flights were held out and are too short to judge by."""
+NOT_JUDGED = {False: "no flight was held out", True: "the held-out flights are too short"}
 UNSEEN = "held-out flights"
 """What judged, where these could."""
 
@@ -72,7 +78,7 @@ def refit(logs: Sequence[FlightLog], model: Model, suspect: Suspect, options: Op
         for free in (e for e in model.fit.parameters if e.status == "free"):
             given = given.with_value(free.name, free.start)
         start = suspects.added(given, suspect, [0.0] * len(suspect.parameters))
-        return identify(logs, start, _holding_others(options, start, suspect))
+        return identify(logs, start, _holding_others(options, start, suspect), given=model.fit.given)
 
 
 def _holding_others(options: Options, vehicle: Vehicle, suspect: Suspect) -> Options:
@@ -192,6 +198,8 @@ class Search:
     """Where `outside` was looked for: the last model, with the likelier one in it where two could not be told apart."""
     unseen: tuple[Flight, ...]
     """Held-out flights, with what they were found to carry."""
+    too_short: str
+    """In words, that the held-out flights are too short to judge by; empty if they are not, or none were given."""
 
 
 def search(
@@ -205,14 +213,17 @@ def search(
 ) -> Search:
     """Forward with a backward look after each addition, at most `most` additions."""
     models, trials, added = [examine(base)], [], []
-    unseen = Judge(held_out, base.noise) if held_out else None
+    too_short = short(held_out)
+    unseen = Judge(held_out, base.noise) if held_out and not too_short else None
     refused: set[str] = set()
     dropped_before: set[str] = set()
     undecided: tuple[Trial, Model] | None = None
     while len(added) < most:
-        trial, model = _next(logs, models[-1], unseen, options, refused)
+        trial, model = _next(logs, models[-1], unseen or NOT_JUDGED[bool(too_short)], options, refused)
         if trial is None or model is None:
             break
+        if too_short:
+            trial = replace(trial, confidence=min(trial.confidence, UNJUDGED_CONFIDENCE))
         trials.append(trial)
         progress("diagnose", 1.0 - 0.7 ** len(trials))
         if trial.outcome != "added":
@@ -229,17 +240,34 @@ def search(
             refused.add(dropped.name)
             models.append(_without(logs, models[-1], dropped, options))
     trial, at = undecided or (None, models[-1])
-    told = unseen.flights if unseen else ()
+    told = unseen.flights if unseen else tuple(held_out)
     outside = stated_curve(at) if len(added) < most else None
     refuted = {*dropped_before, *(t.suspect.name for t in trials if t.refuted)}
     doubted = () if outside is None else tuple(s.name for s in as_good_as(outside, at) if s.name not in refuted)
-    return Search(tuple(models), tuple(trials), tuple(added), None if doubted else outside, doubted, trial, at, told)
+    stated = None if doubted else outside
+    return Search(tuple(models), tuple(trials), tuple(added), stated, doubted, trial, at, told, too_short)
+
+
+def short(held_out: Sequence[Flight]) -> str:
+    """Why held-out flights cannot judge, in words; empty if they can, or if there are none."""
+    blocks = sum(len(block_edges(f.time_s)) for f in held_out)
+    if not held_out or blocks >= LEAST_BLOCKS:
+        return ""
+    length_s = sum(float(f.time_s[-1] - f.time_s[0]) for f in held_out)
+    return (
+        f"the held-out flights {', '.join(dict.fromkeys(f.name for f in held_out))} last {length_s:.1f} s, too little "
+        f"to judge by: hold out {LEAST_BLOCKS * BLOCK_S:.0f} s or more, best a flight of another kind"
+    )
 
 
 def _next(
-    logs: Sequence[FlightLog], model: Model, unseen: Judge | None, options: Options, refused: Collection[str]
+    logs: Sequence[FlightLog], model: Model, unseen: Judge | str, options: Options, refused: Collection[str]
 ) -> tuple[Trial | None, Model | None]:
-    """Try the most likely suspect; also the model with it."""
+    """Try the most likely suspect; also the model with it.
+
+    Args:
+        unseen: who judges, or in words why nobody does.
+    """
     tried = candidates(logs, model, options, refused)
     if not tried:
         return None, None
@@ -282,14 +310,16 @@ def _odds(model: Model, best: Candidate, other: Candidate) -> float:
     return float(np.exp(scales.weight(other) - scales.weight(best)))
 
 
-def _confirmed(model: Model, best: Candidate, unseen: Judge | None) -> tuple[Fall, bool, str]:
+def _confirmed(model: Model, best: Candidate, unseen: Judge | str) -> tuple[Fall, bool, str]:
     """Held-out flights if they can tell; else stretches of the training flights, each judged by the rest.
 
     The fall of the cost of unseen flights is the logarithm of the odds between the two models, up to the dispersion.
     """
     scored = model.scores[best.suspect.name]
-    least, why = CONFIRMING_ODDS * scored.dispersion, "no flight was held out"
-    if unseen is not None:
+    least = CONFIRMING_ODDS * scored.dispersion
+    if isinstance(unseen, str):
+        why = unseen
+    else:
         before, after = model.fit.vehicle, best.fit.vehicle
         unseen.turn_to(model.fit.noise)
         if best.suspect.effect == PAYLOAD:
@@ -306,7 +336,7 @@ def _confirmed(model: Model, best: Candidate, unseen: Judge | None) -> tuple[Fal
         why = f"held-out flights fell by {fall.total:.0f} ± {fall.sigma:.0f}, of {could:.0f} at best, and cannot tell"
     return (
         Fall(scored.unseen_by_block),
-        scored.log_odds > CLEAR_ODDS,
+        scored.log_odds > CLEAR_ODDS and len(scored.unseen_by_block) >= LEAST_BLOCKS,
         f"stretches of the training flights, each judged by the rest ({why})",
     )
 

@@ -83,6 +83,10 @@ def test_a_new_edit_forgets_what_was_undone():
     editor.apply(Edit("add", solids.Sphere((1, 1, 1), 0.2)))
     with pytest.raises(InputError, match="nothing to redo"):
         editor.redo()
+    editor.undo()
+    assert editor.edits == ()
+    with pytest.raises(InputError, match="nothing to undo"):
+        editor.undo()
 
 
 def test_no_edit_opens_a_no_fly_zone_until_it_is_dropped_by_name():

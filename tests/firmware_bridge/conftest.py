@@ -1,4 +1,4 @@
-"""Curves to fly and a closed loop to fly them in: the C controller round the virtual vehicle's plant."""
+"""Curves to fly and a closed loop to fly them in: the C controller round the SITL vehicle's plant."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -96,6 +96,7 @@ class Flight:
     seed: int = 0
     start_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     battery: simulate.Battery | None = None
+    accelerometer: bool = True
 
     def __post_init__(self) -> None:
         configuration = ctl.parameters_of(self.believed or self.truth).with_values(**self.overrides)
@@ -106,6 +107,7 @@ class Flight:
         self.time_us = 0
         self.past: list[tuple[int, FloatArray]] = []
         self.log: list[dict] = []
+        self.gyro_survives = False
         self.spoil: Callable[[FloatArray, int], tuple[FloatArray, int, int]] | None = None
         """Called with (estimate, its time); returns (estimate, position time, attitude time)."""
 
@@ -132,7 +134,9 @@ class Flight:
             row,
             position_time_us=position_at,
             attitude_time_us=attitude_at,
+            rate_time_us=self.time_us if self.gyro_survives else None,
             battery_v=self.plant.battery_v,
+            specific_force_body_m_s2=self.plant.specific_force_body_m_s2 if self.accelerometer else None,
         )
         assert np.isfinite(speed).all()
         self.plant.step(speed, self.step_us * 1e-6)
@@ -153,7 +157,7 @@ class Flight:
         self.tick()
         self.controller.command(ctl.Command.ARM)
         self.controller.command(ctl.Command.TAKE_OFF, height_m)
-        assert self.run(10.0, ctl.State.HOLD)
+        assert self.run(10.0 + 3.0 * height_m, ctl.State.HOLD)
         self.run(1.0)
 
     def start(self, trajectory: Trajectory, **options) -> None:

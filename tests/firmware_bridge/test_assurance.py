@@ -1,4 +1,4 @@
-"""The embedded C under tools/assure.py, its case files, and the documentation's examples, compiled."""
+"""The embedded C under tools/assure.py, and its case files."""
 
 import importlib.util
 import re
@@ -13,7 +13,6 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 LIBRARY = ROOT / "firmware_bridge" / "controller"
 INCLUDES = (f"-I{LIBRARY / 'include'}", "-isystem", str(LIBRARY.parent / "dialect" / "generated"))
-PAGE = (ROOT / "docs" / "c_integration.md").read_text()
 
 
 def _load_assure() -> ModuleType:
@@ -47,95 +46,18 @@ def _has_sanitizers(folder: Path) -> bool:
     return subprocess.run(probe, capture_output=True, check=False).returncode == 0
 
 
-def test_every_corner_case_of_codec_link_and_state_machine_holds(tmp_path):
+def test_every_case_of_codec_link_state_machine_and_failsafes_holds(tmp_path):
     _need("gcc")
     sanitizers = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all") if _has_sanitizers(tmp_path) else ()
     cases = [LIBRARY / "test" / name for name in assure.CASES]
     flags = ("-std=c11", "-g", *sanitizers, "-fno-math-errno", "-DTC_MAX_SEGMENTS=32")
     _run("gcc", *flags, *INCLUDES, *cases, *assure.sources(), "-lm", "-o", tmp_path / "cases")
     checks = int(_run(tmp_path / "cases").split()[0])
-    assert checks > 2500
-
-
-def _block(language: str, containing: str) -> str:
-    """The code block of the integration page in which these words are."""
-    blocks = re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
-    return next(block for block in blocks if containing in block)
-
-
-THREE_FUNCTIONS = """\
-#include <stdlib.h>
-#include "goshawk_controller/link.h"
-static tc_link_config link_config;
-static tc_link_measured measured;
-static uint8_t bytes[TC_FRAME_MAX], frame[TC_FRAME_MAX];
-static size_t count;
-static unsigned sent;
-static uint64_t now_us(void) { static uint64_t t = 1; return t += 2500; }
-static tc_estimate read_estimator(void) { tc_estimate e = {0}; e.q_world_body[0] = 1.0f; return e; }
-static void write_rotor_speeds(const float speed[4]) { if (!(speed[0] >= 0.0f)) abort(); }
-static void send(const uint8_t *f, size_t n) { sent += f[0] == 0xFDu && n > 11u; }
-static void halt(void) { abort(); }
-void setup(void);
-void control_task(void);
-void link_task(void);
-EXAMPLE
-int main(void)
-{
-    link_config.system_id = link_config.component_id = 1;
-    link_config.bytes_per_s = 100000;
-    setup();
-    for (int i = 0; i < 1000; i++) { control_task(); link_task(); }
-    return sent > 100 ? 0 : 1;
-}
-"""
-
-
-def test_the_three_function_integration_of_the_documentation_compiles_and_speaks(tmp_path):
-    _need("gcc")
-    program = tmp_path / "example.c"
-    program.write_text(THREE_FUNCTIONS.replace("EXAMPLE", _block("c", "void control_task")))
-    flags = ("-std=c11", "-Wall", "-Wextra", "-Werror", "-fno-math-errno")
-    _run("gcc", *flags, *INCLUDES, program, *assure.sources(), "-lm", "-o", tmp_path / "example")
-    _run(tmp_path / "example")
-
-
-PX4 = """\
-#include <cstdint>
-#include <cstring>
-#include "goshawk_controller/goshawk_controller.h"
-struct vehicle_local_position_s { uint64_t timestamp_sample; float x, y, z, vx, vy, vz; };
-struct vehicle_attitude_s { uint64_t timestamp_sample; float q[4]; };
-struct vehicle_angular_velocity_s { uint64_t timestamp_sample; float xyz[3]; };
-struct actuator_motors_s { uint64_t timestamp; float control[12]; };
-template <class T> struct Subscription { bool copy(T *to) { *to = T{}; return true; } };
-template <class T> struct Publication { void publish(const T &) {} };
-static uint64_t hrt_absolute_time() { return 1; }
-static float throttle_of(float speed_rad_s) { return speed_rad_s / 1800.0f; }
-class GoshawkModule {
-  public:
-    void Run();
-  private:
-    tc_controller _controller{};
-    int _motor_of[4] = {0, 1, 2, 3};
-    Subscription<vehicle_local_position_s> _position_sub;
-    Subscription<vehicle_attitude_s> _attitude_sub;
-    Subscription<vehicle_angular_velocity_s> _rate_sub;
-    Publication<actuator_motors_s> _motors_pub;
-};
-"""
-
-
-def test_the_px4_shaped_integration_of_the_documentation_compiles(tmp_path):
-    """Against stand-ins with PX4's field names."""
-    _need("g++")
-    program = tmp_path / "module.cpp"
-    program.write_text(PX4 + _block("cpp", "GoshawkModule::Run"))
-    _run("g++", "-std=c++17", "-Wall", "-Wextra", "-Werror", *INCLUDES, "-c", program, "-o", tmp_path / "module.o")
+    assert checks > 100_000
 
 
 @pytest.mark.slow
-def test_every_branch_of_codec_link_and_state_machine_is_taken(tmp_path):
+def test_every_branch_of_codec_link_state_machine_and_failsafes_is_taken(tmp_path):
     _need("clang-19", "llvm-cov-19", "llvm-profdata-19")
     found = assure.coverage(tmp_path)
     assert {name: found[name].open for name in assure.WHOLE if found[name].open} == {}
@@ -153,22 +75,95 @@ def test_static_analysis_finds_nothing_outside_the_written_deviations(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("level", ["-Os", "-O2"])
-def test_calls_from_the_ground_keep_to_512_bytes_of_stack_and_state_to_2_kilobytes(tmp_path, level):
-    """By the compiler's call graph for Cortex-M4F; the tick has a bar of its own in benchmarks/controller.py."""
+def test_every_call_keeps_to_a_kilobyte_of_stack_and_state_to_four(tmp_path, level):
+    """By the compiler's call graph for Cortex-M4F."""
     _need("arm-none-eabi-gcc")
     size = assure.size(tmp_path, level)
-    assert sum(size.ram.values()) <= 2048  # besides the trajectory slots
-    stack = size.stack
-    assert {"tc_link_receive", "tc_link_transmit", "tc_link_update", "tc_do", "tc_parameters_set"} <= set(stack)
-    deep = {name: needed for name, (needed, _) in stack.items() if needed > 512}
-    assert set(deep) <= {"tc_tick"}
+    assert sum(size.ram.values()) <= assure.MEMORY_BAR  # besides the trajectory slots
+    public = {"tc_tick", "tc_link_receive", "tc_link_transmit", "tc_link_update", "tc_do", "tc_parameters_set"}
+    assert public <= set(size.stack)
+    assert {name: needed for name, (needed, _) in size.stack.items() if needed > assure.STACK_BAR} == {}
 
 
 @pytest.mark.slow
-def test_the_vehicles_build_takes_no_more_flash_than_the_documentation_says(tmp_path):
+def test_the_vehicles_build_keeps_to_48_kilobytes_of_flash(tmp_path):
     _need("cmake", "arm-none-eabi-gcc")
     taken = assure.flash(tmp_path, assure.vehicle_library(tmp_path / "library"))
-    assert taken["controller and link"] <= 26_500
+    assert taken["controller and link"] <= assure.FLASH_BAR
+
+
+@pytest.fixture(scope="module")
+def counts(tmp_path_factory) -> dict[str, int]:
+    _need("cmake", "arm-none-eabi-gcc", "qemu-system-arm")
+    folder = tmp_path_factory.mktemp("cost")
+    return assure.cost(folder, assure.vehicle_library(folder / "library"))
+
+
+@pytest.mark.slow
+def test_no_tick_in_any_situation_takes_more_than_5000_instructions(counts):
+    ticks = {name: count for name, count in counts.items() if name.startswith("tc_tick")}
+    assert {name.split(":")[1].split(",")[0].strip() for name in ticks} >= {
+        "disarmed", "armed", "take-off", "hold", "approach", "trajectory", "pausing", "paused", "stopping",
+        "landing", "emergency", "fault", "shadow",
+    }  # fmt: skip
+    assert {name: count for name, count in ticks.items() if count > assure.TICK_BAR} == {}
+
+
+@pytest.mark.slow
+def test_the_documentation_lists_the_worst_instructions_of_every_public_function(counts):
+    page = (ROOT / "docs" / "controller_cost.md").read_text()
+    assert assure.cost_table(counts) in page, "python tools/assure.py cost --markdown"
+    headers = [(LIBRARY / "include" / "goshawk_controller" / name).read_text() for name in ("controller.h", "link.h")]
+    declared = set(re.findall(r"^[a-z].*?\b(tc_\w+)\(", "\n".join(headers), re.MULTILINE))
+    trivial = {"tc_parameters_now", "tc_telemetry_now"}  # return a pointer
+    counted = {re.split(r"[:,]", name)[0] for name in counts}
+    assert declared - trivial - NOT_COUNTED <= counted
+
+
+NOT_COUNTED = {"tc_link_restore"}
+"""Before the first tick only, without a bound of its own: all of a trajectory in one call."""
+
+
+MUTANTS_TRIED = 8
+"""Of so many one, in the slow tests: three minutes. `python tools/assure.py mutate` tries all."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", assure.MUTATED)
+def test_the_case_files_notice_nine_of_ten_faults(name):
+    _need("gcc", "clang-19")
+    [found] = assure.mutate([name], every=MUTANTS_TRIED)
+    assert found.killed + len(found.survived) > 10
+    assert found.share >= assure.LEAST_SCORE, [mutant.key for mutant in found.survived]
+
+
+TOY = """\
+#include <stdbool.h>
+#define LIMIT 2.0f
+int clamp(int x, float y);
+int clamp(int x, float y) {
+    bool high = x > 3 && y < LIMIT;
+    if (high) x = x + 1;
+    return -x;
+}
+"""
+
+
+def test_mutants_are_small_faults_that_compile(tmp_path):
+    _need("gcc", "clang-19")
+    (tmp_path / "toy.c").write_text(TOY)
+    found = assure.mutation.mutants(tmp_path / "toy.c")
+    texts = {mutant.text for mutant in found}
+    assert {
+        "bool high = x <= 3 && y < LIMIT;", "bool high = x >= 3 && y < LIMIT;", "bool high = x > 4 && y < LIMIT;",
+        "bool high = x > 3 || y < LIMIT;", "bool high = x > 3 && y >= LIMIT;", "if (!(high)) x = x + 1;",
+        "if (0) x = x + 1;", "if (high) x = x - 1;", "without x = x + 1", "return x;", "#define LIMIT 3.0f",
+        "#define LIMIT 1.33333333f",
+    } <= texts  # fmt: skip
+    assert "bool high = x > 3 && y <= LIMIT;" not in texts  # a boundary of floats
+    for mutant in found:
+        (tmp_path / "mutant.c").write_text(mutant.applied(TOY))
+        _run("gcc", "-std=c11", "-w", "-c", tmp_path / "mutant.c", "-o", tmp_path / "mutant.o")
 
 
 CHECKSUMS = """\

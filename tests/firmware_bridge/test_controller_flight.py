@@ -1,4 +1,4 @@
-"""Closed loop: the C controller round the virtual vehicle's plant, motor lag included."""
+"""Closed loop: the C controller round the SITL vehicle's plant, motor lag included."""
 
 import numpy as np
 import pytest

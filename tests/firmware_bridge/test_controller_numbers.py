@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import vehicle
-from firmware_bridge import _controller, controller
+from firmware_bridge import _controller, controller, wire
 from flight import InputError, rotations
 
 VEHICLE = vehicle.example("rigter2019")
@@ -14,8 +14,8 @@ PARAMETERS = controller.vector(controller.parameters_of(VEHICLE).parameters)
 
 
 def _evaluate(trajectory, times_us):
-    wire = controller.to_wire(trajectory)
-    return _controller.evaluate(wire.durations_us, wire.coefficients, times_us).astype(np.float64)
+    plan = wire.plan_from_trajectory(trajectory)
+    return _controller.evaluate(plan.durations_us, plan.coefficients, times_us).astype(np.float64)
 
 
 def test_evaluation_agrees_with_float64_to_a_tenth_of_a_millimetre(curves):
@@ -52,8 +52,8 @@ def test_a_time_beyond_the_end_stays_at_the_end(curves):
 
 def test_too_large_a_trajectory_is_refused(curves):
     many = curves.fitted(lambda t: np.stack([t, t, t, t], -1), np.full(257, 0.1))
-    with pytest.raises(InputError, match="256 segments"):
-        controller.to_wire(many)
+    with pytest.raises(InputError, match="has 257 segments; the vehicle stores 256"):
+        wire.plan_from_trajectory(many)
 
 
 def _flat(force, force_rate, force_rate2, yaw, yaw_rate=0.0, yaw_acceleration=0.0):

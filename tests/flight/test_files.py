@@ -149,3 +149,13 @@ def test_waypoints_read_back_with_free_headings(tmp_path):
 def test_a_waypoint_that_is_not_finite_is_named():
     with pytest.raises(InputError, match="waypoint 1 is not finite"):
         project.Waypoints(np.array([[0.0, 0, 0], [0, np.nan, 0]]), np.zeros(2))
+
+
+def test_json_has_null_and_a_word_for_what_is_not_finite():
+    document = {"a": [1.0, np.float64("inf")], "b": {"c": float("nan")}, "d": np.arange(2), "e": True}
+    text = file_format.json_text(document)
+    found = json.loads(text, parse_constant=pytest.fail)
+    assert found["a"] == [1.0, None]
+    assert (found["b"]["c"], found["d"], found["e"]) == (None, [0, 1], True)
+    assert found["not_finite"] == {"a[1]": "inf", "b.c": "nan"}
+    assert "not_finite" not in json.loads(file_format.json_text({"a": 1.0}))

@@ -99,3 +99,10 @@ def test_flipping_to_mavlink_commutes_with_rotation(q_world_body, v_body):
 def test_level_flight_is_level_in_mavlink_too():
     np.testing.assert_array_equal(frames.flip_vector([1.0, 2.0, 3.0]), [1.0, -2.0, -3.0])
     np.testing.assert_allclose(frames.flip_attitude(rotations.from_yaw(0.5)), rotations.from_yaw(-0.5), atol=1e-15)
+
+
+@given(quaternions, quaternions, st.floats(0.0, 1.0))
+def test_the_two_quaternions_of_an_attitude_mean_the_same(a, b, fraction):
+    np.testing.assert_allclose(rotations.log(-a), rotations.log(a), atol=1e-9)
+    assert np.linalg.norm(rotations.log(-a)) <= np.pi + 1e-9
+    assert rotations.angle_between(rotations.slerp(a, -b, fraction), rotations.slerp(a, b, fraction)) < 1e-6

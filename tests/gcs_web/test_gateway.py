@@ -10,6 +10,7 @@ import pytest
 import viser
 
 from gcs_web.gateway import Gateway, new_token
+from tests.waiting import PATIENCE_S
 
 
 @asynccontextmanager
@@ -94,7 +95,7 @@ def test_scene_messages_pass_and_share_requests_do_not():
         async with browser.ws_connect(
             f"ws://127.0.0.1:{gateway.port}/", headers={"Origin": origin}, protocols=[protocol], max_msg_size=0
         ) as socket:
-            first = await asyncio.wait_for(socket.receive(), 10)
+            first = await asyncio.wait_for(socket.receive(), PATIENCE_S)
             assert first.type == aiohttp.WSMsgType.BINARY
             await socket.send_bytes(msgspec.msgpack.encode({"type": "ShareUrlRequest"}))
             await socket.send_bytes(b"not msgpack at all")

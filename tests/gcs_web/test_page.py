@@ -2,16 +2,18 @@
 
 import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import vehicle
-from firmware_bridge import VirtualVehicle, controller, keys
+from firmware_bridge import SitlVehicle, controller, keys
 from flight import Waypoints, project
 from gcs_web import GroundStation
+from tests.waiting import PATIENCE_S
+from tests.waiting import until as wait
 
 CHROMIUM = shutil.which("chromium")
 FLAGS = [
@@ -19,7 +21,7 @@ FLAGS = [
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
     "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
 ]  # fmt: skip
-SIZE = (1100, 720)
+SIZE = (900, 560)
 WAYPOINTS = np.array([[0.8, 0.8, 1.0], [3.0, 2.0, 1.2], [5.2, 0.8, 1.2]])
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium")
@@ -36,16 +38,24 @@ def station(pillar_map: Path, tmp_path_factory) -> Iterator[GroundStation]:
     parameters = controller.parameters_of(vehicle.load(opened.vehicle)).parameters
     plant = vehicle.simulate.Plant(vehicle.load(opened.vehicle), vehicle.simulate.State(), ground_m=0.0)
     with (
-        VirtualVehicle(plant, parameters, key=keys.create(key_file)) as simulated,
-        GroundStation(folder, triangles=4000, vehicle_url=simulated.url, key_file=key_file) as running,
+        SitlVehicle(plant, parameters, key=keys.create(key_file)) as simulated,
+        GroundStation(folder, triangles=500, vehicle_url=simulated.url, key_file=key_file) as running,
     ):
         yield running
 
 
-@pytest.fixture
-def page(station: GroundStation):
+@pytest.fixture(scope="module")
+def browser():
     from playwright.sync_api import sync_playwright
 
+    with sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS, timeout=1000 * PATIENCE_S)
+        yield started
+        started.close()
+
+
+@pytest.fixture
+def page(station: GroundStation, browser):
     foreign: list[str] = []
 
     def only_loopback(route):
@@ -55,24 +65,16 @@ def page(station: GroundStation):
             foreign.append(route.request.url)
             route.abort()
 
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        context = browser.new_context(viewport={"width": SIZE[0], "height": SIZE[1]})
-        context.route("**/*", only_loopback)
-        opened = context.new_page()
-        opened.goto(station.url)
-        wait(lambda: len(station.server.get_clients()) == 1)
-        yield opened
-        context.close()
-        browser.close()
+    context = browser.new_context(viewport={"width": SIZE[0], "height": SIZE[1]})
+    context.set_default_timeout(1000 * PATIENCE_S)  # drawn without a graphics card: slow beside other work
+    context.route("**/*", only_loopback)
+    opened = context.new_page()
+    opened.goto(station.url)
+    wait(lambda: len(station.server.get_clients()) == 1, "the browser")
+    yield opened
+    context.close()
+    wait(lambda: not station.server.get_clients(), "the browser's leave")
     assert foreign == []
-
-
-def wait(condition: Callable[[], object], seconds: float = 60.0) -> None:
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, f"not within {seconds} s"
-        time.sleep(0.05)
 
 
 def pixel(station: GroundStation, point_world_m: np.ndarray) -> tuple[float, float]:
@@ -87,6 +89,29 @@ def pixel(station: GroundStation, point_world_m: np.ndarray) -> tuple[float, flo
     return width / 2 + scale * x / z, height / 2 + scale * y / z
 
 
+def drawn(page) -> None:
+    """Return when the browser has drawn what it was told so far."""
+    page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def dragged(page, station: GroundStation, start_world_m: np.ndarray, end_world_m: np.ndarray) -> bool:
+    """Pull with the mouse as a hand does, each step once the browser has drawn the one before; was it understood?"""
+    before = station.session.state()["revision"]
+    start, end = np.array(pixel(station, start_world_m)), np.array(pixel(station, end_world_m))
+    drawn(page)
+    page.mouse.move(*start)
+    drawn(page)
+    page.mouse.down()
+    for share in np.linspace(0.1, 1.0, 10):
+        page.mouse.move(*(start + share * (end - start)))
+    drawn(page)
+    page.mouse.up()
+    again_s = time.monotonic() + 20.0  # then the handle was not drawn yet when the mouse came down on it
+    while station.session.state()["revision"] == before and time.monotonic() < again_s:
+        drawn(page)
+    return station.session.state()["revision"] > before
+
+
 def settled(station: GroundStation) -> bool:
     return not station.session.state()["planning"]
 
@@ -97,16 +122,9 @@ def test_a_dragged_waypoint_is_planned_anew_and_undo_brings_it_back(station, pag
     before = station.session.state()
     assert before["plan"]["checked"]
 
-    time.sleep(2.0)  # let the browser draw the gizmo it is to hit
     pull = np.array([0.0, 0.35, 0.0])
     grip = WAYPOINTS[1] + np.array([0.0, 0.3, 0.0])  # on the gizmo's y arrow
-    start, end = pixel(station, grip), pixel(station, grip + pull)
-    page.mouse.move(*start)
-    page.mouse.down()
-    for share in np.linspace(0.1, 1.0, 10):
-        page.mouse.move(*(np.array(start) + share * (np.array(end) - start)))
-    page.mouse.up()
-    wait(lambda: station.session.state()["revision"] > before["revision"])
+    wait(lambda: dragged(page, station, grip, grip + pull), "a drag that the page understands")
     wait(lambda: settled(station))
     moved = np.array(station.session.state()["waypoints_world_m"])
     np.testing.assert_allclose(moved[1], WAYPOINTS[1] + pull, atol=0.15)
@@ -127,7 +145,7 @@ def test_a_waypoint_in_a_pillar_is_refused_in_words(station, page):
     state = station.session.state()
     assert state["plan"] is None
     assert "waypoint 1" in state["problem"]
-    page.get_by_text("no plan").wait_for(timeout=20_000)
+    page.get_by_text("no plan").wait_for()
     assert page.get_by_role("button", name="Upload").is_disabled()
     station.session.undo()
     wait(lambda: station.session.state()["plan"])
@@ -148,10 +166,10 @@ def test_saving_writes_a_checked_trajectory(station, page):
 def test_an_upload_is_shown_first_then_done_and_the_vehicle_is_drawn(station, page):
     wait(lambda: station.session.state()["plan"])
     page.get_by_role("button", name="Upload ...").click()
-    page.get_by_text("It replaces what the vehicle holds").wait_for(timeout=20_000)
+    page.get_by_text("It replaces what the vehicle holds").wait_for()
     assert "holds no trajectory" in station.watch.describe()
     page.get_by_role("button", name="Upload", exact=True).click()
     wait(lambda: "holds plan" in station.watch.describe())
-    page.get_by_text("read back and equal").wait_for(timeout=20_000)
+    page.get_by_text("read back and equal").wait_for()
     assert station.page.vehicle_frame.visible
     np.testing.assert_allclose(station.page.vehicle_frame.position, [0.0, 0.0, 0.0], atol=0.05)

@@ -1,6 +1,7 @@
 """Runs the command line in this process."""
 
 import shlex
+import subprocess
 from typing import Any, cast
 
 import click
@@ -12,13 +13,19 @@ from goshawk.cli import goshawk, main
 
 def run(*arguments: object, code: int = 0) -> str:
     """Standard output of the command; what it says on the other channel if it is to fail."""
+    ended = answer(*arguments)
+    assert ended.returncode == code, ended.stderr
+    return ended.stdout if code == 0 else ended.stderr
+
+
+def answer(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """As if the command line had been run as a program, without the seconds that a new Python takes to start."""
     runner = CliRunner()
     with runner.isolation() as streams:
         with pytest.raises(SystemExit) as ended:
             main([str(a) for a in arguments])
         said, errors = streams[0].getvalue().decode(), streams[1].getvalue().decode()
-    assert (ended.value.code or 0) == code, errors
-    return said if code == 0 else errors
+    return subprocess.CompletedProcess([*map(str, arguments)], cast("int", ended.value.code or 0), said, errors)
 
 
 def typed(line: str) -> list[str]:

@@ -15,13 +15,14 @@ import pytest
 
 from flight import FlightLog, flight_log
 from mapping.rendered_world import default_rig, loop_flight, write_rendered_sequence
+from tests.waiting import PATIENCE_S, goshawk
 
 PROGRAM = [sys.executable, "-m", "goshawk"]
 
 
 def refused(*arguments: object, code: int = 2) -> str:
     """Run `goshawk`, see that it refuses in one sentence, and return that."""
-    answer = subprocess.run([*PROGRAM, *map(str, arguments)], capture_output=True, text=True, timeout=120, check=False)
+    answer = goshawk(*arguments)
     said = [line for line in answer.stderr.splitlines() if line.strip() and not line.startswith("  [")]
     assert answer.returncode == code, answer.stderr
     assert len(said) == 1, answer.stderr
@@ -55,7 +56,9 @@ def test_one_broken_image_is_named_and_the_earlier_map_stays(images: Path, earli
     broken = tmp_path / "broken" / "front" / "0004.png"
     broken.write_bytes(broken.read_bytes()[:3000])
     before = hashes(earlier)
-    assert "front/0004.png" in refused("map", tmp_path / "broken", "--camera", images / "camera.toml", "--out", earlier)
+    words = ("map", tmp_path / "broken", "--camera", images / "camera.toml", "--out", earlier)
+    assert "--overwrite" in refused(*words)
+    assert "front/0004.png" in refused(*words, "--overwrite")
     assert hashes(earlier) == before
 
 
@@ -105,7 +108,7 @@ def interrupted(
 ) -> tuple[int, list[str], int]:
     """Interrupt `goshawk map` (or abort its child) at a stage: exit code, words after it, process id."""
     temporary.mkdir()
-    arguments = ["map", str(images), "--camera", str(images / "camera.toml"), "--out", str(out)]
+    arguments = ["map", str(images), "--camera", str(images / "camera.toml"), "--out", str(out), "--overwrite"]
     process = subprocess.Popen(
         [*PROGRAM, *arguments],
         stdout=subprocess.DEVNULL,
@@ -115,7 +118,7 @@ def interrupted(
         start_new_session=True,
     )
     assert process.stderr is not None
-    patience = threading.Timer(240.0, process.kill)
+    patience = threading.Timer(PATIENCE_S, process.kill)
     patience.daemon = True
     patience.start()
     assert any(stage in line for line in process.stderr), f"never came to {stage}"
@@ -126,7 +129,7 @@ def interrupted(
     said = process.stderr.read().splitlines()
     patience.cancel()
     process.stderr.close()
-    return process.wait(timeout=30), said, victim
+    return process.wait(timeout=PATIENCE_S), said, victim
 
 
 def children(pid: int) -> list[str]:

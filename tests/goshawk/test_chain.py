@@ -2,8 +2,6 @@
 
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,15 +11,15 @@ import vehicle
 from flight import Waypoints, flight_log, project, trajectory
 from goshawk import demo
 from goshawk.flights import in_the_air
-from goshawk.virtual_flight import virtual_vehicle
+from goshawk.virtual_flight import sitl_vehicle
+from tests.waiting import goshawk
 
 LOOP = np.array([[0.8, 0.8, 1.0], [3.0, 2.0, 1.3], [5.2, 0.8, 1.0], [5.0, 3.4, 1.6], [1.0, 3.2, 1.2], [0.8, 0.8, 1.0]])
 
 
 def run(*arguments: object, code: int = 0) -> dict:
     """Run a verb with --json and read what it says."""
-    command = [sys.executable, "-m", "goshawk", *map(str, arguments), "--json"]
-    answer = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    answer = goshawk(*arguments, "--json")
     assert answer.returncode == code, answer.stderr
     assert "Traceback" not in answer.stderr
     return json.loads(answer.stdout)
@@ -88,18 +86,18 @@ def test_a_bad_waypoint_is_named_and_the_old_file_stays(folder, tmp_path, waypoi
     (tmp_path / "w.json").write_text(json.dumps(document))
     out = tmp_path / "out.json"
     out.write_text("earlier")
-    error = run("plan", tmp_path / "w.json", *world(folder), "--out", out, code=code)["error"]
+    error = run("plan", tmp_path / "w.json", *world(folder), "--out", out, "--overwrite", code=code)["error"]
     assert words in error["message"]
     assert out.read_text() == "earlier"
 
 
 @pytest.fixture(scope="module")
 def flown(folder: Path) -> Path:
-    """The loop flown in the virtual vehicle by the verbs."""
+    """The loop flown in the SITL vehicle by the verbs."""
     key = folder / "link.key"
     options = ("--vehicle", folder / "truth.toml", "--believed", folder / "vehicle.toml")
     start = ("--start-of", folder / "loop.json", "--speed", 0)
-    with virtual_vehicle(*options, *start, key_file=key) as url:
+    with sitl_vehicle(*options, *start, key_file=key) as url:
         link = ("--vehicle-url", url, "--key", key)
         sent = run("upload", folder / "loop.json", *link, *world(folder))
         assert sent["read_back_equal"]
@@ -123,7 +121,7 @@ def test_a_trajectory_for_another_map_is_not_uploaded(folder, flown, tmp_path):
     trajectory.save(tmp_path / "other.json", replace(item, map_hash="0" * 64))
     trajectory.save(tmp_path / "unchecked.json", replace(item, check={}))
     key = folder / "link.key"
-    with virtual_vehicle("--vehicle", folder / "truth.toml", key_file=key) as url:
+    with sitl_vehicle("--vehicle", folder / "truth.toml", key_file=key) as url:
         link = ("--vehicle-url", url, "--key", key)
         refused = run("upload", tmp_path / "other.json", *link, *world(folder), code=2)
         assert "map" in refused["error"]["message"]
@@ -136,6 +134,7 @@ def test_a_dead_link_is_one_sentence(folder, flown):
     assert error["kind"] == "LinkError"
 
 
+@pytest.mark.slow  # test_model_verbs.py holds the same law on a shorter flight
 def test_adding_rotor_drag_lowers_the_prediction_error(folder, flown, tmp_path):
     """The same flight fits and judges here (speed); the demo judges on a held-out one."""
     fit = ("identify", flown, "--vehicle", folder / "vehicle.toml", "--hold-unseen")
@@ -154,7 +153,7 @@ def test_adding_rotor_drag_lowers_the_prediction_error(folder, flown, tmp_path):
         "--vehicle",
         tmp_path / "with.toml",
         "--plots",
-        tmp_path,
+        tmp_path / "compared",
     )
     error = {name: model["error_rms"]["position_m"] for name, model in compared["models"].items()}
     assert error["with"][-1] < error["without"][-1]

@@ -1,23 +1,18 @@
-"""The command line as a stranger meets it: run as a program, judged by exit code and words."""
+"""The command line as a stranger meets it, judged by exit code and words; twice as a program of its own."""
 
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 
 from flight import flight_log
 from goshawk.cli import VERBS
-
-
-def goshawk(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "goshawk", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+from tests.goshawk.running import answer as goshawk
+from tests.waiting import goshawk as program
 
 
 def test_help_names_every_verb():
-    answer = goshawk("--help")
+    answer = program("--help")
     assert answer.returncode == 0
     for verb, words in VERBS.items():
         assert f"  {verb} " in answer.stdout
@@ -38,7 +33,7 @@ def test_wrong_usage_ends_with_2():
 
 
 def test_a_missing_file_is_one_sentence_and_no_traceback(tmp_path):
-    answer = goshawk("log", tmp_path / "none.parquet")
+    answer = program("log", tmp_path / "none.parquet")
     assert answer.returncode == 2
     assert answer.stderr.startswith("goshawk: ")
     assert len(answer.stderr.splitlines()) == 1

@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -115,3 +116,16 @@ def test_bad_input_is_one_sentence(folder, tmp_path):
         last = said.strip().splitlines()[-1]
         assert last.startswith("goshawk: ")
         assert "Traceback" not in said
+
+
+@pytest.mark.slow
+def test_a_short_held_out_flight_is_said_to_be_too_little_and_confidence_follows(folder, tmp_path):
+    log = flight_log.load(folder / "unseen.parquet")
+    start_s = float(log.time_s[0])
+    flight_log.save(tmp_path / "short.parquet", log.slice(start_s + 2.0, start_s + 5.0))
+    said = run(*base(folder), "--held-out", tmp_path / "short.parquet", "--json", "-")
+    document = json.loads(said, parse_constant=pytest.fail)
+    assert "too little to judge by" in document["findings"][0]
+    assert "too short to confirm" in document["verdict"]
+    assert document["confidence"] <= 0.5
+    assert not re.search(r"\b(inf|nan)\b", said.partition('"not_finite"')[0])

@@ -14,6 +14,7 @@ import pytest
 import vehicle
 from flight import FlightLog, flight_log
 from tests.goshawk.running import run
+from tests.waiting import PATIENCE_S
 
 STAGES = ("vertical", "horizontal", "rotation")
 
@@ -38,6 +39,10 @@ def folder(tmp_path_factory) -> Path:
 
 def first_trial(folder: Path) -> list[Path]:
     return [folder / f"trial1-{stage}.parquet" for stage in STAGES]
+
+
+def base_of(folder: Path, out: Path) -> list[object]:
+    return ["identify", *first_trial(folder), "--vehicle", folder / "vehicle.toml", "--out", out / "f.toml"]
 
 
 def test_report_json_and_figures_are_written(folder, tmp_path):
@@ -74,7 +79,7 @@ def test_json_alone_prints_and_a_flight_is_never_taken_for_its_file(folder, tmp_
 
 
 def test_held_free_and_prior_names(folder, tmp_path):
-    base = ("identify", *first_trial(folder), "--vehicle", folder / "vehicle.toml", "--out", tmp_path / "f.toml")
+    base = (*base_of(folder, tmp_path), "--overwrite")
     document = json.loads(run(*base, "--hold", "inertia_*", "--hold", "pose_sensor_rotation_x_rad", "--json", "-"))
     status = {name: p["status"] for name, p in document["parameters"].items()}
     assert {status[f"inertia_{axis}_kg_m2"] for axis in ("xx", "yy", "zz")} == {"held"}
@@ -90,7 +95,7 @@ def test_held_free_and_prior_names(folder, tmp_path):
 
 def test_three_stages(folder, tmp_path):
     flights = [argument for stage in STAGES for argument in (f"--{stage}", folder / f"trial1-{stage}.parquet")]
-    base = ("--vehicle", folder / "vehicle.toml", "--out", tmp_path / "f.toml")
+    base = ("--vehicle", folder / "vehicle.toml", "--out", tmp_path / "f.toml", "--overwrite")
     said = run("identify", *flights, *base, "--hold-unseen", "--json")
     document = json.loads(said)
     assert document["schema"] == "goshawk-identification-stages"
@@ -116,7 +121,7 @@ def test_repeated_trials_are_drawn(folder, tmp_path):
     document = json.loads(run("identify", *flights, "--trials", 2, *base, "--json"))
     assert len(document["trials"]) == 2
     assert "inertia_xx_kg_m2" in (tmp_path / "p" / "repeated.svg").read_text()
-    assert "equally many" in run("identify", *flights, "--trials", 3, *base, code=2)
+    assert "equally many" in run("identify", *flights, "--trials", 3, *base, "--overwrite", code=2)
 
 
 def test_a_gap_is_refused_in_the_words_of_the_command(folder, tmp_path):
@@ -139,13 +144,41 @@ def test_ctrl_c_leaves_the_earlier_results_and_nothing_else(folder, tmp_path):
     flights = [str(path) for path in sorted(folder.glob("trial*.parquet"))]
     files = ["--out", str(out / "f.toml"), "--report", str(out / "r.html"), "--json", str(out / "r.json")]
     command = [sys.executable, "-m", "goshawk", "identify", *flights, "--vehicle", str(folder / "vehicle.toml"), *files]
+    command.append("--overwrite")
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
     assert process.stderr is not None
     assert any("identify" in line for line in process.stderr), "the fit never began"
     os.kill(process.pid, signal.SIGINT)
     said = process.stderr.read()
     process.stderr.close()
-    assert process.wait(timeout=30) == 130
+    assert process.wait(timeout=PATIENCE_S) == 130
     assert "nothing half-written" in said
     assert [path.name for path in out.iterdir()] == ["f.toml"]
     assert (out / "f.toml").read_text() == "earlier"
+
+
+def test_into_a_vehicle_file_a_fit_is_its_next_version_and_undo_returns(folder, tmp_path):
+    mine = tmp_path / "vehicle.toml"
+    mine.write_bytes((folder / "vehicle.toml").read_bytes())
+    run("vehicle", "add-effect", mine, "flapping_moment")
+    with_effect = mine.read_bytes()
+    words = ("identify", *first_trial(folder), "--vehicle", folder / "vehicle.toml", "--out", mine)
+    assert "--overwrite" in run(*words, code=2)
+    assert mine.read_bytes() == with_effect
+    said = run(*words, "--overwrite")
+    assert said.startswith("verdict: usable\n")
+    steps = json.loads(run("vehicle", "history", mine, "--json"))["steps"]
+    assert [step["action"] for step in steps] == ["start", "add-effect", "identify"]
+    run("vehicle", "undo", mine, "--yes")
+    assert mine.read_bytes() == with_effect
+    run("vehicle", "undo", mine, "--yes")
+    assert mine.read_bytes() == (folder / "vehicle.toml").read_bytes()
+
+
+def test_the_model_of_another_vehicle_is_remarked_on(folder):
+    vehicle.save(folder / "hummingbird.toml", vehicle.example("hummingbird"))
+    words = ("compare", first_trial(folder)[2], "--vehicle", folder / "vehicle.toml")
+    assert json.loads(run(*words, "--json"))["remarks"] == []
+    remarks = json.loads(run(*words, "--vehicle", folder / "hummingbird.toml", "--json"))["remarks"]
+    assert len(remarks) == 1
+    assert remarks[0].startswith("hummingbird leaves")

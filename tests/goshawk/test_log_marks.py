@@ -39,7 +39,7 @@ def test_a_foreign_log_stays_and_gets_a_marked_one_of_ours_beside_it(tmp_path):
     before = (tmp_path / "lap.csv").read_bytes()
     asked = ("log", tmp_path / "lap.csv", "--columns", tmp_path / "map.toml", "--payload", "left")
     said = run(*asked)
-    assert "payload_carried" in said
+    assert "payload carried" in said
     assert (tmp_path / "lap.csv").read_bytes() == before
     assert flight_log.load(tmp_path / "lap.parquet").metadata[PAYLOAD_CARRIED] is False
     assert "exists" in run(*asked, code=2)

@@ -164,3 +164,15 @@ def test_mistakes_are_answered_in_one_sentence(file, flown, arguments, words):
 )
 def test_the_verdict_weighs_every_quantity(after, words):
     assert words in model_change.verdict({"position_m": 1.0, "velocity_m_s": 1.0}, after)
+
+
+def test_every_effect_and_number_that_differs_is_listed_once():
+    old = vehicle.example()
+    new = old.without_effect("rotor_drag_thrust").with_effect("flapping_moment").with_value("mass_kg", 0.9)
+    lines = model_change.differences(old, new)
+    assert [line for line in lines if line.startswith(("+", "-"))] == [
+        "+ effect flapping_moment",
+        "- effect rotor_drag_thrust",
+    ]
+    assert "  mass_kg: 0.7 -> 0.9 kg" in lines
+    assert model_change.differences(old, old) == []

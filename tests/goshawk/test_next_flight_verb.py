@@ -58,7 +58,7 @@ def test_json_has_the_same_facts_and_a_second_run_writes_the_same_file(folder, t
     assert "ceiling" in first["skipped"]["ceiling_climb"]
     best = first["proposals"][0]
     assert best["expected_log_odds_per_s"] == pytest.approx(best["expected_log_odds"] / best["duration_s"])
-    assert json.loads(run(*arguments)) == first
+    assert json.loads(run(*arguments, "--overwrite")) == first
     assert out.read_bytes() == written
 
 

@@ -74,7 +74,7 @@ def test_a_second_run_does_not_write_over_the_first(folder):
     run(*scaffolding())
     mine = (folder / "climb_twist.py").read_text() + "# improved by hand\n"
     (folder / "climb_twist.py").write_text(mine)
-    assert "exists already and is not overwritten" in run(*scaffolding(), code=2)
+    assert "--overwrite" in run(*scaffolding(), code=2)
     assert (folder / "climb_twist.py").read_text() == mine
 
 

@@ -2,7 +2,6 @@
 
 import importlib.util
 import json
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -17,8 +16,9 @@ from esdf import solids
 from firmware_bridge import controller
 from flight import Waypoints, trajectory
 from goshawk.demo import vehicles
-from goshawk.virtual_flight import virtual_vehicle
+from goshawk.virtual_flight import sitl_vehicle
 from planner import gate
+from tests.waiting import goshawk
 
 ROOT = Path(__file__).parent.parent.parent
 HALL = solids.Room((-7.0, -5.0, 0.0), (7.0, 5.0, 4.0))
@@ -125,8 +125,7 @@ def test_a_plan_for_the_learned_model_keeps_the_reserve_that_a_weak_rotor_has_lo
 
 
 def run(*arguments: object, code: int = 0) -> dict:
-    command = [sys.executable, "-m", "goshawk", *map(str, arguments), "--json"]
-    answer = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    answer = goshawk(*arguments, "--json")
     assert answer.returncode == code, answer.stdout + answer.stderr
     return json.loads(answer.stdout)
 
@@ -153,7 +152,7 @@ def test_after_learning_a_plan_is_renewed_and_the_controller_set_before_anything
     assert run("check", file, *learned)["passed"]
     key = project / "link.key"
     options = ("--vehicle", project / "believed.toml", "--start-of", file, "--speed", 0)
-    with virtual_vehicle(*options, key_file=key) as url:
+    with sitl_vehicle(*options, key_file=key) as url:
         link = ("--vehicle-url", url, "--key", key)
         refused = run("upload", file, "--vehicle", project / "learned.toml", *link, code=2)["error"]["message"]
         assert "rotor_drag_s_m 0 (model 0.0175)" in refused

@@ -1,10 +1,9 @@
-"""`params`, `upload`, `fly` and `log` as programs, against a virtual vehicle that is a program too; Ctrl-C included."""
+"""`params`, `upload`, `fly` and `log` as programs, against a SITL vehicle that is a program too; Ctrl-C included."""
 
 import json
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,12 +15,13 @@ import vehicle
 from firmware_bridge import controller
 from firmware_bridge.controller import State
 from flight import Trajectory, TrajectoryFile, flight_log, trajectory
-from goshawk.virtual_flight import virtual_vehicle
+from goshawk.virtual_flight import sitl_vehicle
+from tests.waiting import PATIENCE_S, until
+from tests.waiting import goshawk as program
 
 
 def goshawk(*arguments: object, code: int = 0) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "goshawk", *map(str, arguments)]
-    answer = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    answer = program(*arguments)
     assert answer.returncode == code, answer.stderr
     assert "Traceback" not in answer.stderr
     return answer
@@ -51,16 +51,16 @@ def save_hops(path: Path, segments: int) -> None:
 
 @pytest.fixture
 def link(folder: Path) -> Iterator[tuple[object, ...]]:
-    """Options that reach a virtual vehicle on the floor."""
+    """Options that reach a SITL vehicle on the floor."""
     key = folder / "link.key"
-    with virtual_vehicle("--vehicle", folder / "vehicle.toml", "--speed", 2, key_file=key) as url:
+    with sitl_vehicle("--vehicle", folder / "vehicle.toml", "--speed", 2, key_file=key) as url:
         yield ("--vehicle-url", url, "--key", key)
 
 
 @pytest.fixture(scope="module")
 def standing(folder: Path) -> Iterator[tuple[object, ...]]:
     """The same for the tests that change nothing, which share it."""
-    with virtual_vehicle("--vehicle", folder / "vehicle.toml", key_file=folder / "link.key") as url:
+    with sitl_vehicle("--vehicle", folder / "vehicle.toml", key_file=folder / "link.key") as url:
         yield ("--vehicle-url", url, "--key", folder / "link.key")
 
 
@@ -118,7 +118,7 @@ def test_what_cannot_be_set_is_said_in_words_and_changes_nothing(standing, argum
     assert parameters(standing) == before
 
 
-def until(process: subprocess.Popen[str], words: str) -> None:
+def until_said(process: subprocess.Popen[str], words: str) -> None:
     """Read the program's stderr until it says so."""
     assert process.stderr is not None
     for line in process.stderr:
@@ -132,23 +132,24 @@ def start(*arguments: object) -> subprocess.Popen[str]:
     return subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
 
 
+def mission(watcher: firmware_bridge.Link) -> State | None:
+    return None if watcher.state is None else watcher.state.mission
+
+
 def test_ctrl_c_in_flight_lands_the_vehicle_and_its_log_can_be_fetched(link, folder, tmp_path):
     goshawk("upload", folder / "hops.json", *link)
-    flying = start("fly", "--out", tmp_path / "flight.parquet", *link)
-    until(flying, "] flight")
-    time.sleep(1.0)
-    flying.send_signal(signal.SIGINT)
-    said = flying.communicate(timeout=20)[1]
-    assert flying.returncode == 130
-    assert "flight cancelled; the vehicle brakes along its path and lands" in said
-    assert not (tmp_path / "flight.parquet").exists()
     url, key = link[1], link[3]
     with firmware_bridge.connect(str(url), key=Path(str(key)), system_id=200) as watcher:
-        deadline_s = time.monotonic() + 20.0
-        while (state := watcher.state) is None or state.mission not in (State.ARMED, State.DISARMED):
-            assert time.monotonic() < deadline_s
-            time.sleep(0.05)
-        assert state.position_world_m[2] < 0.1
+        flying = start("fly", "--out", tmp_path / "flight.parquet", *link)
+        until(lambda: mission(watcher) is State.TRAJECTORY or flying.poll() is not None, "the trajectory")
+        flying.send_signal(signal.SIGINT)
+        said = flying.communicate(timeout=PATIENCE_S)[1]
+        assert flying.returncode == 130, said
+        assert "flight cancelled; the vehicle brakes along its path and lands" in said
+        assert not (tmp_path / "flight.parquet").exists()
+        until(lambda: mission(watcher) in (State.ARMED, State.DISARMED), "the landing")
+        assert watcher.state is not None
+        assert watcher.state.position_world_m[2] < 0.1
     goshawk("log", tmp_path / "fetched.parquet", "--download", *link)
     flown = set(flight_log.load(tmp_path / "fetched.parquet").columns["mission_state"])
     assert {State.TRAJECTORY, State.ABORTING, State.LANDING} <= flown
@@ -157,12 +158,12 @@ def test_ctrl_c_in_flight_lands_the_vehicle_and_its_log_can_be_fetched(link, fol
 
 def test_ctrl_c_during_an_upload_says_what_the_vehicle_holds(folder):
     key = folder / "link.key"
-    with virtual_vehicle("--vehicle", folder / "vehicle.toml", "--delay", 0.15, "--loss", 0.3, key_file=key) as url:
+    with sitl_vehicle("--vehicle", folder / "vehicle.toml", "--delay", 0.15, "--loss", 0.3, key_file=key) as url:
         link = ("--vehicle-url", url, "--key", key)
         sending = start("upload", folder / "many.json", *link)
-        until(sending, "] upload")
+        until_said(sending, "] upload")
         sending.send_signal(signal.SIGINT)
-        said = sending.communicate(timeout=30)[1]
+        said = sending.communicate(timeout=PATIENCE_S)[1]
     assert sending.returncode == 130
     assert "upload cancelled; the vehicle holds no plan" in said
 

@@ -2,13 +2,13 @@
 
 import os
 import signal
-import time
 from pathlib import Path
 
 import pytest
 
 from flight import InputError, MapError, Progress
 from mapping import child
+from tests.waiting import until
 
 HERE = Path(__file__).parent
 
@@ -83,16 +83,11 @@ def test_child_dies_with_its_parent(tmp_path: Path) -> None:
     if parent == 0:
         child.run(_work("linger"), str(mark))
         os._exit(0)
-    deadline_s = time.monotonic() + 20.0
-    while not mark.exists() or not mark.read_text():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.05)
+    until(lambda: mark.exists() and mark.read_text(), "the child")
     os.kill(parent, signal.SIGKILL)
     os.waitpid(parent, 0)
     pid = int(mark.read_text())
-    while Path(f"/proc/{pid}").exists():
-        assert time.monotonic() < deadline_s, "the child outlived its parent"
-        time.sleep(0.05)
+    until(lambda: not Path(f"/proc/{pid}").exists(), "the child's end")
 
 
 def test_silent_work_needs_no_listener() -> None:

@@ -100,7 +100,7 @@ def failing(images: Path, out: Path) -> str:
     hash = mapping.open_map(made_map(out)).hash
     before = sorted(p.relative_to(out) for p in out.rglob("*"))
     with pytest.raises(FlightError) as caught:
-        mapping.build_map(images, RIG, out, MapOptions(length=mapping.Length(1.0)))
+        mapping.build_map(images, RIG, out, MapOptions(length=mapping.Length(1.0)), overwrite=True)
     assert mapping.open_map(out).hash == hash
     assert sorted(p.relative_to(out) for p in out.rglob("*")) == before
     assert not [p for p in out.parent.iterdir() if p.name.startswith(".")]
@@ -134,9 +134,14 @@ def test_a_folder_with_other_things_is_not_overwritten(tmp_path: Path) -> None:
     out = tmp_path / "thesis"
     out.mkdir()
     (out / "chapter1.tex").write_text("precious")
-    with pytest.raises(InputError, match="not empty and not a map"):
-        mapping.build_map(images, RIG, out)
+    with pytest.raises(InputError, match="not a result"):
+        mapping.build_map(images, RIG, out, overwrite=True)
     assert (out / "chapter1.tex").read_text() == "precious"
+
+
+def test_an_earlier_map_is_refused_before_the_images_are_looked_at(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--overwrite"):
+        mapping.build_map(tmp_path / "none", RIG, made_map(tmp_path / "map"))
 
 
 def test_interrupt_leaves_the_old_map(tmp_path: Path) -> None:
@@ -147,8 +152,9 @@ def test_interrupt_leaves_the_old_map(tmp_path: Path) -> None:
         if stage == "matching features":
             raise KeyboardInterrupt
 
+    options = MapOptions(length=mapping.Length(1.0))
     with pytest.raises(KeyboardInterrupt):
-        mapping.build_map(images, RIG, out, progress=interrupted)
+        mapping.build_map(images, RIG, out, options, overwrite=True, progress=interrupted)
     assert mapping.open_map(out).images == ("a.png", "c.png")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["images", "map"]
 

@@ -160,3 +160,25 @@ def test_a_file_is_good_for_its_own_map_and_vehicle_only(good, pillar, drone, tm
     assert [c.name for c in gate.check_file(item, pillar, heavier).failures] == ["vehicle"]
     other = dataclasses.replace(item, map_hash="another")
     assert [c.name for c in gate.check_file(other, pillar, drone).failures] == ["map"]
+
+
+@pytest.mark.parametrize("derivative", range(4))
+@pytest.mark.parametrize(("share", "caught"), [(0.3, False), (30.0, True)])
+def test_a_jump_is_caught_from_one_millionth_of_the_largest_value_on(good, pillar, drone, derivative, share, caught):
+    """Polynomials that vanish with three derivatives at the segment's end leave one jump, at its start."""
+    path = good.trajectory
+    c, i = path.coefficients.copy(), len(path.durations_s) // 2
+    largest = np.abs(path.evaluate(path.starts_s, derivative)).max()
+    T = path.durations_s[i]
+    other = np.delete(np.arange(4), derivative)
+    rows = [[0.0] * 8 for _ in range(8)]
+    for n, (u, r) in enumerate([*[(0.0, r) for r in range(4)], *[(1.0, r) for r in range(4)]]):
+        for power in range(r, 8):
+            rows[n][power] = np.prod(np.arange(power, power - r, -1.0)) * u ** (power - r) / T**r
+    wanted = np.zeros(8)
+    wanted[derivative] = share * 1e-6 * max(1.0, largest)
+    assert np.all(wanted[other] == 0.0)
+    c[i, 0] += np.linalg.solve(np.array(rows), wanted) / T ** np.arange(8)
+    names = failed(good, Trajectory(path.durations_s, c), pillar, drone)
+    joins = {name for name in names if name.endswith("at joins")}
+    assert joins == ({f"{('position', 'velocity', 'acceleration', 'jerk')[derivative]} at joins"} if caught else set())

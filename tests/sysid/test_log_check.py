@@ -5,8 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import vehicle
 from flight import FlightLog, frames
 from sysid.log_check import check_log as check
+from vehicle import flights as vehicle_flights
+from vehicle import manoeuvres
 
 ROTORS = [f"rotor_speed_{i}_rad_s" for i in range(4)]
 QUATERNION = [f"q_world_body_{i}" for i in "wxyz"]
@@ -173,3 +176,31 @@ def test_an_accelerometer_in_g_or_upside_down(log):
     assert "9.80665" in _whats(_changed(log, **in_g))["unit"]
     downward = {name: noise[:, i] - 9.81 * (i == 2) for i, name in enumerate(names)}
     assert "flip_vector" in _whats(_changed(log, **downward))["frame"]
+
+
+def _with_velocity(name: str) -> FlightLog:
+    """A simulated flight with the true velocity, of the centre of mass though the pose sensor sits on an arm."""
+    truth = vehicle_flights.fly_trajectory(vehicle.example(), manoeuvres.make(name))
+    log = vehicle_flights.measure(truth, rng=np.random.default_rng(0))
+    velocity = np.stack([np.interp(log.time_s, truth.time_s, v) for v in truth.rows[:, 0, 3:6].T], axis=1)
+    return _changed(log, **{f"velocity_world_{a}_m_s": velocity[:, i] for i, a in enumerate("xyz")})
+
+
+@pytest.mark.parametrize("name", ["hover", "vertical", "yaw_sweep", "doublets", "rotation"])
+def test_the_velocity_of_another_point_of_the_body_is_no_fault(name):
+    assert "unit" not in _whats(_with_velocity(name))
+
+
+@pytest.mark.parametrize("name", ["vertical", "rotation"])
+def test_a_velocity_three_times_too_large_is_named(name):
+    log = _with_velocity(name)
+    names = [f"velocity_world_{a}_m_s" for a in "xyz"]
+    tripled = _changed(log, **{n: 3.0 * log.columns[n] for n in names})
+    sentences = [f.sentence for f in check(tripled).findings]
+    assert any("velocity_world_z is 3.0" in s for s in sentences)
+
+
+def test_a_column_without_a_number_is_a_finding_and_no_failure(log, truth):
+    for names in ([f"rate_body_{a}_rad_s" for a in "xyz"], ROTORS[:1], QUATERNION):
+        empty = _changed(log, **{n: np.full(len(log), np.nan) for n in names})
+        assert "empty" in _whats(empty, truth)

@@ -52,6 +52,17 @@ def test_undo_restores_the_exact_file_step_by_step(file):
         history.restore(file)
 
 
+def test_a_version_with_the_bytes_of_a_later_one_is_still_itself_after_a_return_to_it(file):
+    vehicle.save(file, vehicle.load(file))
+    add(file, "flapping_moment")
+    again = history.record(file, vehicle.load(file).without_effect("flapping_moment"), "remove-effect")
+    assert again.file_sha256 == history.read(file).steps[0].file_sha256
+    history.restore(file, 0)
+    assert history.read(file).current == 0
+    with pytest.raises(InputError, match="nothing to undo"):
+        history.restore(file)
+
+
 def test_what_was_undone_can_be_returned_to(file):
     step = add(file, "rotor_drag_thrust", drag_s_m=0.02)
     data = file.read_bytes()

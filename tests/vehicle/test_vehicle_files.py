@@ -76,3 +76,10 @@ def test_unknown_names_are_refused_with_the_known_ones():
         vehicle.example().with_effect("rotor_drag_thrust", drag=1.0)
     with pytest.raises(InputError, match="positive"):
         vehicle.example().with_limits(speed_m_s=-1.0)
+
+
+def test_limits_come_back_as_they_were_set(tmp_path):
+    limited = vehicle.example().with_limits(speed_m_s=3.25, acceleration_m_s2=4.5, tilt_rad=0.5)
+    vehicle.save(tmp_path / "v.toml", limited)
+    assert vehicle.load(tmp_path / "v.toml").limits == limited.limits
+    assert limited.limits != vehicle.example().limits

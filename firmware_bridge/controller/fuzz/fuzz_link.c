@@ -193,7 +193,7 @@ static void send_order(vehicle* v, uint64_t now_us, uint32_t request_id, bytes* 
 }
 
 /* All parameters as they are, two of them changed by the input, then the commit. Afterwards all of them are in force or
-   none. Highest bits of the first byte: an upload takes the memory before the second group or before the commit. */
+   none. Highest bits of the first byte: an upload begins before the second group or before the commit. */
 static void send_parameters(vehicle* v, uint64_t now_us, uint32_t transfer_id, bytes* input) {
     const tc_parameters before = *tc_parameters_now(&v->controller);
     tc_parameters next = before;
@@ -225,15 +225,25 @@ static void send_parameters(vehicle* v, uint64_t now_us, uint32_t transfer_id, b
     must(memcmp(now, &next, sizeof next) == 0 || memcmp(now, &before, sizeof before) == 0);
 }
 
-/* A signed heartbeat, sent twice: with the right key it is heard at most once, with another one never. */
+/* A signed heartbeat, or an answer to the challenge, sent twice: with the right key it counts at most once, with
+   another one never. */
 static void send_signed(vehicle* v, uint64_t now_us, tc_signing* station, bytes* input) {
     uint8_t frame[TC_FRAME_MAX];
     const uint8_t how = take(input);
     const heartbeat_msg heartbeat = {0};
-    heartbeat_encode(&heartbeat, frame + TC_FRAME_HEADER);
+    const ping_msg answer = {.time_usec = v->link.challenge.time_usec,
+                             .seq = v->link.challenge.seq,
+                             .target_system = 1,
+                             .target_component = 1};
+    const bool answers = (how & 32u) != 0u;
+    if (answers) {
+        ping_encode(&answer, frame + TC_FRAME_HEADER);
+    } else {
+        heartbeat_encode(&heartbeat, frame + TC_FRAME_HEADER);
+    }
     station->now_10us += take(input);
-    const size_t n =
-        tc_frame_build(frame, HEARTBEAT_ROW, HEARTBEAT_LENGTH, 0, (uint8_t)(2u + how % 12u), 190, station, how >> 6);
+    const size_t n = tc_frame_build(frame, answers ? PING_ROW : HEARTBEAT_ROW, answers ? PING_LENGTH : HEARTBEAT_LENGTH,
+                                    0, (uint8_t)(2u + how % 12u), 190, station, how >> 6);
     if ((how & 16u) != 0u && station->now_10us > 1400u) {
         station->now_10us -= 300u; /* the next ones come with older stamps */
     }
@@ -242,7 +252,7 @@ static void send_signed(vehicle* v, uint64_t now_us, tc_signing* station, bytes*
 }
 
 static void one_tick(vehicle* v, const tc_estimate* estimate, uint64_t now_us) {
-    const tc_link_measured measured = {{0}, {0}};
+    const tc_link_measured measured = {{0}};
     tc_output output;
     (void)tc_tick(&v->controller, now_us, estimate, &output);
     const tc_parameters* p = tc_parameters_now(&v->controller);
@@ -321,7 +331,7 @@ static void check(const scene* s) {
     must(active == NULL || tc_trajectory_crc32(active) == active->header.crc32);
     must(memcmp(tc_parameters_now(&open->controller), &s->in_force, sizeof s->in_force) == 0);
     must(open->controller.mission.state < (uint8_t)TC_MISSION_STATE_COUNT);
-    must(closed->link.counts.accepted == 0u && closed->link.lease.system_id == 0u);
+    must(closed->link.counts.accepted == 0u && closed->link.lease.holder.system_id == 0u);
     must(tc_store_active(&closed->controller.store) == NULL);
     must(closed->controller.mission.state == (uint8_t)TC_DISARMED);
 }

@@ -8,14 +8,14 @@
 #include "goshawk_controller/link_codec.h"
 #include "goshawk_controller/trajectory.h"
 
-#define UNWATCHED __attribute__((no_sanitize("address", "undefined")))
+#define NOT_SANITIZED __attribute__((no_sanitize("address", "undefined")))
 
 typedef struct {
     bool ready;
     uint32_t after[4][256]; /* what a byte leaves behind when so many others follow it */
 } tables;
 
-static UNWATCHED void make(tables* t, uint32_t polynomial) {
+static NOT_SANITIZED void make(tables* t, uint32_t polynomial) {
     for (uint32_t byte = 0; byte < 256u; byte++) {
         uint32_t crc = byte;
         for (unsigned i = 0; i < 8u; i++) crc = (crc >> 1) ^ ((crc & 1u) != 0u ? polynomial : 0u);
@@ -30,7 +30,7 @@ static UNWATCHED void make(tables* t, uint32_t polynomial) {
     t->ready = true;
 }
 
-static UNWATCHED uint32_t quick_crc(tables* t, uint32_t polynomial, uint32_t crc, const uint8_t* bytes, size_t n) {
+static NOT_SANITIZED uint32_t quick_crc(tables* t, uint32_t polynomial, uint32_t crc, const uint8_t* bytes, size_t n) {
     if (!t->ready) make(t, polynomial);
     for (; n >= 4u; n -= 4u, bytes += 4) {
         uint32_t word;

@@ -22,7 +22,7 @@ static inline void tilt_error(const float q[4], const float r[4], const float ax
 }
 
 /* Lee et al. 2010, eq. (10): half the vee of Rd^T R - R^T Rd, turned round to point at what is missing. */
-static TC_RARE void lee_error(const float q[4], const float r[4], float error[3]) {
+static void lee_error(const float q[4], const float r[4], float error[3]) {
     const float back[4] = {q[0], -q[1], -q[2], -q[3]};
     float difference[4];
     tc_q_multiply(back, r, difference);
@@ -53,9 +53,9 @@ void tc_attitude_step(const tc_parameters* p, const tc_flatness_state* reference
     }
 }
 
-TC_RARE void tc_cancel_moments(const tc_parameters* p, const tc_mixer* mixer, const float air_velocity_body_m_s[3],
-                               const float rate_body_rad_s[3], const float rotor_speed_rad_s[TC_ROTORS],
-                               float torque_body_n_m[3]) {
+void tc_cancel_moments(const tc_parameters* p, const tc_mixer* mixer, const float air_velocity_body_m_s[3],
+                       const float rate_body_rad_s[3], const float rotor_speed_rad_s[TC_ROTORS],
+                       float torque_body_n_m[3]) {
     float sum = 0.0f, sum_x = 0.0f, sum_y = 0.0f, sum_xx = 0.0f; /* of speeds, and of speeds times arms */
     for (int i = 0; i < TC_ROTORS; i++) {
         const float n = rotor_speed_rad_s[i], x = mixer->rotor[i].arm_x_m, y = mixer->rotor[i].arm_y_m;
@@ -71,7 +71,7 @@ TC_RARE void tc_cancel_moments(const tc_parameters* p, const tc_mixer* mixer, co
     torque_body_n_m[2] += p->damping_n_m_s[2] * wz + p->rotor_drag_kg * drag_moment;
 }
 
-TC_RARE bool tc_has_moments(const tc_parameters* p) { /* only flapping may be negative */
+bool tc_has_moments(const tc_parameters* p) { /* only flapping may be negative */
     return p->damping_n_m_s[0] + p->damping_n_m_s[1] + p->damping_n_m_s[2] + p->rotor_drag_kg +
                tc_abs(p->flapping_kg_m) >
            0.0f;

@@ -1,92 +1,230 @@
-/* The door for the estimate: only finite, plausible numbers get in; what is missing is carried forward for a while. */
+/* Input validation of the estimate: only finite, plausible, sufficiently certain numbers are used; what is missing is
+   dead reckoned. */
 #include "internal.h"
 #include "maths.h"
 
 #define LARGEST_POSITION_M 30000.0f
 #define LARGEST_VELOCITY_M_S 150.0f
 #define LARGEST_RATE_RAD_S 100.0f
+#define LARGEST_FORCE_M_S2 500.0f
 #define LARGEST_BATTERY_V 1000.0f
-#define LONGEST_AGE_S 10.0f
-#define LONGEST_AGE_US 10000000u
-/* Of the fault bits, from the position's to the attitude's. */
-#define ATTITUDE_BITS 2u
-_Static_assert((uint32_t)TC_FAULT_ATTITUDE_STALE == (uint32_t)TC_FAULT_POSITION_STALE << ATTITUDE_BITS &&
-                   (uint32_t)TC_FAULT_ATTITUDE_BAD == (uint32_t)TC_FAULT_POSITION_BAD << ATTITUDE_BITS,
-               "the bits of the attitude follow those of the position");
+#define OLDEST_US 1000000u /* a stamp further from the clock, back or ahead, is implausible */
+#define NEVER_S 1e6f
+#define AFTER_STEP_US 500000u /* stamps that disagree with the clock are put down to its step for this long */
+/* How dead reckoning errs: a velocity of 0.15 m/s, and an acceleration of 0.2 m/s^2 from 1 degree of tilt and the
+   accelerometer's bias, in each horizontal axis. */
+#define RECKONED_VELOCITY_STD_M_S 0.15f
+#define RECKONED_ACCELERATION_STD_M_S2 0.2f
 
-/* What both halves of an estimate ask: is it too old (the fault bits, as for the position), and how far is it to be
-   carried forward: a fresh sample by its whole age, what was carried before only by what is new since then. */
-static TC_APART uint8_t carry(const tc_parameters* p, uint64_t time_us, uint64_t stamp_us, float step_s, bool fresh,
-                              float* ahead_s) {
-    const uint64_t since_us = stamp_us < time_us ? time_us - stamp_us : 0u;
-    const float age_s = since_us > LONGEST_AGE_US ? LONGEST_AGE_S : (float)(uint32_t)since_us * 1e-6f;
-    const float whole_s = age_s + p->predict_extra_s;
-    *ahead_s = tc_min(whole_s, p->predict_max_s);
-    if (!fresh) *ahead_s = tc_max(*ahead_s - tc_max(whole_s - step_s, 0.0f), 0.0f);
-    return (uint8_t)((fresh ? 0u : (uint32_t)TC_FAULT_POSITION_BAD) |
-                     (age_s > p->estimate_stale_s ? (uint32_t)TC_FAULT_POSITION_STALE : 0u));
+static bool marked(const tc_estimate* estimate, uint32_t bits) { return (estimate->valid & bits) == bits; }
+
+static uint64_t longer(uint64_t a_us, uint64_t b_us) { return a_us > b_us ? a_us : b_us; }
+
+/* Notes when a usable sample was true, in controller time. A stamp that has come before keeps its time. */
+static void note_sample(const tc_controller* c, tc_sample_time* sample, uint64_t stamp_us) {
+    const bool clock_stands = c->stalled_ticks > 0u; /* then its stamps do, too */
+    if (stamp_us == sample->stamp_us && sample->true_us != 0u && !clock_stands) return;
+    const uint64_t now_us = c->telemetry.time_us;
+    uint64_t age_us = stamp_us < c->caller_us ? c->caller_us - stamp_us : 0u;
+    const bool in_time = age_us <= OLDEST_US && stamp_us <= c->caller_us + OLDEST_US;
+    const bool clock_stepped = c->telemetry.refused_ticks > 0u && now_us - c->clock_fault_us < AFTER_STEP_US;
+    if (!in_time || clock_stands) age_us = clock_stepped || clock_stands ? sample->age_us : longer(age_us, OLDEST_US);
+    sample->stamp_us = stamp_us;
+    sample->age_us = age_us;
+    const uint64_t true_us = age_us < now_us ? now_us - age_us : 1u;
+    if (true_us > sample->true_us) sample->true_us = true_us; /* an older sample tells nothing new */
 }
 
-/* Position by the last velocity and the acceleration that the set-point asks for. */
-static inline void predict_position(const tc_estimate* from, const float acceleration_world_m_s2[3], float ahead,
-                                    tc_estimate* now) {
-    for (int i = 0; i < 3; i++) {
-        const float velocity = from->velocity_world_m_s[i], gain = ahead * acceleration_world_m_s2[i];
-        now->position_world_m[i] = from->position_world_m[i] + ahead * (velocity + 0.5f * gain);
-        now->velocity_world_m_s[i] = velocity + gain;
+static float age_s(const tc_controller* c, const tc_sample_time* sample) {
+    const uint64_t now_us = c->telemetry.time_us;
+    if (sample->true_us == 0u) return NEVER_S;
+    return sample->true_us < now_us ? tc_seconds(now_us - sample->true_us) : 0.0f;
+}
+
+/* How far a fresh sample is to be carried to the tick. */
+static float ahead_s(const tc_controller* c, const tc_sample_time* sample) {
+    return tc_min(age_s(c, sample) + c->parameters.predict_extra_s, c->parameters.predict_max_s);
+}
+
+/* Axes `first` to before `end` of position and velocity: measured and carried to the tick by the acceleration that is
+   asked for, or dead reckoned from where they were. */
+static void take_axes(tc_controller* c, const tc_estimate* from, int first, int end, bool measured, bool has_velocity,
+                      float ahead, const float reckoned_m_s2[3], float step_s) {
+    tc_estimate* now = &c->telemetry.estimate;
+    for (int i = first; i < end; i++) {
+        if (measured) {
+            const float velocity = from->velocity_world_m_s[i];
+            const float gain = ahead * c->telemetry.setpoint.acceleration_world_m_s2[i];
+            now->position_world_m[i] = from->position_world_m[i] + ahead * (velocity + 0.5f * gain);
+            now->velocity_world_m_s[i] = velocity + gain;
+        } else {
+            const float gain = step_s * reckoned_m_s2[i];
+            if (has_velocity) now->velocity_world_m_s[i] = from->velocity_world_m_s[i] - gain;
+            now->position_world_m[i] += step_s * (now->velocity_world_m_s[i] + 0.5f * gain);
+            now->velocity_world_m_s[i] += gain;
+        }
     }
 }
 
-/* Attitude by the last body rate: a small turn, second order. The size of a product is the product of the sizes. */
-static inline void predict_attitude(const tc_estimate* from, float q_size2, float rate2, float ahead,
-                                    tc_estimate* now) {
-    const float half = 0.5f * ahead, *q = from->q_world_body, *rate = from->rate_body_rad_s;
-    const float scale = 1.0f / sqrtf(q_size2 * (1.0f + half * half * rate2));
+/* What the vehicle accelerates at: by its accelerometer, else as asked of it; upwards by the thrust that was asked for,
+   which has the feedback in it. */
+static void reckoned_acceleration(tc_controller* c, const tc_estimate* estimate, float out[3]) {
+    if (marked(&c->telemetry.estimate, TC_VALID_SPECIFIC_FORCE)) {
+        tc_to_world(c->axes, estimate->specific_force_body_m_s2, out);
+        out[2] -= c->parameters.gravity_m_s2;
+    } else {
+        const bool in_air = tc_mission_in_air(c->mission.state);
+        tc_copy(out, c->telemetry.setpoint.acceleration_world_m_s2);
+        if (in_air)
+            out[2] = c->axes[2][2] * c->telemetry.wrench.thrust_n / c->parameters.mass_kg - c->parameters.gravity_m_s2;
+    }
+}
+
+static bool plausible(const float* values, size_t count, float largest) {
+    bool all = true;
+    for (size_t i = 0; i < count; i++) all = all && tc_abs(values[i]) <= largest; /* NaN is not */
+    return all;
+}
+
+static bool certain(float std, float bound) { return tc_finite(std) && std <= bound; }
+
+static uint32_t take_position(tc_controller* c, const tc_estimate* e, float step_s) {
+    const tc_parameters* p = &c->parameters;
+    tc_estimate* now = &c->telemetry.estimate;
+    const bool velocity_xy = marked(e, TC_VALID_VELOCITY_XY) &&
+                             plausible(e->velocity_world_m_s, 2, LARGEST_VELOCITY_M_S) &&
+                             certain(e->velocity_std_m_s[0], p->velocity_std_m_s);
+    const bool velocity_z = marked(e, TC_VALID_VELOCITY_Z) &&
+                            plausible(&e->velocity_world_m_s[2], 1, LARGEST_VELOCITY_M_S) &&
+                            certain(e->velocity_std_m_s[1], p->velocity_std_m_s);
+    const bool horizontal = velocity_xy && marked(e, TC_VALID_POSITION_XY) &&
+                            plausible(e->position_world_m, 2, LARGEST_POSITION_M) &&
+                            certain(e->position_std_m[0], p->position_std_m);
+    const bool vertical = velocity_z && marked(e, TC_VALID_POSITION_Z) &&
+                          plausible(&e->position_world_m[2], 1, LARGEST_POSITION_M) &&
+                          certain(e->position_std_m[1], p->position_std_m);
+    if (horizontal) note_sample(c, &c->horizontal, e->position_time_us);
+    if (vertical) note_sample(c, &c->vertical, e->position_time_us);
+    if (velocity_xy || velocity_z) note_sample(c, &c->velocity, e->position_time_us);
+    const bool velocity_fresh = age_s(c, &c->velocity) <= p->estimate_stale_s;
+    const bool fresh_xy = horizontal && age_s(c, &c->horizontal) <= p->estimate_stale_s;
+    const bool fresh_z = vertical && age_s(c, &c->vertical) <= p->estimate_stale_s;
+    float reckoned[3];
+    reckoned_acceleration(c, e, reckoned);
+    take_axes(c, e, 0, 2, fresh_xy, velocity_xy && velocity_fresh, ahead_s(c, &c->horizontal), reckoned, step_s);
+    take_axes(c, e, 2, 3, fresh_z, velocity_z && velocity_fresh, ahead_s(c, &c->vertical), reckoned, step_s);
+    c->vertical_velocity = fresh_z || (velocity_z && velocity_fresh);
+    if (horizontal) now->position_time_us = e->position_time_us;
+    for (int i = 0; i < 2; i++) {
+        now->position_std_m[i] = tc_finite(e->position_std_m[i]) ? e->position_std_m[i] : 0.0f;
+        now->velocity_std_m_s[i] = tc_finite(e->velocity_std_m_s[i]) ? e->velocity_std_m_s[i] : 0.0f;
+    }
+    const float oldest_s = tc_max(age_s(c, &c->horizontal), age_s(c, &c->vertical));
+    return (horizontal && vertical ? 0u : (uint32_t)TC_FAULT_POSITION_UNUSABLE) |
+           (oldest_s > p->estimate_stale_s ? (uint32_t)TC_FAULT_POSITION_STALE : 0u);
+}
+
+/* How long position has been dead reckoned, and what it may be off by then (horizontal, both axes). */
+static void describe_reckoning(tc_controller* c, uint32_t faults) {
+    tc_telemetry* t = &c->telemetry;
+    const float oldest_s = tc_max(age_s(c, &c->horizontal), age_s(c, &c->vertical));
+    const bool reckons = (faults & (uint32_t)TC_FAULT_POSITION_STALE) != 0u;
+    const float time_s = reckons ? tc_max(oldest_s - c->parameters.estimate_stale_s, 1e-6f) : 0.0f;
+    const float velocity = RECKONED_VELOCITY_STD_M_S * time_s;
+    const float acceleration = 0.5f * RECKONED_ACCELERATION_STD_M_S2 * time_s * time_s;
+    t->reckoning_s = time_s;
+    t->reckoning_std_m = reckons ? sqrtf(2.0f * (velocity * velocity + acceleration * acceleration)) : 0.0f;
+}
+
+/* A small turn by the body rate, second order. The size of a product is the product of the sizes. */
+static void turn(const float q[4], float q_size2, const float rate[3], float time_s, float out[4]) {
+    const float half = 0.5f * time_s;
+    const float scale = 1.0f / sqrtf(q_size2 * (1.0f + half * half * tc_dot(rate, rate)));
     const float w = scale * q[0], x = scale * q[1], y = scale * q[2], z = scale * q[3];
     const float a = half * rate[0], b = half * rate[1], c = half * rate[2];
-    now->q_world_body[0] = w - x * a - y * b - z * c;
-    now->q_world_body[1] = x + w * a + y * c - z * b;
-    now->q_world_body[2] = y + w * b + z * a - x * c;
-    now->q_world_body[3] = z + w * c + x * b - y * a;
-    tc_copy(now->rate_body_rad_s, rate);
+    out[0] = w - x * a - y * b - z * c;
+    out[1] = x + w * a + y * c - z * b;
+    out[2] = y + w * b + z * a - x * c;
+    out[3] = z + w * c + x * b - y * a;
 }
 
-/* Position and velocity, or what was carried so far; returns the fault bits. */
-static inline uint8_t take_position(tc_controller* c, uint64_t time_us, float step_s, const tc_estimate* estimate) {
+static uint32_t take_rate(tc_controller* c, const tc_estimate* e) {
     tc_estimate* now = &c->telemetry.estimate;
-    const bool good = tc_up_to(tc_dot(estimate->position_world_m, estimate->position_world_m),
-                               LARGEST_POSITION_M * LARGEST_POSITION_M) &&
-                      tc_up_to(tc_dot(estimate->velocity_world_m_s, estimate->velocity_world_m_s),
-                               LARGEST_VELOCITY_M_S * LARGEST_VELOCITY_M_S);
-    if (good) now->position_time_us = estimate->position_time_us;
-    float ahead_s;
-    const uint8_t faults = carry(&c->parameters, time_us, now->position_time_us, step_s, good, &ahead_s);
-    predict_position(good ? estimate : now, c->telemetry.setpoint.acceleration_world_m_s2, ahead_s, now);
-    return faults;
-}
-
-static inline uint8_t take_attitude(tc_controller* c, uint64_t time_us, float step_s, const tc_estimate* estimate) {
-    tc_estimate* now = &c->telemetry.estimate;
-    const tc_estimate* from = estimate;
-    float q_size2 = tc_q_size2(from->q_world_body), rate2 = tc_dot(from->rate_body_rad_s, from->rate_body_rad_s);
-    const bool good = tc_up_to(q_size2 - 0.8f, 0.4f) && tc_up_to(rate2, LARGEST_RATE_RAD_S * LARGEST_RATE_RAD_S);
-    if (good) {
-        now->attitude_time_us = estimate->attitude_time_us;
-    } else {
-        from = now;
-        q_size2 = 1.0f;
-        rate2 = tc_dot(from->rate_body_rad_s, from->rate_body_rad_s);
+    const bool usable = marked(e, TC_VALID_RATE) && tc_up_to(tc_dot(e->rate_body_rad_s, e->rate_body_rad_s),
+                                                             LARGEST_RATE_RAD_S * LARGEST_RATE_RAD_S);
+    if (usable) {
+        note_sample(c, &c->rate, e->rate_time_us);
+        tc_copy(now->rate_body_rad_s, e->rate_body_rad_s);
+        now->rate_time_us = e->rate_time_us;
     }
-    float ahead_s;
-    const uint8_t faults = carry(&c->parameters, time_us, now->attitude_time_us, step_s, good, &ahead_s);
-    predict_attitude(from, q_size2, rate2, ahead_s, now);
-    return faults;
+    return (usable ? 0u : (uint32_t)TC_FAULT_RATE_UNUSABLE) |
+           (age_s(c, &c->rate) > c->parameters.estimate_stale_s ? (uint32_t)TC_FAULT_RATE_STALE : 0u);
 }
 
-uint8_t tc_take_estimate(tc_controller* c, uint64_t time_us, float step_s, const tc_estimate* estimate) {
-    const uint8_t position = take_position(c, time_us, step_s, estimate);
-    const uint8_t attitude = take_attitude(c, time_us, step_s, estimate);
+/* Measured and carried to the tick, or the last one turned on by the gyro. */
+static uint32_t take_attitude(tc_controller* c, const tc_estimate* e, float step_s) {
+    tc_estimate* now = &c->telemetry.estimate;
+    const float q_size2 = tc_q_size2(e->q_world_body);
+    const bool usable = marked(e, TC_VALID_ATTITUDE) && tc_up_to(q_size2 - 0.8f, 0.4f);
+    if (usable) {
+        note_sample(c, &c->attitude, e->attitude_time_us);
+        now->attitude_time_us = e->attitude_time_us;
+    }
+    const bool stale = age_s(c, &c->attitude) > c->parameters.estimate_stale_s;
+    if (usable && !stale) {
+        turn(e->q_world_body, q_size2, now->rate_body_rad_s, ahead_s(c, &c->attitude), now->q_world_body);
+    } else {
+        turn(now->q_world_body, tc_q_size2(now->q_world_body), now->rate_body_rad_s, step_s, now->q_world_body);
+    }
+    return (usable ? 0u : (uint32_t)TC_FAULT_ATTITUDE_UNUSABLE) | (stale ? (uint32_t)TC_FAULT_ATTITUDE_STALE : 0u);
+}
+
+/* The accelerometer, in its valid bit of telemetry.estimate: whether it is there. */
+static void take_force(tc_controller* c, const tc_estimate* e) {
+    tc_estimate* now = &c->telemetry.estimate;
+    const float* force = e->specific_force_body_m_s2;
+    const bool usable = marked(e, TC_VALID_SPECIFIC_FORCE) &&
+                        tc_up_to(tc_dot(force, force), LARGEST_FORCE_M_S2 * LARGEST_FORCE_M_S2) &&
+                        (c->telemetry.estimate_faults & (uint32_t)TC_FAULT_RATE_STALE) == 0u;
+    now->valid = usable ? e->valid : (uint8_t)(e->valid & ~(uint32_t)TC_VALID_SPECIFIC_FORCE);
+    if (usable) tc_copy(now->specific_force_body_m_s2, force);
+}
+
+/* The estimator has moved its frame: what is flown moves with it, so that nothing jumps. */
+static void follow_reset(tc_controller* c, const tc_estimate* e) {
+    const uint8_t steps = (uint8_t)(e->reset_counter - c->reset_counter);
+    const bool known = c->had_estimate;
+    c->reset_counter = e->reset_counter;
+    c->had_estimate = true;
+    if (!known || steps == 0u || !tc_mission_in_air(c->mission.state) || c->mission.state == TC_EMERGENCY) return;
+    if (steps != 1u || !tc_all_finite(e->reset_position_world_m, 3) || !tc_all_finite(e->reset_velocity_world_m_s, 3) ||
+        !tc_finite(e->reset_yaw_rad)) {
+        (void)tc_post(c, TC_EVENT_RELOCALIZED, TC_RELOCALIZED);
+        return;
+    }
+    if (tc_mission_on_path(c->mission.state)) {
+        tc_supervisor_shift(&c->supervisor, e->reset_position_world_m, e->reset_velocity_world_m_s, e->reset_yaw_rad);
+    } else {
+        tc_move_shift(&c->move, e->reset_position_world_m, e->reset_yaw_rad);
+        c->landing.z_m += e->reset_position_world_m[2];
+    }
+    for (int i = 0; i < 3; i++) c->telemetry.setpoint.position_world_m[i] += e->reset_position_world_m[i];
+    c->telemetry.setpoint.yaw_rad += e->reset_yaw_rad;
+    tc_flatness_turn(&c->telemetry.flatness, e->reset_yaw_rad);
+}
+
+void tc_take_estimate(tc_controller* c, const tc_estimate* estimate, float step_s) {
+    const uint32_t rate = take_rate(c, estimate);
+    const uint32_t attitude = take_attitude(c, estimate, step_s);
+    c->telemetry.estimate_faults = (uint8_t)rate;
+    take_force(c, estimate);
+    const uint32_t position = take_position(c, estimate, step_s);
+    const uint32_t faults = rate | attitude | position;
+    c->telemetry.estimate_faults = (uint8_t)faults;
+    describe_reckoning(c, faults);
+    if (faults != 0u || c->good_since_us == 0u) c->good_since_us = c->telemetry.time_us;
+    if ((faults & (uint32_t)TC_FAULT_POSITION_UNUSABLE) == 0u) follow_reset(c, estimate);
     const float battery_v = estimate->battery_v;
     c->telemetry.estimate.battery_v = tc_up_to(battery_v, LARGEST_BATTERY_V) ? battery_v : 0.0f;
-    return (uint8_t)(position | attitude << ATTITUDE_BITS);
+    tc_q_axes(c->telemetry.estimate.q_world_body, c->axes);
 }

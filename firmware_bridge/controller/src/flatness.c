@@ -11,19 +11,27 @@
 #define CHART_GOOD 0.30f
 #define LARGEST_ANGULAR_ACCELERATION_RAD_S2 300.0f
 
-static TC_RARE void z_axis(const float q[4], float axis_world[3]) {
+static void z_axis(const float q[4], float axis_world[3]) {
     axis_world[0] = 2.0f * (q[1] * q[3] + q[0] * q[2]);
     axis_world[1] = 2.0f * (q[2] * q[3] - q[0] * q[1]);
     axis_world[2] = 1.0f - 2.0f * (q[1] * q[1] + q[2] * q[2]);
 }
 
-TC_RARE void tc_flatness_reset(tc_flatness_state* state, const float q_world_body[4]) {
+void tc_flatness_reset(tc_flatness_state* state, const float q_world_body[4]) {
     tc_copy4(state->q_reference, q_world_body);
     tc_q_normalise(state->q_reference);
     z_axis(state->q_reference, state->axis);
 }
 
-TC_APART void tc_flatness_chart(const float axis_world[3], float yaw_rad, float q_world_body[4]) {
+void tc_flatness_turn(tc_flatness_state* state, float yaw_rad) {
+    float sine, cosine, turned[4];
+    tc_sin_cos(0.5f * yaw_rad, &sine, &cosine);
+    const float turn[4] = {cosine, 0.0f, 0.0f, sine};
+    tc_q_multiply(turn, state->q_reference, turned);
+    tc_flatness_reset(state, turned);
+}
+
+void tc_flatness_chart(const float axis_world[3], float yaw_rad, float q_world_body[4]) {
     const float scale = 1.0f / sqrtf(2.0f * tc_max(1.0f + axis_world[2], 1e-6f));
     const float tilt[3] = {(1.0f + axis_world[2]) * scale, -axis_world[1] * scale, axis_world[0] * scale};
     float sine, cosine;
@@ -75,8 +83,8 @@ typedef struct {
 
 /* Where the chart cannot be followed at once: little thrust (`weights`), near straight down, or further than the slew
    limits allow. */
-static TC_RARE progress move_on(tc_flatness_state* state, const tc_parameters* p, const float force_n[3], float weights,
-                                float yaw_rad, float step_s) {
+static progress move_on(tc_flatness_state* state, const tc_parameters* p, const float force_n[3], float weights,
+                        float yaw_rad, float step_s) {
     progress out = {tc_clamp((weights - NO_DIRECTION) / (FULL_DIRECTION - NO_DIRECTION), 0.0f, 1.0f), 0.0f, false};
     float wanted[3], q[4];
     const float size_n = tc_max(tc_norm(force_n), 1e-6f);

@@ -8,11 +8,10 @@ void tc_cross(const float a[3], const float b[3], float out[3]) {
 }
 
 void tc_to_body(float axes[3][3], const float v[3], float out[3]) {
-    TC_UNROLLED
     for (int i = 0; i < 3; i++) out[i] = axes[i][0] * v[0] + axes[i][1] * v[1] + axes[i][2] * v[2];
 }
 
-TC_APART void tc_q_axes(const float q[4], float axes[3][3]) {
+void tc_q_axes(const float q[4], float axes[3][3]) {
     const float x = 2.0f * q[1], y = 2.0f * q[2], z = 2.0f * q[3];
     const float wx = q[0] * x, wy = q[0] * y, wz = q[0] * z;
     const float xx = q[1] * x, xy = q[1] * y, xz = q[1] * z, yy = q[2] * y, yz = q[2] * z, zz = q[3] * z;
@@ -27,14 +26,14 @@ TC_APART void tc_q_axes(const float q[4], float axes[3][3]) {
     axes[2][2] = 1.0f - (xx + yy);
 }
 
-TC_RARE void tc_q_normalise(float q[4]) {
+void tc_q_normalise(float q[4]) {
     const float norm2 = tc_q_size2(q);
     const float scale = norm2 > 1e-12f ? 1.0f / sqrtf(norm2) : 0.0f;
     for (int i = 0; i < 4; i++) q[i] *= scale;
     if (scale <= 0.0f) q[0] = 1.0f;
 }
 
-TC_RARE void tc_q_multiply(const float a[4], const float b[4], float out[4]) {
+void tc_q_multiply(const float a[4], const float b[4], float out[4]) {
     tc_cross(&a[1], &b[1], &out[1]);
     for (int i = 1; i < 4; i++) out[i] += a[0] * b[i] + a[i] * b[0];
     out[0] = a[0] * b[0] - tc_dot(&a[1], &b[1]);
@@ -66,7 +65,7 @@ void tc_sin_cos(float x, float* sine, float* cosine) {
 }
 
 /* By Newton's method on sine and cosine: from 90 degrees off, the error goes 1.57, 0.57, 0.031, 5e-6 rad, 0. */
-TC_RARE float tc_atan2(float y, float x) {
+float tc_atan2(float y, float x) {
     const float size = sqrtf(x * x + y * y);
     if (!(size > 1e-15f)) return 0.0f;
     float angle = y < 0.0f ? -0.5f * TC_PI : 0.5f * TC_PI;
@@ -78,9 +77,9 @@ TC_RARE float tc_atan2(float y, float x) {
     return angle;
 }
 
-TC_RARE float tc_wrap(float angle_rad) {
+float tc_wrap(float angle_rad) {
     const float n = (tc_clamp(angle_rad, -1000.0f, 1000.0f) * 0.159154943f + TC_WHOLE) - TC_WHOLE;
     return (angle_rad - n * 6.28125f) - n * 1.93530717e-3f;
 }
 
-TC_RARE float tc_q_yaw(const float q[4]) { return tc_wrap(2.0f * tc_atan2(q[3], q[0])); }
+float tc_q_yaw(const float q[4]) { return tc_wrap(2.0f * tc_atan2(q[3], q[0])); }

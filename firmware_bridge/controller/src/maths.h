@@ -8,14 +8,6 @@
 #include <stdint.h>
 #include <string.h>
 
-/* What a usual tick does not do: kept apart and small, whatever the rest is optimised for. */
-#define TC_RARE __attribute__((noinline, cold))
-
-/* Never inlined, in every tick too: one copy for all who call it, or registers of its own. */
-#define TC_APART __attribute__((noinline))
-/* The loop that follows is written out, whatever the rest is optimised for. */
-#define TC_UNROLLED _Pragma("GCC unroll 12")
-
 #ifdef __FAST_MATH__
 #error "-ffast-math takes the rounding out of the sine"
 #endif
@@ -52,6 +44,12 @@ static inline float tc_clamp(float x, float low, float high) { return x > low ? 
 static inline float tc_min(float a, float b) { return a < b ? a : b; }
 static inline float tc_max(float a, float b) { return a > b ? a : b; }
 static inline float tc_abs(float x) { return fabsf(x); } /* one instruction, not a call */
+
+/* Seconds from microseconds, at most 71 minutes: a difference of times needs no 64-bit conversion. */
+static inline float tc_seconds(uint64_t us) {
+    const uint32_t bounded_us = us < UINT32_MAX ? (uint32_t)us : UINT32_MAX;
+    return (float)bounded_us * 1e-6f;
+}
 
 static inline float tc_dot(const float a[3], const float b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 

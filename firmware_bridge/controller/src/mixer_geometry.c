@@ -1,18 +1,19 @@
 /* What the mixer works with that follows from the parameters alone: units, thrust law, limits, and the inverse of the
    rotors' geometry. */
-#include "copy.h"
 #include "goshawk_controller/mixer.h"
 #include "maths.h"
 #include "mixer_parts.h"
 
 #define SHORTEST_ARM_M 0.01f
-/* The little of what hovering takes that counts with a rotor's load when that has changed. */
+/* Share of the hover load added to a rotor's own when a change of load is called small. */
 #define NEAR 0.03f
-/* Squared speeds this far outside the limits, of the highest, when found still count as inside. */
+/* Squared speeds outside the limits by less than this share of the highest still count as inside at first. */
 #define TOLERANCE 0.01f
 /* The limits are kept this far inside, so that rounding does not lead beyond them. */
 #define ROUNDING 2e-6f
 #define TINY 1e-30f
+/* Below, a rotor's operating point is extrapolated: at zero its slopes would be infinite. */
+#define LEAST_THRUST_N 1e-3f
 
 static float determinant(const float a[3], const float b[3], const float c[3]) {
     float bc[3];
@@ -21,10 +22,11 @@ static float determinant(const float a[3], const float b[3], const float c[3]) {
 }
 
 /* `yaw_per_free`: sum spin_i free_i. */
-static tc_reason lay_out(tc_mixer* mixer, const tc_parameters* p, float arm_m, float load_per_n, float* yaw_per_free) {
+static tc_reason invert_geometry(tc_mixer* mixer, const tc_parameters* p, float arm_m, float load_per_n,
+                                 float* yaw_per_free) {
     float column[TC_ROTORS][3]; /* collective, torque x, torque y per newton, arms scaled to about 1 */
     float gram[3][3], adjugate[3][3], free[TC_ROTORS];
-    tc_fill(gram, 0, sizeof gram);
+    memset(gram, 0, sizeof gram);
     for (int i = 0; i < TC_ROTORS; i++) {
         column[i][0] = 1.0f;
         column[i][1] = mixer->rotor[i].arm_y_m / arm_m;
@@ -71,11 +73,13 @@ static float choose_law(tc_mixer* mixer, const tc_parameters* p) {
     const bool quadratic = p->thrust_model < 0.5f;
     const float square = quadratic ? p->quad_n_s2 : p->k1_n_s2;
     const float per_disk = 1.0f / (2.0f * p->air_density_kg_m3 * p->disk_area_m2);
-    /* Without induced velocity in the law any small unit will do: a millionth of what the square law gives at hover. */
-    const float none = 1e-6f * sqrtf(square / per_disk);
-    const float unit = quadratic ? none : tc_max(-p->k2_n_s2_m, none);
+    /* A smaller coefficient changes speeds by less than 1e-5 of them: then the law is taken to have none. */
+    const bool induced = !quadratic && -p->k2_n_s2_m > 1e-5f * sqrtf(square / per_disk);
+    const float unit = induced ? -p->k2_n_s2_m : 1.0f;
     const float load_per_n = unit * unit * per_disk;
     mixer->unit_m_s = unit;
+    mixer->induced = induced ? 1.0f : 0.0f;
+    mixer->least_load = LEAST_THRUST_N * load_per_n;
     mixer->axial = (quadratic ? -p->inflow_kg : p->k2_n_s2_m) / unit;
     mixer->lateral = p->thrust_model > 1.5f ? 1.0f : 0.0f;
     mixer->lift = p->lift_kg_m * per_disk;
@@ -96,11 +100,12 @@ static float choose_law(tc_mixer* mixer, const tc_parameters* p) {
 
 /* Thrust over n^2 in still air, where it is the same for every thrust. */
 static float still_air_factor(const tc_mixer* mixer, float load_per_n) {
-    const float per_root = mixer->per_speed * (1.0f + sqrtf(1.0f + mixer->load_factor)); /* speed by root of load */
+    const float v = mixer->induced; /* of a load of 1; the speed goes with the root of the load */
+    const float per_root = mixer->per_speed * (v + sqrtf(v + mixer->load_factor));
     return 1.0f / (load_per_n * per_root * per_root);
 }
 
-TC_RARE tc_reason tc_mixer_configure(tc_mixer* mixer, const tc_parameters* p) {
+tc_reason tc_mixer_configure(tc_mixer* mixer, const tc_parameters* p) {
     float arm_m = 0.0f, yaw_per_free = 0.0f;
     for (int i = 0; i < TC_ROTORS; i++) {
         tc_mixer_rotor* m = &mixer->rotor[i];
@@ -112,7 +117,7 @@ TC_RARE tc_reason tc_mixer_configure(tc_mixer* mixer, const tc_parameters* p) {
     if (!(arm_m > SHORTEST_ARM_M)) return TC_SINGULAR_GEOMETRY;
     if (!(p->rotor_max_rad_s > p->rotor_min_rad_s && p->rotor_max_rad_s >= p->rotor_idle_rad_s)) return TC_OUT_OF_RANGE;
     const float load_per_n = choose_law(mixer, p);
-    const tc_reason reason = lay_out(mixer, p, arm_m, load_per_n, &yaw_per_free);
+    const tc_reason reason = invert_geometry(mixer, p, arm_m, load_per_n, &yaw_per_free);
     if (reason != TC_OK) return reason;
     /* Enough to hover with a tenth to spare? */
     const float each_n = p->mass_kg * p->gravity_m_s2 * 1.1f * 0.25f;

@@ -1,361 +1,193 @@
-/* The parameter table: names for MAVLink (at most 16 characters), ranges, defaults. Rigter et al.'s vehicle is preset.
-
-   It is kept in columns, and packed: a name says only in what it differs from the one before, ranges stand once each,
-   and a number is one of 12 bits with so many decimals. That takes 0.9 kB where plain rows would take 3.3 kB. */
+/* The parameter table: names for MAVLink (at most 16 characters), ranges, defaults. The defaults are Rigter et al.'s
+   vehicle. Members of tc_parameters and rows of the table stand in the same order; a static assertion counts them. */
 #include "goshawk_controller/parameters.h"
 
 #include "goshawk_controller/trajectory.h"
 #include "maths.h"
-#include "words.h"
 
-/* A number: (u >> 4) - 2048 tenths of it over 10^(u & 15); so -2048 .. 2047, and from one zero to 14 decimals. */
-#define ZERO 2048
-#define PACKED(number, decimals) (uint16_t)(((number) + ZERO) * 16 + (decimals) + 1)
-/* As `decimals`: one of the few numbers that do not fit. */
-#define WIDE 14
-enum { GRAVITATION, DISK, K1, WIDES };
-static const float wide[WIDES] = {[GRAVITATION] = 9.80665f, [DISK] = 0.0126677f, [K1] = 3.119e-6f};
+/* When a parameter may change, and whether it is a choice among whole numbers. */
+enum { GROUND = 0, FLIGHT = 1, WHOLE = 2 };
 
-/* Smallest and largest. Of the first three whole numbers are meant: choices. */
-enum {
-    SPIN,
-    CHOICE,
-    SWITCH,
-    MASS,
-    GRAVITY,
-    INERTIA,
-    OFFSET,
-    ARM,
-    HEALTH,
-    PER_SQUARE,
-    INFLOW,
-    SIGNED_CENTI,
-    DENSITY,
-    AREA,
-    TORQUE,
-    SLOWEST,
-    FASTEST,
-    TO_5000,
-    TO_1,
-    TO_TENTH,
-    TO_100,
-    TO_FIFTH,
-    FILTER,
-    TO_50,
-    TO_5,
-    BRISK,
-    TO_500,
-    SLEW,
-    TO_HALF,
-    PLACE,
-    PUSH,
-    JERK,
-    TURN,
-    NEAR,
-    BRAKE,
-    CLIMB,
-    SINK,
-    STALE,
-    TILT,
-    TILTED,
-    SILENCE,
-    WAIT,
-    WEIGHT,
-    FALL,
-    RANGES
-};
-static const uint16_t ranges[RANGES][2] = {
-    [SPIN] = {PACKED(-1, 0), PACKED(1, 0)},        [CHOICE] = {PACKED(0, 0), PACKED(2, 0)},
-    [SWITCH] = {PACKED(0, 0), PACKED(1, 0)},       [MASS] = {PACKED(1, 2), PACKED(50, 0)},
-    [GRAVITY] = {PACKED(97, 1), PACKED(99, 1)},    [INERTIA] = {PACKED(1, 6), PACKED(10, 0)},
-    [OFFSET] = {PACKED(-2, 1), PACKED(2, 1)},      [ARM] = {PACKED(-2, 0), PACKED(2, 0)},
-    [HEALTH] = {PACKED(3, 1), PACKED(2, 0)},       [PER_SQUARE] = {PACKED(1, 10), PACKED(1, 1)},
-    [INFLOW] = {PACKED(-1, 1), PACKED(0, 0)},      [SIGNED_CENTI] = {PACKED(-1, 2), PACKED(1, 2)},
-    [DENSITY] = {PACKED(3, 1), PACKED(15, 1)},     [AREA] = {PACKED(1, 4), PACKED(5, 0)},
-    [TORQUE] = {PACKED(1, 12), PACKED(1, 2)},      [SLOWEST] = {PACKED(1, 0), PACKED(500, -1)},
-    [FASTEST] = {PACKED(10, 0), PACKED(2000, -1)}, [TO_5000] = {PACKED(0, 0), PACKED(500, -1)},
-    [TO_1] = {PACKED(0, 0), PACKED(1, 0)},         [TO_TENTH] = {PACKED(0, 0), PACKED(1, 1)},
-    [TO_100] = {PACKED(0, 0), PACKED(100, 0)},     [TO_FIFTH] = {PACKED(0, 0), PACKED(2, 1)},
-    [FILTER] = {PACKED(1, 3), PACKED(2, 1)},       [TO_50] = {PACKED(0, 0), PACKED(50, 0)},
-    [TO_5] = {PACKED(0, 0), PACKED(5, 0)},         [BRISK] = {PACKED(1, 1), PACKED(50, 0)},
-    [TO_500] = {PACKED(0, 0), PACKED(500, 0)},     [SLEW] = {PACKED(1, 0), PACKED(200, 0)},
-    [TO_HALF] = {PACKED(0, 0), PACKED(5, 1)},      [PLACE] = {PACKED(-1000, -1), PACKED(1000, -1)},
-    [PUSH] = {PACKED(1, 1), PACKED(100, 0)},       [JERK] = {PACKED(1, 0), PACKED(1000, -1)},
-    [TURN] = {PACKED(1, 1), PACKED(30, 0)},        [NEAR] = {PACKED(1, 2), PACKED(10, 0)},
-    [BRAKE] = {PACKED(2, 1), PACKED(20, 0)},       [CLIMB] = {PACKED(1, 1), PACKED(5, 0)},
-    [SINK] = {PACKED(1, 1), PACKED(3, 0)},         [STALE] = {PACKED(1, 2), PACKED(1, 0)},
-    [TILT] = {PACKED(2, 1), PACKED(3, 0)},         [TILTED] = {PACKED(2, 2), PACKED(2, 0)},
-    [SILENCE] = {PACKED(2, 1), PACKED(60, 0)},     [WAIT] = {PACKED(1, 0), PACKED(180, -1)},
-    [WEIGHT] = {PACKED(5, 1), PACKED(1, 0)},       [FALL] = {PACKED(5, 1), PACKED(60, 0)}};
+typedef struct {
+    const char* name;
+    uint16_t index; /* of the member, counted in floats */
+    float minimum, maximum, preset;
+    const char* unit; /* "1": dimensionless */
+    uint8_t flags;
+} parameter_row;
 
-#define RANGE_BITS 63u
-#define GROUND 0u  /* may change only when disarmed */
-#define FLIGHT 64u /* may change in the air */
-#define FIRST 0u
-#define MORE 128u /* another one of the same name: the next rotor or axis */
+#define AT(member) (uint16_t)(offsetof(tc_parameters, member) / sizeof(float))
 
-/* Units that end names. */
-#define KG "A"
-#define M "B"
-#define S "C"
-#define M_S "D"
-#define M_S2 "E"
-#define RAD_S "F"
-#define KG_M "G"
-#define N_S2 "H"
-#define PER_S "I"
-#define PER_S2 "J"
-#define PER_S3 "K"
-static const char units[] =
-    "kg\0"
-    "m\0"
-    "s\0"
-    "m_s\0"
-    "m_s2\0"
-    "rad_s\0"
-    "kg_m\0"
-    "n_s2\0"
-    "1_s\0"
-    "1_s2\0"
-    "1_s3\0";
-
-/* In the order of tc_parameters: place there, how many characters of the name before are kept (unit not counted), the
-   rest of the name (* stands for the rotor, @ for the axis), when it may change, whether it goes by the name of the row
-   before, range, preset as a number and its decimals. */
 /* clang-format off: one parameter per line reads as the table it is */
-#define PARAMETERS(ROW)                                                                  \
-    ROW(mass_kg, "\000", "mass" KG, FLIGHT, FIRST, MASS, 7, 1)                           \
-    ROW(gravity_m_s2, "\000", "gravity" M_S2, GROUND, FIRST, GRAVITY, GRAVITATION, WIDE) \
-    ROW(inertia_kg_m2[0], "\000", "inertia_@@", GROUND, FIRST, INERTIA, 306, 5)          \
-    ROW(inertia_kg_m2[1], "", "", GROUND, MORE, INERTIA, 442, 5)                         \
-    ROW(inertia_kg_m2[2], "", "", GROUND, MORE, INERTIA, 441, 5)                         \
-    ROW(centre_of_mass_m[0], "\000", "com_x" M, GROUND, FIRST, OFFSET, 14, 4)            \
-    ROW(centre_of_mass_m[1], "\004", "y" M, GROUND, FIRST, OFFSET, 18, 5)                \
-    ROW(rotor_x_m[0], "\000", "rotor*_x" M, GROUND, FIRST, ARM, 885, 4)                  \
-    ROW(rotor_x_m[1], "", "", GROUND, MORE, ARM, -885, 4)                                \
-    ROW(rotor_x_m[2], "", "", GROUND, MORE, ARM, -885, 4)                                \
-    ROW(rotor_x_m[3], "", "", GROUND, MORE, ARM, 885, 4)                                 \
-    ROW(rotor_y_m[0], "\007", "y" M, GROUND, FIRST, ARM, 885, 4)                         \
-    ROW(rotor_y_m[1], "", "", GROUND, MORE, ARM, 885, 4)                                 \
-    ROW(rotor_y_m[2], "", "", GROUND, MORE, ARM, -885, 4)                                \
-    ROW(rotor_y_m[3], "", "", GROUND, MORE, ARM, -885, 4)                                \
-    ROW(rotor_spin[0], "\007", "spin", GROUND, FIRST, SPIN, 1, 0)                        \
-    ROW(rotor_spin[1], "", "", GROUND, MORE, SPIN, -1, 0)                                \
-    ROW(rotor_spin[2], "", "", GROUND, MORE, SPIN, 1, 0)                                 \
-    ROW(rotor_spin[3], "", "", GROUND, MORE, SPIN, -1, 0)                                \
-    ROW(rotor_gain[0], "\007", "gain", FLIGHT, FIRST, HEALTH, 1, 0)                      \
-    ROW(rotor_gain[1], "", "", FLIGHT, MORE, HEALTH, 1, 0)                               \
-    ROW(rotor_gain[2], "", "", FLIGHT, MORE, HEALTH, 1, 0)                               \
-    ROW(rotor_gain[3], "", "", FLIGHT, MORE, HEALTH, 1, 0)                               \
-    ROW(thrust_model, "\000", "thrust_model", GROUND, FIRST, CHOICE, 2, 0)               \
-    ROW(k1_n_s2, "\000", "k1" N_S2, GROUND, FIRST, PER_SQUARE, K1, WIDE)                 \
-    ROW(k2_n_s2_m, "\000", "k2_n_s2_m", GROUND, FIRST, INFLOW, -1547, 7)                 \
-    ROW(quad_n_s2, "\000", "quad" N_S2, GROUND, FIRST, PER_SQUARE, 1897, 9)              \
-    ROW(inflow_kg, "\000", "inflow" KG, FLIGHT, FIRST, SIGNED_CENTI, 0, 0)               \
-    ROW(air_density_kg_m3, "\000", "air_density", FLIGHT, FIRST, DENSITY, 12, 1)         \
-    ROW(disk_area_m2, "\000", "disk_area_m2", GROUND, FIRST, AREA, DISK, WIDE)           \
-    ROW(cq_n_m_s2, "\000", "cq_n_m_s2", GROUND, FIRST, TORQUE, 31, 9)                    \
-    ROW(rotor_min_rad_s, "\000", "rotor_min" RAD_S, GROUND, FIRST, SLOWEST, 250, 0)      \
-    ROW(rotor_max_rad_s, "\006", "max" RAD_S, GROUND, FIRST, FASTEST, 1800, 0)           \
-    ROW(rotor_idle_rad_s, "\006", "idle" RAD_S, GROUND, FIRST, TO_5000, 150, 0)          \
-    ROW(rotor_drag_s_m, "\006", "drag_s_m", FLIGHT, FIRST, TO_1, 175, 4)                 \
-    ROW(rotor_drag_kg, "\012", KG, FLIGHT, FIRST, TO_TENTH, 0, 0)                        \
-    ROW(parasitic_kg_m[0], "\000", "drag_@" KG_M, FLIGHT, FIRST, TO_1, 55, 4)            \
-    ROW(parasitic_kg_m[1], "", "", FLIGHT, MORE, TO_1, 55, 4)                            \
-    ROW(parasitic_kg_m[2], "", "", FLIGHT, MORE, TO_1, 185, 4)                           \
-    ROW(parasitic_norm_kg_m[0], "\005", "norm_@" KG_M, FLIGHT, FIRST, TO_1, 0, 0)        \
-    ROW(parasitic_norm_kg_m[1], "", "", FLIGHT, MORE, TO_1, 0, 0)                        \
-    ROW(parasitic_norm_kg_m[2], "", "", FLIGHT, MORE, TO_1, 0, 0)                        \
-    ROW(lift_kg_m, "\000", "lift" KG_M, FLIGHT, FIRST, TO_TENTH, 0, 0)                   \
-    ROW(flapping_kg_m, "\000", "flapping" KG_M, FLIGHT, FIRST, SIGNED_CENTI, 0, 0)       \
-    ROW(damping_n_m_s[0], "\000", "damping_@_n_m_s", FLIGHT, FIRST, TO_1, 0, 0)          \
-    ROW(damping_n_m_s[1], "", "", FLIGHT, MORE, TO_1, 0, 0)                              \
-    ROW(damping_n_m_s[2], "", "", FLIGHT, MORE, TO_1, 0, 0)                              \
-    ROW(battery_reference_v, "\000", "battery_ref_v", FLIGHT, FIRST, TO_100, 0, 0)       \
-    ROW(battery_gain_1_v, "\010", "gain_1_v", FLIGHT, FIRST, TO_1, 0, 0)                 \
-    ROW(rotor_lag_s, "\000", "rotor_lag" S, FLIGHT, FIRST, TO_FIFTH, 0, 0)               \
-    ROW(lead_filter_s, "\000", "lead_filter" S, FLIGHT, FIRST, FILTER, 15, 3)            \
-    ROW(drag_velocity, "\000", "drag_velocity", FLIGHT, FIRST, CHOICE, 1, 0)             \
-    ROW(airflow_velocity, "\000", "airflow_velocity", FLIGHT, FIRST, CHOICE, 1, 0)       \
-    ROW(kp_xy_1_s2, "\000", "kp_xy" PER_S2, FLIGHT, FIRST, TO_100, 9, 0)                 \
-    ROW(kp_z_1_s2, "\003", "z" PER_S2, FLIGHT, FIRST, TO_100, 14, 0)                     \
-    ROW(kd_xy_1_s, "\000", "kd_xy" PER_S, FLIGHT, FIRST, TO_50, 5, 0)                    \
-    ROW(kd_z_1_s, "\003", "z" PER_S, FLIGHT, FIRST, TO_50, 7, 0)                         \
-    ROW(ki_xy_1_s3, "\000", "ki_xy" PER_S3, FLIGHT, FIRST, TO_50, 0, 0)                  \
-    ROW(ki_z_1_s3, "\003", "z" PER_S3, FLIGHT, FIRST, TO_50, 0, 0)                       \
-    ROW(integral_m_s2, "\000", "integral" M_S2, FLIGHT, FIRST, TO_5, 15, 1)              \
-    ROW(integral_gate_m, "\010", "_gate" M, FLIGHT, FIRST, TO_5, 3, 1)                   \
-    ROW(feedback_m_s2, "\000", "feedback" M_S2, FLIGHT, FIRST, BRISK, 8, 0)              \
-    ROW(attitude_mode, "\000", "attitude_mode", FLIGHT, FIRST, SWITCH, 0, 0)             \
-    ROW(att_kp_xy_1_s2, "\003", "_kp_xy" PER_S2, FLIGHT, FIRST, TO_5000, 220, 0)         \
-    ROW(att_kp_z_1_s2, "\007", "z" PER_S2, FLIGHT, FIRST, TO_5000, 40, 0)                \
-    ROW(att_kd_xy_1_s, "\004", "kd_xy" PER_S, FLIGHT, FIRST, TO_500, 28, 0)              \
-    ROW(att_kd_z_1_s, "\007", "z" PER_S, FLIGHT, FIRST, TO_500, 11, 0)                   \
-    ROW(feed_rate, "\000", "feed_rate", FLIGHT, FIRST, SWITCH, 1, 0)                     \
-    ROW(feed_torque, "\005", "torque", FLIGHT, FIRST, SWITCH, 1, 0)                      \
-    ROW(tilt_slew_rad_s, "\000", "tilt_slew" RAD_S, FLIGHT, FIRST, SLEW, 30, 0)          \
-    ROW(yaw_slew_rad_s, "\000", "yaw_slew" RAD_S, FLIGHT, FIRST, BRISK, 8, 0)            \
-    ROW(yaw_share, "\004", "share", FLIGHT, FIRST, TO_HALF, 2, 1)                        \
-    ROW(predict_max_s, "\000", "predict_max" S, FLIGHT, FIRST, TO_TENTH, 1, 1)           \
-    ROW(predict_extra_s, "\010", "extra" S, FLIGHT, FIRST, TO_TENTH, 0, 0)               \
-    ROW(fence_min_world_m[0], "\000", "fence_min_@" M, GROUND, FIRST, PLACE, -1000, 0)   \
-    ROW(fence_min_world_m[1], "", "", GROUND, MORE, PLACE, -1000, 0)                     \
-    ROW(fence_min_world_m[2], "", "", GROUND, MORE, PLACE, -1000, 0)                     \
-    ROW(fence_max_world_m[0], "\006", "max_@" M, GROUND, FIRST, PLACE, 1000, 0)          \
-    ROW(fence_max_world_m[1], "", "", GROUND, MORE, PLACE, 1000, 0)                      \
-    ROW(fence_max_world_m[2], "", "", GROUND, MORE, PLACE, 1000, 0)                      \
-    ROW(path_speed_m_s, "\000", "path_speed" M_S, GROUND, FIRST, BRISK, 12, 0)           \
-    ROW(path_acceleration_m_s2, "\005", "acc" M_S2, GROUND, FIRST, PUSH, 20, 0)          \
-    ROW(path_jerk_m_s3, "\005", "jerk_m_s3", GROUND, FIRST, JERK, 300, 0)                \
-    ROW(path_yaw_rate_rad_s, "\005", "yaw" RAD_S, GROUND, FIRST, TURN, 7, 0)             \
-    ROW(start_radius_m, "\000", "start_radius" M, FLIGHT, FIRST, NEAR, 5, 1)             \
-    ROW(brake_m_s2, "\000", "brake" M_S2, FLIGHT, FIRST, BRAKE, 4, 0)                    \
-    ROW(take_off_m_s, "\000", "take_off" M_S, FLIGHT, FIRST, CLIMB, 1, 0)                \
-    ROW(landing_m_s, "\000", "landing" M_S, FLIGHT, FIRST, SINK, 8, 1)                   \
-    ROW(estimate_stale_s, "\000", "stale" S, FLIGHT, FIRST, STALE, 1, 1)                 \
-    ROW(tilt_error_rad, "\000", "tilt_error_rad", FLIGHT, FIRST, TILT, 12, 1)            \
-    ROW(tilt_error_s, "\012", S, FLIGHT, FIRST, TILTED, 3, 1)                            \
-    ROW(link_loss_s, "\000", "link_loss" S, FLIGHT, FIRST, SILENCE, 2, 0)                \
-    ROW(link_hold_s, "\005", "hold" S, FLIGHT, FIRST, WAIT, 20, 0)                       \
-    ROW(emergency_sink, "\000", "emergency_sink", FLIGHT, FIRST, WEIGHT, 93, 2)          \
-    ROW(emergency_s, "\011", S, FLIGHT, FIRST, FALL, 5, 0)
+static const parameter_row table[] = {
+    {"mass_kg", AT(mass_kg), 0.01f, 50.0f, 0.7f, "kg", FLIGHT},
+    {"gravity_m_s2", AT(gravity_m_s2), 9.7f, 9.9f, 9.80665f, "m/s2", GROUND},
+    {"inertia_xx", AT(inertia_kg_m2[0]), 1.0e-6f, 10.0f, 0.00306f, "kg m2", GROUND},
+    {"inertia_yy", AT(inertia_kg_m2[1]), 1.0e-6f, 10.0f, 0.00442f, "kg m2", GROUND},
+    {"inertia_zz", AT(inertia_kg_m2[2]), 1.0e-6f, 10.0f, 0.00441f, "kg m2", GROUND},
+    {"com_x_m", AT(centre_of_mass_m[0]), -0.2f, 0.2f, 0.0014f, "m", GROUND},
+    {"com_y_m", AT(centre_of_mass_m[1]), -0.2f, 0.2f, 0.00018f, "m", GROUND},
+    {"rotor0_x_m", AT(rotor_x_m[0]), -2.0f, 2.0f, 0.0885f, "m", GROUND},
+    {"rotor1_x_m", AT(rotor_x_m[1]), -2.0f, 2.0f, -0.0885f, "m", GROUND},
+    {"rotor2_x_m", AT(rotor_x_m[2]), -2.0f, 2.0f, -0.0885f, "m", GROUND},
+    {"rotor3_x_m", AT(rotor_x_m[3]), -2.0f, 2.0f, 0.0885f, "m", GROUND},
+    {"rotor0_y_m", AT(rotor_y_m[0]), -2.0f, 2.0f, 0.0885f, "m", GROUND},
+    {"rotor1_y_m", AT(rotor_y_m[1]), -2.0f, 2.0f, 0.0885f, "m", GROUND},
+    {"rotor2_y_m", AT(rotor_y_m[2]), -2.0f, 2.0f, -0.0885f, "m", GROUND},
+    {"rotor3_y_m", AT(rotor_y_m[3]), -2.0f, 2.0f, -0.0885f, "m", GROUND},
+    {"rotor0_spin", AT(rotor_spin[0]), -1.0f, 1.0f, 1.0f, "1", GROUND | WHOLE},
+    {"rotor1_spin", AT(rotor_spin[1]), -1.0f, 1.0f, -1.0f, "1", GROUND | WHOLE},
+    {"rotor2_spin", AT(rotor_spin[2]), -1.0f, 1.0f, 1.0f, "1", GROUND | WHOLE},
+    {"rotor3_spin", AT(rotor_spin[3]), -1.0f, 1.0f, -1.0f, "1", GROUND | WHOLE},
+    {"rotor0_gain", AT(rotor_gain[0]), 0.3f, 2.0f, 1.0f, "1", FLIGHT},
+    {"rotor1_gain", AT(rotor_gain[1]), 0.3f, 2.0f, 1.0f, "1", FLIGHT},
+    {"rotor2_gain", AT(rotor_gain[2]), 0.3f, 2.0f, 1.0f, "1", FLIGHT},
+    {"rotor3_gain", AT(rotor_gain[3]), 0.3f, 2.0f, 1.0f, "1", FLIGHT},
+    {"thrust_model", AT(thrust_model), 0.0f, 2.0f, 2.0f, "1", GROUND | WHOLE},
+    {"k1_n_s2", AT(k1_n_s2), 1.0e-10f, 0.1f, 3.119e-6f, "N s2", GROUND},
+    {"k2_n_s2_m", AT(k2_n_s2_m), -0.1f, 0.0f, -0.0001547f, "N s2/m", GROUND},
+    {"quad_n_s2", AT(quad_n_s2), 1.0e-10f, 0.1f, 1.897e-6f, "N s2", GROUND},
+    {"inflow_kg", AT(inflow_kg), -0.01f, 0.01f, 0.0f, "kg", FLIGHT},
+    {"air_density", AT(air_density_kg_m3), 0.3f, 1.5f, 1.2f, "kg/m3", FLIGHT},
+    {"disk_area_m2", AT(disk_area_m2), 0.0001f, 5.0f, 0.0126677f, "m2", GROUND},
+    {"cq_n_m_s2", AT(cq_n_m_s2), 1.0e-12f, 0.01f, 3.1e-8f, "N m s2", GROUND},
+    {"rotor_min_rad_s", AT(rotor_min_rad_s), 1.0f, 5000.0f, 250.0f, "rad/s", GROUND},
+    {"rotor_max_rad_s", AT(rotor_max_rad_s), 10.0f, 20000.0f, 1800.0f, "rad/s", GROUND},
+    {"rotor_idle_rad_s", AT(rotor_idle_rad_s), 0.0f, 5000.0f, 150.0f, "rad/s", GROUND},
+    {"rotor_drag_s_m", AT(rotor_drag_s_m), 0.0f, 1.0f, 0.0175f, "s/m", FLIGHT},
+    {"rotor_drag_kg", AT(rotor_drag_kg), 0.0f, 0.1f, 0.0f, "kg", FLIGHT},
+    {"drag_x_kg_m", AT(parasitic_kg_m[0]), 0.0f, 1.0f, 0.0055f, "kg/m", FLIGHT},
+    {"drag_y_kg_m", AT(parasitic_kg_m[1]), 0.0f, 1.0f, 0.0055f, "kg/m", FLIGHT},
+    {"drag_z_kg_m", AT(parasitic_kg_m[2]), 0.0f, 1.0f, 0.0185f, "kg/m", FLIGHT},
+    {"drag_norm_x_kg_m", AT(parasitic_norm_kg_m[0]), 0.0f, 1.0f, 0.0f, "kg/m", FLIGHT},
+    {"drag_norm_y_kg_m", AT(parasitic_norm_kg_m[1]), 0.0f, 1.0f, 0.0f, "kg/m", FLIGHT},
+    {"drag_norm_z_kg_m", AT(parasitic_norm_kg_m[2]), 0.0f, 1.0f, 0.0f, "kg/m", FLIGHT},
+    {"lift_kg_m", AT(lift_kg_m), 0.0f, 0.1f, 0.0f, "kg/m", FLIGHT},
+    {"flapping_kg_m", AT(flapping_kg_m), -0.01f, 0.01f, 0.0f, "kg/m", FLIGHT},
+    {"damping_x_n_m_s", AT(damping_n_m_s[0]), 0.0f, 1.0f, 0.0f, "N m s", FLIGHT},
+    {"damping_y_n_m_s", AT(damping_n_m_s[1]), 0.0f, 1.0f, 0.0f, "N m s", FLIGHT},
+    {"damping_z_n_m_s", AT(damping_n_m_s[2]), 0.0f, 1.0f, 0.0f, "N m s", FLIGHT},
+    {"battery_ref_v", AT(battery_reference_v), 0.0f, 100.0f, 0.0f, "V", FLIGHT},
+    {"battery_gain_1_v", AT(battery_gain_1_v), 0.0f, 1.0f, 0.0f, "1/V", FLIGHT},
+    {"rotor_lag_s", AT(rotor_lag_s), 0.0f, 0.2f, 0.0f, "s", FLIGHT},
+    {"lead_filter_s", AT(lead_filter_s), 0.001f, 0.2f, 0.015f, "s", FLIGHT},
+    {"drag_velocity", AT(drag_velocity), 0.0f, 2.0f, 1.0f, "1", FLIGHT | WHOLE},
+    {"airflow_velocity", AT(airflow_velocity), 0.0f, 2.0f, 1.0f, "1", FLIGHT | WHOLE},
+    {"kp_xy_1_s2", AT(kp_xy_1_s2), 0.0f, 100.0f, 9.0f, "1/s2", FLIGHT},
+    {"kp_z_1_s2", AT(kp_z_1_s2), 0.0f, 100.0f, 14.0f, "1/s2", FLIGHT},
+    {"kd_xy_1_s", AT(kd_xy_1_s), 0.0f, 50.0f, 5.0f, "1/s", FLIGHT},
+    {"kd_z_1_s", AT(kd_z_1_s), 0.0f, 50.0f, 7.0f, "1/s", FLIGHT},
+    {"ki_xy_1_s3", AT(ki_xy_1_s3), 0.0f, 50.0f, 0.0f, "1/s3", FLIGHT},
+    {"ki_z_1_s3", AT(ki_z_1_s3), 0.0f, 50.0f, 0.0f, "1/s3", FLIGHT},
+    {"integral_m_s2", AT(integral_m_s2), 0.0f, 5.0f, 1.5f, "m/s2", FLIGHT},
+    {"integral_gate_m", AT(integral_gate_m), 0.0f, 5.0f, 0.3f, "m", FLIGHT},
+    {"feedback_m_s2", AT(feedback_m_s2), 0.1f, 50.0f, 8.0f, "m/s2", FLIGHT},
+    {"attitude_mode", AT(attitude_mode), 0.0f, 1.0f, 0.0f, "1", FLIGHT | WHOLE},
+    {"att_kp_xy_1_s2", AT(att_kp_xy_1_s2), 0.0f, 5000.0f, 220.0f, "1/s2", FLIGHT},
+    {"att_kp_z_1_s2", AT(att_kp_z_1_s2), 0.0f, 5000.0f, 40.0f, "1/s2", FLIGHT},
+    {"att_kd_xy_1_s", AT(att_kd_xy_1_s), 0.0f, 500.0f, 28.0f, "1/s", FLIGHT},
+    {"att_kd_z_1_s", AT(att_kd_z_1_s), 0.0f, 500.0f, 11.0f, "1/s", FLIGHT},
+    {"feed_rate", AT(feed_rate), 0.0f, 1.0f, 1.0f, "1", FLIGHT | WHOLE},
+    {"feed_torque", AT(feed_torque), 0.0f, 1.0f, 1.0f, "1", FLIGHT | WHOLE},
+    {"tilt_slew_rad_s", AT(tilt_slew_rad_s), 1.0f, 200.0f, 30.0f, "rad/s", FLIGHT},
+    {"yaw_slew_rad_s", AT(yaw_slew_rad_s), 0.1f, 50.0f, 8.0f, "rad/s", FLIGHT},
+    {"yaw_share", AT(yaw_share), 0.0f, 0.5f, 0.2f, "1", FLIGHT},
+    {"predict_max_s", AT(predict_max_s), 0.0f, 0.1f, 0.1f, "s", FLIGHT},
+    {"predict_extra_s", AT(predict_extra_s), 0.0f, 0.1f, 0.0f, "s", FLIGHT},
+    {"fence_min_x_m", AT(fence_min_world_m[0]), -10000.0f, 10000.0f, -1000.0f, "m", GROUND},
+    {"fence_min_y_m", AT(fence_min_world_m[1]), -10000.0f, 10000.0f, -1000.0f, "m", GROUND},
+    {"fence_min_z_m", AT(fence_min_world_m[2]), -10000.0f, 10000.0f, -1000.0f, "m", GROUND},
+    {"fence_max_x_m", AT(fence_max_world_m[0]), -10000.0f, 10000.0f, 1000.0f, "m", GROUND},
+    {"fence_max_y_m", AT(fence_max_world_m[1]), -10000.0f, 10000.0f, 1000.0f, "m", GROUND},
+    {"fence_max_z_m", AT(fence_max_world_m[2]), -10000.0f, 10000.0f, 1000.0f, "m", GROUND},
+    {"path_speed_m_s", AT(path_speed_m_s), 0.1f, 50.0f, 12.0f, "m/s", GROUND},
+    {"path_acc_m_s2", AT(path_acceleration_m_s2), 0.1f, 100.0f, 20.0f, "m/s2", GROUND},
+    {"path_jerk_m_s3", AT(path_jerk_m_s3), 1.0f, 10000.0f, 300.0f, "m/s3", GROUND},
+    {"path_yaw_rad_s", AT(path_yaw_rate_rad_s), 0.1f, 30.0f, 7.0f, "rad/s", GROUND},
+    {"start_radius_m", AT(start_radius_m), 0.01f, 10.0f, 0.5f, "m", FLIGHT},
+    {"brake_m_s2", AT(brake_m_s2), 0.2f, 20.0f, 4.0f, "m/s2", FLIGHT},
+    {"take_off_m_s", AT(take_off_m_s), 0.1f, 5.0f, 1.0f, "m/s", FLIGHT},
+    {"landing_m_s", AT(landing_m_s), 0.1f, 3.0f, 0.8f, "m/s", FLIGHT},
+    {"stale_s", AT(estimate_stale_s), 0.01f, 1.0f, 0.1f, "s", FLIGHT},
+    {"tilt_error_rad", AT(tilt_error_rad), 0.2f, 3.0f, 1.2f, "rad", FLIGHT},
+    {"tilt_error_s", AT(tilt_error_s), 0.02f, 2.0f, 0.3f, "s", FLIGHT},
+    {"link_loss_s", AT(link_loss_s), 0.2f, 60.0f, 2.0f, "s", FLIGHT},
+    {"link_hold_s", AT(link_hold_s), 1.0f, 1800.0f, 20.0f, "s", FLIGHT},
+    {"emergency_sink", AT(emergency_sink), 0.5f, 1.0f, 0.96f, "1", FLIGHT},
+    {"emergency_s", AT(emergency_s), 0.5f, 120.0f, 30.0f, "s", FLIGHT},
+    {"gyro_hold_s", AT(gyro_hold_s), 0.0f, 20.0f, 5.0f, "s", FLIGHT},
+    {"reckoning_s", AT(reckoning_s), 0.0f, 10.0f, 2.0f, "s", FLIGHT},
+    {"position_std_m", AT(position_std_m), 0.01f, 100.0f, 1.0f, "m", FLIGHT},
+    {"velocity_std", AT(velocity_std_m_s), 0.01f, 100.0f, 0.5f, "m/s", FLIGHT},
+    {"clearance_m", AT(clearance_m), 0.05f, 10.0f, 0.5f, "m", FLIGHT},
+    {"battery_arm_v", AT(battery_arm_v), 0.0f, 100.0f, 0.0f, "V", FLIGHT},
+    {"battery_warn_v", AT(battery_warn_v), 0.0f, 100.0f, 0.0f, "V", FLIGHT},
+    {"battery_land_v", AT(battery_land_v), 0.0f, 100.0f, 0.0f, "V", FLIGHT},
+};
 /* clang-format on */
 
 #define COUNT ((uint16_t)(sizeof(tc_parameters) / sizeof(float)))
-#define AT(field) (offsetof(tc_parameters, field) / sizeof(float))
-#define NAME(field, keep, name, when, more, range, number, decimals) keep name
-#define CODE(field, keep, name, when, more, range, number, decimals) [AT(field)] = (uint8_t)((when) | (more) | (range)),
-#define PRESET(field, keep, name, when, more, range, number, decimals) [AT(field)] = PACKED(number, decimals),
-#define ONE(field, keep, name, when, more, range, number, decimals) +1u
+_Static_assert(sizeof table / sizeof *table == COUNT, "every parameter has a row");
 
-static const char names[] = PARAMETERS(NAME);
-static const uint8_t codes[] = {PARAMETERS(CODE)};
-static const uint16_t presets[] = {PARAMETERS(PRESET)};
-
-_Static_assert((0u PARAMETERS(ONE)) == COUNT && sizeof codes == COUNT, "every parameter has a row");
-_Static_assert((unsigned)RANGES <= RANGE_BITS, "a range fits into its bits");
-
-static TC_RARE float unpacked(uint32_t packed) {
-    const int32_t number = (int32_t)(packed >> 4) - ZERO;
-    if ((packed & 15u) == WIDE + 1u) return wide[number];
-    float whole = 1.0f;
-    for (uint32_t decimals = packed & 15u; decimals > 0u; decimals--) whole *= 10.0f;
-    return (float)(number * 10) / whole;
-}
-
-static float read(const tc_parameters* parameters, uint16_t index) {
+static float read_value(const tc_parameters* parameters, uint16_t index) {
     float value;
     memcpy(&value, (const uint8_t*)parameters + sizeof value * index, sizeof value);
     return value;
 }
 
-static void write(tc_parameters* parameters, uint16_t index, float value) {
+static void write_value(tc_parameters* parameters, uint16_t index, float value) {
     memcpy((uint8_t*)parameters + sizeof value * index, &value, sizeof value);
 }
 
-static tc_reason acceptable(uint16_t index, float value) {
-    const uint32_t kind = codes[index] & RANGE_BITS;
+static tc_reason acceptable(const parameter_row* row, float value) {
     if (!tc_finite(value)) return TC_NOT_FINITE;
-    if (value < unpacked(ranges[kind][0]) || value > unpacked(ranges[kind][1])) return TC_OUT_OF_RANGE;
-    const float off = value - (float)(int32_t)value;
-    return kind <= (uint32_t)SWITCH && tc_abs(off) > 0.0f ? TC_OUT_OF_RANGE : TC_OK;
+    if (value < row->minimum || value > row->maximum) return TC_OUT_OF_RANGE;
+    const bool whole =
+        value <= (float)(int32_t)value && value >= (float)(int32_t)value; /* a whole one's range is small */
+    return (row->flags & WHOLE) != 0u && !whole ? TC_OUT_OF_RANGE : TC_OK;
 }
 
 uint16_t tc_parameters_count(void) { return COUNT; }
 
-/* A whole name, filled up with zeros. */
-static void spell(const char* stem, uint32_t length, uint32_t member, char name[TC_PARAMETER_NAME_SIZE]) {
-    uint32_t n = 0u;
-    for (uint32_t i = 0; i < length; i++) {
-        char c = stem[i];
-        if (c >= 'A' && c <= 'Z') {
-            name[n] = '_';
-            n++;
-            for (const char* unit = tc_word(units, (uint32_t)(c - 'A')); *unit != '\0'; unit++) {
-                name[n] = *unit;
-                n++;
-            }
-        } else {
-            if (c == '*') c = (char)('0' + member);
-            if (c == '@') c = (char)('x' + member);
-            name[n] = c;
-            n++;
-        }
-    }
-    for (; n < TC_PARAMETER_NAME_SIZE; n++) name[n] = '\0';
-}
+const char* tc_parameters_name(uint16_t index) { return index < COUNT ? table[index].name : ""; }
 
-static bool same(const char* a, const char* b) {
-    bool equal = true;
-    for (uint32_t i = 0; equal && i < TC_PARAMETER_NAME_SIZE - 1u; i++) {
-        equal = a[i] == b[i];
-        if (a[i] == '\0') break;
-    }
-    return equal;
-}
+const char* tc_parameters_unit(uint16_t index) { return index < COUNT ? table[index].unit : ""; }
 
-/* Goes through the names up to that of `end`, or until one is `wanted` (when not NULL); where it stopped. */
-static TC_RARE uint16_t go_to(uint16_t end, const char* wanted, char name[TC_PARAMETER_NAME_SIZE]) {
-    char stem[TC_PARAMETER_NAME_SIZE];
-    const char* next = names;
-    uint32_t length = 0u, member = 0u;
-    uint16_t index = 0;
-    for (; index < COUNT; index++) {
-        member++;
-        if ((codes[index] & MORE) == 0u) {
-            member = 0u;
-            length = (uint32_t)*next;
-            next++;
-            while (*next >= ' ') {
-                stem[length] = *next;
-                length++;
-                next++;
-            }
-        }
-        spell(stem, length, member, name);
-        if (index == end || (wanted != NULL && same(wanted, name))) break;
-    }
-    return index;
-}
-
-void tc_parameters_name(uint16_t index, char name[TC_PARAMETER_NAME_SIZE]) {
-    if (go_to(index, NULL, name) == COUNT) name[0] = '\0';
-}
-
-bool tc_parameters_in_flight(uint16_t index) { return index < COUNT && (codes[index] & FLIGHT) != 0u; }
+bool tc_parameters_in_flight(uint16_t index) { return index < COUNT && (table[index].flags & FLIGHT) != 0u; }
 
 bool tc_parameters_range(uint16_t index, float* smallest, float* largest, float* preset) {
     if (index >= COUNT) return false;
-    *smallest = unpacked(ranges[codes[index] & RANGE_BITS][0]);
-    *largest = unpacked(ranges[codes[index] & RANGE_BITS][1]);
-    *preset = unpacked(presets[index]);
+    *smallest = table[index].minimum;
+    *largest = table[index].maximum;
+    *preset = table[index].preset;
     return true;
 }
 
 int32_t tc_parameters_find(const char* name) {
-    char found[TC_PARAMETER_NAME_SIZE];
-    const uint16_t index = go_to(COUNT, name, found);
-    return index < COUNT ? (int32_t)index : -1;
+    for (uint16_t i = 0; i < COUNT; i++) {
+        if (strncmp(table[i].name, name, TC_PARAMETER_NAME_SIZE - 1u) == 0) return (int32_t)i;
+    }
+    return -1;
 }
 
 void tc_parameters_default(tc_parameters* parameters) {
-    for (uint16_t i = 0; i < COUNT; i++) write(parameters, i, unpacked(presets[i]));
+    for (uint16_t i = 0; i < COUNT; i++) write_value(parameters, table[i].index, table[i].preset);
 }
 
 float tc_parameters_get(const tc_parameters* parameters, uint16_t index) {
-    return index < COUNT ? read(parameters, index) : 0.0f;
+    return index < COUNT ? read_value(parameters, table[index].index) : 0.0f;
 }
 
 tc_reason tc_parameters_put(tc_parameters* parameters, uint16_t index, float value) {
     if (index >= COUNT) return TC_UNKNOWN_PARAMETER;
-    const tc_reason reason = acceptable(index, value);
-    if (reason == TC_OK) write(parameters, index, value);
+    const tc_reason reason = acceptable(&table[index], value);
+    if (reason == TC_OK) write_value(parameters, table[index].index, value);
     return reason;
 }
 
 tc_reason tc_parameters_check(const tc_parameters* parameters, uint16_t* index) {
     for (uint16_t i = 0; i < COUNT; i++) {
-        const tc_reason reason = acceptable(i, read(parameters, i));
+        const tc_reason reason = acceptable(&table[i], read_value(parameters, table[i].index));
         if (reason != TC_OK) {
             if (index != NULL) *index = i;
             return reason;
@@ -366,6 +198,6 @@ tc_reason tc_parameters_check(const tc_parameters* parameters, uint16_t* index) 
 
 uint32_t tc_parameters_crc32(const tc_parameters* parameters) {
     uint32_t crc = 0;
-    for (uint16_t i = 0; i < COUNT; i++) crc = tc_crc32_u32(crc, tc_bits(read(parameters, i)));
+    for (uint16_t i = 0; i < COUNT; i++) crc = tc_crc32_u32(crc, tc_bits(read_value(parameters, table[i].index)));
     return crc;
 }

@@ -5,7 +5,6 @@
    16 pieces (the excess falls sixteen-fold each time) before it is refused. */
 #include "path_check.h"
 
-#include "copy.h"
 #include "maths.h"
 
 /* Room for what float32 storage and evaluation cost; far below what a vehicle feels. */
@@ -62,7 +61,7 @@ static bool piece_within(const tc_segment* segment, uint32_t count, const claim*
                          float middle, float bound) {
     points squared, hull;
     bool within = true;
-    tc_fill(squared, 0, sizeof squared);
+    memset(squared, 0, sizeof squared);
     for (uint32_t axis = of->first; axis < of->end; axis++) {
         control_points(segment->coefficient[axis], count, of->order, 2e6f / (float)segment->duration_us, start, width,
                        hull);
@@ -106,7 +105,7 @@ tc_reason tc_check_segment(const tc_segment* segment, uint32_t coefficient_count
     return TC_OK;
 }
 
-static bool close(const float a[3], const float b[3], float tolerance) {
+static bool near_to(const float a[3], const float b[3], float tolerance) {
     bool near = true;
     for (int i = 0; i < 3; i++) near = near && tc_abs(a[i] - b[i]) <= tolerance;
     return near;
@@ -117,11 +116,12 @@ tc_reason tc_check_join(const tc_trajectory* trajectory, uint16_t index) {
     const uint32_t time_us = trajectory->start_us[index];
     tc_trajectory_evaluate(trajectory, (uint16_t)(index - 1u), time_us, &before);
     tc_trajectory_evaluate(trajectory, index, time_us, &after);
-    const bool smooth = close(before.position_world_m, after.position_world_m, JOIN_POSITION_M) &&
-                        close(before.velocity_world_m_s, after.velocity_world_m_s, JOIN_VELOCITY_M_S) &&
-                        close(before.acceleration_world_m_s2, after.acceleration_world_m_s2, JOIN_ACCELERATION_M_S2) &&
-                        tc_abs(before.yaw_rad - after.yaw_rad) <= JOIN_YAW_RAD &&
-                        tc_abs(before.yaw_rate_rad_s - after.yaw_rate_rad_s) <= JOIN_YAW_RATE_RAD_S;
+    const bool smooth =
+        near_to(before.position_world_m, after.position_world_m, JOIN_POSITION_M) &&
+        near_to(before.velocity_world_m_s, after.velocity_world_m_s, JOIN_VELOCITY_M_S) &&
+        near_to(before.acceleration_world_m_s2, after.acceleration_world_m_s2, JOIN_ACCELERATION_M_S2) &&
+        tc_abs(before.yaw_rad - after.yaw_rad) <= JOIN_YAW_RAD &&
+        tc_abs(before.yaw_rate_rad_s - after.yaw_rate_rad_s) <= JOIN_YAW_RATE_RAD_S;
     return smooth ? TC_OK : TC_JUMP_AT_JOIN;
 }
 
@@ -143,6 +143,6 @@ tc_reason tc_check_sample(const tc_trajectory* trajectory, const tc_trajectory_s
     tc_setpoint ours;
     tc_trajectory_evaluate(trajectory, tc_trajectory_find(trajectory, sample->time_us), sample->time_us, &ours);
     const bool same =
-        close(ours.position_world_m, sample->value, SAMPLE_M) && tc_abs(ours.yaw_rad - sample->value[3]) <= SAMPLE_M;
+        near_to(ours.position_world_m, sample->value, SAMPLE_M) && tc_abs(ours.yaw_rad - sample->value[3]) <= SAMPLE_M;
     return same ? TC_OK : TC_SAMPLE_MISMATCH;
 }

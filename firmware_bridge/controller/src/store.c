@@ -1,18 +1,19 @@
 /* The two slots and the upload that fills one of them. */
-#include "copy.h"
 #include "goshawk_controller/trajectory.h"
 #include "maths.h"
 #include "path_check.h"
 
 #define LONGEST_US 3600000000u
 
-_Static_assert(sizeof(tc_parameters) <= sizeof(tc_trajectory), "parameters fit into a slot");
+static tc_trajectory* staged_slot(tc_store* store) { return &store->slot[1u - store->active]; }
 
-static TC_RARE tc_slot* staged_memory(tc_store* store) { return &store->slot[1u - store->active]; }
+/* The checks of the whole begin at the first segment. */
+static void restart_check(tc_store* store) {
+    memset(&store->check, 0, sizeof store->check);
+    store->check.crc32 = tc_trajectory_header_crc32(&staged_slot(store)->header);
+}
 
-static tc_trajectory* staged_slot(tc_store* store) { return &staged_memory(store)->trajectory; }
-
-void tc_store_init(tc_store* store) { tc_fill(store, 0, sizeof *store); }
+void tc_store_init(tc_store* store) { memset(store, 0, sizeof *store); }
 
 void tc_store_discard(tc_store* store) {
     store->staged_state = TC_STAGED_EMPTY;
@@ -26,13 +27,16 @@ tc_reason tc_store_begin(tc_store* store, const tc_trajectory_header* header) {
         return TC_COEFFICIENT_COUNT;
     }
     if (header->link_loss_policy > (uint8_t)TC_LINK_LOSS_LAND) return TC_OUT_OF_RANGE;
+    if (!tc_finite(header->clearance_m)) return TC_NOT_FINITE;
+    if (header->clearance_m < 0.0f || header->clearance_m > TC_MAX_CLEARANCE_M) return TC_OUT_OF_RANGE;
     tc_store_discard(store);
     tc_trajectory* slot = staged_slot(store);
     slot->header = *header;
-    tc_fill(&slot->origin, 0, sizeof slot->origin);
+    memset(&slot->origin, 0, sizeof slot->origin);
     for (uint16_t i = 0; i < header->segment_count; i++) slot->segment[i].duration_us = 0;
     store->staged_state = TC_STAGED_FILLING;
     store->refused_segment = 0;
+    restart_check(store);
     return TC_OK;
 }
 
@@ -42,15 +46,9 @@ tc_reason tc_store_put_origin(tc_store* store, const tc_origin* origin) {
     return TC_OK;
 }
 
-TC_RARE bool tc_store_has_segment(const tc_store* store, uint16_t index) {
+bool tc_store_has_segment(const tc_store* store, uint16_t index) {
     const tc_trajectory* slot = tc_store_staged(store);
     return slot != NULL && index < slot->header.segment_count && slot->segment[index].duration_us != 0u;
-}
-
-tc_segment* tc_store_place(tc_store* store, uint16_t index) {
-    tc_trajectory* slot = staged_slot(store);
-    const bool open = store->staged_state == TC_STAGED_FILLING && index < slot->header.segment_count;
-    return open && !tc_store_has_segment(store, index) ? &slot->segment[index] : NULL;
 }
 
 /* A late repeat of what was already checked is no error; anything else is. */
@@ -77,12 +75,12 @@ tc_reason tc_store_put_segment(tc_store* store, uint16_t index, const tc_segment
     tc_segment* held = &slot->segment[index];
     if (reason != TC_OK) {
         store->refused_segment = index;
-        if (held == segment) held->duration_us = 0; /* written into its place, but it is none */
         return reason;
     }
-    if (held != segment) tc_copy_bytes(held, segment, sizeof *held, 0); /* it may lie there already */
+    if (index < store->check.next) restart_check(store); /* it has been counted as it was */
+    *held = *segment;
     for (int axis = 0; axis < TC_AXES; axis++) {
-        tc_fill(&held->coefficient[axis][count], 0, (TC_MAX_COEFFICIENTS - count) * sizeof(float));
+        memset(&held->coefficient[axis][count], 0, (TC_MAX_COEFFICIENTS - count) * sizeof(float));
     }
     return TC_OK;
 }
@@ -102,44 +100,71 @@ tc_reason tc_store_put_sample(tc_store* store, const tc_trajectory_sample* sampl
     return TC_OK;
 }
 
-/* Sums the durations; refuses when segments are missing (then `refused_segment` is the first) or it gets too long. */
-static tc_reason lay_out(tc_store* store, tc_trajectory* slot) {
-    uint64_t start_us = 0;
-    for (uint16_t i = 0; i < slot->header.segment_count; i++) {
-        store->refused_segment = i;
-        if (!tc_store_has_segment(store, i)) return TC_SEGMENTS_MISSING;
-        slot->start_us[i] = (uint32_t)start_us;
-        start_us += slot->segment[i].duration_us;
-        if (start_us > LONGEST_US) return TC_SEGMENT_DURATION;
+/* Notes the first refusal of the check in progress. */
+static void refuse(tc_store* store, uint16_t segment, tc_reason reason) {
+    if (store->check.reason == (uint8_t)TC_OK && reason != TC_OK) {
+        store->check.reason = (uint8_t)reason;
+        store->check.refused_segment = segment;
     }
-    slot->start_us[slot->header.segment_count] = (uint32_t)start_us;
-    return TC_OK;
 }
 
-static tc_reason check_joins(tc_store* store, const tc_trajectory* slot) {
-    for (uint16_t i = 1; i < slot->header.segment_count; i++) {
-        store->refused_segment = i;
-        const tc_reason reason = tc_check_join(slot, i);
-        if (reason != TC_OK) return reason;
+/* Takes the next segment in: where it starts, CRC, join to the one before. */
+static void check_next(tc_store* store) {
+    tc_trajectory* slot = staged_slot(store);
+    tc_store_check* check = &store->check;
+    const uint16_t i = check->next;
+    const tc_segment* segment = &slot->segment[i];
+    if (i == 0u) slot->start_us[0] = 0u;
+    const uint64_t end_us = (uint64_t)slot->start_us[i] + segment->duration_us;
+    slot->start_us[i + 1u] = end_us > LONGEST_US ? LONGEST_US : (uint32_t)end_us;
+    if (end_us > LONGEST_US) refuse(store, i, TC_SEGMENT_DURATION);
+    check->crc32 = tc_trajectory_segment_crc32(check->crc32, segment, slot->header.coefficient_count);
+    if (i > 0u) refuse(store, i, tc_check_join(slot, i));
+    check->next++;
+}
+
+void tc_store_check_ahead(tc_store* store) {
+    if (store->staged_state != TC_STAGED_FILLING) return;
+    for (unsigned i = 0; i < TC_SEGMENTS_PER_CALL && tc_store_has_segment(store, store->check.next); i++) {
+        check_next(store);
     }
-    return TC_OK;
+}
+
+/* The first segment that has not arrived; the segment count when all have. */
+static uint16_t first_missing(const tc_store* store) {
+    uint16_t i = store->check.next; /* those before it are there */
+    while (tc_store_has_segment(store, i)) i++;
+    return i;
+}
+
+/* What is left when every segment has been taken in. */
+static tc_reason check_whole(const tc_store* store) {
+    const tc_trajectory* slot = tc_store_staged(store);
+    if (store->check.crc32 != slot->header.crc32) return TC_CRC_MISMATCH;
+    if (store->check.reason != (uint8_t)TC_OK) return (tc_reason)store->check.reason;
+    tc_reason reason = tc_check_ends(slot);
+    for (uint32_t i = 0; i < store->sample_count && reason == TC_OK; i++) {
+        reason = tc_check_sample(slot, &store->sample[i]);
+    }
+    return reason;
 }
 
 tc_reason tc_store_finish(tc_store* store) {
     if (store->staged_state == TC_STAGED_CHECKED) return TC_OK;
     if (store->staged_state != TC_STAGED_FILLING) return TC_NO_UPLOAD;
-    tc_trajectory* slot = staged_slot(store);
-    tc_reason reason = lay_out(store, slot);
-    if (reason != TC_OK) return reason;
-    store->refused_segment = 0;
-    if (tc_trajectory_crc32(slot) != slot->header.crc32) return TC_CRC_MISMATCH;
-    reason = check_joins(store, slot);
-    if (reason != TC_OK) return reason;
-    store->refused_segment = 0;
-    reason = tc_check_ends(slot);
-    for (uint32_t i = 0; i < store->sample_count && reason == TC_OK; i++) {
-        reason = tc_check_sample(slot, &store->sample[i]);
+    const uint16_t count = staged_slot(store)->header.segment_count;
+    const uint16_t missing = first_missing(store);
+    if (missing < count) {
+        store->refused_segment = missing;
+        return TC_SEGMENTS_MISSING;
     }
+    if (store->check.next < count) {
+        tc_store_check_ahead(store);
+        return TC_BUSY;
+    }
+    const tc_reason reason = check_whole(store);
+    const bool at_a_segment = reason != TC_OK && reason == (tc_reason)store->check.reason;
+    store->refused_segment = at_a_segment ? store->check.refused_segment : 0u;
     if (reason == TC_OK) store->staged_state = TC_STAGED_CHECKED;
     return reason;
 }
@@ -149,7 +174,7 @@ tc_reason tc_store_activate(tc_store* store, uint32_t id, uint32_t crc32) {
     const bool ready =
         store->staged_state == TC_STAGED_CHECKED && staged->header.id == id && staged->header.crc32 == crc32;
     if (tc_store_is_active(store, id, crc32)) {
-        if (ready) store->slot[store->active].trajectory.origin = staged->origin; /* it may have got another name */
+        if (ready) store->slot[store->active].origin = staged->origin; /* it may have got another name */
         return TC_OK;
     }
     if (!ready) return TC_NOT_STAGED;
@@ -159,28 +184,16 @@ tc_reason tc_store_activate(tc_store* store, uint32_t id, uint32_t crc32) {
     return TC_OK;
 }
 
-TC_RARE const tc_trajectory* tc_store_active(const tc_store* store) {
-    return store->has_active ? &store->slot[store->active].trajectory : NULL;
+const tc_trajectory* tc_store_active(const tc_store* store) {
+    return store->has_active ? &store->slot[store->active] : NULL;
 }
 
-TC_RARE bool tc_store_is_active(const tc_store* store, uint32_t id, uint32_t crc32) {
+bool tc_store_is_active(const tc_store* store, uint32_t id, uint32_t crc32) {
     const tc_trajectory* active = tc_store_active(store);
     return active != NULL && active->header.id == id && active->header.crc32 == crc32;
 }
 
-TC_RARE const tc_trajectory* tc_store_staged(const tc_store* store) {
+const tc_trajectory* tc_store_staged(const tc_store* store) {
     const bool open = store->staged_state == TC_STAGED_FILLING || store->staged_state == TC_STAGED_CHECKED;
-    return open ? &store->slot[1u - store->active].trajectory : NULL;
-}
-
-tc_parameters* tc_store_stage_parameters(tc_store* store, const tc_parameters* present) {
-    if (tc_store_staged(store) != NULL) return NULL;
-    store->staged_state = TC_STAGED_PARAMETERS;
-    tc_parameters* staged = &staged_memory(store)->parameters;
-    tc_copy_bytes(staged, present, sizeof *staged, 0);
-    return staged;
-}
-
-TC_RARE tc_parameters* tc_store_staged_parameters(tc_store* store) {
-    return store->staged_state == TC_STAGED_PARAMETERS ? &staged_memory(store)->parameters : NULL;
+    return open ? &store->slot[1u - store->active] : NULL;
 }

@@ -13,9 +13,6 @@
 #ifndef ADJUST
 #define ADJUST /* assignments to `parameters`, for other vehicles than the preset one */
 #endif
-#ifndef TROUBLE
-#define TROUBLE /* assignments to `estimate` in every tenth tick */
-#endif
 
 typedef struct {
     float position[3], velocity[3], q[4], rate[3];
@@ -67,7 +64,8 @@ static tc_reason upload(void) {
     if (reason != TC_OK) return reason;
     const uint32_t crc32 = tc_trajectory_crc32(tc_store_staged(&controller.store));
     reason = put_all(crc32);
-    if (reason == TC_OK) reason = tc_upload_finish(&controller);
+    if (reason == TC_OK) reason = TC_BUSY;
+    while (reason == TC_BUSY) reason = tc_upload_finish(&controller);
     return reason == TC_OK ? tc_upload_activate(&controller, 7u, crc32) : reason;
 }
 
@@ -75,6 +73,8 @@ static void measure(const body* b, uint64_t time_us, tc_estimate* out) {
     memset(out, 0, sizeof *out);
     out->position_time_us = time_us;
     out->attitude_time_us = time_us;
+    out->rate_time_us = time_us;
+    out->valid = TC_VALID_POSE;
     for (int i = 0; i < 3; i++) {
         out->position_world_m[i] = b->position[i] + noise(0.002f);
         out->velocity_world_m_s[i] = b->velocity[i] + noise(0.01f);
@@ -171,11 +171,8 @@ int driver_run(uint32_t ticks, uint32_t* crc32, uint32_t* states) {
         tc_estimate estimate;
         tc_output output;
         measure(&vehicle, time_us, &estimate);
-        if (tick % 10u == 9u) {
-            TROUBLE
-        }
         operate(tick);
-        tc_ground_alive(&controller, time_us);
+        tc_ground_alive(&controller, 0u);
         driver_tick_begins();
         (void)tc_tick(&controller, time_us, &estimate, &output);
         driver_tick_ends();

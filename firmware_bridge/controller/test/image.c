@@ -34,13 +34,13 @@ void reset(void) {
         (void)tc_link_transmit(&link, port, now_us);
 #else
         const tc_trajectory_header header = {.id = 1u};
-        tc_segment* place = tc_upload_place(&controller, 0u);
+        static tc_segment segment;
         (void)tc_upload_begin(&controller, &header);
-        (void)tc_upload_segment(&controller, 0u, place);
+        (void)tc_upload_segment(&controller, 0u, &segment);
         (void)tc_upload_finish(&controller);
         (void)tc_upload_activate(&controller, 1u, 0u);
         (void)tc_do(&controller, TC_COMMAND_ARM, 0.0f);
-        tc_ground_alive(&controller, now_us);
+        tc_ground_alive(&controller, 0u);
 #endif
     }
 }

@@ -43,6 +43,7 @@ enum {
     GOSHAWK_MISSION_STATE_LANDING = 10, /* straight down until touchdown */
     GOSHAWK_MISSION_STATE_EMERGENCY = 11, /* position lost: level, sinking gently */
     GOSHAWK_MISSION_STATE_FAULT = 12, /* rotors stopped; only disarming leads out */
+    GOSHAWK_MISSION_STATE_SHADOW = 13, /* another controller flies; this one computes and commands nothing */
 };
 
 /* GOSHAWK_LINK_REASON */
@@ -59,9 +60,9 @@ enum {
 #define HEARTBEAT_LENGTH 9u
 #define HEARTBEAT_CRC_EXTRA 50u
 typedef struct {
-    uint32_t custom_mode; /* Mission state of the controller. */
+    uint32_t custom_mode; /* PX4's main mode in byte 2 and sub mode in byte 3; of a generic autopilot the mission state. */
     uint8_t type; /* MAV_TYPE: 2 quadrotor, 6 ground station. */
-    uint8_t autopilot; /* MAV_AUTOPILOT: 0 generic, 8 none (a ground station). */
+    uint8_t autopilot; /* MAV_AUTOPILOT: 12 PX4 or 0 generic (tc_link_identity), 8 none (a ground station). */
     uint8_t base_mode; /* MAV_MODE_FLAG: 128 armed, 8 guided, 1 custom mode. */
     uint8_t system_status; /* MAV_STATE: 3 standby, 4 active, 6 emergency. */
     uint8_t mavlink_version; /* 3. */
@@ -79,6 +80,152 @@ static inline void heartbeat_encode(const heartbeat_msg *m, uint8_t payload[HEAR
 {
     _Static_assert(offsetof(heartbeat_msg, mavlink_version) == HEARTBEAT_MAVLINK_VERSION_AT, "no gaps");
     memcpy(payload, m, HEARTBEAT_LENGTH);
+}
+
+static inline void heartbeat_decode(heartbeat_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < HEARTBEAT_LENGTH ? length : HEARTBEAT_LENGTH);
+}
+
+/* What the vehicle has, and whether it is well. Bits are MAV_SYS_STATUS_SENSOR. */
+#define SYS_STATUS_ID 1u
+#define SYS_STATUS_LENGTH 43u
+#define SYS_STATUS_CRC_EXTRA 124u
+typedef struct {
+    uint32_t onboard_control_sensors_present; /* What there is. */
+    uint32_t onboard_control_sensors_enabled; /* What is used. */
+    uint32_t onboard_control_sensors_health; /* What is well; bit 28 (pre-arm check): arming would be accepted now. */
+    uint16_t load; /* 0, not measured. */
+    uint16_t voltage_battery; /* mV; UINT16_MAX unknown. */
+    int16_t current_battery; /* -1, unknown. */
+    uint16_t drop_rate_comm; /* 0. */
+    uint16_t errors_comm; /* 0. */
+    uint16_t errors_count1; /* 0. */
+    uint16_t errors_count2; /* 0. */
+    uint16_t errors_count3; /* 0. */
+    uint16_t errors_count4; /* 0. */
+    int8_t battery_remaining; /* -1, unknown. */
+    uint32_t onboard_control_sensors_present_extended; /* 0. */
+    uint32_t onboard_control_sensors_enabled_extended; /* 0. */
+    uint32_t onboard_control_sensors_health_extended; /* 0. */
+} sys_status_msg;
+enum {
+    SYS_STATUS_ONBOARD_CONTROL_SENSORS_PRESENT_AT = 0,
+    SYS_STATUS_ONBOARD_CONTROL_SENSORS_ENABLED_AT = 4,
+    SYS_STATUS_ONBOARD_CONTROL_SENSORS_HEALTH_AT = 8,
+    SYS_STATUS_LOAD_AT = 12,
+    SYS_STATUS_VOLTAGE_BATTERY_AT = 14,
+    SYS_STATUS_CURRENT_BATTERY_AT = 16,
+    SYS_STATUS_DROP_RATE_COMM_AT = 18,
+    SYS_STATUS_ERRORS_COMM_AT = 20,
+    SYS_STATUS_ERRORS_COUNT1_AT = 22,
+    SYS_STATUS_ERRORS_COUNT2_AT = 24,
+    SYS_STATUS_ERRORS_COUNT3_AT = 26,
+    SYS_STATUS_ERRORS_COUNT4_AT = 28,
+    SYS_STATUS_BATTERY_REMAINING_AT = 30,
+    SYS_STATUS_ONBOARD_CONTROL_SENSORS_PRESENT_EXTENDED_AT = 31,
+    SYS_STATUS_ONBOARD_CONTROL_SENSORS_ENABLED_EXTENDED_AT = 35,
+    SYS_STATUS_ONBOARD_CONTROL_SENSORS_HEALTH_EXTENDED_AT = 39,
+};
+
+static inline void sys_status_encode(const sys_status_msg *m, uint8_t payload[SYS_STATUS_LENGTH])
+{
+    memcpy(payload + SYS_STATUS_ONBOARD_CONTROL_SENSORS_PRESENT_AT, &m->onboard_control_sensors_present, 4u);
+    memcpy(payload + SYS_STATUS_ONBOARD_CONTROL_SENSORS_ENABLED_AT, &m->onboard_control_sensors_enabled, 4u);
+    memcpy(payload + SYS_STATUS_ONBOARD_CONTROL_SENSORS_HEALTH_AT, &m->onboard_control_sensors_health, 4u);
+    memcpy(payload + SYS_STATUS_LOAD_AT, &m->load, 2u);
+    memcpy(payload + SYS_STATUS_VOLTAGE_BATTERY_AT, &m->voltage_battery, 2u);
+    memcpy(payload + SYS_STATUS_CURRENT_BATTERY_AT, &m->current_battery, 2u);
+    memcpy(payload + SYS_STATUS_DROP_RATE_COMM_AT, &m->drop_rate_comm, 2u);
+    memcpy(payload + SYS_STATUS_ERRORS_COMM_AT, &m->errors_comm, 2u);
+    memcpy(payload + SYS_STATUS_ERRORS_COUNT1_AT, &m->errors_count1, 2u);
+    memcpy(payload + SYS_STATUS_ERRORS_COUNT2_AT, &m->errors_count2, 2u);
+    memcpy(payload + SYS_STATUS_ERRORS_COUNT3_AT, &m->errors_count3, 2u);
+    memcpy(payload + SYS_STATUS_ERRORS_COUNT4_AT, &m->errors_count4, 2u);
+    memcpy(payload + SYS_STATUS_BATTERY_REMAINING_AT, &m->battery_remaining, 1u);
+    memcpy(payload + SYS_STATUS_ONBOARD_CONTROL_SENSORS_PRESENT_EXTENDED_AT, &m->onboard_control_sensors_present_extended, 4u);
+    memcpy(payload + SYS_STATUS_ONBOARD_CONTROL_SENSORS_ENABLED_EXTENDED_AT, &m->onboard_control_sensors_enabled_extended, 4u);
+    memcpy(payload + SYS_STATUS_ONBOARD_CONTROL_SENSORS_HEALTH_EXTENDED_AT, &m->onboard_control_sensors_health_extended, 4u);
+}
+
+static inline void sys_status_decode(sys_status_msg *m, const uint8_t *payload, size_t length)
+{
+    uint8_t whole[SYS_STATUS_LENGTH] = {0};
+    memcpy(whole, payload, length < SYS_STATUS_LENGTH ? length : SYS_STATUS_LENGTH);
+    memset(m, 0, sizeof *m);
+    memcpy(&m->onboard_control_sensors_present, whole + SYS_STATUS_ONBOARD_CONTROL_SENSORS_PRESENT_AT, 4u);
+    memcpy(&m->onboard_control_sensors_enabled, whole + SYS_STATUS_ONBOARD_CONTROL_SENSORS_ENABLED_AT, 4u);
+    memcpy(&m->onboard_control_sensors_health, whole + SYS_STATUS_ONBOARD_CONTROL_SENSORS_HEALTH_AT, 4u);
+    memcpy(&m->load, whole + SYS_STATUS_LOAD_AT, 2u);
+    memcpy(&m->voltage_battery, whole + SYS_STATUS_VOLTAGE_BATTERY_AT, 2u);
+    memcpy(&m->current_battery, whole + SYS_STATUS_CURRENT_BATTERY_AT, 2u);
+    memcpy(&m->drop_rate_comm, whole + SYS_STATUS_DROP_RATE_COMM_AT, 2u);
+    memcpy(&m->errors_comm, whole + SYS_STATUS_ERRORS_COMM_AT, 2u);
+    memcpy(&m->errors_count1, whole + SYS_STATUS_ERRORS_COUNT1_AT, 2u);
+    memcpy(&m->errors_count2, whole + SYS_STATUS_ERRORS_COUNT2_AT, 2u);
+    memcpy(&m->errors_count3, whole + SYS_STATUS_ERRORS_COUNT3_AT, 2u);
+    memcpy(&m->errors_count4, whole + SYS_STATUS_ERRORS_COUNT4_AT, 2u);
+    memcpy(&m->battery_remaining, whole + SYS_STATUS_BATTERY_REMAINING_AT, 1u);
+    memcpy(&m->onboard_control_sensors_present_extended, whole + SYS_STATUS_ONBOARD_CONTROL_SENSORS_PRESENT_EXTENDED_AT, 4u);
+    memcpy(&m->onboard_control_sensors_enabled_extended, whole + SYS_STATUS_ONBOARD_CONTROL_SENSORS_ENABLED_EXTENDED_AT, 4u);
+    memcpy(&m->onboard_control_sensors_health_extended, whole + SYS_STATUS_ONBOARD_CONTROL_SENSORS_HEALTH_EXTENDED_AT, 4u);
+}
+
+/* A request (target 0, 0) is returned as it came, its target the one who asked. The vehicle's challenge: see docs/link.md. */
+#define PING_ID 4u
+#define PING_LENGTH 14u
+#define PING_CRC_EXTRA 237u
+typedef struct {
+    uint64_t time_usec; /* Returned as sent. */
+    uint32_t seq; /* Returned as sent. */
+    uint8_t target_system; /* 0: a request to all; else an answer to this system. */
+    uint8_t target_component; /* 0: a request to all; else an answer to this component. */
+} ping_msg;
+enum {
+    PING_TIME_USEC_AT = 0,
+    PING_SEQ_AT = 8,
+    PING_TARGET_SYSTEM_AT = 12,
+    PING_TARGET_COMPONENT_AT = 13,
+};
+
+static inline void ping_encode(const ping_msg *m, uint8_t payload[PING_LENGTH])
+{
+    _Static_assert(offsetof(ping_msg, target_component) == PING_TARGET_COMPONENT_AT, "no gaps");
+    memcpy(payload, m, PING_LENGTH);
+}
+
+static inline void ping_decode(ping_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < PING_LENGTH ? length : PING_LENGTH);
+}
+
+/* Ask for a mode; the older form of MAV_CMD_DO_SET_MODE. */
+#define SET_MODE_ID 11u
+#define SET_MODE_LENGTH 6u
+#define SET_MODE_CRC_EXTRA 89u
+typedef struct {
+    uint32_t custom_mode; /* PX4's: main mode in byte 2, sub mode in byte 3. */
+    uint8_t target_system; /* System asked. */
+    uint8_t base_mode; /* MAV_MODE_FLAG: 1, the custom mode counts. */
+} set_mode_msg;
+enum {
+    SET_MODE_CUSTOM_MODE_AT = 0,
+    SET_MODE_TARGET_SYSTEM_AT = 4,
+    SET_MODE_BASE_MODE_AT = 5,
+};
+
+static inline void set_mode_encode(const set_mode_msg *m, uint8_t payload[SET_MODE_LENGTH])
+{
+    _Static_assert(offsetof(set_mode_msg, base_mode) == SET_MODE_BASE_MODE_AT, "no gaps");
+    memcpy(payload, m, SET_MODE_LENGTH);
+}
+
+static inline void set_mode_decode(set_mode_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < SET_MODE_LENGTH ? length : SET_MODE_LENGTH);
 }
 
 /* Ask for one parameter by index or by name. */
@@ -104,6 +251,12 @@ static inline void param_request_read_encode(const param_request_read_msg *m, ui
     memcpy(payload, m, PARAM_REQUEST_READ_LENGTH);
 }
 
+static inline void param_request_read_decode(param_request_read_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < PARAM_REQUEST_READ_LENGTH ? length : PARAM_REQUEST_READ_LENGTH);
+}
+
 /* Ask for all parameters. */
 #define PARAM_REQUEST_LIST_ID 21u
 #define PARAM_REQUEST_LIST_LENGTH 2u
@@ -121,6 +274,12 @@ static inline void param_request_list_encode(const param_request_list_msg *m, ui
 {
     _Static_assert(offsetof(param_request_list_msg, target_component) == PARAM_REQUEST_LIST_TARGET_COMPONENT_AT, "no gaps");
     memcpy(payload, m, PARAM_REQUEST_LIST_LENGTH);
+}
+
+static inline void param_request_list_decode(param_request_list_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < PARAM_REQUEST_LIST_LENGTH ? length : PARAM_REQUEST_LIST_LENGTH);
 }
 
 /* One parameter. */
@@ -146,6 +305,43 @@ static inline void param_value_encode(const param_value_msg *m, uint8_t payload[
 {
     _Static_assert(offsetof(param_value_msg, param_type) == PARAM_VALUE_PARAM_TYPE_AT, "no gaps");
     memcpy(payload, m, PARAM_VALUE_LENGTH);
+}
+
+static inline void param_value_decode(param_value_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < PARAM_VALUE_LENGTH ? length : PARAM_VALUE_LENGTH);
+}
+
+/* Set one parameter. The answer is a PARAM_VALUE with what holds then: the old value if it was refused. */
+#define PARAM_SET_ID 23u
+#define PARAM_SET_LENGTH 23u
+#define PARAM_SET_CRC_EXTRA 168u
+typedef struct {
+    float param_value; /* Value. */
+    uint8_t target_system; /* System asked. */
+    uint8_t target_component; /* Component asked. */
+    char param_id[16]; /* Name, zero-terminated unless 16 long. */
+    uint8_t param_type; /* MAV_PARAM_TYPE: 9 real32. */
+} param_set_msg;
+enum {
+    PARAM_SET_PARAM_VALUE_AT = 0,
+    PARAM_SET_TARGET_SYSTEM_AT = 4,
+    PARAM_SET_TARGET_COMPONENT_AT = 5,
+    PARAM_SET_PARAM_ID_AT = 6,
+    PARAM_SET_PARAM_TYPE_AT = 22,
+};
+
+static inline void param_set_encode(const param_set_msg *m, uint8_t payload[PARAM_SET_LENGTH])
+{
+    _Static_assert(offsetof(param_set_msg, param_type) == PARAM_SET_PARAM_TYPE_AT, "no gaps");
+    memcpy(payload, m, PARAM_SET_LENGTH);
+}
+
+static inline void param_set_decode(param_set_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < PARAM_SET_LENGTH ? length : PARAM_SET_LENGTH);
 }
 
 /* Attitude, NED from FRD. */
@@ -181,6 +377,12 @@ static inline void attitude_quaternion_encode(const attitude_quaternion_msg *m, 
     memcpy(payload, m, ATTITUDE_QUATERNION_LENGTH);
 }
 
+static inline void attitude_quaternion_decode(attitude_quaternion_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < ATTITUDE_QUATERNION_LENGTH ? length : ATTITUDE_QUATERNION_LENGTH);
+}
+
 /* Position and velocity, NED. */
 #define LOCAL_POSITION_NED_ID 32u
 #define LOCAL_POSITION_NED_LENGTH 28u
@@ -210,6 +412,157 @@ static inline void local_position_ned_encode(const local_position_ned_msg *m, ui
     memcpy(payload, m, LOCAL_POSITION_NED_LENGTH);
 }
 
+static inline void local_position_ned_decode(local_position_ned_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < LOCAL_POSITION_NED_LENGTH ? length : LOCAL_POSITION_NED_LENGTH);
+}
+
+/* Ask for the mission, the fence or the rally points. */
+#define MISSION_REQUEST_LIST_ID 43u
+#define MISSION_REQUEST_LIST_LENGTH 3u
+#define MISSION_REQUEST_LIST_CRC_EXTRA 132u
+typedef struct {
+    uint8_t target_system; /* System asked. */
+    uint8_t target_component; /* Component asked. */
+    uint8_t mission_type; /* MAV_MISSION_TYPE: 0 mission, 1 fence, 2 rally points. */
+} mission_request_list_msg;
+enum {
+    MISSION_REQUEST_LIST_TARGET_SYSTEM_AT = 0,
+    MISSION_REQUEST_LIST_TARGET_COMPONENT_AT = 1,
+    MISSION_REQUEST_LIST_MISSION_TYPE_AT = 2,
+};
+
+static inline void mission_request_list_encode(const mission_request_list_msg *m, uint8_t payload[MISSION_REQUEST_LIST_LENGTH])
+{
+    _Static_assert(offsetof(mission_request_list_msg, mission_type) == MISSION_REQUEST_LIST_MISSION_TYPE_AT, "no gaps");
+    memcpy(payload, m, MISSION_REQUEST_LIST_LENGTH);
+}
+
+static inline void mission_request_list_decode(mission_request_list_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < MISSION_REQUEST_LIST_LENGTH ? length : MISSION_REQUEST_LIST_LENGTH);
+}
+
+/* How many items there are: always none, as trajectories are not missions. */
+#define MISSION_COUNT_ID 44u
+#define MISSION_COUNT_LENGTH 9u
+#define MISSION_COUNT_CRC_EXTRA 221u
+typedef struct {
+    uint16_t count; /* 0. */
+    uint8_t target_system; /* Who asked. */
+    uint8_t target_component; /* Who asked. */
+    uint8_t mission_type; /* As asked. */
+    uint32_t opaque_id; /* 0. */
+} mission_count_msg;
+enum {
+    MISSION_COUNT_COUNT_AT = 0,
+    MISSION_COUNT_TARGET_SYSTEM_AT = 2,
+    MISSION_COUNT_TARGET_COMPONENT_AT = 3,
+    MISSION_COUNT_MISSION_TYPE_AT = 4,
+    MISSION_COUNT_OPAQUE_ID_AT = 5,
+};
+
+static inline void mission_count_encode(const mission_count_msg *m, uint8_t payload[MISSION_COUNT_LENGTH])
+{
+    memcpy(payload + MISSION_COUNT_COUNT_AT, &m->count, 2u);
+    memcpy(payload + MISSION_COUNT_TARGET_SYSTEM_AT, &m->target_system, 1u);
+    memcpy(payload + MISSION_COUNT_TARGET_COMPONENT_AT, &m->target_component, 1u);
+    memcpy(payload + MISSION_COUNT_MISSION_TYPE_AT, &m->mission_type, 1u);
+    memcpy(payload + MISSION_COUNT_OPAQUE_ID_AT, &m->opaque_id, 4u);
+}
+
+static inline void mission_count_decode(mission_count_msg *m, const uint8_t *payload, size_t length)
+{
+    uint8_t whole[MISSION_COUNT_LENGTH] = {0};
+    memcpy(whole, payload, length < MISSION_COUNT_LENGTH ? length : MISSION_COUNT_LENGTH);
+    memset(m, 0, sizeof *m);
+    memcpy(&m->count, whole + MISSION_COUNT_COUNT_AT, 2u);
+    memcpy(&m->target_system, whole + MISSION_COUNT_TARGET_SYSTEM_AT, 1u);
+    memcpy(&m->target_component, whole + MISSION_COUNT_TARGET_COMPONENT_AT, 1u);
+    memcpy(&m->mission_type, whole + MISSION_COUNT_MISSION_TYPE_AT, 1u);
+    memcpy(&m->opaque_id, whole + MISSION_COUNT_OPAQUE_ID_AT, 4u);
+}
+
+/* Answer to a station that wants to send a mission. */
+#define MISSION_ACK_ID 47u
+#define MISSION_ACK_LENGTH 8u
+#define MISSION_ACK_CRC_EXTRA 153u
+typedef struct {
+    uint8_t target_system; /* Who asked. */
+    uint8_t target_component; /* Who asked. */
+    uint8_t type; /* MAV_MISSION_RESULT: 3, unsupported. */
+    uint8_t mission_type; /* As asked. */
+    uint32_t opaque_id; /* 0. */
+} mission_ack_msg;
+enum {
+    MISSION_ACK_TARGET_SYSTEM_AT = 0,
+    MISSION_ACK_TARGET_COMPONENT_AT = 1,
+    MISSION_ACK_TYPE_AT = 2,
+    MISSION_ACK_MISSION_TYPE_AT = 3,
+    MISSION_ACK_OPAQUE_ID_AT = 4,
+};
+
+static inline void mission_ack_encode(const mission_ack_msg *m, uint8_t payload[MISSION_ACK_LENGTH])
+{
+    _Static_assert(offsetof(mission_ack_msg, opaque_id) == MISSION_ACK_OPAQUE_ID_AT, "no gaps");
+    memcpy(payload, m, MISSION_ACK_LENGTH);
+}
+
+static inline void mission_ack_decode(mission_ack_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < MISSION_ACK_LENGTH ? length : MISSION_ACK_LENGTH);
+}
+
+/* A command of the common set, with a position as integers. */
+#define COMMAND_INT_ID 75u
+#define COMMAND_INT_LENGTH 35u
+#define COMMAND_INT_CRC_EXTRA 158u
+typedef struct {
+    float param1; /* Parameter 1. */
+    float param2; /* Parameter 2. */
+    float param3; /* Parameter 3. */
+    float param4; /* Parameter 4. */
+    int32_t x; /* Parameter 5; INT32_MAX none. */
+    int32_t y; /* Parameter 6; INT32_MAX none. */
+    float z; /* Parameter 7. */
+    uint16_t command; /* MAV_CMD. */
+    uint8_t target_system; /* System asked. */
+    uint8_t target_component; /* Component asked. */
+    uint8_t frame; /* MAV_FRAME of the position. */
+    uint8_t current; /* Unused. */
+    uint8_t autocontinue; /* Unused. */
+} command_int_msg;
+enum {
+    COMMAND_INT_PARAM1_AT = 0,
+    COMMAND_INT_PARAM2_AT = 4,
+    COMMAND_INT_PARAM3_AT = 8,
+    COMMAND_INT_PARAM4_AT = 12,
+    COMMAND_INT_X_AT = 16,
+    COMMAND_INT_Y_AT = 20,
+    COMMAND_INT_Z_AT = 24,
+    COMMAND_INT_COMMAND_AT = 28,
+    COMMAND_INT_TARGET_SYSTEM_AT = 30,
+    COMMAND_INT_TARGET_COMPONENT_AT = 31,
+    COMMAND_INT_FRAME_AT = 32,
+    COMMAND_INT_CURRENT_AT = 33,
+    COMMAND_INT_AUTOCONTINUE_AT = 34,
+};
+
+static inline void command_int_encode(const command_int_msg *m, uint8_t payload[COMMAND_INT_LENGTH])
+{
+    _Static_assert(offsetof(command_int_msg, autocontinue) == COMMAND_INT_AUTOCONTINUE_AT, "no gaps");
+    memcpy(payload, m, COMMAND_INT_LENGTH);
+}
+
+static inline void command_int_decode(command_int_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < COMMAND_INT_LENGTH ? length : COMMAND_INT_LENGTH);
+}
+
 /* A command of the common set. */
 #define COMMAND_LONG_ID 76u
 #define COMMAND_LONG_LENGTH 33u
@@ -225,7 +578,7 @@ typedef struct {
     uint16_t command; /* MAV_CMD. */
     uint8_t target_system; /* System asked. */
     uint8_t target_component; /* Component asked. */
-    uint8_t confirmation; /* Repeat count. */
+    uint8_t confirmation; /* 0 at first, then counts repeats. */
 } command_long_msg;
 enum {
     COMMAND_LONG_PARAM1_AT = 0,
@@ -247,15 +600,21 @@ static inline void command_long_encode(const command_long_msg *m, uint8_t payloa
     memcpy(payload, m, COMMAND_LONG_LENGTH);
 }
 
-/* Answer to COMMAND_LONG. */
+static inline void command_long_decode(command_long_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < COMMAND_LONG_LENGTH ? length : COMMAND_LONG_LENGTH);
+}
+
+/* Answer to COMMAND_LONG and COMMAND_INT. */
 #define COMMAND_ACK_ID 77u
 #define COMMAND_ACK_LENGTH 10u
 #define COMMAND_ACK_CRC_EXTRA 143u
 typedef struct {
     uint16_t command; /* MAV_CMD. */
-    uint8_t result; /* MAV_RESULT: 0 accepted, 3 unsupported. */
+    uint8_t result; /* MAV_RESULT: 0 accepted, 1 rejected for now (not in control), 2 denied, 3 unsupported. */
     uint8_t progress; /* Unused. */
-    int32_t result_param2; /* Unused. */
+    int32_t result_param2; /* tc_reason or GOSHAWK_LINK_REASON. */
     uint8_t target_system; /* Who asked. */
     uint8_t target_component; /* Who asked. */
 } command_ack_msg;
@@ -272,6 +631,12 @@ static inline void command_ack_encode(const command_ack_msg *m, uint8_t payload[
 {
     _Static_assert(offsetof(command_ack_msg, target_component) == COMMAND_ACK_TARGET_COMPONENT_AT, "no gaps");
     memcpy(payload, m, COMMAND_ACK_LENGTH);
+}
+
+static inline void command_ack_decode(command_ack_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < COMMAND_ACK_LENGTH ? length : COMMAND_ACK_LENGTH);
 }
 
 /* Clock comparison. A request has tc1 = 0; the answer carries the answerer's time there. */
@@ -295,6 +660,47 @@ static inline void timesync_encode(const timesync_msg *m, uint8_t payload[TIMESY
 {
     _Static_assert(offsetof(timesync_msg, target_component) == TIMESYNC_TARGET_COMPONENT_AT, "no gaps");
     memcpy(payload, m, TIMESYNC_LENGTH);
+}
+
+static inline void timesync_decode(timesync_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < TIMESYNC_LENGTH ? length : TIMESYNC_LENGTH);
+}
+
+/* Height. There is no sea level here: heights count from where the vehicle last stood. */
+#define ALTITUDE_ID 141u
+#define ALTITUDE_LENGTH 32u
+#define ALTITUDE_CRC_EXTRA 47u
+typedef struct {
+    uint64_t time_usec; /* Vehicle time. */
+    float altitude_monotonic; /* World z, m. */
+    float altitude_amsl; /* Above where it last stood, m. */
+    float altitude_local; /* World z, m. */
+    float altitude_relative; /* Above where it last stood, m. */
+    float altitude_terrain; /* NaN, unknown. */
+    float bottom_clearance; /* NaN, unknown. */
+} altitude_msg;
+enum {
+    ALTITUDE_TIME_USEC_AT = 0,
+    ALTITUDE_ALTITUDE_MONOTONIC_AT = 8,
+    ALTITUDE_ALTITUDE_AMSL_AT = 12,
+    ALTITUDE_ALTITUDE_LOCAL_AT = 16,
+    ALTITUDE_ALTITUDE_RELATIVE_AT = 20,
+    ALTITUDE_ALTITUDE_TERRAIN_AT = 24,
+    ALTITUDE_BOTTOM_CLEARANCE_AT = 28,
+};
+
+static inline void altitude_encode(const altitude_msg *m, uint8_t payload[ALTITUDE_LENGTH])
+{
+    _Static_assert(offsetof(altitude_msg, bottom_clearance) == ALTITUDE_BOTTOM_CLEARANCE_AT, "no gaps");
+    memcpy(payload, m, ALTITUDE_LENGTH);
+}
+
+static inline void altitude_decode(altitude_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < ALTITUDE_LENGTH ? length : ALTITUDE_LENGTH);
 }
 
 /* Battery. */
@@ -336,20 +742,41 @@ enum {
 
 static inline void battery_status_encode(const battery_status_msg *m, uint8_t payload[BATTERY_STATUS_LENGTH])
 {
-    memcpy(payload + 0, &m->current_consumed, 4u);
-    memcpy(payload + 4, &m->energy_consumed, 4u);
-    memcpy(payload + 8, &m->temperature, 2u);
-    memcpy(payload + 10, m->voltages, 20u);
-    memcpy(payload + 30, &m->current_battery, 2u);
-    memcpy(payload + 32, &m->id, 1u);
-    memcpy(payload + 33, &m->battery_function, 1u);
-    memcpy(payload + 34, &m->type, 1u);
-    memcpy(payload + 35, &m->battery_remaining, 1u);
-    memcpy(payload + 36, &m->time_remaining, 4u);
-    memcpy(payload + 40, &m->charge_state, 1u);
-    memcpy(payload + 41, m->voltages_ext, 8u);
-    memcpy(payload + 49, &m->mode, 1u);
-    memcpy(payload + 50, &m->fault_bitmask, 4u);
+    memcpy(payload + BATTERY_STATUS_CURRENT_CONSUMED_AT, &m->current_consumed, 4u);
+    memcpy(payload + BATTERY_STATUS_ENERGY_CONSUMED_AT, &m->energy_consumed, 4u);
+    memcpy(payload + BATTERY_STATUS_TEMPERATURE_AT, &m->temperature, 2u);
+    memcpy(payload + BATTERY_STATUS_VOLTAGES_AT, m->voltages, 20u);
+    memcpy(payload + BATTERY_STATUS_CURRENT_BATTERY_AT, &m->current_battery, 2u);
+    memcpy(payload + BATTERY_STATUS_ID_AT, &m->id, 1u);
+    memcpy(payload + BATTERY_STATUS_BATTERY_FUNCTION_AT, &m->battery_function, 1u);
+    memcpy(payload + BATTERY_STATUS_TYPE_AT, &m->type, 1u);
+    memcpy(payload + BATTERY_STATUS_BATTERY_REMAINING_AT, &m->battery_remaining, 1u);
+    memcpy(payload + BATTERY_STATUS_TIME_REMAINING_AT, &m->time_remaining, 4u);
+    memcpy(payload + BATTERY_STATUS_CHARGE_STATE_AT, &m->charge_state, 1u);
+    memcpy(payload + BATTERY_STATUS_VOLTAGES_EXT_AT, m->voltages_ext, 8u);
+    memcpy(payload + BATTERY_STATUS_MODE_AT, &m->mode, 1u);
+    memcpy(payload + BATTERY_STATUS_FAULT_BITMASK_AT, &m->fault_bitmask, 4u);
+}
+
+static inline void battery_status_decode(battery_status_msg *m, const uint8_t *payload, size_t length)
+{
+    uint8_t whole[BATTERY_STATUS_LENGTH] = {0};
+    memcpy(whole, payload, length < BATTERY_STATUS_LENGTH ? length : BATTERY_STATUS_LENGTH);
+    memset(m, 0, sizeof *m);
+    memcpy(&m->current_consumed, whole + BATTERY_STATUS_CURRENT_CONSUMED_AT, 4u);
+    memcpy(&m->energy_consumed, whole + BATTERY_STATUS_ENERGY_CONSUMED_AT, 4u);
+    memcpy(&m->temperature, whole + BATTERY_STATUS_TEMPERATURE_AT, 2u);
+    memcpy(m->voltages, whole + BATTERY_STATUS_VOLTAGES_AT, 20u);
+    memcpy(&m->current_battery, whole + BATTERY_STATUS_CURRENT_BATTERY_AT, 2u);
+    memcpy(&m->id, whole + BATTERY_STATUS_ID_AT, 1u);
+    memcpy(&m->battery_function, whole + BATTERY_STATUS_BATTERY_FUNCTION_AT, 1u);
+    memcpy(&m->type, whole + BATTERY_STATUS_TYPE_AT, 1u);
+    memcpy(&m->battery_remaining, whole + BATTERY_STATUS_BATTERY_REMAINING_AT, 1u);
+    memcpy(&m->time_remaining, whole + BATTERY_STATUS_TIME_REMAINING_AT, 4u);
+    memcpy(&m->charge_state, whole + BATTERY_STATUS_CHARGE_STATE_AT, 1u);
+    memcpy(m->voltages_ext, whole + BATTERY_STATUS_VOLTAGES_EXT_AT, 8u);
+    memcpy(&m->mode, whole + BATTERY_STATUS_MODE_AT, 1u);
+    memcpy(&m->fault_bitmask, whole + BATTERY_STATUS_FAULT_BITMASK_AT, 4u);
 }
 
 /* Who the vehicle is. */
@@ -357,7 +784,7 @@ static inline void battery_status_encode(const battery_status_msg *m, uint8_t pa
 #define AUTOPILOT_VERSION_LENGTH 78u
 #define AUTOPILOT_VERSION_CRC_EXTRA 178u
 typedef struct {
-    uint64_t capabilities; /* MAV_PROTOCOL_CAPABILITY: 8192, MAVLink 2. */
+    uint64_t capabilities; /* MAV_PROTOCOL_CAPABILITY: 2 float parameters, 8 COMMAND_INT, 2048 termination, 8192 MAVLink 2. */
     uint64_t uid; /* Unique id of the vehicle. */
     uint32_t flight_sw_version; /* Version of the controller. */
     uint32_t middleware_sw_version; /* 0. */
@@ -389,6 +816,12 @@ static inline void autopilot_version_encode(const autopilot_version_msg *m, uint
 {
     _Static_assert(offsetof(autopilot_version_msg, uid2) == AUTOPILOT_VERSION_UID2_AT, "no gaps");
     memcpy(payload, m, AUTOPILOT_VERSION_LENGTH);
+}
+
+static inline void autopilot_version_decode(autopilot_version_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < AUTOPILOT_VERSION_LENGTH ? length : AUTOPILOT_VERSION_LENGTH);
 }
 
 /* Where the vehicle last stood on the ground with its rotors idle or off. */
@@ -424,17 +857,60 @@ enum {
 
 static inline void home_position_encode(const home_position_msg *m, uint8_t payload[HOME_POSITION_LENGTH])
 {
-    memcpy(payload + 0, &m->latitude, 4u);
-    memcpy(payload + 4, &m->longitude, 4u);
-    memcpy(payload + 8, &m->altitude, 4u);
-    memcpy(payload + 12, &m->x, 4u);
-    memcpy(payload + 16, &m->y, 4u);
-    memcpy(payload + 20, &m->z, 4u);
-    memcpy(payload + 24, m->q, 16u);
-    memcpy(payload + 40, &m->approach_x, 4u);
-    memcpy(payload + 44, &m->approach_y, 4u);
-    memcpy(payload + 48, &m->approach_z, 4u);
-    memcpy(payload + 52, &m->time_usec, 8u);
+    memcpy(payload + HOME_POSITION_LATITUDE_AT, &m->latitude, 4u);
+    memcpy(payload + HOME_POSITION_LONGITUDE_AT, &m->longitude, 4u);
+    memcpy(payload + HOME_POSITION_ALTITUDE_AT, &m->altitude, 4u);
+    memcpy(payload + HOME_POSITION_X_AT, &m->x, 4u);
+    memcpy(payload + HOME_POSITION_Y_AT, &m->y, 4u);
+    memcpy(payload + HOME_POSITION_Z_AT, &m->z, 4u);
+    memcpy(payload + HOME_POSITION_Q_AT, m->q, 16u);
+    memcpy(payload + HOME_POSITION_APPROACH_X_AT, &m->approach_x, 4u);
+    memcpy(payload + HOME_POSITION_APPROACH_Y_AT, &m->approach_y, 4u);
+    memcpy(payload + HOME_POSITION_APPROACH_Z_AT, &m->approach_z, 4u);
+    memcpy(payload + HOME_POSITION_TIME_USEC_AT, &m->time_usec, 8u);
+}
+
+static inline void home_position_decode(home_position_msg *m, const uint8_t *payload, size_t length)
+{
+    uint8_t whole[HOME_POSITION_LENGTH] = {0};
+    memcpy(whole, payload, length < HOME_POSITION_LENGTH ? length : HOME_POSITION_LENGTH);
+    memset(m, 0, sizeof *m);
+    memcpy(&m->latitude, whole + HOME_POSITION_LATITUDE_AT, 4u);
+    memcpy(&m->longitude, whole + HOME_POSITION_LONGITUDE_AT, 4u);
+    memcpy(&m->altitude, whole + HOME_POSITION_ALTITUDE_AT, 4u);
+    memcpy(&m->x, whole + HOME_POSITION_X_AT, 4u);
+    memcpy(&m->y, whole + HOME_POSITION_Y_AT, 4u);
+    memcpy(&m->z, whole + HOME_POSITION_Z_AT, 4u);
+    memcpy(m->q, whole + HOME_POSITION_Q_AT, 16u);
+    memcpy(&m->approach_x, whole + HOME_POSITION_APPROACH_X_AT, 4u);
+    memcpy(&m->approach_y, whole + HOME_POSITION_APPROACH_Y_AT, 4u);
+    memcpy(&m->approach_z, whole + HOME_POSITION_APPROACH_Z_AT, 4u);
+    memcpy(&m->time_usec, whole + HOME_POSITION_TIME_USEC_AT, 8u);
+}
+
+/* Whether the vehicle is on the ground. */
+#define EXTENDED_SYS_STATE_ID 245u
+#define EXTENDED_SYS_STATE_LENGTH 2u
+#define EXTENDED_SYS_STATE_CRC_EXTRA 130u
+typedef struct {
+    uint8_t vtol_state; /* 0. */
+    uint8_t landed_state; /* MAV_LANDED_STATE: 0 not known, 1 on the ground, 2 in the air, 3 taking off, 4 landing. */
+} extended_sys_state_msg;
+enum {
+    EXTENDED_SYS_STATE_VTOL_STATE_AT = 0,
+    EXTENDED_SYS_STATE_LANDED_STATE_AT = 1,
+};
+
+static inline void extended_sys_state_encode(const extended_sys_state_msg *m, uint8_t payload[EXTENDED_SYS_STATE_LENGTH])
+{
+    _Static_assert(offsetof(extended_sys_state_msg, landed_state) == EXTENDED_SYS_STATE_LANDED_STATE_AT, "no gaps");
+    memcpy(payload, m, EXTENDED_SYS_STATE_LENGTH);
+}
+
+static inline void extended_sys_state_decode(extended_sys_state_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < EXTENDED_SYS_STATE_LENGTH ? length : EXTENDED_SYS_STATE_LENGTH);
 }
 
 /* A sentence for the pilot. */
@@ -444,8 +920,8 @@ static inline void home_position_encode(const home_position_msg *m, uint8_t payl
 typedef struct {
     uint8_t severity; /* MAV_SEVERITY: 3 error, 4 warning, 6 info. */
     char text[50]; /* Zero-terminated unless 50 long. */
-    uint16_t id; /* 0: the text is whole. */
-    uint8_t chunk_seq; /* 0. */
+    uint16_t id; /* 0: the text is whole; else the same for all chunks of one text. */
+    uint8_t chunk_seq; /* Which chunk. */
 } statustext_msg;
 enum {
     STATUSTEXT_SEVERITY_AT = 0,
@@ -456,10 +932,21 @@ enum {
 
 static inline void statustext_encode(const statustext_msg *m, uint8_t payload[STATUSTEXT_LENGTH])
 {
-    memcpy(payload + 0, &m->severity, 1u);
-    memcpy(payload + 1, m->text, 50u);
-    memcpy(payload + 51, &m->id, 2u);
-    memcpy(payload + 53, &m->chunk_seq, 1u);
+    memcpy(payload + STATUSTEXT_SEVERITY_AT, &m->severity, 1u);
+    memcpy(payload + STATUSTEXT_TEXT_AT, m->text, 50u);
+    memcpy(payload + STATUSTEXT_ID_AT, &m->id, 2u);
+    memcpy(payload + STATUSTEXT_CHUNK_SEQ_AT, &m->chunk_seq, 1u);
+}
+
+static inline void statustext_decode(statustext_msg *m, const uint8_t *payload, size_t length)
+{
+    uint8_t whole[STATUSTEXT_LENGTH] = {0};
+    memcpy(whole, payload, length < STATUSTEXT_LENGTH ? length : STATUSTEXT_LENGTH);
+    memset(m, 0, sizeof *m);
+    memcpy(&m->severity, whole + STATUSTEXT_SEVERITY_AT, 1u);
+    memcpy(m->text, whole + STATUSTEXT_TEXT_AT, 50u);
+    memcpy(&m->id, whole + STATUSTEXT_ID_AT, 2u);
+    memcpy(&m->chunk_seq, whole + STATUSTEXT_CHUNK_SEQ_AT, 1u);
 }
 
 /* Rotor speeds. */
@@ -485,6 +972,43 @@ static inline void esc_status_encode(const esc_status_msg *m, uint8_t payload[ES
 {
     _Static_assert(offsetof(esc_status_msg, index) == ESC_STATUS_INDEX_AT, "no gaps");
     memcpy(payload, m, ESC_STATUS_LENGTH);
+}
+
+static inline void esc_status_decode(esc_status_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < ESC_STATUS_LENGTH ? length : ESC_STATUS_LENGTH);
+}
+
+/* Which MAVLink is spoken: 2 only. */
+#define PROTOCOL_VERSION_ID 300u
+#define PROTOCOL_VERSION_LENGTH 22u
+#define PROTOCOL_VERSION_CRC_EXTRA 217u
+typedef struct {
+    uint16_t version; /* 200. */
+    uint16_t min_version; /* 200. */
+    uint16_t max_version; /* 200. */
+    uint8_t spec_version_hash[8]; /* 0. */
+    uint8_t library_version_hash[8]; /* 0. */
+} protocol_version_msg;
+enum {
+    PROTOCOL_VERSION_VERSION_AT = 0,
+    PROTOCOL_VERSION_MIN_VERSION_AT = 2,
+    PROTOCOL_VERSION_MAX_VERSION_AT = 4,
+    PROTOCOL_VERSION_SPEC_VERSION_HASH_AT = 6,
+    PROTOCOL_VERSION_LIBRARY_VERSION_HASH_AT = 14,
+};
+
+static inline void protocol_version_encode(const protocol_version_msg *m, uint8_t payload[PROTOCOL_VERSION_LENGTH])
+{
+    _Static_assert(offsetof(protocol_version_msg, library_version_hash) == PROTOCOL_VERSION_LIBRARY_VERSION_HASH_AT, "no gaps");
+    memcpy(payload, m, PROTOCOL_VERSION_LENGTH);
+}
+
+static inline void protocol_version_decode(protocol_version_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < PROTOCOL_VERSION_LENGTH ? length : PROTOCOL_VERSION_LENGTH);
 }
 
 /* Pose, velocity and rate in one message. */
@@ -538,10 +1062,16 @@ static inline void odometry_encode(const odometry_msg *m, uint8_t payload[ODOMET
     memcpy(payload, m, ODOMETRY_LENGTH);
 }
 
+static inline void odometry_decode(odometry_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < ODOMETRY_LENGTH ? length : ODOMETRY_LENGTH);
+}
+
 /* All a flight log needs of one instant; also the record of the on-board log. */
 #define GOSHAWK_STATE_ID 54000u
-#define GOSHAWK_STATE_LENGTH 156u
-#define GOSHAWK_STATE_CRC_EXTRA 172u
+#define GOSHAWK_STATE_LENGTH 178u
+#define GOSHAWK_STATE_CRC_EXTRA 231u
 typedef struct {
     uint64_t time_us; /* Vehicle time. */
     float position_world_m[3]; /* Estimate. */
@@ -556,8 +1086,18 @@ typedef struct {
     float setpoint_q_world_body[4]; /* Attitude the controller steers to. */
     float battery_v; /* Measured. */
     float trajectory_time_s; /* Time along the active trajectory; negative when none is being flown. */
+    float path_rate; /* 1 as planned, 0 standing on the path. */
+    float path_limit; /* What the supervisor leaves of the rate asked for, 0 to 1. */
+    float reckoning_s; /* How long position has been dead reckoned; 0 measured. */
+    float reckoning_std_m; /* Standard deviation that the horizontal position has grown to by that. */
     uint16_t sequence; /* Counts these messages, so that a receiver knows what it missed. */
     uint8_t mission_state; /* State of the mission. */
+    uint8_t reason; /* tc_reason: why it is in that state. */
+    uint8_t limit_reason; /* tc_reason: why path_limit is less than 1; 0 it is not. */
+    uint8_t warnings; /* TC_WARNING_ bits. */
+    uint8_t landing_stage; /* tc_landing_stage. */
+    uint8_t estimate_valid; /* TC_VALID_ bits of the estimate. */
+    uint8_t estimate_faults; /* What the controller found wrong with it: bits of tc_telemetry.estimate_faults. */
     uint8_t saturation; /* Bits of the mixer's saturation report. */
 } goshawk_state_msg;
 enum {
@@ -574,15 +1114,31 @@ enum {
     GOSHAWK_STATE_SETPOINT_Q_WORLD_BODY_AT = 128,
     GOSHAWK_STATE_BATTERY_V_AT = 144,
     GOSHAWK_STATE_TRAJECTORY_TIME_S_AT = 148,
-    GOSHAWK_STATE_SEQUENCE_AT = 152,
-    GOSHAWK_STATE_MISSION_STATE_AT = 154,
-    GOSHAWK_STATE_SATURATION_AT = 155,
+    GOSHAWK_STATE_PATH_RATE_AT = 152,
+    GOSHAWK_STATE_PATH_LIMIT_AT = 156,
+    GOSHAWK_STATE_RECKONING_S_AT = 160,
+    GOSHAWK_STATE_RECKONING_STD_M_AT = 164,
+    GOSHAWK_STATE_SEQUENCE_AT = 168,
+    GOSHAWK_STATE_MISSION_STATE_AT = 170,
+    GOSHAWK_STATE_REASON_AT = 171,
+    GOSHAWK_STATE_LIMIT_REASON_AT = 172,
+    GOSHAWK_STATE_WARNINGS_AT = 173,
+    GOSHAWK_STATE_LANDING_STAGE_AT = 174,
+    GOSHAWK_STATE_ESTIMATE_VALID_AT = 175,
+    GOSHAWK_STATE_ESTIMATE_FAULTS_AT = 176,
+    GOSHAWK_STATE_SATURATION_AT = 177,
 };
 
 static inline void goshawk_state_encode(const goshawk_state_msg *m, uint8_t payload[GOSHAWK_STATE_LENGTH])
 {
     _Static_assert(offsetof(goshawk_state_msg, saturation) == GOSHAWK_STATE_SATURATION_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_STATE_LENGTH);
+}
+
+static inline void goshawk_state_decode(goshawk_state_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < GOSHAWK_STATE_LENGTH ? length : GOSHAWK_STATE_LENGTH);
 }
 
 /* Ask for records of the on-board log; nothing wanted asks for GOSHAWK_LOG_INFO. */
@@ -606,6 +1162,12 @@ static inline void goshawk_log_request_encode(const goshawk_log_request_msg *m, 
 {
     _Static_assert(offsetof(goshawk_log_request_msg, wanted) == GOSHAWK_LOG_REQUEST_WANTED_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_LOG_REQUEST_LENGTH);
+}
+
+static inline void goshawk_log_request_decode(goshawk_log_request_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < GOSHAWK_LOG_REQUEST_LENGTH ? length : GOSHAWK_LOG_REQUEST_LENGTH);
 }
 
 /* What the on-board log holds. */
@@ -635,14 +1197,20 @@ static inline void goshawk_log_info_encode(const goshawk_log_info_msg *m, uint8_
     memcpy(payload, m, GOSHAWK_LOG_INFO_LENGTH);
 }
 
+static inline void goshawk_log_info_decode(goshawk_log_info_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < GOSHAWK_LOG_INFO_LENGTH ? length : GOSHAWK_LOG_INFO_LENGTH);
+}
+
 /* One record. */
 #define GOSHAWK_LOG_RECORD_ID 54003u
-#define GOSHAWK_LOG_RECORD_LENGTH 164u
-#define GOSHAWK_LOG_RECORD_CRC_EXTRA 114u
+#define GOSHAWK_LOG_RECORD_LENGTH 186u
+#define GOSHAWK_LOG_RECORD_CRC_EXTRA 198u
 typedef struct {
     uint32_t log_id; /* Of GOSHAWK_LOG_INFO. */
     uint32_t index; /* Which record. */
-    uint8_t record[156]; /* Payload of a GOSHAWK_STATE. */
+    uint8_t record[178]; /* Payload of a GOSHAWK_STATE. */
 } goshawk_log_record_msg;
 enum {
     GOSHAWK_LOG_RECORD_LOG_ID_AT = 0,
@@ -656,14 +1224,21 @@ static inline void goshawk_log_record_encode(const goshawk_log_record_msg *m, ui
     memcpy(payload, m, GOSHAWK_LOG_RECORD_LENGTH);
 }
 
+static inline void goshawk_log_record_decode(goshawk_log_record_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < GOSHAWK_LOG_RECORD_LENGTH ? length : GOSHAWK_LOG_RECORD_LENGTH);
+}
+
 /* Opens (or re-opens) a transfer into the staging slot; also the header sent on read-back. */
 #define GOSHAWK_TRAJECTORY_BEGIN_ID 54010u
-#define GOSHAWK_TRAJECTORY_BEGIN_LENGTH 59u
-#define GOSHAWK_TRAJECTORY_BEGIN_CRC_EXTRA 47u
+#define GOSHAWK_TRAJECTORY_BEGIN_LENGTH 63u
+#define GOSHAWK_TRAJECTORY_BEGIN_CRC_EXTRA 54u
 typedef struct {
     uint32_t transfer_id; /* Chosen by the sender, new for every upload; never 0. */
     uint32_t trajectory_id; /* Identity of the trajectory. */
     uint32_t crc32; /* tc_trajectory_crc32 (trajectory.h). */
+    float clearance_m; /* Proved by the planner: the tracking error at which the vehicle gives up; 0 not stated. */
     uint16_t segments; /* How many. */
     uint8_t target_system; /* Receiver. */
     uint8_t target_component; /* Receiver. */
@@ -678,21 +1253,28 @@ enum {
     GOSHAWK_TRAJECTORY_BEGIN_TRANSFER_ID_AT = 0,
     GOSHAWK_TRAJECTORY_BEGIN_TRAJECTORY_ID_AT = 4,
     GOSHAWK_TRAJECTORY_BEGIN_CRC32_AT = 8,
-    GOSHAWK_TRAJECTORY_BEGIN_SEGMENTS_AT = 12,
-    GOSHAWK_TRAJECTORY_BEGIN_TARGET_SYSTEM_AT = 14,
-    GOSHAWK_TRAJECTORY_BEGIN_TARGET_COMPONENT_AT = 15,
-    GOSHAWK_TRAJECTORY_BEGIN_COEFFICIENT_COUNT_AT = 16,
-    GOSHAWK_TRAJECTORY_BEGIN_LINK_LOSS_POLICY_AT = 17,
-    GOSHAWK_TRAJECTORY_BEGIN_SAMPLES_AT = 18,
-    GOSHAWK_TRAJECTORY_BEGIN_MAP_HASH_AT = 19,
-    GOSHAWK_TRAJECTORY_BEGIN_VEHICLE_HASH_AT = 27,
-    GOSHAWK_TRAJECTORY_BEGIN_NAME_AT = 35,
+    GOSHAWK_TRAJECTORY_BEGIN_CLEARANCE_M_AT = 12,
+    GOSHAWK_TRAJECTORY_BEGIN_SEGMENTS_AT = 16,
+    GOSHAWK_TRAJECTORY_BEGIN_TARGET_SYSTEM_AT = 18,
+    GOSHAWK_TRAJECTORY_BEGIN_TARGET_COMPONENT_AT = 19,
+    GOSHAWK_TRAJECTORY_BEGIN_COEFFICIENT_COUNT_AT = 20,
+    GOSHAWK_TRAJECTORY_BEGIN_LINK_LOSS_POLICY_AT = 21,
+    GOSHAWK_TRAJECTORY_BEGIN_SAMPLES_AT = 22,
+    GOSHAWK_TRAJECTORY_BEGIN_MAP_HASH_AT = 23,
+    GOSHAWK_TRAJECTORY_BEGIN_VEHICLE_HASH_AT = 31,
+    GOSHAWK_TRAJECTORY_BEGIN_NAME_AT = 39,
 };
 
 static inline void goshawk_trajectory_begin_encode(const goshawk_trajectory_begin_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_BEGIN_LENGTH])
 {
     _Static_assert(offsetof(goshawk_trajectory_begin_msg, name) == GOSHAWK_TRAJECTORY_BEGIN_NAME_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_TRAJECTORY_BEGIN_LENGTH);
+}
+
+static inline void goshawk_trajectory_begin_decode(goshawk_trajectory_begin_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < GOSHAWK_TRAJECTORY_BEGIN_LENGTH ? length : GOSHAWK_TRAJECTORY_BEGIN_LENGTH);
 }
 
 /* One polynomial segment in the centred variable s = 2 t / T - 1. */
@@ -720,6 +1302,12 @@ static inline void goshawk_trajectory_segment_encode(const goshawk_trajectory_se
 {
     _Static_assert(offsetof(goshawk_trajectory_segment_msg, coefficients) == GOSHAWK_TRAJECTORY_SEGMENT_COEFFICIENTS_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_TRAJECTORY_SEGMENT_LENGTH);
+}
+
+static inline void goshawk_trajectory_segment_decode(goshawk_trajectory_segment_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < GOSHAWK_TRAJECTORY_SEGMENT_LENGTH ? length : GOSHAWK_TRAJECTORY_SEGMENT_LENGTH);
 }
 
 /* Which segments of the transfer have arrived. */
@@ -753,6 +1341,12 @@ static inline void goshawk_trajectory_status_encode(const goshawk_trajectory_sta
     memcpy(payload, m, GOSHAWK_TRAJECTORY_STATUS_LENGTH);
 }
 
+static inline void goshawk_trajectory_status_decode(goshawk_trajectory_status_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < GOSHAWK_TRAJECTORY_STATUS_LENGTH ? length : GOSHAWK_TRAJECTORY_STATUS_LENGTH);
+}
+
 /* Check the staged trajectory and make it the active one. */
 #define GOSHAWK_TRAJECTORY_COMMIT_ID 54013u
 #define GOSHAWK_TRAJECTORY_COMMIT_LENGTH 14u
@@ -776,6 +1370,12 @@ static inline void goshawk_trajectory_commit_encode(const goshawk_trajectory_com
 {
     _Static_assert(offsetof(goshawk_trajectory_commit_msg, target_component) == GOSHAWK_TRAJECTORY_COMMIT_TARGET_COMPONENT_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_TRAJECTORY_COMMIT_LENGTH);
+}
+
+static inline void goshawk_trajectory_commit_decode(goshawk_trajectory_commit_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < GOSHAWK_TRAJECTORY_COMMIT_LENGTH ? length : GOSHAWK_TRAJECTORY_COMMIT_LENGTH);
 }
 
 /* Answer to a commit; whatever the answer, what is active now. */
@@ -803,6 +1403,12 @@ static inline void goshawk_trajectory_result_encode(const goshawk_trajectory_res
     memcpy(payload, m, GOSHAWK_TRAJECTORY_RESULT_LENGTH);
 }
 
+static inline void goshawk_trajectory_result_decode(goshawk_trajectory_result_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < GOSHAWK_TRAJECTORY_RESULT_LENGTH ? length : GOSHAWK_TRAJECTORY_RESULT_LENGTH);
+}
+
 /* Ask for segments of the active trajectory; nothing wanted asks for its header. */
 #define GOSHAWK_TRAJECTORY_READ_ID 54015u
 #define GOSHAWK_TRAJECTORY_READ_LENGTH 72u
@@ -828,6 +1434,12 @@ static inline void goshawk_trajectory_read_encode(const goshawk_trajectory_read_
     memcpy(payload, m, GOSHAWK_TRAJECTORY_READ_LENGTH);
 }
 
+static inline void goshawk_trajectory_read_decode(goshawk_trajectory_read_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < GOSHAWK_TRAJECTORY_READ_LENGTH ? length : GOSHAWK_TRAJECTORY_READ_LENGTH);
+}
+
 /* Points of the curve as the planner evaluates it; the vehicle compares at the commit. */
 #define GOSHAWK_TRAJECTORY_SAMPLES_ID 54016u
 #define GOSHAWK_TRAJECTORY_SAMPLES_LENGTH 166u
@@ -851,6 +1463,12 @@ static inline void goshawk_trajectory_samples_encode(const goshawk_trajectory_sa
 {
     _Static_assert(offsetof(goshawk_trajectory_samples_msg, target_component) == GOSHAWK_TRAJECTORY_SAMPLES_TARGET_COMPONENT_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_TRAJECTORY_SAMPLES_LENGTH);
+}
+
+static inline void goshawk_trajectory_samples_decode(goshawk_trajectory_samples_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < GOSHAWK_TRAJECTORY_SAMPLES_LENGTH ? length : GOSHAWK_TRAJECTORY_SAMPLES_LENGTH);
 }
 
 /* An order to the mission. A repeated request_id is answered again and not carried out again. */
@@ -882,6 +1500,12 @@ static inline void goshawk_mission_command_encode(const goshawk_mission_command_
     memcpy(payload, m, GOSHAWK_MISSION_COMMAND_LENGTH);
 }
 
+static inline void goshawk_mission_command_decode(goshawk_mission_command_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < GOSHAWK_MISSION_COMMAND_LENGTH ? length : GOSHAWK_MISSION_COMMAND_LENGTH);
+}
+
 /* Answer to an order. */
 #define GOSHAWK_MISSION_RESULT_ID 54021u
 #define GOSHAWK_MISSION_RESULT_LENGTH 7u
@@ -905,6 +1529,12 @@ static inline void goshawk_mission_result_encode(const goshawk_mission_result_ms
     memcpy(payload, m, GOSHAWK_MISSION_RESULT_LENGTH);
 }
 
+static inline void goshawk_mission_result_decode(goshawk_mission_result_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < GOSHAWK_MISSION_RESULT_LENGTH ? length : GOSHAWK_MISSION_RESULT_LENGTH);
+}
+
 /* Where the mission stands; sent at 5 Hz and on every change. */
 #define GOSHAWK_MISSION_STATUS_ID 54022u
 #define GOSHAWK_MISSION_STATUS_LENGTH 84u
@@ -916,7 +1546,7 @@ typedef struct {
     uint32_t active_crc32; /* Its CRC. */
     float trajectory_time_s; /* Negative when none is being flown. */
     float trajectory_duration_s; /* Of the active one. */
-    uint32_t frames_refused; /* Since the start: unsigned, wrongly signed, replayed, damaged, or from a station not in control. */
+    uint32_t frames_refused; /* Since the start: unsigned, wrongly signed, replayed, from a stream not opened, beyond the budget, or damaged. */
     uint32_t parameters_crc32; /* Of the parameters in force. */
     float path_rate; /* 1 as planned, 0 standing on the path. */
     uint8_t mission_state; /* State. */
@@ -952,6 +1582,12 @@ static inline void goshawk_mission_status_encode(const goshawk_mission_status_ms
     memcpy(payload, m, GOSHAWK_MISSION_STATUS_LENGTH);
 }
 
+static inline void goshawk_mission_status_decode(goshawk_mission_status_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < GOSHAWK_MISSION_STATUS_LENGTH ? length : GOSHAWK_MISSION_STATUS_LENGTH);
+}
+
 /* Take (or keep, or give back) control. The holder renews it; it ends 3 s after the last renewal. */
 #define GOSHAWK_LEASE_REQUEST_ID 54030u
 #define GOSHAWK_LEASE_REQUEST_LENGTH 7u
@@ -975,6 +1611,12 @@ static inline void goshawk_lease_request_encode(const goshawk_lease_request_msg 
     memcpy(payload, m, GOSHAWK_LEASE_REQUEST_LENGTH);
 }
 
+static inline void goshawk_lease_request_decode(goshawk_lease_request_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < GOSHAWK_LEASE_REQUEST_LENGTH ? length : GOSHAWK_LEASE_REQUEST_LENGTH);
+}
+
 /* Answer to a request. */
 #define GOSHAWK_LEASE_STATUS_ID 54031u
 #define GOSHAWK_LEASE_STATUS_LENGTH 10u
@@ -996,6 +1638,12 @@ static inline void goshawk_lease_status_encode(const goshawk_lease_status_msg *m
 {
     _Static_assert(offsetof(goshawk_lease_status_msg, operator_component) == GOSHAWK_LEASE_STATUS_OPERATOR_COMPONENT_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_LEASE_STATUS_LENGTH);
+}
+
+static inline void goshawk_lease_status_decode(goshawk_lease_status_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < GOSHAWK_LEASE_STATUS_LENGTH ? length : GOSHAWK_LEASE_STATUS_LENGTH);
 }
 
 /* Some values of a set that is to be applied as a whole; every value has to be sent. */
@@ -1023,6 +1671,12 @@ static inline void goshawk_parameters_stage_encode(const goshawk_parameters_stag
     memcpy(payload, m, GOSHAWK_PARAMETERS_STAGE_LENGTH);
 }
 
+static inline void goshawk_parameters_stage_decode(goshawk_parameters_stage_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < GOSHAWK_PARAMETERS_STAGE_LENGTH ? length : GOSHAWK_PARAMETERS_STAGE_LENGTH);
+}
+
 /* Apply the staged set if it is whole, its CRC fits and the controller accepts it. */
 #define GOSHAWK_PARAMETERS_COMMIT_ID 54041u
 #define GOSHAWK_PARAMETERS_COMMIT_LENGTH 10u
@@ -1044,6 +1698,12 @@ static inline void goshawk_parameters_commit_encode(const goshawk_parameters_com
 {
     _Static_assert(offsetof(goshawk_parameters_commit_msg, target_component) == GOSHAWK_PARAMETERS_COMMIT_TARGET_COMPONENT_AT, "no gaps");
     memcpy(payload, m, GOSHAWK_PARAMETERS_COMMIT_LENGTH);
+}
+
+static inline void goshawk_parameters_commit_decode(goshawk_parameters_commit_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < GOSHAWK_PARAMETERS_COMMIT_LENGTH ? length : GOSHAWK_PARAMETERS_COMMIT_LENGTH);
 }
 
 /* Answer to a stage or a commit. */
@@ -1073,24 +1733,41 @@ static inline void goshawk_parameters_result_encode(const goshawk_parameters_res
     memcpy(payload, m, GOSHAWK_PARAMETERS_RESULT_LENGTH);
 }
 
+static inline void goshawk_parameters_result_decode(goshawk_parameters_result_msg *m, const uint8_t *payload, size_t length)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m, payload, length < GOSHAWK_PARAMETERS_RESULT_LENGTH ? length : GOSHAWK_PARAMETERS_RESULT_LENGTH);
+}
+
 #define GOSHAWK_NO_TARGET 255u
 
 /* Which row of the table below a message is. */
 enum {
     HEARTBEAT_ROW,
+    SYS_STATUS_ROW,
+    PING_ROW,
+    SET_MODE_ROW,
     PARAM_REQUEST_READ_ROW,
     PARAM_REQUEST_LIST_ROW,
     PARAM_VALUE_ROW,
+    PARAM_SET_ROW,
     ATTITUDE_QUATERNION_ROW,
     LOCAL_POSITION_NED_ROW,
+    MISSION_REQUEST_LIST_ROW,
+    MISSION_COUNT_ROW,
+    MISSION_ACK_ROW,
+    COMMAND_INT_ROW,
     COMMAND_LONG_ROW,
     COMMAND_ACK_ROW,
     TIMESYNC_ROW,
+    ALTITUDE_ROW,
     BATTERY_STATUS_ROW,
     AUTOPILOT_VERSION_ROW,
     HOME_POSITION_ROW,
+    EXTENDED_SYS_STATE_ROW,
     STATUSTEXT_ROW,
     ESC_STATUS_ROW,
+    PROTOCOL_VERSION_ROW,
     ODOMETRY_ROW,
     GOSHAWK_STATE_ROW,
     GOSHAWK_LOG_REQUEST_ROW,
@@ -1117,6 +1794,7 @@ enum {
 typedef struct {
     uint16_t id;
     uint8_t crc_extra;
+    uint8_t length; /* of the whole payload, before zeros at its end are cut off */
     uint8_t target; /* where target_system lies in the payload (target_component follows), or GOSHAWK_NO_TARGET */
 } goshawk_dialect_row;
 
@@ -1124,40 +1802,51 @@ typedef struct {
 static inline const goshawk_dialect_row *goshawk_dialect(void)
 {
     static const goshawk_dialect_row rows[GOSHAWK_DIALECT_ROWS] = {
-    {HEARTBEAT_ID, HEARTBEAT_CRC_EXTRA, 255u},
-    {PARAM_REQUEST_READ_ID, PARAM_REQUEST_READ_CRC_EXTRA, 2u},
-    {PARAM_REQUEST_LIST_ID, PARAM_REQUEST_LIST_CRC_EXTRA, 0u},
-    {PARAM_VALUE_ID, PARAM_VALUE_CRC_EXTRA, 255u},
-    {ATTITUDE_QUATERNION_ID, ATTITUDE_QUATERNION_CRC_EXTRA, 255u},
-    {LOCAL_POSITION_NED_ID, LOCAL_POSITION_NED_CRC_EXTRA, 255u},
-    {COMMAND_LONG_ID, COMMAND_LONG_CRC_EXTRA, 30u},
-    {COMMAND_ACK_ID, COMMAND_ACK_CRC_EXTRA, 8u},
-    {TIMESYNC_ID, TIMESYNC_CRC_EXTRA, 16u},
-    {BATTERY_STATUS_ID, BATTERY_STATUS_CRC_EXTRA, 255u},
-    {AUTOPILOT_VERSION_ID, AUTOPILOT_VERSION_CRC_EXTRA, 255u},
-    {HOME_POSITION_ID, HOME_POSITION_CRC_EXTRA, 255u},
-    {STATUSTEXT_ID, STATUSTEXT_CRC_EXTRA, 255u},
-    {ESC_STATUS_ID, ESC_STATUS_CRC_EXTRA, 255u},
-    {ODOMETRY_ID, ODOMETRY_CRC_EXTRA, 255u},
-    {GOSHAWK_STATE_ID, GOSHAWK_STATE_CRC_EXTRA, 255u},
-    {GOSHAWK_LOG_REQUEST_ID, GOSHAWK_LOG_REQUEST_CRC_EXTRA, 4u},
-    {GOSHAWK_LOG_INFO_ID, GOSHAWK_LOG_INFO_CRC_EXTRA, 255u},
-    {GOSHAWK_LOG_RECORD_ID, GOSHAWK_LOG_RECORD_CRC_EXTRA, 255u},
-    {GOSHAWK_TRAJECTORY_BEGIN_ID, GOSHAWK_TRAJECTORY_BEGIN_CRC_EXTRA, 14u},
-    {GOSHAWK_TRAJECTORY_SEGMENT_ID, GOSHAWK_TRAJECTORY_SEGMENT_CRC_EXTRA, 10u},
-    {GOSHAWK_TRAJECTORY_STATUS_ID, GOSHAWK_TRAJECTORY_STATUS_CRC_EXTRA, 255u},
-    {GOSHAWK_TRAJECTORY_COMMIT_ID, GOSHAWK_TRAJECTORY_COMMIT_CRC_EXTRA, 12u},
-    {GOSHAWK_TRAJECTORY_RESULT_ID, GOSHAWK_TRAJECTORY_RESULT_CRC_EXTRA, 255u},
-    {GOSHAWK_TRAJECTORY_READ_ID, GOSHAWK_TRAJECTORY_READ_CRC_EXTRA, 6u},
-    {GOSHAWK_TRAJECTORY_SAMPLES_ID, GOSHAWK_TRAJECTORY_SAMPLES_CRC_EXTRA, 164u},
-    {GOSHAWK_MISSION_COMMAND_ID, GOSHAWK_MISSION_COMMAND_CRC_EXTRA, 16u},
-    {GOSHAWK_MISSION_RESULT_ID, GOSHAWK_MISSION_RESULT_CRC_EXTRA, 255u},
-    {GOSHAWK_MISSION_STATUS_ID, GOSHAWK_MISSION_STATUS_CRC_EXTRA, 255u},
-    {GOSHAWK_LEASE_REQUEST_ID, GOSHAWK_LEASE_REQUEST_CRC_EXTRA, 4u},
-    {GOSHAWK_LEASE_STATUS_ID, GOSHAWK_LEASE_STATUS_CRC_EXTRA, 255u},
-    {GOSHAWK_PARAMETERS_STAGE_ID, GOSHAWK_PARAMETERS_STAGE_CRC_EXTRA, 196u},
-    {GOSHAWK_PARAMETERS_COMMIT_ID, GOSHAWK_PARAMETERS_COMMIT_CRC_EXTRA, 8u},
-    {GOSHAWK_PARAMETERS_RESULT_ID, GOSHAWK_PARAMETERS_RESULT_CRC_EXTRA, 255u},
+    {HEARTBEAT_ID, HEARTBEAT_CRC_EXTRA, HEARTBEAT_LENGTH, 255u},
+    {SYS_STATUS_ID, SYS_STATUS_CRC_EXTRA, SYS_STATUS_LENGTH, 255u},
+    {PING_ID, PING_CRC_EXTRA, PING_LENGTH, 12u},
+    {SET_MODE_ID, SET_MODE_CRC_EXTRA, SET_MODE_LENGTH, 4u},
+    {PARAM_REQUEST_READ_ID, PARAM_REQUEST_READ_CRC_EXTRA, PARAM_REQUEST_READ_LENGTH, 2u},
+    {PARAM_REQUEST_LIST_ID, PARAM_REQUEST_LIST_CRC_EXTRA, PARAM_REQUEST_LIST_LENGTH, 0u},
+    {PARAM_VALUE_ID, PARAM_VALUE_CRC_EXTRA, PARAM_VALUE_LENGTH, 255u},
+    {PARAM_SET_ID, PARAM_SET_CRC_EXTRA, PARAM_SET_LENGTH, 4u},
+    {ATTITUDE_QUATERNION_ID, ATTITUDE_QUATERNION_CRC_EXTRA, ATTITUDE_QUATERNION_LENGTH, 255u},
+    {LOCAL_POSITION_NED_ID, LOCAL_POSITION_NED_CRC_EXTRA, LOCAL_POSITION_NED_LENGTH, 255u},
+    {MISSION_REQUEST_LIST_ID, MISSION_REQUEST_LIST_CRC_EXTRA, MISSION_REQUEST_LIST_LENGTH, 0u},
+    {MISSION_COUNT_ID, MISSION_COUNT_CRC_EXTRA, MISSION_COUNT_LENGTH, 2u},
+    {MISSION_ACK_ID, MISSION_ACK_CRC_EXTRA, MISSION_ACK_LENGTH, 0u},
+    {COMMAND_INT_ID, COMMAND_INT_CRC_EXTRA, COMMAND_INT_LENGTH, 30u},
+    {COMMAND_LONG_ID, COMMAND_LONG_CRC_EXTRA, COMMAND_LONG_LENGTH, 30u},
+    {COMMAND_ACK_ID, COMMAND_ACK_CRC_EXTRA, COMMAND_ACK_LENGTH, 8u},
+    {TIMESYNC_ID, TIMESYNC_CRC_EXTRA, TIMESYNC_LENGTH, 16u},
+    {ALTITUDE_ID, ALTITUDE_CRC_EXTRA, ALTITUDE_LENGTH, 255u},
+    {BATTERY_STATUS_ID, BATTERY_STATUS_CRC_EXTRA, BATTERY_STATUS_LENGTH, 255u},
+    {AUTOPILOT_VERSION_ID, AUTOPILOT_VERSION_CRC_EXTRA, AUTOPILOT_VERSION_LENGTH, 255u},
+    {HOME_POSITION_ID, HOME_POSITION_CRC_EXTRA, HOME_POSITION_LENGTH, 255u},
+    {EXTENDED_SYS_STATE_ID, EXTENDED_SYS_STATE_CRC_EXTRA, EXTENDED_SYS_STATE_LENGTH, 255u},
+    {STATUSTEXT_ID, STATUSTEXT_CRC_EXTRA, STATUSTEXT_LENGTH, 255u},
+    {ESC_STATUS_ID, ESC_STATUS_CRC_EXTRA, ESC_STATUS_LENGTH, 255u},
+    {PROTOCOL_VERSION_ID, PROTOCOL_VERSION_CRC_EXTRA, PROTOCOL_VERSION_LENGTH, 255u},
+    {ODOMETRY_ID, ODOMETRY_CRC_EXTRA, ODOMETRY_LENGTH, 255u},
+    {GOSHAWK_STATE_ID, GOSHAWK_STATE_CRC_EXTRA, GOSHAWK_STATE_LENGTH, 255u},
+    {GOSHAWK_LOG_REQUEST_ID, GOSHAWK_LOG_REQUEST_CRC_EXTRA, GOSHAWK_LOG_REQUEST_LENGTH, 4u},
+    {GOSHAWK_LOG_INFO_ID, GOSHAWK_LOG_INFO_CRC_EXTRA, GOSHAWK_LOG_INFO_LENGTH, 255u},
+    {GOSHAWK_LOG_RECORD_ID, GOSHAWK_LOG_RECORD_CRC_EXTRA, GOSHAWK_LOG_RECORD_LENGTH, 255u},
+    {GOSHAWK_TRAJECTORY_BEGIN_ID, GOSHAWK_TRAJECTORY_BEGIN_CRC_EXTRA, GOSHAWK_TRAJECTORY_BEGIN_LENGTH, 18u},
+    {GOSHAWK_TRAJECTORY_SEGMENT_ID, GOSHAWK_TRAJECTORY_SEGMENT_CRC_EXTRA, GOSHAWK_TRAJECTORY_SEGMENT_LENGTH, 10u},
+    {GOSHAWK_TRAJECTORY_STATUS_ID, GOSHAWK_TRAJECTORY_STATUS_CRC_EXTRA, GOSHAWK_TRAJECTORY_STATUS_LENGTH, 255u},
+    {GOSHAWK_TRAJECTORY_COMMIT_ID, GOSHAWK_TRAJECTORY_COMMIT_CRC_EXTRA, GOSHAWK_TRAJECTORY_COMMIT_LENGTH, 12u},
+    {GOSHAWK_TRAJECTORY_RESULT_ID, GOSHAWK_TRAJECTORY_RESULT_CRC_EXTRA, GOSHAWK_TRAJECTORY_RESULT_LENGTH, 255u},
+    {GOSHAWK_TRAJECTORY_READ_ID, GOSHAWK_TRAJECTORY_READ_CRC_EXTRA, GOSHAWK_TRAJECTORY_READ_LENGTH, 6u},
+    {GOSHAWK_TRAJECTORY_SAMPLES_ID, GOSHAWK_TRAJECTORY_SAMPLES_CRC_EXTRA, GOSHAWK_TRAJECTORY_SAMPLES_LENGTH, 164u},
+    {GOSHAWK_MISSION_COMMAND_ID, GOSHAWK_MISSION_COMMAND_CRC_EXTRA, GOSHAWK_MISSION_COMMAND_LENGTH, 16u},
+    {GOSHAWK_MISSION_RESULT_ID, GOSHAWK_MISSION_RESULT_CRC_EXTRA, GOSHAWK_MISSION_RESULT_LENGTH, 255u},
+    {GOSHAWK_MISSION_STATUS_ID, GOSHAWK_MISSION_STATUS_CRC_EXTRA, GOSHAWK_MISSION_STATUS_LENGTH, 255u},
+    {GOSHAWK_LEASE_REQUEST_ID, GOSHAWK_LEASE_REQUEST_CRC_EXTRA, GOSHAWK_LEASE_REQUEST_LENGTH, 4u},
+    {GOSHAWK_LEASE_STATUS_ID, GOSHAWK_LEASE_STATUS_CRC_EXTRA, GOSHAWK_LEASE_STATUS_LENGTH, 255u},
+    {GOSHAWK_PARAMETERS_STAGE_ID, GOSHAWK_PARAMETERS_STAGE_CRC_EXTRA, GOSHAWK_PARAMETERS_STAGE_LENGTH, 196u},
+    {GOSHAWK_PARAMETERS_COMMIT_ID, GOSHAWK_PARAMETERS_COMMIT_CRC_EXTRA, GOSHAWK_PARAMETERS_COMMIT_LENGTH, 8u},
+    {GOSHAWK_PARAMETERS_RESULT_ID, GOSHAWK_PARAMETERS_RESULT_CRC_EXTRA, GOSHAWK_PARAMETERS_RESULT_LENGTH, 255u},
     };
     return rows;
 }

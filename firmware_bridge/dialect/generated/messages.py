@@ -64,6 +64,8 @@ class MissionState(IntEnum):
     """position lost: level, sinking gently"""
     FAULT = 12
     """rotors stopped; only disarming leads out"""
+    SHADOW = 13
+    """another controller flies; this one computes and commands nothing"""
 
 
 class LinkReason(IntEnum):
@@ -88,17 +90,93 @@ class Heartbeat(Message):
     STRUCT: ClassVar[struct.Struct] = struct.Struct("<IBBBBB")
     ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0, 0, 0)
     custom_mode: int = 0
-    """Mission state of the controller."""
+    """PX4's main mode in byte 2 and sub mode in byte 3; of a generic autopilot the mission state."""
     type: int = 0
     """MAV_TYPE: 2 quadrotor, 6 ground station."""
     autopilot: int = 0
-    """MAV_AUTOPILOT: 0 generic, 8 none (a ground station)."""
+    """MAV_AUTOPILOT: 12 PX4 or 0 generic (tc_link_identity), 8 none (a ground station)."""
     base_mode: int = 0
     """MAV_MODE_FLAG: 128 armed, 8 guided, 1 custom mode."""
     system_status: int = 0
     """MAV_STATE: 3 standby, 4 active, 6 emergency."""
     mavlink_version: int = 0
     """3."""
+
+
+@dataclass(slots=True)
+class SysStatus(Message):
+    """What the vehicle has, and whether it is well. Bits are MAV_SYS_STATUS_SENSOR."""
+
+    ID: ClassVar[int] = 1
+    CRC_EXTRA: ClassVar[int] = 124
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<IIIHHhHHHHHHbIII")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
+    onboard_control_sensors_present: int = 0
+    """What there is."""
+    onboard_control_sensors_enabled: int = 0
+    """What is used."""
+    onboard_control_sensors_health: int = 0
+    """What is well; bit 28 (pre-arm check): arming would be accepted now."""
+    load: int = 0
+    """0, not measured."""
+    voltage_battery: int = 0
+    """mV; UINT16_MAX unknown."""
+    current_battery: int = 0
+    """-1, unknown."""
+    drop_rate_comm: int = 0
+    """0."""
+    errors_comm: int = 0
+    """0."""
+    errors_count1: int = 0
+    """0."""
+    errors_count2: int = 0
+    """0."""
+    errors_count3: int = 0
+    """0."""
+    errors_count4: int = 0
+    """0."""
+    battery_remaining: int = 0
+    """-1, unknown."""
+    onboard_control_sensors_present_extended: int = 0
+    """0."""
+    onboard_control_sensors_enabled_extended: int = 0
+    """0."""
+    onboard_control_sensors_health_extended: int = 0
+    """0."""
+
+
+@dataclass(slots=True)
+class Ping(Message):
+    """A request (target 0, 0) is returned as it came, its target the one who asked. The vehicle's challenge: see docs/link.md."""
+
+    ID: ClassVar[int] = 4
+    CRC_EXTRA: ClassVar[int] = 237
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<QIBB")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0)
+    time_usec: int = 0
+    """Returned as sent."""
+    seq: int = 0
+    """Returned as sent."""
+    target_system: int = 0
+    """0: a request to all; else an answer to this system."""
+    target_component: int = 0
+    """0: a request to all; else an answer to this component."""
+
+
+@dataclass(slots=True)
+class SetMode(Message):
+    """Ask for a mode; the older form of MAV_CMD_DO_SET_MODE."""
+
+    ID: ClassVar[int] = 11
+    CRC_EXTRA: ClassVar[int] = 89
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<IBB")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0)
+    custom_mode: int = 0
+    """PX4's: main mode in byte 2, sub mode in byte 3."""
+    target_system: int = 0
+    """System asked."""
+    base_mode: int = 0
+    """MAV_MODE_FLAG: 1, the custom mode counts."""
 
 
 @dataclass(slots=True)
@@ -147,6 +225,26 @@ class ParamValue(Message):
     """How many there are."""
     param_index: int = 0
     """Which one this is."""
+    param_id: str = ""
+    """Name, zero-terminated unless 16 long."""
+    param_type: int = 0
+    """MAV_PARAM_TYPE: 9 real32."""
+
+
+@dataclass(slots=True)
+class ParamSet(Message):
+    """Set one parameter. The answer is a PARAM_VALUE with what holds then: the old value if it was refused."""
+
+    ID: ClassVar[int] = 23
+    CRC_EXTRA: ClassVar[int] = 168
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<fBB16sB")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, -1, 0)
+    param_value: float = 0.0
+    """Value."""
+    target_system: int = 0
+    """System asked."""
+    target_component: int = 0
+    """Component asked."""
     param_id: str = ""
     """Name, zero-terminated unless 16 long."""
     param_type: int = 0
@@ -206,6 +304,98 @@ class LocalPositionNed(Message):
 
 
 @dataclass(slots=True)
+class MissionRequestList(Message):
+    """Ask for the mission, the fence or the rally points."""
+
+    ID: ClassVar[int] = 43
+    CRC_EXTRA: ClassVar[int] = 132
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<BBB")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0)
+    target_system: int = 0
+    """System asked."""
+    target_component: int = 0
+    """Component asked."""
+    mission_type: int = 0
+    """MAV_MISSION_TYPE: 0 mission, 1 fence, 2 rally points."""
+
+
+@dataclass(slots=True)
+class MissionCount(Message):
+    """How many items there are: always none, as trajectories are not missions."""
+
+    ID: ClassVar[int] = 44
+    CRC_EXTRA: ClassVar[int] = 221
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<HBBBI")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0, 0)
+    count: int = 0
+    """0."""
+    target_system: int = 0
+    """Who asked."""
+    target_component: int = 0
+    """Who asked."""
+    mission_type: int = 0
+    """As asked."""
+    opaque_id: int = 0
+    """0."""
+
+
+@dataclass(slots=True)
+class MissionAck(Message):
+    """Answer to a station that wants to send a mission."""
+
+    ID: ClassVar[int] = 47
+    CRC_EXTRA: ClassVar[int] = 153
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<BBBBI")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0, 0)
+    target_system: int = 0
+    """Who asked."""
+    target_component: int = 0
+    """Who asked."""
+    type: int = 0
+    """MAV_MISSION_RESULT: 3, unsupported."""
+    mission_type: int = 0
+    """As asked."""
+    opaque_id: int = 0
+    """0."""
+
+
+@dataclass(slots=True)
+class CommandInt(Message):
+    """A command of the common set, with a position as integers."""
+
+    ID: ClassVar[int] = 75
+    CRC_EXTRA: ClassVar[int] = 158
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<ffffiifHBBBBB")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
+    param1: float = 0.0
+    """Parameter 1."""
+    param2: float = 0.0
+    """Parameter 2."""
+    param3: float = 0.0
+    """Parameter 3."""
+    param4: float = 0.0
+    """Parameter 4."""
+    x: int = 0
+    """Parameter 5; INT32_MAX none."""
+    y: int = 0
+    """Parameter 6; INT32_MAX none."""
+    z: float = 0.0
+    """Parameter 7."""
+    command: int = 0
+    """MAV_CMD."""
+    target_system: int = 0
+    """System asked."""
+    target_component: int = 0
+    """Component asked."""
+    frame: int = 0
+    """MAV_FRAME of the position."""
+    current: int = 0
+    """Unused."""
+    autocontinue: int = 0
+    """Unused."""
+
+
+@dataclass(slots=True)
 class CommandLong(Message):
     """A command of the common set."""
 
@@ -234,12 +424,12 @@ class CommandLong(Message):
     target_component: int = 0
     """Component asked."""
     confirmation: int = 0
-    """Repeat count."""
+    """0 at first, then counts repeats."""
 
 
 @dataclass(slots=True)
 class CommandAck(Message):
-    """Answer to COMMAND_LONG."""
+    """Answer to COMMAND_LONG and COMMAND_INT."""
 
     ID: ClassVar[int] = 77
     CRC_EXTRA: ClassVar[int] = 143
@@ -248,11 +438,11 @@ class CommandAck(Message):
     command: int = 0
     """MAV_CMD."""
     result: int = 0
-    """MAV_RESULT: 0 accepted, 3 unsupported."""
+    """MAV_RESULT: 0 accepted, 1 rejected for now (not in control), 2 denied, 3 unsupported."""
     progress: int = 0
     """Unused."""
     result_param2: int = 0
-    """Unused."""
+    """tc_reason or GOSHAWK_LINK_REASON."""
     target_system: int = 0
     """Who asked."""
     target_component: int = 0
@@ -275,6 +465,30 @@ class Timesync(Message):
     """System asked; 0 all."""
     target_component: int = 0
     """Component asked; 0 all."""
+
+
+@dataclass(slots=True)
+class Altitude(Message):
+    """Height. There is no sea level here: heights count from where the vehicle last stood."""
+
+    ID: ClassVar[int] = 141
+    CRC_EXTRA: ClassVar[int] = 47
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<Qffffff")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0, 0, 0, 0)
+    time_usec: int = 0
+    """Vehicle time."""
+    altitude_monotonic: float = 0.0
+    """World z, m."""
+    altitude_amsl: float = 0.0
+    """Above where it last stood, m."""
+    altitude_local: float = 0.0
+    """World z, m."""
+    altitude_relative: float = 0.0
+    """Above where it last stood, m."""
+    altitude_terrain: float = 0.0
+    """NaN, unknown."""
+    bottom_clearance: float = 0.0
+    """NaN, unknown."""
 
 
 @dataclass(slots=True)
@@ -324,7 +538,7 @@ class AutopilotVersion(Message):
     STRUCT: ClassVar[struct.Struct] = struct.Struct("<QQIIIIHH8B8B8B18B")
     ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0, 0, 0, 0, 0, 8, 8, 8, 18)
     capabilities: int = 0
-    """MAV_PROTOCOL_CAPABILITY: 8192, MAVLink 2."""
+    """MAV_PROTOCOL_CAPABILITY: 2 float parameters, 8 COMMAND_INT, 2048 termination, 8192 MAVLink 2."""
     uid: int = 0
     """Unique id of the vehicle."""
     flight_sw_version: int = 0
@@ -382,6 +596,20 @@ class HomePosition(Message):
 
 
 @dataclass(slots=True)
+class ExtendedSysState(Message):
+    """Whether the vehicle is on the ground."""
+
+    ID: ClassVar[int] = 245
+    CRC_EXTRA: ClassVar[int] = 130
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<BB")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0)
+    vtol_state: int = 0
+    """0."""
+    landed_state: int = 0
+    """MAV_LANDED_STATE: 0 not known, 1 on the ground, 2 in the air, 3 taking off, 4 landing."""
+
+
+@dataclass(slots=True)
 class Statustext(Message):
     """A sentence for the pilot."""
 
@@ -394,9 +622,9 @@ class Statustext(Message):
     text: str = ""
     """Zero-terminated unless 50 long."""
     id: int = 0
-    """0: the text is whole."""
+    """0: the text is whole; else the same for all chunks of one text."""
     chunk_seq: int = 0
-    """0."""
+    """Which chunk."""
 
 
 @dataclass(slots=True)
@@ -417,6 +645,26 @@ class EscStatus(Message):
     """A; 0, unknown."""
     index: int = 0
     """First rotor of this message: 0."""
+
+
+@dataclass(slots=True)
+class ProtocolVersion(Message):
+    """Which MAVLink is spoken: 2 only."""
+
+    ID: ClassVar[int] = 300
+    CRC_EXTRA: ClassVar[int] = 217
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<HHH8B8B")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 8, 8)
+    version: int = 0
+    """200."""
+    min_version: int = 0
+    """200."""
+    max_version: int = 0
+    """200."""
+    spec_version_hash: tuple[int, ...] = (0,) * 8
+    """0."""
+    library_version_hash: tuple[int, ...] = (0,) * 8
+    """0."""
 
 
 @dataclass(slots=True)
@@ -470,9 +718,9 @@ class State(Message):
     """All a flight log needs of one instant; also the record of the on-board log."""
 
     ID: ClassVar[int] = 54000
-    CRC_EXTRA: ClassVar[int] = 172
-    STRUCT: ClassVar[struct.Struct] = struct.Struct("<Q3f3f4f3f3f4f4f3f3f4fffHBB")
-    ARRAYS: ClassVar[tuple[int, ...]] = (0, 3, 3, 4, 3, 3, 4, 4, 3, 3, 4, 0, 0, 0, 0, 0)
+    CRC_EXTRA: ClassVar[int] = 231
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<Q3f3f4f3f3f4f4f3f3f4fffffffHBBBBBBBB")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 3, 3, 4, 3, 3, 4, 4, 3, 3, 4, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
     time_us: int = 0
     """Vehicle time."""
     position_world_m: tuple[float, ...] = (0.0,) * 3
@@ -499,10 +747,30 @@ class State(Message):
     """Measured."""
     trajectory_time_s: float = 0.0
     """Time along the active trajectory; negative when none is being flown."""
+    path_rate: float = 0.0
+    """1 as planned, 0 standing on the path."""
+    path_limit: float = 0.0
+    """What the supervisor leaves of the rate asked for, 0 to 1."""
+    reckoning_s: float = 0.0
+    """How long position has been dead reckoned; 0 measured."""
+    reckoning_std_m: float = 0.0
+    """Standard deviation that the horizontal position has grown to by that."""
     sequence: int = 0
     """Counts these messages, so that a receiver knows what it missed."""
     mission_state: int = 0
     """State of the mission."""
+    reason: int = 0
+    """tc_reason: why it is in that state."""
+    limit_reason: int = 0
+    """tc_reason: why path_limit is less than 1; 0 it is not."""
+    warnings: int = 0
+    """TC_WARNING_ bits."""
+    landing_stage: int = 0
+    """tc_landing_stage."""
+    estimate_valid: int = 0
+    """TC_VALID_ bits of the estimate."""
+    estimate_faults: int = 0
+    """What the controller found wrong with it: bits of tc_telemetry.estimate_faults."""
     saturation: int = 0
     """Bits of the mixer's saturation report."""
 
@@ -552,14 +820,14 @@ class LogRecord(Message):
     """One record."""
 
     ID: ClassVar[int] = 54003
-    CRC_EXTRA: ClassVar[int] = 114
-    STRUCT: ClassVar[struct.Struct] = struct.Struct("<II156B")
-    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 156)
+    CRC_EXTRA: ClassVar[int] = 198
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<II178B")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 178)
     log_id: int = 0
     """Of GOSHAWK_LOG_INFO."""
     index: int = 0
     """Which record."""
-    record: tuple[int, ...] = (0,) * 156
+    record: tuple[int, ...] = (0,) * 178
     """Payload of a GOSHAWK_STATE."""
 
 
@@ -568,15 +836,17 @@ class TrajectoryBegin(Message):
     """Opens (or re-opens) a transfer into the staging slot; also the header sent on read-back."""
 
     ID: ClassVar[int] = 54010
-    CRC_EXTRA: ClassVar[int] = 47
-    STRUCT: ClassVar[struct.Struct] = struct.Struct("<IIIHBBBBB8B8B24s")
-    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0, 0, 0, 0, 0, 0, 8, 8, -1)
+    CRC_EXTRA: ClassVar[int] = 54
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<IIIfHBBBBB8B8B24s")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 8, 8, -1)
     transfer_id: int = 0
     """Chosen by the sender, new for every upload; never 0."""
     trajectory_id: int = 0
     """Identity of the trajectory."""
     crc32: int = 0
     """tc_trajectory_crc32 (trajectory.h)."""
+    clearance_m: float = 0.0
+    """Proved by the planner: the tracking error at which the vehicle gives up; 0 not stated."""
     segments: int = 0
     """How many."""
     target_system: int = 0
@@ -788,7 +1058,7 @@ class MissionStatus(Message):
     trajectory_duration_s: float = 0.0
     """Of the active one."""
     frames_refused: int = 0
-    """Since the start: unsigned, wrongly signed, replayed, damaged, or from a station not in control."""
+    """Since the start: unsigned, wrongly signed, replayed, from a stream not opened, beyond the budget, or damaged."""
     parameters_crc32: int = 0
     """Of the parameters in force."""
     path_rate: float = 0.0
@@ -907,19 +1177,30 @@ class ParametersResult(Message):
 
 BY_ID: dict[int, type[Message]] = {
     0: Heartbeat,
+    1: SysStatus,
+    4: Ping,
+    11: SetMode,
     20: ParamRequestRead,
     21: ParamRequestList,
     22: ParamValue,
+    23: ParamSet,
     31: AttitudeQuaternion,
     32: LocalPositionNed,
+    43: MissionRequestList,
+    44: MissionCount,
+    47: MissionAck,
+    75: CommandInt,
     76: CommandLong,
     77: CommandAck,
     111: Timesync,
+    141: Altitude,
     147: BatteryStatus,
     148: AutopilotVersion,
     242: HomePosition,
+    245: ExtendedSysState,
     253: Statustext,
     291: EscStatus,
+    300: ProtocolVersion,
     331: Odometry,
     54000: State,
     54001: LogRequest,

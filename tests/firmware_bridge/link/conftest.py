@@ -1,4 +1,4 @@
-"""A short trajectory, a virtual vehicle to send it to, and a key."""
+"""A short trajectory, a SITL vehicle to send it to, and a key."""
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -9,7 +9,7 @@ import pytest
 
 import vehicle
 from firmware_bridge.link import Link, connect
-from firmware_bridge.virtual_vehicle import VirtualVehicle
+from firmware_bridge.sitl_vehicle import SitlVehicle
 from flight import Trajectory, TrajectoryFile
 from vehicle import simulate
 
@@ -47,14 +47,14 @@ def plans() -> SimpleNamespace:
 
 
 @pytest.fixture
-def serve() -> Iterator[Callable[..., VirtualVehicle]]:
-    """`serve(**options)` starts a virtual vehicle that stands on the floor."""
+def serve() -> Iterator[Callable[..., SitlVehicle]]:
+    """`serve(**options)` starts a SITL vehicle that stands on the floor."""
     truth = vehicle.example("rigter2019")
     with ExitStack() as stack:
 
-        def start(*, key: bytes | None = KEY, **options) -> VirtualVehicle:
+        def start(*, key: bytes | None = KEY, **options) -> SitlVehicle:
             plant = simulate.Plant(truth, simulate.State(), ground_m=0.0)
-            return stack.enter_context(VirtualVehicle(plant, {}, key=key, **options))
+            return stack.enter_context(SitlVehicle(plant, {}, key=key, **options))
 
         yield start
 
@@ -64,7 +64,7 @@ def dial() -> Iterator[Callable[..., Link]]:
     """`dial(served, **options)` connects a ground station."""
     with ExitStack() as stack:
 
-        def start(served: VirtualVehicle, **options) -> Link:
+        def start(served: SitlVehicle, **options) -> Link:
             return stack.enter_context(connect(served.url, **({"key": KEY} | options)))
 
         yield start

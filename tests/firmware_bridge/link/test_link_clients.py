@@ -73,18 +73,18 @@ def test_odometry_tells_velocity_along_the_body_axes():
     link = _controller.Link(endpoint, None, 1, 0, 1, 10**9, 0, 5000, 1)
     left = [np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]
     state = np.array([1.0, 2.0, 3.0, 4.0, 0.0, 0.0, *left, 0.1, 0.2, 0.3])
-    ears, told = Codec(9, 1, None), []
-    for time_us in range(100_000, 400_000, 50_000):
+    reader, sent = Codec(9, 1, None), []
+    for time_us in range(100_000, 400_000, 10_000):
         endpoint.tick(time_us, state, time_us, time_us, 0.0)
-        link.update(np.zeros(4), np.zeros(3), time_us)
+        link.update(np.zeros(4), time_us)
         while frame := link.transmit(time_us):
-            told += [received.message for received in ears.decode(frame)]
-    odometry = next(message for message in told if isinstance(message, m.Odometry))
+            sent += [received.message for received in reader.decode(frame)]
+    odometry = next(message for message in sent if isinstance(message, m.Odometry))
     np.testing.assert_allclose([odometry.vx, odometry.vy, odometry.vz], [0.0, 4.0, 0.0], atol=1e-5)
     np.testing.assert_allclose([odometry.x, odometry.y, odometry.z], [1.0, -2.0, -3.0], atol=1e-5)
     np.testing.assert_allclose([odometry.rollspeed, odometry.pitchspeed, odometry.yawspeed], [0.1, -0.2, -0.3])
-    assert sum(isinstance(message, m.Odometry) for message in told) == 3  # half as often as the position
-    home = next(message for message in told if isinstance(message, m.HomePosition))
+    assert sum(isinstance(message, m.Odometry) for message in sent) == 3  # half as often as the position
+    home = next(message for message in sent if isinstance(message, m.HomePosition))
     np.testing.assert_allclose([home.x, home.y, home.z, *home.q], [1.0, -2.0, -3.0, 1.0, 0.0, 0.0, 0.0])
 
 
@@ -136,7 +136,11 @@ def test_a_station_that_only_knows_pymavlink_signs_its_way_in(serve, plans, mavl
     try:
         client.setup_signing(plans.key, sign_outgoing=True)
         client.mav.heartbeat_send(6, 8, 0, 0, 4)
-        client.recv_match(type="HEARTBEAT", blocking=True, timeout=3.0)
+        challenge = client.recv_match(
+            type="PING", blocking=True, timeout=3.0
+        )  # QGroundControl, MAVSDK answer by themselves
+        assert (challenge.target_system, challenge.target_component) == (0, 0)
+        client.mav.ping_send(challenge.time_usec, challenge.seq, 1, 1)
         client.mav.command_long_send(1, 1, common.MAV_CMD_REQUEST_MESSAGE, 0, 148, 0, 0, 0, 0, 0, 0)
         acknowledged = client.recv_match(type="COMMAND_ACK", blocking=True, timeout=3.0)
         assert (acknowledged.command, acknowledged.result) == (512, 0)

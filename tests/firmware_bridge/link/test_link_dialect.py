@@ -47,6 +47,11 @@ def test_standard_messages_are_the_public_ones():
         assert named == list(ours.__slots__)[: len(named)]
 
 
+def test_protocol_version_is_the_public_one():
+    """Which pymavlink's copies no longer have and QGroundControl asks for; 217 is in the published C headers."""
+    assert (m.ProtocolVersion.ID, m.ProtocolVersion.CRC_EXTRA, m.ProtocolVersion.STRUCT.size) == (300, 217, 22)
+
+
 def test_dialect_ids_collide_with_no_public_message():
     own = {message.id for message in _parsed("goshawk.xml").message}
     assert min(own) >= 54000

@@ -1,5 +1,6 @@
 """Uploads over bad lines: either the whole new plan or the whole old one."""
 
+import dataclasses
 import threading
 import time
 
@@ -101,6 +102,15 @@ def test_what_the_vehicles_own_checks_refuse_is_said_with_the_segment_and_what_i
     with pytest.raises(LinkError, match="still holds plan lap-3"):
         link.upload(_with(file, Trajectory(file.trajectory.durations_s, far)))
     assert link.read_back().name == "lap-3"
+
+
+def test_the_proved_clearance_travels_with_the_plan(serve, dial, plans):
+    link = dial(serve())
+    file = dataclasses.replace(plans.file(3), check={"passed": True, "clearance_m": 0.35})
+    link.upload(file)
+    held = link.read_back()
+    assert held.clearance_m == np.float32(0.35)
+    assert held.crc32 == wire.plan_from_file(file).crc32 != wire.plan_from_file(plans.file(3)).crc32
 
 
 def test_what_cannot_fit_is_refused_before_anything_is_sent(plans):

@@ -10,6 +10,7 @@
      mission.h      the state machine
      parameters.h   every number that can be set
      controller.h   the whole: tc_init, tc_tick, and what the ground may ask for
+     version.h      the version of this library
 
    Rules that hold everywhere: C11, float32, SI, world z up, body x forward y left z up, quaternions w x y z, time in
    integer microseconds. No heap, no globals, no recursion, no libm beyond sqrtf; state lives in structs you own.
@@ -18,5 +19,6 @@
 #define GOSHAWK_CONTROLLER_GOSHAWK_CONTROLLER_H
 
 #include "goshawk_controller/controller.h"
+#include "goshawk_controller/version.h"
 
 #endif

@@ -1,4 +1,5 @@
-/* The link: the ground's side door to the controller. Datagrams (or a byte stream) in, frames out; MAVLink 2, signed.
+/* The link: what the ground says to the controller and what it learns of it. Datagrams (or a byte stream) in, frames
+   out; MAVLink 2, signed.
 
        tc_link link;                                            // yours
        tc_link_init(&link, &controller, &config, now_us);       // after tc_init; log memory and key are in config
@@ -6,18 +7,30 @@
        tc_link_update(&link, &measured, now_us);                // once after every tc_tick
        while ((n = tc_link_transmit(&link, frame, now_us)) > 0) send(frame, n);
 
-   What it promises:
-   - Only frames signed with the key, each once and none older than 0.65 s beside its stream, have any effect
-   (heartbeats may be unsigned: they only make the vehicle heard). Refused ones are counted.
+   Who gets in
+   - Only frames signed with the key have any effect, each once. A station's stream opens by a challenge: the vehicle
+     sends a PING that holds 96 unpredictable bits of this boot, the station returns it signed (MAVSDK and
+   QGroundControl do so by themselves), and the stamp of that answer is the stream's floor. So nothing recorded earlier
+   can come back, whatever the clocks say. What is refused is counted.
    - One station at a time is in control (a lease it renews); the others may watch and read.
    - An upload fills the staged slot piece by piece, reports a bitmap of what arrived, and is committed by transfer, id
-   and CRC. Lost, doubled, swapped or damaged pieces, and restarts, leave either the whole new plan or the whole old
-   one.
+     and CRC. Lost, doubled, swapped or damaged pieces, and restarts, leave either the whole new plan or the whole old
+     one. Parameters gather in memory of their own and take effect by a commit, all or none.
    - An order carried out once is not carried out again when its frame is repeated.
    - Nothing blocks: answers wait in their own places, at most one of each kind, and leave as the byte rate allows.
 
-   `now_us` is the clock of the link (leases, repeats, pacing). It is the controller's clock on a vehicle; a simulation
-   that does not run at the pace of the wall clock hands in the wall clock here. */
+   Bounds. Address, stream and time stamp are looked at before any hash is computed. Signatures are checked at
+   `signature_checks_per_s` for frames that claim to be of the station in control and at a quarter of that for all
+   others, each with a reserve of TC_LINK_RESERVE_US: frames that claim other senders cannot use the share of the
+   station in control. Of the frames that find no budget left one is kept and checked at the next tc_link_update, chosen
+   at random with equal chances. So where n forged frames claim to be of the station in control between two updates,
+   each of its own frames is still checked with a probability of at least 1 / (n + 1), independently of their order and
+   timing, and KILL sent again and again gets through. A commit is checked in slices of TC_SEGMENTS_PER_CALL
+   segments, one an update unless `commit_slices` says otherwise.
+
+   Clock. `now_us` is the clock of the link (leases, repeats, pacing). It is the controller's clock on a vehicle; a
+   simulation that does not run at the pace of the wall clock hands in the wall clock here. A clock that steps back
+   counts as standing, one that leaps by more than TC_LINK_LONGEST_STEP_US as having gone on by that. */
 #ifndef GOSHAWK_CONTROLLER_LINK_H
 #define GOSHAWK_CONTROLLER_LINK_H
 
@@ -28,10 +41,27 @@
 extern "C" {
 #endif
 
-#define TC_LINK_RECORD 156u       /* bytes of a log record: the payload of a GOSHAWK_STATE */
+#define TC_LINK_RECORD 178u       /* bytes of a log record: the payload of a GOSHAWK_STATE */
 #define TC_LINK_LEASE_US 3000000u /* control ends this long after the last renewal */
 #define TC_LINK_GROUP 48u         /* parameters per frame */
 #define TC_LINK_WANTED 64u        /* bytes of bits in a request for pieces */
+#define TC_LINK_LONGEST_STEP_US 1000000u
+#define TC_LINK_CHECKS_PER_S 2000u   /* signature checks where the configuration says 0 */
+#define TC_LINK_RESERVE_US 4000u     /* how much of that rate may be saved up */
+#define TC_LINK_CHALLENGE_US 100000u /* at most one challenge in this time */
+#define TC_LINK_ANSWER_US 10000000u  /* an older challenge is no longer answered */
+#define TC_LINK_KEEP_PERIOD_S 60u    /* keep the stamp at least this often (tc_link_stamp_to_keep) */
+#define TC_LINK_PERIODS 9u           /* how many series of telemetry there are */
+
+#define TC_LINK_TAKE_OFF_M 1.5f /* of a standard take-off that names no height */
+#define TC_LINK_ACKS 8u         /* acknowledgements of standard commands that may wait */
+#define TC_LINK_PRESET 0u       /* as a period of a message: as it was at the start */
+#define TC_LINK_NEVER UINT32_MAX
+
+/* How the vehicle introduces itself to standard ground stations (docs/ground_stations.md). PX4: with its modes, so that
+   QGroundControl offers arm, take-off, hold and land. Generic: as what it is, with the mission state as its mode; then
+   QGroundControl shows the vehicle, and offers no buttons. */
+typedef enum { TC_IDENTITY_PX4 = 0, TC_IDENTITY_GENERIC = 1 } tc_link_identity;
 
 /* Reasons of the link itself; the values below 70 are tc_reason. Part of the protocol: only append. */
 enum {
@@ -44,19 +74,26 @@ enum {
 
 typedef struct {
     uint8_t system_id, component_id;
+    tc_link_identity identity;
     bool sign;                 /* false: accept and send unsigned frames; for the bench only */
     uint8_t key[TC_KEY_BYTES]; /* shared with the ground stations */
-    uint64_t start_10us;       /* signature clock at the start: real time if there is one, else the last value kept */
-    uint32_t boot_id;          /* differs from start to start */
-    uint32_t bytes_per_s;      /* the link's share that the vehicle may use */
-    uint8_t* log;              /* memory of the on-board log, or NULL */
-    uint32_t log_records;      /* how many records of TC_LINK_RECORD bytes fit */
-    uint32_t log_period_us;    /* controller time between records */
+    /* Where the vehicle's own time stamps start, in units of 10 microseconds since 2015-01-01 00:00 UTC: the kept value
+       (tc_link_stamp_to_keep), or real time if there is a clock and it is later. Stations refuse stamps that go back.
+       A vehicle that has lost the value takes it from the first station that it hears. */
+    uint64_t start_10us;
+    /* A number that no other boot of this vehicle has had: a counter in permanent memory, one write a boot. The
+       challenges follow from it: one that repeats lets recordings of that boot in. */
+    uint32_t boot_id;
+    uint32_t signature_checks_per_s; /* for the station in control; 0: TC_LINK_CHECKS_PER_S */
+    uint32_t commit_slices;          /* of a commit in one update; 0: one, of TC_SEGMENTS_PER_CALL segments */
+    uint32_t bytes_per_s;            /* the link's share that the vehicle may use */
+    uint8_t* log;                    /* memory of the on-board log, or NULL */
+    uint32_t log_records;            /* how many records of TC_LINK_RECORD bytes fit */
+    uint32_t log_period_us;          /* controller time between records */
 } tc_link_config;
 
 /* What the controller does not know but a flight log wants. */
 typedef struct {
-    float specific_force_body_m_s2[3];
     float rotor_speed_rad_s[TC_ROTORS];
 } tc_link_measured;
 
@@ -65,98 +102,190 @@ typedef struct {
     uint32_t without_signature; /* heartbeats not counted */
     uint32_t wrong_key;
     uint32_t replayed;
-    uint32_t not_for_us; /* other target, or own system id */
+    uint32_t unopened;    /* signed, of a stream that has not answered a challenge */
+    uint32_t over_budget; /* never checked, because too many came */
+    uint32_t not_for_us;  /* other target, or own system id */
     uint32_t sent;
     tc_frame_faults faults; /* what was no frame at all */
 } tc_link_counts;
 
-/* The answers of the link wait in these places as they are sent: each lies as the payload of its message. */
 typedef struct {
-    uint32_t request_id;
-    uint8_t command, reason, mission_state;
-} tc_link_order; /* GOSHAWK_MISSION_RESULT */
+    uint8_t system_id, component_id; /* 0, 0: nobody */
+} tc_link_station;
 
 typedef struct {
-    uint32_t nonce, left_ms;
-    uint8_t system_id, component_id; /* 0, 0: nobody is in control */
-} tc_link_lease;                     /* GOSHAWK_LEASE_STATUS */
+    tc_link_station holder;
+    uint64_t until_us;
+    bool ever_heard;   /* a holder, since the start */
+    uint64_t heard_us; /* its last frame */
+    uint32_t nonce;    /* of the request that is to be answered */
+} tc_link_lease;
+
+typedef struct {
+    tc_link_station from;
+    uint32_t request_id;
+    uint8_t command, reason, mission_state;
+} tc_link_order_result;
 
 typedef struct {
     int64_t vehicle_ns, asker_ns;
-} tc_link_timesync; /* TIMESYNC */
+} tc_link_timesync;
 
 typedef struct {
+    tc_link_station to;
     uint16_t command; /* MAV_CMD */
-    uint8_t result;
-} tc_link_acknowledged; /* COMMAND_ACK */
-
-typedef struct {
-    uint32_t transfer_id; /* 0: none open; else it fills the staged slot */
-    uint32_t frames;
-    uint16_t received, segments, last_index;
+    uint8_t result;   /* MAV_RESULT */
     uint8_t reason;
-    uint8_t has_samples;
-} tc_link_upload; /* GOSHAWK_TRAJECTORY_STATUS, the bitmap left out */
+} tc_link_ack;
+
+/* The standard command carried out last: its repeat is acknowledged and not carried out again. */
+typedef struct {
+    bool valid;
+    tc_link_station from;
+    uint16_t command;
+    float parameter[7];
+    uint64_t at_us;
+} tc_link_done;
+
+/* A take-off asked for before arming, as QGroundControl does. */
+typedef struct {
+    bool waits;
+    tc_link_station from;
+    float height_m;
+    uint64_t until_us;
+} tc_link_take_off;
 
 typedef struct {
-    uint32_t transfer_id, active_id, active_crc32;
+    const char* what; /* NULL: nothing to report */
+    uint8_t reason;
+} tc_link_refused_order;
+
+/* What standard ground stations asked for (link_standard.c). */
+typedef struct {
+    tc_link_ack ack[TC_LINK_ACKS]; /* the oldest first */
+    uint8_t ack_count;
+    tc_link_done done;
+    tc_link_take_off take_off;
+    tc_link_refused_order refusal;
+    uint16_t parameter; /* the one that a station has set */
+    tc_link_station mission_to;
+    uint8_t mission_lists;   /* bit i: asked for the list of MAV_MISSION_TYPE i */
+    uint8_t mission_refused; /* MAV_MISSION_TYPE of what a station wants to send */
+} tc_link_standard;
+
+typedef struct {
+    uint32_t transfer_id; /* 0: none is open; else it fills the staged slot */
+    uint32_t frames;
+    uint16_t received, last_index;
+    uint8_t samples_wanted;
+    bool has_samples;
+    bool checking;  /* a commit is being worked on */
+    uint8_t reason; /* why a piece was refused */
+    uint64_t last_frame_us, last_status_us;
+} tc_link_upload;
+
+typedef struct {
+    uint32_t transfer_id;
     uint16_t segment;
     uint8_t reason;
-} tc_link_commit; /* GOSHAWK_TRAJECTORY_RESULT */
+} tc_link_commit;
 
 typedef struct {
-    uint32_t transfer_id, active_crc32;
-    uint16_t index;
-    uint8_t groups, committed, reason;
-} tc_link_set; /* GOSHAWK_PARAMETERS_RESULT */
+    uint32_t transfer_id;
+    uint8_t reason;
+} tc_link_refusal;
 
 typedef struct {
-    uint32_t id, records, capacity, not_stored, period_us;
-    uint8_t running;
-} tc_link_log; /* GOSHAWK_LOG_INFO */
+    uint32_t transfer_id;
+    uint32_t done_id; /* the set committed last: a late piece of it opens nothing */
+    uint16_t index;   /* of the parameter that was refused */
+    uint8_t groups;   /* bit i: group i has arrived */
+    bool committed;
+    uint8_t reason;
+    tc_parameters staged;
+} tc_link_set;
 
-enum { TC_LINK_SERIES = 7, TC_LINK_MOMENTS = 3 };
+/* Pieces of the trajectory or of the log that were asked for: the newest request, whoever asked before. */
+typedef struct {
+    uint32_t first, next;           /* bits before `next` are done */
+    uint8_t wanted[TC_LINK_WANTED]; /* bit i: piece first + i */
+    uint32_t transfer_id;           /* of the trajectory's reader */
+    uint16_t value_next, value_end; /* PARAM_VALUEs to send */
+} tc_link_reading;
 
-/* What is used most comes first, where short instructions reach it. Times of 32 bits are low words, and wrap after 71
-   minutes. None comes alive again by that: a series that is not ahead of the clock by at most its period is due
-   (link_due); tc_link_update ends a lease in time, and keeps moments from getting older than half of that. */
+typedef struct {
+    uint32_t id, records, not_stored;
+    bool running;
+    uint64_t next_us;
+} tc_link_log;
+
+typedef struct {
+    uint64_t time_usec; /* the PING's fields */
+    uint32_t seq;
+    uint32_t counter;
+    uint64_t issued_us;
+    uint64_t next_us; /* not sent again before */
+} tc_link_challenge;
+
+/* Spends at a rate: free again at `next_us` minus the reserve. */
+typedef struct {
+    uint64_t next_us;
+} tc_link_budget;
+
+/* The one of `candidates` frames without budget that the next update checks. */
+typedef struct {
+    uint8_t bytes[TC_FRAME_MAX];
+    tc_frame frame;
+    uint32_t candidates;
+} tc_link_lottery;
+
+/* A text for the pilot that is being sent: "subject: text", in chunks of 50 characters. */
+typedef struct {
+    const char *subject, *text;
+    uint8_t severity; /* MAV_SEVERITY */
+    uint8_t chunk;
+    uint16_t id;
+    uint64_t next_us; /* limits and warnings are not reported again before */
+} tc_link_text;
+
+/* What was last reported, so that a change is noticed. */
+typedef struct {
+    uint32_t transitions;
+    uint8_t limit_reason, warnings;
+} tc_link_reported;
+
 typedef struct {
     const tc_link_config* config;
     tc_controller* controller;
-    uint32_t due; /* bits: what is to be said */
-    tc_link_lease lease;
-    tc_link_upload upload;
-    uint16_t wanted_next;           /* bits before this one are done */
-    uint16_t value_next, value_end; /* PARAM_VALUEs to send */
-    uint16_t state_sequence;
-    uint32_t until_us;                   /* end of the lease */
-    uint32_t moment_us[TC_LINK_MOMENTS]; /* when something was last */
-    tc_link_set set;
-    uint32_t set_done_id;
-    tc_link_commit commit; /* the last one, answered again when it is repeated */
-    uint32_t wanted_first; /* pieces of the trajectory or of the log: the newest request, whoever asked before */
+    uint64_t clock_us;  /* the link's time: since the start, without steps of the caller's clock */
+    uint64_t caller_us; /* what the caller's clock showed last */
+    uint64_t pending;   /* bits: what is to be sent (link_internal.h) */
     tc_link_counts counts;
-    int64_t budget_byte_us; /* bytes that may be sent now, times a million */
-    uint32_t budget_us;
-    uint32_t due_us[TC_LINK_SERIES]; /* when the next one of a series is */
-    uint64_t started_us;
+    tc_link_lease lease;
+    tc_link_order_result order;   /* of the station in control, answered again when it is repeated */
+    tc_link_order_result foreign; /* of one that is not */
     tc_link_timesync timesync;
+    tc_link_standard standard;
+    tc_link_upload upload;
+    tc_link_refusal refused; /* somebody asked to begin and may not */
+    tc_link_commit commit;   /* the last one, answered again when it is repeated */
+    tc_link_set set;
+    tc_link_reading reading;
     tc_link_log log;
-    uint32_t log_due_us;
-    tc_link_order order;       /* of the station in control, answered again when it is repeated */
-    tc_link_order foreign;     /* of one that is not */
-    tc_link_upload refused;    /* somebody asked to begin and may not */
-    uint32_t read_transfer_id; /* of the trajectory's reader */
-    uint32_t state_period_us;  /* 0: never */
-    uint32_t transitions;      /* of the mission, when last told */
-    float home_world_m[3];     /* where it last stood */
+    tc_link_text text;
+    tc_link_reported reported;
     tc_link_measured measured; /* at the last tick */
-    tc_link_acknowledged acknowledged;
-    uint8_t order_from[2]; /* system and component that gave the order */
-    uint8_t samples_wanted;
+    float home_world_m[3];     /* where it last stood */
+    uint64_t next_us[TC_LINK_PERIODS];
+    uint32_t period_us[TC_LINK_PERIODS]; /* of a series, where it is not TC_LINK_PRESET */
+    uint16_t state_sequence;
     uint8_t sequence;
-    bool heard;                     /* ever, the station in control */
-    uint8_t wanted[TC_LINK_WANTED]; /* bit i: piece wanted_first + i */
+    int64_t byte_credit_us; /* bytes that may be sent now, times a million */
+    uint64_t credit_at_us;
+    tc_link_budget holder_checks, other_checks;
+    tc_link_lottery lottery;
+    tc_link_challenge challenge;
+    uint32_t random;
     tc_signing signing;
 } tc_link;
 
@@ -167,14 +296,19 @@ void tc_link_init(tc_link* link, tc_controller* controller, const tc_link_config
    of a byte stream, which may end in the middle of a frame. Every serial port has its own `stream`. */
 void tc_link_receive(tc_link* link, const uint8_t* bytes, size_t n, tc_parser* stream, uint64_t now_us);
 
-/* Once after every tick: notes what is to be told, writes the log, tells the controller how long the operator is
- * silent. */
+/* Once after every tick: notes what is to be sent, writes the log, goes on with a commit by a slice, and reports to
+   the controller for how long the operator has been silent. */
 void tc_link_update(tc_link* link, const tc_link_measured* measured, uint64_t now_us);
 
-/* The next frame to send, or 0 when there is nothing to say or the byte rate is used up. */
+/* The next frame to send, or 0 when there is nothing to send or the byte rate is used up. */
 size_t tc_link_transmit(tc_link* link, uint8_t frame[TC_FRAME_MAX], uint64_t now_us);
 
-/* Brings a trajectory kept over a restart back through all checks into the active slot. */
+/* What to keep over a restart, at least every TC_LINK_KEEP_PERIOD_S, as the next start_10us. It lies ahead of the
+   present stamp by that period and the acceptance window, so that every stamp used until the next time is below it. */
+uint64_t tc_link_stamp_to_keep(const tc_link* link);
+
+/* Brings a trajectory kept over a restart back through all checks into the active slot. All of it in one call, so at
+   the start only, before the first tick. */
 tc_reason tc_link_restore(tc_link* link, const tc_trajectory* kept);
 
 #ifdef __cplusplus

@@ -1,5 +1,5 @@
-/* The layers under the link: checksums, SHA-256, MAVLink 2 frames and their signatures. Bytes in, bytes out; no clock,
- * no heap. */
+/* The layers under the link: checksums, SHA-256, MAVLink 2 frames, their signatures. Bytes in, bytes out; no clock, no
+   heap. */
 #ifndef GOSHAWK_CONTROLLER_LINK_CODEC_H
 #define GOSHAWK_CONTROLLER_LINK_CODEC_H
 
@@ -14,7 +14,6 @@ extern "C" {
 #define TC_FRAME_MAX 280u /* header 10, payload 255, checksum 2, signature 13 */
 #define TC_PAYLOAD_MAX 255u
 #define TC_KEY_BYTES 32u
-#define TC_STREAMS 4u /* how many (system, component, link) may sign towards one endpoint at the same time */
 
 /* CRC-16/MCRF4XX, continued from `crc` (start with 0xFFFF). */
 uint16_t tc_crc16(uint16_t crc, const uint8_t* bytes, size_t n);
@@ -22,8 +21,8 @@ uint16_t tc_crc16(uint16_t crc, const uint8_t* bytes, size_t n);
 /* SHA-256 (FIPS 180-4): init, then update as often as wanted, then final once. */
 typedef struct {
     uint32_t state[8];
-    uint32_t length;    /* bytes so far: less than 4 GiB */
-    uint32_t block[16]; /* the one being filled; then its message schedule, in place */
+    uint64_t length;   /* bytes so far */
+    uint8_t block[64]; /* the one being filled */
 } tc_sha256;
 
 void tc_sha256_init(tc_sha256* hash);
@@ -49,9 +48,6 @@ enum {
     TC_FRAME_HEADER = 10 /* then the payload */
 };
 
-/* Copies a part of the payload; what was cut off at its end is zero. */
-void tc_frame_read(const tc_frame* frame, unsigned at, void* out, size_t n);
-
 /* What was no frame. */
 typedef struct {
     uint32_t checksum_errors; /* frames whose checksum failed */
@@ -72,33 +68,64 @@ typedef struct {
 /* tc_frame_next for a stream: (*bytes, *n) may end anywhere. The frame is gone after the next call. */
 bool tc_parser_next(tc_parser* parser, const uint8_t** bytes, size_t* n, tc_frame* frame, tc_frame_faults* faults);
 
-#define TC_RECENT 16u
+/* Signatures (MAVLink 2 message signing): one shared key; a frame carries a time stamp and 48 bits of SHA-256 over key
+   and frame. Time stamps count units of 10 microseconds since 2015-01-01 00:00 UTC.
 
-/* Who signs: a (system, component, link). Frames may overtake each other: one that is late by less than 0.65 s is
-   accepted if it is not one of the last TC_RECENT accepted ones nor older than all of them. None counts twice.
-   Ages are counted from the newest stamp, in 10 us, and stay at 65535 once they are there: that is never accepted. */
+   A stream is who signs: a system, a component, a link id. It is opened by an answer to an unpredictable challenge
+   (link.h), and the stamp of that answer is its floor: what was signed before is refused for ever. From then on a
+   frame counts once: its stamp is above the floor and none of the last TC_RECENT accepted ones. The floor rises to
+   TC_STAMP_LATE_10US below the newest stamp and to every stamp that TC_RECENT newer ones have pushed out, so that
+   frames may overtake each other on the way and none is accepted twice. */
+#define TC_STREAMS 4u
+#define TC_RECENT 16u
+#define TC_STAMP_LATE_10US 65000u /* 0.65 s */
+
 typedef struct {
+    uint8_t system_id, component_id, link_id;
+} tc_sender;
+
+typedef struct {
+    tc_sender sender;
+    bool open;
     uint64_t newest_10us;
-    uint32_t sender;                   /* system, component, link, from the lowest byte on */
-    uint16_t age_10us[TC_RECENT + 1u]; /* of the stamps accepted last; then the reach: what is as old is refused */
+    uint64_t floor_10us; /* at and below it everything is refused */
+    uint64_t recent_10us[TC_RECENT];
+    uint64_t last_used; /* tc_signing.accepted at its last frame */
 } tc_stream;
 
-/* Signing and checking with one shared key (MAVLink 2 message signing). Time stamps count 10 microseconds. When there
-   is no room for a new stream the one that has been silent longest makes it, and the new one must be later than its
-   last stamp: so nothing that it ever sent can come back. */
 typedef struct {
     const uint8_t* key; /* TC_KEY_BYTES; the caller's, and stays where it is */
-    uint64_t now_10us;  /* next stamp to send is above it; lifted by every accepted frame */
+    uint64_t now_10us;  /* the next stamp to send is above it; raised by every accepted frame */
+    uint64_t accepted;  /* frames so far */
     tc_stream streams[TC_STREAMS];
 } tc_signing;
 
-typedef enum { TC_SIGNATURE_GOOD = 0, TC_SIGNATURE_MISSING, TC_SIGNATURE_WRONG, TC_SIGNATURE_REPLAYED } tc_signature;
+typedef enum {
+    TC_SIGNATURE_GOOD = 0,
+    TC_SIGNATURE_MISSING,
+    TC_SIGNATURE_WRONG,
+    TC_SIGNATURE_REPLAYED,
+    TC_SIGNATURE_UNOPENED /* of a stream that has not answered a challenge */
+} tc_signature;
 
-/* A first stamp must be later than the start: what was recorded before it stays refused. */
 void tc_signing_init(tc_signing* signing, const uint8_t key[TC_KEY_BYTES], uint64_t start_10us);
 
-/* Verdict on a frame. Only a good one changes `signing`. */
-tc_signature tc_signing_check(tc_signing* signing, const tc_frame* frame);
+/* Who a signed frame claims to be from. */
+tc_sender tc_frame_sender(const tc_frame* frame);
+uint64_t tc_frame_stamp_10us(const tc_frame* frame);
+
+/* What can be known without a hash: MISSING, UNOPENED, REPLAYED; GOOD means worth checking. */
+tc_signature tc_signing_screen(const tc_signing* signing, const tc_frame* frame);
+
+/* Whether the key signed it. The expensive part: about 2 + length / 64 blocks of SHA-256. */
+bool tc_signing_verify(const tc_signing* signing, const tc_frame* frame);
+
+/* Notes a frame that was screened and verified: it will not be accepted again. */
+void tc_signing_accept(tc_signing* signing, const tc_frame* frame);
+
+/* Opens a stream whose floor is this verified frame's stamp. Where there is no room the one unused for longest goes,
+   but never one of `keep` (system and component). False: all of them are. */
+bool tc_signing_open(tc_signing* signing, const tc_frame* frame, const tc_sender* keep);
 
 /* Makes a frame of a payload that lies in `out` already, behind TC_FRAME_HEADER bytes; `message` is its row in the
    table of the dialect. Cuts off the zeros at its end; signs if `signing` is not NULL. Returns the frame's length. */

@@ -33,7 +33,8 @@ typedef enum {
     TC_LANDING = 10,   /* straight down until touchdown */
     TC_EMERGENCY = 11, /* position lost: level, sinking gently on attitude alone */
     TC_FAULT = 12,     /* rotors stopped; only disarming leads out */
-    TC_MISSION_STATE_COUNT = 13
+    TC_SHADOW = 13,    /* another controller flies; this one computes and logs, and commands nothing */
+    TC_MISSION_STATE_COUNT = 14
 } tc_mission_state;
 
 /* What the ground may ask for. */
@@ -64,8 +65,14 @@ typedef enum {
     TC_EVENT_FENCE = 18, /* vehicle outside the fence */
     TC_EVENT_LINK_LOST_HOLD = 19,
     TC_EVENT_LINK_LOST_LAND = 20,
-    TC_EVENT_TIMEOUT = 21, /* emergency descent took too long */
-    TC_EVENT_COUNT = 22
+    TC_EVENT_TIMEOUT = 21,       /* emergency descent took too long */
+    TC_EVENT_TRACKING_LOST = 22, /* tracking error beyond the clearance */
+    TC_EVENT_RELOCALIZED = 23,   /* the estimate jumped by more than the clearance, or by an unknown amount */
+    TC_EVENT_BATTERY_LOW = 24,
+    TC_EVENT_SHADOW = 25,  /* tc_shadow: compute while another controller flies */
+    TC_EVENT_ENGAGE = 26,  /* tc_engage: take over in flight */
+    TC_EVENT_RELEASE = 27, /* tc_release: give back in flight */
+    TC_EVENT_COUNT = 28
 } tc_event;
 
 typedef struct {
@@ -73,14 +80,14 @@ typedef struct {
     uint8_t previous_state; /* before the last transition */
     uint8_t reason;         /* tc_reason of the last transition */
     uint32_t transitions;   /* how many there have been */
-    uint32_t since_us;      /* when the state was entered: the low word of the time */
+    uint64_t since_us;      /* when the state was entered */
 } tc_mission;
 
 void tc_mission_init(tc_mission* mission);
 
 /* TC_OK when the event is legal in this state (then the state has changed, or the event says to stay);
    TC_WRONG_STATE otherwise, with nothing changed. `reason` is recorded when the state changes. */
-tc_reason tc_mission_post(tc_mission* mission, uint8_t event, tc_reason reason, uint32_t time_us);
+tc_reason tc_mission_post(tc_mission* mission, uint8_t event, tc_reason reason, uint64_t time_us);
 
 bool tc_mission_in_air(uint8_t state);  /* the position loop or the emergency loop is running */
 bool tc_mission_on_path(uint8_t state); /* the set-point comes from the trajectory */

@@ -2,7 +2,7 @@
 
    Collective, roll and pitch are linear in the four thrusts; one direction of thrusts is left free and is set so that
    sum spin_i c_q n_i^2 is the wanted yaw torque. Induced velocities, speeds and the free direction are found together
-   by Newton's method. A demand that the rotors can meet is met exactly. When they
+   by one step of third order (docs/mixer.md). A demand that the rotors can meet is met exactly. When they
    cannot give all of it, torque about x and y comes first, then the collective, then yaw, which keeps a guaranteed
    share. */
 #ifndef GOSHAWK_CONTROLLER_MIXER_H
@@ -40,6 +40,8 @@ typedef struct {
     float unit_m_s;     /* one metre per second */
     float load_factor;  /* 4 a times the thrust of a unit of load */
     float half_factor;  /* half of it */
+    float induced;      /* 1 when induced velocity counts in the thrust law, else 0 */
+    float least_load;   /* operating points below are extrapolated */
     float axial;        /* linear term of the thrust law per unit of v_z */
     float lateral;      /* 1 when v_xy counts in eq. (2), else 0 */
     float lift;         /* load per squared lateral air speed */

@@ -109,13 +109,21 @@ typedef struct {
     float link_loss_s;
     float link_hold_s;    /* hovering without a link, land after this */
     float emergency_sink; /* thrust over weight in the emergency descent */
-    float emergency_s;    /* rotors off after this long in the emergency descent */
+    float emergency_s;    /* rotors off after this long in the emergency descent, where nothing tells of the ground */
+    float gyro_hold_s;    /* without attitude: level on the gyro alone for this long, then rotors off */
+    float reckoning_s;    /* without position: brakes on dead reckoning for this long, then the emergency descent */
+    float position_std_m; /* a position whose standard deviation is larger counts as lost */
+    float velocity_std_m_s;
+    float clearance_m;   /* tracking error that counts as too large where a trajectory states no clearance */
+    float battery_arm_v; /* arming is refused below; 0 = not asked, as for the next two */
+    float battery_warn_v;
+    float battery_land_v; /* lands below */
 } tc_parameters;
 
 uint16_t tc_parameters_count(void);
-void tc_parameters_name(uint16_t index,
-                        char name[TC_PARAMETER_NAME_SIZE]); /* filled up with zeros; "" beyond the table */
-bool tc_parameters_in_flight(uint16_t index);               /* whether it may change in the air */
+const char* tc_parameters_name(uint16_t index); /* "" beyond the table */
+const char* tc_parameters_unit(uint16_t index); /* "1": dimensionless; "" beyond the table */
+bool tc_parameters_in_flight(uint16_t index);   /* whether it may change in the air */
 /* False beyond the table, with nothing written. */
 bool tc_parameters_range(uint16_t index, float* smallest, float* largest, float* preset);
 int32_t tc_parameters_find(const char* name); /* -1 when there is none; reads at most 16 characters */

@@ -12,7 +12,7 @@ extern "C" {
 typedef enum {
     TC_OK = 0,
 
-    /* At the door. */
+    /* Input validation. */
     TC_NOT_FINITE = 1,
     TC_OUT_OF_RANGE = 2,
     TC_UNKNOWN_PARAMETER = 3,
@@ -59,14 +59,22 @@ typedef enum {
     TC_TOUCHDOWN = 53,
     TC_ESTIMATE_BACK = 54,
     TC_NOT_CONFIGURED = 55,
-    TC_TIMEOUT = 56
+    TC_TIMEOUT = 56,
+    TC_TRACKING_LOST = 57,
+    TC_RELOCALIZED = 58,
+    TC_BATTERY_LOW = 59,
+    TC_RELEASED = 60,
+    TC_ENGAGED = 61,
+    TC_BUSY = 62,
+    TC_NOT_ENGAGEABLE = 63,
+    TC_DEAD_RECKONING = 64,
+    TC_CHANGE_TOO_LARGE = 65,
+    TC_GYRO_ONLY = 66,
+    TC_TRACKING_ERROR = 67
 } tc_reason;
 
 /* At most 50 characters, so that it fits a MAVLink STATUSTEXT; never NULL, "unknown reason" for a number not above. */
 const char* tc_reason_text(tc_reason reason);
-/* The same for reasons of a transition alone ("" for others): what a vehicle tells in words. Refusals it sends as
-   numbers, so that a program that words only transitions carries no other words. */
-const char* tc_transition_text(uint8_t reason);
 
 #ifdef __cplusplus
 }

@@ -5,7 +5,7 @@
    centimetres. Time is integer microseconds. An upload goes
 
        tc_store_begin -> tc_store_put_segment (any order, repeats welcome) -> tc_store_put_sample (optional)
-       -> tc_store_finish (checks everything) -> tc_store_activate (by id and CRC)
+       -> tc_store_finish (checks everything, a slice a call) -> tc_store_activate (by id and CRC)
 
    Nothing that happens to the staged slot can touch the active one; a refused or interrupted upload changes nothing. */
 #ifndef GOSHAWK_CONTROLLER_TRAJECTORY_H
@@ -21,18 +21,20 @@
 extern "C" {
 #endif
 
-/* A slot takes about 200 bytes a segment; there are two slots. A small vehicle may build with fewer segments, two at
-   the least: a set of parameters that is arriving lies in the staged slot, too. */
+/* A slot takes about 200 bytes a segment; there are two slots. A small vehicle may build with fewer segments. */
 #ifndef TC_MAX_SEGMENTS
 #define TC_MAX_SEGMENTS 256
 #endif
 #define TC_MAX_COEFFICIENTS 12
 #define TC_AXES 4
 #define TC_MAX_SAMPLES 8
+#define TC_SEGMENTS_PER_CALL 4 /* how many tc_store_finish checks in one call */
 
 /* A tick may advance by at most one segment, so a segment must outlast the longest tick. */
 #define TC_MIN_SEGMENT_US 20000u
 #define TC_MAX_SEGMENT_US 60000000u
+
+#define TC_MAX_CLEARANCE_M 100.0f
 
 /* What to do when the ground has been silent for `link_loss_s` while this trajectory is flown. */
 typedef enum { TC_LINK_LOSS_FINISH = 0, TC_LINK_LOSS_HOLD = 1, TC_LINK_LOSS_LAND = 2 } tc_link_loss_policy;
@@ -49,6 +51,7 @@ typedef struct {
     uint16_t segment_count;    /* 1 .. TC_MAX_SEGMENTS */
     uint8_t coefficient_count; /* 1 .. TC_MAX_COEFFICIENTS */
     uint8_t link_loss_policy;  /* tc_link_loss_policy */
+    float clearance_m; /* proved by the planner: the supervisor's limit for the tracking error; 0 = not stated */
 } tc_trajectory_header;
 
 #define TC_ORIGIN_NAME 24u
@@ -66,24 +69,21 @@ typedef struct {
     tc_segment segment[TC_MAX_SEGMENTS];    /* in an upload: duration 0 until it has arrived */
 } tc_trajectory;
 
-/* Memory for a trajectory. While none is being uploaded the staged one may hold parameters that are being set. */
-typedef union {
-    tc_trajectory trajectory;
-    tc_parameters parameters;
-} tc_slot;
-
 /* A point of the curve as the planner evaluates it (float64 there); the vehicle compares with its own evaluation. */
 typedef struct {
     uint32_t time_us;
     float value[TC_AXES];
 } tc_trajectory_sample;
 
-typedef enum {
-    TC_STAGED_EMPTY = 0,
-    TC_STAGED_FILLING = 1,
-    TC_STAGED_CHECKED = 2,
-    TC_STAGED_PARAMETERS = 3 /* not a trajectory */
-} tc_staged_state;
+typedef enum { TC_STAGED_EMPTY = 0, TC_STAGED_FILLING = 1, TC_STAGED_CHECKED = 2 } tc_staged_state;
+
+/* How far the staged trajectory has been checked as a whole: its segments in their order. */
+typedef struct {
+    uint16_t next;            /* the first segment that has not been looked at */
+    uint32_t crc32;           /* over the header and the segments before it */
+    uint8_t reason;           /* tc_reason: the first refusal so far, which counts if the CRC turns out right */
+    uint16_t refused_segment; /* where that was */
+} tc_store_check;
 
 typedef struct {
     uint8_t active;       /* index of the active slot; the other one is staged */
@@ -91,8 +91,9 @@ typedef struct {
     uint8_t staged_state; /* tc_staged_state */
     uint8_t sample_count;
     uint16_t refused_segment; /* which segment (or join at whose start) the last refusal is about */
+    tc_store_check check;
     tc_trajectory_sample sample[TC_MAX_SAMPLES];
-    tc_slot slot[2]; /* last: they are large */
+    tc_trajectory slot[2]; /* last: they are large */
 } tc_store;
 
 /* Value and four time derivatives of (x, y, z, yaw) at one instant. */
@@ -111,7 +112,8 @@ typedef struct {
 
 void tc_store_init(tc_store* store);
 
-/* Opens the staged slot for a new upload, discarding what was staged. Refuses counts out of range and id 0. */
+/* Opens the staged slot for a new upload, discarding what was staged. Refuses counts out of range, id 0, and a
+   clearance that is negative, beyond TC_MAX_CLEARANCE_M or not finite. */
 tc_reason tc_store_begin(tc_store* store, const tc_trajectory_header* header);
 
 /* Says where the trajectory that is being uploaded comes from. */
@@ -121,9 +123,6 @@ tc_reason tc_store_put_origin(tc_store* store, const tc_origin* origin);
    jerk, yaw and yaw rate. The same segment may come again. Needs coefficients beyond the count to be zero (they are set
    to zero). */
 tc_reason tc_store_put_segment(tc_store* store, uint16_t index, const tc_segment* segment, const tc_parameters* limits);
-/* Where a segment that is still missing will lie, so that it can be written there and then put without a copy; NULL
-   when no upload is open, the index is beyond its end, or the segment has been checked already. */
-tc_segment* tc_store_place(tc_store* store, uint16_t index);
 
 /* Adds a point that the planner evaluated; `tc_store_finish` compares it. At most TC_MAX_SAMPLES, else refused. */
 tc_reason tc_store_put_sample(tc_store* store, const tc_trajectory_sample* sample);
@@ -132,8 +131,12 @@ tc_reason tc_store_put_sample(tc_store* store, const tc_trajectory_sample* sampl
 bool tc_store_has_segment(const tc_store* store, uint16_t index);
 
 /* All there, CRC right, continuous at every join, at rest at both ends, samples reproduced: the slot is then CHECKED
-   and can be activated. On refusal the upload stays open, and `refused_segment` says where. */
+   and can be activated. On refusal the upload stays open, and `refused_segment` says where. Each call checks at most
+   TC_SEGMENTS_PER_CALL segments, then the ends and samples in one call of their own; TC_BUSY: call again. */
 tc_reason tc_store_finish(tc_store* store);
+
+/* Checks up to TC_SEGMENTS_PER_CALL segments that have arrived already, so that little is left to tc_store_finish. */
+void tc_store_check_ahead(tc_store* store);
 
 /* Makes the checked slot with this id and CRC the active one. Activating what is active already is fine (repeats; the
    newer origin holds). */
@@ -142,12 +145,6 @@ tc_reason tc_store_activate(tc_store* store, uint32_t id, uint32_t crc32);
 /* Throws the staged upload away. */
 void tc_store_discard(tc_store* store);
 
-/* Takes the staged slot for parameters, which begin as `present`; NULL while an upload is open. An upload that begins
-   takes it back. */
-tc_parameters* tc_store_stage_parameters(tc_store* store, const tc_parameters* present);
-/* NULL when none are staged. */
-tc_parameters* tc_store_staged_parameters(tc_store* store);
-
 /* NULL when there is none. */
 const tc_trajectory* tc_store_active(const tc_store* store);
 const tc_trajectory* tc_store_staged(const tc_store* store);
@@ -155,9 +152,12 @@ bool tc_store_is_active(const tc_store* store, uint32_t id, uint32_t crc32);
 
 uint32_t tc_trajectory_duration_us(const tc_trajectory* trajectory);
 
-/* CRC-32 (IEEE 802.3) over little-endian id u32, segment_count u16, coefficient_count u8, link_loss_policy u8, then per
-   segment duration_us u32 and 4 x coefficient_count float32. */
+/* CRC-32 (IEEE 802.3) over little-endian id u32, segment_count u16, coefficient_count u8, link_loss_policy u8,
+   clearance_m float32, then per segment duration_us u32 and 4 x coefficient_count float32. */
 uint32_t tc_trajectory_crc32(const tc_trajectory* trajectory);
+/* Its parts: over the header; continued by one segment. */
+uint32_t tc_trajectory_header_crc32(const tc_trajectory_header* header);
+uint32_t tc_trajectory_segment_crc32(uint32_t crc, const tc_segment* segment, uint32_t coefficient_count);
 uint32_t tc_crc32(uint32_t crc, const uint8_t* bytes, size_t count); /* start with 0 */
 uint32_t tc_crc32_u32(uint32_t crc, uint32_t value);                 /* of its bytes, the lowest first */
 

@@ -1,0 +1,43 @@
+/* Coming down, and knowing that the ground is there.
+
+   Height is never used: the floor may be anywhere. Touchdown is what the body shows, in stages:
+
+     DESCEND  a downward velocity is commanded; the set-point leads the vehicle by at most 0.25 m. The vehicle seems to
+   be on something when it has moved at less than half that speed, or the lead has been at its limit, for 0.12 s. UNLOAD
+   the collective falls to a tenth of the weight within 0.5 s. A vehicle that still flies gains downward speed (0.35 m/s
+   within 0.2 s and 3 cm), and its accelerometer falls with the thrust: back to DESCEND. What counts is the change since
+   the stage began, so that a bias of the vertical velocity does not. IDLE     0.3 s of stillness, then the rotors stop.
+
+   Without vertical velocity (an emergency) only the accelerometer can tell: an impact, or every second, starts UNLOAD.
+ */
+#ifndef GOSHAWK_CONTROLLER_LANDING_H
+#define GOSHAWK_CONTROLLER_LANDING_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+typedef enum {
+    TC_LANDING_NONE = 0, /* not coming down */
+    TC_LANDING_DESCEND = 1,
+    TC_LANDING_UNLOAD = 2,
+    TC_LANDING_IDLE = 3
+} tc_landing_stage;
+
+typedef struct {
+    uint8_t stage;        /* tc_landing_stage */
+    uint64_t began_us;    /* the descent */
+    uint64_t stage_us;    /* the stage */
+    uint64_t airborne_us; /* when there was last no sign of contact */
+    uint64_t upright_us;  /* when it last was upright or moving */
+    float z_m;            /* height of the set-point */
+    float speed_m_s;      /* downwards, as commanded now */
+    bool lead_limited;    /* the set-point is held back to 0.25 m below the vehicle */
+    bool touched;         /* something has been hit in a descent without vertical velocity */
+    float thrust_n;       /* collective in UNLOAD and IDLE */
+    float start_thrust_n; /* when UNLOAD began */
+    float start_velocity_m_s;
+    float start_force_m_s2;
+    float force_m_s2; /* specific force along body z, low-passed; 0 while it is not given */
+} tc_landing;
+
+#endif

@@ -1,0 +1,250 @@
+"""One rule for every result: what is there is replaced only when that is asked for, and is then kept beside.
+
+`walk.json` becomes `walk.json.old-1`, so that no pattern (`*.json`) takes the old one for a result. Only regular files,
+and folders of our own making, are ever replaced. The rule is checked twice: before the work (`require_free`), so that
+nobody waits for nothing, and again when the result is put in its place (`new_file`), because somebody else may have
+written there meanwhile.
+"""
+
+import contextlib
+import os
+import secrets
+import shutil
+import stat
+from collections.abc import Callable, Generator, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from flight.errors import InputError
+
+
+@dataclass(slots=True)
+class Placing:
+    """A result on its way to its place."""
+
+    temporary: Path
+    """Where to write it: in the folder it will be in."""
+    path: Path
+    """Where it will be."""
+    kept: Path | None = None
+    """What was there before, once it was moved aside."""
+
+    def placed(self, written: Path) -> Path:
+        """Where a file written below `temporary` will be."""
+        return self.path / written.relative_to(self.temporary)
+
+
+def require_free(path: Path, *, overwrite: bool) -> None:
+    """Refuse, before any work, a result that could not be put in its place.
+
+    Raises:
+        InputError: something is there and `overwrite` was not given, it is no regular file, or no file can be made.
+    """
+    target = _resolved(path)
+    kind = _kind(target)
+    if kind == "folder":
+        raise InputError(f"{path} is a folder; give the name of a file")
+    if kind not in ("", "file"):
+        raise InputError(f"{path} is a {kind}, not a regular file; results are only written to files")
+    if kind and not overwrite:
+        raise InputError(_exists(path))
+    _require_room(path, target)
+
+
+def require_free_folder(path: Path, *, overwrite: bool, ours: Callable[[Path], bool]) -> None:
+    """The same for a folder; an empty one is free.
+
+    Args:
+        ours: whether the content is of our own making; anything else is never moved.
+
+    Raises:
+        InputError: as `require_free`, or the folder holds something else.
+    """
+    target = _resolved(path)
+    kind = _kind(target)
+    if kind not in ("", "folder"):
+        raise InputError(f"{path} is a {kind}; give the name of a folder")
+    if kind and any(target.iterdir()):
+        if not ours(target):
+            raise InputError(f"{path} is not empty and not a result of this command; choose another folder")
+        if not overwrite:
+            raise InputError(_exists(path))
+    _require_room(path, target)
+
+
+def require_apart(paths: Iterable[Path | None]) -> None:
+    """
+    Raises:
+        InputError: two results are to be written to the same place.
+    """
+    seen: set[Path] = set()
+    for path in paths:
+        if path is None:
+            continue
+        if (place := Path(os.path.abspath(path))) in seen:
+            raise InputError(f"{path} is named for two results; give each its own name")
+        seen.add(place)
+
+
+@contextlib.contextmanager
+def new_file(path: Path, *, overwrite: bool) -> Generator[Placing]:
+    """Yield where to write a result; it is put in its place if the block ends well. `require_free` comes before.
+
+    Raises:
+        InputError: something is there by now that is not to be replaced. It stays, and the new result is kept beside
+            it, under the name that the message gives.
+    """
+    target = _resolved(path)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    placing = Placing(_temporary(target), target)
+    try:
+        yield placing
+        kind = _kind(target)
+        if kind == "file" and overwrite:
+            placing.kept = keep(target)
+            os.replace(placing.temporary, target)
+        elif kind:
+            raise _overtaken(path, _moved_beside(placing.temporary, target, "new"))
+        else:
+            _put(placing.temporary, target, path)
+    finally:
+        placing.temporary.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def new_folder(path: Path, *, overwrite: bool, ours: Callable[[Path], bool]) -> Generator[Placing]:
+    """The same for a folder; `ours` as for `require_free_folder`."""
+    target = _resolved(path)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    placing = Placing(_temporary(target), target)
+    placing.temporary.mkdir()
+    try:
+        yield placing
+        filled = target.is_dir() and any(target.iterdir())
+        if (filled and not (overwrite and ours(target))) or _kind(target) not in ("", "folder"):
+            raise _overtaken(path, _moved_beside(placing.temporary, target, "new"))
+        if filled:
+            placing.kept = _moved_beside(target, target, "old")
+        if target.is_dir():  # empty; it may be a mount point, which cannot be replaced itself
+            for child in placing.temporary.iterdir():
+                os.rename(child, target / child.name)
+        else:
+            os.rename(placing.temporary, target)
+    except BaseException:
+        if placing.kept is not None and not target.exists():
+            os.rename(placing.kept, target)
+        raise
+    finally:
+        shutil.rmtree(placing.temporary, ignore_errors=True)
+
+
+def keep(path: Path) -> Path:
+    """Keep a file as it is now under a name beside it; returns that name. The file itself stays."""
+    path = _resolved(path)
+    for name in _siblings(path, "old"):
+        try:
+            os.link(path, name)
+            return name
+        except FileExistsError:
+            continue
+        except OSError:  # a file system without links
+            if name.exists():
+                continue
+            shutil.copy2(path, name)
+            return name
+    raise AssertionError("there is always a free name")
+
+
+def move_aside(path: Path) -> Path:
+    """Move a file or folder to a name beside it; returns that name."""
+    path = _resolved(path)
+    return _moved_beside(path, path, "old")
+
+
+def newest_kept(path: Path) -> Path | None:
+    """The last thing that was moved aside from here."""
+    last = None
+    for name in _siblings(_resolved(path), "old"):
+        if not os.path.lexists(name):
+            return last
+        last = name
+    return last
+
+
+def _resolved(path: Path) -> Path:
+    """The place a path leads to, links followed.
+
+    Raises:
+        InputError: a link leads nowhere or in a circle.
+    """
+    try:
+        target = Path(path).resolve()
+    except (OSError, RuntimeError) as error:
+        raise InputError(f"{path} cannot be written: {error}") from error
+    if Path(path).is_symlink() and not target.exists():
+        raise InputError(f"{path} is a link to {target}, which does not exist; remove the link or give another name")
+    return target
+
+
+def _kind(path: Path) -> str:
+    """What is there, in a word; empty for nothing."""
+    try:
+        mode = path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return ""
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror}") from error
+    kinds = {stat.S_IFREG: "file", stat.S_IFDIR: "folder", stat.S_IFCHR: "device", stat.S_IFBLK: "device"}
+    return (kinds | {stat.S_IFIFO: "pipe", stat.S_IFSOCK: "socket"}).get(stat.S_IFMT(mode), "special file")
+
+
+def _require_room(path: Path, target: Path) -> None:
+    """Try to make a file where the result, or the first folder on the way to it, will be."""
+    folder = target.parent
+    while not folder.exists():
+        folder = folder.parent
+    if not folder.is_dir():
+        raise InputError(f"{path} cannot be written: {folder} is a file, not a folder")
+    probe = _temporary(folder / target.name)
+    try:
+        probe.touch(exist_ok=False)
+        probe.unlink()
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror} ({folder})") from error
+
+
+def _exists(path: Path) -> str:
+    old = next(name for name in _siblings(Path(path), "old") if not os.path.lexists(name))
+    return f"{path} exists; give another name, or --overwrite to replace it (the old one is kept as {old.name})"
+
+
+def _overtaken(path: Path, ours: Path) -> InputError:
+    return InputError(f"{path} was written by another program meanwhile and stays; this result is {ours}")
+
+
+def _put(temporary: Path, target: Path, path: Path) -> None:
+    """Move a file to a place where nothing is; whoever comes second there is told so."""
+    try:
+        os.link(temporary, target)
+    except FileExistsError:
+        raise _overtaken(path, _moved_beside(temporary, target, "new")) from None
+    except OSError:  # a file system without links
+        os.rename(temporary, target)
+
+
+def _moved_beside(what: Path, beside: Path, word: str) -> Path:
+    name = next(name for name in _siblings(beside, word) if not os.path.lexists(name))
+    os.rename(what, name)
+    return name
+
+
+def _siblings(path: Path, word: str) -> Generator[Path]:
+    number = 0
+    while True:
+        number += 1
+        yield path.with_name(f"{path.name}.{word}-{number}")
+
+
+def _temporary(target: Path) -> Path:
+    """A hidden name in the same folder, with the same ending: some writers go by that."""
+    return target.with_name(f".{target.stem}.{secrets.token_hex(4)}{target.suffix}")

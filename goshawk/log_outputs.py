@@ -1,0 +1,60 @@
+"""What `goshawk log` writes: a report page, CSV, MCAP, and the log with its fixes."""
+
+from pathlib import Path
+
+import numpy as np
+
+from flight import FlightLog, InputError, flight_log
+from goshawk import log_exports, log_report, outputs
+from goshawk.flights import IN_FREE_AIR
+from sysid import log_fix
+from sysid.log_check import LogReport
+from vehicle import Vehicle
+
+
+def write(
+    log: FlightLog, checked: LogReport, files: tuple[Path | None, Path | None, Path | None], *, overwrite: bool
+) -> list[Path]:
+    """Write those of (report, CSV, MCAP) that are wanted; returns them."""
+    report_file, csv_file, mcap_file = files
+    if report_file is not None:
+        rate = f"{checked.rate_hz:.1f} Hz"
+        facts = {"rows": str(len(log)), "duration": f"{checked.duration_s:.2f} s", "rows a second": rate}
+        facts |= {str(key): str(value) for key, value in log.metadata.items() if key not in ("name", log_fix.FIXES)}
+        facts |= {f"fix {i + 1}": str(done) for i, done in enumerate(log.metadata.get(log_fix.FIXES, []))}
+        with outputs.file(report_file, overwrite=overwrite) as temporary:
+            temporary.write_text(log_report.page(log, checked, facts), encoding="utf-8")
+    if csv_file is not None:
+        with outputs.file(csv_file, overwrite=overwrite) as temporary:
+            log_exports.write_csv(temporary, log)
+    if mcap_file is not None:
+        with outputs.file(mcap_file, overwrite=overwrite) as temporary:
+            log_exports.write_mcap(temporary, log)
+    return [path for path in files if path is not None]
+
+
+def write_fixed(
+    log: FlightLog, source: Path, out: Path, believed: Vehicle | None, *, overwrite: bool
+) -> tuple[FlightLog, tuple[str, ...]]:
+    """Write the log with every fix that the checks propose; returns it, and what was done.
+
+    Raises:
+        InputError: `out` is the log itself or no .parquet.
+    """
+    if out.suffix != ".parquet":
+        raise InputError(f"--out {out}: a fixed log is one of ours; call it {out.stem}.parquet")
+    if out.exists() and source.exists() and out.samefile(source):
+        raise InputError(f"--out {out} is the log itself, which stays as it is; give another name")
+    fixed = log_fix.fix(log, believed, aloft=_aloft_s(log))
+    mended = FlightLog(fixed.log.columns, {**fixed.log.metadata, "fixed_from": source.name})
+    with outputs.file(out, overwrite=overwrite) as temporary:
+        flight_log.save(temporary, mended)
+    return mended, fixed.done
+
+
+def _aloft_s(log: FlightLog) -> tuple[float, float] | None:
+    """First and last instant in free air, where the log says."""
+    if not log.has("mission_state"):
+        return None
+    rows = np.flatnonzero(np.isin(log.columns["mission_state"], IN_FREE_AIR))
+    return (float(log.time_s[rows[0]]), float(log.time_s[rows[-1]])) if rows.size else None

@@ -1,0 +1,101 @@
+"""What a project folder holds, what it still lacks for the ground station, and the commands that give it."""
+
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+
+import mapping
+import sysid
+import vehicle
+from flight import InputError, file_format, flight_log, project
+from flight.project import Project
+
+
+def parts(opened: Project) -> list[tuple[str, str, str]]:
+    """Per part: its name, what is there (empty: nothing), and the command that gives it."""
+    folder = opened.folder
+    flights, plans = len(opened.flights()), len(opened.trajectories())
+    there = {
+        "map": str(opened.map) if (opened.map / "map.toml").is_file() else "",
+        "vehicle": str(opened.vehicle) if opened.vehicle.is_file() else "",
+        "waypoints": str(opened.waypoints) if opened.waypoints.is_file() else "",
+        "trajectories": f"{plans} in {folder / 'trajectories'}" if plans else "",
+        "flights": f"{flights} in {folder / 'flights'}" if flights else "",
+    }
+    give = {
+        "map": f"goshawk map IMAGES --camera camera.toml --out {opened.map}, or goshawk init {folder} --map MAP",
+        "vehicle": f"goshawk vehicle new {opened.vehicle}, or goshawk init {folder} --vehicle vehicle.toml",
+        "waypoints": f"goshawk gcs {folder}: draw them on the page",
+        "trajectories": f"goshawk plan {opened.waypoints} --map {opened.map} --vehicle {opened.vehicle} --out "
+        f"{opened.trajectory('lap')}",
+        "flights": f"goshawk fly --out {opened.flight('lap')}, or goshawk init {folder} --flights LOG",
+    }
+    return [(name, found, give[name]) for name, found in there.items()]
+
+
+def check_for_station(folder: Path) -> Project:
+    """The project, if it has all that the ground station needs.
+
+    Raises:
+        InputError: it is no project, or lacks its map or vehicle; the message names each with the command to give it.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder} is not a folder; goshawk init {folder} makes a project there")
+    if not (folder / "project.toml").is_file():
+        raise InputError(f"{folder} is not a project: it has no project.toml; make it one with goshawk init {folder}")
+    opened = project.open_project(folder)
+    lacking = [(name, give) for name, found, give in parts(opened) if name in ("map", "vehicle") and not found]
+    if lacking:
+        raise InputError(
+            f"{folder} has no " + "; it has no ".join(f"{name}: give it with {give}" for name, give in lacking)
+        )
+    return opened
+
+
+def add_map(opened: Project, source: Path) -> None:
+    """Copy a map into the project.
+
+    Raises:
+        InputError: `source` is no map, or the project has one.
+    """
+    if opened.map.exists():
+        raise InputError(f"{opened.map} exists and is kept; move it away first, or make another project")
+    mapping.open_map(source)
+    with file_format.atomic_folder(opened.map) as new:
+        shutil.copytree(source, new, dirs_exist_ok=True)
+
+
+def add_vehicle(opened: Project, source: Path) -> None:
+    """Copy a vehicle file and its history into the project.
+
+    Raises:
+        InputError: `source` is no vehicle file, or the project has one.
+    """
+    if opened.vehicle.exists():
+        raise InputError(f"{opened.vehicle} exists and is kept; move it away first, or make another project")
+    read = vehicle.load(source)
+    if read.effect_files:
+        vehicle.save(opened.vehicle, read)  # paths of effect files are relative to the vehicle file
+        return
+    past = vehicle.history.folder(source)
+    if past.is_dir() and not vehicle.history.folder(opened.vehicle).exists():
+        shutil.copytree(past, vehicle.history.folder(opened.vehicle))
+    file_format.write_bytes(opened.vehicle, source.read_bytes())
+
+
+def add_flights(opened: Project, sources: Sequence[Path], columns: Path | None) -> list[Path]:
+    """Copy flight logs into the project, foreign ones in our own format.
+
+    Raises:
+        InputError: a log cannot be read, or the project has one of that name; nothing was copied then.
+    """
+    wanted: dict[Path, Path] = {}
+    for source in sources:
+        target = opened.flight(source.name.split(".")[0])
+        if target.exists() or target in wanted:
+            raise InputError(f"{target} exists and is kept; rename {source} or move the other one away")
+        wanted[target] = source
+    logs = {target: sysid.read_log(source, columns) for target, source in wanted.items()}
+    for target, log in logs.items():
+        flight_log.save(target, log)
+    return list(logs)

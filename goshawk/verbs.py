@@ -1,0 +1,31 @@
+"""Groups of verbs: a bare one shows its help, a mistyped one gets a suggestion."""
+
+import difflib
+
+import click
+
+
+class VerbGroup(click.Group):
+    """A group that answers a bare call with its help (exit 0) and a mistyped verb with the likely one."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        if not args and not ctx.resilient_parsing:
+            click.echo(ctx.get_help(), color=ctx.color)
+            ctx.exit(0)
+        return super().parse_args(ctx, args)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if args and not args[0].startswith("-") and self.get_command(ctx, args[0]) is None:
+            ctx.fail(f"there is no verb {args[0]!r}{self.suggestion(ctx, args[0])}")
+        return super().resolve_command(ctx, args)
+
+    def suggestion(self, ctx: click.Context, name: str) -> str:
+        """`; did you mean ...?`, or nothing where no verb is like it."""
+        known = self.list_commands(ctx)
+        word = name.lower().replace("_", "-")
+        near = [k for k in known if word and (k.startswith(word) or word.startswith(k))]
+        near += difflib.get_close_matches(word, known, n=2, cutoff=0.55)
+        found = list(dict.fromkeys(near))[:2]
+        return f"; did you mean {' or '.join(found)}?" if found else ""

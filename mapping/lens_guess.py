@@ -1,0 +1,216 @@
+"""A first guess of an unknown lens: from what the camera wrote into the pictures, then from the pictures themselves.
+
+EXIF gives the focal length of most ordinary cameras; self-calibration places some of the images with a few likely
+lenses, frees the lens in the last adjustment, and keeps the one that explains most matches.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from flight import InputError, MapError, Progress, silent
+from mapping import child, colmap
+from mapping.colmap import SparseModel, SparseOptions
+from mapping.images import SUFFIXES, ImageSet, read_folder
+from mapping.rig import Camera, Rig, forward_camera
+
+MODEL = "RADIAL_FISHEYE"
+"""Holds fisheye lenses, and, with tan(x) = x + x^3/3 + 2 x^5/15 + ..., ordinary ones up to 40 degrees off the axis."""
+FISHEYE, ORDINARY = (0.0, 0.0), (1.0 / 3.0, 2.0 / 15.0)
+STARTS = ((0.45, FISHEYE), (0.8, FISHEYE), (1.1, ORDINARY))
+"""Focal lengths as a share of the width, and shapes, tried where nothing is known: 127, 72 and 50 degrees across."""
+MOST_IMAGES = 30
+LEAST_STD = 0.005
+"""Of a focal length from self-calibration, as a share: images along one path leave this much."""
+DIAGONAL_35MM = 43.2666
+
+
+@dataclass(frozen=True, slots=True)
+class LensGuess:
+    """A camera, with how its lens was found."""
+
+    camera: Camera
+    focal_std: float
+    """Standard deviation of the focal length, as a share of it."""
+    source: str
+    """In words."""
+    is_calibrated: bool
+    """Whether the pictures themselves confirmed it."""
+
+
+def from_pictures(
+    folder: Path,
+    *,
+    name: str = "camera",
+    focal_px: float | None = None,
+    calibrate: bool = True,
+    progress: Progress = silent,
+) -> LensGuess:
+    """Guess the lens of the camera that took the images in `folder`.
+
+    Args:
+        focal_px: a known focal length; None: from EXIF, else from the pictures alone.
+        calibrate: also ask the pictures, which takes minutes.
+
+    Raises:
+        InputError: no such folder, no image, or images of different sizes.
+    """
+    paths = pictures(Path(folder))
+    width, height = sizes(paths)
+    guess = _first(paths, width, height, focal_px, name)
+    if not calibrate:
+        return guess
+    known = focal_px is not None or "EXIF" in guess.source
+    return calibrated(Path(folder), guess, starts=None if known else STARTS, progress=progress) or guess
+
+
+def pictures(folder: Path) -> list[Path]:
+    """The images of a flat folder, in order.
+
+    Raises:
+        InputError: it is no folder, or holds none.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder} is not a folder of images: it does not exist or is a file")
+    found = sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and not p.name.startswith("."))
+    inner = sorted(
+        p.name for p in folder.iterdir() if p.is_dir() and any(q.suffix.lower() in SUFFIXES for q in p.iterdir())
+    )
+    if not found and inner:
+        raise InputError(
+            f"{folder} holds images of {len(inner)} cameras ({', '.join(inner[:4])}): where they sit cannot be "
+            f"guessed; import the rig from Kalibr or COLMAP, or make a file for one of them, {folder / inner[0]}"
+        )
+    if not found:
+        raise InputError(f"{folder} has no image ({', '.join(SUFFIXES)})")
+    return found
+
+
+def sizes(paths: Sequence[Path]) -> tuple[int, int]:
+    """Width and height that all images share."""
+    import cv2
+
+    found: dict[tuple[int, int], Path] = {}
+    for path in [*paths[:5], paths[len(paths) // 2], paths[-1]]:
+        image = cv2.imdecode(np.fromfile(path, dtype=np.uint8), cv2.IMREAD_GRAYSCALE) if path.stat().st_size else None
+        if image is None:
+            raise InputError(f"{path} is damaged: it cannot be decoded as an image; restore it or take it out")
+        found.setdefault((image.shape[1], image.shape[0]), path)
+    if len(found) > 1:
+        (one, first), (other, second) = list(found.items())[:2]
+        raise InputError(
+            f"{first} is {one[0]}x{one[1]} pixels and {second} {other[0]}x{other[1]}; one camera makes one size: "
+            "put each size into a folder of its own, and do not turn single pictures"
+        )
+    return next(iter(found))
+
+
+def _first(paths: Sequence[Path], width: int, height: int, focal_px: float | None, name: str) -> LensGuess:
+    if focal_px is not None:
+        if not (np.isfinite(focal_px) and 0.05 * width < focal_px < 100.0 * width):
+            raise InputError(
+                f"a focal length of {focal_px:g} px is not likely for images {width} px wide; it is in pixels"
+            )
+        return LensGuess(_camera(name, width, height, focal_px, ORDINARY), 0.05, "focal length as given", False)
+    for path in paths[:3]:
+        if (found := exif_focal_px(path, width, height)) is not None:
+            return LensGuess(
+                _camera(name, width, height, *found[:1], ORDINARY), 0.1, f"EXIF of {path.name}: {found[1]}", False
+            )
+    source = "nothing is known: EXIF names no focal length; an ordinary lens of 50 degrees was assumed"
+    return LensGuess(_camera(name, width, height, 1.1 * width, ORDINARY), 0.4, source, False)
+
+
+def _camera(name: str, width: int, height: int, focal_px: float, shape: tuple[float, float]) -> Camera:
+    return forward_camera(MODEL, width, height, [focal_px, width / 2.0, height / 2.0, *shape], name=name)
+
+
+def exif_focal_px(path: Path, width: int, height: int) -> tuple[float, str] | None:
+    """Focal length in pixels from EXIF, and from which entry; None where it says none."""
+    from PIL import ExifTags, Image
+
+    try:
+        with Image.open(path) as image:
+            tags = image.getexif().get_ifd(ExifTags.IFD.Exif)
+        focal_35 = float(tags.get(ExifTags.Base.FocalLengthIn35mmFilm) or 0.0)
+        focal_mm = float(tags.get(ExifTags.Base.FocalLength) or 0.0)
+        per_unit = float(tags.get(ExifTags.Base.FocalPlaneXResolution) or 0.0)
+        unit_mm = {2: 25.4, 3: 10.0, 4: 1.0}.get(int(tags.get(ExifTags.Base.FocalPlaneResolutionUnit) or 2), 25.4)
+    except (OSError, ValueError, TypeError, ZeroDivisionError, SyntaxError):  # Pillow raises these on damaged EXIF
+        return None
+    if 1.0 < focal_35 < 2000.0:
+        return focal_35 * float(np.hypot(width, height)) / DIAGONAL_35MM, f"{focal_35:g} mm on 35 mm film"
+    focal_px = focal_mm * per_unit / unit_mm
+    if 0.1 * width < focal_px < 50.0 * width:
+        return focal_px, f"{focal_mm:g} mm and {per_unit / unit_mm:.4g} pixels a mm"
+    return None
+
+
+def calibrated(
+    folder: Path,
+    guess: LensGuess,
+    *,
+    starts: Sequence[tuple[float, tuple[float, float]]] | None,
+    progress: Progress = silent,
+) -> LensGuess | None:
+    """The lens that explains most matches between some of the images; None if they could not be placed.
+
+    Args:
+        starts: focal lengths (share of the width) and shapes to start from besides the guess; None: only the guess,
+            as an ordinary lens and as a fisheye.
+    """
+    camera = guess.camera
+    width, focal_px = camera.width, camera.focal_px[0]
+    shares = starts or ((focal_px / width, ORDINARY), (focal_px / width, FISHEYE))
+    tried: list[SparseModel] = []
+    images: ImageSet | None = None
+    for number, (share, shape) in enumerate(shares):
+        start = Rig((_camera(camera.name, width, camera.height, share * width, shape),), refine_intrinsics=True)
+        images = _some(folder, start) if images is None else dataclasses.replace(images, rig=start)
+        if (model := _placed(images, progress, f"lens {number + 1} of {len(shares) + 1}")) is not None:
+            tried.append(model)
+    if not tried or images is None:
+        return None
+    best = max(tried, key=lambda model: len(model.observations))
+    again = _placed(dataclasses.replace(images, rig=best.rig), progress, f"lens {len(shares) + 1} of {len(shares) + 1}")
+    if again is not None:
+        tried.append(again)
+        best = max(best, again, key=lambda model: len(model.observations))
+    lens = best.rig.cameras[0]
+    focal = lens.focal_px[0]
+    near = [m.rig.cameras[0].focal_px[0] for m in tried if len(m.observations) > 0.8 * len(best.observations)]
+    std = max(LEAST_STD, float(np.ptp(near)) / focal)
+    source = (
+        f"self-calibration on {int(best.registered.sum())} images, {best.reprojection_error_px:.2f} px left; "
+        f"{len(near)} of {len(tried)} tries agree" + (f"; start: {guess.source}" if starts is None else "")
+    )
+    return LensGuess(lens, std, source, True)
+
+
+def _some(folder: Path, rig: Rig) -> ImageSet:
+    """Neighbouring images from the middle of the sequence: they overlap."""
+    images = read_folder(folder, rig)
+    first = max(0, (len(images.instants) - MOST_IMAGES) // 2)
+    kept = slice(first, first + MOST_IMAGES)
+    return dataclasses.replace(
+        images, instants=images.instants[kept], present=images.present[kept], time_s=images.time_s[kept]
+    )
+
+
+def _placed(images: ImageSet, progress: Progress, name: str) -> SparseModel | None:
+    """The images placed with their rig's lens as a start; None if most of them could not be."""
+
+    def staged(stage: str, fraction: float) -> None:
+        progress(f"{name}: {stage}", fraction)
+
+    try:
+        model = child.run(colmap.reconstruct, images, SparseOptions(features=1000), progress=staged)
+    except (MapError, InputError):
+        return None
+    share = float(np.isfinite(model.T_world_body[:, 0, 0]).mean())
+    lens = model.rig.cameras[0]
+    is_possible = 0.1 * lens.width < lens.focal_px[0] < 10.0 * lens.width
+    return model if share >= 0.5 and is_possible else None

@@ -1,0 +1,239 @@
+"""Touchdown is what the body shows: floors high, low, sloping and bumpy, seen through an estimate that errs."""
+
+import numpy as np
+import pytest
+from harness import (
+    FROM_START,
+    START,
+    TABLE,
+    TAKE_OFF,
+    Command,
+    Fault,
+    Kind,
+    Loss,
+    Order,
+    Policy,
+    Reason,
+    Scenario,
+    State,
+    circle,
+    land,
+    legs,
+)
+from judge import LARGEST_STOP_M, landed_by, violations
+
+LONGEST_ON_GROUND_S = 3.0
+"""From the first touch to rotors off: about one second, more after a bounce."""
+
+
+def over_floor(floor_m: float, height_m: float = 1.5, **options) -> Scenario:
+    """Takes off from a small table or, for a higher floor, beside a roof; flies `height_m` above the floor; lands."""
+    if floor_m < 0:
+        world, corner = TABLE | {"floor_m": floor_m}, (4.0, 0.0, 1.5)
+    else:
+        world = {"plate_m": floor_m, "plate_min_m": (2.0, -50.0), "plate_max_m": (50.0, 50.0)}
+        corner = (0.0, 0.0, floor_m + 1.5)
+    path = legs([(0, 0, 1.5), corner, (4.0, 0.0, floor_m + height_m)], speed_m_s=5.0)
+    orders = (*TAKE_OFF, START, land(path.duration_s + 1.0, State.TRAJECTORY))
+    return Scenario(orders=orders, path=path, world=world, **options)
+
+
+def hover_and_land(**options) -> Scenario:
+    return Scenario(orders=(*TAKE_OFF, land(1.0)), **options)
+
+
+def soft(result, **options) -> None:
+    """Fails with what the judge says; and the rotors must not run on for long on the ground."""
+    assert violations(result, **options) == []
+    assert result.entered_s(State.DISARMED) - result.hardest_touchdown_s < LONGEST_ON_GROUND_S
+    assert result.end_tilt_rad < 0.5
+
+
+@pytest.mark.parametrize("floor_m", [-20.0, -10.0, -3.0, -0.75, 0.5, 3.0, 10.0, 20.0])
+def test_lands_on_floors_far_below_and_above_the_take_off_point(body, floor_m):
+    soft(body.fly(over_floor(floor_m)))
+
+
+@pytest.mark.parametrize("height_m", [0.3, 0.8, 4.0])
+def test_lands_from_any_height_above_a_lower_floor(body, height_m):
+    soft(body.fly(over_floor(-3.0, height_m)))
+
+
+def test_comes_down_past_the_take_off_height_without_stopping_there(body):
+    path = legs([(0, 0, 1.5), (4, 0, 1.5)], speed_m_s=5.0)
+    orders = (*TAKE_OFF, START, land(path.duration_s + 1.0, State.TRAJECTORY))
+    soft(body.fly(Scenario(orders=orders, path=path, world=TABLE | {"floor_m": -12.0})))
+
+
+@pytest.mark.parametrize("degrees", [5, 10, 15])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_lands_on_a_slope(body, degrees, seed):
+    slope = float(np.tan(np.radians(degrees)))
+    soft(body.fly(hover_and_land(world={"slope": (slope, 0.5 * slope)}, seed=seed)))
+
+
+@pytest.mark.parametrize("bump_m", [0.03, 0.08])
+def test_lands_on_bumps(body, bump_m):
+    soft(body.fly(hover_and_land(world={"bump_m": bump_m, "bump_length_m": 0.5})))
+
+
+@pytest.mark.parametrize("gain", [0.0, 2.0, 4.0])
+def test_lands_through_ground_effect(body, gain):
+    soft(body.fly(hover_and_land(vehicle={"ground_effect": gain})))
+
+
+@pytest.mark.parametrize("wind_m_s", [0.0, 4.0])
+def test_lands_in_gusts(body, wind_m_s):
+    for seed in range(1, 5):
+        world = {"wind_m_s": (wind_m_s, 0.0, 0.0), "gust_std_m_s": 1.0}
+        assert violations(body.fly(hover_and_land(world=world, seed=seed))) == []
+
+
+@pytest.mark.parametrize("drift_m_s", [-0.1, -0.05, 0.05, 0.1])
+def test_lands_while_the_estimated_height_drifts(body, drift_m_s):
+    drift = Fault(Kind.DRIFT, (0.0, 0.0, drift_m_s), after_s=0.0)
+    scenario = Scenario(orders=(*TAKE_OFF, land(8.0)), faults=(drift,), sensors={"height_wander_m": 0.3})
+    soft(body.fly(scenario))
+
+
+@pytest.mark.parametrize("bias_m_s", [-0.3, -0.15, 0.15, 0.3])
+@pytest.mark.parametrize("consistent", [False, True])
+@pytest.mark.parametrize("floor_m", [0.0, -2.0])
+def test_lands_with_a_biased_vertical_velocity(body, bias_m_s, consistent, floor_m):
+    faults = [Fault(Kind.VELOCITY_BIAS, (bias_m_s,))]
+    if consistent:  # an estimator whose height is the integral of that velocity
+        faults.append(Fault(Kind.DRIFT, (0.0, 0.0, bias_m_s)))
+    if floor_m < 0:
+        faults.append(Fault(Kind.FLOOR, (floor_m,)))
+    soft(body.fly(Scenario(orders=(*TAKE_OFF, land(1.0)), faults=tuple(faults))))
+
+
+def test_a_velocity_bias_above_the_landing_speed_still_comes_down(body):
+    faults = (Fault(Kind.VELOCITY_BIAS, (-0.4,)), Fault(Kind.DRIFT, (0.0, 0.0, -0.4)))
+    scenario = Scenario(orders=(*TAKE_OFF, land(1.0)), faults=faults, parameters={"landing_m_s": 0.35})
+    assert violations(body.fly(scenario)) == []
+
+
+@pytest.mark.parametrize("bias_m_s", [-0.55, 0.55])
+@pytest.mark.parametrize("pose_rate_hz", [50.0, 100.0])
+def test_a_large_velocity_bias_does_not_hide_the_touchdown(body, bias_m_s, pose_rate_hz):
+    """Between two poses the height is carried on by that velocity: it moves like a saw on a vehicle that stands."""
+    bias = Fault(Kind.VELOCITY_BIAS, (bias_m_s,))
+    scenario = Scenario(
+        orders=(*TAKE_OFF, land(1.0)), faults=(bias,), sensors={"pose_rate_hz": pose_rate_hz}, limit_s=30.0
+    )
+    assert violations(body.fly(scenario), touchdown_m_s=0.8 + abs(bias_m_s) + 0.3) == []
+
+
+def test_lands_without_an_accelerometer_and_without_vertical_velocity(body):
+    for missing in ("has_specific_force", "has_vertical_velocity"):
+        result = body.fly(over_floor(-3.0, sensors={missing: 0}))
+        assert violations(result, touchdown_m_s=2.5, must_fly=False) == []
+
+
+@pytest.mark.parametrize("vibration_m_s2", [0.0, 5.0])
+def test_lands_with_a_poor_accelerometer(body, vibration_m_s2):
+    sensors = {"vibration_m_s2": vibration_m_s2, "accelerometer_bias_m_s2": (0.3, -0.3, 0.5)}
+    soft(body.fly(over_floor(-3.0, sensors=sensors)))
+
+
+def test_a_tilted_estimate_does_not_keep_it_from_landing(body):
+    assert violations(body.fly(hover_and_land(sensors={"tilt_error_rad": (0.05, -0.05)}))) == []
+
+
+@pytest.mark.parametrize("into_s", [1.4, 1.9, 2.4, 2.9, 3.4])
+def test_landing_while_braking_from_ten_metres_a_second_stays_on(body, into_s):
+    path = legs([(0, 0, 1.5), (25, 0, 1.5)], speed_m_s=10.0, acceleration_m_s2=8.0)
+    orders = (*TAKE_OFF, START, land(into_s, State.TRAJECTORY))
+    result = body.fly(Scenario(orders=orders, path=path, world=TABLE | {"floor_m": -3.0}))
+    assert result.largest_speed_m_s > 3.0
+    soft(result)
+
+
+@pytest.mark.parametrize("floor_m", [0.0, -3.0])
+def test_a_fence_breach_lands_on_the_floor_that_is_there(body, floor_m):
+    """A gust carries it out of a narrow fence."""
+    blown = Fault(Kind.GUST, (0.0, 16.0, 0.0), after_s=1.0, duration_s=3.0)
+    faults = (blown, Fault(Kind.FLOOR, (floor_m,))) if floor_m < 0 else (blown,)
+    scenario = Scenario(faults=faults, parameters={"fence_max_y_m": 0.35, "fence_min_y_m": -2.0, "kp_xy_1_s2": 3.0})
+    result = body.fly(scenario)
+    assert landed_by(result, Reason.FENCE_BREACH)
+    assert violations(result) == []
+
+
+@pytest.mark.parametrize("floor_m", [-20.0, -3.0, -0.75])
+def test_a_lost_link_lands_on_the_floor_that_is_there(body, floor_m):
+    path = legs([(0, 0, 1.5), (6, 0, 1.5), (6, 0, floor_m + 1.5)], speed_m_s=4.0, policy=Policy.LAND)
+    lost = Fault(Kind.LINK_LOST, after_s=path.duration_s - 3.0, since=State.TRAJECTORY)
+    result = body.fly(
+        Scenario(orders=(*TAKE_OFF, START), path=path, faults=(lost,), world=TABLE | {"floor_m": floor_m}, limit_s=90.0)
+    )
+    assert landed_by(result, Reason.LINK_LOST)
+    soft(result)
+
+
+def test_a_throw_downwards_in_landing_is_not_a_touchdown(body):
+    for after_s in (0.2, 0.5, 1.0):
+        kick = Fault(Kind.KICK, (0.0, 0.0, -3.0), after_s=after_s, since=State.LANDING)
+        result = body.fly(over_floor(-20.0, 18.0, faults=(kick,), limit_s=90.0))
+        assert violations(result) == []
+
+
+@pytest.mark.parametrize("rotor", range(4))
+def test_a_dead_rotor_in_landing_is_not_a_touchdown(body, rotor):
+    dead = Fault(Kind.ROTOR_HEALTH, (rotor, 0.0), after_s=1.0, since=State.LANDING)
+    result = body.fly(over_floor(-20.0, 15.0, faults=(dead,), limit_s=90.0))
+    in_air = result.stop_clearance_m > LARGEST_STOP_M
+    assert not (in_air and result.stop_reason == Reason.TOUCHDOWN)
+    assert result.at_rest
+
+
+def test_a_vehicle_on_its_back_stops_its_rotors(body):
+    """A rotor dies half a metre up: it hits the floor tumbling, and must not claw there for long."""
+    for rotor in range(4):
+        dead = Fault(Kind.ROTOR_HEALTH, (rotor, 0.0), after_s=1.0)
+        low = (Order(Command.ARM, 0, 0.3, FROM_START), Order(Command.TAKE_OFF, 0.5, 0.8, FROM_START))
+        result = body.fly(Scenario(orders=low, faults=(dead,), limit_s=20.0))
+        assert result.at_rest
+        assert result.stop_s - result.first_touchdown_s < 2.0
+
+
+@pytest.mark.parametrize("loss", [Loss.FROZEN, Loss.NOT_VALID, Loss.NAN, Loss.NO_XY])
+@pytest.mark.parametrize("floor_m", [0.0, -3.0])
+def test_an_emergency_descent_ends_on_the_ground(body, loss, floor_m):
+    lost = Fault(Kind.POSITION_LOST, (loss,), after_s=1.0)
+    faults = (lost, Fault(Kind.FLOOR, (floor_m,))) if floor_m < 0 else (lost,)
+    result = body.fly(Scenario(faults=faults))
+    assert State.EMERGENCY in result.states
+    assert violations(result, touchdown_m_s=1.5 if loss == Loss.NO_XY else 2.5) == []
+    assert result.stop_s - result.hardest_touchdown_s < LONGEST_ON_GROUND_S
+
+
+@pytest.mark.parametrize("has_specific_force", [0, 1])
+def test_the_height_is_still_measured_when_only_the_horizontal_position_is_lost(body, has_specific_force):
+    """In wind that lifts it a little: the descent is at the landing speed, not blind."""
+    lost = Fault(Kind.POSITION_LOST, (Loss.NO_XY,), after_s=1.0)
+    world = {"wind_m_s": (2.5, 0.0, 0.3)}
+    result = body.fly(Scenario(faults=(lost,), world=world, sensors={"has_specific_force": has_specific_force}))
+    assert violations(result) == []
+    assert result.hardest_touchdown_m_s < 1.1
+    assert result.first_touchdown_s - result.entered_s(State.EMERGENCY) < 4.0
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.1, -0.1])
+@pytest.mark.parametrize("wind_m_s", [0.0, 2.0])
+def test_a_blind_descent_does_not_float_along_the_ground(body, slope, wind_m_s):
+    """Downhill, downwind, and in ground effect four per cent less than the weight is enough to stay up."""
+    for seed in range(3):
+        lost = Fault(Kind.POSITION_LOST, (Loss.FROZEN,), after_s=1.0)
+        world = {"slope": (slope, 0.0), "wind_m_s": (wind_m_s, 0.0, 0.0), "gust_std_m_s": 0.3}
+        result = body.fly(Scenario(faults=(lost,), world=world, seed=seed))
+        assert violations(result, touchdown_m_s=2.5) == []
+
+
+def test_no_path_is_ever_mistaken_for_the_ground(body):
+    """Fast flight, steep descents and stops: nothing but an order lands."""
+    for seed, speed in enumerate((3.0, 6.0, 9.0)):
+        path = circle(speed, radius_m=max(4.0, speed**2 / 8))
+        orders = (*TAKE_OFF, START, land(path.duration_s + 1.0, State.TRAJECTORY))
+        soft(body.fly(Scenario(orders=orders, path=path, seed=seed)))

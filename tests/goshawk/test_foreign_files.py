@@ -1,0 +1,566 @@
+"""A stranger's files by verb: one sentence that helps, never a traceback, never exit 0 on a wrong answer."""
+
+import json
+import os
+import resource
+import shlex
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from goshawk.cli import main
+from tests.goshawk import foreign_files
+
+GIB = 1 << 30
+V, M = "--vehicle vehicle.toml", "--map map"
+READ = "log {} --vehicle vehicle.toml"
+FIT = "identify {} --vehicle vehicle.toml --out new.toml"
+BAD_LOGS = [
+    "empty",
+    "cut",
+    "tail",
+    "text",
+    "flipped",
+    "folder",
+    "foreign",
+    "newer",
+    "odd_version",
+    "odd_metadata",
+    "words",
+    "lists",
+    "no_time",
+    "backward",
+    "no_unit",
+    "none",
+]
+UNUSABLE_LOGS = [
+    "nan_position",
+    "nan_rotor",
+    "nan_everything",
+    "inf_position",
+    "zero_attitude",
+    "no_rows",
+    "one_row",
+    "two_rows",
+    "only_time",
+    "odd_mark",
+    "no_air",
+    "odd_state",
+    "milliseconds",
+    "nanoseconds",
+]
+BAD_CSV = [
+    "empty",
+    "header",
+    "ragged",
+    "latin",
+    "semicolon",
+    "tabs",
+    "nul",
+    "twice",
+    "long_line",
+    "binary",
+    "utf16",
+    "none",
+    "words",
+    "backward",
+]
+BAD_MAPS = [
+    "no_time",
+    "time_word",
+    "no_column",
+    "unit",
+    "unit_number",
+    "unit_list",
+    "misspelt",
+    "columns_word",
+    "columns_two",
+    "columns_none",
+    "columns_numbers",
+    "q_three",
+    "no_order",
+    "order_word",
+    "order_list",
+    "frame",
+    "scale_word",
+    "scale_nan",
+    "keep_empty",
+    "keep_word",
+    "quantity_list",
+    "quantity_unknown",
+    "scalar_no_unit",
+    "scalar_list",
+    "metadata_word",
+    "no_such_column",
+    "version",
+    "empty",
+]
+BAD_VEHICLES = [
+    "number",
+    "no_unit",
+    "wrong_unit",
+    "unit_number",
+    "no_value",
+    "value_word",
+    "value_nan",
+    "value_inf",
+    "value_true",
+    "value_list",
+    "negative",
+    "zero",
+    "surplus_key",
+    "std_negative",
+    "std_word",
+    "no_mass",
+    "no_name",
+    "effects_word",
+    "effects_numbers",
+    "effect_unknown",
+    "effect_word",
+    "effect_file_number",
+    "effect_file_missing",
+    "effect_file_raises",
+    "no_rotors",
+    "spin_zero",
+    "limits_word",
+    "limits_unknown",
+    "version_float",
+    "version_newer",
+    "twice",
+    "cut",
+    "empty",
+    "json",
+    "bare",
+    "body_list",
+    "other_format",
+    "binary",
+]
+BAD_WAYPOINTS = [
+    "none",
+    "one",
+    "two_numbers",
+    "four_numbers",
+    "words",
+    "null",
+    "nested",
+    "huge",
+    "object",
+    "no_key",
+    "yaw_word",
+    "list",
+    "format_list",
+    "version_true",
+    "nan",
+    "deep",
+    "digits",
+    "utf16",
+    "missing",
+]
+BAD_PLANS = (
+    "no_segments segments_word zero_time negative_time time_word no_axis ragged infinite check_word waypoints_word long"
+)
+BAD_FIELDS = "map_no_esdf map_cut map_garbage map_no_poses map_bad_poses map_edits map_camera map_huge not_a_map none"
+BAD_IMAGES = "images_empty images_text images_cut images_small images_bomb images_jpeg_bomb no_images none camera.toml"
+BAD_CAMERAS = "none model size size_word size_huge params missing"
+BAD_DIAGNOSES = "none word empty ragged words channel list cut missing"
+PLAN = f"plan waypoints.json {M} {V} --out new.json"
+MAP = "map images_blank --camera camera.toml --out new_map"
+
+REFUSED = [  # (the command, words of the sentence): exit code 2
+    *[(READ.format(f"{name}.parquet"), name) for name in BAD_LOGS],
+    *[(FIT.format(f"{name}.parquet"), "") for name in (*BAD_LOGS, *UNUSABLE_LOGS)],
+    *[(f"{READ.format(f'{name}.csv')} --columns map_good.toml", name) for name in BAD_CSV],
+    *[(f"{READ.format(f'{name}.csv.gz')} --columns map_good.toml", name) for name in ("broken", "plain")],
+    *[(f"{READ.format('good.csv')} --columns map_{name}.toml", "") for name in BAD_MAPS],
+    *[(f"log garbage.{kind} --columns bag.toml", "garbage") for kind in ("ulg", "mcap", "bag", "db3")],
+    *[(f"log {name} --columns bag.toml", name) for name in ("empty.ulg", "header.ulg", "rosbag")],
+    *[(f"log garbage.mcap --columns {name}.toml", name) for name in ("bag_word", "bag_fields", "map_good")],
+    *[(f"vehicle show v_{name}.toml", f"v_{name}.toml") for name in BAD_VEHICLES],
+    *[(f"plan w_{name}.json {M} {V} --out new.json", "") for name in BAD_WAYPOINTS],
+    *[(f"check t_{name}.json {M} {V}", f"t_{name}") for name in BAD_PLANS.split()],
+    *[(f"plan waypoints.json --map {name} {V} --out new.json", name) for name in BAD_FIELDS.split()],
+    *[(f"map {name} --camera camera.toml --out new_map", "") for name in BAD_IMAGES.split()],
+    *[(f"map images_blank --camera c_{name}.toml --out new_map", "c") for name in BAD_CAMERAS.split()],
+    *[
+        (f"vehicle scaffold-effect vehicle.toml --diagnosis d_{name}.json --name mine --out new.py", "")
+        for name in BAD_DIAGNOSES.split()
+    ],
+    *[(f"plan --path p_{n}.csv {M} {V} --out new.json", f"p_{n}") for n in ("empty", "header", "one", "words", "nan")],
+    *[(f"plan --path p_{n}.csv {M} {V} --out new.json", "") for n in ("missing", "ragged", "binary", "outside")],
+    # options that no machine should believe
+    (f"{PLAN} --margin nan", "margin"),
+    (f"{PLAN} --margin -1", "margin"),
+    (f"{PLAN} --speed nan", "speed"),
+    (f"{PLAN} --speed 1e9", "speed"),
+    (f"{PLAN} --acceleration 0", "acceleration"),
+    (f"plan --path p_outside.csv --simplify nan {M} {V} --out new.json", ""),
+    (f"{MAP} --voxel 0", "voxel"),
+    (f"{MAP} --voxel nan", "voxel"),
+    (f"{MAP} --voxel inf", "voxel"),
+    (f"{MAP} --voxel 1e-9", "voxel"),
+    (f"{MAP} --farthest inf", "farthest"),
+    (f"{MAP} --farthest 1e9", "farthest"),
+    (f"{MAP} --length nan", "length"),
+    (f"{MAP} --length 0", "length"),
+    (f"{MAP} --length a,b", "length"),
+    ("identify good.parquet --vehicle vehicle.toml --out new.toml --prior inertia_xx_kg_m2=nan", "inertia_xx"),
+    ("identify good.parquet --vehicle vehicle.toml --out new.toml --prior inertia_xx_kg_m2=-1", "inertia_xx"),
+    ("identify good.parquet --vehicle vehicle.toml --out new.toml --steps 0", "step"),
+    ("identify good.parquet --vehicle vehicle.toml --out new.toml --add-effect none", "none"),
+    ("identify good.parquet --vehicle vehicle.toml --out new.toml --json good.parquet", ".json"),
+    ("next-flight good.parquet --vehicle vehicle.toml --space 0,0,0", "volume"),
+    ("next-flight good.parquet --vehicle vehicle.toml --space nan,1,1", "space"),
+    ("next-flight good.parquet --vehicle vehicle.toml --space 4,4,2 --manoeuvre somersault", "somersault"),
+    ("map show-esdf map --out new --slice z=nan", "slice"),
+    ("map show-esdf map --out new --slice q=1", "slice"),
+    ("map show-esdf map --out new --iso nan", ""),
+    ("map show-esdf map --slice z=1", "--out"),
+    ("map edit map add --box 1,2", "box"),
+    ("map edit map add --box nan,0,0,1,1,1", "box"),
+    ("map edit map add --sphere 0,0,0,-1", ""),
+    ("map edit map add", "shape"),
+    ("map edit map drop nothing", "nothing"),
+    ("map edit map undo", "undo"),
+    ("demo --out not_a_map", "not_a_map"),
+    ("demo --out new_demo --pairs 0", "pairs"),
+    ("vehicle-sim --vehicle vehicle.toml --wind nan,0,0 --key new.key", "wind"),
+    ("vehicle-sim --vehicle vehicle.toml --loss 2 --key new.key", "loss"),
+    ("vehicle-sim --vehicle vehicle.toml --delay -1 --key new.key", "delay"),
+    ("vehicle-sim --vehicle vehicle.toml --speed nan --key new.key", "speed"),
+    ("vehicle add-effect vehicle.toml rotor_drag_thrust", "rotor_drag_thrust"),
+    ("vehicle add-effect vehicle.toml raises.py", "boom"),
+    ("vehicle add-effect vehicle.toml no_effect.py", "no_effect"),
+    ("vehicle add-effect vehicle.toml flapping_moment x=nan", ""),
+    ("vehicle remove-effect vehicle.toml wings --yes", "wings"),
+    ("vehicle undo vehicle.toml --yes", "first version"),
+    ("vehicle undo vehicle.toml --to 7 --yes", "7"),
+    ("vehicle history vehicle.toml --figure new.svg", "held-out"),
+    ("compare good.parquet --vehicle vehicle.toml --vehicle map/../vehicle.toml", "same name"),
+    ("compare short.parquet --vehicle vehicle.toml", ""),
+    ("diagnose good.parquet good.parquet --vehicle vehicle.toml", "same flight"),
+    ("localize no_images --map map --out new.csv", ""),
+    ("gcs not_a_map", "project"),
+    # results in places where no result belongs
+    (FIT.format("good.parquet").replace("new.toml", "existing.toml"), "--overwrite"),
+    (FIT.format("good.parquet").replace("new.toml", "vehicle.toml"), "--overwrite"),
+    (FIT.format("good.parquet").replace("new.toml", "/dev/full"), "device"),
+    (FIT.format("good.parquet").replace("new.toml", "map"), "folder"),
+    (FIT.format("good.parquet").replace("new.toml", "vehicle.toml/x.toml"), "not a folder"),
+    (f"{FIT.format('good.parquet')} --report existing.html", "--overwrite"),
+    (f"{FIT.format('good.parquet')} --json existing.json", "--overwrite"),
+    (f"{FIT.format('good.parquet')} --json full.json", "device"),
+    (f"{FIT.format('good.parquet')} --plots not_a_map --overwrite", "not a result"),
+    (f"{FIT.format('good.parquet')} --report new.toml", "two results"),
+    ("diagnose good.parquet --vehicle vehicle.toml --out vehicle.toml", "--overwrite"),
+    ("diagnose good.parquet --vehicle vehicle.toml --report existing.html", "--overwrite"),
+    ("compare good.parquet --vehicle vehicle.toml --report existing.html", "--overwrite"),
+    ("compare good.parquet --vehicle vehicle.toml --plots existing.html", "folder"),
+    ("next-flight good.parquet --vehicle vehicle.toml --space 4,4,2 --out existing.json", "--overwrite"),
+    (PLAN.replace("new.json", "existing.json"), "--overwrite"),
+    (PLAN.replace("new.json", "nowhere.json"), "link"),
+    (PLAN.replace("new.json", "full.json --overwrite"), "device"),
+    ("fly --out existing.parquet --vehicle-url udp://127.0.0.1:9", "--overwrite"),
+    ("fly --out /dev/full --overwrite --vehicle-url udp://127.0.0.1:9", "device"),
+    ("log existing.parquet --download --vehicle-url udp://127.0.0.1:9", "--overwrite"),
+    ("localize images_blank --map map --out existing.csv", "--overwrite"),
+    (MAP.replace("new_map", "map"), "--overwrite"),
+    (MAP.replace("new_map", "not_a_map --overwrite"), "not a result"),
+    ("map show-esdf map --out not_a_map --overwrite", "not a result"),
+    ("map edit map add --box 1,1,1,2,2,2 --preview existing.html", "--overwrite"),
+    ("vehicle scaffold-effect vehicle.toml --diagnosis d_empty.json --name mine --out existing.py", ""),
+]
+ANSWERED = [  # (the command, exit code, words): bad news, but news
+    *[
+        (READ.format(f"{name}.parquet"), 0, words)
+        for name, words in (
+            ("nan_position", "never finite"),
+            ("nan_gyro", "never finite"),
+            ("nan_one_gyro", "never finite"),
+            ("nan_rotor", "never finite"),
+            ("nan_force", "never finite"),
+            ("nan_velocity", "never finite"),
+            ("nan_battery", "never finite"),
+            ("nan_everything", "never finite"),
+            ("inf_position", "infinite"),
+            ("still", "never changes"),
+            ("rpm", "rpm"),
+            ("milliseconds", "milliseconds"),
+            ("nanoseconds", "time looks like"),
+            ("one_row", "rows"),
+            ("no_rows", "rows"),
+            ("only_time", ""),
+            ("far_position", ""),
+            ("zero_attitude", ""),
+            ("stopped_rotors", ""),
+        )
+    ],
+    ("log nan.csv --columns map_good.toml", 0, "never finite"),
+    (f"check t_hash_number.json {M} {V}", 1, "may not be flown"),
+    (f"check t_good.json {M} {V} --margin 1e9", 2, "margin"),
+    (f"plan w_far.json {M} {V} --out new.json", 2, "outside the map"),
+    (f"plan w_in_wall.json {M} {V} --out new.json", 2, "inside an obstacle"),
+    ("log /dev/null", 2, "/dev/null"),
+    ("log map", 2, "map"),
+    ("nonsense", 2, "nonsense"),
+    ("", 0, "Begin"),
+]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, pillar_map) -> Path:
+    made = tmp_path_factory.mktemp("foreign")
+    foreign_files.make(made, pillar_map)
+    return made
+
+
+def attempt(folder: Path, line: str) -> tuple[int, str, str]:
+    """Type a line in a folder: exit code, what is said on standard output, what on the other channel."""
+    before = Path.cwd()
+    os.chdir(folder)
+    try:
+        with CliRunner().isolation() as streams:
+            with pytest.raises(SystemExit) as ended:
+                main(shlex.split(line))
+            out, errors = (stream.getvalue().decode() for stream in streams[:2])
+    finally:
+        os.chdir(before)
+    code = ended.value.code
+    return code if isinstance(code, int) else 0, out, errors
+
+
+def last_sentence(errors: str) -> str:
+    said = [line for line in errors.splitlines() if line.strip()]
+    assert said, "nothing was said"
+    for word in ("Traceback", "Warning", "Error(", "KeyError", "TypeError", "ValueError"):
+        assert word not in errors
+    assert said[-1].startswith("goshawk: ")
+    return said[-1]
+
+
+def listing(folder: Path) -> dict[str, tuple[int, int]]:
+    return {str(p.relative_to(folder)): (p.lstat().st_size, p.lstat().st_mtime_ns) for p in folder.rglob("*")}
+
+
+@pytest.mark.parametrize(("line", "words"), REFUSED, ids=[line for line, _ in REFUSED])
+def test_what_cannot_be_used_is_refused_in_a_sentence_and_nothing_is_touched(folder, line, words):
+    before = listing(folder)
+    code, _, errors = attempt(folder, line)
+    assert words in last_sentence(errors)
+    assert code == 2, errors
+    assert listing(folder) == before
+
+
+@pytest.mark.parametrize(("line", "code", "words"), ANSWERED, ids=[line for line, *_ in ANSWERED])
+def test_what_is_wrong_is_said(folder, line, code, words):
+    before = listing(folder)
+    found, out, errors = attempt(folder, line)
+    assert found == code, errors
+    assert words in out + errors
+    if code:
+        last_sentence(errors)
+    assert listing(folder) == before
+
+
+def test_json_never_carries_nan(folder):
+    for name in ("nan_everything", "inf_position", "far_position", "one_row"):
+        code, out, _ = attempt(folder, f"log {name}.parquet --vehicle vehicle.toml --json")
+        assert code == 0
+        json.loads(out, parse_constant=pytest.fail)
+
+
+def _capped() -> None:
+    resource.setrlimit(resource.RLIMIT_DATA, (2 * GIB, 2 * GIB))
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "map images_bomb --camera camera.toml --out new_map",
+        "map images_jpeg_bomb --camera camera.toml --out new_map",
+        f"plan waypoints.json --map map_huge {V} --out new.json",
+        f"check t_wide.json {M} {V}",
+        f"plan w_deep.json {M} {V} --out new.json",
+        "map edit map add --sphere 0,0,0,1e300 --preview new.png",
+    ],
+)
+@pytest.mark.slow
+def test_no_file_takes_more_than_two_gibibytes(folder, line):
+    command = [sys.executable, "-m", "goshawk", *shlex.split(line)]
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "GOSHAWK_TRACEBACK": ""}
+    ended = subprocess.run(
+        command,
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+        preexec_fn=_capped,
+        env=environment,
+    )
+    assert ended.returncode in (0, 1, 2), ended.stderr
+    assert "more memory" not in ended.stderr
+    if ended.returncode:
+        last_sentence(ended.stderr)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "cause"), [("rpm", "rpm"), ("hz", "rpm")])
+def test_a_wrong_unit_of_rotor_speed_ends_in_do_not_use(folder, tmp_path, name, cause):
+    out = tmp_path / "fitted.toml"
+    line = f"identify {name}.parquet --vehicle vehicle.toml --out {out} --hold-unseen"
+    code, said, errors = attempt(folder, line)
+    assert code == 1, errors
+    assert said.startswith("verdict: do not use\n")
+    assert cause in said
+    assert not out.exists()
+    assert attempt(folder, f"{line} --anyway")[0] == 1
+    assert out.exists()
+
+
+# --- generated damage -------------------------------------------------------------------------------------------------
+
+KINDS = {
+    # file: the line that reads it
+    "w.json": f"plan w.json {M} {V} --out new.json --margin 1e6",
+    "t.json": f"check t.json {M} {V}",
+    "v.toml": "vehicle show v.toml",
+    "map.toml": "log good.csv --columns map.toml",
+    "f.csv": "log f.csv --columns map_good.toml",
+    "f.parquet": "log f.parquet",
+}
+SOURCES = {
+    "w.json": "waypoints.json",
+    "t.json": "t_good.json",
+    "v.toml": "vehicle.toml",
+    "map.toml": "map_good.toml",
+    "f.csv": "good.csv",
+    "f.parquet": "good.parquet",
+}
+WORDS = [
+    b"null",
+    b"nan",
+    b"1e999",
+    b"-1",
+    b'"',
+    b"[",
+    b"{}",
+    b"true",
+    b"\xff",
+    b"\0",
+    b"\n",
+    b",",
+    b"99999999999999999999",
+]
+
+
+@st.composite
+def damages(draw: st.DrawFn) -> list[tuple[str, float, float, bytes]]:
+    """What is done to a file's bytes: cut out, repeated, or replaced by a word, at places given as shares of it."""
+    one = st.tuples(
+        st.sampled_from(["cut", "repeat", "word", "end"]),
+        st.floats(0.0, 1.0),
+        st.floats(0.0, 0.05),
+        st.sampled_from(WORDS),
+    )
+    return draw(st.lists(one, min_size=1, max_size=4))
+
+
+def damaged(data: bytes, damage: list[tuple[str, float, float, bytes]]) -> bytes:
+    for kind, place, share, word in damage:
+        at, much = int(place * len(data)), 1 + int(share * len(data))
+        if kind == "cut":
+            data = data[:at] + data[at + much :]
+        elif kind == "repeat":
+            data = data[: at + much] + data[at:]
+        elif kind == "word":
+            data = data[:at] + word + data[at + len(word) :]
+        else:
+            data = data[:at]
+    return data
+
+
+@pytest.mark.parametrize("file", SOURCES)
+@settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(damage=damages())
+def test_no_damage_to_a_file_ends_in_a_traceback(folder, file, damage):
+    (folder / file).write_bytes(damaged((folder / SOURCES[file]).read_bytes(), damage))
+    code, out, errors = attempt(folder, KINDS[file])
+    assert code in (0, 1, 2)
+    if code:
+        last_sentence(errors)
+    else:
+        assert out.strip()
+    (folder / "new.json").unlink(missing_ok=True)
+
+
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers(-(10**20), 10**20) | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=6,
+)
+
+
+@pytest.mark.parametrize("file", ["w.json", "t.json"])
+@settings(max_examples=40, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(value=VALUES, choice=st.integers(0, 10**6))
+def test_no_value_in_a_json_file_ends_in_a_traceback(folder, file, value, choice):
+    document = json.loads((folder / SOURCES[file]).read_text())
+    places = list(_places(document))
+    holder, key = places[choice % len(places)]
+    holder[key] = value
+    (folder / file).write_text(json.dumps(document))
+    code, _, errors = attempt(folder, KINDS[file])
+    assert code in (0, 1, 2)
+    if code:
+        last_sentence(errors)
+    (folder / "new.json").unlink(missing_ok=True)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(value=VALUES, choice=st.integers(0, 10**6))
+def test_no_value_in_a_vehicle_file_ends_in_a_traceback(folder, value, choice):
+    import tomli_w
+
+    document = tomllib.loads((folder / "vehicle.toml").read_text())
+    places = list(_places(document))
+    holder, key = places[choice % len(places)]
+    holder[key] = value
+    try:
+        (folder / "v.toml").write_text(tomli_w.dumps(document))
+    except (TypeError, UnicodeEncodeError):  # TOML has no null
+        return
+    code, _, errors = attempt(folder, KINDS["v.toml"])
+    assert code in (0, 2)
+    if code:
+        last_sentence(errors)
+
+
+def _places(document: object):
+    """Every place in a document where a value stands: its holder and key."""
+    items = (
+        document.items() if isinstance(document, dict) else enumerate(document) if isinstance(document, list) else ()
+    )
+    for key, value in list(items):
+        yield document, key
+        yield from _places(value)
+
+
+@settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(damage=damages())
+def test_no_damage_to_an_image_ends_in_a_traceback(folder, damage):
+    import shutil
+
+    images = folder / "images_damaged"
+    shutil.rmtree(images, ignore_errors=True)
+    shutil.copytree(folder / "images_small", images)
+    first = next(images.rglob("0.png"))
+    first.write_bytes(damaged(first.read_bytes(), damage))
+    code, _, errors = attempt(folder, "map images_damaged --camera camera.toml --out new_map")
+    assert code == 2  # of the wrong size, or damaged
+    last_sentence(errors)

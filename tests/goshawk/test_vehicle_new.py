@@ -1,0 +1,76 @@
+"""`goshawk vehicle new` and `schema`, as typed."""
+
+import json
+import tomllib
+
+import pytest
+
+import vehicle
+from tests.goshawk.running import run
+
+SHEET = ("--mass", 0.72, "--arm", 0.125, "--prop-diameter", 0.127)
+
+
+def test_a_data_sheet_becomes_a_file_in_which_every_default_says_that_it_is_one(tmp_path):
+    out = tmp_path / "mine.toml"
+    said = run("vehicle", "new", out, *SHEET)
+    made = vehicle.load(out)
+    assert made.name == "mine"
+    assert made.parameter("mass_kg").source.startswith("given on the command line")
+    for name in ("inertia_xx_kg_m2", "thrust_quadratic.k_n_s2", "rotor_yaw_torque.torque_n_m_s2"):
+        assert made.parameter(name).source.startswith("estimated")
+        assert made.parameter(name).std > 0.0
+    assert made.parameter("motor_lag.rise_s").source.startswith("default")
+    assert "are defaults or estimates" in said
+    assert sum(line.startswith("#") for line in out.read_text().splitlines()) >= 8
+
+
+def test_an_existing_file_is_kept_unless_overwrite_is_said_and_then_beside_it(tmp_path):
+    out = tmp_path / "mine.toml"
+    out.write_text("my notes")
+    assert "--overwrite" in run("vehicle", "new", out, *SHEET, code=2)
+    assert out.read_text() == "my notes"
+    run("vehicle", "new", out, *SHEET, "--overwrite")
+    assert (tmp_path / "mine.toml.old-1").read_text() == "my notes"
+    assert vehicle.load(out).mass_kg == 0.72
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--mass", 0.7), "--arm"),
+        (("--mass", "nan", "--arm", 0.1, "--prop-diameter", 0.1), "positive number"),
+        (("--mass", -1, "--arm", 0.1, "--prop-diameter", 0.1), "positive number"),
+        (("--mass", 700, "--arm", 125, "--prop-diameter", 127), "in m"),
+        (("--mass", 2000, "--arm", 0.1, "--prop-diameter", 0.1), "mass_kg is 2000"),
+        (("--from", "x.step"), "ending"),
+        (("--from", "none.params"), "does not exist"),
+        ((*SHEET, "--max-rpm", 100), "does not lift its weight"),
+    ],
+)
+def test_what_makes_no_vehicle_is_refused_in_one_sentence_and_nothing_is_written(tmp_path, options, words):
+    out = tmp_path / "v.toml"
+    assert words in run("vehicle", "new", out, *options, code=2)
+    assert not out.exists()
+
+
+def test_without_a_terminal_nothing_is_asked():
+    assert "say where to write" in run("vehicle", "new", code=2)
+
+
+def test_the_schema_accepts_what_new_writes_and_refuses_a_wrong_unit(tmp_path):
+    jsonschema = pytest.importorskip(
+        "jsonschema", reason="jsonschema is not installed: the schema is only parsed elsewhere"
+    )
+    run("vehicle", "new", tmp_path / "v.toml", *SHEET)
+    described = json.loads(run("vehicle", "schema"))
+    document = tomllib.loads((tmp_path / "v.toml").read_text())
+    jsonschema.validate(document, described)
+    document["body"]["mass_kg"]["unit"] = "g"
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(document, described)
+
+
+def test_the_schema_knows_every_effect_of_the_catalogue():
+    described = json.loads(run("vehicle", "schema"))
+    assert set(described["properties"]["effect"]["properties"]) == set(vehicle.effects.catalogue())

@@ -1,0 +1,104 @@
+"""The front of the command line: a bare call, a mistyped verb, the version, completion, and the progress line."""
+
+import io
+import os
+import subprocess
+import sys
+import time
+
+import pytest
+from rich.console import Console
+
+from goshawk import progress_line as module
+from goshawk.cli import GROUPS, VERBS
+from goshawk.progress_line import progress_line
+from goshawk.words import named, with_unit
+from tests.goshawk.running import run
+
+
+def test_a_bare_call_shows_every_verb_once_in_its_group_and_is_no_error():
+    said = run()
+    for heading, verbs in GROUPS.items():
+        assert f"{heading}:" in said
+        for verb in verbs:
+            assert said.count(f"\n  {verb} ") == 1
+    assert sorted(v for verbs in GROUPS.values() for v in verbs) == sorted(VERBS)
+
+
+@pytest.mark.parametrize("group", ["vehicle", "params"])
+def test_a_bare_group_of_verbs_is_no_error_either(group):
+    assert f"goshawk {group}" in run(group)
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [
+        (("identfy",), "identify"), (("ident",), "identify"), (("Map",), "map"), (("nextflight",), "next-flight"),
+        (("vehicle_sim",), "vehicle-sim"), (("vehicle", "hsitory"), "history"), (("params", "gte"), "get"),
+    ],
+)  # fmt: skip
+def test_a_mistyped_verb_gets_the_likely_one(typed, meant):
+    assert f"did you mean {meant}" in run(*typed, code=2)
+
+
+def test_what_is_like_no_verb_gets_no_suggestion():
+    said = run("xyzzy", code=2)
+    assert "there is no verb 'xyzzy'" in said
+    assert "did you mean" not in said
+
+
+def test_the_version_is_said():
+    assert run("--version").startswith("goshawk 0.")
+
+
+def test_the_shell_completes_verbs():
+    words = {"COMP_WORDS": "goshawk vehicle sch", "COMP_CWORD": "2", "_GOSHAWK_COMPLETE": "bash_complete"}
+    command = [sys.executable, "-c", "from goshawk.cli import main; main()"]
+    answer = subprocess.run(command, env=os.environ | words, capture_output=True, text=True, timeout=120, check=False)
+    assert "plain,schema" in answer.stdout
+
+
+def drawn(work, monkeypatch, quiet_s: float) -> str:
+    monkeypatch.setattr(module, "QUIET_S", quiet_s)
+    screen = io.StringIO()
+    with progress_line(Console(file=screen, force_terminal=True, width=100)) as report:
+        work(report)
+    return screen.getvalue()
+
+
+def long_work(report):
+    for i in range(8):
+        report("fitting", i / 8)
+        time.sleep(0.15)
+
+
+def test_long_work_shows_one_line_with_the_time_left(monkeypatch):
+    said = drawn(long_work, monkeypatch, quiet_s=0.1)
+    assert "fitting" in said
+    assert "left" in said
+    assert "00:0" in said
+    assert "\n\n" not in said.replace("\r", "")
+
+
+def test_short_work_shows_nothing(monkeypatch):
+    assert "fitting" not in drawn(lambda report: report("fitting", 0.5), monkeypatch, quiet_s=2.0)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "row"),
+    [
+        ("top_speed_m_s", 4.9, ("top speed", "4.9 m/s")),
+        ("duration_s", 5.853, ("duration", "5.853 s")),
+        ("waypoints", 4, ("waypoints", 4)),
+        ("free space", "3 m3", ("free space", "3 m3")),
+        ("rate_hz", None, ("rate", "unknown")),
+        ("passed", True, ("passed", True)),
+    ],
+)
+def test_tables_speak_in_words_and_units(key, value, row):
+    assert with_unit(key, value) == row
+
+
+def test_parts_of_vectors_are_named_by_vector_and_axis():
+    assert named("rate_body_x_rad_s") == ("body rate (gyro), x", "rad/s")
+    assert named("battery_v") == ("battery", "V")

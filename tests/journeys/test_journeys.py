@@ -1,0 +1,142 @@
+"""Journeys of new users, typed as the documentation tells them: from files to a result in at most ten commands."""
+
+import contextlib
+import csv
+import gzip
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mapping
+import vehicle
+from flight import flight_log, trajectory
+from tests.journeys import inputs
+
+HERE = Path(__file__).parent
+ROOT = HERE.parent.parent
+SCRIPTS = sorted(HERE.glob("*.sh"))
+REAL = ROOT.parent / "shared" / "data" / "flight" / "nanodrone_cf21bl" / "square_20251017_run2.csv.gz"
+
+
+def walk(name: str, folder: Path, *, timeout_s: float = 900.0) -> str:
+    """Type a journey's lines in `folder`; all they print. What they left running ends with them."""
+    programs = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    with open(folder / "out.txt", "w") as out, open(folder / "err.txt", "w") as err:
+        shell = subprocess.Popen(
+            ["bash", "-e", HERE / f"{name}.sh"],
+            cwd=folder, env=os.environ | {"PATH": programs}, stdout=out, stderr=err, start_new_session=True,
+        )  # fmt: skip
+        try:
+            code = shell.wait(timeout=timeout_s)
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(shell.pid, signal.SIGKILL)
+    said, errors = (folder / "out.txt").read_text(), (folder / "err.txt").read_text()
+    assert code == 0, said[-3000:] + errors[-3000:]
+    assert "Traceback" not in errors
+    assert "Warning" not in errors
+    return said
+
+
+def commands(script: Path) -> list[str]:
+    return [line for line in script.read_text().splitlines() if line and not line.startswith("#")]
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
+def test_a_journey_has_at_most_ten_commands_and_stands_in_the_documentation(script):
+    assert 1 <= len(commands(script)) <= 10
+    told = (ROOT / "docs" / "journeys.md").read_text()
+    assert "\n".join(commands(script)) in told
+
+
+@pytest.mark.slow
+def test_a_data_sheet_becomes_a_checked_plan(tmp_path, pillar_map):
+    inputs.with_room(tmp_path, pillar_map)
+    walk("own_vehicle", tmp_path)
+    planned = trajectory.load(tmp_path / "my-room" / "trajectories" / "first.json")
+    assert planned.check["passed"]
+
+
+@pytest.mark.slow
+def test_a_foreign_csv_becomes_a_fitted_vehicle(tmp_path):
+    log = inputs.with_foreign_csv(tmp_path)
+    said = walk("foreign_csv", tmp_path)
+    assert "shifted the time stamps of rotor_speed_0_rad_s" in said
+    mended = flight_log.load(tmp_path / "flight.parquet")
+    position = mended.vector("position_world_m")
+    np.testing.assert_allclose(position, log.vector("position_world_m")[: len(position)], atol=1e-6)
+    fitted, truth = vehicle.load(tmp_path / "fitted.toml"), inputs.truth()
+    for axis in ("xx", "yy"):
+        found = fitted.parameter(f"inertia_{axis}_kg_m2")
+        assert abs(found.value - truth.value(f"inertia_{axis}_kg_m2")) < 4.0 * found.std
+    for page in ("before.html", "after.html"):
+        assert (tmp_path / page).stat().st_size > 50_000
+
+
+def with_real_csv(folder: Path) -> None:
+    """A real flight, the rotor clock made 40 ms late, time in ms, gyro in degrees, rotors in rpm; units unsaid."""
+    with gzip.open(REAL, "rt") as file:
+        rows = [row for row in csv.DictReader(file) if row["is_flying"] == "1"]
+    time_s = np.array([float(row["t_s"]) for row in rows])
+
+    def of(*names: str) -> np.ndarray:
+        return np.array([[float(row[name]) for name in names] for row in rows])
+
+    speeds = of(*(f"mot{i}_radps" for i in range(1, 5))) * 30.0 / np.pi
+    late = np.stack([np.interp(time_s - 0.04, time_s, column) for column in speeds.T], axis=1)
+    parts = [1000.0 * time_s[:, None], of("x_m", "y_m", "z_m"), of("qx", "qy", "qz", "qw")]
+    parts += [np.rad2deg(of("wx_radps", "wy_radps", "wz_radps")), late]
+    lines = [
+        "stamp;x;y;z;qx;qy;qz;qw;gyro_x;gyro_y;gyro_z;m1;m2;m3;m4",
+        *(";".join(f"{v:.9g}" for v in row) for row in np.hstack(parts)),
+    ]
+    (folder / "flight.csv").write_text("\n".join(lines))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not REAL.exists(), reason="the real flights are not beside this repository (../shared/data/flight)")
+def test_a_real_csv_with_wrong_units_and_clocks_is_mended(tmp_path):
+    with_real_csv(tmp_path)
+    walk("real_csv", tmp_path)
+    mended = flight_log.load(tmp_path / "flight.parquet")
+    assert 1500.0 < np.nanmedian(mended.vector("rotor_speed_rad_s")) < 2300.0
+    assert np.nanstd(mended.vector("rate_body_rad_s")) < 5.0
+    assert any("rotor_speed" in done and "shifted" in done for done in mended.metadata["fixes"])
+
+
+@pytest.mark.slow
+def test_photographs_with_an_unknown_lens_become_a_map(tmp_path):
+    inputs.with_photographs(tmp_path)
+    walk("own_photographs", tmp_path)
+    area = mapping.open_map(tmp_path / "my-room" / "map")
+    assert len(area.images) >= 0.8 * inputs.PHOTO_COUNT
+    camera = mapping.rig.load(tmp_path / "camera.toml").cameras[0]
+    axis = np.array([np.sin(0.5), 0.0, np.cos(0.5)])
+    assert camera.project(axis)[0] - 160.0 == pytest.approx(228.5 * np.tan(0.5), abs=3.0)
+
+
+@pytest.mark.slow
+def test_own_waypoints_become_a_flown_log(tmp_path, pillar_map):
+    inputs.with_room(tmp_path, pillar_map)
+    inputs.with_vehicle(tmp_path)
+    walk("own_waypoints", tmp_path)
+    flown = flight_log.load(tmp_path / "lap.parquet")
+    gap_m = np.linalg.norm(flown.vector("position_world_m") - [5.2, 3.2, 1.2], axis=1)
+    assert np.nanmin(gap_m) < 0.3
+    assert (tmp_path / "lap.html").exists()
+
+
+@pytest.mark.slow
+def test_a_px4_log_becomes_a_vehicle_made_from_its_own_parameters(tmp_path):
+    inputs.with_ulog(tmp_path)
+    walk("px4_log", tmp_path)
+    fitted, truth = vehicle.load(tmp_path / "fitted.toml"), inputs.truth()
+    np.testing.assert_allclose(fitted.hub_body_m, truth.hub_body_m[list(inputs.PX4_ORDER)], atol=1e-6)
+    assert (fitted.spin == truth.spin[list(inputs.PX4_ORDER)]).all()
+    k = fitted.value("thrust_quadratic.k_n_s2")
+    assert k == pytest.approx(1.9e-6, rel=0.05)

@@ -1,0 +1,93 @@
+"""An image that was placed where it was not taken contradicts its matches, and is taken out; the others stay."""
+
+from contextlib import nullcontext
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pycolmap
+import pytest
+
+from flight import frames, rotations
+from mapping import agreement, colmap
+from mapping.images import ImageSet
+from mapping.rendered_world import default_rig
+
+INSTANTS = 6
+
+
+@pytest.fixture
+def images() -> ImageSet:
+    names = tuple(f"{i:04d}.png" for i in range(INSTANTS))
+    rig = default_rig()
+    return ImageSet(Path("images"), rig, names, np.ones((INSTANTS, len(rig.cameras)), bool), np.full(INSTANTS, np.nan))
+
+
+@pytest.fixture
+def poses() -> np.ndarray:
+    """A walk along x with small turns."""
+    q = rotations.exp(np.random.default_rng(2).normal(0.0, 0.1, (INSTANTS, 3)))
+    return frames.transform(q, np.arange(INSTANTS)[:, None] * np.array([0.3, 0.05, 0.0]))
+
+
+@pytest.fixture
+def database(images: ImageSet, poses: np.ndarray, monkeypatch) -> Path:
+    """What COLMAP's would hold: points that each camera saw, matched between all instants of the same camera."""
+    rng = np.random.default_rng(3)
+    points = rng.uniform(-4.0, 4.0, (80, 3))
+    points = points[np.linalg.norm(points[:, 1:], axis=1) > 1.0]
+    shots, keypoints = [], {}
+    for number, (i, c) in enumerate(images.pairs()):
+        camera = images.rig.cameras[c]
+        seen = frames.apply(frames.invert(poses[i] @ camera.T_body_camera), points)
+        keypoints[number] = seen / np.linalg.norm(seen, axis=1, keepdims=True)
+        shots.append(SimpleNamespace(image_id=number, name=images.relative(i, c)))
+    same = np.stack([np.arange(len(points))] * 2, axis=1)
+    numbers = {pair: n for n, pair in enumerate(images.pairs())}
+    pairs = [(numbers[i, c], numbers[k, c]) for i, c in numbers for k in range(i + 1, INSTANTS)]
+    opened = SimpleNamespace(
+        read_all_images=lambda: shots,
+        read_two_view_geometries=lambda: (
+            [pycolmap.image_pair_to_pair_id(a, b) for a, b in pairs],
+            [SimpleNamespace(inlier_matches=same)] * len(pairs),
+        ),
+    )
+    monkeypatch.setattr(pycolmap.Database, "open", lambda _: nullcontext(opened))
+    monkeypatch.setattr(agreement, "_rays_camera", lambda _opened, number, _rig, _camera: keypoints[number])
+    return Path("database.db")
+
+
+def displaced(poses: np.ndarray, i: int) -> np.ndarray:
+    """As a second copy of the scene would place it: beside the walk and turned."""
+    wrong = poses.copy()
+    wrong[i] = frames.transform(rotations.exp([0.0, 0.0, 0.4]), [0.5, 1.5, 0.3]) @ wrong[i]
+    return wrong
+
+
+def test_matches_of_images_in_their_places_agree_with_the_map(database, images, poses):
+    assert np.all(agreement.of_instants(database, images, images.rig, poses) > 0.99)
+
+
+@pytest.mark.parametrize("i", range(INSTANTS))
+def test_a_misplaced_image_is_taken_out_and_no_other(database, images, poses, monkeypatch, i: int):
+    wrong = displaced(poses, i)
+    agreed = agreement.of_instants(database, images, images.rig, wrong)
+    assert agreed[i] < agreement.LEAST
+    assert int(np.argmin(agreed)) == i
+    monkeypatch.setattr(colmap, "_poses", lambda _model, _images: (wrong, images.present, images.rig))
+    assert colmap._wrong_instants(database, images, None) == {
+        images.relative(i, c) for c in range(len(images.rig.cameras))
+    }
+
+
+def test_an_image_that_looks_the_other_way_sees_its_points_behind_it(database, images, poses):
+    wrong = poses.copy()
+    wrong[:, :3, 3] *= -1.0  # a mirrored walk has the same epipolar planes
+    assert np.all(agreement.of_instants(database, images, images.rig, wrong) < agreement.LEAST)
+
+
+def test_an_image_that_is_not_placed_has_no_agreement(database, images, poses):
+    poses[2] = np.nan
+    agreed = agreement.of_instants(database, images, images.rig, poses)
+    assert np.isnan(agreed[2])
+    assert np.all(np.delete(agreed, 2) > 0.99)

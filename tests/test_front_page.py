@@ -1,0 +1,85 @@
+"""What a newcomer reads first is true: the README's program runs and says what is printed, links lead somewhere."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from goshawk.cli import VERBS
+from tests.waiting import PATIENCE_S
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text()
+EXAMPLES = sorted((ROOT / "examples").glob("[0-9][0-9]_*.py"))
+PICTURE = ROOT / "docs" / "pictures" / "map_plan_fly_learn.svg"
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md")]
+NUMBER = re.compile(r"(?<![\w.])\d+\.?\d*(?:e-?\d+)?")
+
+
+def block(language: str) -> str:
+    """The README's block of that language that belongs to the twenty lines."""
+    section = README.split("## Twenty lines of Python")[1].split("\n## ")[0]
+    return section.split(f"```{language}\n")[1].split("```")[0]
+
+
+def test_the_readmes_twenty_lines_run_and_say_what_is_printed(tmp_path: Path):
+    program = block("python")
+    assert len([line for line in program.splitlines() if line and not line.startswith("#")]) <= 20
+    (tmp_path / "twenty_lines.py").write_text(program)
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "twenty_lines.py"],
+        cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=PATIENCE_S, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    printed = block("text")
+    assert NUMBER.sub("#", done.stdout) == NUMBER.sub("#", printed)
+    found, said = ([float(number) for number in NUMBER.findall(text)] for text in (done.stdout, printed))
+    assert found == pytest.approx(said, rel=0.03)
+
+
+def test_the_readme_names_every_verb_and_no_other():
+    table = README.split("## Commands")[1].split("\n## ")[0]
+    named = set(re.findall(r"`(?:goshawk )?([a-z-]+)", table)) - {"goshawk"}
+    assert set(VERBS) <= named
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_and_pictures_of_a_page_lead_somewhere(page: Path):
+    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text()):
+        if not target.startswith(("http:", "https:", "mailto:", "#")):
+            assert (page.parent / target.partition("#")[0]).exists(), target
+
+
+def test_the_gallery_shows_every_example_in_its_own_words_with_its_picture():
+    gallery = (ROOT / "docs" / "examples.md").read_text()
+    for script in EXAMPLES:
+        assert script.read_text().split('"""')[1].strip() in gallery, f"{script.name} says something else now"
+        assert f"../examples/{script.name}" in gallery
+    assert gallery.count("![") == len(EXAMPLES)
+
+
+def test_the_moving_picture_is_small_and_needs_no_script_and_no_network():
+    assert PICTURE.stat().st_size < 800_000
+    picture = ElementTree.fromstring(PICTURE.read_text())
+    tags = {element.tag.rpartition("}")[2] for element in picture.iter()}
+    assert "animate" in tags
+    assert "script" not in tags
+    links = [value for element in picture.iter() for name, value in element.attrib.items() if name.endswith("href")]
+    assert links
+    assert all(link.startswith("data:image/png;base64,") for link in links)
+
+
+def test_every_word_of_the_glossary_is_explained_in_a_few_lines():
+    lines = (ROOT / "docs" / "glossary.md").read_text().splitlines()
+    starts = [i for i, line in enumerate(lines) if line.startswith(": ")]
+    assert len(starts) >= 60
+    for i in starts:
+        assert lines[i - 1]
+        assert not lines[i - 1].startswith((":", "#", " "))
+        following = [*lines, ""][i + 1 : i + 4]
+        assert "" in following, f"{lines[i - 1]} takes more than three lines"

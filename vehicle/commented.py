@@ -1,0 +1,113 @@
+"""A vehicle file for people to edit: every number with its source, every section with what it means."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from flight import file_format
+from vehicle import effects as registry
+from vehicle.files import FORMAT, VERSION
+from vehicle.model import BODY, Vehicle
+from vehicle.parameters import Limits, Parameter
+
+SCHEMA_NAME = "vehicle.schema.json"
+_LIMITS = {
+    "speed_m_s": "largest speed along the path",
+    "acceleration_m_s2": "largest acceleration, gravity not included",
+    "tilt_rad": "largest angle from level",
+    "rate_rad_s": "largest roll or pitch rate",
+    "yaw_rate_rad_s": "largest yaw rate",
+    "rotor_speed_min_rad_s": "slowest a rotor may turn in flight",
+    "rotor_speed_max_rad_s": "fastest a rotor reaches",
+}
+
+
+def write(path: Path, vehicle: Vehicle, *, schema: str | None = None) -> None:
+    """Write `vehicle` with comments.
+
+    Args:
+        schema: where an editor finds the JSON schema, relative to the file; None: no such line.
+    """
+    file_format.write_bytes(Path(path), text(vehicle, schema=schema).encode())
+
+
+def text(vehicle: Vehicle, *, schema: str | None = None) -> str:
+    """The file's text; `vehicle.load` reads it back."""
+    lines = [] if schema is None else [f"#:schema {schema}"]
+    lines += [
+        "# A vehicle of goshawk. SI units; body axes x forward, y left, z up.",
+        "# Each number: value, std (standard deviation; 0 = taken as exact), unit, source (where it came from).",
+        "# A source that begins with `default` or `estimated` is not yours: replace it when you know better, or let",
+        "# `goshawk identify FLIGHTS --vehicle THIS_FILE --out BETTER_FILE` measure it. Only the mass must be weighed.",
+        *(f"# Note: {note}" for note in vehicle.provenance.get("notes", [])),
+        "",
+        f"format = {json.dumps(FORMAT)}",
+        f"version = {VERSION}",
+        f"name = {_quoted(vehicle.name)}",
+        "",
+        "# The laws the model is made of, in the order in which they act; `goshawk vehicle add-effect` adds one.",
+        f"effects = [{', '.join(json.dumps(name) for name in vehicle.effects)}]",
+        "",
+        *_rotors(vehicle),
+        "",
+        "[body]",
+    ]
+    shown = [s.name for s in BODY if not s.name.startswith("pose_sensor")]
+    lines += [_entry(name, vehicle.parameters[name]) for name in shown]
+    lines += ["# Where the pose sensor (markers, camera) is, from the centre of mass, and how it is turned:"]
+    lines += [_entry(s.name, vehicle.parameters[s.name]) for s in BODY if s.name not in shown]
+    for name in vehicle.effects:
+        effect = registry.find(name)
+        lines += ["", f"# {effect.law}", f"[effect.{name}]"]
+        lines += [_entry(s.name, vehicle.parameters[f"{name}.{s.name}"]) for s in effect.parameters]
+    lines += [
+        "",
+        "# What the planner may ask of the vehicle. Gentle defaults for first flights: raise them step by step.",
+    ]
+    lines += ["[limits]", *_limits(vehicle.limits)]
+    lines += ["", "[provenance]", f"made_by = {_quoted(str(vehicle.provenance.get('made_by', 'goshawk')))}"]
+    notes = vehicle.provenance.get("notes", [])
+    lines += [f"notes = [{', '.join(_quoted(note) for note in notes)}]", ""]
+    return "\n".join(lines)
+
+
+def _rotors(vehicle: Vehicle) -> list[str]:
+    rows = ",\n".join(f"  [{', '.join(f'{v:g}' if v else '0.0' for v in hub)}]" for hub in _floats(vehicle.hub_body_m))
+    places = ", ".join(_place(hub) for hub in vehicle.hub_body_m)
+    return [
+        f"# Rotors 0 to 3 ({places}): a log's rotor speeds come in this order.",
+        "# Position in metres from the centre of mass; spin 1 turns counter-clockwise seen from above, -1 clockwise.",
+        "[rotors]",
+        f"position_body_m = [\n{rows},\n]",
+        f"spin = [{', '.join(str(int(s)) for s in vehicle.spin)}]",
+    ]
+
+
+def _floats(array: np.ndarray) -> Sequence[Sequence[float]]:
+    return [[float(f"{v:.6g}") for v in row] for row in array]
+
+
+def _place(hub: np.ndarray) -> str:
+    """`front left`, `rear`, ... of a hub."""
+    near = 0.1 * float(np.hypot(hub[0], hub[1]))
+    along = "front" if hub[0] > near else "rear" if hub[0] < -near else ""
+    across = "left" if hub[1] > near else "right" if hub[1] < -near else ""
+    return " ".join(word for word in (along, across) if word) or "middle"
+
+
+def _entry(name: str, p: Parameter) -> str:
+    facts = (
+        f"value = {float(p.value)!r}, std = {float(p.std)!r}, unit = {_quoted(p.unit)}, source = {_quoted(p.source)}"
+    )
+    return f"{name} = {{ {facts} }}"
+
+
+def _limits(limits: Limits) -> list[str]:
+    return [f"{name} = {float(getattr(limits, name))!r}  # {words}" for name, words in _LIMITS.items()]
+
+
+def _quoted(words: str) -> str:
+    """A TOML basic string: JSON's escapes are a subset of TOML's, but for the character DEL."""
+    return json.dumps(words, ensure_ascii=False).replace("\x7f", "\\u007f")

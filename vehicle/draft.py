@@ -1,0 +1,223 @@
+"""A new vehicle from what is known of it: what is given stays, the rest is estimated or a default that says so.
+
+Estimates, all with their standard deviation in the file:
+
+    thrust          T = k n^2 with k = C_T rho D^4 / (4 pi^2), or m g / (4 n_hover^2) if hover is known
+    yaw torque      c_q = k sqrt(k / (2 rho A)) / FM: momentum theory, figure of merit FM (Leishman 2006)
+    inertia         four point masses at the hubs and a ball in the middle (Beard 2008, sec. 2)
+
+Leishman, Principles of Helicopter Aerodynamics, 2nd ed. 2006. Beard, Quadrotor Dynamics and Control, 2008. C_T as in
+Brandt, Selig, Propeller Performance Data at Low Reynolds Numbers, AIAA 2011-1255 (n there in revolutions per second).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from flight import FloatArray, InputError
+from flight.frames import GRAVITY_M_S2
+from vehicle.effects import find
+from vehicle.model import Vehicle, body_parameters
+from vehicle.parameters import Limits, Parameter
+
+THRUST_NUMBER, THRUST_NUMBER_STD = 0.15, 0.05
+"""C_T at rest: about 0.1 for propellers of 9 to 11 inches (Brandt, Selig 2011); our two examples have 0.11 and 0.24."""
+FIGURE_OF_MERIT, FIGURE_OF_MERIT_STD = 0.42, 0.08
+"""Hover efficiency of small propellers; our two examples have 0.35 and 0.48."""
+MOTOR_SHARE = 0.4
+"""Share of the mass in the four motors with their propellers; inertias of our examples come out within 30 %."""
+INERTIA_STD = 0.3
+"""Of the estimate, as a share."""
+BALL_RADIUS = 0.5
+"""Radius of the ball in the middle, as a share of the arm."""
+THRUST_TO_WEIGHT = 2.5
+FRAMES = ("x", "+")
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What is known of a vehicle; whatever is None or missing is estimated, or asked for."""
+
+    name: str | None = None
+    mass_kg: Parameter | None = None
+    hub_body_m: FloatArray | None = None
+    """(4, 3) from the centre of mass."""
+    spin: FloatArray | None = None
+    """(4,) +1 turns counter-clockwise seen from above."""
+    hub_source: str = ""
+    rotor_radius_m: Parameter | None = None
+    parameters: Mapping[str, Parameter] = field(default_factory=dict)
+    """Inertias, and parameters of effects by full name: the vehicle gets those effects."""
+    yaw_torque_to_thrust_m: float | None = None
+    """Ratio of a rotor's torque to its thrust."""
+    hover_rad_s: float | None = None
+    rotor_speed_min_rad_s: float | None = None
+    rotor_speed_max_rad_s: float | None = None
+    notes: tuple[str, ...] = ()
+    """What a reader of the file should know about the import."""
+
+
+def layout(arm_m: float, frame: str) -> tuple[FloatArray, FloatArray]:
+    """Hubs (4, 3) and spins (4,) of a symmetric quadrotor, counter-clockwise from the front left (`+`: from the front).
+
+    Args:
+        arm_m: from the centre to a hub.
+    """
+    if frame not in FRAMES:
+        raise InputError(f"frame {frame!r} is not one of {', '.join(FRAMES)}")
+    if not 1e-3 <= arm_m <= 10.0:
+        raise InputError(
+            f"an arm of {arm_m:g} m is not between 0.001 and 10 m; give it from the centre to a motor, in m"
+        )
+    angle = np.radians([45.0, 135.0, 225.0, 315.0] if frame == "x" else [0.0, 90.0, 180.0, 270.0])
+    hubs = arm_m * np.stack([np.cos(angle), np.sin(angle), np.zeros(4)], axis=1)
+    return np.round(hubs, 6) + 0.0, np.array([-1.0, 1.0, -1.0, 1.0])
+
+
+def missing(known: Known) -> list[str]:
+    """What no formula can give: words for each, with the option that gives it."""
+    wanted = {
+        "the mass (--mass, kg: weigh it ready to fly)": known.mass_kg,
+        "where the rotors are (--arm, metres from the centre to a motor)": known.hub_body_m,
+        "the propeller's diameter (--prop-diameter, metres)": known.rotor_radius_m,
+    }
+    return [words for words, value in wanted.items() if value is None]
+
+
+def draft(known: Known) -> Vehicle:
+    """The vehicle, complete.
+
+    Raises:
+        InputError: mass, rotors or propeller are not known, or a value is out of bounds.
+    """
+    if lacking := missing(known):
+        raise InputError(f"not known: {'; '.join(lacking)}")
+    assert known.mass_kg is not None
+    assert known.hub_body_m is not None
+    assert known.rotor_radius_m is not None
+    density = Parameter(
+        1.225, 0.05, "kg/m3", "default: standard atmosphere at sea level; 1.1 on a hot day, less in hills"
+    )
+    given = {"mass_kg": known.mass_kg, "rotor_radius_m": known.rotor_radius_m, "air_density_kg_m3": density}
+    given |= {name: p for name, p in known.parameters.items() if "." not in name}
+    given = inertia(known.mass_kg.value, known.hub_body_m) | _pose_sensor() | given
+    body = body_parameters(**given)
+    radius_m = body["rotor_radius_m"].value
+    if not 1e-3 <= radius_m <= 10.0:
+        raise InputError(f"a propeller of {2 * radius_m:g} m diameter is not between 0.002 and 20 m; give metres")
+    acting = _effects(known, radius_m, body["air_density_kg_m3"].value)
+    names = sorted({name.split(".")[0] for name in acting}, key=lambda name: find(name).stage)
+    hover_rad_s = _hover_speed(known.mass_kg.value, acting, known.hover_rad_s)
+    spin = np.array([-1.0, 1.0, -1.0, 1.0]) if known.spin is None else known.spin
+    return Vehicle(
+        name=known.name or "my-vehicle",
+        parameters=body | acting,
+        hub_body_m=known.hub_body_m,
+        spin=spin,
+        effects=tuple(names),
+        limits=_limits(known, hover_rad_s),
+        provenance={"made_by": "goshawk vehicle new", "notes": list(known.notes)},
+    )
+
+
+def _pose_sensor() -> dict[str, Parameter]:
+    place = Parameter(0.0, 0.03, "m", "default: markers or camera at the centre of mass; measure it or let a flight")
+    turned = Parameter(0.0, 0.05, "rad", "default: pose sensor not turned; let a flight measure it")
+    places = {f"pose_sensor_{axis}_m": place for axis in "xyz"}
+    return places | {f"pose_sensor_rotation_{axis}_rad": turned for axis in "xyz"}
+
+
+def inertia(mass_kg: float, hub_body_m: FloatArray) -> dict[str, Parameter]:
+    """Estimated inertias about the centre of mass (Beard 2008, sec. 2, with unequal arms allowed)."""
+    from_centre = hub_body_m - hub_body_m.mean(axis=0)
+    x, y, z = from_centre.T
+    ball = 0.4 * (1.0 - MOTOR_SHARE) * mass_kg * (BALL_RADIUS * float(np.hypot(x, y).mean())) ** 2
+    motor_kg = MOTOR_SHARE * mass_kg / 4.0
+    square_m2 = {"xx": y**2 + z**2, "yy": x**2 + z**2, "zz": x**2 + y**2}
+    source = (
+        f"estimated: {100 * MOTOR_SHARE:.0f} % of the mass at the hubs, the rest a ball of half the arm (Beard 2008)"
+    )
+    values = {axis: ball + motor_kg * float(squares.sum()) for axis, squares in square_m2.items()}
+    return {
+        f"inertia_{axis}_kg_m2": Parameter(_short(v), _short(INERTIA_STD * v, 2), "kg m2", source)
+        for axis, v in values.items()
+    }
+
+
+def _effects(known: Known, radius_m: float, density_kg_m3: float) -> dict[str, Parameter]:
+    """Parameters of motor lag, thrust and yaw torque, unless given, and of every other effect that is given."""
+    given = {name: p for name, p in known.parameters.items() if "." in name}
+    assert known.mass_kg is not None
+    if not any(name.startswith("thrust_") for name in given):
+        given["thrust_quadratic.k_n_s2"] = _thrust(known, radius_m, density_kg_m3)
+    if "rotor_yaw_torque.torque_n_m_s2" not in given and "thrust_quadratic.k_n_s2" in given:
+        given["rotor_yaw_torque.torque_n_m_s2"] = _yaw_torque(
+            given["thrust_quadratic.k_n_s2"], known.yaw_torque_to_thrust_m, radius_m, density_kg_m3
+        )
+    lag = "default: typical of propellers of 5 inches; larger ones are slower"
+    for name in ("motor_lag.rise_s", "motor_lag.fall_s"):
+        given.setdefault(name, Parameter(0.03, 0.015, "s", lag))
+    return given
+
+
+def _thrust(known: Known, radius_m: float, density_kg_m3: float) -> Parameter:
+    assert known.mass_kg is not None
+    if known.hover_rad_s is not None:
+        k = known.mass_kg.value * GRAVITY_M_S2 / (4.0 * known.hover_rad_s**2)
+        source = f"estimated: weight over four times the square of the hover speed, {known.hover_rad_s:.0f} rad/s"
+        return Parameter(_short(k), _short(0.1 * k, 2), "N s2", source)
+    diameter = (2.0 * radius_m) ** 4
+    k, std = (c * density_kg_m3 * diameter / (4.0 * np.pi**2) for c in (THRUST_NUMBER, THRUST_NUMBER_STD))
+    source = (
+        f"estimated: C_T rho D^4 / (4 pi^2), C_T = {THRUST_NUMBER} +- {THRUST_NUMBER_STD} at rest (Brandt, Selig 2011)"
+    )
+    return Parameter(_short(k), _short(std, 2), "N s2", source + "; --hover-rpm gives a better one")
+
+
+def _yaw_torque(thrust: Parameter, ratio_m: float | None, radius_m: float, density_kg_m3: float) -> Parameter:
+    k = thrust.value
+    if ratio_m is not None:
+        source = f"given ratio of torque to thrust, {ratio_m:g} m, times thrust_quadratic"
+        return Parameter(_short(ratio_m * k), _short(ratio_m * (0.2 * k + thrust.std), 2), "N m s2", source)
+    ideal = k * float(np.sqrt(k / (2.0 * density_kg_m3 * np.pi * radius_m**2)))
+    share = float(np.hypot(1.5 * thrust.std / k, FIGURE_OF_MERIT_STD / FIGURE_OF_MERIT)) if k > 0.0 else 1.0
+    value = ideal / FIGURE_OF_MERIT
+    source = f"estimated: momentum theory, figure of merit {FIGURE_OF_MERIT} +- {FIGURE_OF_MERIT_STD} (Leishman 2006)"
+    return Parameter(_short(value), _short(share * value, 2), "N m s2", source)
+
+
+def _hover_speed(mass_kg: float, acting: Mapping[str, Parameter], given_rad_s: float | None) -> float | None:
+    """None where the thrust law is not the plain square of rotor speed."""
+    k = acting.get("thrust_quadratic.k_n_s2")
+    if given_rad_s is not None or k is None or k.value <= 0.0:
+        return given_rad_s
+    return float(np.sqrt(mass_kg * GRAVITY_M_S2 / (4.0 * k.value)))
+
+
+def _limits(known: Known, hover_rad_s: float | None) -> Limits:
+    """Gentle limits for first flights; rotor speeds as known, else from hover and a usual ratio of thrust to weight."""
+    gentle = Limits(speed_m_s=3.0, acceleration_m_s2=4.0, tilt_rad=0.5, rate_rad_s=4.0, yaw_rate_rad_s=1.5)
+    usual_max = gentle.rotor_speed_max_rad_s if hover_rad_s is None else float(np.sqrt(THRUST_TO_WEIGHT)) * hover_rad_s
+    usual_min = gentle.rotor_speed_min_rad_s if hover_rad_s is None else 0.2 * hover_rad_s
+    fastest = known.rotor_speed_max_rad_s or _short(usual_max)
+    if hover_rad_s is not None and fastest <= hover_rad_s:
+        raise InputError(
+            f"at its fastest rotor speed, {fastest:.0f} rad/s ({fastest * 30 / np.pi:.0f} rpm), it does not lift its "
+            f"weight: hover takes {hover_rad_s:.0f} rad/s with this mass and thrust; check all three"
+        )
+    slowest = known.rotor_speed_min_rad_s if known.rotor_speed_min_rad_s is not None else _short(usual_min)
+    return Limits(
+        gentle.speed_m_s,
+        gentle.acceleration_m_s2,
+        gentle.tilt_rad,
+        gentle.rate_rad_s,
+        gentle.yaw_rate_rad_s,
+        rotor_speed_min_rad_s=min(slowest, 0.5 * fastest),
+        rotor_speed_max_rad_s=fastest,
+    )
+
+
+def _short(value: float, digits: int = 4) -> float:
+    """Rounded: an estimate with 17 digits reads as if it were known."""
+    return float(f"{value:.{digits}g}")

@@ -1,0 +1,78 @@
+"""A JSON schema of the vehicle file, for editors that complete and check TOML (Even Better TOML, taplo)."""
+
+from dataclasses import fields
+from typing import Any
+
+from vehicle import effects as registry
+from vehicle.effects.base import Spec
+from vehicle.files import FORMAT, VERSION
+from vehicle.model import BODY
+from vehicle.parameters import Limits
+
+
+def schema() -> dict[str, Any]:
+    """The schema, with every effect of the catalogue; effects of the user's own are let through."""
+    effects = {
+        name: _table({s.name: _parameter(s) for s in effect.parameters}, effect.law, all_required=True)
+        for name, effect in registry.catalogue().items()
+    }
+    position = {"type": "array", "minItems": 3, "maxItems": 3, "items": {"type": "number"}}
+    rotors = {
+        "position_body_m": {
+            "description": "Hubs from the centre of mass, body axes: x forward, y left, z up; metres.",
+            **_four(position),
+        },
+        "spin": {"description": "1 counter-clockwise seen from above, -1 clockwise.", **_four({"enum": [1, -1]})},
+    }
+    body = _table({s.name: _parameter(s) for s in BODY}, "What every vehicle has.") | {"required": ["mass_kg"]}
+    return {
+        "$schema": "http://json-schema.org/draft-07/schema#",
+        "title": "Goshawk vehicle file",
+        "type": "object",
+        "required": ["format", "version", "name", "effects", "rotors", "body"],
+        "properties": {
+            "format": {"const": FORMAT},
+            "version": {"type": "integer", "minimum": 1, "maximum": VERSION},
+            "name": {"type": "string", "minLength": 1},
+            "effects": {
+                "description": "The laws the model is made of, in the order in which they act.",
+                "type": "array",
+                "uniqueItems": True,
+                "items": {"anyOf": [{"enum": sorted(effects)}, {"type": "string"}]},
+            },
+            "effect_files": {"type": "array", "items": {"type": "string"}},
+            "rotors": _table(rotors, "Four rotors.", all_required=True),
+            "body": body,
+            "effect": {"type": "object", "properties": effects},
+            "limits": _table(
+                {f.name: {"type": "number", "minimum": 0.0} for f in fields(Limits)},
+                "What the planner may ask of the vehicle.",
+            ),
+            "provenance": {"type": "object"},
+        },
+    }
+
+
+def _parameter(spec: Spec) -> dict[str, Any]:
+    low, high = spec.bounds
+    return {
+        "type": "object",
+        "required": ["value", "unit"],
+        "additionalProperties": False,
+        "description": f"in {spec.unit}, from {low:g} to {high:g}",
+        "properties": {
+            "value": {"type": "number", "minimum": low, "maximum": high},
+            "std": {"type": "number", "minimum": 0.0, "description": "standard deviation; 0 = taken as exact"},
+            "unit": {"const": spec.unit},
+            "source": {"type": "string", "description": "where the value came from"},
+        },
+    }
+
+
+def _table(properties: dict[str, Any], words: str, *, all_required: bool = False) -> dict[str, Any]:
+    table = {"type": "object", "description": words, "additionalProperties": False, "properties": properties}
+    return table | {"required": list(properties)} if all_required else table
+
+
+def _four(item: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "array", "minItems": 4, "maxItems": 4, "items": item}
