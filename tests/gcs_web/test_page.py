@@ -71,6 +71,11 @@ def page(station: GroundStation, browser):
     opened = context.new_page()
     opened.goto(station.url)
     wait(lambda: len(station.server.get_clients()) == 1, "the browser")
+    for index, position in enumerate(WAYPOINTS):  # each test begins with the same plan, whatever ran before it
+        station.session.move(index, position)
+    station.session.request_plan()
+    wait(lambda: settled(station), "a plan")
+    assert station.session.state()["plan"], station.session.state()
     yield opened
     context.close()
     wait(lambda: not station.server.get_clients(), "the browser's leave")
@@ -117,8 +122,6 @@ def settled(station: GroundStation) -> bool:
 
 
 def test_a_dragged_waypoint_is_planned_anew_and_undo_brings_it_back(station, page, tmp_path):
-    station.session.request_plan()
-    wait(lambda: station.session.state()["plan"])
     before = station.session.state()
     assert before["plan"]["checked"]
 
@@ -152,7 +155,6 @@ def test_a_waypoint_in_a_pillar_is_refused_in_words(station, page):
 
 
 def test_saving_writes_a_checked_trajectory(station, page):
-    wait(lambda: station.session.state()["plan"])
     page.get_by_role("button", name="Save").click()
     path = station.session.project.trajectory("plan")
     wait(path.exists)
@@ -164,7 +166,6 @@ def test_saving_writes_a_checked_trajectory(station, page):
 
 
 def test_an_upload_is_shown_first_then_done_and_the_vehicle_is_drawn(station, page):
-    wait(lambda: station.session.state()["plan"])
     page.get_by_role("button", name="Upload ...").click()
     page.get_by_text("It replaces what the vehicle holds").wait_for()
     assert "holds no trajectory" in station.watch.describe()

@@ -106,10 +106,10 @@ def test_what_the_vehicles_own_checks_refuse_is_said_with_the_segment_and_what_i
 
 def test_the_proved_clearance_travels_with_the_plan(serve, dial, plans):
     link = dial(serve())
-    file = dataclasses.replace(plans.file(3), check={"passed": True, "clearance_m": 0.35})
+    file = dataclasses.replace(plans.file(3), check={"passed": True, "clearance_m": 0.5, "body_radius_m": 0.15})
     link.upload(file)
     held = link.read_back()
-    assert held.clearance_m == np.float32(0.35)
+    assert held.clearance_m == pytest.approx(0.35)
     assert held.crc32 == wire.plan_from_file(file).crc32 != wire.plan_from_file(plans.file(3)).crc32
 
 
