@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from sysid.flight_data import Flight
-from sysid.problem import Noise
-from sysid.states import States
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.problem import Noise
+from sysid.estimator.states import States
 from vehicle import Vehicle
 
 GRAVITY = 9.80665

@@ -19,8 +19,8 @@ import rotorpy_flights
 import sysid
 import vehicle
 from flight import FlightLog
-from sysid import identification, problem
-from sysid import model as sysid_model
+from sysid.estimator import identification, problem
+from sysid.estimator import model as sysid_model
 
 KINDS = ("vertical", "horizontal", "rotation")
 COVERAGE_CAMPAIGNS = 60

@@ -12,8 +12,8 @@ import numpy as np
 
 import vehicle
 from flight import FlightLog
-from sysid import drawing
-from sysid.diagnosis import diagnose, figures
+from sysid.diagnosis import diagnose
+from sysid.report import diagnosis_figures, drawing
 from vehicle import flights, manoeuvres
 from vehicle.simulate import Wind
 
@@ -46,7 +46,7 @@ def main() -> None:
         error_mm = 1e3 * step.position_m["0.5 s"]
         print(f"  {step.model}: {error_mm:.1f} mm off after 0.5 s, on flights that were not used")
     OUT.mkdir(parents=True, exist_ok=True)
-    print(f"picture: {drawing.written(figures.staircase(found), OUT / 'error_falls.svg')}")
+    print(f"picture: {drawing.written(diagnosis_figures.staircase(found), OUT / 'error_falls.svg')}")
 
 
 if __name__ == "__main__":

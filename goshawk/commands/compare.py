@@ -9,7 +9,7 @@ import vehicle
 from flight import InputError
 from goshawk import console, outputs
 from goshawk.flights import load
-from sysid.comparison import HORIZONS_S
+from sysid.estimator.comparison import HORIZONS_S
 
 
 @click.command()

@@ -11,8 +11,9 @@ from flight import FlightLog, InputError, file_format
 from goshawk import console, outputs, what_next
 from goshawk.flights import load
 from goshawk.what_next import Asked
-from sysid.diagnosis import Diagnosis, Size, SuspectFinding, diagnose, figures, report
-from sysid.verdict import Use
+from sysid.diagnosis import Diagnosis, Size, SuspectFinding, diagnose
+from sysid.estimator.verdict import Use
+from sysid.report import diagnosis_figures, diagnosis_page
 
 
 @click.command()
@@ -124,11 +125,11 @@ def _write(
         outputs.write_vehicle(out, found.vehicle, "diagnose", effect=" + ".join(found.additions), overwrite=overwrite)
     if report_file is not None:
         with outputs.file(report_file, overwrite=overwrite) as temporary:
-            report.write(temporary, found, further=further)
+            diagnosis_page.write(temporary, found, further=further)
     placed: list[str] = []
     if plots is not None:
         with outputs.pictures(plots, overwrite=overwrite) as drawn:
-            placed = [str(drawn.placed(figure)) for figure in figures.write(found, drawn.temporary)]
+            placed = [str(drawn.placed(figure)) for figure in diagnosis_figures.write(found, drawn.temporary)]
     return {"written": out and str(out), "report": report_file and str(report_file), "figures": placed}
 
 

@@ -7,16 +7,17 @@ import numpy as np
 
 from flight import InputError
 from flight.rotations import FloatArray
-from sysid import drive, dynamics
-from sysid.chain import Rows
 from sysid.diagnosis.evidence import block_edges
-from sysid.flight_data import Flight
-from sysid.identification import start
-from sysid.model import along
-from sysid.problem import Noise, Point, Unknowns
-from sysid.sensors import PoseSensor
-from sysid.solver import linearised, total_cost
-from sysid.states import States
+from sysid.estimator import drive
+from sysid.estimator.chain import Rows
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.identification import start
+from sysid.estimator.midpoint import middle
+from sysid.estimator.model import along
+from sysid.estimator.problem import Noise, Point, Unknowns
+from sysid.estimator.sensors import PoseSensor
+from sysid.estimator.solver import linearised, total_cost
+from sysid.estimator.states import States
 from vehicle import Vehicle
 
 MOST_STEPS = 30
@@ -108,7 +109,7 @@ class Judge:
             self.costs(before)
         total = 0.0
         for flight, states in zip(self._flights, self._states or (), strict=True):
-            mid = dynamics.middle(flight, states)
+            mid = middle(flight, states)
             first, second = (along(v, drive.driven(flight, v), mid) for v in (before, after))
             total += 0.5 * float((mid.step_s * ((first - second) / self._noise.process) ** 2).sum())
         return total

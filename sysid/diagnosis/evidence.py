@@ -16,16 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flight.rotations import FloatArray
-from sysid import drive, dynamics, problem
-from sysid.chain import Factor, eliminate
 from sysid.diagnosis import free_form, suspects
 from sysid.diagnosis.free_form import Curve
 from sysid.diagnosis.suspects import LineUp
-from sysid.flight_data import Flight, IndexArray
-from sysid.parallel import each
-from sysid.problem import Noise, Point, Unknowns
-from sysid.sensors import SENSOR_NAMES
-from sysid.states import States
+from sysid.estimator import drive, problem
+from sysid.estimator.chain import Factor, eliminate
+from sysid.estimator.flight_data import Flight, IndexArray
+from sysid.estimator.midpoint import middle
+from sysid.estimator.parallel import each
+from sysid.estimator.problem import Noise, Point, Unknowns
+from sysid.estimator.sensors import SENSOR_NAMES
+from sysid.estimator.states import States
 
 BLOCK_S = 3.0
 """Errors (gusts above all) are taken as independent between blocks of this length."""
@@ -134,7 +135,7 @@ class _Projected:
         states = point.states[0]
         self._flight, self._noise = drive.driven(flight, point.vehicle), noise
         rows = problem.linearise(flight, states, point, unknowns, noise, False)
-        self._mid = dynamics.middle(flight, states)
+        self._mid = middle(flight, states)
         eliminated = eliminate(rows)
         self._factor = eliminated.factor
         columns = rows.freed(eliminated.sensitivity())

@@ -14,9 +14,9 @@ from sysid.diagnosis.load import Load
 from sysid.diagnosis.score import CLEAR_LEAD, Loss, Score, inverse_of, loss_without, score
 from sysid.diagnosis.suspects import LineUp, Suspect, line_up
 from sysid.diagnosis.weigh import Candidate, Scales
-from sysid.flight_data import Flight
-from sysid.model import PAYLOAD
-from sysid.result import CHANNELS, Identification
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.result import CHANNELS, Identification
+from sysid.logs.payload import PAYLOAD
 
 logger = logging.getLogger(__name__)
 

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from flight.rotations import FloatArray
-from sysid.comparison import SPAN_S, Residual, means_over
 from sysid.diagnosis.free_form import VARIABLES, Curve, Variable, curves_of
-from sysid.flight_data import IndexArray
+from sysid.estimator.comparison import SPAN_S, Residual, means_over
+from sysid.estimator.flight_data import IndexArray
 
 BLOCK_S = 3.0
 """Of a single flight, stretches of this length are left out together."""

@@ -15,7 +15,8 @@ from flight import FlightLog
 from flight.rotations import FloatArray
 from sysid.diagnosis.evidence import Blocks, Evidence
 from sysid.diagnosis.score import CLEAR_LEAD, Score, score
-from sysid.flight_data import PAYLOAD_CARRIED, Flight, IndexArray
+from sysid.estimator.flight_data import Flight, IndexArray
+from sysid.logs.payload import PAYLOAD_CARRIED
 
 logger = logging.getLogger(__name__)
 

@@ -21,8 +21,8 @@ from sysid.diagnosis.procedure import NODE_RATE_HZ, VISIBLE_SIGMAS, Diagnosis
 from sysid.diagnosis.rehearsal import Rehearsal, Room, fitted_into, rehearse, waypoints_of
 from sysid.diagnosis.score import inverse_of
 from sysid.diagnosis.suspects import Suspect
-from sysid.model import PAYLOAD
-from sysid.problem import Unknowns
+from sysid.estimator.problem import Unknowns
+from sysid.logs.payload import PAYLOAD
 from vehicle import effects, manoeuvres
 from vehicle.effects.base import Effect
 

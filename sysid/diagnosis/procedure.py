@@ -8,7 +8,6 @@ import numpy as np
 from scipy.stats import norm
 
 from flight import FlightLog, InputError, Progress, silent
-from sysid.comparison import HORIZONS_S, Comparison, compare
 from sysid.diagnosis import load, traces
 from sysid.diagnosis.examined import CHANCE, LEAST_SIZE, MOST_CONFIDENCE, Model, Outside
 from sysid.diagnosis.findings import SCHEMA_VERSION, Attempt, OutsideFinding, Size, Stair, SuspectFinding
@@ -16,11 +15,12 @@ from sysid.diagnosis.free_form import VARIABLE
 from sysid.diagnosis.score import Score
 from sysid.diagnosis.search import Search, Trial, search
 from sysid.diagnosis.suspects import Suspect
-from sysid.flight_data import carries_payload, prepare
-from sysid.identification import identify
-from sysid.model import PAYLOAD
-from sysid.options import Options
-from sysid.verdict import Verdict
+from sysid.estimator.comparison import HORIZONS_S, Comparison, compare
+from sysid.estimator.flight_data import prepare
+from sysid.estimator.identification import identify
+from sysid.estimator.options import Options
+from sysid.estimator.verdict import Verdict
+from sysid.logs.payload import PAYLOAD, carries_payload
 from vehicle import Vehicle, effects, rigid_body
 
 NODE_RATE_HZ = 100.0

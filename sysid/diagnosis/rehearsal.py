@@ -7,10 +7,10 @@ import numpy as np
 
 from flight import FlightLog, FloatArray, InfeasibleError, InputError, Trajectory, Waypoints, rotations
 from flight.flight_log import COLUMNS
-from sysid.flight_data import Flight, prepare
-from sysid.options import Options
-from sysid.result import Identification
-from sysid.states import GUST, States
+from sysid.estimator.flight_data import Flight, prepare
+from sysid.estimator.options import Options
+from sysid.estimator.result import Identification
+from sysid.estimator.states import GUST, States
 from vehicle import Vehicle, flatness, flights
 
 LEAST_FLOOR_M = 0.5

@@ -8,7 +8,7 @@ from scipy.stats import f as f_distribution
 
 from flight.rotations import FloatArray
 from sysid.diagnosis.evidence import Blocks
-from sysid.flight_data import IndexArray
+from sysid.estimator.flight_data import IndexArray
 
 CLEAR_LEAD = 3.0
 """Log odds from which on one explanation is clearly better than another."""

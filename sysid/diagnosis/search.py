@@ -28,11 +28,11 @@ from sysid.diagnosis.examined import (
 from sysid.diagnosis.score import CLEAR_LEAD
 from sysid.diagnosis.suspects import Suspect
 from sysid.diagnosis.weigh import Candidate, Scales
-from sysid.flight_data import Flight
-from sysid.identification import identify
-from sysid.model import PAYLOAD
-from sysid.options import Options
-from sysid.result import Identification
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.identification import identify
+from sysid.estimator.options import Options
+from sysid.estimator.result import Identification
+from sysid.logs.payload import PAYLOAD
 from vehicle import Vehicle, effects
 
 logger = logging.getLogger(__name__)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight import InputError
-from sysid.flight_data import Flight
-from sysid.model import PAYLOAD
+from sysid.estimator.flight_data import Flight
+from sysid.logs.payload import PAYLOAD
 from vehicle import Vehicle, effects
 from vehicle.effects.base import Effect, Spec, Stage
 

@@ -6,10 +6,11 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from flight.rotations import FloatArray
-from sysid import drive, dynamics
 from sysid.diagnosis.examined import Model, reproduced
 from sysid.diagnosis.suspects import Suspect
-from sysid.model import slopes_along
+from sysid.estimator import drive
+from sysid.estimator.midpoint import middle
+from sysid.estimator.model import slopes_along
 
 HORIZON_S = 0.5
 TURN_ERROR = 9.80665 * HORIZON_S**4 / 24.0
@@ -31,7 +32,7 @@ def prediction_error_m(model: Model, sized: Sequence[tuple[Suspect, FloatArray]]
     squares, count = {suspect.name: 0.0 for suspect, _ in sized}, 0
     for flight, states in zip(model.flights, model.fit.solution.point.states, strict=True):
         flight = drive.driven(flight, model.line_up.vehicle)
-        mid = dynamics.middle(flight, states)
+        mid = middle(flight, states)
         slopes = slopes_along(model.line_up.vehicle, names, flight, mid).parameters
         window = max(1, round(HORIZON_S / float(np.median(flight.step_s))))
         count += len(slopes)

@@ -16,7 +16,7 @@ from sysid.diagnosis.confirm import Fall, Judge
 from sysid.diagnosis.evidence import Evidence
 from sysid.diagnosis.score import score
 from sysid.diagnosis.suspects import Suspect
-from sysid.result import Identification
+from sysid.estimator.result import Identification
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight.rotations import FloatArray
-from sysid.flight_data import Flight
-from sysid.solver import Solution, block_scores, covariance_of
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.solver import Solution, block_scores, covariance_of
 
 SURE_SIGMA = 5.0
 """A flight is odd when some parameter would move by more than this many standard errors without it ..."""

@@ -8,16 +8,16 @@ import numpy as np
 
 from flight import FlightLog, InputError, Progress, rotations, silent
 from flight.rotations import FloatArray
-from sysid import drive, dynamics
-from sysid.dynamics import Middle
-from sysid.flight_data import Flight, prepare
-from sysid.identification import smooth
-from sysid.model import as_flown
-from sysid.options import Options
-from sysid.prediction import predict
-from sysid.result import CHANNELS, LARGE_FORCE_M_S2, LARGE_TORQUE_RAD_S2
-from sysid.sensors import PoseSensor
-from sysid.states import States
+from sysid.estimator import drive, dynamics
+from sysid.estimator.flight_data import Flight, prepare
+from sysid.estimator.identification import smooth
+from sysid.estimator.midpoint import Middle, middle
+from sysid.estimator.options import Options
+from sysid.estimator.prediction import predict
+from sysid.estimator.result import CHANNELS, LARGE_FORCE_M_S2, LARGE_TORQUE_RAD_S2
+from sysid.estimator.sensors import PoseSensor
+from sysid.estimator.states import States
+from sysid.logs.payload import as_flown
 from vehicle import Vehicle, rigid_body
 
 SCHEMA_VERSION = 1
@@ -194,7 +194,7 @@ def residual(flight: Flight, states: States, vehicle: Vehicle, process: FloatArr
     Args:
         process: (6,) strength of the unmodelled acceleration, m/s2 and rad/s2 times root second.
     """
-    mid = dynamics.middle(flight, states)
+    mid = middle(flight, states)
     driven = drive.driven(flight, vehicle)
     left = dynamics.unexplained(driven, states, vehicle)
     body = rigid_body(as_flown(vehicle, flight.carries_payload))

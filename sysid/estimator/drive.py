@@ -8,7 +8,7 @@ import numpy as np
 
 from flight import InputError
 from flight.rotations import FloatArray
-from sysid.flight_data import Flight
+from sysid.estimator.flight_data import Flight
 from vehicle import Vehicle, effects
 from vehicle.effects.base import Drive
 

@@ -5,61 +5,19 @@ rotor speed of the interval. Only the wrench is differentiated by the vehicle; t
 Unmodelled acceleration is white noise in body axes, so a defect has the covariance of its integral over the interval.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from flight import rotations
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
 from sysid import _sysid
-from sysid.flight_data import Flight
-from sysid.model import along
-from sysid.states import GUST, MOTION, States
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.midpoint import Middle, middle
+from sysid.estimator.model import along
+from sysid.estimator.states import GUST, MOTION, States
 from vehicle import Jacobian, Vehicle
 
 GRAVITY_WORLD_M_S2 = np.array([0.0, 0.0, -GRAVITY_M_S2])
-
-
-@dataclass(frozen=True, slots=True)
-class Middle:
-    """What the model needs half-way through each interval."""
-
-    step_s: FloatArray
-    """(k, 1)."""
-    R_world_body: FloatArray
-    """(k, 3, 3)."""
-    turn_rad: FloatArray
-    """(k, 3) rotation vector from the state before to the state after."""
-    q_world_body: FloatArray
-    """(k, 4)."""
-    position_world_m: FloatArray
-    """(k, 3)."""
-    velocity_world_m_s: FloatArray
-    """(k, 3)."""
-    velocity_body_m_s: FloatArray
-    """(k, 3)."""
-    rate_body_rad_s: FloatArray
-    """(k, 3)."""
-
-
-def middle(flight: Flight, states: States) -> Middle:
-    """The mid-states of all intervals."""
-    q0, q1 = states.q_world_body[:-1], states.q_world_body[1:]
-    turn = rotations.log(rotations.multiply(rotations.conjugate(q0), q1))
-    q = rotations.multiply(q0, rotations.exp(0.5 * turn))
-    R = rotations.matrix(q)
-    velocity = 0.5 * (states.velocity_world_m_s[:-1] + states.velocity_world_m_s[1:])
-    return Middle(
-        step_s=flight.step_s[:, None],
-        R_world_body=R,
-        turn_rad=turn,
-        q_world_body=q,
-        position_world_m=0.5 * (states.position_world_m[:-1] + states.position_world_m[1:]),
-        velocity_world_m_s=velocity,
-        velocity_body_m_s=(velocity[:, None, :] @ R)[:, 0],
-        rate_body_rad_s=0.5 * (states.rate_body_rad_s[:-1] + states.rate_body_rad_s[1:]),
-    )
 
 
 def unexplained(flight: Flight, states: States, vehicle: Vehicle) -> FloatArray:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from flight import InputError
-from sysid.flight_data import Flight, rates_from_attitude
+from sysid.estimator.flight_data import Flight, rates_from_attitude
 
 LEAST_RATE_RAD_S = 0.1
 """Root mean square of the body rate below which inertias cannot show above rotor noise."""

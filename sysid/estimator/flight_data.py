@@ -8,8 +8,9 @@ from scipy.interpolate import CubicSpline
 
 from flight import FlightLog, InputError, rotations
 from flight.rotations import FloatArray
-from sysid import rotor_noise
-from sysid.options import Options
+from sysid.estimator import rotor_noise
+from sysid.estimator.options import Options
+from sysid.logs.payload import carries_payload
 
 IndexArray = NDArray[np.intp]
 
@@ -19,8 +20,6 @@ GAP_LEAST_S = 0.04
 """... and at least this long: single lost frames are harmless."""
 LEAD_IN_S = 0.3
 """Where only commands are known, this much is given to the rotors to reach the speed that nobody measured."""
-PAYLOAD_CARRIED = "payload_carried"
-"""Key of a log's metadata that says whether the payload was on board."""
 SLOWEST_S = 0.5
 """Samples further apart than this show no motion of a multirotor; the time is in another unit."""
 SHORTEST_S = 1.0
@@ -113,19 +112,6 @@ def prepare(log: FlightLog, index: int, options: Options) -> list[Flight]:
     source = _source(log, str(log.metadata.get("name", f"flight {index + 1}")))
     pieces = _split(log, source, options)
     return [_flight(log, piece, source, index, len(pieces), options) for piece in pieces]
-
-
-def carries_payload(log: FlightLog) -> bool | None:
-    """What the log's metadata say under `payload_carried`; None if nothing.
-
-    Raises:
-        InputError: something else than true or false.
-    """
-    said = log.metadata.get(PAYLOAD_CARRIED)
-    if said is not None and not isinstance(said, bool):
-        name = log.metadata.get("name", "the log")
-        raise InputError(f"{name}: {PAYLOAD_CARRIED} in its metadata is {said!r}; it must be true or false")
-    return said
 
 
 def _source(log: FlightLog, name: str) -> _Source:

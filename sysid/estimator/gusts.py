@@ -11,9 +11,10 @@ import numpy as np
 
 from flight import rotations
 from flight.rotations import FloatArray
-from sysid import drive, dynamics
-from sysid.flight_data import Flight
-from sysid.states import GUST, MOTION, States
+from sysid.estimator import drive, dynamics
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.midpoint import middle
+from sysid.estimator.states import GUST, MOTION, States
 from vehicle import Vehicle
 
 BIN_S = 0.1
@@ -82,7 +83,7 @@ def find(
 def _series(flight: Flight, states: States, vehicle: Vehicle) -> FloatArray:
     """(bins, 6) unexplained acceleration: force in world axes, turning in body axes."""
     left = dynamics.unexplained(drive.driven(flight, vehicle), states, vehicle)
-    world = rotations.rotate(dynamics.middle(flight, states).q_world_body, left[:, :3])
+    world = rotations.rotate(middle(flight, states).q_world_body, left[:, :3])
     bins = ((flight.time_s[:-1] - flight.time_s[0]) / BIN_S).astype(int)
     both = np.concatenate([world, left[:, 3:]], axis=1)
     count = np.maximum(np.bincount(bins), 1)

@@ -8,15 +8,16 @@ import numpy as np
 
 from flight import FlightLog, InputError, Progress, silent
 from flight.rotations import FloatArray
-from sysid import drive, dynamics, excitation, gusts
-from sysid.flight_data import Flight, prepare
-from sysid.model import PAYLOAD, chosen_names
-from sysid.options import Options
-from sysid.problem import Noise, Point, Unknowns, with_values
-from sysid.result import Identification, conclude
-from sysid.sensors import SENSOR_NAMES, PoseSensor
-from sysid.solver import LEAST_PROCESS, Prior, Solution, solve
-from sysid.states import GUST, first_guess
+from sysid.estimator import drive, dynamics, excitation, gusts
+from sysid.estimator.flight_data import Flight, prepare
+from sysid.estimator.model import chosen_names
+from sysid.estimator.options import Options
+from sysid.estimator.problem import Noise, Point, Unknowns, with_values
+from sysid.estimator.result import Identification, conclude
+from sysid.estimator.sensors import SENSOR_NAMES, PoseSensor
+from sysid.estimator.solver import LEAST_PROCESS, Prior, Solution, solve
+from sysid.estimator.states import GUST, first_guess
+from sysid.logs.payload import PAYLOAD
 from vehicle import Vehicle, specs
 
 logger = logging.getLogger(__name__)

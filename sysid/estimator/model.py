@@ -1,23 +1,19 @@
 """The vehicle seen by the estimator: which of its parameters flights can show, and its acceleration along a flight."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flight import InputError
 from flight.rotations import FloatArray
-from sysid import drive
-from sysid.drive import drive_parameters
-from sysid.flight_data import Flight
-from sysid.sensors import SENSOR_NAMES
+from sysid.estimator import drive
+from sysid.estimator.drive import drive_parameters
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.midpoint import Middle
+from sysid.estimator.sensors import SENSOR_NAMES
+from sysid.logs.payload import PAYLOAD, as_flown
 from vehicle import Jacobian, Surroundings, Vehicle, acceleration, acceleration_jacobian, effects
 
-if TYPE_CHECKING:
-    from sysid.dynamics import Middle
-
-PAYLOAD = "payload"
-"""The one effect that a flight may be without."""
 ALWAYS_HELD = ("mass_kg", "rotor_radius_m", "air_density_kg_m3")
 """Pose and rotor speed show forces only per mass, and thrust only per air density and disk area."""
 
@@ -53,13 +49,6 @@ def chosen_names(
     return tuple(name for name in wanted if name not in held)
 
 
-def as_flown(vehicle: Vehicle, carries_payload: bool | None) -> Vehicle:
-    """The vehicle of one flight: without its payload where that stayed behind."""
-    if carries_payload is not False or PAYLOAD not in vehicle.effects:
-        return vehicle
-    return vehicle.with_value(f"{PAYLOAD}.added_kg", 0.0)
-
-
 def surroundings(
     position_world_m: FloatArray, q_world_body: FloatArray, rotor_acceleration: FloatArray
 ) -> Surroundings:
@@ -72,7 +61,7 @@ def surroundings(
     )
 
 
-def along(vehicle: Vehicle, flight: Flight, mid: "Middle") -> FloatArray:
+def along(vehicle: Vehicle, flight: Flight, mid: Middle) -> FloatArray:
     """(k, 6) specific force and angular acceleration in body axes over each interval."""
     around = surroundings(mid.position_world_m, mid.q_world_body, flight.rotor_acceleration_rad_s2)
     vehicle = as_flown(vehicle, flight.carries_payload)
@@ -80,7 +69,7 @@ def along(vehicle: Vehicle, flight: Flight, mid: "Middle") -> FloatArray:
     return np.concatenate(both, axis=1)
 
 
-def slopes_along(vehicle: Vehicle, names: tuple[str, ...], flight: Flight, mid: "Middle") -> Jacobian:
+def slopes_along(vehicle: Vehicle, names: tuple[str, ...], flight: Flight, mid: Middle) -> Jacobian:
     """The same with derivatives by the state and by the named parameters."""
     around = surroundings(mid.position_world_m, mid.q_world_body, flight.rotor_acceleration_rad_s2)
     known = [name for name in names if not name.startswith(_drive_effects(vehicle))]

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
 
-from sysid.flight_data import Flight
+from sysid.estimator.flight_data import Flight
 from vehicle import Vehicle
 
 Result = TypeVar("Result")

@@ -6,10 +6,11 @@ import numpy as np
 
 from flight import rotations
 from flight.rotations import FloatArray
-from sysid.dynamics import GRAVITY_WORLD_M_S2
-from sysid.flight_data import Flight, IndexArray
-from sysid.model import as_flown, surroundings
-from sysid.states import States
+from sysid.estimator.dynamics import GRAVITY_WORLD_M_S2
+from sysid.estimator.flight_data import Flight, IndexArray
+from sysid.estimator.model import surroundings
+from sysid.estimator.states import States
+from sysid.logs.payload import as_flown
 from vehicle import Vehicle, acceleration
 
 

@@ -5,13 +5,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from flight.rotations import FloatArray
-from sysid import drive, dynamics, gusts, sensors
-from sysid.chain import Rows
-from sysid.flight_data import Flight
-from sysid.gusts import Gusts
-from sysid.model import along, slopes_along
-from sysid.sensors import SENSOR_NAMES, PoseSensor, SensorNoise
-from sysid.states import GUST, States
+from sysid.estimator import drive, dynamics, gusts, sensors
+from sysid.estimator.chain import Rows
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.gusts import Gusts
+from sysid.estimator.midpoint import Middle, middle
+from sysid.estimator.model import along, slopes_along
+from sysid.estimator.sensors import SENSOR_NAMES, PoseSensor, SensorNoise
+from sysid.estimator.states import GUST, States
 from vehicle import Parameter, Vehicle, specs
 
 
@@ -108,7 +109,7 @@ def with_values(vehicle: Vehicle, names: tuple[str, ...], values: FloatArray) ->
 def linearise(flight: Flight, states: States, point: Point, unknowns: Unknowns, noise: Noise, robust: bool) -> Rows:
     """Whitened residual rows of one flight with all derivatives."""
     flight = drive.driven(flight, point.vehicle)
-    mid = dynamics.middle(flight, states)
+    mid = middle(flight, states)
     acceleration = slopes_along(point.vehicle, unknowns.model, flight, mid)
     defect = dynamics.defects(states, mid, acceleration.value)
     before, after, by_model = dynamics.defect_jacobians(states, mid, acceleration)
@@ -142,7 +143,7 @@ def linearise(flight: Flight, states: States, point: Point, unknowns: Unknowns, 
 
 
 def _force_rows(
-    flight: Flight, states: States, mid: dynamics.Middle, unknowns: Unknowns, bias: FloatArray, std: float
+    flight: Flight, states: States, mid: Middle, unknowns: Unknowns, bias: FloatArray, std: float
 ) -> tuple[FloatArray, ...]:
     """Whitened accelerometer residuals (k, 3) and their derivatives."""
     residual = dynamics.accelerometer(flight, states, mid, bias)
@@ -154,7 +155,7 @@ def _force_rows(
     return residual / std, _widened(before / std, states), _widened(after / std, states), border / std
 
 
-def _gust_rows(states: States, mid: dynamics.Middle, unknowns: Unknowns, of: Gusts) -> tuple[FloatArray, ...]:
+def _gust_rows(states: States, mid: Middle, unknowns: Unknowns, of: Gusts) -> tuple[FloatArray, ...]:
     """Whitened rows (k, 6) of the disturbance's own dynamics, and their derivatives."""
     assert states.gust is not None
     border = np.zeros((len(mid.step_s), GUST, unknowns.size))
@@ -180,7 +181,7 @@ def _sensor_border(by_sensor: FloatArray, flight: Flight, unknowns: Unknowns) ->
 def cost(flight: Flight, states: States, point: Point, noise: Noise, robust: bool) -> float:
     """Half the sum of squares of one flight's whitened residuals, without derivatives."""
     flight = drive.driven(flight, point.vehicle)
-    mid = dynamics.middle(flight, states)
+    mid = middle(flight, states)
     defect = dynamics.defects(states, mid, along(point.vehicle, flight, mid))
     (defect,) = dynamics.whiten(mid.step_s, noise.process, defect)
     bias = point.bias[flight.log_index]

@@ -7,14 +7,14 @@ import numpy as np
 from scipy.special import stdtrit
 
 from flight.rotations import FloatArray
-from sysid import verdict as verdicts
-from sysid.agreement import odd_flights
-from sysid.flight_data import Flight
-from sysid.options import Options
-from sysid.problem import Noise, Unknowns
-from sysid.sensors import SENSOR_NAMES
-from sysid.solver import Solution, robust_covariance
-from sysid.verdict import Verdict
+from sysid.estimator import verdict as verdicts
+from sysid.estimator.agreement import odd_flights
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.options import Options
+from sysid.estimator.problem import Noise, Unknowns
+from sysid.estimator.sensors import SENSOR_NAMES
+from sysid.estimator.solver import Solution, robust_covariance
+from sysid.estimator.verdict import Verdict
 from vehicle import Vehicle, specs
 
 NORMAL_90 = 1.6449

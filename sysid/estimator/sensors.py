@@ -6,8 +6,8 @@ import numpy as np
 
 from flight import rotations
 from flight.rotations import FloatArray
-from sysid.flight_data import Flight
-from sysid.states import States
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.states import States
 from vehicle import Vehicle
 
 DELAY = "pose_delay.delay_s"

@@ -8,13 +8,13 @@ import numpy as np
 
 from flight import InputError, Progress
 from flight.rotations import FloatArray
-from sysid.chain import Eliminated, Rows, eliminate
-from sysid.flight_data import Flight
-from sysid.gusts import LEAST_SIZE
-from sysid.parallel import each
-from sysid.problem import Noise, Point, Unknowns, cost, linearise
-from sysid.sensors import SensorNoise
-from sysid.states import States
+from sysid.estimator.chain import Eliminated, Rows, eliminate
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.gusts import LEAST_SIZE
+from sysid.estimator.parallel import each
+from sysid.estimator.problem import Noise, Point, Unknowns, cost, linearise
+from sysid.estimator.sensors import SensorNoise
+from sysid.estimator.states import States
 from vehicle import Vehicle, specs
 
 logger = logging.getLogger(__name__)

@@ -6,16 +6,17 @@ from dataclasses import replace
 import numpy as np
 
 from flight import FlightLog, InputError, Progress, silent
-from sysid import drive, dynamics
-from sysid.comparison import means_over
-from sysid.flight_data import prepare
-from sysid.identification import identify
-from sysid.model import chosen_names, model_parameters, slopes_along
-from sysid.options import Options
-from sysid.problem import with_values
-from sysid.result import Identification
-from sysid.sensors import PoseSensor
-from sysid.states import first_guess
+from sysid.estimator import drive, dynamics
+from sysid.estimator.comparison import means_over
+from sysid.estimator.flight_data import prepare
+from sysid.estimator.identification import identify
+from sysid.estimator.midpoint import middle
+from sysid.estimator.model import chosen_names, model_parameters, slopes_along
+from sysid.estimator.options import Options
+from sysid.estimator.problem import with_values
+from sysid.estimator.result import Identification
+from sysid.estimator.sensors import PoseSensor
+from sysid.estimator.states import first_guess
 from vehicle import Vehicle, effects, specs
 
 STAGES = ("vertical", "horizontal", "rotation")
@@ -74,7 +75,7 @@ def regress(logs: Sequence[FlightLog], vehicle: Vehicle, options: Options | None
     for _ in range(4):
         columns, left = [], []
         for flight, state in zip((drive.driven(f, vehicle) for f in flights), states, strict=True):
-            mid = dynamics.middle(flight, state)
+            mid = middle(flight, state)
             time_s = flight.time_s[:-1]
             slopes = slopes_along(vehicle, names, flight, mid).parameters
             flat = means_over(slopes.reshape(len(slopes), -1), time_s, 0.1)

@@ -7,7 +7,7 @@ from scipy.signal import savgol_filter
 
 from flight import rotations
 from flight.rotations import FloatArray
-from sysid.flight_data import Flight
+from sysid.estimator.flight_data import Flight
 
 MOTION = 12
 """Unknowns per node: position, velocity, rotation vector of the attitude error, body rate (3 each)."""

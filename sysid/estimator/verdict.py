@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from flight.rotations import FloatArray
-from sysid.flight_data import Flight
-from sysid.log_check import LogReport
+from sysid.estimator.flight_data import Flight
+from sysid.logs.check import LogReport
 from vehicle import Vehicle, wrench
 from vehicle.invert import open_air
 

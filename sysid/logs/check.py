@@ -8,8 +8,8 @@ import numpy as np
 from flight import FlightLog
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
-from sysid import log_consistency
-from sysid.log_finding import Finding, Repair, Span, error, warning
+from sysid.logs import consistency
+from sysid.logs.finding import Finding, Repair, Span, error, warning
 from vehicle import Vehicle
 
 FROZEN_S = 0.25
@@ -60,7 +60,7 @@ def check_log(log: FlightLog, vehicle: Vehicle | None = None) -> LogReport:
     """Look for faults in a log; with a vehicle, also for rotor order, spin and units that its motion contradicts."""
     step_s = np.diff(log.time_s)
     findings = [*_time_base(log), *_not_finite(log), *_jumps(log), *_frozen(log), *_saturated(log)]
-    findings += log_consistency.check(log, vehicle)
+    findings += consistency.check(log, vehicle)
     return LogReport(
         name=str(log.metadata.get("name", "log")),
         duration_s=float(log.time_s[-1] - log.time_s[0]) if len(log) else 0.0,

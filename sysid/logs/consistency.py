@@ -4,7 +4,7 @@ Everything is judged from the pose, smoothed on a uniform grid: its acceleration
 turning must be what the gyro reads, and the torque of the rotors must be what accelerates the turning.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
@@ -14,9 +14,8 @@ from flight import FlightLog, frames, rotations
 from flight.flight_log import COLUMNS
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
-from sysid.flight_data import carries_payload
-from sysid.log_finding import Finding, Repair, error, warning
-from sysid.model import as_flown, surroundings
+from sysid.logs.finding import Finding, Repair, error, warning
+from sysid.logs.payload import as_flown, carries_payload
 from vehicle import Vehicle, acceleration, wrench
 from vehicle.invert import open_air
 
@@ -396,7 +395,7 @@ def _turning_by_rotors(speed: FloatArray, motion: Kinematics, vehicle: Vehicle) 
     """(n, 3) angular acceleration the rotors alone make, and what the model adds for speed and turning."""
     rest = np.zeros((len(speed), 3))
     air = rotations.rotate(rotations.conjugate(motion.q), motion.velocity_world_m_s)
-    around = surroundings(np.full((len(speed), 3), np.inf), motion.q, np.zeros((len(speed), 4)))
+    around = replace(open_air(len(speed)), q_world_body=motion.q)
     driven = acceleration(vehicle, rest, rest, speed, around)[1]
     return driven, acceleration(vehicle, air, motion.rate_body_rad_s, speed, around)[1] - driven
 

@@ -14,7 +14,7 @@ import numpy as np
 from flight import FormatError, InputError
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
-from sysid.read_csv import FORMAT, SEPARATORS, VERSION, header_names
+from sysid.logs.read_csv import FORMAT, SEPARATORS, VERSION, header_names
 
 ROWS = 20_000
 """Rows that are looked at."""

@@ -9,7 +9,7 @@ Span = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Repair:
-    """A change of some columns of a log, as a fix proposes it; `sysid.log_fix` carries it out."""
+    """A change of some columns of a log, as a fix proposes it; `sysid.logs.fix` carries it out."""
 
     action: Literal["scale", "flip", "conjugate", "quaternion order", "rotor order", "shift", "blank", "drop"]
     """`flip`: between z up and z down; `shift`: of time stamps; `blank`: not sampled within `spans`."""

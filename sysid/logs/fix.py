@@ -11,9 +11,9 @@ import numpy as np
 from flight import FlightLog, InputError, frames, rotations
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
-from sysid.log_check import check_log
-from sysid.log_finding import Finding, Repair
-from sysid.streams import shifted
+from sysid.logs.check import check_log
+from sysid.logs.finding import Finding, Repair
+from sysid.logs.streams import shifted
 from vehicle import Vehicle
 
 MOST_FIXES = 40

@@ -10,8 +10,8 @@ import numpy as np
 from flight import FlightLog, FormatError, InputError, file_format, frames
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
-from sysid.read_csv import UNITS, table_of
-from sysid.streams import Stream, interpolated, joined
+from sysid.logs.read_csv import UNITS, table_of
+from sysid.logs.streams import Stream, interpolated, joined
 
 FORMAT = "goshawk-bag-map"
 VERSION = 1

@@ -15,7 +15,7 @@ import numpy as np
 from flight import FlightLog, FormatError, InputError, file_format, frames, rotations
 from flight.flight_log import COLUMNS, from_vectors
 from flight.rotations import FloatArray
-from sysid.streams import shifted
+from sysid.logs.streams import shifted
 
 FORMAT = "goshawk-csv-map"
 VERSION = 1

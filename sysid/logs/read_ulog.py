@@ -8,7 +8,7 @@ import numpy as np
 from flight import FlightLog, FormatError, InputError, frames, rotations
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
-from sysid.streams import interpolated, joined
+from sysid.logs.streams import interpolated, joined
 
 RPM = 2.0 * np.pi / 60.0
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from flight import FlightLog, FormatError, InputError, flight_log
-from sysid import read_bag, read_csv, read_ulog
+from sysid.logs import read_bag, read_csv, read_ulog
 
 
 def read_log(path: Path, column_map: Path | None = None) -> FlightLog:

@@ -7,15 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flight.rotations import FloatArray
-from sysid import drawing, drive, explained, residual_plots
-from sysid.comparison import SPAN_S, Residual, means_over, residual
+from sysid.diagnosis import explained
 from sysid.diagnosis.examined import Model, reproduced
 from sysid.diagnosis.findings import OutsideFinding
 from sysid.diagnosis.free_form import VARIABLE, along_axes
 from sysid.diagnosis.procedure import Diagnosis
 from sysid.diagnosis.suspects import Suspect
-from sysid.model import slopes_along
-from sysid.result import CHANNELS
+from sysid.estimator import drive
+from sysid.estimator.comparison import SPAN_S, Residual, means_over, residual
+from sysid.estimator.model import slopes_along
+from sysid.estimator.result import CHANNELS
+from sysid.report import drawing, residual_plots
 from vehicle import rigid_body
 
 if TYPE_CHECKING:

@@ -7,10 +7,10 @@ from html import escape
 from importlib.metadata import version
 from pathlib import Path
 
-from sysid.diagnosis import figures, report_tables, words
 from sysid.diagnosis.findings import OutsideFinding
 from sysid.diagnosis.procedure import Diagnosis
-from sysid.report import picture, write_page
+from sysid.report import diagnosis_figures, diagnosis_tables, words
+from sysid.report.pages import picture, write_page
 
 CAPTIONS = {
     "staircase": "Prediction error, model by model",
@@ -40,7 +40,7 @@ def write(path: Path, found: Diagnosis, *, further: Sequence[str] = ()) -> Path:
         further: what to type or fly now.
     """
     with tempfile.TemporaryDirectory() as folder:
-        drawn = figures.write(found, Path(folder))
+        drawn = diagnosis_figures.write(found, Path(folder))
         pictures = {p.stem: picture(p, CAPTIONS[p.stem.rstrip("0123456789").rstrip("_")]) for p in drawn}
     convicting = [drawn for name, drawn in pictures.items() if name.startswith(("outside", "suspect"))]
     parts = [
@@ -52,14 +52,14 @@ def write(path: Path, found: Diagnosis, *, further: Sequence[str] = ()) -> Path:
         pictures["residual_share"],
         pictures["residual_wrench"],
         "<h2>Suspects</h2>",
-        report_tables.suspects(found.suspects),
+        diagnosis_tables.suspects(found.suspects),
         "<h2>Look-alikes</h2>",
-        report_tables.look_alikes(found.suspects),
+        diagnosis_tables.look_alikes(found.suspects),
         pictures["look_alikes"],
         _unseen(found),
         _next(further),
         "<h2>The model now</h2>",
-        report_tables.parameters(found.vehicle.parameters),
+        diagnosis_tables.parameters(found.vehicle.parameters),
         _notes(found),
     ]
     return write_page(Path(path), f"Diagnosis of {found.base.name}", "".join(parts), STYLE)
@@ -80,7 +80,7 @@ def _head(found: Diagnosis) -> str:
 def _verdict(found: Diagnosis) -> str:
     sentence = found.verdict[0].upper() + found.verdict[1:]
     said = [f"<b>{escape(sentence)}.</b>", f"Confidence {found.confidence:.0%}."]
-    said += [report_tables.size_sentence(s) for s in found.suspects if s.verdict == "present"]
+    said += [diagnosis_tables.size_sentence(s) for s in found.suspects if s.verdict == "present"]
     if found.outside is not None:
         said.append(_curve_sentence(found.outside))
     said.append(_error_sentence(found))
@@ -94,10 +94,10 @@ def _curve_sentence(o: OutsideFinding) -> str:
     curve = o.acceleration * o.force_or_torque
     return (
         f"The {words.channel(o.channel)} ({o.channel}) follows {escape(words.variable(o.variable))} "
-        f"({escape(o.variable)}): from {report_tables.plain(float(curve.min()))} to "
-        f"{report_tables.plain(float(curve.max()))} {unit} over {o.at[0]:.3g} to {o.at[-1]:.3g} "
-        f"{report_tables.unit(o.variable_unit)}. Chance alone would do so with probability "
-        f"{report_tables.chance(o.significance)}."
+        f"({escape(o.variable)}): from {diagnosis_tables.plain(float(curve.min()))} to "
+        f"{diagnosis_tables.plain(float(curve.max()))} {unit} over {o.at[0]:.3g} to {o.at[-1]:.3g} "
+        f"{diagnosis_tables.unit(o.variable_unit)}. Chance alone would do so with probability "
+        f"{diagnosis_tables.chance(o.significance)}."
     )
 
 

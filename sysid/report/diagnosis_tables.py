@@ -6,7 +6,7 @@ from html import escape
 from math import floor, log10
 
 from sysid.diagnosis.findings import Size, SuspectFinding
-from sysid.report import table
+from sysid.report.pages import table
 from vehicle import Parameter
 
 PLAIN_DECADES = (-3, 4)

@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flight.rotations import FloatArray
-from sysid import drawing, drive, dynamics, sensors
-from sysid.comparison import means_over
-from sysid.flight_data import Flight
-from sysid.problem import Noise
-from sysid.result import Identification
-from sysid.solver import CONVERGED_SIGMA
-from sysid.states import States
+from sysid.estimator import drive, dynamics, sensors
+from sysid.estimator.comparison import means_over
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.midpoint import middle
+from sysid.estimator.problem import Noise
+from sysid.estimator.result import Identification
+from sysid.estimator.solver import CONVERGED_SIGMA
+from sysid.estimator.states import States
+from sysid.report import drawing
 from vehicle import rigid_body
 
 if TYPE_CHECKING:
@@ -154,7 +156,7 @@ def _left_over(result: Identification, flight: Flight, states: States) -> FloatA
 
 def _motion(result: Identification, flight: Flight, states: States) -> FloatArray:
     """(k, 6) force and torque (less the gyroscopic term) that the smoothed motion shows."""
-    return _means(result, flight, dynamics.rates_of_change(states, dynamics.middle(flight, states)))
+    return _means(result, flight, dynamics.rates_of_change(states, middle(flight, states)))
 
 
 def _means(result: Identification, flight: Flight, acceleration: FloatArray) -> FloatArray:

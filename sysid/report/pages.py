@@ -9,11 +9,12 @@ from importlib.metadata import version
 from pathlib import Path
 
 from flight import file_format
-from sysid import explained, plots, residual_plots
-from sysid.comparison import HORIZONS_S, QUANTITIES, Comparison
-from sysid.log_check import LogReport
-from sysid.result import Estimate, Identification, residual_statistics
-from sysid.verdict import Use
+from sysid.diagnosis import explained
+from sysid.estimator.comparison import HORIZONS_S, QUANTITIES, Comparison
+from sysid.estimator.result import Estimate, Identification, residual_statistics
+from sysid.estimator.verdict import Use
+from sysid.logs.check import LogReport
+from sysid.report import plots, residual_plots
 
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #2b2b2b; max-width: 1180px; margin: 2em auto; padding: 0 1em }

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sysid import drawing, residual_plots
-from sysid.comparison import HORIZONS_S, Comparison, means_over
-from sysid.fit_plots import identification, repeated
-from sysid.result import CHANNELS
+from sysid.estimator.comparison import HORIZONS_S, Comparison, means_over
+from sysid.estimator.result import CHANNELS
+from sysid.report import drawing, residual_plots
+from sysid.report.fit_plots import identification, repeated
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flight.rotations import FloatArray
-from sysid import drawing, explained
-from sysid.comparison import SPAN_S, Residual, means_over
+from sysid.diagnosis import explained
 from sysid.diagnosis.free_form import VARIABLE
-from sysid.result import CHANNELS
+from sysid.estimator.comparison import SPAN_S, Residual, means_over
+from sysid.estimator.result import CHANNELS
+from sysid.report import drawing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,8 +8,7 @@ import pytest
 
 import vehicle
 from flight import FlightLog, InputError
-from sysid import Options, dynamics, identify
-from sysid.chain import eliminate
+from sysid import Options, identify
 from sysid.diagnosis import diagnose, free_form, suspects
 from sysid.diagnosis.confirm import Judge
 from sysid.diagnosis.evidence import Blocks, Evidence, block_edges
@@ -18,6 +17,8 @@ from sysid.diagnosis.procedure import while_searching
 from sysid.diagnosis.score import loss_without, score
 from sysid.diagnosis.search import refit
 from sysid.diagnosis.suspects import line_up
+from sysid.estimator.chain import eliminate
+from sysid.estimator.midpoint import middle
 from tests.sysid import flying
 
 Extra = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -137,7 +138,7 @@ def test_curves_are_freed_of_what_the_states_can_do_in_every_block(channels):
     fit = identify(logs, vehicle.example(), Options(node_rate_hz=100.0, gusts="white"))
     evidence = Evidence(fit.flights, fit.solution.point, fit.noise, fit.unknowns, line_up(fit.vehicle, fit.flights))
     flight = fit.flights[0]
-    mid = dynamics.middle(flight, fit.solution.point.states[0])
+    mid = middle(flight, fit.solution.point.states[0])
     moved = {"M_y": {(10, 4): np.ones(len(mid.step_s))}}  # row of the defect, row of the process noise: share
     for axis, name in enumerate(("F_x_world", "F_y_world")):
         moved[name] = {(3 + i, i): mid.R_world_body[:, axis, i] for i in range(3)}

@@ -9,13 +9,15 @@ import pytest
 
 import vehicle
 from flight import FlightLog, InputError
-from sysid import Options, agreement, compare, identify
+from sysid import Options, compare, identify
 from sysid.diagnosis import diagnose, examined, load, procedure
 from sysid.diagnosis.evidence import Blocks, Evidence
 from sysid.diagnosis.procedure import while_searching
 from sysid.diagnosis.suspects import line_up
-from sysid.flight_data import PAYLOAD_CARRIED, Flight, prepare
-from sysid.problem import linearise
+from sysid.estimator import agreement
+from sysid.estimator.flight_data import Flight, prepare
+from sysid.estimator.problem import linearise
+from sysid.logs.payload import PAYLOAD_CARRIED
 from tests.sysid import flying
 
 LOAD_KG = 0.06

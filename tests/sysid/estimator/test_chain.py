@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flight import InputError
-from sysid import chain
+from sysid.estimator import chain
 
 
 def _random_chain(nodes: int, seed: int, size: int = 12) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -7,11 +7,12 @@ import pytest
 
 import vehicle
 from flight import rotations
-from sysid import dynamics, sensors
-from sysid.flight_data import Flight
-from sysid.model import along, slopes_along
-from sysid.sensors import PoseSensor
-from sysid.states import States
+from sysid.estimator import dynamics, sensors
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.midpoint import middle
+from sysid.estimator.model import along, slopes_along
+from sysid.estimator.sensors import PoseSensor
+from sysid.estimator.states import States
 
 NAMES = ("inertia_xx_kg_m2", "thrust_bem.k1_n_s2", "centre_of_mass.x_m", "parasitic_drag.drag_xy_kg_m")
 
@@ -43,13 +44,13 @@ def scene(request) -> tuple[Flight, States, vehicle.Vehicle]:
 
 
 def _defects(flight, states, model):
-    mid = dynamics.middle(flight, states)
+    mid = middle(flight, states)
     return dynamics.defects(states, mid, along(model, flight, mid))
 
 
 def test_defect_derivatives_match_finite_differences(scene):
     flight, states, model = scene
-    mid = dynamics.middle(flight, states)
+    mid = middle(flight, states)
     before, after, _ = dynamics.defect_jacobians(states, mid, slopes_along(model, NAMES, flight, mid))
     assert before.shape[2] == (12 if states.gust is None else 18)
     for column in range(before.shape[2]):
@@ -64,7 +65,7 @@ def test_defect_derivatives_match_finite_differences(scene):
 
 def test_parameter_columns_match_finite_differences(scene):
     flight, states, model = scene
-    mid = dynamics.middle(flight, states)
+    mid = middle(flight, states)
     _, _, border = dynamics.defect_jacobians(states, mid, slopes_along(model, NAMES, flight, mid))
     for j, name in enumerate(NAMES):
         step = 1e-5 * abs(model.value(name))
@@ -77,14 +78,14 @@ def test_parameter_columns_match_finite_differences(scene):
 
 def test_accelerometer_derivatives_match_finite_differences(scene):
     flight, states, _ = scene
-    before, after = dynamics.accelerometer_jacobians(states, dynamics.middle(flight, states))
+    before, after = dynamics.accelerometer_jacobians(states, middle(flight, states))
     step = 1e-6
     for column in range(12):
         for node, jacobian in ((0, before[0]), (1, after[0])):
             change = np.zeros((len(flight), 18))
             change[node, column] = step
             high, low = (
-                dynamics.accelerometer(flight, moved, dynamics.middle(flight, moved), np.zeros(3))[0]
+                dynamics.accelerometer(flight, moved, middle(flight, moved), np.zeros(3))[0]
                 for moved in (states.moved(change), states.moved(-change))
             )
             np.testing.assert_allclose(jacobian[:, column], (high - low) / (2.0 * step), rtol=4e-3, atol=0.2)

@@ -7,8 +7,8 @@ import pytest
 
 import sysid
 from flight import FlightLog
-from sysid import gusts
-from sysid.gusts import Gusts
+from sysid.estimator import gusts
+from sysid.estimator.gusts import Gusts
 
 GUSTY = {"gust": 0.3, "gust_torque": 1.0}
 """m/s2 and rad/s2, half a second long: a breeze of about 1 m/s."""

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sysid import solver
 from sysid.diagnosis.evidence import Blocks
 from sysid.diagnosis.score import score
+from sysid.estimator import solver
 
 
 def blocks(seed: int, count: int = 7, size: int = 3) -> Blocks:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from sysid import rotor_noise
+from sysid.estimator import rotor_noise
 
 RATE_HZ = 200.0
 MIX = 0.5 * np.array([[1, 1, 1, 1], [1, 1, -1, -1], [1, -1, -1, 1], [1, -1, 1, -1]], dtype=float)

@@ -4,7 +4,7 @@ import pytest
 
 import sysid
 from flight import InputError
-from sysid.stages import stage_of
+from sysid.estimator.stages import stage_of
 
 
 def test_three_stages_reach_the_truth_nearly(campaign, truth, wrong_start):

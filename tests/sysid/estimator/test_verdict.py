@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import vehicle
-from sysid.verdict import RPM, Use, Verdict, of_fit
+from sysid.estimator.verdict import RPM, Use, Verdict, of_fit
 from vehicle import Vehicle
 
 FREE = ("thrust_bem.k1_n_s2", "inertia_xx_kg_m2", "inertia_yy_kg_m2", "inertia_zz_kg_m2")

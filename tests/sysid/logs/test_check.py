@@ -7,7 +7,7 @@ import pytest
 
 import vehicle
 from flight import FlightLog, frames
-from sysid.log_check import check_log as check
+from sysid.logs.check import check_log as check
 from vehicle import flights as vehicle_flights
 from vehicle import manoeuvres
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flight import FormatError, InputError
-from sysid.reading import read_log
+from sysid.logs.reading import read_log
 
 HEAD = 'format = "goshawk-csv-map"\nversion = 1\n'
 T = np.arange(200) / 100.0

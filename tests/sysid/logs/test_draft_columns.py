@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flight import FormatError, InputError
-from sysid import draft_columns, read_csv
+from sysid.logs import draft_columns, read_csv
 
 T = np.arange(50) / 100.0
 

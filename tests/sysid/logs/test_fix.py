@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from flight import FlightLog, frames
-from sysid.log_check import check_log
-from sysid.log_fix import FIXES, fix
+from sysid.logs.check import check_log
+from sysid.logs.fix import FIXES, fix
 
 ROTORS = [f"rotor_speed_{i}_rad_s" for i in range(4)]
 RATES = [f"rate_body_{axis}_rad_s" for axis in "xyz"]

@@ -8,7 +8,7 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
 from flight import FormatError, InputError
-from sysid.reading import read_log
+from sysid.logs.reading import read_log
 
 MAP = """
 format = "goshawk-bag-map"

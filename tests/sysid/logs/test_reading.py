@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from flight import FlightLog, FormatError, InputError, flight_log, rotations
-from sysid.read_csv import from_roll_pitch_yaw
-from sysid.reading import read_log as read
+from sysid.logs.read_csv import from_roll_pitch_yaw
+from sysid.logs.reading import read_log as read
 
 MAP = """
 format = "goshawk-csv-map"

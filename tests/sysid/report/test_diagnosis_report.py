@@ -9,9 +9,10 @@ import pytest
 import sysid
 import vehicle
 from flight import FlightLog
-from sysid import explained, report, residual_plots
-from sysid.comparison import Comparison, Residual
-from sysid.result import CHANNELS
+from sysid.diagnosis import explained
+from sysid.estimator.comparison import Comparison, Residual
+from sysid.estimator.result import CHANNELS
+from sysid.report import residual_plots, write_comparison
 from tests.sysid import flying
 
 DAMPING = 0.002
@@ -110,7 +111,7 @@ def test_a_comparison_is_one_page_with_every_figure(compared, tmp_path):
     drawn = sysid.plots.comparison(compared, tmp_path / "p")
     names = {path.stem for path in drawn}
     assert names >= {"residual_wrench", "residual_share", "residual_against", "residual_path"}
-    page = report.write_comparison(tmp_path / "c.html", compared).read_text()
+    page = write_comparison(tmp_path / "c.html", compared).read_text()
     assert page.count("data:image/svg+xml") == len(drawn)
     assert "lacking" in page
     assert "src='http" not in page

@@ -2,10 +2,10 @@
 
 import pytest
 
-from sysid.diagnosis import words
 from sysid.diagnosis.free_form import VARIABLES
-from sysid.diagnosis.report_tables import chance, measured, plain, unit
-from sysid.result import CHANNELS
+from sysid.estimator.result import CHANNELS
+from sysid.report import words
+from sysid.report.diagnosis_tables import chance, measured, plain, unit
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,49 @@
+"""The motion half-way between neighbouring states, where the model is evaluated (implicit midpoint rule)."""
+
+from dataclasses import dataclass
+
+from flight import rotations
+from flight.rotations import FloatArray
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.states import States
+
+
+@dataclass(frozen=True, slots=True)
+class Middle:
+    """What the model needs half-way through each interval."""
+
+    step_s: FloatArray
+    """(k, 1)."""
+    R_world_body: FloatArray
+    """(k, 3, 3)."""
+    turn_rad: FloatArray
+    """(k, 3) rotation vector from the state before to the state after."""
+    q_world_body: FloatArray
+    """(k, 4)."""
+    position_world_m: FloatArray
+    """(k, 3)."""
+    velocity_world_m_s: FloatArray
+    """(k, 3)."""
+    velocity_body_m_s: FloatArray
+    """(k, 3)."""
+    rate_body_rad_s: FloatArray
+    """(k, 3)."""
+
+
+def middle(flight: Flight, states: States) -> Middle:
+    """The mid-states of all intervals."""
+    q0, q1 = states.q_world_body[:-1], states.q_world_body[1:]
+    turn = rotations.log(rotations.multiply(rotations.conjugate(q0), q1))
+    q = rotations.multiply(q0, rotations.exp(0.5 * turn))
+    R = rotations.matrix(q)
+    velocity = 0.5 * (states.velocity_world_m_s[:-1] + states.velocity_world_m_s[1:])
+    return Middle(
+        step_s=flight.step_s[:, None],
+        R_world_body=R,
+        turn_rad=turn,
+        q_world_body=q,
+        position_world_m=0.5 * (states.position_world_m[:-1] + states.position_world_m[1:]),
+        velocity_world_m_s=velocity,
+        velocity_body_m_s=(velocity[:, None, :] @ R)[:, 0],
+        rate_body_rad_s=0.5 * (states.rate_body_rad_s[:-1] + states.rate_body_rad_s[1:]),
+    )
