@@ -19,14 +19,17 @@ from flight.rotations import FloatArray
 from sysid.diagnosis import free_form, suspects
 from sysid.diagnosis.free_form import Curve
 from sysid.diagnosis.suspects import LineUp
-from sysid.estimator import drive, problem
+from sysid.estimator import problem
+from sysid.estimator.blocks import motor
+from sysid.estimator.blocks.motion import moved_by_acceleration
 from sysid.estimator.chain import Factor, eliminate
 from sysid.estimator.flight_data import Flight, IndexArray
 from sysid.estimator.midpoint import middle
+from sysid.estimator.noise import Noise
 from sysid.estimator.parallel import each
-from sysid.estimator.problem import Noise, Point, Unknowns
-from sysid.estimator.sensors import SENSOR_NAMES
+from sysid.estimator.problem import Point
 from sysid.estimator.states import States
+from sysid.estimator.unknowns import SENSOR_NAMES, Unknowns
 
 BLOCK_S = 3.0
 """Errors (gusts above all) are taken as independent between blocks of this length."""
@@ -133,7 +136,7 @@ class _Projected:
 
     def __init__(self, flight: Flight, point: Point, unknowns: Unknowns, noise: Noise) -> None:
         states = point.states[0]
-        self._flight, self._noise = drive.driven(flight, point.vehicle), noise
+        self._flight, self._noise = motor.driven(flight, point.vehicle), noise
         rows = problem.linearise(flight, states, point, unknowns, noise, False)
         self._mid = middle(flight, states)
         eliminated = eliminate(rows)
@@ -187,15 +190,13 @@ class _Projected:
 
     def _whitened(self, drawn: Sequence[tuple[str, Sequence[Curve]]]) -> tuple[slice, FloatArray]:
         """Rows of each defect that accelerations by curves move, and (k, r, c) by how much, whitened."""
-        parts = []
-        which = slice(0)
+        parts, rows = [], slice(0)
         for channel, curves in drawn:
             which, share = free_form.along_axes(channel, self._mid)
             column = free_form.columns(curves, self._flight, self._mid)
-            weight = -2.0 * np.sqrt(self._flight.step_s)[:, None] * share / self._noise.process[which]
-            parts.append(weight[:, :, None] * column[:, None])
-        first = 3 if which.start < 3 else 6  # velocity stands in rows 3 to 5, rate in 9 to 11
-        return slice(first + which.start, first + which.stop), np.concatenate(parts, axis=2)
+            rows, weight = moved_by_acceleration(which, self._flight.step_s, self._noise.process)
+            parts.append((weight * share)[:, :, None] * column[:, None])
+        return rows, np.concatenate(parts, axis=2)
 
     def _products(self, columns: tuple[FloatArray, ...]) -> Blocks:
         """Products of columns (defects and sensor rows) with the residual and with each other."""

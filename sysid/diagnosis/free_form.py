@@ -11,7 +11,7 @@ from scipy.interpolate import BSpline
 
 from flight import rotations
 from flight.rotations import FloatArray
-from sysid.estimator import drive
+from sysid.estimator.blocks import motor
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.midpoint import Middle, middle
 from sysid.estimator.result import CHANNELS
@@ -109,7 +109,7 @@ class Curve:
 
 def curves(flights: Sequence[Flight], states: Sequence[States], vehicle: Vehicle) -> tuple[Curve, ...]:
     """Curve families whose knots follow what was flown; variables that hardly changed are left out."""
-    driven = [drive.driven(f, vehicle) for f in flights]
+    driven = [motor.driven(f, vehicle) for f in flights]
     mids = [middle(f, s) for f, s in zip(driven, states, strict=True)]
     found = []
     for variable in VARIABLES:

@@ -21,7 +21,7 @@ from sysid.diagnosis.procedure import NODE_RATE_HZ, VISIBLE_SIGMAS, Diagnosis
 from sysid.diagnosis.rehearsal import Rehearsal, Room, fitted_into, rehearse, waypoints_of
 from sysid.diagnosis.score import inverse_of
 from sysid.diagnosis.suspects import Suspect
-from sysid.estimator.problem import Unknowns
+from sysid.estimator.unknowns import SENSOR_NAMES, Unknowns, biases
 from sysid.logs.payload import PAYLOAD
 from vehicle import effects, manoeuvres
 from vehicle.effects.base import Effect
@@ -179,13 +179,11 @@ class Question:
     def information(self, flown: Rehearsal) -> FloatArray:
         """(p, p) what a rehearsed flight would add to `known`."""
         fit = self.model.fit
-        point = replace(fit.solution.point, bias=np.zeros((1, 6)), states=(flown.states,))
-        own = Unknowns(
-            fit.unknowns.model,
-            fit.unknowns.sensor if flown.flight.has_pose else (),
-            (0,) if np.isfinite(flown.flight.rate_body_rad_s).any() else (),
-            (0,) if flown.flight.has_accelerometer else (),
-        )
+        point = fit.solution.point
+        unbiased = {name: point.sensors[name] for name in SENSOR_NAMES}
+        point = replace(point, sensors=unbiased, states=(flown.states,))
+        sensor = fit.unknowns.sensor if flown.flight.has_pose else ()
+        own = Unknowns(fit.unknowns.model, sensor, tuple(biases([flown.flight])))
         return shared_information(Evidence([flown.flight], point, fit.noise, own, self.model.line_up))
 
     def log_odds(self, information: FloatArray) -> float:

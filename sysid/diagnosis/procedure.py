@@ -16,9 +16,9 @@ from sysid.diagnosis.score import Score
 from sysid.diagnosis.search import Search, Trial, search
 from sysid.diagnosis.suspects import Suspect
 from sysid.estimator.comparison import HORIZONS_S, Comparison, compare
-from sysid.estimator.flight_data import prepare
 from sysid.estimator.identification import identify
 from sysid.estimator.options import Options
+from sysid.estimator.prepare import prepare
 from sysid.estimator.verdict import Verdict
 from sysid.logs.payload import PAYLOAD, carries_payload
 from vehicle import Vehicle, effects, rigid_body

@@ -8,7 +8,7 @@ from scipy.ndimage import uniform_filter1d
 from flight.rotations import FloatArray
 from sysid.diagnosis.examined import Model, reproduced
 from sysid.diagnosis.suspects import Suspect
-from sysid.estimator import drive
+from sysid.estimator.blocks import motor
 from sysid.estimator.midpoint import middle
 from sysid.estimator.model import slopes_along
 
@@ -31,7 +31,7 @@ def prediction_error_m(model: Model, sized: Sequence[tuple[Suspect, FloatArray]]
     names = tuple(n for suspect, _ in sized for n in suspect.parameters)
     squares, count = {suspect.name: 0.0 for suspect, _ in sized}, 0
     for flight, states in zip(model.flights, model.fit.solution.point.states, strict=True):
-        flight = drive.driven(flight, model.line_up.vehicle)
+        flight = motor.driven(flight, model.line_up.vehicle)
         mid = middle(flight, states)
         slopes = slopes_along(model.line_up.vehicle, names, flight, mid).parameters
         window = max(1, round(HORIZON_S / float(np.median(flight.step_s))))

@@ -1,6 +1,6 @@
 """Linear algebra of a chain with a border: states coupled to their neighbours in time, a few parameters to all.
 
-One flight is a chain of nodes with s unknowns each (12, or 18 with disturbances), so the normal matrix is block
+One flight is a chain of nodes with s unknowns each, so the normal matrix is block
 tridiagonal; the parameters are its border. `eliminate` takes the states out (compiled kernel), the caller adds up what
 is left for the border.
 """
@@ -20,7 +20,7 @@ class Rows:
     """Whitened residuals of one flight and their derivatives; a row is r + d r/d x dx + d r/d parameter dp."""
 
     defect: FloatArray
-    """(k, d) model defect of each interval between nodes: the motion's 12, the disturbance's 6, the accelerometer's."""
+    """(k, d) residuals of each interval between nodes: the motion's first, then those of other blocks."""
     defect_before: FloatArray
     """(k, d, s) its derivative with respect to the state before it."""
     defect_after: FloatArray

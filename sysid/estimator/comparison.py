@@ -8,14 +8,16 @@ import numpy as np
 
 from flight import FlightLog, InputError, Progress, rotations, silent
 from flight.rotations import FloatArray
-from sysid.estimator import drive, dynamics
-from sysid.estimator.flight_data import Flight, prepare
+from sysid.estimator.blocks import motor
+from sysid.estimator.blocks.pose import PoseSensor
+from sysid.estimator.flight_data import Flight
 from sysid.estimator.identification import smooth
 from sysid.estimator.midpoint import Middle, middle
+from sysid.estimator.model import unexplained
 from sysid.estimator.options import Options
 from sysid.estimator.prediction import predict
+from sysid.estimator.prepare import prepare
 from sysid.estimator.result import CHANNELS, LARGE_FORCE_M_S2, LARGE_TORQUE_RAD_S2
-from sysid.estimator.sensors import PoseSensor
 from sysid.estimator.states import States
 from sysid.logs.payload import as_flown
 from vehicle import Vehicle, rigid_body
@@ -174,7 +176,7 @@ def _errors(
     flight: Flight, states: States, reference: States, vehicle: Vehicle, sensor: PoseSensor
 ) -> dict[str, list[FloatArray]]:
     """Per quantity and horizon, the size of the error of each prediction."""
-    predictions = predict(drive.driven(flight, vehicle), states, vehicle, HORIZONS_S, every_s=0.1)
+    predictions = predict(motor.driven(flight, vehicle), states, vehicle, HORIZONS_S, every_s=0.1)
     found: dict[str, list[FloatArray]] = {quantity: [] for quantity in QUANTITIES}
     for steps, predicted in zip(predictions.steps, predictions.states, strict=True):
         end = predictions.start + steps
@@ -195,8 +197,8 @@ def residual(flight: Flight, states: States, vehicle: Vehicle, process: FloatArr
         process: (6,) strength of the unmodelled acceleration, m/s2 and rad/s2 times root second.
     """
     mid = middle(flight, states)
-    driven = drive.driven(flight, vehicle)
-    left = dynamics.unexplained(driven, states, vehicle)
+    driven = motor.driven(flight, vehicle)
+    left = unexplained(driven, states, vehicle)
     body = rigid_body(as_flown(vehicle, flight.carries_payload))
     turning = np.sqrt(body.inertia_kg_m2**2 @ process[3:] ** 2)
     return Residual(

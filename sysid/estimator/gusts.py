@@ -11,10 +11,13 @@ import numpy as np
 
 from flight import rotations
 from flight.rotations import FloatArray
-from sysid.estimator import drive, dynamics
+from sysid.estimator.blocks import motor
+from sysid.estimator.blocks.gust import LEAST_SIZE
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.midpoint import middle
-from sysid.estimator.states import GUST, MOTION, States
+from sysid.estimator.model import unexplained
+from sysid.estimator.noise import Gusts
+from sysid.estimator.states import States
 from vehicle import Vehicle
 
 BIN_S = 0.1
@@ -23,42 +26,10 @@ LOGS = 50.0
 """Logarithms beyond this are of no use to a search and overflow when squared."""
 SHORTEST_S, LONGEST_S = 0.1, 5.0
 """What lasts less is as good as white; what lasts longer is as good as a constant."""
-LEAST_SIZE = np.array([1e-3, 1e-3, 1e-3, 1e-2, 1e-2, 1e-2])
-"""Floor of a disturbance's size, m/s2 and rad/s2: it keeps the equations regular."""
 SURE = 16.0
 """Fall of twice the log likelihood from which on a channel counts as correlated: one in 3,000 by chance."""
 FEWEST = 8
 """Frequencies needed to judge a channel."""
-
-
-@dataclass(frozen=True, slots=True)
-class Gusts:
-    """How large disturbances are and how long they last: force per mass in world axes, turning in body axes."""
-
-    size: FloatArray
-    """(6,) standard deviations: m/s2 (3), rad/s2 (3)."""
-    lasts_s: FloatArray
-    """(6,) correlation times."""
-
-    def keeps(self, step_s: FloatArray) -> FloatArray:
-        """(k, 6) share of a disturbance that is left after each interval; `step_s` is (k, 1)."""
-        return np.exp(-step_s / self.lasts_s)
-
-
-def rows(gusts: Gusts, step_s: FloatArray, gust: FloatArray) -> FloatArray:
-    """(k, 6) whitened fresh part of the disturbance over each interval."""
-    keeps = gusts.keeps(step_s)
-    return (gust[1:] - keeps * gust[:-1]) / (gusts.size * np.sqrt(1.0 - keeps**2))
-
-
-def jacobians(gusts: Gusts, step_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Derivatives of `rows` by the states before and after, (k, 6, 18) each."""
-    keeps = gusts.keeps(step_s)
-    fresh = gusts.size * np.sqrt(1.0 - keeps**2)
-    before, after = np.zeros((2, len(step_s), 6, MOTION + GUST))
-    i = np.arange(GUST)
-    before[:, i, MOTION + i], after[:, i, MOTION + i] = -keeps / fresh, 1.0 / fresh
-    return before, after
 
 
 def find(
@@ -82,7 +53,7 @@ def find(
 
 def _series(flight: Flight, states: States, vehicle: Vehicle) -> FloatArray:
     """(bins, 6) unexplained acceleration: force in world axes, turning in body axes."""
-    left = dynamics.unexplained(drive.driven(flight, vehicle), states, vehicle)
+    left = unexplained(motor.driven(flight, vehicle), states, vehicle)
     world = rotations.rotate(middle(flight, states).q_world_body, left[:, :3])
     bins = ((flight.time_s[:-1] - flight.time_s[0]) / BIN_S).astype(int)
     both = np.concatenate([world, left[:, 3:]], axis=1)

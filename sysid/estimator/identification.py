@@ -7,16 +7,21 @@ from dataclasses import replace
 import numpy as np
 
 from flight import FlightLog, InputError, Progress, silent
-from flight.rotations import FloatArray
-from sysid.estimator import drive, dynamics, excitation, gusts
-from sysid.estimator.flight_data import Flight, prepare
-from sysid.estimator.model import chosen_names
+from sysid.estimator import excitation, gusts
+from sysid.estimator.blocks import motor
+from sysid.estimator.blocks.catalogue import BLOCKS
+from sysid.estimator.blocks.motion import LEAST_PROCESS
+from sysid.estimator.blocks.pose import POSE, PoseSensor
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.model import unexplained
+from sysid.estimator.noise import Noise
 from sysid.estimator.options import Options
-from sysid.estimator.problem import Noise, Point, Unknowns, with_values
+from sysid.estimator.prepare import prepare
+from sysid.estimator.problem import Point, with_values
 from sysid.estimator.result import Identification, conclude
-from sysid.estimator.sensors import SENSOR_NAMES, PoseSensor
-from sysid.estimator.solver import LEAST_PROCESS, Prior, Solution, solve
-from sysid.estimator.states import GUST, first_guess
+from sysid.estimator.solver import Prior, Solution, solve
+from sysid.estimator.states import first_guess
+from sysid.estimator.unknowns import SENSOR_NAMES, Unknowns, biases, chosen_names, sensor_values
 from sysid.logs.payload import PAYLOAD
 from vehicle import Vehicle, specs
 
@@ -93,7 +98,7 @@ def _fit(
 ) -> tuple[Solution, Unknowns]:
     """Solve, hold what these flights do not show (its names are added to `held`), and solve again."""
     while True:
-        prior = _prior(point, vehicle, unknowns, options)
+        prior = _prior(flights, vehicle, unknowns, options)
         solution = solve(
             flights,
             point,
@@ -111,7 +116,7 @@ def _fit(
             raise InputError(_unseen_message(unseen))
         held.append(unseen)
         logger.info("holding %s: these flights do not show it", unseen)
-        unknowns = without(unknowns, unseen)
+        unknowns = unknowns.without(unseen)
         point, noise = _reset(solution.point, vehicle, unseen), solution.noise
 
 
@@ -120,42 +125,43 @@ def _with_gusts(flights: list[Flight], solution: Solution) -> tuple[Point, Noise
     if not all(flight.has_pose for flight in flights):
         return None
     point = solution.point
-    pose, usual_s = solution.noise.sensor, float(np.median(np.concatenate([f.step_s for f in flights])))
-    seen = np.repeat([pose.position_m, pose.attitude_rad], 3) * np.sqrt(usual_s)  # densities, m and rad root second
+    usual_s = float(np.median(np.concatenate([f.step_s for f in flights])))
+    seen = POSE.row_levels(solution.noise) * np.sqrt(usual_s)  # densities, m and rad root second
     found = gusts.find(flights, point.states, point.vehicle, np.sqrt(solution.noise.process / seen))
     if found is None:
         return None
     lasting, white = found
     logger.info("disturbances last: %s m/s2 and rad/s2 for %s s", lasting.size, lasting.lasts_s)
     process = np.minimum(solution.noise.process, np.maximum(white, LEAST_PROCESS))
-    states = tuple(replace(s, gust=np.zeros((len(s.position_world_m), GUST))) for s in point.states)
-    return replace(point, states=states), replace(solution.noise, process=process, gusts=lasting)
+    states = tuple(s.with_gust() for s in point.states)
+    return replace(point, states=states), solution.noise.with_process(process).with_gusts(lasting)
 
 
 def start(vehicle: Vehicle, flights: list[Flight]) -> tuple[Point, Noise]:
     """States by smoothing the pose; noise levels from what the vehicle then leaves unexplained."""
     sensor = PoseSensor.of(vehicle)
     states = tuple(first_guess(flight, sensor.offset_body_m, sensor.q_body_sensor) for flight in flights)
-    driven = [drive.driven(f, vehicle) for f in flights]
-    left = [dynamics.unexplained(f, s, vehicle) for f, s in zip(driven, states, strict=True)]
+    driven = [motor.driven(f, vehicle) for f in flights]
+    left = [unexplained(f, s, vehicle) for f, s in zip(driven, states, strict=True)]
     # An unexplained acceleration that lasts about a tenth of a second has the density size x sqrt(0.1 s).
     size = np.sqrt(np.mean(np.concatenate(left) ** 2, axis=0))
     if not all(flight.has_pose for flight in flights):
         size[:3] = np.maximum(size[:3], 2.0)  # a guess that rests at the origin leaves no horizontal force to see
-    logs = 1 + max(flight.log_index for flight in flights)
-    return Point(vehicle, sensor, np.zeros((logs, 6)), states), Noise(process=np.sqrt(0.1) * size + 1e-3)
+    usual = Noise({block.name: np.array(block.usual) for block in BLOCKS if block.usual})
+    return Point(vehicle, sensor_values(vehicle), states), usual.with_process(np.sqrt(0.1) * size + 1e-3)
 
 
 def _beside(near: Identification, vehicle: Vehicle) -> tuple[Point, Noise]:
     """States, biases and noise levels of another fit, under this vehicle."""
-    return replace(near.solution.point, vehicle=vehicle, pose_sensor=PoseSensor.of(vehicle)), near.noise
+    point = near.solution.point
+    return Point(vehicle, {**point.sensors, **sensor_values(vehicle)}, point.states), near.noise
 
 
 def _unknowns(vehicle: Vehicle, flights: list[Flight], options: Options) -> Unknowns:
     with_pose = any(f.has_pose for f in flights)
     wanted = SENSOR_NAMES if options.pose_sensor and with_pose else ()
     sensor = tuple(n for n in wanted if n in vehicle.parameters and n not in options.held)
-    return Unknowns(_names(vehicle, flights, options), sensor, *_biased(flights))
+    return Unknowns(_names(vehicle, flights, options), sensor, tuple(biases(flights)))
 
 
 def _names(vehicle: Vehicle, flights: list[Flight], options: Options) -> tuple[str, ...]:
@@ -163,43 +169,21 @@ def _names(vehicle: Vehicle, flights: list[Flight], options: Options) -> tuple[s
     return chosen_names(vehicle, options.free, options.held, by_command)
 
 
-def _biased(flights: list[Flight]) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Logs with a gyro, and logs whose accelerometer is used."""
-    gyro = {f.log_index for f in flights if np.isfinite(f.rate_body_rad_s).any()}
-    return tuple(sorted(gyro)), tuple(sorted({f.log_index for f in flights if f.has_accelerometer}))
-
-
-def without(unknowns: Unknowns, name: str) -> Unknowns:
-    """The unknowns less one."""
-    return replace(
-        unknowns,
-        model=tuple(n for n in unknowns.model if n != name),
-        sensor=tuple(n for n in unknowns.sensor if n != name),
-    )
-
-
 def _reset(point: Point, vehicle: Vehicle, name: str) -> Point:
     """The point with one parameter back at the vehicle's value."""
     if name not in SENSOR_NAMES:
         return replace(point, vehicle=with_values(point.vehicle, (name,), np.array([vehicle.value(name)])))
-    values = point.pose_sensor.values
-    values[SENSOR_NAMES.index(name)] = vehicle.value(name)
-    return replace(point, pose_sensor=PoseSensor.of_values(values))
+    return replace(point, sensors={**point.sensors, name: vehicle.value(name)})
 
 
-def _prior(point: Point, vehicle: Vehicle, unknowns: Unknowns, options: Options) -> Prior:
+def _prior(flights: list[Flight], vehicle: Vehicle, unknowns: Unknowns, options: Options) -> Prior:
     for name in options.prior_std:
         vehicle.parameter(name)
     named = (*unknowns.model, *unknowns.sensor)
-    mean = [vehicle.value(name) for name in named] + [0.0] * (unknowns.size - len(named))
+    mean = [vehicle.value(name) for name in named] + [0.0] * len(unknowns.bias)
     believed = {name: specs(vehicle)[name].prior for name in PLACE_OF_LOAD if name in vehicle.parameters}
     std = [(believed | dict(options.prior_std)).get(name, np.inf) for name in named]
-    return Prior(np.array(mean), np.concatenate([std, _bias_std(unknowns)]))
-
-
-def _bias_std(unknowns: Unknowns) -> FloatArray:
-    """Weak priors on the biases: 0.1 rad/s and 0.3 m/s2."""
-    return np.repeat([0.1, 0.3], [3 * len(unknowns.biased_logs), 3 * len(unknowns.force_logs)])
+    return Prior(np.array(mean), np.array([*std, *biases(flights).values()]))
 
 
 def usual_size(vehicle: Vehicle, point: Point, name: str) -> float:
@@ -241,13 +225,15 @@ def smooth(
         process_scale: more than 1 trusts the model less, so that the measurements decide.
         near: the same of a similar vehicle; its states and noise levels are started from.
     """
-    unknowns = Unknowns((), (), *_biased(flights))
+    width = biases(flights)
+    unknowns = Unknowns((), (), tuple(width))
     point, noise = start(vehicle, flights)
     if near is not None:
-        point, noise = replace(point, bias=near.point.bias, states=near.point.states), near.noise
-    prior = Prior(np.zeros(unknowns.size), _bias_std(unknowns))
+        point = Point(vehicle, {**near.point.sensors, **point.sensors}, near.point.states)
+        noise = near.noise
+    prior = Prior(np.zeros(unknowns.size), np.array(list(width.values())))
     solution = solve(flights, point, noise, unknowns, prior, robust=False, max_iterations=20, progress=progress)
     if process_scale <= 1.0:
         return solution
-    loose = replace(solution.noise, process=process_scale * solution.noise.process)
+    loose = solution.noise.with_process(process_scale * solution.noise.process)
     return solve(flights, solution.point, loose, unknowns, prior, robust=False, max_iterations=1, progress=progress)

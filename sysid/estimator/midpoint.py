@@ -2,10 +2,15 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from flight import rotations
+from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.states import States
+
+GRAVITY_WORLD_M_S2 = np.array([0.0, 0.0, -GRAVITY_M_S2])
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,3 +52,10 @@ def middle(flight: Flight, states: States) -> Middle:
         velocity_body_m_s=(velocity[:, None, :] @ R)[:, 0],
         rate_body_rad_s=0.5 * (states.rate_body_rad_s[:-1] + states.rate_body_rad_s[1:]),
     )
+
+
+def rates_of_change(states: States, mid: Middle) -> FloatArray:
+    """(k, 6) specific force and angular acceleration that the states show over each interval, body axes."""
+    dv = np.diff(states.velocity_world_m_s, axis=0) / mid.step_s - GRAVITY_WORLD_M_S2
+    specific_force = (dv[:, None, :] @ mid.R_world_body)[:, 0]
+    return np.concatenate([specific_force, np.diff(states.rate_body_rad_s, axis=0) / mid.step_s], axis=1)

@@ -1,52 +1,16 @@
-"""The vehicle seen by the estimator: which of its parameters flights can show, and its acceleration along a flight."""
+"""The vehicle's acceleration along a flight, with derivatives by state and parameters."""
 
 from dataclasses import replace
 
 import numpy as np
 
-from flight import InputError
 from flight.rotations import FloatArray
-from sysid.estimator import drive
-from sysid.estimator.drive import drive_parameters
+from sysid.estimator.blocks import motor
 from sysid.estimator.flight_data import Flight
-from sysid.estimator.midpoint import Middle
-from sysid.estimator.sensors import SENSOR_NAMES
+from sysid.estimator.midpoint import Middle, middle, rates_of_change
+from sysid.estimator.states import States
 from sysid.logs.payload import PAYLOAD, as_flown
-from vehicle import Jacobian, Surroundings, Vehicle, acceleration, acceleration_jacobian, effects
-
-ALWAYS_HELD = ("mass_kg", "rotor_radius_m", "air_density_kg_m3")
-"""Pose and rotor speed show forces only per mass, and thrust only per air density and disk area."""
-
-
-def model_parameters(vehicle: Vehicle, by_command: bool = False) -> tuple[str, ...]:
-    """Parameters that act on the motion and can be told from it; the motors' only when driven by commands."""
-    names = [name for name in vehicle.parameters if name.startswith("inertia_")]
-    for effect in vehicle.effects:
-        if effects.find(effect).stage.name not in (*drive.STAGES, "SENSOR"):
-            names += [f"{effect}.{spec.name}" for spec in effects.find(effect).parameters]
-    return (*names, *drive_parameters(vehicle)) if by_command else tuple(names)
-
-
-def chosen_names(
-    vehicle: Vehicle, free: tuple[str, ...] | None, held: tuple[str, ...], by_command: bool = False
-) -> tuple[str, ...]:
-    """Names of the model's parameters to estimate.
-
-    Raises:
-        InputError: a name is not a parameter of the vehicle, or cannot be told from flights.
-    """
-    possible = model_parameters(vehicle, by_command)
-    for name in (*(free or ()), *held):
-        vehicle.parameter(name)
-    for name in free or ():
-        if name in ALWAYS_HELD:
-            raise InputError(
-                f"{name} cannot be estimated from pose and rotor speed: only ratios to it show; weigh or measure it"
-            )
-        if name not in possible and name not in SENSOR_NAMES:
-            raise InputError(f"{name} does not act on the motion when rotor speed is measured; hold it")
-    wanted = possible if free is None else tuple(name for name in possible if name in free)
-    return tuple(name for name in wanted if name not in held)
+from vehicle import Jacobian, Surroundings, Vehicle, acceleration, acceleration_jacobian
 
 
 def surroundings(
@@ -69,6 +33,12 @@ def along(vehicle: Vehicle, flight: Flight, mid: Middle) -> FloatArray:
     return np.concatenate(both, axis=1)
 
 
+def unexplained(flight: Flight, states: States, vehicle: Vehicle) -> FloatArray:
+    """(k, 6) mean acceleration the vehicle does not explain: body axes, m/s2 and rad/s2."""
+    mid = middle(flight, states)
+    return rates_of_change(states, mid) - along(vehicle, flight, mid)
+
+
 def slopes_along(vehicle: Vehicle, names: tuple[str, ...], flight: Flight, mid: Middle) -> Jacobian:
     """The same with derivatives by the state and by the named parameters."""
     around = surroundings(mid.position_world_m, mid.q_world_body, flight.rotor_acceleration_rad_s2)
@@ -87,11 +57,11 @@ def slopes_along(vehicle: Vehicle, names: tuple[str, ...], flight: Flight, mid: 
     if len(known) == len(names):
         return found
     # the motors act through rotor speed: chain rule
-    by_speed, by_change = drive.slopes(flight, vehicle, names)
+    by_speed, by_change = motor.slopes(flight, vehicle, names)
     columns = found.rotor_speed @ by_speed + found.rotor_acceleration @ by_change
     columns[:, :, [names.index(name) for name in known]] += found.parameters
     return replace(found, parameters=columns)
 
 
 def _drive_effects(vehicle: Vehicle) -> tuple[str, ...]:
-    return tuple({name.split(".")[0] + "." for name in drive_parameters(vehicle)}) or ("\0",)
+    return tuple({name.split(".")[0] + "." for name in motor.parameters(vehicle)}) or ("\0",)

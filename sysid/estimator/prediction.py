@@ -6,8 +6,8 @@ import numpy as np
 
 from flight import rotations
 from flight.rotations import FloatArray
-from sysid.estimator.dynamics import GRAVITY_WORLD_M_S2
 from sysid.estimator.flight_data import Flight, IndexArray
+from sysid.estimator.midpoint import GRAVITY_WORLD_M_S2
 from sysid.estimator.model import surroundings
 from sysid.estimator.states import States
 from sysid.logs.payload import as_flown

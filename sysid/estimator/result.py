@@ -9,11 +9,14 @@ from scipy.special import stdtrit
 from flight.rotations import FloatArray
 from sysid.estimator import verdict as verdicts
 from sysid.estimator.agreement import odd_flights
+from sysid.estimator.blocks.catalogue import BLOCKS, acting, places, reported
+from sysid.estimator.blocks.gyro import GYRO
+from sysid.estimator.blocks.motion import Motion
 from sysid.estimator.flight_data import Flight
+from sysid.estimator.noise import Noise
 from sysid.estimator.options import Options
-from sysid.estimator.problem import Noise, Unknowns
-from sysid.estimator.sensors import SENSOR_NAMES
 from sysid.estimator.solver import Solution, robust_covariance
+from sysid.estimator.unknowns import SENSOR_NAMES, Unknowns
 from sysid.estimator.verdict import Verdict
 from vehicle import Vehicle, specs
 
@@ -114,26 +117,11 @@ class Identification:
             "iterations": [
                 {"cost": i.cost, "step_sigma": i.step_sigma, "damping": i.damping} for i in self.solution.record
             ],
-            "noise": {
-                "force_m_s2_sqrt_s": self.noise.process[:3].tolist(),
-                "torque_rad_s2_sqrt_s": self.noise.process[3:].tolist(),
-                "position_m": self.noise.sensor.position_m,
-                "attitude_rad": self.noise.sensor.attitude_rad,
-                "rate_rad_s": self.noise.sensor.rate_rad_s,
-                "force_m_s2": self.noise.sensor.force_m_s2,
-                "gusts": _gusts(self.noise),
-            },
-            "residuals": residual_statistics(self.solution),
+            "noise": reported(self.noise),
+            "residuals": residual_statistics(self),
             "gyro_bias_rad_s": self.gyro_bias_rad_s.tolist(),
             "findings": list(self.findings),
         }
-
-
-def _gusts(noise: Noise) -> dict[str, list[float]] | None:
-    if noise.gusts is None:
-        return None
-    size, lasts_s = noise.gusts.size.tolist(), noise.gusts.lasts_s.tolist()
-    return {"force_m_s2": size[:3], "torque_rad_s2": size[3:], "lasts_s": lasts_s}
 
 
 OFF_BELIEF = 0.1
@@ -143,26 +131,27 @@ LARGE_TORQUE_RAD_S2 = 20.0
 LARGE_FORCE_M_S2 = 2.5
 """Unexplained acceleration over 0.1 s from which on a model cannot be called right: a quarter of gravity."""
 
-CHANNELS = ("F_x", "F_y", "F_z", "M_x", "M_y", "M_z")
+CHANNELS = tuple(channel.name for channel in Motion.channels)
+"""Of force and torque, body axes."""
 
 
-def residual_statistics(solution: Solution) -> dict[str, dict[str, float]]:
+def residual_statistics(fit: Identification) -> dict[str, dict[str, float]]:
     """Per channel: root mean square of the whitened residual and its correlation with the next one."""
-    rows = {"F": (3, 6), "M": (9, 12)}
-    found: dict[str, dict[str, float]] = {}
-    for channel in CHANNELS:
-        column = rows[channel[0]][0] + "xyz".index(channel[2])
-        found[channel] = _statistics([r.defect[:, column] for r in solution.rows])
-    for i, name in enumerate(("position", "attitude", "rate")):
-        found[name] = _statistics([r.sensor[:, 3 * i + j] for r in solution.rows for j in range(3)])
-    return found
+    series: dict[str, list[FloatArray]] = {channel.name: [] for block in BLOCKS for channel in block.channels}
+    for flight, rows in zip(fit.flights, fit.solution.rows, strict=True):
+        for between, residual in ((True, rows.defect), (False, rows.sensor)):
+            blocks = acting(flight, fit.noise, between=between)
+            for block, place in zip(blocks, places(blocks), strict=True):
+                for channel in block.channels:
+                    series[channel.name] += [residual[:, place][:, row] for row in channel.rows]
+    return {channel: _statistics(found) for channel, found in series.items()}
 
 
 def _statistics(series: list[FloatArray]) -> dict[str, float]:
     square = sum(float(s @ s) for s in series)
     lagged = sum(float(s[1:] @ s[:-1]) for s in series)
     count = sum(len(s) for s in series)
-    return {"rms": float(np.sqrt(square / count)), "lag_one": lagged / square if square > 0.0 else 0.0}
+    return {"rms": float(np.sqrt(square / max(count, 1))), "lag_one": lagged / square if square > 0.0 else 0.0}
 
 
 def conclude(
@@ -212,7 +201,7 @@ def conclude(
         correlation=plain[:p, :p] / np.outer(safe, safe),
         free_names=names,
         noise=solution.noise,
-        gyro_bias_rad_s=solution.point.bias[:, :3],
+        gyro_bias_rad_s=_gyro_bias(flights, solution),
         solution=solution,
         unknowns=unknowns,
         flights=tuple(flights),
@@ -222,6 +211,12 @@ def conclude(
         verdict=verdict.doubted(*_at_bounds(vehicle, estimates, but=0.0), *disagreement),
         given=given,
     )
+
+
+def _gyro_bias(flights: list[Flight], solution: Solution) -> FloatArray:
+    logs = 1 + max(flight.log_index for flight in flights)
+    sensors = solution.point.sensors
+    return np.array([[sensors.get(name, 0.0) for name in GYRO.bias_names(log)] for log in range(logs)])
 
 
 def _held(vehicle: Vehicle, name: str, status: str) -> Estimate:

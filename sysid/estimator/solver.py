@@ -8,23 +8,18 @@ import numpy as np
 
 from flight import InputError, Progress
 from flight.rotations import FloatArray
+from sysid.estimator.blocks.catalogue import BLOCKS, acting, places
 from sysid.estimator.chain import Eliminated, Rows, eliminate
 from sysid.estimator.flight_data import Flight
-from sysid.estimator.gusts import LEAST_SIZE
+from sysid.estimator.noise import Noise
 from sysid.estimator.parallel import each
-from sysid.estimator.problem import Noise, Point, Unknowns, cost, linearise
-from sysid.estimator.sensors import SensorNoise
+from sysid.estimator.problem import Point, cost, linearise
 from sysid.estimator.states import States
+from sysid.estimator.unknowns import Unknowns
 from vehicle import Vehicle, specs
 
 logger = logging.getLogger(__name__)
 
-LEAST_PROCESS = np.array([2e-4, 2e-4, 2e-4, 2e-3, 2e-3, 2e-3])
-"""Floor of the estimated process noise: what the midpoint rule itself leaves over."""
-LEAST_FORCE_WITHOUT_POSE = 0.1
-"""Without a pose, positions hang on almost nothing; a stiffer model would leave their equations singular."""
-OVER_RELAXATION = 1.6
-"""Power of the noise update: the plain fixed point (1) creeps, 2 overshoots."""
 CONVERGED_SIGMA = 0.05
 """Stop when no parameter moves by more than this part of its standard error."""
 CONVERGED_NOISE = 0.05
@@ -56,7 +51,7 @@ class Solution:
     rows: tuple[Rows, ...]
     """Linearised residuals per flight at the solution."""
     sensitivity: tuple[FloatArray, ...]
-    """Per flight (n, 12, p): how the best states follow the parameters, H^-1 J^T J_border."""
+    """Per flight (n, s, p): how the best states follow the parameters, H^-1 J^T J_border."""
     information: tuple[FloatArray, ...]
     """Per flight (p, p): information on the parameters with the states eliminated."""
     prior_information: FloatArray
@@ -102,7 +97,7 @@ def solve(
     converged = False
     while True:
         rows, eliminated = linearised(flights, point, unknowns, noise, robust)
-        border = _border_values(point, unknowns)
+        border = point.shared(unknowns)
         if converged or len(record) == max_iterations:
             break
         hessian = prior.information + sum(e.information for e in eliminated)
@@ -110,13 +105,13 @@ def solve(
         step, sigma = _parameter_step(hessian, gradient, _room(point, unknowns))
         changes = [e.states(step) for e in eliminated]
         point, taken = _take(flights, point, unknowns, noise, prior, step, changes, robust, sum(r.cost() for r in rows))
-        old, noise = noise, _noise(flights, point.vehicle, rows, eliminated, step, taken, changes, noise)
+        old, noise = noise, _updated_noise(flights, point.vehicle, rows, eliminated, step, taken, changes, noise)
         record.append(
             Iteration(
                 cost=sum(r.cost() for r in rows),
                 step_sigma=float(np.max(np.abs(step) / sigma, initial=0.0)),
                 damping=taken,
-                values=tuple(_border_values(point, unknowns)),
+                values=tuple(point.shared(unknowns)),
                 noise_change=_relative_change(old, noise),
             )
         )
@@ -222,11 +217,11 @@ def _take(
     """The point after the largest share of the step that lowers the cost."""
 
     def total(candidate: Point) -> float:
-        border = _border_values(candidate, unknowns)
+        border = candidate.shared(unknowns)
         own = 0.5 * float((((border - prior.mean) / prior.std) ** 2).sum())
         return own + total_cost(flights, candidate, noise, robust)
 
-    start = before + 0.5 * float((((_border_values(point, unknowns) - prior.mean) / prior.std) ** 2).sum())
+    start = before + 0.5 * float((((point.shared(unknowns) - prior.mean) / prior.std) ** 2).sum())
     share = 1.0
     while share > 1e-3:
         candidate = point.moved(unknowns, share * step, [share * c for c in changes])
@@ -241,12 +236,7 @@ def _take(
     )
 
 
-def _border_values(point: Point, unknowns: Unknowns) -> FloatArray:
-    named = point.values((*unknowns.model, *unknowns.sensor))
-    return np.concatenate([named, point.bias[unknowns.bias_places]])
-
-
-def _noise(
+def _updated_noise(
     flights: list[Flight],
     vehicle: Vehicle,
     rows: Sequence[Rows],
@@ -258,52 +248,38 @@ def _noise(
 ) -> Noise:
     """Noise levels that match the residuals: squares over the rows left after the states took their share."""
 
-    def one(flight: Flight, r: Rows, e: Eliminated, change: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def one(flight: Flight, r: Rows, e: Eliminated, change: FloatArray) -> dict[str, FloatArray]:
+        """(2, levels) of each block: sum of squares, and how many rows are left to judge the level by."""
         defect_change, sensor_change = r.change(taken * change[:, :, None], taken * step[:, None])
         defect, sensor = r.defect + defect_change[:, :, 0], r.sensor + sensor_change[:, :, 0]
         defect_leverage, sensor_leverage = e.factor.leverage(r)
         measured = (r.sensor_state != 0.0).any(axis=2)
-        if not flight.has_pose:
-            measured[:, :6] = False  # anchors, not measurements
-        squares = [(defect**2).sum(axis=0), (measured * sensor**2).sum(axis=0)]
-        left = [(1.0 - defect_leverage).sum(axis=0), (measured * (1.0 - sensor_leverage)).sum(axis=0)]
-        channel = _channels(flight, noise)
-        squared, free = (np.bincount(channel, np.concatenate(part), 16) for part in (squares, left))
-        return np.asarray(squared, dtype=np.float64), np.asarray(free, dtype=np.float64)
+        intervals = np.stack([(defect**2).sum(axis=0), (1.0 - defect_leverage).sum(axis=0)])
+        nodes = np.stack([(measured * sensor**2).sum(axis=0), (measured * (1.0 - sensor_leverage)).sum(axis=0)])
+        return _by_level(flight, noise, intervals, between=True) | _by_level(flight, noise, nodes, between=False)
 
     parts = each(vehicle, one, flights, rows, eliminated, changes)
-    total, count = (np.sum(part, axis=0) for part in zip(*parts, strict=True))
-    ratio = np.where(count > 1.0, np.sqrt(np.clip(total / np.maximum(count, 1.0), 0.01, 100.0)), 1.0)
-    least = LEAST_PROCESS.copy()
-    if not all(f.has_pose for f in flights):
-        ratio[9] = 1.0  # without a pose nothing tells accelerometer noise from unmodelled force
-        least[:3] = LEAST_FORCE_WITHOUT_POSE
-    slow = np.r_[0:6, 10:16]
-    ratio[slow] = np.where(ratio[slow] < 1.0, ratio[slow] ** OVER_RELAXATION, ratio[slow])
-    s, gusts = noise.sensor, noise.gusts
-    levels = np.maximum(ratio[6:10] * [s.position_m, s.attitude_rad, s.rate_rad_s, s.force_m_s2], 1e-5)
-    return replace(
-        noise,
-        process=np.maximum(noise.process * ratio[:6], least),
-        sensor=SensorNoise(*map(float, levels)),
-        gusts=gusts and replace(gusts, size=np.maximum(gusts.size * ratio[10:], LEAST_SIZE)),
-    )
+    levels = {}
+    for block in (b for b in BLOCKS if b.name in noise.levels):
+        own = [part[block.name] for part in parts if block.name in part]
+        squares, left = np.sum(own, axis=0) if own else np.zeros((2, len(block.levels)))
+        ratio = np.where(left > 1.0, np.sqrt(np.clip(squares / np.maximum(left, 1.0), 0.01, 100.0)), 1.0)
+        levels[block.name] = block.updated(noise.levels[block.name], ratio, flights)
+    return replace(noise, levels=levels)
 
 
-def _channels(flight: Flight, noise: Noise) -> list[int]:
-    """Noise level of each row: 0 to 5 process, 6 position, 7 attitude, 8 rate, 9 accelerometer, 10 to 15 gusts."""
-    gusts = [] if noise.gusts is None else list(range(10, 16))
-    force = [9, 9, 9] if flight.has_accelerometer else []
-    return [0, 1, 2, 0, 1, 2, 3, 4, 5, 3, 4, 5, *gusts, *force, 6, 6, 6, 7, 7, 7, 8, 8, 8]
+def _by_level(flight: Flight, noise: Noise, of_rows: FloatArray, *, between: bool) -> dict[str, FloatArray]:
+    """Sums over the rows of each block's noise levels, (2, rows) in and (2, levels) out."""
+    blocks = acting(flight, noise, between=between)
+    return {
+        block.name: of_rows[:, place] @ np.eye(len(block.levels))[list(block.level_of_row)]
+        for block, place in zip(blocks, places(blocks), strict=True)
+        if block.levels
+    }
 
 
 def _relative_change(old: Noise, new: Noise) -> float:
-    def levels(noise: Noise) -> FloatArray:
-        s = noise.sensor
-        gusts = [] if noise.gusts is None else noise.gusts.size
-        return np.concatenate([noise.process, [s.position_m, s.attitude_rad, s.rate_rad_s, s.force_m_s2], gusts])
-
-    return float(np.abs(levels(new) / levels(old) - 1.0).max())
+    return max(float(np.abs(new.levels[name] / level - 1.0).max()) for name, level in old.levels.items())
 
 
 def robust_covariance(solution: Solution, times_s: list[FloatArray], block_s: float) -> tuple[FloatArray, FloatArray]:

@@ -6,17 +6,18 @@ from dataclasses import replace
 import numpy as np
 
 from flight import FlightLog, InputError, Progress, silent
-from sysid.estimator import drive, dynamics
+from sysid.estimator.blocks import motor
+from sysid.estimator.blocks.pose import PoseSensor
 from sysid.estimator.comparison import means_over
-from sysid.estimator.flight_data import prepare
 from sysid.estimator.identification import identify
 from sysid.estimator.midpoint import middle
-from sysid.estimator.model import chosen_names, model_parameters, slopes_along
+from sysid.estimator.model import slopes_along, unexplained
 from sysid.estimator.options import Options
+from sysid.estimator.prepare import prepare
 from sysid.estimator.problem import with_values
 from sysid.estimator.result import Identification
-from sysid.estimator.sensors import PoseSensor
 from sysid.estimator.states import first_guess
+from sysid.estimator.unknowns import chosen_names, model_parameters
 from vehicle import Vehicle, effects, specs
 
 STAGES = ("vertical", "horizontal", "rotation")
@@ -74,13 +75,13 @@ def regress(logs: Sequence[FlightLog], vehicle: Vehicle, options: Options | None
     states = [first_guess(f, sensor.offset_body_m, sensor.q_body_sensor) for f in flights]
     for _ in range(4):
         columns, left = [], []
-        for flight, state in zip((drive.driven(f, vehicle) for f in flights), states, strict=True):
+        for flight, state in zip((motor.driven(f, vehicle) for f in flights), states, strict=True):
             mid = middle(flight, state)
             time_s = flight.time_s[:-1]
             slopes = slopes_along(vehicle, names, flight, mid).parameters
             flat = means_over(slopes.reshape(len(slopes), -1), time_s, 0.1)
             columns.append(flat.reshape(len(flat), 6, len(names)))
-            left.append(means_over(dynamics.unexplained(flight, state, vehicle), time_s, 0.1))
+            left.append(means_over(unexplained(flight, state, vehicle), time_s, 0.1))
         x, y = np.concatenate(columns), np.concatenate(left)
         scale = y.std(axis=0) + 1e-9
         size = np.abs(x).max(axis=(0, 1)) + 1e-300

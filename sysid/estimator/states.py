@@ -1,6 +1,6 @@
 """The state trajectory of one flight, and a first guess of it by smoothing the pose alone."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import savgol_filter
@@ -9,10 +9,14 @@ from flight import rotations
 from flight.rotations import FloatArray
 from sysid.estimator.flight_data import Flight
 
+POSITION, VELOCITY, ATTITUDE, RATE = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
+"""Places of a node's unknowns; of the attitude, the rotation vector of its error."""
 MOTION = 12
-"""Unknowns per node: position, velocity, rotation vector of the attitude error, body rate (3 each)."""
+"""How many these are."""
+GUST_FORCE, GUST_TORQUE = slice(12, 15), slice(15, 18)
+"""Further unknowns of a node when disturbances that last are among the states."""
 GUST = 6
-"""Further unknowns per node when disturbances that last are among the states: force (3) and torque (3)."""
+"""How many these are."""
 
 WINDOW_S = 0.15
 """Length of the smoothing window of the first guess: shorter than the vehicle's motion, longer than the noise."""
@@ -33,13 +37,22 @@ class States:
     gust: FloatArray | None = None
     """(n, 6) disturbance that lasts: force per mass in world axes (m/s2), turning in body axes (rad/s2)."""
 
+    @property
+    def size(self) -> int:
+        """Unknowns per node."""
+        return MOTION if self.gust is None else MOTION + GUST
+
+    def with_gust(self) -> "States":
+        """The same with a disturbance, which is zero so far."""
+        return replace(self, gust=np.zeros((len(self.position_world_m), GUST)))
+
     def moved(self, change: FloatArray) -> "States":
-        """The states after a change (n, 12 or 18); the attitude turns by a rotation vector in body axes."""
+        """The states after a change (n, size); the attitude turns by a rotation vector in body axes."""
         return States(
-            self.position_world_m + change[:, 0:3],
-            self.velocity_world_m_s + change[:, 3:6],
-            rotations.normalise(rotations.multiply(self.q_world_body, rotations.exp(change[:, 6:9]))),
-            self.rate_body_rad_s + change[:, 9:12],
+            self.position_world_m + change[:, POSITION],
+            self.velocity_world_m_s + change[:, VELOCITY],
+            rotations.normalise(rotations.multiply(self.q_world_body, rotations.exp(change[:, ATTITUDE]))),
+            self.rate_body_rad_s + change[:, RATE],
             None if self.gust is None else self.gust + change[:, MOTION:],
         )
 

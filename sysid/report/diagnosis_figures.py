@@ -13,7 +13,7 @@ from sysid.diagnosis.findings import OutsideFinding
 from sysid.diagnosis.free_form import VARIABLE, along_axes
 from sysid.diagnosis.procedure import Diagnosis
 from sysid.diagnosis.suspects import Suspect
-from sysid.estimator import drive
+from sysid.estimator.blocks import motor
 from sysid.estimator.comparison import SPAN_S, Residual, means_over, residual
 from sysid.estimator.model import slopes_along
 from sysid.estimator.result import CHANNELS
@@ -137,7 +137,7 @@ def strongest_trace(model: Model, suspect: Suspect) -> tuple[str, FloatArray]:
     body = rigid_body(fit.vehicle)
     parts = []
     for one in left:
-        flight = drive.driven(one.flight, model.line_up.vehicle)
+        flight = motor.driven(one.flight, model.line_up.vehicle)
         slopes = slopes_along(model.line_up.vehicle, suspect.parameters, flight, one.mid).parameters @ size
         wrench = np.concatenate([body.mass_kg * slopes[:, :3], slopes[:, 3:] @ body.inertia_kg_m2], axis=1)
         parts.append((means_over(wrench, one.time_s, 0.1), one.sigma))

@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flight.rotations import FloatArray
-from sysid.estimator import drive, dynamics, sensors
+from sysid.estimator.blocks import motor
+from sysid.estimator.blocks.catalogue import acting
 from sysid.estimator.comparison import means_over
 from sysid.estimator.flight_data import Flight
-from sysid.estimator.midpoint import middle
-from sysid.estimator.problem import Noise
+from sysid.estimator.midpoint import middle, rates_of_change
+from sysid.estimator.model import unexplained
+from sysid.estimator.noise import Noise
+from sysid.estimator.problem import located
 from sysid.estimator.result import Identification
 from sysid.estimator.solver import CONVERGED_SIGMA
 from sysid.estimator.states import States
@@ -110,16 +113,13 @@ def _residuals(result: Identification, flight: Flight, states: States) -> "Figur
         ("F", "N", _middles(flight, left), left[:, :3], force, False),
         ("M", "mN m", _middles(flight, left), 1000.0 * left[:, 3:], 1000.0 * torque, False),
     ]
-    sensor = sensors.residuals(flight, states, point.pose_sensor, point.bias[flight.log_index][:3])
-    if flight.has_pose:
-        levels = np.repeat([[1000.0 * noise.sensor.position_m], [1000.0 * noise.sensor.attitude_rad]], 3, axis=1)
-        rows += [
-            ("position", "mm", flight.time_s, 1000.0 * sensor[:, :3], levels[0], True),
-            ("attitude", "mrad", flight.time_s, 1000.0 * sensor[:, 3:6], levels[1], True),
-        ]
-    if np.isfinite(flight.rate_body_rad_s).any():
-        level = np.full(3, 1000.0 * noise.sensor.rate_rad_s)
-        rows.append(("gyro", "mrad/s", flight.time_s, 1000.0 * sensor[:, 6:], level, True))
+    at = located(flight, states, point, noise)
+    for block in acting(flight, noise, between=False):
+        residual = block.residual(at)
+        for channel in block.channels:
+            values = channel.scale * residual[:, channel.rows]
+            level = np.full(len(channel.rows), channel.scale * block.channel_level(channel, noise))
+            rows.append((channel.name, channel.unit, flight.time_s, values, level, True))
     figure, axes = drawing.figure(len(rows), 3, (12.0, 1.75 * len(rows) + 0.5), sharex=True)
     for panels, (name, unit, time_s, values, level, dots) in zip(axes, rows, strict=True):
         lowest = name == rows[-1][0]
@@ -150,13 +150,13 @@ def _unmodelled_std(noise: Noise) -> FloatArray:
 
 def _left_over(result: Identification, flight: Flight, states: States) -> FloatArray:
     """(k, 6) force (N) and torque (N m) the model does not explain, means over `SPAN_S`."""
-    driven = drive.driven(flight, result.vehicle)
-    return _means(result, flight, dynamics.unexplained(driven, states, result.vehicle))
+    driven = motor.driven(flight, result.vehicle)
+    return _means(result, flight, unexplained(driven, states, result.vehicle))
 
 
 def _motion(result: Identification, flight: Flight, states: States) -> FloatArray:
     """(k, 6) force and torque (less the gyroscopic term) that the smoothed motion shows."""
-    return _means(result, flight, dynamics.rates_of_change(states, middle(flight, states)))
+    return _means(result, flight, rates_of_change(states, middle(flight, states)))
 
 
 def _means(result: Identification, flight: Flight, acceleration: FloatArray) -> FloatArray:

@@ -10,7 +10,9 @@ from pathlib import Path
 
 from flight import file_format
 from sysid.diagnosis import explained
+from sysid.estimator.blocks.catalogue import BLOCKS
 from sysid.estimator.comparison import HORIZONS_S, QUANTITIES, Comparison
+from sysid.estimator.noise import MOTION
 from sysid.estimator.result import Estimate, Identification, residual_statistics
 from sysid.estimator.verdict import Use
 from sysid.logs.check import LogReport
@@ -226,15 +228,21 @@ def _parameters(estimates: Sequence[Estimate]) -> str:
 
 
 def _noise(result: Identification) -> str:
-    sensor, process = result.noise.sensor, result.noise.process
+    noise = result.noise
+    process = noise.process
+    sensors = [b for b in BLOCKS if b.channels and b.name in noise.levels and b.name != MOTION]
     levels = [
-        ("pose sensor: position", f"{1000.0 * sensor.position_m:.2f} mm"),
-        ("pose sensor: attitude", f"{1000.0 * sensor.attitude_rad:.2f} mrad"),
+        *(
+            (f"{b.name}: {c.name.replace('_', ' ')}", f"{c.scale * b.channel_level(c, noise):.2f} {c.unit}")
+            for b in sensors
+            if any(b.acts(flight, noise) for flight in result.flights)
+            for c in b.channels
+        ),
         ("unmodelled acceleration x, y, z", f"{_listed(process[:3])} m/s² √s"),
         ("unmodelled angular acceleration x, y, z", f"{_listed(process[3:])} rad/s² √s"),
     ]
-    if result.noise.gusts is not None:
-        size, lasts_s = result.noise.gusts.size, result.noise.gusts.lasts_s
+    if noise.gusts is not None:
+        size, lasts_s = noise.gusts.size, noise.gusts.lasts_s
         levels += [
             ("disturbance that lasts, world x, y, z", f"{_listed(size[:3])} m/s² for {_listed(lasts_s[:3])} s"),
             ("turning disturbance that lasts, x, y, z", f"{_listed(size[3:])} rad/s² for {_listed(lasts_s[3:])} s"),
@@ -242,7 +250,7 @@ def _noise(result: Identification) -> str:
     rows = "".join(f"<tr><td>{name}</td><td class='word'>{value}</td></tr>" for name, value in levels)
     statistics = "".join(
         f"<tr><td>{name}</td><td>{s['rms']:.2f}</td><td>{s['lag_one']:+.2f}</td></tr>"
-        for name, s in residual_statistics(result.solution).items()
+        for name, s in residual_statistics(result).items()
         if s["rms"] > 0.0
     )
     note = (

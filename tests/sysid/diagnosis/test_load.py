@@ -15,7 +15,8 @@ from sysid.diagnosis.evidence import Blocks, Evidence
 from sysid.diagnosis.procedure import while_searching
 from sysid.diagnosis.suspects import line_up
 from sysid.estimator import agreement
-from sysid.estimator.flight_data import Flight, prepare
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.prepare import prepare
 from sysid.estimator.problem import linearise
 from sysid.logs.payload import PAYLOAD_CARRIED
 from tests.sysid import flying

@@ -99,7 +99,7 @@ def test_evidence_grows_with_repetition(question: Question):
 def test_more_noise_makes_evidence_weaker(question: Question):
     once = fitted_into(manoeuvres.make("oblique"), Room.of(SPACE), vehicle.example())
     fit = question.model.fit
-    noisy = replace(fit, noise=replace(fit.noise, process=2.0 * fit.noise.process))
+    noisy = replace(fit, noise=fit.noise.with_process(2.0 * fit.noise.process))
     louder = replace(question, model=replace(question.model, fit=noisy))
     assert log_odds(louder, once) == pytest.approx(log_odds(question, once) / 4.0, rel=0.3)
 

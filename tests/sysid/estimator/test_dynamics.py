@@ -7,14 +7,21 @@ import pytest
 
 import vehicle
 from flight import rotations
-from sysid.estimator import dynamics, sensors
+from sysid.estimator.blocks import accelerometer, motion, pose
+from sysid.estimator.blocks.accelerometer import ACCELEROMETER
+from sysid.estimator.blocks.base import At
+from sysid.estimator.blocks.gyro import GYRO
+from sysid.estimator.blocks.pose import POSE, PoseSensor
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.midpoint import middle
 from sysid.estimator.model import along, slopes_along
-from sysid.estimator.sensors import PoseSensor
+from sysid.estimator.noise import Noise
+from sysid.estimator.problem import Point, located
 from sysid.estimator.states import States
 
 NAMES = ("inertia_xx_kg_m2", "thrust_bem.k1_n_s2", "centre_of_mass.x_m", "parasitic_drag.drag_xy_kg_m")
+
+NOISE = Noise({block.name: np.array(block.usual) for block in (POSE, GYRO, ACCELEROMETER)})
 
 
 @pytest.fixture(scope="module", params=["white", "gusts"])
@@ -30,12 +37,14 @@ def scene(request) -> tuple[Flight, States, vehicle.Vehicle]:
         name="random",
         log_index=0,
         time_s=time_s,
-        position_world_m=rng.standard_normal((n, 3)),
-        q_world_sensor=rotations.multiply(q, rotations.exp(0.01 * rng.standard_normal((n, 3)))),
-        rate_body_rad_s=rate + 0.1,
+        readings={
+            "position_world_m": rng.standard_normal((n, 3)),
+            "q_world_sensor": rotations.multiply(q, rotations.exp(0.01 * rng.standard_normal((n, 3)))),
+            "rate_body_rad_s": rate + 0.1,
+            "specific_force_body_m_s2": rng.uniform(-2.0, 12.0, (n - 1, 3)),
+        },
         rotor_speed_rad_s=rng.uniform(700.0, 1200.0, (n - 1, 4)),
         rotor_acceleration_rad_s2=np.zeros((n - 1, 4)),
-        specific_force_body_m_s2=rng.uniform(-2.0, 12.0, (n - 1, 3)),
         rotor_command_rad_s=np.full((n - 1, 4), np.nan),
         battery_v=np.full(n - 1, np.nan),
     )
@@ -45,13 +54,13 @@ def scene(request) -> tuple[Flight, States, vehicle.Vehicle]:
 
 def _defects(flight, states, model):
     mid = middle(flight, states)
-    return dynamics.defects(states, mid, along(model, flight, mid))
+    return motion.defects(states, mid, along(model, flight, mid))
 
 
 def test_defect_derivatives_match_finite_differences(scene):
     flight, states, model = scene
     mid = middle(flight, states)
-    before, after, _ = dynamics.defect_jacobians(states, mid, slopes_along(model, NAMES, flight, mid))
+    before, after, _ = motion.defect_jacobians(states, mid, slopes_along(model, NAMES, flight, mid))
     assert before.shape[2] == (12 if states.gust is None else 18)
     for column in range(before.shape[2]):
         step = 1e-6
@@ -66,7 +75,7 @@ def test_defect_derivatives_match_finite_differences(scene):
 def test_parameter_columns_match_finite_differences(scene):
     flight, states, model = scene
     mid = middle(flight, states)
-    _, _, border = dynamics.defect_jacobians(states, mid, slopes_along(model, NAMES, flight, mid))
+    _, _, border = motion.defect_jacobians(states, mid, slopes_along(model, NAMES, flight, mid))
     for j, name in enumerate(NAMES):
         step = 1e-5 * abs(model.value(name))
         high, low = (
@@ -78,14 +87,14 @@ def test_parameter_columns_match_finite_differences(scene):
 
 def test_accelerometer_derivatives_match_finite_differences(scene):
     flight, states, _ = scene
-    before, after = dynamics.accelerometer_jacobians(states, middle(flight, states))
+    before, after = accelerometer.jacobians(states, middle(flight, states))
     step = 1e-6
     for column in range(12):
         for node, jacobian in ((0, before[0]), (1, after[0])):
             change = np.zeros((len(flight), 18))
             change[node, column] = step
             high, low = (
-                dynamics.accelerometer(flight, moved, middle(flight, moved), np.zeros(3))[0]
+                accelerometer.residual(flight, moved, middle(flight, moved), np.zeros(3))[0]
                 for moved in (states.moved(change), states.moved(-change))
             )
             np.testing.assert_allclose(jacobian[:, column], (high - low) / (2.0 * step), rtol=4e-3, atol=0.2)
@@ -93,24 +102,28 @@ def test_accelerometer_derivatives_match_finite_differences(scene):
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.012])
 def test_sensor_derivatives_match_finite_differences(scene, delay_s):
-    flight, states, _ = scene
-    sensor = PoseSensor(np.array([0.09, -0.02, 0.03]), np.array([0.02, -0.05, 0.1]), delay_s)
-    bias = np.array([0.01, 0.02, 0.03])
+    """Pose, gyro and accelerometer as blocks: by the state, by their parameters and by their biases."""
+    flight, states, model = scene
+    gyro, force = GYRO.bias_names(0), ACCELEROMETER.bias_names(0)
+    values = dict(zip(pose.PARAMETERS, (0.09, -0.02, 0.03, 0.02, -0.05, 0.1, delay_s), strict=True))
+    values |= dict(zip(gyro, (0.01, 0.02, 0.03), strict=True)) | dict(zip(force, (0.1, 0.2, 0.3), strict=True))
     # the derivative by the state takes neighbours as given: all nodes are moved alike here, which leaves them so
-    flight = replace(flight, q_world_sensor=sensor.reading(states, flight.time_s)[1])
-    rows = sensors.linearise(flight, states, sensor, bias)
-    step = 1e-6
-    for column in range(12):
-        change = np.zeros((len(flight), 18))
-        change[:, column] = step
-        high, low = (sensors.residuals(flight, states.moved(s * change), sensor, bias) for s in (1.0, -1.0))
-        np.testing.assert_allclose(rows.by_state[:, :, column], (high - low) / (2.0 * step), atol=0.02)
-    for column in range(10):
-        change = np.eye(10)[column] * step
+    _, seen = PoseSensor.at(values).reading(states, flight.time_s)
+    flight = replace(flight, readings={**flight.readings, "q_world_sensor": seen})
+    point = Point(model, values, (states,))
 
-        def at(sign, change=change):
-            moved = PoseSensor.of_values(sensor.values + sign * change[:7])
-            return sensors.residuals(flight, states, moved, bias + sign * change[7:])
+    def at(where: States, sensors: dict[str, float]) -> At:
+        return located(flight, where, replace(point, sensors=sensors), NOISE)
 
-        expected = (at(1.0) - at(-1.0)) / (2.0 * step)
-        np.testing.assert_allclose(rows.by_sensor[:, :, column], expected, rtol=0.02, atol=0.02)
+    for block in (POSE, GYRO, ACCELEROMETER):
+        linear = block.linear(at(states, values))
+        by_state = sum(linear.by_state)  # all nodes are moved alike
+        step = 1e-6
+        for column in range(12):
+            change = np.zeros((len(flight), 18))
+            change[:, column] = step
+            high, low = (block.residual(at(states.moved(s * change), values)) for s in (1.0, -1.0))
+            np.testing.assert_allclose(by_state[:, :, column], (high - low) / (2.0 * step), atol=0.2)
+        for i, name in enumerate(linear.shared):
+            high, low = (block.residual(at(states, values | {name: values[name] + s * step})) for s in (1.0, -1.0))
+            np.testing.assert_allclose(linear.by_shared[:, :, i], (high - low) / (2.0 * step), rtol=0.02, atol=0.02)

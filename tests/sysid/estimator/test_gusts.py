@@ -7,8 +7,8 @@ import pytest
 
 import sysid
 from flight import FlightLog
-from sysid.estimator import gusts
-from sysid.estimator.gusts import Gusts
+from sysid.estimator.blocks import gust as gust_block
+from sysid.estimator.noise import Gusts
 
 GUSTY = {"gust": 0.3, "gust_torque": 1.0}
 """m/s2 and rad/s2, half a second long: a breeze of about 1 m/s."""
@@ -29,7 +29,7 @@ def test_the_rows_of_a_simulated_gust_are_white_and_of_unit_size():
     gust = np.zeros((40001, 6))
     for k, keeps in enumerate(of.keeps(step_s)):
         gust[k + 1] = keeps * gust[k] + of.size * np.sqrt(1.0 - keeps**2) * rng.standard_normal(6)
-    rows = gusts.rows(of, step_s, gust)
+    rows = gust_block.rows(of, step_s, gust)
     np.testing.assert_allclose(rows.std(axis=0), 1.0, atol=0.015)  # four standard errors of 40,000 samples
     np.testing.assert_allclose((rows[1:] * rows[:-1]).mean(axis=0), 0.0, atol=0.02)
     np.testing.assert_allclose(gust.std(axis=0), of.size, rtol=0.25)
@@ -39,12 +39,12 @@ def test_derivatives_of_the_rows_match_differences():
     rng = np.random.default_rng(1)
     of = Gusts(rng.uniform(0.1, 2.0, 6), rng.uniform(0.1, 2.0, 6))
     step_s, gust = rng.uniform(0.005, 0.02, (3, 1)), rng.standard_normal((4, 6))
-    before, after = gusts.jacobians(of, step_s)
+    before, after = gust_block.jacobians(of, step_s)
     for column in range(6):
         for node, jacobian in ((0, before[0]), (1, after[0])):
             moved = gust.copy()
             moved[node, column] += 1.0
-            change = gusts.rows(of, step_s, moved)[0] - gusts.rows(of, step_s, gust)[0]
+            change = gust_block.rows(of, step_s, moved)[0] - gust_block.rows(of, step_s, gust)[0]
             np.testing.assert_allclose(jacobian[:, 12 + column], change, rtol=1e-9, atol=1e-9)
     assert not before[:, :, :12].any()
     assert not after[:, :, :12].any()

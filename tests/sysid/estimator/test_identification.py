@@ -64,8 +64,7 @@ def test_errors_are_of_the_size_of_the_standard_errors(fitted, truth):
 
 
 def test_noise_levels_are_estimated(fitted):
-    assert fitted.noise.sensor.position_m == pytest.approx(2e-3, rel=0.05)
-    assert fitted.noise.sensor.attitude_rad == pytest.approx(2e-3, rel=0.05)
+    assert fitted.noise.levels["pose"] == pytest.approx([2e-3, 2e-3], rel=0.05)
 
 
 def test_the_fit_converges_and_reports_itself(fitted):

@@ -1,4 +1,4 @@
-"""Rotor speed from commands: when a log has no measured rotor speed, the motors become part of the model."""
+"""Motor: rotor speed from commands. When a log has no measured rotor speed, the motors become part of the model."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -6,21 +6,29 @@ from typing import Any
 
 import numpy as np
 
-from flight import InputError
 from flight.rotations import FloatArray
+from sysid.estimator.blocks import battery
 from sysid.estimator.flight_data import Flight
+from sysid.estimator.sampling import Stretch, held_means
 from vehicle import Vehicle, effects
 from vehicle.effects.base import Drive
 
 STEP = 1e-6
 """Relative step of the finite differences by the motors' parameters; their speeds are smooth in them."""
 
-
 STAGES = ("COMMAND", "DRIVE")
 """Stages of effects between command and rotor speed."""
 
+QUANTITY = "rotor_speed_command_rad_s"
 
-def drive_parameters(vehicle: Vehicle) -> tuple[str, ...]:
+
+def read(stretch: Stretch) -> tuple[FloatArray, FloatArray]:
+    """(n - 1, 4) mean command over each interval, each held until the next; and zeros for its change."""
+    means = held_means(*stretch.samples(QUANTITY), stretch.time_s)
+    return means, np.zeros_like(means)
+
+
+def parameters(vehicle: Vehicle) -> tuple[str, ...]:
     """Parameters between command and rotor speed, when only commands are known."""
     names = []
     for effect in vehicle.effects:
@@ -40,7 +48,7 @@ def driven(flight: Flight, vehicle: Vehicle) -> Flight:
 def slopes(flight: Flight, vehicle: Vehicle, names: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
     """Derivatives (k, 4, p) of mean rotor speed and mean rotor acceleration by the named parameters."""
     result = np.zeros((2, len(flight) - 1, 4, len(names)))
-    own = [i for i, name in enumerate(names) if name in drive_parameters(vehicle)]
+    own = [i for i, name in enumerate(names) if name in parameters(vehicle)]
     if not flight.driven_by_command or not own:
         return result[0], result[1]
     steps = np.array([STEP * max(abs(vehicle.value(names[i])), 1e-3) for i in own])
@@ -58,8 +66,7 @@ def _simulate(flight: Flight, vehicle: Vehicle, moved: dict[str, FloatArray]) ->
     """(k, 4, m) mean speed and acceleration over each interval, for m variants of the motors at once."""
     variants = len(next(iter(moved.values()))) if moved else 1
     active = [effects.find(e) for e in vehicle.effects if effects.find(e).stage.name in STAGES]
-    if any(e.name == "battery_sag" for e in active) and not np.isfinite(flight.battery_v).all():
-        raise InputError(f"{flight.name} has no battery_v, which battery_sag needs; log it, or take the effect out")
+    battery.require(flight, active)
     values = []
     for effect in active:
         own = vehicle.values(effect.name)

@@ -1,6 +1,6 @@
-"""Rotor speed as it most likely was, from rotor speed as it was measured.
+"""Rotor speed: as it most likely was, from rotor speed as it was measured. It drives the model.
 
-Measured rotor speed drives the model. Its noise is an error in a regressor: it is in the torque the model expects and
+Its noise is an error in a regressor: it is in the torque the model expects and
 not in the motion, so a plain fit finds the motion too small for the torque and books that as inertia: 2 to 3 % too much
 with 4 rad/s at 200 Hz, five times the stated error. Put in its place what the true speed is expected to be given the
 whole measured signal, and what is still wrong with it is uncorrelated with what the fit sees: the bias is gone
@@ -14,6 +14,9 @@ from scipy.signal import ShortTimeFFT
 from scipy.signal.windows import hann
 
 from flight.rotations import FloatArray
+from sysid.estimator.sampling import Stretch, interval_means
+
+QUANTITY = "rotor_speed_rad_s"
 
 SEGMENT_S = 1.28
 """Spectra are resolved to 0.8 Hz, narrower than what motors and controller make of a flight."""
@@ -23,6 +26,12 @@ LEAST_SEGMENTS = 8
 """Without overlap; fewer say too little about the joint spectrum of four rotors."""
 LEAST_SHARE = 0.5
 """Where less of the power than this is the rotors', nothing is passed: their share is not known well enough there."""
+
+
+def read(stretch: Stretch) -> tuple[FloatArray, FloatArray]:
+    """(n - 1, 4) mean speed and mean acceleration over each interval."""
+    time_s, speed = stretch.samples(QUANTITY)
+    return interval_means(time_s, most_likely(time_s, speed), stretch.time_s)
 
 
 def most_likely(time_s: FloatArray, speed: FloatArray) -> FloatArray:
