@@ -11,7 +11,7 @@ from flight import FlightLog, InputError, file_format
 from goshawk import console, outputs, what_next
 from goshawk.flights import load
 from goshawk.what_next import Asked
-from sysid.diagnosis import Diagnosis, Size, SuspectFinding, diagnose
+from sysid.diagnosis import Diagnosis, Size, SuspectFinding, Verdict, diagnose
 from sysid.estimator.verdict import Use
 from sysid.report import diagnosis_figures, diagnosis_page
 
@@ -150,7 +150,7 @@ def _show(found: Diagnosis, document: dict[str, Any]) -> None:
     alike = [(s.name, ", ".join(f"{n} ({share:.0%})" for n, share in s.look_alikes)) for s in found.suspects]
     if any(names for _, names in alike):
         console.table("look-alikes on these flights", ("suspect", "leaves the trace of"), [a for a in alike if a[1]])
-    reasons = [(s.name, s.reason) for s in found.suspects if s.verdict == "cannot tell"]
+    reasons = [(s.name, s.reason) for s in found.suspects if s.verdict is Verdict.CANNOT_TELL]
     reasons += [(name, f"cannot be seen: {why}") for name, why in found.invisible]
     if reasons:
         console.table("what these flights cannot tell, and why", ("effect", "reason"), reasons)

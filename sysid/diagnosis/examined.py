@@ -11,46 +11,15 @@ from sysid.diagnosis.confirm import Judge
 from sysid.diagnosis.evidence import Evidence
 from sysid.diagnosis.free_form import EVERY_CHANNEL, WORLD
 from sysid.diagnosis.load import Load
-from sysid.diagnosis.score import CLEAR_LEAD, Loss, Score, inverse_of, loss_without, score
+from sysid.diagnosis.score import Loss, Score, inverse_of, loss_without, score
 from sysid.diagnosis.suspects import LineUp, Suspect, line_up
+from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.diagnosis.weigh import Candidate, Scales
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.result import CHANNELS, Identification
 from sysid.logs.payload import PAYLOAD
 
 logger = logging.getLogger(__name__)
-
-CHANCE = 3e-5
-"""A suspect is significant below this probability: with some 30 suspects, one wrong call in 1,000 diagnoses."""
-CHANCE_CURVE = 1e-6
-"""The same for a free-form curve, of which there are some 150, and whose many columns make their tests less sure."""
-LEAST_GAIN = 4.0
-"""Cross-validated fall of the cost below which no suspect is taken seriously, whatever its significance."""
-LEAST_GAIN_CURVE = 15.0
-"""The same for a curve."""
-CLEAR_ODDS = 25.0
-"""Log odds of unseen blocks that speak for a suspect where its significance rests on a few blocks and stays low;
-false names came to 20: a controller that answers gusts looks like a little less thrust per speed. It also confirms
-where held-out flights cannot tell."""
-CLEAR_ODDS_CURVE = 16.0
-"""The same for a curve; innocent models came to 11, and one to 35."""
-DOUBTFUL = 1e-3
-"""... and the probability of chance that is low enough then."""
-DOUBTFUL_CURVE = 1e-2
-"""The same for a curve: with a dozen columns and some fifty blocks the plain test has little power left."""
-LEAST_SIZE = 0.05
-"""Sizes below this share of the usual one are of no consequence, however significant."""
-MOST_CONFIDENCE = 0.97
-"""Nothing is stated with more: so many of the names given on blind campaigns with well visible effects were right."""
-EVEN_ODDS_CURVE = 30.0
-"""Log odds of unseen blocks at which a curve is as often wrong in channel or variable as right: on blind campaigns the
-wrong ones came to 19, 19 and 35, the right ones to 31 and more."""
-LEAST_CONFIDENCE_CURVE = 0.3
-"""A curve that would be stated with less is not stated."""
-ALIKE = 0.5
-"""Suspects that reproduce this much of each other's trace compete for the same evidence."""
-NAMED_SHARE = 0.2
-"""A name stands if, with the best curve beside it, it keeps this share of its own gain."""
 
 
 @dataclass(slots=True)
@@ -131,9 +100,9 @@ def significant(model: Model) -> list[Suspect]:
 
 
 def _stands_out(suspect: Suspect, found: Score) -> bool:
-    beyond_chance = found.significance < CHANCE and found.gain_unseen > LEAST_GAIN
-    beyond_chance |= found.significance < DOUBTFUL and found.log_odds > CLEAR_ODDS
-    return beyond_chance and bool((np.abs(found.size) > LEAST_SIZE * np.array(suspect.usual)).any())
+    beyond_chance = found.significance < THRESHOLDS.chance and found.gain_unseen > THRESHOLDS.least_gain
+    beyond_chance |= found.significance < THRESHOLDS.doubtful and found.log_odds > THRESHOLDS.clear_odds
+    return beyond_chance and bool((np.abs(found.size) > THRESHOLDS.least_size * np.array(suspect.usual)).any())
 
 
 def best_curve(model: Model, channels: Sequence[str]) -> Outside | None:
@@ -143,31 +112,35 @@ def best_curve(model: Model, channels: Sequence[str]) -> Outside | None:
         blocks = model.evidence.with_curves(channel)
         for _, variable, columns in model.evidence.groups(channel):
             scored = score(blocks, model.evidence.base, columns)
-            clear = scored.significance < CHANCE_CURVE and scored.gain_unseen > LEAST_GAIN_CURVE
-            if clear or (scored.significance < DOUBTFUL_CURVE and scored.log_odds > CLEAR_ODDS_CURVE):
+            clear = scored.significance < THRESHOLDS.chance_curve and scored.gain_unseen > THRESHOLDS.least_gain_curve
+            if clear or (
+                scored.significance < THRESHOLDS.doubtful_curve and scored.log_odds > THRESHOLDS.clear_odds_curve
+            ):
                 found.append(Outside(channel, variable, scored, 1.0))
     if not found:
         return None
     best = max(found, key=lambda o: o.score.gain_unseen)
     rivals = [np.exp(o.score.gain_unseen - best.score.gain_unseen) for o in found if o.channel == best.channel]
-    clear = 1.0 / (1.0 + (EVEN_ODDS_CURVE / max(best.score.log_odds, 1.0)) ** 4)
-    return replace(best, confidence=MOST_CONFIDENCE * clear / float(np.sum(rivals)))
+    clear = 1.0 / (1.0 + (THRESHOLDS.even_odds_curve / max(best.score.log_odds, 1.0)) ** 4)
+    return replace(best, confidence=THRESHOLDS.most_confidence * clear / float(np.sum(rivals)))
 
 
 def stated_curve(model: Model) -> Outside | None:
     """The best curve of all, if it is sure enough to be stated."""
     if not model.tried.curve:
         best = best_curve(model, EVERY_CHANNEL)
-        model.tried.curve.append(best if best is not None and best.confidence >= LEAST_CONFIDENCE_CURVE else None)
+        model.tried.curve.append(
+            best if best is not None and best.confidence >= THRESHOLDS.least_confidence_curve else None
+        )
     return model.tried.curve[0]
 
 
 def as_good_as(curve: Outside, model: Model) -> list[Suspect]:
     """Suspects that a curve in a channel of theirs does not clearly outdo, best first."""
     gain = {s.name: model.scores[s.name].gain_unseen for s in model.line_up.suspects}
-    least = curve.score.gain_unseen - CLEAR_LEAD * curve.score.dispersion
+    least = curve.score.gain_unseen - THRESHOLDS.clear_lead * curve.score.dispersion
     own = [s for s in model.line_up.suspects if curve.channel in shown_in(s)]
-    return sorted((s for s in own if gain[s.name] > max(least, LEAST_GAIN)), key=lambda s: -gain[s.name])
+    return sorted((s for s in own if gain[s.name] > max(least, THRESHOLDS.least_gain)), key=lambda s: -gain[s.name])
 
 
 def shown_in(suspect: Suspect) -> list[str]:
@@ -178,7 +151,7 @@ def shown_in(suspect: Suspect) -> list[str]:
 
 def alike(model: Model, one: Suspect, other: Suspect) -> bool:
     """Whether either leaves much of the other's trace, so that the two compete for the same evidence."""
-    return max(reproduced(model, one, other), reproduced(model, other, one)) > ALIKE
+    return max(reproduced(model, one, other), reproduced(model, other, one)) > THRESHOLDS.competing
 
 
 def reproduced(model: Model, suspect: Suspect, other: Suspect) -> float:
@@ -200,7 +173,7 @@ def stands(after: Model, suspect: Suspect) -> Outside | None:
     """None if the name stands; else the curve that explains what the name was to explain, and more.
 
     At the fit with the suspect in the model: a curve in its channels that is still needed beside the name, while the
-    name is not needed beside the curve, convicts the name of being a stand-in.
+    name is not needed beside the curve, shows that the name is a proxy.
     """
     curve = best_curve(after, shown_in(suspect))
     if curve is None:
@@ -209,7 +182,7 @@ def stands(after: Model, suspect: Suspect) -> Outside | None:
     if curve.channel in WORLD:  # what pulls in one level direction may pull in the other as well
         beside += [c for c in (best_curve(after, [w]) for w in WORLD if w != curve.channel) if c is not None]
     alone, left = loss(after, suspect), loss(after, suspect, beside)
-    needed = left.significance < CHANCE and left.gain > NAMED_SHARE * alone.gain
+    needed = left.significance < THRESHOLDS.chance and left.gain > THRESHOLDS.named_share * alone.gain
     drawn = " and ".join(f"{c.channel} vs {c.variable}" for c in beside)
     logger.info(
         "%s: worth %.1f, beside %s %.1f; the curve beside it %.1f",

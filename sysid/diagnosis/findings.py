@@ -6,14 +6,41 @@ error before and after).
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from enum import StrEnum
+from typing import Any
 
 from flight.rotations import FloatArray
 
 SCHEMA_VERSION = 1
 """Version of `Diagnosis.as_dict` of `sysid.diagnosis.diagnose`."""
 
-Verdict = Literal["present", "excluded", "cannot tell"]
+
+class Verdict(StrEnum):
+    """What the measurements say about an effect."""
+
+    PRESENT = "present"
+    CANNOT_TELL = "cannot tell"
+    EXCLUDED = "excluded"
+
+
+class Outcome(StrEnum):
+    """How an attempt to add an effect ended."""
+
+    ADDED = "added"
+    UNDECIDED = "undecided"
+    """A confounded effect explains as much."""
+    PROXY = "proxy"
+    """A free curve explains more."""
+    NOT_CONFIRMED = "not confirmed"
+    REMOVED = "removed"
+    """A later addition made it unnecessary."""
+
+
+class JudgedBy(StrEnum):
+    """Which flights confirmed or refused an attempt."""
+
+    HELD_OUT = "held-out flights"
+    LEFT_OUT = "stretches of the training flights, each judged by the rest"
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +115,7 @@ class SuspectFinding:
     def as_dict(self) -> dict[str, Any]:
         return {
             "name": self.name,
-            "verdict": self.verdict,
+            "verdict": str(self.verdict),
             "reason": self.reason,
             "sizes": {s.parameter: s.as_dict() for s in self.sizes},
             "evidence": {"gain": self.gain, "chance": self.significance, "error_0.5_s_m": self.error_m},
@@ -138,9 +165,7 @@ class Attempt:
     """One suspect that was tried, and how it ended."""
 
     name: str
-    outcome: str
-    """`added`, `undecided` (a look-alike explains as much), `stand-in` (a free curve explains more), `not confirmed` by
-    unseen flights, `removed` again."""
+    outcome: Outcome
     sentence: str
     """In words, `helped` or `did not help` with the numbers."""
     confidence: float
@@ -153,7 +178,7 @@ class Attempt:
     def as_dict(self) -> dict[str, Any]:
         return {
             "name": self.name,
-            "outcome": self.outcome,
+            "outcome": str(self.outcome),
             "sentence": self.sentence,
             "confidence": self.confidence,
             "rivals": [{"name": name, "probability": p} for name, p in self.rivals],

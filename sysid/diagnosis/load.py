@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from flight import FlightLog
 from flight.rotations import FloatArray
 from sysid.diagnosis.evidence import Blocks, Evidence
-from sysid.diagnosis.score import CLEAR_LEAD, Score, score
+from sysid.diagnosis.score import Score, score
+from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.estimator.flight_data import Flight, IndexArray
 from sysid.logs.payload import PAYLOAD_CARRIED
 
@@ -23,12 +24,6 @@ logger = logging.getLogger(__name__)
 COLUMNS = tuple(f"payload.{name}" for name in ("added_kg", "x_m", "y_m", "z_m"))
 THRUST = "thrust_bem.k1_n_s2", "thrust_quadratic.k_n_s2"
 """Of the base parameters, the one that makes all thrust, and with it all torque, larger or smaller."""
-WITHIN = 0.35
-"""Flights of one group differ by less than this share of what lies between the groups ..."""
-WITHIN_SIGMAS = 2.0
-"""... and so many standard errors."""
-SHOWS = 1e-3
-"""Probability of chance below which it is asked whether it can be a load."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +61,7 @@ def find(evidence: Evidence, flights: Sequence[Flight]) -> Load:
     found = score(evidence.named, given, places).first(1)
     chance = min(1.0, (2 ** len(logs) - 2) * found.significance)  # of so many sets the likeliest was chosen
     doubt = ""
-    if chance < SHOWS:
+    if chance < THRESHOLDS.load_chance:
         uneven = _not_two_groups(added, order, cut, _between(weighed.covariance))
         doubt = uneven or _thrust_instead(evidence, loaded, found)
     if doubt:
@@ -85,7 +80,7 @@ def _apart(blocks: Blocks, given: IndexArray, places: IndexArray, where: Sequenc
 
 def _not_two_groups(added: FloatArray, order: IndexArray, cut: int, sigma: float) -> str:
     light, heavy = added[order[:cut]], added[order[cut:]]
-    most = WITHIN * (heavy[0] - light[-1]) + WITHIN_SIGMAS * sigma
+    most = THRESHOLDS.load_spread * (heavy[0] - light[-1]) + THRESHOLDS.load_spread_sigmas * sigma
     if max(np.ptp(light), np.ptp(heavy)) <= most:
         return ""
     grams = ", ".join(f"{1000.0 * kg:.0f}" for kg in added)
@@ -106,7 +101,7 @@ def _thrust_instead(evidence: Evidence, loaded: NDArray[np.bool_], load: Score) 
     apart = _apart(evidence.named, evidence.base, evidence.place(thrust), [loaded])
     weaker = score(apart, evidence.base, np.array([len(evidence.base)], dtype=np.intp))
     logger.info("load %.1f, weaker thrust instead %.1f", load.log_odds, weaker.log_odds)
-    if weaker.log_odds - load.log_odds < CLEAR_LEAD:
+    if weaker.log_odds - load.log_odds < THRESHOLDS.clear_lead:
         return ""
     return "some flights have less thrust, and with it less torque, which explains more than a load: see the propellers"
 

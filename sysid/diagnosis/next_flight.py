@@ -16,11 +16,13 @@ from scipy.special import expit
 
 from flight import FloatArray, InfeasibleError, InputError, Progress, Trajectory, Waypoints, silent
 from sysid.diagnosis.evidence import Evidence
-from sysid.diagnosis.examined import CHANCE, Model
+from sysid.diagnosis.examined import Model
+from sysid.diagnosis.findings import Verdict
 from sysid.diagnosis.procedure import NODE_RATE_HZ, VISIBLE_SIGMAS, Diagnosis
 from sysid.diagnosis.rehearsal import Rehearsal, Room, fitted_into, rehearse, waypoints_of
 from sysid.diagnosis.score import inverse_of
 from sysid.diagnosis.suspects import Suspect
+from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.estimator.unknowns import SENSOR_NAMES, Unknowns, biases
 from sysid.logs.payload import PAYLOAD
 from vehicle import effects, manoeuvres
@@ -289,13 +291,13 @@ def in_doubt(model: Diagnosis | Model) -> tuple[str, ...]:
     if model.undecided:
         return model.undecided[:2]
     for finding in model.suspects:
-        if finding.verdict == "present":
+        if finding.verdict is Verdict.PRESENT:
             trial = next(t for t in reversed(model.search.trials) if t.suspect.name == finding.name)
             rivals = [name for name, p in trial.rivals if p > POSSIBLE] or [name for name, _ in finding.look_alikes]
             if rivals:
                 return finding.name, rivals[0]
-    doubts = [f for f in model.suspects if f.verdict == "cannot tell"]
-    significant = [f for f in doubts if f.significance < CHANCE]
+    doubts = [f for f in model.suspects if f.verdict is Verdict.CANNOT_TELL]
+    significant = [f for f in doubts if f.significance < THRESHOLDS.chance]
     for finding in significant[:1]:
         for rival, _ in finding.look_alikes[:1]:
             return finding.name, rival

@@ -1,18 +1,16 @@
 """Who may be missing: every effect of the catalogue, and of the user's own, that these flights could show at all."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from flight import InputError
 from sysid.estimator.flight_data import Flight
-from sysid.logs.payload import PAYLOAD
+from sysid.estimator.unknowns import SENSOR_NAMES
 from vehicle import Vehicle, effects
-from vehicle.effects.base import Effect, Spec, Stage
+from vehicle.effects.base import Effect, Stage
 
-SEPARATELY = {"weak_rotor": "weak_rotor[{}]"}
-"""Effects whose parameters are suspects of their own: one rotor is weak, not a mixture of all four."""
 LOAD_SHARE = 0.2
 """A usual load is this share of the vehicle's mass."""
 TRACE = 1e-9
@@ -39,6 +37,9 @@ class Suspect:
     fitted_along: tuple[str, ...] = ()
     """Further parameters, which mean nothing while those above are zero: they say where a load sits, and are fitted and
     scored with them."""
+
+    between_flights: bool = False
+    """Whether it shows only between flights with it and flights without."""
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -68,18 +69,19 @@ def line_up(vehicle: Vehicle, flights: Sequence[Flight]) -> LineUp:
     by_command = any(f.driven_by_command for f in flights)
     invisible: list[tuple[str, str]] = []
     suspects: list[Suspect] = []
-    extended = _swapped_thrust(vehicle)
+    extended = _swapped(vehicle)
     for effect in _known(vehicle):
         if effect.name in vehicle.effects:
             continue
-        reason = _no_load(flights) if effect.name == PAYLOAD else _why_not(effect, vehicle, by_command)
+        reason = _no_load(flights) if effect.between_flights else _why_not(effect, vehicle, by_command)
         if reason:
             invisible.append((effect.name, reason))
             continue
         if effect.name not in extended.effects:
             extended = extended.with_effect(effect.name, source="suspect", **_at_rest(effect))
-            if effect.name == PAYLOAD:  # a trace of it, so that its place has columns
-                extended = extended.with_value(f"{PAYLOAD}.added_kg", TRACE * vehicle.mass_kg)
+            if effect.between_flights:  # a trace of it, so that its place has columns
+                for name in effect.strength:
+                    extended = extended.with_value(f"{effect.name}.{name}", TRACE * vehicle.mass_kg)
         suspects += _suspects(effect, vehicle)
     return LineUp(extended, tuple(suspects), tuple(invisible))
 
@@ -91,21 +93,22 @@ def _known(vehicle: Vehicle) -> list[Effect]:
 
 def _at_rest(effect: Effect) -> dict[str, float]:
     """Parameters at zero; shapes (what does not vanish by default) at their default."""
-    if effect.name == PAYLOAD:
-        return {"added_kg": 0.0}
+    if effect.between_flights:
+        return dict.fromkeys(effect.strength, 0.0)
     return {s.name: 0.0 for s in effect.parameters if s.bounds[0] <= 0.0 <= s.bounds[1] and not s.held}
 
 
 def _why_not(effect: Effect, vehicle: Vehicle, by_command: bool) -> str:
-    if effect.name == "thrust_quadratic" and "thrust_bem" in vehicle.effects:
-        return "thrust_bem stands for the same thrust"
-    if effect.name == "ceiling_effect":
+    for other in vehicle.effects:
+        if effects.find(other).instead_of == effect.name:
+            return f"{other} stands for the same thrust"
+    if "ceiling_gap_m" in effect.needs:
         return "no log says how far the ceiling was"
     if effect.stage in (Stage.COMMAND, Stage.DRIVE):
         if not by_command:
             return "rotor speed was measured, so what lies between command and speed cannot show"
         return "identify it from commands with `goshawk identify --add-effect`"
-    if effect.stage == Stage.SENSOR and effect.name != "pose_delay":
+    if effect.stage == Stage.SENSOR and not {f"{effect.name}.{s.name}" for s in effect.parameters} <= set(SENSOR_NAMES):
         return "the estimator has the pose sensor's place and the gyro's bias among its unknowns already"
     return ""
 
@@ -125,12 +128,8 @@ def _no_load(flights: Sequence[Flight]) -> str:
 
 
 def _suspects(effect: Effect, vehicle: Vehicle) -> list[Suspect]:
-    wanted = [s for s in effect.parameters if not s.held]
-    along: list[Spec] = []
-    if effect.name == "thrust_bem":
-        wanted = [s for s in effect.parameters if s.name == "k2_n_s2_m"]
-    if effect.name == PAYLOAD:
-        wanted, along = list(effect.parameters[:1]), list(effect.parameters[1:])
+    wanted = [s for s in effect.parameters if not s.held and (s.name in effect.strength or not effect.strength)]
+    along = [s for s in effect.parameters if s not in wanted] if effect.between_flights else []
     channels = tuple(word for word in effect.channel.split() if word[:2] in ("F_", "M_"))
 
     def make(name: str, specs: list) -> Suspect:
@@ -138,33 +137,45 @@ def _suspects(effect: Effect, vehicle: Vehicle) -> list[Suspect]:
             name=name,
             effect=effect.name,
             parameters=tuple(f"{effect.name}.{s.name}" for s in specs),
-            one_sided=tuple(s.bounds[0] == 0.0 or effect.name in SEPARATELY for s in specs),
-            usual=tuple(LOAD_SHARE * vehicle.mass_kg if effect.name == PAYLOAD else s.prior for s in specs),
+            one_sided=tuple(s.bounds[0] == 0.0 or effect.separate for s in specs),
+            usual=tuple(LOAD_SHARE * vehicle.mass_kg if effect.between_flights else s.prior for s in specs),
             channels=channels,
             regressor=effect.regressor,
             excited_by=effect.excited_by,
             fitted_along=tuple(f"{effect.name}.{s.name}" for s in along),
+            between_flights=effect.between_flights,
         )
 
-    if effect.name in SEPARATELY:
-        return [make(SEPARATELY[effect.name].format(i), [s]) for i, s in enumerate(wanted)]
+    if effect.separate:
+        return [make(f"{effect.name}[{i}]", [s]) for i, s in enumerate(wanted)]
     return [make(effect.name, wanted)]
 
 
-def _swapped_thrust(vehicle: Vehicle) -> Vehicle:
-    """Thrust k n^2 is the induced-velocity law with k2 = 0, so that law can be tried as one more column."""
-    if "thrust_quadratic" not in vehicle.effects or "thrust_bem" in vehicle.effects:
-        return vehicle
-    k = vehicle.parameter("thrust_quadratic.k_n_s2")
-    swapped = vehicle.without_effect("thrust_quadratic").with_effect("thrust_bem", k1_n_s2=k.value, k2_n_s2_m=0.0)
-    return swapped.with_value("thrust_bem.k1_n_s2", k.value, std=k.std, source=k.source)
+def _swapped(vehicle: Vehicle) -> Vehicle:
+    """The vehicle with every law that another one contains written as that one at no strength.
+
+    Thrust k n^2 is the induced-velocity law with k2 = 0, so that law can be tried as one more column.
+    """
+    for effect in _known(vehicle):
+        if effect.instead_of in vehicle.effects and effect.name not in vehicle.effects:
+            vehicle = _instead(vehicle, effect, dict.fromkeys(effect.strength, 0.0), "assumed")
+    return vehicle
+
+
+def _instead(vehicle: Vehicle, effect: Effect, strength: Mapping[str, float], source: str) -> Vehicle:
+    """The vehicle with an effect in place of the one that it contains."""
+    theirs, ours = effect.takes_over
+    old = vehicle.parameter(f"{effect.instead_of}.{theirs}")
+    bare = vehicle.without_effect(effect.instead_of)
+    swapped = bare.with_effect(effect.name, source=source, **{ours: old.value}, **strength)
+    return swapped.with_value(f"{effect.name}.{ours}", old.value, std=old.std, source=old.source)
 
 
 def base_names(names: Sequence[str], vehicle: Vehicle) -> tuple[str, ...]:
-    """Names of the fitted parameters as the lined-up vehicle calls them."""
-    if "thrust_quadratic" in vehicle.effects:
-        return tuple(names)
-    return tuple("thrust_bem.k1_n_s2" if name == "thrust_quadratic.k_n_s2" else name for name in names)
+    """Names of the fitted parameters as the vehicle with all suspects calls them."""
+    containing = [effects.find(name) for name in vehicle.effects if effects.find(name).instead_of]
+    renamed = {f"{e.instead_of}.{e.takes_over[0]}": f"{e.name}.{e.takes_over[1]}" for e in containing}
+    return tuple(renamed.get(name, name) for name in names)
 
 
 def added(vehicle: Vehicle, suspect: Suspect, values: Sequence[float]) -> Vehicle:
@@ -175,10 +186,8 @@ def added(vehicle: Vehicle, suspect: Suspect, values: Sequence[float]) -> Vehicl
         name.split(".")[1]: float(np.clip(value, *start[name.split(".")[1]].bounds))
         for name, value in zip(suspect.parameters, values, strict=True)
     }
-    if suspect.effect == "thrust_bem":
-        k1 = vehicle.value("thrust_quadratic.k_n_s2")
-        vehicle = vehicle.without_effect("thrust_quadratic")
-        return vehicle.with_effect("thrust_bem", source="suspect", k1_n_s2=k1, **given)
+    if effect.instead_of in vehicle.effects:
+        return _instead(vehicle, effect, given, "suspect")
     if suspect.effect in vehicle.effects:
         for name, value in given.items():
             vehicle = vehicle.with_value(f"{suspect.effect}.{name}", value, source="suspect")

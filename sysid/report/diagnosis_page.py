@@ -7,7 +7,7 @@ from html import escape
 from importlib.metadata import version
 from pathlib import Path
 
-from sysid.diagnosis.findings import OutsideFinding
+from sysid.diagnosis.findings import Outcome, OutsideFinding, Verdict
 from sysid.diagnosis.procedure import Diagnosis
 from sysid.report import diagnosis_figures, diagnosis_tables, words
 from sysid.report.pages import picture, write_page
@@ -80,7 +80,7 @@ def _head(found: Diagnosis) -> str:
 def _verdict(found: Diagnosis) -> str:
     sentence = found.verdict[0].upper() + found.verdict[1:]
     said = [f"<b>{escape(sentence)}.</b>", f"Confidence {found.confidence:.0%}."]
-    said += [diagnosis_tables.size_sentence(s) for s in found.suspects if s.verdict == "present"]
+    said += [diagnosis_tables.size_sentence(s) for s in found.suspects if s.verdict is Verdict.PRESENT]
     if found.outside is not None:
         said.append(_curve_sentence(found.outside))
     said.append(_error_sentence(found))
@@ -108,8 +108,8 @@ def _error_sentence(found: Diagnosis) -> str:
 
 
 def _seen_sentence(found: Diagnosis) -> str:
-    excluded = sum(s.verdict == "excluded" for s in found.suspects)
-    open_ = [s.name for s in found.suspects if s.verdict == "cannot tell"]
+    excluded = sum(s.verdict is Verdict.EXCLUDED for s in found.suspects)
+    open_ = [s.name for s in found.suspects if s.verdict is Verdict.CANNOT_TELL]
     open_ += [name for name, _ in found.invisible]
     told = f"Of {len(found.suspects)} suspects, {excluded} would have shown at their usual size and can be excluded"
     return f"{told}. These flights say nothing certain of {escape(', '.join(open_))}." if open_ else f"{told}."
@@ -118,7 +118,7 @@ def _seen_sentence(found: Diagnosis) -> str:
 def _attempts(found: Diagnosis) -> str:
     if not found.attempts:
         return "<p>No known effect explained enough to be tried.</p>"
-    style = {"added": "good", "removed": "held", "undecided": "held"}
+    style = {Outcome.ADDED: "good", Outcome.REMOVED: "held", Outcome.UNDECIDED: "held"}
     items = "".join(
         f"<li><b>{escape(a.name)}</b> <span class='{style.get(a.outcome, 'bad')}'>{escape(a.sentence)}</span>"
         f"{_rivals(a.rivals)}</li>"
@@ -141,7 +141,7 @@ def _next(further: Sequence[str]) -> str:
 
 
 def _unseen(found: Diagnosis) -> str:
-    open_ = [s for s in found.suspects if s.verdict == "cannot tell"]
+    open_ = [s for s in found.suspects if s.verdict is Verdict.CANNOT_TELL]
     items = [f"<li><b>{escape(s.name)}</b>: {escape(s.reason)}</li>" for s in open_]
     items += [f"<li><b>{escape(name)}</b> cannot be seen: {escape(why)}</li>" for name, why in found.invisible]
     return f"<h2>What these flights cannot tell, and why</h2><ul>{''.join(items)}</ul>" if items else ""

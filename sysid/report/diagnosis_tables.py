@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from math import floor, log10
 
-from sysid.diagnosis.findings import Size, SuspectFinding
+from sysid.diagnosis.findings import Size, SuspectFinding, Verdict
 from sysid.report.pages import table
 from vehicle import Parameter
 
@@ -61,8 +61,8 @@ def size_sentence(suspect: SuspectFinding) -> str:
 
 def suspects(found: Sequence[SuspectFinding]) -> str:
     """Those that are present or in doubt in full; of those excluded, how much of them can be ruled out."""
-    open_ = [s for s in found if s.verdict != "excluded"]
-    excluded = [s for s in found if s.verdict == "excluded"]
+    open_ = [s for s in found if s.verdict is not Verdict.EXCLUDED]
+    excluded = [s for s in found if s.verdict is Verdict.EXCLUDED]
     parts = [_open(open_)] if open_ else ["<p>None is present, and none in doubt.</p>"]
     return "".join(parts + ([_excluded(excluded)] if excluded else []))
 
@@ -137,7 +137,7 @@ def look_alikes(found: Sequence[SuspectFinding]) -> str:
     items = [
         f"<li><b>{escape(s.name)}</b> ({s.verdict}): {escape(', '.join(f'{n} {share:.0%}' for n, share in alike))}</li>"
         for s in found
-        if (alike := s.look_alikes) and s.verdict != "excluded"
+        if (alike := s.look_alikes) and s.verdict is not Verdict.EXCLUDED
     ]
     if not items:
         return "<p>Nothing that is present or in doubt leaves the trace of another suspect on these flights.</p>"

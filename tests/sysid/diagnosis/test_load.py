@@ -14,6 +14,7 @@ from sysid.diagnosis import diagnose, examined, load, procedure
 from sysid.diagnosis.evidence import Blocks, Evidence
 from sysid.diagnosis.procedure import while_searching
 from sysid.diagnosis.suspects import line_up
+from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.estimator import agreement
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.prepare import prepare
@@ -146,7 +147,7 @@ def test_the_carriers_are_any_set_of_flights():
         assert found.carriers == set(np.flatnonzero(carried))
         assert not found.doubt
         assert found.score.size[0] == pytest.approx(0.6, abs=4.0 * found.score.sigma[0])
-        assert found.score.significance < examined.CHANCE
+        assert found.score.significance < THRESHOLDS.chance
     assert found_of(none, none).score.significance > 1e-3
 
 

@@ -15,8 +15,8 @@ from sysid import Options, identify
 from sysid.diagnosis import Diagnosis, diagnose, next_flight
 from sysid.diagnosis.examined import Model, as_good_as, best_curve, examine
 from sysid.diagnosis.rehearsal import Room, fitted_into
-from sysid.diagnosis.score import CLEAR_LEAD
 from sysid.diagnosis.search import candidates
+from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.diagnosis.weigh import Candidate, Scales
 from vehicle import Vehicle, flights, manoeuvres
 from vehicle.simulate import Wind
@@ -66,7 +66,7 @@ def test_the_right_name_outweighs_its_look_alike_whoever_sets_the_scales(fitted,
     assert model.scores["rotor_drag_speed"].dispersion > 2.0 * model.scores["rotor_drag_thrust"].dispersion
     by = tried[weighed_by]
     scales = Scales(by, model.judge, examine(by.fit).evidence)
-    assert scales.weight(right) - scales.weight(wrong) > CLEAR_LEAD
+    assert scales.weight(right) - scales.weight(wrong) > THRESHOLDS.clear_lead
 
 
 def test_what_tells_look_alikes_apart_is_louder_once_the_effect_is_no_noise(fitted):
