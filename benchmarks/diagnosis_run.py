@@ -84,7 +84,7 @@ def stated(found: Any) -> dict[str, Any]:
                 "size": _short(s.size),
                 "smallest_visible": _short(s.smallest_visible),
             }
-            for s in found.suspects
+            for s in found.candidates
         },
     }
 

@@ -41,7 +41,7 @@ def learn(logs: list[FlightLog], model: vehicle.Vehicle) -> vehicle.Vehicle:
     """Find out what the model lacks, and add it; the truth is only looked at to print it beside."""
     found = diagnose([in_the_air(log, "eight") for log in logs], model, auto=True)
     print(f"diagnosis: {found.verdict} (confidence {found.confidence:.0%})")
-    for suspect in found.suspects:
+    for suspect in found.candidates:
         if suspect.verdict == "present":
             for size in suspect.sizes:
                 true = truth.parameter(size.parameter).value if size.parameter in truth.parameters else 0.0

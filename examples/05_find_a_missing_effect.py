@@ -37,7 +37,7 @@ def main() -> None:
     learned_from = [fly(name, seed) for seed, name in enumerate(("rotation", "yaw_doublets", "oblique"))]
     found = diagnose(learned_from, known, held_out=[fly("doublets", 9), fly("yaw_sweep", 10)], auto=True)
     print(f"verdict: {found.verdict} (confidence {found.confidence:.0%})")
-    for suspect in found.suspects:
+    for suspect in found.candidates:
         if suspect.verdict == "present":
             for size in suspect.sizes:
                 true = HIDDEN.get(size.parameter.split(".")[1], 0.0)

@@ -11,7 +11,7 @@ from flight import FlightLog, InputError, file_format
 from goshawk import console, outputs, what_next
 from goshawk.flights import load
 from goshawk.what_next import Asked
-from sysid.diagnosis import Diagnosis, Size, SuspectFinding, Verdict, diagnose
+from sysid.diagnosis import CandidateFinding, Diagnosis, Size, Verdict, diagnose
 from sysid.estimator.verdict import Use
 from sysid.report import diagnosis_figures, diagnosis_page
 
@@ -145,12 +145,12 @@ def _show(found: Diagnosis, document: dict[str, Any]) -> None:
     console.table(
         "suspects (mm: position error that the effect makes within 0.5 s)",
         heads,
-        [row for s in found.suspects for row in _rows(s)],
+        [row for s in found.candidates for row in _rows(s)],
     )
-    alike = [(s.name, ", ".join(f"{n} ({share:.0%})" for n, share in s.look_alikes)) for s in found.suspects]
+    alike = [(s.name, ", ".join(f"{n} ({share:.0%})" for n, share in s.confounded)) for s in found.candidates]
     if any(names for _, names in alike):
         console.table("look-alikes on these flights", ("suspect", "leaves the trace of"), [a for a in alike if a[1]])
-    reasons = [(s.name, s.reason) for s in found.suspects if s.verdict is Verdict.CANNOT_TELL]
+    reasons = [(s.name, s.reason) for s in found.candidates if s.verdict is Verdict.CANNOT_TELL]
     reasons += [(name, f"cannot be seen: {why}") for name, why in found.invisible]
     if reasons:
         console.table("what these flights cannot tell, and why", ("effect", "reason"), reasons)
@@ -182,7 +182,7 @@ def _show_staircase(found: Diagnosis) -> None:
     console.table(f"position error (mm, rms) on {on}", ("model", *(f"after {h}" for h in horizons)), rows)
 
 
-def _rows(suspect: SuspectFinding) -> list[tuple[str, ...]]:
+def _rows(suspect: CandidateFinding) -> list[tuple[str, ...]]:
     """One line per parameter; what belongs to the suspect as a whole stands in the first."""
     heads = ((suspect.name, suspect.verdict), *((("", ""),) * (len(suspect.sizes) - 1)))
     whole = (f"{1000.0 * suspect.error_m:.1f}", f"{suspect.confidence:.0%}")

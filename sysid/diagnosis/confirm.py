@@ -28,7 +28,7 @@ SETTLED = 1e-7
 
 
 @dataclass(frozen=True, slots=True)
-class Fall:
+class CostReduction:
     """By how much the cost of flights falls from one model to another."""
 
     by_block: FloatArray
@@ -81,7 +81,7 @@ class Judge:
         """Another one of the same flights at another noise level; `states` is where to start from."""
         return Judge(self._flights, noise, states)
 
-    def turn_to(self, noise: Noise) -> None:
+    def set_noise(self, noise: Noise) -> None:
         """Judge at this noise level from now on."""
         if noise is not self._noise:
             self._noise, self._known = noise, []
@@ -116,9 +116,11 @@ class Judge:
             total += 0.5 * float((mid.step_s * ((first - second) / self._noise.process) ** 2).sum())
         return total
 
-    def fall(self, before: Vehicle, after: Vehicle, states_after: tuple[States, ...] | None = None) -> Fall:
+    def reduction(
+        self, before: Vehicle, after: Vehicle, states_after: tuple[States, ...] | None = None
+    ) -> CostReduction:
         """From one model to another."""
-        return Fall(self.costs(before) - self.costs(after, states_after))
+        return CostReduction(self.costs(before) - self.costs(after, states_after))
 
 
 def _told(flight: Flight, carries: bool) -> Flight:
@@ -149,7 +151,7 @@ def settle(flights: Sequence[Flight], point: Point, noise: Noise) -> tuple[Point
 
 
 def _promised(rows: Rows, change: FloatArray, border: FloatArray) -> float:
-    """Fall of the cost that the linearised rows expect of a step."""
+    """Reduction of the cost that the linearised rows expect of a step."""
     defect, sensor = rows.change(change[:, :, None], border[:, None])
     after = (rows.defect + defect[:, :, 0], rows.sensor + sensor[:, :, 0])
     return rows.cost() - 0.5 * float(sum(np.vdot(part, part) for part in after))

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 
+from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.examined import Outside
 from sysid.diagnosis.findings import Outcome, Size, Verdict
 from sysid.diagnosis.score import Score
 from sysid.diagnosis.search import Trial
-from sysid.diagnosis.suspects import Suspect
 from sysid.diagnosis.thresholds import THRESHOLDS
 
 
@@ -39,7 +39,7 @@ class Reason(Enum):
 class Case:
     """What was found about one candidate."""
 
-    candidate: Suspect
+    candidate: Candidate
     score: Score
     """Of the last model that lacked it."""
     sizes: tuple[Size, ...]

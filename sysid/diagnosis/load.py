@@ -45,7 +45,7 @@ class Load:
 def find(evidence: Evidence, flights: Sequence[Flight]) -> Load:
     """Weigh each log, all else free, and part them where the gap is widest; weight that all share hardly shows.
 
-    The evidence's payload is silenced on the flights that do not carry it.
+    The evidence's payload is masked on the flights that do not carry it.
     """
     log_of_block = np.array([f.log_index for f in flights])[evidence.flight_of_block]
     logs = np.unique(log_of_block)
@@ -57,7 +57,7 @@ def find(evidence: Evidence, flights: Sequence[Flight]) -> Load:
     cut = int(np.argmax(np.diff(added[order]))) + 1
     carriers = frozenset(int(logs[i]) for i in order[cut:])
     loaded = np.isin(log_of_block, list(carriers))
-    evidence.silence(COLUMNS, ~loaded)
+    evidence.mask(COLUMNS, ~loaded)
     found = score(evidence.named, given, places).first(1)
     chance = min(1.0, (2 ** len(logs) - 2) * found.significance)  # of so many sets the likeliest was chosen
     doubt = ""
@@ -74,7 +74,7 @@ def _apart(blocks: Blocks, given: IndexArray, places: IndexArray, where: Sequenc
     """The given columns, and each of some others once per set of blocks: itself there, nothing elsewhere."""
     repeated = blocks.only(np.concatenate([given, np.repeat(places, len(where))]))
     for i, here in enumerate(where):
-        repeated = repeated.silenced(np.arange(len(given) + i, repeated.score.shape[1], len(where)), ~here)
+        repeated = repeated.masked(np.arange(len(given) + i, repeated.score.shape[1], len(where)), ~here)
     return repeated
 
 

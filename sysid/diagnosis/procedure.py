@@ -9,22 +9,22 @@ from scipy.stats import norm
 
 from flight import FlightLog, InputError, Progress, silent
 from sysid.diagnosis import load, traces
+from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.decision import Case, decide, sentence
 from sysid.diagnosis.examined import Model, Outside
 from sysid.diagnosis.findings import (
     SCHEMA_VERSION,
     Attempt,
+    CandidateFinding,
     Outcome,
     OutsideFinding,
     Size,
     Stair,
-    SuspectFinding,
     Verdict,
 )
 from sysid.diagnosis.free_form import VARIABLE
 from sysid.diagnosis.score import Score
 from sysid.diagnosis.search import Search, Trial, search
-from sysid.diagnosis.suspects import Suspect
 from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.estimator import verdict as fits
 from sysid.estimator.comparison import HORIZONS_S, Comparison, compare
@@ -49,9 +49,9 @@ class Diagnosis:
     vehicle: Vehicle
     """The fitted vehicle with what was added."""
     additions: tuple[str, ...]
-    """Suspects added, in order."""
-    suspects: tuple[SuspectFinding, ...]
-    """Every suspect, most suspicious first."""
+    """Candidates added, in order."""
+    candidates: tuple[CandidateFinding, ...]
+    """Every candidate, likeliest first."""
     outside: OutsideFinding | None
     """Something is missing that none of the known effects is."""
     attempts: tuple[Attempt, ...]
@@ -73,7 +73,7 @@ class Diagnosis:
 
     @property
     def undecided(self) -> tuple[str, ...]:
-        """Suspects of which one is still missing and nothing tells which, the likeliest first."""
+        """Candidates of which one is still missing and nothing tells which, the likeliest first."""
         return self.search.undecided.between if self.search.undecided else ()
 
     @property
@@ -93,7 +93,7 @@ class Diagnosis:
             )
         doubts = [
             s.name
-            for s in self.suspects
+            for s in self.candidates
             if s.verdict is Verdict.CANNOT_TELL
             and (s.significance < THRESHOLDS.chance or s.name in self.search.doubted)
         ]
@@ -126,12 +126,12 @@ class Diagnosis:
         addition, or that nothing is missing when there are neither."""
         most = THRESHOLDS.even_confidence if self.leaves_too_much else THRESHOLDS.most_confidence
         if self.additions:
-            return min(most, float(np.prod([s.confidence for s in self.suspects if s.verdict is Verdict.PRESENT])))
+            return min(most, float(np.prod([s.confidence for s in self.candidates if s.verdict is Verdict.PRESENT])))
         if self.undecided:
-            return min(most, sum(s.confidence for s in self.suspects if s.name in self.undecided))
+            return min(most, sum(s.confidence for s in self.candidates if s.name in self.undecided))
         if self.outside is not None:
             return min(THRESHOLDS.even_confidence if self.search.too_short else most, self.outside.confidence)
-        return min(most, 1.0 - max((s.confidence for s in self.suspects), default=0.0))
+        return min(most, 1.0 - max((s.confidence for s in self.candidates), default=0.0))
 
     def as_dict(self) -> dict[str, Any]:
         """The facts as plain JSON values; schema in `docs/formats.md`."""
@@ -144,7 +144,7 @@ class Diagnosis:
             "flights": list(self.flights),
             "held_out": list(self.held_out),
             "base": {"vehicle": self.base.name, "effects": list(self.base.effects)},
-            "suspects": [s.as_dict() for s in self.suspects],
+            "suspects": [s.as_dict() for s in self.candidates],
             "additions": list(self.additions),
             "payload_carried": list(self.payload_carried) or None,
             "undecided": list(self.undecided),
@@ -208,11 +208,11 @@ def diagnose(
         base=vehicle,
         vehicle=last.vehicle,
         additions=tuple(s.name for s in found.added),
-        suspects=_findings(found, last.vehicle),
+        candidates=_findings(found, last.vehicle),
         outside=_outside(found.drawn_at, found.outside) if found.outside else None,
         attempts=tuple(_attempt(t) for t in found.trials),
         staircase=stairs,
-        invisible=found.models[0].line_up.invisible,
+        invisible=found.models[0].candidate_set.invisible,
         flights=tuple(names[: len(logs)]),
         held_out=tuple(names[len(logs) :]),
         findings=((found.too_short,) if found.too_short else ()) + last.findings,
@@ -245,50 +245,52 @@ def _visible(sigma: float, usual: float) -> float:
 
 def _labels(found: Search) -> list[str]:
     signs = {Outcome.ADDED: "+", Outcome.REMOVED: "-"}
-    return [f"{signs[t.outcome]} {t.suspect.name}" for t in found.trials if t.outcome in signs]
+    return [f"{signs[t.outcome]} {t.candidate.name}" for t in found.trials if t.outcome in signs]
 
 
-def _findings(found: Search, fitted: Vehicle) -> tuple[SuspectFinding, ...]:
+def _findings(found: Search, fitted: Vehicle) -> tuple[CandidateFinding, ...]:
     first = found.models[0]
-    sized = [(s, _scored(found, s).size) for s in first.line_up.suspects]
+    sized = [(s, _scored(found, s).size) for s in first.candidate_set.candidates]
     errors = traces.prediction_error_m(first, sized)
-    result = [_finding(found, suspect, fitted, errors[suspect.name]) for suspect in first.line_up.suspects]
+    result = [
+        _finding(found, candidate, fitted, errors[candidate.name]) for candidate in first.candidate_set.candidates
+    ]
     order = list(Verdict)
     return tuple(sorted(result, key=lambda f: (order.index(f.verdict), f.significance, -f.gain)))
 
 
-def _model_without(found: Search, suspect: Suspect) -> Model:
+def _model_without(found: Search, candidate: Candidate) -> Model:
     """The last model that lacked it."""
-    return next(m for m in reversed(found.models) if suspect.name in m.scores)
+    return next(m for m in reversed(found.models) if candidate.name in m.scores)
 
 
-def _scored(found: Search, suspect: Suspect) -> Score:
-    return _model_without(found, suspect).scores[suspect.name]
+def _scored(found: Search, candidate: Candidate) -> Score:
+    return _model_without(found, candidate).scores[candidate.name]
 
 
-def _finding(found: Search, suspect: Suspect, fitted: Vehicle, error_m: float) -> SuspectFinding:
-    scored = _scored(found, suspect)
-    trial = next((t for t in reversed(found.trials) if t.suspect.name == suspect.name), None)
-    present = trial is not None and suspect.name in {s.name for s in found.added}
-    sizes = _sizes_fitted(suspect, scored, fitted) if present else _sizes_scored(suspect, scored)
+def _finding(found: Search, candidate: Candidate, fitted: Vehicle, error_m: float) -> CandidateFinding:
+    scored = _scored(found, candidate)
+    trial = next((t for t in reversed(found.trials) if t.candidate.name == candidate.name), None)
+    present = trial is not None and candidate.name in {s.name for s in found.added}
+    sizes = _sizes_fitted(candidate, scored, fitted) if present else _sizes_scored(candidate, scored)
     case = Case(
-        candidate=suspect,
+        candidate=candidate,
         score=scored,
         sizes=sizes,
         trial=trial,
         added=present,
         curve=found.outside,
-        undecided=found.undecided if found.undecided and suspect.name in found.undecided.between else None,
-        doubted=suspect.name in found.doubted,
-        carried_by=_carriers(found) if suspect.name == PAYLOAD else (),
-        no_load=_no_load(found.models[-1]) if suspect.name == PAYLOAD else "",
+        undecided=found.undecided if found.undecided and candidate.name in found.undecided.between else None,
+        doubted=candidate.name in found.doubted,
+        carried_by=_carriers(found) if candidate.name == PAYLOAD else (),
+        no_load=_no_load(found.models[-1]) if candidate.name == PAYLOAD else "",
         leaves_too_much=found.models[-1].fit.leaves_too_much,
     )
     decision = decide(case)
-    before = _model_without(found, suspect) if present else found.models[-1]
-    known = suspect.name in before.scores
-    return SuspectFinding(
-        name=suspect.name,
+    before = _model_without(found, candidate) if present else found.models[-1]
+    known = candidate.name in before.scores
+    return CandidateFinding(
+        name=candidate.name,
         verdict=decision.verdict,
         reason=sentence(case, decision),
         sizes=sizes,
@@ -296,27 +298,27 @@ def _finding(found: Search, suspect: Suspect, fitted: Vehicle, error_m: float) -
         significance=scored.significance,
         error_m=error_m,
         confidence=decision.confidence,
-        look_alikes=traces.look_alikes(before, suspect, THRESHOLDS.confounded) if known else (),
-        settled_by=suspect.excited_by,
-        channels=suspect.channels,
-        regressor=suspect.regressor,
+        confounded=traces.confounded(before, candidate, THRESHOLDS.confounded) if known else (),
+        settled_by=candidate.excited_by,
+        channels=candidate.channels,
+        regressor=candidate.regressor,
     )
 
 
-def _sizes_fitted(suspect: Suspect, scored: Score, fitted: Vehicle) -> tuple[Size, ...]:
+def _sizes_fitted(candidate: Candidate, scored: Score, fitted: Vehicle) -> tuple[Size, ...]:
     """Of an effect that is part of the model."""
     return tuple(
         Size(n, fitted.parameter(n).unit, fitted.value(n), fitted.parameter(n).std, _visible(sigma, usual), usual)
-        for n, sigma, usual in zip(suspect.parameters, scored.sigma, suspect.usual, strict=True)
+        for n, sigma, usual in zip(candidate.parameters, scored.sigma, candidate.usual, strict=True)
     )
 
 
-def _sizes_scored(suspect: Suspect, scored: Score) -> tuple[Size, ...]:
+def _sizes_scored(candidate: Candidate, scored: Score) -> tuple[Size, ...]:
     """Of one that is not, to first order."""
-    units = {s.name: s.unit for s in effects.find(suspect.effect).parameters}
+    units = {s.name: s.unit for s in effects.find(candidate.effect).parameters}
     return tuple(
         Size(n, units[n.split(".")[1]], float(v), float(sigma), _visible(sigma, usual), usual)
-        for n, v, sigma, usual in zip(suspect.parameters, scored.size, scored.sigma, suspect.usual, strict=True)
+        for n, v, sigma, usual in zip(candidate.parameters, scored.size, scored.sigma, candidate.usual, strict=True)
     )
 
 
@@ -333,13 +335,13 @@ def _no_load(model: Model) -> str:
 def _attempt(trial: Trial) -> Attempt:
     judged = trial.held_out
     return Attempt(
-        name=trial.suspect.name,
+        name=trial.candidate.name,
         outcome=trial.outcome,
         sentence=trial.sentence,
         confidence=trial.confidence,
         rivals=trial.rivals,
-        fall=judged.total,
-        fall_sigma=judged.sigma,
+        reduction=judged.total,
+        reduction_sigma=judged.sigma,
         judged_on=trial.judged_on,
     )
 

@@ -1,4 +1,4 @@
-"""The pictures of a diagnosis: the staircase, what convicts the leading suspects, the curve that has no name."""
+"""The pictures of a diagnosis: the staircase, what convicts the leading candidates, the curve that has no name."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,11 +8,11 @@ import numpy as np
 
 from flight.rotations import FloatArray
 from sysid.diagnosis import explained
+from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.examined import Model, reproduced
 from sysid.diagnosis.findings import OutsideFinding
 from sysid.diagnosis.free_form import VARIABLE, along_axes
 from sysid.diagnosis.procedure import Diagnosis
-from sysid.diagnosis.suspects import Suspect
 from sysid.estimator.blocks import motor
 from sysid.estimator.comparison import SPAN_S, Residual, means_over, residual
 from sysid.estimator.model import slopes_along
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 BEFORE, AFTER = "fitted", "fitted, with what was added"
-MOST_SUSPECTS = 4
-"""Leading suspects with a picture of their own."""
+MOST_CANDIDATES = 4
+"""Leading candidates with a picture of their own."""
 MOST_ALIKE = 12
-"""Suspects in the picture of look-alikes."""
+"""Candidates in the picture of confounded effects."""
 SHOWN = 0.3
-"""A channel in which a suspect is this much weaker than in its strongest is not drawn."""
+"""A channel in which a candidate is this much weaker than in its strongest is not drawn."""
 TOLD = 1e-3
-"""Suspects less significant than this have nothing to show."""
+"""Candidates less significant than this have nothing to show."""
 
 
 def write(found: Diagnosis, folder: Path, *, suffix: str = "svg") -> list[Path]:
@@ -45,14 +45,14 @@ def write(found: Diagnosis, folder: Path, *, suffix: str = "svg") -> list[Path]:
     drawings = {}
     if found.outside is not None:
         drawings["outside"] = outside(found, found.outside)
-    for i, suspect in enumerate(leading(found)):
-        drawings[f"suspect_{i + 1}"] = convicting(found, suspect, named)
+    for i, candidate in enumerate(leading(found)):
+        drawings[f"suspect_{i + 1}"] = convicting(found, candidate, named)
     drawings["staircase"] = staircase(found)
     loudest = residual_plots.loudest(named[BEFORE])
     title = f"Unexplained on {first.fit.flights[loudest].name}, body axes"
     drawings["residual_share"] = residual_plots.heat_map(named, _unseen(found))
     drawings["residual_wrench"] = residual_plots.over_time(named, loudest, title)
-    drawings["look_alikes"] = look_alikes(found)
+    drawings["look_alikes"] = confounded(found)
     return [drawing.written(figure, folder / f"{name}.{suffix}") for name, figure in drawings.items()]
 
 
@@ -71,12 +71,12 @@ def _unseen(found: Diagnosis) -> dict[str, Sequence[Residual]]:
     return {BEFORE: found.judged.residuals[first], AFTER: found.judged.residuals[last]}
 
 
-def leading(found: Diagnosis) -> list[Suspect]:
-    """Suspects worth a picture: those added, then those tried, then the most significant."""
+def leading(found: Diagnosis) -> list[Candidate]:
+    """Candidates worth a picture: those added, then those tried, then the most significant."""
     tried = [a.name for a in found.attempts]
-    wanted = [*found.additions, *tried, *(s.name for s in found.suspects if s.significance < TOLD)]
-    line_up = {s.name: s for s in found.search.models[0].line_up.suspects}
-    return [line_up[name] for name in dict.fromkeys(wanted) if name in line_up][:MOST_SUSPECTS]
+    wanted = [*found.additions, *tried, *(s.name for s in found.candidates if s.significance < TOLD)]
+    candidate_set = {s.name: s for s in found.search.models[0].candidate_set.candidates}
+    return [candidate_set[name] for name in dict.fromkeys(wanted) if name in candidate_set][:MOST_CANDIDATES]
 
 
 def staircase(found: Diagnosis) -> "Figure":
@@ -104,13 +104,13 @@ def staircase(found: Diagnosis) -> "Figure":
     return figure
 
 
-def convicting(found: Diagnosis, suspect: Suspect, named: dict[str, list[Residual]]) -> "Figure":
-    """The residual against the variable that tells most, before and after, and against the suspect's own trace."""
+def convicting(found: Diagnosis, candidate: Candidate, named: dict[str, list[Residual]]) -> "Figure":
+    """The residual against the variable that tells most, before and after, and against the candidate's own trace."""
     model = found.search.models[0]
-    channel, trace = strongest_trace(model, suspect)
+    channel, trace = strongest_trace(model, candidate)
     before = named[BEFORE]
     variable = residual_plots.most_telling(before, [channel])[1]
-    models = list(named.items()) if suspect.name in found.additions else [(BEFORE, before)]
+    models = list(named.items()) if candidate.name in found.additions else [(BEFORE, before)]
     figure, axes = drawing.figure(1, len(models) + 1, (12.0, 3.5), sharey=True)
     scale, written = residual_plots.unit(channel)
     row = CHANNELS.index(channel)
@@ -125,20 +125,20 @@ def convicting(found: Diagnosis, suspect: Suspect, named: dict[str, list[Residua
     reach = np.quantile(scale * trace, [0.005, 0.995])
     panel.plot(reach, reach, "--", color=drawing.COLOURS[0], linewidth=1.4, label="the effect at its size")
     panel.legend(frameon=False, fontsize=8)
-    drawing.plain(panel, "before, against what it would make", f"{suspect.name} ({written})", "")
-    drawing.headed(figure, f"{suspect.name}: {suspect.regressor} (means over 0.1 s; dark: binned mean, 95 % band)")
+    drawing.plain(panel, "before, against what it would make", f"{candidate.name} ({written})", "")
+    drawing.headed(figure, f"{candidate.name}: {candidate.regressor} (means over 0.1 s; dark: binned mean, 95 % band)")
     return figure
 
 
-def strongest_trace(model: Model, suspect: Suspect) -> tuple[str, FloatArray]:
-    """Channel whose residual a suspect concerns most, and (m,) the force (N) or torque (N m) it makes there."""
-    size, fit = model.scores[suspect.name].size, model.fit
+def strongest_trace(model: Model, candidate: Candidate) -> tuple[str, FloatArray]:
+    """Channel whose residual a candidate concerns most, and (m,) the force (N) or torque (N m) it makes there."""
+    size, fit = model.scores[candidate.name].size, model.fit
     left = left_of(model)
     body = rigid_body(fit.vehicle)
     parts = []
     for one in left:
-        flight = motor.driven(one.flight, model.line_up.vehicle)
-        slopes = slopes_along(model.line_up.vehicle, suspect.parameters, flight, one.mid).parameters @ size
+        flight = motor.driven(one.flight, model.candidate_set.vehicle)
+        slopes = slopes_along(model.candidate_set.vehicle, candidate.parameters, flight, one.mid).parameters @ size
         wrench = np.concatenate([body.mass_kg * slopes[:, :3], slopes[:, 3:] @ body.inertia_kg_m2], axis=1)
         parts.append((means_over(wrench, one.time_s, 0.1), one.sigma))
     trace = np.concatenate([wrench for wrench, _ in parts])
@@ -182,13 +182,13 @@ def _in_channel(left: Sequence[Residual], channel: str) -> FloatArray:
     return np.concatenate(parts)
 
 
-def look_alikes(found: Diagnosis) -> "Figure":
-    """How much of one suspect's trace another could make up on these flights."""
+def confounded(found: Diagnosis) -> "Figure":
+    """How much of one candidate's trace another could make up on these flights."""
     model = found.search.models[0]
-    order = [s.name for s in found.suspects if s.name in model.scores]
+    order = [s.name for s in found.candidates if s.name in model.scores]
     shown = sorted(order, key=lambda n: model.scores[n].significance)[:MOST_ALIKE]
-    suspects = [model.line_up.suspect(name) for name in shown]
-    table = np.array([[1.0 if a is b else reproduced(model, a, b) for b in suspects] for a in suspects])
+    candidates = [model.candidate_set.candidate(name) for name in shown]
+    table = np.array([[1.0 if a is b else reproduced(model, a, b) for b in candidates] for a in candidates])
     figure, axes = drawing.figure(1, 1, (12.0, 1.4 + 0.3 * len(shown)))
     panel = axes[0, 0]
     image = panel.imshow(table, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")

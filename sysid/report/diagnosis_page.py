@@ -1,4 +1,4 @@
-"""One self-contained HTML page per diagnosis: verdict, evidence, sizes, look-alikes, what was not seen, next steps."""
+"""One self-contained HTML page per diagnosis: verdict, evidence, sizes, confounded effects, what is open."""
 
 import tempfile
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from sysid.report.pages import picture, write_page
 
 CAPTIONS = {
     "staircase": "Prediction error, model by model",
-    "suspect": "What convicts",
+    "candidate": "What convicts",
     "outside": "What no known effect explains",
     "residual_share": "What explains the residual, channel by channel",
     "residual_wrench": "Unexplained force and torque over time",
@@ -42,7 +42,7 @@ def write(path: Path, found: Diagnosis, *, further: Sequence[str] = ()) -> Path:
     with tempfile.TemporaryDirectory() as folder:
         drawn = diagnosis_figures.write(found, Path(folder))
         pictures = {p.stem: picture(p, CAPTIONS[p.stem.rstrip("0123456789").rstrip("_")]) for p in drawn}
-    convicting = [drawn for name, drawn in pictures.items() if name.startswith(("outside", "suspect"))]
+    convicting = [drawn for name, drawn in pictures.items() if name.startswith(("outside", "candidate"))]
     parts = [
         _head(found),
         "<h2>Evidence</h2>",
@@ -51,10 +51,10 @@ def write(path: Path, found: Diagnosis, *, further: Sequence[str] = ()) -> Path:
         _attempts(found),
         pictures["residual_share"],
         pictures["residual_wrench"],
-        "<h2>Suspects</h2>",
-        diagnosis_tables.suspects(found.suspects),
-        "<h2>Look-alikes</h2>",
-        diagnosis_tables.look_alikes(found.suspects),
+        "<h2>Candidates</h2>",
+        diagnosis_tables.candidates(found.candidates),
+        "<h2>Confounded effects</h2>",
+        diagnosis_tables.confounded(found.candidates),
         pictures["look_alikes"],
         _unseen(found),
         _next(further),
@@ -80,7 +80,7 @@ def _head(found: Diagnosis) -> str:
 def _verdict(found: Diagnosis) -> str:
     sentence = found.verdict[0].upper() + found.verdict[1:]
     said = [f"<b>{escape(sentence)}.</b>", f"Confidence {found.confidence:.0%}."]
-    said += [diagnosis_tables.size_sentence(s) for s in found.suspects if s.verdict is Verdict.PRESENT]
+    said += [diagnosis_tables.size_sentence(s) for s in found.candidates if s.verdict is Verdict.PRESENT]
     if found.outside is not None:
         said.append(_curve_sentence(found.outside))
     said.append(_error_sentence(found))
@@ -108,10 +108,10 @@ def _error_sentence(found: Diagnosis) -> str:
 
 
 def _seen_sentence(found: Diagnosis) -> str:
-    excluded = sum(s.verdict is Verdict.EXCLUDED for s in found.suspects)
-    open_ = [s.name for s in found.suspects if s.verdict is Verdict.CANNOT_TELL]
+    excluded = sum(s.verdict is Verdict.EXCLUDED for s in found.candidates)
+    open_ = [s.name for s in found.candidates if s.verdict is Verdict.CANNOT_TELL]
     open_ += [name for name, _ in found.invisible]
-    told = f"Of {len(found.suspects)} suspects, {excluded} would have shown at their usual size and can be excluded"
+    told = f"Of {len(found.candidates)} candidates, {excluded} would have shown at their usual size and can be excluded"
     return f"{told}. These flights say nothing certain of {escape(', '.join(open_))}." if open_ else f"{told}."
 
 
@@ -141,7 +141,7 @@ def _next(further: Sequence[str]) -> str:
 
 
 def _unseen(found: Diagnosis) -> str:
-    open_ = [s for s in found.suspects if s.verdict is Verdict.CANNOT_TELL]
+    open_ = [s for s in found.candidates if s.verdict is Verdict.CANNOT_TELL]
     items = [f"<li><b>{escape(s.name)}</b>: {escape(s.reason)}</li>" for s in open_]
     items += [f"<li><b>{escape(name)}</b> cannot be seen: {escape(why)}</li>" for name, why in found.invisible]
     return f"<h2>What these flights cannot tell, and why</h2><ul>{''.join(items)}</ul>" if items else ""

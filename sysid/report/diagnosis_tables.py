@@ -1,11 +1,11 @@
-"""Tables of a diagnosis in HTML: numbers as people write them, one stripe per suspect."""
+"""Tables of a diagnosis in HTML: numbers as people write them, one stripe per candidate."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from math import floor, log10
 
-from sysid.diagnosis.findings import Size, SuspectFinding, Verdict
+from sysid.diagnosis.findings import CandidateFinding, Size, Verdict
 from sysid.report.pages import table
 from vehicle import Parameter
 
@@ -51,15 +51,15 @@ def _times(power: int) -> str:
     return f"·10<sup>{str(power).replace('-', '−')}</sup>"
 
 
-def size_sentence(suspect: SuspectFinding) -> str:
+def size_sentence(candidate: CandidateFinding) -> str:
     """An effect that is present, with all its sizes."""
     sizes = ", ".join(
-        f"{escape(_short(s))} = {measured(s.value, s.sigma)} {unit(s.unit)}".strip() for s in suspect.sizes
+        f"{escape(_short(s))} = {measured(s.value, s.sigma)} {unit(s.unit)}".strip() for s in candidate.sizes
     )
-    return f"{escape(suspect.name)}: {sizes}."
+    return f"{escape(candidate.name)}: {sizes}."
 
 
-def suspects(found: Sequence[SuspectFinding]) -> str:
+def candidates(found: Sequence[CandidateFinding]) -> str:
     """Those that are present or in doubt in full; of those excluded, how much of them can be ruled out."""
     open_ = [s for s in found if s.verdict is not Verdict.EXCLUDED]
     excluded = [s for s in found if s.verdict is Verdict.EXCLUDED]
@@ -67,23 +67,27 @@ def suspects(found: Sequence[SuspectFinding]) -> str:
     return "".join(parts + ([_excluded(excluded)] if excluded else []))
 
 
-def _open(found: Sequence[SuspectFinding]) -> str:
-    head = ("suspect", "verdict", "parameter", "size ± σ", "unit", "visible from", "usual")
-    names = {"suspect", "verdict", "parameter", "unit"}
+def _open(found: Sequence[CandidateFinding]) -> str:
+    head = ("candidate", "verdict", "parameter", "size ± σ", "unit", "visible from", "usual")
+    names = {"candidate", "verdict", "parameter", "unit"}
     groups = []
-    for suspect in found:
-        kind = suspect.verdict.split()[0]
-        whole = (f"<td class='name'{{span}}>{escape(suspect.name)}</td>", f"<td class='word {kind}'{{span}}>")
+    for candidate in found:
+        kind = candidate.verdict.split()[0]
+        whole = (f"<td class='name'{{span}}>{escape(candidate.name)}</td>", f"<td class='word {kind}'{{span}}>")
         last = "".join(
             f"<td{{span}}>{text}</td>"
-            for text in (f"{1000.0 * suspect.error_m:.1f}", chance(suspect.significance), f"{suspect.confidence:.0%}")
+            for text in (
+                f"{1000.0 * candidate.error_m:.1f}",
+                chance(candidate.significance),
+                f"{candidate.confidence:.0%}",
+            )
         )
         rows = [
             f"<td class='name'>{escape(_short(size))}</td><td>{_size(size)}</td><td class='word'>{unit(size.unit)}</td>"
             f"<td>{plain(size.smallest_visible) if size.sigma > 0.0 else ''}</td><td>{plain(size.usual)}</td>"
-            for size in suspect.sizes
+            for size in candidate.sizes
         ]
-        groups.append(_group(whole[0] + whole[1] + f"{suspect.verdict}</td>", rows, last))
+        groups.append(_group(whole[0] + whole[1] + f"{candidate.verdict}</td>", rows, last))
     note = (
         "<p class='small'>Visible from: a size that would have been called present nine times in ten. Usual: as "
         "vehicles of this kind have it. mm: position error that the effect makes within 0.5 s at the size found. "
@@ -96,23 +100,23 @@ def _size(size: Size) -> str:
     return measured(size.value, size.sigma) if size.sigma > 0.0 else "not flown"
 
 
-def _excluded(found: Sequence[SuspectFinding]) -> str:
+def _excluded(found: Sequence[CandidateFinding]) -> str:
     groups = [
         _group(
-            f"<td class='name'{{span}}>{escape(suspect.name)}</td>",
+            f"<td class='name'{{span}}>{escape(candidate.name)}</td>",
             [
                 f"<td class='name'>{escape(_short(size))}</td><td>{plain(size.excluded_above)}</td>"
                 f"<td>{plain(size.usual)}</td><td class='word'>{unit(size.unit)}</td>"
                 f"<td>{measured(size.value, size.sigma)}</td>"
-                for size in suspect.sizes
+                for size in candidate.sizes
             ],
-            f"<td{{span}}>{1000.0 * suspect.error_m:.1f}</td>",
+            f"<td{{span}}>{1000.0 * candidate.error_m:.1f}</td>",
         )
-        for suspect in found
+        for candidate in found
     ]
-    head = ("suspect", "parameter", "excluded above", "usual", "unit", "size ± σ", "mm")
+    head = ("candidate", "parameter", "excluded above", "usual", "unit", "size ± σ", "mm")
     note = "<p class='small'>Sizes above the one given can be ruled out with 95 %; mm at the size found.</p>"
-    return f"<h3>Excluded</h3>{_grouped(head, {'suspect', 'parameter', 'unit'}, groups)}{note}"
+    return f"<h3>Excluded</h3>{_grouped(head, {'candidate', 'parameter', 'unit'}, groups)}{note}"
 
 
 def _short(size: Size) -> str:
@@ -120,7 +124,7 @@ def _short(size: Size) -> str:
 
 
 def _group(first: str, rows: Sequence[str], last: str) -> str:
-    """One suspect: what belongs to it as a whole spans its rows."""
+    """One candidate: what belongs to it as a whole spans its rows."""
     span = f" rowspan='{len(rows)}'" if len(rows) > 1 else ""
     lines = [rows[0], *rows[1:]]
     lines[0] = first.format(span=span) + lines[0] + last.format(span=span)
@@ -132,15 +136,15 @@ def _grouped(head: Sequence[str], names: set[str], groups: Iterable[str]) -> str
     return f"<table class='grouped'><thead><tr>{cells}</tr></thead>{''.join(groups)}</table>"
 
 
-def look_alikes(found: Sequence[SuspectFinding]) -> str:
+def confounded(found: Sequence[CandidateFinding]) -> str:
     """Pairs that leave the same trace, and so cannot be told apart on these flights."""
     items = [
         f"<li><b>{escape(s.name)}</b> ({s.verdict}): {escape(', '.join(f'{n} {share:.0%}' for n, share in alike))}</li>"
         for s in found
-        if (alike := s.look_alikes) and s.verdict is not Verdict.EXCLUDED
+        if (alike := s.confounded) and s.verdict is not Verdict.EXCLUDED
     ]
     if not items:
-        return "<p>Nothing that is present or in doubt leaves the trace of another suspect on these flights.</p>"
+        return "<p>Nothing that is present or in doubt leaves the trace of another candidate on these flights.</p>"
     return f"<p>Leaves on these flights the trace of, to so many per cent:</p><ul>{''.join(items)}</ul>"
 
 

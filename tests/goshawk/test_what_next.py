@@ -13,7 +13,7 @@ import vehicle
 from flight import flight_log
 from goshawk import what_next
 from goshawk.what_next import Asked
-from sysid.diagnosis import Diagnosis, OutsideFinding, SuspectFinding, Verdict
+from sysid.diagnosis import CandidateFinding, Diagnosis, OutsideFinding, Verdict
 from tests.goshawk.running import run, typed
 from tests.sysid import flying
 
@@ -22,9 +22,9 @@ AGAIN = ["diagnose", "a.parquet", "my b.parquet", "--vehicle", "vehicle.toml", "
 FITTED = ["--flights", "a.parquet", "--flights", "my b.parquet", "--held-out", "c.parquet"]
 
 
-def suspect(name: str, verdict: str, significance: float, *alike: str) -> SuspectFinding:
+def suspect(name: str, verdict: str, significance: float, *alike: str) -> CandidateFinding:
     shares = tuple((other, 0.95) for other in alike)
-    return SuspectFinding(
+    return CandidateFinding(
         name, Verdict(verdict), "", (), 0.0, significance, 0.0, 0.9, shares, ("oblique",), ("F_x",), "v_x"
     )
 
@@ -35,7 +35,7 @@ def drawn(variable: str = "v_z", channel: str = "M_z") -> OutsideFinding:
 
 
 def found(
-    *suspects: SuspectFinding,
+    *suspects: CandidateFinding,
     outside: OutsideFinding | None = None,
     rivals: tuple[tuple[str, float], ...] = (),
     undecided: tuple[str, ...] = (),

@@ -1,4 +1,4 @@
-"""A drawn curve becomes an effect: the file says the curve, holds its ends, and makes the error fall."""
+"""A drawn curve becomes an effect: the file says the curve, holds its ends, and makes the error reduction."""
 
 from dataclasses import replace
 from pathlib import Path

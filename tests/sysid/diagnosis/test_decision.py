@@ -6,12 +6,12 @@ from typing import Any, cast
 
 import pytest
 
+from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.decision import Case, Reason, decide, sentence
 from sysid.diagnosis.findings import Outcome, Size, Verdict
-from sysid.diagnosis.suspects import Suspect
 from sysid.diagnosis.thresholds import THRESHOLDS
 
-CANDIDATE = Suspect("angular_damping", "angular_damping", (), (), (), ("M_x",), "w", ("rotation", "yaw"))
+CANDIDATE = Candidate("angular_damping", "angular_damping", (), (), (), ("M_x",), "w", ("rotation", "yaw"))
 VISIBLE = Size("angular_damping.z_n_m_s", "N m s", 1e-5, 1e-5, smallest_visible=1e-4, usual=1e-3)
 INVISIBLE = replace(VISIBLE, smallest_visible=2e-3)
 CURVE = cast("Any", SimpleNamespace(channel="M_z", variable="w_z", confidence=0.8))

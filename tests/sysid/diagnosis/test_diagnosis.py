@@ -9,14 +9,14 @@ import pytest
 import vehicle
 from flight import FlightLog, InputError
 from sysid import Options, identify
-from sysid.diagnosis import diagnose, free_form, suspects
+from sysid.diagnosis import candidates, diagnose, free_form
+from sysid.diagnosis.candidates import candidate_set
 from sysid.diagnosis.confirm import Judge
 from sysid.diagnosis.evidence import Blocks, Evidence, block_edges
 from sysid.diagnosis.examined import examine
 from sysid.diagnosis.procedure import while_searching
 from sysid.diagnosis.score import loss_without, score
 from sysid.diagnosis.search import refit
-from sysid.diagnosis.suspects import line_up
 from sysid.estimator.chain import eliminate
 from sysid.estimator.midpoint import middle
 from tests.sysid import flying
@@ -47,15 +47,15 @@ def test_a_hidden_effect_is_named_sized_and_confirmed_by_unseen_flights():
         flights(damping, 1, 16.0), vehicle.example(), held_out=flights(damping, 2, 10.0, spread=0.2), auto=True
     )
     assert found.additions == ("angular_damping",)
-    suspect = found.suspects[0]
-    assert suspect.verdict == "present"
-    assert suspect.confidence > 0.8
-    for size in suspect.sizes:
+    candidate = found.candidates[0]
+    assert candidate.verdict == "present"
+    assert candidate.confidence > 0.8
+    for size in candidate.sizes:
         assert abs(size.value - 0.0008) < 4.0 * size.sigma
     before, after = (s.position_m["0.5 s"] for s in found.staircase[-2:])
     assert after < before
     assert found.outside is None
-    for innocent in found.suspects:
+    for innocent in found.candidates:
         if innocent.verdict == "excluded":  # nobody is cleared by flights that could not have shown him
             assert all(s.sigma > 0.0 and s.smallest_visible <= s.usual for s in innocent.sizes), innocent.name
     assert found.as_dict()["additions"] == ["angular_damping"]
@@ -107,11 +107,13 @@ def test_a_tether_is_seen_in_the_axes_of_the_world():
 def test_blocks_add_up_to_what_the_estimator_knows():
     """At the optimum the base's scores vanish, and the blocks' information is the fit's own.
 
-    A suspect's score and information say by how much the cost changes when it is put in, all states settled anew.
+    A candidate's score and information say by how much the cost changes when it is put in, all states settled anew.
     """
     logs = flights(damping, 7, 6.0)
     fit = identify(logs, vehicle.example(), Options(node_rate_hz=100.0, gusts="white"))
-    evidence = Evidence(fit.flights, fit.solution.point, fit.noise, fit.unknowns, line_up(fit.vehicle, fit.flights))
+    evidence = Evidence(
+        fit.flights, fit.solution.point, fit.noise, fit.unknowns, candidate_set(fit.vehicle, fit.flights)
+    )
     known = np.sum(fit.solution.information, axis=0)
     scale = np.sqrt(np.outer(np.diag(known), np.diag(known)))
     summed = evidence.named.only(evidence.base)
@@ -122,13 +124,13 @@ def test_blocks_add_up_to_what_the_estimator_knows():
     free = [n not in bounds or bounds[n].bounds[0] < fit.vehicle.value(n) for n in fit.unknowns.names]
     assert pull[free].max() < 0.1
     judge = Judge(fit.flights, fit.noise, fit.solution.point.states)
-    lined = line_up(fit.vehicle, fit.flights).vehicle
+    lined = candidate_set(fit.vehicle, fit.flights).vehicle
     for name in ("angular_damping.z_n_m_s", "flapping_moment.moment_kg_m"):
         (place,) = evidence.place([name])
         score_, information = evidence.named.score[:, place].sum(), evidence.named.information[:, place, place].sum()
         size = 0.5 * abs(score_) / information
         predicted = score_ * size + 0.5 * information * size**2
-        assert -judge.fall(lined, lined.with_value(name, size)).total == pytest.approx(predicted, rel=0.05)
+        assert -judge.reduction(lined, lined.with_value(name, size)).total == pytest.approx(predicted, rel=0.05)
 
 
 @pytest.mark.parametrize("channels", [("M_y",), ("F_x_world", "F_y_world")])
@@ -136,7 +138,9 @@ def test_curves_are_freed_of_what_the_states_can_do_in_every_block(channels):
     """The short way of the evidence, by what is at right angles, against products of all rows."""
     logs = flights(None, 9, 12.0)[:1]
     fit = identify(logs, vehicle.example(), Options(node_rate_hz=100.0, gusts="white"))
-    evidence = Evidence(fit.flights, fit.solution.point, fit.noise, fit.unknowns, line_up(fit.vehicle, fit.flights))
+    evidence = Evidence(
+        fit.flights, fit.solution.point, fit.noise, fit.unknowns, candidate_set(fit.vehicle, fit.flights)
+    )
     flight = fit.flights[0]
     mid = middle(flight, fit.solution.point.states[0])
     moved = {"M_y": {(10, 4): np.ones(len(mid.step_s))}}  # row of the defect, row of the process noise: share
@@ -208,8 +212,8 @@ def test_an_effect_that_bent_the_whole_model_out_of_shape_is_still_fitted():
     options = while_searching(Options(held=("rotor_yaw_torque.torque_n_m_s2",)))
     bent = examine(identify(logs, believed, options))
     assert bent.fit.vehicle.value("inertia_xx_kg_m2") > 3.0 * believed.value("inertia_xx_kg_m2")
-    centre = bent.line_up.suspect("centre_of_mass")
-    start = suspects.added(bent.fit.vehicle, centre, list(bent.scores[centre.name].size))
+    centre = bent.candidate_set.candidate("centre_of_mass")
+    start = candidates.added(bent.fit.vehicle, centre, list(bent.scores[centre.name].size))
     with pytest.raises(InputError, match="does not get better"):
         identify(logs, start, options, near=bent.fit)
     found = refit(logs, bent, centre, options).vehicle
@@ -232,5 +236,5 @@ def test_nothing_is_excluded_by_a_model_far_from_its_flights():
     found = diagnose(logs, vehicle.example())
     assert found.confidence <= 0.5
     assert "so much stays unexplained" in found.verdict
-    assert not [s.name for s in found.suspects if s.verdict == "excluded"]
+    assert not [s.name for s in found.candidates if s.verdict == "excluded"]
     assert any("unexplained" in finding for finding in found.findings)

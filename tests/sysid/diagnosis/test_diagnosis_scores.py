@@ -17,7 +17,7 @@ def benchmarks_on_path():
 
 
 def result(kind, hidden=(), said=(), *, outside=None, truth=((), ()), ratio=3.0, confidence=0.9, tolerated=()):
-    suspects = {n: {"verdict": "present", "confidence": confidence, "size": {}, "smallest_visible": {}} for n in said}
+    candidates = {n: {"verdict": "present", "confidence": confidence, "size": {}, "smallest_visible": {}} for n in said}
     return {
         "campaign": "campaign_000",
         "kind": kind,
@@ -25,7 +25,7 @@ def result(kind, hidden=(), said=(), *, outside=None, truth=((), ()), ratio=3.0,
             "additions": list(said),
             "outside": outside and {"channel": outside[0], "variable": outside[1], "confidence": confidence},
             "confidence": confidence,
-            "suspects": suspects,
+            "suspects": candidates,
             "wall_s": 10.0,
             "cpu_s": 10.0,
         },
@@ -132,13 +132,13 @@ def test_sizes_scale_with_the_mass_the_file_believes():
 def test_the_clearest_parameter_says_whether_an_effect_could_be_seen():
     import diagnosis_run
 
-    suspects = {
+    candidates = {
         "weak_rotor[0]": {"smallest_visible": {"loss_0": 0.01}},
         "weak_rotor[1]": {"smallest_visible": {"loss_1": 0.02}},
     }
     sizes = {"loss_0": 0.0, "loss_1": 0.05}
-    assert diagnosis_run.ratio("weak_rotor", sizes, suspects) == pytest.approx(2.5)
-    assert diagnosis_run.ratio("ground_effect", {"strength": 1.0}, suspects) is None
+    assert diagnosis_run.ratio("weak_rotor", sizes, candidates) == pytest.approx(2.5)
+    assert diagnosis_run.ratio("ground_effect", {"strength": 1.0}, candidates) is None
 
 
 @pytest.mark.slow

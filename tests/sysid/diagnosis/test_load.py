@@ -11,9 +11,9 @@ import vehicle
 from flight import FlightLog, InputError
 from sysid import Options, compare, identify
 from sysid.diagnosis import diagnose, examined, load, procedure
+from sysid.diagnosis.candidates import candidate_set
 from sysid.diagnosis.evidence import Blocks, Evidence
 from sysid.diagnosis.procedure import while_searching
-from sysid.diagnosis.suspects import line_up
 from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.estimator import agreement
 from sysid.estimator.flight_data import Flight
@@ -102,7 +102,7 @@ def test_a_load_on_every_flight_or_on_one_alone_cannot_be_seen(partly):
         [replace(on_all[0], carries_payload=None)],
         [replace(f, carries_payload=False) for f in on_all],
     ):
-        lined = line_up(vehicle.example(), few)
+        lined = candidate_set(vehicle.example(), few)
         assert "payload" in dict(lined.invisible)
         assert "payload" not in lined.vehicle.effects
 

@@ -1,4 +1,4 @@
-"""Suspects that leave much the same trace: the right one is named where flights can tell, and nobody where they cannot.
+"""Confounded effects: the right one is named where flights can tell, and nobody where they cannot.
 
 Flights of `vehicle.flights` with one effect of the example vehicle in another's place.
 """
@@ -15,9 +15,9 @@ from sysid import Options, identify
 from sysid.diagnosis import Diagnosis, diagnose, next_flight
 from sysid.diagnosis.examined import Model, as_good_as, best_curve, examine
 from sysid.diagnosis.rehearsal import Room, fitted_into
-from sysid.diagnosis.search import candidates
+from sysid.diagnosis.search import candidates_fitted
 from sysid.diagnosis.thresholds import THRESHOLDS
-from sysid.diagnosis.weigh import Candidate, Scales
+from sysid.diagnosis.weigh import Fitted, Scales
 from vehicle import Vehicle, flights, manoeuvres
 from vehicle.simulate import Wind
 
@@ -44,12 +44,12 @@ def flown(truth: Vehicle, names: Sequence[str], rng: np.random.Generator) -> lis
 
 
 @pytest.fixture(scope="module")
-def fitted() -> tuple[Model, dict[str, Candidate]]:
+def fitted() -> tuple[Model, dict[str, Fitted]]:
     """Without `rotor_drag_speed`, which was there; and what was fitted in its place."""
     base, truth = planted("rotor_drag_speed", "rotor_drag_thrust")
     logs = flown(truth, (*LITTLE, "oblique"), np.random.default_rng(3))
     model = examine(identify(logs, base, OPTIONS))
-    return model, {c.suspect.name: c for c in candidates(logs, model, OPTIONS, ())}
+    return model, {c.candidate.name: c for c in candidates_fitted(logs, model, OPTIONS, ())}
 
 
 @pytest.fixture(scope="module")
@@ -74,17 +74,17 @@ def test_what_tells_look_alikes_apart_is_louder_once_the_effect_is_no_noise(fitt
     model, tried = fitted
     right, wrong = tried["rotor_drag_speed"], tried["rotor_drag_thrust"]
     judge = model.judge.at(right.fit.noise, right.fit.solution.point.states)
-    at_fit = judge.fall(wrong.fit.vehicle, right.fit.vehicle).total
-    assert at_fit > 1.5 * (right.fall.total - wrong.fall.total) > 0.0
+    at_fit = judge.reduction(wrong.fit.vehicle, right.fit.vehicle).total
+    assert at_fit > 1.5 * (right.reduction.total - wrong.reduction.total) > 0.0
 
 
 def test_scales_ask_a_price_for_every_parameter(fitted):
     _, tried = fitted
     best = tried["rotor_drag_speed"]
     scales = Scales(best, fitted[0].judge, examine(best.fit).evidence)
-    blocks = len(best.fall.by_block)
-    assert scales.weight(best) == pytest.approx(-0.5 * len(best.suspect.parameters) * np.log(blocks))
-    assert scales.dispersion(best.suspect) >= 1.0
+    blocks = len(best.reduction.by_block)
+    assert scales.weight(best) == pytest.approx(-0.5 * len(best.candidate.parameters) * np.log(blocks))
+    assert scales.dispersion(best.candidate) >= 1.0
 
 
 def test_nobody_is_named_where_two_explain_as_much(doubtful):
@@ -93,10 +93,10 @@ def test_nobody_is_named_where_two_explain_as_much(doubtful):
     assert set(doubtful.undecided) == pair
     assert "or" in doubtful.verdict
     assert "cannot tell which" in doubtful.verdict
-    sure = {s.name: s.confidence for s in doubtful.suspects if s.name in pair}
+    sure = {s.name: s.confidence for s in doubtful.candidates if s.name in pair}
     assert all(0.02 < p < 0.95 for p in sure.values())
     assert doubtful.confidence == pytest.approx(sum(sure.values()))
-    assert {s.verdict for s in doubtful.suspects if s.name in pair} == {"cannot tell"}
+    assert {s.verdict for s in doubtful.candidates if s.name in pair} == {"cannot tell"}
     assert doubtful.outside is None
     assert doubtful.as_dict()["undecided"] == list(doubtful.undecided)
 
@@ -138,10 +138,10 @@ def test_what_the_flights_so_far_cannot_name_is_named_after_the_proposed_flight(
     before = flown(truth, LITTLE, rng)
     first = diagnose(before, base, auto=True)
     assert first.additions == ()
-    assert next(s for s in first.suspects if s.name == right).verdict == "cannot tell"
+    assert next(s for s in first.candidates if s.name == right).verdict == "cannot tell"
     best = next_flight.rank(
         first,
-        suspects=[right, wrong],
+        candidates=[right, wrong],
         free_volume_m=(6.0, 6.0, 3.0),
         library=("oblique", "throttle_steps"),
         rng=np.random.default_rng(0),

@@ -1,4 +1,4 @@
-"""The proposed flight: it fits, it can be planned, and look-alikes are really told apart better by it."""
+"""The proposed flight: it fits, it can be planned, and confounded effects are really told apart better by it."""
 
 from dataclasses import replace
 
@@ -108,7 +108,7 @@ def test_a_ranking_is_ordered_and_speaks(model: Model):
     library = ("hover", "throttle_steps", "oblique", "doublets", "ground_sweep", "ceiling_climb")
     ranking = rank(
         model,
-        suspects=["rotor_drag_thrust", "rotor_drag_speed"],
+        candidates=["rotor_drag_thrust", "rotor_drag_speed"],
         free_volume_m=SPACE,
         library=library,
         rng=np.random.default_rng(0),
@@ -123,7 +123,7 @@ def test_a_ranking_is_ordered_and_speaks(model: Model):
 def test_a_single_suspect_is_sized(model: Model):
     ranking = rank(
         model,
-        suspects=["parasitic_drag_speed"],
+        candidates=["parasitic_drag_speed"],
         free_volume_m=SPACE,
         library=("oblique", "throttle_steps"),
         rng=np.random.default_rng(0),
@@ -136,7 +136,7 @@ def test_a_single_suspect_is_sized(model: Model):
 
 
 def test_suspects_that_cannot_be_asked_about_are_refused(model: Model):
-    with pytest.raises(InputError, match="not among the suspects"):
+    with pytest.raises(InputError, match="not among the candidates"):
         ask(model, ["no_such_effect"])
     with pytest.raises(InputError, match="no flight of this kind can show ceiling_effect"):
         ask(model, ["ceiling_effect"])
@@ -144,7 +144,7 @@ def test_suspects_that_cannot_be_asked_about_are_refused(model: Model):
         ask(model, ["motor_lag"])
     with pytest.raises(InputError, match="twice"):
         ask(model, ["rotor_drag_speed", "rotor_drag_speed"])
-    assert ask(model, ["weak_rotor"]).suspects[0].effect == "weak_rotor"
+    assert ask(model, ["weak_rotor"]).candidates[0].effect == "weak_rotor"
 
 
 @pytest.mark.parametrize("name", [pytest.param("oblique", marks=pytest.mark.slow), "throttle_steps"])
@@ -153,7 +153,7 @@ def test_the_planner_flies_through_the_waypoints(question: Question, name: str):
     body, size = vehicle.example(), np.array(SPACE)
     proposal = rank(
         question.model,
-        suspects=[s.name for s in question.suspects],
+        candidates=[s.name for s in question.candidates],
         free_volume_m=SPACE,
         library=(name,),
         rng=np.random.default_rng(0),
@@ -175,7 +175,7 @@ def test_the_planner_flies_through_the_waypoints(question: Question, name: str):
 def test_a_manoeuvre_that_stays_in_one_place_has_no_waypoints(model: Model):
     hover = rank(
         model,
-        suspects=["rotor_drag_speed"],
+        candidates=["rotor_drag_speed"],
         free_volume_m=SPACE,
         library=("hover",),
         rng=np.random.default_rng(0),

@@ -18,7 +18,7 @@ TRACE = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Suspect:
+class Candidate:
     """One effect that may be missing, and which of its parameters would be estimated."""
 
     name: str
@@ -48,27 +48,27 @@ class Suspect:
 
 
 @dataclass(frozen=True, slots=True)
-class LineUp:
-    """The vehicle with every suspect present at zero strength, and who could not be lined up."""
+class CandidateSet:
+    """The vehicle with every candidate present at zero strength, and who could not be lined up."""
 
     vehicle: Vehicle
-    suspects: tuple[Suspect, ...]
+    candidates: tuple[Candidate, ...]
     invisible: tuple[tuple[str, str], ...]
     """Effect and reason: no flight of this kind can show it."""
 
-    def suspect(self, name: str) -> Suspect:
-        """The suspect of this name. Raises `InputError` when there is none."""
-        for suspect in self.suspects:
-            if suspect.name == name:
-                return suspect
-        raise InputError(f"{name!r} is not among the suspects: {', '.join(s.name for s in self.suspects)}")
+    def candidate(self, name: str) -> Candidate:
+        """The candidate of this name. Raises `InputError` when there is none."""
+        for candidate in self.candidates:
+            if candidate.name == name:
+                return candidate
+        raise InputError(f"{name!r} is not among the candidates: {', '.join(s.name for s in self.candidates)}")
 
 
-def line_up(vehicle: Vehicle, flights: Sequence[Flight]) -> LineUp:
+def candidate_set(vehicle: Vehicle, flights: Sequence[Flight]) -> CandidateSet:
     """Put every effect the vehicle lacks into it, at a strength of zero, so that only its slope is felt."""
     by_command = any(f.driven_by_command for f in flights)
     invisible: list[tuple[str, str]] = []
-    suspects: list[Suspect] = []
+    candidates: list[Candidate] = []
     extended = _swapped(vehicle)
     for effect in _known(vehicle):
         if effect.name in vehicle.effects:
@@ -78,12 +78,12 @@ def line_up(vehicle: Vehicle, flights: Sequence[Flight]) -> LineUp:
             invisible.append((effect.name, reason))
             continue
         if effect.name not in extended.effects:
-            extended = extended.with_effect(effect.name, source="suspect", **_at_rest(effect))
+            extended = extended.with_effect(effect.name, source="candidate", **_at_rest(effect))
             if effect.between_flights:  # a trace of it, so that its place has columns
                 for name in effect.strength:
                     extended = extended.with_value(f"{effect.name}.{name}", TRACE * vehicle.mass_kg)
-        suspects += _suspects(effect, vehicle)
-    return LineUp(extended, tuple(suspects), tuple(invisible))
+        candidates += _candidates(effect, vehicle)
+    return CandidateSet(extended, tuple(candidates), tuple(invisible))
 
 
 def _known(vehicle: Vehicle) -> list[Effect]:
@@ -127,13 +127,13 @@ def _no_load(flights: Sequence[Flight]) -> str:
     return ""
 
 
-def _suspects(effect: Effect, vehicle: Vehicle) -> list[Suspect]:
+def _candidates(effect: Effect, vehicle: Vehicle) -> list[Candidate]:
     wanted = [s for s in effect.parameters if not s.held and (s.name in effect.strength or not effect.strength)]
     along = [s for s in effect.parameters if s not in wanted] if effect.between_flights else []
     channels = tuple(word for word in effect.channel.split() if word[:2] in ("F_", "M_"))
 
-    def make(name: str, specs: list) -> Suspect:
-        return Suspect(
+    def make(name: str, specs: list) -> Candidate:
+        return Candidate(
             name=name,
             effect=effect.name,
             parameters=tuple(f"{effect.name}.{s.name}" for s in specs),
@@ -172,24 +172,24 @@ def _instead(vehicle: Vehicle, effect: Effect, strength: Mapping[str, float], so
 
 
 def base_names(names: Sequence[str], vehicle: Vehicle) -> tuple[str, ...]:
-    """Names of the fitted parameters as the vehicle with all suspects calls them."""
+    """Names of the fitted parameters as the vehicle with all candidates calls them."""
     containing = [effects.find(name) for name in vehicle.effects if effects.find(name).instead_of]
     renamed = {f"{e.instead_of}.{e.takes_over[0]}": f"{e.name}.{e.takes_over[1]}" for e in containing}
     return tuple(renamed.get(name, name) for name in names)
 
 
-def added(vehicle: Vehicle, suspect: Suspect, values: Sequence[float]) -> Vehicle:
-    """The vehicle with a suspect made part of it, at these values clipped to their bounds."""
-    effect = effects.find(suspect.effect)
+def added(vehicle: Vehicle, candidate: Candidate, values: Sequence[float]) -> Vehicle:
+    """The vehicle with a candidate made part of it, at these values clipped to their bounds."""
+    effect = effects.find(candidate.effect)
     start = {s.name: s for s in effect.parameters}
     given = {
         name.split(".")[1]: float(np.clip(value, *start[name.split(".")[1]].bounds))
-        for name, value in zip(suspect.parameters, values, strict=True)
+        for name, value in zip(candidate.parameters, values, strict=True)
     }
     if effect.instead_of in vehicle.effects:
-        return _instead(vehicle, effect, given, "suspect")
-    if suspect.effect in vehicle.effects:
+        return _instead(vehicle, effect, given, "candidate")
+    if candidate.effect in vehicle.effects:
         for name, value in given.items():
-            vehicle = vehicle.with_value(f"{suspect.effect}.{name}", value, source="suspect")
+            vehicle = vehicle.with_value(f"{candidate.effect}.{name}", value, source="candidate")
         return vehicle
-    return vehicle.with_effect(suspect.effect, source="suspect", **{**_at_rest(effect), **given})
+    return vehicle.with_effect(candidate.effect, source="candidate", **{**_at_rest(effect), **given})
