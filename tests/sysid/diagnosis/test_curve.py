@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.sysid.test_diagnosis import flights, turning_when_climbing
 
 import vehicle
 from flight import FormatError, InputError
@@ -14,6 +13,7 @@ from sysid.diagnosis import diagnose
 from sysid.diagnosis.curve import scaffold
 from sysid.diagnosis.findings import OutsideFinding
 from sysid.diagnosis.free_form import VARIABLE
+from tests.sysid.diagnosis.test_diagnosis import flights, turning_when_climbing
 from vehicle import Surroundings, forces, wrench_jacobian
 
 UNSEEN = ("time", "x", "y", "constant")
