@@ -50,7 +50,7 @@ def command(
     goshawk diagnose a.parquet b.parquet --vehicle vehicle.toml --held-out c.parquet \\
         --auto --out better.toml --report diagnosis.html
 
-    The model is fitted to FLIGHTS; then every effect of the catalogue that it lacks is a suspect:
+    The model is fitted to FLIGHTS; then every effect of the catalogue that it lacks is a candidate:
 
     \b
     present      named, fitted, and flights that were not used agree
@@ -141,15 +141,15 @@ def _show(found: Diagnosis, document: dict[str, Any]) -> None:
     if found.outside is not None:
         click.echo(f"  outside the catalogue: {outside_sentence(found)}")
     _show_staircase(found)
-    heads = ("suspect", "verdict", "parameter", "size ± sigma", "excl. >", "visible >", "mm", "sure")
+    heads = ("candidate", "verdict", "parameter", "size ± sigma", "excl. >", "visible >", "mm", "sure")
     console.table(
-        "suspects (mm: position error that the effect makes within 0.5 s)",
+        "candidates (mm: position error that the effect makes within 0.5 s)",
         heads,
         [row for s in found.candidates for row in _rows(s)],
     )
     alike = [(s.name, ", ".join(f"{n} ({share:.0%})" for n, share in s.confounded)) for s in found.candidates]
     if any(names for _, names in alike):
-        console.table("look-alikes on these flights", ("suspect", "leaves the trace of"), [a for a in alike if a[1]])
+        console.table("confounded on these flights", ("candidate", "leaves the trace of"), [a for a in alike if a[1]])
     reasons = [(s.name, s.reason) for s in found.candidates if s.verdict is Verdict.CANNOT_TELL]
     reasons += [(name, f"cannot be seen: {why}") for name, why in found.invisible]
     if reasons:
@@ -182,13 +182,13 @@ def _show_staircase(found: Diagnosis) -> None:
     console.table(f"position error (mm, rms) on {on}", ("model", *(f"after {h}" for h in horizons)), rows)
 
 
-def _rows(suspect: CandidateFinding) -> list[tuple[str, ...]]:
-    """One line per parameter; what belongs to the suspect as a whole stands in the first."""
-    heads = ((suspect.name, suspect.verdict), *((("", ""),) * (len(suspect.sizes) - 1)))
-    whole = (f"{1000.0 * suspect.error_m:.1f}", f"{suspect.confidence:.0%}")
+def _rows(candidate: CandidateFinding) -> list[tuple[str, ...]]:
+    """One line per parameter; what belongs to the candidate as a whole stands in the first."""
+    heads = ((candidate.name, candidate.verdict), *((("", ""),) * (len(candidate.sizes) - 1)))
+    whole = (f"{1000.0 * candidate.error_m:.1f}", f"{candidate.confidence:.0%}")
     return [
         (*head, size.parameter.split(".")[-1], *_size(size), *(whole if head[0] else ("", "")))
-        for head, size in zip(heads, suspect.sizes, strict=True)
+        for head, size in zip(heads, candidate.sizes, strict=True)
     ]
 
 

@@ -46,7 +46,7 @@ def write(found: Diagnosis, folder: Path, *, suffix: str = "svg") -> list[Path]:
     if found.outside is not None:
         drawings["outside"] = outside(found, found.outside)
     for i, candidate in enumerate(leading(found)):
-        drawings[f"suspect_{i + 1}"] = convicting(found, candidate, named)
+        drawings[f"suspect_{i + 1}"] = evidence_for(found, candidate, named)
     drawings["staircase"] = staircase(found)
     loudest = residual_plots.loudest(named[BEFORE])
     title = f"Unexplained on {first.fit.flights[loudest].name}, body axes"
@@ -104,7 +104,7 @@ def staircase(found: Diagnosis) -> "Figure":
     return figure
 
 
-def convicting(found: Diagnosis, candidate: Candidate, named: dict[str, list[Residual]]) -> "Figure":
+def evidence_for(found: Diagnosis, candidate: Candidate, named: dict[str, list[Residual]]) -> "Figure":
     """The residual against the variable that tells most, before and after, and against the candidate's own trace."""
     model = found.search.models[0]
     channel, trace = strongest_trace(model, candidate)

@@ -155,7 +155,7 @@ def test_curves_are_freed_of_what_the_states_can_do_in_every_block(channels):
             borders[-1][:, row] = -2.0 * (np.sqrt(flight.step_s) * share)[:, None] * drawn / fit.noise.process[i]
     border = np.concatenate(borders, axis=2)
     rows = fit.solution.rows[0]
-    rows = replace(rows, defect_border=border, sensor_border=np.zeros((len(flight), 9, border.shape[2])))
+    rows = replace(rows, defect_border=border, sensor_border=np.zeros((*rows.sensor.shape, border.shape[2])))
     defect, sensor = rows.freed(eliminate(rows).sensitivity())
     found = evidence.with_curves(*channels).information[:, len(evidence.names) :, len(evidence.names) :]
     edges = block_edges(flight.time_s)
