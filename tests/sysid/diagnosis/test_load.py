@@ -126,7 +126,7 @@ def evidence(rng: np.random.Generator, weight: tuple[float, ...], thrust: tuple[
     told.named = Blocks(np.einsum("bri,br->bi", both, residual), np.einsum("bri,brj->bij", both, both))
     told.names, told.base = ("thrust_bem.k1_n_s2", *load.COLUMNS), np.array([0])
     told.flight_of_block = np.repeat(np.arange(len(weight)), 10)
-    told._silent, told._free = [], {}
+    told._masks, told._free = [], {}
     return told
 
 
