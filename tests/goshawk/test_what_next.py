@@ -47,7 +47,7 @@ def found(
     search = SimpleNamespace(
         models=(SimpleNamespace(fit=SimpleNamespace(flights=[SimpleNamespace(position_world_m=place)])),),
         undecided=SimpleNamespace(between=undecided) if undecided else None,
-        trials=[SimpleNamespace(suspect=SimpleNamespace(name=name), rivals=rivals) for name in additions],
+        trials=[SimpleNamespace(candidate=SimpleNamespace(name=name), rivals=rivals) for name in additions],
     )
     body = vehicle.example()
     nothing = cast("Any", None)
