@@ -1,4 +1,4 @@
-"""What the panels work with: the session, the newest plan, the vehicle, the 3D view and the people; no message of its own."""
+"""What the panels work with: the session, the newest plan, the vehicle, the 3D view and the people."""
 
 import json
 import secrets

@@ -45,6 +45,7 @@ def series(trajectory: Trajectory, vehicle: Vehicle, field: DistanceField) -> pr
         rotor_slowest_rad_s=_list(flat.rotor_speed_rad_s.min(axis=1)),
         rotor_fastest_rad_s=_list(flat.rotor_speed_rad_s.max(axis=1)),
         yaw_rate_deg_s=_list(np.degrees(flat.rate_body_rad_s[:, 2])),
+        q_world_body=_list(flat.q_world_body.ravel()),
     )
 
 

@@ -79,7 +79,7 @@ class Passing(msgspec.Struct, frozen=True):
 
 
 class Series(msgspec.Struct, frozen=True):
-    """The plan sampled at equal steps of time; all lists are of one length."""
+    """The plan sampled at equal steps of time; all lists are of one length, but the last of four times that."""
 
     time_s: list[float]
     x_m: list[float]
@@ -92,6 +92,8 @@ class Series(msgspec.Struct, frozen=True):
     rotor_slowest_rad_s: list[float]
     rotor_fastest_rad_s: list[float]
     yaw_rate_deg_s: list[float]
+    q_world_body: list[float]
+    """Attitudes one after another, four numbers each (w x y z)."""
 
 
 class Problem(msgspec.Struct, frozen=True):

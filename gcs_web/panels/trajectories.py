@@ -16,7 +16,7 @@ def _plan_again(desk: Desk, _: protocol.Person, __: protocol.PlanAgain) -> None:
 
 
 def _save(desk: Desk, _: protocol.Person, save: protocol.Save) -> None:
-    name = project.checked_name(save.name)
+    name = project.part_name(save.name)
     file = desk.checked()
     path = desk.project.trajectory(name)
     results.require_free(path, overwrite=save.overwrite)
@@ -29,7 +29,7 @@ def _save(desk: Desk, _: protocol.Person, save: protocol.Save) -> None:
 
 
 def _open(desk: Desk, person: protocol.Person, wanted: protocol.Open) -> None:
-    name = project.checked_name(wanted.name)
+    name = project.part_name(wanted.name)
     points = trajectory.load(desk.project.trajectory(name)).waypoints_world_m
     label = f"waypoints of {name} opened"
     desk.name = name
@@ -38,7 +38,7 @@ def _open(desk: Desk, person: protocol.Person, wanted: protocol.Open) -> None:
 
 
 def _discard(desk: Desk, _: protocol.Person, unwanted: protocol.Discard) -> None:
-    name = project.checked_name(unwanted.name)
+    name = project.part_name(unwanted.name)
     path = desk.project.trajectory(name)
     if not path.is_file():
         raise InputError(f"there is no trajectory {name} (any more)")

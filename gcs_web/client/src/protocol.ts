@@ -60,6 +60,7 @@ export interface Series {
   rotor_slowest_rad_s: number[];
   rotor_fastest_rad_s: number[];
   yaw_rate_deg_s: number[];
+  q_world_body: number[];
 }
 
 export interface Problem {
