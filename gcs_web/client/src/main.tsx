@@ -1,0 +1,15 @@
+/** Starts the page. */
+
+import { render } from "preact";
+import "uplot/dist/uPlot.min.css";
+import { App } from "./app";
+import { listen } from "./keys";
+import { connect } from "./socket";
+import "./style.css";
+import "./panels.css";
+import "./narrow.css";
+
+const root = document.getElementById("app");
+if (root !== null) render(<App />, root);
+listen();
+connect();

@@ -1,0 +1,88 @@
+/** The 3D view, and over it the scale of the path's colours. */
+
+import { show } from "../cursor";
+import { number } from "../format";
+import { listenIn } from "../keys";
+import { CIVIDIS, CLEARANCE_SPAN_M, VIRIDIS } from "../scales";
+import { plan, view } from "../store";
+import type { Limit, Show } from "../protocol";
+
+type Colour = NonNullable<Show["colour"]>;
+
+export const COLOURS: readonly { key: Colour; name: string; unit: string }[] = [
+  { key: "clearance", name: "Clearance", unit: "m" },
+  { key: "speed", name: "Speed", unit: "m/s" },
+  { key: "tilt", name: "Tilt", unit: "°" },
+  { key: "rotors", name: "Fastest rotor", unit: "rad/s" },
+];
+
+export function Scene() {
+  return (
+    <main class="scene">
+      <iframe
+        src="/viser/"
+        title="3D view of map and path"
+        onLoad={(event) => {
+          const inside = event.currentTarget.contentWindow;
+          if (inside !== null) listenIn(inside);
+        }}
+      />
+      <Legend />
+    </main>
+  );
+}
+
+function Legend() {
+  const current = COLOURS.find(({ key }) => key === view.value.colour) ?? COLOURS[0];
+  if (plan.value?.series == null || current === undefined) return null;
+  const [low, high] = ends(current.key);
+  const colours = current.key === "clearance" ? [...VIRIDIS].reverse() : CIVIDIS;
+  return (
+    <div class="legend">
+      <div class="legend-head">
+        <ColourChoice />
+        <span class="quiet">{current.unit}</span>
+      </div>
+      <div class="legend-bar" style={{ background: `linear-gradient(90deg, ${colours.join(",")})` }} />
+      <div class="legend-ends">
+        <span>{low}</span>
+        <span>{high}</span>
+      </div>
+    </div>
+  );
+}
+
+export function ColourChoice() {
+  return (
+    <select
+      class="colour-choice"
+      aria-label="Colour of the path"
+      value={view.value.colour}
+      onChange={(event) => show({ colour: event.currentTarget.value as Colour })}
+    >
+      {COLOURS.map(({ key, name }) => (
+        <option key={key} value={key}>
+          {name}
+        </option>
+      ))}
+    </select>
+  );
+}
+
+/** Words at both ends of the scale. */
+function ends(colour: Colour): [string, string] {
+  const shown = plan.value;
+  if (colour === "clearance") {
+    const required_m = shown?.required_clearance_m ?? 0;
+    return [`${number(required_m, 2)} limit`, `≥ ${number(required_m + CLEARANCE_SPAN_M, 1)}`];
+  }
+  const limit = LIMIT_OF[colour];
+  const bound = shown?.limits.find(({ name }) => name === limit)?.bound;
+  return ["0", bound === undefined ? "limit" : `${number(bound, bound >= 100 ? 0 : 1)} limit`];
+}
+
+const LIMIT_OF: Readonly<Record<Exclude<Colour, "clearance">, Limit["name"]>> = {
+  speed: "speed",
+  tilt: "tilt",
+  rotors: "rotor speed",
+};

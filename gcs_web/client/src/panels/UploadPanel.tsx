@@ -1,0 +1,97 @@
+/** The plan against what the vehicle holds, and the button that is held to send it. */
+
+import { confirmUpload, prepareUpload, upload } from "../actions";
+import { Badge } from "../components/Badge";
+import { HoldButton } from "../components/HoldButton";
+import { checksum, number } from "../format";
+import { connected, inControl, plan, verdict } from "../store";
+import type { Held, Reply } from "../protocol";
+import { Control } from "./Control";
+
+const ROWS: readonly { name: string; of: (held: Held) => string }[] = [
+  { name: "Name", of: (held) => held.name },
+  { name: "Duration", of: (held) => `${number(held.duration_s, 2)} s` },
+  { name: "Segments", of: (held) => String(held.segments) },
+  { name: "Closest obstacle", of: (held) => `${number(held.clearance_m, 2)} m` },
+  { name: "Checksum", of: (held) => checksum(held.crc32) },
+];
+
+export function UploadPanel({ prepared }: { prepared: Reply }) {
+  const { here, there } = prepared;
+  const isCurrent = verdict.value === "checked" && here !== null && here.crc32 === plan.value?.crc32;
+  const close = (): void => {
+    upload.value = null;
+  };
+  return (
+    <>
+      <section class="verdict">
+        <div class="block-head">
+          <h2>Upload {here?.name ?? ""}</h2>
+          <Badge>{differences(here, there)}</Badge>
+        </div>
+        <p>
+          {there === null
+            ? "The vehicle holds no trajectory. Nothing moves until the start order."
+            : `Replaces ${there.name} on the vehicle. Nothing moves until the start order.`}
+        </p>
+      </section>
+      <Difference here={here} there={there} />
+      <div class="spring" />
+      {!inControl.value && <Control />}
+      <div class="acts column">
+        {isCurrent ? (
+          <HoldButton
+            act={`upload ${here.name}`}
+            primary
+            disabled={!connected.value || !inControl.value}
+            onHeld={() => void confirmUpload()}
+          />
+        ) : (
+          <button type="button" class="control primary" disabled={verdict.value !== "checked"} onClick={() => void prepareUpload()}>
+            The plan changed: compare again
+          </button>
+        )}
+        <p class="quiet centred">Let go to cancel. Nothing is sent before the bar is full.</p>
+        <button type="button" class="control" onClick={close}>
+          Back to the plan
+        </button>
+      </div>
+    </>
+  );
+}
+
+function differences(here: Held | null, there: Held | null): string {
+  if (here === null || there === null) return "New";
+  const count = ROWS.filter(({ of }) => of(here) !== of(there)).length;
+  return count === 0 ? "Equal" : `Differs in ${count} of ${ROWS.length}`;
+}
+
+function Difference({ here, there }: { here: Held | null; there: Held | null }) {
+  return (
+    <table class="table difference">
+      <thead>
+        <tr>
+          <th scope="col" class="words">
+            Difference
+          </th>
+          <th scope="col">vehicle</th>
+          <th scope="col">plan</th>
+        </tr>
+      </thead>
+      <tbody>
+        {ROWS.map(({ name, of }) => {
+          const [theirs, ours] = [there === null ? "–" : of(there), here === null ? "–" : of(here)];
+          return (
+            <tr key={name} class={theirs === ours ? "" : "differs"}>
+              <th scope="row" class="words">
+                {name}
+              </th>
+              <td>{theirs}</td>
+              <td>{ours}</td>
+            </tr>
+          );
+        })}
+      </tbody>
+    </table>
+  );
+}

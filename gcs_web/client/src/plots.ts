@@ -1,0 +1,182 @@
+/** The plots of the drawer: which streams there are, and how uPlot draws one. */
+
+import uPlot from "uplot";
+import { signal } from "@preact/signals";
+import { token } from "./theme";
+import type { Limit, Series } from "./protocol";
+
+export interface Stream {
+  key: string;
+  name: string;
+  unit: string;
+  digits: number;
+  curves: (series: Series) => number[][];
+  /** Names of the limits that belong to it. */
+  limits: readonly string[];
+}
+
+export const STREAMS: readonly Stream[] = [
+  { key: "speed", name: "Speed", unit: "m/s", digits: 2, curves: (s) => [s.speed_m_s], limits: ["speed"] },
+  { key: "clearance", name: "Clearance", unit: "m", digits: 2, curves: (s) => [s.clearance_m], limits: ["clearance"] },
+  { key: "tilt", name: "Tilt", unit: "°", digits: 1, curves: (s) => [s.tilt_deg], limits: ["tilt"] },
+  {
+    key: "acceleration",
+    name: "Acceleration",
+    unit: "m/s²",
+    digits: 2,
+    curves: (s) => [s.acceleration_m_s2],
+    limits: ["acceleration"],
+  },
+  {
+    key: "rotors",
+    name: "Rotor speeds",
+    unit: "rad/s",
+    digits: 0,
+    curves: (s) => [s.rotor_fastest_rad_s, s.rotor_slowest_rad_s],
+    limits: ["rotor speed", "slowest rotor"],
+  },
+  { key: "yaw_rate", name: "Yaw rate", unit: "°/s", digits: 1, curves: (s) => [s.yaw_rate_deg_s], limits: ["yaw rate"] },
+];
+
+/** The stretch of time all plots show; null for all of it. */
+export const zoom = signal<readonly [number, number] | null>(null);
+
+/** Value of a sampled curve at a moment, straight between samples. */
+export function valueAt(time_s: readonly number[], values: readonly number[], moment_s: number): number | null {
+  const after = time_s.findIndex((sample_s) => sample_s >= moment_s);
+  if (after < 0) return values.at(-1) ?? null;
+  const [t0, t1] = [time_s[after - 1], time_s[after]];
+  const [v0, v1] = [values[after - 1], values[after]];
+  if (t0 === undefined || v0 === undefined || t1 === undefined || v1 === undefined) return v1 ?? null;
+  return v0 + ((v1 - v0) * (moment_s - t0)) / (t1 - t0);
+}
+
+export interface PlotBox {
+  width: number;
+  height: number;
+  left: number;
+  right: number;
+  /** The lowest plot also carries the time axis. */
+  hasTimeAxis: boolean;
+}
+
+const TIME_AXIS_PX = 20;
+/** A limit is drawn if it is within this share of the plotted range beyond it. */
+const LIMIT_IN_SIGHT = 0.25;
+
+export function plotHeight(row_px: number, hasTimeAxis: boolean): number {
+  return row_px + (hasTimeAxis ? TIME_AXIS_PX : 0);
+}
+
+interface Range {
+  low: number;
+  high: number;
+  limits: Limit[];
+}
+
+/** From nothing (or the lowest value) to the highest, limits included that are near. */
+function verticalRange(curves: readonly number[][], limits: readonly Limit[]): Range {
+  const values = curves.flat().filter((value) => Number.isFinite(value));
+  const highest = Math.max(...values);
+  const lowest = Math.min(...values);
+  const base = lowest > 0.5 * highest ? lowest : Math.min(0, lowest);
+  const margin = LIMIT_IN_SIGHT * (highest - base);
+  const inSight = limits.filter((limit) => limit.bound <= highest + margin && limit.bound >= base - margin);
+  const bounds = inSight.map((limit) => limit.bound);
+  const low = Math.min(base, ...bounds);
+  const high = Math.max(highest, ...bounds);
+  const room = 0.06 * Math.max(high - low, 1e-6);
+  return { low: low === 0 ? 0 : low - room, high: high + room, limits: inSight };
+}
+
+export function drawPlot(
+  target: HTMLElement,
+  stream: Stream,
+  series: Series,
+  limits: readonly Limit[],
+  box: PlotBox,
+): uPlot {
+  const curves = stream.curves(series);
+  const range = verticalRange(
+    curves,
+    limits.filter((limit) => stream.limits.includes(limit.name)),
+  );
+  const font = `10.5px ${getComputedStyle(document.body).fontFamily}`;
+  const grid = { stroke: () => token("grid"), width: 1 };
+  const axis = { font, stroke: () => token("text3"), ticks: { show: false }, grid };
+  const plot = new uPlot(
+    {
+      width: box.width,
+      height: box.height,
+      padding: [6, box.right, 4, 0],
+      legend: { show: false },
+      cursor: { x: false, y: false, points: { show: false }, drag: { x: true, y: false, dist: 5 } },
+      scales: { x: { time: false }, y: { range: [range.low, range.high] } },
+      axes: [
+        {
+          ...axis,
+          size: box.hasTimeAxis ? TIME_AXIS_PX : 0,
+          gap: 4,
+          values: (_plot, ticks) => ticks.map((tick) => (box.hasTimeAxis ? `${tick} s` : "")),
+        },
+        { ...axis, size: box.left, gap: 6, space: 22, show: true },
+      ],
+      series: [
+        {},
+        ...curves.map(() => ({ stroke: () => token("curve"), width: 1.5, points: { show: false } })),
+      ],
+      hooks: {
+        draw: [(drawn) => drawLimits(drawn, range.limits, font)],
+        setScale: [
+          (drawn, key) => {
+            if (key === "x") noteZoom(drawn, series);
+          },
+        ],
+      },
+    },
+    [series.time_s, ...curves],
+    target,
+  );
+  applyZoom(plot, series);
+  return plot;
+}
+
+function noteZoom(plot: uPlot, series: Series): void {
+  const { min, max } = plot.scales["x"] ?? {};
+  const end_s = series.time_s.at(-1);
+  if (min === undefined || max === undefined || min === null || max === null || end_s === undefined) return;
+  const isAll = min <= 0 && max >= end_s;
+  const before = zoom.peek();
+  if (isAll) zoom.value = null;
+  else if (before === null || before[0] !== min || before[1] !== max) zoom.value = [min, max];
+}
+
+/** Make one plot show what the others show. */
+export function applyZoom(plot: uPlot, series: Series): void {
+  const [min, max] = zoom.value ?? [0, series.time_s.at(-1) ?? 0];
+  const shown = plot.scales["x"];
+  if (shown?.min !== min || shown.max !== max) plot.setScale("x", { min, max });
+}
+
+function drawLimits(plot: uPlot, limits: readonly Limit[], font: string): void {
+  const { ctx, bbox } = plot;
+  const ratio = devicePixelRatio;
+  ctx.save();
+  ctx.strokeStyle = ctx.fillStyle = token("caution");
+  ctx.lineWidth = ratio;
+  ctx.font = font.replace("10.5px", `${10.5 * ratio}px`);
+  ctx.textBaseline = "middle";
+  ctx.textAlign = "left";
+  for (const limit of limits) {
+    const y = Math.round(plot.valToPos(limit.bound, "y", true));
+    ctx.setLineDash([2 * ratio, 3 * ratio]);
+    ctx.beginPath();
+    ctx.moveTo(bbox.left, y);
+    ctx.lineTo(bbox.left + bbox.width, y);
+    ctx.stroke();
+    const digits = limit.bound >= 100 ? 0 : limit.bound >= 20 ? 1 : 2;
+    const word = limit.sense === "<=" ? "max" : "min";
+    ctx.fillText(`${word} ${limit.bound.toFixed(digits)}`, bbox.left + bbox.width + 6 * ratio, y);
+  }
+  ctx.restore();
+}

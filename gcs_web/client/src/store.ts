@@ -1,0 +1,157 @@
+/** Everything the page shows, and the one place where the server's messages are taken in. */
+
+import { batch, computed, signal } from "@preact/signals";
+import { initials } from "./format";
+import { PROTOCOL } from "./protocol";
+import type { Document, Files, Notice, People, Plan, Show, ToPage, Vehicle, Waypoint, Welcome } from "./protocol";
+
+// --- as the server sent it ---
+
+export const welcome = signal<Welcome | null>(null);
+export const document = signal<Document | null>(null);
+export const plan = signal<Plan | null>(null);
+export const vehicle = signal<Vehicle | null>(null);
+export const people = signal<People>({ type: "people", people: [], in_control: "" });
+export const files = signal<Files>({ type: "files", trajectories: [], flights: [] });
+export const notice = signal<Notice>({ type: "notice", text: "", level: "fact", undo: false });
+
+// --- of this page ---
+
+/** `outdated`: the server speaks a newer protocol than this page. */
+export const connection = signal<"connecting" | "open" | "closed" | "outdated">("connecting");
+/** When the page tries to connect again, on the clock of `now_ms`. */
+export const retryAt_ms = signal(0);
+/** A clock for ages and countdowns; ticks four times a second. */
+export const now_ms = signal(performance.now());
+const vehicleHeardAt_ms = signal(0);
+
+/** The moment of the plan that plots, table and 3D view show. */
+export const cursor_s = signal<number | null>(null);
+/** Ids of waypoints. */
+export const selected = signal<ReadonlySet<number>>(new Set());
+export const view = signal<Required<Pick<Show, "colour" | "slice_z_m">>>({ colour: "clearance", slice_z_m: null });
+export const step = signal(2);
+export const aborting = signal(false);
+export const paletteOpen = signal(false);
+
+/** Waypoints another person changed within the last second, with that person's initials. */
+export const touched = signal<ReadonlyMap<number, string>>(new Map());
+const TOUCHED_MS = 1000;
+
+// --- derived ---
+
+export const connected = computed(() => connection.value === "open");
+
+/** The verdict that may be shown: never "checked" for another revision or without a connection. */
+export const verdict = computed<Plan["state"] | "unknown">(() => {
+  if (!connected.value) return "unknown";
+  const current = plan.value;
+  if (current === null) return "none";
+  const isOld = current.revision !== document.value?.revision;
+  return isOld && current.state === "checked" ? "planning" : current.state;
+});
+
+/** The plan, where there is a path to show. */
+export const series = computed(() => plan.value?.series ?? null);
+
+export const me = computed(() => people.value.people.find((person) => person.id === welcome.value?.you) ?? null);
+export const inControl = computed(() => people.value.in_control !== "" && people.value.in_control === welcome.value?.you);
+
+/** Whether the vehicle holds another trajectory than the plan. */
+export const holdsAnother = computed(() => {
+  const held = vehicle.value?.holds_crc32 ?? "";
+  return held !== "" && held !== (plan.value?.crc32 ?? "");
+});
+
+const SILENCE_MS = 1500; // the server speaks of the vehicle at least twice a second
+const LOST_MS = 3000;
+
+/** The link as far as this page can know: the server's word, grown old by its silence. */
+export const link = computed<{ state: Vehicle["link"]; age_s: number }>(() => {
+  const last = vehicle.value;
+  if (last === null) return { state: "none", age_s: 0 };
+  const silence_ms = Math.max(0, now_ms.value - vehicleHeardAt_ms.value);
+  const age_s = last.age_s + silence_ms / 1000;
+  if (last.link === "none") return { state: "none", age_s };
+  if (!connected.value || silence_ms > LOST_MS) return { state: "lost", age_s };
+  if (last.link === "fresh" && silence_ms > SILENCE_MS) return { state: "stale", age_s };
+  return { state: last.link, age_s };
+});
+
+/** Words for a moment of the plan: the waypoint passed last. */
+export const waypointAtCursor = computed(() => {
+  const time_s = cursor_s.value;
+  const passings = plan.value?.passings ?? [];
+  if (time_s === null || passings.length === 0) return null;
+  let last = passings[0];
+  for (const passing of passings) if (passing.time_s <= time_s + 1e-6) last = passing;
+  return last?.waypoint ?? null;
+});
+
+// --- messages ---
+
+/** Take in a message; replies to commands go to `socket.ts`. */
+export function receive(message: Exclude<ToPage, { type: "reply" }>): void {
+  batch(() => {
+    switch (message.type) {
+      case "welcome":
+        welcome.value = message;
+        connection.value = message.protocol === PROTOCOL ? "open" : "outdated";
+        break;
+      case "document":
+        receiveDocument(message);
+        break;
+      case "plan":
+        plan.value = message;
+        if (message.series !== null) cursor_s.value = Math.min(cursor_s.value ?? 0, message.duration_s);
+        break;
+      case "vehicle":
+        now_ms.value = performance.now();
+        vehicleHeardAt_ms.value = now_ms.value;
+        vehicle.value = message;
+        break;
+      case "people":
+        people.value = message;
+        break;
+      case "files":
+        files.value = message;
+        break;
+      case "notice":
+        notice.value = message;
+        break;
+      case "cursor":
+        cursor_s.value = message.time_s;
+        break;
+      case "selection":
+        selected.value = new Set(message.waypoints);
+        break;
+    }
+  });
+}
+
+function receiveDocument(next: Document): void {
+  const before = document.value;
+  document.value = next;
+  const present = new Set(next.waypoints.map((waypoint) => waypoint.id));
+  if ([...selected.value].some((id) => !present.has(id))) {
+    selected.value = new Set([...selected.value].filter((id) => present.has(id)));
+  }
+  if (before === null || next.revision === before.revision || next.author === me.value?.name) return;
+  const old = new Map(before.waypoints.map((waypoint) => [waypoint.id, waypoint]));
+  const changed = next.waypoints.filter((waypoint) => !sameWaypoint(waypoint, old.get(waypoint.id)));
+  if (changed.length === 0) return;
+  const marks = new Map(changed.map((waypoint) => [waypoint.id, initials(next.author)]));
+  touched.value = marks;
+  setTimeout(() => {
+    if (touched.value === marks) touched.value = new Map();
+  }, TOUCHED_MS);
+}
+
+function sameWaypoint(a: Waypoint, b: Waypoint | undefined): boolean {
+  return b !== undefined && a.x_m === b.x_m && a.y_m === b.y_m && a.z_m === b.z_m && a.yaw_deg === b.yaw_deg;
+}
+
+/** Say something of the page's own in the place of the server's notices. */
+export function announce(text: string, level: Notice["level"] = "fact"): void {
+  notice.value = { type: "notice", text, level, undo: false };
+}
