@@ -83,9 +83,19 @@ class Journal:
             self.saved, self.notice = self._read()
             self._file = self._opened()
         except BaseException:
-            os.close(self._lock)
+            self._lock.close()
             raise
         self._lines = 0
+
+    @property
+    def is_new(self) -> bool:
+        """Whether no document was ever kept here."""
+        return self.saved.revision == 0 and not self._snapshot.exists()
+
+    def begin(self, content: Content) -> None:
+        """Start a new document with this content, which nobody can undo."""
+        self.saved.content = content
+        self.compact()
 
     def append(self, entry: Entry, content: Content) -> None:
         """Make a change last; `saved` is the document after it.
@@ -119,7 +129,7 @@ class Journal:
 
     def close(self) -> None:
         self._file.close()
-        os.close(self._lock)
+        self._lock.close()
 
     def _opened(self) -> io.FileIO:
         return io.FileIO(self._path, "ab")  # unbuffered: what was refused must not be written later
@@ -180,16 +190,17 @@ def _decoded(path: Path) -> _Snapshot:
         raise FormatError(f"{path} is damaged: {error}; move it away to start from waypoints.json") from error
 
 
-def _locked(path: Path) -> int:
-    descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+def _locked(path: Path) -> io.FileIO:
+    lock = io.FileIO(path, "a+")
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        owner = os.pread(descriptor, 20, 0).decode(errors="replace").strip() or "unknown"
-        os.close(descriptor)
+        lock.seek(0)
+        owner = lock.read(20).decode(errors="replace").strip() or "unknown"
+        lock.close()
         raise InputError(
             f"another ground station (process {owner}) has this project open; use its page, or stop it first"
         ) from None
-    os.ftruncate(descriptor, 0)
-    os.pwrite(descriptor, str(os.getpid()).encode(), 0)
-    return descriptor
+    lock.truncate(0)
+    lock.write(str(os.getpid()).encode())
+    return lock

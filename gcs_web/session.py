@@ -14,7 +14,7 @@ import numpy as np
 from flight import InputError, Waypoints, project
 from flight.project import Project
 from gcs_web import edits, page_values, protocol
-from gcs_web.document import Content, Settings, difference, patched
+from gcs_web.document import Content, Patch, Settings, difference, patched
 from gcs_web.journal import Entry, Journal
 
 REMEMBERED = 1000
@@ -53,8 +53,10 @@ class Session:
         self.author = ""
         """Who made the newest change."""
         try:
-            if not self._journal.saved.revision:
-                self._journal.saved.content = Content(settings=settings)
+            if self._journal.is_new:
+                first = Content(settings=settings)
+                exists = opened.waypoints.exists()
+                self._journal.begin(first.with_waypoints(project.load_waypoints(opened.waypoints)) if exists else first)
             self.take_file()
         except BaseException:
             self._journal.close()
@@ -122,8 +124,7 @@ class Session:
             found = project.load_waypoints(path)
             if _same(found, self.content.waypoints()):
                 return False
-            undo = self._journal.saved.undo
-            if undo and _same(found, patched(self.content, undo[-1].inverse).waypoints()):
+            if any(_same(found, patched(self.content, step).waypoints()) for step in self._last_steps_back()):
                 project.save_waypoints(path, self.content.waypoints())  # we were killed between journal and file
                 return False
             return bool(self.take(found, f"{path.name} was changed by another program", OUTSIDE))
@@ -131,6 +132,11 @@ class Session:
     def close(self) -> None:
         with self._lock:
             self._journal.close()
+
+    def _last_steps_back(self) -> list[Patch]:
+        """To what may have been the document before its newest change: an edit or redo, or an undo."""
+        saved = self._journal.saved
+        return [entry.inverse for entry in list(saved.undo)[-1:]] + [entry.patch for entry in saved.redo[-1:]]
 
     def _refuse_conflict(self, edit: protocol.Edit, touched: frozenset[int | str], author: str) -> None:
         if edit.revision >= self.revision:
