@@ -47,7 +47,8 @@ _VIEW_POLICY = (  # viser's own page: inline script and style, data and blob add
     "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; connect-src 'self' data: blob:; "
     "worker-src 'self' blob:; frame-ancestors 'self'"
 )
-_VIEW_STYLE = b"<style>.mantine-Paper-root,[class*=Panel],[class*=panel]{display:none!important}</style></head>"
+_VIEW_STYLE = b"<style>.mantine-Paper-root,.mantine-Notifications-root{display:none!important}</style></head>"
+"""Hides viser's own panel and messages: what they do is on our page."""
 
 Handler = Callable[["web.Request"], Awaitable["web.StreamResponse"]]
 Serve = Callable[["web.WebSocketResponse"], Awaitable[None]]
@@ -95,6 +96,7 @@ class Gateway:
         application.router.add_static("/static/", STATIC)
         application.router.add_get("/ws", self._page)
         application.router.add_get("/state", self._serve_state)
+        application.router.add_get("/viser", self._pass_socket)  # viser's page leaves out the last slash here
         application.router.add_get("/viser/{path:.*}", self._pass_on)
         self._client = ClientSession(timeout=ClientTimeout(total=60), auto_decompress=False)
         self._runner = web.AppRunner(application, access_log=None, shutdown_timeout=1.0)
@@ -183,19 +185,18 @@ class Gateway:
     async def _pass_on(self, request: "web.Request") -> "web.StreamResponse":
         from aiohttp import web
 
-        if request.headers.get("Upgrade", "").lower() == "websocket":
-            return await self._pass_socket(request)
         assert self._client is not None
         path = request.match_info["path"]
-        headers = {"Accept": request.headers.get("Accept", "*/*")}
-        if path:
-            headers["Accept-Encoding"] = request.headers.get("Accept-Encoding", "")
+        encoding = (
+            request.headers.get("Accept-Encoding", "identity") if path else "identity"
+        )  # its page is changed here
+        headers = {"Accept": request.headers.get("Accept", "*/*"), "Accept-Encoding": encoding}
         async with self._client.get(f"http://{self._upstream}/{path}", headers=headers) as answer:
             body = await answer.read()
             kept = {name: value for name, value in answer.headers.items() if name.lower() not in _HOP_HEADERS}
             if "Content-Encoding" in answer.headers:
                 kept["Content-Encoding"] = answer.headers["Content-Encoding"]
-            elif not path:
+            if not path:
                 body = body.replace(b"</head>", _VIEW_STYLE, 1)
             return web.Response(status=answer.status, body=body, headers=kept)
 
