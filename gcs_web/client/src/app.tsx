@@ -33,10 +33,10 @@ export function App() {
       <TopBar />
       <Scene />
       {hasDrawer && (
-        <div class="drawer-area">
+        <section class="drawer-area" aria-label="Timeline">
           <Resizer step={step.value} />
           <Drawer height={height} />
-        </div>
+        </section>
       )}
       <aside key={step.value} class="inspector" aria-label="Inspector">
         {Inspector === undefined ? <Later step={step.value} /> : <Inspector />}

@@ -11,7 +11,7 @@ export interface Stream {
   unit: string;
   digits: number;
   curves: (series: Series) => number[][];
-  /** Names of the limits that belong to it. */
+  /** Names of the limits that belong to it; drawn if they come in its unit. */
   limits: readonly string[];
 }
 
@@ -99,7 +99,7 @@ export function drawPlot(
   const curves = stream.curves(series);
   const range = verticalRange(
     curves,
-    limits.filter((limit) => stream.limits.includes(limit.name)),
+    limits.filter((limit) => stream.limits.includes(limit.name) && limit.unit === stream.unit),
   );
   const font = `10.5px ${getComputedStyle(document.body).fontFamily}`;
   const grid = { stroke: () => token("grid"), width: 1 };

@@ -1,7 +1,7 @@
 /** All commands by name: type a part of it, arrows choose, Enter runs. */
 
 import { useSignal } from "@preact/signals";
-import { useEffect, useRef } from "preact/hooks";
+import { useLayoutEffect, useRef } from "preact/hooks";
 import { COMMANDS } from "../commands";
 import { paletteOpen } from "../store";
 import { Keys } from "./Keys";
@@ -12,7 +12,7 @@ export function Palette() {
   const input = useRef<HTMLInputElement>(null);
   const opener = useRef<Element | null>(null);
 
-  useEffect(() => {
+  useLayoutEffect(() => {
     opener.current = document.activeElement;
     input.current?.focus();
     return () => opener.current instanceof HTMLElement && opener.current.focus();

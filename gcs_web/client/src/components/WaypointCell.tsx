@@ -1,7 +1,7 @@
 /** One editable cell of the table of waypoints. */
 
 import { signal, useComputed } from "@preact/signals";
-import { useEffect, useRef } from "preact/hooks";
+import { useLayoutEffect, useRef } from "preact/hooks";
 import { selectedInOrder } from "../actions";
 import { editable, number, parse } from "../format";
 import { edit } from "../socket";
@@ -39,13 +39,14 @@ export const refused = signal<(Place & { text: string; sentence: string }) | nul
 const isAt = (place: Place | null, id: number, column: ColumnKey): boolean =>
   place !== null && place.id === id && place.column === column;
 
+/** The cell that gets the focus as soon as it is drawn again. */
+let wanted: Place | null = null;
+
+/** Give the focus to a cell, also to one that is still typed into. */
 export function focusCell(id: number, column: ColumnKey): void {
-  active.value = { id, column };
-  requestAnimationFrame(() => {
-    const cell = window.document.querySelector<HTMLElement>(`[data-cell="${id} ${column}"]`);
-    cell?.focus();
-    cell?.scrollIntoView({ block: "nearest" });
-  });
+  const cell = window.document.querySelector<HTMLElement>(`[data-cell="${id} ${column}"]`);
+  if (cell === null) wanted = { id, column };
+  else cell.focus();
 }
 
 interface Props {
@@ -61,6 +62,12 @@ export function Cell({ waypoint, column, index }: Props) {
   const started = useComputed(() => (isAt(editing.value, id, key) ? editing.value?.text : undefined)).value;
   const refusal = useComputed(() => (isAt(refused.value, id, key) ? refused.value : null)).value;
   const value = waypoint[key];
+  const cell = useRef<HTMLTableCellElement>(null);
+  useLayoutEffect(() => {
+    if (cell.current === null || !isAt(wanted, id, key)) return;
+    wanted = null;
+    cell.current.focus();
+  });
 
   const begin = (text: string): void => {
     if (connected.value) editing.value = { id, column: key, text };
@@ -82,6 +89,7 @@ export function Cell({ waypoint, column, index }: Props) {
   }
   return (
     <td
+      ref={cell}
       class={`cell ${key} ${refusal === null ? "" : "refused"}`}
       tabIndex={isActive.value ? 0 : -1}
       data-cell={`${id} ${key}`}
@@ -89,8 +97,9 @@ export function Cell({ waypoint, column, index }: Props) {
       onFocus={() => (active.value = { id, column: key })}
       onMouseDown={(event) => {
         const plain = !event.shiftKey && !event.ctrlKey && !event.metaKey;
-        if (plain && event.currentTarget === window.document.activeElement) begin(refusal?.text ?? editable(value));
-        if (event.shiftKey) event.preventDefault(); // else the browser selects text
+        const again = plain && event.currentTarget === window.document.activeElement;
+        if (again || event.shiftKey) event.preventDefault(); // else the browser takes the focus back, or selects text
+        if (again) begin(refusal?.text ?? editable(value));
       }}
       onKeyDown={onKeyDown}
     >
@@ -103,8 +112,8 @@ function Editor({ waypoint, column, index, text }: Props & { text: string }) {
   const { id } = waypoint;
   const input = useRef<HTMLInputElement>(null);
   const left = useRef(false);
-  useEffect(() => {
-    input.current?.focus();
+  useLayoutEffect(() => {
+    input.current?.focus(); // before the next key arrives
     input.current?.select();
   }, []);
 

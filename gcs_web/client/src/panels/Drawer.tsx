@@ -32,19 +32,19 @@ export function Drawer({ height }: { height?: number }) {
   const current = series.value;
   if (current === null) {
     return (
-      <section class="drawer" aria-label="Timeline">
+      <div class="drawer">
         <p class="empty">No path yet. Speed, clearance and tilt over time stand here once there is a plan.</p>
-      </section>
+      </div>
     );
   }
   const shown = STREAMS.filter(({ key }) => (phone.value ? key === "speed" : shownStreams.value.includes(key)));
   const room = (height ?? 0) - HEAD_PX - AXIS_PX;
   const row_px = phone.value ? PHONE_ROW_PX : Math.max(SMALLEST_ROW_PX, Math.floor(room / Math.max(1, shown.length)));
   return (
-    <section class="drawer" aria-label="Timeline">
+    <div class="drawer">
       {!phone.value && <DrawerHead current={current} />}
       <Plots shown={shown} current={current} row_px={row_px} />
-    </section>
+    </div>
   );
 }
 

@@ -1,7 +1,7 @@
 /** Asks for the name under which the plan is saved. */
 
 import { useSignal } from "@preact/signals";
-import { useEffect, useRef } from "preact/hooks";
+import { useLayoutEffect, useRef } from "preact/hooks";
 import { saveFormOpen } from "../actions";
 import { send } from "../socket";
 import { canSave } from "../commands";
@@ -11,7 +11,7 @@ export function SaveForm() {
   const name = useSignal(plan.value?.name ?? "");
   const refusal = useSignal("");
   const input = useRef<HTMLInputElement>(null);
-  useEffect(() => {
+  useLayoutEffect(() => {
     const opener = document.activeElement;
     input.current?.select();
     return () => opener instanceof HTMLElement && opener.focus();

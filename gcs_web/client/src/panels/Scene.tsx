@@ -1,11 +1,11 @@
 /** The 3D view, and over it the scale of the path's colours. */
 
 import { show } from "../cursor";
-import { number } from "../format";
+import { number, short } from "../format";
 import { listenIn } from "../keys";
 import { CIVIDIS, CLEARANCE_SPAN_M, VIRIDIS } from "../scales";
-import { plan, view } from "../store";
-import type { Limit, Show } from "../protocol";
+import { plan, series, view } from "../store";
+import type { Series, Show } from "../protocol";
 
 type Colour = NonNullable<Show["colour"]>;
 
@@ -34,8 +34,9 @@ export function Scene() {
 
 function Legend() {
   const current = COLOURS.find(({ key }) => key === view.value.colour) ?? COLOURS[0];
-  if (plan.value?.series == null || current === undefined) return null;
-  const [low, high] = ends(current.key);
+  const shown = series.value;
+  if (shown === null || current === undefined) return null;
+  const [low, high] = ends(current.key, shown);
   const colours = current.key === "clearance" ? [...VIRIDIS].reverse() : CIVIDIS;
   return (
     <div class="legend">
@@ -69,20 +70,18 @@ export function ColourChoice() {
   );
 }
 
-/** Words at both ends of the scale. */
-function ends(colour: Colour): [string, string] {
-  const shown = plan.value;
+/** Words at both ends of the scale: clearance begins at what is required, the others span the path's own values. */
+function ends(colour: Colour, shown: Series): [string, string] {
   if (colour === "clearance") {
-    const required_m = shown?.required_clearance_m ?? 0;
+    const required_m = plan.value?.required_clearance_m ?? 0;
     return [`${number(required_m, 2)} limit`, `≥ ${number(required_m + CLEARANCE_SPAN_M, 1)}`];
   }
-  const limit = LIMIT_OF[colour];
-  const bound = shown?.limits.find(({ name }) => name === limit)?.bound;
-  return ["0", bound === undefined ? "limit" : `${number(bound, bound >= 100 ? 0 : 1)} limit`];
+  const values = VALUES[colour](shown);
+  return [short(Math.min(...values)), short(Math.max(...values))];
 }
 
-const LIMIT_OF: Readonly<Record<Exclude<Colour, "clearance">, Limit["name"]>> = {
-  speed: "speed",
-  tilt: "tilt",
-  rotors: "rotor speed",
+const VALUES: Readonly<Record<Exclude<Colour, "clearance">, (shown: Series) => number[]>> = {
+  speed: (shown) => shown.speed_m_s,
+  tilt: (shown) => shown.tilt_deg,
+  rotors: (shown) => shown.rotor_fastest_rad_s,
 };

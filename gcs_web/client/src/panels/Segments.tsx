@@ -33,7 +33,7 @@ export function Segments() {
             <tr key={index} aria-selected={segment.start_s <= at_s && at_s < segment.end_s} onClick={() => goTo(segment.start_s)}>
               <th scope="row">{index + 1}</th>
               <td>
-                <button type="button" class="link" aria-label={`Show segment ${index + 1}`}>
+                <button type="button" class="link" aria-label={`${number(segment.start_s, 2)} s, show segment ${index + 1}`}>
                   {number(segment.start_s, 2)}
                 </button>
               </td>

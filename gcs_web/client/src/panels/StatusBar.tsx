@@ -15,8 +15,8 @@ export function StatusBar() {
         {connected.value && document.value !== null && <span>Saved, revision {document.value.revision}</span>}
         {inControl.value && <span>You are in control</span>}
         {connected.value && <span title={names}>{plural(people.value.people.length, "person", "people")} here</span>}
-        <button type="button" class="plain" onClick={nextTheme} aria-label={`Colours: ${theme.value}`}>
-          {theme.value === "system" ? "System colours" : theme.value === "dark" ? "Dark" : "Light"}
+        <button type="button" class="plain" onClick={nextTheme}>
+          Colours: {theme.value}
         </button>
         <button type="button" class="plain" onClick={() => (paletteOpen.value = true)}>
           <Keys of="Ctrl+k" /> Commands

@@ -12,7 +12,7 @@ export function TopBar() {
     <header class="top">
       <div class="brand">
         <Icon name="goshawk" />
-        <b>Goshawk</b>
+        <h1>Goshawk</h1>
         <span class="project">{welcome.value?.project ?? ""}</span>
       </div>
       <StepBar />
