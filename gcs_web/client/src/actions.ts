@@ -1,9 +1,9 @@
 /** What the pilot can do to the document and the vehicle, whoever asks: button, key or palette. */
 
-import { signal } from "@preact/signals";
+import { effect, signal } from "@preact/signals";
 import { edit, submit, send } from "./socket";
 import type { EditToSend } from "./socket";
-import { aborting, announce, document, selected } from "./store";
+import { aborting, announce, document, inControl, selected } from "./store";
 import type { Order, Reply } from "./protocol";
 
 /** Send a change and put a refusal into the notice. */
@@ -60,21 +60,40 @@ async function sendShifts(): Promise<void> {
 
 export const saveFormOpen = signal(false);
 
-/** An upload that was prepared: what the vehicle holds, what it would get, and the word that lets it through. */
-export const upload = signal<Reply | null>(null);
+/**
+ * How far an upload is: `prepared` has what the vehicle holds, what it would get, and the nonce that lets it through,
+ * which is used up by sending whatever the answer.
+ */
+export type UploadState =
+  | { stage: "control" | "comparing" | "sending" }
+  | { stage: "refused"; error: string }
+  | { stage: "prepared"; reply: Reply };
+
+/** Null while the upload panel is closed. */
+export const uploading = signal<UploadState | null>(null);
+
+/** Open the panel; it compares as soon as this person is in control. */
+export function openUpload(): void {
+  uploading.value = { stage: "control" };
+  if (inControl.value) void prepareUpload();
+}
 
 export async function prepareUpload(): Promise<void> {
+  uploading.value = { stage: "comparing" };
   const reply = await send({ type: "prepare_upload" });
-  if (reply.error !== "") announce(reply.error, "danger");
-  else upload.value = reply;
+  if (uploading.value === null) return; // the panel was closed meanwhile
+  uploading.value = reply.error === "" ? { stage: "prepared", reply } : { stage: "refused", error: reply.error };
 }
 
-export async function confirmUpload(): Promise<void> {
-  const prepared = upload.value;
-  if (prepared === null) return;
-  upload.value = null; // its nonce is used up, whatever the answer
-  await submit({ type: "upload", nonce: prepared.nonce });
+export async function confirmUpload(nonce: string): Promise<void> {
+  uploading.value = { stage: "sending" };
+  const { error } = await send({ type: "upload", nonce });
+  uploading.value = error === "" ? null : { stage: "refused", error };
 }
+
+effect(() => {
+  if (inControl.value && uploading.peek()?.stage === "control") void prepareUpload();
+});
 
 // --- the vehicle ---
 

@@ -2,6 +2,7 @@
 
 import uPlot from "uplot";
 import { signal } from "@preact/signals";
+import { editable } from "./format";
 import { token } from "./theme";
 import type { Limit, Series } from "./protocol";
 
@@ -117,9 +118,9 @@ export function drawPlot(
           ...axis,
           size: box.hasTimeAxis ? TIME_AXIS_PX : 0,
           gap: 4,
-          values: (_plot, ticks) => ticks.map((tick) => (box.hasTimeAxis ? `${tick} s` : "")),
+          values: (_plot, ticks) => ticks.map((tick) => (box.hasTimeAxis ? `${editable(tick)} s` : "")),
         },
-        { ...axis, size: box.left, gap: 6, space: 22, show: true },
+        { ...axis, size: box.left, gap: 6, space: 22, values: (_plot, ticks) => ticks.map(editable) },
       ],
       series: [
         {},

@@ -10,6 +10,8 @@ import type { Document, Files, Notice, People, Plan, Show, ToPage, Vehicle, Wayp
 export const welcome = signal<Welcome | null>(null);
 export const document = signal<Document | null>(null);
 export const plan = signal<Plan | null>(null);
+/** The plan with its figures; while another one is planned, or after it became void, the one before. */
+export const figures = signal<Plan | null>(null);
 export const vehicle = signal<Vehicle | null>(null);
 export const people = signal<People>({ type: "people", people: [], in_control: "" });
 export const files = signal<Files>({ type: "files", trajectories: [], flights: [] });
@@ -51,8 +53,9 @@ export const verdict = computed<Plan["state"] | "unknown">(() => {
   return isOld && current.state === "checked" ? "planning" : current.state;
 });
 
-/** The plan, where there is a path to show. */
-export const series = computed(() => plan.value?.series ?? null);
+/** Whether the figures shown are those of an earlier plan. */
+export const figuresAreOld = computed(() => figures.value !== plan.value || !connected.value);
+export const series = computed(() => figures.value?.series ?? null);
 
 export const me = computed(() => people.value.people.find((person) => person.id === welcome.value?.you) ?? null);
 export const inControl = computed(() => people.value.in_control !== "" && people.value.in_control === welcome.value?.you);
@@ -81,7 +84,7 @@ export const link = computed<{ state: Vehicle["link"]; age_s: number }>(() => {
 /** Words for a moment of the plan: the waypoint passed last. */
 export const waypointAtCursor = computed(() => {
   const time_s = cursor_s.value;
-  const passings = plan.value?.passings ?? [];
+  const passings = figures.value?.passings ?? [];
   if (time_s === null || passings.length === 0) return null;
   let last = passings[0];
   for (const passing of passings) if (passing.time_s <= time_s + 1e-6) last = passing;
@@ -102,8 +105,7 @@ export function receive(message: Exclude<ToPage, { type: "reply" }>): void {
         receiveDocument(message);
         break;
       case "plan":
-        plan.value = message;
-        if (message.series !== null) cursor_s.value = Math.min(cursor_s.value ?? 0, message.duration_s);
+        receivePlan(message);
         break;
       case "vehicle":
         now_ms.value = performance.now();
@@ -127,6 +129,14 @@ export function receive(message: Exclude<ToPage, { type: "reply" }>): void {
         break;
     }
   });
+}
+
+function receivePlan(next: Plan): void {
+  plan.value = next;
+  const isBetween = next.series === null && (next.state === "planning" || next.state === "void");
+  if (isBetween) return;
+  figures.value = next;
+  if (next.series !== null) cursor_s.value = Math.min(cursor_s.value ?? 0, next.duration_s);
 }
 
 function receiveDocument(next: Document): void {

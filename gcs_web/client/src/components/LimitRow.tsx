@@ -30,15 +30,15 @@ export function LimitRow({ limit }: { limit: Limit }) {
 }
 
 /** Those of which more than 95 % is used come first, then by share. */
-export function LimitList({ limits }: { limits: readonly Limit[] }) {
+export function LimitList({ limits, areOld }: { limits: readonly Limit[]; areOld: boolean }) {
   const sorted = [...limits].sort((a, b) => b.share - a.share);
   return (
     <section class="block" aria-labelledby="limits-title">
       <div class="block-head">
         <h3 id="limits-title">Limits that bind</h3>
-        <span class="quiet">share of limit used</span>
+        <span class="quiet">{areOld ? "of the plan before" : "share of limit used"}</span>
       </div>
-      <ul class="limits">
+      <ul class={`limits ${areOld ? "old" : ""}`}>
         {sorted.map((limit) => (
           <LimitRow key={limit.name} limit={limit} />
         ))}

@@ -1,7 +1,7 @@
 /** One box a segment, with the limit that binds it; above the plots and on their axis of time. */
 
 import { goTo } from "../cursor";
-import { cursor_s, plan, series } from "../store";
+import { cursor_s, figures, series } from "../store";
 import { zoom } from "../plots";
 
 /** What a limit is called where there is room for one letter only. */
@@ -22,7 +22,7 @@ const LETTER_PX = 7;
 const GAP_PX = 2;
 
 export function BindingStrip({ left, right, width }: { left: number; right: number; width: number }) {
-  const segments = plan.value?.segments ?? [];
+  const segments = figures.value?.segments ?? [];
   const end_s = series.value?.time_s.at(-1) ?? 0;
   const [from_s, to_s] = zoom.value ?? [0, end_s];
   const perSecond_px = (width - left - right) / Math.max(to_s - from_s, 1e-9);
@@ -57,7 +57,7 @@ export function BindingStrip({ left, right, width }: { left: number; right: numb
 
 /** What the letters in the strip mean. */
 export function BindingWords() {
-  const binding = [...new Set((plan.value?.segments ?? []).map((segment) => segment.binding))];
+  const binding = [...new Set((figures.value?.segments ?? []).map((segment) => segment.binding))];
   if (binding.length === 0) return null;
   const words = binding.map((limit) => `${letter(limit)} ${limit}`).join(" · ");
   return <span class="quiet binding-words">{words} · brighter: above 98 % of limit</span>;

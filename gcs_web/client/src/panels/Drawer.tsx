@@ -10,7 +10,7 @@ import { number } from "../format";
 import { STREAMS, applyZoom, drawPlot, plotHeight, valueAt, zoom } from "../plots";
 import type { PlotBox, Stream } from "../plots";
 import { remembered } from "../remembered";
-import { cursor_s, plan, series } from "../store";
+import { cursor_s, figures, figuresAreOld, series } from "../store";
 import { isLight, phone } from "../theme";
 import { BindingStrip, BindingWords } from "./BindingStrip";
 import type { Series } from "../protocol";
@@ -41,7 +41,7 @@ export function Drawer({ height }: { height?: number }) {
   const room = (height ?? 0) - HEAD_PX - AXIS_PX;
   const row_px = phone.value ? PHONE_ROW_PX : Math.max(SMALLEST_ROW_PX, Math.floor(room / Math.max(1, shown.length)));
   return (
-    <div class="drawer">
+    <div class={`drawer ${figuresAreOld.value ? "old" : ""}`}>
       {!phone.value && <DrawerHead current={current} />}
       <Plots shown={shown} current={current} row_px={row_px} />
     </div>
@@ -148,7 +148,7 @@ interface RowProps {
 function PlotRow({ stream, current, width, row_px, hasTimeAxis, margins }: RowProps) {
   const target = useRef<HTMLDivElement>(null);
   const plot = useSignal<uPlot | null>(null);
-  const limits = plan.value?.limits ?? [];
+  const limits = figures.value?.limits ?? [];
   const isThemeLight = isLight.value;
   useEffect(() => {
     if (target.current === null) return undefined;

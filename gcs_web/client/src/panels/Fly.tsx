@@ -5,7 +5,7 @@ import { Badge } from "../components/Badge";
 import { HoldButton } from "../components/HoldButton";
 import { Keys } from "../components/Keys";
 import { age, number, sentenceCase } from "../format";
-import { connected, files, inControl, link, vehicle, welcome } from "../store";
+import { connected, files, holdsAnother, inControl, link, vehicle, welcome } from "../store";
 import { Control } from "./Control";
 
 export function Fly() {
@@ -79,34 +79,53 @@ function Figure({ name, value, unit }: { name: string; value: string; unit: stri
 function Orders() {
   const last = vehicle.value;
   const may = connected.value && inControl.value && link.value.state !== "none" && last !== null;
-  const paused = last?.mission.startsWith("paus") === true;
-  if (last?.armed !== true) {
-    return (
-      <div class="acts column">
-        <HoldButton act="arm" primary disabled={!may} onHeld={() => void giveOrder("arm")} />
-        {!inControl.value && <p class="quiet centred">Take control to give orders. Abort needs no control.</p>}
-      </div>
-    );
-  }
+  const armed = last?.armed === true;
   return (
     <div class="acts column">
+      <Start may={may} />
+      {armed && (
+        <div class="acts-row">
+          <button type="button" class="control tall" disabled={!may} onClick={() => void giveOrder("pause")}>
+            Pause and hover <Keys of="p" />
+          </button>
+          <button type="button" class="control tall" disabled={!may} onClick={() => void giveOrder("land")}>
+            Land here <Keys of="l" />
+          </button>
+        </div>
+      )}
       <HoldButton
-        act={paused ? "resume" : `start ${last.holds}`}
-        primary
+        act={armed ? "disarm: rotors stop" : "arm only"}
         disabled={!may}
-        onHeld={() => void giveOrder(paused ? "resume" : "start")}
+        onHeld={() => void giveOrder(armed ? "disarm" : "arm")}
       />
-      <div class="acts-row">
-        <button type="button" class="control tall" disabled={!may} onClick={() => void giveOrder("pause")}>
-          Pause and hover <Keys of="p" />
-        </button>
-        <button type="button" class="control tall" disabled={!may} onClick={() => void giveOrder("land")}>
-          Land here <Keys of="l" />
-        </button>
-      </div>
-      <HoldButton act="disarm: rotors stop" disabled={!may} onHeld={() => void giveOrder("disarm")} />
+      {!inControl.value && <p class="quiet centred">Take control to give orders. Abort needs no control.</p>}
     </div>
   );
+}
+
+/** The main order: fly what the vehicle holds, or go on with it. */
+function Start({ may }: { may: boolean }) {
+  const last = vehicle.value;
+  if (last?.mission.startsWith("paus") === true) {
+    return <HoldButton act="resume" primary disabled={!may} onHeld={() => void giveOrder("resume")} />;
+  }
+  if (last === null || last.holds_crc32 === "") return <p class="caution-text">The vehicle holds no trajectory; upload one.</p>;
+  if (holdsAnother.value) {
+    return <p class="caution-text">The vehicle holds {last.holds}, not this plan; upload the plan to fly it.</p>;
+  }
+  return (
+    <HoldButton
+      act={last.armed ? `fly ${last.holds}` : `arm and fly ${last.holds}`}
+      primary
+      disabled={!may || isUnderWay(last.mission)}
+      onHeld={() => void giveOrder("start")}
+    />
+  );
+}
+
+/** Whether the vehicle is busy with an order that cannot be followed by a start. */
+function isUnderWay(mission: string): boolean {
+  return !["", "disarmed", "armed", "hold"].includes(mission);
 }
 
 // --- flights ---

@@ -1,13 +1,13 @@
 /** The plan step: verdict, waypoints, segments, settings and saved trajectories, limits, save and upload. */
 
 import { signal } from "@preact/signals";
-import { prepareUpload, saveFormOpen, upload } from "../actions";
+import { openUpload, saveFormOpen, uploading } from "../actions";
 import { Keys } from "../components/Keys";
 import { LimitList } from "../components/LimitRow";
 import { Tabs } from "../components/Tabs";
 import type { Tab } from "../components/Tabs";
 import { canSave, canUpload } from "../commands";
-import { plan, verdict, welcome } from "../store";
+import { figures, figuresAreOld, verdict, welcome } from "../store";
 import { phone } from "../theme";
 import { Drawer } from "./Drawer";
 import { Segments } from "./Segments";
@@ -27,8 +27,8 @@ const TABS = [
 const tab = signal<(typeof TABS)[number]["key"]>("waypoints");
 
 export function Plan() {
-  if (upload.value !== null) return <UploadPanel prepared={upload.value} />;
-  const limits = plan.value?.limits ?? [];
+  if (uploading.value !== null) return <UploadPanel state={uploading.value} />;
+  const limits = figures.value?.limits ?? [];
   return (
     <>
       <Verdict />
@@ -39,7 +39,7 @@ export function Plan() {
         {tab.value === "settings" && <SettingsForm />}
         {tab.value === "trajectories" && <Trajectories />}
       </Tabs>
-      {limits.length > 0 && <LimitList limits={limits} />}
+      {limits.length > 0 && <LimitList limits={limits} areOld={figuresAreOld.value} />}
       <div class="acts">
         <button type="button" class="control" disabled={!canSave()} onClick={() => (saveFormOpen.value = true)}>
           Save <Keys of="Ctrl+s" />
@@ -49,7 +49,7 @@ export function Plan() {
           class="control primary grow"
           disabled={!canUpload()}
           title={whyNoUpload()}
-          onClick={() => void prepareUpload()}
+          onClick={openUpload}
         >
           Compare with vehicle and upload
         </button>

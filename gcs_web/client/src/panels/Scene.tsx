@@ -4,7 +4,7 @@ import { show } from "../cursor";
 import { number, short } from "../format";
 import { listenIn } from "../keys";
 import { CIVIDIS, CLEARANCE_SPAN_M, VIRIDIS } from "../scales";
-import { plan, series, view } from "../store";
+import { figures, series, view } from "../store";
 import type { Series, Show } from "../protocol";
 
 type Colour = NonNullable<Show["colour"]>;
@@ -73,7 +73,7 @@ export function ColourChoice() {
 /** Words at both ends of the scale: clearance begins at what is required, the others span the path's own values. */
 function ends(colour: Colour, shown: Series): [string, string] {
   if (colour === "clearance") {
-    const required_m = plan.value?.required_clearance_m ?? 0;
+    const required_m = figures.value?.required_clearance_m ?? 0;
     return [`${number(required_m, 2)} limit`, `≥ ${number(required_m + CLEARANCE_SPAN_M, 1)}`];
   }
   const values = VALUES[colour](shown);

@@ -2,10 +2,10 @@
 
 import { goTo } from "../cursor";
 import { number, sentenceCase } from "../format";
-import { cursor_s, plan } from "../store";
+import { cursor_s, figures } from "../store";
 
 export function Segments() {
-  const segments = plan.value?.segments ?? [];
+  const segments = figures.value?.segments ?? [];
   const at_s = cursor_s.value ?? -1;
   if (segments.length === 0) return <p class="empty">No segments yet. A plan has one between any two waypoints.</p>;
   return (

@@ -7,7 +7,7 @@ import { COLUMNS } from "../components/WaypointCell";
 import { goTo, select } from "../cursor";
 import { number } from "../format";
 import { clearanceColour } from "../scales";
-import { connected, document, plan, selected, touched, waypointAtCursor } from "../store";
+import { connected, document, figures, figuresAreOld, plan, selected, touched, waypointAtCursor } from "../store";
 import type { Waypoint } from "../protocol";
 
 /** Where a selection by Shift begins. */
@@ -80,8 +80,9 @@ function Row({ waypoint, index }: { waypoint: Waypoint; index: number }) {
   const author = useComputed(() => touched.value.get(id)).value;
   const refusal = useComputed(() => (refused.value?.id === id ? refused.value.sentence : "")).value;
   const isProblem = useComputed(() => plan.value?.problem?.waypoint === id).value;
-  const passing = useComputed(() => plan.value?.passings.find((each) => each.waypoint === id)).value;
-  const required_m = plan.value?.required_clearance_m ?? 0;
+  const passing = useComputed(() => figures.value?.passings.find((each) => each.waypoint === id)).value;
+  const isOld = figuresAreOld.value;
+  const required_m = figures.value?.required_clearance_m ?? 0;
   return (
     <>
       <tr
@@ -97,8 +98,8 @@ function Row({ waypoint, index }: { waypoint: Waypoint; index: number }) {
         {COLUMNS.map((column) => (
           <Cell key={column.key} waypoint={waypoint} column={column} index={index} />
         ))}
-        <td class="wide dim">{number(passing?.speed_m_s, 1)}</td>
-        <td class="clear">
+        <td class={`wide dim ${isOld ? "old" : ""}`}>{number(passing?.speed_m_s, 1)}</td>
+        <td class={isOld ? "old" : ""}>
           {passing !== undefined && (
             <span class="tick" style={{ background: clearanceColour(passing.clearance_m, required_m) }} />
           )}
@@ -132,7 +133,7 @@ function choose(event: MouseEvent, id: number): void {
     return;
   }
   if (!selected.value.has(id) || selected.value.size > 1) select([id]);
-  const passing = plan.value?.passings.find((each) => each.waypoint === id);
+  const passing = figures.value?.passings.find((each) => each.waypoint === id);
   if (passing !== undefined) goTo(passing.time_s);
 }
 
