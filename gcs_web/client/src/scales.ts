@@ -1,8 +1,10 @@
 /** Colour scales of measured quantities; the same on path, table and legend. */
 
-export const VIRIDIS = [
-  "#440154", "#472d7b", "#3b528b", "#2c728e", "#21918c", "#28ae80", "#5ec962", "#addc30", "#fde725",
+/** Viridis turned round: the required clearance is yellow, plenty of it violet. */
+export const CLEARANCE = [
+  "#fde725", "#addc30", "#5ec962", "#28ae80", "#21918c", "#2c728e", "#3b528b", "#472d7b", "#440154",
 ] as const;
+/** For everything else, from the smallest to the largest value. */
 export const CIVIDIS = [
   "#00224e", "#1a386f", "#434e6c", "#61656f", "#7d7c78", "#9b9476", "#bcae6c", "#dec958", "#fee838",
 ] as const;
@@ -10,8 +12,7 @@ export const CIVIDIS = [
 /** The scale of clearance reaches this far above what is required. */
 export const CLEARANCE_SPAN_M = 0.7;
 
-/** Viridis turned round: the required clearance is yellow, plenty of it violet. */
 export function clearanceColour(clearance_m: number, required_m: number): string {
   const share = Math.min(1, Math.max(0, (clearance_m - required_m) / CLEARANCE_SPAN_M));
-  return VIRIDIS[Math.round((1 - share) * (VIRIDIS.length - 1))] ?? VIRIDIS[0];
+  return CLEARANCE[Math.round(share * (CLEARANCE.length - 1))] ?? CLEARANCE[0];
 }

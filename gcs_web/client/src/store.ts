@@ -60,6 +60,13 @@ export const series = computed(() => figures.value?.series ?? null);
 export const me = computed(() => people.value.people.find((person) => person.id === welcome.value?.you) ?? null);
 export const inControl = computed(() => people.value.in_control !== "" && people.value.in_control === welcome.value?.you);
 
+/** Who gives the orders; empty for nobody. */
+export const controlWords = computed(() => {
+  if (inControl.value) return "You are in control";
+  const holder = people.value.people.find(({ id }) => id === people.value.in_control);
+  return holder === undefined ? "" : `${holder.name} is in control`;
+});
+
 /** Whether the vehicle holds another trajectory than the plan. */
 export const holdsAnother = computed(() => {
   const held = vehicle.value?.holds_crc32 ?? "";

@@ -1,6 +1,6 @@
 /** One editable cell of the table of waypoints. */
 
-import { signal, useComputed } from "@preact/signals";
+import { effect, signal, useComputed } from "@preact/signals";
 import { useLayoutEffect, useRef } from "preact/hooks";
 import { selectedInOrder } from "../actions";
 import { editable, number, parse } from "../format";
@@ -31,6 +31,11 @@ interface Place {
 
 /** The cell that has, or last had, the focus. */
 export const active = signal<Place | null>(null);
+effect(() => {
+  const waypoints = document.value?.waypoints ?? [];
+  if (active.value !== null && !waypoints.some(({ id }) => id === active.value?.id)) active.value = null;
+});
+
 /** The cell that is typed into, and the text it began with. */
 const editing = signal<(Place & { text: string }) | null>(null);
 /** What was typed and not taken, and why. */
@@ -58,7 +63,8 @@ interface Props {
 export function Cell({ waypoint, column, index }: Props) {
   const { id } = waypoint;
   const { key } = column;
-  const isActive = useComputed(() => (active.value === null ? index === 0 && key === "x_m" : isAt(active.value, id, key)));
+  const isActive = useComputed(() => isAt(active.value, id, key)).value;
+  const hasNone = useComputed(() => active.value === null).value;
   const started = useComputed(() => (isAt(editing.value, id, key) ? editing.value?.text : undefined)).value;
   const refusal = useComputed(() => (isAt(refused.value, id, key) ? refused.value : null)).value;
   const value = waypoint[key];
@@ -91,7 +97,7 @@ export function Cell({ waypoint, column, index }: Props) {
     <td
       ref={cell}
       class={`cell ${key} ${refusal === null ? "" : "refused"}`}
-      tabIndex={isActive.value ? 0 : -1}
+      tabIndex={isActive || (hasNone && index === 0 && key === "x_m") ? 0 : -1}
       data-cell={`${id} ${key}`}
       aria-invalid={refusal !== null}
       onFocus={() => (active.value = { id, column: key })}

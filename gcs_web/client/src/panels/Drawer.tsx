@@ -1,6 +1,6 @@
 /** The timeline: playing, which limit binds when, and plots that share one axis of time and one cursor. */
 
-import { useComputed, useSignal, useSignalEffect } from "@preact/signals";
+import { useSignal, useSignalEffect } from "@preact/signals";
 import type { Signal } from "@preact/signals";
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import type uPlot from "uplot";
@@ -193,14 +193,14 @@ function follow(plot: uPlot): () => void {
 }
 
 function PlotLabel({ stream, current }: { stream: Stream; current: Series }) {
-  const values = useComputed(() =>
-    stream.curves(current).map((curve) => number(valueAt(current.time_s, curve, cursor_s.value ?? 0), stream.digits)),
-  );
+  const values = stream
+    .curves(current)
+    .map((curve) => number(valueAt(current.time_s, curve, cursor_s.value ?? 0), stream.digits));
   return (
     <div class="plot-label">
       <span class="plot-name">{stream.name}</span>
       <span>
-        <b>{values.value.join(" / ")}</b> <span class="unit">{stream.unit}</span>
+        <b>{values.join(" / ")}</b> <span class="unit">{stream.unit}</span>
         {phone.value && <span class="quiet"> at {number(cursor_s.value ?? 0, 2)} s</span>}
       </span>
     </div>

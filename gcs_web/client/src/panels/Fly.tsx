@@ -6,6 +6,7 @@ import { HoldButton } from "../components/HoldButton";
 import { Keys } from "../components/Keys";
 import { age, number, sentenceCase } from "../format";
 import { connected, files, holdsAnother, inControl, link, vehicle, welcome } from "../store";
+import type { Vehicle as VehicleState } from "../protocol";
 import { Control } from "./Control";
 
 export function Fly() {
@@ -38,11 +39,10 @@ function Now() {
     );
   }
   const position = [last.x_m, last.y_m, last.z_m].map((value) => number(value, 2)).join(", ");
-  const title = last.mission === "" ? last.name : `${sentenceCase(last.mission)}${last.holds === "" ? "" : `, ${last.holds}`}`;
   return (
     <section class={`verdict live ${state}`} aria-label="Vehicle">
       <div class="block-head">
-        <h2>{title}</h2>
+        <h2>{title(last)}</h2>
         <Badge tone={state === "lost" ? "danger" : state === "stale" ? "caution" : last.armed ? "accent" : "neutral"}>
           {state === "fresh" ? (last.armed ? "Armed" : "Disarmed") : `${state === "lost" ? "Link lost" : "Stale"}, ${age(age_s)}`}
         </Badge>
@@ -53,10 +53,15 @@ function Now() {
         <Figure name="Battery" value={number(last.battery_v, 2)} unit="V" />
       </dl>
       <p class="quiet">
-        At {position} m{last.reason === "" ? "" : `. ${sentenceCase(last.reason)}`}
+        At {position} m{last.reason !== "" && `; last change: ${last.reason}`}
       </p>
     </section>
   );
+}
+
+function title({ mission, holds, name }: VehicleState): string {
+  if (mission === "trajectory") return `Flying ${holds}`;
+  return mission === "" ? name : sentenceCase(mission);
 }
 
 function inMillimetres(value_m: number | null): string {

@@ -30,7 +30,6 @@ export function SaveForm() {
     <div
       class="sheet-over save-form"
       role="dialog"
-      aria-modal="true"
       aria-labelledby="save-title"
       onKeyDown={(event) => event.key === "Escape" && !event.shiftKey && close()}
     >

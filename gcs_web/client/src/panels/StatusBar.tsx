@@ -3,7 +3,7 @@
 import { Keys } from "../components/Keys";
 import { plural } from "../format";
 import { submit } from "../socket";
-import { connected, connection, document, inControl, notice, now_ms, paletteOpen, people, retryAt_ms } from "../store";
+import { connected, connection, controlWords, document, notice, now_ms, paletteOpen, people, retryAt_ms } from "../store";
 import { nextTheme, theme } from "../theme";
 
 export function StatusBar() {
@@ -13,7 +13,7 @@ export function StatusBar() {
       <NoticeLine />
       <div class="status-facts">
         {connected.value && document.value !== null && <span>Saved, revision {document.value.revision}</span>}
-        {inControl.value && <span>You are in control</span>}
+        {controlWords.value !== "" && <span>{controlWords.value}</span>}
         {connected.value && <span title={names}>{plural(people.value.people.length, "person", "people")} here</span>}
         <button type="button" class="plain" onClick={nextTheme}>
           Colours: {theme.value}
@@ -33,7 +33,7 @@ function NoticeLine() {
   return (
     <div class="notice">
       <p role="status" class={trouble !== "" ? "danger-text" : level === "fact" ? "" : `${level}-text`}>
-        {trouble !== "" ? trouble : text}
+        {trouble === "" ? text : level === "danger" ? `${trouble} ${text}` : trouble}
       </p>
       {trouble !== "" && connection.value === "closed" && <RetryCount />}
       {trouble === "" && undo && (

@@ -70,7 +70,7 @@ function VehicleLine() {
   }
   return (
     <dl class={`vehicle-line ${state}`} aria-label="Vehicle">
-      <Fact name="Vehicle" value={[last.name, ...vehicleState(last.armed, last.mission)].join(", ")} kind="vehicle-name" />
+      <Fact name="Vehicle" value={[last.name, ...vehicleState(last.armed, last.mission)].join(", ")} kind="gives-way" />
       <Holds />
       <LinkFact />
       <Fact name="Battery" value={last.battery_v === null ? "–" : `${number(last.battery_v, 1)} V`} />
@@ -89,7 +89,7 @@ function Holds() {
   if (held === null || held.holds_crc32 === "") return <Fact name="Holds" value="no trajectory" />;
   const isPlan = plan.value !== null && !holdsAnother.value;
   const value = isPlan ? `${held.holds} = plan, ${checksum(held.holds_crc32)}` : `${held.holds}, not this plan`;
-  return <Fact name="Holds" value={value} kind={isPlan ? "" : "caution-text"} />;
+  return <Fact name="Holds" value={value} kind={isPlan ? "gives-way" : "gives-way caution-text"} />;
 }
 
 function LinkFact() {
@@ -104,7 +104,7 @@ function Fact({ name, value, kind = "" }: { name: string; value: string; kind?: 
   return (
     <div class={`fact ${kind}`}>
       <dt>{name}</dt>
-      <dd>{value}</dd>
+      <dd title={value}>{value}</dd>
     </div>
   );
 }
