@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 Colour = Literal["clearance", "speed", "tilt", "rotors"]
 
 _BALL_M = 0.05
+_SEEN = 1e-3
+"""Smallest change of a pose (m, or of a quaternion's number) that is drawn."""
 _WHITE, _SELECTED = (233, 237, 240), (121, 176, 255)
 
 
@@ -39,6 +41,7 @@ class View3D:
         self._slice_z_m: float | None = None
         self._path: Any = None
         self._map: Map | None = None
+        self._drawn_pose = np.zeros(7)
         self.on_select: Callable[[int], None] = lambda _: None
         """A waypoint was clicked; its id."""
         self.on_drag: Callable[[int, FloatArray], None] = lambda _i, _p: None
@@ -104,7 +107,11 @@ class View3D:
             self._draw_slice()
 
     def move_vehicle(self, position_world_m: FloatArray, q_world_body: FloatArray) -> None:
-        """Draw the vehicle where it says that it is."""
+        """Draw the vehicle where it says that it is; one that stands still costs the browsers nothing."""
+        pose = np.concatenate([position_world_m, q_world_body])
+        if self._vehicle.visible and np.abs(pose - self._drawn_pose).max() < _SEEN:
+            return
+        self._drawn_pose = pose
         with self._server.atomic():
             self._vehicle.position, self._vehicle.wxyz = tuple(position_world_m), tuple(q_world_body)
             self._vehicle.visible = True
