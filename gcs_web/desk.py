@@ -52,10 +52,10 @@ class Desk:
         self._watch_files = inputs.Watch(opened.folder, opened.waypoints, self._files_changed)
         self.session.on_change(self._document_changed)
         hub.on_leave = self._left
-        view.draw_map(self.parts.map(self.inputs))
         self._document_changed()
         self.show_files()
         self.notice(self.session.notice or f"{opened.name} opened, revision {self.session.revision}")
+        self._draw_map()
 
     def close(self) -> None:
         self._watch_files.close()
@@ -141,12 +141,12 @@ class Desk:
         self.request_plan()
 
     def _files_changed(self) -> None:
+        try:
+            if self.session.take_file():  # not under our lock: an edit takes the session's lock first, then ours
+                self.notice("waypoints.json was changed by another program", level="caution", undo=True)
+        except FlightError as error:
+            self.notice(str(error), level="danger")
         with self._lock:
-            try:
-                if self.session.take_file():
-                    self.notice("waypoints.json was changed by another program", level="caution", undo=True)
-            except FlightError as error:
-                self.notice(str(error), level="danger")
             now = inputs.signature(self.project.folder)
             if now == self.inputs:
                 return
@@ -155,11 +155,14 @@ class Desk:
             self.hub.publish(protocol.Plan(self.session.revision, "void", said, name=self.name))
             self.view.draw_plan(None, 0.0)
             self.notice(said, level="caution")
-            try:
-                self.view.draw_map(self.parts.map(now))
-            except FlightError as error:
-                self.notice(f"the map cannot be read now: {error}", level="danger")
+            self._draw_map()
             self.show_files()
+
+    def _draw_map(self) -> None:
+        try:
+            self.view.draw_map(self.parts.map(self.inputs))
+        except FlightError as error:
+            self.notice(f"the map cannot be shown: {error}", level="danger")
 
     # --- who may give orders ---
 

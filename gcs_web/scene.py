@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flight import FloatArray
+from flight import FloatArray, MapError
 from flight.rotations import IDENTITY
 from gcs_web import protocol
 
@@ -46,11 +46,17 @@ def series_colours(series: protocol.Series, what: str, required_m: float) -> np.
 
 
 def display_mesh(path: Path, triangles: int = DISPLAY_TRIANGLES) -> "trimesh.Trimesh":
-    """The map's mesh, thinned by quadric decimation if it has more triangles than asked for."""
+    """The map's mesh, thinned by quadric decimation if it has more triangles than asked for.
+
+    Raises:
+        MapError: the file holds no mesh that can be read.
+    """
     import open3d
     import trimesh
 
     mesh = open3d.io.read_triangle_mesh(path)
+    if not len(mesh.triangles):
+        raise MapError(f"{path.name} holds no triangles or cannot be read; build the map again")
     if len(mesh.triangles) > triangles:
         mesh = mesh.simplify_quadric_decimation(triangles)
     colours = np.asarray(mesh.vertex_colors)

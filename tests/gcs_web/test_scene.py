@@ -3,9 +3,11 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from flight import MapError
 from gcs_web import scene
 
 
@@ -42,3 +44,10 @@ def test_a_slice_shows_the_post_where_it_stands():
     x = -1.0 + (columns.mean() + 0.5) * 0.1
     y = 3.0 - (rows.mean() + 0.5) * 0.1
     np.testing.assert_allclose([x, y], [1.0, 2.0], atol=0.02)
+
+
+def test_a_mesh_that_cannot_be_read_is_said_and_not_drawn_as_nothing(tmp_path):
+    for content in (b"", b"not a mesh", b"glTF" + bytes(40)):
+        (tmp_path / "mesh.glb").write_bytes(content)
+        with pytest.raises(MapError, match=r"mesh\.glb holds no triangles or cannot be read"):
+            scene.display_mesh(tmp_path / "mesh.glb")
