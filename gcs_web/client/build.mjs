@@ -11,7 +11,7 @@ await build({
   bundle: true,
   minify: true,
   format: "esm",
-  target: "es2022",
+  target: "es2023",
   jsx: "automatic",
   jsxImportSource: "preact",
   legalComments: "none",

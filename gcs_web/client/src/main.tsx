@@ -6,7 +6,9 @@ import { App } from "./app";
 import { listen } from "./keys";
 import { connect } from "./socket";
 import "./style.css";
+import "./controls.css";
 import "./panels.css";
+import "./inspector.css";
 import "./narrow.css";
 
 const root = document.getElementById("app");

@@ -1,8 +1,9 @@
 /** The plots of the drawer: which streams there are, and how uPlot draws one. */
 
 import uPlot from "uplot";
-import { signal } from "@preact/signals";
-import { editable } from "./format";
+import { effect, signal } from "@preact/signals";
+import { editable, short } from "./format";
+import { series } from "./store";
 import { token } from "./theme";
 import type { Limit, Series } from "./protocol";
 
@@ -39,8 +40,17 @@ export const STREAMS: readonly Stream[] = [
   { key: "yaw_rate", name: "Yaw rate", unit: "°/s", digits: 1, curves: (s) => [s.yaw_rate_deg_s], limits: ["yaw rate"] },
 ];
 
+export function limitsOf(stream: Stream, limits: readonly Limit[]): Limit[] {
+  return limits.filter((limit) => stream.limits.includes(limit.name) && limit.unit === stream.unit);
+}
+
 /** The stretch of time all plots show; null for all of it. */
 export const zoom = signal<readonly [number, number] | null>(null);
+
+effect(() => {
+  const end_s = series.value?.time_s.at(-1) ?? Infinity;
+  if (zoom.value !== null && zoom.value[0] >= end_s) zoom.value = null; // a shorter plan ends before
+});
 
 /** Value of a sampled curve at a moment, straight between samples. */
 export function valueAt(time_s: readonly number[], values: readonly number[], moment_s: number): number | null {
@@ -59,6 +69,8 @@ export interface PlotBox {
   right: number;
   /** The lowest plot also carries the time axis. */
   hasTimeAxis: boolean;
+  /** Whether ticks and limits have words, for which the margins need room. */
+  hasWords: boolean;
 }
 
 const TIME_AXIS_PX = 20;
@@ -98,10 +110,7 @@ export function drawPlot(
   box: PlotBox,
 ): uPlot {
   const curves = stream.curves(series);
-  const range = verticalRange(
-    curves,
-    limits.filter((limit) => stream.limits.includes(limit.name) && limit.unit === stream.unit),
-  );
+  const range = verticalRange(curves, limitsOf(stream, limits));
   const font = `10.5px ${getComputedStyle(document.body).fontFamily}`;
   const grid = { stroke: () => token("grid"), width: 1 };
   const axis = { font, stroke: () => token("text3"), ticks: { show: false }, grid };
@@ -120,14 +129,14 @@ export function drawPlot(
           gap: 4,
           values: (_plot, ticks) => ticks.map((tick) => (box.hasTimeAxis ? `${editable(tick)} s` : "")),
         },
-        { ...axis, size: box.left, gap: 6, space: 22, values: (_plot, ticks) => ticks.map(editable) },
+        { ...axis, size: box.left, gap: 6, space: 22, values: (_plot, ticks) => ticks.map((tick) => (box.hasWords ? editable(tick) : "")) },
       ],
       series: [
         {},
         ...curves.map(() => ({ stroke: () => token("curve"), width: 1.5, points: { show: false } })),
       ],
       hooks: {
-        draw: [(drawn) => drawLimits(drawn, range.limits, font)],
+        draw: [(drawn) => drawLimits(drawn, range.limits, box.hasWords ? font : null)],
         setScale: [
           (drawn, key) => {
             if (key === "x") noteZoom(drawn, series);
@@ -159,13 +168,17 @@ export function applyZoom(plot: uPlot, series: Series): void {
   if (shown?.min !== min || shown.max !== max) plot.setScale("x", { min, max });
 }
 
-function drawLimits(plot: uPlot, limits: readonly Limit[], font: string): void {
+export function limitWords(limit: Limit): string {
+  return `${limit.sense === "<=" ? "max" : "min"} ${short(limit.bound)}`;
+}
+
+function drawLimits(plot: uPlot, limits: readonly Limit[], font: string | null): void {
   const { ctx, bbox } = plot;
   const ratio = devicePixelRatio;
   ctx.save();
   ctx.strokeStyle = ctx.fillStyle = token("caution");
   ctx.lineWidth = ratio;
-  ctx.font = font.replace("10.5px", `${10.5 * ratio}px`);
+  if (font !== null) ctx.font = font.replace("10.5px", `${10.5 * ratio}px`);
   ctx.textBaseline = "middle";
   ctx.textAlign = "left";
   for (const limit of limits) {
@@ -175,9 +188,7 @@ function drawLimits(plot: uPlot, limits: readonly Limit[], font: string): void {
     ctx.moveTo(bbox.left, y);
     ctx.lineTo(bbox.left + bbox.width, y);
     ctx.stroke();
-    const digits = limit.bound >= 100 ? 0 : limit.bound >= 20 ? 1 : 2;
-    const word = limit.sense === "<=" ? "max" : "min";
-    ctx.fillText(`${word} ${limit.bound.toFixed(digits)}`, bbox.left + bbox.width + 6 * ratio, y);
+    if (font !== null) ctx.fillText(limitWords(limit), bbox.left + bbox.width + 6 * ratio, y);
   }
   ctx.restore();
 }

@@ -40,6 +40,9 @@ export const paletteOpen = signal(false);
 export const touched = signal<ReadonlyMap<number, string>>(new Map());
 const TOUCHED_MS = 1000;
 
+/** Two moments that differ by less are one; a click sets the cursor exactly, sums of times do not. */
+const SAME_TIME_S = 1e-6;
+
 // --- derived ---
 
 export const connected = computed(() => connection.value === "open");
@@ -54,7 +57,9 @@ export const verdict = computed<Plan["state"] | "unknown">(() => {
 });
 
 /** Whether the figures shown are those of an earlier plan. */
-export const figuresAreOld = computed(() => figures.value !== plan.value || !connected.value);
+export const figuresAreOld = computed(
+  () => figures.value !== plan.value || plan.value?.state === "void" || !connected.value,
+);
 export const series = computed(() => figures.value?.series ?? null);
 
 export const me = computed(() => people.value.people.find((person) => person.id === welcome.value?.you) ?? null);
@@ -88,14 +93,18 @@ export const link = computed<{ state: Vehicle["link"]; age_s: number }>(() => {
   return { state: last.link, age_s };
 });
 
-/** Words for a moment of the plan: the waypoint passed last. */
+/** The waypoint passed last at the cursor. */
 export const waypointAtCursor = computed(() => {
   const time_s = cursor_s.value;
-  const passings = figures.value?.passings ?? [];
-  if (time_s === null || passings.length === 0) return null;
-  let last = passings[0];
-  for (const passing of passings) if (passing.time_s <= time_s + 1e-6) last = passing;
-  return last?.waypoint ?? null;
+  if (time_s === null) return null;
+  return figures.value?.passings.findLast((passing) => passing.time_s <= time_s + SAME_TIME_S)?.waypoint ?? null;
+});
+
+/** Index of the segment at the cursor; -1 for none. */
+export const segmentAtCursor = computed(() => {
+  const time_s = cursor_s.value;
+  if (time_s === null) return -1;
+  return figures.value?.segments.findLastIndex((segment) => segment.start_s <= time_s + SAME_TIME_S) ?? -1;
 });
 
 // --- messages ---

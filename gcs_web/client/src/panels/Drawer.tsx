@@ -7,7 +7,7 @@ import type uPlot from "uplot";
 import { Icon } from "../components/Icon";
 import { goTo, nextRate, playing, rate, togglePlaying } from "../cursor";
 import { number } from "../format";
-import { STREAMS, applyZoom, drawPlot, plotHeight, valueAt, zoom } from "../plots";
+import { STREAMS, applyZoom, drawPlot, limitWords, limitsOf, plotHeight, valueAt, zoom } from "../plots";
 import type { PlotBox, Stream } from "../plots";
 import { remembered } from "../remembered";
 import { cursor_s, figures, figuresAreOld, series } from "../store";
@@ -152,7 +152,7 @@ function PlotRow({ stream, current, width, row_px, hasTimeAxis, margins }: RowPr
   const isThemeLight = isLight.value;
   useEffect(() => {
     if (target.current === null) return undefined;
-    const box: PlotBox = { width, height: plotHeight(row_px, hasTimeAxis), ...margins, hasTimeAxis };
+    const box: PlotBox = { width, height: plotHeight(row_px, hasTimeAxis), ...margins, hasTimeAxis, hasWords: !phone.value };
     const drawn = drawPlot(target.current, stream, current, limits, box);
     const stop = follow(drawn);
     let isGone = false;
@@ -170,8 +170,10 @@ function PlotRow({ stream, current, width, row_px, hasTimeAxis, margins }: RowPr
   return (
     <div class="plot-row">
       <PlotLabel stream={stream} current={current} />
-      <div ref={target} class="plot" role="img" aria-label={`${stream.name} over time`} />
-      <Dots stream={stream} current={current} plot={plot} width={width} margins={margins} />
+      <div class="plot-box">
+        <div ref={target} class="plot" role="img" aria-label={`${stream.name} over time`} />
+        <Dots stream={stream} current={current} plot={plot} width={width} margins={margins} />
+      </div>
     </div>
   );
 }
@@ -203,6 +205,9 @@ function PlotLabel({ stream, current }: { stream: Stream; current: Series }) {
         <b>{values.join(" / ")}</b> <span class="unit">{stream.unit}</span>
         {phone.value && <span class="quiet"> at {number(cursor_s.value ?? 0, 2)} s</span>}
       </span>
+      {phone.value && (
+        <span class="caution-text">{limitsOf(stream, figures.value?.limits ?? []).map(limitWords).join(", ")}</span>
+      )}
     </div>
   );
 }

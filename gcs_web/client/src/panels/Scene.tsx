@@ -53,7 +53,7 @@ function SliceLegend() {
   if (height_m === null) return null;
   return (
     <Legend unit="m" colours={CLEARANCE} ends={clearanceEnds()}>
-      <b>Distance to obstacles, z = {number(height_m, 2)}</b>
+      <b>Distance at z = {number(height_m, 2)}</b>
     </Legend>
   );
 }

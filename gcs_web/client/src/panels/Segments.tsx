@@ -2,11 +2,10 @@
 
 import { goTo } from "../cursor";
 import { number, sentenceCase } from "../format";
-import { cursor_s, figures } from "../store";
+import { figures, segmentAtCursor } from "../store";
 
 export function Segments() {
   const segments = figures.value?.segments ?? [];
-  const at_s = cursor_s.value ?? -1;
   if (segments.length === 0) return <p class="empty">No segments yet. A plan has one between any two waypoints.</p>;
   return (
     <div class="table-scroll">
@@ -30,7 +29,7 @@ export function Segments() {
         </thead>
         <tbody>
           {segments.map((segment, index) => (
-            <tr key={index} aria-selected={segment.start_s <= at_s && at_s < segment.end_s} onClick={() => goTo(segment.start_s)}>
+            <tr key={index} aria-selected={index === segmentAtCursor.value} onClick={() => goTo(segment.start_s)}>
               <th scope="row">{index + 1}</th>
               <td>
                 <button type="button" class="link" aria-label={`${number(segment.start_s, 2)} s, show segment ${index + 1}`}>

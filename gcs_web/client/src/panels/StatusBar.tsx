@@ -61,5 +61,6 @@ function connectionTrouble(): string {
 /** Apart from the live region, which would read out every second. */
 function RetryCount() {
   const left_s = Math.max(0, Math.ceil((retryAt_ms.value - now_ms.value) / 1000));
-  return <span class="quiet">{left_s > 0 ? `Trying again in ${left_s} s` : "Trying again"}</span>;
+  const when = left_s > 0 ? ` in ${left_s} s` : "";
+  return <span class="quiet">Trying again{when}. A station that was started anew prints a new address.</span>;
 }
