@@ -3,7 +3,7 @@
 import { effect, signal } from "@preact/signals";
 import { edit, submit, send } from "./socket";
 import type { EditToSend } from "./socket";
-import { aborting, announce, document, inControl, selected } from "./store";
+import { aborting, announce, doc, inControl, selected } from "./store";
 import type { Order, Reply } from "./protocol";
 
 /** Send a change and put a refusal into the notice. */
@@ -16,11 +16,11 @@ export async function change(command: EditToSend): Promise<void> {
 
 /** Ids of the selected waypoints in the order they are flown. */
 export function selectedInOrder(): number[] {
-  return (document.value?.waypoints ?? []).map((waypoint) => waypoint.id).filter((id) => selected.value.has(id));
+  return (doc.value?.waypoints ?? []).map((waypoint) => waypoint.id).filter((id) => selected.value.has(id));
 }
 
 export function insertAfterSelected(): void {
-  void change({ type: "insert", after: selectedInOrder().at(-1) ?? document.value?.waypoints.at(-1)?.id ?? null });
+  void change({ type: "insert", after: selectedInOrder().at(-1) ?? doc.value?.waypoints.at(-1)?.id ?? null });
 }
 
 export function deleteSelected(): void {

@@ -3,7 +3,7 @@
 import type { ComponentType } from "preact";
 import { saveFormOpen } from "./actions";
 import { Palette } from "./components/Palette";
-import { Resizer, drawerHeights } from "./components/Resizer";
+import { Resizer, drawerHeight } from "./components/Resizer";
 import { Drawer } from "./panels/Drawer";
 import { Fly } from "./panels/Fly";
 import { Later } from "./panels/Later";
@@ -27,7 +27,7 @@ export function App() {
   const panel = PANELS[step.value];
   const Inspector = panel?.inspector;
   const hasDrawer = panel?.hasDrawer === true && !phone.value;
-  const height = drawerHeights.value[step.value] ?? drawerHeights.value[2] ?? 0;
+  const height = drawerHeight(step.value);
   return (
     <div class={`app ${connected.value ? "" : "stale"}`} style={{ "--drawer": hasDrawer ? `${height}px` : "0px" }}>
       <TopBar />

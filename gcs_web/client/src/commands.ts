@@ -12,7 +12,7 @@ import {
 } from "./actions";
 import { playing, select, togglePlaying } from "./cursor";
 import { submit } from "./socket";
-import { connected, document, inControl, paletteOpen, selected, series, step, vehicle, verdict, welcome } from "./store";
+import { connected, doc, inControl, paletteOpen, selected, series, step, vehicle, verdict, welcome } from "./store";
 import { nextTheme } from "./theme";
 
 export interface PageCommand {
@@ -34,7 +34,7 @@ export const STEPS = [
 ] as const;
 
 const always = (): boolean => true;
-const canEdit = (): boolean => connected.value && document.value !== null;
+const canEdit = (): boolean => connected.value && doc.value !== null;
 const editsSelection = (): boolean => canEdit() && step.value === 2 && selected.value.size > 0;
 const inFlight = (): boolean => connected.value && step.value === 3 && inControl.value && vehicle.value?.armed === true;
 
@@ -81,13 +81,13 @@ export const COMMANDS: readonly PageCommand[] = [
   {
     name: "Undo",
     keys: ["Ctrl+z"],
-    enabled: () => canEdit() && document.value?.undo !== "",
+    enabled: () => canEdit() && doc.value?.undo !== "",
     run: () => void submit({ type: "undo" }),
   },
   {
     name: "Redo",
     keys: ["Ctrl+Shift+z", "Ctrl+y"],
-    enabled: () => canEdit() && document.value?.redo !== "",
+    enabled: () => canEdit() && doc.value?.redo !== "",
     run: () => void submit({ type: "redo" }),
   },
   {
@@ -106,7 +106,7 @@ export const COMMANDS: readonly PageCommand[] = [
     name: "Select all waypoints",
     keys: ["Ctrl+a"],
     enabled: () => canEdit() && step.value === 2,
-    run: () => select((document.value?.waypoints ?? []).map((waypoint) => waypoint.id)),
+    run: () => select((doc.value?.waypoints ?? []).map((waypoint) => waypoint.id)),
   },
   {
     name: "Play or pause the plan",

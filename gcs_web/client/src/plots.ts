@@ -102,6 +102,37 @@ function verticalRange(curves: readonly number[][], limits: readonly Limit[]): R
   return { low: low === 0 ? 0 : low - room, high: high + room, limits: inSight };
 }
 
+function axisStyle() {
+  return {
+    font: `10.5px ${getComputedStyle(document.body).fontFamily}`,
+    stroke: () => token("text3"),
+    ticks: { show: false },
+    grid: { stroke: () => token("grid"), width: 1 },
+  };
+}
+
+/** The tracking error over the last minute; `setData` takes seconds (negative: ago) and millimetres. */
+export function drawErrors(target: HTMLElement, width: number, height: number): uPlot {
+  const axis = axisStyle();
+  return new uPlot(
+    {
+      width,
+      height,
+      padding: [6, 12, 0, 0],
+      legend: { show: false },
+      cursor: { show: false },
+      scales: { x: { time: false, range: [-60, 0] }, y: { range: (_plot, _low, high) => [0, Math.max(10, 1.1 * high)] } },
+      axes: [
+        { ...axis, size: TIME_AXIS_PX, gap: 4, values: (_plot, ticks) => ticks.map((tick) => `${editable(tick)} s`) },
+        { ...axis, size: 32, gap: 6, space: 22, values: (_plot, ticks) => ticks.map(editable) },
+      ],
+      series: [{}, { stroke: () => token("residual"), width: 1.5, points: { show: false } }],
+    },
+    [[], []],
+    target,
+  );
+}
+
 export function drawPlot(
   target: HTMLElement,
   stream: Stream,
@@ -111,9 +142,7 @@ export function drawPlot(
 ): uPlot {
   const curves = stream.curves(series);
   const range = verticalRange(curves, limitsOf(stream, limits));
-  const font = `10.5px ${getComputedStyle(document.body).fontFamily}`;
-  const grid = { stroke: () => token("grid"), width: 1 };
-  const axis = { font, stroke: () => token("text3"), ticks: { show: false }, grid };
+  const axis = axisStyle();
   const plot = new uPlot(
     {
       width: box.width,
@@ -136,7 +165,7 @@ export function drawPlot(
         ...curves.map(() => ({ stroke: () => token("curve"), width: 1.5, points: { show: false } })),
       ],
       hooks: {
-        draw: [(drawn) => drawLimits(drawn, range.limits, box.hasWords ? font : null)],
+        draw: [(drawn) => drawLimits(drawn, range.limits, box.hasWords ? axis.font : null)],
         setScale: [
           (drawn, key) => {
             if (key === "x") noteZoom(drawn, series);

@@ -1,6 +1,6 @@
 /** The one connection to the server: commands out, messages in, and again when it breaks. */
 
-import { announce, connected, connection, document, now_ms, receive, retryAt_ms } from "./store";
+import { announce, connected, connection, doc, now_ms, receive, retryAt_ms } from "./store";
 import type { Edit, FromPage, Reply, ToPage } from "./protocol";
 
 type WithoutSerial<T> = T extends unknown ? Omit<T, "serial"> : never;
@@ -74,7 +74,7 @@ export async function submit(command: CommandToSend): Promise<boolean> {
 
 /** Send a change of the document as the page shows it. */
 export function edit(change: EditToSend): Promise<Reply> {
-  return send({ ...change, revision: document.value?.revision ?? 0 } as CommandToSend);
+  return send({ ...change, revision: doc.value?.revision ?? 0 } as CommandToSend);
 }
 
 /** A sender with at most one command on its way: of those that come meanwhile the last one wins. */

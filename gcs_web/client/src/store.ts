@@ -8,7 +8,8 @@ import type { Document, Files, Notice, People, Plan, Show, ToPage, Vehicle, Wayp
 // --- as the server sent it ---
 
 export const welcome = signal<Welcome | null>(null);
-export const document = signal<Document | null>(null);
+/** What the pilots edit together; `document` is the browser's. */
+export const doc = signal<Document | null>(null);
 export const plan = signal<Plan | null>(null);
 /** The plan with its figures; while another one is planned, or after it became void, the one before. */
 export const figures = signal<Plan | null>(null);
@@ -16,6 +17,10 @@ export const vehicle = signal<Vehicle | null>(null);
 export const people = signal<People>({ type: "people", people: [], in_control: "" });
 export const files = signal<Files>({ type: "files", trajectories: [], flights: [] });
 export const notice = signal<Notice>({ type: "notice", text: "", level: "fact", undo: false });
+
+/** Tracking errors as they were heard, of the last minute. */
+export const errors = signal<readonly { heardAt_ms: number; error_m: number }[]>([]);
+const ERRORS_KEPT_MS = 60_000;
 
 // --- of this page ---
 
@@ -52,7 +57,7 @@ export const verdict = computed<Plan["state"] | "unknown">(() => {
   if (!connected.value) return "unknown";
   const current = plan.value;
   if (current === null) return "none";
-  const isOld = current.revision !== document.value?.revision;
+  const isOld = current.revision !== doc.value?.revision;
   return isOld && current.state === "checked" ? "planning" : current.state;
 });
 
@@ -124,9 +129,7 @@ export function receive(message: Exclude<ToPage, { type: "reply" }>): void {
         receivePlan(message);
         break;
       case "vehicle":
-        now_ms.value = performance.now();
-        vehicleHeardAt_ms.value = now_ms.value;
-        vehicle.value = message;
+        receiveVehicle(message);
         break;
       case "people":
         people.value = message;
@@ -147,6 +150,16 @@ export function receive(message: Exclude<ToPage, { type: "reply" }>): void {
   });
 }
 
+function receiveVehicle(next: Vehicle): void {
+  const heardAt_ms = performance.now();
+  now_ms.value = heardAt_ms;
+  vehicleHeardAt_ms.value = heardAt_ms;
+  vehicle.value = next;
+  if (next.error_m === null || next.link !== "fresh") return;
+  const recent = errors.value.filter((each) => heardAt_ms - each.heardAt_ms < ERRORS_KEPT_MS);
+  errors.value = [...recent, { heardAt_ms, error_m: next.error_m }];
+}
+
 function receivePlan(next: Plan): void {
   plan.value = next;
   const isBetween = next.series === null && (next.state === "planning" || next.state === "void");
@@ -156,8 +169,8 @@ function receivePlan(next: Plan): void {
 }
 
 function receiveDocument(next: Document): void {
-  const before = document.value;
-  document.value = next;
+  const before = doc.value;
+  doc.value = next;
   const present = new Set(next.waypoints.map((waypoint) => waypoint.id));
   if ([...selected.value].some((id) => !present.has(id))) {
     selected.value = new Set([...selected.value].filter((id) => present.has(id)));

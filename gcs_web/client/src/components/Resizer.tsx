@@ -9,13 +9,18 @@ const KEY_PX = 16;
 const isHeights = (value: unknown): value is Record<number, number> =>
   typeof value === "object" && value !== null && Object.values(value).every((height) => typeof height === "number");
 
-export const drawerHeights = remembered<Record<number, number>>("drawer", { 2: 260, 3: 228 }, isHeights);
+const heights = remembered<Record<number, number>>("drawer", { 2: 260, 3: 228 }, isHeights);
+
+const bounded = (height: number): number => Math.round(Math.min(HIGHEST_PX, Math.max(LOWEST_PX, height)));
+
+export function drawerHeight(step: number): number {
+  return bounded(heights.value[step] ?? LOWEST_PX);
+}
 
 export function Resizer({ step }: { step: number }) {
-  const height = drawerHeights.value[step] ?? LOWEST_PX;
+  const height = drawerHeight(step);
   const set = (wanted: number): void => {
-    const bounded = Math.round(Math.min(HIGHEST_PX, Math.max(LOWEST_PX, wanted)));
-    drawerHeights.value = { ...drawerHeights.value, [step]: bounded };
+    heights.value = { ...heights.value, [step]: bounded(wanted) };
   };
   const drag = (event: PointerEvent): void => {
     const edge = event.currentTarget as HTMLElement;

@@ -5,7 +5,7 @@ import { useLayoutEffect, useRef } from "preact/hooks";
 import { selectedInOrder } from "../actions";
 import { editable, number, parse } from "../format";
 import { edit } from "../socket";
-import { connected, document, selected } from "../store";
+import { connected, doc, selected } from "../store";
 import type { Waypoint } from "../protocol";
 
 export type ColumnKey = "x_m" | "y_m" | "z_m" | "yaw_deg";
@@ -32,7 +32,7 @@ interface Place {
 /** The cell that has, or last had, the focus. */
 export const active = signal<Place | null>(null);
 effect(() => {
-  const waypoints = document.value?.waypoints ?? [];
+  const waypoints = doc.value?.waypoints ?? [];
   if (active.value !== null && !waypoints.some(({ id }) => id === active.value?.id)) active.value = null;
 });
 
@@ -49,7 +49,7 @@ let wanted: Place | null = null;
 
 /** Give the focus to a cell, also to one that is still typed into. */
 export function focusCell(id: number, column: ColumnKey): void {
-  const cell = window.document.querySelector<HTMLElement>(`[data-cell="${id} ${column}"]`);
+  const cell = document.querySelector<HTMLElement>(`[data-cell="${id} ${column}"]`);
   if (cell === null) wanted = { id, column };
   else cell.focus();
 }
@@ -103,7 +103,7 @@ export function Cell({ waypoint, column, index }: Props) {
       onFocus={() => (active.value = { id, column: key })}
       onMouseDown={(event) => {
         const plain = !event.shiftKey && !event.ctrlKey && !event.metaKey;
-        const again = plain && event.currentTarget === window.document.activeElement;
+        const again = plain && event.currentTarget === document.activeElement;
         if (again || event.shiftKey) event.preventDefault(); // else the browser takes the focus back, or selects text
         if (again) begin(refusal?.text ?? editable(value));
       }}
@@ -159,7 +159,7 @@ function Editor({ waypoint, column, index, text }: Props & { text: string }) {
 
 /** Go on with the next or the previous cell, over the ends of rows. */
 function editNeighbour(id: number, column: ColumnKey, by: 1 | -1): void {
-  const waypoints = document.value?.waypoints ?? [];
+  const waypoints = doc.value?.waypoints ?? [];
   const row = waypoints.findIndex((waypoint) => waypoint.id === id);
   const flat = row * COLUMNS.length + COLUMNS.findIndex(({ key }) => key === column) + by;
   const next = waypoints[Math.floor(flat / COLUMNS.length)];

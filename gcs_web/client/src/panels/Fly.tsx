@@ -5,14 +5,16 @@ import { Badge } from "../components/Badge";
 import { HoldButton } from "../components/HoldButton";
 import { Keys } from "../components/Keys";
 import { age, number, sentenceCase } from "../format";
-import { connected, files, holdsAnother, inControl, link, vehicle, welcome } from "../store";
+import { connected, errors, files, holdsAnother, inControl, link, vehicle, welcome } from "../store";
 import type { Vehicle as VehicleState } from "../protocol";
 import { Control } from "./Control";
+import { ErrorPlot } from "./ErrorPlot";
 
 export function Fly() {
   return (
     <>
       <Now />
+      {errors.value.length > 1 && <ErrorPlot />}
       {welcome.value?.vehicle === true && <Control />}
       <Flights />
       <div class="spring" />

@@ -2,7 +2,7 @@
 
 import { NumberField } from "../components/NumberField";
 import { show } from "../cursor";
-import { connected, document, series, step, view } from "../store";
+import { connected, doc, series, step, view } from "../store";
 import { ColourChoice } from "./Scene";
 
 /** The slider reaches this far above and below what is flown. */
@@ -74,7 +74,7 @@ export function Map() {
 
 /** Lowest, highest and middle height that matter: those of the path and around it. */
 function heights(): [number, number, number] {
-  const flown_m = series.value?.z_m ?? (document.value?.waypoints ?? []).map((waypoint) => waypoint.z_m);
+  const flown_m = series.value?.z_m ?? (doc.value?.waypoints ?? []).map((waypoint) => waypoint.z_m);
   const [low_m, high_m] = flown_m.length === 0 ? [0, 0] : [Math.min(...flown_m), Math.max(...flown_m)];
   const round = (value_m: number): number => Number((Math.round(value_m / STEP_M) * STEP_M).toFixed(2));
   return [round(low_m - ROOM_M), round(high_m + ROOM_M), round((low_m + high_m) / 2)];

@@ -3,7 +3,7 @@
 import { change } from "../actions";
 import { NumberField } from "../components/NumberField";
 import { edit } from "../socket";
-import { connected, document } from "../store";
+import { connected, doc } from "../store";
 import type { Settings } from "../protocol";
 
 type NumberSetting = "speed_m_s" | "acceleration_m_s2" | "margin_m";
@@ -25,7 +25,7 @@ const METHODS: readonly { key: Settings["method"]; name: string; says: string }[
 ];
 
 export function SettingsForm() {
-  const settings = document.value?.settings;
+  const settings = doc.value?.settings;
   if (settings === undefined) return null;
   return (
     <div class="form">

@@ -3,7 +3,7 @@
 import { Keys } from "../components/Keys";
 import { plural } from "../format";
 import { submit } from "../socket";
-import { connected, connection, controlWords, document, notice, now_ms, paletteOpen, people, retryAt_ms } from "../store";
+import { connected, connection, controlWords, doc, notice, now_ms, paletteOpen, people, retryAt_ms } from "../store";
 import { nextTheme, theme } from "../theme";
 
 export function StatusBar() {
@@ -12,7 +12,7 @@ export function StatusBar() {
     <footer class="status">
       <NoticeLine />
       <div class="status-facts">
-        {connected.value && document.value !== null && <span>Saved, revision {document.value.revision}</span>}
+        {connected.value && doc.value !== null && <span>Saved, revision {doc.value.revision}</span>}
         {controlWords.value !== "" && <span>{controlWords.value}</span>}
         {connected.value && <span title={names}>{plural(people.value.people.length, "person", "people")} here</span>}
         <button type="button" class="plain" onClick={nextTheme}>

@@ -5,7 +5,7 @@ import type { Tone } from "../components/Badge";
 import { Icon } from "../components/Icon";
 import { select } from "../cursor";
 import { submit } from "../socket";
-import { connected, document, plan, verdict } from "../store";
+import { connected, doc, plan, verdict } from "../store";
 
 type State = typeof verdict.value;
 
@@ -46,13 +46,14 @@ export function Verdict() {
 function Remedy() {
   const problem = plan.value?.problem ?? null;
   if (problem === null) return null;
-  const index = (document.value?.waypoints ?? []).findIndex(({ id }) => id === problem.waypoint);
+  const { waypoint } = problem;
+  const index = (doc.value?.waypoints ?? []).findIndex(({ id }) => id === waypoint);
   return (
     <>
       {problem.reason !== plan.value?.sentence && <p class="danger-text">{problem.reason}</p>}
       {problem.remedy !== "" && <p>{problem.remedy}</p>}
-      {index >= 0 && problem.waypoint !== null && (
-        <button type="button" class="control" disabled={!connected.value} onClick={() => select([problem.waypoint as number])}>
+      {index >= 0 && waypoint !== null && (
+        <button type="button" class="control" disabled={!connected.value} onClick={() => select([waypoint])}>
           Go to waypoint {index}
         </button>
       )}

@@ -2,19 +2,18 @@
 
 import { signal, useComputed } from "@preact/signals";
 import { deleteSelected, insertAfterSelected, reverse } from "../actions";
-import { Cell, active, focusCell, refused } from "../components/WaypointCell";
-import { COLUMNS } from "../components/WaypointCell";
+import { COLUMNS, Cell, active, focusCell, refused } from "../components/WaypointCell";
 import { goTo, select } from "../cursor";
 import { number } from "../format";
 import { clearanceColour } from "../scales";
-import { connected, document, figures, figuresAreOld, plan, selected, touched, waypointAtCursor } from "../store";
+import { connected, doc, figures, figuresAreOld, plan, selected, touched, waypointAtCursor } from "../store";
 import type { Waypoint } from "../protocol";
 
 /** Where a selection by Shift begins. */
 const anchor = signal<number | null>(null);
 
 export function Waypoints() {
-  const waypoints = document.value?.waypoints ?? [];
+  const waypoints = doc.value?.waypoints ?? [];
   if (waypoints.length === 0) {
     return (
       <div class="empty">
@@ -119,7 +118,7 @@ function Row({ waypoint, index }: { waypoint: Waypoint; index: number }) {
 
 /** A click selects a row, Ctrl adds or takes away, Shift selects up to here; plots and 3D view go there. */
 function choose(event: MouseEvent, id: number): void {
-  const ids = (document.value?.waypoints ?? []).map((waypoint) => waypoint.id);
+  const ids = (doc.value?.waypoints ?? []).map((waypoint) => waypoint.id);
   if (event.shiftKey && anchor.value !== null && ids.includes(anchor.value)) {
     const [from, to] = [ids.indexOf(anchor.value), ids.indexOf(id)].sort((a, b) => a - b) as [number, number];
     select(ids.slice(from, to + 1));
@@ -140,7 +139,7 @@ function choose(event: MouseEvent, id: number): void {
 /** Alt with up and down goes to the neighbouring row; plain arrows move the waypoint itself. */
 function moveRow(event: KeyboardEvent): void {
   const by = event.key === "ArrowDown" ? 1 : event.key === "ArrowUp" ? -1 : 0;
-  const ids = (document.value?.waypoints ?? []).map((waypoint) => waypoint.id);
+  const ids = (doc.value?.waypoints ?? []).map((waypoint) => waypoint.id);
   const from = active.value;
   if (!event.altKey || by === 0 || from === null) return;
   event.preventDefault();
