@@ -85,7 +85,7 @@ function Row({ waypoint, index }: { waypoint: Waypoint; index: number }) {
   return (
     <>
       <tr
-        class={`${isAt ? "at" : ""} ${author === undefined ? "" : "touched"} ${isProblem ? "problem" : ""}`}
+        class={`${isAt ? "at" : ""} ${author === undefined ? "" : "touched"}`}
         aria-selected={isSelected}
         data-waypoint={id}
         onClick={(event) => choose(event, id)}
@@ -116,7 +116,10 @@ function Row({ waypoint, index }: { waypoint: Waypoint; index: number }) {
   );
 }
 
-/** A click selects a row, Ctrl adds or takes away, Shift selects up to here; plots and 3D view go there. */
+/**
+ * A click selects a row, Ctrl adds or takes away, Shift selects up to here; plots and 3D view go there.
+ * A click into one of several selected rows leaves them selected, so that a cell can be edited for all of them.
+ */
 function choose(event: MouseEvent, id: number): void {
   const ids = (doc.value?.waypoints ?? []).map((waypoint) => waypoint.id);
   if (event.shiftKey && anchor.value !== null && ids.includes(anchor.value)) {
@@ -131,7 +134,8 @@ function choose(event: MouseEvent, id: number): void {
     select(chosen);
     return;
   }
-  if (!selected.value.has(id) || selected.value.size > 1) select([id]);
+  const isInNumber = event.target instanceof Element && event.target.closest("th") !== null;
+  if (isInNumber || !selected.value.has(id)) select([id]);
   const passing = figures.value?.passings.find((each) => each.waypoint === id);
   if (passing !== undefined) goTo(passing.time_s);
 }
