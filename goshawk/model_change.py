@@ -47,32 +47,28 @@ class Change:
     """Model (`PRESENT`, `BEFORE`, `AFTER`) to quantity to error after `HORIZON_S`; empty without held-out flights."""
     held_out: HeldOut | None
     findings: tuple[str, ...]
-    fit: Verdict
-    """Whether to use what was refitted; usable where nothing was."""
+    fit: Verdict | None
+    """Whether to use what was refitted; None where nothing was."""
 
 
 def refitted(present: Vehicle, changed: Vehicle, flights: Flights, *, progress: Progress = silent) -> Change:
     """Fit the changed model, and for a fair judgement the present one too, to the same flights.
 
     Raises:
-        InputError: a flight cannot be used, or a fit did not converge (nothing then is to be written).
+        InputError: a flight cannot be used.
     """
-    training = list(flights.training.values())
-    after = _fit(training, changed, "the changed model", progress)
+    training, options = list(flights.training.values()), sysid.Options(unseen="hold")
+    after = sysid.identify(training, changed, options, progress=progress)
     if not flights.held_out:
         return Change(after.vehicle, {}, None, after.findings, after.verdict)
-    before = _fit(training, present, "the present model", progress)
+    before = sysid.identify(training, present, options, progress=progress)
     models = {PRESENT: present, BEFORE: before.vehicle, AFTER: after.vehicle}
     errors = held_out_errors(models, list(flights.held_out.values()), progress=progress)
     evidence = HeldOut(named(flights.held_out), errors[BEFORE], errors[AFTER], verdict(errors[BEFORE], errors[AFTER]))
-    return Change(after.vehicle, errors, evidence, after.findings, after.verdict)
-
-
-def _fit(logs: list[FlightLog], model: Vehicle, what: str, progress: Progress) -> sysid.Identification:
-    result = sysid.identify(logs, model, sysid.Options(unseen="hold"), progress=progress)
-    if not result.converged:
-        raise InputError(f"the fit of {what} did not converge; nothing was written")
-    return result
+    fit = after.verdict
+    if not before.converged:
+        fit = fit.doubted("the present model, which the change is compared with, was refitted without converging")
+    return Change(after.vehicle, errors, evidence, after.findings, fit)
 
 
 def judged(present: Vehicle, changed: Vehicle, flights: Flights, *, progress: Progress = silent) -> Change:
@@ -80,9 +76,7 @@ def judged(present: Vehicle, changed: Vehicle, flights: Flights, *, progress: Pr
     models = {BEFORE: present, AFTER: changed}
     errors = held_out_errors(models, list(flights.held_out.values()), progress=progress)
     words = verdict(errors[BEFORE], errors[AFTER])
-    return Change(
-        changed, errors, HeldOut(named(flights.held_out), errors[BEFORE], errors[AFTER], words), (), Verdict()
-    )
+    return Change(changed, errors, HeldOut(named(flights.held_out), errors[BEFORE], errors[AFTER], words), (), None)
 
 
 def held_out_errors(

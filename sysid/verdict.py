@@ -58,15 +58,20 @@ class Verdict:
         return Verdict(*both)
 
     @property
+    def reasons(self) -> tuple[str, ...]:
+        """All sentences, the weightier first."""
+        return (*self.against, *self.doubts)
+
+    @property
     def sentence(self) -> str:
         """The verdict with its first reason."""
-        reasons = (*self.against, *self.doubts)
+        reasons = self.reasons
         more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
         return f"{self.use}: {reasons[0]}{more}" if reasons else str(self.use)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
-        return {"use": str(self.use), "reasons": [*self.against, *self.doubts]}
+        return {"use": str(self.use), "reasons": list(self.reasons)}
 
 
 def of_fit(

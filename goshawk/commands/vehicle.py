@@ -15,7 +15,7 @@ from goshawk.commands.vehicle_new import new, schema
 from goshawk.flights import load
 from goshawk.model_change import Change, Flights
 from goshawk.verbs import VerbGroup
-from sysid.verdict import Use, Verdict
+from sysid.verdict import Use
 from vehicle import Vehicle, history
 
 vehicle_argument = click.argument("vehicle_file", metavar="VEHICLE", type=click.Path(path_type=Path))
@@ -119,6 +119,9 @@ def add_effect(
 
     With --flights the whole model is refitted; with --held-out errors on flights that were not used are printed
     before and after, against the present model fitted to the same flights. `goshawk vehicle undo` takes it back.
+
+    A refit ends in a verdict as `goshawk identify` gives it: usable, doubtful, or do not use (exit code 1; the file is
+    then written only with --anyway).
     """
     present, given = vehicle.load(vehicle_file), dict(parse(word) for word in values)
     if effect.endswith(".py"):
@@ -346,12 +349,12 @@ def _change(
     training, held_out, columns = logs
     with console.progress() as report:
         flights = Flights({p: load(p, columns) for p in training}, {p: load(p, columns) for p in held_out})
-        change = Change(changed, {}, None, (), Verdict())
+        change = Change(changed, {}, None, (), None)
         if training:
             change = model_change.refitted(present, changed, flights, progress=report)
         elif held_out:
             change = model_change.judged(present, changed, flights, progress=report)
-    usable = change.fit.use is not Use.REJECTED
+    usable = change.fit is None or change.fit.use is not Use.REJECTED
     step = None
     if not preview and (usable or anyway):
         step = history.record(file, change.vehicle, what[0], effect=what[1], held_out=change.held_out)
@@ -368,23 +371,33 @@ def _show_change(
     cancelled, how = model_change.compensations(change.vehicle).get(what[1], (None, ""))
     if as_json:
         document = facts | {"errors": change.errors, "changes": model_change.differences(present, change.vehicle)}
-        document |= {"fit": change.fit.as_dict(), "findings": change.findings, "compensated": cancelled, "how": how}
+        document |= {
+            "fit": change.fit.as_dict() if change.fit else None,
+            "findings": change.findings,
+            "compensated": cancelled,
+            "how": how,
+        }
         console.show("", {}, as_json=True, document=document)
         return
-    if change.fit.use is not Use.USABLE:
-        click.echo(f"the refit: {change.fit.sentence}")
+    reasons = change.fit.reasons if change.fit else ()
+    if change.fit:
+        click.echo(f"verdict on the refit: {change.fit.use}")
+    for reason in reasons:
+        click.echo(f"  {reason}")
     for line in model_change.differences(present, change.vehicle):
         click.echo(line)
     if change.errors:
         heads = ("model", *next(iter(change.errors.values())))
         rows = [(model, *errors.values()) for model, errors in change.errors.items()]
         console.table(f"held-out error after {model_change.HORIZON_S:g} s, rms", heads, rows)
-    for finding in change.findings:
+    for finding in (f for f in change.findings if f not in reasons):
         click.echo(f"note: {finding}")
     click.echo(f"{what[1]} {words}" if change.held_out else words)
     if cancelled is not None:
         click.echo(f"{'compensated' if cancelled else 'NOT compensated'} by the controller: {how}")
-    click.echo(f"written: {file}, version {step.number}" if step else "nothing was written")
+    refused = change.fit is not None and change.fit.use is Use.REJECTED
+    unwritten = f"nothing was written{' (see --anyway)' if refused else ''}"
+    click.echo(f"written: {file}, version {step.number}" if step else unwritten)
 
 
 def _done(step: history.Step) -> str:
