@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from flight import FlightError
+from flight import FlightError, Progress, silent
 from gcs_web import scene
 from gcs_web.session import Session
 from gcs_web.vehicle_watch import VehicleWatch
@@ -31,6 +31,7 @@ class Page:
         *,
         triangles: int = scene.DISPLAY_TRIANGLES,
         required_clearance_m: float,
+        progress: Progress = silent,
     ) -> None:
         self._server = server
         self._session = session
@@ -45,7 +46,8 @@ class Page:
         )
         server.gui.set_panel_label(f"Goshawk · {session.project.name}")
         server.scene.set_up_direction("+z")
-        server.scene.add_mesh_trimesh("/map", scene.display_mesh(session.map.mesh, triangles), cast_shadow=False)
+        mesh = scene.display_mesh(session.map.mesh, triangles, progress=progress)
+        server.scene.add_mesh_trimesh("/map", mesh, cast_shadow=False)
         self.vehicle_frame = scene.draw_vehicle(server)
         self._build_controls()
         self._place_camera()
