@@ -9,6 +9,7 @@ import sysid
 from firmware_bridge import controller
 from flight import FlightLog, InputError, Progress, file_format, silent
 from sysid.comparison import HORIZONS_S, QUANTITIES
+from sysid.report import SHOWN
 from sysid.verdict import Verdict
 from vehicle import Vehicle
 from vehicle.history import HeldOut, Step
@@ -20,6 +21,9 @@ HORIZON_S = 0.5
 """After how long held-out predictions are judged."""
 NOTHING = 0.01
 """A relative change of an error below this counts as none."""
+
+KEYS = {quantity: f"{quantity}_{unit.replace('/', '_')}" for quantity, unit in QUANTITIES.items()}
+"""What each quantity's error is called in files."""
 
 PRESENT, BEFORE, AFTER = "as it was", "refitted, without the change", "refitted, with the change"
 
@@ -86,9 +90,14 @@ def held_out_errors(
     result = sysid.compare(logs, models, progress=progress)
     at = HORIZONS_S.index(HORIZON_S)
     return {
-        model: {f"{q}_{unit.replace('/', '_')}": float(result.errors[model][q][at]) for q, unit in QUANTITIES.items()}
-        for model in models
+        model: {key: float(result.errors[model][quantity][at]) for quantity, key in KEYS.items()} for model in models
     }
+
+
+def prediction_error(quantity: str, value: float) -> str:
+    """An error of `sysid.compare` in the unit that people read: `130 mm`, `5.6 deg`."""
+    unit, scale = SHOWN[quantity]
+    return f"{scale * value:.3g} {unit}"
 
 
 def named(flights: Mapping[Path, FlightLog]) -> dict[str, str]:
@@ -167,7 +176,7 @@ def _draw(figure: "Figure", labels: list[str], errors: Sequence[Mapping[str, flo
     places = range(len(labels))
     panels = figure.subplots(1, len(QUANTITIES), sharey=True)
     for axes, (quantity, unit) in zip(panels, QUANTITIES.items(), strict=True):
-        values = [error[f"{quantity}_{unit.replace('/', '_')}"] for error in errors]
+        values = [error[KEYS[quantity]] for error in errors]
         axes.stairs(
             values, [p - 0.5 for p in range(len(labels) + 1)], orientation="horizontal", color="#1f6f8b", lw=1.6
         )

@@ -9,7 +9,7 @@ import click
 
 import vehicle
 from flight import FormatError, InputError
-from goshawk import console, model_change, outputs
+from goshawk import console, model_change, outputs, words
 from goshawk.commands.params import parse
 from goshawk.commands.vehicle_new import new, schema
 from goshawk.flights import load
@@ -87,9 +87,12 @@ def show(vehicle_file: Path, as_json: bool) -> None:
         document = {"name": shown.name, "hash": vehicle.vehicle_hash(shown), "effects": effects}
         console.show("", {}, as_json=True, document=document | {"parameters": parameters})
         return
-    rows = [(n, f"{p['value']:.5g}", f"{p['std']:.2g}", p["unit"], p["source"]) for n, p in parameters.items()]
+    rows = [
+        (words.parameter(n), f"{p['value']:.5g}", f"{p['std']:.2g}", p["unit"], p["source"], n)
+        for n, p in parameters.items()
+    ]
     title = f"{shown.name} ({vehicle.vehicle_hash(shown)[:12]})"
-    console.table(title, ("parameter", "value", "std", "unit", "source"), rows)
+    console.table(title, ("parameter", "value", "std", "unit", "source", "name in the file"), rows)
     lines = [(e["name"], e["law"], "yes" if e["compensated"] else "no", e["how"]) for e in effects]
     console.table("effects", ("effect", "law", "compensated", "how the controller does it, or why not"), lines)
 
@@ -310,17 +313,17 @@ def _show_history(
     rows = []
     for step in told.steps:
         found = errors.get(step.number) or (step.held_out.after if step.held_out else {})
-        position = f"{1000 * found['position_m']:.1f}" if found else ""
-        words = step.held_out.verdict if step.held_out else ""
+        position = model_change.prediction_error("position", found["position_m"]) if found else ""
+        helped = step.held_out.verdict if step.held_out else ""
         mark = "now" if step.number == told.current else "" if step.number in on_line else "undone"
-        rows.append((step.number, mark, _done(step), step.when_utc[:16], step.vehicle_hash[:8], position, words))
+        rows.append((step.number, mark, _done(step), step.when_utc[:16], step.vehicle_hash[:8], position, helped))
     heads = (
         "version",
         "",
         "made by",
         "when (UTC)",
         "hash",
-        f"mm at {model_change.HORIZON_S:g} s",
+        f"position error after {model_change.HORIZON_S:g} s",
         "verdict at the time",
     )
     console.table("history", heads, rows)
@@ -365,8 +368,8 @@ def _change(
 def _show_change(
     file: Path, present: Vehicle, change: Change, what: tuple[str, str], step: history.Step | None, as_json: bool
 ) -> None:
-    words = change.held_out.verdict if change.held_out else "not judged: no held-out flight was given"
-    facts: dict[str, Any] = {"vehicle": str(file), "action": what[0], "effect": what[1], "verdict": words}
+    helped = change.held_out.verdict if change.held_out else "not judged: no held-out flight was given"
+    facts: dict[str, Any] = {"vehicle": str(file), "action": what[0], "effect": what[1], "verdict": helped}
     facts |= {"version": step.number if step else None}
     cancelled, how = model_change.compensations(change.vehicle).get(what[1], (None, ""))
     if as_json:
@@ -387,12 +390,15 @@ def _show_change(
     for line in model_change.differences(present, change.vehicle):
         click.echo(line)
     if change.errors:
-        heads = ("model", *next(iter(change.errors.values())))
-        rows = [(model, *errors.values()) for model, errors in change.errors.items()]
+        rows = [
+            (model, *(model_change.prediction_error(q, errors[key]) for q, key in model_change.KEYS.items()))
+            for model, errors in change.errors.items()
+        ]
+        heads = ("model", *model_change.KEYS)
         console.table(f"held-out error after {model_change.HORIZON_S:g} s, rms", heads, rows)
     for finding in (f for f in change.findings if f not in reasons):
         click.echo(f"note: {finding}")
-    click.echo(f"{what[1]} {words}" if change.held_out else words)
+    click.echo(f"{what[1]} {helped}" if change.held_out else helped)
     if cancelled is not None:
         click.echo(f"{'compensated' if cancelled else 'NOT compensated'} by the controller: {how}")
     refused = change.fit is not None and change.fit.use is Use.REJECTED

@@ -216,3 +216,9 @@ def test_every_effect_and_number_that_differs_is_listed_once():
     ]
     assert "  mass_kg: 0.7 -> 0.9 kg" in lines
     assert model_change.differences(old, old) == []
+
+
+def test_prediction_errors_are_told_in_units_that_people_read():
+    quantities = {"position": 0.0123, "velocity": 0.5, "attitude": np.pi / 180.0, "rate": 0.25}
+    told = [model_change.prediction_error(name, value) for name, value in quantities.items()]
+    assert told == ["12.3 mm", "0.5 m/s", "1 deg", "0.25 rad/s"]
