@@ -5,6 +5,7 @@
 
 #define LARGEST_POSITION_M 30000.0f
 #define LARGEST_VELOCITY_M_S 150.0f
+#define LARGEST_TURN_RAD 6.3f /* of a relocalization */
 #define LARGEST_RATE_RAD_S 100.0f
 #define LARGEST_FORCE_M_S2 500.0f
 #define LARGEST_BATTERY_V 1000.0f
@@ -203,8 +204,9 @@ static void follow_reset(tc_controller* c, const tc_estimate* e) {
     c->reset_counter = e->reset_counter;
     c->had_estimate = true;
     if (!known || steps == 0u || !tc_mission_in_air(c->mission.state) || c->mission.state == TC_EMERGENCY) return;
-    if (steps != 1u || !tc_all_finite(e->reset_position_world_m, 3) || !tc_all_finite(e->reset_velocity_world_m_s, 3) ||
-        !tc_finite(e->reset_yaw_rad)) {
+    if (steps != 1u || !plausible(e->reset_position_world_m, 3, LARGEST_POSITION_M) ||
+        !plausible(e->reset_velocity_world_m_s, 3, LARGEST_VELOCITY_M_S) ||
+        !plausible(&e->reset_yaw_rad, 1, LARGEST_TURN_RAD)) {
         (void)tc_post(c, TC_EVENT_RELOCALIZED, TC_RELOCALIZED);
         return;
     }

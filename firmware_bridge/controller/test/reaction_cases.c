@@ -62,6 +62,16 @@ static void relocalization(void) {
     start_in(TC_TRAJECTORY, 0);
     g.e.reset_counter = (uint8_t)(g.e.reset_counter + 2u);
     enters(TC_STOPPING, 0.0f, 0.02f, TC_RELOCALIZED, "an unknown one");
+    for (int number = 0; number < 7; number++) { /* finite, but no amount that a frame moves by */
+        start_in(TC_TRAJECTORY, 0);
+        const tc_setpoint before = g.c.telemetry.setpoint;
+        float* const amounts[] = {&g.e.reset_position_world_m[0], &g.e.reset_velocity_world_m_s[0], &g.e.reset_yaw_rad};
+        g.e.reset_counter++;
+        amounts[number / 3][number % 3] = number < 3 ? 30001.0f : number < 6 ? -151.0f : 6.4f;
+        enters(TC_STOPPING, 0.0f, 0.02f, TC_RELOCALIZED, "one that cannot be");
+        must(near(g.c.telemetry.setpoint.yaw_rad, before.yaw_rad, 0.1f), "nothing follows it");
+        must(near(g.c.telemetry.setpoint.position_world_m[0], before.position_world_m[0], 0.1f), "nothing at all");
+    }
 }
 
 static void reasons_on_the_way(void) {
