@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 import planner
-from flight import FloatArray, InputError, LinkError, project
+from flight import FloatArray, InputError, LinkError, Progress, project, silent
 from gcs_web import gateway, protocol, scene
 from gcs_web.desk import Desk
 from gcs_web.hub import Hub
@@ -41,6 +41,7 @@ class GroundStation:
         key_file: Path | None = None,
         options: planner.PlanOptions | None = None,
         triangles: int = scene.DISPLAY_TRIANGLES,
+        progress: Progress = silent,
         on_entry: Callable[[str], None] = lambda _: None,
     ) -> None:
         """Open the project and listen on loopback.
@@ -65,6 +66,7 @@ class GroundStation:
         self._thread = threading.Thread(target=self._loop.run_forever, name="gateway", daemon=True)
         self._stack = contextlib.ExitStack()
         try:
+            progress("opening the map", 0.0)
             self._open(folder, port, options or planner.PlanOptions(), triangles, on_entry)
         except BaseException:
             self.close()

@@ -60,7 +60,7 @@ def run(out: Path, *, pairs: int = 60, progress: Progress) -> dict[str, Any]:
     """
     settings = {"pairs": pairs, "goshawk": metadata.version("goshawk")}
     with demo_folder.making(out, settings) as steps:
-        facts = _run(project.create(out, demo_folder.NAME), pairs, steps, progress)
+        facts = _run(project.open_project(out), pairs, steps, progress)
         steps.finish(facts)
     return facts
 

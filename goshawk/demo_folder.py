@@ -39,9 +39,13 @@ class Steps:
         """What comes of a step, which must fit into JSON; the work is left out if an earlier run did it."""
         if name not in self.done:
             self.done[name] = work()
-            body = {"settings": dict(self.settings), "steps": self.done, "files": self._files()}
-            file_format.write_json(self.folder / UNFINISHED, format=FORMAT, version=VERSION, body=body)
+            self.record()
         return self.done[name]
+
+    def record(self) -> None:
+        """Write down what is done, for a run that goes on."""
+        body = {"settings": dict(self.settings), "steps": self.done, "files": self._files()}
+        file_format.write_json(self.folder / UNFINISHED, format=FORMAT, version=VERSION, body=body)
 
     def finish(self, facts: Mapping[str, Any]) -> None:
         """Write the facts of the whole demo in the place of the record of its steps."""
@@ -63,24 +67,32 @@ def making(out: Path, settings: Mapping[str, Any]) -> Generator[Steps]:
         InputError: `out` holds something else than a demo.
     """
     results.require_free_folder(out, overwrite=True, ours=_is_demo)
-    steps = _unfinished(out, settings)
-    kept = None
-    if steps.done:
-        click.echo(f"going on with the demo in {out} after: {', '.join(steps.done)}", err=True)
-    elif out.is_dir() and any(out.iterdir()):
-        kept = results.move_aside(out)
-    if kept is not None and not _is_as_made(kept):
-        outputs.tell_kept(out, kept)
-        kept = None
+    steps, earlier = _unfinished(out, settings), None
+    if steps is not None:
+        click.echo(f"going on with the demo in {out} after: {', '.join(steps.done) or 'nothing yet'}", err=True)
+    else:
+        steps, earlier = Steps(out, settings), _moved_aside(out)
+        project.create(out, NAME)
+        steps.record()
     try:
         yield steps
     except BaseException:
-        if steps.done:
-            click.echo(f"finished: {', '.join(steps.done)}; the same command goes on from there", err=True)
+        click.echo(f"finished: {', '.join(steps.done) or 'nothing yet'}; the same command goes on from there", err=True)
         raise
-    if kept is not None:
-        shutil.rmtree(kept)
+    if earlier is not None:
+        shutil.rmtree(earlier)
         click.echo(f"the earlier demo in {out} was replaced; nothing in it had been changed", err=True)
+
+
+def _moved_aside(out: Path) -> Path | None:
+    """Move away what is there; where it is now, if it is a demo as made, which need not be kept."""
+    if not out.is_dir() or not any(out.iterdir()):
+        return None
+    kept = results.move_aside(out)
+    if _is_as_made(kept):
+        return kept
+    outputs.tell_kept(out, kept)
+    return None
 
 
 def hashes(folder: Path) -> dict[str, str]:
@@ -97,12 +109,12 @@ def _is_demo(folder: Path) -> bool:
         return False
 
 
-def _unfinished(folder: Path, settings: Mapping[str, Any]) -> Steps:
+def _unfinished(folder: Path, settings: Mapping[str, Any]) -> Steps | None:
     """The steps that an earlier run finished, if it had these settings and the steps' files are as they were left."""
     document = _read(folder / UNFINISHED)
     left, present = document.get("files", {}), hashes(folder)
     if document.get("settings") != dict(settings) or not left.items() <= present.items():
-        return Steps(folder, settings)
+        return None
     return Steps(folder, settings, document["steps"], dict(present.items() - left.items()))
 
 

@@ -19,7 +19,6 @@ def write(path: Path, text: str) -> dict[str, str]:
 def run(out: Path, text: str, settings: dict = SETTINGS) -> dict[str, str]:
     """As much of a demo as its folder sees."""
     with demo_folder.making(out, settings) as steps:
-        project.create(out, demo_folder.NAME)
         first = steps.do("map", lambda: write(out / "map.txt", f"map of {text}"))
         steps.do("flight", lambda: write(out / "walk.json", text))
         steps.finish(first)
@@ -35,7 +34,6 @@ def broken_off(out: Path) -> None:
 
     def demo() -> None:
         with demo_folder.making(out, SETTINGS) as steps:
-            project.create(out, demo_folder.NAME)
             steps.do("map", lambda: write(out / "map.txt", "map of the first run"))
             steps.do("flight", dies)
 
@@ -128,3 +126,15 @@ def test_a_flight_whose_link_dies_is_started_again_a_few_times(failures, capsys)
     else:
         assert again_if_link_dies(flight, "flight walk") == "log"
         assert capsys.readouterr().err.count("starting it again") == failures
+
+
+def test_a_demo_that_was_broken_off_in_its_first_step_leaves_nothing_beside(tmp_path):
+    def demo() -> None:
+        with demo_folder.making(tmp_path / "demo", SETTINGS):
+            (tmp_path / "demo" / "half").write_text("of a map")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        demo()
+    run(tmp_path / "demo", "second")
+    assert names(tmp_path) == ["demo"]
