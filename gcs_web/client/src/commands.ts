@@ -51,14 +51,12 @@ const SHIFT_KEYS: readonly [key: string, name: string, x: number, y: number, z: 
 ];
 
 const shifts = [0.1, 1].flatMap((step_m) =>
-  SHIFT_KEYS.map(
-    ([key, name, x, y, z]): PageCommand => ({
-      name: `Shift waypoints ${step_m} m: ${name}`,
-      keys: [step_m === 1 ? `Shift+${key}` : key],
-      enabled: editsSelection,
-      run: () => shiftSelected(x * step_m, y * step_m, z * step_m),
-    }),
-  ),
+  SHIFT_KEYS.map(([key, name, x, y, z]): PageCommand => ({
+    name: `Shift waypoints ${step_m} m: ${name}`,
+    keys: [step_m === 1 ? `Shift+${key}` : key],
+    enabled: editsSelection,
+    run: () => shiftSelected(x * step_m, y * step_m, z * step_m),
+  })),
 );
 
 export const COMMANDS: readonly PageCommand[] = [
@@ -70,14 +68,12 @@ export const COMMANDS: readonly PageCommand[] = [
     enabled: always,
     run: () => (paletteOpen.value = !paletteOpen.value),
   },
-  ...STEPS.map(
-    ({ number, name }): PageCommand => ({
-      name: `Step ${number}: ${name}`,
-      keys: [String(number)],
-      enabled: always,
-      run: () => (step.value = number),
-    }),
-  ),
+  ...STEPS.map(({ number, name }): PageCommand => ({
+    name: `Step ${number}: ${name}`,
+    keys: [String(number)],
+    enabled: always,
+    run: () => (step.value = number),
+  })),
   {
     name: "Undo",
     keys: ["Ctrl+z"],

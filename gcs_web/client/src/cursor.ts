@@ -9,7 +9,7 @@ const sendSelection = latest((waypoints: number[]) => ({ type: "select", waypoin
 const sendView = latest((shown: typeof view.value) => ({ type: "show", ...shown }));
 
 /** Show a moment of the plan everywhere. */
-export function lookAt(time_s: number): void {
+function lookAt(time_s: number): void {
   const end_s = series.value?.time_s.at(-1);
   if (end_s === undefined) return;
   cursor_s.value = Math.min(Math.max(time_s, 0), end_s);
@@ -35,7 +35,7 @@ export function show(change: Partial<typeof view.value>): void {
 // --- playing ---
 
 export const playing = signal(false);
-export const RATES = [0.25, 0.5, 1, 2] as const;
+const RATES = [0.25, 0.5, 1, 2] as const;
 export const rate = signal<(typeof RATES)[number]>(1);
 
 export function togglePlaying(): void {

@@ -37,7 +37,14 @@ export const STREAMS: readonly Stream[] = [
     curves: (s) => [s.rotor_fastest_rad_s, s.rotor_slowest_rad_s],
     limits: ["rotor speed", "slowest rotor"],
   },
-  { key: "yaw_rate", name: "Yaw rate", unit: "°/s", digits: 1, curves: (s) => [s.yaw_rate_deg_s], limits: ["yaw rate"] },
+  {
+    key: "yaw_rate",
+    name: "Yaw rate",
+    unit: "°/s",
+    digits: 1,
+    curves: (s) => [s.yaw_rate_deg_s],
+    limits: ["yaw rate"],
+  },
 ];
 
 export function limitsOf(stream: Stream, limits: readonly Limit[]): Limit[] {
@@ -121,7 +128,10 @@ export function drawErrors(target: HTMLElement, width: number, height: number): 
       padding: [6, 12, 0, 0],
       legend: { show: false },
       cursor: { show: false },
-      scales: { x: { time: false, range: [-60, 0] }, y: { range: (_plot, _low, high) => [0, Math.max(10, 1.1 * high)] } },
+      scales: {
+        x: { time: false, range: [-60, 0] },
+        y: { range: (_plot, _low, high) => [0, Math.max(10, 1.1 * high)] },
+      },
       axes: [
         { ...axis, size: TIME_AXIS_PX, gap: 4, values: (_plot, ticks) => ticks.map((tick) => `${editable(tick)} s`) },
         { ...axis, size: 32, gap: 6, space: 22, values: (_plot, ticks) => ticks.map(editable) },
@@ -158,12 +168,15 @@ export function drawPlot(
           gap: 4,
           values: (_plot, ticks) => ticks.map((tick) => (box.hasTimeAxis ? `${editable(tick)} s` : "")),
         },
-        { ...axis, size: box.left, gap: 6, space: 22, values: (_plot, ticks) => ticks.map((tick) => (box.hasWords ? editable(tick) : "")) },
+        {
+          ...axis,
+          size: box.left,
+          gap: 6,
+          space: 22,
+          values: (_plot, ticks) => ticks.map((tick) => (box.hasWords ? editable(tick) : "")),
+        },
       ],
-      series: [
-        {},
-        ...curves.map(() => ({ stroke: () => token("curve"), width: 1.5, points: { show: false } })),
-      ],
+      series: [{}, ...curves.map(() => ({ stroke: () => token("curve"), width: 1.5, points: { show: false } }))],
       hooks: {
         draw: [(drawn) => drawLimits(drawn, range.limits, box.hasWords ? axis.font : null)],
         setScale: [

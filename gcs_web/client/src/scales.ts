@@ -2,11 +2,27 @@
 
 /** Viridis turned round: the required clearance is yellow, plenty of it violet. */
 export const CLEARANCE = [
-  "#fde725", "#addc30", "#5ec962", "#28ae80", "#21918c", "#2c728e", "#3b528b", "#472d7b", "#440154",
+  "#fde725",
+  "#addc30",
+  "#5ec962",
+  "#28ae80",
+  "#21918c",
+  "#2c728e",
+  "#3b528b",
+  "#472d7b",
+  "#440154",
 ] as const;
 /** For everything else, from the smallest to the largest value. */
 export const CIVIDIS = [
-  "#00224e", "#1a386f", "#434e6c", "#61656f", "#7d7c78", "#9b9476", "#bcae6c", "#dec958", "#fee838",
+  "#00224e",
+  "#1a386f",
+  "#434e6c",
+  "#61656f",
+  "#7d7c78",
+  "#9b9476",
+  "#bcae6c",
+  "#dec958",
+  "#fee838",
 ] as const;
 
 /** The scale of clearance reaches this far above what is required. */

@@ -5,7 +5,7 @@ import type { Edit, FromPage, Reply, ToPage } from "./protocol";
 
 type WithoutSerial<T> = T extends unknown ? Omit<T, "serial"> : never;
 type Edits = Extract<FromPage, Edit>;
-export type CommandToSend = WithoutSerial<FromPage>;
+type CommandToSend = WithoutSerial<FromPage>;
 export type EditToSend = Edits extends infer T ? (T extends unknown ? Omit<T, "serial" | "revision"> : never) : never;
 
 const FIRST_RETRY_MS = 250;

@@ -67,8 +67,10 @@ export const figuresAreOld = computed(
 );
 export const series = computed(() => figures.value?.series ?? null);
 
-export const me = computed(() => people.value.people.find((person) => person.id === welcome.value?.you) ?? null);
-export const inControl = computed(() => people.value.in_control !== "" && people.value.in_control === welcome.value?.you);
+const me = computed(() => people.value.people.find((person) => person.id === welcome.value?.you) ?? null);
+export const inControl = computed(
+  () => people.value.in_control !== "" && people.value.in_control === welcome.value?.you,
+);
 
 /** Who gives the orders; empty for nobody. */
 export const controlWords = computed(() => {

@@ -7,7 +7,6 @@ const PATHS = {
   play: "M5 3.5v9l7-4.5z",
   pause: "M5 3.5v9M11 3.5v9",
   stop: "M5.4 2h5.2L14 5.4v5.2L10.6 14H5.4L2 10.6V5.4z",
-  more: "M4 6l4 4 4-4",
 } as const;
 
 export function Icon({ name, filled = false }: { name: keyof typeof PATHS; filled?: boolean }) {

@@ -22,7 +22,12 @@ export function LimitRow({ limit }: { limit: Limit }) {
       <span class="limit-bound">
         {limit.sense === "<=" ? "≤" : "≥"} {short(limit.bound)} {limit.unit}
       </span>
-      <button type="button" class="link" onClick={() => goTo(limit.time_s)} aria-label={`${limit.name}: show ${number(limit.time_s, 2)} s`}>
+      <button
+        type="button"
+        class="link"
+        onClick={() => goTo(limit.time_s)}
+        aria-label={`${limit.name}: show ${number(limit.time_s, 2)} s`}
+      >
         {number(limit.time_s, 2)} s
       </button>
     </li>

@@ -55,7 +55,9 @@ export function Palette() {
           text.value = event.currentTarget.value;
           chosen.value = 0;
         }}
-        onBlur={(event) => !(event.relatedTarget instanceof Element && event.relatedTarget.closest(".palette")) && close()}
+        onBlur={(event) =>
+          !(event.relatedTarget instanceof Element && event.relatedTarget.closest(".palette")) && close()
+        }
       />
       <ul id="command-list" role="listbox" aria-label="Commands">
         {found.map((command, at) => (

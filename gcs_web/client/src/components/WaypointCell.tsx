@@ -8,7 +8,7 @@ import { edit } from "../socket";
 import { connected, doc, selected } from "../store";
 import type { Waypoint } from "../protocol";
 
-export type ColumnKey = "x_m" | "y_m" | "z_m" | "yaw_deg";
+type ColumnKey = "x_m" | "y_m" | "z_m" | "yaw_deg";
 
 interface Column {
   key: ColumnKey;

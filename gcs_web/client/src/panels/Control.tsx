@@ -17,7 +17,12 @@ export function Control() {
         <span class="quiet">{words}</span>
       </div>
       {inControl.value ? (
-        <button type="button" class="control" disabled={!connected.value} onClick={() => void submit({ type: "give_up_control" })}>
+        <button
+          type="button"
+          class="control"
+          disabled={!connected.value}
+          onClick={() => void submit({ type: "give_up_control" })}
+        >
           Give up control
         </button>
       ) : (

@@ -55,7 +55,12 @@ function DrawerHead({ current }: { current: Series }) {
   };
   return (
     <div class="drawer-head">
-      <button type="button" class="control square" onClick={togglePlaying} aria-label={playing.value ? "Pause" : "Play"}>
+      <button
+        type="button"
+        class="control square"
+        onClick={togglePlaying}
+        aria-label={playing.value ? "Pause" : "Play"}
+      >
         <Icon name={playing.value ? "pause" : "play"} filled={!playing.value} />
       </button>
       <span class="drawer-time">
@@ -152,7 +157,13 @@ function PlotRow({ stream, current, width, row_px, hasTimeAxis, margins }: RowPr
   const isThemeLight = isLight.value;
   useEffect(() => {
     if (target.current === null) return undefined;
-    const box: PlotBox = { width, height: plotHeight(row_px, hasTimeAxis), ...margins, hasTimeAxis, hasWords: !phone.value };
+    const box: PlotBox = {
+      width,
+      height: plotHeight(row_px, hasTimeAxis),
+      ...margins,
+      hasTimeAxis,
+      hasWords: !phone.value,
+    };
     const drawn = drawPlot(target.current, stream, current, limits, box);
     const stop = follow(drawn);
     let isGone = false;
@@ -206,7 +217,11 @@ function PlotLabel({ stream, current }: { stream: Stream; current: Series }) {
         {phone.value && <span class="quiet"> at {number(cursor_s.value ?? 0, 2)} s</span>}
       </span>
       {phone.value && (
-        <span class="caution-text">{limitsOf(stream, figures.value?.limits ?? []).map(limitWords).join(", ")}</span>
+        <span class="caution-text">
+          {limitsOf(stream, figures.value?.limits ?? [])
+            .map(limitWords)
+            .join(", ")}
+        </span>
       )}
     </div>
   );

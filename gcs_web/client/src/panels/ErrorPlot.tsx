@@ -34,7 +34,12 @@ export function ErrorPlot() {
         <h3 id="error-title">Tracking error</h3>
         <span class="quiet">mm, last minute heard</span>
       </div>
-      <div ref={target} class="error-plot" role="img" aria-label="Tracking error over the last minute, in millimetres" />
+      <div
+        ref={target}
+        class="error-plot"
+        role="img"
+        aria-label="Tracking error over the last minute, in millimetres"
+      />
     </section>
   );
 }

@@ -46,7 +46,11 @@ function Now() {
       <div class="block-head">
         <h2>{title(last)}</h2>
         <Badge tone={state === "lost" ? "danger" : state === "stale" ? "caution" : last.armed ? "accent" : "neutral"}>
-          {state === "fresh" ? (last.armed ? "Armed" : "Disarmed") : `${state === "lost" ? "Link lost" : "Stale"}, ${age(age_s)}`}
+          {state === "fresh"
+            ? last.armed
+              ? "Armed"
+              : "Disarmed"
+            : `${state === "lost" ? "Link lost" : "Stale"}, ${age(age_s)}`}
         </Badge>
       </div>
       <dl class="figures">
@@ -116,7 +120,8 @@ function Start({ may }: { may: boolean }) {
   if (last?.mission.startsWith("paus") === true) {
     return <HoldButton act="resume" primary disabled={!may} onHeld={() => void giveOrder("resume")} />;
   }
-  if (last === null || last.holds_crc32 === "") return <p class="caution-text">The vehicle holds no trajectory; upload one.</p>;
+  if (last === null || last.holds_crc32 === "")
+    return <p class="caution-text">The vehicle holds no trajectory; upload one.</p>;
   if (holdsAnother.value) {
     return <p class="caution-text">The vehicle holds {last.holds}, not this plan; upload the plan to fly it.</p>;
   }

@@ -59,6 +59,7 @@ export function Plan() {
 }
 
 function whyNoUpload(): string {
-  if (welcome.value !== null && !welcome.value.vehicle) return "The station was started without a vehicle (--vehicle-url).";
+  if (welcome.value !== null && !welcome.value.vehicle)
+    return "The station was started without a vehicle (--vehicle-url).";
   return verdict.value === "checked" ? "" : "Only a checked plan can be uploaded.";
 }

@@ -39,40 +39,40 @@ export function SaveForm() {
           void save(false);
         }}
       >
-      <h2 id="save-title">Save the trajectory</h2>
-      <div class="field">
-        <label for="save-name">Name</label>
-        <span class={`field-box ${refusal.value === "" ? "" : "refused"}`}>
-          <input
-            id="save-name"
-            ref={input}
-            autoComplete="off"
-            value={name.value}
-            aria-invalid={refusal.value !== ""}
-            aria-describedby="save-refusal"
-            onInput={(event) => {
-              name.value = event.currentTarget.value;
-              refusal.value = "";
-            }}
-          />
-        </span>
-        <p id="save-refusal" class="refusal" role="alert">
-          {refusal.value}
-        </p>
-      </div>
-      <div class="acts">
-        <button type="button" class="control" onClick={close}>
-          Cancel
-        </button>
-        {refusal.value !== "" && exists && (
-          <button type="button" class="control" disabled={!canSave()} onClick={() => void save(true)}>
-            Overwrite
+        <h2 id="save-title">Save the trajectory</h2>
+        <div class="field">
+          <label for="save-name">Name</label>
+          <span class={`field-box ${refusal.value === "" ? "" : "refused"}`}>
+            <input
+              id="save-name"
+              ref={input}
+              autoComplete="off"
+              value={name.value}
+              aria-invalid={refusal.value !== ""}
+              aria-describedby="save-refusal"
+              onInput={(event) => {
+                name.value = event.currentTarget.value;
+                refusal.value = "";
+              }}
+            />
+          </span>
+          <p id="save-refusal" class="refusal" role="alert">
+            {refusal.value}
+          </p>
+        </div>
+        <div class="acts">
+          <button type="button" class="control" onClick={close}>
+            Cancel
           </button>
-        )}
-        <button type="submit" class="control primary grow" disabled={!canSave() || name.value.trim() === ""}>
-          Save
-        </button>
-      </div>
+          {refusal.value !== "" && exists && (
+            <button type="button" class="control" disabled={!canSave()} onClick={() => void save(true)}>
+              Overwrite
+            </button>
+          )}
+          <button type="submit" class="control primary grow" disabled={!canSave() || name.value.trim() === ""}>
+            Save
+          </button>
+        </div>
       </form>
     </div>
   );

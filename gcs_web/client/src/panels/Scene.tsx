@@ -10,7 +10,7 @@ import type { Series, Show } from "../protocol";
 
 type Colour = NonNullable<Show["colour"]>;
 
-export const COLOURS: readonly { key: Colour; name: string; unit: string }[] = [
+const COLOURS: readonly { key: Colour; name: string; unit: string }[] = [
   { key: "clearance", name: "Clearance", unit: "m" },
   { key: "speed", name: "Speed", unit: "m/s" },
   { key: "tilt", name: "Tilt", unit: "°" },

@@ -32,7 +32,11 @@ export function Segments() {
             <tr key={index} aria-selected={index === segmentAtCursor.value} onClick={() => goTo(segment.start_s)}>
               <th scope="row">{index + 1}</th>
               <td>
-                <button type="button" class="link" aria-label={`${number(segment.start_s, 2)} s, show segment ${index + 1}`}>
+                <button
+                  type="button"
+                  class="link"
+                  aria-label={`${number(segment.start_s, 2)} s, show segment ${index + 1}`}
+                >
                   {number(segment.start_s, 2)}
                 </button>
               </td>

@@ -39,7 +39,12 @@ export function SettingsForm() {
           onCommit={async (value) => (await edit({ type: "choose", [key]: value })).error}
         />
       ))}
-      <Choice legend="Yaw" options={YAWS} value={settings.yaw} onChange={(yaw) => void change({ type: "choose", yaw })} />
+      <Choice
+        legend="Yaw"
+        options={YAWS}
+        value={settings.yaw}
+        onChange={(yaw) => void change({ type: "choose", yaw })}
+      />
       <Choice
         legend="Method"
         options={METHODS}

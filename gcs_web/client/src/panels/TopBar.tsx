@@ -45,7 +45,13 @@ function StepBar() {
 function StepMark({ of }: { of: number }) {
   const done = of === 1 ? connected.value : of === 2 && verdict.value === "checked";
   const wrong = of === 2 && (verdict.value === "void" || verdict.value === "refused");
-  if (done) return <span class="mark"><Icon name="check" /><span class="visually-hidden">done</span></span>;
+  if (done)
+    return (
+      <span class="mark">
+        <Icon name="check" />
+        <span class="visually-hidden">done</span>
+      </span>
+    );
   if (!wrong) return null;
   return (
     <span class="mark caution-text">
@@ -114,7 +120,12 @@ function Fact({ name, value, kind = "" }: { name: string; value: string; kind?: 
 function AbortButton() {
   const armed = vehicle.value?.armed === true;
   return (
-    <button type="button" class={`abort ${armed ? "filled" : ""}`} onClick={() => void abort()} aria-keyshortcuts="Shift+Escape">
+    <button
+      type="button"
+      class={`abort ${armed ? "filled" : ""}`}
+      onClick={() => void abort()}
+      aria-keyshortcuts="Shift+Escape"
+    >
       <Icon name="stop" />
       {aborting.value ? "Aborting, waiting for the vehicle" : "Abort"}
       {!aborting.value && <Keys of="Shift+Escape" />}

@@ -56,7 +56,12 @@ export function UploadPanel({ state }: { state: UploadState }) {
             Compare again
           </button>
         )}
-        <button type="button" class="control" disabled={state.stage === "sending"} onClick={() => (uploading.value = null)}>
+        <button
+          type="button"
+          class="control"
+          disabled={state.stage === "sending"}
+          onClick={() => (uploading.value = null)}
+        >
           Back to the plan
         </button>
       </div>

@@ -25,7 +25,13 @@ export function Waypoints() {
   return (
     <>
       <div class="table-scroll">
-        <table class="table waypoints" role="grid" aria-multiselectable="true" aria-label="Waypoints" onKeyDown={moveRow}>
+        <table
+          class="table waypoints"
+          role="grid"
+          aria-multiselectable="true"
+          aria-label="Waypoints"
+          onKeyDown={moveRow}
+        >
           <thead>
             <tr>
               <th scope="col">#</th>
