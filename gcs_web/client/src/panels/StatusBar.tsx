@@ -30,10 +30,11 @@ export function StatusBar() {
 function NoticeLine() {
   const { text, level, undo } = notice.value;
   const trouble = connectionTrouble();
+  const words = trouble === "" ? text : level === "danger" ? `${trouble} ${text}` : trouble;
   return (
     <div class="notice">
-      <p role="status" class={trouble !== "" ? "danger-text" : level === "fact" ? "" : `${level}-text`}>
-        {trouble === "" ? text : level === "danger" ? `${trouble} ${text}` : trouble}
+      <p role="status" title={words} class={trouble !== "" ? "danger-text" : level === "fact" ? "" : `${level}-text`}>
+        {words}
       </p>
       {trouble !== "" && connection.value === "closed" && <RetryCount />}
       {trouble === "" && undo && (
