@@ -16,7 +16,9 @@ from vehicle import Vehicle, flatness
 SAMPLES = 600
 """Of a plan, for plots and for the 3D view."""
 
-_UNITS = {"rad": ("°", 180.0 / math.pi), "rad/s": ("rad/s", 1.0), "m/s2": ("m/s²", 1.0)}
+_UNITS = {"rad": ("°", 180.0 / math.pi), "m/s2": ("m/s²", 1.0)}
+_RATE = ("°/s", 180.0 / math.pi)
+"""Of the body's rates; a rotor's speed stays in rad/s."""
 
 
 def waypoint(point: document.Point) -> protocol.Waypoint:
@@ -66,7 +68,7 @@ def limits(report: planner.GateReport, shown: protocol.Series) -> list[protocol.
     for check in report.checks:
         if check.name in planner.limits.NAMES and check.bound > 0.0:
             lowest = check.name == "slowest rotor"
-            unit, scale = _UNITS.get(check.unit, (check.unit, 1.0))
+            unit, scale = _RATE if check.name.endswith("rate") else _UNITS.get(check.unit, (check.unit, 1.0))
             share = check.bound / check.value if lowest else check.value / check.bound
             sense = ">=" if lowest else "<="
             at_s = check.time_s or 0.0

@@ -122,7 +122,8 @@ class Held(msgspec.Struct, frozen=True):
     name: str
     duration_s: float
     segments: int
-    clearance_m: float
+    room_m: float
+    """What is left between the vehicle's surface and every obstacle: room for its tracking error."""
     crc32: str
 
 

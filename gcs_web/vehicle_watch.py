@@ -129,6 +129,9 @@ class VehicleWatch:
     def land(self) -> None:
         """Land now, whoever has control; a flight that is under way is given up."""
         self._cancel.set()
+        state = self.state()
+        if state.link == "fresh" and not state.armed:
+            raise LinkError("the vehicle is disarmed; there is nothing to abort")
         self.link.take_control(force=True)
         self.link.command(Command.LAND)
 

@@ -80,7 +80,7 @@ export interface Held {
   name: string;
   duration_s: number;
   segments: number;
-  clearance_m: number;
+  room_m: number;
   crc32: string;
 }
 

@@ -13,7 +13,7 @@ const ROWS: readonly { name: string; of: (held: Held) => string }[] = [
   { name: "Name", of: (held) => held.name },
   { name: "Duration", of: (held) => `${number(held.duration_s, 2)} s` },
   { name: "Segments", of: (held) => String(held.segments) },
-  { name: "Closest obstacle", of: (held) => `${number(held.clearance_m, 2)} m` },
+  { name: "Room for error", of: (held) => `${number(held.room_m, 2)} m` },
   { name: "Checksum", of: (held) => checksum(held.crc32) },
 ];
 
