@@ -19,6 +19,8 @@ DISPLAY_TRIANGLES = 120_000
 PLENTY_ABOVE_M = 0.7
 """Clearance this far above the limit has the colour of plenty."""
 
+_DARKENED = 0.45
+"""Share of the mesh's brightness that is shown: the path must stand out from it."""
 _UNKNOWN = np.array([90, 90, 100.0])
 _SLICE_ALPHA, _INSIDE_ALPHA = 90, 0
 
@@ -63,7 +65,7 @@ def display_mesh(path: Path, triangles: int = DISPLAY_TRIANGLES) -> "trimesh.Tri
     return trimesh.Trimesh(
         np.asarray(mesh.vertices),
         np.asarray(mesh.triangles),
-        vertex_colors=(255 * colours).astype(np.uint8) if len(colours) else None,
+        vertex_colors=(255 * _DARKENED * colours).astype(np.uint8) if len(colours) else None,
         process=False,
     )
 
@@ -97,10 +99,12 @@ def draw_slice(server: "viser.ViserServer", field: Any, height_m: float, require
 
 def draw_path(server: "viser.ViserServer", positions_world_m: FloatArray, colours: np.ndarray) -> Any:
     """A thick line through (m, 3) positions, coloured at each."""
+    # viser takes a line's colours for linear light, and brightens them on the screen by the inverse of this.
+    linear = np.round(255.0 * (colours / 255.0) ** 2.2).astype(np.uint8)
     return server.scene.add_line_segments(
         "/path",
         np.stack([positions_world_m[:-1], positions_world_m[1:]], axis=1),
-        np.stack([colours[:-1], colours[1:]], axis=1),
+        np.stack([linear[:-1], linear[1:]], axis=1),
         thickness=0.06,
         thickness_units="world",
     )

@@ -189,5 +189,5 @@ class View3D:
 
         @self._server.on_client_connect
         def _(client: Any) -> None:
-            client.camera.position = tuple(target + np.array([-0.27, -0.37, 0.54]) * reach)
+            client.camera.position = tuple(target + np.array([-0.2, -0.28, 0.4]) * reach)
             client.camera.look_at = tuple(target)
