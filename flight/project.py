@@ -25,7 +25,7 @@ WAYPOINTS_VERSION = 1
 
 @dataclass(frozen=True, slots=True)
 class Project:
-    """Where the parts of a project lie. The parts may not be there yet."""
+    """Paths of a project's parts. The parts may not exist yet."""
 
     folder: Path
     name: str
@@ -87,7 +87,9 @@ class Waypoints:
         positions = np.asarray(self.positions_world_m, dtype=np.float64)
         yaw = np.asarray(self.yaw_rad, dtype=np.float64)
         if positions.ndim != 2 or positions.shape[1] != 3 or yaw.shape != (len(positions),):
-            raise InputError(f"waypoints have shape {positions.shape} and yaw {yaw.shape}; (n, 3) and (n,) are wanted")
+            raise InputError(
+                f"waypoints: expected positions (n, 3) and yaw (n,), got {positions.shape} and {yaw.shape}"
+            )
         broken = np.flatnonzero(~np.isfinite(positions).all(axis=1))
         if broken.size:
             raise InputError(f"waypoint {int(broken[0])} is not finite: {positions[broken[0]].tolist()}")
