@@ -53,7 +53,7 @@ def load(folder: Path) -> Field:
 
 
 def open_editor(folder: Path) -> Editor:
-    """Read a field and its edits, ready for more.
+    """Read a field and its edits into an `Editor`.
 
     Raises:
         InputError: there is none in `folder`.
