@@ -142,7 +142,7 @@ def test_a_dragged_waypoint_is_planned_anew_and_undo_brings_it_back(station, pag
     assert (tmp_path / "page.png").stat().st_size > 20_000
 
 
-def test_a_waypoint_in_a_pillar_is_refused_in_words(station, page):
+def test_a_waypoint_in_a_pillar_is_refused_with_the_reason(station, page):
     station.session.move(1, np.array([2.0, 1.5, 1.2]))
     wait(lambda: settled(station))
     state = station.session.state()

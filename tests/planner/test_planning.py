@@ -200,7 +200,7 @@ def test_a_room_without_a_door_says_between_which_waypoints(drone):
     assert caught.value.remedy
 
 
-def test_a_vehicle_that_cannot_hover_is_told_so(open_sky, drone, through):
+def test_a_vehicle_that_cannot_hover_is_refused(open_sky, drone, through):
     weak = drone.with_limits(rotor_speed_min_rad_s=100.0, rotor_speed_max_rad_s=500.0)
     with pytest.raises(PlanInfeasibleError, match="hover"):
         planner.plan(through((0, 0, 1), (3, 0, 1)), open_sky, weak)

@@ -90,7 +90,7 @@ def test_steady_wind_is_only_a_moving_frame():
     np.testing.assert_allclose(moving.position_world_m - wind, still.position_world_m, atol=1e-9)
 
 
-def test_gusts_repeat_with_the_seed_and_have_the_wanted_size():
+def test_gusts_repeat_with_the_seed_and_have_the_given_standard_deviation():
     def winds(seed):
         plant = simulate.Plant(
             vehicle.example(), rng=np.random.default_rng(seed), wind=simulate.Wind((1.0, 0, 0), 0.5, 0.2)
