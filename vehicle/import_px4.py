@@ -12,7 +12,7 @@ from flight import FormatError, InputError
 from vehicle.draft import Known
 
 GENERIC_KM = 0.05
-"""PX4's default ratio of torque to thrust: nobody measured it."""
+"""PX4's default ratio of torque to thrust, which is not a measured value."""
 LARGEST_BYTES = 4_000_000
 
 
@@ -95,6 +95,6 @@ def _of_ulog(path: Path) -> dict[str, float]:
 
     try:
         values = ULog(str(path)).initial_parameters
-    except Exception as error:  # pyulog raises whatever its parser stumbles over
+    except Exception as error:  # pyulog's parser raises many types
         raise FormatError(f"{path} is not a readable ULog file: {error}") from error
     return {str(name): float(value) for name, value in values.items()}
