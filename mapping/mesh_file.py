@@ -1,7 +1,7 @@
 """Triangle meshes with vertex colours as files: GLB for viewers, PLY for everything else.
 
-Coordinates are the world's in both: metres, z up. (glTF means y up, so a foreign viewer shows the room on its side; our
-own page and the map folder agree on the world's axes instead.)
+Coordinates are the world's in both: metres, z up. (glTF's y is up, so other viewers show the room on its side; our
+own page and the map folder use the world's axes instead.)
 """
 
 from pathlib import Path

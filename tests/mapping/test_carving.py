@@ -1,4 +1,4 @@
-"""Space that pictures saw through: what is counted, how often it must be, and what is taken back."""
+"""Carving: which voxels are counted as seen through, how often they must be, and which become unknown again."""
 
 import dataclasses
 
@@ -58,7 +58,7 @@ def test_where_no_bound_is_known_nothing_is_counted() -> None:
     assert not volume.seen_through.any()
 
 
-def test_only_enough_pictures_make_space_free_and_the_count_does_not_run_over() -> None:
+def test_space_is_free_only_after_enough_images_and_the_count_saturates() -> None:
     volume = unseen_volume()
     for pictures in range(1, 300):
         volume.carve(view_from(), bound(3.0), farthest_m=FARTHEST_M)
@@ -69,7 +69,7 @@ def test_only_enough_pictures_make_space_free_and_the_count_does_not_run_over() 
     assert volume.seen_through.max() == 255
 
 
-def test_any_trace_of_a_surface_outweighs_every_look_through() -> None:
+def test_any_trace_of_a_surface_outweighs_all_carving() -> None:
     volume = unseen_volume()
     volume.seen_through[...] = 255
     volume.weight[30], volume.distance[30] = 0.01, -0.02
@@ -151,7 +151,7 @@ def test_a_vehicle_smaller_than_a_voxel_is_refused_because_nothing_would_be_reac
         DenseOptions(voxel_m=0.25)
 
 
-def test_the_way_between_pictures_is_walked_only_where_the_bodies_touch() -> None:
+def test_the_way_between_images_is_free_only_where_the_bodies_touch() -> None:
     places = [(0.0, 0.0, 0.0), (0.3, 0.0, 0.0), (1.2, 0.0, 0.0)]
     path = dense.flown_path([view_from(place) for place in places], 0.05, longest_gap_m=0.4)
     np.testing.assert_allclose(sorted({round(x, 3) for x in path[:, 0]}), [*np.linspace(0.0, 0.3, 7), 1.2], atol=1e-9)
