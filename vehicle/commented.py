@@ -39,8 +39,8 @@ def text(vehicle: Vehicle, *, schema: str | None = None) -> str:
     lines += [
         "# A vehicle of goshawk. SI units; body axes x forward, y left, z up.",
         "# Each number: value, std (standard deviation; 0 = taken as exact), unit, source (where it came from).",
-        "# A source that begins with `default` or `estimated` was not measured: replace the value when you know",
-        "# better, or run `goshawk identify FLIGHTS --vehicle THIS_FILE --out NEW_FILE`. Only the mass must be weighed.",
+        "# A source that begins with `default` or `estimated` was not measured: replace the value when you know better",
+        "# (or run `goshawk identify FLIGHTS --vehicle THIS_FILE --out NEW_FILE`). Only the mass must be weighed.",
         *(f"# Note: {note}" for note in vehicle.provenance.get("notes", [])),
         "",
         f"format = {json.dumps(FORMAT)}",
