@@ -1,4 +1,4 @@
-"""Starts and stops the ground station: session, viser, page and gateway, in this order and back."""
+"""Starts the ground station (session, viser, page, gateway, in this order) and stops it in reverse order."""
 
 import asyncio
 import contextlib
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class GroundStation:
-    """A running ground station; use as a context manager. `url` carries the token that lets a browser in."""
+    """A running ground station; use as a context manager. `url` carries the access token."""
 
     def __init__(
         self,

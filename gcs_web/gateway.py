@@ -1,9 +1,9 @@
-"""The one door of the ground station: who may come in, and what may pass.
+"""The ground station's gateway: authentication, origin checks and a message filter in front of viser.
 
-viser listens on a random loopback port and asks nobody anything; whoever reached it could press "Upload". So the
-browser talks to this gateway, which checks the Host header (a foreign name that resolves here is refused), the token
-(given once in the address, then kept as a cookie) and the Origin of every WebSocket, drops the messages that would
-publish the page on viser's share server, and passes the rest on.
+viser listens on a random loopback port and has no authentication: any program or web page that reached it could press
+"Upload". So the browser connects to this gateway. It checks the Host header (against DNS rebinding), the token (given
+once in the address, then kept as a cookie) and the Origin of every WebSocket, drops the messages that would publish
+the page on viser's share server, and forwards the rest.
 """
 
 import asyncio
@@ -40,11 +40,11 @@ class Gateway:
     """Serves `http://127.0.0.1:PORT/?token=...` in front of a viser server on another loopback port."""
 
     def __init__(self, upstream_port: int, *, token: str, state: State, port: int = 0) -> None:
-        """`state` answers `/state`: what the server holds, as JSON. Port 0 lets the system choose."""
+        """`state` supplies the JSON of `/state`: the session's state. Port 0 lets the system choose."""
         self._upstream = f"{LOOPBACK}:{upstream_port}"
         self._token = token
         self._state = state
-        self._wanted_port = port
+        self._requested_port = port
         self._runner: web.AppRunner | None = None
         self._client: ClientSession | None = None
         self.port = 0
@@ -52,24 +52,24 @@ class Gateway:
 
     @property
     def url(self) -> str:
-        """The address that lets a browser in."""
+        """The address to open in a browser, token included."""
         return f"http://{LOOPBACK}:{self.port}/?token={self._token}"
 
     async def start(self) -> None:
         """Listen. Raises `OSError` if the port is taken."""
         from aiohttp import ClientSession, ClientTimeout, web
 
-        @web.middleware  # marks a function, and will not mark a method
+        @web.middleware  # the decorator takes functions, not methods
         async def guard(request: web.Request, handler: Handler) -> web.StreamResponse:
             return await self._guard(request, handler)
 
         application = web.Application(middlewares=[guard])
         application.router.add_get("/state", self._serve_state)
-        application.router.add_get("/{path:.*}", self._pass_on)
+        application.router.add_get("/{path:.*}", self._forward)
         self._client = ClientSession(timeout=ClientTimeout(total=60), auto_decompress=False)
         self._runner = web.AppRunner(application, access_log=None)
         await self._runner.setup()
-        site = web.TCPSite(self._runner, LOOPBACK, self._wanted_port)
+        site = web.TCPSite(self._runner, LOOPBACK, self._requested_port)
         await site.start()
         assert site._server is not None
         self.port = site._server.sockets[0].getsockname()[1]  # type: ignore[attr-defined]
@@ -81,7 +81,7 @@ class Gateway:
             await self._runner.cleanup()
 
     async def _guard(self, request: "web.Request", handler: "Handler") -> "web.StreamResponse":
-        """Host, then token, then Origin; in this order, because each is cheaper to state than the next."""
+        """Check Host, then token, then Origin, so that the refusal names the first that is wrong."""
         from aiohttp import web
 
         names = {f"{LOOPBACK}:{self.port}", f"localhost:{self.port}"}
@@ -99,7 +99,7 @@ class Gateway:
         origin = request.headers.get("Origin")
         is_socket = request.headers.get("Upgrade", "").lower() == "websocket"
         if (origin is not None or is_socket) and origin not in {f"http://{name}" for name in names}:
-            return self._refuse(f"a page from {origin!r} may not talk to this ground station")
+            return self._refuse(f"a page from {origin!r} may not connect to this ground station")
         response = await handler(request)
         if not response.prepared:
             response.headers.update(_SAFETY_HEADERS)
@@ -121,11 +121,11 @@ class Gateway:
 
         return web.json_response(self._state())
 
-    async def _pass_on(self, request: "web.Request") -> "web.StreamResponse":
+    async def _forward(self, request: "web.Request") -> "web.StreamResponse":
         from aiohttp import web
 
         if request.headers.get("Upgrade", "").lower() == "websocket":
-            return await self._pass_socket(request)
+            return await self._forward_socket(request)
         assert self._client is not None
         headers = {name: request.headers[name] for name in ("Accept", "Accept-Encoding") if name in request.headers}
         async with self._client.get(f"http://{self._upstream}{request.path}", headers=headers) as answer:
@@ -135,7 +135,7 @@ class Gateway:
                 kept["Content-Encoding"] = answer.headers["Content-Encoding"]
             return web.Response(status=answer.status, body=body, headers=kept)
 
-    async def _pass_socket(self, request: "web.Request") -> "web.StreamResponse":
+    async def _forward_socket(self, request: "web.Request") -> "web.StreamResponse":
         from aiohttp import web
 
         offered = [p.strip() for p in request.headers.get("Sec-WebSocket-Protocol", "").split(",") if p.strip()]
@@ -145,7 +145,7 @@ class Gateway:
         address = f"ws://{self._upstream}{request.path}"
         async with self._client.ws_connect(address, protocols=offered, max_msg_size=0, compress=0) as server:
             downward = asyncio.create_task(_pump(server, browser, allow=lambda _: True))
-            upward = asyncio.create_task(_pump(browser, server, allow=_may_pass))
+            upward = asyncio.create_task(_pump(browser, server, allow=_is_allowed))
             _, pending = await asyncio.wait({downward, upward}, return_when=asyncio.FIRST_COMPLETED)
             for task in pending:
                 task.cancel()
@@ -155,7 +155,7 @@ class Gateway:
 
 
 async def _pump(source: Any, sink: Any, *, allow: Callable[[bytes], bool]) -> None:
-    """Pass binary messages from one socket to the other until either closes."""
+    """Forward binary messages from one socket to the other until either closes."""
     from aiohttp import WSMsgType
 
     async for message in source:
@@ -166,8 +166,8 @@ async def _pump(source: Any, sink: Any, *, allow: Callable[[bytes], bool]) -> No
             return
 
 
-def _may_pass(data: bytes) -> bool:
-    """Whether a browser's message may reach viser: well-formed, and not about publishing the page."""
+def _is_allowed(data: bytes) -> bool:
+    """Whether a browser's message is forwarded to viser: well-formed, and no request to publish the page."""
     import msgspec
 
     try:

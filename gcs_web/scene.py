@@ -1,4 +1,4 @@
-"""What the pilot sees: mesh, distance-field slice, path, waypoints, vehicle; arrays in, viser nodes out."""
+"""The 3D scene (mesh, distance-field slice, path, waypoints, vehicle): arrays in, viser nodes out."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import viser
 
 DISPLAY_TRIANGLES = 120_000
-"""More than this is thinned for the screen; the map on disk keeps everything."""
+"""A larger mesh is decimated for display; the map on disk is not changed."""
 
 _RED, _AMBER, _GREEN = np.array([220, 50, 47.0]), np.array([245, 180, 0.0]), np.array([38, 166, 91.0])
 _UNKNOWN = np.array([90, 90, 100.0])

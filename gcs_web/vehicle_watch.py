@@ -1,4 +1,4 @@
-"""The vehicle as the page knows it: where it is now, what it holds, and how a trajectory gets there."""
+"""The page's link to the vehicle: its pose, its active trajectory, and the upload."""
 
 import threading
 from collections.abc import Callable
@@ -14,7 +14,7 @@ _UPLOAD_SYSTEM = 254
 
 
 class VehicleWatch:
-    """Keeps a link to one vehicle and tells listeners when its pose is new."""
+    """Keeps a link to one vehicle and calls listeners at every new pose."""
 
     def __init__(self, url: str, *, key_file: Path | None = None) -> None:
         """Raises `LinkError` if no vehicle answers at `url`."""
@@ -27,12 +27,12 @@ class VehicleWatch:
         self._thread.start()
 
     def on_change(self, listener: Callable[[], None]) -> None:
-        """Call `listener` whenever the vehicle has told where it is, some twenty times a second."""
+        """Call `listener` at every pose that is received, some twenty times a second."""
         self._listeners.append(listener)
 
     @property
     def pose(self) -> tuple[FloatArray, FloatArray] | None:
-        """Position (3,) and `q_world_body` (4,), or None before the first word or after a silence of 2 s."""
+        """Position (3,) and `q_world_body` (4,), or None before the first message or 2 s after the last."""
         state = self._link.state
         if state is None or state.age_s > _SILENCE_S:
             return None
@@ -42,17 +42,17 @@ class VehicleWatch:
         """One line for the pilot."""
         state = self._link.state
         if state is None:
-            return f"{self.url}, no word yet"
+            return f"{self.url}, no message yet"
         if state.age_s > _SILENCE_S:
-            return f"{self.url}, silent for {state.age_s:.0f} s"
+            return f"{self.url}, link lost: no message for {state.age_s:.0f} s"
         held = f"holds {state.active_name}" if state.active_name else "holds no trajectory"
         return f"{self.url}, {state.mission.name.lower().replace('_', ' ')}, {held}"
 
     def upload(self, file: TrajectoryFile, name: str, *, map_hash: str) -> str:
-        """Send, commit, read back; one line on how it went.
+        """Send, commit, read back; returns a one-line summary.
 
         Raises:
-            FlightError: it was refused (on either side) or the link died; nothing was changed then.
+            FlightError: either side refused it, or the link was lost; the vehicle keeps its trajectory.
         """
         # A second station on the link, so that control is taken for the upload only and given back on leaving.
         with firmware_bridge.connect(self.url, key=self._key_file, system_id=_UPLOAD_SYSTEM) as link:

@@ -63,7 +63,7 @@ def test_an_addition_is_made_to_the_vehicle_file_and_the_diagnosis_goes_on_from_
     assert typed(line) == [*AGAIN[:4], "better.toml", *AGAIN[5:]]
 
 
-def test_flights_without_the_load_are_told_so_before_the_vehicle_gets_it():
+def test_flights_without_the_payload_are_marked_before_the_vehicle_gets_it():
     load = found(suspect("payload", "present", 1e-9), carried=(True, False, False))
     marked, judging, line = what_next.lines(load, ASKED)
     assert typed(marked) == ["log", "my b.parquet", "--payload", "left"]
@@ -79,7 +79,7 @@ def test_a_foreign_log_is_marked_beside_itself_and_the_marked_one_is_fitted():
     assert typed(line)[4:] == ["--flights", "a.csv", "--flights", "b.parquet", "--columns", "map.toml"]
 
 
-def test_a_curve_without_a_name_becomes_an_effect_and_is_tried():
+def test_a_curve_outside_the_catalogue_becomes_an_effect_and_is_evaluated():
     asked = Asked(ASKED.flights, ASKED.vehicle_file, ASKED.held_out, json_file=Path("d.json"))
     first, second = what_next.lines(found(outside=drawn("dn_0/dt")), asked)
     scaffold = ["vehicle", "scaffold-effect", "vehicle.toml", "--diagnosis", "d.json"]
@@ -98,46 +98,46 @@ def test_without_a_json_file_the_diagnosis_is_written_first():
     ("curve", "words"),
     [(drawn("time", "F_x"), "temperature"), (drawn("x"), "draught"), (drawn("constant", "F_z"), "weigh")],
 )
-def test_what_no_vehicle_can_know_is_said_where_to_look_for(curve, words):
+def test_a_curve_against_no_state_of_the_vehicle_gets_a_remark(curve, words):
     (line,) = what_next.lines(found(outside=curve), ASKED)
     assert line.startswith("(")
     assert words in line
 
 
-def test_look_alikes_are_told_apart_by_the_next_flight_in_the_space_flown():
+def test_confounded_effects_are_separated_by_a_next_flight_in_the_space_flown():
     alike = suspect("rotor_drag_speed", "cannot tell", 1e-7, "rotor_drag_thrust")
     (line,) = what_next.lines(found(alike), ASKED)
     assert typed(line) == [
         *["next-flight", "a.parquet", "my b.parquet", "--vehicle", "vehicle.toml"],
-        *["--suspect", "rotor_drag_speed", "--suspect", "rotor_drag_thrust"],
+        *["--candidate", "rotor_drag_speed", "--candidate", "rotor_drag_thrust"],
         *["--space", "4.0,2.0,1.0", "--corner=-1.0,-1.0,1.0", "--out", "waypoints.json"],
     ]
 
 
-def test_the_undecided_are_told_apart_first():
+def test_undecided_candidates_are_separated_first():
     doubtful = found(suspect("constant_wind", "cannot tell", 1e-9), undecided=("parasitic_drag", "rotor_drag_speed"))
     (line,) = what_next.lines(doubtful, ASKED)
     words = typed(line)
-    names = [words[i + 1] for i, word in enumerate(words) if word == "--suspect"]
+    names = [words[i + 1] for i, word in enumerate(words) if word == "--candidate"]
     assert names == ["parasitic_drag", "rotor_drag_speed"]
     beside = found(outside=drawn(), undecided=("parasitic_drag", "rotor_drag_speed"))
     assert what_next.lines(beside, ASKED) == [line]
 
 
-def test_an_addition_that_may_be_another_is_settled_against_the_model_without_it():
+def test_a_confounded_addition_is_tested_against_the_model_without_it():
     named = suspect("rotor_drag_speed", "present", 1e-9)
     asked = Asked(ASKED.flights, ASKED.vehicle_file, ASKED.held_out, out=Path("better.toml"), auto=True)
     (line,) = what_next.lines(found(named, rivals=(("weak_rotor[1]", 0.3),)), asked)
     words = typed(line)
     assert words[words.index("--vehicle") + 1] == "vehicle.toml"
-    assert [words[i + 1] for i, word in enumerate(words) if word == "--suspect"] == [named.name, "weak_rotor[1]"]
+    assert [words[i + 1] for i, word in enumerate(words) if word == "--candidate"] == [named.name, "weak_rotor[1]"]
 
 
 def test_nothing_in_doubt_proposes_nothing():
     assert what_next.lines(found(suspect("angular_damping", "excluded", 0.4)), ASKED) == []
 
 
-def test_columns_of_a_foreign_log_are_said_again():
+def test_the_column_map_of_a_foreign_log_is_repeated():
     asked = Asked((Path("a.csv"),), Path("vehicle.toml"), columns=Path("columns.toml"))
     lines = what_next.lines(found(suspect("ground_effect", "cannot tell", 0.4), outside=None), asked)
     lines += what_next.lines(found(outside=drawn()), asked)
