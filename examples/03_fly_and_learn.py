@@ -20,7 +20,7 @@ from goshawk.demo import vehicles
 from goshawk.flights import in_the_air, tracking
 
 OUT = Path(sys.argv[1] if len(sys.argv) > 1 else "example-out")
-KEY = bytes(range(32))  # a key of your own comes from `goshawk vehicle-sim`; this one never leaves the process
+KEY = bytes(range(32))  # a key of your own comes from `goshawk sitl`; this one never leaves the process
 
 hall = solids.Room((-6.0, -4.0, 0.0), (6.0, 4.0, 4.0))
 turn = np.linspace(0.0, 2.0 * np.pi, 9)

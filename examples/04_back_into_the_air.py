@@ -24,7 +24,7 @@ from planner import gate
 from sysid.diagnosis import diagnose
 
 OUT = Path(sys.argv[1] if len(sys.argv) > 1 else "example-out")
-KEY = bytes(range(32))  # a key of your own comes from `goshawk vehicle-sim`; this one never leaves the process
+KEY = bytes(range(32))  # a key of your own comes from `goshawk sitl`; this one never leaves the process
 HIDDEN = {"rotor_drag_thrust": {"drag_s_m": 0.0175}, "centre_of_mass": {"x_m": 0.008, "y_m": -0.006}}
 
 hall = solids.Room((-7.0, -5.0, 0.0), (7.0, 5.0, 4.0))

@@ -26,7 +26,7 @@ def block(language: str) -> str:
     return section.split(f"```{language}\n")[1].split("```")[0]
 
 
-def test_the_readmes_twenty_lines_run_and_say_what_is_printed(tmp_path: Path):
+def test_the_readmes_twenty_lines_run_and_print_what_it_shows(tmp_path: Path):
     program = block("python")
     assert len([line for line in program.splitlines() if line and not line.startswith("#")]) <= 20
     (tmp_path / "twenty_lines.py").write_text(program)
@@ -55,7 +55,7 @@ def test_links_and_pictures_of_a_page_lead_somewhere(page: Path):
             assert (page.parent / target.partition("#")[0]).exists(), target
 
 
-def test_the_gallery_shows_every_example_in_its_own_words_with_its_picture():
+def test_the_gallery_shows_the_docstring_and_picture_of_every_example():
     gallery = (ROOT / "docs" / "examples.md").read_text()
     for script in EXAMPLES:
         assert script.read_text().split('"""')[1].strip() in gallery, f"{script.name} says something else now"
@@ -74,7 +74,7 @@ def test_the_moving_picture_is_small_and_needs_no_script_and_no_network():
     assert all(link.startswith("data:image/png;base64,") for link in links)
 
 
-def test_every_word_of_the_glossary_is_explained_in_a_few_lines():
+def test_every_term_of_the_glossary_is_explained_in_a_few_lines():
     lines = (ROOT / "docs" / "glossary.md").read_text().splitlines()
     starts = [i for i, line in enumerate(lines) if line.startswith(": ")]
     assert len(starts) >= 60

@@ -1,4 +1,4 @@
-"""The renderer agrees with the geometry: rays end on surfaces, pixels look where the lens says, images are repeatable."""
+"""The renderer agrees with geometry: rays end on surfaces, pixels look where the lens says, images are repeatable."""
 
 from pathlib import Path
 

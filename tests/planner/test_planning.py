@@ -133,7 +133,7 @@ def test_a_straight_climb_has_a_plan(open_sky, drone, through):
     assert np.abs(plan.trajectory.position(plan.trajectory.sample(0.01))[:, :2]).max() < 0.05
 
 
-def test_the_same_question_has_the_same_answer(pillar, drone, through):
+def test_the_same_inputs_give_the_same_plan(pillar, drone, through):
     ask = through((-4, 0, 1), (0, 3, 2), (4, 0.1, 1))
     one, other = planner.plan(ask, pillar, drone), planner.plan(ask, pillar, drone)
     assert one.gate.trajectory_hash == other.gate.trajectory_hash

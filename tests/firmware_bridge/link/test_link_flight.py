@@ -116,21 +116,21 @@ def test_a_flight_that_another_station_ends_early_is_not_taken_for_a_whole_one(s
         pilot.fly(progress=interfere)
 
 
-def test_an_order_that_makes_no_sense_is_refused_in_words(serve, dial):
+def test_an_invalid_order_is_refused_with_the_reason(serve, dial):
     link = dial(serve())
     link.take_control()
     with pytest.raises(LinkError, match="refused to land"):
         link.command(Command.LAND)
 
 
-def test_a_dead_link_is_said_in_one_sentence_within_seconds(serve, plans):
+def test_a_lost_link_is_reported_in_one_sentence_within_seconds(serve, plans):
     began_s = time.monotonic()
     with pytest.raises(LinkError, match=r"no vehicle answers at udp://127.0.0.1:9 within 0\.8 s"):
         connect("udp://127.0.0.1:9", key=plans.key, timeout_s=0.8)
     assert time.monotonic() - began_s < 3.0
 
 
-def test_a_link_that_dies_later_is_noticed_too(serve, plans):
+def test_a_link_that_is_lost_later_is_reported_too(serve, plans):
     served = serve(line=Impairment())
     with connect(served.url, key=plans.key, timeout_s=0.8) as link:
         link.take_control()
