@@ -40,7 +40,7 @@ WHOLE = (
 )  # fmt: skip
 """Codec, link endpoint, state machine and failsafes: every branch of these files is taken."""
 GROUPS = ("supervisor", "landing", "mixer", "shaping", "tables", "safety", "mission")
-"""Of the case files, those that judge mutants; the link's are left out, for they fly no vehicle."""
+"""The case files that run against mutants; the link's are left out, as they fly no vehicle."""
 STRICT = (
     "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion", "-Wdouble-promotion", "-Wshadow",
     "-Wcast-align", "-Wcast-qual", "-Wstrict-prototypes", "-Wmissing-prototypes", "-Wundef",
@@ -309,7 +309,7 @@ def cost(folder: Path, library: Path) -> dict[str, int]:
         ["qemu-system-arm", "-machine", "mps2-an386", "-icount", "shift=6,sleep=off", "-nographic", "-semihosting",
          "-kernel", str(program)], capture_output=True, text=True, check=True, timeout=300,
     )  # fmt: skip
-    lines = (done.stdout or done.stderr).splitlines()  # the console is stderr when nobody watches
+    lines = (done.stdout or done.stderr).splitlines()  # the console is stderr when there is no terminal
     return {name: int(count) for count, _, name in (line.partition(" ") for line in lines) if name.startswith("tc_")}
 
 
