@@ -19,7 +19,7 @@ from typing import Any
 import blind_campaigns
 import numpy as np
 import report
-from diagnosis_run import effect_of, judge
+from diagnosis_run import effect_of, score
 
 MOST_JOBS = 2
 ABOVE = 2.0
@@ -208,7 +208,7 @@ def run(folder: Path, results_file: Path, jobs: int) -> tuple[list[Result], int]
     waiting = [p for p in sorted(folder.glob("campaign_*")) if p.name not in done]
     failures = 0
     with ProcessPoolExecutor(min(jobs, MOST_JOBS)) as pool:
-        futures = {pool.submit(judge, p): p.name for p in waiting}
+        futures = {pool.submit(score, p): p.name for p in waiting}
         for future in as_completed(futures):
             broken = future.exception()
             if broken is not None:

@@ -38,7 +38,7 @@ NOT_SIZED = frozenset({"payload", "thrust_bem"})
 """Effects whose parameters mean something else in the truth: no coverage is counted."""
 
 
-def judge(folder: Path) -> dict[str, Any]:
+def score(folder: Path) -> dict[str, Any]:
     """Diagnose, then score against the truth file; plain JSON values."""
     from sysid.diagnosis import diagnose
 

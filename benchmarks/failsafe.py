@@ -1,4 +1,4 @@
-"""Thousands of random flights with one or two faults each, judged by a simulated body that shares no code.
+"""Thousands of random flights with one or two faults each, flown by a simulated body that shares no code.
 
     python benchmarks/failsafe.py --flights 2000 --json failsafe.json
     python benchmarks/failsafe.py --only 1234 --trace flight.png      # one of them again, drawn
@@ -459,7 +459,7 @@ def rows(flown: list[Flown]) -> list[report.Row]:
         ("touchdowns above their bar", "touched down"),
         ("not at rest at the end", "not at rest"),
         ("reactions without a reason", "reason"),
-        ("transitions that nobody commanded", "commanded"),
+        ("transitions without a command", "commanded"),
         ("failsafes without their cause", "there was none"),
         ("outputs not finite or out of range", "outputs"),
         ("KILL later than the next tick", "KILL took"),

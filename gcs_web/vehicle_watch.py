@@ -9,7 +9,7 @@ import firmware_bridge
 from flight import FloatArray, TrajectoryFile
 
 _PERIOD_S = 0.05
-_SILENCE_S = 2.0
+_LINK_LOST_S = 2.0
 _UPLOAD_SYSTEM = 254
 
 
@@ -34,7 +34,7 @@ class VehicleWatch:
     def pose(self) -> tuple[FloatArray, FloatArray] | None:
         """Position (3,) and `q_world_body` (4,), or None before the first message or 2 s after the last."""
         state = self._link.state
-        if state is None or state.age_s > _SILENCE_S:
+        if state is None or state.age_s > _LINK_LOST_S:
             return None
         return state.position_world_m, state.q_world_body
 
@@ -43,7 +43,7 @@ class VehicleWatch:
         state = self._link.state
         if state is None:
             return f"{self.url}, no message yet"
-        if state.age_s > _SILENCE_S:
+        if state.age_s > _LINK_LOST_S:
             return f"{self.url}, link lost: no message for {state.age_s:.0f} s"
         held = f"holds {state.active_name}" if state.active_name else "holds no trajectory"
         return f"{self.url}, {state.mission.name.lower().replace('_', ' ')}, {held}"

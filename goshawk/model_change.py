@@ -75,7 +75,7 @@ def _fit(logs: list[FlightLog], model: Vehicle, what: str, progress: Progress) -
     return result
 
 
-def judged(present: Vehicle, changed: Vehicle, flights: Flights, *, progress: Progress = silent) -> Change:
+def evaluated(present: Vehicle, changed: Vehicle, flights: Flights, *, progress: Progress = silent) -> Change:
     """Compare the change, without fitting, with the present model on held-out flights."""
     models = {BEFORE: present, AFTER: changed}
     errors = held_out_errors(models, list(flights.held_out.values()), progress=progress)

@@ -76,8 +76,8 @@ def command(
     outputs.check(out, report_file, kept, overwrite=overwrite, folders=[plots])
     given = vehicle.load(vehicle_file)
     with console.progress() as progress:
-        learn, judge = ([_read(path, columns) for path in paths] for paths in (flights, held_out))
-        found = diagnose(learn, given, held_out=judge, auto=auto, progress=progress)
+        training, evaluation = ([_read(path, columns) for path in paths] for paths in (flights, held_out))
+        found = diagnose(training, given, held_out=evaluation, auto=auto, progress=progress)
     document = found.as_dict()
     usable = found.fit_verdict.use is not Use.REJECTED
     document["next"] = what_next.lines(found, Asked(flights, vehicle_file, held_out, columns, out, kept, auto))

@@ -290,8 +290,8 @@ def show_history(
         models = {str(step.number): history.version(vehicle_file, step) for step in line}
         with console.progress() as report:
             logs = [load(path, columns) for path in held_out]
-            judged = model_change.held_out_errors(models, logs, progress=report)
-        errors = {int(number): found for number, found in judged.items()}
+            by_version = model_change.held_out_errors(models, logs, progress=report)
+        errors = {int(number): found for number, found in by_version.items()}
     if figure is not None:
         names = [path.name for path in held_out]
         with outputs.file(figure, overwrite=overwrite) as temporary:
@@ -354,7 +354,7 @@ def _change(
         if training:
             change = model_change.refitted(present, changed, flights, progress=report)
         elif held_out:
-            change = model_change.judged(present, changed, flights, progress=report)
+            change = model_change.evaluated(present, changed, flights, progress=report)
     usable = change.fit.use is not Use.REJECTED
     step = None
     if not preview and (usable or anyway):

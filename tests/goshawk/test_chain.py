@@ -137,7 +137,7 @@ def test_a_lost_link_is_reported_in_one_sentence(folder, flown):
 @pytest.mark.slow  # test_model_verbs.py holds the same law on a shorter flight
 def test_adding_rotor_drag_lowers_the_prediction_error(folder, flown, tmp_path):
     """The same flight fits and judges here (speed); the demo judges on a held-out one."""
-    fit = ("identify", flown, "--vehicle", folder / "vehicle.toml", "--hold-unseen")
+    fit = ("identify", flown, "--vehicle", folder / "vehicle.toml", "--hold-unidentifiable")
     run(*fit, "--out", tmp_path / "without.toml")
     found = run(
         *fit, "--add-effect", "rotor_drag_thrust", "--out", tmp_path / "with.toml", "--plots", tmp_path / "figures"

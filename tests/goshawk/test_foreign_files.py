@@ -413,7 +413,7 @@ def test_no_file_takes_more_than_two_gibibytes(folder, line):
 @pytest.mark.parametrize(("name", "cause"), [("rpm", "rpm"), ("hz", "rpm")])
 def test_a_wrong_unit_of_rotor_speed_ends_in_do_not_use(folder, tmp_path, name, cause):
     out = tmp_path / "fitted.toml"
-    line = f"identify {name}.parquet --vehicle vehicle.toml --out {out} --hold-unseen"
+    line = f"identify {name}.parquet --vehicle vehicle.toml --out {out} --hold-unidentifiable"
     code, said, errors = attempt(folder, line)
     assert code == 1, errors
     assert said.startswith("verdict: do not use\n")

@@ -30,7 +30,7 @@ inline void hopf(const double axis[3], double yaw, double q[4]) {
     q[3] = w * s;
 }
 
-struct Lineup {
+struct Alignment {
     const Model& model;
     const double* values;
     const Body<double>& body;
@@ -160,7 +160,7 @@ inline void flatten(const Model& model, const double* values, double gravity, co
     static const double first[5] = {1.0 / 12, -8.0 / 12, 0.0, 8.0 / 12, -1.0 / 12};
     static const double second[5] = {-1.0 / 12, 16.0 / 12, -30.0 / 12, 16.0 / 12, -1.0 / 12};
     const Body<double> body = rigid_body(model, values);
-    const Lineup l{model, values, body, gravity};
+    const Alignment l{model, values, body, gravity};
     double q[5][4], n[5][4];
     for (int s = 0; s < 5; ++s) {
         double required[3];
