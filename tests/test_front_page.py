@@ -4,6 +4,7 @@ import os
 import re
 import subprocess
 import sys
+import tokenize
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -83,3 +84,39 @@ def test_every_term_of_the_glossary_is_explained_in_a_few_lines():
         assert not lines[i - 1].startswith((":", "#", " "))
         following = [*lines, ""][i + 1 : i + 4]
         assert "" in following, f"{lines[i - 1]} takes more than three lines"
+
+
+ROOMS = "flight esdf vehicle planner mapping gcs_web goshawk examples benchmarks tools docs tests".split()
+COINED = re.compile(
+    r"\b(suspects?|suspicious|convicts?|stand-ins?|look-alikes?|line-up|crumbs?|obituary|side door|sayings|leeway"
+    r"|cannot be seen|virtual (vehicle|flight)s?|rare ways|usual tick|(is|are) wanted|from nil|(told|tells?) apart"
+    r"|knows nothing|stands for|vehicle-sim)\b",
+    re.IGNORECASE,
+)
+"""Words this project coined; docs/terms.md has the standard term for each."""
+COINED_NAMES = re.compile(
+    r"\b(?:def|class) +\w*(suspect|crumb|obituary|look_alike|unseen|silence|stand_in|line_?up|wanted)"
+)
+EARLIER_NAMES = {"terms.md", "test_front_page.py", "test_verb_groups.py"}
+"""Files whose subject are the earlier names."""
+
+
+def prose(path: Path) -> str:
+    """Comments and strings with a space in Python, without the fields of f-strings; elsewhere all but quoted words."""
+    if path.suffix != ".py":
+        return re.sub(r"`[^`\n]*`|\"[^\"\n]*\"", "", path.read_text())
+    with path.open("rb") as source:
+        tokens = [t.string for t in tokenize.tokenize(source.readline) if t.type in (tokenize.COMMENT, tokenize.STRING)]
+    return "\n".join(re.sub(r"\{[^{}]*\}", "", text) for text in tokens if " " in text)
+
+
+def test_coined_words_do_not_come_back():
+    files = [p for room in ROOMS for p in (ROOT / room).rglob("*") if p.suffix in (".py", ".cpp", ".hpp", ".md")]
+    files += [ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+    found = [
+        f"{path.relative_to(ROOT)}: {match[0]}"
+        for path in files
+        if path.name not in EARLIER_NAMES and "sysid" not in path.parts and "_build" not in path.parts
+        for match in (*COINED.finditer(prose(path)), *COINED_NAMES.finditer(path.read_text()))
+    ]
+    assert not found, "docs/terms.md has the standard terms for: " + "; ".join(found)

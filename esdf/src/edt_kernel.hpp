@@ -134,7 +134,7 @@ void split_signs(const T* in, Index rows, T cap, Column<T>& free, Column<T>& sol
 }
 
 template <class T>
-struct Pass {  // how steps 2 and 3 combine rows; rows [first, last) are wanted
+struct Pass {  // how steps 2 and 3 combine rows; rows [first, last) are computed
     Index rows, first, last, reach;
     const T* table;
     T cap;

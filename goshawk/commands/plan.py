@@ -57,7 +57,7 @@ def command(
     goshawk plan waypoints.json --map map --vehicle vehicle.toml --out lap.json
     goshawk plan --path map/poses.csv --map map --vehicle vehicle.toml --out walk.json
 
-    WAYPOINTS is a project's waypoints.json, or CSV with columns x_m, y_m, z_m and, where wanted, yaw_deg (empty: free).
+    WAYPOINTS is a project's waypoints.json, or CSV with columns x_m, y_m, z_m and, optionally, yaw_deg (empty: free).
     The file is written only if the final gate passes. Exit code 1: there is no such trajectory; the message says
     where, why, and what to change.
     """
@@ -144,7 +144,7 @@ def read_path(path: Path) -> FloatArray:
     except FileNotFoundError:
         raise InputError(f"{path} does not exist") from None
     except KeyError as error:
-        raise InputError(f"{path} has no column {error}; x_m, y_m and z_m are wanted") from None
+        raise InputError(f"{path} has no column {error}; expected columns x_m, y_m and z_m") from None
     except (TypeError, ValueError, OSError) as error:
         raise InputError(f"{path} is not a CSV file of positions: {error}") from error
     if len(positions) < 2:

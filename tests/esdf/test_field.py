@@ -107,7 +107,7 @@ def test_along_a_curve_the_rate_is_the_slope_of_the_distance(room_field):
     distance, rate = profile(room_field, path, times)
     np.testing.assert_array_equal(distance, room_field.distance(path.position(times)))
     before, after = profile(room_field, path, times - 1e-4)[0], profile(room_field, path, times + 1e-4)[0]
-    smooth = np.abs((after - before) / 2e-4 - rate) < 1e-2  # a kink at a cell's border may fall between
+    smooth = np.abs((after - before) / 2e-4 - rate) < 1e-2  # a kink at a cell's face may fall between
     assert smooth.mean() > 0.98
 
 

@@ -32,7 +32,7 @@ def folder(tmp_path_factory) -> Path:
     rng = np.random.default_rng(8)
     truth = flying.Truth(gust=0.1, extra=damping)
     logs = flying.fly(truth, flying.paper_flights(rng, 2, 0.1), 6, duration_s=10.0, rng=rng, rate_hz=100.0)
-    for name, i in (("vertical", 0), ("fast", 1), ("turning", 2), ("unseen", 4)):
+    for name, i in (("vertical", 0), ("fast", 1), ("turning", 2), ("held_out", 4)):
         flight_log.save(folder / f"{name}.parquet", logs[i])
     vehicle.save(folder / "vehicle.toml", vehicle.example("rigter2019"))
     return folder
@@ -46,14 +46,14 @@ def base(folder: Path) -> list[object]:
 def test_the_missing_effect_is_named_written_and_the_next_command_works(folder, tmp_path):
     out, facts, page = tmp_path / "better.toml", tmp_path / "d.json", tmp_path / "d.html"
     written = ("--out", out, "--json", facts, "--report", page, "--plots", tmp_path / "p")
-    said = run(*base(folder), "--held-out", folder / "unseen.parquet", *written)
+    said = run(*base(folder), "--held-out", folder / "held_out.parquet", *written)
     assert said.startswith("missing was angular_damping (confidence ")
     for expected in ("helped: ", "+ angular_damping", "excluded", "inconclusive", "unobservable", f"written: {out}"):
         assert expected in said
     document = json.loads(facts.read_text())
     assert (document["schema"], document["version"]) == ("goshawk-diagnosis", 1)
     assert document["flights"] == ["vertical", "fast", "turning"]
-    assert document["held_out"] == ["unseen"]
+    assert document["held_out"] == ["held_out"]
     assert document["additions"] == ["angular_damping"]
     first = document["suspects"][0]
     assert first["verdict"] == "present"
@@ -120,7 +120,7 @@ def test_bad_input_is_one_sentence(folder, tmp_path):
 
 @pytest.mark.slow
 def test_a_short_held_out_flight_is_reported_as_too_little_and_lowers_the_confidence(folder, tmp_path):
-    log = flight_log.load(folder / "unseen.parquet")
+    log = flight_log.load(folder / "held_out.parquet")
     start_s = float(log.time_s[0])
     flight_log.save(tmp_path / "short.parquet", log.slice(start_s + 2.0, start_s + 5.0))
     said = run(*base(folder), "--held-out", tmp_path / "short.parquet", "--json", "-")

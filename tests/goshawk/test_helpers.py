@@ -139,7 +139,7 @@ class Area:
 
 def test_positions_without_clearance_are_left_out_and_counted(field):
     s = np.linspace(0.0, 1.0, 41)[:, None]
-    walked = (1 - s) * [-0.1, 1.5, 1.2] + s * [3.0, 1.5, 1.2]  # begins in the wall, where nobody has looked
+    walked = (1 - s) * [-0.1, 1.5, 1.2] + s * [3.0, 1.5, 1.2]  # begins in the wall, in unknown space
     options = planner.PlanOptions()
     waypoints, left_out = waypoints_along(walked, 0.10, Area(field), options)
     near_m = field.distance(walked)

@@ -76,7 +76,7 @@ def test_bad_input_is_one_sentence(folder, tmp_path):
         "none.parquet": ["next-flight", tmp_path / "none.parquet", *car, *PAIR, *SPACE],
         "empty.parquet": ["next-flight", tmp_path / "empty.parquet", *car, *PAIR, *SPACE],
         "other.toml": ["next-flight", folder / "doublets.parquet", "--vehicle", tmp_path / "other.toml", *SPACE],
-        "'no_such' is not among the suspects": asked(folder, "--candidate", "no_such", *SPACE),
+        "'no_such' is not among": asked(folder, "--candidate", "no_such", *SPACE),
         "there is no manoeuvre 'looping'": asked(folder, *PAIR, *SPACE, "--manoeuvre", "looping"),
         "is not 3 numbers": asked(folder, *PAIR, "--space", "6,6"),
         "leaves no room": asked(folder, *PAIR, "--space", "6,0.1,3"),

@@ -24,7 +24,7 @@ def view_from(position_world_m: tuple[float, float, float] = (0.1, 1.0, 1.0)) ->
     return ImageView(PINHOLE, T, np.full((120, 160), 90, np.uint8))
 
 
-def unseen_volume() -> Volume:
+def unobserved_volume() -> Volume:
     return fusion.empty_volume(np.zeros(3), np.array([7.0, 2.0, 2.0]), voxel_m=0.1, truncation_m=0.25, channels=1)
 
 
@@ -38,7 +38,7 @@ def bound(range_m: float) -> np.ndarray:
 
 @pytest.mark.parametrize("range_m", [0.8, 3.0, 4.9, 50.0])
 def test_nothing_behind_the_bound_out_of_view_or_too_far_is_counted(range_m: float) -> None:
-    view, volume = view_from(), unseen_volume()
+    view, volume = view_from(), unobserved_volume()
     volume.carve(view, bound(range_m), farthest_m=FARTHEST_M)
     at = centres(volume) - view.position_world_m
     distance_m = np.linalg.norm(at, axis=-1)
@@ -53,13 +53,13 @@ def test_nothing_behind_the_bound_out_of_view_or_too_far_is_counted(range_m: flo
 
 
 def test_where_no_bound_is_known_nothing_is_counted() -> None:
-    volume = unseen_volume()
+    volume = unobserved_volume()
     volume.carve(view_from(), bound(0.0), farthest_m=FARTHEST_M)
     assert not volume.seen_through.any()
 
 
 def test_space_is_free_only_after_enough_images_and_the_count_saturates() -> None:
-    volume = unseen_volume()
+    volume = unobserved_volume()
     for pictures in range(1, 300):
         volume.carve(view_from(), bound(3.0), farthest_m=FARTHEST_M)
         if pictures in (1, LEAST_SEEN_THROUGH - 1, LEAST_SEEN_THROUGH, 256, 299):
@@ -70,7 +70,7 @@ def test_space_is_free_only_after_enough_images_and_the_count_saturates() -> Non
 
 
 def test_any_trace_of_a_surface_outweighs_all_carving() -> None:
-    volume = unseen_volume()
+    volume = unobserved_volume()
     volume.seen_through[...] = 255
     volume.weight[30], volume.distance[30] = 0.01, -0.02
     state = volume.occupancy(least_weight=0.6, skin_voxels=0.87)

@@ -27,10 +27,10 @@ def _work(name: str):
 
 
 def test_answer_and_progress_come_back() -> None:
-    heard: list[tuple[str, float]] = []
-    answer = child.run(_work("add"), 2, 3, progress=lambda stage, fraction: heard.append((stage, fraction)))
+    reports: list[tuple[str, float]] = []
+    answer = child.run(_work("add"), 2, 3, progress=lambda stage, fraction: reports.append((stage, fraction)))
     assert answer == 5
-    assert heard == [("adding", 0.5), ("adding", 1.0)]
+    assert reports == [("adding", 0.5), ("adding", 1.0)]
 
 
 def test_abort_names_the_step_and_the_signal() -> None:

@@ -123,7 +123,7 @@ def test_free_space_is_air_and_seen_walls_have_no_holes(
     assert {UNKNOWN, FREE, OCCUPIED} == set(np.unique(state))
     free = SCENE.distance(grid.centre(np.argwhere(state == FREE)))
     assert (free < 0.0).mean() < 0.004
-    # walk from each camera to just behind what it sees: nobody passes through a wall that was seen
+    # walk from each camera to just behind the surface it sees: no observed wall is free
     view = views[4]
     rays = stereo.depth_rays(view, 0.5)[10:-10:4, 10:-10:4].reshape(-1, 3) @ view.T_world_camera[:3, :3].T
     ranges = rendered_world.cast_rays(SCENE, view.position_world_m, rays)

@@ -108,8 +108,8 @@ def test_space_is_free_before_a_plane_occupied_at_it_and_unknown_behind(tilt_deg
     assert (state[before_m < -0.2] == UNKNOWN).all()
     flown = np.linalg.norm(at_camera, axis=1) <= DenseOptions().flown_radius_m
     assert (state[flown] == FREE).all()
-    unseen = (~PINHOLE.contains(pixels) | (at_camera[:, 2] < 0.0)) & ~flown
-    assert (state[unseen] == UNKNOWN).all()
+    unobserved = (~PINHOLE.contains(pixels) | (at_camera[:, 2] < 0.0)) & ~flown
+    assert (state[unobserved] == UNKNOWN).all()
 
 
 def test_facing_is_the_cosine_of_incidence() -> None:

@@ -103,7 +103,7 @@ def test_px4_rotors_come_in_its_order_with_y_to_the_left(tmp_path):
     known = import_px4.read(path)
     assert known.hub_body_m.tolist() == [[0.09, -0.11, 0.0], [-0.09, 0.11, 0.0], [0.09, 0.11, 0.0], [-0.09, -0.11, 0.0]]
     assert known.spin.tolist() == [1.0, 1.0, -1.0, -1.0]  # front right and rear left counter-clockwise, as PX4 draws it
-    assert known.yaw_torque_to_thrust_m is None  # 0.05 is nobody's measurement
+    assert known.yaw_torque_to_thrust_m is None  # 0.05 is PX4's default, not a measurement
     assert draft.missing(known) != []
 
 
