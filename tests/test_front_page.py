@@ -86,7 +86,8 @@ def test_every_term_of_the_glossary_is_explained_in_a_few_lines():
         assert "" in following, f"{lines[i - 1]} takes more than three lines"
 
 
-ROOMS = "flight esdf vehicle planner mapping gcs_web goshawk examples benchmarks tools docs tests".split()
+ROOMS = ("flight", "esdf", "vehicle", "planner", "mapping", "gcs_web", "goshawk")
+ROOMS += ("examples", "benchmarks", "tools", "docs", "tests")
 COINED = re.compile(
     r"\b(suspects?|suspicious|convicts?|stand-ins?|look-alikes?|line-up|crumbs?|obituary|side door|sayings|leeway"
     r"|cannot be seen|virtual (vehicle|flight)s?|rare ways|usual tick|(is|are) wanted|from nil|(told|tells?) apart"
