@@ -1,6 +1,6 @@
 """What learning a hidden effect is worth in the air: tracking error before, after, and with the truth known.
 
-For each effect a vehicle that has it, and a controller that does not know it, fly; the effect is added to the model and
+For each effect a vehicle that has it, and a controller whose model lacks it, fly; the effect is added to the model and
 fitted to the log; the new parameters go to the controller; it flies again. Effects that the controller does not cancel
 are there too, for what learning them is worth to it. The same once more without a given effect: a
 diagnosis of the two logs names it, or does not.

@@ -137,7 +137,7 @@ def errors(
 ) -> dict[str, Any]:
     """Held-out position errors after 0.5 s: base refitted, diagnosis, and an oracle that has the true structure.
 
-    Which flights carry a load, the oracle knows, and the diagnosis found out.
+    The oracle has the marks of flights with the payload; the diagnosis found its own.
     """
     if not truth["hidden"] and not truth["real_drag"]:
         return {}
@@ -174,6 +174,6 @@ def loaded(logs: list[FlightLog], carried: Iterable[bool]) -> list[FlightLog]:
 
 
 def _oracle_options(informed: vehicle.Vehicle, truth: dict[str, Any]) -> sysid.Options:
-    """The oracle knows which rotor is weak: the losses of the others are held at zero."""
+    """The oracle has the index of the weak rotor: the losses of the others are held at zero."""
     losses = truth["hidden"].get("weak_rotor", {})
     return replace(SAME, held=tuple(f"weak_rotor.{p}" for p, x in losses.items() if x == 0.0))

@@ -212,7 +212,7 @@ def _list_in(folder: Path) -> tuple[Edit, ...]:
 
 
 def open_blocks(folder: Path, *, in_memory: bool = False) -> BlockField:
-    """Open a map that `build_blocks` made. Reads the indices alone; bricks come in as they are asked for.
+    """Open a map that `build_blocks` made. Reads the indices alone; bricks are read on demand.
 
     Args:
         in_memory: Read all bricks now, so that no query waits for the disk. It gains nothing once the system has

@@ -28,7 +28,7 @@ CHUNK = (256, 256, 256)
 """Voxels of one chunk: large enough that the halo costs little, small enough that a worker needs 200 MB."""
 
 Source = Callable[[Region], StateArray]
-"""Where states come from: asked for any box of voxels, from several threads at once; processes and Dask pickle it."""
+"""Returns the states of any box of voxels; called from several threads at once; processes and Dask pickle it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +137,7 @@ def _write_bricks(path: Path, array: np.ndarray, region: Region, uniform: np.nda
 
 
 class Mapper(Protocol):
-    """What is asked of an engine: `concurrent.futures.Executor`, or `dask.distributed.Client.get_executor()`."""
+    """The interface of an executor: `concurrent.futures.Executor`, or `dask.distributed.Client.get_executor()`."""
 
     def map(self, function: Callable[[ChunkJob], str], jobs: Iterable[ChunkJob], /) -> Iterator[str]: ...
 

@@ -183,7 +183,7 @@ def _triple(value: ArrayLike, name: str) -> tuple[float, float, float]:
 
 
 def checked_state(state: ArrayLike, grid: Grid) -> StateArray:
-    """A state array as contiguous uint8 of the grid's shape, or an `InputError` that says what is wrong with it."""
+    """A state array as contiguous uint8 of the grid's shape, or an `InputError` that names the fault."""
     array = np.asarray(state)
     if array.shape != grid.shape:
         raise InputError(f"the state array has shape {array.shape}, the grid {grid.shape}")

@@ -14,7 +14,7 @@ class FormatError(FlightError):
 
 
 class InfeasibleError(FlightError):
-    """The problem is well posed and has no answer within the limits; the message says which limit."""
+    """The problem is well posed and has no solution within the limits; the message says which limit."""
 
 
 class MapError(FlightError):

@@ -3,7 +3,7 @@
 project.toml        what this folder is
 map/                written by `goshawk map`
 vehicle.toml        what we believe about the vehicle
-waypoints.json      what the pilot drew (see `Waypoints`)
+waypoints.json      the pilot's waypoints (see `Waypoints`)
 trajectories/*.json checked trajectories
 flights/*.parquet   flight logs
 """
@@ -76,7 +76,7 @@ def open_project(folder: Path) -> Project:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Waypoints:
-    """What the pilot asks the planner to fly through."""
+    """Positions, and optionally headings, that a trajectory must pass."""
 
     positions_world_m: FloatArray
     """(n, 3), in order."""

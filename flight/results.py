@@ -2,7 +2,7 @@
 
 `walk.json` becomes `walk.json.old-1`, so that no pattern (`*.json`) takes the old one for a result. Only regular files,
 and folders that Goshawk wrote, are ever replaced. The rule is checked twice: before the work (`require_free`), so that
-a conflict is reported early, and again when the result is moved into place (`new_file`), because another program may have
+a conflict is reported early, and again when the result is moved into place (`new_file`), as another program may have
 written there meanwhile.
 """
 

@@ -41,7 +41,7 @@ class GroundStation:
             port: of the gateway; 0 lets the system choose.
             vehicle_url: where the vehicle answers (`udp:HOST:PORT`), or None to work without one.
             key_file: the link's signing key.
-            options: what the planner is asked for.
+            options: of the planner.
             triangles: the mesh is thinned to this many for display.
 
         Raises:

@@ -1,4 +1,4 @@
-"""The steps COLMAP does for us: features, matches, incremental mapping. Runs in a child process only (see `child`)."""
+"""The steps that COLMAP runs: features, matches, incremental mapping. Runs in a child process only (see `child`)."""
 
 import logging
 import tempfile

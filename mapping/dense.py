@@ -104,7 +104,7 @@ def reconstruct(
             by matching the images with each other.
 
     Raises:
-        MapError: too few images see the same things from different places, or the volume does not fit in memory.
+        MapError: too few images observe the same surfaces from different places, or the volume does not fit in memory.
     """
     options = options or DenseOptions()
     if depths is None:

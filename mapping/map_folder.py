@@ -4,7 +4,7 @@ map.toml        what this is, its hash, where its scale came from, its main figu
 mesh.glb/.ply   surfaces with vertex colours
 esdf/           the distance field, with the pilot's edits
 localization/   points with descriptors, for relocalization
-camera.toml     the rig, with the lenses as the map knows them
+camera.toml     the rig, with the lenses of the map
 poses.csv       where each image was taken (body in world)
 report.json     all figures of the run
 """
@@ -84,7 +84,7 @@ class MapReport:
     path_length_m: float
     """From the first placed image to the last."""
     lenses: dict[str, list[float]]
-    """Parameters of each camera as the map knows them."""
+    """Parameters of each camera in the map."""
     mesh_vertices: int
     """Of `mesh.glb`."""
     mesh_faces: int

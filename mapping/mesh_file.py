@@ -15,7 +15,7 @@ SUFFIXES = (".glb", ".ply")
 
 
 def save(path: Path, vertices_world_m: FloatArray, faces: NDArray[np.int32], colours: NDArray[np.uint8]) -> None:
-    """Write a mesh; the suffix says which format. `colours` (n, 3) RGB."""
+    """Write a mesh; the suffix determines the format. `colours` (n, 3) RGB."""
     import trimesh
 
     if Path(path).suffix not in SUFFIXES:

@@ -169,7 +169,7 @@ def _between_samples(value: FloatArray, segment: np.ndarray) -> FloatArray:
 
 
 def point_mass_bounds(vehicle: Vehicle, limits: Limits) -> penalty.Bounds:
-    """The limits as an optimiser without rotors sees them."""
+    """The limits for an optimiser without a rotor model."""
     still = np.zeros((1, 3))
     mass = vehicle.mass_kg
     speeds = (limits.rotor_speed_min_rad_s, limits.rotor_speed_max_rad_s)

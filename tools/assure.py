@@ -298,7 +298,7 @@ COST_MARK = "<!-- written by tools/assure.py cost --markdown -->"
 def cost(folder: Path, library: Path) -> dict[str, int]:
     """Worst instructions of every public function, by name and situation: test/worst_case.c on an emulated Cortex-M4F.
 
-    An emulator counts instructions; the cycles of a board's memory and pipeline it does not know.
+    An emulator counts instructions; it does not model the cycles of a board's memory and pipeline.
     """
     need("arm-none-eabi-gcc", "qemu-system-arm")
     program = folder / "worst_case.elf"
@@ -372,7 +372,7 @@ FUZZ = (
     f"-fsanitize-ignorelist={LIBRARY / 'fuzz' / 'not_sanitized.txt'}",
 )  # fmt: skip
 """Both sanitizers; undefined behaviour ends in a trap rather than in a call that describes it, and comparisons are not
-traced, for the targets know what a good frame looks like: that makes an execution several times as fast."""
+traced, as the targets build good frames themselves: that makes an execution several times as fast."""
 QUICKER = ("crc32.c", "link_crc16.c")
 """Sources that fuzz/quick_crc.c replaces: the same values, several times as fast."""
 LONGEST_INPUT = 128

@@ -30,7 +30,7 @@ class Jacobian:
     rotor_speed: FloatArray
     """(n, 6, 4)."""
     parameters: FloatArray
-    """(n, 6, p) by the parameters that were asked for, in that order."""
+    """(n, 6, p) by the requested parameters, in that order."""
     attitude: FloatArray
     """(n, 6, 3) by a small rotation vector in body axes, at fixed air speed in body axes."""
     height: FloatArray

@@ -65,7 +65,7 @@ def read(path: Path) -> Known:
     }
     notes = [
         f"rotors 0 to 3 are {', '.join(link.name for link in rotors)} of {path.name}",
-        "a URDF does not say how rotors turn: neighbours are taken to turn opposite ways, the front left one clockwise",
+        "a URDF has no rotor spins: neighbours are taken to turn opposite ways, the front left one clockwise",
     ]
     return Known(
         name=re.sub(r"[^\w.-]+", "-", robot.get("name") or path.stem),

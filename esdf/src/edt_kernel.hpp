@@ -49,7 +49,7 @@ inline bool any(const Mask& mask) {
 }
 
 template <class T>
-struct Window {  // the voxels that can matter to the box asked for
+struct Window {  // the voxels that can affect the requested box
     Index lo[3], hi[3];
     explicit Window(const Request<T>& r) {
         for (int a = 0; a < 3; ++a) {

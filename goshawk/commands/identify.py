@@ -180,7 +180,7 @@ def _check_usage(
     json_file: str | None,
 ) -> None:
     if json_file not in (None, "-") and not json_file.endswith(".json"):
-        raise InputError(f"--json wants a file that ends in .json, or - for standard output, not {json_file}")
+        raise InputError(f"--json: expected a file that ends in .json, or - for standard output, got {json_file}")
     if bool(flights) == any(stages.values()):
         raise InputError("give FLIGHTS for one joint fit, or --vertical, --horizontal and --rotation for three stages")
     if free and any(stages.values()):
@@ -259,7 +259,7 @@ def _checked(path: str, log: FlightLog, believed: vehicle.Vehicle) -> sysid.LogR
 def _write(
     fits: Fits, out: Path | None, report_file: Path | None, plots: Path | None, *, overwrite: bool
 ) -> dict[str, Any]:
-    """Write what was asked for; each file is whole or absent. Returns what was written, for the document."""
+    """Write the requested files, each whole or not at all; returns their paths for the document."""
     figures: list[Path] = []
     if plots is not None:
         with outputs.pictures(plots, overwrite=overwrite) as drawn:

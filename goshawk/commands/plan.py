@@ -58,7 +58,7 @@ def command(
     goshawk plan --path map/poses.csv --map map --vehicle vehicle.toml --out walk.json
 
     WAYPOINTS is a project's waypoints.json, or CSV with columns x_m, y_m, z_m and, optionally, yaw_deg (empty: free).
-    The file is written only if the final gate passes. Exit code 1: there is no such trajectory; the message says
+    The file is written only if the final gate passes. Exit code 1: there is no such trajectory; the message names
     where, why, and what to change.
     """
     if (waypoints is None) == (path is None):
@@ -94,7 +94,7 @@ def options_from(
     speed_m_s: float | None = None,
     acceleration_m_s2: float | None = None,
 ) -> planner.PlanOptions:
-    """The planner's options: its defaults, and what the command line said otherwise."""
+    """The planner's options: the defaults, overridden by the command line."""
     options = planner.PlanOptions() if margin_m is None else planner.PlanOptions(margin_m=margin_m)
     asked = {"speed_m_s": speed_m_s, "acceleration_m_s2": acceleration_m_s2}
     slower = {name: value for name, value in asked.items() if value is not None}

@@ -91,7 +91,7 @@ def origin(name: str) -> Path | None:
 
 
 def _check_origin(effect: Effect, path: Path) -> None:
-    """Vehicles know effects by name: two different ones of one name would be confused without a message."""
+    """Vehicle files refer to effects by name: two different ones of one name would be confused without a message."""
     text = path.read_bytes()
     known, known_text = _origins.get(effect.name, (path, text))
     if known != path and known_text != text:

@@ -32,7 +32,7 @@ class Stage(IntEnum):
     DRIVE = 2
     """From command to rotor acceleration (acts on a `Drive`)."""
     AIR = 3
-    """Changes the air speed the other effects see."""
+    """Changes the air speed that the other effects use."""
     THRUST = 4
     """Adds to the thrust of each rotor."""
     THRUST_FACTOR = 5
@@ -174,7 +174,7 @@ class Effect:
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Cross product along the first axis, broadcasting the others (np.cross is slow and wants equal shapes)."""
+    """Cross product along the first axis, broadcasting the others (np.cross is slow and needs equal shapes)."""
     return np.stack(
         np.broadcast_arrays(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
     )
