@@ -8,6 +8,7 @@ trajectories/*.json checked trajectories
 flights/*.parquet   flight logs
 """
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +22,8 @@ FORMAT = "goshawk-project"
 VERSION = 1
 WAYPOINTS_FORMAT = "goshawk-waypoints"
 WAYPOINTS_VERSION = 1
+_NAME_LENGTH = 100
+_PART_NAME = re.compile(rf"[^\W_][\w .+=,()-]{{0,{_NAME_LENGTH - 1}}}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,16 +46,32 @@ class Project:
         return self.folder / "waypoints.json"
 
     def trajectory(self, name: str) -> Path:
-        return self.folder / "trajectories" / f"{name}.json"
+        """Raises `InputError` if `name` is no `part_name`."""
+        return self.folder / "trajectories" / f"{part_name(name)}.json"
 
     def flight(self, name: str) -> Path:
-        return self.folder / "flights" / f"{name}.parquet"
+        """Raises `InputError` if `name` is no `part_name`."""
+        return self.folder / "flights" / f"{part_name(name)}.parquet"
 
     def trajectories(self) -> list[Path]:
         return sorted((self.folder / "trajectories").glob("*.json"))
 
     def flights(self) -> list[Path]:
         return sorted((self.folder / "flights").glob("*.parquet"))
+
+
+def part_name(name: str) -> str:
+    """The name, if a trajectory or a flight may have it: it becomes a file's name and is shown on the page.
+
+    Raises:
+        InputError: it could lead out of the folder, hide the file, or be taken for markup.
+    """
+    if not _PART_NAME.fullmatch(name):
+        raise InputError(
+            f"{name!r} cannot be a name here: take 1 to {_NAME_LENGTH} letters, digits, spaces or any of . _ + = , ( ) "
+            "and -, with a letter or digit first"
+        )
+    return name
 
 
 def create(folder: Path, name: str) -> Project:

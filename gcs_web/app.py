@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 import planner
-from flight import InputError, project
+from flight import InputError, Progress, project, silent
 from gcs_web import gateway, scene
 from gcs_web.page import Page
 from gcs_web.session import Session
@@ -33,6 +33,7 @@ class GroundStation:
         key_file: Path | None = None,
         options: planner.PlanOptions | None = None,
         triangles: int = scene.DISPLAY_TRIANGLES,
+        progress: Progress = silent,
     ) -> None:
         """Open the project and listen on loopback.
 
@@ -48,6 +49,7 @@ class GroundStation:
             FlightError: the project cannot be opened, or the vehicle does not answer.
             InputError: the port is taken.
         """
+        progress("opening the map", 0.0)
         import viser
 
         logging.getLogger("websockets").setLevel(logging.ERROR)  # viser's HTTP half logs each page load as an error
@@ -58,12 +60,18 @@ class GroundStation:
         self._thread = threading.Thread(target=self._loop.run_forever, name="gateway", daemon=True)
         try:
             if vehicle_url is not None:
+                progress(f"waiting for the vehicle at {vehicle_url}", 0.0)
                 self._watch = VehicleWatch(vehicle_url, key_file=key_file)
             with contextlib.redirect_stdout(io.StringIO()):  # viser prints its own address, which is not for use
                 self._server = viser.ViserServer(host=gateway.LOOPBACK, port=_free_port(), verbose=False)
             required_m = (options or planner.PlanOptions()).clearance_m
             self.page = Page(
-                self._server, self._session, self._watch, triangles=triangles, required_clearance_m=required_m
+                self._server,
+                self._session,
+                self._watch,
+                triangles=triangles,
+                required_clearance_m=required_m,
+                progress=progress,
             )
             self._gateway = gateway.Gateway(
                 self._server.get_port(), token=gateway.new_token(), state=self._session.state, port=port

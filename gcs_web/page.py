@@ -1,13 +1,15 @@
 """The pilot's page: viser's scene and controls wired to the session and, if there is one, to the vehicle."""
 
 import logging
+import re
 import threading
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from flight import FlightError
+from flight import FlightError, Progress, silent
 from gcs_web import scene
 from gcs_web.session import Session
 from gcs_web.vehicle_watch import VehicleWatch
@@ -29,6 +31,7 @@ class Page:
         *,
         triangles: int = scene.DISPLAY_TRIANGLES,
         required_clearance_m: float,
+        progress: Progress = silent,
     ) -> None:
         self._server = server
         self._session = session
@@ -43,7 +46,8 @@ class Page:
         )
         server.gui.set_panel_label(f"Goshawk · {session.project.name}")
         server.scene.set_up_direction("+z")
-        server.scene.add_mesh_trimesh("/map", scene.display_mesh(session.map.mesh, triangles), cast_shadow=False)
+        mesh = scene.display_mesh(session.map.mesh, triangles, progress=progress)
+        server.scene.add_mesh_trimesh("/map", mesh, cast_shadow=False)
         self.vehicle_frame = scene.draw_vehicle(server)
         self._build_controls()
         self._place_camera()
@@ -66,8 +70,7 @@ class Page:
         with gui.add_folder("Trajectory"):
             self._name = gui.add_text("name", initial_value="plan")
             self._button("Save", self._save)
-            self._upload = gui.add_button("Upload ...", disabled=True)
-            self._upload.on_click(self._confirm_upload)
+            self._upload = self._button("Upload ...", self._ask_upload, disabled=True)
         field = self._session.map.field
         bottom = float(np.asarray(field.grid.origin_world_m)[2])
         top = bottom + field.grid.shape[2] * float(np.broadcast_to(field.grid.voxel_m, (3,))[2])
@@ -80,13 +83,17 @@ class Page:
             gui.add_markdown(f"red: below {self._required_m:.2f} m · green: {self._required_m + 0.7:.2f} m and more")
         self._draw_slice()
 
-    def _button(self, label: str, action: Callable[[], Any], *, color: Literal["gray"] | None = None) -> None:
+    def _button(
+        self, label: str, action: Callable[[], Any], *, color: Literal["gray"] | None = None, disabled: bool = False
+    ) -> Any:
         """A button whose refusals are shown to the pilot in words."""
-        button = self._server.gui.add_button(label, color=color)
+        button = self._server.gui.add_button(label, color=color, disabled=disabled)
 
         @button.on_click
         def _(_event: Any) -> None:
             self._attempt(action)
+
+        return button
 
     def _attempt(self, action: Callable[[], Any]) -> None:
         try:
@@ -109,40 +116,60 @@ class Page:
         step = after - positions[index] if index + 1 < len(positions) else np.array([1.0, 0.0, 0.0])
         self._session.insert(index + 1, positions[index] + 0.5 * step)
 
+    # --- what replaces something is shown first and done on a second press ---
+
     def _save(self) -> None:
-        path = self._session.save_trajectory(self._name.value)
-        self._message = f"saved as {path.relative_to(self._session.project.folder)}"
+        name = self._name.value
+        replaced = self._session.would_replace(name)
+        if replaced is None:
+            self._do_save(name, overwrite=False)
+            return
+        words = self._replaces(replaced)
+        self._confirm("Replace this trajectory?", words, "Replace", lambda: self._do_save(name, overwrite=True))
 
-    # --- upload: shown first, done on a second press ---
+    def _do_save(self, name: str, *, overwrite: bool) -> None:
+        saved = self._session.save_trajectory(name, overwrite=overwrite)
+        kept = f"; the one before is kept as {saved.kept.name}" if saved.kept else ""
+        self._message = f"saved as {saved.path.relative_to(self._session.project.folder)}{kept}"
 
-    def _confirm_upload(self, _event: Any) -> None:
-        plan = self._session.plan
+    def _ask_upload(self) -> None:
+        plan, name = self._session.plan, self._name.value
         if self._watch is None or plan is None or plan.file is None:
             return
-        modal = self._server.gui.add_modal("Upload this trajectory?")
+        replaced = self._session.would_replace(name)
+        facts = (
+            f"**{plain(name)}**: {plan.file.trajectory.duration_s:.1f} s, "
+            f"{len(plan.file.trajectory.durations_s)} segments, clearance {np.min(plan.clearance_m):.2f} m.\n\n"
+            f"To {plain(self._watch.describe())}. It replaces what the vehicle holds; nothing moves before "
+            f"`goshawk fly`.\n\n{self._replaces(replaced) if replaced else ''}"
+        )
+        overwrite = replaced is not None
+        self._confirm("Upload this trajectory?", facts, "Upload", lambda: self._do_upload(name, overwrite=overwrite))
+
+    def _replaces(self, path: Path) -> str:
+        return f"Another trajectory is saved as **{plain(path.name)}**; it will be kept beside the new one."
+
+    def _confirm(self, question: str, facts: str, yes_label: str, action: Callable[[], None]) -> None:
+        modal = self._server.gui.add_modal(question)
         with modal:
-            self._server.gui.add_markdown(
-                f"**{self._name.value}**: {plan.file.trajectory.duration_s:.1f} s, "
-                f"{len(plan.file.trajectory.durations_s)} segments, clearance {np.min(plan.clearance_m):.2f} m.\n\n"
-                f"To {self._watch.describe()}. It replaces what the vehicle holds; nothing moves before `goshawk fly`."
-            )
-            yes = self._server.gui.add_button("Upload")
+            self._server.gui.add_markdown(facts)
+            yes = self._server.gui.add_button(yes_label)
             no = self._server.gui.add_button("Cancel")
         no.on_click(lambda _: modal.close())
 
         @yes.on_click
         def _(_event: Any) -> None:
             modal.close()
-            self._attempt(self._do_upload)
+            self._attempt(action)
 
-    def _do_upload(self) -> None:
+    def _do_upload(self, name: str, *, overwrite: bool) -> None:
         assert self._watch is not None
         plan = self._session.plan
         if plan is None or plan.file is None:
             self._message = "the waypoints changed meanwhile; wait for the new plan"
             return
-        self._session.save_trajectory(self._name.value)
-        self._message = self._watch.upload(plan.file, self._name.value, map_hash=self._session.map.hash)
+        self._session.save_trajectory(name, overwrite=overwrite)
+        self._message = self._watch.upload(plan.file, name, map_hash=self._session.map.hash)
 
     # --- drawing ---
 
@@ -214,15 +241,15 @@ class Page:
         if state["planning"]:
             line = "planning ..."
         elif plan is None or plan.file is None:
-            line = f"**no plan:** {plan.problem if plan else 'drag a waypoint to begin'}"
+            line = f"**no plan:** {plain(plan.problem) if plan else 'drag a waypoint to begin'}"
         else:
             file = plan.file
             line = (
                 f"**checked:** {file.trajectory.duration_s:.2f} s through {len(state['waypoints_world_m'])} waypoints, "
                 f"clearance {np.min(plan.clearance_m):.2f} m"
             )
-        vehicle = self._watch.describe() if self._watch else "none (start with --vehicle-url)"
-        return "\n\n".join(part for part in (line, f"vehicle: {vehicle}", self._message) if part)
+        vehicle = plain(self._watch.describe()) if self._watch else "none (start with --vehicle-url)"
+        return "\n\n".join(part for part in (line, f"vehicle: {vehicle}", plain(self._message)) if part)
 
     def _show_vehicle(self) -> None:
         assert self._watch is not None
@@ -245,3 +272,8 @@ class Page:
         def _(client: Any) -> None:
             client.camera.position = tuple(target + np.array([-0.27, -0.37, 0.54]) * reach)
             client.camera.look_at = tuple(target)
+
+
+def plain(text: str) -> str:
+    """Text that the page's Markdown shows as it is: names come from files and from the vehicle."""
+    return re.sub(r"[^\w\s.,:;()/+-]", lambda found: f"&#{ord(found[0])};", text)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flight import FloatArray
+from flight import FloatArray, Progress, silent
 from flight.rotations import IDENTITY
 
 if TYPE_CHECKING:
@@ -29,13 +29,14 @@ def clearance_colours(clearance_m: FloatArray, required_m: float, comfortable_m:
     return np.where(share < 0.5, low, high).astype(np.uint8)
 
 
-def display_mesh(path: Path, triangles: int = DISPLAY_TRIANGLES) -> "trimesh.Trimesh":
+def display_mesh(path: Path, triangles: int = DISPLAY_TRIANGLES, *, progress: Progress = silent) -> "trimesh.Trimesh":
     """The map's mesh, thinned by quadric decimation if it has more triangles than asked for."""
     import open3d
     import trimesh
 
     mesh = open3d.io.read_triangle_mesh(path)
     if len(mesh.triangles) > triangles:
+        progress("thinning the mesh for display", 0.0)
         mesh = mesh.simplify_quadric_decimation(triangles)
     colours = np.asarray(mesh.vertex_colors)
     return trimesh.Trimesh(

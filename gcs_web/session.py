@@ -8,7 +8,7 @@ import multiprocessing
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ import numpy as np
 import mapping
 import planner
 import vehicle
-from flight import FlightError, FloatArray, InputError, TrajectoryFile, project, trajectory
+from flight import FlightError, FloatArray, InputError, TrajectoryFile, project, results, trajectory
 from flight.project import Project, Waypoints
 
 
@@ -35,6 +35,15 @@ class PlanResult:
     """(m, 3) samples along the path."""
     problem: str
     """Why there is no plan, in one sentence; empty with a plan."""
+
+
+@dataclass(frozen=True, slots=True)
+class Saved:
+    """A trajectory in the project."""
+
+    path: Path
+    kept: Path | None = None
+    """Where the one of the same name that it replaced is now."""
 
 
 Listener = Callable[[], None]
@@ -55,6 +64,8 @@ class Session:
         self._revision = 0
         self._plan: PlanResult | None = None
         self._planning = False
+        self._saved: dict[Path, int] = {}
+        """Which revision of the waypoints each trajectory of this session was planned for."""
         self._listeners: list[Listener] = []
         context = multiprocessing.get_context("spawn")
         self._pool = ProcessPoolExecutor(
@@ -107,18 +118,36 @@ class Session:
         future = self._pool.submit(_plan, revision, positions)
         future.add_done_callback(self._finished)
 
-    def save_trajectory(self, name: str) -> Path:
+    def save_trajectory(self, name: str, *, overwrite: bool = False) -> Saved:
         """Write the current plan into the project.
 
+        Args:
+            overwrite: replace another trajectory of this name; it is kept beside.
+
         Raises:
-            InputError: there is no plan for the waypoints as they are now.
+            InputError: there is no plan for the waypoints as they are now, the name cannot be one, or another
+                trajectory has it and `overwrite` was not given.
         """
         plan = self.plan
         if plan is None or plan.file is None:
             raise InputError("there is no checked plan for these waypoints; wait for it, or mend what it complains of")
         path = self.project.trajectory(name)
-        trajectory.save(path, plan.file)
-        return path
+        if self._saved.get(path) == plan.revision and path.exists():
+            return Saved(path)
+        results.require_free(path, overwrite=overwrite)
+        with results.new_file(path, overwrite=overwrite) as placing:
+            trajectory.save(placing.temporary, replace(plan.file, name=name))
+        self._saved[path] = plan.revision
+        return Saved(path, placing.kept)
+
+    def would_replace(self, name: str) -> Path | None:
+        """The file of another trajectory that has this name.
+
+        Raises:
+            InputError: the name cannot be one.
+        """
+        path = self.project.trajectory(name)
+        return path if path.exists() and self._saved.get(path) != self._revision else None
 
     def state(self) -> dict[str, Any]:
         """Everything a test or another view wants to know, as JSON-able values."""
@@ -167,6 +196,8 @@ class Session:
     def _set(self, positions: FloatArray) -> None:
         """Save first: what cannot be saved (a coordinate that is not finite) is not taken over either."""
         waypoints = Waypoints(positions, np.full(len(positions), np.nan))
+        if self._revision == 0 and self.project.waypoints.exists():
+            results.keep(self.project.waypoints)  # undo ends with the session; what it began with stays
         project.save_waypoints(self.project.waypoints, waypoints)
         self._positions = waypoints.positions_world_m
         self._revision += 1

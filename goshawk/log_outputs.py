@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flight import FlightLog, InputError, flight_log
+from flight import FlightLog, InputError, Progress, flight_log, silent
 from goshawk import log_exports, log_report, outputs
 from goshawk.flights import IN_FREE_AIR
 from sysid import log_fix
@@ -34,7 +34,7 @@ def write(
 
 
 def write_fixed(
-    log: FlightLog, source: Path, out: Path, believed: Vehicle | None, *, overwrite: bool
+    log: FlightLog, source: Path, out: Path, believed: Vehicle | None, *, overwrite: bool, progress: Progress = silent
 ) -> tuple[FlightLog, tuple[str, ...]]:
     """Write the log with every fix that the checks propose; returns it and the list of fixes.
 
@@ -45,7 +45,7 @@ def write_fixed(
         raise InputError(f"--out {out}: a corrected log is written in our own format; call it {out.stem}.parquet")
     if out.exists() and source.exists() and out.samefile(source):
         raise InputError(f"--out {out} is the log itself, which is never changed; give another name")
-    fixed = log_fix.fix(log, believed, aloft=_aloft_s(log))
+    fixed = log_fix.fix(log, believed, aloft=_aloft_s(log), progress=progress)
     corrected = FlightLog(fixed.log.columns, {**fixed.log.metadata, "fixed_from": source.name})
     with outputs.file(out, overwrite=overwrite) as temporary:
         flight_log.save(temporary, corrected)

@@ -9,6 +9,7 @@ import sysid
 from firmware_bridge import controller
 from flight import FlightLog, InputError, Progress, file_format, silent
 from sysid.comparison import HORIZONS_S, QUANTITIES
+from sysid.report import SHOWN
 from sysid.verdict import Verdict
 from vehicle import Vehicle
 from vehicle.history import HeldOut, Step
@@ -20,6 +21,9 @@ HORIZON_S = 0.5
 """Horizon at which held-out predictions are compared."""
 NOTHING = 0.01
 """A relative change of an error below this counts as none."""
+
+KEYS = {quantity: f"{quantity}_{unit.replace('/', '_')}" for quantity, unit in QUANTITIES.items()}
+"""What each quantity's error is called in files."""
 
 PRESENT, BEFORE, AFTER = "as it was", "refitted, without the change", "refitted, with the change"
 
@@ -47,32 +51,28 @@ class Change:
     """Model (`PRESENT`, `BEFORE`, `AFTER`) to quantity to error after `HORIZON_S`; empty without held-out flights."""
     held_out: HeldOut | None
     findings: tuple[str, ...]
-    fit: Verdict
-    """Verdict on the refit; usable where nothing was refitted."""
+    fit: Verdict | None
+    """Verdict on the refit; None where nothing was refitted."""
 
 
 def refitted(present: Vehicle, changed: Vehicle, flights: Flights, *, progress: Progress = silent) -> Change:
     """Fit the changed model and, for a fair comparison, the present one too, to the same flights.
 
     Raises:
-        InputError: a flight cannot be used, or a fit did not converge (the vehicle file must not be written then).
+        InputError: a flight cannot be used.
     """
-    training = list(flights.training.values())
-    after = _fit(training, changed, "the changed model", progress)
+    training, options = list(flights.training.values()), sysid.Options(unseen="hold")
+    after = sysid.identify(training, changed, options, progress=progress)
     if not flights.held_out:
         return Change(after.vehicle, {}, None, after.findings, after.verdict)
-    before = _fit(training, present, "the present model", progress)
+    before = sysid.identify(training, present, options, progress=progress)
     models = {PRESENT: present, BEFORE: before.vehicle, AFTER: after.vehicle}
     errors = held_out_errors(models, list(flights.held_out.values()), progress=progress)
     evidence = HeldOut(named(flights.held_out), errors[BEFORE], errors[AFTER], verdict(errors[BEFORE], errors[AFTER]))
-    return Change(after.vehicle, errors, evidence, after.findings, after.verdict)
-
-
-def _fit(logs: list[FlightLog], model: Vehicle, what: str, progress: Progress) -> sysid.Identification:
-    result = sysid.identify(logs, model, sysid.Options(unseen="hold"), progress=progress)
-    if not result.converged:
-        raise InputError(f"the fit of {what} did not converge; nothing was written")
-    return result
+    fit = after.verdict
+    if not before.converged:
+        fit = fit.doubted("the present model, which the change is compared with, was refitted without converging")
+    return Change(after.vehicle, errors, evidence, after.findings, fit)
 
 
 def evaluated(present: Vehicle, changed: Vehicle, flights: Flights, *, progress: Progress = silent) -> Change:
@@ -80,9 +80,7 @@ def evaluated(present: Vehicle, changed: Vehicle, flights: Flights, *, progress:
     models = {BEFORE: present, AFTER: changed}
     errors = held_out_errors(models, list(flights.held_out.values()), progress=progress)
     words = verdict(errors[BEFORE], errors[AFTER])
-    return Change(
-        changed, errors, HeldOut(named(flights.held_out), errors[BEFORE], errors[AFTER], words), (), Verdict()
-    )
+    return Change(changed, errors, HeldOut(named(flights.held_out), errors[BEFORE], errors[AFTER], words), (), None)
 
 
 def held_out_errors(
@@ -92,9 +90,14 @@ def held_out_errors(
     result = sysid.compare(logs, models, progress=progress)
     at = HORIZONS_S.index(HORIZON_S)
     return {
-        model: {f"{q}_{unit.replace('/', '_')}": float(result.errors[model][q][at]) for q, unit in QUANTITIES.items()}
-        for model in models
+        model: {key: float(result.errors[model][quantity][at]) for quantity, key in KEYS.items()} for model in models
     }
+
+
+def prediction_error(quantity: str, value: float) -> str:
+    """An error of `sysid.compare` in the unit that people read: `130 mm`, `5.6 deg`."""
+    unit, scale = SHOWN[quantity]
+    return f"{scale * value:.3g} {unit}"
 
 
 def named(flights: Mapping[Path, FlightLog]) -> dict[str, str]:
@@ -173,7 +176,7 @@ def _draw(figure: "Figure", labels: list[str], errors: Sequence[Mapping[str, flo
     places = range(len(labels))
     panels = figure.subplots(1, len(QUANTITIES), sharey=True)
     for axes, (quantity, unit) in zip(panels, QUANTITIES.items(), strict=True):
-        values = [error[f"{quantity}_{unit.replace('/', '_')}"] for error in errors]
+        values = [error[KEYS[quantity]] for error in errors]
         axes.stairs(
             values, [p - 0.5 for p in range(len(labels) + 1)], orientation="horizontal", color="#1f6f8b", lw=1.6
         )

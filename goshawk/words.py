@@ -4,13 +4,22 @@ from flight.flight_log import COLUMNS
 
 _UNITS = {
     "n_s2_m2": "N s2/m2",
+    "n_m_s2": "N m s2",
+    "n_s2_m": "N s2/m",
+    "n_m_s": "N m s",
+    "kg_m3": "kg/m3",
+    "per_v": "1/V",
     "rad_s2": "rad/s2",
     "kg_m2": "kg m2",
+    "n_s2": "N s2",
     "m_s2": "m/s2",
     "m_s3": "m/s3",
     "rad_s": "rad/s",
     "m_s": "m/s",
+    "kg_m": "kg/m",
     "n_m": "N m",
+    "n_s": "N s",
+    "s_m": "s/m",
     "m2": "m2",
     "m3": "m3",
     "hz": "Hz",
@@ -64,6 +73,13 @@ def named(key: str) -> tuple[str, str]:
         if key.endswith("_" + suffix):
             return key.removesuffix("_" + suffix).replace("_", " "), unit
     return key.replace("_", " "), ""
+
+
+def parameter(name: str) -> str:
+    """A parameter of a vehicle file as words: `motor_lag.rise_s` is `motor lag: rise`."""
+    effect, _, own = name.rpartition(".")
+    words = named(own)[0]
+    return f"{effect.replace('_', ' ')}: {words}" if effect else words
 
 
 def with_unit(key: str, value: object) -> tuple[str, object]:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flight import FloatArray, FormatError, InputError, Progress, silent
+from flight import FloatArray, FormatError, InputError, Progress, cells, silent
 from mapping.rig import Camera, Rig
 
 MOST_PIXELS = 1 << 28
@@ -143,7 +143,7 @@ def _times(folder: Path, instants: tuple[str, ...]) -> FloatArray:
 
 
 def read_table(path: Path, columns: tuple[str, ...]) -> dict[str, tuple[float, ...]]:
-    """Rows of a CSV file with a header: the first of `columns` is the key, the others are numbers; empty cells are NaN.
+    """Rows of a CSV file with a header: the first of `columns` is the key, the others are numbers, NaN where missing.
 
     Raises:
         FormatError: it is not text, a column is missing, a cell is not a number, or a key comes twice.
@@ -161,8 +161,5 @@ def read_table(path: Path, columns: tuple[str, ...]) -> dict[str, tuple[float, .
         key = row[columns[0]]
         if key in rows:
             raise FormatError(f"{path}, line {number}: {key} is listed twice; each may have one line")
-        try:
-            rows[key] = tuple(float(row[c]) if row[c] else math.nan for c in columns[1:])
-        except (TypeError, ValueError) as error:
-            raise FormatError(f"{path}, line {number}: not a number ({error})") from None
+        rows[key] = tuple(cells.number(row[c], path, number, c) for c in columns[1:])
     return rows

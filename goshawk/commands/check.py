@@ -37,13 +37,16 @@ def command(
     another map or vehicle fails, unless it passes every other check and --renew records it for these.
     """
     item = trajectory.load(trajectory_file)
-    area = mapping.open_map(map_folder)
     options = options_from(vehicle_file, margin_m)
     believed = vehicle.load(vehicle_file)
-    if renew:
-        report = gate.check(item.trajectory, area.field, believed, options, waypoints_world_m=item.waypoints_world_m)
-    else:
-        report = gate.check_file(item, area.field, believed, options)
+    with console.progress() as progress:
+        progress("opening the map", 0.0)
+        field = mapping.open_map(map_folder).field
+        progress(f"checking {trajectory_file.name}", 0.0)
+        if renew:
+            report = gate.check(item.trajectory, field, believed, options, waypoints_world_m=item.waypoints_world_m)
+        else:
+            report = gate.check_file(item, field, believed, options)
     if renew and report.passed:
         with outputs.file(trajectory_file, overwrite=True) as temporary:
             trajectory.save(temporary, renewed(item, report))

@@ -9,6 +9,7 @@ import vehicle
 from flight import InputError
 from goshawk import console, outputs
 from goshawk.flights import load
+from goshawk.model_change import prediction_error
 from sysid.comparison import HORIZONS_S
 
 
@@ -64,8 +65,12 @@ def command(
         document |= {"report": report_file and str(report_file)}
         console.show("", {}, as_json=True, document=document)
         return
-    heads = ("model", "quantity", *(f"{h:g} s" for h in HORIZONS_S))
-    rows = [(model, name, *map(float, errors)) for model in models for name, errors in result.errors[model].items()]
+    heads = ("model", "error of", *(f"after {h:g} s" for h in HORIZONS_S))
+    rows = [
+        (model, quantity, *(prediction_error(quantity, error) for error in errors))
+        for model in models
+        for quantity, errors in result.errors[model].items()
+    ]
     console.table(f"open-loop prediction error, rms of {result.predictions} predictions", heads, rows)
     for remark in result.remarks:
         click.echo(f"note: {remark}")

@@ -41,10 +41,17 @@ def command(
     from gcs_web import GroundStation
 
     options = planner.PlanOptions() if margin_m is None else planner.PlanOptions(margin_m=margin_m)
-    click.echo("opening the map ...", err=True)
-    with GroundStation(
-        project, port=port, vehicle_url=vehicle_url, key_file=key_file, options=options, triangles=triangles
-    ) as station:
+    with console.progress() as report:
+        station = GroundStation(
+            project,
+            port=port,
+            vehicle_url=vehicle_url,
+            key_file=key_file,
+            options=options,
+            triangles=triangles,
+            progress=report,
+        )
+    with station:
         click.echo(f"open  {station.url}")
         click.echo("stop with Ctrl-C; every change is saved at once", err=True)
         threading.Event().wait()

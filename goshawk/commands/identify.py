@@ -303,7 +303,7 @@ def _document(fits: Fits) -> dict[str, Any]:
 
 def _show(fits: Fits, written: Mapping[str, Any]) -> None:
     click.echo(f"verdict: {fits.verdict.use}")
-    for reason in (*fits.verdict.against, *fits.verdict.doubts):
+    for reason in fits.verdict.reasons:
         click.echo(f"  {_in_flags(reason)}")
     for stage, fit in fits.stages.items():
         rows = [

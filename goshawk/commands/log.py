@@ -78,13 +78,17 @@ def command(
         fetch(flight, url, key_file, overwrite=overwrite)
     if payload is not None:
         flight = mark(flight, columns, payload == "carried", overwrite=overwrite)
-    log = sysid.read_log(flight, columns)
     believed = vehicle.load(vehicle_file) if vehicle_file is not None else None
     done: tuple[str, ...] = ()
-    if out is not None:
-        log, done = log_outputs.write_fixed(log, flight, out, believed, overwrite=overwrite)
-    checked = replace(sysid.check_log(_aloft(log, flight), believed), name=str(out or flight))
-    written = log_outputs.write(log, checked, (report_file, csv_file, mcap_file), overwrite=overwrite)
+    with console.progress() as report:
+        report(f"reading {flight.name}", 0.0)
+        log = sysid.read_log(flight, columns)
+        if out is not None:
+            log, done = log_outputs.write_fixed(log, flight, out, believed, overwrite=overwrite, progress=report)
+        report("checking", 0.0)
+        checked = replace(sysid.check_log(_aloft(log, flight), believed), name=str(out or flight))
+        report("writing", 0.0)
+        written = log_outputs.write(log, checked, (report_file, csv_file, mcap_file), overwrite=overwrite)
     document = describe(log) | {"check": checked.as_dict()}
     if as_json:
         more = {"fixed": list(done), "written": [str(path) for path in (out, *written) if path is not None]}

@@ -9,13 +9,13 @@ import click
 
 import vehicle
 from flight import FormatError, InputError
-from goshawk import console, model_change, outputs
+from goshawk import console, model_change, outputs, words
 from goshawk.commands.params import parse
 from goshawk.commands.vehicle_new import new, schema
 from goshawk.flights import load
 from goshawk.model_change import Change, Flights
 from goshawk.verbs import VerbGroup
-from sysid.verdict import Use, Verdict
+from sysid.verdict import Use
 from vehicle import Vehicle, history
 
 vehicle_argument = click.argument("vehicle_file", metavar="VEHICLE", type=click.Path(path_type=Path))
@@ -89,9 +89,12 @@ def show(vehicle_file: Path, as_json: bool) -> None:
         document = {"name": shown.name, "hash": vehicle.vehicle_hash(shown), "effects": effects}
         console.show("", {}, as_json=True, document=document | {"parameters": parameters})
         return
-    rows = [(n, f"{p['value']:.5g}", f"{p['std']:.2g}", p["unit"], p["source"]) for n, p in parameters.items()]
+    rows = [
+        (words.parameter(n), f"{p['value']:.5g}", f"{p['std']:.2g}", p["unit"], p["source"], n)
+        for n, p in parameters.items()
+    ]
     title = f"{shown.name} ({vehicle.vehicle_hash(shown)[:12]})"
-    console.table(title, ("parameter", "value", "std", "unit", "source"), rows)
+    console.table(title, ("parameter", "value", "std", "unit", "source", "name in the file"), rows)
     lines = [(e["name"], e["law"], "yes" if e["compensated"] else "no", e["how"]) for e in effects]
     console.table("effects", ("effect", "law", "compensated", "how the controller does it, or why not"), lines)
 
@@ -121,6 +124,9 @@ def add_effect(
 
     With --flights the whole model is refitted; with --held-out the errors on held-out flights are printed for the
     changed model and for the present one fitted to the same flights. `goshawk vehicle undo` reverts the change.
+
+    A refit ends in a verdict as `goshawk identify` gives it: usable, doubtful, or do not use (exit code 1; the file is
+    then written only with --anyway).
     """
     present, given = vehicle.load(vehicle_file), dict(parse(word) for word in values)
     if effect.endswith(".py"):
@@ -311,17 +317,17 @@ def _show_history(
     rows = []
     for step in told.steps:
         found = errors.get(step.number) or (step.held_out.after if step.held_out else {})
-        position = f"{1000 * found['position_m']:.1f}" if found else ""
-        words = step.held_out.verdict if step.held_out else ""
+        position = model_change.prediction_error("position", found["position_m"]) if found else ""
+        helped = step.held_out.verdict if step.held_out else ""
         mark = "now" if step.number == told.current else "" if step.number in on_line else "undone"
-        rows.append((step.number, mark, _done(step), step.when_utc[:16], step.vehicle_hash[:8], position, words))
+        rows.append((step.number, mark, _done(step), step.when_utc[:16], step.vehicle_hash[:8], position, helped))
     heads = (
         "version",
         "",
         "made by",
         "when (UTC)",
         "hash",
-        f"mm at {model_change.HORIZON_S:g} s",
+        f"position error after {model_change.HORIZON_S:g} s",
         "verdict at the time",
     )
     console.table("history", heads, rows)
@@ -350,12 +356,12 @@ def _change(
     training, held_out, columns = logs
     with console.progress() as report:
         flights = Flights({p: load(p, columns) for p in training}, {p: load(p, columns) for p in held_out})
-        change = Change(changed, {}, None, (), Verdict())
+        change = Change(changed, {}, None, (), None)
         if training:
             change = model_change.refitted(present, changed, flights, progress=report)
         elif held_out:
             change = model_change.evaluated(present, changed, flights, progress=report)
-    usable = change.fit.use is not Use.REJECTED
+    usable = change.fit is None or change.fit.use is not Use.REJECTED
     step = None
     if not preview and (usable or anyway):
         step = history.record(file, change.vehicle, what[0], effect=what[1], held_out=change.held_out)
@@ -366,29 +372,42 @@ def _change(
 def _show_change(
     file: Path, present: Vehicle, change: Change, what: tuple[str, str], step: history.Step | None, as_json: bool
 ) -> None:
-    words = change.held_out.verdict if change.held_out else "not evaluated: no held-out flight was given"
-    facts: dict[str, Any] = {"vehicle": str(file), "action": what[0], "effect": what[1], "verdict": words}
+    helped = change.held_out.verdict if change.held_out else "not evaluated: no held-out flight was given"
+    facts: dict[str, Any] = {"vehicle": str(file), "action": what[0], "effect": what[1], "verdict": helped}
     facts |= {"version": step.number if step else None}
     cancelled, how = model_change.compensations(change.vehicle).get(what[1], (None, ""))
     if as_json:
         document = facts | {"errors": change.errors, "changes": model_change.differences(present, change.vehicle)}
-        document |= {"fit": change.fit.as_dict(), "findings": change.findings, "compensated": cancelled, "how": how}
+        document |= {
+            "fit": change.fit.as_dict() if change.fit else None,
+            "findings": change.findings,
+            "compensated": cancelled,
+            "how": how,
+        }
         console.show("", {}, as_json=True, document=document)
         return
-    if change.fit.use is not Use.USABLE:
-        click.echo(f"the refit: {change.fit.sentence}")
+    reasons = change.fit.reasons if change.fit else ()
+    if change.fit:
+        click.echo(f"verdict on the refit: {change.fit.use}")
+    for reason in reasons:
+        click.echo(f"  {reason}")
     for line in model_change.differences(present, change.vehicle):
         click.echo(line)
     if change.errors:
-        heads = ("model", *next(iter(change.errors.values())))
-        rows = [(model, *errors.values()) for model, errors in change.errors.items()]
+        rows = [
+            (model, *(model_change.prediction_error(q, errors[key]) for q, key in model_change.KEYS.items()))
+            for model, errors in change.errors.items()
+        ]
+        heads = ("model", *model_change.KEYS)
         console.table(f"held-out error after {model_change.HORIZON_S:g} s, rms", heads, rows)
-    for finding in change.findings:
+    for finding in (f for f in change.findings if f not in reasons):
         click.echo(f"note: {finding}")
-    click.echo(f"{what[1]} {words}" if change.held_out else words)
+    click.echo(f"{what[1]} {helped}" if change.held_out else helped)
     if cancelled is not None:
         click.echo(f"{'compensated' if cancelled else 'NOT compensated'} by the controller: {how}")
-    click.echo(f"written: {file}, version {step.number}" if step else "nothing was written")
+    refused = change.fit is not None and change.fit.use is Use.REJECTED
+    unwritten = f"nothing was written{' (see --anyway)' if refused else ''}"
+    click.echo(f"written: {file}, version {step.number}" if step else unwritten)
 
 
 def _done(step: history.Step) -> str:

@@ -164,6 +164,17 @@ def test_saving_writes_a_checked_trajectory(station, page):
     assert saved.checked
     assert saved.map_hash == station.session.map.hash
 
+    first = path.read_bytes()
+    station.session.move(1, WAYPOINTS[1] + [0.0, 0.2, 0.0])
+    wait(lambda: station.session.state()["plan"])
+    page.get_by_role("button", name="Save").click()
+    page.get_by_text("it will be kept beside the new one").wait_for()
+    assert path.read_bytes() == first
+    page.get_by_role("button", name="Replace").click()
+    page.get_by_text("the one before is kept as plan.json.old-1").wait_for()
+    assert path.with_name("plan.json.old-1").read_bytes() == first
+    assert path.read_bytes() != first
+
 
 def test_an_upload_is_shown_first_then_done_and_the_vehicle_is_drawn(station, page):
     page.get_by_role("button", name="Upload ...").click()

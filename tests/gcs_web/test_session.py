@@ -1,5 +1,6 @@
 """The project under edit, without page and planner: undo, redo, and which plan counts."""
 
+import html
 import shutil
 from pathlib import Path
 
@@ -7,7 +8,8 @@ import numpy as np
 import pytest
 
 import vehicle
-from flight import InputError, Waypoints, project
+from flight import InputError, Trajectory, TrajectoryFile, Waypoints, project, trajectory
+from gcs_web.page import plain
 from gcs_web.session import PlanResult, Session
 
 START = np.array([[0.8, 0.8, 1.0], [3.0, 2.0, 1.2], [5.2, 0.8, 1.2]])
@@ -89,3 +91,55 @@ def test_a_plan_for_waypoints_that_were_changed_since_is_dropped(session: Sessio
     assert session.state()["problem"] == f"answer to {first + 1}"
     raised(session, 1)
     assert session.plan is None
+
+
+def planned(session: Session) -> None:
+    """Give the session a checked plan for its waypoints."""
+    revision = session.state()["revision"]
+    hover = Trajectory(np.array([1.0 + revision]), np.zeros((1, 4, 8)))
+    file = TrajectoryFile(hover, "plan", "ab" * 32, "cd" * 32, START, {"passed": True})
+    session._receive(PlanResult(revision, file, np.ones(1), np.zeros((1, 3)), ""))
+
+
+def test_a_saved_trajectory_is_replaced_only_when_asked_and_kept_beside(session: Session):
+    planned(session)
+    path = session.save_trajectory("lap").path
+    first = path.read_bytes()
+    assert trajectory.load(path).name == "lap"
+    assert session.save_trajectory("lap").kept is None  # the same plan once more: nothing to do
+    raised(session, 1)
+    planned(session)
+    assert session.would_replace("lap") == path
+    with pytest.raises(InputError, match=r"lap\.json exists"):
+        session.save_trajectory("lap")
+    assert path.read_bytes() == first
+    kept = session.save_trajectory("lap", overwrite=True).kept
+    assert kept is not None
+    assert kept.read_bytes() == first
+    assert trajectory.load(path).trajectory.duration_s == 2.0
+    assert session.would_replace("lap") is None
+
+
+@pytest.mark.parametrize("name", ["../../../x", "", ".", ".hidden", "a/b", "a\\b", "<b>x</b>", "[x](y)", "{x}", "x\n"])
+def test_a_name_that_leads_elsewhere_or_is_markup_is_refused(session: Session, name: str):
+    planned(session)
+    with pytest.raises(InputError, match="cannot be a name"):
+        session.save_trajectory(name, overwrite=True)
+    assert not list(session.project.folder.parent.rglob("*x*.json"))
+
+
+def test_the_waypoints_that_a_session_began_with_are_kept(session: Session):
+    raised(session, 0)
+    raised(session, 1)
+    kept = sorted(session.project.folder.glob("waypoints.json.old-*"))
+    assert len(kept) == 1
+    np.testing.assert_array_equal(project.load_waypoints(kept[0]).positions_world_m, START)
+
+
+@pytest.mark.parametrize(
+    "text", ["<img src=x>", "{alert(1)}", "[a](b)", "![a](b)", "**a**", "`a`", "&lt;", "a_b", "x | y"]
+)
+def test_no_text_from_elsewhere_is_markup_on_the_page(text: str):
+    shown = plain(text)
+    assert not set(shown.replace("&#", "")) & set("<>{}[]*`|!&")
+    assert html.unescape(shown) == text

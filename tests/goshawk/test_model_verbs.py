@@ -3,11 +3,13 @@
 import contextlib
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import sysid
 import vehicle
 from flight import flight_log
 from goshawk import model_change
@@ -19,12 +21,17 @@ BOB = [(1.25, 1.0), (1.25, -1.0)] * 2
 
 
 def goshawk(*arguments: object, code: int = 0) -> str:
-    """What the verb says; judged by exit code, as the program would end."""
+    """What the verb says, on standard error where it fails; judged by exit code, as the program would end."""
+    out, err = streams(*arguments, code=code)
+    return out if code == 0 else err
+
+
+def streams(*arguments: object, code: int) -> tuple[str, str]:
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), pytest.raises(SystemExit) as ended:
         main(["vehicle", *map(str, arguments)])
     assert ended.value.code == code, out.getvalue() + err.getvalue()
-    return out.getvalue() if code == 0 else err.getvalue()
+    return out.getvalue(), err.getvalue()
 
 
 def told(*arguments: object) -> dict:
@@ -66,6 +73,39 @@ def test_the_missing_effect_helps_on_a_flight_that_was_not_used_and_undo_brings_
     assert abs(learned.value - 0.0175) < 5.0 * learned.std
     assert told("undo", file, "--yes")["restored"] == 0
     assert file.read_bytes() == before
+
+
+def fit_ends_early(monkeypatch: pytest.MonkeyPatch, model_has_drag: bool) -> None:
+    """The fit of the model with (or without) rotor drag stops after one iteration, far from its minimum."""
+    fit = sysid.identify
+
+    def identify(logs, believed, options, **further):
+        early = replace(options, max_iterations=1) if (DRAG in believed.effects) == model_has_drag else options
+        return fit(logs, believed, early, **further)
+
+    monkeypatch.setattr(sysid, "identify", identify)
+
+
+def test_a_refit_that_did_not_converge_is_written_only_when_asked(file, flown, monkeypatch):
+    fit_ends_early(monkeypatch, model_has_drag=True)
+    before, arguments = file.read_bytes(), ("add-effect", file, DRAG, "--flights", flown / "a.parquet")
+    refused = json.loads(streams(*arguments, "--json", code=1)[0])
+    assert refused["fit"]["use"] == "do not use"
+    assert "converge" in refused["fit"]["reasons"][0]
+    assert refused["version"] is None
+    assert file.read_bytes() == before
+    words, _ = streams(*arguments, code=1)
+    assert words.startswith("verdict on the refit: do not use\n")
+    assert "--anyway" in words
+    assert f"written: {file}, version 1" in streams(*arguments, "--anyway", code=1)[0]
+    assert DRAG in vehicle.load(file).effects
+
+
+def test_a_comparison_with_a_refit_that_did_not_converge_is_doubtful(file, flown, monkeypatch):
+    fit_ends_early(monkeypatch, model_has_drag=False)
+    found = told("add-effect", file, DRAG, *logs(flown))
+    assert found["fit"]["use"] == "doubtful"
+    assert any("compared with" in reason for reason in found["fit"]["reasons"])
 
 
 def test_an_effect_that_is_not_there_does_not_help(file, flown):
@@ -176,3 +216,9 @@ def test_every_effect_and_number_that_differs_is_listed_once():
     ]
     assert "  mass_kg: 0.7 -> 0.9 kg" in lines
     assert model_change.differences(old, old) == []
+
+
+def test_prediction_errors_are_told_in_units_that_people_read():
+    quantities = {"position": 0.0123, "velocity": 0.5, "attitude": np.pi / 180.0, "rate": 0.25}
+    told = [model_change.prediction_error(name, value) for name, value in quantities.items()]
+    assert told == ["12.3 mm", "0.5 m/s", "1 deg", "0.25 rad/s"]

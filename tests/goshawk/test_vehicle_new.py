@@ -3,6 +3,7 @@
 import json
 import tomllib
 
+import jsonschema
 import pytest
 
 import vehicle
@@ -59,9 +60,6 @@ def test_without_a_terminal_there_is_no_prompt():
 
 
 def test_the_schema_accepts_what_new_writes_and_refuses_a_wrong_unit(tmp_path):
-    jsonschema = pytest.importorskip(
-        "jsonschema", reason="jsonschema is not installed: the schema is only parsed elsewhere"
-    )
     run("vehicle", "new", tmp_path / "v.toml", *SHEET)
     described = json.loads(run("vehicle", "schema"))
     document = tomllib.loads((tmp_path / "v.toml").read_text())

@@ -12,8 +12,9 @@ from rich.console import Console
 from goshawk import progress_line as module
 from goshawk.cli import GROUPS, VERBS
 from goshawk.progress_line import progress_line
-from goshawk.words import named, with_unit
+from goshawk.words import named, parameter, with_unit
 from tests.goshawk.running import run
+from vehicle import effects
 
 
 def test_a_bare_call_shows_every_verb_once_in_its_group_and_is_no_error():
@@ -102,6 +103,15 @@ def test_tables_show_display_names_and_units(key, value, row):
 def test_parts_of_vectors_are_named_by_vector_and_axis():
     assert named("rate_body_x_rad_s") == ("body rate (gyro), x", "rad/s")
     assert named("battery_v") == ("battery", "V")
+
+
+def test_parameters_are_called_by_words_without_their_units():
+    assert parameter("air_density_kg_m3") == "air density"
+    assert parameter("motor_lag.rise_s") == "motor lag: rise"
+    units = {"kg", "n", "s", "s2", "m", "m2", "m3", "rad", "hz", "v", "per"}
+    for effect in effects.catalogue().values():
+        for spec in effect.parameters:
+            assert not units & set(parameter(f"{effect.name}.{spec.name}").split(": ")[1].split()), spec.name
 
 
 @pytest.mark.parametrize(
