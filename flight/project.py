@@ -3,7 +3,7 @@
 project.toml        what this folder is
 map/                written by `goshawk map`
 vehicle.toml        what we believe about the vehicle
-waypoints.json      what the pilot drew (see `Waypoints`)
+waypoints.json      the pilot's waypoints (see `Waypoints`)
 trajectories/*.json checked trajectories
 flights/*.parquet   flight logs
 """
@@ -28,7 +28,7 @@ _PART_NAME = re.compile(rf"[^\W_][\w .+=,()-]{{0,{_NAME_LENGTH - 1}}}")
 
 @dataclass(frozen=True, slots=True)
 class Project:
-    """Where the parts of a project lie. The parts may not be there yet."""
+    """Paths of a project's parts. The parts may not exist yet."""
 
     folder: Path
     name: str
@@ -95,7 +95,7 @@ def open_project(folder: Path) -> Project:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Waypoints:
-    """What the pilot asks the planner to fly through."""
+    """Positions, and optionally headings, that a trajectory must pass."""
 
     positions_world_m: FloatArray
     """(n, 3), in order."""
@@ -106,7 +106,9 @@ class Waypoints:
         positions = np.asarray(self.positions_world_m, dtype=np.float64)
         yaw = np.asarray(self.yaw_rad, dtype=np.float64)
         if positions.ndim != 2 or positions.shape[1] != 3 or yaw.shape != (len(positions),):
-            raise InputError(f"waypoints have shape {positions.shape} and yaw {yaw.shape}; (n, 3) and (n,) are wanted")
+            raise InputError(
+                f"waypoints: expected positions (n, 3) and yaw (n,), got {positions.shape} and {yaw.shape}"
+            )
         broken = np.flatnonzero(~np.isfinite(positions).all(axis=1))
         if broken.size:
             raise InputError(f"waypoint {int(broken[0])} is not finite: {positions[broken[0]].tolist()}")

@@ -1,4 +1,4 @@
-"""What the pilot sees: mesh, distance-field slice, path, waypoints, vehicle; arrays in, viser nodes out."""
+"""The 3D scene (mesh, distance-field slice, path, waypoints, vehicle): arrays in, viser nodes out."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import viser
 
 DISPLAY_TRIANGLES = 120_000
-"""More than this is thinned for the screen; the map on disk keeps everything."""
+"""A larger mesh is decimated for display; the map on disk is not changed."""
 
 PLENTY_ABOVE_M = 0.7
 """Clearance this far above the limit has the colour of plenty."""

@@ -1,8 +1,8 @@
-"""The whole chain once, on a rendered room: map, plan, fly, learn. Truth is known, so every step is judged against it.
+"""The whole chain once, on a rendered room: map, plan, fly, learn; every step is compared with ground truth.
 
-The vehicle that flies (`truth.toml`) is the paper's. What is believed of it at first (`vehicle.toml`) has the CAD
+The vehicle that flies (`truth.toml`) is the paper's. The first model (`vehicle.toml`) has the CAD
 inertias, a thrust coefficient 8 % off and no rotor drag. Two flights identify it, without and then with rotor drag; the
-third, along the recorded walk, was not used and judges both.
+third, along the recorded walk, is held out and evaluates both.
 """
 
 from importlib import metadata

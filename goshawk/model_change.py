@@ -1,4 +1,4 @@
-"""One change of a vehicle model and what it is worth: refit, then judge on flights that were not used."""
+"""One change of a vehicle model and its effect: refit, then compare prediction errors on held-out flights."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 HORIZON_S = 0.5
-"""After how long held-out predictions are judged."""
+"""Horizon at which held-out predictions are compared."""
 NOTHING = 0.01
 """A relative change of an error below this counts as none."""
 
@@ -30,7 +30,7 @@ PRESENT, BEFORE, AFTER = "as it was", "refitted, without the change", "refitted,
 
 @dataclass(frozen=True, slots=True)
 class Flights:
-    """Flights for fitting, and flights for judging."""
+    """Flights for fitting, and held-out flights."""
 
     training: Mapping[Path, FlightLog]
     held_out: Mapping[Path, FlightLog]
@@ -44,7 +44,7 @@ class Flights:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """The model after a change, and its errors on held-out flights beside those without it."""
+    """The model after a change, and its errors on held-out flights with and without the change."""
 
     vehicle: Vehicle
     errors: Mapping[str, Mapping[str, float]]
@@ -52,11 +52,11 @@ class Change:
     held_out: HeldOut | None
     findings: tuple[str, ...]
     fit: Verdict | None
-    """Whether to use what was refitted; None where nothing was."""
+    """Verdict on the refit; None where nothing was refitted."""
 
 
 def refitted(present: Vehicle, changed: Vehicle, flights: Flights, *, progress: Progress = silent) -> Change:
-    """Fit the changed model, and for a fair judgement the present one too, to the same flights.
+    """Fit the changed model and, for a fair comparison, the present one too, to the same flights.
 
     Raises:
         InputError: a flight cannot be used.
@@ -75,8 +75,8 @@ def refitted(present: Vehicle, changed: Vehicle, flights: Flights, *, progress: 
     return Change(after.vehicle, errors, evidence, after.findings, fit)
 
 
-def judged(present: Vehicle, changed: Vehicle, flights: Flights, *, progress: Progress = silent) -> Change:
-    """Without fitting: the change as it is, against the present model, on held-out flights."""
+def evaluated(present: Vehicle, changed: Vehicle, flights: Flights, *, progress: Progress = silent) -> Change:
+    """Compare the change, without fitting, with the present model on held-out flights."""
     models = {BEFORE: present, AFTER: changed}
     errors = held_out_errors(models, list(flights.held_out.values()), progress=progress)
     words = verdict(errors[BEFORE], errors[AFTER])
@@ -106,7 +106,7 @@ def named(flights: Mapping[Path, FlightLog]) -> dict[str, str]:
 
 
 def verdict(before: Mapping[str, float], after: Mapping[str, float]) -> str:
-    """Whether a change helped, by every quantity, in words."""
+    """Whether a change lowered the errors, over all quantities, as a sentence."""
     change = {name: after[name] / before[name] - 1.0 for name in before}
     better = [name for name, by in change.items() if by < -NOTHING]
     worse = [name for name, by in change.items() if by > NOTHING]
@@ -137,7 +137,7 @@ def differences(old: Vehicle, new: Vehicle) -> list[str]:
 
 
 def compensations(model: Vehicle) -> dict[str, tuple[bool, str]]:
-    """Every active effect: whether the controller cancels it, and how or why not."""
+    """Every active effect: whether the controller compensates it, and how or why not."""
     table = controller.compensated_effects()
     try:
         left = controller.parameters_of(model).not_compensated
@@ -146,7 +146,7 @@ def compensations(model: Vehicle) -> dict[str, tuple[bool, str]]:
     found: dict[str, tuple[bool, str]] = {}
     for name in model.effects:
         entry = table.get(name)
-        how = entry.how if entry else "an effect of your own, which the controller does not know"
+        how = entry.how if entry else "an effect of your own, for which the controller has no compensation"
         if entry and entry.compensated and name in left:
             how = f"only together with {entry.only_with} alone"
         found[name] = (name not in left, how)

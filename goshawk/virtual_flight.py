@@ -18,12 +18,12 @@ TRIES = 3
 
 @contextlib.contextmanager
 def sitl_vehicle(*options: object, key_file: Path) -> Generator[str]:
-    """Run `goshawk vehicle-sim` with these options on a free port; yields its address.
+    """Run `goshawk sitl` with these options on a free port; yields its address.
 
     Raises:
         LinkError: it did not start; the message is its own.
     """
-    command = [sys.executable, "-m", "goshawk", "vehicle-sim", "--port", "0", "--key", str(key_file)]
+    command = [sys.executable, "-m", "goshawk", "sitl", "--port", "0", "--key", str(key_file)]
     process = subprocess.Popen(
         [*command, *map(str, options)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )

@@ -1,4 +1,4 @@
-"""Names of quantities for people: `top_speed_m_s` is `top speed`, in `m/s`."""
+"""Display names of quantities: `top_speed_m_s` is `top speed`, in `m/s`."""
 
 from flight.flight_log import COLUMNS
 
@@ -62,7 +62,7 @@ def component(column: str) -> str:
 
 
 def named(key: str) -> tuple[str, str]:
-    """A key with its unit at the end as words, and the unit; no unit: the empty string."""
+    """Display name and unit of a key that ends in its unit; no unit: the empty string."""
     if key in _WHOLE:
         return _WHOLE[key]
     for quantity, columns in COLUMNS.items():
@@ -83,7 +83,7 @@ def parameter(name: str) -> str:
 
 
 def with_unit(key: str, value: object) -> tuple[str, object]:
-    """A row of a table: words, and the value with its unit. A key that is words already stays."""
+    """A row of a table: display name, and the value with its unit. A key that is a display name already stays."""
     if " " in key:
         return key, value
     words, unit = named(key)

@@ -1,4 +1,4 @@
-"""`goshawk check`: the final gate, on its own, for any trajectory, map and vehicle."""
+"""`goshawk check`: the final gate for any trajectory, map and vehicle."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +20,7 @@ from planner import gate
 @console.vehicle_option
 @console.margin_option
 @click.option(
-    "--renew", is_flag=True, help="If it passes, write it as checked for this map and vehicle; the old one is kept."
+    "--renew", is_flag=True, help="If it passes, record it as checked for this map and vehicle; the old file is kept."
 )
 @console.json_option
 def command(
@@ -33,8 +33,8 @@ def command(
     goshawk check walk.json --map other-map --vehicle vehicle.toml --json
     goshawk check walk.json --map map --vehicle learned.toml --renew
 
-    Exit code 0: it may be flown. 1: it may not, and the table says why. One that was planned for another map or
-    another vehicle may not, unless it passes every check there and --renew says to keep it for these.
+    Exit code 0: it passes and may be flown. 1: it fails, and the table shows which check. A trajectory planned for
+    another map or vehicle fails, unless it passes every other check and --renew records it for these.
     """
     item = trajectory.load(trajectory_file)
     options = options_from(vehicle_file, margin_m)

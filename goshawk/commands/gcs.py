@@ -17,7 +17,7 @@ from goshawk import console
     show_default=True,
     help="Port on this machine; 0 takes a free one.",
 )
-@click.option("--vehicle-url", help="Where the vehicle answers, e.g. udp://127.0.0.1:14550.")
+@click.option("--vehicle-url", help="Address of the vehicle, e.g. udp://127.0.0.1:14550.")
 @console.key_option
 @console.margin_option
 @click.option("--triangles", default=120_000, show_default=True, help="Thin the mesh to this many for display.")
@@ -30,8 +30,8 @@ def command(
     goshawk gcs demo-out
     goshawk gcs demo-out --vehicle-url udp://127.0.0.1:14550
 
-    PROJECT is a folder of `goshawk init` (or the demo's) with a map and a vehicle; what it lacks is said, with the
-    command that gives it. The page listens on this machine only. Each printed address lets one browser in; then the
+    PROJECT is a folder of `goshawk init` (or the demo's) with a map and a vehicle; a missing part is reported with the
+    command that adds it. The page listens on this machine only. Each printed address lets one browser in; then the
     next one is printed. From another machine, forward the port: ssh -L 8080:127.0.0.1:8080 THIS-MACHINE.
     """
     from goshawk.project_parts import check_for_station

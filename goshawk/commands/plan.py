@@ -57,8 +57,8 @@ def command(
     goshawk plan waypoints.json --map map --vehicle vehicle.toml --out lap.json
     goshawk plan --path map/poses.csv --map map --vehicle vehicle.toml --out walk.json
 
-    WAYPOINTS is a project's waypoints.json, or CSV with columns x_m, y_m, z_m and, where wanted, yaw_deg (empty: free).
-    The file is written only if the final gate passes. Exit code 1: there is no such trajectory; the message says
+    WAYPOINTS is a project's waypoints.json, or CSV with columns x_m, y_m, z_m and, optionally, yaw_deg (empty: free).
+    The file is written only if the final gate passes. Exit code 1: there is no such trajectory; the message names
     where, why, and what to change.
     """
     if (waypoints is None) == (path is None):
@@ -94,7 +94,7 @@ def options_from(
     speed_m_s: float | None = None,
     acceleration_m_s2: float | None = None,
 ) -> planner.PlanOptions:
-    """The planner's options: its defaults, and what the command line said otherwise."""
+    """The planner's options: the defaults, overridden by the command line."""
     options = planner.PlanOptions() if margin_m is None else planner.PlanOptions(margin_m=margin_m)
     asked = {"speed_m_s": speed_m_s, "acceleration_m_s2": acceleration_m_s2}
     slower = {name: value for name, value in asked.items() if value is not None}
@@ -147,7 +147,7 @@ def read_path(path: Path) -> FloatArray:
     except FileNotFoundError:
         raise InputError(f"{path} does not exist") from None
     except KeyError as error:
-        raise InputError(f"{path} has no column {error}; x_m, y_m and z_m are wanted") from None
+        raise InputError(f"{path} has no column {error}; expected columns x_m, y_m and z_m") from None
     except (UnicodeDecodeError, OSError, csv.Error) as error:
         raise InputError(f"{path} is not a CSV file of positions: {error}") from error
     if len(positions) < 2:

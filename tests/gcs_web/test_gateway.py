@@ -45,7 +45,7 @@ def at_the_gateway(visit):
     asyncio.run(run())
 
 
-def test_nobody_enters_without_the_token():
+def test_a_request_without_the_token_is_refused():
     async def visit(gateway, server, browser):
         base = f"http://127.0.0.1:{gateway.port}"
         for path in ("/", "/state", "/?token=wrong", "/state?token="):

@@ -66,7 +66,7 @@ def test_undo_and_redo_walk_along_the_same_changes(session: Session):
         session.redo("Anna")
 
 
-def test_a_new_change_forgets_what_was_undone(session: Session):
+def test_a_new_change_discards_the_redo_list(session: Session):
     raised(session, 0)
     session.undo("Anna")
     after = raised(session, 1)

@@ -45,7 +45,7 @@ def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_a_demo_as_made_gives_way_to_the_next(tmp_path):
+def test_an_unchanged_demo_is_replaced_by_the_next(tmp_path):
     for text in ("first", "second"):
         run(tmp_path / "demo", text)
     assert names(tmp_path) == ["demo"]
@@ -53,7 +53,7 @@ def test_a_demo_as_made_gives_way_to_the_next(tmp_path):
 
 
 @pytest.mark.parametrize("mine", ["walk.json", "notes.txt"])
-def test_a_demo_in_which_somebody_worked_stays_beside(tmp_path, mine):
+def test_a_demo_that_was_changed_is_kept_beside(tmp_path, mine):
     run(tmp_path / "demo", "first")
     (tmp_path / "demo" / mine).write_text("mine")
     run(tmp_path / "demo", "second")

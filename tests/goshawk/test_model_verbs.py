@@ -108,7 +108,7 @@ def test_a_comparison_with_a_refit_that_did_not_converge_is_doubtful(file, flown
     assert any("compared with" in reason for reason in found["fit"]["reasons"])
 
 
-def test_an_effect_that_is_not_there_is_said_not_to_help(file, flown):
+def test_an_effect_that_is_not_there_does_not_help(file, flown):
     goshawk("add-effect", file, DRAG, "drag_s_m=0.0175")
     said = goshawk("add-effect", file, "gyroscopic_torque", *logs(flown))
     assert "did not" in said
@@ -135,13 +135,13 @@ def test_a_preview_writes_nothing(file):
     assert [p.name for p in file.parent.iterdir()] == [file.name]
 
 
-def test_what_destroys_is_asked_first(file):
+def test_a_destructive_change_needs_confirmation(file):
     before = file.read_bytes()
     assert "--yes" in goshawk("remove-effect", file, "parasitic_drag", code=2)
     assert file.read_bytes() == before
 
 
-def test_show_tells_values_sources_and_what_the_controller_does(file):
+def test_show_lists_values_sources_and_compensations(file):
     found = told("show", file)
     assert found["parameters"]["mass_kg"] == {
         "value": 0.7,
@@ -188,7 +188,7 @@ EFFECT = Effect(name="side_guard_here", number=0, stage=Stage.FORCE, apply=apply
         (("add-effect", "{file}", DRAG, "--flights", "{a}", "--held-out", "{a}"), "cannot be both"),
     ],
 )
-def test_mistakes_are_answered_in_one_sentence(file, flown, arguments, words):
+def test_bad_input_is_refused_in_one_sentence(file, flown, arguments, words):
     said = [a.format(file=file, folder=file.parent, a=flown / "a.parquet") for a in arguments]
     assert words in goshawk(*said, code=2)
 
@@ -202,7 +202,7 @@ def test_mistakes_are_answered_in_one_sentence(file, flown, arguments, words):
         ({"position_m": 1.1, "velocity_m_s": 1.0}, "made the model worse"),
     ],
 )
-def test_the_verdict_weighs_every_quantity(after, words):
+def test_the_verdict_considers_every_quantity(after, words):
     assert words in model_change.verdict({"position_m": 1.0, "velocity_m_s": 1.0}, after)
 
 

@@ -111,7 +111,7 @@ def with_real_csv(folder: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not REAL.exists(), reason="the real flights are not beside this repository (../shared/data/flight)")
-def test_a_real_csv_with_wrong_units_and_clocks_is_mended(tmp_path):
+def test_a_real_csv_with_wrong_units_and_clocks_is_corrected(tmp_path):
     with_real_csv(tmp_path)
     walk("real_csv", tmp_path)
     mended = flight_log.load(tmp_path / "flight.parquet")

@@ -64,7 +64,7 @@ def test_pymavlink_finds_the_vehicle_and_reads_its_pose(serve, dial, plans, mavl
         client.close()
 
 
-def test_odometry_tells_velocity_along_the_body_axes():
+def test_odometry_reports_velocity_in_body_axes():
     """At a quarter turn to the left, flying along world x is flying to the right."""
     table = np.array([row[3] for row in _controller.parameter_table()], dtype=np.float32)
     endpoint = _controller.Controller()
@@ -87,7 +87,7 @@ def test_odometry_tells_velocity_along_the_body_axes():
     np.testing.assert_allclose([home.x, home.y, home.z, *home.q], [1.0, -2.0, -3.0, 1.0, 0.0, 0.0, 0.0])
 
 
-def test_ned_and_frd_are_the_flips_of_the_ground_floor(serve, dial):
+def test_ned_and_frd_are_the_flips_of_flight_frames(serve, dial):
     link = dial(serve())
     with link._port.inbox(m.LocalPositionNed, m.AttitudeQuaternion, m.State) as inbox:
         seen = [inbox.get(timeout=waiting.PATIENCE_S) for _ in range(10)]

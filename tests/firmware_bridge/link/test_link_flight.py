@@ -117,24 +117,24 @@ def test_a_flight_that_another_station_ends_early_is_not_taken_for_a_whole_one(s
         pilot.fly(progress=interfere)
 
 
-def test_an_order_that_makes_no_sense_is_refused_in_words(serve, dial):
+def test_an_invalid_order_is_refused_with_the_reason(serve, dial):
     link = dial(serve())
     link.take_control()
     with pytest.raises(LinkError, match="refused to land"):
         link.command(Command.LAND)
 
 
-def test_a_dead_link_is_said_in_one_sentence(plans, monkeypatch):
+def test_a_lost_link_is_reported_in_one_sentence(plans, monkeypatch):
     monkeypatch.setattr("firmware_bridge.port.patience_s", lambda timeout_s: timeout_s)
     with pytest.raises(LinkError, match=r"no vehicle answers at udp://127.0.0.1:9 within 0\.8 s"):
         connect("udp://127.0.0.1:9", key=plans.key, timeout_s=0.8)
 
 
-@pytest.mark.parametrize(("load", "wanted_s"), [(0.0, 3.0), (2.0, 3.0), (3.0, 4.5), (20.0, 30.0)])
-def test_a_busy_machine_is_waited_for_as_many_times_longer_as_it_is_overloaded(monkeypatch, load, wanted_s):
+@pytest.mark.parametrize(("load", "expected_s"), [(0.0, 3.0), (2.0, 3.0), (3.0, 4.5), (20.0, 30.0)])
+def test_a_busy_machine_is_waited_for_as_many_times_longer_as_it_is_overloaded(monkeypatch, load, expected_s):
     monkeypatch.setattr("os.cpu_count", lambda: 2)
     monkeypatch.setattr("os.getloadavg", lambda: (load, 0.0, 0.0))
-    assert patience_s(3.0) == pytest.approx(wanted_s)
+    assert patience_s(3.0) == pytest.approx(expected_s)
 
 
 def test_an_answer_that_a_busy_machine_holds_up_is_no_dead_link(serve, dial, monkeypatch):
@@ -150,7 +150,7 @@ def test_an_answer_that_a_busy_machine_holds_up_is_no_dead_link(serve, dial, mon
     assert link.state.in_control
 
 
-def test_a_link_that_dies_later_is_noticed_too(serve, plans):
+def test_a_link_that_is_lost_later_is_reported_too(serve, plans):
     served = serve(line=Impairment())
     with connect(served.url, key=plans.key, timeout_s=0.8) as link:
         link.take_control()

@@ -106,7 +106,9 @@ def test_with_control_the_first_station_gives_orders_and_the_second_does_not(ser
         assert second.order(m.Command.DISARM) == m.LinkReason.NOT_IN_CONTROL
 
 
-def test_control_ends_when_the_station_falls_silent_and_when_the_proxy_ends(serve, plans, station, dial, monkeypatch):
+def test_control_ends_when_the_link_to_the_station_is_lost_and_when_the_proxy_ends(
+    serve, plans, station, dial, monkeypatch
+):
     served, asked, ask = serve(), [], Proxy._ask_for_control
     monkeypatch.setattr(Proxy, "_ask_for_control", lambda self, action: asked.append(action) or ask(self, action))
     watcher = dial(served, system_id=5)
@@ -164,7 +166,7 @@ def test_a_station_with_the_id_of_the_operator_elsewhere_is_not_taken_for_it(ser
         assert proxy.status.in_control == ""
 
 
-def test_a_wrong_key_a_silent_vehicle_and_a_taken_port_are_named(serve, plans):
+def test_a_wrong_key_a_missing_vehicle_and_a_taken_port_are_named(serve, plans):
     served = serve()
     with pytest.raises(LinkError, match="not with our key"), Proxy(served.url, b"x" * 32, listen=LISTEN, timeout_s=1.5):
         pass
@@ -212,7 +214,7 @@ def test_the_verb_serves_until_ctrl_c_and_gives_control_back(serve, plans, dial,
     until(lambda: watcher.state.operator_system == 0)
 
 
-def test_the_verb_says_what_is_wrong(tmp_path, capsys):
+def test_the_verb_names_the_fault(tmp_path, capsys):
     from goshawk.cli import main
 
     with pytest.raises(SystemExit) as ended:
