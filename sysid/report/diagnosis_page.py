@@ -14,7 +14,7 @@ from sysid.report.pages import picture, write_page
 
 CAPTIONS = {
     "staircase": "Prediction error, model by model",
-    "candidate": "What convicts",
+    "suspect": "The evidence",
     "outside": "What no known effect explains",
     "residual_share": "What explains the residual, channel by channel",
     "residual_wrench": "Unexplained force and torque over time",
