@@ -42,11 +42,11 @@ def write(path: Path, found: Diagnosis, *, further: Sequence[str] = ()) -> Path:
     with tempfile.TemporaryDirectory() as folder:
         drawn = diagnosis_figures.write(found, Path(folder))
         pictures = {p.stem: picture(p, CAPTIONS[p.stem.rstrip("0123456789").rstrip("_")]) for p in drawn}
-    convicting = [drawn for name, drawn in pictures.items() if name.startswith(("outside", "candidate"))]
+    evidence = [drawn for name, drawn in pictures.items() if name.startswith(("outside", "suspect"))]
     parts = [
         _head(found),
         "<h2>Evidence</h2>",
-        *convicting,
+        *evidence,
         pictures["staircase"],
         _attempts(found),
         pictures["residual_share"],
