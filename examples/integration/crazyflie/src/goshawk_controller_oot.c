@@ -148,7 +148,7 @@ static void follow_engage(void) {
             rotor_speed_rad_s[i] = FULL_RAD_S * sqrtf((float)motorsGetRatio((uint32_t)i) / 65535.0f);
         }
         const bool standing = rotor_speed_rad_s[0] <= 0.0f;
-        const tc_reason reason = standing ? tc_do(&controller_state, TC_COMMAND_DISARM, 0.0f)
+        const tc_reason reason = standing ? tc_shadow_end(&controller_state)
                                           : tc_engage(&controller_state, rotor_speed_rad_s);
         ours = reason == TC_OK;
         fed = 0u;
