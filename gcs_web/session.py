@@ -64,8 +64,7 @@ class Session:
         self._revision = 0
         self._plan: PlanResult | None = None
         self._planning = False
-        self._saved: dict[Path, int] = {}
-        """Which revision of the waypoints each trajectory of this session was planned for."""
+        self._saved: dict[Path, int] = {}  # trajectories of this session: the revision each was planned for
         self._listeners: list[Listener] = []
         context = multiprocessing.get_context("spawn")
         self._pool = ProcessPoolExecutor(
