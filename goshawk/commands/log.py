@@ -78,11 +78,10 @@ def command(
         fetch(flight, url, key_file, overwrite=overwrite)
     if payload is not None:
         flight = mark(flight, columns, payload == "carried", overwrite=overwrite)
+    log = sysid.read_log(flight, columns)
     believed = vehicle.load(vehicle_file) if vehicle_file is not None else None
     done: tuple[str, ...] = ()
     with console.progress() as report:
-        report(f"reading {flight.name}", 0.0)
-        log = sysid.read_log(flight, columns)
         if out is not None:
             log, done = log_outputs.write_fixed(log, flight, out, believed, overwrite=overwrite, progress=report)
         report("checking", 0.0)

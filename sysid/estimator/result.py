@@ -263,14 +263,15 @@ def _unexplained(noise: Noise) -> tuple[float, float]:
 
 
 def _turning_rad_s2(solution: Solution, flights: Sequence[Flight]) -> FloatArray:
-    """(3,) root mean square of the body's angular acceleration, in means over 0.1 s."""
+    """(3,) root mean square of the body's angular acceleration, in means over 0.1 s; NaN if no flight lasts that."""
     parts = []
     for flight, states in zip(flights, solution.point.states, strict=True):
         later = np.searchsorted(flight.time_s, flight.time_s + SPAN_S)
         first = np.flatnonzero(later < len(flight.time_s))
         rate, last = states.rate_body_rad_s, later[first]
         parts.append((rate[last] - rate[first]) / (flight.time_s[last] - flight.time_s[first])[:, None])
-    return np.sqrt((np.concatenate(parts) ** 2).mean(axis=0))
+    turned = np.concatenate(parts)
+    return np.sqrt((turned**2).mean(axis=0)) if len(turned) else np.full(3, np.nan)
 
 
 def unpredicted_turning(solution: Solution, flights: Sequence[Flight], free: Iterable[str]) -> tuple[str, ...]:

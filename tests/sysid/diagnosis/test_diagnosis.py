@@ -8,7 +8,7 @@ import pytest
 
 import vehicle
 from flight import FlightLog, InputError
-from sysid import Options, identify
+from sysid import Identification, Options, identify
 from sysid.diagnosis import candidates, diagnose, free_form
 from sysid.diagnosis.candidates import candidate_set
 from sysid.diagnosis.confirm import Judge
@@ -42,6 +42,7 @@ def turning_when_climbing(velocity: np.ndarray, rate: np.ndarray, speed: np.ndar
     return 0.0 * velocity, torque
 
 
+@pytest.mark.slow  # tests/goshawk/test_diagnose.py holds the same law through the command line
 def test_a_hidden_effect_is_named_sized_and_confirmed_by_unseen_flights():
     found = diagnose(
         flights(damping, 1, 16.0), vehicle.example(), held_out=flights(damping, 2, 10.0, spread=0.2), auto=True
@@ -133,11 +134,16 @@ def test_blocks_add_up_to_what_the_estimator_knows():
         assert -judge.reduction(lined, lined.with_value(name, size)).total == pytest.approx(predicted, rel=0.05)
 
 
+@pytest.fixture(scope="module")
+def calm() -> Identification:
+    """A fit to one flight of the vehicle as the model has it."""
+    return identify(flights(None, 9, 12.0)[:1], vehicle.example(), Options(node_rate_hz=100.0, gusts="white"))
+
+
 @pytest.mark.parametrize("channels", [("M_y",), ("F_x_world", "F_y_world")])
-def test_curves_are_freed_of_what_the_states_can_do_in_every_block(channels):
+def test_curves_are_freed_of_what_the_states_can_do_in_every_block(calm, channels):
     """The short way of the evidence, by what is at right angles, against products of all rows."""
-    logs = flights(None, 9, 12.0)[:1]
-    fit = identify(logs, vehicle.example(), Options(node_rate_hz=100.0, gusts="white"))
+    fit = calm
     evidence = Evidence(
         fit.flights, fit.solution.point, fit.noise, fit.unknowns, candidate_set(fit.vehicle, fit.flights)
     )
