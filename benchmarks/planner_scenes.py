@@ -23,6 +23,15 @@ class Place:
     waypoints: Waypoints
 
 
+@dataclass(frozen=True)
+class Clutter:
+    """A cluttered place in closed form, its sampled field, and the two points to fly between."""
+
+    scene: solids.Scene
+    field: esdf.Field
+    waypoints: Waypoints
+
+
 def place(seed: int) -> Place:
     """Even seeds are forests, odd ones rooms."""
     rng = np.random.default_rng(seed)
@@ -73,7 +82,7 @@ def sampled(scene: solids.Scene, size: tuple[float, float, float]) -> esdf.Field
     return esdf.build(esdf.rasterize(scene, grid), grid)
 
 
-def faults(plan: planner.Plan, where: Place, vehicle: Vehicle, required_m: float = 0.3) -> list[str]:
+def faults(plan: planner.Plan, where: Place | Clutter, vehicle: Vehicle, required_m: float = 0.3) -> list[str]:
     """What is wrong with a plan, by brute force: 20,000 samples, the closed form, differences for derivatives."""
     path, limits, found = plan.trajectory, vehicle.limits, []
     t = np.linspace(0.0, path.duration_s, 20_001)
@@ -104,15 +113,6 @@ def faults(plan: planner.Plan, where: Place, vehicle: Vehicle, required_m: float
 
 CLUTTER = ("forest .05", "forest .15", "forest .25", "office", "maze")
 """Kinds of cluttered place; the numbers are trunks per square metre."""
-
-
-@dataclass(frozen=True)
-class Clutter:
-    """A cluttered place in closed form, its sampled field, and the two points to fly between."""
-
-    scene: solids.Scene
-    field: esdf.Field
-    waypoints: Waypoints
 
 
 def clutter(kind: str, seed: int) -> Clutter:

@@ -11,6 +11,7 @@ def search(
     required: float,
     comfort: float,
     price: float,
+    greed: float,
 ) -> NDArray[np.int64]:
     """Cells (flat indices) of the cheapest way from start to goal; empty if there is none."""
 

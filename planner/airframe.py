@@ -104,8 +104,8 @@ def _in_flight(vehicle: Vehicle, hover: FloatArray) -> tuple[FloatArray, FloatAr
     by_speed = np.stack([np.ones_like(lateral), np.hypot(lateral, up)], axis=1)
     by_climb = np.stack([up, lateral**2], axis=1)
     lift = per_mass[:, 2] - GRAVITY_M_S2
-    a_b = [np.asarray(np.linalg.lstsq(x, y, rcond=None)[0]) for x, y in ((by_speed, drag), (by_climb, lift))]
-    return np.maximum(a_b[0], 0.0), a_b[1]
+    fitted = [np.linalg.lstsq(x, y, rcond=None)[0] for x, y in ((by_speed, drag), (by_climb, lift))]
+    return np.maximum(fitted[0], 0.0).astype(np.float64), fitted[1].astype(np.float64)
 
 
 def excess_numpy(airframe: Airframe, derivatives: FloatArray) -> FloatArray:

@@ -43,6 +43,14 @@ def distance(field: DistanceField, points_world_m: FloatArray) -> FloatArray:
     return np.where(np.isnan(values), -np.inf, values)
 
 
+def certain(field: DistanceField, distance_m: np.ndarray) -> np.ndarray:
+    """What interpolated distances prove (`SampledField.proven_distance`), minus infinity where they are NaN."""
+    grid = getattr(field, "grid", None)
+    slack = 0.0 if grid is None else grid.half_diagonal_m
+    proven = np.maximum(np.sqrt(np.maximum(distance_m**2 - slack**2, 0.0)), distance_m - slack)
+    return np.where(np.isnan(distance_m), -np.inf, np.where(distance_m > slack, proven, distance_m - slack))
+
+
 def aim(field: DistanceField, required_m: float) -> float:
     """The interpolated distance at which `required_m` is certain."""
     grid = getattr(field, "grid", None)

@@ -78,7 +78,7 @@ class Lbfgs {
         std::vector<double> x, gradient;
         double curvature;
     };
-    static constexpr std::size_t kMemory = 20;
+    static constexpr std::size_t kMemory = 60;
     static constexpr int kSmallGains = 3;  // one may be a step that was cut short
     std::vector<Change> changes_;
 
