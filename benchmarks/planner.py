@@ -129,7 +129,7 @@ def kernel(drone: vehicle.Vehicle) -> list[report.Row]:
         knots=knots,
         free=np.ones((31, 4), dtype=bool),
         airframe=airframe.reduced(drone, drone.limits),
-        field=planner_scenes.place(0).field,
+        field=SKY,
         clearance_m=0.3,
         weights=time_allocation.Weights(heading=0.2),
     )

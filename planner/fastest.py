@@ -26,9 +26,8 @@ _SHORTEST_S = 0.25
 """Segments are not cut into shorter pieces: the vehicle could make nothing of them."""
 _SMOOTHING_S = 0.5
 """Turns of the heading are smoothed out over this time to begin with."""
-_ROUNDS = 8
-_FIRST, _LATER = 250, 70
-"""Iterations in the first round, and in later ones, which start close."""
+_ITERATIONS = (250, 70, *[25] * 8)
+"""Of each round: the later ones only mend what is exceeded here and there."""
 _SPARE = 0.006
 """Relative excess that is kept from every limit, for what is not measured."""
 _STRICTER = 0.01
@@ -159,15 +158,15 @@ def until_flyable(
     Where limits stay exceeded in spite of it, the last trajectory is returned with its report.
     """
     corrections, T, optimum_s, bends = _Corrections(len(durations_s)), durations_s, np.nan, 0
-    for round_ in range(_ROUNDS):
+    for round_, iterations in enumerate(_ITERATIONS):
         problem = replace(problem, offsets=corrections.total())
-        found = time_allocation.optimise(problem, T, iterations=_LATER if round_ else _FIRST, stop=stop)
+        found = time_allocation.optimise(problem, T, iterations=iterations, stop=stop)
         problem, T = replace(problem, knots=found.knots), found.durations_s
         optimum_s = optimum_s if round_ else float(T.sum())
         path = minimum_snap.trajectory(found.spline)
         excess = corrections.measure(problem, found, path, vehicle)
         clearance = esdf.certify(problem.field, path, options.clearance_m)
-        last = round_ == _ROUNDS - 1
+        last = round_ == len(_ITERATIONS) - 1
         if clearance.passed and (excess.max() <= 0.0 or last):
             report = ask_gate(path)
             if report.passed or last or report.usage is None:

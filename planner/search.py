@@ -17,7 +17,7 @@ _PRICE = 3.0
 """Added price per metre of going at the required clearance rather than at a comfortable one."""
 
 _GREED = 1.5
-"""How much dearer than the cheapest a way may be: the optimiser moves it anyway, and half the cells need no look."""
+"""How much dearer than the cheapest a way may be: far fewer cells are looked at; the optimiser moves it anyway."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

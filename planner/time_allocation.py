@@ -5,7 +5,7 @@ the positions of the knots no pilot asked for, and the headings that are open. G
 back-substitution); the minimiser is compiled, and may be stopped from another thread.
 """
 
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass
 
 import numpy as np
 
@@ -163,8 +163,3 @@ def _kernel(problem: Problem, samples: int = SAMPLES) -> Kernel:
 
 def _distances(problem: Problem) -> space.Distances:
     return space.around_path(problem.field, problem.knots[:, :3], problem.clearance_m)
-
-
-def with_weights(problem: Problem, **changes: float) -> Problem:
-    """The same problem with other prices."""
-    return replace(problem, weights=replace(problem.weights, **changes))

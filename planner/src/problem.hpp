@@ -25,8 +25,6 @@ class Problem {
     Problem(std::size_t segments, std::size_t samples, const Airframe& airframe, const Prices& prices,
             double clearance_m, Distances distances);
 
-    std::size_t segments() const { return segments_; }
-    std::size_t samples() const { return samples_; }
     std::vector<double>& offsets() { return offsets_; }
 
     // knots (k + 1, 4), durations (k,); fills the gradients of the same shapes.

@@ -5,6 +5,7 @@ import pytest
 from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
+import esdf
 from esdf import solids
 from planner import _planner, search, space
 
@@ -60,6 +61,17 @@ def test_the_kernel_finds_a_cheapest_way_or_one_dearer_by_no_more_than_asked(see
             assert (distance.ravel()[found[1:]] >= np.float32(required)).all()
             cost = path_cost(distance, found, required, 0.9, 3.0)
             assert best * (1.0 - 1e-3) <= cost <= best * (greed + 1e-3)
+
+
+@pytest.mark.parametrize("voxel_m", [0.1, 0.3])
+def test_a_lattice_of_a_sampled_field_holds_what_the_field_proves(two_rooms, voxel_m):
+    shape = tuple(int(np.ceil(edge / voxel_m)) for edge in (10.6, 8.6, 3.6))
+    grid = esdf.Grid((-5.3, -4.3, -0.3), (voxel_m,) * 3, shape)
+    field = esdf.build(esdf.rasterize(two_rooms, grid), grid)
+    points = np.random.default_rng(0).uniform([-4.5, -3.5, 0.3], [4.5, 3.5, 2.5], (500, 3))
+    held = space.certain(field, field.distance(points))
+    assert np.allclose(held, field.proven_distance(points), atol=1e-5)
+    assert np.isneginf(space.certain(field, np.array([np.nan])))[0]
 
 
 def test_walled_in_there_is_no_way():
