@@ -22,7 +22,7 @@ from vehicle import Vehicle
 
 _AIM_M = 0.02
 """What the optimiser keeps beyond the required clearance, for what lies between the samples it looks at."""
-_SHORTEST_S = 0.25
+_SHORTEST_S = 0.2
 """Segments are not cut into shorter pieces: the vehicle could make nothing of them."""
 _SMOOTHING_S = 0.5
 """Turns of the heading are smoothed out over this time to begin with."""
@@ -90,7 +90,7 @@ def whole_vehicle(
     knots[:, 3] = heading.solve(first, asked, smoothing_s=_SMOOTHING_S, along_path=along)[:, 0]
     free = np.repeat((waypoint < 0)[:, None], 4, axis=1)
     free[:, 3] = np.isnan(asked)
-    weights = Weights(snap=1e-7, limits=1500.0, heading=0.2 if along else 0.0, turning=1e-4 if along else 0.01)
+    weights = Weights(snap=1e-7, limits=1500.0, heading=0.4 if along else 0.0, turning=1e-4 if along else 0.01)
     return replace(problem, knots=knots, free=free, weights=weights), durations, waypoint
 
 
