@@ -5,6 +5,7 @@ symmetric and positive definite, and the same for every axis. Degree 7 is optima
 """
 
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
@@ -57,7 +58,7 @@ def solve(
     k = T.size
     if positions.ndim != 2 or T.shape != (len(positions) - 1,) or k == 0 or not 1 <= positions.shape[1] <= 4:
         raise InputError(f"positions {positions.shape} and durations {T.shape} do not fit (k + 1, axes) and (k,)")
-    if not (np.isfinite(positions).all() and np.isfinite(T).all() and T.min() > 0.0):
+    if not (T.min() > 0.0 and isfinite(float(T.sum())) and isfinite(float(positions.sum()))):
         raise InputError("positions and durations must be finite, and durations positive")
     states = np.zeros((k + 1, hermite.ORDER, positions.shape[1]))
     states[:, 0] = positions
