@@ -109,7 +109,7 @@ def _in_flight(vehicle: Vehicle, hover: FloatArray) -> tuple[FloatArray, FloatAr
 
 
 def excess_numpy(airframe: Airframe, derivatives: FloatArray) -> FloatArray:
-    """The plain twin of the kernel's `Demand`: relative excess (n, 13) over each limit.
+    """The NumPy reference of the kernel's `Demand`: relative excess (n, 13) over each limit.
 
     Args:
         derivatives: (n, 5, 4) position and yaw with four derivatives.

@@ -57,7 +57,7 @@ def segment_states(states: FloatArray) -> FloatArray:
 
 
 def coefficients_numpy(states: FloatArray, durations_s: FloatArray) -> FloatArray:
-    """The plain twin of `minimum_snap.coefficients`."""
+    """The NumPy reference of `minimum_snap.coefficients`."""
     T = np.asarray(durations_s, dtype=np.float64)
     scaled = segment_states(states) * time_powers(T)[..., None]
     on_unit = np.einsum("ab,kbx->kxa", monomials_from_states(), scaled)

@@ -1,8 +1,8 @@
 """Whether the vehicle can fly a trajectory: speed and acceleration proved, attitude, rates and rotors sampled.
 
 Speed and acceleration are polynomials: their bounds are certified over all time. Tilt, rates and rotor speeds come from
-`vehicle.flatness` (drag included) at samples; what can happen between two of them is bounded by the curvature seen
-there, and that allowance is added to the value before it is compared.
+`vehicle.flatness` (drag included) at samples; an allowance for the values between two samples, from the curvature
+there, is added to the value before it is compared.
 """
 
 from dataclasses import asdict, dataclass
@@ -17,7 +17,7 @@ from vehicle import Limits, Vehicle, flatness, invert
 _PIECES = 16
 """Parts of a segment in which the hull bound is taken; its gap falls with the square of their number."""
 _SIDE_S = 1e-9
-"""How far from a join the sides are looked at: snap, and with it the torque, may jump there."""
+"""Distance in seconds of the samples on both sides of a join: snap, and with it the torque, may jump there."""
 
 
 NAMES = ("speed", "acceleration", "tilt", "roll and pitch rate", "yaw rate", "rotor speed", "slowest rotor")
@@ -35,7 +35,7 @@ _BINDING = 0.97
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One question of the gate and its answer."""
+    """One check of the gate and its result."""
 
     name: str
     value: float
@@ -46,7 +46,7 @@ class Check:
     """When on the trajectory the value occurs, if it belongs to an instant."""
     segment: int | None = None
     reason: str = ""
-    """How the value was found, or why there is none."""
+    """Method by which the value was found, or why there is none."""
 
     @property
     def ratio(self) -> float:
@@ -128,7 +128,7 @@ def excess_text(used: Usage, limit: int, segment: int, trajectory: Trajectory) -
     T = float(trajectory.durations_s[segment])
     where = f"segment {segment} at {time_s:.1f} s"
     if not np.isfinite(value):
-        return f"{where}: no rotor speeds give this motion; give it more than {1.5 * T:.2f} s"
+        return f"{where}: no rotor speeds produce this motion; give it more than {1.5 * T:.2f} s"
     longer = T * max(float(used.share[limit, segment]), 1.0) ** _EASES[limit]
     unit = _UNITS[limit]
     return f"{where}: {NAMES[limit]} {value:.4g} {unit}, limit {used.bound[limit]:.4g}; give it {longer:.2f} s"
@@ -212,9 +212,9 @@ def _attitude_values(trajectory: Trajectory, vehicle: Vehicle, times: FloatArray
 
 
 def time_shares(trajectory: Trajectory, vehicle: Vehicle, limits: Limits, times: FloatArray) -> FloatArray:
-    """By what factor times must grow for each limit to be met exactly, (limits, times); below 1 there is room.
+    """Factor on the time at which each limit is just met, (limits, times); below 1 the limit is kept with margin.
 
-    Where the vehicle has no answer at all the factor is 1.5.
+    Where the motion is impossible the factor is 1.5.
     """
     norms = [np.linalg.norm(trajectory.position(times, r), axis=1) for r in (1, 2)]
     value = np.stack(norms + _attitude_values(trajectory, vehicle, times))

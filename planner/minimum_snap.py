@@ -71,7 +71,7 @@ def solve(
 
 
 def solve_numpy(states: FloatArray, durations_s: FloatArray) -> None:
-    """The plain twin of the kernel: fills in the interior v, a, j of knot states (k + 1, 4, axes)."""
+    """The NumPy reference of the kernel: fills in the interior v, a, j of knot states (k + 1, 4, axes)."""
     if len(durations_s) == 1:
         return
     H = energy(durations_s)

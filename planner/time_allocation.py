@@ -81,7 +81,7 @@ def cost_and_gradient(
 
 
 def cost_numpy(problem: Problem, knots: FloatArray, durations_s: FloatArray) -> float:
-    """The plain twin of the cost."""
+    """The NumPy reference of the cost."""
     T, weights = durations_s, problem.weights
     spline = minimum_snap.solve(knots, T)
     motion = derivatives(spline)

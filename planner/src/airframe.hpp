@@ -1,5 +1,6 @@
 // The vehicle as the optimiser sees it: how far a motion exceeds each limit, and the exact adjoint of that.
-// The plain twin is in planner/airframe.py. What this leaves out comes in as offsets, measured with the full model.
+// The NumPy reference is in planner/airframe.py. What this leaves out comes in as offsets, measured with the full
+// model.
 #pragma once
 
 #include <algorithm>

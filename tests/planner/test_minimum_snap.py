@@ -41,7 +41,7 @@ def test_joins_are_smooth_through_the_sixth_derivative(problem):
 
 @settings(max_examples=40, deadline=None)
 @given(PROBLEMS, st.integers(1, 4))
-def test_the_kernel_says_what_its_plain_twin_says(problem, axes):
+def test_the_kernel_agrees_with_the_numpy_reference(problem, axes):
     positions, T = random_problem(*problem)
     start, end = np.random.default_rng(0).normal(size=(2, 3, axes))
     spline = minimum_snap.solve(positions[:, :axes], T, start=start, end=end)
@@ -110,7 +110,7 @@ def test_backwards_is_the_same_path_flown_backwards():
 
 
 def test_a_dense_quadratic_program_over_coefficients_finds_the_same_path():
-    """The reference knows nothing of Hermite states: monomials in u, every condition an equality row, OSQP."""
+    """The reference does not use Hermite states: monomials in u, every condition an equality row, OSQP."""
     positions, T = random_problem(11, 4)
     k = len(T)
     u, w = np.polynomial.legendre.leggauss(8)

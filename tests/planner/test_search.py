@@ -20,7 +20,7 @@ def path_cost(distance: np.ndarray, cells: np.ndarray, required: float, comfort:
 
 
 def dijkstra_cost(distance: np.ndarray, start: int, goal: int, required: float, comfort: float, price: float) -> float:
-    """The plain twin: every edge of the grid in a sparse graph."""
+    """The NumPy reference: every edge of the grid in a sparse graph."""
     shape = np.array(distance.shape)
     cells = np.stack(np.unravel_index(np.arange(distance.size), distance.shape), axis=1)
     rows, columns, weights = [], [], []

@@ -72,7 +72,7 @@ def test_the_gradient_is_that_of_finite_differences(seed, only):
 
 @settings(max_examples=30, deadline=None)
 @given(SEEDS, st.integers(1, 7))
-def test_the_kernel_says_what_its_plain_twin_says(seed, segments):
+def test_the_kernel_agrees_with_the_numpy_reference(seed, segments):
     p, T = problem(seed, segments)
     cost, _, _ = time_allocation.cost_and_gradient(p, p.knots, T)
     assert cost == pytest.approx(time_allocation.cost_numpy(p, p.knots, T), rel=1e-9)
@@ -80,7 +80,7 @@ def test_the_kernel_says_what_its_plain_twin_says(seed, segments):
 
 @settings(max_examples=20, deadline=None)
 @given(SEEDS)
-def test_the_excess_is_that_of_the_plain_twin(seed):
+def test_the_excess_agrees_with_the_numpy_reference(seed):
     p, T = problem(seed)
     found = time_allocation.Solution(p.knots, T, minimum_snap.solve(p.knots, T), 0.0, 0, True)
     at_samples, peaks = time_allocation.excess(p, found)

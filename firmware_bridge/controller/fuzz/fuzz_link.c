@@ -5,7 +5,10 @@
    it must hold that
    - what is active is whole: its CRC-32 is the one in its header;
    - the parameters in force are those before the step, or the whole set that the step sent;
+   - a single parameter, set by the station in control, changes that one or none;
+   - a frame of a station that is not in control, and does not get there by it, changes nothing of the controller;
    - rotor speeds are finite and within the limits;
+   - a stream opens by the exact echo of a challenge that is not too old, and by nothing else;
    - a second endpoint, which signs, lets nothing in: no lease, no upload, no order.
 
    With libFuzzer:  clang -fsanitize=fuzzer,address,undefined with this file and those of src.
@@ -19,6 +22,8 @@
 #define TICK_US 20000u /* the longest regular step: most of a flight for the fewest ticks */
 #define LONG_WAIT 24u  /* ticks */
 #define LOG_RECORDS 4u
+#define PILOT 255u
+#define GUEST 200u
 
 /* Row and length of those that ask for something. */
 static const uint8_t kinds[][2] = {
@@ -34,7 +39,9 @@ static const uint8_t kinds[][2] = {
     {GOSHAWK_LOG_REQUEST_ROW, GOSHAWK_LOG_REQUEST_LENGTH},
     {PARAM_REQUEST_READ_ROW, PARAM_REQUEST_READ_LENGTH},
     {PARAM_REQUEST_LIST_ROW, PARAM_REQUEST_LIST_LENGTH},
+    {PARAM_SET_ROW, PARAM_SET_LENGTH},
     {COMMAND_LONG_ROW, COMMAND_LONG_LENGTH},
+    {COMMAND_INT_ROW, COMMAND_INT_LENGTH},
     {TIMESYNC_ROW, TIMESYNC_LENGTH},
     {HEARTBEAT_ROW, HEARTBEAT_LENGTH},
 };
@@ -86,10 +93,12 @@ static void start(vehicle* v, bool sign) {
     tc_link_init(&v->link, &v->controller, config, 1);
 }
 
-/* A frame of the dialect whose payload comes from the input; small numbers where the fuzzer would need luck. */
+/* A frame of the dialect whose payload comes from the input, by the pilot or, with the first bit, by a guest; small
+   numbers where the fuzzer would need luck. */
 static size_t make_frame(bytes* input, uint8_t sequence, uint8_t frame[TC_FRAME_MAX]) {
     uint8_t* payload = frame + TC_FRAME_HEADER;
-    const uint8_t* kind = kinds[take(input) % (sizeof kinds / sizeof kinds[0])];
+    const uint8_t what = take(input);
+    const uint8_t* kind = kinds[what % 128u % (sizeof kinds / sizeof kinds[0])];
     const goshawk_dialect_row* row = &goshawk_dialect()[kind[0]];
     const unsigned given = take(input);
     memset(payload, 0, TC_PAYLOAD_MAX);
@@ -100,7 +109,7 @@ static size_t make_frame(bytes* input, uint8_t sequence, uint8_t frame[TC_FRAME_
         payload[row->target] = 1;
         payload[row->target + 1u] = 1;
     }
-    return tc_frame_build(frame, kind[0], kind[1], sequence, 255, 190, NULL, 0);
+    return tc_frame_build(frame, kind[0], kind[1], sequence, what < 128u ? PILOT : GUEST, 190, NULL, 0);
 }
 
 /* A payload's length without the zeros at its end, eight bytes at a time: tc_frame_build would look at each. */
@@ -113,14 +122,14 @@ static __attribute__((no_sanitize("address", "undefined"))) unsigned trimmed(con
     return length;
 }
 
-/* Encodes a message by its name and hands it to the vehicle. */
-#define SEND(v, now_us, NAME, name, message)                                                 \
-    do {                                                                                     \
-        uint8_t frame_[TC_FRAME_MAX];                                                        \
-        name##_encode(&(message), frame_ + TC_FRAME_HEADER);                                 \
-        const unsigned length_ = trimmed(frame_ + TC_FRAME_HEADER, NAME##_LENGTH);           \
-        const size_t n_ = tc_frame_build(frame_, NAME##_ROW, length_, 0, 255, 190, NULL, 0); \
-        tc_link_receive(&(v)->link, frame_, n_, NULL, now_us);                               \
+/* Encodes a message by its name and hands it to the vehicle, as the pilot's. */
+#define SEND(v, now_us, NAME, name, message)                                                   \
+    do {                                                                                       \
+        uint8_t frame_[TC_FRAME_MAX];                                                          \
+        name##_encode(&(message), frame_ + TC_FRAME_HEADER);                                   \
+        const unsigned length_ = trimmed(frame_ + TC_FRAME_HEADER, NAME##_LENGTH);             \
+        const size_t n_ = tc_frame_build(frame_, NAME##_ROW, length_, 0, PILOT, 190, NULL, 0); \
+        tc_link_receive(&(v)->link, frame_, n_, NULL, now_us);                                 \
     } while (0)
 
 /* A plan that passes all checks (standing still at 1 m for a while), sent whole but for its flaws: bit 0 and 1 together
@@ -225,18 +234,51 @@ static void send_parameters(vehicle* v, uint64_t now_us, uint32_t transfer_id, b
     must(memcmp(now, &next, sizeof next) == 0 || memcmp(now, &before, sizeof before) == 0);
 }
 
+/* One parameter by its name. */
+static void send_parameter(vehicle* v, uint64_t now_us, bytes* input) {
+    const tc_parameters before = *tc_parameters_now(&v->controller);
+    const bool in_control = v->link.lease.holder.system_id == PILOT;
+    tc_parameters next = before;
+    const uint16_t index = take(input) % tc_parameters_count();
+    const uint8_t size = take(input);
+    param_set_msg m = {.target_system = 1, .target_component = 1, .param_type = size % 8u == 7u ? 6 : 9};
+    m.param_value = tc_parameters_get(&before, index) * (0.5f + (float)size * (1.0f / 128.0f));
+    memcpy(m.param_id, tc_parameters_name(index), strlen(tc_parameters_name(index)));
+    const tc_reason put = tc_parameters_put(&next, index, m.param_value);
+    SEND(v, now_us, PARAM_SET, param_set, m);
+    const tc_parameters* now = tc_parameters_now(&v->controller);
+    const bool may_change = in_control && put == TC_OK && m.param_type == 9u;
+    must(memcmp(now, &before, sizeof before) == 0 || (may_change && memcmp(now, &next, sizeof next) == 0));
+}
+
+/* Whether the same streams are open. */
+static bool same_streams(const tc_signing* a, const tc_signing* b) {
+    bool same = true;
+    for (unsigned i = 0; i < TC_STREAMS; i++) {
+        const tc_stream *one = &a->streams[i], *other = &b->streams[i];
+        same = same && one->open == other->open && memcmp(&one->sender, &other->sender, sizeof one->sender) == 0;
+    }
+    return same;
+}
+
 /* A signed heartbeat, or an answer to the challenge, sent twice: with the right key it counts at most once, with
-   another one never. */
+   another one never. Only the exact answer opens a stream, once. */
 static void send_signed(vehicle* v, uint64_t now_us, tc_signing* station, bytes* input) {
     uint8_t frame[TC_FRAME_MAX];
     const uint8_t how = take(input);
     const heartbeat_msg heartbeat = {0};
-    const ping_msg answer = {.time_usec = v->link.challenge.time_usec,
-                             .seq = v->link.challenge.seq,
-                             .target_system = 1,
-                             .target_component = 1};
+    const tc_link_challenge* challenge = &v->link.challenge;
+    ping_msg answer = {
+        .time_usec = challenge->time_usec, .seq = challenge->seq, .target_system = 1, .target_component = 1};
     const bool answers = (how & 32u) != 0u;
+    const uint64_t issued_us = challenge->issued_us;
+    bool exact = answers;
     if (answers) {
+        const uint8_t damage = take(input); /* a bit of the 96, or of the address */
+        if (damage < 64u) answer.time_usec ^= 1ull << damage;
+        if (damage >= 64u && damage < 96u) answer.seq ^= 1u << (damage - 64u);
+        if (damage == 96u) answer.target_component = 0;
+        exact = damage > 96u;
         ping_encode(&answer, frame + TC_FRAME_HEADER);
     } else {
         heartbeat_encode(&heartbeat, frame + TC_FRAME_HEADER);
@@ -247,8 +289,13 @@ static void send_signed(vehicle* v, uint64_t now_us, tc_signing* station, bytes*
     if ((how & 16u) != 0u && station->now_10us > 1400u) {
         station->now_10us -= 300u; /* the next ones come with older stamps */
     }
+    const tc_signing before = v->link.signing;
     tc_link_receive(&v->link, frame, n, NULL, now_us);
+    const tc_signing between = v->link.signing;
     tc_link_receive(&v->link, frame, n, NULL, now_us);
+    exact = exact && v->link.clock_us - issued_us < TC_LINK_ANSWER_US;
+    must(exact || same_streams(&before, &between));
+    must(same_streams(&between, &v->link.signing));
 }
 
 static void one_tick(vehicle* v, const tc_estimate* estimate, uint64_t now_us) {
@@ -341,13 +388,31 @@ static void to_both(scene* s, const uint8_t* data, size_t n, bool datagram) {
     tc_link_receive(&s->closed.link, data, n, datagram ? NULL : &s->closed.stream, s->now_us);
 }
 
-static void act(scene* s, bytes* input) {
+static bool holds(const vehicle* v, uint8_t system) { return v->link.lease.holder.system_id == system; }
+
+/* What the holder's frames may change, a guest's may not; nobody's may change parameters but by PARAM_SET, by one. */
+static void send_frame(scene* s, bytes* input) {
+    static tc_controller before; /* too large for a stack */
     uint8_t frame[TC_FRAME_MAX];
+    const size_t n = make_frame(input, (uint8_t)s->steps, frame);
+    const uint8_t from = frame[TC_FRAME_SYSTEM];
+    const bool held = holds(&s->open, from);
+    before = s->open.controller;
+    to_both(s, frame, n, true);
+    must(held || holds(&s->open, from) || memcmp(&before, &s->open.controller, sizeof before) == 0);
+    if (frame[7] == PARAM_SET_ID && frame[8] == 0u && held) {
+        s->in_force = *tc_parameters_now(&s->open.controller);
+    }
+}
+
+static void act(scene* s, bytes* input) {
     const unsigned step = take(input) % 16u;
     s->steps++;
-    if (step < 4u) {
-        const size_t n = make_frame(input, (uint8_t)s->steps, frame);
-        to_both(s, frame, n, true);
+    if (step < 3u) {
+        send_frame(s, input);
+    } else if (step == 3u) {
+        send_parameter(&s->open, s->now_us, input);
+        s->in_force = *tc_parameters_now(&s->open.controller);
     } else if (step == 4u) {
         const size_t n = input->n > 0u ? (size_t)input->data[0] % (input->n + 1u) : 0u;
         to_both(s, input->data, n, (n & 1u) != 0u);

@@ -5,6 +5,7 @@
 
 #define LARGEST_POSITION_M 30000.0f
 #define LARGEST_VELOCITY_M_S 150.0f
+#define LARGEST_TURN_RAD 6.3f /* of a relocalization */
 #define LARGEST_RATE_RAD_S 100.0f
 #define LARGEST_FORCE_M_S2 500.0f
 #define LARGEST_BATTERY_V 1000.0f
@@ -22,7 +23,7 @@ static uint64_t longer(uint64_t a_us, uint64_t b_us) { return a_us > b_us ? a_us
 
 /* Notes when a usable sample was true, in controller time. A stamp that has come before keeps its time. */
 static void note_sample(const tc_controller* c, tc_sample_time* sample, uint64_t stamp_us) {
-    const bool clock_stands = c->stalled_ticks > 0u; /* then its stamps do, too */
+    const bool clock_stands = c->stalled_ticks > 0u && c->step_us > 0u; /* and its stamps, while time goes on */
     if (stamp_us == sample->stamp_us && sample->true_us != 0u && !clock_stands) return;
     const uint64_t now_us = c->telemetry.time_us;
     uint64_t age_us = stamp_us < c->caller_us ? c->caller_us - stamp_us : 0u;
@@ -42,28 +43,8 @@ static float age_s(const tc_controller* c, const tc_sample_time* sample) {
 }
 
 /* How far a fresh sample is to be carried to the tick. */
-static float ahead_s(const tc_controller* c, const tc_sample_time* sample) {
-    return tc_min(age_s(c, sample) + c->parameters.predict_extra_s, c->parameters.predict_max_s);
-}
-
-/* Axes `first` to before `end` of position and velocity: measured and carried to the tick by the acceleration that is
-   asked for, or dead reckoned from where they were. */
-static void take_axes(tc_controller* c, const tc_estimate* from, int first, int end, bool measured, bool has_velocity,
-                      float ahead, const float reckoned_m_s2[3], float step_s) {
-    tc_estimate* now = &c->telemetry.estimate;
-    for (int i = first; i < end; i++) {
-        if (measured) {
-            const float velocity = from->velocity_world_m_s[i];
-            const float gain = ahead * c->telemetry.setpoint.acceleration_world_m_s2[i];
-            now->position_world_m[i] = from->position_world_m[i] + ahead * (velocity + 0.5f * gain);
-            now->velocity_world_m_s[i] = velocity + gain;
-        } else {
-            const float gain = step_s * reckoned_m_s2[i];
-            if (has_velocity) now->velocity_world_m_s[i] = from->velocity_world_m_s[i] - gain;
-            now->position_world_m[i] += step_s * (now->velocity_world_m_s[i] + 0.5f * gain);
-            now->velocity_world_m_s[i] += gain;
-        }
-    }
+static float ahead_s(const tc_parameters* p, float sample_age_s) {
+    return tc_min(sample_age_s + p->predict_extra_s, p->predict_max_s);
 }
 
 /* What the vehicle accelerates at: by its accelerometer, else as asked of it; upwards by the thrust that was asked for,
@@ -80,60 +61,84 @@ static void reckoned_acceleration(tc_controller* c, const tc_estimate* estimate,
     }
 }
 
-static bool plausible(const float* values, size_t count, float largest) {
+static bool plausible(const float* values, int count, float largest) {
     bool all = true;
-    for (size_t i = 0; i < count; i++) all = all && tc_abs(values[i]) <= largest; /* NaN is not */
+    for (int i = 0; i < count; i++) all = all && tc_abs(values[i]) <= largest; /* NaN is not */
     return all;
 }
 
 static bool certain(float std, float bound) { return tc_finite(std) && std <= bound; }
 
-static uint32_t take_position(tc_controller* c, const tc_estimate* e, float step_s) {
+/* The horizontal or the vertical part of position and velocity. */
+typedef struct {
+    uint32_t position_bits, velocity_bits; /* of tc_estimate.valid */
+    int first, count;                      /* axes */
+    int std;                               /* index of its standard deviations */
+} tc_part;
+
+static const tc_part horizontal = {TC_VALID_POSITION_XY, TC_VALID_VELOCITY_XY, 0, 2, 0};
+static const tc_part vertical = {TC_VALID_POSITION_Z, TC_VALID_VELOCITY_Z, 2, 1, 1};
+
+typedef struct {
+    bool position; /* this sample is usable */
+    bool velocity; /* measured, not dead reckoned */
+    float age_s;   /* of the last usable one */
+} tc_taken;
+
+/* Measured and carried to the tick by the acceleration that is asked for, or dead reckoned from where it was. */
+static tc_taken take_part(tc_controller* c, const tc_estimate* e, const tc_part* part, tc_sample_time* sample,
+                          const float reckoned_m_s2[3], float step_s) {
     const tc_parameters* p = &c->parameters;
     tc_estimate* now = &c->telemetry.estimate;
-    const bool velocity_xy = marked(e, TC_VALID_VELOCITY_XY) &&
-                             plausible(e->velocity_world_m_s, 2, LARGEST_VELOCITY_M_S) &&
-                             certain(e->velocity_std_m_s[0], p->velocity_std_m_s);
-    const bool velocity_z = marked(e, TC_VALID_VELOCITY_Z) &&
-                            plausible(&e->velocity_world_m_s[2], 1, LARGEST_VELOCITY_M_S) &&
-                            certain(e->velocity_std_m_s[1], p->velocity_std_m_s);
-    const bool horizontal = velocity_xy && marked(e, TC_VALID_POSITION_XY) &&
-                            plausible(e->position_world_m, 2, LARGEST_POSITION_M) &&
-                            certain(e->position_std_m[0], p->position_std_m);
-    const bool vertical = velocity_z && marked(e, TC_VALID_POSITION_Z) &&
-                          plausible(&e->position_world_m[2], 1, LARGEST_POSITION_M) &&
-                          certain(e->position_std_m[1], p->position_std_m);
-    if (horizontal) note_sample(c, &c->horizontal, e->position_time_us);
-    if (vertical) note_sample(c, &c->vertical, e->position_time_us);
-    if (velocity_xy || velocity_z) note_sample(c, &c->velocity, e->position_time_us);
-    const bool velocity_fresh = age_s(c, &c->velocity) <= p->estimate_stale_s;
-    const bool fresh_xy = horizontal && age_s(c, &c->horizontal) <= p->estimate_stale_s;
-    const bool fresh_z = vertical && age_s(c, &c->vertical) <= p->estimate_stale_s;
-    float reckoned[3];
-    reckoned_acceleration(c, e, reckoned);
-    take_axes(c, e, 0, 2, fresh_xy, velocity_xy && velocity_fresh, ahead_s(c, &c->horizontal), reckoned, step_s);
-    take_axes(c, e, 2, 3, fresh_z, velocity_z && velocity_fresh, ahead_s(c, &c->vertical), reckoned, step_s);
-    c->vertical_velocity = fresh_z || (velocity_z && velocity_fresh);
-    if (horizontal) now->position_time_us = e->position_time_us;
-    for (int i = 0; i < 2; i++) {
-        now->position_std_m[i] = tc_finite(e->position_std_m[i]) ? e->position_std_m[i] : 0.0f;
-        now->velocity_std_m_s[i] = tc_finite(e->velocity_std_m_s[i]) ? e->velocity_std_m_s[i] : 0.0f;
+    const int first = part->first;
+    const bool velocity = marked(e, part->velocity_bits) &&
+                          plausible(&e->velocity_world_m_s[first], part->count, LARGEST_VELOCITY_M_S) &&
+                          certain(e->velocity_std_m_s[part->std], p->velocity_std_m_s);
+    const bool position = velocity && marked(e, part->position_bits) &&
+                          plausible(&e->position_world_m[first], part->count, LARGEST_POSITION_M) &&
+                          certain(e->position_std_m[part->std], p->position_std_m);
+    if (position) note_sample(c, sample, e->position_time_us);
+    if (velocity) note_sample(c, &c->velocity, e->position_time_us);
+    const float sample_age_s = age_s(c, sample), ahead = ahead_s(p, sample_age_s);
+    const bool fresh = position && sample_age_s <= p->estimate_stale_s;
+    const bool has_velocity = velocity && age_s(c, &c->velocity) <= p->estimate_stale_s;
+    for (int i = first; i < first + part->count; i++) {
+        if (fresh) {
+            const float gain = ahead * c->telemetry.setpoint.acceleration_world_m_s2[i];
+            now->position_world_m[i] = e->position_world_m[i] + ahead * (e->velocity_world_m_s[i] + 0.5f * gain);
+            now->velocity_world_m_s[i] = e->velocity_world_m_s[i] + gain;
+        } else {
+            const float gain = step_s * reckoned_m_s2[i];
+            if (has_velocity) now->velocity_world_m_s[i] = e->velocity_world_m_s[i] - gain;
+            now->position_world_m[i] += step_s * (now->velocity_world_m_s[i] + 0.5f * gain);
+            now->velocity_world_m_s[i] += gain;
+        }
     }
-    const float oldest_s = tc_max(age_s(c, &c->horizontal), age_s(c, &c->vertical));
-    return (horizontal && vertical ? 0u : (uint32_t)TC_FAULT_POSITION_UNUSABLE) |
-           (oldest_s > p->estimate_stale_s ? (uint32_t)TC_FAULT_POSITION_STALE : 0u);
+    now->position_std_m[part->std] = tc_finite(e->position_std_m[part->std]) ? e->position_std_m[part->std] : 0.0f;
+    now->velocity_std_m_s[part->std] =
+        tc_finite(e->velocity_std_m_s[part->std]) ? e->velocity_std_m_s[part->std] : 0.0f;
+    return (tc_taken){position, fresh || has_velocity, sample_age_s};
 }
 
 /* How long position has been dead reckoned, and what it may be off by then (horizontal, both axes). */
-static void describe_reckoning(tc_controller* c, uint32_t faults) {
-    tc_telemetry* t = &c->telemetry;
-    const float oldest_s = tc_max(age_s(c, &c->horizontal), age_s(c, &c->vertical));
-    const bool reckons = (faults & (uint32_t)TC_FAULT_POSITION_STALE) != 0u;
-    const float time_s = reckons ? tc_max(oldest_s - c->parameters.estimate_stale_s, 1e-6f) : 0.0f;
+static void describe_reckoning(tc_telemetry* t, float time_s) {
     const float velocity = RECKONED_VELOCITY_STD_M_S * time_s;
     const float acceleration = 0.5f * RECKONED_ACCELERATION_STD_M_S2 * time_s * time_s;
     t->reckoning_s = time_s;
-    t->reckoning_std_m = reckons ? sqrtf(2.0f * (velocity * velocity + acceleration * acceleration)) : 0.0f;
+    t->reckoning_std_m = sqrtf(2.0f * (velocity * velocity + acceleration * acceleration));
+}
+
+static uint32_t take_position(tc_controller* c, const tc_estimate* e, float step_s) {
+    float reckoned[3];
+    reckoned_acceleration(c, e, reckoned);
+    const tc_taken level = take_part(c, e, &horizontal, &c->horizontal, reckoned, step_s);
+    const tc_taken height = take_part(c, e, &vertical, &c->vertical, reckoned, step_s);
+    c->vertical_velocity = height.velocity;
+    if (level.position) c->telemetry.estimate.position_time_us = e->position_time_us;
+    const float late_s = tc_max(tc_max(level.age_s, height.age_s) - c->parameters.estimate_stale_s, 0.0f);
+    describe_reckoning(&c->telemetry, late_s);
+    return (level.position && height.position ? 0u : (uint32_t)TC_FAULT_POSITION_UNUSABLE) |
+           (late_s > 0.0f ? (uint32_t)TC_FAULT_POSITION_STALE : 0u);
 }
 
 /* A small turn by the body rate, second order. The size of a product is the product of the sizes. */
@@ -170,9 +175,11 @@ static uint32_t take_attitude(tc_controller* c, const tc_estimate* e, float step
         note_sample(c, &c->attitude, e->attitude_time_us);
         now->attitude_time_us = e->attitude_time_us;
     }
-    const bool stale = age_s(c, &c->attitude) > c->parameters.estimate_stale_s;
+    const float attitude_age_s = age_s(c, &c->attitude);
+    const bool stale = attitude_age_s > c->parameters.estimate_stale_s;
     if (usable && !stale) {
-        turn(e->q_world_body, q_size2, now->rate_body_rad_s, ahead_s(c, &c->attitude), now->q_world_body);
+        turn(e->q_world_body, q_size2, now->rate_body_rad_s, ahead_s(&c->parameters, attitude_age_s),
+             now->q_world_body);
     } else {
         turn(now->q_world_body, tc_q_size2(now->q_world_body), now->rate_body_rad_s, step_s, now->q_world_body);
     }
@@ -197,8 +204,9 @@ static void follow_reset(tc_controller* c, const tc_estimate* e) {
     c->reset_counter = e->reset_counter;
     c->had_estimate = true;
     if (!known || steps == 0u || !tc_mission_in_air(c->mission.state) || c->mission.state == TC_EMERGENCY) return;
-    if (steps != 1u || !tc_all_finite(e->reset_position_world_m, 3) || !tc_all_finite(e->reset_velocity_world_m_s, 3) ||
-        !tc_finite(e->reset_yaw_rad)) {
+    if (steps != 1u || !plausible(e->reset_position_world_m, 3, LARGEST_POSITION_M) ||
+        !plausible(e->reset_velocity_world_m_s, 3, LARGEST_VELOCITY_M_S) ||
+        !plausible(&e->reset_yaw_rad, 1, LARGEST_TURN_RAD)) {
         (void)tc_post(c, TC_EVENT_RELOCALIZED, TC_RELOCALIZED);
         return;
     }
@@ -221,7 +229,6 @@ void tc_take_estimate(tc_controller* c, const tc_estimate* estimate, float step_
     const uint32_t position = take_position(c, estimate, step_s);
     const uint32_t faults = rate | attitude | position;
     c->telemetry.estimate_faults = (uint8_t)faults;
-    describe_reckoning(c, faults);
     if (faults != 0u || c->good_since_us == 0u) c->good_since_us = c->telemetry.time_us;
     if ((faults & (uint32_t)TC_FAULT_POSITION_UNUSABLE) == 0u) follow_reset(c, estimate);
     const float battery_v = estimate->battery_v;

@@ -29,6 +29,10 @@
 #define INVERTED 0.5f        /* cosine of the tilt beyond which a vehicle at rest lies on its side or back */
 #define INVERTED_REST_S 0.3f
 #define EMERGENCY_FEEDBACK_M_S2 3.0f
+/* A fall that only the accelerometer tells of, by the velocity reckoned from it: */
+#define FALL_M_S 1.0f        /* it counts beyond this, */
+#define FALL_DRIFT_M_S2 0.1f /* more the longer the reckoning has gone on, */
+#define FALL_KNOWN_S 10.0f   /* and no longer than this */
 
 static float weight_n(const tc_controller* c) { return c->parameters.mass_kg * c->parameters.gravity_m_s2; }
 
@@ -84,14 +88,24 @@ void tc_landing_setpoint(tc_controller* c, float step_s) {
     setpoint->snap_world_m_s4[2] = 0.0f;
 }
 
+/* Constant thrust at no air speed is constant rotor speed, so that inflow damps the sink; more against a fall. */
+static float blind_thrust(const tc_controller* c) {
+    const tc_parameters* p = &c->parameters;
+    const float reckoned_s = c->telemetry.reckoning_s;
+    const float since_s = tc_seconds(c->telemetry.time_us - c->landing.began_us);
+    const float share = p->emergency_sink - tc_min(SINK_MORE_1_S * since_s, SINK_MOST);
+    if (c->landing.touched) return AFTER_IMPACT * share * c->hover_thrust_n;
+    float feedback = 0.0f;
+    if (force_given(c) && reckoned_s < FALL_KNOWN_S) {
+        const float fall_m_s = -c->telemetry.estimate.velocity_world_m_s[2] - (FALL_M_S + FALL_DRIFT_M_S2 * reckoned_s);
+        feedback = tc_clamp(p->kd_z_1_s * fall_m_s, 0.0f, EMERGENCY_FEEDBACK_M_S2);
+    }
+    return share * c->hover_thrust_n + p->mass_kg * feedback;
+}
+
 float tc_emergency_thrust(const tc_controller* c) {
     const tc_parameters* p = &c->parameters;
-    if (!c->vertical_velocity) { /* constant thrust at no air speed: constant rotor speed, so that inflow damps the sink
-                                  */
-        const float since_s = tc_seconds(c->telemetry.time_us - c->landing.began_us);
-        const float share = p->emergency_sink - tc_min(SINK_MORE_1_S * since_s, SINK_MOST);
-        return share * c->hover_thrust_n * (c->landing.touched ? AFTER_IMPACT : 1.0f);
-    }
+    if (!c->vertical_velocity) return blind_thrust(c);
     const float off_m_s = -c->landing.speed_m_s - c->telemetry.estimate.velocity_world_m_s[2];
     const float feedback = tc_clamp(p->kd_z_1_s * off_m_s, -EMERGENCY_FEEDBACK_M_S2, EMERGENCY_FEEDBACK_M_S2);
     return (c->hover_thrust_n + p->mass_kg * feedback) / tc_max(c->axes[2][2], INVERTED);

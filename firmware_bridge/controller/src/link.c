@@ -107,6 +107,13 @@ static uint8_t check_trajectory(const tc_link* link, const link_order* order) {
     return meant ? (uint8_t)TC_OK : (uint8_t)TC_LINK_OTHER_TRAJECTORY;
 }
 
+uint8_t link_do(tc_link* link, tc_command command, float value) {
+    if (link->controller->mission.state == (uint8_t)TC_SHADOW) {
+        return TC_WRONG_STATE; /* another controller flies: only the integrator's calls lead out */
+    }
+    return (uint8_t)tc_do(link->controller, command, value);
+}
+
 static uint8_t carry_out(tc_link* link, const link_order* order) {
     switch (order->command) {
         case GOSHAWK_COMMAND_LOG_START:
@@ -122,13 +129,9 @@ static uint8_t carry_out(tc_link* link, const link_order* order) {
     if (order->command >= (uint8_t)TC_COMMAND_COUNT) {
         return TC_LINK_UNSUPPORTED;
     }
-    if (link->controller->mission.state == (uint8_t)TC_SHADOW) {
-        return TC_WRONG_STATE; /* another controller flies: only the integrator's calls lead out */
-    }
     const bool start = order->command == (uint8_t)TC_COMMAND_START;
     const uint8_t reason = start ? check_trajectory(link, order) : (uint8_t)TC_OK;
-    return reason != (uint8_t)TC_OK ? reason
-                                    : (uint8_t)tc_do(link->controller, (tc_command)order->command, order->value);
+    return reason != (uint8_t)TC_OK ? reason : link_do(link, (tc_command)order->command, order->value);
 }
 
 const tc_link_order_result* link_execute_order(tc_link* link, const link_message* from, const link_order* order) {

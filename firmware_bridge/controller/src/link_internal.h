@@ -94,6 +94,8 @@ typedef struct {
     uint32_t trajectory_id, crc32; /* for START */
 } link_order;
 
+/* tc_do for the station in control. In shadow nothing, not even KILL: the vehicle is not ours to stop. */
+uint8_t link_do(tc_link* link, tc_command command, float value);
 /* An order of a station: refused unless it is in control; under a request id that it has used last it is not carried
    out again, and the first answer holds. */
 const tc_link_order_result* link_execute_order(tc_link* link, const link_message* from, const link_order* order);

@@ -70,10 +70,6 @@ void link_report_refusal(tc_link* link, const char* what, uint8_t reason) {
 
 /* -- orders ----------------------------------------------------------------------------------------------------- */
 
-static uint8_t order(tc_link* link, tc_command what, float value) {
-    return (uint8_t)tc_do(link->controller, what, value);
-}
-
 static bool on_ground(const tc_link* link) {
     const uint8_t state = link->controller->mission.state;
     return state == (uint8_t)TC_DISARMED || state == (uint8_t)TC_ARMED;
@@ -94,7 +90,7 @@ static uint8_t take_off(tc_link* link, tc_link_station from, float height_m) {
     }
     const bool disarmed = link->controller->mission.state == (uint8_t)TC_DISARMED;
     if (!disarmed || link->config->identity != TC_IDENTITY_PX4) {
-        return order(link, TC_COMMAND_TAKE_OFF, asked_m);
+        return link_do(link, TC_COMMAND_TAKE_OFF, asked_m);
     }
     link->standard.take_off.waits = true;
     link->standard.take_off.from = from;
@@ -107,11 +103,11 @@ static uint8_t arm(tc_link* link, tc_link_station from) {
     const tc_link_take_off waiting = link->standard.take_off;
     const bool takes_off = waiting.waits && is_same(waiting.from, from);
     forget_take_off(link);
-    uint8_t reason = order(link, TC_COMMAND_ARM, 0.0f);
+    uint8_t reason = link_do(link, TC_COMMAND_ARM, 0.0f);
     if (reason == (uint8_t)TC_OK && takes_off) {
-        reason = order(link, TC_COMMAND_TAKE_OFF, waiting.height_m);
+        reason = link_do(link, TC_COMMAND_TAKE_OFF, waiting.height_m);
         if (reason != (uint8_t)TC_OK) {
-            (void)order(link, TC_COMMAND_DISARM, 0.0f);
+            (void)link_do(link, TC_COMMAND_DISARM, 0.0f);
         }
     }
     return reason;
@@ -128,18 +124,18 @@ static uint8_t arm_or_disarm(tc_link* link, tc_link_station from, const command*
         return TC_OUT_OF_RANGE;
     }
     forget_take_off(link);
-    return order(link, is_forced(c) ? TC_COMMAND_KILL : TC_COMMAND_DISARM, 0.0f);
+    return link_do(link, is_forced(c) ? TC_COMMAND_KILL : TC_COMMAND_DISARM, 0.0f);
 }
 
 /* On the ground Hold is what it does. */
 static uint8_t hold(tc_link* link) {
     forget_take_off(link);
-    return on_ground(link) ? (uint8_t)TC_OK : order(link, TC_COMMAND_HOLD, 0.0f);
+    return on_ground(link) ? (uint8_t)TC_OK : link_do(link, TC_COMMAND_HOLD, 0.0f);
 }
 
 static uint8_t land(tc_link* link) {
     forget_take_off(link);
-    return order(link, TC_COMMAND_LAND, 0.0f);
+    return link_do(link, TC_COMMAND_LAND, 0.0f);
 }
 
 /* A trajectory is started by its id and CRC (GOSHAWK_COMMAND_START): a mode or a MISSION_START names neither. */
@@ -195,10 +191,10 @@ static uint8_t reposition(tc_link* link, const command* c) {
 static uint8_t pause_or_continue(tc_link* link, const command* c) {
     const uint8_t state = link->controller->mission.state;
     if (c->parameter[0] >= 0.5f) {
-        return order(link, TC_COMMAND_RESUME, 0.0f);
+        return link_do(link, TC_COMMAND_RESUME, 0.0f);
     }
     const bool on_path = state == (uint8_t)TC_TRAJECTORY || state == (uint8_t)TC_PAUSING || state == (uint8_t)TC_PAUSED;
-    return on_path ? order(link, TC_COMMAND_PAUSE, 0.0f) : hold(link);
+    return on_path ? link_do(link, TC_COMMAND_PAUSE, 0.0f) : hold(link);
 }
 
 /* Microseconds; 0 as it was at the start, negative never. */
@@ -235,7 +231,7 @@ static uint8_t carry_out(tc_link* link, tc_link_station from, const command* c) 
         case CMD_PAUSE_CONTINUE:
             return pause_or_continue(link, c);
         case CMD_TERMINATE:
-            return c->parameter[0] >= 0.5f ? order(link, TC_COMMAND_KILL, 0.0f) : (uint8_t)TC_LINK_UNSUPPORTED;
+            return c->parameter[0] >= 0.5f ? link_do(link, TC_COMMAND_KILL, 0.0f) : (uint8_t)TC_LINK_UNSUPPORTED;
         case CMD_MESSAGE_INTERVAL:
             return set_interval(link, c);
         default:

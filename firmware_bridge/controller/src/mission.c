@@ -139,9 +139,9 @@ static const uint8_t next[TC_MISSION_STATE_COUNT][TC_EVENT_COUNT] = {
         },
     [TC_SHADOW] =
         {
-            [TC_COMMAND_DISARM] = TO(TC_DISARMED),
             [TC_COMMAND_KILL] = TO(TC_DISARMED),
             [TC_EVENT_SHADOW] = TO(TC_SHADOW),
+            [TC_EVENT_SHADOW_END] = TO(TC_DISARMED),
             [TC_EVENT_ENGAGE] = TO(TC_HOLD),
             [TC_EVENT_RELEASE] = TO(TC_SHADOW),
         },

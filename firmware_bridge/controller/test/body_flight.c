@@ -125,7 +125,7 @@ static void begin_fault(flight* f, int i) {
             f->result->fault_reason[i] = (int32_t)set_parameter(f, value[0], value[1]);
             break;
         case BODY_FLOOR:
-            f->b.world.floor_m = value[0];
+            f->b.world.floor_m = fmin(value[0], f->b.world.floor_m + fmax(body_clearance_m(&f->b), 0.0));
             break;
         case BODY_NO_SPECIFIC_FORCE:
             s->config.has_specific_force = 0;

@@ -31,7 +31,7 @@ typedef enum {
     BODY_LINK_LOST = 14,
     BODY_BATTERY = 15,   /* value[0]: volts */
     BODY_PARAMETER = 16, /* value[0]: index, value[1]: value */
-    BODY_FLOOR = 17,     /* value[0]: new height of the floor */
+    BODY_FLOOR = 17,     /* value[0]: new height of the floor; it rises to the feet at most */
     BODY_NO_SPECIFIC_FORCE = 18,
     BODY_NO_VERTICAL_VELOCITY = 19,
     BODY_KICK = 20,          /* value[0..2]: m/s, value[3]: rad/s about body x */

@@ -389,6 +389,31 @@ static void emergency_landing(void) {
     must(near(tc_emergency_thrust(&c), 8.8f, 1e-4f), "down to 8 % less");
 }
 
+/* Without vertical velocity, falling by what the accelerometer's integral says. */
+static void fall_that_is_reckoned(void) {
+    begin(TC_EMERGENCY, true);
+    c.vertical_velocity = false;
+    c.hover_thrust_n = 10.0f;
+    c.telemetry.reckoning_s = 4.0f;
+    c.telemetry.estimate.velocity_world_m_s[2] = -1.39f;
+    must(near(tc_emergency_thrust(&c), 9.6f, 1e-4f), "1 m/s, and 0.1 more for each second");
+    const float feedback = c.parameters.mass_kg * c.parameters.kd_z_1_s * 0.1f;
+    c.telemetry.estimate.velocity_world_m_s[2] = -1.5f;
+    must(near(tc_emergency_thrust(&c), 9.6f + feedback, 1e-3f), "a fall is braked");
+    c.telemetry.estimate.velocity_world_m_s[2] = -9.0f;
+    must(near(tc_emergency_thrust(&c), 9.6f + 3.0f * c.parameters.mass_kg, 1e-3f), "within 3 m/s^2");
+    c.telemetry.reckoning_s = 9.9f;
+    must(tc_emergency_thrust(&c) > 11.0f, "for 10 s");
+    c.telemetry.reckoning_s = 10.0f;
+    must(near(tc_emergency_thrust(&c), 9.6f, 1e-4f), "and no longer");
+    c.telemetry.reckoning_s = 4.0f;
+    c.telemetry.estimate.valid = TC_VALID_POSE;
+    must(near(tc_emergency_thrust(&c), 9.6f, 1e-4f), "not without an accelerometer");
+    c.telemetry.estimate.valid = TC_VALID_ALL;
+    c.landing.touched = true;
+    must(near(tc_emergency_thrust(&c), 0.8f * 9.6f, 1e-3f), "nor once something was hit");
+}
+
 static void on_its_back(void) {
     begin(TC_LANDING, true);
     c.axes[2][2] = 0.45f;
@@ -417,5 +442,6 @@ void landing_cases(void) {
     unload_and_idle();
     what_still_flies();
     emergency_landing();
+    fall_that_is_reckoned();
     on_its_back();
 }

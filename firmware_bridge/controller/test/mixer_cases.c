@@ -353,6 +353,30 @@ static void nonsense_is_clipped(void) {
     }
 }
 
+/* The plain square law from the smallest coefficient that a parameter may have to the largest: no guard against a
+   division by zero shows in the speeds. */
+static void square_law_of_any_size(void) {
+    for (int decade = -10; decade <= -1; decade++) {
+        tc_parameters p = vehicle(0.0f);
+        tc_mixer mixer;
+        p.centre_of_mass_m[0] = p.centre_of_mass_m[1] = 0.0f;
+        p.quad_n_s2 = powf(10.0f, (float)decade);
+        const double square = (double)p.quad_n_s2;
+        const double hover_rad_s = sqrt((double)(p.mass_kg * p.gravity_m_s2) / (4.0 * square));
+        p.rotor_min_rad_s = p.rotor_idle_rad_s = (float)(0.2 * hover_rad_s);
+        p.rotor_max_rad_s = (float)(2.0 * hover_rad_s);
+        must(tc_mixer_configure(&mixer, &p) == TC_OK, "can hover");
+        for (int k = 0; k < 200; k++) {
+            const float still[3] = {0.0f, 0.0f, 0.0f};
+            const double speed = draw(0.3, 1.9) * hover_rad_s;
+            const tc_wrench demand = {(float)(4.0 * square * speed * speed), {0.0f, 0.0f, 0.0f}};
+            float n[TC_ROTORS];
+            must(tc_mixer_solve(&mixer, &demand, still, still, n) == 0u, "within the limits");
+            for (int i = 0; i < 4; i++) must(fabs((double)n[i] - speed) < 1e-5 * speed, "the root of the demand");
+        }
+    }
+}
+
 /* What cannot produce an arbitrary wrench, or cannot hover, is refused. */
 static void configurations_refused(void) {
     tc_mixer mixer;
@@ -381,5 +405,6 @@ void mixer_cases(void) {
     desaturation_keeps_the_order();
     saturated_in_fast_air();
     nonsense_is_clipped();
+    square_law_of_any_size();
     configurations_refused();
 }

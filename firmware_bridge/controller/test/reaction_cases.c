@@ -62,6 +62,16 @@ static void relocalization(void) {
     start_in(TC_TRAJECTORY, 0);
     g.e.reset_counter = (uint8_t)(g.e.reset_counter + 2u);
     enters(TC_STOPPING, 0.0f, 0.02f, TC_RELOCALIZED, "an unknown one");
+    for (int number = 0; number < 7; number++) { /* finite, but no amount that a frame moves by */
+        start_in(TC_TRAJECTORY, 0);
+        const tc_setpoint before = g.c.telemetry.setpoint;
+        float* const amounts[] = {&g.e.reset_position_world_m[0], &g.e.reset_velocity_world_m_s[0], &g.e.reset_yaw_rad};
+        g.e.reset_counter++;
+        amounts[number / 3][number % 3] = number < 3 ? 30001.0f : number < 6 ? -151.0f : 6.4f;
+        enters(TC_STOPPING, 0.0f, 0.02f, TC_RELOCALIZED, "one that cannot be");
+        must(near(g.c.telemetry.setpoint.yaw_rad, before.yaw_rad, 0.1f), "nothing follows it");
+        must(near(g.c.telemetry.setpoint.position_world_m[0], before.position_world_m[0], 0.1f), "nothing at all");
+    }
 }
 
 static void reasons_on_the_way(void) {
@@ -262,6 +272,36 @@ static void hover_in_shadow(float seconds) {
     must(!g.output.in_command, "and commands nothing");
 }
 
+/* A clock that is behind by a little in every second tick, and a position that is always the same sample. */
+static void a_jittering_clock_keeps_no_sample_fresh(void) {
+    start_in(TC_HOLD, 0);
+    g.detached = g.no_position = true;
+    const uint64_t lost_us = g.c.telemetry.time_us;
+    for (int i = 0; i < 400 && g.c.mission.state == TC_HOLD; i++) {
+        g.now_us += TICK_US;
+        tick();
+        g.now_us -= TICK_US + 300u;
+        tick();
+    }
+    const tc_parameters* p = tc_parameters_now(&g.c);
+    const float after_s = (float)(g.c.telemetry.time_us - lost_us) * 1e-6f;
+    must(g.c.telemetry.refused_ticks > 100u && g.c.mission.state == TC_EMERGENCY, "lost");
+    must(near(after_s, p->estimate_stale_s + p->reckoning_s, 0.03f), "when it would be by a steady clock");
+}
+
+static void shadow_takes_no_commands(void) {
+    hover_in_shadow(1.2f);
+    for (int command = 0; command < TC_COMMAND_COUNT; command++) {
+        if (command == TC_COMMAND_KILL || command == TC_COMMAND_TIME_SCALE) continue; /* the second is no order */
+        must(tc_do(&g.c, (tc_command)command, 1.0f) != TC_OK && g.c.mission.state == TC_SHADOW, "refused");
+    }
+    must(tc_shadow_end(&g.c) == TC_OK && g.c.mission.state == TC_DISARMED, "the integrator ends it");
+    must(tc_shadow_end(&g.c) == TC_WRONG_STATE, "once");
+    must(tc_shadow(&g.c) == TC_OK && tc_do(&g.c, TC_COMMAND_KILL, 0.0f) == TC_OK, "or kills");
+    tick();
+    must(g.output.in_command && g.output.rotor_speed_rad_s[0] <= 0.0f, "in command of stopped rotors");
+}
+
 static bool all_speeds_finite(void) {
     bool finite = true;
     for (int i = 0; i < TC_ROTORS; i++) finite = finite && isfinite(g.c.telemetry.rotor_speed_rad_s[i]);
@@ -317,6 +357,8 @@ static void engage_limits(void) {
 
 void reaction_cases(void) {
     engage_limits();
+    a_jittering_clock_keeps_no_sample_fresh();
+    shadow_takes_no_commands();
     beginnings();
     ramps();
     tracking_lost();

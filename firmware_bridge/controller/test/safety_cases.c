@@ -14,7 +14,7 @@ static const char letters[] = "dathpfbsoxle!w";
    f trajectory, b pausing, s paused, o stopping, x aborting, l landing, e emergency, ! fault, w shadow; . refused. */
 static const char* const table[TC_EVENT_COUNT] = {
     "aa............", /* arm */
-    "dd..........dd", /* disarm */
+    "dd..........d.", /* disarm */
     ".t............", /* take off */
     "...p..........", /* start */
     ".....bbs......", /* pause */
@@ -41,6 +41,7 @@ static const char* const table[TC_EVENT_COUNT] = {
     "w............w", /* shadow */
     "h............h", /* engage */
     ".dwwwwwwwwww.w", /* release */
+    ".............d", /* shadow's end */
 };
 
 static void transitions_are_those_of_the_table(void) {

@@ -317,6 +317,10 @@ static void other_controllers(void) {
     count_begin();
     (void)tc_shadow(&c);
     count_end("tc_shadow", "");
+    count_begin();
+    (void)tc_shadow_end(&c);
+    count_end("tc_shadow_end", "");
+    (void)tc_shadow(&c);
     ticks(1.5f);
     count_begin();
     (void)tc_engage(&c, speeds);

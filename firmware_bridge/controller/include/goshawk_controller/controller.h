@@ -181,13 +181,16 @@ tc_reason tc_tick(tc_controller* controller, uint64_t time_us, const tc_estimate
 tc_reason tc_do(tc_controller* controller, tc_command command, float value);
 
 /* In flight, beside another controller (calls of the integrator, not of the ground):
-   shadow: from disarmed, compute and log every tick, command nothing (output.in_command is false);
+   shadow: from disarmed, compute and log every tick, command nothing (output.in_command is false). No command but KILL
+     is taken there, and KILL puts this controller in command of stopped rotors;
+   shadow_end: back to disarmed, which is in command of stopped rotors: only while the vehicle stands;
    engage: from shadow or disarmed, take over a flying vehicle. Needs an estimate that has been good for a second, tilt
      below 35 degrees, body rate below 2 rad/s, speed below 5 m/s; the set-point starts at the vehicle's own state,
    brakes and holds. `rotor_speed_rad_s`: what the rotors do now, where the first command starts from (NULL: not known);
    release: from any flying state back to shadow: the other controller flies from the next output on, e.g. because the
      pilot moved the sticks. */
 tc_reason tc_shadow(tc_controller* controller);
+tc_reason tc_shadow_end(tc_controller* controller);
 tc_reason tc_engage(tc_controller* controller, const float rotor_speed_rad_s[TC_ROTORS]);
 tc_reason tc_release(tc_controller* controller);
 

@@ -69,10 +69,11 @@ typedef enum {
     TC_EVENT_TRACKING_LOST = 22, /* tracking error beyond the clearance */
     TC_EVENT_RELOCALIZED = 23,   /* the estimate jumped by more than the clearance, or by an unknown amount */
     TC_EVENT_BATTERY_LOW = 24,
-    TC_EVENT_SHADOW = 25,  /* tc_shadow: compute while another controller flies */
-    TC_EVENT_ENGAGE = 26,  /* tc_engage: take over in flight */
-    TC_EVENT_RELEASE = 27, /* tc_release: give back in flight */
-    TC_EVENT_COUNT = 28
+    TC_EVENT_SHADOW = 25,     /* tc_shadow: compute while another controller flies */
+    TC_EVENT_ENGAGE = 26,     /* tc_engage: take over in flight */
+    TC_EVENT_RELEASE = 27,    /* tc_release: give back in flight */
+    TC_EVENT_SHADOW_END = 28, /* tc_shadow_end: on the ground, back in command */
+    TC_EVENT_COUNT = 29
 } tc_event;
 
 typedef struct {

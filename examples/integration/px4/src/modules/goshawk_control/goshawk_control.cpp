@@ -290,7 +290,7 @@ void GoshawkControl::enter_mode() {
     tc_reason reason = TC_OK;
 
     if (_land.landed) {
-        (void)tc_do(&_controller, TC_COMMAND_DISARM, 0.0f); /* out of shadow */
+        (void)tc_shadow_end(&_controller);
         reason = tc_do(&_controller, TC_COMMAND_ARM, 0.0f);
 
     } else {
