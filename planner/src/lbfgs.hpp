@@ -53,7 +53,7 @@ class Lbfgs {
             const double step = search(function, x, found, slope, direction, x_new, gradient_new, cost_new);
             if (!(step > 0.0)) {
                 if (changes_.empty()) {
-                    found.converged = true;  // rounding: nothing downhill can be told apart
+                    found.converged = true;  // rounding hides whatever is still downhill
                     return found;
                 }
                 changes_.clear();
