@@ -41,7 +41,7 @@ def learn(logs: list[FlightLog], model: vehicle.Vehicle) -> vehicle.Vehicle:
     """Diagnose the missing effects and add them; ground truth is used for the printed comparison only."""
     found = diagnose([in_the_air(log, "eight") for log in logs], model, auto=True)
     print(f"diagnosis: {found.verdict} (confidence {found.confidence:.0%})")
-    for candidate in found.suspects:
+    for candidate in found.candidates:
         if candidate.verdict == "present":
             for size in candidate.sizes:
                 true = truth.parameter(size.parameter).value if size.parameter in truth.parameters else 0.0
