@@ -147,10 +147,10 @@ def test_suspects_that_cannot_be_asked_about_are_refused(model: Model):
     assert ask(model, ["weak_rotor"]).candidates[0].effect == "weak_rotor"
 
 
-@pytest.mark.parametrize("name", [pytest.param("oblique", marks=pytest.mark.slow), "throttle_steps"])
+@pytest.mark.parametrize("name", ["oblique", "throttle_steps"])
 def test_the_planner_flies_through_the_waypoints(question: Question, name: str):
     """In an empty box: the plan passes its gate, stays inside, and tells about as much per second as was promised."""
-    body, size = vehicle.example(), np.array(SPACE)
+    body, size = question.model.fit.vehicle, np.array(SPACE)  # what is believed of the vehicle when it is planned
     proposal = rank(
         question.model,
         candidates=[s.name for s in question.candidates],
