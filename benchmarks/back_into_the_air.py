@@ -1,8 +1,8 @@
 """What learning a hidden effect is worth in the air: tracking error before, after, and with the truth known.
 
-For each effect a vehicle that has it, and a controller that does not know it, fly; the effect is added to the model and
+For each effect a vehicle that has it, and a controller whose model lacks it, fly; the effect is added to the model and
 fitted to the log; the new parameters go to the controller; it flies again. Effects that the controller does not cancel
-are there too, for what learning them is worth to it. The same once more without being told which effect it is: a
+are there too, for what learning them is worth to it. The same once more without a given effect: a
 diagnosis of the two logs names it, or does not.
 """
 
@@ -30,39 +30,39 @@ HIDDEN = {
     "rotor_interaction": {"loss_s_m": 0.01},
     "gyroscopic_torque": {"rotor_inertia_kg_m2": 2e-5},
 }
-"""What the truth has and the controller is not told, with sizes that a vehicle of this kind may have."""
+"""Effects of the true vehicle that the controller's model lacks, with sizes typical of such a vehicle."""
 
 ONLY = {"payload": ("payload.added_kg", "payload.x_m", "payload.y_m")}
-"""What alone is fitted for some effects: motion shows ratios to the mass, so a payload shows only against the numbers
-that were found without it."""
+"""Free parameters for some effects: motion determines ratios to the mass, so for a payload the
+other parameters are held at the values that were found without it."""
 
 
 def hidden(effect: str) -> tuple[Vehicle, Vehicle]:
-    """The truth with the effect, and what is believed, without."""
+    """The true vehicle with the effect, and the model without it."""
     base = vehicles()[0]
     without = base.without_effect(effect) if effect in base.effects else base
     return without.with_effect(effect, **HIDDEN[effect]), without
 
 
-def second(effect: str, *, told: bool = True) -> SecondFlight:
+def second(effect: str, *, given: bool = True) -> SecondFlight:
     """A level figure of eight at 7 m/s before and after; a second flight, with climbs and turns, teaches as well.
 
     Args:
-        told: which effect it is; else a diagnosis has to find out.
+        given: whether the effect is given; else a diagnosis has to find it.
     """
     truth, believed = hidden(effect)
     course = curves.FLIGHTS.figure_eight(7.0, 6.0, turns=1)
     turning = curves.FLIGHTS.general(turns=2)
     named = second_flight.adding(effect, sysid.Options(free=ONLY.get(effect)))
     return second_flight.fly_again(
-        truth, believed, course, named if told else second_flight.diagnosing, training=[turning]
+        truth, believed, course, named if given else second_flight.diagnosing, training=[turning]
     )
 
 
 def rows() -> list[report.Row]:
     found = []
     for effect in HIDDEN:
-        flown, diagnosed = second(effect), second(effect, told=False)
+        flown, diagnosed = second(effect), second(effect, given=False)
         peers = {"before": 100 * flown.before_m, "truth known": 100 * flown.known_m}
         peers[f"diagnosed as {' and '.join(diagnosed.added) or 'nothing'}"] = 100 * diagnosed.after_m
         if compensated_effects()[effect]:

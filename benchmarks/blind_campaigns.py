@@ -1,4 +1,4 @@
-"""Flights of vehicles whose file lacks something, with the answers in another folder: data to judge a diagnosis by.
+"""Flights of vehicles whose file lacks an effect, with ground truth in another folder: test data for the diagnosis.
 
     python benchmarks/blind_campaigns.py --out FOLDER [--kind all|single|pair|none|outside|foreign] [--count N]
         [--seed S]
@@ -28,12 +28,12 @@ from blind_flight import (
     Reference,
     Sky,
     advance,
+    demanded_force_per_mass,
     matrix,
     se3_command,
     slope,
     turned_back,
     upright,
-    wanted_pull,
 )
 from blind_manoeuvres import HELD_OUT, TRAINING, Paths
 from blind_manoeuvres import draw as draw_path
@@ -66,7 +66,7 @@ MASS_ERROR = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """What one flight really did, from the moment the log starts."""
+    """Ground truth of one flight, from the start of the log."""
 
     kind: str
     time_s: Array
@@ -112,7 +112,7 @@ def fly(truths: list[Truth], rngs: list[np.random.Generator], duration_s: float)
     wind = np.stack(gusts, axis=-1)
     reference = Paths.of(paths)
     state = _start(reference.at(0.0), believed)
-    rows, forces, wanted, times = [], [], [], []
+    rows, forces, targets, times = [], [], [], []
     for i in range(steps):
         t = i * STEP_S
         target = reference.at(t)
@@ -123,11 +123,11 @@ def fly(truths: list[Truth], rngs: list[np.random.Generator], duration_s: float)
             pull[2] += GRAVITY_M_S2
             forces.append(turned_back(matrix(state[ATTITUDE]), pull))
             rows.append(state)
-            wanted.append(target.position)
+            targets.append(target.position)
             times.append(t - SETTLE_S)
         with np.errstate(all="ignore"):  # one that crashes is found by its check
             state = advance(fleet, state, command, wind[i], t, STEP_S, sky)
-    both = [np.stack(x) for x in (rows, forces, wanted)]
+    both = [np.stack(x) for x in (rows, forces, targets)]
     made = [Recording(p.kind, np.array(times), *(x[..., j] for x in both)) for j, p in enumerate(paths)]
     return [made[width * i : width * (i + 1)] for i in range(len(truths))]
 
@@ -157,17 +157,17 @@ def _gusts(truth: Truth, steps: int, rng: np.random.Generator) -> Array:
 
 
 def _start(target: Reference, believed: Fleet) -> Array:
-    """On the path, thrust where the path bends, heading as told."""
+    """On the path, thrust where the path bends, heading as given."""
     state = np.zeros((17, believed.mass.size))
     state[POSITION], state[VELOCITY] = target.position, target.velocity
-    pull = wanted_pull(state, target)
+    pull = demanded_force_per_mass(state, target)
     state[ATTITUDE] = Rotation.from_matrix(np.moveaxis(upright(pull, target.yaw), 2, 0)).as_quat().T
     state[ROTORS] = np.sqrt(believed.mass * np.linalg.norm(pull, axis=0) / (4.0 * believed.thrust))
     return state
 
 
 def measure(recording: Recording, truth: Truth, loaded: bool, rng: np.random.Generator) -> FlightLog:
-    """What the sensors write."""
+    """The sensors' log."""
     n, time_s, state = len(recording.time_s), recording.time_s, recording.state
     arm = np.array(truth.sensor_m)
     if loaded:
@@ -193,7 +193,7 @@ def measure(recording: Recording, truth: Truth, loaded: bool, rng: np.random.Gen
 
 
 def vehicle_file(truth: Truth, name: str, rng: np.random.Generator) -> vehicle.Vehicle:
-    """What the diagnosing side is given: the known effects, every number a little wrong."""
+    """The vehicle file for the diagnosis: the known effects, every value with a small error."""
     body = truth.body
     v = vehicle.example("hummingbird")
     for effect in ("inflow_linear", "translational_lift", "rotor_drag_speed", "parasitic_drag_speed"):
@@ -244,7 +244,7 @@ def answers(truth: Truth, seed: list[int], checks: list[dict[str, float]], file_
         "hidden": truth.hidden,
         "real_drag": truth.real,
         "believed_drag": truth.believed,
-        # the IMU is biased in every campaign: naming that is no lie
+        # the IMU is biased in every campaign: naming that is correct
         "tolerated": ["imu_errors", *truth.real],
         "channels": truth.channels,
         "variables": truth.variables,

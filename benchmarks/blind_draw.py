@@ -1,4 +1,4 @@
-"""What a blind campaign hides: the true vehicle, the effects its file lacks, and the answers that count as right."""
+"""What a blind campaign hides: the true vehicle, the effects its file lacks, and the answers that count as correct."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -31,11 +31,11 @@ Sizes = dict[str, float]
 
 @dataclass(slots=True)
 class Truth:
-    """Everything the diagnosing side must not see."""
+    """Ground truth, hidden from the diagnosis."""
 
     kind: str
     body: dict[str, Any]
-    """RotorPy's parameters; terms that are not known and not hidden are nil."""
+    """RotorPy's parameters; terms that are neither known nor hidden are zero."""
     known: set[str]
     """Terms the vehicle file holds."""
     centre_m: tuple[float, float] = (0.0, 0.0)
@@ -54,7 +54,7 @@ class Truth:
     believed: list[str] = field(default_factory=list)
     """Drag forms the vehicle file holds in place of the true ones ..."""
     real: list[str] = field(default_factory=list)
-    """... and the true ones: naming them is right, though the wrong form may have stood in for them well enough."""
+    """... and the true ones: naming them is correct, but the wrong form may be a sufficient proxy for them."""
     channels: list[str] = field(default_factory=list)
     """Outside the catalogue: channels that count as right ..."""
     variables: list[str] = field(default_factory=list)
@@ -73,7 +73,7 @@ def draw(kind: str, rng: Rng) -> Truth:
     elif kind == "foreign":
         _foreign(truth, rng)
     truth.low = "ground_effect" in truth.hidden or bool(rng.random() < 0.4)
-    _silence(truth)
+    _zero_unused_terms(truth)
     return truth
 
 
@@ -103,7 +103,7 @@ def _vehicle(kind: str, rng: Rng) -> Truth:
     )
 
 
-def _silence(truth: Truth) -> None:
+def _zero_unused_terms(truth: Truth) -> None:
     """Terms that are neither known nor hidden do not act."""
     present = truth.known | set(truth.hidden) | set(truth.real)
     for name, terms in _ROTORPY_TERMS.items():
@@ -131,7 +131,7 @@ def _size(rng: Rng, low: float, high: float) -> float:
 
 
 def _choose(count: int, rng: Rng) -> list[str]:
-    """Different effects that do not fight over the same term of the truth."""
+    """Different effects that do not change the same term of the true vehicle."""
     while True:
         names = [str(n) for n in rng.choice(sorted(HIDDEN), count, replace=False)]
         if not any({a, b} <= group for a in names for b in names if a != b for group in _RIVALS):
@@ -286,7 +286,7 @@ HIDDEN: dict[str, Callable[[Truth, Rng], Sizes]] = {
     "thrust_affine": _affine,
     "rotor_interaction": _interaction,
 }
-"""Effects a campaign can hide, by the catalogue's name; each draws a size, acts on the truth, and tells the size."""
+"""Effects a campaign can hide, by the catalogue's name; each draws a size, changes the truth, and returns the size."""
 
 OUTSIDE: tuple[tuple[str, str, tuple[str, ...], tuple[float, float]], ...] = (
     # channel, law of `Strange`, variables that count as right, range of the size (N or N m)
@@ -340,7 +340,7 @@ def _foreign(t: Truth, rng: Rng) -> None:
 
 
 def _swap(t: Truth, believed: str, real: str, extra: Any) -> None:
-    """The file says `believed`; the truth flies `real`."""
+    """The file has `believed`; the true vehicle has `real`."""
     t.known -= {believed, real}
     t.believed.append(believed)
     t.real.append(real)

@@ -220,8 +220,8 @@ VELOCITY_GAIN = np.array([5.0, 5.0, 9.0])
 
 
 def se3_command(fleet: Fleet, state: Array, reference: Reference) -> Array:
-    """Rotor speeds (4, b) that RotorPy's SE3Control asks for; `fleet` is what the controller believes."""
-    force = fleet.mass * wanted_pull(state, reference)
+    """Rotor speeds (4, b) that RotorPy's SE3Control asks for; `fleet` is the controller's model."""
+    force = fleet.mass * demanded_force_per_mass(state, reference)
     rotation = matrix(state[ATTITUDE])
     thrust = (force * rotation[:, 2]).sum(axis=0)
     desired = upright(force, reference.yaw)
@@ -237,16 +237,16 @@ def se3_command(fleet: Fleet, state: Array, reference: Reference) -> Array:
     return np.sign(squared) * np.sqrt(np.abs(squared))
 
 
-def wanted_pull(state: Array, reference: Reference) -> Array:
+def demanded_force_per_mass(state: Array, reference: Reference) -> Array:
     """(3, b) specific force that corrects position and velocity."""
-    wanted = reference.acceleration - POSITION_GAIN[:, None] * (state[POSITION] - reference.position)
-    wanted -= VELOCITY_GAIN[:, None] * (state[VELOCITY] - reference.velocity)
-    wanted[2] += GRAVITY_M_S2
-    return wanted
+    demand = reference.acceleration - POSITION_GAIN[:, None] * (state[POSITION] - reference.position)
+    demand -= VELOCITY_GAIN[:, None] * (state[VELOCITY] - reference.velocity)
+    demand[2] += GRAVITY_M_S2
+    return demand
 
 
 def upright(force: Array, yaw: Array) -> Array:
-    """(3, 3, b) attitude whose z axis lies along a force, heading as told."""
+    """(3, 3, b) attitude whose z axis lies along a force, heading as given."""
     up = force / np.sqrt((force**2).sum(axis=0))
     left = cross(up, np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)]))
     left /= np.sqrt((left**2).sum(axis=0))

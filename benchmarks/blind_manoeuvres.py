@@ -71,7 +71,7 @@ class Paths:
         return Paths(*(np.stack([getattr(p, n) for p in paths], axis=-1) for n in Paths.__slots__))
 
     def at(self, time_s: float) -> Reference:
-        """What the controllers are told at one instant."""
+        """The set-points of the controllers at one instant."""
         angle = self.speed * time_s + self.phase
         sine, cosine = self.amplitude * np.sin(angle), self.amplitude * np.cos(angle)
         place = self.middle + sine.sum(axis=1)

@@ -165,7 +165,7 @@ CHANNELS = ("F_x", "F_y", "F_z", "M_x", "M_y", "M_z")
 
 @dataclass(frozen=True, slots=True)
 class Strange(Added):
-    """One channel of the wrench driven by one variable through a curve of its own: in nobody's catalogue."""
+    """One channel of the wrench as a curve of one variable: an effect outside the catalogue."""
 
     channel: str
     law: str

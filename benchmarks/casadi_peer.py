@@ -1,4 +1,4 @@
-"""The same estimation given to a general solver: CasADi's derivatives, IPOPT's Newton steps, nothing of ours.
+"""The same estimation given to a general solver: CasADi's derivatives, IPOPT's Newton steps, none of our code.
 
 Unknowns, residuals and noise levels are those of `sysid` (white noise); the attitude is a small turn from the
 first guess. Only flights prepared by `sysid` (nodes, mean rotor speeds) and the first guess of the states go in.

@@ -19,36 +19,36 @@ from typing import Any
 import blind_campaigns
 import numpy as np
 import report
-from diagnosis_run import effect_of, judge
+from diagnosis_run import effect_of, score
 
 MOST_JOBS = 2
 ABOVE = 2.0
-"""Singles and pairs count when their size is this many times the smallest the flights could have shown."""
+"""Singles and pairs count when their size is this many times the smallest detectable one."""
 
 Result = dict[str, Any]
 
 
 def right(result: Result) -> list[str]:
-    """Names that are true, or at least no lie, in a campaign."""
+    """Names that count as correct in a campaign."""
     return [*result["truth"]["hidden"], *result["truth"]["tolerated"]]
 
 
 def names(result: Result) -> list[str]:
-    """Effects added, in order, those set aside that every campaign would bear out."""
-    return [effect_of(n) for n in result["said"]["additions"] if effect_of(n) != "imu_errors"]
+    """Effects added, in order, without those that are present in every campaign."""
+    return [effect_of(n) for n in result["diagnosis"]["additions"] if effect_of(n) != "imu_errors"]
 
 
 def visible(result: Result) -> bool:
-    """Whether all that is hidden is well above what the flights could show."""
+    """Whether all hidden effects are well above the smallest size detectable in these flights."""
     return all(r is not None and r >= ABOVE for r in result["ratio"].values())
 
 
 def outside_is_right(result: Result) -> bool:
     """Right channel and right variable; `v_z v_z` is a matter of v_z."""
-    said = result["said"]["outside"]
-    if said is None or said["channel"] not in result["truth"]["channels"]:
+    diagnosed = result["diagnosis"]["outside"]
+    if diagnosed is None or diagnosed["channel"] not in result["truth"]["channels"]:
         return False
-    return set(said["variable"].replace("|", " ").split()) <= set(result["truth"]["variables"])
+    return set(diagnosed["variable"].replace("|", " ").split()) <= set(result["truth"]["variables"])
 
 
 def rows(results: list[Result]) -> list[report.Row]:
@@ -64,8 +64,8 @@ def rows(results: list[Result]) -> list[report.Row]:
     ]
 
 
-def _share(name: str, told: Iterable[bool], bar: float, *, most: bool = False, peers: Any = None) -> report.Row:
-    values = list(told)
+def _share(name: str, flags: Iterable[bool], bar: float, *, most: bool = False, peers: Any = None) -> report.Row:
+    values = list(flags)
     share = float(np.mean(values)) if values else float("nan")
     ok = None if not values else share <= bar if most else share >= bar
     sign = "<=" if most else ">="
@@ -79,7 +79,7 @@ def _mean(values: Iterable[Any]) -> float:
 
 def _singles_and_pairs(single: list[Result], pair: list[Result]) -> list[report.Row]:
     first = [(r, names(r)[:1] == list(r["truth"]["hidden"])) for r in single]
-    both = [(r, set(names(r)) == set(r["truth"]["hidden"]) and r["said"]["outside"] is None) for r in pair]
+    both = [(r, set(names(r)) == set(r["truth"]["hidden"]) and r["diagnosis"]["outside"] is None) for r in pair]
     return [
         _share(
             "single effects above twice the limit: first name right",
@@ -97,18 +97,18 @@ def _singles_and_pairs(single: list[Result], pair: list[Result]) -> list[report.
 
 
 def _unstated(results: list[Result]) -> float:
-    """Campaigns left out because the diagnosis did not say how small an effect its flights could have shown."""
+    """Campaigns left out because the diagnosis gave no smallest detectable size."""
     return sum(None in r["ratio"].values() for r in results)
 
 
 def _nothing_and_outside(none: list[Result], outside: list[Result]) -> list[report.Row]:
-    said = {"curve drawn": _mean(r["said"]["outside"] is not None for r in none)}
+    diagnosed = {"curve drawn": _mean(r["diagnosis"]["outside"] is not None for r in none)}
     seen = {
-        "said outside": _mean(r["said"]["outside"] is not None for r in outside),
+        "outside named": _mean(r["diagnosis"]["outside"] is not None for r in outside),
         "false name": _mean(bool(names(r)) for r in outside),
     }
     return [
-        _share("nothing missing: something added", (bool(names(r)) for r in none), 0.05, most=True, peers=said),
+        _share("nothing missing: something added", (bool(names(r)) for r in none), 0.05, most=True, peers=diagnosed),
         _share("outside: channel and variable right", map(outside_is_right, outside), 0.85, peers=seen),
     ]
 
@@ -127,40 +127,40 @@ def _names(results: list[Result], foreign: list[Result]) -> list[report.Row]:
 
 def _sizes(results: list[Result]) -> list[report.Row]:
     shares = np.array([r["share"] for r in results if r.get("share") is not None])
-    told = [ok for r in results for ok in r["inside"].values()]
-    coverage = _mean(told)
+    flags = [ok for r in results for ok in r["inside"].values()]
+    coverage = _mean(flags)
     median, low = (float(np.quantile(shares, q)) if len(shares) else float("nan") for q in (0.5, 0.1))
     what = "share of the oracle's fall of the held-out error"
-    inside = 0.87 <= coverage <= 0.93 if told else None
+    inside = 0.87 <= coverage <= 0.93 if flags else None
     return [
         report.row(
             f"{what}: median (of {len(shares)})", median, "", ">= 0.98", median >= 0.98 if len(shares) else None
         ),
         report.row(f"{what}: worst decile", low, "", ">= 0.9", low >= 0.9 if len(shares) else None),
-        report.row(f"90 % intervals of added sizes that hold ({len(told)})", coverage, "", "0.87-0.93", inside),
+        report.row(f"90 % intervals of added sizes that hold ({len(flags)})", coverage, "", "0.87-0.93", inside),
     ]
 
 
 def claims(result: Result) -> list[tuple[float, bool]]:
-    """Stated confidence and whether it was right, of everything a diagnosis asserts."""
-    said = result["said"]
+    """Stated confidence and correctness of every claim of a diagnosis."""
+    diagnosed = result["diagnosis"]
     stated = [
-        (said["suspects"][name]["confidence"], effect_of(name) in right(result))
-        for name in said["additions"]
-        if name in said["suspects"] and effect_of(name) != "imu_errors"
+        (diagnosed["suspects"][name]["confidence"], effect_of(name) in right(result))
+        for name in diagnosed["additions"]
+        if name in diagnosed["suspects"] and effect_of(name) != "imu_errors"
     ]
-    if said["outside"] is not None:
-        stated.append((said["outside"]["confidence"], outside_is_right(result)))
-    if said.get("undecided"):
-        one_of = any(effect_of(name) in right(result) for name in said["undecided"])
-        stated.append((sum(said["suspects"][name]["confidence"] for name in said["undecided"]), one_of))
+    if diagnosed["outside"] is not None:
+        stated.append((diagnosed["outside"]["confidence"], outside_is_right(result)))
+    if diagnosed.get("undecided"):
+        one_of = any(effect_of(name) in right(result) for name in diagnosed["undecided"])
+        stated.append((sum(diagnosed["suspects"][name]["confidence"] for name in diagnosed["undecided"]), one_of))
     if not stated:
-        stated.append((said["confidence"], not _shown(result)))
+        stated.append((diagnosed["confidence"], not _shown(result)))
     return stated
 
 
 def _shown(result: Result) -> bool:
-    """Whether something was there to be seen; what lies outside the catalogue has no limit and counts as seen."""
+    """Whether a hidden effect was detectable; one outside the catalogue has no limit and counts as detectable."""
     return result["kind"] == "outside" or any(r is None or r >= 1.0 for r in result["ratio"].values())
 
 
@@ -170,15 +170,15 @@ def _belief(results: list[Result]) -> list[report.Row]:
     every = [
         (s["confidence"], effect_of(name) in r["truth"]["hidden"])
         for r in results
-        for name, s in r["said"]["suspects"].items()
+        for name, s in r["diagnosis"]["suspects"].items()
     ]
-    peers = {"every suspect": _mean((p - ok) ** 2 for p, ok in every), "mean stated": _mean(p for p, _ in stated)}
+    peers = {"every candidate": _mean((p - ok) ** 2 for p, ok in every), "mean stated": _mean(p for p, _ in stated)}
     peers["share right"] = _mean(ok for _, ok in stated)
     return [report.row(f"Brier score of {len(stated)} claims", brier, "", "<= 0.05", brier <= 0.05, peers)]
 
 
 def _time(results: list[Result]) -> list[report.Row]:
-    wall, cpu = ([r["said"][key] for r in results] for key in ("wall_s", "cpu_s"))
+    wall, cpu = ([r["diagnosis"][key] for r in results] for key in ("wall_s", "cpu_s"))
     middle = float(np.median(wall))
     return [
         report.row("one campaign: median wall time", middle, "s", "<= 60", middle <= 60.0, {"worst": max(wall)}),
@@ -187,26 +187,28 @@ def _time(results: list[Result]) -> list[report.Row]:
 
 
 def mistakes(results: list[Result]) -> list[str]:
-    """One line per campaign that went wrong, for whoever wants to know why."""
+    """One line per campaign with a wrong diagnosis."""
     lines = []
     for r in sorted(results, key=lambda r: r["campaign"]):
-        hidden, said = list(r["truth"]["hidden"]), r["said"]
+        hidden, diagnosed = list(r["truth"]["hidden"]), r["diagnosis"]
         fine = set(hidden) <= set(names(r)) <= set(right(r)) if r["kind"] != "outside" else outside_is_right(r)
         if not fine:
             ratios = {k: x and round(x, 1) for k, x in r["ratio"].items()}
-            outside = said["outside"] and f"{said['outside']['channel']} vs {said['outside']['variable']}"
-            lines.append(f"{r['campaign']} {r['kind']}: {r['truth']['law'] or ratios}; said {names(r)}, {outside}")
+            outside = (
+                diagnosed["outside"] and f"{diagnosed['outside']['channel']} vs {diagnosed['outside']['variable']}"
+            )
+            lines.append(f"{r['campaign']} {r['kind']}: {r['truth']['law'] or ratios}; diagnosed {names(r)}, {outside}")
     return lines
 
 
 def run(folder: Path, results_file: Path, jobs: int) -> tuple[list[Result], int]:
-    """Judge every campaign of a folder that has no line in the results yet; also, how many broke the program."""
+    """Score every campaign of a folder that has no line in the results yet; also returns the number of crashes."""
     results = [json.loads(line) for line in results_file.read_text().splitlines()] if results_file.exists() else []
     done = {r["campaign"] for r in results}
     waiting = [p for p in sorted(folder.glob("campaign_*")) if p.name not in done]
     failures = 0
     with ProcessPoolExecutor(min(jobs, MOST_JOBS)) as pool:
-        futures = {pool.submit(judge, p): p.name for p in waiting}
+        futures = {pool.submit(score, p): p.name for p in waiting}
         for future in as_completed(futures):
             broken = future.exception()
             if broken is not None:

@@ -1,4 +1,4 @@
-"""One blind campaign: diagnose it from its logs and vehicle file alone; only then open the truth and judge."""
+"""One blind campaign: diagnose it from its logs and vehicle file alone, then score the result by ground truth."""
 
 import json
 import time
@@ -38,7 +38,7 @@ NOT_SIZED = frozenset({"payload", "thrust_bem"})
 """Effects whose parameters mean something else in the truth: no coverage is counted."""
 
 
-def judge(folder: Path) -> dict[str, Any]:
+def score(folder: Path) -> dict[str, Any]:
     """Diagnose, then score against the truth file; plain JSON values."""
     from sysid.diagnosis import diagnose
 
@@ -46,21 +46,21 @@ def judge(folder: Path) -> dict[str, Any]:
     training, held_out, given = load(folder)
     wall, cpu = time.perf_counter(), time.process_time()
     found = diagnose(training, given, held_out=held_out, auto=True)
-    said = {"wall_s": time.perf_counter() - wall, "cpu_s": time.process_time() - cpu, **stated(found)}
+    diagnosed = {"wall_s": time.perf_counter() - wall, "cpu_s": time.process_time() - cpu, **stated(found)}
     truth = json.loads((folder.parent / "truth" / f"{name}.json").read_text())
     return {
         "campaign": name,
         "kind": truth["kind"],
-        "said": said,
+        "diagnosis": diagnosed,
         "truth": {k: truth[k] for k in ("hidden", "channels", "variables", "law", "tolerated", "real_drag")},
-        "ratio": {effect: ratio(effect, sizes, said["suspects"]) for effect, sizes in truth["hidden"].items()},
-        "inside": inside(found.vehicle, said["additions"], truth),
+        "ratio": {effect: ratio(effect, sizes, diagnosed["suspects"]) for effect, sizes in truth["hidden"].items()},
+        "inside": inside(found.vehicle, diagnosed["additions"], truth),
         **errors(training, held_out, given, found, truth),
     }
 
 
 def load(folder: Path) -> tuple[list[FlightLog], list[FlightLog], vehicle.Vehicle]:
-    """All that the diagnosing side may see."""
+    """The inputs of the diagnosis."""
     manifest = file_format.read_toml(folder / "manifest.toml", format="goshawk-blind-campaign", version=1)
     training, held_out = (
         [flight_log.load(folder / file) for file in manifest[part]] for part in ("training", "held_out")
@@ -69,7 +69,7 @@ def load(folder: Path) -> tuple[list[FlightLog], list[FlightLog], vehicle.Vehicl
 
 
 def stated(found: Any) -> dict[str, Any]:
-    """What a diagnosis says, as plain values."""
+    """A diagnosis as plain values."""
     outside = found.outside
     return {
         "additions": list(found.additions),
@@ -99,7 +99,7 @@ def effect_of(name: str) -> str:
 
 
 def ratio(effect: str, sizes: dict[str, float], suspects: dict[str, Any]) -> float | None:
-    """True size over the smallest these flights could have shown; the clearest parameter counts. None: not claimed."""
+    """True size over the smallest detectable one; the largest ratio of its parameters counts. None: not claimed."""
     found = []
     for name, suspect in suspects.items():
         if effect_of(name) == effect:
@@ -110,7 +110,7 @@ def ratio(effect: str, sizes: dict[str, float], suspects: dict[str, Any]) -> flo
 
 def inside(fitted: vehicle.Vehicle, additions: Iterable[str], truth: dict[str, Any]) -> dict[str, bool]:
     """Whether the 90 % interval of each size of a rightly added effect holds the truth."""
-    told = {}
+    flags = {}
     for effect in {effect_of(name) for name in additions} & set(truth["hidden"]) - NOT_SIZED:
         if effect not in fitted.effects:
             continue
@@ -124,8 +124,8 @@ def inside(fitted: vehicle.Vehicle, additions: Iterable[str], truth: dict[str, A
             estimate = fitted.parameter(f"{effect}.{parameter}")
             if estimate.std > 0.0 and estimate.value != 0.0:
                 miss = abs(estimate.value - scale * true)
-                told[f"{effect}.{parameter}"] = bool(miss <= NORMAL_90 * estimate.std)
-    return told
+                flags[f"{effect}.{parameter}"] = bool(miss <= NORMAL_90 * estimate.std)
+    return flags
 
 
 def errors(
@@ -135,21 +135,21 @@ def errors(
     diagnosis: Any,
     truth: dict[str, Any],
 ) -> dict[str, Any]:
-    """Held-out position errors after 0.5 s: the base refitted, the diagnosis, and the oracle who knows the truth.
+    """Held-out position errors after 0.5 s: base refitted, diagnosis, and an oracle that has the true structure.
 
-    Which flights carry a load, the oracle knows, and the diagnosis found out.
+    The oracle has the marks of flights with the payload; the diagnosis found its own.
     """
     if not truth["hidden"] and not truth["real_drag"]:
         return {}
-    told = given
+    informed = given
     for believed in truth["believed_drag"]:
-        told = told.without_effect(believed)
+        informed = informed.without_effect(believed)
     for effect in (*truth["hidden"], *truth["real_drag"]):
-        told = told.with_effect(effect, **truth["hidden"].get(effect, {}))
+        informed = informed.with_effect(effect, **truth["hidden"].get(effect, {}))
     try:
         base = sysid.identify(training, given, SAME).vehicle
         learnt = loaded(training, [i in LOADED for i in range(len(training))])
-        oracle = sysid.identify(learnt, told, _oracle_options(told, truth)).vehicle
+        oracle = sysid.identify(learnt, informed, _oracle_options(informed, truth)).vehicle
     except InputError as error:
         return {"no_oracle": str(error)}
     truly = loaded(held_out, [len(training) + i in LOADED for i in range(len(held_out))])
@@ -168,12 +168,12 @@ def position_errors(logs: list[FlightLog], models: dict[str, vehicle.Vehicle]) -
 
 
 def loaded(logs: list[FlightLog], carried: Iterable[bool]) -> list[FlightLog]:
-    """Logs that say whether they carry the payload; as they are when nobody says so."""
-    said = list(carried) or [None] * len(logs)
-    return [FlightLog(log.columns, {**log.metadata, "payload_carried": c}) for log, c in zip(logs, said, strict=True)]
+    """Logs marked with or without the payload; unmarked where the campaign does not state it."""
+    marks = list(carried) or [None] * len(logs)
+    return [FlightLog(log.columns, {**log.metadata, "payload_carried": c}) for log, c in zip(logs, marks, strict=True)]
 
 
-def _oracle_options(told: vehicle.Vehicle, truth: dict[str, Any]) -> sysid.Options:
-    """The oracle knows which rotor is weak: the losses of the others are held at nil."""
+def _oracle_options(informed: vehicle.Vehicle, truth: dict[str, Any]) -> sysid.Options:
+    """The oracle has the index of the weak rotor: the losses of the others are held at zero."""
     losses = truth["hidden"].get("weak_rotor", {})
     return replace(SAME, held=tuple(f"weak_rotor.{p}" for p, x in losses.items() if x == 0.0))

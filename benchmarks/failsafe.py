@@ -1,4 +1,4 @@
-"""Thousands of random flights with one or two faults each, judged by a simulated body that shares no code.
+"""Thousands of random flights with one or two faults each, flown by a simulated body that shares no code.
 
     python benchmarks/failsafe.py --flights 2000 --json failsafe.json
     python benchmarks/failsafe.py --only 1234 --trace flight.png      # one of them again, drawn
@@ -109,7 +109,7 @@ CAUSES = {
     Reason.BATTERY_LOW: {Kind.BATTERY},
     Reason.RELOCALIZED: {Kind.RELOCALIZED, Kind.RESET_MISSED},
 }
-"""What must have gone wrong where the log gives these reasons."""
+"""Faults that explain these reasons in the log."""
 
 
 def groundless(scenario: Scenario, result: harness.Result) -> list[str]:
@@ -160,7 +160,7 @@ def rows(flown: list[Flown]) -> list[report.Row]:
         ("touchdowns above their bar", "touched down"),
         ("not at rest at the end", "not at rest"),
         ("reactions without a reason", "reason"),
-        ("transitions that nobody commanded", "commanded"),
+        ("transitions without a command", "commanded"),
         ("failsafes without their cause", "there was none"),
         ("outputs not finite or out of range", "outputs"),
         ("KILL later than the next tick", "KILL took"),
@@ -232,7 +232,7 @@ def draw_trace(seed: int, file: Path) -> None:
     figure.savefig(file, dpi=80)
 
 
-def tell(flight: Flown) -> None:
+def describe(flight: Flown) -> None:
     print(f"{flight.seed}  [{', '.join(flight.classes)}]  {'; '.join(flight.violations) or 'fine'}\n    {flight.story}")
 
 
@@ -262,14 +262,14 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0, help="number of the first flight")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the rows here")
-    parser.add_argument("--only", type=int, metavar="SEED", help="fly this one alone and tell what happened")
+    parser.add_argument("--only", type=int, metavar="SEED", help="fly this one alone and describe it")
     parser.add_argument("--trace", type=Path, metavar="PNG", help="with --only: draw it")
     parser.add_argument("--most", type=int, default=20, help="violating flights to list")
     arguments = parser.parse_args()
     if arguments.only is not None:
         for fault in draw(arguments.only).scenario.faults:
             print(fault)
-        tell(fly(arguments.only))
+        describe(fly(arguments.only))
         if arguments.trace:
             draw_trace(arguments.only, arguments.trace)
         return 0
@@ -278,7 +278,7 @@ def main() -> int:
     report.print_table(measured)
     tell_worst(flown)
     for flight in [f for f in flown if f.violations][: arguments.most]:
-        tell(flight)
+        describe(flight)
     if arguments.json:
         worst = [asdict(f) for f in flown if f.violations]
         body = {"machine": report.machine(), "rows": [asdict(r) for r in measured], "violations": worst}

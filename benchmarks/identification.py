@@ -1,7 +1,7 @@
 """How well and how fast a vehicle is identified: `python benchmarks/identification.py [--json FILE]`.
 
 Truth comes from RotorPy (recovery, speed) and from the tests' own simulator (coverage, the paper's vehicle), never from
-the code that is judged.
+the code under test.
 """
 
 import importlib.util
@@ -185,7 +185,7 @@ def _slightly_other_drag(velocity: np.ndarray, rate: np.ndarray, speed: np.ndarr
 
 
 def paper_experiment(trials: int = 8) -> list[report.Row]:
-    """The paper's vehicle, repeated: is the spread over trials what the standard errors say?"""
+    """The paper's vehicle, repeated: does the spread over trials agree with the standard errors?"""
     flying = _flying()
     rng = np.random.default_rng(3)
     reference = flying.paper_flights(rng, trials, 0.2)

@@ -70,14 +70,16 @@ def tracking_cm(course: Course, rung: Rung, seed: int) -> float:
     truth, rng = vehicle.example("rigter2019"), np.random.default_rng(seed)
     if rung.motor_lag_s is not None:
         truth = truth.with_value("motor_lag.rise_s", rung.motor_lag_s).with_value("motor_lag.fall_s", rung.motor_lag_s)
-    configuration = parameters_of(_misjudged(truth, seed) if rung.wrong else truth).with_values(**rung.overrides)
+    configuration = parameters_of(_with_wrong_parameters(truth, seed) if rung.wrong else truth).with_values(
+        **rung.overrides
+    )
     start = simulate.State(course.trajectory.position([0.0])[0] * [1.0, 1.0, 0.0])
     plant = simulate.Plant(truth, start, rng=rng, wind=GUSTS, ground_m=0.0)
     flown = closed_loop.fly(plant, configuration, course.trajectory, sensors=Sensors.typical(), seed=seed)
     return 100.0 * float(flown.error_m.mean())
 
 
-def _misjudged(truth: Vehicle, seed: int) -> Vehicle:
+def _with_wrong_parameters(truth: Vehicle, seed: int) -> Vehicle:
     rng = np.random.default_rng(1000 + seed)
     for name in ("rotor_drag_thrust.drag_s_m", "parasitic_drag.drag_xy_kg_m", "parasitic_drag.drag_z_kg_m"):
         truth = truth.with_value(name, truth.value(name) * rng.normal(1.0, 0.2))

@@ -1,4 +1,4 @@
-"""Seeded places to plan in: forests of pillars, furnished rooms with doorways; and a check that trusts nobody."""
+"""Seeded places to plan in: forests of pillars, furnished rooms with doorways; and an independent check."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What public sets of real flights say: `python benchmarks/real_logs.py {nanodrone,staircase,motor_lag,controller}`.
+"""Public real flights, checked and fitted: `python benchmarks/real_logs.py {nanodrone,staircase,motor_lag,controller}`.
 
 The logs are not part of this repository; `--data` is the folder that holds the sets. Each set has a page in docs
 (`real_logs_*.md`) with these numbers and what to make of them.
@@ -62,14 +62,14 @@ def fit(logs: Sequence[FlightLog], model: vehicle.Vehicle, options: sysid.Option
 def nanodrone(folder: Path, chosen: argparse.Namespace) -> None:
     """Measured rotor speed: thrust, inflow, rotor drag; battery sag from command to speed."""
     logs, model = nanodrone_logs(folder), nanodrone_model()
-    print("what the checks say, with the spins as the source prints them first")
+    print("findings of the checks, with the spins as the source prints them first")
     for log in logs.values():
         found = sysid.check_log(log, replace(model, spin=-SPIN)).findings
         print(f"  {log.metadata['name']}: " + ("; ".join(f.sentence for f in found) or "nothing"))
     print("streams brought to the attitude's clock: rotor speed after the gyro, gyro after the attitude (ms)")
     one_clock = {name: aligned(log, model) for name, log in logs.items()}
-    for say, these in (("as logged", logs), ("on one clock", one_clock)):
-        print(f"three random flights, {say}")
+    for name, these in (("as logged", logs), ("on one clock", one_clock)):
+        print(f"three random flights, {name}")
         fit(_named(these, "random"), with_drag(model), NANODRONE)
     fitted = {}
     for name, candidate in {
@@ -133,7 +133,7 @@ def _near_jump(log: FlightLog) -> np.ndarray:
 
 
 def staircase(folder: Path, chosen: argparse.Namespace) -> None:
-    """Every flight of the nano-drone left out in turn, the model that the others call for judged by it."""
+    """Every flight of the nano-drone left out in turn, the model diagnosed from the others evaluated on it."""
     model = nanodrone_model()
     logs = {name: aligned(log, model) for name, log in nanodrone_logs(folder).items()}
     nanodrone_staircase.run(logs, chosen.logs, model, NANODRONE, chosen.out, chosen.same_kind)
@@ -162,13 +162,13 @@ def _mean_command(log: FlightLog) -> np.ndarray:
 
 def motor_lag(folder: Path, chosen: argparse.Namespace) -> None:
     """IMU and commands only: motor lag, thrust per command; twice, for the two ways to read a command."""
-    usual = [sysid.read_log(p, MAPS / "motor_lag.toml") for p in sorted(folder.glob("*.csv.gz"))]
+    raw = [sysid.read_log(p, MAPS / "motor_lag.toml") for p in sorted(folder.glob("*.csv.gz"))]
     sizes = {"inertia_xx_kg_m2": 1.5e-5, "inertia_yy_kg_m2": 1.5e-5, "inertia_zz_kg_m2": 1.955e-5}
     for name, offset in (
         ("speed = 380.8 + 0.0408 command (Foerster 2015)", 0.0),
         ("speed = 0.0408 command", -380.8359),
     ):
-        logs = [piece for log in usual for piece in _in_flight(_shifted(log, offset))]
+        logs = [piece for log in raw for piece in _in_flight(_shifted(log, offset))]
         hover = np.median(np.concatenate([log.vector("rotor_speed_command_rad_s") for log in logs]))
         model = small_quadrotor("cf2", 0.028, 0.027, 0.027 * 9.80665 / 4.0 / hover**2, 0.006, **sizes)
         model = with_lag(model, 0.03).with_effect("centre_of_mass", x_m=0.0, y_m=0.0)
@@ -280,7 +280,7 @@ def main() -> None:
     name, work = SETS[chosen.set]
     folder = chosen.data / name
     if not folder.is_dir():
-        sys.exit(f"{folder} is not there; say with --data where the logs are (docs/real_logs_*.md says where from)")
+        sys.exit(f"{folder} does not exist; give the folder of the logs with --data (sources: docs/real_logs_*.md)")
     if chosen.no_fit:
         plain_gains(folder)
         return

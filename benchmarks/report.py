@@ -1,4 +1,4 @@
-"""What every benchmark script shares: rows, the printed table, `--json FILE`, CPU seconds."""
+"""Shared by the benchmark scripts: rows, the printed table, `--json FILE`, CPU seconds."""
 
 import argparse
 import json

@@ -1,4 +1,4 @@
-"""Flights flown by RotorPy (its physics, its controller) for judging identification; and our vehicle for them."""
+"""Flights flown by RotorPy (its physics, its controller) for testing identification; and our vehicle for them."""
 
 from dataclasses import replace
 

@@ -39,7 +39,7 @@ def _simulation(v: vehicle.Vehicle) -> list[report.Row]:
 
 
 def _own_effect() -> str:
-    """Hub drag of the catalogue under another name: the kernel does not know it and has to call it back."""
+    """Hub drag of the catalogue under another name: it has no compiled form, so the kernel calls it back."""
     effect = replace(vehicle.effects.find("rotor_drag_speed"), name="own_drag", number=0)
     return vehicle.effects.register(effect).name
 

@@ -1,4 +1,4 @@
-"""Where the constants of the mixer's initial value come from: fits them again, prints the errors, draws the picture.
+"""Fits the constants of the mixer's initial value, prints the errors, draws the figure.
 
 python docs/mixer_fit.py     writes docs/pictures/mixer_initial_value.svg
 """

@@ -1,4 +1,4 @@
-"""The distance field: how far every point of a map is from the nearest surface, exactly, and honestly where unknown."""
+"""The distance field: how far every point of a map is from the nearest surface; NaN where the map is unknown."""
 
 from esdf import solids
 from esdf.block_field import BlockField, build_blocks, edit_blocks, open_blocks, update_blocks

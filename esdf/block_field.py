@@ -1,4 +1,4 @@
-"""A distance field that stays on disk: bricks are memory-mapped, so only what is asked for is ever read."""
+"""A distance field that stays on disk: bricks are memory-mapped, so only those that a query needs are read."""
 
 import hashlib
 import math
@@ -33,9 +33,9 @@ class BlockField(SampledField):
     cap_m: float
     unknown: Policy
     hash: str
-    """Of everything that decides the values."""
+    """Hash of everything that determines the values."""
     edits: tuple[Edit, ...]
-    """What was replayed on top of the mapped states; kept in `edits.json` beside them."""
+    """Edits that were applied on top of the mapped states; kept in `edits.json` beside them."""
     _addresses: NDArray[np.uint64] = field(repr=False)
     """Where each brick of distances begins in memory; uniform bricks share one."""
     _states: dict[str, tuple[NDArray[np.int32], StateArray]] = field(repr=False)
@@ -69,11 +69,11 @@ class BlockField(SampledField):
             common = chunk.common(region)
             if not common.empty:
                 bricks, stored = self._states[name]
-                states[common.seen_from(region).slices] = _assemble(bricks, stored, common.seen_from(chunk))
+                states[common.relative_to(region).slices] = _assemble(bricks, stored, common.relative_to(chunk))
         return states
 
     def crop(self, region: Region) -> Field:
-        """A part of the map in memory, as a map of its own (what lies beyond it is unknown to it)."""
+        """A part of the map in memory, as a map of its own (everything outside of it is unknown there)."""
         return build(self.states(region), self.grid.part(region), cap_m=self.cap_m, unknown=self.unknown)
 
 
@@ -106,7 +106,7 @@ def build_blocks(
     Args:
         source: Called with boxes of voxels, returns their states: `ArraySource`, `SolidSource`, `BlockField.states`...
         edits: Replayed on top, and saved with the map. None: those of the earlier map in `folder`, if there is one.
-        executor: Who does the work: None for one thread per core, any `concurrent.futures.Executor`, or
+        executor: Runs the work: None for one thread per core, any `concurrent.futures.Executor`, or
             `client.get_executor()` of a Dask cluster (workers write to `folder`, which they must share). The result is
             the same bytes in every case.
     """
@@ -125,7 +125,7 @@ def update_blocks(
     executor: Mapper | Executor | None = None,
     progress: Progress = silent,
 ) -> BlockField:
-    """Rebuild what depends on boxes of voxels whose states changed (mapped anew, or edited); the rest is kept.
+    """Rebuild the chunks that depend on boxes of voxels whose states changed (mapped anew, or edited); keep the rest.
 
     The result is the same bytes as a full rebuild. Fields opened before keep showing the old map.
     """
@@ -150,9 +150,9 @@ def edit_blocks(
     executor: Mapper | Executor | None = None,
     progress: Progress = silent,
 ) -> BlockField:
-    """Put another list of edits in force: saved with the map, and only what they reach is rebuilt.
+    """Replace the list of edits; it is saved with the map, and only the chunks that it affects are rebuilt.
 
-    To add one: `edit_blocks(folder, source, [*field.edits, edit])`; to take the last back: `field.edits[:-1]`.
+    To add one: `edit_blocks(folder, source, [*field.edits, edit])`; to undo the last: pass `field.edits[:-1]`.
 
     Args:
         source: The states as mapped, without edits: what `build_blocks` was called with.
@@ -164,7 +164,7 @@ def edit_blocks(
 
 @dataclass(frozen=True, slots=True)
 class _Making:
-    """A map in blocks that is about to be written."""
+    """A map in blocks that is being written."""
 
     folder: Path
     source: Source
@@ -212,10 +212,11 @@ def _list_in(folder: Path) -> tuple[Edit, ...]:
 
 
 def open_blocks(folder: Path, *, in_memory: bool = False) -> BlockField:
-    """Open a map that `build_blocks` made. Reads the indices alone; bricks come in as they are asked for.
+    """Open a map that `build_blocks` made. Reads the indices alone; bricks are read on demand.
 
     Args:
-        in_memory: Read all bricks now, so that no query waits for the disk; from the system's cache they come as fast.
+        in_memory: Read all bricks now, so that no query waits for the disk. It gains nothing once the system has
+            cached them.
 
     Raises:
         InputError: there is none in `folder`.

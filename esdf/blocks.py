@@ -1,4 +1,4 @@
-"""Maps too large for memory: built chunk by chunk, each with a halo, and independent of who builds which.
+"""Maps too large for memory: built chunk by chunk, each with a halo, by any number of workers with the same result.
 
 A distance capped at D depends on states within D only, so a chunk with a halo of D is as exact as the whole map: every
 engine (one core, threads, processes, a Dask cluster) writes the same bytes. A chunk's values are cut into bricks of
@@ -28,7 +28,7 @@ CHUNK = (256, 256, 256)
 """Voxels of one chunk: large enough that the halo costs little, small enough that a worker needs 200 MB."""
 
 Source = Callable[[Region], StateArray]
-"""Where states come from: asked for any box of voxels, from several threads at once; processes and Dask pickle it."""
+"""Returns the states of any box of voxels; called from several threads at once; processes and Dask pickle it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ class SolidSource:
             box = self.grid.region(np.maximum(solid_low - margin, low), np.minimum(solid_high + margin, high))
             part = box.common(region)
             if not part.empty:
-                state[part.seen_from(region).slices][touched(solid, self.grid, part)] = OCCUPIED
+                state[part.relative_to(region).slices][touched(solid, self.grid, part)] = OCCUPIED
         return state
 
 
@@ -112,8 +112,8 @@ def build_chunk(job: ChunkJob) -> str:
         raise InputError(f"the source gave {state.shape} with states up to {state.max()} for a box of {window.shape}")
     values = np.empty(wanted.shape, np.float32)
     faces = recipe.faces & _outer_faces(window, job.grid)
-    transform(recipe, state, wanted.seen_from(window), values, faces, threads=1)
-    own = np.ascontiguousarray(state[job.region.seen_from(window).slices])
+    transform(recipe, state, wanted.relative_to(window), values, faces, threads=1)
+    own = np.ascontiguousarray(state[job.region.relative_to(window).slices])
     _write_bricks(job.folder / f"{job.name}.values", values, job.region, uniform_values(job.cap_m))
     _write_bricks(job.folder / f"{job.name}.states", own, job.region, np.array([UNKNOWN, FREE, OCCUPIED], np.uint8))
     return hashlib.sha256(repr(job.region).encode() + own.tobytes()).hexdigest()
@@ -137,7 +137,7 @@ def _write_bricks(path: Path, array: np.ndarray, region: Region, uniform: np.nda
 
 
 class Mapper(Protocol):
-    """What is asked of an engine: `concurrent.futures.Executor`, or `dask.distributed.Client.get_executor()`."""
+    """The interface of an executor: `concurrent.futures.Executor`, or `dask.distributed.Client.get_executor()`."""
 
     def map(self, function: Callable[[ChunkJob], str], jobs: Iterable[ChunkJob], /) -> Iterator[str]: ...
 

@@ -21,7 +21,7 @@ from flight import InputError
 
 INT16_CAP = 16383  # two of these still fit an int16, so sums in the kernel cannot overflow
 INT32_CAP = 1 << 30
-FARTHEST_M = 1e9  # stands for infinitely far, which could not be interpolated
+FARTHEST_M = 1e9  # used in place of infinity, which could not be interpolated
 WORTH_A_THREAD = 500_000  # voxels below which starting another thread costs more than it saves
 
 
@@ -38,7 +38,7 @@ def build(
     Args:
         state: (nx, ny, nz) of UNKNOWN, FREE, OCCUPIED.
         cap_m: Distances are exact up to here and equal to it beyond; `math.inf` for no limit (a map with
-            nothing solid then says 1e9 m).
+            nothing solid then has 1e9 m everywhere).
         unknown: "obstacle": unknown voxels, and everything outside the grid, are solid. "nan": unknown voxels do not
             stop a distance, and have none themselves.
         threads: None for every core.
@@ -55,7 +55,7 @@ def build(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recipe:
-    """Everything but the voxels that decides a field's values."""
+    """Everything but the voxels that determines a field's values."""
 
     cap_m: float
     unknown: Policy
@@ -90,12 +90,12 @@ class Recipe:
 
     @property
     def faces(self) -> int:
-        """Which of a whole map's six faces have solid ground behind them: all or none."""
+        """Bits of a whole map's six faces beyond which everything counts as solid: all or none."""
         return 0b111111 if self.unknown == "obstacle" else 0
 
     @property
     def reach(self) -> tuple[int, int, int]:
-        """How many voxels away, per axis, the state of a voxel still matters."""
+        """Per axis: the largest separation, in voxels, at which one voxel's state affects another's distance."""
         return tuple(int(np.argmax(t >= self.cap)) - 1 if t[-1] >= self.cap else len(t) - 1 for t in self.tables)  # pyright: ignore[reportReturnType]
 
 

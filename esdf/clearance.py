@@ -1,7 +1,7 @@
 """How close a whole curve comes to anything: certified, with no gaps between samples.
 
-The distance to a set changes by no more than the distance travelled. So a sample at time t that is at least s away
-vouches for every point the curve can reach before t + h: s - speed * h. Intervals that this does not settle are halved
+The distance to a set changes by no more than the distance travelled. So a distance s at time t is a lower bound for
+every point that the curve can reach before t + h: s - speed * h. Intervals that this bound does not decide are halved
 (branch and bound) until the smallest bound is within a tolerance of the smallest sample.
 """
 
@@ -17,7 +17,7 @@ from flight import FloatArray, InputError, Trajectory, polynomial
 
 Reason = Literal["clear", "too close", "unknown", "outside the map", "unfinished"]
 MAX_INTERVALS = 4_000_000
-MARGIN_SHARE = 0.05  # with plenty of room to spare, the minimum need not be known to the millimetre
+MARGIN_SHARE = 0.05  # far above the required clearance, the minimum need not be known to the millimetre
 PIECES = 4  # each segment starts as this many intervals, each with its own bound on the speed
 
 
@@ -32,7 +32,7 @@ class Clearance:
     """The verdict on one curve."""
 
     minimum_m: float
-    """Smallest value of `distance` found on the curve; NaN where the curve meets unknown space or leaves the map."""
+    """Smallest value of `distance` found on the curve; NaN if the curve meets unknown space or leaves the map."""
     proven_m: float
     """No point of the curve is nearer than this to anything solid; -inf if nothing could be proven."""
     time_s: float
@@ -92,9 +92,9 @@ def certify(
         pieces, parts = _half_voxel_steps(field, trajectory)
         if parts.sum() > MAX_INTERVALS:
             return replace(verdict, passed=False, proven_m=-np.inf, reason="unfinished")
-        unseen = _first_unseen(field, trajectory, pieces, parts)
-        if unseen is not None:
-            return _unknown(field, trajectory, *unseen)
+        first_unknown = _first_unknown(field, trajectory, pieces, parts)
+        if first_unknown is not None:
+            return _unknown(field, trajectory, *first_unknown)
     return verdict
 
 
@@ -161,7 +161,7 @@ def _half_voxel_steps(field: SampledField, trajectory: Trajectory) -> tuple[_Int
     return pieces, np.maximum(parts, 1.0).astype(np.int64)
 
 
-def _first_unseen(
+def _first_unknown(
     field: SampledField, trajectory: Trajectory, pieces: _Intervals, parts: np.ndarray
 ) -> tuple[int, float] | None:
     """Segment and time of a sample next to which the curve may touch a cell with an unknown corner, or leave the grid.

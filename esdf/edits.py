@@ -1,6 +1,6 @@
 """Changes a pilot makes to a map: a list that is replayed on top of it, with undo, and outlives every rebuild.
 
-A voxel's state depends only on what was mapped there and on the edits that reach it, and a distance capped at D only on
+A voxel's state depends only on its mapped state and on the edits that reach it, and a distance capped at D only on
 the states within D. So after an edit a small window is replayed and recomputed, and the result is bit-equal to a
 rebuild of everything.
 """
@@ -35,12 +35,13 @@ class Edit:
     """One change: an action on the voxels of a solid."""
 
     action: Action
-    """"add": every voxel the solid touches is occupied. "remove": every voxel whose centre is inside is free, seen or
-    not: the pilot vouches for it. "clear": what was mapped as occupied there is free; what was never seen stays unknown
-    and what edits put there stays. "no-fly": as "add", but a rule, not an obstacle: no other edit opens it."""
+    """"add": every voxel the solid touches is occupied. "remove": every voxel whose centre is inside is free, even
+    if no camera observed it: the pilot takes responsibility. "clear": voxels mapped as occupied there become free;
+    unknown ones stay unknown, and those that edits occupied stay occupied. "no-fly": as "add", but no other edit frees
+    these voxels."""
     solid: Solid
     name: str = ""
-    """What the pilot calls it; a no-fly zone must have one."""
+    """The pilot's name for it; a no-fly zone must have one."""
 
     def __post_init__(self) -> None:
         if self.action not in ACTIONS:
@@ -49,7 +50,7 @@ class Edit:
             raise InputError("a no-fly zone needs a name")
 
     def reaches(self, grid: Grid, region: Region) -> NDArray[np.bool_]:
-        """Which voxels of the region this edit is about."""
+        """Which voxels of the region this edit changes."""
         if self.action in ("add", "no-fly"):
             return solids.touched(self.solid, grid, region)
         return self.solid.distance(grid.centres(region).reshape(-1, 3)).reshape(region.shape) <= 0.0
@@ -65,7 +66,7 @@ def replay(mapped: StateArray, grid: Grid, edits: Iterable[Edit], region: Region
     edited = np.zeros(state.shape, bool)
     for edit in sorted(edits, key=lambda e: e.action == "no-fly"):
         for slab in solids.slabs(solids.covered_region(edit.solid, grid).common(region)):
-            part = slab.seen_from(region).slices
+            part = slab.relative_to(region).slices
             chosen = edit.reaches(grid, slab)
             if edit.action == "clear":
                 chosen &= (state[part] == OCCUPIED) & ~edited[part]
@@ -96,7 +97,7 @@ class Editor:
 
     @property
     def edits(self) -> tuple[Edit, ...]:
-        """The list in force, in the order it was made."""
+        """The present list, in the order in which it was made."""
         return self._history[self._now]
 
     def snapshot(self) -> Field:
@@ -113,11 +114,11 @@ class Editor:
         return self._record((*self.edits, edit))
 
     def replace(self, edits: Sequence[Edit]) -> Region:
-        """Put another list in force, one that was checked before; can be undone like any edit."""
+        """Replace the list by one whose edits were checked before; can be undone like any edit."""
         return self._record(tuple(edits))
 
     def drop(self, name: str) -> Region:
-        """Take every edit of that name (a no-fly zone, say) off the list; can be undone like any edit."""
+        """Remove every edit of that name (a no-fly zone, say) from the list; can be undone like any edit."""
         kept = tuple(edit for edit in self.edits if edit.name != name)
         if len(kept) == len(self.edits):
             raise InputError(f"no edit is called {name!r}; there are: {sorted({e.name for e in self.edits if e.name})}")

@@ -1,4 +1,4 @@
-"""Fields for other tools: NumPy archives, NRRD volumes, PLY points. Only `.npz` comes back; it alone is lossless."""
+"""Fields for other tools: NumPy archives, NRRD volumes, PLY points. Only `.npz`, which is lossless, can be imported."""
 
 import zipfile
 from pathlib import Path
@@ -45,7 +45,7 @@ def import_npz(path: Path) -> Field:
     except (KeyError, ValueError, EOFError, OSError, zipfile.BadZipFile, InputError) as error:
         raise FormatError(f"{path} is a damaged distance field: {error}") from error
     if not np.array_equal(stored, field.values_m, equal_nan=True):
-        raise FormatError(f"{path}: its distances are not those of its states; someone changed one of them")
+        raise FormatError(f"{path}: its distances do not match its states; the file was changed after export")
     return field
 
 

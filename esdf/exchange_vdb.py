@@ -1,4 +1,4 @@
-"""OpenVDB files (`.vdb`), for Houdini, Blender and others: distances as a sparse float grid. Out only.
+"""OpenVDB files (`.vdb`), for Houdini, Blender and others: distances as a sparse float grid. Export only.
 
 File version 224, a `Tree_float_5_4_3`: a root, nodes of 32^3 nodes of 16^3 leaves of 8^3 voxels. Known voxels are
 active. A leaf that is as far as the cap everywhere is stored as a tile, and what no leaf covers is the background: the
@@ -23,7 +23,7 @@ MAGIC = 0x56444220
 LEAF, LOWER, UPPER = 8, 16, 32
 """Along each axis: voxels of a leaf, leaves of a lower node, lower nodes of an upper node."""
 ALL_VALUES = b"\x06"
-"""Says of a list of values: every one is there, active or not."""
+"""Compression flag of a list of values: every value is stored, active or not."""
 
 
 def export_vdb(path: Path, field: Field, *, name: str = "distance") -> None:

@@ -15,11 +15,11 @@ from flight import FloatArray, InputError
 Policy = Literal["obstacle", "nan"]
 
 KNOWN, UNMAPPED, OUTSIDE = 0, 1, 2
-"""What `Field.status` says of a point: in a seen voxel, in one never seen, beyond the grid."""
+"""Values of `Field.status`: the point is in an observed voxel, in an unknown one, or outside of the grid."""
 
 
 class SampledField(ABC):
-    """What every field can be asked, however it keeps its values.
+    """The queries that every field answers, however it stores its values.
 
     Between centres the value is trilinear. The exact distance d(p) to the solid voxels and the value f(p) obey
     |f - d| <= half a voxel's diagonal, and, where f > 0, d >= sqrt(f^2 - half_diagonal^2) (see docs/distance_field.md):
@@ -32,7 +32,7 @@ class SampledField(ABC):
 
     @abstractmethod
     def _query(self, points: FloatArray, out: FloatArray, gradient: FloatArray | None) -> None:
-        """Value and, if wanted, gradient at checked points; NaN where there is none."""
+        """Value and, unless `gradient` is None, gradient at checked points; NaN where there is none."""
 
     @abstractmethod
     def _states_at(self, index: NDArray[np.int64]) -> StateArray:
@@ -58,7 +58,7 @@ class SampledField(ABC):
         return self.distance_and_gradient(points_world_m)[1]
 
     def distance_and_gradient(self, points_world_m: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """`distance` (n,) and `gradient` (n, 3) at once, which costs hardly more than either."""
+        """`distance` (n,) and `gradient` (n, 3) at once; this costs little more than either alone."""
         points = checked_points(points_world_m)
         out, gradient = np.empty(len(points)), np.empty((len(points), 3))
         self._query(points, out, gradient)
@@ -85,8 +85,8 @@ class SampledField(ABC):
         inside = self.grid.contains(points)
         known_place = np.where(inside[:, None], points, self.grid.low_world_m)
         index = np.clip(self.grid.index(known_place), 0, np.array(self.grid.shape) - 1)
-        unseen = self._states_at(index) == UNKNOWN
-        return np.where(inside, np.where(unseen, UNMAPPED, KNOWN), OUTSIDE).astype(np.uint8)
+        unknown = self._states_at(index) == UNKNOWN
+        return np.where(inside, np.where(unknown, UNMAPPED, KNOWN), OUTSIDE).astype(np.uint8)
 
     def proven_distance(self, points_world_m: ArrayLike) -> FloatArray:
         """A lower bound on the exact distance from each point to the solid voxels (at most `cap_m`), (n,).
@@ -124,7 +124,7 @@ class Field(SampledField):
     cap_m: float
     """Values are exact up to here; what is farther has this value."""
     unknown: Policy
-    """What was done about voxels never seen: see `build`."""
+    """Policy for unknown voxels: see `build`."""
     _hash: list[str] = field(default_factory=list, init=False, repr=False)
 
     def _query(self, points: FloatArray, out: FloatArray, gradient: FloatArray | None) -> None:
@@ -135,7 +135,7 @@ class Field(SampledField):
 
     @property
     def hash(self) -> str:
-        """SHA-256 of everything that decides the values: lattice, states, cap and policy. The map's identity."""
+        """SHA-256 of everything that determines the values: lattice, states, cap and policy. The map's identity."""
         if not self._hash:
             recipe = (self.grid.origin_world_m, self.grid.voxel_m, self.grid.shape, self.cap_m, self.unknown)
             digest = hashlib.sha256(repr(recipe).encode())
@@ -151,7 +151,7 @@ def checked_points(points_world_m: ArrayLike) -> FloatArray:
     except (TypeError, ValueError) as error:
         raise InputError(f"points must be an (n, 3) array of numbers ({error})") from None
     if points.ndim != 2 or points.shape[1] != 3:
-        raise InputError(f"points have shape {points.shape}; (n, 3) is wanted")
+        raise InputError(f"points: expected shape (n, 3), got {points.shape}")
     return points
 
 

@@ -10,11 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from flight import FloatArray, InputError
 
 UNKNOWN, FREE, OCCUPIED = 0, 1, 2
-"""What a voxel can be (uint8). Never seen is not free."""
+"""States of a voxel (uint8). An unknown voxel is not free."""
 
 StateArray = NDArray[np.uint8]
 MAX_VOXELS = 1 << 36
-"""69e9 voxels, 275 GB of distances: more than that is taken for a slip of the pen."""
+"""69e9 voxels, 275 GB of distances: a larger grid is refused as a likely input error."""
 
 
 class Region(NamedTuple):
@@ -41,7 +41,7 @@ class Region(NamedTuple):
         high = tuple(max(min(a, b), c) for a, b, c in zip(self.high, other.high, low, strict=True))
         return Region(low, high)  # pyright: ignore[reportArgumentType]
 
-    def seen_from(self, other: "Region") -> "Region":
+    def relative_to(self, other: "Region") -> "Region":
         """This box in the indices of an array that holds only `other`."""
         low = tuple(a - b for a, b in zip(self.low, other.low, strict=True))
         high = tuple(a - b for a, b in zip(self.high, other.low, strict=True))
@@ -176,14 +176,14 @@ def _triple(value: ArrayLike, name: str) -> tuple[float, float, float]:
     try:
         numbers = np.broadcast_to(np.asarray(value, dtype=np.float64), (3,))
     except (TypeError, ValueError):
-        raise InputError(f"{name} is {value!r}; three numbers are wanted") from None
+        raise InputError(f"{name}: expected three numbers, got {value!r}") from None
     if not np.isfinite(numbers).all():
         raise InputError(f"{name} is not finite: {numbers.tolist()}")
     return (float(numbers[0]), float(numbers[1]), float(numbers[2]))
 
 
 def checked_state(state: ArrayLike, grid: Grid) -> StateArray:
-    """A state array as contiguous uint8 of the grid's shape, or an `InputError` that says what is wrong with it."""
+    """A state array as contiguous uint8 of the grid's shape, or an `InputError` that names the fault."""
     array = np.asarray(state)
     if array.shape != grid.shape:
         raise InputError(f"the state array has shape {array.shape}, the grid {grid.shape}")

@@ -1,4 +1,4 @@
-"""From what sensors and reconstructions give to what a map is made of: unknown, free, occupied."""
+"""From occupancy grids, TSDFs, meshes and points to a map's voxel states: unknown, free, occupied."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,7 +12,7 @@ from flight import FloatArray, InputError
 def state_from_occupancy(
     probability: ArrayLike, grid: Grid, *, free_below: float = 0.3, occupied_above: float = 0.6
 ) -> StateArray:
-    """States from occupancy probabilities (nx, ny, nz); NaN, and what lies between the thresholds, is unknown."""
+    """States from occupancy probabilities (nx, ny, nz); NaN and values between the thresholds become unknown."""
     p = np.asarray(probability, dtype=np.float64)
     if p.shape != grid.shape:
         raise InputError(f"the occupancy has shape {p.shape}, the grid {grid.shape}")
@@ -57,7 +57,7 @@ def state_from_mesh(
     vertices = checked_points(vertices_world_m)
     triangles = np.ascontiguousarray(faces, dtype=np.int64)
     if triangles.ndim != 2 or triangles.shape[1] != 3 or len(triangles) == 0:
-        raise InputError(f"the mesh's faces have shape {triangles.shape}; (m, 3) with m of at least 1 is wanted")
+        raise InputError(f"the mesh's faces: expected shape (m, 3) with m >= 1, got {triangles.shape}")
     if triangles.min() < 0 or triangles.max() >= len(vertices):
         raise InputError(f"a face names vertex {triangles.max()}, but there are {len(vertices)}")
     state = np.full(grid.shape, UNKNOWN, np.uint8) if observed is None else checked_state(observed, grid).copy()
@@ -81,7 +81,7 @@ def state_from_points(
     Args:
         origins_world_m: (n, 3), or (3,) if all were measured from one place.
         range_m: Farther points are not trusted; their rays free voxels up to here.
-        state: Added to (a map so far); not changed.
+        state: An earlier map that the points are added to; it is not changed.
     """
     points = checked_points(points_world_m)
     origins = checked_points(np.broadcast_to(np.asarray(origins_world_m, dtype=np.float64), points.shape).copy())

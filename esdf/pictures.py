@@ -19,7 +19,7 @@ class Slice:
     """A plane through a field, sampled like a picture."""
 
     distance_m: FloatArray
-    """(rows, columns); NaN where the map has no answer."""
+    """(rows, columns); NaN where the map has no distance."""
     status: NDArray[np.uint8]
     """(rows, columns) KNOWN, UNMAPPED or OUTSIDE."""
     corner_world_m: FloatArray
@@ -52,7 +52,7 @@ def axis_slice(field: SampledField, axis: Axis, at_m: float, *, step_m: float | 
     a = "xyz".index(axis)
     low, high = field.grid.low_world_m, field.grid.high_world_m
     if not low[a] <= at_m <= high[a]:
-        raise InputError(f"the map goes from {axis} = {low[a]:g} to {high[a]:g} m; {at_m:g} m is beside it")
+        raise InputError(f"the map goes from {axis} = {low[a]:g} to {high[a]:g} m; {at_m:g} m is outside of it")
     u, v = [b for b in range(3) if b != a]
     step = step_m if step_m is not None else min(field.grid.voxel_m)
     centre = 0.5 * (low + high)
@@ -141,7 +141,7 @@ def write_slice(path: Path, picture: Slice, *, title: str = "") -> None:
 
 
 def write_slices(path: Path, pictures: Mapping[str, Slice]) -> None:
-    """Slices side by side in one PNG, in the same colours, each under its title; grey was never seen."""
+    """Slices side by side in one PNG, in the same colours, each under its title; grey is unknown."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -166,7 +166,7 @@ def write_slices(path: Path, pictures: Mapping[str, Slice]) -> None:
 
 
 def _label(step_world_m: FloatArray) -> str:
-    """What an axis of a picture measures: a coordinate of the world, if it runs along one."""
+    """Label of a picture's axis: the world coordinate, if it runs along one."""
     along = np.flatnonzero(step_world_m)
     return f"{'xyz'[along[0]]} (m)" if len(along) == 1 and step_world_m[along[0]] > 0.0 else "m"
 

@@ -1,4 +1,4 @@
-"""The plain NumPy twin of the compiled transform: the same minimum, axis by axis. Slow and obviously right."""
+"""NumPy reference of the compiled transform: the same minimum, axis by axis. Slow, and short enough to verify."""
 
 from typing import Any
 

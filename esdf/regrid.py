@@ -10,7 +10,7 @@ from flight import InputError
 
 
 def crop(field: Field, region: Region) -> Field:
-    """A part of a map as a map of its own: what lies beyond is unknown to it (and solid under the careful policy)."""
+    """A part of a map as a map of its own. Outside of the part it is unknown (solid under the policy "obstacle")."""
     inside = region.common(field.grid.everything)
     if inside.empty:
         raise InputError(f"the part from {region.low} to {region.high} holds no voxel of the map")
@@ -19,7 +19,7 @@ def crop(field: Field, region: Region) -> Field:
 
 
 def merge(first: Field, second: Field) -> Field:
-    """Two maps of one lattice in one: what either saw is known, what either found occupied is occupied.
+    """Union of two maps of one lattice: a voxel that either observed is known, one occupied in either is occupied.
 
     Raises:
         InputError: voxel sizes, caps or policies differ, or the lattices are shifted by a fraction of a voxel.
@@ -66,7 +66,7 @@ def _overlaps(old: Grid, new: Grid, axis: int) -> tuple[NDArray[np.int64], NDArr
 def _any_of(
     mask: NDArray[np.bool_], axes: list[tuple[NDArray[np.int64], NDArray[np.int64]]], *, beyond: bool
 ) -> NDArray[np.bool_]:
-    """Whether any old voxel in each new voxel's box is in the mask; what is beyond the old map counts as `beyond`."""
+    """Whether any old voxel in each new voxel's box is in the mask; voxels outside of the old map count as `beyond`."""
     for axis, (low, high) in enumerate(axes):
         along = np.moveaxis(mask, axis, 0)
         n = len(along)

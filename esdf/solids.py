@@ -1,7 +1,7 @@
 """Solids with a distance in closed form: for exact tests, for rendered worlds, and as the shapes of edits.
 
 Every solid has plain attributes in world metres and `.distance(points)`, the exact signed distance (negative inside),
-so a solid can stand in for a `Field` wherever only `.distance` is asked for.
+so a solid can be used in place of a `Field` wherever only `.distance` is called.
 """
 
 from collections.abc import Iterator, Sequence
@@ -29,7 +29,7 @@ class Solid(Protocol):
 
     @property
     def bounds_world_m(self) -> Bounds:
-        """Lower and upper corner of the axis-aligned box round it; infinite where it has no end."""
+        """Lower and upper corner of the axis-aligned box round it; infinite where it is unbounded."""
         ...
 
 
@@ -185,7 +185,7 @@ class Prism:
     def __post_init__(self) -> None:
         corners = np.asarray(self.polygon_world_m, dtype=np.float64)
         if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3:
-            raise InputError(f"a prism's polygon has shape {corners.shape}; at least three (x, y) corners are wanted")
+            raise InputError(f"a prism's polygon: expected shape (n, 2) with n >= 3 corners, got {corners.shape}")
         if not (np.isfinite(corners).all() and np.isfinite([self.z_low_m, self.z_high_m]).all()):
             raise InputError("a prism's corners and heights must be finite")
         _positive(self.z_high_m - self.z_low_m, "the height of a prism")
@@ -209,7 +209,7 @@ class Prism:
 
 @dataclass(frozen=True)
 class Stroke:
-    """What a round brush of a given radius paints along a polyline; one point paints a ball."""
+    """All points within a radius of a polyline: one stroke of a round brush; one point paints a ball."""
 
     points_world_m: tuple[Vector, ...]
     radius_m: float
@@ -217,7 +217,7 @@ class Stroke:
     def __post_init__(self) -> None:
         points = np.asarray(self.points_world_m, dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0 or not np.isfinite(points).all():
-            raise InputError(f"a stroke's points have shape {points.shape}; (n, 3) finite numbers are wanted")
+            raise InputError(f"a stroke's points: expected shape (n, 3), all finite, got {points.shape}")
         _positive(self.radius_m, "the radius of a brush")
         object.__setattr__(self, "points_world_m", tuple((float(x), float(y), float(z)) for x, y, z in points))
 
@@ -326,7 +326,7 @@ def _store(solid: object, name: str, length: int) -> None:
     """Replace an attribute by a tuple of finite floats."""
     numbers = np.asarray(getattr(solid, name), dtype=np.float64)
     if numbers.shape != (length,) or not np.isfinite(numbers).all():
-        raise InputError(f"{type(solid).__name__}.{name} is {numbers.tolist()}; {length} finite numbers are wanted")
+        raise InputError(f"{type(solid).__name__}.{name}: expected {length} finite numbers, got {numbers.tolist()}")
     object.__setattr__(solid, name, tuple(float(x) for x in numbers))
 
 

@@ -1,6 +1,6 @@
 """A distance field on disk: a folder that is either whole or absent.
 
-`esdf.toml` says how the field was made and what its hash is; `state.npz` holds the voxels. Distances are rebuilt on
+`esdf.toml` holds the field's settings and hash; `state.npz` holds the voxels. Distances are rebuilt on
 loading, which is faster than reading them and cannot disagree with the voxels. `edits.json`, if there is one, is the
 pilot's list of edits: saving a rebuilt map keeps it, loading replays it.
 """
@@ -53,7 +53,7 @@ def load(folder: Path) -> Field:
 
 
 def open_editor(folder: Path) -> Editor:
-    """Read a field and its edits, ready for more.
+    """Read a field and its edits into an `Editor`.
 
     Raises:
         InputError: there is none in `folder`.

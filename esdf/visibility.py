@@ -1,8 +1,8 @@
-"""What could not have been seen: free of a 12 mm cable may only mean too coarse, or too far away, to show one.
+"""Smallest obstacle the images could resolve: a 12 mm cable may be missing from a map taken from too far away.
 
-For every place the mask holds the thinnest thing the cameras could have resolved there: the pixels it must span, times
-the angle of a pixel, times the distance of the nearest view with a free line of sight. A planner asks where something
-of a given thickness could hide, and keeps more distance there.
+For every voxel the mask holds the thinnest object the cameras could have resolved there: the pixels it must span, times
+the angle of a pixel, times the distance of the nearest view with a free line of sight. A planner can query where an
+object of a given thickness may be missing from the map, and keep more distance there.
 """
 
 import zipfile
@@ -21,46 +21,46 @@ from flight import FloatArray, FormatError, InputError, file_format
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """One picture, as far as its resolution goes."""
+    """Pose and angular resolution of one image."""
 
     centre_world_m: tuple[float, float, float]
     axis_world: tuple[float, float, float]
-    """Where it looks."""
+    """Direction of the optical axis."""
     half_angle_rad: float
-    """How far from the axis it sees: 165 degrees of field is 1.44."""
+    """Half the field of view, from the optical axis: 1.44 for a field of 165 degrees."""
     pixel_rad: float
     """Angle between neighbouring pixels: about 1 / focal length in pixels."""
 
 
 @dataclass(frozen=True, eq=False)
 class Visibility:
-    """The thinnest thing that could have been seen, place by place."""
+    """The thinnest object that the images could have resolved, voxel by voxel."""
 
     grid: Grid
     finest_m: NDArray[np.float32] = field(repr=False)
-    """(nx, ny, nz); infinite where no view reached."""
+    """(nx, ny, nz); infinite where no image has a free line of sight."""
 
     def finest(self, points_world_m: ArrayLike) -> FloatArray:
-        """Thickness (n,) of the thinnest thing that could have been seen at each point (n, 3); inf outside."""
+        """Thickness (n,) of the thinnest object that could have been resolved at each point (n, 3); inf outside."""
         points = checked_points(points_world_m)
         index = np.clip(self.grid.index(points), 0, np.array(self.grid.shape) - 1)
         return np.where(self.grid.contains(points), self.finest_m[tuple(index.T)].astype(np.float64), np.inf)
 
     def could_hide(self, points_world_m: ArrayLike, thickness_m: float) -> NDArray[np.bool_]:
-        """Whether something of that thickness could be at each point without any picture showing it."""
+        """Whether an object of that thickness could be at each point (n, 3) without any image resolving it."""
         return self.finest(points_world_m) > thickness_m
 
 
 def look(state: ArrayLike, grid: Grid, views: Sequence[View], *, pixels: float = 2.0, coarser: int = 4) -> Visibility:
-    """What the views could have seen of a map.
+    """Compute the visibility mask of a map from the views.
 
     Args:
-        pixels: How many pixels a thing must span to be reconstructed.
+        pixels: How many pixels an object must span to be reconstructed.
         coarser: The mask's voxels are this many map voxels long; the distance to a view is taken to the far corner.
     """
     states: StateArray = checked_state(state, grid)
     if not views:
-        raise InputError("there is no view to judge visibility by")
+        raise InputError("visibility needs at least one view; none was given")
     shape = tuple(-(-n // coarser) for n in grid.shape)
     coarse = Grid(grid.origin_world_m, tuple(coarser * np.array(grid.voxel_m)), shape)  # pyright: ignore[reportArgumentType]
     finest = np.full(coarse.voxels, np.inf, np.float32)

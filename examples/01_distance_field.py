@@ -1,8 +1,8 @@
-"""How far is the nearest thing? Build a distance field from solids, ask it, edit it, look at a slice.
+"""Distance to the nearest surface: build a distance field from solids, query it, edit it, draw a slice.
 
 You will see: the field of a room with two pillars agrees with the closed-form distance, a box added to the map changes
-only what is near it, and `distance_field.png` shows a slice before and after. The idea: the field is exact, and space
-nobody has seen is never called free.
+only what is near it, and `distance_field.png` shows a slice before and after. The idea: the field is exact, and unknown
+space is never free.
 """
 
 import sys
@@ -32,7 +32,7 @@ worst_m = np.abs(field.distance(points) - np.minimum(room.distance(points), 2.0)
 print(f"{len(points)} free points: the field is off by at most {1000 * worst_m:.0f} mm (voxels of 50 mm)")
 
 outside = field.distance(np.array([[100.0, 0.0, 0.0]]))[0]
-print(f"100 m away, where nobody has looked, the distance is {outside}")
+print(f"100 m away, in unknown space, the distance is {outside}")
 
 editor = Editor(field)
 before = editor.snapshot()

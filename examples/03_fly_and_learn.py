@@ -1,8 +1,8 @@
 """Fly a figure of eight in the SITL vehicle, learn its rotor drag from the log, fly again: the tracking error falls.
 
 You will see: an upload that is read back, a flight at 5 m/s by the embedded C controller, the drag coefficient with its
-standard error beside the true one, and a second flight that follows better; `learn.png` shows both. The idea: what the
-log teaches the model, the controller can use at once.
+standard error beside the true one, and a second flight that follows better; `learn.png` shows both. The idea: the
+controller uses the model learned from the log at once.
 """
 
 import sys
@@ -20,7 +20,7 @@ from goshawk.demo import vehicles
 from goshawk.flights import in_the_air, tracking
 
 OUT = Path(sys.argv[1] if len(sys.argv) > 1 else "example-out")
-KEY = bytes(range(32))  # a key of your own comes from `goshawk vehicle-sim`; this one never leaves the process
+KEY = bytes(range(32))  # a key of your own comes from `goshawk sitl`; this one never leaves the process
 
 hall = solids.Room((-6.0, -4.0, 0.0), (6.0, 4.0, 4.0))
 turn = np.linspace(0.0, 2.0 * np.pi, 9)
@@ -31,7 +31,7 @@ figure_of_eight = planner.trajectory_file(plan, name="eight")
 
 
 def fly(item: TrajectoryFile, believed_now: vehicle.Vehicle) -> FlightLog:
-    """One flight of the true vehicle under a controller that believes something."""
+    """One flight of the true vehicle under a controller with the model `believed_now`."""
     start = item.trajectory.position([0.0])[0] * [1.0, 1.0, 0.0]
     plant = vehicle.simulate.Plant(truth, vehicle.simulate.State(position_world_m=start), ground_m=0.0)
     setup = controller.parameters_of(believed_now)
@@ -57,7 +57,7 @@ from matplotlib.figure import Figure  # noqa: E402  (heavy: after what needs no 
 
 drawn = Figure(figsize=(9.5, 3.2), layout="constrained")
 axes = drawn.subplots()
-for log, label in ((before, "as believed at first"), (after, "with what was learned")):
+for log, label in ((before, "first model"), (after, "learned model")):
     rows = log.columns["mission_state"] == controller.State.TRAJECTORY
     error = np.linalg.norm(log.vector("position_world_m") - log.vector("setpoint_position_world_m"), axis=1)[rows]
     axes.plot(log.time_s[rows] - log.time_s[rows][0], 1000 * error, label=label)

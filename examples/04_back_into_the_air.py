@@ -1,7 +1,7 @@
-"""A vehicle whose battery has slipped and whose drag nobody knows flies, learns from its log, and flies again: better.
+"""A vehicle with a shifted battery and unknown rotor drag flies, learns from its log, and flies again with less error.
 
-You will see: a flight at 6 m/s by the embedded C controller, which believes in a balanced vehicle without rotor drag;
-the diagnosis of its log, which is told nothing, with the sizes it finds beside the true ones; the plan checked anew for
+You will see: a flight at 6 m/s by the embedded C controller, whose model is a balanced vehicle without rotor drag;
+the diagnosis of its log, without any hint, with the sizes it finds beside the true ones; the plan checked anew for
 the new model; new parameters through the link, in the same session; and the same flight again with a fraction of the
 tracking error, in `again.png`. With OPENBLAS_NUM_THREADS=1 in the environment it takes half of the time.
 """
@@ -24,7 +24,7 @@ from planner import gate
 from sysid.diagnosis import diagnose
 
 OUT = Path(sys.argv[1] if len(sys.argv) > 1 else "example-out")
-KEY = bytes(range(32))  # a key of your own comes from `goshawk vehicle-sim`; this one never leaves the process
+KEY = bytes(range(32))  # a key of your own comes from `goshawk sitl`; this one never leaves the process
 HIDDEN = {"rotor_drag_thrust": {"drag_s_m": 0.0175}, "centre_of_mass": {"x_m": 0.008, "y_m": -0.006}}
 
 hall = solids.Room((-7.0, -5.0, 0.0), (7.0, 5.0, 4.0))
@@ -38,12 +38,12 @@ for effect, values in HIDDEN.items():
 
 
 def learn(logs: list[FlightLog], model: vehicle.Vehicle) -> vehicle.Vehicle:
-    """Find out what the model lacks, and add it; the truth is only looked at to print it beside."""
+    """Diagnose the missing effects and add them; ground truth is used for the printed comparison only."""
     found = diagnose([in_the_air(log, "eight") for log in logs], model, auto=True)
     print(f"diagnosis: {found.verdict} (confidence {found.confidence:.0%})")
-    for suspect in found.suspects:
-        if suspect.verdict == "present":
-            for size in suspect.sizes:
+    for candidate in found.suspects:
+        if candidate.verdict == "present":
+            for size in candidate.sizes:
                 true = truth.parameter(size.parameter).value if size.parameter in truth.parameters else 0.0
                 print(f"  {size.parameter:26s} {size.value:9.5f} ± {size.sigma:.1g} {size.unit}, the truth is {true:g}")
     return found.vehicle
@@ -81,7 +81,7 @@ from matplotlib.figure import Figure  # noqa: E402  (heavy: after what needs no 
 
 drawn = Figure(figsize=(9.5, 3.2), layout="constrained")
 axes = drawn.subplots()
-for log, label in zip(flights, ("as believed at first", "after learning"), strict=True):
+for log, label in zip(flights, ("first model", "after learning"), strict=True):
     rows = log.columns["mission_state"] == controller.State.TRAJECTORY
     error = np.linalg.norm(log.vector("position_world_m") - log.vector("setpoint_position_world_m"), axis=1)[rows]
     axes.plot(log.time_s[rows] - log.time_s[rows][0], 100 * error, label=label)

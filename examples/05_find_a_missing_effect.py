@@ -1,8 +1,8 @@
-"""A model predicts a flight badly, and nobody knows why. Find what it lacks, add it, and watch the error fall.
+"""A model predicts a flight badly for an unknown reason. Diagnose the missing effect, add it, and compare the errors.
 
-You will see: three simulated flights by a vehicle whose body turns against a damping that its model does not know; the
-verdict with size and standard error beside the truth; the prediction error on flights that were not used, before and
-after; and one picture of it, `error_falls.svg`. OPENBLAS_NUM_THREADS=1 in the environment makes it four times as fast.
+You will see: three simulated flights by a vehicle whose body turns against a damping that its model lacks; the
+verdict with size and standard error beside the truth; the prediction error on held-out flights, before and
+after; and one figure of it, `error_falls.svg`. OPENBLAS_NUM_THREADS=1 in the environment makes it four times as fast.
 """
 
 import sys
@@ -37,16 +37,16 @@ def main() -> None:
     learned_from = [fly(name, seed) for seed, name in enumerate(("rotation", "yaw_doublets", "oblique"))]
     found = diagnose(learned_from, known, held_out=[fly("doublets", 9), fly("yaw_sweep", 10)], auto=True)
     print(f"verdict: {found.verdict} (confidence {found.confidence:.0%})")
-    for suspect in found.suspects:
-        if suspect.verdict == "present":
-            for size in suspect.sizes:
+    for candidate in found.suspects:
+        if candidate.verdict == "present":
+            for size in candidate.sizes:
                 true = HIDDEN.get(size.parameter.split(".")[1], 0.0)
                 print(f"  {size.parameter}: {size.value:.5f} ± {size.sigma:.5f} {size.unit}, the truth is {true:g}")
     for step in found.staircase:
         error_mm = 1e3 * step.position_m["0.5 s"]
-        print(f"  {step.model}: {error_mm:.1f} mm off after 0.5 s, on flights that were not used")
+        print(f"  {step.model}: {error_mm:.1f} mm off after 0.5 s, on held-out flights")
     OUT.mkdir(parents=True, exist_ok=True)
-    print(f"picture: {drawing.written(figures.staircase(found), OUT / 'error_falls.svg')}")
+    print(f"figure: {drawing.written(figures.staircase(found), OUT / 'error_falls.svg')}")
 
 
 if __name__ == "__main__":

@@ -43,7 +43,7 @@ EFFECTS: Mapping[str, Compensation] = MappingProxyType({
     "weak_rotor": _yes(
         "the rotor's own gain in the mixer", {f"loss_{i}": (f"rotor{i}_gain",) for i in range(4)}
     ),
-    "rotor_interaction": _no("small, and of a form not sure enough to feed forward"),
+    "rotor_interaction": _no("small, and its form is too uncertain to feed forward"),
     "descent_loss": _no("the flow is unsteady there; plan slower descents"),
     "ground_effect": _no("the controller does not know its height over the ground; feedback takes it"),
     "ceiling_effect": _no("the controller does not know the gap; feedback takes it"),
@@ -81,8 +81,8 @@ EFFECTS: Mapping[str, Compensation] = MappingProxyType({
         _same("sag_per_v reference_v", "battery_gain_1_v", "battery_ref_v"),
     ),
     # sensors
-    "imu_errors": _no("the estimator's business"),
-    "pose_delay": _no("the estimator's business; a known rest of delay can be set as predict_extra_s"),
+    "imu_errors": _no("handled by the estimator"),
+    "pose_delay": _no("handled by the estimator; a known remaining delay can be set as predict_extra_s"),
 })  # fmt: skip
 
 

@@ -25,7 +25,7 @@ def load(path: Path | None = None) -> bytes:
         text = path.read_text()
         mode = path.stat().st_mode
     except FileNotFoundError:
-        raise InputError(f"no link key at {path}; make one with `goshawk vehicle-sim` or copy the vehicle's") from None
+        raise InputError(f"no link key at {path}; make one with `goshawk sitl` or copy the vehicle's") from None
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path} cannot be read as a link key: {error}") from error
     if mode & 0o077:

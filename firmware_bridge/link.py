@@ -105,7 +105,7 @@ def connect(
         key: 32 bytes, or a key file; None takes the default key file (`keys.default_path`).
         unsigned: talk without signatures, to a vehicle that does.
         system_id: of this ground station; stations on one vehicle need different ones.
-        timeout_s: silence longer than this is a dead link.
+        timeout_s: silence longer than this is a dead link; on a busy machine, as many times longer as it is overloaded.
 
     Raises:
         LinkError: no vehicle answers.

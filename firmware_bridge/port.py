@@ -21,6 +21,7 @@ from firmware_bridge.dialect.generated.messages import (
 )
 from firmware_bridge.dialect.message import Message
 from firmware_bridge.mavlink import Codec, Received
+from firmware_bridge.patience import patience_s
 from flight import InputError, LinkError
 
 logger = logging.getLogger(__name__)
@@ -55,7 +56,7 @@ class Port:
     def __init__(self, url: str, codec: Codec, timeout_s: float) -> None:
         self.url = url
         self.codec = codec
-        self.timeout_s = timeout_s
+        self._timeout_s = timeout_s
         self.vehicle: tuple[int, int] | None = None
         """System and component id, once it was heard."""
         self.last_heard_s = 0.0
@@ -75,6 +76,11 @@ class Port:
             raise LinkError(f"{url} cannot be reached: {error}") from error
         self._thread = threading.Thread(target=self._listen, name=f"link {url}", daemon=True)
         self._thread.start()
+
+    @property
+    def timeout_s(self) -> float:
+        """Silence longer than this is a dead link; longer on a busy machine."""
+        return patience_s(self._timeout_s)
 
     def close(self) -> None:
         self._closing.set()
@@ -113,10 +119,10 @@ class Port:
         Raises:
             LinkError: none came within the time-out.
         """
-        deadline_s = time.monotonic() + self.timeout_s
+        started_s = time.monotonic()
         tries = 0
         with self.inbox(kind) as inbox:
-            while time.monotonic() < deadline_s or tries < _LEAST_TRIES:
+            while time.monotonic() - started_s < self.timeout_s or tries < _LEAST_TRIES:
                 tries += 1
                 self.send(request)
                 until_s = time.monotonic() + retry_s
@@ -154,12 +160,12 @@ class Port:
             )
         if self.vehicle is None:
             return LinkError(
-                f"no vehicle answers at {self.url} within {self.timeout_s:g} s; is it on, and the port right?"
+                f"no vehicle answers at {self.url} within {self.timeout_s:.3g} s; is it on, and the port right?"
             )
         silent_s = time.monotonic() - self.last_heard_s
         if silent_s < 1.5:
             return LinkError(
-                f"the vehicle at {self.url} is alive but did not answer within {self.timeout_s:g} s; "
+                f"the vehicle at {self.url} is alive but did not answer within {self.timeout_s:.3g} s; "
                 "does it have our key?"
             )
         return LinkError(f"the link to {self.url} is dead: nothing heard for {silent_s:.1f} s")
@@ -170,11 +176,11 @@ class Port:
         Raises:
             LinkError: none was within the time-out.
         """
-        deadline_s = time.monotonic() + self.timeout_s
+        started_s = time.monotonic()
         tries = 0
         while self.vehicle is None:
             tries += 1
-            if time.monotonic() > deadline_s and tries > 10 * _LEAST_TRIES:
+            if time.monotonic() - started_s > self.timeout_s and tries > 10 * _LEAST_TRIES:
                 raise self.silence()
             time.sleep(0.005)
 

@@ -21,6 +21,7 @@ from typing import Self
 from firmware_bridge.dialect.generated.messages import Heartbeat, LeaseRequest, LeaseStatus, MissionStatus, Ping
 from firmware_bridge.dialect.message import Message
 from firmware_bridge.mavlink import Codec, Received, Signing
+from firmware_bridge.patience import patience_s
 from firmware_bridge.port import parse_url
 from flight import InputError, LinkError
 
@@ -240,10 +241,10 @@ class Proxy:
             self._remote.close()
 
     def _wait_for_vehicle(self) -> None:
-        deadline_s, next_s = time.monotonic() + self.timeout_s, 0.0
+        started_s, next_s = time.monotonic(), 0.0
         while self._vehicle is None and not self._closing.is_set():
             now_s = time.monotonic()
-            if now_s > deadline_s:
+            if now_s - started_s > patience_s(self.timeout_s):
                 raise self._silence()
             if now_s >= next_s:
                 next_s = now_s + 0.2
@@ -256,8 +257,9 @@ class Proxy:
                 f"the vehicle at {self.vehicle_url} sends, but not with our key ({refused} frames refused): "
                 "it is unsigned or signs with another key file"
             )
+        waited_s = patience_s(self.timeout_s)
         return LinkError(
-            f"no vehicle answers at {self.vehicle_url} within {self.timeout_s:g} s; is it on, the port right, "
+            f"no vehicle answers at {self.vehicle_url} within {waited_s:.3g} s; is it on, the port right, "
             "and our key its key?"
         )
 

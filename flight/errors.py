@@ -2,24 +2,24 @@
 
 
 class FlightError(Exception):
-    """Base of all expected failures. The message names the value, the bound and the way out."""
+    """Base of all expected failures. The message names the value, the bound and the remedy."""
 
 
 class InputError(FlightError):
-    """What was handed in cannot be used: not finite, wrong shape, out of range, missing."""
+    """An argument or a file's content is invalid: not finite, wrong shape, out of range, missing."""
 
 
 class FormatError(FlightError):
-    """A file is not what it says it is: truncated, of another format, or of a newer version."""
+    """A file cannot be decoded: truncated, of another format, or of a newer version."""
 
 
 class InfeasibleError(FlightError):
-    """The problem is well posed and has no answer within the limits; the message says which limit."""
+    """The problem is well posed and has no solution within the limits; the message says which limit."""
 
 
 class MapError(FlightError):
-    """Mapping or localization could not do its work with these images."""
+    """These images do not suffice for mapping or localization."""
 
 
 class LinkError(FlightError):
-    """The vehicle did not answer, or refused."""
+    """The vehicle did not answer, or refused the request."""

@@ -21,9 +21,9 @@ Document = dict[str, Any]
 
 @contextlib.contextmanager
 def atomic_file(path: Path) -> Generator[Path]:
-    """Yield a temporary sibling of `path`; move it into place only if the block ends well.
+    """Yield a temporary file beside `path`; rename it to `path` only if the block raises nothing.
 
-    Whatever interrupts the block (an exception, Ctrl-C), an earlier `path` stays as it was.
+    If the block is interrupted (by an exception, by Ctrl-C), an earlier `path` stays as it was.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -31,7 +31,7 @@ def atomic_file(path: Path) -> Generator[Path]:
     os.close(handle)
     temporary = Path(name)
     try:
-        os.chmod(temporary, 0o666 & ~_umask())  # mkstemp makes private files; ours are ordinary ones
+        os.chmod(temporary, 0o666 & ~_umask())  # mkstemp makes files for their owner alone
         yield temporary
         with open(temporary, "rb") as written:
             os.fsync(written.fileno())
@@ -42,7 +42,7 @@ def atomic_file(path: Path) -> Generator[Path]:
 
 @contextlib.contextmanager
 def atomic_folder(path: Path) -> Generator[Path]:
-    """The same promise for a folder: the old one is replaced as a whole once the new one is complete."""
+    """As `atomic_file`, for a folder: the old one is replaced as a whole once the new one is complete."""
     path = Path(path)
     if path.is_symlink() or path.is_file():
         raise InputError(f"{path} is a file or a link, not a folder; choose another output")
@@ -74,9 +74,9 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 
 def json_text(document: object) -> str:
-    """The JSON of a verb's answer. NumPy values and paths become plain ones; JSON has no word for NaN and infinity.
+    """The JSON of a verb's answer. NumPy values and paths become plain ones; JSON cannot represent NaN and infinity.
 
-    Such numbers become null, and a top-level key `not_finite` says of each where it was and what.
+    Such numbers become null, and a top-level key `not_finite` lists the place and the value of each.
     """
     lost: dict[str, str] = {}
     plain = _plain(document, "", lost)
@@ -103,7 +103,7 @@ def write_json(path: Path, *, format: str, version: int, body: Mapping[str, Any]
     """Write `body` with its `format` and `version` in front.
 
     Raises:
-        InputError: a number in `body` is NaN or infinite (JSON has no word for it).
+        InputError: a number in `body` is NaN or infinite (JSON cannot represent it).
     """
     try:
         text = json.dumps({"format": format, "version": version, **body}, indent=1, allow_nan=False)
@@ -145,7 +145,7 @@ def _read(path: Path) -> bytes:
     except FileNotFoundError:
         raise InputError(f"{path} does not exist") from None
     except IsADirectoryError:
-        raise InputError(f"{path} is a folder; a file is wanted here") from None
+        raise InputError(f"{path} is a folder; expected a file") from None
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}") from error
 
@@ -155,7 +155,7 @@ def _checked(path: Path, document: object, format: str, version: int) -> Documen
         raise FormatError(f"{path} is not a {format} file: it names no format")
     found: Document = document  # pyright: ignore[reportUnknownVariableType]
     if found["format"] != format:
-        raise FormatError(f"{path} is a {found['format']} file; a {format} file is wanted here")
+        raise FormatError(f"{path} is a {found['format']} file; expected a {format} file")
     if not isinstance(found.get("version"), int):
         raise FormatError(f"{path}: version is {found.get('version')!r}, not a whole number")
     if found["version"] > version:
@@ -166,5 +166,5 @@ def _checked(path: Path, document: object, format: str, version: int) -> Documen
 
 
 def file_hash(path: Path) -> str:
-    """SHA-256 of a file's bytes, in hex: what a plan remembers of the map it was made for."""
+    """SHA-256 of a file's bytes, in hex; a plan records it for the map it was made for."""
     return hashlib.sha256(_read(path)).hexdigest()

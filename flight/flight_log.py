@@ -1,6 +1,6 @@
 """A flight log: one row per instant, one column per quantity, the unit in the column's name; Parquet on disk.
 
-The standard columns are in `COLUMNS`; any further column is welcome if its name ends in a unit of `UNITS`.
+The standard columns are in `COLUMNS`; any further column is allowed if its name ends in a unit of `UNITS`.
 A quantity that was not recorded has no column; one that was not sampled at a row is NaN there.
 """
 
@@ -70,7 +70,7 @@ class FlightLog:
     columns: Mapping[str, FloatArray]
     """Column name to (n,) values."""
     metadata: Mapping[str, Any]
-    """Whatever describes the flight: `vehicle`, `trajectory`, `source`, ... JSON-able values."""
+    """Describes the flight: `vehicle`, `trajectory`, `source`, ...; values that JSON can represent."""
 
     def __post_init__(self) -> None:
         columns = {name: np.ascontiguousarray(values, dtype=np.float64) for name, values in self.columns.items()}
@@ -135,7 +135,7 @@ def from_vectors(
         if quantity not in COLUMNS:
             raise InputError(f"unknown quantity {quantity}; known are {', '.join(COLUMNS)}")
         if np.shape(values) != (len(columns["time_s"]), len(COLUMNS[quantity])):
-            raise InputError(f"{quantity} has shape {np.shape(values)}; (n, {len(COLUMNS[quantity])}) is wanted")
+            raise InputError(f"{quantity} : expected shape (n, {len(COLUMNS[quantity])}), got {np.shape(values)}")
         columns |= {name: values[:, i] for i, name in enumerate(COLUMNS[quantity])}
     return FlightLog(columns | dict(scalars or {}), dict(metadata or {}))
 
@@ -193,7 +193,7 @@ def _header(schema_metadata: dict[bytes, bytes] | None) -> dict[str, Any]:
 
 
 def _arrow() -> tuple[Any, Any]:
-    """pyarrow and pyarrow.parquet, imported when first needed (a third of a second) and untyped by their makers."""
+    """pyarrow and pyarrow.parquet, imported when first needed (it takes a third of a second); they carry no types."""
     return importlib.import_module("pyarrow"), importlib.import_module("pyarrow.parquet")
 
 

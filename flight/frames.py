@@ -1,6 +1,6 @@
-"""Rigid transforms `T_a_b` (4x4, p_a = T_a_b @ p_b) and the one border to MAVLink's frames.
+"""Rigid transforms `T_a_b` (4x4, p_a = T_a_b @ p_b) and the one conversion to and from MAVLink's frames.
 
-Ours: world z up, body x forward, y left, z up. MAVLink: NED world, FRD body. Both borders are the same half turn:
+Ours: world z up, body x forward, y left, z up. MAVLink: NED world, FRD body. Both conversions are the same half turn:
 world east-north-up is not assumed, our world x is MAVLink's local north, our y its west.
 """
 

@@ -1,4 +1,4 @@
-"""How long work reports where it stands, without knowing who is watching."""
+"""The callback by which long-running work reports its progress."""
 
 from typing import Protocol
 
@@ -10,4 +10,4 @@ class Progress(Protocol):
 
 
 def silent(stage: str, fraction: float) -> None:
-    """The progress of those who do not ask."""
+    """A `Progress` that discards every report: the default."""

@@ -3,11 +3,12 @@
 project.toml        what this folder is
 map/                written by `goshawk map`
 vehicle.toml        what we believe about the vehicle
-waypoints.json      what the pilot drew (see `Waypoints`)
+waypoints.json      the pilot's waypoints (see `Waypoints`)
 trajectories/*.json checked trajectories
 flights/*.parquet   flight logs
 """
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,11 +22,13 @@ FORMAT = "goshawk-project"
 VERSION = 1
 WAYPOINTS_FORMAT = "goshawk-waypoints"
 WAYPOINTS_VERSION = 1
+_NAME_LENGTH = 100
+_PART_NAME = re.compile(rf"[^\W_][\w .+=,()-]{{0,{_NAME_LENGTH - 1}}}")
 
 
 @dataclass(frozen=True, slots=True)
 class Project:
-    """Where the parts of a project lie. The parts may not be there yet."""
+    """Paths of a project's parts. The parts may not exist yet."""
 
     folder: Path
     name: str
@@ -43,16 +46,32 @@ class Project:
         return self.folder / "waypoints.json"
 
     def trajectory(self, name: str) -> Path:
-        return self.folder / "trajectories" / f"{name}.json"
+        """Raises `InputError` if `name` is no `part_name`."""
+        return self.folder / "trajectories" / f"{part_name(name)}.json"
 
     def flight(self, name: str) -> Path:
-        return self.folder / "flights" / f"{name}.parquet"
+        """Raises `InputError` if `name` is no `part_name`."""
+        return self.folder / "flights" / f"{part_name(name)}.parquet"
 
     def trajectories(self) -> list[Path]:
         return sorted((self.folder / "trajectories").glob("*.json"))
 
     def flights(self) -> list[Path]:
         return sorted((self.folder / "flights").glob("*.parquet"))
+
+
+def part_name(name: str) -> str:
+    """The name, if a trajectory or a flight may have it: it becomes a file's name and is shown on the page.
+
+    Raises:
+        InputError: it could lead out of the folder, hide the file, or be taken for markup.
+    """
+    if not _PART_NAME.fullmatch(name):
+        raise InputError(
+            f"{name!r} cannot be a name here: take 1 to {_NAME_LENGTH} letters, digits, spaces or any of . _ + = , ( ) "
+            "and -, with a letter or digit first"
+        )
+    return name
 
 
 def create(folder: Path, name: str) -> Project:
@@ -76,7 +95,7 @@ def open_project(folder: Path) -> Project:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Waypoints:
-    """What the pilot asks the planner to fly through."""
+    """Positions, and optionally headings, that a trajectory must pass."""
 
     positions_world_m: FloatArray
     """(n, 3), in order."""
@@ -87,7 +106,9 @@ class Waypoints:
         positions = np.asarray(self.positions_world_m, dtype=np.float64)
         yaw = np.asarray(self.yaw_rad, dtype=np.float64)
         if positions.ndim != 2 or positions.shape[1] != 3 or yaw.shape != (len(positions),):
-            raise InputError(f"waypoints have shape {positions.shape} and yaw {yaw.shape}; (n, 3) and (n,) are wanted")
+            raise InputError(
+                f"waypoints: expected positions (n, 3) and yaw (n,), got {positions.shape} and {yaw.shape}"
+            )
         broken = np.flatnonzero(~np.isfinite(positions).all(axis=1))
         if broken.size:
             raise InputError(f"waypoint {int(broken[0])} is not finite: {positions[broken[0]].tolist()}")

@@ -1,8 +1,8 @@
-"""One rule for every result: what is there is replaced only when that is asked for, and is then kept beside.
+"""One rule for every result: an existing one is replaced only with `overwrite`, and is then kept beside the new one.
 
 `walk.json` becomes `walk.json.old-1`, so that no pattern (`*.json`) takes the old one for a result. Only regular files,
-and folders of our own making, are ever replaced. The rule is checked twice: before the work (`require_free`), so that
-nobody waits for nothing, and again when the result is put in its place (`new_file`), because somebody else may have
+and folders that Goshawk wrote, are ever replaced. The rule is checked twice: before the work (`require_free`), so that
+a conflict is reported early, and again when the result is moved into place (`new_file`), as another program may have
 written there meanwhile.
 """
 
@@ -20,22 +20,22 @@ from flight.errors import InputError
 
 @dataclass(slots=True)
 class Placing:
-    """A result on its way to its place."""
+    """A result that is being written, and its final path."""
 
     temporary: Path
-    """Where to write it: in the folder it will be in."""
+    """Path to write to, in the same folder as the final path."""
     path: Path
-    """Where it will be."""
+    """Final path of the result."""
     kept: Path | None = None
-    """What was there before, once it was moved aside."""
+    """Path of the earlier result after it was moved aside; None if there was none."""
 
     def placed(self, written: Path) -> Path:
-        """Where a file written below `temporary` will be."""
+        """Final path of a file written below `temporary`."""
         return self.path / written.relative_to(self.temporary)
 
 
 def require_free(path: Path, *, overwrite: bool) -> None:
-    """Refuse, before any work, a result that could not be put in its place.
+    """Refuse, before any work, a path at which the result could not be written.
 
     Raises:
         InputError: something is there and `overwrite` was not given, it is no regular file, or no file can be made.
@@ -52,10 +52,10 @@ def require_free(path: Path, *, overwrite: bool) -> None:
 
 
 def require_free_folder(path: Path, *, overwrite: bool, ours: Callable[[Path], bool]) -> None:
-    """The same for a folder; an empty one is free.
+    """As `require_free`, for a folder; an empty folder is free.
 
     Args:
-        ours: whether the content is of our own making; anything else is never moved.
+        ours: whether Goshawk wrote the folder's content; other content is never moved.
 
     Raises:
         InputError: as `require_free`, or the folder holds something else.
@@ -88,10 +88,10 @@ def require_apart(paths: Iterable[Path | None]) -> None:
 
 @contextlib.contextmanager
 def new_file(path: Path, *, overwrite: bool) -> Generator[Placing]:
-    """Yield where to write a result; it is put in its place if the block ends well. `require_free` comes before.
+    """Yield where to write a result; it is moved to `path` if the block raises nothing. Call `require_free` before.
 
     Raises:
-        InputError: something is there by now that is not to be replaced. It stays, and the new result is kept beside
+        InputError: a file that must not be replaced has appeared. It stays, and the new result is kept beside
             it, under the name that the message gives.
     """
     target = _resolved(path)
@@ -113,7 +113,7 @@ def new_file(path: Path, *, overwrite: bool) -> Generator[Placing]:
 
 @contextlib.contextmanager
 def new_folder(path: Path, *, overwrite: bool, ours: Callable[[Path], bool]) -> Generator[Placing]:
-    """The same for a folder; `ours` as for `require_free_folder`."""
+    """As `new_file`, for a folder; `ours` as for `require_free_folder`."""
     target = _resolved(path)
     target.parent.mkdir(parents=True, exist_ok=True)
     placing = Placing(_temporary(target), target)
@@ -139,7 +139,7 @@ def new_folder(path: Path, *, overwrite: bool, ours: Callable[[Path], bool]) -> 
 
 
 def keep(path: Path) -> Path:
-    """Keep a file as it is now under a name beside it; returns that name. The file itself stays."""
+    """Link or copy a file to a free name beside it; returns that name. The file itself stays."""
     path = _resolved(path)
     for name in _siblings(path, "old"):
         try:
@@ -162,7 +162,7 @@ def move_aside(path: Path) -> Path:
 
 
 def newest_kept(path: Path) -> Path | None:
-    """The last thing that was moved aside from here."""
+    """The newest file or folder that was moved aside from `path`; None if there is none."""
     last = None
     for name in _siblings(_resolved(path), "old"):
         if not os.path.lexists(name):
@@ -187,7 +187,7 @@ def _resolved(path: Path) -> Path:
 
 
 def _kind(path: Path) -> str:
-    """What is there, in a word; empty for nothing."""
+    """Kind of the file at `path` (`folder`, `pipe`, ...); empty if nothing is there."""
     try:
         mode = path.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):
@@ -199,7 +199,7 @@ def _kind(path: Path) -> str:
 
 
 def _require_room(path: Path, target: Path) -> None:
-    """Try to make a file where the result, or the first folder on the way to it, will be."""
+    """Check by trial that a file can be made in the result's folder, or in the nearest parent that exists."""
     folder = target.parent
     while not folder.exists():
         folder = folder.parent
@@ -223,7 +223,7 @@ def _overtaken(path: Path, ours: Path) -> InputError:
 
 
 def _put(temporary: Path, target: Path, path: Path) -> None:
-    """Move a file to a place where nothing is; whoever comes second there is told so."""
+    """Move a file to a path that is free; raises if another program has taken the path meanwhile."""
     try:
         os.link(temporary, target)
     except FileExistsError:
@@ -246,5 +246,5 @@ def _siblings(path: Path, word: str) -> Generator[Path]:
 
 
 def _temporary(target: Path) -> Path:
-    """A hidden name in the same folder, with the same ending: some writers go by that."""
+    """A hidden name in the same folder, with the same suffix: some writers choose the format by it."""
     return target.with_name(f".{target.stem}.{secrets.token_hex(4)}{target.suffix}")

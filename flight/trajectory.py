@@ -1,6 +1,6 @@
 """A trajectory: position and yaw as piecewise polynomials of time, and the file that carries it.
 
-The file remembers which map and which vehicle it was checked against; `goshawk upload` refuses one that was not.
+The file records which map and which vehicle it was checked against; `goshawk upload` refuses one that was not checked.
 """
 
 from collections.abc import Mapping
@@ -27,11 +27,11 @@ class Trajectory:
     """k polynomial segments flown one after the other, in world axes."""
 
     durations_s: FloatArray
-    """(k,) how long each segment takes; all positive."""
+    """(k,) duration of each segment; all positive."""
     coefficients: FloatArray
     """(k, 4, n) of x, y, z in metres and yaw in radians; ascending powers of seconds from the segment's start."""
     starts_s: FloatArray = field(init=False)
-    """(k + 1,) when each segment starts; the last entry is the total duration."""
+    """(k + 1,) start time of each segment; the last entry is the total duration."""
 
     def __post_init__(self) -> None:
         durations = np.ascontiguousarray(self.durations_s, dtype=np.float64)
@@ -88,7 +88,7 @@ class Trajectory:
         return np.linspace(0.0, self.duration_s, int(np.ceil(self.duration_s / step_s)) + 1)
 
     def join_jumps(self, derivative: int) -> FloatArray:
-        """How far each inner join misses continuity in the given derivative: (k - 1, 4), later minus earlier."""
+        """Discontinuity of the given derivative at each inner join: (k - 1, 4), later minus earlier."""
         coefficients = polynomial.differentiate(self.coefficients, derivative)
         ends = polynomial.evaluate(coefficients, self.durations_s[:, None])
         return coefficients[1:, :, 0] - ends[:-1]
@@ -128,7 +128,7 @@ class Trajectory:
 
 
 def join(parts: list[Trajectory]) -> Trajectory:
-    """Fly the parts one after the other. Continuity is the caller's business; see `join_jumps`."""
+    """Concatenate the parts. Continuity is not checked; see `join_jumps`."""
     if not parts:
         raise InputError("nothing to join")
     n = max(part.coefficients.shape[2] for part in parts)
@@ -138,7 +138,7 @@ def join(parts: list[Trajectory]) -> Trajectory:
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryFile:
-    """A trajectory with where it came from and what it was checked against."""
+    """A trajectory with its origin and the map and vehicle it was checked against."""
 
     trajectory: Trajectory
     name: str
@@ -153,7 +153,7 @@ class TrajectoryFile:
 
     @property
     def checked(self) -> bool:
-        """Whether the final gate let it pass."""
+        """Whether it passed the final gate."""
         return bool(self.check.get("passed", False))
 
 
@@ -188,7 +188,7 @@ def load(path: Path) -> TrajectoryFile:
         durations = np.array([s["duration_s"] for s in document["segments"]], dtype=np.float64)
         coefficients = np.array([[s[axis] for axis in AXES] for s in document["segments"]], dtype=np.float64)
         if durations.sum() > LONGEST_S:
-            raise InputError(f"it lasts {durations.sum():.3g} s; {LONGEST_S:g} s is the longest that is flown")
+            raise InputError(f"it lasts {durations.sum():.3g} s; at most {LONGEST_S:g} s are allowed")
         return TrajectoryFile(
             trajectory=Trajectory(durations, coefficients),
             name=str(document["name"]),

@@ -1,4 +1,4 @@
-"""The web ground station: a project's map, waypoints and plan on one page, behind a gateway that asks for a token."""
+"""The web ground station: a project's map, waypoints and plan on one page, behind a gateway that requires a token."""
 
 from gcs_web.app import GroundStation
 

@@ -1,4 +1,4 @@
-"""Starts and stops the ground station: session, viser, page and gateway, in this order and back."""
+"""Starts and stops the ground station: viser, desk, vehicle watch and gateway, in this order and back."""
 
 import asyncio
 import contextlib
@@ -6,23 +6,31 @@ import io
 import logging
 import socket
 import threading
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import msgspec
 
 import planner
-from flight import InputError, project
-from gcs_web import gateway, scene
-from gcs_web.page import Page
-from gcs_web.session import Session
+from flight import FloatArray, InputError, LinkError, Progress, project, silent
+from gcs_web import gateway, protocol, scene
+from gcs_web.desk import Desk
+from gcs_web.hub import Hub
+from gcs_web.page_socket import PageSocket
 from gcs_web.vehicle_watch import VehicleWatch
+from gcs_web.view3d import View3D
 
 if TYPE_CHECKING:
     import viser
 
+_DRAGGER = protocol.Person("3d", "3D view")
+"""Author of what is dragged in the 3D view: viser does not say whose browser it was."""
+
 
 class GroundStation:
-    """A running ground station; use as a context manager. `url` carries the token that lets a browser in."""
+    """A running ground station; use as a context manager. `url` lets one browser in; then there is a new one."""
 
     def __init__(
         self,
@@ -33,48 +41,33 @@ class GroundStation:
         key_file: Path | None = None,
         options: planner.PlanOptions | None = None,
         triangles: int = scene.DISPLAY_TRIANGLES,
+        progress: Progress = silent,
+        on_entry: Callable[[str], None] = lambda _: None,
     ) -> None:
         """Open the project and listen on loopback.
 
         Args:
             folder: the project.
             port: of the gateway; 0 lets the system choose.
-            vehicle_url: where the vehicle answers (`udp:HOST:PORT`), or None to work without one.
+            vehicle_url: where the vehicle answers (`udp:HOST:PORT`), or None to work without one; one that does not
+                answer yet is waited for.
             key_file: the link's signing key.
-            options: what the planner is asked for.
+            options: what the planner is asked for, beside what the document says.
             triangles: the mesh is thinned to this many for display.
+            on_entry: called with the next address when a browser has come in.
 
         Raises:
-            FlightError: the project cannot be opened, or the vehicle does not answer.
+            FlightError: the project cannot be opened, or is open in another ground station.
             InputError: the port is taken.
         """
-        import viser
-
         logging.getLogger("websockets").setLevel(logging.ERROR)  # viser's HTTP half logs each page load as an error
-        self._session = Session(project.open_project(folder), options=options)
-        self._watch: VehicleWatch | None = None
-        self._server: viser.ViserServer | None = None
+        self.watch = None if vehicle_url is None else VehicleWatch(vehicle_url, key_file=key_file)
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name="gateway", daemon=True)
+        self._stack = contextlib.ExitStack()
         try:
-            if vehicle_url is not None:
-                self._watch = VehicleWatch(vehicle_url, key_file=key_file)
-            with contextlib.redirect_stdout(io.StringIO()):  # viser prints its own address, which is not for use
-                self._server = viser.ViserServer(host=gateway.LOOPBACK, port=_free_port(), verbose=False)
-            required_m = (options or planner.PlanOptions()).clearance_m
-            self.page = Page(
-                self._server, self._session, self._watch, triangles=triangles, required_clearance_m=required_m
-            )
-            self._gateway = gateway.Gateway(
-                self._server.get_port(), token=gateway.new_token(), state=self._session.state, port=port
-            )
-            self._thread.start()
-            try:
-                asyncio.run_coroutine_threadsafe(self._gateway.start(), self._loop).result(timeout=20)
-            except OSError as error:
-                raise InputError(
-                    f"port {port} cannot be used ({error.strerror}); choose another with --port"
-                ) from error
+            progress("opening the map", 0.0)
+            self._open(folder, port, options or planner.PlanOptions(), triangles, on_entry)
         except BaseException:
             self.close()
             raise
@@ -83,33 +76,8 @@ class GroundStation:
     def url(self) -> str:
         return self._gateway.url
 
-    @property
-    def session(self) -> Session:
-        return self._session
-
-    @property
-    def watch(self) -> VehicleWatch:
-        """The vehicle, for a station that was started with one."""
-        assert self._watch is not None
-        return self._watch
-
-    @property
-    def server(self) -> "viser.ViserServer":
-        """viser's server, e.g. for its clients' cameras."""
-        assert self._server is not None
-        return self._server
-
     def close(self) -> None:
-        if self._thread.is_alive():
-            asyncio.run_coroutine_threadsafe(self._gateway.stop(), self._loop).result(timeout=20)
-            self._loop.call_soon_threadsafe(self._loop.stop)
-            self._thread.join(timeout=5)
-        if self._watch is not None:
-            self._watch.close()
-        if self._server is not None:
-            with contextlib.redirect_stdout(io.StringIO()):
-                self._server.stop()
-        self._session.close()
+        self._stack.close()
 
     def __enter__(self) -> "GroundStation":
         return self
@@ -118,6 +86,76 @@ class GroundStation:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def _open(
+        self, folder: Path, port: int, options: planner.PlanOptions, triangles: int, on_entry: Callable[[str], None]
+    ) -> None:
+        opened = project.open_project(folder)
+        self._thread.start()
+        self._stack.callback(self._stop_loop)
+        self.server = _viser()
+        self._stack.callback(_quietly, self.server.stop)
+        self.hub = Hub(self._loop)
+        self.view = View3D(self.server, triangles=triangles)
+        self.desk = Desk(opened, self.hub, self.view, self.watch, options)
+        self._stack.callback(self.desk.close)
+        self.view.on_select = lambda waypoint: self.hub.publish(protocol.Selection([waypoint]))
+        self.view.on_drag = self._dragged
+        if self.watch is not None:
+            self.watch.on_state, self.watch.on_pose = self._vehicle_changed, self.view.move_vehicle
+            self.watch.start()
+            self._stack.callback(self.watch.close)
+        else:
+            self.hub.publish(protocol.Vehicle("none"))
+        pages = PageSocket(self.desk, project=opened.name)
+        self._gateway = gateway.Gateway(self.server.get_port(), serve_page=pages.serve, state=self._state, port=port)
+        self._gateway.on_entry = on_entry
+        self._stack.callback(self._in_loop, self._gateway.stop)
+        try:
+            self._in_loop(self._gateway.start)
+        except OSError as error:
+            raise InputError(f"port {port} cannot be used ({error.strerror}); choose another with --port") from error
+
+    def _vehicle_changed(self, now: protocol.Vehicle) -> None:
+        self.hub.publish(now)
+        if now.link == "lost":
+            self.view.hide_vehicle()
+
+    def _dragged(self, waypoint: int, position_world_m: FloatArray) -> None:
+        x, y, z = (float(value) for value in position_world_m)
+        move = protocol.Move(serial=0, revision=self.desk.session.revision, waypoints=[waypoint], x_m=x, y_m=y, z_m=z)
+        try:
+            done = self.desk.session.edit(move, _DRAGGER.name)
+            self.desk.notice(f"{done[:1].upper()}{done[1:]}.", undo=True)
+        except (InputError, LinkError) as error:
+            self.desk.notice(str(error), level="danger")
+            self.view.draw_waypoints(self.desk.session.content.points)
+
+    def _state(self) -> dict[str, Any]:
+        return {
+            "document": msgspec.to_builtins(self.desk.session.document()),
+            "people": len(self.hub.people),
+            "vehicle": msgspec.to_builtins(self.watch.state()) if self.watch else None,
+        }
+
+    def _in_loop(self, coroutine: Callable[[], Any]) -> None:
+        asyncio.run_coroutine_threadsafe(coroutine(), self._loop).result(timeout=20)
+
+    def _stop_loop(self) -> None:
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join(timeout=5)
+
+
+def _viser() -> "viser.ViserServer":
+    import viser
+
+    with contextlib.redirect_stdout(io.StringIO()):  # viser prints its own address, which is not for use
+        return viser.ViserServer(host=gateway.LOOPBACK, port=_free_port(), verbose=False)
+
+
+def _quietly(action: Callable[[], object]) -> None:
+    with contextlib.redirect_stdout(io.StringIO()):
+        action()
 
 
 def _free_port() -> int:

@@ -1,9 +1,14 @@
-"""The one door of the ground station: who may come in, and what may pass.
+"""The only way into the ground station: who may come in, and what may pass.
 
-viser listens on a random loopback port and asks nobody anything; whoever reached it could press "Upload". So the
+viser listens on a random loopback port and asks nobody anything; whoever reached it could change the view. So the
 browser talks to this gateway, which checks the Host header (a foreign name that resolves here is refused), the token
-(given once in the address, then kept as a cookie) and the Origin of every WebSocket, drops the messages that would
-publish the page on viser's share server, and passes the rest on.
+(good once, then a cookie of the browser's own) and the Origin of every WebSocket, bounds the size of a message and the
+number of sockets, drops the messages that would publish the view on viser's share server, and passes the rest on.
+
+/          our page (`gcs_web/static`)
+/ws        its WebSocket
+/state     what the server holds, as JSON
+/viser/    the 3D view
 """
 
 import asyncio
@@ -11,6 +16,7 @@ import hmac
 import logging
 import secrets
 from collections.abc import Awaitable, Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -19,40 +25,62 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 LOOPBACK = "127.0.0.1"
+STATIC = Path(__file__).parent / "static"
+LARGEST_MESSAGE = 1 << 20
+"""Bytes that a browser may send at once."""
+MOST_SOCKETS = 64
+MOST_BROWSERS = 64
+"""Cookies that are good at a time; the oldest is forgotten first."""
 REFUSED_MESSAGES = frozenset({"ShareUrlRequest", "ShareUrlDisconnect"})
 _HOP_HEADERS = frozenset({"connection", "transfer-encoding", "content-length", "content-encoding", "date", "server"})
 _SAFETY_HEADERS = {
-    "X-Frame-Options": "DENY",
+    "X-Frame-Options": "SAMEORIGIN",
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
     "Cache-Control": "no-store",
 }
+_POLICY = (
+    "default-src 'self'; connect-src 'self'; img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; "
+    "frame-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
+)
+_VIEW_POLICY = (  # viser's own page: inline script and style, data and blob addresses for textures and workers
+    "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; connect-src 'self' data: blob:; "
+    "worker-src 'self' blob:; frame-ancestors 'self'"
+)
+_VIEW_STYLE = b"<style>.mantine-Paper-root,.mantine-Notifications-root{display:none!important}</style></head>"
+"""Hides viser's own panel and messages: what they do is on our page."""
 
-State = Callable[[], dict[str, Any]]
 Handler = Callable[["web.Request"], Awaitable["web.StreamResponse"]]
-
-
-def new_token() -> str:
-    return secrets.token_urlsafe(24)
+Serve = Callable[["web.WebSocketResponse"], Awaitable[None]]
 
 
 class Gateway:
     """Serves `http://127.0.0.1:PORT/?token=...` in front of a viser server on another loopback port."""
 
-    def __init__(self, upstream_port: int, *, token: str, state: State, port: int = 0) -> None:
-        """`state` answers `/state`: what the server holds, as JSON. Port 0 lets the system choose."""
+    def __init__(
+        self, upstream_port: int, *, serve_page: Serve, state: Callable[[], dict[str, Any]], port: int = 0
+    ) -> None:
+        """
+        Args:
+            serve_page: talks to one page over its WebSocket.
+            state: answers `/state`: what the server holds, as JSON.
+            port: 0 lets the system choose.
+        """
         self._upstream = f"{LOOPBACK}:{upstream_port}"
-        self._token = token
-        self._state = state
-        self._wanted_port = port
+        self._serve_page, self._state, self._wanted_port = serve_page, state, port
+        self._token = secrets.token_urlsafe(24)
+        self._browsers: list[str] = []
+        self._sockets = 0
         self._runner: web.AppRunner | None = None
         self._client: ClientSession | None = None
         self.port = 0
         self.refused = 0
+        self.on_entry: Callable[[str], None] = lambda _: None
+        """Somebody came in; called with the address for the next one."""
 
     @property
     def url(self) -> str:
-        """The address that lets a browser in."""
+        """The address that lets one browser in; there is a new one after each."""
         return f"http://{LOOPBACK}:{self.port}/?token={self._token}"
 
     async def start(self) -> None:
@@ -63,11 +91,15 @@ class Gateway:
         async def guard(request: web.Request, handler: Handler) -> web.StreamResponse:
             return await self._guard(request, handler)
 
-        application = web.Application(middlewares=[guard])
+        application = web.Application(middlewares=[guard], client_max_size=LARGEST_MESSAGE)
+        application.router.add_get("/", self._index)
+        application.router.add_static("/static/", STATIC)
+        application.router.add_get("/ws", self._page)
         application.router.add_get("/state", self._serve_state)
-        application.router.add_get("/{path:.*}", self._pass_on)
+        application.router.add_get("/viser", self._pass_socket)  # viser's page leaves out the last slash here
+        application.router.add_get("/viser/{path:.*}", self._pass_on)
         self._client = ClientSession(timeout=ClientTimeout(total=60), auto_decompress=False)
-        self._runner = web.AppRunner(application, access_log=None)
+        self._runner = web.AppRunner(application, access_log=None, shutdown_timeout=1.0)
         await self._runner.setup()
         site = web.TCPSite(self._runner, LOOPBACK, self._wanted_port)
         await site.start()
@@ -82,75 +114,112 @@ class Gateway:
 
     async def _guard(self, request: "web.Request", handler: "Handler") -> "web.StreamResponse":
         """Host, then token, then Origin; in this order, because each is cheaper to state than the next."""
-        from aiohttp import web
-
         names = {f"{LOOPBACK}:{self.port}", f"localhost:{self.port}"}
         if request.host not in names:
             return self._refuse(f"this ground station answers to {LOOPBACK}:{self.port}, not to {request.host!r}")
         given = request.query.get("token")
         if given is not None:
-            if not hmac.compare_digest(given.encode(), self._token.encode()):
-                return self._refuse("that token is not valid; open the address that `goshawk gcs` printed last")
-            entry = web.HTTPFound("/")
-            entry.set_cookie(self._cookie, self._token, httponly=True, samesite="Strict")
-            return entry
-        if not hmac.compare_digest(request.cookies.get(self._cookie, "").encode(), self._token.encode()):
-            return self._refuse("a token is needed; open the address that `goshawk gcs` printed")
+            return self._enter(given)
+        cookie = request.cookies.get(self._cookie, "").encode()
+        if not any(hmac.compare_digest(cookie, known.encode()) for known in self._browsers):
+            return self._refuse("a token is needed; open the address that `goshawk gcs` printed last")
         origin = request.headers.get("Origin")
         is_socket = request.headers.get("Upgrade", "").lower() == "websocket"
         if (origin is not None or is_socket) and origin not in {f"http://{name}" for name in names}:
             return self._refuse(f"a page from {origin!r} may not talk to this ground station")
+        if is_socket and self._sockets >= MOST_SOCKETS:
+            return self._refuse(f"{MOST_SOCKETS} connections are open; close a page", status=503)
         response = await handler(request)
         if not response.prepared:
             response.headers.update(_SAFETY_HEADERS)
+            of_view = request.path.startswith("/viser/")
+            response.headers["Content-Security-Policy"] = _VIEW_POLICY if of_view else _POLICY
         return response
+
+    def _enter(self, token: str) -> "web.StreamResponse":
+        """Exchange the token, which is then used up, for a cookie."""
+        from aiohttp import web
+
+        if not hmac.compare_digest(token.encode(), self._token.encode()):
+            return self._refuse("that token is not valid (any more); open the address that `goshawk gcs` printed last")
+        self._token = secrets.token_urlsafe(24)
+        self._browsers = [*self._browsers, secrets.token_urlsafe(24)][-MOST_BROWSERS:]
+        entry = web.HTTPFound("/")
+        entry.set_cookie(self._cookie, self._browsers[-1], httponly=True, samesite="Strict")
+        self.on_entry(self.url)
+        return entry
 
     @property
     def _cookie(self) -> str:
         return f"goshawk_{self.port}"  # cookies ignore ports: two stations on one machine must not share one
 
-    def _refuse(self, reason: str) -> "web.Response":
+    def _refuse(self, reason: str, *, status: int = 403) -> "web.Response":
         from aiohttp import web
 
         self.refused += 1
         logger.warning("refused: %s", reason)
-        return web.Response(status=403, text=f"Goshawk: {reason}\n")
+        return web.Response(status=status, text=f"Goshawk: {reason}\n")
+
+    async def _index(self, request: "web.Request") -> "web.StreamResponse":
+        from aiohttp import web
+
+        return web.FileResponse(STATIC / "index.html")
 
     async def _serve_state(self, request: "web.Request") -> "web.Response":
         from aiohttp import web
 
         return web.json_response(self._state())
 
+    async def _page(self, request: "web.Request") -> "web.StreamResponse":
+        from aiohttp import web
+
+        socket = web.WebSocketResponse(max_msg_size=LARGEST_MESSAGE, heartbeat=20.0)
+        await socket.prepare(request)
+        self._sockets += 1
+        try:
+            await self._serve_page(socket)
+        finally:
+            self._sockets -= 1
+        return socket
+
     async def _pass_on(self, request: "web.Request") -> "web.StreamResponse":
         from aiohttp import web
 
-        if request.headers.get("Upgrade", "").lower() == "websocket":
-            return await self._pass_socket(request)
         assert self._client is not None
-        headers = {name: request.headers[name] for name in ("Accept", "Accept-Encoding") if name in request.headers}
-        async with self._client.get(f"http://{self._upstream}{request.path}", headers=headers) as answer:
+        path = request.match_info["path"]
+        encoding = (
+            request.headers.get("Accept-Encoding", "identity") if path else "identity"
+        )  # its page is changed here
+        headers = {"Accept": request.headers.get("Accept", "*/*"), "Accept-Encoding": encoding}
+        async with self._client.get(f"http://{self._upstream}/{path}", headers=headers) as answer:
             body = await answer.read()
             kept = {name: value for name, value in answer.headers.items() if name.lower() not in _HOP_HEADERS}
             if "Content-Encoding" in answer.headers:
                 kept["Content-Encoding"] = answer.headers["Content-Encoding"]
+            if not path:
+                body = body.replace(b"</head>", _VIEW_STYLE, 1)
             return web.Response(status=answer.status, body=body, headers=kept)
 
     async def _pass_socket(self, request: "web.Request") -> "web.StreamResponse":
         from aiohttp import web
 
         offered = [p.strip() for p in request.headers.get("Sec-WebSocket-Protocol", "").split(",") if p.strip()]
-        browser = web.WebSocketResponse(protocols=offered, max_msg_size=0, compress=False)
+        browser = web.WebSocketResponse(protocols=offered, max_msg_size=LARGEST_MESSAGE, compress=False)
         await browser.prepare(request)
         assert self._client is not None
-        address = f"ws://{self._upstream}{request.path}"
-        async with self._client.ws_connect(address, protocols=offered, max_msg_size=0, compress=0) as server:
-            downward = asyncio.create_task(_pump(server, browser, allow=lambda _: True))
-            upward = asyncio.create_task(_pump(browser, server, allow=_may_pass))
-            _, pending = await asyncio.wait({downward, upward}, return_when=asyncio.FIRST_COMPLETED)
-            for task in pending:
-                task.cancel()
-            await asyncio.gather(*pending, return_exceptions=True)
-        await browser.close()
+        self._sockets += 1
+        try:
+            address = f"ws://{self._upstream}/"
+            async with self._client.ws_connect(address, protocols=offered, max_msg_size=0, compress=0) as server:
+                downward = asyncio.create_task(_pump(server, browser, allow=lambda _: True))
+                upward = asyncio.create_task(_pump(browser, server, allow=_may_pass))
+                _, pending = await asyncio.wait({downward, upward}, return_when=asyncio.FIRST_COMPLETED)
+                for task in pending:
+                    task.cancel()
+                await asyncio.gather(*pending, return_exceptions=True)
+            await browser.close()
+        finally:
+            self._sockets -= 1
         return browser
 
 

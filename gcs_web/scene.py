@@ -1,47 +1,71 @@
-"""What the pilot sees: mesh, distance-field slice, path, waypoints, vehicle; arrays in, viser nodes out."""
+"""The 3D scene (mesh, distance-field slice, path, waypoints, vehicle): arrays in, viser nodes out."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flight import FloatArray
+from flight import FloatArray, MapError
 from flight.rotations import IDENTITY
+from gcs_web import protocol
 
 if TYPE_CHECKING:
     import trimesh
     import viser
 
 DISPLAY_TRIANGLES = 120_000
-"""More than this is thinned for the screen; the map on disk keeps everything."""
+"""A larger mesh is decimated for display; the map on disk is not changed."""
 
-_RED, _AMBER, _GREEN = np.array([220, 50, 47.0]), np.array([245, 180, 0.0]), np.array([38, 166, 91.0])
+PLENTY_ABOVE_M = 0.7
+"""Clearance this far above the limit has the colour of plenty."""
+
+_DARKENED = 0.45
+"""Share of the mesh's brightness that is shown: the path must stand out from it."""
 _UNKNOWN = np.array([90, 90, 100.0])
 _SLICE_ALPHA, _INSIDE_ALPHA = 90, 0
 
 
-def clearance_colours(clearance_m: FloatArray, required_m: float, comfortable_m: float) -> np.ndarray:
-    """Red at the required clearance and below, amber half-way, green from the comfortable one on: (n, 3) uint8."""
-    share = (np.asarray(clearance_m) - required_m) / max(comfortable_m - required_m, 1e-6)
-    share = np.clip(np.nan_to_num(share, nan=0.0), 0.0, 1.0)[..., None]
-    low = _RED + 2 * share * (_AMBER - _RED)
-    high = _AMBER + (2 * share - 1) * (_GREEN - _AMBER)
-    return np.where(share < 0.5, low, high).astype(np.uint8)
+def colours(share: FloatArray, scale: str) -> np.ndarray:
+    """Colours of a share between the ends of a scale: (n, 3) uint8."""
+    from matplotlib import colormaps
+
+    return (255 * colormaps[scale](np.clip(np.nan_to_num(share, nan=0.0), 0.0, 1.0))[..., :3]).astype(np.uint8)
+
+
+def clearance_colours(clearance_m: FloatArray, required_m: float) -> np.ndarray:
+    """Yellow at the required clearance, below it and where it is unknown; violet where there is plenty."""
+    share = (np.asarray(clearance_m) - required_m) / PLENTY_ABOVE_M
+    return colours(share, "viridis_r")
+
+
+def series_colours(series: protocol.Series, what: str, required_m: float) -> np.ndarray:
+    """Colours of a path by one of its figures, from the smallest to the largest: (n, 3) uint8."""
+    if what == "clearance":
+        return clearance_colours(np.array(series.clearance_m), required_m)
+    values = {"speed": series.speed_m_s, "tilt": series.tilt_deg, "rotors": series.rotor_fastest_rad_s}[what]
+    low, high = min(values), max(values)
+    return colours((np.array(values) - low) / max(high - low, 1e-9), "cividis")
 
 
 def display_mesh(path: Path, triangles: int = DISPLAY_TRIANGLES) -> "trimesh.Trimesh":
-    """The map's mesh, thinned by quadric decimation if it has more triangles than asked for."""
+    """The map's mesh, thinned by quadric decimation if it has more triangles than asked for.
+
+    Raises:
+        MapError: the file holds no mesh that can be read.
+    """
     import open3d
     import trimesh
 
     mesh = open3d.io.read_triangle_mesh(path)
+    if not len(mesh.triangles):
+        raise MapError(f"{path.name} holds no triangles or cannot be read; build the map again")
     if len(mesh.triangles) > triangles:
         mesh = mesh.simplify_quadric_decimation(triangles)
     colours = np.asarray(mesh.vertex_colors)
     return trimesh.Trimesh(
         np.asarray(mesh.vertices),
         np.asarray(mesh.triangles),
-        vertex_colors=(255 * colours).astype(np.uint8) if len(colours) else None,
+        vertex_colors=(255 * _DARKENED * colours).astype(np.uint8) if len(colours) else None,
         process=False,
     )
 
@@ -56,9 +80,9 @@ def slice_image(field: Any, height_m: float, required_m: float) -> tuple[np.ndar
     y = low[1] + (np.arange(ny)[::-1] + 0.5) * voxel[1]
     points = np.stack([*np.meshgrid(x, y), np.full((ny, nx), height_m)], axis=-1)
     distance = field.distance(points.reshape(-1, 3)).reshape(ny, nx)
-    colours = clearance_colours(distance, required_m, required_m + 0.7)
+    shades = clearance_colours(distance, required_m)
     inside = np.nan_to_num(distance, nan=-1.0) < 0.0
-    rgba = np.dstack([np.where(inside[..., None], _UNKNOWN, colours), np.where(inside, _INSIDE_ALPHA, _SLICE_ALPHA)])
+    rgba = np.dstack([np.where(inside[..., None], _UNKNOWN, shades), np.where(inside, _INSIDE_ALPHA, _SLICE_ALPHA)])
     size = np.array([nx, ny]) * voxel[:2]
     centre = np.array([low[0] + size[0] / 2, low[1] + size[1] / 2, height_m])
     return rgba.astype(np.uint8), centre, size
@@ -75,29 +99,31 @@ def draw_slice(server: "viser.ViserServer", field: Any, height_m: float, require
 
 def draw_path(server: "viser.ViserServer", positions_world_m: FloatArray, colours: np.ndarray) -> Any:
     """A thick line through (m, 3) positions, coloured at each."""
+    # viser takes a line's colours for linear light, and brightens them on the screen by the inverse of this.
+    linear = np.round(255.0 * (colours / 255.0) ** 2.2).astype(np.uint8)
     return server.scene.add_line_segments(
         "/path",
         np.stack([positions_world_m[:-1], positions_world_m[1:]], axis=1),
-        np.stack([colours[:-1], colours[1:]], axis=1),
+        np.stack([linear[:-1], linear[1:]], axis=1),
         thickness=0.06,
         thickness_units="world",
     )
 
 
-def draw_vehicle(server: "viser.ViserServer", arm_m: float = 0.15) -> Any:
-    """A vehicle at the origin; set `.position` and `.wxyz` of what is returned to move it."""
-    frame = server.scene.add_frame("/vehicle", axes_length=0.35, axes_radius=0.015, wxyz=IDENTITY, visible=False)
-    server.scene.add_box("/vehicle/body", color=(30, 30, 34), dimensions=(0.14, 0.06, 0.04), cast_shadow=False)
+def draw_vehicle(server: "viser.ViserServer", name: str, *, opacity: float, arm_m: float = 0.15) -> Any:
+    """A vehicle, hidden, below the node `name`; set `.position`, `.wxyz` and `.visible` of what is returned."""
+    frame = server.scene.add_frame(name, axes_length=0.35, axes_radius=0.015, wxyz=IDENTITY, visible=False)
+    server.scene.add_box(f"{name}/body", color=(30, 30, 34), dimensions=(0.14, 0.06, 0.04), cast_shadow=False)
     for i, (x, y) in enumerate([(1, 1), (-1, 1), (-1, -1), (1, -1)]):
         colour = (203, 75, 22) if x > 0 else (60, 60, 66)
         hub = (x * arm_m * 0.7, y * arm_m * 0.7, 0.02)
         server.scene.add_cylinder(
-            f"/vehicle/rotor_{i}",
+            f"{name}/rotor_{i}",
             radius=0.075,
             height=0.012,
             color=colour,
             position=hub,
-            opacity=0.8,
+            opacity=0.8 * opacity,
             cast_shadow=False,
         )
     return frame

@@ -1,223 +1,186 @@
-"""The project a pilot works on: waypoints with undo, the plan they give, and nothing of how it is shown.
+"""One open project: the document with undo, journaled before anybody sees a change; nothing of page or planner.
 
-Every change is saved at once (`waypoints.json`, whole or not at all), so a crash loses nothing. Planning runs in a
-process of its own; a plan that was overtaken by a newer change is dropped when it arrives.
+Commands come from several people and threads. An edit made on an older revision is merged if what others changed since
+are other waypoints and other settings, and refused with a sentence if not.
 """
 
-import multiprocessing
 import threading
+from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future, ProcessPoolExecutor
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-import mapping
-import planner
-import vehicle
-from flight import FlightError, FloatArray, InputError, TrajectoryFile, project, trajectory
-from flight.project import Project, Waypoints
+from flight import InputError, Waypoints, project
+from flight.project import Project
+from gcs_web import edits, page_values, protocol
+from gcs_web.document import Content, Patch, Settings, difference, patched
+from gcs_web.journal import Entry, Journal
+
+REMEMBERED = 1000
+"""Revisions back an edit may be based on."""
+
+OUTSIDE = "another program"
+"""Author of changes that are found in `waypoints.json`."""
 
 
-@dataclass(frozen=True, slots=True)
-class PlanResult:
-    """What came of a planning request."""
-
+class _Change(NamedTuple):
     revision: int
-    """Which change of the waypoints it answers."""
-    file: TrajectoryFile | None
-    """The checked trajectory, or None."""
-    clearance_m: FloatArray
-    """(m,) clearance at the samples of `positions_world_m`; empty without a plan."""
-    positions_world_m: FloatArray
-    """(m, 3) samples along the path."""
-    problem: str
-    """Why there is no plan, in one sentence; empty with a plan."""
-
-
-Listener = Callable[[], None]
+    author: str
+    touched: frozenset[int | str]
 
 
 class Session:
-    """One open project. Thread-safe: the page calls it from several threads."""
+    """Thread-safe. `on_change` is called after every change, from whichever thread made it."""
 
-    def __init__(self, opened: Project, *, options: planner.PlanOptions | None = None) -> None:
-        """Raises `FlightError` if the project's map or vehicle cannot be read."""
+    def __init__(self, opened: Project, settings: Settings) -> None:
+        """Open the document; one that was never opened starts from `waypoints.json`.
+
+        Args:
+            settings: of a document that was never opened.
+
+        Raises:
+            InputError: another ground station has the project open.
+            FormatError: the document or `waypoints.json` is damaged.
+        """
         self.project = opened
-        self.map = mapping.open_map(opened.map)
-        self.vehicle = vehicle.load(opened.vehicle)
         self._lock = threading.RLock()
-        self._undo: list[FloatArray] = []
-        self._redo: list[FloatArray] = []
-        self._positions = _saved_positions(opened)
-        self._revision = 0
-        self._plan: PlanResult | None = None
-        self._planning = False
-        self._listeners: list[Listener] = []
-        context = multiprocessing.get_context("spawn")
-        self._pool = ProcessPoolExecutor(
-            1, mp_context=context, initializer=_open_planner, initargs=(opened.folder, options)
-        )
+        self._recent: deque[_Change] = deque(maxlen=REMEMBERED)
+        self._listeners: list[Callable[[], None]] = []
+        self._journal = Journal(opened.folder / ".session")
+        self.notice = self._journal.notice
+        """What opening it has to tell; empty for nothing."""
+        self.author = ""
+        """Who made the newest change."""
+        try:
+            if self._journal.is_new:
+                first = Content(settings=settings)
+                exists = opened.waypoints.exists()
+                self._journal.begin(first.with_waypoints(project.load_waypoints(opened.waypoints)) if exists else first)
+            self.take_file()
+        except BaseException:
+            self._journal.close()
+            raise
 
-    def on_change(self, listener: Listener) -> None:
-        """Call `listener` after every change of waypoints or plan, from whichever thread made it."""
+    def on_change(self, listener: Callable[[], None]) -> None:
         self._listeners.append(listener)
 
     @property
-    def positions_world_m(self) -> FloatArray:
-        return self._positions.copy()
+    def content(self) -> Content:
+        return self._journal.saved.content
 
     @property
-    def plan(self) -> PlanResult | None:
-        """The newest plan, if it answers the waypoints as they are now."""
+    def revision(self) -> int:
+        return self._journal.saved.revision
+
+    def document(self) -> protocol.Document:
+        """The document as the page shows it."""
         with self._lock:
-            return self._plan if self._plan and self._plan.revision == self._revision else None
+            saved = self._journal.saved
+            return protocol.Document(
+                revision=saved.revision,
+                author=self.author,
+                waypoints=[page_values.waypoint(point) for point in saved.content.points],
+                settings=page_values.settings(saved.content.settings),
+                undo=saved.undo[-1].label if saved.undo else "",
+                redo=saved.redo[-1].label if saved.redo else "",
+            )
 
-    def move(self, index: int, position_world_m: FloatArray) -> None:
-        positions = self.positions_world_m
-        positions[index] = position_world_m
-        self._change(positions)
-
-    def insert(self, index: int, position_world_m: FloatArray) -> None:
-        self._change(np.insert(self._positions, index, position_world_m, axis=0))
-
-    def delete(self, index: int) -> None:
-        """Raises `InputError` when two waypoints are left: a path needs a start and an end."""
-        if len(self._positions) <= 2:
-            raise InputError("two waypoints are the least a path can have; move them instead")
-        self._change(np.delete(self._positions, index, axis=0))
-
-    def undo(self) -> bool:
-        return self._step(self._undo, self._redo)
-
-    def redo(self) -> bool:
-        return self._step(self._redo, self._undo)
-
-    def request_plan(self) -> None:
-        """Plan through the waypoints as they are now; the answer comes through `on_change`."""
-        with self._lock:
-            revision, positions = self._revision, self.positions_world_m
-            self._planning = True
-        if len(positions) < 2:
-            self._receive(PlanResult(revision, None, np.empty(0), np.empty((0, 3)), "add at least two waypoints"))
-            return
-        self._notify()
-        future = self._pool.submit(_plan, revision, positions)
-        future.add_done_callback(self._finished)
-
-    def save_trajectory(self, name: str) -> Path:
-        """Write the current plan into the project.
+    def edit(self, edit: protocol.Edit, author: str) -> str:
+        """Make a change; returns what was done in words, empty when nothing changed.
 
         Raises:
-            InputError: there is no plan for the waypoints as they are now.
+            InputError: the edit is not possible, conflicts with another person's, or could not be saved.
         """
-        plan = self.plan
-        if plan is None or plan.file is None:
-            raise InputError("there is no checked plan for these waypoints; wait for it, or mend what it complains of")
-        path = self.project.trajectory(name)
-        trajectory.save(path, plan.file)
-        return path
-
-    def state(self) -> dict[str, Any]:
-        """Everything a test or another view wants to know, as JSON-able values."""
         with self._lock:
-            plan = self.plan
-            return {
-                "project": self.project.name,
-                "map_hash": self.map.hash,
-                "waypoints_world_m": self._positions.tolist(),
-                "revision": self._revision,
-                "planning": self._planning,
-                "can_undo": bool(self._undo),
-                "can_redo": bool(self._redo),
-                "problem": plan.problem if plan else "",
-                "plan": None
-                if plan is None or plan.file is None
-                else {
-                    "duration_s": plan.file.trajectory.duration_s,
-                    "clearance_m": float(np.min(plan.clearance_m)),
-                    "checked": plan.file.checked,
-                },
-            }
+            after, label = edits.apply(self.content, edit)
+            self._refuse_conflict(edit, difference(self.content, after).touched, author)
+            return self._make(after, label, author)
+
+    def take(self, waypoints: Waypoints, label: str, author: str) -> str:
+        """Replace all waypoints, as one change."""
+        with self._lock:
+            return self._make(self.content.with_waypoints(waypoints), label, author)
+
+    def undo(self, author: str) -> str:
+        """Take back the newest change, whoever made it; returns what was taken back, naming who made it."""
+        return self._step("undo", author)
+
+    def redo(self, author: str) -> str:
+        return self._step("redo", author)
+
+    def take_file(self) -> bool:
+        """Take over what another program wrote into `waypoints.json`, as a change that can be undone.
+
+        Raises:
+            FormatError: the file is damaged.
+        """
+        with self._lock:
+            path = self.project.waypoints
+            if not path.exists():
+                if self.content.points:
+                    project.save_waypoints(path, self.content.waypoints())
+                return False
+            found = project.load_waypoints(path)
+            if _same(found, self.content.waypoints()):
+                return False
+            if any(_same(found, patched(self.content, step).waypoints()) for step in self._last_steps_back()):
+                project.save_waypoints(path, self.content.waypoints())  # we were killed between journal and file
+                return False
+            return bool(self.take(found, f"{path.name} was changed by another program", OUTSIDE))
 
     def close(self) -> None:
-        self._pool.shutdown(wait=False, cancel_futures=True)
-
-    def _step(self, source: list[FloatArray], sink: list[FloatArray]) -> bool:
         with self._lock:
-            if not source:
-                return False
-            sink.append(self._positions)
-            self._set(source.pop())
-        self.request_plan()
-        return True
+            self._journal.close()
 
-    def _change(self, positions: FloatArray) -> None:
-        with self._lock:
-            if np.array_equal(positions, self._positions):
-                return
-            previous = self._positions
-            self._set(positions)
-            self._undo.append(previous)
-            self._redo.clear()
-        self.request_plan()
+    def _last_steps_back(self) -> list[Patch]:
+        """To what may have been the document before its newest change: an edit or redo, or an undo."""
+        saved = self._journal.saved
+        return [entry.inverse for entry in list(saved.undo)[-1:]] + [entry.patch for entry in saved.redo[-1:]]
 
-    def _set(self, positions: FloatArray) -> None:
-        """Save first: what cannot be saved (a coordinate that is not finite) is not taken over either."""
-        waypoints = Waypoints(positions, np.full(len(positions), np.nan))
-        project.save_waypoints(self.project.waypoints, waypoints)
-        self._positions = waypoints.positions_world_m
-        self._revision += 1
-
-    def _finished(self, future: "Future[PlanResult]") -> None:
-        if future.cancelled():
+    def _refuse_conflict(self, edit: protocol.Edit, touched: frozenset[int | str], author: str) -> None:
+        if edit.revision >= self.revision:
             return
-        error = future.exception()
-        if error is None:
-            self._receive(future.result())
-        else:
-            problem = f"the planner stopped: {error}"
-            self._receive(PlanResult(self._revision, None, np.empty(0), np.empty((0, 3)), problem))
+        oldest = self._recent[0].revision if self._recent else self.revision + 1
+        if edit.revision < oldest - 1:
+            raise InputError("this page shows a document that is too old; it was brought up to date, try again")
+        for change in self._recent:
+            if change.revision > edit.revision and change.author != author and change.touched & touched:
+                raise InputError(f"{change.author} changed the same meanwhile; nothing was changed, look again")
 
-    def _receive(self, result: PlanResult) -> None:
+    def _make(self, after: Content, label: str, author: str) -> str:
+        before = self.content
+        patch = difference(before, after)
+        if patched(before, patch) == before:
+            return ""
+        entry = Entry(self.revision + 1, author, label, "edit", patch, difference(after, before))
+        self._commit(entry, after)
+        return label
+
+    def _step(self, kind: Literal["undo", "redo"], author: str) -> str:
         with self._lock:
-            if result.revision != self._revision:
-                return
-            self._plan = result
-            self._planning = False
-        self._notify()
+            saved = self._journal.saved
+            stack = saved.undo if kind == "undo" else saved.redo
+            if not stack:
+                raise InputError(f"there is nothing to {kind}")
+            last = stack[-1]
+            patch, inverse = (last.inverse, last.patch) if kind == "undo" else (last.patch, last.inverse)
+            after = patched(self.content, patch)
+            entry = Entry(self.revision + 1, author, last.label, kind, patch, inverse)
+            self._commit(entry, after)
+            whose = "" if last.author == author else f" (by {last.author})"
+            return f"{'taken back' if kind == 'undo' else 'done again'}: {last.label}{whose}"
 
-    def _notify(self) -> None:
+    def _commit(self, entry: Entry, after: Content) -> None:
+        self._journal.append(entry, after)
+        self.author = entry.author
+        self._recent.append(_Change(entry.revision, entry.author, entry.patch.touched))
+        project.save_waypoints(self.project.waypoints, after.waypoints())
         for listener in self._listeners:
             listener()
 
 
-def _saved_positions(opened: Project) -> FloatArray:
-    if not opened.waypoints.exists():
-        return np.empty((0, 3))
-    return project.load_waypoints(opened.waypoints).positions_world_m
-
-
-# What follows runs in the planning process. Its map is opened once, when the process starts.
-
-_planner_state: dict[str, Any] = {}
-
-
-def _open_planner(folder: Path, options: planner.PlanOptions | None) -> None:
-    opened = project.open_project(folder)
-    _planner_state["map"] = mapping.open_map(opened.map)
-    _planner_state["vehicle"] = vehicle.load(opened.vehicle)
-    _planner_state["options"] = options or planner.PlanOptions()
-
-
-def _plan(revision: int, positions_world_m: FloatArray) -> PlanResult:
-    area, options = _planner_state["map"], _planner_state["options"]
-    waypoints = Waypoints(positions_world_m, np.full(len(positions_world_m), np.nan))
-    try:
-        plan = planner.plan(waypoints, area.field, _planner_state["vehicle"], options)
-    except FlightError as error:
-        return PlanResult(revision, None, np.empty(0), np.empty((0, 3)), str(error))
-    path = plan.trajectory.position(plan.trajectory.sample(0.03))
-    return PlanResult(revision, planner.trajectory_file(plan, name="plan"), area.field.distance(path), path, "")
+def _same(a: Waypoints, b: Waypoints) -> bool:
+    return np.array_equal(a.positions_world_m, b.positions_world_m) and np.array_equal(
+        a.yaw_rad, b.yaw_rad, equal_nan=True
+    )

@@ -1,74 +1,179 @@
-"""The vehicle as the page knows it: where it is now, what it holds, and how a trajectory gets there."""
+"""The vehicle as the page knows it: what it said last and how long ago, and how orders get to it.
 
+Listens as one station of the link and takes control only for as long as a person of the page has it.
+"""
+
+import logging
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-import firmware_bridge
-from flight import FloatArray, TrajectoryFile
+import numpy as np
 
+import firmware_bridge
+from firmware_bridge import wire
+from firmware_bridge.dialect.generated.messages import Command
+from flight import FlightLog, FloatArray, LinkError, TrajectoryFile
+from gcs_web import page_values, protocol
+
+logger = logging.getLogger(__name__)
+
+STALE_S, LOST_S = 0.5, 2.0
 _PERIOD_S = 0.05
-_SILENCE_S = 2.0
-_UPLOAD_SYSTEM = 254
+_QUIET_S = 0.25
+"""A state that has not changed is told again after this long, for its age."""
+_RETRY_S = 2.0
+"""Between attempts to reach a vehicle that does not answer."""
+_GROUND = ("disarmed", "armed")
 
 
 class VehicleWatch:
-    """Keeps a link to one vehicle and tells listeners when its pose is new."""
+    """`on_state` and `on_pose` are called from a thread of this object."""
 
     def __init__(self, url: str, *, key_file: Path | None = None) -> None:
-        """Raises `LinkError` if no vehicle answers at `url`."""
+        """Begin to listen; a vehicle that does not answer yet is waited for."""
         self.url = url
         self._key_file = key_file
-        self._link = firmware_bridge.connect(url, key=key_file)
-        self._listeners: list[Callable[[], None]] = []
+        self._link: firmware_bridge.Link | None = None
+        self._problem = ""
+        self._largest_error_m: float | None = None
+        self._flown: TrajectoryFile | None = None
+        self.on_state: Callable[[protocol.Vehicle], None] = lambda _: None
+        self.on_pose: Callable[[FloatArray, FloatArray], None] = lambda _p, _q: None
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._watch, name="vehicle watch", daemon=True)
+        self._cancel = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="vehicle watch", daemon=True)
+
+    def start(self) -> None:
         self._thread.start()
 
-    def on_change(self, listener: Callable[[], None]) -> None:
-        """Call `listener` whenever the vehicle has told where it is, some twenty times a second."""
-        self._listeners.append(listener)
-
     @property
-    def pose(self) -> tuple[FloatArray, FloatArray] | None:
-        """Position (3,) and `q_world_body` (4,), or None before the first word or after a silence of 2 s."""
-        state = self._link.state
-        if state is None or state.age_s > _SILENCE_S:
-            return None
-        return state.position_world_m, state.q_world_body
+    def link(self) -> firmware_bridge.Link:
+        """
+        Raises:
+            LinkError: the vehicle has not been heard yet.
+        """
+        if self._link is None:
+            raise LinkError(self._problem or f"no vehicle answers at {self.url} yet")
+        return self._link
 
-    def describe(self) -> str:
-        """One line for the pilot."""
-        state = self._link.state
-        if state is None:
-            return f"{self.url}, no word yet"
-        if state.age_s > _SILENCE_S:
-            return f"{self.url}, silent for {state.age_s:.0f} s"
-        held = f"holds {state.active_name}" if state.active_name else "holds no trajectory"
-        return f"{self.url}, {state.mission.name.lower().replace('_', ' ')}, {held}"
+    def state(self) -> protocol.Vehicle:
+        """What the page shows of the vehicle."""
+        said = self._link.state if self._link is not None else None
+        if said is None:
+            return protocol.Vehicle("lost", name=self.url, reason=self._problem)
+        link = "fresh" if said.age_s <= STALE_S else "stale" if said.age_s <= LOST_S else "lost"
+        mission = said.mission.name.lower().replace("_", " ")
+        x, y, z = (float(value) for value in said.position_world_m)
+        error_m = self._error_m(said)
+        return protocol.Vehicle(
+            link,
+            name=self.url,
+            age_s=round(said.age_s, 2),
+            mission=mission,
+            armed=mission != "disarmed",
+            holds=said.active_name,
+            holds_crc32=f"{said.active_crc32:08x}" if said.active_name else "",
+            battery_v=said.battery_v or None,
+            x_m=x,
+            y_m=y,
+            z_m=z,
+            error_m=error_m,
+            largest_error_m=self._largest_error_m,
+            reason=said.reason,
+        )
 
-    def upload(self, file: TrajectoryFile, name: str, *, map_hash: str) -> str:
+    def held(self) -> protocol.Held | None:
+        """What the vehicle holds, read back from it; None for nothing."""
+        plan = self.link.read_back()
+        return None if plan is None else page_values.held(plan.name, plan)
+
+    def planned(self, file: TrajectoryFile, name: str) -> protocol.Held:
+        """What the vehicle would hold after an upload."""
+        return page_values.held(name, wire.plan_from_file(replace(file, name=name)))
+
+    def upload(self, file: TrajectoryFile, name: str, *, map_hash: str, vehicle_hash: str) -> str:
         """Send, commit, read back; one line on how it went.
 
         Raises:
-            FlightError: it was refused (on either side) or the link died; nothing was changed then.
+            FlightError: it was refused (on either side) or the link died; the message says what the vehicle holds.
         """
-        # A second station on the link, so that control is taken for the upload only and given back on leaving.
-        with firmware_bridge.connect(self.url, key=self._key_file, system_id=_UPLOAD_SYSTEM) as link:
-            report = link.upload(replace(file, name=name), map_hash=map_hash)
+        self.link.take_control()
+        report = self.link.upload(replace(file, name=name), map_hash=map_hash, vehicle_hash=vehicle_hash)
         return f"uploaded {name}: {report.segments} segments in {report.duration_s:.2f} s, read back and equal"
 
+    def order(self, command: Command) -> None:
+        """
+        Raises:
+            LinkError: the vehicle refused, or did not answer.
+        """
+        self.link.take_control()
+        self.link.command(command)
+
+    def fly(self, file: TrajectoryFile) -> FlightLog:
+        """Take off, fly what the vehicle holds, land; the flight's log.
+
+        Raises:
+            LinkError: refused, or the flight ended early; the message says which.
+        """
+        self._cancel.clear()
+        self._flown, self._largest_error_m = file, 0.0
+        try:
+            self.link.take_control()
+            return self.link.fly(file, cancel=self._cancel.is_set)
+        finally:
+            self._flown = None
+
+    def land(self) -> None:
+        """Land now, whoever has control; a flight that is under way is given up."""
+        self._cancel.set()
+        state = self.state()
+        if state.link == "fresh" and not state.armed:
+            raise LinkError("the vehicle is disarmed; there is nothing to abort")
+        self.link.take_control(force=True)
+        self.link.command(Command.LAND)
+
     def close(self) -> None:
+        self._cancel.set()
         self._stop.set()
         self._thread.join(timeout=5)
-        self._link.close()
+        if self._link is not None:
+            self._link.close()
 
-    def _watch(self) -> None:
-        last_s = -1.0
+    def _error_m(self, said: firmware_bridge.VehicleState) -> float | None:
+        """Distance from the set-point, while a trajectory that this station started is flown."""
+        file = self._flown
+        if file is None or said.trajectory_time_s < 0.0:
+            return None
+        wanted = file.trajectory.position([min(said.trajectory_time_s, file.trajectory.duration_s)])[0]
+        error_m = float(np.linalg.norm(said.position_world_m - wanted))
+        self._largest_error_m = max(self._largest_error_m or 0.0, error_m)
+        return error_m
+
+    def _run(self) -> None:
+        told, told_s = protocol.Vehicle("none"), 0.0
         while not self._stop.wait(_PERIOD_S):
-            state = self._link.state
-            if state is not None and state.time_s != last_s:
-                last_s = state.time_s
-                for listener in self._listeners:
-                    listener()
+            if self._link is None:
+                self._connect()
+            now = self.state()
+            said = self._link.state if self._link is not None else None
+            if said is not None and now.link == "fresh":
+                self.on_pose(said.position_world_m, said.q_world_body)
+            if now != told and (_changed(now, told) or time.monotonic() - told_s > _QUIET_S):
+                told, told_s = now, time.monotonic()
+                self.on_state(now)
+
+    def _connect(self) -> None:
+        try:
+            self._link, self._problem = firmware_bridge.connect(self.url, key=self._key_file), ""
+        except LinkError as error:
+            self._problem = str(error)
+            self._stop.wait(_RETRY_S)
+
+
+def _changed(now: protocol.Vehicle, told: protocol.Vehicle) -> bool:
+    """Whether something changed that a pilot must see at once."""
+    names = ("link", "mission", "holds", "holds_crc32", "reason")
+    return any(getattr(now, name) != getattr(told, name) for name in names)

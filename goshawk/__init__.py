@@ -1,4 +1,4 @@
-"""The roof: the command line, and the demo that runs every room once."""
+"""The command line, and the demo that runs every package once."""
 
 import os
 

@@ -1,7 +1,7 @@
-"""The command `goshawk`: finds the verb, runs it, and turns every expected failure into one sentence.
+"""The command `goshawk`: finds the verb, runs it, and reports every expected failure in one sentence.
 
-Exit codes: 0 done, 1 the answer is no (infeasible, unsafe, no link, no map), 2 wrong usage or bad input, 70 a fault of
-Goshawk's own, 130 stopped.
+Exit codes: 0 done, 1 the result is negative (infeasible, unsafe, no link, no map), 2 wrong usage or bad input, 70 an
+internal error, 130 interrupted.
 """
 
 import importlib
@@ -17,16 +17,16 @@ from flight import FlightError, FormatError, InputError, file_format
 from goshawk.verbs import VerbGroup
 
 TRACEBACK = "GOSHAWK_TRACEBACK"
-"""Environment variable: let a fault of our own end with Python's traceback."""
+"""Environment variable: let an internal error end with Python's traceback."""
 
 GROUPS = {
     "Begin": ("init", "demo", "doctor"),
     "Map": ("camera", "map", "localize"),
     "Plan": ("plan", "check"),
-    "Fly": ("gcs", "vehicle-sim", "upload", "fly", "params", "proxy"),
+    "Fly": ("gcs", "sitl", "upload", "fly", "params", "proxy"),
     "Learn": ("vehicle", "log", "identify", "diagnose", "compare", "next-flight"),
 }
-"""The verbs by what one is about to do."""
+"""The verbs by task."""
 VERBS = {
     # verb: what it does, in the words of `goshawk --help`
     "init": "Start a project folder, or add a map, a vehicle, flights to one.",
@@ -35,16 +35,16 @@ VERBS = {
     "localize": "Find where images were taken in a map.",
     "plan": "Plan a checked trajectory through waypoints or along a recorded path.",
     "check": "Check a trajectory against a map and a vehicle.",
-    "vehicle-sim": "Run a SITL vehicle: the embedded C code on a simulated body.",
+    "sitl": "Run a SITL vehicle: the embedded C code on a simulated body.",
     "upload": "Send a checked trajectory to the vehicle and read it back.",
     "fly": "Fly the uploaded trajectory and record a flight log.",
-    "log": "Show, check, draw, convert or mend a flight log; fetch the vehicle's own.",
+    "log": "Show, check, draw, convert or correct a flight log; download the vehicle's.",
     "params": "List, read and set the controller's parameters on the vehicle.",
-    "proxy": "Let QGroundControl or MAVSDK, which cannot sign, talk to the vehicle.",
+    "proxy": "Connect QGroundControl or MAVSDK, which cannot sign, to the vehicle.",
     "identify": "Fit the vehicle model to flight logs.",
-    "diagnose": "Find which effect the vehicle model lacks, on measured flights.",
+    "diagnose": "Find which effect the vehicle model lacks, from measured flights.",
     "compare": "Compare vehicle models with measured flights.",
-    "next-flight": "Propose the manoeuvre that would settle what the flights leave in doubt.",
+    "next-flight": "Propose the manoeuvre that best separates the candidate effects.",
     "vehicle": "Make a vehicle file, show it, add or remove effects, undo, history.",
     "gcs": "Serve the ground station's page.",
     "demo": "Run the whole chain on a rendered room.",
@@ -52,16 +52,21 @@ VERBS = {
 }
 
 
+RENAMED = {"vehicle-sim": "sitl", "suspect": "candidate", "hold-unseen": "hold-unidentifiable"}
+"""Earlier names of verbs and options, still accepted; `--help` shows the new ones."""
+
+
 class Verbs(VerbGroup):
-    """Imports a verb's module only when it is called: `goshawk --help` stays instant."""
+    """Imports a verb's module only when it is called, so that `goshawk --help` is fast."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(VERBS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        if cmd_name not in VERBS:
+        verb = RENAMED.get(cmd_name, cmd_name)
+        if verb not in VERBS:
             return None
-        return importlib.import_module(f"goshawk.commands.{cmd_name.replace('-', '_')}").command
+        return importlib.import_module(f"goshawk.commands.{verb.replace('-', '_')}").command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         for heading, verbs in GROUPS.items():
@@ -69,7 +74,11 @@ class Verbs(VerbGroup):
                 formatter.write_dl([(verb.ljust(11), VERBS[verb]) for verb in verbs])
 
 
-@click.command(cls=Verbs, epilog="Each verb explains itself: goshawk VERB --help.")
+@click.command(
+    cls=Verbs,
+    epilog="Each verb has a help of its own: goshawk VERB --help.",
+    context_settings={"token_normalize_func": lambda name: RENAMED.get(name, name)},
+)
 @click.version_option(package_name="goshawk", message="goshawk %(version)s")
 def goshawk() -> None:
     """Map a room, plan through it at speed, fly, and learn the vehicle from its flights.
@@ -85,7 +94,7 @@ def main(arguments: list[str] | None = None) -> None:
     given = sys.argv[1:] if arguments is None else arguments
     try:
         with warnings.catch_warnings():
-            if not sys.warnoptions:  # a library's warnings are for its developers: python -W shows them
+            if not sys.warnoptions:  # warnings of libraries are for developers: python -W shows them
                 warnings.simplefilter("ignore")
             code = goshawk.main(args=given, prog_name="goshawk", standalone_mode=False)
         sys.exit(code if isinstance(code, int) else 0)
@@ -99,14 +108,14 @@ def main(arguments: list[str] | None = None) -> None:
         click.echo("goshawk: stopped; nothing half-written was left behind", err=True)
         sys.exit(130)
     except BrokenPipeError:
-        sys.stderr.close()  # the reader of our output went away (`goshawk ... | head`); that is its right
+        sys.stderr.close()  # the reader closed the pipe (`goshawk ... | head`), which is no error
         sys.exit(0)
-    except OSError as error:  # a full disk, a folder that may not be written: the system's own words say which
+    except OSError as error:  # a full disk, a folder without write permission: the system's message names the cause
         where = f"{error.filename2 or error.filename}: " if error.filename else ""
         _report(error, f"{where}{error.strerror or error}", as_json=_prints_json(given))
         sys.exit(2)
     except MemoryError as error:
-        _report(error, "this needs more memory than there is; give less at a time", as_json=_prints_json(given))
+        _report(error, "not enough memory; use fewer or smaller inputs", as_json=_prints_json(given))
         sys.exit(1)
     except Exception as error:
         if os.environ.get(TRACEBACK):
@@ -114,7 +123,9 @@ def main(arguments: list[str] | None = None) -> None:
         at = traceback.extract_tb(error.__traceback__)[-1]
         said = f"{type(error).__name__}: {error}".splitlines()[0]
         where = f"{os.path.basename(at.filename)}, line {at.lineno}"
-        sentence = f"a fault of Goshawk's own, not of yours: {said} ({where}); {TRACEBACK}=1 shows more, for a report"
+        sentence = (
+            f"an internal error of Goshawk: {said} ({where}); {TRACEBACK}=1 shows the traceback, for a bug report"
+        )
         _report(error, sentence, as_json=_prints_json(given))
         sys.exit(70)
 
@@ -128,14 +139,14 @@ def _prints_json(given: list[str]) -> bool:
 
 
 def _usage(error: click.ClickException) -> str:
-    """Click's sentence, and where to read on."""
+    """Click's message, with a reference to the verb's help."""
     context = error.ctx if isinstance(error, click.UsageError) else None
     said = " ".join(error.format_message().split()).rstrip(".")
     return f"{said}; see {context.command_path} --help" if context is not None else said
 
 
 def _report(error: Exception, sentence: str, *, as_json: bool) -> None:
-    sentence = " ".join(sentence.split())  # libraries draw pictures of where they stumbled
+    sentence = " ".join(sentence.split())  # messages of some libraries have several lines
     click.echo(f"goshawk: {sentence}", err=True)
     if as_json:
         body: dict[str, Any] = {"error": {"kind": type(error).__name__, "message": sentence}}

@@ -1,4 +1,4 @@
-"""What every verb shows: a progress bar on stderr, a short table or JSON on stdout."""
+"""Output shared by the verbs: progress on stderr, a short table or JSON on stdout."""
 
 import contextlib
 import math
@@ -18,7 +18,7 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print the fa
 
 
 def path_option(name: str, destination: str, help: str, *, required: bool = False) -> Any:
-    """An option that takes a path. Whether it is there is checked where it is read, with a better sentence."""
+    """An option that takes a path. Its existence is checked where it is read, with a more specific message."""
     return click.option(name, destination, type=click.Path(path_type=Path), required=required, help=help)
 
 
@@ -26,15 +26,21 @@ map_option = path_option("--map", "map_folder", "Map folder, as `goshawk map` wr
 vehicle_option = path_option("--vehicle", "vehicle_file", "Vehicle file.", required=True)
 margin_option = click.option("--margin", "margin_m", type=float, help="Free space to keep round the vehicle, metres.")
 
-columns_option = path_option("--columns", "columns", "What columns (CSV) or topics (ROS) are: a TOML file.")
+columns_option = path_option(
+    "--columns", "columns", "Column map: TOML file that describes a CSV's columns or ROS topics."
+)
 url_option = click.option(
-    "--vehicle-url", "url", default="udp://127.0.0.1:14550", show_default=True, help="Where the vehicle answers."
+    "--vehicle-url",
+    "url",
+    default="udp://127.0.0.1:14550",
+    show_default=True,
+    help="Address of the vehicle's MAVLink endpoint.",
 )
 key_option = path_option("--key", "key_file", "Key file that signs the link [default: ~/.config/goshawk/link.key].")
 
 
 def numbers(option: str, text: str, count: int | None = None) -> list[float]:
-    """The finite numbers of an option like `1.0,2.5,0`; as many as wanted, if that is said."""
+    """The finite numbers of an option like `1.0,2.5,0`; exactly `count` of them unless it is None."""
     try:
         values = [float(part) for part in text.split(",")]
     except ValueError:
@@ -58,9 +64,9 @@ def progress() -> Generator[Progress]:
 
 @contextlib.contextmanager
 def cancel_by_ctrl_c() -> Generator[Callable[[], bool]]:
-    """What links take as `cancel`: true after the first Ctrl-C. The second one interrupts as usual.
+    """The `cancel` argument of a link: true after the first Ctrl-C. The second one interrupts as usual.
 
-    A cancelled upload or flight ends the verb with what the vehicle does now, and exit code 130.
+    After a cancelled upload or flight the verb reports the vehicle's state and exits with code 130.
     """
     from firmware_bridge import CancelledError
 

@@ -1,11 +1,11 @@
-"""The whole chain once, on a rendered room: map, plan, fly, learn. Truth is known, so every step is judged against it.
+"""The whole chain once, on a rendered room: map, plan, fly, learn; every step is compared with ground truth.
 
-The vehicle that flies (`truth.toml`) is the paper's. What is believed of it at first (`vehicle.toml`) has the CAD
+The vehicle that flies (`truth.toml`) is the paper's. The first model (`vehicle.toml`) has the CAD
 inertias, a thrust coefficient 8 % off and no rotor drag. Two flights identify it, without and then with rotor drag; the
-third, along the recorded walk, was not used and judges both.
+third, along the recorded walk, is held out and evaluates both.
 """
 
-from dataclasses import dataclass
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -17,28 +17,21 @@ import mapping
 import planner
 import sysid
 import vehicle
-from flight import (
-    FlightLog,
-    FloatArray,
-    InputError,
-    Progress,
-    Waypoints,
-    file_format,
-    flight_log,
-    project,
-    trajectory,
-)
+from flight import FlightLog, FloatArray, InputError, Progress, Waypoints, flight_log, project, trajectory
 from flight.project import Project
 from goshawk import demo_folder
 from goshawk.commands.plan import waypoints_along
 from goshawk.flights import in_the_air, tracking
-from goshawk.map_accuracy import Accuracy, measure
-from goshawk.virtual_flight import sitl_vehicle
+from goshawk.map_accuracy import measure
+from goshawk.virtual_flight import again_if_link_dies, sitl_vehicle
 from mapping import rendered_room, rendered_world
 from vehicle import Vehicle
 
 HIDDEN_EFFECT = "rotor_drag_thrust"
 FLIGHTS = ("train-1", "train-2", "walk")
+TRUTH, LEARNED = "truth.toml", "learned.toml"
+SITL_TIMEOUT_S = 20.0
+"""The vehicle is a program on this machine that we started: silence means that the machine is busy, not a lost link."""
 SHOWN = (
     "thrust_bem.k1_n_s2",
     "inertia_xx_kg_m2",
@@ -52,55 +45,50 @@ SHOWN = (
 _SPEED_M_S, _ACCELERATION_M_S2 = 5.0, 8.0  # brisk for a room of 10 by 8 m
 
 
-@dataclass(frozen=True, slots=True)
-class Learned:
-    """Two identifications and how they predict a flight that neither saw."""
-
-    without_effect: sysid.Identification
-    with_effect: sysid.Identification
-    comparison: sysid.Comparison
-
-
 def run(out: Path, *, pairs: int = 60, progress: Progress) -> dict[str, Any]:
     """Run the demo into the project folder `out`; returns (and writes to `demo.json`) what came of it.
 
     An earlier demo in `out` makes room: it is removed when the new one is complete, or stays beside it if anything in
-    it was changed since.
+    it was changed since. One that was broken off goes on after the last step it finished.
 
     Args:
         pairs: image pairs to render; fewer make a quicker and worse map.
 
     Raises:
         InputError: `out` holds something else than an earlier demo.
+        LinkError: the SITL vehicle stopped answering, several times over.
     """
-    with demo_folder.making(out):
-        facts = _run(out, pairs, progress)
-        body = facts | {"files": demo_folder.hashes(out)}
-        file_format.write_json(
-            out / demo_folder.FACTS, format=demo_folder.FORMAT, version=demo_folder.VERSION, body=body
-        )
+    settings = {"pairs": pairs, "goshawk": metadata.version("goshawk")}
+    with demo_folder.making(out, settings) as steps:
+        facts = _run(project.open_project(out), pairs, steps, progress)
+        steps.finish(facts)
     return facts
 
 
-def _run(out: Path, pairs: int, progress: Progress) -> dict[str, Any]:
-    opened = project.create(out, demo_folder.NAME)
-    images = rendered_world.write_rendered_sequence(
-        out / "rendered", flight=rendered_world.loop_flight(pairs), progress=progress
-    )
-    report = mapping.build_map(images, mapping.rig.load(images / "camera.toml"), opened.map, progress=progress)
-    area = mapping.open_map(opened.map)
-    accuracy = measure(area, images / "truth" / "poses.csv", rendered_room.furnished())
-
+def _run(opened: Project, pairs: int, steps: demo_folder.Steps, progress: Progress) -> dict[str, Any]:
+    """Everything the demo claims, in one JSON document."""
+    mapped = steps.do("map", lambda: make_map(opened, pairs, progress))
     truth, believed = vehicles()
-    vehicle.save(out / "truth.toml", truth)
-    vehicle.save(opened.vehicle, believed)
-    plans = plan_flights(opened, area, believed, progress)
-    logs = {name: fly(opened, name, out / "truth.toml", opened.vehicle, progress) for name in FLIGHTS}
-    learned = learn(opened, logs, believed, progress)
+    plans = steps.do("plans", lambda: make_plans(opened, truth, believed, progress))
 
-    vehicle.save(out / "learned.toml", learned.with_effect.vehicle)
-    again = fly(opened, "walk", out / "truth.toml", out / "learned.toml", progress, save_as="walk-learned")
-    return _facts(report, accuracy, plans, logs | {"walk-learned": again}, learned, truth)
+    def flight(name: str, believed_file: Path, save_as: str) -> dict[str, float]:
+        return steps.do(f"flight {save_as}", lambda: tracking(fly(opened, name, believed_file, save_as, progress)))
+
+    flights = {name: flight(name, opened.vehicle, name) for name in FLIGHTS}
+    learned = steps.do("identified model", lambda: learn(opened, believed, truth, progress))
+    flights["walk-learned"] = flight("walk", opened.folder / LEARNED, "walk-learned")
+    return {"map": mapped, "plans": plans, "flights": flights, **learned}
+
+
+def make_map(opened: Project, pairs: int, progress: Progress) -> dict[str, Any]:
+    """Render the walk and map it; how far the map is from the truth."""
+    images = rendered_world.write_rendered_sequence(
+        opened.folder / "rendered", flight=rendered_world.loop_flight(pairs), progress=progress
+    )
+    rig = mapping.rig.load(images / "camera.toml")
+    report = mapping.build_map(images, rig, opened.map, overwrite=True, progress=progress)
+    accuracy = measure(mapping.open_map(opened.map), images / "truth" / "poses.csv", rendered_room.furnished())
+    return report.as_dict() | {"accuracy": accuracy.as_dict()}
 
 
 def vehicles() -> tuple[Vehicle, Vehicle]:
@@ -116,8 +104,11 @@ def vehicles() -> tuple[Vehicle, Vehicle]:
     return truth, believed.with_value("thrust_bem.k1_n_s2", 1.08 * k1, std=0.1 * k1, source="a guess")
 
 
-def plan_flights(opened: Project, area: mapping.Map, believed: Vehicle, progress: Progress) -> dict[str, planner.Plan]:
-    """Plan the recorded walk and two training flights, and save them: `trajectories/NAME.json`."""
+def make_plans(opened: Project, truth: Vehicle, believed: Vehicle, progress: Progress) -> dict[str, Any]:
+    """Plan the recorded walk and two training flights, and save them (`trajectories/NAME.json`) and the vehicles."""
+    vehicle.save(opened.folder / TRUTH, truth)
+    vehicle.save(opened.vehicle, believed)
+    area = mapping.open_map(opened.map)
     walked = area.T_world_body[:, :3, 3]
     along_the_walk, _ = waypoints_along(walked, 0.10, area, planner.PlanOptions())
     project.save_waypoints(opened.waypoints, along_the_walk)
@@ -127,13 +118,14 @@ def plan_flights(opened: Project, area: mapping.Map, believed: Vehicle, progress
         "train-1": _excursion(walked[::8], area.field, rng, yaw_swing_rad=0.0),
         "train-2": _excursion(walked[::-7], area.field, rng, yaw_swing_rad=1.0),
     }
-    plans = {}
+    facts = {}
     for name, waypoints in asked.items():
         progress(f"plan {name}", 0.0)
-        plans[name] = planner.plan(waypoints, area.field, believed)
-        planner.save_plan(opened.trajectory(name), plans[name], name=name)
+        plan = planner.plan(waypoints, area.field, believed)
+        planner.save_plan(opened.trajectory(name), plan, name=name)
+        facts[name] = {"duration_s": plan.trajectory.duration_s, "clearance_m": plan.gate.clearance_m}
         progress(f"plan {name}", 1.0)
-    return plans
+    return facts
 
 
 def _excursion(path: FloatArray, field: esdf.Field, rng: np.random.Generator, *, yaw_swing_rad: float) -> Waypoints:
@@ -150,22 +142,28 @@ def _excursion(path: FloatArray, field: esdf.Field, rng: np.random.Generator, *,
     return Waypoints(positions, along + yaw_swing_rad * (-1.0) ** np.arange(len(positions)))
 
 
-def fly(
-    opened: Project, name: str, truth: Path, believed: Path, progress: Progress, *, save_as: str | None = None
-) -> FlightLog:
-    """Fly one saved trajectory in the SITL vehicle: upload, read back, take off, fly, land, fetch the log."""
+def fly(opened: Project, name: str, believed_file: Path, save_as: str, progress: Progress) -> FlightLog:
+    """Fly one saved trajectory in the SITL vehicle: upload, read back, take off, fly, land, fetch the log.
+
+    Raises:
+        LinkError: the link died in each of several tries.
+    """
     item = trajectory.load(opened.trajectory(name))
     key_file = opened.folder / "link.key"
-    options = ("--vehicle", truth, "--believed", believed, "--start-of", opened.trajectory(name), "--speed", 0)
+    truth_file, start = opened.folder / TRUTH, opened.trajectory(name)
+    options = ("--vehicle", truth_file, "--believed", believed_file, "--start-of", start, "--speed", 0)
     ground = ("--ground", _ground_m(opened))
-    label = save_as or name
-    with (
-        sitl_vehicle(*options, *ground, key_file=key_file) as url,
-        firmware_bridge.connect(url, key=key_file) as link,
-    ):
-        link.upload(item, progress=lambda stage, fraction: progress(f"{stage} {label}", fraction))
-        log = link.fly(item, progress=lambda stage, fraction: progress(f"fly {label}: {stage}", fraction))
-    flight_log.save(opened.flight(label), log)
+
+    def fly_once() -> FlightLog:
+        with (
+            sitl_vehicle(*options, *ground, key_file=key_file) as url,
+            firmware_bridge.connect(url, key=key_file, timeout_s=SITL_TIMEOUT_S) as link,
+        ):
+            link.upload(item, progress=lambda stage, fraction: progress(f"{stage} {save_as}", fraction))
+            return link.fly(item, progress=lambda stage, fraction: progress(f"fly {save_as}: {stage}", fraction))
+
+    log = again_if_link_dies(fly_once, f"flight {save_as}")
+    flight_log.save(opened.flight(save_as), log)
     return log
 
 
@@ -188,47 +186,26 @@ def floor_below(field: esdf.Field, point_world_m: FloatArray, *, step_m: float =
     return float(down[solid[0], 2])
 
 
-def learn(opened: Project, logs: dict[str, FlightLog], believed: Vehicle, progress: Progress) -> Learned:
-    """Identify without and with the hidden effect on the training flights; compare on the walk; draw both."""
-    training = [in_the_air(logs[name], name) for name in FLIGHTS if name != "walk"]
+def learn(opened: Project, believed: Vehicle, truth: Vehicle, progress: Progress) -> dict[str, Any]:
+    """Identify without and with the hidden effect on the training flights; compare on the walk, which neither used."""
+    logs = {name: in_the_air(flight_log.load(opened.flight(name)), name) for name in FLIGHTS}
+    training = [logs[name] for name in FLIGHTS if name != "walk"]
     options = sysid.Options(unseen="hold")
     without = sysid.identify(training, believed, options, progress=progress)
     with_effect = sysid.identify(training, believed.with_effect(HIDDEN_EFFECT), options, progress=progress)
     models = {"believed": believed, "identified": without.vehicle, "with rotor drag": with_effect.vehicle}
-    comparison = sysid.compare([in_the_air(logs["walk"], "walk")], models, progress=progress)
+    comparison = sysid.compare([logs["walk"]], models, progress=progress)
     sysid.plots.comparison(comparison, opened.folder / "figures")
     sysid.plots.identification(with_effect, opened.folder / "figures")
-    return Learned(without, with_effect, comparison)
-
-
-def _facts(
-    report: mapping.MapReport,
-    accuracy: Accuracy,
-    plans: dict[str, planner.Plan],
-    logs: dict[str, FlightLog],
-    learned: Learned,
-    truth: Vehicle,
-) -> dict[str, Any]:
-    """Everything the demo claims, in one JSON document."""
-    identified = learned.with_effect
-    return {
-        "map": report.as_dict() | {"accuracy": accuracy.as_dict()},
-        "plans": {
-            name: {"duration_s": plan.trajectory.duration_s, "clearance_m": plan.gate.clearance_m}
-            for name, plan in plans.items()
-        },
-        "flights": {name: tracking(log) for name, log in logs.items()},
-        "identified": {
-            name: {
-                "estimate": identified.estimate(name).value,
-                "std": identified.estimate(name).std_robust,
-                "truth": truth.value(name),
-                "without_effect": None
-                if name.startswith(HIDDEN_EFFECT)
-                else learned.without_effect.estimate(name).value,
-                "unit": identified.estimate(name).unit,
-            }
-            for name in SHOWN
-        },
-        "held_out": learned.comparison.as_dict(),
+    vehicle.save(opened.folder / LEARNED, with_effect.vehicle)
+    identified = {
+        name: {
+            "estimate": with_effect.estimate(name).value,
+            "std": with_effect.estimate(name).std_robust,
+            "truth": truth.value(name),
+            "without_effect": None if name.startswith(HIDDEN_EFFECT) else without.estimate(name).value,
+            "unit": with_effect.estimate(name).unit,
+        }
+        for name in SHOWN
     }
+    return {"identified": identified, "held_out": comparison.as_dict()}

@@ -1,4 +1,4 @@
-"""Flight logs as the estimator wants them: the rows in the air, without take-off and landing."""
+"""Flight logs for the estimator: the rows in the air, without take-off and landing."""
 
 from pathlib import Path
 
@@ -9,15 +9,15 @@ from firmware_bridge.controller import State
 from flight import FlightLog, InputError
 
 IN_FREE_AIR = (State.HOLD, State.APPROACH, State.TRAJECTORY, State.PAUSING, State.PAUSED, State.STOPPING)
-"""Mission states in which only air touches the vehicle."""
+"""Mission states in which the vehicle has no contact with the ground."""
 ON_THE_GROUND = (State.DISARMED, State.ARMED, State.FAULT)
 
 
 def load(path: Path, columns: Path | None = None) -> FlightLog:
-    """Read a log; if it says what the mission was doing, keep what lies between take-off and landing.
+    """Read a log; if it has the mission state, keep the rows between take-off and landing.
 
     Args:
-        columns: TOML file that says what the columns of a CSV log are.
+        columns: column map (TOML) of a CSV log.
 
     Raises:
         InputError: the vehicle was never in the air.
@@ -27,7 +27,7 @@ def load(path: Path, columns: Path | None = None) -> FlightLog:
 
 
 def marked_file(path: Path) -> Path:
-    """Where marks on a log are written: into itself if it is ours, else into one of ours beside it."""
+    """The file that marks are written to: the log itself if it is in our format, else a converted one beside it."""
     return path.with_suffix(".parquet")
 
 
@@ -35,13 +35,13 @@ def in_the_air(log: FlightLog, name: str) -> FlightLog:
     """The rows from the first to the last in free air.
 
     Raises:
-        InputError: there are none, or the vehicle stood on the ground in between: what the floor does to it would be
-            taken for what the air does.
+        InputError: there are none, or the vehicle stood on the ground in between: ground contact would be
+            mistaken for an aerodynamic force.
     """
     states = log.columns["mission_state"]
     rows = np.flatnonzero(np.isin(states, IN_FREE_AIR))
     if not rows.size:
-        raise InputError(f"{name}: the vehicle was never in free air (mission_state says so)")
+        raise InputError(f"{name}: the vehicle was never in free air (see mission_state)")
     kept = slice(rows[0], rows[-1] + 1)
     landed = np.flatnonzero(np.isin(states[kept], ON_THE_GROUND))
     if landed.size:
@@ -51,7 +51,7 @@ def in_the_air(log: FlightLog, name: str) -> FlightLog:
 
 
 def tracking(log: FlightLog) -> dict[str, float]:
-    """How well the vehicle followed: distance to the set-point while on the trajectory, and how fast it was."""
+    """Tracking error (distance to the set-point) and speed while on the trajectory."""
     rows = log.columns["mission_state"] == State.TRAJECTORY
     if not rows.any():
         return {"flown_s": 0.0}

@@ -96,7 +96,10 @@ def _poses(log: FlightLog, store: Any) -> Iterator[tuple[int, Any]]:
 def _imu(log: FlightLog, store: Any) -> Iterator[tuple[int, Any]]:
     types = store.types
     none = types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0)
-    unknown, absent = np.zeros(9), np.array([-1.0, *[0.0] * 8])  # sensor_msgs/Imu: -1 first says there is no attitude
+    unknown, absent = (
+        np.zeros(9),
+        np.array([-1.0, *[0.0] * 8]),
+    )  # sensor_msgs/Imu: a first element of -1 means that there is no attitude
     vector = types["geometry_msgs/msg/Vector3"]
     for time_ns, v in _sampled(log, [*COLUMNS["rate_body_rad_s"], *COLUMNS["specific_force_body_m_s2"]]):
         yield (

@@ -1,10 +1,10 @@
-"""What `goshawk log` writes: a report page, CSV, MCAP, and the log with its fixes."""
+"""Output files of `goshawk log`: a report page, CSV, MCAP, and the corrected log."""
 
 from pathlib import Path
 
 import numpy as np
 
-from flight import FlightLog, InputError, flight_log
+from flight import FlightLog, InputError, Progress, flight_log, silent
 from goshawk import log_exports, log_report, outputs
 from goshawk.flights import IN_FREE_AIR
 from sysid import log_fix
@@ -15,7 +15,7 @@ from vehicle import Vehicle
 def write(
     log: FlightLog, checked: LogReport, files: tuple[Path | None, Path | None, Path | None], *, overwrite: bool
 ) -> list[Path]:
-    """Write those of (report, CSV, MCAP) that are wanted; returns them."""
+    """Write those of (report, CSV, MCAP) whose path is given; returns the paths."""
     report_file, csv_file, mcap_file = files
     if report_file is not None:
         rate = f"{checked.rate_hz:.1f} Hz"
@@ -34,26 +34,26 @@ def write(
 
 
 def write_fixed(
-    log: FlightLog, source: Path, out: Path, believed: Vehicle | None, *, overwrite: bool
+    log: FlightLog, source: Path, out: Path, believed: Vehicle | None, *, overwrite: bool, progress: Progress = silent
 ) -> tuple[FlightLog, tuple[str, ...]]:
-    """Write the log with every fix that the checks propose; returns it, and what was done.
+    """Write the log with every fix that the checks propose; returns it and the list of fixes.
 
     Raises:
         InputError: `out` is the log itself or no .parquet.
     """
     if out.suffix != ".parquet":
-        raise InputError(f"--out {out}: a fixed log is one of ours; call it {out.stem}.parquet")
+        raise InputError(f"--out {out}: a corrected log is written in our own format; call it {out.stem}.parquet")
     if out.exists() and source.exists() and out.samefile(source):
-        raise InputError(f"--out {out} is the log itself, which stays as it is; give another name")
-    fixed = log_fix.fix(log, believed, aloft=_aloft_s(log))
-    mended = FlightLog(fixed.log.columns, {**fixed.log.metadata, "fixed_from": source.name})
+        raise InputError(f"--out {out} is the log itself, which is never changed; give another name")
+    fixed = log_fix.fix(log, believed, aloft=_aloft_s(log), progress=progress)
+    corrected = FlightLog(fixed.log.columns, {**fixed.log.metadata, "fixed_from": source.name})
     with outputs.file(out, overwrite=overwrite) as temporary:
-        flight_log.save(temporary, mended)
-    return mended, fixed.done
+        flight_log.save(temporary, corrected)
+    return corrected, fixed.done
 
 
 def _aloft_s(log: FlightLog) -> tuple[float, float] | None:
-    """First and last instant in free air, where the log says."""
+    """First and last instant in free air; None where the log has no mission state."""
     if not log.has("mission_state"):
         return None
     rows = np.flatnonzero(np.isin(log.columns["mission_state"], IN_FREE_AIR))

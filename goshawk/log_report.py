@@ -1,4 +1,4 @@
-"""A flight log as one HTML page that needs no network: every stream drawn, what the checks found marked on the time."""
+"""A flight log as one offline HTML page: a plot of every stream, with the checks' findings on the time axis."""
 
 import base64
 import html
@@ -15,7 +15,7 @@ from sysid.log_check import LogReport
 from sysid.log_finding import Finding
 
 MOST_POINTS = 20_000
-"""Instants drawn; of more, the smallest and the largest value of every few are kept."""
+"""Most instants drawn; of a longer log the smallest and largest value of every few rows are kept."""
 
 _STYLE = """
 body { font: 15px/1.5 sans-serif; margin: 0 auto; max-width: 1200px; padding: 0 1em 3em; color: #222; }
@@ -83,7 +83,7 @@ def panels(log: FlightLog) -> list[tuple[str, str, dict[str, str]]]:
 
 def _panel(title: str, unit: str, streams: dict[str, str], stored: dict[str, FloatArray]) -> dict[str, Any]:
     packed = [
-        # a stream slower than the log has NaN between its samples: they are joined; elsewhere NaN is a gap
+        # a stream slower than the log has NaN between its samples, which are joined; any other NaN is a gap
         {
             "label": label,
             "sparse": float(np.isnan(stored[name]).mean()) > 0.3,

@@ -1,4 +1,4 @@
-"""How far a map of the rendered room is from the truth: poses, and surface and free space by `mapping.map_accuracy`."""
+"""Error of a map of the rendered room: its poses, and by `mapping.map_accuracy` its surface and free space."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -53,7 +53,7 @@ def measure(area: mapping.Map, truth_csv: Path, scene: RenderedScene) -> Accurac
 
 
 def rigid_alignment(points_a: FloatArray, points_b: FloatArray) -> FloatArray:
-    """The rigid transform T_b_a (4, 4) that takes (n, 3) points closest to their partners (Kabsch 1976)."""
+    """The rigid transform T_b_a (4, 4) that takes (n, 3) points closest to the corresponding ones (Kabsch 1976)."""
     centre_a, centre_b = points_a.mean(axis=0), points_b.mean(axis=0)
     u, _, vt = np.linalg.svd((points_b - centre_b).T @ (points_a - centre_a))
     handed = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])

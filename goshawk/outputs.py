@@ -1,4 +1,4 @@
-"""Where verbs write: the rule of `flight.results`, said in the words of the command line."""
+"""Output files of the verbs: the rule of `flight.results`, with the command line's messages."""
 
 import contextlib
 from collections.abc import Generator, Iterable
@@ -12,17 +12,17 @@ from flight.results import Placing
 from vehicle import Vehicle, history
 
 overwrite_option = click.option(
-    "--overwrite", is_flag=True, help="Replace results that are there; the old ones are kept beside as NAME.old-1."
+    "--overwrite", is_flag=True, help="Replace existing results; the old ones are kept beside as NAME.old-1."
 )
 PICTURES = (".svg", ".png", ".ply")
-"""What a folder of figures holds."""
+"""File types in a folder of figures."""
 
 
 def check(*files: Path | None, overwrite: bool, folders: Iterable[Path | None] = ()) -> None:
-    """Before the work: whether all results can be put where they are wanted.
+    """Check, before the work, that all results can be written.
 
     Raises:
-        InputError: one cannot; the message says which, why, and the way out.
+        InputError: one cannot; the message names it, the reason and the remedy.
     """
     folders = [folder for folder in folders if folder is not None]
     results.require_apart([*files, *folders])
@@ -41,7 +41,7 @@ def check(*files: Path | None, overwrite: bool, folders: Iterable[Path | None] =
 
 @contextlib.contextmanager
 def file(path: Path, *, overwrite: bool) -> Generator[Path]:
-    """Where to write a result; says what was kept of an earlier one."""
+    """Yield where to write a result; reports the name under which an earlier one was kept."""
     with results.new_file(path, overwrite=overwrite) as placing:
         yield placing.temporary
     tell_kept(path, placing.kept)
@@ -49,7 +49,7 @@ def file(path: Path, *, overwrite: bool) -> Generator[Path]:
 
 @contextlib.contextmanager
 def pictures(path: Path, *, overwrite: bool) -> Generator[Placing]:
-    """The same for a folder of figures."""
+    """As `file`, for a folder of figures."""
     with results.new_folder(path, overwrite=overwrite, ours=holds_pictures) as placing:
         yield placing
     tell_kept(path, placing.kept)
@@ -61,7 +61,7 @@ def write_json(path: Path, document: object, *, overwrite: bool) -> None:
 
 
 def write_vehicle(path: Path, fitted: Vehicle, action: str, *, effect: str = "", overwrite: bool) -> None:
-    """Write a vehicle file; where one is, this becomes its next version and the earlier ones stay in its history."""
+    """Write a vehicle file; an existing one gets this as its next version and keeps the earlier ones in its history."""
     if overwrite and path.is_file() and _is_vehicle(path):
         step = history.record(path, fitted, action, effect=effect)
         click.echo(

@@ -1,4 +1,4 @@
-"""Progress on a terminal: one line for the stage that is being worked on, with the time it still takes."""
+"""Progress on a terminal: one line for the current stage, with the remaining time."""
 
 import contextlib
 import threading
@@ -7,7 +7,7 @@ from collections.abc import Generator
 from flight import Progress
 
 QUIET_S = 2.0
-"""Work that ends sooner shows no line."""
+"""Shorter work shows no line."""
 
 
 @contextlib.contextmanager
@@ -29,7 +29,7 @@ def progress_line(console: object = None) -> Generator[Progress]:
         TextColumn("left"),
         TimeRemainingColumn(compact=True),
         console=console if isinstance(console, Console) else Console(stderr=True),
-        transient=True,  # the line goes when the work is done: the table says what came of it
+        transient=True,  # the line disappears when the work is done: the table shows the result
     )
     task = bars.add_task("working", total=None)
     current = ""

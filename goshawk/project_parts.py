@@ -1,4 +1,4 @@
-"""What a project folder holds, what it still lacks for the ground station, and the commands that give it."""
+"""Parts of a project folder, those missing for the ground station, and the commands that add them."""
 
 import shutil
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from flight.project import Project
 
 
 def parts(opened: Project) -> list[tuple[str, str, str]]:
-    """Per part: its name, what is there (empty: nothing), and the command that gives it."""
+    """Per part: its name, its path or count (empty: missing), and the command that adds it."""
     folder = opened.folder
     flights, plans = len(opened.flights()), len(opened.trajectories())
     there = {
@@ -25,7 +25,7 @@ def parts(opened: Project) -> list[tuple[str, str, str]]:
     give = {
         "map": f"goshawk map IMAGES --camera camera.toml --out {opened.map}, or goshawk init {folder} --map MAP",
         "vehicle": f"goshawk vehicle new {opened.vehicle}, or goshawk init {folder} --vehicle vehicle.toml",
-        "waypoints": f"goshawk gcs {folder}: draw them on the page",
+        "waypoints": f"goshawk gcs {folder}: place them on the page",
         "trajectories": f"goshawk plan {opened.waypoints} --map {opened.map} --vehicle {opened.vehicle} --out "
         f"{opened.trajectory('lap')}",
         "flights": f"goshawk fly --out {opened.flight('lap')}, or goshawk init {folder} --flights LOG",
@@ -34,10 +34,10 @@ def parts(opened: Project) -> list[tuple[str, str, str]]:
 
 
 def check_for_station(folder: Path) -> Project:
-    """The project, if it has all that the ground station needs.
+    """The project, if it has the parts that the ground station needs.
 
     Raises:
-        InputError: it is no project, or lacks its map or vehicle; the message names each with the command to give it.
+        InputError: it is no project, or lacks its map or vehicle; the message names each with the command that adds it.
     """
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder; goshawk init {folder} makes a project there")
@@ -47,7 +47,7 @@ def check_for_station(folder: Path) -> Project:
     lacking = [(name, give) for name, found, give in parts(opened) if name in ("map", "vehicle") and not found]
     if lacking:
         raise InputError(
-            f"{folder} has no " + "; it has no ".join(f"{name}: give it with {give}" for name, give in lacking)
+            f"{folder} has no " + "; it has no ".join(f"{name}: add it with {give}" for name, give in lacking)
         )
     return opened
 
@@ -89,13 +89,13 @@ def add_flights(opened: Project, sources: Sequence[Path], columns: Path | None) 
     Raises:
         InputError: a log cannot be read, or the project has one of that name; nothing was copied then.
     """
-    wanted: dict[Path, Path] = {}
+    targets: dict[Path, Path] = {}
     for source in sources:
         target = opened.flight(source.name.split(".")[0])
-        if target.exists() or target in wanted:
+        if target.exists() or target in targets:
             raise InputError(f"{target} exists and is kept; rename {source} or move the other one away")
-        wanted[target] = source
-    logs = {target: sysid.read_log(source, columns) for target, source in wanted.items()}
+        targets[target] = source
+    logs = {target: sysid.read_log(source, columns) for target, source in targets.items()}
     for target, log in logs.items():
         flight_log.save(target, log)
     return list(logs)

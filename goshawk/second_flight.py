@@ -1,4 +1,4 @@
-"""Fly, learn, fly again: what a learned model is worth in the air, judged by a second flight of the same course."""
+"""Fly, identify, fly again: tracking error before and after learning, on a second flight of the same course."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from sysid.diagnosis import diagnose
 from vehicle import Vehicle, simulate
 
 Learn = Callable[[Sequence[FlightLog], Vehicle], Vehicle]
-"""From flights and what is believed to a better model."""
+"""From flights and the present model to a better one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,13 +22,13 @@ class SecondFlight:
 
     learned: Vehicle
     added: tuple[str, ...]
-    """Effects of the learned model that were not believed in before."""
+    """Effects of the learned model that the first model lacked."""
     before_m: float
     after_m: float
     known_m: float
-    """With the true model in the controller: nothing that could be learned does better."""
+    """With the true model in the controller: the best that learning can reach."""
     not_compensated: tuple[str, ...]
-    """Effects of the learned model that the controller does not cancel."""
+    """Effects of the learned model that the controller does not compensate."""
 
 
 def fly_again(
@@ -43,7 +43,7 @@ def fly_again(
 ) -> SecondFlight:
     """Fly the course (and training flights), learn from the logs, and fly the course with the learned parameters.
 
-    The controller is the embedded one; its estimate is noisy and 10 ms old, and gusts blow, other ones each time.
+    The controller is the embedded one; its estimate is noisy and 10 ms old, and every flight has gusts of its own.
     """
     before = _fly(truth, believed, course, gust_std_m_s, seed)
     lessons = [_fly(truth, believed, t, gust_std_m_s, seed + 10 + i) for i, t in enumerate(training)]
@@ -62,7 +62,7 @@ def fly_again(
 
 
 def adding(effect: str, options: sysid.Options | None = None) -> Learn:
-    """To learn by adding one effect and fitting everything the flights show, or what the options leave free."""
+    """A `Learn` that adds one effect and fits all identifiable parameters, or those that the options leave free."""
 
     def learn(logs: Sequence[FlightLog], believed: Vehicle) -> Vehicle:
         return sysid.identify(logs, believed.with_effect(effect), options).vehicle
@@ -71,9 +71,9 @@ def adding(effect: str, options: sysid.Options | None = None) -> Learn:
 
 
 def diagnosing(logs: Sequence[FlightLog], believed: Vehicle) -> Vehicle:
-    """To learn without being told what: the flights are diagnosed to the end, and whatever they confirm is added.
+    """A `Learn` without a given effect: the flights are diagnosed to the end, and every confirmed effect is added.
 
-    A model in which nothing was confirmed does not fly: what the vehicle lacks may have bent its other numbers.
+    A model in which nothing was confirmed is not flown: the missing effect may have biased its other parameters.
     """
     found = diagnose(logs, believed, auto=True)
     return found.vehicle if found.additions else believed

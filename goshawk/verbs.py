@@ -6,7 +6,7 @@ import click
 
 
 class VerbGroup(click.Group):
-    """A group that answers a bare call with its help (exit 0) and a mistyped verb with the likely one."""
+    """A group that shows its help when called without a verb (exit 0), and suggests a verb for a mistyped one."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         if not args and not ctx.resilient_parsing:
@@ -22,7 +22,7 @@ class VerbGroup(click.Group):
         return super().resolve_command(ctx, args)
 
     def suggestion(self, ctx: click.Context, name: str) -> str:
-        """`; did you mean ...?`, or nothing where no verb is like it."""
+        """`; did you mean ...?`, or an empty string where no verb is similar."""
         known = self.list_commands(ctx)
         word = name.lower().replace("_", "-")
         near = [k for k in known if word and (k.startswith(word) or word.startswith(k))]

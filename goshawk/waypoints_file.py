@@ -1,4 +1,4 @@
-"""Waypoints from our JSON, or from a CSV file with columns x, y, z (metres) and, where wanted, a heading."""
+"""Waypoints from our JSON, or from a CSV file with columns x, y, z (metres) and, optionally, a heading."""
 
 import csv
 import math
@@ -18,10 +18,10 @@ MOST = 10_000
 
 
 def load(path: Path) -> Waypoints:
-    """Read waypoints; the kind goes by the ending.
+    """Read waypoints; the suffix determines the format.
 
     Raises:
-        InputError: no such file, a column is missing or known twice, or a number cannot be.
+        InputError: no such file, a column is missing or listed twice, or a number is out of range.
         FormatError: it is not a waypoint file.
     """
     return _from_csv(path) if path.suffix.lower() == ".csv" else project.load_waypoints(path)

@@ -1,4 +1,4 @@
-"""What to type after a diagnosis: judge the addition, make an effect of the curve, or fly what would settle it."""
+"""Commands that follow a diagnosis: add the effect, make an effect of the curve, or fly the next manoeuvre."""
 
 import shlex
 from collections.abc import Sequence
@@ -12,14 +12,14 @@ from goshawk.flights import marked_file
 from sysid.diagnosis import Diagnosis, OutsideFinding, curve, next_flight
 
 THRUST = "thrust_bem"
-"""This suspect replaces the thrust law the vehicle has, so `add-effect` alone does not add it."""
+"""This candidate replaces the vehicle's thrust law, so `add-effect` alone does not add it."""
 LEAST_SPACE_M = 1.0
-"""No side of the space proposed for the next flight is smaller."""
+"""Least edge of the space proposed for the next flight."""
 
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """How the diagnosis was asked for: what its follow-up commands repeat."""
+    """Arguments of the diagnosis, which its follow-up commands repeat."""
 
     flights: Sequence[Path]
     vehicle_file: Path
@@ -31,7 +31,7 @@ class Asked:
 
     @property
     def model_file(self) -> Path:
-        """The newest vehicle file there is."""
+        """The newest vehicle file."""
         return self.out or self.vehicle_file
 
     def training(self) -> str:
@@ -39,7 +39,7 @@ class Asked:
         return _words(*self.flights)
 
     def judging(self) -> str:
-        """Options that hold flights out, and say what columns are."""
+        """Options for held-out flights and the column map."""
         return "".join(f" --held-out {_words(path)}" for path in self.held_out) + self.reading()
 
     def reading(self) -> str:
@@ -55,7 +55,7 @@ class Asked:
 
 
 def lines(found: Diagnosis, asked: Asked) -> list[str]:
-    """Commands that go on from here, the first one first; a line in brackets is nothing to type."""
+    """Follow-up commands, in order; a line in brackets is a remark."""
     marking, asked = _marking(found, asked)
     said = [*marking, *_after_additions(found, asked)] if found.additions else []
     if (outside := _to_be_adopted(found)) is not None:
@@ -74,10 +74,10 @@ def _after_additions(found: Diagnosis, asked: Asked) -> list[str]:
 
 
 def _marking(found: Diagnosis, asked: Asked) -> tuple[list[str], Asked]:
-    """Tell the logs of flights without the payload that they are; the others need not be told.
+    """Commands that mark the logs of flights without the payload; the others need no mark.
 
     Returns:
-        The commands, and what is asked for with the marked logs.
+        The commands, and the arguments with the marked logs.
     """
     paths = (*asked.flights, *asked.held_out)
     left = [path for path, carries in zip(paths, found.payload_carried, strict=False) if not carries]
@@ -88,12 +88,12 @@ def _marking(found: Diagnosis, asked: Asked) -> tuple[list[str], Asked]:
 
 
 def _to_be_adopted(found: Diagnosis) -> OutsideFinding | None:
-    """The curve; none while it was drawn beside one of several names that nothing tells apart."""
+    """The curve; None while the diagnosis names confounded effects, none of which is confirmed."""
     return None if found.undecided else found.outside
 
 
 def _after_curve(outside: OutsideFinding, asked: Asked) -> list[str]:
-    """From the curve to an effect of one's own; where no vehicle could know the variable, where to look instead."""
+    """Commands from the curve to an own effect; a remark where its variable is no state of the vehicle."""
     advice = curve.advice(outside)
     if advice:
         return [f"({outside.channel} against {outside.variable}: {advice})"]
@@ -111,26 +111,26 @@ def _after_curve(outside: OutsideFinding, asked: Asked) -> list[str]:
 
 
 def _next_flight(found: Diagnosis, asked: Asked) -> list[str]:
-    """The flight that would settle what is in doubt, if anything is."""
+    """The command that proposes the next flight, if any candidate is in doubt."""
     try:
-        suspects = next_flight.in_doubt(found)
+        candidates = next_flight.in_doubt(found)
     except InputError:
         return []
-    named = bool(set(suspects) & set(found.additions))
+    named = bool(set(candidates) & set(found.additions))
     to_be_adopted_first = _to_be_adopted(found) is not None or (found.additions and asked.out is None)
     if not named and to_be_adopted_first:
         return []
     size, corner = _space(found)
     model = _words(asked.vehicle_file if named else asked.model_file)
-    whom = "".join(f" --suspect {_words(name)}" for name in suspects)
+    options = "".join(f" --candidate {_words(name)}" for name in candidates)
     return [
-        f"goshawk next-flight {asked.training()} --vehicle {model}{asked.reading()}{whom}"
+        f"goshawk next-flight {asked.training()} --vehicle {model}{asked.reading()}{options}"
         f" --space {size} --corner={corner} --out waypoints.json  # in the space that these flights took up"
     ]
 
 
 def _space(found: Diagnosis) -> tuple[str, str]:
-    """The box that the flights learnt from took up, and its lowest corner."""
+    """The bounding box of the training flights, and its lowest corner."""
     place = np.concatenate([f.position_world_m for f in found.search.models[0].fit.flights])
     low, high = np.nanmin(place, axis=0), np.nanmax(place, axis=0)
     size = np.round(np.maximum(high - low, LEAST_SPACE_M), 1)

@@ -1,16 +1,25 @@
-"""Names of quantities for people: `top_speed_m_s` is `top speed`, in `m/s`."""
+"""Display names of quantities: `top_speed_m_s` is `top speed`, in `m/s`."""
 
 from flight.flight_log import COLUMNS
 
 _UNITS = {
     "n_s2_m2": "N s2/m2",
+    "n_m_s2": "N m s2",
+    "n_s2_m": "N s2/m",
+    "n_m_s": "N m s",
+    "kg_m3": "kg/m3",
+    "per_v": "1/V",
     "rad_s2": "rad/s2",
     "kg_m2": "kg m2",
+    "n_s2": "N s2",
     "m_s2": "m/s2",
     "m_s3": "m/s3",
     "rad_s": "rad/s",
     "m_s": "m/s",
+    "kg_m": "kg/m",
     "n_m": "N m",
+    "n_s": "N s",
+    "s_m": "s/m",
     "m2": "m2",
     "m3": "m3",
     "hz": "Hz",
@@ -53,7 +62,7 @@ def component(column: str) -> str:
 
 
 def named(key: str) -> tuple[str, str]:
-    """A key with its unit at the end as words, and the unit; no unit: the empty string."""
+    """Display name and unit of a key that ends in its unit; no unit: the empty string."""
     if key in _WHOLE:
         return _WHOLE[key]
     for quantity, columns in COLUMNS.items():
@@ -66,8 +75,15 @@ def named(key: str) -> tuple[str, str]:
     return key.replace("_", " "), ""
 
 
+def parameter(name: str) -> str:
+    """A parameter of a vehicle file as words: `motor_lag.rise_s` is `motor lag: rise`."""
+    effect, _, own = name.rpartition(".")
+    words = named(own)[0]
+    return f"{effect.replace('_', ' ')}: {words}" if effect else words
+
+
 def with_unit(key: str, value: object) -> tuple[str, object]:
-    """A row of a table: words, and the value with its unit. A key that is words already stays."""
+    """A row of a table: display name, and the value with its unit. A key that is a display name already stays."""
     if " " in key:
         return key, value
     words, unit = named(key)

@@ -1,4 +1,4 @@
-"""From fisheye images to a metric map: poses, surfaces, free space, and where a camera is in it."""
+"""From fisheye images to a metric map (poses, surfaces, free space), and relocalization in it."""
 
 from flight import Progress, silent
 from mapping import localization, rig

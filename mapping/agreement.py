@@ -1,7 +1,7 @@
-"""Does the map agree with what each pair of images says on its own? Finds images placed where they were not taken.
+"""Finds images with a wrong pose: their verified pairwise matches leave the epipolar planes of the map.
 
-An image can be placed wrongly with hundreds of points that all fit: a second copy of the scene grows with it, and the
-reprojection error stays small. Its matches with its neighbours, however, then leave the epipolar planes.
+An image can have a wrong pose although hundreds of its points fit: a second copy of the scene was reconstructed with
+it, and the reprojection error stays small. Its matches with its neighbours, however, then leave the epipolar planes.
 """
 
 from pathlib import Path

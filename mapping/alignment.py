@@ -1,8 +1,8 @@
-"""Metric scale and the world frame: z up, metres, and whose word that is.
+"""Metric scale and the world frame (z up, metres), and the source of each.
 
-Scale comes, first that applies, from a length the user gives, the distance between the cameras of the rig, or recorded
-positions. Up comes from recorded gravity, else the first image is taken to be level. Recorded positions also place
-the map: its world is then theirs; otherwise the world starts at the first image and x is where it looks.
+Scale comes from the first of these that is available: a length the user gives, the distance between the cameras of
+the rig, recorded positions. Up comes from recorded gravity, else the first image is taken to be level. With recorded
+positions the world frame is theirs; otherwise its origin is the first image and x its horizontal viewing direction.
 
 `references.csv`: `image,x_m,y_m,z_m` (position of the body in any metric frame with z up) and, as well or instead,
 `up_body_x,up_body_y,up_body_z` (the direction away from the ground, in the body frame). Cells may be empty.
@@ -22,9 +22,9 @@ _UP = ("up_body_x", "up_body_y", "up_body_z")
 _TRIALS = 400
 _LEAST_POSITIONS = 4
 LEAST_BASELINE_M = 0.005
-"""Cameras closer together than this give no scale."""
+"""A shorter baseline gives no scale."""
 NO_SCALE = (
-    "no metric scale: a single camera cannot tell a room from a doll's house; give the length of the path "
+    "no metric scale: the images of a single camera do not determine it; give the length of the path "
     "(--length 13.2) or between two images (--length A.jpg,B.jpg,2.5), a rig of cameras with the distance between them "
     f"in camera.toml, or at least {_LEAST_POSITIONS} positions from odometry, a tracker or GPS in references.csv "
     "(image,x_m,y_m,z_m; --references FILE)"
@@ -33,7 +33,7 @@ NO_SCALE = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class References:
-    """What other instruments recorded with the images."""
+    """Positions and gravity recorded with the images."""
 
     position_m: FloatArray
     """(instants, 3) NaN where nothing was recorded."""
@@ -46,7 +46,7 @@ class Length:
     """A length the user measured, which fixes the scale."""
 
     metres: float
-    """How long."""
+    """The length in metres."""
     between: tuple[str, str] | None = None
     """Two image names; without them the length is that of the whole path."""
 
@@ -57,7 +57,7 @@ class Length:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Alignment:
-    """The similarity from COLMAP's world to ours, and where it came from."""
+    """The similarity from COLMAP's world to ours, and the source of its scale and up direction."""
 
     scale: float
     """Metres per unit of COLMAP's world."""
@@ -72,9 +72,9 @@ class Alignment:
     positions_used: int = 0
     """Recorded positions that agree with the map."""
     scale_ratio_to_positions: float | None = None
-    """Our scale over the one recorded positions alone would give: 1 when the two agree."""
+    """This scale divided by the scale from recorded positions alone; 1 when they agree."""
     up_spread_rad: float | None = None
-    """Median angle between the recorded up directions, turned into the world: they should all be one."""
+    """Median angle between the recorded up directions, turned into the world frame; 0 when all agree."""
 
     def points(self, points_old: FloatArray) -> FloatArray:
         """(n, 3) points of COLMAP's world in ours."""
@@ -115,10 +115,10 @@ def read_references(images: ImageSet, path: Path | None = None) -> References:
 
 
 def require_scale(folder: Path, rig: Rig, length: Length | None, references: Path | None) -> None:
-    """Before any work: whether something can give the scale.
+    """Check, before any work, that a source of the metric scale is available.
 
     Raises:
-        MapError: nothing can; the message lists the ways to give it.
+        MapError: none is; the message lists the ways to give one.
     """
     path = references or folder / "references.csv"
     if length is not None or rig.baseline_m > LEAST_BASELINE_M or not folder.is_dir():
@@ -185,7 +185,7 @@ def _level(T_old_body: FloatArray, up_body: FloatArray, known: np.ndarray) -> tu
         return _upright(T_old_body[known][0][:3, 2]), "first image taken as level", None
     ups = (T_old_body[recorded, :3, :3] @ up_body[recorded][..., None])[..., 0]
     up = ups.mean(axis=0)
-    for _ in range(20):  # the median direction: one shaken reading does not tilt the map
+    for _ in range(20):  # the median direction: one outlier does not tilt the map
         weight = 1.0 / np.maximum(np.linalg.norm(ups - up, axis=1), 1e-4)
         up = (weight[:, None] * ups).sum(axis=0)
         up /= np.linalg.norm(up)
@@ -249,7 +249,7 @@ class _Fit:
 
     @staticmethod
     def robust(level: FloatArray, recorded_m: FloatArray, *, scale: float | None = None) -> "_Fit":
-        """Least median of squares over pairs, then least squares over what agrees: half the record may be wrong."""
+        """Least median of squares over pairs, then least squares over the inliers: up to half may be outliers."""
         rng = np.random.default_rng(0)
         everyone = np.ones(len(level))
         best = _similarity(level, recorded_m, everyone, scale)

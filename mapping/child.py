@@ -1,7 +1,7 @@
-"""Work in a child process: COLMAP can abort the whole program on bad input, and then only the child dies.
+"""Work in a child process: COLMAP can abort the whole program on bad input, and then only the child ends.
 
-The child sends its progress back line by line, dies when the parent does, and is killed when the parent is
-interrupted. Its answer comes back as a pickle through a private temporary folder.
+The child writes its progress line by line, ends when the parent does, and is killed when the parent is
+interrupted. It returns its result as a pickle in a private temporary folder.
 """
 
 import contextlib
@@ -23,9 +23,9 @@ from flight import FlightError, MapError, Progress, silent
 T = TypeVar("T")
 
 _STACK = ("@ ", "*** ", "PC: @")
-"""How lines of a stack trace begin: they tell a user nothing."""
+"""Beginnings of a stack trace's lines, which are left out of the message."""
 _CRASHES = (signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGSEGV, signal.SIGTERM)
-"""What COLMAP answers with a stack trace."""
+"""Signals that COLMAP handles by printing a stack trace."""
 
 
 def run(work: Callable[..., T], *arguments: object, progress: Progress = silent) -> T:
@@ -36,7 +36,7 @@ def run(work: Callable[..., T], *arguments: object, progress: Progress = silent)
 
     Raises:
         MapError: the child crashed or raised; the message names the step it was in.
-        FlightError: whatever of our own errors `work` raised.
+        FlightError: as raised by `work`.
     """
     with tempfile.TemporaryDirectory(prefix="goshawk-") as name:
         folder = Path(name)
@@ -44,7 +44,7 @@ def run(work: Callable[..., T], *arguments: object, progress: Progress = silent)
         with open(folder / "log", "wb") as log:
             step, code = _watch(_start(folder, log), progress)
         if code != 0 or not (folder / "answer").exists():
-            raise MapError(_obituary(step or work.__name__, code, folder / "log"))
+            raise MapError(_crash_message(step or work.__name__, code, folder / "log"))
         error, answer = pickle.loads((folder / "answer").read_bytes())
     if isinstance(error, FlightError):
         raise error
@@ -59,7 +59,7 @@ def _start(folder: Path, log: Any) -> "subprocess.Popen[bytes]":
         **os.environ,
         "PYTHONPATH": os.pathsep.join(p for p in sys.path if p),
         "GLOG_minloglevel": "1",
-        "TMPDIR": str(folder),  # what a killed child leaves behind goes with the request
+        "TMPDIR": str(folder),  # a killed child's temporary files are removed with the request
     }
     return subprocess.Popen(
         [sys.executable, "-m", "mapping.child", str(folder)],
@@ -90,7 +90,7 @@ def _watch(child: "subprocess.Popen[bytes]", progress: Progress) -> tuple[str, i
         child.stdout.close()
 
 
-def _obituary(step: str, code: int, log: Path) -> str:
+def _crash_message(step: str, code: int, log: Path) -> str:
     said = [line.strip() for line in log.read_text(errors="replace").splitlines()]
     said = [line for line in said if line and not line.startswith(_STACK)]
     reason = next((line for line in said if line[:1] == "F" or "Check failed" in line), said[-1] if said else "")
@@ -101,11 +101,11 @@ def _obituary(step: str, code: int, log: Path) -> str:
 def _main(folder: Path) -> None:
     """The child's side."""
     with os.fdopen(os.dup(1), "w") as lines:
-        os.dup2(2, 1)  # whatever a library prints goes to the log, not between the progress lines
+        os.dup2(2, 1)  # libraries print to the log, not between the progress lines
         threading.Thread(target=_die_with_parent, daemon=True).start()
-        _die_of_crashes()
+        _restore_signal_handlers()
 
-        def tell(stage: str, fraction: float) -> None:
+        def report(stage: str, fraction: float) -> None:
             lines.write(json.dumps([stage, fraction]) + "\n")
             lines.flush()
 
@@ -113,7 +113,7 @@ def _main(folder: Path) -> None:
         error: FlightError | str | None = None
         answer: object = None
         try:
-            answer = work(*arguments, progress=tell)
+            answer = work(*arguments, progress=report)
         except FlightError as caught:
             error = caught
         except Exception as caught:
@@ -122,8 +122,8 @@ def _main(folder: Path) -> None:
         os.rename(folder / "answer.part", folder / "answer")
 
 
-def _die_of_crashes() -> None:
-    """Take back COLMAP's own answers to crashes, a stack trace each.
+def _restore_signal_handlers() -> None:
+    """Replace COLMAP's crash handlers, each of which prints a stack trace, by the default ones.
 
     Printing it allocates: after a crash inside the allocator (a damaged heap, say) it would wait for ever, and the
     parent with it.

@@ -1,4 +1,4 @@
-"""The steps COLMAP does for us: features, matches, incremental mapping. Runs in a child process only (see `child`)."""
+"""The steps that COLMAP runs: features, matches, incremental mapping. Runs in a child process only (see `child`)."""
 
 import logging
 import tempfile
@@ -24,7 +24,7 @@ _CHUNK = 100
 _REPAIRS = 4
 
 _OUTLIER_PX = 3.0
-"""Observations further off than this are dropped; 4 lets rolling leaves in, 2 throws good ones away."""
+"""Observations with a larger reprojection error are dropped; 4 keeps moving leaves, 2 drops good ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class SparseOptions:
     def __post_init__(self) -> None:
         for name, least in (("features", 100), ("window", 1), ("similar", 0)):
             if getattr(self, name) < least:
-                raise InputError(f"{name} is {getattr(self, name)}; at least {least} is wanted")
+                raise InputError(f"{name} is {getattr(self, name)}; it must be at least {least}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,7 +109,7 @@ def extract(database: Path, images: ImageSet, options: SparseOptions, progress: 
     """Write cameras, rig, instants and the features of all images to `database`.
 
     Returns:
-        For each image the descriptors of its largest features, as unit vectors: what it is recognised by.
+        For each image the descriptors of its largest features, as unit vectors, for image retrieval.
     """
     import pycolmap
 
@@ -197,8 +197,8 @@ def match(
 def place(database: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> Any:
     """Incremental mapping; returns COLMAP's largest model, without images that are in the wrong place.
 
-    The first two images are sometimes placed wrongly against each other. The others still find their right places
-    among themselves, so the wrong ones are taken out and placed again, now against a map that is right.
+    The relative pose of the first two images is sometimes wrong. The others still get right poses relative to each
+    other, so the wrong images are removed and placed again, now in a correct map.
     """
     model = _grow(database, images, options, None, progress)
     for _ in range(_REPAIRS):
@@ -213,10 +213,10 @@ def place(database: Path, images: ImageSet, options: SparseOptions, progress: Pr
 
 
 def _grow(database: Path, images: ImageSet, options: SparseOptions, start: Any, progress: Progress) -> Any:
-    """Place what can be placed, from nothing or from a model.
+    """Place all images that can be placed, from scratch or from a model.
 
-    Lenses stay as they are here: freed on two images of a forward-moving camera they run away (a focal length of
-    138 px and k = 30 where 375 and 0.06 are right). `refine` frees them once all images hold them.
+    Lenses stay fixed here: freed on two images of a forward-moving camera they diverge (a focal length of
+    138 px and k = 30 where 375 and 0.06 are right). `refine` frees them once all images constrain them.
     """
     import pycolmap
 
@@ -246,7 +246,7 @@ def _grow(database: Path, images: ImageSet, options: SparseOptions, start: Any, 
 
 
 def _wrong_instants(database: Path, images: ImageSet, model: Any) -> set[str]:
-    """Names of the images (of instants) that the images around them contradict."""
+    """Names of the instants whose matches disagree with the map."""
     T_world_body, _, rig = _poses(model, images)
     agreed = agreement.of_instants(database, images, rig, T_world_body)
     instants = np.flatnonzero(agreed < agreement.LEAST)
@@ -254,7 +254,7 @@ def _wrong_instants(database: Path, images: ImageSet, model: Any) -> set[str]:
 
 
 def _take_out(model: Any, names: set[str]) -> None:
-    """Remove instants and every point they saw: the points they share with others are the copy that drew them in."""
+    """Remove instants and every point they saw: those points are the wrong copy of the scene."""
     wrong = [model.image(k) for k in model.reg_image_ids() if model.image(k).name in names]
     for point_id in {p.point3D_id for image in wrong for p in image.get_observation_points2D()}:
         model.delete_point3D(point_id)
@@ -274,7 +274,7 @@ def _poses(model: Any, images: ImageSet) -> tuple[FloatArray, np.ndarray, Rig]:
         params[images.rig.cameras[camera].name] = np.array(image.camera.params)
         T_camera_world = np.eye(4)
         T_camera_world[:3] = image.cam_from_world().matrix()
-        # the first camera carries the rig; if the others were moved on it, they do not speak for the body
+        # the first camera defines the body's pose; the others may have been moved relative to it
         if not registered[instant, :camera].any():
             T_world_body[instant] = frames.invert(images.rig.cameras[camera].T_body_camera @ T_camera_world)
         registered[instant, camera] = True
@@ -292,7 +292,7 @@ def _mapping_options(options: SparseOptions) -> Any:
     mapping.ba_refine_extra_params = False
     mapping.ba_refine_principal_point = False
     mapping.ba_refine_sensor_from_rig = False
-    # placing an image by guesswork (no common 3D points) once turned a tail of frames by 19 degrees, silently
+    # placing an image without common 3D points once turned the last frames by 19 degrees, with no warning
     mapping.structure_less_registration_fallback = False
     # adjusting everything at each tenth of growth takes half the time of mapping; `refine` does it in the end anyway
     mapping.ba_global_frames_ratio = 1.3

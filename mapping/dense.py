@@ -1,6 +1,6 @@
-"""Pictures with known poses to a surface mesh and to space that is free, occupied or unknown.
+"""From images with known poses to a surface mesh and a grid of free, occupied and unknown space.
 
-depth of each picture (`stereo`)  ->  one truncated distance volume (`fusion`)  ->  mesh and state grid
+depth of each image (`stereo`)  ->  one truncated distance volume (`fusion`)  ->  mesh and state grid
 """
 
 from collections.abc import Sequence
@@ -29,25 +29,25 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class DenseOptions:
-    """How fine, and how careful."""
+    """Resolution and thresholds of dense reconstruction."""
 
     voxel_m: float = 0.05
     """Edge of a voxel of the volume, the mesh and the state grid."""
     truncation_voxels: float = 2.5
     """How far from a surface distances are kept."""
     stereo: StereoOptions = field(default_factory=StereoOptions)
-    """How pictures are matched."""
+    """How images are matched."""
     farthest_m: float = 8.0
     """Depths beyond this do not enter the volume."""
     least_weight: float = 0.6
-    """Evidence needed before space counts as seen: 1 is one measurement good to a voxel, a sharp near one brings 25."""
+    """Least weight of an observed voxel: a measurement good to one voxel has weight 1, a precise near one up to 25."""
     skin_voxels: float = 0.87
-    """Space this close in front of a surface is occupied (sqrt(3) / 2: no wall has a hole)."""
+    """Voxels this close in front of a surface are occupied; with sqrt(3) / 2 no wall has a hole."""
     flown_radius_m: float = 0.20
-    """The vehicle's own size: space this close to where a camera was is free, whatever the pictures say. So is the
-    straight way between two pictures in a row whose bodies touch; farther apart, it may have gone round something."""
+    """Radius of the vehicle: voxels this close to a camera's position are free, whatever the images show. So is the
+    straight line between two consecutive positions whose spheres touch; between others it may have flown a detour."""
     least_component_faces: int = 60
-    """Smaller loose pieces of the mesh are dropped."""
+    """Smaller connected components of the mesh are dropped."""
 
     def __post_init__(self) -> None:
         coarsest_m = 2.0 / np.sqrt(3.0) * self.flown_radius_m
@@ -60,21 +60,21 @@ class DenseOptions:
 
 @dataclass(frozen=True, slots=True)
 class DepthStatistics:
-    """What the depth pictures were like."""
+    """Statistics of the depth images."""
 
     images_used: int
-    """Pictures that had enough partners."""
+    """Images that had enough partners."""
     images_skipped: int
-    """Pictures that had not."""
+    """Images that had not."""
     share_with_depth: float
-    """Share of the pixels of the used pictures that got a depth."""
+    """Share of the pixels of the used images that got a depth."""
     median_relative_std: float
     """Median of the expected error over the depth."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reconstruction:
-    """The mesh, and what is known about space."""
+    """The mesh and the grid of voxel states."""
 
     vertices_world_m: FloatArray
     """(n, 3)."""
@@ -87,7 +87,7 @@ class Reconstruction:
     grid: Grid
     """Where the voxels of `state` are."""
     statistics: DepthStatistics
-    """Of the depth pictures."""
+    """Of the depth images."""
 
 
 def reconstruct(
@@ -97,14 +97,14 @@ def reconstruct(
     depths: Sequence[DepthImage | None] | None = None,
     progress: Progress = silent,
 ) -> Reconstruction:
-    """Mesh and state grid from pictures with known poses.
+    """Mesh and state grid from images with known poses.
 
     Args:
-        depths: one for each picture if a depth camera measured them (`depth_from_sensor`); otherwise they are found
-            by matching the pictures with each other.
+        depths: one for each image if a depth camera measured them (`depth_from_sensor`); otherwise they are found
+            by matching the images with each other.
 
     Raises:
-        MapError: too few pictures see the same things from different places, or the volume does not fit in memory.
+        MapError: too few images observe the same surfaces from different places, or the volume does not fit in memory.
     """
     options = options or DenseOptions()
     if depths is None:
@@ -116,7 +116,7 @@ def reconstruct(
 def depth_images(
     images: Sequence[ImageView], options: StereoOptions, *, progress: Progress = silent
 ) -> list[DepthImage | None]:
-    """Depth of each picture; None for those with too few partners."""
+    """Depth of each image; None for those with too few partners."""
     depths: list[DepthImage | None] = []
     for index in range(len(images)):
         depths.append(stereo.depth_image(images, index, options))
@@ -136,7 +136,7 @@ def fuse(
     *,
     progress: Progress = silent,
 ) -> Volume:
-    """All depth pictures in one volume that just holds what they saw."""
+    """All depth images in one volume, just large enough to hold what they observed."""
     truncation_m = options.truncation_voxels * options.voxel_m
     lower, upper = _bounds(images, depths, options.farthest_m)
     volume = fusion.empty_volume(
@@ -158,7 +158,7 @@ def extract(
     volume: Volume, images: Sequence[ImageView], depths: Sequence[DepthImage | None], options: DenseOptions
 ) -> Reconstruction:
     """Mesh and state grid of a filled volume."""
-    vertices, faces, colours = without_crumbs(
+    vertices, faces, colours = without_small_components(
         *volume.surface(least_weight=options.least_weight), least_faces=options.least_component_faces
     )
     if not len(faces):
@@ -171,7 +171,7 @@ def extract(
 
 
 def flown_path(images: Sequence[ImageView], step_m: float, *, longest_gap_m: float) -> FloatArray:
-    """(n, 3) points along the way of each camera, in the order of the pictures; longer gaps are not bridged."""
+    """(n, 3) points along the way of each camera, in the order of the images; longer gaps are not bridged."""
     points = [view.position_world_m for view in images]
     last: dict[str, FloatArray] = {}
     for view in images:
@@ -183,10 +183,10 @@ def flown_path(images: Sequence[ImageView], step_m: float, *, longest_gap_m: flo
     return np.array(points)
 
 
-def without_crumbs(
+def without_small_components(
     vertices: FloatArray, faces: NDArray[np.int32], colours: NDArray[np.uint8], *, least_faces: int
 ) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.uint8]]:
-    """The mesh without loose pieces of fewer than `least_faces` faces, and without vertices that no face uses."""
+    """The mesh without connected components of fewer than `least_faces` faces, and without unused vertices."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 

@@ -1,4 +1,4 @@
-"""Features of an image: SIFT corners spread over the picture, with descriptors COLMAP and our matcher both read.
+"""Features of an image: SIFT corners spread over the image, with descriptors COLMAP and our matcher both read.
 
 OpenCV's SIFT, not COLMAP's: the same corners at a third of the CPU time, and both are compared by unit vectors.
 """
@@ -48,10 +48,10 @@ def of_set(images: ImageSet, count: int, *, progress: Progress = silent) -> Iter
 
 
 def find(gray: np.ndarray, mask: np.ndarray, count: int) -> Features:
-    """At most `count` corners of `gray` (height, width) inside `mask`, the strongest of each part of the picture."""
+    """At most `count` corners of `gray` (height, width) inside `mask`, the strongest of each part of the image."""
     import cv2
 
-    # the precise upscale puts corners where they are; without it they sit a quarter pixel off
+    # without the precise upscale corners are off by a quarter pixel
     sift: Any = cv2.SIFT.create(contrastThreshold=0.02, enable_precise_upscale=True)
     corners = _spread(sift.detect(gray, mask), count)
     if not corners:
@@ -74,7 +74,7 @@ def unit(descriptors: np.ndarray) -> np.ndarray:
 
 
 def _spread(corners: Sequence[Any], count: int) -> list[Any]:
-    """The strongest corner of every cell, then the second of every cell, and so on: no bush takes them all."""
+    """The strongest corner of every cell, then the second of every cell, and so on, for an even spread."""
     unique = {(c.pt, c.size): c for c in corners}  # one direction a corner: two cost matching time squared
     ranked = sorted(unique.values(), key=lambda c: -c.response)
     taken: dict[tuple[int, int], int] = {}

@@ -1,4 +1,4 @@
-"""Depth pictures to a volume: where the surface is, what was seen to be free, and what nobody looked at."""
+"""From depth images to a TSDF volume: surfaces, observed free space, and unknown space."""
 
 from dataclasses import dataclass
 
@@ -12,9 +12,9 @@ from mapping.views import ImageView, lens_row
 
 THREADS = 2
 LEAST_SEEN_THROUGH = 4
-"""Pictures that must have seen through a voxel before it counts as free without a measured depth behind it."""
+"""Images that must have seen through a voxel before it counts as free without a measured depth behind it."""
 MOST_VOXELS = 150_000_000
-"""Beyond this a volume takes more than 3 GB; the refusal says which voxel size would fit."""
+"""A larger volume takes more than 3 GB; the error names a voxel size that fits."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,13 +28,13 @@ class Volume:
     distance: NDArray[np.float32]
     """(nx, ny, nz) metres, positive in front of the surface."""
     weight: NDArray[np.float32]
-    """(nx, ny, nz) how much was seen; 0 is never."""
+    """(nx, ny, nz) sum of the measurements' weights; 0 where never observed."""
     colour: NDArray[np.float32]
     """(nx, ny, nz, channels) 0 to 255."""
     colour_weight: NDArray[np.float32]
     """(nx, ny, nz)."""
     seen_through: NDArray[np.uint8]
-    """(nx, ny, nz) how many pictures saw through the voxel, to something that must be farther away."""
+    """(nx, ny, nz) how many images saw through the voxel, to something that must be farther away."""
 
     @property
     def voxel_m(self) -> float:
@@ -49,7 +49,7 @@ class Volume:
         *,
         farthest_m: float,
     ) -> None:
-        """Add what one picture says. `inverse_range` (h, w), 1/m along the ray, may be smaller than the picture."""
+        """Add one depth image. `inverse_range` (h, w), 1/m along the ray, may be smaller than the image."""
         height, width = inverse_range.shape
         channels = self.colour.shape[3]
         _mapping.integrate(
@@ -71,7 +71,7 @@ class Volume:
         )
 
     def carve(self, view: ImageView, bound: NDArray[np.float32], *, farthest_m: float) -> None:
-        """Count the voxels one picture saw through.
+        """Count the voxels one image saw through.
 
         Args:
             bound: (h, w), 1/m: nothing on the ray has a larger inverse range; 0 where that is not known.
@@ -107,7 +107,7 @@ class Volume:
 
         A voxel whose centre is less than `skin_voxels` in front of the surface counts as occupied. With sqrt(3) / 2
         every voxel that the surface passes through does, however it cuts it: walls have no holes. Any trace of a
-        surface outweighs any number of pictures that saw through.
+        surface outweighs any number of images that saw through.
         """
         state = np.full(self.grid.shape, UNKNOWN, dtype=np.uint8)
         seen = self.weight >= least_weight
@@ -120,7 +120,7 @@ class Volume:
 def empty_volume(
     lower_world_m: FloatArray, upper_world_m: FloatArray, *, voxel_m: float, truncation_m: float, channels: int
 ) -> Volume:
-    """A volume in which nothing was seen yet.
+    """A volume without measurements.
 
     Raises:
         InputError: the voxel size is not positive, or the truncation is under one voxel.
@@ -142,9 +142,9 @@ def empty_volume(
 
 
 def unreached_is_unknown(state: NDArray[np.uint8], grid: Grid, path_world_m: FloatArray) -> None:
-    """Take back, in place, FREE space that no free way joins to the points (n, 3) where the vehicle was.
+    """Mark as UNKNOWN, in place, FREE space that is not connected to the points (n, 3) where the vehicle was.
 
-    What a false match sees through a wall lies behind that wall; a vehicle that cannot get there loses nothing.
+    Free space that a false match shows behind a wall is removed so; the vehicle could not get there anyway.
     """
     from scipy import ndimage
 

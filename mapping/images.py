@@ -1,4 +1,4 @@
-"""The image folder: which picture was taken by which camera at which instant, checked before any work starts.
+"""The image folder: which image was taken by which camera at which instant, checked before any work starts.
 
 One sub-folder per camera of the rig (or a flat folder for a single camera); equal file names are one instant.
 Optional beside the images: `times.csv` (image,time_s) and `references.csv` (see `alignment`).
@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from flight import FloatArray, FormatError, InputError, Progress, silent
+from flight import FloatArray, FormatError, InputError, Progress, cells, silent
 from mapping.rig import Camera, Rig
 
 MOST_PIXELS = 1 << 28
-"""Larger pictures are refused before memory is set aside for them; OpenCV asks for it when it is first imported."""
+"""Larger images are refused before memory is set aside for them; OpenCV asks for it when it is first imported."""
 os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MOST_PIXELS))
 SUFFIXES = (".jpg", ".jpeg", ".png", ".pgm", ".tif", ".tiff", ".bmp")
 
@@ -32,7 +32,7 @@ class ImageSet:
     instants: tuple[str, ...]
     """File names in order; every one was seen by at least one camera."""
     present: np.ndarray
-    """(instants, cameras) bool: whether that camera has a picture of that instant."""
+    """(instants, cameras) bool: whether that camera has an image of that instant."""
     time_s: FloatArray
     """(instants,) NaN where no `times.csv` gave one."""
 
@@ -41,7 +41,7 @@ class ImageSet:
         return int(self.present.sum())
 
     def relative(self, instant: int, camera: int) -> str:
-        """Path below the image folder, with forward slashes: the picture's name in every file we write."""
+        """Path below the image folder, with forward slashes: the image's name in every file we write."""
         folder = Path(self.rig.cameras[camera].folder)
         return (folder / self.instants[instant]).as_posix()
 
@@ -57,7 +57,7 @@ class ImageSet:
         return _gray(self.path(instant, camera), self.rig.cameras[camera])
 
     def pixels(self, instant: int, camera: int) -> np.ndarray:
-        """(height, width, 3) RGB, or (height, width) if the picture is grey."""
+        """(height, width, 3) RGB, or (height, width) if the image is grey."""
         import cv2
 
         read = cv2.imread(str(self.path(instant, camera)), cv2.IMREAD_ANYCOLOR)
@@ -66,14 +66,14 @@ class ImageSet:
         return np.asarray(read if read.ndim == 2 else np.ascontiguousarray(read[:, :, ::-1]), dtype=np.uint8)
 
     def pairs(self) -> list[tuple[int, int]]:
-        """All (instant, camera) with a picture, instant by instant."""
+        """All (instant, camera) with an image, instant by instant."""
         return [(int(i), int(c)) for i, c in np.argwhere(self.present)]
 
 
 def read_folder(folder: Path, rig: Rig, *, minimum: int = 2, progress: Progress = silent) -> ImageSet:
     """List and check the images of `folder`.
 
-    Every file is decoded once: a cut-off picture among a hundred is named here, not after ten minutes of work.
+    Every file is decoded once: a cut-off image among a hundred is named here, not after ten minutes of work.
 
     Raises:
         InputError: no such folder, fewer than `minimum` instants, a damaged image, or one of another size than its
@@ -110,12 +110,12 @@ def _gray(path: Path, camera: Camera) -> np.ndarray:
     import cv2
 
     data = np.fromfile(path, dtype=np.uint8)
-    whole = data.size and not _cut_off(data)  # asked first: decoders complain about a cut-off file on stderr
+    whole = data.size and not _cut_off(data)  # checked first: decoders write to stderr about a truncated file
     try:
         image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if whole else None
     except cv2.error as error:
         said = error.err if hasattr(error, "err") else str(error)
-        raise InputError(f"{path} cannot be decoded ({said}); a picture has at most {MOST_PIXELS:.2g} pixels") from None
+        raise InputError(f"{path} cannot be decoded ({said}); an image has at most {MOST_PIXELS:.2g} pixels") from None
     if image is None:
         raise InputError(f"{path} is damaged: it cannot be decoded as a whole image; restore it or take it out")
     height, width = image.shape
@@ -127,7 +127,7 @@ def _gray(path: Path, camera: Camera) -> np.ndarray:
 
 
 def _cut_off(data: np.ndarray) -> bool:
-    """A JPEG or PNG without its end mark: decoders fill the missing part with grey and do not tell."""
+    """Whether a JPEG or PNG lacks its end mark: decoders fill the missing part with grey and report no error."""
     head, tail = data[:4].tobytes(), data[-64:].tobytes()
     if head.startswith(b"\xff\xd8"):
         return b"\xff\xd9" not in tail
@@ -143,7 +143,7 @@ def _times(folder: Path, instants: tuple[str, ...]) -> FloatArray:
 
 
 def read_table(path: Path, columns: tuple[str, ...]) -> dict[str, tuple[float, ...]]:
-    """Rows of a CSV file with a header: the first of `columns` is the key, the others are numbers; empty cells are NaN.
+    """Rows of a CSV file with a header: the first of `columns` is the key, the others are numbers, NaN where missing.
 
     Raises:
         FormatError: it is not text, a column is missing, a cell is not a number, or a key comes twice.
@@ -160,9 +160,6 @@ def read_table(path: Path, columns: tuple[str, ...]) -> dict[str, tuple[float, .
     for number, row in enumerate(reader, start=2):
         key = row[columns[0]]
         if key in rows:
-            raise FormatError(f"{path}, line {number}: {key} was there before; each has one line")
-        try:
-            rows[key] = tuple(float(row[c]) if row[c] else math.nan for c in columns[1:])
-        except (TypeError, ValueError) as error:
-            raise FormatError(f"{path}, line {number}: not a number ({error})") from None
+            raise FormatError(f"{path}, line {number}: {key} is listed twice; each may have one line")
+        rows[key] = tuple(cells.number(row[c], path, number, c) for c in columns[1:])
     return rows

@@ -1,4 +1,4 @@
-"""A first guess of an unknown lens: from what the camera wrote into the pictures, then from the pictures themselves.
+"""A first guess of an unknown lens: from the images' EXIF data, then by self-calibration.
 
 EXIF gives the focal length of most ordinary cameras; self-calibration places some of the images with a few likely
 lenses, frees the lens in the last adjustment, and keeps the one that explains most matches.
@@ -36,9 +36,9 @@ class LensGuess:
     focal_std: float
     """Standard deviation of the focal length, as a share of it."""
     source: str
-    """In words."""
+    """Source of the guess, as text."""
     is_calibrated: bool
-    """Whether the pictures themselves confirmed it."""
+    """Whether self-calibration confirmed it."""
 
 
 def from_pictures(
@@ -53,7 +53,7 @@ def from_pictures(
 
     Args:
         focal_px: a known focal length; None: from EXIF, else from the pictures alone.
-        calibrate: also ask the pictures, which takes minutes.
+        calibrate: also self-calibrate, which takes minutes.
 
     Raises:
         InputError: no such folder, no image, or images of different sizes.
@@ -120,7 +120,7 @@ def _first(paths: Sequence[Path], width: int, height: int, focal_px: float | Non
             return LensGuess(
                 _camera(name, width, height, *found[:1], ORDINARY), 0.1, f"EXIF of {path.name}: {found[1]}", False
             )
-    source = "nothing is known: EXIF names no focal length; an ordinary lens of 50 degrees was assumed"
+    source = "default: EXIF names no focal length; an ordinary lens of 50 degrees was assumed"
     return LensGuess(_camera(name, width, height, 1.1 * width, ORDINARY), 0.4, source, False)
 
 
@@ -129,7 +129,7 @@ def _camera(name: str, width: int, height: int, focal_px: float, shape: tuple[fl
 
 
 def exif_focal_px(path: Path, width: int, height: int) -> tuple[float, str] | None:
-    """Focal length in pixels from EXIF, and from which entry; None where it says none."""
+    """Focal length in pixels from EXIF, and from which entry; None where it has none."""
     from PIL import ExifTags, Image
 
     try:

@@ -1,4 +1,4 @@
-"""Where are these images in a map made earlier? Matching against the map's points, then the pose of the whole rig.
+"""Relocalization of images in a map: matching against the map's points, then the pose of the whole rig.
 
 Every map point keeps the mean of its descriptors. Features of new images are compared with all of them at once; what
 matches clearly gives 2D-3D pairs of all cameras of an instant, and they give one pose, found robustly by COLMAP.
@@ -23,7 +23,7 @@ _STAGE = "localizing"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalizationMap:
-    """Points that can be recognised."""
+    """Map points with descriptors."""
 
     points_world_m: FloatArray
     """(m, 3)."""
@@ -33,7 +33,7 @@ class LocalizationMap:
 
 @dataclass(frozen=True, slots=True)
 class LocalizationOptions:
-    """How sure a pose must be."""
+    """Thresholds for matches and poses."""
 
     features: int = 2000
     """Most features an image."""
@@ -42,9 +42,9 @@ class LocalizationOptions:
     outlier_px: float = 4.0
     """Largest reprojection error of a match that supports a pose."""
     least_inliers: int = 30
-    """A pose with fewer supporting matches is no answer."""
+    """A pose with fewer supporting matches is rejected."""
     least_share: float = 0.15
-    """Nor is one that this share of the matches does not support."""
+    """A pose supported by a smaller share of the matches is rejected."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -182,6 +182,6 @@ def load(folder: Path) -> LocalizationMap:
     if not (folder / "points.npz").is_file():
         raise InputError(f"{folder} has no points.npz; build the map again")
     if file_format.file_hash(folder / "points.npz") != document.get("hash"):
-        raise FormatError(f"{folder / 'points.npz'} is not the file that was written; build the map again")
+        raise FormatError(f"{folder / 'points.npz'} does not match its hash; build the map again")
     with np.load(folder / "points.npz", allow_pickle=False) as data:
         return LocalizationMap(data["points_world_m"], features.unit(data["descriptors"]))

@@ -1,7 +1,7 @@
-"""How good a map of the rendered world is: right, whole, and safe.
+"""Accuracy, completeness and safety of a map of the rendered world, against ground truth.
 
-Right: is what the mesh shows really there. Whole: is what the cameras saw in the mesh (a map can be right by showing
-little, or whole by growing second skins; so both are scored). Safe: is matter never called free.
+Accuracy: the mesh lies on true surfaces. Completeness: the surfaces that the cameras saw are in the mesh (a map can be
+accurate by showing little, or complete with duplicate surfaces, so both are scored). Safety: no matter is marked free.
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ HOLE_M = 0.10
 
 @dataclass(frozen=True, slots=True)
 class MapAccuracy:
-    """A map held against the truth."""
+    """Scores of a map against ground truth."""
 
     median_error_m: float
     """Median distance of the mesh's vertices from the true surface."""
@@ -34,9 +34,9 @@ class MapAccuracy:
     seen_share_free: float
     """Share of the seen surface points with free voxels on all sides, 5 mm away (half a voxel of error is enough)."""
     seen_share_in_holes: float
-    """Share of the seen surface points from which everything within 10 cm is called free: holes in walls."""
+    """Share of the seen surface points around which everything within 10 cm is marked free: holes in walls."""
     free_share_in_matter: float
-    """Share of the voxels called free whose centre lies inside matter."""
+    """Share of the voxels marked free whose centre lies inside matter."""
 
 
 def seen_surface(
@@ -57,7 +57,7 @@ def seen_surface(
         met = np.isfinite(ranges)
         points.append(origin + ranges[met, None] * rays[met])
     if not points:
-        raise InputError("no camera, so nothing was seen")
+        raise InputError("at least one camera is needed; none was given")
     cloud = np.concatenate(points)
     _, first = np.unique(np.floor(cloud / CELL_M).astype(np.int64), axis=0, return_index=True)
     return cloud[first]

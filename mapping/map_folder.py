@@ -1,12 +1,12 @@
-"""The map folder: made from images in one go, whole or absent, and opened by everything that flies.
+"""The map folder: built from images in one step, whole or absent; planner, page and controller tools open it.
 
 map.toml        what this is, its hash, where its scale came from, its main figures
 mesh.glb/.ply   surfaces with vertex colours
 esdf/           the distance field, with the pilot's edits
-localization/   points that can be recognised
-camera.toml     the rig, with the lenses as the map knows them
+localization/   points with descriptors, for relocalization
+camera.toml     the rig, with the lenses of the map
 poses.csv       where each image was taken (body in world)
-report.json     everything that was counted and measured
+report.json     all figures of the run
 """
 
 import csv
@@ -59,32 +59,32 @@ class MapOptions:
 
 @dataclass(frozen=True, slots=True)
 class MapReport:
-    """What came out, in numbers. Written as `report.json`."""
+    """Figures of the finished map. Written as `report.json`."""
 
     images: int
-    """Pictures in the folder."""
+    """Images in the folder."""
     images_placed: int
-    """Pictures that have a pose in the map."""
+    """Images that have a pose in the map."""
     not_placed: list[str]
     """The others."""
     reprojection_error_px: float
     """Mean over all observations."""
     least_agreement: float
-    """The worst placed image's share of matches that agree with the map (above 0.85 or it is not placed)."""
+    """Smallest share of matches that agree with the map, over the placed images; below 0.85 an image is not placed."""
     points: int
     """Sparse points."""
     scale_source: str
-    """Whose word the metres are."""
+    """Source of the metric scale."""
     up_source: str
-    """Whose word up is."""
+    """Source of the up direction."""
     position_residual_m: float | None
     """Median distance to recorded positions, if there are any."""
     scale_ratio_to_positions: float | None
-    """Our scale over the one recorded positions alone would give, if there are any."""
+    """This scale divided by the scale from recorded positions alone, if there are any."""
     path_length_m: float
     """From the first placed image to the last."""
     lenses: dict[str, list[float]]
-    """Parameters of each camera as the map knows them."""
+    """Parameters of each camera in the map."""
     mesh_vertices: int
     """Of `mesh.glb`."""
     mesh_faces: int
@@ -94,7 +94,7 @@ class MapReport:
     occupied_m3: float
     """Space known to be filled."""
     depth: dict[str, float]
-    """What the depth pictures were like."""
+    """Statistics of the depth images."""
     hash: str
     """Of the distance field, as built."""
     cpu_s: dict[str, float]
@@ -125,7 +125,7 @@ class Map:
 
     @property
     def hash(self) -> str:
-        """What a plan made in this map remembers; changes with every edit."""
+        """Identity of the map, recorded in every plan made in it; changes with every edit."""
         return self.field.hash
 
     @property
@@ -154,7 +154,7 @@ def build_map(
     Raises:
         InputError: there is an earlier map and `overwrite` was not given; the images or what was recorded with them
             cannot be used.
-        MapError: no map comes of these images.
+        MapError: these images do not suffice for a map.
     """
     options = options or MapOptions()
     results.require_free_folder(out, overwrite=overwrite, ours=_is_map)
@@ -189,7 +189,7 @@ def _is_map(folder: Path) -> bool:
 
 
 def views(placed: SparseMap) -> list[ImageView]:
-    """The placed pictures as dense reconstruction takes them, nearest and farthest range from the sparse points."""
+    """The placed images as dense reconstruction takes them, nearest and farthest range from the sparse points."""
     result: list[ImageView] = []
     for instant, camera in placed.images.pairs():
         if placed.registered[instant, camera]:
@@ -234,8 +234,8 @@ def _report(placed: SparseMap, surface: dense.Reconstruction, hash: str, cpu_s: 
 
 
 def _facts(report: MapReport) -> dict[str, Any]:
-    wanted = ("hash", "scale_source", "up_source", "images", "images_placed", "reprojection_error_px", "path_length_m")
-    return {name: getattr(report, name) for name in wanted}
+    names = ("hash", "scale_source", "up_source", "images", "images_placed", "reprojection_error_px", "path_length_m")
+    return {name: getattr(report, name) for name in names}
 
 
 def _keep_edits(old: Path, new: Path) -> None:

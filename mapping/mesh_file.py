@@ -1,7 +1,7 @@
 """Triangle meshes with vertex colours as files: GLB for viewers, PLY for everything else.
 
-Coordinates are the world's in both: metres, z up. (glTF means y up, so a foreign viewer shows the room on its side; our
-own page and the map folder agree on the world's axes instead.)
+Coordinates are the world's in both: metres, z up. (glTF's y is up, so other viewers show the room on its side; our
+own page and the map folder use the world's axes instead.)
 """
 
 from pathlib import Path
@@ -15,7 +15,7 @@ SUFFIXES = (".glb", ".ply")
 
 
 def save(path: Path, vertices_world_m: FloatArray, faces: NDArray[np.int32], colours: NDArray[np.uint8]) -> None:
-    """Write a mesh; the suffix says which format. `colours` (n, 3) RGB."""
+    """Write a mesh; the suffix determines the format. `colours` (n, 3) RGB."""
     import trimesh
 
     if Path(path).suffix not in SUFFIXES:

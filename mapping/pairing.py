@@ -1,9 +1,9 @@
-"""Which images to match with which: matching all with all costs the square of the flight."""
+"""Image pairs to match: the cost of matching all pairs grows with the square of the number of images."""
 
 import numpy as np
 
 SIGNATURE_SIZE = 120
-"""Largest features of an image that stand for it when similar ones are looked for."""
+"""Number of an image's largest features that are compared to find similar images."""
 
 _SAME = 0.86
 """Cosine of two descriptors that count as one and the same feature; two random ones reach 0.75 at most."""
@@ -13,7 +13,7 @@ Shot = tuple[int, int]
 
 
 def choose(shots: list[Shot], signatures: list[np.ndarray], *, window: int, similar: int) -> list[tuple[Shot, Shot]]:
-    """Pairs worth matching: neighbours in time, cameras of one rig at neighbouring instants, look-alikes.
+    """Pairs worth matching: neighbours in time, cameras of one rig at neighbouring instants, similar images elsewhere.
 
     Args:
         shots: all images.
@@ -23,26 +23,26 @@ def choose(shots: list[Shot], signatures: list[np.ndarray], *, window: int, simi
     """
     place = {shot: index for index, shot in enumerate(shots)}
     cameras = max(camera for _, camera in shots) + 1
-    wanted: set[tuple[int, int]] = set()
+    chosen: set[tuple[int, int]] = set()
 
-    def want(a: int, b: int | None) -> None:
+    def add(a: int, b: int | None) -> None:
         if b is not None and a != b:
-            wanted.add((min(a, b), max(a, b)))
+            chosen.add((min(a, b), max(a, b)))
 
     for index, (instant, camera) in enumerate(shots):
         for step in range(1, window + 1):
-            want(index, place.get((instant + step, camera)))
+            add(index, place.get((instant + step, camera)))
         for other in range(cameras):
             if other != camera:
                 for step in (-1, 0, 1):
-                    want(index, place.get((instant + step, other)))
-    for index, others in enumerate(_look_alikes(signatures, similar, known=wanted)):
+                    add(index, place.get((instant + step, other)))
+    for index, others in enumerate(_most_similar(signatures, similar, known=chosen)):
         for other in others:
-            want(index, other)
-    return [(shots[a], shots[b]) for a, b in sorted(wanted)]
+            add(index, other)
+    return [(shots[a], shots[b]) for a, b in sorted(chosen)]
 
 
-def _look_alikes(signatures: list[np.ndarray], count: int, *, known: set[tuple[int, int]]) -> list[list[int]]:
+def _most_similar(signatures: list[np.ndarray], count: int, *, known: set[tuple[int, int]]) -> list[list[int]]:
     """For each image the `count` others that share most of their largest features, pairs already known left out."""
     if count == 0:
         return []

@@ -28,7 +28,7 @@ Painted = tuple[Solid, str]
 
 @dataclass(frozen=True, slots=True)
 class RenderedScene:
-    """Painted solids: what the renderer draws, and the truth about where the surfaces are."""
+    """Textured solids: the renderer's input, and the ground truth of the surfaces."""
 
     painted: tuple[Painted, ...]
     """Boxes, rooms, spheres and upright cylinders, each with the name of its paint; their union is matter."""

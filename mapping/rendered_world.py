@@ -1,6 +1,6 @@
-"""A rendered flight: what a rig sees in a room of painted solids, with poses and surfaces known exactly.
+"""A rendered flight: a rig's images of a room of textured solids, with ground truth of poses and surfaces.
 
-Rendered, not recorded: it feeds the demo, the examples and the accuracy tests, and every file it writes says so.
+The demo, the examples and the accuracy tests use it.
 """
 
 from collections.abc import Iterable
@@ -45,7 +45,7 @@ _LOOP_WORLD_M = np.array(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RenderedFlight:
-    """The truth about a rendered sequence."""
+    """Ground truth of a rendered sequence."""
 
     times_s: FloatArray
     """(n,) from the first image."""
@@ -106,7 +106,7 @@ def render(
     gain: float = GAIN,
     noise: float = NOISE_GREY_LEVELS,
 ) -> np.ndarray:
-    """What one camera sees from one body pose (4, 4): (height, width) uint8; black outside the field of view.
+    """The image of one camera at one body pose (4, 4): (height, width) uint8; black outside the field of view.
 
     The same arguments give the same picture, bit for bit, whatever the number of threads.
     """
@@ -169,7 +169,7 @@ def write_rendered_sequence(
 
 
 def exposure_change(index: int, camera_number: int) -> float:
-    """The camera's slow answer to light: within +-18 %, different for each camera."""
+    """The camera's slow automatic exposure: within +-18 %, different for each camera."""
     return 1.0 + 0.18 * float(np.sin(2.0 * np.pi * index / 23.0 + 1.3 * camera_number))
 
 

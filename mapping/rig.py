@@ -1,4 +1,4 @@
-"""The cameras on the vehicle: their lenses and where they sit on the body, read from `camera.toml`.
+"""The cameras on the vehicle: their lenses and their poses on the body, read from `camera.toml`.
 
     format = "goshawk-camera"
     version = 1
@@ -10,7 +10,7 @@
     width = 640
     height = 480
     params = [fx, fy, cx, cy, k1, k2, k3, k4]
-    field_of_view_deg = 165.0       # optional: nothing is seen outside this cone (a lens darker at the rim)
+    field_of_view_deg = 165.0       # optional: full angle of the usable cone (a lens darker at the rim)
     T_body_camera = { q = [w, x, y, z], t = [x, y, z] }   # optional; metres; else looking along body x
 
 Pixel coordinates are COLMAP's: the centre of the upper left pixel is (0.5, 0.5).
@@ -46,7 +46,7 @@ _TABLE_SIZE = 2048
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Camera:
-    """One lens, and where it sits on the body."""
+    """One camera: its lens and its pose on the body."""
 
     name: str
     """Unique in the rig."""
@@ -265,7 +265,7 @@ def load(path: Path) -> Rig:
     document = file_format.read_toml(path, format=FORMAT, version=VERSION)
     intrinsics = document.get("intrinsics", "fixed")
     if intrinsics not in ("fixed", "refine"):
-        raise FormatError(f'{path}: intrinsics is {intrinsics!r}; "fixed" or "refine" is wanted')
+        raise FormatError(f'{path}: intrinsics is {intrinsics!r}; it must be "fixed" or "refine"')
     tables = document.get("camera", [])
     if not isinstance(tables, list) or not tables or not all(isinstance(table, dict) for table in tables):
         raise FormatError(f"{path} has no [[camera]] table")

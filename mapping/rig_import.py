@@ -65,7 +65,7 @@ def _kalibr_camera(entry: dict[str, Any], path: Path, name: str, T_body: FloatAr
 
 
 def read_colmap(path: Path, rigs: Path | None = None) -> Rig:
-    """The cameras of a `cameras.txt`; several need the `rigs.txt` that says where they sit.
+    """The cameras of a `cameras.txt`; several need the `rigs.txt` with their poses on the rig.
 
     Raises:
         InputError: no such file, a lens that our models cannot hold, or several cameras and no rig.
@@ -76,7 +76,7 @@ def read_colmap(path: Path, rigs: Path | None = None) -> Rig:
         raise FormatError(f"{path} holds no camera")
     if len(rows) > 1 and rigs is None:
         raise InputError(
-            f"{path} holds {len(rows)} cameras and does not say where they sit; give COLMAP's rigs.txt with --rig, or "
+            f"{path} holds {len(rows)} cameras without their poses on the rig; give COLMAP's rigs.txt with --rig, or "
             "images of one camera"
         )
     places = _places(rigs) if rigs is not None else {rows[0][0]: _forward()}

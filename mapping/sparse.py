@@ -116,7 +116,7 @@ def reconstruct(
 
 
 def _rig_seen(registered: np.ndarray) -> bool:
-    """Whether several cameras of the rig are in the map: one alone tells no scale."""
+    """Whether several cameras of the rig are in the map: one alone gives no scale."""
     return int(registered.any(axis=0).sum()) > 1
 
 

@@ -1,6 +1,6 @@
-"""Depth from a moving fisheye camera: pairs of its own pictures, rectified on the sphere, matched, and made to agree.
+"""Depth from a moving fisheye camera: pairs of its own images, rectified on the sphere, matched, and compared.
 
-For a pair, columns of the rectified pictures are the angle from the baseline and rows the angle round it. A point lies
+For a pair, columns of the rectified images are the angle from the baseline and rows the angle round it. A point lies
 in the same row of both, and its shift is the angle under which it sees the baseline. Nothing is flattened to a
 pinhole, so forward motion and the whole field of view work alike.
 """
@@ -21,22 +21,22 @@ THREADS = 2
 
 @dataclass(frozen=True, slots=True)
 class StereoOptions:
-    """How pictures are paired and matched."""
+    """How images are paired and matched."""
 
     near_m: float = 0.4
-    """Nearest surface to look for, where a picture does not say better."""
+    """Nearest surface to search for, where the image view gives no range."""
     far_m: float = 8.0
     """Farthest surface of interest; baselines are not lengthened for the sake of what lies beyond."""
     partners: int = 4
-    """How many other pictures each picture is matched with, at most."""
+    """How many other images each image is matched with, at most."""
     least_agreeing: int = 2
-    """How many partners must tell the same depth."""
+    """How many partners must agree on a depth."""
     baseline_ratio: float = 0.08
     """Baseline to aim for, over the typical distance of the scene."""
     depth_scale: float = 0.5
-    """Size of the depth pictures over that of the pictures."""
+    """Size of the depth images over that of the images."""
     column_px: float = 1.3
-    """Width of a rectified column, in pixels of the picture's centre."""
+    """Width of a rectified column, in pixels of the image's centre."""
     row_px: float = 2.0
     """Height of a rectified row."""
     block_columns: int = 5
@@ -50,7 +50,7 @@ class StereoOptions:
 
 
 LARGEST_BASELINE_RATIO = 0.5
-"""Over the typical distance; from farther apart, two pictures look too different to be matched."""
+"""Over the typical distance; from farther apart, two images look too different to be matched."""
 BOUND_DEVIATIONS = 3.0
 """How much nearer than measured, in standard deviations, a surface may be."""
 LARGEST_STEP = 1.15
@@ -58,12 +58,12 @@ LARGEST_STEP = 1.15
 UNSURE_FACING = 0.5
 """Taken beside jumps of depth: half the distance along the ray, so that free space is not overstated."""
 MOST_DISPARITIES = 112
-LEAST_ANGLE_RAD = 0.05  # nearer the baseline than this, parallax says nothing about depth
+LEAST_ANGLE_RAD = 0.05  # nearer the baseline than this, parallax does not determine depth
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DepthImage:
-    """What is known about the distance along each ray of one picture."""
+    """Range along each ray of one image, with its uncertainty and bound."""
 
     inverse_range: FloatImage
     """(h, w) 1/m along the ray, 0 where nothing is known."""
@@ -73,11 +73,11 @@ class DepthImage:
     """(h, w) cosine between the ray and the surface normal, 1 where the surface is met squarely."""
     bound: FloatImage
     """(h, w) 1/m, the largest inverse range that is possible, 0 where nothing is known: space nearer than that is open.
-    Known also where parallax is too small to tell a depth, above all ahead of a camera that moves forward."""
+    Known also where parallax is too small for a depth, above all ahead of a camera that moves forward."""
     agreeing: NDArray[np.uint8]
-    """(h, w) how many partners told this depth."""
+    """(h, w) how many partners agree on this depth."""
     scale: float
-    """Size of this picture over that of the picture it belongs to."""
+    """Size of this image over that of the image it belongs to."""
 
 
 def typical_distance_m(view: ImageView, options: StereoOptions) -> float:
@@ -87,7 +87,7 @@ def typical_distance_m(view: ImageView, options: StereoOptions) -> float:
 
 
 def choose_partners(views: Sequence[ImageView], index: int, options: StereoOptions) -> list[int]:
-    """The pictures to match one picture with: a good baseline, much common view, different sides."""
+    """The images to match one image with: a good baseline, much common view, different sides."""
     centre, axis = views[index].position_world_m, views[index].T_world_camera[:3, 2]
     offsets = np.array([v.position_world_m for v in views]) - centre
     turns = np.array([v.T_world_camera[:3, 2] for v in views]) @ axis
@@ -172,7 +172,7 @@ def _grid(
         first, last = -np.pi, np.pi  # the baseline is in view: all directions round it are
     else:
         first, last = round_it.min(), round_it.max()
-    # OpenCV matches only columns beyond the largest disparity, so the grid starts that much before the picture.
+    # OpenCV matches only columns beyond the largest disparity, so the grid starts that much before the image.
     start = high + disparities * column_step
     columns, rows = np.ceil((start - low) / column_step), np.ceil((last - first) / row_step)
     return np.array([start, column_step, first, row_step, rows, columns]), disparities
@@ -198,7 +198,7 @@ def _match(left: NDArray[np.uint8], right: NDArray[np.uint8], disparities: int, 
 
 
 def depth_image(views: Sequence[ImageView], index: int, options: StereoOptions) -> DepthImage | None:
-    """Depth of one picture from its partners; None when it has too few partners."""
+    """Depth of one image from its partners; None when it has too few partners."""
     view = views[index]
     partners = choose_partners(views, index, options)
     if len(partners) < options.least_agreeing:
@@ -213,9 +213,9 @@ def depth_image(views: Sequence[ImageView], index: int, options: StereoOptions) 
 
 
 def agreed_bound(bounds: FloatImage, value: FloatImage, deviation: FloatImage, least_agreeing: int) -> FloatImage:
-    """(h, w) 1/m: so many partners at least say that nothing has a larger inverse range; never below a known depth's.
+    """(h, w) 1/m: at least so many partners exclude a larger inverse range; never below that of a known depth.
 
-    Spread to the pixels around, because block matching may lose the edge of a near thing before a far one.
+    Spread to the pixels around, because block matching may miss the edge of a near object before a far one.
     """
     import cv2
 
@@ -244,7 +244,7 @@ def facing(inverse_range: FloatImage, rays_camera: FloatArray) -> FloatImage:
 
 
 def depth_rays(view: ImageView, scale: float) -> FloatArray:
-    """(h, w, 3) unit rays of the depth picture's pixels."""
+    """(h, w, 3) unit rays of the depth image's pixels."""
     camera = view.camera
     width, height = round(camera.width * scale), round(camera.height * scale)
     u, v = np.meshgrid(
@@ -254,17 +254,17 @@ def depth_rays(view: ImageView, scale: float) -> FloatArray:
 
 
 def depth_from_sensor(view: ImageView, depth_m: NDArray[np.floating], *, relative_std: float = 0.01) -> DepthImage:
-    """What a depth camera measured, as if it had come from stereo.
+    """A depth camera's measurement in the form of a stereo depth image.
 
     Args:
-        depth_m: (h, w) metres along the optical axis (not along the ray), aligned with the picture, perhaps smaller;
+        depth_m: (h, w) metres along the optical axis (not along the ray), aligned with the image, perhaps smaller;
             0 or NaN where nothing was measured.
         relative_std: standard deviation over the depth.
     """
     scale = depth_m.shape[1] / view.camera.width
     rays = depth_rays(view, scale)
     if depth_m.ndim != 2 or depth_m.shape != rays.shape[:2]:
-        raise InputError(f"a depth image of {depth_m.shape} does not fit a picture of {view.pixels.shape[:2]}")
+        raise InputError(f"a depth image of {depth_m.shape} does not fit an image of {view.pixels.shape[:2]}")
     known = np.isfinite(depth_m) & (depth_m > 0.0) & (rays[..., 2] > 0.0)
     inverse_range = np.where(known, rays[..., 2] / np.where(known, depth_m, 1.0), 0.0).astype(np.float32)
     inverse_range = without_jumps(inverse_range)

@@ -1,4 +1,4 @@
-"""One picture with its lens and its place in the world: what dense reconstruction is given."""
+"""One image with its lens and its pose in the world: the input of dense reconstruction."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from mapping.rig import Camera
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImageView:
-    """A picture, the camera that took it and where that camera was."""
+    """An image, the camera that took it and where that camera was."""
 
     camera: Camera
     """Its lens; only the lens is used, not its place on the body."""
@@ -28,8 +28,8 @@ class ImageView:
         expected = (self.camera.height, self.camera.width)
         if self.pixels.dtype != np.uint8 or self.pixels.shape not in (expected, (*expected, 3)):
             raise InputError(
-                f"a picture of camera {self.camera.name} is {self.pixels.dtype} {self.pixels.shape}; "
-                f"uint8 {expected} or {(*expected, 3)} is wanted"
+                f"image of camera {self.camera.name}: expected uint8 of shape {expected} or {(*expected, 3)}, "
+                f"got {self.pixels.dtype} of shape {self.pixels.shape}"
             )
         if self.T_world_camera.shape != (4, 4) or not np.isfinite(self.T_world_camera).all():
             raise InputError(f"a pose of camera {self.camera.name} is not a finite (4, 4) matrix")
@@ -47,7 +47,7 @@ class ImageView:
 
 
 def lens_row(camera: Camera, scale: float = 1.0) -> FloatArray:
-    """The lens as the kernels read it, for the picture enlarged by `scale` (a size that comes out whole)."""
+    """The lens as the kernels read it, for the image enlarged by `scale` (a size that comes out whole)."""
     width, height = round(camera.width * scale), round(camera.height * scale)
     sx, sy = width / camera.width, height / camera.height
     (fx, fy), (cx, cy) = camera.focal_px, camera.principal_point_px

@@ -1,4 +1,4 @@
-"""A corridor of boxes round a free polyline, each proved to be clear of obstacles all through."""
+"""A corridor of boxes round a free polyline, each proved to be free of obstacles."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -71,7 +71,7 @@ def _leg_axes(along: FloatArray) -> FloatArray:
 def proved(field: space.DistanceField, axes: FloatArray, low: FloatArray, high: FloatArray, required_m: float) -> bool:
     """Whether every point of the box low..high (in the frame of `axes`) keeps `required_m`.
 
-    A distance d at the centre of a piece proves d - (half its diagonal) all through it; the rest is halved.
+    A distance d at the centre of a piece proves d - (half its diagonal) everywhere in it; pieces not proved are halved.
     """
     pieces = np.maximum(np.ceil((high - low) / 0.4).astype(int), 1)
     half = (high - low) / pieces / 2.0

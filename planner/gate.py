@@ -1,7 +1,7 @@
-"""The final gate: no trajectory leaves the planner without it, and it is asked again before anything is uploaded.
+"""The final gate: the checks that every plan must pass, repeated before an upload.
 
-It knows nothing of how the trajectory came about. It never raises for a "no": it says which check failed, with the
-value, the bound, when and where.
+It is independent of how the trajectory was made. It does not raise for a failed check: the report names the check, the
+value, the bound, the time and the place.
 """
 
 import hashlib
@@ -32,18 +32,18 @@ class GateReport:
 
     checks: tuple[Check, ...]
     clearance_m: float
-    """No point of the curve is nearer to an obstacle than this; minus infinity where nothing can be said."""
+    """Proved lower bound of the distance to obstacles along the curve; minus infinity where there is none."""
     required_clearance_m: float
     body_radius_m: float
-    """Of the sphere that the vehicle was taken for; what is left of the clearance is room for its tracking error."""
+    """Radius of the sphere that bounds the vehicle; the rest of the clearance is margin for its tracking error."""
     clearance_point_world_m: tuple[float, float, float]
-    """Where it comes closest, or meets the unknown."""
+    """Point of least clearance, or where it meets unknown space."""
     duration_s: float
     map_hash: str
     """Hash of the field, empty for a formula."""
     vehicle_hash: str
     trajectory_hash: str
-    """Fingerprint of the very trajectory that was checked."""
+    """`fingerprint` of the trajectory that was checked."""
 
     @property
     def passed(self) -> bool:
@@ -77,7 +77,7 @@ def check(
     *,
     waypoints_world_m: FloatArray | None = None,
 ) -> GateReport:
-    """Check a trajectory, whoever made it, against a field and a vehicle.
+    """Check a trajectory against a field and a vehicle.
 
     Args:
         waypoints_world_m: (n, 3) points it must reach in this order; None if it need not reach any.
@@ -85,7 +85,7 @@ def check(
     options = PlanOptions() if options is None else options
     finite = _finite(trajectory)
     checks = [finite]
-    clearance = _no_clearance("not asked: the trajectory is not finite")
+    clearance = _no_clearance("not checked: the trajectory is not finite")
     if finite.passed:
         clearance = _clearance(trajectory, field, options.clearance_m)
         checks += [] if waypoints_world_m is None else [_waypoints(trajectory, waypoints_world_m, options)]
@@ -108,7 +108,7 @@ def check(
 def check_file(
     item: TrajectoryFile, field: DistanceField, vehicle: Vehicle, options: PlanOptions | None = None
 ) -> GateReport:
-    """Check what a file holds, and that it was planned for this map and this vehicle."""
+    """Check a file's trajectory, and that it was planned for this map and this vehicle."""
     report = check(item.trajectory, field, vehicle, options, waypoints_world_m=item.waypoints_world_m)
     same = [
         _identity("map", item.map_hash, report.map_hash),
@@ -135,11 +135,13 @@ def _finite(trajectory: Trajectory) -> Check:
     starts = np.concatenate([[0.0], np.cumsum(T)])
     good = good and np.allclose(starts, trajectory.starts_s, rtol=1e-12, atol=1e-12)
     broken = int((~np.isfinite(trajectory.coefficients)).sum())
-    return Check("finite", float(broken), 0.0, "", good, reason="durations positive, clock and coefficients whole")
+    return Check(
+        "finite", float(broken), 0.0, "", good, reason="durations positive; start times and coefficients finite"
+    )
 
 
 def _waypoints(trajectory: Trajectory, waypoints_world_m: FloatArray, options: PlanOptions) -> Check:
-    """In order, each at the first chance after the one before; the ends must be the first and the last of them."""
+    """Waypoints are reached in order; the curve must start at the first and end at the last of them."""
     wanted = np.asarray(waypoints_world_m, dtype=np.float64).reshape(-1, 3)
     if not len(wanted) or not np.isfinite(wanted).all():
         return Check("waypoints", np.nan, options.waypoint_tolerance_m, "m", False, reason="none, or not finite")

@@ -1,8 +1,8 @@
 """Whether the vehicle can fly a trajectory: speed and acceleration proved, attitude, rates and rotors sampled.
 
 Speed and acceleration are polynomials: their bounds are certified over all time. Tilt, rates and rotor speeds come from
-`vehicle.flatness` (drag included) at samples; what can happen between two of them is bounded by the curvature seen
-there, and that allowance is added to the value before it is compared.
+`vehicle.flatness` (drag included) at samples; an allowance for the values between two samples, from the curvature
+there, is added to the value before it is compared.
 """
 
 from dataclasses import asdict, dataclass
@@ -17,7 +17,7 @@ from vehicle import Limits, Vehicle, flatness, invert
 _PIECES = 16
 """Parts of a segment in which the hull bound is taken; its gap falls with the square of their number."""
 _SIDE_S = 1e-9
-"""How far from a join the sides are looked at: snap, and with it the torque, may jump there."""
+"""Distance in seconds of the samples on both sides of a join: snap, and with it the torque, may jump there."""
 
 
 NAMES = ("speed", "acceleration", "tilt", "roll and pitch rate", "yaw rate", "rotor speed", "slowest rotor")
@@ -26,7 +26,7 @@ NAMES = ("speed", "acceleration", "tilt", "roll and pitch rate", "yaw rate", "ro
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One question of the gate and its answer."""
+    """One check of the gate and its result."""
 
     name: str
     value: float
@@ -37,7 +37,7 @@ class Check:
     """When on the trajectory the value occurs, if it belongs to an instant."""
     segment: int | None = None
     reason: str = ""
-    """How the value was found, or why there is none."""
+    """Method by which the value was found, or why there is none."""
 
     @property
     def ratio(self) -> float:
@@ -105,7 +105,7 @@ def _attitude_checks(trajectory: Trajectory, vehicle: Vehicle, limits: Limits, s
         worst = int(np.argmin(careful) if lowest else np.argmax(careful)) if np.isfinite(careful).all() else -1
         if worst < 0:
             worst = int(np.argmin(np.isfinite(careful)))
-            reason = "the vehicle has no rotor speeds for this motion"
+            reason = "no rotor speeds produce this motion"
         else:
             reason = f"sampled every {step_s:g} s; allowance between samples {more[worst]:.3g} {unit}"
         found = float(careful[worst])
@@ -124,10 +124,10 @@ def _attitude_values(trajectory: Trajectory, vehicle: Vehicle, times: FloatArray
 
 
 def time_shares(trajectory: Trajectory, vehicle: Vehicle, limits: Limits, times: FloatArray) -> FloatArray:
-    """By what factor times must grow for each limit to be met exactly, (limits, times); below 1 there is room.
+    """Factor on the time at which each limit is just met, (limits, times); below 1 the limit is kept with margin.
 
     A prediction: speed and yaw rate fall with the time, acceleration and what follows from it with its square, rates
-    of the thrust's direction with its cube. Where the vehicle has no answer at all the factor is 1.5.
+    of the thrust's direction with its cube. Where the motion is impossible the factor is 1.5.
     """
     hover = float(flatness.state(vehicle, trajectory, times[:1]).rotor_speed_rad_s.mean())
     tilt, rate, yaw_rate, fastest, slowest = _attitude_values(trajectory, vehicle, times)
@@ -169,7 +169,7 @@ def _between_samples(value: FloatArray, segment: np.ndarray) -> FloatArray:
 
 
 def point_mass_bounds(vehicle: Vehicle, limits: Limits) -> penalty.Bounds:
-    """The limits as an optimiser without rotors sees them."""
+    """The limits for an optimiser without a rotor model."""
     still = np.zeros((1, 3))
     mass = vehicle.mass_kg
     speeds = (limits.rotor_speed_min_rad_s, limits.rotor_speed_max_rad_s)

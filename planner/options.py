@@ -1,4 +1,4 @@
-"""What the pilot may choose, and how the planner says no."""
+"""Planning options, and the error for a plan that is infeasible."""
 
 from dataclasses import dataclass, replace
 from math import sqrt
@@ -15,22 +15,22 @@ class PlanOptions:
     radius_m: float = 0.15
     """Radius of a ball round the vehicle's centre that holds all of it."""
     margin_m: float = 0.15
-    """Distance to keep between that ball and every obstacle, for map and tracking errors."""
+    """Margin between that ball and every obstacle, for map and tracking errors."""
     waypoint_tolerance_m: float = 0.01
     """How close to a waypoint counts as reached."""
     yaw: Literal["along_path", "smooth"] = "along_path"
-    """Where to look where no heading is asked for: the way the vehicle flies, or as steadily as possible."""
+    """Heading where none is prescribed: along the path, or as smooth as possible."""
     method: Literal["fastest", "corridor"] = "fastest"
-    """Least time, or least snap inside a corridor of proved boxes (slower; also what is done when the former fails)."""
+    """Least time, or least snap inside a corridor of proved boxes (slower; also the fallback when the former fails)."""
     limits: Limits | None = None
-    """Instead of the vehicle's own."""
+    """Limits to use instead of the vehicle's own."""
     control_reserve: float = 0.08
     """Share of the range of rotor thrust that a plan leaves free at either end. A vehicle planned down to its slowest
     rotor speed, say in a dive, has no torque left to hold its attitude with, and tumbles."""
     pieces: int = 2
     """Polynomials per piece of route: more fly faster and take longer to plan."""
     search_margin_m: float = 6.0
-    """How far round the waypoints to look for a way, where the field names no borders."""
+    """Margin of the search region round the waypoints, for fields without bounds."""
     sample_step_s: float = 0.01
     """Time between the samples at which attitude, rates and rotor speeds are checked."""
     repairs: int = 4
@@ -49,10 +49,10 @@ class PlanOptions:
             raise InputError(f"pieces {self.pieces} and repairs {self.repairs} must be at least 1 and 0")
         for name, known in (("yaw", ("along_path", "smooth")), ("method", ("fastest", "corridor"))):
             if getattr(self, name) not in known:
-                raise InputError(f"{name} is {getattr(self, name)!r}; {' or '.join(known)} is wanted")
+                raise InputError(f"{name} is {getattr(self, name)!r}; it must be {' or '.join(known)}")
 
     def limits_for(self, vehicle: Vehicle) -> Limits:
-        """What a plan may use: the limits asked for (or the vehicle's own), less the control reserve."""
+        """Limits of a plan: the given ones (or the vehicle's own), less the control reserve."""
         own = vehicle.limits if self.limits is None else self.limits
         slowest, fastest = own.rotor_speed_min_rad_s**2, own.rotor_speed_max_rad_s**2
         spare = self.control_reserve * (fastest - slowest)  # thrust goes with the square of the speed
@@ -65,12 +65,12 @@ class PlanOptions:
 
     @property
     def planned_clearance_m(self) -> float:
-        """What the planner keeps, so that the gate's proof, which is good to 1 mm, finds `clearance_m`."""
+        """Clearance that the planner aims for, so that the gate, whose bound is good to 1 mm, proves `clearance_m`."""
         return self.clearance_m + 0.002
 
     @property
     def waypoint_clearance_m(self) -> float:
-        """What waypoints must keep: a little more, so that there is a way up to them."""
+        """Clearance that waypoints must have: a little more, so that a path to them exists."""
         return self.clearance_m + 0.004
 
 
@@ -81,6 +81,6 @@ class PlanInfeasibleError(InfeasibleError):
         where = "" if segment is None else f"between waypoints {segment} and {segment + 1}: "
         super().__init__(f"{where}{reason}; {remedy}")
         self.segment = segment
-        """Index of the waypoint where the leg in question starts; None if it is no single leg."""
+        """Index of the waypoint where the leg in question starts; None if the failure belongs to no single leg."""
         self.reason = reason
         self.remedy = remedy

@@ -1,4 +1,4 @@
-"""Waypoints in, checked trajectory out: the whole job, one step per line."""
+"""From waypoints to a checked trajectory: the planner's main function, one step per line."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
@@ -45,11 +45,11 @@ def plan(
     """The fastest trajectory found through the waypoints, at rest at both ends, that passes the gate.
 
     Args:
-        field: a map's `Field`, or anything with `distance(points)`; what it does not know is not free.
+        field: a map's `Field`, or anything with `distance(points)`; where it is NaN (unknown), space is not free.
 
     Raises:
-        InputError: the waypoints cannot be used; the message says which one, why, and where there is room.
-        PlanInfeasibleError: there is no way, or none within the limits; with `segment`, `reason` and `remedy`.
+        InputError: the waypoints cannot be used; the message names the waypoint, the reason and the nearest free point.
+        PlanInfeasibleError: there is no path, or none within the limits; with `segment`, `reason` and `remedy`.
     """
     options = PlanOptions() if options is None else options
     progress("route", 0.0)
@@ -161,18 +161,16 @@ def save_plan(path: FilePath, plan: Plan, *, name: str) -> None:
 
 
 def trajectory_file(plan: Plan, *, name: str) -> TrajectoryFile:
-    """The plan in the form in which it leaves the planner, with what it was checked against.
+    """The plan as a trajectory file, with the hashes of the map and vehicle it was checked against.
 
     Raises:
-        InputError: the gate has not passed this very trajectory.
+        InputError: this trajectory has not passed the gate.
     """
     if not plan.gate.passed:
         failed = ", ".join(check.name for check in plan.gate.failures)
-        raise InputError(f"trajectory {name} may not leave: it did not pass the gate ({failed})")
+        raise InputError(f"trajectory {name} is not saved: it did not pass the gate ({failed})")
     if gate.fingerprint(plan.trajectory) != plan.gate.trajectory_hash:
-        raise InputError(
-            f"trajectory {name} may not leave: it was changed after it was checked; plan or check it again"
-        )
+        raise InputError(f"trajectory {name} is not saved: it was changed after it was checked; plan or check it again")
     return TrajectoryFile(
         trajectory=plan.trajectory,
         name=name,

@@ -1,4 +1,4 @@
-"""From the pilot's waypoints to a polyline clear of obstacles: checks them, and looks for a way between them."""
+"""From the pilot's waypoints to a polyline clear of obstacles: checks the waypoints and searches between them."""
 
 from dataclasses import dataclass
 
@@ -29,7 +29,7 @@ class Route:
 
 
 def check_waypoints(waypoints: Waypoints, field: space.DistanceField, clearance_m: float) -> None:
-    """Refuse waypoints no path can pass.
+    """Refuse waypoints that no path can reach.
 
     Raises:
         InputError: too few, two in the same place, or one too close to an obstacle or in unknown space.
@@ -50,7 +50,7 @@ def check_waypoints(waypoints: Waypoints, field: space.DistanceField, clearance_
 
 def _trouble(field: space.DistanceField, i: int, point: FloatArray, distance_m: float, clearance_m: float) -> str:
     if np.isneginf(distance_m):
-        where = f"waypoint {i} at {_text(point)} lies outside the map or where the map knows nothing"
+        where = f"waypoint {i} at {_text(point)} is outside of the map or in unknown space"
     elif distance_m < 0.0:
         where = f"waypoint {i} at {_text(point)} is {-distance_m:.2f} m inside an obstacle"
     else:
@@ -69,10 +69,10 @@ def _text(point: FloatArray) -> str:
 
 
 def find(waypoints: Waypoints, field: space.DistanceField, options: PlanOptions) -> Route:
-    """Straight lines where they are free, and a way round where they are not.
+    """Straight lines where they are free, and a searched path elsewhere.
 
     Raises:
-        PlanInfeasibleError: there is no way between two waypoints.
+        PlanInfeasibleError: there is no path between two waypoints.
     """
     points, required = waypoints.positions_world_m, options.planned_clearance_m
     lines = space.check_lines(field, points[:-1], points[1:], required)
@@ -83,7 +83,7 @@ def find(waypoints: Waypoints, field: space.DistanceField, options: PlanOptions)
             way = _way_round(field, points, i, options, grids)
             if way is None:
                 raise PlanInfeasibleError(
-                    f"there is no way round that keeps {required:.2f} m (straight ahead it is {line.distance_m:.2f} m)",
+                    f"no path keeps {required:.2f} m of clearance (the straight line keeps {line.distance_m:.2f} m)",
                     "move a waypoint, or lower margin_m",
                     i,
                 )
@@ -113,7 +113,7 @@ def _way_round(
 
 
 def subdivided(route: Route, field: space.DistanceField) -> Route:
-    """The same way with more points where it is narrow, so that a spline through them has no room to leave it."""
+    """The same polyline with more points in narrow places, so that a spline through them stays close to it."""
     points, index = [route.points[:1]], [route.waypoint[:1]]
     for i in range(len(route.points) - 1):
         a, b = route.points[i], route.points[i + 1]

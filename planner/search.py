@@ -1,4 +1,4 @@
-"""A way round obstacles: compiled A* on a grid of the field, then straight lines as far as the field lets them go."""
+"""Path search round obstacles: compiled A* on a grid of the field, then shortcuts by free straight lines."""
 
 from dataclasses import dataclass
 
@@ -11,10 +11,10 @@ from planner._planner import search as grid_search
 _CELLS = 800_000
 """Most cells of a search grid; larger regions get larger cells."""
 _CELLS_FINE = 4_000_000
-"""The same for the second look, where the first found no way."""
+"""The same for the second search, at finer resolution, where the first found no path."""
 _FINEST_M = 0.12
 _PRICE = 3.0
-"""Added price per metre of going at the required clearance rather than at a comfortable one."""
+"""Added cost per metre of a path at the required clearance rather than at a comfortable one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,7 +24,7 @@ class Lattice:
     origin_world_m: FloatArray
     step_m: float
     distance_m: np.ndarray
-    """(nx, ny, nz) float32; minus infinity where nothing is known."""
+    """(nx, ny, nz) float32; minus infinity where unknown."""
 
     def point(self, cells: np.ndarray) -> FloatArray:
         return self.origin_world_m + self.step_m * np.stack(np.unravel_index(cells, self.distance_m.shape), axis=-1)
@@ -78,10 +78,10 @@ def route(
     required_m: float,
     comfort_m: float,
 ) -> FloatArray | None:
-    """Points (m, 3) from start to goal whose straight lines all keep `required_m`; None if the grid has no such way.
+    """Points (m, 3) from start to goal whose straight lines all keep `required_m`; None if the grid has no such path.
 
     Cells just at the required distance can be joined by lines that dip below it; then cells must keep a little more,
-    up to half the diagonal of a cell, where every line is sure.
+    up to half the diagonal of a cell, where every line is certain to be free.
     """
     for extra in (0.0, 0.3, 0.6, 0.87):
         level = required_m + extra * grid.step_m

@@ -1,4 +1,4 @@
-"""A dense recorded path as a few waypoints: Ramer-Douglas-Peucker, and the variant that asks the map first."""
+"""A dense recorded path as a few waypoints: Ramer-Douglas-Peucker, and a variant that also keeps the clearance."""
 
 import numpy as np
 
@@ -18,7 +18,7 @@ def rdp(
     Args:
         points_world_m: (n, 3) in order; repeated points are fine.
         field: if given, a chord is also split where it does not keep `clearance_m` (as far as the points allow: a
-            chord between neighbouring points stays, whatever the field says of it).
+            chord between neighbouring points stays, whatever its clearance).
 
     Returns:
         (m,) increasing indices; the first and the last point are always kept (one of them if they are all equal).
@@ -28,7 +28,7 @@ def rdp(
     """
     points = np.asarray(points_world_m, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
-        raise InputError(f"the path has shape {points.shape}; (n, 3) with at least one point is wanted")
+        raise InputError(f"the path: expected shape (n, 3) with n >= 1, got {points.shape}")
     broken = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if broken.size:
         raise InputError(f"point {int(broken[0])} of the path is not finite: {points[broken[0]].tolist()}")
@@ -44,7 +44,7 @@ def rdp(
         gaps = distance_to_chord(points[first + 1 : last], points[first], points[last])
         worst = first + 1 + int(np.argmax(gaps))
         if gaps.max() > tolerance_m or _blocked(field, points[first], points[last], clearance_m):
-            if gaps.max() <= 0.0:  # a straight line that is blocked: no point stands out, halve it
+            if gaps.max() <= 0.0:  # a blocked straight line: all points have zero distance, so halve it
                 worst = (first + last) // 2
             keep[worst] = True
             stack += [(first, worst), (worst, last)]
@@ -69,7 +69,7 @@ def shortcut(points: FloatArray, field: space.DistanceField, clearance_m: float,
     """Fewer points (m, 3) along a free path: each point is joined to the farthest one in a free straight line.
 
     A shortcut may come no closer to obstacles than the part it replaces does, or than `comfort_m`, whichever is
-    smaller, and never closer than `clearance_m`. Neighbours are joined whatever the field says.
+    smaller, and never closer than `clearance_m`. Neighbours are joined in any case.
     """
     near = space.distance(field, points)
     kept, at = [0], 0

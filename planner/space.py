@@ -1,4 +1,4 @@
-"""What the planner knows of free space: anything with `distance(points)`; what it does not know is not free."""
+"""Free space for the planner: anything with `distance(points)`; where it is NaN (unknown), space is not free."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -13,7 +13,7 @@ _STEP_M = 1e-4
 
 
 class DistanceField(Protocol):
-    """Signed distance to the nearest obstacle, 1-Lipschitz; NaN where nothing is known."""
+    """Signed distance to the nearest obstacle, 1-Lipschitz; NaN where unknown."""
 
     def distance(self, points_world_m: ArrayLike, /) -> FloatArray: ...
 
@@ -25,15 +25,15 @@ class LineCheck:
     free: bool
     """Whether the distance is at least the required one everywhere on the line."""
     distance_m: float
-    """Smallest distance seen (exact to the tolerance when free)."""
+    """Smallest distance found (exact to the tolerance when free)."""
     fraction: float
-    """Where on the line it was seen, 0 at the start and 1 at the end."""
+    """Its place on the line, 0 at the start and 1 at the end."""
 
 
 def distance(field: DistanceField, points_world_m: FloatArray) -> FloatArray:
-    """What is certain of the distance (n,); minus infinity where the field does not know.
+    """Lower bound of the distance (n,); minus infinity where unknown.
 
-    A sampled field can prove a little less than it interpolates (`proven_distance`), a formula all it says.
+    For a sampled field it is a little below the interpolated value (`proven_distance`), for a formula the value itself.
     """
     ask = getattr(field, "proven_distance", field.distance)
     values = np.asarray(ask(np.ascontiguousarray(points_world_m)), dtype=np.float64)
@@ -47,7 +47,7 @@ def aim(field: DistanceField, required_m: float) -> float:
 
 
 def distance_and_gradient(field: DistanceField, points_world_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Distance (n,) and its gradient (n, 3); both NaN where the field does not know."""
+    """Distance (n,) and its gradient (n, 3); both NaN where unknown."""
     points = np.ascontiguousarray(points_world_m)
     exact = getattr(field, "distance_and_gradient", None)
     if exact is not None:
@@ -62,7 +62,7 @@ def distance_and_gradient(field: DistanceField, points_world_m: FloatArray) -> t
 def check_lines(
     field: DistanceField, starts: FloatArray, ends: FloatArray, required_m: float, *, tolerance_m: float = 1e-3
 ) -> list[LineCheck]:
-    """Check straight lines (n, 3) to (n, 3), exactly but for `tolerance_m`, on the careful side.
+    """Check straight lines (n, 3) to (n, 3), exact within `tolerance_m`, never too optimistic.
 
     A distance d at the middle of a piece of half-length h proves a distance of d - h all along it; pieces that are not
     proved are halved until they are, or until their middle is too close, or they are shorter than the tolerance.

@@ -15,7 +15,7 @@ from sysid.identification import smooth
 from sysid.model import as_flown
 from sysid.options import Options
 from sysid.prediction import predict
-from sysid.result import CHANNELS, LARGE_FORCE_M_S2, LARGE_TORQUE_RAD_S2
+from sysid.result import CHANNELS, LARGE_FORCE_M_S2, LARGE_TORQUE_RAD_S2, SPAN_S
 from sysid.sensors import PoseSensor
 from sysid.states import States
 from vehicle import Vehicle, rigid_body
@@ -26,9 +26,6 @@ SCHEMA_VERSION = 1
 HORIZONS_S = (0.1, 0.2, 0.5, 1.0)
 QUANTITIES = {"position": "m", "velocity": "m/s", "attitude": "rad", "rate": "rad/s"}
 """What prediction errors are given in; the unit of each."""
-
-SPAN_S = 0.1
-"""Residual forces and torques are judged and drawn as means over this long."""
 
 REFERENCE_LOOSENESS = 2.0
 """The reference states trust the first model this much less than its own residuals suggest, so as to take no side."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flight import FlightLog, InputError, frames, rotations
+from flight import FlightLog, InputError, Progress, frames, rotations, silent
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
 from sysid.log_check import check_log
@@ -35,7 +35,13 @@ class Fixed:
     """What the checks still find: no change of the log would mend it, or it came back after it."""
 
 
-def fix(log: FlightLog, vehicle: Vehicle | None = None, *, aloft: tuple[float, float] | None = None) -> Fixed:
+def fix(
+    log: FlightLog,
+    vehicle: Vehicle | None = None,
+    *,
+    aloft: tuple[float, float] | None = None,
+    progress: Progress = silent,
+) -> Fixed:
     """Apply every fix that is a change of the log.
 
     Args:
@@ -44,8 +50,11 @@ def fix(log: FlightLog, vehicle: Vehicle | None = None, *, aloft: tuple[float, f
     """
     done: list[str] = []
     times: dict[tuple[str, str, tuple[str, ...]], int] = {}
+    fixable = 1
     while True:
+        progress("fixing and checking again", min(len(done) / fixable, 1.0))
         found = check_log(_part(log, aloft), vehicle).findings
+        fixable = len(done) + 1 + sum(finding.repair is not None for finding in found)
         finding = _next(found, times)
         if finding is None or len(done) == MOST_FIXES:
             break

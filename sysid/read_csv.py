@@ -3,7 +3,6 @@
 import csv
 import gzip
 import math
-import warnings
 import zlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -12,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from flight import FlightLog, FormatError, InputError, file_format, frames, rotations
+from flight import FlightLog, FormatError, InputError, cells, file_format, frames, rotations
 from flight.flight_log import COLUMNS, from_vectors
 from flight.rotations import FloatArray
 from sysid.streams import shifted
@@ -166,21 +165,18 @@ def read(path: Path, column_map: ColumnMap) -> FlightLog:
     """
     table = _table(Path(path), column_map.separator)
     time = column_map.time
-    keep = np.ones(len(next(iter(table.values()))), dtype=bool)
     if column_map.keep:
-        keep = _column(table, column_map.keep["column"], path) == float(column_map.keep["equals"])
-        if not keep.any():
-            raise InputError(f"{path}: no row has {column_map.keep['column']} = {column_map.keep['equals']}")
-    time_s = _column(table, time["column"], path) * UNITS[time.get("unit", "s")] * float(time.get("scale", 1.0))
-    time_s = time_s[keep]
+        column, equals = column_map.keep["column"], float(column_map.keep["equals"])
+        table.rows = [row for row, value in zip(table.rows, table.column(column), strict=True) if value == equals]
+        if not table.rows:
+            raise InputError(f"{path}: no row has {column} = {column_map.keep['equals']}")
+    time_s = table.column(time["column"]) * UNITS[time.get("unit", "s")] * float(time.get("scale", 1.0))
     vectors = {
-        name: _in_time(_vector(table, name, entry, path)[keep], time_s, entry, name)
+        name: _in_time(_vector(table, name, entry, path), time_s, entry, name)
         for name, entry in column_map.quantities.items()
     }
     scalars = {
-        name: _in_time(
-            _scaled(_column(table, entry["column"], path)[:, None], name, entry, path)[keep], time_s, entry, name
-        )[:, 0]
+        name: _in_time(_scaled(table.column(entry["column"])[:, None], name, entry, path), time_s, entry, name)[:, 0]
         for name, entry in column_map.scalars.items()
     }
     metadata = {"name": Path(path).name.split(".")[0], "source": Path(path).name, **column_map.metadata}
@@ -214,27 +210,71 @@ def _scaled(values: FloatArray, name: str, entry: dict[str, Any], path: Path) ->
     return values * UNITS[entry.get("unit", "1")] * factors[0] * factors[1] + factors[2]
 
 
-def _table(path: Path, separator: str) -> dict[str, FloatArray]:
+@dataclass(slots=True)
+class _Table:
+    """The cells of a CSV file, as text: only columns that the map names must hold numbers."""
+
+    path: Path
+    names: list[str]
+    rows: list[tuple[int, list[str]]]
+    """Line in the file, and the cells."""
+
+    def column(self, name: str) -> FloatArray:
+        """
+        Raises:
+            InputError: there is no such column.
+            FormatError: a cell is neither a number nor one of `cells.MISSING`.
+        """
+        if name not in self.names:
+            raise InputError(f"{self.path} has no column {name}; it has {', '.join(self.names)}")
+        place = self.names.index(name)
+        return cells.numbers(((line, row[place]) for line, row in self.rows), self.path, name)
+
+
+def _table(path: Path, separator: str) -> _Table:
     if not path.is_file():
         raise InputError(f"{path} does not exist or is not a file")
     opener = gzip.open if path.name.endswith(".gz") else open
     try:
         with opener(path, "rt", newline="", encoding="utf-8") as file:
-            header = header_names(file, separator)
-            with warnings.catch_warnings(action="ignore"):  # an empty table is said below
-                values = np.genfromtxt(_text(file), delimiter=_whitespace(separator), dtype=np.float64, ndmin=2)
+            lines = _Lines(file)
+            header = header_names(lines, separator)
+            rows = [(lines.number, row) for row in cells_of(lines, separator)]
     except StopIteration:
         raise FormatError(f"{path} is empty; a CSV file starts with the names of its columns") from None
     except (OSError, ValueError, EOFError, csv.Error, zlib.error) as error:
         said = " ".join(str(error).split())[:200]
         raise FormatError(f"{path} is not a readable CSV file: {said}") from error
-    if not values.size:
+    if not rows:
         raise FormatError(f"{path} has no rows below its header")
     if twice := next((name for name in header if header.count(name) > 1), None):
         raise FormatError(f"{path} has two columns named {twice!r}; rename one")
-    if values.shape[1:] != (len(header),):
-        raise FormatError(f"{path} has {len(header)} names in its header and {values.shape[1]} values in its rows")
-    return dict(zip(header, values.T, strict=True))
+    for line, row in rows:
+        if len(row) != len(header):
+            raise FormatError(f"{path}, line {line}: {len(row)} values below {len(header)} names in the header")
+    return _Table(path, header, rows)
+
+
+class _Lines:
+    """The lines of a text file, counted as they are read."""
+
+    def __init__(self, lines: Iterable[str]) -> None:
+        self._lines = iter(lines)
+        self.number = 0
+
+    def __iter__(self) -> Iterator[str]:
+        return self
+
+    def __next__(self) -> str:
+        """
+        Raises:
+            ValueError: the line holds what no text does; the file is damaged.
+        """
+        line = next(self._lines)
+        self.number += 1
+        if "\0" in line:
+            raise ValueError(f"line {self.number} holds a NUL byte; the file is damaged")
+        return line
 
 
 def header_names(lines: Iterator[str], separator: str) -> list[str]:
@@ -249,31 +289,17 @@ def header_names(lines: Iterator[str], separator: str) -> list[str]:
     return [name.strip() for name in names]
 
 
-def _whitespace(separator: str) -> str | None:
-    """As NumPy wants it: None for any run of blanks."""
-    return None if separator == " " else separator
+def cells_of(lines: Iterable[str], separator: str) -> Iterator[list[str]]:
+    """The cells of each line below the header; a blank separator is any run of blanks.
 
-
-def _text(lines: Iterable[str]) -> Iterator[str]:
-    """The lines of a text file.
-
-    Raises:
-        ValueError: it holds what no text does; a number with it inside would be read as missing.
+    Blank lines and lines that begin with `#` are left out.
     """
-    for number, line in enumerate(lines, start=2):
-        if "\0" in line:
-            raise ValueError(f"line {number} holds a NUL byte; the file is damaged")
-        yield line
+    rows = (line.split() for line in lines) if separator == " " else csv.reader(lines, delimiter=separator)
+    return (row for row in rows if (len(row) > 1 or "".join(row).strip()) and not row[0].startswith("#"))
 
 
-def _column(table: dict[str, FloatArray], name: str, path: Path) -> FloatArray:
-    if name not in table:
-        raise InputError(f"{path} has no column {name}; it has {', '.join(table)}")
-    return table[name]
-
-
-def _vector(table: dict[str, FloatArray], name: str, entry: dict[str, Any], path: Path) -> FloatArray:
-    values = np.stack([_column(table, column, path) for column in entry["columns"]], axis=1)
+def _vector(table: _Table, name: str, entry: dict[str, Any], path: Path) -> FloatArray:
+    values = np.stack([table.column(column) for column in entry["columns"]], axis=1)
     values = _scaled(values, name, entry, path)
     if name.endswith("q_world_body"):
         return _attitude(values, entry, name, path)

@@ -1,5 +1,6 @@
 """What an identification found: estimates with errors that can be believed, and how it got there."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -138,6 +139,8 @@ def _gusts(noise: Noise) -> dict[str, list[float]] | None:
 
 OFF_BELIEF = 0.1
 """Share by which thrust may differ from the vehicle file's before it is worth a sentence."""
+SPAN_S = 0.1
+"""What is left unexplained is judged, told and drawn as means over this long."""
 LARGE_TORQUE_RAD_S2 = 20.0
 """The same as `LARGE_FORCE_M_S2` for turning."""
 LARGE_FORCE_M_S2 = 2.5
@@ -219,7 +222,11 @@ def conclude(
         findings=tuple(
             _findings(vehicle, estimates, solution) + _thrust_against_belief(given, solution, flights) + disagreement
         ),
-        verdict=verdict.doubted(*_at_bounds(vehicle, estimates, but=0.0), *disagreement),
+        verdict=verdict.doubted(
+            *_at_bounds(vehicle, estimates, but=0.0),
+            *unpredicted_turning(solution, flights, unknowns.model),
+            *disagreement,
+        ),
         given=given,
     )
 
@@ -248,11 +255,39 @@ def _updated(vehicle: Vehicle, estimates: list[Estimate], flights: list[Flight])
     return replace(vehicle, provenance={**vehicle.provenance, "identified_from": [f.name for f in flights]})
 
 
-def _unexplained(noise: Noise) -> tuple[float, float]:
-    """Largest unexplained acceleration of an axis over 0.1 s: m/s2 and rad/s2."""
+def _unexplained_axes(noise: Noise) -> FloatArray:
+    """(6,) unexplained acceleration of each axis over 0.1 s: m/s2 and rad/s2."""
     lasting = np.zeros(6) if noise.gusts is None else noise.gusts.size
-    size = np.sqrt(noise.process**2 / 0.1 + lasting**2)
+    return np.sqrt(noise.process**2 / SPAN_S + lasting**2)
+
+
+def _unexplained(noise: Noise) -> tuple[float, float]:
+    """The largest of `_unexplained_axes`: m/s2 and rad/s2."""
+    size = _unexplained_axes(noise)
     return float(size[:3].max()), float(size[3:].max())
+
+
+def _turning_rad_s2(solution: Solution, flights: Sequence[Flight]) -> FloatArray:
+    """(3,) root mean square of the body's angular acceleration, in means over 0.1 s."""
+    parts = []
+    for flight, states in zip(flights, solution.point.states, strict=True):
+        later = np.searchsorted(flight.time_s, flight.time_s + SPAN_S)
+        first = np.flatnonzero(later < len(flight.time_s))
+        rate, last = states.rate_body_rad_s, later[first]
+        parts.append((rate[last] - rate[first]) / (flight.time_s[last] - flight.time_s[first])[:, None])
+    return np.sqrt((np.concatenate(parts) ** 2).mean(axis=0))
+
+
+def unpredicted_turning(solution: Solution, flights: Sequence[Flight], free: Iterable[str]) -> tuple[str, ...]:
+    """A sentence for each axis about which the model with its inertia leaves more than the vehicle turned."""
+    left, turned = _unexplained_axes(solution.noise)[3:], _turning_rad_s2(solution, flights)
+    return tuple(
+        f"about {axis} the model leaves {left[i]:.3g} rad/s2 unexplained (over 0.1 s) where the body turned with "
+        f"{turned[i]:.3g}: it does not predict how the vehicle turns; check the clocks of gyro and rotor speed and the "
+        "rotor order, fly quicker turns, or hold the inertias"
+        for i, axis in enumerate("xyz")
+        if f"inertia_{2 * axis}_kg_m2" in free and left[i] > turned[i]
+    )
 
 
 def _findings(vehicle: Vehicle, estimates: list[Estimate], solution: Solution) -> list[str]:

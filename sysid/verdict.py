@@ -24,7 +24,11 @@ INERTIA_USUAL, INERTIA_POSSIBLE = (0.02, 1.0), (2e-3, 5.0)
 TRIANGLE = 1.1
 """No body's inertia about one axis exceeds the sum of the other two; fits may by this factor, from noise."""
 WRONG_KINDS = ("time unit", "unit", "frame", "rotor order", "rotor spin")
-"""Errors of the log check after which numbers cannot be trusted, whatever the fit says."""
+"""Errors of the log check that forbid the use of numbers, whatever the fit says.
+
+On real flights (docs/real_logs_nanodrone.md) the check found none in logs that were read rightly, and a fit to
+positions read with z down converged and stayed within every limit.
+"""
 
 
 class Use(StrEnum):
@@ -58,15 +62,20 @@ class Verdict:
         return Verdict(*both)
 
     @property
+    def reasons(self) -> tuple[str, ...]:
+        """All sentences, the weightier first."""
+        return (*self.against, *self.doubts)
+
+    @property
     def sentence(self) -> str:
         """The verdict with its first reason."""
-        reasons = (*self.against, *self.doubts)
+        reasons = self.reasons
         more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
         return f"{self.use}: {reasons[0]}{more}" if reasons else str(self.use)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
-        return {"use": str(self.use), "reasons": [*self.against, *self.doubts]}
+        return {"use": str(self.use), "reasons": list(self.reasons)}
 
 
 def of_fit(
@@ -91,7 +100,7 @@ def of_fit(
 def of_logs(reports: Iterable[LogReport]) -> Verdict:
     """What the checks of the logs mean for a fit to them."""
     return Verdict(
-        doubts=tuple(
+        against=tuple(
             f"{report.name}: {finding.sentence}; {finding.fix}"
             for report in reports
             for finding in report.findings

@@ -4,6 +4,7 @@ import os
 import re
 import subprocess
 import sys
+import tokenize
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -26,7 +27,7 @@ def block(language: str) -> str:
     return section.split(f"```{language}\n")[1].split("```")[0]
 
 
-def test_the_readmes_twenty_lines_run_and_say_what_is_printed(tmp_path: Path):
+def test_the_readmes_twenty_lines_run_and_print_what_it_shows(tmp_path: Path):
     program = block("python")
     assert len([line for line in program.splitlines() if line and not line.startswith("#")]) <= 20
     (tmp_path / "twenty_lines.py").write_text(program)
@@ -55,7 +56,7 @@ def test_links_and_pictures_of_a_page_lead_somewhere(page: Path):
             assert (page.parent / target.partition("#")[0]).exists(), target
 
 
-def test_the_gallery_shows_every_example_in_its_own_words_with_its_picture():
+def test_the_gallery_shows_the_docstring_and_picture_of_every_example():
     gallery = (ROOT / "docs" / "examples.md").read_text()
     for script in EXAMPLES:
         assert script.read_text().split('"""')[1].strip() in gallery, f"{script.name} says something else now"
@@ -74,7 +75,7 @@ def test_the_moving_picture_is_small_and_needs_no_script_and_no_network():
     assert all(link.startswith("data:image/png;base64,") for link in links)
 
 
-def test_every_word_of_the_glossary_is_explained_in_a_few_lines():
+def test_every_term_of_the_glossary_is_explained_in_a_few_lines():
     lines = (ROOT / "docs" / "glossary.md").read_text().splitlines()
     starts = [i for i, line in enumerate(lines) if line.startswith(": ")]
     assert len(starts) >= 60
@@ -83,3 +84,40 @@ def test_every_word_of_the_glossary_is_explained_in_a_few_lines():
         assert not lines[i - 1].startswith((":", "#", " "))
         following = [*lines, ""][i + 1 : i + 4]
         assert "" in following, f"{lines[i - 1]} takes more than three lines"
+
+
+ROOMS = ("flight", "esdf", "vehicle", "planner", "mapping", "gcs_web", "goshawk")
+ROOMS += ("examples", "benchmarks", "tools", "docs", "tests")
+COINED = re.compile(
+    r"\b(suspects?|suspicious|convicts?|stand-ins?|look-alikes?|line-up|crumbs?|obituary|side door|sayings|leeway"
+    r"|cannot be seen|virtual (vehicle|flight)s?|rare ways|usual tick|(is|are) wanted|from nil|(told|tells?) apart"
+    r"|knows nothing|stands for|vehicle-sim)\b",
+    re.IGNORECASE,
+)
+"""Words this project coined; docs/terms.md has the standard term for each."""
+COINED_NAMES = re.compile(
+    r"\b(?:def|class) +\w*(suspect|crumb|obituary|look_alike|unseen|silence|stand_in|line_?up|wanted)"
+)
+EARLIER_NAMES = {"terms.md", "test_front_page.py", "test_verb_groups.py"}
+"""Files whose subject are the earlier names."""
+
+
+def prose(path: Path) -> str:
+    """Comments and strings with a space in Python, without the fields of f-strings; elsewhere all but quoted words."""
+    if path.suffix != ".py":
+        return re.sub(r"`[^`\n]*`|\"[^\"\n]*\"", "", path.read_text())
+    with path.open("rb") as source:
+        tokens = [t.string for t in tokenize.tokenize(source.readline) if t.type in (tokenize.COMMENT, tokenize.STRING)]
+    return "\n".join(re.sub(r"\{[^{}]*\}", "", text) for text in tokens if " " in text)
+
+
+def test_coined_words_do_not_come_back():
+    files = [p for room in ROOMS for p in (ROOT / room).rglob("*") if p.suffix in (".py", ".cpp", ".hpp", ".md")]
+    files += [ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+    found = [
+        f"{path.relative_to(ROOT)}: {match[0]}"
+        for path in files
+        if path.name not in EARLIER_NAMES and "sysid" not in path.parts and "_build" not in path.parts
+        for match in (*COINED.finditer(prose(path)), *COINED_NAMES.finditer(path.read_text()))
+    ]
+    assert not found, "docs/terms.md has the standard terms for: " + "; ".join(found)

@@ -38,8 +38,8 @@ def test_every_room_has_faults_and_there_are_fifty():
     assert len({(m.file, m.text, m.replacement) for m in MUTATIONS}) == len(MUTATIONS)
 
 
-def test_a_fault_is_seen_by_the_test_and_not_by_the_disk():
-    (chosen,) = [m for m in MUTATIONS if m.fault == "unknown clearance is drawn green"]
+def test_a_fault_fails_its_test_and_never_reaches_the_disk():
+    (chosen,) = [m for m in MUTATIONS if m.fault == "unknown clearance is drawn as plenty"]
     before = (ROOT / chosen.file).read_bytes()
     name = f"{chosen.tests[0]}::test_unknown_clearance_is_drawn_as_the_worst"
     assert mutate.run([name])[0] == 0

@@ -11,7 +11,7 @@ again() {
     "$@" || code=$?
     [ "$code" = 0 ] && return 0
     if [ "$try" -ge "$tries" ]; then
-      say "$what failed $try times, the reason stands above; run this again when it is mended" >&2
+      say "$what failed $try times; the reason is printed above; correct it and run this again" >&2
       return "$code"
     fi
     say "$what failed: another program may hold the lock, or the network may be away" >&2

@@ -40,7 +40,7 @@ WHOLE = (
 )  # fmt: skip
 """Codec, link endpoint, state machine and failsafes: every branch of these files is taken."""
 GROUPS = ("supervisor", "landing", "mixer", "shaping", "tables", "safety", "mission")
-"""Of the case files, those that judge mutants; the link's are left out, for they fly no vehicle."""
+"""The case files that run against mutants; the link's are left out, as they fly no vehicle."""
 STRICT = (
     "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion", "-Wdouble-promotion", "-Wshadow",
     "-Wcast-align", "-Wcast-qual", "-Wstrict-prototypes", "-Wmissing-prototypes", "-Wundef",
@@ -298,7 +298,7 @@ COST_MARK = "<!-- written by tools/assure.py cost --markdown -->"
 def cost(folder: Path, library: Path) -> dict[str, int]:
     """Worst instructions of every public function, by name and situation: test/worst_case.c on an emulated Cortex-M4F.
 
-    An emulator counts instructions; the cycles of a board's memory and pipeline it does not know.
+    An emulator counts instructions; it does not model the cycles of a board's memory and pipeline.
     """
     need("arm-none-eabi-gcc", "qemu-system-arm")
     program = folder / "worst_case.elf"
@@ -309,7 +309,7 @@ def cost(folder: Path, library: Path) -> dict[str, int]:
         ["qemu-system-arm", "-machine", "mps2-an386", "-icount", "shift=6,sleep=off", "-nographic", "-semihosting",
          "-kernel", str(program)], capture_output=True, text=True, check=True, timeout=300,
     )  # fmt: skip
-    lines = (done.stdout or done.stderr).splitlines()  # the console is stderr when nobody watches
+    lines = (done.stdout or done.stderr).splitlines()  # the console is stderr when there is no terminal
     return {name: int(count) for count, _, name in (line.partition(" ") for line in lines) if name.startswith("tc_")}
 
 
@@ -372,7 +372,7 @@ FUZZ = (
     f"-fsanitize-ignorelist={LIBRARY / 'fuzz' / 'not_sanitized.txt'}",
 )  # fmt: skip
 """Both sanitizers; undefined behaviour ends in a trap rather than in a call that describes it, and comparisons are not
-traced, for the targets know what a good frame looks like: that makes an execution several times as fast."""
+traced, as the targets build good frames themselves: that makes an execution several times as fast."""
 QUICKER = ("crc32.c", "link_crc16.c")
 """Sources that fuzz/quick_crc.c replaces: the same values, several times as fast."""
 LONGEST_INPUT = 128

@@ -101,7 +101,7 @@ def main() -> int:
         return 2
     code, said = run(sorted({test for mutation in chosen for test in mutation.tests}))
     if code:
-        print(f"the tests fail without any fault; mend that first\n{said}")
+        print(f"the tests fail without any fault; correct that first\n{said}")
         return 2
     with ThreadPoolExecutor(options.jobs) as pool:
         noticed = list(pool.map(killed, chosen))

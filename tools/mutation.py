@@ -11,7 +11,7 @@ The faults are made on clang's syntax tree, so that types are known and nearly a
 and, of the table of transitions, [event] = TO(state): left out, and led to the state after that one. A boundary (< for
 <=) of two floats is not tried: it differs for one value in four thousand million.
 
-Mutants that no test can tell from the original, because they compute the same, are listed by hand with the reason in
+Equivalent mutants, which compute the same as the original, are listed by hand with the reason in
 firmware_bridge/controller/test/equivalent_mutants.txt; they do not count. An entry that fits no mutant is an error.
 """
 

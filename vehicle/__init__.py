@@ -1,4 +1,4 @@
-"""What we believe about the vehicle: parameters, effects, forces, flatness, simulation."""
+"""The vehicle model: parameters, effects, forces, flatness, simulation."""
 
 from vehicle import (
     commented,

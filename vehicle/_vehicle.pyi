@@ -53,7 +53,7 @@ class Model:
     def invert(
         self,
         values: NDArray[float64],
-        wanted: NDArray[float64],
+        required: NDArray[float64],
         motion: NDArray[float64],
         surroundings: NDArray[float64],
         out: NDArray[float64],

@@ -1,4 +1,4 @@
-"""A vehicle file for people to edit: every number with its source, every section with what it means."""
+"""A vehicle file for editing by hand: every number with its source, every section with a comment."""
 
 import json
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ def write(path: Path, vehicle: Vehicle, *, schema: str | None = None) -> None:
     """Write `vehicle` with comments.
 
     Args:
-        schema: where an editor finds the JSON schema, relative to the file; None: no such line.
+        schema: where an editor finds the JSON schema, relative to the file; None: the line is left out.
     """
     file_format.write_bytes(Path(path), text(vehicle, schema=schema).encode())
 
@@ -39,8 +39,8 @@ def text(vehicle: Vehicle, *, schema: str | None = None) -> str:
     lines += [
         "# A vehicle of goshawk. SI units; body axes x forward, y left, z up.",
         "# Each number: value, std (standard deviation; 0 = taken as exact), unit, source (where it came from).",
-        "# A source that begins with `default` or `estimated` is not yours: replace it when you know better, or let",
-        "# `goshawk identify FLIGHTS --vehicle THIS_FILE --out BETTER_FILE` measure it. Only the mass must be weighed.",
+        "# A source that begins with `default` or `estimated` was not measured: replace the value when you know better",
+        "# (or run `goshawk identify FLIGHTS --vehicle THIS_FILE --out NEW_FILE`). Only the mass must be weighed.",
         *(f"# Note: {note}" for note in vehicle.provenance.get("notes", [])),
         "",
         f"format = {json.dumps(FORMAT)}",
@@ -105,9 +105,9 @@ def _entry(name: str, p: Parameter) -> str:
 
 
 def _limits(limits: Limits) -> list[str]:
-    return [f"{name} = {float(getattr(limits, name))!r}  # {words}" for name, words in _LIMITS.items()]
+    return [f"{name} = {float(getattr(limits, name))!r}  # {meaning}" for name, meaning in _LIMITS.items()]
 
 
-def _quoted(words: str) -> str:
+def _quoted(text: str) -> str:
     """A TOML basic string: JSON's escapes are a subset of TOML's, but for the character DEL."""
-    return json.dumps(words, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

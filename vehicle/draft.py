@@ -1,4 +1,4 @@
-"""A new vehicle from what is known of it: what is given stays, the rest is estimated or a default that says so.
+"""A new vehicle from partial data: given values stay, the rest are estimates or defaults, named as such in the file.
 
 Estimates, all with their standard deviation in the file:
 
@@ -37,7 +37,7 @@ FRAMES = ("x", "+")
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """What is known of a vehicle; whatever is None or missing is estimated, or asked for."""
+    """The known data of a vehicle; a value that is None or missing is estimated, or required by `missing`."""
 
     name: str | None = None
     mass_kg: Parameter | None = None
@@ -55,7 +55,7 @@ class Known:
     rotor_speed_min_rad_s: float | None = None
     rotor_speed_max_rad_s: float | None = None
     notes: tuple[str, ...] = ()
-    """What a reader of the file should know about the import."""
+    """Remarks on the import for the reader of the file."""
 
 
 def layout(arm_m: float, frame: str) -> tuple[FloatArray, FloatArray]:
@@ -76,17 +76,17 @@ def layout(arm_m: float, frame: str) -> tuple[FloatArray, FloatArray]:
 
 
 def missing(known: Known) -> list[str]:
-    """What no formula can give: words for each, with the option that gives it."""
-    wanted = {
+    """The data that no formula can estimate: a description of each, with the option that sets it."""
+    required = {
         "the mass (--mass, kg: weigh it ready to fly)": known.mass_kg,
         "where the rotors are (--arm, metres from the centre to a motor)": known.hub_body_m,
         "the propeller's diameter (--prop-diameter, metres)": known.rotor_radius_m,
     }
-    return [words for words, value in wanted.items() if value is None]
+    return [description for description, value in required.items() if value is None]
 
 
 def draft(known: Known) -> Vehicle:
-    """The vehicle, complete.
+    """A complete vehicle from the known data.
 
     Raises:
         InputError: mass, rotors or propeller are not known, or a value is out of bounds.
@@ -196,7 +196,7 @@ def _hover_speed(mass_kg: float, acting: Mapping[str, Parameter], given_rad_s: f
 
 
 def _limits(known: Known, hover_rad_s: float | None) -> Limits:
-    """Gentle limits for first flights; rotor speeds as known, else from hover and a usual ratio of thrust to weight."""
+    """Low limits for first flights; rotor speeds as known, else from hover and a typical ratio of thrust to weight."""
     gentle = Limits(speed_m_s=3.0, acceleration_m_s2=4.0, tilt_rad=0.5, rate_rad_s=4.0, yaw_rate_rad_s=1.5)
     usual_max = gentle.rotor_speed_max_rad_s if hover_rad_s is None else float(np.sqrt(THRUST_TO_WEIGHT)) * hover_rad_s
     usual_min = gentle.rotor_speed_min_rad_s if hover_rad_s is None else 0.2 * hover_rad_s
@@ -219,5 +219,5 @@ def _limits(known: Known, hover_rad_s: float | None) -> Limits:
 
 
 def _short(value: float, digits: int = 4) -> float:
-    """Rounded: an estimate with 17 digits reads as if it were known."""
+    """Rounded to few digits, as an estimate is not exact."""
     return float(f"{value:.{digits}g}")

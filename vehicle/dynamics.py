@@ -1,4 +1,4 @@
-"""Wrench and accelerations of a vehicle, and their derivatives; compiled where every active effect is."""
+"""Wrench and accelerations of a vehicle, and their derivatives; compiled if every active effect is."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class Jacobian:
     rotor_speed: FloatArray
     """(n, 6, 4)."""
     parameters: FloatArray
-    """(n, 6, p) by the parameters that were asked for, in that order."""
+    """(n, 6, p) by the requested parameters, in that order."""
     attitude: FloatArray
     """(n, 6, 3) by a small rotation vector in body axes, at fixed air speed in body axes."""
     height: FloatArray
@@ -118,7 +118,7 @@ def _motion(velocity: FloatArray, rate: FloatArray, rotor_speed: FloatArray) -> 
     columns = [np.atleast_2d(np.asarray(a, dtype=np.float64)) for a in (velocity, rate, rotor_speed)]
     for column, width, name in zip(columns, (3, 3, 4), ("velocity", "rate", "rotor_speed"), strict=True):
         if column.ndim != 2 or column.shape[1] != width:
-            raise InputError(f"{name} has shape {column.shape}; (n, {width}) is wanted")
+            raise InputError(f"{name}: expected shape (n, {width}), got {column.shape}")
     n = max(len(column) for column in columns)
     if any(len(column) not in (1, n) for column in columns):
         raise InputError(f"velocity, rate and rotor speed have {', '.join(str(len(c)) for c in columns)} rows")
@@ -177,7 +177,7 @@ def _jacobian(
     else:
         column = {name: 20 + i for i, name in enumerate(kernel.names)}
         # parameters of sensors and motors have no influence here, and no column
-        slots, directions = _wanted_directions(vehicle, [column.get(name) for name in parameters])
+        slots, directions = _nonzero_directions(vehicle, [column.get(name) for name in parameters])
         out, slopes = np.empty((n, 6)), np.zeros((n, 6, 18 + p))
         kernel.model.jacobian(kernel.values, motion, rows, slots, directions, as_acceleration, out, slopes)
     return Jacobian(
@@ -192,18 +192,18 @@ def _jacobian(
     )
 
 
-def _wanted_directions(vehicle: Vehicle, columns: list[int | None]) -> tuple[list[int], list[int]]:
-    """Slots among the slopes that are not zero anyway, and the kernel's number for each of those directions."""
+def _nonzero_directions(vehicle: Vehicle, columns: list[int | None]) -> tuple[list[int], list[int]]:
+    """Columns of the Jacobian that are not zero, and the kernel's number for each of those directions."""
     needs = {need for name in vehicle.effects for need in registry.find(name).needs}
-    wanted = [(slot, slot) for slot in range(10)]
+    nonzero = [(slot, slot) for slot in range(10)]
     if "q_world_body" in needs:
-        wanted += [(slot, slot) for slot in (10, 11, 12)]
+        nonzero += [(slot, slot) for slot in (10, 11, 12)]
     if "height_m" in needs:
-        wanted += [(13, 14)]
+        nonzero += [(13, 14)]
     if "rotor_acceleration_rad_s2" in needs:
-        wanted += [(14 + k, 16 + k) for k in range(4)]
-    wanted += [(18 + i, column) for i, column in enumerate(columns) if column is not None]
-    return [slot for slot, _ in wanted], [direction for _, direction in wanted]
+        nonzero += [(14 + k, 16 + k) for k in range(4)]
+    nonzero += [(18 + i, column) for i, column in enumerate(columns) if column is not None]
+    return [slot for slot, _ in nonzero], [direction for _, direction in nonzero]
 
 
 def _complex_steps(
@@ -229,7 +229,7 @@ def _complex_steps(
 
 
 def _surroundings_steps(around: Surroundings) -> list[tuple[int, Surroundings]]:
-    """Each surrounding that is known, moved by a complex step, with its column among the slopes."""
+    """Each known surrounding with a complex step added, and its column of the Jacobian."""
     steps: list[tuple[int, Any]] = []
     if around.q_world_body is not None:
         w, x, y, z = np.atleast_2d(around.q_world_body).T
@@ -266,8 +266,10 @@ def _accelerations(body: RigidBody, rate: Array, force: Array, torque: Array) ->
     return force / body.mass_kg, np.linalg.solve(body.inertia_kg_m2, net.T).T
 
 
-def driven(vehicle: Vehicle, command: FloatArray, speed: FloatArray, battery_v: Any) -> tuple[Array, Array | None]:
-    """What the motors make of a command (n, 4): the command that reaches the rotors (n, 4), and the rotor
+def motor_response(
+    vehicle: Vehicle, command: FloatArray, speed: FloatArray, battery_v: Any
+) -> tuple[Array, Array | None]:
+    """Response of the motors to a command (n, 4): the command that reaches the rotors (n, 4), and the rotor
     acceleration (n, 4), or None when no active effect models it and the rotors follow at once."""
     drive = Drive(np.atleast_2d(command).T, np.atleast_2d(speed).T, battery_v)
     for name in forces.active(vehicle, Stage.COMMAND, Stage.DRIVE):

@@ -46,7 +46,7 @@ def load(path: Path, *, relative_to: Path | None = None) -> Vehicle:
 
     Raises:
         InputError: there is no such file.
-        FormatError: it is not a vehicle file, is damaged, or newer than this version; the message says where.
+        FormatError: it is not a vehicle file, is damaged, or newer than this version; the message names the place.
     """
     path = Path(path)
     document = file_format.read_toml(path, format=FORMAT, version=VERSION)
@@ -143,15 +143,15 @@ def _number(name: str, value: Any) -> float:
 
 def _numbers(table: dict[str, Any], where: str, key: str, shape: tuple[int, ...]) -> np.ndarray:
     """An array of numbers of a certain shape."""
-    wanted = " rows of ".join(str(n) for n in shape) + " numbers"
+    expected = " rows of ".join(str(n) for n in shape) + " numbers"
     if key not in table:
-        raise InputError(f"{where} has no {key}; it must be {wanted}")
+        raise InputError(f"{where} has no {key}; expected {expected}")
     try:
         values = np.array(table[key], dtype=np.float64)
     except (TypeError, ValueError):
         values = np.empty(0)
     if values.shape != shape:
-        raise InputError(f"{where}.{key} is {str(table[key])[:60]}, not {wanted}")
+        raise InputError(f"{where}.{key} is {str(table[key])[:60]}; expected {expected}")
     return values
 
 

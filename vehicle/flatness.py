@@ -1,4 +1,4 @@
-"""From a trajectory to everything the vehicle must do for it: attitude, rates, torque, rotor speeds, drag included.
+"""Differential flatness: attitude, rates, torque and rotor speeds that a trajectory requires, drag included.
 
 Yaw is the Hopf chart's: body axes are turned by yaw about world z, then tilted the shortest way to the thrust axis.
 It is smooth everywhere except upside down, and is what the controller uses.
@@ -22,7 +22,7 @@ _SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FlatState:
-    """What a vehicle does at n instants of a trajectory. Rows are NaN where it cannot be done at all."""
+    """State and rotor speeds at n instants of a trajectory. Rows are NaN where the motion is impossible."""
 
     time_s: FloatArray
     position_world_m: FloatArray
@@ -86,14 +86,14 @@ def _middle(path: _Path) -> _Path:
 
 
 def _state_numpy(vehicle: Vehicle, times: FloatArray, path: _Path, ground_m: float) -> FlatState:
-    """The plain twin of the kernel, for vehicles with effects of the user's own."""
+    """NumPy reference of the kernel, and the form for vehicles with effects of the user's own."""
     n = len(times)
     mass = float(rigid_body(vehicle).mass_kg)
     speed = np.broadcast_to(invert.hover(vehicle), (5 * n, 4))
     rate, centre_rate, turn = np.zeros((5 * n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
     offsets = np.repeat(np.arange(-2, 3) * _OFFSET_S, n)[:, None]
     q = np.zeros((5 * n, 4))
-    for _ in range(2):  # forces depend a little on the rates, which come from the attitudes: second round settles it
+    for _ in range(2):  # forces depend a little on the rates, which come from the attitudes: two iterations suffice
         q, speed = _attitudes(vehicle, mass, path, rate, speed, ground_m)
         centre_rate, turn = _rates(q.reshape(5, n, 4))
         rate = np.tile(centre_rate, (5, 1)) + offsets * np.tile(turn, (5, 1))
@@ -120,11 +120,11 @@ def _attitudes(
 
     Drag decides the thrust axis and the thrust axis decides drag: a contraction, as drag is a fraction of thrust.
     """
-    wanted = mass * (path.acceleration + np.array([0.0, 0.0, GRAVITY_M_S2]))
-    size = np.linalg.norm(wanted, axis=1)
-    q = hopf(wanted / np.where(size > 1e-9, size, np.nan)[:, None], path.yaw)
+    required = mass * (path.acceleration + np.array([0.0, 0.0, GRAVITY_M_S2]))
+    size = np.linalg.norm(required, axis=1)
+    q = hopf(required / np.where(size > 1e-9, size, np.nan)[:, None], path.yaw)
     for _ in range(200):
-        turned, along, force_z = _turned(vehicle, wanted, path, q, rate, speed, ground_m)
+        turned, along, force_z = _turned(vehicle, required, path, q, rate, speed, ground_m)
         ratio = np.sqrt(np.clip(along / np.maximum(force_z, 1e-12), 0.25, 4.0))
         change = np.abs(turned - q).max(axis=1) + np.abs(ratio - 1.0)
         q, speed = turned, speed * ratio[:, None]
@@ -135,25 +135,25 @@ def _attitudes(
 
 def _turned(
     vehicle: Vehicle,
-    wanted: FloatArray,
+    required: FloatArray,
     path: _Path,
     q: FloatArray,
     rate: FloatArray,
     speed: FloatArray,
     ground_m: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The attitude that lines thrust up with what drag at the old attitude leaves to do; its size; the old thrust."""
+    """Attitude that aligns thrust with the required force less drag at the old attitude; thrust; old thrust."""
     velocity = rotations.rotate(rotations.conjugate(q), path.velocity)
     force, _ = dynamics.wrench(vehicle, velocity, rate, speed, _around(path, q, ground_m))
-    # With drag -c v the axis is wanted + c v whatever the attitude (Faessler et al. 2018); only what is not of that
+    # With drag -c v the axis is required + c v whatever the attitude (Faessler et al. 2018); only what is not of that
     # form has to be iterated.
     lateral = velocity * np.array([1.0, 1.0, 0.0])
     square = (lateral**2).sum(axis=1)
     c = np.where(square > 1e-6, -(force * lateral).sum(axis=1) / np.maximum(square, 1e-6), 0.0)[:, None]
     rest = force * np.array([1.0, 1.0, 0.0]) + c * lateral
-    axis = wanted - rotations.rotate(q, rest) + c * path.velocity
+    axis = required - rotations.rotate(q, rest) + c * path.velocity
     axis = axis / np.linalg.norm(axis, axis=1, keepdims=True)
-    return hopf(axis, path.yaw), (wanted * axis).sum(axis=1), force[:, 2]
+    return hopf(axis, path.yaw), (required * axis).sum(axis=1), force[:, 2]
 
 
 def hopf(axis: FloatArray, yaw_rad: FloatArray) -> FloatArray:
@@ -187,16 +187,16 @@ def _finish(
     speed: FloatArray,
     ground_m: float,
 ) -> FlatState:
-    """Rotor speeds one by one; where drag depends on each of them, the attitude is lined up once more."""
+    """Individual rotor speeds; where drag depends on each of them, the attitude is aligned with thrust once more."""
     body = rigid_body(vehicle)
     torque = turn @ body.inertia_kg_m2.T + np.cross(rate, rate @ body.inertia_kg_m2.T)
-    wanted = float(body.mass_kg) * (path.acceleration + np.array([0.0, 0.0, GRAVITY_M_S2]))
+    required = float(body.mass_kg) * (path.acceleration + np.array([0.0, 0.0, GRAVITY_M_S2]))
     for _ in range(20):
         back = rotations.conjugate(q)
-        thrust, velocity = rotations.rotate(back, wanted)[:, 2], rotations.rotate(back, path.velocity)
+        thrust, velocity = rotations.rotate(back, required)[:, 2], rotations.rotate(back, path.velocity)
         around = _around(path, q, ground_m)
         speed = invert.rotor_speeds(vehicle, thrust, torque, velocity, rate, surroundings=around, guess_rad_s=speed)
-        turned, _, _ = _turned(vehicle, wanted, path, q, rate, speed, ground_m)
+        turned, _, _ = _turned(vehicle, required, path, q, rate, speed, ground_m)
         if not (np.abs(turned - q) > 1e-12).any():
             break
         q = turned

@@ -1,4 +1,4 @@
-"""Simulated flights: fly a controller, keep the truth, then measure it as real sensors would."""
+"""Simulated flights: fly a controller, record the ground truth, then simulate the sensors' measurements."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ Controller = Callable[[Fleet], FloatArray]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """What really happened to m vehicles at t instants."""
+    """Ground truth of m vehicles at t instants."""
 
     vehicle: Vehicle
     time_s: FloatArray
@@ -38,7 +38,7 @@ class Truth:
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """How much the sensors add, as standard deviations of independent samples."""
+    """Sensor noise, as standard deviations of independent samples."""
 
     position_m: float = 0.002
     attitude_rad: float = 0.0021
@@ -84,7 +84,7 @@ def fly_trajectory(
     ground_m: float = -np.inf,
     ceiling_m: float = np.inf,
 ) -> Truth:
-    """One vehicle along one trajectory with the plain tracking controller, which knows only `believed`."""
+    """One vehicle along one trajectory with the simple tracking controller, which uses the model `believed`."""
     tracker = Tracker(believed or truth, trajectory, period_s)
     start = trajectory.evaluate(np.zeros(1))[0]
     state = simulate.hovering(believed or truth, start[:3], yaw_rad=float(start[3]))
@@ -133,7 +133,7 @@ def _sensor_reading(truth: Truth, member: int) -> Reading:
 
 
 def _sensor_pose(v: Vehicle, time_s: FloatArray, rows: FloatArray, age_s: float) -> tuple[FloatArray, FloatArray]:
-    """Pose of the sensor, as old as it is; before the first instant the vehicle is taken as it was then."""
+    """Pose of the sensor `age_s` ago; before the first instant the first state is used."""
     when = np.clip(time_s - age_s, time_s[0], time_s[-1])
     after = np.clip(np.searchsorted(time_s, when), 1, len(time_s) - 1)
     fraction = (when - time_s[after - 1]) / (time_s[after] - time_s[after - 1])

@@ -1,6 +1,6 @@
 """Force and torque on the body: the sum of the active effects, in plain NumPy.
 
-This is the twin that is obviously right; `vehicle.wrench` runs the compiled kernel when it knows every effect.
+This is the reference; `vehicle.wrench` runs the compiled kernel when every active effect has a compiled form.
 """
 
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ ValueMap = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """What some effects read besides air speed, body rate and rotor speed. None where not known."""
+    """Quantities that some effects read besides air speed, body rate and rotor speed. None where unavailable."""
 
     q_world_body: FloatArray | None = None
     """(n, 4), for wind given in world axes."""

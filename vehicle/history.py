@@ -1,7 +1,7 @@
-"""What a vehicle file was before: every version kept beside it, so that any change can be taken back.
+"""Versions of a vehicle file, kept beside it, so that any change can be undone.
 
-`vehicle.toml` has its history in the folder `vehicle.history`: `history.json` says what was done, and each version is
-there byte for byte. A step remembers which version it was made from, so what was undone is kept too.
+`vehicle.toml` has its history in the folder `vehicle.history`: `history.json` lists the steps, and each version is
+there byte for byte. A step records which version it was made from, so undone versions are kept too.
 """
 
 import hashlib
@@ -32,12 +32,12 @@ class HeldOut:
     after: Mapping[str, float]
     """The same under the model the step made."""
     verdict: str = ""
-    """Whether it helped, in words."""
+    """Whether the error fell, as text."""
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One version of the file, and how it came about."""
+    """One version of the file, and the action that made it."""
 
     number: int
     parent: int | None
@@ -50,7 +50,7 @@ class Step:
     file_sha256: str
     """Of the file, byte for byte."""
     vehicle_hash: str
-    """Of what the vehicle does; what a plan remembers."""
+    """Hash of the vehicle's behaviour (`vehicle_hash`); plans record it."""
     effects: tuple[str, ...]
     held_out: HeldOut | None = None
 
@@ -67,7 +67,7 @@ class History:
     current: int = -1
 
     def line(self) -> tuple[Step, ...]:
-        """From the first version to the current one, without what was taken back."""
+        """From the first version to the current one, without undone steps."""
         found: list[Step] = []
         at = self.current if self.steps else None
         while at is not None:
@@ -86,7 +86,7 @@ def folder(path: Path) -> Path:
 
 
 def read(path: Path) -> History:
-    """The history of a vehicle file; without one, or after an edit by hand, the present file is its last step.
+    """The history of a vehicle file; without a history, or after an edit by hand, the present file is its last step.
 
     Nothing is written.
 
@@ -133,7 +133,7 @@ def target(path: Path, number: int | None = None) -> tuple[Step, Step]:
 
 
 def restore(path: Path, number: int | None = None) -> tuple[Step, Step]:
-    """Bring back a version, byte for byte: the one before the last step, or any. What is left stays in the history.
+    """Restore a version, byte for byte: the one before the last step, or any. All versions stay in the history.
 
     Returns:
         The version that was left, and the one that is there now.
@@ -163,7 +163,7 @@ def _snapshot_bytes(path: Path, step: Step) -> bytes:
         raise FormatError(f"{kept} is missing; version {step.number} of {path.name} is lost")
     data = kept.read_bytes()
     if hashlib.sha256(data).hexdigest() != step.file_sha256:
-        raise FormatError(f"{kept} is not what the history says it was; version {step.number} is lost")
+        raise FormatError(f"{kept} does not match its hash in the history; version {step.number} is lost")
     return data
 
 

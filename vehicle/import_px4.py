@@ -1,7 +1,7 @@
 """Rotor geometry from PX4's parameters: a `.params` file of QGroundControl, or the parameters in a ULog.
 
-PX4 knows where the rotors are (`CA_ROTOR*_PX, _PY, _PZ`, x forward, y right, z down), how they turn (the sign of `_KM`)
-and little else: no mass, no inertia, no size of propeller, and thrust only as a share of full throttle.
+PX4's parameters give the rotors' positions (`CA_ROTOR*_PX, _PY, _PZ`, x forward, y right, z down), their spins (sign
+of `_KM`) and little else: no mass, no inertia, no size of propeller, and thrust only as a share of full throttle.
 """
 
 from pathlib import Path
@@ -12,7 +12,7 @@ from flight import FormatError, InputError
 from vehicle.draft import Known
 
 GENERIC_KM = 0.05
-"""PX4's default ratio of torque to thrust: nobody measured it."""
+"""PX4's default ratio of torque to thrust, which is not a measured value."""
 LARGEST_BYTES = 4_000_000
 
 
@@ -30,7 +30,7 @@ def read(path: Path) -> Known:
             f"{path} has no CA_ROTOR0_PX: its PX4 is older than 1.13 or geometry was never set; give --arm and --frame"
         )
     if count is not None and int(count) != 4:
-        raise InputError(f"{path} says CA_ROTOR_COUNT = {count:g}; only quadrotors, of 4 rotors, can be modelled")
+        raise InputError(f"{path} has CA_ROTOR_COUNT = {count:g}; only quadrotors, of 4 rotors, can be modelled")
     # parameters at PX4's defaults are not saved: 0 for places
     places = [[values.get(f"CA_ROTOR{i}_P{axis}", 0.0) for axis in "XYZ"] for i in range(4)]
     hubs = np.array(places) * [1.0, -1.0, -1.0]
@@ -95,6 +95,6 @@ def _of_ulog(path: Path) -> dict[str, float]:
 
     try:
         values = ULog(str(path)).initial_parameters
-    except Exception as error:  # pyulog raises whatever its parser stumbles over
+    except Exception as error:  # pyulog's parser raises many types
         raise FormatError(f"{path} is not a readable ULog file: {error}") from error
     return {str(name): float(value) for name, value in values.items()}

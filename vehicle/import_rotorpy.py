@@ -1,6 +1,6 @@
-"""A vehicle from a RotorPy parameter file (`quad_params = {...}`), read without running it.
+"""A vehicle from a RotorPy parameter file (`quad_params = {...}`), parsed without executing it.
 
-The text is parsed and only this is worked out: numbers, strings, lists, tuples, dictionaries, names assigned before,
+The text is parsed and only these are evaluated: numbers, strings, lists, tuples, dictionaries, names assigned before,
 `+ - * / **`, `np.array`, and a few of NumPy's functions of one number. Anything else is refused with its line.
 """
 
@@ -47,11 +47,11 @@ _ALWAYS = ("k_eta", "k_m")
 
 
 def read(path: Path) -> Known:
-    """Everything that RotorPy's dictionary says and we have a law for.
+    """All values of RotorPy's dictionary for which the catalogue has a law.
 
     Raises:
         InputError: no such file, or it lacks mass, rotors or thrust, or a value is no number.
-        FormatError: it is not such a file, or holds something that would have to be run.
+        FormatError: it is not such a file, or holds an expression that would have to be executed.
     """
     path = Path(path)
     given = dictionary(path)
@@ -128,7 +128,7 @@ def dictionary(path: Path) -> dict[str, Any]:
         elif isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Dict):
             names["quad_params"] = _value(statement.value, names, path)
         elif not isinstance(statement, ast.Import | ast.ImportFrom | ast.Expr):
-            raise FormatError(f"{path}, line {statement.lineno}: only assignments are read, nothing is run")
+            raise FormatError(f"{path}, line {statement.lineno}: only assignments are read, no code is executed")
     found = [value for value in names.values() if isinstance(value, dict) and "mass" in value]
     if len(found) != 1:
         raise FormatError(
@@ -138,7 +138,7 @@ def dictionary(path: Path) -> dict[str, Any]:
 
 
 def _value(node: ast.expr, names: Mapping[str, Any], path: Path) -> Any:
-    """What an expression is worth; see the module for what is allowed."""
+    """Value of an expression; the module's docstring lists what is allowed."""
     match node:
         case ast.Constant():
             return node.value
@@ -163,7 +163,7 @@ def _value(node: ast.expr, names: Mapping[str, Any], path: Path) -> Any:
             if name in _FUNCTIONS and isinstance(inside, int | float):
                 return _worked_out(lambda: _FUNCTIONS[name](inside), node, path)
     raise FormatError(
-        f"{path}, line {node.lineno}: {ast.unparse(node)[:60]!r} would have to be run; write its value there"
+        f"{path}, line {node.lineno}: {ast.unparse(node)[:60]!r} would have to be executed; write its value there"
     )
 
 

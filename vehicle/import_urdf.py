@@ -34,7 +34,7 @@ def read(path: Path) -> Known:
 
     Raises:
         InputError: no such file, or not one root, four rotors and a mass.
-        FormatError: it is not a URDF, or one that could harm (entities, too large).
+        FormatError: it is not a URDF, or an unsafe one (XML entities, too large).
     """
     path = Path(path)
     robot = _parsed(path)
@@ -65,7 +65,7 @@ def read(path: Path) -> Known:
     }
     notes = [
         f"rotors 0 to 3 are {', '.join(link.name for link in rotors)} of {path.name}",
-        "a URDF does not say how rotors turn: neighbours are taken to turn opposite ways, the front left one clockwise",
+        "a URDF has no rotor spins: neighbours are taken to turn opposite ways, the front left one clockwise",
     ]
     return Known(
         name=re.sub(r"[^\w.-]+", "-", robot.get("name") or path.stem),
@@ -183,7 +183,7 @@ def _number(element: ElementTree.Element, name: str, path: Path, *, default: flo
 
 
 def _properties(given: Mapping[str, str], source: str) -> dict[str, Parameter]:
-    """What gym-pybullet-drones writes into its URDFs besides: thrust and torque coefficient, propeller radius."""
+    """The properties that gym-pybullet-drones adds to its URDFs: thrust and torque coefficient, propeller radius."""
     wanted = {
         "kf": ("thrust_quadratic.k_n_s2", "N s2"),
         "km": ("rotor_yaw_torque.torque_n_m_s2", "N m s2"),

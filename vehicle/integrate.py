@@ -1,4 +1,4 @@
-"""One integrator, two engines: the compiled kernel, and NumPy, its plain twin.
+"""One integrator, two implementations: the compiled kernel, and NumPy as its reference.
 
 A state is a row of 17: position 0-2 and velocity 3-5 in world axes, q_world_body 6-9, body rate 10-12, rotor
 speed 13-16. The world is a row of 6: wind 0-2, gravity 3, floor height 4, ceiling height 5.
@@ -23,7 +23,7 @@ def world_row(wind_m_s: Sequence[float], gravity_m_s2: float, ground_m: float, c
 
 
 def stepper(vehicle: Vehicle, values: Mapping[str, FloatArray] | None = None, count: int = 1) -> Advance:
-    """The fastest engine for this vehicle; `values` gives each of `count` vehicles its own numbers.
+    """The fastest implementation for this vehicle; `values` gives each of `count` vehicles its own numbers.
 
     Raises:
         InputError: a value has no such parameter, another length, or the vehicle has no compiled form.
@@ -57,7 +57,7 @@ def _kernel_stepper(kernel: native.Compiled, rows: FloatArray) -> Advance:
 
 
 def numpy_stepper(vehicle: Vehicle) -> Advance:
-    """The plain twin of the kernel."""
+    """NumPy reference of the kernel."""
 
     def advance(world, command, battery_v, steps, step_s, states, specific_force):
         energy = np.zeros(len(states))
@@ -72,7 +72,7 @@ def numpy_stepper(vehicle: Vehicle) -> Advance:
             states[:, 6:10] = rotations.normalise(states[:, 6:10])
             _rest_on_ground(world, before, states)
             energy += step_s * power
-        reached, spin_up = dynamics.driven(vehicle, command, states[:, 13:17], battery_v[:, 0])
+        reached, spin_up = dynamics.motor_response(vehicle, command, states[:, 13:17], battery_v[:, 0])
         if spin_up is None:
             states[:, 13:17] = reached
         k, specific, _ = _derive(vehicle, world, command, battery_v, states)
@@ -87,9 +87,9 @@ def numpy_stepper(vehicle: Vehicle) -> Advance:
 def _derive(
     vehicle: Vehicle, world: FloatArray, command: FloatArray, battery_v: FloatArray, x: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Slope of the state, specific force, and the power the rotors put into the air."""
+    """Time derivative of the state, specific force, and the power the rotors put into the air."""
     q, w, speed = x[:, 6:10], x[:, 10:13], x[:, 13:17]
-    reached, spin_up = dynamics.driven(vehicle, command, speed, battery_v[:, 0])
+    reached, spin_up = dynamics.motor_response(vehicle, command, speed, battery_v[:, 0])
     if spin_up is None:
         speed, spin_up = np.broadcast_to(reached, speed.shape), np.zeros_like(speed)
     around = Surroundings(q, x[:, 2] - world[:, 4], world[:, 5] - x[:, 2], spin_up)
@@ -109,7 +109,7 @@ def _rotor_power(vehicle: Vehicle, thrust_n: FloatArray) -> FloatArray:
 
 
 def _rest_on_ground(world: FloatArray, before: FloatArray, states: FloatArray) -> None:
-    """The floor holds what rests on it: no sinking, sliding or turning until the rotors lift the vehicle off."""
+    """A vehicle on the floor does not sink, slide or turn until the rotors lift it off."""
     ground = np.broadcast_to(world[:, 4], len(states))
     resting = (states[:, 2] <= ground) & (states[:, 5] <= 0.0)
     states[resting, 0:10] = before[resting, 0:10]

@@ -1,4 +1,4 @@
-"""The exact inverse: which rotor speeds give a wanted thrust and torque, with every active effect counted."""
+"""The exact inverse: the rotor speeds that give a required thrust and torque, with every active effect included."""
 
 import numpy as np
 
@@ -22,18 +22,18 @@ def rotor_speeds(
     surroundings: Surroundings | None = None,
     guess_rad_s: FloatArray | None = None,
 ) -> FloatArray:
-    """Rotor speeds whose force along body z and torque are the wanted ones (Newton on all four at once).
+    """Rotor speeds whose force along body z and torque are the required ones (Newton on all four at once).
 
     Args:
-        thrust_n: (n,) wanted force along body z, drag along it included.
-        torque_n_m: (n, 3) wanted torque.
+        thrust_n: (n,) required force along body z, drag along it included.
+        torque_n_m: (n, 3) required torque.
         guess_rad_s: (n, 4) start; the speeds of an even thrust if not given.
 
     Returns:
         (n, 4) rotor speeds; a row is NaN where none exist (a rotor would have to pull downward).
     """
-    wanted = np.column_stack([np.atleast_1d(thrust_n), np.atleast_2d(torque_n_m)])
-    count = len(wanted)
+    required = np.column_stack([np.atleast_1d(thrust_n), np.atleast_2d(torque_n_m)])
+    count = len(required)
     velocity = np.broadcast_to(np.atleast_2d(velocity_air_body_m_s), (count, 3))
     rate = np.broadcast_to(np.atleast_2d(rate_body_rad_s), (count, 3))
     around = surroundings or open_air(count)
@@ -41,30 +41,32 @@ def rotor_speeds(
     speed = np.array(np.broadcast_to(speed, (count, 4)))
     kernel = native.compiled(vehicle)
     if kernel is None:
-        return rotor_speeds_numpy(vehicle, wanted, velocity, rate, speed, around)
+        return rotor_speeds_numpy(vehicle, required, velocity, rate, speed, around)
     out = np.empty((count, 4))
     rows = native.surroundings_rows(around)
-    kernel.model.invert(kernel.values, wanted, np.hstack([velocity, rate, speed]), rows, out)
+    kernel.model.invert(kernel.values, required, np.hstack([velocity, rate, speed]), rows, out)
     return out
 
 
 def rotor_speeds_numpy(
     vehicle: Vehicle,
-    wanted: FloatArray,
+    required: FloatArray,
     velocity: FloatArray,
     rate: FloatArray,
     speed: FloatArray,
     around: Surroundings,
 ) -> FloatArray:
-    """The plain twin of the kernel: the same Newton steps, on all rows that still move. `wanted` is (n, 4)."""
-    count = len(wanted)
+    """NumPy reference of the kernel: the same Newton steps, on the rows not yet converged. `required` is (n, 4)."""
+    count = len(required)
     change = np.full(count, np.inf)
     for _ in range(_STEPS):
         todo = np.flatnonzero(change > _TOLERANCE_RAD_S)
         if not todo.size:
             break
-        step = _newton_step(vehicle, wanted[todo], velocity[todo], rate[todo], speed[todo], _rows(around, todo, count))
-        # a start far off may overshoot below zero, where n^2 has its false twin: stop at a tenth of the speed
+        step = _newton_step(
+            vehicle, required[todo], velocity[todo], rate[todo], speed[todo], _rows(around, todo, count)
+        )
+        # a far start may overshoot below zero, towards the root -n of n^2: stop at a tenth of the speed
         speed[todo] = np.maximum(speed[todo] + step, 0.1 * speed[todo])
         change[todo] = np.abs(step).max(axis=1)
     speed[~(change <= _TOLERANCE_RAD_S)] = np.nan
@@ -73,14 +75,14 @@ def rotor_speeds_numpy(
 
 def _newton_step(
     vehicle: Vehicle,
-    wanted: FloatArray,
+    required: FloatArray,
     velocity: FloatArray,
     rate: FloatArray,
     speed: FloatArray,
     around: Surroundings,
 ) -> FloatArray:
     jacobian = dynamics.wrench_jacobian(vehicle, velocity, rate, speed, surroundings=around)
-    missing = wanted - jacobian.value[:, 2:]
+    missing = required - jacobian.value[:, 2:]
     slope = jacobian.rotor_speed[:, 2:]
     singular = ~np.isfinite(slope).all(axis=(1, 2)) | (np.abs(speed).min(axis=1) < 1e-9)
     slope[singular] = np.eye(4)

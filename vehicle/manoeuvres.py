@@ -1,4 +1,4 @@
-"""A library of manoeuvres that excite the effects: trajectories, to be simulated, planned round, or flown.
+"""Manoeuvres that excite the effects, as trajectories for simulation, planning and flight.
 
 Each is made of legs from rest to rest, every axis with its own list, so that axes can move at different times.
 Sizes are for an open hall; `scaled` fits them to another place or vehicle.

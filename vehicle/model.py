@@ -1,4 +1,4 @@
-"""The vehicle as we believe it to be: a rigid body, four rotors, and an ordered list of effects."""
+"""The vehicle model: a rigid body, four rotors, and an ordered list of effects."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -33,14 +33,14 @@ turns sensor axes into body axes."""
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Vehicle:
-    """Everything that is believed about one vehicle. Change it with the `with_...` methods, which copy."""
+    """The model of one vehicle. Change it with the `with_...` methods, which return copies."""
 
     name: str
     parameters: Mapping[str, Parameter]
     """Body parameters by name (`mass_kg`), effects' parameters by `effect.parameter`."""
     hub_body_m: FloatArray
     """(4, 3) rotor hubs in body axes. Our own files start front left and go counter-clockwise seen from above,
-    but nothing depends on that order: everybody reads it here."""
+    but no code depends on that order: all read it from here."""
     spin: FloatArray
     """(4,) +1 turns counter-clockwise seen from above, -1 clockwise."""
     effects: tuple[str, ...]
@@ -73,7 +73,7 @@ class Vehicle:
         return self.parameters[name]
 
     def values(self, effect: str) -> SimpleNamespace:
-        """All values of one active effect, as its `apply` wants them."""
+        """All values of one active effect, in the form that its `apply` takes."""
         return SimpleNamespace(
             **{s.name: self.parameters[f"{effect}.{s.name}"].value for s in registry.find(effect).parameters}
         )
@@ -92,8 +92,8 @@ class Vehicle:
         effect = registry.find(name)
         unknown = set(values) - {s.name for s in effect.parameters}
         if unknown:
-            wanted = ", ".join(s.name for s in effect.parameters)
-            raise InputError(f"effect {name} has no parameter {', '.join(sorted(unknown))}; it has {wanted}")
+            known = ", ".join(s.name for s in effect.parameters)
+            raise InputError(f"effect {name} has no parameter {', '.join(sorted(unknown))}; it has {known}")
         added = {
             f"{name}.{s.name}": Parameter(
                 float(values.get(s.name, s.default)), 0.0 if s.name in values else s.prior, s.unit, source
@@ -175,13 +175,13 @@ def _check_effects(vehicle: Vehicle) -> None:
 
 
 def _check_parameters(vehicle: Vehicle) -> None:
-    wanted = specs(vehicle)
-    missing, surplus = set(wanted) - set(vehicle.parameters), set(vehicle.parameters) - set(wanted)
+    expected = specs(vehicle)
+    missing, surplus = set(expected) - set(vehicle.parameters), set(vehicle.parameters) - set(expected)
     if missing:
         raise InputError(f"vehicle {vehicle.name} lacks {', '.join(sorted(missing))}")
     if surplus:
         raise InputError(f"vehicle {vehicle.name} gives {', '.join(sorted(surplus))}, which no active effect uses")
-    for name, spec in wanted.items():
+    for name, spec in expected.items():
         parameter, (low, high) = vehicle.parameters[name], spec.bounds
         if not low <= parameter.value <= high:
             raise InputError(f"{name} is {parameter.value:g} {spec.unit}; it must be from {low:g} to {high:g}")

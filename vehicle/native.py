@@ -1,4 +1,4 @@
-"""The bridge to the compiled kernel: a vehicle as a list of compiled effects and one flat row of values."""
+"""A vehicle in the form of the compiled kernel: a list of compiled effects and one flat row of values."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -51,7 +51,7 @@ def _compile(vehicle: Vehicle) -> Compiled | None:
 def for_stepping(vehicle: Vehicle) -> Compiled | None:
     """As `compiled`, but effects of the user's own take part too, called back from the kernel; only for simulation.
 
-    None when one of them acts on mass or motors, which the kernel does not hand out.
+    None when one of them acts on mass or motors, for which the kernel has no callback.
     """
     own = [name for name in vehicle.effects if name not in _KNOWN and registry.find(name).stage != Stage.SENSOR]
     if any(registry.find(name).stage not in _FLOW_STAGES for name in own):

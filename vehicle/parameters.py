@@ -1,4 +1,4 @@
-"""One number we believe about the vehicle, with how well and why; and what may be asked of the vehicle."""
+"""A parameter with its standard deviation and source; and the limits of the vehicle."""
 
 from dataclasses import dataclass, fields
 from math import isfinite
@@ -28,7 +28,7 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What the planner may ask of the vehicle."""
+    """Limits that a plan must keep."""
 
     speed_m_s: float = 8.0
     """Largest speed along the path."""

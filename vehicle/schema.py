@@ -11,7 +11,7 @@ from vehicle.parameters import Limits
 
 
 def schema() -> dict[str, Any]:
-    """The schema, with every effect of the catalogue; effects of the user's own are let through."""
+    """The schema, with every effect of the catalogue; effects of the user's own are accepted unchecked."""
     effects = {
         name: _table({s.name: _parameter(s) for s in effect.parameters}, effect.law, all_required=True)
         for name, effect in registry.catalogue().items()
@@ -46,7 +46,7 @@ def schema() -> dict[str, Any]:
             "effect": {"type": "object", "properties": effects},
             "limits": _table(
                 {f.name: {"type": "number", "minimum": 0.0} for f in fields(Limits)},
-                "What the planner may ask of the vehicle.",
+                "Limits that a plan must keep.",
             ),
             "provenance": {"type": "object"},
         },
@@ -69,8 +69,8 @@ def _parameter(spec: Spec) -> dict[str, Any]:
     }
 
 
-def _table(properties: dict[str, Any], words: str, *, all_required: bool = False) -> dict[str, Any]:
-    table = {"type": "object", "description": words, "additionalProperties": False, "properties": properties}
+def _table(properties: dict[str, Any], description: str, *, all_required: bool = False) -> dict[str, Any]:
+    table = {"type": "object", "description": description, "additionalProperties": False, "properties": properties}
     return table | {"required": list(properties)} if all_required else table
 
 

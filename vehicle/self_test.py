@@ -1,7 +1,7 @@
-"""Does an effect show itself? Plant it, fly the manoeuvres that are said to excite it, and get its values back.
+"""Whether an effect is identifiable: plant it, fly the manoeuvres that excite it, and recover its values.
 
-This is the least an entry of the catalogue, or an effect of the user's own, has to do. It asks an easier question
-than identification does: everything else is known, and accelerations are measured directly.
+Every entry of the catalogue, and every effect of the user's own, must pass. The test is easier than
+identification: all other parameters are known, and accelerations are measured directly.
 """
 
 from collections.abc import Callable
@@ -23,12 +23,12 @@ _SAMPLE_S = 0.02
 _ITERATIONS = 8
 
 Model = Callable[[Vehicle], FloatArray]
-"""What the sensors would read of a candidate vehicle, each entry divided by its noise."""
+"""Sensor readings of a candidate vehicle, each divided by its noise."""
 
 
 @dataclass(frozen=True, slots=True)
 class Recovery:
-    """Planted values and what came back."""
+    """Planted values and recovered ones."""
 
     names: tuple[str, ...]
     planted: FloatArray
@@ -38,7 +38,7 @@ class Recovery:
 
     @property
     def passed(self) -> bool:
-        """Every value within four standard deviations, and the largest planted one seen with at least five."""
+        """Every value within four standard deviations, and the largest planted one found at five or more."""
         close = (np.abs(self.found - self.planted) < 4.0 * self.std).all()
         return bool(close and (np.abs(self.planted) / self.std).max() > 5.0)
 
@@ -47,7 +47,7 @@ def run(name: str, *, rng: np.random.Generator, base: Vehicle | None = None) -> 
     """Plant an effect (by name) on a vehicle and recover it from noisy measurements.
 
     Args:
-        base: the vehicle that carries it; the paper's if not given.
+        base: the vehicle the effect is added to; the paper's if not given.
     """
     effect = registry.find(name)
     base = base or files.example()
@@ -58,7 +58,7 @@ def run(name: str, *, rng: np.random.Generator, base: Vehicle | None = None) -> 
 
 
 def _recover(effect: Effect, truth: Vehicle, model: Model, measured: FloatArray) -> Recovery:
-    """Gauss-Newton with numeric slopes, from the default values; the prior only keeps the first steps sane."""
+    """Gauss-Newton with numeric slopes, from the default values; the prior only bounds the first steps."""
     free = [s for s in effect.parameters if not s.held]
     prior, planted = np.array([s.prior for s in free]), np.array([s.planted for s in free])
 
@@ -95,7 +95,7 @@ def _model(effect: Effect, truth: Vehicle) -> Model:
 
 
 def _acceleration_model(effect: Effect, truth: Vehicle) -> Model:
-    """Specific force and angular acceleration along the exciting manoeuvres, flown by the truth."""
+    """Specific force and angular acceleration along the exciting manoeuvres, flown by the true vehicle."""
     motions, surroundings = zip(*(_motion(truth, name) for name in effect.excited_by), strict=True)
     motion = np.concatenate(motions)
     around = Surroundings(
@@ -110,7 +110,7 @@ def _acceleration_model(effect: Effect, truth: Vehicle) -> Model:
 
 
 def _motion(truth: Vehicle, name: str) -> tuple[FloatArray, Surroundings]:
-    """Air speed, body rate and rotor speed (n, 10) along a manoeuvre, with what surrounds it."""
+    """Air speed, body rate and rotor speed (n, 10) along a manoeuvre, with its surroundings."""
     trajectory = manoeuvres.make(name)
     flat = flatness.state(truth, trajectory, trajectory.sample(_SAMPLE_S)[:-1], ground_m=0.0)
     flyable = np.isfinite(flat.rotor_speed_rad_s).all(axis=1)
@@ -136,7 +136,7 @@ def _rotor_speeds(candidate: Vehicle) -> FloatArray:
     speed, history = np.full((1, 4), 850.0), np.empty((count, 4))
     for k in range(count):
         for _ in range(5):
-            reached, spin_up = dynamics.driven(candidate, np.full((1, 4), wave[k]), speed, volts[k])
+            reached, spin_up = dynamics.motor_response(candidate, np.full((1, 4), wave[k]), speed, volts[k])
             speed = np.broadcast_to(reached, (1, 4)) if spin_up is None else speed + spin_up * (step_s / 5)
         history[k] = speed[0]
     return history.ravel() / ROTOR_SPEED_NOISE_RAD_S

@@ -1,6 +1,6 @@
 """Fly a vehicle: fixed-step Runge-Kutta of fourth order, one vehicle or many, wind and a floor included.
 
-The vehicle handed in here is the truth; what the controller believes may be another `Vehicle` altogether.
+The vehicle given here is the true one; the controller may use another `Vehicle` as its model.
 """
 
 import math
@@ -17,7 +17,7 @@ from vehicle.model import Vehicle
 
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
-    """Where a vehicle is and how it moves."""
+    """Pose, velocities and rotor speeds of a vehicle."""
 
     position_world_m: FloatArray = field(default_factory=lambda: np.zeros(3))
     """Of the centre of mass."""
@@ -27,7 +27,7 @@ class State:
     rotor_speed_rad_s: FloatArray = field(default_factory=lambda: np.zeros(4))
 
     def row(self) -> FloatArray:
-        """(17,) as the kernel keeps it."""
+        """(17,) in the kernel's order."""
         parts = (
             self.position_world_m,
             self.velocity_world_m_s,
@@ -77,7 +77,7 @@ class Battery:
 
 
 class Fleet:
-    """Many vehicles of one kind flown at once, each with its own state, command and, if wanted, its own numbers."""
+    """Many vehicles of one kind flown at once, each with its own state, command and, optionally, parameter values."""
 
     def __init__(
         self,
@@ -94,7 +94,7 @@ class Fleet:
     ) -> None:
         """
         Args:
-            states: where each of the m vehicles starts.
+            states: initial states of the m vehicles.
             values: full parameter name to (m,) values, for those that differ from vehicle to vehicle.
             rng: needed only for gusts.
             ground_m: height of a floor that carries the vehicles; none by default.
@@ -130,9 +130,9 @@ class Fleet:
         """
         command = np.atleast_2d(np.array(rotor_speed_command_rad_s, dtype=np.float64))
         if command.ndim != 2 or command.shape[1] != 4 or len(command) not in (1, len(self._rows)):
-            raise InputError(f"the rotor speed command has shape {command.shape}; four finite numbers are wanted")
+            raise InputError(f"the rotor speed command: expected shape (4,) or ({len(self)}, 4), got {command.shape}")
         if not np.isfinite(command).all():
-            raise InputError(f"the rotor speed command is {command[0]}; four finite numbers are wanted")
+            raise InputError(f"the rotor speed command: expected four finite numbers, got {command[0]}")
         if not duration_s > 0.0:
             raise InputError(f"duration_s is {duration_s:g}; it must be positive")
         np.clip(command, 0.0, self.vehicle.limits.rotor_speed_max_rad_s, out=command)
@@ -182,7 +182,7 @@ class Fleet:
 
     @property
     def specific_force_body_m_s2(self) -> FloatArray:
-        """(m, 3) what ideal accelerometers at the centres of mass read."""
+        """(m, 3) readings of ideal accelerometers at the centres of mass."""
         return self._specific_force.copy()
 
     @property
@@ -257,7 +257,7 @@ class Plant:
 
     @property
     def specific_force_body_m_s2(self) -> FloatArray:
-        """(3,) what an ideal accelerometer at the centre of mass reads."""
+        """(3,) reading of an ideal accelerometer at the centre of mass."""
         return self._fleet.specific_force_body_m_s2[0]
 
     @property

@@ -1,7 +1,7 @@
-"""A plain tracking controller for simulated flights: feed-forward from flatness, small linear corrections.
+"""A simple tracking controller for simulated flights: feed-forward from flatness, small linear corrections.
 
-It exists so that identification campaigns, self-tests and examples can fly a trajectory without the embedded
-controller. It is not what flies on the vehicle.
+Identification campaigns, self-tests and examples fly trajectories with it instead of the embedded controller. It
+does not run on the vehicle.
 """
 
 from dataclasses import dataclass
@@ -26,14 +26,14 @@ class Gains:
 
 
 class Tracker:
-    """Rotor speed commands that keep a fleet on a trajectory, from what is believed about the vehicle."""
+    """Rotor speed commands that keep a fleet on a trajectory, computed from a vehicle model."""
 
     def __init__(
         self, believed: Vehicle, trajectory: Trajectory, period_s: float = 0.005, gains: Gains | None = None
     ) -> None:
         """
         Raises:
-            InfeasibleError: the believed vehicle cannot fly the trajectory.
+            InfeasibleError: the model `believed` cannot fly the trajectory.
         """
         self._period_s, self._gains = period_s, gains or Gains()
         times = np.minimum(np.arange(0.0, trajectory.duration_s + period_s, period_s), trajectory.duration_s)
@@ -75,7 +75,7 @@ def _mixer(believed: Vehicle, flat: flatness.FlatState) -> FloatArray:
 
 
 def _lead(believed: Vehicle, flat: flatness.FlatState, period_s: float) -> FloatArray:
-    """Commands that make lagging rotors turn at the wanted speeds: ahead by lag times acceleration."""
+    """Commands that make lagging rotors reach the required speeds: ahead by lag times acceleration."""
     speed = flat.rotor_speed_rad_s
     if "motor_lag" not in believed.effects or len(speed) < 3:
         return speed

@@ -1,4 +1,4 @@
-// What the distance transform is asked to do. The kernel itself is in edt_kernel.hpp, compiled once per instruction
+// Arguments of the distance transform. The kernel itself is in edt_kernel.hpp, compiled once per instruction
 // set.
 #pragma once
 #include <cstddef>

@@ -49,7 +49,7 @@ inline bool any(const Mask& mask) {
 }
 
 template <class T>
-struct Window {  // the voxels that can matter to the box asked for
+struct Window {  // the voxels that can affect the requested box
     Index lo[3], hi[3];
     explicit Window(const Request<T>& r) {
         for (int a = 0; a < 3; ++a) {
@@ -134,7 +134,7 @@ void split_signs(const T* in, Index rows, T cap, Column<T>& free, Column<T>& sol
 }
 
 template <class T>
-struct Pass {  // how steps 2 and 3 combine rows; rows [first, last) are wanted
+struct Pass {  // how steps 2 and 3 combine rows; rows [first, last) are computed
     Index rows, first, last, reach;
     const T* table;
     T cap;

@@ -1,4 +1,4 @@
-// The Python face of the kernels: arrays in, arrays out. Names, checks and documentation are in the Python modules.
+// Python bindings of the kernels: arrays in, arrays out. Names, checks and documentation are in the Python modules.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/optional.h>

@@ -1,4 +1,4 @@
-// What a query is asked of. The kernel itself is in query_kernel.hpp, compiled once per instruction set.
+// The lattices that a query reads. The kernel itself is in query_kernel.hpp, compiled once per instruction set.
 #pragma once
 #include <cstddef>
 #include <cstdint>

@@ -44,8 +44,8 @@ void walk(const Point& start, const Point& end, const std::ptrdiff_t* n, const V
         at[a] = std::clamp<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(std::floor(p)), 0, n[a] - 1);
         step[a] = way[a] > 0.0 ? 1 : -1;
         per_voxel[a] = way[a] == 0.0 ? std::numeric_limits<double>::infinity() : std::abs(1.0 / way[a]);
-        const double border = way[a] > 0.0 ? at[a] + 1.0 : static_cast<double>(at[a]);
-        next[a] = way[a] == 0.0 ? std::numeric_limits<double>::infinity() : (border - start[a]) / way[a];
+        const double face = way[a] > 0.0 ? at[a] + 1.0 : static_cast<double>(at[a]);
+        next[a] = way[a] == 0.0 ? std::numeric_limits<double>::infinity() : (face - start[a]) / way[a];
     }
     while (visit(at[0], at[1], at[2])) {
         const int a = next[0] < next[1] ? (next[0] < next[2] ? 0 : 2) : (next[1] < next[2] ? 1 : 2);

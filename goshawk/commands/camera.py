@@ -32,7 +32,7 @@ def command() -> None:
 @click.argument("images", type=click.Path(path_type=Path))
 @out_option
 @click.option("--focal-px", "focal_px", type=float, help="Focal length in pixels, if known.")
-@click.option("--quick", is_flag=True, help="Do not ask the pictures: EXIF or an assumption, with its error, at once.")
+@click.option("--quick", is_flag=True, help="No self-calibration: EXIF or a default, with its error, at once.")
 @outputs.overwrite_option
 @console.json_option
 def new(images: Path, out: Path, focal_px: float | None, quick: bool, overwrite: bool, as_json: bool) -> None:
@@ -43,8 +43,8 @@ def new(images: Path, out: Path, focal_px: float | None, quick: bool, overwrite:
     goshawk camera new photos --out camera.toml --quick
     goshawk map photos --camera camera.toml --length 13.2 --out map
 
-    IMAGES is a folder of pictures that one camera took from several places, neighbours overlapping. What is written is
-    a first guess: mapping refines it.
+    IMAGES is a folder of images that one camera took from several places, neighbours overlapping. The result is a
+    first guess: mapping refines it.
     """
     from mapping import lens_guess
 
@@ -73,14 +73,14 @@ def new(images: Path, out: Path, focal_px: float | None, quick: bool, overwrite:
     document |= {"focal_std": found.focal_std, "calibrated": found.is_calibrated, "scale": None}
     console.show("camera", facts, as_json=as_json, document=document)
     if not found.is_calibrated and not as_json:
-        reason = "--quick was given" if quick else "the pictures could not be placed with any likely lens"
-        click.echo(f"note: the lens is only assumed ({reason}); a map made with it may fail or be bent")
+        reason = "--quick was given" if quick else "the images could not be placed with any of the start lenses"
+        click.echo(f"note: the lens is a default ({reason}); a map made with it may fail or be distorted")
 
 
 @command.command("import")
 @click.argument("calibration", type=click.Path(path_type=Path))
 @out_option
-@console.path_option("--rig", "rigs", "COLMAP's rigs.txt: where several cameras sit.")
+@console.path_option("--rig", "rigs", "COLMAP's rigs.txt: poses of several cameras on the vehicle.")
 @outputs.overwrite_option
 @console.json_option
 def bring(calibration: Path, out: Path, rigs: Path | None, overwrite: bool, as_json: bool) -> None:
@@ -91,8 +91,8 @@ def bring(calibration: Path, out: Path, rigs: Path | None, overwrite: bool, as_j
     goshawk camera import sparse/0/cameras.txt --out camera.toml
     goshawk camera import cameras.txt --rig rigs.txt --out camera.toml
 
-    The first camera is taken to look along body x; edit T_body_camera if it does not. Images of camera NAME are looked
-    for in the sub-folder NAME.
+    The first camera is taken to look along body x; edit T_body_camera if it does not. Images of camera NAME are read
+    from the sub-folder NAME.
     """
     from mapping import rig_import
 

@@ -1,4 +1,4 @@
-"""`goshawk check`: the final gate, on its own, for any trajectory, map and vehicle."""
+"""`goshawk check`: the final gate for any trajectory, map and vehicle."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +20,7 @@ from planner import gate
 @console.vehicle_option
 @console.margin_option
 @click.option(
-    "--renew", is_flag=True, help="If it passes, write it as checked for this map and vehicle; the old one is kept."
+    "--renew", is_flag=True, help="If it passes, record it as checked for this map and vehicle; the old file is kept."
 )
 @console.json_option
 def command(
@@ -33,17 +33,20 @@ def command(
     goshawk check walk.json --map other-map --vehicle vehicle.toml --json
     goshawk check walk.json --map map --vehicle learned.toml --renew
 
-    Exit code 0: it may be flown. 1: it may not, and the table says why. One that was planned for another map or
-    another vehicle may not, unless it passes every check there and --renew says to keep it for these.
+    Exit code 0: it passes and may be flown. 1: it fails, and the table shows which check. A trajectory planned for
+    another map or vehicle fails, unless it passes every other check and --renew records it for these.
     """
     item = trajectory.load(trajectory_file)
-    area = mapping.open_map(map_folder)
     options = options_from(vehicle_file, margin_m)
     believed = vehicle.load(vehicle_file)
-    if renew:
-        report = gate.check(item.trajectory, area.field, believed, options, waypoints_world_m=item.waypoints_world_m)
-    else:
-        report = gate.check_file(item, area.field, believed, options)
+    with console.progress() as progress:
+        progress("opening the map", 0.0)
+        field = mapping.open_map(map_folder).field
+        progress(f"checking {trajectory_file.name}", 0.0)
+        if renew:
+            report = gate.check(item.trajectory, field, believed, options, waypoints_world_m=item.waypoints_world_m)
+        else:
+            report = gate.check_file(item, field, believed, options)
     if renew and report.passed:
         with outputs.file(trajectory_file, overwrite=True) as temporary:
             trajectory.save(temporary, renewed(item, report))

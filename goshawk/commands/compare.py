@@ -1,4 +1,4 @@
-"""`goshawk compare`: what each model predicts, and what was measured."""
+"""`goshawk compare`: predictions of vehicle models against measured flights."""
 
 from pathlib import Path
 
@@ -9,6 +9,7 @@ import vehicle
 from flight import InputError
 from goshawk import console, outputs
 from goshawk.flights import load
+from goshawk.model_change import prediction_error
 from sysid.comparison import HORIZONS_S
 
 
@@ -36,20 +37,20 @@ def command(
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Compare models with FLIGHTS, best those that were not used for fitting.
+    """Compare models with FLIGHTS, preferably held-out ones.
 
     \b
     goshawk compare flights/walk.parquet --vehicle fitted.toml
     goshawk compare flights/walk.parquet --vehicle fitted.toml --vehicle with_drag.toml --report compare.html
 
-    From many points of each flight the model flies on with the measured rotor speeds; the table shows how far it is
-    off after 0.1 to 1 s. Figures and report show what is left: force and torque over time with their band, which
-    variable explains them, and where on the path it happens.
+    From many points of each flight the model is integrated with the measured rotor speeds; the table shows its error
+    after 0.1 to 1 s. Figures and report show the residual force and torque: over time with a confidence band, against
+    the variable that explains them, and along the path.
     """
     outputs.check(report_file, overwrite=overwrite, folders=[plots])
     models = {path.stem: vehicle.load(path) for path in vehicle_files}
     if len(models) < len(vehicle_files):
-        raise InputError("two vehicle files have the same name; the table could not tell them apart")
+        raise InputError("two vehicle files have the same name; rename one: the table names models by their files")
     with console.progress() as report:
         result = sysid.compare([load(path, columns) for path in flights], models, progress=report)
     figures: list[Path] = []
@@ -64,8 +65,12 @@ def command(
         document |= {"report": report_file and str(report_file)}
         console.show("", {}, as_json=True, document=document)
         return
-    heads = ("model", "quantity", *(f"{h:g} s" for h in HORIZONS_S))
-    rows = [(model, name, *map(float, errors)) for model in models for name, errors in result.errors[model].items()]
+    heads = ("model", "error of", *(f"after {h:g} s" for h in HORIZONS_S))
+    rows = [
+        (model, quantity, *(prediction_error(quantity, error) for error in errors))
+        for model in models
+        for quantity, errors in result.errors[model].items()
+    ]
     console.table(f"open-loop prediction error, rms of {result.predictions} predictions", heads, rows)
     for remark in result.remarks:
         click.echo(f"note: {remark}")

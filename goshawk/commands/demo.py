@@ -1,4 +1,4 @@
-"""`goshawk demo`: every room once, on a rendered room, with a table of how well it went."""
+"""`goshawk demo`: the whole chain on a rendered room, with a table of errors against ground truth."""
 
 import shutil
 import sys
@@ -17,7 +17,7 @@ from goshawk import console, outputs
     type=click.IntRange(2),
     default=60,
     show_default=True,
-    help="Image pairs to render; fewer are quicker and map worse.",
+    help="Image pairs to render; fewer take less time and give a less accurate map.",
 )
 @console.json_option
 def command(out: Path, pairs: int, as_json: bool) -> None:
@@ -27,15 +27,14 @@ def command(out: Path, pairs: int, as_json: bool) -> None:
     goshawk demo --out demo-out
     goshawk demo --out demo-out --json > demo.json
 
-    Everything is real but the world: images are rendered, the vehicle is simulated; COLMAP, solver, gate, C controller,
-    sockets and estimator are those of a real day. The facts are written to demo.json in the project.
+    Images are rendered and the vehicle is simulated; COLMAP, planner, gate, C controller, link and estimator are those
+    of a real flight. The figures are written to demo.json in the project.
 
-    The folder is the demo's own: run it again and it is made anew. An earlier demo in which you changed anything stays
-    beside it, as OUT.old-1.
+    Each run makes the folder anew. An earlier demo in which you changed anything is kept beside it as OUT.old-1.
     """
     from goshawk import demo
 
-    click.echo("rendered room -> map -> checked trajectories -> virtual flights -> learned vehicle", err=True)
+    click.echo("rendered room -> map -> checked trajectories -> SITL flights -> learned vehicle", err=True)
     with console.progress() as report:
         facts = demo.run(out, pairs=pairs, progress=report)
     if as_json:
@@ -60,12 +59,12 @@ def _show(facts: dict[str, Any]) -> None:
         "map",
         {
             "images registered": f"{area['images_placed']} of {area['images']}",
-            "poses off by": f"{1000 * accuracy['position_rms_m']:.1f} mm rms",
-            "scale": f"{accuracy['scale']:.4f} of the truth ({area['scale_source']})",
-            "surface off by": f"{1000 * surface['median_error_m']:.1f} mm median, "
+            "pose error": f"{1000 * accuracy['position_rms_m']:.1f} mm rms",
+            "scale": f"{accuracy['scale']:.4f} of the true scale ({area['scale_source']})",
+            "surface error": f"{1000 * surface['median_error_m']:.1f} mm median, "
             f"{100 * surface['share_within_5cm']:.1f} % of it within 5 cm",
             "surface found": f"{100 * surface['seen_share_within_5cm']:.1f} % of what the cameras saw",
-            "called free but solid": f"{100 * surface['free_share_in_matter']:.3f} % of the free voxels",
+            "marked free but solid": f"{100 * surface['free_share_in_matter']:.3f} % of the free voxels",
         },
         as_json=False,
     )
@@ -101,4 +100,4 @@ def _show(facts: dict[str, Any]) -> None:
         (model, *(f"{1000 * error:.1f} mm" for error in found["error_rms"]["position_m"]))
         for model, found in held["models"].items()
     ]
-    console.table("prediction of the walk, which was not used", heads, rows)
+    console.table("prediction of the held-out walk", heads, rows)

@@ -1,4 +1,4 @@
-"""`goshawk diagnose`: which effect the vehicle model lacks, or that nothing or nothing known is missing."""
+"""`goshawk diagnose`: which effect the vehicle model lacks: one of the catalogue, none, or an unknown one."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,10 +19,14 @@ from sysid.verdict import Use
 @click.argument("flights", nargs=-1, required=True, type=click.Path(path_type=Path))
 @console.vehicle_option
 @click.option(
-    "--held-out", "held_out", multiple=True, type=click.Path(path_type=Path), help="Only judge on this. Repeatable."
+    "--held-out",
+    "held_out",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="Held-out flight: used for evaluation only. Repeatable.",
 )
-@click.option("--auto", is_flag=True, help="Go on until nothing significant is left, not one step.")
-@console.path_option("--out", "out", "Vehicle file to write: fitted, with what was added.")
+@click.option("--auto", is_flag=True, help="Repeat until no candidate effect is significant.")
+@console.path_option("--out", "out", "Vehicle file to write: the fitted model with the added effects.")
 @click.option("--anyway", is_flag=True, help="Write --out even if the verdict on the fit is `do not use`.")
 @outputs.overwrite_option
 @console.columns_option
@@ -42,38 +46,38 @@ def command(
     plots: Path | None,
     json_file: str | None,
 ) -> int:
-    """Find what the vehicle model lacks on FLIGHTS: which effect, how large, how sure.
+    """Find the effect that the vehicle model lacks on FLIGHTS, its size and the confidence.
 
     \b
     goshawk diagnose a.parquet b.parquet --vehicle vehicle.toml --held-out c.parquet
     goshawk diagnose a.parquet b.parquet --vehicle vehicle.toml --held-out c.parquet \\
         --auto --out better.toml --report diagnosis.html
 
-    The model is fitted to FLIGHTS; then every effect of the catalogue that it lacks is a suspect:
+    The model is fitted to FLIGHTS; then every effect of the catalogue that it lacks is a candidate:
 
     \b
-    present      named, fitted, and flights that were not used agree
-    excluded     a size above the one given would have shown
-    cannot tell  these flights could not have shown it; fly the manoeuvre that is named
+    present       added and fitted; held-out flights confirm it
+    excluded      a size above the given bound would have been significant
+    inconclusive  not identifiable from these flights; fly the manoeuvre that is named
 
-    When a free curve explains more than any name does, the verdict is "no known effect", with the force or torque
-    and the variable it follows. "Did not help" is said as plainly as "helped".
+    If a free curve explains more than any candidate, the verdict is "no known effect", with the force or torque and
+    the variable that it depends on.
 
-    Hold out whole flights (--held-out), best of another kind; without them each flight is judged by the others. One
-    step adds at most one effect; --auto goes on to the end. A few flights of half a minute take about a minute.
+    Hold out whole flights (--held-out), preferably of another kind; without them flights are cross-validated. One
+    step adds at most one effect; --auto repeats it. A few flights of half a minute take about a minute.
 
-    --out may be the file of --vehicle if --overwrite is given: this is its next version then, and `goshawk vehicle
-    undo` returns. A fit that is not to be used (see `goshawk identify --help`) is only written with --anyway.
+    --out may be the file of --vehicle if --overwrite is given: the result becomes its next version, and `goshawk
+    vehicle undo` restores the old one. A fit with the verdict `do not use` is only written with --anyway.
 
-    Exit code 0 whatever the diagnosis; 1 if the fit under it is not to be used, 2 for input that cannot be used.
+    Exit code 0 whatever the diagnosis; 1 if the verdict on the fit is `do not use`, 2 for invalid input.
     """
     _check_usage(flights, held_out, json_file)
     kept = Path(json_file) if json_file not in (None, "-") else None
     outputs.check(out, report_file, kept, overwrite=overwrite, folders=[plots])
     given = vehicle.load(vehicle_file)
     with console.progress() as progress:
-        learn, judge = ([_read(path, columns) for path in paths] for paths in (flights, held_out))
-        found = diagnose(learn, given, held_out=judge, auto=auto, progress=progress)
+        training, evaluation = ([_read(path, columns) for path in paths] for paths in (flights, held_out))
+        found = diagnose(training, given, held_out=evaluation, auto=auto, progress=progress)
     document = found.as_dict()
     usable = found.fit_verdict.use is not Use.REJECTED
     document["next"] = what_next.lines(found, Asked(flights, vehicle_file, held_out, columns, out, kept, auto))
@@ -98,7 +102,7 @@ def _check_usage(
     json_file: str | None,
 ) -> None:
     if json_file not in (None, "-") and not json_file.endswith(".json"):
-        raise InputError(f"--json wants a file that ends in .json, or - for standard output, not {json_file}")
+        raise InputError(f"--json: expected a file that ends in .json, or - for standard output, got {json_file}")
     seen: dict[str, Path] = {}
     for path in (*flights, *held_out):
         if not path.exists():
@@ -106,7 +110,7 @@ def _check_usage(
         digest = file_format.file_hash(path) if path.is_file() else str(path.resolve())
         if digest in seen:
             raise InputError(
-                f"{path} and {seen[digest]} are the same flight; give each flight once, to learn from or to judge by"
+                f"{path} and {seen[digest]} are the same flight; give each flight once, for fitting or held out"
             )
         seen[digest] = path
 
@@ -119,7 +123,7 @@ def _write(
     further: Sequence[str],
     overwrite: bool,
 ) -> dict[str, Any]:
-    """Write what was asked for; each file is whole or absent. Returns what was written, for the document."""
+    """Write the requested files, each whole or not at all; returns their paths for the document."""
     if out is not None:
         outputs.write_vehicle(out, found.vehicle, "diagnose", effect=" + ".join(found.additions), overwrite=overwrite)
     if report_file is not None:
@@ -140,19 +144,21 @@ def _show(found: Diagnosis, document: dict[str, Any]) -> None:
     if found.outside is not None:
         click.echo(f"  outside the catalogue: {outside_sentence(found)}")
     _show_staircase(found)
-    heads = ("suspect", "verdict", "parameter", "size ± sigma", "excl. >", "visible >", "mm", "sure")
+    heads = ("candidate", "verdict", "parameter", "size ± sigma", "excl. >", "detectable >", "mm", "confidence")
     console.table(
-        "suspects (mm: position error that the effect makes within 0.5 s)",
+        "candidate effects (mm: position error that the effect causes within 0.5 s)",
         heads,
         [row for s in found.suspects for row in _rows(s)],
     )
     alike = [(s.name, ", ".join(f"{n} ({share:.0%})" for n, share in s.look_alikes)) for s in found.suspects]
     if any(names for _, names in alike):
-        console.table("look-alikes on these flights", ("suspect", "leaves the trace of"), [a for a in alike if a[1]])
+        console.table(
+            "confounded effects in these flights", ("candidate", "collinear with"), [a for a in alike if a[1]]
+        )
     reasons = [(s.name, s.reason) for s in found.suspects if s.verdict == "cannot tell"]
-    reasons += [(name, f"cannot be seen: {why}") for name, why in found.invisible]
+    reasons += [(name, f"unobservable: {why}") for name, why in found.invisible]
     if reasons:
-        console.table("what these flights cannot tell, and why", ("effect", "reason"), reasons)
+        console.table("inconclusive from these flights, and why", ("effect", "reason"), reasons)
     for finding in found.findings:
         click.echo(f"note: {finding}")
     for line in document["next"]:
@@ -163,7 +169,7 @@ def _show(found: Diagnosis, document: dict[str, Any]) -> None:
 
 
 def outside_sentence(found: Diagnosis) -> str:
-    """The curve that no known effect explains, in words."""
+    """A sentence on the curve that no known effect explains."""
     o = found.outside
     assert o is not None
     unit = "N" if o.channel[0] == "F" else "N m"
@@ -176,14 +182,15 @@ def outside_sentence(found: Diagnosis) -> str:
 
 def _show_staircase(found: Diagnosis) -> None:
     horizons = list(found.staircase[0].position_m)
-    on = ", ".join(found.held_out) if found.held_out else "the flights learnt from (none was held out)"
+    on = ", ".join(found.held_out) if found.held_out else "the training flights (none was held out)"
     rows = [(s.model, *(f"{1000.0 * s.position_m[h]:.1f}" for h in horizons)) for s in found.staircase]
     console.table(f"position error (mm, rms) on {on}", ("model", *(f"after {h}" for h in horizons)), rows)
 
 
 def _rows(suspect: SuspectFinding) -> list[tuple[str, ...]]:
-    """One line per parameter; what belongs to the suspect as a whole stands in the first."""
-    heads = ((suspect.name, suspect.verdict), *((("", ""),) * (len(suspect.sizes) - 1)))
+    """One line per parameter; the values of the candidate as a whole are in the first."""
+    verdict = "inconclusive" if suspect.verdict == "cannot tell" else suspect.verdict
+    heads = ((suspect.name, verdict), *((("", ""),) * (len(suspect.sizes) - 1)))
     whole = (f"{1000.0 * suspect.error_m:.1f}", f"{suspect.confidence:.0%}")
     return [
         (*head, size.parameter.split(".")[-1], *_size(size), *(whole if head[0] else ("", "")))
@@ -192,7 +199,7 @@ def _rows(suspect: SuspectFinding) -> list[tuple[str, ...]]:
 
 
 def _size(size: Size) -> tuple[str, str, str]:
-    """Size with sigma, excluded above, smallest visible; the unit is in the parameter's name."""
+    """Size with sigma, upper bound, smallest detectable size; the unit is in the parameter's name."""
     if size.sigma == 0.0:
         return "not flown", "", ""
     return f"{size.value:.3g} ± {size.sigma:.1g}", f"{size.excluded_above:.2g}", f"{size.smallest_visible:.2g}"

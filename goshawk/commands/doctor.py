@@ -1,4 +1,4 @@
-"""`goshawk doctor`: does everything this program needs work on this machine?"""
+"""`goshawk doctor`: check that libraries and compiled parts work on this machine."""
 
 import importlib
 import os
@@ -45,7 +45,9 @@ def command(as_json: bool) -> int:
     else:
         rows = [(f.name, "ok" if f.ok else "NOT OK", f.detail) for f in findings]
         console.table("Goshawk's installation", ("what", "state", "detail"), rows)
-        click.echo("all is well" if healthy else "run `make setup` in the repository, or install what is named above")
+        click.echo(
+            "everything works" if healthy else "run `make setup` in the repository, or install what is named above"
+        )
     return 0 if healthy else 1
 
 
@@ -63,7 +65,7 @@ def _python() -> Finding:
 
 def _memory() -> Finding:
     gib = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
-    return Finding("memory", gib >= 4.0, f"{gib:.0f} GiB; mapping wants 4" + ("" if gib >= 4.0 else ": too little"))
+    return Finding("memory", gib >= 4.0, f"{gib:.0f} GiB; mapping needs 4" + ("" if gib >= 4.0 else ": too little"))
 
 
 def _browser() -> Finding:

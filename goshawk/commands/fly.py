@@ -1,4 +1,4 @@
-"""`goshawk fly`: take off, fly what was uploaded, land; the flight's log as a file."""
+"""`goshawk fly`: take off, fly the uploaded trajectory, land; write the flight log."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from goshawk.flights import tracking
 
 @click.command()
 @console.path_option("--out", "out", "Flight log to write.", required=True)
-@console.path_option("--trajectory", "trajectory_file", "Refuse to fly unless the vehicle holds this one.")
+@console.path_option("--trajectory", "trajectory_file", "Refuse to fly unless this is the vehicle's active trajectory.")
 @console.url_option
 @console.key_option
 @outputs.overwrite_option
@@ -20,13 +20,13 @@ from goshawk.flights import tracking
 def command(
     out: Path, trajectory_file: Path | None, url: str, key_file: Path | None, overwrite: bool, as_json: bool
 ) -> None:
-    """Fly the trajectory that the vehicle holds, and write the flight log.
+    """Fly the vehicle's active trajectory, and write the flight log.
 
     \b
     goshawk fly --out flights/walk.parquet
     goshawk fly --trajectory walk.json --out flights/walk.parquet
 
-    Ctrl-C brakes along the path and lands; `goshawk log --download` then fetches the log of what was flown.
+    Ctrl-C brakes along the path and lands; `goshawk log --download` then downloads the log.
     """
     outputs.check(out, overwrite=overwrite)
     item = trajectory.load(trajectory_file) if trajectory_file is not None else None

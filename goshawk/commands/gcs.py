@@ -17,22 +17,22 @@ from goshawk import console
     show_default=True,
     help="Port on this machine; 0 takes a free one.",
 )
-@click.option("--vehicle-url", help="Where the vehicle answers, e.g. udp://127.0.0.1:14550.")
+@click.option("--vehicle-url", help="Address of the vehicle, e.g. udp://127.0.0.1:14550.")
 @console.key_option
 @console.margin_option
 @click.option("--triangles", default=120_000, show_default=True, help="Thin the mesh to this many for display.")
 def command(
     project: Path, port: int, vehicle_url: str | None, key_file: Path | None, margin_m: float | None, triangles: int
 ) -> None:
-    """Serve the page of PROJECT: map, distance field, waypoints to drag, upload, the vehicle live.
+    """Serve the page of PROJECT: plan with undo, check, compare with the vehicle and upload, fly, abort.
 
     \b
     goshawk gcs demo-out
     goshawk gcs demo-out --vehicle-url udp://127.0.0.1:14550
 
-    PROJECT is a folder of `goshawk init` (or the demo's) with a map and a vehicle; what it lacks is said, with the
-    command that gives it. The page listens on this machine only, and lets in who opens the printed address. From
-    another machine, forward the port: ssh -L 8080:127.0.0.1:8080 THIS-MACHINE.
+    PROJECT is a folder of `goshawk init` (or the demo's) with a map and a vehicle; a missing part is reported with the
+    command that adds it. The page listens on this machine only. Each printed address lets one browser in; then the
+    next one is printed. From another machine, forward the port: ssh -L 8080:127.0.0.1:8080 THIS-MACHINE.
     """
     from goshawk.project_parts import check_for_station
 
@@ -41,10 +41,18 @@ def command(
     from gcs_web import GroundStation
 
     options = planner.PlanOptions() if margin_m is None else planner.PlanOptions(margin_m=margin_m)
-    click.echo("opening the map ...", err=True)
-    with GroundStation(
-        project, port=port, vehicle_url=vehicle_url, key_file=key_file, options=options, triangles=triangles
-    ) as station:
+    with console.progress() as report:
+        station = GroundStation(
+            project,
+            port=port,
+            vehicle_url=vehicle_url,
+            key_file=key_file,
+            options=options,
+            triangles=triangles,
+            progress=report,
+            on_entry=lambda url: click.echo(f"a browser came in; for another one: {url}"),
+        )
+    with station:
         click.echo(f"open  {station.url}")
         click.echo("stop with Ctrl-C; every change is saved at once", err=True)
         threading.Event().wait()

@@ -18,7 +18,7 @@ from sysid.stages import STAGES
 from sysid.verdict import Use, Verdict, of_logs
 
 FLAGS = {"gaps='split'": "--split-gaps", "robust=True": "--robust"}
-"""What the library's sentences name, and the option of this command that does it."""
+"""Arguments that the library's messages name, and the corresponding option of this command."""
 STAGES_SCHEMA_VERSION = 1
 
 stage_options = [
@@ -33,7 +33,7 @@ stage_options = [
 
 @dataclass(frozen=True, slots=True)
 class Fits:
-    """What was fitted: the answer last."""
+    """The fits; the final result is the last."""
 
     stages: Mapping[str, sysid.Identification]
     """One under the name "", or one per stage."""
@@ -69,12 +69,18 @@ def _with_stages(function: Any) -> Any:
 @click.option(
     "--free", "free", multiple=True, metavar="NAME", help="Estimate this only, and the pose sensor. Repeatable."
 )
-@click.option("--prior", "priors", multiple=True, metavar="NAME=STD", help="Pull towards the file's value. Repeatable.")
+@click.option(
+    "--prior", "priors", multiple=True, metavar="NAME=STD", help="Gaussian prior about the file's value. Repeatable."
+)
 @_with_stages
 @click.option("--trials", type=click.IntRange(2), help="FLIGHTS are this many repeated trials; fit each one too.")
 @click.option("--split-gaps", is_flag=True, help="Fit the pieces between gaps as separate flights.")
-@click.option("--hold-unseen", is_flag=True, help="Hold what these flights cannot show, instead of refusing.")
-@click.option("--robust", is_flag=True, help="Count pose samples less that lie far off (a pose that jumps).")
+@click.option(
+    "--hold-unidentifiable", is_flag=True, help="Hold parameters that these flights do not identify; else refuse."
+)
+@click.option(
+    "--robust", is_flag=True, help="Robust loss on pose samples: outliers (a pose that jumps) have less weight."
+)
 @click.option(
     "--steps", "most_steps", type=click.IntRange(1), default=30, show_default=True, help="Steps after which to give up."
 )
@@ -94,7 +100,7 @@ def command(
     priors: tuple[str, ...],
     trials: int | None,
     split_gaps: bool,
-    hold_unseen: bool,
+    hold_unidentifiable: bool,
     robust: bool,
     most_steps: int,
     columns: Path | None,
@@ -113,26 +119,26 @@ def command(
     goshawk identify flights/*.parquet --vehicle vehicle.toml --out f.toml --hold 'inertia_*'
 
     FLIGHTS are our own logs (.parquet), PX4's (.ulg), ROS recordings (.bag, .db3, .mcap) or CSV, the last two with
-    --columns. Each is checked first; what looks wrong is said, with the fix, and nothing is changed.
+    --columns. Each is checked first; faults are reported with a fix, and no log is changed.
 
     NAME is a parameter as the vehicle file names it (rotor_drag_thrust.drag_s_m), an effect (motor_lag), or a pattern
-    ('inertia_*'). The mass is given, not estimated: pose and rotor speed show only ratios to it.
+    ('inertia_*'). The mass is given, not estimated: pose and rotor speed determine only ratios to it.
 
-    Three stages instead of one joint fit, as in the paper; each fixes what the next ones need:
+    Three stages instead of one joint fit, as in the paper; each fixes parameters that the next ones need:
 
     \b
     goshawk identify --vertical a.parquet --horizontal b.parquet --rotation c.parquet \\
         --vehicle vehicle.toml --out fitted.toml
 
-    Repeated trials: the joint fit is the answer, and each trial is fitted too and drawn beside the others:
+    Repeated trials: the result is the joint fit; each trial is also fitted on its own and plotted for comparison:
 
     \b
     goshawk identify trial*.parquet --trials 8 --vehicle vehicle.toml --out f.toml --plots figures
 
-    The first line is the verdict: usable, doubtful (exit code 0; the reasons say what to look at), or do not use
+    The first line is the verdict: usable, doubtful (exit code 0; the reasons name what to check), or do not use
     (exit code 1). In the last case no vehicle file is written without --anyway; report, figures and JSON are.
 
-    Where --out is a vehicle file already, --overwrite makes this its next version; `goshawk vehicle undo` returns.
+    Where --out is a vehicle file already, --overwrite makes this its next version; `goshawk vehicle undo` restores it.
     """
     _check_usage(flights, stages, trials, free, json_file)
     kept = Path(json_file) if json_file not in (None, "-") else None
@@ -145,7 +151,7 @@ def command(
         free=_named(free, believed) if free else None,
         prior_std=dict(_prior(text, believed) for text in priors),
         gaps="split" if split_gaps else "refuse",
-        unseen="hold" if hold_unseen else "refuse",
+        unseen="hold" if hold_unidentifiable else "refuse",
         robust=robust,
         max_iterations=most_steps,
     )
@@ -174,22 +180,24 @@ def _check_usage(
     json_file: str | None,
 ) -> None:
     if json_file not in (None, "-") and not json_file.endswith(".json"):
-        raise InputError(f"--json wants a file that ends in .json, or - for standard output, not {json_file}")
+        raise InputError(f"--json: expected a file that ends in .json, or - for standard output, got {json_file}")
     if bool(flights) == any(stages.values()):
         raise InputError("give FLIGHTS for one joint fit, or --vertical, --horizontal and --rotation for three stages")
     if free and any(stages.values()):
         raise InputError("--free and the three stages exclude each other: each stage frees its own parameters")
     if trials and (any(stages.values()) or len(flights) % trials):
-        raise InputError(f"--trials {trials} wants {trials} groups of equally many FLIGHTS; there are {len(flights)}")
+        raise InputError(
+            f"--trials {trials}: expected {trials} groups of equally many FLIGHTS, got {len(flights)} flights"
+        )
 
 
-def _named(wanted: Iterable[str], believed: vehicle.Vehicle) -> tuple[str, ...]:
+def _named(patterns: Iterable[str], believed: vehicle.Vehicle) -> tuple[str, ...]:
     """Names of parameters: each given as such, as an effect, or as a pattern."""
     found: list[str] = []
-    for name in wanted:
+    for name in patterns:
         matches = [p for p in believed.parameters if p.startswith(f"{name}.") or fnmatchcase(p, name)]
         if not matches:
-            believed.parameter(name)  # says what there is
+            believed.parameter(name)  # raises, with the known names
         found += matches
     return tuple(dict.fromkeys(found))
 
@@ -204,7 +212,7 @@ def _prior(text: str, believed: vehicle.Vehicle) -> tuple[str, float]:
 
 
 def _in_flags(sentence: str) -> str:
-    """A sentence of the library in the words of this command."""
+    """A message of the library with the options of this command."""
     for python, flag in FLAGS.items():
         sentence = sentence.replace(python, flag)
     return sentence
@@ -234,13 +242,13 @@ def _fit(
     joint = sysid.identify(logs, believed, options, progress=progress)
     each = len(logs) // trials if trials else 1
     groups = [logs[i : i + each] for i in range(0, len(logs), each)] if trials else []
-    # a parameter that some trial cannot show must not end the others
+    # a parameter that one trial does not identify must not stop the other fits
     alone = replace(options, unseen="hold")
     return Fits({"": joint}, checked, [sysid.identify(g, believed, alone, progress=progress) for g in groups])
 
 
 def _checked(path: str, log: FlightLog, believed: vehicle.Vehicle) -> sysid.LogReport:
-    """The findings about a log, said at once and kept in this command's words."""
+    """Check a log; the findings are printed at once and returned with the options of this command."""
     found = sysid.check_log(log, believed)
     findings = tuple(replace(f, fix=_in_flags(f.fix)) for f in found.findings)
     for finding in findings:
@@ -251,7 +259,7 @@ def _checked(path: str, log: FlightLog, believed: vehicle.Vehicle) -> sysid.LogR
 def _write(
     fits: Fits, out: Path | None, report_file: Path | None, plots: Path | None, *, overwrite: bool
 ) -> dict[str, Any]:
-    """Write what was asked for; each file is whole or absent. Returns what was written, for the document."""
+    """Write the requested files, each whole or not at all; returns their paths for the document."""
     figures: list[Path] = []
     if plots is not None:
         with outputs.pictures(plots, overwrite=overwrite) as drawn:
@@ -295,7 +303,7 @@ def _document(fits: Fits) -> dict[str, Any]:
 
 def _show(fits: Fits, written: Mapping[str, Any]) -> None:
     click.echo(f"verdict: {fits.verdict.use}")
-    for reason in (*fits.verdict.against, *fits.verdict.doubts):
+    for reason in fits.verdict.reasons:
         click.echo(f"  {_in_flags(reason)}")
     for stage, fit in fits.stages.items():
         rows = [

@@ -1,4 +1,4 @@
-"""`goshawk init`: a project folder, with the map, the vehicle and the flights that there are already."""
+"""`goshawk init`: a project folder, with copies of an existing map, vehicle and flights."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from goshawk import console
     "--flights", multiple=True, type=click.Path(path_type=Path), help="Flight log to copy in, of any kind. Repeatable."
 )
 @console.columns_option
-@click.option("--name", help="What to call the project [default: the folder's name].")
+@click.option("--name", help="Name of the project [default: the folder's name].")
 @console.json_option
 def command(
     folder: Path,
@@ -27,7 +27,7 @@ def command(
     name: str | None,
     as_json: bool,
 ) -> None:
-    """Start a project in FOLDER, or add parts to one; then say what it has, and how to give what it lacks.
+    """Start a project in FOLDER, or add parts to one; then list its parts, and how to add the missing ones.
 
     \b
     goshawk init my-room
@@ -61,4 +61,4 @@ def command(
         console.show("", {}, as_json=True, document=document | {"parts": there})
         return
     rows = [(part, words or "missing", "" if words else give) for part, words, give in found]
-    console.table(f"project {opened.name} in {folder}", ("part", "there", "how to give it"), rows)
+    console.table(f"project {opened.name} in {folder}", ("part", "path", "how to add it"), rows)

@@ -1,4 +1,4 @@
-"""`goshawk localize`: where images were taken in a map made earlier."""
+"""`goshawk localize`: relocalize images in an earlier map."""
 
 from pathlib import Path
 
@@ -22,7 +22,7 @@ def command(images: Path, map_folder: Path, camera: Path | None, out: Path, over
     goshawk localize walk --map map --out walk.csv
     goshawk plan --path walk.csv --map map --vehicle vehicle.toml --out walk.json
 
-    Exit code 1: not one image was found. Those that were not found are named and left out.
+    Exit code 1: no image was found. Images that were not found are named and left out.
     """
     outputs.check(out, overwrite=overwrite)
     area = mapping.open_map(map_folder)

@@ -1,4 +1,4 @@
-"""`goshawk log`: what is in a flight log, and what is wrong with it; fetched from the vehicle first if wanted."""
+"""`goshawk log`: contents and faults of a flight log; with --download, of the vehicle's last flight."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -23,17 +23,15 @@ from sysid.flight_data import PAYLOAD_CARRIED
     type=click.Choice(("carried", "left")),
     help="Write into FLIGHT whether the payload was on board; a foreign log gets one of ours (.parquet) beside it.",
 )
-@click.option("--download", is_flag=True, help="Fetch the vehicle's own log of its last flight into FLIGHT first.")
-@console.path_option(
-    "--report", "report_file", "Draw every stream and mark what the checks found: one HTML page, offline."
-)
+@click.option("--download", is_flag=True, help="First download the vehicle's log of its last flight into FLIGHT.")
+@console.path_option("--report", "report_file", "Plot every stream with the checks' findings: one HTML page, offline.")
 @console.path_option("--csv", "csv_file", "Write the log as CSV.")
 @console.path_option("--mcap", "mcap_file", "Write the log as an MCAP recording of ROS 2 messages.")
 @console.path_option(
     "--draft-columns", "draft_file", "Guess the columns of a foreign CSV: a map to check, for --columns."
 )
 @click.option("--fix", "fixes", is_flag=True, help="Apply the fixes that the checks propose; needs --out.")
-@console.path_option("--out", "out", "With --fix: the new log (.parquet); what was done stands in it.")
+@console.path_option("--out", "out", "With --fix: the new log (.parquet); it records the fixes.")
 @console.path_option("--vehicle", "vehicle_file", "Vehicle file: check rotor order, spin and units against it too.")
 @console.columns_option
 @console.url_option
@@ -57,10 +55,10 @@ def command(
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Show what FLIGHT holds (columns, rates, gaps, ranges) and what looks wrong with it.
+    """Show the contents of FLIGHT (columns, rates, gaps, ranges) and its probable faults.
 
-    Each finding comes with a fix; --fix writes a new log with those that are a change of the log. FLIGHT stays as it
-    is, but for what --payload says. It is our own log, PX4's (.ulg), or CSV or a ROS recording with --columns.
+    Each finding names a fix; --fix writes a new log with those fixes that change the log. FLIGHT itself is changed by
+    --payload only. It is our own log, PX4's (.ulg), or CSV or a ROS recording with --columns.
 
     \b
     goshawk log demo-out/flights/walk.parquet
@@ -80,13 +78,17 @@ def command(
         fetch(flight, url, key_file, overwrite=overwrite)
     if payload is not None:
         flight = mark(flight, columns, payload == "carried", overwrite=overwrite)
-    log = sysid.read_log(flight, columns)
     believed = vehicle.load(vehicle_file) if vehicle_file is not None else None
     done: tuple[str, ...] = ()
-    if out is not None:
-        log, done = log_outputs.write_fixed(log, flight, out, believed, overwrite=overwrite)
-    checked = replace(sysid.check_log(_aloft(log, flight), believed), name=str(out or flight))
-    written = log_outputs.write(log, checked, (report_file, csv_file, mcap_file), overwrite=overwrite)
+    with console.progress() as report:
+        report(f"reading {flight.name}", 0.0)
+        log = sysid.read_log(flight, columns)
+        if out is not None:
+            log, done = log_outputs.write_fixed(log, flight, out, believed, overwrite=overwrite, progress=report)
+        report("checking", 0.0)
+        checked = replace(sysid.check_log(_aloft(log, flight), believed), name=str(out or flight))
+        report("writing", 0.0)
+        written = log_outputs.write(log, checked, (report_file, csv_file, mcap_file), overwrite=overwrite)
     document = describe(log) | {"check": checked.as_dict()}
     if as_json:
         more = {"fixed": list(done), "written": [str(path) for path in (out, *written) if path is not None]}
@@ -96,7 +98,7 @@ def command(
     for sentence in done:
         click.echo(f"fixed: {sentence}")
     if out is not None and not done:
-        click.echo("fixed: nothing, no finding proposes a change of the log")
+        click.echo("no fix applied: no finding proposes a change of the log")
     for path in (out, *written):
         if path is not None:
             click.echo(f"written: {path}")
@@ -111,7 +113,7 @@ def _show(title: str, document: dict) -> None:
     for finding in findings:
         click.echo(f"{finding['level']}: {finding['sentence']}; {finding['fix']}")
     if not findings:
-        click.echo("the checks found nothing wrong")
+        click.echo("the checks found no fault")
     elif any(finding["fixable"] for finding in findings):
         click.echo("--fix --out NEW.parquet writes a log with these fixes")
 
@@ -138,13 +140,13 @@ def draft_columns(flight: Path, out: Path, overwrite: bool, as_json: bool) -> No
 
 
 def _aloft(log: FlightLog, path: Path) -> FlightLog:
-    """The part in the air when the log says which: standing still on the floor is no fault."""
+    """The rows in the air if the log has the mission state: standing on the ground is no fault."""
     aloft = log.has("mission_state") and np.isin(log.columns["mission_state"], IN_FREE_AIR).any()
     return in_the_air(log, str(path)) if aloft else log
 
 
 def fetch(out: Path, url: str, key_file: Path | None, *, overwrite: bool) -> None:
-    """Write the vehicle's on-board log to a file."""
+    """Download the vehicle's on-board log to a file."""
     outputs.check(out, overwrite=overwrite)
     with (
         console.cancel_by_ctrl_c() as cancel,
@@ -159,7 +161,7 @@ def fetch(out: Path, url: str, key_file: Path | None, *, overwrite: bool) -> Non
 def mark(path: Path, columns: Path | None, carried: bool, *, overwrite: bool) -> Path:
     """Write into a log whether the payload was on board; of a foreign log, into one of ours beside it.
 
-    A log of ours is kept beside as it was.
+    The earlier version of a log in our format is kept beside it.
 
     Returns:
         The file that was marked.
@@ -175,7 +177,7 @@ def mark(path: Path, columns: Path | None, carried: bool, *, overwrite: bool) ->
         return own
     with outputs.file(own, overwrite=own == path or overwrite) as temporary:
         flight_log.save(temporary, FlightLog(log.columns, {**log.metadata, PAYLOAD_CARRIED: carried}))
-    instead = "" if own == path else f"; give it instead of {path} from now on"
+    instead = "" if own == path else f"; use it instead of {path} from now on"
     click.echo(f"written: {own}{instead}", err=True)
     return own
 

@@ -1,4 +1,4 @@
-"""`goshawk map`: a folder of images to a map folder; its sub-verbs look at the distance field of one and edit it."""
+"""`goshawk map`: from a folder of images to a map folder; its sub-verbs show and edit a map's distance field."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -13,11 +13,11 @@ from goshawk.commands.map_edit import edit
 from goshawk.commands.map_show_esdf import show_esdf
 
 VOXEL_M, FARTHEST_M = (0.005, 10.0), (0.1, 1000.0)
-"""What the options may be: finer voxels take more memory than any machine of ours has."""
+"""Bounds of the options: finer voxels need too much memory."""
 
 
 class MapVerbs(click.Group):
-    """`goshawk map IMAGES` makes a map; only where a sub-verb's name stands in the place of IMAGES it is that."""
+    """`goshawk map IMAGES` makes a map; if IMAGES is the name of a sub-verb, the sub-verb runs instead."""
 
     def make_context(
         self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
@@ -55,13 +55,13 @@ def build(
     \b
     goshawk map images --camera images/camera.toml --out map
     goshawk map walk --camera gopro.toml --out map --length 13.2
-    goshawk map show-esdf --help     look at the distance field of a map
-    goshawk map edit --help          add obstacles and no-fly zones to it, clear mistakes
+    goshawk map show-esdf --help     show the distance field of a map
+    goshawk map edit --help          add obstacles and no-fly zones to it, clear errors
 
     IMAGES holds one folder per camera of the rig (or the images themselves, for one camera); the same file name
-    means the same instant. Metres come from --length, the distance between the cameras of a rig, or recorded
-    positions. An earlier map in --out is replaced only with --overwrite and when the new one is complete: edits made in
-    it are copied over, and it stays beside as OUT.old-1.
+    means the same instant. The metric scale comes from --length, the distance between the cameras of a rig, or
+    recorded positions. An earlier map in --out is replaced only with --overwrite and when the new one is complete: its
+    edits are copied, and it is kept beside as OUT.old-1.
     """
     for option, value, (low, high) in (("--voxel", voxel_m, VOXEL_M), ("--farthest", farthest_m, FARTHEST_M)):
         if not low <= value <= high:

@@ -1,4 +1,4 @@
-"""`goshawk map edit`: a pilot's changes to a map, kept beside it and replayed on every rebuild."""
+"""`goshawk map edit`: a pilot's edits of a map, saved with it and replayed on every rebuild."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -33,7 +33,7 @@ DIMENSIONS = {
 @click.argument("map_folder", metavar="MAP", type=click.Path(path_type=Path))
 @click.pass_context
 def edit(context: click.Context, map_folder: Path) -> None:
-    """Change MAP by hand: obstacles it has not seen, no-fly zones, places it got wrong.
+    """Edit MAP by hand: missing obstacles, no-fly zones, mapping errors.
 
     \b
     goshawk map edit map add --box 1,0,0,2,0.4,1.1 --name workbench
@@ -42,8 +42,8 @@ def edit(context: click.Context, map_folder: Path) -> None:
     goshawk map edit map list
     goshawk map edit map undo
 
-    Metres in the world. Edits are a list beside the map: what was mapped stays as it was, and a new map in the same
-    folder has them too. The map's hash changes with them, so plans made before must be made anew.
+    Coordinates are in metres in the world frame. Edits are a list beside the map: the mapped voxels stay unchanged, and
+    a rebuilt map in the same folder keeps them. They change the map's hash, so earlier plans must be made anew.
     """
     context.obj = map_folder
 
@@ -59,8 +59,8 @@ def _finish(command: Callable[..., None]) -> Callable[..., None]:
     return preview(outputs.overwrite_option(console.json_option(click.pass_obj(command))))
 
 
-def _changing(action: Any, words: str) -> None:
-    """A sub-verb that puts an edit of this action on the list."""
+def _changing(action: Any, summary: str) -> None:
+    """A sub-verb that appends an edit of this action to the list."""
 
     def command(
         map_folder: Path, name: str, preview: Path | None, overwrite: bool, as_json: bool, **shapes: str | None
@@ -71,20 +71,20 @@ def _changing(action: Any, words: str) -> None:
 
     named = click.argument("name") if action == "no-fly" else click.option("--name", default="", help="For `drop`.")
     example = "no-fly NAME" if action == "no-fly" else action
-    help = f"{words}\n\n\b\ngoshawk map edit MAP {example} --box 1,0,0,2,0.4,1.1\ngoshawk map edit MAP list"
+    help = f"{summary}\n\n\b\ngoshawk map edit MAP {example} --box 1,0,0,2,0.4,1.1\ngoshawk map edit MAP list"
     edit.command(action, help=help)(named(_shape_options(_finish(command))))
 
 
 _changing("add", "Every voxel the shape touches becomes an obstacle.")
-_changing("remove", "Every voxel whose centre is inside becomes free, seen or not: you vouch for it.")
-_changing("clear", "What was mapped as an obstacle inside becomes free; what was never seen stays unknown.")
-_changing("no-fly", "A zone that counts as an obstacle and that no other edit opens; drop it by its name.")
+_changing("remove", "Every voxel whose centre is inside becomes free, even if unknown: at your responsibility.")
+_changing("clear", "Mapped obstacles inside become free; unknown voxels stay unknown.")
+_changing("no-fly", "A zone that counts as an obstacle and that no other edit frees; drop it by its name.")
 
 
 @edit.command()
 @_finish
 def undo(map_folder: Path, preview: Path | None, overwrite: bool, as_json: bool) -> None:
-    """Take the last edit off the list.
+    """Remove the last edit from the list.
 
     \b
     goshawk map edit map undo
@@ -101,7 +101,7 @@ def undo(map_folder: Path, preview: Path | None, overwrite: bool, as_json: bool)
 @click.argument("name")
 @_finish
 def drop(map_folder: Path, name: str, preview: Path | None, overwrite: bool, as_json: bool) -> None:
-    """Take every edit of that NAME off the list.
+    """Remove every edit of that NAME from the list.
 
     \b
     goshawk map edit map drop kitchen
@@ -116,7 +116,7 @@ def drop(map_folder: Path, name: str, preview: Path | None, overwrite: bool, as_
 @console.json_option
 @click.pass_obj
 def list_(map_folder: Path, as_json: bool) -> None:
-    """Show the edits in force, in the order they were made.
+    """List the present edits, in the order in which they were made.
 
     \b
     goshawk map edit map list
@@ -181,7 +181,7 @@ def _about_vertical(degrees: float) -> tuple[float, float, float, float]:
 def _change(
     folder: Path, editor: Editor, work: Callable[[], object], preview: Path | None, overwrite: bool, as_json: bool
 ) -> None:
-    """Do the work on the editor; save its list, or draw what that would do; say what changed."""
+    """Apply a change to the editor; save its list, or draw the preview; report the changes."""
     outputs.check(preview, overwrite=overwrite)
     before, old = editor.snapshot(), editor.edits
     work()
@@ -197,7 +197,7 @@ def _change(
         "hash": after.hash,
     }
     if preview is None:
-        if len(editor.edits) < len(old):  # what is taken off the list is nowhere else
+        if len(editor.edits) < len(old):  # keep the old list: removed edits are stored nowhere else
             outputs.tell_kept(folder / EDITS, results.keep(folder / EDITS))
         esdf.save_edits(folder / EDITS, editor.edits)
         document["written"] = str(folder / EDITS)
@@ -218,7 +218,7 @@ def _change(
 
 
 def _height(changed: Iterable[Edit], field: Field) -> float:
-    """The height to look at: the middle of the edits, as far as the map goes."""
+    """Height of the preview's slice: the middle of the edits, within the map."""
     regions = [solids.covered_region(e.solid, field.grid) for e in changed]
     low, high = min(r.low[2] for r in regions), max(r.high[2] for r in regions)
     return float(field.grid.axis_centres(2)[min((low + high) // 2, field.grid.shape[2] - 1)])

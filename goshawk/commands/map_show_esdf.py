@@ -1,4 +1,4 @@
-"""`goshawk map show-esdf`: pictures and figures of a map's distance field."""
+"""`goshawk map show-esdf`: figures and statistics of a map's distance field."""
 
 from pathlib import Path
 from typing import Any
@@ -16,15 +16,15 @@ CLEARANCES_M = (0.3, 0.5, 1.0)
 
 @click.command("show-esdf")
 @click.argument("map_folder", metavar="MAP", type=click.Path(path_type=Path))
-@console.path_option("--out", "out", "Folder for the pictures; without it, figures alone.")
+@console.path_option("--out", "out", "Folder for the images; without it, statistics alone.")
 @click.option("--slice", "slices", multiple=True, metavar="AXIS=METRES", help="A slice, as z=1.2; may be repeated.")
 @click.option(
     "--plane", "planes", nargs=3, multiple=True, metavar="A B C",
-    help="A slice in any direction, through three points x,y,z; A to B is right in the picture, C is above.",
+    help="A slice in any direction, through three points x,y,z; A to B is right in the image, C is above.",
 )  # fmt: skip
 @click.option(
     "--iso", "levels_m", multiple=True, type=float, metavar="METRES",
-    help="The surface at this distance from everything, as a mesh (PLY); 0 is the obstacles' own.",
+    help="The iso-surface at this distance, as a mesh (PLY); 0 is the obstacles' surface.",
 )  # fmt: skip
 @outputs.overwrite_option
 @console.json_option
@@ -37,7 +37,7 @@ def show_esdf(
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Show the distance field of MAP: how much is free, how roomy it is, slices, surfaces, a histogram.
+    """Show the distance field of MAP: free volume by clearance, slices, iso-surfaces, a histogram.
 
     \b
     goshawk map show-esdf map
@@ -45,11 +45,11 @@ def show_esdf(
     goshawk map show-esdf map --out pictures --slice z=1.2 --slice x=0 --iso 0.3
     goshawk map show-esdf map --out pictures --plane 0,0,0 4,3,0 0,0,2
 
-    Edits are in force. Without --slice, --plane and --iso the pictures are three slices through the roomiest place,
-    the obstacles' surface and the histogram. MAP may also be a folder that `esdf.save` wrote.
+    Edits are applied. Without --slice, --plane and --iso the images are three slices through the point of largest
+    clearance, the obstacles' surface and the histogram. MAP may also be a folder that `esdf.save` wrote.
     """
     if out is None and (slices or planes or levels_m):
-        raise InputError("--slice, --plane and --iso make pictures: say where with --out")
+        raise InputError("--slice, --plane and --iso write images: give their folder with --out")
     outputs.check(overwrite=overwrite, folders=[out])
     field = esdf.load(field_folder(map_folder))
     document = figures(field)
@@ -68,7 +68,7 @@ def _drawn(
     planes: tuple[tuple[str, str, str], ...],
     levels_m: tuple[float, ...],
 ) -> list[str]:
-    """Draw what was asked for, or the usual pictures; returns the files."""
+    """Draw the requested images, or the default ones; returns the files."""
     named = bool(slices or planes or levels_m)
     at = document["roomiest_point_m"] or (0.5 * (field.grid.low_world_m + field.grid.high_world_m)).tolist()
     chosen = slices if named else tuple(f"{axis}={value:.3f}" for axis, value in zip("xyz", at, strict=True))
@@ -84,7 +84,7 @@ def _drawn(
 
 
 def field_folder(map_folder: Path) -> Path:
-    """Where a map keeps its distance field; a bare field's folder is its own.
+    """The folder of a map's distance field; for the folder of a bare field, the folder itself.
 
     Raises:
         InputError: there is none.
@@ -98,14 +98,14 @@ def field_folder(map_folder: Path) -> Path:
 
 
 def figures(field: Field) -> dict[str, Any]:
-    """What can be said of a field in numbers; volumes in cubic metres."""
+    """Statistics of a field; volumes in cubic metres."""
     voxel_m3 = float(np.prod(field.grid.voxel_m))
     counts = np.bincount(field.state.ravel(), minlength=3) * voxel_m3
     free_m = field.values_m[(field.state == FREE) & np.isfinite(field.values_m)]
     roomiest = None
     if free_m.size:
         inside = np.where(field.state == FREE, np.nan_to_num(field.values_m, nan=-np.inf), -np.inf)
-        # Where the cap hides which place is roomiest, the one in the middle of those at the cap stands for them.
+        # If several voxels have the capped distance, the one nearest to their mean is used.
         best = np.argwhere(inside == inside.max())
         middle = best[np.argmin(np.linalg.norm(best - best.mean(axis=0), axis=1))]
         roomiest = field.grid.centre(middle[None])[0].round(3).tolist()
@@ -130,13 +130,13 @@ def _facts(document: dict[str, Any]) -> dict[str, object]:
         "voxels": f"{' x '.join(map(str, document['shape']))} of {' x '.join(f'{v:g}' for v in document['voxel_m'])} m",
         "reaches": f"from {low}, {' x '.join(map(str, size))} m",
         "exact up to": f"{document['cap_m']:g} m",
-        "unknown counts as": "an obstacle" if document["unknown"] == "obstacle" else "no answer",
+        "unknown counts as": "an obstacle" if document["unknown"] == "obstacle" else "NaN",
         "free, occupied, unknown": f"{document['free_m3']:.1f}, {document['occupied_m3']:.1f}, "
         f"{document['unknown_m3']:.1f} m3",
     }
     if document["roomiest_point_m"] is not None:
-        facts["roomiest place"] = (
-            f"{document['roomiest_m']:.2f} m to the nearest thing, at {document['roomiest_point_m']}"
+        facts["largest clearance"] = (
+            f"{document['roomiest_m']:.2f} m to the nearest surface, at {document['roomiest_point_m']}"
         )
         for clearance, volume in document["free_m3_at_least"].items():
             facts[f"free by {clearance} m and more"] = f"{volume:.1f} m3"
@@ -170,7 +170,7 @@ def _surface(field: Field, out: Path, level_m: float) -> str:
 
     vertices, faces = pictures.iso_surface(field, level_m)
     if len(faces) == 0:
-        raise InputError(f"no place in this map is {level_m:g} m from the nearest surface; there is nothing to draw")
+        raise InputError(f"no point of this map is {level_m:g} m from the nearest surface; choose another level")
     path = out / f"surface_{level_m:g}m.ply"
     mesh_file.save(path, vertices, faces, np.full((len(vertices), 3), 180, np.uint8))
     return str(path)

@@ -1,4 +1,4 @@
-"""`goshawk next-flight`: which manoeuvre would settle what the flights so far leave open."""
+"""`goshawk next-flight`: the manoeuvre that best separates the candidate effects that earlier flights leave open."""
 
 from pathlib import Path
 from typing import Any
@@ -18,13 +18,13 @@ from sysid.diagnosis.procedure import while_searching
 from sysid.diagnosis.rehearsal import Room
 from vehicle import manoeuvres
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 
 @click.command()
 @click.argument("flights", nargs=-1, required=True, type=click.Path(path_type=Path))
 @console.vehicle_option
-@click.option("--suspect", "suspects", multiple=True, metavar="NAME", help="Whom it is about. Repeatable.")
+@click.option("--candidate", "candidates", multiple=True, metavar="NAME", help="Effect in question. Repeatable.")
 @click.option("--space", "space", required=True, metavar="X,Y,Z", help="Free volume for the vehicle's centre, metres.")
 @click.option("--corner", "corner", metavar="X,Y,Z", help="Its lowest corner [default: round the origin, 0.5 m up].")
 @click.option("--manoeuvre", "library", multiple=True, metavar="NAME", help="Only this one. Repeatable.")
@@ -35,7 +35,7 @@ SCHEMA_VERSION = 1
 def command(
     flights: tuple[Path, ...],
     vehicle_file: Path,
-    suspects: tuple[str, ...],
+    candidates: tuple[str, ...],
     space: str,
     corner: str | None,
     library: tuple[str, ...],
@@ -44,17 +44,17 @@ def command(
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Rank manoeuvres by what they would tell about suspects that FLIGHTS leave in doubt, per second flown.
+    """Rank manoeuvres by expected evidence, per second, on candidate effects that FLIGHTS leave inconclusive.
 
     \b
     goshawk next-flight flights/*.parquet --vehicle vehicle.toml --space 6,6,3
     goshawk next-flight flights/*.parquet --vehicle vehicle.toml --space 6,6,3 \\
-        --suspect rotor_drag_thrust --suspect rotor_drag_speed --out waypoints.json
+        --candidate rotor_drag_thrust --candidate rotor_drag_speed --out waypoints.json
     goshawk plan waypoints.json --map map --vehicle vehicle.toml --out next.json
 
-    Two suspects or more are to be told apart; one is to be sized. Without --suspect the flights are diagnosed first,
-    and the suspects are what the diagnosis leaves open. Every manoeuvre is shrunk to the space, flown in simulation
-    with the fitted vehicle, and its evidence added to that of FLIGHTS.
+    For two candidates or more the evidence is that which separates them; for one, that which determines its size.
+    Without --candidate the flights are diagnosed first, and the candidates are those left inconclusive. Every manoeuvre
+    is scaled to the space and simulated with the fitted vehicle, and its evidence is added to that of FLIGHTS.
     """
     outputs.check(out, overwrite=overwrite)
     size, low = _three("--space", space), _three("--corner", corner) if corner else None
@@ -65,8 +65,10 @@ def command(
     logs = [load(path, columns) for path in flights]
     with console.progress() as progress:
         ranking = next_flight.rank(
-            _examined(logs, believed, progress) if suspects else diagnose(logs, believed, auto=True, progress=progress),
-            suspects=suspects or None,
+            _examined(logs, believed, progress)
+            if candidates
+            else diagnose(logs, believed, auto=True, progress=progress),
+            suspects=candidates or None,
             free_volume_m=size,
             corner_world_m=low,
             library=library or None,
@@ -100,7 +102,7 @@ def _write(ranking: Ranking, out: Path, *, overwrite: bool) -> Proposal:
         with outputs.file(out, overwrite=overwrite) as temporary:
             project.save_waypoints(temporary, waypoints)
         return proposal
-    raise InputError("every manoeuvre that fits stays in one place; there are no waypoints to write")
+    raise InputError("every manoeuvre that fits into the space hovers; there are no waypoints to write")
 
 
 def _show(ranking: Ranking, chosen: Proposal, then: str | None, out: Path | None, as_json: bool) -> None:
@@ -108,7 +110,7 @@ def _show(ranking: Ranking, chosen: Proposal, then: str | None, out: Path | None
         document = {
             "schema": "goshawk-next-flight",
             "version": SCHEMA_VERSION,
-            "suspects": list(ranking.suspects),
+            "candidates": list(ranking.suspects),
             "proposals": [proposal.as_dict() for proposal in ranking],
             "skipped": dict(ranking.skipped),
             "chosen": chosen.name,

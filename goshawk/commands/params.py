@@ -1,4 +1,4 @@
-"""`goshawk params`: look at the controller's parameters on the vehicle, and change some of them, all or none."""
+"""`goshawk params`: list, read and set the controller's parameters on the vehicle; a set is all or nothing."""
 
 import difflib
 import sys
@@ -26,7 +26,7 @@ def command() -> None:
     goshawk params set mass_kg=0.72 kp_xy_1_s2=8
     goshawk params set --from vehicle.toml --dry-run
 
-    A set is sent as one block with a checksum: the vehicle takes all of it or nothing, and says why.
+    A set is sent as one block with a checksum: the vehicle accepts all of it or nothing, and reports the reason.
     """
 
 
@@ -35,7 +35,7 @@ def command() -> None:
 @console.key_option
 @console.json_option
 def list_(url: str, key_file: Path | None, as_json: bool) -> None:
-    """Show every parameter that the vehicle has, with the range it may take.
+    """List every parameter of the vehicle, with its bounds.
 
     \b
     goshawk params list
@@ -70,9 +70,11 @@ def get(names: tuple[str, ...], url: str, key_file: Path | None, as_json: bool) 
 
 @command.command("set")
 @click.argument("assignments", nargs=-1, metavar="NAME=VALUE...")
-@console.path_option("--from", "vehicle_file", "Take what mirrors this vehicle file; NAME=VALUE goes before it.")
-@click.option("--dry-run", is_flag=True, help="Show what would change, and change nothing.")
-@click.option("--yes", is_flag=True, help="Do not ask, on a terminal, before changing.")
+@console.path_option(
+    "--from", "vehicle_file", "Set the parameters that follow from this vehicle file; NAME=VALUE overrides them."
+)
+@click.option("--dry-run", is_flag=True, help="Show the changes without making them.")
+@click.option("--yes", is_flag=True, help="Do not ask for confirmation on a terminal.")
 @console.url_option
 @console.key_option
 @console.json_option
@@ -85,21 +87,21 @@ def set_(
     key_file: Path | None,
     as_json: bool,
 ) -> None:
-    """Change some parameters, all of them or none; what would change is shown first.
+    """Set parameters, all of them or none; the changes are shown first.
 
     \b
     goshawk params set mass_kg=0.72
     goshawk params set --from vehicle.toml kp_xy_1_s2=8
     goshawk params set --from vehicle.toml --dry-run --json
     """
-    wanted = from_vehicle(vehicle_file) | dict(parse(text) for text in assignments)
-    if not wanted:
+    requested = from_vehicle(vehicle_file) | dict(parse(text) for text in assignments)
+    if not requested:
         raise InputError("nothing to set: give NAME=VALUE, or --from a vehicle file")
-    controller.checked(wanted)
+    controller.checked(requested)
     with firmware_bridge.connect(url, key=key_file) as link:
         present = link.parameters()
-        refuse_unknown(wanted, present)
-        changed = difference(present, wanted)
+        refuse_unknown(requested, present)
+        changed = difference(present, requested)
         rows = [(name, before, after) for name, (before, after) in changed.items()]
         if rows and not as_json:
             console.table("", ("name", "vehicle has", "will have"), rows)
@@ -121,7 +123,7 @@ def set_(
 
 def _verdict(changes: int, *, dry_run: bool) -> str:
     if not changes:
-        return "the vehicle has these values already; nothing was sent"
+        return "no change: the vehicle has these values already"
     return "nothing was changed" if dry_run else f"set and confirmed by checksum: {changes} parameters"
 
 
@@ -139,7 +141,7 @@ def parse(text: str) -> tuple[str, float]:
 
 
 def from_vehicle(file: Path | None) -> dict[str, float]:
-    """Controller parameters that mirror a vehicle file; says on stderr what the controller cannot mirror."""
+    """Controller parameters for a vehicle file; effects that it does not compensate are listed on stderr."""
     if file is None:
         return {}
     made = controller.parameters_of(vehicle.load(file))
@@ -148,14 +150,14 @@ def from_vehicle(file: Path | None) -> dict[str, float]:
     return dict(made.parameters)
 
 
-def difference(present: dict[str, float], wanted: dict[str, float]) -> dict[str, tuple[float, float]]:
-    """Before and after of what really changes, as the vehicle's float32 sees it, in the vehicle's order."""
-    before, after = shortest(present), shortest(wanted)
+def difference(present: dict[str, float], requested: dict[str, float]) -> dict[str, tuple[float, float]]:
+    """Values before and after, of the parameters that differ as float32, in the vehicle's order."""
+    before, after = shortest(present), shortest(requested)
     return {name: (before[name], after[name]) for name in before if name in after and before[name] != after[name]}
 
 
 def shortest(values: dict[str, float]) -> dict[str, float]:
-    """The same float32 values with as few digits as tell them apart: 0.7, not 0.699999988."""
+    """The same float32 values with the fewest digits that identify them: 0.7, not 0.699999988."""
     return {name: float(str(np.float32(value))) for name, value in values.items()}
 
 
@@ -173,7 +175,7 @@ def refuse_unknown(names: Iterable[str], known: Iterable[str]) -> None:
 
 
 def _range(name: str) -> tuple[object, object, str]:
-    """Smallest, largest, and whether it may change in flight, by this program's own table."""
+    """Bounds, and whether it may change in flight, from the generated parameter table."""
     row = controller.PARAMETERS.get(name)
     if row is None:
         return "?", "?", "?"

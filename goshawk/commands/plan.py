@@ -10,7 +10,7 @@ import numpy as np
 import mapping
 import planner
 import vehicle
-from flight import FloatArray, InputError, Trajectory, project
+from flight import FloatArray, InputError, Trajectory, cells, project
 from goshawk import console, outputs, waypoints_file
 from planner import simplify
 
@@ -57,8 +57,8 @@ def command(
     goshawk plan waypoints.json --map map --vehicle vehicle.toml --out lap.json
     goshawk plan --path map/poses.csv --map map --vehicle vehicle.toml --out walk.json
 
-    WAYPOINTS is a project's waypoints.json, or CSV with columns x_m, y_m, z_m and, where wanted, yaw_deg (empty: free).
-    The file is written only if the final gate passes. Exit code 1: there is no such trajectory; the message says
+    WAYPOINTS is a project's waypoints.json, or CSV with columns x_m, y_m, z_m and, optionally, yaw_deg (empty: free).
+    The file is written only if the final gate passes. Exit code 1: there is no such trajectory; the message names
     where, why, and what to change.
     """
     if (waypoints is None) == (path is None):
@@ -94,7 +94,7 @@ def options_from(
     speed_m_s: float | None = None,
     acceleration_m_s2: float | None = None,
 ) -> planner.PlanOptions:
-    """The planner's options: its defaults, and what the command line said otherwise."""
+    """The planner's options: the defaults, overridden by the command line."""
     options = planner.PlanOptions() if margin_m is None else planner.PlanOptions(margin_m=margin_m)
     asked = {"speed_m_s": speed_m_s, "acceleration_m_s2": acceleration_m_s2}
     slower = {name: value for name, value in asked.items() if value is not None}
@@ -133,19 +133,22 @@ def read_path(path: Path) -> FloatArray:
     """Positions (n, 3) from a CSV file with columns x_m, y_m, z_m; other columns are ignored.
 
     Raises:
-        InputError: no such file, a column is missing, a number cannot be read, or fewer than two rows.
+        InputError: no such file, a column is missing, a position is not finite, or fewer than two rows.
+        FormatError: a cell does not hold a number.
     """
     import csv
 
     try:
         with open(path, newline="") as file:
-            rows = list(csv.DictReader(file))
-        positions = np.array([[float(row[name]) for name in ("x_m", "y_m", "z_m")] for row in rows])
+            rows = list(enumerate(csv.DictReader(file), start=2))
+        positions = np.array(
+            [[cells.number(row[name], path, line, name) for name in ("x_m", "y_m", "z_m")] for line, row in rows]
+        )
     except FileNotFoundError:
         raise InputError(f"{path} does not exist") from None
     except KeyError as error:
-        raise InputError(f"{path} has no column {error}; x_m, y_m and z_m are wanted") from None
-    except (TypeError, ValueError, OSError) as error:
+        raise InputError(f"{path} has no column {error}; expected columns x_m, y_m and z_m") from None
+    except (UnicodeDecodeError, OSError, csv.Error) as error:
         raise InputError(f"{path} is not a CSV file of positions: {error}") from error
     if len(positions) < 2:
         raise InputError(f"{path} holds {len(positions)} positions; a path has at least two")

@@ -1,4 +1,4 @@
-"""`goshawk proxy`: let QGroundControl or MAVSDK, which cannot sign, talk to a vehicle that demands signatures."""
+"""`goshawk proxy`: connects ground stations that cannot sign (QGroundControl, MAVSDK) to a vehicle that requires it."""
 
 import json
 import time
@@ -30,10 +30,10 @@ def command(url: str, key_file: Path | None, listen: str, control: bool, as_json
     goshawk proxy --control --json
 
     The first line printed is the address to connect QGroundControl or MAVSDK to. With --control the proxy renews the
-    vehicle's operator lease for the first station, and stops 2.5 s after that station falls silent. Stop with Ctrl-C:
-    control is given back.
+    vehicle's operator lease for the first station, and stops 2.5 s after that station's last message. Stop with
+    Ctrl-C, which releases control.
 
-    Who reaches the address needs no key. It is reached from this computer only unless --listen says otherwise.
+    A station at the address needs no key. The address is local to this computer unless --listen changes it.
     """
     host, _ = parse_listen(listen)
     key = keys.load(key_file)
@@ -68,7 +68,7 @@ def _line(proxy: Proxy) -> str:
 
 
 def _facts(status: ProxyStatus) -> tuple[object, ...]:
-    """What a change of is worth a line."""
+    """The status fields whose changes are reported."""
     return status.stations, status.in_control, status.operator_system, status.vehicle_silent_s > _SILENT_S
 
 
@@ -77,10 +77,12 @@ def _changes(before: ProxyStatus, now: ProxyStatus) -> list[str]:
     silent = now.vehicle_silent_s > _SILENT_S
     if silent != (before.vehicle_silent_s > _SILENT_S):
         sentences.append(
-            f"nothing received from the vehicle for {now.vehicle_silent_s:.0f} s" if silent else "the vehicle is back"
+            f"nothing received from the vehicle for {now.vehicle_silent_s:.0f} s"
+            if silent
+            else "the vehicle's messages are back"
         )
     for station in sorted(set(now.stations) ^ set(before.stations)):
-        sentences.append(f"station {station} {'is connected' if station in now.stations else 'is gone'}")
+        sentences.append(f"station {station} {'is connected' if station in now.stations else 'is disconnected'}")
     if (now.in_control, now.operator_system) != (before.in_control, before.operator_system):
         if now.in_control:
             sentences.append(f"station {now.in_control} is in control")

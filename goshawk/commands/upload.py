@@ -19,9 +19,11 @@ from goshawk.commands.params import difference
 @console.key_option
 @console.path_option("--map", "map_folder", "Refuse unless it was checked in this map.")
 @console.path_option(
-    "--vehicle", "vehicle_file", "Refuse unless it was checked for this vehicle, and the controller is set for it."
+    "--vehicle", "vehicle_file", "Refuse unless it was checked for this vehicle, and the controller has its parameters."
 )
-@click.option("--other-parameters", is_flag=True, help="With --vehicle: only warn if the controller is set otherwise.")
+@click.option(
+    "--other-parameters", is_flag=True, help="With --vehicle: only warn if the controller's parameters differ."
+)
 @console.json_option
 def command(
     trajectory_file: Path,
@@ -38,9 +40,9 @@ def command(
     goshawk upload walk.json
     goshawk upload walk.json --map map --vehicle vehicle.toml --vehicle-url udp://192.168.4.1:14550
 
-    A trajectory that never passed the final gate is refused, and so is one for another map or vehicle, and one for a
-    model that the controller was not set to (`goshawk params set --from VEHICLE`). Whatever goes wrong, the vehicle
-    keeps what it held. Ctrl-C stops the upload and says what that is.
+    A trajectory is refused if it has not passed the final gate, was checked for another map or vehicle, or the
+    controller's parameters do not match the vehicle (`goshawk params set --from VEHICLE`). After any failure the
+    vehicle keeps its active trajectory. Ctrl-C stops the upload and shows which one that is.
     """
     item = trajectory.load(trajectory_file)
     map_hash = None
@@ -78,10 +80,10 @@ def command(
 
 
 def set_otherwise(present: dict[str, float], believed: vehicle.Vehicle) -> str:
-    """What the controller was told of the vehicle other than this model says, in words; empty if nothing."""
+    """The controller's parameters that differ from this vehicle's, as a sentence; empty if none does."""
     differing = difference(present, dict(controller.parameters_of(believed).parameters))
     if not differing:
         return ""
     first = [f"{name} {before:g} (model {after:g})" for name, (before, after) in list(differing.items())[:3]]
     more = f" and {len(differing) - 3} more" if len(differing) > 3 else ""
-    return f"the controller is set for another model than {believed.name}'s: {', '.join(first)}{more}"
+    return f"the controller's parameters differ from {believed.name}'s: {', '.join(first)}{more}"

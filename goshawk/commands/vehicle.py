@@ -1,4 +1,4 @@
-"""`goshawk vehicle`: look at a vehicle model, change it, see what the change is worth, take it back."""
+"""`goshawk vehicle`: show a vehicle model, change it, evaluate the change, undo it."""
 
 import json
 import sys
@@ -9,29 +9,31 @@ import click
 
 import vehicle
 from flight import FormatError, InputError
-from goshawk import console, model_change, outputs
+from goshawk import console, model_change, outputs, words
 from goshawk.commands.params import parse
 from goshawk.commands.vehicle_new import new, schema
 from goshawk.flights import load
 from goshawk.model_change import Change, Flights
 from goshawk.verbs import VerbGroup
-from sysid.verdict import Use, Verdict
+from sysid.verdict import Use
 from vehicle import Vehicle, history
 
 vehicle_argument = click.argument("vehicle_file", metavar="VEHICLE", type=click.Path(path_type=Path))
-preview_option = click.option("--preview", is_flag=True, help="Say what would change, and write nothing.")
-anyway_option = click.option("--anyway", is_flag=True, help="Write it even if the refit is not to be used.")
-yes_option = click.option("--yes", is_flag=True, help="Do not ask.")
+preview_option = click.option("--preview", is_flag=True, help="Show the changes without writing them.")
+anyway_option = click.option(
+    "--anyway", is_flag=True, help="Write it even if the verdict on the refit is `do not use`."
+)
+yes_option = click.option("--yes", is_flag=True, help="Do not ask for confirmation.")
 flights_option = click.option(
     "--flights", multiple=True, type=click.Path(path_type=Path), help="Refit to this flight. Repeatable."
 )
 held_out_option = click.option(
-    "--held-out", multiple=True, type=click.Path(path_type=Path), help="Judge on this flight. Repeatable."
+    "--held-out", multiple=True, type=click.Path(path_type=Path), help="Held-out flight, for evaluation. Repeatable."
 )
 
 
 def flights_options(verb: Any) -> Any:
-    """What add-effect and remove-effect share."""
+    """Options that add-effect and remove-effect share."""
     for option in (
         console.json_option,
         anyway_option,
@@ -46,7 +48,7 @@ def flights_options(verb: Any) -> Any:
 
 @click.group(cls=VerbGroup)
 def command() -> None:
-    """Make a vehicle model, look at it, change it one effect at a time, and take changes back.
+    """Make a vehicle model, show it, change it one effect at a time, and undo changes.
 
     \b
     goshawk vehicle new vehicle.toml --mass 0.72 --arm 0.125 --prop-diameter 0.127
@@ -87,9 +89,12 @@ def show(vehicle_file: Path, as_json: bool) -> None:
         document = {"name": shown.name, "hash": vehicle.vehicle_hash(shown), "effects": effects}
         console.show("", {}, as_json=True, document=document | {"parameters": parameters})
         return
-    rows = [(n, f"{p['value']:.5g}", f"{p['std']:.2g}", p["unit"], p["source"]) for n, p in parameters.items()]
+    rows = [
+        (words.parameter(n), f"{p['value']:.5g}", f"{p['std']:.2g}", p["unit"], p["source"], n)
+        for n, p in parameters.items()
+    ]
     title = f"{shown.name} ({vehicle.vehicle_hash(shown)[:12]})"
-    console.table(title, ("parameter", "value", "std", "unit", "source"), rows)
+    console.table(title, ("parameter", "value", "std", "unit", "source", "name in the file"), rows)
     lines = [(e["name"], e["law"], "yes" if e["compensated"] else "no", e["how"]) for e in effects]
     console.table("effects", ("effect", "law", "compensated", "how the controller does it, or why not"), lines)
 
@@ -117,8 +122,11 @@ def add_effect(
     goshawk vehicle add-effect vehicle.toml rotor_drag_thrust --flights a.parquet --held-out b.parquet
     goshawk vehicle add-effect vehicle.toml side_guard.py drag_kg_m=0.03
 
-    With --flights the whole model is refitted; with --held-out errors on flights that were not used are printed
-    before and after, against the present model fitted to the same flights. `goshawk vehicle undo` takes it back.
+    With --flights the whole model is refitted; with --held-out the errors on held-out flights are printed for the
+    changed model and for the present one fitted to the same flights. `goshawk vehicle undo` reverts the change.
+
+    A refit ends in a verdict as `goshawk identify` gives it: usable, doubtful, or do not use (exit code 1; the file is
+    then written only with --anyway).
     """
     present, given = vehicle.load(vehicle_file), dict(parse(word) for word in values)
     if effect.endswith(".py"):
@@ -149,13 +157,13 @@ def remove_effect(
     yes: bool,
     as_json: bool,
 ) -> int:
-    """Remove EFFECT and its numbers from the model; asks first.
+    """Remove EFFECT and its parameters from the model, after confirmation.
 
     \b
     goshawk vehicle remove-effect vehicle.toml flapping_moment
     goshawk vehicle remove-effect vehicle.toml flapping_moment --flights a.parquet --held-out b.parquet --yes
 
-    Refitting and judging are as for add-effect.
+    Refit and evaluation are as for add-effect.
     """
     present = vehicle.load(vehicle_file)
     changed = present.without_effect(effect)
@@ -170,7 +178,7 @@ def remove_effect(
 @command.command("scaffold-effect")
 @vehicle_argument
 @console.path_option("--diagnosis", "diagnosis", "JSON of `goshawk diagnose --json`.", required=True)
-@click.option("--name", required=True, help="What to call the effect: small letters, digits, _.")
+@click.option("--name", required=True, help="Name of the effect: small letters, digits, _.")
 @console.path_option("--out", "out", "Python file to write.", required=True)
 @click.option("--form", type=click.Choice(["spline", "polynomial"]), default="spline", show_default=True)
 @outputs.overwrite_option
@@ -184,14 +192,14 @@ def scaffold_effect(
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Turn the curve of a diagnosis that found no name into an effect of your own, to try and to improve.
+    """Turn the residual curve of a diagnosis without a known effect into an effect of your own.
 
     \b
     goshawk diagnose flights/*.parquet --vehicle vehicle.toml --json > diagnosis.json
     goshawk vehicle scaffold-effect vehicle.toml --diagnosis diagnosis.json --name climb_twist --out climb_twist.py
     goshawk vehicle add-effect vehicle.toml climb_twist.py --flights a.parquet --held-out b.parquet
 
-    The vehicle file is not changed; the last line does that, and says whether it helped.
+    The vehicle file is not changed; the last command does that, and reports whether the errors fell.
     """
     from sysid.diagnosis import curve
 
@@ -216,9 +224,11 @@ def _outside(diagnosis: Path) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise FormatError(f"{diagnosis} is not JSON: {error}") from error
     if not isinstance(document, dict) or document.get("schema") != "goshawk-diagnosis":
-        raise FormatError(f"{diagnosis} is not a diagnosis as goshawk diagnose --json writes it")
+        raise FormatError(f"{diagnosis} is not a diagnosis of goshawk diagnose --json")
     if not isinstance(document.get("outside"), dict):
-        raise InputError(f"{diagnosis} draws no curve: {document.get('verdict', 'nothing is outside the catalogue')}")
+        raise InputError(
+            f"{diagnosis} has no residual curve: {document.get('verdict', 'nothing is outside the catalogue')}"
+        )
     return document["outside"]
 
 
@@ -229,13 +239,13 @@ def _outside(diagnosis: Path) -> dict[str, Any]:
 @yes_option
 @console.json_option
 def undo(vehicle_file: Path, number: int | None, preview: bool, yes: bool, as_json: bool) -> None:
-    """Restore the vehicle file as it was before its last change, byte for byte; asks first.
+    """Restore the vehicle file's version before its last change, byte for byte, after confirmation.
 
     \b
     goshawk vehicle undo vehicle.toml
     goshawk vehicle undo vehicle.toml --to 0 --yes
 
-    What is undone stays in the history and can be returned to with --to.
+    The undone version stays in the history and can be restored with --to.
     """
     left, restored = history.target(vehicle_file, number)
     was, will_be = history.version(vehicle_file, left), history.version(vehicle_file, restored)
@@ -268,13 +278,13 @@ def show_history(
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Every version of the model, how it came about, and what it was worth on held-out flights.
+    """List every version of the model, the action that made it, and its errors on held-out flights.
 
     \b
     goshawk vehicle history vehicle.toml
     goshawk vehicle history vehicle.toml --held-out b.parquet --figure staircase.svg
 
-    With --held-out every version is judged anew on these flights; else the table shows what was found at the time.
+    With --held-out every version is evaluated on these flights; else the table shows the recorded verdicts.
     """
     if figure is not None and not held_out:
         raise click.UsageError("--figure needs --held-out: versions are compared on the same flights")
@@ -286,8 +296,8 @@ def show_history(
         models = {str(step.number): history.version(vehicle_file, step) for step in line}
         with console.progress() as report:
             logs = [load(path, columns) for path in held_out]
-            judged = model_change.held_out_errors(models, logs, progress=report)
-        errors = {int(number): found for number, found in judged.items()}
+            by_version = model_change.held_out_errors(models, logs, progress=report)
+        errors = {int(number): found for number, found in by_version.items()}
     if figure is not None:
         names = [path.name for path in held_out]
         with outputs.file(figure, overwrite=overwrite) as temporary:
@@ -307,17 +317,17 @@ def _show_history(
     rows = []
     for step in told.steps:
         found = errors.get(step.number) or (step.held_out.after if step.held_out else {})
-        position = f"{1000 * found['position_m']:.1f}" if found else ""
-        words = step.held_out.verdict if step.held_out else ""
+        position = model_change.prediction_error("position", found["position_m"]) if found else ""
+        helped = step.held_out.verdict if step.held_out else ""
         mark = "now" if step.number == told.current else "" if step.number in on_line else "undone"
-        rows.append((step.number, mark, _done(step), step.when_utc[:16], step.vehicle_hash[:8], position, words))
+        rows.append((step.number, mark, _done(step), step.when_utc[:16], step.vehicle_hash[:8], position, helped))
     heads = (
         "version",
         "",
         "made by",
         "when (UTC)",
         "hash",
-        f"mm at {model_change.HORIZON_S:g} s",
+        f"position error after {model_change.HORIZON_S:g} s",
         "verdict at the time",
     )
     console.table("history", heads, rows)
@@ -334,24 +344,24 @@ def _change(
     writing: tuple[bool, bool],
     as_json: bool,
 ) -> int:
-    """Refit and judge as far as flights were given; write; say.
+    """Refit and evaluate if flights were given; write and report.
 
     Args:
-        writing: whether nothing is to be written, and whether even a refit that is not to be used.
+        writing: preview only, and write in spite of the verdict `do not use`.
 
     Returns:
-        The exit code: 1 if the refit is not to be used.
+        The exit code: 1 if the verdict on the refit is `do not use`.
     """
     preview, anyway = writing
     training, held_out, columns = logs
     with console.progress() as report:
         flights = Flights({p: load(p, columns) for p in training}, {p: load(p, columns) for p in held_out})
-        change = Change(changed, {}, None, (), Verdict())
+        change = Change(changed, {}, None, (), None)
         if training:
             change = model_change.refitted(present, changed, flights, progress=report)
         elif held_out:
-            change = model_change.judged(present, changed, flights, progress=report)
-    usable = change.fit.use is not Use.REJECTED
+            change = model_change.evaluated(present, changed, flights, progress=report)
+    usable = change.fit is None or change.fit.use is not Use.REJECTED
     step = None
     if not preview and (usable or anyway):
         step = history.record(file, change.vehicle, what[0], effect=what[1], held_out=change.held_out)
@@ -362,29 +372,42 @@ def _change(
 def _show_change(
     file: Path, present: Vehicle, change: Change, what: tuple[str, str], step: history.Step | None, as_json: bool
 ) -> None:
-    words = change.held_out.verdict if change.held_out else "not judged: no held-out flight was given"
-    facts: dict[str, Any] = {"vehicle": str(file), "action": what[0], "effect": what[1], "verdict": words}
+    helped = change.held_out.verdict if change.held_out else "not evaluated: no held-out flight was given"
+    facts: dict[str, Any] = {"vehicle": str(file), "action": what[0], "effect": what[1], "verdict": helped}
     facts |= {"version": step.number if step else None}
     cancelled, how = model_change.compensations(change.vehicle).get(what[1], (None, ""))
     if as_json:
         document = facts | {"errors": change.errors, "changes": model_change.differences(present, change.vehicle)}
-        document |= {"fit": change.fit.as_dict(), "findings": change.findings, "compensated": cancelled, "how": how}
+        document |= {
+            "fit": change.fit.as_dict() if change.fit else None,
+            "findings": change.findings,
+            "compensated": cancelled,
+            "how": how,
+        }
         console.show("", {}, as_json=True, document=document)
         return
-    if change.fit.use is not Use.USABLE:
-        click.echo(f"the refit: {change.fit.sentence}")
+    reasons = change.fit.reasons if change.fit else ()
+    if change.fit:
+        click.echo(f"verdict on the refit: {change.fit.use}")
+    for reason in reasons:
+        click.echo(f"  {reason}")
     for line in model_change.differences(present, change.vehicle):
         click.echo(line)
     if change.errors:
-        heads = ("model", *next(iter(change.errors.values())))
-        rows = [(model, *errors.values()) for model, errors in change.errors.items()]
+        rows = [
+            (model, *(model_change.prediction_error(q, errors[key]) for q, key in model_change.KEYS.items()))
+            for model, errors in change.errors.items()
+        ]
+        heads = ("model", *model_change.KEYS)
         console.table(f"held-out error after {model_change.HORIZON_S:g} s, rms", heads, rows)
-    for finding in change.findings:
+    for finding in (f for f in change.findings if f not in reasons):
         click.echo(f"note: {finding}")
-    click.echo(f"{what[1]} {words}" if change.held_out else words)
+    click.echo(f"{what[1]} {helped}" if change.held_out else helped)
     if cancelled is not None:
         click.echo(f"{'compensated' if cancelled else 'NOT compensated'} by the controller: {how}")
-    click.echo(f"written: {file}, version {step.number}" if step else "nothing was written")
+    refused = change.fit is not None and change.fit.use is Use.REJECTED
+    unwritten = f"nothing was written{' (see --anyway)' if refused else ''}"
+    click.echo(f"written: {file}, version {step.number}" if step else unwritten)
 
 
 def _done(step: history.Step) -> str:
@@ -395,5 +418,5 @@ def _ask(question: str, yes: bool, as_json: bool) -> None:
     if yes:
         return
     if as_json or not sys.stdin.isatty():
-        raise click.UsageError("this changes the vehicle file; say --yes to do it, or --preview to see it")
+        raise click.UsageError("this changes the vehicle file; give --yes to confirm, or --preview to see the changes")
     click.confirm(question, abort=True, err=True)

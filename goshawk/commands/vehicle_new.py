@@ -1,4 +1,4 @@
-"""`goshawk vehicle new` and `goshawk vehicle schema`: from nothing to a vehicle file."""
+"""`goshawk vehicle new` and `goshawk vehicle schema`: make a vehicle file."""
 
 import json
 import math
@@ -28,8 +28,8 @@ RPM = 2.0 * np.pi / 60.0
 @click.option("--prop-diameter", "diameter_m", type=float, help="Diameter of a propeller, metres (5 inches: 0.127).")
 @click.option("--hover-rpm", type=float, help="Rotor speed in hover, if known: gives a much better thrust coefficient.")
 @click.option("--max-rpm", type=float, help="Fastest rotor speed, if known.")
-@click.option("--name", help="What to call it [default: the file's name].")
-@console.path_option("--from", "source", "Take what is known from PX4 (.params, .ulg), RotorPy (.py) or URDF (.urdf).")
+@click.option("--name", help="Name of the vehicle [default: the file's name].")
+@console.path_option("--from", "source", "Import from PX4 (.params, .ulg), RotorPy (.py) or URDF (.urdf).")
 @outputs.overwrite_option
 @console.json_option
 def new(
@@ -45,21 +45,21 @@ def new(
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Make a vehicle file from a data sheet or another program's file; what is not given is estimated, and says so.
+    """Make a vehicle file from a data sheet or another program's file; missing values are marked estimates.
 
     \b
     goshawk vehicle new my.toml --mass 0.72 --arm 0.125 --prop-diameter 0.127
     goshawk vehicle new my.toml --from px4.params --mass 0.72 --prop-diameter 0.127
     goshawk vehicle new my.toml --from hummingbird_params.py
 
-    On a terminal it asks for what is missing. Every number in the file has its standard deviation and source; a
-    default is named as one.
+    On a terminal it asks for missing values. Every number in the file has a standard deviation and a source; a
+    default is marked as one.
     """
     asks = sys.stdin.isatty() and not as_json
     if out is None:
         if not asks:
             raise click.UsageError(
-                "say where to write: goshawk vehicle new my.toml --mass ... --arm ... --prop-diameter ..."
+                "give the file to write: goshawk vehicle new my.toml --mass ... --arm ... --prop-diameter ..."
             )
         out = Path(click.prompt("Vehicle file to write", default="vehicle.toml", err=True))
     if out.suffix != ".toml":
@@ -76,7 +76,7 @@ def new(
 
 
 def imported(path: Path) -> Known:
-    """What another program's file knows; the kind goes by its ending."""
+    """Data of another program's file; the suffix determines the format."""
     from vehicle import import_px4, import_rotorpy, import_urdf
 
     readers = {
@@ -88,7 +88,7 @@ def imported(path: Path) -> Known:
     }
     reader = readers.get(path.suffix.lower())
     if reader is None:
-        raise InputError(f"--from {path}: the ending is not one of {', '.join(readers)}, which say whose file it is")
+        raise InputError(f"--from {path}: the suffix must be one of {', '.join(readers)}, which identify the format")
     return reader(path)
 
 
@@ -101,7 +101,7 @@ def with_options(
     hover_rpm: float | None,
     max_rpm: float | None,
 ) -> Known:
-    """Options go over what was imported. `--arm` without `--frame` scales an imported geometry."""
+    """Options override imported values. `--arm` without `--frame` scales an imported geometry."""
     given = {
         "--mass": mass_kg,
         "--arm": arm_m,
@@ -136,7 +136,7 @@ def with_options(
 
 
 def _asked(known: Known, frame: str | None) -> Known:
-    """Ask for what no formula can give."""
+    """Ask for the data that no formula can estimate."""
     if known.mass_kg is None:
         grams = click.prompt("Mass ready to fly, in grams", type=click.FloatRange(1.0, 1e6), err=True)
         known = with_options(known, grams / 1000.0, None, None, None, None, None)
@@ -171,7 +171,7 @@ def _show(out: Path, made: Vehicle, known: Known, as_json: bool) -> None:
         click.echo(f"note: {note}")
     click.echo(f"written: {out}; {len(guessed)} of {len(shown)} numbers are defaults or estimates")
     click.echo(
-        f"next: fly it simulated, goshawk vehicle-sim --vehicle {out}; or measure it, goshawk identify FLIGHTS "
+        f"next: simulate it, goshawk sitl --vehicle {out}; or identify it, goshawk identify FLIGHTS "
         f"--vehicle {out} --out fitted.toml"
     )
 
@@ -180,7 +180,7 @@ def _show(out: Path, made: Vehicle, known: Known, as_json: bool) -> None:
 @console.path_option("--out", "out", "File to write [default: print it].")
 @outputs.overwrite_option
 def schema(out: Path | None, overwrite: bool) -> None:
-    """The JSON schema of vehicle files: editors complete and check with it.
+    """Write the JSON schema of vehicle files, for completion and checks in editors.
 
     \b
     goshawk vehicle schema --out vehicle.schema.json

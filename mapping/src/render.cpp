@@ -12,8 +12,8 @@ struct Sensor {
         const double* r = rays + 3 * (static_cast<std::size_t>(row) * width + column);
         return {r[0], r[1], r[2]};
     }
-    // Change of the ray per pixel along the row and along the column; looks the other way at the border of the field of
-    // view and of the image.
+    // Change of the ray per pixel along the row and along the column; a one-sided difference at the edge of the field
+    // of view and of the image.
     Vec3 right(int row, int column) const {
         return change(ray(row, column), column + 1 < width ? ray(row, column + 1) : outside,
                       column > 0 ? ray(row, column - 1) : outside);

@@ -1,4 +1,4 @@
-// What one camera sees in a scene of painted solids.
+// The image of one camera in a scene of textured solids.
 #pragma once
 #include "raycast.hpp"
 #include "texture.hpp"

@@ -34,8 +34,8 @@ void inverse_range(const std::int16_t* disparity, const SphericalGrid& grid, con
                    float* inverse_range, float* standard_deviation);
 
 // The largest inverse range (1/m along the ray) that a match allows, `deviations` standard deviations above its own:
-// whatever the ray meets is at least that far away. Near the baseline, where parallax tells no depth, this still says
-// much. 0 where there is no match.
+// whatever the ray meets is at least that far away. Near the baseline, where parallax is too small for a depth, the
+// bound is still useful. 0 where there is no match.
 void inverse_range_bound(const std::int16_t* disparity, const SphericalGrid& grid, const double* R_camera_grid,
                          const StereoPair& pair, const double* rays, int count, double deviations, int threads,
                          float* bound);

@@ -68,13 +68,13 @@ inline void turn(float& x, float& y, float& z) {
 
 struct PaintPoint {
     float x, y, z;
-    explicit PaintPoint(Vec3 p)  // shifted, so that walls at round coordinates do not lie on the border of a patch
+    explicit PaintPoint(Vec3 p)  // shifted, so that walls at round coordinates do not lie on the edge of a patch
         : x(static_cast<float>(p.x) + 0.0137f),
           y(static_cast<float>(p.y) + 0.0219f),
           z(static_cast<float>(p.z) + 0.0173f) {}
 };
 
-// Patches with sharp borders at four scales, about zero.
+// Patches with sharp edges at four scales, about zero.
 inline float mosaic(const Material& material, Vec3 point, float footprint_m) {
     auto [x, y, z] = PaintPoint(point);
     float value = 0.0f, size = material.patch_size_m, contrast = material.patch_contrast;

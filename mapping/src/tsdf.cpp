@@ -131,7 +131,7 @@ void integrate(const Volume& volume, const RangeImage& image, const double* T_ca
                 if (along_ray < -fusion.truncation) continue;  // hidden behind the surface: nothing is known here
                 const double cosine = image.facing[found.pixel], distance = along_ray * cosine;
                 double weight = cosine * weight_of(range, image.deviation[found.pixel], volume.voxel);
-                // Behind the surface the belief fades, so that the front of a thin board does not erase its back.
+                // Behind the surface the weight fades, so that the front of a thin board does not erase its back.
                 if (distance < 0.0) weight *= 1.0 + 0.9 * along_ray / fusion.truncation;
                 update(volume, index, std::min(distance, fusion.truncation), weight);
                 if (distance < fusion.truncation)

@@ -37,7 +37,7 @@ struct Fusion {
 void facing(const float* inverse_range, const double* rays, int height, int width, int step, float unsure, int threads,
             float* cosine);
 
-// Counts, for each voxel (uint8, saturating), the pictures that saw through it: it is nearer along its ray than
+// Counts, for each voxel (uint8, saturating), the images that saw through it: it is nearer along its ray than
 // anything there can be (`bound`, 1/m, the largest inverse range that is possible; 0 = not known) by more than the
 // truncation.
 void carve(const Volume& volume, const float* bound, const Lens& lens, const double* T_camera_world,

@@ -1,4 +1,4 @@
-"""Bad input, one clear error each: every entry of the list the distance field must stand up to."""
+"""Bad input, one clear error each: every entry of the list of bad inputs of the distance field."""
 
 import resource
 from contextlib import contextmanager
@@ -95,7 +95,7 @@ def test_an_empty_mask():
 
 
 @pytest.mark.parametrize("unknown", ["obstacle", "nan"])
-def test_a_map_of_which_nothing_was_seen_promises_nothing(unknown):
+def test_an_all_unknown_map_certifies_no_clearance(unknown):
     field = build(np.full(GRID.shape, UNKNOWN, np.uint8), GRID, unknown=unknown)
     distance = field.distance([[0.5, 0.5, 0.5]])[0]
     assert distance < 0 if unknown == "obstacle" else np.isnan(distance)
@@ -166,7 +166,7 @@ def test_truncated_files(files):
         read()
 
 
-def test_files_from_the_future(files):
+def test_files_of_a_newer_version(files):
     for path, read in files.items():
         if path.suffix == ".toml":
             path.write_text(path.read_text().replace("version = 1", "version = 2"))
@@ -209,7 +209,7 @@ def _contents(folder):
     return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
-def test_a_source_that_gives_something_else_than_was_asked(tmp_path):
+def test_a_source_that_returns_the_wrong_shape_or_states(tmp_path):
     for source in (lambda region: np.ones((3, 3, 3), np.uint8), lambda region: np.full(region.shape, 7, np.uint8)):
         with pytest.raises(InputError, match="the source gave"):
             build_blocks(tmp_path / "map", source, GRID)

@@ -1,4 +1,4 @@
-"""Maps on disk: the same bits as in memory, whoever builds them and however they are cut."""
+"""Maps on disk: bit-equal to the map in memory, whatever the engine and the chunk size."""
 
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
@@ -43,7 +43,7 @@ def random_map(rng, voxel=(0.1, 0.1, 0.1)):
 
 @pytest.mark.parametrize("unknown", ["obstacle", "nan"])
 @pytest.mark.parametrize("voxel", [(0.1, 0.1, 0.1), (0.1, 0.15, 0.08)])
-def test_a_map_on_disk_answers_bit_by_bit_as_the_one_in_memory(tmp_path, unknown, voxel):
+def test_a_map_on_disk_is_bit_equal_to_the_one_in_memory(tmp_path, unknown, voxel):
     rng = np.random.default_rng(0)
     state, grid = random_map(rng, voxel)
     field = build(state, grid, cap_m=0.7, unknown=unknown)

@@ -28,7 +28,7 @@ def random_case(rng):
 
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=150, deadline=None)
-def test_every_instruction_set_and_thread_count_equals_the_numpy_twin_bit_by_bit(seed):
+def test_every_instruction_set_and_thread_count_is_bit_equal_to_the_numpy_reference(seed):
     rng = np.random.default_rng(seed)
     state, grid, cap, unknown = random_case(rng)
     recipe = Recipe.of(grid, cap, unknown)
@@ -93,7 +93,7 @@ def test_a_cap_only_clips(seed):
     np.testing.assert_allclose(capped, np.clip(free_running, -0.6, 0.6), rtol=2e-7)
 
 
-def test_unknown_and_the_outside_are_obstacles_under_the_careful_policy():
+def test_unknown_and_the_outside_are_obstacles_under_the_obstacle_policy():
     state = np.full((20, 20, 20), FREE, np.uint8)
     state[15:] = UNKNOWN
     field = build(state, Grid((0, 0, 0), 0.1, state.shape), unknown="obstacle")
@@ -118,11 +118,11 @@ def test_a_map_without_obstacles_is_as_far_as_the_cap_everywhere():
     assert (build(free, grid, cap_m=math.inf, unknown="nan").values_m == 1e9).all()
 
 
-def test_an_all_unknown_map_has_nowhere_to_fly():
+def test_an_all_unknown_map_has_no_free_space():
     grid = Grid((0, 0, 0), 0.1, (6, 7, 8))
-    unseen = np.full(grid.shape, UNKNOWN, np.uint8)
-    assert (build(unseen, grid, unknown="obstacle").values_m < 0).all()
-    assert np.isnan(build(unseen, grid, unknown="nan").values_m).all()
+    unknown = np.full(grid.shape, UNKNOWN, np.uint8)
+    assert (build(unknown, grid, unknown="obstacle").values_m < 0).all()
+    assert np.isnan(build(unknown, grid, unknown="nan").values_m).all()
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Certified clearance: the minimum over the whole curve, never a gap, never a quiet pass."""
+"""Certified clearance: the minimum over the whole curve, between samples too; an unfinished check fails."""
 
 import numpy as np
 import pytest
@@ -44,7 +44,7 @@ def test_the_proof_is_below_and_the_minimum_close_to_a_dense_sampling():
         assert not verdict.passed or verdict.reason == "clear"
 
 
-def test_with_room_to_spare_the_proof_stays_below_the_minimum_and_far_flights_are_quick():
+def test_far_above_the_requirement_the_bound_stays_below_the_minimum_and_costs_little():
     rng = np.random.default_rng(7)
     for required in (-1.0, 0.0, 0.1):
         path = wiggle(rng)
@@ -112,7 +112,7 @@ def test_an_uncapped_map_without_obstacles_is_clear_and_still_has_an_edge():
     assert certify(field, straight((1, 1, 1), (30, 3, 3)), 0.3).reason == "outside the map"
 
 
-def test_a_flight_too_long_to_walk_is_not_passed():
+def test_a_flight_too_long_to_check_does_not_pass():
     coefficients = np.zeros((1, 4, 8))
     coefficients[0, :3, 0] = 2.0
     coefficients[0, 0, 1:] = 1e9 * np.array([1, -7, 19, -25.5, 18.1, -6.6, 0.98])
@@ -129,7 +129,7 @@ def test_more_required_clearance_never_turns_a_failure_into_a_pass():
     assert verdicts == sorted(verdicts, reverse=True)
 
 
-def test_standing_still_is_certified_by_one_look():
+def test_standing_still_is_certified_by_one_query():
     assert certify(solids.Sphere((0, 0, 0), 1.0), straight((3, 0, 0), (3, 0, 0)), 1.9).passed
 
 

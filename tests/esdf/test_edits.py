@@ -1,4 +1,4 @@
-"""Edits: any sequence, undone and redone at will, equals a rebuild bit by bit; zones hold; nothing is forgotten."""
+"""Edits: any sequence, undone and redone, equals a rebuild bit by bit; no edit frees a no-fly zone; edits are kept."""
 
 import numpy as np
 import pytest
@@ -76,7 +76,7 @@ def test_undoing_everything_gives_the_mapped_field_back_and_redoing_the_edited_o
     np.testing.assert_array_equal(editor.field.values_m, edited.values_m)
 
 
-def test_a_new_edit_forgets_what_was_undone():
+def test_a_new_edit_discards_the_redo_list():
     editor = Editor(mapped(np.random.default_rng(2)))
     editor.apply(Edit("add", solids.Sphere((0, 1, 1), 0.2)))
     editor.undo()
@@ -102,7 +102,7 @@ def test_no_edit_opens_a_no_fly_zone_until_it_is_dropped_by_name():
     assert editor.field.distance(middle)[0] < 0
 
 
-def test_clearing_frees_what_was_mapped_but_neither_the_unknown_nor_what_the_pilot_added():
+def test_clearing_frees_mapped_obstacles_but_neither_unknown_nor_added_voxels():
     state = np.full(GRID.shape, FREE, np.uint8)
     state[5, 5, 5], state[6, 5, 5], state[9, 5, 5] = OCCUPIED, UNKNOWN, OCCUPIED
     editor = Editor(build(state, GRID))
@@ -112,7 +112,7 @@ def test_clearing_frees_what_was_mapped_but_neither_the_unknown_nor_what_the_pil
     assert editor.field.state[5:10, 5, 5].tolist() == [FREE, UNKNOWN, OCCUPIED, FREE, OCCUPIED]
 
 
-def test_removing_vouches_even_for_what_was_never_seen():
+def test_removing_frees_unknown_voxels_too():
     editor = Editor(mapped(np.random.default_rng(4)))
     editor.apply(Edit("remove", solids.Box((0.0, 1.0, 2.3), (0.5, 1.5, 2.7))))
     assert editor.field.distance([[0.25, 1.25, 2.5]])[0] > 0

@@ -62,7 +62,7 @@ def hand_written_layer(kind, words, *, packed=False, origin=(-0.8, 0.0, 1.6)):
 
 
 @pytest.mark.parametrize("packed", [False, True])
-def test_a_tsdf_layer_is_read_by_the_letter_of_the_format(tmp_path, packed):
+def test_a_tsdf_layer_is_read_as_the_format_specifies(tmp_path, packed):
     rng = np.random.default_rng(1)
     distance, weight = rng.normal(size=512).astype(np.float32), rng.integers(0, 3, 512).astype(np.float32)
     words = np.stack([distance.view(np.uint32), weight.view(np.uint32), rng.integers(0, 2**32, 512)], axis=1)
@@ -110,7 +110,7 @@ def test_damaged_newer_and_altered_archives_are_refused(tmp_path, field):
     with pytest.raises(FormatError, match="update Goshawk"):
         import_npz(path)
     np.savez(path, **{**content, "distance_m": content["distance_m"] + 1})
-    with pytest.raises(FormatError, match="not those of its states"):
+    with pytest.raises(FormatError, match="do not match its states"):
         import_npz(path)
     path.write_bytes(path.read_bytes()[:200])
     with pytest.raises(FormatError):

@@ -1,4 +1,4 @@
-"""Queries: between voxels, at the border, outside; and the promises made about them."""
+"""Queries: between voxels, at the outer faces, outside; and the bounds stated for them."""
 
 import numpy as np
 import pytest
@@ -107,7 +107,7 @@ def test_along_a_curve_the_rate_is_the_slope_of_the_distance(room_field):
     distance, rate = profile(room_field, path, times)
     np.testing.assert_array_equal(distance, room_field.distance(path.position(times)))
     before, after = profile(room_field, path, times - 1e-4)[0], profile(room_field, path, times + 1e-4)[0]
-    smooth = np.abs((after - before) / 2e-4 - rate) < 1e-2  # a kink at a cell's border may fall between
+    smooth = np.abs((after - before) / 2e-4 - rate) < 1e-2  # a kink at a cell's face may fall between
     assert smooth.mean() > 0.98
 
 
@@ -125,7 +125,7 @@ def test_the_outer_half_voxel_is_inside_and_beyond_it_is_outside(room_field):
     assert np.isnan(room_field.gradient([[100, 0, 0]])).all()
 
 
-def test_outside_and_never_seen_are_told_apart():
+def test_outside_and_unknown_have_different_status():
     state = np.full((10, 10, 10), FREE, np.uint8)
     state[5:] = UNKNOWN
     field = build(state, Grid((0, 0, 0), 0.1, state.shape), unknown="nan")
@@ -152,7 +152,7 @@ def test_queries_are_bit_equal_on_every_instruction_set(room_field):
         np.testing.assert_array_equal(g, gradient)
 
 
-def test_an_answer_does_not_depend_on_what_else_is_asked(room_field):
+def test_a_value_does_not_depend_on_the_other_points_of_the_query(room_field):
     points = np.random.default_rng(5).uniform(-0.1, 4.1, (150, 3))
     value, gradient = room_field.distance_and_gradient(points)
     for count in (1, 3, 4, 7, 8, 9, 31, 32, 33, 65, 149):

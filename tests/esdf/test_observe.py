@@ -1,4 +1,4 @@
-"""Maps from sensors: nothing measured is lost, nothing unseen becomes free."""
+"""Maps from sensors: nothing measured is lost, nothing unknown becomes free."""
 
 import numpy as np
 import pytest
@@ -70,7 +70,7 @@ def test_a_mesh_occupies_every_voxel_its_surface_passes_through():
     assert (state_from_mesh(mesh.vertices, mesh.faces, GRID) != FREE).all()
 
 
-def test_a_tsdf_keeps_its_surface_and_what_was_not_seen_stays_unknown():
+def test_a_tsdf_keeps_its_surface_and_unobserved_voxels_stay_unknown():
     centres = GRID.centres().reshape(-1, 3)
     distance = -SPHERE.distance(centres).reshape(GRID.shape)  # seen from inside the sphere
     weight = (distance > -0.15).astype(float)
@@ -95,7 +95,7 @@ def test_occupancy_between_the_thresholds_is_unknown():
         (lambda: state_from_points([[0, 0, np.nan]], (0, 0, 0), GRID), "not finite"),
         (lambda: state_from_points([[0, 0]], (0, 0, 0), GRID), "wanted|shape|number"),
         (lambda: state_from_mesh([[0, 0, 0]], [[0, 1, 2]], GRID), "vertex 2"),
-        (lambda: state_from_mesh([[0, 0, 0]], np.empty((0, 3)), GRID), "at least 1"),
+        (lambda: state_from_mesh([[0, 0, 0]], np.empty((0, 3)), GRID), "m >= 1"),
         (lambda: state_from_mesh([[0, 0, np.inf]], [[0, 0, 0]], GRID), "not finite"),
         (lambda: state_from_tsdf(np.zeros((2, 2, 2)), np.zeros((2, 2, 2)), GRID), "shape"),
         (lambda: state_from_occupancy(np.zeros(GRID.shape), GRID, free_below=0.9), "ordered"),

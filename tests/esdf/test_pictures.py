@@ -1,4 +1,4 @@
-"""Pictures show what the field says, where it says it."""
+"""Pictures show the field's values at the right places."""
 
 import numpy as np
 import pytest
@@ -36,8 +36,8 @@ def test_an_oblique_slice_through_the_centre_shows_a_circle_of_the_right_size(fi
     assert np.sqrt(area / np.pi) == pytest.approx(0.5, abs=0.06)
 
 
-def test_slices_beside_the_map_and_flat_ones_are_refused(field):
-    with pytest.raises(InputError, match="beside"):
+def test_slices_outside_of_the_map_and_flat_ones_are_refused(field):
+    with pytest.raises(InputError, match="outside of it"):
         pictures.axis_slice(field, "z", 50.0)
     with pytest.raises(InputError, match="parallel"):
         pictures.oblique_slice(field, (1, 1, 1), (1, 0, 0), (2, 0, 0), size_m=(1, 1), step_m=0.1)
@@ -65,9 +65,9 @@ def test_the_histogram_counts_every_known_cubic_metre_once(field):
     assert volume.sum() == pytest.approx((field.state != UNKNOWN).sum() * 0.05**3)
     inside = volume[edges[1:] <= 0].sum()
     assert inside == pytest.approx((field.values_m < 0).sum() * 0.05**3, rel=0.3)
-    unseen = np.full((4, 4, 4), UNKNOWN, np.uint8)
+    unknown = np.full((4, 4, 4), UNKNOWN, np.uint8)
     with pytest.raises(InputError, match="nothing"):
-        pictures.histogram(build(unseen, Grid((0, 0, 0), 0.1, (4, 4, 4)), unknown="nan"))
+        pictures.histogram(build(unknown, Grid((0, 0, 0), 0.1, (4, 4, 4)), unknown="nan"))
 
 
 @pytest.mark.parametrize("level", [0.0, 0.2])

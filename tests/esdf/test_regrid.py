@@ -70,6 +70,6 @@ def test_maps_that_do_not_fit_are_not_merged(other):
         merge(random_field(0), other())
 
 
-def test_a_crop_beside_the_map_is_refused():
+def test_a_crop_outside_of_the_map_is_refused():
     with pytest.raises(InputError):
         crop(random_field(0), Region((30, 0, 0), (40, 5, 5)))

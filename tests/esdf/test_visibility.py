@@ -1,4 +1,4 @@
-"""What could not have been seen: far, hidden and unlit places admit to it."""
+"""Visibility: the finest resolved thickness grows with distance and is infinite where occluded."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ WALL = solids.Box((4.0, 0.0, 0.0), (4.3, 2.5, 2.4))
 EYE = View((0.5, 1.0, 1.2), (1.0, 0.0, 0.0), 1.2, 1 / 250)
 
 
-def test_the_finest_visible_thing_grows_with_distance_and_nothing_shows_behind_a_wall_or_a_back():
+def test_the_finest_resolved_thickness_grows_with_distance_and_is_infinite_where_occluded():
     seen = look(rasterize(WALL, GRID), GRID, [EYE])
     near, far, hidden, behind = [1.5, 1.0, 1.2], [3.5, 1.0, 1.2], [6.0, 1.0, 1.2], [0.1, 1.0, 1.2]
     finest = seen.finest([near, far, hidden, behind, [50, 0, 0]])

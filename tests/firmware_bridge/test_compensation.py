@@ -75,7 +75,7 @@ def test_a_cancelled_effect_is_tracked_better_when_the_controller_knows_it(name,
     assert known < 0.9 * unknown
 
 
-def test_effects_that_are_not_cancelled_are_reported():
+def test_effects_that_are_not_compensated_are_reported():
     active = controller.parameters_of(BASE.with_effect("gyroscopic_torque").with_effect("inflow_linear"))
     assert set(active.not_compensated) == {"gyroscopic_torque", "inflow_linear"}  # the latter needs the plain law
     assert controller.parameters_of(FLAT.with_effect("inflow_linear")).not_compensated == ()

@@ -238,7 +238,7 @@ def test_a_tip_over_at_take_off_stops_the_rotors_at_once(flight_of):
     assert flight.run(0.5, State.FAULT)
 
 
-def test_leaving_the_fence_lands(flight_of):
+def test_leaving_the_geofence_lands(flight_of):
     flight = _hovering(flight_of, overrides={"fence_max_z_m": 3.0})
     flight.spoil = lambda row, at: (row + np.array([0, 0, 2.0] + [0] * 10), at, at)
     flight.run(0.1)
@@ -249,7 +249,7 @@ def test_leaving_the_fence_lands(flight_of):
 @pytest.mark.parametrize(
     ("what", "least_s", "late_s"), [("fence", 0.0, 0.010), ("tilt", 0.28, 0.040), ("link", 2.0, 0.040)]
 )
-def test_at_200_hz_a_look_is_hardly_late_whichever_tick_it_falls_on(what, least_s, late_s, phase):
+def test_at_200_hz_a_failsafe_check_is_hardly_late_whichever_tick_it_falls_on(what, least_s, late_s, phase):
     """A tilt error is taken to have begun with the last look that found none: it may count as 20 ms older."""
     c = Controller(parameters_of(vehicle.example("rigter2019")))
     row = np.array([0, 0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 0, 0])
@@ -333,7 +333,7 @@ def test_parameters_change_together_or_not_at_all(flight_of):
     assert flight.controller.parameters()["kp_xy_1_s2"] == 7.0
 
 
-def test_a_new_fence_forgets_trajectories_checked_against_the_old_one(curves):
+def test_a_new_geofence_discards_trajectories_checked_against_the_old_one(curves):
     c = Controller(parameters_of(vehicle.example("rigter2019")))
     c.upload(curves.straight())
     assert c.raw.has_trajectory()
@@ -398,7 +398,7 @@ def test_a_damaged_upload_is_never_activated(curves):
     assert not raw.has_trajectory()
 
 
-def test_a_planner_that_evaluates_another_curve_is_found_out(curves):
+def test_a_planner_that_evaluates_another_curve_is_refused(curves):
     c = Controller(parameters_of(vehicle.example("rigter2019")))
     plan = wire.plan_from_trajectory(curves.straight(), id=1, on_link_loss=LinkLoss.FINISH)
     c.raw.upload_begin(1, plan.crc32, 1, plan.coefficients.shape[2], 0)

@@ -153,7 +153,7 @@ def test_outputs_on_the_target_are_those_of_the_host(tmp_path, target, level):
 
 
 @pytest.mark.slow
-def test_cppcheck_has_nothing_to_say():
+def test_cppcheck_finds_nothing():
     _need("cppcheck")
     _run(
         "cppcheck", "--enable=warning,performance,portability", "--std=c11", "--error-exitcode=1", "--quiet",

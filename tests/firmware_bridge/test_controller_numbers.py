@@ -155,7 +155,7 @@ def test_the_mixer_inverts_the_rotor_equations_exactly(slowest, fastest, toleran
     assert (np.abs(found - speed)[pushing] / 1800.0).max() < tolerance
 
 
-def test_what_cannot_be_given_costs_yaw_first_whatever_the_air():
+def test_an_unreachable_demand_costs_yaw_first_whatever_the_air():
     """Demands beyond the rotors: tilt torque and collective are kept unless reported, to the law's straightness."""
     rotors = VEHICLE.without_effect("parasitic_drag")
     rng = np.random.default_rng(5)
@@ -192,7 +192,7 @@ def test_the_mixer_knows_weak_rotors_lift_and_linear_inflow():
     st.floats(-50, 200), st.tuples(*[st.floats(-20, 20)] * 3), st.tuples(*[st.floats(-40, 40)] * 3),
     st.tuples(*[st.floats(-30, 30)] * 3),
 )  # fmt: skip
-def test_the_mixer_always_answers_within_the_rotors_range(thrust, torque, air, rate):
+def test_the_mixers_commands_are_always_within_the_rotors_range(thrust, torque, air, rate):
     wrench = np.array([[thrust, *torque]], np.float32)
     rows, _ = _controller.mixer(PARAMETERS, wrench, np.array([air], np.float32), np.array([rate], np.float32))
     assert np.isfinite(rows).all()

@@ -44,7 +44,7 @@ def test_the_rate_returns_slowly_and_not_beyond_its_limit():
     assert pacer.rate_bytes_s == MOST_BYTES_S
 
 
-def test_a_dead_line_is_still_probed_at_20_kilobytes_a_second():
+def test_a_lost_link_is_still_probed_at_20_kilobytes_a_second():
     pacer = Pacer(MOST_BYTES_S, MOST_BYTES_S)
     pacer.measured(0.02)
     for _ in range(200):

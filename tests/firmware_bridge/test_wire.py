@@ -84,7 +84,7 @@ def test_only_a_clearance_that_the_gate_proved_is_stated(check: dict[str, object
     assert wire.plan_from_file(_file(_wiggle(np.array([1.0])), **check)).clearance_m == np.float32(clearance_m)
 
 
-def test_what_the_vehicle_cannot_hold_is_refused_by_name_and_bound():
+def test_a_value_beyond_the_controllers_range_is_refused_by_name_and_bound():
     short = _wiggle(np.array([1.0, 0.0199]))
     with pytest.raises(InputError, match=r"segment 1 of trajectory lasts 0\.0199 s; the vehicle takes 0\.02 to 60 s"):
         wire.plan_from_trajectory(short)

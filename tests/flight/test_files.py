@@ -60,7 +60,7 @@ def test_a_number_that_is_not_finite_is_not_written(tmp_path):
         ('{"format": "f", "version": 7}', "update Goshawk"),
     ],
 )
-def test_a_foreign_file_is_refused_in_words(tmp_path, text, word):
+def test_a_foreign_file_is_refused_with_its_format(tmp_path, text, word):
     path = tmp_path / "a.json"
     path.write_text(text)
     with pytest.raises(FormatError, match=word):
@@ -89,7 +89,7 @@ def test_a_log_reads_back_exactly(tmp_path):
     np.testing.assert_array_equal(back.vector("q_world_body"), log.vector("q_world_body"))
 
 
-def test_a_log_says_what_it_lacks():
+def test_a_missing_quantity_of_a_log_is_named():
     log = example_log()
     assert log.has("position_world_m")
     assert not log.has("rotor_speed_rad_s")
@@ -108,7 +108,7 @@ def test_a_log_says_what_it_lacks():
         ({"time_s": np.arange(3.0), "x_m": np.zeros(2)}, "3 rows"),
     ],
 )
-def test_a_log_that_cannot_be_is_refused(columns, word):
+def test_an_inconsistent_log_is_refused(columns, word):
     with pytest.raises(InputError, match=word):
         FlightLog(columns, {})
 
@@ -151,7 +151,7 @@ def test_a_waypoint_that_is_not_finite_is_named():
         project.Waypoints(np.array([[0.0, 0, 0], [0, np.nan, 0]]), np.zeros(2))
 
 
-def test_json_has_null_and_a_word_for_what_is_not_finite():
+def test_json_holds_null_for_numbers_that_are_not_finite_and_lists_them():
     document = {"a": [1.0, np.float64("inf")], "b": {"c": float("nan")}, "d": np.arange(2), "e": True}
     text = file_format.json_text(document)
     found = json.loads(text, parse_constant=pytest.fail)

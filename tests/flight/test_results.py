@@ -1,4 +1,4 @@
-"""Nothing of the user's is replaced unasked, and what is replaced is kept beside, whole."""
+"""No result is replaced without `overwrite`, and a replaced one is kept whole beside the new one."""
 
 import os
 import socket
@@ -61,7 +61,7 @@ def test_of_two_writers_the_second_loses_neither_its_own_nor_the_other_ones_resu
     assert (tmp_path / "walk.json.new-1").read_text() == "slow"
 
 
-def test_what_is_no_regular_file_is_refused_in_words(tmp_path, monkeypatch):
+def test_a_path_that_is_no_regular_file_is_refused_with_its_kind(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     os.mkfifo("pipe")
     with socket.socket(socket.AF_UNIX) as endpoint:
@@ -112,7 +112,7 @@ def test_an_interrupted_result_changes_nothing(tmp_path):
     assert (tmp_path / "a.json").read_text() == (tmp_path / "figures" / "a.svg").read_text() == "old"
 
 
-def test_a_folder_is_replaced_only_when_it_is_of_our_own_making(tmp_path):
+def test_a_folder_is_replaced_only_when_goshawk_wrote_it(tmp_path):
     fill(tmp_path / "figures", "first")
     assert fill(tmp_path / "figures", "second", overwrite=True).kept == tmp_path / "figures.old-1"
     assert (tmp_path / "figures" / "a.svg").read_text() == "second"

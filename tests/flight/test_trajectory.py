@@ -100,7 +100,7 @@ def test_reversing_twice_is_the_identity(seed):
     np.testing.assert_allclose(backward.reverse().coefficients, original.coefficients, atol=1e-9 * scale)
 
 
-def test_join_jumps_see_a_break_and_its_size():
+def test_join_jumps_show_a_discontinuity_and_its_size():
     c = np.zeros((2, 4, 3))
     c[0, 0] = [0.0, 1.0, 0.0]
     c[1, 0] = [2.25, 1.0, 0.0]

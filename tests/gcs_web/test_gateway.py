@@ -5,18 +5,26 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 import aiohttp
+import aiohttp.web
 import msgspec
 import pytest
 import viser
+import yarl
 
-from gcs_web.gateway import Gateway, new_token
+from gcs_web.gateway import LARGEST_MESSAGE, MOST_SOCKETS, Gateway
 from tests.waiting import PATIENCE_S
+
+
+async def echo(socket: aiohttp.web.WebSocketResponse) -> None:
+    """Stands where the page's commands are served."""
+    async for message in socket:
+        await socket.send_str(message.data)
 
 
 @asynccontextmanager
 async def running_gateway() -> AsyncIterator[tuple[Gateway, viser.ViserServer]]:
     server = viser.ViserServer(host="127.0.0.1", port=18080, verbose=False)
-    gateway = Gateway(server.get_port(), token=new_token(), state=lambda: {"answer": 42})
+    gateway = Gateway(server.get_port(), serve_page=echo, state=lambda: {"answer": 42})
     try:
         await gateway.start()
         yield gateway, server
@@ -37,7 +45,7 @@ def at_the_gateway(visit):
     asyncio.run(run())
 
 
-def test_nobody_enters_without_the_token():
+def test_a_request_without_the_token_is_refused():
     async def visit(gateway, server, browser):
         base = f"http://127.0.0.1:{gateway.port}"
         for path in ("/", "/state", "/?token=wrong", "/state?token="):
@@ -55,9 +63,88 @@ def test_the_printed_address_opens_the_page_and_the_state():
             assert answer.status == 200
             assert "token" not in str(answer.url)
             assert "<html" in (await answer.text()).lower()
-            assert answer.headers["X-Frame-Options"] == "DENY"
-        async with browser.get(f"http://127.0.0.1:{gateway.port}/state") as answer:
+            assert "default-src 'self'" in answer.headers["Content-Security-Policy"]
+            assert "frame-ancestors 'none'" in answer.headers["Content-Security-Policy"]
+        base = f"http://127.0.0.1:{gateway.port}"
+        async with browser.get(f"{base}/state") as answer:
             assert await answer.json() == {"answer": 42}
+        async with browser.get(f"{base}/viser/") as answer:
+            assert ".mantine-Paper-root" in await answer.text()
+            assert answer.headers["X-Frame-Options"] == "SAMEORIGIN"
+
+    at_the_gateway(visit)
+
+
+def test_the_token_works_once_and_the_next_address_is_told():
+    async def visit(gateway, server, browser):
+        told = []
+        gateway.on_entry = told.append
+        first = gateway.url
+        async with browser.get(first) as answer:
+            assert answer.status == 200
+        assert told == [gateway.url]
+        assert gateway.url != first
+        async with aiohttp.ClientSession(cookie_jar=aiohttp.CookieJar(unsafe=True)) as other:
+            async with other.get(first) as answer:
+                assert answer.status == 403
+            async with other.get(gateway.url) as answer:
+                assert answer.status == 200
+        async with browser.get(f"http://127.0.0.1:{gateway.port}/state") as answer:
+            assert answer.status == 200
+
+    at_the_gateway(visit)
+
+
+def test_the_files_of_the_page_cannot_be_left():
+    async def visit(gateway, server, browser):
+        async with browser.get(gateway.url):
+            pass
+        base = f"http://127.0.0.1:{gateway.port}/static"
+        for path in ("/../gateway.py", "/%2e%2e/gateway.py", "/..%2fgateway.py", "//etc/passwd", "/"):
+            async with browser.get(yarl.URL(base + path, encoded=True)) as answer:
+                assert answer.status in (403, 404)
+
+    at_the_gateway(visit)
+
+
+def test_a_message_beyond_the_bound_closes_its_socket_and_no_other():
+    async def visit(gateway, server, browser):
+        async with browser.get(gateway.url):
+            pass
+        origin = f"http://127.0.0.1:{gateway.port}"
+        async with browser.ws_connect(f"{origin}/ws", headers={"Origin": origin}) as good:
+            async with browser.ws_connect(f"{origin}/ws", headers={"Origin": origin}) as bad:
+                await bad.send_str("x" * (LARGEST_MESSAGE + 1))
+                closed = await asyncio.wait_for(bad.receive(), PATIENCE_S)
+                assert closed.type in (aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSED)
+            await good.send_str("still here")
+            assert await asyncio.wait_for(good.receive_str(), PATIENCE_S) == "still here"
+
+    at_the_gateway(visit)
+
+
+def test_more_sockets_than_the_bound_are_refused_until_one_closes():
+    async def visit(gateway, server, browser):
+        async with browser.get(gateway.url):
+            pass
+        origin = f"http://127.0.0.1:{gateway.port}"
+        headers = {"Origin": origin}
+        sockets = [await browser.ws_connect(f"{origin}/ws", headers=headers) for _ in range(MOST_SOCKETS)]
+        with pytest.raises(aiohttp.WSServerHandshakeError) as refusal:
+            await browser.ws_connect(f"{origin}/ws", headers=headers)
+        assert refusal.value.status == 503
+        await sockets.pop().close()
+        await asyncio.sleep(0)
+        end_s = asyncio.get_running_loop().time() + PATIENCE_S
+        while True:
+            try:
+                sockets.append(await browser.ws_connect(f"{origin}/ws", headers=headers))
+                break
+            except aiohttp.WSServerHandshakeError:
+                assert asyncio.get_running_loop().time() < end_s
+                await asyncio.sleep(0.05)
+        for socket in sockets:
+            await socket.close()
 
     at_the_gateway(visit)
 
@@ -75,11 +162,12 @@ def test_a_socket_from_a_foreign_page_is_refused():
     async def visit(gateway, server, browser):
         async with browser.get(gateway.url):
             pass
-        address = f"ws://127.0.0.1:{gateway.port}/"
-        for headers in ({"Origin": "http://evil.example"}, {}):
-            with pytest.raises(aiohttp.WSServerHandshakeError) as refusal:
-                await browser.ws_connect(address, headers=headers)
-            assert refusal.value.status == 403
+        for path in ("/ws", "/viser", "/viser/"):
+            address = f"ws://127.0.0.1:{gateway.port}{path}"
+            for headers in ({"Origin": "http://evil.example"}, {}):
+                with pytest.raises(aiohttp.WSServerHandshakeError) as refusal:
+                    await browser.ws_connect(address, headers=headers)
+                assert refusal.value.status == 403
 
     at_the_gateway(visit)
 
@@ -93,7 +181,7 @@ def test_scene_messages_pass_and_share_requests_do_not():
         origin = f"http://127.0.0.1:{gateway.port}"
         protocol = f"viser-v{viser.__version__}"
         async with browser.ws_connect(
-            f"ws://127.0.0.1:{gateway.port}/", headers={"Origin": origin}, protocols=[protocol], max_msg_size=0
+            f"ws://127.0.0.1:{gateway.port}/viser", headers={"Origin": origin}, protocols=[protocol], max_msg_size=0
         ) as socket:
             first = await asyncio.wait_for(socket.receive(), PATIENCE_S)
             assert first.type == aiohttp.WSMsgType.BINARY

@@ -1,5 +1,6 @@
-"""The page in a real browser: a dragged waypoint is planned anew, undo brings it back, nothing leaves this machine."""
+"""The page in a real browser: edit in table and 3D, undo, save, upload, abort; nothing leaves this machine."""
 
+import re
 import shutil
 import time
 from collections.abc import Iterator
@@ -10,7 +11,7 @@ import pytest
 
 import vehicle
 from firmware_bridge import SitlVehicle, controller, keys
-from flight import Waypoints, project
+from flight import Waypoints, project, rotations, trajectory
 from gcs_web import GroundStation
 from tests.waiting import PATIENCE_S
 from tests.waiting import until as wait
@@ -21,8 +22,8 @@ FLAGS = [
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
     "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
 ]  # fmt: skip
-SIZE = (900, 560)
-WAYPOINTS = np.array([[0.8, 0.8, 1.0], [3.0, 2.0, 1.2], [5.2, 0.8, 1.2]])
+SIZE = {"width": 1280, "height": 720}
+START = np.array([[0.8, 0.8, 1.0], [3.0, 2.0, 1.2], [5.2, 0.8, 1.2]])
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium")
 
@@ -30,15 +31,15 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-ge
 @pytest.fixture(scope="module")
 def station(pillar_map: Path, tmp_path_factory) -> Iterator[GroundStation]:
     folder = tmp_path_factory.mktemp("station") / "project"
-    opened = project.create(folder, "two pillars")
+    opened = project.create(folder, "two <b>pillars</b>")  # foreign strings are text, never markup
     shutil.copytree(pillar_map, opened.map)
-    vehicle.save(opened.vehicle, vehicle.example("rigter2019"))
-    project.save_waypoints(opened.waypoints, Waypoints(WAYPOINTS, np.full(3, np.nan)))
+    believed = vehicle.example("rigter2019")
+    vehicle.save(opened.vehicle, believed)
+    project.save_waypoints(opened.waypoints, Waypoints(START, np.full(3, np.nan)))
     key_file = folder / "link.key"
-    parameters = controller.parameters_of(vehicle.load(opened.vehicle)).parameters
-    plant = vehicle.simulate.Plant(vehicle.load(opened.vehicle), vehicle.simulate.State(), ground_m=0.0)
+    plant = vehicle.simulate.Plant(believed, vehicle.simulate.State(), ground_m=0.0)
     with (
-        SitlVehicle(plant, parameters, key=keys.create(key_file)) as simulated,
+        SitlVehicle(plant, controller.parameters_of(believed).parameters, key=keys.create(key_file)) as simulated,
         GroundStation(folder, triangles=500, vehicle_url=simulated.url, key_file=key_file) as running,
     ):
         yield running
@@ -56,6 +57,7 @@ def browser():
 
 @pytest.fixture
 def page(station: GroundStation, browser):
+    """A page that shows the checked plan of the same waypoints, whatever ran before."""
     foreign: list[str] = []
 
     def only_loopback(route):
@@ -65,33 +67,41 @@ def page(station: GroundStation, browser):
             foreign.append(route.request.url)
             route.abort()
 
-    context = browser.new_context(viewport={"width": SIZE[0], "height": SIZE[1]})
+    session = station.desk.session
+    session.take(Waypoints(START, np.full(3, np.nan)), "test begins", "test")
+    context = browser.new_context(viewport=SIZE, reduced_motion="reduce")
     context.set_default_timeout(1000 * PATIENCE_S)  # drawn without a graphics card: slow beside other work
     context.route("**/*", only_loopback)
     opened = context.new_page()
+    errors: list[str] = []
+    opened.on("pageerror", lambda error: errors.append(str(error)))
     opened.goto(station.url)
-    wait(lambda: len(station.server.get_clients()) == 1, "the browser")
-    for index, position in enumerate(WAYPOINTS):  # each test begins with the same plan, whatever ran before it
-        station.session.move(index, position)
-    station.session.request_plan()
-    wait(lambda: settled(station), "a plan")
-    assert station.session.state()["plan"], station.session.state()
+    opened.get_by_text("Checked", exact=True).wait_for()
     yield opened
     context.close()
-    wait(lambda: not station.server.get_clients(), "the browser's leave")
+    wait(lambda: not station.hub.people, "the page's leave")
     assert foreign == []
+    assert errors == []
 
 
-def pixel(station: GroundStation, point_world_m: np.ndarray) -> tuple[float, float]:
-    """Where the browser draws a point: pinhole projection with the camera the browser reports."""
+def positions(station: GroundStation) -> np.ndarray:
+    return station.desk.session.content.waypoints().positions_world_m
+
+
+def cell(page, row: int, column: int):
+    """Of the table of waypoints; columns x y z yaw are 0 to 3."""
+    return (
+        page.get_by_role("grid", name="Waypoints").get_by_role("row").nth(row + 1).get_by_role("gridcell").nth(column)
+    )
+
+
+def pixel(page, station: GroundStation, point_world_m: np.ndarray) -> tuple[float, float]:
+    """Where the browser draws a point: pinhole projection with the camera the 3D view reports."""
     camera = next(iter(station.server.get_clients().values())).camera
-    from flight import rotations
-
     x, y, z = rotations.rotate(rotations.conjugate(camera.wxyz), point_world_m - np.asarray(camera.position))
-    height = SIZE[1]
-    width = camera.aspect * height
-    scale = 0.5 * height / np.tan(0.5 * camera.fov)
-    return width / 2 + scale * x / z, height / 2 + scale * y / z
+    box = page.locator("iframe").bounding_box()
+    scale = 0.5 * box["height"] / np.tan(0.5 * camera.fov)
+    return box["x"] + box["width"] / 2 + scale * x / z, box["y"] + box["height"] / 2 + scale * y / z
 
 
 def drawn(page) -> None:
@@ -101,8 +111,8 @@ def drawn(page) -> None:
 
 def dragged(page, station: GroundStation, start_world_m: np.ndarray, end_world_m: np.ndarray) -> bool:
     """Pull with the mouse as a hand does, each step once the browser has drawn the one before; was it understood?"""
-    before = station.session.state()["revision"]
-    start, end = np.array(pixel(station, start_world_m)), np.array(pixel(station, end_world_m))
+    before = station.desk.session.revision
+    start, end = (np.array(pixel(page, station, point)) for point in (start_world_m, end_world_m))
     drawn(page)
     page.mouse.move(*start)
     drawn(page)
@@ -112,65 +122,99 @@ def dragged(page, station: GroundStation, start_world_m: np.ndarray, end_world_m
     drawn(page)
     page.mouse.up()
     again_s = time.monotonic() + 20.0  # then the handle was not drawn yet when the mouse came down on it
-    while station.session.state()["revision"] == before and time.monotonic() < again_s:
+    while station.desk.session.revision == before and time.monotonic() < again_s:
         drawn(page)
-    return station.session.state()["revision"] > before
+    return station.desk.session.revision > before
 
 
-def settled(station: GroundStation) -> bool:
-    return not station.session.state()["planning"]
-
-
-def test_a_dragged_waypoint_is_planned_anew_and_undo_brings_it_back(station, page, tmp_path):
-    before = station.session.state()
-    assert before["plan"]["checked"]
-
-    pull = np.array([0.0, 0.35, 0.0])
-    grip = WAYPOINTS[1] + np.array([0.0, 0.3, 0.0])  # on the gizmo's y arrow
-    wait(lambda: dragged(page, station, grip, grip + pull), "a drag that the page understands")
-    wait(lambda: settled(station))
-    moved = np.array(station.session.state()["waypoints_world_m"])
-    np.testing.assert_allclose(moved[1], WAYPOINTS[1] + pull, atol=0.15)
-    np.testing.assert_array_equal(moved[[0, 2]], WAYPOINTS[[0, 2]])
-    saved = project.load_waypoints(station.session.project.waypoints).positions_world_m
-    np.testing.assert_array_equal(saved, moved)
-
-    page.get_by_role("button", name="Undo").click()
-    wait(lambda: station.session.state()["can_redo"])
-    np.testing.assert_array_equal(station.session.positions_world_m, WAYPOINTS)
+def test_a_cell_is_edited_planned_and_taken_back_by_keyboard(station, page, tmp_path):
+    cell(page, 1, 2).dblclick()
+    page.keyboard.press("Control+A")
+    page.keyboard.type("1.55")
+    page.keyboard.press("Enter")
+    wait(lambda: positions(station)[1, 2] == 1.55, "the edit")
+    page.get_by_text("Checked", exact=True).wait_for()
+    page.get_by_role("status").get_by_text("Waypoint 1 moved 0.35 m").wait_for()
+    page.keyboard.press("Control+z")
+    wait(lambda: np.array_equal(positions(station), START), "undo")
     page.screenshot(path=tmp_path / "page.png")
     assert (tmp_path / "page.png").stat().st_size > 20_000
 
 
+def test_a_waypoint_is_dragged_in_the_3d_view(station, page):
+    wait(lambda: len(station.server.get_clients()) == 1, "the 3D view")
+    page.get_by_role("grid", name="Waypoints").get_by_role("row").nth(2).get_by_role("rowheader").click()
+    pull = np.array([0.0, 0.35, 0.0])
+    grip = START[1] + np.array([0.0, 0.25, 0.0])  # on the handle's y arrow
+    wait(lambda: dragged(page, station, grip, grip + pull), "a drag that the view understands")
+    moved = positions(station)
+    np.testing.assert_allclose(moved[1], START[1] + pull, atol=0.15)
+    np.testing.assert_array_equal(moved[[0, 2]], START[[0, 2]])
+    page.get_by_role("status").get_by_text("Waypoint 1 moved").wait_for()
+
+
 def test_a_waypoint_in_a_pillar_is_refused_in_words(station, page):
-    station.session.move(1, np.array([2.0, 1.5, 1.2]))
-    wait(lambda: settled(station))
-    state = station.session.state()
-    assert state["plan"] is None
-    assert "waypoint 1" in state["problem"]
-    page.get_by_text("no plan").wait_for()
-    assert page.get_by_role("button", name="Upload").is_disabled()
-    station.session.undo()
-    wait(lambda: station.session.state()["plan"])
+    cell(page, 1, 0).dblclick()
+    page.keyboard.press("Control+A")
+    page.keyboard.type("2.0")
+    page.keyboard.press("Tab")
+    page.keyboard.press("Control+A")
+    page.keyboard.type("1.5")
+    page.keyboard.press("Enter")
+    verdict = page.get_by_role("region", name="Verdict")
+    verdict.get_by_text("Refused").wait_for()
+    verdict.get_by_text("waypoint 1").first.wait_for()
+    assert page.get_by_role("button", name="Compare with vehicle and upload").is_disabled()
 
 
 def test_saving_writes_a_checked_trajectory(station, page):
-    page.get_by_role("button", name="Save").click()
-    path = station.session.project.trajectory("plan")
-    wait(path.exists)
-    from flight import trajectory
-
+    page.get_by_role("button", name="Save", exact=True).first.click()
+    page.keyboard.press("Control+A")
+    page.keyboard.type("lap-1")
+    page.keyboard.press("Enter")
+    path = station.desk.project.trajectory("lap-1")
+    wait(path.exists, "the file")
     saved = trajectory.load(path)
     assert saved.checked
-    assert saved.map_hash == station.session.map.hash
+    assert saved.map_hash == station.desk.parts.map(station.desk.inputs).hash
 
 
-def test_an_upload_is_shown_first_then_done_and_the_vehicle_is_drawn(station, page):
-    page.get_by_role("button", name="Upload ...").click()
-    page.get_by_text("It replaces what the vehicle holds").wait_for()
-    assert "holds no trajectory" in station.watch.describe()
-    page.get_by_role("button", name="Upload", exact=True).click()
-    wait(lambda: "holds plan" in station.watch.describe())
-    page.get_by_text("read back and equal").wait_for()
-    assert station.page.vehicle_frame.visible
-    np.testing.assert_allclose(station.page.vehicle_frame.position, [0.0, 0.0, 0.0], atol=0.05)
+def test_an_upload_is_compared_first_and_takes_a_held_button(station, page):
+    page.get_by_role("button", name="Compare with vehicle and upload").click()
+    hold = page.get_by_role("button", name=re.compile("Hold to upload"))
+    if not hold.is_visible():
+        page.get_by_role("button", name=re.compile("Take control")).first.click()
+    hold.wait_for()
+    hold.focus()
+    page.keyboard.down("Space")
+    page.keyboard.up("Space")  # let go at once: nothing is sent
+    drawn(page)
+    assert station.watch.held() is None
+    page.keyboard.down("Space")
+    wait(lambda: station.watch.held() is not None, "the upload")
+    page.keyboard.up("Space")
+    page.get_by_role("status").get_by_text("read back and equal").wait_for()
+    held = station.watch.held()
+    assert held.crc32 == station.watch.planned(station.desk.checked(), station.desk.name).crc32
+
+
+def test_abort_works_from_inside_a_field_and_is_answered(station, page):
+    cell(page, 1, 2).dblclick()
+    page.keyboard.press("Shift+Escape")
+    wait(lambda: (station.desk.project.folder / ".session" / "audit.jsonl").is_file(), "the order's record")
+    wait(lambda: '"abort"' in (station.desk.project.folder / ".session" / "audit.jsonl").read_text(), "the abort")
+
+
+def test_a_foreign_name_is_shown_as_text(page):
+    page.get_by_text("two <b>pillars</b>").first.wait_for()
+    assert page.locator("header b").count() == 0
+
+
+def test_a_phone_shows_the_vehicle_and_abort_without_scrolling(station, page, tmp_path):
+    page.set_viewport_size({"width": 390, "height": 844})
+    abort = page.get_by_role("button", name="Abort")
+    abort.wait_for()
+    box = abort.bounding_box()
+    assert box["y"] + box["height"] < 120
+    assert box["height"] >= 40
+    page.screenshot(path=tmp_path / "phone.png")

@@ -1,91 +1,300 @@
-"""The project under edit, without page and planner: undo, redo, and which plan counts."""
+"""The project under edit: nothing is lost, nobody's change is undone in silence, however the station ends."""
 
-import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
-import vehicle
 from flight import InputError, Waypoints, project
-from gcs_web.session import PlanResult, Session
+from gcs_web import journal, protocol
+from gcs_web.document import Settings
+from gcs_web.session import Session
 
 START = np.array([[0.8, 0.8, 1.0], [3.0, 2.0, 1.2], [5.2, 0.8, 1.2]])
+HEADINGS = np.array([np.nan, 0.5, np.nan])
+
+
+def new_project(folder: Path) -> project.Project:
+    opened = project.create(folder, "two pillars")
+    project.save_waypoints(opened.waypoints, Waypoints(START, HEADINGS))
+    return opened
 
 
 @pytest.fixture
-def session(pillar_map: Path, tmp_path: Path, monkeypatch):
-    opened = project.create(tmp_path / "project", "two pillars")
-    shutil.copytree(pillar_map, opened.map)
-    vehicle.save(opened.vehicle, vehicle.example("rigter2019"))
-    project.save_waypoints(opened.waypoints, Waypoints(START, np.full(3, np.nan)))
-    monkeypatch.setattr(Session, "request_plan", lambda _: None)
-    edited = Session(opened)
+def opened(tmp_path: Path) -> project.Project:
+    return new_project(tmp_path / "project")
+
+
+@pytest.fixture
+def session(opened):
+    edited = Session(opened, Settings())
     yield edited
     edited.close()
 
 
-def raised(session: Session, index: int, by_m: float = 0.1) -> np.ndarray:
-    """Lift a waypoint; the positions after it."""
-    session.move(index, session.positions_world_m[index] + [0.0, 0.0, by_m])
-    return session.positions_world_m
+def positions(session: Session) -> np.ndarray:
+    return session.content.waypoints().positions_world_m
+
+
+def raised(session: Session, waypoint: int, author: str = "Anna", *, revision: int | None = None) -> np.ndarray:
+    """Lift a waypoint by 0.1 m; the positions after it."""
+    seen = session.revision if revision is None else revision
+    session.edit(protocol.Shift(serial=0, revision=seen, waypoints=[waypoint], z_m=0.1), author)
+    return positions(session)
+
+
+def reopened(session: Session) -> Session:
+    session.close()
+    return Session(session.project, Settings())
 
 
 def test_undo_and_redo_walk_along_the_same_changes(session: Session):
     steps = [START, *(raised(session, i) for i in range(3))]
     for expected in reversed(steps[:-1]):
-        assert session.undo()
-        np.testing.assert_array_equal(session.positions_world_m, expected)
-    assert not session.undo()
+        session.undo("Anna")
+        np.testing.assert_array_equal(positions(session), expected)
+    with pytest.raises(InputError, match="nothing to undo"):
+        session.undo("Anna")
     for expected in steps[1:]:
-        assert session.redo()
-        np.testing.assert_array_equal(session.positions_world_m, expected)
-    assert not session.redo()
+        session.redo("Anna")
+        np.testing.assert_array_equal(positions(session), expected)
+    with pytest.raises(InputError, match="nothing to redo"):
+        session.redo("Anna")
 
 
-def test_a_new_change_forgets_what_was_undone(session: Session):
+def test_a_new_change_discards_the_redo_list(session: Session):
     raised(session, 0)
-    session.undo()
+    session.undo("Anna")
     after = raised(session, 1)
-    assert not session.state()["can_redo"]
-    assert not session.redo()
-    np.testing.assert_array_equal(session.positions_world_m, after)
+    assert session.document().redo == ""
+    with pytest.raises(InputError):
+        session.redo("Anna")
+    np.testing.assert_array_equal(positions(session), after)
 
 
-def test_moving_a_waypoint_to_where_it_is_changes_nothing(session: Session):
-    before = session.state()
-    session.move(1, START[1])
-    assert session.state() == before
+def test_undo_says_whose_change_it_takes_back(session: Session):
+    raised(session, 0, "Anna")
+    assert session.undo("Ben").endswith("waypoint 0 moved 0.10 m (by Anna)")
+    raised(session, 0, "Ben")
+    assert session.undo("Ben").endswith("waypoint 0 moved 0.10 m")
 
 
-def test_every_change_is_on_disk_at_once_and_a_bad_one_is_not_taken_over(session: Session):
+def test_a_change_that_changes_nothing_is_no_revision(session: Session):
+    move = protocol.Move(serial=0, revision=0, waypoints=[1], x_m=3.0)
+    assert session.edit(move, "Anna") == ""
+    assert session.revision == 0
+
+
+def test_every_change_is_on_disk_at_once_with_its_headings(session: Session):
     after = raised(session, 2)
-    np.testing.assert_array_equal(project.load_waypoints(session.project.waypoints).positions_world_m, after)
-    with pytest.raises(InputError, match="not finite"):
-        session.move(0, np.array([np.nan, 0.0, 1.0]))
-    np.testing.assert_array_equal(session.positions_world_m, after)
-    assert session.undo()
-    np.testing.assert_array_equal(session.positions_world_m, START)
+    saved = project.load_waypoints(session.project.waypoints)
+    np.testing.assert_array_equal(saved.positions_world_m, after)
+    np.testing.assert_array_equal(saved.yaw_rad, HEADINGS)
 
 
-def test_the_last_two_waypoints_stay(session: Session):
-    session.delete(1)
-    with pytest.raises(InputError, match="two waypoints"):
-        session.delete(0)
-    assert len(session.positions_world_m) == 2
+def test_undo_and_redo_go_on_after_a_restart(session: Session):
+    first, second = raised(session, 0), raised(session, 1)
+    session.undo("Anna")
+    again = reopened(session)
+    try:
+        np.testing.assert_array_equal(positions(again), first)
+        again.redo("Anna")
+        np.testing.assert_array_equal(positions(again), second)
+        again.undo("Anna")
+        again.undo("Anna")
+        np.testing.assert_array_equal(positions(again), START)
+    finally:
+        again.close()
 
 
-def test_a_plan_for_waypoints_that_were_changed_since_is_dropped(session: Session):
-    def answer(revision: int) -> PlanResult:
-        return PlanResult(revision, None, np.empty(0), np.empty((0, 3)), f"answer to {revision}")
+def test_edits_of_different_waypoints_on_one_revision_are_both_kept(session: Session):
+    raised(session, 0, "Anna", revision=0)
+    raised(session, 1, "Ben", revision=0)
+    np.testing.assert_allclose(positions(session) - START, [[0, 0, 0.1], [0, 0, 0.1], [0, 0, 0]], atol=1e-12)
 
-    first = session.state()["revision"]
+
+def test_an_edit_of_what_another_person_changed_meanwhile_is_refused(session: Session):
+    after = raised(session, 1, "Anna", revision=0)
+    with pytest.raises(InputError, match="Anna changed the same meanwhile"):
+        raised(session, 1, "Ben", revision=0)
+    np.testing.assert_array_equal(positions(session), after)
+    raised(session, 1, "Anna", revision=0)  # one's own are not in conflict: the page sends them before it hears
+    raised(session, 1, "Ben")
+
+
+def test_an_edit_of_a_waypoint_that_another_person_deleted_is_refused(session: Session):
+    session.edit(protocol.Delete(serial=0, revision=0, waypoints=[1]), "Anna")
+    with pytest.raises(InputError, match="deleted meanwhile"):
+        raised(session, 1, "Ben", revision=0)
+
+
+def test_an_undo_counts_as_a_change_of_what_it_takes_back(session: Session):
+    raised(session, 1, "Anna")
+    seen = session.revision
+    session.undo("Anna")
+    with pytest.raises(InputError, match="Anna changed the same meanwhile"):
+        raised(session, 1, "Ben", revision=seen)
+
+
+def test_what_another_program_wrote_is_taken_over_and_can_be_undone(session: Session):
+    other = Waypoints(START[:2] + 0.5, np.array([0.1, np.nan]))
+    project.save_waypoints(session.project.waypoints, other)
+    assert session.take_file()
+    np.testing.assert_array_equal(positions(session), other.positions_world_m)
+    assert not session.take_file()
+    session.undo("Anna")
+    np.testing.assert_array_equal(positions(session), START)
+    np.testing.assert_array_equal(session.content.waypoints().yaw_rad, HEADINGS)
+
+
+def test_killed_between_the_journal_of_an_undo_and_the_file_the_journal_counts(session: Session):
     raised(session, 1)
-    session._receive(answer(first))
-    assert session.plan is None
-    session._receive(answer(first + 1))
-    assert session.plan is not None
-    session._receive(answer(first))  # a late one does not displace it
-    assert session.state()["problem"] == f"answer to {first + 1}"
+    before = session.project.waypoints.read_bytes()
+    after = START
+    session.undo("Anna")
+    session.project.waypoints.write_bytes(before)
+    again = reopened(session)
+    try:
+        np.testing.assert_array_equal(positions(again), after)
+        np.testing.assert_array_equal(project.load_waypoints(again.project.waypoints).positions_world_m, after)
+    finally:
+        again.close()
+
+
+def test_killed_between_the_journal_of_an_edit_and_the_file_the_journal_counts(session: Session):
+    before = session.project.waypoints.read_bytes()
+    after = raised(session, 1)
+    session.project.waypoints.write_bytes(before)
+    again = reopened(session)
+    try:
+        np.testing.assert_array_equal(positions(again), after)
+    finally:
+        again.close()
+
+
+def test_two_stations_cannot_have_one_project(session: Session):
+    with pytest.raises(InputError, match=r"another ground station \(process \d+\) has this project open"):
+        Session(session.project, Settings())
+
+
+def test_a_full_disk_refuses_the_change_and_loses_nothing(opened: project.Project):
+    script = f"""
+import resource, sys
+from pathlib import Path
+from flight import InputError, project
+from gcs_web import protocol
+from gcs_web.document import Settings
+from gcs_web.session import Session
+session = Session(project.open_project(Path({str(opened.folder)!r})), Settings())
+def shift(z):
+    session.edit(protocol.Shift(serial=0, revision=session.revision, waypoints=[0], z_m=z), "Anna")
+shift(0.1)
+size = (Path({str(opened.folder)!r}) / ".session" / "journal.jsonl").stat().st_size
+import signal
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (size + 20, resource.RLIM_INFINITY))
+try:
+    shift(0.2)
+except InputError as error:
+    print(error)
+resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+shift(0.4)
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "the change was not saved" in done.stdout
+    again = Session(opened, Settings())
+    try:
+        np.testing.assert_allclose(positions(again)[0], START[0] + [0.0, 0.0, 0.5], atol=1e-12)
+    finally:
+        again.close()
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.integers(1, 400))
+def test_a_journal_cut_off_anywhere_opens_with_all_whole_changes(tmp_path_factory, cut: int):
+    edited = Session(new_project(tmp_path_factory.mktemp("cut") / "project"), Settings())
+    after = [START, *(raised(edited, i) for i in (0, 1, 2))]
+    path = edited.project.folder / ".session" / "journal.jsonl"
+    data = path.read_bytes()
+    edited.close()
+    path.write_bytes(data[:-cut])
+    edited.project.waypoints.unlink()
+    again = Session(edited.project, Settings())
+    try:
+        whole = path.read_bytes().count(b"\n")
+        assert again.revision == whole
+        assert again.notice == ""
+        np.testing.assert_array_equal(positions(again), after[whole])
+        raised(again, 0)
+    finally:
+        again.close()
+
+
+def test_damage_inside_the_journal_is_told_and_the_rest_is_kept(session: Session):
+    first = raised(session, 0)
     raised(session, 1)
-    assert session.plan is None
+    raised(session, 2)
+    path = session.project.folder / ".session" / "journal.jsonl"
+    session.close()
+    lines = path.read_bytes().splitlines(keepends=True)
+    lines[1] = lines[1].replace(b"waypoint 1", b"waypoint 7")
+    path.write_bytes(b"".join(lines))
+    session.project.waypoints.unlink()
+    again = Session(session.project, Settings())
+    try:
+        np.testing.assert_array_equal(positions(again), first)
+        assert again.notice == "the journal is damaged after revision 1; what followed is kept in journal.jsonl.old-1"
+        assert (path.parent / "journal.jsonl.old-1").read_bytes() == b"".join(lines)
+    finally:
+        again.close()
+
+
+def test_a_long_session_is_compacted_without_losing_undo(opened: project.Project, monkeypatch):
+    monkeypatch.setattr(journal, "COMPACT_AFTER", 7)
+    edited = Session(opened, Settings())
+    steps = [START, *(raised(edited, k % 3) for k in range(20))]
+    assert (opened.folder / ".session" / "journal.jsonl").read_bytes().count(b"\n") < 7
+    again = reopened(edited)
+    try:
+        assert again.revision == 20
+        for expected in reversed(steps[:-1]):
+            again.undo("Anna")
+            np.testing.assert_array_equal(positions(again), expected)
+    finally:
+        again.close()
+
+
+def test_a_process_that_is_killed_loses_no_change_it_has_acknowledged(opened: project.Project):
+    script = f"""
+import sys
+from pathlib import Path
+from flight import project
+from gcs_web import protocol
+from gcs_web.document import Settings
+from gcs_web.session import Session
+session = Session(project.open_project(Path({str(opened.folder)!r})), Settings())
+while True:
+    session.edit(protocol.Shift(serial=0, revision=session.revision, waypoints=[0], z_m=0.001), "Anna")
+    print(session.revision, flush=True)
+"""
+    acknowledged = 0
+    for lines in (3, 1, 12, 5):
+        child = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
+        assert child.stdout is not None
+        for _ in range(lines):
+            acknowledged = int(child.stdout.readline())
+        child.kill()
+        acknowledged = max([acknowledged, *map(int, child.stdout.read().split())])
+        child.wait()
+        again = Session(opened, Settings())
+        try:
+            assert again.revision in (acknowledged, acknowledged + 1)
+            expected = START[0, 2] + 0.001 * again.revision
+            assert positions(again)[0, 2] == pytest.approx(expected, abs=1e-9)
+        finally:
+            again.close()

@@ -71,7 +71,7 @@ def test_an_output_that_is_no_map_is_refused(images: Path, tmp_path: Path):
     assert precious.read_text() == "precious"
 
 
-def test_a_camera_of_numbers_is_refused(images: Path, tmp_path: Path):
+def test_a_camera_file_of_wrong_types_is_refused(images: Path, tmp_path: Path):
     (tmp_path / "camera.toml").write_text('format = "goshawk-camera"\nversion = 1\ncamera = [3]\n')
     assert "[[camera]]" in refused("map", images, "--camera", tmp_path / "camera.toml", "--out", tmp_path / "map")
 
@@ -140,7 +140,7 @@ def command_line(pid: str) -> bytes:
     return Path(f"/proc/{pid}/cmdline").read_bytes()
 
 
-def test_a_dead_link_is_a_no(tmp_path: Path):
+def test_a_lost_link_ends_with_exit_code_1(tmp_path: Path):
     key = tmp_path / "link.key"
     key.write_text("5a" * 32)
     key.chmod(0o600)

@@ -35,19 +35,19 @@ def test_exif_gives_the_focal_length_with_its_error(photos, tmp_path):
     assert mapping.rig.load(tmp_path / "c.toml").refine_intrinsics
 
 
-def test_without_exif_an_assumption_is_called_one(photos, tmp_path):
+def test_without_exif_the_lens_is_marked_as_a_default(photos, tmp_path):
     for path in photos.iterdir():
         cv2.imwrite(str(path), np.zeros((300, 400), np.uint8))
     said = run("camera", "new", photos, "--quick", "--out", tmp_path / "c.toml")
-    assert "nothing is known" in said
+    assert "default: EXIF names no focal length" in said
     assert "± 40.0 %" in said
-    assert "only assumed" in said
+    assert "the lens is a default" in said
     assert "scale" in said
     assert "--length" in said
-    assert (tmp_path / "c.toml").read_text().startswith("# Lens of the images in photos: nothing is known")
+    assert (tmp_path / "c.toml").read_text().startswith("# Lens of the images in photos: default: EXIF")
 
 
-def test_pictures_that_cannot_be_placed_leave_the_first_guess_and_say_so(photos, tmp_path):
+def test_images_that_cannot_be_placed_leave_the_first_guess_with_a_note(photos, tmp_path):
     said = run("camera", "new", photos, "--out", tmp_path / "c.toml")
     assert "could not be placed" in said
 
@@ -66,7 +66,7 @@ def test_folders_that_are_no_photographs_of_one_camera_are_refused(photos, tmp_p
     assert not (tmp_path / "c.toml").exists()
 
 
-def test_a_scale_that_nothing_gives_is_said_before_any_work(photos, tmp_path):
+def test_a_missing_scale_is_reported_before_any_work(photos, tmp_path):
     run("camera", "new", photos, "--quick", "--out", tmp_path / "c.toml")
     began = time.monotonic()
     said = run("map", photos, "--camera", tmp_path / "c.toml", "--out", tmp_path / "m", code=1)

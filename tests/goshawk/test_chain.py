@@ -50,13 +50,13 @@ def test_a_planned_file_is_checked_and_passes_the_gate_again(folder):
     assert report["clearance_m"] >= 0.3
 
 
-def test_the_gate_says_no_to_more_clearance_than_there_is(folder):
+def test_the_gate_refuses_more_clearance_than_there_is(folder):
     report = run("check", folder / "loop.json", *world(folder), "--margin", "0.9", code=1)
     assert not report["passed"]
     assert any(not c["passed"] and c["name"] == "clearance" for c in report["checks"])
 
 
-def test_the_gate_says_no_for_another_vehicle(folder):
+def test_the_gate_refuses_a_trajectory_for_another_vehicle(folder):
     report = run("check", folder / "loop.json", "--map", folder / "map", "--vehicle", folder / "truth.toml", code=1)
     assert "vehicle" in [c["name"] for c in report["checks"] if not c["passed"]]
 
@@ -128,7 +128,7 @@ def test_a_trajectory_for_another_map_is_not_uploaded(folder, flown, tmp_path):
         assert "final gate" in run("upload", tmp_path / "unchecked.json", *link, code=2)["error"]["message"]
 
 
-def test_a_dead_link_is_one_sentence(folder, flown):
+def test_a_lost_link_is_reported_in_one_sentence(folder, flown):
     link = ("--vehicle-url", "udp://127.0.0.1:9", "--key", folder / "link.key")
     error = run("upload", folder / "loop.json", *link, code=1)["error"]
     assert error["kind"] == "LinkError"
@@ -137,7 +137,7 @@ def test_a_dead_link_is_one_sentence(folder, flown):
 @pytest.mark.slow  # test_model_verbs.py holds the same law on a shorter flight
 def test_adding_rotor_drag_lowers_the_prediction_error(folder, flown, tmp_path):
     """The same flight fits and judges here (speed); the demo judges on a held-out one."""
-    fit = ("identify", flown, "--vehicle", folder / "vehicle.toml", "--hold-unseen")
+    fit = ("identify", flown, "--vehicle", folder / "vehicle.toml", "--hold-unidentifiable")
     run(*fit, "--out", tmp_path / "without.toml")
     found = run(
         *fit, "--add-effect", "rotor_drag_thrust", "--out", tmp_path / "with.toml", "--plots", tmp_path / "figures"
@@ -160,7 +160,7 @@ def test_adding_rotor_drag_lowers_the_prediction_error(folder, flown, tmp_path):
     assert all(Path(figure).stat().st_size > 1000 for figure in compared["figures"])
 
 
-def test_a_log_with_a_gap_or_without_rotor_speed_is_refused_in_words(folder, flown, tmp_path):
+def test_a_log_with_a_gap_or_without_rotor_speed_is_refused_with_the_reason(folder, flown, tmp_path):
     log = in_the_air(flight_log.load(flown), "loop")
     keep = (log.time_s < log.time_s[300]) | (log.time_s > log.time_s[500])
     gap = flight_log.FlightLog({name: values[keep] for name, values in log.columns.items()}, log.metadata)

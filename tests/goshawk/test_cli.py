@@ -20,7 +20,7 @@ def test_help_names_every_verb():
 
 
 @pytest.mark.parametrize("verb", VERBS)
-def test_every_verb_teaches_with_lines_to_paste(verb):
+def test_the_help_of_every_verb_has_lines_to_paste(verb):
     answer = goshawk(verb, "--help")
     assert answer.returncode == 0, answer.stderr
     assert f"  goshawk {verb} " in answer.stdout.split("Options:")[0]

@@ -32,7 +32,7 @@ def folder(tmp_path_factory) -> Path:
     rng = np.random.default_rng(8)
     truth = flying.Truth(gust=0.1, extra=damping)
     logs = flying.fly(truth, flying.paper_flights(rng, 2, 0.1), 6, duration_s=10.0, rng=rng, rate_hz=100.0)
-    for name, i in (("vertical", 0), ("fast", 1), ("turning", 2), ("unseen", 4)):
+    for name, i in (("vertical", 0), ("fast", 1), ("turning", 2), ("held_out", 4)):
         flight_log.save(folder / f"{name}.parquet", logs[i])
     vehicle.save(folder / "vehicle.toml", vehicle.example("rigter2019"))
     return folder
@@ -43,17 +43,17 @@ def base(folder: Path) -> list[object]:
     return ["diagnose", *flights, "--vehicle", folder / "vehicle.toml"]
 
 
-def test_the_missing_effect_is_said_written_and_the_next_line_can_be_typed(folder, tmp_path):
+def test_the_missing_effect_is_named_written_and_the_next_command_works(folder, tmp_path):
     out, facts, page = tmp_path / "better.toml", tmp_path / "d.json", tmp_path / "d.html"
     written = ("--out", out, "--json", facts, "--report", page, "--plots", tmp_path / "p")
-    said = run(*base(folder), "--held-out", folder / "unseen.parquet", *written)
+    said = run(*base(folder), "--held-out", folder / "held_out.parquet", *written)
     assert said.startswith("missing was angular_damping (confidence ")
-    for expected in ("helped: ", "+ angular_damping", "excluded", "cannot be seen", f"written: {out}"):
+    for expected in ("helped: ", "+ angular_damping", "excluded", "inconclusive", "unobservable", f"written: {out}"):
         assert expected in said
     document = json.loads(facts.read_text())
     assert (document["schema"], document["version"]) == ("goshawk-diagnosis", 1)
     assert document["flights"] == ["vertical", "fast", "turning"]
-    assert document["held_out"] == ["unseen"]
+    assert document["held_out"] == ["held_out"]
     assert document["additions"] == ["angular_damping"]
     first = document["suspects"][0]
     assert first["verdict"] == "present"
@@ -74,7 +74,7 @@ def test_the_missing_effect_is_said_written_and_the_next_line_can_be_typed(folde
     assert "src='http" not in html
 
 
-def test_the_vehicle_is_replaced_only_when_asked_and_can_be_taken_back(folder, tmp_path):
+def test_the_vehicle_is_replaced_only_with_overwrite_and_can_be_restored(folder, tmp_path):
     mine = tmp_path / "vehicle.toml"
     mine.write_bytes((folder / "vehicle.toml").read_bytes())
     words = [*base(folder)[:-1], mine, "--out", mine]
@@ -104,7 +104,7 @@ def test_bad_input_is_one_sentence(folder, tmp_path):
     refused = {
         "no such file": ["diagnose", tmp_path / "none.parquet", "--vehicle", car],
         "same flight": ["diagnose", fast, copy, "--vehicle", car],
-        "to learn from or to judge by": ["diagnose", fast, "--vehicle", car, "--held-out", copy],
+        "give each flight once, for fitting or held out": ["diagnose", fast, "--vehicle", car, "--held-out", copy],
         "other.toml": ["diagnose", fast, "--vehicle", tmp_path / "other.toml"],
         "empty.parquet": ["diagnose", empty, "--vehicle", car],
         "Missing argument": ["diagnose", "--vehicle", car],
@@ -119,8 +119,8 @@ def test_bad_input_is_one_sentence(folder, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_short_held_out_flight_is_said_to_be_too_little_and_confidence_follows(folder, tmp_path):
-    log = flight_log.load(folder / "unseen.parquet")
+def test_a_short_held_out_flight_is_reported_as_too_little_and_lowers_the_confidence(folder, tmp_path):
+    log = flight_log.load(folder / "held_out.parquet")
     start_s = float(log.time_s[0])
     flight_log.save(tmp_path / "short.parquet", log.slice(start_s + 2.0, start_s + 5.0))
     said = run(*base(folder), "--held-out", tmp_path / "short.parquet", "--json", "-")

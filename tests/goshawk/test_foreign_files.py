@@ -229,10 +229,10 @@ REFUSED = [  # (the command, words of the sentence): exit code 2
     ("map edit map undo", "undo"),
     ("demo --out not_a_map", "not_a_map"),
     ("demo --out new_demo --pairs 0", "pairs"),
-    ("vehicle-sim --vehicle vehicle.toml --wind nan,0,0 --key new.key", "wind"),
-    ("vehicle-sim --vehicle vehicle.toml --loss 2 --key new.key", "loss"),
-    ("vehicle-sim --vehicle vehicle.toml --delay -1 --key new.key", "delay"),
-    ("vehicle-sim --vehicle vehicle.toml --speed nan --key new.key", "speed"),
+    ("sitl --vehicle vehicle.toml --wind nan,0,0 --key new.key", "wind"),
+    ("sitl --vehicle vehicle.toml --loss 2 --key new.key", "loss"),
+    ("sitl --vehicle vehicle.toml --delay -1 --key new.key", "delay"),
+    ("sitl --vehicle vehicle.toml --speed nan --key new.key", "speed"),
     ("vehicle add-effect vehicle.toml rotor_drag_thrust", "rotor_drag_thrust"),
     ("vehicle add-effect vehicle.toml raises.py", "boom"),
     ("vehicle add-effect vehicle.toml no_effect.py", "no_effect"),
@@ -303,7 +303,7 @@ ANSWERED = [  # (the command, exit code, words): bad news, but news
     ("log nan.csv --columns map_good.toml", 0, "never finite"),
     (f"check t_hash_number.json {M} {V}", 1, "may not be flown"),
     (f"check t_good.json {M} {V} --margin 1e9", 2, "margin"),
-    (f"plan w_far.json {M} {V} --out new.json", 2, "outside the map"),
+    (f"plan w_far.json {M} {V} --out new.json", 2, "outside of the map"),
     (f"plan w_in_wall.json {M} {V} --out new.json", 2, "inside an obstacle"),
     ("log /dev/null", 2, "/dev/null"),
     ("log map", 2, "map"),
@@ -348,7 +348,7 @@ def listing(folder: Path) -> dict[str, tuple[int, int]]:
 
 
 @pytest.mark.parametrize(("line", "words"), REFUSED, ids=[line for line, _ in REFUSED])
-def test_what_cannot_be_used_is_refused_in_a_sentence_and_nothing_is_touched(folder, line, words):
+def test_bad_input_is_refused_in_one_sentence_and_no_file_changes(folder, line, words):
     before = listing(folder)
     code, _, errors = attempt(folder, line)
     assert words in last_sentence(errors)
@@ -357,7 +357,7 @@ def test_what_cannot_be_used_is_refused_in_a_sentence_and_nothing_is_touched(fol
 
 
 @pytest.mark.parametrize(("line", "code", "words"), ANSWERED, ids=[line for line, *_ in ANSWERED])
-def test_what_is_wrong_is_said(folder, line, code, words):
+def test_a_fault_is_named(folder, line, code, words):
     before = listing(folder)
     found, out, errors = attempt(folder, line)
     assert found == code, errors
@@ -413,7 +413,7 @@ def test_no_file_takes_more_than_two_gibibytes(folder, line):
 @pytest.mark.parametrize(("name", "cause"), [("rpm", "rpm"), ("hz", "rpm")])
 def test_a_wrong_unit_of_rotor_speed_ends_in_do_not_use(folder, tmp_path, name, cause):
     out = tmp_path / "fitted.toml"
-    line = f"identify {name}.parquet --vehicle vehicle.toml --out {out} --hold-unseen"
+    line = f"identify {name}.parquet --vehicle vehicle.toml --out {out} --hold-unidentifiable"
     code, said, errors = attempt(folder, line)
     assert code == 1, errors
     assert said.startswith("verdict: do not use\n")

@@ -120,7 +120,7 @@ def test_a_path_is_read_whatever_stands_beside_it(tmp_path):
         (("x_m,y_m,z_m", "inf,2,3", "1,2,3"), "position 0 is not finite"),
     ],
 )
-def test_a_bad_row_is_refused_in_words(tmp_path, rows, words):
+def test_a_bad_row_is_refused_with_the_reason(tmp_path, rows, words):
     with pytest.raises((InputError, FormatError), match=words):
         read_path(write(tmp_path / "p.csv", *rows))
 
@@ -137,9 +137,9 @@ class Area:
         self.field = field
 
 
-def test_positions_without_room_are_left_out_and_counted(field):
+def test_positions_without_clearance_are_left_out_and_counted(field):
     s = np.linspace(0.0, 1.0, 41)[:, None]
-    walked = (1 - s) * [-0.1, 1.5, 1.2] + s * [3.0, 1.5, 1.2]  # begins in the wall, where nobody has looked
+    walked = (1 - s) * [-0.1, 1.5, 1.2] + s * [3.0, 1.5, 1.2]  # begins in the wall, in unknown space
     options = planner.PlanOptions()
     waypoints, left_out = waypoints_along(walked, 0.10, Area(field), options)
     near_m = field.distance(walked)
@@ -151,13 +151,13 @@ def test_positions_without_room_are_left_out_and_counted(field):
     assert len(waypoints.positions_world_m) == 2
 
 
-def test_a_path_without_room_is_refused_with_the_way_out(field):
+def test_a_path_without_clearance_is_refused_with_the_remedy(field):
     wall = np.array([[0.05, 1.0, 1.0], [0.05, 2.0, 1.0], [9.0, 9.0, 9.0]])
     with pytest.raises(InputError, match=r"0 of 3 recorded positions .* lower --margin"):
         waypoints_along(wall, 0.10, Area(field), planner.PlanOptions())
 
 
-def test_the_doctor_looks_at_every_compiled_part():
+def test_the_doctor_checks_every_compiled_part():
     from goshawk.commands.doctor import _MODULES
 
     compiled = {f"{stub.parent.name}.{stub.stem}" for stub in ROOT.glob("*/_*.pyi")}

@@ -96,7 +96,7 @@ def test_held_free_and_prior_names(folder, tmp_path):
 def test_three_stages(folder, tmp_path):
     flights = [argument for stage in STAGES for argument in (f"--{stage}", folder / f"trial1-{stage}.parquet")]
     base = ("--vehicle", folder / "vehicle.toml", "--out", tmp_path / "f.toml", "--overwrite")
-    said = run("identify", *flights, *base, "--hold-unseen", "--json")
+    said = run("identify", *flights, *base, "--hold-unidentifiable", "--json")
     document = json.loads(said)
     assert document["schema"] == "goshawk-identification-stages"
     assert tuple(document["stages"]) == STAGES
@@ -116,7 +116,7 @@ def test_repeated_trials_are_drawn(folder, tmp_path):
         tmp_path / "f.toml",
         "--plots",
         tmp_path / "p",
-        "--hold-unseen",
+        "--hold-unidentifiable",
     )
     document = json.loads(run("identify", *flights, "--trials", 2, *base, "--json"))
     assert len(document["trials"]) == 2
@@ -124,7 +124,7 @@ def test_repeated_trials_are_drawn(folder, tmp_path):
     assert "equally many" in run("identify", *flights, "--trials", 3, *base, "--overwrite", code=2)
 
 
-def test_a_gap_is_refused_in_the_words_of_the_command(folder, tmp_path):
+def test_a_gap_is_refused_with_the_option_of_the_command(folder, tmp_path):
     log = flight_log.load(first_trial(folder)[2])
     keep = (log.time_s < 4.0) | (log.time_s > 4.5)
     flight_log.save(tmp_path / "gap.parquet", FlightLog({k: v[keep] for k, v in log.columns.items()}, log.metadata))
@@ -133,7 +133,7 @@ def test_a_gap_is_refused_in_the_words_of_the_command(folder, tmp_path):
     assert "--split-gaps" in said
     assert "gaps=" not in said
     assert not (tmp_path / "f.toml").exists()
-    document = json.loads(run(*base, "--split-gaps", "--hold-unseen", "--json"))
+    document = json.loads(run(*base, "--split-gaps", "--hold-unidentifiable", "--json"))
     assert len(document["flights"]) == 2
 
 
@@ -175,7 +175,7 @@ def test_into_a_vehicle_file_a_fit_is_its_next_version_and_undo_returns(folder, 
     assert mine.read_bytes() == (folder / "vehicle.toml").read_bytes()
 
 
-def test_the_model_of_another_vehicle_is_remarked_on(folder):
+def test_the_model_of_another_vehicle_gets_a_warning(folder):
     vehicle.save(folder / "hummingbird.toml", vehicle.example("hummingbird"))
     words = ("compare", first_trial(folder)[2], "--vehicle", folder / "vehicle.toml")
     assert json.loads(run(*words, "--json"))["remarks"] == []

@@ -16,7 +16,7 @@ def log(path):
     return path
 
 
-def test_an_empty_project_says_for_each_part_how_to_give_it(tmp_path):
+def test_an_empty_project_lists_the_command_that_adds_each_part(tmp_path):
     document = json.loads(run("init", tmp_path / "room", "--json"))
     assert project.open_project(tmp_path / "room").name == "room"
     for part in ("map", "vehicle", "waypoints", "trajectories", "flights"):
@@ -53,7 +53,7 @@ def test_a_vehicle_brings_its_history_along(tmp_path):
     assert "parasitic_drag" in vehicle.load(tmp_path / "room" / "vehicle.toml").effects
 
 
-def test_what_is_no_map_vehicle_or_log_is_refused(tmp_path):
+def test_a_folder_or_file_that_is_no_map_vehicle_or_log_is_refused(tmp_path):
     (tmp_path / "v.toml").write_text("format = 'goshawk-camera'\nversion = 1\n")
     assert "goshawk-vehicle" in run("init", tmp_path / "room", "--vehicle", tmp_path / "v.toml", code=2)
     assert "is not a map" in run("init", tmp_path / "room", "--map", tmp_path, code=2)
@@ -62,7 +62,7 @@ def test_what_is_no_map_vehicle_or_log_is_refused(tmp_path):
     assert "is a file" in run("init", tmp_path / "v.toml", code=2)
 
 
-def test_the_ground_station_names_what_a_folder_lacks_and_the_command_that_gives_it(tmp_path):
+def test_the_ground_station_names_missing_parts_and_the_commands_that_add_them(tmp_path):
     said = run("gcs", tmp_path / "none", code=2)
     assert f"goshawk init {tmp_path / 'none'}" in said
     assert "no project.toml" in run("gcs", tmp_path, code=2)

@@ -86,7 +86,7 @@ def test_the_report_holds_every_stream_and_marks_what_the_checks_found(flown, tm
     assert "the position jumps" in (tmp_path / "a.html").read_text()
 
 
-def test_no_text_of_a_log_gets_out_of_its_place_in_the_report(tmp_path):
+def test_text_of_a_log_is_escaped_in_the_report(tmp_path):
     evil = "</script><script>alert(1)</script>"
     log = FlightLog({"time_s": np.arange(60) / 10, "flux_ratio": np.ones(60)}, {"name": evil, evil: evil})
     text = log_report.page(log, check_log(log), {"name": evil})
@@ -122,7 +122,7 @@ def test_a_foreign_csv_becomes_a_clean_log_of_ours_in_two_commands(flown, tmp_pa
 def test_a_fix_never_touches_the_log_it_was_given(flown, tmp_path):
     before = (flown / "clean.parquet").read_bytes()
     said = run("log", flown / "clean.parquet", "--fix", "--out", flown / "clean.parquet", "--overwrite", code=2)
-    assert "stays as it is" in said
+    assert "never changed" in said
     assert (flown / "clean.parquet").read_bytes() == before
     assert "go together" in run("log", flown / "clean.parquet", "--fix", code=2)
     assert ".parquet" in run("log", flown / "clean.parquet", "--fix", "--out", tmp_path / "a.csv", code=2)
@@ -136,7 +136,7 @@ def test_an_existing_output_is_kept(flown, tmp_path):
         assert (tmp_path / "there").read_text() == "mine"
 
 
-def test_the_table_speaks_of_quantities_with_units(flown):
+def test_the_table_shows_display_names_and_units(flown):
     said = run("log", flown / "clean.parquet")
     assert "body rate (gyro)" in said
     assert re.search(r"duration\s+4\.\d+ s", said)

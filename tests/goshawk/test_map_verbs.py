@@ -33,7 +33,7 @@ def run(capsys, *arguments):
     return json.loads(capsys.readouterr().out)
 
 
-def test_the_figures_are_those_of_the_field(capsys, folder, field):
+def test_the_statistics_are_those_of_the_field(capsys, folder, field):
     said = run(capsys, "map", "show-esdf", folder)
     assert said["hash"] == field.hash
     assert (said["free_m3"], said["occupied_m3"], said["unknown_m3"]) == pytest.approx((16.2, 1.8, 6.0))
@@ -44,7 +44,7 @@ def test_the_figures_are_those_of_the_field(capsys, folder, field):
     assert run(capsys, "map", "show-esdf", folder / "esdf") == said
 
 
-def test_pictures_are_written_where_asked(capsys, folder, tmp_path):
+def test_images_are_written_into_the_given_folder(capsys, folder, tmp_path):
     all_of_it = run(capsys, "map", "show-esdf", folder, "--out", tmp_path / "all")
     assert sorted(p.suffix for p in (tmp_path / "all").iterdir()) == [".ply", ".png", ".png", ".png", ".png"]
     assert {str(p) for p in (tmp_path / "all").iterdir()} == set(all_of_it["written"])
@@ -55,7 +55,7 @@ def test_pictures_are_written_where_asked(capsys, folder, tmp_path):
         assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_map_with_nothing_free_or_nothing_seen_still_has_figures(capsys, tmp_path):
+def test_a_map_without_free_or_known_space_still_has_statistics(capsys, tmp_path):
     for kind in (OCCUPIED, UNKNOWN):
         esdf.save(tmp_path / "esdf", build(np.full((4, 4, 4), kind, np.uint8), Grid((0, 0, 0), 0.1, (4, 4, 4))))
         said = run(capsys, "map", "show-esdf", tmp_path)
@@ -92,7 +92,7 @@ def test_edits_are_saved_listed_undone_and_dropped(capsys, folder, field):
         ("--outside", "-0.5,-0.5,0.3,1.5,1.5,1.8"),
     ],
 )
-def test_every_shape_can_be_tried_before_it_counts(capsys, folder, field, tmp_path, shape):
+def test_every_shape_can_be_previewed_without_saving(capsys, folder, field, tmp_path, shape):
     picture = tmp_path / "preview.png"
     tried = run(capsys, "map", "edit", folder, "add", *shape, "--preview", picture)
     assert tried["closed_m3"] > 0.0
@@ -116,14 +116,14 @@ def test_every_shape_can_be_tried_before_it_counts(capsys, folder, field, tmp_pa
         (["edit", "MAP", "add", "--stroke", "1,2,3"], "takes RADIUS"),
         (["show-esdf", "MAP", "--slice", "z=1"], "--out"),
         (["show-esdf", "MAP", "--out", "OUT", "--slice", "w=1"], "x=, y= or z="),
-        (["show-esdf", "MAP", "--out", "OUT", "--slice", "z=9"], "beside it"),
-        (["show-esdf", "MAP", "--out", "OUT", "--iso", "9"], "nothing to draw"),
+        (["show-esdf", "MAP", "--out", "OUT", "--slice", "z=9"], "outside of it"),
+        (["show-esdf", "MAP", "--out", "OUT", "--iso", "9"], "choose another level"),
         (["show-esdf", "MAP", "--out", "OUT", "--plane", "0,0,0", "1,1,1", "2,2,2"], "one line"),
         (["show-esdf", "MAP", "--out", "OUT", "--plane", "0,0,9", "1,0,9", "0,1,9"], "misses"),
         (["show-esdf", "OUT"], "no distance field"),
     ],
 )
-def test_nonsense_is_refused_in_words_and_changes_nothing(folder, field, tmp_path, arguments, says):
+def test_bad_input_is_refused_with_the_reason_and_changes_nothing(folder, field, tmp_path, arguments, says):
     named = [{"MAP": str(folder), "OUT": str(tmp_path / "out")}.get(a, a) for a in arguments]
     with pytest.raises((InputError, FormatError), match=says):
         goshawk.main(["map", *named], prog_name="goshawk", standalone_mode=False)
@@ -132,6 +132,6 @@ def test_nonsense_is_refused_in_words_and_changes_nothing(folder, field, tmp_pat
 
 
 @pytest.mark.parametrize("verb", [["show-esdf"], ["edit"], *[["edit", "MAP", v] for v in ("add", "no-fly", "undo")]])
-def test_every_sub_verb_teaches_with_lines_to_paste(capsys, verb):
+def test_the_help_of_every_sub_verb_has_lines_to_paste(capsys, verb):
     goshawk.main(["map", *verb, "--help"], prog_name="goshawk", standalone_mode=False)
     assert capsys.readouterr().out.split("Options:")[0].count("\n  goshawk map ") >= 2

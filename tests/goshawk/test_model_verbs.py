@@ -3,11 +3,13 @@
 import contextlib
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import sysid
 import vehicle
 from flight import flight_log
 from goshawk import model_change
@@ -19,12 +21,17 @@ BOB = [(1.25, 1.0), (1.25, -1.0)] * 2
 
 
 def goshawk(*arguments: object, code: int = 0) -> str:
-    """What the verb says; judged by exit code, as the program would end."""
+    """What the verb says, on standard error where it fails; judged by exit code, as the program would end."""
+    out, err = streams(*arguments, code=code)
+    return out if code == 0 else err
+
+
+def streams(*arguments: object, code: int) -> tuple[str, str]:
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), pytest.raises(SystemExit) as ended:
         main(["vehicle", *map(str, arguments)])
     assert ended.value.code == code, out.getvalue() + err.getvalue()
-    return out.getvalue() if code == 0 else err.getvalue()
+    return out.getvalue(), err.getvalue()
 
 
 def told(*arguments: object) -> dict:
@@ -68,7 +75,40 @@ def test_the_missing_effect_helps_on_a_flight_that_was_not_used_and_undo_brings_
     assert file.read_bytes() == before
 
 
-def test_an_effect_that_is_not_there_is_said_not_to_help(file, flown):
+def fit_ends_early(monkeypatch: pytest.MonkeyPatch, model_has_drag: bool) -> None:
+    """The fit of the model with (or without) rotor drag stops after one iteration, far from its minimum."""
+    fit = sysid.identify
+
+    def identify(logs, believed, options, **further):
+        early = replace(options, max_iterations=1) if (DRAG in believed.effects) == model_has_drag else options
+        return fit(logs, believed, early, **further)
+
+    monkeypatch.setattr(sysid, "identify", identify)
+
+
+def test_a_refit_that_did_not_converge_is_written_only_when_asked(file, flown, monkeypatch):
+    fit_ends_early(monkeypatch, model_has_drag=True)
+    before, arguments = file.read_bytes(), ("add-effect", file, DRAG, "--flights", flown / "a.parquet")
+    refused = json.loads(streams(*arguments, "--json", code=1)[0])
+    assert refused["fit"]["use"] == "do not use"
+    assert "converge" in refused["fit"]["reasons"][0]
+    assert refused["version"] is None
+    assert file.read_bytes() == before
+    words, _ = streams(*arguments, code=1)
+    assert words.startswith("verdict on the refit: do not use\n")
+    assert "--anyway" in words
+    assert f"written: {file}, version 1" in streams(*arguments, "--anyway", code=1)[0]
+    assert DRAG in vehicle.load(file).effects
+
+
+def test_a_comparison_with_a_refit_that_did_not_converge_is_doubtful(file, flown, monkeypatch):
+    fit_ends_early(monkeypatch, model_has_drag=False)
+    found = told("add-effect", file, DRAG, *logs(flown))
+    assert found["fit"]["use"] == "doubtful"
+    assert any("compared with" in reason for reason in found["fit"]["reasons"])
+
+
+def test_an_effect_that_is_not_there_does_not_help(file, flown):
     goshawk("add-effect", file, DRAG, "drag_s_m=0.0175")
     said = goshawk("add-effect", file, "gyroscopic_torque", *logs(flown))
     assert "did not" in said
@@ -95,13 +135,13 @@ def test_a_preview_writes_nothing(file):
     assert [p.name for p in file.parent.iterdir()] == [file.name]
 
 
-def test_what_destroys_is_asked_first(file):
+def test_a_destructive_change_needs_confirmation(file):
     before = file.read_bytes()
     assert "--yes" in goshawk("remove-effect", file, "parasitic_drag", code=2)
     assert file.read_bytes() == before
 
 
-def test_show_tells_values_sources_and_what_the_controller_does(file):
+def test_show_lists_values_sources_and_compensations(file):
     found = told("show", file)
     assert found["parameters"]["mass_kg"] == {
         "value": 0.7,
@@ -148,7 +188,7 @@ EFFECT = Effect(name="side_guard_here", number=0, stage=Stage.FORCE, apply=apply
         (("add-effect", "{file}", DRAG, "--flights", "{a}", "--held-out", "{a}"), "cannot be both"),
     ],
 )
-def test_mistakes_are_answered_in_one_sentence(file, flown, arguments, words):
+def test_bad_input_is_refused_in_one_sentence(file, flown, arguments, words):
     said = [a.format(file=file, folder=file.parent, a=flown / "a.parquet") for a in arguments]
     assert words in goshawk(*said, code=2)
 
@@ -162,7 +202,7 @@ def test_mistakes_are_answered_in_one_sentence(file, flown, arguments, words):
         ({"position_m": 1.1, "velocity_m_s": 1.0}, "made the model worse"),
     ],
 )
-def test_the_verdict_weighs_every_quantity(after, words):
+def test_the_verdict_considers_every_quantity(after, words):
     assert words in model_change.verdict({"position_m": 1.0, "velocity_m_s": 1.0}, after)
 
 
@@ -176,3 +216,9 @@ def test_every_effect_and_number_that_differs_is_listed_once():
     ]
     assert "  mass_kg: 0.7 -> 0.9 kg" in lines
     assert model_change.differences(old, old) == []
+
+
+def test_prediction_errors_are_told_in_units_that_people_read():
+    quantities = {"position": 0.0123, "velocity": 0.5, "attitude": np.pi / 180.0, "rate": 0.25}
+    told = [model_change.prediction_error(name, value) for name, value in quantities.items()]
+    assert told == ["12.3 mm", "0.5 m/s", "1 deg", "0.25 rad/s"]

@@ -11,7 +11,7 @@ from flight import flight_log, project
 from tests.goshawk.running import run, typed
 from vehicle import flights, manoeuvres
 
-PAIR = ("--suspect", "rotor_drag_thrust", "--suspect", "rotor_drag_speed")
+PAIR = ("--candidate", "rotor_drag_thrust", "--candidate", "rotor_drag_speed")
 SPACE = ("--space", "6,6,3")
 TWO = ("--manoeuvre", "oblique", "--manoeuvre", "hover")
 
@@ -30,7 +30,7 @@ def asked(folder: Path, *more: object) -> tuple[object, ...]:
     return ("next-flight", folder / "doublets.parquet", "--vehicle", folder / "vehicle.toml", *more)
 
 
-def test_it_says_which_manoeuvre_tells_two_suspects_apart_and_what_to_type_next(folder, tmp_path):
+def test_it_names_the_manoeuvre_that_separates_two_candidates_and_the_next_command(folder, tmp_path):
     out = tmp_path / "waypoints.json"
     said = run(*asked(folder, *PAIR, *SPACE, *TWO, "--out", out))
     lines = said.splitlines()
@@ -51,8 +51,8 @@ def test_json_has_the_same_facts_and_a_second_run_writes_the_same_file(folder, t
     arguments = asked(folder, *PAIR, *SPACE, *TWO, "--manoeuvre", "ceiling_climb", "--out", out, "--json")
     first = json.loads(run(*arguments))
     written = out.read_bytes()
-    assert (first["schema"], first["version"]) == ("goshawk-next-flight", 1)
-    assert first["suspects"] == ["rotor_drag_thrust", "rotor_drag_speed"]
+    assert (first["schema"], first["version"]) == ("goshawk-next-flight", 2)
+    assert first["candidates"] == ["rotor_drag_thrust", "rotor_drag_speed"]
     assert [p["name"] for p in first["proposals"]] == ["oblique", "hover"]
     assert (first["chosen"], first["written"]) == ("oblique", str(out))
     assert "ceiling" in first["skipped"]["ceiling_climb"]
@@ -62,10 +62,10 @@ def test_json_has_the_same_facts_and_a_second_run_writes_the_same_file(folder, t
     assert out.read_bytes() == written
 
 
-def test_what_stays_in_one_place_is_ranked_but_never_written(folder, tmp_path):
+def test_a_hovering_manoeuvre_is_ranked_but_never_written(folder, tmp_path):
     out = tmp_path / "waypoints.json"
     said = run(*asked(folder, *PAIR, *SPACE, "--manoeuvre", "hover", "--out", out), code=2)
-    assert "stays in one place" in said
+    assert "fits into the space hovers" in said
     assert not out.exists()
 
 
@@ -76,7 +76,7 @@ def test_bad_input_is_one_sentence(folder, tmp_path):
         "none.parquet": ["next-flight", tmp_path / "none.parquet", *car, *PAIR, *SPACE],
         "empty.parquet": ["next-flight", tmp_path / "empty.parquet", *car, *PAIR, *SPACE],
         "other.toml": ["next-flight", folder / "doublets.parquet", "--vehicle", tmp_path / "other.toml", *SPACE],
-        "'no_such' is not among the suspects": asked(folder, "--suspect", "no_such", *SPACE),
+        "'no_such' is not among": asked(folder, "--candidate", "no_such", *SPACE),
         "there is no manoeuvre 'looping'": asked(folder, *PAIR, *SPACE, "--manoeuvre", "looping"),
         "is not 3 numbers": asked(folder, *PAIR, "--space", "6,6"),
         "leaves no room": asked(folder, *PAIR, "--space", "6,0.1,3"),
@@ -90,6 +90,6 @@ def test_bad_input_is_one_sentence(folder, tmp_path):
         assert "Traceback" not in said
 
 
-def test_a_space_in_which_nothing_can_be_flown_is_a_no_with_the_reason(folder):
+def test_a_space_too_small_for_any_manoeuvre_is_refused_with_the_reason(folder):
     document = run(*asked(folder, *PAIR, "--space", "6,6,3", "--manoeuvre", "ground_sweep"), code=1)
     assert "no manoeuvre can be flown in 6,6,3 m: ground_sweep: it goes down to" in document

@@ -58,7 +58,7 @@ def test_the_file_is_written_the_vehicle_untouched_and_the_next_line_adds_the_ef
     assert "climb_turn" in vehicle.load(folder / "vehicle.toml").effects
 
 
-def test_json_says_what_was_written(folder):
+def test_json_names_the_written_file(folder):
     document = json.loads(run(*scaffolding("bent", "--form", "polynomial", "--json")))
     assert {key: document[key] for key in ("effect", "channel", "variable", "form")} == {
         "effect": "bent",
@@ -88,7 +88,7 @@ def test_bad_input_is_one_sentence_and_writes_nothing(folder):
         "absent.json does not exist": scaffolding(source="absent.json"),
         "broken.json is not JSON": scaffolding(source="broken.json"),
         "other.json is not a diagnosis": scaffolding(source="other.json"),
-        "draws no curve: nothing that these flights could show is missing": scaffolding(source="none.json"),
+        "has no residual curve: nothing that these flights could show is missing": scaffolding(source="none.json"),
         "cannot become an effect": scaffolding(source="time.json"),
         "do not fit together": scaffolding(source="cut.json"),
         "cannot name an effect": scaffolding("Climb-Twist"),

@@ -65,7 +65,7 @@ def test_the_rungs_of_the_papers_ladder_lower_the_error_where_their_physics_acts
 
 @pytest.mark.slow
 @pytest.mark.parametrize("effect", ["rotor_drag_thrust", "centre_of_mass", "weak_rotor", "flapping_moment"])
-def test_the_second_flight_tracks_as_well_as_if_the_truth_were_known(loops, effect):
+def test_the_second_flight_tracks_as_well_as_with_the_true_model(loops, effect):
     flown = loops.second(effect)
     assert flown.after_m < 0.5 * flown.before_m
     assert flown.after_m < 1.15 * flown.known_m
@@ -74,7 +74,7 @@ def test_the_second_flight_tracks_as_well_as_if_the_truth_were_known(loops, effe
 
 @pytest.mark.slow
 @pytest.mark.parametrize("effect", ["rotor_drag_thrust", "centre_of_mass", "weak_rotor"])
-def test_a_diagnosis_of_its_logs_makes_the_second_flight_as_good_without_being_told_what_is_missing(loops, effect):
+def test_a_diagnosis_of_its_logs_makes_the_second_flight_as_good_without_a_given_effect(loops, effect):
     flown = loops.second(effect, told=False)
     assert flown.added == (effect,)
     assert flown.after_m < 0.5 * flown.before_m
@@ -82,7 +82,7 @@ def test_a_diagnosis_of_its_logs_makes_the_second_flight_as_good_without_being_t
 
 
 @pytest.mark.slow
-def test_an_effect_that_the_controller_cannot_cancel_is_reported_as_such(loops):
+def test_an_effect_that_the_controller_does_not_compensate_is_reported(loops):
     flown = loops.second("airframe_side_moment")
     assert flown.not_compensated == ("airframe_side_moment",)
 

@@ -3,6 +3,7 @@
 import json
 import tomllib
 
+import jsonschema
 import pytest
 
 import vehicle
@@ -11,7 +12,7 @@ from tests.goshawk.running import run
 SHEET = ("--mass", 0.72, "--arm", 0.125, "--prop-diameter", 0.127)
 
 
-def test_a_data_sheet_becomes_a_file_in_which_every_default_says_that_it_is_one(tmp_path):
+def test_a_data_sheet_becomes_a_file_in_which_every_default_is_marked(tmp_path):
     out = tmp_path / "mine.toml"
     said = run("vehicle", "new", out, *SHEET)
     made = vehicle.load(out)
@@ -25,7 +26,7 @@ def test_a_data_sheet_becomes_a_file_in_which_every_default_says_that_it_is_one(
     assert sum(line.startswith("#") for line in out.read_text().splitlines()) >= 8
 
 
-def test_an_existing_file_is_kept_unless_overwrite_is_said_and_then_beside_it(tmp_path):
+def test_an_existing_file_is_replaced_only_with_overwrite_and_then_kept_beside_it(tmp_path):
     out = tmp_path / "mine.toml"
     out.write_text("my notes")
     assert "--overwrite" in run("vehicle", "new", out, *SHEET, code=2)
@@ -43,25 +44,22 @@ def test_an_existing_file_is_kept_unless_overwrite_is_said_and_then_beside_it(tm
         (("--mass", -1, "--arm", 0.1, "--prop-diameter", 0.1), "positive number"),
         (("--mass", 700, "--arm", 125, "--prop-diameter", 127), "in m"),
         (("--mass", 2000, "--arm", 0.1, "--prop-diameter", 0.1), "mass_kg is 2000"),
-        (("--from", "x.step"), "ending"),
+        (("--from", "x.step"), "suffix"),
         (("--from", "none.params"), "does not exist"),
         ((*SHEET, "--max-rpm", 100), "does not lift its weight"),
     ],
 )
-def test_what_makes_no_vehicle_is_refused_in_one_sentence_and_nothing_is_written(tmp_path, options, words):
+def test_incomplete_or_invalid_data_makes_no_vehicle_file(tmp_path, options, words):
     out = tmp_path / "v.toml"
     assert words in run("vehicle", "new", out, *options, code=2)
     assert not out.exists()
 
 
-def test_without_a_terminal_nothing_is_asked():
-    assert "say where to write" in run("vehicle", "new", code=2)
+def test_without_a_terminal_there_is_no_prompt():
+    assert "give the file to write" in run("vehicle", "new", code=2)
 
 
 def test_the_schema_accepts_what_new_writes_and_refuses_a_wrong_unit(tmp_path):
-    jsonschema = pytest.importorskip(
-        "jsonschema", reason="jsonschema is not installed: the schema is only parsed elsewhere"
-    )
     run("vehicle", "new", tmp_path / "v.toml", *SHEET)
     described = json.loads(run("vehicle", "schema"))
     document = tomllib.loads((tmp_path / "v.toml").read_text())

@@ -85,10 +85,10 @@ def test_parameters_are_listed_read_and_set_after_showing_what_changes(link):
     assert "confirmed by checksum: 2 parameters" in done.stderr
     assert parameters(link) == before | {"mass_kg": 0.72, "kp_xy_1_s2": 8.0}
     again = goshawk("params", "set", "mass_kg=0.72", *link)
-    assert "nothing was sent" in again.stderr
+    assert "no change: the vehicle has these values" in again.stderr
 
 
-def test_a_vehicle_file_is_mirrored_and_single_values_go_before_it(link, folder, tmp_path):
+def test_parameters_follow_a_vehicle_file_and_single_values_override_it(link, folder, tmp_path):
     heavier = vehicle.load(folder / "vehicle.toml").with_value("mass_kg", 0.81)
     vehicle.save(tmp_path / "heavier.toml", heavier)
     answer = goshawk("params", "set", "--from", tmp_path / "heavier.toml", "kp_xy_1_s2=8", "--json", *link)
@@ -112,7 +112,7 @@ def test_a_vehicle_file_is_mirrored_and_single_values_go_before_it(link, folder,
         (["set", "mass_kg=40", "kp_z_1_s2=1"], 1, "rotors cannot carry the mass; nothing was changed"),
     ],
 )
-def test_what_cannot_be_set_is_said_in_words_and_changes_nothing(standing, arguments, code, words):
+def test_a_refused_set_names_its_reason_and_changes_nothing(standing, arguments, code, words):
     before = parameters(standing)
     assert words in goshawk("params", *arguments, *standing, code=code).stderr
     assert parameters(standing) == before
@@ -156,7 +156,7 @@ def test_ctrl_c_in_flight_lands_the_vehicle_and_its_log_can_be_fetched(link, fol
     assert State.FAULT not in flown
 
 
-def test_ctrl_c_during_an_upload_says_what_the_vehicle_holds(folder):
+def test_ctrl_c_during_an_upload_names_the_active_trajectory(folder):
     key = folder / "link.key"
     with sitl_vehicle("--vehicle", folder / "vehicle.toml", "--delay", 0.15, "--loss", 0.3, key_file=key) as url:
         link = ("--vehicle-url", url, "--key", key)
@@ -168,7 +168,7 @@ def test_ctrl_c_during_an_upload_says_what_the_vehicle_holds(folder):
     assert "upload cancelled; the vehicle holds no plan" in said
 
 
-def test_a_log_that_the_vehicle_does_not_have_is_not_invented(standing, tmp_path):
+def test_a_log_that_the_vehicle_does_not_have_is_refused(standing, tmp_path):
     answer = goshawk("log", tmp_path / "none.parquet", "--download", *standing, code=1)
     assert "the vehicle has no log of a flight" in answer.stderr
     assert not (tmp_path / "none.parquet").exists()

@@ -12,8 +12,9 @@ from rich.console import Console
 from goshawk import progress_line as module
 from goshawk.cli import GROUPS, VERBS
 from goshawk.progress_line import progress_line
-from goshawk.words import named, with_unit
+from goshawk.words import named, parameter, with_unit
 from tests.goshawk.running import run
+from vehicle import effects
 
 
 def test_a_bare_call_shows_every_verb_once_in_its_group_and_is_no_error():
@@ -34,20 +35,20 @@ def test_a_bare_group_of_verbs_is_no_error_either(group):
     ("typed", "meant"),
     [
         (("identfy",), "identify"), (("ident",), "identify"), (("Map",), "map"), (("nextflight",), "next-flight"),
-        (("vehicle_sim",), "vehicle-sim"), (("vehicle", "hsitory"), "history"), (("params", "gte"), "get"),
+        (("stil",), "sitl"), (("vehicle", "hsitory"), "history"), (("params", "gte"), "get"),
     ],
 )  # fmt: skip
 def test_a_mistyped_verb_gets_the_likely_one(typed, meant):
     assert f"did you mean {meant}" in run(*typed, code=2)
 
 
-def test_what_is_like_no_verb_gets_no_suggestion():
+def test_a_word_unlike_any_verb_gets_no_suggestion():
     said = run("xyzzy", code=2)
     assert "there is no verb 'xyzzy'" in said
     assert "did you mean" not in said
 
 
-def test_the_version_is_said():
+def test_the_version_is_printed():
     assert run("--version").startswith("goshawk 0.")
 
 
@@ -95,10 +96,33 @@ def test_short_work_shows_nothing(monkeypatch):
         ("passed", True, ("passed", True)),
     ],
 )
-def test_tables_speak_in_words_and_units(key, value, row):
+def test_tables_show_display_names_and_units(key, value, row):
     assert with_unit(key, value) == row
 
 
 def test_parts_of_vectors_are_named_by_vector_and_axis():
     assert named("rate_body_x_rad_s") == ("body rate (gyro), x", "rad/s")
     assert named("battery_v") == ("battery", "V")
+
+
+def test_parameters_are_called_by_words_without_their_units():
+    assert parameter("air_density_kg_m3") == "air density"
+    assert parameter("motor_lag.rise_s") == "motor lag: rise"
+    units = {"kg", "n", "s", "s2", "m", "m2", "m3", "rad", "hz", "v", "per"}
+    for effect in effects.catalogue().values():
+        for spec in effect.parameters:
+            assert not units & set(parameter(f"{effect.name}.{spec.name}").split(": ")[1].split()), spec.name
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (("vehicle-sim",), ("sitl",)),
+        (("next-flight", "--suspect", "x"), ("next-flight", "--candidate", "x")),
+        (("identify", "--hold-unseen"), ("identify", "--hold-unidentifiable")),
+    ],
+)
+def test_an_earlier_name_of_a_verb_or_option_still_works_and_is_hidden(old, new):
+    assert run(*old, code=2).replace(old[0], new[0]) == run(*new, code=2)
+    renamed = next(word for word, other in zip(old, new, strict=False) if word != other)
+    assert renamed not in run("--help") + run(new[0], "--help")

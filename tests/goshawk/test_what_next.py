@@ -22,7 +22,7 @@ AGAIN = ["diagnose", "a.parquet", "my b.parquet", "--vehicle", "vehicle.toml", "
 FITTED = ["--flights", "a.parquet", "--flights", "my b.parquet", "--held-out", "c.parquet"]
 
 
-def suspect(name: str, verdict: Any, significance: float, *alike: str) -> SuspectFinding:
+def candidate(name: str, verdict: Any, significance: float, *alike: str) -> SuspectFinding:
     shares = tuple((other, 0.95) for other in alike)
     return SuspectFinding(name, verdict, "", (), 0.0, significance, 0.0, 0.9, shares, ("oblique",), ("F_x",), "v_x")
 
@@ -33,7 +33,7 @@ def drawn(variable: str = "v_z", channel: str = "M_z") -> OutsideFinding:
 
 
 def found(
-    *suspects: SuspectFinding,
+    *candidates: SuspectFinding,
     outside: OutsideFinding | None = None,
     rivals: tuple[tuple[str, float], ...] = (),
     undecided: tuple[str, ...] = (),
@@ -41,7 +41,7 @@ def found(
 ) -> Diagnosis:
     """A diagnosis whose flights took up 4 m x 2 m x 1 m round (1, 0, 1.5), one axis hardly moved."""
     place = np.array([[-1.0, -1.0, 1.49], [3.0, 1.0, 1.51]])
-    additions = tuple(s.name for s in suspects if s.verdict == "present")
+    additions = tuple(s.name for s in candidates if s.verdict == "present")
     search = SimpleNamespace(
         models=(SimpleNamespace(fit=SimpleNamespace(flights=[SimpleNamespace(position_world_m=place)])),),
         undecided=SimpleNamespace(between=undecided) if undecided else None,
@@ -50,12 +50,12 @@ def found(
     body = vehicle.example()
     nothing = cast("Any", None)
     return Diagnosis(
-        body, body, additions, suspects, outside, (), (), (), (), (), (), cast("Any", search), carried, nothing
+        body, body, additions, candidates, outside, (), (), (), (), (), (), cast("Any", search), carried, nothing
     )
 
 
 def test_an_addition_is_made_to_the_vehicle_file_and_the_diagnosis_goes_on_from_a_new_one():
-    damping = suspect("weak_rotor[2]", "present", 1e-9)
+    damping = candidate("weak_rotor[2]", "present", 1e-9)
     (line,) = what_next.lines(found(damping), ASKED)
     assert typed(line) == ["vehicle", "add-effect", "vehicle.toml", "weak_rotor", *FITTED]
     asked = Asked(ASKED.flights, ASKED.vehicle_file, ASKED.held_out, out=Path("better.toml"))
@@ -63,8 +63,8 @@ def test_an_addition_is_made_to_the_vehicle_file_and_the_diagnosis_goes_on_from_
     assert typed(line) == [*AGAIN[:4], "better.toml", *AGAIN[5:]]
 
 
-def test_flights_without_the_load_are_told_so_before_the_vehicle_gets_it():
-    load = found(suspect("payload", "present", 1e-9), carried=(True, False, False))
+def test_flights_without_the_payload_are_marked_before_the_vehicle_gets_it():
+    load = found(candidate("payload", "present", 1e-9), carried=(True, False, False))
     marked, judging, line = what_next.lines(load, ASKED)
     assert typed(marked) == ["log", "my b.parquet", "--payload", "left"]
     assert typed(judging) == ["log", "c.parquet", "--payload", "left"]
@@ -73,13 +73,13 @@ def test_flights_without_the_load_are_told_so_before_the_vehicle_gets_it():
 
 def test_a_foreign_log_is_marked_beside_itself_and_the_marked_one_is_fitted():
     asked = Asked((Path("a.csv"), Path("b.csv")), ASKED.vehicle_file, columns=Path("map.toml"))
-    load = found(suspect("payload", "present", 1e-9), carried=(True, False))
+    load = found(candidate("payload", "present", 1e-9), carried=(True, False))
     marked, line = what_next.lines(load, asked)
     assert typed(marked) == ["log", "b.csv", "--columns", "map.toml", "--payload", "left"]
     assert typed(line)[4:] == ["--flights", "a.csv", "--flights", "b.parquet", "--columns", "map.toml"]
 
 
-def test_a_curve_without_a_name_becomes_an_effect_and_is_tried():
+def test_a_curve_outside_the_catalogue_becomes_an_effect_and_is_evaluated():
     asked = Asked(ASKED.flights, ASKED.vehicle_file, ASKED.held_out, json_file=Path("d.json"))
     first, second = what_next.lines(found(outside=drawn("dn_0/dt")), asked)
     scaffold = ["vehicle", "scaffold-effect", "vehicle.toml", "--diagnosis", "d.json"]
@@ -98,48 +98,48 @@ def test_without_a_json_file_the_diagnosis_is_written_first():
     ("curve", "words"),
     [(drawn("time", "F_x"), "temperature"), (drawn("x"), "draught"), (drawn("constant", "F_z"), "weigh")],
 )
-def test_what_no_vehicle_can_know_is_said_where_to_look_for(curve, words):
+def test_a_curve_against_no_state_of_the_vehicle_gets_a_remark(curve, words):
     (line,) = what_next.lines(found(outside=curve), ASKED)
     assert line.startswith("(")
     assert words in line
 
 
-def test_look_alikes_are_told_apart_by_the_next_flight_in_the_space_flown():
-    alike = suspect("rotor_drag_speed", "cannot tell", 1e-7, "rotor_drag_thrust")
+def test_confounded_effects_are_separated_by_a_next_flight_in_the_space_flown():
+    alike = candidate("rotor_drag_speed", "cannot tell", 1e-7, "rotor_drag_thrust")
     (line,) = what_next.lines(found(alike), ASKED)
     assert typed(line) == [
         *["next-flight", "a.parquet", "my b.parquet", "--vehicle", "vehicle.toml"],
-        *["--suspect", "rotor_drag_speed", "--suspect", "rotor_drag_thrust"],
+        *["--candidate", "rotor_drag_speed", "--candidate", "rotor_drag_thrust"],
         *["--space", "4.0,2.0,1.0", "--corner=-1.0,-1.0,1.0", "--out", "waypoints.json"],
     ]
 
 
-def test_the_undecided_are_told_apart_first():
-    doubtful = found(suspect("constant_wind", "cannot tell", 1e-9), undecided=("parasitic_drag", "rotor_drag_speed"))
+def test_undecided_candidates_are_separated_first():
+    doubtful = found(candidate("constant_wind", "cannot tell", 1e-9), undecided=("parasitic_drag", "rotor_drag_speed"))
     (line,) = what_next.lines(doubtful, ASKED)
     words = typed(line)
-    names = [words[i + 1] for i, word in enumerate(words) if word == "--suspect"]
+    names = [words[i + 1] for i, word in enumerate(words) if word == "--candidate"]
     assert names == ["parasitic_drag", "rotor_drag_speed"]
     beside = found(outside=drawn(), undecided=("parasitic_drag", "rotor_drag_speed"))
     assert what_next.lines(beside, ASKED) == [line]
 
 
-def test_an_addition_that_may_be_another_is_settled_against_the_model_without_it():
-    named = suspect("rotor_drag_speed", "present", 1e-9)
+def test_a_confounded_addition_is_tested_against_the_model_without_it():
+    named = candidate("rotor_drag_speed", "present", 1e-9)
     asked = Asked(ASKED.flights, ASKED.vehicle_file, ASKED.held_out, out=Path("better.toml"), auto=True)
     (line,) = what_next.lines(found(named, rivals=(("weak_rotor[1]", 0.3),)), asked)
     words = typed(line)
     assert words[words.index("--vehicle") + 1] == "vehicle.toml"
-    assert [words[i + 1] for i, word in enumerate(words) if word == "--suspect"] == [named.name, "weak_rotor[1]"]
+    assert [words[i + 1] for i, word in enumerate(words) if word == "--candidate"] == [named.name, "weak_rotor[1]"]
 
 
 def test_nothing_in_doubt_proposes_nothing():
-    assert what_next.lines(found(suspect("angular_damping", "excluded", 0.4)), ASKED) == []
+    assert what_next.lines(found(candidate("angular_damping", "excluded", 0.4)), ASKED) == []
 
 
-def test_columns_of_a_foreign_log_are_said_again():
+def test_the_column_map_of_a_foreign_log_is_repeated():
     asked = Asked((Path("a.csv"),), Path("vehicle.toml"), columns=Path("columns.toml"))
-    lines = what_next.lines(found(suspect("ground_effect", "cannot tell", 0.4), outside=None), asked)
+    lines = what_next.lines(found(candidate("ground_effect", "cannot tell", 0.4), outside=None), asked)
     lines += what_next.lines(found(outside=drawn()), asked)
     assert len(lines) == 4
     for line in lines:
@@ -157,11 +157,11 @@ def test_typed_one_after_the_other_the_lines_lead_from_an_unknown_effect_to_a_be
     rng = np.random.default_rng(8)
     truth = flying.Truth(gust=0.1, extra=turning_when_climbing)
     logs = flying.fly(truth, flying.paper_flights(rng, 2, 0.1), 6, duration_s=10.0, rng=rng, rate_hz=100.0)
-    for name, log in zip(("vertical", "fast", "turning", "unseen"), logs, strict=False):
+    for name, log in zip(("vertical", "fast", "turning", "held_out"), logs, strict=False):
         flight_log.save(tmp_path / f"{name}.parquet", log)
     vehicle.save(tmp_path / "vehicle.toml", vehicle.example())
     said = run("diagnose", "vertical.parquet", "fast.parquet", "turning.parquet", "--vehicle", "vehicle.toml",
-               "--held-out", "unseen.parquet", "--json", "d.json", "--report", "d.html")  # fmt: skip
+               "--held-out", "held_out.parquet", "--json", "d.json", "--report", "d.html")  # fmt: skip
     assert "something is missing that no known effect is: M_z against v_z" in said
     lines = [line.removeprefix("next: ") for line in said.splitlines() if line.startswith("next: ")]
     assert len(lines) == 2

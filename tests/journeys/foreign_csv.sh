@@ -5,5 +5,5 @@ goshawk log flight.csv --draft-columns columns.toml
 goshawk log flight.csv --columns columns.toml --vehicle quad.toml --report before.html
 goshawk log flight.csv --columns columns.toml --vehicle quad.toml --fix --out flight.parquet
 goshawk log flight.parquet --vehicle quad.toml --report after.html
-goshawk identify flight.parquet --vehicle quad.toml --out fitted.toml --hold-unseen
+goshawk identify flight.parquet --vehicle quad.toml --out fitted.toml --hold-unidentifiable
 goshawk compare flight.parquet --vehicle quad.toml --vehicle fitted.toml

@@ -48,7 +48,7 @@ def with_foreign_csv(folder: Path) -> FlightLog:
 
 
 def with_photographs(folder: Path) -> float:
-    """An ordinary lens of 70 degrees that nobody wrote down; returns the length of the way in metres."""
+    """Images of an ordinary lens of 70 degrees without metadata; returns the length of the path in metres."""
     camera = forward_camera("SIMPLE_PINHOLE", 320, 240, [228.5, 160.0, 120.0])
     flown = rendered_world.loop_flight(PHOTO_COUNT, share=PHOTO_SHARE)
     (folder / "photos").mkdir()

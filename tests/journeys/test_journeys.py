@@ -5,6 +5,7 @@ import csv
 import gzip
 import os
 import signal
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -17,6 +18,8 @@ import vehicle
 from flight import flight_log, trajectory
 from tests.journeys import inputs
 
+PORT = "14561"
+"""What the journeys write; a test takes a free one instead."""
 HERE = Path(__file__).parent
 ROOT = HERE.parent.parent
 SCRIPTS = sorted(HERE.glob("*.sh"))
@@ -25,10 +28,11 @@ REAL = ROOT.parent / "shared" / "data" / "flight" / "nanodrone_cf21bl" / "square
 
 def walk(name: str, folder: Path, *, timeout_s: float = 900.0) -> str:
     """Type a journey's lines in `folder`; all they print. What they left running ends with them."""
+    lines = (HERE / f"{name}.sh").read_text().replace(PORT, str(free_port()))
     programs = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     with open(folder / "out.txt", "w") as out, open(folder / "err.txt", "w") as err:
         shell = subprocess.Popen(
-            ["bash", "-e", HERE / f"{name}.sh"],
+            ["bash", "-e", "-c", lines],
             cwd=folder, env=os.environ | {"PATH": programs}, stdout=out, stderr=err, start_new_session=True,
         )  # fmt: skip
         try:
@@ -41,6 +45,13 @@ def walk(name: str, folder: Path, *, timeout_s: float = 900.0) -> str:
     assert "Traceback" not in errors
     assert "Warning" not in errors
     return said
+
+
+def free_port() -> int:
+    """A UDP port that nobody listens at now."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
 
 
 def commands(script: Path) -> list[str]:
@@ -100,7 +111,7 @@ def with_real_csv(folder: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not REAL.exists(), reason="the real flights are not beside this repository (../shared/data/flight)")
-def test_a_real_csv_with_wrong_units_and_clocks_is_mended(tmp_path):
+def test_a_real_csv_with_wrong_units_and_clocks_is_corrected(tmp_path):
     with_real_csv(tmp_path)
     walk("real_csv", tmp_path)
     mended = flight_log.load(tmp_path / "flight.parquet")

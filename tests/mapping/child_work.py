@@ -1,4 +1,4 @@
-"""What the tests of `mapping.child` have children do."""
+"""Work functions that the tests of `mapping.child` run in a child process."""
 
 import ctypes
 import os

@@ -1,4 +1,4 @@
-"""An image that was placed where it was not taken contradicts its matches, and is taken out; the others stay."""
+"""A misplaced image disagrees with its matches and is removed; the others stay."""
 
 from contextlib import nullcontext
 from pathlib import Path
@@ -64,12 +64,12 @@ def displaced(poses: np.ndarray, i: int) -> np.ndarray:
     return wrong
 
 
-def test_matches_of_images_in_their_places_agree_with_the_map(database, images, poses):
+def test_matches_of_correctly_placed_images_agree_with_the_map(database, images, poses):
     assert np.all(agreement.of_instants(database, images, images.rig, poses) > 0.99)
 
 
 @pytest.mark.parametrize("i", range(INSTANTS))
-def test_a_misplaced_image_is_taken_out_and_no_other(database, images, poses, monkeypatch, i: int):
+def test_a_misplaced_image_is_removed_and_no_other(database, images, poses, monkeypatch, i: int):
     wrong = displaced(poses, i)
     agreed = agreement.of_instants(database, images, images.rig, wrong)
     assert agreed[i] < agreement.LEAST

@@ -1,4 +1,4 @@
-"""Scale and world frame: a known similarity is undone, liars in the record are outvoted, no scale is no map."""
+"""Scale and world frame: a known similarity is recovered, outliers have no influence, no map without a scale."""
 
 from pathlib import Path
 
@@ -55,7 +55,7 @@ def test_recorded_positions_and_gravity_undo_any_similarity(truth: FloatArray) -
     assert found.position_residual_m == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_third_of_wrong_positions_and_some_shaken_gravity_are_outvoted(truth: FloatArray) -> None:
+def test_a_third_of_outliers_in_positions_and_some_in_gravity_have_no_influence(truth: FloatArray) -> None:
     rng = np.random.default_rng(5)
     positions = truth[:, :3, 3] + 0.01 * rng.normal(size=(COUNT, 3))
     liars = rng.choice(COUNT, COUNT // 3, replace=False)
@@ -70,7 +70,7 @@ def test_a_third_of_wrong_positions_and_some_shaken_gravity_are_outvoted(truth: 
     assert found.up_spread_rad == pytest.approx(0.0, abs=1e-4)
 
 
-def test_baseline_keeps_its_scale_and_positions_only_place_and_judge(truth: FloatArray) -> None:
+def test_the_baseline_gives_the_scale_and_positions_only_the_pose_and_a_check(truth: FloatArray) -> None:
     off = truth[:, :3, 3] * 1.1
     references = References(off, up_of(truth))
     old = as_colmap_gives_it(truth, 1.0)
@@ -81,7 +81,7 @@ def test_baseline_keeps_its_scale_and_positions_only_place_and_judge(truth: Floa
 
 
 @pytest.mark.parametrize("between", [None, ("003.jpg", "021.jpg")])
-def test_a_given_length_overrules_everything(truth: FloatArray, between: tuple[str, str] | None) -> None:
+def test_a_given_length_overrides_every_other_scale(truth: FloatArray, between: tuple[str, str] | None) -> None:
     p = truth[:, :3, 3]
     metres = np.linalg.norm(np.diff(p, axis=0), axis=1).sum() if between is None else np.linalg.norm(p[21] - p[3])
     length = Length(float(metres), between)
@@ -128,7 +128,7 @@ def test_references_are_read_with_empty_cells(tmp_path: Path) -> None:
     assert np.isnan(references.up_body).all()
 
 
-def test_references_that_fit_nothing_are_refused(tmp_path: Path) -> None:
+def test_references_that_match_no_image_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "references.csv"
     path.write_text("image,lat,lon\n003.jpg,1,2\n")
     with pytest.raises(FormatError, match="neither"):

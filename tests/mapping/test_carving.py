@@ -1,4 +1,4 @@
-"""Space that pictures saw through: what is counted, how often it must be, and what is taken back."""
+"""Carving: which voxels are counted as seen through, how often they must be, and which become unknown again."""
 
 import dataclasses
 
@@ -24,7 +24,7 @@ def view_from(position_world_m: tuple[float, float, float] = (0.1, 1.0, 1.0)) ->
     return ImageView(PINHOLE, T, np.full((120, 160), 90, np.uint8))
 
 
-def unseen_volume() -> Volume:
+def unobserved_volume() -> Volume:
     return fusion.empty_volume(np.zeros(3), np.array([7.0, 2.0, 2.0]), voxel_m=0.1, truncation_m=0.25, channels=1)
 
 
@@ -38,7 +38,7 @@ def bound(range_m: float) -> np.ndarray:
 
 @pytest.mark.parametrize("range_m", [0.8, 3.0, 4.9, 50.0])
 def test_nothing_behind_the_bound_out_of_view_or_too_far_is_counted(range_m: float) -> None:
-    view, volume = view_from(), unseen_volume()
+    view, volume = view_from(), unobserved_volume()
     volume.carve(view, bound(range_m), farthest_m=FARTHEST_M)
     at = centres(volume) - view.position_world_m
     distance_m = np.linalg.norm(at, axis=-1)
@@ -53,13 +53,13 @@ def test_nothing_behind_the_bound_out_of_view_or_too_far_is_counted(range_m: flo
 
 
 def test_where_no_bound_is_known_nothing_is_counted() -> None:
-    volume = unseen_volume()
+    volume = unobserved_volume()
     volume.carve(view_from(), bound(0.0), farthest_m=FARTHEST_M)
     assert not volume.seen_through.any()
 
 
-def test_only_enough_pictures_make_space_free_and_the_count_does_not_run_over() -> None:
-    volume = unseen_volume()
+def test_space_is_free_only_after_enough_images_and_the_count_saturates() -> None:
+    volume = unobserved_volume()
     for pictures in range(1, 300):
         volume.carve(view_from(), bound(3.0), farthest_m=FARTHEST_M)
         if pictures in (1, LEAST_SEEN_THROUGH - 1, LEAST_SEEN_THROUGH, 256, 299):
@@ -69,8 +69,8 @@ def test_only_enough_pictures_make_space_free_and_the_count_does_not_run_over() 
     assert volume.seen_through.max() == 255
 
 
-def test_any_trace_of_a_surface_outweighs_every_look_through() -> None:
-    volume = unseen_volume()
+def test_any_trace_of_a_surface_outweighs_all_carving() -> None:
+    volume = unobserved_volume()
     volume.seen_through[...] = 255
     volume.weight[30], volume.distance[30] = 0.01, -0.02
     state = volume.occupancy(least_weight=0.6, skin_voxels=0.87)
@@ -151,7 +151,7 @@ def test_a_vehicle_smaller_than_a_voxel_is_refused_because_nothing_would_be_reac
         DenseOptions(voxel_m=0.25)
 
 
-def test_the_way_between_pictures_is_walked_only_where_the_bodies_touch() -> None:
+def test_the_way_between_images_is_free_only_where_the_bodies_touch() -> None:
     places = [(0.0, 0.0, 0.0), (0.3, 0.0, 0.0), (1.2, 0.0, 0.0)]
     path = dense.flown_path([view_from(place) for place in places], 0.05, longest_gap_m=0.4)
     np.testing.assert_allclose(sorted({round(x, 3) for x in path[:, 0]}), [*np.linspace(0.0, 0.3, 7), 1.2], atol=1e-9)

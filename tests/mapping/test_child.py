@@ -27,10 +27,10 @@ def _work(name: str):
 
 
 def test_answer_and_progress_come_back() -> None:
-    heard: list[tuple[str, float]] = []
-    answer = child.run(_work("add"), 2, 3, progress=lambda stage, fraction: heard.append((stage, fraction)))
+    reports: list[tuple[str, float]] = []
+    answer = child.run(_work("add"), 2, 3, progress=lambda stage, fraction: reports.append((stage, fraction)))
     assert answer == 5
-    assert heard == [("adding", 0.5), ("adding", 1.0)]
+    assert reports == [("adding", 0.5), ("adding", 1.0)]
 
 
 def test_abort_names_the_step_and_the_signal() -> None:
@@ -38,18 +38,18 @@ def test_abort_names_the_step_and_the_signal() -> None:
         child.run(_work("abort"))
 
 
-def test_segmentation_fault_is_a_message() -> None:
+def test_a_segmentation_fault_gives_a_crash_message() -> None:
     with pytest.raises(MapError, match=r"placing images crashed \(SIGSEGV\)"):
         child.run(_work("segfault"))
 
 
-def test_a_damaged_heap_is_a_message() -> None:
+def test_a_damaged_heap_gives_a_crash_message() -> None:
     """The C library aborts while it holds the heap: whoever allocates in answer to that waits for ever."""
     with pytest.raises(MapError, match=r"placing images crashed \(SIGABRT\): .*free"):
         child.run(_work("free_twice"))
 
 
-def test_quiet_exit_without_answer_is_an_error() -> None:
+def test_an_exit_without_result_is_an_error() -> None:
     with pytest.raises(MapError, match="exit code 0"):
         child.run(_work("vanish"))
 
@@ -90,6 +90,6 @@ def test_child_dies_with_its_parent(tmp_path: Path) -> None:
     until(lambda: not Path(f"/proc/{pid}").exists(), "the child's end")
 
 
-def test_silent_work_needs_no_listener() -> None:
+def test_work_without_progress_needs_no_callback() -> None:
     work: Progress = _work("add")
     assert child.run(work, 1, 1) == 2

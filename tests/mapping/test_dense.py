@@ -44,7 +44,7 @@ def reconstruction(views: list[ImageView]) -> dense.Reconstruction:
     return dense.reconstruct(views, DenseOptions(voxel_m=0.06))
 
 
-def test_points_lie_in_one_row_of_both_rectified_pictures() -> None:
+def test_points_lie_in_one_row_of_both_rectified_images() -> None:
     """A bright ball appears in the same row of both, shifted by the angle under which it sees the baseline."""
     camera = RIG["front"]
     at = [np.eye(4), frames.transform([1.0, 0.0, 0.0, 0.0], np.array([0.15, 0.3, 0.1]))]
@@ -123,7 +123,7 @@ def test_free_space_is_air_and_seen_walls_have_no_holes(
     assert {UNKNOWN, FREE, OCCUPIED} == set(np.unique(state))
     free = SCENE.distance(grid.centre(np.argwhere(state == FREE)))
     assert (free < 0.0).mean() < 0.004
-    # walk from each camera to just behind what it sees: nobody passes through a wall that was seen
+    # walk from each camera to just behind the surface it sees: no observed wall is free
     view = views[4]
     rays = stereo.depth_rays(view, 0.5)[10:-10:4, 10:-10:4].reshape(-1, 3) @ view.T_world_camera[:3, :3].T
     ranges = rendered_world.cast_rays(SCENE, view.position_world_m, rays)
@@ -136,12 +136,12 @@ def test_free_space_is_air_and_seen_walls_have_no_holes(
     assert stopped.mean() > 0.995
 
 
-def test_the_vehicle_was_where_it_was(views: list[ImageView], reconstruction: dense.Reconstruction) -> None:
+def test_the_flown_path_is_free(views: list[ImageView], reconstruction: dense.Reconstruction) -> None:
     cells = reconstruction.grid.index(np.array([view.position_world_m for view in views]))
     assert (reconstruction.state[tuple(cells.T)] == FREE).all()
 
 
-def test_pictures_that_share_nothing_give_a_message(views: list[ImageView]) -> None:
+def test_images_without_common_view_are_refused(views: list[ImageView]) -> None:
     apart = [views[0], dataclasses.replace(views[2], T_world_camera=views[2].T_world_camera + np.eye(4, 4, 3) * 50.0)]
     with pytest.raises(MapError, match="same things from places"):
         dense.reconstruct(apart)

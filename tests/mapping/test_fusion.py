@@ -108,8 +108,8 @@ def test_space_is_free_before_a_plane_occupied_at_it_and_unknown_behind(tilt_deg
     assert (state[before_m < -0.2] == UNKNOWN).all()
     flown = np.linalg.norm(at_camera, axis=1) <= DenseOptions().flown_radius_m
     assert (state[flown] == FREE).all()
-    unseen = (~PINHOLE.contains(pixels) | (at_camera[:, 2] < 0.0)) & ~flown
-    assert (state[unseen] == UNKNOWN).all()
+    unobserved = (~PINHOLE.contains(pixels) | (at_camera[:, 2] < 0.0)) & ~flown
+    assert (state[unobserved] == UNKNOWN).all()
 
 
 def test_facing_is_the_cosine_of_incidence() -> None:
@@ -132,7 +132,7 @@ def test_pixels_beside_a_jump_of_depth_are_dropped_and_others_kept() -> None:
     np.testing.assert_array_equal(kept, expected)
 
 
-def test_averaging_two_measurements_weighs_them_by_their_certainty() -> None:
+def test_averaging_weights_measurements_by_their_inverse_variance() -> None:
     near, far = (plane_view(0.0, distance) for distance in (2.00, 2.04))
     volume = fusion.empty_volume(
         np.array([0.4, -1, 0]), np.array([3, 1.4, 2]), voxel_m=0.05, truncation_m=0.2, channels=1
@@ -157,12 +157,12 @@ def test_the_flown_tube_is_free_and_nothing_else_changes() -> None:
     np.testing.assert_array_equal(state.ravel() == FREE, away <= 0.2)
 
 
-def test_loose_crumbs_are_dropped() -> None:
+def test_small_components_are_dropped() -> None:
     distance = np.ones((20, 20, 20))
     distance[3:12, 3:12, 3:12] = -1.0
     distance[17, 17, 17] = -1.0
     mesh = filled(distance).surface(least_weight=0.5)
-    vertices, faces, colours = dense.without_crumbs(*mesh, least_faces=50)
+    vertices, faces, colours = dense.without_small_components(*mesh, least_faces=50)
     assert len(faces) == len(mesh[1]) - 8
     assert vertices.max() < 1.5
     assert len(np.unique(faces)) == len(vertices) == len(colours)
@@ -175,7 +175,7 @@ def test_a_volume_that_cannot_fit_is_refused_with_the_size_that_does() -> None:
         fusion.empty_volume(np.zeros(3), np.ones(3), voxel_m=0.05, truncation_m=0.01, channels=1)
 
 
-def test_a_picture_of_another_size_than_its_camera_is_refused() -> None:
+def test_an_image_of_another_size_than_its_camera_is_refused() -> None:
     with pytest.raises(InputError, match=r"\(120, 160\)"):
         ImageView(PINHOLE, np.eye(4), np.zeros((60, 80), np.uint8))
     view, depth_m, _ = plane_view(0.0)

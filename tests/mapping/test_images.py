@@ -116,5 +116,5 @@ def test_other_files_beside_the_images_are_left_alone(folder: Path) -> None:
 
 def test_a_table_that_names_an_image_twice_is_refused(tmp_path: Path) -> None:
     (tmp_path / "times.csv").write_text("image,time_s\na.png,0.0\nb.png,0.1\na.png,0.2\n")
-    with pytest.raises(FormatError, match=r"line 4: a\.png was there before"):
+    with pytest.raises(FormatError, match=r"line 4: a\.png is listed twice"):
         read_table(tmp_path / "times.csv", ("image", "time_s"))

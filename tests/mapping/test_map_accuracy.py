@@ -1,4 +1,4 @@
-"""The score of a map tells a right one from a wrong, a thin, and an unsafe one."""
+"""The scores of a map separate an accurate one from an inaccurate, an incomplete and an unsafe one."""
 
 import numpy as np
 import pytest
@@ -20,14 +20,14 @@ def test_seen_points_lie_on_the_surface() -> None:
     assert np.abs(SCENE.distance(SEEN)).max() < 1e-9
 
 
-def test_the_truth_scores_full_marks() -> None:
+def test_ground_truth_scores_perfectly() -> None:
     score = map_accuracy.compare(SCENE, SEEN, SEEN, STATE, GRID)
     assert score.median_error_m < 1e-9
     assert (score.share_within_5cm, score.seen_share_within_5cm) == (1.0, 1.0)
     assert (score.seen_share_free, score.seen_share_in_holes, score.free_share_in_matter) == (0.0, 0.0, 0.0)
 
 
-def test_each_fault_lowers_its_own_figure() -> None:
+def test_each_fault_lowers_its_own_score() -> None:
     shifted = map_accuracy.compare(SCENE, SEEN, SEEN + np.array([0.0, 0.0, 0.06]), STATE, GRID)
     assert shifted.share_within_5cm < 0.8
     thin = map_accuracy.compare(SCENE, SEEN, SEEN[SEEN[:, 0] < 0.0], STATE, GRID)

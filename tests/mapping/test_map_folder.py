@@ -82,7 +82,7 @@ def test_a_map_opens_as_it_was_written(tmp_path: Path) -> None:
     assert ((known.descriptors * placed.descriptors).sum(axis=1) > 0.999).all()
 
 
-def test_what_is_not_a_map_is_refused(tmp_path: Path) -> None:
+def test_a_folder_that_is_no_map_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="not a map"):
         mapping.open_map(tmp_path)
 
@@ -139,7 +139,7 @@ def test_a_folder_with_other_things_is_not_overwritten(tmp_path: Path) -> None:
     assert (out / "chapter1.tex").read_text() == "precious"
 
 
-def test_an_earlier_map_is_refused_before_the_images_are_looked_at(tmp_path: Path) -> None:
+def test_an_earlier_map_is_refused_before_the_images_are_read(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--overwrite"):
         mapping.build_map(tmp_path / "none", RIG, made_map(tmp_path / "map"))
 
@@ -171,14 +171,14 @@ def test_matching_is_mutual_and_clear() -> None:
     assert points.tolist() == [7, 250]
 
 
-def test_nothing_matches_nothing() -> None:
+def test_empty_descriptors_have_no_matches() -> None:
     empty = np.zeros((0, 128), dtype=np.float32)
     assert len(localization.match(empty, empty, 0.8)[0]) == 0
     with pytest.raises(InputError):
         localization.load(Path("nowhere"))
 
 
-def test_colmap_options_refuse_nonsense() -> None:
+def test_colmap_options_out_of_range_are_refused() -> None:
     for wrong in ({"features": 10}, {"window": 0}, {"similar": -1}):
         with pytest.raises(InputError):
             SparseOptions(**wrong)
@@ -202,5 +202,5 @@ def test_localization_map_survives_its_file(tmp_path: Path) -> None:
     assert isinstance(back, LocalizationMap)
     with open(tmp_path / "points" / "points.npz", "ab") as file:
         file.write(b"x")
-    with pytest.raises(FormatError, match="not the file"):
+    with pytest.raises(FormatError, match="does not match its hash"):
         localization.load(tmp_path / "points")

@@ -1,4 +1,4 @@
-"""The renderer tells the truth: its rays end on the surface, its pixels look where the lens says, it repeats itself."""
+"""The renderer agrees with geometry: rays end on surfaces, pixels look where the lens says, images are repeatable."""
 
 from pathlib import Path
 

@@ -121,7 +121,7 @@ class Breaks:
 
 
 @pytest.mark.parametrize("field", [KnowsNothing(), Breaks()])
-def test_a_field_without_answers_is_a_no(good, drone, field):
+def test_a_field_that_is_unknown_everywhere_fails_the_gate(good, drone, field):
     report = gate.check(good.trajectory, field, drone)
     assert [c.name for c in report.failures] == ["clearance"]
     assert report.as_dict()["clearance_m"] is None

@@ -79,14 +79,14 @@ def test_the_time_scale_just_uses_one_limit(drone, pace):
     assert not all(c.passed for c in limits.check(scaled.scale_time(0.97), drone, step_s=0.005))
 
 
-def test_free_fall_fails_and_says_so(drone):
+def test_free_fall_fails_with_its_reason(drone):
     drop = minimum_snap.trajectory(minimum_snap.solve(np.array([[0.0, 0, 9, 0], [0, 0, 0, 0]]), np.array([1.0])))
     checks = {c.name: c for c in limits.check(drop, drone)}
     assert not checks["slowest rotor"].passed
     assert not checks["acceleration"].passed
 
 
-def test_a_plan_leaves_the_controller_its_reserve():
+def test_a_plan_leaves_the_controller_its_control_reserve():
     """Tight turns up and down: thrust stays off both ends of its range, and a smaller reserve is never slower."""
     kestrel = vehicle.example("rigter2019").with_limits(acceleration_m_s2=30.0, speed_m_s=12.0)
     hill = Waypoints(np.array([[0.0, 0, 1], [3, 0, 4], [6, 0, 1], [9, 0, 4]]), np.full(4, np.nan))

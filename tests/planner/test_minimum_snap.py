@@ -75,7 +75,7 @@ def test_backwards_is_the_same_path_flown_backwards():
 
 
 def test_a_dense_quadratic_program_over_coefficients_finds_the_same_path():
-    """The reference knows nothing of Hermite states: monomials in u, every condition an equality row, OSQP."""
+    """The reference does not use Hermite states: monomials in u, every condition an equality row, OSQP."""
     positions, T = random_problem(11, 4)
     k = len(T)
     u, w = np.polynomial.legendre.leggauss(8)

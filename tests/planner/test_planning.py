@@ -133,7 +133,7 @@ def test_a_straight_climb_has_a_plan(open_sky, drone, through):
     assert np.abs(plan.trajectory.position(plan.trajectory.sample(0.01))[:, :2]).max() < 0.05
 
 
-def test_the_same_question_has_the_same_answer(pillar, drone, through):
+def test_the_same_inputs_give_the_same_plan(pillar, drone, through):
     ask = through((-4, 0, 1), (0, 3, 2), (4, 0.1, 1))
     one, other = planner.plan(ask, pillar, drone), planner.plan(ask, pillar, drone)
     assert one.gate.trajectory_hash == other.gate.trajectory_hash
@@ -200,7 +200,7 @@ def test_a_room_without_a_door_says_between_which_waypoints(drone):
     assert caught.value.remedy
 
 
-def test_a_vehicle_that_cannot_hover_is_told_so(open_sky, drone, through):
+def test_a_vehicle_that_cannot_hover_is_refused(open_sky, drone, through):
     weak = drone.with_limits(rotor_speed_min_rad_s=100.0, rotor_speed_max_rad_s=500.0)
     with pytest.raises(PlanInfeasibleError, match="hover"):
         planner.plan(through((0, 0, 1), (3, 0, 1)), open_sky, weak)

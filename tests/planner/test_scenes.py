@@ -29,11 +29,11 @@ def planned_without_fault(seed: int, drone) -> None:
 
 
 @pytest.mark.parametrize("seed", [0, 1, 4, 5])
-def test_a_plan_through_forest_or_rooms_passes_a_check_that_trusts_nobody(seed, drone):
+def test_a_plan_through_forest_or_rooms_passes_an_independent_check(seed, drone):
     planned_without_fault(seed, drone)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6, 50))
-def test_so_do_all_others(seed, drone):
+def test_plans_through_all_other_scenes_pass_an_independent_check(seed, drone):
     planned_without_fault(seed, drone)

@@ -48,7 +48,7 @@ def test_the_gradient_is_that_of_finite_differences(seed, only):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_the_kernel_says_what_its_plain_twin_says(seed):
+def test_the_kernel_agrees_with_the_numpy_reference(seed):
     p, T = problem(seed)
     d = np.random.default_rng(seed).normal(size=(len(T), 8, 3)) * np.tile([1.0, 4.0, 10.0, 60.0], 2)[:, None]
     fast, plain = time_allocation._running_cost(p, d, T), time_allocation.running_cost_numpy(p, d, T)
@@ -70,7 +70,7 @@ def test_every_penalty_has_its_gradient(seed):
     assert np.allclose(exact, numeric, rtol=1e-4, atol=1e-4 * np.abs(numeric).max())
 
 
-def test_within_the_limits_nothing_is_charged():
+def test_within_the_limits_the_penalty_is_zero():
     v, a, j, s = np.array([[1.0, 0, 0], [0.5, 0, 1], [1.0, 1, 0], [1.0, 0, 0]])[:, None]
     assert penalty.dynamics(v, a, j, s, BOUNDS).value[0] == pytest.approx(0.0, abs=1e-15)
 
@@ -78,7 +78,7 @@ def test_within_the_limits_nothing_is_charged():
 @pytest.mark.parametrize(
     ("index", "vector"), [(0, [5.0, 0, 0]), (1, [0, 0, -5.0]), (1, [7.0, 0, 0]), (2, [60.0, 0, 0]), (3, [0, 900.0, 0])]
 )
-def test_every_limit_that_is_exceeded_is_charged(index, vector):
+def test_every_limit_that_is_exceeded_has_a_penalty(index, vector):
     motion = np.zeros((4, 1, 3))
     motion[index] = vector
     assert penalty.dynamics(*motion, BOUNDS).value[0] > 0.01

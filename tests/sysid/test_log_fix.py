@@ -120,3 +120,11 @@ def test_every_finding_with_a_place_lies_within_the_log(log, truth):
     for finding in check_log(changed(log, position_world_z_m=z), truth).findings:
         for first_s, last_s in finding.spans:
             assert log.time_s[0] <= first_s <= last_s <= log.time_s[-1]
+
+
+def test_progress_is_told_after_every_fix(log, truth):
+    told: list[float] = []
+    mended = fix(everything(log), truth, progress=lambda _, fraction: told.append(fraction))
+    assert len(told) == len(mended.done) + 1
+    assert told[0] == 0.0
+    assert all(0.0 < fraction <= 1.0 for fraction in told[1:])

@@ -1,6 +1,7 @@
 """Logs of other kinds arrive in our frames and units: CSV by its map, PX4 ULog, our own."""
 
 import gzip
+import re
 import struct
 
 import numpy as np
@@ -59,6 +60,37 @@ def test_csv_arrives_in_our_units_order_and_frame(tmp_path, map_file, packed):
     np.testing.assert_allclose(log.vector("rotor_speed_rad_s"), [2.0 * np.pi * np.array([2.0, 1.0, 3.0, 4.0])])
     assert log.columns["battery_v"][0] == pytest.approx(3.7)
     assert log.metadata["name"] == "bench"
+
+
+@pytest.mark.parametrize("word", ["error", "1.2.3", "0x10", "-", "N/A", "null", "1 2", "12,5"])
+def test_a_word_where_a_number_is_expected_is_named_with_file_line_column_and_value(tmp_path, map_file, word):
+    """It was read as missing, and nobody was told."""
+    rows = [*ROWS, f'20,1000,"{word}",3000,0.6,0,0,0.8,60,120,180,240,3700,1\n']
+    (tmp_path / "log.csv").write_text(HEADER + "".join(rows))
+    with pytest.raises(FormatError, match=rf"log\.csv, line 4, column y: '{re.escape(word)}' is not a number"):
+        read(tmp_path / "log.csv", map_file)
+
+
+@pytest.mark.parametrize("marker", ["", "nan", "NaN", "NA", "-nan", " "])
+def test_the_markers_of_a_missing_value_are_read_as_missing(tmp_path, map_file, marker):
+    rows = [*ROWS, f"20,1000,2000,3000,0.6,0,0,0.8,60,120,180,240,{marker},1\n"]
+    (tmp_path / "log.csv").write_text(HEADER + "".join(rows))
+    log = read(tmp_path / "log.csv", map_file)
+    np.testing.assert_allclose(log.columns["battery_v"], [3.7, np.nan])
+
+
+def test_words_in_columns_and_rows_that_the_map_does_not_use_do_no_harm(tmp_path, map_file):
+    lines = [HEADER.strip() + ",mode", "0,err,2,3,0,0,0,1,60,120,180,240,3700,0,idle"]
+    lines += ["", "# a comment", ROWS[1].strip() + ",flying"]
+    (tmp_path / "log.csv").write_text("\n".join(lines))
+    assert read(tmp_path / "log.csv", map_file).time_s == pytest.approx([0.01])
+
+
+@pytest.mark.parametrize("row", ["10,1000,2000", ",,,,,,,,,,,,,,", "10,1000"])
+def test_a_row_of_another_length_is_named_by_its_line(tmp_path, map_file, row):
+    (tmp_path / "log.csv").write_text(HEADER + "".join(ROWS) + row + "\n")
+    with pytest.raises(FormatError, match=r"log\.csv, line 4: \d+ values below 14 names"):
+        read(tmp_path / "log.csv", map_file)
 
 
 def test_a_column_that_is_not_there_is_named(tmp_path, map_file):

@@ -1,12 +1,18 @@
 """One verdict on every fit: physics and the vehicle file against what came out."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import vehicle
-from sysid.verdict import RPM, Use, Verdict, of_fit
+from sysid.log_check import LogReport
+from sysid.log_finding import Finding
+from sysid.problem import Noise
+from sysid.result import unpredicted_turning
+from sysid.states import States
+from sysid.verdict import RPM, WRONG_KINDS, Use, Verdict, of_fit, of_logs
 from vehicle import Vehicle
 
 FREE = ("thrust_bem.k1_n_s2", "inertia_xx_kg_m2", "inertia_yy_kg_m2", "inertia_zz_kg_m2")
@@ -91,3 +97,36 @@ def test_the_worse_of_two_verdicts_counts_and_no_reason_is_lost():
     assert both.as_dict() == {"use": "do not use", "reasons": ["b", "a"]}
     assert both.beside(replace(both)).as_dict() == both.as_dict()
     assert good.sentence == "usable"
+
+
+def turning(amplitude_rad_s2: float) -> tuple[SimpleNamespace, SimpleNamespace]:
+    """States that turn about all axes at one rad/s, and the flight they belong to."""
+    time_s = np.arange(0.0, 20.0, 0.01)
+    rate = np.sqrt(2.0) * amplitude_rad_s2 * np.sin(time_s)[:, None] * np.ones(3)
+    nothing = np.zeros((len(time_s), 3))
+    states = States(nothing, nothing, np.tile([1.0, 0.0, 0.0, 0.0], (len(time_s), 1)), rate)
+    return SimpleNamespace(states=(states,)), SimpleNamespace(time_s=time_s)
+
+
+@pytest.mark.parametrize(("left_rad_s2", "doubted"), [(0.03, False), (0.9, False), (1.1, True), (4.0, True)])
+def test_a_model_that_leaves_more_turning_than_there_was_is_doubted(left_rad_s2, doubted):
+    point, flight = turning(1.0)
+    noise = Noise(process=np.sqrt(0.1) * np.array([0.1, 0.1, 0.1, left_rad_s2, 0.01, 0.01]))
+    solution = SimpleNamespace(noise=noise, point=point)
+    said = unpredicted_turning(solution, [flight], FREE)  # type: ignore[arg-type]
+    assert len(said) == doubted
+    assert all("about x" in sentence for sentence in said)
+    assert unpredicted_turning(solution, [flight], ("inertia_yy_kg_m2",)) == ()  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("level", "what", "use"),
+    [
+        *(("error", what, Use.REJECTED) for what in WRONG_KINDS),
+        ("warning", "frame", Use.USABLE),
+        ("error", "gap", Use.USABLE),
+    ],
+)
+def test_a_log_in_wrong_units_or_frames_forbids_what_is_fitted_to_it(level, what, use):
+    finding = Finding(what=what, level=level, sentence="it is z down", fix="turn it")
+    assert of_logs([LogReport("a.csv", 1.0, 10.0, (finding,))]).use is use

@@ -1,4 +1,4 @@
-"""New vehicles: what is given stays, estimates come near known vehicles, foreign files are read and never run."""
+"""New vehicles: given values stay, estimates agree with known vehicles, foreign files are parsed and never executed."""
 
 import numpy as np
 import pytest
@@ -75,7 +75,7 @@ def test_what_is_not_known_is_named_with_the_option_that_gives_it():
         draft.draft(Known())
 
 
-def test_a_propeller_too_small_for_the_weight_is_said():
+def test_a_propeller_too_small_for_the_weight_is_refused():
     with pytest.raises(InputError, match="does not lift its weight"):
         draft.draft(sheet(5.0, 0.1, 0.05, rotor_speed_max_rad_s=500.0))
 
@@ -103,7 +103,7 @@ def test_px4_rotors_come_in_its_order_with_y_to_the_left(tmp_path):
     known = import_px4.read(path)
     assert known.hub_body_m.tolist() == [[0.09, -0.11, 0.0], [-0.09, 0.11, 0.0], [0.09, 0.11, 0.0], [-0.09, -0.11, 0.0]]
     assert known.spin.tolist() == [1.0, 1.0, -1.0, -1.0]  # front right and rear left counter-clockwise, as PX4 draws it
-    assert known.yaw_torque_to_thrust_m is None  # 0.05 is nobody's measurement
+    assert known.yaw_torque_to_thrust_m is None  # 0.05 is PX4's default, not a measurement
     assert draft.missing(known) != []
 
 

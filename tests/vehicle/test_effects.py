@@ -41,7 +41,7 @@ def test_the_catalogue_has_every_number_from_1_to_26():
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
-def test_an_entry_says_what_it_is(name):
+def test_every_entry_has_law_source_channel_and_units(name):
     effect = CATALOGUE[name]
     assert all((effect.law, effect.source, effect.channel, effect.regressor, effect.excited_by))
     for spec in effect.parameters:
@@ -53,7 +53,7 @@ def test_an_entry_says_what_it_is(name):
 
 
 @pytest.mark.parametrize("name", [n for n, e in CATALOGUE.items() if e.stage != Stage.SENSOR])
-def test_the_kernel_knows_it(name):
+def test_the_kernel_has_a_compiled_form_of_it(name):
     assert native.compiled(planted(name)) is not None
 
 
@@ -84,7 +84,7 @@ def test_its_derivatives_agree_with_complex_steps(name):
 
 
 @pytest.mark.parametrize("name", MECHANICAL)
-def test_it_does_something(name):
+def test_it_changes_the_acceleration(name):
     velocity, rate, speed, around = motion()
     base = vehicle.example().without_effect("motor_lag")
     if name in base.effects:

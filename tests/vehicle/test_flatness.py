@@ -1,4 +1,4 @@
-"""Flatness: what it says is what the vehicle would do."""
+"""Flatness: the model's accelerations at the flat state are those of the path."""
 
 import numpy as np
 import pytest
@@ -57,7 +57,7 @@ def test_hover_is_level_and_even():
     np.testing.assert_allclose(flat.rotor_speed_rad_s, [vehicle.invert.hover(v)] * 3, atol=1e-6)
 
 
-def test_free_fall_has_no_attitude_and_says_so():
+def test_free_fall_has_no_attitude():
     falling = Trajectory(np.array([0.5]), np.array([[[0, 0, 0], [0, 0, 0], [10.0, 0, -GRAVITY_M_S2 / 2], [0, 0, 0]]]))
     flat = flatness.state(vehicle.example(), falling, np.array([0.2]))
     assert np.isnan(flat.rotor_speed_rad_s).all()

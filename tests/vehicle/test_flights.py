@@ -111,7 +111,7 @@ def test_the_accelerometer_reads_gravity_at_rest_and_the_rotation_of_its_arm():
     np.testing.assert_allclose(difference, extra, atol=1e-9)
 
 
-def test_noise_has_the_size_it_is_said_to_have():
+def test_noise_has_the_standard_deviation_it_is_given():
     truth = ride(vehicle.example())
     noise = flights.Noise()
     noisy = flights.measure(truth, noise=noise, rng=np.random.default_rng(0))

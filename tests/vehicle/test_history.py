@@ -1,4 +1,4 @@
-"""The history of a vehicle file: nothing is lost, and what comes back is the very file."""
+"""The history of a vehicle file: every version is kept, and a restored file is byte-equal."""
 
 import json
 
@@ -63,7 +63,7 @@ def test_a_version_with_the_bytes_of_a_later_one_is_still_itself_after_a_return_
         history.restore(file)
 
 
-def test_what_was_undone_can_be_returned_to(file):
+def test_an_undone_version_can_be_restored(file):
     step = add(file, "rotor_drag_thrust", drag_s_m=0.02)
     data = file.read_bytes()
     history.restore(file)
@@ -135,7 +135,7 @@ def test_held_out_errors_are_remembered(file):
 
 
 @pytest.mark.parametrize("damage", ["current", "steps", "parent", "snapshot"])
-def test_a_damaged_history_is_refused_in_words(file, damage):
+def test_a_damaged_history_is_refused_with_the_reason(file, damage):
     add(file, "rotor_drag_thrust")
     kept = history.folder(file) / "history.json"
     document = json.loads(kept.read_text())
@@ -154,7 +154,7 @@ def test_a_damaged_history_is_refused_in_words(file, damage):
     assert file.read_bytes() == before
 
 
-def test_an_unknown_effect_is_answered_with_the_names_near_it():
+def test_an_unknown_effect_is_refused_with_similar_names():
     with pytest.raises(InputError, match="near it: rotor_drag_thrust, rotor_drag_speed"):
         vehicle.effects.find("rotor_drag")
     with pytest.raises(InputError, match="near it: flapping_moment"):

@@ -1,4 +1,4 @@
-"""An effect of the user's own: the page in docs/ is run as it stands."""
+"""An effect of the user's own: the code of the page in docs/ runs as printed."""
 
 import contextlib
 import dataclasses
@@ -112,7 +112,7 @@ def test_its_derivatives_are_exact(worked_example):
     np.testing.assert_array_equal(jacobian.value, plain)
 
 
-def test_a_fleet_with_own_values_says_it_cannot(worked_example):
+def test_a_fleet_with_own_values_is_refused_for_an_own_effect(worked_example):
     guarded = worked_example["guarded"]
     states = [simulate.State(), simulate.State()]
     with pytest.raises(InputError, match="one by one"):
@@ -123,7 +123,7 @@ def test_a_fleet_with_own_values_says_it_cannot(worked_example):
     ("text", "message"),
     [("1 / 0", "does not run: division"), ("x = 1", "defines no EFFECT"), ("def broken(", "does not run")],
 )
-def test_a_wrong_effect_file_says_what_is_wrong(tmp_path, text, message):
+def test_a_wrong_effect_file_is_refused_with_the_reason(tmp_path, text, message):
     (tmp_path / "own.py").write_text(text)
     with pytest.raises(FormatError, match=message):
         effects.load_file(tmp_path / "own.py")

@@ -1,4 +1,4 @@
-"""Every effect shows itself: planted on the manoeuvres that excite it, its values come back."""
+"""Every effect is identifiable: planted on the manoeuvres that excite it, its values are recovered."""
 
 import numpy as np
 import pytest
@@ -12,9 +12,9 @@ def test_a_planted_value_is_recovered(name):
     assert recovery.passed, f"planted {recovery.planted}, found {recovery.found} +- {recovery.std}"
 
 
-def test_the_test_can_fail():
+def test_the_recovery_fails_when_values_are_off_or_not_significant():
     good = self_test.run("angular_damping", rng=np.random.default_rng(11))
     off = self_test.Recovery(good.names, good.planted + 5 * good.std, good.found, good.std)
     assert not off.passed
-    unseen = self_test.Recovery(good.names, good.planted, good.planted, 10 * np.abs(good.planted))
-    assert not unseen.passed
+    insignificant = self_test.Recovery(good.names, good.planted, good.planted, 10 * np.abs(good.planted))
+    assert not insignificant.passed

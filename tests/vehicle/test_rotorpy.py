@@ -67,4 +67,4 @@ def test_the_kernel_flies_the_same_path(pair):
     # the kernel's quaternion is a unit one, theirs drifts a little
     np.testing.assert_allclose(plant.position_world_m, path.y[0:3, -1], atol=1e-7)
     np.testing.assert_allclose(plant.rate_body_rad_s, path.y[10:13, -1], atol=1e-7)
-    assert dynamics.driven(ours, command[None], command[None], 16.0)[1] is not None
+    assert dynamics.motor_response(ours, command[None], command[None], 16.0)[1] is not None

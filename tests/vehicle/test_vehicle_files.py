@@ -1,4 +1,4 @@
-"""Vehicle files: what is saved comes back, and a wrong file says what is wrong."""
+"""Vehicle files: a saved vehicle loads equal, and a wrong file is refused with the reason."""
 
 import numpy as np
 import pytest
@@ -56,7 +56,7 @@ def test_an_effect_is_inserted_at_its_stage():
         (("speed_m_s = 10.5", "spede_m_s = 10.5"), "unknown limits spede_m_s"),
     ],
 )
-def test_a_wrong_file_says_what_is_wrong(tmp_path, change, message):
+def test_a_wrong_file_is_refused_with_the_reason(tmp_path, change, message):
     vehicle.save(tmp_path / "v.toml", vehicle.example())
     from importlib import resources
 

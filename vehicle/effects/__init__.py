@@ -15,7 +15,7 @@ __all__ = ["Effect", "catalogue", "find", "load_file", "register"]
 _NOT_EFFECTS = ("base",)
 _registered: dict[str, Effect] = {}
 _origins: dict[str, tuple[Path, bytes]] = {}
-"""Which file, with which text, each of the user's own effects came from."""
+"""File and text of each of the user's own effects."""
 
 
 @cache
@@ -41,7 +41,7 @@ def find(name: str) -> Effect:
 
 
 def _near(name: str, known: list[str]) -> list[str]:
-    """Names that were perhaps meant: spelt alike, or with all the words that were given."""
+    """Similar names: of similar spelling, or with all the words that were given."""
     words = [word for word in name.lower().replace("-", "_").split("_") if word]
     with_words = [k for k in known if words and all(word in k for word in words)]
     alike = difflib.get_close_matches(name.lower(), known, n=3, cutoff=0.6)
@@ -49,7 +49,7 @@ def _near(name: str, known: list[str]) -> list[str]:
 
 
 def register(effect: Effect) -> Effect:
-    """Make an effect of your own known by its name.
+    """Register an effect of your own under its name.
 
     Raises:
         InputError: the catalogue already uses the name.
@@ -91,7 +91,7 @@ def origin(name: str) -> Path | None:
 
 
 def _check_origin(effect: Effect, path: Path) -> None:
-    """Vehicles know effects by name: two different ones of one name would quietly stand in for each other."""
+    """Vehicle files refer to effects by name: two different ones of one name would be confused without a message."""
     text = path.read_bytes()
     known, known_text = _origins.get(effect.name, (path, text))
     if known != path and known_text != text:

@@ -1,4 +1,4 @@
-"""Turning is resisted in proportion to the square of the body rate: the rival of `angular_damping`."""
+"""Turning is resisted in proportion to the square of the body rate: the alternative to `angular_damping`."""
 
 from vehicle.effects.base import Effect, Flow, Spec, Stage, Values, magnitude
 

@@ -1,4 +1,4 @@
-"""What an effect is: a small function that adds to a flow, with parameters, a source and a way to see it.
+"""What an effect is: a small function that adds to a flow, with parameters, a source and the manoeuvres that excite it.
 
 Arrays inside effects keep their components first and the instants last, `(3, n)` and `(4, n)`, so that formulas
 read as in the papers (`v_x, v_y, v_z = flow.velocity_m_s`) and a parameter may be one number or one per instant.
@@ -32,7 +32,7 @@ class Stage(IntEnum):
     DRIVE = 2
     """From command to rotor acceleration (acts on a `Drive`)."""
     AIR = 3
-    """Changes the air speed the other effects see."""
+    """Changes the air speed that the other effects use."""
     THRUST = 4
     """Adds to the thrust of each rotor."""
     THRUST_FACTOR = 5
@@ -79,12 +79,12 @@ class Reading:
     angular_acceleration_rad_s2: Array
     """(3, n) of the body: what a sensor away from the centre of mass feels; not reported."""
     pose_age_s: Any = 0.0
-    """How much older the pose is than its time stamp."""
+    """Age of the pose at its time stamp."""
 
 
 @dataclass(slots=True)
 class Flow:
-    """What air and rotors do at n instants, and what the effects have added so far."""
+    """Motion of vehicle and rotors through the air at n instants, and the sums of the effects so far."""
 
     velocity_m_s: Array
     """(3, n) velocity of the centre of mass relative to the air, body axes."""
@@ -137,11 +137,11 @@ class Spec:
     """Ends in its unit, e.g. `drag_s_m`."""
     unit: str
     prior: float
-    """How large it typically is: the scale of a weak prior, and of the step in a numeric search."""
+    """How large it typically is: the standard deviation of a weak prior, and the scale of numeric steps."""
     bounds: tuple[float, float]
     """Values outside are refused."""
     default: float = 0.0
-    """Used when an effect is added without saying; 0 is always `no effect` where that makes sense."""
+    """Used when an effect is added without a value; 0 switches the effect off wherever its law allows."""
     planted: float = 0.0
     """The value the self-test plants and must recover."""
     held: bool = False
@@ -150,7 +150,7 @@ class Spec:
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """One entry of the catalogue: a law, its parameters, and how it shows itself."""
+    """One entry of the catalogue: a law, its parameters, and where it shows in the residuals."""
 
     name: str
     number: int
@@ -160,21 +160,21 @@ class Effect:
     """`apply(flow, values)` adds to a `Flow` (or `RigidBody`, `Drive`, `Reading`, by stage) in place."""
     parameters: tuple[Spec, ...]
     law: str
-    """The formula, for people."""
+    """The formula as text."""
     source: str
     """Publication or reasoning the formula comes from."""
     channel: str
-    """Residual channel that reveals it: of `F_x F_y F_z M_x M_y M_z`, or command, sensor or time words."""
+    """Residual channel in which it shows: of `F_x F_y F_z M_x M_y M_z`, or a description (command, sensor, time)."""
     regressor: str
     """What to plot that residual against."""
     excited_by: tuple[str, ...]
-    """Manoeuvres of `vehicle.manoeuvres` that show it."""
+    """Manoeuvres of `vehicle.manoeuvres` that excite it."""
     needs: tuple[str, ...] = ()
     """Which of `q_world_body`, `height_m`, `ceiling_gap_m`, `rotor_acceleration_rad_s2` it reads."""
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Cross product along the first axis, broadcasting the others (np.cross is slow and wants equal shapes)."""
+    """Cross product along the first axis, broadcasting the others (np.cross is slow and needs equal shapes)."""
     return np.stack(
         np.broadcast_arrays(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
     )

@@ -16,7 +16,7 @@ EFFECT = Effect(
         Spec("sag_per_v", "1/V", prior=0.05, bounds=(0.0, 1.0), planted=0.04),
         Spec("reference_v", "V", prior=1.0, bounds=(0.0, 100.0), default=16.8, planted=16.8, held=True),
     ),
-    law="n_c (1 - s (V_ref - V)); V_ref only says where the command means what it says, and is held",
+    law="n_c (1 - s (V_ref - V)); V_ref, where speed equals command, is a convention and never estimated",
     source="own first-order form",
     channel="command to speed",
     regressor="battery voltage",

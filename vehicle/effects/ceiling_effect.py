@@ -3,10 +3,10 @@
 from vehicle.effects.base import Effect, Flow, Spec, Stage, Values, clipped
 
 SMALLEST_GAP_RADII = 0.5
-"""Closer than half a radius the law has no meaning; it is held there."""
+"""Below half a radius the law does not hold; the gap is clipped there."""
 
 FAR_M = 1e6
-"""Stands for infinity, which would break derivatives."""
+"""Used in place of infinity, which would break derivatives."""
 
 
 def apply(flow: Flow, p: Values) -> None:

@@ -1,4 +1,4 @@
-"""A steady wind, given in world axes, that the log does not know of."""
+"""A steady wind, given in world axes, that the log does not record."""
 
 import numpy as np
 

@@ -5,7 +5,7 @@ import numpy as np
 from vehicle.effects.base import Effect, Flow, Spec, Stage, Values
 
 CENTRE, HALF_WIDTH = -1.25, 0.75
-"""The loss lives where axial speed over hover inflow is in (-2, -0.5)."""
+"""The loss is nonzero where axial speed over hover inflow is in (-2, -0.5)."""
 
 
 def apply(flow: Flow, p: Values) -> None:

@@ -5,10 +5,10 @@ import numpy as np
 from vehicle.effects.base import Effect, Flow, Spec, Stage, Values, clipped
 
 LARGEST_RATIO = 0.5
-"""Below a quarter of a radius or so the law has no meaning; its ratio is held there, so thrust at most doubles."""
+"""Below about a quarter of a radius the law does not hold; its ratio is clipped, so thrust at most doubles."""
 
 FAR_M = 1e6
-"""Stands for infinity, which would break derivatives."""
+"""Used in place of infinity, which would break derivatives."""
 
 
 def apply(flow: Flow, p: Values) -> None:

@@ -1,4 +1,4 @@
-"""What an inertial sensor gets wrong: constant biases, its mounting angle, its place."""
+"""Errors of an inertial sensor: constant biases, mounting rotation, lever arm."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Thrust lost to axial air speed, linearised: the simple rival of the induced-velocity law."""
+"""Thrust lost to axial air speed, linearised: a simple alternative to the induced-velocity law."""
 
 from vehicle.effects.base import Effect, Flow, Spec, Stage, Values
 

@@ -1,4 +1,4 @@
-"""Airframe drag that grows with the whole speed, not only with its own component: the rival of `parasitic_drag`."""
+"""Airframe drag that grows with the whole speed, not only its own component: the alternative to `parasitic_drag`."""
 
 from vehicle.effects.base import Effect, Flow, Spec, Stage, Values, length
 

@@ -1,6 +1,6 @@
 """Something was added or taken off: a point mass at a place.
 
-Inertia knows the square of its height only, so whether it sits above or below must come from where the search starts.
+Inertia depends on the square of its height only, so whether it sits above or below must come from the start value.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""The pose is older than its time stamp says."""
+"""The pose is older than its time stamp."""
 
 from vehicle.effects.base import Effect, Reading, Spec, Stage, Values
 

@@ -1,4 +1,4 @@
-"""Speeding a rotor up turns the body the other way, at once and before the air has its say."""
+"""Speeding a rotor up turns the body the other way at once, before its air drag has changed."""
 
 from vehicle.effects.base import Effect, Flow, Spec, Stage, Values
 

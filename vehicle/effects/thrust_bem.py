@@ -7,7 +7,7 @@ import numpy as np
 from vehicle.effects.base import Array, Effect, Flow, Spec, Stage, Values
 
 MOST_STEPS = 60
-"""Three or four reach rounding in climb and level flight; only fast, oblique descent needs bisection between."""
+"""Iterations. Three or four reach rounding in climb and level flight; only fast, oblique descent needs bisection."""
 
 
 def defect_and_slope(
@@ -35,7 +35,7 @@ def induced_velocity(n: Array, axial: Array, lateral_squared: Array, k1: Any, k2
         change, induced = np.abs(moved - induced).max(initial=0.0), moved
         if change < 1e-8:
             break
-    # the root in plain numbers; this step then carries its derivative when a complex step comes in
+    # the root is found with real numbers; this last step adds its derivative when a complex step is taken
     defect, slope = defect_and_slope(induced, n, axial, lateral_squared, k1, k2, two_rho_area)
     return induced - defect / slope
 

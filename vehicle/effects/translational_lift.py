@@ -1,4 +1,4 @@
-"""More thrust in edgewise flow, quadratic in the lateral air speed: the simple rival of the induced-velocity law."""
+"""More thrust in edgewise flow, quadratic in lateral air speed: a simple alternative to the induced-velocity law."""
 
 from vehicle.effects.base import Effect, Flow, Spec, Stage, Values
 

@@ -1,4 +1,4 @@
-// Thin Python binding of the vehicle kernel; shapes are the caller's business (vehicle/native.py).
+// Thin Python binding of the vehicle kernel; the caller checks shapes (vehicle/native.py).
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/pair.h>
@@ -131,16 +131,16 @@ void step(const Model& model, In values, In world, In command, In battery_v, int
     }
 }
 
-// wanted: rows of force along body z, then torque. motion: its rotor speeds are the start. Rows of out are NaN where no
-// speeds exist.
-void invert(const Model& model, In values, In wanted, In motion, In around, InOut out) {
+// required: rows of force along body z, then torque. motion: its rotor speeds are the start. Rows of out are NaN where
+// no speeds exist.
+void invert(const Model& model, In values, In required, In motion, In around, InOut out) {
     nb::gil_scoped_release release;
     for (size_t i = 0; i < out.shape(0); ++i) {
         const double* m = row(motion, i);
         double n[4] = {m[6], m[7], m[8], m[9]};
         Flow<Dual<4>> flow;
         fill(flow, m, row(around, i));
-        const bool found = invert_rotors(model, row(values, i), flow, row(wanted, i), n);
+        const bool found = invert_rotors(model, row(values, i), flow, row(required, i), n);
         for (int k = 0; k < 4; ++k) out.data()[4 * i + k] = found ? n[k] : NAN;
     }
 }

@@ -72,6 +72,6 @@ T clipped(const T& x, const T& low, const T& high) {
     return real(x) > real(low) ? (real(x) < real(high) ? x : high) : low;
 }
 
-constexpr double kFar = 1e6;  // metres; stands for infinity, which would break derivatives
+constexpr double kFar = 1e6;  // metres; used in place of infinity, which would break derivatives
 
 }  // namespace goshawk

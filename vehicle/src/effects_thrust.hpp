@@ -1,4 +1,5 @@
-// Effects on the thrust of each rotor; each is the twin of vehicle/effects/<name>.py, where sources and units are.
+// Effects on the thrust of each rotor; each is the compiled form of vehicle/effects/<name>.py, which has sources and
+// units.
 #pragma once
 
 #include "state.hpp"
@@ -35,7 +36,7 @@ inline double induced_root(double n, double axial, double lateral_squared, doubl
     return induced;
 }
 
-// The root first, in plain numbers; one more step in the caller's numbers polishes it and carries its derivative.
+// The root is found in doubles; one more step in the caller's number type adds its derivative.
 template <class T>
 T induced_velocity(const T& n, const T& axial, const T& lateral_squared, const T& k1, const T& k2,
                    const T& two_rho_area) {

@@ -1,5 +1,5 @@
 // Flatness of one instant: from five neighbouring points of the path to attitude, rates, torque and rotor speeds.
-// The plain form of the same iteration is in vehicle/flatness.py.
+// The NumPy reference of the same iteration is in vehicle/flatness.py.
 #pragma once
 
 #include <cmath>
@@ -30,13 +30,13 @@ inline void hopf(const double axis[3], double yaw, double q[4]) {
     q[3] = w * s;
 }
 
-struct Lineup {
+struct Alignment {
     const Model& model;
     const double* values;
     const Body<double>& body;
     double gravity;
 
-    void wanted_force(const PathPoint& p, double f[3]) const {
+    void required_force(const PathPoint& p, double f[3]) const {
         for (int k = 0; k < 3; ++k) f[k] = body.mass * (p.acceleration[k] + (k == 2 ? gravity : 0.0));
     }
 
@@ -57,9 +57,9 @@ struct Lineup {
         flow.ceiling_gap = T(INFINITY);
     }
 
-    // Turns thrust to what drag at the old attitude leaves to do. With drag -c v the axis is wanted + c v whatever
-    // the attitude (Faessler et al. 2018); only what is not of that form has to be iterated. Returns the thrust along
-    // the new axis; `force_z` is the model's at the old attitude.
+    // Aligns thrust with the required force less drag at the old attitude. With drag -c v the axis is required + c v
+    // whatever the attitude (Faessler et al. 2018); only what is not of that form has to be iterated. Returns the
+    // thrust along the new axis; `force_z` is the model's at the old attitude.
     double line_up(const PathPoint& p, const double rate[3], const double n[4], double q[4], double& force_z) const {
         Flow<double> flow{};
         air(p, q, rate, flow);
@@ -69,14 +69,14 @@ struct Lineup {
         const double square = vx * vx + vy * vy;
         const double c = square > 1e-6 ? -(flow.force[0] * vx + flow.force[1] * vy) / square : 0.0;
         const double rest[3] = {flow.force[0] + c * vx, flow.force[1] + c * vy, 0.0};
-        double wanted[3], turned[3], axis[3];
-        wanted_force(p, wanted);
+        double required[3], turned[3], axis[3];
+        required_force(p, required);
         rotate(q, rest, turned);
-        for (int k = 0; k < 3; ++k) axis[k] = wanted[k] - turned[k] + c * p.velocity[k];
+        for (int k = 0; k < 3; ++k) axis[k] = required[k] - turned[k] + c * p.velocity[k];
         hopf(axis, p.yaw, q);
         force_z = flow.force[2];
         const double size = std::sqrt(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]);
-        return (wanted[0] * axis[0] + wanted[1] * axis[1] + wanted[2] * axis[2]) / size;
+        return (required[0] * axis[0] + required[1] * axis[1] + required[2] * axis[2]) / size;
     }
 
     // Attitude and rotor speeds (their proportions kept) that give the path's acceleration.
@@ -125,7 +125,7 @@ inline bool solve4(double A[4][5], double x[4]) {
 
 // Newton on force along body z and torque by the four rotor speeds n, which are the start as well; `flow` holds all
 // else. False when it does not converge: there are no such speeds.
-inline bool invert_rotors(const Model& model, const double* values, Flow<Dual<4>> flow, const double wanted[4],
+inline bool invert_rotors(const Model& model, const double* values, Flow<Dual<4>> flow, const double required[4],
                           double n[4]) {
     using Number = Dual<4>;
     std::vector<Number> numbers(values, values + model.width);
@@ -142,11 +142,11 @@ inline bool invert_rotors(const Model& model, const double* values, Flow<Dual<4>
         for (int r = 0; r < 4; ++r) {
             const Number& f = r == 0 ? flow.force[2] : flow.torque[r - 1];
             for (int c = 0; c < 4; ++c) A[r][c] = f.d[c];
-            A[r][4] = wanted[r] - f.v;
+            A[r][4] = required[r] - f.v;
         }
         if (!solve4(A, move)) return false;
         for (int i = 0; i < 4; ++i) {
-            // an overshoot below zero would find the false twin of n^2: stop at a tenth of the speed
+            // an overshoot below zero would find the root -n of n^2: stop at a tenth of the speed
             n[i] = std::fmax(n[i] + move[i], 0.1 * n[i]);
             change = std::fmax(change, std::fabs(move[i]));
         }
@@ -160,16 +160,16 @@ inline void flatten(const Model& model, const double* values, double gravity, co
     static const double first[5] = {1.0 / 12, -8.0 / 12, 0.0, 8.0 / 12, -1.0 / 12};
     static const double second[5] = {-1.0 / 12, 16.0 / 12, -30.0 / 12, 16.0 / 12, -1.0 / 12};
     const Body<double> body = rigid_body(model, values);
-    const Lineup l{model, values, body, gravity};
+    const Alignment l{model, values, body, gravity};
     double q[5][4], n[5][4];
     for (int s = 0; s < 5; ++s) {
-        double wanted[3];
-        l.wanted_force(path[s], wanted);
-        hopf(wanted, path[s].yaw, q[s]);
+        double required[3];
+        l.required_force(path[s], required);
+        hopf(required, path[s].yaw, q[s]);
         for (int i = 0; i < 4; ++i) n[s][i] = hover[i];
     }
     for (int k = 0; k < 3; ++k) out.rate[k] = out.turn[k] = 0.0;
-    for (int round = 0; round < 2; ++round) {  // forces depend a little on the rates: the second round settles it
+    for (int round = 0; round < 2; ++round) {  // forces depend a little on the rates: two iterations suffice
         // the last change is some ten times the error left; rates divide it by 2 ms, their derivatives by that squared
         const double tolerance = round == 0 ? 1e-7 : 1e-11;
         double slope[4] = {}, bend[4] = {}, moved[4] = {};
@@ -177,7 +177,7 @@ inline void flatten(const Model& model, const double* values, double gravity, co
             double rate[3];
             for (int k = 0; k < 3; ++k) rate[k] = out.rate[k] + (s - 2) * spacing * out.turn[k];
             const double before[4] = {q[s][0], q[s][1], q[s][2], q[s][3]};
-            for (int k = 0; k < 4; ++k) {  // start from what the neighbours say
+            for (int k = 0; k < 4; ++k) {  // start from the neighbours' values
                 if (round == 0 && s > 0) n[s][k] = s == 1 ? n[0][k] : 2.0 * n[s - 1][k] - n[s - 2][k];
                 if (round == 0 && s > 1)
                     q[s][k] = s == 2 ? 2.0 * q[1][k] - q[0][k] : 3.0 * (q[s - 1][k] - q[s - 2][k]) + q[s - 3][k];
@@ -215,16 +215,16 @@ inline void flatten(const Model& model, const double* values, double gravity, co
         out.rotor_speed[k] = n[2][k];
     }
     double force[3], body_force[3];
-    l.wanted_force(path[2], force);
+    l.required_force(path[2], force);
     bool found = false;
-    for (int step = 0; step < 20; ++step) {  // where drag depends on each rotor, line the thrust up once more
+    for (int step = 0; step < 20; ++step) {  // where drag depends on each rotor, align the thrust once more
         const double back[4] = {out.q[0], -out.q[1], -out.q[2], -out.q[3]};
         rotate(back, force, body_force);
         out.thrust = body_force[2];
-        const double wanted[4] = {out.thrust, out.torque[0], out.torque[1], out.torque[2]};
+        const double required[4] = {out.thrust, out.torque[0], out.torque[1], out.torque[2]};
         Flow<Dual<4>> flow;
         l.air(path[2], out.q, out.rate, flow);
-        found = invert_rotors(model, values, flow, wanted, out.rotor_speed);
+        found = invert_rotors(model, values, flow, required, out.rotor_speed);
         if (!found) break;
         const double before[4] = {out.q[0], out.q[1], out.q[2], out.q[3]};
         double force_z, change = 0.0;

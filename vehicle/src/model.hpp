@@ -92,7 +92,7 @@ struct Model {
     std::vector<OwnEffect> own;
     int width = kBodyValues;
 
-    // An empty name stands for the next of the own effects.
+    // An empty name means the next of the user's own effects.
     Model(const std::vector<std::string>& names, const double* hubs, const double* spins,
           std::vector<OwnEffect> own_effects)
         : own(std::move(own_effects)) {

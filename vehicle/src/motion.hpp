@@ -109,7 +109,7 @@ inline void after(const double* x, const Derivative& k, double step, double* out
     for (int i = 0; i < kState; ++i) out[i] = x[i] + step * k.state[i];
 }
 
-// The floor holds what rests on it: no sinking, sliding or turning until the rotors lift the vehicle off.
+// A vehicle on the floor does not sink, slide or turn until the rotors lift it off.
 inline void rest_on_ground(const World& world, const double* before, double* x) {
     if (x[2] > world.ground || x[5] > 0.0) return;
     for (int k = 0; k < 10; ++k) x[k] = before[k];

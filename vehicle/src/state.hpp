@@ -1,4 +1,4 @@
-// What the effects work on: the C++ mirror of vehicle/effects/base.py, for one instant.
+// The quantities that effects read and change: the C++ form of vehicle/effects/base.py, for one instant.
 #pragma once
 
 #include "dual.hpp"

@@ -8,7 +8,7 @@
 #include "goshawk_controller/goshawk_controller.h"
 #include "goshawk_controller/link.h"
 
-/* False when the parameters are refused; `reason` then says why. `config` stays yours and stays where it is. */
+/* False when the parameters are refused; `reason` names the cause. `config` stays yours and stays where it is. */
 bool goshawk_tasks_start(const tc_parameters* parameters, const tc_link_config* config, tc_reason* reason);
 
 /* Longest time without a finished tick before the watchdog stops the rotors, for good: until the next reset. */

@@ -40,7 +40,7 @@ static uint64_t station_us;        /* when it last sent one that was accepted */
 /* REPLACE: the newest output of your estimator, in these frames and units: world z up, body x forward y left z up,
    SI, quaternion w x y z taking body to world; each group with the time it was true at, on the clock of now_us(). Set
    a bit of `valid` for what holds, the standard deviations if your estimator knows them, and reset_counter with its
-   deltas when it moves its frame. Leave the old content where nothing new has come: its time stamps say so.
+   deltas when it moves its frame. Leave the old content where nothing new has come: its time stamps show its age.
    Here: from the simulated body. */
 static bool read_estimator(tc_estimate* estimate, float rotor_speed_rad_s[TC_ROTORS]) {
     motor_sample sample;

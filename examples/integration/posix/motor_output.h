@@ -10,8 +10,8 @@
 
 #include "goshawk_controller/goshawk_controller.h"
 
-/* Longest silence of the controller. Its period is 2 ms; a process without real-time priority on a busy machine may
-   have to wait for tens of milliseconds. With SCHED_FIFO on a vehicle take 20 ms. */
+/* Longest time without a command. The controller's period is 2 ms; a process without real-time priority on a busy
+   machine may have to wait for tens of milliseconds. With SCHED_FIFO on a vehicle take 20 ms. */
 #define MOTOR_WATCHDOG_US 100000u
 
 typedef struct {

@@ -24,7 +24,7 @@ def lost(seconds: float, loss: Loss = Loss.FROZEN) -> Fault:
 
 @pytest.mark.parametrize("loss", [Loss.FROZEN, Loss.NOT_VALID, Loss.NAN])
 @pytest.mark.parametrize("gap_s", [0.05, 0.12, 0.5, 1.0])
-def test_a_gap_without_position_at_speed_is_ridden_out(body, loss, gap_s):
+def test_a_gap_without_position_at_speed_is_bridged(body, loss, gap_s):
     result = body.fly(fast(lost(gap_s, loss)))
     assert violations(result) == []
     assert State.EMERGENCY not in result.states
@@ -33,7 +33,7 @@ def test_a_gap_without_position_at_speed_is_ridden_out(body, loss, gap_s):
 
 
 @pytest.mark.parametrize("sensors", [{}, {"has_specific_force": 0}])
-def test_a_short_gap_is_ridden_out_without_an_accelerometer_too(body, sensors):
+def test_a_short_gap_is_bridged_without_an_accelerometer_too(body, sensors):
     result = body.fly(fast(lost(0.12), sensors=sensors))
     assert violations(result) == []
     assert State.EMERGENCY not in result.states
@@ -92,7 +92,7 @@ def test_a_jump_beyond_the_clearance_or_of_unknown_size_stops_the_path(body, mov
     assert violations(result) == []
 
 
-def test_a_position_that_is_told_to_be_poor_is_not_flown_by(body):
+def test_a_position_marked_as_poor_is_not_used(body):
     poor = Fault(Kind.LARGE_STD, (3.0, 0.1), after_s=1.0)
     result = body.fly(Scenario(faults=(poor,)))
     assert State.EMERGENCY in result.states
@@ -128,7 +128,7 @@ def test_with_everything_lost_the_rotors_stop(body, loss):
 
 
 @pytest.mark.parametrize("loss", [Loss.FROZEN, Loss.NOT_VALID, Loss.NAN])
-def test_a_moment_without_anything_is_ridden_out(body, loss):
+def test_a_moment_without_any_estimate_is_bridged(body, loss):
     result = body.fly(fast(Fault(Kind.ALL_LOST, (loss,), 4.0, 0.04, since=State.TRAJECTORY)))
     assert violations(result) == []
     assert result.had(Reason.FINISHED)

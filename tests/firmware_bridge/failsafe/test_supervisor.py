@@ -33,20 +33,20 @@ def test_the_set_point_does_not_run_away_from_a_blocked_vehicle(body):
 
 
 @pytest.mark.parametrize("rotor", range(4))
-def test_a_rotor_at_eighty_percent_is_ridden_out(body, rotor):
+def test_a_rotor_at_eighty_percent_does_not_end_the_path(body, rotor):
     result = body.fly(on_path(at(Kind.ROTOR_HEALTH, rotor, 0.8)))
     assert result.had(Reason.FINISHED)
     assert violations(result) == []
 
 
 @pytest.mark.parametrize("gust_m_s", [(5.0, 0.0, 0.0), (0.0, -5.0, 0.0), (0.0, 0.0, -3.0)])
-def test_a_gust_is_ridden_out(body, gust_m_s):
+def test_a_gust_does_not_end_the_path(body, gust_m_s):
     result = body.fly(on_path(at(Kind.GUST, *gust_m_s, duration_s=1.5)))
     assert result.had(Reason.FINISHED)
     assert violations(result) == []
 
 
-def test_a_jump_of_three_tenths_is_ridden_out(body):
+def test_a_jump_of_three_tenths_does_not_end_the_path(body):
     result = body.fly(on_path(at(Kind.JUMP, 0.3, 0.0, 0.0)))
     assert result.had(Reason.FINISHED)
     assert violations(result) == []

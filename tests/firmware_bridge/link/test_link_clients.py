@@ -9,6 +9,7 @@ from firmware_bridge import _controller
 from firmware_bridge.dialect.generated import messages as m
 from firmware_bridge.mavlink import Codec, Signing
 from flight import frames
+from tests import waiting
 
 pymavlink = pytest.importorskip("pymavlink", reason="pymavlink is a development dependency")
 
@@ -30,21 +31,19 @@ def test_pymavlink_finds_the_vehicle_and_reads_its_pose(serve, dial, plans, mavl
     client = mavutil.mavlink_connection(served.url.replace("udp://", "udpout:"), source_system=77, dialect="common")
     try:
         client.mav.heartbeat_send(6, 8, 0, 0, 4)
-        heartbeat = client.recv_match(type="HEARTBEAT", blocking=True, timeout=3.0)
+        heartbeat = client.recv_match(type="HEARTBEAT", blocking=True, timeout=waiting.PATIENCE_S)
         assert heartbeat.type == common.MAV_TYPE_QUADROTOR
         assert heartbeat.get_srcSystem() == 1
         link.take_control()
         link.command(m.Command.ARM)
         link.command(m.Command.TAKE_OFF, 1.0)
-        until_s = time.monotonic() + 10.0
-        while link.state.mission is not m.MissionState.HOLD and time.monotonic() < until_s:
-            client.recv_match(blocking=True, timeout=0.1)
-        time.sleep(0.3)
+        waiting.until(lambda: link.state.mission is m.MissionState.HOLD)
+        time.sleep(0.3)  # until it hangs still
         while client.recv_match(blocking=False) is not None:
             pass
-        position = client.recv_match(type="LOCAL_POSITION_NED", blocking=True, timeout=3.0)
-        attitude = client.recv_match(type="ATTITUDE_QUATERNION", blocking=True, timeout=3.0)
-        battery = client.recv_match(type="BATTERY_STATUS", blocking=True, timeout=3.0)
+        position = client.recv_match(type="LOCAL_POSITION_NED", blocking=True, timeout=waiting.PATIENCE_S)
+        attitude = client.recv_match(type="ATTITUDE_QUATERNION", blocking=True, timeout=waiting.PATIENCE_S)
+        battery = client.recv_match(type="BATTERY_STATUS", blocking=True, timeout=waiting.PATIENCE_S)
         ours = link.state
         world = frames.flip_vector([position.x, position.y, position.z])
         np.testing.assert_allclose(world, ours.position_world_m, atol=0.05)
@@ -52,20 +51,20 @@ def test_pymavlink_finds_the_vehicle_and_reads_its_pose(serve, dial, plans, mavl
         q = frames.flip_attitude([attitude.q1, attitude.q2, attitude.q3, attitude.q4])
         assert abs(q @ ours.q_world_body) > 0.999
         assert 12_000 < battery.voltages[0] < 17_000
-        odometry = client.recv_match(type="ODOMETRY", blocking=True, timeout=3.0)
+        odometry = client.recv_match(type="ODOMETRY", blocking=True, timeout=waiting.PATIENCE_S)
         np.testing.assert_allclose(
             frames.flip_vector([odometry.x, odometry.y, odometry.z]), ours.position_world_m, atol=0.05
         )
         assert abs(frames.flip_attitude(odometry.q) @ ours.q_world_body) > 0.999
         assert (odometry.frame_id, odometry.child_frame_id) == (20, common.MAV_FRAME_BODY_FRD)
         assert np.isnan(odometry.pose_covariance[0])
-        home = client.recv_match(type="HOME_POSITION", blocking=True, timeout=6.0)
+        home = client.recv_match(type="HOME_POSITION", blocking=True, timeout=waiting.PATIENCE_S)
         assert abs(home.z) < 0.05  # where it took off, not where it hovers
     finally:
         client.close()
 
 
-def test_odometry_tells_velocity_along_the_body_axes():
+def test_odometry_reports_velocity_in_body_axes():
     """At a quarter turn to the left, flying along world x is flying to the right."""
     table = np.array([row[3] for row in _controller.parameter_table()], dtype=np.float32)
     endpoint = _controller.Controller()
@@ -88,10 +87,10 @@ def test_odometry_tells_velocity_along_the_body_axes():
     np.testing.assert_allclose([home.x, home.y, home.z, *home.q], [1.0, -2.0, -3.0, 1.0, 0.0, 0.0, 0.0])
 
 
-def test_ned_and_frd_are_the_flips_of_the_ground_floor(serve, dial):
+def test_ned_and_frd_are_the_flips_of_flight_frames(serve, dial):
     link = dial(serve())
     with link._port.inbox(m.LocalPositionNed, m.AttitudeQuaternion, m.State) as inbox:
-        seen = [inbox.get(timeout=2.0) for _ in range(10)]
+        seen = [inbox.get(timeout=waiting.PATIENCE_S) for _ in range(10)]
     state = next(s for s in seen if isinstance(s, m.State))
     position = next(s for s in seen if isinstance(s, m.LocalPositionNed))
     attitude = next(s for s in seen if isinstance(s, m.AttitudeQuaternion))
@@ -137,15 +136,15 @@ def test_a_station_that_only_knows_pymavlink_signs_its_way_in(serve, plans, mavl
         client.setup_signing(plans.key, sign_outgoing=True)
         client.mav.heartbeat_send(6, 8, 0, 0, 4)
         challenge = client.recv_match(
-            type="PING", blocking=True, timeout=3.0
+            type="PING", blocking=True, timeout=waiting.PATIENCE_S
         )  # QGroundControl, MAVSDK answer by themselves
         assert (challenge.target_system, challenge.target_component) == (0, 0)
         client.mav.ping_send(challenge.time_usec, challenge.seq, 1, 1)
         client.mav.command_long_send(1, 1, common.MAV_CMD_REQUEST_MESSAGE, 0, 148, 0, 0, 0, 0, 0, 0)
-        acknowledged = client.recv_match(type="COMMAND_ACK", blocking=True, timeout=3.0)
+        acknowledged = client.recv_match(type="COMMAND_ACK", blocking=True, timeout=waiting.PATIENCE_S)
         assert (acknowledged.command, acknowledged.result) == (512, 0)
         client.mav.param_request_list_send(1, 1)
-        value = client.recv_match(type="PARAM_VALUE", blocking=True, timeout=3.0)
+        value = client.recv_match(type="PARAM_VALUE", blocking=True, timeout=waiting.PATIENCE_S)
         assert value.param_id == "mass_kg"
     finally:
         client.close()

@@ -1,6 +1,7 @@
 """Over a real UDP socket: upload, read back, fly, log."""
 
 import queue
+import threading
 import time
 from types import SimpleNamespace
 
@@ -12,8 +13,10 @@ from firmware_bridge.controller import LinkLoss
 from firmware_bridge.dialect.generated.messages import Command, MissionState, State
 from firmware_bridge.impairment import Impairment
 from firmware_bridge.link import CancelledError, connect
+from firmware_bridge.patience import patience_s
 from firmware_bridge.sitl_vehicle import Sensors
 from flight import InputError, LinkError
+from tests import waiting
 
 
 def test_a_trajectory_is_read_back_bit_for_bit(serve, dial, plans):
@@ -96,9 +99,7 @@ def test_cancelling_lands_the_vehicle(serve, dial, plans):
     seen = []
     with pytest.raises(CancelledError):
         link.fly(progress=lambda stage, _: seen.append(stage), cancel=lambda: "flight" in seen)
-    until_s = time.monotonic() + 10.0
-    while link.state.mission not in (MissionState.DISARMED, MissionState.ARMED) and time.monotonic() < until_s:
-        time.sleep(0.05)
+    waiting.until(lambda: link.state.mission in (MissionState.DISARMED, MissionState.ARMED))
     assert served.plant.position_world_m[2] < 0.05
 
 
@@ -116,26 +117,45 @@ def test_a_flight_that_another_station_ends_early_is_not_taken_for_a_whole_one(s
         pilot.fly(progress=interfere)
 
 
-def test_an_order_that_makes_no_sense_is_refused_in_words(serve, dial):
+def test_an_invalid_order_is_refused_with_the_reason(serve, dial):
     link = dial(serve())
     link.take_control()
     with pytest.raises(LinkError, match="refused to land"):
         link.command(Command.LAND)
 
 
-def test_a_dead_link_is_said_in_one_sentence_within_seconds(serve, plans):
-    began_s = time.monotonic()
+def test_a_lost_link_is_reported_in_one_sentence(plans, monkeypatch):
+    monkeypatch.setattr("firmware_bridge.port.patience_s", lambda timeout_s: timeout_s)
     with pytest.raises(LinkError, match=r"no vehicle answers at udp://127.0.0.1:9 within 0\.8 s"):
         connect("udp://127.0.0.1:9", key=plans.key, timeout_s=0.8)
-    assert time.monotonic() - began_s < 3.0
 
 
-def test_a_link_that_dies_later_is_noticed_too(serve, plans):
+@pytest.mark.parametrize(("load", "expected_s"), [(0.0, 3.0), (2.0, 3.0), (3.0, 4.5), (20.0, 30.0)])
+def test_a_busy_machine_is_waited_for_as_many_times_longer_as_it_is_overloaded(monkeypatch, load, expected_s):
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    monkeypatch.setattr("os.getloadavg", lambda: (load, 0.0, 0.0))
+    assert patience_s(3.0) == pytest.approx(expected_s)
+
+
+def test_an_answer_that_a_busy_machine_holds_up_is_no_dead_link(serve, dial, monkeypatch):
+    """The vehicle comes to nothing for longer than the time-out of an idle machine."""
+    monkeypatch.setattr("firmware_bridge.port.patience_s", lambda timeout_s: 600.0 * timeout_s)
+    served = serve()
+    link = dial(served, timeout_s=0.1)
+    with served._lock:
+        asking = threading.Thread(target=link.take_control)
+        asking.start()
+        time.sleep(1.0)
+    asking.join()
+    assert link.state.in_control
+
+
+def test_a_link_that_is_lost_later_is_reported_too(serve, plans):
     served = serve(line=Impairment())
     with connect(served.url, key=plans.key, timeout_s=0.8) as link:
         link.take_control()
         served.stop()
-        time.sleep(1.6)
+        waiting.until(lambda: link.state.age_s > 1.5)
         with pytest.raises(LinkError, match="is dead: nothing heard for"):
             link.command(Command.ARM)
 
@@ -150,8 +170,8 @@ def test_the_vehicles_clock_is_compared(serve, dial):
     served = serve()
     link = dial(served)
     offset_s, bound_s = link.clock_offset_s()
-    assert bound_s < 0.05
-    assert offset_s + time.monotonic() == pytest.approx(served.time_s, abs=bound_s + 0.1)
+    before_s, there_s, after_s = time.monotonic(), served.time_s, time.monotonic()
+    assert before_s + offset_s - bound_s - 0.1 < there_s < after_s + offset_s + bound_s + 0.1
 
 
 def test_parameters_change_all_together_or_not_at_all(serve, dial):
@@ -206,15 +226,16 @@ def test_a_vehicle_whose_operator_vanishes_does_what_was_agreed_at_the_upload(se
 
     with pytest.raises(RuntimeError):
         pilot.fly(progress=crash)
-    seen = set()
-    until_s = time.monotonic() + 6.0
-    while time.monotonic() < until_s and watcher.state.mission is not end:
+    seen, ends = set(), (end, MissionState.ARMED if policy is LinkLoss.LAND else end)
+
+    def has_ended() -> bool:
         seen.add(watcher.state.mission)
-        time.sleep(0.02)
+        return watcher.state.mission in ends
+
+    waiting.until(has_ended, pause_s=0.02)
     assert MissionState.TRAJECTORY in seen
     assert (MissionState.ABORTING in seen) == (policy is LinkLoss.LAND)
     assert MissionState.STOPPING not in seen
-    assert watcher.state.mission in (end, MissionState.ARMED if policy is LinkLoss.LAND else end)
 
 
 def test_a_message_that_was_overtaken_does_not_turn_the_mission_back():

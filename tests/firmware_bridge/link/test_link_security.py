@@ -6,7 +6,6 @@ import json
 import secrets
 import socket
 import threading
-import time
 
 import numpy as np
 import pytest
@@ -17,6 +16,7 @@ from firmware_bridge.impairment import Impairment, Line
 from firmware_bridge.link import connect
 from firmware_bridge.mavlink import Codec, Signing
 from flight import FormatError, InputError, LinkError
+from tests import waiting
 
 
 class Endpoint:
@@ -253,7 +253,7 @@ def test_one_station_is_in_control_and_the_others_watch(serve, dial, plans):
     assert guest.try_command(m.Command.ARM) == m.LinkReason.NOT_IN_CONTROL
     assert guest.read_back() is None
     guest.take_control(force=True)
-    time.sleep(0.8)  # the pilot's renewals come to nothing
+    waiting.until(lambda: not pilot.state.in_control, "the refusal of the pilot's renewals")
     assert pilot.try_command(m.Command.ARM) == m.LinkReason.NOT_IN_CONTROL
     assert guest.state.in_control
     assert not pilot.state.in_control
@@ -261,7 +261,7 @@ def test_one_station_is_in_control_and_the_others_watch(serve, dial, plans):
     pilot.take_control()
 
 
-def test_control_ends_when_its_holder_falls_silent(serve, dial, plans):
+def test_control_ends_when_the_link_to_its_holder_is_lost(serve, dial, plans):
     served = serve()
     pilot = dial(served)
     pilot.take_control()
@@ -269,8 +269,13 @@ def test_control_ends_when_its_holder_falls_silent(serve, dial, plans):
     guest = dial(served, system_id=200)
     with pytest.raises(LinkError, match="in control"):
         guest.take_control()
-    time.sleep(3.2)
-    guest.take_control()
+
+    def is_free() -> bool:
+        with contextlib.suppress(LinkError):
+            guest.take_control()
+        return guest.state.in_control
+
+    waiting.until(is_free)
 
 
 def test_a_flood_of_foreign_frames_does_not_disturb_the_flight(serve, dial, plans):
@@ -323,15 +328,14 @@ def test_kill_gets_through_a_flood_that_claims_to_be_of_the_pilot(serve, dial):
     thread = threading.Thread(target=flood)
     thread.start()
     try:
-        time.sleep(0.3)
+        waiting.until(lambda: served.counts()["over_budget"] > 100)
         link.command(m.Command.KILL)
     finally:
         over.set()
         thread.join()
-    assert served.counts()["over_budget"] > 100
 
 
-def test_a_station_gets_in_where_listeners_are_not_wanted(serve, dial, plans):
+def test_a_vehicle_without_listeners_accepts_signed_stations_only(serve, dial, plans):
     served = serve(listeners=False)
     dial(served).take_control()
     with pytest.raises(LinkError, match="no vehicle answers"):
@@ -361,15 +365,15 @@ def test_the_sitl_vehicle_keeps_its_boot_count_and_stamp_over_a_restart(serve, d
         serve(state_file=memory)
 
 
-def test_silent_stations_and_listeners_are_forgotten(serve, monkeypatch):
+def test_stations_and_listeners_without_messages_are_forgotten(serve, monkeypatch):
     monkeypatch.setattr("firmware_bridge.sitl_vehicle._FORGET_S", 0.3)
     served = serve()
     host, port = served.url.removeprefix("udp://").split(":")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
-        listener.settimeout(1.0)
+        listener.settimeout(waiting.PATIENCE_S)
         listener.sendto(station(None, 9).encode(m.Heartbeat()), (host, int(port)))
         assert listener.recv(2000)
-        time.sleep(0.8)
+        waiting.until(lambda: not served._guests)
         listener.setblocking(False)
         with contextlib.suppress(BlockingIOError):
             while listener.recv(2000):
@@ -390,7 +394,7 @@ def test_another_key_is_named_as_the_cause(serve):
         link.take_control()
 
 
-def test_a_station_whose_clock_is_behind_is_heard(serve, dial, monkeypatch):
+def test_a_station_whose_clock_is_behind_is_accepted(serve, dial, monkeypatch):
     served = serve()
     late = mavlink.timestamp_now()
     monkeypatch.setattr(mavlink, "timestamp_now", lambda: late - 360_000_000)  # an hour

@@ -89,7 +89,7 @@ def _with(file: TrajectoryFile, trajectory: Trajectory) -> TrajectoryFile:
     return TrajectoryFile(trajectory, "bad", file.map_hash, file.vehicle_hash, file.waypoints_world_m, file.check)
 
 
-def test_what_the_vehicles_own_checks_refuse_is_said_with_the_segment_and_what_it_still_holds(serve, dial, plans):
+def test_a_refusal_by_the_vehicle_names_the_segment_and_the_active_trajectory(serve, dial, plans):
     link = dial(serve())
     file = plans.file(4)
     link.upload(plans.file(2, name="lap-3"))
@@ -113,7 +113,7 @@ def test_the_proved_clearance_travels_with_the_plan(serve, dial, plans):
     assert held.crc32 == wire.plan_from_file(file).crc32 != wire.plan_from_file(plans.file(3)).crc32
 
 
-def test_what_cannot_fit_is_refused_before_anything_is_sent(plans):
+def test_a_trajectory_that_cannot_fit_is_refused_before_anything_is_sent(plans):
     with pytest.raises(InputError, match="300 segments"):
         wire.plan_from_file(plans.file(300))
     file = plans.file(2)

@@ -11,6 +11,7 @@ import pytest
 
 from firmware_bridge.dialect.generated.messages import LinkReason
 from firmware_bridge.proxy import Proxy
+from tests.waiting import PATIENCE_S, until
 
 mavsdk = pytest.importorskip("mavsdk", reason="MAVSDK is a development dependency")
 telemetry = pytest.importorskip("mavsdk.plugins.telemetry", reason="this needs MAVSDK 4, which runs without a server")
@@ -23,19 +24,12 @@ ARM, TAKE_OFF, SET_MODE, REPOSITION, REQUEST, CONTROL, METADATA = 400, 22, 176, 
 ACCEPTED, REJECTED, DENIED, UNSUPPORTED = 0, 1, 2, 3
 
 
-def until(holds: Callable[[], object], timeout_s: float = 15.0) -> None:
-    deadline_s = time.monotonic() + timeout_s
-    while not holds():
-        assert time.monotonic() < deadline_s, "it did not come about"
-        time.sleep(0.03)
-
-
 @contextlib.contextmanager
 def mavsdk_through(proxy: Proxy) -> Iterator[Any]:
     role = mavsdk.Configuration.create_with_component_type(mavsdk.ComponentType.GROUND_STATION)
     with mavsdk.Mavsdk(role) as client:
         client.add_any_connection(proxy.url.replace("udp://", "udpout://"))
-        system = client.first_autopilot(10.0)
+        system = client.first_autopilot(PATIENCE_S)
         assert system is not None
         yield system
 
@@ -111,7 +105,7 @@ class Pymavlink:
         self.last: dict[str, Any] = {}
         self._beat_s = 0.0
 
-    def until(self, holds: Callable[[], object], timeout_s: float = 15.0) -> None:
+    def until(self, holds: Callable[[], object], timeout_s: float = PATIENCE_S) -> None:
         deadline_s = time.monotonic() + timeout_s
         while not holds():
             assert time.monotonic() < deadline_s, "it did not come about"
@@ -134,7 +128,7 @@ class Pymavlink:
 
     def command(self, command: int, *parameters: float) -> Any:
         """Send it until it is acknowledged; the acknowledgement."""
-        for _ in range(5):
+        for _ in range(round(PATIENCE_S)):
             self.last.pop("COMMAND_ACK", None)
             self.send(command, *parameters)
             with contextlib.suppress(AssertionError):
@@ -208,9 +202,9 @@ def test_qgroundcontrols_connection_and_guided_actions(serve, plans, monkeypatch
             assert station.last["ALTITUDE"].altitude_relative == pytest.approx(1.3, abs=0.15)
             # guidedModeLand sets a mode and looks whether the heartbeat shows it; pauseVehicle repositions to nowhere
             assert station.command(SET_MODE, 1, 4, 6).result == ACCEPTED
-            station.until(lambda: station.mode() == (4, 6), 1.3)
+            station.until(lambda: station.mode() == (4, 6))
             assert station.command(REPOSITION, -1, 1, 0, NAN, NAN, NAN, NAN).result == ACCEPTED
-            station.until(lambda: station.mode() == (4, 3), 1.3)
+            station.until(lambda: station.mode() == (4, 3))
             assert station.command(SET_MODE, 1, 4, 5).result == UNSUPPORTED  # Return: there is no way back
             assert station.command(ARM, 0).result == DENIED
             assert station.command(SET_MODE, 1, 4, 6).result == ACCEPTED

@@ -59,7 +59,7 @@ static volatile bool link_ready;
 
 static SemaphoreHandle_t mutex;
 static StaticSemaphore_t mutex_memory;
-static uint8_t engage;           /* parameter: what is wanted */
+static uint8_t engage;           /* parameter: requested state */
 static bool ours;                /* we fly, the PID controller does not */
 static bool ready;               /* parameters were taken */
 static uint32_t fed;             /* set-points given to the commander since we fly */
@@ -92,7 +92,7 @@ static void vehicle_parameters(tc_parameters* p) {
     p->rotor_idle_rad_s = 0.2f * FULL_RAD_S;
     p->rotor_drag_s_m = 0.0f;
     memset(p->parasitic_kg_m, 0, sizeof p->parasitic_kg_m);
-    p->predict_extra_s = 0.005f; /* the Kalman filter predicts every 10 ms and does not say when */
+    p->predict_extra_s = 0.005f; /* the Kalman filter predicts every 10 ms without a time stamp */
     p->battery_warn_v = 3.4f;
     p->battery_land_v = 3.2f;
 }
@@ -227,7 +227,7 @@ void controllerOutOfTree(control_t* control, const setpoint_t* setpoint, const s
         if (link_ready) tc_link_update(&ground_link, &measured, now_us);
         (void)xSemaphoreGive(mutex);
         missed = 0u;
-    } /* else the app task holds it: the last output stands for another millisecond */
+    } /* else the app task holds it: the last output is kept for another millisecond */
     if (missed > WATCHDOG_MS && in_command) tripped = true; /* ... but not for ever */
     if (ours || tripped) {
         write_forces(control);

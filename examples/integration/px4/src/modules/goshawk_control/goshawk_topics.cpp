@@ -63,7 +63,7 @@ void take_position(const vehicle_local_position_s& p, tc_estimate& estimate) {
     estimate.valid = static_cast<uint8_t>(
         estimate.valid & ~(TC_VALID_POSITION_XY | TC_VALID_POSITION_Z | TC_VALID_VELOCITY_XY | TC_VALID_VELOCITY_Z));
 
-    /* A standard deviation that is not a number says that nothing is known. */
+    /* A standard deviation of NaN means unknown. */
     if (p.xy_valid && isfinite(p.eph)) {
         estimate.valid |= TC_VALID_POSITION_XY;
     }
@@ -172,7 +172,7 @@ void fill_thrust(const actuator_motors_s& motors, vehicle_thrust_setpoint_s& thr
 
 void fill_torque(const tc_controller& controller, float full_rad_s, vehicle_torque_setpoint_s& torque) {
     const tc_parameters& p = controller.parameters;
-    const float* wanted = controller.telemetry.wrench.torque_n_m;
+    const float* demand = controller.telemetry.wrench.torque_n_m;
     const float rotor_n = p.quad_n_s2 * full_rad_s * full_rad_s;
     float largest[3] = {0.0f, 0.0f, 0.0f}, share[3];
 
@@ -183,7 +183,7 @@ void fill_torque(const tc_controller& controller, float full_rad_s, vehicle_torq
     }
 
     for (int i = 0; i < 3; i++) {
-        share[i] = largest[i] > 0.0f ? limited(wanted[i] / largest[i], -1.0f, 1.0f) : 0.0f;
+        share[i] = largest[i] > 0.0f ? limited(demand[i] / largest[i], -1.0f, 1.0f) : 0.0f;
     }
 
     flip(share, torque.xyz);

@@ -1,4 +1,4 @@
-"""`goshawk vehicle-sim`: the SITL vehicle, until Ctrl-C."""
+"""`goshawk sitl`: the SITL vehicle, until Ctrl-C."""
 
 import math
 from pathlib import Path
@@ -14,7 +14,9 @@ from goshawk import console
 
 @click.command()
 @console.vehicle_option
-@console.path_option("--believed", "believed_file", "What the controller believes instead, if that is another vehicle.")
+@console.path_option(
+    "--believed", "believed_file", "Vehicle file for the controller's parameters [default: --vehicle]."
+)
 @click.option("--at", "at", default="0,0,0", show_default=True, help="Start on the ground at x,y,z (world, metres).")
 @console.path_option("--start-of", "trajectory_file", "Start on the ground below the start of this trajectory.")
 @click.option(
@@ -24,7 +26,7 @@ from goshawk import console
     "--port", type=click.IntRange(0, 65535), default=14550, show_default=True, help="UDP port; 0 takes a free one."
 )
 @console.key_option
-@click.option("--speed", default=1.0, show_default=True, help="Vehicle seconds per second; 0 is as fast as it can.")
+@click.option("--speed", default=1.0, show_default=True, help="Real-time factor; 0 is as fast as possible.")
 @click.option("--perfect-sensors", is_flag=True, help="No noise and no delay in the estimate.")
 @click.option("--loss", "loss_ratio", default=0.0, show_default=True, help="Share of datagrams lost each way.")
 @click.option("--delay", "delay_s", default=0.0, show_default=True, help="Delay of datagrams each way, seconds.")
@@ -64,10 +66,10 @@ def command(
     """Run a SITL vehicle: the embedded controller and link (the same C files) on a simulated body, over UDP.
 
     \b
-    goshawk vehicle-sim --vehicle vehicle.toml --start-of walk.json
-    goshawk vehicle-sim --vehicle truth.toml --believed vehicle.toml --speed 0 --loss 0.2 --delay 0.005
+    goshawk sitl --vehicle vehicle.toml --start-of walk.json
+    goshawk sitl --vehicle truth.toml --believed vehicle.toml --speed 0 --loss 0.2 --delay 0.005
 
-    --vehicle is the truth that flies; --believed is what its controller was configured with. A link key is made on
+    --vehicle is the true vehicle that is simulated; --believed gives its controller's parameters. A link key is made on
     first use. The first line printed is the address.
     """
     if not (math.isfinite(speed) and speed >= 0.0):

@@ -1,0 +1,125 @@
+/** Every command of the page with its name and keys: the palette lists them, `keys.ts` listens for them. */
+
+import {
+  abort,
+  deleteSelected,
+  giveOrder,
+  insertAfterSelected,
+  openUpload,
+  reverse,
+  saveFormOpen,
+  shiftSelected,
+} from "./actions";
+import { playing, select, togglePlaying } from "./cursor";
+import { submit } from "./socket";
+import { connected, doc, inControl, paletteOpen, selected, series, step, vehicle, verdict, welcome } from "./store";
+import { nextTheme } from "./theme";
+
+export interface PageCommand {
+  name: string;
+  /** As `keys.ts` writes an event, e.g. "Ctrl+Shift+z"; several if one does not fit all keyboards. */
+  keys?: readonly string[];
+  /** Also while typing in a field. */
+  everywhere?: boolean;
+  enabled: () => boolean;
+  run: () => void;
+}
+
+export const STEPS = [
+  { number: 1, name: "Map" },
+  { number: 2, name: "Plan" },
+  { number: 3, name: "Fly" },
+  { number: 4, name: "Compare" },
+  { number: 5, name: "Learn" },
+] as const;
+
+const always = (): boolean => true;
+const canEdit = (): boolean => connected.value && doc.value !== null;
+const editsSelection = (): boolean => canEdit() && step.value === 2 && selected.value.size > 0;
+const inFlight = (): boolean => connected.value && step.value === 3 && inControl.value && vehicle.value?.armed === true;
+
+export const canSave = (): boolean => verdict.value === "checked";
+export const canUpload = (): boolean => canSave() && welcome.value?.vehicle === true;
+
+const SHIFT_KEYS: readonly [key: string, name: string, x: number, y: number, z: number][] = [
+  ["ArrowRight", "x up", 1, 0, 0],
+  ["ArrowLeft", "x down", -1, 0, 0],
+  ["ArrowUp", "y up", 0, 1, 0],
+  ["ArrowDown", "y down", 0, -1, 0],
+  ["PageUp", "higher", 0, 0, 1],
+  ["PageDown", "lower", 0, 0, -1],
+];
+
+const shifts = [0.1, 1].flatMap((step_m) =>
+  SHIFT_KEYS.map(([key, name, x, y, z]): PageCommand => ({
+    name: `Shift waypoints ${step_m} m: ${name}`,
+    keys: [step_m === 1 ? `Shift+${key}` : key],
+    enabled: editsSelection,
+    run: () => shiftSelected(x * step_m, y * step_m, z * step_m),
+  })),
+);
+
+export const COMMANDS: readonly PageCommand[] = [
+  { name: "Abort: land at once", keys: ["Shift+Escape"], everywhere: true, enabled: always, run: () => void abort() },
+  {
+    name: "Commands",
+    keys: ["Ctrl+k"],
+    everywhere: true,
+    enabled: always,
+    run: () => (paletteOpen.value = !paletteOpen.value),
+  },
+  ...STEPS.map(({ number, name }): PageCommand => ({
+    name: `Step ${number}: ${name}`,
+    keys: [String(number)],
+    enabled: always,
+    run: () => (step.value = number),
+  })),
+  {
+    name: "Undo",
+    keys: ["Ctrl+z"],
+    enabled: () => canEdit() && doc.value?.undo !== "",
+    run: () => void submit({ type: "undo" }),
+  },
+  {
+    name: "Redo",
+    keys: ["Ctrl+Shift+z", "Ctrl+y"],
+    enabled: () => canEdit() && doc.value?.redo !== "",
+    run: () => void submit({ type: "redo" }),
+  },
+  {
+    name: "Save the trajectory",
+    keys: ["Ctrl+s"],
+    everywhere: true,
+    enabled: canSave,
+    run: () => (saveFormOpen.value = true),
+  },
+  { name: "Plan and check again", enabled: canEdit, run: () => void submit({ type: "plan_again" }) },
+  { name: "Compare with the vehicle and upload", enabled: canUpload, run: openUpload },
+  { name: "Insert a waypoint after", keys: ["Insert", "+"], enabled: canEdit, run: insertAfterSelected },
+  { name: "Delete the selected waypoints", keys: ["Delete"], enabled: editsSelection, run: deleteSelected },
+  { name: "Reverse the order of the waypoints", enabled: canEdit, run: reverse },
+  {
+    name: "Select all waypoints",
+    keys: ["Ctrl+a"],
+    enabled: () => canEdit() && step.value === 2,
+    run: () => select((doc.value?.waypoints ?? []).map((waypoint) => waypoint.id)),
+  },
+  {
+    name: "Play or pause the plan",
+    enabled: () => series.value !== null,
+    run: togglePlaying,
+  },
+  { name: "Pause and hover", keys: ["p"], enabled: inFlight, run: () => void giveOrder("pause") },
+  { name: "Land here", keys: ["l"], enabled: inFlight, run: () => void giveOrder("land") },
+  { name: "Dark, light or the system's colours", enabled: always, run: nextTheme },
+  {
+    name: "Clear the selection",
+    keys: ["Escape"],
+    enabled: () => step.value === 2 && selected.value.size > 0,
+    run: () => {
+      playing.value = false;
+      select([]);
+    },
+  },
+  ...shifts,
+];

@@ -1,0 +1,52 @@
+/** The upper edge of the drawer: dragged or moved with the arrow keys, kept for each step. */
+
+import { remembered } from "../remembered";
+
+const LOWEST_PX = 162;
+const HIGHEST_PX = 448;
+const KEY_PX = 16;
+
+const isHeights = (value: unknown): value is Record<number, number> =>
+  typeof value === "object" && value !== null && Object.values(value).every((height) => typeof height === "number");
+
+const heights = remembered<Record<number, number>>("drawer", { 2: 260, 3: 228 }, isHeights);
+
+const bounded = (height: number): number => Math.round(Math.min(HIGHEST_PX, Math.max(LOWEST_PX, height)));
+
+export function drawerHeight(step: number): number {
+  return bounded(heights.value[step] ?? LOWEST_PX);
+}
+
+export function Resizer({ step }: { step: number }) {
+  const height = drawerHeight(step);
+  const set = (wanted: number): void => {
+    heights.value = { ...heights.value, [step]: bounded(wanted) };
+  };
+  const drag = (event: PointerEvent): void => {
+    const edge = event.currentTarget as HTMLElement;
+    const start = event.clientY + height;
+    edge.setPointerCapture(event.pointerId);
+    const move = (moved: PointerEvent): void => set(start - moved.clientY);
+    edge.addEventListener("pointermove", move);
+    edge.addEventListener("lostpointercapture", () => edge.removeEventListener("pointermove", move), { once: true });
+  };
+  return (
+    <div
+      class="resizer"
+      role="separator"
+      aria-orientation="horizontal"
+      aria-label="Height of the timeline"
+      aria-valuemin={LOWEST_PX}
+      aria-valuemax={HIGHEST_PX}
+      aria-valuenow={height}
+      tabIndex={0}
+      onPointerDown={drag}
+      onKeyDown={(event) => {
+        const by = event.key === "ArrowUp" ? KEY_PX : event.key === "ArrowDown" ? -KEY_PX : 0;
+        if (by === 0) return;
+        event.preventDefault();
+        set(height + by);
+      }}
+    />
+  );
+}

@@ -1,0 +1,2 @@
+/** esbuild bundles these; TypeScript need only know that they exist. */
+declare module "*.css";

@@ -1,0 +1,17 @@
+/** Starts the page. */
+
+import { render } from "preact";
+import "uplot/dist/uPlot.min.css";
+import { App } from "./app";
+import { listen } from "./keys";
+import { connect } from "./socket";
+import "./style.css";
+import "./controls.css";
+import "./panels.css";
+import "./inspector.css";
+import "./narrow.css";
+
+const root = document.getElementById("app");
+if (root !== null) render(<App />, root);
+listen();
+connect();

@@ -1,0 +1,65 @@
+/** The plan step: verdict, waypoints, segments, settings and saved trajectories, limits, save and upload. */
+
+import { signal } from "@preact/signals";
+import { openUpload, saveFormOpen, uploading } from "../actions";
+import { Keys } from "../components/Keys";
+import { LimitList } from "../components/LimitRow";
+import { Tabs } from "../components/Tabs";
+import type { Tab } from "../components/Tabs";
+import { canSave, canUpload } from "../commands";
+import { figures, figuresAreOld, verdict, welcome } from "../store";
+import { phone } from "../theme";
+import { Drawer } from "./Drawer";
+import { Segments } from "./Segments";
+import { SettingsForm } from "./SettingsForm";
+import { Trajectories } from "./Trajectories";
+import { UploadPanel } from "./UploadPanel";
+import { Verdict } from "./Verdict";
+import { Waypoints } from "./Waypoints";
+
+const TABS = [
+  { key: "waypoints", name: "Waypoints" },
+  { key: "segments", name: "Segments" },
+  { key: "settings", name: "Speed and yaw" },
+  { key: "trajectories", name: "Saved" },
+] as const satisfies readonly Tab<string>[];
+
+const tab = signal<(typeof TABS)[number]["key"]>("waypoints");
+
+export function Plan() {
+  if (uploading.value !== null) return <UploadPanel state={uploading.value} />;
+  const limits = figures.value?.limits ?? [];
+  return (
+    <>
+      <Verdict />
+      {phone.value && <Drawer />}
+      <Tabs label="Plan" tabs={TABS} current={tab.value} onChange={(key) => (tab.value = key)}>
+        {tab.value === "waypoints" && <Waypoints />}
+        {tab.value === "segments" && <Segments />}
+        {tab.value === "settings" && <SettingsForm />}
+        {tab.value === "trajectories" && <Trajectories />}
+      </Tabs>
+      {limits.length > 0 && <LimitList limits={limits} areOld={figuresAreOld.value} />}
+      <div class="acts">
+        <button type="button" class="control" disabled={!canSave()} onClick={() => (saveFormOpen.value = true)}>
+          Save <Keys of="Ctrl+s" />
+        </button>
+        <button
+          type="button"
+          class="control primary grow"
+          disabled={!canUpload()}
+          title={whyNoUpload()}
+          onClick={openUpload}
+        >
+          Compare with vehicle and upload
+        </button>
+      </div>
+    </>
+  );
+}
+
+function whyNoUpload(): string {
+  if (welcome.value !== null && !welcome.value.vehicle)
+    return "The station was started without a vehicle (--vehicle-url).";
+  return verdict.value === "checked" ? "" : "Only a checked plan can be uploaded.";
+}

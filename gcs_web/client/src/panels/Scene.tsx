@@ -1,0 +1,117 @@
+/** The 3D view, and over it the scale of the path's colours. */
+
+import type { ComponentChildren } from "preact";
+import { show } from "../cursor";
+import { number, short } from "../format";
+import { listenIn } from "../keys";
+import { CIVIDIS, CLEARANCE, CLEARANCE_SPAN_M } from "../scales";
+import { figures, series, view } from "../store";
+import type { Series, Show } from "../protocol";
+
+type Colour = NonNullable<Show["colour"]>;
+
+const COLOURS: readonly { key: Colour; name: string; unit: string }[] = [
+  { key: "clearance", name: "Clearance", unit: "m" },
+  { key: "speed", name: "Speed", unit: "m/s" },
+  { key: "tilt", name: "Tilt", unit: "°" },
+  { key: "rotors", name: "Fastest rotor", unit: "rad/s" },
+];
+
+export function Scene() {
+  return (
+    <main class="scene">
+      <iframe
+        src="/viser/"
+        title="3D view of map and path"
+        onLoad={(event) => {
+          const inside = event.currentTarget.contentWindow;
+          if (inside !== null) listenIn(inside);
+        }}
+      />
+      <div class="legends">
+        <PathLegend />
+        <SliceLegend />
+      </div>
+    </main>
+  );
+}
+
+function PathLegend() {
+  const current = COLOURS.find(({ key }) => key === view.value.colour) ?? COLOURS[0];
+  const shown = series.value;
+  if (shown === null || current === undefined) return null;
+  const isClearance = current.key === "clearance";
+  return (
+    <Legend unit={current.unit} colours={isClearance ? CLEARANCE : CIVIDIS} ends={ends(current.key, shown)}>
+      <ColourChoice />
+    </Legend>
+  );
+}
+
+function SliceLegend() {
+  const height_m = view.value.slice_z_m;
+  if (height_m === null) return null;
+  return (
+    <Legend unit="m" colours={CLEARANCE} ends={clearanceEnds()}>
+      <b>Distance at z = {number(height_m, 2)}</b>
+    </Legend>
+  );
+}
+
+interface LegendProps {
+  unit: string;
+  colours: readonly string[];
+  ends: readonly [string, string];
+  children: ComponentChildren;
+}
+
+function Legend({ unit, colours, ends, children }: LegendProps) {
+  return (
+    <div class="legend">
+      <div class="legend-head">
+        {children}
+        <span class="quiet">{unit}</span>
+      </div>
+      <div class="legend-bar" style={{ background: `linear-gradient(90deg, ${colours.join(",")})` }} />
+      <div class="legend-ends">
+        <span>{ends[0]}</span>
+        <span>{ends[1]}</span>
+      </div>
+    </div>
+  );
+}
+
+export function ColourChoice() {
+  return (
+    <select
+      class="colour-choice"
+      aria-label="Colour of the path"
+      value={view.value.colour}
+      onChange={(event) => show({ colour: event.currentTarget.value as Colour })}
+    >
+      {COLOURS.map(({ key, name }) => (
+        <option key={key} value={key}>
+          {name}
+        </option>
+      ))}
+    </select>
+  );
+}
+
+/** Words at both ends of the scale: clearance begins at what is required, the others span the path's own values. */
+function ends(colour: Colour, shown: Series): [string, string] {
+  if (colour === "clearance") return clearanceEnds();
+  const values = VALUES[colour](shown);
+  return [short(Math.min(...values)), short(Math.max(...values))];
+}
+
+function clearanceEnds(): [string, string] {
+  const required_m = figures.value?.required_clearance_m ?? 0;
+  return [`${number(required_m, 2)} limit`, `≥ ${number(required_m + CLEARANCE_SPAN_M, 1)}`];
+}
+
+const VALUES: Readonly<Record<Exclude<Colour, "clearance">, (shown: Series) => number[]>> = {
+  speed: (shown) => shown.speed_m_s,
+  tilt: (shown) => shown.tilt_deg,
+  rotors: (shown) => shown.rotor_fastest_rad_s,
+};

@@ -1,0 +1,80 @@
+/** What the pilot asks of the planner. */
+
+import { change } from "../actions";
+import { NumberField } from "../components/NumberField";
+import { edit } from "../socket";
+import { connected, doc } from "../store";
+import type { Settings } from "../protocol";
+
+type NumberSetting = "speed_m_s" | "acceleration_m_s2" | "margin_m";
+
+const NUMBERS: readonly { key: NumberSetting; label: string; unit: string }[] = [
+  { key: "speed_m_s", label: "Top speed", unit: "m/s" },
+  { key: "acceleration_m_s2", label: "Acceleration", unit: "m/s²" },
+  { key: "margin_m", label: "Margin around the vehicle", unit: "m" },
+];
+
+const YAWS: readonly { key: Settings["yaw"]; name: string; says: string }[] = [
+  { key: "along_path", name: "Along the path", says: "The nose points where the vehicle flies." },
+  { key: "smooth", name: "Smooth", says: "It turns steadily between the waypoints' headings." },
+];
+
+const METHODS: readonly { key: Settings["method"]; name: string; says: string }[] = [
+  { key: "fastest", name: "Fastest", says: "Shortest time through the waypoints within all limits." },
+  { key: "corridor", name: "Corridor", says: "Stays in free corridors between the waypoints." },
+];
+
+export function SettingsForm() {
+  const settings = doc.value?.settings;
+  if (settings === undefined) return null;
+  return (
+    <div class="form">
+      {NUMBERS.map(({ key, label, unit }) => (
+        <NumberField
+          key={key}
+          label={label}
+          unit={unit}
+          value={settings[key]}
+          disabled={!connected.value}
+          onCommit={async (value) => (await edit({ type: "choose", [key]: value })).error}
+        />
+      ))}
+      <Choice
+        legend="Yaw"
+        options={YAWS}
+        value={settings.yaw}
+        onChange={(yaw) => void change({ type: "choose", yaw })}
+      />
+      <Choice
+        legend="Method"
+        options={METHODS}
+        value={settings.method}
+        onChange={(method) => void change({ type: "choose", method })}
+      />
+    </div>
+  );
+}
+
+interface ChoiceProps<K extends string> {
+  legend: string;
+  options: readonly { key: K; name: string; says: string }[];
+  value: K;
+  onChange: (key: K) => void;
+}
+
+function Choice<K extends string>({ legend, options, value, onChange }: ChoiceProps<K>) {
+  return (
+    <fieldset class="choice" disabled={!connected.value}>
+      <legend>{legend}</legend>
+      {options.map(({ key, name, says }) => (
+        <label key={key}>
+          <input type="radio" name={legend} checked={key === value} onChange={() => onChange(key)} />
+          <span>
+            {name}
+            <span class="quiet"> {says}</span>
+          </span>
+        </label>
+      ))}
+    </fieldset>
+  );
+}

@@ -1,0 +1,347 @@
+// Written by tools/page_types.py from gcs_web/protocol.py. Do not edit.
+
+
+export const PROTOCOL = 1;
+
+export interface Person {
+  id: string;
+  name: string;
+}
+
+export interface Waypoint {
+  id: number;
+  x_m: number;
+  y_m: number;
+  z_m: number;
+  yaw_deg: number | null;
+}
+
+export interface Settings {
+  speed_m_s: number;
+  acceleration_m_s2: number;
+  margin_m: number;
+  yaw: "along_path" | "smooth";
+  method: "fastest" | "corridor";
+}
+
+export interface Limit {
+  name: string;
+  value: number;
+  bound: number;
+  sense: "<=" | ">=";
+  unit: string;
+  share: number;
+  time_s: number;
+}
+
+export interface Segment {
+  start_s: number;
+  end_s: number;
+  binding: string;
+  share: number;
+}
+
+export interface Passing {
+  waypoint: number;
+  time_s: number;
+  speed_m_s: number;
+  clearance_m: number;
+}
+
+export interface Series {
+  time_s: number[];
+  x_m: number[];
+  y_m: number[];
+  z_m: number[];
+  speed_m_s: number[];
+  acceleration_m_s2: number[];
+  clearance_m: number[];
+  tilt_deg: number[];
+  rotor_slowest_rad_s: number[];
+  rotor_fastest_rad_s: number[];
+  yaw_rate_deg_s: number[];
+  q_world_body: number[];
+}
+
+export interface Problem {
+  reason: string;
+  remedy: string;
+  waypoint: number | null;
+}
+
+export interface SavedTrajectory {
+  name: string;
+  duration_s: number;
+  checked: boolean;
+  saved_at: string;
+}
+
+export interface Held {
+  name: string;
+  duration_s: number;
+  segments: number;
+  room_m: number;
+  crc32: string;
+}
+
+export interface Welcome {
+  type: "welcome";
+  protocol: number;
+  you: string;
+  project: string;
+  vehicle: boolean;
+}
+
+export interface Document {
+  type: "document";
+  revision: number;
+  author: string;
+  waypoints: Waypoint[];
+  settings: Settings;
+  undo: string;
+  redo: string;
+}
+
+export interface Plan {
+  type: "plan";
+  revision: number;
+  state: "none" | "planning" | "checked" | "refused" | "void";
+  sentence: string;
+  name: string;
+  problem: Problem | null;
+  duration_s: number;
+  top_speed_m_s: number;
+  clearance_m: number;
+  required_clearance_m: number;
+  closest: [number, number, number] | null;
+  planning_ms: number;
+  crc32: string;
+  limits: Limit[];
+  segments: Segment[];
+  passings: Passing[];
+  series: Series | null;
+}
+
+export interface Vehicle {
+  type: "vehicle";
+  link: "none" | "fresh" | "stale" | "lost";
+  name: string;
+  age_s: number;
+  mission: string;
+  armed: boolean;
+  holds: string;
+  holds_crc32: string;
+  round_trip_ms: number | null;
+  battery_v: number | null;
+  x_m: number | null;
+  y_m: number | null;
+  z_m: number | null;
+  error_m: number | null;
+  largest_error_m: number | null;
+  reason: string;
+}
+
+export interface People {
+  type: "people";
+  people: Person[];
+  in_control: string;
+}
+
+export interface Files {
+  type: "files";
+  trajectories: SavedTrajectory[];
+  flights: string[];
+}
+
+export interface Notice {
+  type: "notice";
+  text: string;
+  level: "fact" | "caution" | "danger";
+  undo: boolean;
+}
+
+export interface Cursor {
+  type: "cursor";
+  time_s: number;
+}
+
+export interface Selection {
+  type: "selection";
+  waypoints: number[];
+}
+
+export interface Reply {
+  type: "reply";
+  serial: number;
+  error: string;
+  nonce: string;
+  here: Held | null;
+  there: Held | null;
+}
+
+export interface Command {
+  serial: number;
+}
+
+export interface Edit {
+  serial: number;
+  revision: number;
+}
+
+export interface Move {
+  type: "move";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+  x_m?: number | null;
+  y_m?: number | null;
+  z_m?: number | null;
+}
+
+export interface Shift {
+  type: "shift";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+  x_m?: number;
+  y_m?: number;
+  z_m?: number;
+}
+
+export interface Turn {
+  type: "turn";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+  yaw_deg: number | null;
+}
+
+export interface Insert {
+  type: "insert";
+  serial: number;
+  revision: number;
+  after: number | null;
+  x_m?: number | null;
+  y_m?: number | null;
+  z_m?: number | null;
+}
+
+export interface Delete {
+  type: "delete";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+}
+
+export interface Reverse {
+  type: "reverse";
+  serial: number;
+  revision: number;
+}
+
+export interface Choose {
+  type: "choose";
+  serial: number;
+  revision: number;
+  speed_m_s?: number | null;
+  acceleration_m_s2?: number | null;
+  margin_m?: number | null;
+  yaw?: "along_path" | "smooth" | null;
+  method?: "fastest" | "corridor" | null;
+}
+
+export interface Undo {
+  type: "undo";
+  serial: number;
+}
+
+export interface Redo {
+  type: "redo";
+  serial: number;
+}
+
+export interface PlanAgain {
+  type: "plan_again";
+  serial: number;
+}
+
+export interface Save {
+  type: "save";
+  serial: number;
+  name: string;
+  overwrite?: boolean;
+}
+
+export interface Open {
+  type: "open";
+  serial: number;
+  name: string;
+}
+
+export interface Discard {
+  type: "discard";
+  serial: number;
+  name: string;
+}
+
+export interface Select {
+  type: "select";
+  serial: number;
+  waypoints: number[];
+}
+
+export interface Look {
+  type: "look";
+  serial: number;
+  time_s: number | null;
+}
+
+export interface Show {
+  type: "show";
+  serial: number;
+  colour?: "clearance" | "speed" | "tilt" | "rotors";
+  slice_z_m?: number | null;
+}
+
+export interface TakeControl {
+  type: "take_control";
+  serial: number;
+  force?: boolean;
+}
+
+export interface GiveUpControl {
+  type: "give_up_control";
+  serial: number;
+}
+
+export interface PrepareUpload {
+  type: "prepare_upload";
+  serial: number;
+}
+
+export interface Upload {
+  type: "upload";
+  serial: number;
+  nonce: string;
+}
+
+export interface PrepareOrder {
+  type: "prepare_order";
+  serial: number;
+}
+
+export interface Order {
+  type: "order";
+  serial: number;
+  order: "arm" | "start" | "pause" | "resume" | "land" | "disarm";
+  nonce: string;
+}
+
+export interface Abort {
+  type: "abort";
+  serial: number;
+}
+
+export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Notice | Cursor | Selection | Reply;
+
+export type FromPage = Move | Shift | Turn | Insert | Delete | Reverse | Choose | Undo | Redo | PlanAgain | Save | Open | Discard | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort;

@@ -1,0 +1,97 @@
+/** The one connection to the server: commands out, messages in, and again when it breaks. */
+
+import { announce, connected, connection, doc, now_ms, receive, retryAt_ms } from "./store";
+import type { Edit, FromPage, Reply, ToPage } from "./protocol";
+
+type WithoutSerial<T> = T extends unknown ? Omit<T, "serial"> : never;
+type Edits = Extract<FromPage, Edit>;
+type CommandToSend = WithoutSerial<FromPage>;
+export type EditToSend = Edits extends infer T ? (T extends unknown ? Omit<T, "serial" | "revision"> : never) : never;
+
+const FIRST_RETRY_MS = 250;
+const LONGEST_RETRY_MS = 5000;
+const TICK_MS = 250;
+
+let socket: WebSocket | null = null;
+let serial = 0;
+let retry_ms = FIRST_RETRY_MS;
+const waiting = new Map<number, (reply: Reply) => void>();
+
+/** Connect, and stay connected for as long as the page is open. */
+export function connect(): void {
+  setInterval(() => (now_ms.value = performance.now()), TICK_MS);
+  open();
+}
+
+function open(): void {
+  const scheme = location.protocol === "https:" ? "wss" : "ws";
+  const opened = new WebSocket(`${scheme}://${location.host}/ws`);
+  socket = opened;
+  connection.value = connection.value === "closed" ? "closed" : "connecting";
+  opened.onmessage = (event: MessageEvent<string>) => {
+    const message = JSON.parse(event.data) as ToPage;
+    if (message.type === "reply") answer(message);
+    else receive(message);
+    if (message.type === "welcome") retry_ms = FIRST_RETRY_MS;
+  };
+  opened.onclose = () => {
+    socket = null;
+    if (connection.value !== "outdated") connection.value = "closed";
+    for (const number of [...waiting.keys()]) answer(refusal(number, "the connection closed before it was answered"));
+    retryAt_ms.value = performance.now() + retry_ms;
+    setTimeout(open, retry_ms);
+    retry_ms = Math.min(2 * retry_ms, LONGEST_RETRY_MS);
+  };
+}
+
+function answer(reply: Reply): void {
+  const resolve = waiting.get(reply.serial);
+  waiting.delete(reply.serial);
+  resolve?.(reply);
+}
+
+function refusal(number: number, error: string): Reply {
+  return { type: "reply", serial: number, error, nonce: "", here: null, there: null };
+}
+
+/** Send a command; resolves with the server's reply, or with a refusal if there is no connection. Never rejects. */
+export function send(command: CommandToSend): Promise<Reply> {
+  serial += 1;
+  const number = serial;
+  if (socket === null || !connected.value) {
+    return Promise.resolve(refusal(number, "not sent: the page is not connected to the ground station"));
+  }
+  socket.send(JSON.stringify({ ...command, serial: number }));
+  return new Promise((resolve) => waiting.set(number, resolve));
+}
+
+/** Send a command and put a refusal into the notice; true if it was done. */
+export async function submit(command: CommandToSend): Promise<boolean> {
+  const { error } = await send(command);
+  if (error !== "") announce(error, "danger");
+  return error === "";
+}
+
+/** Send a change of the document as the page shows it. */
+export function edit(change: EditToSend): Promise<Reply> {
+  return send({ ...change, revision: doc.value?.revision ?? 0 } as CommandToSend);
+}
+
+/** A sender with at most one command on its way: of those that come meanwhile the last one wins. */
+export function latest<T>(build: (value: T) => CommandToSend): (value: T) => void {
+  let next: { value: T } | null = null;
+  let busy = false;
+  const pump = async (): Promise<void> => {
+    busy = true;
+    while (next !== null) {
+      const { value } = next;
+      next = null;
+      await send(build(value));
+    }
+    busy = false;
+  };
+  return (value) => {
+    next = { value };
+    if (!busy) void pump();
+  };
+}

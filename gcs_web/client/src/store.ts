@@ -1,0 +1,198 @@
+/** Everything the page shows, and the one place where the server's messages are taken in. */
+
+import { batch, computed, signal } from "@preact/signals";
+import { initials } from "./format";
+import { PROTOCOL } from "./protocol";
+import type { Document, Files, Notice, People, Plan, Show, ToPage, Vehicle, Waypoint, Welcome } from "./protocol";
+
+// --- as the server sent it ---
+
+export const welcome = signal<Welcome | null>(null);
+/** What the pilots edit together; `document` is the browser's. */
+export const doc = signal<Document | null>(null);
+export const plan = signal<Plan | null>(null);
+/** The plan with its figures; while another one is planned, or after it became void, the one before. */
+export const figures = signal<Plan | null>(null);
+export const vehicle = signal<Vehicle | null>(null);
+export const people = signal<People>({ type: "people", people: [], in_control: "" });
+export const files = signal<Files>({ type: "files", trajectories: [], flights: [] });
+export const notice = signal<Notice>({ type: "notice", text: "", level: "fact", undo: false });
+
+/** Tracking errors as they were heard, of the last minute. */
+export const errors = signal<readonly { heardAt_ms: number; error_m: number }[]>([]);
+const ERRORS_KEPT_MS = 60_000;
+
+// --- of this page ---
+
+/** `outdated`: the server speaks a newer protocol than this page. */
+export const connection = signal<"connecting" | "open" | "closed" | "outdated">("connecting");
+/** When the page tries to connect again, on the clock of `now_ms`. */
+export const retryAt_ms = signal(0);
+/** A clock for ages and countdowns; ticks four times a second. */
+export const now_ms = signal(performance.now());
+const vehicleHeardAt_ms = signal(0);
+
+/** The moment of the plan that plots, table and 3D view show. */
+export const cursor_s = signal<number | null>(null);
+/** Ids of waypoints. */
+export const selected = signal<ReadonlySet<number>>(new Set());
+export const view = signal<Required<Pick<Show, "colour" | "slice_z_m">>>({ colour: "clearance", slice_z_m: null });
+export const step = signal(2);
+export const aborting = signal(false);
+export const paletteOpen = signal(false);
+
+/** Waypoints another person changed within the last second, with that person's initials. */
+export const touched = signal<ReadonlyMap<number, string>>(new Map());
+const TOUCHED_MS = 1000;
+
+/** Two moments that differ by less are one; a click sets the cursor exactly, sums of times do not. */
+const SAME_TIME_S = 1e-6;
+
+// --- derived ---
+
+export const connected = computed(() => connection.value === "open");
+
+/** The verdict that may be shown: never "checked" for another revision or without a connection. */
+export const verdict = computed<Plan["state"] | "unknown">(() => {
+  if (!connected.value) return "unknown";
+  const current = plan.value;
+  if (current === null) return "none";
+  const isOld = current.revision !== doc.value?.revision;
+  return isOld && current.state === "checked" ? "planning" : current.state;
+});
+
+/** Whether the figures shown are those of an earlier plan. */
+export const figuresAreOld = computed(
+  () => figures.value !== plan.value || plan.value?.state === "void" || !connected.value,
+);
+export const series = computed(() => figures.value?.series ?? null);
+
+const me = computed(() => people.value.people.find((person) => person.id === welcome.value?.you) ?? null);
+export const inControl = computed(
+  () => people.value.in_control !== "" && people.value.in_control === welcome.value?.you,
+);
+
+/** Who gives the orders; empty for nobody. */
+export const controlWords = computed(() => {
+  if (inControl.value) return "You are in control";
+  const holder = people.value.people.find(({ id }) => id === people.value.in_control);
+  return holder === undefined ? "" : `${holder.name} is in control`;
+});
+
+/** Whether the vehicle holds another trajectory than the plan. */
+export const holdsAnother = computed(() => {
+  const held = vehicle.value?.holds_crc32 ?? "";
+  return held !== "" && held !== (plan.value?.crc32 ?? "");
+});
+
+const SILENCE_MS = 1500; // the server speaks of the vehicle at least twice a second
+const LOST_MS = 3000;
+
+/** The link as far as this page can know: the server's word, grown old by its silence. */
+export const link = computed<{ state: Vehicle["link"]; age_s: number }>(() => {
+  const last = vehicle.value;
+  if (last === null) return { state: "none", age_s: 0 };
+  const silence_ms = Math.max(0, now_ms.value - vehicleHeardAt_ms.value);
+  const age_s = last.age_s + silence_ms / 1000;
+  if (last.link === "none") return { state: "none", age_s };
+  if (!connected.value || silence_ms > LOST_MS) return { state: "lost", age_s };
+  if (last.link === "fresh" && silence_ms > SILENCE_MS) return { state: "stale", age_s };
+  return { state: last.link, age_s };
+});
+
+/** The waypoint passed last at the cursor. */
+export const waypointAtCursor = computed(() => {
+  const time_s = cursor_s.value;
+  if (time_s === null) return null;
+  return figures.value?.passings.findLast((passing) => passing.time_s <= time_s + SAME_TIME_S)?.waypoint ?? null;
+});
+
+/** Index of the segment at the cursor; -1 for none. */
+export const segmentAtCursor = computed(() => {
+  const time_s = cursor_s.value;
+  if (time_s === null) return -1;
+  return figures.value?.segments.findLastIndex((segment) => segment.start_s <= time_s + SAME_TIME_S) ?? -1;
+});
+
+// --- messages ---
+
+/** Take in a message; replies to commands go to `socket.ts`. */
+export function receive(message: Exclude<ToPage, { type: "reply" }>): void {
+  batch(() => {
+    switch (message.type) {
+      case "welcome":
+        welcome.value = message;
+        connection.value = message.protocol === PROTOCOL ? "open" : "outdated";
+        break;
+      case "document":
+        receiveDocument(message);
+        break;
+      case "plan":
+        receivePlan(message);
+        break;
+      case "vehicle":
+        receiveVehicle(message);
+        break;
+      case "people":
+        people.value = message;
+        break;
+      case "files":
+        files.value = message;
+        break;
+      case "notice":
+        notice.value = message;
+        break;
+      case "cursor":
+        cursor_s.value = message.time_s;
+        break;
+      case "selection":
+        selected.value = new Set(message.waypoints);
+        break;
+    }
+  });
+}
+
+function receiveVehicle(next: Vehicle): void {
+  const heardAt_ms = performance.now();
+  now_ms.value = heardAt_ms;
+  vehicleHeardAt_ms.value = heardAt_ms;
+  vehicle.value = next;
+  if (next.error_m === null || next.link !== "fresh") return;
+  const recent = errors.value.filter((each) => heardAt_ms - each.heardAt_ms < ERRORS_KEPT_MS);
+  errors.value = [...recent, { heardAt_ms, error_m: next.error_m }];
+}
+
+function receivePlan(next: Plan): void {
+  plan.value = next;
+  const isBetween = next.series === null && (next.state === "planning" || next.state === "void");
+  if (isBetween) return;
+  figures.value = next;
+  if (next.series !== null) cursor_s.value = Math.min(cursor_s.value ?? 0, next.duration_s);
+}
+
+function receiveDocument(next: Document): void {
+  const before = doc.value;
+  doc.value = next;
+  const present = new Set(next.waypoints.map((waypoint) => waypoint.id));
+  if ([...selected.value].some((id) => !present.has(id))) {
+    selected.value = new Set([...selected.value].filter((id) => present.has(id)));
+  }
+  if (before === null || next.revision === before.revision || next.author === me.value?.name) return;
+  const old = new Map(before.waypoints.map((waypoint) => [waypoint.id, waypoint]));
+  const changed = next.waypoints.filter((waypoint) => !sameWaypoint(waypoint, old.get(waypoint.id)));
+  if (changed.length === 0) return;
+  const marks = new Map(changed.map((waypoint) => [waypoint.id, initials(next.author)]));
+  touched.value = marks;
+  setTimeout(() => {
+    if (touched.value === marks) touched.value = new Map();
+  }, TOUCHED_MS);
+}
+
+function sameWaypoint(a: Waypoint, b: Waypoint | undefined): boolean {
+  return b !== undefined && a.x_m === b.x_m && a.y_m === b.y_m && a.z_m === b.z_m && a.yaw_deg === b.yaw_deg;
+}
+
+/** Say something of the page's own in the place of the server's notices. */
+export function announce(text: string, level: Notice["level"] = "fact"): void {
+  notice.value = { type: "notice", text, level, undo: false };
+}

@@ -1,0 +1,254 @@
+"""What the panels work with: the session, the newest plan, the vehicle, the 3D view and the people."""
+
+import json
+import secrets
+import threading
+import time
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import msgspec
+
+import planner
+import vehicle
+from flight import FlightError, FormatError, InputError, TrajectoryFile, trajectory
+from flight.project import Project
+from gcs_web import inputs, page_values, planning, protocol
+from gcs_web.document import Settings
+from gcs_web.hub import Hub
+from gcs_web.session import Session
+from gcs_web.vehicle_watch import VehicleWatch
+from gcs_web.view3d import View3D
+
+NONCE_LIFE_S = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Nonce:
+    person: str
+    purpose: str
+    given_s: float
+
+
+class Desk:
+    """One project on the table. Thread-safe."""
+
+    def __init__(self, opened: Project, hub: Hub, view: View3D, watch: VehicleWatch | None, base: planner.PlanOptions):
+        self.project, self.hub, self.view, self.watch = opened, hub, view, watch
+        self.inputs = inputs.signature(opened.folder)
+        self.parts = inputs.Parts(opened.folder)
+        limits = self.parts.vehicle(self.inputs).limits
+        first = Settings(limits.speed_m_s, limits.acceleration_m_s2, base.margin_m, base.yaw, base.method)
+        self.session = Session(opened, first)
+        self.name = "plan"
+        """Of the trajectory that the plan would be saved and uploaded as."""
+        self.answer: planning.Answer | None = None
+        self.in_control = ""
+        """Id of the person whose orders are passed on to the vehicle."""
+        self._nonces: dict[str, _Nonce] = {}
+        self._lock = threading.RLock()
+        self._planner = planning.PlanningProcess(opened.folder, base, self._planned)
+        self._watch_files = inputs.Watch(opened.folder, opened.waypoints, self._files_changed)
+        self.session.on_change(self._document_changed)
+        hub.on_leave = self._left
+        self._document_changed()
+        self.show_files()
+        self.notice(self.session.notice or f"{opened.name} opened, revision {self.session.revision}")
+        self._draw_map()
+
+    def close(self) -> None:
+        self._watch_files.close()
+        self._planner.close()
+        self.session.close()
+
+    # --- telling people ---
+
+    def notice(self, text: str, *, level: str = "fact", undo: bool = False, to: str = "") -> None:
+        kind = "danger" if level == "danger" else "caution" if level == "caution" else "fact"
+        self.hub.publish(protocol.Notice(text, kind, undo), to)
+
+    def show_people(self) -> None:
+        self.hub.publish(protocol.People(self.hub.people, self.in_control))
+
+    def show_files(self) -> None:
+        """List the saved trajectories and flights, with whether each is checked for the inputs as they are now."""
+        try:
+            hashes = (self.parts.map(self.inputs).hash, vehicle.vehicle_hash(self.parts.vehicle(self.inputs)))
+        except FlightError:
+            hashes = ("", "")
+        saved = [_listed(path, hashes) for path in self.project.trajectories()]
+        flights = [path.stem for path in self.project.flights()]
+        self.hub.publish(protocol.Files(saved, flights))
+
+    # --- the plan ---
+
+    def request_plan(self) -> None:
+        """Plan the document as it is now; people see "planning" at once."""
+        with self._lock:
+            revision, content = self.session.revision, self.session.content
+            few = len(content.points) < 2
+            if few:
+                sentence = "Add at least two waypoints: Shift-click the map, or press Insert."
+                self._show_plan(protocol.Plan(revision, "none", sentence))
+                return
+            self.hub.publish(protocol.Plan(revision, "planning", "Planning and checking ...", name=self.name))
+            self._planner.request(planning.Request(revision, content, self.inputs))
+
+    def checked(self) -> TrajectoryFile:
+        """The plan, if it answers the document and the inputs as they are now.
+
+        Raises:
+            InputError: there is none; the message says why.
+        """
+        with self._lock:
+            answer = self.answer
+            if answer is None or answer.request.revision != self.session.revision:
+                raise InputError("there is no checked plan for these waypoints yet; wait for it, then try again")
+            if answer.file is None:
+                raise InputError(f"there is no plan: {answer.shown.sentence}")
+            if inputs.signature(self.project.folder) != answer.request.inputs:
+                raise InputError("the map or the vehicle changed since the check; plan again")
+            return answer.file
+
+    def _planned(self, answer: planning.Answer) -> None:
+        with self._lock:
+            if answer.request.revision != self.session.revision:
+                return
+            if answer.request.inputs != self.inputs:
+                self.request_plan()  # the inputs changed while it was planned
+                return
+            self.answer = answer
+            self._show_plan(answer.shown)
+
+    def _show_plan(self, plan: protocol.Plan) -> None:
+        crc32 = ""
+        if self.answer is not None and self.answer.file is not None and plan.state == "checked":
+            crc32 = page_values.crc32(replace(self.answer.file, name=self.name))
+        self.hub.publish(msgspec.structs.replace(plan, name=self.name, crc32=crc32))
+        self.view.draw_plan(plan.series if plan.state == "checked" else None, plan.required_clearance_m)
+
+    def rename(self, name: str) -> None:
+        """Give the plan another name; its CRC, which covers the name, changes with it."""
+        with self._lock:
+            self.name = name
+            if self.answer is not None and self.answer.request.revision == self.session.revision:
+                self._show_plan(self.answer.shown)
+
+    def _document_changed(self) -> None:
+        self.hub.publish(self.session.document())
+        self.view.draw_waypoints(self.session.content.points)
+        self.request_plan()
+
+    def _files_changed(self) -> None:
+        try:
+            if self.session.take_file():  # not under our lock: an edit takes the session's lock first, then ours
+                self.notice("waypoints.json was changed by another program", level="caution", undo=True)
+        except FlightError as error:
+            self.notice(str(error), level="danger")
+        with self._lock:
+            now = inputs.signature(self.project.folder)
+            if now == self.inputs:
+                return
+            self.inputs = now
+            said = "The map or the vehicle changed since the check: this plan is void. Plan again."
+            self.hub.publish(protocol.Plan(self.session.revision, "void", said, name=self.name))
+            self.view.draw_plan(None, 0.0)
+            self.notice(said, level="caution")
+            self._draw_map()
+            self.show_files()
+
+    def _draw_map(self) -> None:
+        try:
+            self.view.draw_map(self.parts.map(self.inputs))
+        except FlightError as error:
+            self.notice(f"the map cannot be shown: {error}", level="danger")
+
+    # --- who may give orders ---
+
+    def take_control(self, person: protocol.Person, *, force: bool) -> None:
+        """
+        Raises:
+            InputError: somebody else has control, and `force` was not given.
+        """
+        with self._lock:
+            holder = self._name_of(self.in_control)
+            if self.in_control not in ("", person.id) and not force:
+                raise InputError(f"{holder} is in control; ask for it, or take it over")
+            if self.in_control not in ("", person.id):
+                self.notice(f"{person.name} took over control of the vehicle", level="caution", to=self.in_control)
+            self.in_control = person.id
+        self.show_people()
+
+    def give_up_control(self, person: protocol.Person) -> None:
+        with self._lock:
+            if self.in_control == person.id:
+                self.in_control = ""
+        self.show_people()
+
+    def require_control(self, person: protocol.Person) -> VehicleWatch:
+        """The vehicle, for the person in control.
+
+        Raises:
+            InputError: there is no vehicle, or this person is not in control.
+        """
+        if self.watch is None:
+            raise InputError("the ground station was started without a vehicle; give --vehicle-url")
+        if self.in_control != person.id:
+            whose = f"{self._name_of(self.in_control)} is in control" if self.in_control else "nobody is in control"
+            raise InputError(f"{whose}; take control first")
+        return self.watch
+
+    def new_nonce(self, person: protocol.Person, purpose: str) -> str:
+        """A word that is good once, for this person and purpose, for a minute."""
+        with self._lock:
+            now_s = time.monotonic()
+            self._nonces = {k: n for k, n in self._nonces.items() if now_s - n.given_s < NONCE_LIFE_S}
+            word = secrets.token_urlsafe(16)
+            self._nonces[word] = _Nonce(person.id, purpose, now_s)
+            return word
+
+    def use_nonce(self, word: str, person: protocol.Person, purpose: str) -> None:
+        """
+        Raises:
+            InputError: it was used before, is too old, or was given to somebody else or for something else.
+        """
+        with self._lock:
+            known = self._nonces.pop(word, None)
+        if (
+            known is None
+            or (known.person, known.purpose) != (person.id, purpose)
+            or time.monotonic() - known.given_s > NONCE_LIFE_S
+        ):
+            raise InputError("this order was given before, or too long ago; look at the page again and repeat it")
+
+    def audit(self, person: protocol.Person, what: str, answer: str) -> None:
+        """One line for whoever asks later: who ordered what, at which revision, and what came of it."""
+        crc32 = page_values.crc32(replace(self.answer.file, name=self.name)) if self.answer and self.answer.file else ""
+        line = {
+            "time": datetime.now(UTC).isoformat(timespec="milliseconds"),
+            "who": person.name,
+            "what": what,
+            "revision": self.session.revision,
+            "plan": self.name,
+            "crc32": crc32,
+            "answer": answer,
+        }
+        with self._lock, open(self.project.folder / ".session" / "audit.jsonl", "a") as log:
+            log.write(json.dumps(line) + "\n")
+
+    def _left(self, person: protocol.Person) -> None:
+        self.give_up_control(person)
+
+    def _name_of(self, person: str) -> str:
+        return next((p.name for p in self.hub.people if p.id == person), "somebody who left")
+
+
+def _listed(path: Path, hashes: tuple[str, str]) -> protocol.SavedTrajectory:
+    saved_at = datetime.fromtimestamp(path.stat().st_mtime, UTC).isoformat(timespec="seconds")
+    try:
+        file = trajectory.load(path)
+    except (FormatError, InputError):
+        return protocol.SavedTrajectory(path.stem, 0.0, False, saved_at)
+    current = file.checked and (file.map_hash, file.vehicle_hash) == hashes
+    return protocol.SavedTrajectory(path.stem, file.trajectory.duration_s, current, saved_at)

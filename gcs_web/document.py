@@ -1,0 +1,152 @@
+"""What the pilots of one project edit together: waypoints and planner settings, as immutable values.
+
+A change is a `Patch` from one `Content` to the next; `difference` finds it, `patched` applies it. So an undo is the
+patch the other way round, and the journal (`gcs_web.journal`) stores what changed and no more.
+"""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import msgspec
+import numpy as np
+
+from flight import InputError, Waypoints
+
+MOST_WAYPOINTS = 10_000
+LARGEST_COORDINATE_M = 10_000.0
+
+
+class Point(msgspec.Struct, frozen=True):
+    """A waypoint that keeps its identity however its number changes."""
+
+    id: int
+    position_world_m: tuple[float, float, float]
+    yaw_rad: float | None = None
+    """None where the planner may choose the heading."""
+
+
+class Settings(msgspec.Struct, frozen=True):
+    """What is asked of the planner beside the waypoints."""
+
+    speed_m_s: float = 5.0
+    acceleration_m_s2: float = 8.0
+    margin_m: float = 0.15
+    yaw: Literal["along_path", "smooth"] = "along_path"
+    method: Literal["fastest", "corridor"] = "fastest"
+
+
+SETTING_BOUNDS = {"speed_m_s": (0.1, 40.0), "acceleration_m_s2": (0.2, 100.0), "margin_m": (0.0, 10.0)}
+"""Smallest and largest value that is taken; the vehicle's own limits hold besides."""
+
+
+class Content(msgspec.Struct, frozen=True):
+    """The document at one revision."""
+
+    points: tuple[Point, ...] = ()
+    settings: Settings = Settings()
+    next_id: int = 0
+    """Id of the next new waypoint; ids are never used again."""
+
+    def waypoints(self) -> Waypoints:
+        """As the planner and `waypoints.json` take them."""
+        positions = np.array([p.position_world_m for p in self.points], dtype=np.float64).reshape(-1, 3)
+        yaw = [np.nan if p.yaw_rad is None else p.yaw_rad for p in self.points]
+        return Waypoints(positions, np.array(yaw, dtype=np.float64))
+
+    def with_waypoints(self, waypoints: Waypoints) -> "Content":
+        """With other waypoints, all of them new."""
+        return self.with_points(
+            [
+                Point(self.next_id + i, (float(p[0]), float(p[1]), float(p[2])), None if np.isnan(yaw) else float(yaw))
+                for i, (p, yaw) in enumerate(zip(waypoints.positions_world_m, waypoints.yaw_rad, strict=True))
+            ]
+        )
+
+    def with_points(self, points: Sequence[Point]) -> "Content":
+        """With other points, checked.
+
+        Raises:
+            InputError: a coordinate is not finite or too large, or there are too many points.
+        """
+        if len(points) > MOST_WAYPOINTS:
+            raise InputError(f"{len(points)} waypoints; {MOST_WAYPOINTS} are the most the page takes")
+        for number, point in enumerate(points):
+            values = (*point.position_world_m, 0.0 if point.yaw_rad is None else point.yaw_rad)
+            if not all(np.isfinite(values)) or max(map(abs, values)) > LARGEST_COORDINATE_M:
+                raise InputError(
+                    f"waypoint {number} would be at {list(point.position_world_m)} m, heading {point.yaw_rad}; "
+                    f"coordinates must be finite and within {LARGEST_COORDINATE_M:g} m"
+                )
+        next_id = max((p.id + 1 for p in points), default=0)
+        return Content(tuple(points), self.settings, max(self.next_id, next_id))
+
+    def number_of(self, waypoint: int) -> int:
+        """Where a waypoint stands in the order.
+
+        Raises:
+            InputError: it is not there (any more).
+        """
+        for number, point in enumerate(self.points):
+            if point.id == waypoint:
+                return number
+        raise InputError("that waypoint was deleted meanwhile; nothing was changed")
+
+
+class Splice(msgspec.Struct, frozen=True):
+    """At `start`, these ids go and those come."""
+
+    start: int
+    removed: tuple[int, ...]
+    added: tuple[int, ...]
+
+
+class Patch(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What turns one content into the next."""
+
+    points: tuple[Point, ...] = ()
+    """New ones, and those that have other values."""
+    order: Splice | None = None
+    settings: dict[str, float | str] = {}
+    next_id: int | None = None
+
+    @property
+    def touched(self) -> frozenset[int | str]:
+        """Ids of waypoints and names of settings that it changes: what another person's edit may conflict with."""
+        gone = () if self.order is None else self.order.removed
+        return frozenset((*(p.id for p in self.points), *gone, *self.settings))
+
+
+def difference(before: Content, after: Content) -> Patch:
+    known = {p.id: p for p in before.points}
+    old, new = [p.id for p in before.points], [p.id for p in after.points]
+    start = _shared(old, new)
+    end = min(_shared(old[::-1], new[::-1]), len(old) - start, len(new) - start)
+    splice = Splice(start, tuple(old[start : len(old) - end]), tuple(new[start : len(new) - end]))
+    settings = {
+        name: getattr(after.settings, name)
+        for name in Settings.__struct_fields__
+        if getattr(after.settings, name) != getattr(before.settings, name)
+    }
+    return Patch(
+        points=tuple(p for p in after.points if known.get(p.id) != p),
+        order=splice if splice.removed or splice.added else None,
+        settings=settings,
+        next_id=None if after.next_id == before.next_id else after.next_id,
+    )
+
+
+def patched(content: Content, patch: Patch) -> Content:
+    known = {p.id: p for p in content.points} | {p.id: p for p in patch.points}
+    order = [p.id for p in content.points]
+    if patch.order is not None:
+        order[patch.order.start : patch.order.start + len(patch.order.removed)] = patch.order.added
+    return Content(
+        tuple(known[i] for i in order),
+        msgspec.structs.replace(content.settings, **patch.settings),
+        content.next_id if patch.next_id is None else patch.next_id,
+    )
+
+
+def _shared(a: list[int], b: list[int]) -> int:
+    """Length of the common beginning."""
+    return next((i for i, (x, y) in enumerate(zip(a, b, strict=False)) if x != y), min(len(a), len(b)))

@@ -1,0 +1,79 @@
+"""The map and the vehicle that plans are checked against, and whether their files have changed since."""
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import mapping
+import vehicle
+from flight import project
+
+_PERIOD_S = 0.5
+
+Signature = tuple[tuple[str, int, int], ...]
+"""Name, time of the last change (ns) and size of every file that a plan depends on."""
+
+
+def signature(folder: Path) -> Signature:
+    """Of a project's map and vehicle as they are on disk now; what is missing is left out."""
+    opened = project.Project(folder, "")
+    watched = [opened.vehicle, *sorted(p for p in opened.map.rglob("*") if p.is_file())]
+    found = []
+    for path in watched:
+        try:
+            status = path.stat()
+        except FileNotFoundError:
+            continue
+        found.append((str(path.relative_to(folder)), status.st_mtime_ns, status.st_size))
+    return tuple(found)
+
+
+class Parts:
+    """Map and vehicle of a project, read again when asked for with another signature."""
+
+    def __init__(self, folder: Path) -> None:
+        self._project = project.Project(folder, "")
+        self._maps: tuple[Signature, mapping.Map] | None = None
+        self._vehicles: tuple[Signature, vehicle.Vehicle] | None = None
+
+    def map(self, wanted: Signature) -> mapping.Map:
+        """Raises `FlightError` if it cannot be read."""
+        if self._maps is None or self._maps[0] != wanted:
+            self._maps = (wanted, mapping.open_map(self._project.map))
+        return self._maps[1]
+
+    def vehicle(self, wanted: Signature) -> vehicle.Vehicle:
+        """Raises `FlightError` if it cannot be read."""
+        if self._vehicles is None or self._vehicles[0] != wanted:
+            self._vehicles = (wanted, vehicle.load(self._project.vehicle))
+        return self._vehicles[1]
+
+
+class Watch:
+    """Looks at the files twice a second and calls `on_change` once they have come to rest in a new state."""
+
+    def __init__(self, folder: Path, extra: Path, on_change: Callable[[], None]) -> None:
+        """`extra`: one more file, `waypoints.json`."""
+        self._folder, self._extra, self._on_change = folder, extra, on_change
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="watch of the project's files", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join(timeout=5.0)
+
+    def _state(self) -> tuple[Signature, int]:
+        try:
+            return signature(self._folder), self._extra.stat().st_mtime_ns
+        except FileNotFoundError:
+            return signature(self._folder), 0
+
+    def _run(self) -> None:
+        told = last = self._state()
+        while not self._stop.wait(_PERIOD_S):
+            now = self._state()
+            if now == last != told:
+                told = now
+                self._on_change()
+            last = now

@@ -1,0 +1,206 @@
+"""The document on disk: a snapshot and a journal of the changes since, so that kill -9 loses nothing.
+
+Each line of `journal.jsonl` is the CRC-32 of its text and the text; a change counts once its line is on disk (fsync).
+A last line that is cut off was never acknowledged and is dropped. Every `COMPACT_AFTER` lines the snapshot is renewed
+(temporary file, rename) and the journal begins anew; lines that the snapshot already holds are passed over on reading.
+"""
+
+import errno
+import fcntl
+import io
+import os
+import zlib
+from collections import deque
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+
+from flight import FormatError, InputError, file_format, results
+from gcs_web.document import Content, Patch, patched
+
+UNDO_DEPTH = 200
+COMPACT_AFTER = 1000
+FORMAT, VERSION = "goshawk-document", 1
+
+
+class Entry(msgspec.Struct, frozen=True):
+    """One change, and the way back."""
+
+    revision: int
+    author: str
+    label: str
+    kind: Literal["edit", "undo", "redo"]
+    patch: Patch
+    inverse: Patch
+
+
+class _Snapshot(msgspec.Struct):
+    format: str
+    version: int
+    revision: int
+    content: Content
+    undo: list[Entry]
+    redo: list[Entry]
+
+
+@dataclass(slots=True)
+class Saved:
+    """What is on disk."""
+
+    revision: int = 0
+    content: Content = field(default_factory=Content)
+    undo: deque[Entry] = field(default_factory=lambda: deque(maxlen=UNDO_DEPTH))
+    redo: list[Entry] = field(default_factory=list[Entry])
+
+    def take(self, entry: Entry, content: Content) -> None:
+        """Go on by one change. The content after it is given, because whoever made the change has it."""
+        if entry.kind == "undo":
+            self.redo.append(self.undo.pop())
+        elif entry.kind == "redo":
+            self.undo.append(self.redo.pop())
+        else:
+            self.undo.append(entry)
+            self.redo.clear()
+        self.revision, self.content = entry.revision, content
+
+
+class Journal:
+    """The folder `.session` of a project; one process at a time."""
+
+    def __init__(self, folder: Path) -> None:
+        """Take the folder and read what it holds into `saved`.
+
+        Raises:
+            InputError: another ground station has the project open.
+            FormatError: the snapshot is damaged or of a newer version.
+        """
+        folder.mkdir(parents=True, exist_ok=True)
+        self._snapshot, self._path = folder / "document.json", folder / "journal.jsonl"
+        self._lock = _locked(folder / "lock")
+        try:
+            self.saved, self.notice = self._read()
+            self._file = self._opened()
+        except BaseException:
+            self._lock.close()
+            raise
+        self._lines = 0
+
+    @property
+    def is_new(self) -> bool:
+        """Whether no document was ever kept here."""
+        return self.saved.revision == 0 and not self._snapshot.exists()
+
+    def begin(self, content: Content) -> None:
+        """Start a new document with this content, which nobody can undo."""
+        self.saved.content = content
+        self.compact()
+
+    def append(self, entry: Entry, content: Content) -> None:
+        """Make a change last; `saved` is the document after it.
+
+        Raises:
+            InputError: the disk refused it; nothing was changed.
+        """
+        line, length = _line(entry), os.fstat(self._file.fileno()).st_size
+        try:
+            if self._file.write(line) != len(line):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            os.ftruncate(self._file.fileno(), length)  # half a line would hide all that come after it
+            said = f"the change was not saved ({error.strerror}) and not made; free some disk space"
+            raise InputError(said) from error
+        self.saved.take(entry, content)
+        self._lines += 1
+        if self._lines >= COMPACT_AFTER:
+            self.compact()
+
+    def compact(self) -> None:
+        """Renew the snapshot and begin the journal anew."""
+        saved = self.saved
+        snapshot = _Snapshot(FORMAT, VERSION, saved.revision, saved.content, list(saved.undo), saved.redo)
+        file_format.write_bytes(self._snapshot, msgspec.json.encode(snapshot))
+        self._file.close()
+        file_format.write_bytes(self._path, b"")
+        self._file = self._opened()
+        self._lines = 0
+
+    def close(self) -> None:
+        self._file.close()
+        self._lock.close()
+
+    def _opened(self) -> io.FileIO:
+        return io.FileIO(self._path, "ab")  # unbuffered: what was refused must not be written later
+
+    def _read(self) -> tuple[Saved, str]:
+        """The document, and a sentence where something was lost."""
+        saved = Saved()
+        if self._snapshot.exists():
+            snapshot = _decoded(self._snapshot)
+            saved = Saved(snapshot.revision, snapshot.content, deque(snapshot.undo, UNDO_DEPTH), snapshot.redo)
+        if not self._path.exists():
+            return saved, ""
+        data = self._path.read_bytes()
+        good = 0
+        for line in data.splitlines(keepends=True):
+            entry = _entry(line)
+            if entry is None or (entry.revision > saved.revision and not _follows(saved, entry)):
+                break
+            good += len(line)
+            if entry.revision > saved.revision:
+                saved.take(entry, patched(saved.content, entry.patch))
+        lost = data[good:]
+        if not lost:
+            return saved, ""
+        kept = results.keep(self._path) if b"\n" in lost else None  # a cut-off last line was never acknowledged
+        file_format.write_bytes(self._path, data[:good])
+        if kept is None:
+            return saved, ""
+        return saved, f"the journal is damaged after revision {saved.revision}; what followed is kept in {kept.name}"
+
+
+def _line(entry: Entry) -> bytes:
+    text = msgspec.json.encode(entry)
+    return b"%08x %s\n" % (zlib.crc32(text), text)
+
+
+def _entry(line: bytes) -> Entry | None:
+    """The change of a line, None where it is cut off or damaged."""
+    crc, _, text = line.removesuffix(b"\n").partition(b" ")
+    if not line.endswith(b"\n") or crc != b"%08x" % zlib.crc32(text):
+        return None
+    try:
+        return msgspec.json.decode(text, type=Entry)
+    except msgspec.DecodeError:
+        return None
+
+
+def _follows(saved: Saved, entry: Entry) -> bool:
+    stack = {"edit": True, "undo": saved.undo, "redo": saved.redo}[entry.kind]
+    return entry.revision == saved.revision + 1 and bool(stack)
+
+
+def _decoded(path: Path) -> _Snapshot:
+    file_format.read_json(path, format=FORMAT, version=VERSION)  # refuses what is no document, and newer versions
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=_Snapshot)
+    except msgspec.DecodeError as error:
+        raise FormatError(f"{path} is damaged: {error}; move it away to start from waypoints.json") from error
+
+
+def _locked(path: Path) -> io.FileIO:
+    lock = io.FileIO(path, "a+")
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        lock.seek(0)
+        owner = lock.read(20).decode(errors="replace").strip() or "unknown"
+        lock.close()
+        raise InputError(
+            f"another ground station (process {owner}) has this project open; use its page, or stop it first"
+        ) from None
+    lock.truncate(0)
+    lock.write(str(os.getpid()).encode())
+    return lock

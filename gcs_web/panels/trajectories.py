@@ -1,0 +1,55 @@
+"""Saved trajectories: save, open, discard."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from flight import InputError, Waypoints, project, results, trajectory
+from gcs_web import protocol
+from gcs_web.desk import Desk
+
+
+def _plan_again(desk: Desk, _: protocol.Person, __: protocol.PlanAgain) -> None:
+    desk.request_plan()
+
+
+def _save(desk: Desk, _: protocol.Person, save: protocol.Save) -> None:
+    name = project.part_name(save.name)
+    file = desk.checked()
+    path = desk.project.trajectory(name)
+    results.require_free(path, overwrite=save.overwrite)
+    with results.new_file(path, overwrite=save.overwrite) as placing:
+        trajectory.save(placing.temporary, replace(file, name=name))
+    desk.rename(name)
+    desk.show_files()
+    kept = f"; the old one is kept as {placing.kept.name}" if placing.kept else ""
+    desk.notice(f"Saved as {path.relative_to(desk.project.folder)}{kept}.")
+
+
+def _open(desk: Desk, person: protocol.Person, wanted: protocol.Open) -> None:
+    name = project.part_name(wanted.name)
+    points = trajectory.load(desk.project.trajectory(name)).waypoints_world_m
+    label = f"waypoints of {name} opened"
+    desk.name = name
+    desk.session.take(Waypoints(points, np.full(len(points), np.nan)), label, person.name)
+    desk.notice(f"{label[0].upper()}{label[1:]}.", undo=True)
+
+
+def _discard(desk: Desk, _: protocol.Person, unwanted: protocol.Discard) -> None:
+    name = project.part_name(unwanted.name)
+    path = desk.project.trajectory(name)
+    if not path.is_file():
+        raise InputError(f"there is no trajectory {name} (any more)")
+    moved = results.move_aside(path)
+    desk.show_files()
+    desk.notice(f"{name} discarded; it is kept as {moved.name}.")
+
+
+HANDLERS: dict[type, Callable[[Desk, protocol.Person, Any], None]] = {
+    protocol.PlanAgain: _plan_again,
+    protocol.Save: _save,
+    protocol.Open: _open,
+    protocol.Discard: _discard,
+}

@@ -1,0 +1,119 @@
+"""Orders to the vehicle. All but Abort need control and a nonce, and all are written into the audit log."""
+
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime
+from typing import Any
+
+import vehicle
+from firmware_bridge.dialect.generated.messages import Command
+from flight import FlightError, InputError, flight_log, results
+from gcs_web import protocol
+from gcs_web.desk import Desk
+
+_COMMANDS = {
+    "arm": Command.ARM,
+    "pause": Command.PAUSE,
+    "resume": Command.RESUME,
+    "land": Command.LAND,
+    "disarm": Command.DISARM,
+}
+
+
+def _take_control(desk: Desk, person: protocol.Person, take: protocol.TakeControl) -> None:
+    desk.take_control(person, force=take.force)
+
+
+def _give_up_control(desk: Desk, person: protocol.Person, _: protocol.GiveUpControl) -> None:
+    desk.give_up_control(person)
+
+
+def _prepare_upload(desk: Desk, person: protocol.Person, prepare: protocol.PrepareUpload) -> protocol.Reply:
+    watch = desk.require_control(person)
+    here = watch.planned(desk.checked(), desk.name)
+    there = watch.held()
+    return protocol.Reply(prepare.serial, nonce=desk.new_nonce(person, here.crc32), here=here, there=there)
+
+
+def _upload(desk: Desk, person: protocol.Person, upload: protocol.Upload) -> None:
+    watch, file = desk.require_control(person), desk.checked()
+    desk.use_nonce(upload.nonce, person, watch.planned(file, desk.name).crc32)
+    believed = desk.parts.vehicle(desk.inputs)
+    _audited(
+        desk,
+        person,
+        "upload",
+        lambda: desk.notice(
+            watch.upload(
+                file,
+                desk.name,
+                map_hash=desk.parts.map(desk.inputs).hash,
+                vehicle_hash=vehicle.vehicle_hash(believed),
+            )
+        ),
+    )
+
+
+def _prepare_order(desk: Desk, person: protocol.Person, prepare: protocol.PrepareOrder) -> protocol.Reply:
+    desk.require_control(person)
+    return protocol.Reply(prepare.serial, nonce=desk.new_nonce(person, "order"))
+
+
+def _order(desk: Desk, person: protocol.Person, order: protocol.Order) -> None:
+    watch = desk.require_control(person)
+    desk.use_nonce(order.nonce, person, "order")
+    if order.order == "start":
+        _audited(desk, person, "start", lambda: _start(desk, person))
+    else:
+        _audited(desk, person, order.order, lambda: watch.order(_COMMANDS[order.order]))
+
+
+def _start(desk: Desk, person: protocol.Person) -> None:
+    """Fly what the vehicle holds, if it is the checked plan; the log is saved when it has landed."""
+    watch, file = desk.require_control(person), desk.checked()
+    wanted, held = watch.planned(file, desk.name), watch.held()
+    if held is None or held.crc32 != wanted.crc32:
+        raise InputError(f"the vehicle holds {held.name if held else 'nothing'}, not this plan; upload it first")
+
+    def fly() -> None:
+        try:
+            log = watch.fly(replace(file, name=desk.name))
+            name = f"{desk.name}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
+            path = desk.project.flight(name)
+            with results.new_file(path, overwrite=False) as placing:
+                flight_log.save(placing.temporary, log)
+            desk.notice(f"Landed; the log is saved as {path.relative_to(desk.project.folder)}.")
+        except FlightError as error:
+            desk.notice(f"The flight ended early: {error}", level="danger")
+        desk.show_files()
+
+    threading.Thread(target=fly, name="flight", daemon=True).start()
+
+
+def _abort(desk: Desk, person: protocol.Person, _: protocol.Abort) -> None:
+    watch = desk.watch
+    if watch is None:
+        raise InputError("the ground station was started without a vehicle; there is nothing to abort")
+    _audited(desk, person, "abort", watch.land)
+    desk.notice(f"{person.name} aborted: the vehicle brakes and lands", level="danger")
+
+
+def _audited(desk: Desk, person: protocol.Person, what: str, do: Callable[[], None]) -> None:
+    try:
+        do()
+    except FlightError as error:
+        desk.audit(person, what, f"refused: {error}")
+        raise
+    desk.audit(person, what, "done")
+
+
+HANDLERS: dict[type, Callable[[Desk, protocol.Person, Any], protocol.Reply | None]] = {
+    protocol.TakeControl: _take_control,
+    protocol.GiveUpControl: _give_up_control,
+    protocol.PrepareUpload: _prepare_upload,
+    protocol.Upload: _upload,
+    protocol.PrepareOrder: _prepare_order,
+    protocol.Order: _order,
+    protocol.Abort: _abort,
+}

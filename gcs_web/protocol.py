@@ -1,0 +1,407 @@
+"""What page and server tell each other: JSON messages on one WebSocket, each a struct here and a type in the client.
+
+`tools/page_types.py` writes `gcs_web/client/src/protocol.ts` from this file; a test proves that it is up to date.
+Lengths in metres, times in seconds, positions in the map's world frame (z up). Angles are in degrees here, because
+people read them; the server turns them into radians as they come in.
+"""
+
+from typing import Literal
+
+import msgspec
+
+PROTOCOL = 1
+"""Raised when an old page could misread a new server."""
+
+
+# --- parts of messages ---
+
+
+class Person(msgspec.Struct, frozen=True):
+    """Someone who has the page open."""
+
+    id: str
+    name: str
+
+
+class Waypoint(msgspec.Struct, frozen=True):
+    """A point to fly through."""
+
+    id: int
+    """Stays with the waypoint however its number changes."""
+    x_m: float
+    y_m: float
+    z_m: float
+    yaw_deg: float | None = None
+    """Heading, None where the planner may choose."""
+
+
+class Settings(msgspec.Struct, frozen=True):
+    """What the pilot asks of the planner."""
+
+    speed_m_s: float
+    acceleration_m_s2: float
+    margin_m: float
+    yaw: Literal["along_path", "smooth"]
+    method: Literal["fastest", "corridor"]
+
+
+class Limit(msgspec.Struct, frozen=True):
+    """How much of a limit the plan uses."""
+
+    name: str
+    value: float
+    bound: float
+    sense: Literal["<=", ">="]
+    unit: str
+    share: float
+    """Of the limit that is used, 0 to 1; above 1 it is exceeded."""
+    time_s: float
+    """When it is used most."""
+
+
+class Segment(msgspec.Struct, frozen=True):
+    """A stretch between two waypoints."""
+
+    start_s: float
+    end_s: float
+    binding: str
+    """Name of the limit of which most is used there."""
+    share: float
+
+
+class Passing(msgspec.Struct, frozen=True):
+    """How the plan passes a waypoint."""
+
+    waypoint: int
+    time_s: float
+    speed_m_s: float
+    clearance_m: float
+
+
+class Series(msgspec.Struct, frozen=True):
+    """The plan sampled at equal steps of time; all lists are of one length, but the last of four times that."""
+
+    time_s: list[float]
+    x_m: list[float]
+    y_m: list[float]
+    z_m: list[float]
+    speed_m_s: list[float]
+    acceleration_m_s2: list[float]
+    clearance_m: list[float]
+    tilt_deg: list[float]
+    rotor_slowest_rad_s: list[float]
+    rotor_fastest_rad_s: list[float]
+    yaw_rate_deg_s: list[float]
+    q_world_body: list[float]
+    """Attitudes one after another, four numbers each (w x y z)."""
+
+
+class Problem(msgspec.Struct, frozen=True):
+    """Why there is no plan, and the way out."""
+
+    reason: str
+    remedy: str
+    waypoint: int | None
+    """Id of the waypoint in question."""
+
+
+class SavedTrajectory(msgspec.Struct, frozen=True):
+    """A trajectory file of the project."""
+
+    name: str
+    duration_s: float
+    checked: bool
+    """By the final gate, for the map and the vehicle as they are now."""
+    saved_at: str
+    """ISO 8601, UTC."""
+
+
+class Held(msgspec.Struct, frozen=True):
+    """A trajectory as shown before an upload: what the vehicle has, or what it would get."""
+
+    name: str
+    duration_s: float
+    segments: int
+    room_m: float
+    """What is left between the vehicle's surface and every obstacle: room for its tracking error."""
+    crc32: str
+
+
+# --- from the server ---
+
+
+class Welcome(msgspec.Struct, frozen=True, tag="welcome"):
+    """First message on every connection."""
+
+    protocol: int
+    you: str
+    """Id of this person."""
+    project: str
+    vehicle: bool
+    """Whether a vehicle was given when the station was started."""
+
+
+class Document(msgspec.Struct, frozen=True, tag="document"):
+    """What the pilots edit together."""
+
+    revision: int
+    author: str
+    """Name of who made this revision."""
+    waypoints: list[Waypoint]
+    settings: Settings
+    undo: str
+    """What undo would take back, in words; empty for nothing."""
+    redo: str
+
+
+class Plan(msgspec.Struct, frozen=True, tag="plan"):
+    """The answer to a revision of the document."""
+
+    revision: int
+    state: Literal["none", "planning", "checked", "refused", "void"]
+    """`void`: the map or the vehicle changed since the check."""
+    sentence: str
+    """The verdict in words."""
+    name: str = ""
+    problem: Problem | None = None
+    duration_s: float = 0.0
+    top_speed_m_s: float = 0.0
+    clearance_m: float = 0.0
+    required_clearance_m: float = 0.0
+    closest: tuple[float, float, float] | None = None
+    """Where the path comes closest to an obstacle, world frame."""
+    planning_ms: float = 0.0
+    crc32: str = ""
+    limits: list[Limit] = []
+    segments: list[Segment] = []
+    passings: list[Passing] = []
+    series: Series | None = None
+
+
+class Vehicle(msgspec.Struct, frozen=True, tag="vehicle"):
+    """The vehicle as last heard; sent on every change and at least twice a second."""
+
+    link: Literal["none", "fresh", "stale", "lost"]
+    """Stale after 0.5 s, lost after 2 s."""
+    name: str = ""
+    age_s: float = 0.0
+    mission: str = ""
+    armed: bool = False
+    holds: str = ""
+    """Name of the active trajectory."""
+    holds_crc32: str = ""
+    round_trip_ms: float | None = None
+    battery_v: float | None = None
+    x_m: float | None = None
+    y_m: float | None = None
+    z_m: float | None = None
+    error_m: float | None = None
+    """Distance from the set-point now, while a trajectory is flown."""
+    largest_error_m: float | None = None
+    reason: str = ""
+    """Why the vehicle last changed its state, in its own words."""
+
+
+class People(msgspec.Struct, frozen=True, tag="people"):
+    people: list[Person]
+    in_control: str
+    """Id of the person whose orders the station passes on; empty for nobody."""
+
+
+class Files(msgspec.Struct, frozen=True, tag="files"):
+    trajectories: list[SavedTrajectory]
+    flights: list[str]
+
+
+class Notice(msgspec.Struct, frozen=True, tag="notice"):
+    """One line at the foot of the page; stays until the next."""
+
+    text: str
+    level: Literal["fact", "caution", "danger"] = "fact"
+    undo: bool = False
+    """Whether undo takes back what it tells."""
+
+
+class Cursor(msgspec.Struct, frozen=True, tag="cursor"):
+    """The 3D view was clicked on the path: show this moment everywhere."""
+
+    time_s: float
+
+
+class Selection(msgspec.Struct, frozen=True, tag="selection"):
+    """Waypoints were selected in the 3D view."""
+
+    waypoints: list[int]
+
+
+class Reply(msgspec.Struct, frozen=True, tag="reply"):
+    """Answer to one command."""
+
+    serial: int
+    error: str = ""
+    """Why it was refused, with the way out; empty when it was done."""
+    nonce: str = ""
+    here: Held | None = None
+    there: Held | None = None
+    """Of `prepare_upload`."""
+
+
+ToPage = Welcome | Document | Plan | Vehicle | People | Files | Notice | Cursor | Selection | Reply
+
+
+# --- from the page ---
+
+
+class Command(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What every command carries."""
+
+    serial: int
+    """Comes back in the reply."""
+
+
+class Edit(Command, frozen=True, kw_only=True):
+    """A change of the document."""
+
+    revision: int
+    """What the page showed when the change was made; it is merged if later changes did not touch the same waypoints."""
+
+
+class Move(Edit, frozen=True, tag="move", kw_only=True):
+    """Set coordinates of waypoints; None leaves one as it is."""
+
+    waypoints: list[int]
+    x_m: float | None = None
+    y_m: float | None = None
+    z_m: float | None = None
+
+
+class Shift(Edit, frozen=True, tag="shift", kw_only=True):
+    """Move waypoints together."""
+
+    waypoints: list[int]
+    x_m: float = 0.0
+    y_m: float = 0.0
+    z_m: float = 0.0
+
+
+class Turn(Edit, frozen=True, tag="turn", kw_only=True):
+    """Set the heading of waypoints; None lets the planner choose."""
+
+    waypoints: list[int]
+    yaw_deg: float | None
+
+
+class Insert(Edit, frozen=True, tag="insert", kw_only=True):
+    """Add a waypoint after another (None: at the start); without coordinates half-way to the next one."""
+
+    after: int | None
+    x_m: float | None = None
+    y_m: float | None = None
+    z_m: float | None = None
+
+
+class Delete(Edit, frozen=True, tag="delete", kw_only=True):
+    waypoints: list[int]
+
+
+class Reverse(Edit, frozen=True, tag="reverse", kw_only=True):
+    """Fly the waypoints in the other order."""
+
+
+class Choose(Edit, frozen=True, tag="choose", kw_only=True):
+    """Change settings; None leaves one as it is."""
+
+    speed_m_s: float | None = None
+    acceleration_m_s2: float | None = None
+    margin_m: float | None = None
+    yaw: Literal["along_path", "smooth"] | None = None
+    method: Literal["fastest", "corridor"] | None = None
+
+
+class Undo(Command, frozen=True, tag="undo", kw_only=True):
+    pass
+
+
+class Redo(Command, frozen=True, tag="redo", kw_only=True):
+    pass
+
+
+class PlanAgain(Command, frozen=True, tag="plan_again", kw_only=True):
+    """Plan and check the document as it is now, with the map and the vehicle as they are now."""
+
+
+class Save(Command, frozen=True, tag="save", kw_only=True):
+    """Write the checked plan into the project."""
+
+    name: str
+    overwrite: bool = False
+
+
+class Open(Command, frozen=True, tag="open", kw_only=True):
+    """Take the waypoints of a saved trajectory into the document (one change, undoable)."""
+
+    name: str
+
+
+class Discard(Command, frozen=True, tag="discard", kw_only=True):
+    """Move a saved trajectory into the project's bin."""
+
+    name: str
+
+
+class Select(Command, frozen=True, tag="select", kw_only=True):
+    """Tell the 3D view which waypoints are selected on the page."""
+
+    waypoints: list[int]
+
+
+class Look(Command, frozen=True, tag="look", kw_only=True):
+    """Show a moment of the plan in the 3D view; None hides the drawn vehicle."""
+
+    time_s: float | None
+
+
+class Show(Command, frozen=True, tag="show", kw_only=True):
+    """What the 3D view draws."""
+
+    colour: Literal["clearance", "speed", "tilt", "rotors"] = "clearance"
+    slice_z_m: float | None = None
+    """Height of a slice through the distance field; None for none."""
+
+
+class TakeControl(Command, frozen=True, tag="take_control", kw_only=True):
+    """Ask to be the one person whose orders go to the vehicle."""
+
+    force: bool = False
+    """Also from someone who has it; they are told."""
+
+
+class GiveUpControl(Command, frozen=True, tag="give_up_control", kw_only=True):
+    pass
+
+
+class PrepareUpload(Command, frozen=True, tag="prepare_upload", kw_only=True):
+    """Compare the plan with what the vehicle holds; the reply has both and a nonce that `upload` uses up."""
+
+
+class Upload(Command, frozen=True, tag="upload", kw_only=True):
+    nonce: str
+
+
+class PrepareOrder(Command, frozen=True, tag="prepare_order", kw_only=True):
+    """Announce an order; the reply has the nonce that `order` uses up."""
+
+
+class Order(Command, frozen=True, tag="order", kw_only=True):
+    order: Literal["arm", "start", "pause", "resume", "land", "disarm"]
+    nonce: str
+
+
+class Abort(Command, frozen=True, tag="abort", kw_only=True):
+    """Land at once. Needs neither control nor a nonce."""
+
+
+FromPage = (
+    Move | Shift | Turn | Insert | Delete | Reverse | Choose | Undo | Redo | PlanAgain | Save | Open | Discard
+    | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort
+)  # fmt: skip

@@ -1,0 +1,193 @@
+"""The 3D view: map, path, waypoints and vehicle, drawn by viser. Clicks and drags are callbacks.
+
+viser is given numbers and fixed names only: no text of a user's, a log's or a vehicle's reaches it.
+"""
+
+import threading
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from flight import FloatArray
+from gcs_web import protocol, scene
+from gcs_web.document import Point
+from mapping import Map
+
+if TYPE_CHECKING:
+    import viser
+
+Colour = Literal["clearance", "speed", "tilt", "rotors"]
+
+_BALL_M = 0.05
+_SEEN = 1e-3
+"""Smallest change of a pose (m, or of a quaternion's number) that is drawn."""
+_WHITE, _SELECTED = (233, 237, 240), (121, 176, 255)
+
+
+class View3D:
+    """Thread-safe."""
+
+    def __init__(self, server: "viser.ViserServer", *, triangles: int) -> None:
+        self._server, self._triangles = server, triangles
+        self._lock = threading.RLock()
+        self._points: tuple[Point, ...] = ()
+        self._balls: dict[int, Any] = {}
+        self._selected: tuple[int, ...] = ()
+        self._handle: Any = None
+        self._series: protocol.Series | None = None
+        self._required_m = 0.0
+        self._colour: Colour = "clearance"
+        self._slice_z_m: float | None = None
+        self._path: Any = None
+        self._map: Map | None = None
+        self._drawn_pose = np.zeros(7)
+        self.on_select: Callable[[int], None] = lambda _: None
+        """A waypoint was clicked; its id."""
+        self.on_drag: Callable[[int, FloatArray], None] = lambda _i, _p: None
+        """A waypoint was let go at (3,) world."""
+        server.gui.configure_theme(dark_mode=True, show_share_button=False, show_logo=False, control_layout="floating")
+        server.scene.set_up_direction("+z")
+        self._ghost = scene.draw_vehicle(server, "/planned", opacity=0.55)
+        self._vehicle = scene.draw_vehicle(server, "/vehicle", opacity=1.0)
+
+    def draw_map(self, area: Map) -> None:
+        """Show a map's mesh, and look at it if it is the first one."""
+        with self._lock:
+            first, self._map = self._map is None, area
+            mesh = scene.display_mesh(area.mesh, self._triangles)
+            self._server.scene.add_mesh_trimesh("/map", mesh, cast_shadow=False)
+            if first:
+                self._place_camera(area)
+            self._draw_slice()
+
+    def draw_waypoints(self, points: tuple[Point, ...]) -> None:
+        with self._lock, self._server.atomic():
+            self._points = points
+            wanted = {p.id: p for p in points}
+            for gone in self._balls.keys() - wanted.keys():
+                self._balls.pop(gone).remove()
+            for point in points:
+                self._ball(point).position = point.position_world_m
+            self._draw_handle()
+
+    def select(self, waypoints: Sequence[int]) -> None:
+        with self._lock, self._server.atomic():
+            self._selected = tuple(waypoints)
+            for name, ball in self._balls.items():
+                ball.color = _SELECTED if name in self._selected else _WHITE
+            self._draw_handle()
+
+    def draw_plan(self, series: protocol.Series | None, required_clearance_m: float) -> None:
+        """Draw a checked plan; None leaves the last good path there in grey."""
+        with self._lock:
+            self._required_m = required_clearance_m if series is not None else self._required_m
+            checked = series is not None
+            self._series = series if checked else self._series
+            self._draw_path(checked=checked)
+            if not checked:
+                self._ghost.visible = False
+
+    def look(self, time_s: float | None) -> None:
+        """Draw the vehicle where the plan has it at a moment; None hides it."""
+        with self._lock:
+            series = self._series
+            if time_s is None or series is None:
+                self._ghost.visible = False
+                return
+            k = int(np.clip(np.searchsorted(series.time_s, time_s), 0, len(series.time_s) - 1))
+            self._ghost.position = (series.x_m[k], series.y_m[k], series.z_m[k])
+            self._ghost.wxyz = tuple(series.q_world_body[4 * k : 4 * k + 4])
+            self._ghost.visible = True
+
+    def show(self, colour: Colour, slice_z_m: float | None) -> None:
+        with self._lock:
+            self._colour, self._slice_z_m = colour, slice_z_m
+            self._draw_path(checked=True)
+            self._draw_slice()
+
+    def move_vehicle(self, position_world_m: FloatArray, q_world_body: FloatArray) -> None:
+        """Draw the vehicle where it says that it is; one that stands still costs the browsers nothing."""
+        pose = np.concatenate([position_world_m, q_world_body])
+        if self._vehicle.visible and np.abs(pose - self._drawn_pose).max() < _SEEN:
+            return
+        self._drawn_pose = pose
+        with self._server.atomic():
+            self._vehicle.position, self._vehicle.wxyz = tuple(position_world_m), tuple(q_world_body)
+            self._vehicle.visible = True
+
+    def hide_vehicle(self) -> None:
+        """For a vehicle of which nothing is known (any more)."""
+        self._vehicle.visible = False
+
+    def _ball(self, point: Point) -> Any:
+        if point.id not in self._balls:
+            ball = self._server.scene.add_icosphere(
+                f"/waypoint_{point.id}",
+                radius=_BALL_M,
+                color=_WHITE,
+                cast_shadow=False,
+                position=point.position_world_m,
+            )
+            ball.on_click(lambda _: self.on_select(point.id))
+            self._balls[point.id] = ball
+        return self._balls[point.id]
+
+    def _draw_handle(self) -> None:
+        """Arrows at the one selected waypoint, by which it is dragged."""
+        chosen = [p for p in self._points if self._selected == (p.id,)]
+        if not chosen:
+            if self._handle is not None:
+                self._handle.remove()
+                self._handle = None
+            return
+        point = chosen[0]
+        if self._handle is None or self._handle.name != f"/handle_{point.id}":
+            if self._handle is not None:
+                self._handle.remove()
+            self._handle = self._server.scene.add_transform_controls(
+                f"/handle_{point.id}",
+                scale=0.5,
+                disable_rotations=True,
+                depth_test=False,
+                position=point.position_world_m,
+            )
+            self._handle.on_update(lambda event: self._dragged(point.id, event))
+        self._handle.position = point.position_world_m
+
+    def _dragged(self, waypoint: int, event: Any) -> None:
+        position = np.array(event.target.position, dtype=np.float64)
+        if event.phase == "end":
+            self.on_drag(waypoint, position)
+        elif waypoint in self._balls:
+            self._balls[waypoint].position = tuple(position)
+
+    def _draw_path(self, *, checked: bool) -> None:
+        if self._path is not None:
+            self._path.remove()
+            self._path = None
+        series = self._series
+        if series is None:
+            return
+        positions = np.stack([series.x_m, series.y_m, series.z_m], axis=1)
+        grey = np.full((len(positions), 3), 120, dtype=np.uint8)
+        colours = scene.series_colours(series, self._colour, self._required_m) if checked else grey
+        self._path = scene.draw_path(self._server, positions, colours)
+
+    def _draw_slice(self) -> None:
+        if self._slice_z_m is None or self._map is None:
+            self._server.scene.remove_by_name("/esdf_slice")
+            return
+        scene.draw_slice(self._server, self._map.field, self._slice_z_m, self._required_m)
+
+    def _place_camera(self, area: Map) -> None:
+        """Look at the middle of the map from behind and above, high enough to see over the walls."""
+        grid = area.field.grid
+        low = np.asarray(grid.origin_world_m)
+        high = low + np.asarray(grid.shape) * np.broadcast_to(grid.voxel_m, (3,))
+        target, reach = (low + high) / 2, float(np.linalg.norm((high - low)[:2]))
+
+        @self._server.on_client_connect
+        def _(client: Any) -> None:
+            client.camera.position = tuple(target + np.array([-0.2, -0.28, 0.4]) * reach)
+            client.camera.look_at = tuple(target)

@@ -1,0 +1,255 @@
+"""The whole station over its WebSocket, as a page talks to it, with a SITL vehicle that really flies."""
+
+import asyncio
+import json
+import shutil
+from collections.abc import Callable
+from contextlib import AsyncExitStack
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+import numpy as np
+import pytest
+
+import vehicle
+from firmware_bridge import SitlVehicle, controller, keys
+from flight import Waypoints, flight_log, project, trajectory
+from gcs_web import GroundStation
+from tests.waiting import PATIENCE_S
+
+START = np.array([[0.8, 0.8, 1.0], [3.0, 2.0, 1.2], [5.2, 0.8, 1.2]])
+
+
+@pytest.fixture(scope="module")
+def station(pillar_map: Path, tmp_path_factory):
+    opened = project.create(tmp_path_factory.mktemp("station") / "project", "two pillars")
+    shutil.copytree(pillar_map, opened.map)
+    believed = vehicle.example("rigter2019")
+    vehicle.save(opened.vehicle, believed)
+    project.save_waypoints(opened.waypoints, Waypoints(START, np.full(3, np.nan)))
+    key_file = opened.folder / "link.key"
+    start = vehicle.simulate.State(position_world_m=np.array([0.8, 0.8, 0.0]))
+    plant = vehicle.simulate.Plant(believed, start, ground_m=0.0)
+    with (
+        SitlVehicle(plant, controller.parameters_of(believed).parameters, key=keys.create(key_file)) as simulated,
+        GroundStation(opened.folder, vehicle_url=simulated.url, key_file=key_file, triangles=500) as running,
+    ):
+        yield running
+
+
+class Page:
+    """What a browser's page does: keeps the newest state, sends commands and waits for their replies."""
+
+    def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
+        self._socket = socket
+        self._serial = 0
+        self.state: dict[str, dict[str, Any]] = {}
+        self.notices: list[str] = []
+
+    async def _receive(self) -> dict[str, Any]:
+        message = json.loads(await asyncio.wait_for(self._socket.receive_str(), PATIENCE_S))
+        self.state[message["type"]] = message
+        if message["type"] == "notice":
+            self.notices.append(message["text"])
+        return message
+
+    async def until(self, condition: Callable[["Page"], Any]) -> None:
+        while not condition(self):
+            await self._receive()
+
+    async def command(self, type: str, **arguments: Any) -> dict[str, Any]:
+        """Send a command; its reply."""
+        self._serial += 1
+        await self._socket.send_str(json.dumps({"type": type, "serial": self._serial, **arguments}))
+        while True:
+            message = await self._receive()
+            if message["type"] == "reply" and message["serial"] == self._serial:
+                return message
+
+    async def edit(self, type: str, **arguments: Any) -> dict[str, Any]:
+        revision = arguments.pop("revision", self.state["document"]["revision"])
+        return await self.command(type, revision=revision, **arguments)
+
+    async def checked(self) -> None:
+        """Wait for the checked plan of the newest document."""
+
+        def answered(page: Page) -> bool:
+            document, plan = page.state.get("document"), page.state.get("plan")
+            return bool(document and plan and plan["revision"] == document["revision"] and plan["state"] == "checked")
+
+        await self.until(answered)
+
+    def heights(self) -> list[float]:
+        return [w["z_m"] for w in self.state["document"]["waypoints"]]
+
+
+def visit(station: GroundStation, people: int, talk: Callable[..., Any]) -> None:
+    """Run a coroutine function with the pages of so many people, each with its own cookie."""
+
+    async def run() -> None:
+        async with AsyncExitStack() as stack:
+            pages = []
+            for _ in range(people):
+                jar = aiohttp.CookieJar(unsafe=True)
+                browser = await stack.enter_async_context(aiohttp.ClientSession(cookie_jar=jar))
+                url = station.url
+                async with browser.get(url, allow_redirects=False):
+                    pass
+                origin = url.split("/?")[0]
+                socket = await stack.enter_async_context(browser.ws_connect(f"{origin}/ws", headers={"Origin": origin}))
+                page = Page(socket)
+                await page.until(lambda p: {"welcome", "document", "plan", "files"} <= p.state.keys())
+                pages.append(page)
+            await talk(*pages)
+
+    asyncio.run(run())
+
+
+@pytest.fixture(autouse=True)
+def same_waypoints(station: GroundStation):
+    """Each test begins with the same waypoints, whatever ran before it."""
+    station.desk.session.take(Waypoints(START, np.full(3, np.nan)), "test begins", "test")
+
+
+def test_an_edit_is_planned_and_undo_brings_the_waypoint_back(station):
+    async def talk(page: Page):
+        ids = [w["id"] for w in page.state["document"]["waypoints"]]
+        assert (await page.edit("move", waypoints=[ids[1]], z_m=1.5))["error"] == ""
+        await page.checked()
+        assert page.heights() == [1.0, 1.5, 1.2]
+        assert page.state["notice"]["undo"]
+        await page.command("undo")
+        await page.until(lambda p: p.heights() == [1.0, 1.2, 1.2])
+
+    visit(station, 1, talk)
+
+
+def test_two_people_see_each_others_edits_and_conflicts_are_refused(station):
+    async def talk(anna: Page, ben: Page):
+        ids = [w["id"] for w in anna.state["document"]["waypoints"]]
+        seen = anna.state["document"]["revision"]
+        assert not (await anna.edit("move", waypoints=[ids[0]], z_m=1.1, revision=seen))["error"]
+        assert not (await ben.edit("move", waypoints=[ids[2]], z_m=1.3, revision=seen))["error"]
+        refused = await ben.edit("move", waypoints=[ids[0]], z_m=1.4, revision=seen)
+        assert "changed the same meanwhile" in refused["error"]
+        for page in (anna, ben):
+            await page.until(lambda p: p.heights() == [1.1, 1.2, 1.3])
+
+    visit(station, 2, talk)
+
+
+def test_a_saved_plan_is_checked_and_never_replaced_unasked(station):
+    async def talk(page: Page):
+        await page.checked()
+        assert not (await page.command("save", name="lap-1"))["error"]
+        saved = trajectory.load(station.desk.project.trajectory("lap-1"))
+        assert saved.checked
+        assert saved.map_hash == station.desk.parts.map(station.desk.inputs).hash
+        assert "--overwrite" in (await page.command("save", name="lap-1"))["error"]
+        assert not (await page.command("save", name="lap-1", overwrite=True))["error"]
+        assert "kept as lap-1.json.old-1" in page.notices[-1]
+        for name in ("../../../x", "<iframe srcdoc=x>", "", ".hidden", "a/b"):
+            assert "cannot be a name" in (await page.command("save", name=name))["error"]
+        await page.until(lambda p: [t["name"] for t in p.state["files"]["trajectories"]] == ["lap-1"])
+        await page.command("discard", name="lap-1")
+        await page.until(lambda p: p.state["files"]["trajectories"] == [])
+
+    visit(station, 1, talk)
+
+
+def test_a_plan_is_void_once_the_vehicle_changes_underneath(station):
+    async def talk(page: Page):
+        await page.checked()
+        path = station.desk.project.vehicle
+        before = path.read_bytes()
+        vehicle.save(path, vehicle.load(path).with_value("mass_kg", 0.72))
+        await page.until(lambda p: p.state["plan"]["state"] == "void")
+        assert "map or the vehicle changed" in (await page.command("save", name="stale"))["error"]
+        await page.command("plan_again")
+        await page.checked()
+        path.write_bytes(before)
+        await page.until(lambda p: p.state["plan"]["state"] == "void")
+        await page.command("plan_again")
+        await page.checked()
+
+    visit(station, 1, talk)
+
+
+def test_waypoints_changed_by_another_program_appear_on_the_page(station):
+    async def talk(page: Page):
+        project.save_waypoints(
+            station.desk.project.waypoints, Waypoints(np.add(START, (0.0, 0.0, 0.25)), np.full(3, np.nan))
+        )
+        await page.until(lambda p: p.heights() == [1.25, 1.45, 1.45])
+        assert page.state["document"]["author"] == "another program"
+        await page.command("undo")
+        await page.until(lambda p: p.heights() == [1.0, 1.2, 1.2])
+
+    visit(station, 1, talk)
+
+
+def test_what_a_page_may_not_send_is_answered_and_does_no_harm(station):
+    async def talk(page: Page):
+        before = page.state["document"]
+        for text in (
+            "", "[]", "null", '{"type": "explode"}', '{"type": "move"}', "{" * 3000, '"' + "a" * 100_000 + '"',
+            '{"type": "move", "serial": 1, "revision": 0, "waypoints": ["a"]}',
+            '{"type": "move", "serial": 1, "revision": 0, "waypoints": [0], "x_m": NaN}',
+            '{"type": "move", "serial": 1, "revision": 0, "waypoints": [0], "x_m": 1e400}',
+        ):  # fmt: skip
+            await page._socket.send_str(text)
+            reply = await page._receive()
+            while reply["type"] != "reply":
+                reply = await page._receive()
+            assert "does not understand" in reply["error"]
+        huge = await page.edit("move", waypoints=[w["id"] for w in before["waypoints"]], x_m=1e9)
+        assert "within 10000 m" in huge["error"]
+        assert page.state["document"]["waypoints"] == before["waypoints"]
+
+    visit(station, 1, talk)
+
+
+def test_orders_need_control_and_a_nonce_that_is_good_once(station):
+    async def talk(anna: Page, ben: Page):
+        await anna.checked()
+        assert "nobody is in control" in (await anna.command("prepare_upload"))["error"]
+        assert not (await anna.command("take_control"))["error"]
+        assert "is in control" in (await ben.command("take_control"))["error"]
+        assert "is in control; take control first" in (await ben.command("prepare_upload"))["error"]
+        prepared = await anna.command("prepare_upload")
+        assert prepared["here"]["crc32"] == anna.state["plan"]["crc32"]
+        assert not (await anna.command("upload", nonce=prepared["nonce"]))["error"]
+        assert "given before" in (await anna.command("upload", nonce=prepared["nonce"]))["error"]
+        nonce = (await anna.command("prepare_order"))["nonce"]
+        assert "given before" in (await anna.command("upload", nonce=nonce))["error"]  # nor for another purpose
+        assert not (await ben.command("take_control", force=True))["error"]
+        await anna.until(lambda p: any("took over control" in text for text in p.notices))
+        assert "is in control" in (await anna.command("order", order="arm", nonce="x"))["error"]
+        await ben.until(lambda p: p.state["vehicle"]["holds_crc32"] == p.state["plan"]["crc32"])
+        log = (station.desk.project.folder / ".session" / "audit.jsonl").read_text().splitlines()
+        upload = next(line for line in map(json.loads, reversed(log)) if line["what"] == "upload")
+        assert (upload["answer"], upload["crc32"]) == ("done", prepared["here"]["crc32"])
+
+    visit(station, 2, talk)
+
+
+def test_a_flight_is_flown_logged_and_aborted_from_the_page(station):
+    async def talk(page: Page, other: Page):
+        await page.checked()
+        await page.command("take_control", force=True)
+        prepared = await page.command("prepare_upload")
+        assert not (await page.command("upload", nonce=prepared["nonce"]))["error"]
+        nonce = (await page.command("prepare_order"))["nonce"]
+        assert not (await page.command("order", order="start", nonce=nonce))["error"]
+        await page.until(lambda p: p.state["vehicle"].get("error_m") is not None)
+        assert not (await other.command("abort"))["error"]  # by whoever sees the danger
+        await page.until(lambda p: any("The flight ended early" in text for text in p.notices))
+        await page.until(lambda p: p.state["vehicle"]["mission"] in ("disarmed", "armed"))
+        if page.state["vehicle"]["mission"] == "armed":
+            nonce = (await page.command("prepare_order"))["nonce"]
+            await page.command("order", order="disarm", nonce=nonce)
+        await page.until(lambda p: p.state["vehicle"]["mission"] == "disarmed")
+
+    visit(station, 2, talk)
+    assert not list(station.desk.project.flights()) or flight_log.load(station.desk.project.flights()[0])
