@@ -1,7 +1,7 @@
 """Many RotorPy vehicles at once: its dynamics and its SE3 controller, restated over arrays so that campaigns are cheap.
 
 RotorPy integrates one vehicle at 1.6 times real time, too slow for hundreds of flights. Here the same equations act on
-a whole batch, one column per flight; `tests/sysid/test_blind_truth.py` holds them to RotorPy's own to 1e-9.
+a whole batch, one column per flight; `tests/sysid/diagnosis/test_blind_truth.py` holds them to RotorPy's own to 1e-9.
 What RotorPy lacks comes in through `Extra`s, which see the flow and add thrust, force and torque.
 Quaternions are RotorPy's x y z w here; nothing of Goshawk's own models is used.
 """

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from sysid.flight_data import Flight
-from sysid.problem import Noise
-from sysid.states import States
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.noise import Noise
+from sysid.estimator.states import States
 from vehicle import Vehicle
 
 GRAVITY = 9.80665
@@ -103,9 +103,10 @@ def _node(vehicle: Vehicle, names: tuple[str, ...], size: np.ndarray, noise: Noi
     now = _multiply(q, _exp(x[6:9]))
     offset = ca.vertcat(*(value[f"pose_sensor_{axis}_m"] for axis in "xyz"))
     rotation = ca.vertcat(*(value[f"pose_sensor_rotation_{axis}_rad"] for axis in "xyz"))
-    position = (measured[:3] - x[:3] - _matrix(now) @ offset) / noise.sensor.position_m
+    position_m, attitude_rad = noise.levels["pose"].tolist()
+    position = (measured[:3] - x[:3] - _matrix(now) @ offset) / position_m
     expected = _multiply(now, _exp(rotation))
-    turned = _log(_multiply(_conjugate(expected), measured[3:])) / noise.sensor.attitude_rad
+    turned = _log(_multiply(_conjugate(expected), measured[3:])) / attitude_rad
     return ca.Function("node", [x, q, measured, scaled], [ca.vertcat(position, turned)])
 
 

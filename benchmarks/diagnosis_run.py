@@ -12,8 +12,8 @@ from blind_campaigns import LOADED
 import sysid
 import vehicle
 from flight import FlightLog, InputError, file_format, flight_log
-from sysid.comparison import HORIZONS_S
 from sysid.diagnosis.procedure import while_searching
+from sysid.estimator.comparison import HORIZONS_S
 
 HORIZON = HORIZONS_S.index(0.5)
 SAME = while_searching(sysid.Options())
@@ -84,7 +84,7 @@ def stated(found: Any) -> dict[str, Any]:
                 "size": _short(s.size),
                 "smallest_visible": _short(s.smallest_visible),
             }
-            for s in found.suspects
+            for s in found.candidates
         },
     }
 

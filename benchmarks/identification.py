@@ -19,8 +19,8 @@ import rotorpy_flights
 import sysid
 import vehicle
 from flight import FlightLog
-from sysid import identification, problem
-from sysid import model as sysid_model
+from sysid.estimator import identification, problem
+from sysid.estimator.unknowns import model_parameters
 
 KINDS = ("vertical", "horizontal", "rotation")
 COVERAGE_CAMPAIGNS = 60
@@ -35,7 +35,7 @@ def rows() -> list[report.Row]:
 
 def wrong_start(truth: vehicle.Vehicle, rng: np.random.Generator) -> vehicle.Vehicle:
     """Every estimated number 40 to 80 % off."""
-    for name in (*sysid_model.model_parameters(truth), *(f"pose_sensor_{axis}_m" for axis in "xyz")):
+    for name in (*model_parameters(truth), *(f"pose_sensor_{axis}_m" for axis in "xyz")):
         factor = rng.choice([rng.uniform(0.2, 0.6), rng.uniform(1.4, 1.8)])
         truth = truth.with_value(name, truth.value(name) * float(factor))
     return truth

@@ -30,10 +30,10 @@ def fold(training: Sequence[FlightLog], left_out: FlightLog, model: Vehicle, opt
     models, steps = {"as given": model, "fitted": found.search.models[0].fit.vehicle}, []
     now, name_now = iter(found.search.models[1:]), "fitted"
     for i, trial in enumerate(found.search.trials):
-        name = f"{i} {trial.outcome}: {trial.suspect.name}"
+        name = f"{i} {trial.outcome}: {trial.candidate.name}"
         kept = trial.outcome in ("added", "removed")
         models[name] = next(now).fit.vehicle if kept else trial.fit.vehicle
-        steps.append({"model": name, "before": name_now, "effect": trial.suspect.name, "outcome": trial.outcome})
+        steps.append({"model": name, "before": name_now, "effect": trial.candidate.name, "outcome": trial.outcome})
         name_now = name if kept else name_now
     compared = sysid.compare(load.marked([left_out], found.search.unseen), models, options)
     errors = {name: {q: list(compared.errors[name][q]) for q in QUANTITIES} for name in models}

@@ -8,7 +8,7 @@ import esdf
 import planner
 from esdf import solids
 from flight import Waypoints
-from vehicle import Vehicle, flatness
+from vehicle import Vehicle, flatness, invert
 
 VOXEL_M = 0.1
 
@@ -18,6 +18,15 @@ class Place:
     """A scene in closed form, its sampled field, and waypoints that are themselves free."""
 
     kind: str
+    scene: solids.Scene
+    field: esdf.Field
+    waypoints: Waypoints
+
+
+@dataclass(frozen=True)
+class Clutter:
+    """A cluttered place in closed form, its sampled field, and the two points to fly between."""
+
     scene: solids.Scene
     field: esdf.Field
     waypoints: Waypoints
@@ -73,7 +82,7 @@ def sampled(scene: solids.Scene, size: tuple[float, float, float]) -> esdf.Field
     return esdf.build(esdf.rasterize(scene, grid), grid)
 
 
-def faults(plan: planner.Plan, where: Place, vehicle: Vehicle, required_m: float = 0.3) -> list[str]:
+def faults(plan: planner.Plan, where: Place | Clutter, vehicle: Vehicle, required_m: float = 0.3) -> list[str]:
     """What is wrong with a plan, by brute force: 20,000 samples, the closed form, differences for derivatives."""
     path, limits, found = plan.trajectory, vehicle.limits, []
     t = np.linspace(0.0, path.duration_s, 20_001)
@@ -100,3 +109,105 @@ def faults(plan: planner.Plan, where: Place, vehicle: Vehicle, required_m: float
     if np.hypot(*state.rate_body_rad_s[:, :2].T).max() > limits.rate_rad_s or state.tilt_rad.max() > limits.tilt_rad:
         found.append("tilt or rate")
     return found
+
+
+CLUTTER = ("forest .05", "forest .15", "forest .25", "office", "maze")
+"""Kinds of cluttered place; the numbers are trunks per square metre."""
+
+
+def clutter(kind: str, seed: int) -> Clutter:
+    """A forest 40 x 20 x 3 m, an office of 5 x 3 rooms of 5 m, or a maze of 10 x 10 cells of 2 m."""
+    rng = np.random.default_rng(seed)
+    if kind == "office":
+        items, size = _office(rng), (25.0, 15.0, 3.0)
+        start, goal = (1.0, 1.0), (24.0, 14.0)
+    elif kind == "maze":
+        items, size = _maze(rng), (20.0, 20.0, 3.0)
+        start, goal = (1.0, 1.0), (19.0, 19.0)
+    else:
+        size = (40.0, 20.0, 3.0)
+        start, goal = (1.0, 10.0), (39.0, 10.0)
+        items = _trunks(rng, float(kind.split()[1]), np.array([start, goal]))
+    points = np.array([[*start, 1.2], [*goal, 1.2]])
+    scene = solids.Scene([solids.Room((0.0, 0.0, 0.0), size), *items])
+    return Clutter(scene, sampled(scene, size), Waypoints(points, np.full(2, np.nan)))
+
+
+def _trunks(rng: np.random.Generator, per_m2: float, ends: np.ndarray) -> list[solids.Solid]:
+    """Trunks at least 0.9 m apart (between bark and bark), none within 1.2 m of either end."""
+    placed: list[tuple[float, float, float]] = []
+    for _ in range(100_000):
+        if len(placed) >= per_m2 * 800.0:
+            break
+        x, y, radius = rng.uniform((0.0, 0.0, 0.15), (40.0, 20.0, 0.35))
+        apart = all(np.hypot(x - a, y - b) > radius + r + 0.9 for a, b, r in placed)
+        if apart and np.hypot(*(ends - (x, y)).T).min() > radius + 1.2:
+            placed.append((x, y, radius))
+    return [solids.Cylinder((x, y, 1.5), radius, 3.0) for x, y, radius in placed]
+
+
+def _walls(open_doors: set[tuple[int, int, int]], cells: tuple[int, int], edge_m: float) -> list[solids.Solid]:
+    """Inner walls 0.1 m thick between cells; door (i, j, axis) leads from cell (i, j) one step up that axis."""
+    half, items = 0.05, []
+    for i, j, axis in np.ndindex(*cells, 2):
+        if (i + (axis == 0), j + (axis == 1)) >= cells or i + (axis == 0) >= cells[0] or j + (axis == 1) >= cells[1]:
+            continue
+        low, high = np.array([i, j]) * edge_m, np.array([i + 1, j + 1]) * edge_m
+        low[axis], high[axis] = high[axis] - half, high[axis] + half
+        spans = [(low, high)]
+        if (i, j, axis) in open_doors:
+            if edge_m < 3.0:  # a maze: the whole side is open
+                continue
+            across, middle = 1 - axis, 0.5 * (low[1 - axis] + high[1 - axis])
+            left, right = high.copy(), low.copy()
+            left[across], right[across] = middle - 0.5, middle + 0.5
+            spans = [(low, left), (right, high)]
+        items += [solids.Box((a[0], a[1], 0.0), (b[0], b[1], 3.0)) for a, b in spans]
+    return items
+
+
+def _spanning_tree(rng: np.random.Generator, cells: tuple[int, int]) -> set[tuple[int, int, int]]:
+    """Doors that join all cells in one way only, by a random walk with backtracking."""
+    doors, seen, stack = set(), {(0, 0)}, [(0, 0)]
+    while stack:
+        i, j = stack[-1]
+        steps = [(i + a, j + b) for a, b in ((1, 0), (-1, 0), (0, 1), (0, -1))]
+        free = [c for c in steps if 0 <= c[0] < cells[0] and 0 <= c[1] < cells[1] and c not in seen]
+        if not free:
+            stack.pop()
+            continue
+        nxt = free[int(rng.integers(len(free)))]
+        doors.add((min(i, nxt[0]), min(j, nxt[1]), int(nxt[1] != j)))
+        seen.add(nxt)
+        stack.append(nxt)
+    return doors
+
+
+def _office(rng: np.random.Generator) -> list[solids.Solid]:
+    """Doors 1 m wide in the middle of half of the walls, all rooms joined; two boxes stand in each room."""
+    doors = _spanning_tree(rng, (5, 3))
+    doors |= {(i, j, a) for i, j, a in np.ndindex(5, 3, 2) if rng.uniform() < 0.4}
+    items = _walls(doors, (5, 3), 5.0)
+    for i, j in np.ndindex(5, 3):
+        for _ in range(2):
+            edge = rng.uniform(0.4, 1.0, 2)
+            corner = np.array([i, j]) * 5.0 + rng.uniform(1.2, 3.0, 2)
+            items.append(solids.Box((*corner, 0.0), (*(corner + edge), rng.uniform(0.8, 3.0))))
+    return items
+
+
+def _maze(rng: np.random.Generator) -> list[solids.Solid]:
+    return _walls(_spanning_tree(rng, (10, 10)), (10, 10), 2.0)
+
+
+def clutter_vehicle(drone: Vehicle) -> Vehicle:
+    """The vehicle of the clutter benchmark: 8 m/s, 60 degrees, 2 to 14 N in all at 0.7 kg."""
+    hover_n, hover_rad_s = drone.mass_kg * 9.80665, float(np.mean(invert.hover(drone)))
+    slowest, fastest = (hover_rad_s * np.sqrt(thrust_n / hover_n) for thrust_n in (2.0, 14.0))
+    return drone.with_limits(
+        speed_m_s=8.0,
+        acceleration_m_s2=20.0,
+        tilt_rad=np.deg2rad(60.0),
+        rotor_speed_min_rad_s=float(slowest),
+        rotor_speed_max_rad_s=float(fastest),
+    )

@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 import sysid
 import vehicle
 from flight import FlightError, FlightLog, rotations
-from sysid.log_consistency import gyro_after_attitude, kinematics, rotors_after_gyro
+from sysid.logs.consistency import gyro_after_attitude, kinematics, rotors_after_gyro
 
 MAPS = Path(__file__).parent / "column_maps"
 SPIN = np.array([1.0, -1.0, 1.0, -1.0])

@@ -41,7 +41,7 @@ def learn(logs: list[FlightLog], model: vehicle.Vehicle) -> vehicle.Vehicle:
     """Diagnose the missing effects and add them; ground truth is used for the printed comparison only."""
     found = diagnose([in_the_air(log, "eight") for log in logs], model, auto=True)
     print(f"diagnosis: {found.verdict} (confidence {found.confidence:.0%})")
-    for candidate in found.suspects:
+    for candidate in found.candidates:
         if candidate.verdict == "present":
             for size in candidate.sizes:
                 true = truth.parameter(size.parameter).value if size.parameter in truth.parameters else 0.0
@@ -51,7 +51,9 @@ def learn(logs: list[FlightLog], model: vehicle.Vehicle) -> vehicle.Vehicle:
 
 def fly_learn_fly(teach: Callable[[list[FlightLog], vehicle.Vehicle], vehicle.Vehicle]) -> list[FlightLog]:
     """One session on the link: fly, learn, set the controller's parameters, fly again."""
-    plan = planner.plan(Waypoints(eight, np.full(len(eight), np.nan)), hall, believed)
+    # More reserve than the gate requires: the learned model must find the same trajectory feasible.
+    cautious = planner.PlanOptions(control_reserve=0.2)
+    plan = planner.plan(Waypoints(eight, np.full(len(eight), np.nan)), hall, believed, cautious)
     item = planner.trajectory_file(plan, name="eight")
     start = item.trajectory.position([0.0])[0] * [1.0, 1.0, 0.0]
     plant = vehicle.simulate.Plant(truth, vehicle.simulate.State(position_world_m=start), ground_m=0.0)

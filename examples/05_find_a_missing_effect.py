@@ -12,8 +12,8 @@ import numpy as np
 
 import vehicle
 from flight import FlightLog
-from sysid import drawing
-from sysid.diagnosis import diagnose, figures
+from sysid.diagnosis import diagnose
+from sysid.report import diagnosis_figures, drawing
 from vehicle import flights, manoeuvres
 from vehicle.simulate import Wind
 
@@ -37,7 +37,7 @@ def main() -> None:
     learned_from = [fly(name, seed) for seed, name in enumerate(("rotation", "yaw_doublets", "oblique"))]
     found = diagnose(learned_from, known, held_out=[fly("doublets", 9), fly("yaw_sweep", 10)], auto=True)
     print(f"verdict: {found.verdict} (confidence {found.confidence:.0%})")
-    for candidate in found.suspects:
+    for candidate in found.candidates:
         if candidate.verdict == "present":
             for size in candidate.sizes:
                 true = HIDDEN.get(size.parameter.split(".")[1], 0.0)
@@ -46,7 +46,7 @@ def main() -> None:
         error_mm = 1e3 * step.position_m["0.5 s"]
         print(f"  {step.model}: {error_mm:.1f} mm off after 0.5 s, on held-out flights")
     OUT.mkdir(parents=True, exist_ok=True)
-    print(f"figure: {drawing.written(figures.staircase(found), OUT / 'error_falls.svg')}")
+    print(f"figure: {drawing.written(diagnosis_figures.staircase(found), OUT / 'error_falls.svg')}")
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 import queue
 import time
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from firmware_bridge import transfer, wire
 from firmware_bridge.dialect.generated.messages import (
@@ -20,10 +20,7 @@ from firmware_bridge.port import Port
 from firmware_bridge.telemetry_log import flight_log, lost_ratio
 from firmware_bridge.transfer import Cancel, CancelledError
 from firmware_bridge.words import reason_text
-from flight import FlightLog, LinkError, Progress, TrajectoryFile
-
-if TYPE_CHECKING:
-    from firmware_bridge.link import Link
+from flight import FlightLog, LinkError, Progress, TrajectoryFile, silent
 
 _STEP_S = 60.0
 """Vehicle time that arming, climbing, approaching or landing may take."""
@@ -34,6 +31,20 @@ _RESTART_S = 5.0
 """A clock that steps back by more than this has been started anew; by less, a message was overtaken by a later one."""
 _ON_PATH = (MissionState.APPROACH, MissionState.TRAJECTORY, MissionState.PAUSING, MissionState.PAUSED)
 _GROUND = (MissionState.DISARMED, MissionState.ARMED)
+
+
+class Pilot(Protocol):
+    """Whose orders the vehicle follows: the link."""
+
+    def take_control(self) -> None: ...
+
+    def command(self, command: Command, value: float = 0.0, *, plan: wire.WirePlan | None = None) -> None:
+        """Give an order; an error if it is refused."""
+        ...
+
+    def try_command(self, command: Command, value: float = 0.0) -> int:
+        """The same; returns why it was refused, 0 when it was not."""
+        ...
 
 
 class _Watch:
@@ -95,26 +106,26 @@ class _Watch:
 
 
 def fly(
-    link: "Link", port: Port, file: TrajectoryFile | None, *, rate_hz: float, progress: Progress, cancel: Cancel
+    pilot: Pilot, port: Port, file: TrajectoryFile | None, *, rate_hz: float, progress: Progress, cancel: Cancel
 ) -> FlightLog:
     """See `Link.fly`."""
     if not port.keep_lease:
-        link.take_control()
-    plan = link.read_back(cancel=cancel)
+        pilot.take_control()
+    plan = transfer.read_back(port, progress=silent, cancel=cancel)
     if plan is None:
         raise LinkError("the vehicle holds no trajectory; upload one first")
     if file is not None and plan.crc32 != wire.plan_from_file(file, on_link_loss=plan.on_link_loss).crc32:
         raise LinkError(f"the vehicle holds {plan.name} (crc {plan.crc32:08x}), not {file.name}; upload it first")
-    link.command(Command.STATE_RATE, rate_hz)
-    has_log = link.try_command(Command.LOG_START) != LinkReason.NO_LOG_MEMORY
+    pilot.command(Command.STATE_RATE, rate_hz)
+    has_log = pilot.try_command(Command.LOG_START) != LinkReason.NO_LOG_MEMORY
     with port.inbox(State, MissionStatus) as inbox:
         watch = _Watch(port, inbox, cancel)
         try:
-            _mission(link, watch, plan, progress)
+            _mission(pilot, watch, plan, progress)
         except CancelledError:
-            raise CancelledError(f"flight cancelled; {_land(link)}") from None
+            raise CancelledError(f"flight cancelled; {_land(pilot)}") from None
         except KeyboardInterrupt:
-            _land(link)
+            _land(pilot)
             raise
         metadata = {
             "source": "telemetry",
@@ -126,35 +137,35 @@ def fly(
         }
         if not has_log:
             return flight_log(watch.states, metadata)
-    link.command(Command.LOG_STOP)
-    log = download_log(link, port, progress=progress, cancel=cancel)
+    pilot.command(Command.LOG_STOP)
+    log = download_log(port, progress=progress, cancel=cancel)
     return FlightLog(log.columns, metadata | dict(log.metadata))
 
 
-def _mission(link: "Link", watch: _Watch, plan: wire.WirePlan, progress: Progress) -> None:
+def _mission(pilot: Pilot, watch: _Watch, plan: wire.WirePlan, progress: Progress) -> None:
     """The flight itself, one step per line."""
     S = MissionState
     start_world_m = plan.trajectory().position([0.0])[0]
     duration_s = float(plan.durations_us.sum()) * 1e-6
     watch.first()
     if watch.mission is S.DISARMED:
-        link.command(Command.ARM)
+        pilot.command(Command.ARM)
         watch.until([S.ARMED], [S.DISARMED], _STEP_S, "arming")
     if watch.mission is S.ARMED:
         progress("take-off", 0.0)
-        state = link.state
-        height_m = float(start_world_m[2] - (state.position_world_m[2] if state else 0.0))
-        link.command(Command.TAKE_OFF, max(height_m, _LOWEST_TAKE_OFF_M))
+        state = watch.port.latest.get(State)
+        height_m = float(start_world_m[2] - (state.position_world_m[2] if isinstance(state, State) else 0.0))
+        pilot.command(Command.TAKE_OFF, max(height_m, _LOWEST_TAKE_OFF_M))
         watch.until([S.HOLD], [S.ARMED, S.TAKE_OFF], _STEP_S, "take-off")
-    link.command(Command.START, plan=plan)
+    pilot.command(Command.START, plan=plan)
     along_s = _follow(watch, duration_s, progress)
     if watch.mission is not S.HOLD or along_s < duration_s - _END_S:
         raise watch.early("the trajectory was not finished")
-    link.command(Command.LAND)
+    pilot.command(Command.LAND)
     progress("landing", 0.0)
     watch.until(_GROUND, [S.HOLD, S.LANDING], _STEP_S, "landing")
     if watch.mission is S.ARMED:
-        link.command(Command.DISARM)
+        pilot.command(Command.DISARM)
 
 
 def _follow(watch: _Watch, duration_s: float, progress: Progress) -> float:
@@ -169,18 +180,18 @@ def _follow(watch: _Watch, duration_s: float, progress: Progress) -> float:
     return furthest_s
 
 
-def _land(link: "Link") -> str:
+def _land(pilot: Pilot) -> str:
     """Order the landing of a flight that is being given up; in words, what the vehicle does now."""
     try:
-        if not link.try_command(Command.LAND):
+        if not pilot.try_command(Command.LAND):
             return "the vehicle brakes along its path and lands"
-        refused = link.try_command(Command.DISARM)
+        refused = pilot.try_command(Command.DISARM)
     except LinkError as error:
         return f"the order to land was not answered ({error}): the vehicle does what was agreed for a lost link"
     return f"it refused to land and to disarm: {reason_text(refused)}" if refused else "the vehicle is disarmed"
 
 
-def download_log(link: "Link", port: Port, *, progress: Progress, cancel: Cancel) -> FlightLog:
+def download_log(port: Port, *, progress: Progress, cancel: Cancel) -> FlightLog:
     """See `Link.download_log`."""
     info = port.ask(LogRequest(), LogInfo, lambda _: True)
     if not info.records:

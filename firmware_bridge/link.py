@@ -333,7 +333,7 @@ class Link:
         Raises:
             LinkError: it has none, or fell silent.
         """
-        return flying.download_log(self, self._port, progress=progress, cancel=cancel)
+        return flying.download_log(self._port, progress=progress, cancel=cancel)
 
     # -- parameters ------------------------------------------------------------------------------------------------
 

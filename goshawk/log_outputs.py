@@ -7,8 +7,8 @@ import numpy as np
 from flight import FlightLog, InputError, Progress, flight_log, silent
 from goshawk import log_exports, log_report, outputs
 from goshawk.flights import IN_FREE_AIR
-from sysid import log_fix
-from sysid.log_check import LogReport
+from sysid.logs import fix as fixes
+from sysid.logs.check import LogReport
 from vehicle import Vehicle
 
 
@@ -20,8 +20,8 @@ def write(
     if report_file is not None:
         rate = f"{checked.rate_hz:.1f} Hz"
         facts = {"rows": str(len(log)), "duration": f"{checked.duration_s:.2f} s", "rows a second": rate}
-        facts |= {str(key): str(value) for key, value in log.metadata.items() if key not in ("name", log_fix.FIXES)}
-        facts |= {f"fix {i + 1}": str(done) for i, done in enumerate(log.metadata.get(log_fix.FIXES, []))}
+        facts |= {str(key): str(value) for key, value in log.metadata.items() if key not in ("name", fixes.FIXES)}
+        facts |= {f"fix {i + 1}": str(done) for i, done in enumerate(log.metadata.get(fixes.FIXES, []))}
         with outputs.file(report_file, overwrite=overwrite) as temporary:
             temporary.write_text(log_report.page(log, checked, facts), encoding="utf-8")
     if csv_file is not None:
@@ -45,7 +45,7 @@ def write_fixed(
         raise InputError(f"--out {out}: a corrected log is written in our own format; call it {out.stem}.parquet")
     if out.exists() and source.exists() and out.samefile(source):
         raise InputError(f"--out {out} is the log itself, which is never changed; give another name")
-    fixed = log_fix.fix(log, believed, aloft=_aloft_s(log), progress=progress)
+    fixed = fixes.fix(log, believed, aloft=_aloft_s(log), progress=progress)
     corrected = FlightLog(fixed.log.columns, {**fixed.log.metadata, "fixed_from": source.name})
     with outputs.file(out, overwrite=overwrite) as temporary:
         flight_log.save(temporary, corrected)

@@ -11,8 +11,8 @@ import numpy as np
 from flight import FlightLog, FloatArray
 from flight.flight_log import COLUMNS
 from goshawk.words import component, named
-from sysid.log_check import LogReport
-from sysid.log_finding import Finding
+from sysid.logs.check import LogReport
+from sysid.logs.finding import Finding
 
 MOST_POINTS = 20_000
 """Most instants drawn; of a longer log the smallest and largest value of every few rows are kept."""

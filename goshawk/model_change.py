@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import sysid
 from firmware_bridge import controller
 from flight import FlightLog, InputError, Progress, file_format, silent
-from sysid.comparison import HORIZONS_S, QUANTITIES
-from sysid.report import SHOWN
-from sysid.verdict import Verdict
+from sysid.estimator.comparison import HORIZONS_S, QUANTITIES
+from sysid.estimator.verdict import Verdict
+from sysid.report.pages import SHOWN
 from vehicle import Vehicle
 from vehicle.history import HeldOut, Step
 

@@ -1,8 +1,20 @@
 """From waypoints to a checked trajectory: the fastest smooth path the vehicle can fly, clear of everything mapped."""
 
+from planner._planner import StopFlag
 from planner.gate import GateReport
 from planner.limits import Check
-from planner.options import PlanInfeasibleError, PlanOptions
+from planner.options import PlanCancelledError, PlanInfeasibleError, PlanOptions
 from planner.planning import Plan, plan, save_plan, trajectory_file
 
-__all__ = ["Check", "GateReport", "Plan", "PlanInfeasibleError", "PlanOptions", "plan", "save_plan", "trajectory_file"]
+__all__ = [
+    "Check",
+    "GateReport",
+    "Plan",
+    "PlanCancelledError",
+    "PlanInfeasibleError",
+    "PlanOptions",
+    "StopFlag",
+    "plan",
+    "save_plan",
+    "trajectory_file",
+]

@@ -1,3 +1,4 @@
+from collections.abc import Callable
 from typing import Annotated
 
 import numpy as np
@@ -10,18 +11,63 @@ def search(
     required: float,
     comfort: float,
     price: float,
+    greed: float,
 ) -> NDArray[np.int64]:
     """Cells (flat indices) of the cheapest way from start to goal; empty if there is none."""
 
-def running_cost(
-    states: Annotated[NDArray[np.float64], "(k, 8, 3)"],
-    durations: Annotated[NDArray[np.float64], "(k,)"],
-    basis: Annotated[NDArray[np.float64], "(5, s, 8)"],
-    bounds: Annotated[NDArray[np.float64], "(7,)"],
-    price: float,
-    near: Annotated[NDArray[np.float64], "(k, s)"],
-    by_position: Annotated[NDArray[np.float64], "(k, s, 3)"],
-    by_states: Annotated[NDArray[np.float64], "(k, 8, 3)"],
-    by_durations: Annotated[NDArray[np.float64], "(k,)"],
-) -> float:
-    """Integral of the penalties; fills its gradients by the segments' states and durations."""
+def snap_states(states: Annotated[NDArray[np.float64], "(k + 1, 4, axes)"], durations: NDArray[np.float64]) -> None:
+    """Fills in the interior velocities, accelerations and jerks of the minimum-snap spline."""
+
+def snap_coefficients(
+    states: Annotated[NDArray[np.float64], "(k + 1, 4, axes)"],
+    durations: NDArray[np.float64],
+    coefficients: Annotated[NDArray[np.float64], "(k, axes, 8)"],
+) -> None:
+    """Fills in ascending coefficients in seconds."""
+
+class StopFlag:
+    """Set it from any thread to end an optimisation within one iteration."""
+
+    def __init__(self) -> None: ...
+    def set(self) -> None: ...
+    def is_set(self) -> bool: ...
+
+class Problem:
+    """The cost of a minimum-snap spline by its durations (k,) and knots (k + 1, 4); see planner/time_allocation.py."""
+
+    def __init__(
+        self,
+        segments: int,
+        samples: int,
+        airframe: Annotated[NDArray[np.float64], "(41,)"],
+        prices: Annotated[NDArray[np.float64], "(5,)"],
+        clearance_m: float,
+        distances: Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]],
+    ) -> None: ...
+    def evaluate(
+        self,
+        knots: NDArray[np.float64],
+        durations: NDArray[np.float64],
+        by_knots: NDArray[np.float64],
+        by_durations: NDArray[np.float64],
+    ) -> float:
+        """The cost; fills its gradients."""
+    def excess(
+        self,
+        knots: NDArray[np.float64],
+        durations: NDArray[np.float64],
+        out: Annotated[NDArray[np.float64], "(k, samples, 13)"],
+    ) -> None:
+        """Fills in the relative excess over each limit."""
+    def set_offsets(self, offsets: Annotated[NDArray[np.float64], "(k, samples, 13)"]) -> None:
+        """What is added to each excess."""
+    def minimise(
+        self,
+        knots: NDArray[np.float64],
+        durations: NDArray[np.float64],
+        free: Annotated[NDArray[np.uint8], "(k + 1, 4)"],
+        iterations: int,
+        precision: float,
+        stop: StopFlag | None,
+    ) -> tuple[float, int, bool, bool]:
+        """Moves knots and durations; returns cost, evaluations, whether it converged, whether it was stopped."""

@@ -22,6 +22,8 @@ _ORDER_UNITS = ("m", "m/s", "m/s2", "m/s3")
 _NAMES = ("position", "velocity", "acceleration", "jerk")
 _REST = 1e-6
 """Largest velocity, acceleration or jerk (SI) that counts as rest at either end."""
+_BLOCK = 1024
+"""Points looked at together for a waypoint: the next one is hardly ever farther away than a second."""
 _JUMP = 1e-6
 """Largest jump (SI) at a join, relative to the largest value of that derivative where that is above one."""
 
@@ -44,6 +46,8 @@ class GateReport:
     vehicle_hash: str
     trajectory_hash: str
     """`fingerprint` of the trajectory that was checked."""
+    usage: limits.Usage | None = None
+    """What each segment uses of each limit; None where that could not be asked."""
 
     @property
     def passed(self) -> bool:
@@ -52,6 +56,11 @@ class GateReport:
     @property
     def failures(self) -> tuple[Check, ...]:
         return tuple(check for check in self.checks if not check.passed)
+
+    @property
+    def binding(self) -> tuple[str, ...]:
+        """The limit that decides the time of each segment; "" where none is used to the full."""
+        return () if self.usage is None else self.usage.binding
 
     def as_dict(self) -> dict[str, object]:
         """JSON-able, for the trajectory file and for screens."""
@@ -85,13 +94,16 @@ def check(
     options = PlanOptions() if options is None else options
     finite = _finite(trajectory)
     checks = [finite]
+    usage = None
     clearance = _no_clearance("not checked: the trajectory is not finite")
     if finite.passed:
         clearance = _clearance(trajectory, field, options.clearance_m)
         checks += [] if waypoints_world_m is None else [_waypoints(trajectory, waypoints_world_m, options)]
         checks += _rest(trajectory) + _continuity(trajectory)
         checks += [_clearance_check(clearance, options.clearance_m)]
-        checks += limits.check(trajectory, vehicle, options.limits_for(vehicle), step_s=options.sample_step_s)
+        bounds = options.limits_for(vehicle)
+        usage, found = limits.measure(trajectory, vehicle, bounds, step_s=options.sample_step_s)
+        checks += found
     return GateReport(
         checks=tuple(checks),
         clearance_m=clearance.proven_m,
@@ -102,6 +114,7 @@ def check(
         map_hash=str(getattr(field, "hash", "")),
         vehicle_hash=vehicles.vehicle_hash(vehicle),
         trajectory_hash=fingerprint(trajectory),
+        usage=usage,
     )
 
 
@@ -152,17 +165,35 @@ def _waypoints(trajectory: Trajectory, waypoints_world_m: FloatArray, options: P
     ends = max(float(np.linalg.norm(points[0] - wanted[0])), float(np.linalg.norm(points[-1] - wanted[-1])))
     worst, missed, at = ends, 0 if ends > options.waypoint_tolerance_m else -1, 0
     for i, waypoint in enumerate(wanted[:-1]):
-        gaps = np.linalg.norm(points[at:] - waypoint, axis=1)
-        near = np.flatnonzero(gaps <= options.waypoint_tolerance_m)
-        if not near.size:
-            worst, missed = float(gaps.min()), i
+        visit = _first_visit(points, at, waypoint, options.waypoint_tolerance_m)
+        if visit is None:
+            worst, missed = float(np.linalg.norm(points[at:] - waypoint, axis=1).min()), i
             break
-        last = near[: 1 + int(np.argmax(np.append(np.diff(near) > 1, True)))]  # the first visit
-        best = int(last[np.argmin(gaps[last])])
-        worst, at = max(worst, float(gaps[best])), at + best
+        at, gap_m = visit
+        worst = max(worst, gap_m)
     passed = missed < 0
     reason = f"all {len(wanted)} in order" if passed else f"waypoint {missed} is missed by {worst:.3f} m"
     return Check("waypoints", worst, options.waypoint_tolerance_m, "m", passed, reason=reason)
+
+
+def _first_visit(points: FloatArray, start: int, waypoint: FloatArray, tolerance_m: float) -> tuple[int, float] | None:
+    """Index and distance of the nearest point of the first run from `start` on within the tolerance; None if never."""
+    best, gap_m = -1, np.inf
+    for first in range(start, len(points), _BLOCK):
+        gaps = np.linalg.norm(points[first : first + _BLOCK] - waypoint, axis=1)
+        near = gaps <= tolerance_m
+        begin = 0 if best >= 0 else int(np.argmax(near))
+        if not near[begin]:
+            if best >= 0:
+                break
+            continue
+        end = begin + int(np.argmin(np.append(near[begin:], False)))
+        closest = begin + int(np.argmin(gaps[begin:end]))
+        if gaps[closest] < gap_m:
+            best, gap_m = first + closest, float(gaps[closest])
+        if end < len(gaps):
+            break
+    return None if best < 0 else (best, gap_m)
 
 
 def _rest(trajectory: Trajectory) -> list[Check]:

@@ -8,6 +8,7 @@ weight w fades where the vehicle hardly moves, so a hover may face anywhere.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solveh_banded
 
 from flight import FloatArray
 from flight.frames import GRAVITY_M_S2
@@ -77,8 +78,7 @@ def solve(
         heading, weight = np.zeros_like(heading), np.full_like(weight, _FAINT)
         if np.isfinite(pinned).any():
             heading += pinned[np.isfinite(pinned)][0]
-    size = 4 * (len(T) + 1)
-    matrix, right = np.zeros((size, size)), np.zeros(size)
+    blocks, right = np.zeros((len(T), 8, 8)), np.zeros(4 * (len(T) + 1))
     spin_up, step = tilt_spin(spline)[1], T / _SAMPLES
     energy = minimum_snap.energy(T) * min(smoothing_s, _SOFTEST_S) ** 8
     M, S = hermite.monomials_from_states(), hermite.time_powers(T)[:, None]
@@ -87,9 +87,9 @@ def solve(
     for i in range(len(T)):
         block = slice(4 * i, 4 * i + 8)
         look, steady = (weight[i] * step[i])[:, None] * value[i], smoothing_s**4 * step[i] * bend[i]
-        matrix[block, block] += energy[i] + look.T @ value[i] + steady.T @ bend[i]
+        blocks[i] = energy[i] + look.T @ value[i] + steady.T @ bend[i]
         right[block] += look.T @ heading[i] - steady.T @ spin_up[i]
-    return _solve_pinned(matrix, right, pinned).reshape(-1, 4)
+    return _solve_pinned(blocks, right, pinned).reshape(-1, 4)
 
 
 def tilt_spin(spline: minimum_snap.Spline) -> tuple[FloatArray, FloatArray]:
@@ -147,16 +147,24 @@ def _unwrapped(asked_rad: FloatArray, heading: FloatArray) -> FloatArray:
     return pinned
 
 
-def _solve_pinned(matrix: FloatArray, right: FloatArray, pinned: FloatArray) -> FloatArray:
-    """Minimise with the pinned values and both ends' derivatives held."""
+def _solve_pinned(blocks: FloatArray, right: FloatArray, pinned: FloatArray) -> FloatArray:
+    """Minimise with the pinned values and both ends' derivatives held; one block (8, 8) for each segment."""
     fixed = np.full((len(pinned), 4), np.nan)
     fixed[:, 0] = pinned
     fixed[[0, -1], 1:] = 0.0
     held = np.isfinite(fixed.ravel())
     solution = np.where(held, fixed.ravel(), 0.0)
-    open_ = ~held
-    rest = right[open_] - matrix[np.ix_(open_, held)] @ solution[held]
-    scale = 1.0 / np.sqrt(np.diag(matrix)[open_])
-    inner = matrix[np.ix_(open_, open_)] * scale[:, None] * scale
-    solution[open_] = scale * np.linalg.solve(inner, scale * rest)
-    return solution
+    band = np.zeros((8, len(right)))  # LAPACK's lower storage: band[i - j, j]
+    rest = right.copy()
+    for i, block in enumerate(blocks):
+        part = slice(4 * i, 4 * i + 8)
+        rest[part] -= block @ np.where(held[part], solution[part], 0.0)
+        open_ = ~held[part]
+        kept = block * open_[:, None] * open_
+        for below in range(8):
+            band[below, 4 * i : 4 * i + 8 - below] += np.diagonal(kept, -below)
+    band[0, held], rest[held] = 1.0, 0.0
+    scale = 1.0 / np.sqrt(band[0])
+    for below in range(8):
+        band[below, : len(right) - below] *= scale[: len(right) - below] * scale[below:]
+    return solution + scale * solveh_banded(band, scale * rest, lower=True, check_finite=False)

@@ -56,8 +56,8 @@ def segment_states(states: FloatArray) -> FloatArray:
     return np.concatenate([states[:-1], states[1:]], axis=1)
 
 
-def coefficients(states: FloatArray, durations_s: FloatArray) -> FloatArray:
-    """Ascending coefficients in seconds, (k, axes, 8), from knot states (k + 1, 4, axes)."""
+def coefficients_numpy(states: FloatArray, durations_s: FloatArray) -> FloatArray:
+    """The NumPy reference of `minimum_snap.coefficients`."""
     T = np.asarray(durations_s, dtype=np.float64)
     scaled = segment_states(states) * time_powers(T)[..., None]
     on_unit = np.einsum("ab,kbx->kxa", monomials_from_states(), scaled)

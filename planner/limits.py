@@ -11,7 +11,7 @@ import numpy as np
 
 import vehicle as vehicles
 from flight import FlightError, FloatArray, Trajectory, polynomial
-from planner import heading, penalty
+from planner import heading
 from vehicle import Limits, Vehicle, flatness, invert
 
 _PIECES = 16
@@ -22,6 +22,15 @@ _SIDE_S = 1e-9
 
 NAMES = ("speed", "acceleration", "tilt", "roll and pitch rate", "yaw rate", "rotor speed", "slowest rotor")
 """The checks of this module, in order."""
+_UNITS = ("m/s", "m/s2", "rad", "rad/s", "rad/s", "rad/s", "rad/s")
+_PROVED = 2
+"""The first so many are proved, the others sampled."""
+_SLOWEST = NAMES.index("slowest rotor")
+_EASES = (1.0, 0.5, 0.5, 1.0 / 3.0, 1.0, 0.5, 0.5)
+"""Powers of a limit's share that say how much longer it would take to use it just so: speed and yaw rate fall with the
+time, acceleration and what follows from it with its square, rates of the thrust's direction with its cube."""
+_BINDING = 0.97
+"""Share of a limit from which on it counts as what decides the time of a segment."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,25 +58,109 @@ class Check:
         return {k: None if isinstance(v, float) and not np.isfinite(v) else v for k, v in asdict(self).items()}
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Usage:
+    """The worst value of each limited quantity in each segment: arrays (limits, segments) in the order of `NAMES`."""
+
+    value: FloatArray
+    """What lies between samples allowed for; NaN where the vehicle cannot fly the motion at all."""
+    time_s: FloatArray
+    """When it occurs."""
+    share: FloatArray
+    """Of the limit that it uses; from hover to the limit for rotors."""
+    bound: FloatArray
+    """(limits,)."""
+
+    @property
+    def passed(self) -> np.ndarray:
+        """(limits, segments) bool."""
+        bound = self.bound[:, None]
+        lowest = (np.arange(len(NAMES)) == _SLOWEST)[:, None]
+        return np.where(lowest, self.value >= bound, self.value <= bound)
+
+    @property
+    def binding(self) -> tuple[str, ...]:
+        """The limit that decides each segment's time; empty where none is used to the full."""
+        most = np.nanargmax(np.where(np.isfinite(self.share), self.share, np.inf), axis=0)
+        used = self.share[most, np.arange(len(most))]
+        return tuple(NAMES[i] if not share < _BINDING else "" for i, share in zip(most, used, strict=True))
+
+    def worst(self, limit: int) -> int:
+        """The segment with the worst value of one limit."""
+        value = self.value[limit] if limit != _SLOWEST else -self.value[limit]
+        return int(np.argmax(np.where(np.isfinite(value), value, np.inf)))
+
+
 def check(
     trajectory: Trajectory, vehicle: Vehicle, limits: Limits | None = None, *, step_s: float = 0.005
 ) -> list[Check]:
     """Every limit with the worst value over the whole trajectory; never raises for a trajectory that fails."""
-    limits = vehicle.limits if limits is None else limits
-    return [
-        _polynomial_check("speed", trajectory, 1, limits.speed_m_s, "m/s"),
-        _polynomial_check("acceleration", trajectory, 2, limits.acceleration_m_s2, "m/s2"),
-        *_attitude_checks(trajectory, vehicle, limits, step_s),
-    ]
+    return measure(trajectory, vehicle, vehicle.limits if limits is None else limits, step_s=step_s)[1]
 
 
-def _polynomial_check(name: str, trajectory: Trajectory, derivative: int, bound: float, unit: str) -> Check:
-    value, time_s, segment = certified_maximum(trajectory, derivative)
-    return Check(name, value, bound, unit, bool(value <= bound), time_s, segment, "proved between samples")
+def measure(
+    trajectory: Trajectory, vehicle: Vehicle, limits: Limits, *, step_s: float
+) -> tuple[Usage | None, list[Check]]:
+    """As `check`, and the usage of each segment; None where the vehicle's model has no answer."""
+    try:
+        used = usage(trajectory, vehicle, limits, step_s=step_s)
+    except FlightError as error:
+        rows = zip(NAMES, _bounds(limits).tolist(), _UNITS, strict=True)
+        return None, [Check(name, np.nan, bound, unit, False, reason=str(error)) for name, bound, unit in rows]
+    return used, [_verdict(used, i, trajectory, step_s) for i in range(len(NAMES))]
 
 
-def certified_maximum(trajectory: Trajectory, derivative: int) -> tuple[float, float, int]:
-    """Upper bound of the norm of a derivative of position, near which time, and in which segment.
+def _verdict(used: Usage, limit: int, trajectory: Trajectory, step_s: float) -> Check:
+    segment = used.worst(limit)
+    value, time_s, bound = float(used.value[limit, segment]), float(used.time_s[limit, segment]), used.bound[limit]
+    passed = bool(used.passed[limit, segment])
+    if passed:
+        sampled = f"sampled every {step_s:g} s, with an allowance for what lies between"
+        reason = "proved between samples" if limit < _PROVED else sampled
+    else:
+        reason = excess_text(used, limit, segment, trajectory)
+    return Check(NAMES[limit], value, float(bound), _UNITS[limit], passed, time_s, segment, reason)
+
+
+def excess_text(used: Usage, limit: int, segment: int, trajectory: Trajectory) -> str:
+    """Where a limit is exceeded, by what, and how long the segment should take instead."""
+    value, time_s = used.value[limit, segment], used.time_s[limit, segment]
+    T = float(trajectory.durations_s[segment])
+    where = f"segment {segment} at {time_s:.1f} s"
+    if not np.isfinite(value):
+        return f"{where}: no rotor speeds produce this motion; give it more than {1.5 * T:.2f} s"
+    longer = T * max(float(used.share[limit, segment]), 1.0) ** _EASES[limit]
+    unit = _UNITS[limit]
+    return f"{where}: {NAMES[limit]} {value:.4g} {unit}, limit {used.bound[limit]:.4g}; give it {longer:.2f} s"
+
+
+def usage(trajectory: Trajectory, vehicle: Vehicle, limits: Limits, *, step_s: float) -> Usage:
+    """How much of each limit each segment uses.
+
+    Raises:
+        FlightError: the vehicle's model has no answer.
+    """
+    times, segment = sample_times(trajectory, step_s)
+    first = np.flatnonzero(np.diff(segment, prepend=-1))
+    rows = [certified_maxima(trajectory, derivative) for derivative in (1, 2)]
+    for i, value in enumerate(_attitude_values(trajectory, vehicle, times), start=2):
+        allowance = _between_samples(value, segment)
+        careful = -(value - allowance) if i == _SLOWEST else value + allowance
+        worst = _largest(np.where(np.isfinite(careful), careful, np.inf), first)
+        found = np.where(np.isfinite(careful[worst]), careful[worst], np.nan)
+        rows.append((-found if i == _SLOWEST else found, times[worst]))
+    value, time_s = (np.stack([row[part] for row in rows]) for part in (0, 1))
+    return Usage(value, time_s, _shares(value, limits, _hover(vehicle)), _bounds(limits))
+
+
+def _largest(values: FloatArray, first: np.ndarray) -> np.ndarray:
+    """Index of the largest value in each run; `first` says where the runs begin."""
+    ends = np.append(first[1:], len(values))
+    return np.array([a + int(np.argmax(values[a:b])) for a, b in zip(first, ends, strict=True)])
+
+
+def certified_maxima(trajectory: Trajectory, derivative: int) -> tuple[FloatArray, FloatArray]:
+    """Upper bound (k,) of the norm of a derivative of position in each segment, and near which time.
 
     The norm of a point of the hull is at most that of its farthest corner, the control points of a short piece.
     """
@@ -79,39 +172,34 @@ def certified_maximum(trajectory: Trajectory, derivative: int) -> tuple[float, f
     )
     lengths = np.broadcast_to((T / _PIECES)[:, None, None], pieces.shape[:3])
     norms = np.linalg.norm(polynomial.bernstein_from_seconds(pieces, lengths), axis=2).max(axis=2)
-    segment, piece = np.unravel_index(int(np.argmax(norms)), norms.shape)
-    time_s = float(trajectory.starts_s[segment] + T[segment] * (piece + 0.5) / _PIECES)
-    return float(norms[segment, piece]), time_s, int(segment)
+    piece = np.argmax(norms, axis=1)
+    return norms.max(axis=1), trajectory.starts_s[:-1] + T * (piece + 0.5) / _PIECES
 
 
-def _attitude_checks(trajectory: Trajectory, vehicle: Vehicle, limits: Limits, step_s: float) -> list[Check]:
-    names = (
-        ("tilt", limits.tilt_rad, "rad"),
-        ("roll and pitch rate", limits.rate_rad_s, "rad/s"),
-        ("yaw rate", limits.yaw_rate_rad_s, "rad/s"),
-        ("rotor speed", limits.rotor_speed_max_rad_s, "rad/s"),
-        ("slowest rotor", limits.rotor_speed_min_rad_s, "rad/s"),
+def _bounds(limits: Limits) -> FloatArray:
+    return np.array(
+        [
+            limits.speed_m_s,
+            limits.acceleration_m_s2,
+            limits.tilt_rad,
+            limits.rate_rad_s,
+            limits.yaw_rate_rad_s,
+            limits.rotor_speed_max_rad_s,
+            limits.rotor_speed_min_rad_s,
+        ]
     )
-    times, segment = sample_times(trajectory, step_s)
-    try:
-        values = _attitude_values(trajectory, vehicle, times)
-    except FlightError as error:
-        return [Check(name, np.nan, bound, unit, False, reason=str(error)) for name, bound, unit in names]
-    allowance = [_between_samples(v, segment) for v in values]
-    checks = []
-    for (name, bound, unit), value, more in zip(names, values, allowance, strict=True):
-        lowest = name == "slowest rotor"
-        careful = value - more if lowest else value + more
-        worst = int(np.argmin(careful) if lowest else np.argmax(careful)) if np.isfinite(careful).all() else -1
-        if worst < 0:
-            worst = int(np.argmin(np.isfinite(careful)))
-            reason = "no rotor speeds produce this motion"
-        else:
-            reason = f"sampled every {step_s:g} s; allowance between samples {more[worst]:.3g} {unit}"
-        found = float(careful[worst])
-        passed = bool(found >= bound if lowest else found <= bound)
-        checks.append(Check(name, found, bound, unit, passed, float(times[worst]), int(segment[worst]), reason))
-    return checks
+
+
+def _hover(vehicle: Vehicle) -> float:
+    return float(invert.hover(vehicle).mean())
+
+
+def _shares(value: FloatArray, limits: Limits, hover_rad_s: float) -> FloatArray:
+    """Shares of the limits that values (limits, n) use; never negative."""
+    base = np.array([0.0, 0.0, 0.0, 0.0, 0.0, hover_rad_s, hover_rad_s])[:, None]
+    room = _bounds(limits)[:, None] - base
+    room = np.where(np.abs(room) > 1e-9, room, np.array([1e-9] * _SLOWEST + [-1e-9])[:, None])
+    return np.maximum((value - base) / room, 0.0)
 
 
 def _attitude_values(trajectory: Trajectory, vehicle: Vehicle, times: FloatArray) -> list[FloatArray]:
@@ -126,23 +214,11 @@ def _attitude_values(trajectory: Trajectory, vehicle: Vehicle, times: FloatArray
 def time_shares(trajectory: Trajectory, vehicle: Vehicle, limits: Limits, times: FloatArray) -> FloatArray:
     """Factor on the time at which each limit is just met, (limits, times); below 1 the limit is kept with margin.
 
-    A prediction: speed and yaw rate fall with the time, acceleration and what follows from it with its square, rates
-    of the thrust's direction with its cube. Where the motion is impossible the factor is 1.5.
+    Where the motion is impossible the factor is 1.5.
     """
-    hover = float(flatness.state(vehicle, trajectory, times[:1]).rotor_speed_rad_s.mean())
-    tilt, rate, yaw_rate, fastest, slowest = _attitude_values(trajectory, vehicle, times)
-    speed, push = (np.linalg.norm(trajectory.position(times, r), axis=1) for r in (1, 2))
-    room = np.stack(
-        [
-            speed / limits.speed_m_s,
-            np.sqrt(push / limits.acceleration_m_s2),
-            np.sqrt(tilt / limits.tilt_rad),
-            np.cbrt(rate / limits.rate_rad_s),
-            yaw_rate / limits.yaw_rate_rad_s,
-            np.sqrt(np.maximum(fastest - hover, 0.0) / max(limits.rotor_speed_max_rad_s - hover, 1e-9)),
-            np.sqrt(np.maximum(hover - slowest, 0.0) / max(hover - limits.rotor_speed_min_rad_s, 1e-9)),
-        ]
-    )
+    norms = [np.linalg.norm(trajectory.position(times, r), axis=1) for r in (1, 2)]
+    value = np.stack(norms + _attitude_values(trajectory, vehicle, times))
+    room = _shares(value, limits, _hover(vehicle)) ** np.array(_EASES)[:, None]
     return np.where(np.isfinite(room), room, 1.5)
 
 
@@ -166,26 +242,6 @@ def _between_samples(value: FloatArray, segment: np.ndarray) -> FloatArray:
     last = np.append(first[1:], len(segment)) - 1
     allowance[first], allowance[last] = allowance[first + 1], allowance[last - 1]
     return allowance
-
-
-def point_mass_bounds(vehicle: Vehicle, limits: Limits) -> penalty.Bounds:
-    """The limits for an optimiser without a rotor model."""
-    still = np.zeros((1, 3))
-    mass = vehicle.mass_kg
-    speeds = (limits.rotor_speed_min_rad_s, limits.rotor_speed_max_rad_s)
-    least, most = (float(vehicles.wrench(vehicle, still, still, np.full((1, 4), n))[0][0, 2]) / mass for n in speeds)
-    arm = float(np.abs(vehicle.hub_body_m[:, :2]).mean())
-    inertia = max(vehicle.value("inertia_xx_kg_m2"), vehicle.value("inertia_yy_kg_m2"))
-    return penalty.Bounds(
-        speed_m_s=limits.speed_m_s,
-        acceleration_m_s2=limits.acceleration_m_s2,
-        tilt_rad=limits.tilt_rad,
-        rate_rad_s=limits.rate_rad_s,
-        thrust_min_m_s2=least,
-        thrust_max_m_s2=most,
-        # A turn about the diagonal is the dearest, two rotors do all of it; a fifth of their room is left for yaw.
-        turn_rad_s2_per_m_s2=0.8 * mass * arm / inertia / np.sqrt(2.0),
-    )
 
 
 def yaw_bounds(vehicle: Vehicle, limits: Limits) -> heading.Bounds:

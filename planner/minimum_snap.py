@@ -5,40 +5,31 @@ symmetric and positive definite, and the same for every axis. Degree 7 is optima
 """
 
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from flight import FloatArray, InputError, Trajectory
 from planner import hermite
+from planner._planner import snap_coefficients, snap_states
 
 _BAND = 6  # a knot couples with the next one: 3 + 3 unknowns
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spline:
-    """The minimum-snap spline through positions, with the factor that made it (for derivatives of it)."""
+    """A path of degree-7 segments, given by its knots."""
 
     durations_s: FloatArray
     """(k,)."""
     states: FloatArray
     """(k + 1, 4, axes): position, velocity, acceleration and jerk at each knot."""
-    factor: FloatArray
-    """Banded Cholesky factor of the conditions; empty if there is no interior knot."""
 
     def snap_cost(self) -> float:
         """Integral of the squared snap over the whole path, all axes together."""
         d = hermite.segment_states(self.states)
         return float(np.sum(d * (energy(self.durations_s) @ d)))
-
-    def solve_adjoint(self, gradient_states: FloatArray) -> FloatArray:
-        """Solve the same conditions for a right-hand side given at the knots, (k + 1, 4, axes); 0 where pinned."""
-        solution = np.zeros_like(gradient_states)
-        if self.factor.size:
-            inner = gradient_states[1:-1, 1:].reshape(-1, gradient_states.shape[2])
-            solved = cho_solve_banded((self.factor, True), inner, check_finite=False)
-            solution[1:-1, 1:] = solved.reshape(-1, 3, gradient_states.shape[2])
-        return solution
 
 
 def energy(durations_s: FloatArray) -> FloatArray:
@@ -63,29 +54,33 @@ def solve(
         InputError: a duration is not positive and finite, or the shapes do not fit.
     """
     positions = np.asarray(positions, dtype=np.float64)
-    T = np.asarray(durations_s, dtype=np.float64)
-    if positions.ndim != 2 or T.shape != (len(positions) - 1,) or len(T) == 0:
+    T = np.ascontiguousarray(durations_s, dtype=np.float64)
+    k = T.size
+    if positions.ndim != 2 or T.shape != (len(positions) - 1,) or k == 0 or not 1 <= positions.shape[1] <= 4:
         raise InputError(f"positions {positions.shape} and durations {T.shape} do not fit (k + 1, axes) and (k,)")
-    if not (np.isfinite(positions).all() and np.isfinite(T).all() and T.min() > 0.0):
+    if not (T.min() > 0.0 and isfinite(float(T.sum())) and isfinite(float(positions.sum()))):
         raise InputError("positions and durations must be finite, and durations positive")
-    states = np.zeros((len(T) + 1, hermite.ORDER, positions.shape[1]))
+    states = np.zeros((k + 1, hermite.ORDER, positions.shape[1]))
     states[:, 0] = positions
-    states[0, 1:] = 0.0 if start is None else start
-    states[-1, 1:] = 0.0 if end is None else end
-    return solve_states(states, T)
+    if start is not None:
+        states[0, 1:] = start
+    if end is not None:
+        states[-1, 1:] = end
+    snap_states(states, T)
+    return Spline(T, states)
 
 
-def solve_states(states: FloatArray, durations_s: FloatArray) -> Spline:
-    """As `solve`, from knot states whose interior v, a, j are zero and are filled in (changes `states`)."""
-    H = energy(durations_s)
+def solve_numpy(states: FloatArray, durations_s: FloatArray) -> None:
+    """The NumPy reference of the kernel: fills in the interior v, a, j of knot states (k + 1, 4, axes)."""
     if len(durations_s) == 1:
-        return Spline(durations_s, states, np.empty(0))
-    factor = cholesky_banded(_banded(H), lower=True, check_finite=False, overwrite_ab=True)
+        return
+    H = energy(durations_s)
+    states[1:-1, 1:] = 0.0
     force = H @ hermite.segment_states(states)
     right = -(force[:-1, 5:] + force[1:, 1:4])
+    factor = cholesky_banded(_banded(H), lower=True, check_finite=False, overwrite_ab=True)
     solved = cho_solve_banded((factor, True), right.reshape(-1, states.shape[2]), check_finite=False)
     states[1:-1, 1:] = solved.reshape(-1, 3, states.shape[2])
-    return Spline(durations_s, states, factor)
 
 
 def _banded(H: FloatArray) -> FloatArray:
@@ -101,6 +96,15 @@ def _banded(H: FloatArray) -> FloatArray:
     return band
 
 
+def coefficients(states: FloatArray, durations_s: FloatArray) -> FloatArray:
+    """Ascending coefficients in seconds, (k, axes, 8), from knot states (k + 1, 4, axes)."""
+    found = np.empty((len(durations_s), states.shape[2], hermite.SIZE))
+    snap_coefficients(np.ascontiguousarray(states), durations_s, found)
+    return found
+
+
 def trajectory(spline: Spline) -> Trajectory:
-    """A flyable trajectory of a spline with axes x, y, z, yaw."""
-    return Trajectory(spline.durations_s, hermite.coefficients(spline.states, spline.durations_s))
+    """A flyable trajectory of a spline with axes x, y, z and yaw (0 where it has none)."""
+    c = coefficients(spline.states, spline.durations_s)
+    level = np.zeros((len(c), 4 - c.shape[1], hermite.SIZE))
+    return Trajectory(spline.durations_s, np.concatenate([c, level], axis=1))

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from math import sqrt
 from typing import Literal
 
-from flight import InfeasibleError, InputError
+from flight import FlightError, InfeasibleError, InputError
 from vehicle import Limits, Vehicle
 
 
@@ -84,3 +84,7 @@ class PlanInfeasibleError(InfeasibleError):
         """Index of the waypoint where the leg in question starts; None if the failure belongs to no single leg."""
         self.reason = reason
         self.remedy = remedy
+
+
+class PlanCancelledError(FlightError):
+    """The plan was given up because its stop flag was set."""

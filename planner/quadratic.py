@@ -80,7 +80,7 @@ class SnapProgram:
         states[[0, -1], 1:] = 0.0
         pinned = np.isfinite(self.constraints.waypoints).all(axis=1) & self._exact()
         states[pinned, 0] = self.constraints.waypoints[pinned]
-        return minimum_snap.Spline(T, states, np.empty(0))
+        return minimum_snap.Spline(T, states)
 
     def _started(self, P: sparse.csc_matrix, A: sparse.csc_matrix, low: FloatArray, high: FloatArray) -> Any:
         """The solver, set up with the first problem or updated to a later one (it starts from the last answer)."""

@@ -16,6 +16,9 @@ _FINEST_M = 0.12
 _PRICE = 3.0
 """Added cost per metre of a path at the required clearance rather than at a comfortable one."""
 
+_GREED = 1.5
+"""How much dearer than the cheapest a way may be: far fewer cells are looked at; the optimiser moves it anyway."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lattice:
@@ -66,8 +69,8 @@ def lattice(
     distances = np.empty(tuple(shape), dtype=np.float32)
     for i, x in enumerate(axes[0]):
         layer = np.stack(np.broadcast_arrays(x, axes[1][:, None], axes[2][None, :]), axis=-1)
-        distances[i] = space.distance(field, layer.reshape(-1, 3)).reshape(shape[1], shape[2])
-    return Lattice(low, step, distances)
+        distances[i] = np.asarray(field.distance(layer.reshape(-1, 3))).reshape(shape[1], shape[2])
+    return Lattice(low, step, space.certain(field, distances))
 
 
 def route(
@@ -88,7 +91,7 @@ def route(
         first, last = grid.nearest_allowed(start, level), grid.nearest_allowed(goal, level)
         if first < 0 or last < 0:
             continue
-        cells = grid_search(grid.distance_m, first, last, level, max(comfort_m, level), _PRICE)
+        cells = grid_search(grid.distance_m, first, last, level, max(comfort_m, level), _PRICE, _GREED)
         if not len(cells):
             break
         points = np.concatenate([[start], grid.point(cells), [goal]])

@@ -1,5 +1,6 @@
 """Free space for the planner: anything with `distance(points)`; where it is NaN (unknown), space is not free."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -8,6 +9,8 @@ from numpy.typing import ArrayLike
 
 from flight import FloatArray, InputError
 
+Distances = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+"""From points (n, 3) to distances (n,) and their gradients (n, 3)."""
 _STEP_M = 1e-4
 """Step of the central difference for fields that cannot give a gradient."""
 
@@ -40,23 +43,61 @@ def distance(field: DistanceField, points_world_m: FloatArray) -> FloatArray:
     return np.where(np.isnan(values), -np.inf, values)
 
 
+def certain(field: DistanceField, distance_m: np.ndarray) -> np.ndarray:
+    """What interpolated distances prove (`SampledField.proven_distance`), minus infinity where they are NaN."""
+    grid = getattr(field, "grid", None)
+    slack = 0.0 if grid is None else grid.half_diagonal_m
+    proven = np.maximum(np.sqrt(np.maximum(distance_m**2 - slack**2, 0.0)), distance_m - slack)
+    return np.where(np.isnan(distance_m), -np.inf, np.where(distance_m > slack, proven, distance_m - slack))
+
+
 def aim(field: DistanceField, required_m: float) -> float:
     """The interpolated distance at which `required_m` is certain."""
     grid = getattr(field, "grid", None)
     return required_m if grid is None else float(np.hypot(required_m, grid.half_diagonal_m))
 
 
-def distance_and_gradient(field: DistanceField, points_world_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Distance (n,) and its gradient (n, 3); both NaN where unknown."""
-    points = np.ascontiguousarray(points_world_m)
+def around_path(field: DistanceField, polyline: FloatArray, near_m: float) -> Distances:
+    """Distances (n,) and gradients (n, 3) for an optimiser that starts from a free polyline (m, 3).
+
+    Gradients are worked out where the distance is below `near_m` only. Where the field does not know, the value is
+    minus the distance to the polyline, so that a path is drawn back to it.
+    """
+
+    def ask(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        d, gradient = _value_and_gradient(field, points, near_m)
+        unknown = np.flatnonzero(~(np.isfinite(d) & np.isfinite(gradient).all(axis=1)))
+        if unknown.size:
+            back = _nearest_on(polyline, points[unknown]) - points[unknown]
+            size = np.linalg.norm(back, axis=1)
+            d[unknown], gradient[unknown] = -size, back / np.maximum(size, 1e-9)[:, None]
+        return d, gradient
+
+    return ask
+
+
+def _value_and_gradient(field: DistanceField, points: FloatArray, near_m: float) -> tuple[FloatArray, FloatArray]:
     exact = getattr(field, "distance_and_gradient", None)
     if exact is not None:
         value, gradient = exact(points)
-        return np.asarray(value, dtype=np.float64), np.asarray(gradient, dtype=np.float64)
-    steps = _STEP_M * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
-    values = np.asarray(field.distance((steps[:, None] + points).reshape(-1, 3)), dtype=np.float64)
-    values = values.reshape(7, -1)
-    return values[0], ((values[1:4] - values[4:]) / (2.0 * _STEP_M)).T
+        return np.array(value, dtype=np.float64), np.array(gradient, dtype=np.float64)
+    value, gradient = np.array(field.distance(points), dtype=np.float64), np.zeros_like(points)
+    near = np.flatnonzero(~(value >= near_m))
+    if near.size:
+        steps = _STEP_M * np.concatenate([np.eye(3), -np.eye(3)])
+        sides = np.asarray(field.distance((steps[:, None] + points[near]).reshape(-1, 3))).reshape(6, -1)
+        gradient[near] = ((sides[:3] - sides[3:]) / (2.0 * _STEP_M)).T
+    return value, gradient
+
+
+def _nearest_on(polyline: FloatArray, points: FloatArray) -> FloatArray:
+    """The nearest point (n, 3) of the polyline to each of the points."""
+    start, along = polyline[:-1], np.diff(polyline, axis=0)
+    square = np.maximum(np.einsum("ij,ij->i", along, along), 1e-12)
+    share = np.clip(np.einsum("nij,ij->ni", points[:, None] - start, along) / square, 0.0, 1.0)
+    candidates = start + share[..., None] * along
+    best = np.linalg.norm(candidates - points[:, None], axis=2).argmin(axis=1)
+    return candidates[np.arange(len(points)), best]
 
 
 def check_lines(

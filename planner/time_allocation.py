@@ -1,21 +1,30 @@
-"""How long each segment takes, and where the free knots lie: the fastest path within limits, clear of obstacles.
+"""How long each segment takes, where the free knots lie and where the vehicle looks: the fastest path within limits.
 
-The path is always the minimum-snap spline of its knots and times, so the unknowns are few: the logarithms of the times
-and the positions of the knots no pilot asked for. Gradients are exact (adjoint: one more back-substitution).
+The path is always the minimum-snap spline of its knots and times, so the unknowns are few: the logarithms of the times,
+the positions of the knots no pilot asked for, and the headings that are open. Gradients are exact (adjoint: one more
+back-substitution); the minimiser is compiled, and may be stopped from another thread.
 """
 
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass
 
 import numpy as np
 
 from flight import FloatArray
-from planner import hermite, minimum_snap, penalty, space
-from planner._planner import running_cost as kernel_cost
+from planner import airframe, hermite, minimum_snap, space
+from planner._planner import Problem as Kernel
+from planner._planner import StopFlag
+from planner.airframe import Airframe
+from planner.options import PlanCancelledError
 
-_SAMPLES = 16
-"""Points per segment where limits and clearance are looked at."""
-_U = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
-_SAMPLE_FROM_STATES = np.stack([hermite.basis(_U, r) @ hermite.monomials_from_states() for r in range(5)])
+SAMPLES = 11
+"""Points per segment where limits and clearance are looked at, both ends among them."""
+_BETWEEN = 4
+"""Steps from one of them to the next in which their peaks are looked for."""
+_U = np.linspace(0.0, 1.0, SAMPLES)
+_SHARES = np.where((_U == 0.0) | (_U == 1.0), 0.5, 1.0) / (SAMPLES - 1)
+"""Of a segment's time, for each sample."""
+_SLOW_M_S = 0.5
+"""Horizontal speed at which looking along the path counts half."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +37,10 @@ class Weights:
     """Per second at one unit of squared relative excess over a limit."""
     clearance: float = 3000.0
     """Per second at 1 m^2 of squared lack of clearance."""
+    heading: float = 0.0
+    """Per second of looking across the path (twice as much for looking back)."""
+    turning: float = 0.0
+    """Per second at 1 rad/s of yaw."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,18 +48,20 @@ class Problem:
     """What is given: knots, which of them may move, limits, obstacles, and how far to stay from them."""
 
     knots: FloatArray
-    """(k + 1, 3) where each knot is, or starts from."""
+    """(k + 1, 4) x, y, z and yaw where each knot is, or starts from."""
     free: np.ndarray
-    """(k + 1,) bool, whether the optimiser may move it."""
-    bounds: penalty.Bounds
+    """(k + 1, 4) bool, what the optimiser may move."""
+    airframe: Airframe
     field: space.DistanceField
     clearance_m: float
     weights: Weights
+    offsets: FloatArray | None = None
+    """(k, SAMPLES, limits) added to each excess: what the vehicle's own model says beyond the reduced one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """Where the optimiser stopped."""
+    """Where the optimiser ended."""
 
     knots: FloatArray
     durations_s: FloatArray
@@ -58,125 +73,93 @@ class Solution:
 
 def cost_and_gradient(
     problem: Problem, knots: FloatArray, durations_s: FloatArray
-) -> tuple[float, FloatArray, FloatArray, minimum_snap.Spline]:
-    """The cost, its gradient by durations (k,) and by knot positions (k + 1, 3), and the spline.
-
-    With K x = r the conditions for minimum snap, dJ = (dJ/dx) dx, and K dx = dr - dK x: one solve with K of dJ/dx
-    gives the multipliers of all parameters at once.
-    """
-    T = durations_s
-    states = np.zeros((len(T) + 1, hermite.ORDER, 3))
-    states[:, 0] = knots
-    spline = minimum_snap.solve_states(states, T)
-    d = hermite.segment_states(spline.states)
-    value, by_d, by_T = _running_cost(problem, d, T)
-    H = minimum_snap.energy(T)
-    Hd = H @ d
-    snap = float(np.sum(d * Hd))
-    value += float(np.sum(T)) + problem.weights.snap * snap
-    by_T += 1.0
-    # dH/dT: every entry of H is a constant times T^(powers - 7)
-    exponents = hermite.POWERS[:, None] + hermite.POWERS[None, :] - 7
-    dHd = (H * (exponents / T[:, None, None])) @ d
-    by_T += problem.weights.snap * np.einsum("kax,kax->k", d, dHd)
-    by_d += 2.0 * problem.weights.snap * Hd
-    by_states = np.zeros_like(spline.states)
-    by_states[:-1] += by_d[:, :4]
-    by_states[1:] += by_d[:, 4:]
-    multipliers = hermite.segment_states(spline.solve_adjoint(by_states))
-    by_T -= np.einsum("kax,kax->k", multipliers, dHd)
-    pull = H @ multipliers
-    by_knots = by_states[:, 0]
-    by_knots[:-1] -= pull[:, 0]
-    by_knots[1:] -= pull[:, 4]
-    return value, by_T, by_knots, spline
+) -> tuple[float, FloatArray, FloatArray]:
+    """The cost, its gradient by durations (k,) and by knots (k + 1, 4)."""
+    by_knots, by_durations = np.empty_like(knots), np.empty_like(durations_s)
+    cost = _kernel(problem).evaluate(knots, durations_s, by_knots, by_durations)
+    return cost, by_durations, by_knots
 
 
-def _running_cost(problem: Problem, d: FloatArray, T: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-    """Integral of the penalties over the path, with gradients by segment states (k, 8, 3) and durations (k,)."""
-    near, by_position = _priced_clearance(problem, d, T)
-    by_d, by_T = np.empty_like(d), np.empty_like(T)
-    bounds = np.array(astuple(problem.bounds))
-    value = kernel_cost(d, T, _SAMPLE_FROM_STATES, bounds, problem.weights.limits, near, by_position, by_d, by_T)
-    return value, by_d, by_T
-
-
-def running_cost_numpy(problem: Problem, d: FloatArray, T: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-    """The plain twin of the kernel."""
-    near, by_position = _priced_clearance(problem, d, T)
-    S = hermite.time_powers(T)
-    scaled = d * S[..., None]
-    rates = [1.0 / T**r for r in range(5)]
-    motion = [rates[r][:, None, None] * (_SAMPLE_FROM_STATES[r] @ scaled) for r in range(5)]
-    step, price = T / _SAMPLES, problem.weights.limits
-    limits = penalty.dynamics(motion[1], motion[2], motion[3], motion[4], problem.bounds)
-    density = price * limits.value + near
-    value = float(np.sum(step * density.sum(axis=1)))
-    others = (limits.by_velocity, limits.by_acceleration, limits.by_jerk, limits.by_snap)
-    by_T = density.sum(axis=1) / _SAMPLES
-    by_scaled = np.zeros_like(scaled)
-    for r, gradient in enumerate([by_position, *(price * g for g in others)]):
-        by_scaled += (step * rates[r])[:, None, None] * (_SAMPLE_FROM_STATES[r].T @ gradient)
-        by_T -= step * r / T * np.einsum("ksx,ksx->k", gradient, motion[r])
-    by_T += np.einsum("kax,kax,ka->k", by_scaled, d, hermite.POWERS * S / T[:, None])
-    return value, by_scaled * S[..., None], by_T
-
-
-def _priced_clearance(problem: Problem, d: FloatArray, T: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Price of the positions at the samples (k, s), and its gradient (k, s, 3)."""
-    positions = _SAMPLE_FROM_STATES[0] @ (d * hermite.time_powers(T)[..., None])
-    near, by_position = _clearance(problem, positions)
-    return problem.weights.clearance * near, problem.weights.clearance * by_position
-
-
-def _clearance(problem: Problem, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Squared lack of clearance (k, s) and its gradient (k, s, 3)."""
-    if problem.weights.clearance <= 0.0:
-        return np.zeros(positions.shape[:2]), np.zeros_like(positions)
-    d, gradient = space.distance_and_gradient(problem.field, positions.reshape(-1, 3))
-    unknown = ~(np.isfinite(d) & np.isfinite(gradient).all(axis=1))
-    if unknown.any():
-        # No field there: draw the path back to the line between its knots, which is known to be free.
-        back = (_chords(problem.knots) - positions).reshape(-1, 3)[unknown]
-        size = np.linalg.norm(back, axis=1)
-        gradient = gradient.copy()
-        gradient[unknown] = back / np.maximum(size, 1e-9)[:, None]
-        d = np.where(unknown, 0.0, d)
-        d[unknown] = -size
-    lack = np.maximum(problem.clearance_m - d, 0.0)
-    return (lack**2).reshape(positions.shape[:2]), (-2.0 * lack[:, None] * gradient).reshape(positions.shape)
-
-
-def _chords(knots: FloatArray) -> FloatArray:
-    return knots[:-1, None] + _U[None, :, None] * (knots[1:] - knots[:-1])[:, None]
-
-
-def optimise(problem: Problem, durations_s: FloatArray, *, iterations: int = 300, precision: float = 1e-6) -> Solution:
-    """Minimise over log durations and free knots with L-BFGS, from `durations_s`."""
-    from scipy.optimize import minimize
-
-    k = len(durations_s)
-    free = np.flatnonzero(problem.free)
-
-    def unpack(z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        knots = problem.knots.copy()
-        knots[free] = z[k:].reshape(-1, 3)
-        return knots, np.exp(z[:k])
-
-    def evaluate(z: FloatArray) -> tuple[float, FloatArray]:
-        knots, T = unpack(z)
-        value, by_T, by_knots, _ = cost_and_gradient(problem, knots, T)
-        return value, np.concatenate([by_T * T, by_knots[free].ravel()])
-
-    start = np.concatenate([np.log(durations_s), problem.knots[free].ravel()])
-    box = [(-5.0, 6.0)] * k + [(None, None)] * (3 * len(free))
-    options = {"maxiter": iterations, "ftol": precision, "gtol": 1e-6, "maxcor": 30}
-    found = minimize(evaluate, start, jac=True, method="L-BFGS-B", bounds=box, options=options)
-    knots, T = unpack(found.x)
+def cost_numpy(problem: Problem, knots: FloatArray, durations_s: FloatArray) -> float:
+    """The NumPy reference of the cost."""
+    T, weights = durations_s, problem.weights
     spline = minimum_snap.solve(knots, T)
-    return Solution(knots, T, spline, float(found.fun), int(found.nfev), bool(found.success))
+    motion = derivatives(spline)
+    over = airframe.excess_numpy(problem.airframe, motion.reshape(-1, 5, 4)).reshape(len(T), SAMPLES, -1)
+    if problem.offsets is not None:
+        over = over + problem.offsets
+    density = weights.limits * (np.maximum(over, 0.0) ** 2).sum(axis=2)
+    v, yaw = motion[:, :, 1, :2], motion[:, :, 0, 3]
+    pace, ahead = np.sqrt((v**2).sum(axis=2) + 1e-6), v[..., 0] * np.cos(yaw) + v[..., 1] * np.sin(yaw)
+    density += weights.heading * pace * (pace - ahead) / ((v**2).sum(axis=2) + _SLOW_M_S**2)
+    density += weights.turning * motion[:, :, 1, 3] ** 2
+    if weights.clearance > 0.0:
+        lack = problem.clearance_m - _distances(problem)(motion[:, :, 0, :3].reshape(-1, 3))[0]
+        density += weights.clearance * np.maximum(lack, 0.0).reshape(density.shape) ** 2
+    position = minimum_snap.Spline(T, spline.states[..., :3])
+    return float(T.sum() + (T * (density @ _SHARES)).sum() + weights.snap * position.snap_cost())
 
 
-def with_weights(problem: Problem, **changes: float) -> Problem:
-    """The same problem with other prices."""
-    return replace(problem, weights=replace(problem.weights, **changes))
+def derivatives(spline: minimum_snap.Spline) -> FloatArray:
+    """(k, SAMPLES, 5, axes): the path and four derivatives at the samples of each segment."""
+    scaled = hermite.segment_states(spline.states) * hermite.time_powers(spline.durations_s)[..., None]
+    rates = 1.0 / spline.durations_s[:, None, None]
+    return np.stack(
+        [hermite.basis(_U, r) @ hermite.monomials_from_states() @ scaled * rates**r for r in range(5)], axis=2
+    )
+
+
+def excess(problem: Problem, solution: Solution) -> tuple[FloatArray, FloatArray]:
+    """Relative excess over each limit as the optimiser sees it, without the offsets: two arrays (k, SAMPLES, limits).
+
+    Returns:
+        At each sample, and the largest up to half-way to the next ones.
+    """
+    segments, half = len(solution.durations_s), _BETWEEN // 2
+    fine = np.empty((segments, (SAMPLES - 1) * _BETWEEN + 1, airframe.COLUMNS))
+    _kernel(problem, fine.shape[1]).excess(solution.knots, solution.durations_s, fine)
+    around = np.pad(fine, ((0, 0), (half, half), (0, 0)), mode="edge")
+    peaks = np.max([around[:, i : i + fine.shape[1] : _BETWEEN] for i in range(2 * half + 1)], axis=0)
+    return fine[:, ::_BETWEEN], peaks
+
+
+def sample_times(durations_s: FloatArray) -> FloatArray:
+    """(k, SAMPLES) when on the path the samples are."""
+    starts = np.concatenate([[0.0], np.cumsum(durations_s)[:-1]])
+    inside = np.clip(_U, 1e-9, 1.0 - 1e-9)  # on its own side of a join
+    return starts[:, None] + durations_s[:, None] * inside
+
+
+def optimise(
+    problem: Problem,
+    durations_s: FloatArray,
+    *,
+    iterations: int = 300,
+    precision: float = 1e-6,
+    stop: StopFlag | None = None,
+) -> Solution:
+    """Minimise over log durations and free knots with L-BFGS, from `durations_s`.
+
+    Raises:
+        PlanCancelledError: `stop` was set.
+    """
+    knots, T = problem.knots.copy(), np.array(durations_s, dtype=np.float64)
+    free = np.ascontiguousarray(problem.free, dtype=np.uint8)
+    cost, evaluations, converged, stopped = _kernel(problem).minimise(knots, T, free, iterations, precision, stop)
+    if stopped:
+        raise PlanCancelledError("the plan was cancelled")
+    return Solution(knots, T, minimum_snap.solve(knots, T), cost, evaluations, converged)
+
+
+def _kernel(problem: Problem, samples: int = SAMPLES) -> Kernel:
+    prices = np.array(astuple(problem.weights))
+    kernel = Kernel(
+        len(problem.knots) - 1, samples, problem.airframe.packed(), prices, problem.clearance_m, _distances(problem)
+    )
+    if problem.offsets is not None and samples == SAMPLES:
+        kernel.set_offsets(np.ascontiguousarray(problem.offsets))
+    return kernel
+
+
+def _distances(problem: Problem) -> space.Distances:
+    return space.around_path(problem.field, problem.knots[:, :3], problem.clearance_m)

@@ -1,7 +1,7 @@
 """The floors of docs/architecture.md: who may import whom. A climb fails here, by file and line."""
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
@@ -18,8 +18,21 @@ MAY_IMPORT = {
     "gcs_web": {"flight", "esdf", "vehicle", "mapping", "planner", "sysid", "firmware_bridge"},
     "goshawk": {"flight", "esdf", "vehicle", "mapping", "planner", "sysid", "firmware_bridge", "gcs_web"},
 }
+ROOMS = {
+    "sysid.logs": set(),
+    "sysid.estimator": {"sysid.logs"},
+    "sysid.diagnosis": {"sysid.logs", "sysid.estimator"},
+    "sysid.report": {"sysid.logs", "sysid.estimator", "sysid.diagnosis"},
+}
+"""Rooms of a package that is large enough to have some, and which of its other rooms each may import."""
 GROUND_FLOOR_LIBRARIES = {"numpy", "pyarrow", "tomli_w"}
 HEAVY = {"open3d", "pycolmap", "matplotlib", "viser", "scipy.optimize", "osqp", "ompl", "aiohttp", "pyarrow"}
+
+
+def typing_only(tree: ast.AST) -> set[int]:
+    """Nodes that only a type checker runs."""
+    blocks = [b for b in ast.walk(tree) if isinstance(b, ast.If) and "TYPE_CHECKING" in ast.dump(b.test)]
+    return {id(node) for block in blocks for node in ast.walk(block)}
 
 
 def imports(tree: ast.AST) -> Iterator[tuple[str, int, bool]]:
@@ -27,20 +40,47 @@ def imports(tree: ast.AST) -> Iterator[tuple[str, int, bool]]:
     inner = {
         id(n) for f in ast.walk(tree) if isinstance(f, ast.FunctionDef | ast.AsyncFunctionDef) for n in ast.walk(f)
     }
-    typing_only = {
-        id(n)
-        for block in ast.walk(tree)
-        if isinstance(block, ast.If) and "TYPE_CHECKING" in ast.dump(block.test)
-        for n in ast.walk(block)
-    }
+    unused = typing_only(tree)
     for node in ast.walk(tree):
-        at_import = id(node) not in inner and id(node) not in typing_only
+        at_import = id(node) not in inner and id(node) not in unused
         if isinstance(node, ast.Import):
             for alias in node.names:
                 yield alias.name, node.lineno, at_import
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"relative import at line {node.lineno}: name the package"
             yield node.module or "", node.lineno, at_import
+
+
+def imported_modules(tree: ast.AST, modules: set[str]) -> set[str]:
+    """Which of `modules` a file runs, now or later: `from package import name` runs the module `name`, if it is one."""
+    unused = typing_only(tree)
+    found: set[str] = set()
+    for node in ast.walk(tree):
+        if id(node) in unused:
+            continue
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            inside = {f"{node.module}.{alias.name}" for alias in node.names}
+            found |= {name if name in modules else node.module for name in inside}
+    return found & modules
+
+
+def circles(graph: Mapping[str, set[str]]) -> list[list[str]]:
+    """Groups of modules that reach each other."""
+
+    def reached(start: str) -> set[str]:
+        seen: set[str] = set()
+        left = [start]
+        while left:
+            new = graph[left.pop()] - seen
+            seen |= new
+            left += new
+        return seen
+
+    reach = {module: reached(module) for module in graph}
+    groups = {frozenset(m for m in reach[module] if module in reach[m]) for module in graph if module in reach[module]}
+    return sorted(sorted(group) for group in groups)
 
 
 def files(package: str) -> list[Path]:
@@ -58,6 +98,36 @@ def test_imports_only_go_down(package):
         if (top := module.split(".")[0]) in MAY_IMPORT and top != package and top not in MAY_IMPORT[package]
     ]
     assert not climbs
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_rooms_import_only_rooms_below_them(room):
+    climbs = [
+        f"{path.relative_to(ROOT)}:{line} imports {module}"
+        for path in files(room.replace(".", "/"))
+        for module, line, _ in imports(ast.parse(path.read_text()))
+        if (other := ".".join(module.split(".")[:2])) in ROOMS and other != room and other not in ROOMS[room]
+    ]
+    assert not climbs
+
+
+@pytest.mark.parametrize("package", MAY_IMPORT)
+def test_modules_of_a_package_do_not_import_each_other_in_a_circle(package):
+    """Imports inside functions count: a circle is a circle however late it closes."""
+    places = {".".join(p.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): p for p in files(package)}
+    places |= {f"{package}.{stub.stem}": stub for stub in (ROOT / package).glob("_*.pyi")}
+    modules = set(places)
+    graph = {name: imported_modules(ast.parse(path.read_text()), modules) for name, path in places.items()}
+    assert not circles(graph)
+
+
+def test_a_circle_is_found_however_late_it_closes():
+    late = ast.parse("def f():\n    from room import b\n")
+    typed = ast.parse("from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from room.a import A\n")
+    modules = {"room", "room.a", "room.b", "room.c"}
+    graph = {"room": set(), "room.a": imported_modules(late, modules), "room.c": imported_modules(typed, modules)}
+    assert graph["room.a"] == {"room.b"}
+    assert circles(graph | {"room.b": {"room.a", "room.c"}}) == [["room.a", "room.b"]]
 
 
 def test_the_ground_floor_needs_only_numpy_and_file_libraries():

@@ -17,7 +17,8 @@ def test_examples_are_numbered_without_gaps():
 
 
 LONG = ("04", "05")
-"""Half a minute each; tests/goshawk/test_second_flight.py and tests/sysid/test_diagnosis.py hold what they show."""
+"""Half a minute each; what they show is held by tests/goshawk/test_second_flight.py and
+tests/sysid/diagnosis/test_diagnosis.py."""
 
 
 @pytest.mark.parametrize(

@@ -60,15 +60,19 @@ if ! cmp -s requirements.lock .venv/installed.lock; then
   rm -f .venv/built.stamp
 fi
 
-# The native parts are built again when one of their sources is newer than the last build.
+# Goshawk is built again when a native source is newer than the last build, or a Python file came or went.
 native_sources() {
   find pyproject.toml CMakeLists.txt esdf vehicle mapping planner sysid firmware_bridge -type f \
     \( -name '*.c' -o -name '*.h' -o -name '*.cpp' -o -name '*.hpp' -o -name CMakeLists.txt -o -name pyproject.toml \) "$@"
 }
-if [ ! -f .venv/built.stamp ] || [ -n "$(native_sources -newer .venv/built.stamp -print -quit)" ]; then
+# An editable install knows each Python file by its name: one that came or went needs a new install, too.
+modules() { find flight esdf vehicle mapping planner sysid firmware_bridge gcs_web goshawk -name '*.py' | sort; }
+if [ ! -f .venv/built.stamp ] || [ -n "$(native_sources -newer .venv/built.stamp -print -quit)" ] ||
+  ! modules | cmp -s - .venv/built.modules; then
   say "building Goshawk (the C and C++ parts take about a minute)"
   touch .venv/building.stamp
   PATH="$PWD/.venv/bin:$PATH" .venv/bin/uv pip install --quiet --python .venv/bin/python \
     --no-deps --no-build-isolation --reinstall-package goshawk -e .
+  modules > .venv/built.modules
   mv .venv/building.stamp .venv/built.stamp
 fi

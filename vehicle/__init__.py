@@ -15,8 +15,8 @@ from vehicle import (
 )
 from vehicle.dynamics import Jacobian, acceleration, acceleration_jacobian, wrench, wrench_jacobian
 from vehicle.files import example, load, save, vehicle_hash
-from vehicle.forces import Surroundings, rigid_body
-from vehicle.model import Vehicle, specs
+from vehicle.forces import Surroundings
+from vehicle.model import Vehicle, rigid_body, specs
 from vehicle.parameters import Limits, Parameter
 
 __all__ = [

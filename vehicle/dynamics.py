@@ -11,7 +11,7 @@ from vehicle import effects as registry
 from vehicle import forces, native
 from vehicle.effects.base import Array, Drive, RigidBody, Stage
 from vehicle.forces import NOTHING_KNOWN, Surroundings
-from vehicle.model import Vehicle
+from vehicle.model import ValueMap, Vehicle, active, rigid_body, values_of
 
 _STEP = 1e-30
 """Complex step: the derivative is exact to rounding, whatever the size of the argument."""
@@ -156,11 +156,11 @@ def _six_numpy(
     motion: Array,
     around: Surroundings,
     as_acceleration: bool,
-    values: forces.ValueMap | None = None,
+    values: ValueMap | None = None,
 ) -> Array:
     force, torque = forces.wrench_numpy(vehicle, motion[:, :3], motion[:, 3:6], motion[:, 6:], around, values)
     if as_acceleration:
-        force, torque = _accelerations(forces.rigid_body(vehicle, values), motion[:, 3:6], force, torque)
+        force, torque = _accelerations(rigid_body(vehicle, values), motion[:, 3:6], force, torque)
     return np.concatenate([force, torque], axis=1)
 
 
@@ -211,7 +211,7 @@ def _complex_steps(
 ) -> tuple[FloatArray, FloatArray]:
     """The same derivatives without the kernel: one evaluation per direction."""
 
-    def slope(m: Array = motion, a: Surroundings = around, v: forces.ValueMap | None = None) -> FloatArray:
+    def slope(m: Array = motion, a: Surroundings = around, v: ValueMap | None = None) -> FloatArray:
         return np.imag(_six_numpy(vehicle, m, a, as_acceleration, v)) / _STEP
 
     slopes = np.zeros((len(motion), 6, 18 + len(parameters)))
@@ -222,7 +222,7 @@ def _complex_steps(
     for slot, shifted in _surroundings_steps(around):
         slopes[:, :, slot] = slope(a=shifted)
     for j, name in enumerate(parameters):
-        values = forces.values_of(vehicle)
+        values = values_of(vehicle)
         values[name] = values[name] + 1j * _STEP
         slopes[:, :, 18 + j] = slope(v=values)
     return _six_numpy(vehicle, motion, around, as_acceleration), slopes
@@ -257,7 +257,7 @@ def motion_numpy(
 ) -> tuple[Array, Array, Array]:
     """Specific force (n, 3), angular acceleration (n, 3) and thrust (n, 4) without the kernel."""
     flow = forces.evaluate(vehicle, velocity.T, rate.T, rotor_speed.T, around)
-    body = forces.rigid_body(vehicle)
+    body = rigid_body(vehicle)
     return (*_accelerations(body, rate, flow.force_n.T, flow.torque_n_m.T), flow.thrust_n.T)
 
 
@@ -272,6 +272,6 @@ def motor_response(
     """Response of the motors to a command (n, 4): the command that reaches the rotors (n, 4), and the rotor
     acceleration (n, 4), or None when no active effect models it and the rotors follow at once."""
     drive = Drive(np.atleast_2d(command).T, np.atleast_2d(speed).T, battery_v)
-    for name in forces.active(vehicle, Stage.COMMAND, Stage.DRIVE):
+    for name in active(vehicle, Stage.COMMAND, Stage.DRIVE):
         registry.find(name).apply(drive, vehicle.values(name))
     return drive.command_rad_s.T, None if drive.acceleration_rad_s2 is None else drive.acceleration_rad_s2.T

@@ -11,8 +11,8 @@ import numpy as np
 from flight import FloatArray, Trajectory, polynomial, rotations
 from flight.frames import GRAVITY_M_S2
 from vehicle import dynamics, invert, native
-from vehicle.forces import Surroundings, rigid_body
-from vehicle.model import Vehicle
+from vehicle.forces import Surroundings
+from vehicle.model import Vehicle, rigid_body
 
 _OFFSET_S = 2e-3
 """Spacing of the five instants from which rates are taken: truncation and rounding are both near 1e-8 rad/s there."""

@@ -7,9 +7,9 @@ import numpy as np
 
 from flight import FlightLog, FloatArray, InputError, Trajectory, flight_log, rotations
 from vehicle import effects as registry
-from vehicle import forces, simulate
+from vehicle import simulate
 from vehicle.effects.base import Reading, Stage
-from vehicle.model import Vehicle
+from vehicle.model import Vehicle, active
 from vehicle.simulate import CALM, Fleet, Wind
 from vehicle.tracking import Tracker
 
@@ -127,7 +127,7 @@ def _sensor_reading(truth: Truth, member: int) -> Reading:
     rows = truth.rows[:, member]
     turn = np.gradient(rows[:, 10:13], truth.time_s, axis=0)
     reading = Reading(rows[:, 10:13].T, truth.specific_force_body_m_s2[:, member].T, turn.T)
-    for name in forces.active(truth.vehicle, Stage.SENSOR):
+    for name in active(truth.vehicle, Stage.SENSOR):
         registry.find(name).apply(reading, truth.vehicle.values(name))
     return reading
 

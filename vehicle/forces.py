@@ -3,19 +3,14 @@
 This is the reference; `vehicle.wrench` runs the compiled kernel when every active effect has a compiled form.
 """
 
-from collections.abc import Mapping
 from dataclasses import astuple, dataclass
-from typing import Any
 
 import numpy as np
 
 from flight import FloatArray, InputError
 from vehicle import effects as registry
-from vehicle.effects.base import Array, Flow, RigidBody, Stage, Values, cross
-from vehicle.model import BODY, Vehicle
-
-ValueMap = Mapping[str, Any]
-"""Full parameter name to value: a number, or (n,) with one per instant; complex while a derivative is taken."""
+from vehicle.effects.base import Array, Flow, Stage, cross
+from vehicle.model import BODY, ValueMap, Vehicle, active, namespace, rigid_body, values_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,33 +28,6 @@ class Surroundings:
 
 
 NOTHING_KNOWN = Surroundings()
-
-
-def values_of(vehicle: Vehicle) -> dict[str, Any]:
-    return {name: parameter.value for name, parameter in vehicle.parameters.items()}
-
-
-def namespace(values: ValueMap, effect: str) -> Values:
-    return Values(**{s.name: values[f"{effect}.{s.name}"] for s in registry.find(effect).parameters})
-
-
-def active(vehicle: Vehicle, *stages: Stage) -> list[str]:
-    """Names of the active effects of these stages, in order."""
-    return [name for name in vehicle.effects if registry.find(name).stage in stages]
-
-
-def rigid_body(vehicle: Vehicle, values: ValueMap | None = None) -> RigidBody:
-    """Mass, inertia (3, 3) and centre of mass (3,) with the effects of stage MASS included."""
-    values = values_of(vehicle) if values is None else values
-    diagonal = [values[f"inertia_{axis}_kg_m2"] for axis in ("xx", "yy", "zz")]
-    shape = np.broadcast_shapes(*(np.shape(i) for i in diagonal))
-    inertia = np.zeros((3, 3, *shape), np.result_type(*diagonal))
-    for i in range(3):
-        inertia[i, i] = diagonal[i]
-    body = RigidBody(values["mass_kg"], inertia, np.zeros(3))
-    for name in active(vehicle, Stage.MASS):
-        registry.find(name).apply(body, namespace(values, name))
-    return body
 
 
 def evaluate(

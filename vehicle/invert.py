@@ -5,8 +5,8 @@ import numpy as np
 from flight import FloatArray, InfeasibleError
 from flight.frames import GRAVITY_M_S2
 from vehicle import dynamics, native
-from vehicle.forces import Surroundings, rigid_body
-from vehicle.model import Vehicle
+from vehicle.forces import Surroundings
+from vehicle.model import Vehicle, rigid_body
 
 _STEPS = 25
 _TOLERANCE_RAD_S = 1e-9

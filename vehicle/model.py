@@ -10,7 +10,7 @@ import numpy as np
 
 from flight import FloatArray, InputError
 from vehicle import effects as registry
-from vehicle.effects.base import Effect, RigidBody, Spec
+from vehicle.effects.base import Effect, RigidBody, Spec, Stage, Values
 from vehicle.parameters import Limits, Parameter
 
 BODY = (
@@ -29,6 +29,10 @@ BODY = (
 )
 """Parameters every vehicle has. The pose sensor's place is given from the centre of mass, its rotation vector
 turns sensor axes into body axes."""
+
+
+ValueMap = Mapping[str, Any]
+"""Full parameter name to value: a number, or (n,) with one per instant; complex while a derivative is taken."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
@@ -132,8 +136,6 @@ class Vehicle:
     @property
     def body(self) -> RigidBody:
         """Mass, inertia (3, 3) and centre of mass (3,) with the effects of stage MASS included."""
-        from vehicle.forces import rigid_body  # forces works on vehicles, so it comes after this module
-
         return rigid_body(self)
 
 
@@ -148,6 +150,33 @@ def specs(vehicle: Vehicle) -> dict[str, Spec]:
     for effect in vehicle.effects:
         named |= {f"{effect}.{s.name}": s for s in registry.find(effect).parameters}
     return named
+
+
+def values_of(vehicle: Vehicle) -> dict[str, Any]:
+    return {name: parameter.value for name, parameter in vehicle.parameters.items()}
+
+
+def namespace(values: ValueMap, effect: str) -> Values:
+    return Values(**{s.name: values[f"{effect}.{s.name}"] for s in registry.find(effect).parameters})
+
+
+def active(vehicle: Vehicle, *stages: Stage) -> list[str]:
+    """Names of the active effects of these stages, in order."""
+    return [name for name in vehicle.effects if registry.find(name).stage in stages]
+
+
+def rigid_body(vehicle: Vehicle, values: ValueMap | None = None) -> RigidBody:
+    """Mass, inertia (3, 3) and centre of mass (3,) with the effects of stage MASS included."""
+    values = values_of(vehicle) if values is None else values
+    diagonal = [values[f"inertia_{axis}_kg_m2"] for axis in ("xx", "yy", "zz")]
+    shape = np.broadcast_shapes(*(np.shape(i) for i in diagonal))
+    inertia = np.zeros((3, 3, *shape), np.result_type(*diagonal))
+    for i in range(3):
+        inertia[i, i] = diagonal[i]
+    body = RigidBody(values["mass_kg"], inertia, np.zeros(3))
+    for name in active(vehicle, Stage.MASS):
+        registry.find(name).apply(body, namespace(values, name))
+    return body
 
 
 def _inserted(active: tuple[str, ...], effect: Effect) -> tuple[str, ...]:

@@ -10,8 +10,7 @@ import numpy as np
 
 from flight import FloatArray, InfeasibleError, Trajectory, rotations
 from vehicle import dynamics, flatness, invert
-from vehicle.forces import rigid_body
-from vehicle.model import Vehicle
+from vehicle.model import Vehicle, rigid_body
 from vehicle.simulate import Fleet
 
 

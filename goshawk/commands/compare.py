@@ -10,7 +10,7 @@ from flight import InputError
 from goshawk import console, outputs
 from goshawk.flights import load
 from goshawk.model_change import prediction_error
-from sysid.comparison import HORIZONS_S
+from sysid.estimator.comparison import HORIZONS_S
 
 
 @click.command()

@@ -11,8 +11,10 @@ from flight import FlightLog, InputError, file_format
 from goshawk import console, outputs, what_next
 from goshawk.flights import load
 from goshawk.what_next import Asked
-from sysid.diagnosis import Diagnosis, Size, SuspectFinding, diagnose, figures, report
-from sysid.verdict import Use
+from sysid.diagnosis import CandidateFinding, Diagnosis, Size, diagnose
+from sysid.estimator.verdict import Use
+from sysid.report import diagnosis_figures as figures
+from sysid.report import diagnosis_page as report
 
 
 @click.command()
@@ -148,14 +150,14 @@ def _show(found: Diagnosis, document: dict[str, Any]) -> None:
     console.table(
         "candidate effects (mm: position error that the effect causes within 0.5 s)",
         heads,
-        [row for s in found.suspects for row in _rows(s)],
+        [row for s in found.candidates for row in _rows(s)],
     )
-    alike = [(s.name, ", ".join(f"{n} ({share:.0%})" for n, share in s.look_alikes)) for s in found.suspects]
+    alike = [(s.name, ", ".join(f"{n} ({share:.0%})" for n, share in s.confounded)) for s in found.candidates]
     if any(names for _, names in alike):
         console.table(
             "confounded effects in these flights", ("candidate", "collinear with"), [a for a in alike if a[1]]
         )
-    reasons = [(s.name, s.reason) for s in found.suspects if s.verdict == "cannot tell"]
+    reasons = [(s.name, s.reason) for s in found.candidates if s.verdict == "cannot tell"]
     reasons += [(name, f"unobservable: {why}") for name, why in found.invisible]
     if reasons:
         console.table("inconclusive from these flights, and why", ("effect", "reason"), reasons)
@@ -187,7 +189,7 @@ def _show_staircase(found: Diagnosis) -> None:
     console.table(f"position error (mm, rms) on {on}", ("model", *(f"after {h}" for h in horizons)), rows)
 
 
-def _rows(suspect: SuspectFinding) -> list[tuple[str, ...]]:
+def _rows(suspect: CandidateFinding) -> list[tuple[str, ...]]:
     """One line per parameter; the values of the candidate as a whole are in the first."""
     verdict = "inconclusive" if suspect.verdict == "cannot tell" else suspect.verdict
     heads = ((suspect.name, verdict), *((("", ""),) * (len(suspect.sizes) - 1)))

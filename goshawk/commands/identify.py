@@ -14,8 +14,8 @@ import vehicle
 from flight import FlightError, FlightLog, InputError, Progress
 from goshawk import console, outputs
 from goshawk.flights import load
-from sysid.stages import STAGES
-from sysid.verdict import Use, Verdict, of_logs
+from sysid.estimator.stages import STAGES
+from sysid.estimator.verdict import Use, Verdict, of_logs
 
 FLAGS = {"gaps='split'": "--split-gaps", "robust=True": "--robust"}
 """Arguments that the library's messages name, and the corresponding option of this command."""

@@ -13,7 +13,7 @@ from flight import FlightLog, InputError, flight_log
 from goshawk import console, log_outputs, outputs
 from goshawk.flights import IN_FREE_AIR, in_the_air, marked_file
 from goshawk.words import named
-from sysid.flight_data import PAYLOAD_CARRIED
+from sysid.logs.payload import PAYLOAD_CARRIED
 
 
 @click.command()
@@ -78,11 +78,10 @@ def command(
         fetch(flight, url, key_file, overwrite=overwrite)
     if payload is not None:
         flight = mark(flight, columns, payload == "carried", overwrite=overwrite)
+    log = sysid.read_log(flight, columns)
     believed = vehicle.load(vehicle_file) if vehicle_file is not None else None
     done: tuple[str, ...] = ()
     with console.progress() as report:
-        report(f"reading {flight.name}", 0.0)
-        log = sysid.read_log(flight, columns)
         if out is not None:
             log, done = log_outputs.write_fixed(log, flight, out, believed, overwrite=overwrite, progress=report)
         report("checking", 0.0)
@@ -120,7 +119,7 @@ def _show(title: str, document: dict) -> None:
 
 def draft_columns(flight: Path, out: Path, overwrite: bool, as_json: bool) -> None:
     """Write a first column map of a foreign CSV."""
-    from sysid import draft_columns as drafting
+    from sysid.logs import draft_columns as drafting
 
     outputs.check(out, overwrite=overwrite)
     drafted = drafting.draft(flight)

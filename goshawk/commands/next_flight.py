@@ -68,7 +68,7 @@ def command(
             _examined(logs, believed, progress)
             if candidates
             else diagnose(logs, believed, auto=True, progress=progress),
-            suspects=candidates or None,
+            candidates=candidates or None,
             free_volume_m=size,
             corner_world_m=low,
             library=library or None,
@@ -110,7 +110,7 @@ def _show(ranking: Ranking, chosen: Proposal, then: str | None, out: Path | None
         document = {
             "schema": "goshawk-next-flight",
             "version": SCHEMA_VERSION,
-            "candidates": list(ranking.suspects),
+            "candidates": list(ranking.candidates),
             "proposals": [proposal.as_dict() for proposal in ranking],
             "skipped": dict(ranking.skipped),
             "chosen": chosen.name,
@@ -121,7 +121,7 @@ def _show(ranking: Ranking, chosen: Proposal, then: str | None, out: Path | None
         return
     rows = [(p.name, p.duration_s, p.top_speed_m_s, p.expected_log_odds, p.per_second) for p in ranking]
     heads = ("manoeuvre", "seconds", "m/s at most", "log odds", "per second")
-    console.table(f"next flight for {' or '.join(ranking.suspects)}", heads, rows)
+    console.table(f"next flight for {' or '.join(ranking.candidates)}", heads, rows)
     for name, why in ranking.skipped:
         click.echo(f"not {name}: {why}")
     click.echo(chosen.sentence)

@@ -15,7 +15,7 @@ from goshawk.commands.vehicle_new import new, schema
 from goshawk.flights import load
 from goshawk.model_change import Change, Flights
 from goshawk.verbs import VerbGroup
-from sysid.verdict import Use
+from sysid.estimator.verdict import Use
 from vehicle import Vehicle, history
 
 vehicle_argument = click.argument("vehicle_file", metavar="VEHICLE", type=click.Path(path_type=Path))

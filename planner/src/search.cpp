@@ -42,32 +42,36 @@ float octile(int64_t a, int64_t b, int64_t c) {
 }
 
 // Cells with a distance of at least `required` may be entered; below `comfort` a step costs up to 1 + price as much.
+// A way is at most `greed` times as dear as the cheapest one; 1 is exact, more looks at fewer cells.
 std::vector<int64_t> astar(const float* distance, int64_t nx, int64_t ny, int64_t nz, int64_t start, int64_t goal,
-                           float required, float comfort, float price) {
+                           float required, float comfort, float price, float greed) {
     const float infinity = std::numeric_limits<float>::infinity();
     const float scale = comfort > required ? 1.0f / (comfort - required) : 0.0f;
     std::vector<float> cost(static_cast<size_t>(nx * ny * nz), infinity);
     std::vector<int8_t> came(static_cast<size_t>(nx * ny * nz), -1);
+    std::vector<bool> done(static_cast<size_t>(nx * ny * nz), false);
     const std::vector<Step> steps = neighbours(ny, nz);
     const int64_t gi = goal / (ny * nz), gj = goal / nz % ny, gk = goal % nz;
     using Entry = std::pair<float, int64_t>;
     std::priority_queue<Entry, std::vector<Entry>, std::greater<Entry>> open;
     const auto estimate = [&](int64_t i, int64_t j, int64_t k) {
-        return octile(std::abs(i - gi), std::abs(j - gj), std::abs(k - gk));
+        return greed * octile(std::abs(i - gi), std::abs(j - gj), std::abs(k - gk));
     };
     cost[start] = 0.0f;
     open.push({0.0f, start});
     while (!open.empty()) {
-        const auto [total, cell] = open.top();
+        const int64_t cell = open.top().second;
         open.pop();
         if (cell == goal) break;
         const int64_t i = cell / (ny * nz), j = cell / nz % ny, k = cell % nz;
-        if (total > cost[cell] + estimate(i, j, k) * 1.0001f + 1e-3f) continue;  // a cheaper way was found meanwhile
+        if (done[cell]) continue;  // opened more than once; the first time was the cheapest, or cheap enough
+        done[cell] = true;
         for (size_t s = 0; s < steps.size(); ++s) {
             const Step& step = steps[s];
             const int64_t a = i + step.di, b = j + step.dj, c = k + step.dk;
             if (a < 0 || b < 0 || c < 0 || a >= nx || b >= ny || c >= nz) continue;
             const int64_t next = cell + step.offset;
+            if (done[next]) continue;
             const float d = distance[next];
             if (!(d >= required)) continue;
             const float lack = std::max(0.0f, (comfort - d) * scale);
@@ -88,20 +92,20 @@ std::vector<int64_t> astar(const float* distance, int64_t nx, int64_t ny, int64_
 
 }  // namespace
 
-Path search(Grid distance, int64_t start, int64_t goal, float required, float comfort, float price) {
+Path search(Grid distance, int64_t start, int64_t goal, float required, float comfort, float price, float greed) {
     auto* found = new std::vector<int64_t>();
     nb::capsule owner(found, [](void* p) noexcept { delete static_cast<std::vector<int64_t>*>(p); });
     {
         nb::gil_scoped_release release;
         *found =
             astar(distance.data(), static_cast<int64_t>(distance.shape(0)), static_cast<int64_t>(distance.shape(1)),
-                  static_cast<int64_t>(distance.shape(2)), start, goal, required, comfort, price);
+                  static_cast<int64_t>(distance.shape(2)), start, goal, required, comfort, price, greed);
     }
     return Path(found->data(), {found->size()}, owner);
 }
 
 void bind_search(nb::module_& m) {
     m.def("search", &search, nb::arg("distance"), nb::arg("start"), nb::arg("goal"), nb::arg("required"),
-          nb::arg("comfort"), nb::arg("price"),
+          nb::arg("comfort"), nb::arg("price"), nb::arg("greed"),
           "Cells (flat indices) of the cheapest way from start to goal; empty if there is none.");
 }

@@ -1,6 +1,6 @@
-"""See where a model fails, learn which effect is missing, add it, watch the error fall."""
+"""See where a model fails, learn which effect is missing, add it, watch the error reduction."""
 
-from sysid.diagnosis.findings import Attempt, OutsideFinding, Size, Stair, SuspectFinding
+from sysid.diagnosis.findings import Attempt, CandidateFinding, OutsideFinding, Size, Stair, Verdict
 from sysid.diagnosis.procedure import Diagnosis, diagnose
 
-__all__ = ["Attempt", "Diagnosis", "OutsideFinding", "Size", "Stair", "SuspectFinding", "diagnose"]
+__all__ = ["Attempt", "CandidateFinding", "Diagnosis", "OutsideFinding", "Size", "Stair", "Verdict", "diagnose"]

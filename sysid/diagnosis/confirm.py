@@ -7,16 +7,18 @@ import numpy as np
 
 from flight import InputError
 from flight.rotations import FloatArray
-from sysid import drive, dynamics
-from sysid.chain import Rows
 from sysid.diagnosis.evidence import block_edges
-from sysid.flight_data import Flight
-from sysid.identification import start
-from sysid.model import along
-from sysid.problem import Noise, Point, Unknowns
-from sysid.sensors import PoseSensor
-from sysid.solver import linearised, total_cost
-from sysid.states import States
+from sysid.estimator.blocks import motor
+from sysid.estimator.chain import Rows
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.identification import start
+from sysid.estimator.midpoint import middle
+from sysid.estimator.model import along
+from sysid.estimator.noise import Noise
+from sysid.estimator.problem import Point
+from sysid.estimator.solver import linearised, total_cost
+from sysid.estimator.states import States
+from sysid.estimator.unknowns import Unknowns, biases, sensor_values
 from vehicle import Vehicle
 
 MOST_STEPS = 30
@@ -26,7 +28,7 @@ SETTLED = 1e-7
 
 
 @dataclass(frozen=True, slots=True)
-class Fall:
+class CostReduction:
     """By how much the cost of flights falls from one model to another."""
 
     by_block: FloatArray
@@ -79,7 +81,7 @@ class Judge:
         """Another one of the same flights at another noise level; `states` is where to start from."""
         return Judge(self._flights, noise, states)
 
-    def turn_to(self, noise: Noise) -> None:
+    def set_noise(self, noise: Noise) -> None:
         """Judge at this noise level from now on."""
         if noise is not self._noise:
             self._noise, self._known = noise, []
@@ -96,7 +98,8 @@ class Judge:
         point = start(vehicle, self._flights)[0]
         if states is not None or self._states is not None:
             point = replace(point, states=states or self._states)
-        point, rows = settle(self._flights, replace(point, pose_sensor=PoseSensor.of(vehicle)), self._noise)
+        point = replace(point, sensors={**point.sensors, **sensor_values(vehicle)})
+        point, rows = settle(self._flights, point, self._noise)
         self._states = point.states
         costs = np.concatenate([_block_costs(f, r) for f, r in zip(self._flights, rows, strict=True)])
         self._known.append((vehicle, costs))
@@ -108,14 +111,16 @@ class Judge:
             self.costs(before)
         total = 0.0
         for flight, states in zip(self._flights, self._states or (), strict=True):
-            mid = dynamics.middle(flight, states)
-            first, second = (along(v, drive.driven(flight, v), mid) for v in (before, after))
+            mid = middle(flight, states)
+            first, second = (along(v, motor.driven(flight, v), mid) for v in (before, after))
             total += 0.5 * float((mid.step_s * ((first - second) / self._noise.process) ** 2).sum())
         return total
 
-    def fall(self, before: Vehicle, after: Vehicle, states_after: tuple[States, ...] | None = None) -> Fall:
+    def reduction(
+        self, before: Vehicle, after: Vehicle, states_after: tuple[States, ...] | None = None
+    ) -> CostReduction:
         """From one model to another."""
-        return Fall(self.costs(before) - self.costs(after, states_after))
+        return CostReduction(self.costs(before) - self.costs(after, states_after))
 
 
 def _told(flight: Flight, carries: bool) -> Flight:
@@ -123,17 +128,16 @@ def _told(flight: Flight, carries: bool) -> Flight:
 
 
 def settle(flights: Sequence[Flight], point: Point, noise: Noise) -> tuple[Point, tuple[Rows, ...]]:
-    """States and gyro biases at their best with everything else held, and the rows there.
+    """States and biases at their best with everything else held, and the rows there.
 
     Raises:
         InputError: the states do not settle.
     """
-    gyro = tuple(sorted({f.log_index for f in flights if np.isfinite(f.rate_body_rad_s).any()}))
-    unknowns = Unknowns((), (), gyro)
+    width = biases(flights)
+    unknowns, weak = Unknowns((), (), tuple(width)), np.diag([1.0 / std**2 for std in width.values()])
     for _ in range(MOST_STEPS):
         rows, eliminated = linearised(flights, point, unknowns, noise)
         now = sum(r.cost() for r in rows)
-        weak = 1e2 * np.eye(unknowns.size)  # the identification's own prior on a gyro bias, 0.1 rad/s
         information = weak + sum(e.information for e in eliminated)
         gradient = sum((e.gradient for e in eliminated), np.zeros(unknowns.size))
         border = np.asarray(-np.linalg.solve(information, gradient), dtype=np.float64)
@@ -147,7 +151,7 @@ def settle(flights: Sequence[Flight], point: Point, noise: Noise) -> tuple[Point
 
 
 def _promised(rows: Rows, change: FloatArray, border: FloatArray) -> float:
-    """Fall of the cost that the linearised rows expect of a step."""
+    """Reduction of the cost that the linearised rows expect of a step."""
     defect, sensor = rows.change(change[:, :, None], border[:, None])
     after = (rows.defect + defect[:, :, 0], rows.sensor + sensor[:, :, 0])
     return rows.cost() - 0.5 * float(sum(np.vdot(part, part) for part in after))

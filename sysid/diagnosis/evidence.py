@@ -1,12 +1,12 @@
-"""What flights say about every suspect at once: one factorisation per flight, then only small matrices.
+"""What flights say about every candidate at once: one factorisation per flight, then only small matrices.
 
-At the fitted model each suspect is one or more further columns of the estimator's least-squares problem, and so is
+At the fitted model each candidate is one or more further columns of the estimator's least-squares problem, and so is
 every free-form curve. With the states of the flights eliminated, a stretch of flight b (a block) costs, to second
 order in the border's change theta,
 
     C_b(theta) = C_b + u_b . theta + 1/2 theta . I_b theta
 
-All questions (how far would the cost fall, how large, how sure, what else would do as well) are asked of u_b and I_b.
+All questions (how much would the cost fall, how large, how sure, what else would do as well) are asked of u_b and I_b.
 """
 
 from collections.abc import Sequence
@@ -16,16 +16,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flight.rotations import FloatArray
-from sysid import drive, dynamics, problem
-from sysid.chain import Factor, eliminate
-from sysid.diagnosis import free_form, suspects
+from sysid.diagnosis import candidates, free_form
+from sysid.diagnosis.candidates import CandidateSet
 from sysid.diagnosis.free_form import Curve
-from sysid.diagnosis.suspects import LineUp
-from sysid.flight_data import Flight, IndexArray
-from sysid.parallel import each
-from sysid.problem import Noise, Point, Unknowns
-from sysid.sensors import SENSOR_NAMES
-from sysid.states import States
+from sysid.estimator import problem
+from sysid.estimator.blocks import motor
+from sysid.estimator.blocks.motion import moved_by_acceleration
+from sysid.estimator.chain import Factor, eliminate
+from sysid.estimator.flight_data import Flight, IndexArray
+from sysid.estimator.midpoint import middle
+from sysid.estimator.noise import Noise
+from sysid.estimator.parallel import each
+from sysid.estimator.problem import Point
+from sysid.estimator.states import States
+from sysid.estimator.unknowns import SENSOR_NAMES, Unknowns
 
 BLOCK_S = 3.0
 """Errors (gusts above all) are taken as independent between blocks of this length."""
@@ -44,42 +48,42 @@ class Blocks:
         """The same for some columns."""
         return Blocks(self.score[:, columns], self.information[:, columns[:, None], columns])
 
-    def silenced(self, columns: IndexArray, where: NDArray[np.bool_]) -> "Blocks":
+    def masked(self, columns: IndexArray, where: NDArray[np.bool_]) -> "Blocks":
         """The same with some columns zero in some blocks."""
-        heard = np.ones(self.score.shape)
-        heard[np.ix_(where, columns)] = 0.0
-        return Blocks(self.score * heard, self.information * heard[:, :, None] * heard[:, None])
+        kept = np.ones(self.score.shape)
+        kept[np.ix_(where, columns)] = 0.0
+        return Blocks(self.score * kept, self.information * kept[:, :, None] * kept[:, None])
 
 
 class Evidence:
-    """Blocks of a set of flights for the base parameters and all suspects; curves of a channel when asked for."""
+    """Blocks of a set of flights for the base parameters and all candidates; curves of a channel when asked for."""
 
     def __init__(
-        self, flights: Sequence[Flight], point: Point, noise: Noise, unknowns: Unknowns, line_up: LineUp
+        self, flights: Sequence[Flight], point: Point, noise: Noise, unknowns: Unknowns, candidate_set: CandidateSet
     ) -> None:
-        """Linearise where the base model stands (states at their best under it), every suspect at zero."""
-        base = suspects.base_names(unknowns.model, line_up.vehicle)
-        wanted = tuple(name for suspect in line_up.suspects for name in suspect.columns)
+        """Linearise where the base model stands (states at their best under it), every candidate at zero."""
+        base = candidates.base_names(unknowns.model, candidate_set.vehicle)
+        wanted = tuple(name for candidate in candidate_set.candidates for name in candidate.columns)
         extended = replace(
             unknowns,
             model=(*base, *(n for n in wanted if n not in SENSOR_NAMES)),
             sensor=(*unknowns.sensor, *(n for n in wanted if n in SENSOR_NAMES)),
         )
-        self._vehicle = line_up.vehicle
+        self._vehicle = candidate_set.vehicle
 
         def projected(flight: Flight, states: States) -> _Projected:
-            return _Projected(flight, replace(point, vehicle=line_up.vehicle, states=(states,)), extended, noise)
+            return _Projected(flight, replace(point, vehicle=candidate_set.vehicle, states=(states,)), extended, noise)
 
         self._projected = each(self._vehicle, projected, flights, point.states)
         fitted = [name for name in extended.names if name not in wanted]
         self._order = np.array([extended.names.index(name) for name in (*fitted, *wanted)], dtype=np.intp)
         self._free: dict[tuple[str, ...], Blocks] = {}
-        self._silent: list[tuple[IndexArray, NDArray[np.bool_]]] = []
+        self._masks: list[tuple[IndexArray, NDArray[np.bool_]]] = []
         self.names = (*fitted, *wanted)
-        """(n,) of the named columns: base parameters first, then the suspects'."""
+        """(n,) of the named columns: base parameters first, then the candidates'."""
         self.base = np.arange(len(fitted), dtype=np.intp)
         """Which of them are the base's."""
-        self.curves = free_form.curves(flights, point.states, line_up.vehicle)
+        self.curves = free_form.curves(flights, point.states, candidate_set.vehicle)
         parts = [one.blocks() for one in self._projected]
         self.named = _reordered(_joined(parts), self._order)
         self.flight_of_block = np.repeat(np.arange(len(parts)), [len(p.score) for p in parts])
@@ -89,15 +93,15 @@ class Evidence:
         """Columns of these names."""
         return np.array([self.names.index(name) for name in names], dtype=np.intp)
 
-    def silence(self, names: Sequence[str], where: NDArray[np.bool_]) -> None:
+    def mask(self, names: Sequence[str], where: NDArray[np.bool_]) -> None:
         """From now on the columns of these names are zero in some blocks (b,): what they stand for was not there."""
-        self._silent.append((self.place(names), where))
-        self.named = self._heard(self.named)
-        self._free = {channels: self._heard(blocks) for channels, blocks in self._free.items()}
+        self._masks.append((self.place(names), where))
+        self.named = self._masked(self.named)
+        self._free = {channels: self._masked(blocks) for channels, blocks in self._free.items()}
 
-    def _heard(self, blocks: Blocks) -> Blocks:
-        for columns, where in self._silent:
-            blocks = blocks.silenced(columns, where)
+    def _masked(self, blocks: Blocks) -> Blocks:
+        for columns, where in self._masks:
+            blocks = blocks.masked(columns, where)
         return blocks
 
     def with_curves(self, *channels: str) -> Blocks:
@@ -105,7 +109,7 @@ class Evidence:
         if channels not in self._free:
             drawn = [(channel, self._of(channel)) for channel in channels]
             parts = each(self._vehicle, lambda one: one.with_curves(drawn), self._projected)
-            self._free[channels] = self._heard(_reordered(_joined(parts), self._order))
+            self._free[channels] = self._masked(_reordered(_joined(parts), self._order))
         return self._free[channels]
 
     def groups(self, *channels: str) -> list[tuple[str, str, IndexArray]]:
@@ -132,9 +136,9 @@ class _Projected:
 
     def __init__(self, flight: Flight, point: Point, unknowns: Unknowns, noise: Noise) -> None:
         states = point.states[0]
-        self._flight, self._noise = drive.driven(flight, point.vehicle), noise
+        self._flight, self._noise = motor.driven(flight, point.vehicle), noise
         rows = problem.linearise(flight, states, point, unknowns, noise, False)
-        self._mid = dynamics.middle(flight, states)
+        self._mid = middle(flight, states)
         eliminated = eliminate(rows)
         self._factor = eliminated.factor
         columns = rows.freed(eliminated.sensitivity())
@@ -186,15 +190,13 @@ class _Projected:
 
     def _whitened(self, drawn: Sequence[tuple[str, Sequence[Curve]]]) -> tuple[slice, FloatArray]:
         """Rows of each defect that accelerations by curves move, and (k, r, c) by how much, whitened."""
-        parts = []
-        which = slice(0)
+        parts, rows = [], slice(0)
         for channel, curves in drawn:
             which, share = free_form.along_axes(channel, self._mid)
             column = free_form.columns(curves, self._flight, self._mid)
-            weight = -2.0 * np.sqrt(self._flight.step_s)[:, None] * share / self._noise.process[which]
-            parts.append(weight[:, :, None] * column[:, None])
-        first = 3 if which.start < 3 else 6  # velocity stands in rows 3 to 5, rate in 9 to 11
-        return slice(first + which.start, first + which.stop), np.concatenate(parts, axis=2)
+            rows, weight = moved_by_acceleration(which, self._flight.step_s, self._noise.process)
+            parts.append((weight * share)[:, :, None] * column[:, None])
+        return rows, np.concatenate(parts, axis=2)
 
     def _products(self, columns: tuple[FloatArray, ...]) -> Blocks:
         """Products of columns (defects and sensor rows) with the residual and with each other."""

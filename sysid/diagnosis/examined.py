@@ -7,60 +7,29 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sysid.diagnosis import load
+from sysid.diagnosis.candidates import Candidate, CandidateSet, candidate_set
 from sysid.diagnosis.confirm import Judge
 from sysid.diagnosis.evidence import Evidence
 from sysid.diagnosis.free_form import EVERY_CHANNEL, WORLD
 from sysid.diagnosis.load import Load
-from sysid.diagnosis.score import CLEAR_LEAD, Loss, Score, inverse_of, loss_without, score
-from sysid.diagnosis.suspects import LineUp, Suspect, line_up
-from sysid.diagnosis.weigh import Candidate, Scales
-from sysid.flight_data import Flight
-from sysid.model import PAYLOAD
-from sysid.result import CHANNELS, Identification
+from sysid.diagnosis.score import Loss, Score, inverse_of, loss_without, score
+from sysid.diagnosis.thresholds import THRESHOLDS
+from sysid.diagnosis.weigh import Fitted, Scales
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.result import CHANNELS, Identification
+from sysid.logs.payload import PAYLOAD
 
 logger = logging.getLogger(__name__)
-
-CHANCE = 3e-5
-"""A suspect is significant below this probability: with some 30 suspects, one wrong call in 1,000 diagnoses."""
-CHANCE_CURVE = 1e-6
-"""The same for a free-form curve, of which there are some 150, and whose many columns make their tests less sure."""
-LEAST_GAIN = 4.0
-"""Cross-validated fall of the cost below which no suspect is taken seriously, whatever its significance."""
-LEAST_GAIN_CURVE = 15.0
-"""The same for a curve."""
-CLEAR_ODDS = 25.0
-"""Log odds of unseen blocks that speak for a suspect where its significance rests on a few blocks and stays low;
-false names came to 20: a controller that answers gusts looks like a little less thrust per speed. It also confirms
-where held-out flights cannot tell."""
-CLEAR_ODDS_CURVE = 16.0
-"""The same for a curve; innocent models came to 11, and one to 35."""
-DOUBTFUL = 1e-3
-"""... and the probability of chance that is low enough then."""
-DOUBTFUL_CURVE = 1e-2
-"""The same for a curve: with a dozen columns and some fifty blocks the plain test has little power left."""
-LEAST_SIZE = 0.05
-"""Sizes below this share of the usual one are of no consequence, however significant."""
-MOST_CONFIDENCE = 0.97
-"""Nothing is stated with more: so many of the names given on blind campaigns with well visible effects were right."""
-EVEN_ODDS_CURVE = 30.0
-"""Log odds of unseen blocks at which a curve is as often wrong in channel or variable as right: on blind campaigns the
-wrong ones came to 19, 19 and 35, the right ones to 31 and more."""
-LEAST_CONFIDENCE_CURVE = 0.3
-"""A curve that would be stated with less is not stated."""
-ALIKE = 0.5
-"""Suspects that reproduce this much of each other's trace compete for the same evidence."""
-NAMED_SHARE = 0.2
-"""A name stands if, with the best curve beside it, it keeps this share of its own gain."""
 
 
 @dataclass(slots=True)
 class Tried:
     """What was tried beside one model; grows as the search goes on."""
 
-    candidates: dict[str, Candidate | None] = field(default_factory=dict)
-    """By suspect; None where the fit failed."""
+    fitted: dict[str, Fitted | None] = field(default_factory=dict)
+    """By candidate; None where the fit failed."""
     scales: Scales | None = None
-    undecided: list[Candidate] = field(default_factory=list)
+    undecided: list[Fitted] = field(default_factory=list)
     """Put aside because nothing tells them apart."""
     curve: "list[Outside | None]" = field(default_factory=list)
     """The best one, once it was looked for."""
@@ -71,10 +40,10 @@ class Model:
     """A fitted model with the evidence at it."""
 
     fit: Identification
-    line_up: LineUp
+    candidate_set: CandidateSet
     evidence: Evidence
     scores: dict[str, Score]
-    """Of every suspect."""
+    """Of every candidate."""
     judge: Judge
     """Of the flights it was fitted to, at its noise level."""
     tried: Tried
@@ -99,11 +68,11 @@ class Outside:
 
 
 def examine(fit: Identification) -> Model:
-    """Score every suspect at a fitted model."""
-    lined = line_up(fit.vehicle, fit.flights)
+    """Score every candidate at a fitted model."""
+    lined = candidate_set(fit.vehicle, fit.flights)
     evidence = Evidence(fit.flights, fit.solution.point, fit.noise, fit.unknowns, lined)
     carried = _load(fit, lined, evidence)
-    scores = {s.name: _scored(evidence, s) for s in lined.suspects}
+    scores = {s.name: _scored(evidence, s) for s in lined.candidates}
     flights = fit.flights
     if carried is not None:
         scores[PAYLOAD], flights = carried.score, carried.marked(flights)
@@ -111,29 +80,29 @@ def examine(fit: Identification) -> Model:
     return Model(fit, lined, evidence, scores, judge, Tried(), carried)
 
 
-def _scored(evidence: Evidence, suspect: Suspect) -> Score:
-    one_sided = np.array(suspect.one_sided + (False,) * len(suspect.fitted_along))
-    found = score(evidence.named, evidence.base, evidence.place(suspect.columns), one_sided)
-    return found.first(len(suspect.parameters))
+def _scored(evidence: Evidence, candidate: Candidate) -> Score:
+    one_sided = np.array(candidate.one_sided + (False,) * len(candidate.fitted_along))
+    found = score(evidence.named, evidence.base, evidence.place(candidate.columns), one_sided)
+    return found.first(len(candidate.parameters))
 
 
-def _load(fit: Identification, lined: LineUp, evidence: Evidence) -> Load | None:
+def _load(fit: Identification, lined: CandidateSet, evidence: Evidence) -> Load | None:
     """Which flights may carry a load; the evidence then knows that the others do not."""
-    if any(f.carries_payload is not None for f in fit.flights) or PAYLOAD not in {s.name for s in lined.suspects}:
+    if any(f.carries_payload is not None for f in fit.flights) or PAYLOAD not in {s.name for s in lined.candidates}:
         return None
     return load.find(evidence, fit.flights)
 
 
-def significant(model: Model) -> list[Suspect]:
-    """Suspects beyond chance, best first."""
-    found = [s for s in model.line_up.suspects if _stands_out(s, model.scores[s.name])]
+def significant(model: Model) -> list[Candidate]:
+    """Candidates beyond chance, best first."""
+    found = [s for s in model.candidate_set.candidates if _stands_out(s, model.scores[s.name])]
     return sorted(found, key=lambda s: -model.scores[s.name].gain_unseen)
 
 
-def _stands_out(suspect: Suspect, found: Score) -> bool:
-    beyond_chance = found.significance < CHANCE and found.gain_unseen > LEAST_GAIN
-    beyond_chance |= found.significance < DOUBTFUL and found.log_odds > CLEAR_ODDS
-    return beyond_chance and bool((np.abs(found.size) > LEAST_SIZE * np.array(suspect.usual)).any())
+def _stands_out(candidate: Candidate, found: Score) -> bool:
+    beyond_chance = found.significance < THRESHOLDS.chance and found.gain_unseen > THRESHOLDS.least_gain
+    beyond_chance |= found.significance < THRESHOLDS.doubtful and found.log_odds > THRESHOLDS.clear_odds
+    return beyond_chance and bool((np.abs(found.size) > THRESHOLDS.least_size * np.array(candidate.usual)).any())
 
 
 def best_curve(model: Model, channels: Sequence[str]) -> Outside | None:
@@ -143,49 +112,53 @@ def best_curve(model: Model, channels: Sequence[str]) -> Outside | None:
         blocks = model.evidence.with_curves(channel)
         for _, variable, columns in model.evidence.groups(channel):
             scored = score(blocks, model.evidence.base, columns)
-            clear = scored.significance < CHANCE_CURVE and scored.gain_unseen > LEAST_GAIN_CURVE
-            if clear or (scored.significance < DOUBTFUL_CURVE and scored.log_odds > CLEAR_ODDS_CURVE):
+            clear = scored.significance < THRESHOLDS.chance_curve and scored.gain_unseen > THRESHOLDS.least_gain_curve
+            if clear or (
+                scored.significance < THRESHOLDS.doubtful_curve and scored.log_odds > THRESHOLDS.clear_odds_curve
+            ):
                 found.append(Outside(channel, variable, scored, 1.0))
     if not found:
         return None
     best = max(found, key=lambda o: o.score.gain_unseen)
     rivals = [np.exp(o.score.gain_unseen - best.score.gain_unseen) for o in found if o.channel == best.channel]
-    clear = 1.0 / (1.0 + (EVEN_ODDS_CURVE / max(best.score.log_odds, 1.0)) ** 4)
-    return replace(best, confidence=MOST_CONFIDENCE * clear / float(np.sum(rivals)))
+    clear = 1.0 / (1.0 + (THRESHOLDS.even_odds_curve / max(best.score.log_odds, 1.0)) ** 4)
+    return replace(best, confidence=THRESHOLDS.most_confidence * clear / float(np.sum(rivals)))
 
 
 def stated_curve(model: Model) -> Outside | None:
     """The best curve of all, if it is sure enough to be stated."""
     if not model.tried.curve:
         best = best_curve(model, EVERY_CHANNEL)
-        model.tried.curve.append(best if best is not None and best.confidence >= LEAST_CONFIDENCE_CURVE else None)
+        model.tried.curve.append(
+            best if best is not None and best.confidence >= THRESHOLDS.least_confidence_curve else None
+        )
     return model.tried.curve[0]
 
 
-def as_good_as(curve: Outside, model: Model) -> list[Suspect]:
-    """Suspects that a curve in a channel of theirs does not clearly outdo, best first."""
-    gain = {s.name: model.scores[s.name].gain_unseen for s in model.line_up.suspects}
-    least = curve.score.gain_unseen - CLEAR_LEAD * curve.score.dispersion
-    own = [s for s in model.line_up.suspects if curve.channel in shown_in(s)]
-    return sorted((s for s in own if gain[s.name] > max(least, LEAST_GAIN)), key=lambda s: -gain[s.name])
+def as_good_as(curve: Outside, model: Model) -> list[Candidate]:
+    """Candidates that a curve in a channel of theirs does not clearly outdo, best first."""
+    gain = {s.name: model.scores[s.name].gain_unseen for s in model.candidate_set.candidates}
+    least = curve.score.gain_unseen - THRESHOLDS.clear_lead * curve.score.dispersion
+    own = [s for s in model.candidate_set.candidates if curve.channel in shown_in(s)]
+    return sorted((s for s in own if gain[s.name] > max(least, THRESHOLDS.least_gain)), key=lambda s: -gain[s.name])
 
 
-def shown_in(suspect: Suspect) -> list[str]:
-    """Channels of curves in which a suspect shows; a force along axes of the body shows along the world's too."""
-    own = [c for c in suspect.channels if c in CHANNELS]
+def shown_in(candidate: Candidate) -> list[str]:
+    """Channels of curves in which a candidate shows; a force along axes of the body shows along the world's too."""
+    own = [c for c in candidate.channels if c in CHANNELS]
     return [*own, *WORLD] if any(c.startswith("F_") for c in own) else own
 
 
-def alike(model: Model, one: Suspect, other: Suspect) -> bool:
+def alike(model: Model, one: Candidate, other: Candidate) -> bool:
     """Whether either leaves much of the other's trace, so that the two compete for the same evidence."""
-    return max(reproduced(model, one, other), reproduced(model, other, one)) > ALIKE
+    return max(reproduced(model, one, other), reproduced(model, other, one)) > THRESHOLDS.competing
 
 
-def reproduced(model: Model, suspect: Suspect, other: Suspect) -> float:
-    """How much of a suspect's trace another one can reproduce, the base parameters taken out: 0 to 1."""
-    evidence, found = model.evidence, model.scores[suspect.name]
-    size = found.size if found.significance < 0.05 else np.array(suspect.usual)
-    mine, its = evidence.place(suspect.parameters), evidence.place(other.columns)
+def reproduced(model: Model, candidate: Candidate, other: Candidate) -> float:
+    """How much of a candidate's trace another one can reproduce, the base parameters taken out: 0 to 1."""
+    evidence, found = model.evidence, model.scores[candidate.name]
+    size = found.size if found.significance < 0.05 else np.array(candidate.usual)
+    mine, its = evidence.place(candidate.parameters), evidence.place(other.columns)
     columns = np.concatenate([evidence.base, mine, its])
     information = evidence.named.information.sum(axis=0)[columns[:, None], columns]
     b, q = len(evidence.base), len(mine)
@@ -196,36 +169,36 @@ def reproduced(model: Model, suspect: Suspect, other: Suspect) -> float:
     return float(np.sqrt(max(0.0, share)))
 
 
-def stands(after: Model, suspect: Suspect) -> Outside | None:
+def stands(after: Model, candidate: Candidate) -> Outside | None:
     """None if the name stands; else the curve that explains what the name was to explain, and more.
 
-    At the fit with the suspect in the model: a curve in its channels that is still needed beside the name, while the
-    name is not needed beside the curve, convicts the name of being a stand-in.
+    At the fit with the candidate in the model: a curve in its channels that is still needed beside the name, while the
+    name is not needed beside the curve, shows that the name is a proxy.
     """
-    curve = best_curve(after, shown_in(suspect))
+    curve = best_curve(after, shown_in(candidate))
     if curve is None:
         return None
     beside = [curve]
     if curve.channel in WORLD:  # what pulls in one level direction may pull in the other as well
         beside += [c for c in (best_curve(after, [w]) for w in WORLD if w != curve.channel) if c is not None]
-    alone, left = loss(after, suspect), loss(after, suspect, beside)
-    needed = left.significance < CHANCE and left.gain > NAMED_SHARE * alone.gain
+    alone, left = loss(after, candidate), loss(after, candidate, beside)
+    needed = left.significance < THRESHOLDS.chance and left.gain > THRESHOLDS.named_share * alone.gain
     drawn = " and ".join(f"{c.channel} vs {c.variable}" for c in beside)
     logger.info(
         "%s: worth %.1f, beside %s %.1f; the curve beside it %.1f",
-        *(suspect.name, alone.gain, drawn, left.gain, curve.score.gain_unseen),
+        *(candidate.name, alone.gain, drawn, left.gain, curve.score.gain_unseen),
     )
     return None if needed or curve.score.gain_unseen < left.gain else curve
 
 
-def loss(model: Model, suspect: Suspect, beside: Sequence[Outside] = ()) -> Loss:
-    """What the model would lose without a suspect that is part of it, maybe with curves beside it."""
+def loss(model: Model, candidate: Candidate, beside: Sequence[Outside] = ()) -> Loss:
+    """What the model would lose without a candidate that is part of it, maybe with curves beside it."""
     evidence = model.evidence
-    names = [n for n in suspect.parameters if n in model.fit.free_names]
+    names = [n for n in candidate.parameters if n in model.fit.free_names]
     if not names:
         return Loss(0.0, 1.0)
     own = evidence.place(names)
-    along = [n for n in suspect.fitted_along if n in model.fit.free_names]
+    along = [n for n in candidate.fitted_along if n in model.fit.free_names]
     kept = np.setdiff1d(evidence.base, evidence.place([*names, *along]))
     values = np.array([model.fit.vehicle.value(n) for n in names])
     if not beside:

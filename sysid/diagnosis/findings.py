@@ -1,24 +1,51 @@
-"""What a diagnosis says: suspects with verdicts, additions with what they brought, a curve when no name fits.
+"""What a diagnosis says: candidates with verdicts, additions with what they brought, a curve when no name fits.
 
-These types know nothing of flights: a camera model can be diagnosed in the same words (suspect, evidence, addition,
+These types know nothing of flights: a camera model can be diagnosed in the same words (candidate, evidence, addition,
 error before and after).
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from enum import StrEnum
+from typing import Any
 
 from flight.rotations import FloatArray
 
 SCHEMA_VERSION = 1
 """Version of `Diagnosis.as_dict` of `sysid.diagnosis.diagnose`."""
 
-Verdict = Literal["present", "excluded", "cannot tell"]
+
+class Verdict(StrEnum):
+    """What the measurements say about an effect."""
+
+    PRESENT = "present"
+    CANNOT_TELL = "cannot tell"
+    EXCLUDED = "excluded"
+
+
+class Outcome(StrEnum):
+    """How an attempt to add an effect ended."""
+
+    ADDED = "added"
+    UNDECIDED = "undecided"
+    """A confounded effect explains as much."""
+    PROXY = "proxy"
+    """A free curve explains more."""
+    NOT_CONFIRMED = "not confirmed"
+    REMOVED = "removed"
+    """A later addition made it unnecessary."""
+
+
+class JudgedBy(StrEnum):
+    """Which flights confirmed or refused an attempt."""
+
+    HELD_OUT = "held-out flights"
+    LEFT_OUT = "stretches of the training flights, each judged by the rest"
 
 
 @dataclass(frozen=True, slots=True)
 class Size:
-    """One parameter of a suspect."""
+    """One parameter of a candidate."""
 
     parameter: str
     unit: str
@@ -47,8 +74,8 @@ class Size:
 
 
 @dataclass(frozen=True, slots=True)
-class SuspectFinding:
-    """What the measurements say about one suspect."""
+class CandidateFinding:
+    """What the measurements say about one candidate."""
 
     name: str
     verdict: Verdict
@@ -63,7 +90,7 @@ class SuspectFinding:
     """Root mean square position error after 0.5 s that this effect makes, at the estimated size."""
     confidence: float
     """Probability that this effect is really missing (of those added: that this is the right name)."""
-    look_alikes: tuple[tuple[str, float], ...]
+    confounded: tuple[tuple[str, float], ...]
     """Others that leave nearly the same traces on these flights: name, and share of the trace (0 to 1)."""
     settled_by: tuple[str, ...]
     """Manoeuvres that show it best."""
@@ -88,12 +115,12 @@ class SuspectFinding:
     def as_dict(self) -> dict[str, Any]:
         return {
             "name": self.name,
-            "verdict": self.verdict,
+            "verdict": str(self.verdict),
             "reason": self.reason,
             "sizes": {s.parameter: s.as_dict() for s in self.sizes},
             "evidence": {"gain": self.gain, "chance": self.significance, "error_0.5_s_m": self.error_m},
             "confidence": self.confidence,
-            "look_alikes": [{"name": name, "share": share} for name, share in self.look_alikes],
+            "look_alikes": [{"name": name, "share": share} for name, share in self.confounded],
             "settled_by": list(self.settled_by),
             "channels": list(self.channels),
             "regressor": self.regressor,
@@ -135,29 +162,27 @@ class OutsideFinding:
 
 @dataclass(frozen=True, slots=True)
 class Attempt:
-    """One suspect that was tried, and how it ended."""
+    """One candidate that was tried, and how it ended."""
 
     name: str
-    outcome: str
-    """`added`, `undecided` (a look-alike explains as much), `stand-in` (a free curve explains more), `not confirmed` by
-    unseen flights, `removed` again."""
+    outcome: Outcome
     sentence: str
     """In words, `helped` or `did not help` with the numbers."""
     confidence: float
     rivals: tuple[tuple[str, float], ...]
-    fall: float
-    """Fall of the cost on the flights that judged."""
-    fall_sigma: float
+    reduction: float
+    """Reduction of the cost on the flights that judged."""
+    reduction_sigma: float
     judged_on: str
 
     def as_dict(self) -> dict[str, Any]:
         return {
             "name": self.name,
-            "outcome": self.outcome,
+            "outcome": str(self.outcome),
             "sentence": self.sentence,
             "confidence": self.confidence,
             "rivals": [{"name": name, "probability": p} for name, p in self.rivals],
-            "evidence": {"fall": self.fall, "sigma": self.fall_sigma, "judged_on": self.judged_on},
+            "evidence": {"fall": self.reduction, "sigma": self.reduction_sigma, "judged_on": self.judged_on},
         }
 
 

@@ -11,11 +11,11 @@ from scipy.interpolate import BSpline
 
 from flight import rotations
 from flight.rotations import FloatArray
-from sysid import drive, dynamics
-from sysid.dynamics import Middle
-from sysid.flight_data import Flight
-from sysid.result import CHANNELS
-from sysid.states import States
+from sysid.estimator.blocks import motor
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.midpoint import Middle, middle
+from sysid.estimator.result import CHANNELS
+from sysid.estimator.states import States
 from vehicle import Vehicle
 
 Read = Callable[[Flight, Middle], FloatArray]
@@ -109,8 +109,8 @@ class Curve:
 
 def curves(flights: Sequence[Flight], states: Sequence[States], vehicle: Vehicle) -> tuple[Curve, ...]:
     """Curve families whose knots follow what was flown; variables that hardly changed are left out."""
-    driven = [drive.driven(f, vehicle) for f in flights]
-    mids = [dynamics.middle(f, s) for f, s in zip(driven, states, strict=True)]
+    driven = [motor.driven(f, vehicle) for f in flights]
+    mids = [middle(f, s) for f, s in zip(driven, states, strict=True)]
     found = []
     for variable in VARIABLES:
         values = np.concatenate([variable.read(f, m) for f, m in zip(driven, mids, strict=True)])

@@ -14,20 +14,16 @@ from numpy.typing import NDArray
 from flight import FlightLog
 from flight.rotations import FloatArray
 from sysid.diagnosis.evidence import Blocks, Evidence
-from sysid.diagnosis.score import CLEAR_LEAD, Score, score
-from sysid.flight_data import PAYLOAD_CARRIED, Flight, IndexArray
+from sysid.diagnosis.score import Score, score
+from sysid.diagnosis.thresholds import THRESHOLDS
+from sysid.estimator.flight_data import Flight, IndexArray
+from sysid.logs.payload import PAYLOAD_CARRIED
 
 logger = logging.getLogger(__name__)
 
 COLUMNS = tuple(f"payload.{name}" for name in ("added_kg", "x_m", "y_m", "z_m"))
 THRUST = "thrust_bem.k1_n_s2", "thrust_quadratic.k_n_s2"
 """Of the base parameters, the one that makes all thrust, and with it all torque, larger or smaller."""
-WITHIN = 0.35
-"""Flights of one group differ by less than this share of what lies between the groups ..."""
-WITHIN_SIGMAS = 2.0
-"""... and so many standard errors."""
-SHOWS = 1e-3
-"""Probability of chance below which it is asked whether it can be a load."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +45,7 @@ class Load:
 def find(evidence: Evidence, flights: Sequence[Flight]) -> Load:
     """Weigh each log, all else free, and part them where the gap is widest; weight that all share hardly shows.
 
-    The evidence's payload is silenced on the flights that do not carry it.
+    The evidence's payload is masked on the flights that do not carry it.
     """
     log_of_block = np.array([f.log_index for f in flights])[evidence.flight_of_block]
     logs = np.unique(log_of_block)
@@ -61,11 +57,11 @@ def find(evidence: Evidence, flights: Sequence[Flight]) -> Load:
     cut = int(np.argmax(np.diff(added[order]))) + 1
     carriers = frozenset(int(logs[i]) for i in order[cut:])
     loaded = np.isin(log_of_block, list(carriers))
-    evidence.silence(COLUMNS, ~loaded)
+    evidence.mask(COLUMNS, ~loaded)
     found = score(evidence.named, given, places).first(1)
     chance = min(1.0, (2 ** len(logs) - 2) * found.significance)  # of so many sets the likeliest was chosen
     doubt = ""
-    if chance < SHOWS:
+    if chance < THRESHOLDS.load_chance:
         uneven = _not_two_groups(added, order, cut, _between(weighed.covariance))
         doubt = uneven or _thrust_instead(evidence, loaded, found)
     if doubt:
@@ -78,13 +74,13 @@ def _apart(blocks: Blocks, given: IndexArray, places: IndexArray, where: Sequenc
     """The given columns, and each of some others once per set of blocks: itself there, nothing elsewhere."""
     repeated = blocks.only(np.concatenate([given, np.repeat(places, len(where))]))
     for i, here in enumerate(where):
-        repeated = repeated.silenced(np.arange(len(given) + i, repeated.score.shape[1], len(where)), ~here)
+        repeated = repeated.masked(np.arange(len(given) + i, repeated.score.shape[1], len(where)), ~here)
     return repeated
 
 
 def _not_two_groups(added: FloatArray, order: IndexArray, cut: int, sigma: float) -> str:
     light, heavy = added[order[:cut]], added[order[cut:]]
-    most = WITHIN * (heavy[0] - light[-1]) + WITHIN_SIGMAS * sigma
+    most = THRESHOLDS.load_spread * (heavy[0] - light[-1]) + THRESHOLDS.load_spread_sigmas * sigma
     if max(np.ptp(light), np.ptp(heavy)) <= most:
         return ""
     grams = ", ".join(f"{1000.0 * kg:.0f}" for kg in added)
@@ -105,7 +101,7 @@ def _thrust_instead(evidence: Evidence, loaded: NDArray[np.bool_], load: Score) 
     apart = _apart(evidence.named, evidence.base, evidence.place(thrust), [loaded])
     weaker = score(apart, evidence.base, np.array([len(evidence.base)], dtype=np.intp))
     logger.info("load %.1f, weaker thrust instead %.1f", load.log_odds, weaker.log_odds)
-    if weaker.log_odds - load.log_odds < CLEAR_LEAD:
+    if weaker.log_odds - load.log_odds < THRESHOLDS.clear_lead:
         return ""
     return "some flights have less thrust, and with it less torque, which explains more than a load: see the propellers"
 

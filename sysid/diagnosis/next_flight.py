@@ -2,7 +2,7 @@
 
 A flight that has not been flown has no residuals, but its information is known: the estimator's own linearisation at
 the simulated states, with the noise of the fit. Added to the information of the flights so far, it says how well two
-look-alikes will be told apart, or how small a size will show.
+confounded effects will be told apart, or how small a size will show.
 """
 
 import logging
@@ -15,21 +15,23 @@ import numpy as np
 from scipy.special import expit
 
 from flight import FloatArray, InfeasibleError, InputError, Progress, Trajectory, Waypoints, silent
+from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.evidence import Evidence
-from sysid.diagnosis.examined import CHANCE, Model
+from sysid.diagnosis.examined import Model
+from sysid.diagnosis.findings import Verdict
 from sysid.diagnosis.procedure import NODE_RATE_HZ, VISIBLE_SIGMAS, Diagnosis
 from sysid.diagnosis.rehearsal import Rehearsal, Room, fitted_into, rehearse, waypoints_of
 from sysid.diagnosis.score import inverse_of
-from sysid.diagnosis.suspects import Suspect
-from sysid.model import PAYLOAD
-from sysid.problem import Unknowns
+from sysid.diagnosis.thresholds import THRESHOLDS
+from sysid.estimator.unknowns import SENSOR_NAMES, Unknowns, biases
+from sysid.logs.payload import PAYLOAD
 from vehicle import effects, manoeuvres
 from vehicle.effects.base import Effect
 
 logger = logging.getLogger(__name__)
 
 BELIEVED = 0.05
-"""A size estimated with at least this significance is taken for the suspect's; else its usual size."""
+"""A size estimated with at least this significance is taken for the candidate's; else its usual size."""
 POSSIBLE = 0.05
 """Rivals at least this likely are worth a flight."""
 NEEDS_A_CEILING = ("ceiling_climb",)
@@ -43,8 +45,7 @@ class Proposal:
     name: str
     trajectory: Trajectory
     expected_log_odds: float
-    """By how much the log odds of the true suspect against its rival (or against `nothing there`) are expected to grow.
-    """
+    """By how much the log odds of the true candidate against its rival (or `nothing there`) are expected to grow."""
     known_log_odds: float
     """What the flights so far are worth by the same measure."""
     supposed: dict[str, float]
@@ -94,7 +95,7 @@ class Proposal:
 class Ranking(Sequence[Proposal]):
     """Proposals, the best per second first; a sequence."""
 
-    suspects: tuple[str, ...]
+    candidates: tuple[str, ...]
     proposals: tuple[Proposal, ...]
     skipped: tuple[tuple[str, str], ...]
     """Manoeuvres that cannot be flown here, with the reason."""
@@ -116,25 +117,25 @@ class Ranking(Sequence[Proposal]):
 def rank(
     model: Diagnosis | Model,
     *,
-    suspects: Sequence[str] | None = None,
+    candidates: Sequence[str] | None = None,
     free_volume_m: tuple[float, float, float],
     corner_world_m: tuple[float, float, float] | None = None,
     library: Sequence[str] | None = None,
     rng: np.random.Generator,
     progress: Progress = silent,
 ) -> Ranking:
-    """Every manoeuvre that fits, by what it would tell about the suspects per second flown.
+    """Every manoeuvre that fits, by what it would tell about the candidates per second flown.
 
     Args:
-        suspects: two or more to be told apart, or one whose size is in doubt; else what the diagnosis leaves open.
+        candidates: two or more to be told apart, or one whose size is in doubt; else what the diagnosis leaves open.
         free_volume_m: where the vehicle's centre may go, along x, y and z.
         corner_world_m: lowest corner of that volume; without it, the volume's floor is 0.5 m above the ground.
         library: names of manoeuvres; else all of `vehicle.manoeuvres.LIBRARY`.
 
     Raises:
-        InputError: a suspect is unknown or can show on no flight of this kind, none is in doubt, or the volume is none.
+        InputError: a candidate is unknown or shows on no flight of this kind, none is in doubt, or the volume is none.
     """
-    question = ask(model, suspects)
+    question = ask(model, candidates)
     room = Room.of(free_volume_m, corner_world_m)
     names = tuple(library or manoeuvres.LIBRARY)
     proposals, skipped = [], []
@@ -152,17 +153,17 @@ def rank(
         proposals.append(question.proposal(name, trajectory, flown))
     progress("rehearse", 1.0)
     best_first = tuple(sorted(proposals, key=lambda p: -p.per_second))
-    return Ranking(tuple(s.name for s in question.suspects), best_first, tuple(skipped))
+    return Ranking(tuple(s.name for s in question.candidates), best_first, tuple(skipped))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Question:
-    """Suspects to be told apart, or one to be sized, and what the flights so far know about them."""
+    """Candidates to be told apart, or one to be sized, and what the flights so far know about them."""
 
     model: Model
-    suspects: tuple[Suspect, ...]
+    candidates: tuple[Candidate, ...]
     known: FloatArray
-    """(p, p) information of the flights so far about base parameters and suspects, biases of single logs taken out."""
+    """(p, p) information of the flights so far on base parameters and candidates, biases of single logs taken out."""
 
     def proposal(self, name: str, trajectory: Trajectory, flown: Rehearsal) -> Proposal:
         """What a rehearsed flight would be worth."""
@@ -171,7 +172,7 @@ class Question:
         expected, smallest = self._sizes(after)
         sentence = self._sentence(name, trajectory.duration_s, odds - before_odds, before_odds, expected, smallest)
         speed = float(np.linalg.norm(flown.states.velocity_world_m_s, axis=1).max())
-        supposed = {n: float(v) for s in self.suspects for n, v in zip(s.parameters, self._size(s), strict=True)}
+        supposed = {n: float(v) for s in self.candidates for n, v in zip(s.parameters, self._size(s), strict=True)}
         return Proposal(
             name, trajectory, odds - before_odds, before_odds, supposed, expected, smallest, speed, sentence
         )
@@ -179,39 +180,37 @@ class Question:
     def information(self, flown: Rehearsal) -> FloatArray:
         """(p, p) what a rehearsed flight would add to `known`."""
         fit = self.model.fit
-        point = replace(fit.solution.point, bias=np.zeros((1, 6)), states=(flown.states,))
-        own = Unknowns(
-            fit.unknowns.model,
-            fit.unknowns.sensor if flown.flight.has_pose else (),
-            (0,) if np.isfinite(flown.flight.rate_body_rad_s).any() else (),
-            (0,) if flown.flight.has_accelerometer else (),
-        )
-        return shared_information(Evidence([flown.flight], point, fit.noise, own, self.model.line_up))
+        point = fit.solution.point
+        unbiased = {name: point.sensors[name] for name in SENSOR_NAMES}
+        point = replace(point, sensors=unbiased, states=(flown.states,))
+        sensor = fit.unknowns.sensor if flown.flight.has_pose else ()
+        own = Unknowns(fit.unknowns.model, sensor, tuple(biases([flown.flight])))
+        return shared_information(Evidence([flown.flight], point, fit.noise, own, self.model.candidate_set))
 
     def log_odds(self, information: FloatArray) -> float:
-        """Expected log odds of the true suspect: against the rival hardest to tell from it, or against nothing."""
-        if len(self.suspects) == 1:
-            return 0.5 * self._unexplained(information, self.suspects[0], None)
-        pairs = combinations(self.suspects, 2)
+        """Expected log odds of the true candidate: against the rival hardest to tell from it, or against nothing."""
+        if len(self.candidates) == 1:
+            return 0.5 * self._unexplained(information, self.candidates[0], None)
+        pairs = combinations(self.candidates, 2)
         return 0.5 * min(
             min(self._unexplained(information, a, b), self._unexplained(information, b, a)) for a, b in pairs
         )
 
-    def _unexplained(self, information: FloatArray, true: Suspect, rival: Suspect | None) -> float:
-        """Squares of what base parameters and rival cannot reproduce of a suspect's trace, over its dispersion."""
+    def _unexplained(self, information: FloatArray, true: Candidate, rival: Candidate | None) -> float:
+        """Squares of what base parameters and rival cannot reproduce of a candidate's trace, over its dispersion."""
         mine, size = self._places(true), self._size(true)
         given = self._base() if rival is None else np.concatenate([self._base(), self._places(rival)])
         left = _without(information, mine, given)
         return max(0.0, float(size @ left @ size)) / self.model.scores[true.name].dispersion
 
     def _sizes(self, information: FloatArray) -> tuple[dict[str, float], dict[str, float]]:
-        """Size in standard errors, and smallest visible size, of every parameter; each suspect without the others."""
+        """Size in standard errors, and smallest visible size, of every parameter; each candidate without the others."""
         expected: dict[str, float] = {}
         smallest: dict[str, float] = {}
-        for suspect in self.suspects:
-            left = _without(information, self._places(suspect), self._base())
-            variance = self.model.scores[suspect.name].dispersion * np.diag(inverse_of(left))
-            for name, size, v in zip(suspect.parameters, self._size(suspect), variance, strict=True):
+        for candidate in self.candidates:
+            left = _without(information, self._places(candidate), self._base())
+            variance = self.model.scores[candidate.name].dispersion * np.diag(inverse_of(left))
+            for name, size, v in zip(candidate.parameters, self._size(candidate), variance, strict=True):
                 if v > 0.0:
                     expected[name], smallest[name] = abs(float(size)) / v**0.5, VISIBLE_SIGMAS * float(v**0.5)
         return expected, smallest
@@ -225,14 +224,14 @@ class Question:
         expected: dict[str, float],
         smallest: dict[str, float],
     ) -> str:
-        if len(self.suspects) > 1:
-            told = " from ".join(s.name for s in self.suspects)
+        if len(self.candidates) > 1:
+            told = " from ".join(s.name for s in self.candidates)
             sure = float(expit(before + odds))
             text = f"{duration_s:.0f} s of {name} are expected to tell {told} with log odds of {odds:.1f}"
             text = f"{text}, where the flights so far are worth {before:.1f}; the right one would then be {_sure(sure)}"
             return f"{text} ({self._supposition()})"
         if not expected:
-            return f"{duration_s:.0f} s of {name} would not show {' '.join(s.name for s in self.suspects)} at all"
+            return f"{duration_s:.0f} s of {name} would not show {' '.join(s.name for s in self.candidates)} at all"
         units = {f"{e.name}.{s.name}": s.unit for e in self._effects() for s in e.parameters}
         clear = max(expected, key=lambda n: expected[n])
         text = f"after {duration_s:.0f} s of {name}, {clear} would stand out by {expected[clear]:.1f} standard errors"
@@ -240,47 +239,47 @@ class Question:
         return f"{text} ({self._supposition()})"
 
     def _supposition(self) -> str:
-        shown = [self._is_shown(s) for s in self.suspects]
-        load = " and the load carried" if PAYLOAD in {s.name for s in self.suspects} else ""
+        shown = [self._is_shown(s) for s in self.candidates]
+        load = " and the load carried" if PAYLOAD in {s.name for s in self.candidates} else ""
         return (
             f"supposing {'estimated' if all(shown) else 'estimated and usual' if any(shown) else 'usual'} sizes{load}"
         )
 
     def _effects(self) -> list[Effect]:
-        return [effects.find(s.effect) for s in self.suspects]
+        return [effects.find(s.effect) for s in self.candidates]
 
     def _base(self) -> np.ndarray:
         return np.arange(len(_shared(self.model.evidence)[0]))
 
-    def _places(self, suspect: Suspect) -> np.ndarray:
+    def _places(self, candidate: Candidate) -> np.ndarray:
         names = _kept_names(self.model.evidence)
-        return np.array([names.index(n) for n in suspect.parameters], dtype=np.intp)
+        return np.array([names.index(n) for n in candidate.parameters], dtype=np.intp)
 
-    def _size(self, suspect: Suspect) -> FloatArray:
-        return self.model.scores[suspect.name].size if self._is_shown(suspect) else np.array(suspect.usual)
+    def _size(self, candidate: Candidate) -> FloatArray:
+        return self.model.scores[candidate.name].size if self._is_shown(candidate) else np.array(candidate.usual)
 
-    def _is_shown(self, suspect: Suspect) -> bool:
+    def _is_shown(self, candidate: Candidate) -> bool:
         """Whether the flights so far give its size."""
-        return self.model.scores[suspect.name].significance < BELIEVED
+        return self.model.scores[candidate.name].significance < BELIEVED
 
 
 def _sure(probability: float) -> str:
     return "certain beyond 99.9 %" if probability > 0.999 else f"{probability:.1%} certain"
 
 
-def ask(model: Diagnosis | Model, suspects: Sequence[str] | None = None) -> Question:
+def ask(model: Diagnosis | Model, candidates: Sequence[str] | None = None) -> Question:
     """The question a flight should answer. Arguments and errors as `rank`."""
-    names = tuple(suspects) if suspects else in_doubt(model)
-    chosen = model if isinstance(model, Model) else _in_which_all_are_suspects(model, names)
-    found = tuple(_suspect(chosen, name) for name in names)
+    names = tuple(candidates) if candidates else in_doubt(model)
+    chosen = model if isinstance(model, Model) else _in_which_all_are_candidates(model, names)
+    found = tuple(_candidate(chosen, name) for name in names)
     if len({s.name for s in found}) < len(found):
-        raise InputError(f"a suspect is named twice: {', '.join(s.name for s in found)}")
+        raise InputError(f"a candidate is named twice: {', '.join(s.name for s in found)}")
     return Question(chosen, found, shared_information(chosen.evidence))
 
 
 def in_doubt(model: Diagnosis | Model) -> tuple[str, ...]:
-    """What is still open: look-alikes of which one is missing, an addition and its rival, or the suspect that may be
-    there.
+    """What is still open: confounded effects of which one is missing, an addition and its rival, or the candidate that
+    may be there.
 
     Raises:
         InputError: nothing is.
@@ -290,42 +289,42 @@ def in_doubt(model: Diagnosis | Model) -> tuple[str, ...]:
         return tuple(ordered[:2])
     if model.undecided:
         return model.undecided[:2]
-    for finding in model.suspects:
-        if finding.verdict == "present":
-            trial = next(t for t in reversed(model.search.trials) if t.suspect.name == finding.name)
-            rivals = [name for name, p in trial.rivals if p > POSSIBLE] or [name for name, _ in finding.look_alikes]
+    for finding in model.candidates:
+        if finding.verdict is Verdict.PRESENT:
+            trial = next(t for t in reversed(model.search.trials) if t.candidate.name == finding.name)
+            rivals = [name for name, p in trial.rivals if p > POSSIBLE] or [name for name, _ in finding.confounded]
             if rivals:
                 return finding.name, rivals[0]
-    doubts = [f for f in model.suspects if f.verdict == "cannot tell"]
-    significant = [f for f in doubts if f.significance < CHANCE]
+    doubts = [f for f in model.candidates if f.verdict is Verdict.CANNOT_TELL]
+    significant = [f for f in doubts if f.significance < THRESHOLDS.chance]
     for finding in significant[:1]:
-        for rival, _ in finding.look_alikes[:1]:
+        for rival, _ in finding.confounded[:1]:
             return finding.name, rival
     if not doubts:
-        raise InputError("these flights left no suspect in doubt; name one whose size should be known better")
+        raise InputError("these flights left no candidate in doubt; name one whose size should be known better")
     return ((significant or doubts)[0].name,)
 
 
-def _in_which_all_are_suspects(diagnosis: Diagnosis, names: Sequence[str]) -> Model:
+def _in_which_all_are_candidates(diagnosis: Diagnosis, names: Sequence[str]) -> Model:
     """The last model of the search that lacks all of them."""
     for model in reversed(diagnosis.search.models):
-        known = {s.name for s in model.line_up.suspects} | {s.effect for s in model.line_up.suspects}
+        known = {s.name for s in model.candidate_set.candidates} | {s.effect for s in model.candidate_set.candidates}
         if known.issuperset(names):
             return model
     return diagnosis.search.models[0]
 
 
-def _suspect(model: Model, name: str) -> Suspect:
-    """By the suspect's name, or by the effect's: then the likeliest of its suspects."""
-    reasons = dict(model.line_up.invisible)
+def _candidate(model: Model, name: str) -> Candidate:
+    """By the candidate's name, or by the effect's: then the likeliest of its candidates."""
+    reasons = dict(model.candidate_set.invisible)
     if name in reasons:
         raise InputError(f"no flight of this kind can show {name}: {reasons[name]}")
     if name in model.fit.vehicle.effects:
         raise InputError(f"the model has {name} already; its size and error are in the vehicle file")
-    of_effect = [s for s in model.line_up.suspects if s.effect == name]
+    of_effect = [s for s in model.candidate_set.candidates if s.effect == name]
     if of_effect:
         return max(of_effect, key=lambda s: model.scores[s.name].gain_unseen)
-    return model.line_up.suspect(name)
+    return model.candidate_set.candidate(name)
 
 
 def _kept_names(evidence: Evidence) -> list[str]:
@@ -333,13 +332,13 @@ def _kept_names(evidence: Evidence) -> list[str]:
 
 
 def _shared(evidence: Evidence) -> tuple[list[str], list[str]]:
-    """Names of the base's columns, less the biases of single logs, and of the suspects'."""
+    """Names of the base's columns, less the biases of single logs, and of the candidates'."""
     base = [evidence.names[i] for i in evidence.base if not evidence.names[i].endswith("]")]
     return base, list(evidence.names[len(evidence.base) :])
 
 
 def shared_information(evidence: Evidence) -> FloatArray:
-    """(p, p) about base parameters and suspects, with the biases of single logs free."""
+    """(p, p) about base parameters and candidates, with the biases of single logs free."""
     kept = evidence.place(_kept_names(evidence))
     rest = np.setdiff1d(np.arange(len(evidence.names)), kept)
     return _without(evidence.named.information.sum(axis=0), kept, rest)

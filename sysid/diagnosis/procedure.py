@@ -8,31 +8,36 @@ import numpy as np
 from scipy.stats import norm
 
 from flight import FlightLog, InputError, Progress, silent
-from sysid.comparison import HORIZONS_S, Comparison, compare
 from sysid.diagnosis import load, traces
-from sysid.diagnosis.examined import CHANCE, LEAST_SIZE, MOST_CONFIDENCE, Model, Outside
-from sysid.diagnosis.findings import SCHEMA_VERSION, Attempt, OutsideFinding, Size, Stair, SuspectFinding
+from sysid.diagnosis.candidates import Candidate
+from sysid.diagnosis.decision import Case, decide, sentence
+from sysid.diagnosis.examined import Model, Outside
+from sysid.diagnosis.findings import (
+    SCHEMA_VERSION,
+    Attempt,
+    CandidateFinding,
+    Outcome,
+    OutsideFinding,
+    Size,
+    Stair,
+    Verdict,
+)
 from sysid.diagnosis.free_form import VARIABLE
 from sysid.diagnosis.score import Score
 from sysid.diagnosis.search import Search, Trial, search
-from sysid.diagnosis.suspects import Suspect
-from sysid.flight_data import carries_payload, prepare
-from sysid.identification import identify
-from sysid.model import PAYLOAD
-from sysid.options import Options
-from sysid.verdict import Verdict
+from sysid.diagnosis.thresholds import THRESHOLDS
+from sysid.estimator import verdict as fits
+from sysid.estimator.comparison import HORIZONS_S, Comparison, compare
+from sysid.estimator.identification import identify
+from sysid.estimator.options import Options
+from sysid.estimator.prepare import prepare
+from sysid.logs.payload import PAYLOAD, carries_payload
 from vehicle import Vehicle, effects, rigid_body
 
 NODE_RATE_HZ = 100.0
 """States per second while searching; the vehicle's motion is slower than this by far."""
-VISIBLE_SIGMAS = float(norm.isf(CHANCE / 2.0) + norm.isf(0.1))
+VISIBLE_SIGMAS = float(norm.isf(THRESHOLDS.chance / 2.0) + norm.isf(0.1))
 """A size of so many standard errors is called present nine times in ten."""
-OUTDONE = "significant, but another explains more"
-EVEN = 0.5
-"""Nothing is stated with more while the model leaves more unexplained than any gust would, and a suspect that explains
-as much as the best curve with no less."""
-LOOK_ALIKE = 0.9
-"""Suspects that reproduce this much of another's trace are named beside it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,9 +49,9 @@ class Diagnosis:
     vehicle: Vehicle
     """The fitted vehicle with what was added."""
     additions: tuple[str, ...]
-    """Suspects added, in order."""
-    suspects: tuple[SuspectFinding, ...]
-    """Every suspect, most suspicious first."""
+    """Candidates added, in order."""
+    candidates: tuple[CandidateFinding, ...]
+    """Every candidate, likeliest first."""
     outside: OutsideFinding | None
     """Something is missing that none of the known effects is."""
     attempts: tuple[Attempt, ...]
@@ -68,7 +73,7 @@ class Diagnosis:
 
     @property
     def undecided(self) -> tuple[str, ...]:
-        """Suspects of which one is still missing and nothing tells which, the likeliest first."""
+        """Candidates of which one is still missing and nothing tells which, the likeliest first."""
         return self.search.undecided.between if self.search.undecided else ()
 
     @property
@@ -88,8 +93,9 @@ class Diagnosis:
             )
         doubts = [
             s.name
-            for s in self.suspects
-            if s.verdict == "cannot tell" and (s.significance < CHANCE or s.name in self.search.doubted)
+            for s in self.candidates
+            if s.verdict is Verdict.CANNOT_TELL
+            and (s.significance < THRESHOLDS.chance or s.name in self.search.doubted)
         ]
         if not parts and doubts:
             parts.append(f"something may be missing, and these flights cannot tell what: {', '.join(doubts)}")
@@ -110,7 +116,7 @@ class Diagnosis:
         return self.search.models[-1].fit.leaves_too_much
 
     @property
-    def fit_verdict(self) -> Verdict:
+    def fit_verdict(self) -> fits.Verdict:
         """Whether to use the numbers of the last model."""
         return self.search.models[-1].fit.verdict
 
@@ -118,14 +124,14 @@ class Diagnosis:
     def confidence(self) -> float:
         """Probability that all additions are the right names, that one of those undecided is missing when there is no
         addition, or that nothing is missing when there are neither."""
-        most = EVEN if self.leaves_too_much else MOST_CONFIDENCE
+        most = THRESHOLDS.even_confidence if self.leaves_too_much else THRESHOLDS.most_confidence
         if self.additions:
-            return min(most, float(np.prod([s.confidence for s in self.suspects if s.verdict == "present"])))
+            return min(most, float(np.prod([s.confidence for s in self.candidates if s.verdict is Verdict.PRESENT])))
         if self.undecided:
-            return min(most, sum(s.confidence for s in self.suspects if s.name in self.undecided))
+            return min(most, sum(s.confidence for s in self.candidates if s.name in self.undecided))
         if self.outside is not None:
-            return min(EVEN if self.search.too_short else most, self.outside.confidence)
-        return min(most, 1.0 - max((s.confidence for s in self.suspects), default=0.0))
+            return min(THRESHOLDS.even_confidence if self.search.too_short else most, self.outside.confidence)
+        return min(most, 1.0 - max((s.confidence for s in self.candidates), default=0.0))
 
     def as_dict(self) -> dict[str, Any]:
         """The facts as plain JSON values; schema in `docs/formats.md`."""
@@ -138,7 +144,7 @@ class Diagnosis:
             "flights": list(self.flights),
             "held_out": list(self.held_out),
             "base": {"vehicle": self.base.name, "effects": list(self.base.effects)},
-            "suspects": [s.as_dict() for s in self.suspects],
+            "suspects": [s.as_dict() for s in self.candidates],
             "additions": list(self.additions),
             "payload_carried": list(self.payload_carried) or None,
             "undecided": list(self.undecided),
@@ -202,11 +208,11 @@ def diagnose(
         base=vehicle,
         vehicle=last.vehicle,
         additions=tuple(s.name for s in found.added),
-        suspects=_findings(found, last.vehicle),
+        candidates=_findings(found, last.vehicle),
         outside=_outside(found.drawn_at, found.outside) if found.outside else None,
         attempts=tuple(_attempt(t) for t in found.trials),
         staircase=stairs,
-        invisible=found.models[0].line_up.invisible,
+        invisible=found.models[0].candidate_set.invisible,
         flights=tuple(names[: len(logs)]),
         held_out=tuple(names[len(logs) :]),
         findings=((found.too_short,) if found.too_short else ()) + last.findings,
@@ -234,177 +240,109 @@ def _visible(sigma: float, usual: float) -> float:
 
     Zero where nothing was flown that would show any size.
     """
-    return max(VISIBLE_SIGMAS * float(sigma), LEAST_SIZE * usual) if sigma > 0.0 else 0.0
+    return max(VISIBLE_SIGMAS * float(sigma), THRESHOLDS.least_size * usual) if sigma > 0.0 else 0.0
 
 
 def _labels(found: Search) -> list[str]:
-    signs = {"added": "+", "removed": "-"}
-    return [f"{signs[t.outcome]} {t.suspect.name}" for t in found.trials if t.outcome in signs]
+    signs = {Outcome.ADDED: "+", Outcome.REMOVED: "-"}
+    return [f"{signs[t.outcome]} {t.candidate.name}" for t in found.trials if t.outcome in signs]
 
 
-def _findings(found: Search, fitted: Vehicle) -> tuple[SuspectFinding, ...]:
-    first, last = found.models[0], found.models[-1]
-    added = {s.name: s for s in found.added}
-    sized = [(s, _scored(found, s).size) for s in first.line_up.suspects]
+def _findings(found: Search, fitted: Vehicle) -> tuple[CandidateFinding, ...]:
+    first = found.models[0]
+    sized = [(s, _scored(found, s).size) for s in first.candidate_set.candidates]
     errors = traces.prediction_error_m(first, sized)
-    result = []
-    for suspect in first.line_up.suspects:
-        trial = next((t for t in reversed(found.trials) if t.suspect.name == suspect.name), None)
-        if suspect.name in added and trial is not None:
-            result.append(_present(found, suspect, trial, fitted, errors[suspect.name]))
-        else:
-            result.append(_not_added(last, suspect, _scored(found, suspect), trial, errors[suspect.name]))
-    if found.outside is not None:
-        result = [_beside_curve(f, found.outside) for f in result]
-    if found.undecided is not None:
-        result = [_one_of(f, found.undecided) for f in result]
-    result = [_doubted(f) if f.name in found.doubted else f for f in result]
-    if last.fit.leaves_too_much:
-        result = [_not_excluded(f) for f in result]
-    order = {"present": 0, "cannot tell": 1, "excluded": 2}
-    return tuple(sorted(result, key=lambda f: (order[f.verdict], f.significance, -f.gain)))
+    result = [
+        _finding(found, candidate, fitted, errors[candidate.name]) for candidate in first.candidate_set.candidates
+    ]
+    order = list(Verdict)
+    return tuple(sorted(result, key=lambda f: (order.index(f.verdict), f.significance, -f.gain)))
 
 
-def _scored(found: Search, suspect: Suspect) -> Score:
-    """Of the last model in which it was a suspect."""
-    return next(m.scores[suspect.name] for m in reversed(found.models) if suspect.name in m.scores)
+def _model_without(found: Search, candidate: Candidate) -> Model:
+    """The last model that lacked it."""
+    return next(m for m in reversed(found.models) if candidate.name in m.scores)
 
 
-def _present(found: Search, suspect: Suspect, trial: Trial, fitted: Vehicle, error_m: float) -> SuspectFinding:
-    before = next(m for m in reversed(found.models) if suspect.name in m.scores)
-    scored = before.scores[suspect.name]
-    sizes = tuple(
+def _scored(found: Search, candidate: Candidate) -> Score:
+    return _model_without(found, candidate).scores[candidate.name]
+
+
+def _finding(found: Search, candidate: Candidate, fitted: Vehicle, error_m: float) -> CandidateFinding:
+    scored = _scored(found, candidate)
+    trial = next((t for t in reversed(found.trials) if t.candidate.name == candidate.name), None)
+    present = trial is not None and candidate.name in {s.name for s in found.added}
+    sizes = _sizes_fitted(candidate, scored, fitted) if present else _sizes_scored(candidate, scored)
+    case = Case(
+        candidate=candidate,
+        score=scored,
+        sizes=sizes,
+        trial=trial,
+        added=present,
+        curve=found.outside,
+        undecided=found.undecided if found.undecided and candidate.name in found.undecided.between else None,
+        doubted=candidate.name in found.doubted,
+        carried_by=_carriers(found) if candidate.name == PAYLOAD else (),
+        no_load=_no_load(found.models[-1]) if candidate.name == PAYLOAD else "",
+        leaves_too_much=found.models[-1].fit.leaves_too_much,
+    )
+    decision = decide(case)
+    before = _model_without(found, candidate) if present else found.models[-1]
+    known = candidate.name in before.scores
+    return CandidateFinding(
+        name=candidate.name,
+        verdict=decision.verdict,
+        reason=sentence(case, decision),
+        sizes=sizes,
+        gain=trial.training.total if trial is not None and present else scored.gain_unseen,
+        significance=scored.significance,
+        error_m=error_m,
+        confidence=decision.confidence,
+        confounded=traces.confounded(before, candidate, THRESHOLDS.confounded) if known else (),
+        settled_by=candidate.excited_by,
+        channels=candidate.channels,
+        regressor=candidate.regressor,
+    )
+
+
+def _sizes_fitted(candidate: Candidate, scored: Score, fitted: Vehicle) -> tuple[Size, ...]:
+    """Of an effect that is part of the model."""
+    return tuple(
         Size(n, fitted.parameter(n).unit, fitted.value(n), fitted.parameter(n).std, _visible(sigma, usual), usual)
-        for n, sigma, usual in zip(suspect.parameters, scored.sigma, suspect.usual, strict=True)
-    )
-    alike = traces.look_alikes(before, suspect, LOOK_ALIKE)
-    return SuspectFinding(
-        name=suspect.name,
-        verdict="present",
-        reason=_present_reason(trial, found),
-        sizes=sizes,
-        gain=trial.training.total,
-        significance=scored.significance,
-        error_m=error_m,
-        confidence=trial.confidence,
-        look_alikes=alike,
-        settled_by=suspect.excited_by,
-        channels=suspect.channels,
-        regressor=suspect.regressor,
+        for n, sigma, usual in zip(candidate.parameters, scored.sigma, candidate.usual, strict=True)
     )
 
 
-def _present_reason(trial: Trial, found: Search) -> str:
-    carried_by = [f.name for f in (*found.models[-1].fit.flights, *found.unseen) if f.carries_payload is not False]
-    where = f"carried by {', '.join(carried_by)} and no other flight; " if trial.suspect.name == PAYLOAD else ""
-    text = f"{where}explains {trial.training.total:.0f} of the cost, and {trial.judged_on} agree"
-    doubtful = [f"{name} ({p:.0%})" for name, p in trial.rivals if p > 0.05]
-    return text + (f"; it may also be {' or '.join(doubtful)}" if doubtful else "")
-
-
-def _not_added(model: Model, suspect: Suspect, scored: Score, trial: Trial | None, error_m: float) -> SuspectFinding:
-    units = {s.name: s.unit for s in effects.find(suspect.effect).parameters}
-    sizes = tuple(
+def _sizes_scored(candidate: Candidate, scored: Score) -> tuple[Size, ...]:
+    """Of one that is not, to first order."""
+    units = {s.name: s.unit for s in effects.find(candidate.effect).parameters}
+    return tuple(
         Size(n, units[n.split(".")[1]], float(v), float(sigma), _visible(sigma, usual), usual)
-        for n, v, sigma, usual in zip(suspect.parameters, scored.size, scored.sigma, suspect.usual, strict=True)
-    )
-    seen = [s for s in sizes if 0.0 < s.smallest_visible <= s.usual]
-    alike = traces.look_alikes(model, suspect, LOOK_ALIKE) if suspect.name in model.scores else ()
-    verdict, reason = "cannot tell", ""
-    doubt = model.load.doubt if model.load and suspect.name == PAYLOAD else ""
-    if doubt:
-        reason = doubt
-    elif trial is not None and trial.outcome != "added":
-        reason = _sentence(trial)
-    elif scored.significance < CHANCE:
-        reason = f"{OUTDONE}; look again after adding that one"
-    elif len(seen) == len(sizes):
-        verdict = "excluded"
-        limits = ", ".join(f"{s.parameter.split('.')[1]} above {s.excluded_above:.2g} {s.unit}" for s in sizes)
-        reason = f"{limits} can be excluded (95 %)"
-    else:
-        reason = f"these flights could not have shown its usual size; fly {' or '.join(suspect.excited_by)}"
-    return SuspectFinding(
-        name=suspect.name,
-        verdict=verdict,
-        reason=reason,
-        sizes=sizes,
-        gain=scored.gain_unseen,
-        significance=scored.significance,
-        error_m=error_m,
-        confidence=0.0 if verdict == "excluded" else min(0.5, max(0.0, 1.0 - scored.significance / 0.01)),
-        look_alikes=alike,
-        settled_by=suspect.excited_by,
-        channels=suspect.channels,
-        regressor=suspect.regressor,
+        for n, v, sigma, usual in zip(candidate.parameters, scored.size, scored.sigma, candidate.usual, strict=True)
     )
 
 
-def _beside_curve(finding: SuspectFinding, curve: Outside) -> SuspectFinding:
-    """A suspect that explains something, where a curve that has no name explains more."""
-    if finding.verdict != "cannot tell" or finding.confidence <= 0.0:
-        return finding
-    reason = finding.reason
-    if finding.significance < CHANCE and reason.startswith(OUTDONE):
-        reason = f"significant, but the curve of {curve.channel} against {curve.variable} explains more"
-    return replace(finding, reason=reason, confidence=finding.confidence * (1.0 - curve.confidence))
+def _carriers(found: Search) -> tuple[str, ...]:
+    """Flights that carry the load, the held-out ones too."""
+    flights = (*found.models[-1].fit.flights, *found.unseen)
+    return tuple(f.name for f in flights if f.carries_payload is not False)
 
 
-def _one_of(finding: SuspectFinding, trial: Trial) -> SuspectFinding:
-    """A suspect that nothing tells from its look-alikes, one of which is missing."""
-    if finding.name not in trial.between:
-        return finding
-    others = " or ".join(name for name in trial.between if name != finding.name)
-    reason = f"either it or {others} is missing; nothing these flights show tells which"
-    confidence = {trial.suspect.name: trial.confidence, **dict(trial.rivals)}[finding.name]
-    return replace(finding, verdict="cannot tell", reason=reason, confidence=confidence)
-
-
-def _doubted(finding: SuspectFinding) -> SuspectFinding:
-    """A suspect that explains about as much as any curve does, in too few stretches of flight."""
-    fly = " or ".join(finding.settled_by)
-    reason = f"no curve explains clearly more, yet too few stretches of flight show it; fly {fly}"
-    return replace(finding, verdict="cannot tell", reason=reason, confidence=max(EVEN, finding.confidence))
-
-
-def _not_excluded(finding: SuspectFinding) -> SuspectFinding:
-    """A suspect under a model so far from the flights that nothing can be excluded."""
-    if finding.verdict != "excluded":
-        return finding
-    return replace(finding, verdict="cannot tell", reason="too much stays unexplained to exclude it: read the findings")
+def _no_load(model: Model) -> str:
+    return model.load.doubt if model.load else ""
 
 
 def _attempt(trial: Trial) -> Attempt:
     judged = trial.held_out
     return Attempt(
-        name=trial.suspect.name,
+        name=trial.candidate.name,
         outcome=trial.outcome,
-        sentence=_sentence(trial),
+        sentence=trial.sentence,
         confidence=trial.confidence,
         rivals=trial.rivals,
-        fall=judged.total,
-        fall_sigma=judged.sigma,
+        reduction=judged.total,
+        reduction_sigma=judged.sigma,
         judged_on=trial.judged_on,
-    )
-
-
-def _sentence(trial: Trial) -> str:
-    judged = trial.held_out
-    scatter = f"± {judged.sigma:.1f}" if np.isfinite(judged.sigma) else "(one stretch, so nobody knows how surely)"
-    numbers = f"the cost of {trial.judged_on} fell by {judged.total:.1f} {scatter}"
-    if trial.outcome == "added":
-        return f"helped: {numbers}"
-    if trial.outcome == "not confirmed":
-        return f"did not help: {numbers}"
-    if trial.outcome == "undecided":
-        return f"not named: {' or '.join(trial.between[1:])} explains as much; {numbers}"
-    if trial.outcome == "removed":
-        return "taken out again: a later addition made it unnecessary"
-    curve = trial.stand_in_for
-    assert curve is not None
-    return (
-        f"not named: a free curve of {curve.channel} against {curve.variable} explains more, and beside it the effect "
-        "is not needed"
     )
 
 

@@ -7,10 +7,12 @@ import numpy as np
 
 from flight import FlightLog, FloatArray, InfeasibleError, InputError, Trajectory, Waypoints, rotations
 from flight.flight_log import COLUMNS
-from sysid.flight_data import Flight, prepare
-from sysid.options import Options
-from sysid.result import Identification
-from sysid.states import GUST, States
+from sysid.estimator.blocks.catalogue import reported
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.options import Options
+from sysid.estimator.prepare import prepare
+from sysid.estimator.result import Identification
+from sysid.estimator.states import States
 from vehicle import Vehicle, flatness, flights
 
 LEAST_FLOOR_M = 0.5
@@ -132,19 +134,19 @@ def rehearse(
     place = truth.rows[:, 0, :3]
     if not np.isfinite(place).all() or ((place < room.low_world_m) | (place > room.high_world_m)).any():
         raise InfeasibleError("the simulated vehicle leaves the free volume")
-    sensor = fit.noise.sensor
-    noise = flights.Noise(sensor.position_m, sensor.attitude_rad, 0.0, sensor.rate_rad_s, sensor.force_m_s2)
+    levels = reported(fit.noise)
+    noise = flights.Noise(levels["position_m"], levels["attitude_rad"], 0.0, levels["rate_rad_s"], levels["force_m_s2"])
     log = _as_before(flights.measure(truth, noise=noise, rng=rng), fit.flights[0])
     options = Options(
         node_rate_hz=node_rate_hz,
-        use_rates=any(np.isfinite(f.rate_body_rad_s).any() for f in fit.flights),
+        use_rates=any(f.has_gyro for f in fit.flights),
         use_accelerometer=any(f.has_accelerometer for f in fit.flights),
     )
     (flight,) = prepare(log, 0, options)
     at = np.searchsorted(truth.time_s, flight.time_s - 1e-9)
     rows = truth.rows[at, 0]
-    gust = None if fit.noise.gusts is None else np.zeros((len(at), GUST))
-    return Rehearsal(flight, States(rows[:, 0:3], rows[:, 3:6], rows[:, 6:10], rows[:, 10:13], gust))
+    states = States(rows[:, 0:3], rows[:, 3:6], rows[:, 6:10], rows[:, 10:13])
+    return Rehearsal(flight, states if fit.noise.gusts is None else states.with_gust())
 
 
 def _as_before(log: FlightLog, example: Flight) -> FlightLog:

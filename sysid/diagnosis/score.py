@@ -8,10 +8,8 @@ from scipy.stats import f as f_distribution
 
 from flight.rotations import FloatArray
 from sysid.diagnosis.evidence import Blocks
-from sysid.flight_data import IndexArray
+from sysid.estimator.flight_data import IndexArray
 
-CLEAR_LEAD = 3.0
-"""Log odds from which on one explanation is clearly better than another."""
 FOLDS = 8
 """Blocks are dealt out to this many folds in turn for cross-validation."""
 

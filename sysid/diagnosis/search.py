@@ -1,4 +1,4 @@
-"""Forward and backward: add the suspect that explains most, keep it if unseen flights agree, look again."""
+"""Forward and backward: add the candidate that explains most, keep it if unseen flights agree, look again."""
 
 import logging
 from collections.abc import Collection, Sequence
@@ -7,13 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flight import FlightLog, InputError, Progress, silent
-from sysid.diagnosis import suspects
-from sysid.diagnosis.confirm import Fall, Judge
+from sysid.diagnosis import candidates
+from sysid.diagnosis.candidates import Candidate
+from sysid.diagnosis.confirm import CostReduction, Judge
 from sysid.diagnosis.evidence import BLOCK_S, block_edges
 from sysid.diagnosis.examined import (
-    ALIKE,
-    CLEAR_ODDS,
-    MOST_CONFIDENCE,
     Model,
     Outside,
     alike,
@@ -25,74 +23,55 @@ from sysid.diagnosis.examined import (
     stands,
     stated_curve,
 )
-from sysid.diagnosis.score import CLEAR_LEAD
-from sysid.diagnosis.suspects import Suspect
-from sysid.diagnosis.weigh import Candidate, Scales
-from sysid.flight_data import Flight
-from sysid.identification import identify
-from sysid.model import PAYLOAD
-from sysid.options import Options
-from sysid.result import Identification
+from sysid.diagnosis.findings import JudgedBy, Outcome
+from sysid.diagnosis.thresholds import THRESHOLDS
+from sysid.diagnosis.weigh import Fitted, Scales
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.identification import identify
+from sysid.estimator.options import Options
+from sysid.estimator.result import Identification
 from vehicle import Vehicle, effects
 
 logger = logging.getLogger(__name__)
 
-RIVALS = 3
-"""So many of the best suspects are fitted in full before one is chosen."""
-RIVAL_SHARE = 0.3
-"""... if they promise at least this share of the best one's gain."""
-BACKWARD_CHANCE = 1e-3
-"""An addition goes when a later one has made it less significant than this."""
-CONFIRMING_ODDS = 2.0
-"""Log odds by which unseen flights must prefer the model with the suspect."""
-COULD_CONFIRM = 2.0
-"""Held-out flights are not asked when a true effect would not stand out of their scatter by this factor."""
-CERTAIN_ODDS = 40.0
-"""Log odds of training stretches from which on held-out flights that say neither yes nor no are not asked either."""
-CONTRADICTING_SIGMAS = 1.64
-"""... unless they speak against the effect by so many standard deviations."""
-LEAST_BLOCKS = 3
-"""Fewer blocks than this have no scatter to judge a difference by."""
-UNJUDGED_CONFIDENCE = 0.5
-"""Nothing is named with more when flights were held out and are too short to judge by."""
 NOT_JUDGED = {False: "no flight was held out", True: "the held-out flights are too short"}
-UNSEEN = "held-out flights"
-"""What judged, where these could."""
 
 
-def refit(logs: Sequence[FlightLog], model: Model, suspect: Suspect, options: Options) -> Identification:
-    """Fit the model with a suspect in it.
+def refit(logs: Sequence[FlightLog], model: Model, candidate: Candidate, options: Options) -> Identification:
+    """Fit the model with a candidate in it.
 
     Where the effect that is missing is large, the model has been bent out of shape to make up for it, and from there no
     way may lead back; then the fit starts from the numbers that the model was given.
     """
-    start = suspects.added(model.fit.vehicle, suspect, list(model.scores[suspect.name].size))
-    flights = model.flights if suspect.effect == PAYLOAD else model.fit.flights
+    start = candidates.added(model.fit.vehicle, candidate, list(model.scores[candidate.name].size))
+    flights = model.flights if candidate.between_flights else model.fit.flights
     near = replace(model.fit, flights=flights)
     try:
-        return identify(logs, start, _holding_others(options, start, suspect), near=near)
+        return identify(logs, start, _holding_others(options, start, candidate), near=near)
     except InputError:
-        if suspect.effect == PAYLOAD:
+        if candidate.between_flights:
             raise
         given = model.fit.vehicle
         for free in (e for e in model.fit.parameters if e.status == "free"):
             given = given.with_value(free.name, free.start)
-        start = suspects.added(given, suspect, [0.0] * len(suspect.parameters))
-        return identify(logs, start, _holding_others(options, start, suspect), given=model.fit.given)
+        start = candidates.added(given, candidate, [0.0] * len(candidate.parameters))
+        return identify(logs, start, _holding_others(options, start, candidate), given=model.fit.given)
 
 
-def _holding_others(options: Options, vehicle: Vehicle, suspect: Suspect) -> Options:
-    """Parameters of the same effect that are no part of the suspect stay where they are, unless already found."""
-    own = [f"{suspect.effect}.{s.name}" for s in effects.find(suspect.effect).parameters]
-    idle = [n for n in own if n not in suspect.columns and vehicle.value(n) == 0.0]
+def _holding_others(options: Options, vehicle: Vehicle, candidate: Candidate) -> Options:
+    """Parameters of the same effect that are no part of the candidate stay where they are, unless already found."""
+    own = [f"{candidate.effect}.{s.name}" for s in effects.find(candidate.effect).parameters]
+    idle = [n for n in own if n not in candidate.columns and vehicle.value(n) == 0.0]
     return replace(options, held=tuple(dict.fromkeys((*options.held, *idle))))
 
 
-def candidates(logs: Sequence[FlightLog], model: Model, options: Options, refused: Collection[str]) -> list[Candidate]:
-    """The best suspects, each fitted in full.
+def candidates_fitted(
+    logs: Sequence[FlightLog], model: Model, options: Options, refused: Collection[str]
+) -> list[Fitted]:
+    """The best candidates, each fitted in full.
 
-    Once one of them is beyond chance, something is missing, and a look-alike that explains about as much may be it,
-    whatever its own significance. So may be whoever a curve beyond chance does not clearly outdo.
+    Once one of them is beyond chance, something is missing, and a confounded effect that explains about as much may be
+    it, whatever its own significance. So may be whoever a curve beyond chance does not clearly outdo.
     Those that explain far less than one that was refused are left out: their traces are alike, and what unseen flights
     could not confirm of the better one speaks against the worse one too.
     """
@@ -101,41 +80,41 @@ def candidates(logs: Sequence[FlightLog], model: Model, options: Options, refuse
         found = [s for s in as_good_as(curve, model) if s.name not in refused]
     if not found:
         return []
-    gain = {s.name: model.scores[s.name].gain_unseen for s in model.line_up.suspects}
-    others = [s for s in model.line_up.suspects if s.name not in refused and s not in found]
+    gain = {s.name: model.scores[s.name].gain_unseen for s in model.candidate_set.candidates}
+    others = [s for s in model.candidate_set.candidates if s.name not in refused and s not in found]
     close = [*found, *(s for s in others if any(alike(model, s, f) for f in found))]
-    close = [s for s in close if gain[s.name] > RIVAL_SHARE * gain[found[0].name]]
-    best = sorted(close, key=lambda s: -gain[s.name])[:RIVALS]
+    close = [s for s in close if gain[s.name] > THRESHOLDS.rival_share * gain[found[0].name]]
+    best = sorted(close, key=lambda s: -gain[s.name])[: THRESHOLDS.rivals]
     tried = [c for s in best if (c := _fitted(logs, model, s, options)) is not None]
-    better = [c for name in refused if (c := model.tried.candidates.get(name)) is not None]
+    better = [c for name in refused if (c := model.tried.fitted.get(name)) is not None]
     return [c for c in tried if not any(_outdone(model, c, b) for b in better)]
 
 
-def _fitted(logs: Sequence[FlightLog], model: Model, suspect: Suspect, options: Options) -> Candidate | None:
-    """The suspect fitted in full, once per model; None if that fails."""
-    known = model.tried.candidates
-    if suspect.name not in known:
+def _fitted(logs: Sequence[FlightLog], model: Model, candidate: Candidate, options: Options) -> Fitted | None:
+    """The candidate fitted in full, once per model; None if that fails."""
+    known = model.tried.fitted
+    if candidate.name not in known:
         try:
-            fit = refit(logs, model, suspect, options)
-            fall = model.judge.fall(model.fit.vehicle, fit.vehicle, fit.solution.point.states)
-            known[suspect.name] = Candidate(suspect, fit, fall)
+            fit = refit(logs, model, candidate, options)
+            reduction = model.judge.reduction(model.fit.vehicle, fit.vehicle, fit.solution.point.states)
+            known[candidate.name] = Fitted(candidate, fit, reduction)
         except InputError as error:
-            logger.info("%s could not be fitted: %s", suspect.name, error)
-            known[suspect.name] = None
-    return known[suspect.name]
+            logger.info("%s could not be fitted: %s", candidate.name, error)
+            known[candidate.name] = None
+    return known[candidate.name]
 
 
-def _outdone(model: Model, worse: Candidate, better: Candidate) -> bool:
-    """Whether another suspect leaves much the same trace and explains it clearly better."""
+def _outdone(model: Model, worse: Fitted, better: Fitted) -> bool:
+    """Whether another candidate leaves much the same trace and explains it clearly better."""
     scales = model.tried.scales
-    clearly = scales is not None and scales.weight(better) - scales.weight(worse) > CLEAR_LEAD
-    return clearly and reproduced(model, worse.suspect, better.suspect) > ALIKE
+    clearly = scales is not None and scales.weight(better) - scales.weight(worse) > THRESHOLDS.clear_lead
+    return clearly and reproduced(model, worse.candidate, better.candidate) > THRESHOLDS.competing
 
 
-def _weighed(model: Model, tried: Sequence[Candidate]) -> tuple[list[Candidate], Model]:
+def _weighed(model: Model, tried: Sequence[Fitted]) -> tuple[list[Fitted], Model]:
     """Candidates by their weight, the heaviest first, and the model that this one makes."""
     after = None
-    first = max(tried, key=lambda c: c.fall.total)
+    first = max(tried, key=lambda c: c.reduction.total)
     if model.tried.scales is None:
         after = examine(first.fit)
         model.tried.scales = Scales(first, model.judge, after.evidence)
@@ -143,41 +122,72 @@ def _weighed(model: Model, tried: Sequence[Candidate]) -> tuple[list[Candidate],
     ordered = sorted(tried, key=scales.weight, reverse=True)
     for c in ordered:
         logger.info(
-            "%s: log odds %.1f, dispersion %.1f", c.suspect.name, scales.weight(c), scales.dispersion(c.suspect)
+            "%s: log odds %.1f, dispersion %.1f", c.candidate.name, scales.weight(c), scales.dispersion(c.candidate)
         )
     return ordered, after if after is not None and ordered[0] is first else examine(ordered[0].fit)
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One attempt to add a suspect, and how it ended."""
+    """One attempt to add a candidate, and how it ended."""
 
-    suspect: Suspect
-    outcome: str
-    """`added`, `undecided` (a look-alike explains as much), `stand-in` (a curve explains more), `not confirmed` (unseen
-    flights disagree), `removed` later."""
-    training: Fall
-    held_out: Fall
+    candidate: Candidate
+    outcome: Outcome
+    training: CostReduction
+    held_out: CostReduction
     """On flights that were not used, or on each training flight left out in turn."""
-    judged_on: str
-    """In words, what confirmed or refused it."""
+    judged_by: JudgedBy
+    why: str
+    """Why held-out flights did not judge; empty if they did."""
     confidence: float
-    """Probability that this is the effect, given that one of the suspects is."""
+    """Probability that this is the effect, given that one of the candidates is."""
     rivals: tuple[tuple[str, float], ...]
-    """Look-alikes that were fitted, with their probabilities."""
-    stand_in_for: Outside | None
+    """Confounded effects that were fitted, with their probabilities."""
+    proxy_for: Outside | None
     fit: Identification
 
     @property
     def refuted(self) -> bool:
         """Whether something speaks against it, more than that too little speaks for it."""
-        return self.outcome == "stand-in" or (self.outcome == "not confirmed" and self.judged_on == UNSEEN)
+        refused = self.outcome is Outcome.NOT_CONFIRMED and self.judged_by is JudgedBy.HELD_OUT
+        return self.outcome is Outcome.PROXY or refused
 
     @property
     def between(self) -> tuple[str, ...]:
         """Names that nothing tells apart: its own and those of rivals almost as likely."""
-        least = self.confidence * np.exp(-CLEAR_LEAD)
-        return (self.suspect.name, *(name for name, p in self.rivals if p > least))
+        least = self.confidence * np.exp(-THRESHOLDS.clear_lead)
+        return (self.candidate.name, *(name for name, p in self.rivals if p > least))
+
+    @property
+    def judged_on(self) -> str:
+        """In words, what confirmed or refused it."""
+        return f"{self.judged_by} ({self.why})" if self.why else str(self.judged_by)
+
+    def probability(self, name: str) -> float:
+        """That one of the names of `between` is the right one."""
+        return {self.candidate.name: self.confidence, **dict(self.rivals)}[name]
+
+    @property
+    def sentence(self) -> str:
+        """How it ended, with the numbers."""
+        judged, curve = self.held_out, self.proxy_for
+        scatter = f"± {judged.sigma:.1f}" if np.isfinite(judged.sigma) else "(one stretch, so nobody knows how surely)"
+        numbers = f"the cost of {self.judged_on} fell by {judged.total:.1f} {scatter}"
+        match self.outcome:
+            case Outcome.ADDED:
+                return f"helped: {numbers}"
+            case Outcome.NOT_CONFIRMED:
+                return f"did not help: {numbers}"
+            case Outcome.UNDECIDED:
+                return f"not named: {' or '.join(self.between[1:])} explains as much; {numbers}"
+            case Outcome.REMOVED:
+                return "taken out again: a later addition made it unnecessary"
+            case Outcome.PROXY:
+                assert curve is not None
+                return (
+                    f"not named: a free curve of {curve.channel} against {curve.variable} explains more, and beside it "
+                    "the effect is not needed"
+                )
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,13 +197,13 @@ class Search:
     models: tuple[Model, ...]
     """The base, then after each change."""
     trials: tuple[Trial, ...]
-    added: tuple[Suspect, ...]
+    added: tuple[Candidate, ...]
     outside: Outside | None
-    """None also where the best curve does not clearly outdo a suspect that nothing refuted."""
+    """None also where the best curve does not clearly outdo a candidate that nothing refuted."""
     doubted: tuple[str, ...]
-    """Those suspects."""
+    """Those candidates."""
     undecided: Trial | None
-    """One of its look-alikes is missing from the last model."""
+    """One of its confounded effects is missing from the last model."""
     drawn_at: Model
     """Where `outside` was looked for: the last model, with the likelier one in it where two could not be told apart."""
     unseen: tuple[Flight, ...]
@@ -223,18 +233,19 @@ def search(
         if trial is None or model is None:
             break
         if too_short:
-            trial = replace(trial, confidence=min(trial.confidence, UNJUDGED_CONFIDENCE))
+            trial = replace(trial, confidence=min(trial.confidence, THRESHOLDS.unjudged_confidence))
         trials.append(trial)
         progress("diagnose", 1.0 - 0.7 ** len(trials))
-        if trial.outcome != "added":
-            refused.update(trial.between if trial.outcome == "undecided" else [trial.suspect.name])
-            undecided = (trial, model) if trial.outcome == "undecided" and undecided is None else undecided
+        if trial.outcome is not Outcome.ADDED:
+            open_ = trial.outcome is Outcome.UNDECIDED
+            refused.update(trial.between if open_ else [trial.candidate.name])
+            undecided = (trial, model) if open_ and undecided is None else undecided
             continue
         models.append(model)
-        added.append(trial.suspect)
+        added.append(trial.candidate)
         refused, undecided = set(dropped_before), None  # beside a wrong model was no fair hearing
         while (dropped := _superfluous(models[-1], added)) is not None:
-            trials.append(replace(trial, suspect=dropped, outcome="removed"))
+            trials.append(replace(trial, candidate=dropped, outcome=Outcome.REMOVED))
             added.remove(dropped)
             dropped_before.add(dropped.name)
             refused.add(dropped.name)
@@ -242,7 +253,7 @@ def search(
     trial, at = undecided or (None, models[-1])
     told = unseen.flights if unseen else tuple(held_out)
     outside = stated_curve(at) if len(added) < most else None
-    refuted = {*dropped_before, *(t.suspect.name for t in trials if t.refuted)}
+    refuted = {*dropped_before, *(t.candidate.name for t in trials if t.refuted)}
     doubted = () if outside is None else tuple(s.name for s in as_good_as(outside, at) if s.name not in refuted)
     stated = None if doubted else outside
     return Search(tuple(models), tuple(trials), tuple(added), stated, doubted, trial, at, told, too_short)
@@ -251,105 +262,110 @@ def search(
 def short(held_out: Sequence[Flight]) -> str:
     """Why held-out flights cannot judge, in words; empty if they can, or if there are none."""
     blocks = sum(len(block_edges(f.time_s)) for f in held_out)
-    if not held_out or blocks >= LEAST_BLOCKS:
+    if not held_out or blocks >= THRESHOLDS.least_blocks:
         return ""
     length_s = sum(float(f.time_s[-1] - f.time_s[0]) for f in held_out)
     return (
         f"the held-out flights {', '.join(dict.fromkeys(f.name for f in held_out))} last {length_s:.1f} s, too little "
-        f"to judge by: hold out {LEAST_BLOCKS * BLOCK_S:.0f} s or more, best a flight of another kind"
+        f"to judge by: hold out {THRESHOLDS.least_blocks * BLOCK_S:.0f} s or more, best a flight of another kind"
     )
 
 
 def _next(
     logs: Sequence[FlightLog], model: Model, unseen: Judge | str, options: Options, refused: Collection[str]
 ) -> tuple[Trial | None, Model | None]:
-    """Try the most likely suspect; also the model with it.
+    """Try the most likely candidate; also the model with it.
 
     Args:
         unseen: who judges, or in words why nobody does.
     """
-    tried = candidates(logs, model, options, refused)
+    tried = candidates_fitted(logs, model, options, refused)
     if not tried:
         return None, None
     (best, *others), after = _weighed(model, tried)
-    odds = {c.suspect.name: _odds(model, best, c) for c in (*others, *model.tried.undecided)}
+    odds = {c.candidate.name: _odds(model, best, c) for c in (*others, *model.tried.undecided)}
     share = 1.0 / (1.0 + sum(odds.values()))
-    stand_in = stands(after, best.suspect)
-    fall, confirmed, judged_on = _confirmed(model, best, unseen)
-    outcome = "stand-in" if stand_in else "added" if confirmed else "not confirmed"
-    if outcome == "added" and max(odds.values(), default=0.0) > np.exp(-CLEAR_LEAD):
-        outcome = "undecided"
-        model.tried.undecided += [c for c in tried if c is best or odds[c.suspect.name] > np.exp(-CLEAR_LEAD)]
+    outdone_by = stands(after, best.candidate)
+    reduction, confirmed, why = _confirmed(model, best, unseen)
+    outcome = Outcome.PROXY if outdone_by else Outcome.ADDED if confirmed else Outcome.NOT_CONFIRMED
+    as_likely = float(np.exp(-THRESHOLDS.clear_lead))
+    if outcome is Outcome.ADDED and max(odds.values(), default=0.0) > as_likely:
+        outcome = Outcome.UNDECIDED
+        model.tried.undecided += [c for c in tried if c is best or odds[c.candidate.name] > as_likely]
     trial = Trial(
-        suspect=best.suspect,
+        candidate=best.candidate,
         outcome=outcome,
-        training=best.fall,
-        held_out=fall,
-        judged_on=judged_on,
-        confidence=MOST_CONFIDENCE * share,
-        rivals=tuple((name, MOST_CONFIDENCE * share * p) for name, p in odds.items() if p > 0.0),
-        stand_in_for=stand_in,
+        training=best.reduction,
+        held_out=reduction,
+        judged_by=JudgedBy.LEFT_OUT if why else JudgedBy.HELD_OUT,
+        why=why,
+        confidence=THRESHOLDS.most_confidence * share,
+        rivals=tuple((name, THRESHOLDS.most_confidence * share * p) for name, p in odds.items() if p > 0.0),
+        proxy_for=outdone_by,
         fit=best.fit,
     )
     logger.info(
         "%s: %s, training %.1f, held out %.1f +- %.1f",
-        best.suspect.name,
+        best.candidate.name,
         outcome,
-        best.fall.total,
-        fall.total,
-        fall.sigma,
+        best.reduction.total,
+        reduction.total,
+        reduction.sigma,
     )
     return trial, after
 
 
-def _odds(model: Model, best: Candidate, other: Candidate) -> float:
+def _odds(model: Model, best: Fitted, other: Fitted) -> float:
     """Odds against the best of one that competes with it for the same evidence; else 0, for both may be missing."""
     scales = model.tried.scales
-    if scales is None or not alike(model, best.suspect, other.suspect):
+    if scales is None or not alike(model, best.candidate, other.candidate):
         return 0.0
     return float(np.exp(scales.weight(other) - scales.weight(best)))
 
 
-def _confirmed(model: Model, best: Candidate, unseen: Judge | str) -> tuple[Fall, bool, str]:
-    """Held-out flights if they can tell; else stretches of the training flights, each judged by the rest.
+def _confirmed(model: Model, best: Fitted, unseen: Judge | str) -> tuple[CostReduction, bool, str]:
+    """Held-out flights if they can tell; else stretches of the training flights, each judged by the rest, and why.
 
     The fall of the cost of unseen flights is the logarithm of the odds between the two models, up to the dispersion.
     """
-    scored = model.scores[best.suspect.name]
-    least = CONFIRMING_ODDS * scored.dispersion
+    scored = model.scores[best.candidate.name]
+    least = THRESHOLDS.confirming_odds * scored.dispersion
     if isinstance(unseen, str):
         why = unseen
     else:
         before, after = model.fit.vehicle, best.fit.vehicle
-        unseen.turn_to(model.fit.noise)
-        if best.suspect.effect == PAYLOAD:
+        unseen.set_noise(model.fit.noise)
+        if best.candidate.between_flights:
             least += np.log(2.0) * unseen.decide_load(after) * scored.dispersion
-        fall = unseen.fall(before, after)
-        could = best.fall.total * unseen.strength(before, after) / max(model.judge.strength(before, after), 1e-12)
-        if fall.total < 0.0:  # what the model lacks counts as noise in it: the noise left by the other is heard too
-            unseen.turn_to(best.fit.noise)
-            fall = max(fall, unseen.fall(before, after), key=lambda f: f.total)
-        against = fall.total < -CONTRADICTING_SIGMAS * fall.sigma
-        could_tell = could > COULD_CONFIRM * max(fall.sigma, least) and scored.log_odds < CERTAIN_ODDS
-        if fall.total > least or against or could_tell:
-            return fall, fall.total > least, UNSEEN
-        why = f"held-out flights fell by {fall.total:.0f} ± {fall.sigma:.0f}, of {could:.0f} at best, and cannot tell"
+        reduction = unseen.reduction(before, after)
+        could = best.reduction.total * unseen.strength(before, after) / max(model.judge.strength(before, after), 1e-12)
+        if reduction.total < 0.0:  # what the model lacks counts as noise in it: the other's noise is asked too
+            unseen.set_noise(best.fit.noise)
+            reduction = max(reduction, unseen.reduction(before, after), key=lambda f: f.total)
+        against = reduction.total < -THRESHOLDS.contradicting_sigmas * reduction.sigma
+        could_tell = (
+            could > THRESHOLDS.could_confirm * max(reduction.sigma, least) and scored.log_odds < THRESHOLDS.certain_odds
+        )
+        if reduction.total > least or against or could_tell:
+            return reduction, reduction.total > least, ""
+        fell = f"{reduction.total:.0f} ± {reduction.sigma:.0f}, of {could:.0f} at best"
+        why = f"held-out flights fell by {fell}, and cannot tell"
     return (
-        Fall(scored.unseen_by_block),
-        scored.log_odds > CLEAR_ODDS and len(scored.unseen_by_block) >= LEAST_BLOCKS,
-        f"stretches of the training flights, each judged by the rest ({why})",
+        CostReduction(scored.unseen_by_block),
+        scored.log_odds > THRESHOLDS.clear_odds and len(scored.unseen_by_block) >= THRESHOLDS.least_blocks,
+        why,
     )
 
 
-def _superfluous(model: Model, added: Sequence[Suspect]) -> Suspect | None:
+def _superfluous(model: Model, added: Sequence[Candidate]) -> Candidate | None:
     """The addition that the later ones have made unnecessary, if there is one."""
     worst = max(added[:-1], key=lambda s: loss(model, s).significance, default=None)
-    return worst if worst is not None and loss(model, worst).significance > BACKWARD_CHANCE else None
+    return worst if worst is not None and loss(model, worst).significance > THRESHOLDS.backward_chance else None
 
 
-def _without(logs: Sequence[FlightLog], model: Model, dropped: Suspect, options: Options) -> Model:
+def _without(logs: Sequence[FlightLog], model: Model, dropped: Candidate, options: Options) -> Model:
     vehicle = model.fit.vehicle
-    if dropped.effect == "weak_rotor":
+    if effects.find(dropped.effect).separate:
         for name in dropped.parameters:
             vehicle = vehicle.with_value(name, 0.0, source="taken out")
         options = replace(options, held=(*options.held, *dropped.parameters))

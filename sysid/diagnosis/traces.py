@@ -1,4 +1,4 @@
-"""How alike suspects look on these flights, and how much prediction error each makes."""
+"""How alike candidates look on these flights, and how much prediction error each makes."""
 
 from collections.abc import Sequence
 
@@ -6,41 +6,44 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from flight.rotations import FloatArray
-from sysid import drive, dynamics
+from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.examined import Model, reproduced
-from sysid.diagnosis.suspects import Suspect
-from sysid.model import slopes_along
+from sysid.estimator.blocks import motor
+from sysid.estimator.midpoint import middle
+from sysid.estimator.model import slopes_along
 
 HORIZON_S = 0.5
 TURN_ERROR = 9.80665 * HORIZON_S**4 / 24.0
 """Metres of position error per rad/s2 of wrong angular acceleration held over the horizon, by tilting gravity."""
 
 
-def look_alikes(model: Model, suspect: Suspect, least: float) -> tuple[tuple[str, float], ...]:
-    """Others whose columns reproduce this suspect's trace, the base parameters taken out, most alike first."""
-    others = [(o.name, reproduced(model, suspect, o)) for o in model.line_up.suspects if o.name != suspect.name]
+def confounded(model: Model, candidate: Candidate, least: float) -> tuple[tuple[str, float], ...]:
+    """Others whose columns reproduce this candidate's trace, the base parameters taken out, most alike first."""
+    others = [
+        (o.name, reproduced(model, candidate, o)) for o in model.candidate_set.candidates if o.name != candidate.name
+    ]
     return tuple(sorted((pair for pair in others if pair[1] > least), key=lambda pair: -pair[1]))
 
 
-def prediction_error_m(model: Model, sized: Sequence[tuple[Suspect, FloatArray]]) -> dict[str, float]:
-    """Root mean square position error after `HORIZON_S` that leaving out each suspect at its size makes.
+def prediction_error_m(model: Model, sized: Sequence[tuple[Candidate, FloatArray]]) -> dict[str, float]:
+    """Root mean square position error after `HORIZON_S` that leaving out each candidate at its size makes.
 
     A wrong force pushes for the whole horizon; a wrong torque tilts the vehicle, and gravity does the rest.
     """
-    names = tuple(n for suspect, _ in sized for n in suspect.parameters)
-    squares, count = {suspect.name: 0.0 for suspect, _ in sized}, 0
+    names = tuple(n for candidate, _ in sized for n in candidate.parameters)
+    squares, count = {candidate.name: 0.0 for candidate, _ in sized}, 0
     for flight, states in zip(model.flights, model.fit.solution.point.states, strict=True):
-        flight = drive.driven(flight, model.line_up.vehicle)
-        mid = dynamics.middle(flight, states)
-        slopes = slopes_along(model.line_up.vehicle, names, flight, mid).parameters
+        flight = motor.driven(flight, model.candidate_set.vehicle)
+        mid = middle(flight, states)
+        slopes = slopes_along(model.candidate_set.vehicle, names, flight, mid).parameters
         window = max(1, round(HORIZON_S / float(np.median(flight.step_s))))
         count += len(slopes)
         place = 0
-        for suspect, size in sized:
+        for candidate, size in sized:
             six = slopes[:, :, place : place + len(size)] @ size
             place += len(size)
             force = uniform_filter1d((mid.R_world_body @ six[:, :3, None])[:, :, 0], window, axis=0)
             turn = uniform_filter1d(six[:, 3:], window, axis=0)[:, :2]
             pushed, tilted = 0.5 * HORIZON_S**2 * force, TURN_ERROR * turn
-            squares[suspect.name] += float((pushed**2).sum() + (tilted**2).sum())
+            squares[candidate.name] += float((pushed**2).sum() + (tilted**2).sum())
     return {name: float(np.sqrt(square / max(count, 1))) for name, square in squares.items()}

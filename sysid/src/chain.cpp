@@ -1,5 +1,5 @@
 // Least squares on a chain of states with a border of parameters: binding of the kernels.
-// The caller (sysid/chain.py) owns names, shapes and checks.
+// The caller (sysid/estimator/chain.py) owns names, shapes and checks.
 
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>

@@ -12,7 +12,7 @@ import sysid
 import vehicle
 from flight import FlightLog, flight_log
 from goshawk import log_report
-from sysid.log_check import check_log
+from sysid.logs.check import check_log
 from tests.goshawk import foreign_log
 from tests.goshawk.running import run
 

@@ -18,7 +18,7 @@ from flight import Waypoints, trajectory
 from goshawk.demo import vehicles
 from goshawk.virtual_flight import sitl_vehicle
 from planner import gate
-from tests.waiting import goshawk
+from tests.goshawk.running import answer as goshawk
 
 ROOT = Path(__file__).parent.parent.parent
 HALL = solids.Room((-7.0, -5.0, 0.0), (7.0, 5.0, 4.0))

@@ -13,7 +13,8 @@ import vehicle
 from flight import flight_log
 from goshawk import what_next
 from goshawk.what_next import Asked
-from sysid.diagnosis import Diagnosis, OutsideFinding, SuspectFinding
+from sysid.diagnosis import Diagnosis, OutsideFinding, Verdict
+from sysid.diagnosis.findings import CandidateFinding
 from tests.goshawk.running import run, typed
 from tests.sysid import flying
 
@@ -22,9 +23,10 @@ AGAIN = ["diagnose", "a.parquet", "my b.parquet", "--vehicle", "vehicle.toml", "
 FITTED = ["--flights", "a.parquet", "--flights", "my b.parquet", "--held-out", "c.parquet"]
 
 
-def candidate(name: str, verdict: Any, significance: float, *alike: str) -> SuspectFinding:
+def candidate(name: str, verdict: Any, significance: float, *alike: str) -> CandidateFinding:
     shares = tuple((other, 0.95) for other in alike)
-    return SuspectFinding(name, verdict, "", (), 0.0, significance, 0.0, 0.9, shares, ("oblique",), ("F_x",), "v_x")
+    sure = Verdict(verdict)
+    return CandidateFinding(name, sure, "", (), 0.0, significance, 0.0, 0.9, shares, ("oblique",), ("F_x",), "v_x")
 
 
 def drawn(variable: str = "v_z", channel: str = "M_z") -> OutsideFinding:
@@ -33,7 +35,7 @@ def drawn(variable: str = "v_z", channel: str = "M_z") -> OutsideFinding:
 
 
 def found(
-    *candidates: SuspectFinding,
+    *candidates: CandidateFinding,
     outside: OutsideFinding | None = None,
     rivals: tuple[tuple[str, float], ...] = (),
     undecided: tuple[str, ...] = (),
@@ -45,7 +47,7 @@ def found(
     search = SimpleNamespace(
         models=(SimpleNamespace(fit=SimpleNamespace(flights=[SimpleNamespace(position_world_m=place)])),),
         undecided=SimpleNamespace(between=undecided) if undecided else None,
-        trials=[SimpleNamespace(suspect=SimpleNamespace(name=name), rivals=rivals) for name in additions],
+        trials=[SimpleNamespace(candidate=SimpleNamespace(name=name), rivals=rivals) for name in additions],
     )
     body = vehicle.example()
     nothing = cast("Any", None)

@@ -36,6 +36,28 @@ def test_some_limit_is_used_to_the_full(open_sky, drone, through):
     assert not planner.gate.check(plan.trajectory.scale_time(0.97), open_sky, drone).passed
 
 
+def test_what_is_flown_is_within_two_percent_of_the_optimum(open_sky, drone):
+    for seed in range(4):
+        points = np.cumsum(np.random.default_rng(seed).normal(size=(6, 3)) * [3.0, 3.0, 0.7], axis=0)
+        plan = planner.plan(Waypoints(points, np.full(6, np.nan)), open_sky, drone)
+        assert plan.trajectory.duration_s < 1.02 * plan.optimum_s
+        assert len(plan.binding) == len(plan.trajectory.durations_s)
+        assert set(plan.binding) - {""}
+
+
+def test_pieces_are_kept_however_many_waypoints_there_are(open_sky, drone):
+    points = np.stack([2.5 * np.arange(30), np.sin(np.arange(30)), np.ones(30)], axis=1)
+    plan = planner.plan(Waypoints(points, np.full(30, np.nan)), open_sky, drone)
+    assert len(plan.trajectory.durations_s) > 30
+
+
+def test_a_plan_can_be_cancelled(open_sky, drone, through):
+    flag = planner.StopFlag()
+    flag.set()
+    with pytest.raises(planner.PlanCancelledError):
+        planner.plan(through((0, 0, 1), (3, 0, 1)), open_sky, drone, stop=flag)
+
+
 @pytest.mark.parametrize("margin", [0.1, 0.4, 0.9])
 def test_a_plan_stays_clear_of_the_pillar(pillar, drone, through, margin):
     options = PlanOptions(margin_m=margin)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from flight import InfeasibleError, InputError
-from planner import corridor, hermite, minimum_snap, quadratic, repair, space
+from planner import corridor, hermite, minimum_snap, quadratic, space
 from planner.quadratic import Constraints, SnapProgram
 
 
@@ -12,7 +12,7 @@ def random_problem(seed: int, segments: int = 6) -> tuple[np.ndarray, np.ndarray
 
 
 def dense(spline: minimum_snap.Spline, derivative: int = 0) -> np.ndarray:
-    path = repair.position_trajectory(spline)
+    path = minimum_snap.trajectory(spline)
     return path.position(path.sample(0.002), derivative)
 
 
@@ -27,7 +27,7 @@ def test_without_inequalities_it_agrees_with_the_closed_form(seed):
 
 def test_joins_are_continuous_through_jerk_whatever_the_solver_left_over():
     waypoints, T = random_problem(3)
-    path = repair.position_trajectory(SnapProgram(Constraints(waypoints, speed_axis_m_s=12.0)).solve(T))
+    path = minimum_snap.trajectory(SnapProgram(Constraints(waypoints, speed_axis_m_s=12.0)).solve(T))
     for derivative in range(4):
         assert np.abs(path.join_jumps(derivative)).max() < 1e-9 * (1 + np.abs(path.coefficients).max())
 

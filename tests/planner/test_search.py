@@ -5,6 +5,7 @@ import pytest
 from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
+import esdf
 from esdf import solids
 from planner import _planner, search, space
 
@@ -19,7 +20,7 @@ def path_cost(distance: np.ndarray, cells: np.ndarray, required: float, comfort:
 
 
 def dijkstra_cost(distance: np.ndarray, start: int, goal: int, required: float, comfort: float, price: float) -> float:
-    """The plain twin: every edge of the grid in a sparse graph."""
+    """The NumPy reference: every edge of the grid in a sparse graph."""
     shape = np.array(distance.shape)
     cells = np.stack(np.unravel_index(np.arange(distance.size), distance.shape), axis=1)
     rows, columns, weights = [], [], []
@@ -42,14 +43,15 @@ def dijkstra_cost(distance: np.ndarray, start: int, goal: int, required: float, 
     return float(dijkstra(graph, indices=start)[goal])
 
 
+@pytest.mark.parametrize("greed", [1.0, 1.5])
 @pytest.mark.parametrize("seed", range(8))
-def test_the_kernel_finds_a_cheapest_way(seed):
+def test_the_kernel_finds_a_cheapest_way_or_one_dearer_by_no_more_than_asked(seed, greed):
     rng = np.random.default_rng(seed)
     distance = rng.uniform(0.0, 1.0, (14, 12, 7)).astype(np.float32)
     distance[0, 0, 0] = distance[-1, -1, -1] = 1.0
     goal = distance.size - 1
     for required in (0.3, 0.55):
-        found = _planner.search(distance, 0, goal, required, 0.9, 3.0)
+        found = _planner.search(distance, 0, goal, required, 0.9, 3.0, greed)
         best = dijkstra_cost(distance, 0, goal, required, 0.9, 3.0)
         if np.isinf(best):
             assert len(found) == 0
@@ -57,19 +59,31 @@ def test_the_kernel_finds_a_cheapest_way(seed):
             assert found[0] == 0
             assert found[-1] == goal
             assert (distance.ravel()[found[1:]] >= np.float32(required)).all()
-            assert path_cost(distance, found, required, 0.9, 3.0) == pytest.approx(best, rel=1e-3)
+            cost = path_cost(distance, found, required, 0.9, 3.0)
+            assert best * (1.0 - 1e-3) <= cost <= best * (greed + 1e-3)
+
+
+@pytest.mark.parametrize("voxel_m", [0.1, 0.3])
+def test_a_lattice_of_a_sampled_field_holds_what_the_field_proves(two_rooms, voxel_m):
+    shape = tuple(int(np.ceil(edge / voxel_m)) for edge in (10.6, 8.6, 3.6))
+    grid = esdf.Grid((-5.3, -4.3, -0.3), (voxel_m,) * 3, shape)
+    field = esdf.build(esdf.rasterize(two_rooms, grid), grid)
+    points = np.random.default_rng(0).uniform([-4.5, -3.5, 0.3], [4.5, 3.5, 2.5], (500, 3))
+    held = space.certain(field, field.distance(points))
+    assert np.allclose(held, field.proven_distance(points), atol=1e-5)
+    assert np.isneginf(space.certain(field, np.array([np.nan])))[0]
 
 
 def test_walled_in_there_is_no_way():
     distance = np.ones((9, 9, 9), dtype=np.float32)
     distance[4] = 0.0
-    assert len(_planner.search(distance, 0, distance.size - 1, 0.3, 0.5, 1.0)) == 0
+    assert len(_planner.search(distance, 0, distance.size - 1, 0.3, 0.5, 1.0, 1.0)) == 0
 
 
 def test_unknown_cells_are_not_entered():
     distance = np.ones((9, 9, 9), dtype=np.float32)
     distance[4] = np.nan
-    assert len(_planner.search(distance, 0, distance.size - 1, 0.3, 0.5, 1.0)) == 0
+    assert len(_planner.search(distance, 0, distance.size - 1, 0.3, 0.5, 1.0, 1.0)) == 0
 
 
 def test_the_way_through_a_doorway_is_free_and_hardly_longer_than_it_must_be(two_rooms):

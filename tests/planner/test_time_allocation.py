@@ -1,93 +1,116 @@
+import threading
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from scipy.optimize import approx_fprime
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+import vehicle
 from esdf import solids
-from planner import penalty, time_allocation
+from planner import PlanCancelledError, StopFlag, airframe, minimum_snap, time_allocation
 from planner.time_allocation import Problem, Weights
+from vehicle import Limits
 
-BOUNDS = penalty.Bounds(
+ONLY = ("snap", "limits", "clearance", "heading", "turning")
+SEEDS = st.integers(0, 100_000)
+TIGHT = Limits(
     speed_m_s=4.0,
     acceleration_m_s2=6.0,
     tilt_rad=0.7,
     rate_rad_s=4.0,
-    thrust_min_m_s2=6.0,
-    thrust_max_m_s2=14.0,
-    turn_rad_s2_per_m_s2=8.0,
+    yaw_rate_rad_s=1.0,
+    rotor_speed_min_rad_s=600.0,
+    rotor_speed_max_rad_s=1200.0,
 )
 
 
 def problem(seed: int, segments: int = 5, **weights: float) -> tuple[Problem, np.ndarray]:
     rng = np.random.default_rng(seed)
     scene = solids.Scene([solids.Sphere(tuple(rng.uniform(-2, 2, 3)), 0.7) for _ in range(4)])
-    knots = np.cumsum(rng.normal(size=(segments + 1, 3)), axis=0)
-    free = np.ones(segments + 1, dtype=bool)
+    knots = np.cumsum(rng.normal(size=(segments + 1, 4)), axis=0)
+    free = np.ones((segments + 1, 4), dtype=bool)
     free[[0, -1]] = False
-    price = Weights(snap=1e-4, limits=2.0, clearance=30.0)
-    price = Weights(**{**{n: getattr(price, n) for n in ("snap", "limits", "clearance")}, **weights})
-    return Problem(knots, free, BOUNDS, scene, 1.0, price), rng.uniform(0.4, 0.9, segments)
+    frame = airframe.reduced(vehicle.example("rigter2019"), TIGHT)
+    price = replace(Weights(snap=1e-4, limits=2.0, clearance=30.0, heading=0.5, turning=0.1), **weights)
+    offsets = 0.1 * rng.normal(size=(segments, time_allocation.SAMPLES, airframe.COLUMNS))
+    return Problem(knots, free, frame, scene, 1.0, price, offsets), rng.uniform(0.4, 0.9, segments)
 
 
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("only", ["all", "snap", "limits", "clearance"])
+@settings(max_examples=30, deadline=None)
+@given(SEEDS, st.sampled_from(["all", *ONLY]))
 def test_the_gradient_is_that_of_finite_differences(seed, only):
-    weights = {} if only == "all" else {n: 0.0 for n in ("snap", "limits", "clearance") if n != only}
-    p, T = problem(seed, **weights)
-    value, by_T, by_knots, _ = time_allocation.cost_and_gradient(p, p.knots, T)
-    assert value > T.sum()
+    weights = {} if only == "all" else {n: 0.0 for n in ONLY if n != only}
+    p, T = problem(seed, 4, **weights)
+    value, by_T, by_knots = time_allocation.cost_and_gradient(p, p.knots, T)
+    assert value >= T.sum()
     h = 1e-6
-    for i in range(len(T)):
-        step = h * np.eye(len(T))[i]
-        up, down = (time_allocation.cost_and_gradient(p, p.knots, T + s * step)[0] for s in (1, -1))
-        assert by_T[i] == pytest.approx((up - down) / (2 * h), rel=2e-5, abs=1e-4 * np.abs(by_T).max())
-    for i in np.ndindex(p.knots.shape):
-        step = np.zeros_like(p.knots)
-        step[i] = h
-        up, down = (time_allocation.cost_and_gradient(p, p.knots + s * step, T)[0] for s in (1, -1))
-        assert by_knots[i] == pytest.approx((up - down) / (2 * h), rel=2e-5, abs=1e-4 * np.abs(by_knots).max())
+    numeric_T = np.array(
+        [
+            (
+                time_allocation.cost_and_gradient(p, p.knots, T + h * e)[0]
+                - time_allocation.cost_and_gradient(p, p.knots, T - h * e)[0]
+            )
+            / (2 * h)
+            for e in np.eye(len(T))
+        ]
+    )
+    steps = h * np.eye(p.knots.size).reshape(-1, *p.knots.shape)
+    numeric_knots = np.array(
+        [
+            (
+                time_allocation.cost_and_gradient(p, p.knots + e, T)[0]
+                - time_allocation.cost_and_gradient(p, p.knots - e, T)[0]
+            )
+            / (2 * h)
+            for e in steps
+        ]
+    ).reshape(p.knots.shape)
+    assert np.allclose(by_T, numeric_T, rtol=2e-5, atol=1e-5 * (1.0 + np.abs(by_T).max()))
+    assert np.allclose(by_knots, numeric_knots, rtol=2e-5, atol=1e-5 * (1.0 + np.abs(by_knots).max()))
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_the_kernel_agrees_with_the_numpy_reference(seed):
+@settings(max_examples=30, deadline=None)
+@given(SEEDS, st.integers(1, 7))
+def test_the_kernel_agrees_with_the_numpy_reference(seed, segments):
+    p, T = problem(seed, segments)
+    cost, _, _ = time_allocation.cost_and_gradient(p, p.knots, T)
+    assert cost == pytest.approx(time_allocation.cost_numpy(p, p.knots, T), rel=1e-9)
+
+
+@settings(max_examples=20, deadline=None)
+@given(SEEDS)
+def test_the_excess_agrees_with_the_numpy_reference(seed):
     p, T = problem(seed)
-    d = np.random.default_rng(seed).normal(size=(len(T), 8, 3)) * np.tile([1.0, 4.0, 10.0, 60.0], 2)[:, None]
-    fast, plain = time_allocation._running_cost(p, d, T), time_allocation.running_cost_numpy(p, d, T)
-    for a, b in zip(fast, plain, strict=True):
-        assert np.allclose(a, b, rtol=1e-10, atol=1e-10 * np.abs(b).max())
+    found = time_allocation.Solution(p.knots, T, minimum_snap.solve(p.knots, T), 0.0, 0, True)
+    at_samples, peaks = time_allocation.excess(p, found)
+    plain = airframe.excess_numpy(p.airframe, time_allocation.derivatives(found.spline).reshape(-1, 5, 4))
+    assert np.allclose(at_samples.reshape(plain.shape), plain, rtol=1e-9, atol=1e-9 * np.abs(plain).max())
+    assert (peaks >= at_samples).all()
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_every_penalty_has_its_gradient(seed):
-    rng = np.random.default_rng(seed)
-    motion = rng.normal(size=(4, 3)) * np.array([6.0, 8.0, 40.0, 600.0])[:, None]
-
-    def value(x: np.ndarray) -> float:
-        return float(penalty.dynamics(*x.reshape(4, 1, 3), BOUNDS).value[0])
-
-    found = penalty.dynamics(*motion[:, None], BOUNDS)
-    exact = np.stack([found.by_velocity, found.by_acceleration, found.by_jerk, found.by_snap])[:, 0]
-    numeric = approx_fprime(motion.ravel(), value, 1e-6).reshape(4, 3)
-    assert np.allclose(exact, numeric, rtol=1e-4, atol=1e-4 * np.abs(numeric).max())
-
-
-def test_within_the_limits_the_penalty_is_zero():
-    v, a, j, s = np.array([[1.0, 0, 0], [0.5, 0, 1], [1.0, 1, 0], [1.0, 0, 0]])[:, None]
-    assert penalty.dynamics(v, a, j, s, BOUNDS).value[0] == pytest.approx(0.0, abs=1e-15)
-
-
-@pytest.mark.parametrize(
-    ("index", "vector"), [(0, [5.0, 0, 0]), (1, [0, 0, -5.0]), (1, [7.0, 0, 0]), (2, [60.0, 0, 0]), (3, [0, 900.0, 0])]
-)
-def test_every_limit_that_is_exceeded_has_a_penalty(index, vector):
-    motion = np.zeros((4, 1, 3))
-    motion[index] = vector
-    assert penalty.dynamics(*motion, BOUNDS).value[0] > 0.01
+@pytest.mark.parametrize("pace", [1.3, 1.8])
+def test_the_reduced_vehicle_is_close_to_the_full_model(pace):
+    """With BEM thrust, thrust-scaled and parasitic drag, in flight at up to 8 m/s; relative excess of each limit."""
+    drone, rng = vehicle.example("rigter2019"), np.random.default_rng(4)
+    knots = np.cumsum(rng.normal(size=(7, 4)) * [4.0, 4.0, 1.0, 0.5], axis=0)
+    T = pace * np.full(6, 1.3)
+    spline = minimum_snap.solve(knots, T)
+    frame = airframe.reduced(drone, drone.limits)
+    reduced = airframe.excess_numpy(frame, time_allocation.derivatives(spline).reshape(-1, 5, 4))
+    times = time_allocation.sample_times(T).ravel()
+    full = airframe.measured_excess(frame, drone, minimum_snap.trajectory(spline), times)
+    assert np.abs(full[:, :2] - reduced[:, :2]).max() < 1e-5
+    flown = full.max(axis=1) < 0.1  # motions the optimiser may end with
+    assert flown.mean() > 0.7
+    assert np.abs(full[:, 2:5] - reduced[:, 2:5])[flown].max() < 0.12
+    assert np.abs(full[:, 5:] - reduced[:, 5:])[flown].max() < 0.15
 
 
 def test_optimising_times_never_costs_more_and_is_a_minimum():
     p, T = problem(5)
     before = time_allocation.cost_and_gradient(p, p.knots, T)[0]
-    found = time_allocation.optimise(p, T, iterations=500, precision=1e-12)
+    found = time_allocation.optimise(p, T, iterations=2000, precision=1e-12)
     assert found.cost < before
     rng = np.random.default_rng(0)
     for _ in range(20):
@@ -95,18 +118,65 @@ def test_optimising_times_never_costs_more_and_is_a_minimum():
         assert time_allocation.cost_and_gradient(p, found.knots, nudged)[0] > found.cost - 1e-6
 
 
-def test_pinned_knots_stay_where_they_are():
+def test_pinned_numbers_stay_what_they_are():
     p, T = problem(6)
+    p.free[2, 3] = p.free[3, 0] = False
     found = time_allocation.optimise(p, T, iterations=50)
-    assert np.array_equal(found.knots[[0, -1]], p.knots[[0, -1]])
-    assert np.abs(found.knots[1:-1] - p.knots[1:-1]).max() > 1e-3
+    assert np.array_equal(found.knots[~p.free], p.knots[~p.free])
+    assert np.abs(found.knots[p.free] - p.knots[p.free]).min() > 1e-6
 
 
-def test_twice_as_much_room_in_every_limit_flies_no_slower(open_sky):
-    knots = np.array([[0.0, 0, 0], [4, 0, 0], [4, 3, 1], [0, 3, 1]])
+def test_samples_far_from_obstacles_are_not_asked_about_again():
+    class Counts:
+        asked = 0
+
+        def distance(self, points):
+            self.asked += len(points)
+            return np.full(len(points), 50.0)
+
+    p, T = problem(3)
+    sky = Counts()
+    found = time_allocation.optimise(replace(p, field=sky), T, iterations=40)
+    assert found.evaluations > 20
+    assert sky.asked == len(T) * time_allocation.SAMPLES
+
+
+def test_a_path_in_unknown_space_is_drawn_back_to_its_polyline():
+    class KnowsHalf:
+        def distance(self, points):
+            return np.where(points[:, 1] > 0.3, np.nan, 50.0)
+
+    p, _ = problem(3)
+    knots = np.array([[0.0, 0, 1, 0], [2, 0, 1, 0], [4, 0, 1, 0]])
+    free = np.zeros((3, 4), dtype=bool)
+    free[1, :3] = True
+    weights = Weights(limits=300.0, clearance=3000.0)
+    off = knots.copy()
+    off[1, 1] = 1.0
+    p = Problem(knots, free, p.airframe, KnowsHalf(), 0.3, weights)
+    cost, _, by_knots = time_allocation.cost_and_gradient(p, off, np.ones(2))
+    assert cost > 10.0
+    assert by_knots[1, 1] > 0.0
+
+
+@pytest.mark.parametrize("name", ["speed_m_s", "acceleration_m_s2", "tilt_rad", "rotor_speed_max_rad_s"])
+def test_more_of_any_limit_is_never_slower(name, open_sky):
+    knots = np.array([[0.0, 0, 0, 0], [4, 0, 0, 0], [4, 3, 1, 0], [0, 3, 1, 0]])
     times = []
-    for factor in (0.5, 1.0, 2.0):
-        bounds = penalty.Bounds(4 * factor, 6 * factor, 0.6 * factor, 5 * factor, 2.0, 12.0 + 8 * factor, 10 * factor)
-        p = Problem(knots, np.zeros(4, dtype=bool), bounds, open_sky, 0.3, Weights(limits=1000.0))
+    for factor in (0.85, 1.0, 1.15):
+        frame = airframe.reduced(vehicle.example("rigter2019"), replace(TIGHT, **{name: getattr(TIGHT, name) * factor}))
+        p = Problem(knots, np.zeros((4, 4), dtype=bool), frame, open_sky, 0.3, Weights(limits=1000.0))
         times.append(time_allocation.optimise(p, np.full(3, 3.0)).durations_s.sum())
-    assert times[0] > times[1] > times[2]
+    assert times[0] >= times[1] - 1e-3
+    assert times[1] >= times[2] - 1e-3
+
+
+def test_a_stop_flag_ends_the_optimisation_from_another_thread():
+    p, T = problem(1, 60)
+    flag = StopFlag()
+    stopper = threading.Timer(0.05, flag.set)
+    stopper.start()
+    with pytest.raises(PlanCancelledError):
+        time_allocation.optimise(p, T, iterations=100_000, precision=-1.0, stop=flag)
+    stopper.join()
+    assert flag.is_set()

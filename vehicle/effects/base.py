@@ -171,6 +171,16 @@ class Effect:
     """Manoeuvres of `vehicle.manoeuvres` that excite it."""
     needs: tuple[str, ...] = ()
     """Which of `q_world_body`, `height_m`, `ceiling_gap_m`, `rotor_acceleration_rad_s2` it reads."""
+    strength: tuple[str, ...] = ()
+    """Parameters that make it vanish at zero; empty: all of them. The others mean nothing while these are zero."""
+    separate: bool = False
+    """Whether each parameter is an effect to look for by itself: one rotor is weak, not a mixture of all."""
+    between_flights: bool = False
+    """Whether it shows only between flights with it and flights without."""
+    instead_of: str = ""
+    """Another effect that this one contains; the two are never active together ..."""
+    takes_over: tuple[str, str] = ("", "")
+    """... and its parameter, and which of ours has the same value."""
 
 
 def cross(a: Array, b: Array) -> Array:

@@ -38,4 +38,6 @@ EFFECT = Effect(
     channel="F_z M_x M_y",
     regressor="T, between flights",
     excited_by=("vertical", "rotation"),
+    strength=("added_kg",),
+    between_flights=True,
 )

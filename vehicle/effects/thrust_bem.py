@@ -63,4 +63,7 @@ EFFECT = Effect(
     channel="F_z",
     regressor="v_z n, v_xy",
     excited_by=("vertical", "fast_level"),
+    strength=("k2_n_s2_m",),
+    instead_of="thrust_quadratic",
+    takes_over=("k_n_s2", "k1_n_s2"),
 )

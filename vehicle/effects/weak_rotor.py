@@ -26,4 +26,5 @@ EFFECT = Effect(
     channel="M_x M_y F_z",
     regressor="one n_i^2",
     excited_by=("rotation", "vertical"),
+    separate=True,
 )

@@ -1,0 +1,195 @@
+"""Who may be missing: every effect of the catalogue, and of the user's own, that these flights could show at all."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flight import InputError
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.unknowns import SENSOR_NAMES
+from vehicle import Vehicle, effects
+from vehicle.effects.base import Effect, Stage
+
+LOAD_SHARE = 0.2
+"""A usual load is this share of the vehicle's mass."""
+TRACE = 1e-9
+"""Share of the mass that a load at no strength weighs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One effect that may be missing, and which of its parameters would be estimated."""
+
+    name: str
+    """The effect's name; `weak_rotor[2]` for one rotor's."""
+    effect: str
+    parameters: tuple[str, ...]
+    """Full names, each with a column of its own."""
+    one_sided: tuple[bool, ...]
+    """Which of them cannot be negative."""
+    usual: tuple[float, ...]
+    """How large each typically is."""
+    channels: tuple[str, ...]
+    """Of `F_x F_y F_z M_x M_y M_z`, where it shows."""
+    regressor: str
+    excited_by: tuple[str, ...]
+    fitted_along: tuple[str, ...] = ()
+    """Further parameters, which mean nothing while those above are zero: they say where a load sits, and are fitted and
+    scored with them."""
+
+    between_flights: bool = False
+    """Whether it shows only between flights with it and flights without."""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """All it is scored by."""
+        return (*self.parameters, *self.fitted_along)
+
+
+@dataclass(frozen=True, slots=True)
+class CandidateSet:
+    """The vehicle with every candidate present at zero strength, and who could not be lined up."""
+
+    vehicle: Vehicle
+    candidates: tuple[Candidate, ...]
+    invisible: tuple[tuple[str, str], ...]
+    """Effect and reason: no flight of this kind can show it."""
+
+    def candidate(self, name: str) -> Candidate:
+        """The candidate of this name. Raises `InputError` when there is none."""
+        for candidate in self.candidates:
+            if candidate.name == name:
+                return candidate
+        raise InputError(f"{name!r} is not among the candidates: {', '.join(s.name for s in self.candidates)}")
+
+
+def candidate_set(vehicle: Vehicle, flights: Sequence[Flight]) -> CandidateSet:
+    """Put every effect the vehicle lacks into it, at a strength of zero, so that only its slope is felt."""
+    by_command = any(f.driven_by_command for f in flights)
+    invisible: list[tuple[str, str]] = []
+    candidates: list[Candidate] = []
+    extended = _swapped(vehicle)
+    for effect in _known(vehicle):
+        if effect.name in vehicle.effects:
+            continue
+        reason = _no_load(flights) if effect.between_flights else _why_not(effect, vehicle, by_command)
+        if reason:
+            invisible.append((effect.name, reason))
+            continue
+        if effect.name not in extended.effects:
+            extended = extended.with_effect(effect.name, source="candidate", **_at_rest(effect))
+            if effect.between_flights:  # a trace of it, so that its place has columns
+                for name in effect.strength:
+                    extended = extended.with_value(f"{effect.name}.{name}", TRACE * vehicle.mass_kg)
+        candidates += _candidates(effect, vehicle)
+    return CandidateSet(extended, tuple(candidates), tuple(invisible))
+
+
+def _known(vehicle: Vehicle) -> list[Effect]:
+    own = [effects.load_file(path) for path in vehicle.effect_files]
+    return [*effects.catalogue().values(), *own]
+
+
+def _at_rest(effect: Effect) -> dict[str, float]:
+    """Parameters at zero; shapes (what does not vanish by default) at their default."""
+    if effect.between_flights:
+        return dict.fromkeys(effect.strength, 0.0)
+    return {s.name: 0.0 for s in effect.parameters if s.bounds[0] <= 0.0 <= s.bounds[1] and not s.held}
+
+
+def _why_not(effect: Effect, vehicle: Vehicle, by_command: bool) -> str:
+    for other in vehicle.effects:
+        if effects.find(other).instead_of == effect.name:
+            return f"{other} stands for the same thrust"
+    if "ceiling_gap_m" in effect.needs:
+        return "no log says how far the ceiling was"
+    if effect.stage in (Stage.COMMAND, Stage.DRIVE):
+        if not by_command:
+            return "rotor speed was measured, so what lies between command and speed cannot show"
+        return "identify it from commands with `goshawk identify --add-effect`"
+    if effect.stage == Stage.SENSOR and not {f"{effect.name}.{s.name}" for s in effect.parameters} <= set(SENSOR_NAMES):
+        return "the estimator has the pose sensor's place and the gyro's bias among its unknowns already"
+    return ""
+
+
+def _no_load(flights: Sequence[Flight]) -> str:
+    """Why a load cannot show on these flights; it shows only between flights with it and flights without."""
+    said = {f.carries_payload for f in flights}
+    if False in said and len(said) > 1:
+        return ""
+    if said == {False}:
+        return "no flight carried it, as the logs say"
+    if True in said:
+        return "every flight carried it, as the logs say, and then it only scales thrust and inertia"
+    if len({f.log_index for f in flights}) < 2:
+        return "a load on all flights only scales thrust and inertia; fly with and without it"
+    return ""
+
+
+def _candidates(effect: Effect, vehicle: Vehicle) -> list[Candidate]:
+    wanted = [s for s in effect.parameters if not s.held and (s.name in effect.strength or not effect.strength)]
+    along = [s for s in effect.parameters if s not in wanted] if effect.between_flights else []
+    channels = tuple(word for word in effect.channel.split() if word[:2] in ("F_", "M_"))
+
+    def make(name: str, specs: list) -> Candidate:
+        return Candidate(
+            name=name,
+            effect=effect.name,
+            parameters=tuple(f"{effect.name}.{s.name}" for s in specs),
+            one_sided=tuple(s.bounds[0] == 0.0 or effect.separate for s in specs),
+            usual=tuple(LOAD_SHARE * vehicle.mass_kg if effect.between_flights else s.prior for s in specs),
+            channels=channels,
+            regressor=effect.regressor,
+            excited_by=effect.excited_by,
+            fitted_along=tuple(f"{effect.name}.{s.name}" for s in along),
+            between_flights=effect.between_flights,
+        )
+
+    if effect.separate:
+        return [make(f"{effect.name}[{i}]", [s]) for i, s in enumerate(wanted)]
+    return [make(effect.name, wanted)]
+
+
+def _swapped(vehicle: Vehicle) -> Vehicle:
+    """The vehicle with every law that another one contains written as that one at no strength.
+
+    Thrust k n^2 is the induced-velocity law with k2 = 0, so that law can be tried as one more column.
+    """
+    for effect in _known(vehicle):
+        if effect.instead_of in vehicle.effects and effect.name not in vehicle.effects:
+            vehicle = _instead(vehicle, effect, dict.fromkeys(effect.strength, 0.0), "assumed")
+    return vehicle
+
+
+def _instead(vehicle: Vehicle, effect: Effect, strength: Mapping[str, float], source: str) -> Vehicle:
+    """The vehicle with an effect in place of the one that it contains."""
+    theirs, ours = effect.takes_over
+    old = vehicle.parameter(f"{effect.instead_of}.{theirs}")
+    bare = vehicle.without_effect(effect.instead_of)
+    swapped = bare.with_effect(effect.name, source=source, **{ours: old.value}, **strength)
+    return swapped.with_value(f"{effect.name}.{ours}", old.value, std=old.std, source=old.source)
+
+
+def base_names(names: Sequence[str], vehicle: Vehicle) -> tuple[str, ...]:
+    """Names of the fitted parameters as the vehicle with all candidates calls them."""
+    containing = [effects.find(name) for name in vehicle.effects if effects.find(name).instead_of]
+    renamed = {f"{e.instead_of}.{e.takes_over[0]}": f"{e.name}.{e.takes_over[1]}" for e in containing}
+    return tuple(renamed.get(name, name) for name in names)
+
+
+def added(vehicle: Vehicle, candidate: Candidate, values: Sequence[float]) -> Vehicle:
+    """The vehicle with a candidate made part of it, at these values clipped to their bounds."""
+    effect = effects.find(candidate.effect)
+    start = {s.name: s for s in effect.parameters}
+    given = {
+        name.split(".")[1]: float(np.clip(value, *start[name.split(".")[1]].bounds))
+        for name, value in zip(candidate.parameters, values, strict=True)
+    }
+    if effect.instead_of in vehicle.effects:
+        return _instead(vehicle, effect, given, "candidate")
+    if candidate.effect in vehicle.effects:
+        for name, value in given.items():
+            vehicle = vehicle.with_value(f"{candidate.effect}.{name}", value, source="candidate")
+        return vehicle
+    return vehicle.with_effect(candidate.effect, source="candidate", **{**_at_rest(effect), **given})

@@ -1,0 +1,146 @@
+"""The verdict on one candidate: from everything that was found about it, by one function, and then in words."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from sysid.diagnosis.candidates import Candidate
+from sysid.diagnosis.examined import Outside
+from sysid.diagnosis.findings import Outcome, Size, Verdict
+from sysid.diagnosis.score import Score
+from sysid.diagnosis.search import Trial
+from sysid.diagnosis.thresholds import THRESHOLDS
+
+
+class Reason(Enum):
+    """What a verdict rests on."""
+
+    CONFIRMED = auto()
+    """Added to the model, and judged right."""
+    FEW_STRETCHES = auto()
+    """It explains about as much as any curve does, in too few stretches of flight."""
+    ONE_OF_SEVERAL = auto()
+    """Nothing tells it from others, of which one is missing."""
+    NO_LOAD = auto()
+    """It shows, and is no load."""
+    TRIED = auto()
+    """It was tried and not kept."""
+    CURVE_EXPLAINS_MORE = auto()
+    ANOTHER_EXPLAINS_MORE = auto()
+    TOO_MUCH_UNEXPLAINED = auto()
+    """The model is so far from the flights that nothing can be excluded."""
+    NOT_SHOWN = auto()
+    """These flights would have shown its usual size, and did not."""
+    NOT_EXCITED = auto()
+    """These flights could not have shown its usual size."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """What was found about one candidate."""
+
+    candidate: Candidate
+    score: Score
+    """Of the last model that lacked it."""
+    sizes: tuple[Size, ...]
+    trial: Trial | None
+    """The last in which it was tried."""
+    added: bool
+    """Whether it is part of the last model."""
+    curve: Outside | None
+    """That explains what no name does."""
+    undecided: Trial | None
+    """That could not decide between it and others, of which one is missing."""
+    doubted: bool
+    """Whether the best curve does not clearly outdo it."""
+    carried_by: tuple[str, ...]
+    """Of a payload that was added: the flights that carry it; empty for all else."""
+    no_load: str
+    """Why what shows is no load, in words; empty if it may be one, or is no payload."""
+    leaves_too_much: bool
+    """Whether the last model is too far from the flights for anything to be excluded."""
+
+    @property
+    def visible(self) -> bool:
+        """Whether these flights would have shown its usual size."""
+        return all(0.0 < size.smallest_visible <= size.usual for size in self.sizes)
+
+    @property
+    def confidence_alone(self) -> float:
+        """That it is missing, by its own significance; a curve that explains more takes its share."""
+        alone = min(THRESHOLDS.even_confidence, max(0.0, 1.0 - self.score.significance / 0.01))
+        return alone * (1.0 - self.curve.confidence) if self.curve else alone
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """The verdict on a candidate."""
+
+    verdict: Verdict
+    reason: Reason
+    confidence: float
+    """Probability that this effect is missing; of one that was added, that it is the right name."""
+
+
+def decide(case: Case) -> Decision:
+    """The one place where a verdict is made; the first reason that holds decides."""
+    open_ = Verdict.CANNOT_TELL
+    confidence = case.undecided.probability(case.candidate.name) if case.undecided else case.confidence_alone
+    if case.doubted:
+        return Decision(open_, Reason.FEW_STRETCHES, max(THRESHOLDS.even_confidence, confidence))
+    if case.undecided is not None:
+        return Decision(open_, Reason.ONE_OF_SEVERAL, confidence)
+    if case.added and case.trial is not None:
+        return Decision(Verdict.PRESENT, Reason.CONFIRMED, case.trial.confidence)
+    if case.no_load:
+        return Decision(open_, Reason.NO_LOAD, confidence)
+    if case.trial is not None and case.trial.outcome is not Outcome.ADDED:
+        return Decision(open_, Reason.TRIED, confidence)
+    if case.score.significance < THRESHOLDS.chance:
+        more = Reason.CURVE_EXPLAINS_MORE if case.curve else Reason.ANOTHER_EXPLAINS_MORE
+        return Decision(open_, more, confidence)
+    if not case.visible:
+        return Decision(open_, Reason.NOT_EXCITED, confidence)
+    if case.leaves_too_much:
+        return Decision(open_, Reason.TOO_MUCH_UNEXPLAINED, 0.0)
+    return Decision(Verdict.EXCLUDED, Reason.NOT_SHOWN, 0.0)
+
+
+def sentence(case: Case, decision: Decision) -> str:
+    """Why, in words."""
+    candidate, trial, curve = case.candidate, case.trial, case.curve
+    fly = " or ".join(candidate.excited_by)
+    match decision.reason:
+        case Reason.CONFIRMED:
+            assert trial is not None
+            return _confirmed(trial, case.carried_by)
+        case Reason.FEW_STRETCHES:
+            return f"no curve explains clearly more, yet too few stretches of flight show it; fly {fly}"
+        case Reason.ONE_OF_SEVERAL:
+            assert case.undecided is not None
+            others = " or ".join(name for name in case.undecided.between if name != candidate.name)
+            return f"either it or {others} is missing; nothing these flights show tells which"
+        case Reason.NO_LOAD:
+            return case.no_load
+        case Reason.TRIED:
+            assert trial is not None
+            return trial.sentence
+        case Reason.CURVE_EXPLAINS_MORE:
+            assert curve is not None
+            return f"significant, but the curve of {curve.channel} against {curve.variable} explains more"
+        case Reason.ANOTHER_EXPLAINS_MORE:
+            return "significant, but another explains more; look again after adding that one"
+        case Reason.TOO_MUCH_UNEXPLAINED:
+            return "too much stays unexplained to exclude it: read the findings"
+        case Reason.NOT_SHOWN:
+            limits = (f"{s.parameter.split('.')[1]} above {s.excluded_above:.2g} {s.unit}" for s in case.sizes)
+            return f"{', '.join(limits)} can be excluded (95 %)"
+        case Reason.NOT_EXCITED:
+            return f"these flights could not have shown its usual size; fly {fly}"
+
+
+def _confirmed(trial: Trial, carried_by: Sequence[str]) -> str:
+    where = f"carried by {', '.join(carried_by)} and no other flight; " if carried_by else ""
+    text = f"{where}explains {trial.training.total:.0f} of the cost, and {trial.judged_on} agree"
+    doubtful = [f"{name} ({p:.0%})" for name, p in trial.rivals if p > 0.05]
+    return text + (f"; it may also be {' or '.join(doubtful)}" if doubtful else "")

@@ -1,0 +1,1 @@
+"""Vehicle and states from flights: the joint problem, its solver, its results."""

@@ -1,0 +1,1 @@
+"""Residual blocks of the estimator, one file each, and the inputs that drive its model."""

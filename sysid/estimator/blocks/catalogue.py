@@ -1,0 +1,44 @@
+"""All residual blocks. A new sensor is one file beside this one and one line in the list below.
+
+Beside them stand the inputs of the model, which have no residual: `rotor_speed` (measured), `motor` (simulated from
+commands) and `battery`.
+"""
+
+from collections.abc import Sequence
+from itertools import accumulate
+from typing import Any
+
+from sysid.estimator.blocks.accelerometer import ACCELEROMETER
+from sysid.estimator.blocks.anchor import Anchor
+from sysid.estimator.blocks.base import Block
+from sysid.estimator.blocks.gust import Gust
+from sysid.estimator.blocks.gyro import GYRO
+from sysid.estimator.blocks.motion import Motion
+from sysid.estimator.blocks.pose import POSE
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.noise import Noise
+
+BLOCKS: list[Block] = [  # in the order of their rows
+    Motion(),
+    Gust(),
+    POSE,
+    Anchor(),
+    GYRO,
+    ACCELEROMETER,
+]
+
+
+def acting(flight: Flight, noise: Noise, *, between: bool) -> list[Block]:
+    """Blocks with rows on a flight, those of its intervals or those of its nodes, in the order of their rows."""
+    return [block for block in BLOCKS if block.between == between and block.acts(flight, noise)]
+
+
+def reported(noise: Noise) -> dict[str, Any]:
+    """All noise levels as plain JSON values."""
+    return {name: level for block in BLOCKS for name, level in block.reported(noise).items()}
+
+
+def places(blocks: Sequence[Block]) -> list[slice]:
+    """Where the rows of each stand among those of all."""
+    ends = list(accumulate(len(block.level_of_row) for block in blocks))
+    return [slice(a, b) for a, b in zip([0, *ends[:-1]], ends, strict=True)]

@@ -1,0 +1,221 @@
+"""Models against measurements on flights: open-loop prediction error by horizon, and residual force and torque."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flight import FlightLog, InputError, Progress, rotations, silent
+from flight.rotations import FloatArray
+from sysid.estimator.blocks import motor
+from sysid.estimator.blocks.pose import PoseSensor
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.identification import smooth
+from sysid.estimator.midpoint import Middle, middle
+from sysid.estimator.model import unexplained
+from sysid.estimator.options import Options
+from sysid.estimator.prediction import predict
+from sysid.estimator.prepare import prepare
+from sysid.estimator.result import CHANNELS, LARGE_FORCE_M_S2, LARGE_TORQUE_RAD_S2, SPAN_S
+from sysid.estimator.states import States
+from sysid.logs.payload import as_flown
+from vehicle import Vehicle, rigid_body
+
+SCHEMA_VERSION = 1
+"""Version of `Comparison.as_dict`."""
+
+HORIZONS_S = (0.1, 0.2, 0.5, 1.0)
+QUANTITIES = {"position": "m", "velocity": "m/s", "attitude": "rad", "rate": "rad/s"}
+"""What prediction errors are given in; the unit of each."""
+
+REFERENCE_LOOSENESS = 2.0
+"""The reference states trust the first model this much less than its own residuals suggest, so as to take no side."""
+
+
+@dataclass(frozen=True, slots=True)
+class Residual:
+    """What one model leaves unexplained on one flight."""
+
+    time_s: FloatArray
+    """(k,) middle of each interval."""
+    wrench: FloatArray
+    """(k, 6) force (N) and torque (N m) in body axes: measured less modelled."""
+    velocity_body_m_s: FloatArray
+    """(k, 3)."""
+    rate_body_rad_s: FloatArray
+    """(k, 3)."""
+    position_world_m: FloatArray
+    """(k, 3)."""
+    sigma: FloatArray
+    """(6,) standard deviation that white noise of the estimated strength gives to a mean over `SPAN_S`, N and N m."""
+    flight: Flight
+    """With the rotor speeds that drove the model."""
+    mid: Middle
+    """The smoothed motion in the middle of each interval."""
+
+    def means(self) -> FloatArray:
+        """(m, 6) wrench as means over `SPAN_S`: what is faster is noise."""
+        return means_over(self.wrench, self.time_s, SPAN_S)
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Result of `compare`."""
+
+    flights: tuple[Flight, ...]
+    models: Mapping[str, Vehicle]
+    errors: Mapping[str, Mapping[str, tuple[float, ...]]]
+    """Model, quantity: root mean square error at each of `HORIZONS_S`, all flights together."""
+    flight_errors: Mapping[str, tuple[float, ...]]
+    """Model: root mean square position error at 0.5 s of each flight."""
+    residuals: Mapping[str, tuple[Residual, ...]]
+    """Model: residual wrench on each flight, the smoothed process noise under that model."""
+    predictions: int
+    """Number of predictions behind each error."""
+
+    def wrench_rms(self, model: str) -> FloatArray:
+        """(6,) root mean square of the residual force (N) and torque (N m) of one model, after a 0.1 s mean."""
+        parts = [r.means() for r in self.residuals[model]]
+        return np.sqrt((np.concatenate(parts) ** 2).mean(axis=0))
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """A sentence on each model that cannot be these flights' vehicle as it is."""
+        said = []
+        for name, vehicle in self.models.items():
+            body, wrench = rigid_body(vehicle), self.wrench_rms(name)
+            force = float(wrench[:3].max()) / body.mass_kg
+            turning = float(np.abs(np.linalg.solve(body.inertia_kg_m2, np.diag(wrench[3:]))).max())
+            if force > LARGE_FORCE_M_S2 or turning > LARGE_TORQUE_RAD_S2:
+                said.append(
+                    f"{name} leaves {force:.2g} m/s2 and {turning:.2g} rad/s2 unexplained: too much for any missing "
+                    "effect. It is another vehicle's model, or units, frames or rotor order are wrong; see "
+                    "`goshawk log FLIGHT --vehicle VEHICLE`"
+                )
+        return tuple(said)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The figures as plain JSON values."""
+        return {
+            "schema": "goshawk-comparison",
+            "version": SCHEMA_VERSION,
+            "flights": [f.name for f in self.flights],
+            "horizons_s": list(HORIZONS_S),
+            "predictions": self.predictions,
+            "remarks": list(self.remarks),
+            "models": {
+                name: {
+                    "vehicle": vehicle.name,
+                    "effects": list(vehicle.effects),
+                    "error_rms": {
+                        f"{quantity}_{unit.replace('/', '_')}": list(self.errors[name][quantity])
+                        for quantity, unit in QUANTITIES.items()
+                    },
+                    "position_error_at_0.5_s_by_flight_m": list(self.flight_errors[name]),
+                    "residual_rms": dict(zip(CHANNELS, self.wrench_rms(name).tolist(), strict=True)),
+                }
+                for name, vehicle in self.models.items()
+            },
+        }
+
+
+def compare(
+    logs: Sequence[FlightLog],
+    models: Mapping[str, Vehicle],
+    options: Options | None = None,
+    *,
+    progress: Progress = silent,
+) -> Comparison:
+    """Judge models on flights, best ones that were not used for fitting.
+
+    Every prediction starts from the state that the smoother finds under the model being judged, so that no model pays
+    for the noise of a differentiated pose. Position and attitude errors are taken against the pose sensor itself,
+    velocity and rate errors against one set of smoothed states, the same for all models.
+
+    Raises:
+        InputError: no flight, no model, or a log that cannot be used.
+    """
+    if not logs or not models:
+        raise InputError("compare needs at least one flight and one model")
+    flights = [flight for i, log in enumerate(logs) for flight in prepare(log, i, options or Options())]
+    for flight in flights:
+        if not flight.has_pose:
+            raise InputError(f"{flight.name} has no pose; predictions are judged against one")
+    longest_s = max(HORIZONS_S)
+    flights = [f for f in flights if f.time_s[-1] - f.time_s[0] > 2.0 * longest_s]
+    if not flights:
+        raise InputError(f"no flight is longer than {2.0 * longest_s:g} s; predictions need that")
+    first = next(iter(models.values()))
+    smoothed = smooth(flights, first)
+    reference = smooth(flights, first, process_scale=REFERENCE_LOOSENESS, near=smoothed).point.states
+    errors, flight_errors, residuals = {}, {}, {}
+    count = 0
+    for i, (name, vehicle) in enumerate(models.items()):
+        smoothed = smooth(flights, vehicle, near=smoothed)
+        states = smoothed.point.states
+        sensor = PoseSensor.of(vehicle)
+        parts = [_errors(*one, vehicle, sensor) for one in zip(flights, states, reference, strict=True)]
+        errors[name] = {
+            quantity: tuple(_rms(np.concatenate([p[quantity][h] for p in parts])) for h in range(len(HORIZONS_S)))
+            for quantity in QUANTITIES
+        }
+        flight_errors[name] = tuple(_rms(p["position"][HORIZONS_S.index(0.5)]) for p in parts)
+        residuals[name] = tuple(
+            residual(f, s, vehicle, smoothed.noise.process) for f, s in zip(flights, states, strict=True)
+        )
+        count = sum(len(p["position"][0]) for p in parts)
+        progress("compare", (i + 1) / len(models))
+    return Comparison(tuple(flights), dict(models), errors, flight_errors, residuals, count)
+
+
+def _errors(
+    flight: Flight, states: States, reference: States, vehicle: Vehicle, sensor: PoseSensor
+) -> dict[str, list[FloatArray]]:
+    """Per quantity and horizon, the size of the error of each prediction."""
+    predictions = predict(motor.driven(flight, vehicle), states, vehicle, HORIZONS_S, every_s=0.1)
+    found: dict[str, list[FloatArray]] = {quantity: [] for quantity in QUANTITIES}
+    for steps, predicted in zip(predictions.steps, predictions.states, strict=True):
+        end = predictions.start + steps
+        position, q = sensor.reading(predicted)
+        found["position"].append(np.linalg.norm(position - flight.position_world_m[end], axis=1))
+        found["attitude"].append(rotations.angle_between(flight.q_world_sensor[end], q))
+        found["velocity"].append(
+            np.linalg.norm(predicted.velocity_world_m_s - reference.velocity_world_m_s[end], axis=1)
+        )
+        found["rate"].append(np.linalg.norm(predicted.rate_body_rad_s - reference.rate_body_rad_s[end], axis=1))
+    return found
+
+
+def residual(flight: Flight, states: States, vehicle: Vehicle, process: FloatArray) -> Residual:
+    """What a vehicle leaves unexplained of smoothed states.
+
+    Args:
+        process: (6,) strength of the unmodelled acceleration, m/s2 and rad/s2 times root second.
+    """
+    mid = middle(flight, states)
+    driven = motor.driven(flight, vehicle)
+    left = unexplained(driven, states, vehicle)
+    body = rigid_body(as_flown(vehicle, flight.carries_payload))
+    turning = np.sqrt(body.inertia_kg_m2**2 @ process[3:] ** 2)
+    return Residual(
+        time_s=0.5 * (flight.time_s[1:] + flight.time_s[:-1]),
+        wrench=np.concatenate([body.mass_kg * left[:, :3], left[:, 3:] @ body.inertia_kg_m2], axis=1),
+        velocity_body_m_s=mid.velocity_body_m_s,
+        rate_body_rad_s=mid.rate_body_rad_s,
+        position_world_m=mid.position_world_m,
+        sigma=np.concatenate([body.mass_kg * process[:3], turning]) / np.sqrt(SPAN_S),
+        flight=driven,
+        mid=mid,
+    )
+
+
+def means_over(values: FloatArray, time_s: FloatArray, span_s: float) -> FloatArray:
+    """Means over consecutive stretches of time."""
+    bin_ = ((time_s - time_s[0]) / span_s).astype(int)
+    count = np.maximum(np.bincount(bin_), 1)
+    return np.stack([np.bincount(bin_, column) / count for column in values.T], axis=1)
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt((values**2).mean()))

@@ -1,0 +1,239 @@
+"""Maximum-likelihood identification of a vehicle from flights: joint over all states and parameters (Rigter eq. 10)."""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from flight import FlightLog, InputError, Progress, silent
+from sysid.estimator import excitation, gusts
+from sysid.estimator.blocks import motor
+from sysid.estimator.blocks.catalogue import BLOCKS
+from sysid.estimator.blocks.motion import LEAST_PROCESS
+from sysid.estimator.blocks.pose import POSE, PoseSensor
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.model import unexplained
+from sysid.estimator.noise import Noise
+from sysid.estimator.options import Options
+from sysid.estimator.prepare import prepare
+from sysid.estimator.problem import Point, with_values
+from sysid.estimator.result import Identification, conclude
+from sysid.estimator.solver import Prior, Solution, solve
+from sysid.estimator.states import first_guess
+from sysid.estimator.unknowns import SENSOR_NAMES, Unknowns, biases, chosen_names, sensor_values
+from sysid.logs.payload import PAYLOAD
+from vehicle import Vehicle, specs
+
+logger = logging.getLogger(__name__)
+
+UNSETTLED = (
+    "disturbances that last (gusts) were seen, and carrying them among the states did not settle; they were taken for "
+    "white noise, so inertias and torques may be off by a few of their standard errors; fly in calmer air"
+)
+PLACE_OF_LOAD = tuple(f"{PAYLOAD}.{axis}_m" for axis in "xyz")
+"""Fitted with the catalogue's width as a prior: a load of no weight has no place, and its height hardly ever shows."""
+UNSEEN_SHARE = 0.5
+"""A parameter is unseen when its standard error exceeds this share of its usual size."""
+
+
+def identify(
+    logs: Sequence[FlightLog],
+    vehicle: Vehicle,
+    options: Options | None = None,
+    *,
+    near: Identification | None = None,
+    given: Vehicle | None = None,
+    progress: Progress = silent,
+) -> Identification:
+    """Fit a vehicle's parameters to flights with measured pose and rotor speed.
+
+    Mass, air density and rotor radius are never estimated: only ratios to them show. Everything else that acts on the
+    motion is, unless the options hold it; the pose sensor's place and a gyro bias per log are estimated along.
+
+    Args:
+        near: the fit of a similar vehicle to the same logs with the same options; its states and noise levels are
+            started from.
+        given: the vehicle as the user gave it, to judge the result by, where `vehicle` is an intermediate one;
+            None: that of `near`, or else `vehicle`.
+
+    Raises:
+        InputError: a log lacks a quantity, has a gap, or shows too little motion; a name is unknown.
+    """
+    options = options or Options()
+    if not logs:
+        raise InputError("no flight was given; identification needs at least one log")
+    flights = list(near.flights) if near else [f for i, log in enumerate(logs) for f in prepare(log, i, options)]
+    excitation.require(flights, _names(vehicle, flights, options))
+    unknowns = _unknowns(vehicle, flights, options)
+    point, noise = _beside(near, vehicle) if near else start(vehicle, flights)
+    held: list[str] = []
+    solution, unknowns = _fit(flights, vehicle, point, noise, unknowns, held, options, progress)
+    lasting = _with_gusts(flights, solution) if options.gusts == "estimate" else None
+    doubts = ()
+    if lasting is not None:
+        also_held = list(held)
+        carried, still_free = _fit(flights, vehicle, *lasting, unknowns, also_held, options, progress)
+        if carried.converged:
+            unknowns, held = still_free, also_held
+            solution = replace(carried, record=solution.record + carried.record)
+        else:
+            doubts = (UNSETTLED,)
+    progress("identify", 1.0)
+    found = conclude(
+        vehicle, flights, unknowns, solution, tuple(held), options, given or (near.given if near else vehicle)
+    )
+    return replace(found, findings=(*found.findings, *doubts), verdict=found.verdict.doubted(*doubts))
+
+
+def _fit(
+    flights: list[Flight],
+    vehicle: Vehicle,
+    point: Point,
+    noise: Noise,
+    unknowns: Unknowns,
+    held: list[str],
+    options: Options,
+    progress: Progress,
+) -> tuple[Solution, Unknowns]:
+    """Solve, hold what these flights do not show (its names are added to `held`), and solve again."""
+    while True:
+        prior = _prior(flights, vehicle, unknowns, options)
+        solution = solve(
+            flights,
+            point,
+            noise,
+            unknowns,
+            prior,
+            robust=options.robust,
+            max_iterations=options.max_iterations,
+            progress=progress,
+        )
+        unseen = _least_seen(solution, vehicle, unknowns)
+        if unseen is None:
+            return solution, unknowns
+        if options.unseen == "refuse":
+            raise InputError(_unseen_message(unseen))
+        held.append(unseen)
+        logger.info("holding %s: these flights do not show it", unseen)
+        unknowns = unknowns.without(unseen)
+        point, noise = _reset(solution.point, vehicle, unseen), solution.noise
+
+
+def _with_gusts(flights: list[Flight], solution: Solution) -> tuple[Point, Noise] | None:
+    """Where to start with disturbances among the states; None when what is unexplained is white or not to be judged."""
+    if not all(flight.has_pose for flight in flights):
+        return None
+    point = solution.point
+    usual_s = float(np.median(np.concatenate([f.step_s for f in flights])))
+    seen = POSE.row_levels(solution.noise) * np.sqrt(usual_s)  # densities, m and rad root second
+    found = gusts.find(flights, point.states, point.vehicle, np.sqrt(solution.noise.process / seen))
+    if found is None:
+        return None
+    lasting, white = found
+    logger.info("disturbances last: %s m/s2 and rad/s2 for %s s", lasting.size, lasting.lasts_s)
+    process = np.minimum(solution.noise.process, np.maximum(white, LEAST_PROCESS))
+    states = tuple(s.with_gust() for s in point.states)
+    return replace(point, states=states), solution.noise.with_process(process).with_gusts(lasting)
+
+
+def start(vehicle: Vehicle, flights: list[Flight]) -> tuple[Point, Noise]:
+    """States by smoothing the pose; noise levels from what the vehicle then leaves unexplained."""
+    sensor = PoseSensor.of(vehicle)
+    states = tuple(first_guess(flight, sensor.offset_body_m, sensor.q_body_sensor) for flight in flights)
+    driven = [motor.driven(f, vehicle) for f in flights]
+    left = [unexplained(f, s, vehicle) for f, s in zip(driven, states, strict=True)]
+    # An unexplained acceleration that lasts about a tenth of a second has the density size x sqrt(0.1 s).
+    size = np.sqrt(np.mean(np.concatenate(left) ** 2, axis=0))
+    if not all(flight.has_pose for flight in flights):
+        size[:3] = np.maximum(size[:3], 2.0)  # a guess that rests at the origin leaves no horizontal force to see
+    usual = Noise({block.name: np.array(block.usual) for block in BLOCKS if block.usual})
+    return Point(vehicle, sensor_values(vehicle), states), usual.with_process(np.sqrt(0.1) * size + 1e-3)
+
+
+def _beside(near: Identification, vehicle: Vehicle) -> tuple[Point, Noise]:
+    """States, biases and noise levels of another fit, under this vehicle."""
+    point = near.solution.point
+    return Point(vehicle, {**point.sensors, **sensor_values(vehicle)}, point.states), near.noise
+
+
+def _unknowns(vehicle: Vehicle, flights: list[Flight], options: Options) -> Unknowns:
+    with_pose = any(f.has_pose for f in flights)
+    wanted = SENSOR_NAMES if options.pose_sensor and with_pose else ()
+    sensor = tuple(n for n in wanted if n in vehicle.parameters and n not in options.held)
+    return Unknowns(_names(vehicle, flights, options), sensor, tuple(biases(flights)))
+
+
+def _names(vehicle: Vehicle, flights: list[Flight], options: Options) -> tuple[str, ...]:
+    by_command = any(f.driven_by_command for f in flights)
+    return chosen_names(vehicle, options.free, options.held, by_command)
+
+
+def _reset(point: Point, vehicle: Vehicle, name: str) -> Point:
+    """The point with one parameter back at the vehicle's value."""
+    if name not in SENSOR_NAMES:
+        return replace(point, vehicle=with_values(point.vehicle, (name,), np.array([vehicle.value(name)])))
+    return replace(point, sensors={**point.sensors, name: vehicle.value(name)})
+
+
+def _prior(flights: list[Flight], vehicle: Vehicle, unknowns: Unknowns, options: Options) -> Prior:
+    for name in options.prior_std:
+        vehicle.parameter(name)
+    named = (*unknowns.model, *unknowns.sensor)
+    mean = [vehicle.value(name) for name in named] + [0.0] * len(unknowns.bias)
+    believed = {name: specs(vehicle)[name].prior for name in PLACE_OF_LOAD if name in vehicle.parameters}
+    std = [(believed | dict(options.prior_std)).get(name, np.inf) for name in named]
+    return Prior(np.array(mean), np.array([*std, *biases(flights).values()]))
+
+
+def usual_size(vehicle: Vehicle, point: Point, name: str) -> float:
+    """The size a standard error is judged by: the value itself, or what is typical of the effect if larger."""
+    value = max(abs(point.value(name)), abs(vehicle.value(name)))
+    never_zero = name.startswith(("inertia_", "thrust_", "rotor_yaw_torque"))
+    return value if never_zero and value > 0.0 else max(value, specs(vehicle)[name].prior)
+
+
+def _least_seen(solution: Solution, vehicle: Vehicle, unknowns: Unknowns) -> str | None:
+    """The parameter these flights show least, if they do not show it at all."""
+    named = (*unknowns.model, *unknowns.sensor)
+    if not named:
+        return None
+    std = np.sqrt(np.diag(solution.covariance()))[: len(named)]
+    share = std / np.array([usual_size(vehicle, solution.point, name) for name in named])
+    worst = int(np.argmax(share))
+    return named[worst] if share[worst] > UNSEEN_SHARE else None
+
+
+def _unseen_message(name: str) -> str:
+    return (
+        f"these flights do not show {name}: its standard error is larger than half its usual size; "
+        "fly a manoeuvre that excites it, or hold it"
+    )
+
+
+def smooth(
+    flights: list[Flight],
+    vehicle: Vehicle,
+    *,
+    process_scale: float = 1.0,
+    near: Solution | None = None,
+    progress: Progress = silent,
+) -> Solution:
+    """The states of flights under a vehicle whose parameters stay as they are; noise levels are estimated.
+
+    Args:
+        process_scale: more than 1 trusts the model less, so that the measurements decide.
+        near: the same of a similar vehicle; its states and noise levels are started from.
+    """
+    width = biases(flights)
+    unknowns = Unknowns((), (), tuple(width))
+    point, noise = start(vehicle, flights)
+    if near is not None:
+        point = Point(vehicle, {**near.point.sensors, **point.sensors}, near.point.states)
+        noise = near.noise
+    prior = Prior(np.zeros(unknowns.size), np.array(list(width.values())))
+    solution = solve(flights, point, noise, unknowns, prior, robust=False, max_iterations=20, progress=progress)
+    if process_scale <= 1.0:
+        return solution
+    loose = solution.noise.with_process(process_scale * solution.noise.process)
+    return solve(flights, solution.point, loose, unknowns, prior, robust=False, max_iterations=1, progress=progress)

@@ -1,0 +1,154 @@
+"""Flights from logs: cut at gaps, thinned to nodes, each block's readings and the rotor speed between nodes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flight import FlightLog, InputError
+from flight.rotations import FloatArray
+from sysid.estimator.blocks import battery, motor, rotor_speed
+from sysid.estimator.blocks.catalogue import BLOCKS
+from sysid.estimator.flight_data import Flight, IndexArray, LeadIn
+from sysid.estimator.options import Options
+from sysid.estimator.sampling import Stretch
+from sysid.logs.payload import carries_payload
+
+GAP_FACTOR = 4.0
+"""A pause is a gap when it lasts this many usual sample intervals ..."""
+GAP_LEAST_S = 0.04
+"""... and at least this long: single lost frames are harmless."""
+LEAD_IN_S = 0.3
+"""Where only commands are known, this much is given to the rotors to reach the speed that nobody measured."""
+SLOWEST_S = 0.5
+"""Samples further apart than this show no motion of a multirotor; the time is in another unit."""
+SHORTEST_S = 1.0
+"""Pieces between gaps that are shorter say nothing and are left out."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Source:
+    """Which quantities of a log the estimator is going to use."""
+
+    name: str
+    nodes: tuple[str, ...]
+    """Quantities that must be there at every node: the pose, or the IMU."""
+    rotors: str
+    """`rotor_speed_rad_s`, or the command."""
+
+
+def prepare(log: FlightLog, index: int, options: Options) -> list[Flight]:
+    """Flights without gaps from one log.
+
+    Raises:
+        InputError: it has neither pose nor IMU, or neither rotor speed nor command, or there is a gap and the options
+            refuse gaps.
+    """
+    source = _source(log, str(log.metadata.get("name", f"flight {index + 1}")))
+    pieces = _split(log, source, options)
+    return [_flight(log, piece, source, index, len(pieces), options) for piece in pieces]
+
+
+def _source(log: FlightLog, name: str) -> _Source:
+    pose, imu = ("position_world_m", "q_world_body"), ("rate_body_rad_s", "specific_force_body_m_s2")
+    if not all(log.has(q) for q in pose) and not all(log.has(q) for q in imu):
+        missing = " and ".join(q for q in pose if not log.has(q))
+        raise InputError(f"{name} has no {missing}, nor gyro and accelerometer to do without: nothing shows the motion")
+    rotors = rotor_speed.QUANTITY if log.has(rotor_speed.QUANTITY) else motor.QUANTITY
+    if not log.has(rotors):
+        raise InputError(
+            f"{name} has no rotor_speed_rad_s and no rotor_speed_command_rad_s: something must drive the model; "
+            "record rotor speed (ESC telemetry)"
+        )
+    return _Source(name, pose if all(log.has(q) for q in pose) else imu, rotors)
+
+
+def _split(log: FlightLog, source: _Source, options: Options) -> list[tuple[float, float]]:
+    """Start and end of each stretch where both pose (or IMU) and rotor speed (or command) were sampled."""
+    name = source.name
+    pose_s = log.time_s[_finite_rows(log, source.nodes, name)]
+    rotor_s = log.time_s[_finite_rows(log, (source.rotors,), name)]
+    kind = "pose" if source.nodes[0] == "position_world_m" else "IMU"
+    usual_s = float(np.median(np.diff(pose_s)))
+    if usual_s >= SLOWEST_S:
+        raise InputError(
+            f"{name} has a {kind} every {usual_s:.3g} s: its time is in another unit, or it is too slow to fit; time_s "
+            "must be in seconds"
+        )
+    gaps = sorted(_gaps(pose_s, kind) + _gaps(rotor_s, "rotor speed"))
+    start_s, end_s = max(pose_s[0], rotor_s[0]), min(pose_s[-1], rotor_s[-1])
+    if gaps and options.gaps == "refuse":
+        begin, end, what = gaps[0]
+        more = f" and {len(gaps) - 1} more gaps" if len(gaps) > 1 else ""
+        raise InputError(
+            f"{name} has no {what} from {begin:.3f} s to {end:.3f} s ({end - begin:.3f} s){more}; "
+            "fit the pieces between as separate flights with gaps='split', or cut the log there"
+        )
+    edges = [start_s]
+    for begin, end, _ in gaps:
+        edges += [begin, end]
+    edges.append(end_s)
+    pieces = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= SHORTEST_S]
+    if not pieces:
+        raise InputError(f"{name} has no stretch of {SHORTEST_S:g} s with both pose and rotor speed")
+    return pieces
+
+
+def _finite_rows(log: FlightLog, quantities: tuple[str, ...], name: str) -> IndexArray:
+    values = np.concatenate([log.vector(quantity) for quantity in quantities], axis=1)
+    finite = np.isfinite(values).all(axis=1)
+    partly = np.isfinite(values).any(axis=1) & ~finite
+    if partly.any():
+        row = int(np.flatnonzero(partly)[0])
+        raise InputError(
+            f"{name}: {' and '.join(quantities)} are not all finite in row {row} ({log.time_s[row]:.3f} s), "
+            f"{int(partly.sum())} such rows in all; write NaN in all of them where nothing was sampled"
+        )
+    if finite.sum() < 10:
+        raise InputError(f"{name} has {int(finite.sum())} samples of {' and '.join(quantities)}; 10 are needed")
+    return np.flatnonzero(finite)
+
+
+def _gaps(time_s: FloatArray, what: str) -> list[tuple[float, float, str]]:
+    step_s = np.diff(time_s)
+    longest_s = max(GAP_FACTOR * float(np.median(step_s)), GAP_LEAST_S)
+    return [(float(time_s[i]), float(time_s[i + 1]), what) for i in np.flatnonzero(step_s > longest_s)]
+
+
+def _flight(
+    log: FlightLog, piece: tuple[float, float], source: _Source, index: int, pieces: int, options: Options
+) -> Flight:
+    start_s, end_s = piece
+    inside = (log.time_s >= start_s) & (log.time_s <= end_s)
+    rows = np.flatnonzero(inside & np.isfinite(log.vector(source.nodes[0])).all(axis=1))
+    rows = rows[_thin(log.time_s[rows], options.node_rate_hz)]
+    stretch = Stretch(log, source.name, inside, rows, source.nodes[0] == "position_world_m", options)
+    by_command = source.rotors != rotor_speed.QUANTITY
+    speed, acceleration = (motor if by_command else rotor_speed).read(stretch)
+    flight = Flight(
+        name=source.name if pieces == 1 else f"{source.name} from {start_s:.2f} s",
+        log_index=index,
+        time_s=stretch.time_s,
+        readings={quantity: values for block in BLOCKS for quantity, values in block.read(stretch).items()},
+        rotor_speed_rad_s=speed,
+        rotor_acceleration_rad_s2=acceleration,
+        rotor_command_rad_s=speed if by_command else np.full_like(speed, np.nan),
+        battery_v=battery.read(stretch),
+        carries_payload=carries_payload(log),
+    )
+    return _after_lead_in(flight) if by_command else flight
+
+
+def _after_lead_in(flight: Flight) -> Flight:
+    """The flight less its first moments, in which rotor speed still depends on what was before the log."""
+    m = int(np.searchsorted(flight.time_s, flight.time_s[0] + LEAD_IN_S))
+    own = {name: getattr(flight, name) for name in Flight.__slots__}
+    cropped = {name: value[m:] if isinstance(value, np.ndarray) else value for name, value in own.items()}
+    readings = {quantity: values[m:] for quantity, values in flight.readings.items()}
+    before = LeadIn(flight.step_s[:m], flight.rotor_command_rad_s[:m], flight.battery_v[:m])
+    return Flight(**{**cropped, "readings": readings, "lead_in": before})
+
+
+def _thin(time_s: FloatArray, rate_hz: float) -> IndexArray:
+    """Indices so that no more than about `rate_hz` remain per second."""
+    every = max(1, int(np.floor(1.0 / (float(np.median(np.diff(time_s))) * rate_hz) + 0.5)))
+    return np.arange(0, len(time_s), every)

@@ -1,0 +1,368 @@
+"""What an identification found: estimates with errors that can be believed, and how it got there."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.special import stdtrit
+
+from flight.rotations import FloatArray
+from sysid.estimator import verdict as verdicts
+from sysid.estimator.agreement import odd_flights
+from sysid.estimator.blocks.catalogue import BLOCKS, acting, places, reported
+from sysid.estimator.blocks.gyro import GYRO
+from sysid.estimator.blocks.motion import Motion
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.noise import Noise
+from sysid.estimator.options import Options
+from sysid.estimator.solver import Solution, robust_covariance
+from sysid.estimator.unknowns import SENSOR_NAMES, Unknowns
+from sysid.estimator.verdict import Verdict
+from vehicle import Vehicle, specs
+
+NORMAL_90 = 1.6449
+"""Half width of a normal 90 % interval in standard deviations."""
+
+SCHEMA_VERSION = 1
+"""Version of `Identification.as_dict`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """One parameter after the fit."""
+
+    name: str
+    value: float
+    unit: str
+    std: float
+    """Standard error if all noise were white and all forms exact."""
+    std_robust: float
+    """Standard error that allows for errors correlated within a block of time, and for slightly wrong forms."""
+    start: float
+    """Value before the fit."""
+    status: str
+    """`free`, `held` (by the user), or `unseen` (held because these flights do not show it)."""
+    information: tuple[float, ...]
+    """Share of each flight in what is known about it, the other parameters taken out; sums to 1 with the prior."""
+    interval90: float
+    """Half width of the 90 % interval: `std_robust` times Student's quantile for the blocks of time it rests on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Identification:
+    """Result of `identify`."""
+
+    vehicle: Vehicle
+    """The vehicle with the new values, robust standard errors and their source."""
+    parameters: tuple[Estimate, ...]
+    """Every parameter that acts on the motion, and the pose sensor's."""
+    correlation: FloatArray
+    """(p, p) between the free parameters, in the order of `free_names`."""
+    free_names: tuple[str, ...]
+    noise: Noise
+    gyro_bias_rad_s: FloatArray
+    """(logs, 3), zero without a gyro."""
+    solution: Solution
+    """States, residuals and derivatives at the optimum, for plots and diagnosis."""
+    unknowns: Unknowns
+    flights: tuple[Flight, ...]
+    findings: tuple[str, ...]
+    """Sentences the user should read."""
+    verdict: Verdict
+    """Whether to use the values."""
+    given: Vehicle
+    """The vehicle as the user gave it: what the values are compared with."""
+
+    @property
+    def converged(self) -> bool:
+        return self.solution.converged
+
+    @property
+    def leaves_too_much(self) -> bool:
+        """Whether so much stays unexplained that the model cannot be called right; the findings say how much."""
+        force, torque = _unexplained(self.noise)
+        return force > LARGE_FORCE_M_S2 or torque > LARGE_TORQUE_RAD_S2
+
+    def estimate(self, name: str) -> Estimate:
+        """The estimate of one parameter. Raises `KeyError` if it is not among them."""
+        return {e.name: e for e in self.parameters}[name]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Everything but states and residuals, as plain JSON values."""
+        return {
+            "schema": "goshawk-identification",
+            "version": SCHEMA_VERSION,
+            "verdict": self.verdict.as_dict(),
+            "vehicle": self.vehicle.name,
+            "effects": list(self.vehicle.effects),
+            "flights": [
+                {"name": f.name, "duration_s": float(f.time_s[-1] - f.time_s[0]), "nodes": len(f)} for f in self.flights
+            ],
+            "parameters": {
+                e.name: {
+                    "value": e.value,
+                    "unit": e.unit,
+                    "std": e.std,
+                    "std_robust": e.std_robust,
+                    "interval90": e.interval90,
+                    "start": e.start,
+                    "status": e.status,
+                    "information": list(e.information),
+                }
+                for e in self.parameters
+            },
+            "free": list(self.free_names),
+            "correlation": self.correlation.tolist(),
+            "converged": self.converged,
+            "iterations": [
+                {"cost": i.cost, "step_sigma": i.step_sigma, "damping": i.damping} for i in self.solution.record
+            ],
+            "noise": reported(self.noise),
+            "residuals": residual_statistics(self),
+            "gyro_bias_rad_s": self.gyro_bias_rad_s.tolist(),
+            "findings": list(self.findings),
+        }
+
+
+OFF_BELIEF = 0.1
+"""Share by which thrust may differ from the vehicle file's before it is worth a sentence."""
+SPAN_S = 0.1
+"""What is left unexplained is judged, told and drawn as means over this long."""
+LARGE_TORQUE_RAD_S2 = 20.0
+"""The same as `LARGE_FORCE_M_S2` for turning."""
+LARGE_FORCE_M_S2 = 2.5
+"""Unexplained acceleration over 0.1 s from which on a model cannot be called right: a quarter of gravity."""
+
+CHANNELS = tuple(channel.name for channel in Motion.channels)
+"""Of force and torque, body axes."""
+
+
+def residual_statistics(fit: Identification) -> dict[str, dict[str, float]]:
+    """Per channel: root mean square of the whitened residual and its correlation with the next one."""
+    series: dict[str, list[FloatArray]] = {channel.name: [] for block in BLOCKS for channel in block.channels}
+    for flight, rows in zip(fit.flights, fit.solution.rows, strict=True):
+        for between, residual in ((True, rows.defect), (False, rows.sensor)):
+            blocks = acting(flight, fit.noise, between=between)
+            for block, place in zip(blocks, places(blocks), strict=True):
+                for channel in block.channels:
+                    series[channel.name] += [residual[:, place][:, row] for row in channel.rows]
+    return {channel: _statistics(found) for channel, found in series.items()}
+
+
+def _statistics(series: list[FloatArray]) -> dict[str, float]:
+    square = sum(float(s @ s) for s in series)
+    lagged = sum(float(s[1:] @ s[:-1]) for s in series)
+    count = sum(len(s) for s in series)
+    return {"rms": float(np.sqrt(square / max(count, 1))), "lag_one": lagged / square if square > 0.0 else 0.0}
+
+
+def conclude(
+    vehicle: Vehicle,
+    flights: list[Flight],
+    unknowns: Unknowns,
+    solution: Solution,
+    unseen: tuple[str, ...],
+    options: Options,
+    given: Vehicle,
+) -> Identification:
+    """Estimates, errors, sentences and the verdict from a solved problem.
+
+    Args:
+        vehicle: what the fit started from.
+        given: what the user gave; another one where stages or a search came before.
+    """
+    names = (*unknowns.model, *unknowns.sensor)
+    p = len(names)
+    plain = solution.covariance()
+    sandwich, freedom = robust_covariance(solution, [f.time_s for f in flights], options.block_s)
+    interval90 = stdtrit(freedom, 0.95) * np.sqrt(np.diag(sandwich))
+    std, std_robust = np.sqrt(np.diag(plain))[:p], np.sqrt(np.diag(sandwich))[:p]
+    shares = _information_shares(solution)
+    estimates = [
+        Estimate(
+            name=name,
+            value=solution.point.value(name),
+            unit=vehicle.parameter(name).unit,
+            std=float(std[i]),
+            std_robust=float(std_robust[i]),
+            start=vehicle.value(name),
+            status="free",
+            information=tuple(shares[:, i].tolist()),
+            interval90=float(interval90[i]),
+        )
+        for i, name in enumerate(names)
+    ]
+    estimates += [_held(vehicle, name, "unseen") for name in unseen]
+    estimates += [_held(vehicle, name, "held") for name in sorted({"mass_kg", *options.held}) if name not in names]
+    safe = np.where(std > 0.0, std, 1.0)
+    disagreement = _disagreement(vehicle, unknowns, solution, flights, options)
+    verdict = verdicts.of_fit(given, solution.point.vehicle, flights, unknowns.model, _against(solution))
+    return Identification(
+        vehicle=_updated(vehicle, estimates, flights),
+        parameters=tuple(estimates),
+        correlation=plain[:p, :p] / np.outer(safe, safe),
+        free_names=names,
+        noise=solution.noise,
+        gyro_bias_rad_s=_gyro_bias(flights, solution),
+        solution=solution,
+        unknowns=unknowns,
+        flights=tuple(flights),
+        findings=tuple(
+            _findings(vehicle, estimates, solution) + _thrust_against_belief(given, solution, flights) + disagreement
+        ),
+        verdict=verdict.doubted(
+            *_at_bounds(vehicle, estimates, but=0.0),
+            *unpredicted_turning(solution, flights, unknowns.model),
+            *disagreement,
+        ),
+        given=given,
+    )
+
+
+def _gyro_bias(flights: list[Flight], solution: Solution) -> FloatArray:
+    logs = 1 + max(flight.log_index for flight in flights)
+    sensors = solution.point.sensors
+    return np.array([[sensors.get(name, 0.0) for name in GYRO.bias_names(log)] for log in range(logs)])
+
+
+def _held(vehicle: Vehicle, name: str, status: str) -> Estimate:
+    p = vehicle.parameter(name)
+    return Estimate(name, p.value, p.unit, p.std, p.std, p.value, status, (), NORMAL_90 * p.std)
+
+
+def _information_shares(solution: Solution) -> FloatArray:
+    """(flights, p): the flight's part of sum_f c^T I_f c, c the direction in which each parameter varies alone."""
+    covariance = solution.covariance()
+    if not len(covariance):
+        return np.zeros((len(solution.information), 0))
+    parts = np.stack([np.einsum("ip,ij,jp->p", covariance, info, covariance) for info in solution.information])
+    return parts / np.diag(covariance)
+
+
+def _updated(vehicle: Vehicle, estimates: list[Estimate], flights: list[Flight]) -> Vehicle:
+    source = "identified from " + ", ".join(dict.fromkeys(f.name for f in flights))
+    bounds = specs(vehicle)
+    for e in estimates:
+        if e.status == "free":
+            value = float(np.clip(e.value, *bounds[e.name].bounds))
+            vehicle = vehicle.with_value(e.name, value, std=e.std_robust, source=source)
+    return replace(vehicle, provenance={**vehicle.provenance, "identified_from": [f.name for f in flights]})
+
+
+def _unexplained_axes(noise: Noise) -> FloatArray:
+    """(6,) unexplained acceleration of each axis over 0.1 s: m/s2 and rad/s2."""
+    lasting = np.zeros(6) if noise.gusts is None else noise.gusts.size
+    return np.sqrt(noise.process**2 / SPAN_S + lasting**2)
+
+
+def _unexplained(noise: Noise) -> tuple[float, float]:
+    """The largest of `_unexplained_axes`: m/s2 and rad/s2."""
+    size = _unexplained_axes(noise)
+    return float(size[:3].max()), float(size[3:].max())
+
+
+def _turning_rad_s2(solution: Solution, flights: Sequence[Flight]) -> FloatArray:
+    """(3,) root mean square of the body's angular acceleration, in means over 0.1 s; NaN if no flight lasts that."""
+    parts = []
+    for flight, states in zip(flights, solution.point.states, strict=True):
+        later = np.searchsorted(flight.time_s, flight.time_s + SPAN_S)
+        first = np.flatnonzero(later < len(flight.time_s))
+        rate, last = states.rate_body_rad_s, later[first]
+        parts.append((rate[last] - rate[first]) / (flight.time_s[last] - flight.time_s[first])[:, None])
+    turned = np.concatenate(parts)
+    return np.sqrt((turned**2).mean(axis=0)) if len(turned) else np.full(3, np.nan)
+
+
+def unpredicted_turning(solution: Solution, flights: Sequence[Flight], free: Iterable[str]) -> tuple[str, ...]:
+    """A sentence for each axis about which the model with its inertia leaves more than the vehicle turned."""
+    left, turned = _unexplained_axes(solution.noise)[3:], _turning_rad_s2(solution, flights)
+    return tuple(
+        f"about {axis} the model leaves {left[i]:.3g} rad/s2 unexplained (over 0.1 s) where the body turned with "
+        f"{turned[i]:.3g}: it does not predict how the vehicle turns; check the clocks of gyro and rotor speed and the "
+        "rotor order, fly quicker turns, or hold the inertias"
+        for i, axis in enumerate("xyz")
+        if f"inertia_{2 * axis}_kg_m2" in free and left[i] > turned[i]
+    )
+
+
+def _findings(vehicle: Vehicle, estimates: list[Estimate], solution: Solution) -> list[str]:
+    found = [
+        f"mass_kg was given as {vehicle.mass_kg:g} and not estimated: pose and rotor speed show only ratios to it, so "
+        "thrust, drag and inertia are as right as the mass is"
+    ]
+    noise = solution.noise
+    if noise.gusts is not None:
+        size = noise.gusts.size
+        force, torque, lasts_s = size[:3].max(), size[3:].max(), np.median(noise.gusts.lasts_s)
+        found.append(
+            f"what the model leaves unexplained lasts: up to {force:.2g} m/s2 and {torque:.2g} rad/s2 for about "
+            f"{lasts_s:.1f} s (gusts, a swinging load, or an effect the model lacks); the fit allows for it"
+        )
+    found += _against(solution) + _at_bounds(vehicle, estimates)
+    for e in estimates:
+        if e.status == "unseen":
+            found.append(f"{e.name} was held at {e.value:g} {e.unit}: these flights do not show it")
+        elif e.status == "free" and e.name not in SENSOR_NAMES and e.std > 0.0 and e.std_robust > 5.0 * e.std:
+            found.append(
+                f"{e.name}: errors are strongly correlated in time (robust standard error "
+                f"{e.std_robust / e.std:.0f} times the plain one); the model may lack an effect"
+            )
+    return found
+
+
+def _against(solution: Solution) -> list[str]:
+    """What forbids the use of a solution, whatever it is a solution of."""
+    found = []
+    if not solution.converged:
+        found.append(f"not converged after {len(solution.record)} iterations")
+    worst, turning = _unexplained(solution.noise)
+    if worst > LARGE_FORCE_M_S2:
+        found.append(
+            f"the model leaves {worst:.1f} m/s2 unexplained (over 0.1 s): a held parameter may be wrong (a wrong "
+            "inertia spoils the thrust), or units, frames or rotor order"
+        )
+    if turning > LARGE_TORQUE_RAD_S2:
+        found.append(
+            f"the model leaves {turning:.0f} rad/s2 unexplained (over 0.1 s): a held inertia may be far off, or units, "
+            "rotor order or spin"
+        )
+    return found
+
+
+def _at_bounds(vehicle: Vehicle, estimates: list[Estimate], *, but: float | None = None) -> list[str]:
+    """Estimates that left their range, but for the bound `but`: a drag of nil is no cause for doubt."""
+    bounds = specs(vehicle)
+    return [
+        f"{e.name} came out at its bound, {e.value:.3g} ± {e.std_robust:.2g} {e.unit}"
+        for e in estimates
+        if e.status == "free"
+        and not bounds[e.name].bounds[0] < e.value < bounds[e.name].bounds[1]
+        and float(np.clip(e.value, *bounds[e.name].bounds)) != but
+    ]
+
+
+def _thrust_against_belief(given: Vehicle, solution: Solution, flights: list[Flight]) -> list[str]:
+    """Thrust at the flights' usual rotor speed, fitted over believed: what a wrong mass looks like."""
+    speed = verdicts.usual_rotor_speed(flights)
+    fitted, believed = (verdicts.thrust_n(v, speed) for v in (solution.point.vehicle, given))
+    if believed <= 0.0 or abs(fitted / believed - 1.0) < OFF_BELIEF:
+        return []
+    return [
+        f"thrust at {speed.mean():.0f} rad/s came out {fitted / believed:.2f} times the vehicle file's: the mass given "
+        f"({given.mass_kg:g} kg) or the file's thrust is wrong, and flights cannot tell which; weigh the vehicle. If "
+        "it is the mass, correct it and fit again: thrust, drag and inertia all follow it"
+    ]
+
+
+def _disagreement(
+    vehicle: Vehicle, unknowns: Unknowns, solution: Solution, flights: list[Flight], options: Options
+) -> list[str]:
+    sizes = np.array([max(abs(solution.point.value(n)), specs(vehicle)[n].prior) for n in unknowns.model])
+    odd = odd_flights(solution, flights, unknowns.model, sizes, options.block_s)
+    return [
+        f"{o.flight} does not fit the other flights: without it {o.name} would be {o.others:.4g} instead of "
+        f"{solution.point.value(o.name):.4g} ({o.sigma:.0f} standard errors); was another vehicle, load or set of "
+        "propellers flown? Fit it by itself, or leave it out"
+        for o in odd[:2]
+    ]

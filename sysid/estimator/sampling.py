@@ -1,0 +1,82 @@
+"""Signals of a log brought to the nodes of a flight and to the intervals between them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from flight import FlightLog
+from flight.rotations import FloatArray
+from sysid.estimator.options import Options
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stretch:
+    """A stretch of a log without gaps, and where the flight's nodes are in it."""
+
+    log: FlightLog
+    name: str
+    """For messages."""
+    inside: NDArray[np.bool_]
+    """Rows of the log that belong to it."""
+    nodes: NDArray[np.intp]
+    """Rows of the log that are nodes."""
+    with_pose: bool
+    """Whether nodes are pose samples; else they are the IMU's."""
+    options: Options
+
+    @property
+    def time_s(self) -> FloatArray:
+        """(n,) instants of the nodes."""
+        return self.log.time_s[self.nodes]
+
+    def unmeasured(self, width: int, *, between: bool = False) -> FloatArray:
+        """NaN for every node, or for every interval."""
+        return np.full((len(self.nodes) - between, width), np.nan)
+
+    def sampled(self, quantity: str) -> bool:
+        """Whether a quantity was recorded here, not only named."""
+        return self.log.has(quantity) and int(np.count_nonzero(self._rows(quantity))) >= 2
+
+    def at_nodes(self, quantity: str) -> FloatArray:
+        """(n, c) samples taken with the nodes."""
+        return self.log.vector(quantity)[self.nodes]
+
+    def samples(self, quantity: str) -> tuple[FloatArray, FloatArray]:
+        """Instants and values of all samples."""
+        rows = self._rows(quantity)
+        return self.log.time_s[rows], self.log.vector(quantity)[rows]
+
+    def between_nodes(self, quantity: str) -> FloatArray:
+        """(n - 1, c) means over the intervals."""
+        return interval_means(*self.samples(quantity), self.time_s)[0]
+
+    def around_nodes(self, quantity: str) -> FloatArray:
+        """(n, c) means over half an interval to each side of every node."""
+        node_s = self.time_s
+        middle = 0.5 * (node_s[1:] + node_s[:-1])
+        edges = np.concatenate([node_s[:1], middle, node_s[-1:]])
+        return interval_means(*self.samples(quantity), edges)[0]
+
+    def _rows(self, quantity: str) -> NDArray[np.bool_]:
+        return self.inside & np.isfinite(self.log.vector(quantity)).all(axis=1)
+
+
+def interval_means(time_s: FloatArray, values: FloatArray, node_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mean of a sampled signal and of its slope over each interval between nodes: (k, c) twice.
+
+    The spline matters: a mean of the two end samples damps what the midpoint rule of the model passes, and biases
+    inertias by (frequency x interval)^2 / 12, about 1 % for a fast motor at 100 Hz.
+    """
+    spline = CubicSpline(time_s, values, axis=0)
+    step_s = np.diff(node_s)[:, None]
+    return np.diff(spline.antiderivative()(node_s), axis=0) / step_s, np.diff(spline(node_s), axis=0) / step_s
+
+
+def held_means(time_s: FloatArray, values: FloatArray, node_s: FloatArray) -> FloatArray:
+    """Mean over each interval of a signal that holds each value until the next: (k, c)."""
+    step_s = np.diff(time_s)[:, None]
+    area = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values[:-1] * step_s, axis=0)])
+    at_nodes = np.stack([np.interp(node_s, time_s, column) for column in area.T], axis=1)
+    return np.diff(at_nodes, axis=0) / np.diff(node_s)[:, None]

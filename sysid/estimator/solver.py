@@ -1,0 +1,337 @@
+"""Gauss-Newton on the joint problem: eliminate the states, step the parameters, re-estimate the noise, repeat."""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flight import InputError, Progress
+from flight.rotations import FloatArray
+from sysid.estimator.blocks.catalogue import BLOCKS, acting, places
+from sysid.estimator.chain import Eliminated, Rows, eliminate
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.noise import Noise
+from sysid.estimator.parallel import each
+from sysid.estimator.problem import Point, cost, linearise
+from sysid.estimator.states import States
+from sysid.estimator.unknowns import Unknowns
+from vehicle import Vehicle, specs
+
+logger = logging.getLogger(__name__)
+
+CONVERGED_SIGMA = 0.05
+"""Stop when no parameter moves by more than this part of its standard error."""
+CONVERGED_NOISE = 0.05
+"""... and no noise level changes by more than this share."""
+
+
+@dataclass(frozen=True, slots=True)
+class Iteration:
+    """One line of the convergence record."""
+
+    cost: float
+    """Half the sum of squares before the step."""
+    step_sigma: float
+    """Largest step of a parameter in standard errors."""
+    damping: float
+    """Share of the Gauss-Newton step that was taken."""
+    values: tuple[float, ...]
+    """Parameters after the step."""
+    noise_change: float
+    """Largest relative change of a noise level after the step."""
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """The converged problem, ready for statistics."""
+
+    point: Point
+    noise: Noise
+    rows: tuple[Rows, ...]
+    """Linearised residuals per flight at the solution."""
+    sensitivity: tuple[FloatArray, ...]
+    """Per flight (n, s, p): how the best states follow the parameters, H^-1 J^T J_border."""
+    information: tuple[FloatArray, ...]
+    """Per flight (p, p): information on the parameters with the states eliminated."""
+    prior_information: FloatArray
+    """(p, p)."""
+    record: tuple[Iteration, ...]
+    converged: bool
+
+    @property
+    def hessian(self) -> FloatArray:
+        """(p, p) information of all flights and the prior."""
+        return self.prior_information + np.sum(self.information, axis=0)
+
+    def covariance(self) -> FloatArray:
+        """(p, p) of the parameters, from the likelihood's curvature alone."""
+        return covariance_of(self.hessian)
+
+
+@dataclass(frozen=True, slots=True)
+class Prior:
+    """A Gaussian prior on the border; infinite standard deviation where nothing is known."""
+
+    mean: FloatArray
+    std: FloatArray
+
+    @property
+    def information(self) -> FloatArray:
+        return np.diag(1.0 / self.std**2)
+
+
+def solve(
+    flights: list[Flight],
+    point: Point,
+    noise: Noise,
+    unknowns: Unknowns,
+    prior: Prior,
+    *,
+    robust: bool,
+    max_iterations: int,
+    progress: Progress,
+) -> Solution:
+    """Iterate to the joint maximum of the likelihood over states, parameters and noise levels."""
+    record: list[Iteration] = []
+    converged = False
+    while True:
+        rows, eliminated = linearised(flights, point, unknowns, noise, robust)
+        border = point.shared(unknowns)
+        if converged or len(record) == max_iterations:
+            break
+        hessian = prior.information + sum(e.information for e in eliminated)
+        gradient = prior.information @ (border - prior.mean) + sum(e.gradient for e in eliminated)
+        step, sigma = _parameter_step(hessian, gradient, _room(point, unknowns))
+        changes = [e.states(step) for e in eliminated]
+        point, taken = _take(flights, point, unknowns, noise, prior, step, changes, robust, sum(r.cost() for r in rows))
+        old, noise = noise, _updated_noise(flights, point.vehicle, rows, eliminated, step, taken, changes, noise)
+        record.append(
+            Iteration(
+                cost=sum(r.cost() for r in rows),
+                step_sigma=float(np.max(np.abs(step) / sigma, initial=0.0)),
+                damping=taken,
+                values=tuple(point.shared(unknowns)),
+                noise_change=_relative_change(old, noise),
+            )
+        )
+        last = record[-1]
+        # A noise level without influence on the parameters may creep for long; two small steps in a row are enough.
+        still = [i.step_sigma < CONVERGED_SIGMA and i.damping > 0.99 for i in record[-2:]]
+        crept = bool(unknowns.model) and still == [True, True]
+        converged = still[-1] and (last.noise_change < CONVERGED_NOISE or crept)
+        progress("identify", min(0.95, len(record) / 12.0))
+        logger.info("iteration %d: cost %.6g, step %.3g sigma", len(record), last.cost, last.step_sigma)
+        logger.debug("values %s, noise %s", dict(zip(unknowns.names, last.values, strict=True)), noise)
+    return Solution(
+        point=point,
+        noise=noise,
+        rows=rows,
+        sensitivity=tuple(e.sensitivity() for e in eliminated),
+        information=tuple(e.information for e in eliminated),
+        prior_information=prior.information,
+        record=tuple(record),
+        converged=converged,
+    )
+
+
+def linearised(
+    flights: Sequence[Flight], point: Point, unknowns: Unknowns, noise: Noise, robust: bool = False
+) -> tuple[tuple[Rows, ...], tuple[Eliminated, ...]]:
+    """Rows of each flight at a point, and what they say of the parameters."""
+
+    def one(flight: Flight, states: States) -> tuple[Rows, Eliminated]:
+        rows = linearise(flight, states, point, unknowns, noise, robust)
+        return rows, eliminate(rows)
+
+    rows, eliminated = zip(*each(point.vehicle, one, flights, point.states), strict=True)
+    return rows, eliminated
+
+
+def total_cost(flights: Sequence[Flight], point: Point, noise: Noise, robust: bool = False) -> float:
+    """Half the sum of squares of all flights."""
+
+    def one(flight: Flight, states: States) -> float:
+        return cost(flight, states, point, noise, robust)
+
+    return sum(each(point.vehicle, one, flights, point.states))
+
+
+def _parameter_step(
+    hessian: FloatArray, gradient: FloatArray, room: tuple[FloatArray, FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Newton step (p,) that stays within `room` (lowest and highest step), and standard errors (p,).
+
+    A parameter that would leave its bounds goes to the bound, and the others are solved for again with it there.
+    """
+    step, stopped = np.zeros(len(gradient)), np.zeros(len(gradient), dtype=bool)
+    while True:
+        left = ~stopped
+        pull = gradient[left] + hessian[np.ix_(left, stopped)] @ step[stopped]
+        step[left] = -_solve_scaled(hessian[np.ix_(left, left)], pull)
+        beyond = left & ((step < room[0]) | (step > room[1]))
+        if not beyond.any():
+            return step, np.sqrt(np.diag(covariance_of(hessian)))
+        step = np.where(beyond, np.clip(step, *room), step)
+        stopped |= beyond
+
+
+def _solve_scaled(hessian: FloatArray, right: FloatArray) -> FloatArray:
+    """Directions that carry no information at all (below 1e-12 of the scaled matrix) are left where they are."""
+    scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    values, vectors = np.linalg.eigh(hessian / np.outer(scale, scale))
+    inverse = np.where(values > 1e-12, 1.0 / np.maximum(values, 1e-12), 0.0)
+    return (vectors @ (inverse * (vectors.T @ (right / scale)))) / scale
+
+
+def covariance_of(hessian: FloatArray) -> FloatArray:
+    """Inverse of an information matrix with rows of any size; what is unknown comes out huge, not infinite."""
+    scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    values, vectors = np.linalg.eigh(hessian / np.outer(scale, scale))
+    return (vectors / np.maximum(values, 1e-24)) @ vectors.T / np.outer(scale, scale)
+
+
+def _room(point: Point, unknowns: Unknowns) -> tuple[FloatArray, FloatArray]:
+    """How far each parameter may step down and up; inertias and time constants at most to a third or threefold."""
+    bounds = specs(point.vehicle)
+    low, high = np.full(unknowns.size, -np.inf), np.full(unknowns.size, np.inf)
+    for i, name in enumerate(unknowns.model):
+        value = point.value(name)
+        low[i], high[i] = bounds[name].bounds[0] - value, bounds[name].bounds[1] - value
+        if name.startswith(("inertia_", "motor_lag.")):
+            low[i], high[i] = max(low[i], -2.0 / 3.0 * value), min(high[i], 2.0 * value)
+    return low, high
+
+
+def _take(
+    flights: list[Flight],
+    point: Point,
+    unknowns: Unknowns,
+    noise: Noise,
+    prior: Prior,
+    step: FloatArray,
+    changes: list[FloatArray],
+    robust: bool,
+    before: float,
+) -> tuple[Point, float]:
+    """The point after the largest share of the step that lowers the cost."""
+
+    def total(candidate: Point) -> float:
+        border = candidate.shared(unknowns)
+        own = 0.5 * float((((border - prior.mean) / prior.std) ** 2).sum())
+        return own + total_cost(flights, candidate, noise, robust)
+
+    start = before + 0.5 * float((((point.shared(unknowns) - prior.mean) / prior.std) ** 2).sum())
+    share = 1.0
+    while share > 1e-3:
+        candidate = point.moved(unknowns, share * step, [share * c for c in changes])
+        after = total(candidate)
+        # rounding of sums over 1e5 rows is allowed for; at the optimum the cost no longer falls
+        if np.isfinite(after) and after <= start * (1.0 + 1e-6) + 1e-3:
+            return candidate, share
+        share *= 0.5
+    raise InputError(
+        "the fit does not get better in any direction; the start values may be of another vehicle, "
+        "or the rotor order, spin or units of the log may be wrong"
+    )
+
+
+def _updated_noise(
+    flights: list[Flight],
+    vehicle: Vehicle,
+    rows: Sequence[Rows],
+    eliminated: Sequence[Eliminated],
+    step: FloatArray,
+    taken: float,
+    changes: list[FloatArray],
+    noise: Noise,
+) -> Noise:
+    """Noise levels that match the residuals: squares over the rows left after the states took their share."""
+
+    def one(flight: Flight, r: Rows, e: Eliminated, change: FloatArray) -> dict[str, FloatArray]:
+        """(2, levels) of each block: sum of squares, and how many rows are left to judge the level by."""
+        defect_change, sensor_change = r.change(taken * change[:, :, None], taken * step[:, None])
+        defect, sensor = r.defect + defect_change[:, :, 0], r.sensor + sensor_change[:, :, 0]
+        defect_leverage, sensor_leverage = e.factor.leverage(r)
+        measured = (r.sensor_state != 0.0).any(axis=2)
+        intervals = np.stack([(defect**2).sum(axis=0), (1.0 - defect_leverage).sum(axis=0)])
+        nodes = np.stack([(measured * sensor**2).sum(axis=0), (measured * (1.0 - sensor_leverage)).sum(axis=0)])
+        return _by_level(flight, noise, intervals, between=True) | _by_level(flight, noise, nodes, between=False)
+
+    parts = each(vehicle, one, flights, rows, eliminated, changes)
+    levels = {}
+    for block in (b for b in BLOCKS if b.name in noise.levels):
+        own = [part[block.name] for part in parts if block.name in part]
+        squares, left = np.sum(own, axis=0) if own else np.zeros((2, len(block.levels)))
+        ratio = np.where(left > 1.0, np.sqrt(np.clip(squares / np.maximum(left, 1.0), 0.01, 100.0)), 1.0)
+        levels[block.name] = block.updated(noise.levels[block.name], ratio, flights)
+    return replace(noise, levels=levels)
+
+
+def _by_level(flight: Flight, noise: Noise, of_rows: FloatArray, *, between: bool) -> dict[str, FloatArray]:
+    """Sums over the rows of each block's noise levels, (2, rows) in and (2, levels) out."""
+    blocks = acting(flight, noise, between=between)
+    return {
+        block.name: of_rows[:, place] @ np.eye(len(block.levels))[list(block.level_of_row)]
+        for block, place in zip(blocks, places(blocks), strict=True)
+        if block.levels
+    }
+
+
+def _relative_change(old: Noise, new: Noise) -> float:
+    return max(float(np.abs(new.levels[name] / level - 1.0).max()) for name, level in old.levels.items())
+
+
+def robust_covariance(solution: Solution, times_s: list[FloatArray], block_s: float) -> tuple[FloatArray, FloatArray]:
+    """(p, p) sandwich covariance: errors may be correlated within blocks of `block_s`, and forms slightly wrong.
+
+    What is wrong for as long as a whole flight (a manoeuvre the form fits badly, a controller that answers gusts)
+    shows in no block, only between flights. So variances are a mean of what blocks say and what whole flights say; both
+    are right for a right model. Flights count for a half where three or more show a parameter in effect, for less
+    where fewer do, and not at all where one does: it has none to disagree with. The second result (p,) is how many
+    blocks each variance rests on in effect
+    (Satterthwaite): a drag that shows in a dozen fast blocks has errors known no better than from a dozen samples.
+    """
+    blocks, freedom = _sandwich(solution, times_s, block_s)
+    if len(times_s) == 1:
+        return blocks, freedom
+    flights, shown_by = _sandwich(solution, times_s, max(float(np.ptp(time_s)) for time_s in times_s) + 1.0)
+    more = np.diag(flights) / np.maximum(np.diag(blocks), 1e-300)
+    weight = np.minimum(0.5, 0.25 * (shown_by - 1.0))
+    scale = np.sqrt(1.0 + weight * (more - 1.0))
+    return blocks * np.outer(scale, scale), freedom
+
+
+def _sandwich(solution: Solution, times_s: list[FloatArray], block_s: float) -> tuple[FloatArray, FloatArray]:
+    """(p, p) covariance from the scatter of blocks, and (p,) how many it rests on in effect.
+
+    Each block's score is freed of the block's own pull on the estimate (jackknife, CR3), or few blocks that fit
+    themselves would look too good.
+    """
+    bread = solution.covariance()
+    meat, blocks = np.zeros_like(bread), 0
+    shares: list[FloatArray] = []
+    for flight, time_s in enumerate(times_s):
+        for information, pull in block_scores(solution, flight, time_s, block_s):
+            score = np.linalg.lstsq(np.eye(len(pull)) - information @ bread, pull)[0]
+            shares.append(np.einsum("ip,ij,jp->p", bread, information, bread))
+            meat += np.outer(score, score)
+            blocks += 1
+    freedom = np.sum(shares, axis=0) ** 2 / np.maximum(np.sum(np.square(shares), axis=0), 1e-300)
+    return bread @ meat @ bread * ((blocks - 1) / blocks), np.maximum(freedom, 1.0)
+
+
+def block_scores(
+    solution: Solution, flight: int, time_s: FloatArray, block_s: float
+) -> list[tuple[FloatArray, FloatArray]]:
+    """For each block of a flight its information (p, p) and its pull on the parameters (p,), the states eliminated."""
+    rows, sensitivity = solution.rows[flight], solution.sensitivity[flight]
+    p = sensitivity.shape[2]
+    defect, sensor = rows.freed(sensitivity)
+    edges = np.searchsorted(time_s, np.arange(time_s[0], time_s[-1], block_s))
+    found = []
+    for begin, end in zip(edges, [*edges[1:], len(time_s)], strict=True):
+        columns = np.concatenate([defect[begin:end].reshape(-1, p), sensor[begin:end].reshape(-1, p)])
+        residual = np.concatenate([rows.defect[begin:end].ravel(), rows.sensor[begin:end].ravel()])
+        found.append((columns.T @ columns, columns.T @ residual))
+    return found

@@ -1,0 +1,200 @@
+"""What is wrong with a log, said before anything is fitted; every finding proposes a fix and none is applied."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from flight import FlightLog
+from flight.flight_log import COLUMNS
+from flight.rotations import FloatArray
+from sysid.logs import consistency
+from sysid.logs.finding import Finding, Repair, Span, error, warning
+from vehicle import Vehicle
+
+FROZEN_S = 0.25
+"""A moving quantity that repeats exactly one value for this long has frozen."""
+JUMP_FACTOR, JUMP_LEAST_M = 30.0, 0.05
+"""A position jumps when it leaves the line through its neighbours by this many usual deviations, and this far."""
+SATURATED_SHARE = 0.01
+"""A channel that sits exactly at its own extreme in this share of the samples has saturated."""
+COMMANDED = ("setpoint_", "rotor_speed_command", "wind_world")
+"""Columns that may stand still or sit at a limit by intent."""
+
+
+@dataclass(frozen=True, slots=True)
+class LogReport:
+    """All findings about one log."""
+
+    name: str
+    duration_s: float
+    rate_hz: float
+    findings: tuple[Finding, ...]
+
+    @property
+    def worst(self) -> Literal["fine", "warning", "error"]:
+        levels = {f.level for f in self.findings}
+        return "error" if "error" in levels else "warning" if levels else "fine"
+
+    def as_dict(self) -> dict[str, Any]:
+        return {
+            "name": self.name,
+            "duration_s": self.duration_s,
+            "rate_hz": self.rate_hz,
+            "worst": self.worst,
+            "findings": [
+                {
+                    "level": f.level,
+                    "what": f.what,
+                    "sentence": f.sentence,
+                    "fix": f.fix,
+                    "fixable": f.repair is not None,
+                    "spans_s": [list(span) for span in f.spans],
+                }
+                for f in self.findings
+            ],
+        }
+
+
+def check_log(log: FlightLog, vehicle: Vehicle | None = None) -> LogReport:
+    """Look for faults in a log; with a vehicle, also for rotor order, spin and units that its motion contradicts."""
+    step_s = np.diff(log.time_s)
+    findings = [*_time_base(log), *_not_finite(log), *_jumps(log), *_frozen(log), *_saturated(log)]
+    findings += consistency.check(log, vehicle)
+    return LogReport(
+        name=str(log.metadata.get("name", "log")),
+        duration_s=float(log.time_s[-1] - log.time_s[0]) if len(log) else 0.0,
+        rate_hz=float(1.0 / np.median(step_s)) if len(step_s) else 0.0,
+        findings=tuple(findings),
+    )
+
+
+def _time_base(log: FlightLog) -> list[Finding]:
+    step_s = np.diff(log.time_s)
+    if len(step_s) < 10:
+        return [error("length", f"the log has only {len(log)} rows", "record a flight of 10 s or more")]
+    usual = float(np.median(step_s))
+    found = []
+    if usual >= 0.5:
+        unit, divisor = ("microseconds", "1e6") if usual > 100.0 else ("milliseconds", "1000")
+        sentence = f"rows are {usual:g} s apart: the time looks like {unit}"
+        repair = Repair("scale", ("time_s",), factor=1.0 / float(divisor))
+        found.append(error("time unit", sentence, f"divide time_s by {divisor}", repair=repair))
+    holes = np.flatnonzero(step_s > max(4.0 * usual, 0.04))
+    if len(holes):
+        worst = int(holes[np.argmax(step_s[holes])])
+        many = "1 gap" if len(holes) == 1 else f"{len(holes)} gaps"
+        found.append(
+            error(
+                "gap",
+                f"{many}, the longest of {step_s[worst]:.3f} s at {log.time_s[worst]:.3f} s",
+                "fit the pieces between gaps as separate flights (gaps='split')",
+                spans=tuple((float(log.time_s[i]), float(log.time_s[i + 1])) for i in holes),
+            )
+        )
+    jitter = float(np.std(step_s[step_s < 4.0 * usual]) / usual)
+    if jitter > 0.3:
+        sentence = f"sample intervals vary by {100.0 * jitter:.0f} % of {1000.0 * usual:.1f} ms"
+        found.append(warning("jitter", sentence, "stamp samples where they are taken"))
+    return found
+
+
+def _not_finite(log: FlightLog) -> list[Finding]:
+    found = []
+    for name, values in log.columns.items():
+        bad = ~np.isfinite(values)
+        if np.isinf(values).any():
+            row = int(np.flatnonzero(np.isinf(values))[0])
+            where = _spans(log.time_s, np.flatnonzero(np.isinf(values)))
+            repair = Repair("blank", (name,), spans=where)
+            sentence = f"{name} is infinite in row {row}"
+            found.append(error("infinite", sentence, "write NaN there", repair=repair, spans=where))
+        elif bad.all():
+            repair = Repair("drop", (name,))
+            found.append(warning("empty", f"{name} is never finite", "drop the column", repair=repair))
+    return found
+
+
+def _jumps(log: FlightLog) -> list[Finding]:
+    """Positions that leave the line through their neighbours by far more than is usual in this log."""
+    if not log.has("position_world_m"):
+        return []
+    position = log.vector("position_world_m")
+    rows = np.flatnonzero(np.isfinite(position).all(axis=1))
+    if len(rows) < 50:
+        return []
+    off = np.linalg.norm(position[rows[2:]] - 2.0 * position[rows[1:-1]] + position[rows[:-2]], axis=1)
+    step_s = np.diff(log.time_s[rows])
+    across_gap = np.maximum(step_s[1:], step_s[:-1]) > max(4.0 * float(np.median(step_s)), 0.04)
+    bad = np.flatnonzero((off > max(JUMP_FACTOR * float(np.median(off)), JUMP_LEAST_M)) & ~across_gap)
+    if not len(bad):
+        return []
+    worst = int(bad[np.argmax(off[bad])])
+    sentence = (
+        f"the position jumps by {off[worst]:.3f} m at {log.time_s[rows[worst + 1]]:.3f} s, {len(bad)} such samples"
+    )
+    where = _spans(log.time_s, rows[bad + 1])
+    repair = Repair("blank", COLUMNS["position_world_m"], spans=where)
+    return [error("jump", sentence, "write NaN there, or fit with robust=True", repair=repair, spans=where)]
+
+
+def _spans(time_s: FloatArray, rows: np.ndarray) -> tuple[Span, ...]:
+    """Runs of neighbouring rows as spans."""
+    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
+    return tuple((float(time_s[run[0]]), float(time_s[run[-1]])) for run in runs if len(run))
+
+
+def _frozen(log: FlightLog) -> list[Finding]:
+    found = []
+    for quantity, columns in COLUMNS.items():
+        if quantity.startswith(COMMANDED) or not log.has(quantity):
+            continue
+        values = log.vector(quantity)
+        rows = np.flatnonzero(np.isfinite(values).all(axis=1))
+        if len(rows) < 10:
+            continue
+        for name, constant in zip(columns, np.ptp(values[rows], axis=0) == 0.0, strict=True):
+            if constant:
+                found.append(warning("constant", f"{name} never changes", "drop it or fix the recorder"))
+        # all components at once: a single one may repeat when its resolution is coarse
+        start, end = _longest_repeat(values[rows])
+        length_s = float(log.time_s[rows[end]] - log.time_s[rows[start]])
+        if length_s > FROZEN_S and end - start >= 10:
+            sentence = f"{quantity} repeats itself for {length_s:.2f} s from {log.time_s[rows[start]]:.2f} s on"
+            where = ((float(log.time_s[rows[start + 1]]), float(log.time_s[rows[end]])),)
+            repair = Repair("blank", columns, spans=where)
+            fix = "cut that stretch out, or write NaN there"
+            found.append(error("frozen", sentence, fix, repair=repair, spans=where))
+    return found
+
+
+def _longest_repeat(values: FloatArray) -> tuple[int, int]:
+    """First and last index of the longest run of equal rows."""
+    edges = np.flatnonzero(np.concatenate([[True], (np.diff(values, axis=0) != 0.0).any(axis=1), [True]]))
+    longest = int(np.argmax(np.diff(edges)))
+    return int(edges[longest]), int(edges[longest + 1] - 1)
+
+
+def _saturated(log: FlightLog) -> list[Finding]:
+    found = []
+    for quantity in ("rotor_speed_rad_s", "rate_body_rad_s", "specific_force_body_m_s2"):
+        if not log.has(quantity):
+            continue
+        for name, values in zip(COLUMNS[quantity], log.vector(quantity).T, strict=True):
+            finite = values[np.isfinite(values)]
+            if len(finite) < 100 or np.ptp(finite) == 0.0:
+                continue
+            for extreme in (finite.max(), finite.min()):
+                share = float((finite == extreme).mean())
+                if share > SATURATED_SHARE and extreme != 0.0 and _well_apart(finite, extreme):
+                    sentence = f"{name} sits exactly at {extreme:g} in {100.0 * share:.1f} % of the samples"
+                    fix = "raise the sensor's range or fly gentler; leave the stretch out of the fit"
+                    found.append(warning("saturated", sentence, fix))
+    return found
+
+
+def _well_apart(values: FloatArray, extreme: float) -> bool:
+    """Whether the extreme is much more frequent than its neighbours, so not just a coarse resolution."""
+    other = values[values != extreme]
+    nearest = other[np.argmin(np.abs(other - extreme))]
+    return (values == extreme).sum() > 5 * (other == nearest).sum()

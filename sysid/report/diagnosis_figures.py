@@ -1,0 +1,205 @@
+"""The pictures of a diagnosis: the staircase, what convicts the leading candidates, the curve that has no name."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flight.rotations import FloatArray
+from sysid.diagnosis import explained
+from sysid.diagnosis.candidates import Candidate
+from sysid.diagnosis.examined import Model, reproduced
+from sysid.diagnosis.findings import OutsideFinding
+from sysid.diagnosis.free_form import VARIABLE, along_axes
+from sysid.diagnosis.procedure import Diagnosis
+from sysid.estimator.blocks import motor
+from sysid.estimator.comparison import SPAN_S, Residual, means_over, residual
+from sysid.estimator.model import slopes_along
+from sysid.estimator.result import CHANNELS
+from sysid.report import drawing, residual_plots
+from vehicle import rigid_body
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+BEFORE, AFTER = "fitted", "fitted, with what was added"
+MOST_CANDIDATES = 4
+"""Leading candidates with a picture of their own."""
+MOST_ALIKE = 12
+"""Candidates in the picture of confounded effects."""
+SHOWN = 0.3
+"""A channel in which a candidate is this much weaker than in its strongest is not drawn."""
+TOLD = 1e-3
+"""Candidates less significant than this have nothing to show."""
+
+
+def write(found: Diagnosis, folder: Path, *, suffix: str = "svg") -> list[Path]:
+    """Write every figure; returns the files, in the order they are to be read."""
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    first, last = found.search.models[0], found.search.models[-1]
+    named = {BEFORE: left_of(first)}
+    if last is not first:
+        named[AFTER] = left_of(last)
+    drawings = {}
+    if found.outside is not None:
+        drawings["outside"] = outside(found, found.outside)
+    for i, candidate in enumerate(leading(found)):
+        drawings[f"suspect_{i + 1}"] = evidence_for(found, candidate, named)
+    drawings["staircase"] = staircase(found)
+    loudest = residual_plots.loudest(named[BEFORE])
+    title = f"Unexplained on {first.fit.flights[loudest].name}, body axes"
+    drawings["residual_share"] = residual_plots.heat_map(named, _unseen(found))
+    drawings["residual_wrench"] = residual_plots.over_time(named, loudest, title)
+    drawings["look_alikes"] = confounded(found)
+    return [drawing.written(figure, folder / f"{name}.{suffix}") for name, figure in drawings.items()]
+
+
+def left_of(model: Model) -> list[Residual]:
+    """What a fitted model leaves unexplained on the flights it was fitted to."""
+    fit = model.fit
+    both = zip(model.flights, fit.solution.point.states, strict=True)
+    return [residual(flight, states, fit.vehicle, fit.noise.process) for flight, states in both]
+
+
+def _unseen(found: Diagnosis) -> dict[str, Sequence[Residual]]:
+    """What the first and the last fitted model leave of the held-out flights, if there were any."""
+    if not found.held_out:
+        return {}
+    first, last = found.staircase[1].model, found.staircase[-1].model
+    return {BEFORE: found.judged.residuals[first], AFTER: found.judged.residuals[last]}
+
+
+def leading(found: Diagnosis) -> list[Candidate]:
+    """Candidates worth a picture: those added, then those tried, then the most significant."""
+    tried = [a.name for a in found.attempts]
+    wanted = [*found.additions, *tried, *(s.name for s in found.candidates if s.significance < TOLD)]
+    candidate_set = {s.name: s for s in found.search.models[0].candidate_set.candidates}
+    return [candidate_set[name] for name in dict.fromkeys(wanted) if name in candidate_set][:MOST_CANDIDATES]
+
+
+def staircase(found: Diagnosis) -> "Figure":
+    """Prediction errors of each model of the history, one panel per horizon."""
+    horizons = list(found.staircase[0].position_m)
+    labels = [s.model for s in found.staircase]
+    figure, axes = drawing.figure(1, len(horizons), (12.0, 1.2 + 0.42 * len(labels)), sharey=True)
+    for panel, horizon in zip(axes[0], horizons, strict=True):
+        values = 1000.0 * np.array([s.position_m[horizon] for s in found.staircase])
+        colours = [drawing.PALE] * len(values)
+        if len(values) > 2:  # something was added to the fitted model
+            colours[-1] = drawing.COLOURS[2] if values[-1] <= values[1] else drawing.COLOURS[0]
+        panel.barh(range(len(values)), values, color=colours, height=0.7)
+        for place, value in enumerate(values):
+            fell = 0.0 if place == 0 else value / values[place - 1] - 1.0
+            said = f" {value:.3g}  {fell:+.0%}" if abs(fell) >= 0.005 else f" {value:.3g}"
+            panel.text(value, place, said, va="center", fontsize=8, color=drawing.INK)
+        panel.set_xlim(0.0, 1.55 * values.max())
+        panel.set_yticks(range(len(labels)), labels, fontsize=9)
+        panel.set_ylim(len(labels) - 0.5, -0.5)
+        drawing.plain(panel, f"after {horizon}", "position error, rms (mm)", "")
+        panel.grid(False, axis="y")
+    on = f"held-out flights {', '.join(found.held_out)}" if found.held_out else "the flights learnt from"
+    drawing.headed(figure, f"Prediction error of each model on {on}; change from the model above")
+    return figure
+
+
+def evidence_for(found: Diagnosis, candidate: Candidate, named: dict[str, list[Residual]]) -> "Figure":
+    """The residual against the variable that tells most, before and after, and against the candidate's own trace."""
+    model = found.search.models[0]
+    channel, trace = strongest_trace(model, candidate)
+    before = named[BEFORE]
+    variable = residual_plots.most_telling(before, [channel])[1]
+    models = list(named.items()) if candidate.name in found.additions else [(BEFORE, before)]
+    figure, axes = drawing.figure(1, len(models) + 1, (12.0, 3.5), sharey=True)
+    scale, written = residual_plots.unit(channel)
+    row = CHANNELS.index(channel)
+    label = residual_plots.labelled(variable)
+    for i, (panel, colour, (name, residuals)) in enumerate(zip(axes[0], drawing.cycle(range(9)), models, strict=False)):
+        left = scale * np.concatenate([r.means() for r in residuals])[:, row]
+        residual_plots.scatter(panel, explained.read(residuals, VARIABLE[variable]), left, colour)
+        drawing.plain(panel, name, label, f"unexplained {channel} ({written})" if i == 0 else "")
+    panel = axes[0, -1]
+    left = scale * np.concatenate([r.means() for r in before])[:, row]
+    residual_plots.scatter(panel, scale * trace, left, drawing.COLOURS[3])
+    reach = np.quantile(scale * trace, [0.005, 0.995])
+    panel.plot(reach, reach, "--", color=drawing.COLOURS[0], linewidth=1.4, label="the effect at its size")
+    panel.legend(frameon=False, fontsize=8)
+    drawing.plain(panel, "before, against what it would make", f"{candidate.name} ({written})", "")
+    drawing.headed(figure, f"{candidate.name}: {candidate.regressor} (means over 0.1 s; dark: binned mean, 95 % band)")
+    return figure
+
+
+def strongest_trace(model: Model, candidate: Candidate) -> tuple[str, FloatArray]:
+    """Channel whose residual a candidate concerns most, and (m,) the force (N) or torque (N m) it makes there."""
+    size, fit = model.scores[candidate.name].size, model.fit
+    left = left_of(model)
+    body = rigid_body(fit.vehicle)
+    parts = []
+    for one in left:
+        flight = motor.driven(one.flight, model.candidate_set.vehicle)
+        slopes = slopes_along(model.candidate_set.vehicle, candidate.parameters, flight, one.mid).parameters @ size
+        wrench = np.concatenate([body.mass_kg * slopes[:, :3], slopes[:, 3:] @ body.inertia_kg_m2], axis=1)
+        parts.append((means_over(wrench, one.time_s, 0.1), one.sigma))
+    trace = np.concatenate([wrench for wrench, _ in parts])
+    strength = np.sqrt((trace**2).mean(axis=0)) / parts[0][1]
+    shown = [c for c, s in zip(CHANNELS, strength, strict=True) if s >= SHOWN * strength.max()]
+    row = CHANNELS.index(residual_plots.most_telling(left, shown)[0])
+    return CHANNELS[row], trace[:, row]
+
+
+def outside(found: Diagnosis, curve: OutsideFinding) -> "Figure":
+    """The curve that no known effect explains, with its band; beside it flights that it was not drawn through."""
+    scale, written = residual_plots.unit(curve.channel)
+    mean = scale * curve.force_or_torque * curve.acceleration
+    band = residual_plots.SIGMAS * scale * curve.force_or_torque * curve.band
+    figure, axes = drawing.figure(1, 2, (12.0, 3.8), sharex=True, sharey=True)
+    label = residual_plots.labelled(curve.variable)
+    last = found.search.models[-1]
+    left = found.judged.residuals[found.staircase[-1].model] if found.held_out else left_of(last)
+    at = explained.read(left, VARIABLE[curve.variable])
+    unexplained = scale * _in_channel(left, curve.channel)
+    residual_plots.scatter(axes[0, 1], at, unexplained, drawing.COLOURS[0])
+    for panel in axes[0]:
+        panel.fill_between(curve.at, mean - band, mean + band, color=drawing.COLOURS[1], alpha=0.25, linewidth=0)
+        panel.plot(curve.at, mean, color=drawing.COLOURS[1], linewidth=1.8, label="the curve")
+        panel.axhline(0.0, color=drawing.INK, linewidth=0.6)
+    axes[0, 1].legend(frameon=False, fontsize=8)
+    drawing.plain(axes[0, 0], "the curve, from the flights learnt from", label, f"{curve.channel} ({written})")
+    judged = f"unexplained on {', '.join(found.held_out)}, not used" if found.held_out else "unexplained there"
+    drawing.plain(axes[0, 1], judged, label, "")
+    sentence = f"{curve.channel} against {curve.variable}: what no known effect explains"
+    drawing.headed(figure, f"{sentence} (95 % band; dots: means over 0.1 s; dark: binned mean)")
+    return figure
+
+
+def _in_channel(left: Sequence[Residual], channel: str) -> FloatArray:
+    """(m,) residual force or torque in a channel as means over 0.1 s, flights one after the other."""
+    parts = []
+    for one in left:
+        which, weight = along_axes(channel, one.mid)
+        parts.append(means_over((one.wrench[:, which] * weight).sum(axis=1)[:, None], one.time_s, SPAN_S)[:, 0])
+    return np.concatenate(parts)
+
+
+def confounded(found: Diagnosis) -> "Figure":
+    """How much of one candidate's trace another could make up on these flights."""
+    model = found.search.models[0]
+    order = [s.name for s in found.candidates if s.name in model.scores]
+    shown = sorted(order, key=lambda n: model.scores[n].significance)[:MOST_ALIKE]
+    candidates = [model.candidate_set.candidate(name) for name in shown]
+    table = np.array([[1.0 if a is b else reproduced(model, a, b) for b in candidates] for a in candidates])
+    figure, axes = drawing.figure(1, 1, (12.0, 1.4 + 0.3 * len(shown)))
+    panel = axes[0, 0]
+    image = panel.imshow(table, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
+    for i, j in np.ndindex(*table.shape):
+        colour = "white" if table[i, j] > 0.6 else drawing.INK
+        panel.text(j, i, f"{100 * table[i, j]:.0f}", ha="center", va="center", fontsize=7.5, color=colour)
+    panel.set_yticks(range(len(shown)), shown, fontsize=8)
+    panel.set_xticks(range(len(shown)), shown, fontsize=8, rotation=40, ha="right")
+    panel.tick_params(length=0)
+    figure.colorbar(image, ax=panel, label="share of the trace", fraction=0.04, pad=0.02)
+    drawing.headed(
+        figure, "How much of the row's trace (%) the column could make up; above 90 they cannot be told apart"
+    )
+    return figure

@@ -1,0 +1,152 @@
+"""One self-contained HTML page per diagnosis: verdict, evidence, sizes, confounded effects, what is open."""
+
+import tempfile
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from html import escape
+from importlib.metadata import version
+from pathlib import Path
+
+from sysid.diagnosis.findings import Outcome, OutsideFinding, Verdict
+from sysid.diagnosis.procedure import Diagnosis
+from sysid.report import diagnosis_figures, diagnosis_tables, words
+from sysid.report.pages import picture, write_page
+
+CAPTIONS = {
+    "staircase": "Prediction error, model by model",
+    "suspect": "The evidence",
+    "outside": "What no known effect explains",
+    "residual_share": "What explains the residual, channel by channel",
+    "residual_wrench": "Unexplained force and torque over time",
+    "look_alikes": "How alike their traces are",
+}
+HORIZON = "0.5 s"
+"""At which the verdict states the error."""
+STYLE = (
+    "table.grouped td, table.grouped th { padding: .12em .9em .12em .3em; font-size: .94em }"
+    "table.grouped tbody tr { background: none !important; vertical-align: top }"
+    "table.grouped tbody:nth-of-type(even) tr { background: #f7f7f7 !important }"
+    "table.grouped td.name, td.name { font-family: ui-monospace, monospace; font-size: .9em; text-align: left }"
+    "table.grouped td.word { font-family: inherit; font-size: .94em }"
+    "td.present { color: #b0413e; font-weight: 600 }"
+    "pre { background: #f6f6f4; padding: .5em .8em; margin: .4em 0; white-space: pre-wrap; font-size: .92em }"
+)
+
+
+def write(path: Path, found: Diagnosis, *, further: Sequence[str] = ()) -> Path:
+    """Write the report; pictures are inside the file.
+
+    Args:
+        further: what to type or fly now.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        drawn = diagnosis_figures.write(found, Path(folder))
+        pictures = {p.stem: picture(p, CAPTIONS[p.stem.rstrip("0123456789").rstrip("_")]) for p in drawn}
+    evidence = [drawn for name, drawn in pictures.items() if name.startswith(("outside", "suspect"))]
+    parts = [
+        _head(found),
+        "<h2>Evidence</h2>",
+        *evidence,
+        pictures["staircase"],
+        _attempts(found),
+        pictures["residual_share"],
+        pictures["residual_wrench"],
+        "<h2>Candidates</h2>",
+        diagnosis_tables.candidates(found.candidates),
+        "<h2>Confounded effects</h2>",
+        diagnosis_tables.confounded(found.candidates),
+        pictures["look_alikes"],
+        _unseen(found),
+        _next(further),
+        "<h2>The model now</h2>",
+        diagnosis_tables.parameters(found.vehicle.parameters),
+        _notes(found),
+    ]
+    return write_page(Path(path), f"Diagnosis of {found.base.name}", "".join(parts), STYLE)
+
+
+def _head(found: Diagnosis) -> str:
+    now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    judged = f"judged on {', '.join(found.held_out)}" if found.held_out else "each flight judged by the others"
+    return (
+        f"<h1>Diagnosis of {escape(found.base.name)}</h1>"
+        f"<p class='small'>goshawk {version('goshawk')}, {now}. Learnt from {escape(', '.join(found.flights))}; "
+        f"{escape(judged)}. Model as given: {escape(', '.join(found.base.effects))}. SI units; body axes x forward, "
+        "y left, z up. F is force, M torque, v velocity through the air, w turning rate, n rotor speed.</p>"
+        f"<div class='verdict'>{_verdict(found)}</div>"
+    )
+
+
+def _verdict(found: Diagnosis) -> str:
+    sentence = found.verdict[0].upper() + found.verdict[1:]
+    said = [f"<b>{escape(sentence)}.</b>", f"Confidence {found.confidence:.0%}."]
+    said += [diagnosis_tables.size_sentence(s) for s in found.candidates if s.verdict is Verdict.PRESENT]
+    if found.outside is not None:
+        said.append(_curve_sentence(found.outside))
+    said.append(_error_sentence(found))
+    if not found.additions:
+        said.append(_seen_sentence(found))
+    return "".join(f"<p>{line}</p>" for line in said)
+
+
+def _curve_sentence(o: OutsideFinding) -> str:
+    unit = "N" if o.channel[0] == "F" else "N m"
+    curve = o.acceleration * o.force_or_torque
+    return (
+        f"The {words.channel(o.channel)} ({o.channel}) follows {escape(words.variable(o.variable))} "
+        f"({escape(o.variable)}): from {diagnosis_tables.plain(float(curve.min()))} to "
+        f"{diagnosis_tables.plain(float(curve.max()))} {unit} over {o.at[0]:.3g} to {o.at[-1]:.3g} "
+        f"{diagnosis_tables.unit(o.variable_unit)}. Chance alone would do so with probability "
+        f"{diagnosis_tables.chance(o.significance)}."
+    )
+
+
+def _error_sentence(found: Diagnosis) -> str:
+    on = f"on the held-out flights {', '.join(found.held_out)}" if found.held_out else "on the flights learnt from"
+    steps = [f"{1000.0 * s.position_m[HORIZON]:.3g} mm ({escape(s.model)})" for s in found.staircase]
+    return f"Position error after {HORIZON} {escape(on)}: {', '.join(steps)}."
+
+
+def _seen_sentence(found: Diagnosis) -> str:
+    excluded = sum(s.verdict is Verdict.EXCLUDED for s in found.candidates)
+    open_ = [s.name for s in found.candidates if s.verdict is Verdict.CANNOT_TELL]
+    open_ += [name for name, _ in found.invisible]
+    told = f"Of {len(found.candidates)} candidates, {excluded} would have shown at their usual size and can be excluded"
+    return f"{told}. These flights say nothing certain of {escape(', '.join(open_))}." if open_ else f"{told}."
+
+
+def _attempts(found: Diagnosis) -> str:
+    if not found.attempts:
+        return "<p>No known effect explained enough to be tried.</p>"
+    style = {Outcome.ADDED: "good", Outcome.REMOVED: "held", Outcome.UNDECIDED: "held"}
+    items = "".join(
+        f"<li><b>{escape(a.name)}</b> <span class='{style.get(a.outcome, 'bad')}'>{escape(a.sentence)}</span>"
+        f"{_rivals(a.rivals)}</li>"
+        for a in found.attempts
+    )
+    note = "<p class='small'>The cost is half the sum of squares in units of the noise; ± one standard deviation.</p>"
+    return f"<h3>What was tried, in order</h3><ul>{items}</ul>{note}"
+
+
+def _rivals(rivals: Sequence[tuple[str, float]]) -> str:
+    said = ", ".join(f"{escape(name)} {p:.0%}" for name, p in rivals)
+    return f" <span class='small'>also fitted, probability: {said}</span>" if said else ""
+
+
+def _next(further: Sequence[str]) -> str:
+    if not further:
+        return "<h2>Next steps</h2><p>None: what these flights could show is in the model.</p>"
+    lines = [f"<p>{escape(line[1:-1])}.</p>" if line[0] == "(" else f"<pre>{escape(line)}</pre>" for line in further]
+    return f"<h2>Next steps</h2>{''.join(lines)}"
+
+
+def _unseen(found: Diagnosis) -> str:
+    open_ = [s for s in found.candidates if s.verdict is Verdict.CANNOT_TELL]
+    items = [f"<li><b>{escape(s.name)}</b>: {escape(s.reason)}</li>" for s in open_]
+    items += [f"<li><b>{escape(name)}</b> cannot be seen: {escape(why)}</li>" for name, why in found.invisible]
+    return f"<h2>What these flights cannot tell, and why</h2><ul>{''.join(items)}</ul>" if items else ""
+
+
+def _notes(found: Diagnosis) -> str:
+    findings = "".join(f"<li>{escape(sentence)}</li>" for sentence in found.findings)
+    return f"<h2>Notes of the fit</h2><ul>{findings}</ul>" if findings else ""

@@ -1,0 +1,159 @@
+"""What models leave unexplained: over time, against what explains it, and along the flown path."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flight.rotations import FloatArray
+from sysid.diagnosis import explained
+from sysid.diagnosis.free_form import VARIABLE
+from sysid.estimator.comparison import SPAN_S, Residual, means_over
+from sysid.estimator.result import CHANNELS
+from sysid.report import drawing
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Residuals = Mapping[str, Sequence[Residual]]
+"""Model to its residual on each flight."""
+NOTABLE = 0.03
+"""Shares above this are written into the heat map."""
+FLATTEST = 0.4
+"""Of a flown path, as drawn."""
+SIGMAS = 1.96
+"""Half the width of a 95 % band, in standard deviations."""
+
+
+def unit(channel: str) -> tuple[float, str]:
+    """Scale and unit a channel is drawn in."""
+    return (1.0, "N") if channel[0] == "F" else (1000.0, "mN m")
+
+
+def over_time(named: Residuals, flight: int, title: str) -> "Figure":
+    """Residual force and torque per body axis on one flight, with the band that white noise would keep to."""
+    figure, axes = drawing.figure(2, 3, (12.0, 5.2 + 0.3 * len(named)), sharex="col")
+    for i, (panel, channel) in enumerate(zip(axes.ravel(), CHANNELS, strict=True)):
+        scale, written = unit(channel)
+        for colour, (name, residuals) in zip(drawing.cycle(named), named.items(), strict=True):
+            one = residuals[flight]
+            smooth = scale * one.means()[:, i]
+            time_s = one.time_s[0] + SPAN_S * (np.arange(len(smooth)) + 0.5)
+            outside = float((np.abs(smooth) > SIGMAS * scale * one.sigma[i]).mean())
+            label = f"{name}: {drawing.rms(smooth):.2g} {written}, {outside:.0%} outside"
+            panel.plot(time_s, smooth, color=colour, linewidth=1.0, label=label)
+        band = SIGMAS * scale * list(named.values())[-1][flight].sigma[i]
+        panel.axhspan(-band, band, color=drawing.PALE, alpha=0.5, linewidth=0, zorder=0)
+        panel.axhline(0.0, color=drawing.INK, linewidth=0.6)
+        panel.legend(frameon=False, fontsize=7.5, loc="lower right", bbox_to_anchor=(1.02, 0.97), borderpad=0.2)
+        drawing.plain(panel, "", "time (s)" if i >= 3 else "", f"unexplained {channel} ({written})")
+    drawing.headed(figure, f"{title} (means over {SPAN_S:g} s; grey: 95 % band of the last model's white noise)")
+    return figure
+
+
+def heat_map(named: Residuals, unseen: Residuals | None = None) -> "Figure":
+    """Share of each channel's residual that a curve of each variable predicts, one panel per model.
+
+    Args:
+        unseen: residuals of flights that only judge the curves; without them each flight is judged by the others.
+    """
+    judging = {name: (unseen or {}).get(name, ()) for name in named}
+    found = {name: explained.shares(residuals, judging[name]) for name, residuals in named.items()}
+    figure, axes = drawing.figure(len(found), 1, (12.0, 0.4 + 2.5 * len(found)), sharex=True)
+    image = None
+    for panel, (name, (variables, shares)) in zip(axes[:, 0], found.items(), strict=True):
+        image = panel.imshow(shares, cmap="YlOrRd", vmin=0.0, vmax=1.0, aspect="auto")
+        for i, j in zip(*np.nonzero(shares > NOTABLE), strict=True):
+            colour = "white" if shares[i, j] > 0.6 else drawing.INK
+            panel.text(j, i, f"{100 * shares[i, j]:.0f}", ha="center", va="center", fontsize=7, color=colour)
+        panel.set_yticks(range(6), CHANNELS, fontsize=8)
+        panel.set_xticks(range(len(variables)), variables, rotation=60, ha="right", fontsize=8)
+        panel.set_title(name, loc="left", fontsize=10, color=drawing.INK)
+        panel.tick_params(length=0)
+    assert image is not None
+    figure.colorbar(image, ax=axes[:, 0].tolist(), label="share explained", fraction=0.03, pad=0.01)
+    first = next(iter(named))
+    how = explained.judged_how(named[first], judging[first])
+    drawing.headed(figure, f"Share of the residual (%) that a curve of one variable predicts {how}")
+    return figure
+
+
+def most_telling(residuals: Sequence[Residual], channels: Sequence[str] = CHANNELS) -> tuple[str, str, float]:
+    """Channel and variable with the largest share, and the share."""
+    variables, found = explained.shares(residuals)
+    rows = [CHANNELS.index(c) for c in channels]
+    row, column = np.unravel_index(int(np.argmax(found[rows])), found[rows].shape)
+    return channels[int(row)], variables[int(column)], float(found[rows][row, column])
+
+
+def against(named: Residuals, pairs: Sequence[tuple[str, str]]) -> "Figure":
+    """Residual against a variable with its binned mean and 95 % band: one row per pair, one column per model."""
+    figure, axes = drawing.figure(len(pairs), len(named), (12.0, 0.4 + 3.0 * len(pairs)), sharey="row", sharex="row")
+    found = {name: explained.shares(residuals) for name, residuals in named.items()}
+    for row, (channel, variable) in zip(axes, pairs, strict=True):
+        scale, written = unit(channel)
+        for i, (panel, colour, (name, residuals)) in enumerate(
+            zip(row, drawing.cycle(named), named.items(), strict=True)
+        ):
+            left = scale * np.concatenate([r.means() for r in residuals])[:, CHANNELS.index(channel)]
+            scatter(panel, explained.read(residuals, VARIABLE[variable]), left, colour)
+            variables, shares = found[name]
+            share = shares[CHANNELS.index(channel), variables.index(variable)]
+            title = f"{name}: {variable} predicts {share:.0%} of {channel}"
+            drawing.plain(panel, title, labelled(variable), f"unexplained {channel} ({written})" if i == 0 else "")
+    how = explained.judged_how(next(iter(named.values())))
+    drawing.headed(figure, f"What tells most of force and of torque {how}; dark: binned mean with 95 % band")
+    return figure
+
+
+def labelled(variable: str) -> str:
+    """A variable with its unit."""
+    return f"{variable} ({VARIABLE[variable].unit})" if VARIABLE[variable].unit else variable
+
+
+def loudest(residuals: Sequence[Residual]) -> int:
+    """The flight of which most is unexplained, over the noise."""
+    return max(range(len(residuals)), key=lambda i: float(((residuals[i].means() / residuals[i].sigma) ** 2).mean()))
+
+
+def scatter(panel: "Axes", x: FloatArray, y: FloatArray, colour: str) -> None:
+    """Points, and their binned mean with its band."""
+    panel.plot(x, y, ".", color=colour, alpha=0.25, markersize=3.5, rasterized=True)
+    centre, mean, error = drawing.binned(x, y)
+    panel.fill_between(centre, mean - SIGMAS * error, mean + SIGMAS * error, color=drawing.INK, alpha=0.25, linewidth=0)
+    panel.plot(centre, mean, "o-", color=drawing.INK, markersize=3.5, linewidth=1.2)
+    panel.axhline(0.0, color=drawing.INK, linewidth=0.6)
+    low, high = np.quantile(y, [0.003, 0.997])
+    reach = max(-low, high, float(np.abs(mean).max()))
+    if not panel.get_autoscaley_on():  # panels that share their axis: room for all
+        reach = max(reach, panel.get_ylim()[1])
+    panel.set_ylim(-reach, reach)
+
+
+def path(named: Residuals, flight: int, title: str) -> "Figure":
+    """The flown path from above and from the side, coloured by how far the residual exceeds its noise."""
+    figure, axes = drawing.figure(2, len(named), (12.0, 7.0), sharex=True, sharey="row")
+    image = None
+    for i, (name, residuals) in enumerate(named.items()):
+        one = residuals[flight]
+        size = np.sqrt(((one.means() / one.sigma) ** 2).mean(axis=1))
+        place = means_over(one.position_world_m, one.time_s, SPAN_S)
+        for panel, (down, label) in zip(axes[:, i], ((1, "y (m)"), (2, "z (m)")), strict=True):
+            panel.plot(place[:, 0], place[:, down], color=drawing.PALE, linewidth=0.8, zorder=1)
+            image = panel.scatter(place[:, 0], place[:, down], c=size, s=14, cmap="inferno_r", vmin=0.0, vmax=4.0)
+            side = f"{name}, from {'above' if down == 1 else 'the side'}"
+            drawing.plain(panel, side, "x (m)" if down == 2 else "", label if i == 0 else "")
+    for row in axes:
+        _no_flatter_than(row[0], FLATTEST)
+    assert image is not None
+    figure.colorbar(image, ax=axes.ravel().tolist(), label="residual / its white noise (rms of 6 channels)", pad=0.01)
+    drawing.headed(figure, title)
+    return figure
+
+
+def _no_flatter_than(panel: "Axes", flattest: float) -> None:
+    """Give the vertical axis at least this share of the horizontal range, so that a few centimetres look like that."""
+    across, (low, high) = np.ptp(panel.get_xlim()), panel.get_ylim()
+    half = max(0.5 * (high - low), 0.5 * flattest * float(across))
+    panel.set_ylim(0.5 * (low + high) - half, 0.5 * (low + high) + half)

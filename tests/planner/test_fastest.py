@@ -1,0 +1,89 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import planner
+from flight import Waypoints
+from planner import airframe, fastest, limits, minimum_snap, time_allocation
+from planner.time_allocation import Problem, Solution, Weights
+
+
+@pytest.fixture(scope="module")
+def walk() -> minimum_snap.Spline:
+    """Fast enough that every limit is near somewhere; the last axis is yaw."""
+    rng = np.random.default_rng(3)
+    knots = np.cumsum(rng.normal(size=(6, 4)) * [2.5, 2.5, 0.7, 0.4], axis=0)
+    return minimum_snap.solve(knots, np.array([1.3, 0.9, 1.1, 0.3, 1.2]))
+
+
+def test_segments_are_cut_into_equal_pieces_that_are_not_too_short(walk):
+    waypoint = np.array([0, -1, 1, -1, 2, 3])
+    knots, T, index = fastest._split(walk, waypoint, 3)
+    assert T.tolist() == pytest.approx([1.3 / 3] * 3 + [0.3] * 3 + [1.1 / 3] * 3 + [0.3] + [0.4] * 3)
+    assert T.min() >= fastest._SHORTEST_S
+    assert index.tolist() == [0, -1, -1, -1, -1, -1, 1, -1, -1, -1, 2, -1, -1, 3]
+    path = minimum_snap.trajectory(walk)
+    starts = np.concatenate([[0.0], np.cumsum(T)])
+    assert np.allclose(knots, path.evaluate(np.minimum(starts, path.duration_s)), atol=1e-9)
+
+
+def test_one_piece_leaves_the_path_as_it_is(walk):
+    knots, T, index = fastest._split(walk, np.arange(6), 1)
+    assert np.array_equal(knots, walk.states[:, 0])
+    assert np.array_equal(T, walk.durations_s)
+    assert index.tolist() == list(range(6))
+
+
+def test_the_corrected_excess_is_that_of_the_vehicles_own_model(walk, drone, open_sky):
+    """At the samples that were asked; half-way between them, where it is interpolated, nearly so."""
+    frame = airframe.reduced(drone, drone.limits)
+    knots = walk.states[:, 0]
+    problem = Problem(knots, np.zeros((6, 4), dtype=bool), frame, open_sky, 0.3, Weights())
+    found = Solution(knots, walk.durations_s, walk, 0.0, 0, True)
+    path = minimum_snap.trajectory(walk)
+    corrections = fastest._Corrections(5)
+    corrections.measure(problem, found, path, drone)
+    reduced, _ = time_allocation.excess(problem, found)
+    times = time_allocation.sample_times(walk.durations_s)
+    full = airframe.measured_excess(frame, drone, path, times.ravel()).reshape(reduced.shape)
+    asked = (reduced.max(axis=2) > -0.2)[:, ::2] & (np.abs(full - reduced).max(axis=2) < 0.5)[:, ::2]
+    assert asked.sum() > 10
+    corrected = (reduced + corrections.total() - corrections.between - fastest._SPARE)[:, ::2][asked]
+    assert np.allclose(corrected, full[:, ::2][asked], rtol=0.0, atol=1e-6)
+
+
+def test_only_segments_that_exceed_a_limit_are_asked_for_more(walk, drone):
+    path = minimum_snap.trajectory(walk)
+    speeds = limits.certified_maxima(path, 1)[0]
+    bound = 0.5 * float(np.sort(speeds)[-1] + np.sort(speeds)[-2])
+    used = limits.usage(path, drone, replace(drone.limits, speed_m_s=bound), step_s=0.01)
+    corrections = fastest._Corrections(5)
+    before = corrections.total()
+    corrections.stricter(used)
+    more = corrections.total() - before
+    fastest_segment = int(np.argmax(speeds))
+    assert np.allclose(more[fastest_segment, :, 0], fastest._STRICTER)
+    others = np.delete(np.arange(5), fastest_segment)
+    assert np.all(more[others, :, 0] == 0.0)
+
+
+def test_multipliers_rise_where_a_limit_is_exceeded_and_fall_where_it_is_not():
+    corrections = fastest._Corrections(1)
+    excess = np.full(corrections.model.shape, -1.0)
+    excess[0, 3, 2] = 0.05
+    corrections.press(excess)
+    assert corrections.multiplier[0, 3, 2] == pytest.approx(0.05 + fastest._SPARE)
+    assert np.count_nonzero(corrections.multiplier) == 1
+    corrections.press(np.full_like(excess, -0.02))
+    assert 0.0 < corrections.multiplier[0, 3, 2] < 0.05
+
+
+def test_a_slow_segment_does_not_slow_its_neighbours_down(drone, open_sky):
+    """A sharp turn in the middle of a long straight: both ends of it are flown at nearly the speed limit."""
+    points = np.array([[0.0, 0, 1], [25, 0, 1], [26, 1.5, 1], [25, 3, 1], [0, 3, 1]])
+    plan = planner.plan(Waypoints(points, np.full(5, np.nan)), open_sky, drone)
+    speed = np.linalg.norm(plan.trajectory.position(plan.trajectory.sample(0.01), 1), axis=1)
+    assert speed.max() > 0.985 * drone.limits.speed_m_s
+    assert plan.trajectory.duration_s < 1.01 * plan.optimum_s
+    assert "speed" in plan.binding

@@ -1,0 +1,86 @@
+"""The verdict on a candidate: which of several reasons decides, and with how much confidence."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from sysid.diagnosis.candidates import Candidate
+from sysid.diagnosis.decision import Case, Reason, decide, sentence
+from sysid.diagnosis.findings import Outcome, Size, Verdict
+from sysid.diagnosis.thresholds import THRESHOLDS
+
+CANDIDATE = Candidate("angular_damping", "angular_damping", (), (), (), ("M_x",), "w", ("rotation", "yaw"))
+VISIBLE = Size("angular_damping.z_n_m_s", "N m s", 1e-5, 1e-5, smallest_visible=1e-4, usual=1e-3)
+INVISIBLE = replace(VISIBLE, smallest_visible=2e-3)
+CURVE = cast("Any", SimpleNamespace(channel="M_z", variable="w_z", confidence=0.8))
+
+
+def trial(outcome: Outcome, between: tuple[str, ...] = ("angular_damping", "pose_delay")) -> Any:
+    return SimpleNamespace(
+        outcome=outcome, confidence=0.9, between=between, sentence="it was tried", probability=lambda name: 0.6
+    )
+
+
+def case(significance: float = 0.5, **found: Any) -> Case:
+    alone = Case(
+        candidate=CANDIDATE,
+        score=cast("Any", SimpleNamespace(significance=significance)),
+        sizes=(VISIBLE,),
+        trial=None,
+        added=False,
+        curve=None,
+        undecided=None,
+        doubted=False,
+        carried_by=(),
+        no_load="",
+        leaves_too_much=False,
+    )
+    return replace(alone, **found)
+
+
+SIGNIFICANT = 0.5 * THRESHOLDS.chance
+
+
+@pytest.mark.parametrize(
+    ("given", "verdict", "reason"),
+    [
+        (case(), Verdict.EXCLUDED, Reason.NOT_SHOWN),
+        (case(leaves_too_much=True), Verdict.CANNOT_TELL, Reason.TOO_MUCH_UNEXPLAINED),
+        (case(sizes=(VISIBLE, INVISIBLE)), Verdict.CANNOT_TELL, Reason.NOT_EXCITED),
+        (case(SIGNIFICANT), Verdict.CANNOT_TELL, Reason.ANOTHER_EXPLAINS_MORE),
+        (case(SIGNIFICANT, curve=CURVE), Verdict.CANNOT_TELL, Reason.CURVE_EXPLAINS_MORE),
+        (case(2.0 * THRESHOLDS.chance, curve=CURVE), Verdict.EXCLUDED, Reason.NOT_SHOWN),
+        (case(SIGNIFICANT, trial=trial(Outcome.NOT_CONFIRMED)), Verdict.CANNOT_TELL, Reason.TRIED),
+        (case(trial=trial(Outcome.REMOVED)), Verdict.CANNOT_TELL, Reason.TRIED),
+        (case(no_load="weights differ", trial=trial(Outcome.NOT_CONFIRMED)), Verdict.CANNOT_TELL, Reason.NO_LOAD),
+        (case(trial=trial(Outcome.ADDED), added=True), Verdict.PRESENT, Reason.CONFIRMED),
+        (case(undecided=trial(Outcome.UNDECIDED)), Verdict.CANNOT_TELL, Reason.ONE_OF_SEVERAL),
+        (case(doubted=True, undecided=trial(Outcome.UNDECIDED)), Verdict.CANNOT_TELL, Reason.FEW_STRETCHES),
+    ],
+)
+def test_the_first_reason_that_holds_decides(given: Case, verdict: Verdict, reason: Reason):
+    decision = decide(given)
+    assert (decision.verdict, decision.reason) == (verdict, reason)
+
+
+def test_nothing_that_is_excluded_has_any_confidence():
+    assert decide(case()).confidence == 0.0
+    assert decide(case(leaves_too_much=True)).confidence == 0.0
+
+
+def test_a_curve_takes_its_share_of_the_confidence():
+    assert decide(case(SIGNIFICANT)).confidence == THRESHOLDS.even_confidence
+    assert decide(case(SIGNIFICANT, curve=CURVE)).confidence == pytest.approx(0.2 * THRESHOLDS.even_confidence)
+
+
+def test_one_of_several_has_its_own_probability():
+    given = case(undecided=trial(Outcome.UNDECIDED))
+    assert decide(given).confidence == 0.6
+    assert sentence(given, decide(given)).startswith("either it or pose_delay is missing")
+
+
+def test_what_was_not_excited_names_the_flight_that_would_show_it():
+    given = case(sizes=(INVISIBLE,))
+    assert sentence(given, decide(given)).endswith("fly rotation or yaw")

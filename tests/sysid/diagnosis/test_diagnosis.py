@@ -1,0 +1,246 @@
+"""Diagnosis: a planted effect is found, an innocent model is left alone, what nobody knows is drawn and not named."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import vehicle
+from flight import FlightLog, InputError
+from sysid import Identification, Options, identify
+from sysid.diagnosis import candidates, diagnose, free_form
+from sysid.diagnosis.candidates import candidate_set
+from sysid.diagnosis.confirm import Judge
+from sysid.diagnosis.evidence import Blocks, Evidence, block_edges
+from sysid.diagnosis.examined import examine
+from sysid.diagnosis.procedure import while_searching
+from sysid.diagnosis.score import loss_without, score
+from sysid.diagnosis.search import refit
+from sysid.estimator.chain import eliminate
+from sysid.estimator.midpoint import middle
+from tests.sysid import flying
+
+Extra = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+def flights(
+    extra: Extra | None, seed: int, duration_s: float, spread: float = 0.0, tether: float = 0.0
+) -> list[FlightLog]:
+    rng = np.random.default_rng(seed)
+    truth = flying.Truth(gust=0.1, extra=extra, tether=tether)
+    return flying.fly(truth, flying.paper_flights(rng, spread=spread), 3, duration_s=duration_s, rng=rng)
+
+
+def damping(velocity: np.ndarray, rate: np.ndarray, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return 0.0 * velocity, -0.0008 * rate
+
+
+def turning_when_climbing(velocity: np.ndarray, rate: np.ndarray, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    torque = np.zeros_like(rate)
+    torque[:, 2] = 0.004 * velocity[:, 2]
+    return 0.0 * velocity, torque
+
+
+@pytest.mark.slow  # tests/goshawk/test_diagnose.py holds the same law through the command line
+def test_a_hidden_effect_is_named_sized_and_confirmed_by_unseen_flights():
+    found = diagnose(
+        flights(damping, 1, 16.0), vehicle.example(), held_out=flights(damping, 2, 10.0, spread=0.2), auto=True
+    )
+    assert found.additions == ("angular_damping",)
+    candidate = found.candidates[0]
+    assert candidate.verdict == "present"
+    assert candidate.confidence > 0.8
+    for size in candidate.sizes:
+        assert abs(size.value - 0.0008) < 4.0 * size.sigma
+    before, after = (s.position_m["0.5 s"] for s in found.staircase[-2:])
+    assert after < before
+    assert found.outside is None
+    for innocent in found.candidates:
+        if innocent.verdict == "excluded":  # nobody is cleared by flights that could not have shown him
+            assert all(s.sigma > 0.0 and s.smallest_visible <= s.usual for s in innocent.sizes), innocent.name
+    assert found.as_dict()["additions"] == ["angular_damping"]
+
+
+@pytest.mark.slow
+def test_nothing_is_added_to_a_model_that_lacks_nothing():
+    found = diagnose(flights(None, 3, 20.0), vehicle.example(), held_out=flights(None, 4, 12.0, spread=0.2), auto=True)
+    assert found.additions == ()
+    assert found.outside is None
+    assert found.verdict == "nothing that these flights could show is missing"
+
+
+@pytest.mark.slow
+def test_an_effect_that_nobody_knows_is_drawn_and_not_named():
+    found = diagnose(
+        flights(turning_when_climbing, 5, 20.0),
+        vehicle.example(),
+        held_out=flights(turning_when_climbing, 6, 12.0, spread=0.2),
+        auto=True,
+    )
+    assert found.additions == ()
+    assert found.outside is not None
+    assert (found.outside.channel, found.outside.variable) == ("M_z", "v_z")
+    inner = slice(10, -10)
+    drawn = found.outside.acceleration * found.outside.force_or_torque
+    slope = np.polyfit(found.outside.at[inner], drawn[inner], 1)[0]
+    assert slope == pytest.approx(0.004, rel=0.15)
+
+
+@pytest.mark.slow
+def test_a_tether_is_seen_in_the_axes_of_the_world():
+    found = diagnose(
+        flights(None, 5, 20.0, tether=0.05),
+        vehicle.example(),
+        held_out=flights(None, 6, 12.0, spread=0.2, tether=0.05),
+        auto=True,
+    )
+    assert found.additions == ()
+    assert found.outside is not None
+    assert found.outside.channel in ("F_x_world", "F_y_world")
+    assert found.outside.variable == found.outside.channel[2]
+    assert found.outside.confidence > 0.8
+    drawn = found.outside.acceleration * found.outside.force_or_torque
+    slope = np.polyfit(found.outside.at, drawn, 1)[0]
+    assert slope == pytest.approx(-0.05, rel=0.15)
+
+
+def test_blocks_add_up_to_what_the_estimator_knows():
+    """At the optimum the base's scores vanish, and the blocks' information is the fit's own.
+
+    A candidate's score and information say by how much the cost changes when it is put in, all states settled anew.
+    """
+    logs = flights(damping, 7, 6.0)
+    fit = identify(logs, vehicle.example(), Options(node_rate_hz=100.0, gusts="white"))
+    evidence = Evidence(
+        fit.flights, fit.solution.point, fit.noise, fit.unknowns, candidate_set(fit.vehicle, fit.flights)
+    )
+    known = np.sum(fit.solution.information, axis=0)
+    scale = np.sqrt(np.outer(np.diag(known), np.diag(known)))
+    summed = evidence.named.only(evidence.base)
+    assert evidence.names[: len(evidence.base)] == fit.unknowns.names
+    assert np.abs((summed.information.sum(axis=0) - known) / scale).max() < 1e-6
+    pull = np.abs(summed.score.sum(axis=0) / np.sqrt(np.diag(known)))
+    bounds = vehicle.specs(fit.vehicle)
+    free = [n not in bounds or bounds[n].bounds[0] < fit.vehicle.value(n) for n in fit.unknowns.names]
+    assert pull[free].max() < 0.1
+    judge = Judge(fit.flights, fit.noise, fit.solution.point.states)
+    lined = candidate_set(fit.vehicle, fit.flights).vehicle
+    for name in ("angular_damping.z_n_m_s", "flapping_moment.moment_kg_m"):
+        (place,) = evidence.place([name])
+        score_, information = evidence.named.score[:, place].sum(), evidence.named.information[:, place, place].sum()
+        size = 0.5 * abs(score_) / information
+        predicted = score_ * size + 0.5 * information * size**2
+        assert -judge.reduction(lined, lined.with_value(name, size)).total == pytest.approx(predicted, rel=0.05)
+
+
+@pytest.fixture(scope="module")
+def calm() -> Identification:
+    """A fit to one flight of the vehicle as the model has it."""
+    return identify(flights(None, 9, 12.0)[:1], vehicle.example(), Options(node_rate_hz=100.0, gusts="white"))
+
+
+@pytest.mark.parametrize("channels", [("M_y",), ("F_x_world", "F_y_world")])
+def test_curves_are_freed_of_what_the_states_can_do_in_every_block(calm, channels):
+    """The short way of the evidence, by what is at right angles, against products of all rows."""
+    fit = calm
+    evidence = Evidence(
+        fit.flights, fit.solution.point, fit.noise, fit.unknowns, candidate_set(fit.vehicle, fit.flights)
+    )
+    flight = fit.flights[0]
+    mid = middle(flight, fit.solution.point.states[0])
+    moved = {"M_y": {(10, 4): np.ones(len(mid.step_s))}}  # row of the defect, row of the process noise: share
+    for axis, name in enumerate(("F_x_world", "F_y_world")):
+        moved[name] = {(3 + i, i): mid.R_world_body[:, axis, i] for i in range(3)}
+    borders = []
+    for channel in channels:
+        named = {variable for _, variable, _ in evidence.groups(channel)}
+        drawn = free_form.columns([c for c in evidence.curves if c.variable in named], flight, mid)
+        borders.append(np.zeros((len(drawn), 12, drawn.shape[1])))
+        for (row, i), share in moved[channel].items():
+            borders[-1][:, row] = -2.0 * (np.sqrt(flight.step_s) * share)[:, None] * drawn / fit.noise.process[i]
+    border = np.concatenate(borders, axis=2)
+    rows = fit.solution.rows[0]
+    rows = replace(rows, defect_border=border, sensor_border=np.zeros((*rows.sensor.shape, border.shape[2])))
+    defect, sensor = rows.freed(eliminate(rows).sensitivity())
+    found = evidence.with_curves(*channels).information[:, len(evidence.names) :, len(evidence.names) :]
+    edges = block_edges(flight.time_s)
+    assert len(found) == len(edges) > 2
+    for own, (begin, end) in zip(found, edges, strict=True):
+        flat = np.concatenate([defect[begin:end].reshape(-1, len(own)), sensor[begin:end].reshape(-1, len(own))])
+        np.testing.assert_allclose(own, flat.T @ flat, atol=1e-9 * np.abs(own).max())
+
+
+def linear_blocks(rng: np.random.Generator, truth: np.ndarray, blocks: int = 60) -> Blocks:
+    """Blocks of a linear problem with unit noise: residual y - A theta, at theta = 0."""
+    columns = rng.normal(size=(blocks, 40, len(truth)))
+    residual = -(columns @ truth) + rng.normal(size=(blocks, 40))
+    return Blocks(np.einsum("bri,br->bi", columns, residual), np.einsum("bri,brj->bij", columns, columns))
+
+
+def test_a_score_recovers_size_sigma_and_chance():
+    rng = np.random.default_rng(0)
+    given, tested = np.arange(2), np.array([2])
+    present = score(linear_blocks(rng, np.array([1.0, -2.0, 0.3])), given, tested)
+    assert present.size[0] == pytest.approx(0.3, abs=4.0 * present.sigma[0])
+    assert present.sigma[0] == pytest.approx(1.0 / np.sqrt(60 * 40), rel=0.3)
+    assert present.significance < 1e-8
+    assert present.gain_unseen > 50.0
+    chances = [score(linear_blocks(rng, np.array([1.0, -2.0, 0.0])), given, tested).significance for _ in range(200)]
+    assert 0.02 < np.mean(np.array(chances) < 0.05) < 0.11
+
+
+def test_a_size_that_cannot_be_negative_is_not_called_negative():
+    rng = np.random.default_rng(1)
+    found = score(linear_blocks(rng, np.array([1.0, -0.5])), np.array([0]), np.array([1]), np.array([True]))
+    assert found.size[0] == 0.0
+    assert found.gain == 0.0
+    assert found.significance == 1.0
+    assert found.sigma[0] > 0.0
+
+
+def test_taking_out_what_is_needed_costs_what_it_brought():
+    rng = np.random.default_rng(2)
+    blocks = linear_blocks(rng, np.array([1.0, 0.5]))
+    brought = score(blocks, np.array([0]), np.array([1])).gain
+    step = -np.linalg.solve(blocks.information.sum(axis=0), blocks.score.sum(axis=0))
+    moved = Blocks(blocks.score + blocks.information @ step, blocks.information)
+    lost = loss_without(moved, np.array([0]), np.array([1]), step[1:])
+    assert lost.gain == pytest.approx(brought, rel=1e-9)
+    assert lost.significance < 1e-8
+
+
+def test_an_effect_that_bent_the_whole_model_out_of_shape_is_still_fitted():
+    rng = np.random.default_rng(1)
+    believed = vehicle.example().without_effect("centre_of_mass")
+    truth = flying.Truth(gust=0.1, centre=(0.03, -0.02))
+    logs = flying.fly(truth, flying.paper_flights(rng), 3, duration_s=6.0, rng=rng)
+    options = while_searching(Options(held=("rotor_yaw_torque.torque_n_m_s2",)))
+    bent = examine(identify(logs, believed, options))
+    assert bent.fit.vehicle.value("inertia_xx_kg_m2") > 3.0 * believed.value("inertia_xx_kg_m2")
+    centre = bent.candidate_set.candidate("centre_of_mass")
+    start = candidates.added(bent.fit.vehicle, centre, list(bent.scores[centre.name].size))
+    with pytest.raises(InputError, match="does not get better"):
+        identify(logs, start, options, near=bent.fit)
+    found = refit(logs, bent, centre, options).vehicle
+    assert found.value("centre_of_mass.x_m") == pytest.approx(0.03, abs=1e-4)
+    assert found.value("centre_of_mass.y_m") == pytest.approx(-0.02, abs=1e-4)
+    assert found.parameter("rotor_yaw_torque.torque_n_m_s2") == believed.parameter("rotor_yaw_torque.torque_n_m_s2")
+
+
+def test_one_flight_cannot_both_teach_and_judge():
+    logs = flights(None, 8, 6.0)
+    with pytest.raises(InputError, match="both to learn from and to judge by"):
+        diagnose(logs, vehicle.example(), held_out=logs[:1])
+
+
+def test_nothing_is_excluded_by_a_model_far_from_its_flights():
+    """Gusts of 8 m/s2, which no vehicle of this kind meets: something is wrong with log or model, and that is said."""
+    rng = np.random.default_rng(9)
+    truth = flying.Truth(gust=8.0, gust_time=0.15)
+    logs = flying.fly(truth, flying.paper_flights(rng), 3, duration_s=8.0, rng=rng, rate_hz=100.0)
+    found = diagnose(logs, vehicle.example())
+    assert found.confidence <= 0.5
+    assert "so much stays unexplained" in found.verdict
+    assert not [s.name for s in found.candidates if s.verdict == "excluded"]
+    assert any("unexplained" in finding for finding in found.findings)

@@ -1,0 +1,159 @@
+"""The scores of the blind campaigns: what counts as right, on results made up by hand."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+BENCHMARKS = Path(__file__).parents[3] / "benchmarks"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def benchmarks_on_path():
+    sys.path.insert(0, str(BENCHMARKS))
+    yield
+    sys.path.remove(str(BENCHMARKS))
+
+
+def result(kind, hidden=(), said=(), *, outside=None, truth=((), ()), ratio=3.0, confidence=0.9, tolerated=()):
+    candidates = {n: {"verdict": "present", "confidence": confidence, "size": {}, "smallest_visible": {}} for n in said}
+    return {
+        "campaign": "campaign_000",
+        "kind": kind,
+        "said": {
+            "additions": list(said),
+            "outside": outside and {"channel": outside[0], "variable": outside[1], "confidence": confidence},
+            "confidence": confidence,
+            "suspects": candidates,
+            "wall_s": 10.0,
+            "cpu_s": 10.0,
+        },
+        "truth": {
+            "hidden": {n: {} for n in hidden},
+            "channels": list(truth[0]),
+            "variables": list(truth[1]),
+            "tolerated": ["imu_errors", *tolerated],
+            "law": "",
+            "real_drag": list(tolerated),
+        },
+        "ratio": dict.fromkeys(hidden, ratio),
+        "inside": {},
+    }
+
+
+def score(results, start):
+    from diagnosis import rows
+
+    return next(r for r in rows(results) if r.name.startswith(start))
+
+
+def test_a_single_counts_by_its_first_name_and_only_when_it_could_be_seen():
+    results = [
+        result("single", ["weak_rotor"], ["weak_rotor[2]"]),
+        result("single", ["weak_rotor"], ["centre_of_mass", "weak_rotor[2]"]),
+        result("single", ["ground_effect"], [], ratio=1.2),
+        result("single", ["payload"], [], ratio=None),
+    ]
+    row = score(results, "single")
+    assert row.value == 0.5
+    assert row.ok is False
+    assert row.peers == {"all singles": 0.25, "no limit stated": 1.0}
+
+
+def test_a_pair_needs_both_names_and_no_other():
+    hidden = ["weak_rotor", "ground_effect"]
+    results = [
+        result("pair", hidden, ["ground_effect", "weak_rotor[0]"]),
+        result("pair", hidden, ["ground_effect"]),
+        result("pair", hidden, [*hidden, "pose_delay"]),
+        result("pair", hidden, hidden, outside=("F_x", "v_x")),
+    ]
+    assert score(results, "pairs").value == 0.25
+
+
+def test_outside_needs_the_channel_and_the_variable():
+    truth = (("M_y",), ("v_z",))
+    results = [
+        result("outside", outside=("M_y", "v_z"), truth=truth),
+        result("outside", outside=("M_y", "v_z v_z"), truth=truth),
+        result("outside", outside=("M_y", "v_x v_z"), truth=truth),
+        result("outside", outside=("F_z", "v_z"), truth=truth),
+        result("outside", truth=truth),
+    ]
+    assert score(results, "outside").value == pytest.approx(0.4)
+
+
+def test_the_biased_imu_is_no_false_name_and_the_true_drag_of_a_foreign_base_neither():
+    results = [
+        result("none", said=["imu_errors"]),
+        result("foreign", said=["rotor_drag_speed"], tolerated=["rotor_drag_speed"]),
+        result("foreign", said=["angular_damping"], tolerated=["rotor_drag_speed"]),
+    ]
+    assert score(results, "nothing missing").value == 0.0
+    assert score(results, "foreign").value == 0.5
+
+
+def test_false_names_are_a_share_of_all_names():
+    results = [
+        result("single", ["weak_rotor"], ["weak_rotor[1]", "pose_delay"]),
+        result("none", said=["ground_effect"]),
+    ]
+    assert score(results, "false names").value == pytest.approx(2.0 / 3.0)
+
+
+def test_confidence_is_held_against_what_was_right():
+    results = [result("single", ["weak_rotor"], ["weak_rotor[1]"], confidence=0.8), result("none", confidence=0.6)]
+    row = score(results, "Brier")
+    assert row.value == pytest.approx((0.2**2 + 0.4**2) / 2.0)
+    wrong = [result("single", ["weak_rotor"], [], confidence=0.9)]
+    assert score(wrong, "Brier").value == pytest.approx(0.81)
+    unseen = [result("single", ["weak_rotor"], [], confidence=0.9, ratio=0.4)]
+    assert score(unseen, "Brier").value == pytest.approx(0.01)
+
+
+def test_silence_over_something_outside_the_catalogue_is_wrong():
+    missed = [result("outside", truth=(("F_x",), ("v_x",)), confidence=1.0)]
+    assert score(missed, "Brier").value == 1.0
+
+
+def test_sizes_scale_with_the_mass_the_file_believes():
+    import diagnosis_run
+
+    import vehicle
+
+    given = vehicle.example("hummingbird")
+    truth = {"hidden": {"flapping_moment": {"moment_kg_m": 1e-6}}, "mass_kg": 0.5, "file_mass_kg": 0.51}
+    for value, held in ((1.02e-6, True), (1.00e-6, False)):
+        fitted = given.with_effect("flapping_moment").with_value("flapping_moment.moment_kg_m", value, std=5e-9)
+        assert diagnosis_run.inside(fitted, ["flapping_moment"], truth) == {"flapping_moment.moment_kg_m": held}
+
+
+def test_the_clearest_parameter_says_whether_an_effect_could_be_seen():
+    import diagnosis_run
+
+    candidates = {
+        "weak_rotor[0]": {"smallest_visible": {"loss_0": 0.01}},
+        "weak_rotor[1]": {"smallest_visible": {"loss_1": 0.02}},
+    }
+    sizes = {"loss_0": 0.0, "loss_1": 0.05}
+    assert diagnosis_run.ratio("weak_rotor", sizes, candidates) == pytest.approx(2.5)
+    assert diagnosis_run.ratio("ground_effect", {"strength": 1.0}, candidates) is None
+
+
+@pytest.mark.slow
+def test_unseen_flights_do_not_refuse_a_name_for_what_the_model_without_it_takes_for_noise(tmp_path):
+    """The file believes in another form of drag: with the torque known, drag gets worse, and is renewed."""
+    import blind_campaigns
+    import blind_draw
+    import diagnosis_run
+
+    key = [20261121, blind_draw.KINDS.index("foreign"), 87, 0]
+    rng = np.random.default_rng(key)
+    truth = blind_draw.draw("foreign", rng)
+    assert list(truth.hidden) == ["rotor_acceleration_torque"]
+    (made,) = blind_campaigns.fly([truth], [rng], 36.0)
+    blind_campaigns.write(tmp_path, "campaign_087", truth, made, key, rng)
+    said = diagnosis_run.judge(tmp_path / "campaign_087")["said"]
+    assert said["additions"] == ["rotor_acceleration_torque", *truth.real]
+    assert said["outside"] is None

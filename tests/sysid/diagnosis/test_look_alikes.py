@@ -1,0 +1,154 @@
+"""Confounded effects: the right one is named where flights can tell, and nobody where they cannot.
+
+Flights of `vehicle.flights` with one effect of the example vehicle in another's place.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import vehicle
+from flight import FlightLog
+from sysid import Options, identify
+from sysid.diagnosis import Diagnosis, diagnose, next_flight
+from sysid.diagnosis.examined import Model, as_good_as, best_curve, examine
+from sysid.diagnosis.rehearsal import Room, fitted_into
+from sysid.diagnosis.search import candidates_fitted
+from sysid.diagnosis.thresholds import THRESHOLDS
+from sysid.diagnosis.weigh import Fitted, Scales
+from vehicle import Vehicle, flights, manoeuvres
+from vehicle.simulate import Wind
+
+SPACE = Room.of((6.0, 6.0, 3.0))
+OPTIONS = Options(node_rate_hz=100.0, gusts="white")
+LITTLE = ("doublets", "throttle_steps")
+"""Manoeuvres that say little about drag."""
+
+
+def planted(right: str, wrong: str, scale: float = 1.0) -> tuple[Vehicle, Vehicle]:
+    """The vehicle without both, and with the right one at `scale` times its usual size."""
+    base = vehicle.example()
+    for name in (right, wrong):
+        base = base.without_effect(name) if name in base.effects else base
+    usual = {s.name: scale * s.prior for s in vehicle.effects.find(right).parameters}
+    return base, base.with_effect(right, source="planted", **usual)
+
+
+def flown(truth: Vehicle, names: Sequence[str], rng: np.random.Generator) -> list[FlightLog]:
+    """In a breeze."""
+    made = [fitted_into(manoeuvres.make(name), SPACE, truth) for name in names]
+    breeze = Wind(gust_std_m_s=0.1)
+    return [flights.measure(flights.fly_trajectory(truth, t, wind=breeze, rng=rng), rng=rng) for t in made]
+
+
+@pytest.fixture(scope="module")
+def fitted() -> tuple[Model, dict[str, Fitted]]:
+    """Without `rotor_drag_speed`, which was there; and what was fitted in its place."""
+    base, truth = planted("rotor_drag_speed", "rotor_drag_thrust")
+    logs = flown(truth, (*LITTLE, "oblique"), np.random.default_rng(3))
+    model = examine(identify(logs, base, OPTIONS))
+    return model, {c.candidate.name: c for c in candidates_fitted(logs, model, OPTIONS, ())}
+
+
+@pytest.fixture(scope="module")
+def doubtful() -> Diagnosis:
+    base, truth = planted("parasitic_drag_speed", "parasitic_drag", 2.0)
+    return diagnose(flown(truth, LITTLE, np.random.default_rng(3)), base, auto=True)
+
+
+@pytest.mark.parametrize("weighed_by", ["rotor_drag_speed", "rotor_drag_thrust"])
+def test_the_right_name_outweighs_its_look_alike_whoever_sets_the_scales(fitted, weighed_by):
+    """At the model without it the right one's errors scatter several times more: a scatter of its own would sink it."""
+    model, tried = fitted
+    right, wrong = tried["rotor_drag_speed"], tried["rotor_drag_thrust"]
+    assert model.scores["rotor_drag_speed"].dispersion > 2.0 * model.scores["rotor_drag_thrust"].dispersion
+    by = tried[weighed_by]
+    scales = Scales(by, model.judge, examine(by.fit).evidence)
+    assert scales.weight(right) - scales.weight(wrong) > THRESHOLDS.clear_lead
+
+
+def test_what_tells_look_alikes_apart_is_louder_once_the_effect_is_no_noise(fitted):
+    """The lead at the noise of the fit, over the lead at the noise of the model that takes the effect for noise."""
+    model, tried = fitted
+    right, wrong = tried["rotor_drag_speed"], tried["rotor_drag_thrust"]
+    judge = model.judge.at(right.fit.noise, right.fit.solution.point.states)
+    at_fit = judge.reduction(wrong.fit.vehicle, right.fit.vehicle).total
+    assert at_fit > 1.5 * (right.reduction.total - wrong.reduction.total) > 0.0
+
+
+def test_scales_ask_a_price_for_every_parameter(fitted):
+    _, tried = fitted
+    best = tried["rotor_drag_speed"]
+    scales = Scales(best, fitted[0].judge, examine(best.fit).evidence)
+    blocks = len(best.reduction.by_block)
+    assert scales.weight(best) == pytest.approx(-0.5 * len(best.candidate.parameters) * np.log(blocks))
+    assert scales.dispersion(best.candidate) >= 1.0
+
+
+def test_nobody_is_named_where_two_explain_as_much(doubtful):
+    pair = {"parasitic_drag", "parasitic_drag_speed"}
+    assert doubtful.additions == ()
+    assert set(doubtful.undecided) == pair
+    assert "or" in doubtful.verdict
+    assert "cannot tell which" in doubtful.verdict
+    sure = {s.name: s.confidence for s in doubtful.candidates if s.name in pair}
+    assert all(0.02 < p < 0.95 for p in sure.values())
+    assert doubtful.confidence == pytest.approx(sum(sure.values()))
+    assert {s.verdict for s in doubtful.candidates if s.name in pair} == {"cannot tell"}
+    assert doubtful.outside is None
+    assert doubtful.as_dict()["undecided"] == list(doubtful.undecided)
+
+
+def test_the_flight_proposed_next_tells_the_undecided_apart(doubtful):
+    assert next_flight.in_doubt(doubtful) == doubtful.undecided
+
+
+def test_no_curve_is_called_unknown_while_a_known_effect_explains_as_much(fitted):
+    model, _ = fitted
+    curve = best_curve(model, ["F_x"])
+    assert curve is not None
+    assert as_good_as(curve, model)[0].name == "rotor_drag_speed"
+    assert as_good_as(replace(curve, channel="F_z"), model) == []
+
+
+@pytest.mark.slow
+def test_what_rests_on_few_stretches_is_doubted_and_not_drawn_as_unknown():
+    base, truth = planted("inflow_linear", "thrust_affine")
+    found = diagnose(flown(truth, (*LITTLE, "vertical_weave"), np.random.default_rng(3)), base, auto=True)
+    assert found.outside is None
+    assert found.additions in ((), ("inflow_linear",))
+    assert "inflow_linear" in found.verdict
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [
+        ("rotor_drag_thrust", "rotor_drag_speed"),
+        ("rotor_drag_speed", "rotor_drag_thrust"),
+        ("parasitic_drag", "parasitic_drag_speed"),
+        ("parasitic_drag_speed", "parasitic_drag"),
+    ],
+)
+def test_what_the_flights_so_far_cannot_name_is_named_after_the_proposed_flight(right, wrong):
+    rng = np.random.default_rng(3)
+    base, truth = planted(right, wrong)
+    before = flown(truth, LITTLE, rng)
+    first = diagnose(before, base, auto=True)
+    assert first.additions == ()
+    assert next(s for s in first.candidates if s.name == right).verdict == "cannot tell"
+    best = next_flight.rank(
+        first,
+        candidates=[right, wrong],
+        free_volume_m=(6.0, 6.0, 3.0),
+        library=("oblique", "throttle_steps"),
+        rng=np.random.default_rng(0),
+    )[0]
+    breeze = Wind(gust_std_m_s=0.1)
+    new = flights.measure(flights.fly_trajectory(truth, best.trajectory, wind=breeze, rng=rng), rng=rng)
+    settled = diagnose([*before, new], base, auto=True)
+    assert settled.additions == (right,)
+    assert settled.outside is None
+    assert settled.confidence > 0.9

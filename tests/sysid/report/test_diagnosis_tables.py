@@ -1,0 +1,52 @@
+"""Numbers in a report: value and error to the same digit, powers of ten where they help, units as people write them."""
+
+import pytest
+
+from sysid.diagnosis.free_form import VARIABLES
+from sysid.estimator.result import CHANNELS
+from sysid.report import words
+from sysid.report.diagnosis_tables import chance, measured, plain, unit
+
+
+@pytest.mark.parametrize(
+    ("value", "sigma", "text"),
+    [
+        (0.000867, 0.000065, "(8.67 ± 0.65)·10<sup>−4</sup>"),
+        (-0.000286, 0.000099, "(−2.86 ± 0.99)·10<sup>−4</sup>"),
+        (0.0, 0.0014, "0.0000 ± 0.0014"),
+        (0.7, 0.02, "0.700 ± 0.020"),
+        (123.0, 4.0, "123.0 ± 4.0"),
+        (0.25, 0.0, "0.25"),
+    ],
+)
+def test_a_value_ends_at_the_second_digit_of_its_error(value, sigma, text):
+    assert measured(value, sigma) == text
+
+
+def test_plain_numbers_have_two_digits():
+    assert [plain(x) for x in (0.0, 0.019, -0.019, 3.2e-5, 12.0, 8.9e6)] == [
+        "0",
+        "0.019",
+        "−0.019",
+        "3.2·10<sup>−5</sup>",
+        "12",
+        "8.9·10<sup>6</sup>",
+    ]
+
+
+def test_a_chance_that_no_number_holds_is_said_as_a_bound():
+    assert chance(0.0) == "below 1·10<sup>−12</sup>"
+    assert chance(0.03) == "0.03"
+
+
+def test_units_are_raised_and_a_bare_number_has_none():
+    assert unit("N s2/m2") == "N s<sup>2</sup>/m<sup>2</sup>"
+    assert unit("1") == ""
+
+
+def test_every_channel_and_variable_has_words_of_its_own():
+    said = [words.channel(c) for c in CHANNELS] + [words.variable(v.name) for v in VARIABLES]
+    assert len(set(said)) == len(said)
+    assert not any("_" in text for text in said)
+    assert words.channel("M_z") == "torque about z"
+    assert words.variable("v_x v_z") == "product of the velocities along x and z"
