@@ -75,6 +75,7 @@ PX4_SCENARIOS = (
 )
 CRAZYFLIE_SCENARIOS = (
     "the_pid_controller_flies_until_ours_is_asked_for",
+    "the_stamp_is_kept_in_time_for_the_next_boot",
     "takes_off_and_lands_without_being_locked",
     "lands_when_the_supervisor_levels_out",
     "stops_when_the_supervisor_takes_the_setpoint_away",

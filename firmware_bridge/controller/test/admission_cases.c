@@ -287,6 +287,40 @@ static void cheap_first(void) {
     must(ln.counts.without_signature == 1u, "unsigned; heartbeats are not counted");
 }
 
+/* The station in control has all streams for its links: another one's answer finds no room. */
+static void no_room(void) {
+    boot(1, 1000);
+    station pilot = station_of(PILOT, vehicle_key, 2000), guest = station_of(OTHER, vehicle_key, 2000);
+    for (pilot.link_id = 0; pilot.link_id < TC_STREAMS; pilot.link_id++) {
+        open_stream(&pilot);
+        if (pilot.link_id == 0u) signed_lease(&pilot, 1);
+    }
+    ping_msg m;
+    clock_us += TC_LINK_CHALLENGE_US;
+    heartbeat(&guest);
+    must(challenge(&m), "challenged");
+    const uint32_t accepted = ln.counts.accepted, unopened = ln.counts.unopened;
+    const recording r = challenge_answer(&guest, &m);
+    receive(&r);
+    must(ln.counts.accepted == accepted && ln.counts.unopened == unopened + 1u, "but not let in");
+}
+
+/* How many signatures a second are checked is the integrator's choice. */
+static void budget_of_choice(void) {
+    boot(1, 1000);
+    link_config.signature_checks_per_s = 10u * TC_LINK_CHECKS_PER_S;
+    station pilot = station_of(PILOT, vehicle_key, 2000), forger = station_of(PILOT, wrong_key, 3000000);
+    open_stream(&pilot);
+    signed_lease(&pilot, 1);
+    const uint32_t before = ln.counts.wrong_key;
+    for (unsigned i = 0; i < 1000u; i++) {
+        update(1);
+        flood(&forger, 20);
+    }
+    const uint32_t checked = ln.counts.wrong_key - before;
+    must(checked > 9u * TC_LINK_CHECKS_PER_S && checked <= 10u * TC_LINK_CHECKS_PER_S + 1100u, "as many as asked for");
+}
+
 void admission_cases(void) {
     recorded_flights();
     challenges();
@@ -294,4 +328,6 @@ void admission_cases(void) {
     flood_from_others();
     flood_as_the_holder();
     cheap_first();
+    no_room();
+    budget_of_choice();
 }

@@ -449,4 +449,5 @@ void link_cases(void) {
     texts();
     states();
     link_time_cases();
+    link_corner_cases();
 }

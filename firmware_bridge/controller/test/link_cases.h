@@ -33,6 +33,7 @@ void admission_cases(void);
 /* An order by a station; the reason that the vehicle answers. */
 uint8_t send_order(uint8_t system, uint32_t request, uint8_t command, float value, uint32_t id, uint32_t crc32);
 void link_time_cases(void);
+void link_corner_cases(void);
 /* The present parameters, by a station: all groups; the commit. What the vehicle answers. */
 uint8_t stage_parameters(uint8_t system, uint32_t transfer);
 uint8_t commit_parameters(uint8_t system, uint32_t transfer, uint32_t crc32);

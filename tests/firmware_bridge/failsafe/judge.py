@@ -1,6 +1,7 @@
 """What a flight must never do, whatever has gone wrong: the body's record against the bars of the benchmark."""
 
-from harness import Reason, Result, State
+from harness import Result
+from scenario import Reason, State
 
 LARGEST_STOP_M = 0.15
 """Highest clearance at which the controller may stop a rotor."""

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from harness import FROM_START, TABLE, TAKE_OFF, Command, Fault, Kind, Loss, Order, Scenario, State, circle, land, load
+from harness import load
+from scenario import FROM_START, TABLE, TAKE_OFF, Command, Fault, Kind, Loss, Order, Scenario, State, circle, land
 
 import vehicle
 from vehicle import dynamics

@@ -1,8 +1,8 @@
 """The controller's clock steps, sticks and jitters; KILL and DISARM act at the next tick all the same."""
 
 import pytest
-from harness import FROM_START, START, TAKE_OFF, Command, Fault, Kind, Order, Reason, Scenario, State, circle, land
 from judge import violations
+from scenario import FROM_START, START, TAKE_OFF, Command, Fault, Kind, Order, Reason, Scenario, State, circle, land
 
 TICK_S = 0.002
 STEPS_S = [-5.0, -1.0, -0.05, -0.001, 0.015, 0.03, 0.5, 5.0, 60.0, 3600.0]

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from harness import FROM_START, Command, Fault, Kind, Order, Reason, Scenario, State, land
 from judge import violations
+from scenario import FROM_START, Command, Fault, Kind, Order, Reason, Scenario, State, land
 
 SHADOW = Order(Command.SHADOW, after_s=0.5, since=FROM_START)
 ENGAGE = Order(Command.ENGAGE, after_s=2.0, since=FROM_START)

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from harness import START, TAKE_OFF, Fault, Kind, Loss, Reason, Scenario, State, circle, land, legs
 from judge import violations
+from scenario import START, TAKE_OFF, Fault, Kind, Loss, Reason, Scenario, State, circle, land, legs
 
 BLIND_M_S = 2.5
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from harness import (
+from judge import LARGEST_STOP_M, landed_by, violations
+from scenario import (
     FROM_START,
     START,
     TABLE,
@@ -20,7 +21,6 @@ from harness import (
     land,
     legs,
 )
-from judge import LARGEST_STOP_M, landed_by, violations
 
 LONGEST_ON_GROUND_S = 3.0
 """From the first touch to rotors off: about one second, more after a bounce."""

@@ -1,7 +1,8 @@
 """Link, battery and parameters in flight: each failsafe with its reason, each ending on the ground."""
 
 import pytest
-from harness import (
+from judge import landed_by, violations
+from scenario import (
     FROM_START,
     START,
     TABLE,
@@ -17,7 +18,6 @@ from harness import (
     land,
     legs,
 )
-from judge import landed_by, violations
 
 BATTERY = {"battery_arm_v": 14.0, "battery_warn_v": 13.6, "battery_land_v": 13.2}
 WARNING_BATTERY = 1

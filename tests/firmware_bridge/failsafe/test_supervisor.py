@@ -1,8 +1,8 @@
 """The path clock follows the vehicle: rides out what the vehicle can, gives up what it cannot."""
 
 import pytest
-from harness import START, TAKE_OFF, Fault, Kind, Reason, Scenario, State, circle, land, legs
 from judge import landed_by, violations
+from scenario import START, TAKE_OFF, Fault, Kind, Reason, Scenario, State, circle, land, legs
 
 CLEARANCE_M = 0.5
 

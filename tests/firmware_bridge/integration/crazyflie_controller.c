@@ -84,14 +84,19 @@ uint16_t motorsGetRatio(uint32_t id) {
 }
 float pmGetBatteryVoltage(void) { return 4.0f; }
 static uint32_t stored_boots = 41u;
+static uint64_t stored_stamp = 777000u;
+static void* stored(const char* key, size_t length) {
+    const bool boots = strcmp(key, "goshawk/boots") == 0;
+    CHECK(boots || strcmp(key, "goshawk/stamp") == 0);
+    CHECK(length == (boots ? sizeof stored_boots : sizeof stored_stamp));
+    return boots ? (void*)&stored_boots : (void*)&stored_stamp;
+}
 bool storageStore(const char* key, const void* buffer, size_t length) {
-    CHECK(strcmp(key, "goshawk/boots") == 0 && length == sizeof stored_boots);
-    memcpy(&stored_boots, buffer, length);
+    memcpy(stored(key, length), buffer, length);
     return true;
 }
 size_t storageFetch(const char* key, void* buffer, size_t length) {
-    CHECK(strcmp(key, "goshawk/boots") == 0 && length == sizeof stored_boots);
-    memcpy(buffer, &stored_boots, length);
+    memcpy(buffer, stored(key, length), length);
     return length;
 }
 
@@ -186,7 +191,7 @@ static void take_over(void) {
 
 static void the_pid_controller_flies_until_ours_is_asked_for(void) {
     begin(1.0f);
-    CHECK(stored_boots == 42u && link_config.boot_id == 42u);
+    CHECK(stored_boots == 42u && link_config.boot_id == 42u && link_config.start_10us == 777000u);
     CHECK(pid_calls == 1500 && controller_state.mission.state == TC_SHADOW && commander_priority == 2);
     take_over();
     run(3.0f);
@@ -198,6 +203,14 @@ static void the_pid_controller_flies_until_ours_is_asked_for(void) {
     held = true;
     run(0.1f);
     CHECK(pid_calls == 1600 && commander_priority == 2 && controller_state.mission.state == TC_SHADOW);
+}
+
+static void the_stamp_is_kept_in_time_for_the_next_boot(void) {
+    begin(0.0f);
+    for (int i = 0; i < 3; i++) {
+        run(30.0f);
+        CHECK(stored_stamp > ground_link.signing.now_10us + 100000u * TC_LINK_KEEP_PERIOD_S / 2u);
+    }
 }
 
 static void takes_off_and_lands_without_being_locked(void) {
@@ -335,6 +348,7 @@ struct scenario {
 #define SCENARIO(name) {#name, name}
 static const struct scenario scenarios[] = {
     SCENARIO(the_pid_controller_flies_until_ours_is_asked_for),
+    SCENARIO(the_stamp_is_kept_in_time_for_the_next_boot),
     SCENARIO(takes_off_and_lands_without_being_locked),
     SCENARIO(lands_when_the_supervisor_levels_out),
     SCENARIO(stops_when_the_supervisor_takes_the_setpoint_away),

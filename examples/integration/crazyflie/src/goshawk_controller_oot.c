@@ -294,9 +294,11 @@ static void watch(uint32_t* last_passes, uint32_t* since_ms) {
 }
 
 /* The number of this boot, counted in the Crazyflie's storage. The link's challenges follow from it: one that comes a
-   second time would let recordings of the first one in. So without a count there is no link. */
+   second time would let recordings of the first one in. So without a count there is no link. The stamp goes on where
+   the last one was kept; without it stations refuse ours until we have followed one of theirs. */
 static void start_link(void) {
     uint32_t boot = 0u;
+    (void)storageFetch("goshawk/stamp", &link_config.start_10us, sizeof link_config.start_10us);
     (void)storageFetch("goshawk/boots", &boot, sizeof boot); /* nothing there: the first boot */
     boot++;
     if (!storageStore("goshawk/boots", &boot, sizeof boot)) {
@@ -308,16 +310,30 @@ static void start_link(void) {
     link_ready = true;
 }
 
+/* Writing takes milliseconds, so the mutex is not held meanwhile. */
+static void keep_stamp(uint64_t stamp_10us) {
+    static uint32_t kept_ms;
+    const uint32_t now_ms = xTaskGetTickCount();
+    if (now_ms - kept_ms < M2T(1000u * TC_LINK_KEEP_PERIOD_S / 2u)) return;
+    kept_ms = now_ms;
+    if (!storageStore("goshawk/stamp", &stamp_10us, sizeof stamp_10us)) DEBUG_PRINT("the stamp cannot be kept\n");
+}
+
 void appMain(void) {
     uint32_t last_passes = 0u, since_ms = xTaskGetTickCount();
     if (!link_ready) start_link();
     for (;;) {
+        uint64_t stamp_10us = 0u;
         vTaskDelay(M2T(APP_PERIOD_MS));
         watch(&last_passes, &since_ms);
         if (mutex != NULL && xSemaphoreTake(mutex, M2T(APP_PERIOD_MS)) == pdTRUE) {
-            if (link_ready) serve_link();
+            if (link_ready) {
+                serve_link();
+                stamp_10us = tc_link_stamp_to_keep(&ground_link);
+            }
             (void)xSemaphoreGive(mutex);
         }
+        if (stamp_10us > 0u) keep_stamp(stamp_10us);
         check_path();
     }
 }

@@ -107,6 +107,8 @@ void GoshawkControl::open_link() {
     _link_config.sign = true;
     _link_config.identity = TC_IDENTITY_GENERIC; /* PX4 itself is who ground stations see as PX4 */
     _link_config.bytes_per_s = 10000;
+    /* tc_link_stamp_to_keep is not kept here: a work queue item must not wait for the SD card, and PX4's parameters
+       have 32 bits. So start_10us is 0, and after a restart the link follows the first station that has the key. */
     tc_link_init(&_link, &_controller, &_link_config, hrt_absolute_time());
 }
 
