@@ -25,7 +25,7 @@ from gcs_web.document import Settings
 from gcs_web.hub import Hub
 from gcs_web.session import Session
 
-WAYPOINTS, EDITS, KILLS, CLIENTS, MIXED = 50, 10_000, 1000, 10, 1000
+WAYPOINTS, EDITS, KILLS, CLIENTS, MIXED = 50, 10_000, 200, 10, 1000
 
 
 def new_session(folder: Path) -> Session:

@@ -75,7 +75,7 @@ def test_the_second_flight_tracks_as_well_as_with_the_true_model(loops, effect):
 @pytest.mark.slow
 @pytest.mark.parametrize("effect", ["rotor_drag_thrust", "centre_of_mass", "weak_rotor"])
 def test_a_diagnosis_of_its_logs_makes_the_second_flight_as_good_without_a_given_effect(loops, effect):
-    flown = loops.second(effect, told=False)
+    flown = loops.second(effect, given=False)
     assert flown.added == (effect,)
     assert flown.after_m < 0.5 * flown.before_m
     assert flown.after_m < 1.15 * flown.known_m

@@ -154,6 +154,6 @@ def test_unseen_flights_do_not_refuse_a_name_for_what_the_model_without_it_takes
     assert list(truth.hidden) == ["rotor_acceleration_torque"]
     (made,) = blind_campaigns.fly([truth], [rng], 36.0)
     blind_campaigns.write(tmp_path, "campaign_087", truth, made, key, rng)
-    said = diagnosis_run.judge(tmp_path / "campaign_087")["diagnosis"]
+    said = diagnosis_run.score(tmp_path / "campaign_087")["diagnosis"]
     assert said["additions"] == ["rotor_acceleration_torque", *truth.real]
     assert said["outside"] is None
