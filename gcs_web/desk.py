@@ -51,7 +51,6 @@ class Desk:
         self._planner = planning.PlanningProcess(opened.folder, base, self._planned)
         self._watch_files = inputs.Watch(opened.folder, opened.waypoints, self._files_changed)
         self.session.on_change(self._document_changed)
-        hub.on_leave = self._left
         self._document_changed()
         self.show_files()
         self.notice(self.session.notice or f"{opened.name} opened, revision {self.session.revision}")
@@ -92,7 +91,7 @@ class Desk:
                 sentence = "Add at least two waypoints: Shift-click the map, or press Insert."
                 self._show_plan(protocol.Plan(revision, "none", sentence))
                 return
-            self.hub.publish(protocol.Plan(revision, "planning", "Planning and checking ...", name=self.name))
+            self._show_plan(protocol.Plan(revision, "planning", "Planning and checking ..."))
             self._planner.request(planning.Request(revision, content, self.inputs))
 
     def checked(self) -> TrajectoryFile:
@@ -152,11 +151,10 @@ class Desk:
                 return
             self.inputs = now
             said = "The map or the vehicle changed since the check: this plan is void. Plan again."
-            self.hub.publish(protocol.Plan(self.session.revision, "void", said, name=self.name))
-            self.view.draw_plan(None, 0.0)
-            self.notice(said, level="caution")
-            self._draw_map()
-            self.show_files()
+            self._show_plan(protocol.Plan(self.session.revision, "void", said))
+        self.notice(said, level="caution")
+        self._draw_map()  # takes seconds for a large mesh: not under the lock
+        self.show_files()
 
     def _draw_map(self) -> None:
         try:
@@ -222,22 +220,26 @@ class Desk:
         ):
             raise InputError("this order was given before, or too long ago; look at the page again and repeat it")
 
-    def audit(self, person: protocol.Person, what: str, answer: str) -> None:
-        """One line for whoever asks later: who ordered what, at which revision, and what came of it."""
-        crc32 = page_values.crc32(replace(self.answer.file, name=self.name)) if self.answer and self.answer.file else ""
-        line = {
-            "time": datetime.now(UTC).isoformat(timespec="milliseconds"),
-            "who": person.name,
-            "what": what,
-            "revision": self.session.revision,
-            "plan": self.name,
-            "crc32": crc32,
-            "answer": answer,
-        }
-        with self._lock, open(self.project.folder / ".session" / "audit.jsonl", "a") as log:
-            log.write(json.dumps(line) + "\n")
+    def about(self) -> dict[str, object]:
+        """Which plan an order given now is about."""
+        answer = self.answer
+        current = answer is not None and answer.request.revision == self.session.revision
+        file = answer.file if answer is not None and current else None
+        crc32 = "" if file is None else page_values.crc32(replace(file, name=self.name))
+        return {"revision": self.session.revision, "plan": self.name, "crc32": crc32}
 
-    def _left(self, person: protocol.Person) -> None:
+    def audit(self, person: protocol.Person, what: str, answer: str, about: dict[str, object]) -> None:
+        """One line for whoever asks later: who ordered what, about which plan, and what came of it."""
+        now = datetime.now(UTC).isoformat(timespec="milliseconds")
+        line = {"time": now, "who": person.name, "what": what, **about, "answer": answer}
+        try:
+            with self._lock, open(self.project.folder / ".session" / "audit.jsonl", "a") as log:
+                log.write(json.dumps(line) + "\n")
+        except OSError as error:  # the order was carried out all the same
+            self.notice(f"the audit log could not be written: {error.strerror}", level="danger")
+
+    def left(self, person: protocol.Person) -> None:
+        """Somebody closed the page: control is free again."""
         self.give_up_control(person)
 
     def _name_of(self, person: str) -> str:
@@ -245,10 +247,11 @@ class Desk:
 
 
 def _listed(path: Path, hashes: tuple[str, str]) -> protocol.SavedTrajectory:
-    saved_at = datetime.fromtimestamp(path.stat().st_mtime, UTC).isoformat(timespec="seconds")
+    saved_at = ""
     try:
+        saved_at = datetime.fromtimestamp(path.stat().st_mtime, UTC).isoformat(timespec="seconds")
         file = trajectory.load(path)
-    except (FormatError, InputError):
+    except (FormatError, InputError, OSError):
         return protocol.SavedTrajectory(path.stem, 0.0, False, saved_at)
     current = file.checked and (file.map_hash, file.vehicle_hash) == hashes
     return protocol.SavedTrajectory(path.stem, file.trajectory.duration_s, current, saved_at)

@@ -168,7 +168,7 @@ class Gateway:
     async def _serve_state(self, request: "web.Request") -> "web.Response":
         from aiohttp import web
 
-        return web.json_response(self._state())
+        return web.json_response(await asyncio.to_thread(self._state))
 
     async def _page(self, request: "web.Request") -> "web.StreamResponse":
         from aiohttp import web

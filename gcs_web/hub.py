@@ -6,7 +6,6 @@ told the newest and the server's memory stays bounded; notices and replies are k
 
 import asyncio
 import secrets
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import msgspec
@@ -51,7 +50,6 @@ class Hub:
         self._newest: dict[type, protocol.ToPage] = {}
         self._joined = 0
         self._serial = 0
-        self.on_leave: Callable[[protocol.Person], None] = lambda _: None
 
     @property
     def people(self) -> list[protocol.Person]:
@@ -67,8 +65,7 @@ class Hub:
         return client
 
     def leave(self, client: Client) -> None:
-        if self._clients.pop(client.person.id, None) is not None:
-            self.on_leave(client.person)
+        self._clients.pop(client.person.id, None)
 
     def publish(self, message: protocol.ToPage, to: str = "") -> None:
         """Send to everybody, or to one person."""

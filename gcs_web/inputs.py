@@ -1,5 +1,6 @@
 """The map and the vehicle that plans are checked against, and whether their files have changed since."""
 
+import logging
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -7,6 +8,8 @@ from pathlib import Path
 import mapping
 import vehicle
 from flight import project
+
+logger = logging.getLogger(__name__)
 
 _PERIOD_S = 0.5
 
@@ -72,8 +75,11 @@ class Watch:
     def _run(self) -> None:
         told = last = self._state()
         while not self._stop.wait(_PERIOD_S):
-            now = self._state()
-            if now == last != told:
-                told = now
-                self._on_change()
-            last = now
+            try:
+                now = self._state()
+                if now == last != told:
+                    self._on_change()
+                    told = now
+                last = now
+            except Exception:  # tried again: a change must not stay unseen
+                logger.exception("the project's files could not be looked at")

@@ -8,6 +8,7 @@ A last line that is cut off was never acknowledged and is dropped. Every `COMPAC
 import errno
 import fcntl
 import io
+import logging
 import os
 import zlib
 from collections import deque
@@ -19,6 +20,8 @@ import msgspec
 
 from flight import FormatError, InputError, file_format, results
 from gcs_web.document import Content, Patch, patched
+
+logger = logging.getLogger(__name__)
 
 UNDO_DEPTH = 200
 COMPACT_AFTER = 1000
@@ -115,16 +118,18 @@ class Journal:
         self.saved.take(entry, content)
         self._lines += 1
         if self._lines >= COMPACT_AFTER:
-            self.compact()
+            try:
+                self.compact()
+            except OSError:  # the change is made and on disk; tried again after the next one
+                logger.exception("the snapshot could not be renewed")
 
     def compact(self) -> None:
         """Renew the snapshot and begin the journal anew."""
         saved = self.saved
         snapshot = _Snapshot(FORMAT, VERSION, saved.revision, saved.content, list(saved.undo), saved.redo)
         file_format.write_bytes(self._snapshot, msgspec.json.encode(snapshot))
-        self._file.close()
-        file_format.write_bytes(self._path, b"")
-        self._file = self._opened()
+        os.ftruncate(self._file.fileno(), 0)  # needs no space; a kill before it leaves lines that reading passes over
+        os.fsync(self._file.fileno())
         self._lines = 0
 
     def close(self) -> None:

@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -27,6 +28,7 @@ class PageSocket:
 
     def __init__(self, desk: Desk, *, project: str) -> None:
         self._desk, self._project = desk, project
+        self._for_aborts = ThreadPoolExecutor(2, "abort")  # never behind other work
 
     async def serve(self, socket: "web.WebSocketResponse") -> None:
         """Talk to one page until it leaves."""
@@ -48,7 +50,7 @@ class PageSocket:
         finally:
             writer.cancel()
             self._desk.hub.leave(client)
-            self._desk.show_people()
+            await asyncio.to_thread(self._desk.left, client.person)
 
     async def _command(self, client: Client, text: str) -> None:
         try:
@@ -56,7 +58,8 @@ class PageSocket:
         except msgspec.DecodeError as error:
             reply = protocol.Reply(_serial(text), error=f"the page sent what this station does not understand: {error}")
         else:
-            reply = await asyncio.to_thread(self._done, client.person, command)
+            pool = self._for_aborts if isinstance(command, protocol.Abort) else None
+            reply = await asyncio.get_running_loop().run_in_executor(pool, self._done, client.person, command)
         self._desk.hub.publish(reply, client.person.id)
 
     def _done(self, person: protocol.Person, command: protocol.Command) -> protocol.Reply:

@@ -4,6 +4,7 @@ The newest request wins: one that waits is replaced, and one that runs for longe
 waits is ended with its process. The process ends by itself when its parent is gone, however that died.
 """
 
+import logging
 import multiprocessing
 import os
 import signal
@@ -20,6 +21,8 @@ import vehicle
 from flight import FlightError, TrajectoryFile
 from gcs_web import inputs, page_values, protocol
 from gcs_web.document import Content
+
+logger = logging.getLogger(__name__)
 
 PATIENCE_S = 1.0
 
@@ -80,7 +83,10 @@ class PlanningProcess:
             assert request is not None
             answer = self._ask(request)
             if answer is not None:
-                self._on_answer(answer)
+                try:
+                    self._on_answer(answer)
+                except Exception:  # the next request must still be answered
+                    logger.exception("the plan could not be shown")
 
     def _ask(self, request: Request) -> Answer | None:
         """The answer of the process; None if a newer request ended it."""
@@ -167,6 +173,7 @@ def _planned(
     waypoints = request.content.waypoints()
     plan = planner.plan(waypoints, area.field, believed, options(request.content, believed, base))
     file = planner.trajectory_file(plan, name="plan")
+    page_values.crc32(file)  # a plan that the vehicle cannot store is refused here, in words
     series = page_values.series(plan.trajectory, believed, area.field)
     bounds = page_values.limits(plan.gate, series)
     passed = page_values.passings(request.content.points, plan.trajectory, series)

@@ -4,6 +4,7 @@ Commands come from several people and threads. An edit made on an older revision
 are other waypoints and other settings, and refused with a sentence if not.
 """
 
+import logging
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -16,6 +17,8 @@ from flight.project import Project
 from gcs_web import edits, page_values, protocol
 from gcs_web.document import Content, Patch, Settings, difference, patched
 from gcs_web.journal import Entry, Journal
+
+logger = logging.getLogger(__name__)
 
 REMEMBERED = 1000
 """Revisions back an edit may be based on."""
@@ -175,7 +178,11 @@ class Session:
         self._journal.append(entry, after)
         self.author = entry.author
         self._recent.append(_Change(entry.revision, entry.author, entry.patch.touched))
-        project.save_waypoints(self.project.waypoints, after.waypoints())
+        try:
+            project.save_waypoints(self.project.waypoints, after.waypoints())
+        except OSError as error:  # the change is made and in the journal
+            self.notice = f"waypoints.json could not be written: {error.strerror}; other programs see an older state"
+            logger.warning(self.notice)
         for listener in self._listeners:
             listener()
 

@@ -15,7 +15,7 @@ import numpy as np
 import firmware_bridge
 from firmware_bridge import wire
 from firmware_bridge.dialect.generated.messages import Command
-from flight import FlightLog, FloatArray, LinkError, TrajectoryFile
+from flight import FlightError, FlightLog, FloatArray, LinkError, TrajectoryFile
 from gcs_web import page_values, protocol
 
 logger = logging.getLogger(__name__)
@@ -43,7 +43,9 @@ class VehicleWatch:
         self.on_state: Callable[[protocol.Vehicle], None] = lambda _: None
         self.on_pose: Callable[[FloatArray, FloatArray], None] = lambda _p, _q: None
         self._stop = threading.Event()
-        self._cancel = threading.Event()
+        self._flight: threading.Event | None = None
+        """Set to give up the flight that is under way; None on the ground."""
+        self._flight_lock = threading.Lock()
         self._thread = threading.Thread(target=self._run, name="vehicle watch", daemon=True)
 
     def start(self) -> None:
@@ -112,31 +114,50 @@ class VehicleWatch:
         self.link.take_control()
         self.link.command(command)
 
-    def fly(self, file: TrajectoryFile) -> FlightLog:
-        """Take off, fly what the vehicle holds, land; the flight's log.
+    def begin_flight(self) -> threading.Event:
+        """Announce a flight before its preparations, so that an abort during them is not lost; `end_flight` ends it.
 
         Raises:
-            LinkError: refused, or the flight ended early; the message says which.
+            LinkError: one is under way.
         """
-        self._cancel.clear()
+        with self._flight_lock:
+            if self._flight is not None:
+                raise LinkError("a flight is under way; land first")
+            self._flight = threading.Event()
+            return self._flight
+
+    def end_flight(self) -> None:
+        self._flight, self._flown = None, None
+
+    def fly(self, file: TrajectoryFile, aborted: threading.Event) -> FlightLog:
+        """Take off, fly what the vehicle holds, land; the flight's log.
+
+        Args:
+            aborted: of `begin_flight`.
+
+        Raises:
+            LinkError: refused, aborted, or the flight ended early; the message says which.
+        """
         self._flown, self._largest_error_m = file, 0.0
-        try:
-            self.link.take_control()
-            return self.link.fly(file, cancel=self._cancel.is_set)
-        finally:
-            self._flown = None
+        self.link.take_control()
+        if aborted.is_set():
+            raise LinkError("aborted before the take-off")
+        return self.link.fly(file, cancel=aborted.is_set)
 
     def land(self) -> None:
         """Land now, whoever has control; a flight that is under way is given up."""
-        self._cancel.set()
+        flight = self._flight
+        if flight is not None:
+            flight.set()
         state = self.state()
-        if state.link == "fresh" and not state.armed:
+        if flight is None and state.link == "fresh" and not state.armed:
             raise LinkError("the vehicle is disarmed; there is nothing to abort")
         self.link.take_control(force=True)
         self.link.command(Command.LAND)
 
     def close(self) -> None:
-        self._cancel.set()
+        if (flight := self._flight) is not None:
+            flight.set()
         self._stop.set()
         self._thread.join(timeout=5)
         if self._link is not None:
@@ -155,20 +176,25 @@ class VehicleWatch:
     def _run(self) -> None:
         told, told_s = protocol.Vehicle("none"), 0.0
         while not self._stop.wait(_PERIOD_S):
-            if self._link is None:
-                self._connect()
-            now = self.state()
-            said = self._link.state if self._link is not None else None
-            if said is not None and now.link == "fresh":
-                self.on_pose(said.position_world_m, said.q_world_body)
-            if now != told and (_changed(now, told) or time.monotonic() - told_s > _QUIET_S):
-                told, told_s = now, time.monotonic()
-                self.on_state(now)
+            try:
+                if self._link is None:
+                    self._connect()
+                now = self.state()
+                said = self._link.state if self._link is not None else None
+                if said is not None and now.link == "fresh":
+                    self.on_pose(said.position_world_m, said.q_world_body)
+                if now != told and (_changed(now, told) or time.monotonic() - told_s > _QUIET_S):
+                    told, told_s = now, time.monotonic()
+                    self.on_state(now)
+            except Exception:  # whatever the vehicle says, the watch goes on
+                logger.exception("the vehicle's state could not be shown")
+                told = protocol.Vehicle("lost", name=self.url, reason="its state could not be read; see the log")
+                self.on_state(told)
 
     def _connect(self) -> None:
         try:
             self._link, self._problem = firmware_bridge.connect(self.url, key=self._key_file), ""
-        except LinkError as error:
+        except FlightError as error:
             self._problem = str(error)
             self._stop.wait(_RETRY_S)
 

@@ -41,6 +41,7 @@ class View3D:
         self._slice_z_m: float | None = None
         self._path: Any = None
         self._map: Map | None = None
+        self._checked = False
         self._drawn_pose = np.zeros(7)
         self.on_select: Callable[[int], None] = lambda _: None
         """A waypoint was clicked; its id."""
@@ -82,17 +83,17 @@ class View3D:
         """Draw a checked plan; None leaves the last good path there in grey."""
         with self._lock:
             self._required_m = required_clearance_m if series is not None else self._required_m
-            checked = series is not None
-            self._series = series if checked else self._series
-            self._draw_path(checked=checked)
-            if not checked:
+            self._checked = series is not None
+            self._series = series if self._checked else self._series
+            self._draw_path()
+            if not self._checked:
                 self._ghost.visible = False
 
     def look(self, time_s: float | None) -> None:
         """Draw the vehicle where the plan has it at a moment; None hides it."""
         with self._lock:
             series = self._series
-            if time_s is None or series is None:
+            if time_s is None or series is None or not self._checked:
                 self._ghost.visible = False
                 return
             k = int(np.clip(np.searchsorted(series.time_s, time_s), 0, len(series.time_s) - 1))
@@ -103,7 +104,7 @@ class View3D:
     def show(self, colour: Colour, slice_z_m: float | None) -> None:
         with self._lock:
             self._colour, self._slice_z_m = colour, slice_z_m
-            self._draw_path(checked=True)
+            self._draw_path()
             self._draw_slice()
 
     def move_vehicle(self, position_world_m: FloatArray, q_world_body: FloatArray) -> None:
@@ -162,7 +163,7 @@ class View3D:
         elif waypoint in self._balls:
             self._balls[waypoint].position = tuple(position)
 
-    def _draw_path(self, *, checked: bool) -> None:
+    def _draw_path(self) -> None:
         if self._path is not None:
             self._path.remove()
             self._path = None
@@ -171,7 +172,7 @@ class View3D:
             return
         positions = np.stack([series.x_m, series.y_m, series.z_m], axis=1)
         grey = np.full((len(positions), 3), 120, dtype=np.uint8)
-        colours = scene.series_colours(series, self._colour, self._required_m) if checked else grey
+        colours = scene.series_colours(series, self._colour, self._required_m) if self._checked else grey
         self._path = scene.draw_path(self._server, positions, colours)
 
     def _draw_slice(self) -> None:

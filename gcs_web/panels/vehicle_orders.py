@@ -37,22 +37,16 @@ def _prepare_upload(desk: Desk, person: protocol.Person, prepare: protocol.Prepa
 
 
 def _upload(desk: Desk, person: protocol.Person, upload: protocol.Upload) -> None:
-    watch, file = desk.require_control(person), desk.checked()
-    desk.use_nonce(upload.nonce, person, watch.planned(file, desk.name).crc32)
-    believed = desk.parts.vehicle(desk.inputs)
-    _audited(
-        desk,
-        person,
-        "upload",
-        lambda: desk.notice(
-            watch.upload(
-                file,
-                desk.name,
-                map_hash=desk.parts.map(desk.inputs).hash,
-                vehicle_hash=vehicle.vehicle_hash(believed),
-            )
-        ),
-    )
+    def send() -> None:
+        watch, name, file = desk.require_control(person), desk.name, desk.checked()
+        desk.use_nonce(upload.nonce, person, watch.planned(file, name).crc32)
+        hashes = {
+            "map_hash": desk.parts.map(desk.inputs).hash,
+            "vehicle_hash": vehicle.vehicle_hash(desk.parts.vehicle(desk.inputs)),
+        }
+        desk.notice(watch.upload(file, name, **hashes))
+
+    _audited(desk, person, "upload", send)
 
 
 def _prepare_order(desk: Desk, person: protocol.Person, prepare: protocol.PrepareOrder) -> protocol.Reply:
@@ -61,32 +55,45 @@ def _prepare_order(desk: Desk, person: protocol.Person, prepare: protocol.Prepar
 
 
 def _order(desk: Desk, person: protocol.Person, order: protocol.Order) -> None:
-    watch = desk.require_control(person)
-    desk.use_nonce(order.nonce, person, "order")
-    if order.order == "start":
-        _audited(desk, person, "start", lambda: _start(desk, person))
-    else:
-        _audited(desk, person, order.order, lambda: watch.order(_COMMANDS[order.order]))
+    def give() -> None:
+        watch = desk.require_control(person)
+        desk.use_nonce(order.nonce, person, "order")
+        if order.order == "start":
+            _start(desk, person)
+        else:
+            watch.order(_COMMANDS[order.order])
+
+    _audited(desk, person, order.order, give)
 
 
 def _start(desk: Desk, person: protocol.Person) -> None:
     """Fly what the vehicle holds, if it is the checked plan; the log is saved when it has landed."""
-    watch, file = desk.require_control(person), desk.checked()
-    wanted, held = watch.planned(file, desk.name), watch.held()
-    if held is None or held.crc32 != wanted.crc32:
-        raise InputError(f"the vehicle holds {held.name if held else 'nothing'}, not this plan; upload it first")
+    watch = desk.require_control(person)
+    aborted = watch.begin_flight()
+    try:
+        name, file = desk.name, desk.checked()
+        wanted, held = watch.planned(file, name), watch.held()
+        if held is None or held.crc32 != wanted.crc32:
+            raise InputError(f"the vehicle holds {held.name if held else 'nothing'}, not this plan; upload it first")
+        desk.require_control(person)  # reading back takes a while
+    except BaseException:
+        watch.end_flight()
+        raise
 
     def fly() -> None:
         try:
-            log = watch.fly(replace(file, name=desk.name))
-            name = f"{desk.name}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
-            path = desk.project.flight(name)
+            log = watch.fly(replace(file, name=name), aborted)
+            path = desk.project.flight(f"{name}-{datetime.now(UTC):%Y%m%d-%H%M%S}")
             with results.new_file(path, overwrite=False) as placing:
                 flight_log.save(placing.temporary, log)
             desk.notice(f"Landed; the log is saved as {path.relative_to(desk.project.folder)}.")
-        except FlightError as error:
+            desk.audit(person, "flight", "landed", desk.about())
+        except (FlightError, OSError) as error:
             desk.notice(f"The flight ended early: {error}", level="danger")
-        desk.show_files()
+            desk.audit(person, "flight", f"ended early: {error}", desk.about())
+        finally:
+            watch.end_flight()
+            desk.show_files()
 
     threading.Thread(target=fly, name="flight", daemon=True).start()
 
@@ -100,12 +107,13 @@ def _abort(desk: Desk, person: protocol.Person, _: protocol.Abort) -> None:
 
 
 def _audited(desk: Desk, person: protocol.Person, what: str, do: Callable[[], None]) -> None:
+    about = desk.about()  # as it was when the order was given
     try:
         do()
-    except FlightError as error:
-        desk.audit(person, what, f"refused: {error}")
+    except Exception as error:
+        desk.audit(person, what, f"refused: {error}", about)
         raise
-    desk.audit(person, what, "done")
+    desk.audit(person, what, "done", about)
 
 
 HANDLERS: dict[type, Callable[[Desk, protocol.Person, Any], protocol.Reply | None]] = {

@@ -128,7 +128,7 @@ WORST_TICK = 7700
 """Instructions; measured 7,628."""
 
 NOT_COUNTED = {"tc_link_restore", "tc_upload_check_ahead", "tc_upload_may_activate"}
-"""The first: before the first tick only, all of a trajectory in one call. The others: counted within the link's calls."""
+"""The first: before the first tick only, all of a trajectory in one call. The others count in the link's."""
 
 
 MUTANTS_TRIED = 8

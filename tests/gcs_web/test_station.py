@@ -14,9 +14,9 @@ import pytest
 
 import vehicle
 from firmware_bridge import SitlVehicle, controller, keys
-from flight import Waypoints, flight_log, project, trajectory
+from flight import LinkError, Waypoints, flight_log, project, trajectory
 from gcs_web import GroundStation
-from tests.waiting import PATIENCE_S
+from tests.waiting import PATIENCE_S, until
 
 START = np.array([[0.8, 0.8, 1.0], [3.0, 2.0, 1.2], [5.2, 0.8, 1.2]])
 
@@ -228,8 +228,9 @@ def test_orders_need_control_and_a_nonce_that_is_good_once(station):
         assert "is in control" in (await anna.command("order", order="arm", nonce="x"))["error"]
         await ben.until(lambda p: p.state["vehicle"]["holds_crc32"] == p.state["plan"]["crc32"])
         log = (station.desk.project.folder / ".session" / "audit.jsonl").read_text().splitlines()
-        upload = next(line for line in map(json.loads, reversed(log)) if line["what"] == "upload")
-        assert (upload["answer"], upload["crc32"]) == ("done", prepared["here"]["crc32"])
+        uploads = [line for line in map(json.loads, log) if line["what"] == "upload"]
+        assert [line["answer"].split(":")[0] for line in uploads[-3:]] == ["done", "refused", "refused"]
+        assert {line["crc32"] for line in uploads[-3:]} == {prepared["here"]["crc32"]}
 
     visit(station, 2, talk)
 
@@ -253,3 +254,30 @@ def test_a_flight_is_flown_logged_and_aborted_from_the_page(station):
 
     visit(station, 2, talk)
     assert not list(station.desk.project.flights()) or flight_log.load(station.desk.project.flights()[0])
+
+
+def test_an_abort_while_a_start_is_prepared_keeps_the_vehicle_on_the_ground(station):
+    watch, desk = station.watch, station.desk
+    until(lambda: desk.answer is not None and desk.answer.request.revision == desk.session.revision, "a plan")
+    aborted = watch.begin_flight()
+    with pytest.raises(LinkError):  # on the ground it cannot land; the flight is given up all the same
+        watch.land()
+    assert aborted.is_set()
+    with pytest.raises(LinkError, match="aborted before the take-off"):
+        watch.fly(desk.checked(), aborted)
+    with pytest.raises(LinkError, match="a flight is under way"):
+        watch.begin_flight()
+    watch.end_flight()
+    watch.begin_flight()
+    watch.end_flight()
+
+
+def test_a_path_that_the_vehicle_cannot_store_is_refused_and_the_next_one_is_planned(station):
+    async def talk(page: Page):
+        line = np.stack([np.linspace(0.8, 5.2, 300), np.full(300, 0.6), np.full(300, 1.2)], axis=1)
+        station.desk.session.take(Waypoints(line, np.full(300, np.nan)), "many", "test")
+        await page.until(lambda p: p.state["plan"]["state"] == "refused")
+        await page.command("undo")
+        await page.checked()
+
+    visit(station, 1, talk)
