@@ -1,4 +1,4 @@
-"""The vehicle's side door: the embedded controller, the link to it, and a SITL vehicle that runs both."""
+"""The embedded controller, the MAVLink link to it, and a SITL vehicle that runs both."""
 
 from firmware_bridge import controller, keys
 from firmware_bridge.impairment import Impairment
