@@ -11,6 +11,7 @@ from vehicle import (
     manoeuvres,
     self_test,
     simulate,
+    sizes,
     tracking,
 )
 from vehicle.dynamics import Jacobian, acceleration, acceleration_jacobian, wrench, wrench_jacobian
@@ -41,6 +42,7 @@ __all__ = [
     "save",
     "self_test",
     "simulate",
+    "sizes",
     "specs",
     "tracking",
     "vehicle_hash",

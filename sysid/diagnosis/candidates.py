@@ -8,7 +8,7 @@ import numpy as np
 from flight import InputError
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.unknowns import SENSOR_NAMES
-from vehicle import Vehicle, effects
+from vehicle import Vehicle, effects, sizes
 from vehicle.effects.base import Effect, Stage
 
 LOAD_SHARE = 0.2
@@ -29,7 +29,7 @@ class Candidate:
     one_sided: tuple[bool, ...]
     """Which of them cannot be negative."""
     usual: tuple[float, ...]
-    """How large each typically is."""
+    """How large each typically is on this vehicle."""
     channels: tuple[str, ...]
     """Of `F_x F_y F_z M_x M_y M_z`, where it shows."""
     regressor: str
@@ -70,6 +70,7 @@ def candidate_set(vehicle: Vehicle, flights: Sequence[Flight]) -> CandidateSet:
     invisible: list[tuple[str, str]] = []
     candidates: list[Candidate] = []
     extended = _swapped(vehicle)
+    hover_rad_s = float(np.sqrt(np.nanmean(np.concatenate([f.rotor_speed_rad_s for f in flights]) ** 2)))
     for effect in _known(vehicle):
         if effect.name in vehicle.effects:
             continue
@@ -82,7 +83,7 @@ def candidate_set(vehicle: Vehicle, flights: Sequence[Flight]) -> CandidateSet:
             if effect.between_flights:  # a trace of it, so that its place has columns
                 for name in effect.strength:
                     extended = extended.with_value(f"{effect.name}.{name}", TRACE * vehicle.mass_kg)
-        candidates += _candidates(effect, vehicle)
+        candidates += _candidates(effect, vehicle, hover_rad_s)
     return CandidateSet(extended, tuple(candidates), tuple(invisible))
 
 
@@ -127,7 +128,7 @@ def _no_load(flights: Sequence[Flight]) -> str:
     return ""
 
 
-def _candidates(effect: Effect, vehicle: Vehicle) -> list[Candidate]:
+def _candidates(effect: Effect, vehicle: Vehicle, hover_rad_s: float) -> list[Candidate]:
     wanted = [s for s in effect.parameters if not s.held and (s.name in effect.strength or not effect.strength)]
     along = [s for s in effect.parameters if s not in wanted] if effect.between_flights else []
     channels = tuple(word for word in effect.channel.split() if word[:2] in ("F_", "M_"))
@@ -138,7 +139,10 @@ def _candidates(effect: Effect, vehicle: Vehicle) -> list[Candidate]:
             effect=effect.name,
             parameters=tuple(f"{effect.name}.{s.name}" for s in specs),
             one_sided=tuple(s.bounds[0] == 0.0 or effect.separate for s in specs),
-            usual=tuple(LOAD_SHARE * vehicle.mass_kg if effect.between_flights else s.prior for s in specs),
+            usual=tuple(
+                LOAD_SHARE * vehicle.mass_kg if effect.between_flights else sizes.usual(s, vehicle, hover_rad_s)
+                for s in specs
+            ),
             channels=channels,
             regressor=effect.regressor,
             excited_by=effect.excited_by,

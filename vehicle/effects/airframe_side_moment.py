@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vehicle.effects.base import Effect, Flow, Spec, Stage, Values, cross, length
+from vehicle.effects.base import VOLUME, Effect, Flow, Spec, Stage, Values, cross, length
 
 
 def apply(flow: Flow, p: Values) -> None:
@@ -16,9 +16,9 @@ EFFECT = Effect(
     stage=Stage.FORCE,
     apply=apply,
     parameters=(
-        Spec("x_kg", "N s2/m", prior=2e-4, bounds=(-0.1, 0.1), planted=1e-4),
-        Spec("y_kg", "N s2/m", prior=2e-4, bounds=(-0.1, 0.1), planted=-0.6e-4),
-        Spec("z_kg", "N s2/m", prior=2e-4, bounds=(-0.1, 0.1), planted=2e-4),
+        Spec("x_kg", "N s2/m", prior=2e-4, bounds=(-0.1, 0.1), planted=1e-4, scaling=VOLUME),
+        Spec("y_kg", "N s2/m", prior=2e-4, bounds=(-0.1, 0.1), planted=-0.6e-4, scaling=VOLUME),
+        Spec("z_kg", "N s2/m", prior=2e-4, bounds=(-0.1, 0.1), planted=2e-4, scaling=VOLUME),
     ),
     law="M = (c r_cp) x (-|v| v)",
     source="own form: one drag coefficient c at the centre of pressure r_cp",

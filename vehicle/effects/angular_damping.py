@@ -1,6 +1,6 @@
 """Turning is resisted in proportion to the body rate."""
 
-from vehicle.effects.base import Effect, Flow, Spec, Stage, Values
+from vehicle.effects.base import DAMPING, Effect, Flow, Spec, Stage, Values
 
 
 def apply(flow: Flow, p: Values) -> None:
@@ -15,9 +15,9 @@ EFFECT = Effect(
     stage=Stage.FORCE,
     apply=apply,
     parameters=(
-        Spec("x_n_m_s", "N m s", prior=1e-3, bounds=(0.0, 1.0), planted=8e-4),
-        Spec("y_n_m_s", "N m s", prior=1e-3, bounds=(0.0, 1.0), planted=9e-4),
-        Spec("z_n_m_s", "N m s", prior=1e-3, bounds=(0.0, 1.0), planted=5e-4),
+        Spec("x_n_m_s", "N m s", prior=1e-3, bounds=(0.0, 1.0), planted=8e-4, scaling=DAMPING),
+        Spec("y_n_m_s", "N m s", prior=1e-3, bounds=(0.0, 1.0), planted=9e-4, scaling=DAMPING),
+        Spec("z_n_m_s", "N m s", prior=1e-3, bounds=(0.0, 1.0), planted=5e-4, scaling=DAMPING),
     ),
     law="M = -D w",
     source="Faessler, Franchi, Scaramuzza 2018 (RA-L 3-2), the term linear in the body rate",

@@ -1,6 +1,6 @@
 """Turning is resisted in proportion to the square of the body rate: the alternative to `angular_damping`."""
 
-from vehicle.effects.base import Effect, Flow, Spec, Stage, Values, magnitude
+from vehicle.effects.base import DAMPING_SQUARED, Effect, Flow, Spec, Stage, Values, magnitude
 
 
 def apply(flow: Flow, p: Values) -> None:
@@ -16,9 +16,9 @@ EFFECT = Effect(
     stage=Stage.FORCE,
     apply=apply,
     parameters=(
-        Spec("x_n_m_s2", "N m s2", prior=2e-4, bounds=(0.0, 1.0), planted=2e-4),
-        Spec("y_n_m_s2", "N m s2", prior=2e-4, bounds=(0.0, 1.0), planted=2.5e-4),
-        Spec("z_n_m_s2", "N m s2", prior=2e-4, bounds=(0.0, 1.0), planted=1e-4),
+        Spec("x_n_m_s2", "N m s2", prior=2e-4, bounds=(0.0, 1.0), planted=2e-4, scaling=DAMPING_SQUARED),
+        Spec("y_n_m_s2", "N m s2", prior=2e-4, bounds=(0.0, 1.0), planted=2.5e-4, scaling=DAMPING_SQUARED),
+        Spec("z_n_m_s2", "N m s2", prior=2e-4, bounds=(0.0, 1.0), planted=1e-4, scaling=DAMPING_SQUARED),
     ),
     law="M_i = -D_i |w_i| w_i",
     source="own; airframe drag at the arms, as `parasitic_drag` for turning",

@@ -129,6 +129,36 @@ class Flow:
         return self.velocity_m_s[:, None] + cross(self.rate_rad_s[:, None], self.hub_m)
 
 
+Scaling = tuple[float, float, float]
+"""How a usual size grows from one vehicle to the next: as powers of mass, arm and hover rotor speed (rad/s)."""
+SAME: Scaling = (0.0, 0.0, 0.0)
+"""A ratio, or what comes from the world: the same on every vehicle."""
+OF_THRUST: Scaling = (1.0, 0.0, 0.0)
+"""A force that is a share of the weight."""
+PER_ROTOR_SPEED: Scaling = (1.0, 0.0, -1.0)
+"""A force per rotor speed that is a share of the weight at hover."""
+PER_ROTOR_SPEED_SQUARED: Scaling = (1.0, 0.0, -2.0)
+"""The same per square of rotor speed; also a rotor's moment per rotor speed and air speed."""
+ADVANCE: Scaling = (0.0, -1.0, -1.0)
+"""A share of thrust per air speed, which counts in tip speeds (`arm * rotor speed`)."""
+BLADE: Scaling = (1.0, -1.0, -2.0)
+"""A force per rotor speed and air speed: thrust times air speed over tip speed."""
+ADVANCE_SQUARED: Scaling = (1.0, -2.0, -2.0)
+"""A force per square of air speed that comes from the rotors."""
+AREA: Scaling = (0.0, 2.0, 0.0)
+"""A force per square of air speed that comes from the airframe, in the same air."""
+VOLUME: Scaling = (0.0, 3.0, 0.0)
+"""The moment of such a force."""
+LENGTH: Scaling = (0.0, 1.0, 0.0)
+INERTIA: Scaling = (1.0, 2.0, 0.0)
+YAW: Scaling = (1.0, 1.0, -2.0)
+"""A torque per square of rotor speed that is a share of weight times arm."""
+DAMPING: Scaling = (1.0, 1.0, -1.0)
+"""A torque per body rate, from rotors that rise and sink at the ends of the arms."""
+DAMPING_SQUARED: Scaling = (0.0, 5.0, 0.0)
+"""A torque per square of the body rate, from an airframe in the same air."""
+
+
 @dataclass(frozen=True, slots=True)
 class Spec:
     """One parameter of an effect."""
@@ -137,7 +167,8 @@ class Spec:
     """Ends in its unit, e.g. `drag_s_m`."""
     unit: str
     prior: float
-    """How large it typically is: the standard deviation of a weak prior, and the scale of numeric steps."""
+    """How large it typically is on the reference vehicle (`vehicle.sizes`): the standard deviation of a weak prior, and
+    the scale of numeric steps."""
     bounds: tuple[float, float]
     """Values outside are refused."""
     default: float = 0.0
@@ -146,6 +177,8 @@ class Spec:
     """The value the self-test plants and must recover."""
     held: bool = False
     """A convention rather than a fact (a reference voltage): never estimated."""
+    scaling: Scaling = SAME
+    """How `prior` grows with the vehicle."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vehicle.effects.base import Effect, RigidBody, Spec, Stage, Values
+from vehicle.effects.base import LENGTH, Effect, RigidBody, Spec, Stage, Values
 
 
 def apply(body: RigidBody, p: Values) -> None:
@@ -17,8 +17,8 @@ EFFECT = Effect(
     stage=Stage.MASS,
     apply=apply,
     parameters=(
-        Spec("x_m", "m", prior=2e-3, bounds=(-0.1, 0.1), planted=1.4e-3),
-        Spec("y_m", "m", prior=2e-3, bounds=(-0.1, 0.1), planted=-0.8e-3),
+        Spec("x_m", "m", prior=2e-3, bounds=(-0.1, 0.1), planted=1.4e-3, scaling=LENGTH),
+        Spec("y_m", "m", prior=2e-3, bounds=(-0.1, 0.1), planted=-0.8e-3, scaling=LENGTH),
     ),
     law="hub i sits at r_i - (dx, dy, 0) from the centre of mass",
     source="Rigter et al. eq. (3)",

@@ -1,6 +1,6 @@
 """Blade flapping in edgewise flow tilts the vehicle back: a moment at each hub."""
 
-from vehicle.effects.base import Effect, Flow, Spec, Stage, Values
+from vehicle.effects.base import PER_ROTOR_SPEED_SQUARED, Effect, Flow, Spec, Stage, Values
 
 
 def apply(flow: Flow, p: Values) -> None:
@@ -14,7 +14,9 @@ EFFECT = Effect(
     number=8,
     stage=Stage.FORCE,
     apply=apply,
-    parameters=(Spec("moment_kg_m", "kg m", prior=1e-6, bounds=(-1e-3, 1e-3), planted=1.5e-6),),
+    parameters=(
+        Spec("moment_kg_m", "kg m", prior=1e-6, bounds=(-1e-3, 1e-3), planted=1.5e-6, scaling=PER_ROTOR_SPEED_SQUARED),
+    ),
     law="M = -k_f sum n_i (a_i x e3)",
     source="RotorPy (Folk, Paulos, Kumar 2023), k_flap; for the physics Hoffmann, Huang, Waslander, Tomlin 2007",
     channel="M_x M_y",

@@ -1,6 +1,6 @@
 """Turning the body turns the rotors' net angular momentum: a torque across both."""
 
-from vehicle.effects.base import Effect, Flow, Spec, Stage, Values
+from vehicle.effects.base import INERTIA, Effect, Flow, Spec, Stage, Values
 
 
 def apply(flow: Flow, p: Values) -> None:
@@ -15,7 +15,7 @@ EFFECT = Effect(
     number=13,
     stage=Stage.FORCE,
     apply=apply,
-    parameters=(Spec("rotor_inertia_kg_m2", "kg m2", prior=5e-6, bounds=(0.0, 1e-2), planted=6e-6),),
+    parameters=(Spec("rotor_inertia_kg_m2", "kg m2", prior=5e-6, bounds=(0.0, 1e-2), planted=6e-6, scaling=INERTIA),),
     law="M = -w x J_r (sum spin_i n_i) e3",
     source="rigid-body mechanics; Bouabdallah 2007, thesis",
     channel="M_x M_y",

@@ -1,6 +1,6 @@
 """Airframe drag, each body axis on its own."""
 
-from vehicle.effects.base import Effect, Flow, Spec, Stage, Values, magnitude
+from vehicle.effects.base import AREA, Effect, Flow, Spec, Stage, Values, magnitude
 
 
 def apply(flow: Flow, p: Values) -> None:
@@ -16,8 +16,8 @@ EFFECT = Effect(
     stage=Stage.FORCE,
     apply=apply,
     parameters=(
-        Spec("drag_xy_kg_m", "N s2/m2", prior=0.01, bounds=(0.0, 1.0), planted=0.0055),
-        Spec("drag_z_kg_m", "N s2/m2", prior=0.02, bounds=(0.0, 1.0), planted=0.0185),
+        Spec("drag_xy_kg_m", "N s2/m2", prior=0.01, bounds=(0.0, 1.0), planted=0.0055, scaling=AREA),
+        Spec("drag_z_kg_m", "N s2/m2", prior=0.02, bounds=(0.0, 1.0), planted=0.0185, scaling=AREA),
     ),
     law="F_i = -c_i |v_i| v_i",
     source="Rigter et al. eq. (5)",

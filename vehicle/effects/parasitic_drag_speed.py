@@ -1,6 +1,6 @@
 """Airframe drag that grows with the whole speed, not only its own component: the alternative to `parasitic_drag`."""
 
-from vehicle.effects.base import Effect, Flow, Spec, Stage, Values, length
+from vehicle.effects.base import AREA, Effect, Flow, Spec, Stage, Values, length
 
 
 def apply(flow: Flow, p: Values) -> None:
@@ -17,9 +17,9 @@ EFFECT = Effect(
     stage=Stage.FORCE,
     apply=apply,
     parameters=(
-        Spec("drag_x_kg_m", "N s2/m2", prior=0.01, bounds=(0.0, 1.0), planted=0.005),
-        Spec("drag_y_kg_m", "N s2/m2", prior=0.01, bounds=(0.0, 1.0), planted=0.007),
-        Spec("drag_z_kg_m", "N s2/m2", prior=0.02, bounds=(0.0, 1.0), planted=0.010),
+        Spec("drag_x_kg_m", "N s2/m2", prior=0.01, bounds=(0.0, 1.0), planted=0.005, scaling=AREA),
+        Spec("drag_y_kg_m", "N s2/m2", prior=0.01, bounds=(0.0, 1.0), planted=0.007, scaling=AREA),
+        Spec("drag_z_kg_m", "N s2/m2", prior=0.02, bounds=(0.0, 1.0), planted=0.010, scaling=AREA),
     ),
     law="F_i = -c_i |v| v_i",
     source="RotorPy (Folk, Paulos, Kumar 2023), c_D",

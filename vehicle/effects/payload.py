@@ -5,7 +5,7 @@ Inertia depends on the square of its height only, so whether it sits above or be
 
 import numpy as np
 
-from vehicle.effects.base import Effect, RigidBody, Spec, Stage, Values
+from vehicle.effects.base import LENGTH, OF_THRUST, Effect, RigidBody, Spec, Stage, Values
 
 
 def apply(body: RigidBody, p: Values) -> None:
@@ -28,10 +28,10 @@ EFFECT = Effect(
     stage=Stage.MASS,
     apply=apply,
     parameters=(
-        Spec("added_kg", "kg", prior=0.1, bounds=(-100.0, 100.0), planted=0.12),
-        Spec("x_m", "m", prior=0.03, bounds=(-1.0, 1.0), planted=0.01),
-        Spec("y_m", "m", prior=0.03, bounds=(-1.0, 1.0), planted=-0.005),
-        Spec("z_m", "m", prior=0.03, bounds=(-1.0, 1.0), default=-0.02, planted=-0.03),
+        Spec("added_kg", "kg", prior=0.1, bounds=(-100.0, 100.0), planted=0.12, scaling=OF_THRUST),
+        Spec("x_m", "m", prior=0.03, bounds=(-1.0, 1.0), planted=0.01, scaling=LENGTH),
+        Spec("y_m", "m", prior=0.03, bounds=(-1.0, 1.0), planted=-0.005, scaling=LENGTH),
+        Spec("z_m", "m", prior=0.03, bounds=(-1.0, 1.0), default=-0.02, planted=-0.03, scaling=LENGTH),
     ),
     law="m + dm; parallel-axis inertia; the centre of mass moves by dm / (m + dm) of the arm",
     source="Newton; parallel-axis theorem",

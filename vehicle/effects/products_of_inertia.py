@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vehicle.effects.base import Effect, RigidBody, Spec, Stage, Values
+from vehicle.effects.base import INERTIA, Effect, RigidBody, Spec, Stage, Values
 
 
 def apply(body: RigidBody, p: Values) -> None:
@@ -20,9 +20,9 @@ EFFECT = Effect(
     stage=Stage.MASS,
     apply=apply,
     parameters=(
-        Spec("xy_kg_m2", "kg m2", prior=1e-4, bounds=(-1.0, 1.0), planted=1.1e-4),
-        Spec("xz_kg_m2", "kg m2", prior=1e-4, bounds=(-1.0, 1.0), planted=-1.6e-4),
-        Spec("yz_kg_m2", "kg m2", prior=1e-4, bounds=(-1.0, 1.0), planted=0.7e-4),
+        Spec("xy_kg_m2", "kg m2", prior=1e-4, bounds=(-1.0, 1.0), planted=1.1e-4, scaling=INERTIA),
+        Spec("xz_kg_m2", "kg m2", prior=1e-4, bounds=(-1.0, 1.0), planted=-1.6e-4, scaling=INERTIA),
+        Spec("yz_kg_m2", "kg m2", prior=1e-4, bounds=(-1.0, 1.0), planted=0.7e-4, scaling=INERTIA),
     ),
     law="I = [[Ixx, xy, xz], [xy, Iyy, yz], [xz, yz, Izz]] (the entries themselves, sign included)",
     source="Euler",

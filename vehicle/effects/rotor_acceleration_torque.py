@@ -1,6 +1,6 @@
 """Speeding a rotor up turns the body the other way at once, before its air drag has changed."""
 
-from vehicle.effects.base import Effect, Flow, Spec, Stage, Values
+from vehicle.effects.base import INERTIA, Effect, Flow, Spec, Stage, Values
 
 
 def apply(flow: Flow, p: Values) -> None:
@@ -13,7 +13,7 @@ EFFECT = Effect(
     number=14,
     stage=Stage.FORCE,
     apply=apply,
-    parameters=(Spec("rotor_inertia_kg_m2", "kg m2", prior=5e-6, bounds=(0.0, 1e-2), planted=6e-6),),
+    parameters=(Spec("rotor_inertia_kg_m2", "kg m2", prior=5e-6, bounds=(0.0, 1e-2), planted=6e-6, scaling=INERTIA),),
     law="M_z = -J_r sum spin_i dn_i/dt",
     source="rigid-body mechanics: the reaction to spinning a rotor up",
     channel="M_z",

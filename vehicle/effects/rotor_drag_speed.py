@@ -1,6 +1,6 @@
 """Rotor drag proportional to rotor speed, at each hub: it also damps yaw and tilts the vehicle when hubs are high."""
 
-from vehicle.effects.base import Effect, Flow, Spec, Stage, Values
+from vehicle.effects.base import BLADE, Effect, Flow, Spec, Stage, Values
 
 
 def apply(flow: Flow, p: Values) -> None:
@@ -12,7 +12,7 @@ EFFECT = Effect(
     number=4,
     stage=Stage.FORCE,
     apply=apply,
-    parameters=(Spec("drag_kg", "kg", prior=3e-5, bounds=(0.0, 1e-2), planted=3.2e-5),),
+    parameters=(Spec("drag_kg", "kg", prior=3e-5, bounds=(0.0, 1e-2), planted=3.2e-5, scaling=BLADE),),
     law="f_i = -k_d n_i (a_x, a_y, 0) at hub i",
     source="RotorPy (Folk, Paulos, Kumar 2023), k_d; RotorS (Furrer et al. 2016); Svacha, Mohta, Kumar 2017, Improving "
     "Quadrotor Trajectory Tracking by Compensating for Aerodynamic Effects",

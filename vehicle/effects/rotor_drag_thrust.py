@@ -1,6 +1,6 @@
 """Rotor drag proportional to total thrust (blade flapping and induced drag in one coefficient)."""
 
-from vehicle.effects.base import Effect, Flow, Spec, Stage, Values
+from vehicle.effects.base import ADVANCE, Effect, Flow, Spec, Stage, Values
 
 
 def apply(flow: Flow, p: Values) -> None:
@@ -12,7 +12,7 @@ EFFECT = Effect(
     number=3,
     stage=Stage.FORCE,
     apply=apply,
-    parameters=(Spec("drag_s_m", "s/m", prior=0.02, bounds=(0.0, 0.5), planted=0.0175),),
+    parameters=(Spec("drag_s_m", "s/m", prior=0.02, bounds=(0.0, 0.5), planted=0.0175, scaling=ADVANCE),),
     law="F_xy = -(sum T) c_dh (v_x, v_y)",
     source="Rigter et al. eq. (4); Mahony, Kumar, Corke 2012",
     channel="F_x F_y",

@@ -1,6 +1,6 @@
 """In forward flight the rear rotors work in the wake of the front ones and lose thrust."""
 
-from vehicle.effects.base import Effect, Flow, Spec, Stage, Values, positive
+from vehicle.effects.base import ADVANCE, Effect, Flow, Spec, Stage, Values, positive
 
 
 def apply(flow: Flow, p: Values) -> None:
@@ -15,7 +15,7 @@ EFFECT = Effect(
     number=19,
     stage=Stage.THRUST_FACTOR,
     apply=apply,
-    parameters=(Spec("loss_s_m", "s/m", prior=0.005, bounds=(0.0, 0.1), planted=0.006),),
+    parameters=(Spec("loss_s_m", "s/m", prior=0.005, bounds=(0.0, 0.1), planted=0.006, scaling=ADVANCE),),
     law="T_i (1 - k max(0, -r_i . v_xy / |r_i|))",
     source="own one-parameter form of the wake effect in Yoon, Diaz, Boyd, Chan, Theodore 2017 (AHS Forum 73)",
     channel="M_x M_y",

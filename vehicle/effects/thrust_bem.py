@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from vehicle.effects.base import Array, Effect, Flow, Spec, Stage, Values
+from vehicle.effects.base import BLADE, PER_ROTOR_SPEED_SQUARED, Array, Effect, Flow, Spec, Stage, Values
 
 MOST_STEPS = 60
 """Iterations. Three or four reach rounding in climb and level flight; only fast, oblique descent needs bisection."""
@@ -55,8 +55,24 @@ EFFECT = Effect(
     stage=Stage.THRUST,
     apply=apply,
     parameters=(
-        Spec("k1_n_s2", "N s2", prior=3e-6, bounds=(0.0, 1e-3), default=3.119e-6, planted=3.119e-6),
-        Spec("k2_n_s2_m", "N s2/m", prior=1.5e-4, bounds=(-1e-2, 0.0), default=-1.547e-4, planted=-1.547e-4),
+        Spec(
+            "k1_n_s2",
+            "N s2",
+            prior=3e-6,
+            bounds=(0.0, 1e-3),
+            default=3.119e-6,
+            planted=3.119e-6,
+            scaling=PER_ROTOR_SPEED_SQUARED,
+        ),
+        Spec(
+            "k2_n_s2_m",
+            "N s2/m",
+            prior=1.5e-4,
+            bounds=(-1e-2, 0.0),
+            default=-1.547e-4,
+            planted=-1.547e-4,
+            scaling=BLADE,
+        ),
     ),
     law="T = k1 n^2 + k2 n (v_z + v_ind),  T = 2 rho A v_ind sqrt((v_z + v_ind)^2 + v_xy^2)",
     source="Rigter et al. 2019 eq. (1)-(2); Leishman, Principles of Helicopter Aerodynamics, ch. 2-3",

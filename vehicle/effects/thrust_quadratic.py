@@ -1,6 +1,6 @@
 """Thrust that depends on rotor speed alone: the static law every textbook starts from."""
 
-from vehicle.effects.base import Effect, Flow, Spec, Stage, Values
+from vehicle.effects.base import PER_ROTOR_SPEED_SQUARED, Effect, Flow, Spec, Stage, Values
 
 
 def apply(flow: Flow, p: Values) -> None:
@@ -12,7 +12,17 @@ EFFECT = Effect(
     number=0,
     stage=Stage.THRUST,
     apply=apply,
-    parameters=(Spec("k_n_s2", "N s2", prior=3e-6, bounds=(0.0, 1e-3), default=1.9e-6, planted=1.9e-6),),
+    parameters=(
+        Spec(
+            "k_n_s2",
+            "N s2",
+            prior=3e-6,
+            bounds=(0.0, 1e-3),
+            default=1.9e-6,
+            planted=1.9e-6,
+            scaling=PER_ROTOR_SPEED_SQUARED,
+        ),
+    ),
     law="T = k n^2",
     source="Mahony, Kumar, Corke 2012, Multirotor Aerial Vehicles (RAM 19-3), the static thrust law",
     channel="F_z",

@@ -1,6 +1,6 @@
 """More thrust in edgewise flow, quadratic in lateral air speed: a simple alternative to the induced-velocity law."""
 
-from vehicle.effects.base import Effect, Flow, Spec, Stage, Values
+from vehicle.effects.base import ADVANCE_SQUARED, Effect, Flow, Spec, Stage, Values
 
 
 def apply(flow: Flow, p: Values) -> None:
@@ -13,7 +13,7 @@ EFFECT = Effect(
     number=7,
     stage=Stage.THRUST,
     apply=apply,
-    parameters=(Spec("lift_kg_m", "N s2/m2", prior=3e-3, bounds=(-0.1, 0.1), planted=3.4e-3),),
+    parameters=(Spec("lift_kg_m", "N s2/m2", prior=3e-3, bounds=(-0.1, 0.1), planted=3.4e-3, scaling=ADVANCE_SQUARED),),
     law="T_i += k_h (a_x^2 + a_y^2)",
     source="Svacha, Mohta, Kumar 2017 (ICUAS), k_h; RotorPy (Folk, Paulos, Kumar 2023), k_h",
     channel="F_z",
