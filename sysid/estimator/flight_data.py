@@ -36,6 +36,8 @@ class Flight:
     """What was commanded just before; only where rotor speed was not measured."""
     carries_payload: bool | None = None
     """Whether the vehicle's payload, if it has one, was on board; None where the log does not say: it was."""
+    left_out: str = ""
+    """In words, which stretches of its log are not part of any flight, and why."""
 
     @property
     def position_world_m(self) -> FloatArray:

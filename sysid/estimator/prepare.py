@@ -1,6 +1,7 @@
 """Flights from logs: cut at gaps, thinned to nodes, each block's readings and the rotor speed between nodes."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +12,8 @@ from sysid.estimator.blocks.catalogue import BLOCKS
 from sysid.estimator.flight_data import Flight, IndexArray, LeadIn
 from sysid.estimator.options import Options
 from sysid.estimator.sampling import Stretch
+from sysid.logs import contact
+from sysid.logs.finding import Span
 from sysid.logs.payload import carries_payload
 
 GAP_FACTOR = 4.0
@@ -37,15 +40,32 @@ class _Source:
 
 
 def prepare(log: FlightLog, index: int, options: Options) -> list[Flight]:
-    """Flights without gaps from one log.
+    """Flights without gaps from one log, less what was flown on the ground or in contact.
 
     Raises:
         InputError: it has neither pose nor IMU, or neither rotor speed nor command, or there is a gap and the options
             refuse gaps.
     """
     source = _source(log, str(log.metadata.get("name", f"flight {index + 1}")))
-    pieces = _split(log, source, options)
-    return [_flight(log, piece, source, index, len(pieces), options) for piece in pieces]
+    touched = contact.spans(log)
+    pieces = _aloft(_split(log, source, options), touched, source.name)
+    flights = [_flight(log, piece, source, index, len(pieces), options) for piece in pieces]
+    left_out = contact.sentence(source.name, touched) if touched else ""
+    return [replace(flight, left_out=left_out) for flight in flights]
+
+
+def _aloft(pieces: list[Span], touched: Sequence[Span], name: str) -> list[Span]:
+    """The pieces less the stretches in contact; what is left of them and too short says nothing.
+
+    Raises:
+        InputError: nothing is left.
+    """
+    for start_s, end_s in touched:
+        parts = [part for a, b in pieces for part in ((a, min(b, start_s)), (max(a, end_s), b))]
+        pieces = [(a, b) for a, b in parts if b - a >= SHORTEST_S]
+    if not pieces:
+        raise InputError(f"{contact.sentence(name, tuple(touched))}; no stretch of {SHORTEST_S:g} s in the air is left")
+    return pieces
 
 
 def _source(log: FlightLog, name: str) -> _Source:

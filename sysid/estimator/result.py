@@ -209,7 +209,9 @@ def conclude(
         unknowns=unknowns,
         flights=tuple(flights),
         findings=tuple(
-            _findings(vehicle, estimates, solution) + _thrust_against_belief(given, solution, flights) + disagreement
+            _findings(vehicle, estimates, solution, flights)
+            + _thrust_against_belief(given, solution, flights)
+            + disagreement
         ),
         verdict=verdict.doubted(
             *_at_bounds(vehicle, estimates, but=0.0),
@@ -286,7 +288,7 @@ def unpredicted_turning(solution: Solution, flights: Sequence[Flight], free: Ite
     )
 
 
-def _findings(vehicle: Vehicle, estimates: list[Estimate], solution: Solution) -> list[str]:
+def _findings(vehicle: Vehicle, estimates: list[Estimate], solution: Solution, flights: Sequence[Flight]) -> list[str]:
     found = [
         f"mass_kg was given as {vehicle.mass_kg:g} and not estimated: pose and rotor speed show only ratios to it, so "
         "thrust, drag and inertia are as right as the mass is"
@@ -299,6 +301,7 @@ def _findings(vehicle: Vehicle, estimates: list[Estimate], solution: Solution) -
             f"what the model leaves unexplained lasts: up to {force:.2g} m/s2 and {torque:.2g} rad/s2 for about "
             f"{lasts_s:.1f} s (gusts, a swinging load, or an effect the model lacks); the fit allows for it"
         )
+    found += list(dict.fromkeys(flight.left_out for flight in flights if flight.left_out))
     found += _against(solution) + _at_bounds(vehicle, estimates)
     for e in estimates:
         if e.status == "unseen":

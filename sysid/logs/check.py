@@ -8,7 +8,7 @@ import numpy as np
 from flight import FlightLog
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
-from sysid.logs import consistency
+from sysid.logs import consistency, contact
 from sysid.logs.finding import Finding, Repair, Span, error, warning
 from vehicle import Vehicle
 
@@ -60,6 +60,7 @@ def check_log(log: FlightLog, vehicle: Vehicle | None = None) -> LogReport:
     """Look for faults in a log; with a vehicle, also for rotor order, spin and units that its motion contradicts."""
     step_s = np.diff(log.time_s)
     findings = [*_time_base(log), *_not_finite(log), *_jumps(log), *_frozen(log), *_saturated(log)]
+    findings += _contact(log)
     findings += consistency.check(log, vehicle)
     return LogReport(
         name=str(log.metadata.get("name", "log")),
@@ -113,6 +114,15 @@ def _not_finite(log: FlightLog) -> list[Finding]:
             repair = Repair("drop", (name,))
             found.append(warning("empty", f"{name} is never finite", "drop the column", repair=repair))
     return found
+
+
+def _contact(log: FlightLog) -> list[Finding]:
+    where = contact.spans(log)
+    if not where:
+        return []
+    length_s = sum(end - start for start, end in where)
+    sentence = f"the vehicle stands on the ground, or touches something, for {length_s:.1f} s"
+    return [warning("contact", sentence, "nothing: every fit leaves these stretches out, and says so", spans=where)]
 
 
 def _jumps(log: FlightLog) -> list[Finding]:
