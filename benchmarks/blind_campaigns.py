@@ -1,11 +1,13 @@
 """Flights of vehicles whose file lacks an effect, with ground truth in another folder: test data for the diagnosis.
 
-    python benchmarks/blind_campaigns.py --out FOLDER [--kind all|single|pair|none|outside|foreign] [--count N]
-        [--seed S]
+    python benchmarks/blind_campaigns.py --out FOLDER [--kind all|single|pair|none|outside|foreign|form]
+        [--count N] [--seed S]
 
 RotorPy's equations fly them (`blind_flight`), with gusts, its own controller, and what it lacks from `blind_truth`.
 Each campaign is a folder with `vehicle.toml`, `manifest.toml` and four training and two held-out flights in Parquet;
-what is hidden stands in `FOLDER/truth/` under the same name. New campaigns are numbered after those already there.
+what is hidden stands in `FOLDER/truth/` under the same name. Two thirds fly in gusts, of a third the clock of the rotor
+speeds is off by up to 8 ms, and a sixth hold commands in place of rotor speed. New campaigns are numbered after those
+already there.
 """
 
 import argparse
@@ -15,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from blind_draw import KINDS, PAYLOAD_Z_M, Truth, draw
+from blind_draw import BATTERY_V, KINDS, PAYLOAD_Z_M, Conditions, Truth, draw
 from blind_flight import (
     ATTITUDE,
     GRAVITY_M_S2,
@@ -54,11 +56,14 @@ SETTLE_S = 1.0
 """The log starts once the controller has caught the path."""
 BATCH = 8
 """Campaigns flown at once."""
-SHARES = {"single": 0.35, "pair": 0.2, "none": 0.2, "outside": 0.15, "foreign": 0.1}
+SHARES = {"single": 0.2, "pair": 0.12, "none": 0.17, "outside": 0.12, "foreign": 0.06, "form": 0.33}
 """What `--kind all` is made of."""
+GUSTS, OFFSETS, COMMANDS = 2 / 3, 1 / 3, 1 / 6
+"""Shares of the campaigns with gusts, with a clock that is off, with commands alone."""
 
 POSITION_NOISE_M, ATTITUDE_NOISE_RAD, ROTOR_NOISE_RAD_S = 2e-3, np.deg2rad(0.12), 4.0
 GYRO_NOISE_RAD_S, GYRO_BIAS_RAD_S, FORCE_NOISE_M_S2, FORCE_BIAS_M_S2 = 0.01, 0.02, 0.3, 0.15
+BATTERY_NOISE_V = 0.02
 FILE_ERROR = 0.05
 """Relative standard deviation of the vehicle file's numbers; the mass is right to `MASS_ERROR`."""
 MASS_ERROR = 0.01
@@ -74,6 +79,8 @@ class Recording:
     """(n, 17)."""
     specific_force: Array
     """(n, 3) in body axes."""
+    command: Array
+    """(n, 4) rotor speeds asked for."""
     setpoint: Array
     """(n, 3)."""
 
@@ -112,22 +119,24 @@ def fly(truths: list[Truth], rngs: list[np.random.Generator], duration_s: float)
     wind = np.stack(gusts, axis=-1)
     reference = Paths.of(paths)
     state = _start(reference.at(0.0), believed)
-    rows, forces, targets, times = [], [], [], []
+    rows, forces, commands, targets, times = [], [], [], [], []
+    sag = np.array([t.sag_per_v * t.drop_v for t in truths for _ in FLIGHTS])
     for i in range(steps):
         t = i * STEP_S
         target = reference.at(t)
-        command = np.nan_to_num(se3_command(believed, state, target))
+        command = np.clip(np.nan_to_num(se3_command(believed, state, target)), fleet.least_speed, fleet.most_speed)
+        reached = command * (1.0 - sag * max(0.0, t - SETTLE_S) / duration_s)
         if t >= SETTLE_S - 1e-9 and i % LOG_EVERY == 0:
-            held = np.clip(command, fleet.least_speed, fleet.most_speed)
-            pull = slope(fleet, state, held, wind[i], t, sky)[VELOCITY]
+            pull = slope(fleet, state, reached, wind[i], t, sky)[VELOCITY]
             pull[2] += GRAVITY_M_S2
             forces.append(turned_back(matrix(state[ATTITUDE]), pull))
             rows.append(state)
+            commands.append(command)
             targets.append(target.position)
             times.append(t - SETTLE_S)
         with np.errstate(all="ignore"):  # one that crashes is found by its check
-            state = advance(fleet, state, command, wind[i], t, STEP_S, sky)
-    both = [np.stack(x) for x in (rows, forces, targets)]
+            state = advance(fleet, state, reached, wind[i], t, STEP_S, sky)
+    both = [np.stack(x) for x in (rows, forces, commands, targets)]
     made = [Recording(p.kind, np.array(times), *(x[..., j] for x in both)) for j, p in enumerate(paths)]
     return [made[width * i : width * (i + 1)] for i in range(len(truths))]
 
@@ -186,17 +195,33 @@ def measure(recording: Recording, truth: Truth, loaded: bool, rng: np.random.Gen
         "specific_force_body_m_s2": recording.specific_force
         + FORCE_BIAS_M_S2 * rng.standard_normal(3)
         + FORCE_NOISE_M_S2 * rng.standard_normal((n, 3)),
-        "rotor_speed_rad_s": state[:, ROTORS] + ROTOR_NOISE_RAD_S * rng.standard_normal((n, 4)),
+        **_rotors(recording, truth, rng),
         "setpoint_position_world_m": recording.setpoint,
     }
-    return flight_log.from_vectors(time_s, vectors, metadata={"name": recording.kind, "source": "RotorPy"})
+    scalars = None
+    if truth.commands_only:
+        drop_v = truth.drop_v * time_s / time_s[-1]
+        scalars = {"battery_v": BATTERY_V - drop_v + BATTERY_NOISE_V * rng.standard_normal(n)}
+    metadata = {"name": recording.kind, "source": "RotorPy"}
+    return flight_log.from_vectors(time_s, vectors, scalars=scalars, metadata=metadata)
+
+
+def _rotors(recording: Recording, truth: Truth, rng: np.random.Generator) -> dict[str, Array]:
+    """What the log knows of the rotors: their speed, or the command alone; stamped too late or too early."""
+    time_s = recording.time_s
+    seen = np.clip(time_s - truth.rotor_late_s, time_s[0], time_s[-1])
+    if not truth.commands_only:
+        speed = CubicSpline(time_s, recording.state[:, ROTORS])(seen)
+        return {"rotor_speed_rad_s": speed + ROTOR_NOISE_RAD_S * rng.standard_normal(speed.shape)}
+    command = np.stack([np.interp(seen, time_s, column) for column in recording.command.T], axis=1)
+    return {"rotor_speed_command_rad_s": command}
 
 
 def vehicle_file(truth: Truth, name: str, rng: np.random.Generator) -> vehicle.Vehicle:
     """The vehicle file for the diagnosis: the known effects, every value with a small error."""
     body = truth.body
     v = vehicle.example("hummingbird")
-    for effect in ("inflow_linear", "translational_lift", "rotor_drag_speed", "parasitic_drag_speed"):
+    for effect in ("motor_lag", "inflow_linear", "translational_lift", "rotor_drag_speed", "parasitic_drag_speed"):
         v = v.without_effect(effect)
     hubs = np.stack(list(body["rotor_pos"].values())) + np.array([*truth.centre_m, 0.0])
     v = replace(v, name=name, hub_body_m=hubs, spin=-np.asarray(body["rotor_directions"], float))
@@ -227,6 +252,7 @@ def _known_values(truth: Truth) -> dict[str, dict[str, float]]:
         "parasitic_drag_speed": {f"drag_{axis}_kg_m": body[f"c_D{axis}"] or 5e-3 for axis in "xyz"},
         "flapping_moment": {"moment_kg_m": body["k_flap"]},
         "centre_of_mass": dict(zip(("x_m", "y_m"), truth.centre_m, strict=True)),
+        "motor_lag": {"rise_s": body["tau_m"], "fall_s": body["tau_m"]},
         # only ever believed: about what the true form amounts to
         "rotor_drag_thrust": {"drag_s_m": thrust_share or 0.02},
         "parasitic_drag": {"drag_xy_kg_m": body["c_Dx"] or 5e-3, "drag_z_kg_m": body["c_Dz"] or 1e-2},
@@ -245,7 +271,8 @@ def answers(truth: Truth, seed: list[int], checks: list[dict[str, float]], file_
         "real_drag": truth.real,
         "believed_drag": truth.believed,
         # the IMU is biased in every campaign: naming that is correct
-        "tolerated": ["imu_errors", *truth.real],
+        "tolerated": ["imu_errors", *truth.real, *truth.near],
+        "near": truth.near,
         "channels": truth.channels,
         "variables": truth.variables,
         "law": truth.law,
@@ -255,6 +282,8 @@ def answers(truth: Truth, seed: list[int], checks: list[dict[str, float]], file_
         "rotorpy": {k: x for k, x in truth.body.items() if isinstance(x, int | float)},
         "wind_m_s": list(truth.wind_m_s),
         "gust_m_s": truth.gust_m_s,
+        "rotor_late_s": truth.rotor_late_s,
+        "commands_only": truth.commands_only,
         "low": truth.low,
         "flights": dict(zip(FLIGHTS, checks, strict=True)),
     }
@@ -283,11 +312,13 @@ def generate(out: Path, kinds: list[str], seed: int, duration_s: float = 36.0) -
     """Draw, fly and write campaigns; one whose flights do not pass their check is drawn again."""
     first = 1 + max((int(p.stem.split("_")[1]) for p in out.glob("campaign_*")), default=-1)
     waiting = [(f"campaign_{first + i:03d}", kind, [seed, KINDS.index(kind), i, 0]) for i, kind in enumerate(kinds)]
+    drawn = conditions(len(kinds), np.random.default_rng([seed, 1]))  # not the generator that ordered the kinds
+    how = dict(zip((name for name, _, _ in waiting), drawn, strict=True))
     done = []
     while waiting:
         batch, waiting = waiting[:BATCH], waiting[BATCH:]
         rngs = [np.random.default_rng(key) for _, _, key in batch]
-        truths = [draw(kind, rng) for (_, kind, _), rng in zip(batch, rngs, strict=True)]
+        truths = [draw(kind, rng, how[name]) for (name, kind, _), rng in zip(batch, rngs, strict=True)]
         for (name, kind, key), truth, made, rng in zip(batch, truths, fly(truths, rngs, duration_s), rngs, strict=True):
             checks = [r.check(truth.body["rotor_speed_max"]) for r in made]
             if all(sound(c) for c in checks):
@@ -308,6 +339,16 @@ def mixture(count: int, rng: np.random.Generator) -> list[str]:
     marks = np.diff(np.round(np.concatenate([[0.0], exact])).astype(int))
     kinds = [k for k, n in zip(KINDS, marks, strict=True) for _ in range(n)]
     return [str(k) for k in rng.permutation(kinds)]
+
+
+def conditions(count: int, rng: np.random.Generator) -> list[Conditions]:
+    """How each of so many campaigns is flown and recorded, in the shares above, independent of its kind."""
+
+    def some(share: float) -> Array:
+        return rng.permutation(np.arange(count) < round(share * count))
+
+    drawn = zip(some(GUSTS), some(OFFSETS), some(COMMANDS), strict=True)
+    return [Conditions(bool(gusts), bool(offset), bool(commands)) for gusts, offset, commands in drawn]
 
 
 def main() -> None:

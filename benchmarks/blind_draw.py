@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+import blind_forms
 import numpy as np
 from blind_truth import (
     CHANNELS,
@@ -22,7 +23,9 @@ from blind_truth import (
     WakeOnRear,
 )
 
-KINDS = ("single", "pair", "none", "outside", "foreign")
+KINDS = ("single", "pair", "none", "outside", "foreign", "form")
+BATTERY_V = 16.8
+"""Full, where speed equals command."""
 AIR_DENSITY_KG_M3 = 1.225
 
 Rng = np.random.Generator
@@ -45,6 +48,13 @@ class Truth:
     wind_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     gust_m_s: float = 0.3
     delay_s: float = 0.0
+    rotor_late_s: float = 0.0
+    """By how much the stamps of rotor speed (or of its command) are too late; negative: too early."""
+    commands_only: bool = False
+    """Whether the log holds commands in place of measured rotor speed."""
+    sag_per_v: float = 0.0
+    drop_v: float = 0.0
+    """By how much the battery's voltage falls in each flight."""
     payload_kg: float = 0.0
     low: bool = False
     """Whether some flights come near the ground."""
@@ -59,20 +69,47 @@ class Truth:
     """Outside the catalogue: channels that count as right ..."""
     variables: list[str] = field(default_factory=list)
     """... and variables that do."""
+    near: list[str] = field(default_factory=list)
+    """A law of another form than the catalogue's: effects that are the nearest to it; naming one is correct."""
     law: str = ""
 
 
-def draw(kind: str, rng: Rng) -> Truth:
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """How a campaign is flown and recorded."""
+
+    gusts: bool = True
+    offset: bool = False
+    """Whether the clock of the rotor speeds is off, by up to `MOST_OFFSET_S`."""
+    commands: bool = False
+    """Whether only commands are logged."""
+
+
+MOST_OFFSET_S = 0.008
+
+
+def draw(kind: str, rng: Rng, conditions: Conditions = Conditions()) -> Truth:
     """One campaign of a kind."""
     truth = _vehicle(kind, rng)
+    truth.commands_only = conditions.commands
+    truth.gust_m_s *= conditions.gusts
+    if conditions.commands:
+        truth.known.add("motor_lag")
+        truth.drop_v = float(rng.uniform(1.0, 2.0))
+    if conditions.offset:
+        truth.rotor_late_s = float(rng.uniform(-MOST_OFFSET_S, MOST_OFFSET_S))
     if kind in ("single", "pair"):
-        for name in _choose(1 if kind == "single" else 2, rng):
-            truth.hidden[name] = HIDDEN[name](truth, rng)
+        catalogue = HIDDEN | (BY_COMMAND if conditions.commands else {})
+        for name in _choose(1 if kind == "single" else 2, rng, catalogue):
+            truth.hidden[name] = catalogue[name](truth, rng)
+    elif kind == "form":
+        _form(truth, rng)
     elif kind == "outside":
         _outside(truth, rng)
     elif kind == "foreign":
         _foreign(truth, rng)
-    truth.low = "ground_effect" in truth.hidden or bool(rng.random() < 0.4)
+    low = "ground_effect" in (*truth.hidden, *truth.near)
+    truth.low = low or bool(rng.random() < 0.4)
     _zero_unused_terms(truth)
     return truth
 
@@ -130,10 +167,16 @@ def _size(rng: Rng, low: float, high: float) -> float:
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
-def _choose(count: int, rng: Rng) -> list[str]:
-    """Different effects that do not change the same term of the true vehicle."""
+def _choose(count: int, rng: Rng, catalogue: dict[str, Callable[[Truth, Rng], Sizes]]) -> list[str]:
+    """Different effects that do not change the same term of the true vehicle.
+
+    Of a campaign with commands alone, half of the first are effects that only commands show.
+    """
+    own = sorted(set(catalogue) - set(HIDDEN))
     while True:
         names = [str(n) for n in rng.choice(sorted(HIDDEN), count, replace=False)]
+        if own and rng.random() < 0.5:
+            names[0] = str(rng.choice(own))
         if not any({a, b} <= group for a in names for b in names if a != b for group in _RIVALS):
             return names
 
@@ -288,6 +331,20 @@ HIDDEN: dict[str, Callable[[Truth, Rng], Sizes]] = {
 }
 """Effects a campaign can hide, by the catalogue's name; each draws a size, changes the truth, and returns the size."""
 
+
+def _motor_lag(t: Truth, rng: Rng) -> Sizes:
+    t.known.discard("motor_lag")
+    return {"rise_s": t.body["tau_m"], "fall_s": t.body["tau_m"]}
+
+
+def _sag(t: Truth, rng: Rng) -> Sizes:
+    t.sag_per_v = _size(rng, 0.01, 0.05)
+    return {"sag_per_v": t.sag_per_v}
+
+
+BY_COMMAND: dict[str, Callable[[Truth, Rng], Sizes]] = {"motor_lag": _motor_lag, "battery_sag": _sag}
+"""Further ones that lie between command and rotor speed."""
+
 OUTSIDE: tuple[tuple[str, str, tuple[str, ...], tuple[float, float]], ...] = (
     # channel, law of `Strange`, variables that count as right, range of the size (N or N m)
     ("F_y", "rotor_wave", ("n", "n_0", "n_1", "n_2", "n_3"), (0.08, 0.35)),
@@ -337,6 +394,15 @@ def _foreign(t: Truth, rng: Rng) -> None:
         other = [n for n in sorted(HIDDEN) if "drag" not in n and n != "constant_wind"]
         name = str(rng.choice(other))
         t.hidden[name] = HIDDEN[name](t, rng)
+
+
+def _form(t: Truth, rng: Rng) -> None:
+    """A law of another form than the catalogue's, on a vehicle of whose file all else is right."""
+    form = blind_forms.draw(rng, t.body["rotor_radius"])
+    t.known -= set(form.near)
+    t.extras.append(form.extra)
+    t.near, t.law = list(form.near), form.law
+    t.channels, t.variables = list(form.channels), list(form.variables)
 
 
 def _swap(t: Truth, believed: str, real: str, extra: Any) -> None:

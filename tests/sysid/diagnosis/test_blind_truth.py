@@ -184,7 +184,9 @@ def _exact(model, truth):
     return model
 
 
-@pytest.mark.parametrize("file", ["blind_truth.py", "blind_flight.py", "blind_manoeuvres.py", "blind_draw.py"])
+@pytest.mark.parametrize(
+    "file", ["blind_truth.py", "blind_flight.py", "blind_manoeuvres.py", "blind_draw.py", "blind_forms.py"]
+)
 def test_the_truth_uses_nothing_of_ours(file):
     tree = ast.parse((BENCHMARKS / file).read_text())
     names = {a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names}
@@ -193,7 +195,65 @@ def test_the_truth_uses_nothing_of_ours(file):
     assert names
 
 
-@pytest.mark.parametrize("kind", ["single", "pair", "none", "outside", "foreign"])
+@pytest.mark.parametrize("family", ["damping", "drag", "cushion", "lift", "moment", "sink", "wake", "rotor"])
+def test_a_law_of_another_form_acts_and_is_not_the_catalogues(family, states):
+    """It changes the motion, and no size of the nearest effect of the catalogue changes it in the same way."""
+    import blind_flight
+    import blind_forms
+    from blind_campaigns import vehicle_file
+    from blind_draw import draw
+
+    truth = draw("none", np.random.default_rng(4))
+    body = truth.body | {"rotor_pos": {n: np.asarray(r) for n, r in truth.body["rotor_pos"].items()}}
+    form = blind_forms.FORMS[family](np.random.default_rng(6), truth.body["rotor_radius"])
+    fleet = blind_flight.Fleet.of([body] * COUNT)
+    states = states.copy()
+    states[2] = np.abs(states[2]) * 0.2 + 0.1
+    command, wind = states[13:] + 50.0, np.zeros((3, COUNT))
+    plain, changed = (
+        blind_flight.slope(fleet, states, command, wind, 0.0, blind_flight.Sky(extras))
+        for extras in ((), ((slice(0, COUNT), form.extra),))
+    )
+    rotation = blind_flight.matrix(states[6:10])
+    more = np.concatenate([blind_flight.turned_back(rotation, (changed - plain)[3:6]), (changed - plain)[10:13]])
+    assert np.abs(more).max() > 0.01
+    ours = _exact(vehicle_file(truth, "form", np.random.default_rng(5)), truth)
+    velocity = blind_flight.turned_back(rotation, states[3:6])
+    around = vehicle.Surroundings(np.roll(states[6:10].T, 1, axis=1), states[2], rotor_acceleration_rad_s2=plain[13:].T)
+    for name in set(form.near) - {"thrust_bem"}:
+        model = ours if name in ours.effects else ours.with_effect(name)
+        names = [f"{name}.{s.name}" for s in vehicle.effects.find(name).parameters]
+        flown = (velocity.T, states[10:13].T, states[13:].T)
+        found = vehicle.acceleration_jacobian(model, *flown, parameters=names, surroundings=around)
+        columns = found.parameters.reshape(-1, len(names))
+        size = np.linalg.lstsq(columns, more.T.ravel(), rcond=None)[0]
+        left = more.T.ravel() - columns @ size
+        assert np.linalg.norm(left) > 0.02 * np.linalg.norm(more), name
+
+
+def test_conditions_are_drawn_in_their_shares_and_apart_from_each_other():
+    import blind_campaigns
+
+    drawn = blind_campaigns.conditions(120, np.random.default_rng(0))
+    assert (sum(c.gusts for c in drawn), sum(c.offset for c in drawn), sum(c.commands for c in drawn)) == (80, 40, 20)
+    assert 0 < sum(c.gusts and c.offset and not c.commands for c in drawn) < 40
+
+
+def test_a_log_of_commands_alone_holds_command_and_battery_and_no_rotor_speed():
+    import blind_campaigns
+    from blind_draw import Conditions, draw
+
+    rng = np.random.default_rng(11)
+    truth = draw("none", rng, Conditions(gusts=False, commands=True))
+    (made,) = blind_campaigns.fly([truth], [rng], 2.0)
+    log = blind_campaigns.measure(made[0], truth, False, rng)
+    assert not log.has("rotor_speed_rad_s")
+    assert log.has("rotor_speed_command_rad_s")
+    assert log.columns["battery_v"][0] - log.columns["battery_v"][-1] == pytest.approx(truth.drop_v, abs=0.2)
+    assert "motor_lag" in blind_campaigns.vehicle_file(truth, "commands", rng).effects
+
+
+@pytest.mark.parametrize("kind", ["single", "pair", "none", "outside", "foreign", "form"])
 def test_a_draw_says_what_it_hides(kind):
     from blind_draw import HIDDEN, draw
 
@@ -202,5 +262,6 @@ def test_a_draw_says_what_it_hides(kind):
         assert not set(truth.hidden) & truth.known
         assert set(truth.hidden) <= set(HIDDEN)
         assert len(truth.hidden) in {"single": {1}, "pair": {2}, "foreign": {0, 1}}.get(kind, {0})
-        assert bool(truth.channels) == (kind == "outside")
+        assert bool(truth.channels) == (kind in ("outside", "form"))
+        assert bool(truth.near) == (kind == "form")
         assert bool(truth.real) == (kind == "foreign") == bool(truth.believed)
