@@ -20,7 +20,6 @@ SAME = while_searching(sysid.Options())
 """Base and oracle are fitted as the diagnosis fits, so that only the effects differ."""
 LEAST_FALL = 0.01
 """The oracle must lower the held-out error by this share before a share of its fall means anything."""
-NORMAL_90 = 1.6449
 MASSLESS = frozenset(
     {
         "weak_rotor",
@@ -34,6 +33,11 @@ MASSLESS = frozenset(
     }
 )
 """Effects whose parameters are ratios or lengths; all others scale with the mass, which the file has slightly wrong."""
+TOLD = (
+    *("hidden", "channels", "variables", "law", "tolerated", "real_drag", "near"),
+    *("gust_m_s", "rotor_late_s", "commands_only"),
+)
+"""What of the truth is kept beside a result."""
 NOT_SIZED = frozenset({"payload", "thrust_bem"})
 """Effects whose parameters mean something else in the truth: no coverage is counted."""
 
@@ -52,9 +56,9 @@ def score(folder: Path) -> dict[str, Any]:
         "campaign": name,
         "kind": truth["kind"],
         "diagnosis": diagnosed,
-        "truth": {k: truth[k] for k in ("hidden", "channels", "variables", "law", "tolerated", "real_drag")},
+        "truth": {k: truth[k] for k in TOLD},
         "ratio": {effect: ratio(effect, sizes, diagnosed["suspects"]) for effect, sizes in truth["hidden"].items()},
-        "inside": inside(found.vehicle, diagnosed["additions"], truth),
+        "inside": inside(diagnosed, truth),
         **errors(training, held_out, given, found, truth),
     }
 
@@ -73,8 +77,10 @@ def stated(found: Any) -> dict[str, Any]:
     outside = found.outside
     return {
         "additions": list(found.additions),
+        "proxies": list(found.proxies),
         "undecided": list(found.undecided),
         "confidence": float(found.confidence),
+        "probabilities": found.belief.as_dict(),
         "outside": outside
         and {"channel": outside.channel, "variable": outside.variable, "confidence": float(outside.confidence)},
         "suspects": {
@@ -83,6 +89,8 @@ def stated(found: Any) -> dict[str, Any]:
                 "confidence": float(s.confidence),
                 "size": _short(s.size),
                 "smallest_visible": _short(s.smallest_visible),
+                "usual": _short({size.parameter: size.usual for size in s.sizes}),
+                "interval90": {size.parameter.split(".")[-1]: list(size.interval90) for size in s.sizes},
             }
             for s in found.candidates
         },
@@ -108,23 +116,19 @@ def ratio(effect: str, sizes: dict[str, float], suspects: dict[str, Any]) -> flo
     return max(found, default=None)
 
 
-def inside(fitted: vehicle.Vehicle, additions: Iterable[str], truth: dict[str, Any]) -> dict[str, bool]:
-    """Whether the 90 % interval of each size of a rightly added effect holds the truth."""
+def inside(diagnosed: dict[str, Any], truth: dict[str, Any]) -> dict[str, bool]:
+    """Whether the stated 90 % interval of each size of a rightly added effect holds the truth."""
     flags = {}
-    for effect in {effect_of(name) for name in additions} & set(truth["hidden"]) - NOT_SIZED:
-        if effect not in fitted.effects:
+    for name in diagnosed["additions"]:
+        effect = effect_of(name)
+        if effect not in truth["hidden"] or effect in NOT_SIZED:
             continue
         scale = 1.0 if effect in MASSLESS else truth["file_mass_kg"] / truth["mass_kg"]
-        sizes = truth["hidden"][effect]
-        if effect == "weak_rotor" and any(
-            (fitted.value(f"{effect}.{p}") != 0.0) != (true != 0.0) for p, true in sizes.items()
-        ):
-            continue  # another rotor was blamed: counted as a name, not as a size
-        for parameter, true in sizes.items():
-            estimate = fitted.parameter(f"{effect}.{parameter}")
-            if estimate.std > 0.0 and estimate.value != 0.0:
-                miss = abs(estimate.value - scale * true)
-                flags[f"{effect}.{parameter}"] = bool(miss <= NORMAL_90 * estimate.std)
+        for parameter, (low, high) in diagnosed["suspects"][name]["interval90"].items():
+            true = scale * truth["hidden"][effect].get(parameter, 0.0)
+            blamed = effect != "weak_rotor" or true != 0.0  # another rotor is counted as a name, not as a size
+            if blamed and high > low:
+                flags[f"{effect}.{parameter}"] = bool(low <= true <= high)
     return flags
 
 

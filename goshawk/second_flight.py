@@ -76,7 +76,7 @@ def diagnosing(logs: Sequence[FlightLog], believed: Vehicle) -> Vehicle:
     A model in which nothing was confirmed is not flown: the missing effect may have biased its other parameters.
     """
     found = diagnose(logs, believed, auto=True)
-    return found.vehicle if found.additions else believed
+    return found.vehicle if found.additions or found.proxies else believed
 
 
 def _fly(

@@ -1,7 +1,7 @@
 """Commands that follow a diagnosis: add the effect, make an effect of the curve, or fly the next manoeuvre."""
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -9,12 +9,11 @@ import numpy as np
 
 from flight import InputError
 from goshawk.flights import marked_file
-from sysid.diagnosis import Diagnosis, OutsideFinding, curve, next_flight
+from sysid.diagnosis import Diagnosis, OutsideFinding, curve, next_flight, outlook
+from sysid.diagnosis.outlook import Outlook
 
 THRUST = "thrust_bem"
 """This candidate replaces the vehicle's thrust law, so `add-effect` alone does not add it."""
-LEAST_SPACE_M = 1.0
-"""Least edge of the space proposed for the next flight."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,19 +53,28 @@ class Asked:
         return f"goshawk diagnose {self.training()} --vehicle {_words(vehicle_file)}{self.judging()}"
 
 
-def lines(found: Diagnosis, asked: Asked) -> list[str]:
-    """Follow-up commands, in order; a line in brackets is a remark."""
+def lines(found: Diagnosis, asked: Asked, outlooks: Mapping[str, Outlook] | None = None) -> list[str]:
+    """Follow-up commands, in order; a line in brackets is a remark.
+
+    Args:
+        outlooks: by candidate in doubt, whether a flight would tell; a flight that would not is not proposed.
+    """
     marking, asked = _marking(found, asked)
-    said = [*marking, *_after_additions(found, asked)] if found.additions else []
+    said = [*marking, *_after_additions(found, asked)] if _added(found) else []
     if (outside := _to_be_adopted(found)) is not None:
         said += _after_curve(outside, asked)
-    return said + _next_flight(found, asked)
+    return said + _next_flight(found, asked, outlooks)
+
+
+def _added(found: Diagnosis) -> tuple[str, ...]:
+    """What the fitted vehicle holds beyond the given one: what is missing, and proxies that help."""
+    return (*found.additions, *found.proxies)
 
 
 def _after_additions(found: Diagnosis, asked: Asked) -> list[str]:
     if asked.out is not None:
         return [] if asked.auto else [asked.again(asked.out)]
-    effects = list(dict.fromkeys(name.partition("[")[0] for name in found.additions))
+    effects = list(dict.fromkeys(name.partition("[")[0] for name in _added(found)))
     if THRUST in effects and THRUST not in found.base.effects:
         return [asked.again(asked.vehicle_file) + (" --auto" if asked.auto else "") + " --out better.toml"]
     change = f"goshawk vehicle add-effect {_words(asked.vehicle_file)} {{}}{asked.refitting()}"
@@ -110,17 +118,18 @@ def _after_curve(outside: OutsideFinding, asked: Asked) -> list[str]:
     ]
 
 
-def _next_flight(found: Diagnosis, asked: Asked) -> list[str]:
+def _next_flight(found: Diagnosis, asked: Asked, outlooks: Mapping[str, Outlook] | None) -> list[str]:
     """The command that proposes the next flight, if any candidate is in doubt."""
+    worth_flying = None if outlooks is None else [name for name, view in outlooks.items() if view.would_tell]
     try:
-        candidates = next_flight.in_doubt(found)
+        candidates = next_flight.in_doubt(found, worth_flying)
     except InputError:
         return []
-    named = bool(set(candidates) & set(found.additions))
-    to_be_adopted_first = _to_be_adopted(found) is not None or (found.additions and asked.out is None)
+    named = bool(set(candidates) & set(_added(found)))
+    to_be_adopted_first = _to_be_adopted(found) is not None or (_added(found) and asked.out is None)
     if not named and to_be_adopted_first:
         return []
-    size, corner = _space(found)
+    size, corner = (_numbers(values) for values in outlook.space(found))
     model = _words(asked.vehicle_file if named else asked.model_file)
     options = "".join(f" --candidate {_words(name)}" for name in candidates)
     return [
@@ -129,16 +138,8 @@ def _next_flight(found: Diagnosis, asked: Asked) -> list[str]:
     ]
 
 
-def _space(found: Diagnosis) -> tuple[str, str]:
-    """The bounding box of the training flights, and its lowest corner."""
-    place = np.concatenate([f.position_world_m for f in found.search.models[0].fit.flights])
-    low, high = np.nanmin(place, axis=0), np.nanmax(place, axis=0)
-    size = np.round(np.maximum(high - low, LEAST_SPACE_M), 1)
-    return _numbers(size), _numbers(0.5 * (low + high - size))
-
-
 def _numbers(values: np.ndarray) -> str:
-    return ",".join(f"{v:.1f}" for v in np.round(values, 1) + 0.0)
+    return ",".join(f"{v:.1f}" for v in values)
 
 
 def _words(*paths: object) -> str:

@@ -1,10 +1,11 @@
 """`goshawk diagnose`: which effect the vehicle model lacks: one of the catalogue, none, or an unknown one."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 import vehicle
 from flight import FlightLog, InputError, file_format
@@ -12,6 +13,7 @@ from goshawk import console, outputs, what_next
 from goshawk.flights import load
 from goshawk.what_next import Asked
 from sysid.diagnosis import CandidateFinding, Diagnosis, Size, diagnose
+from sysid.diagnosis.outlook import Outlook, outlook
 from sysid.estimator.verdict import Use
 from sysid.report import diagnosis_figures as figures
 from sysid.report import diagnosis_page as report
@@ -59,8 +61,9 @@ def command(
 
     \b
     present       added and fitted; held-out flights confirm it
-    excluded      a size above the given bound would have been significant
-    inconclusive  not identifiable from these flights; fly the manoeuvre that is named
+    useful proxy  added, because held-out errors fall; another law is missing
+    excluded      at most the given bound (95 %), which is too small to matter
+    inconclusive  too weak to tell with these flights; a flight that would is named
 
     If a free curve explains more than any candidate, the verdict is "no known effect", with the force or torque and
     the variable that it depends on.
@@ -80,16 +83,21 @@ def command(
     with console.progress() as progress:
         training, evaluation = ([_read(path, columns) for path in paths] for paths in (flights, held_out))
         found = diagnose(training, given, held_out=evaluation, auto=auto, progress=progress)
+        outlooks = outlook(found, rng=np.random.default_rng(0))
     document = found.as_dict()
     usable = found.fit_verdict.use is not Use.REJECTED
-    document["next"] = what_next.lines(found, Asked(flights, vehicle_file, held_out, columns, out, kept, auto))
-    document |= _write(found, out if usable or anyway else None, report_file, plots, document["next"], overwrite)
+    document["next"] = what_next.lines(
+        found, Asked(flights, vehicle_file, held_out, columns, out, kept, auto), outlooks
+    )
+    document["outlook"] = {name: view.as_dict() for name, view in outlooks.items()}
+    written_to = out if usable or anyway else None
+    document |= _write(found, written_to, report_file, plots, document["next"], outlooks, overwrite)
     if kept is not None:
         outputs.write_json(kept, document, overwrite=overwrite)
     if json_file == "-":
         console.show("", {}, as_json=True, document=document)
     else:
-        _show(found, document)
+        _show(found, document, outlooks)
     return 0 if usable else 1
 
 
@@ -123,14 +131,17 @@ def _write(
     report_file: Path | None,
     plots: Path | None,
     further: Sequence[str],
+    outlooks: Mapping[str, Outlook],
     overwrite: bool,
 ) -> dict[str, Any]:
     """Write the requested files, each whole or not at all; returns their paths for the document."""
     if out is not None:
-        outputs.write_vehicle(out, found.vehicle, "diagnose", effect=" + ".join(found.additions), overwrite=overwrite)
+        outputs.write_vehicle(
+            out, found.vehicle, "diagnose", effect=" + ".join((*found.additions, *found.proxies)), overwrite=overwrite
+        )
     if report_file is not None:
         with outputs.file(report_file, overwrite=overwrite) as temporary:
-            report.write(temporary, found, further=further)
+            report.write(temporary, found, further=further, outlooks=outlooks)
     placed: list[str] = []
     if plots is not None:
         with outputs.pictures(plots, overwrite=overwrite) as drawn:
@@ -138,7 +149,7 @@ def _write(
     return {"written": out and str(out), "report": report_file and str(report_file), "figures": placed}
 
 
-def _show(found: Diagnosis, document: dict[str, Any]) -> None:
+def _show(found: Diagnosis, document: dict[str, Any], outlooks: Mapping[str, Outlook]) -> None:
     click.echo(f"{found.verdict} (confidence {found.confidence:.0%})")
     click.echo(f"  the fit is {found.fit_verdict.sentence}")
     for attempt in found.attempts:
@@ -157,7 +168,11 @@ def _show(found: Diagnosis, document: dict[str, Any]) -> None:
         console.table(
             "confounded effects in these flights", ("candidate", "collinear with"), [a for a in alike if a[1]]
         )
-    reasons = [(s.name, s.reason) for s in found.candidates if s.verdict == "cannot tell"]
+    reasons = [
+        (s.name, f"{s.reason}; {outlooks[s.name].sentence}" if s.name in outlooks else s.reason)
+        for s in found.candidates
+        if s.verdict == "cannot tell"
+    ]
     reasons += [(name, f"unobservable: {why}") for name, why in found.invisible]
     if reasons:
         console.table("inconclusive from these flights, and why", ("effect", "reason"), reasons)

@@ -17,6 +17,8 @@ class Reason(Enum):
 
     CONFIRMED = auto()
     """Added to the model, and judged right."""
+    USEFUL_PROXY = auto()
+    """Added to the model because it helps, though a curve shows that it is another law."""
     FEW_STRETCHES = auto()
     """It explains about as much as any curve does, in too few stretches of flight."""
     ONE_OF_SEVERAL = auto()
@@ -29,10 +31,10 @@ class Reason(Enum):
     ANOTHER_EXPLAINS_MORE = auto()
     TOO_MUCH_UNEXPLAINED = auto()
     """The model is so far from the flights that nothing can be excluded."""
-    NOT_SHOWN = auto()
-    """These flights would have shown its usual size, and did not."""
-    NOT_EXCITED = auto()
-    """These flights could not have shown its usual size."""
+    TOO_SMALL = auto()
+    """Whatever it may be, its whole interval lies below what would matter."""
+    TOO_WEAK = auto()
+    """Its interval holds sizes that would matter, and none of them for sure."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,11 +61,14 @@ class Case:
     """Why what shows is no load, in words; empty if it may be one, or is no payload."""
     leaves_too_much: bool
     """Whether the last model is too far from the flights for anything to be excluded."""
+    useful_proxy: bool = False
+    """Whether it is part of the last model because it helps, though a curve explains more."""
 
     @property
-    def visible(self) -> bool:
-        """Whether these flights would have shown its usual size."""
-        return all(0.0 < size.smallest_visible <= size.usual for size in self.sizes)
+    def below_what_matters(self) -> bool:
+        """Whether the whole interval of every size lies below what would matter, and nothing hints at more."""
+        small = all(s.sigma > 0.0 and s.excluded_above <= THRESHOLDS.matters * s.usual for s in self.sizes)
+        return small and self.score.significance > THRESHOLDS.weak_sign
 
     @property
     def confidence_alone(self) -> float:
@@ -90,6 +95,8 @@ def decide(case: Case) -> Decision:
         return Decision(open_, Reason.FEW_STRETCHES, max(THRESHOLDS.even_confidence, confidence))
     if case.undecided is not None:
         return Decision(open_, Reason.ONE_OF_SEVERAL, confidence)
+    if case.useful_proxy:
+        return Decision(Verdict.PROXY, Reason.USEFUL_PROXY, confidence)
     if case.added and case.trial is not None:
         return Decision(Verdict.PRESENT, Reason.CONFIRMED, case.trial.confidence)
     if case.no_load:
@@ -99,29 +106,31 @@ def decide(case: Case) -> Decision:
     if case.score.significance < THRESHOLDS.chance:
         more = Reason.CURVE_EXPLAINS_MORE if case.curve else Reason.ANOTHER_EXPLAINS_MORE
         return Decision(open_, more, confidence)
-    if not case.visible:
-        return Decision(open_, Reason.NOT_EXCITED, confidence)
+    if not case.below_what_matters:
+        return Decision(open_, Reason.TOO_WEAK, confidence)
     if case.leaves_too_much:
         return Decision(open_, Reason.TOO_MUCH_UNEXPLAINED, 0.0)
-    return Decision(Verdict.EXCLUDED, Reason.NOT_SHOWN, 0.0)
+    return Decision(Verdict.EXCLUDED, Reason.TOO_SMALL, 0.0)
 
 
 def sentence(case: Case, decision: Decision) -> str:
     """Why, in words."""
     candidate, trial, curve = case.candidate, case.trial, case.curve
-    fly = " or ".join(candidate.excited_by)
     match decision.reason:
         case Reason.CONFIRMED:
             assert trial is not None
             return _confirmed(trial, case.carried_by)
         case Reason.FEW_STRETCHES:
-            return f"no curve explains clearly more, yet too few stretches of flight show it; fly {fly}"
+            return "no curve explains clearly more, yet too few stretches of flight show it"
         case Reason.ONE_OF_SEVERAL:
             assert case.undecided is not None
             others = " or ".join(name for name in case.undecided.between if name != candidate.name)
             return f"either it or {others} is missing; nothing these flights show tells which"
         case Reason.NO_LOAD:
             return case.no_load
+        case Reason.USEFUL_PROXY:
+            assert trial is not None
+            return trial.sentence
         case Reason.TRIED:
             assert trial is not None
             return trial.sentence
@@ -132,11 +141,24 @@ def sentence(case: Case, decision: Decision) -> str:
             return "significant, but another explains more; look again after adding that one"
         case Reason.TOO_MUCH_UNEXPLAINED:
             return "too much stays unexplained to exclude it: read the findings"
-        case Reason.NOT_SHOWN:
+        case Reason.TOO_SMALL:
             limits = (f"{s.parameter.split('.')[1]} above {s.excluded_above:.2g} {s.unit}" for s in case.sizes)
             return f"{', '.join(limits)} can be excluded (95 %)"
-        case Reason.NOT_EXCITED:
-            return f"these flights could not have shown its usual size; fly {fly}"
+        case Reason.TOO_WEAK:
+            return _too_weak(case.sizes)
+
+
+def _too_weak(sizes: Sequence[Size]) -> str:
+    """The parameter that is open the farthest beyond what would matter."""
+    open_ = [s for s in sizes if s.sigma > 0.0]
+    if not open_:
+        return "nothing was flown that would show it"
+    worst = max(open_, key=lambda s: s.excluded_above / s.usual)
+    name, (low, high) = worst.parameter.split(".")[1], worst.interval90
+    return (
+        f"too weak to tell with these flights: {name} is within {low:.2g} and {high:.2g} {worst.unit} (90 %), would "
+        f"have shown from {worst.smallest_visible:.2g} on, and is usually {worst.usual:.2g}"
+    ).replace(" 1 (", " (")
 
 
 def _confirmed(trial: Trial, carried_by: Sequence[str]) -> str:

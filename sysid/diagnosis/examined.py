@@ -33,6 +33,8 @@ class Tried:
     """Put aside because nothing tells them apart."""
     curve: "list[Outside | None]" = field(default_factory=list)
     """The best one, once it was looked for."""
+    left: list[float] = field(default_factory=list)
+    """Log odds of the best curve, sure or not, once it was looked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,16 +109,24 @@ def _stands_out(candidate: Candidate, found: Score) -> bool:
 
 def best_curve(model: Model, channels: Sequence[str]) -> Outside | None:
     """The free-form curve that explains most in some channels, if any is beyond chance."""
+    return _best_of([curve for curve in _curves(model, channels) if _beyond_chance(curve.score)])
+
+
+def _curves(model: Model, channels: Sequence[str]) -> list[Outside]:
     found: list[Outside] = []
     for channel in channels:
         blocks = model.evidence.with_curves(channel)
         for _, variable, columns in model.evidence.groups(channel):
-            scored = score(blocks, model.evidence.base, columns)
-            clear = scored.significance < THRESHOLDS.chance_curve and scored.gain_unseen > THRESHOLDS.least_gain_curve
-            if clear or (
-                scored.significance < THRESHOLDS.doubtful_curve and scored.log_odds > THRESHOLDS.clear_odds_curve
-            ):
-                found.append(Outside(channel, variable, scored, 1.0))
+            found.append(Outside(channel, variable, score(blocks, model.evidence.base, columns), 1.0))
+    return found
+
+
+def _beyond_chance(found: Score) -> bool:
+    clear = found.significance < THRESHOLDS.chance_curve and found.gain_unseen > THRESHOLDS.least_gain_curve
+    return clear or (found.significance < THRESHOLDS.doubtful_curve and found.log_odds > THRESHOLDS.clear_odds_curve)
+
+
+def _best_of(found: Sequence[Outside]) -> Outside | None:
     if not found:
         return None
     best = max(found, key=lambda o: o.score.gain_unseen)
@@ -128,11 +138,18 @@ def best_curve(model: Model, channels: Sequence[str]) -> Outside | None:
 def stated_curve(model: Model) -> Outside | None:
     """The best curve of all, if it is sure enough to be stated."""
     if not model.tried.curve:
-        best = best_curve(model, EVERY_CHANNEL)
-        model.tried.curve.append(
-            best if best is not None and best.confidence >= THRESHOLDS.least_confidence_curve else None
-        )
+        drawn = _curves(model, EVERY_CHANNEL)
+        best = _best_of([curve for curve in drawn if _beyond_chance(curve.score)])
+        sure = best is not None and best.confidence >= THRESHOLDS.least_confidence_curve
+        model.tried.curve.append(best if sure else None)
+        model.tried.left.append(max((curve.score.log_odds for curve in drawn), default=0.0))
     return model.tried.curve[0]
+
+
+def left_unexplained(model: Model) -> float:
+    """Log odds, on blocks left out, of the curve that explains most beside the model, sure or not."""
+    stated_curve(model)
+    return model.tried.left[0]
 
 
 def as_good_as(curve: Outside, model: Model) -> list[Candidate]:

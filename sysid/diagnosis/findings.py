@@ -15,10 +15,16 @@ SCHEMA_VERSION = 1
 """Version of `Diagnosis.as_dict` of `sysid.diagnosis.diagnose`."""
 
 
+NORMAL_90 = 1.645
+"""Half of a 90 % interval, in standard errors."""
+
+
 class Verdict(StrEnum):
     """What the measurements say about an effect."""
 
     PRESENT = "present"
+    PROXY = "useful proxy"
+    """Not the law that is missing, yet it lowers the error of held-out flights: part of the model, and said so."""
     CANNOT_TELL = "cannot tell"
     EXCLUDED = "excluded"
 
@@ -31,6 +37,8 @@ class Outcome(StrEnum):
     """A confounded effect explains as much."""
     PROXY = "proxy"
     """A free curve explains more."""
+    USEFUL_PROXY = "useful proxy"
+    """A free curve explains more, and the effect was added all the same, for it lowers the held-out error."""
     NOT_CONFIRMED = "not confirmed"
     REMOVED = "removed"
     """A later addition made it unnecessary."""
@@ -52,21 +60,29 @@ class Size:
     value: float
     sigma: float
     """Standard error that allows for gusts and for slightly wrong forms."""
+    half90: float
+    """Half of the interval that holds the true size with 90 %."""
     smallest_visible: float
     """A size of this much would have been called present nine times in ten; zero: no size would have shown."""
     usual: float
-    """How large it typically is, from the catalogue."""
+    """How large it typically is on a vehicle of this mass, arm and rotor speed."""
+
+    @property
+    def interval90(self) -> tuple[float, float]:
+        """Holds the true size with 90 %."""
+        return self.value - self.half90, self.value + self.half90
 
     @property
     def excluded_above(self) -> float:
-        """Sizes above this can be excluded with 95 %."""
-        return abs(self.value) + 1.645 * self.sigma
+        """Sizes above this can be excluded with 95 %: the farther end of the interval."""
+        return abs(self.value) + self.half90
 
     def as_dict(self) -> dict[str, Any]:
         return {
             "unit": self.unit,
             "value": self.value,
             "sigma": self.sigma,
+            "interval90": list(self.interval90) if self.sigma > 0.0 else None,
             "excluded_above": self.excluded_above,
             "smallest_visible": self.smallest_visible,
             "usual": self.usual,

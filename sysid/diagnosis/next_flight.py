@@ -6,7 +6,7 @@ confounded effects will be told apart, or how small a size will show.
 """
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any, overload
@@ -169,7 +169,7 @@ class Question:
         """What a rehearsed flight would be worth."""
         after = self.known + self.information(flown)
         before_odds, odds = self.log_odds(self.known), self.log_odds(after)
-        expected, smallest = self._sizes(after)
+        expected, smallest = self.sizes(after)
         sentence = self._sentence(name, trajectory.duration_s, odds - before_odds, before_odds, expected, smallest)
         speed = float(np.linalg.norm(flown.states.velocity_world_m_s, axis=1).max())
         supposed = {n: float(v) for s in self.candidates for n, v in zip(s.parameters, self._size(s), strict=True)}
@@ -203,7 +203,7 @@ class Question:
         left = _without(information, mine, given)
         return max(0.0, float(size @ left @ size)) / self.model.scores[true.name].dispersion
 
-    def _sizes(self, information: FloatArray) -> tuple[dict[str, float], dict[str, float]]:
+    def sizes(self, information: FloatArray) -> tuple[dict[str, float], dict[str, float]]:
         """Size in standard errors, and smallest visible size, of every parameter; each candidate without the others."""
         expected: dict[str, float] = {}
         smallest: dict[str, float] = {}
@@ -277,9 +277,12 @@ def ask(model: Diagnosis | Model, candidates: Sequence[str] | None = None) -> Qu
     return Question(chosen, found, shared_information(chosen.evidence))
 
 
-def in_doubt(model: Diagnosis | Model) -> tuple[str, ...]:
-    """What is still open: confounded effects of which one is missing, an addition and its rival, or the candidate that
-    may be there.
+def in_doubt(model: Diagnosis | Model, worth_flying: Collection[str] | None = None) -> tuple[str, ...]:
+    """What is still open: confounded effects of which one is missing, an addition and a rival that may be it, or the
+    candidate that may be there. An addition whose rivals are out of the question is settled.
+
+    Args:
+        worth_flying: candidates that a flight would show; without a sign of it no other is proposed. None: all.
 
     Raises:
         InputError: nothing is.
@@ -292,7 +295,7 @@ def in_doubt(model: Diagnosis | Model) -> tuple[str, ...]:
     for finding in model.candidates:
         if finding.verdict is Verdict.PRESENT:
             trial = next(t for t in reversed(model.search.trials) if t.candidate.name == finding.name)
-            rivals = [name for name, p in trial.rivals if p > POSSIBLE] or [name for name, _ in finding.confounded]
+            rivals = [name for name, p in trial.rivals if p > POSSIBLE]
             if rivals:
                 return finding.name, rivals[0]
     doubts = [f for f in model.candidates if f.verdict is Verdict.CANNOT_TELL]
@@ -300,6 +303,8 @@ def in_doubt(model: Diagnosis | Model) -> tuple[str, ...]:
     for finding in significant[:1]:
         for rival, _ in finding.confounded[:1]:
             return finding.name, rival
+    if worth_flying is not None:
+        doubts = [f for f in doubts if f in significant or f.name in worth_flying]
     if not doubts:
         raise InputError("these flights left no candidate in doubt; name one whose size should be known better")
     return ((significant or doubts)[0].name,)

@@ -9,10 +9,12 @@ from scipy.stats import norm
 
 from flight import FlightLog, InputError, Progress, silent
 from sysid.diagnosis import load, traces
+from sysid.diagnosis.belief import Belief, belief
 from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.decision import Case, decide, sentence
 from sysid.diagnosis.examined import Model, Outside
 from sysid.diagnosis.findings import (
+    NORMAL_90,
     SCHEMA_VERSION,
     Attempt,
     CandidateFinding,
@@ -31,6 +33,7 @@ from sysid.estimator.comparison import HORIZONS_S, Comparison, compare
 from sysid.estimator.identification import identify
 from sysid.estimator.options import Options
 from sysid.estimator.prepare import prepare
+from sysid.estimator.result import Identification
 from sysid.logs.payload import PAYLOAD, carries_payload
 from vehicle import Vehicle, effects, rigid_body
 
@@ -49,7 +52,9 @@ class Diagnosis:
     vehicle: Vehicle
     """The fitted vehicle with what was added."""
     additions: tuple[str, ...]
-    """Candidates added, in order."""
+    """Candidates added because they are missing, in order."""
+    proxies: tuple[str, ...]
+    """Candidates added because they lower the held-out error, though a curve shows that another law is missing."""
     candidates: tuple[CandidateFinding, ...]
     """Every candidate, likeliest first."""
     outside: OutsideFinding | None
@@ -91,6 +96,10 @@ class Diagnosis:
                 f"{'besides, ' if parts else ''}something is missing that no known effect is: "
                 f"{o.channel} against {o.variable}"
             )
+        if self.proxies:
+            helps = "helps" if len(self.proxies) == 1 else "help"
+            of = "it" if self.outside is not None else "something that no known effect is"
+            parts.append(f"{' and '.join(self.proxies)} {helps} as a proxy for {of}, and is added")
         doubts = [
             s.name
             for s in self.candidates
@@ -121,17 +130,26 @@ class Diagnosis:
         return self.search.models[-1].fit.verdict
 
     @property
-    def confidence(self) -> float:
-        """Probability that all additions are the right names, that one of those undecided is missing when there is no
-        addition, or that nothing is missing when there are neither."""
-        most = THRESHOLDS.even_confidence if self.leaves_too_much else THRESHOLDS.most_confidence
-        if self.additions:
-            return min(most, float(np.prod([s.confidence for s in self.candidates if s.verdict is Verdict.PRESENT])))
+    def belief(self) -> Belief:
+        """Probability that the whole sentence is right, and of what else may be true."""
+        unsure = self.leaves_too_much or bool(self.search.too_short)
+        said = bool(self.additions or self.undecided or self.outside is not None)
+        names = [s.confidence for s in self.candidates if s.verdict is Verdict.PRESENT]
         if self.undecided:
-            return min(most, sum(s.confidence for s in self.candidates if s.name in self.undecided))
-        if self.outside is not None:
-            return min(THRESHOLDS.even_confidence if self.search.too_short else most, self.outside.confidence)
-        return min(most, 1.0 - max((s.confidence for s in self.candidates), default=0.0))
+            names.append(min(1.0, sum(s.confidence for s in self.candidates if s.name in self.undecided)))
+        if not said:
+            names.append(1.0 - max((s.confidence for s in self.candidates), default=0.0))
+        return belief(
+            names,
+            curve=self.outside.confidence if self.outside else None,
+            left=self.search.left,
+            most=THRESHOLDS.even_confidence if unsure else THRESHOLDS.most_confidence,
+        )
+
+    @property
+    def confidence(self) -> float:
+        """Probability that the whole sentence is right."""
+        return self.belief.as_stated
 
     def as_dict(self) -> dict[str, Any]:
         """The facts as plain JSON values; schema in `docs/formats.md`."""
@@ -140,12 +158,14 @@ class Diagnosis:
             "version": SCHEMA_VERSION,
             "verdict": self.verdict,
             "confidence": self.confidence,
+            "probabilities": self.belief.as_dict(),
             "fit": self.fit_verdict.as_dict(),
             "flights": list(self.flights),
             "held_out": list(self.held_out),
             "base": {"vehicle": self.base.name, "effects": list(self.base.effects)},
             "suspects": [s.as_dict() for s in self.candidates],
             "additions": list(self.additions),
+            "proxies": list(self.proxies),
             "payload_carried": list(self.payload_carried) or None,
             "undecided": list(self.undecided),
             "attempts": [a.as_dict() for a in self.attempts],
@@ -208,7 +228,8 @@ def diagnose(
         base=vehicle,
         vehicle=last.vehicle,
         additions=tuple(s.name for s in found.added),
-        candidates=_findings(found, last.vehicle),
+        proxies=tuple(s.name for s in found.proxies),
+        candidates=_findings(found),
         outside=_outside(found.drawn_at, found.outside) if found.outside else None,
         attempts=tuple(_attempt(t) for t in found.trials),
         staircase=stairs,
@@ -244,17 +265,15 @@ def _visible(sigma: float, usual: float) -> float:
 
 
 def _labels(found: Search) -> list[str]:
-    signs = {Outcome.ADDED: "+", Outcome.REMOVED: "-"}
-    return [f"{signs[t.outcome]} {t.candidate.name}" for t in found.trials if t.outcome in signs]
+    signs = {Outcome.ADDED: "+ {}", Outcome.REMOVED: "- {}", Outcome.USEFUL_PROXY: "+ {} (proxy)"}
+    return [signs[t.outcome].format(t.candidate.name) for t in found.trials if t.outcome in signs]
 
 
-def _findings(found: Search, fitted: Vehicle) -> tuple[CandidateFinding, ...]:
+def _findings(found: Search) -> tuple[CandidateFinding, ...]:
     first = found.models[0]
     sized = [(s, _scored(found, s).size) for s in first.candidate_set.candidates]
     errors = traces.prediction_error_m(first, sized)
-    result = [
-        _finding(found, candidate, fitted, errors[candidate.name]) for candidate in first.candidate_set.candidates
-    ]
+    result = [_finding(found, candidate, errors[candidate.name]) for candidate in first.candidate_set.candidates]
     order = list(Verdict)
     return tuple(sorted(result, key=lambda f: (order.index(f.verdict), f.significance, -f.gain)))
 
@@ -268,11 +287,14 @@ def _scored(found: Search, candidate: Candidate) -> Score:
     return _model_without(found, candidate).scores[candidate.name]
 
 
-def _finding(found: Search, candidate: Candidate, fitted: Vehicle, error_m: float) -> CandidateFinding:
+def _finding(found: Search, candidate: Candidate, error_m: float) -> CandidateFinding:
     scored = _scored(found, candidate)
     trial = next((t for t in reversed(found.trials) if t.candidate.name == candidate.name), None)
     present = trial is not None and candidate.name in {s.name for s in found.added}
-    sizes = _sizes_fitted(candidate, scored, fitted) if present else _sizes_scored(candidate, scored)
+    proxy = trial is not None and candidate.name in {s.name for s in found.proxies}
+    sizes = (
+        _sizes_fitted(candidate, scored, found.models[-1].fit) if present or proxy else _sizes_scored(candidate, scored)
+    )
     case = Case(
         candidate=candidate,
         score=scored,
@@ -285,16 +307,17 @@ def _finding(found: Search, candidate: Candidate, fitted: Vehicle, error_m: floa
         carried_by=_carriers(found) if candidate.name == PAYLOAD else (),
         no_load=_no_load(found.models[-1]) if candidate.name == PAYLOAD else "",
         leaves_too_much=found.models[-1].fit.leaves_too_much,
+        useful_proxy=proxy,
     )
     decision = decide(case)
-    before = _model_without(found, candidate) if present else found.models[-1]
+    before = _model_without(found, candidate) if present or proxy else found.models[-1]
     known = candidate.name in before.scores
     return CandidateFinding(
         name=candidate.name,
         verdict=decision.verdict,
         reason=sentence(case, decision),
         sizes=sizes,
-        gain=trial.training.total if trial is not None and present else scored.gain_unseen,
+        gain=trial.training.total if trial is not None and (present or proxy) else scored.gain_unseen,
         significance=scored.significance,
         error_m=error_m,
         confidence=decision.confidence,
@@ -305,19 +328,20 @@ def _finding(found: Search, candidate: Candidate, fitted: Vehicle, error_m: floa
     )
 
 
-def _sizes_fitted(candidate: Candidate, scored: Score, fitted: Vehicle) -> tuple[Size, ...]:
-    """Of an effect that is part of the model."""
-    return tuple(
-        Size(n, fitted.parameter(n).unit, fitted.value(n), fitted.parameter(n).std, _visible(sigma, usual), usual)
-        for n, sigma, usual in zip(candidate.parameters, scored.sigma, candidate.usual, strict=True)
-    )
+def _sizes_fitted(candidate: Candidate, scored: Score, fit: Identification) -> tuple[Size, ...]:
+    """Of an effect that is part of the model: with the interval of the fit, which knows how few blocks there are."""
+    found = []
+    for name, sigma, usual in zip(candidate.parameters, scored.sigma, candidate.usual, strict=True):
+        p, half = fit.vehicle.parameter(name), fit.estimate(name).interval90
+        found.append(Size(name, p.unit, p.value, p.std, half, _visible(sigma, usual), usual))
+    return tuple(found)
 
 
 def _sizes_scored(candidate: Candidate, scored: Score) -> tuple[Size, ...]:
     """Of one that is not, to first order."""
     units = {s.name: s.unit for s in effects.find(candidate.effect).parameters}
     return tuple(
-        Size(n, units[n.split(".")[1]], float(v), float(sigma), _visible(sigma, usual), usual)
+        Size(n, units[n.split(".")[1]], float(v), float(sigma), NORMAL_90 * float(sigma), _visible(sigma, usual), usual)
         for n, v, sigma, usual in zip(candidate.parameters, scored.size, scored.sigma, candidate.usual, strict=True)
     )
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from flight import FlightLog, InputError, Progress, silent
 from sysid.diagnosis import candidates
+from sysid.diagnosis.belief import supported
 from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.confirm import CostReduction, Judge
 from sysid.diagnosis.evidence import BLOCK_S, block_edges
@@ -17,6 +18,7 @@ from sysid.diagnosis.examined import (
     alike,
     as_good_as,
     examine,
+    left_unexplained,
     loss,
     reproduced,
     significant,
@@ -139,8 +141,10 @@ class Trial:
     judged_by: JudgedBy
     why: str
     """Why held-out flights did not judge; empty if they did."""
+    confirmed: bool
+    """Whether those flights prefer the model with it."""
     confidence: float
-    """Probability that this is the effect, given that one of the candidates is."""
+    """Probability that this is the effect: that it is the one among its rivals, and that there is one at all."""
     rivals: tuple[tuple[str, float], ...]
     """Confounded effects that were fitted, with their probabilities."""
     proxy_for: Outside | None
@@ -177,16 +181,17 @@ class Trial:
             case Outcome.ADDED:
                 return f"helped: {numbers}"
             case Outcome.NOT_CONFIRMED:
-                return f"did not help: {numbers}"
+                return f"{'fell, but not surely enough' if judged.total > 0.0 else 'did not help'}: {numbers}"
             case Outcome.UNDECIDED:
                 return f"not named: {' or '.join(self.between[1:])} explains as much; {numbers}"
             case Outcome.REMOVED:
                 return "taken out again: a later addition made it unnecessary"
-            case Outcome.PROXY:
+            case Outcome.PROXY | Outcome.USEFUL_PROXY:
                 assert curve is not None
+                useful = self.outcome is Outcome.USEFUL_PROXY
                 return (
-                    f"not named: a free curve of {curve.channel} against {curve.variable} explains more, and beside it "
-                    "the effect is not needed"
+                    f"{f'added as a useful proxy: {numbers}, but' if useful else 'not named:'} a free curve of "
+                    f"{curve.channel} against {curve.variable} explains more, and beside it the effect is not needed"
                 )
 
 
@@ -198,6 +203,9 @@ class Search:
     """The base, then after each change."""
     trials: tuple[Trial, ...]
     added: tuple[Candidate, ...]
+    """Named effects."""
+    proxies: tuple[Candidate, ...]
+    """Part of the last model because they lower the held-out error, though a curve explains more."""
     outside: Outside | None
     """None also where the best curve does not clearly outdo a candidate that nothing refuted."""
     doubted: tuple[str, ...]
@@ -205,9 +213,12 @@ class Search:
     undecided: Trial | None
     """One of its confounded effects is missing from the last model."""
     drawn_at: Model
-    """Where `outside` was looked for: the last model, with the likelier one in it where two could not be told apart."""
+    """Where `outside` was looked for: the last model before any proxy, with the likelier one in it where two could not
+    be told apart."""
     unseen: tuple[Flight, ...]
     """Held-out flights, with what they were found to carry."""
+    left: float
+    """Log odds of the best curve at `drawn_at`, stated or not."""
     too_short: str
     """In words, that the held-out flights are too short to judge by; empty if they are not, or none were given."""
 
@@ -256,7 +267,45 @@ def search(
     refuted = {*dropped_before, *(t.candidate.name for t in trials if t.refuted)}
     doubted = () if outside is None else tuple(s.name for s in as_good_as(outside, at) if s.name not in refuted)
     stated = None if doubted else outside
-    return Search(tuple(models), tuple(trials), tuple(added), stated, doubted, trial, at, told, too_short)
+    helpers = _useful_proxies(logs, models[-1], trials, unseen or NOT_JUDGED[bool(too_short)], options)
+    return Search(
+        models=(*models, *(model for _, model in helpers)),
+        trials=(*trials, *(helper for helper, _ in helpers)),
+        added=tuple(added),
+        proxies=tuple(helper.candidate for helper, _ in helpers),
+        outside=stated,
+        doubted=doubted,
+        undecided=trial,
+        drawn_at=at,
+        unseen=told,
+        left=left_unexplained(at),
+        too_short=too_short,
+    )
+
+
+def _useful_proxies(
+    logs: Sequence[FlightLog], model: Model, trials: Sequence[Trial], unseen: Judge | str, options: Options
+) -> list[tuple[Trial, Model]]:
+    """Names that a curve outdoes, added one after the other while each still lowers the held-out error; with models.
+
+    They come last, so that they take nothing from a right name, and the curve is drawn without them.
+    """
+    found: list[tuple[Trial, Model]] = []
+    outdone = {t.candidate.name: t for t in trials if t.outcome is Outcome.PROXY and t.confirmed}
+    for trial in outdone.values():
+        if trial.candidate.name not in model.scores or trial.candidate.between_flights:
+            continue
+        fitted = _fitted(logs, model, trial.candidate, options)
+        if fitted is None:
+            continue
+        reduction, confirmed, why = _confirmed(model, fitted, unseen)
+        if not confirmed:
+            continue
+        judged_by = JudgedBy.LEFT_OUT if why else JudgedBy.HELD_OUT
+        model = examine(fitted.fit)
+        how = {"outcome": Outcome.USEFUL_PROXY, "training": fitted.reduction, "held_out": reduction}
+        found.append((replace(trial, **how, judged_by=judged_by, why=why, fit=fitted.fit), model))
+    return found
 
 
 def short(held_out: Sequence[Flight]) -> str:
@@ -287,6 +336,7 @@ def _next(
     share = 1.0 / (1.0 + sum(odds.values()))
     outdone_by = stands(after, best.candidate)
     reduction, confirmed, why = _confirmed(model, best, unseen)
+    there = supported(reduction.total, model.scores[best.candidate.name].dispersion)
     outcome = Outcome.PROXY if outdone_by else Outcome.ADDED if confirmed else Outcome.NOT_CONFIRMED
     as_likely = float(np.exp(-THRESHOLDS.clear_lead))
     if outcome is Outcome.ADDED and max(odds.values(), default=0.0) > as_likely:
@@ -299,7 +349,8 @@ def _next(
         held_out=reduction,
         judged_by=JudgedBy.LEFT_OUT if why else JudgedBy.HELD_OUT,
         why=why,
-        confidence=THRESHOLDS.most_confidence * share,
+        confirmed=confirmed,
+        confidence=THRESHOLDS.most_confidence * share * there,
         rivals=tuple((name, THRESHOLDS.most_confidence * share * p) for name, p in odds.items() if p > 0.0),
         proxy_for=outdone_by,
         fit=best.fit,

@@ -27,11 +27,22 @@ class Thresholds:
     """The same for a curve: with a dozen columns and some fifty blocks the plain test has little power left."""
     least_size: float = 0.05
     """Sizes below this share of the usual one are of no consequence, however significant."""
+    matters: float = 0.3
+    """Share of the usual size from which an effect matters: excluded is what lies below it with its whole interval.
+    Effects that campaigns hide begin at about a third of the usual size."""
+    weak_sign: float = 0.05
+    """Probability of chance below which an effect shows some sign of itself, and is not excluded."""
     most_confidence: float = 0.97
     """Nothing is stated with more: so many of the names given on blind campaigns with visible effects were right."""
     even_odds_curve: float = 30.0
     """Log odds of unseen blocks at which a curve is as often wrong in channel or variable as right: on blind campaigns
     the wrong ones came to 19, 19 and 35, the right ones to 31 and more."""
+    even_odds_left: float = 30.0
+    """Log odds of unseen blocks of a curve that is not stated, at which something unknown is as likely missing as not:
+    innocent models came to 4 and 15."""
+    even_reduction: float = 6.0
+    """Reduction of the cost of judging flights, over its dispersion, at which a name is as likely wrong as right: a
+    false one came to 17, right ones to 209 and more."""
     least_confidence_curve: float = 0.3
     """A curve that would be stated with less is not stated."""
     competing: float = 0.5

@@ -69,7 +69,7 @@ def test_the_missing_effect_is_named_written_and_the_next_command_works(folder, 
     assert drawn == {"staircase", "suspect_1", "residual_share", "residual_wrench", "look_alikes"}
     html = page.read_text()
     assert html.count("data:image/svg+xml") == len(drawn)
-    assert "Missing was angular_damping." in html
+    assert "Missing was angular damping." in html
     assert document["next"][0] in html
     assert "src='http" not in html
 

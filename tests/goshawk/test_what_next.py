@@ -52,7 +52,7 @@ def found(
     body = vehicle.example()
     nothing = cast("Any", None)
     return Diagnosis(
-        body, body, additions, candidates, outside, (), (), (), (), (), (), cast("Any", search), carried, nothing
+        body, body, additions, (), candidates, outside, (), (), (), (), (), (), cast("Any", search), carried, nothing
     )
 
 

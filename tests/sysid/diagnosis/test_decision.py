@@ -12,8 +12,8 @@ from sysid.diagnosis.findings import Outcome, Size, Verdict
 from sysid.diagnosis.thresholds import THRESHOLDS
 
 CANDIDATE = Candidate("angular_damping", "angular_damping", (), (), (), ("M_x",), "w", ("rotation", "yaw"))
-VISIBLE = Size("angular_damping.z_n_m_s", "N m s", 1e-5, 1e-5, smallest_visible=1e-4, usual=1e-3)
-INVISIBLE = replace(VISIBLE, smallest_visible=2e-3)
+SMALL = Size("angular_damping.z_n_m_s", "N m s", 1e-5, 1e-5, half90=1.6e-5, smallest_visible=1e-4, usual=1e-3)
+OPEN = replace(SMALL, sigma=3e-4, half90=4.9e-4, smallest_visible=2e-3)
 CURVE = cast("Any", SimpleNamespace(channel="M_z", variable="w_z", confidence=0.8))
 
 
@@ -27,7 +27,7 @@ def case(significance: float = 0.5, **found: Any) -> Case:
     alone = Case(
         candidate=CANDIDATE,
         score=cast("Any", SimpleNamespace(significance=significance)),
-        sizes=(VISIBLE,),
+        sizes=(SMALL,),
         trial=None,
         added=False,
         curve=None,
@@ -46,12 +46,15 @@ SIGNIFICANT = 0.5 * THRESHOLDS.chance
 @pytest.mark.parametrize(
     ("given", "verdict", "reason"),
     [
-        (case(), Verdict.EXCLUDED, Reason.NOT_SHOWN),
+        (case(), Verdict.EXCLUDED, Reason.TOO_SMALL),
         (case(leaves_too_much=True), Verdict.CANNOT_TELL, Reason.TOO_MUCH_UNEXPLAINED),
-        (case(sizes=(VISIBLE, INVISIBLE)), Verdict.CANNOT_TELL, Reason.NOT_EXCITED),
+        (case(sizes=(SMALL, OPEN)), Verdict.CANNOT_TELL, Reason.TOO_WEAK),
+        (case(0.5 * THRESHOLDS.weak_sign), Verdict.CANNOT_TELL, Reason.TOO_WEAK),
+        (case(sizes=(replace(SMALL, sigma=0.0),)), Verdict.CANNOT_TELL, Reason.TOO_WEAK),
         (case(SIGNIFICANT), Verdict.CANNOT_TELL, Reason.ANOTHER_EXPLAINS_MORE),
         (case(SIGNIFICANT, curve=CURVE), Verdict.CANNOT_TELL, Reason.CURVE_EXPLAINS_MORE),
-        (case(2.0 * THRESHOLDS.chance, curve=CURVE), Verdict.EXCLUDED, Reason.NOT_SHOWN),
+        (case(curve=CURVE), Verdict.EXCLUDED, Reason.TOO_SMALL),
+        (case(trial=trial(Outcome.USEFUL_PROXY), useful_proxy=True), Verdict.PROXY, Reason.USEFUL_PROXY),
         (case(SIGNIFICANT, trial=trial(Outcome.NOT_CONFIRMED)), Verdict.CANNOT_TELL, Reason.TRIED),
         (case(trial=trial(Outcome.REMOVED)), Verdict.CANNOT_TELL, Reason.TRIED),
         (case(no_load="weights differ", trial=trial(Outcome.NOT_CONFIRMED)), Verdict.CANNOT_TELL, Reason.NO_LOAD),
@@ -81,6 +84,17 @@ def test_one_of_several_has_its_own_probability():
     assert sentence(given, decide(given)).startswith("either it or pose_delay is missing")
 
 
-def test_what_was_not_excited_names_the_flight_that_would_show_it():
-    given = case(sizes=(INVISIBLE,))
-    assert sentence(given, decide(given)).endswith("fly rotation or yaw")
+def test_what_is_too_weak_to_tell_says_within_what_it_is_and_what_would_have_shown():
+    given = case(sizes=(SMALL, OPEN))
+    said = sentence(given, decide(given))
+    for words in ("too weak to tell", "within -0.00048 and 0.0005 N m s", "shown from 0.002", "usually 0.001"):
+        assert words in said
+    assert "nothing was flown" in sentence(case(sizes=()), decide(case(sizes=(replace(SMALL, sigma=0.0),))))
+
+
+@pytest.mark.parametrize("value", [0.0, 1e-4, -1e-4, 2.5e-4])
+@pytest.mark.parametrize("sigma", [1e-5, 1e-4, 3e-4])
+def test_excluded_is_said_only_where_the_whole_interval_is_below_what_matters(value: float, sigma: float):
+    size = replace(SMALL, value=value, sigma=sigma, half90=1.645 * sigma)
+    below = max(abs(end) for end in size.interval90) <= THRESHOLDS.matters * size.usual
+    assert (decide(case(sizes=(size,))).verdict is Verdict.EXCLUDED) == below

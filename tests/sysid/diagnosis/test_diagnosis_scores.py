@@ -16,8 +16,10 @@ def benchmarks_on_path():
     sys.path.remove(str(BENCHMARKS))
 
 
-def result(kind, hidden=(), said=(), *, outside=None, truth=((), ()), ratio=3.0, confidence=0.9, tolerated=()):
+def result(kind, hidden=(), said=(), *, outside=None, truth=((), ()), ratio=3.0, confidence=0.9, tolerated=(), near=(),
+           excluded=(), commands=False):  # fmt: skip
     candidates = {n: {"verdict": "present", "confidence": confidence, "size": {}, "smallest_visible": {}} for n in said}
+    candidates |= {n: {"verdict": "excluded", "confidence": 0.0, "size": {}, "smallest_visible": {}} for n in excluded}
     return {
         "campaign": "campaign_000",
         "kind": kind,
@@ -33,7 +35,10 @@ def result(kind, hidden=(), said=(), *, outside=None, truth=((), ()), ratio=3.0,
             "hidden": {n: {} for n in hidden},
             "channels": list(truth[0]),
             "variables": list(truth[1]),
-            "tolerated": ["imu_errors", *tolerated],
+            "tolerated": ["imu_errors", *tolerated, *near],
+            "near": list(near),
+            "commands_only": commands,
+            "rotor_late_s": 0.0,
             "law": "",
             "real_drag": list(tolerated),
         },
@@ -102,14 +107,46 @@ def test_false_names_are_a_share_of_all_names():
     assert score(results, "false names").value == pytest.approx(2.0 / 3.0)
 
 
-def test_confidence_is_held_against_what_was_right():
+def test_the_whole_sentence_is_held_against_the_truth():
     results = [result("single", ["weak_rotor"], ["weak_rotor[1]"], confidence=0.8), result("none", confidence=0.6)]
     row = score(results, "Brier")
     assert row.value == pytest.approx((0.2**2 + 0.4**2) / 2.0)
+    besides = result("single", ["weak_rotor"], ["weak_rotor[1]"], outside=("F_x", "v_x"), confidence=0.8)
+    assert score([besides], "Brier").value == pytest.approx(0.64)
     wrong = [result("single", ["weak_rotor"], [], confidence=0.9)]
     assert score(wrong, "Brier").value == pytest.approx(0.81)
     unseen = [result("single", ["weak_rotor"], [], confidence=0.9, ratio=0.4)]
     assert score(unseen, "Brier").value == pytest.approx(0.01)
+
+
+def test_the_nearest_name_or_the_curve_is_right_for_a_law_of_another_form():
+    truth = (("M_x",), ("w_x",))
+    results = [
+        result("form", said=["angular_damping"], near=["angular_damping"], truth=truth),
+        result("form", outside=("M_x", "w_x"), near=["angular_damping"], truth=truth),
+        result("form", said=["pose_delay"], near=["angular_damping"], truth=truth),
+        result("form", near=["angular_damping"], truth=truth),
+    ]
+    assert score(results, "law of another form").value == 0.5
+    assert score(results, "false names").value == 0.5
+
+
+def test_what_is_hidden_and_too_weak_must_not_be_excluded():
+    results = [
+        result("single", ["pose_delay"], excluded=["pose_delay"], ratio=0.6),
+        result("single", ["pose_delay"], ratio=0.6),
+        result("single", ["pose_delay"], excluded=["pose_delay"], ratio=5.0),
+    ]
+    assert score(results, "too weak").value == 0.5
+
+
+def test_campaigns_with_commands_alone_are_a_row_of_their_own():
+    results = [
+        result("single", ["motor_lag"], ["motor_lag"], commands=True),
+        result("single", ["motor_lag"], [], commands=True),
+        result("single", ["pose_delay"], ["pose_delay"]),
+    ]
+    assert score(results, "commands").value == 0.5
 
 
 def test_silence_over_something_outside_the_catalogue_is_wrong():
@@ -120,13 +157,20 @@ def test_silence_over_something_outside_the_catalogue_is_wrong():
 def test_sizes_scale_with_the_mass_the_file_believes():
     import diagnosis_run
 
-    import vehicle
-
-    given = vehicle.example("hummingbird")
     truth = {"hidden": {"flapping_moment": {"moment_kg_m": 1e-6}}, "mass_kg": 0.5, "file_mass_kg": 0.51}
     for value, held in ((1.02e-6, True), (1.00e-6, False)):
-        fitted = given.with_effect("flapping_moment").with_value("flapping_moment.moment_kg_m", value, std=5e-9)
-        assert diagnosis_run.inside(fitted, ["flapping_moment"], truth) == {"flapping_moment.moment_kg_m": held}
+        interval = {"moment_kg_m": [value - 8e-9, value + 8e-9]}
+        said = {"additions": ["flapping_moment"], "suspects": {"flapping_moment": {"interval90": interval}}}
+        assert diagnosis_run.inside(said, truth) == {"flapping_moment.moment_kg_m": held}
+
+
+def test_a_rotor_wrongly_blamed_has_no_size():
+    import diagnosis_run
+
+    sizes = {"loss_0": 0.0, "loss_2": 0.05}
+    truth = {"hidden": {"weak_rotor": sizes}, "mass_kg": 0.5, "file_mass_kg": 0.5}
+    interval = {"weak_rotor[0]": {"interval90": {"loss_0": [-0.1, 0.1]}}}
+    assert diagnosis_run.inside({"additions": ["weak_rotor[0]"], "suspects": interval}, truth) == {}
 
 
 def test_the_clearest_parameter_says_whether_an_effect_could_be_seen():
