@@ -1,4 +1,4 @@
-"""The pictures of a diagnosis: the staircase, what convicts the leading candidates, the curve that has no name."""
+"""The pictures of a diagnosis: the staircase, what speaks for the leading candidates, the curve that has no name."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,18 +9,16 @@ import numpy as np
 from flight.rotations import FloatArray
 from sysid.diagnosis import explained
 from sysid.diagnosis.candidates import Candidate
-from sysid.diagnosis.examined import Model, reproduced
+from sysid.diagnosis.examined import reproduced
 from sysid.diagnosis.findings import OutsideFinding
 from sysid.diagnosis.free_form import VARIABLE, along_axes
 from sysid.diagnosis.procedure import Diagnosis
-from sysid.estimator.blocks import motor
-from sysid.estimator.comparison import SPAN_S, Residual, means_over, residual
-from sysid.estimator.model import slopes_along
-from sysid.estimator.result import CHANNELS
-from sysid.report import drawing, residual_plots
-from vehicle import rigid_body
+from sysid.estimator.comparison import SPAN_S, Residual, means_over
+from sysid.report import drawing, residual_plots, words
+from sysid.report.added_variable import added_variable, left_of
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 BEFORE, AFTER = "fitted", "fitted, with what was added"
@@ -28,8 +26,6 @@ MOST_CANDIDATES = 4
 """Leading candidates with a picture of their own."""
 MOST_ALIKE = 12
 """Candidates in the picture of confounded effects."""
-SHOWN = 0.3
-"""A channel in which a candidate is this much weaker than in its strongest is not drawn."""
 TOLD = 1e-3
 """Candidates less significant than this have nothing to show."""
 
@@ -46,21 +42,18 @@ def write(found: Diagnosis, folder: Path, *, suffix: str = "svg") -> list[Path]:
     if found.outside is not None:
         drawings["outside"] = outside(found, found.outside)
     for i, candidate in enumerate(leading(found)):
-        drawings[f"suspect_{i + 1}"] = evidence_for(found, candidate, named)
+        drawings[f"suspect_{i + 1}"] = evidence_for(found, candidate)
     drawings["staircase"] = staircase(found)
-    loudest = residual_plots.loudest(named[BEFORE])
-    title = f"Unexplained on {first.fit.flights[loudest].name}, body axes"
-    drawings["residual_share"] = residual_plots.heat_map(named, _unseen(found))
-    drawings["residual_wrench"] = residual_plots.over_time(named, loudest, title)
+    judged = _unseen(found)
+    over_time = judged if last is not first else {BEFORE: judged[BEFORE]} if judged else {}
+    over_time = over_time or named
+    loudest = residual_plots.loudest(over_time[BEFORE])
+    held_out = ", held out" if judged else ""
+    title = f"Unexplained on {over_time[BEFORE][loudest].flight.name}{held_out}, body axes"
+    drawings["residual_share"] = residual_plots.heat_map(named, judged)
+    drawings["residual_wrench"] = residual_plots.over_time(over_time, loudest, title)
     drawings["look_alikes"] = confounded(found)
     return [drawing.written(figure, folder / f"{name}.{suffix}") for name, figure in drawings.items()]
-
-
-def left_of(model: Model) -> list[Residual]:
-    """What a fitted model leaves unexplained on the flights it was fitted to."""
-    fit = model.fit
-    both = zip(model.flights, fit.solution.point.states, strict=True)
-    return [residual(flight, states, fit.vehicle, fit.noise.process) for flight, states in both]
 
 
 def _unseen(found: Diagnosis) -> dict[str, Sequence[Residual]]:
@@ -72,17 +65,21 @@ def _unseen(found: Diagnosis) -> dict[str, Sequence[Residual]]:
 
 
 def leading(found: Diagnosis) -> list[Candidate]:
-    """Candidates worth a picture: those added, then those tried, then the most significant."""
+    """Candidates worth a picture: those added, then those tried, then the most significant.
+
+    What acts on a sensor alone makes no force or torque to draw.
+    """
     tried = [a.name for a in found.attempts]
-    wanted = [*found.additions, *tried, *(s.name for s in found.candidates if s.significance < TOLD)]
+    wanted = [*found.additions, *found.proxies, *tried, *(s.name for s in found.candidates if s.significance < TOLD)]
     candidate_set = {s.name: s for s in found.search.models[0].candidate_set.candidates}
-    return [candidate_set[name] for name in dict.fromkeys(wanted) if name in candidate_set][:MOST_CANDIDATES]
+    shown = [candidate_set[name] for name in dict.fromkeys(wanted) if name in candidate_set]
+    return [candidate for candidate in shown if candidate.channels][:MOST_CANDIDATES]
 
 
 def staircase(found: Diagnosis) -> "Figure":
     """Prediction errors of each model of the history, one panel per horizon."""
     horizons = list(found.staircase[0].position_m)
-    labels = [s.model for s in found.staircase]
+    labels = [words.named(s.model, {a.name for a in found.attempts}) for s in found.staircase]
     figure, axes = drawing.figure(1, len(horizons), (12.0, 1.2 + 0.42 * len(labels)), sharey=True)
     for panel, horizon in zip(axes[0], horizons, strict=True):
         values = 1000.0 * np.array([s.position_m[horizon] for s in found.staircase])
@@ -104,48 +101,46 @@ def staircase(found: Diagnosis) -> "Figure":
     return figure
 
 
-def evidence_for(found: Diagnosis, candidate: Candidate, named: dict[str, list[Residual]]) -> "Figure":
-    """The residual against the variable that tells most, before and after, and against the candidate's own trace."""
+def evidence_for(found: Diagnosis, candidate: Candidate) -> "Figure":
+    """What a candidate explains, all other parameters refitted, and what is left of it on flights that only judge."""
     model = found.search.models[0]
-    channel, trace = strongest_trace(model, candidate)
-    before = named[BEFORE]
-    variable = residual_plots.most_telling(before, [channel])[1]
-    models = list(named.items()) if candidate.name in found.additions else [(BEFORE, before)]
-    figure, axes = drawing.figure(1, len(models) + 1, (12.0, 3.5), sharey=True)
-    scale, written = residual_plots.unit(channel)
-    row = CHANNELS.index(channel)
-    label = residual_plots.labelled(variable)
-    for i, (panel, colour, (name, residuals)) in enumerate(zip(axes[0], drawing.cycle(range(9)), models, strict=False)):
-        left = scale * np.concatenate([r.means() for r in residuals])[:, row]
-        residual_plots.scatter(panel, explained.read(residuals, VARIABLE[variable]), left, colour)
-        drawing.plain(panel, name, label, f"unexplained {channel} ({written})" if i == 0 else "")
-    panel = axes[0, -1]
-    left = scale * np.concatenate([r.means() for r in before])[:, row]
-    residual_plots.scatter(panel, scale * trace, left, drawing.COLOURS[3])
-    reach = np.quantile(scale * trace, [0.005, 0.995])
-    panel.plot(reach, reach, "--", color=drawing.COLOURS[0], linewidth=1.4, label="the effect at its size")
+    shown = added_variable(model, candidate)
+    before = left_of(model)
+    variable = residual_plots.most_telling(before, [shown.channel])[1]
+    judged = _unseen(found)
+    figure, axes = drawing.figure(1, 2 + bool(judged), (12.0, 3.6), sharey=True)
+    scale, written = residual_plots.unit(shown.channel)
+    title, label = words.effect(candidate.name), residual_plots.labelled(variable)
+    panel = axes[0, 0]
+    at = explained.read(before, VARIABLE[variable])
+    residual_plots.scatter(panel, at, scale * shown.partial_residual, drawing.COLOURS[0])
+    centre, mean, _ = drawing.binned(at, scale * shown.trace)
+    panel.plot(centre, mean, "--", color=drawing.COLOURS[1], linewidth=1.6, label="the effect at its size")
     panel.legend(frameon=False, fontsize=8)
-    drawing.plain(panel, "before, against what it would make", f"{candidate.name} ({written})", "")
-    drawing.headed(figure, f"{candidate.name}: {candidate.regressor} (means over 0.1 s; dark: binned mean, 95 % band)")
+    drawing.plain(panel, "the effect and what is left beside it", label, f"{shown.channel} ({written})")
+    panel = axes[0, 1]
+    residual_plots.scatter(panel, scale * shown.trace_alone, scale * shown.residual_alone, drawing.COLOURS[3])
+    reach = np.quantile(scale * shown.trace_alone, [0.005, 0.995])
+    panel.plot(reach, reach, "--", color=drawing.COLOURS[1], linewidth=1.6, label="as the effect would have it")
+    panel.legend(frameon=False, fontsize=8)
+    drawing.plain(panel, "freed of all that other parameters can mimic", f"{title} ({written})", "")
+    if judged:
+        _left_on_held_out(axes[0, 2], judged, shown.channel, variable)
+    drawing.headed(figure, f"{title}: {candidate.regressor} (means over 0.1 s; dark: binned mean, 95 % band)")
     return figure
 
 
-def strongest_trace(model: Model, candidate: Candidate) -> tuple[str, FloatArray]:
-    """Channel whose residual a candidate concerns most, and (m,) the force (N) or torque (N m) it makes there."""
-    size, fit = model.scores[candidate.name].size, model.fit
-    left = left_of(model)
-    body = rigid_body(fit.vehicle)
-    parts = []
-    for one in left:
-        flight = motor.driven(one.flight, model.candidate_set.vehicle)
-        slopes = slopes_along(model.candidate_set.vehicle, candidate.parameters, flight, one.mid).parameters @ size
-        wrench = np.concatenate([body.mass_kg * slopes[:, :3], slopes[:, 3:] @ body.inertia_kg_m2], axis=1)
-        parts.append((means_over(wrench, one.time_s, 0.1), one.sigma))
-    trace = np.concatenate([wrench for wrench, _ in parts])
-    strength = np.sqrt((trace**2).mean(axis=0)) / parts[0][1]
-    shown = [c for c, s in zip(CHANNELS, strength, strict=True) if s >= SHOWN * strength.max()]
-    row = CHANNELS.index(residual_plots.most_telling(left, shown)[0])
-    return CHANNELS[row], trace[:, row]
+def _left_on_held_out(panel: "Axes", judged: dict[str, Sequence[Residual]], channel: str, variable: str) -> None:
+    """What the first and the last model leave of flights that they were not fitted to."""
+    scale, _ = residual_plots.unit(channel)
+    last = judged[AFTER]
+    at = explained.read(last, VARIABLE[variable])
+    residual_plots.scatter(panel, at, scale * _in_channel(last, channel), drawing.COLOURS[2])
+    first = judged[BEFORE]
+    centre, mean, _ = drawing.binned(explained.read(first, VARIABLE[variable]), scale * _in_channel(first, channel))
+    panel.plot(centre, mean, ":", color=drawing.INK, linewidth=1.4, label="before anything was added")
+    panel.legend(frameon=False, fontsize=8)
+    drawing.plain(panel, "left on held-out flights by the last model", residual_plots.labelled(variable), "")
 
 
 def outside(found: Diagnosis, curve: OutsideFinding) -> "Figure":
@@ -195,8 +190,9 @@ def confounded(found: Diagnosis) -> "Figure":
     for i, j in np.ndindex(*table.shape):
         colour = "white" if table[i, j] > 0.6 else drawing.INK
         panel.text(j, i, f"{100 * table[i, j]:.0f}", ha="center", va="center", fontsize=7.5, color=colour)
-    panel.set_yticks(range(len(shown)), shown, fontsize=8)
-    panel.set_xticks(range(len(shown)), shown, fontsize=8, rotation=40, ha="right")
+    titles = [words.effect(name) for name in shown]
+    panel.set_yticks(range(len(shown)), titles, fontsize=8)
+    panel.set_xticks(range(len(shown)), titles, fontsize=8, rotation=40, ha="right")
     panel.tick_params(length=0)
     figure.colorbar(image, ax=panel, label="share of the trace", fraction=0.04, pad=0.02)
     drawing.headed(

@@ -1,13 +1,14 @@
 """One self-contained HTML page per diagnosis: verdict, evidence, sizes, confounded effects, what is open."""
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from html import escape
 from importlib.metadata import version
 from pathlib import Path
 
 from sysid.diagnosis.findings import Outcome, OutsideFinding, Verdict
+from sysid.diagnosis.outlook import Outlook
 from sysid.diagnosis.procedure import Diagnosis
 from sysid.report import diagnosis_figures, diagnosis_tables, words
 from sysid.report.pages import picture, write_page
@@ -20,6 +21,7 @@ CAPTIONS = {
     "residual_wrench": "Unexplained force and torque over time",
     "look_alikes": "How alike their traces are",
 }
+IN_THE_MODEL = (Verdict.PRESENT, Verdict.PROXY)
 HORIZON = "0.5 s"
 """At which the verdict states the error."""
 STYLE = (
@@ -28,16 +30,20 @@ STYLE = (
     "table.grouped tbody:nth-of-type(even) tr { background: #f7f7f7 !important }"
     "table.grouped td.name, td.name { font-family: ui-monospace, monospace; font-size: .9em; text-align: left }"
     "table.grouped td.word { font-family: inherit; font-size: .94em }"
-    "td.present { color: #b0413e; font-weight: 600 }"
+    "td.present, td.useful { color: #b0413e; font-weight: 600 }"
+    "details { margin: .8em 0 } summary { cursor: pointer; font-weight: 600 }"
     "pre { background: #f6f6f4; padding: .5em .8em; margin: .4em 0; white-space: pre-wrap; font-size: .92em }"
 )
 
 
-def write(path: Path, found: Diagnosis, *, further: Sequence[str] = ()) -> Path:
+def write(
+    path: Path, found: Diagnosis, *, further: Sequence[str] = (), outlooks: Mapping[str, Outlook] | None = None
+) -> Path:
     """Write the report; pictures are inside the file.
 
     Args:
         further: what to type or fly now.
+        outlooks: by candidate in doubt, the flight that would tell.
     """
     with tempfile.TemporaryDirectory() as folder:
         drawn = diagnosis_figures.write(found, Path(folder))
@@ -45,19 +51,20 @@ def write(path: Path, found: Diagnosis, *, further: Sequence[str] = ()) -> Path:
     evidence = [drawn for name, drawn in pictures.items() if name.startswith(("outside", "suspect"))]
     parts = [
         _head(found),
+        _next(further),
         "<h2>Evidence</h2>",
         *evidence,
         pictures["staircase"],
         _attempts(found),
-        pictures["residual_share"],
+        "<h2>What is left</h2>",
         pictures["residual_wrench"],
+        pictures["residual_share"],
         "<h2>Candidates</h2>",
         diagnosis_tables.candidates(found.candidates),
+        _unseen(found, outlooks or {}),
         "<h2>Confounded effects</h2>",
         diagnosis_tables.confounded(found.candidates),
         pictures["look_alikes"],
-        _unseen(found),
-        _next(further),
         "<h2>The model now</h2>",
         diagnosis_tables.parameters(found.vehicle.parameters),
         _notes(found),
@@ -67,20 +74,22 @@ def write(path: Path, found: Diagnosis, *, further: Sequence[str] = ()) -> Path:
 
 def _head(found: Diagnosis) -> str:
     now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    given = escape(", ".join(words.effect(name) for name in found.base.effects))
     judged = f"judged on {', '.join(found.held_out)}" if found.held_out else "each flight judged by the others"
     return (
         f"<h1>Diagnosis of {escape(found.base.name)}</h1>"
         f"<p class='small'>goshawk {version('goshawk')}, {now}. Learnt from {escape(', '.join(found.flights))}; "
-        f"{escape(judged)}. Model as given: {escape(', '.join(found.base.effects))}. SI units; body axes x forward, "
+        f"{escape(judged)}. Model as given: {given}. SI units; body axes x forward, "
         "y left, z up. F is force, M torque, v velocity through the air, w turning rate, n rotor speed.</p>"
         f"<div class='verdict'>{_verdict(found)}</div>"
     )
 
 
 def _verdict(found: Diagnosis) -> str:
-    sentence = found.verdict[0].upper() + found.verdict[1:]
+    verdict = words.named(found.verdict, [s.name for s in found.candidates])
+    sentence = verdict[0].upper() + verdict[1:]
     said = [f"<b>{escape(sentence)}.</b>", f"Confidence {found.confidence:.0%}."]
-    said += [diagnosis_tables.size_sentence(s) for s in found.candidates if s.verdict is Verdict.PRESENT]
+    said += [diagnosis_tables.size_sentence(s) for s in found.candidates if s.verdict in IN_THE_MODEL]
     if found.outside is not None:
         said.append(_curve_sentence(found.outside))
     said.append(_error_sentence(found))
@@ -103,24 +112,36 @@ def _curve_sentence(o: OutsideFinding) -> str:
 
 def _error_sentence(found: Diagnosis) -> str:
     on = f"on the held-out flights {', '.join(found.held_out)}" if found.held_out else "on the flights learnt from"
-    steps = [f"{1000.0 * s.position_m[HORIZON]:.3g} mm ({escape(s.model)})" for s in found.staircase]
+    steps = [f"{1000.0 * s.position_m[HORIZON]:.3g} mm ({escape(_named(found, s.model))})" for s in found.staircase]
     return f"Position error after {HORIZON} {escape(on)}: {', '.join(steps)}."
+
+
+def _named(found: Diagnosis, text: str) -> str:
+    """A sentence with effects by their names."""
+    return words.named(text, [*(s.name for s in found.candidates), *(name for name, _ in found.invisible)])
 
 
 def _seen_sentence(found: Diagnosis) -> str:
     excluded = sum(s.verdict is Verdict.EXCLUDED for s in found.candidates)
     open_ = [s.name for s in found.candidates if s.verdict is Verdict.CANNOT_TELL]
     open_ += [name for name, _ in found.invisible]
-    told = f"Of {len(found.candidates)} candidates, {excluded} would have shown at their usual size and can be excluded"
-    return f"{told}. These flights say nothing certain of {escape(', '.join(open_))}." if open_ else f"{told}."
+    told = f"Of {len(found.candidates)} candidates, {excluded} can be excluded: too small to matter"
+    said = escape(", ".join(words.effect(name) for name in open_))
+    return f"{told}. These flights say nothing certain of {said}." if open_ else f"{told}."
 
 
 def _attempts(found: Diagnosis) -> str:
     if not found.attempts:
         return "<p>No known effect explained enough to be tried.</p>"
-    style = {Outcome.ADDED: "good", Outcome.REMOVED: "held", Outcome.UNDECIDED: "held"}
+    style = {
+        Outcome.ADDED: "good",
+        Outcome.USEFUL_PROXY: "good",
+        Outcome.REMOVED: "held",
+        Outcome.UNDECIDED: "held",
+    }
     items = "".join(
-        f"<li><b>{escape(a.name)}</b> <span class='{style.get(a.outcome, 'bad')}'>{escape(a.sentence)}</span>"
+        f"<li><b>{escape(words.effect(a.name))}</b> "
+        f"<span class='{style.get(a.outcome, 'bad')}'>{escape(_named(found, a.sentence))}</span>"
         f"{_rivals(a.rivals)}</li>"
         for a in found.attempts
     )
@@ -129,7 +150,7 @@ def _attempts(found: Diagnosis) -> str:
 
 
 def _rivals(rivals: Sequence[tuple[str, float]]) -> str:
-    said = ", ".join(f"{escape(name)} {p:.0%}" for name, p in rivals)
+    said = ", ".join(f"{escape(words.effect(name))} {p:.0%}" for name, p in rivals)
     return f" <span class='small'>also fitted, probability: {said}</span>" if said else ""
 
 
@@ -140,13 +161,21 @@ def _next(further: Sequence[str]) -> str:
     return f"<h2>Next steps</h2>{''.join(lines)}"
 
 
-def _unseen(found: Diagnosis) -> str:
-    open_ = [s for s in found.candidates if s.verdict is Verdict.CANNOT_TELL]
-    items = [f"<li><b>{escape(s.name)}</b>: {escape(s.reason)}</li>" for s in open_]
-    items += [f"<li><b>{escape(name)}</b> cannot be seen: {escape(why)}</li>" for name, why in found.invisible]
-    return f"<h2>What these flights cannot tell, and why</h2><ul>{''.join(items)}</ul>" if items else ""
+def _unseen(found: Diagnosis, outlooks: Mapping[str, Outlook]) -> str:
+    items = []
+    for s in found.candidates:
+        if s.verdict is Verdict.CANNOT_TELL:
+            flight = f"; {outlooks[s.name].sentence}" if s.name in outlooks else ""
+            said = escape(_named(found, s.reason) + flight)
+            items.append(f"<li><b>{escape(words.effect(s.name))}</b>: {said}</li>")
+    items += [
+        f"<li><b>{escape(words.effect(name))}</b> is not observable: {escape(_named(found, why))}</li>"
+        for name, why in found.invisible
+    ]
+    heading = "<h3>What these flights cannot tell, and the flight that would</h3>"
+    return f"{heading}<ul>{''.join(items)}</ul>" if items else ""
 
 
 def _notes(found: Diagnosis) -> str:
-    findings = "".join(f"<li>{escape(sentence)}</li>" for sentence in found.findings)
+    findings = "".join(f"<li>{escape(_named(found, sentence))}</li>" for sentence in found.findings)
     return f"<h2>Notes of the fit</h2><ul>{findings}</ul>" if findings else ""

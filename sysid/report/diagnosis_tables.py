@@ -6,6 +6,8 @@ from html import escape
 from math import floor, log10
 
 from sysid.diagnosis.findings import CandidateFinding, Size, Verdict
+from sysid.diagnosis.thresholds import THRESHOLDS
+from sysid.report import words
 from sysid.report.pages import table
 from vehicle import Parameter
 
@@ -54,9 +56,10 @@ def _times(power: int) -> str:
 def size_sentence(candidate: CandidateFinding) -> str:
     """An effect that is present, with all its sizes."""
     sizes = ", ".join(
-        f"{escape(_short(s))} = {measured(s.value, s.sigma)} {unit(s.unit)}".strip() for s in candidate.sizes
+        f"{escape(words.parameter(s.parameter))} = {measured(s.value, s.sigma)} {unit(s.unit)}".strip()
+        for s in candidate.sizes
     )
-    return f"{escape(candidate.name)}: {sizes}."
+    return f"{escape(words.effect(candidate.name))}: {sizes}."
 
 
 def candidates(found: Sequence[CandidateFinding]) -> str:
@@ -73,7 +76,10 @@ def _open(found: Sequence[CandidateFinding]) -> str:
     groups = []
     for candidate in found:
         kind = candidate.verdict.split()[0]
-        whole = (f"<td class='name'{{span}}>{escape(candidate.name)}</td>", f"<td class='word {kind}'{{span}}>")
+        first = (
+            f"<td class='word'{{span}}>{escape(words.effect(candidate.name))}</td>"
+            f"<td class='word {kind}'{{span}}>{candidate.verdict}</td>"
+        )
         last = "".join(
             f"<td{{span}}>{text}</td>"
             for text in (
@@ -83,15 +89,17 @@ def _open(found: Sequence[CandidateFinding]) -> str:
             )
         )
         rows = [
-            f"<td class='name'>{escape(_short(size))}</td><td>{_size(size)}</td><td class='word'>{unit(size.unit)}</td>"
+            f"<td class='word'>{escape(words.parameter(size.parameter))}</td><td>{_size(size)}</td>"
+            f"<td class='word'>{unit(size.unit)}</td>"
             f"<td>{plain(size.smallest_visible) if size.sigma > 0.0 else ''}</td><td>{plain(size.usual)}</td>"
             for size in candidate.sizes
         ]
-        groups.append(_group(whole[0] + whole[1] + f"{candidate.verdict}</td>", rows, last))
+        groups.append(_group(first, rows, last))
     note = (
         "<p class='small'>Visible from: a size that would have been called present nine times in ten. Usual: as "
-        "vehicles of this kind have it. mm: position error that the effect makes within 0.5 s at the size found. "
-        "Chance: probability that chance alone would explain as much. Probability: that it is really missing.</p>"
+        "vehicles of this mass, arm and rotor speed have it. mm: position error that the effect makes within 0.5 s at "
+        "the size found. Chance: probability that chance alone would explain as much. Probability: that it is "
+        "really missing.</p>"
     )
     return _grouped((*head, "mm", "chance", "probability"), names, groups) + note
 
@@ -103,9 +111,9 @@ def _size(size: Size) -> str:
 def _excluded(found: Sequence[CandidateFinding]) -> str:
     groups = [
         _group(
-            f"<td class='name'{{span}}>{escape(candidate.name)}</td>",
+            f"<td class='word'{{span}}>{escape(words.effect(candidate.name))}</td>",
             [
-                f"<td class='name'>{escape(_short(size))}</td><td>{plain(size.excluded_above)}</td>"
+                f"<td class='word'>{escape(words.parameter(size.parameter))}</td><td>{plain(size.excluded_above)}</td>"
                 f"<td>{plain(size.usual)}</td><td class='word'>{unit(size.unit)}</td>"
                 f"<td>{measured(size.value, size.sigma)}</td>"
                 for size in candidate.sizes
@@ -115,12 +123,14 @@ def _excluded(found: Sequence[CandidateFinding]) -> str:
         for candidate in found
     ]
     head = ("candidate", "parameter", "excluded above", "usual", "unit", "size ± σ", "mm")
-    note = "<p class='small'>Sizes above the one given can be ruled out with 95 %; mm at the size found.</p>"
-    return f"<h3>Excluded</h3>{_grouped(head, {'candidate', 'parameter', 'unit'}, groups)}{note}"
-
-
-def _short(size: Size) -> str:
-    return size.parameter.split(".")[-1]
+    note = (
+        "<p class='small'>Sizes above the one given can be ruled out with 95 %, and are too small to matter: below "
+        f"{THRESHOLDS.matters:.0%} of what is usual on a vehicle of this mass, arm and rotor speed; mm at the size "
+        "found.</p>"
+    )
+    table = _grouped(head, {"candidate", "parameter", "unit"}, groups)
+    many = "1 effect" if len(found) == 1 else f"{len(found)} effects"
+    return f"<details><summary>{many} excluded, with the sizes that are ruled out</summary>{table}{note}</details>"
 
 
 def _group(first: str, rows: Sequence[str], last: str) -> str:
@@ -139,7 +149,8 @@ def _grouped(head: Sequence[str], names: set[str], groups: Iterable[str]) -> str
 def confounded(found: Sequence[CandidateFinding]) -> str:
     """Pairs that leave the same trace, and so cannot be told apart on these flights."""
     items = [
-        f"<li><b>{escape(s.name)}</b> ({s.verdict}): {escape(', '.join(f'{n} {share:.0%}' for n, share in alike))}</li>"
+        f"<li><b>{escape(words.effect(s.name))}</b> ({s.verdict}): "
+        f"{escape(', '.join(f'{words.effect(n)} {share:.0%}' for n, share in alike))}</li>"
         for s in found
         if (alike := s.confounded) and s.verdict is not Verdict.EXCLUDED
     ]

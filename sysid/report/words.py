@@ -1,5 +1,8 @@
 """Channels and variables in words, for people who do not have our list of letters beside them."""
 
+import re
+from collections.abc import Iterable
+
 
 def channel(name: str) -> str:
     """`M_z` as `torque about z`."""
@@ -27,3 +30,43 @@ def variable(name: str) -> str:
         "speed": "air speed",
     }
     return plain.get(name, name)
+
+
+TITLES = {
+    "thrust_bem": "thrust by blade elements with induced velocity",
+    "thrust_quadratic": "thrust with the square of rotor speed",
+    "thrust_affine": "thrust not quite quadratic",
+    "inflow_linear": "thrust lost to axial air speed",
+    "rotor_drag_thrust": "rotor drag with thrust",
+    "rotor_drag_speed": "rotor drag with rotor speed",
+    "parasitic_drag": "airframe drag per axis",
+    "parasitic_drag_speed": "airframe drag with air speed",
+    "imu_errors": "errors of the IMU",
+    "pose_delay": "delay of the pose",
+    "airframe_side_moment": "moment of the airframe's drag",
+}
+"""Effects whose code name does not read as words."""
+UNITS = frozenset(["kg", "m", "m2", "s", "s2", "n", "rad", "v", "per"])
+"""Words at the end of a parameter's code name that only say its unit."""
+
+
+def effect(name: str) -> str:
+    """`weak_rotor[2]` as `weak rotor (rotor 2)`, `pose_delay` as `delay of the pose`."""
+    stem, _, index = name.rstrip("]").partition("[")
+    said = TITLES.get(stem, stem.replace("_", " "))
+    return f"{said} (rotor {index})" if index else said
+
+
+def parameter(name: str) -> str:
+    """`rotor_drag_thrust.drag_s_m` as `drag`: the unit is said beside it."""
+    parts = name.split(".")[-1].split("_")
+    while len(parts) > 1 and parts[-1] in UNITS:
+        parts.pop()
+    return " ".join(parts)
+
+
+def named(text: str, names: Iterable[str]) -> str:
+    """A sentence with effects by their names instead of these code names."""
+    for name in sorted(set(names), key=len, reverse=True):
+        text = re.sub(rf"(?<![\w.]){re.escape(name)}(?![\w\[])", effect(name), text)
+    return text
