@@ -57,8 +57,9 @@ class Thresholds:
     """... if they promise at least this share of the best one's gain."""
     backward_chance: float = 1e-3
     """An addition goes when a later one has made it less significant than this."""
-    confirming_odds: float = 2.0
-    """Log odds by which unseen flights must prefer the model with the candidate."""
+    confirming_odds: float = 6.0
+    """Log odds by which unseen flights must prefer the model with the candidate: no name is stated that is more likely
+    wrong than right (`even_reduction`)."""
     could_confirm: float = 2.0
     """Held-out flights are not asked when a true effect would not stand out of their scatter by this factor."""
     certain_odds: float = 40.0

@@ -26,6 +26,8 @@ MOST_CANDIDATES = 4
 """Leading candidates with a picture of their own."""
 MOST_ALIKE = 12
 """Candidates in the picture of confounded effects."""
+NO_CAUSE = ("constant", "time", "x", "y")
+"""Variables that no effect of the vehicle follows."""
 TOLD = 1e-3
 """Candidates less significant than this have nothing to show."""
 
@@ -106,7 +108,7 @@ def evidence_for(found: Diagnosis, candidate: Candidate) -> "Figure":
     model = found.search.models[0]
     shown = added_variable(model, candidate)
     before = left_of(model)
-    variable = residual_plots.most_telling(before, [shown.channel])[1]
+    variable = _follows(shown.trace, before)
     judged = _unseen(found)
     figure, axes = drawing.figure(1, 2 + bool(judged), (12.0, 3.6), sharey=True)
     scale, written = residual_plots.unit(shown.channel)
@@ -128,6 +130,16 @@ def evidence_for(found: Diagnosis, candidate: Candidate) -> "Figure":
         _left_on_held_out(axes[0, 2], judged, shown.channel, variable)
     drawing.headed(figure, f"{title}: {candidate.regressor} (means over 0.1 s; dark: binned mean, 95 % band)")
     return figure
+
+
+def _follows(trace: FloatArray, residuals: Sequence[Residual]) -> str:
+    """The variable that a candidate's trace follows most: by the share of its variance between bins of the variable."""
+    shares = {}
+    for variable in VARIABLE.values():
+        if variable.name not in NO_CAUSE:
+            _, mean, _ = drawing.binned(explained.read(residuals, variable), trace)
+            shares[variable.name] = float(mean.var())
+    return max(shares, key=lambda name: shares[name])
 
 
 def _left_on_held_out(panel: "Axes", judged: dict[str, Sequence[Residual]], channel: str, variable: str) -> None:

@@ -1,5 +1,6 @@
 """One self-contained HTML page per diagnosis: verdict, evidence, sizes, confounded effects, what is open."""
 
+import re
 import tempfile
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
@@ -86,9 +87,9 @@ def _head(found: Diagnosis) -> str:
 
 
 def _verdict(found: Diagnosis) -> str:
-    verdict = words.named(found.verdict, [s.name for s in found.candidates])
+    verdict = _named(found, found.verdict)
     sentence = verdict[0].upper() + verdict[1:]
-    said = [f"<b>{escape(sentence)}.</b>", f"Confidence {found.confidence:.0%}."]
+    said = [f"<b>{escape(sentence)}.</b>", _belief_sentence(found)]
     said += [diagnosis_tables.size_sentence(s) for s in found.candidates if s.verdict in IN_THE_MODEL]
     if found.outside is not None:
         said.append(_curve_sentence(found.outside))
@@ -96,6 +97,14 @@ def _verdict(found: Diagnosis) -> str:
     if not found.additions:
         said.append(_seen_sentence(found))
     return "".join(f"<p>{line}</p>" for line in said)
+
+
+def _belief_sentence(found: Diagnosis) -> str:
+    belief = found.belief
+    return (
+        f"Probability {belief.as_stated:.0%} that all of this is right; {belief.something_unknown:.0%} that something "
+        f"unknown is missing besides; {belief.otherwise:.0%} that the names are others."
+    )
 
 
 def _curve_sentence(o: OutsideFinding) -> str:
@@ -117,8 +126,12 @@ def _error_sentence(found: Diagnosis) -> str:
 
 
 def _named(found: Diagnosis, text: str) -> str:
-    """A sentence with effects by their names."""
-    return words.named(text, [*(s.name for s in found.candidates), *(name for name, _ in found.invisible)])
+    """A sentence with effects and parameters by their names."""
+    text = words.named(text, [*(s.name for s in found.candidates), *(name for name, _ in found.invisible)])
+    for parameter in {size.parameter for s in found.candidates for size in s.sizes}:
+        short = parameter.split(".")[-1]
+        text = re.sub(rf"\b{re.escape(short)}\b", words.parameter(parameter), text) if "_" in short else text
+    return text
 
 
 def _seen_sentence(found: Diagnosis) -> str:
@@ -169,7 +182,7 @@ def _unseen(found: Diagnosis, outlooks: Mapping[str, Outlook]) -> str:
             said = escape(_named(found, s.reason) + flight)
             items.append(f"<li><b>{escape(words.effect(s.name))}</b>: {said}</li>")
     items += [
-        f"<li><b>{escape(words.effect(name))}</b> is not observable: {escape(_named(found, why))}</li>"
+        f"<li><b>{escape(words.effect(name))}</b>: not observable; {escape(_named(found, why))}</li>"
         for name, why in found.invisible
     ]
     heading = "<h3>What these flights cannot tell, and the flight that would</h3>"

@@ -33,7 +33,7 @@ def variable(name: str) -> str:
 
 
 TITLES = {
-    "thrust_bem": "thrust by blade elements with induced velocity",
+    "thrust_bem": "thrust by blade elements",
     "thrust_quadratic": "thrust with the square of rotor speed",
     "thrust_affine": "thrust not quite quadratic",
     "inflow_linear": "thrust lost to axial air speed",
@@ -68,5 +68,5 @@ def parameter(name: str) -> str:
 def named(text: str, names: Iterable[str]) -> str:
     """A sentence with effects by their names instead of these code names."""
     for name in sorted(set(names), key=len, reverse=True):
-        text = re.sub(rf"(?<![\w.]){re.escape(name)}(?![\w\[])", effect(name), text)
+        text = re.sub(rf"(?<![\w.]){re.escape(name)}(?![\w\[]|\.\w)", effect(name), text)
     return text

@@ -6,6 +6,7 @@ from sysid.diagnosis.free_form import VARIABLES
 from sysid.estimator.result import CHANNELS
 from sysid.report import words
 from sysid.report.diagnosis_tables import chance, measured, plain, unit
+from vehicle import effects
 
 
 @pytest.mark.parametrize(
@@ -50,3 +51,22 @@ def test_every_channel_and_variable_has_words_of_its_own():
     assert not any("_" in text for text in said)
     assert words.channel("M_z") == "torque about z"
     assert words.variable("v_x v_z") == "product of the velocities along x and z"
+
+
+def test_every_effect_and_parameter_of_the_catalogue_has_a_name_in_words():
+    catalogue = effects.catalogue()
+    titles = [words.effect(name) for name in catalogue]
+    assert len(set(titles)) == len(titles)
+    assert not any("_" in title for title in titles)
+    for effect in catalogue.values():
+        names = [words.parameter(f"{effect.name}.{s.name}") for s in effect.parameters]
+        assert len(set(names)) == len(names)
+        assert not any("_" in name for name in names)
+    assert words.effect("weak_rotor[2]") == "weak rotor (rotor 2)"
+    assert words.parameter("parasitic_drag.drag_xy_kg_m") == "drag xy"
+
+
+def test_sentences_name_effects_in_words_and_leave_the_rest_alone():
+    names = ["rotor_drag_thrust", "rotor_drag_speed", "weak_rotor[1]", "pose_delay"]
+    said = words.named("+ rotor_drag_thrust or weak_rotor[1]; rotor_drag_thrust_of_mine, pose_delay.delay_s", names)
+    assert said == "+ rotor drag with thrust or weak rotor (rotor 1); rotor_drag_thrust_of_mine, pose_delay.delay_s"
