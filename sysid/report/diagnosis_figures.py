@@ -174,6 +174,8 @@ def outside(found: Diagnosis, curve: OutsideFinding) -> "Figure":
     axes[0, 1].legend(frameon=False, fontsize=8)
     drawing.plain(axes[0, 0], "the curve, from the flights learnt from", label, f"{curve.channel} ({written})")
     judged = f"unexplained on {', '.join(found.held_out)}, not used" if found.held_out else "unexplained there"
+    if found.proxies:
+        judged = f"{judged}, beside {' and '.join(map(words.effect, found.proxies))}"
     drawing.plain(axes[0, 1], judged, label, "")
     sentence = f"{curve.channel} against {curve.variable}: what no known effect explains"
     drawing.headed(figure, f"{sentence} (95 % band; dots: means over 0.1 s; dark: binned mean)")
