@@ -342,6 +342,7 @@ def _next(
     if outcome is Outcome.ADDED and max(odds.values(), default=0.0) > as_likely:
         outcome = Outcome.UNDECIDED
         model.tried.undecided += [c for c in tried if c is best or odds[c.candidate.name] > as_likely]
+    sure = THRESHOLDS.most_confidence * share * there
     trial = Trial(
         candidate=best.candidate,
         outcome=outcome,
@@ -350,8 +351,8 @@ def _next(
         judged_by=JudgedBy.LEFT_OUT if why else JudgedBy.HELD_OUT,
         why=why,
         confirmed=confirmed,
-        confidence=THRESHOLDS.most_confidence * share * there,
-        rivals=tuple((name, THRESHOLDS.most_confidence * share * p) for name, p in odds.items() if p > 0.0),
+        confidence=sure,
+        rivals=tuple((name, sure * p) for name, p in odds.items() if p > 0.0),
         proxy_for=outdone_by,
         fit=best.fit,
     )

@@ -95,7 +95,7 @@ def _still(log: FlightLog, time_s: FloatArray) -> Mask | None:
     known = np.flatnonzero(np.isfinite(position).all(axis=1))
     if len(known) < FEWEST:
         return None
-    at_s = np.arange(log.time_s[known[0]], log.time_s[known[-1]], 0.5 * STILL_S)
+    at_s = np.arange(float(log.time_s[known[0]]), float(log.time_s[known[-1]]), 0.5 * STILL_S)
     edges = np.searchsorted(log.time_s[known], at_s)
     boxes = [position[known[a:b]] for a, b in zip(edges[:-2], edges[2:], strict=True)]
     calm = np.array([len(box) > 1 and bool((np.ptp(box, axis=0) < STILL_M).all()) for box in boxes], dtype=bool)
