@@ -13,6 +13,7 @@ from sysid.estimator.options import Options
 from sysid.estimator.prepare import prepare
 from sysid.estimator.result import Identification
 from sysid.estimator.states import States
+from sysid.logs import contact
 from vehicle import Vehicle, flatness, flights
 
 LEAST_FLOOR_M = 0.5
@@ -128,7 +129,7 @@ def rehearse(
     """Fly it with the fitted vehicle in still air; what the log lacks, the flights so far lacked too.
 
     Raises:
-        InfeasibleError: the vehicle cannot follow, or leaves the room.
+        InfeasibleError: the vehicle cannot follow, leaves the room, or touches the ground.
     """
     truth = flights.fly_trajectory(fit.vehicle, trajectory, rng=rng, ground_m=0.0)
     place = truth.rows[:, 0, :3]
@@ -142,6 +143,8 @@ def rehearse(
         use_rates=any(f.has_gyro for f in fit.flights),
         use_accelerometer=any(f.has_accelerometer for f in fit.flights),
     )
+    if contact.spans(log):
+        raise InfeasibleError("the simulated vehicle touches the ground")
     (flight,) = prepare(log, 0, options)
     at = np.searchsorted(truth.time_s, flight.time_s - 1e-9)
     rows = truth.rows[at, 0]
