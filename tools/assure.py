@@ -375,8 +375,8 @@ FUZZ = (
 traced, as the targets build good frames themselves: that makes an execution several times as fast."""
 QUICKER = ("crc32.c", "link_crc16.c")
 """Sources that fuzz/quick_crc.c replaces: the same values, several times as fast."""
-LONGEST_INPUT = 128
-"""Bytes: some 50 steps, enough for a whole flight."""
+LONGEST_INPUT = 64
+"""Bytes: some 25 steps, enough for a whole flight."""
 
 
 def fuzz_target(name: str, folder: Path) -> Path:

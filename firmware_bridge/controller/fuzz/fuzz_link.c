@@ -356,6 +356,7 @@ typedef struct {
     vehicle open, closed, keyed;
     tc_signing friend, stranger;
     tc_parameters in_force; /* of the open one */
+    tc_trajectory whole;    /* its active trajectory, when its CRC was last computed */
     uint32_t steps, signed_frames;
     uint64_t now_us;
 } scene;
@@ -372,10 +373,13 @@ static void set_scene(scene* s) {
     s->now_us = 1;
 }
 
-static void check(const scene* s) {
+static void check(scene* s) {
     const vehicle *open = &s->open, *closed = &s->closed;
     const tc_trajectory* active = tc_store_active(&open->controller.store);
-    must(active == NULL || tc_trajectory_crc32(active) == active->header.crc32);
+    if (active != NULL && memcmp(active, &s->whole, sizeof s->whole) != 0) { /* a comparison costs less than a CRC */
+        must(tc_trajectory_crc32(active) == active->header.crc32);
+        s->whole = *active;
+    }
     must(memcmp(tc_parameters_now(&open->controller), &s->in_force, sizeof s->in_force) == 0);
     must(open->controller.mission.state < (uint8_t)TC_MISSION_STATE_COUNT);
     must(closed->link.counts.accepted == 0u && closed->link.lease.holder.system_id == 0u);
