@@ -200,6 +200,19 @@ def test_the_fuzz_targets_checksums_are_those_of_the_library(tmp_path):
 
 
 @pytest.mark.slow
+def test_the_link_target_flies_a_path(tmp_path):
+    """It did not while its estimates marked no field valid: nothing armed the vehicle."""
+    _need("clang-19")
+    corpus = tmp_path / "corpus"
+    corpus.mkdir()
+    (corpus / "flight").write_bytes(assure.link_flight())
+    command = [assure.fuzz_target("link", tmp_path), "-runs=0", "-print_coverage=1", "-detect_leaks=0", corpus]
+    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, timeout=300, check=True)
+    covered = set(re.findall(r"^COVERED_FUNC: .* (tc_\w+) ", done.stderr, re.MULTILINE))
+    assert {"tc_mixer_solve", "tc_clock_advance"} <= covered
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("target", assure.TARGETS)
 def test_libfuzzer_finds_nothing_in_a_short_run(tmp_path, target):
     _need("clang-19")

@@ -319,9 +319,11 @@ static void tick(vehicle* v, bytes* input, uint64_t* now_us) {
     const unsigned ticks = how % 16u == 13u ? LONG_WAIT : 1u;
     *now_us += how % 16u == 15u ? 3000000u : 0u;
     estimate.q_world_body[0] = 1.0f;
+    estimate.specific_force_body_m_s2[2] = 9.81f;
+    estimate.valid = TC_VALID_ALL;
     for (unsigned i = 0; i < ticks; i++) {
         *now_us += TICK_US;
-        estimate.position_time_us = estimate.attitude_time_us = *now_us;
+        estimate.position_time_us = estimate.attitude_time_us = estimate.rate_time_us = *now_us;
         if (tc_mission_in_air(v->controller.mission.state) && in_place) {
             memcpy(estimate.position_world_m, v->controller.telemetry.setpoint.position_world_m, sizeof(float[3]));
         } else {
