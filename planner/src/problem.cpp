@@ -39,6 +39,8 @@ Problem::Problem(std::size_t segments, std::size_t samples, const Airframe& airf
       offsets_(segments * samples * kLimits, 0.0),
       states_((segments + 1) * kKnot),
       by_states_((segments + 1) * kKnot),
+      given_((segments + 1) * kKnot, 0.0),
+      held_(segments + 1, 0),
       points_(segments * samples * 3),
       distance_(segments * samples, std::numeric_limits<double>::infinity()),
       gradient_(segments * samples * 3, 0.0),
@@ -68,9 +70,9 @@ Motion Problem::Instant::motion() const {
 }
 
 void Problem::start(const double* knots, const double* durations) {
-    std::fill(states_.begin(), states_.end(), 0.0);
+    std::copy(given_.begin(), given_.end(), states_.begin());
     for (std::size_t i = 0; i <= segments_; ++i) std::copy_n(knots + i * kAxes, kAxes, &states_[i * kKnot]);
-    fill_states<kAxes>(system_, states_.data(), durations, segments_);
+    fill_states<kAxes>(system_, states_.data(), durations, segments_, held_.data());
 }
 
 // A distance holds for a ball: samples that have not left theirs need not be asked again.
@@ -104,7 +106,7 @@ void Problem::ask_distances(const double* durations) {
 // Everything that is charged along one segment; its gradient goes to the states of both ends and to T.
 double Problem::segment_cost(std::size_t i, double T, double& by_T) {
     const LimitCost limits{airframe_, prices_.limits};
-    const HeadingCost heading{prices_.heading, prices_.turning};
+    const HeadingCost heading{prices_.heading, prices_.turning, target_};
     const ClearanceCost clearance{prices_.clearance, clearance_m_};
     const Ends<kAxes> scaled = scaled_ends<kAxes>(states_.data(), i, T);
     Ends<kAxes> by_scaled{};
@@ -172,6 +174,8 @@ double Problem::snap_cost(std::size_t i, double T, double& by_T) {
 void Problem::adjoint(const double* durations, double* by_knots, double* by_durations) {
     for (std::size_t i = 0; i <= segments_; ++i) std::copy_n(&by_states_[i * kKnot], kAxes, by_knots + i * kAxes);
     std::vector<double>& multipliers = by_states_;  // from here on
+    for (std::size_t i = 1; i < segments_; ++i)
+        if (held_[i]) std::fill_n(&multipliers[i * kKnot + kAxes], kAxes, 0.0);
     if (segments_ > 1) system_.solve<kAxes>(&multipliers[kKnot + kAxes], kKnot);
     for (std::size_t i = 0; i <= segments_; ++i) std::fill_n(&multipliers[i * kKnot], kAxes, 0.0);
     std::fill_n(&multipliers[0], kKnot, 0.0);

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "costs.hpp"
@@ -26,6 +27,14 @@ class Problem {
             double clearance_m, Distances distances);
 
     std::vector<double>& offsets() { return offsets_; }
+
+    // Velocity, acceleration and jerk at both ends (zero unless set), and the velocity of knots that are held: numbers
+    // of states (k + 1, 4, 4), and held (k + 1).
+    std::vector<double>& given() { return given_; }
+    std::vector<unsigned char>& held() { return held_; }
+
+    // The vehicle looks at this point instead of along its path.
+    void look_at(const Vec& target) { target_ = target; }
 
     // knots (k + 1, 4), durations (k,); fills the gradients of the same shapes.
     double evaluate(const double* knots, const double* durations, double* by_knots, double* by_durations);
@@ -59,7 +68,9 @@ class Problem {
     Distances distances_;
     std::vector<std::vector<double>> basis_;  // per sample (5, 8): derivatives by u from scaled states
     std::vector<double> share_;               // of the segment's time that each sample answers for
-    std::vector<double> offsets_, states_, by_states_;
+    std::vector<double> offsets_, states_, by_states_, given_;
+    std::vector<unsigned char> held_;
+    std::optional<Vec> target_;
     std::vector<double> points_, distance_, gradient_, asked_distance_, asked_gradient_;
     std::vector<std::size_t> asked_;
     std::vector<SafeBall> safe_;
