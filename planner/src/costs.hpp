@@ -39,13 +39,15 @@ struct HeadingCost {
         by.yaw_rate += 2.0 * turning_price * at.yaw_rate;
         const double turning = turning_price * at.yaw_rate * at.yaw_rate;
         if (price == 0.0) return turning;
-        const double c = std::cos(at.yaw), s = std::sin(at.yaw), vx = target ? target->x - at.position.x : at.velocity.x,
+        const double c = std::cos(at.yaw), s = std::sin(at.yaw),
+                     vx = target ? target->x - at.position.x : at.velocity.x,
                      vy = target ? target->y - at.position.y : at.velocity.y;
         const double square = vx * vx + vy * vy, pace = std::sqrt(square + 1e-6), ahead = vx * c + vy * s;
         const double scale = price / (square + kSlow * kSlow), off = pace * (pace - ahead);
         const double by_pace = scale * (2.0 * pace - ahead) / pace,
                      by_scale = -2.0 * scale * off / (square + kSlow * kSlow);
-        const Vec by_aim{(by_pace + by_scale) * vx - scale * pace * c, (by_pace + by_scale) * vy - scale * pace * s, 0.0};
+        const Vec by_aim{(by_pace + by_scale) * vx - scale * pace * c, (by_pace + by_scale) * vy - scale * pace * s,
+                         0.0};
         if (target)
             by.position -= by_aim;
         else
