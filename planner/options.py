@@ -2,10 +2,15 @@
 
 from dataclasses import dataclass, replace
 from math import sqrt
-from typing import Literal
+from typing import Literal, get_args
 
 from flight import FlightError, InfeasibleError, InputError
 from vehicle import Limits, Vehicle
+
+YawMode = Literal["along_path", "smooth"]
+Method = Literal["fastest", "corridor"]
+Search = Literal["grid", "rrt_star", "informed_rrt_star", "bit_star", "aorrtc"]
+YAW_MODES, METHODS, SEARCHES = get_args(YawMode), get_args(Method), get_args(Search)
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,9 +23,9 @@ class PlanOptions:
     """Margin between that ball and every obstacle, for map and tracking errors."""
     waypoint_tolerance_m: float = 0.01
     """How close to a waypoint counts as reached."""
-    yaw: Literal["along_path", "smooth"] = "along_path"
+    yaw: YawMode = "along_path"
     """Heading where none is prescribed: along the path, or as smooth as possible."""
-    method: Literal["fastest", "corridor"] = "fastest"
+    method: Method = "fastest"
     """Least time, or least snap inside a corridor of proved boxes (slower; also the fallback when the former fails)."""
     limits: Limits | None = None
     """Limits to use instead of the vehicle's own."""
@@ -29,6 +34,12 @@ class PlanOptions:
     rotor speed, say in a dive, has no torque left to hold its attitude with, and tumbles."""
     pieces: int = 2
     """Polynomials per piece of route: more fly faster and take longer to plan."""
+    search: Search = "grid"
+    """What finds a way round obstacles: the compiled grid search, or one of OMPL's sampling planners."""
+    search_checks: int = 5000
+    """Motions that a sampling planner may check (four times as many where it finds no way with these)."""
+    search_seed: int = 1
+    """Seed of a sampling planner; the same seed finds the same way."""
     search_margin_m: float = 6.0
     """Margin of the search region round the waypoints, for fields without bounds."""
     sample_step_s: float = 0.01
@@ -45,9 +56,12 @@ class PlanOptions:
                 raise InputError(f"{name} is {getattr(self, name)}; it must be positive")
         if not 0.0 <= self.control_reserve < 0.4:
             raise InputError(f"control_reserve is {self.control_reserve}; it must be from 0 to below 0.4")
-        if self.pieces < 1 or self.repairs < 0:
-            raise InputError(f"pieces {self.pieces} and repairs {self.repairs} must be at least 1 and 0")
-        for name, known in (("yaw", ("along_path", "smooth")), ("method", ("fastest", "corridor"))):
+        for name in ("pieces", "search_checks", "search_seed"):
+            if getattr(self, name) < 1:
+                raise InputError(f"{name} is {getattr(self, name)}; it must be at least 1")
+        if self.repairs < 0:
+            raise InputError(f"repairs is {self.repairs}; it must be at least 0")
+        for name, known in (("yaw", YAW_MODES), ("method", METHODS), ("search", SEARCHES)):
             if getattr(self, name) not in known:
                 raise InputError(f"{name} is {getattr(self, name)!r}; it must be {' or '.join(known)}")
 
