@@ -31,6 +31,11 @@ class Spline:
         d = hermite.segment_states(self.states)
         return float(np.sum(d * (energy(self.durations_s) @ d)))
 
+    def scale_time(self, factor: float) -> "Spline":
+        """The same path `factor` times as slowly."""
+        powers = factor ** -np.arange(float(hermite.ORDER))
+        return Spline(self.durations_s * factor, self.states * powers[:, None])
+
 
 def energy(durations_s: FloatArray) -> FloatArray:
     """(k, 8, 8): the snap integral of each segment as a quadratic form in the states of its two ends."""

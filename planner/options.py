@@ -8,7 +8,7 @@ from flight import FlightError, InfeasibleError, InputError
 from vehicle import Limits, Vehicle
 
 YawMode = Literal["along_path", "smooth"]
-Method = Literal["fastest", "corridor"]
+Method = Literal["fastest", "corridor", "bry"]
 Search = Literal["grid", "rrt_star", "informed_rrt_star", "bit_star", "aorrtc"]
 YAW_MODES, METHODS, SEARCHES = get_args(YawMode), get_args(Method), get_args(Search)
 
@@ -26,7 +26,8 @@ class PlanOptions:
     yaw: YawMode = "along_path"
     """Heading where none is prescribed: along the path, or as smooth as possible."""
     method: Method = "fastest"
-    """Least time, or least snap inside a corridor of proved boxes (slower; also the fallback when the former fails)."""
+    """Least time, least snap inside a corridor of proved boxes (slower; also the fallback when the former fails), or
+    Bry's method as published (`planner.bry`)."""
     limits: Limits | None = None
     """Limits to use instead of the vehicle's own."""
     control_reserve: float = 0.08
@@ -71,6 +72,10 @@ class PlanOptions:
         slowest, fastest = own.rotor_speed_min_rad_s**2, own.rotor_speed_max_rad_s**2
         spare = self.control_reserve * (fastest - slowest)  # thrust goes with the square of the speed
         return replace(own, rotor_speed_min_rad_s=sqrt(slowest + spare), rotor_speed_max_rad_s=sqrt(fastest - spare))
+
+    def sampled(self) -> "PlanOptions":
+        """These options with a sampling planner for the route: RRT*, unless another one was asked for."""
+        return self if self.search != "grid" else replace(self, search="rrt_star")
 
     @property
     def clearance_m(self) -> float:

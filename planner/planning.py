@@ -9,7 +9,7 @@ import numpy as np
 
 import flight.trajectory
 from flight import FloatArray, InfeasibleError, InputError, Progress, Trajectory, TrajectoryFile, Waypoints, silent
-from planner import fastest, gate, heading, limits, minimum_snap, repair, routes, space
+from planner import bry, fastest, gate, heading, limits, minimum_snap, repair, routes, space
 from planner._planner import StopFlag
 from planner.fastest import Path
 from planner.gate import GateReport
@@ -30,7 +30,7 @@ class Plan:
     route_world_m: FloatArray
     """(n, 3) the polyline it follows: the waypoints, and what the search put between them."""
     method: str
-    """"direct", "bent" (pushed off obstacles after a first attempt), "corridor" or "stop and go"."""
+    """"direct", "bent" (pushed off obstacles after a first attempt), "corridor", "stop and go" or "bry"."""
     optimum_s: float = nan
     """What the optimiser took for the shortest time before the vehicle's own model and the gate had their say."""
 
@@ -63,7 +63,7 @@ def plan(
     progress("route", 0.0)
     _check_vehicle(vehicle)
     routes.check_waypoints(waypoints, field, options.waypoint_clearance_m)
-    route = routes.find(waypoints, field, options)
+    route = routes.find(waypoints, field, options.sampled() if options.method == "bry" else options)
     progress("optimise", 0.2)
     path = _flyable(route, waypoints, field, vehicle, options, stop)
     progress("gate", 1.0)
@@ -92,6 +92,9 @@ def _flyable(
     def ask_gate(trajectory: Trajectory) -> GateReport:
         return gate.check(trajectory, field, vehicle, options, waypoints_world_m=waypoints.positions_world_m)
 
+    if options.method == "bry":
+        spline, corners = bry.solve(route, field, options, stop)
+        return _timed(spline, corners.waypoint, "bry", waypoints, vehicle, options, ask_gate)
     dense = routes.subdivided(route, field)
     problem, start = fastest.rough(dense, field, vehicle, options, stop)
     if options.method == "fastest":
@@ -100,8 +103,23 @@ def _flyable(
         if path is not None:
             return path if path.report.passed else _slowed(path, vehicle, options, ask_gate)
     spline, method = repair.through_corridor(dense, start.durations_s, field, options)
-    trajectory = _with_heading(spline, dense.waypoint, waypoints, vehicle, options)
-    path = Path(trajectory, dense.waypoint, method, ask_gate(trajectory), start.durations_s.sum())
+    return _timed(spline, dense.waypoint, method, waypoints, vehicle, options, ask_gate)
+
+
+def _timed(
+    spline: minimum_snap.Spline,
+    waypoint: np.ndarray,
+    method: str,
+    waypoints: Waypoints,
+    vehicle: Vehicle,
+    options: PlanOptions,
+    ask_gate: Callable[[Trajectory], GateReport],
+) -> Path:
+    """A path whose times matter only in proportion, with headings, as fast as the vehicle can fly it."""
+    level = minimum_snap.trajectory(spline)
+    spline = spline.scale_time(_time_scale(level, vehicle, options))
+    trajectory = _with_heading(spline, waypoint, waypoints, vehicle, options)
+    path = Path(trajectory, waypoint, method, ask_gate(trajectory), float(spline.durations_s.sum()))
     return _slowed(path, vehicle, options, ask_gate)
 
 
@@ -118,16 +136,20 @@ def _with_heading(
 
 def _slowed(path: Path, vehicle: Vehicle, options: PlanOptions, ask_gate: Callable[[Trajectory], GateReport]) -> Path:
     """The same way through space in the time that just keeps every limit: the last resort, as all segments pay."""
-    try:
-        factor = repair.time_scale(path.trajectory, vehicle, options.limits_for(vehicle))
-    except InfeasibleError as error:
-        raise PlanInfeasibleError(str(error), "check the vehicle's limits") from error
+    factor = _time_scale(path.trajectory, vehicle, options)
     for more in (1.0, *_SLOWER):
         trajectory = path.trajectory.scale_time(factor * more)
         slowed = replace(path, trajectory=trajectory, report=ask_gate(trajectory))
         if slowed.report.passed or not all(check.name in limits.NAMES for check in slowed.report.failures):
             break
     return slowed
+
+
+def _time_scale(trajectory: Trajectory, vehicle: Vehicle, options: PlanOptions) -> float:
+    try:
+        return repair.time_scale(trajectory, vehicle, options.limits_for(vehicle))
+    except InfeasibleError as error:
+        raise PlanInfeasibleError(str(error), "check the vehicle's limits") from error
 
 
 def _refused(path: Path) -> PlanInfeasibleError:
