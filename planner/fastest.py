@@ -20,7 +20,7 @@ from planner.options import PlanOptions
 from planner.time_allocation import Problem, Solution, Weights
 from vehicle import Vehicle
 
-_AIM_M = 0.02
+AIM_M = 0.02
 """What the optimiser keeps beyond the required clearance, for what lies between the samples it looks at."""
 _SHORTEST_S = 0.2
 """Segments are not cut into shorter pieces: the vehicle could make nothing of them."""
@@ -63,7 +63,7 @@ def rough(
         free=np.outer(route.waypoint < 0, [True, True, True, False]),
         airframe=frame,
         field=field,
-        clearance_m=space.aim(field, options.clearance_m) + _AIM_M,
+        clearance_m=space.aim(field, options.clearance_m) + AIM_M,
         weights=Weights(snap=1e-5),
     )
     lengths = np.linalg.norm(np.diff(route.points, axis=0), axis=1)
@@ -150,6 +150,7 @@ def until_flyable(
     waypoint: np.ndarray,
     vehicle: Vehicle,
     options: PlanOptions,
+    field: space.DistanceField,
     ask_gate: Callable[[Trajectory], GateReport],
     stop: StopFlag | None,
 ) -> Path | None:
@@ -165,7 +166,7 @@ def until_flyable(
         optimum_s = optimum_s if round_ else float(T.sum())
         path = minimum_snap.trajectory(found.spline)
         excess = corrections.measure(problem, found, path, vehicle)
-        clearance = esdf.certify(problem.field, path, options.clearance_m)
+        clearance = esdf.certify(field, path, options.clearance_m)
         last = round_ == len(_ITERATIONS) - 1
         if clearance.passed and (excess.max() <= 0.0 or last):
             report = ask_gate(path)

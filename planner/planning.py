@@ -9,11 +9,12 @@ import numpy as np
 
 import flight.trajectory
 from flight import FloatArray, InfeasibleError, InputError, Progress, Trajectory, TrajectoryFile, Waypoints, silent
-from planner import bry, fastest, gate, heading, limits, minimum_snap, repair, routes, space
+from planner import bry, corridor, fastest, gate, heading, limits, minimum_snap, repair, routes, space
 from planner._planner import StopFlag
 from planner.fastest import Path
 from planner.gate import GateReport
 from planner.options import PlanInfeasibleError, PlanOptions
+from planner.time_allocation import Solution
 from vehicle import Vehicle, invert
 
 _SLOWER = (1.005, 1.015, 1.04, 1.1, 1.3)
@@ -30,7 +31,7 @@ class Plan:
     route_world_m: FloatArray
     """(n, 3) the polyline it follows: the waypoints, and what the search put between them."""
     method: str
-    """"direct", "bent" (pushed off obstacles after a first attempt), "corridor", "stop and go" or "bry"."""
+    """"direct", "bent" (pushed off obstacles after a first attempt), "corridor" or "bry"."""
     optimum_s: float = nan
     """What the optimiser took for the shortest time before the vehicle's own model and the gate had their say."""
 
@@ -96,14 +97,22 @@ def _flyable(
         spline, corners = bry.solve(route, field, options, stop)
         return _timed(spline, corners.waypoint, "bry", waypoints, vehicle, options, ask_gate)
     dense = routes.subdivided(route, field)
-    problem, start = fastest.rough(dense, field, vehicle, options, stop)
-    if options.method == "fastest":
+
+    def optimised(obstacles: space.DistanceField) -> tuple[Path | None, Solution]:
+        problem, start = fastest.rough(dense, obstacles, vehicle, options, stop)
         problem, durations, index = fastest.whole_vehicle(problem, start, dense.waypoint, waypoints.yaw_rad, options)
-        path = fastest.until_flyable(problem, durations, index, vehicle, options, ask_gate, stop)
+        return fastest.until_flyable(problem, durations, index, vehicle, options, field, ask_gate, stop), start
+
+    if options.method == "fastest":
+        path, _ = optimised(field)
         if path is not None:
             return path if path.report.passed else _slowed(path, vehicle, options, ask_gate)
-    spline, method = repair.through_corridor(dense, start.durations_s, field, options)
-    return _timed(spline, dense.waypoint, method, waypoints, vehicle, options, ask_gate)
+    boxes = corridor.boxes(field, dense.points, options.planned_clearance_m)
+    path, start = optimised(corridor.Tube(boxes, options.clearance_m + fastest.AIM_M))
+    if path is not None and path.report.passed:
+        return replace(path, method="corridor")
+    spline = repair.through_corridor(dense, boxes, start.durations_s)
+    return _timed(spline, dense.waypoint, "corridor", waypoints, vehicle, options, ask_gate)
 
 
 def _timed(
