@@ -1,13 +1,15 @@
 """Planning options, and the error for a plan that is infeasible."""
 
 from dataclasses import dataclass, replace
-from math import sqrt
+from math import isfinite, sqrt
 from typing import Literal, get_args
 
-from flight import FlightError, InfeasibleError, InputError
+import numpy as np
+
+from flight import FlightError, FloatArray, InfeasibleError, InputError
 from vehicle import Limits, Vehicle
 
-YawMode = Literal["along_path", "smooth"]
+YawMode = Literal["along_path", "smooth", "steady", "fixed", "look_at", "free"]
 Method = Literal["fastest", "corridor", "bry"]
 Search = Literal["grid", "rrt_star", "informed_rrt_star", "bit_star", "aorrtc"]
 YAW_MODES, METHODS, SEARCHES = get_args(YawMode), get_args(Method), get_args(Search)
@@ -24,7 +26,12 @@ class PlanOptions:
     waypoint_tolerance_m: float = 0.01
     """How close to a waypoint counts as reached."""
     yaw: YawMode = "along_path"
-    """Heading where none is prescribed: along the path, or as smooth as possible."""
+    """Heading where none is prescribed: along the path; turned as smoothly as possible from one asked heading to the
+    next; steady at that of the start; fixed at `heading_rad`; towards `look_at_world_m`; or free, for least time."""
+    heading_rad: float = 0.0
+    """What yaw "fixed" holds."""
+    look_at_world_m: tuple[float, float, float] | None = None
+    """What yaw "look_at" looks at."""
     method: Method = "fastest"
     """Least time, least snap inside a corridor of proved boxes (slower; also the fallback when the former fails), or
     Bry's method as published (`planner.bry`)."""
@@ -62,6 +69,10 @@ class PlanOptions:
                 raise InputError(f"{name} is {getattr(self, name)}; it must be at least 1")
         if self.repairs < 0:
             raise InputError(f"repairs is {self.repairs}; it must be at least 0")
+        if self.yaw == "look_at" and (self.look_at_world_m is None or not np.isfinite(self.look_at_world_m).all()):
+            raise InputError(f"look_at_world_m is {self.look_at_world_m}; yaw look_at wants a point to look at")
+        if not isfinite(self.heading_rad):
+            raise InputError(f"heading_rad is {self.heading_rad}; it must be finite")
         for name, known in (("yaw", YAW_MODES), ("method", METHODS), ("search", SEARCHES)):
             if getattr(self, name) not in known:
                 raise InputError(f"{name} is {getattr(self, name)!r}; it must be {' or '.join(known)}")
@@ -72,6 +83,11 @@ class PlanOptions:
         slowest, fastest = own.rotor_speed_min_rad_s**2, own.rotor_speed_max_rad_s**2
         spare = self.control_reserve * (fastest - slowest)  # thrust goes with the square of the speed
         return replace(own, rotor_speed_min_rad_s=sqrt(slowest + spare), rotor_speed_max_rad_s=sqrt(fastest - spare))
+
+    @property
+    def target_world_m(self) -> FloatArray | None:
+        """(3,) the point to look at, if any."""
+        return None if self.yaw != "look_at" else np.array(self.look_at_world_m, dtype=np.float64)
 
     def sampled(self) -> "PlanOptions":
         """These options with a sampling planner for the route: RRT*, unless another one was asked for."""

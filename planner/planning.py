@@ -11,6 +11,7 @@ import flight.trajectory
 from flight import FloatArray, InfeasibleError, InputError, Progress, Trajectory, TrajectoryFile, Waypoints, silent
 from planner import bry, corridor, fastest, gate, heading, limits, minimum_snap, repair, routes, space
 from planner._planner import StopFlag
+from planner.conditions import Conditions
 from planner.fastest import Path
 from planner.gate import GateReport
 from planner.options import PlanInfeasibleError, PlanOptions
@@ -47,13 +48,15 @@ def plan(
     vehicle: Vehicle,
     options: PlanOptions | None = None,
     *,
+    conditions: Conditions | None = None,
     progress: Progress = silent,
     stop: StopFlag | None = None,
 ) -> Plan:
-    """The fastest trajectory found through the waypoints, at rest at both ends, that passes the gate.
+    """The fastest trajectory found through the waypoints, at rest at both ends or as asked, that passes the gate.
 
     Args:
         field: a map's `Field`, or anything with `distance(points)`; where it is NaN (unknown), space is not free.
+        conditions: motion at the ends, velocities at waypoints, speeds of legs.
 
     Raises:
         InputError: the waypoints cannot be used; the message names the waypoint, the reason and the nearest free point.
@@ -63,10 +66,14 @@ def plan(
     options = PlanOptions() if options is None else options
     progress("route", 0.0)
     _check_vehicle(vehicle)
+    limits_ = options.limits_for(vehicle)
+    asked = (Conditions() if conditions is None else conditions).checked(len(waypoints.positions_world_m), limits_)
+    if options.method == "bry" and (asked.given_motion or asked.leg_speed_m_s is not None):
+        raise InputError("Bry's method starts and ends at rest and knows no velocities or speeds of legs; use fastest")
     routes.check_waypoints(waypoints, field, options.waypoint_clearance_m)
     route = routes.find(waypoints, field, options.sampled() if options.method == "bry" else options)
     progress("optimise", 0.2)
-    path = _flyable(route, waypoints, field, vehicle, options, stop)
+    path = _flyable(route, waypoints, field, vehicle, options, asked, stop)
     progress("gate", 1.0)
     if not path.report.passed:
         raise _refused(path)
@@ -86,12 +93,21 @@ def _flyable(
     field: space.DistanceField,
     vehicle: Vehicle,
     options: PlanOptions,
+    asked: Conditions,
     stop: StopFlag | None,
 ) -> Path:
     """The fastest path; one in a corridor of boxes where that is asked for or the fastest stays too close."""
 
     def ask_gate(trajectory: Trajectory) -> GateReport:
-        return gate.check(trajectory, field, vehicle, options, waypoints_world_m=waypoints.positions_world_m)
+        return gate.check(
+            trajectory,
+            field,
+            vehicle,
+            options,
+            waypoints_world_m=waypoints.positions_world_m,
+            yaw_rad=waypoints.yaw_rad,
+            conditions=asked,
+        )
 
     if options.method == "bry":
         spline, corners = bry.solve(route, field, options, stop)
@@ -99,18 +115,27 @@ def _flyable(
     dense = routes.subdivided(route, field)
 
     def optimised(obstacles: space.DistanceField) -> tuple[Path | None, Solution]:
-        problem, start = fastest.rough(dense, obstacles, vehicle, options, stop)
-        problem, durations, index = fastest.whole_vehicle(problem, start, dense.waypoint, waypoints.yaw_rad, options)
-        return fastest.until_flyable(problem, durations, index, vehicle, options, field, ask_gate, stop), start
+        problem, start = fastest.rough(dense, obstacles, vehicle, options, asked, stop)
+        problem, durations, index = fastest.whole_vehicle(
+            problem, start, dense.waypoint, waypoints.yaw_rad, options, asked
+        )
+        path = fastest.until_flyable(problem, durations, index, vehicle, options, field, asked, ask_gate, stop)
+        return path, start
 
     if options.method == "fastest":
         path, _ = optimised(field)
         if path is not None:
-            return path if path.report.passed else _slowed(path, vehicle, options, ask_gate)
+            # a given velocity allows no other pace
+            slower = not path.report.passed and not asked.given_motion
+            return _slowed(path, vehicle, options, ask_gate) if slower else path
     boxes = corridor.boxes(field, dense.points, options.planned_clearance_m)
     path, start = optimised(corridor.Tube(boxes, options.clearance_m + fastest.AIM_M))
-    if path is not None and path.report.passed:
+    if path is not None and (path.report.passed or asked.given_motion):
         return replace(path, method="corridor")
+    if asked.given_motion:
+        raise PlanInfeasibleError(
+            "no path with the given velocities keeps clear of the obstacles", "lower them, or give them more room"
+        )
     spline = repair.through_corridor(dense, boxes, start.durations_s)
     return _timed(spline, dense.waypoint, "corridor", waypoints, vehicle, options, ask_gate)
 
@@ -137,8 +162,13 @@ def _with_heading(
 ) -> Trajectory:
     """Turn the vehicle along the path as fast as it may turn."""
     asked = np.where(waypoint >= 0, waypoints.yaw_rad[waypoint], np.nan)
-    can = limits.yaw_bounds(vehicle, options.limits_for(vehicle))
-    yaw = heading.steady_enough(spline, asked, can, along_path=options.yaw == "along_path")
+    held = heading.constant(spline, asked, options)
+    if held is None:
+        can = limits.yaw_bounds(vehicle, options.limits_for(vehicle))
+        looking, target = options.yaw in ("along_path", "look_at"), options.target_world_m
+        yaw = heading.steady_enough(spline, asked, can, along_path=looking, target_world_m=target)
+    else:
+        yaw = np.tile([held, 0.0, 0.0, 0.0], (len(spline.states), 1))
     states = np.concatenate([spline.states, yaw[..., None]], axis=2)
     return minimum_snap.trajectory(minimum_snap.Spline(spline.durations_s, states))
 
