@@ -17,7 +17,7 @@ from planner import limits
 from planner.conditions import Conditions
 from planner.limits import Check
 from planner.options import PlanOptions
-from planner.space import DistanceField
+from planner.space import DistanceField, Grounded
 from vehicle import Vehicle
 
 _ORDER_UNITS = ("m", "m/s", "m/s2", "m/s3")
@@ -111,7 +111,8 @@ def check(
     usage = None
     clearance = _no_clearance("not checked: the trajectory is not finite")
     if finite.passed:
-        clearance = _clearance(trajectory, field, options.clearance_m)
+        space_ = field if asked.ground_world_m is None else Grounded(field, asked.ground_world_m, options.clearance_m)
+        clearance = _clearance(trajectory, space_, options.clearance_m)
         visits_s = None
         if waypoints_world_m is not None:
             passed, visits_s = _waypoints(trajectory, waypoints_world_m, options)

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 import click
 import numpy as np
@@ -11,8 +10,9 @@ import mapping
 import planner
 import vehicle
 from flight import FloatArray, InputError, Trajectory, cells, project
+from flight.mission import Laps, Mission, Yaw
 from goshawk import console, outputs, waypoints_file
-from planner import simplify
+from planner import mission, options, simplify
 
 
 @click.command()
@@ -29,11 +29,23 @@ from planner import simplify
 @click.option("--acceleration", "acceleration_m_s2", type=float, help="Accelerate no harder than this, m/s2.")
 @click.option(
     "--method",
-    type=click.Choice(["fastest", "corridor"]),
+    type=click.Choice(options.METHODS),
     default="fastest",
     show_default=True,
-    help="Least time, or least snap within a corridor of proven boxes (by OSQP; slower to fly).",
+    help="Least time; least time within a corridor of proved boxes; or Bry et al. (2015) as published.",
 )
+@click.option(
+    "--search",
+    type=click.Choice(options.SEARCHES),
+    default="grid",
+    show_default=True,
+    help="What finds a way round obstacles: our grid search, or one of OMPL's sampling planners.",
+)
+@click.option("--seed", type=click.IntRange(1), default=1, show_default=True, help="Seed of a sampling planner.")
+@click.option("--yaw", type=click.Choice(options.YAW_MODES), help="Where to look; else as the file says, or ahead.")
+@click.option("--heading", "heading_deg", type=float, help="Hold this heading, degrees from x towards y.")
+@click.option("--look-at", nargs=3, type=float, help="Look at this point: x y z, metres.", metavar="X Y Z")
+@click.option("--laps", type=click.IntRange(1), help="Fly the waypoints as a closed loop this often.")
 @outputs.overwrite_option
 @console.json_option
 def command(
@@ -46,7 +58,13 @@ def command(
     margin_m: float | None,
     speed_m_s: float | None,
     acceleration_m_s2: float | None,
-    method: Literal["fastest", "corridor"],
+    method: options.Method,
+    search: options.Search,
+    seed: int,
+    yaw: options.YawMode | None,
+    heading_deg: float | None,
+    look_at: tuple[float, float, float] | None,
+    laps: int | None,
     overwrite: bool,
     as_json: bool,
 ) -> None:
@@ -58,6 +76,7 @@ def command(
     goshawk plan --path map/poses.csv --map map --vehicle vehicle.toml --out walk.json
 
     WAYPOINTS is a project's waypoints.json, or CSV with columns x_m, y_m, z_m and, optionally, yaw_deg (empty: free).
+    The JSON may also ask for laps, stays, velocities, speeds of legs, take-off and landing (docs/missions.md).
     The file is written only if the final gate passes. Exit code 1: there is no such trajectory; the message names
     where, why, and what to change.
     """
@@ -65,20 +84,30 @@ def command(
         raise click.UsageError("give either WAYPOINTS or --path")
     outputs.check(out, overwrite=overwrite)
     area = mapping.open_map(map_folder)
-    options = replace(options_from(vehicle_file, margin_m, speed_m_s, acceleration_m_s2), method=method)
+    how = replace(
+        options_from(vehicle_file, margin_m, speed_m_s, acceleration_m_s2),
+        method=method,
+        search=search,
+        search_seed=seed,
+    )
     left_out = 0
     if path is not None:
-        asked, left_out = waypoints_along(read_path(path), tolerance_m, area, options)
+        walked, left_out = waypoints_along(read_path(path), tolerance_m, area, how)
+        asked = Mission(walked)
     else:
         assert waypoints is not None
-        asked = waypoints_file.load(waypoints)
+        asked = waypoints_file.load_mission(waypoints)
+    if laps is not None:
+        asked = replace(asked, laps=Laps(laps))
+    if (turned := yaw_from(yaw, heading_deg, look_at)) is not None:
+        asked = replace(asked, yaw=turned)
     with console.progress() as report:
-        plan = planner.plan(asked, area.field, vehicle.load(vehicle_file), options, progress=report)
+        plan = mission.plan(asked, area.field, vehicle.load(vehicle_file), how, progress=report)
     with outputs.file(out, overwrite=overwrite) as temporary:
         planner.save_plan(temporary, plan, name=out.stem)
     facts = {
         "written": str(out),
-        "waypoints": len(asked.positions_world_m),
+        "waypoints": len(asked.waypoints.positions_world_m),
         "recorded_positions_left_out": left_out,
         "segments": len(plan.trajectory.durations_s),
         "duration_s": plan.trajectory.duration_s,
@@ -86,6 +115,25 @@ def command(
         "top_speed_m_s": top_speed_m_s(plan.trajectory),
     }
     console.show(f"trajectory {out.stem}", facts, as_json=as_json, document=facts | {"check": plan.gate.as_dict()})
+
+
+def yaw_from(
+    mode: options.YawMode | None, heading_deg: float | None, look_at: tuple[float, float, float] | None
+) -> Yaw | None:
+    """The yaw record that the command line asks for; None if it does not.
+
+    Raises:
+        UsageError: two of the options contradict each other.
+    """
+    wanted = {"fixed": heading_deg is not None, "look_at": look_at is not None}
+    given = [name for name, is_given in wanted.items() if is_given]
+    if len(given) == 2 or (given and mode not in (None, given[0])):
+        raise click.UsageError("--yaw, --heading and --look-at contradict each other: give one of them")
+    if mode in wanted and not given:
+        raise click.UsageError(f"--yaw {mode} needs {'--heading' if mode == 'fixed' else '--look-at'}")
+    if given:
+        mode = "fixed" if heading_deg is not None else "look_at"
+    return None if mode is None else Yaw(mode, np.radians(heading_deg or 0.0), look_at)
 
 
 def options_from(
@@ -108,7 +156,7 @@ def options_from(
 
 
 def waypoints_along(
-    walked_world_m: FloatArray, tolerance_m: float, area: mapping.Map, options: planner.PlanOptions
+    walked_world_m: FloatArray, tolerance_m: float, area: mapping.Map, how: planner.PlanOptions
 ) -> tuple[project.Waypoints, int]:
     """Waypoints along recorded positions (n, 3), headings free, and how many positions had to be left out.
 
@@ -119,13 +167,13 @@ def waypoints_along(
         InputError: fewer than two positions have room.
     """
     near_m = np.nan_to_num(area.field.distance(walked_world_m), nan=-np.inf)
-    roomy = walked_world_m[near_m >= options.waypoint_clearance_m]
+    roomy = walked_world_m[near_m >= how.waypoint_clearance_m]
     if len(roomy) < 2:
         raise InputError(
-            f"{len(roomy)} of {len(walked_world_m)} recorded positions keep {options.waypoint_clearance_m:.3f} m from "
+            f"{len(roomy)} of {len(walked_world_m)} recorded positions keep {how.waypoint_clearance_m:.3f} m from "
             "obstacles and unknown space; lower --margin, or map with a wider view"
         )
-    kept = simplify.rdp(roomy, tolerance_m, field=area.field, clearance_m=options.clearance_m)
+    kept = simplify.rdp(roomy, tolerance_m, field=area.field, clearance_m=how.clearance_m)
     return project.Waypoints(roomy[kept], np.full(len(kept), np.nan)), len(walked_world_m) - len(roomy)
 
 
