@@ -9,9 +9,9 @@ import numpy as np
 import mapping
 import planner
 import vehicle
-from flight import FloatArray, InputError, Trajectory, cells, project
+from flight import FloatArray, InputError, cells, file_format, project
 from flight.mission import Laps, Mission, Yaw
-from goshawk import console, outputs, waypoints_file
+from goshawk import batch, console, outputs, waypoints_file
 from planner import mission, options, simplify
 
 
@@ -46,6 +46,9 @@ from planner import mission, options, simplify
 @click.option("--heading", "heading_deg", type=float, help="Hold this heading, degrees from x towards y.")
 @click.option("--look-at", nargs=3, type=float, help="Look at this point: x y z, metres.", metavar="X Y Z")
 @click.option("--laps", type=click.IntRange(1), help="Fly the waypoints as a closed loop this often.")
+@console.path_option("--batch", "missions", "Folder of waypoint files to plan instead; --out is then a folder.")
+@click.option("--jobs", type=click.IntRange(1), default=1, show_default=True, help="Processes for --batch.")
+@click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers plan the --batch instead.")
 @outputs.overwrite_option
 @console.json_option
 def command(
@@ -65,6 +68,9 @@ def command(
     heading_deg: float | None,
     look_at: tuple[float, float, float] | None,
     laps: int | None,
+    missions: Path | None,
+    jobs: int,
+    scheduler: str | None,
     overwrite: bool,
     as_json: bool,
 ) -> None:
@@ -74,22 +80,28 @@ def command(
     goshawk plan waypoints.csv --map map --vehicle vehicle.toml --out lap.json
     goshawk plan waypoints.json --map map --vehicle vehicle.toml --out lap.json
     goshawk plan --path map/poses.csv --map map --vehicle vehicle.toml --out walk.json
+    goshawk plan --batch missions --jobs 4 --map map --vehicle vehicle.toml --out plans
 
     WAYPOINTS is a project's waypoints.json, or CSV with columns x_m, y_m, z_m and, optionally, yaw_deg (empty: free).
     The JSON may also ask for laps, stays, velocities, speeds of legs, take-off and landing (docs/missions.md).
     The file is written only if the final gate passes. Exit code 1: there is no such trajectory; the message names
     where, why, and what to change.
     """
-    if (waypoints is None) == (path is None):
-        raise click.UsageError("give either WAYPOINTS or --path")
-    outputs.check(out, overwrite=overwrite)
-    area = mapping.open_map(map_folder)
+    if sum(given is not None for given in (waypoints, path, missions)) != 1:
+        raise click.UsageError("give either WAYPOINTS or --path or --batch")
     how = replace(
         options_from(vehicle_file, margin_m, speed_m_s, acceleration_m_s2),
         method=method,
         search=search,
         search_seed=seed,
     )
+    repeated, turned = None if laps is None else Laps(laps), yaw_from(yaw, heading_deg, look_at)
+    if missions is not None:
+        job = batch.Job(map_folder, vehicle_file, how, out, repeated, turned, overwrite)
+        plan_all(missions, job, jobs, scheduler, as_json=as_json)
+        return
+    outputs.check(out, overwrite=overwrite)
+    area = mapping.open_map(map_folder)
     left_out = 0
     if path is not None:
         walked, left_out = waypoints_along(read_path(path), tolerance_m, area, how)
@@ -97,10 +109,7 @@ def command(
     else:
         assert waypoints is not None
         asked = waypoints_file.load_mission(waypoints)
-    if laps is not None:
-        asked = replace(asked, laps=Laps(laps))
-    if (turned := yaw_from(yaw, heading_deg, look_at)) is not None:
-        asked = replace(asked, yaw=turned)
+    asked = replace(asked, laps=repeated or asked.laps, yaw=turned or asked.yaw)
     with console.progress() as report:
         plan = mission.plan(asked, area.field, vehicle.load(vehicle_file), how, progress=report)
     with outputs.file(out, overwrite=overwrite) as temporary:
@@ -112,9 +121,23 @@ def command(
         "segments": len(plan.trajectory.durations_s),
         "duration_s": plan.trajectory.duration_s,
         "clearance_m": plan.gate.clearance_m,
-        "top_speed_m_s": top_speed_m_s(plan.trajectory),
+        "top_speed_m_s": batch.top_speed_m_s(plan.trajectory),
     }
     console.show(f"trajectory {out.stem}", facts, as_json=as_json, document=facts | {"check": plan.gate.as_dict()})
+
+
+def plan_all(folder: Path, job: batch.Job, jobs: int, scheduler: str | None, *, as_json: bool) -> None:
+    """Plan every waypoint file in a folder; exit code 1 if one of them has no plan."""
+    with console.progress() as report:
+        rows = batch.run(batch.mission_files(folder), job, jobs=jobs, scheduler=scheduler, progress=report)
+    if as_json:
+        click.echo(file_format.json_text({"written": str(job.out), "missions": rows}), nl=False)
+    else:
+        heads = ("mission", "status", "duration, s", "clearance, m", "reason")
+        lines = [[row[k] for k in ("name", "status", "duration_s", "clearance_m", "reason")] for row in rows]
+        console.table(f"plans in {job.out}", heads, [["" if cell is None else cell for cell in line] for line in lines])
+    if any(row["status"] != "planned" for row in rows):
+        raise click.exceptions.Exit(1)
 
 
 def yaw_from(
@@ -204,7 +227,3 @@ def read_path(path: Path) -> FloatArray:
         row = int(np.flatnonzero(~np.isfinite(positions).all(axis=1))[0])
         raise InputError(f"{path}: position {row} is not finite")
     return positions
-
-
-def top_speed_m_s(flown: Trajectory) -> float:
-    return float(np.linalg.norm(flown.position(flown.sample(0.01), 1), axis=1).max())
