@@ -42,9 +42,8 @@ def rows(seeds: int = 10) -> list[report.Row]:
 
 def compared(name: str, other: "Flights", ours: "Flights") -> list[report.Row]:
     """What another method solves, how long its flights are beside ours in the same scenes, and its time."""
-    pairs = [ours.by_place[place] for place in other.by_place if place in ours.by_place]
     both = [(ours.by_place[p], T) for p, T in other.by_place.items() if p in ours.by_place]
-    ratio = float(np.median([T / mine for mine, T in both])) if pairs else float("nan")
+    ratio = float(np.median([T / mine for mine, T in both])) if both else float("nan")
     return [
         report.row(f"{name}: solved", other.solved, "scenes", f"{other.count}", None),
         report.row("  flight time over ours, median", ratio, "x"),
