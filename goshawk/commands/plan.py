@@ -18,7 +18,7 @@ from planner import mission, options, simplify
 @click.command()
 @click.argument("waypoints", type=click.Path(path_type=Path), required=False)
 @console.path_option(
-    "--path", "path", "Recorded path instead of waypoints: CSV with x_m, y_m, z_m (a map's poses.csv)."
+    "--path", "path", "Recorded path instead: CSV with x_m, y_m, z_m (a map's poses.csv), and yaw_deg to keep headings."
 )
 @click.option("--simplify", "tolerance_m", default=0.10, show_default=True, help="RDP tolerance for --path, metres.")
 @console.map_option
@@ -104,7 +104,7 @@ def command(
     area = mapping.open_map(map_folder)
     left_out = 0
     if path is not None:
-        walked, left_out = waypoints_along(read_path(path), tolerance_m, area, how)
+        walked, left_out = waypoints_along(read_path(path), tolerance_m, area, how, read_headings(path))
         asked = Mission(walked)
     else:
         assert waypoints is not None
@@ -179,9 +179,13 @@ def options_from(
 
 
 def waypoints_along(
-    walked_world_m: FloatArray, tolerance_m: float, area: mapping.Map, how: planner.PlanOptions
+    walked_world_m: FloatArray,
+    tolerance_m: float,
+    area: mapping.Map,
+    how: planner.PlanOptions,
+    yaw_rad: FloatArray | None = None,
 ) -> tuple[project.Waypoints, int]:
-    """Waypoints along recorded positions (n, 3), headings free, and how many positions had to be left out.
+    """Waypoints along recorded positions (n, 3), with the headings of `yaw_rad` (n,), and how many were left out.
 
     Whoever walked may have started with a wall, or with space that no camera saw, closer than the vehicle may come.
     Such positions are left out; between the others the planner finds its own way.
@@ -190,14 +194,32 @@ def waypoints_along(
         InputError: fewer than two positions have room.
     """
     near_m = np.nan_to_num(area.field.distance(walked_world_m), nan=-np.inf)
-    roomy = walked_world_m[near_m >= how.waypoint_clearance_m]
+    room = near_m >= how.waypoint_clearance_m
+    roomy, yaw = walked_world_m[room], None if yaw_rad is None else yaw_rad[room]
     if len(roomy) < 2:
         raise InputError(
             f"{len(roomy)} of {len(walked_world_m)} recorded positions keep {how.waypoint_clearance_m:.3f} m from "
             "obstacles and unknown space; lower --margin, or map with a wider view"
         )
-    kept = simplify.rdp(roomy, tolerance_m, field=area.field, clearance_m=how.clearance_m)
-    return project.Waypoints(roomy[kept], np.full(len(kept), np.nan)), len(walked_world_m) - len(roomy)
+    kept = simplify.rdp(roomy, tolerance_m, field=area.field, clearance_m=how.clearance_m, yaw_rad=yaw)
+    headings = np.full(len(kept), np.nan) if yaw is None else yaw[kept]
+    return project.Waypoints(roomy[kept], headings), len(walked_world_m) - len(roomy)
+
+
+def read_headings(path: Path) -> FloatArray | None:
+    """Headings (n,) from the column yaw_deg or yaw_rad of a recorded path, NaN where empty; None without such a column.
+
+    Raises:
+        FormatError: a cell does not hold a number.
+    """
+    import csv
+
+    with open(path, newline="") as file:
+        rows = list(enumerate(csv.DictReader(file), start=2))
+    for name, unit in (("yaw_rad", 1.0), ("yaw_deg", np.pi / 180.0)):
+        if rows and name in rows[0][1]:
+            return unit * np.array([cells.number(row[name], path, line, name) for line, row in rows])
+    return None
 
 
 def read_path(path: Path) -> FloatArray:
