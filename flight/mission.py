@@ -44,6 +44,14 @@ class Velocity:
 
 
 @dataclass(frozen=True, slots=True)
+class FlyBy:
+    """An inner waypoint that need only be passed within a radius."""
+
+    waypoint: int
+    radius_m: float
+
+
+@dataclass(frozen=True, slots=True)
 class LegSpeed:
     """The largest speed from waypoint `first` to waypoint `last`."""
 
@@ -79,6 +87,7 @@ class Mission:
     laps: Laps | None = None
     stays: tuple[Stay, ...] = ()
     velocities: tuple[Velocity, ...] = ()
+    fly_bys: tuple[FlyBy, ...] = ()
     leg_speeds: tuple[LegSpeed, ...] = ()
     take_off: Ground | None = None
     landing: Ground | None = None
@@ -86,7 +95,7 @@ class Mission:
 
     def __post_init__(self) -> None:
         count = len(self.waypoints.positions_world_m)
-        for kind, records in (("stay", self.stays), ("velocity", self.velocities)):
+        for kind, records in (("stay", self.stays), ("velocity", self.velocities), ("radius", self.fly_bys)):
             for record in records:
                 if not 0 <= record.waypoint < count:
                     raise InputError(f"a {kind} belongs to waypoint {record.waypoint}; there are 0 to {count - 1}")
@@ -100,6 +109,9 @@ class Mission:
                 )
             if not (np.isfinite(leg.speed_m_s) and leg.speed_m_s > 0.0):
                 raise InputError(f"the speed from waypoint {leg.first} is {leg.speed_m_s:g} m/s; it must be positive")
+        cut = {f.waypoint for f in self.fly_bys} & {s.waypoint for s in self.stays}
+        if cut:
+            raise InputError(f"waypoint {min(cut)} has a stay and a radius to pass it by; remove one of them")
         moving = {v.waypoint for v in self.velocities}
         both = sorted(moving & {s.waypoint for s in self.stays})
         if both:
@@ -147,11 +159,12 @@ class Mission:
             laps=None,
             stays=tuple(replace(s, waypoint=i) for s in self.stays for i in places[s.waypoint]),
             velocities=tuple(replace(v, waypoint=i) for v in self.velocities for i in places[v.waypoint]),
+            fly_bys=tuple(replace(f, waypoint=i) for f in self.fly_bys for i in places[f.waypoint]),
             leg_speeds=tuple(legs),
         )
 
 
-_LISTS = {"stays": Stay, "velocities": Velocity, "leg_speeds": LegSpeed}
+_LISTS = {"stays": Stay, "velocities": Velocity, "fly_bys": FlyBy, "leg_speeds": LegSpeed}
 _SINGLE = {"laps": Laps, "take_off": Ground, "landing": Ground, "yaw": Yaw}
 
 

@@ -13,6 +13,8 @@ _SAME = 1e-6
 """Largest difference (SI) from a motion that was asked for, relative to the largest number in it above one."""
 _VISIT_S = 0.1
 """A visit is timed by where the path comes nearest within the tolerance, shortly before or after a hover."""
+_INSIDE = 0.97
+"""Share of a fly-by's radius that the optimiser uses: it charges what is outside, and so stays a little outside."""
 _PROVABLE = 0.985
 """Share of a leg's speed that the optimiser uses: the gate's bound is at most 1 % above the truth."""
 
@@ -29,6 +31,8 @@ class Conditions:
     """(n, 3) velocity at each inner waypoint, where the heading then is steady; rows of NaN are open."""
     leg_speed_m_s: FloatArray | None = None
     """(n - 1,) largest speed on the leg after each waypoint; NaN: the vehicle's own limit."""
+    fly_by_m: FloatArray | None = None
+    """(n,) radius of the ball round an inner waypoint that is enough to pass; 0: the waypoint itself."""
     stay_s: FloatArray | None = None
     """(n,) least time to hover at each waypoint; a single path has none, a mission may (`planner.mission`)."""
     ground_world_m: FloatArray | None = None
@@ -52,6 +56,7 @@ class Conditions:
             "end": (3, 4),
             "velocity_world_m_s": (count, 3),
             "leg_speed_m_s": (count - 1,),
+            "fly_by_m": (count,),
         }
         if self.stay_s is not None or self.ground_world_m is not None:
             raise InputError("a single path does not stay, take off or land; plan it as a mission")
@@ -65,6 +70,7 @@ class Conditions:
         for name in ("start", "end"):
             _check_end(name, arrays[name], limits)
         _check_velocities(arrays["velocity_world_m_s"], arrays["leg_speed_m_s"], limits)
+        _check_fly_by(arrays["fly_by_m"], arrays["velocity_world_m_s"])
         return Conditions(**arrays)
 
     def at_knots(self, waypoint: np.ndarray) -> FloatArray | None:
@@ -76,6 +82,17 @@ class Conditions:
         found[at, :3] = self.velocity_world_m_s[waypoint[at]]
         found[np.isfinite(found[:, 0]), 3] = 0.0
         return found
+
+    def balls(self, points_world_m: FloatArray, waypoint: np.ndarray) -> FloatArray | None:
+        """(k + 1, 4) centre and radius of the ball that each knot may move in, 0 for none.
+
+        Args:
+            points_world_m: (k + 1, 3) where the knots are that are waypoints.
+        """
+        if self.fly_by_m is None:
+            return None
+        radius = np.where(waypoint >= 0, _INSIDE * self.fly_by_m[waypoint], 0.0)
+        return np.column_stack([points_world_m, radius])
 
     def speed_offsets(self, waypoint: np.ndarray, limits: Limits) -> FloatArray:
         """(k,) what to add to the relative excess v^2 / limit^2 - 1 so that it is zero at the leg's own speed."""
@@ -144,6 +161,20 @@ def _check_velocities(velocity: FloatArray | None, leg_speed: FloatArray | None,
                 f"waypoint {i} is to be passed at {size:.3g} m/s, but the leg from waypoint {legs[0]} is flown at "
                 f"{leg_speed[legs[0]] if leg_speed is not None else 0.0:.3g} m/s at most; change one of the two"
             )
+
+
+def _check_fly_by(radius: FloatArray | None, velocity: FloatArray | None) -> None:
+    if radius is None:
+        return
+    wrong = np.flatnonzero(~((radius >= 0.0) & (radius < 100.0)))
+    if wrong.size:
+        i = int(wrong[0])
+        raise InputError(f"waypoint {i} is to be passed within {radius[i]:g} m; that must be from 0 to 100 m")
+    if (radius[[0, -1]] > 0.0).any():
+        raise InputError("the first and last waypoint are met exactly; give the radius to inner waypoints")
+    both = np.flatnonzero((radius > 0.0) & np.isfinite(velocity[:, 0])) if velocity is not None else np.zeros(0)
+    if both.size:
+        raise InputError(f"waypoint {int(both[0])} has a velocity and a radius to pass it by; remove one of them")
 
 
 def checks(trajectory: Trajectory, visits_s: FloatArray | None, asked: Conditions) -> list[Check]:

@@ -89,7 +89,10 @@ def with_yaw(options: PlanOptions, mission: Mission) -> PlanOptions:
 def conditions(mission: Mission) -> Conditions:
     """What a mission without laps asks of the whole trajectory, take-off and landing points counted as waypoints."""
     count = len(mission.waypoints.positions_world_m)
-    velocity, speed, stay = np.full((count, 3), np.nan), np.full(count - 1, np.nan), np.zeros(count)
+    velocity, speed = np.full((count, 3), np.nan), np.full(count - 1, np.nan)
+    stay, radius = np.zeros(count), np.zeros(count)
+    for record in mission.fly_bys:
+        radius[record.waypoint] = record.radius_m
     for record in mission.velocities:
         velocity[record.waypoint] = record.velocity_world_m_s
     for record in mission.leg_speeds:
@@ -105,6 +108,7 @@ def conditions(mission: Mission) -> Conditions:
         end=_motion(velocity[-1]),
         velocity_world_m_s=None if np.isnan(inner).all() else np.pad(inner, ((before, after), (0, 0)), "edge"),
         leg_speed_m_s=None if np.isnan(speed).all() else np.pad(speed, (before, after), constant_values=np.nan),
+        fly_by_m=None if not radius.any() else np.pad(radius, (before, after)),
         stay_s=None if not stay.any() else np.pad(stay, (before, after)),
         ground_world_m=np.array(grounds) if grounds else None,
     )
@@ -149,6 +153,7 @@ def _parts(mission: Mission, whole: Conditions, field: space.DistanceField, opti
         way, turned = points[a : b + 1], yaw[a : b + 1]
         speed = None if whole.leg_speed_m_s is None else whole.leg_speed_m_s[before:][a:b]
         velocity = None if whole.velocity_world_m_s is None else whole.velocity_world_m_s[before:][a : b + 1]
+        radius = None if whole.fly_by_m is None else whole.fly_by_m[before:][a : b + 1]
         start, end = (whole.start if a == 0 else None), (whole.end if b == len(points) - 1 else None)
         if mission.take_off is not None and a == 0:
             above = _above(mission.take_off, field, options)
@@ -157,12 +162,14 @@ def _parts(mission: Mission, whole: Conditions, field: space.DistanceField, opti
                 np.append(np.nan, turned),
                 _climb(mission.take_off, 1.0),
             )
-            velocity, speed = _longer(velocity, 0), _longer(speed, 0)
+            velocity, speed, radius = _longer(velocity, 0), _longer(speed, 0), _longer(radius, 0)
         if mission.landing is not None and b == len(points) - 1:
             above = _above(mission.landing, field, options)
             way, turned, end = np.concatenate([way, [above]]), np.append(turned, np.nan), _climb(mission.landing, -1.0)
-            velocity, speed = _longer(velocity, -1), _longer(speed, -1)
-        asked = Conditions(start=start, end=end, velocity_world_m_s=velocity, leg_speed_m_s=speed)
+            velocity, speed, radius = _longer(velocity, -1), _longer(speed, -1), _longer(radius, -1)
+        if radius is not None:
+            radius = np.nan_to_num(radius)  # the points above the ground have none
+        asked = Conditions(start=start, end=end, velocity_world_m_s=velocity, leg_speed_m_s=speed, fly_by_m=radius)
         parts.append(_Part(Waypoints(way, turned), asked, a))
     return parts
 

@@ -40,6 +40,7 @@ Problem::Problem(std::size_t segments, std::size_t samples, const Airframe& airf
       states_((segments + 1) * kKnot),
       by_states_((segments + 1) * kKnot),
       given_((segments + 1) * kKnot, 0.0),
+      balls_((segments + 1) * 4, 0.0),
       held_(segments + 1, 0),
       points_(segments * samples * 3),
       distance_(segments * samples, std::numeric_limits<double>::infinity()),
@@ -199,6 +200,22 @@ void Problem::adjoint(const double* durations, double* by_knots, double* by_dura
     }
 }
 
+// The limits' price times the squared relative excess of the squared distance over that of the ball.
+double Problem::ball_cost(const double* knots, double* by_knots) const {
+    double cost = 0.0;
+    for (std::size_t i = 0; i <= segments_; ++i) {
+        const double *ball = &balls_[4 * i], *p = knots + i * kAxes, square = ball[3] * ball[3];
+        if (!(square > 0.0)) continue;
+        const Vec off = Vec{p[0], p[1], p[2]} - Vec{ball[0], ball[1], ball[2]};
+        const double over = off.dot(off) / square - 1.0;
+        if (!(over > 0.0)) continue;
+        cost += prices_.limits * over * over;
+        const Vec by = off * (4.0 * prices_.limits * over / square);
+        by_knots[i * kAxes] += by.x, by_knots[i * kAxes + 1] += by.y, by_knots[i * kAxes + 2] += by.z;
+    }
+    return cost;
+}
+
 double Problem::evaluate(const double* knots, const double* durations, double* by_knots, double* by_durations) {
     start(knots, durations);
     if (prices_.clearance > 0.0) ask_distances(durations);
@@ -210,7 +227,7 @@ double Problem::evaluate(const double* knots, const double* durations, double* b
         if (prices_.snap > 0.0) cost += snap_cost(i, durations[i], by_durations[i]);
     }
     adjoint(durations, by_knots, by_durations);
-    return cost;
+    return cost + ball_cost(knots, by_knots);
 }
 
 void Problem::excess(const double* knots, const double* durations, double* out) {

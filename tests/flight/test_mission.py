@@ -6,7 +6,7 @@ import pytest
 
 from flight import FormatError, InputError, Waypoints, project
 from flight import mission as missions
-from flight.mission import Ground, Laps, LegSpeed, Mission, Stay, Velocity, Yaw
+from flight.mission import FlyBy, Ground, Laps, LegSpeed, Mission, Stay, Velocity, Yaw
 
 POINTS = Waypoints(np.arange(15.0).reshape(5, 3), np.array([np.nan, 0.5, np.nan, np.nan, -1.0]))
 FULL = Mission(
@@ -15,6 +15,7 @@ FULL = Mission(
     stays=(Stay(4, 2.0),),
     velocities=(Velocity(2, (1.0, 0.0, 0.5)),),
     leg_speeds=(LegSpeed(0, 2, 1.5),),
+    fly_bys=(FlyBy(3, 0.5),),
     take_off=Ground((0.0, 0.0, 0.1)),
     landing=None,
     yaw=Yaw("look_at", look_at_world_m=(1.0, 2.0, 3.0)),
@@ -39,7 +40,7 @@ def test_waypoints_alone_are_written_as_before_and_an_old_file_is_read(tmp_path)
 
 def test_a_reader_of_waypoints_alone_refuses_a_mission_instead_of_dropping_what_it_asks(tmp_path):
     missions.save(tmp_path / "w.json", FULL)
-    with pytest.raises(FormatError, match="laps, leg_speeds, stays"):
+    with pytest.raises(FormatError, match="fly_bys, laps, leg_speeds, stays"):
         project.load_waypoints(tmp_path / "w.json")
 
 
@@ -62,6 +63,8 @@ def test_laps_unroll_to_a_closed_loop_with_a_way_in_and_out():
         ({"leg_speeds": (LegSpeed(3, 3, 1.0),)}, "from waypoint 3 to 3"),
         ({"leg_speeds": (LegSpeed(1, 3, 0.0),)}, "from waypoint 1 is 0 m/s"),
         ({"laps": Laps(0)}, "0 laps"),
+        ({"fly_bys": (FlyBy(9, 1.0),)}, "waypoint 9"),
+        ({"fly_bys": (FlyBy(4, 1.0),)}, "waypoint 4 has a stay and a radius"),
         ({"laps": Laps(2, 3, 1)}, "from waypoint 3 to 1"),
         ({"velocities": (Velocity(0, (1.0, 0.0, 0.0)),)}, "waypoint 0 has a velocity and a take_off"),
         ({"stays": (Stay(0, 1.0),)}, "waypoint 0 has a stay and a take_off"),

@@ -4,7 +4,7 @@ import pytest
 import planner
 from esdf import solids
 from flight import InputError, Waypoints
-from flight.mission import Ground, Laps, LegSpeed, Mission, Stay, Velocity, Yaw
+from flight.mission import FlyBy, Ground, Laps, LegSpeed, Mission, Stay, Velocity, Yaw
 from planner import gate, mission
 
 SQUARE = np.array([[-3.0, -3.0, 1.2], [3.0, -3.0, 1.4], [3.0, 3.0, 1.2], [-3.0, 3.0, 1.4]])
@@ -78,6 +78,7 @@ def test_every_kind_at_once_passes_the_gate_and_keeps_what_is_asked(hall, drone)
         stays=(Stay(4, 1.0),),
         velocities=(Velocity(1, (1.5, 1.5, 0.0)),),
         leg_speeds=(LegSpeed(2, 3, 2.0),),
+        fly_bys=(FlyBy(3, 0.4),),
         take_off=Ground((-5.0, -3.0, 0.1)),
         yaw=Yaw("look_at", look_at_world_m=(0.0, 0.0, 1.0)),
     )
