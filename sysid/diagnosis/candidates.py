@@ -7,10 +7,12 @@ import numpy as np
 
 from flight import InputError
 from sysid.estimator.flight_data import Flight
+from sysid.estimator.options import Reference
 from sysid.estimator.unknowns import SENSOR_NAMES
 from vehicle import Vehicle, effects
 from vehicle.effects.base import Effect, Stage
 
+POSE_DELAY = "pose_delay"
 LOAD_SHARE = 0.2
 """A usual load is this share of the vehicle's mass."""
 TRACE = 1e-9
@@ -64,8 +66,12 @@ class CandidateSet:
         raise InputError(f"{name!r} is not among the candidates: {', '.join(s.name for s in self.candidates)}")
 
 
-def candidate_set(vehicle: Vehicle, flights: Sequence[Flight]) -> CandidateSet:
-    """Put every effect the vehicle lacks into it, at a strength of zero, so that only its slope is felt."""
+def candidate_set(vehicle: Vehicle, flights: Sequence[Flight], clock: Reference = "pose") -> CandidateSet:
+    """Put every effect the vehicle lacks into it, at a strength of zero, so that only its slope is felt.
+
+    Args:
+        clock: against which delays of the streams are estimated.
+    """
     by_command = any(f.driven_by_command for f in flights)
     invisible: list[tuple[str, str]] = []
     candidates: list[Candidate] = []
@@ -73,7 +79,7 @@ def candidate_set(vehicle: Vehicle, flights: Sequence[Flight]) -> CandidateSet:
     for effect in _known(vehicle):
         if effect.name in vehicle.effects:
             continue
-        reason = _no_load(flights) if effect.between_flights else _why_not(effect, vehicle, by_command)
+        reason = _no_load(flights) if effect.between_flights else _why_not(effect, vehicle, by_command, clock)
         if reason:
             invisible.append((effect.name, reason))
             continue
@@ -98,7 +104,7 @@ def _at_rest(effect: Effect) -> dict[str, float]:
     return {s.name: 0.0 for s in effect.parameters if s.bounds[0] <= 0.0 <= s.bounds[1] and not s.held}
 
 
-def _why_not(effect: Effect, vehicle: Vehicle, by_command: bool) -> str:
+def _why_not(effect: Effect, vehicle: Vehicle, by_command: bool, clock: Reference) -> str:
     for other in vehicle.effects:
         if effects.find(other).instead_of == effect.name:
             return f"{other} stands for the same thrust"
@@ -110,6 +116,8 @@ def _why_not(effect: Effect, vehicle: Vehicle, by_command: bool) -> str:
         return "identify it from commands with `goshawk identify --add-effect`"
     if effect.stage == Stage.SENSOR and not {f"{effect.name}.{s.name}" for s in effect.parameters} <= set(SENSOR_NAMES):
         return "the estimator has the pose sensor's place and the gyro's bias among its unknowns already"
+    if effect.name == POSE_DELAY and clock == "pose" and not by_command:
+        return "how late every stream is against the pose is among the unknowns already; read the clocks"
     return ""
 
 

@@ -69,14 +69,14 @@ class Outside:
 
 def examine(fit: Identification) -> Model:
     """Score every candidate at a fitted model."""
-    lined = candidate_set(fit.vehicle, fit.flights)
+    lined = candidate_set(fit.vehicle, fit.flights, fit.clock)
     evidence = Evidence(fit.flights, fit.solution.point, fit.noise, fit.unknowns, lined)
     carried = _load(fit, lined, evidence)
     scores = {s.name: _scored(evidence, s) for s in lined.candidates}
     flights = fit.flights
     if carried is not None:
         scores[PAYLOAD], flights = carried.score, carried.marked(flights)
-    judge = Judge(flights, fit.noise, fit.solution.point.states)
+    judge = Judge(flights, fit.noise, fit.solution.point.states, fit.clock)
     return Model(fit, lined, evidence, scores, judge, Tried(), carried)
 
 

@@ -22,10 +22,9 @@ STAGES = ("COMMAND", "DRIVE")
 QUANTITY = "rotor_speed_command_rad_s"
 
 
-def read(stretch: Stretch) -> tuple[FloatArray, FloatArray]:
-    """(n - 1, 4) mean command over each interval, each held until the next; and zeros for its change."""
-    means = held_means(*stretch.samples(QUANTITY), stretch.time_s)
-    return means, np.zeros_like(means)
+def read(stretch: Stretch) -> FloatArray:
+    """(n - 1, 4) mean command over each interval, each held until the next."""
+    return held_means(*stretch.samples(QUANTITY), stretch.time_s)
 
 
 def parameters(vehicle: Vehicle) -> tuple[str, ...]:
