@@ -39,8 +39,8 @@ def problem(seed: int, segments: int = 5, **weights: float) -> tuple[Problem, np
     moving = {"start": rng.normal(size=(3, 4)), "end": rng.normal(size=(3, 4)), "velocity": velocity}
     given = moving if seed % 2 else {}
     target = np.array([0.3, -0.2, 1.0]) if seed % 3 == 0 else None
-    balls = np.column_stack([knots[:, :3] + rng.normal(size=(segments + 1, 3)), rng.uniform(-0.5, 1.5, segments + 1)])
-    balls[:, 3] = np.maximum(balls[:, 3], 0.0)  # some have none
+    radius = np.where(rng.random(segments + 1) < 0.5, rng.uniform(0.7, 1.5, segments + 1), 0.0)  # some have no ball
+    balls = np.column_stack([knots[:, :3] + rng.normal(size=(segments + 1, 3)), radius])
     p = Problem(knots, free, frame, scene, 1.0, price, offsets, target_world_m=target, balls=balls, **given)
     return p, rng.uniform(0.4, 0.9, segments)
 
