@@ -12,6 +12,7 @@ from sysid.estimator.blocks import motor, rotor_speed
 from sysid.estimator.blocks.catalogue import BLOCKS
 from sysid.estimator.blocks.motion import LEAST_PROCESS
 from sysid.estimator.blocks.pose import DELAY, POSE, PoseSensor
+from sysid.estimator.clocks import PRIOR_S
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.model import unexplained
 from sysid.estimator.noise import Noise
@@ -21,7 +22,7 @@ from sysid.estimator.problem import Point, with_values
 from sysid.estimator.result import Identification, conclude
 from sysid.estimator.solver import Prior, Solution, solve
 from sysid.estimator.states import first_guess
-from sysid.estimator.unknowns import SENSOR_NAMES, Unknowns, chosen_names, nuisances, sensor_values
+from sysid.estimator.unknowns import SENSOR_NAMES, Unknowns, biases, chosen_names, nuisances, sensor_values
 from sysid.logs.payload import PAYLOAD
 from vehicle import Vehicle, specs
 
@@ -65,11 +66,11 @@ def identify(
         raise InputError("no flight was given; identification needs at least one log")
     flights = list(near.flights) if near else [f for i, log in enumerate(logs) for f in prepare(log, i, options)]
     excitation.require(flights, _names(vehicle, flights, options))
-    unknowns = _unknowns(vehicle, flights, options)
+    unknowns, clock = _unknowns(vehicle, flights, options)
     point, noise = _beside(near, vehicle, unknowns) if near else start(vehicle, flights)
     held: list[str] = []
     solution, unknowns = _fit(flights, vehicle, point, noise, unknowns, held, options, progress)
-    lasting = _with_gusts(flights, solution) if options.gusts == "estimate" else None
+    lasting = _with_gusts(_on_time(flights, solution), solution) if options.gusts == "estimate" else None
     doubts = ()
     if lasting is not None:
         also_held = list(held)
@@ -82,13 +83,13 @@ def identify(
     progress("identify", 1.0)
     found = conclude(
         vehicle,
-        [rotor_speed.aligned(flight, solution.point.sensors) for flight in flights],
+        _on_time(flights, solution),
         unknowns,
         solution,
         tuple(held),
         options,
         given or (near.given if near else vehicle),
-        reference(unknowns.sensor, options),
+        clock,
     )
     return replace(found, findings=(*found.findings, *doubts), verdict=found.verdict.doubted(*doubts))
 
@@ -166,17 +167,19 @@ def _beside(near: Identification, vehicle: Vehicle, unknowns: Unknowns) -> tuple
     return Point(vehicle, {**kept, **sensor_values(vehicle)}, point.states), near.noise
 
 
-def _unknowns(vehicle: Vehicle, flights: list[Flight], options: Options) -> Unknowns:
+def _on_time(flights: list[Flight], solution: Solution) -> list[Flight]:
+    """The flights with rotor speeds as late as was found."""
+    return [rotor_speed.aligned(flight, solution.point.sensors) for flight in flights]
+
+
+def _unknowns(vehicle: Vehicle, flights: list[Flight], options: Options) -> tuple[Unknowns, Reference]:
+    """What is estimated, and against whose clock delays are."""
     with_pose = any(f.has_pose for f in flights)
     wanted = SENSOR_NAMES if options.pose_sensor and with_pose else ()
     sensor = tuple(n for n in wanted if n in vehicle.parameters and n not in options.held)
-    own, _ = nuisances(flights, reference(sensor, options))
-    return replace(own, model=_names(vehicle, flights, options), sensor=sensor)
-
-
-def reference(sensor: Sequence[str], options: Options) -> Reference:
-    """Whose clock the others are measured against; `sensor`: the sensors' parameters that are estimated."""
-    return "rotor speed" if DELAY in sensor else options.clock
+    clock = "rotor speed" if DELAY in sensor else options.clock
+    own, _ = nuisances(flights, clock)
+    return replace(own, model=_names(vehicle, flights, options), sensor=sensor), clock
 
 
 def _names(vehicle: Vehicle, flights: list[Flight], options: Options) -> tuple[str, ...]:
@@ -195,7 +198,7 @@ def _prior(flights: list[Flight], vehicle: Vehicle, unknowns: Unknowns, options:
     for name in options.prior_std:
         vehicle.parameter(name)
     named = (*unknowns.model, *unknowns.sensor)
-    _, width = nuisances(flights, reference(unknowns.sensor, options))
+    width = [*biases(flights).values(), *(PRIOR_S for _ in unknowns.delay)]
     mean = [vehicle.value(name) for name in named] + [0.0] * len(width)
     believed = {name: specs(vehicle)[name].prior for name in PLACE_OF_LOAD if name in vehicle.parameters}
     std = [(believed | dict(options.prior_std)).get(name, np.inf) for name in named]

@@ -26,7 +26,7 @@ class Gyro(Block):
         """Samples beside those of the pose; where nodes are the IMU's own, means about them."""
         if not stretch.with_pose:
             return {QUANTITY: stretch.around_nodes(QUANTITY)}
-        used = stretch.options.use_rates and stretch.log.has(QUANTITY)
+        used = stretch.options.use_rates and stretch.sampled(QUANTITY)
         return {QUANTITY: stretch.at_nodes(QUANTITY) if used else stretch.unmeasured(3)}
 
     def measured(self, flight: Flight) -> bool:
