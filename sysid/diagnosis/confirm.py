@@ -61,7 +61,8 @@ class Judge:
             states: where to start from; else the smoothed pose.
             clock: against which delays are estimated.
         """
-        self._flights, self._noise, self._states, self._clock = list(flights), noise, states, clock
+        self._flights, self._noise, self._states = list(flights), noise, states
+        self._clock: Reference = clock
         self._known: list[tuple[Vehicle, FloatArray]] = []
         self._given = self._flights
 

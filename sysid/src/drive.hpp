@@ -23,9 +23,9 @@ inline void drive(const double* step_s, const double* command, const double* by,
             const std::size_t at = 4 * i + rotor;
             const double h = step_s[i], c = command[at], off = speed - c;
             const double tau = off < 0.0 ? rise_s : fall_s;
-            const double kept = tau > 0.0 ? std::exp(-h / tau) : 0.0;                 // share of `off` at the end
-            const double average = tau / h * (1.0 - kept);                            // and on average
-            const double kept_by = tau > 0.0 ? kept * h / (tau * tau) : 0.0;          // derivatives by tau
+            const double kept = tau > 0.0 ? std::exp(-h / tau) : 0.0;         // share of `off` at the end
+            const double average = tau / h * (1.0 - kept);                    // and on average
+            const double kept_by = tau > 0.0 ? kept * h / (tau * tau) : 0.0;  // derivatives by tau
             const double average_by = (1.0 - kept) / h - (tau > 0.0 ? kept / tau : 0.0);
             mean[at] = c + average * off;
             change[at] = (kept - 1.0) * off / h;

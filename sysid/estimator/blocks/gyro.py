@@ -42,7 +42,7 @@ class Gyro(Block):
         by_rate = -np.eye(3) * sampled.reshape(-1, 1, 1)
         by_state = at.by_state(3, self.between)
         by_state[:, :, RATE] = by_rate
-        slope = moved_reading(QUANTITY, at.flight, at.sensors, between=False)[1] * sampled[:, None]
+        slope = moved_reading(QUANTITY, at.flight, at.sensors, between=False)[1] * sampled.reshape(-1, 1)
         names = (*self.bias_names(at.flight.log_index), delay_name(QUANTITY, at.flight.log_index))
         return Linear(self.residual(at), (by_state,), np.concatenate([by_rate, slope[:, :, None]], axis=2), names)
 

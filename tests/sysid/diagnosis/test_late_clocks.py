@@ -16,7 +16,7 @@ SPEED, POSE = "rotor_speed_rad_s", ("position_world", "q_world_body")
 def late_rotors(log: FlightLog, delay_s: float, rng: np.random.Generator) -> FlightLog:
     speed = Signal.through(log.time_s, log.vector(SPEED)).value(log.time_s - delay_s)
     noisy = (speed + 4.0 * rng.standard_normal(speed.shape)).T
-    columns = log.columns | {f"rotor_speed_{i}_rad_s": row for i, row in enumerate(noisy)}
+    columns = {**log.columns, **{f"rotor_speed_{i}_rad_s": row for i, row in enumerate(noisy)}}
     return FlightLog({name: values[4:-4] for name, values in columns.items()}, log.metadata)
 
 
