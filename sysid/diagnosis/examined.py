@@ -57,6 +57,11 @@ class Model:
         """Those it was fitted to, with what they may carry."""
         return self.load.marked(self.fit.flights) if self.load else self.fit.flights
 
+    @property
+    def all_heard(self) -> bool:
+        """Whether every known effect was in the running: none lacked a reading, and none failed to be fitted."""
+        return self.candidate_set.all_heard and None not in self.tried.fitted.values()
+
 
 @dataclass(frozen=True, slots=True)
 class Outside:
@@ -71,14 +76,14 @@ class Outside:
 
 def examine(fit: Identification) -> Model:
     """Score every candidate at a fitted model."""
-    lined = candidate_set(fit.vehicle, fit.flights)
+    lined = candidate_set(fit.vehicle, fit.flights, fit.clock)
     evidence = Evidence(fit.flights, fit.solution.point, fit.noise, fit.unknowns, lined)
     carried = _load(fit, lined, evidence)
     scores = {s.name: _scored(evidence, s) for s in lined.candidates}
     flights = fit.flights
     if carried is not None:
         scores[PAYLOAD], flights = carried.score, carried.marked(flights)
-    judge = Judge(flights, fit.noise, fit.solution.point.states)
+    judge = Judge(flights, fit.noise, fit.solution.point.states, fit.clock)
     return Model(fit, lined, evidence, scores, judge, Tried(), carried)
 
 
@@ -109,7 +114,7 @@ def _stands_out(candidate: Candidate, found: Score) -> bool:
 
 def best_curve(model: Model, channels: Sequence[str]) -> Outside | None:
     """The free-form curve that explains most in some channels, if any is beyond chance."""
-    return _best_of([curve for curve in _curves(model, channels) if _beyond_chance(curve.score)])
+    return _best_of(model, [curve for curve in _curves(model, channels) if _beyond_chance(curve.score)])
 
 
 def _curves(model: Model, channels: Sequence[str]) -> list[Outside]:
@@ -126,20 +131,23 @@ def _beyond_chance(found: Score) -> bool:
     return clear or (found.significance < THRESHOLDS.doubtful_curve and found.log_odds > THRESHOLDS.clear_odds_curve)
 
 
-def _best_of(found: Sequence[Outside]) -> Outside | None:
+def _best_of(model: Model, found: Sequence[Outside]) -> Outside | None:
     if not found:
         return None
     best = max(found, key=lambda o: o.score.gain_unseen)
     rivals = [np.exp(o.score.gain_unseen - best.score.gain_unseen) for o in found if o.channel == best.channel]
     clear = 1.0 / (1.0 + (THRESHOLDS.even_odds_curve / max(best.score.log_odds, 1.0)) ** 4)
-    return replace(best, confidence=THRESHOLDS.most_confidence * clear / float(np.sum(rivals)))
+    confidence = THRESHOLDS.most_confidence * clear / float(np.sum(rivals))
+    if not model.all_heard:
+        confidence = min(confidence, THRESHOLDS.even_confidence)
+    return replace(best, confidence=confidence)
 
 
 def stated_curve(model: Model) -> Outside | None:
     """The best curve of all, if it is sure enough to be stated."""
     if not model.tried.curve:
         drawn = _curves(model, EVERY_CHANNEL)
-        best = _best_of([curve for curve in drawn if _beyond_chance(curve.score)])
+        best = _best_of(model, [curve for curve in drawn if _beyond_chance(curve.score)])
         sure = best is not None and best.confidence >= THRESHOLDS.least_confidence_curve
         model.tried.curve.append(best if sure else None)
         model.tried.left.append(max((curve.score.log_odds for curve in drawn), default=0.0))
