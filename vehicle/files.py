@@ -92,7 +92,9 @@ def _from_document(document: dict[str, Any], files: tuple[Path, ...]) -> Vehicle
     complete = body_parameters(**parameters) | parameters
     effects = _strings(document, "effects")
     for effect, entries in _table(document, "effect", {}).items():
-        units = {s.name: s.unit for s in registry.find(effect).parameters}
+        known = registry.find(effect).parameters
+        units = {s.name: s.unit for s in known}
+        complete |= {f"{effect}.{s.name}": Parameter(s.default, 0.0, s.unit, "default") for s in known if s.optional}
         for name, entry in _is_table(f"effect.{effect}", entries).items():
             complete[f"{effect}.{name}"] = _parameter(f"effect.{effect}.{name}", entry, units.get(name))
     rotors = _table(document, "rotors")

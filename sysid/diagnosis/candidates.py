@@ -100,8 +100,10 @@ def _at_rest(effect: Effect) -> dict[str, float]:
 
 def _why_not(effect: Effect, vehicle: Vehicle, by_command: bool) -> str:
     for other in vehicle.effects:
-        if effects.find(other).instead_of == effect.name:
+        if effect.name in _contained(other):
             return f"{other} stands for the same thrust"
+    if effect.moves_like:
+        return f"it moves the vehicle as {effect.moves_like} does: no flight can tell the two apart"
     if "ceiling_gap_m" in effect.needs:
         return "no log says how far the ceiling was"
     if effect.stage in (Stage.COMMAND, Stage.DRIVE):
@@ -111,6 +113,12 @@ def _why_not(effect: Effect, vehicle: Vehicle, by_command: bool) -> str:
     if effect.stage == Stage.SENSOR and not {f"{effect.name}.{s.name}" for s in effect.parameters} <= set(SENSOR_NAMES):
         return "the estimator has the pose sensor's place and the gyro's bias among its unknowns already"
     return ""
+
+
+def _contained(name: str) -> list[str]:
+    """The effects that one contains: that which it is in place of, what that is in place of, and so on."""
+    within = effects.find(name).instead_of
+    return [within, *_contained(within)] if within else []
 
 
 def _no_load(flights: Sequence[Flight]) -> str:
@@ -157,7 +165,7 @@ def _swapped(vehicle: Vehicle) -> Vehicle:
     Thrust k n^2 is the induced-velocity law with k2 = 0, so that law can be tried as one more column.
     """
     for effect in _known(vehicle):
-        if effect.instead_of in vehicle.effects and effect.name not in vehicle.effects:
+        if effect.instead_of in vehicle.effects and effect.name not in vehicle.effects and not effect.moves_like:
             vehicle = _instead(vehicle, effect, dict.fromkeys(effect.strength, 0.0), "assumed")
     return vehicle
 

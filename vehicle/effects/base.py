@@ -146,6 +146,8 @@ class Spec:
     """The value the self-test plants and must recover."""
     held: bool = False
     """A convention rather than a fact (a reference voltage): never estimated."""
+    optional: bool = False
+    """A vehicle file may leave it out and means the default: added to an effect that files already name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,6 +183,8 @@ class Effect:
     """Another effect that this one contains; the two are never active together ..."""
     takes_over: tuple[str, str] = ("", "")
     """... and its parameter, and which of ours has the same value."""
+    moves_like: str = ""
+    """Another effect that moves the vehicle alike, so that flights cannot tell the two apart: never a candidate."""
 
 
 def cross(a: Array, b: Array) -> Array:
