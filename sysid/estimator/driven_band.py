@@ -27,9 +27,7 @@ AXES = ("inertia_xx_kg_m2", "inertia_yy_kg_m2")
 """Yaw is not among them: rotor torque about it is weak, and its coefficient is as little known as the inertia."""
 
 
-def started(
-    vehicle: Vehicle, flights: Sequence[Flight], states: Sequence[States], names: Sequence[str]
-) -> Vehicle:
+def started(vehicle: Vehicle, flights: Sequence[Flight], states: Sequence[States], names: Sequence[str]) -> Vehicle:
     """The vehicle with those of the named inertias exchanged that the band puts elsewhere by more than `FAR`.
 
     Args:
@@ -59,7 +57,9 @@ def _powers(flight: Flight, states: States, vehicle: Vehicle) -> FloatArray:
     """(3, 2) in the band, about roll and pitch: of the model's angular acceleration, of the gyro's, and of both."""
     model = _in_band(along(vehicle, flight, middle(flight, states))[:, 3:5], flight)
     gyro = _in_band(np.diff(flight.rate_body_rad_s[:, :2], axis=0) / flight.step_s[:, None], flight)
-    return np.array([(np.abs(model) ** 2).sum(axis=0), (np.abs(gyro) ** 2).sum(axis=0), (model.conj() * gyro).real.sum(axis=0)])
+    return np.array(
+        [(np.abs(model) ** 2).sum(axis=0), (np.abs(gyro) ** 2).sum(axis=0), (model.conj() * gyro).real.sum(axis=0)]
+    )
 
 
 def _in_band(values: FloatArray, flight: Flight) -> FloatArray:

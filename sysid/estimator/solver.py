@@ -223,7 +223,11 @@ def _take(
         own = 0.5 * float((((border - prior.mean) / prior.std) ** 2).sum())
         return own + weight.cost(flights, candidate) + total_cost(flights, candidate, noise, robust)
 
-    start = before + weight.cost(flights, point) + 0.5 * float((((point.shared(unknowns) - prior.mean) / prior.std) ** 2).sum())
+    start = (
+        before
+        + weight.cost(flights, point)
+        + 0.5 * float((((point.shared(unknowns) - prior.mean) / prior.std) ** 2).sum())
+    )
     share = 1.0
     while share > 1e-3:
         candidate = point.moved(unknowns, share * step, [share * c for c in changes])

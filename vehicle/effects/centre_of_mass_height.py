@@ -1,4 +1,4 @@
-"""The centre of mass lies below (or above) the hubs, so that drag at the rotors has a lever arm and tips the vehicle."""
+"""The centre of mass lies below (or above) the hubs: drag at the rotors has a lever arm and tips the vehicle."""
 
 import numpy as np
 

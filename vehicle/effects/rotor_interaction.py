@@ -1,4 +1,4 @@
-"""In forward flight the rear rotors work in the wake of the front ones and lose thrust; the front ones may gain some."""
+"""In forward flight the rear rotors work in the wake of the front ones and lose thrust; those in front may gain."""
 
 from vehicle.effects.base import Effect, Flow, Spec, Stage, Values, positive
 

@@ -1,8 +1,8 @@
-"""Blade-element thrust with the advance ratio: a blade that advances into edgewise flow gains more than one that retreats.
+"""Blade-element thrust with the advance ratio: the advancing blade gains more than the retreating one loses.
 
-The lift of a blade element goes with the square of its own air speed, n r + v_xy sin psi; integrated over the disc and a
-turn this adds (3/2) mu^2 to the collective's term, mu = v_xy / (n R). `thrust_bem` leaves that out, `translational_lift`
-leaves it free.
+The lift of a blade element goes with the square of its own air speed, n r + v_xy sin psi; integrated over disc and
+turn this adds (3/2) mu^2 to the collective's term, mu = v_xy / (n R). `thrust_bem` leaves that out,
+`translational_lift` leaves it free.
 """
 
 import numpy as np
@@ -32,7 +32,7 @@ EFFECT = Effect(
         Spec("k2_n_s2_m", "N s2/m", prior=1.5e-4, bounds=(-1e-2, 0.0), default=-1.547e-4, planted=-1.547e-4),
     ),
     law="T = k1 n^2 (1 + 1.5 mu^2) + k2 n (v_z + v_ind), mu = v_xy / (n R), v_ind as in thrust_bem",
-    source="Leishman, Principles of Helicopter Aerodynamics, ch. 3: C_T = (sigma a / 2) (theta (1/3 + mu^2/2) - lambda/2)",
+    source="Leishman, Principles of Helicopter Aerodynamics, ch. 3: C_T ~ theta (1/3 + mu^2/2) - lambda/2",
     channel="F_z",
     regressor="v_z n, v_xy",
     excited_by=("vertical", "fast_level"),

@@ -1,4 +1,4 @@
-"""Edgewise flow skews a rotor's wake: the inflow grows towards the rear, the rear lifts less, and the vehicle tips back.
+"""Edgewise flow skews a rotor's wake: inflow grows towards the rear, the rear lifts less, the vehicle tips back.
 
 The inflow over the disc is v_ind (1 + k (r/R) cos psi) with k in proportion to the sine of the wake's skew angle. The
 moment is that of `flapping_moment` near hover; faster, or in climb, the wake is swept away and it falls. Arms and body
