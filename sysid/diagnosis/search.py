@@ -60,8 +60,8 @@ def refit(logs: Sequence[FlightLog], model: Model, candidate: Candidate, options
 
 def _holding_others(options: Options, vehicle: Vehicle, candidate: Candidate) -> Options:
     """Parameters of the same effect that are no part of the candidate stay where they are, unless already found."""
-    own = [f"{candidate.effect}.{s.name}" for s in effects.find(candidate.effect).parameters]
-    idle = [n for n in own if n not in candidate.columns and vehicle.value(n) == 0.0]
+    own = {f"{candidate.effect}.{s.name}": s for s in effects.find(candidate.effect).parameters}
+    idle = [n for n, s in own.items() if n not in candidate.columns and vehicle.value(n) == (s.default * s.optional)]
     return replace(options, held=tuple(dict.fromkeys((*options.held, *idle))))
 
 
