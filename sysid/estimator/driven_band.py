@@ -8,6 +8,7 @@ takes the answer of the rotors for a heavy body, and needs many steps to find ou
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flight.rotations import FloatArray
 from sysid.estimator.flight_data import Flight
@@ -62,7 +63,7 @@ def _powers(flight: Flight, states: States, vehicle: Vehicle) -> FloatArray:
     )
 
 
-def _in_band(values: FloatArray, flight: Flight) -> FloatArray:
+def _in_band(values: FloatArray, flight: Flight) -> NDArray[np.complex128]:
     """Spectrum of columns within the band."""
     hz = np.fft.rfftfreq(len(values), float(np.median(flight.step_s)))
     inside = (hz > BAND_HZ[0]) & (hz < BAND_HZ[1])

@@ -106,7 +106,8 @@ def solve(
         gradient = prior.information @ (border - prior.mean) + carried.gradient + sum(e.gradient for e in eliminated)
         step, sigma = _parameter_step(hessian, gradient, _room(point, unknowns))
         changes = [e.states(step) for e in eliminated]
-        point, taken = _take(flights, point, unknowns, noise, prior, step, changes, robust, sum(r.cost() for r in rows))
+        before = carried.cost + sum(r.cost() for r in rows)
+        point, taken = _take(flights, point, unknowns, noise, prior, step, changes, robust, before)
         old, noise = noise, _updated_noise(flights, point.vehicle, rows, eliminated, step, taken, changes, noise)
         record.append(
             Iteration(

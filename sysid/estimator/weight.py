@@ -11,17 +11,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flight import rotations
+from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
 from sysid.estimator.blocks import motor
 from sysid.estimator.blocks.motion import FORCE, moved_by_acceleration
 from sysid.estimator.chain import Rows
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.midpoint import middle
-from sysid.estimator.model import unexplained
+from sysid.estimator.model import surroundings
 from sysid.estimator.noise import Noise
 from sysid.estimator.problem import Point
 from sysid.estimator.states import States
-from vehicle import Vehicle
+from sysid.logs.payload import as_flown
+from vehicle import Vehicle, acceleration
 
 FREE_M_S2 = 0.3
 """Mean vertical acceleration that a long flight may leave unexplained, 3 % of gravity: updraughts, a low battery."""
@@ -29,6 +32,9 @@ SETTLES_S = 10.0
 """Over a flight of this length disturbances may leave sqrt(2) times as much."""
 STIFF_M_S2 = 0.02
 """What is beyond is divided by this: 1 m/s2 more costs 1,250, more than torques can gain by it."""
+
+EVERY = 4
+"""Nodes of which one is enough for a mean over a flight."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +45,11 @@ class Balance:
     """(flights,)."""
     slopes: FloatArray
     """(flights, p)."""
+
+    @property
+    def cost(self) -> float:
+        """Half the sum of squares."""
+        return 0.5 * float((self.residual**2).sum())
 
     @property
     def information(self) -> FloatArray:
@@ -54,8 +65,10 @@ class Balance:
 def balance(flights: Sequence[Flight], point: Point, rows: Sequence[Rows], noise: Noise) -> Balance:
     """The residuals with their slopes, which are taken from the linearised motion; states count as known."""
     residual = residuals(flights, point)
-    slopes = [_slopes(f, s, r, noise) for f, s, r in zip(flights, point.states, rows, strict=True)]
-    return Balance(residual, np.array(slopes) * (residual != 0.0)[:, None])
+    slopes = np.zeros((len(flights), rows[0].sensor_border.shape[2]))
+    for i in np.flatnonzero(residual):
+        slopes[i] = _slopes(flights[i], point.states[i], rows[i], noise)
+    return Balance(residual, slopes)
 
 
 def residuals(flights: Sequence[Flight], point: Point) -> FloatArray:
@@ -69,19 +82,32 @@ def cost(flights: Sequence[Flight], point: Point) -> float:
 
 
 def _residual(flight: Flight, states: States, vehicle: Vehicle) -> float:
-    force = unexplained(motor.driven(flight, vehicle), states, vehicle)[:, FORCE]
-    mean_m_s2 = float(_upward(flight, states, force[:, :, None])[0])
-    allowed_m_s2 = FREE_M_S2 * np.sqrt(1.0 + SETTLES_S / flight.step_s.sum())
+    duration_s = flight.step_s.sum()
+    gained_m_s = states.velocity_world_m_s[-1, 2] - states.velocity_world_m_s[0, 2]
+    mean_m_s2 = float(gained_m_s / duration_s + GRAVITY_M_S2 - _upward_force(flight, states, vehicle).mean())
+    allowed_m_s2 = FREE_M_S2 * np.sqrt(1.0 + SETTLES_S / duration_s)
     return float(np.sign(mean_m_s2)) * max(abs(mean_m_s2) - allowed_m_s2, 0.0) / STIFF_M_S2
+
+
+def _upward_force(flight: Flight, states: States, vehicle: Vehicle) -> FloatArray:
+    """Vertical force per mass by the model, at every fourth node with the rotor speed of the interval that follows."""
+    flight = motor.driven(flight, vehicle)
+    nodes = np.arange(0, len(flight) - 1, EVERY)
+    q = states.q_world_body[nodes]
+    R = rotations.matrix(q)
+    force = acceleration(
+        as_flown(vehicle, flight.carries_payload),
+        (states.velocity_world_m_s[nodes, None] @ R)[:, 0],
+        states.rate_body_rad_s[nodes],
+        flight.rotor_speed_rad_s[nodes],
+        surroundings(states.position_world_m[nodes], q, flight.rotor_acceleration_rad_s2[nodes]),
+    )[0]
+    return (R[:, 2] * force).sum(axis=1)
 
 
 def _slopes(flight: Flight, states: States, rows: Rows, noise: Noise) -> FloatArray:
     """(p,) slope of a residual that is not zero."""
     place, factor = moved_by_acceleration(FORCE, flight.step_s, noise.process)
-    return -_upward(flight, states, rows.defect_border[:, place] / factor[:, :, None]) / STIFF_M_S2
-
-
-def _upward(flight: Flight, states: States, body: FloatArray) -> FloatArray:
-    """(p,) mean over a flight of the vertical parts of vectors in body axes (k, 3, p)."""
     up = middle(flight, states).R_world_body[:, 2]
-    return np.einsum("k,ki,kip->p", flight.step_s, up, body) / flight.step_s.sum()
+    body = rows.defect_border[:, place] / factor[:, :, None]
+    return -np.einsum("k,ki,kip->p", flight.step_s, up, body) / flight.step_s.sum() / STIFF_M_S2
