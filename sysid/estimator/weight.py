@@ -3,7 +3,9 @@
 The mean vertical force of a flight is known from how its velocity changed, to a thousandth of gravity. A fit whose
 torques are wrong must not trade it away: a moment that the model lacks, in a body whose inertia is held, would be made
 up for by a sixth of the thrust. So the mean vertical acceleration that a model leaves unexplained may be as large as
-disturbances make it; what is beyond is a stiff residual. In a fit that is right it is zero and has no slope.
+disturbances make it; where all flights lack thrust beyond that, or all have too much, it is a stiff residual of the one
+that is nearest to balance. In a fit that is right it is zero and has no slope. Flights of vehicles of different mass,
+of which some lack what others have too much, are said elsewhere.
 """
 
 from collections.abc import Sequence
@@ -66,14 +68,22 @@ def balance(flights: Sequence[Flight], point: Point, rows: Sequence[Rows], noise
     """The residuals with their slopes, which are taken from the linearised motion; states count as known."""
     residual = residuals(flights, point)
     slopes = np.zeros((len(flights), rows[0].sensor_border.shape[2]))
-    for i in np.flatnonzero(residual):
+    for i in np.flatnonzero(residual).tolist():
         slopes[i] = _slopes(flights[i], point.states[i], rows[i], noise)
     return Balance(residual, slopes)
 
 
 def residuals(flights: Sequence[Flight], point: Point) -> FloatArray:
-    """(flights,) what the mean unexplained vertical acceleration of each flight has beyond its allowance."""
-    return np.array([_residual(f, s, point.vehicle) for f, s in zip(flights, point.states, strict=True)])
+    """(flights,) mean unexplained vertical acceleration beyond its allowance, of the flight that has least of it.
+
+    Zero unless all flights are beyond it to the same side, and without a pose, which alone shows what speed was gained.
+    """
+    if not all(flight.has_pose for flight in flights):
+        return np.zeros(len(flights))
+    beyond = np.array([_residual(f, s, point.vehicle) for f, s in zip(flights, point.states, strict=True)])
+    one_sided = (beyond > 0.0).all() or (beyond < 0.0).all()
+    least = np.arange(len(beyond)) == np.argmin(np.abs(beyond))
+    return np.where(one_sided & least, beyond, 0.0)
 
 
 def cost(flights: Sequence[Flight], point: Point) -> float:

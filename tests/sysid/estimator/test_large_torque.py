@@ -87,7 +87,8 @@ def test_slopes_of_the_weight_balance_agree_with_differences(at_start):
     more = Point(weak.vehicle.with_value(THRUST, weak.value(THRUST) + change), weak.sensors, weak.states)
     slope = (weight.residuals(flights, more) - carried.residual) / change
     np.testing.assert_allclose(carried.slopes[:, 0], slope, rtol=1e-2)  # of all nodes, against every fourth
-    assert (carried.residual > 0.0).all()
+    assert np.count_nonzero(carried.residual) == 1  # the flight nearest to balance
+    assert carried.residual.max() > 0.0
     assert weight.cost(flights, weak) == pytest.approx(0.5 * (carried.residual**2).sum())
 
 
