@@ -33,7 +33,7 @@ _SPARE = 0.006
 _STRICTER = 0.01
 """The same where the gate, with its finer samples, found a limit exceeded; more each time it does."""
 _NEAR = 0.3
-"""The vehicle's own model is expensive: it is asked at every second sample, where a limit is nearer than this."""
+"""The vehicle's own model is expensive: it is asked in segments where a limit is nearer than this."""
 _MOST = 0.5
 """Largest correction of the reduced model in one round."""
 _IMPOSSIBLE = 0.2
@@ -122,15 +122,11 @@ class _Corrections:
     def measure(self, problem: Problem, found: Solution, path: Trajectory, vehicle: Vehicle) -> FloatArray:
         """Ask the vehicle's own model; returns what it says each excess is, (k, samples, limits)."""
         reduced, peaks = time_allocation.excess(problem, found)
-        near = (peaks + self.model).max(axis=2) > -_NEAR
-        asked = np.zeros_like(near)
-        asked[:, ::2] = near[:, ::2] | np.pad(near[:, 1::2], ((0, 0), (1, 0))) | np.pad(near[:, 1::2], ((0, 0), (0, 1)))
-        if asked.any():
-            times = time_allocation.sample_times(found.durations_s)[asked]
-            full = airframe.measured_excess(problem.airframe, vehicle, path, times)
-            full = np.where(np.isfinite(full), full, np.maximum(reduced[asked], 0.0) + _IMPOSSIBLE)
-            self.model[asked] = np.clip(full - reduced[asked], -_MOST, _MOST)
-            self.model[:, 1::2] = 0.5 * (self.model[:, :-1:2] + self.model[:, 2::2])
+        near = np.flatnonzero((peaks + self.model).max(axis=(1, 2)) > -_NEAR)
+        if near.size:
+            full = airframe.measured_excess(problem.airframe, vehicle, path, near, time_allocation.FRACTIONS)
+            full = np.where(np.isfinite(full), full, np.maximum(reduced[near], 0.0) + _IMPOSSIBLE)
+            self.model[near] = np.clip(full - reduced[near], -_MOST, _MOST)
         self.between = peaks - reduced
         return peaks + self.model
 

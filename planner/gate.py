@@ -158,7 +158,11 @@ def _waypoints(trajectory: Trajectory, waypoints_world_m: FloatArray, options: P
     wanted = np.asarray(waypoints_world_m, dtype=np.float64).reshape(-1, 3)
     if not len(wanted) or not np.isfinite(wanted).all():
         return Check("waypoints", np.nan, options.waypoint_tolerance_m, "m", False, reason="none, or not finite")
-    # Dense samples, joins included: a planned waypoint is a join, another one is met to within half a step.
+    joined = _at_joins(trajectory, wanted, options.waypoint_tolerance_m)
+    if joined is not None:
+        reason = f"all {len(wanted)} in order"
+        return Check("waypoints", joined, options.waypoint_tolerance_m, "m", True, reason=reason)
+    # Dense samples, joins included: one that is no join is met to within half a step.
     times, segment = limits.sample_times(trajectory, 1e-3)
     times, segment = np.append(times, trajectory.duration_s), np.append(segment, segment[-1])
     points = trajectory.position(times)
@@ -174,6 +178,20 @@ def _waypoints(trajectory: Trajectory, waypoints_world_m: FloatArray, options: P
     passed = missed < 0
     reason = f"all {len(wanted)} in order" if passed else f"waypoint {missed} is missed by {worst:.3f} m"
     return Check("waypoints", worst, options.waypoint_tolerance_m, "m", passed, reason=reason)
+
+
+def _at_joins(trajectory: Trajectory, wanted: FloatArray, tolerance_m: float) -> float | None:
+    """Largest gap between waypoints and the joins that reach them in order, the two ends included; else None."""
+    joins = np.vstack([trajectory.coefficients[:, :3, 0], trajectory.position(np.array([trajectory.duration_s]))])
+    at, worst = 0, 0.0
+    for i, waypoint in enumerate(wanted):
+        last = len(joins) if i else 1
+        near = np.linalg.norm(joins[at:last] - waypoint, axis=1) <= tolerance_m
+        if not near.any():
+            return None
+        at += int(np.argmax(near))
+        worst = max(worst, float(np.linalg.norm(joins[at] - waypoint)))
+    return worst if at == len(joins) - 1 else None
 
 
 def _first_visit(points: FloatArray, start: int, waypoint: FloatArray, tolerance_m: float) -> tuple[int, float] | None:

@@ -20,8 +20,9 @@ SAMPLES = 11
 """Points per segment where limits and clearance are looked at, both ends among them."""
 _BETWEEN = 4
 """Steps from one of them to the next in which their peaks are looked for."""
-_U = np.linspace(0.0, 1.0, SAMPLES)
-_SHARES = np.where((_U == 0.0) | (_U == 1.0), 0.5, 1.0) / (SAMPLES - 1)
+FRACTIONS = np.linspace(0.0, 1.0, SAMPLES)
+"""Where in a segment they are."""
+_SHARES = np.where((FRACTIONS == 0.0) | (FRACTIONS == 1.0), 0.5, 1.0) / (SAMPLES - 1)
 """Of a segment's time, for each sample."""
 _SLOW_M_S = 0.5
 """Horizontal speed at which looking along the path counts half."""
@@ -105,7 +106,7 @@ def derivatives(spline: minimum_snap.Spline) -> FloatArray:
     scaled = hermite.segment_states(spline.states) * hermite.time_powers(spline.durations_s)[..., None]
     rates = 1.0 / spline.durations_s[:, None, None]
     return np.stack(
-        [hermite.basis(_U, r) @ hermite.monomials_from_states() @ scaled * rates**r for r in range(5)], axis=2
+        [hermite.basis(FRACTIONS, r) @ hermite.monomials_from_states() @ scaled * rates**r for r in range(5)], axis=2
     )
 
 
@@ -121,13 +122,6 @@ def excess(problem: Problem, solution: Solution) -> tuple[FloatArray, FloatArray
     around = np.pad(fine, ((0, 0), (half, half), (0, 0)), mode="edge")
     peaks = np.max([around[:, i : i + fine.shape[1] : _BETWEEN] for i in range(2 * half + 1)], axis=0)
     return fine[:, ::_BETWEEN], peaks
-
-
-def sample_times(durations_s: FloatArray) -> FloatArray:
-    """(k, SAMPLES) when on the path the samples are."""
-    starts = np.concatenate([[0.0], np.cumsum(durations_s)[:-1]])
-    inside = np.clip(_U, 1e-9, 1.0 - 1e-9)  # on its own side of a join
-    return starts[:, None] + durations_s[:, None] * inside
 
 
 def optimise(

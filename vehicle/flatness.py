@@ -16,6 +16,8 @@ from vehicle.model import Vehicle, rigid_body
 
 _OFFSET_S = 2e-3
 """Spacing of the five instants from which rates are taken: truncation and rounding are both near 1e-8 rad/s there."""
+_ALIGNED = 1e-10
+"""Change of an attitude at which it has settled, in `attitudes`."""
 _FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
 _SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
 
@@ -73,6 +75,41 @@ def state(vehicle: Vehicle, trajectory: Trajectory, times_s: FloatArray, *, grou
     return _flat_state(
         times, _middle(path), out[:, :4], out[:, 4:7], out[:, 7:10], out[:, 10], out[:, 11:14], out[:, 14:]
     )
+
+
+def attitudes(
+    vehicle: Vehicle,
+    velocity_world_m_s: FloatArray,
+    acceleration_world_m_s2: FloatArray,
+    yaw_rad: FloatArray,
+    rate_body_rad_s: FloatArray,
+    start: tuple[FloatArray, FloatArray] | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """Attitude and even rotor speeds for given motions far from the ground, when the body's rates are known.
+
+    Args:
+        velocity_world_m_s, acceleration_world_m_s2, rate_body_rad_s: (n, 3).
+        yaw_rad: (n,).
+        start: an earlier answer for nearly the same motions.
+
+    Returns:
+        Attitudes (n, 4) and rotor speeds (n, 4) whose force gives the acceleration; torque is not looked at.
+    """
+    n, kernel = len(yaw_rad), native.compiled(vehicle)
+    mass = float(rigid_body(vehicle).mass_kg)
+    if start is None:
+        required = acceleration_world_m_s2 + np.array([0.0, 0.0, GRAVITY_M_S2])
+        start = hopf(required / np.linalg.norm(required, axis=1, keepdims=True), yaw_rad), np.empty((n, 4))
+        start[1][:] = invert.hover(vehicle)
+    if kernel is None:
+        far = np.column_stack([np.zeros((n, 2)), np.full(n, np.inf)])
+        path = _Path(far, velocity_world_m_s, acceleration_world_m_s2, yaw_rad)
+        return _attitudes(vehicle, mass, path, rate_body_rad_s, start[1], -np.inf)
+    rows = np.column_stack([velocity_world_m_s, acceleration_world_m_s2, np.full(n, np.inf), yaw_rad])
+    out = np.hstack(start)
+    rate = np.ascontiguousarray(rate_body_rad_s)
+    kernel.model.attitudes(kernel.values, GRAVITY_M_S2, _ALIGNED, rows, rate, out)
+    return out[:, :4], out[:, 4:]
 
 
 def air_velocity_body(flat: FlatState) -> FloatArray:

@@ -36,7 +36,6 @@ def test_one_piece_leaves_the_path_as_it_is(walk):
 
 
 def test_the_corrected_excess_is_that_of_the_vehicles_own_model(walk, drone, open_sky):
-    """At the samples that were asked; half-way between them, where it is interpolated, nearly so."""
     frame = airframe.reduced(drone, drone.limits)
     knots = walk.states[:, 0]
     problem = Problem(knots, np.zeros((6, 4), dtype=bool), frame, open_sky, 0.3, Weights())
@@ -45,12 +44,11 @@ def test_the_corrected_excess_is_that_of_the_vehicles_own_model(walk, drone, ope
     corrections = fastest._Corrections(5)
     corrections.measure(problem, found, path, drone)
     reduced, _ = time_allocation.excess(problem, found)
-    times = time_allocation.sample_times(walk.durations_s)
-    full = airframe.measured_excess(frame, drone, path, times.ravel()).reshape(reduced.shape)
-    asked = (reduced.max(axis=2) > -0.2)[:, ::2] & (np.abs(full - reduced).max(axis=2) < 0.5)[:, ::2]
-    assert asked.sum() > 10
-    corrected = (reduced + corrections.total() - corrections.between - fastest._SPARE)[:, ::2][asked]
-    assert np.allclose(corrected, full[:, ::2][asked], rtol=0.0, atol=1e-6)
+    full = airframe.measured_excess(frame, drone, path, np.arange(5), time_allocation.FRACTIONS)
+    asked = (reduced.max(axis=2) > -0.2) & (np.abs(full - reduced).max(axis=2) < 0.5)
+    assert asked.sum() > 20
+    corrected = (reduced + corrections.total() - corrections.between - fastest._SPARE)[asked]
+    assert np.allclose(corrected, full[asked], rtol=0.0, atol=1e-6)
 
 
 def test_only_segments_that_exceed_a_limit_are_asked_for_more(walk, drone):
