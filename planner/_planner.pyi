@@ -61,6 +61,8 @@ class Problem:
         """Fills in the relative excess over each limit."""
     def set_offsets(self, offsets: Annotated[NDArray[np.float64], "(k, samples, 13)"]) -> None:
         """What is added to each excess."""
+    def set_ends(self, ends: Annotated[NDArray[np.float64], "(2, 3, 4)"]) -> None:
+        """Velocity, acceleration and jerk at the start and at the end; at rest if never set."""
     def minimise(
         self,
         knots: NDArray[np.float64],

@@ -1,29 +1,25 @@
-// What a trajectory costs, in seconds of flight: each term gives its density at one instant and adds its gradient.
+// What a trajectory costs, in seconds of flight: each term gives its density at four instants and adds its gradient.
 #pragma once
-
-#include <cmath>
 
 #include "airframe.hpp"
 #include "vec.hpp"
 
-namespace goshawk {
+namespace {
 
 // Price times the squared excess over every limit; the offsets carry what the model measured beyond `Demand`.
 struct LimitCost {
-    const Airframe& airframe;
     double price;
 
-    double density(const Motion& at, const double* offsets, Motion& by) const {
-        const Demand demand(airframe, at);
-        double excess[kLimits], by_excess[kLimits], sum = 0.0;
+    Real density(const Demand& demand, const double* offsets, Motion& by) const {
+        Real excess[kLimits], by_excess[kLimits], total{};
         demand.excess(excess);
         for (int l = 0; l < kLimits; ++l) {
-            const double over = std::max(excess[l] + offsets[l], 0.0);
-            sum += over * over;
+            const Real over = larger(excess[l] + four(offsets + l * kLanes), Real{});
+            total += over * over;
             by_excess[l] = 2.0 * price * over;
         }
-        if (sum > 0.0) demand.pull_back(by_excess, by);
-        return price * sum;
+        if (sum(total) > 0.0) demand.pull_back(by_excess, by);
+        return price * total;
     }
 };
 
@@ -33,15 +29,15 @@ struct HeadingCost {
     double price, turning_price;
     static constexpr double kSlow = 0.5;  // m/s at which it counts half
 
-    double density(const Motion& at, Motion& by) const {
+    Real density(const Motion& at, Real c, Real s, Motion& by) const {
         by.yaw_rate += 2.0 * turning_price * at.yaw_rate;
-        const double turning = turning_price * at.yaw_rate * at.yaw_rate;
+        const Real turning = turning_price * at.yaw_rate * at.yaw_rate;
         if (price == 0.0) return turning;
-        const double c = std::cos(at.yaw), s = std::sin(at.yaw), vx = at.velocity.x, vy = at.velocity.y;
-        const double square = vx * vx + vy * vy, pace = std::sqrt(square + 1e-6), ahead = vx * c + vy * s;
-        const double scale = price / (square + kSlow * kSlow), off = pace * (pace - ahead);
-        const double by_pace = scale * (2.0 * pace - ahead) / pace,
-                     by_scale = -2.0 * scale * off / (square + kSlow * kSlow);
+        const Real vx = at.velocity.x, vy = at.velocity.y;
+        const Real square = vx * vx + vy * vy, pace = root(square + 1e-6), ahead = vx * c + vy * s;
+        const Real scale = price / (square + kSlow * kSlow), off = pace * (pace - ahead);
+        const Real by_pace = scale * (2.0 * pace - ahead) / pace,
+                   by_scale = -2.0 * scale * off / (square + kSlow * kSlow);
         by.velocity.x += (by_pace + by_scale) * vx - scale * pace * c;
         by.velocity.y += (by_pace + by_scale) * vy - scale * pace * s;
         by.yaw -= scale * pace * (vy * c - vx * s);
@@ -53,12 +49,11 @@ struct HeadingCost {
 struct ClearanceCost {
     double price, required;
 
-    double density(double distance, const Vec& uphill, Motion& by) const {
-        const double lack = required - distance;
-        if (!(lack > 0.0)) return 0.0;
+    Real density(Real distance, const Vec& uphill, Motion& by) const {
+        const Real lack = larger(required - distance, Real{});
         by.position -= uphill * (2.0 * price * lack);
         return price * lack * lack;
     }
 };
 
-}  // namespace goshawk
+}  // namespace

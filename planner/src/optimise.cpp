@@ -111,9 +111,9 @@ void excess(Problem& problem, In knots, In durations, Out out) {
     problem.excess(knots.data(), durations.data(), out.data());
 }
 
-void set_offsets(Problem& problem, In offsets) {
-    std::copy_n(offsets.data(), problem.offsets().size(), problem.offsets().data());
-}
+void set_offsets(Problem& problem, In offsets) { problem.set_offsets(offsets.data()); }
+
+void set_ends(Problem& problem, In ends) { problem.set_ends(ends.data()); }
 
 nb::tuple minimise(Problem& problem, Out knots, Out durations, Flags free, int iterations, double precision,
                    const StopFlag* stop) {
@@ -145,6 +145,7 @@ void bind_optimise(nb::module_& m) {
              nb::arg("by_durations"))
         .def("excess", &excess, nb::arg("knots"), nb::arg("durations"), nb::arg("out"))
         .def("set_offsets", &set_offsets, nb::arg("offsets"))
+        .def("set_ends", &set_ends, nb::arg("ends"))
         .def("minimise", &minimise, nb::arg("knots"), nb::arg("durations"), nb::arg("free"), nb::arg("iterations"),
              nb::arg("precision"), nb::arg("stop").none());
 }

@@ -5,17 +5,11 @@
 #include <functional>
 #include <vector>
 
-#include "costs.hpp"
 #include "lbfgs.hpp"
+#include "samples.hpp"
 #include "snap.hpp"
 
 namespace goshawk {
-
-constexpr int kAxes = 4;  // x, y, z, yaw
-
-struct Prices {
-    double snap, limits, clearance, heading, turning;
-};
 
 // Distances (count) and their gradients (count, 3) at points (count, 3).
 using Distances = std::function<void(const double* points, std::size_t count, double* distance, double* gradient)>;
@@ -25,7 +19,11 @@ class Problem {
     Problem(std::size_t segments, std::size_t samples, const Airframe& airframe, const Prices& prices,
             double clearance_m, Distances distances);
 
-    std::vector<double>& offsets() { return offsets_; }
+    // Added to each excess: (k, samples, limits).
+    void set_offsets(const double* offsets);
+
+    // Velocity, acceleration and jerk at the start and at the end, (2, 3, 4); at rest if never set.
+    void set_ends(const double* ends);
 
     // knots (k + 1, 4), durations (k,); fills the gradients of the same shapes.
     double evaluate(const double* knots, const double* durations, double* by_knots, double* by_durations);
@@ -38,29 +36,29 @@ class Problem {
 
   private:
     struct SafeBall {
-        Vec centre;
-        double radius = -1.0;
+        double centre[3] = {}, radius = -1.0;
     };
-    struct Instant {
-        double derivative[5][kAxes];
-        Motion motion() const;
-    };
-    static Instant instant(const std::vector<double>& basis, const Ends<kAxes>& scaled, double T);
     void start(const double* knots, const double* durations);
     void ask_distances(const double* durations);
     double segment_cost(std::size_t i, double T, double& by_T);
+    Samples samples_of(std::size_t segment) const;
     double snap_cost(std::size_t i, double T, double& by_T);
     void adjoint(const double* durations, double* by_knots, double* by_durations);
 
-    std::size_t segments_, samples_;
+    // Place of a number in arrays (segments, packs, rows, lanes).
+    std::size_t place(std::size_t segment, std::size_t sample, std::size_t rows = 1, std::size_t row = 0) const {
+        return ((segment * packs_ + sample / kLanes) * rows + row) * kLanes + sample % kLanes;
+    }
+
+    std::size_t segments_, samples_, packs_;
     Airframe airframe_;
     Prices prices_;
     double clearance_m_;
     Distances distances_;
-    std::vector<std::vector<double>> basis_;  // per sample (5, 8): derivatives by u from scaled states
-    std::vector<double> share_;               // of the segment's time that each sample answers for
-    std::vector<double> offsets_, states_, by_states_;
-    std::vector<double> points_, distance_, gradient_, asked_distance_, asked_gradient_;
+    const Kernels& kernels_;
+    std::vector<double> basis_, share_, offsets_, distance_, uphill_;  // see Samples
+    std::vector<double> ends_, states_, by_states_;
+    std::vector<double> points_, asked_distance_, asked_gradient_;
     std::vector<std::size_t> asked_;
     std::vector<SafeBall> safe_;
     SnapSystem system_;

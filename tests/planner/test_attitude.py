@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-import vehicle
 from planner import attitude, gate, minimum_snap
 from planner.options import PlanOptions
 from vehicle import flatness, native

@@ -66,8 +66,9 @@ def test_the_gradient_is_that_of_finite_differences(seed, only):
             for e in steps
         ]
     ).reshape(p.knots.shape)
-    assert np.allclose(by_T, numeric_T, rtol=2e-5, atol=1e-5 * (1.0 + np.abs(by_T).max()))
-    assert np.allclose(by_knots, numeric_knots, rtol=2e-5, atol=1e-5 * (1.0 + np.abs(by_knots).max()))
+    # The field's own gradient is a difference over a tenth of a millimetre.
+    assert np.allclose(by_T, numeric_T, rtol=2e-5, atol=3e-5 * (1.0 + np.abs(by_T).max()))
+    assert np.allclose(by_knots, numeric_knots, rtol=2e-5, atol=3e-5 * (1.0 + np.abs(by_knots).max()))
 
 
 @settings(max_examples=30, deadline=None)
