@@ -54,11 +54,11 @@ class Problem:
         """The cost; fills its gradients."""
     def excess(
         self,
-        knots: NDArray[np.float64],
+        states: Annotated[NDArray[np.float64], "(k + 1, 4, 4)"],
         durations: NDArray[np.float64],
         out: Annotated[NDArray[np.float64], "(k, samples, 13)"],
     ) -> None:
-        """Fills in the relative excess over each limit."""
+        """Fills in the relative excess over each limit, of any spline."""
     def set_offsets(self, offsets: Annotated[NDArray[np.float64], "(k, samples, 13)"]) -> None:
         """What is added to each excess."""
     def set_ends(self, ends: Annotated[NDArray[np.float64], "(2, 3, 4)"]) -> None:

@@ -85,11 +85,14 @@ def check(
     options: PlanOptions | None = None,
     *,
     waypoints_world_m: FloatArray | None = None,
+    known: limits.Known | None = None,
 ) -> GateReport:
     """Check a trajectory against a field and a vehicle.
 
     Args:
         waypoints_world_m: (n, 3) points it must reach in this order; None if it need not reach any.
+        known: what was found of another trajectory with the same vehicle and options; limits are not worked out again
+            for segments that both have in common. Everything else is.
     """
     options = PlanOptions() if options is None else options
     finite = _finite(trajectory)
@@ -102,7 +105,7 @@ def check(
         checks += _rest(trajectory) + _continuity(trajectory)
         checks += [_clearance_check(clearance, options.clearance_m)]
         bounds = options.limits_for(vehicle)
-        usage, found = limits.measure(trajectory, vehicle, bounds, step_s=options.sample_step_s)
+        usage, found = limits.measure(trajectory, vehicle, bounds, step_s=options.sample_step_s, known=known)
         checks += found
     return GateReport(
         checks=tuple(checks),

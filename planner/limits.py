@@ -95,6 +95,10 @@ class Usage:
         return int(np.argmax(np.where(np.isfinite(value), value, np.inf)))
 
 
+Known = tuple[Trajectory, Usage]
+"""A trajectory and what was found of it."""
+
+
 def check(
     trajectory: Trajectory, vehicle: Vehicle, limits: Limits | None = None, *, step_s: float = 0.005
 ) -> list[Check]:
@@ -103,11 +107,11 @@ def check(
 
 
 def measure(
-    trajectory: Trajectory, vehicle: Vehicle, limits: Limits, *, step_s: float
+    trajectory: Trajectory, vehicle: Vehicle, limits: Limits, *, step_s: float, known: Known | None = None
 ) -> tuple[Usage | None, list[Check]]:
     """As `check`, and the usage of each segment; None where the vehicle's model has no answer."""
     try:
-        used = usage(trajectory, vehicle, limits, step_s=step_s)
+        used = usage(trajectory, vehicle, limits, step_s=step_s, known=known)
     except FlightError as error:
         rows = zip(NAMES, _bounds(limits).tolist(), _UNITS, strict=True)
         return None, [Check(name, np.nan, bound, unit, False, reason=str(error)) for name, bound, unit in rows]
@@ -137,17 +141,40 @@ def excess_text(used: Usage, limit: int, segment: int, trajectory: Trajectory) -
     return f"{where}: {NAMES[limit]} {value:.4g} {unit}, limit {used.bound[limit]:.4g}; give it {longer:.2f} s"
 
 
-def usage(trajectory: Trajectory, vehicle: Vehicle, limits: Limits, *, step_s: float) -> Usage:
+def usage(
+    trajectory: Trajectory, vehicle: Vehicle, limits: Limits, *, step_s: float, known: Known | None = None
+) -> Usage:
     """How much of each limit each segment uses.
+
+    Args:
+        known: usage of another trajectory by the same vehicle within the same limits; segments that are equal to one of
+            its segments, bit by bit, are not looked at again.
 
     Raises:
         FlightError: the vehicle's model has no answer.
     """
-    value, time_s = _attitude_bounds(trajectory, vehicle, limits, step_s)
-    value[_SLOWEST] *= -1.0
-    for derivative in (1, 2):
-        value[derivative - 1], time_s[derivative - 1] = certified_maxima(trajectory, derivative)
-    return Usage(value, time_s, _shares(value, limits, _hover(vehicle)), _bounds(limits))
+    k, starts = len(trajectory.durations_s), trajectory.starts_s[:-1]
+    value, after_s, new = np.empty((len(NAMES), k)), np.empty((len(NAMES), k)), np.ones(k, dtype=bool)
+    if known is not None:
+        path, used = known
+        where = {key: i for i, key in enumerate(_keys(path))}
+        same = np.array([where.get(key, -1) for key in _keys(trajectory)])
+        new = same < 0
+        value[:, ~new] = used.value[:, same[~new]]
+        after_s[:, ~new] = used.time_s[:, same[~new]] - path.starts_s[same[~new]]
+    if new.any():
+        some = Trajectory(trajectory.durations_s[new], trajectory.coefficients[new])
+        found, time_s = _attitude_bounds(some, vehicle, limits, step_s)
+        found[_SLOWEST] *= -1.0
+        for derivative in (1, 2):
+            found[derivative - 1], time_s[derivative - 1] = certified_maxima(some, derivative)
+        value[:, new], after_s[:, new] = found, time_s - some.starts_s[:-1]
+    return Usage(value, starts + after_s, _shares(value, limits, _hover(vehicle)), _bounds(limits))
+
+
+def _keys(trajectory: Trajectory) -> list[bytes]:
+    pairs = zip(trajectory.durations_s, trajectory.coefficients, strict=True)
+    return [duration.tobytes() + coefficients.tobytes() for duration, coefficients in pairs]
 
 
 def _attitude_bounds(

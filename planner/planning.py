@@ -89,14 +89,16 @@ def _flyable(
 ) -> Path:
     """The fastest path; one in a corridor of boxes where that is asked for or the fastest stays too close."""
 
-    def ask_gate(trajectory: Trajectory) -> GateReport:
-        return gate.check(trajectory, field, vehicle, options, waypoints_world_m=waypoints.positions_world_m)
+    def ask_gate(trajectory: Trajectory, known: limits.Known | None = None) -> GateReport:
+        reached = waypoints.positions_world_m
+        return gate.check(trajectory, field, vehicle, options, waypoints_world_m=reached, known=known)
 
     dense = routes.subdivided(route, field)
     problem, start = fastest.rough(dense, field, vehicle, options, stop)
     if options.method == "fastest":
         problem, durations, index = fastest.whole_vehicle(problem, start, dense.waypoint, waypoints.yaw_rad, options)
-        path = fastest.until_flyable(problem, durations, index, vehicle, options, ask_gate, stop)
+        begin = minimum_snap.solve(problem.knots, durations)
+        path = fastest.until_flyable(problem, begin, index, vehicle, options, ask_gate, stop)
         if path is not None:
             return path if path.report.passed else _slowed(path, vehicle, options, ask_gate)
     spline, method = repair.through_corridor(dense, start.durations_s, field, options)

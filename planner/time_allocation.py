@@ -5,7 +5,7 @@ the positions of the knots no pilot asked for, and the headings that are open. G
 back-substitution); the minimiser is compiled, and may be stopped from another thread.
 """
 
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 
@@ -58,6 +58,20 @@ class Problem:
     weights: Weights
     offsets: FloatArray | None = None
     """(k, SAMPLES, limits) added to each excess: what the vehicle's own model says beyond the reduced one."""
+    ends: FloatArray | None = None
+    """(2, 3, 4) velocity, acceleration and jerk at the start and at the end; at rest if None."""
+
+    def part(self, first: int, last: int, spline: minimum_snap.Spline) -> "Problem":
+        """The segments from knot `first` to knot `last` alone; both keep the state they have in the spline."""
+        free = self.free[first : last + 1].copy()
+        free[[0, -1]] = False
+        return replace(
+            self,
+            knots=spline.states[first : last + 1, 0].copy(),
+            free=free,
+            offsets=None if self.offsets is None else self.offsets[first:last],
+            ends=spline.states[[first, last], 1:],
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,7 +98,7 @@ def cost_and_gradient(
 def cost_numpy(problem: Problem, knots: FloatArray, durations_s: FloatArray) -> float:
     """The NumPy reference of the cost."""
     T, weights = durations_s, problem.weights
-    spline = minimum_snap.solve(knots, T)
+    spline = _spline(problem, knots, T)
     motion = derivatives(spline)
     over = airframe.excess_numpy(problem.airframe, motion.reshape(-1, 5, 4)).reshape(len(T), SAMPLES, -1)
     if problem.offsets is not None:
@@ -110,15 +124,15 @@ def derivatives(spline: minimum_snap.Spline) -> FloatArray:
     )
 
 
-def excess(problem: Problem, solution: Solution) -> tuple[FloatArray, FloatArray]:
+def excess(problem: Problem, spline: minimum_snap.Spline) -> tuple[FloatArray, FloatArray]:
     """Relative excess over each limit as the optimiser sees it, without the offsets: two arrays (k, SAMPLES, limits).
 
     Returns:
         At each sample, and the largest up to half-way to the next ones.
     """
-    segments, half = len(solution.durations_s), _BETWEEN // 2
+    segments, half = len(spline.durations_s), _BETWEEN // 2
     fine = np.empty((segments, (SAMPLES - 1) * _BETWEEN + 1, airframe.COLUMNS))
-    _kernel(problem, fine.shape[1]).excess(solution.knots, solution.durations_s, fine)
+    _kernel(problem, fine.shape[1]).excess(spline.states, spline.durations_s, fine)
     around = np.pad(fine, ((0, 0), (half, half), (0, 0)), mode="edge")
     peaks = np.max([around[:, i : i + fine.shape[1] : _BETWEEN] for i in range(2 * half + 1)], axis=0)
     return fine[:, ::_BETWEEN], peaks
@@ -142,7 +156,12 @@ def optimise(
     cost, evaluations, converged, stopped = _kernel(problem).minimise(knots, T, free, iterations, precision, stop)
     if stopped:
         raise PlanCancelledError("the plan was cancelled")
-    return Solution(knots, T, minimum_snap.solve(knots, T), cost, evaluations, converged)
+    return Solution(knots, T, _spline(problem, knots, T), cost, evaluations, converged)
+
+
+def _spline(problem: Problem, knots: FloatArray, durations_s: FloatArray) -> minimum_snap.Spline:
+    start, end = (None, None) if problem.ends is None else problem.ends
+    return minimum_snap.solve(knots, durations_s, start=start, end=end)
 
 
 def _kernel(problem: Problem, samples: int = SAMPLES) -> Kernel:
@@ -152,6 +171,8 @@ def _kernel(problem: Problem, samples: int = SAMPLES) -> Kernel:
     )
     if problem.offsets is not None and samples == SAMPLES:
         kernel.set_offsets(np.ascontiguousarray(problem.offsets))
+    if problem.ends is not None:
+        kernel.set_ends(np.ascontiguousarray(problem.ends))
     return kernel
 
 

@@ -106,9 +106,9 @@ double evaluate(Problem& problem, In knots, In durations, Out by_knots, Out by_d
     return problem.evaluate(knots.data(), durations.data(), by_knots.data(), by_durations.data());
 }
 
-void excess(Problem& problem, In knots, In durations, Out out) {
+void excess(const Problem& problem, In states, In durations, Out out) {
     nb::gil_scoped_release release;
-    problem.excess(knots.data(), durations.data(), out.data());
+    problem.excess(states.data(), durations.data(), out.data());
 }
 
 void set_offsets(Problem& problem, In offsets) { problem.set_offsets(offsets.data()); }
@@ -143,7 +143,7 @@ void bind_optimise(nb::module_& m) {
              nb::arg("clearance_m"), nb::arg("distances"))
         .def("evaluate", &evaluate, nb::arg("knots"), nb::arg("durations"), nb::arg("by_knots"),
              nb::arg("by_durations"))
-        .def("excess", &excess, nb::arg("knots"), nb::arg("durations"), nb::arg("out"))
+        .def("excess", &excess, nb::arg("states"), nb::arg("durations"), nb::arg("out"))
         .def("set_offsets", &set_offsets, nb::arg("offsets"))
         .def("set_ends", &set_ends, nb::arg("ends"))
         .def("minimise", &minimise, nb::arg("knots"), nb::arg("durations"), nb::arg("free"), nb::arg("iterations"),

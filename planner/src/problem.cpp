@@ -198,11 +198,10 @@ double Problem::evaluate(const double* knots, const double* durations, double* b
     return cost;
 }
 
-void Problem::excess(const double* knots, const double* durations, double* out) {
-    start(knots, durations);
+void Problem::excess(const double* states, const double* durations, double* out) const {
     std::vector<double> packed(packs_ * kLimits * kLanes);
     for (std::size_t i = 0; i < segments_; ++i) {
-        const Ends<kAxes> scaled = scaled_ends<kAxes>(states_.data(), i, durations[i]);
+        const Ends<kAxes> scaled = scaled_ends<kAxes>(states, i, durations[i]);
         kernels_.excess(samples_of(i), airframe_, scaled.row, durations[i], packed.data());
         for (std::size_t s = 0; s < samples_; ++s)
             for (std::size_t l = 0; l < kLimits; ++l) *out++ = packed[place(0, s, kLimits, l)];

@@ -28,8 +28,9 @@ class Problem {
     // knots (k + 1, 4), durations (k,); fills the gradients of the same shapes.
     double evaluate(const double* knots, const double* durations, double* by_knots, double* by_durations);
 
-    // Excess over each limit at each sample, (k, samples, limits), without the offsets.
-    void excess(const double* knots, const double* durations, double* out);
+    // Excess over each limit at each sample, (k, samples, limits), without the offsets; of any spline, given by its knot
+    // states (k + 1, 4, 4).
+    void excess(const double* states, const double* durations, double* out) const;
 
     // From knots and durations to those of least cost, in place; only numbers marked free (k + 1, 4) move.
     Descent minimise(double* knots, double* durations, const unsigned char* free, Lbfgs& method);
