@@ -5,6 +5,7 @@ from planner.gate import GateReport
 from planner.limits import Check
 from planner.options import PlanCancelledError, PlanInfeasibleError, PlanOptions
 from planner.planning import Plan, plan, save_plan, trajectory_file
+from planner.session import Planner
 
 __all__ = [
     "Check",
@@ -13,6 +14,7 @@ __all__ = [
     "PlanCancelledError",
     "PlanInfeasibleError",
     "PlanOptions",
+    "Planner",
     "StopFlag",
     "plan",
     "save_plan",

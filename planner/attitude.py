@@ -28,6 +28,8 @@ _REACH = 1.1
 _DOUBT = 5.0
 """Error over the sum of the last four coefficients: at most this where a force has a kink (drag changes sign); the
 excess seen beyond it was 0.1 % of a rotor's speed."""
+_ROUGHLY = 1e-6
+"""Accuracy of the attitudes from which the rates that forces depend on are taken."""
 _LONGEST_S = 0.5
 """Of a piece, where only samples are asked for."""
 _PARTS = 4
@@ -79,11 +81,11 @@ def coefficients(vehicle: Vehicle, trajectory: Trajectory, pieces: Pieces) -> Fl
         slope, bend = (first @ at * rate).reshape(n, 4), (second @ at * rate**2).reshape(n, 4)
         return 2.0 * rotations.multiply(back, slope)[:, 1:], 2.0 * rotations.multiply(back, bend)[:, 1:]
 
-    body_rate, found = np.zeros((n, 3)), None
-    for _ in range(2):  # forces depend a little on the rates, which come from the attitudes
-        found = flatness.attitudes(vehicle, velocity, acceleration, yaw, body_rate, found)
-        body_rate, turn = turning(found[0])
-    q, speed = found
+    # Forces depend a little on the rates, which come from the attitudes.
+    rough = flatness.attitudes(vehicle, velocity, acceleration, yaw, np.zeros((n, 3)), tolerance=_ROUGHLY)
+    body_rate, _ = turning(rough[0])
+    q, speed = flatness.attitudes(vehicle, velocity, acceleration, yaw, body_rate, rough)
+    body_rate, turn = turning(q)
     back, body = rotations.conjugate(q), rigid_body(vehicle)
     torque = turn @ body.inertia_kg_m2.T + np.cross(body_rate, body_rate @ body.inertia_kg_m2.T)
     required = float(body.mass_kg) * (acceleration + np.array([0.0, 0.0, GRAVITY_M_S2]))

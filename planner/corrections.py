@@ -28,6 +28,19 @@ class Corrections:
         self.model, self.between, self.multiplier = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         self.gate = np.full((segments, 1, airframe.COLUMNS), _SPARE)
 
+    def spliced(self, first: int, last: int, segments: int) -> "Corrections":
+        """A copy in which the segments from `first` up to `last` are replaced by so many new ones, none measured yet.
+
+        Where the number stays the same, what was measured of the old ones is where the new ones start from.
+        """
+        copy = Corrections(len(self.model) - (last - first) + segments)
+        new = 0 if segments == last - first else segments
+        for name in ("model", "between", "multiplier", "gate"):
+            old, fresh = getattr(self, name), getattr(copy, name)
+            middle = fresh[first : first + new] if new else old[first:last]
+            setattr(copy, name, np.concatenate([old[:first], middle, old[last:]]))
+        return copy
+
     def total(self) -> FloatArray:
         return self.model + self.between + self.multiplier + self.gate
 

@@ -37,6 +37,15 @@ _REACH, _FAR = 4, 6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Kept:
+    """How an optimised path came about."""
+
+    problem: Problem
+    spline: minimum_snap.Spline
+    corrections: Corrections
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Path:
     """A trajectory as it went through the gate, and how it came about."""
 
@@ -47,10 +56,8 @@ class Path:
     report: GateReport
     optimum_s: float
     """What the optimiser took for the shortest time when it first ended."""
-    spline: minimum_snap.Spline | None = None
-    problem: Problem | None = None
-    corrections: Corrections | None = None
-    """What it was optimised from; None for a path in a corridor."""
+    kept: Kept | None = None
+    """From what it can be optimised further; None for a path in a corridor, and for one that was slowed down."""
 
 
 def rough(
@@ -118,6 +125,7 @@ def until_flyable(
     stop: StopFlag | None,
     *,
     wrong: np.ndarray | None = None,
+    iterations: int = _IN_PART,
     corrections: Corrections | None = None,
     known: limits.Known | None = None,
 ) -> Path | None:
@@ -129,6 +137,7 @@ def until_flyable(
 
     Args:
         spline: durations to start from; where `wrong` is given, the path itself.
+        iterations: of the first round about `wrong`.
         corrections, known: those of an earlier answer, and what the gate found of it.
     """
     corrections = Corrections(len(spline.durations_s)) if corrections is None else corrections
@@ -140,7 +149,8 @@ def until_flyable(
             spline = time_allocation.optimise(problem, spline.durations_s, iterations=_WHOLE[round_], stop=stop).spline
         else:
             touched = windows.grown(wrong, _REACH if round_ > begun else _FAR)
-            spline = windows.optimise(problem, spline, touched, iterations=_IN_PART, stop=stop)
+            most = _IN_PART if round_ > begun else iterations
+            spline = windows.optimise(problem, spline, touched, iterations=most, stop=stop)
         problem = replace(problem, knots=spline.states[:, 0])
         optimum_s = float(spline.durations_s.sum()) if round_ == begun else optimum_s
         path = minimum_snap.trajectory(spline)
@@ -152,7 +162,8 @@ def until_flyable(
             report = ask_gate(path, known)
             if report.passed or last or report.usage is None:
                 method = "bent" if bends else "direct"
-                return Path(path, waypoint, method, report, optimum_s, spline, problem, corrections)
+                kept = Kept(problem, spline, corrections)
+                return Path(path, waypoint, method, report, optimum_s, kept)
             known = path, report.usage
             corrections.stricter(report.usage)
             exceeded |= ~report.usage.passed.all(axis=0)

@@ -60,6 +60,20 @@ def plan(
         PlanCancelledError: `stop` was set, from another thread.
     """
     options = PlanOptions() if options is None else options
+    path, route = from_scratch(waypoints, field, vehicle, options, progress=progress, stop=stop)
+    return Plan(path.trajectory, path.report, waypoints, route.points, path.method, path.optimum_s)
+
+
+def from_scratch(
+    waypoints: Waypoints,
+    field: space.DistanceField,
+    vehicle: Vehicle,
+    options: PlanOptions,
+    *,
+    progress: Progress = silent,
+    stop: StopFlag | None = None,
+) -> tuple[Path, routes.Route]:
+    """As `plan`, with what a later plan can start from."""
     progress("route", 0.0)
     _check_vehicle(vehicle)
     routes.check_waypoints(waypoints, field, options.waypoint_clearance_m)
@@ -69,7 +83,7 @@ def plan(
     progress("gate", 1.0)
     if not path.report.passed:
         raise _refused(path)
-    return Plan(path.trajectory, path.report, waypoints, route.points, path.method, path.optimum_s)
+    return path, route
 
 
 def _check_vehicle(vehicle: Vehicle) -> None:
@@ -126,7 +140,7 @@ def _slowed(path: Path, vehicle: Vehicle, options: PlanOptions, ask_gate: Callab
         raise PlanInfeasibleError(str(error), "check the vehicle's limits") from error
     for more in (1.0, *_SLOWER):
         trajectory = path.trajectory.scale_time(factor * more)
-        slowed = replace(path, trajectory=trajectory, report=ask_gate(trajectory))
+        slowed = replace(path, trajectory=trajectory, report=ask_gate(trajectory), kept=None)
         if slowed.report.passed or not all(check.name in limits.NAMES for check in slowed.report.failures):
             break
     return slowed

@@ -80,7 +80,7 @@ def find(waypoints: Waypoints, field: space.DistanceField, options: PlanOptions)
     found, index = [points[0]], [0]
     for i, line in enumerate(lines):
         if not line.free:
-            way = _way_round(field, points, i, options, grids)
+            way = way_round(field, points, i, options, grids)
             if way is None:
                 raise PlanInfeasibleError(
                     f"no path keeps {required:.2f} m of clearance (the straight line keeps {line.distance_m:.2f} m)",
@@ -94,7 +94,7 @@ def find(waypoints: Waypoints, field: space.DistanceField, options: PlanOptions)
     return Route(np.array(found), np.array(index))
 
 
-def _way_round(
+def way_round(
     field: space.DistanceField, points: FloatArray, leg: int, options: PlanOptions, grids: dict[float, search.Lattice]
 ) -> FloatArray | None:
     """Search near the waypoints first, then far round them; `grids` keeps what was sampled for the other legs."""

@@ -16,8 +16,6 @@ from vehicle.model import Vehicle, rigid_body
 
 _OFFSET_S = 2e-3
 """Spacing of the five instants from which rates are taken: truncation and rounding are both near 1e-8 rad/s there."""
-_ALIGNED = 1e-10
-"""Change of an attitude at which it has settled, in `attitudes`."""
 _FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
 _SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
 
@@ -84,6 +82,8 @@ def attitudes(
     yaw_rad: FloatArray,
     rate_body_rad_s: FloatArray,
     start: tuple[FloatArray, FloatArray] | None = None,
+    *,
+    tolerance: float = 1e-10,
 ) -> tuple[FloatArray, FloatArray]:
     """Attitude and even rotor speeds for given motions far from the ground, when the body's rates are known.
 
@@ -91,6 +91,7 @@ def attitudes(
         velocity_world_m_s, acceleration_world_m_s2, rate_body_rad_s: (n, 3).
         yaw_rad: (n,).
         start: an earlier answer for nearly the same motions.
+        tolerance: change of an attitude at which it has settled.
 
     Returns:
         Attitudes (n, 4) and rotor speeds (n, 4) whose force gives the acceleration; torque is not looked at.
@@ -108,7 +109,7 @@ def attitudes(
     rows = np.column_stack([velocity_world_m_s, acceleration_world_m_s2, np.full(n, np.inf), yaw_rad])
     out = np.hstack(start)
     rate = np.ascontiguousarray(rate_body_rad_s)
-    kernel.model.attitudes(kernel.values, GRAVITY_M_S2, _ALIGNED, rows, rate, out)
+    kernel.model.attitudes(kernel.values, GRAVITY_M_S2, tolerance, rows, rate, out)
     return out[:, :4], out[:, 4:]
 
 
