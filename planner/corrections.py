@@ -23,8 +23,9 @@ _IMPOSSIBLE = 0.2
 class Corrections:
     """What is added to the reduced model's excess at each sample, (k, samples, limits)."""
 
-    def __init__(self, segments: int) -> None:
-        shape = (segments, time_allocation.SAMPLES, airframe.COLUMNS)
+    def __init__(self, legs: FloatArray) -> None:
+        """`legs` is what speeds asked for on legs add to the excess, of the same shape."""
+        self.legs, shape, segments = legs, legs.shape, len(legs)
         self.model, self.between, self.multiplier = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         self.gate = np.full((segments, 1, airframe.COLUMNS), _SPARE)
 
@@ -33,29 +34,29 @@ class Corrections:
 
         Where the number stays the same, what was measured of the old ones is where the new ones start from.
         """
-        copy = Corrections(len(self.model) - (last - first) + segments)
-        new = 0 if segments == last - first else segments
+        fresh = Corrections(np.zeros((segments, *self.legs.shape[1:])))
+        copy = Corrections(np.concatenate([self.legs[:first], fresh.legs, self.legs[last:]]))
         for name in ("model", "between", "multiplier", "gate"):
-            old, fresh = getattr(self, name), getattr(copy, name)
-            middle = fresh[first : first + new] if new else old[first:last]
-            setattr(copy, name, np.concatenate([old[:first], middle, old[last:]]))
+            old = getattr(self, name)
+            new = old[first:last] if segments == last - first else getattr(fresh, name)
+            setattr(copy, name, np.concatenate([old[:first], new, old[last:]]))
         return copy
 
     def total(self) -> FloatArray:
-        return self.model + self.between + self.multiplier + self.gate
+        return self.legs + self.model + self.between + self.multiplier + self.gate
 
     def measure(
         self, problem: Problem, spline: Spline, path: Trajectory, vehicle: Vehicle, touched: np.ndarray
     ) -> FloatArray:
         """Ask the vehicle's own model in segments `touched` (k,); what it says each excess is, (k, samples, limits)."""
         reduced, peaks = time_allocation.excess(problem, spline)
-        near = np.flatnonzero(touched & ((peaks + self.model).max(axis=(1, 2)) > -_NEAR))
+        near = np.flatnonzero(touched & ((peaks + self.legs + self.model).max(axis=(1, 2)) > -_NEAR))
         if near.size:
             full = airframe.measured_excess(problem.airframe, vehicle, path, near, time_allocation.FRACTIONS)
             full = np.where(np.isfinite(full), full, np.maximum(reduced[near], 0.0) + _IMPOSSIBLE)
             self.model[near] = np.clip(full - reduced[near], -_MOST, _MOST)
         self.between = peaks - reduced
-        return peaks + self.model
+        return peaks + self.legs + self.model
 
     def press(self, excess: FloatArray, touched: np.ndarray) -> None:
         """Raise the multipliers of what is exceeded, lower those of what is not, where it was optimised."""

@@ -15,13 +15,14 @@ import esdf
 from flight import FloatArray, Trajectory
 from planner import airframe, heading, hermite, limits, minimum_snap, routes, space, time_allocation, windows
 from planner._planner import StopFlag
+from planner.conditions import Conditions
 from planner.corrections import Corrections
 from planner.gate import GateReport
 from planner.options import PlanOptions
 from planner.time_allocation import Problem, Solution, Weights
-from vehicle import Vehicle
+from vehicle import Limits, Vehicle
 
-_AIM_M = 0.02
+AIM_M = 0.02
 """What the optimiser keeps beyond the required clearance, for what lies between the samples it looks at."""
 _SHORTEST_S = 0.2
 """Segments are not cut into shorter pieces: the vehicle could make nothing of them."""
@@ -34,6 +35,15 @@ _FEW = 0.4
 """Share of the segments below which only those that exceed a limit, and their neighbours, are optimised again."""
 _REACH, _FAR = 4, 6
 """Neighbours on either side that are; so many where a waypoint has moved."""
+_YAW_PRICES = {
+    "along_path": (0.4, 1e-4),
+    "look_at": (5.0, 1e-4),
+    "smooth": (0.0, 0.01),
+    "steady": (0.0, 0.0),
+    "fixed": (0.0, 0.0),
+    "free": (0.0, 1e-5),
+}
+"""Price of not looking where one should, and of turning, for each yaw mode."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,20 +71,34 @@ class Path:
 
 
 def rough(
-    route: routes.Route, field: space.DistanceField, vehicle: Vehicle, options: PlanOptions, stop: StopFlag | None
+    route: routes.Route,
+    field: space.DistanceField,
+    vehicle: Vehicle,
+    options: PlanOptions,
+    asked: Conditions,
+    stop: StopFlag | None,
 ) -> tuple[Problem, Solution]:
     """Least time with few knots and the heading left alone, at a price on snap that keeps it smooth."""
     frame = airframe.reduced(vehicle, options.limits_for(vehicle))
+    velocity = asked.at_knots(route.waypoint)
     problem = Problem(
         knots=np.column_stack([route.points, np.zeros(len(route.points))]),
         free=np.outer(route.waypoint < 0, [True, True, True, False]),
         airframe=frame,
         field=field,
-        clearance_m=space.aim(field, options.clearance_m) + _AIM_M,
+        clearance_m=space.aim(field, options.clearance_m) + AIM_M,
         weights=Weights(snap=1e-5),
+        offsets=_leg_offsets(asked, route.waypoint, options.limits_for(vehicle)),
+        start=asked.start,
+        end=asked.end,
+        velocity=velocity,
+        target_world_m=options.target_world_m,
     )
     lengths = np.linalg.norm(np.diff(route.points, axis=0), axis=1)
-    slow = np.maximum(lengths, 0.3) / (0.3 * min(frame.speed_m_s, frame.acceleration_m_s2))
+    pace = np.full(len(route.points), 0.3 * min(frame.speed_m_s, frame.acceleration_m_s2))
+    for knot, given in _given_speeds(asked, velocity):
+        pace[knot] = max(pace[knot], given)
+    slow = np.maximum(lengths, 0.3) / np.maximum(pace[:-1], pace[1:])
     return problem, time_allocation.optimise(problem, slow, iterations=150, stop=stop)
 
 
@@ -84,6 +108,7 @@ def whole_vehicle(
     waypoint: np.ndarray,
     asked_rad: FloatArray,
     options: PlanOptions,
+    conditions: Conditions,
 ) -> tuple[Problem, FloatArray, np.ndarray]:
     """The problem with more knots, the heading and hardly any price on snap; durations; which waypoint each knot is.
 
@@ -92,13 +117,35 @@ def whole_vehicle(
     """
     knots, durations, waypoint = _split(start.spline, waypoint, options.pieces)
     asked = np.where(waypoint >= 0, asked_rad[waypoint], np.nan)
-    along = options.yaw == "along_path"
-    first = minimum_snap.solve(knots[:, :3], durations)
-    knots[:, 3] = heading.solve(first, asked, smoothing_s=_SMOOTHING_S, along_path=along)[:, 0]
+    problem = replace(problem, velocity=conditions.at_knots(waypoint), offsets=None)
+    first = minimum_snap.Spline(durations, problem.spline(knots, durations).states[..., :3])
+    held = heading.constant(first, asked, options)
+    if held is None:
+        looking = options.yaw in ("along_path", "look_at")
+        target = options.target_world_m
+        turned = heading.solve(first, asked, smoothing_s=_SMOOTHING_S, along_path=looking, target_world_m=target)
+        knots[:, 3] = turned[:, 0]
+    else:
+        knots[:, 3] = held
     free = np.repeat((waypoint < 0)[:, None], 4, axis=1)
-    free[:, 3] = np.isnan(asked)
-    weights = Weights(snap=1e-7, limits=1500.0, heading=0.4 if along else 0.0, turning=1e-4 if along else 0.01)
+    free[:, 3] = np.isnan(asked) & (held is None)
+    price, turning = _YAW_PRICES[options.yaw]
+    weights = Weights(snap=1e-7, limits=1500.0, heading=price, turning=turning)
     return replace(problem, knots=knots, free=free, weights=weights), durations, waypoint
+
+
+def _leg_offsets(asked: Conditions, waypoint: np.ndarray, limits: Limits) -> FloatArray:
+    """(k, samples, limits) what the speeds asked for on legs add to the excess over the vehicle's own speed."""
+    offsets = np.zeros((len(waypoint) - 1, time_allocation.SAMPLES, airframe.COLUMNS))
+    offsets[:, :, airframe.NAMES.index("speed")] = asked.speed_offsets(waypoint, limits)[:, None]
+    return offsets
+
+
+def _given_speeds(asked: Conditions, velocity: FloatArray | None) -> list[tuple[int, float]]:
+    """Knots whose speed is given, and that speed."""
+    inner = [] if velocity is None else [(int(i), velocity[i]) for i in np.flatnonzero(np.isfinite(velocity[:, 0]))]
+    ends = [(knot, motion[0]) for knot, motion in ((0, asked.start), (-1, asked.end)) if motion is not None]
+    return [(knot, float(np.linalg.norm(v[:3]))) for knot, v in inner + ends]
 
 
 def _split(spline: minimum_snap.Spline, waypoint: np.ndarray, most: int) -> tuple[FloatArray, FloatArray, np.ndarray]:
@@ -121,6 +168,8 @@ def until_flyable(
     waypoint: np.ndarray,
     vehicle: Vehicle,
     options: PlanOptions,
+    field: space.DistanceField,
+    conditions: Conditions,
     ask_gate: Callable[[Trajectory, limits.Known | None], GateReport],
     stop: StopFlag | None,
     *,
@@ -140,7 +189,9 @@ def until_flyable(
         iterations: of the first round about `wrong`.
         corrections, known: those of an earlier answer, and what the gate found of it.
     """
-    corrections = Corrections(len(spline.durations_s)) if corrections is None else corrections
+    legs = _leg_offsets(conditions, waypoint, options.limits_for(vehicle))
+    corrections = Corrections(legs) if corrections is None else corrections
+    corrections.legs = legs
     optimum_s, bends, begun = np.nan, 0, len(_WHOLE) if wrong is not None else 0
     for round_ in range(begun, _ROUNDS):
         problem = replace(problem, offsets=corrections.total())
@@ -156,7 +207,7 @@ def until_flyable(
         path = minimum_snap.trajectory(spline)
         excess = corrections.measure(problem, spline, path, vehicle, touched)
         exceeded = excess.max(axis=(1, 2)) > 0.0
-        clearance = esdf.certify(problem.field, path, options.clearance_m)
+        clearance = esdf.certify(field, path, options.clearance_m)
         last = round_ == _ROUNDS - 1
         if clearance.passed and (last or not exceeded.any()):
             report = ask_gate(path, known)

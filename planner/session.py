@@ -13,6 +13,7 @@ import numpy as np
 from flight import FloatArray, InputError, Trajectory, Waypoints
 from planner import fastest, gate, limits, minimum_snap, planning, routes, space
 from planner._planner import StopFlag
+from planner.conditions import Conditions
 from planner.gate import GateReport
 from planner.options import PlanCancelledError, PlanOptions
 from planner.planning import Plan
@@ -45,8 +46,11 @@ class Planner:
         field: space.DistanceField,
         vehicle: Vehicle,
         options: PlanOptions | None = None,
+        *,
+        conditions: Conditions | None = None,
     ) -> None:
         """Plans from scratch. Raises as `planner.plan`."""
+        self._conditions = Conditions() if conditions is None else conditions
         self._field, self._vehicle = field, vehicle
         self._options = PlanOptions() if options is None else options
         self._stop = StopFlag()
@@ -76,6 +80,7 @@ class Planner:
             points = np.insert(old.positions_world_m, index, position_world_m, axis=0)
             new = Waypoints(points, np.insert(old.yaw_rad, index, yaw_rad))
             inside = 0 < index < len(old.yaw_rad)
+            self._count_may_change()
             return self._changed(new, (index - 1, index) if inside else None, (index - 1, index + 1), stop)
 
     def delete(self, index: int) -> Plan:
@@ -84,6 +89,7 @@ class Planner:
             old = self._waypoint(index)
             new = Waypoints(np.delete(old.positions_world_m, index, axis=0), np.delete(old.yaw_rad, index))
             inside = 0 < index < len(new.yaw_rad)
+            self._count_may_change()
             return self._changed(new, (index - 1, index + 1) if inside else None, (index - 1, index), stop)
 
     def limit(self, bounds: Limits) -> Plan:
@@ -133,8 +139,13 @@ class Planner:
             raise InputError(f"there is no waypoint {index}; there are {len(waypoints.yaw_rad)}")
         return waypoints
 
+    def _count_may_change(self) -> None:
+        asked = self._conditions
+        if asked.velocity_world_m_s is not None or asked.leg_speed_m_s is not None:
+            raise InputError("velocities and speeds belong to waypoints by number: start another session with new ones")
+
     def _scratch(self, waypoints: Waypoints, options: PlanOptions, stop: StopFlag) -> tuple[fastest.Path, FloatArray]:
-        path, route = planning.from_scratch(waypoints, self._field, self._vehicle, options, stop=stop)
+        path, route = planning.from_scratch(waypoints, self._field, self._vehicle, options, self._conditions, stop=stop)
         return path, route.points
 
     def _accept(self, path: fastest.Path, route_world_m: FloatArray, waypoints: Waypoints) -> Plan:
@@ -179,9 +190,11 @@ class Planner:
             np.concatenate([kept.spline.durations_s[:first], durations, kept.spline.durations_s[last:]]),
             np.concatenate([kept.spline.states[:first], states, kept.spline.states[last + 1 :]]),
         )
+        waypoint = np.concatenate([number[:first], index, after])
         problem = replace(
             kept.problem,
             knots=spline.states[:, 0],
+            velocity=self._conditions.at_knots(waypoint),
             free=np.concatenate([kept.problem.free[:first], free, kept.problem.free[last + 1 :]]),
         )
         wrong = np.zeros(len(spline.durations_s), dtype=bool)
@@ -190,9 +203,11 @@ class Planner:
         return fastest.until_flyable(
             problem,
             spline,
-            np.concatenate([number[:first], index, after]),
+            waypoint,
             self._vehicle,
             self._options,
+            self._field,
+            self._conditions,
             lambda trajectory, known: self._ask_gate(trajectory, waypoints, known),
             stop,
             wrong=wrong,

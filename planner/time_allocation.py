@@ -58,8 +58,18 @@ class Problem:
     weights: Weights
     offsets: FloatArray | None = None
     """(k, SAMPLES, limits) added to each excess: what the vehicle's own model says beyond the reduced one."""
-    ends: FloatArray | None = None
-    """(2, 3, 4) velocity, acceleration and jerk at the start and at the end; at rest if None."""
+    start: FloatArray | None = None
+    """(3, 4) velocity, acceleration and jerk at the first knot; at rest if None."""
+    end: FloatArray | None = None
+    """The same at the last knot."""
+    velocity: FloatArray | None = None
+    """(k + 1, 4) velocity and yaw rate to be had at inner knots; rows of NaN are open."""
+    target_world_m: FloatArray | None = None
+    """(3,) point that the vehicle looks at, instead of along its path."""
+
+    def spline(self, knots: FloatArray, durations_s: FloatArray) -> minimum_snap.Spline:
+        """The spline of least snap through these knots, with the derivatives that are given."""
+        return minimum_snap.solve(knots, durations_s, start=self.start, end=self.end, velocity=self.velocity)
 
     def part(self, first: int, last: int, spline: minimum_snap.Spline) -> "Problem":
         """The segments from knot `first` to knot `last` alone; both keep the state they have in the spline."""
@@ -70,7 +80,9 @@ class Problem:
             knots=spline.states[first : last + 1, 0].copy(),
             free=free,
             offsets=None if self.offsets is None else self.offsets[first:last],
-            ends=spline.states[[first, last], 1:],
+            start=spline.states[first, 1:],
+            end=spline.states[last, 1:],
+            velocity=None if self.velocity is None else self.velocity[first : last + 1],
         )
 
 
@@ -98,15 +110,17 @@ def cost_and_gradient(
 def cost_numpy(problem: Problem, knots: FloatArray, durations_s: FloatArray) -> float:
     """The NumPy reference of the cost."""
     T, weights = durations_s, problem.weights
-    spline = _spline(problem, knots, T)
+    spline = problem.spline(knots, T)
     motion = derivatives(spline)
     over = airframe.excess_numpy(problem.airframe, motion.reshape(-1, 5, 4)).reshape(len(T), SAMPLES, -1)
     if problem.offsets is not None:
         over = over + problem.offsets
     density = weights.limits * (np.maximum(over, 0.0) ** 2).sum(axis=2)
-    v, yaw = motion[:, :, 1, :2], motion[:, :, 0, 3]
-    pace, ahead = np.sqrt((v**2).sum(axis=2) + 1e-6), v[..., 0] * np.cos(yaw) + v[..., 1] * np.sin(yaw)
-    density += weights.heading * pace * (pace - ahead) / ((v**2).sum(axis=2) + _SLOW_M_S**2)
+    aim, yaw = motion[:, :, 1, :2], motion[:, :, 0, 3]
+    if problem.target_world_m is not None:
+        aim = problem.target_world_m[:2] - motion[:, :, 0, :2]
+    pace, ahead = np.sqrt((aim**2).sum(axis=2) + 1e-6), aim[..., 0] * np.cos(yaw) + aim[..., 1] * np.sin(yaw)
+    density += weights.heading * pace * (pace - ahead) / ((aim**2).sum(axis=2) + _SLOW_M_S**2)
     density += weights.turning * motion[:, :, 1, 3] ** 2
     if weights.clearance > 0.0:
         lack = problem.clearance_m - _distances(problem)(motion[:, :, 0, :3].reshape(-1, 3))[0]
@@ -156,12 +170,7 @@ def optimise(
     cost, evaluations, converged, stopped = _kernel(problem).minimise(knots, T, free, iterations, precision, stop)
     if stopped:
         raise PlanCancelledError("the plan was cancelled")
-    return Solution(knots, T, _spline(problem, knots, T), cost, evaluations, converged)
-
-
-def _spline(problem: Problem, knots: FloatArray, durations_s: FloatArray) -> minimum_snap.Spline:
-    start, end = (None, None) if problem.ends is None else problem.ends
-    return minimum_snap.solve(knots, durations_s, start=start, end=end)
+    return Solution(knots, T, problem.spline(knots, T), cost, evaluations, converged)
 
 
 def _kernel(problem: Problem, samples: int = SAMPLES) -> Kernel:
@@ -169,10 +178,11 @@ def _kernel(problem: Problem, samples: int = SAMPLES) -> Kernel:
     kernel = Kernel(
         len(problem.knots) - 1, samples, problem.airframe.packed(), prices, problem.clearance_m, _distances(problem)
     )
+    kernel.set_given(*minimum_snap.given(problem.knots, problem.start, problem.end, problem.velocity))
+    if problem.target_world_m is not None:
+        kernel.look_at(*problem.target_world_m[:2].tolist())
     if problem.offsets is not None and samples == SAMPLES:
         kernel.set_offsets(np.ascontiguousarray(problem.offsets))
-    if problem.ends is not None:
-        kernel.set_ends(np.ascontiguousarray(problem.ends))
     return kernel
 
 

@@ -23,23 +23,28 @@ struct LimitCost {
     }
 };
 
-// Price of not looking where one flies, 1 - cos of the angle between them, which fades where there is hardly any speed;
-// and of turning at all.
+// Price of not looking where one flies, or at a point: 1 - cos of the angle between them, which fades where there is
+// hardly any speed; and of turning at all.
 struct HeadingCost {
     double price, turning_price;
+    const double* target;                 // x and y to look at; null: along the path
     static constexpr double kSlow = 0.5;  // m/s at which it counts half
 
     Real density(const Motion& at, Real c, Real s, Motion& by) const {
         by.yaw_rate += 2.0 * turning_price * at.yaw_rate;
         const Real turning = turning_price * at.yaw_rate * at.yaw_rate;
         if (price == 0.0) return turning;
-        const Real vx = at.velocity.x, vy = at.velocity.y;
+        const Real vx = target ? target[0] - at.position.x : at.velocity.x;
+        const Real vy = target ? target[1] - at.position.y : at.velocity.y;
         const Real square = vx * vx + vy * vy, pace = root(square + 1e-6), ahead = vx * c + vy * s;
         const Real scale = price / (square + kSlow * kSlow), off = pace * (pace - ahead);
         const Real by_pace = scale * (2.0 * pace - ahead) / pace,
                    by_scale = -2.0 * scale * off / (square + kSlow * kSlow);
-        by.velocity.x += (by_pace + by_scale) * vx - scale * pace * c;
-        by.velocity.y += (by_pace + by_scale) * vy - scale * pace * s;
+        const Vec by_aim{(by_pace + by_scale) * vx - scale * pace * c, (by_pace + by_scale) * vy - scale * pace * s};
+        if (target)
+            by.position -= by_aim;
+        else
+            by.velocity += by_aim;
         by.yaw -= scale * pace * (vy * c - vx * s);
         return turning + scale * off;
     }

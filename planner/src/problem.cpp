@@ -50,9 +50,10 @@ Problem::Problem(std::size_t segments, std::size_t samples, const Airframe& airf
       offsets_(segments * packs_ * kLimits * kLanes),
       distance_(segments * packs_ * kLanes),
       uphill_(segments * packs_ * 3 * kLanes),
-      ends_(2 * 3 * kAxes),
       states_((segments + 1) * kKnot),
       by_states_((segments + 1) * kKnot),
+      given_((segments + 1) * kKnot),
+      held_(segments + 1),
       points_(3 * segments * samples),
       safe_(segments * samples) {
     const double spacing = 1.0 / static_cast<double>(samples - 1);  // both ends are samples, at half the weight
@@ -70,24 +71,20 @@ void Problem::set_offsets(const double* offsets) {
                 offsets_[place(i, s, kLimits, l)] = offsets[(i * samples_ + std::min(s, samples_ - 1)) * kLimits + l];
 }
 
-void Problem::set_ends(const double* ends) { ends_.assign(ends, ends + ends_.size()); }
-
 Samples Problem::samples_of(std::size_t segment) const {
     return {packs_,
             basis_.data(),
             share_.data(),
             &offsets_[place(segment, 0, kLimits)],
             &distance_[place(segment, 0)],
-            &uphill_[place(segment, 0, 3)]};
+            &uphill_[place(segment, 0, 3)],
+            target_.empty() ? nullptr : target_.data()};
 }
 
 void Problem::start(const double* knots, const double* durations) {
-    std::fill(states_.begin(), states_.end(), 0.0);
+    std::copy(given_.begin(), given_.end(), states_.begin());
     for (std::size_t i = 0; i <= segments_; ++i) std::copy_n(knots + i * kAxes, kAxes, &states_[i * kKnot]);
-    constexpr int kMoving = kKnot - kAxes;
-    std::copy_n(&ends_[0], kMoving, &states_[kAxes]);
-    std::copy_n(&ends_[kMoving], kMoving, &states_[segments_ * kKnot + kAxes]);
-    fill_states<kAxes>(system_, states_.data(), durations, segments_);
+    fill_states<kAxes>(system_, states_.data(), durations, segments_, held_.data());
 }
 
 // A distance holds for a ball: samples that have not left theirs need not be asked again.
@@ -161,6 +158,8 @@ double Problem::snap_cost(std::size_t i, double T, double& by_T) {
 void Problem::adjoint(const double* durations, double* by_knots, double* by_durations) {
     for (std::size_t i = 0; i <= segments_; ++i) std::copy_n(&by_states_[i * kKnot], kAxes, by_knots + i * kAxes);
     std::vector<double>& multipliers = by_states_;  // from here on
+    for (std::size_t i = 1; i < segments_; ++i)
+        if (held_[i]) std::fill_n(&multipliers[i * kKnot + kAxes], kAxes, 0.0);
     if (segments_ > 1) system_.solve<kAxes>(&multipliers[kKnot + kAxes], kKnot);
     for (std::size_t i = 0; i <= segments_; ++i) std::fill_n(&multipliers[i * kKnot], kAxes, 0.0);
     std::fill_n(&multipliers[0], kKnot, 0.0);

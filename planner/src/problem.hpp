@@ -22,14 +22,19 @@ class Problem {
     // Added to each excess: (k, samples, limits).
     void set_offsets(const double* offsets);
 
-    // Velocity, acceleration and jerk at the start and at the end, (2, 3, 4); at rest if never set.
-    void set_ends(const double* ends);
+    // Velocity, acceleration and jerk at both ends (zero unless set), and the velocity of knots that are held: numbers
+    // of states (k + 1, 4, 4), and held (k + 1).
+    std::vector<double>& given() { return given_; }
+    std::vector<unsigned char>& held() { return held_; }
+
+    // The vehicle looks at this point instead of along its path.
+    void look_at(double x, double y) { target_ = {x, y}; }
 
     // knots (k + 1, 4), durations (k,); fills the gradients of the same shapes.
     double evaluate(const double* knots, const double* durations, double* by_knots, double* by_durations);
 
-    // Excess over each limit at each sample, (k, samples, limits), without the offsets; of any spline, given by its knot
-    // states (k + 1, 4, 4).
+    // Excess over each limit at each sample, (k, samples, limits), without the offsets; of any spline, given by its
+    // knot states (k + 1, 4, 4).
     void excess(const double* states, const double* durations, double* out) const;
 
     // From knots and durations to those of least cost, in place; only numbers marked free (k + 1, 4) move.
@@ -58,7 +63,9 @@ class Problem {
     Distances distances_;
     const Kernels& kernels_;
     std::vector<double> basis_, share_, offsets_, distance_, uphill_;  // see Samples
-    std::vector<double> ends_, states_, by_states_;
+    std::vector<double> states_, by_states_, given_;
+    std::vector<unsigned char> held_;
+    std::vector<double> target_;  // x, y; empty if the vehicle looks along its path
     std::vector<double> points_, asked_distance_, asked_gradient_;
     std::vector<std::size_t> asked_;
     std::vector<SafeBall> safe_;

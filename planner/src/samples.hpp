@@ -32,6 +32,7 @@ struct Samples {
     const double* offsets;   // (packs, limits, 4) added to each excess
     const double* distance;  // (packs, 4) to obstacles
     const double* uphill;    // (packs, 3, 4) its gradient
+    const double* target;    // (2,) x and y of the point that the vehicle looks at; null if along its path
 };
 
 struct Kernels {

@@ -40,7 +40,7 @@ inline Real sine(Real a) {
 [[gnu::flatten]] double cost(const Samples& samples, const Airframe& airframe, const Prices& prices, double clearance_m,
                              const double (*scaled)[kAxes], double T, double (*by_scaled)[kAxes], double& by_T) {
     const LimitCost limits{prices.limits};
-    const HeadingCost heading{prices.heading, prices.turning};
+    const HeadingCost heading{prices.heading, prices.turning, samples.target};
     const ClearanceCost clearance{prices.clearance, clearance_m};
     Real by_ends[kEnds][kAxes] = {}, mean{}, stretch{};
     for (std::size_t p = 0; p < samples.packs; ++p) {

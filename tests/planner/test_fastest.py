@@ -42,7 +42,7 @@ def test_the_corrected_excess_is_that_of_the_vehicles_own_model(walk, drone, ope
     knots = walk.states[:, 0]
     problem = Problem(knots, np.zeros((6, 4), dtype=bool), frame, open_sky, 0.3, Weights())
     path = minimum_snap.trajectory(walk)
-    corrections = Corrections(5)
+    corrections = Corrections(np.zeros((5, time_allocation.SAMPLES, airframe.COLUMNS)))
     corrections.measure(problem, walk, path, drone, np.ones(5, dtype=bool))
     reduced, _ = time_allocation.excess(problem, walk)
     full = airframe.measured_excess(frame, drone, path, np.arange(5), time_allocation.FRACTIONS)
@@ -57,7 +57,7 @@ def test_only_segments_that_exceed_a_limit_are_asked_for_more(walk, drone):
     speeds = limits.certified_maxima(path, 1)[0]
     bound = 0.5 * float(np.sort(speeds)[-1] + np.sort(speeds)[-2])
     used = limits.usage(path, drone, replace(drone.limits, speed_m_s=bound), step_s=0.01)
-    corrections = Corrections(5)
+    corrections = Corrections(np.zeros((5, time_allocation.SAMPLES, airframe.COLUMNS)))
     before = corrections.total()
     corrections.stricter(used)
     more = corrections.total() - before
@@ -68,7 +68,7 @@ def test_only_segments_that_exceed_a_limit_are_asked_for_more(walk, drone):
 
 
 def test_multipliers_rise_where_a_limit_is_exceeded_and_fall_where_it_is_not():
-    corrections = Corrections(1)
+    corrections = Corrections(np.zeros((1, time_allocation.SAMPLES, airframe.COLUMNS)))
     excess = np.full(corrections.model.shape, -1.0)
     excess[0, 3, 2] = 0.05
     corrections.press(excess, np.array([True]))
