@@ -15,6 +15,9 @@ def search(
 ) -> NDArray[np.int64]:
     """Cells (flat indices) of the cheapest way from start to goal; empty if there is none."""
 
+def bottleneck(distance: Annotated[NDArray[np.float32], "(nx, ny, nz)"], start: int, goal: int) -> int:
+    """Cell of the least distance on the way from start to goal that has most room; -1 if there is no way."""
+
 def snap_states(
     states: Annotated[NDArray[np.float64], "(k + 1, 4, axes)"],
     durations: NDArray[np.float64],

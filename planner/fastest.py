@@ -130,7 +130,7 @@ def whole_vehicle(
     free = np.repeat((waypoint < 0)[:, None], 4, axis=1)
     free[:, 3] = np.isnan(asked) & (held is None)
     price, turning = _YAW_PRICES[options.yaw]
-    weights = Weights(snap=1e-7, limits=1500.0, heading=price, turning=turning)
+    weights = Weights(snap=1e-7, limits=400.0, clearance=300.0, heading=price, turning=turning)
     return replace(problem, knots=knots, free=free, weights=weights), durations, waypoint
 
 

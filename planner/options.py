@@ -109,16 +109,27 @@ class PlanOptions:
         return self.clearance_m + 0.004
 
 
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """The narrowest place of the way that has most room."""
+
+    point_world_m: tuple[float, float, float]
+    width_m: float
+    """Diameter of the largest ball that passes it, to the spacing of the search grid."""
+
+
 class PlanInfeasibleError(InfeasibleError):
     """No trajectory was found that passes the gate."""
 
-    def __init__(self, reason: str, remedy: str, segment: int | None = None) -> None:
+    def __init__(self, reason: str, remedy: str, segment: int | None = None, *, gap: Gap | None = None) -> None:
         where = "" if segment is None else f"between waypoints {segment} and {segment + 1}: "
         super().__init__(f"{where}{reason}; {remedy}")
         self.segment = segment
         """Index of the waypoint where the leg in question starts; None if the failure belongs to no single leg."""
         self.reason = reason
         self.remedy = remedy
+        self.gap = gap
+        """Where the way that has most room is narrowest, if room is what is missing."""
 
 
 class PlanCancelledError(FlightError):
