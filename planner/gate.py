@@ -54,6 +54,8 @@ class GateReport:
     """`fingerprint` of the trajectory that was checked."""
     conditions: Conditions
     """What was asked of it besides its waypoints."""
+    options: PlanOptions
+    """Radius, margin, limits and reserve that it was checked for."""
     usage: limits.Usage | None = None
     """What each segment uses of each limit; None where that could not be asked."""
 
@@ -83,6 +85,7 @@ class GateReport:
             "vehicle_hash": self.vehicle_hash,
             "trajectory_hash": self.trajectory_hash,
             "conditions": self.conditions.as_dict(),
+            "asked": self.options.as_dict(),
             "checks": [check.as_dict() for check in self.checks],
         }
 
@@ -136,14 +139,30 @@ def check(
         vehicle_hash=vehicles.vehicle_hash(vehicle),
         trajectory_hash=fingerprint(trajectory),
         conditions=asked,
+        options=options,
         usage=usage,
     )
+
+
+def options_of(item: TrajectoryFile) -> PlanOptions:
+    """Radius, margin, limits and reserve that a file was checked for; the defaults where it does not say.
+
+    Raises:
+        FormatError: what it says is damaged.
+    """
+    asked = item.check.get("asked")
+    return PlanOptions() if asked is None else PlanOptions.from_dict(asked)
 
 
 def check_file(
     item: TrajectoryFile, field: DistanceField, vehicle: Vehicle, options: PlanOptions | None = None
 ) -> GateReport:
-    """Check a file's trajectory, and that it was planned for this map and this vehicle."""
+    """Check a file's trajectory, and that it was planned for this map and this vehicle.
+
+    Args:
+        options: what to check for; if left out, what the file was checked for.
+    """
+    options = options_of(item) if options is None else options
     conditions = Conditions.from_dict(item.check.get("conditions", {}))
     report = check(
         item.trajectory, field, vehicle, options, waypoints_world_m=item.waypoints_world_m, conditions=conditions

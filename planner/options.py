@@ -1,12 +1,12 @@
 """Planning options, and the error for a plan that is infeasible."""
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from math import isfinite, sqrt
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
-from flight import FlightError, FloatArray, InfeasibleError, InputError
+from flight import FlightError, FloatArray, FormatError, InfeasibleError, InputError
 from vehicle import Limits, Vehicle
 
 YawMode = Literal["along_path", "smooth", "steady", "fixed", "look_at", "free"]
@@ -76,6 +76,33 @@ class PlanOptions:
         for name, known in (("yaw", YAW_MODES), ("method", METHODS), ("search", SEARCHES)):
             if getattr(self, name) not in known:
                 raise InputError(f"{name} is {getattr(self, name)!r}; it must be {' or '.join(known)}")
+
+    def as_dict(self) -> dict[str, Any]:
+        """What a trajectory is checked for, JSON-able; `limits` is None for the vehicle's own."""
+        return {
+            "radius_m": self.radius_m,
+            "margin_m": self.margin_m,
+            "control_reserve": self.control_reserve,
+            "limits": None if self.limits is None else asdict(self.limits),
+        }
+
+    @classmethod
+    def from_dict(cls, document: dict[str, Any]) -> "PlanOptions":
+        """The options to check with, from what `as_dict` made.
+
+        Raises:
+            FormatError: it was not made by `as_dict`.
+        """
+        try:
+            bounds = document["limits"]
+            return cls(
+                radius_m=float(document["radius_m"]),
+                margin_m=float(document["margin_m"]),
+                control_reserve=float(document["control_reserve"]),
+                limits=None if bounds is None else Limits(**bounds),
+            )
+        except (KeyError, TypeError, ValueError, InputError) as error:
+            raise FormatError(f"what a trajectory file asks of its check is damaged: {error}") from error
 
     def limits_for(self, vehicle: Vehicle) -> Limits:
         """Limits of a plan: the given ones (or the vehicle's own), less the control reserve."""
