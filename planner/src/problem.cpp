@@ -48,6 +48,7 @@ Problem::Problem(std::size_t segments, std::size_t samples, const Airframe& airf
       basis_(packs_ * 5 * kStates * kLanes),
       share_(packs_ * kLanes),
       offsets_(segments * packs_ * kLimits * kLanes),
+      granted_(segments * packs_ * kLanes),
       distance_(segments * packs_ * kLanes),
       uphill_(segments * packs_ * 3 * kLanes),
       states_((segments + 1) * kKnot),
@@ -64,11 +65,13 @@ Problem::Problem(std::size_t segments, std::size_t samples, const Airframe& airf
     }
 }
 
-void Problem::set_offsets(const double* offsets) {
+void Problem::set_offsets(const double* offsets, const double* granted) {
     for (std::size_t i = 0; i < segments_; ++i)
-        for (std::size_t s = 0; s < packs_ * kLanes; ++s)
-            for (std::size_t l = 0; l < kLimits; ++l)
-                offsets_[place(i, s, kLimits, l)] = offsets[(i * samples_ + std::min(s, samples_ - 1)) * kLimits + l];
+        for (std::size_t s = 0; s < packs_ * kLanes; ++s) {
+            const std::size_t n = i * samples_ + std::min(s, samples_ - 1);
+            granted_[place(i, s)] = granted[n];
+            for (std::size_t l = 0; l < kLimits; ++l) offsets_[place(i, s, kLimits, l)] = offsets[n * kLimits + l];
+        }
 }
 
 Samples Problem::samples_of(std::size_t segment) const {
@@ -76,6 +79,7 @@ Samples Problem::samples_of(std::size_t segment) const {
             basis_.data(),
             share_.data(),
             &offsets_[place(segment, 0, kLimits)],
+            &granted_[place(segment, 0)],
             &distance_[place(segment, 0)],
             &uphill_[place(segment, 0, 3)],
             target_.empty() ? nullptr : target_.data()};

@@ -49,7 +49,8 @@ inline Real sine(Real a) {
         const Motion motion = at.motion();
         const Real c = cosine(motion.yaw), s = sine(motion.yaw), share = four(samples.share + p * kLanes);
         Motion by;
-        Real density = limits.density(Demand(airframe, motion, c, s), samples.offsets + p * kLimits * kLanes, by);
+        Real density = limits.density(Demand(airframe, motion, c, s), samples.offsets + p * kLimits * kLanes,
+                                      four(samples.granted + p * kLanes), by);
         density += heading.density(motion, c, s, by);
         if (prices.clearance > 0.0)
             density += clearance.density(four(samples.distance + p * kLanes),

@@ -204,7 +204,7 @@ def test_a_file_is_checked_for_the_radius_margin_limits_and_reserve_it_records(p
     item = trajectory.load(tmp_path / "a.json")
     again = gate.check_file(item, pillar, drone)
     assert again.passed
-    assert (again.required_clearance_m, again.body_radius_m) == (0.45, 0.1)
+    assert (again.required_clearance_m, again.body_radius_m) == (pytest.approx(0.45), 0.1)
     bounds = {check.name: check.bound for check in again.checks}
     assert bounds["speed"] == 4.0
     assert bounds["rotor speed"] == pytest.approx(options.limits_for(drone).rotor_speed_max_rad_s)
