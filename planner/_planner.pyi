@@ -66,12 +66,10 @@ class Problem:
         out: Annotated[NDArray[np.float64], "(k, samples, 13)"],
     ) -> None:
         """Fills in the relative excess over each limit, of any spline."""
-    def set_offsets(
-        self,
-        offsets: Annotated[NDArray[np.float64], "(k, samples, 13)"],
-        granted: Annotated[NDArray[np.float64], "(k, samples)"],
-    ) -> None:
-        """What is added to each excess, and squared excess that costs nothing."""
+    def set_offsets(self, offsets: Annotated[NDArray[np.float64], "(k, samples, 13)"]) -> None:
+        """What is added to each excess."""
+    def set_reference(self, durations: NDArray[np.float64]) -> None:
+        """The time (k,) over which each segment's excess is charged, whatever its own becomes."""
     def set_given(
         self,
         states: Annotated[NDArray[np.float64], "(k + 1, 4, 4)"],

@@ -43,7 +43,7 @@ class Corrections:
         return copy
 
     def total(self) -> FloatArray:
-        return self.legs + self.model + self.between + self.gate
+        return self.legs + self.model + self.between + self.multiplier + self.gate
 
     def measure(
         self, problem: Problem, spline: Spline, path: Trajectory, vehicle: Vehicle, touched: np.ndarray

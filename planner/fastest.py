@@ -194,7 +194,8 @@ def until_flyable(
     corrections.legs = legs
     optimum_s, bends, begun = np.nan, 0, len(_WHOLE) if wrong is not None else 0
     for round_ in range(begun, _ROUNDS):
-        problem = replace(problem, offsets=corrections.total(), multipliers=corrections.multiplier)
+        charged_s = spline.durations_s if round_ > 0 else None
+        problem = replace(problem, offsets=corrections.total(), reference_s=charged_s)
         if wrong is None:
             touched = np.ones(len(spline.durations_s), dtype=bool)
             spline = time_allocation.optimise(problem, spline.durations_s, iterations=_WHOLE[round_], stop=stop).spline

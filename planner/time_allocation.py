@@ -58,8 +58,10 @@ class Problem:
     weights: Weights
     offsets: FloatArray | None = None
     """(k, SAMPLES, limits) added to each excess: what the vehicle's own model says beyond the reduced one."""
-    multipliers: FloatArray | None = None
-    """The same shape, added too; their own square is not charged (augmented Lagrangian)."""
+    reference_s: FloatArray | None = None
+    """(k,) time over which each segment's excess is charged, whatever its own becomes; None for its own. With the
+    multipliers of an augmented Lagrangian among the offsets, which are charged within the limits too, a segment would
+    else cost less the shorter it is."""
     start: FloatArray | None = None
     """(3, 4) velocity, acceleration and jerk at the first knot; at rest if None."""
     end: FloatArray | None = None
@@ -82,7 +84,7 @@ class Problem:
             knots=spline.states[first : last + 1, 0].copy(),
             free=free,
             offsets=None if self.offsets is None else self.offsets[first:last],
-            multipliers=None if self.multipliers is None else self.multipliers[first:last],
+            reference_s=None if self.reference_s is None else self.reference_s[first:last],
             start=spline.states[first, 1:],
             end=spline.states[last, 1:],
             velocity=None if self.velocity is None else self.velocity[first : last + 1],
@@ -116,8 +118,11 @@ def cost_numpy(problem: Problem, knots: FloatArray, durations_s: FloatArray) -> 
     spline = problem.spline(knots, T)
     motion = derivatives(spline)
     over = airframe.excess_numpy(problem.airframe, motion.reshape(-1, 5, 4)).reshape(len(T), SAMPLES, -1)
-    added, granted = _added(problem)
-    density = weights.limits * ((np.maximum(over + added, 0.0) ** 2).sum(axis=2) - granted)
+    if problem.offsets is not None:
+        over = over + problem.offsets
+    density = weights.limits * (np.maximum(over, 0.0) ** 2).sum(axis=2)
+    if problem.reference_s is not None:
+        density *= (problem.reference_s / T)[:, None]
     aim, yaw = motion[:, :, 1, :2], motion[:, :, 0, 3]
     if problem.target_world_m is not None:
         aim = problem.target_world_m[:2] - motion[:, :, 0, :2]
@@ -183,17 +188,11 @@ def _kernel(problem: Problem, samples: int = SAMPLES) -> Kernel:
     kernel.set_given(*minimum_snap.given(problem.knots, problem.start, problem.end, problem.velocity))
     if problem.target_world_m is not None:
         kernel.look_at(*problem.target_world_m[:2].tolist())
-    if samples == SAMPLES:
-        kernel.set_offsets(*_added(problem))
+    if problem.offsets is not None and samples == SAMPLES:
+        kernel.set_offsets(np.ascontiguousarray(problem.offsets))
+    if problem.reference_s is not None:
+        kernel.set_reference(np.ascontiguousarray(problem.reference_s))
     return kernel
-
-
-def _added(problem: Problem) -> tuple[FloatArray, FloatArray]:
-    """What is added to each excess, (k, SAMPLES, limits), and squared excess that costs nothing, (k, SAMPLES)."""
-    nothing = np.zeros((len(problem.knots) - 1, SAMPLES, airframe.COLUMNS))
-    offsets = nothing if problem.offsets is None else problem.offsets
-    multipliers = nothing if problem.multipliers is None else problem.multipliers
-    return offsets + multipliers, (multipliers**2).sum(axis=2)
 
 
 def _distances(problem: Problem) -> space.Distances:

@@ -6,13 +6,12 @@
 
 namespace {
 
-// Price times the squared excess over every limit, an augmented Lagrangian (Nocedal & Wright, chapter 17): the offsets
-// carry multipliers, and what the model measured beyond `Demand`; `granted` is the multipliers' own square, without
-// which a segment would cost less the shorter it is.
+// Price times the squared excess over every limit; the offsets carry what the model measured beyond `Demand`, and
+// multipliers.
 struct LimitCost {
     double price;
 
-    Real density(const Demand& demand, const double* offsets, Real granted, Motion& by) const {
+    Real density(const Demand& demand, const double* offsets, Motion& by) const {
         Real excess[kLimits], by_excess[kLimits], total{};
         demand.excess(excess);
         for (int l = 0; l < kLimits; ++l) {
@@ -21,7 +20,7 @@ struct LimitCost {
             by_excess[l] = 2.0 * price * over;
         }
         if (sum(total) > 0.0) demand.pull_back(by_excess, by);
-        return price * (total - granted);
+        return price * total;
     }
 };
 

@@ -112,7 +112,9 @@ void excess(const Problem& problem, In states, In durations, Out out) {
     problem.excess(states.data(), durations.data(), out.data());
 }
 
-void set_offsets(Problem& problem, In offsets, In granted) { problem.set_offsets(offsets.data(), granted.data()); }
+void set_offsets(Problem& problem, In offsets) { problem.set_offsets(offsets.data()); }
+
+void set_reference(Problem& problem, In durations) { problem.set_reference(durations.data()); }
 
 void set_given(Problem& problem, In states, Flags held) {
     std::copy_n(states.data(), problem.given().size(), problem.given().data());
@@ -150,7 +152,8 @@ void bind_optimise(nb::module_& m) {
         .def("evaluate", &evaluate, nb::arg("knots"), nb::arg("durations"), nb::arg("by_knots"),
              nb::arg("by_durations"))
         .def("excess", &excess, nb::arg("states"), nb::arg("durations"), nb::arg("out"))
-        .def("set_offsets", &set_offsets, nb::arg("offsets"), nb::arg("granted"))
+        .def("set_offsets", &set_offsets, nb::arg("offsets"))
+        .def("set_reference", &set_reference, nb::arg("durations"))
         .def("set_given", &set_given, nb::arg("states"), nb::arg("held"))
         .def("look_at", &look_at, nb::arg("x"), nb::arg("y"))
         .def("minimise", &minimise, nb::arg("knots"), nb::arg("durations"), nb::arg("free"), nb::arg("iterations"),

@@ -48,12 +48,12 @@ Problem::Problem(std::size_t segments, std::size_t samples, const Airframe& airf
       basis_(packs_ * 5 * kStates * kLanes),
       share_(packs_ * kLanes),
       offsets_(segments * packs_ * kLimits * kLanes),
-      granted_(segments * packs_ * kLanes),
       distance_(segments * packs_ * kLanes),
       uphill_(segments * packs_ * 3 * kLanes),
       states_((segments + 1) * kKnot),
       by_states_((segments + 1) * kKnot),
       given_((segments + 1) * kKnot),
+      reference_(segments),
       held_(segments + 1),
       points_(3 * segments * samples),
       safe_(segments * samples) {
@@ -65,23 +65,24 @@ Problem::Problem(std::size_t segments, std::size_t samples, const Airframe& airf
     }
 }
 
-void Problem::set_offsets(const double* offsets, const double* granted) {
+void Problem::set_offsets(const double* offsets) {
     for (std::size_t i = 0; i < segments_; ++i)
         for (std::size_t s = 0; s < packs_ * kLanes; ++s) {
-            const std::size_t n = i * samples_ + std::min(s, samples_ - 1);
-            granted_[place(i, s)] = granted[n];
-            for (std::size_t l = 0; l < kLimits; ++l) offsets_[place(i, s, kLimits, l)] = offsets[n * kLimits + l];
+            const double* row = offsets + (i * samples_ + std::min(s, samples_ - 1)) * kLimits;
+            for (std::size_t l = 0; l < kLimits; ++l) offsets_[place(i, s, kLimits, l)] = row[l];
         }
 }
+
+void Problem::set_reference(const double* durations) { reference_.assign(durations, durations + segments_); }
 
 Samples Problem::samples_of(std::size_t segment) const {
     return {packs_,
             basis_.data(),
             share_.data(),
             &offsets_[place(segment, 0, kLimits)],
-            &granted_[place(segment, 0)],
             &distance_[place(segment, 0)],
             &uphill_[place(segment, 0, 3)],
+            reference_[segment],
             target_.empty() ? nullptr : target_.data()};
 }
 

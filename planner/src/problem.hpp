@@ -19,8 +19,12 @@ class Problem {
     Problem(std::size_t segments, std::size_t samples, const Airframe& airframe, const Prices& prices,
             double clearance_m, Distances distances);
 
-    // Added to each excess: (k, samples, limits); and squared excess that costs nothing: (k, samples).
-    void set_offsets(const double* offsets, const double* granted);
+    // Added to each excess: (k, samples, limits).
+    void set_offsets(const double* offsets);
+
+    // The time (k) over which each segment's excess is charged, whatever its own becomes. With multipliers among the
+    // offsets, which are charged within the limits too, a segment would else cost less the shorter it is.
+    void set_reference(const double* durations);
 
     // Velocity, acceleration and jerk at both ends (zero unless set), and the velocity of knots that are held: numbers
     // of states (k + 1, 4, 4), and held (k + 1).
@@ -62,8 +66,8 @@ class Problem {
     double clearance_m_;
     Distances distances_;
     const Kernels& kernels_;
-    std::vector<double> basis_, share_, offsets_, granted_, distance_, uphill_;  // see Samples
-    std::vector<double> states_, by_states_, given_;
+    std::vector<double> basis_, share_, offsets_, distance_, uphill_;  // see Samples
+    std::vector<double> states_, by_states_, given_, reference_;
     std::vector<unsigned char> held_;
     std::vector<double> target_;  // x, y; empty if the vehicle looks along its path
     std::vector<double> points_, asked_distance_, asked_gradient_;

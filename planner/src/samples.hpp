@@ -30,9 +30,9 @@ struct Samples {
     const double* basis;     // (packs, 5, 8, 4) derivatives by u from the scaled states of both ends
     const double* share;     // (packs, 4) of the segment's time that each answers for
     const double* offsets;   // (packs, limits, 4) added to each excess
-    const double* granted;   // (packs, 4) squared excess that costs nothing: that of the multipliers alone
     const double* distance;  // (packs, 4) to obstacles
     const double* uphill;    // (packs, 3, 4) its gradient
+    double reference;        // time over which the limits are charged; 0: the segment's own
     const double* target;    // (2,) x and y of the point that the vehicle looks at; null if along its path
 };
 

@@ -39,18 +39,20 @@ inline Real sine(Real a) {
 
 [[gnu::flatten]] double cost(const Samples& samples, const Airframe& airframe, const Prices& prices, double clearance_m,
                              const double (*scaled)[kAxes], double T, double (*by_scaled)[kAxes], double& by_T) {
-    const LimitCost limits{prices.limits};
+    const LimitCost limits{prices.limits * (samples.reference > 0.0 ? samples.reference / T : 1.0)};
     const HeadingCost heading{prices.heading, prices.turning, samples.target};
     const ClearanceCost clearance{prices.clearance, clearance_m};
-    Real by_ends[kEnds][kAxes] = {}, mean{}, stretch{};
+    Real by_ends[kEnds][kAxes] = {}, mean{}, stretch{}, by_weight{};
     for (std::size_t p = 0; p < samples.packs; ++p) {
         const double *basis = samples.basis + p * kOrders * kEnds * kLanes, *g = samples.uphill + p * 3 * kLanes;
         const Instants at(basis, scaled, T);
         const Motion motion = at.motion();
         const Real c = cosine(motion.yaw), s = sine(motion.yaw), share = four(samples.share + p * kLanes);
         Motion by;
-        Real density = limits.density(Demand(airframe, motion, c, s), samples.offsets + p * kLimits * kLanes,
-                                      four(samples.granted + p * kLanes), by);
+        const Demand demand(airframe, motion, c, s);
+        const Real exceeded = limits.density(demand, samples.offsets + p * kLimits * kLanes, by);
+        if (samples.reference > 0.0) by_weight -= share * exceeded;  // what is charged does not grow with the time
+        Real density = exceeded;
         density += heading.density(motion, c, s, by);
         if (prices.clearance > 0.0)
             density += clearance.density(four(samples.distance + p * kLanes),
@@ -74,7 +76,7 @@ inline Real sine(Real a) {
     }
     for (int a = 0; a < kEnds; ++a)
         for (int x = 0; x < kAxes; ++x) by_scaled[a][x] = sum(by_ends[a][x]);
-    by_T = sum(mean) + sum(stretch);
+    by_T = sum(mean) + sum(stretch) + sum(by_weight);
     return T * sum(mean);
 }
 

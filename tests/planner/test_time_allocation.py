@@ -39,8 +39,8 @@ def problem(seed: int, segments: int = 5, **weights: float) -> tuple[Problem, np
     moving = {"start": rng.normal(size=(3, 4)), "end": rng.normal(size=(3, 4)), "velocity": velocity}
     given = moving if seed % 2 else {}
     target = np.array([0.3, -0.2, 1.0]) if seed % 3 == 0 else None
-    multipliers = 0.1 * rng.uniform(size=offsets.shape)
-    p = Problem(knots, free, frame, scene, 1.0, price, offsets, multipliers, target_world_m=target, **given)
+    reference_s = rng.uniform(0.5, 2.0, segments) if rng.uniform() < 0.5 else None
+    p = Problem(knots, free, frame, scene, 1.0, price, offsets, reference_s, target_world_m=target, **given)
     return p, rng.uniform(0.4, 0.9, segments)
 
 
