@@ -54,7 +54,7 @@ class VehicleState:
     """What the vehicle last said of itself."""
 
     age_s: float
-    """How old this is."""
+    """Since the newest position and attitude came, whatever else was heard since."""
     time_s: float
     """Vehicle time."""
     position_world_m: FloatArray
@@ -156,7 +156,7 @@ class Link:
         if not isinstance(state, State) or not isinstance(status, MissionStatus):
             return None
         return VehicleState(
-            age_s=time.monotonic() - self._port.last_heard_s,
+            age_s=time.monotonic() - self._port.heard_s[State],
             time_s=state.time_us * 1e-6,
             position_world_m=np.array(state.position_world_m),
             q_world_body=np.array(state.q_world_body),
@@ -357,6 +357,14 @@ class Link:
         parameters.write(self._port, values)
 
 
+_OTHERS_ONLY = {
+    "start": "starts in motion, but the vehicle begins a trajectory from hover: plan it without a velocity there",
+    "end": "ends in motion, but the vehicle hovers after a trajectory: plan it without a velocity there",
+    "ground_world_m": "takes off or lands itself, which the vehicle does on its own: plan it without",
+}
+"""What the final gate allows a plan to ask for, and our controller does not fly."""
+
+
 def refuse_unfit(file: TrajectoryFile, map_hash: str | None, vehicle_hash: str | None, allow_unchecked: bool) -> None:
     """What `Link.upload` asks of a file before anything is sent; raises as it does."""
     if not file.checked and not allow_unchecked:
@@ -371,6 +379,10 @@ def refuse_unfit(file: TrajectoryFile, map_hash: str | None, vehicle_hash: str |
             f"{file.name} was checked for vehicle {file.vehicle_hash[:8] or '(none)'}, "
             f"not for this one ({vehicle_hash[:8]}); check it again"
         )
+    asked = file.check.get("conditions") or {}
+    for name, words in _OTHERS_ONLY.items():
+        if name in asked:
+            raise InputError(f"{file.name} {words}; `goshawk export` writes it for other autopilots")
 
 
 def _verdict(result: TrajectoryResult) -> str:

@@ -76,6 +76,8 @@ class Problem:
         held: Annotated[NDArray[np.uint8], "(k + 1,)"],
     ) -> None:
         """Derivatives at both ends, and the velocity of the knots that are held."""
+    def set_balls(self, balls: Annotated[NDArray[np.float64], "(k + 1, 4)"]) -> None:
+        """Centre and radius of the balls that knots may move in; a radius of 0 is none."""
     def look_at(self, x: float, y: float) -> None:
         """The price on heading is for not looking at this point, instead of not along the path."""
     def minimise(

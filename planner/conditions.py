@@ -1,6 +1,6 @@
 """What may be asked of a path besides its waypoints: motion at both ends, velocities at waypoints, speeds of legs."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,10 @@ from vehicle import Limits
 
 _SAME = 1e-6
 """Largest difference (SI) from a motion that was asked for, relative to the largest number in it above one."""
+_VISIT_S = 0.1
+"""A visit is timed by where the path comes nearest within the tolerance, shortly before or after a hover."""
+_INSIDE = 0.97
+"""Share of a fly-by's radius that the optimiser uses: it charges what is outside, and so stays a little outside."""
 _PROVABLE = 0.985
 """Share of a leg's speed that the optimiser uses: the gate's bound is at most 1 % above the truth."""
 
@@ -27,6 +31,13 @@ class Conditions:
     """(n, 3) velocity at each inner waypoint, where the heading then is steady; rows of NaN are open."""
     leg_speed_m_s: FloatArray | None = None
     """(n - 1,) largest speed on the leg after each waypoint; NaN: the vehicle's own limit."""
+    fly_by_m: FloatArray | None = None
+    """(n,) radius of the ball round an inner waypoint that is enough to pass; 0: the waypoint itself."""
+    stay_s: FloatArray | None = None
+    """(n,) least time to hover at each waypoint; a single path has none, a mission may (`planner.mission`)."""
+    ground_world_m: FloatArray | None = None
+    """(m, 3) where the vehicle's centre is while it stands on the ground. Vertically above, the required clearance
+    grows with height from what there is at the ground; a single path has none."""
 
     @property
     def given_motion(self) -> bool:
@@ -45,7 +56,10 @@ class Conditions:
             "end": (3, 4),
             "velocity_world_m_s": (count, 3),
             "leg_speed_m_s": (count - 1,),
+            "fly_by_m": (count,),
         }
+        if self.stay_s is not None or self.ground_world_m is not None:
+            raise InputError("a single path does not stay, take off or land; plan it as a mission")
         arrays: dict[str, FloatArray | None] = {}
         for name, shape in shapes.items():
             given = getattr(self, name)
@@ -56,6 +70,7 @@ class Conditions:
         for name in ("start", "end"):
             _check_end(name, arrays[name], limits)
         _check_velocities(arrays["velocity_world_m_s"], arrays["leg_speed_m_s"], limits)
+        _check_fly_by(arrays["fly_by_m"], arrays["velocity_world_m_s"])
         return Conditions(**arrays)
 
     def at_knots(self, waypoint: np.ndarray) -> FloatArray | None:
@@ -68,6 +83,17 @@ class Conditions:
         found[np.isfinite(found[:, 0]), 3] = 0.0
         return found
 
+    def balls(self, points_world_m: FloatArray, waypoint: np.ndarray) -> FloatArray | None:
+        """(k + 1, 4) centre and radius of the ball that each knot may move in, 0 for none.
+
+        Args:
+            points_world_m: (k + 1, 3) where the knots are that are waypoints.
+        """
+        if self.fly_by_m is None:
+            return None
+        radius = np.where(waypoint >= 0, _INSIDE * self.fly_by_m[waypoint], 0.0)
+        return np.column_stack([points_world_m, radius])
+
     def speed_offsets(self, waypoint: np.ndarray, limits: Limits) -> FloatArray:
         """(k,) what to add to the relative excess v^2 / limit^2 - 1 so that it is zero at the leg's own speed."""
         leg = np.maximum.accumulate(waypoint)[:-1]
@@ -78,9 +104,9 @@ class Conditions:
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-able; what is not asked for is left out, open numbers are None."""
-        given = {name: getattr(self, name) for name in ("start", "end", "velocity_world_m_s", "leg_speed_m_s")}
+        given = {field.name: getattr(self, field.name) for field in fields(self)}
         return {
-            name: np.where(np.isfinite(value), value, None).tolist()
+            name: np.where(np.isfinite(value), value.astype(object), np.array(None)).tolist()  # JSON has no NaN
             for name, value in given.items()
             if value is not None
         }
@@ -137,6 +163,20 @@ def _check_velocities(velocity: FloatArray | None, leg_speed: FloatArray | None,
             )
 
 
+def _check_fly_by(radius: FloatArray | None, velocity: FloatArray | None) -> None:
+    if radius is None:
+        return
+    wrong = np.flatnonzero(~((radius >= 0.0) & (radius < 100.0)))
+    if wrong.size:
+        i = int(wrong[0])
+        raise InputError(f"waypoint {i} is to be passed within {radius[i]:g} m; that must be from 0 to 100 m")
+    if (radius[[0, -1]] > 0.0).any():
+        raise InputError("the first and last waypoint are met exactly; give the radius to inner waypoints")
+    both = np.flatnonzero((radius > 0.0) & np.isfinite(velocity[:, 0])) if velocity is not None else np.zeros(0)
+    if both.size:
+        raise InputError(f"waypoint {int(both[0])} has a velocity and a radius to pass it by; remove one of them")
+
+
 def checks(trajectory: Trajectory, visits_s: FloatArray | None, asked: Conditions) -> list[Check]:
     """Every condition with the worst deviation from it.
 
@@ -153,6 +193,8 @@ def checks(trajectory: Trajectory, visits_s: FloatArray | None, asked: Condition
         found += _velocity_checks(trajectory, visits_s, asked.velocity_world_m_s)
     if asked.leg_speed_m_s is not None:
         found += _speed_checks(trajectory, visits_s, asked.leg_speed_m_s)
+    if asked.stay_s is not None:
+        found.append(_stay_check(trajectory, visits_s, asked.stay_s))
     return found
 
 
@@ -197,3 +239,16 @@ def _speed_checks(trajectory: Trajectory, visits_s: FloatArray, asked: FloatArra
         f"leg from waypoint {int(leg[worst])} at {time_s[worst]:.1f} s: {value:.3g} m/s, asked for at most {limit:.3g}"
     )
     return [Check("speed of legs", value, limit, "m/s", value <= limit, float(time_s[worst]), worst, reason)]
+
+
+def _stay_check(trajectory: Trajectory, visits_s: FloatArray, asked_s: FloatArray) -> Check:
+    """How long the vehicle hovers where it is at each visit, against what is asked there."""
+    still = np.all(np.abs(trajectory.coefficients[:, :3, 1:]) <= 0.0, axis=(1, 2))
+    starts, ends = trajectory.starts_s[:-1][still], trajectory.starts_s[1:][still]
+    hover_s = [float((ends - starts)[(starts <= t + _VISIT_S) & (ends >= t - _VISIT_S)].sum()) for t in visits_s]
+    lack = asked_s - np.array(hover_s)
+    worst = int(lack.argmax())
+    reason = f"waypoint {worst}: {hover_s[worst]:.2f} s of {asked_s[worst]:.2f} s"
+    return Check(
+        "stays", float(lack[worst]), 1e-6, "s", bool(lack[worst] <= 1e-6), float(visits_s[worst]), None, reason
+    )

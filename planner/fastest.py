@@ -83,10 +83,10 @@ def rough(
 ) -> tuple[Problem, Solution]:
     """Least time with few knots and the heading left alone, at a price on snap that keeps it smooth."""
     frame = airframe.reduced(vehicle, options.limits_for(vehicle))
-    velocity = asked.at_knots(route.waypoint)
+    velocity, balls = asked.at_knots(route.waypoint), asked.balls(route.points, route.waypoint)
     problem = Problem(
         knots=np.column_stack([route.points, np.zeros(len(route.points))]),
-        free=np.outer(route.waypoint < 0, [True, True, True, False]),
+        free=np.outer((route.waypoint < 0) | _may_move(balls), [True, True, True, False]),
         airframe=frame,
         field=field,
         clearance_m=space.aim(field, options.clearance_m) + AIM_M,
@@ -95,6 +95,7 @@ def rough(
         start=asked.start,
         end=asked.end,
         velocity=velocity,
+        balls=balls,
         target_world_m=options.target_world_m,
     )
     lengths = np.linalg.norm(np.diff(route.points, axis=0), axis=1)
@@ -118,9 +119,14 @@ def whole_vehicle(
     Args:
         asked_rad: heading asked for at each waypoint, NaN where it is open.
     """
+    balls = problem.balls
+    before = waypoint
     knots, durations, waypoint = _split(start.spline, waypoint, options.pieces)
+    if problem.balls is not None:
+        balls = np.zeros((len(knots), 4))
+        balls[waypoint >= 0] = problem.balls[before >= 0]
     asked = np.where(waypoint >= 0, asked_rad[waypoint], np.nan)
-    problem = replace(problem, velocity=conditions.at_knots(waypoint), offsets=None)
+    problem = replace(problem, velocity=conditions.at_knots(waypoint), offsets=None, balls=balls)
     first = minimum_snap.Spline(durations, problem.spline(knots, durations).states[..., :3])
     held = heading.constant(first, asked, options)
     if held is None:
@@ -130,11 +136,16 @@ def whole_vehicle(
         knots[:, 3] = turned[:, 0]
     else:
         knots[:, 3] = held
-    free = np.repeat((waypoint < 0)[:, None], 4, axis=1)
+    free = np.repeat(((waypoint < 0) | _may_move(balls))[:, None], 4, axis=1)
     free[:, 3] = np.isnan(asked) & (held is None)
     price, turning = _YAW_PRICES[options.yaw]
     weights = Weights(snap=1e-7, limits=400.0, clearance=300.0, heading=price, turning=turning)
     return replace(problem, knots=knots, free=free, weights=weights), durations, waypoint
+
+
+def _may_move(balls: FloatArray | None) -> np.ndarray | bool:
+    """(k + 1,) bool: whether a knot has a ball to move in."""
+    return False if balls is None else balls[:, 3] > 0.0
 
 
 def _leg_offsets(asked: Conditions, waypoint: np.ndarray, limits: Limits) -> FloatArray:

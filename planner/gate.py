@@ -17,7 +17,7 @@ from planner import limits
 from planner.conditions import Conditions
 from planner.limits import Check
 from planner.options import PlanOptions
-from planner.space import DistanceField
+from planner.space import DistanceField, Grounded
 from vehicle import Vehicle
 
 _ORDER_UNITS = ("m", "m/s", "m/s2", "m/s3")
@@ -117,10 +117,11 @@ def check(
     usage = None
     clearance = _no_clearance("not checked: the trajectory is not finite")
     if finite.passed:
-        clearance = _clearance(trajectory, field, options.clearance_m)
+        space_ = field if asked.ground_world_m is None else Grounded(field, asked.ground_world_m, options.clearance_m)
+        clearance = _clearance(trajectory, space_, options.clearance_m)
         visits_s = None
         if waypoints_world_m is not None:
-            passed, visits_s = _waypoints(trajectory, waypoints_world_m, options)
+            passed, visits_s = _waypoints(trajectory, waypoints_world_m, asked.fly_by_m, options)
             checks.append(passed)
         checks += conditions_.checks(trajectory, visits_s, asked) + _continuity(trajectory)
         checks += _headings(trajectory, visits_s, yaw_rad, options)
@@ -198,7 +199,7 @@ def _finite(trajectory: Trajectory) -> Check:
 
 
 def _waypoints(
-    trajectory: Trajectory, waypoints_world_m: FloatArray, options: PlanOptions
+    trajectory: Trajectory, waypoints_world_m: FloatArray, fly_by_m: FloatArray | None, options: PlanOptions
 ) -> tuple[Check, FloatArray | None]:
     """Waypoints are reached in order; the curve must start at the first and end at the last of them.
 
@@ -222,13 +223,14 @@ def _waypoints(
     worst, missed, at = ends, 0 if ends > options.waypoint_tolerance_m else -1, 0
     visits: list[int] = []
     for i, waypoint in enumerate(wanted[:-1]):
-        visit = _first_visit(points, at, waypoint, options.waypoint_tolerance_m)
+        radius = 0.0 if fly_by_m is None else float(fly_by_m[i])
+        visit = _first_visit(points, at, waypoint, options.waypoint_tolerance_m + radius)
         if visit is None:
             worst, missed = float(np.linalg.norm(points[at:] - waypoint, axis=1).min()), i
             break
         at, gap_m = visit
         visits.append(at)
-        worst = max(worst, gap_m)
+        worst = max(worst, gap_m - radius)
     passed = missed < 0
     reason = f"all {len(wanted)} in order" if passed else f"waypoint {missed} is missed by {worst:.3f} m"
     found = Check("waypoints", worst, options.waypoint_tolerance_m, "m", passed, reason=reason)

@@ -9,14 +9,14 @@ import numpy as np
 
 import flight.trajectory
 from flight import FloatArray, InfeasibleError, InputError, Progress, Trajectory, TrajectoryFile, Waypoints, silent
-from planner import bry, corridor, fastest, gate, heading, limits, minimum_snap, repair, routes, space
+from planner import bry, corridor, fastest, gate, heading, inputs, limits, minimum_snap, repair, routes, space
 from planner._planner import StopFlag
 from planner.conditions import Conditions
 from planner.fastest import Path
 from planner.gate import GateReport
 from planner.options import PlanInfeasibleError, PlanOptions
 from planner.time_allocation import Solution
-from vehicle import Vehicle, invert
+from vehicle import Vehicle
 
 _SLOWER = (1.005, 1.015, 1.04, 1.1, 1.3)
 """Factors on the time that are tried where the gate, with its finer samples, finds a limit exceeded."""
@@ -81,7 +81,7 @@ def from_scratch(
 ) -> tuple[Path, routes.Route]:
     """As `plan`, with what a later plan can start from."""
     progress("route", 0.0)
-    _check_vehicle(vehicle)
+    inputs.check(waypoints, field, vehicle, options)
     limits_ = options.limits_for(vehicle)
     asked = conditions.checked(len(waypoints.positions_world_m), limits_)
     if options.method == "bry" and (asked.given_motion or asked.leg_speed_m_s is not None):
@@ -94,13 +94,6 @@ def from_scratch(
     if not path.report.passed:
         raise _refused(path)
     return path, route
-
-
-def _check_vehicle(vehicle: Vehicle) -> None:
-    try:
-        invert.hover(vehicle)
-    except InfeasibleError as error:
-        raise PlanInfeasibleError(str(error), "correct the vehicle's mass, thrust or limits") from error
 
 
 def _flyable(

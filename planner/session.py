@@ -141,8 +141,10 @@ class Planner:
 
     def _count_may_change(self) -> None:
         asked = self._conditions
-        if asked.velocity_world_m_s is not None or asked.leg_speed_m_s is not None:
-            raise InputError("velocities and speeds belong to waypoints by number: start another session with new ones")
+        if any(given is not None for given in (asked.velocity_world_m_s, asked.leg_speed_m_s, asked.fly_by_m)):
+            raise InputError(
+                "velocities, speeds and radii belong to waypoints by number: start another session with new ones"
+            )
 
     def _scratch(self, waypoints: Waypoints, options: PlanOptions, stop: StopFlag) -> tuple[fastest.Path, FloatArray]:
         path, route = planning.from_scratch(waypoints, self._field, self._vehicle, options, self._conditions, stop=stop)
@@ -156,10 +158,12 @@ class Planner:
     def _changed(self, waypoints: Waypoints, old: tuple[int, int] | None, new: tuple[int, int], stop: StopFlag) -> Plan:
         """Plan for waypoints of which those from `new[0]` to `new[1]` take the place of `old[0]` to `old[1]`.
 
-        `old` is None where the path begins or ends elsewhere: then it is planned from scratch.
+        `old` is None where the path begins or ends elsewhere: then it is planned from scratch, as it is where waypoints
+        need only be passed within a radius.
         """
         routes.check_waypoints(waypoints, self._field, self._options.waypoint_clearance_m)
-        path = None if old is None or self._path.kept is None else self._mended(waypoints, old, new, stop)
+        anew = old is None or self._path.kept is None or self._conditions.fly_by_m is not None
+        path = None if anew else self._mended(waypoints, old, new, stop)
         if path is None or not path.report.passed or path.kept is None:
             return self._accept(*self._scratch(waypoints, self._options, stop), waypoints)
         return self._accept(path, path.kept.spline.states[:, 0, :3], waypoints)

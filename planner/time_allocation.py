@@ -68,6 +68,8 @@ class Problem:
     """The same at the last knot."""
     velocity: FloatArray | None = None
     """(k + 1, 4) velocity and yaw rate to be had at inner knots; rows of NaN are open."""
+    balls: FloatArray | None = None
+    """(k + 1, 4) centre and radius of balls that free knots should not leave; a radius of 0 is none."""
     target_world_m: FloatArray | None = None
     """(3,) point that the vehicle looks at, instead of along its path."""
 
@@ -88,6 +90,7 @@ class Problem:
             start=spline.states[first, 1:],
             end=spline.states[last, 1:],
             velocity=None if self.velocity is None else self.velocity[first : last + 1],
+            balls=None if self.balls is None else self.balls[first : last + 1],
         )
 
 
@@ -133,7 +136,13 @@ def cost_numpy(problem: Problem, knots: FloatArray, durations_s: FloatArray) -> 
         lack = problem.clearance_m - _distances(problem)(motion[:, :, 0, :3].reshape(-1, 3))[0]
         density += weights.clearance * np.maximum(lack, 0.0).reshape(density.shape) ** 2
     position = minimum_snap.Spline(T, spline.states[..., :3])
-    return float(T.sum() + (T * (density @ _SHARES)).sum() + weights.snap * position.snap_cost())
+    outside = 0.0
+    if problem.balls is not None and (there := problem.balls[:, 3] > 0.0).any():
+        off = knots[there, :3] - problem.balls[there, :3]
+        outside = (np.maximum((off**2).sum(axis=1) / problem.balls[there, 3] ** 2 - 1.0, 0.0) ** 2).sum()
+    return float(
+        weights.limits * outside + T.sum() + (T * (density @ _SHARES)).sum() + weights.snap * position.snap_cost()
+    )
 
 
 def derivatives(spline: minimum_snap.Spline) -> FloatArray:
@@ -186,6 +195,8 @@ def _kernel(problem: Problem, samples: int = SAMPLES) -> Kernel:
         len(problem.knots) - 1, samples, problem.airframe.packed(), prices, problem.clearance_m, _distances(problem)
     )
     kernel.set_given(*minimum_snap.given(problem.knots, problem.start, problem.end, problem.velocity))
+    if problem.balls is not None:
+        kernel.set_balls(np.ascontiguousarray(problem.balls))
     if problem.target_world_m is not None:
         kernel.look_at(*problem.target_world_m[:2].tolist())
     if problem.offsets is not None and samples == SAMPLES:

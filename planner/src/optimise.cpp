@@ -121,6 +121,10 @@ void set_given(Problem& problem, In states, Flags held) {
     std::copy_n(held.data(), problem.held().size(), problem.held().data());
 }
 
+void set_balls(Problem& problem, In balls) {
+    std::copy_n(balls.data(), problem.balls().size(), problem.balls().data());
+}
+
 void look_at(Problem& problem, double x, double y) { problem.look_at(x, y); }
 
 nb::tuple minimise(Problem& problem, Out knots, Out durations, Flags free, int iterations, double precision,
@@ -155,6 +159,7 @@ void bind_optimise(nb::module_& m) {
         .def("set_offsets", &set_offsets, nb::arg("offsets"))
         .def("set_reference", &set_reference, nb::arg("durations"))
         .def("set_given", &set_given, nb::arg("states"), nb::arg("held"))
+        .def("set_balls", &set_balls, nb::arg("balls"))
         .def("look_at", &look_at, nb::arg("x"), nb::arg("y"))
         .def("minimise", &minimise, nb::arg("knots"), nb::arg("durations"), nb::arg("free"), nb::arg("iterations"),
              nb::arg("precision"), nb::arg("stop").none());

@@ -54,6 +54,7 @@ Problem::Problem(std::size_t segments, std::size_t samples, const Airframe& airf
       by_states_((segments + 1) * kKnot),
       given_((segments + 1) * kKnot),
       reference_(segments),
+      balls_((segments + 1) * 4),
       held_(segments + 1),
       points_(3 * segments * samples),
       safe_(segments * samples) {
@@ -188,6 +189,21 @@ void Problem::adjoint(const double* durations, double* by_knots, double* by_dura
     }
 }
 
+// The limits' price times the squared relative excess of the squared distance over that of the ball.
+double Problem::ball_cost(const double* knots, double* by_knots) const {
+    double cost = 0.0;
+    for (std::size_t i = 0; i <= segments_; ++i) {
+        const double *ball = &balls_[4 * i], *p = knots + i * kAxes, square = ball[3] * ball[3];
+        if (!(square > 0.0)) continue;
+        double distance = 0.0;
+        for (int x = 0; x < 3; ++x) distance += (p[x] - ball[x]) * (p[x] - ball[x]);
+        const double over = std::max(distance / square - 1.0, 0.0);
+        cost += prices_.limits * over * over;
+        for (int x = 0; x < 3; ++x) by_knots[i * kAxes + x] += 4.0 * prices_.limits * over * (p[x] - ball[x]) / square;
+    }
+    return cost;
+}
+
 double Problem::evaluate(const double* knots, const double* durations, double* by_knots, double* by_durations) {
     start(knots, durations);
     if (prices_.clearance > 0.0) ask_distances(durations);
@@ -199,7 +215,7 @@ double Problem::evaluate(const double* knots, const double* durations, double* b
         if (prices_.snap > 0.0) cost += snap_cost(i, durations[i], by_durations[i]);
     }
     adjoint(durations, by_knots, by_durations);
-    return cost;
+    return cost + ball_cost(knots, by_knots);
 }
 
 void Problem::excess(const double* states, const double* durations, double* out) const {

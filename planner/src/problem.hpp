@@ -31,6 +31,9 @@ class Problem {
     std::vector<double>& given() { return given_; }
     std::vector<unsigned char>& held() { return held_; }
 
+    // Balls round knots that may move, (k + 1, 4) centre and radius; leaving one is charged, a radius of 0 is none.
+    std::vector<double>& balls() { return balls_; }
+
     // The vehicle looks at this point instead of along its path.
     void look_at(double x, double y) { target_ = {x, y}; }
 
@@ -53,6 +56,7 @@ class Problem {
     double segment_cost(std::size_t i, double T, double& by_T);
     Samples samples_of(std::size_t segment) const;
     double snap_cost(std::size_t i, double T, double& by_T);
+    double ball_cost(const double* knots, double* by_knots) const;
     void adjoint(const double* durations, double* by_knots, double* by_durations);
 
     // Place of a number in arrays (segments, packs, rows, lanes).
@@ -67,7 +71,7 @@ class Problem {
     Distances distances_;
     const Kernels& kernels_;
     std::vector<double> basis_, share_, offsets_, distance_, uphill_;  // see Samples
-    std::vector<double> states_, by_states_, given_, reference_;
+    std::vector<double> states_, by_states_, given_, reference_, balls_;
     std::vector<unsigned char> held_;
     std::vector<double> target_;  // x, y; empty if the vehicle looks along its path
     std::vector<double> points_, asked_distance_, asked_gradient_;

@@ -72,6 +72,30 @@ def test_only_the_leg_with_a_speed_is_flown_slowly(open_sky, drone):
     assert [check.name for check in report.failures] == ["speed of legs"]
 
 
+def test_a_waypoint_with_a_radius_is_passed_by_within_it_and_faster(open_sky, drone):
+    exact = planner.plan(ask(), open_sky, drone)
+    near = Conditions(fly_by_m=np.array([0.0, 0.8, 0.8, 0.0]))
+    plan = planner.plan(ask(), open_sky, drone, conditions=near)
+    position = plan.trajectory.position(plan.trajectory.sample(0.001))
+    gaps = np.array([np.linalg.norm(position - point, axis=1).min() for point in SQUARE])
+    assert gaps[[0, 3]].max() < 1e-6
+    assert (gaps[1:3] <= 0.8).all()
+    assert gaps[1:3].max() > 0.4  # it uses the room
+    assert plan.trajectory.duration_s < 0.95 * exact.trajectory.duration_s
+    report = gate.check(plan.trajectory, open_sky, drone, waypoints_world_m=SQUARE)
+    assert [check.name for check in report.failures] == ["waypoints"]
+    assert gate.check(exact.trajectory, open_sky, drone, waypoints_world_m=SQUARE, conditions=near).passed
+
+
+def test_a_larger_radius_is_never_slower(open_sky, drone):
+    times = [
+        planner.plan(ask(), open_sky, drone, conditions=Conditions(fly_by_m=np.array([0.0, r, r, 0.0])))
+        for r in (0.0, 0.2, 0.6, 1.2)
+    ]
+    durations = [plan.trajectory.duration_s for plan in times]
+    assert all(b <= 1.01 * a for a, b in itertools.pairwise(durations))
+
+
 def test_conditions_travel_with_the_file_and_are_asked_by_its_check(open_sky, drone, tmp_path):
     plan = planner.plan(ask(), open_sky, drone, conditions=Conditions(start=moving((2.0, 0.0, 0.0))))
     item = planner.trajectory_file(plan, name="moving")
@@ -91,6 +115,8 @@ def test_conditions_travel_with_the_file_and_are_asked_by_its_check(open_sky, dr
         (Conditions(start=np.full((3, 4), np.nan)), "start's motion is not finite"),
         (Conditions(leg_speed_m_s=np.array([1.0, 0.0, 1.0])), "leg from waypoint 1 to 2"),
         (Conditions(leg_speed_m_s=np.ones(2)), "expected shape"),
+        (Conditions(fly_by_m=np.array([0.0, -1.0, 0.0, 0.0])), "waypoint 1 is to be passed within -1 m"),
+        (Conditions(fly_by_m=np.array([1.0, 0.0, 0.0, 0.0])), "first and last"),
         (Conditions(velocity_world_m_s=np.array([[np.nan] * 3, [99.0, 0, 0], *[[np.nan] * 3] * 2])), "waypoint 1"),
         (Conditions(velocity_world_m_s=np.array([[np.nan] * 3, [1, np.nan, 0], *[[np.nan] * 3] * 2])), "waypoint 1"),
         (Conditions(velocity_world_m_s=np.array([[1.0, 0, 0], *[[np.nan] * 3] * 3])), "first or last"),
