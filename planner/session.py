@@ -162,8 +162,9 @@ class Planner:
         need only be passed within a radius.
         """
         routes.check_waypoints(waypoints, self._field, self._options.waypoint_clearance_m)
-        anew = old is None or self._path.kept is None or self._conditions.fly_by_m is not None
-        path = None if anew else self._mended(waypoints, old, new, stop)
+        path = None
+        if old is not None and self._path.kept is not None and self._conditions.fly_by_m is None:
+            path = self._mended(waypoints, old, new, stop)
         if path is None or not path.report.passed or path.kept is None:
             return self._accept(*self._scratch(waypoints, self._options, stop), waypoints)
         return self._accept(path, path.kept.spline.states[:, 0, :3], waypoints)
