@@ -148,7 +148,7 @@ def _operators() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Nodes in units of half a piece from its middle; first and second derivative; coefficients from values."""
     x = -np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
     values = chebyshev.chebvander(x, NODES - 1)
-    back = np.linalg.inv(values)
+    back = np.linalg.inv(values).astype(np.float64)
     slope = np.zeros((NODES, NODES))
     slope[:-1] = chebyshev.chebder(np.eye(NODES))
     slope /= _REACH

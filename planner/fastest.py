@@ -234,12 +234,13 @@ def until_flyable(
                 method = "bent" if bends else "direct"
                 kept = Kept(problem, spline, corrections.spliced(0, 0, 0))
                 here = Path(path, waypoint, method, report, optimum_s, kept)
-                first = found is None
-                if first or (report.passed and path.duration_s < found.trajectory.duration_s):
-                    found = here
-                wrong = (believed - corrections.model).max(axis=(1, 2)) > _RELIEVED
-                if not first or not report.passed or not wrong.any():
+                if found is not None:
+                    better = report.passed and path.duration_s < found.trajectory.duration_s
+                    return here if better else found
+                found, relieved = here, (believed - corrections.model).max(axis=(1, 2)) > _RELIEVED
+                if not report.passed or not relieved.any():
                     return found
+                wrong = relieved
                 rounds = round_ + _AGAIN
                 continue
             known = path, report.usage

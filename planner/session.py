@@ -246,11 +246,11 @@ class Planner:
                 return _Leg(knots, T * longer, drawn=True)
         if not straight:
             return None
-        ends = [np.append(point, self._yaw_at(leg + n, waypoints, old, new)) for n, point in enumerate((a, b))]
+        start, end = (np.append(p, self._yaw_at(leg + n, waypoints, old, new)) for n, p in enumerate((a, b)))
         frame = kept.problem.airframe
         pace = 0.5 * min(frame.speed_m_s, frame.acceleration_m_s2)
         duration = max(float(np.linalg.norm(b - a)) / pace, 0.1)
-        return _Leg(np.linspace(*ends, pieces + 1), np.full(pieces, duration / pieces), drawn=False)
+        return _Leg(np.linspace(start, end, pieces + 1), np.full(pieces, duration / pieces), drawn=False)
 
     def _yaw_at(self, waypoint: int, waypoints: Waypoints, old: tuple[int, int], new: tuple[int, int]) -> float:
         """The heading to start from at a waypoint: as it was, or halfway; the one asked for, up to whole turns."""

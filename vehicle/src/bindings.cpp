@@ -164,8 +164,8 @@ void flatness(const Model& model, In values, double gravity, In hover, double sp
     }
 }
 
-// path: rows as for flatness, one per instant; rate: body rates (n, 3). out: rows of q 0-3 and even rotor speeds 4-7, the
-// start as well.
+// path: rows as for flatness, one per instant; rate: body rates (n, 3). out: rows of q 0-3 and even rotor speeds 4-7,
+// the start as well.
 void attitudes(const Model& model, In values, double gravity, double tolerance, In path, In rate, InOut out) {
     nb::gil_scoped_release release;
     const Body<double> body = rigid_body(model, values.data());
