@@ -89,7 +89,7 @@ def _drawn(chart: _Chart, times: FloatArray, joins_s: FloatArray) -> str:
     def y(value: FloatArray | float) -> FloatArray:
         return _HEIGHT - 20.0 - (np.asarray(value, dtype=np.float64) - low) / (high - low) * (_HEIGHT - 30.0)
 
-    parts = [f'<text x="0" y="{y(v):.1f}">{v:.3g}</text>' for v in (low, high)]
+    parts = [f'<text x="0" y="{y(v):.1f}">{v:.4g}</text>' for v in (low, high)]
     for t in joins_s:
         at = _EDGE + t / times[-1] * (_WIDTH - _EDGE)
         parts.append(f'<line x1="{at:.1f}" y1="5" x2="{at:.1f}" y2="{_HEIGHT - 20}" stroke="#eee"/>')

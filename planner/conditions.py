@@ -51,26 +51,38 @@ class Conditions:
         Raises:
             InputError: a shape does not fit, a number makes no sense, or a velocity is beyond a limit; it is named.
         """
+        if self.stay_s is not None or self.ground_world_m is not None:
+            raise InputError("a single path does not stay, take off or land; plan it as a mission")
+        given = self.shaped(count)
+        for name in ("start", "end"):
+            _check_end(name, getattr(given, name), limits)
+        _check_velocities(given.velocity_world_m_s, given.leg_speed_m_s, limits)
+        _check_fly_by(given.fly_by_m, given.velocity_world_m_s)
+        return given
+
+    def shaped(self, count: int) -> "Conditions":
+        """These conditions as float arrays.
+
+        Raises:
+            InputError: a shape does not fit that many waypoints.
+        """
         shapes = {
             "start": (3, 4),
             "end": (3, 4),
             "velocity_world_m_s": (count, 3),
             "leg_speed_m_s": (count - 1,),
             "fly_by_m": (count,),
+            "stay_s": (count,),
         }
-        if self.stay_s is not None or self.ground_world_m is not None:
-            raise InputError("a single path does not stay, take off or land; plan it as a mission")
-        arrays: dict[str, FloatArray | None] = {}
+        given = {field.name: getattr(self, field.name) for field in fields(self)}
+        arrays = {name: None if v is None else np.asarray(v, dtype=np.float64) for name, v in given.items()}
         for name, shape in shapes.items():
-            given = getattr(self, name)
-            arrays[name] = None if given is None else np.asarray(given, dtype=np.float64)
             found = arrays[name]
             if found is not None and found.shape != shape:
                 raise InputError(f"{name}: expected shape {shape} for {count} waypoints, got {found.shape}")
-        for name in ("start", "end"):
-            _check_end(name, arrays[name], limits)
-        _check_velocities(arrays["velocity_world_m_s"], arrays["leg_speed_m_s"], limits)
-        _check_fly_by(arrays["fly_by_m"], arrays["velocity_world_m_s"])
+        ground = arrays["ground_world_m"]
+        if ground is not None and (ground.ndim != 2 or ground.shape[1] != 3 or not np.isfinite(ground).all()):
+            raise InputError(f"ground_world_m: expected finite points (m, 3), got shape {ground.shape}")
         return Conditions(**arrays)
 
     def at_knots(self, waypoint: np.ndarray) -> FloatArray | None:
@@ -112,15 +124,16 @@ class Conditions:
         }
 
     @classmethod
-    def from_dict(cls, document: dict[str, Any]) -> "Conditions":
-        """What `as_dict` made.
+    def from_dict(cls, document: dict[str, Any], count: int) -> "Conditions":
+        """What `as_dict` made, for `count` waypoints.
 
         Raises:
-            FormatError: it was not made by `as_dict`.
+            FormatError: it was not made by `as_dict`, or not for so many waypoints.
         """
         try:
-            return cls(**{name: np.array(value, dtype=np.float64) for name, value in document.items()})
-        except (TypeError, ValueError, AttributeError) as error:
+            found = cls(**{name: np.array(value, dtype=np.float64) for name, value in document.items()})
+            return found.shaped(count)
+        except (TypeError, ValueError, AttributeError, InputError) as error:
             raise FormatError(f"the conditions in a trajectory file are damaged: {error}") from error
 
 

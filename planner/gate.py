@@ -164,15 +164,23 @@ def check_file(
         options: what to check for; if left out, what the file was checked for.
     """
     options = options_of(item) if options is None else options
-    conditions = Conditions.from_dict(item.check.get("conditions", {}))
     report = check(
-        item.trajectory, field, vehicle, options, waypoints_world_m=item.waypoints_world_m, conditions=conditions
+        item.trajectory, field, vehicle, options, waypoints_world_m=item.waypoints_world_m, conditions=asked_of(item)
     )
     same = [
         _identity("map", item.map_hash, report.map_hash),
         _identity("vehicle", item.vehicle_hash, report.vehicle_hash),
     ]
     return replace(report, checks=(*report.checks, *same))
+
+
+def asked_of(item: TrajectoryFile) -> Conditions:
+    """What was asked of a file's trajectory besides its waypoints.
+
+    Raises:
+        FormatError: its record of that is damaged.
+    """
+    return Conditions.from_dict(item.check.get("conditions") or {}, len(item.waypoints_world_m))
 
 
 def _identity(name: str, planned: str, here: str) -> Check:

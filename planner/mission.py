@@ -8,7 +8,7 @@ import numpy as np
 import flight.trajectory
 from flight import FloatArray, InputError, Progress, Trajectory, Waypoints, silent
 from flight.mission import Ground, Mission
-from planner import gate, minimum_snap, planning, space
+from planner import gate, inputs, minimum_snap, planning, routes, space
 from planner._planner import StopFlag
 from planner.conditions import Conditions
 from planner.options import PlanInfeasibleError, PlanOptions
@@ -34,6 +34,9 @@ def plan(
     are numbered as flown, laps unrolled.
     """
     options = with_yaw(PlanOptions() if options is None else options, mission)
+    # numbered as the pilot listed them, before anything is taken apart
+    inputs.check(mission.waypoints, field, vehicle, options)
+    routes.check_waypoints(mission.waypoints, field, options.waypoint_clearance_m)
     flown = mission.unrolled()
     whole = conditions(flown)
     if whole.stay_s is None and whole.ground_world_m is None:
@@ -55,7 +58,7 @@ def plan(
                 )
             )
         except PlanInfeasibleError as error:
-            leg = None if error.segment is None else error.segment + part.first
+            leg = None if error.segment is None else part.first + max(error.segment - part.lead_in, 0)
             raise PlanInfeasibleError(error.reason, error.remedy, leg) from error
     trajectory = join(_pieces(flown, plans, parts))
     points = _asked(flown)
@@ -141,6 +144,8 @@ class _Part:
     conditions: Conditions
     first: int
     """Index of its first waypoint among those flown."""
+    lead_in: int
+    """How many points, above the ground, come before that one."""
 
 
 def _parts(mission: Mission, whole: Conditions, field: space.DistanceField, options: PlanOptions) -> list[_Part]:
@@ -170,7 +175,7 @@ def _parts(mission: Mission, whole: Conditions, field: space.DistanceField, opti
         if radius is not None:
             radius = np.nan_to_num(radius)  # the points above the ground have none
         asked = Conditions(start=start, end=end, velocity_world_m_s=velocity, leg_speed_m_s=speed, fly_by_m=radius)
-        parts.append(_Part(Waypoints(way, turned), asked, a))
+        parts.append(_Part(Waypoints(way, turned), asked, a, before if a == 0 else 0))
     return parts
 
 

@@ -102,9 +102,11 @@ def test_conditions_travel_with_the_file_and_are_asked_by_its_check(open_sky, dr
     assert gate.check_file(item, open_sky, drone).passed
     unasked = TrajectoryFile(item.trajectory, "x", item.map_hash, item.vehicle_hash, item.waypoints_world_m, {})
     assert not gate.check_file(unasked, open_sky, drone).passed
-    damaged = TrajectoryFile(item.trajectory, "x", "", "", item.waypoints_world_m, {"conditions": {"start": ["x"]}})
-    with pytest.raises(FormatError, match="damaged"):
-        gate.check_file(damaged, open_sky, drone)
+    for wrong in ({"start": ["x"]}, {"start": [1.0]}, {"leg_speed_m_s": [1.0]}, {"spin": [1.0]}, [1], {"stay_s": 3.0}):
+        check = {"conditions": wrong}
+        damaged = TrajectoryFile(item.trajectory, "x", "", "", item.waypoints_world_m, check)
+        with pytest.raises(FormatError, match="damaged"):
+            gate.check_file(damaged, open_sky, drone)
 
 
 @pytest.mark.parametrize(

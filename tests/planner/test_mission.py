@@ -96,8 +96,15 @@ def test_the_heading_turns_on_by_whole_turns_where_parts_join(hall, drone):
     assert np.abs(joined.join_jumps(0)[:, 3]).max() < np.pi
 
 
+def test_a_waypoint_in_an_obstacle_is_named_as_the_pilot_counts_it(hall, drone):
+    points = np.concatenate([SQUARE, [[0.0, 0.0, -0.5]]])
+    whole = Mission(ask(points), laps=Laps(3, 0, 3), stays=(Stay(1, 1.0),), take_off=Ground((-5.0, -3.0, 0.1)))
+    with pytest.raises(InputError, match="waypoint 4 at"):
+        mission.plan(whole, hall, drone)
+
+
 def test_a_refusal_counts_waypoints_as_flown(hall, drone):
     wall = solids.Scene([*hall.solids, solids.Box((-8.1, -0.1, -0.1), (8.1, 0.1, 3.1))])
     with pytest.raises(planner.PlanInfeasibleError) as caught:
-        mission.plan(Mission(ask(), stays=(Stay(1, 1.0),)), wall, drone)
+        mission.plan(Mission(ask(), stays=(Stay(1, 1.0),), take_off=Ground((-5.0, -3.0, 0.1))), wall, drone)
     assert caught.value.segment == 1

@@ -40,8 +40,8 @@ def problem(seed: int, segments: int = 5, **weights: float) -> tuple[Problem, np
     given = moving if seed % 2 else {}
     target = np.array([0.3, -0.2, 1.0]) if seed % 3 == 0 else None
     reference_s = rng.uniform(0.5, 2.0, segments) if rng.uniform() < 0.5 else None
-    balls = np.column_stack([knots[:, :3] + rng.normal(size=(segments + 1, 3)), rng.uniform(-0.5, 1.5, segments + 1)])
-    balls[:, 3] = np.maximum(balls[:, 3], 0.0)  # some have none
+    radius = np.where(rng.random(segments + 1) < 0.5, rng.uniform(0.7, 1.5, segments + 1), 0.0)  # some have no ball
+    balls = np.column_stack([knots[:, :3] + rng.normal(size=(segments + 1, 3)), radius])
     moved = {"reference_s": reference_s, "target_world_m": target, "balls": balls, **given}
     p = Problem(knots, free, frame, scene, 1.0, price, offsets, **moved)
     return p, rng.uniform(0.4, 0.9, segments)
