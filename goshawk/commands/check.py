@@ -10,7 +10,6 @@ import planner
 import vehicle
 from flight import TrajectoryFile, trajectory
 from goshawk import console, outputs
-from goshawk.commands.plan import options_from
 from planner import gate
 
 
@@ -33,11 +32,14 @@ def command(
     goshawk check walk.json --map other-map --vehicle vehicle.toml --json
     goshawk check walk.json --map map --vehicle learned.toml --renew
 
+    It is checked for the radius, margin, limits and control reserve that the file records; --margin overrides one.
+
     Exit code 0: it passes and may be flown. 1: it fails, and the table shows which check. A trajectory planned for
     another map or vehicle fails, unless it passes every other check and --renew records it for these.
     """
     item = trajectory.load(trajectory_file)
-    options = options_from(vehicle_file, margin_m)
+    options = gate.options_of(item)
+    options = options if margin_m is None else replace(options, margin_m=margin_m)
     believed = vehicle.load(vehicle_file)
     with console.progress() as progress:
         progress("opening the map", 0.0)
