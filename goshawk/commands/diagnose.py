@@ -157,7 +157,7 @@ def _show(found: Diagnosis, document: dict[str, Any]) -> None:
         console.table(
             "confounded effects in these flights", ("candidate", "collinear with"), [a for a in alike if a[1]]
         )
-    reasons = [(s.name, s.reason) for s in found.candidates if s.verdict == "cannot tell"]
+    reasons = [(s.name, s.reason) for s in found.candidates if s.verdict == "inconclusive"]
     reasons += [(name, f"unobservable: {why}") for name, why in found.invisible]
     if reasons:
         console.table("inconclusive from these flights, and why", ("effect", "reason"), reasons)
@@ -189,14 +189,13 @@ def _show_staircase(found: Diagnosis) -> None:
     console.table(f"position error (mm, rms) on {on}", ("model", *(f"after {h}" for h in horizons)), rows)
 
 
-def _rows(suspect: CandidateFinding) -> list[tuple[str, ...]]:
+def _rows(candidate: CandidateFinding) -> list[tuple[str, ...]]:
     """One line per parameter; the values of the candidate as a whole are in the first."""
-    verdict = "inconclusive" if suspect.verdict == "cannot tell" else suspect.verdict
-    heads = ((suspect.name, verdict), *((("", ""),) * (len(suspect.sizes) - 1)))
-    whole = (f"{1000.0 * suspect.error_m:.1f}", f"{suspect.confidence:.0%}")
+    heads = ((candidate.name, candidate.verdict), *((("", ""),) * (len(candidate.sizes) - 1)))
+    whole = (f"{1000.0 * candidate.error_m:.1f}", f"{candidate.confidence:.0%}")
     return [
         (*head, size.parameter.split(".")[-1], *_size(size), *(whole if head[0] else ("", "")))
-        for head, size in zip(heads, suspect.sizes, strict=True)
+        for head, size in zip(heads, candidate.sizes, strict=True)
     ]
 
 

@@ -73,7 +73,7 @@ class Diagnosis:
 
     @property
     def undecided(self) -> tuple[str, ...]:
-        """Candidates of which one is still missing and nothing tells which, the likeliest first."""
+        """Candidates of which one is still missing and the flights do not separate them, the likeliest first."""
         return self.search.undecided.between if self.search.undecided else ()
 
     @property
@@ -84,7 +84,7 @@ class Diagnosis:
             parts.append(f"missing was {' and '.join(self._said(name) for name in self.additions)}")
         if self.undecided:
             besides = "besides, " if parts else ""
-            parts.append(f"{besides}{' or '.join(self.undecided)} is missing: these flights cannot tell which")
+            parts.append(f"{besides}{' or '.join(self.undecided)} is missing: they are confounded in these flights")
         if self.outside is not None:
             o = self.outside
             parts.append(
@@ -94,15 +94,15 @@ class Diagnosis:
         doubts = [
             s.name
             for s in self.candidates
-            if s.verdict is Verdict.CANNOT_TELL
+            if s.verdict is Verdict.INCONCLUSIVE
             and (s.significance < THRESHOLDS.chance or s.name in self.search.doubted)
         ]
         if not parts and doubts:
-            parts.append(f"something may be missing, and these flights cannot tell what: {', '.join(doubts)}")
+            parts.append(f"something may be missing, and these flights are inconclusive: {', '.join(doubts)}")
         if self.search.too_short and (self.additions or self.undecided or self.outside is not None):
             parts.append("the held-out flights are too short to confirm it")
         if self.leaves_too_much:
-            parts.append("so much stays unexplained that these flights cannot tell what is missing: read the findings")
+            parts.append("so much stays unexplained that these flights are inconclusive: read the findings")
         return "; ".join(parts) if parts else "nothing that these flights could show is missing"
 
     def _said(self, name: str) -> str:
@@ -144,7 +144,7 @@ class Diagnosis:
             "flights": list(self.flights),
             "held_out": list(self.held_out),
             "base": {"vehicle": self.base.name, "effects": list(self.base.effects)},
-            "suspects": [s.as_dict() for s in self.candidates],
+            "candidates": [s.as_dict() for s in self.candidates],
             "additions": list(self.additions),
             "payload_carried": list(self.payload_carried) or None,
             "undecided": list(self.undecided),

@@ -107,7 +107,7 @@ def test_a_curve_against_no_state_of_the_vehicle_gets_a_remark(curve, words):
 
 
 def test_confounded_effects_are_separated_by_a_next_flight_in_the_space_flown():
-    alike = candidate("rotor_drag_speed", "cannot tell", 1e-7, "rotor_drag_thrust")
+    alike = candidate("rotor_drag_speed", "inconclusive", 1e-7, "rotor_drag_thrust")
     (line,) = what_next.lines(found(alike), ASKED)
     assert typed(line) == [
         *["next-flight", "a.parquet", "my b.parquet", "--vehicle", "vehicle.toml"],
@@ -117,7 +117,7 @@ def test_confounded_effects_are_separated_by_a_next_flight_in_the_space_flown():
 
 
 def test_undecided_candidates_are_separated_first():
-    doubtful = found(candidate("constant_wind", "cannot tell", 1e-9), undecided=("parasitic_drag", "rotor_drag_speed"))
+    doubtful = found(candidate("constant_wind", "inconclusive", 1e-9), undecided=("parasitic_drag", "rotor_drag_speed"))
     (line,) = what_next.lines(doubtful, ASKED)
     words = typed(line)
     names = [words[i + 1] for i, word in enumerate(words) if word == "--candidate"]
@@ -141,7 +141,7 @@ def test_nothing_in_doubt_proposes_nothing():
 
 def test_the_column_map_of_a_foreign_log_is_repeated():
     asked = Asked((Path("a.csv"),), Path("vehicle.toml"), columns=Path("columns.toml"))
-    lines = what_next.lines(found(candidate("ground_effect", "cannot tell", 0.4), outside=None), asked)
+    lines = what_next.lines(found(candidate("ground_effect", "inconclusive", 0.4), outside=None), asked)
     lines += what_next.lines(found(outside=drawn()), asked)
     assert len(lines) == 4
     for line in lines:

@@ -115,12 +115,12 @@ def test_a_prior_pulls_the_estimate(campaign, truth):
 def test_a_parameter_that_flights_do_not_show_is_held_and_named(campaign, truth):
     short = [campaign[0].slice(0.0, 2.0)]
     result = sysid.identify(short, truth)
-    unseen = [e.name for e in result.parameters if e.status == "unseen"]
+    unseen = [e.name for e in result.parameters if e.status == "not identifiable"]
     assert "parasitic_drag.drag_xy_kg_m" in unseen
     for name in unseen:
         assert any(name in sentence for sentence in result.findings)
         assert result.vehicle.value(name) == truth.value(name)
-    with pytest.raises(InputError, match="do not show"):
+    with pytest.raises(InputError, match="not identifiable"):
         sysid.identify(short, truth, sysid.Options(unseen="refuse"))
 
 
