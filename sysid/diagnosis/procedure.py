@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from flight import FlightLog, InputError, Progress, silent
 from sysid.diagnosis import load, traces
@@ -36,7 +36,7 @@ from vehicle import Vehicle, effects, rigid_body
 
 NODE_RATE_HZ = 100.0
 """States per second while searching; the vehicle's motion is slower than this by far."""
-VISIBLE_SIGMAS = float(norm.isf(THRESHOLDS.chance / 2.0) + norm.isf(0.1))
+VISIBLE_SIGMAS = -float(ndtri(THRESHOLDS.chance / 2.0) + ndtri(0.1))
 """A size of so many standard errors is called present nine times in ten."""
 
 
