@@ -111,7 +111,8 @@ def _exclusions(found: Diagnosis) -> str:
     excluded = sum(s.verdict is Verdict.EXCLUDED for s in found.candidates)
     open_ = [s.name for s in found.candidates if s.verdict is Verdict.INCONCLUSIVE]
     open_ += [name for name, _ in found.invisible]
-    told = f"Of {len(found.candidates)} candidates, {excluded} would have been detected at their typical size and are excluded"
+    number = len(found.candidates)
+    told = f"Of {number} candidates, {excluded} would have been detected at their typical size and are excluded"
     return f"{told}. Inconclusive from these flights: {escape(', '.join(open_))}." if open_ else f"{told}."
 
 

@@ -34,7 +34,8 @@ def folder(tmp_path, monkeypatch) -> Path:
 
 def diagnosis(path: Path, outside: object, version: int = 2) -> None:
     verdict = "nothing that these flights could show is missing" if outside is None else "M_z against v_z"
-    path.write_text(json.dumps({"schema": "goshawk-diagnosis", "version": version, "verdict": verdict, "outside": outside}))
+    head = {"schema": "goshawk-diagnosis", "version": version}
+    path.write_text(json.dumps({**head, "verdict": verdict, "outside": outside}))
 
 
 def scaffolding(name: str = "climb_twist", *more: object, source: str = "diagnosis.json") -> list[object]:
