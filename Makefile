@@ -7,6 +7,9 @@ JOBS ?= 2
 WORKERS := -n $(JOBS) --dist loadgroup --no-loadscope-reorder
 # BLAS threads only spin on matrices as small as ours; see goshawk/__init__.py.
 export OPENBLAS_NUM_THREADS ?= 1
+# Compiled modules are kept even where the environment says otherwise (as many containers do): without them each start of
+# the command line compiles NumPy, SciPy and ours again, which is half of its CPU time.
+export PYTHONDONTWRITEBYTECODE :=
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test test-all mutate bench fuzz docs lint lock clean
 
