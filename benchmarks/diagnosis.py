@@ -202,7 +202,7 @@ def mistakes(results: list[Result]) -> list[str]:
 
 
 def _read(line: str) -> Result:
-    """A line of the results; those written before November 2026 call the candidates `suspects`."""
+    """A line of the results; earlier ones have another name for the candidates."""
     result = json.loads(line)
     if "suspects" in result["diagnosis"]:
         result["diagnosis"]["candidates"] = result["diagnosis"].pop("suspects")
