@@ -111,6 +111,8 @@ def _show(title: str, document: dict) -> None:
     findings = document["check"]["findings"]
     for finding in findings:
         click.echo(f"{finding['level']}: {finding['sentence']}; {finding['fix']}")
+    for sentence in document["check"]["inconclusive"]:
+        click.echo(f"inconclusive: {sentence}")
     if not findings:
         click.echo("the checks found no fault")
     elif any(finding["fixable"] for finding in findings):

@@ -5,7 +5,6 @@ turning must be what the gyro reads, and the torque of the rotors must be what a
 """
 
 from dataclasses import dataclass, replace
-from itertools import permutations
 
 import numpy as np
 from scipy.signal import savgol_coeffs, savgol_filter
@@ -14,6 +13,7 @@ from flight import FlightLog, frames, rotations
 from flight.flight_log import COLUMNS
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
+from sysid.logs import rotor_order
 from sysid.logs.finding import Finding, Repair, error, warning
 from sysid.logs.payload import as_flown, carries_payload
 from vehicle import Vehicle, acceleration, wrench
@@ -68,18 +68,21 @@ class Kinematics:
     angular_acceleration_rad_s2: FloatArray
 
 
-def check(log: FlightLog, vehicle: Vehicle | None) -> list[Finding]:
-    """All findings that compare channels; empty where a channel is not there."""
+def check(log: FlightLog, vehicle: Vehicle | None) -> tuple[list[Finding], list[str]]:
+    """All findings that compare channels, and sentences on what is inconclusive; empty where a channel is not there."""
     found = [*_accelerometer(log)]
+    flown = as_flown(vehicle, carries_payload(log)) if vehicle is not None else None
     motion = kinematics(log)
     if motion is None:
-        return found
+        places, inconclusive = _order(log, None, flown)
+        return [*found, *places], inconclusive
     attitude = _attitude(motion)
     found += [*attitude, *_velocity(log, motion)]
     if attitude:
-        return found  # whatever is judged by the attitude would only repeat that
-    flown = as_flown(vehicle, carries_payload(log)) if vehicle is not None else None
-    return [*found, *_gyro(log, motion), *_rotors(log, motion, flown)]
+        return found, []  # whatever is judged by the attitude would only repeat that
+    gyro = _gyro(log, motion)
+    places, inconclusive = _order(log, motion, flown, gyro_is_right=not any(f.level == "error" for f in gyro))
+    return [*found, *gyro, *_rotors(log, motion, flown, places)], inconclusive
 
 
 def kinematics(log: FlightLog) -> Kinematics | None:
@@ -289,7 +292,19 @@ def gyro_after_attitude(log: FlightLog, motion: Kinematics) -> tuple[float, floa
     return clock_offset(motion.rate_body_rad_s, _on_grid(log, "rate_body_rad_s", motion.time_s))
 
 
-def _rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle | None) -> list[Finding]:
+def _order(
+    log: FlightLog, motion: Kinematics | None, vehicle: Vehicle | None, *, gyro_is_right: bool = True
+) -> tuple[list[Finding], list[str]]:
+    """Order and spins of the rotors, by the gyro, or by the attitude where the gyro is faulty or not there."""
+    if vehicle is None or not _sampled(log, "rotor_speed_rad_s"):
+        return [], []
+    if gyro_is_right and _sampled(log, "rate_body_rad_s"):
+        return rotor_order.check(log, (log.time_s, log.vector("rate_body_rad_s")), vehicle)
+    return rotor_order.check(log, (motion.time_s, motion.rate_body_rad_s), vehicle) if motion is not None else ([], [])
+
+
+def _rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle | None, places: list[Finding]) -> list[Finding]:
+    """Unit of rotor speed, then its order and spins (`places`), then its clock."""
     if not _sampled(log, "rotor_speed_rad_s"):
         return []
     speed = _on_grid(log, "rotor_speed_rad_s", motion.time_s)
@@ -307,7 +322,8 @@ def _rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle | None) -> list
     if not 0.25 < ratio < 4.0:
         sentence = f"the rotors make {ratio:.2g} times the thrust that the motion needs"
         found.append(warning("unit", sentence, "check mass, thrust coefficient and the unit of rotor speed"))
-    return found + _rotor_order(log, speed, motion, vehicle)
+    found += places
+    return found if any(f.what == "rotor order" for f in places) else found + _rotor_clock(log, speed, motion, vehicle)
 
 
 def _rpm(typical: float) -> Finding:
@@ -316,41 +332,17 @@ def _rpm(typical: float) -> Finding:
     return error("unit", sentence, "multiply rotor_speed by 2 pi / 60", repair=repair)
 
 
-def _rotor_order(log: FlightLog, speed: FloatArray, motion: Kinematics, vehicle: Vehicle) -> list[Finding]:
-    """Which rotor is which, from how the body answers: all orders and both senses of spin are tried; then its clock."""
+def _rotor_clock(log: FlightLog, speed: FloatArray, motion: Kinematics, vehicle: Vehicle) -> list[Finding]:
+    """Rotor speed against the gyro or, where that follows it too little, against the motion."""
     if np.sqrt((motion.rate_body_rad_s[:, :2] ** 2).mean()) < LEAST_RATE_RAD_S:
         return []
-    squared = speed**2 - (speed**2).mean(axis=0)
-    turning = motion.angular_acceleration_rad_s2
-    arms = np.stack([vehicle.hub_body_m[:, 1], -vehicle.hub_body_m[:, 0]], axis=1)
-    smooth = _fit(squared, 0)
-    score = {}
-    for order in permutations(range(4)):
-        torque = smooth[:, order] @ arms
-        score[order] = sum(_correlation(torque[:, i], turning[:, i]) for i in range(2)) / 2.0
-    best = max(score, key=lambda order: score[order])
-    own = score[(0, 1, 2, 3)]
-    found = []
-    if own < 0.3 and score[best] > own + 0.3:
-        sentence = (
-            f"roll and pitch do not follow the rotors in this order (correlation {own:.2f}); "
-            f"with order {list(best)} they do ({score[best]:.2f})"
-        )
-        repair = Repair("rotor order", COLUMNS["rotor_speed_rad_s"], order=best)
-        fix = f"take columns {list(best)} of rotor_speed as rotors 0 to 3"
-        found.append(error("rotor order", sentence, fix, repair=repair))
-        return found
-    yaw = _correlation(-smooth @ vehicle.spin, turning[:, 2])
-    if yaw < -0.3:
-        sentence = f"yaw turns against the rotors' torque (correlation {yaw:.2f}): spin directions are the other way"
-        found.append(error("rotor spin", sentence, "turn the sign of every spin in the vehicle file"))
     if _sampled(log, "rate_body_rad_s"):
         delay_s, quality = rotors_after_gyro(log, motion.time_s, vehicle)
         if quality > 0.7:
-            return found + _late(delay_s, "gyro")
+            return _late(delay_s, "gyro")
     driven, damping = _turning_by_rotors(speed, motion, vehicle)
-    delay_s, quality = clock_offset((turning - damping)[:, :2], driven[:, :2])
-    return found + (_late(delay_s, "motion") if quality > 0.7 and own > 0.3 else [])
+    delay_s, quality = clock_offset((motion.angular_acceleration_rad_s2 - damping)[:, :2], driven[:, :2])
+    return _late(delay_s, "motion") if quality > 0.7 else []
 
 
 def _late(delay_s: float, against: str) -> list[Finding]:
