@@ -10,7 +10,7 @@ import vehicle
 from flight import FlightLog, InputError, file_format
 from goshawk import console, outputs, what_next
 from goshawk.flights import load
-from goshawk.what_next import Asked
+from goshawk.what_next import DiagnoseCall
 from sysid.diagnosis import CandidateFinding, Diagnosis, Size, diagnose
 from sysid.estimator.verdict import Use
 from sysid.report import diagnosis_figures as figures
@@ -82,7 +82,7 @@ def command(
         found = diagnose(training, given, held_out=evaluation, auto=auto, progress=progress)
     document = found.as_dict()
     usable = found.fit_verdict.use is not Use.REJECTED
-    document["next"] = what_next.lines(found, Asked(flights, vehicle_file, held_out, columns, out, kept, auto))
+    document["next"] = what_next.lines(found, DiagnoseCall(flights, vehicle_file, held_out, columns, out, kept, auto))
     document |= _write(found, out if usable or anyway else None, report_file, plots, document["next"], overwrite)
     if kept is not None:
         outputs.write_json(kept, document, overwrite=overwrite)

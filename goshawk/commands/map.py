@@ -78,7 +78,7 @@ def build(
         rig = mapping.rig.load(camera)
         report = mapping.build_map(images, rig, out, options, overwrite=overwrite, progress=progress)
     if (kept := results.newest_kept(out)) != earlier:
-        outputs.tell_kept(out, kept)
+        outputs.report_kept(out, kept)
     facts = {
         "images registered": f"{report.images_placed} of {report.images}",
         "reprojection error": f"{report.reprojection_error_px:.2f} px",

@@ -198,7 +198,7 @@ def _change(
     }
     if preview is None:
         if len(editor.edits) < len(old):  # keep the old list: removed edits are stored nowhere else
-            outputs.tell_kept(folder / EDITS, results.keep(folder / EDITS))
+            outputs.report_kept(folder / EDITS, results.keep(folder / EDITS))
         esdf.save_edits(folder / EDITS, editor.edits)
         document["written"] = str(folder / EDITS)
     else:
