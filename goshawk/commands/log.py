@@ -81,13 +81,17 @@ def command(
     log = sysid.read_log(flight, columns)
     believed = vehicle.load(vehicle_file) if vehicle_file is not None else None
     done: tuple[str, ...] = ()
+    aloft = _aloft(log, flight)
     with console.progress() as report:
         if out is not None:
-            log, done = log_outputs.write_fixed(log, flight, out, believed, overwrite=overwrite, progress=report)
-        report("checking", 0.0)
-        checked = replace(sysid.check_log(_aloft(log, flight), believed), name=str(out or flight))
-        report("writing", 0.0)
-        written = log_outputs.write(log, checked, (report_file, csv_file, mcap_file), overwrite=overwrite)
+            log, done, checked = log_outputs.write_fixed(
+                log, flight, out, believed, overwrite=overwrite, progress=report
+            )
+        else:
+            checked = sysid.check_log(aloft, believed, progress=report)
+        checked = replace(checked, name=str(out or flight))
+        files = (report_file, csv_file, mcap_file)
+        written = log_outputs.write(log, checked, files, overwrite=overwrite, progress=report)
     document = describe(log) | {"check": checked.as_dict()}
     if as_json:
         more = {"fixed": list(done), "written": [str(path) for path in (out, *written) if path is not None]}

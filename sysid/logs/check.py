@@ -5,7 +5,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from flight import FlightLog
+from flight import FlightLog, Progress, silent
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
 from sysid.logs import consistency
@@ -59,11 +59,13 @@ class LogReport:
         }
 
 
-def check_log(log: FlightLog, vehicle: Vehicle | None = None) -> LogReport:
+def check_log(log: FlightLog, vehicle: Vehicle | None = None, *, progress: Progress = silent) -> LogReport:
     """Look for faults in a log; with a vehicle, also for rotor order, spin and units that its motion contradicts."""
+    progress("checking", 0.0)
     step_s = np.diff(log.time_s)
     findings = [*_time_base(log), *_not_finite(log), *_jumps(log), *_frozen(log), *_saturated(log)]
-    compared, inconclusive = consistency.check(log, vehicle)
+    compared, inconclusive = consistency.check(log, vehicle, progress)
+    progress("checking", 1.0)
     findings += compared
     return LogReport(
         name=str(log.metadata.get("name", "log")),

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import savgol_coeffs, savgol_filter
 
-from flight import FlightLog, frames, rotations
+from flight import FlightLog, Progress, frames, rotations, silent
 from flight.flight_log import COLUMNS
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
@@ -68,7 +68,7 @@ class Kinematics:
     angular_acceleration_rad_s2: FloatArray
 
 
-def check(log: FlightLog, vehicle: Vehicle | None) -> tuple[list[Finding], list[str]]:
+def check(log: FlightLog, vehicle: Vehicle | None, progress: Progress = silent) -> tuple[list[Finding], list[str]]:
     """All findings that compare channels, and sentences on what is inconclusive; empty where a channel is not there."""
     found = [*_accelerometer(log)]
     flown = as_flown(vehicle, carries_payload(log)) if vehicle is not None else None
@@ -76,12 +76,16 @@ def check(log: FlightLog, vehicle: Vehicle | None) -> tuple[list[Finding], list[
     if motion is None:
         places, inconclusive = _order(log, None, flown)
         return [*found, *places], inconclusive
+    progress("checking", 0.2)
     attitude = _attitude(motion)
     found += [*attitude, *_velocity(log, motion)]
     if attitude:
         return found, []  # whatever is judged by the attitude would only repeat that
+    progress("checking", 0.3)
     gyro = _gyro(log, motion)
+    progress("checking", 0.5)
     places, inconclusive = _order(log, motion, flown, gyro_is_right=not any(f.level == "error" for f in gyro))
+    progress("checking", 0.7)
     return [*found, *gyro, *_rotors(log, motion, flown, places)], inconclusive
 
 

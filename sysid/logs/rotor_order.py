@@ -172,7 +172,8 @@ def _spectra(log: FlightLog, rate: tuple[FloatArray, FloatArray]) -> tuple[Float
 
 
 def _gap(time_s: FloatArray, start_s: float, length_s: float) -> bool:
-    inside = time_s[(time_s >= start_s) & (time_s <= start_s + length_s)]
+    first, end = np.searchsorted(time_s, [start_s, start_s + length_s])
+    inside = time_s[first:end]
     return len(inside) < 2 or float(np.diff(np.r_[start_s, inside, start_s + length_s]).max()) > LARGEST_GAP_S
 
 
