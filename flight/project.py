@@ -135,4 +135,4 @@ def load_waypoints(path: Path) -> Waypoints:
         yaws = [p.get("yaw_rad") for p in points]
         return Waypoints(positions, np.array([np.nan if y is None else y for y in yaws], dtype=np.float64))
     except (KeyError, TypeError, ValueError) as error:
-        raise FormatError(f"{path} is a damaged waypoint file: {error}") from error
+        raise FormatError(f"{path} is a damaged waypoint file: {file_format.damage_text(error)}") from error

@@ -29,7 +29,7 @@ class MapVerbs(click.Group):
 
 @click.command()
 @click.argument("images", type=click.Path(path_type=Path))
-@console.path_option("--camera", "camera", "The rig: camera.toml.", required=True)
+@console.path_option("--camera", "camera", "Camera file of the rig, as `goshawk camera` writes it.", required=True)
 @console.path_option("--out", "out", "Map folder to write.", required=True)
 @console.path_option("--references", "references", "Recorded positions or gravity [default: IMAGES/references.csv].")
 @click.option(

@@ -13,7 +13,7 @@ from flight import FlightLog, Progress, frames, rotations, silent
 from flight.flight_log import COLUMNS
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
-from sysid.logs import rotor_order
+from sysid.logs import rotor_order, streams
 from sysid.logs.finding import Finding, Repair, error, warning
 from sysid.logs.payload import as_flown, carries_payload
 from vehicle import Vehicle, acceleration, wrench
@@ -41,8 +41,6 @@ _REREAD = {
     POSITIONS_DOWN: Repair("flip", COLUMNS["position_world_m"]),
     ALL_DOWN: Repair("flip", tuple(c for q, columns in COLUMNS.items() if "rotor" not in q for c in columns)),
 }
-LONGEST_S = 1e4
-"""A longer log is in another unit of time; the check of the time base says so."""
 LEAST_SAMPLES = 50
 """Fewer samples of a quantity are not judged."""
 RATIO_SIGMAS = 4.0
@@ -98,7 +96,7 @@ def kinematics(log: FlightLog) -> Kinematics | None:
     if len(rows) < 50 or log.time_s[rows[-1]] - log.time_s[rows[0]] < 100 * GRID_S:
         return None
     first_s, last_s = float(log.time_s[rows[0]]), float(log.time_s[rows[-1]])
-    if last_s - first_s > LONGEST_S:
+    if last_s - first_s > streams.LONGEST_S:
         return None
     time_s = np.arange(first_s, last_s, GRID_S)
     flips = np.cumprod(np.where((q[rows][1:] * q[rows][:-1]).sum(axis=1) < 0.0, -1.0, 1.0))

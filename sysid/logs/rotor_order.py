@@ -23,6 +23,7 @@ from flight import FlightLog
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
 from sysid.logs.finding import Finding, Repair, error
+from sysid.logs.streams import LONGEST_S
 from vehicle import Vehicle
 
 GRID_S = 0.01
@@ -30,7 +31,11 @@ WINDOW_S = 2.0
 """Length of the windows (Hann, half overlapping) of which spectra are taken."""
 BAND_HZ = (2.0, 15.0)
 """Slower, the controller responds to disturbances with the rotors, which reverses cause and effect; faster is noise."""
-LONGEST_DELAY_S = 0.06
+LONGEST_DELAY_S = 0.15
+DELAY_STEP_S = 0.003
+NEARLY_BEST = 0.8
+"""Delays with this share of what the best one explains must decide alike: an oscillation fits half a period later, too,
+but with the opposite sign."""
 LARGEST_GAP_S = 0.05
 """A window with a longer gap between samples is left out."""
 LEAST_WINDOWS = 6
@@ -109,32 +114,41 @@ def examine(log: FlightLog, rate: tuple[FloatArray, FloatArray], vehicle: Vehicl
     if spectra is None:
         return Rotors(None, None, np.zeros(3))
     hz, squared, turning = spectra
-    squared = squared * np.exp(2j * np.pi * hz * _delay_s(hz, squared, turning))[:, None]
-    roll, pitch = (_gains(squared, turning[..., axis]) for axis in range(2))
+    delays = np.arange(-LONGEST_DELAY_S, LONGEST_DELAY_S + 1e-9, DELAY_STEP_S)
+    advanced = [squared * np.exp(2j * np.pi * hz * delay_s)[:, None] for delay_s in delays]
+    fits = [tuple(_gains(columns, turning[..., axis]) for axis in range(2)) for columns in advanced]
+    shares = np.array([roll.explained + pitch.explained for roll, pitch in fits])
+    best = int(shares.argmax())
+    orders = {_order(*fits[i], vehicle) for i in np.flatnonzero(shares > NEARLY_BEST * shares[best])} - {None}
+    squared, (roll, pitch) = advanced[best], fits[best]
     change = squared * (2j * np.pi * hz)[:, None]
     yaw = _gains(np.concatenate([squared, change], axis=2), turning[..., 2])
     explained = np.array([roll.explained, pitch.explained, yaw.explained])
-
-    def misfit_of_order(order: tuple[int, ...]) -> float:
-        place = np.argsort(order)  # rotor of each column
-        return sum(
-            gains.misfit(arm[place][:, None])
-            for gains, arm in ((roll, vehicle.hub_body_m[:, 1]), (pitch, -vehicle.hub_body_m[:, 0]))
-        )
-
-    order = _decided({order: misfit_of_order(order) for order in permutations(range(4))}, freedom=6)
-    if order is None:
+    order = _order(roll, pitch, vehicle)
+    if order is None or orders != {order}:
         return Rotors(None, None, explained)
+    return Rotors(order, _spin(yaw, order, vehicle), explained)
+
+
+def _order(roll: Gains, pitch: Gains, vehicle: Vehicle) -> tuple[int, ...] | None:
+    def misfit(order: tuple[int, ...]) -> float:
+        place = np.argsort(order)  # rotor of each column
+        arms = ((roll, vehicle.hub_body_m[:, 1]), (pitch, -vehicle.hub_body_m[:, 0]))
+        return sum(gains.misfit(arm[place][:, None]) for gains, arm in arms)
+
+    return _decided({order: misfit(order) for order in permutations(range(4))}, freedom=6)
+
+
+def _spin(yaw: Gains, order: tuple[int, ...], vehicle: Vehicle) -> tuple[int, ...] | None:
     place, nothing = np.argsort(order), np.zeros(4)
 
-    def misfit_of_spin(spin: tuple[int, ...]) -> float:
+    def misfit(spin: tuple[int, ...]) -> float:
         sense = -np.array(spin, dtype=np.float64)[place]
         return yaw.misfit(np.stack([np.r_[sense, nothing], np.r_[nothing, sense]], axis=1))
 
     balanced = {spin for spin in product((-1, 1), repeat=4) if sum(spin) == 0}  # or the vehicle would not hold its yaw
     given = tuple(int(sense) for sense in np.sign(vehicle.spin))
-    spin = _decided({spin: misfit_of_spin(spin) for spin in balanced | {given}}, freedom=6)
-    return Rotors(order, spin, explained)
+    return _decided({spin: misfit(spin) for spin in balanced | {given}}, freedom=6)
 
 
 def _decided(misfit: dict[Hypothesis, float], freedom: int) -> Hypothesis | None:
@@ -146,7 +160,7 @@ def _decided(misfit: dict[Hypothesis, float], freedom: int) -> Hypothesis | None
 def _spectra(log: FlightLog, rate: tuple[FloatArray, FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray] | None:
     """Frequencies (f,), spectra of squared rotor speed (w, f, 4) and angular acceleration (w, f, 3).
 
-    None where fewer than `LEAST_WINDOWS` windows are without gaps.
+    None where fewer than `LEAST_WINDOWS` windows are without gaps, or the time is in another unit.
     """
     streams = []
     for time_s, values in ((log.time_s, log.vector("rotor_speed_rad_s")), rate):
@@ -154,6 +168,8 @@ def _spectra(log: FlightLog, rate: tuple[FloatArray, FloatArray]) -> tuple[Float
         streams.append((time_s[known], values[known]))
     first_s = max(float(time_s[0]) for time_s, _ in streams)
     last_s = min(float(time_s[-1]) for time_s, _ in streams)
+    if not 0.0 < last_s - first_s < LONGEST_S:
+        return None
     length = round(WINDOW_S / GRID_S)
     grid_s = np.arange(first_s, last_s, GRID_S)
     starts = np.arange(0, len(grid_s) - length + 1, length // 2)
@@ -175,16 +191,6 @@ def _gap(time_s: FloatArray, start_s: float, length_s: float) -> bool:
     first, end = np.searchsorted(time_s, [start_s, start_s + length_s])
     inside = time_s[first:end]
     return len(inside) < 2 or float(np.diff(np.r_[start_s, inside, start_s + length_s]).max()) > LARGEST_GAP_S
-
-
-def _delay_s(hz: FloatArray, squared: FloatArray, turning: FloatArray) -> float:
-    """By how much rotor speed comes later than the turning: where it explains most of roll and pitch."""
-
-    def explained(delay_s: float) -> float:
-        moved = squared * np.exp(2j * np.pi * hz * delay_s)[:, None]
-        return sum(_gains(moved, turning[..., axis]).explained for axis in range(2))
-
-    return max(np.arange(-LONGEST_DELAY_S, LONGEST_DELAY_S + 1e-9, 0.002), key=explained)
 
 
 def _gains(regressors: FloatArray, acceleration: FloatArray) -> Gains:

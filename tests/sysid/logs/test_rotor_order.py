@@ -49,6 +49,25 @@ def test_any_order_and_any_spins_come_out_whatever_the_clock_and_the_unit(log, t
     assert found.spin == tuple(truth.spin)
 
 
+@pytest.mark.parametrize("late_rows", [-40, -20, 20, 40])
+def test_a_clock_too_far_off_never_gives_another_order(log, truth, late_rows):
+    assert examine(rolled(log, late_rows), truth).order in (None, (0, 1, 2, 3))
+
+
+def test_a_single_oscillation_does_not_decide_between_an_order_and_its_opposite(log, truth):
+    """Half a period later the same motion would be that of the opposite rotors."""
+    phase = 2.0 * np.pi * 5.0 * log.time_s
+    roll, pitch = np.sin(phase), np.sin(1.37 * phase)
+    rng = np.random.default_rng(0)
+    arms = np.sign(truth.hub_body_m)
+    torque = np.outer(np.gradient(roll, log.time_s), arms[:, 1]) - np.outer(np.gradient(pitch, log.time_s), arms[:, 0])
+    speeds = 900.0 + torque + 0.5 * rng.standard_normal((len(log), 4))
+    rates = np.stack([roll, pitch, 0.0 * roll], axis=1) + 0.02 * rng.standard_normal((len(log), 3))
+    columns = dict(zip(ROTORS, speeds.T, strict=True)) | dict(zip(RATES, rates.T, strict=True))
+    for late_rows in (0, 4, 8):
+        assert examine(rolled(changed(log, **columns), late_rows), truth).order in (None, (0, 1, 2, 3))
+
+
 @pytest.mark.parametrize("order", [(0, 2, 1, 3), (1, 0, 3, 2), (3, 0, 1, 2)])
 def test_the_fix_brings_each_rotor_back_to_its_column(log, truth, order):
     fixed = fix(in_columns(log, order), truth)
