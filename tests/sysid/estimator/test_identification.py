@@ -149,7 +149,7 @@ def test_a_gap_is_refused_with_its_place_and_can_be_split(campaign, truth):
 def test_a_partly_missing_pose_is_refused_with_its_row(campaign, truth):
     x = campaign[0].columns["position_world_x_m"].copy()
     x[17] = np.nan
-    with pytest.raises(InputError, match="not all finite in row 17"):
+    with pytest.raises(InputError, match="the first is row 17"):
         sysid.identify([_changed(campaign[0], position_world_x_m=x)], truth)
 
 
