@@ -31,9 +31,15 @@ WINDOW_S = 2.0
 """Length of the windows (Hann, half overlapping) of which spectra are taken."""
 BAND_HZ = (2.0, 15.0)
 """Slower, the controller responds to disturbances with the rotors, which reverses cause and effect; faster is noise."""
-LONGEST_DELAY_S = 0.15
-DELAY_STEP_S = 0.003
-NEARLY_BEST = 0.8
+LONGEST_DELAY_S, DELAY_STEP_S = 0.5, 0.004
+"""Rotor speed may be this much late or early."""
+COARSE_S = 0.1
+"""Delays are shifts of the windows by multiples of this, and a phase for the rest."""
+SEARCH_WINDOWS = 60
+"""Windows on which delays are compared."""
+LEAST_POWER = 1e-6
+"""Of the combination of columns that moves least, to that which moves most."""
+NEARLY_BEST = 0.9
 """Delays with this share of what the best one explains must decide alike: an oscillation fits half a period later, too,
 but with the opposite sign."""
 LARGEST_GAP_S = 0.05
@@ -56,6 +62,24 @@ class Rotors:
     """+1 or -1 for each rotor of the file, in the file's sense; None: inconclusive, or the order is."""
     explained: FloatArray
     """(3,) share of roll, pitch and yaw acceleration within `BAND_HZ` that the four columns explain."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spectra:
+    """Windows of a flight within `BAND_HZ`."""
+
+    hz: FloatArray
+    """(f,)"""
+    squared: dict[int, FloatArray]
+    """(w, f, 4) complex, of squared rotor speed in windows that begin so many times `COARSE_S` later."""
+    turning: FloatArray
+    """(w, f, 3) complex, of angular acceleration."""
+
+    def advanced(self, delay_s: float) -> FloatArray:
+        """(w, f, 4) of squared rotor speed, which is this much later than the turning."""
+        coarse = round(delay_s / COARSE_S)
+        rest_s = delay_s - coarse * COARSE_S
+        return self.squared[coarse] * np.exp(2j * np.pi * self.hz * rest_s)[:, None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,23 +135,42 @@ def check(log: FlightLog, rate: tuple[FloatArray, FloatArray], vehicle: Vehicle)
 def examine(log: FlightLog, rate: tuple[FloatArray, FloatArray], vehicle: Vehicle) -> Rotors:
     """Order and spin of the rotors of a log, as far as the flight shows them."""
     spectra = _spectra(log, rate)
-    if spectra is None:
+    if spectra is None or not _excited(spectra):
         return Rotors(None, None, np.zeros(3))
-    hz, squared, turning = spectra
-    delays = np.arange(-LONGEST_DELAY_S, LONGEST_DELAY_S + 1e-9, DELAY_STEP_S)
-    advanced = [squared * np.exp(2j * np.pi * hz * delay_s)[:, None] for delay_s in delays]
-    fits = [tuple(_gains(columns, turning[..., axis]) for axis in range(2)) for columns in advanced]
-    shares = np.array([roll.explained + pitch.explained for roll, pitch in fits])
-    best = int(shares.argmax())
-    orders = {_order(*fits[i], vehicle) for i in np.flatnonzero(shares > NEARLY_BEST * shares[best])} - {None}
-    squared, (roll, pitch) = advanced[best], fits[best]
-    change = squared * (2j * np.pi * hz)[:, None]
-    yaw = _gains(np.concatenate([squared, change], axis=2), turning[..., 2])
+    fits = {delay_s: _roll_and_pitch(spectra, delay_s, SEARCH_WINDOWS) for delay_s in _delays_s()}
+    share = {delay_s: roll.explained + pitch.explained for delay_s, (roll, pitch) in fits.items()}
+    best = max(share, key=lambda delay_s: share[delay_s])
+    orders = {_order(*fits[d], vehicle) for d in fits if share[d] > NEARLY_BEST * share[best]} - {None}
+    roll, pitch = _roll_and_pitch(spectra, best)
+    squared = spectra.advanced(best)
+    change = squared * (2j * np.pi * spectra.hz)[:, None]
+    yaw = _gains(np.concatenate([squared, change], axis=2), spectra.turning[..., 2])
     explained = np.array([roll.explained, pitch.explained, yaw.explained])
     order = _order(roll, pitch, vehicle)
     if order is None or orders != {order}:
         return Rotors(None, None, explained)
-    return Rotors(order, _spin(yaw, order, vehicle), explained)
+    spin = _spin(yaw, order, vehicle)
+    hubs = vehicle.hub_body_m[:, :2]
+    if spin is None and np.allclose(hubs[list(order)], -hubs):
+        return Rotors(None, None, explained)  # could be a clock that is off by more than `LONGEST_DELAY_S`
+    return Rotors(order, spin, explained)
+
+
+def _delays_s() -> FloatArray:
+    return np.arange(-LONGEST_DELAY_S, LONGEST_DELAY_S + 1e-9, DELAY_STEP_S)
+
+
+def _excited(spectra: Spectra) -> bool:
+    """Whether all four columns move, each in its own way, and the body turns."""
+    squared = spectra.advanced(0.0)
+    powers = np.linalg.eigvalsh(np.einsum("wfi,wfj->ij", squared.conj(), squared).real)
+    return powers[0] > LEAST_POWER * powers[-1] and bool((np.abs(spectra.turning).sum(axis=(0, 1)) > 0.0).all())
+
+
+def _roll_and_pitch(spectra: Spectra, delay_s: float, most_windows: int | None = None) -> tuple[Gains, Gains]:
+    every = 1 if most_windows is None else max(len(spectra.turning) // most_windows, 1)
+    squared, turning = spectra.advanced(delay_s)[::every], spectra.turning[::every]
+    return _gains(squared, turning[..., 0]), _gains(squared, turning[..., 1])
 
 
 def _order(roll: Gains, pitch: Gains, vehicle: Vehicle) -> tuple[int, ...] | None:
@@ -157,11 +200,8 @@ def _decided(misfit: dict[Hypothesis, float], freedom: int) -> Hypothesis | None
     return best if misfit[second] - misfit[best] > CERTAIN * max(1.0, misfit[best] / freedom) else None
 
 
-def _spectra(log: FlightLog, rate: tuple[FloatArray, FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-    """Frequencies (f,), spectra of squared rotor speed (w, f, 4) and angular acceleration (w, f, 3).
-
-    None where fewer than `LEAST_WINDOWS` windows are without gaps, or the time is in another unit.
-    """
+def _spectra(log: FlightLog, rate: tuple[FloatArray, FloatArray]) -> Spectra | None:
+    """None where fewer than `LEAST_WINDOWS` windows are without gaps, or the time is in another unit."""
     streams = []
     for time_s, values in ((log.time_s, log.vector("rotor_speed_rad_s")), rate):
         known = np.isfinite(values).all(axis=1)
@@ -170,21 +210,24 @@ def _spectra(log: FlightLog, rate: tuple[FloatArray, FloatArray]) -> tuple[Float
     last_s = min(float(time_s[-1]) for time_s, _ in streams)
     if not 0.0 < last_s - first_s < LONGEST_S:
         return None
-    length = round(WINDOW_S / GRID_S)
+    length, margin, step = (round(part_s / GRID_S) for part_s in (WINDOW_S, LONGEST_DELAY_S, COARSE_S))
     grid_s = np.arange(first_s, last_s, GRID_S)
-    starts = np.arange(0, len(grid_s) - length + 1, length // 2)
-    starts = [s for s in starts if not any(_gap(time_s, grid_s[s], WINDOW_S) for time_s, _ in streams)]
+    around_s = WINDOW_S + 2.0 * LONGEST_DELAY_S
+    starts = np.arange(margin, len(grid_s) - length - margin + 1, length // 2)
+    starts = [s for s in starts if not any(_gap(time_s, grid_s[s - margin], around_s) for time_s, _ in streams)]
     if len(starts) < LEAST_WINDOWS:
         return None
     hz = np.fft.rfftfreq(length, GRID_S)
     band = (hz > BAND_HZ[0]) & (hz < BAND_HZ[1])
-    taken = []
-    for (time_s, values), power in zip(streams, (2, 1), strict=True):
-        even = np.stack([np.interp(grid_s, time_s, column) for column in values.T], axis=1) ** power
-        windows = np.stack([even[s : s + length] for s in starts])
+    speed, turning = (np.stack([np.interp(grid_s, t, column) for column in x.T], axis=1) for t, x in streams)
+
+    def spectrum(values: FloatArray, later: int) -> FloatArray:
+        windows = np.stack([values[s + later : s + later + length] for s in starts])
         windows = (windows - windows.mean(axis=1, keepdims=True)) * np.hanning(length)[:, None]
-        taken.append(np.fft.rfft(windows, axis=1)[:, band])
-    return hz[band], taken[0], taken[1] * (2j * np.pi * hz[band])[:, None]
+        return np.fft.rfft(windows, axis=1)[:, band]
+
+    squared = {later // step: spectrum(speed**2, later) for later in range(-margin, margin + 1, step)}
+    return Spectra(hz[band], squared, spectrum(turning, 0) * (2j * np.pi * hz[band])[:, None])
 
 
 def _gap(time_s: FloatArray, start_s: float, length_s: float) -> bool:
