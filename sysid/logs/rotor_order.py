@@ -111,7 +111,8 @@ def check(log: FlightLog, rate: tuple[FloatArray, FloatArray], vehicle: Vehicle)
     roll, pitch, yaw = (f"{share:.0%}" for share in found.explained)
     if found.order is None:
         shares = f"rotor speeds explain {roll} of roll and {pitch} of pitch acceleration"
-        return [], [f"rotor order and spins: {shares}; fly doublets about roll, pitch and yaw to decide"]
+        why = shares if found.explained.any() else "there is no motion, or less than 8 s of it without gaps"
+        return [], [f"rotor order and spins: {why}; fly doublets about roll, pitch and yaw to decide"]
     if found.order != AS_GIVEN:
         columns = list(found.order)
         sentence = (
