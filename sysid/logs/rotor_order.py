@@ -18,6 +18,7 @@ from itertools import permutations, product
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flight import FlightLog
 from flight.flight_log import COLUMNS
@@ -50,6 +51,7 @@ CERTAIN = 25.0
 AS_GIVEN = (0, 1, 2, 3)
 
 Hypothesis = TypeVar("Hypothesis")
+ComplexArray = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,12 +72,12 @@ class Spectra:
 
     hz: FloatArray
     """(f,)"""
-    squared: dict[int, FloatArray]
-    """(w, f, 4) complex, of squared rotor speed in windows that begin so many times `COARSE_S` later."""
-    turning: FloatArray
-    """(w, f, 3) complex, of angular acceleration."""
+    squared: dict[int, ComplexArray]
+    """(w, f, 4), of squared rotor speed in windows that begin so many times `COARSE_S` later."""
+    turning: ComplexArray
+    """(w, f, 3), of angular acceleration."""
 
-    def advanced(self, delay_s: float) -> FloatArray:
+    def advanced(self, delay_s: float) -> ComplexArray:
         """(w, f, 4) of squared rotor speed, which is this much later than the turning."""
         coarse = round(delay_s / COARSE_S)
         rest_s = delay_s - coarse * COARSE_S
@@ -218,11 +220,11 @@ def _spectra(log: FlightLog, rate: tuple[FloatArray, FloatArray]) -> Spectra | N
     starts = [s for s in starts if not any(_gap(time_s, grid_s[s - margin], around_s) for time_s, _ in streams)]
     if len(starts) < LEAST_WINDOWS:
         return None
-    hz = np.fft.rfftfreq(length, GRID_S)
+    hz = np.asarray(np.fft.rfftfreq(length, GRID_S), dtype=np.float64)
     band = (hz > BAND_HZ[0]) & (hz < BAND_HZ[1])
     speed, turning = (np.stack([np.interp(grid_s, t, column) for column in x.T], axis=1) for t, x in streams)
 
-    def spectrum(values: FloatArray, later: int) -> FloatArray:
+    def spectrum(values: FloatArray, later: int) -> ComplexArray:
         windows = np.stack([values[s + later : s + later + length] for s in starts])
         windows = (windows - windows.mean(axis=1, keepdims=True)) * np.hanning(length)[:, None]
         return np.fft.rfft(windows, axis=1)[:, band]
@@ -237,7 +239,7 @@ def _gap(time_s: FloatArray, start_s: float, length_s: float) -> bool:
     return len(inside) < 2 or float(np.diff(np.r_[start_s, inside, start_s + length_s]).max()) > LARGEST_GAP_S
 
 
-def _gains(regressors: FloatArray, acceleration: FloatArray) -> Gains:
+def _gains(regressors: ComplexArray, acceleration: ComplexArray) -> Gains:
     """Real gains by least squares over all windows and frequencies.
 
     Args:
