@@ -24,10 +24,9 @@ from flight import FlightLog
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
 from sysid.logs.finding import Finding, Repair, error
-from sysid.logs.streams import LONGEST_S
+from sysid.logs.motion import GRID_S, LONGEST_S
 from vehicle import Vehicle
 
-GRID_S = 0.01
 WINDOW_S = 2.0
 """Length of the windows (Hann, half overlapping) of which spectra are taken."""
 BAND_HZ = (2.0, 15.0)

@@ -6,9 +6,6 @@ from flight.rotations import FloatArray
 
 Stream = dict[str, FloatArray]
 
-LONGEST_S = 1e4
-"""A longer log is in another unit of time, as the check of the time base reports; it is not resampled."""
-
 
 def interpolated(time_s: FloatArray, stream: Stream) -> Stream:
     """Columns of another stream at these instants; NaN beyond its ends."""
