@@ -237,10 +237,9 @@ def _rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle | None, places:
         sentence = f"the rotors make {ratio:.2g} times the thrust that the motion needs"
         found.append(warning("unit", sentence, "check mass, thrust coefficient and the unit of rotor speed"))
     found += places
-    reordered = any(f.what == "rotor order" for f in places)
-    return (
-        found if reordered or not _followed(speed, motion, vehicle) else found + clocks.of_rotors(log, motion, vehicle)
-    )
+    if any(f.what == "rotor order" for f in places) or not _followed(speed, motion, vehicle):
+        return found
+    return found + clocks.of_rotors(log, motion, vehicle)
 
 
 def _rpm(typical: float) -> Finding:
