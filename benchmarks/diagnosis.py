@@ -145,15 +145,15 @@ def claims(result: Result) -> list[tuple[float, bool]]:
     """Stated confidence and correctness of every claim of a diagnosis."""
     diagnosed = result["diagnosis"]
     stated = [
-        (diagnosed["suspects"][name]["confidence"], effect_of(name) in right(result))
+        (diagnosed["candidates"][name]["confidence"], effect_of(name) in right(result))
         for name in diagnosed["additions"]
-        if name in diagnosed["suspects"] and effect_of(name) != "imu_errors"
+        if name in diagnosed["candidates"] and effect_of(name) != "imu_errors"
     ]
     if diagnosed["outside"] is not None:
         stated.append((diagnosed["outside"]["confidence"], outside_is_right(result)))
     if diagnosed.get("undecided"):
         one_of = any(effect_of(name) in right(result) for name in diagnosed["undecided"])
-        stated.append((sum(diagnosed["suspects"][name]["confidence"] for name in diagnosed["undecided"]), one_of))
+        stated.append((sum(diagnosed["candidates"][name]["confidence"] for name in diagnosed["undecided"]), one_of))
     if not stated:
         stated.append((diagnosed["confidence"], not _shown(result)))
     return stated
@@ -170,7 +170,7 @@ def _belief(results: list[Result]) -> list[report.Row]:
     every = [
         (s["confidence"], effect_of(name) in r["truth"]["hidden"])
         for r in results
-        for name, s in r["diagnosis"]["suspects"].items()
+        for name, s in r["diagnosis"]["candidates"].items()
     ]
     peers = {"every candidate": _mean((p - ok) ** 2 for p, ok in every), "mean stated": _mean(p for p, _ in stated)}
     peers["share right"] = _mean(ok for _, ok in stated)
@@ -201,9 +201,17 @@ def mistakes(results: list[Result]) -> list[str]:
     return lines
 
 
+def _read(line: str) -> Result:
+    """A line of the results; earlier ones have another name for the candidates."""
+    result = json.loads(line)
+    if "suspects" in result["diagnosis"]:
+        result["diagnosis"]["candidates"] = result["diagnosis"].pop("suspects")
+    return result
+
+
 def run(folder: Path, results_file: Path, jobs: int) -> tuple[list[Result], int]:
     """Score every campaign of a folder that has no line in the results yet; also returns the number of crashes."""
-    results = [json.loads(line) for line in results_file.read_text().splitlines()] if results_file.exists() else []
+    results = [_read(line) for line in results_file.read_text().splitlines()] if results_file.exists() else []
     done = {r["campaign"] for r in results}
     waiting = [p for p in sorted(folder.glob("campaign_*")) if p.name not in done]
     failures = 0

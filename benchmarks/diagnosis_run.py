@@ -53,7 +53,7 @@ def score(folder: Path) -> dict[str, Any]:
         "kind": truth["kind"],
         "diagnosis": diagnosed,
         "truth": {k: truth[k] for k in ("hidden", "channels", "variables", "law", "tolerated", "real_drag")},
-        "ratio": {effect: ratio(effect, sizes, diagnosed["suspects"]) for effect, sizes in truth["hidden"].items()},
+        "ratio": {effect: ratio(effect, sizes, diagnosed["candidates"]) for effect, sizes in truth["hidden"].items()},
         "inside": inside(found.vehicle, diagnosed["additions"], truth),
         **errors(training, held_out, given, found, truth),
     }
@@ -77,7 +77,7 @@ def stated(found: Any) -> dict[str, Any]:
         "confidence": float(found.confidence),
         "outside": outside
         and {"channel": outside.channel, "variable": outside.variable, "confidence": float(outside.confidence)},
-        "suspects": {
+        "candidates": {
             s.name: {
                 "verdict": s.verdict,
                 "confidence": float(s.confidence),
@@ -98,12 +98,12 @@ def effect_of(name: str) -> str:
     return name.split("[")[0]
 
 
-def ratio(effect: str, sizes: dict[str, float], suspects: dict[str, Any]) -> float | None:
+def ratio(effect: str, sizes: dict[str, float], candidates: dict[str, Any]) -> float | None:
     """True size over the smallest detectable one; the largest ratio of its parameters counts. None: not claimed."""
     found = []
-    for name, suspect in suspects.items():
+    for name, candidate in candidates.items():
         if effect_of(name) == effect:
-            visible = suspect["smallest_visible"]
+            visible = candidate["smallest_visible"]
             found += [abs(sizes[p]) / x for p, x in visible.items() if p in sizes and x > 0.0]
     return max(found, default=None)
 

@@ -36,7 +36,7 @@ def check_waypoints(waypoints: Waypoints, field: space.DistanceField, clearance_
     """
     points = waypoints.positions_world_m
     if len(points) < 2:
-        raise InputError(f"{len(points)} waypoint is given; at least two are needed, a start and an end")
+        raise InputError(f"{len(points)} waypoints are given; at least two are needed, a start and an end")
     gaps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     if gaps.min() < _SAME_M:
         i = int(gaps.argmin())
@@ -65,7 +65,7 @@ def _trouble(field: space.DistanceField, i: int, point: FloatArray, distance_m: 
 
 
 def _text(point: FloatArray) -> str:
-    return "(" + ", ".join(f"{x:.2f}" for x in point) + ")"
+    return "(" + ", ".join(f"{x:.2f}" if abs(x) < 1e6 else f"{x:.3g}" for x in point) + ")"
 
 
 def find(waypoints: Waypoints, field: space.DistanceField, options: PlanOptions) -> Route:

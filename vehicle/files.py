@@ -159,7 +159,7 @@ def _numbers(table: dict[str, Any], where: str, key: str, shape: tuple[int, ...]
 
 def _there(document: dict[str, Any], key: str) -> Any:
     if key not in document:
-        raise InputError(f"it has no {key}; `goshawk vehicle show` of an example shows what a vehicle file holds")
+        raise InputError(f"it has no {key}; `goshawk vehicle new` writes a complete vehicle file to compare with")
     return document[key]
 
 

@@ -11,6 +11,10 @@ import vehicle
 from flight import TrajectoryFile, trajectory
 from goshawk import console, outputs
 from planner import gate
+from planner.limits import Check
+
+LOWER_BOUNDS = ("clearance", "slowest rotor")
+"""Checks that need at least their bound."""
 
 
 @click.command()
@@ -74,8 +78,16 @@ def renewed(item: TrajectoryFile, report: planner.GateReport) -> TrajectoryFile:
 
 def _facts(report: planner.GateReport) -> dict[str, object]:
     """One line a check: value, bound, verdict, and the reason where it fails."""
-    return {
-        check.name: f"{'ok' if check.passed else 'FAILS'}  {check.value:.4g} {check.unit} (bound {check.bound:.4g})"
-        + ("" if check.passed else f"  {check.reason}")
-        for check in report.checks
-    }
+    return {check.name: _fact(check) for check in report.checks}
+
+
+def _fact(check: Check) -> str:
+    """Verdict, value and bound where they have a unit, and the reason of a failure."""
+    parts = ["ok" if check.passed else "FAILS"]
+    if check.unit:
+        bound = "at least" if check.name in LOWER_BOUNDS else "at most"
+        unit = "in SI units" if check.unit == "SI" else check.unit  # velocity, acceleration and jerk together
+        parts.append(f"{check.value:.4g} {unit} ({bound} {check.bound:.4g})")
+    if not check.passed and check.reason:
+        parts.append(check.reason)
+    return "  ".join(parts)

@@ -10,7 +10,7 @@ import vehicle
 from flight import FlightLog, InputError, file_format
 from goshawk import console, outputs, what_next
 from goshawk.flights import load
-from goshawk.what_next import Asked
+from goshawk.what_next import DiagnoseCall
 from sysid.diagnosis import CandidateFinding, Diagnosis, Size, diagnose
 from sysid.estimator.verdict import Use
 from sysid.report import diagnosis_figures as figures
@@ -82,7 +82,7 @@ def command(
         found = diagnose(training, given, held_out=evaluation, auto=auto, progress=progress)
     document = found.as_dict()
     usable = found.fit_verdict.use is not Use.REJECTED
-    document["next"] = what_next.lines(found, Asked(flights, vehicle_file, held_out, columns, out, kept, auto))
+    document["next"] = what_next.lines(found, DiagnoseCall(flights, vehicle_file, held_out, columns, out, kept, auto))
     document |= _write(found, out if usable or anyway else None, report_file, plots, document["next"], overwrite)
     if kept is not None:
         outputs.write_json(kept, document, overwrite=overwrite)
@@ -157,7 +157,7 @@ def _show(found: Diagnosis, document: dict[str, Any]) -> None:
         console.table(
             "confounded effects in these flights", ("candidate", "collinear with"), [a for a in alike if a[1]]
         )
-    reasons = [(s.name, s.reason) for s in found.candidates if s.verdict == "cannot tell"]
+    reasons = [(s.name, s.reason) for s in found.candidates if s.verdict == "inconclusive"]
     reasons += [(name, f"unobservable: {why}") for name, why in found.invisible]
     if reasons:
         console.table("inconclusive from these flights, and why", ("effect", "reason"), reasons)
@@ -189,14 +189,13 @@ def _show_staircase(found: Diagnosis) -> None:
     console.table(f"position error (mm, rms) on {on}", ("model", *(f"after {h}" for h in horizons)), rows)
 
 
-def _rows(suspect: CandidateFinding) -> list[tuple[str, ...]]:
+def _rows(candidate: CandidateFinding) -> list[tuple[str, ...]]:
     """One line per parameter; the values of the candidate as a whole are in the first."""
-    verdict = "inconclusive" if suspect.verdict == "cannot tell" else suspect.verdict
-    heads = ((suspect.name, verdict), *((("", ""),) * (len(suspect.sizes) - 1)))
-    whole = (f"{1000.0 * suspect.error_m:.1f}", f"{suspect.confidence:.0%}")
+    heads = ((candidate.name, candidate.verdict), *((("", ""),) * (len(candidate.sizes) - 1)))
+    whole = (f"{1000.0 * candidate.error_m:.1f}", f"{candidate.confidence:.0%}")
     return [
         (*head, size.parameter.split(".")[-1], *_size(size), *(whole if head[0] else ("", "")))
-        for head, size in zip(heads, suspect.sizes, strict=True)
+        for head, size in zip(heads, candidate.sizes, strict=True)
     ]
 
 

@@ -30,7 +30,7 @@ class Reason(Enum):
     TOO_MUCH_UNEXPLAINED = auto()
     """The model is so far from the flights that nothing can be excluded."""
     NOT_SHOWN = auto()
-    """These flights would have shown its usual size, and did not."""
+    """Its typical size would have been significant in these flights, and it was not."""
     NOT_EXCITED = auto()
     """These flights could not have shown its usual size."""
 
@@ -62,7 +62,7 @@ class Case:
 
     @property
     def visible(self) -> bool:
-        """Whether these flights would have shown its usual size."""
+        """Whether its typical size would have been significant in these flights."""
         return all(0.0 < size.smallest_visible <= size.usual for size in self.sizes)
 
     @property
@@ -84,7 +84,7 @@ class Decision:
 
 def decide(case: Case) -> Decision:
     """The one place where a verdict is made; the first reason that holds decides."""
-    open_ = Verdict.CANNOT_TELL
+    open_ = Verdict.INCONCLUSIVE
     confidence = case.undecided.probability(case.candidate.name) if case.undecided else case.confidence_alone
     if case.doubted:
         return Decision(open_, Reason.FEW_STRETCHES, max(THRESHOLDS.even_confidence, confidence))

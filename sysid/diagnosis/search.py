@@ -359,7 +359,7 @@ def _confirmed(model: Model, best: Fitted, unseen: Judge | str) -> tuple[CostRed
         if reduction.total > least or against or could_tell:
             return reduction, reduction.total > least, ""
         fell = f"{reduction.total:.0f} ± {reduction.sigma:.0f}, of {could:.0f} at best"
-        why = f"held-out flights fell by {fell}, and cannot tell"
+        why = f"the cost of held-out flights fell by {fell}: inconclusive"
     return (
         CostReduction(scored.unseen_by_block),
         scored.log_odds > THRESHOLDS.clear_odds and len(scored.unseen_by_block) >= THRESHOLDS.least_blocks,

@@ -35,7 +35,7 @@ UNSETTLED = (
 PLACE_OF_LOAD = tuple(f"{PAYLOAD}.{axis}_m" for axis in "xyz")
 """Fitted with the catalogue's width as a prior: a load of no weight has no place, and its height hardly ever shows."""
 UNSEEN_SHARE = 0.5
-"""A parameter is unseen when its standard error exceeds this share of its usual size."""
+"""A parameter is not identifiable when its standard error exceeds this share of its typical size."""
 
 
 def identify(
@@ -106,7 +106,7 @@ def _fit(
     options: Options,
     progress: Progress,
 ) -> tuple[Solution, Unknowns]:
-    """Solve, hold what these flights do not show (its names are added to `held`), and solve again."""
+    """Solve, hold what is not identifiable from these flights (its names are added to `held`), and solve again."""
     while True:
         prior = _prior(flights, vehicle, unknowns, options)
         solution = solve(
@@ -125,7 +125,7 @@ def _fit(
         if options.unseen == "refuse":
             raise InputError(_unseen_message(unseen))
         held.append(unseen)
-        logger.info("holding %s: these flights do not show it", unseen)
+        logger.info("holding %s: not identifiable from these flights", unseen)
         unknowns = unknowns.without(unseen)
         point, noise = _reset(solution.point, vehicle, unseen), solution.noise
 
@@ -233,8 +233,8 @@ def _least_seen(solution: Solution, vehicle: Vehicle, unknowns: Unknowns) -> str
 
 def _unseen_message(name: str) -> str:
     return (
-        f"these flights do not show {name}: its standard error is larger than half its usual size; "
-        "fly a manoeuvre that excites it, or hold it"
+        f"{name} is not identifiable from these flights: its standard error is larger than half its typical size; "
+        "fly a manoeuvre that excites it, or hold it (--hold-unidentifiable)"
     )
 
 

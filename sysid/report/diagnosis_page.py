@@ -14,11 +14,11 @@ from sysid.report.pages import picture, write_page
 
 CAPTIONS = {
     "staircase": "Prediction error, model by model",
-    "suspect": "The evidence",
+    "candidate": "The evidence",
     "outside": "What no known effect explains",
     "residual_share": "What explains the residual, channel by channel",
     "residual_wrench": "Unexplained force and torque over time",
-    "look_alikes": "How alike their traces are",
+    "confounded": "Share of each residual that another candidate reproduces",
 }
 HORIZON = "0.5 s"
 """At which the verdict states the error."""
@@ -42,7 +42,7 @@ def write(path: Path, found: Diagnosis, *, further: Sequence[str] = ()) -> Path:
     with tempfile.TemporaryDirectory() as folder:
         drawn = diagnosis_figures.write(found, Path(folder))
         pictures = {p.stem: picture(p, CAPTIONS[p.stem.rstrip("0123456789").rstrip("_")]) for p in drawn}
-    evidence = [drawn for name, drawn in pictures.items() if name.startswith(("outside", "suspect"))]
+    evidence = [drawn for name, drawn in pictures.items() if name.startswith(("outside", "candidate"))]
     parts = [
         _head(found),
         "<h2>Evidence</h2>",
@@ -55,8 +55,8 @@ def write(path: Path, found: Diagnosis, *, further: Sequence[str] = ()) -> Path:
         diagnosis_tables.candidates(found.candidates),
         "<h2>Confounded effects</h2>",
         diagnosis_tables.confounded(found.candidates),
-        pictures["look_alikes"],
-        _unseen(found),
+        pictures["confounded"],
+        _inconclusive(found),
         _next(further),
         "<h2>The model now</h2>",
         diagnosis_tables.parameters(found.vehicle.parameters),
@@ -85,7 +85,7 @@ def _verdict(found: Diagnosis) -> str:
         said.append(_curve_sentence(found.outside))
     said.append(_error_sentence(found))
     if not found.additions:
-        said.append(_seen_sentence(found))
+        said.append(_exclusions(found))
     return "".join(f"<p>{line}</p>" for line in said)
 
 
@@ -102,17 +102,18 @@ def _curve_sentence(o: OutsideFinding) -> str:
 
 
 def _error_sentence(found: Diagnosis) -> str:
-    on = f"on the held-out flights {', '.join(found.held_out)}" if found.held_out else "on the flights learnt from"
+    on = f"on the held-out flights {', '.join(found.held_out)}" if found.held_out else "on the training flights"
     steps = [f"{1000.0 * s.position_m[HORIZON]:.3g} mm ({escape(s.model)})" for s in found.staircase]
     return f"Position error after {HORIZON} {escape(on)}: {', '.join(steps)}."
 
 
-def _seen_sentence(found: Diagnosis) -> str:
+def _exclusions(found: Diagnosis) -> str:
     excluded = sum(s.verdict is Verdict.EXCLUDED for s in found.candidates)
-    open_ = [s.name for s in found.candidates if s.verdict is Verdict.CANNOT_TELL]
+    open_ = [s.name for s in found.candidates if s.verdict is Verdict.INCONCLUSIVE]
     open_ += [name for name, _ in found.invisible]
-    told = f"Of {len(found.candidates)} candidates, {excluded} would have shown at their usual size and can be excluded"
-    return f"{told}. These flights say nothing certain of {escape(', '.join(open_))}." if open_ else f"{told}."
+    number = len(found.candidates)
+    told = f"Of {number} candidates, {excluded} would have been detected at their typical size and are excluded"
+    return f"{told}. Inconclusive from these flights: {escape(', '.join(open_))}." if open_ else f"{told}."
 
 
 def _attempts(found: Diagnosis) -> str:
@@ -140,11 +141,11 @@ def _next(further: Sequence[str]) -> str:
     return f"<h2>Next steps</h2>{''.join(lines)}"
 
 
-def _unseen(found: Diagnosis) -> str:
-    open_ = [s for s in found.candidates if s.verdict is Verdict.CANNOT_TELL]
+def _inconclusive(found: Diagnosis) -> str:
+    open_ = [s for s in found.candidates if s.verdict is Verdict.INCONCLUSIVE]
     items = [f"<li><b>{escape(s.name)}</b>: {escape(s.reason)}</li>" for s in open_]
-    items += [f"<li><b>{escape(name)}</b> cannot be seen: {escape(why)}</li>" for name, why in found.invisible]
-    return f"<h2>What these flights cannot tell, and why</h2><ul>{''.join(items)}</ul>" if items else ""
+    items += [f"<li><b>{escape(name)}</b> unobservable: {escape(why)}</li>" for name, why in found.invisible]
+    return f"<h2>Inconclusive from these flights, and why</h2><ul>{''.join(items)}</ul>" if items else ""
 
 
 def _notes(found: Diagnosis) -> str:

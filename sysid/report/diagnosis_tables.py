@@ -137,7 +137,7 @@ def _grouped(head: Sequence[str], names: set[str], groups: Iterable[str]) -> str
 
 
 def confounded(found: Sequence[CandidateFinding]) -> str:
-    """Pairs that leave the same trace, and so cannot be told apart on these flights."""
+    """Pairs with the same residual, which these flights cannot separate."""
     items = [
         f"<li><b>{escape(s.name)}</b> ({s.verdict}): {escape(', '.join(f'{n} {share:.0%}' for n, share in alike))}</li>"
         for s in found
