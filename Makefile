@@ -3,10 +3,14 @@ PYTHON := .venv/bin/python
 DEMO_OUT ?= demo-out
 HOURS ?=
 JOBS ?= 2
-# One file's tests stay with one worker and long files go first: see tests/conftest.py.
-WORKERS := -n $(JOBS) --dist loadgroup --no-loadscope-reorder
+# One worker more than jobs: flights by the clock, which all are one worker's, mostly wait. One file's tests stay with one
+# worker and long files go first: see tests/conftest.py.
+WORKERS := -n $(shell expr $(JOBS) + 1) --dist loadgroup --no-loadscope-reorder
 # BLAS threads only spin on matrices as small as ours; see goshawk/__init__.py.
 export OPENBLAS_NUM_THREADS ?= 1
+# Compiled modules are kept even where the environment says otherwise (as many containers do): without them each start of
+# the command line compiles NumPy, SciPy and ours again, which is half of its CPU time.
+export PYTHONDONTWRITEBYTECODE :=
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test test-all mutate bench fuzz docs lint lock clean
 
@@ -19,7 +23,7 @@ setup:  ## install what is missing into .venv and build
 demo: setup  ## map, plan, fly and learn on a rendered room; leaves the project in demo-out
 	.venv/bin/goshawk demo --out $(DEMO_OUT)
 
-test:  ## set up and run the tests, JOBS=2 of them at a time
+test:  ## set up and run the tests, on JOBS=2 processors
 	@tools/setup.sh browser
 	$(PYTHON) -m pytest $(WORKERS)
 

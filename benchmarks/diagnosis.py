@@ -140,7 +140,7 @@ def _conditions(hiding: list[Result]) -> list[report.Row]:
 
 def _excluded(result: Result, effect: str) -> bool:
     """Whether an effect that is there was excluded, every part of it."""
-    own = [s for name, s in result["diagnosis"]["suspects"].items() if effect_of(name) == effect]
+    own = [s for name, s in result["diagnosis"]["candidates"].items() if effect_of(name) == effect]
     return bool(own) and all(s["verdict"] == "excluded" for s in own)
 
 
@@ -195,7 +195,7 @@ def _belief(results: list[Result]) -> list[report.Row]:
     every = [
         (s["confidence"], effect_of(name) in r["truth"]["hidden"])
         for r in results
-        for name, s in r["diagnosis"]["suspects"].items()
+        for name, s in r["diagnosis"]["candidates"].items()
     ]
     peers = {"every candidate": _mean((p - ok) ** 2 for p, ok in every), "mean stated": _mean(p for p, _ in stated)}
     peers["share right"] = _mean(ok for _, ok in stated)
@@ -226,9 +226,17 @@ def mistakes(results: list[Result]) -> list[str]:
     return lines
 
 
+def _read(line: str) -> Result:
+    """A line of the results; earlier ones have another name for the candidates."""
+    result = json.loads(line)
+    if "suspects" in result["diagnosis"]:
+        result["diagnosis"]["candidates"] = result["diagnosis"].pop("suspects")
+    return result
+
+
 def run(folder: Path, results_file: Path, jobs: int) -> tuple[list[Result], int]:
     """Score every campaign of a folder that has no line in the results yet; also returns the number of crashes."""
-    results = [json.loads(line) for line in results_file.read_text().splitlines()] if results_file.exists() else []
+    results = [_read(line) for line in results_file.read_text().splitlines()] if results_file.exists() else []
     done = {r["campaign"] for r in results}
     waiting = [p for p in sorted(folder.glob("campaign_*")) if p.name not in done]
     failures = 0

@@ -57,7 +57,7 @@ def score(folder: Path) -> dict[str, Any]:
         "kind": truth["kind"],
         "diagnosis": diagnosed,
         "truth": {k: truth[k] for k in TOLD},
-        "ratio": {effect: ratio(effect, sizes, diagnosed["suspects"]) for effect, sizes in truth["hidden"].items()},
+        "ratio": {effect: ratio(effect, sizes, diagnosed["candidates"]) for effect, sizes in truth["hidden"].items()},
         "inside": inside(diagnosed, truth),
         **errors(training, held_out, given, found, truth),
     }
@@ -83,7 +83,7 @@ def stated(found: Any) -> dict[str, Any]:
         "probabilities": found.belief.as_dict(),
         "outside": outside
         and {"channel": outside.channel, "variable": outside.variable, "confidence": float(outside.confidence)},
-        "suspects": {
+        "candidates": {
             s.name: {
                 "verdict": s.verdict,
                 "confidence": float(s.confidence),
@@ -106,12 +106,12 @@ def effect_of(name: str) -> str:
     return name.split("[")[0]
 
 
-def ratio(effect: str, sizes: dict[str, float], suspects: dict[str, Any]) -> float | None:
+def ratio(effect: str, sizes: dict[str, float], candidates: dict[str, Any]) -> float | None:
     """True size over the smallest detectable one; the largest ratio of its parameters counts. None: not claimed."""
     found = []
-    for name, suspect in suspects.items():
+    for name, candidate in candidates.items():
         if effect_of(name) == effect:
-            visible = suspect["smallest_visible"]
+            visible = candidate["smallest_visible"]
             found += [abs(sizes[p]) / x for p, x in visible.items() if p in sizes and x > 0.0]
     return max(found, default=None)
 
@@ -124,7 +124,7 @@ def inside(diagnosed: dict[str, Any], truth: dict[str, Any]) -> dict[str, bool]:
         if effect not in truth["hidden"] or effect in NOT_SIZED:
             continue
         scale = 1.0 if effect in MASSLESS else truth["file_mass_kg"] / truth["mass_kg"]
-        for parameter, (low, high) in diagnosed["suspects"][name]["interval90"].items():
+        for parameter, (low, high) in diagnosed["candidates"][name]["interval90"].items():
             true = scale * truth["hidden"][effect].get(parameter, 0.0)
             blamed = effect != "weak_rotor" or true != 0.0  # another rotor is counted as a name, not as a size
             if blamed and high > low:

@@ -42,7 +42,7 @@ def fold(training: Sequence[FlightLog], left_out: FlightLog, model: Vehicle, opt
 
 def _said(found: Diagnosis) -> dict[str, Any]:
     facts = found.as_dict()
-    kept = ("verdict", "confidence", "additions", "attempts", "outside", "parameters", "findings", "suspects")
+    kept = ("verdict", "confidence", "additions", "attempts", "outside", "parameters", "findings", "candidates")
     return {name: facts[name] for name in kept}
 
 

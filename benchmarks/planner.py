@@ -24,10 +24,12 @@ def rows() -> list[report.Row]:
         *snap(),
         *times_alone(drone),
         *in_the_open(drone),
+        *dragged(drone),
         *optimum_and_flown(drone, 30),
         *kernel(drone),
         *in_scenes(drone, 50),
         *in_clutter(drone, 10),
+        *mixed(drone, 200),
     ]
 
 
@@ -105,11 +107,36 @@ def in_the_open(drone: vehicle.Vehicle, walks: int = 10) -> list[report.Row]:
         report.row("  less than time shared out by distance", 100 * gain, "%", ">= 12", gain >= 0.12),
         report.row("  planning, median", np.median(seconds), "CPU s", "< 0.04", np.median(seconds) < 0.04),
     ]
-    for count, bar_s in ((50, 0.12), (200, 0.5)):
+    for count, bar_s in ((50, 0.12), (200, 0.5), (1000, 3.0)):
         points = unheaded(walk(count, 0))
         cpu_s = report.cpu_seconds(lambda points=points: planner.plan(points, SKY, drone), 1)
         found.append(report.row(f"{count} waypoints, open: planning", cpu_s, "CPU s", f"< {bar_s}", cpu_s < bar_s))
     return found
+
+
+def dragged(drone: vehicle.Vehicle) -> list[report.Row]:
+    """Six waypoints of fifty dragged, eight steps each: a draft, then a checked plan."""
+    rng, session = np.random.default_rng(1), planner.Planner(unheaded(walk(50, 0)), SKY, drone)
+    moves, drafts = [], []
+    for index in rng.integers(1, 49, 6):
+        step = rng.normal(size=3) * [0.1, 0.1, 0.03]
+        for _ in range(8):
+            target = session.plan.waypoints.positions_world_m[index] + step
+            begun = time.perf_counter()
+            session.draft(int(index), target)
+            drafts.append(1e3 * (time.perf_counter() - begun))
+            start = time.process_time()
+            session.move(int(index), target)
+            moves.append(1e3 * (time.process_time() - start))
+    scratch_s = planner.plan(session.plan.waypoints, SKY, drone).trajectory.duration_s
+    longer = 100.0 * (session.plan.trajectory.duration_s / scratch_s - 1.0)
+    median, worst = float(np.median(moves)), float(np.max(moves))
+    return [
+        report.row("drag one of 50 waypoints, checked: median", median, "CPU ms", "< 16", median < 16.0),
+        report.row("  worst", worst, "CPU ms", "< 33", worst < 33.0),
+        report.row("  draft, median", np.median(drafts), "ms", "< 10", float(np.median(drafts)) < 10.0),
+        report.row("  longer than planned from scratch after 48 moves", longer, "%", "< 2", longer < 2.0),
+    ]
 
 
 def textbook_duration_s(points: np.ndarray, drone: vehicle.Vehicle) -> float:
@@ -193,6 +220,25 @@ def in_clutter(drone: vehicle.Vehicle, seeds: int) -> list[report.Row]:
         report.row("  plans that fail the brute-force check", faulty, "plans", "0", faulty == 0),
         report.row("  planning, median", median, "CPU s", "< 0.15", median < 0.15),
         report.row("  planning, longest", worst, "CPU s", "< 0.4", worst < 0.4),
+    ]
+
+
+def mixed(drone: vehicle.Vehicle, count: int) -> list[report.Row]:
+    """More forests and rooms, at seeds that no other row has: nothing unsafe, nothing refused for a limit."""
+    refused, faulty = 0, 0
+    for seed in range(1000, 1000 + count):
+        place = planner_scenes.place(seed)
+        try:
+            plan = planner.plan(place.waypoints, place.field, drone)
+        except InfeasibleError:
+            refused += 1
+            continue
+        except InputError:
+            continue
+        faulty += bool(planner_scenes.faults(plan, place, drone))
+    return [
+        report.row(f"{count} mixed scenes: plans that fail the brute-force check", faulty, "plans", "0", faulty == 0),
+        report.row("  refused as infeasible", refused, "plans", "0", refused == 0),
     ]
 
 

@@ -1,5 +1,6 @@
-"""Public real flights, checked and fitted: `python benchmarks/real_logs.py {nanodrone,staircase,motor_lag,controller}`.
+"""Public real flights, checked and fitted: `python benchmarks/real_logs.py SET`.
 
+SET is nanodrone, torque or staircase (of the nano-drone flights), motor_lag, or controller.
 The logs are not part of this repository; `--data` is the folder that holds the sets. Each set has a page in docs
 (`real_logs_*.md`) with these numbers and what to make of them.
 """
@@ -13,6 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import nanodrone_staircase
+import nanodrone_torque
 import numpy as np
 from scipy.interpolate import CubicSpline
 
@@ -140,6 +142,23 @@ def staircase(folder: Path, chosen: argparse.Namespace) -> None:
     nanodrone_staircase.run(logs, chosen.logs, model, NANODRONE, chosen.out, chosen.same_kind)
 
 
+def torque(folder: Path, chosen: argparse.Namespace) -> None:
+    """What balances the rotors' torque: shares explained on kinds of flight held out, then fits with that moment."""
+    model = nanodrone_model()
+    logs = {name: aligned(log, model) for name, log in nanodrone_logs(folder).items()}
+    nanodrone_torque.run(logs, model)
+    randoms = [nanodrone_torque.flown(log) for log in _named(logs, "random")]
+    for name, candidate in {
+        "without": with_drag(model),
+        "with": with_drag(model).with_effect("wake_skew_moment"),
+    }.items():
+        print(f"three random flights, on one clock, {name} the moment of the wakes")
+        fit(randoms, candidate, NANODRONE)
+    print("one random flight, the source's inertias held, white disturbances")
+    held = (*NANODRONE.held, "inertia_xx_kg_m2", "inertia_yy_kg_m2")
+    fit(randoms[:1], model, replace(NANODRONE, held=held, gusts="white"))
+
+
 def _battery_sag(logs: list[FlightLog]) -> None:
     """Mean rotor speed on mean command, without and with a slope that follows the voltage."""
     speed = np.concatenate([log.vector("rotor_speed_rad_s").mean(axis=1) for log in logs])
@@ -263,6 +282,7 @@ def _equivalent_speeds(path: Path, model: vehicle.Vehicle, k: float) -> FlightLo
 
 SETS = {
     "nanodrone": ("nanodrone_cf21bl", nanodrone),
+    "torque": ("nanodrone_cf21bl", torque),
     "staircase": ("nanodrone_cf21bl", staircase),
     "motor_lag": ("crazyflie_motor_lag_arpl", motor_lag),
     "controller": ("crazyflie_lee_imrclab", controller),

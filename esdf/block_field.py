@@ -232,7 +232,9 @@ def open_blocks(folder: Path, *, in_memory: bool = False) -> BlockField:
         recipe = (grid.origin_world_m, grid.voxel_m, grid.shape, cap_m, unknown, sorted(document["chunks"].items()))
         addresses, states, mapped = _map_files(folder, grid, cap_m, in_memory)
     except (KeyError, TypeError, ValueError, EOFError, OSError, InputError) as error:
-        raise FormatError(f"{folder} holds a damaged distance field: {error}") from error
+        raise FormatError(
+            f"{folder} holds a damaged distance field: {file_format.damage_text(error)}; build the map again"
+        ) from error
     digest = hashlib.sha256(repr(recipe).encode()).hexdigest()
     return BlockField(folder, grid, cap_m, unknown, digest, _list_in(folder), addresses, states, mapped)
 

@@ -121,7 +121,8 @@ class Editor:
         """Remove every edit of that name (a no-fly zone, say) from the list; can be undone like any edit."""
         kept = tuple(edit for edit in self.edits if edit.name != name)
         if len(kept) == len(self.edits):
-            raise InputError(f"no edit is called {name!r}; there are: {sorted({e.name for e in self.edits if e.name})}")
+            names = ", ".join(sorted({e.name for e in self.edits if e.name})) or "none"
+            raise InputError(f"no edit is called {name!r}; the named ones are {names}")
         return self._record(kept)
 
     def undo(self) -> Region:
@@ -218,7 +219,7 @@ def load_edits(path: Path) -> tuple[Edit, ...]:
     try:
         return tuple(_edit(dict(entry)) for entry in document["edits"])
     except (KeyError, TypeError, ValueError, InputError) as error:
-        raise FormatError(f"{path} is a damaged edit list: {error}") from error
+        raise FormatError(f"{path} is a damaged edit list: {file_format.damage_text(error)}") from error
 
 
 SHAPES = {

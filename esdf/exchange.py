@@ -43,7 +43,9 @@ def import_npz(path: Path) -> Field:
     except FileNotFoundError:
         raise InputError(f"{path} does not exist") from None
     except (KeyError, ValueError, EOFError, OSError, zipfile.BadZipFile, InputError) as error:
-        raise FormatError(f"{path} is a damaged distance field: {error}") from error
+        raise FormatError(
+            f"{path} is a damaged distance field: {file_format.damage_text(error)}; build the map again"
+        ) from error
     if not np.array_equal(stored, field.values_m, equal_nan=True):
         raise FormatError(f"{path}: its distances do not match its states; the file was changed after export")
     return field

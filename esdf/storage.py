@@ -71,7 +71,9 @@ def _read(folder: Path) -> tuple[Field, tuple[Edit, ...]]:
         field = build(state, grid, cap_m=float(document["cap_m"]), unknown=document["unknown"])
         wanted = str(document["hash"])
     except (KeyError, TypeError, ValueError, EOFError, OSError, zipfile.BadZipFile, zlib.error, InputError) as error:
-        raise FormatError(f"{folder} holds a damaged distance field: {error}") from error
+        raise FormatError(
+            f"{folder} holds a damaged distance field: {file_format.damage_text(error)}; build the map again"
+        ) from error
     if field.hash != wanted:
         raise FormatError(f"{folder} holds a damaged distance field: its voxels do not match its hash")
     return field, load_edits(folder / EDITS) if (folder / EDITS).exists() else ()

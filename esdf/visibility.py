@@ -100,5 +100,7 @@ def load_visibility(path: Path) -> Visibility:
     except FileNotFoundError:
         raise InputError(f"{path} does not exist") from None
     except (KeyError, ValueError, EOFError, OSError, zipfile.BadZipFile, InputError) as error:
-        raise FormatError(f"{path} is a damaged visibility mask: {error}") from error
+        raise FormatError(
+            f"{path} is a damaged visibility mask: {file_format.damage_text(error)}; build the map again"
+        ) from error
     return Visibility(grid, finest)

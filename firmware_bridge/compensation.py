@@ -36,6 +36,7 @@ def _same(names: str, *controller_names: str) -> dict[str, tuple[str, ...]]:
 EFFECTS: Mapping[str, Compensation] = MappingProxyType({
     # thrust laws
     "thrust_bem": _yes("inverted exactly, flow at each hub", _same("k1_n_s2 k2_n_s2_m", "k1_n_s2", "k2_n_s2_m")),
+    "thrust_blade_element": _no("the thrust law has no advance ratio; refit thrust_bem with translational_lift"),
     "thrust_quadratic": _yes("inverted exactly", _same("k_n_s2", "quad_n_s2")),
     "inflow_linear": _yes("inverted exactly", _same("inflow_kg", "inflow_kg"), only_with="thrust_quadratic"),
     "thrust_affine": _no("the thrust law has no constant and no linear term; refit the quadratic one"),
@@ -63,7 +64,10 @@ EFFECTS: Mapping[str, Compensation] = MappingProxyType({
     # moments
     "rotor_yaw_torque": _yes("inverted exactly", _same("torque_n_m_s2", "cq_n_m_s2")),
     "centre_of_mass": _yes("arms of the mixer are from the centre of mass"),
+    "centre_of_mass_height": _no("the mixer's arms lie in one plane; attitude feedback takes it"),
     "flapping_moment": _yes("taken off the torque asked of the mixer", _same("moment_kg_m", "flapping_kg_m")),
+    "wake_skew_moment": _no("attitude feedback takes it"),
+    "uneven_rotor_torque": _no("small, and in yaw alone; attitude feedback takes it"),
     "angular_damping": _yes(
         "taken off the torque asked of the mixer", {f"{a}_n_m_s": (f"damping_{a}_n_m_s",) for a in "xyz"}
     ),

@@ -71,7 +71,7 @@ class _Watch:
             self.states.append(message)
         time_s = message.time_us * 1e-6
         if self.time_s - _RESTART_S < time_s < self.time_s:
-            return  # overtaken on the way: what it says of the mission is no longer so
+            return  # overtaken on the way: its mission state is out of date
         self.time_s = time_s
         self.mission = MissionState(message.mission_state)
         if not isinstance(message, State):
@@ -91,7 +91,7 @@ class _Watch:
             self.listen()
 
     def first(self) -> None:
-        """Wait for the first news."""
+        """Wait for the first message."""
         while not self.time_s:
             self.listen()
 

@@ -33,9 +33,12 @@ class Impairment:
     def __post_init__(self) -> None:
         for name in ("loss_ratio", "duplicate_ratio", "corrupt_ratio"):
             if not 0.0 <= getattr(self, name) <= 1.0:
-                raise InputError(f"{name} is {getattr(self, name):g}; it must be within 0 to 1")
+                raise InputError(f"{name} is {getattr(self, name):g}; it must be from 0 to 1")
         if not (self.delay_s >= 0.0 and self.jitter_s >= 0.0 and self.rate_bytes_s > 0.0 and self.queue_s > 0.0):
-            raise InputError("delay and jitter must not be negative; rate and queue must be positive")
+            raise InputError(
+                f"delay {self.delay_s:g} s and jitter {self.jitter_s:g} s must not be negative, "
+                f"rate {self.rate_bytes_s:g} bytes/s and queue {self.queue_s:g} s must be positive"
+            )
 
     @property
     def perfect(self) -> bool:

@@ -35,7 +35,7 @@ def load(path: Path | None = None) -> bytes:
     except ValueError:
         key = b""
     if len(key) != 32:
-        raise FormatError(f"{path} is not a link key: 64 hexadecimal digits are wanted")
+        raise FormatError(f"{path} is not a link key: expected 64 hexadecimal digits")
     return key
 
 

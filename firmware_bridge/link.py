@@ -213,11 +213,11 @@ class Link:
             assert isinstance(status, LeaseStatus)
             raise LinkError(
                 f"station {status.operator_system} is in control of the vehicle; "
-                "wait until it hangs up, or take over by force"
+                "wait until it disconnects, or take over by force"
             )
 
     def command(self, command: Command, value: float = 0.0, *, plan: WirePlan | None = None) -> None:
-        """Give an order and wait for its acknowledgement. `plan` is wanted for START.
+        """Give an order and wait for its acknowledgement. START needs `plan`.
 
         Raises:
             LinkError: the vehicle refused, or did not answer.
@@ -259,7 +259,7 @@ class Link:
 
         Raises:
             InputError: it is not checked, is for another map or vehicle, or does not fit into the vehicle.
-            LinkError: the vehicle refused or fell silent; the message says what it holds now.
+            LinkError: the vehicle refused or stopped answering; the message says what it holds now.
         """
         refuse_unfit(file, map_hash, vehicle_hash, allow_unchecked)
         plan = wire.plan_from_file(file, on_link_loss=on_link_loss)
@@ -286,7 +286,7 @@ class Link:
         """The trajectory the vehicle holds, bit for bit; None if it holds none.
 
         Raises:
-            LinkError: the vehicle fell silent.
+            LinkError: the vehicle stopped answering.
         """
         return transfer.read_back(self._port, progress=progress, cancel=cancel)
 
@@ -331,7 +331,7 @@ class Link:
         """The vehicle's on-board log of its last flight.
 
         Raises:
-            LinkError: it has none, or fell silent.
+            LinkError: it has none, or stopped answering.
         """
         return flying.download_log(self._port, progress=progress, cancel=cancel)
 
@@ -341,7 +341,7 @@ class Link:
         """All parameters of the controller by name.
 
         Raises:
-            LinkError: the vehicle fell silent.
+            LinkError: the vehicle stopped answering.
         """
         return parameters.read(self._port)
 
@@ -350,7 +350,7 @@ class Link:
 
         Raises:
             InputError: a name the vehicle does not know, or a value that is not finite.
-            LinkError: the vehicle refused a value (the message says which), or fell silent.
+            LinkError: the vehicle refused a value (the message says which), or stopped answering.
         """
         if not self._port.keep_lease:
             self.take_control()

@@ -31,7 +31,7 @@ def table(port: Port) -> list[tuple[str, float]]:
     """Names and values in the vehicle's order.
 
     Raises:
-        LinkError: the vehicle fell silent.
+        LinkError: the vehicle stopped answering.
     """
     found: dict[int, ParamValue] = {}
     count = 1

@@ -170,7 +170,7 @@ class Port:
                 f"the vehicle at {self.url} is alive but did not answer within {self.timeout_s:.3g} s; "
                 "does it have our key?"
             )
-        return LinkError(f"the link to {self.url} is dead: nothing heard for {silent_s:.1f} s")
+        return LinkError(f"the link to {self.url} is lost: no message for {silent_s:.1f} s")
 
     def wait_for_vehicle(self) -> None:
         """Return once a vehicle was heard.

@@ -126,7 +126,7 @@ def upload(
     """Send a plan into the staging slot and commit it; the vehicle's verdict and how it went.
 
     Raises:
-        LinkError: the vehicle fell silent, refused the beginning, or another station began an upload.
+        LinkError: the vehicle stopped answering, refused the beginning, or another station began an upload.
         CancelledError: `cancel` said so.
     """
     started_s = time.monotonic()
@@ -139,7 +139,7 @@ def upload(
             sent = port.codec.counts.sent - sent_before
             report = UploadReport(len(plan.durations_us), sent, time.monotonic() - started_s, restarts)
             return result, report
-    raise LinkError(f"the vehicle forgot the upload {_RESTARTS} times; it keeps restarting")
+    raise LinkError(f"the vehicle lost the upload {_RESTARTS} times because it restarts; check its power supply")
 
 
 def _attempt(
@@ -275,7 +275,7 @@ def read_header(port: Port) -> TrajectoryBegin:
     """Name, id and CRC of the active trajectory; id 0 if there is none.
 
     Raises:
-        LinkError: the vehicle fell silent.
+        LinkError: the vehicle stopped answering.
     """
     transfer_id = secrets.randbits(32) or 1
     request = TrajectoryRead(transfer_id=transfer_id)
@@ -286,7 +286,7 @@ def read_back(port: Port, *, progress: Progress, cancel: Cancel) -> wire.WirePla
     """The active trajectory as the vehicle holds it; None if it holds none.
 
     Raises:
-        LinkError: the vehicle fell silent, or what came does not fit its CRC.
+        LinkError: the vehicle stopped answering, or what came does not fit its CRC.
     """
     header = read_header(port)
     transfer_id = header.transfer_id

@@ -165,6 +165,25 @@ def _checked(path: Path, document: object, format: str, version: int) -> Documen
     return found
 
 
+def damage_text(error: Exception) -> str:
+    """What is wrong with the content of a file, from the exception that reading it raised, in words of the file."""
+    said = str(error)
+    word = said.rpartition(": ")[2]
+    if isinstance(error, KeyError):
+        return f"the key {said} is missing"
+    if said.startswith("could not convert string to float"):
+        return f"{word} is not a number"
+    if said.startswith("invalid literal for int"):
+        return f"{word} is not a whole number"
+    if "inhomogeneous" in said or "setting an array element with a sequence" in said:
+        return "a list has a word, a list or too few entries where a number is expected"
+    if said.startswith("cannot reshape array"):
+        return "a point has three numbers: x, y, z"
+    if "indices must be" in said or "not subscriptable" in said or said.startswith("dictionary update sequence"):
+        return "a table of keys and values is expected where it has something else"
+    return said
+
+
 def file_hash(path: Path) -> str:
     """SHA-256 of a file's bytes, in hex; a plan records it for the map it was made for."""
     return hashlib.sha256(_read(path)).hexdigest()

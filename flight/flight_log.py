@@ -169,9 +169,11 @@ def load(path: Path) -> FlightLog:
         raise FormatError(f"{path} is not a readable Parquet file ({error}); it may have been cut off") from error
     header = _header(table.schema.metadata)
     if header.get("format") != FORMAT or not isinstance(header.get("version"), int):
-        raise FormatError(f"{path} is Parquet but not a {FORMAT}; import it with a column map")
+        raise FormatError(f"{path} is Parquet but not a {FORMAT}; convert it to CSV and read that with --columns")
     if header["version"] > VERSION:
-        raise FormatError(f"{path} is version {header['version']} of {FORMAT}; this Goshawk reads up to {VERSION}")
+        raise FormatError(
+            f"{path} is version {header['version']} of {FORMAT}; this Goshawk reads up to {VERSION}: update Goshawk"
+        )
     columns = {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
     metadata: Any = header.get("metadata")
     if not isinstance(metadata, dict):
@@ -181,7 +183,7 @@ def load(path: Path) -> FlightLog:
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     except (TypeError, ValueError) as error:
-        raise FormatError(f"{path} is a damaged flight log: {error}") from error
+        raise FormatError(f"{path} is a damaged flight log: {file_format.damage_text(error)}") from error
 
 
 def _header(schema_metadata: dict[bytes, bytes] | None) -> dict[str, Any]:

@@ -159,4 +159,4 @@ def waypoints_from(document: file_format.Document, path: Path) -> Waypoints:
         yaws = [p.get("yaw_rad") for p in points]
         return Waypoints(positions, np.array([np.nan if y is None else y for y in yaws], dtype=np.float64))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise FormatError(f"{path} is a damaged waypoint file: {error}") from error
+        raise FormatError(f"{path} is a damaged waypoint file: {file_format.damage_text(error)}") from error

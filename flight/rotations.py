@@ -24,8 +24,9 @@ def conjugate(q: ArrayLike) -> FloatArray:
 
 def multiply(a: ArrayLike, b: ArrayLike) -> FloatArray:
     """Hamilton product, (..., 4) by (..., 4)."""
-    aw, ax, ay, az = np.moveaxis(np.asarray(a, dtype=np.float64), -1, 0)
-    bw, bx, by, bz = np.moveaxis(np.asarray(b, dtype=np.float64), -1, 0)
+    a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
+    aw, ax, ay, az = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
+    bw, bx, by, bz = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
     return np.stack(
         [
             aw * bw - ax * bx - ay * by - az * bz,
@@ -42,8 +43,15 @@ def rotate(q: ArrayLike, vectors: ArrayLike) -> FloatArray:
     q = np.asarray(q, dtype=np.float64)
     v = np.asarray(vectors, dtype=np.float64)
     w, u = q[..., :1], q[..., 1:]
-    t = 2.0 * np.cross(u, v)
-    return v + w * t + np.cross(u, t)
+    t = 2.0 * cross(u, v)
+    return v + w * t + cross(u, t)
+
+
+def cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Cross product of vectors along the last axis, (..., 3) with (..., 3); np.cross is four times slower for few."""
+    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
+    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 
 def exp(rotation_vector_rad: ArrayLike) -> FloatArray:

@@ -198,4 +198,4 @@ def load(path: Path) -> TrajectoryFile:
             check=dict(document["check"]),
         )
     except (KeyError, TypeError, ValueError, InputError) as error:
-        raise FormatError(f"{path} is a damaged trajectory file: {error}") from error
+        raise FormatError(f"{path} is a damaged trajectory file: {file_format.damage_text(error)}") from error

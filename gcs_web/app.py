@@ -67,7 +67,7 @@ class GroundStation:
         self._stack = contextlib.ExitStack()
         try:
             progress("opening the map", 0.0)
-            self._open(folder, port, options or planner.PlanOptions(), triangles, on_entry)
+            self._open(folder, port, options or planner.PlanOptions(), triangles, on_entry, progress)
         except BaseException:
             self.close()
             raise
@@ -88,7 +88,13 @@ class GroundStation:
         self.close()
 
     def _open(
-        self, folder: Path, port: int, options: planner.PlanOptions, triangles: int, on_entry: Callable[[str], None]
+        self,
+        folder: Path,
+        port: int,
+        options: planner.PlanOptions,
+        triangles: int,
+        on_entry: Callable[[str], None],
+        progress: Progress,
     ) -> None:
         opened = project.open_project(folder)
         self._thread.start()
@@ -96,8 +102,9 @@ class GroundStation:
         self.server = _viser()
         self._stack.callback(_quietly, self.server.stop)
         self.hub = Hub(self._loop)
-        self.view = View3D(self.server, triangles=triangles)
+        self.view = View3D(self.server, triangles=triangles, progress=progress)
         self.desk = Desk(opened, self.hub, self.view, self.watch, options)
+        self.view.progress = silent
         self._stack.callback(self.desk.close)
         self.view.on_select = lambda waypoint: self.hub.publish(protocol.Selection([waypoint]))
         self.view.on_moment = self._moment_chosen

@@ -39,7 +39,9 @@ class Desk:
         self.inputs = inputs.signature(opened.folder)
         self.parts = inputs.Parts(opened.folder)
         limits = self.parts.vehicle(self.inputs).limits
-        first = Settings(limits.speed_m_s, limits.acceleration_m_s2, base.margin_m, base.yaw, base.method)
+        yaw = base.yaw if base.yaw in ("along_path", "smooth") else "along_path"
+        method = base.method if base.method in ("fastest", "corridor") else "fastest"
+        first = Settings(limits.speed_m_s, limits.acceleration_m_s2, base.margin_m, yaw, method)
         self.session = Session(opened, first)
         self.name = "plan"
         """Of the trajectory that the plan would be saved and uploaded as."""

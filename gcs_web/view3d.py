@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from flight import FloatArray
+from flight import FloatArray, Progress, silent
 from gcs_web import picking, protocol, scene
 from gcs_web.document import Point
 from mapping import Map
@@ -30,7 +30,9 @@ _WHITE, _SELECTED = (233, 237, 240), (121, 176, 255)
 class View3D:
     """Thread-safe."""
 
-    def __init__(self, server: "viser.ViserServer", *, triangles: int) -> None:
+    def __init__(self, server: "viser.ViserServer", *, triangles: int, progress: Progress = silent) -> None:
+        self.progress = progress
+        """Of drawing the first map; `silent` once the station is open."""
         self._server, self._triangles = server, triangles
         self._lock = threading.RLock()
         self._points: tuple[Point, ...] = ()
@@ -65,7 +67,7 @@ class View3D:
         """Show a map's mesh, and look at it if it is the first one."""
         with self._lock:
             first, self._map = self._map is None, area
-            mesh = scene.display_mesh(area.mesh, self._triangles)
+            mesh = scene.display_mesh(area.mesh, self._triangles, progress=self.progress)
             self._surface = picking.Surface(mesh)
             self._server.scene.add_mesh_trimesh("/map", mesh, cast_shadow=False)
             if first:

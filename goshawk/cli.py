@@ -39,7 +39,7 @@ VERBS = {
     "sitl": "Run a SITL vehicle: the embedded C code on a simulated body.",
     "upload": "Send a checked trajectory to the vehicle and read it back.",
     "fly": "Fly the uploaded trajectory and record a flight log.",
-    "log": "Show, check, draw, convert or correct a flight log; download the vehicle's.",
+    "log": "Show, check, draw, convert or correct a flight log; download the vehicle's log.",
     "params": "List, read and set the controller's parameters on the vehicle.",
     "proxy": "Connect QGroundControl or MAVSDK, which cannot sign, to the vehicle.",
     "identify": "Fit the vehicle model to flight logs.",

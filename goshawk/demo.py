@@ -23,7 +23,7 @@ from goshawk import demo_folder
 from goshawk.commands.plan import waypoints_along
 from goshawk.flights import in_the_air, tracking
 from goshawk.map_accuracy import measure
-from goshawk.virtual_flight import again_if_link_dies, sitl_vehicle
+from goshawk.sitl_process import again_if_link_dies, sitl_vehicle
 from mapping import rendered_room, rendered_world
 from vehicle import Vehicle
 

@@ -91,7 +91,7 @@ def _moved_aside(out: Path) -> Path | None:
     kept = results.move_aside(out)
     if _is_as_made(kept):
         return kept
-    outputs.tell_kept(out, kept)
+    outputs.report_kept(out, kept)
     return None
 
 

@@ -41,7 +41,7 @@ def in_the_air(log: FlightLog, name: str) -> FlightLog:
     states = log.columns["mission_state"]
     rows = np.flatnonzero(np.isin(states, IN_FREE_AIR))
     if not rows.size:
-        raise InputError(f"{name}: the vehicle was never in free air (see mission_state)")
+        raise InputError(f"{name}: the vehicle was never in free air (column mission_state); choose another log")
     kept = slice(rows[0], rows[-1] + 1)
     landed = np.flatnonzero(np.isin(states[kept], ON_THE_GROUND))
     if landed.size:

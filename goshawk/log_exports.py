@@ -8,22 +8,26 @@ from typing import Any
 
 import numpy as np
 
-from flight import FlightLog, InputError
+from flight import FlightLog, InputError, Progress, silent
 from flight.flight_log import COLUMNS
 
 POSE_TOPIC, IMU_TOPIC = "/goshawk/pose", "/goshawk/imu"
+ROWS_PER_REPORT = 5000
+"""Progress is reported once in so many rows."""
 
 
-def write_csv(path: Path, log: FlightLog) -> None:
+def write_csv(path: Path, log: FlightLog, progress: Progress = silent) -> None:
     """One row per instant; a value that was not sampled is an empty cell."""
     with open(path, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(log.columns)
-        for row in zip(*(values.tolist() for values in log.columns.values()), strict=True):
+        for i, row in enumerate(zip(*(values.tolist() for values in log.columns.values()), strict=True)):
+            if i % ROWS_PER_REPORT == 0:
+                progress("writing CSV", i / len(log))
             writer.writerow(["" if value != value else repr(value) for value in row])
 
 
-def write_mcap(path: Path, log: FlightLog) -> list[str]:
+def write_mcap(path: Path, log: FlightLog, progress: Progress = silent) -> list[str]:
     """ROS 2 messages: `PoseStamped`, `Imu`, and `Float64MultiArray` for every other vector; returns the topics.
 
     The instants are those of the log, from 0 at 1970. ROS's body and world axes are ours.
@@ -43,7 +47,9 @@ def write_mcap(path: Path, log: FlightLog) -> list[str]:
         with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
             for topic, kind, messages in _topics(log, store):
                 connection = writer.add_connection(topic, kind, typestore=store)
-                for time_ns, message in messages:
+                for i, (time_ns, message) in enumerate(messages):
+                    if i % ROWS_PER_REPORT == 0:
+                        progress(f"writing MCAP, {topic}", i / len(log))
                     writer.write(connection, time_ns, store.serialize_cdr(message, kind))
                 written.append(topic)
         recorded = sorted(folder.glob("*.mcap*"))

@@ -13,11 +13,17 @@ from vehicle import Vehicle
 
 
 def write(
-    log: FlightLog, checked: LogReport, files: tuple[Path | None, Path | None, Path | None], *, overwrite: bool
+    log: FlightLog,
+    checked: LogReport,
+    files: tuple[Path | None, Path | None, Path | None],
+    *,
+    overwrite: bool,
+    progress: Progress = silent,
 ) -> list[Path]:
     """Write those of (report, CSV, MCAP) whose path is given; returns the paths."""
     report_file, csv_file, mcap_file = files
     if report_file is not None:
+        progress("drawing the report", 0.0)
         rate = f"{checked.rate_hz:.1f} Hz"
         facts = {"rows": str(len(log)), "duration": f"{checked.duration_s:.2f} s", "rows a second": rate}
         facts |= {str(key): str(value) for key, value in log.metadata.items() if key not in ("name", fixes.FIXES)}
@@ -26,17 +32,17 @@ def write(
             temporary.write_text(log_report.page(log, checked, facts), encoding="utf-8")
     if csv_file is not None:
         with outputs.file(csv_file, overwrite=overwrite) as temporary:
-            log_exports.write_csv(temporary, log)
+            log_exports.write_csv(temporary, log, progress)
     if mcap_file is not None:
         with outputs.file(mcap_file, overwrite=overwrite) as temporary:
-            log_exports.write_mcap(temporary, log)
+            log_exports.write_mcap(temporary, log, progress)
     return [path for path in files if path is not None]
 
 
 def write_fixed(
     log: FlightLog, source: Path, out: Path, believed: Vehicle | None, *, overwrite: bool, progress: Progress = silent
-) -> tuple[FlightLog, tuple[str, ...]]:
-    """Write the log with every fix that the checks propose; returns it and the list of fixes.
+) -> tuple[FlightLog, tuple[str, ...], LogReport]:
+    """Write the log with every fix that the checks propose; returns it, the fixes, and what the checks still find.
 
     Raises:
         InputError: `out` is the log itself or no .parquet.
@@ -49,7 +55,7 @@ def write_fixed(
     corrected = FlightLog(fixed.log.columns, {**fixed.log.metadata, "fixed_from": source.name})
     with outputs.file(out, overwrite=overwrite) as temporary:
         flight_log.save(temporary, corrected)
-    return corrected, fixed.done
+    return corrected, fixed.done, fixed.report
 
 
 def _aloft_s(log: FlightLog) -> tuple[float, float] | None:

@@ -44,7 +44,7 @@ def file(path: Path, *, overwrite: bool) -> Generator[Path]:
     """Yield where to write a result; reports the name under which an earlier one was kept."""
     with results.new_file(path, overwrite=overwrite) as placing:
         yield placing.temporary
-    tell_kept(path, placing.kept)
+    report_kept(path, placing.kept)
 
 
 @contextlib.contextmanager
@@ -52,7 +52,7 @@ def pictures(path: Path, *, overwrite: bool) -> Generator[Placing]:
     """As `file`, for a folder of figures."""
     with results.new_folder(path, overwrite=overwrite, ours=holds_pictures) as placing:
         yield placing
-    tell_kept(path, placing.kept)
+    report_kept(path, placing.kept)
 
 
 def write_json(path: Path, document: object, *, overwrite: bool) -> None:
@@ -72,7 +72,7 @@ def write_vehicle(path: Path, fitted: Vehicle, action: str, *, effect: str = "",
         vehicle.save(temporary, fitted)
 
 
-def tell_kept(path: Path, kept: Path | None) -> None:
+def report_kept(path: Path, kept: Path | None) -> None:
     if kept is not None:
         click.echo(f"kept: {kept.name}, what {path} was before", err=True)
 

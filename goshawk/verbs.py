@@ -21,6 +21,12 @@ class VerbGroup(click.Group):
             ctx.fail(f"there is no verb {args[0]!r}{self.suggestion(ctx, args[0])}")
         return super().resolve_command(ctx, args)
 
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """As click's, with the whole sentence of each verb."""
+        verbs = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, verb.get_short_help_str(limit=200)) for name, verb in verbs if verb])
+
     def suggestion(self, ctx: click.Context, name: str) -> str:
         """`; did you mean ...?`, or an empty string where no verb is similar."""
         known = self.list_commands(ctx)

@@ -17,7 +17,7 @@ THRUST = "thrust_bem"
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class DiagnoseCall:
     """Arguments of the diagnosis, which its follow-up commands repeat."""
 
     flights: Sequence[Path]
@@ -53,17 +53,17 @@ class Asked:
         return f"goshawk diagnose {self.training()} --vehicle {_words(vehicle_file)}{self.judging()}"
 
 
-def lines(found: Diagnosis, asked: Asked, outlooks: Mapping[str, Outlook] | None = None) -> list[str]:
+def lines(found: Diagnosis, call: DiagnoseCall, outlooks: Mapping[str, Outlook] | None = None) -> list[str]:
     """Follow-up commands, in order; a line in brackets is a remark.
 
     Args:
         outlooks: by candidate in doubt, whether a flight would tell; a flight that would not is not proposed.
     """
-    marking, asked = _marking(found, asked)
-    said = [*marking, *_after_additions(found, asked)] if _added(found) else []
+    marking, call = _marking(found, call)
+    said = [*marking, *_after_additions(found, call)] if _added(found) else []
     if (outside := _to_be_adopted(found)) is not None:
-        said += _after_curve(outside, asked)
-    return said + _next_flight(found, asked, outlooks)
+        said += _after_curve(outside, call)
+    return said + _next_flight(found, call, outlooks)
 
 
 def _added(found: Diagnosis) -> tuple[str, ...]:
@@ -71,28 +71,28 @@ def _added(found: Diagnosis) -> tuple[str, ...]:
     return (*found.additions, *found.proxies)
 
 
-def _after_additions(found: Diagnosis, asked: Asked) -> list[str]:
-    if asked.out is not None:
-        return [] if asked.auto else [asked.again(asked.out)]
+def _after_additions(found: Diagnosis, call: DiagnoseCall) -> list[str]:
+    if call.out is not None:
+        return [] if call.auto else [call.again(call.out)]
     effects = list(dict.fromkeys(name.partition("[")[0] for name in _added(found)))
     if THRUST in effects and THRUST not in found.base.effects:
-        return [asked.again(asked.vehicle_file) + (" --auto" if asked.auto else "") + " --out better.toml"]
-    change = f"goshawk vehicle add-effect {_words(asked.vehicle_file)} {{}}{asked.refitting()}"
+        return [call.again(call.vehicle_file) + (" --auto" if call.auto else "") + " --out better.toml"]
+    change = f"goshawk vehicle add-effect {_words(call.vehicle_file)} {{}}{call.refitting()}"
     return [change.format(effect) for effect in effects]
 
 
-def _marking(found: Diagnosis, asked: Asked) -> tuple[list[str], Asked]:
+def _marking(found: Diagnosis, call: DiagnoseCall) -> tuple[list[str], DiagnoseCall]:
     """Commands that mark the logs of flights without the payload; the others need no mark.
 
     Returns:
         The commands, and the arguments with the marked logs.
     """
-    paths = (*asked.flights, *asked.held_out)
+    paths = (*call.flights, *call.held_out)
     left = [path for path, carries in zip(paths, found.payload_carried, strict=False) if not carries]
     marked = [marked_file(path) if path in left else path for path in paths]
-    many = len(asked.flights)
-    commands = [f"goshawk log {_words(path)}{asked.reading()} --payload left" for path in left]
-    return commands, replace(asked, flights=marked[:many], held_out=marked[many:])
+    many = len(call.flights)
+    commands = [f"goshawk log {_words(path)}{call.reading()} --payload left" for path in left]
+    return commands, replace(call, flights=marked[:many], held_out=marked[many:])
 
 
 def _to_be_adopted(found: Diagnosis) -> OutsideFinding | None:
@@ -100,25 +100,25 @@ def _to_be_adopted(found: Diagnosis) -> OutsideFinding | None:
     return None if found.undecided else found.outside
 
 
-def _after_curve(outside: OutsideFinding, asked: Asked) -> list[str]:
+def _after_curve(outside: OutsideFinding, call: DiagnoseCall) -> list[str]:
     """Commands from the curve to an own effect; a remark where its variable is no state of the vehicle."""
     advice = curve.advice(outside)
     if advice:
         return [f"({outside.channel} against {outside.variable}: {advice})"]
     name = curve.suggested_name(outside)
     first = []
-    diagnosis = asked.json_file or Path("diagnosis.json")
-    if asked.json_file is None:
-        first = [f"{asked.again(asked.vehicle_file)}{' --auto' if asked.auto else ''} --json {diagnosis}"]
-    model = _words(asked.model_file)
+    diagnosis = call.json_file or Path("diagnosis.json")
+    if call.json_file is None:
+        first = [f"{call.again(call.vehicle_file)}{' --auto' if call.auto else ''} --json {diagnosis}"]
+    model = _words(call.model_file)
     return [
         *first,
         f"goshawk vehicle scaffold-effect {model} --diagnosis {_words(diagnosis)} --name {name} --out {name}.py",
-        f"goshawk vehicle add-effect {model} {name}.py{asked.refitting()}",
+        f"goshawk vehicle add-effect {model} {name}.py{call.refitting()}",
     ]
 
 
-def _next_flight(found: Diagnosis, asked: Asked, outlooks: Mapping[str, Outlook] | None) -> list[str]:
+def _next_flight(found: Diagnosis, call: DiagnoseCall, outlooks: Mapping[str, Outlook] | None) -> list[str]:
     """The command that proposes the next flight, if any candidate is in doubt."""
     worth_flying = None if outlooks is None else [name for name, view in outlooks.items() if view.would_tell]
     try:
@@ -126,14 +126,14 @@ def _next_flight(found: Diagnosis, asked: Asked, outlooks: Mapping[str, Outlook]
     except InputError:
         return []
     named = bool(set(candidates) & set(_added(found)))
-    to_be_adopted_first = _to_be_adopted(found) is not None or (_added(found) and asked.out is None)
+    to_be_adopted_first = _to_be_adopted(found) is not None or (_added(found) and call.out is None)
     if not named and to_be_adopted_first:
         return []
     size, corner = (_numbers(values) for values in outlook.space(found))
-    model = _words(asked.vehicle_file if named else asked.model_file)
+    model = _words(call.vehicle_file if named else call.model_file)
     options = "".join(f" --candidate {_words(name)}" for name in candidates)
     return [
-        f"goshawk next-flight {asked.training()} --vehicle {model}{asked.reading()}{options}"
+        f"goshawk next-flight {call.training()} --vehicle {model}{call.reading()}{options}"
         f" --space {size} --corner={corner} --out waypoints.json  # in the space that these flights took up"
     ]
 

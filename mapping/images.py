@@ -121,7 +121,8 @@ def _gray(path: Path, camera: Camera) -> np.ndarray:
     height, width = image.shape
     if (width, height) != (camera.width, camera.height):
         raise InputError(
-            f"{path} is {width}x{height} pixels; camera {camera.name!r} makes {camera.width}x{camera.height}"
+            f"{path} is {width}x{height} pixels; camera {camera.name!r} of the camera file has "
+            f"{camera.width}x{camera.height}; use the camera file of these images"
         )
     return np.asarray(image, dtype=np.uint8)
 

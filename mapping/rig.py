@@ -274,7 +274,7 @@ def load(path: Path) -> Rig:
     except KeyError as error:
         raise FormatError(f"{path}: a [[camera]] lacks {error.args[0]!r}") from None
     except (TypeError, ValueError) as error:
-        raise FormatError(f"{path}: a [[camera]] is damaged: {error}") from error
+        raise FormatError(f"{path}: a [[camera]] is damaged: {file_format.damage_text(error)}") from error
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 

@@ -5,17 +5,20 @@ from planner._planner import StopFlag
 from planner.conditions import Conditions
 from planner.gate import GateReport
 from planner.limits import Check
-from planner.options import PlanCancelledError, PlanInfeasibleError, PlanOptions
+from planner.options import Gap, PlanCancelledError, PlanInfeasibleError, PlanOptions
 from planner.planning import Plan, plan, save_plan, trajectory_file
+from planner.session import Planner
 
 __all__ = [
     "Check",
     "Conditions",
+    "Gap",
     "GateReport",
     "Plan",
     "PlanCancelledError",
     "PlanInfeasibleError",
     "PlanOptions",
+    "Planner",
     "StopFlag",
     "mission",
     "plan",

@@ -15,6 +15,9 @@ def search(
 ) -> NDArray[np.int64]:
     """Cells (flat indices) of the cheapest way from start to goal; empty if there is none."""
 
+def bottleneck(distance: Annotated[NDArray[np.float32], "(nx, ny, nz)"], start: int, goal: int) -> int:
+    """Cell of the least distance on the way from start to goal that has most room; -1 if there is no way."""
+
 def snap_states(
     states: Annotated[NDArray[np.float64], "(k + 1, 4, axes)"],
     durations: NDArray[np.float64],
@@ -58,13 +61,15 @@ class Problem:
         """The cost; fills its gradients."""
     def excess(
         self,
-        knots: NDArray[np.float64],
+        states: Annotated[NDArray[np.float64], "(k + 1, 4, 4)"],
         durations: NDArray[np.float64],
         out: Annotated[NDArray[np.float64], "(k, samples, 13)"],
     ) -> None:
-        """Fills in the relative excess over each limit."""
+        """Fills in the relative excess over each limit, of any spline."""
     def set_offsets(self, offsets: Annotated[NDArray[np.float64], "(k, samples, 13)"]) -> None:
         """What is added to each excess."""
+    def set_reference(self, durations: NDArray[np.float64]) -> None:
+        """The time (k,) over which each segment's excess is charged, whatever its own becomes."""
     def set_given(
         self,
         states: Annotated[NDArray[np.float64], "(k + 1, 4, 4)"],

@@ -2,7 +2,7 @@
 
 Thrust makes up for a lateral drag c |f| / g + c' |v| times the velocity (Faessler et al. 2018, with the coefficients of
 the vehicle's own effects), and turns with the path and with yaw; rotor speeds squared follow thrust and torque linearly
-from hover, less the lift that air speed adds. All else that the model knows is measured with `vehicle.flatness` along
+from hover, less the lift that air speed adds. All else that the model knows is measured with `planner.attitude` along
 the path and handed to the optimiser as offsets.
 """
 
@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 import vehicle as vehicles
-from flight import FloatArray, Trajectory
+from flight import FloatArray, Trajectory, polynomial
 from flight.frames import GRAVITY_M_S2
-from vehicle import Limits, Vehicle, dynamics, flatness, invert
+from planner import attitude
+from vehicle import Limits, Vehicle, dynamics, invert
 
 NAMES = (
     "speed", "acceleration", "tilt", "roll and pitch rate", "yaw rate", *["rotor speed"] * 4, *["slowest rotor"] * 4,
@@ -160,19 +161,27 @@ def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.einsum("ni,ni->n", a, b)
 
 
-def measured_excess(airframe: Airframe, vehicle: Vehicle, trajectory: Trajectory, times_s: FloatArray) -> FloatArray:
-    """The same quantities (n, 13) from the vehicle's full model; NaN where it cannot fly the motion at all."""
-    w, full = airframe, flatness.state(vehicle, trajectory, times_s)
-    effort = full.rotor_speed_rad_s**2 / np.mean(invert.hover(vehicle) ** 2)
-    rate, cos_tilt = full.rate_body_rad_s, np.cos(w.tilt_rad)
-    return np.column_stack(
-        [
-            _dot(full.velocity_world_m_s, full.velocity_world_m_s) / w.speed_m_s**2 - 1.0,
-            _dot(full.acceleration_world_m_s2, full.acceleration_world_m_s2) / w.acceleration_m_s2**2 - 1.0,
-            (cos_tilt - np.cos(full.tilt_rad)) / (1.0 - cos_tilt),
-            _dot(rate[:, :2], rate[:, :2]) / w.rate_rad_s**2 - 1.0,
-            rate[:, 2] ** 2 / w.yaw_rate_rad_s**2 - 1.0,
-            effort - w.effort_most,
-            w.effort_least - effort,
-        ]
+def measured_excess(
+    airframe: Airframe, vehicle: Vehicle, trajectory: Trajectory, segments: np.ndarray, fractions: FloatArray
+) -> FloatArray:
+    """The same quantities (s, f, 13) from the vehicle's full model, at fractions (f,) of the given segments (s,).
+
+    NaN where it cannot fly the motion at all.
+    """
+    w, values = airframe, attitude.sampled(vehicle, trajectory, segments, fractions)
+    effort = values[..., attitude.ROTOR] ** 2 / np.mean(invert.hover(vehicle) ** 2)
+    rate, cos_tilt = values[..., attitude.RATE], np.cos(w.tilt_rad)
+    times = fractions * trajectory.durations_s[segments, None]
+    c = trajectory.coefficients[segments, :3]
+    speed, push = (
+        (polynomial.evaluate(polynomial.differentiate(c, r)[:, None], times[..., None]) ** 2).sum(axis=2)
+        for r in (1, 2)
     )
+    single = [
+        speed / w.speed_m_s**2 - 1.0,
+        push / w.acceleration_m_s2**2 - 1.0,
+        (cos_tilt - values[..., attitude.UP]) / (1.0 - cos_tilt),
+        (rate[..., :2] ** 2).sum(axis=2) / w.rate_rad_s**2 - 1.0,
+        rate[..., 2] ** 2 / w.yaw_rate_rad_s**2 - 1.0,
+    ]
+    return np.concatenate([np.stack(single, axis=2), effort - w.effort_most, w.effort_least - effort], axis=2)

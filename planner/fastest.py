@@ -13,9 +13,10 @@ import numpy as np
 
 import esdf
 from flight import FloatArray, Trajectory
-from planner import airframe, heading, hermite, limits, minimum_snap, routes, space, time_allocation
+from planner import airframe, heading, hermite, limits, minimum_snap, routes, space, time_allocation, windows
 from planner._planner import StopFlag
 from planner.conditions import Conditions
+from planner.corrections import Corrections
 from planner.gate import GateReport
 from planner.options import PlanOptions
 from planner.time_allocation import Problem, Solution, Weights
@@ -27,16 +28,16 @@ _SHORTEST_S = 0.2
 """Segments are not cut into shorter pieces: the vehicle could make nothing of them."""
 _SMOOTHING_S = 0.5
 """Turns of the heading are smoothed out over this time to begin with."""
-_ITERATIONS = (250, 70, *[25] * 8)
-"""Of each round: the later ones only mend what is exceeded here and there."""
-_SPARE = 0.006
-"""Relative excess that is kept from every limit, for what is not measured."""
-_STRICTER = 0.01
-"""The same where the gate, with its finer samples, found a limit exceeded; more each time it does."""
-_NEAR = 0.3
-"""The vehicle's own model is expensive: it is asked at every second sample, where a limit is nearer than this."""
-_MOST = 0.5
-"""Largest correction of the reduced model in one round."""
+_WHOLE, _IN_PART = (250, 70, 25), 40
+"""Iterations of the rounds about all segments, and of the later ones, which mend what is exceeded here and there."""
+_ROUNDS = 40
+_RELIEVED, _AGAIN = 0.03, 5
+"""Where the vehicle's own model asks for so much less than was believed, a path that passes is optimised once more;
+so many rounds are given to that."""
+_FEW = 0.4
+"""Share of the segments below which only those that exceed a limit, and their neighbours, are optimised again."""
+_REACH, _FAR = 4, 6
+"""Neighbours on either side that are; so many where a waypoint has moved."""
 _YAW_PRICES = {
     "along_path": (0.4, 1e-4),
     "look_at": (5.0, 1e-4),
@@ -46,8 +47,15 @@ _YAW_PRICES = {
     "free": (0.0, 1e-5),
 }
 """Price of not looking where one should, and of turning, for each yaw mode."""
-_IMPOSSIBLE = 0.2
-"""Excess of every rotor where no rotor speeds give the motion."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Kept:
+    """How an optimised path came about."""
+
+    problem: Problem
+    spline: minimum_snap.Spline
+    corrections: Corrections
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,6 +69,8 @@ class Path:
     report: GateReport
     optimum_s: float
     """What the optimiser took for the shortest time when it first ended."""
+    kept: Kept | None = None
+    """From what it can be optimised further; None for a path in a corridor, and for one that was slowed down."""
 
 
 def rough(
@@ -129,7 +139,7 @@ def whole_vehicle(
     free = np.repeat(((waypoint < 0) | _may_move(balls))[:, None], 4, axis=1)
     free[:, 3] = np.isnan(asked) & (held is None)
     price, turning = _YAW_PRICES[options.yaw]
-    weights = Weights(snap=1e-7, limits=1500.0, heading=price, turning=turning)
+    weights = Weights(snap=1e-7, limits=400.0, clearance=300.0, heading=price, turning=turning)
     return replace(problem, knots=knots, free=free, weights=weights), durations, waypoint
 
 
@@ -166,80 +176,86 @@ def _split(spline: minimum_snap.Spline, waypoint: np.ndarray, most: int) -> tupl
     return knots, (T / pieces)[of], index
 
 
-class _Corrections:
-    """What is added to the reduced model's excess at each sample, (k, samples, limits)."""
-
-    def __init__(self, legs: FloatArray) -> None:
-        self.legs, shape, segments = legs, legs.shape, len(legs)
-        self.model, self.between, self.multiplier = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-        self.gate = np.full((segments, 1, airframe.COLUMNS), _SPARE)
-
-    def total(self) -> FloatArray:
-        return self.legs + self.model + self.between + self.multiplier + self.gate
-
-    def measure(self, problem: Problem, found: Solution, path: Trajectory, vehicle: Vehicle) -> FloatArray:
-        """Ask the vehicle's own model; returns what it says each excess is, (k, samples, limits)."""
-        reduced, peaks = time_allocation.excess(problem, found)
-        near = (peaks + self.legs + self.model).max(axis=2) > -_NEAR
-        asked = np.zeros_like(near)
-        asked[:, ::2] = near[:, ::2] | np.pad(near[:, 1::2], ((0, 0), (1, 0))) | np.pad(near[:, 1::2], ((0, 0), (0, 1)))
-        if asked.any():
-            times = time_allocation.sample_times(found.durations_s)[asked]
-            full = airframe.measured_excess(problem.airframe, vehicle, path, times)
-            full = np.where(np.isfinite(full), full, np.maximum(reduced[asked], 0.0) + _IMPOSSIBLE)
-            self.model[asked] = np.clip(full - reduced[asked], -_MOST, _MOST)
-            self.model[:, 1::2] = 0.5 * (self.model[:, :-1:2] + self.model[:, 2::2])
-        self.between = peaks - reduced
-        return peaks + self.legs + self.model
-
-    def press(self, excess: FloatArray) -> None:
-        """Raise the multipliers of what is exceeded, lower those of what is not."""
-        self.multiplier = np.maximum(0.0, excess + self.gate + self.multiplier)
-
-    def stricter(self, used: limits.Usage) -> None:
-        """Keep more from the limits that the gate found exceeded, in those segments only."""
-        columns = np.array([limits.NAMES.index(name) for name in airframe.NAMES])
-        self.gate[:, 0] += _STRICTER * ~used.passed[columns].T
-
-
 def until_flyable(
     problem: Problem,
-    durations_s: FloatArray,
+    spline: minimum_snap.Spline,
     waypoint: np.ndarray,
     vehicle: Vehicle,
     options: PlanOptions,
     field: space.DistanceField,
     conditions: Conditions,
-    ask_gate: Callable[[Trajectory], GateReport],
+    ask_gate: Callable[[Trajectory, limits.Known | None], GateReport],
     stop: StopFlag | None,
+    *,
+    wrong: np.ndarray | None = None,
+    iterations: int = _IN_PART,
+    corrections: Corrections | None = None,
+    known: limits.Known | None = None,
 ) -> Path | None:
     """Optimise until a trajectory passes the gate; None if it stays too close to obstacles.
 
-    Where limits stay exceeded in spite of it, the last trajectory is returned with its report.
+    The first rounds are about all segments, unless `wrong` (k,) says which ones to begin with; then only those that
+    exceed a limit are optimised again, with their neighbours. Where limits stay exceeded in spite of it, the last
+    trajectory is returned with its report.
+
+    Args:
+        spline: durations to start from; where `wrong` is given, the path itself.
+        iterations: of the first round about `wrong`.
+        corrections, known: those of an earlier answer, and what the gate found of it.
     """
-    corrections = _Corrections(_leg_offsets(conditions, waypoint, options.limits_for(vehicle)))
-    T, optimum_s, bends = durations_s, np.nan, 0
-    for round_, iterations in enumerate(_ITERATIONS):
-        problem = replace(problem, offsets=corrections.total())
-        found = time_allocation.optimise(problem, T, iterations=iterations, stop=stop)
-        problem, T = replace(problem, knots=found.knots), found.durations_s
-        optimum_s = optimum_s if round_ else float(T.sum())
-        path = minimum_snap.trajectory(found.spline)
-        excess = corrections.measure(problem, found, path, vehicle)
+    legs = _leg_offsets(conditions, waypoint, options.limits_for(vehicle))
+    corrections = Corrections(legs) if corrections is None else corrections
+    corrections.legs = legs
+    optimum_s, bends, begun = np.nan, 0, len(_WHOLE) if wrong is not None else 0
+    found, rounds = None, _ROUNDS
+    for round_ in range(begun, _ROUNDS):
+        if round_ == rounds:
+            return found
+        believed = corrections.model.copy()
+        charged_s = spline.durations_s if round_ > 0 else None
+        problem = replace(problem, offsets=corrections.total(), reference_s=charged_s)
+        if wrong is None:
+            touched = np.ones(len(spline.durations_s), dtype=bool)
+            spline = time_allocation.optimise(problem, spline.durations_s, iterations=_WHOLE[round_], stop=stop).spline
+        else:
+            touched = windows.grown(wrong, _REACH if round_ > begun else _FAR)
+            most = _IN_PART if round_ > begun else iterations
+            spline = windows.optimise(problem, spline, touched, iterations=most, stop=stop)
+        problem = replace(problem, knots=spline.states[:, 0])
+        optimum_s = float(spline.durations_s.sum()) if round_ == begun else optimum_s
+        path = minimum_snap.trajectory(spline)
+        excess = corrections.measure(problem, spline, path, vehicle, touched)
+        exceeded = excess.max(axis=(1, 2)) > 0.0
         clearance = esdf.certify(field, path, options.clearance_m)
-        last = round_ == len(_ITERATIONS) - 1
-        if clearance.passed and (excess.max() <= 0.0 or last):
-            report = ask_gate(path)
+        last = round_ == _ROUNDS - 1
+        if clearance.passed and (last or not exceeded.any()):
+            report = ask_gate(path, known)
             if report.passed or last or report.usage is None:
-                return Path(path, waypoint, "bent" if bends else "direct", report, optimum_s)
+                method = "bent" if bends else "direct"
+                kept = Kept(problem, spline, corrections.spliced(0, 0, 0))
+                here = Path(path, waypoint, method, report, optimum_s, kept)
+                if found is not None:
+                    better = report.passed and path.duration_s < found.trajectory.duration_s
+                    return here if better else found
+                found, relieved = here, (believed - corrections.model).max(axis=(1, 2)) > _RELIEVED
+                if not report.passed or not relieved.any():
+                    return found
+                wrong = relieved
+                rounds = round_ + _AGAIN
+                continue
+            known = path, report.usage
             corrections.stricter(report.usage)
-        corrections.press(excess)
+            exceeded |= ~report.usage.passed.all(axis=0)
+        corrections.press(excess, touched)
         if not clearance.passed:
             if bends == options.repairs:
-                return None
+                return found
             bends += 1
             problem = _farther_away(problem, options.clearance_m - clearance.proven_m)
-    return None
+            exceeded[clearance.segment] = True
+        few = windows.grown(exceeded, _REACH).mean() < _FEW
+        wrong = exceeded if wrong is not None or few or round_ + 1 == len(_WHOLE) else None
+    return found
 
 
 def _farther_away(problem: Problem, lack_m: float) -> Problem:

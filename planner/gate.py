@@ -54,6 +54,8 @@ class GateReport:
     """`fingerprint` of the trajectory that was checked."""
     conditions: Conditions
     """What was asked of it besides its waypoints."""
+    options: PlanOptions
+    """Radius, margin, limits and reserve that it was checked for."""
     usage: limits.Usage | None = None
     """What each segment uses of each limit; None where that could not be asked."""
 
@@ -83,6 +85,7 @@ class GateReport:
             "vehicle_hash": self.vehicle_hash,
             "trajectory_hash": self.trajectory_hash,
             "conditions": self.conditions.as_dict(),
+            "asked": self.options.as_dict(),
             "checks": [check.as_dict() for check in self.checks],
         }
 
@@ -96,6 +99,7 @@ def check(
     waypoints_world_m: FloatArray | None = None,
     yaw_rad: FloatArray | None = None,
     conditions: Conditions | None = None,
+    known: limits.Known | None = None,
 ) -> GateReport:
     """Check a trajectory against a field and a vehicle.
 
@@ -103,6 +107,8 @@ def check(
         waypoints_world_m: (n, 3) points it must reach in this order; None if it need not reach any.
         yaw_rad: (n,) heading to have at each of them, NaN where any will do; None if none is asked for.
         conditions: of motion at its ends, its waypoints and on its legs; at rest at both ends if left out.
+        known: what was found of another trajectory with the same vehicle and options; limits are not worked out again
+            for segments that both have in common. Everything else is.
     """
     options = PlanOptions() if options is None else options
     asked = Conditions() if conditions is None else conditions
@@ -121,7 +127,7 @@ def check(
         checks += _headings(trajectory, visits_s, yaw_rad, options)
         checks += [_clearance_check(clearance, options.clearance_m)]
         bounds = options.limits_for(vehicle)
-        usage, found = limits.measure(trajectory, vehicle, bounds, step_s=options.sample_step_s)
+        usage, found = limits.measure(trajectory, vehicle, bounds, step_s=options.sample_step_s, known=known)
         checks += found
     return GateReport(
         checks=tuple(checks),
@@ -134,14 +140,30 @@ def check(
         vehicle_hash=vehicles.vehicle_hash(vehicle),
         trajectory_hash=fingerprint(trajectory),
         conditions=asked,
+        options=options,
         usage=usage,
     )
+
+
+def options_of(item: TrajectoryFile) -> PlanOptions:
+    """Radius, margin, limits and reserve that a file was checked for; the defaults where it does not say.
+
+    Raises:
+        FormatError: what it says is damaged.
+    """
+    asked = item.check.get("asked")
+    return PlanOptions() if asked is None else PlanOptions.from_dict(asked)
 
 
 def check_file(
     item: TrajectoryFile, field: DistanceField, vehicle: Vehicle, options: PlanOptions | None = None
 ) -> GateReport:
-    """Check a file's trajectory, and that it was planned for this map and this vehicle."""
+    """Check a file's trajectory, and that it was planned for this map and this vehicle.
+
+    Args:
+        options: what to check for; if left out, what the file was checked for.
+    """
+    options = options_of(item) if options is None else options
     report = check(
         item.trajectory, field, vehicle, options, waypoints_world_m=item.waypoints_world_m, conditions=asked_of(item)
     )
@@ -195,7 +217,13 @@ def _waypoints(
     wanted = np.asarray(waypoints_world_m, dtype=np.float64).reshape(-1, 3)
     if not len(wanted) or not np.isfinite(wanted).all():
         return Check("waypoints", np.nan, options.waypoint_tolerance_m, "m", False, reason="none, or not finite"), None
-    # Dense samples, joins included: a planned waypoint is a join, another one is met to within half a step.
+    joins = _at_joins(trajectory, wanted, options.waypoint_tolerance_m)
+    if joins is not None:
+        visits, worst = joins
+        reason = f"all {len(wanted)} in order"
+        found = Check("waypoints", worst, options.waypoint_tolerance_m, "m", True, reason=reason)
+        return found, trajectory.starts_s[visits]
+    # Dense samples, joins included: one that is no join is met to within half a step.
     times, segment = limits.sample_times(trajectory, 1e-3)
     times, segment = np.append(times, trajectory.duration_s), np.append(segment, segment[-1])
     points = trajectory.position(times)
@@ -246,6 +274,20 @@ def _heading_check(name: str, off_rad: FloatArray, times_s: FloatArray, bound_ra
     value, time_s = float(off_rad[worst]), float(times_s[worst])
     reason = f"{np.degrees(value):.1f} deg off at {time_s:.1f} s, at most {np.degrees(bound_rad):.1f} are allowed"
     return Check(name, value, bound_rad, "rad", value <= bound_rad, time_s, reason=reason)
+
+
+def _at_joins(trajectory: Trajectory, wanted: FloatArray, tolerance_m: float) -> tuple[list[int], float] | None:
+    """Joins that reach the waypoints in order, the two ends included, and the largest gap; None if they do not."""
+    joins = np.vstack([trajectory.coefficients[:, :3, 0], trajectory.position(np.array([trajectory.duration_s]))])
+    visits, worst = [], 0.0
+    for waypoint in wanted:
+        first, last = (visits[-1], len(joins)) if visits else (0, 1)
+        near = np.linalg.norm(joins[first:last] - waypoint, axis=1) <= tolerance_m
+        if not near.any():
+            return None
+        visits.append(first + int(np.argmax(near)))
+        worst = max(worst, float(np.linalg.norm(joins[visits[-1]] - waypoint)))
+    return (visits, worst) if visits[-1] == len(joins) - 1 else None
 
 
 def _first_visit(points: FloatArray, start: int, waypoint: FloatArray, tolerance_m: float) -> tuple[int, float] | None:

@@ -1,8 +1,8 @@
-"""Whether the vehicle can fly a trajectory: speed and acceleration proved, attitude, rates and rotors sampled.
+"""Whether the vehicle can fly a trajectory: every limit bounded over all time, segment by segment.
 
-Speed and acceleration are polynomials: their bounds are certified over all time. Tilt, rates and rotor speeds come from
-`vehicle.flatness` (drag included) at samples; an allowance for the values between two samples, from the curvature
-there, is added to the value before it is compared.
+Speed and acceleration are polynomials: the bound is the hull of their control points. Tilt, rates and rotor speeds
+follow from the vehicle's own forces (`planner.attitude`, drag included): the hull of the polynomials that interpolate
+them, and an allowance for what those cannot show. Pieces of a path are halved where that decides about a limit.
 """
 
 from dataclasses import asdict, dataclass
@@ -11,7 +11,7 @@ import numpy as np
 
 import vehicle as vehicles
 from flight import FlightError, FloatArray, Trajectory, polynomial
-from planner import heading
+from planner import attitude, heading
 from vehicle import Limits, Vehicle, flatness, invert
 
 _PIECES = 16
@@ -24,7 +24,11 @@ NAMES = ("speed", "acceleration", "tilt", "roll and pitch rate", "yaw rate", "ro
 """The checks of this module, in order."""
 _UNITS = ("m/s", "m/s2", "rad", "rad/s", "rad/s", "rad/s", "rad/s")
 _PROVED = 2
-"""The first so many are proved, the others sampled."""
+"""The first so many are polynomials; the others are interpolated by some."""
+_LONGEST_STEPS, _SHORTEST_STEPS = 50, 2
+"""Length of the pieces to begin with, and from which on they are halved no more, in units of the sampling step."""
+_SETTLED = 0.003
+"""Share of a limit that a bound may lie above the values it bounds."""
 _SLOWEST = NAMES.index("slowest rotor")
 _EASES = (1.0, 0.5, 0.5, 1.0 / 3.0, 1.0, 0.5, 0.5)
 """Powers of a limit's share that say how much longer it would take to use it just so: speed and yaw rate fall with the
@@ -91,6 +95,10 @@ class Usage:
         return int(np.argmax(np.where(np.isfinite(value), value, np.inf)))
 
 
+Known = tuple[Trajectory, Usage]
+"""A trajectory and what was found of it."""
+
+
 def check(
     trajectory: Trajectory, vehicle: Vehicle, limits: Limits | None = None, *, step_s: float = 0.005
 ) -> list[Check]:
@@ -99,11 +107,11 @@ def check(
 
 
 def measure(
-    trajectory: Trajectory, vehicle: Vehicle, limits: Limits, *, step_s: float
+    trajectory: Trajectory, vehicle: Vehicle, limits: Limits, *, step_s: float, known: Known | None = None
 ) -> tuple[Usage | None, list[Check]]:
     """As `check`, and the usage of each segment; None where the vehicle's model has no answer."""
     try:
-        used = usage(trajectory, vehicle, limits, step_s=step_s)
+        used = usage(trajectory, vehicle, limits, step_s=step_s, known=known)
     except FlightError as error:
         rows = zip(NAMES, _bounds(limits).tolist(), _UNITS, strict=True)
         return None, [Check(name, np.nan, bound, unit, False, reason=str(error)) for name, bound, unit in rows]
@@ -115,8 +123,7 @@ def _verdict(used: Usage, limit: int, trajectory: Trajectory, step_s: float) -> 
     value, time_s, bound = float(used.value[limit, segment]), float(used.time_s[limit, segment]), used.bound[limit]
     passed = bool(used.passed[limit, segment])
     if passed:
-        sampled = f"sampled every {step_s:g} s, with an allowance for what lies between"
-        reason = "proved between samples" if limit < _PROVED else sampled
+        reason = "proved between samples" if limit < _PROVED else "interpolated, with an allowance for what that misses"
     else:
         reason = excess_text(used, limit, segment, trajectory)
     return Check(NAMES[limit], value, float(bound), _UNITS[limit], passed, time_s, segment, reason)
@@ -134,29 +141,106 @@ def excess_text(used: Usage, limit: int, segment: int, trajectory: Trajectory) -
     return f"{where}: {NAMES[limit]} {value:.4g} {unit}, limit {used.bound[limit]:.4g}; give it {longer:.2f} s"
 
 
-def usage(trajectory: Trajectory, vehicle: Vehicle, limits: Limits, *, step_s: float) -> Usage:
+def usage(
+    trajectory: Trajectory, vehicle: Vehicle, limits: Limits, *, step_s: float, known: Known | None = None
+) -> Usage:
     """How much of each limit each segment uses.
+
+    Args:
+        known: usage of another trajectory by the same vehicle within the same limits; segments that are equal to one of
+            its segments, bit by bit, are not looked at again.
 
     Raises:
         FlightError: the vehicle's model has no answer.
     """
-    times, segment = sample_times(trajectory, step_s)
-    first = np.flatnonzero(np.diff(segment, prepend=-1))
-    rows = [certified_maxima(trajectory, derivative) for derivative in (1, 2)]
-    for i, value in enumerate(_attitude_values(trajectory, vehicle, times), start=2):
-        allowance = _between_samples(value, segment)
-        careful = -(value - allowance) if i == _SLOWEST else value + allowance
-        worst = _largest(np.where(np.isfinite(careful), careful, np.inf), first)
-        found = np.where(np.isfinite(careful[worst]), careful[worst], np.nan)
-        rows.append((-found if i == _SLOWEST else found, times[worst]))
-    value, time_s = (np.stack([row[part] for row in rows]) for part in (0, 1))
-    return Usage(value, time_s, _shares(value, limits, _hover(vehicle)), _bounds(limits))
+    k, starts = len(trajectory.durations_s), trajectory.starts_s[:-1]
+    value, after_s, new = np.empty((len(NAMES), k)), np.empty((len(NAMES), k)), np.ones(k, dtype=bool)
+    if known is not None:
+        path, used = known
+        where = {key: i for i, key in enumerate(_keys(path))}
+        same = np.array([where.get(key, -1) for key in _keys(trajectory)])
+        new = same < 0
+        value[:, ~new] = used.value[:, same[~new]]
+        after_s[:, ~new] = used.time_s[:, same[~new]] - path.starts_s[same[~new]]
+    if new.any():
+        some = Trajectory(trajectory.durations_s[new], trajectory.coefficients[new])
+        found, time_s = _attitude_bounds(some, vehicle, limits, step_s)
+        found[_SLOWEST] *= -1.0
+        for derivative in (1, 2):
+            found[derivative - 1], time_s[derivative - 1] = certified_maxima(some, derivative)
+        value[:, new], after_s[:, new] = found, time_s - some.starts_s[:-1]
+    return Usage(value, starts + after_s, _shares(value, limits, _hover(vehicle)), _bounds(limits))
 
 
-def _largest(values: FloatArray, first: np.ndarray) -> np.ndarray:
-    """Index of the largest value in each run; `first` says where the runs begin."""
-    ends = np.append(first[1:], len(values))
-    return np.array([a + int(np.argmax(values[a:b])) for a, b in zip(first, ends, strict=True)])
+def _keys(trajectory: Trajectory) -> list[bytes]:
+    pairs = zip(trajectory.durations_s, trajectory.coefficients, strict=True)
+    return [duration.tobytes() + coefficients.tobytes() for duration, coefficients in pairs]
+
+
+def _attitude_bounds(
+    trajectory: Trajectory, vehicle: Vehicle, limits: Limits, step_s: float
+) -> tuple[FloatArray, FloatArray]:
+    """Bounds (limits, segments) of tilt, rates and rotor speeds, and when; those of the slowest rotor are negative.
+
+    NaN where no rotor speeds give the motion. The first rows, speed and acceleration, are left open.
+    """
+    k, hover = len(trajectory.durations_s), _hover(vehicle)
+    bound, time_s = np.full((len(NAMES), k), -np.inf), np.zeros((len(NAMES), k))
+    pieces = attitude.pieces_of(trajectory.durations_s, np.arange(k), _LONGEST_STEPS * step_s)
+    while len(pieces.segment):
+        found, fraction, seen = _piece_bounds(attitude.coefficients(vehicle, trajectory, pieces))
+        signs = np.where(np.arange(len(NAMES)) == _SLOWEST, -1.0, 1.0)[:, None]
+        share, seen_share = (_shares(signs * x, limits, hover) for x in (found, seen))
+        with np.errstate(invalid="ignore"):  # infinite where the motion is impossible
+            near = ~(share < _BINDING) & ~(share - seen_share < _SETTLED)
+        halved = near.any(axis=0) & (pieces.length_s > _SHORTEST_STEPS * step_s)
+        _keep_largest(bound, time_s, found, _times(trajectory, pieces, fraction), pieces.segment, ~halved)
+        pieces = pieces.chosen(halved).halves()
+    return np.where(bound == np.inf, np.nan, bound), time_s
+
+
+def _times(trajectory: Trajectory, pieces: attitude.Pieces, fraction: FloatArray) -> FloatArray:
+    return trajectory.starts_s[pieces.segment] + pieces.start_s + fraction * pieces.length_s
+
+
+def _piece_bounds(coefficients: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Bound over each piece, at which fraction of it, and the largest of its control points alone: (limits, p) each.
+
+    Infinite where the vehicle cannot fly the motion; of the slowest rotor the negative.
+    """
+    points, beyond = attitude.hull(coefficients), attitude.allowance(coefficients)[:, None]
+    inside = attitude.at_nodes(coefficients)
+
+    def quantities(values: FloatArray, more: FloatArray | float) -> FloatArray:
+        shown = np.full((len(NAMES), *values.shape[:2]), -np.inf)
+        more = np.broadcast_to(more, (len(values), 1, attitude.VALUES))
+        rate, rotor = np.abs(values[..., attitude.RATE]) + more[..., attitude.RATE], values[..., attitude.ROTOR]
+        up = values[..., attitude.UP] - more[..., attitude.UP]
+        shown[2] = np.arccos(np.clip(up, -1.0, 1.0))
+        shown[3], shown[4] = np.hypot(rate[..., 0], rate[..., 1]), rate[..., 2]
+        shown[5] = (rotor + more[..., attitude.ROTOR]).max(axis=-1)
+        shown[6] = -(rotor - more[..., attitude.ROTOR]).min(axis=-1)
+        return np.where(np.isnan(shown), np.inf, shown)
+
+    bounds = quantities(points, beyond)
+    worst = bounds.argmax(axis=2)
+    return bounds.max(axis=2), attitude.hull_fractions()[worst], quantities(inside, 0.0).max(axis=2)
+
+
+def _keep_largest(
+    bound: FloatArray,
+    time_s: FloatArray,
+    found: FloatArray,
+    found_time_s: FloatArray,
+    segment: np.ndarray,
+    chosen: np.ndarray,
+) -> None:
+    """Enter the chosen pieces' bounds into those of their segments, where they are larger, with their times."""
+    for row in range(_PROVED, len(NAMES)):
+        order = np.flatnonzero(chosen)
+        order = order[np.argsort(found[row, order], kind="stable")]  # the largest is written last
+        larger = order[found[row, order] > bound[row, segment[order]]]
+        bound[row, segment[larger]], time_s[row, segment[larger]] = found[row, larger], found_time_s[row, larger]
 
 
 def certified_maxima(trajectory: Trajectory, derivative: int) -> tuple[FloatArray, FloatArray]:
@@ -231,17 +315,6 @@ def sample_times(trajectory: Trajectory, step_s: float) -> tuple[FloatArray, np.
         times.append(start + np.linspace(0.0, duration - side, count))
         segments.append(np.full(count, i))
     return np.concatenate(times), np.concatenate(segments)
-
-
-def _between_samples(value: FloatArray, segment: np.ndarray) -> FloatArray:
-    """How far a value may rise beside a sample: an eighth of the second difference for a parabola; twice that here."""
-    allowance = np.zeros_like(value)
-    inner = (segment[2:] == segment[:-2]).nonzero()[0] + 1
-    allowance[inner] = 0.25 * np.abs(value[inner + 1] - 2.0 * value[inner] + value[inner - 1])
-    first = np.flatnonzero(np.diff(segment, prepend=-1))
-    last = np.append(first[1:], len(segment)) - 1
-    allowance[first], allowance[last] = allowance[first + 1], allowance[last - 1]
-    return allowance
 
 
 def yaw_bounds(vehicle: Vehicle, limits: Limits) -> heading.Bounds:

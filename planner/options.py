@@ -1,12 +1,12 @@
 """Planning options, and the error for a plan that is infeasible."""
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from math import isfinite, sqrt
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
-from flight import FlightError, FloatArray, InfeasibleError, InputError
+from flight import FlightError, FloatArray, FormatError, InfeasibleError, InputError
 from vehicle import Limits, Vehicle
 
 YawMode = Literal["along_path", "smooth", "steady", "fixed", "look_at", "free"]
@@ -77,6 +77,33 @@ class PlanOptions:
             if getattr(self, name) not in known:
                 raise InputError(f"{name} is {getattr(self, name)!r}; it must be {' or '.join(known)}")
 
+    def as_dict(self) -> dict[str, Any]:
+        """What a trajectory is checked for, JSON-able; `limits` is None for the vehicle's own."""
+        return {
+            "radius_m": self.radius_m,
+            "margin_m": self.margin_m,
+            "control_reserve": self.control_reserve,
+            "limits": None if self.limits is None else asdict(self.limits),
+        }
+
+    @classmethod
+    def from_dict(cls, document: dict[str, Any]) -> "PlanOptions":
+        """The options to check with, from what `as_dict` made.
+
+        Raises:
+            FormatError: it was not made by `as_dict`.
+        """
+        try:
+            bounds = document["limits"]
+            return cls(
+                radius_m=float(document["radius_m"]),
+                margin_m=float(document["margin_m"]),
+                control_reserve=float(document["control_reserve"]),
+                limits=None if bounds is None else Limits(**bounds),
+            )
+        except (KeyError, TypeError, ValueError, InputError) as error:
+            raise FormatError(f"what a trajectory file asks of its check is damaged: {error}") from error
+
     def limits_for(self, vehicle: Vehicle) -> Limits:
         """Limits of a plan: the given ones (or the vehicle's own), less the control reserve."""
         own = vehicle.limits if self.limits is None else self.limits
@@ -109,16 +136,27 @@ class PlanOptions:
         return self.clearance_m + 0.004
 
 
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """The narrowest place of the way that has most room."""
+
+    point_world_m: tuple[float, float, float]
+    width_m: float
+    """Diameter of the largest ball that passes it, to the spacing of the search grid."""
+
+
 class PlanInfeasibleError(InfeasibleError):
     """No trajectory was found that passes the gate."""
 
-    def __init__(self, reason: str, remedy: str, segment: int | None = None) -> None:
+    def __init__(self, reason: str, remedy: str, segment: int | None = None, *, gap: Gap | None = None) -> None:
         where = "" if segment is None else f"between waypoints {segment} and {segment + 1}: "
         super().__init__(f"{where}{reason}; {remedy}")
         self.segment = segment
         """Index of the waypoint where the leg in question starts; None if the failure belongs to no single leg."""
         self.reason = reason
         self.remedy = remedy
+        self.gap = gap
+        """Where the way that has most room is narrowest, if room is what is missing."""
 
 
 class PlanCancelledError(FlightError):

@@ -64,10 +64,26 @@ def plan(
         PlanCancelledError: `stop` was set, from another thread.
     """
     options = PlanOptions() if options is None else options
+    asked = Conditions() if conditions is None else conditions
+    path, route = from_scratch(waypoints, field, vehicle, options, asked, progress=progress, stop=stop)
+    return Plan(path.trajectory, path.report, waypoints, route.points, path.method, path.optimum_s)
+
+
+def from_scratch(
+    waypoints: Waypoints,
+    field: space.DistanceField,
+    vehicle: Vehicle,
+    options: PlanOptions,
+    conditions: Conditions,
+    *,
+    progress: Progress = silent,
+    stop: StopFlag | None = None,
+) -> tuple[Path, routes.Route]:
+    """As `plan`, with what a later plan can start from."""
     progress("route", 0.0)
     inputs.check(waypoints, field, vehicle, options)
     limits_ = options.limits_for(vehicle)
-    asked = (Conditions() if conditions is None else conditions).checked(len(waypoints.positions_world_m), limits_)
+    asked = conditions.checked(len(waypoints.positions_world_m), limits_)
     if options.method == "bry" and (asked.given_motion or asked.leg_speed_m_s is not None):
         raise InputError("Bry's method starts and ends at rest and knows no velocities or speeds of legs; use fastest")
     routes.check_waypoints(waypoints, field, options.waypoint_clearance_m)
@@ -77,7 +93,7 @@ def plan(
     progress("gate", 1.0)
     if not path.report.passed:
         raise _refused(path)
-    return Plan(path.trajectory, path.report, waypoints, route.points, path.method, path.optimum_s)
+    return path, route
 
 
 def _flyable(
@@ -91,7 +107,7 @@ def _flyable(
 ) -> Path:
     """The fastest path; one in a corridor of boxes where that is asked for or the fastest stays too close."""
 
-    def ask_gate(trajectory: Trajectory) -> GateReport:
+    def ask_gate(trajectory: Trajectory, known: limits.Known | None = None) -> GateReport:
         return gate.check(
             trajectory,
             field,
@@ -100,6 +116,7 @@ def _flyable(
             waypoints_world_m=waypoints.positions_world_m,
             yaw_rad=waypoints.yaw_rad,
             conditions=asked,
+            known=known,
         )
 
     if options.method == "bry":
@@ -112,7 +129,8 @@ def _flyable(
         problem, durations, index = fastest.whole_vehicle(
             problem, start, dense.waypoint, waypoints.yaw_rad, options, asked
         )
-        path = fastest.until_flyable(problem, durations, index, vehicle, options, field, asked, ask_gate, stop)
+        begin = problem.spline(problem.knots, durations)
+        path = fastest.until_flyable(problem, begin, index, vehicle, options, field, asked, ask_gate, stop)
         return path, start
 
     if options.method == "fastest":
@@ -124,7 +142,7 @@ def _flyable(
     boxes = corridor.boxes(field, dense.points, options.planned_clearance_m)
     path, start = optimised(corridor.Tube(boxes, options.clearance_m + fastest.AIM_M))
     if path is not None and (path.report.passed or asked.given_motion):
-        return replace(path, method="corridor")
+        return replace(path, method="corridor", kept=None)
     if asked.given_motion:
         raise PlanInfeasibleError(
             "no path with the given velocities keeps clear of the obstacles", "lower them, or give them more room"
@@ -171,7 +189,7 @@ def _slowed(path: Path, vehicle: Vehicle, options: PlanOptions, ask_gate: Callab
     factor = _time_scale(path.trajectory, vehicle, options)
     for more in (1.0, *_SLOWER):
         trajectory = path.trajectory.scale_time(factor * more)
-        slowed = replace(path, trajectory=trajectory, report=ask_gate(trajectory))
+        slowed = replace(path, trajectory=trajectory, report=ask_gate(trajectory), kept=None)
         if slowed.report.passed or not all(check.name in limits.NAMES for check in slowed.report.failures):
             break
     return slowed

@@ -36,7 +36,7 @@ def check_waypoints(waypoints: Waypoints, field: space.DistanceField, clearance_
     """
     points = waypoints.positions_world_m
     if len(points) < 2:
-        raise InputError(f"{len(points)} waypoint is given; at least two are needed, a start and an end")
+        raise InputError(f"{len(points)} waypoints are given; at least two are needed, a start and an end")
     gaps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     if gaps.min() < _SAME_M:
         i = int(gaps.argmin())
@@ -65,7 +65,7 @@ def _trouble(field: space.DistanceField, i: int, point: FloatArray, distance_m: 
 
 
 def _text(point: FloatArray) -> str:
-    return "(" + ", ".join(f"{x:.2f}" for x in point) + ")"
+    return "(" + ", ".join(f"{x:.2f}" if abs(x) < 1e6 else f"{x:.3g}" for x in point) + ")"
 
 
 def find(waypoints: Waypoints, field: space.DistanceField, options: PlanOptions) -> Route:
@@ -80,13 +80,9 @@ def find(waypoints: Waypoints, field: space.DistanceField, options: PlanOptions)
     found, index = [points[0]], [0]
     for i, line in enumerate(lines):
         if not line.free:
-            way = _way_round(field, points, i, options, grids)
+            way = way_round(field, points, i, options, grids)
             if way is None:
-                raise PlanInfeasibleError(
-                    f"no path keeps {required:.2f} m of clearance (the straight line keeps {line.distance_m:.2f} m)",
-                    "move a waypoint, or lower margin_m",
-                    i,
-                )
+                raise _no_way(points[i], points[i + 1], required, line.distance_m, i, grids)
             found += list(way[1:-1])
             index += [-1] * (len(way) - 2)
         found.append(points[i + 1])
@@ -94,7 +90,7 @@ def find(waypoints: Waypoints, field: space.DistanceField, options: PlanOptions)
     return Route(np.array(found), np.array(index))
 
 
-def _way_round(
+def way_round(
     field: space.DistanceField, points: FloatArray, leg: int, options: PlanOptions, grids: dict[float, search.Lattice]
 ) -> FloatArray | None:
     """Search near the waypoints first, then far round them; `grids` keeps what was sampled for the other legs."""
@@ -112,6 +108,24 @@ def _way_round(
         if (np.array(search.region(field, points, 5.0 * margin_m)) == np.array([low, high])).all():
             break
     return None
+
+
+def _no_way(
+    start: FloatArray,
+    goal: FloatArray,
+    required_m: float,
+    straight_m: float,
+    leg: int,
+    grids: dict[float, search.Lattice],
+) -> PlanInfeasibleError:
+    gaps = [gap for gap in (search.narrowest(grid, start, goal) for grid in grids.values()) if gap is not None]
+    gap = max(gaps, key=lambda gap: gap.width_m, default=None)
+    if gap is None or gap.width_m >= 2.0 * required_m:
+        reason = f"no path keeps {required_m:.2f} m of clearance (the straight line keeps {straight_m:.2f} m)"
+        return PlanInfeasibleError(reason, "move a waypoint, or lower margin_m", leg)
+    place = _text(np.array(gap.point_world_m))
+    reason = f"the widest way narrows to {max(gap.width_m, 0.0):.2f} m at {place}; {2.0 * required_m:.2f} m are needed"
+    return PlanInfeasibleError(reason, "move a waypoint, or lower margin_m", leg, gap=gap)
 
 
 def _sampled_way(

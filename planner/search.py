@@ -6,7 +6,9 @@ import numpy as np
 
 from flight import FloatArray
 from planner import simplify, space
+from planner._planner import bottleneck
 from planner._planner import search as grid_search
+from planner.options import Gap
 
 _CELLS = 800_000
 """Most cells of a search grid; larger regions get larger cells."""
@@ -16,6 +18,8 @@ _FINEST_M = 0.12
 _PRICE = 3.0
 """Added cost per metre of a path at the required clearance rather than at a comfortable one."""
 
+_HALF_DIAGONAL = 0.87
+"""Of a cell, in steps: how far a point can be from the nearest cell."""
 _GREED = 1.5
 """How much dearer than the cheapest a way may be: far fewer cells are looked at; the optimiser moves it anyway."""
 
@@ -73,6 +77,19 @@ def lattice(
     return Lattice(low, step, space.certain(field, distances))
 
 
+def narrowest(grid: Lattice, start: FloatArray, goal: FloatArray) -> Gap | None:
+    """Where the way between two points that keeps farthest from obstacles comes nearest to them.
+
+    None if every way leads through unknown space, or out of the grid.
+    """
+    first, last = grid.nearest_allowed(start, 0.0), grid.nearest_allowed(goal, 0.0)
+    cell = bottleneck(grid.distance_m, first, last) if first >= 0 and last >= 0 else -1
+    if cell < 0:
+        return None
+    x, y, z = grid.point(np.array([cell]))[0].tolist()
+    return Gap((x, y, z), 2.0 * float(grid.distance_m.ravel()[cell]))
+
+
 def route(
     field: space.DistanceField,
     grid: Lattice,
@@ -86,7 +103,7 @@ def route(
     Cells just at the required distance can be joined by lines that dip below it; then cells must keep a little more,
     up to half the diagonal of a cell, where every line is certain to be free.
     """
-    for extra in (0.0, 0.3, 0.6, 0.87):
+    for extra in (0.0, 0.3, 0.6, _HALF_DIAGONAL):
         level = required_m + extra * grid.step_m
         first, last = grid.nearest_allowed(start, level), grid.nearest_allowed(goal, level)
         if first < 0 or last < 0:
@@ -98,6 +115,10 @@ def route(
         points = simplify.shortcut(points, field, required_m, required_m + 0.05)
         if all(check.free for check in space.check_lines(field, points[:-1], points[1:], required_m)):
             return points
+    gap = narrowest(grid, start, goal)
+    slack_m = _HALF_DIAGONAL * grid.step_m + getattr(getattr(field, "grid", None), "half_diagonal_m", 0.0)
+    if gap is not None and 0.5 * gap.width_m + slack_m < required_m:
+        return None  # the distance changes by no more than the way to the nearest cell: finer cells are no help
     return _finer(field, grid, start, goal, required_m, comfort_m)
 
 

@@ -5,7 +5,7 @@ the positions of the knots no pilot asked for, and the headings that are open. G
 back-substitution); the minimiser is compiled, and may be stopped from another thread.
 """
 
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 
@@ -20,8 +20,9 @@ SAMPLES = 11
 """Points per segment where limits and clearance are looked at, both ends among them."""
 _BETWEEN = 4
 """Steps from one of them to the next in which their peaks are looked for."""
-_U = np.linspace(0.0, 1.0, SAMPLES)
-_SHARES = np.where((_U == 0.0) | (_U == 1.0), 0.5, 1.0) / (SAMPLES - 1)
+FRACTIONS = np.linspace(0.0, 1.0, SAMPLES)
+"""Where in a segment they are."""
+_SHARES = np.where((FRACTIONS == 0.0) | (FRACTIONS == 1.0), 0.5, 1.0) / (SAMPLES - 1)
 """Of a segment's time, for each sample."""
 _SLOW_M_S = 0.5
 """Horizontal speed at which looking along the path counts half."""
@@ -57,6 +58,10 @@ class Problem:
     weights: Weights
     offsets: FloatArray | None = None
     """(k, SAMPLES, limits) added to each excess: what the vehicle's own model says beyond the reduced one."""
+    reference_s: FloatArray | None = None
+    """(k,) time over which each segment's excess is charged, whatever its own becomes; None for its own. With the
+    multipliers of an augmented Lagrangian among the offsets, which are charged within the limits too, a segment would
+    else cost less the shorter it is."""
     start: FloatArray | None = None
     """(3, 4) velocity, acceleration and jerk at the first knot; at rest if None."""
     end: FloatArray | None = None
@@ -71,6 +76,22 @@ class Problem:
     def spline(self, knots: FloatArray, durations_s: FloatArray) -> minimum_snap.Spline:
         """The spline of least snap through these knots, with the derivatives that are given."""
         return minimum_snap.solve(knots, durations_s, start=self.start, end=self.end, velocity=self.velocity)
+
+    def part(self, first: int, last: int, spline: minimum_snap.Spline) -> "Problem":
+        """The segments from knot `first` to knot `last` alone; both keep the state they have in the spline."""
+        free = self.free[first : last + 1].copy()
+        free[[0, -1]] = False
+        return replace(
+            self,
+            knots=spline.states[first : last + 1, 0].copy(),
+            free=free,
+            offsets=None if self.offsets is None else self.offsets[first:last],
+            reference_s=None if self.reference_s is None else self.reference_s[first:last],
+            start=spline.states[first, 1:],
+            end=spline.states[last, 1:],
+            velocity=None if self.velocity is None else self.velocity[first : last + 1],
+            balls=None if self.balls is None else self.balls[first : last + 1],
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,6 +124,8 @@ def cost_numpy(problem: Problem, knots: FloatArray, durations_s: FloatArray) -> 
     if problem.offsets is not None:
         over = over + problem.offsets
     density = weights.limits * (np.maximum(over, 0.0) ** 2).sum(axis=2)
+    if problem.reference_s is not None:
+        density *= (problem.reference_s / T)[:, None]
     aim, yaw = motion[:, :, 1, :2], motion[:, :, 0, 3]
     if problem.target_world_m is not None:
         aim = problem.target_world_m[:2] - motion[:, :, 0, :2]
@@ -127,29 +150,22 @@ def derivatives(spline: minimum_snap.Spline) -> FloatArray:
     scaled = hermite.segment_states(spline.states) * hermite.time_powers(spline.durations_s)[..., None]
     rates = 1.0 / spline.durations_s[:, None, None]
     return np.stack(
-        [hermite.basis(_U, r) @ hermite.monomials_from_states() @ scaled * rates**r for r in range(5)], axis=2
+        [hermite.basis(FRACTIONS, r) @ hermite.monomials_from_states() @ scaled * rates**r for r in range(5)], axis=2
     )
 
 
-def excess(problem: Problem, solution: Solution) -> tuple[FloatArray, FloatArray]:
+def excess(problem: Problem, spline: minimum_snap.Spline) -> tuple[FloatArray, FloatArray]:
     """Relative excess over each limit as the optimiser sees it, without the offsets: two arrays (k, SAMPLES, limits).
 
     Returns:
         At each sample, and the largest up to half-way to the next ones.
     """
-    segments, half = len(solution.durations_s), _BETWEEN // 2
+    segments, half = len(spline.durations_s), _BETWEEN // 2
     fine = np.empty((segments, (SAMPLES - 1) * _BETWEEN + 1, airframe.COLUMNS))
-    _kernel(problem, fine.shape[1]).excess(solution.knots, solution.durations_s, fine)
+    _kernel(problem, fine.shape[1]).excess(spline.states, spline.durations_s, fine)
     around = np.pad(fine, ((0, 0), (half, half), (0, 0)), mode="edge")
     peaks = np.max([around[:, i : i + fine.shape[1] : _BETWEEN] for i in range(2 * half + 1)], axis=0)
     return fine[:, ::_BETWEEN], peaks
-
-
-def sample_times(durations_s: FloatArray) -> FloatArray:
-    """(k, SAMPLES) when on the path the samples are."""
-    starts = np.concatenate([[0.0], np.cumsum(durations_s)[:-1]])
-    inside = np.clip(_U, 1e-9, 1.0 - 1e-9)  # on its own side of a join
-    return starts[:, None] + durations_s[:, None] * inside
 
 
 def optimise(
@@ -185,6 +201,8 @@ def _kernel(problem: Problem, samples: int = SAMPLES) -> Kernel:
         kernel.look_at(*problem.target_world_m[:2].tolist())
     if problem.offsets is not None and samples == SAMPLES:
         kernel.set_offsets(np.ascontiguousarray(problem.offsets))
+    if problem.reference_s is not None:
+        kernel.set_reference(np.ascontiguousarray(problem.reference_s))
     return kernel
 
 

@@ -22,8 +22,11 @@ LONGEST_FIRST = (
     "tests/sysid", "tests/test_examples.py", "tests/goshawk", "tests/gcs_web", "tests/firmware_bridge", "tests/mapping",
 )  # fmt: skip
 """Long files go to the workers first, or one of them works on while the others have nothing left."""
-REAL_TIME = ("tests/firmware_bridge/link", "tests/gcs_web/test_page.py", "tests/goshawk/test_vehicle_verbs.py")
-"""A vehicle flies here by the clock: never two of these beside each other."""
+REAL_TIME = (
+    "tests/firmware_bridge/link", "tests/gcs_web/test_page.py", "tests/goshawk/test_vehicle_verbs.py",
+    "tests/goshawk/test_chain.py",
+)  # fmt: skip
+"""A vehicle flies here by the clock: never two of these beside each other. Together they take longest, and begin."""
 
 
 @pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
@@ -34,7 +37,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         group = "by the clock" if place.startswith(REAL_TIME) else place
         if item.get_closest_marker("xdist_group") is None:
             item.add_marker(pytest.mark.xdist_group(group))
-    ranks = [next((i for i, p in enumerate(LONGEST_FIRST) if place.startswith(p)), 99) for place in places]
+    order = (*REAL_TIME, *LONGEST_FIRST)
+    ranks = [next((i for i, p in enumerate(order) if place.startswith(p)), 99) for place in places]
     items[:] = [items[i] for i in sorted(range(len(items)), key=ranks.__getitem__)]
 
 

@@ -69,5 +69,15 @@ class Model:
         out: NDArray[float64],
         /,
     ) -> None: ...
+    def attitudes(
+        self,
+        values: NDArray[float64],
+        gravity_m_s2: float,
+        tolerance: float,
+        path: NDArray[float64],
+        rate: NDArray[float64],
+        out: NDArray[float64],
+        /,
+    ) -> None: ...
 
 def effects() -> list[tuple[str, int]]: ...

@@ -92,7 +92,9 @@ def _from_document(document: dict[str, Any], files: tuple[Path, ...]) -> Vehicle
     complete = body_parameters(**parameters) | parameters
     effects = _strings(document, "effects")
     for effect, entries in _table(document, "effect", {}).items():
-        units = {s.name: s.unit for s in registry.find(effect).parameters}
+        known = registry.find(effect).parameters
+        units = {s.name: s.unit for s in known}
+        complete |= {f"{effect}.{s.name}": Parameter(s.default, 0.0, s.unit, "default") for s in known if s.optional}
         for name, entry in _is_table(f"effect.{effect}", entries).items():
             complete[f"{effect}.{name}"] = _parameter(f"effect.{effect}.{name}", entry, units.get(name))
     rotors = _table(document, "rotors")
@@ -157,7 +159,7 @@ def _numbers(table: dict[str, Any], where: str, key: str, shape: tuple[int, ...]
 
 def _there(document: dict[str, Any], key: str) -> Any:
     if key not in document:
-        raise InputError(f"it has no {key}; `goshawk vehicle show` of an example shows what a vehicle file holds")
+        raise InputError(f"it has no {key}; `goshawk vehicle new` writes a complete vehicle file to compare with")
     return document[key]
 
 

@@ -75,6 +75,44 @@ def state(vehicle: Vehicle, trajectory: Trajectory, times_s: FloatArray, *, grou
     )
 
 
+def attitudes(
+    vehicle: Vehicle,
+    velocity_world_m_s: FloatArray,
+    acceleration_world_m_s2: FloatArray,
+    yaw_rad: FloatArray,
+    rate_body_rad_s: FloatArray,
+    start: tuple[FloatArray, FloatArray] | None = None,
+    *,
+    tolerance: float = 1e-10,
+) -> tuple[FloatArray, FloatArray]:
+    """Attitude and even rotor speeds for given motions far from the ground, when the body's rates are known.
+
+    Args:
+        velocity_world_m_s, acceleration_world_m_s2, rate_body_rad_s: (n, 3).
+        yaw_rad: (n,).
+        start: an earlier answer for nearly the same motions.
+        tolerance: change of an attitude at which it has settled.
+
+    Returns:
+        Attitudes (n, 4) and rotor speeds (n, 4) whose force gives the acceleration; torque is not looked at.
+    """
+    n, kernel = len(yaw_rad), native.compiled(vehicle)
+    mass = float(rigid_body(vehicle).mass_kg)
+    if start is None:
+        required = acceleration_world_m_s2 + np.array([0.0, 0.0, GRAVITY_M_S2])
+        start = hopf(required / np.linalg.norm(required, axis=1, keepdims=True), yaw_rad), np.empty((n, 4))
+        start[1][:] = invert.hover(vehicle)
+    if kernel is None:
+        far = np.column_stack([np.zeros((n, 2)), np.full(n, np.inf)])
+        path = _Path(far, velocity_world_m_s, acceleration_world_m_s2, yaw_rad)
+        return _attitudes(vehicle, mass, path, rate_body_rad_s, start[1], -np.inf)
+    rows = np.column_stack([velocity_world_m_s, acceleration_world_m_s2, np.full(n, np.inf), yaw_rad])
+    out = np.hstack(start)
+    rate = np.ascontiguousarray(rate_body_rad_s)
+    kernel.model.attitudes(kernel.values, GRAVITY_M_S2, tolerance, rows, rate, out)
+    return out[:, :4], out[:, 4:]
+
+
 def air_velocity_body(flat: FlatState) -> FloatArray:
     """(n, 3) velocity in body axes, relative to still air."""
     return rotations.rotate(rotations.conjugate(flat.q_world_body), flat.velocity_world_m_s)

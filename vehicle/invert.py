@@ -1,5 +1,7 @@
 """The exact inverse: the rotor speeds that give a required thrust and torque, with every active effect included."""
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
 
 from flight import FloatArray, InfeasibleError
@@ -107,12 +109,21 @@ def _rows(around: Surroundings, index: np.ndarray, n: int) -> Surroundings:
     )
 
 
+_hovers: WeakKeyDictionary[Vehicle, FloatArray] = WeakKeyDictionary()
+
+
 def hover(vehicle: Vehicle) -> FloatArray:
     """(4,) rotor speeds of a level hover in still air, far from ground and ceiling.
 
     Raises:
         InfeasibleError: the rotors cannot carry the weight within their fastest speed.
     """
+    if vehicle not in _hovers:
+        _hovers[vehicle] = _hover(vehicle)
+    return _hovers[vehicle].copy()
+
+
+def _hover(vehicle: Vehicle) -> FloatArray:
     weight = np.array([float(rigid_body(vehicle).mass_kg) * GRAVITY_M_S2])
     speed = rotor_speeds(vehicle, weight, np.zeros((1, 3)), np.zeros(3), np.zeros(3))[0]
     fastest = vehicle.limits.rotor_speed_max_rad_s

@@ -10,8 +10,11 @@ import planner
 import vehicle
 from flight import TrajectoryFile, trajectory
 from goshawk import console, outputs
-from goshawk.commands.plan import options_from
 from planner import gate
+from planner.limits import Check
+
+LOWER_BOUNDS = ("clearance", "slowest rotor")
+"""Checks that need at least their bound."""
 
 
 @click.command()
@@ -33,11 +36,14 @@ def command(
     goshawk check walk.json --map other-map --vehicle vehicle.toml --json
     goshawk check walk.json --map map --vehicle learned.toml --renew
 
+    It is checked for the radius, margin, limits and control reserve that the file records; --margin overrides one.
+
     Exit code 0: it passes and may be flown. 1: it fails, and the table shows which check. A trajectory planned for
     another map or vehicle fails, unless it passes every other check and --renew records it for these.
     """
     item = trajectory.load(trajectory_file)
-    options = options_from(vehicle_file, margin_m)
+    options = gate.options_of(item)
+    options = options if margin_m is None else replace(options, margin_m=margin_m)
     believed = vehicle.load(vehicle_file)
     with console.progress() as progress:
         progress("opening the map", 0.0)
@@ -72,8 +78,16 @@ def renewed(item: TrajectoryFile, report: planner.GateReport) -> TrajectoryFile:
 
 def _facts(report: planner.GateReport) -> dict[str, object]:
     """One line a check: value, bound, verdict, and the reason where it fails."""
-    return {
-        check.name: f"{'ok' if check.passed else 'FAILS'}  {check.value:.4g} {check.unit} (bound {check.bound:.4g})"
-        + ("" if check.passed else f"  {check.reason}")
-        for check in report.checks
-    }
+    return {check.name: _fact(check) for check in report.checks}
+
+
+def _fact(check: Check) -> str:
+    """Verdict, value and bound where they have a unit, and the reason of a failure."""
+    parts = ["ok" if check.passed else "FAILS"]
+    if check.unit:
+        bound = "at least" if check.name in LOWER_BOUNDS else "at most"
+        unit = "in SI units" if check.unit == "SI" else check.unit  # velocity, acceleration and jerk together
+        parts.append(f"{check.value:.4g} {unit} ({bound} {check.bound:.4g})")
+    if not check.passed and check.reason:
+        parts.append(check.reason)
+    return "  ".join(parts)

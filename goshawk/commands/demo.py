@@ -28,7 +28,7 @@ def command(out: Path, pairs: int, as_json: bool) -> None:
     goshawk demo --out demo-out --json > demo.json
 
     Images are rendered and the vehicle is simulated; COLMAP, planner, gate, C controller, link and estimator are those
-    of a real flight. The figures are written to demo.json in the project.
+    of a real flight. The results are written to demo.json in the project.
 
     Each run makes the folder anew. An earlier demo in which you changed anything is kept beside it as OUT.old-1.
     """

@@ -11,7 +11,7 @@ import vehicle
 from flight import FlightLog, InputError, file_format
 from goshawk import console, outputs, what_next
 from goshawk.flights import load
-from goshawk.what_next import Asked
+from goshawk.what_next import DiagnoseCall
 from sysid.diagnosis import CandidateFinding, Diagnosis, Size, diagnose
 from sysid.diagnosis.outlook import Outlook, outlook
 from sysid.estimator.verdict import Use
@@ -87,7 +87,7 @@ def command(
     document = found.as_dict()
     usable = found.fit_verdict.use is not Use.REJECTED
     document["next"] = what_next.lines(
-        found, Asked(flights, vehicle_file, held_out, columns, out, kept, auto), outlooks
+        found, DiagnoseCall(flights, vehicle_file, held_out, columns, out, kept, auto), outlooks
     )
     document["outlook"] = {name: view.as_dict() for name, view in outlooks.items()}
     written_to = out if usable or anyway else None
@@ -175,7 +175,7 @@ def _show(found: Diagnosis, document: dict[str, Any], outlooks: Mapping[str, Out
     reasons = [
         (s.name, f"{s.reason}; {outlooks[s.name].sentence}" if s.name in outlooks else s.reason)
         for s in found.candidates
-        if s.verdict == "cannot tell"
+        if s.verdict == "inconclusive"
     ]
     reasons += [(name, f"unobservable: {why}") for name, why in found.invisible]
     if reasons:
@@ -208,14 +208,13 @@ def _show_staircase(found: Diagnosis) -> None:
     console.table(f"position error (mm, rms) on {on}", ("model", *(f"after {h}" for h in horizons)), rows)
 
 
-def _rows(suspect: CandidateFinding) -> list[tuple[str, ...]]:
+def _rows(candidate: CandidateFinding) -> list[tuple[str, ...]]:
     """One line per parameter; the values of the candidate as a whole are in the first."""
-    verdict = "inconclusive" if suspect.verdict == "cannot tell" else suspect.verdict
-    heads = ((suspect.name, verdict), *((("", ""),) * (len(suspect.sizes) - 1)))
-    whole = (f"{1000.0 * suspect.error_m:.1f}", f"{suspect.confidence:.0%}")
+    heads = ((candidate.name, candidate.verdict), *((("", ""),) * (len(candidate.sizes) - 1)))
+    whole = (f"{1000.0 * candidate.error_m:.1f}", f"{candidate.confidence:.0%}")
     return [
         (*head, size.parameter.split(".")[-1], *_size(size), *(whole if head[0] else ("", "")))
-        for head, size in zip(heads, suspect.sizes, strict=True)
+        for head, size in zip(heads, candidate.sizes, strict=True)
     ]
 
 

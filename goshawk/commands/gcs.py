@@ -20,7 +20,12 @@ from goshawk import console
 @click.option("--vehicle-url", help="Address of the vehicle, e.g. udp://127.0.0.1:14550.")
 @console.key_option
 @console.margin_option
-@click.option("--triangles", default=120_000, show_default=True, help="Thin the mesh to this many for display.")
+@click.option(
+    "--triangles",
+    default=120_000,
+    show_default=True,
+    help="Largest number of triangles to display; the map is not changed.",
+)
 def command(
     project: Path, port: int, vehicle_url: str | None, key_file: Path | None, margin_m: float | None, triangles: int
 ) -> None:

@@ -67,7 +67,11 @@ def _with_stages(function: Any) -> Any:
 @click.option("--add-effect", "added", multiple=True, metavar="NAME", help="Add this effect to the model. Repeatable.")
 @click.option("--hold", "held", multiple=True, metavar="NAME", help="Keep this parameter as it is. Repeatable.")
 @click.option(
-    "--free", "free", multiple=True, metavar="NAME", help="Estimate this only, and the pose sensor. Repeatable."
+    "--free",
+    "free",
+    multiple=True,
+    metavar="NAME",
+    help="Estimate only this, and the pose sensor's pose. Repeatable.",
 )
 @click.option(
     "--prior", "priors", multiple=True, metavar="NAME=STD", help="Gaussian prior about the file's value. Repeatable."
@@ -76,13 +80,20 @@ def _with_stages(function: Any) -> Any:
 @click.option("--trials", type=click.IntRange(2), help="FLIGHTS are this many repeated trials; fit each one too.")
 @click.option("--split-gaps", is_flag=True, help="Fit the pieces between gaps as separate flights.")
 @click.option(
-    "--hold-unidentifiable", is_flag=True, help="Hold parameters that these flights do not identify; else refuse."
+    "--hold-unidentifiable",
+    is_flag=True,
+    help="Hold parameters that are not identifiable; else such flights are refused.",
 )
 @click.option(
     "--robust", is_flag=True, help="Robust loss on pose samples: outliers (a pose that jumps) have less weight."
 )
 @click.option(
-    "--steps", "most_steps", type=click.IntRange(1), default=30, show_default=True, help="Steps after which to give up."
+    "--steps",
+    "most_steps",
+    type=click.IntRange(1),
+    default=30,
+    show_default=True,
+    help="Most iterations of the solver.",
 )
 @console.columns_option
 @console.path_option("--report", "report_file", "HTML page to write: everything in one file.")

@@ -21,14 +21,16 @@ from sysid.logs.payload import PAYLOAD_CARRIED
 @click.option(
     "--payload",
     type=click.Choice(("carried", "left")),
-    help="Write into FLIGHT whether the payload was on board; a foreign log gets one of ours (.parquet) beside it.",
+    help="Write into FLIGHT (of another program's log, into a .parquet copy) whether the payload was on board.",
 )
 @click.option("--download", is_flag=True, help="First download the vehicle's log of its last flight into FLIGHT.")
 @console.path_option("--report", "report_file", "Plot every stream with the checks' findings: one HTML page, offline.")
 @console.path_option("--csv", "csv_file", "Write the log as CSV.")
 @console.path_option("--mcap", "mcap_file", "Write the log as an MCAP recording of ROS 2 messages.")
 @console.path_option(
-    "--draft-columns", "draft_file", "Guess the columns of a foreign CSV: a map to check, for --columns."
+    "--draft-columns",
+    "draft_file",
+    "Guess the columns of another program's CSV: writes a map to check, for --columns.",
 )
 @click.option("--fix", "fixes", is_flag=True, help="Apply the fixes that the checks propose; needs --out.")
 @console.path_option("--out", "out", "With --fix: the new log (.parquet); it records the fixes.")
@@ -58,7 +60,7 @@ def command(
     """Show the contents of FLIGHT (columns, rates, gaps, ranges) and its probable faults.
 
     Each finding names a fix; --fix writes a new log with those fixes that change the log. FLIGHT itself is changed by
-    --payload only. It is our own log, PX4's (.ulg), or CSV or a ROS recording with --columns.
+    --payload only. It is a log of Goshawk (.parquet) or PX4 (.ulg), or with --columns CSV or a ROS recording.
 
     \b
     goshawk log demo-out/flights/walk.parquet
@@ -81,13 +83,17 @@ def command(
     log = sysid.read_log(flight, columns)
     believed = vehicle.load(vehicle_file) if vehicle_file is not None else None
     done: tuple[str, ...] = ()
+    aloft = _aloft(log, flight)
     with console.progress() as report:
         if out is not None:
-            log, done = log_outputs.write_fixed(log, flight, out, believed, overwrite=overwrite, progress=report)
-        report("checking", 0.0)
-        checked = replace(sysid.check_log(_aloft(log, flight), believed), name=str(out or flight))
-        report("writing", 0.0)
-        written = log_outputs.write(log, checked, (report_file, csv_file, mcap_file), overwrite=overwrite)
+            log, done, checked = log_outputs.write_fixed(
+                log, flight, out, believed, overwrite=overwrite, progress=report
+            )
+        else:
+            checked = sysid.check_log(aloft, believed, progress=report)
+        checked = replace(checked, name=str(out or flight))
+        files = (report_file, csv_file, mcap_file)
+        written = log_outputs.write(log, checked, files, overwrite=overwrite, progress=report)
     document = describe(log) | {"check": checked.as_dict()}
     if as_json:
         more = {"fixed": list(done), "written": [str(path) for path in (out, *written) if path is not None]}
@@ -106,15 +112,24 @@ def command(
 def _show(title: str, document: dict) -> None:
     facts = {key: value for key, value in document.items() if key not in ("columns", "metadata", "check")}
     console.show(title, facts | {k: v for k, v in document["metadata"].items() if k != "fixes"}, as_json=False)
-    rows = [(*named(name), c["smallest"], c["largest"], c["missing"], name) for name, c in document["columns"].items()]
-    console.table("columns", ("quantity", "unit", "smallest", "largest", "rows without", "column"), rows)
+    rows = [
+        (*named(name), *(_cell(c[end]) for end in ("smallest", "largest")), c["missing"], name)
+        for name, c in document["columns"].items()
+    ]
+    console.table("columns", ("quantity", "unit", "smallest", "largest", "rows without value", "column"), rows)
     findings = document["check"]["findings"]
     for finding in findings:
         click.echo(f"{finding['level']}: {finding['sentence']}; {finding['fix']}")
+    for sentence in document["check"]["inconclusive"]:
+        click.echo(f"inconclusive: {sentence}")
     if not findings:
         click.echo("the checks found no fault")
     elif any(finding["fixable"] for finding in findings):
         click.echo("--fix --out NEW.parquet writes a log with these fixes")
+
+
+def _cell(value: float | None) -> float | str:
+    return "none" if value is None else value
 
 
 def draft_columns(flight: Path, out: Path, overwrite: bool, as_json: bool) -> None:

@@ -29,7 +29,7 @@ class MapVerbs(click.Group):
 
 @click.command()
 @click.argument("images", type=click.Path(path_type=Path))
-@console.path_option("--camera", "camera", "The rig: camera.toml.", required=True)
+@console.path_option("--camera", "camera", "Camera file of the rig, as `goshawk camera` writes it.", required=True)
 @console.path_option("--out", "out", "Map folder to write.", required=True)
 @console.path_option("--references", "references", "Recorded positions or gravity [default: IMAGES/references.csv].")
 @click.option(
@@ -78,7 +78,7 @@ def build(
         rig = mapping.rig.load(camera)
         report = mapping.build_map(images, rig, out, options, overwrite=overwrite, progress=progress)
     if (kept := results.newest_kept(out)) != earlier:
-        outputs.tell_kept(out, kept)
+        outputs.report_kept(out, kept)
     facts = {
         "images registered": f"{report.images_placed} of {report.images}",
         "reprojection error": f"{report.reprojection_error_px:.2f} px",

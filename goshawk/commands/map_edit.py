@@ -15,6 +15,7 @@ from esdf.storage import EDITS
 from flight import InputError, results
 from goshawk import console, outputs
 from goshawk.commands.map_show_esdf import field_folder
+from goshawk.verbs import VerbGroup
 
 DIMENSIONS = {
     # shape: what its numbers are (None: as many as it likes), in the words of --help
@@ -29,7 +30,7 @@ DIMENSIONS = {
 }
 
 
-@click.group()
+@click.group(cls=VerbGroup)
 @click.argument("map_folder", metavar="MAP", type=click.Path(path_type=Path))
 @click.pass_context
 def edit(context: click.Context, map_folder: Path) -> None:
@@ -198,7 +199,7 @@ def _change(
     }
     if preview is None:
         if len(editor.edits) < len(old):  # keep the old list: removed edits are stored nowhere else
-            outputs.tell_kept(folder / EDITS, results.keep(folder / EDITS))
+            outputs.report_kept(folder / EDITS, results.keep(folder / EDITS))
         esdf.save_edits(folder / EDITS, editor.edits)
         document["written"] = str(folder / EDITS)
     else:

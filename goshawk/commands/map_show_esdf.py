@@ -37,7 +37,7 @@ def show_esdf(
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Show the distance field of MAP: free volume by clearance, slices, iso-surfaces, a histogram.
+    """Show the distance field (ESDF) of MAP: free volume by clearance, slices, iso-surfaces, a histogram.
 
     \b
     goshawk map show-esdf map
@@ -168,6 +168,8 @@ def _plane(field: Field, out: Path, number: int, points: tuple[str, str, str]) -
 def _surface(field: Field, out: Path, level_m: float) -> str:
     from mapping import mesh_file
 
+    if not np.isfinite(level_m):
+        raise InputError(f"--iso {level_m:g} is not a finite number of metres")
     vertices, faces = pictures.iso_surface(field, level_m)
     if len(faces) == 0:
         raise InputError(f"no point of this map is {level_m:g} m from the nearest surface; choose another level")

@@ -26,8 +26,13 @@ SCHEMA_VERSION = 2
 @console.vehicle_option
 @click.option("--candidate", "candidates", multiple=True, metavar="NAME", help="Effect in question. Repeatable.")
 @click.option("--space", "space", required=True, metavar="X,Y,Z", help="Free volume for the vehicle's centre, metres.")
-@click.option("--corner", "corner", metavar="X,Y,Z", help="Its lowest corner [default: round the origin, 0.5 m up].")
-@click.option("--manoeuvre", "library", multiple=True, metavar="NAME", help="Only this one. Repeatable.")
+@click.option(
+    "--corner",
+    "corner",
+    metavar="X,Y,Z",
+    help="Lowest corner of --space [default: about the origin, 0.5 m up].",
+)
+@click.option("--manoeuvre", "library", multiple=True, metavar="NAME", help="Rank only this manoeuvre. Repeatable.")
 @console.path_option("--out", "out", "Waypoints of the best flight to write, for goshawk plan.")
 @console.columns_option
 @outputs.overwrite_option

@@ -20,7 +20,13 @@ from planner import mission, options, simplify
 @console.path_option(
     "--path", "path", "Recorded path instead: CSV with x_m, y_m, z_m (a map's poses.csv), and yaw_deg to keep headings."
 )
-@click.option("--simplify", "tolerance_m", default=0.10, show_default=True, help="RDP tolerance for --path, metres.")
+@click.option(
+    "--simplify",
+    "tolerance_m",
+    default=0.10,
+    show_default=True,
+    help="Largest deviation from --path when it is simplified, metres.",
+)
 @console.map_option
 @console.vehicle_option
 @console.path_option("--out", "out", "Trajectory file to write.", required=True)
@@ -174,7 +180,9 @@ def options_from(
     own = vehicle.load(vehicle_file).limits
     for name, value in slower.items():
         if not 0.0 < value <= getattr(own, name):
-            raise InputError(f"{name} of {value:g} is not within 0 and the vehicle's {getattr(own, name):g}")
+            option, unit = {"speed_m_s": ("--speed", "m/s"), "acceleration_m_s2": ("--acceleration", "m/s2")}[name]
+            limit = f"{getattr(own, name):g} {unit}, the vehicle's limit"
+            raise InputError(f"{option} {value:g} must be above 0 and at most {limit}")
     return replace(options, limits=replace(own, **slower))
 
 

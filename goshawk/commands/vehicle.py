@@ -21,7 +21,7 @@ from vehicle import Vehicle, history
 vehicle_argument = click.argument("vehicle_file", metavar="VEHICLE", type=click.Path(path_type=Path))
 preview_option = click.option("--preview", is_flag=True, help="Show the changes without writing them.")
 anyway_option = click.option(
-    "--anyway", is_flag=True, help="Write it even if the verdict on the refit is `do not use`."
+    "--anyway", is_flag=True, help="Write the vehicle file even if the verdict on the refit is `do not use`."
 )
 yes_option = click.option("--yes", is_flag=True, help="Do not ask for confirmation.")
 flights_option = click.option(
@@ -180,7 +180,13 @@ def remove_effect(
 @console.path_option("--diagnosis", "diagnosis", "JSON of `goshawk diagnose --json`.", required=True)
 @click.option("--name", required=True, help="Name of the effect: small letters, digits, _.")
 @console.path_option("--out", "out", "Python file to write.", required=True)
-@click.option("--form", type=click.Choice(["spline", "polynomial"]), default="spline", show_default=True)
+@click.option(
+    "--form",
+    type=click.Choice(["spline", "polynomial"]),
+    default="spline",
+    show_default=True,
+    help="Of the curve.",
+)
 @outputs.overwrite_option
 @console.json_option
 def scaffold_effect(

@@ -20,8 +20,8 @@ RPM = 2.0 * np.pi / 60.0
 
 @click.command("new")
 @click.argument("out", type=click.Path(path_type=Path), required=False)
-@click.option("--mass", "mass_kg", type=float, help="Ready to fly, kg: weigh it.")
-@click.option("--arm", "arm_m", type=float, help="From the centre to a motor, metres.")
+@click.option("--mass", "mass_kg", type=float, help="Mass ready to fly, battery included, kg.")
+@click.option("--arm", "arm_m", type=float, help="Distance from the centre to a motor, metres.")
 @click.option(
     "--frame", type=click.Choice(draft.FRAMES), help="Arms to the corners (x) or ahead and aside (+) [default: x]."
 )

@@ -1,53 +1,47 @@
-// What a trajectory costs, in seconds of flight: each term gives its density at one instant and adds its gradient.
+// What a trajectory costs, in seconds of flight: each term gives its density at four instants and adds its gradient.
 #pragma once
-
-#include <cmath>
-#include <optional>
 
 #include "airframe.hpp"
 #include "vec.hpp"
 
-namespace goshawk {
+namespace {
 
-// Price times the squared excess over every limit; the offsets carry what the model measured beyond `Demand`.
+// Price times the squared excess over every limit; the offsets carry what the model measured beyond `Demand`, and
+// multipliers.
 struct LimitCost {
-    const Airframe& airframe;
     double price;
 
-    double density(const Motion& at, const double* offsets, Motion& by) const {
-        const Demand demand(airframe, at);
-        double excess[kLimits], by_excess[kLimits], sum = 0.0;
+    Real density(const Demand& demand, const double* offsets, Motion& by) const {
+        Real excess[kLimits], by_excess[kLimits], total{};
         demand.excess(excess);
         for (int l = 0; l < kLimits; ++l) {
-            const double over = std::max(excess[l] + offsets[l], 0.0);
-            sum += over * over;
+            const Real over = larger(excess[l] + four(offsets + l * kLanes), Real{});
+            total += over * over;
             by_excess[l] = 2.0 * price * over;
         }
-        if (sum > 0.0) demand.pull_back(by_excess, by);
-        return price * sum;
+        if (sum(total) > 0.0) demand.pull_back(by_excess, by);
+        return price * total;
     }
 };
 
-// Price of not looking where one flies, or at a point, 1 - cos of the angle between them, which fades where there is
-// hardly any speed, or the point is near; and of turning at all.
+// Price of not looking where one flies, or at a point: 1 - cos of the angle between them, which fades where there is
+// hardly any speed; and of turning at all.
 struct HeadingCost {
     double price, turning_price;
-    std::optional<Vec> target;
-    static constexpr double kSlow = 0.5;  // m/s, or metres, at which it counts half
+    const double* target;                 // x and y to look at; null: along the path
+    static constexpr double kSlow = 0.5;  // m/s at which it counts half
 
-    double density(const Motion& at, Motion& by) const {
+    Real density(const Motion& at, Real c, Real s, Motion& by) const {
         by.yaw_rate += 2.0 * turning_price * at.yaw_rate;
-        const double turning = turning_price * at.yaw_rate * at.yaw_rate;
+        const Real turning = turning_price * at.yaw_rate * at.yaw_rate;
         if (price == 0.0) return turning;
-        const double c = std::cos(at.yaw), s = std::sin(at.yaw),
-                     vx = target ? target->x - at.position.x : at.velocity.x,
-                     vy = target ? target->y - at.position.y : at.velocity.y;
-        const double square = vx * vx + vy * vy, pace = std::sqrt(square + 1e-6), ahead = vx * c + vy * s;
-        const double scale = price / (square + kSlow * kSlow), off = pace * (pace - ahead);
-        const double by_pace = scale * (2.0 * pace - ahead) / pace,
-                     by_scale = -2.0 * scale * off / (square + kSlow * kSlow);
-        const Vec by_aim{(by_pace + by_scale) * vx - scale * pace * c, (by_pace + by_scale) * vy - scale * pace * s,
-                         0.0};
+        const Real vx = target ? target[0] - at.position.x : at.velocity.x;
+        const Real vy = target ? target[1] - at.position.y : at.velocity.y;
+        const Real square = vx * vx + vy * vy, pace = root(square + 1e-6), ahead = vx * c + vy * s;
+        const Real scale = price / (square + kSlow * kSlow), off = pace * (pace - ahead);
+        const Real by_pace = scale * (2.0 * pace - ahead) / pace,
+                   by_scale = -2.0 * scale * off / (square + kSlow * kSlow);
+        const Vec by_aim{(by_pace + by_scale) * vx - scale * pace * c, (by_pace + by_scale) * vy - scale * pace * s};
         if (target)
             by.position -= by_aim;
         else
@@ -61,12 +55,11 @@ struct HeadingCost {
 struct ClearanceCost {
     double price, required;
 
-    double density(double distance, const Vec& uphill, Motion& by) const {
-        const double lack = required - distance;
-        if (!(lack > 0.0)) return 0.0;
+    Real density(Real distance, const Vec& uphill, Motion& by) const {
+        const Real lack = larger(required - distance, Real{});
         by.position -= uphill * (2.0 * price * lack);
         return price * lack * lack;
     }
 };
 
-}  // namespace goshawk
+}  // namespace

@@ -107,10 +107,14 @@ double evaluate(Problem& problem, In knots, In durations, Out by_knots, Out by_d
     return problem.evaluate(knots.data(), durations.data(), by_knots.data(), by_durations.data());
 }
 
-void excess(Problem& problem, In knots, In durations, Out out) {
+void excess(const Problem& problem, In states, In durations, Out out) {
     nb::gil_scoped_release release;
-    problem.excess(knots.data(), durations.data(), out.data());
+    problem.excess(states.data(), durations.data(), out.data());
 }
+
+void set_offsets(Problem& problem, In offsets) { problem.set_offsets(offsets.data()); }
+
+void set_reference(Problem& problem, In durations) { problem.set_reference(durations.data()); }
 
 void set_given(Problem& problem, In states, Flags held) {
     std::copy_n(states.data(), problem.given().size(), problem.given().data());
@@ -121,11 +125,7 @@ void set_balls(Problem& problem, In balls) {
     std::copy_n(balls.data(), problem.balls().size(), problem.balls().data());
 }
 
-void look_at(Problem& problem, double x, double y) { problem.look_at({x, y, 0.0}); }
-
-void set_offsets(Problem& problem, In offsets) {
-    std::copy_n(offsets.data(), problem.offsets().size(), problem.offsets().data());
-}
+void look_at(Problem& problem, double x, double y) { problem.look_at(x, y); }
 
 nb::tuple minimise(Problem& problem, Out knots, Out durations, Flags free, int iterations, double precision,
                    const StopFlag* stop) {
@@ -155,8 +155,9 @@ void bind_optimise(nb::module_& m) {
              nb::arg("clearance_m"), nb::arg("distances"))
         .def("evaluate", &evaluate, nb::arg("knots"), nb::arg("durations"), nb::arg("by_knots"),
              nb::arg("by_durations"))
-        .def("excess", &excess, nb::arg("knots"), nb::arg("durations"), nb::arg("out"))
+        .def("excess", &excess, nb::arg("states"), nb::arg("durations"), nb::arg("out"))
         .def("set_offsets", &set_offsets, nb::arg("offsets"))
+        .def("set_reference", &set_reference, nb::arg("durations"))
         .def("set_given", &set_given, nb::arg("states"), nb::arg("held"))
         .def("set_balls", &set_balls, nb::arg("balls"))
         .def("look_at", &look_at, nb::arg("x"), nb::arg("y"))

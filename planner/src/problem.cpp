@@ -26,48 +26,65 @@ std::vector<double> basis_at(double u) {
     return rows;
 }
 
+const Kernels& kernels() {
+#if defined(__x86_64__)
+    if (kernels_avx2 && __builtin_cpu_supports("avx2")) return *kernels_avx2;
+#endif
+    return *kernels_plain;
+}
+
 }  // namespace
 
 Problem::Problem(std::size_t segments, std::size_t samples, const Airframe& airframe, const Prices& prices,
                  double clearance_m, Distances distances)
     : segments_(segments),
       samples_(samples),
+      packs_((samples + kLanes - 1) / kLanes),
       airframe_(airframe),
       prices_(prices),
       clearance_m_(clearance_m),
       distances_(std::move(distances)),
-      offsets_(segments * samples * kLimits, 0.0),
+      kernels_(kernels()),
+      basis_(packs_ * 5 * kStates * kLanes),
+      share_(packs_ * kLanes),
+      offsets_(segments * packs_ * kLimits * kLanes),
+      distance_(segments * packs_ * kLanes),
+      uphill_(segments * packs_ * 3 * kLanes),
       states_((segments + 1) * kKnot),
       by_states_((segments + 1) * kKnot),
-      given_((segments + 1) * kKnot, 0.0),
-      balls_((segments + 1) * 4, 0.0),
-      held_(segments + 1, 0),
-      points_(segments * samples * 3),
-      distance_(segments * samples, std::numeric_limits<double>::infinity()),
-      gradient_(segments * samples * 3, 0.0),
+      given_((segments + 1) * kKnot),
+      reference_(segments),
+      balls_((segments + 1) * 4),
+      held_(segments + 1),
+      points_(3 * segments * samples),
       safe_(segments * samples) {
     const double spacing = 1.0 / static_cast<double>(samples - 1);  // both ends are samples, at half the weight
-    for (std::size_t s = 0; s < samples; ++s) {
-        basis_.push_back(basis_at(static_cast<double>(s) * spacing));
-        share_.push_back(s == 0 || s + 1 == samples ? 0.5 * spacing : spacing);
+    for (std::size_t s = 0; s < packs_ * kLanes; ++s) {
+        const std::vector<double> rows = basis_at(static_cast<double>(std::min(s, samples - 1)) * spacing);
+        for (std::size_t n = 0; n < rows.size(); ++n) basis_[place(0, s, rows.size(), n)] = rows[n];
+        share_[s] = s >= samples ? 0.0 : s == 0 || s + 1 == samples ? 0.5 * spacing : spacing;
     }
 }
 
-Problem::Instant Problem::instant(const std::vector<double>& basis, const Ends<kAxes>& scaled, double T) {
-    Instant at{};
-    const double rate = 1.0 / T;
-    double power = 1.0;
-    for (int r = 0; r < 5; ++r, power *= rate) {
-        for (int a = 0; a < kStates; ++a)
-            for (int x = 0; x < kAxes; ++x) at.derivative[r][x] += basis[r * kStates + a] * scaled.row[a][x];
-        for (int x = 0; x < kAxes; ++x) at.derivative[r][x] *= power;
-    }
-    return at;
+void Problem::set_offsets(const double* offsets) {
+    for (std::size_t i = 0; i < segments_; ++i)
+        for (std::size_t s = 0; s < packs_ * kLanes; ++s) {
+            const double* row = offsets + (i * samples_ + std::min(s, samples_ - 1)) * kLimits;
+            for (std::size_t l = 0; l < kLimits; ++l) offsets_[place(i, s, kLimits, l)] = row[l];
+        }
 }
 
-Motion Problem::Instant::motion() const {
-    const auto vec = [this](int r) { return Vec{derivative[r][0], derivative[r][1], derivative[r][2]}; };
-    return {vec(0), vec(1), vec(2), vec(3), vec(4), derivative[0][3], derivative[1][3], derivative[2][3]};
+void Problem::set_reference(const double* durations) { reference_.assign(durations, durations + segments_); }
+
+Samples Problem::samples_of(std::size_t segment) const {
+    return {packs_,
+            basis_.data(),
+            share_.data(),
+            &offsets_[place(segment, 0, kLimits)],
+            &distance_[place(segment, 0)],
+            &uphill_[place(segment, 0, 3)],
+            reference_[segment],
+            target_.empty() ? nullptr : target_.data()};
 }
 
 void Problem::start(const double* knots, const double* durations) {
@@ -82,13 +99,14 @@ void Problem::ask_distances(const double* durations) {
     for (std::size_t i = 0; i < segments_; ++i) {
         const Ends<kAxes> scaled = scaled_ends<kAxes>(states_.data(), i, durations[i]);
         for (std::size_t s = 0; s < samples_; ++s) {
-            const std::size_t n = i * samples_ + s;
             double point[3] = {};
-            for (int a = 0; a < kStates; ++a)
-                for (int x = 0; x < 3; ++x) point[x] += basis_[s][a] * scaled.row[a][x];
+            for (std::size_t a = 0; a < kStates; ++a)
+                for (int x = 0; x < 3; ++x) point[x] += basis_[place(0, s, 5 * kStates, a)] * scaled.row[a][x];
+            const std::size_t n = i * samples_ + s;
             const SafeBall& ball = safe_[n];
-            const Vec away = Vec{point[0], point[1], point[2]} - ball.centre;
-            if (ball.radius > 0.0 && away.dot(away) < ball.radius * ball.radius) continue;
+            double away = 0.0;
+            for (int x = 0; x < 3; ++x) away += (point[x] - ball.centre[x]) * (point[x] - ball.centre[x]);
+            if (ball.radius > 0.0 && away < ball.radius * ball.radius) continue;
             std::copy_n(point, 3, &points_[3 * asked_.size()]);
             asked_.push_back(n);
         }
@@ -97,59 +115,30 @@ void Problem::ask_distances(const double* durations) {
     asked_gradient_.resize(3 * asked_.size());
     if (!asked_.empty()) distances_(points_.data(), asked_.size(), asked_distance_.data(), asked_gradient_.data());
     for (std::size_t k = 0; k < asked_.size(); ++k) {
+        const std::size_t i = asked_[k] / samples_, s = asked_[k] % samples_;
         const double* p = &points_[3 * k];
-        distance_[asked_[k]] = asked_distance_[k];
-        std::copy_n(&asked_gradient_[3 * k], 3, &gradient_[3 * asked_[k]]);
+        distance_[place(i, s)] = asked_distance_[k];
+        for (std::size_t x = 0; x < 3; ++x) uphill_[place(i, s, 3, x)] = asked_gradient_[3 * k + x];
         safe_[asked_[k]] = {{p[0], p[1], p[2]}, asked_distance_[k] - clearance_m_};
     }
 }
 
 // Everything that is charged along one segment; its gradient goes to the states of both ends and to T.
 double Problem::segment_cost(std::size_t i, double T, double& by_T) {
-    const LimitCost limits{airframe_, prices_.limits};
-    const HeadingCost heading{prices_.heading, prices_.turning, target_};
-    const ClearanceCost clearance{prices_.clearance, clearance_m_};
     const Ends<kAxes> scaled = scaled_ends<kAxes>(states_.data(), i, T);
-    Ends<kAxes> by_scaled{};
-    double mean = 0.0, stretch = 0.0;
-    for (std::size_t s = 0; s < samples_; ++s) {
-        const std::size_t n = i * samples_ + s;
-        const Instant at = instant(basis_[s], scaled, T);
-        const Motion motion = at.motion();
-        Motion by;
-        double density = limits.density(motion, &offsets_[n * kLimits], by) + heading.density(motion, by);
-        if (prices_.clearance > 0.0) {
-            const double* g = &gradient_[3 * n];
-            density += clearance.density(distance_[n], {g[0], g[1], g[2]}, by);
-        }
-        mean += share_[s] * density;
-        const double pull[5][kAxes] = {{by.position.x, by.position.y, by.position.z, by.yaw},
-                                       {by.velocity.x, by.velocity.y, by.velocity.z, by.yaw_rate},
-                                       {by.acceleration.x, by.acceleration.y, by.acceleration.z, by.yaw_acceleration},
-                                       {by.jerk.x, by.jerk.y, by.jerk.z, 0.0},
-                                       {by.snap.x, by.snap.y, by.snap.z, 0.0}};
-        double share = share_[s] * T;
-        for (int r = 0; r < 5; ++r, share /= T) {
-            double moved = 0.0;
-            for (int x = 0; x < kAxes; ++x) moved += pull[r][x] * at.derivative[r][x];
-            stretch -= share_[s] * r * moved;
-            for (int a = 0; a < kStates; ++a)
-                for (int x = 0; x < kAxes; ++x)
-                    by_scaled.row[a][x] += basis_[s][r * kStates + a] * (share * pull[r][x]);
-        }
-    }
+    double by_scaled[kStates][kAxes], longer;
+    const double cost =
+        kernels_.cost(samples_of(i), airframe_, prices_, clearance_m_, scaled.row, T, by_scaled, longer);
     double* out = &by_states_[i * kKnot];
     double power = 1.0;
     for (int r = 0; r < kOrders; ++r, power *= T)
-        for (int x = 0; x < kAxes; ++x) {
-            out[r * kAxes + x] += by_scaled.row[r][x] * power;
-            out[(kOrders + r) * kAxes + x] += by_scaled.row[kOrders + r][x] * power;
-            stretch +=
-                r / T *
-                (by_scaled.row[r][x] * scaled.row[r][x] + by_scaled.row[kOrders + r][x] * scaled.row[kOrders + r][x]);
-        }
-    by_T += mean + stretch;
-    return T * mean;
+        for (int a = r; a < kStates; a += kOrders)
+            for (int x = 0; x < kAxes; ++x) {
+                out[a * kAxes + x] += by_scaled[a][x] * power;
+                longer += r / T * by_scaled[a][x] * scaled.row[a][x];
+            }
+    by_T += longer;
+    return cost;
 }
 
 // Price of the snap of x, y, z along one segment.
@@ -206,12 +195,11 @@ double Problem::ball_cost(const double* knots, double* by_knots) const {
     for (std::size_t i = 0; i <= segments_; ++i) {
         const double *ball = &balls_[4 * i], *p = knots + i * kAxes, square = ball[3] * ball[3];
         if (!(square > 0.0)) continue;
-        const Vec off = Vec{p[0], p[1], p[2]} - Vec{ball[0], ball[1], ball[2]};
-        const double over = off.dot(off) / square - 1.0;
-        if (!(over > 0.0)) continue;
+        double distance = 0.0;
+        for (int x = 0; x < 3; ++x) distance += (p[x] - ball[x]) * (p[x] - ball[x]);
+        const double over = std::max(distance / square - 1.0, 0.0);
         cost += prices_.limits * over * over;
-        const Vec by = off * (4.0 * prices_.limits * over / square);
-        by_knots[i * kAxes] += by.x, by_knots[i * kAxes + 1] += by.y, by_knots[i * kAxes + 2] += by.z;
+        for (int x = 0; x < 3; ++x) by_knots[i * kAxes + x] += 4.0 * prices_.limits * over * (p[x] - ball[x]) / square;
     }
     return cost;
 }
@@ -230,14 +218,13 @@ double Problem::evaluate(const double* knots, const double* durations, double* b
     return cost + ball_cost(knots, by_knots);
 }
 
-void Problem::excess(const double* knots, const double* durations, double* out) {
-    start(knots, durations);
+void Problem::excess(const double* states, const double* durations, double* out) const {
+    std::vector<double> packed(packs_ * kLimits * kLanes);
     for (std::size_t i = 0; i < segments_; ++i) {
-        const Ends<kAxes> scaled = scaled_ends<kAxes>(states_.data(), i, durations[i]);
-        for (std::size_t s = 0; s < samples_; ++s, out += kLimits) {
-            const Motion motion = instant(basis_[s], scaled, durations[i]).motion();
-            Demand(airframe_, motion).excess(out);
-        }
+        const Ends<kAxes> scaled = scaled_ends<kAxes>(states, i, durations[i]);
+        kernels_.excess(samples_of(i), airframe_, scaled.row, durations[i], packed.data());
+        for (std::size_t s = 0; s < samples_; ++s)
+            for (std::size_t l = 0; l < kLimits; ++l) *out++ = packed[place(0, s, kLimits, l)];
     }
 }
 

@@ -3,20 +3,13 @@
 
 #include <cstddef>
 #include <functional>
-#include <optional>
 #include <vector>
 
-#include "costs.hpp"
 #include "lbfgs.hpp"
+#include "samples.hpp"
 #include "snap.hpp"
 
 namespace goshawk {
-
-constexpr int kAxes = 4;  // x, y, z, yaw
-
-struct Prices {
-    double snap, limits, clearance, heading, turning;
-};
 
 // Distances (count) and their gradients (count, 3) at points (count, 3).
 using Distances = std::function<void(const double* points, std::size_t count, double* distance, double* gradient)>;
@@ -26,7 +19,12 @@ class Problem {
     Problem(std::size_t segments, std::size_t samples, const Airframe& airframe, const Prices& prices,
             double clearance_m, Distances distances);
 
-    std::vector<double>& offsets() { return offsets_; }
+    // Added to each excess: (k, samples, limits).
+    void set_offsets(const double* offsets);
+
+    // The time (k) over which each segment's excess is charged, whatever its own becomes. With multipliers among the
+    // offsets, which are charged within the limits too, a segment would else cost less the shorter it is.
+    void set_reference(const double* durations);
 
     // Velocity, acceleration and jerk at both ends (zero unless set), and the velocity of knots that are held: numbers
     // of states (k + 1, 4, 4), and held (k + 1).
@@ -37,45 +35,46 @@ class Problem {
     std::vector<double>& balls() { return balls_; }
 
     // The vehicle looks at this point instead of along its path.
-    void look_at(const Vec& target) { target_ = target; }
+    void look_at(double x, double y) { target_ = {x, y}; }
 
     // knots (k + 1, 4), durations (k,); fills the gradients of the same shapes.
     double evaluate(const double* knots, const double* durations, double* by_knots, double* by_durations);
 
-    // Excess over each limit at each sample, (k, samples, limits), without the offsets.
-    void excess(const double* knots, const double* durations, double* out);
+    // Excess over each limit at each sample, (k, samples, limits), without the offsets; of any spline, given by its
+    // knot states (k + 1, 4, 4).
+    void excess(const double* states, const double* durations, double* out) const;
 
     // From knots and durations to those of least cost, in place; only numbers marked free (k + 1, 4) move.
     Descent minimise(double* knots, double* durations, const unsigned char* free, Lbfgs& method);
 
   private:
     struct SafeBall {
-        Vec centre;
-        double radius = -1.0;
+        double centre[3] = {}, radius = -1.0;
     };
-    struct Instant {
-        double derivative[5][kAxes];
-        Motion motion() const;
-    };
-    static Instant instant(const std::vector<double>& basis, const Ends<kAxes>& scaled, double T);
     void start(const double* knots, const double* durations);
     void ask_distances(const double* durations);
     double segment_cost(std::size_t i, double T, double& by_T);
+    Samples samples_of(std::size_t segment) const;
     double snap_cost(std::size_t i, double T, double& by_T);
     double ball_cost(const double* knots, double* by_knots) const;
     void adjoint(const double* durations, double* by_knots, double* by_durations);
 
-    std::size_t segments_, samples_;
+    // Place of a number in arrays (segments, packs, rows, lanes).
+    std::size_t place(std::size_t segment, std::size_t sample, std::size_t rows = 1, std::size_t row = 0) const {
+        return ((segment * packs_ + sample / kLanes) * rows + row) * kLanes + sample % kLanes;
+    }
+
+    std::size_t segments_, samples_, packs_;
     Airframe airframe_;
     Prices prices_;
     double clearance_m_;
     Distances distances_;
-    std::vector<std::vector<double>> basis_;  // per sample (5, 8): derivatives by u from scaled states
-    std::vector<double> share_;               // of the segment's time that each sample answers for
-    std::vector<double> offsets_, states_, by_states_, given_, balls_;
+    const Kernels& kernels_;
+    std::vector<double> basis_, share_, offsets_, distance_, uphill_;  // see Samples
+    std::vector<double> states_, by_states_, given_, reference_, balls_;
     std::vector<unsigned char> held_;
-    std::optional<Vec> target_;
-    std::vector<double> points_, distance_, gradient_, asked_distance_, asked_gradient_;
+    std::vector<double> target_;  // x, y; empty if the vehicle looks along its path
+    std::vector<double> points_, asked_distance_, asked_gradient_;
     std::vector<std::size_t> asked_;
     std::vector<SafeBall> safe_;
     SnapSystem system_;

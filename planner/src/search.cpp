@@ -90,7 +90,41 @@ std::vector<int64_t> astar(const float* distance, int64_t nx, int64_t ny, int64_
     return path;
 }
 
+// The least distance on the way whose least distance is largest (a bottleneck path, best first); its cell, or -1 where
+// no way leads through known cells.
+int64_t bottleneck_cell(const float* distance, int64_t nx, int64_t ny, int64_t nz, int64_t start, int64_t goal) {
+    std::vector<bool> seen(static_cast<size_t>(nx * ny * nz), false);
+    const std::vector<Step> steps = neighbours(ny, nz);
+    std::priority_queue<std::pair<float, int64_t>> open;
+    open.push({distance[start], start});
+    seen[start] = true;
+    int64_t narrowest = start;
+    while (!open.empty()) {
+        const auto [room, cell] = open.top();
+        open.pop();
+        if (room < distance[narrowest]) narrowest = cell;
+        if (cell == goal) return narrowest;
+        const int64_t i = cell / (ny * nz), j = cell / nz % ny, k = cell % nz;
+        for (const Step& step : steps) {
+            const int64_t a = i + step.di, b = j + step.dj, c = k + step.dk;
+            if (a < 0 || b < 0 || c < 0 || a >= nx || b >= ny || c >= nz) continue;
+            const int64_t next = cell + step.offset;
+            if (seen[next] || !std::isfinite(distance[next])) continue;
+            seen[next] = true;
+            open.push({distance[next], next});
+        }
+    }
+    return -1;
+}
+
 }  // namespace
+
+int64_t bottleneck(Grid distance, int64_t start, int64_t goal) {
+    nb::gil_scoped_release release;
+    return bottleneck_cell(distance.data(), static_cast<int64_t>(distance.shape(0)),
+                           static_cast<int64_t>(distance.shape(1)), static_cast<int64_t>(distance.shape(2)), start,
+                           goal);
+}
 
 Path search(Grid distance, int64_t start, int64_t goal, float required, float comfort, float price, float greed) {
     auto* found = new std::vector<int64_t>();
@@ -105,6 +139,8 @@ Path search(Grid distance, int64_t start, int64_t goal, float required, float co
 }
 
 void bind_search(nb::module_& m) {
+    m.def("bottleneck", &bottleneck, nb::arg("distance"), nb::arg("start"), nb::arg("goal"),
+          "Cell of the least distance on the way from start to goal that has most room; -1 if there is no way.");
     m.def("search", &search, nb::arg("distance"), nb::arg("start"), nb::arg("goal"), nb::arg("required"),
           nb::arg("comfort"), nb::arg("price"), nb::arg("greed"),
           "Cells (flat indices) of the cheapest way from start to goal; empty if there is none.");

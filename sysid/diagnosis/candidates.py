@@ -118,8 +118,10 @@ def _at_rest(effect: Effect) -> dict[str, float]:
 def _why_not(effect: Effect, vehicle: Vehicle, flights: Sequence[Flight], clock: Reference) -> str:
     by_command = any(f.driven_by_command for f in flights)
     for other in vehicle.effects:
-        if effects.find(other).instead_of == effect.name:
+        if effect.name in _contained(other):
             return f"{other} stands for the same thrust"
+    if effect.moves_like:
+        return f"it moves the vehicle as {effect.moves_like} does: no flight can tell the two apart"
     if "ceiling_gap_m" in effect.needs:
         return "no log says how far the ceiling was"
     if effect.stage in (Stage.COMMAND, Stage.DRIVE):
@@ -132,6 +134,12 @@ def _why_not(effect: Effect, vehicle: Vehicle, flights: Sequence[Flight], clock:
     if effect.name == POSE_DELAY and clock == "pose" and not by_command:
         return "how late every stream is against the pose is among the unknowns already; read the clocks"
     return ""
+
+
+def _contained(name: str) -> list[str]:
+    """The effects that one contains: that which it is in place of, what that is in place of, and so on."""
+    within = effects.find(name).instead_of
+    return [within, *_contained(within)] if within else []
 
 
 def _no_load(flights: Sequence[Flight]) -> str:
@@ -184,7 +192,7 @@ def _swapped(vehicle: Vehicle) -> Vehicle:
     Thrust k n^2 is the induced-velocity law with k2 = 0, so that law can be tried as one more column.
     """
     for effect in _known(vehicle):
-        if effect.instead_of in vehicle.effects and effect.name not in vehicle.effects:
+        if effect.instead_of in vehicle.effects and effect.name not in vehicle.effects and not effect.moves_like:
             vehicle = _instead(vehicle, effect, dict.fromkeys(effect.strength, 0.0), "assumed")
     return vehicle
 

@@ -100,10 +100,8 @@ def drawn(outside: OutsideFinding | Mapping[str, Any]) -> Drawn:
         channel, variable, unit = (str(facts[key]) for key in ("channel", "variable", "variable_unit"))
         at, residual, sigma = (np.asarray(facts[key], np.float64) for key in ("at", "residual", "residual_sigma"))
         found = Drawn(channel, variable, unit, at, residual, sigma)
-    except KeyError as error:
-        raise FormatError(f"the diagnosis holds no usable curve: {error} is missing") from None
-    except (TypeError, ValueError) as error:
-        raise FormatError(f"the diagnosis holds no usable curve: {error}") from None
+    except (KeyError, TypeError, ValueError) as error:
+        raise FormatError(f"the diagnosis holds no usable curve: {file_format.damage_text(error)}") from None
     m = len(found.at) if found.at.ndim == 1 else 0
     if found.channel not in EVERY_CHANNEL:
         raise FormatError(f"the diagnosis names a channel {found.channel!r}; known are {', '.join(EVERY_CHANNEL)}")

@@ -89,7 +89,7 @@ class Decision:
 
 def decide(case: Case) -> Decision:
     """The one place where a verdict is made; the first reason that holds decides."""
-    open_ = Verdict.CANNOT_TELL
+    open_ = Verdict.INCONCLUSIVE
     confidence = case.undecided.probability(case.candidate.name) if case.undecided else case.confidence_alone
     if case.doubted:
         return Decision(open_, Reason.FEW_STRETCHES, max(THRESHOLDS.even_confidence, confidence))

@@ -11,7 +11,7 @@ from typing import Any
 
 from flight.rotations import FloatArray
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 """Version of `Diagnosis.as_dict` of `sysid.diagnosis.diagnose`."""
 
 
@@ -25,7 +25,7 @@ class Verdict(StrEnum):
     PRESENT = "present"
     PROXY = "useful proxy"
     """Not the law that is missing, yet it lowers the error of held-out flights: part of the model, and said so."""
-    CANNOT_TELL = "cannot tell"
+    INCONCLUSIVE = "inconclusive"
     EXCLUDED = "excluded"
 
 
@@ -136,7 +136,7 @@ class CandidateFinding:
             "sizes": {s.parameter: s.as_dict() for s in self.sizes},
             "evidence": {"gain": self.gain, "chance": self.significance, "error_0.5_s_m": self.error_m},
             "confidence": self.confidence,
-            "look_alikes": [{"name": name, "share": share} for name, share in self.confounded],
+            "confounded_with": [{"name": name, "share": share} for name, share in self.confounded],
             "settled_by": list(self.settled_by),
             "channels": list(self.channels),
             "regressor": self.regressor,
@@ -198,7 +198,7 @@ class Attempt:
             "sentence": self.sentence,
             "confidence": self.confidence,
             "rivals": [{"name": name, "probability": p} for name, p in self.rivals],
-            "evidence": {"fall": self.reduction, "sigma": self.reduction_sigma, "judged_on": self.judged_on},
+            "evidence": {"cost_reduction": self.reduction, "sigma": self.reduction_sigma, "judged_on": self.judged_on},
         }
 
 

@@ -299,7 +299,7 @@ def in_doubt(model: Diagnosis | Model, worth_flying: Collection[str] | None = No
             rivals = [name for name, p in trial.rivals if p > POSSIBLE]
             if rivals:
                 return finding.name, rivals[0]
-    doubts = [f for f in model.candidates if f.verdict is Verdict.CANNOT_TELL]
+    doubts = [f for f in model.candidates if f.verdict is Verdict.INCONCLUSIVE]
     significant = [f for f in doubts if f.significance < THRESHOLDS.chance]
     for finding in significant[:1]:
         for rival, _ in finding.confounded[:1]:

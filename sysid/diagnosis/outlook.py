@@ -56,7 +56,7 @@ def outlook(found: Diagnosis, *, rng: np.random.Generator) -> dict[str, Outlook]
 
     The simulated flights are those of `next_flight.rank`, so both say the same.
     """
-    open_ = [f for f in found.candidates if f.verdict is Verdict.CANNOT_TELL]
+    open_ = [f for f in found.candidates if f.verdict is Verdict.INCONCLUSIVE]
     model = found.search.models[-1]
     open_ = [f for f in open_ if f.name in model.scores]
     if not open_:

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from flight import FlightLog, InputError, Progress, silent
 from sysid.diagnosis import load, traces
@@ -40,7 +40,7 @@ from vehicle import Vehicle, effects, rigid_body
 
 NODE_RATE_HZ = 100.0
 """States per second while searching; the vehicle's motion is slower than this by far."""
-VISIBLE_SIGMAS = float(norm.isf(THRESHOLDS.chance / 2.0) + norm.isf(0.1))
+VISIBLE_SIGMAS = -float(ndtri(THRESHOLDS.chance / 2.0) + ndtri(0.1))
 """A size of so many standard errors is called present nine times in ten."""
 
 
@@ -79,7 +79,7 @@ class Diagnosis:
 
     @property
     def undecided(self) -> tuple[str, ...]:
-        """Candidates of which one is still missing and nothing tells which, the likeliest first."""
+        """Candidates of which one is still missing and the flights do not separate them, the likeliest first."""
         return self.search.undecided.between if self.search.undecided else ()
 
     @property
@@ -90,7 +90,7 @@ class Diagnosis:
             parts.append(f"missing was {' and '.join(self._said(name) for name in self.additions)}")
         if self.undecided:
             besides = "besides, " if parts else ""
-            parts.append(f"{besides}{' or '.join(self.undecided)} is missing: these flights cannot tell which")
+            parts.append(f"{besides}{' or '.join(self.undecided)} is missing: they are confounded in these flights")
         if self.outside is not None:
             o = self.outside
             parts.append(
@@ -104,15 +104,15 @@ class Diagnosis:
         doubts = [
             s.name
             for s in self.candidates
-            if s.verdict is Verdict.CANNOT_TELL
+            if s.verdict is Verdict.INCONCLUSIVE
             and (s.significance < THRESHOLDS.chance or s.name in self.search.doubted)
         ]
         if not parts and doubts:
-            parts.append(f"something may be missing, and these flights cannot tell what: {', '.join(doubts)}")
+            parts.append(f"something may be missing, and these flights are inconclusive: {', '.join(doubts)}")
         if self.search.too_short and (self.additions or self.undecided or self.outside is not None):
             parts.append("the held-out flights are too short to confirm it")
         if self.leaves_too_much:
-            parts.append("so much stays unexplained that these flights cannot tell what is missing: read the findings")
+            parts.append("so much stays unexplained that these flights are inconclusive: read the findings")
         return "; ".join(parts) if parts else "nothing that these flights could show is missing"
 
     def _said(self, name: str) -> str:
@@ -164,7 +164,7 @@ class Diagnosis:
             "flights": list(self.flights),
             "held_out": list(self.held_out),
             "base": {"vehicle": self.base.name, "effects": list(self.base.effects)},
-            "suspects": [s.as_dict() for s in self.candidates],
+            "candidates": [s.as_dict() for s in self.candidates],
             "additions": list(self.additions),
             "proxies": list(self.proxies),
             "payload_carried": list(self.payload_carried) or None,

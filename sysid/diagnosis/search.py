@@ -62,8 +62,8 @@ def refit(logs: Sequence[FlightLog], model: Model, candidate: Candidate, options
 
 def _holding_others(options: Options, vehicle: Vehicle, candidate: Candidate) -> Options:
     """Parameters of the same effect that are no part of the candidate stay where they are, unless already found."""
-    own = [f"{candidate.effect}.{s.name}" for s in effects.find(candidate.effect).parameters]
-    idle = [n for n in own if n not in candidate.columns and vehicle.value(n) == 0.0]
+    own = {f"{candidate.effect}.{s.name}": s for s in effects.find(candidate.effect).parameters}
+    idle = [n for n, s in own.items() if n not in candidate.columns and vehicle.value(n) == (s.default * s.optional)]
     return replace(options, held=tuple(dict.fromkeys((*options.held, *idle))))
 
 
@@ -411,7 +411,7 @@ def _confirmed(model: Model, best: Fitted, unseen: Judge | str) -> tuple[CostRed
         if reduction.total > least or against or could_tell:
             return reduction, reduction.total > least, ""
         fell = f"{reduction.total:.0f} ± {reduction.sigma:.0f}, of {could:.0f} at best"
-        why = f"held-out flights fell by {fell}, and cannot tell"
+        why = f"the cost of held-out flights fell by {fell}: inconclusive"
     return (
         CostReduction(scored.unseen_by_block),
         scored.log_odds > THRESHOLDS.clear_odds and len(scored.unseen_by_block) >= THRESHOLDS.least_blocks,

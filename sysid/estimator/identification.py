@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from flight import FlightLog, InputError, Progress, silent
-from sysid.estimator import excitation, gusts
+from sysid.estimator import driven_band, excitation, gusts
 from sysid.estimator.blocks import motor, rotor_speed
 from sysid.estimator.blocks.catalogue import BLOCKS
 from sysid.estimator.blocks.motion import LEAST_PROCESS
@@ -35,7 +35,7 @@ UNSETTLED = (
 PLACE_OF_LOAD = tuple(f"{PAYLOAD}.{axis}_m" for axis in "xyz")
 """Fitted with the catalogue's width as a prior: a load of no weight has no place, and its height hardly ever shows."""
 UNSEEN_SHARE = 0.5
-"""A parameter is unseen when its standard error exceeds this share of its usual size."""
+"""A parameter is not identifiable when its standard error exceeds this share of its typical size."""
 
 
 def identify(
@@ -67,10 +67,12 @@ def identify(
     flights = list(near.flights) if near else [f for i, log in enumerate(logs) for f in prepare(log, i, options)]
     excitation.require(flights, _names(vehicle, flights, options))
     unknowns, clock = _unknowns(vehicle, flights, options)
-    point, noise = _beside(near, vehicle, unknowns) if near else start(vehicle, flights)
+    point, noise = _beside(near, vehicle, unknowns) if near else start(vehicle, flights, unknowns.model)
     held: list[str] = []
     solution, unknowns = _fit(flights, vehicle, point, noise, unknowns, held, options, progress)
-    lasting = _with_gusts(_on_time(flights, solution), solution) if options.gusts == "estimate" else None
+    lasting = (
+        _with_gusts(_on_time(flights, solution), solution, unknowns.model) if options.gusts == "estimate" else None
+    )
     doubts = ()
     if lasting is not None:
         also_held = list(held)
@@ -104,7 +106,7 @@ def _fit(
     options: Options,
     progress: Progress,
 ) -> tuple[Solution, Unknowns]:
-    """Solve, hold what these flights do not show (its names are added to `held`), and solve again."""
+    """Solve, hold what is not identifiable from these flights (its names are added to `held`), and solve again."""
     while True:
         prior = _prior(flights, vehicle, unknowns, options)
         solution = solve(
@@ -123,12 +125,12 @@ def _fit(
         if options.unseen == "refuse":
             raise InputError(_unseen_message(unseen))
         held.append(unseen)
-        logger.info("holding %s: these flights do not show it", unseen)
+        logger.info("holding %s: not identifiable from these flights", unseen)
         unknowns = unknowns.without(unseen)
         point, noise = _reset(solution.point, vehicle, unseen), solution.noise
 
 
-def _with_gusts(flights: list[Flight], solution: Solution) -> tuple[Point, Noise] | None:
+def _with_gusts(flights: list[Flight], solution: Solution, names: tuple[str, ...]) -> tuple[Point, Noise] | None:
     """Where to start with disturbances among the states; None when what is unexplained is white or not to be judged."""
     if not all(flight.has_pose for flight in flights):
         return None
@@ -141,14 +143,20 @@ def _with_gusts(flights: list[Flight], solution: Solution) -> tuple[Point, Noise
     lasting, white = found
     logger.info("disturbances last: %s m/s2 and rad/s2 for %s s", lasting.size, lasting.lasts_s)
     process = np.minimum(solution.noise.process, np.maximum(white, LEAST_PROCESS))
+    vehicle = driven_band.started(point.vehicle, flights, point.states, names)
     states = tuple(s.with_gust() for s in point.states)
-    return replace(point, states=states), solution.noise.with_process(process).with_gusts(lasting)
+    return replace(point, vehicle=vehicle, states=states), solution.noise.with_process(process).with_gusts(lasting)
 
 
-def start(vehicle: Vehicle, flights: list[Flight]) -> tuple[Point, Noise]:
-    """States by smoothing the pose; noise levels from what the vehicle then leaves unexplained."""
+def start(vehicle: Vehicle, flights: list[Flight], names: tuple[str, ...] = ()) -> tuple[Point, Noise]:
+    """States by smoothing the pose; noise levels from what the vehicle then leaves unexplained.
+
+    Args:
+        names: parameters that are estimated, and may start elsewhere than the vehicle has them.
+    """
     sensor = PoseSensor.of(vehicle)
     states = tuple(first_guess(flight, sensor.offset_body_m, sensor.q_body_sensor) for flight in flights)
+    vehicle = driven_band.started(vehicle, flights, states, names)
     driven = [motor.driven(f, vehicle) for f in flights]
     left = [unexplained(f, s, vehicle) for f, s in zip(driven, states, strict=True)]
     # An unexplained acceleration that lasts about a tenth of a second has the density size x sqrt(0.1 s).
@@ -225,8 +233,8 @@ def _least_seen(solution: Solution, vehicle: Vehicle, unknowns: Unknowns) -> str
 
 def _unseen_message(name: str) -> str:
     return (
-        f"these flights do not show {name}: its standard error is larger than half its usual size; "
-        "fly a manoeuvre that excites it, or hold it"
+        f"{name} is not identifiable from these flights: its standard error is larger than half its typical size; "
+        "fly a manoeuvre that excites it, or hold it (--hold-unidentifiable)"
     )
 
 

@@ -75,7 +75,7 @@ def _source(log: FlightLog, name: str) -> _Source:
     pose, imu = ("position_world_m", "q_world_body"), ("rate_body_rad_s", "specific_force_body_m_s2")
     if not all(log.has(q) for q in pose) and not all(log.has(q) for q in imu):
         missing = " and ".join(q for q in pose if not log.has(q))
-        raise InputError(f"{name} has no {missing}, nor gyro and accelerometer to do without: nothing shows the motion")
+        raise InputError(f"{name} has no {missing}; without them it needs both gyro and accelerometer")
     rotors = rotor_speed.QUANTITY if log.has(rotor_speed.QUANTITY) else motor.QUANTITY
     if not log.has(rotors):
         raise InputError(
@@ -123,11 +123,13 @@ def _finite_rows(log: FlightLog, quantities: tuple[str, ...], name: str) -> Inde
     if partly.any():
         row = int(np.flatnonzero(partly)[0])
         raise InputError(
-            f"{name}: {' and '.join(quantities)} are not all finite in row {row} ({log.time_s[row]:.3f} s), "
-            f"{int(partly.sum())} such rows in all; write NaN in all of them where nothing was sampled"
+            f"{name}: in {int(partly.sum())} rows (the first is row {row}, {log.time_s[row]:.3f} s) some columns of "
+            f"{' and '.join(quantities)} are finite and others not; where nothing was sampled, write NaN in all of them"
         )
     if finite.sum() < 10:
-        raise InputError(f"{name} has {int(finite.sum())} samples of {' and '.join(quantities)}; 10 are needed")
+        raise InputError(
+            f"{name} has {int(finite.sum())} samples of {' and '.join(quantities)}; at least 10 are needed"
+        )
     return np.flatnonzero(finite)
 
 

@@ -26,8 +26,10 @@ from vehicle import Vehicle, specs
 NORMAL_90 = 1.6449
 """Half width of a normal 90 % interval in standard deviations."""
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 """Version of `Identification.as_dict`."""
+NOT_IDENTIFIABLE = "not identifiable"
+"""Status of a parameter that is held because the flights do not determine it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +46,7 @@ class Estimate:
     start: float
     """Value before the fit."""
     status: str
-    """`free`, `held` (by the user), or `unseen` (held because these flights do not show it)."""
+    """`free`, `held` (by the user), or `not identifiable` (from these flights, and therefore held)."""
     information: tuple[float, ...]
     """Share of each flight in what is known about it, the other parameters taken out; sums to 1 with the prior."""
     interval90: float
@@ -205,7 +207,7 @@ def conclude(
         )
         for i, name in enumerate(names)
     ]
-    estimates += [_held(vehicle, name, "unseen") for name in unseen]
+    estimates += [_held(vehicle, name, NOT_IDENTIFIABLE) for name in unseen]
     estimates += [_held(vehicle, name, "held") for name in sorted({"mass_kg", *options.held}) if name not in names]
     safe = np.where(std > 0.0, std, 1.0)
     disagreement = _disagreement(vehicle, unknowns, solution, flights, options)
@@ -335,8 +337,8 @@ def _findings(vehicle: Vehicle, estimates: list[Estimate], solution: Solution, f
     found += list(dict.fromkeys(flight.left_out for flight in flights if flight.left_out))
     found += _against(solution) + _at_bounds(vehicle, estimates)
     for e in estimates:
-        if e.status == "unseen":
-            found.append(f"{e.name} was held at {e.value:g} {e.unit}: these flights do not show it")
+        if e.status == NOT_IDENTIFIABLE:
+            found.append(f"{e.name} was held at {e.value:g} {e.unit}: not identifiable from these flights")
         elif e.status == "free" and e.name not in SENSOR_NAMES and e.std > 0.0 and e.std_robust > 5.0 * e.std:
             found.append(
                 f"{e.name}: errors are strongly correlated in time (robust standard error "

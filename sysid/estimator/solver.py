@@ -8,6 +8,7 @@ import numpy as np
 
 from flight import InputError, Progress
 from flight.rotations import FloatArray
+from sysid.estimator import weight
 from sysid.estimator.blocks.catalogue import BLOCKS, acting, places
 from sysid.estimator.chain import Eliminated, Rows, eliminate
 from sysid.estimator.clocks import LONGEST_STEP_S
@@ -56,7 +57,7 @@ class Solution:
     information: tuple[FloatArray, ...]
     """Per flight (p, p): information on the parameters with the states eliminated."""
     prior_information: FloatArray
-    """(p, p)."""
+    """(p, p) of the prior and of the weight balance."""
     record: tuple[Iteration, ...]
     converged: bool
 
@@ -99,13 +100,15 @@ def solve(
     while True:
         rows, eliminated = linearised(flights, point, unknowns, noise, robust)
         border = point.shared(unknowns)
+        carried = weight.balance(flights, point, rows, noise)
         if converged or len(record) == max_iterations:
             break
-        hessian = prior.information + sum(e.information for e in eliminated)
-        gradient = prior.information @ (border - prior.mean) + sum(e.gradient for e in eliminated)
+        hessian = prior.information + carried.information + sum(e.information for e in eliminated)
+        gradient = prior.information @ (border - prior.mean) + carried.gradient + sum(e.gradient for e in eliminated)
         step, sigma = _parameter_step(hessian, gradient, _room(point, unknowns))
         changes = [e.states(step) for e in eliminated]
-        point, taken = _take(flights, point, unknowns, noise, prior, step, changes, robust, sum(r.cost() for r in rows))
+        before = carried.cost + sum(r.cost() for r in rows)
+        point, taken = _take(flights, point, unknowns, noise, prior, step, changes, robust, before)
         old, noise = noise, _updated_noise(flights, point.vehicle, rows, eliminated, step, taken, changes, noise)
         record.append(
             Iteration(
@@ -130,7 +133,7 @@ def solve(
         rows=rows,
         sensitivity=tuple(e.sensitivity() for e in eliminated),
         information=tuple(e.information for e in eliminated),
-        prior_information=prior.information,
+        prior_information=prior.information + carried.information,
         record=tuple(record),
         converged=converged,
     )
@@ -223,9 +226,13 @@ def _take(
     def total(candidate: Point) -> float:
         border = candidate.shared(unknowns)
         own = 0.5 * float((((border - prior.mean) / prior.std) ** 2).sum())
-        return own + total_cost(flights, candidate, noise, robust)
+        return own + weight.cost(flights, candidate) + total_cost(flights, candidate, noise, robust)
 
-    start = before + 0.5 * float((((point.shared(unknowns) - prior.mean) / prior.std) ** 2).sum())
+    start = (
+        before
+        + weight.cost(flights, point)
+        + 0.5 * float((((point.shared(unknowns) - prior.mean) / prior.std) ** 2).sum())
+    )
     share = 1.0
     while share > 1e-3:
         candidate = point.moved(unknowns, share * step, [share * c for c in changes])

@@ -5,7 +5,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from flight import FlightLog
+from flight import FlightLog, Progress, silent
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
 from sysid.logs import consistency, contact
@@ -30,6 +30,8 @@ class LogReport:
     duration_s: float
     rate_hz: float
     findings: tuple[Finding, ...]
+    inconclusive: tuple[str, ...] = ()
+    """What these flights excite too little to be checked, one sentence each."""
 
     @property
     def worst(self) -> Literal["fine", "warning", "error"]:
@@ -53,20 +55,25 @@ class LogReport:
                 }
                 for f in self.findings
             ],
+            "inconclusive": list(self.inconclusive),
         }
 
 
-def check_log(log: FlightLog, vehicle: Vehicle | None = None) -> LogReport:
+def check_log(log: FlightLog, vehicle: Vehicle | None = None, *, progress: Progress = silent) -> LogReport:
     """Look for faults in a log; with a vehicle, also for rotor order, spin and units that its motion contradicts."""
+    progress("checking", 0.0)
     step_s = np.diff(log.time_s)
     findings = [*_time_base(log), *_not_finite(log), *_jumps(log), *_frozen(log), *_saturated(log)]
     findings += _contact(log)
-    findings += consistency.check(log, vehicle)
+    compared, inconclusive = consistency.check(log, vehicle, progress)
+    progress("checking", 1.0)
+    findings += compared
     return LogReport(
         name=str(log.metadata.get("name", "log")),
         duration_s=float(log.time_s[-1] - log.time_s[0]) if len(log) else 0.0,
         rate_hz=float(1.0 / np.median(step_s)) if len(step_s) else 0.0,
         findings=tuple(findings),
+        inconclusive=tuple(inconclusive),
     )
 
 

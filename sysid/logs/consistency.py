@@ -4,15 +4,13 @@ Everything is judged from the pose, smoothed on a uniform grid: its acceleration
 turning must be what the gyro reads, and the torque of the rotors must be what accelerates the turning.
 """
 
-from itertools import permutations
-
 import numpy as np
 
-from flight import FlightLog, frames, rotations
+from flight import FlightLog, Progress, frames, rotations, silent
 from flight.flight_log import COLUMNS
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
-from sysid.logs import clocks
+from sysid.logs import clocks, rotor_order
 from sysid.logs.finding import Finding, Repair, error, warning
 from sysid.logs.motion import GRID_S, Kinematics, correlation, fitted, kinematics, on_grid, sampled
 from sysid.logs.payload import as_flown, carries_payload
@@ -44,18 +42,25 @@ LEAST_RATE_RAD_S = 0.15
 """Below this root mean square of the body rate, turning says nothing about gyro or rotors."""
 
 
-def check(log: FlightLog, vehicle: Vehicle | None) -> list[Finding]:
-    """All findings that compare channels; empty where a channel is not there."""
+def check(log: FlightLog, vehicle: Vehicle | None, progress: Progress = silent) -> tuple[list[Finding], list[str]]:
+    """All findings that compare channels, and sentences on what is inconclusive; empty where a channel is not there."""
     found = [*_accelerometer(log)]
+    flown = as_flown(vehicle, carries_payload(log)) if vehicle is not None else None
     motion = kinematics(log)
     if motion is None:
-        return found
+        places, inconclusive = _order(log, None, flown)
+        return [*found, *places], inconclusive
+    progress("checking", 0.2)
     attitude = _attitude(motion)
     found += [*attitude, *_velocity(log, motion)]
     if attitude:
-        return found  # whatever is judged by the attitude would only repeat that
-    flown = as_flown(vehicle, carries_payload(log)) if vehicle is not None else None
-    return [*found, *_gyro(log, motion), *_rotors(log, motion, flown)]
+        return found, []  # whatever is judged by the attitude would only repeat that
+    progress("checking", 0.3)
+    gyro = _gyro(log, motion)
+    progress("checking", 0.5)
+    places, inconclusive = _order(log, motion, flown, gyro_is_right=not any(f.level == "error" for f in gyro))
+    progress("checking", 0.7)
+    return [*found, *gyro, *_rotors(log, motion, flown, places)], inconclusive
 
 
 def _accelerometer(log: FlightLog) -> list[Finding]:
@@ -201,7 +206,19 @@ def _gyro(log: FlightLog, motion: Kinematics) -> list[Finding]:
     return found
 
 
-def _rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle | None) -> list[Finding]:
+def _order(
+    log: FlightLog, motion: Kinematics | None, vehicle: Vehicle | None, *, gyro_is_right: bool = True
+) -> tuple[list[Finding], list[str]]:
+    """Order and spins of the rotors, by the gyro, or by the attitude where the gyro is faulty or not there."""
+    if vehicle is None or not sampled(log, "rotor_speed_rad_s"):
+        return [], []
+    if gyro_is_right and sampled(log, "rate_body_rad_s"):
+        return rotor_order.check(log, (log.time_s, log.vector("rate_body_rad_s")), vehicle)
+    return rotor_order.check(log, (motion.time_s, motion.rate_body_rad_s), vehicle) if motion is not None else ([], [])
+
+
+def _rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle | None, places: list[Finding]) -> list[Finding]:
+    """Unit of rotor speed, then its order and spins (`places`), then its clock."""
     if not sampled(log, "rotor_speed_rad_s"):
         return []
     speed = on_grid(log, "rotor_speed_rad_s", motion.time_s)
@@ -219,7 +236,10 @@ def _rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle | None) -> list
     if not 0.25 < ratio < 4.0:
         sentence = f"the rotors make {ratio:.2g} times the thrust that the motion needs"
         found.append(warning("unit", sentence, "check mass, thrust coefficient and the unit of rotor speed"))
-    return found + _rotor_order(log, speed, motion, vehicle)
+    found += places
+    if any(f.what == "rotor order" for f in places) or not _followed(speed, motion, vehicle):
+        return found
+    return found + clocks.of_rotors(log, motion, vehicle)
 
 
 def _rpm(typical: float) -> Finding:
@@ -228,35 +248,14 @@ def _rpm(typical: float) -> Finding:
     return error("unit", sentence, "multiply rotor_speed by 2 pi / 60", repair=repair)
 
 
-def _rotor_order(log: FlightLog, speed: FloatArray, motion: Kinematics, vehicle: Vehicle) -> list[Finding]:
-    """Which rotor is which, from how the body answers: all orders and both senses of spin are tried; then its clock."""
+def _followed(speed: FloatArray, motion: Kinematics, vehicle: Vehicle) -> bool:
+    """Whether roll and pitch follow the rotors well enough to compare their clocks."""
     if np.sqrt((motion.rate_body_rad_s[:, :2] ** 2).mean()) < LEAST_RATE_RAD_S:
-        return []
-    squared = speed**2 - (speed**2).mean(axis=0)
-    turning = motion.angular_acceleration_rad_s2
+        return False
     arms = np.stack([vehicle.hub_body_m[:, 1], -vehicle.hub_body_m[:, 0]], axis=1)
-    smooth = fitted(squared, 0)
-    score = {}
-    for order in permutations(range(4)):
-        torque = smooth[:, order] @ arms
-        score[order] = sum(correlation(torque[:, i], turning[:, i]) for i in range(2)) / 2.0
-    best = max(score, key=lambda order: score[order])
-    own = score[(0, 1, 2, 3)]
-    found = []
-    if own < 0.3 and score[best] > own + 0.3:
-        sentence = (
-            f"roll and pitch do not follow the rotors in this order (correlation {own:.2f}); "
-            f"with order {list(best)} they do ({score[best]:.2f})"
-        )
-        repair = Repair("rotor order", COLUMNS["rotor_speed_rad_s"], order=best)
-        fix = f"take columns {list(best)} of rotor_speed as rotors 0 to 3"
-        found.append(error("rotor order", sentence, fix, repair=repair))
-        return found
-    yaw = correlation(-smooth @ vehicle.spin, turning[:, 2])
-    if yaw < -0.3:
-        sentence = f"yaw turns against the rotors' torque (correlation {yaw:.2f}): spin directions are the other way"
-        found.append(error("rotor spin", sentence, "turn the sign of every spin in the vehicle file"))
-    return found + (clocks.of_rotors(log, motion, vehicle) if own > 0.3 else [])
+    torque = fitted(speed**2 - (speed**2).mean(axis=0), 0) @ arms
+    turning = motion.angular_acceleration_rad_s2
+    return sum(correlation(torque[:, i], turning[:, i]) for i in range(2)) / 2.0 > 0.3
 
 
 def _ratios(motion: Kinematics, logged: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -11,7 +11,7 @@ import numpy as np
 from flight import FlightLog, InputError, Progress, frames, rotations, silent
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
-from sysid.logs.check import check_log
+from sysid.logs.check import LogReport, check_log
 from sysid.logs.finding import Finding, Repair
 from sysid.logs.streams import shifted
 from vehicle import Vehicle
@@ -31,8 +31,12 @@ class Fixed:
     """With what was done in its metadata, under `fixes`."""
     done: tuple[str, ...]
     """One sentence for each fix: the finding, and what was changed."""
-    left: tuple[Finding, ...]
-    """What the checks still find: no change of the log would mend it, or it came back after it."""
+    report: LogReport
+    """What the checks still find: no change of the log would correct it, or it came back after it."""
+
+    @property
+    def left(self) -> tuple[Finding, ...]:
+        return self.report.findings
 
 
 def fix(
@@ -53,7 +57,8 @@ def fix(
     fixable = 1
     while True:
         progress("fixing and checking again", min(len(done) / fixable, 1.0))
-        found = check_log(_part(log, aloft), vehicle).findings
+        report = check_log(_part(log, aloft), vehicle)
+        found = report.findings
         fixable = len(done) + 1 + sum(finding.repair is not None for finding in found)
         finding = _next(found, times)
         if finding is None or len(done) == MOST_FIXES:
@@ -67,7 +72,7 @@ def fix(
         done.append(f"{finding.sentence}: {words(finding.repair)}")
     before = list(log.metadata.get(FIXES, []))
     mended = FlightLog(log.columns, {**log.metadata, FIXES: before + done}) if done else log
-    return Fixed(mended, tuple(done), tuple(found))
+    return Fixed(mended, tuple(done), report)
 
 
 def _part(log: FlightLog, aloft: tuple[float, float] | None) -> FlightLog:

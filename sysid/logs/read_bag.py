@@ -61,12 +61,12 @@ def _topics(wanted: dict[str, Any], map_file: Path) -> dict[str, dict[str, Any]]
     for name, entry in found.items():
         table_of(map_file, name, entry)
         if not isinstance(entry.get("topic"), str):
-            raise InputError(f"{map_file}: {name} does not say its topic")
+            raise InputError(f'{map_file}: {name} names no topic; write topic = "/..."')
         if not isinstance(entry.get("scale", 1.0), int | float):
             raise InputError(f"{map_file}: {name}.scale is {entry['scale']!r}, not a number")
         fields = entry.get("fields")
         if name not in ("pose", "imu") and not (isinstance(fields, list) and all(isinstance(f, str) for f in fields)):
-            raise InputError(f"{map_file}: {name} does not say its fields, for example ['data[0]', 'data[1]']")
+            raise InputError(f"{map_file}: {name} names no fields; write fields = ['data[0]', 'data[1]']")
         if str(entry.get("unit", "1")) not in UNITS:
             raise InputError(f"{map_file}: unknown unit {entry['unit']!r}; known are {', '.join(UNITS)}")
     for name in wanted.get("quantity", {}):

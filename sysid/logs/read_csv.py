@@ -2,6 +2,7 @@
 
 import csv
 import gzip
+import json
 import math
 import zlib
 from collections.abc import Iterable, Iterator
@@ -75,7 +76,7 @@ def load_map(path: Path) -> ColumnMap:
     """
     document = file_format.read_toml(Path(path), format=FORMAT, version=VERSION)
     if "time" not in document:
-        raise FormatError(f"{path} does not say which column is the time: [time] column = ..., unit = ...")
+        raise FormatError(f"{path} names no column of the time; write [time] and below it column = '...', unit = 's'")
     _only(
         path, "the map", document, ("format", "version", "time", "quantity", "scalar", "keep", "metadata", "separator")
     )
@@ -109,7 +110,7 @@ def table_of(path: Path, name: str, value: object) -> dict[str, Any]:
         FormatError: the value is no table of the map file.
     """
     if not isinstance(value, dict):
-        raise FormatError(f"{path}: {name} is {str(value)[:60]!r}, not a table")
+        raise FormatError(f"{path}: {name} is {str(value)[:60]!r}, not a table; write [{name}] above its keys")
     return value  # pyright: ignore[reportUnknownVariableType]
 
 
@@ -129,13 +130,12 @@ def _check_entry(path: Path, name: str, entry: dict[str, Any], known: tuple[str,
     key = known[0]
     names = [entry.get(key)] if key == "column" else entry.get(key)
     if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
-        raise FormatError(
-            f"{path}: {name} does not say its {key}; write {key} = {'[...]' if key == 'columns' else '...'}"
-        )
+        raise FormatError(f"{path}: {name} names no {key}; write {key} = {'[...]' if key == 'columns' else '...'}")
     if str(entry.get("unit", "1")) not in UNITS:
         raise InputError(f"{path}: {name} has an unknown unit {entry['unit']!r}; known are {', '.join(UNITS)}")
     if entry.get("frame", "z up") not in ("z up", "z down") or not isinstance(entry.get("order", ""), str):
-        raise InputError(f"{path}: {name}: frame is 'z up' or 'z down', order a word like 'w x y z'")
+        got = " and ".join(repr(entry[key]) for key in ("frame", "order") if key in entry)
+        raise InputError(f"{path}: {name}: frame must be 'z up' or 'z down' and order a word like 'w x y z', not {got}")
     for key in ("scale", "sign", "offset"):
         _numbers(entry.get(key, 1.0), f"{path}: {name}.{key}")
     if not _is_number(entry.get("shift_s", 0.0)):
@@ -226,7 +226,9 @@ class _Table:
             FormatError: a cell is neither a number nor one of `cells.MISSING`.
         """
         if name not in self.names:
-            raise InputError(f"{self.path} has no column {name}; it has {', '.join(self.names)}")
+            found = next((one for one in ("\t", ";", "|", " ") if len(self.names) == 1 and one in self.names[0]), None)
+            remedy = "" if found is None else f"; write separator = {json.dumps(found)} in the column map"
+            raise InputError(f"{self.path} has no column {name}; it has {', '.join(self.names)}{remedy}")
         place = self.names.index(name)
         return cells.numbers(((line, row[place]) for line, row in self.rows), self.path, name)
 
@@ -242,6 +244,8 @@ def _table(path: Path, separator: str) -> _Table:
             rows = [(lines.number, row) for row in cells_of(lines, separator)]
     except StopIteration:
         raise FormatError(f"{path} is empty; a CSV file starts with the names of its columns") from None
+    except UnicodeDecodeError:
+        raise FormatError(f"{path} is not a readable CSV file: it is not UTF-8 text; save it as UTF-8") from None
     except (OSError, ValueError, EOFError, csv.Error, zlib.error) as error:
         said = " ".join(str(error).split())[:200]
         raise FormatError(f"{path} is not a readable CSV file: {said}") from error

@@ -34,7 +34,7 @@ def read(path: Path) -> FlightLog:
         raise FormatError(f"{path} is not a readable ULog file: {error}") from error
     for name in ("vehicle_local_position", "vehicle_attitude"):
         if name not in topics:
-            raise InputError(f"{path} has no {name}; it has {', '.join(sorted(topics))}")
+            raise InputError(f"{path} has no {name}; it has {', '.join(sorted(topics)) or 'no messages'}")
     columns = _pose(topics)
     for part in (_rates(topics), _accelerations(topics), _motors(topics), _battery(topics)):
         columns |= interpolated(columns["time_s"], part)

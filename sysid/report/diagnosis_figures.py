@@ -44,7 +44,7 @@ def write(found: Diagnosis, folder: Path, *, suffix: str = "svg") -> list[Path]:
     if found.outside is not None:
         drawings["outside"] = outside(found, found.outside)
     for i, candidate in enumerate(leading(found)):
-        drawings[f"suspect_{i + 1}"] = evidence_for(found, candidate)
+        drawings[f"candidate_{i + 1}"] = evidence_for(found, candidate)
     drawings["staircase"] = staircase(found)
     judged = _unseen(found)
     over_time = judged if last is not first else {BEFORE: judged[BEFORE]} if judged else {}
@@ -54,7 +54,7 @@ def write(found: Diagnosis, folder: Path, *, suffix: str = "svg") -> list[Path]:
     title = f"Unexplained on {over_time[BEFORE][loudest].flight.name}{held_out}, body axes"
     drawings["residual_share"] = residual_plots.heat_map(named, judged)
     drawings["residual_wrench"] = residual_plots.over_time(over_time, loudest, title)
-    drawings["look_alikes"] = confounded(found)
+    drawings["confounded"] = confounded(found)
     return [drawing.written(figure, folder / f"{name}.{suffix}") for name, figure in drawings.items()]
 
 
@@ -98,7 +98,7 @@ def staircase(found: Diagnosis) -> "Figure":
         panel.set_ylim(len(labels) - 0.5, -0.5)
         drawing.plain(panel, f"after {horizon}", "position error, rms (mm)", "")
         panel.grid(False, axis="y")
-    on = f"held-out flights {', '.join(found.held_out)}" if found.held_out else "the flights learnt from"
+    on = f"held-out flights {', '.join(found.held_out)}" if found.held_out else "the training flights"
     drawing.headed(figure, f"Prediction error of each model on {on}; change from the model above")
     return figure
 
@@ -172,7 +172,7 @@ def outside(found: Diagnosis, curve: OutsideFinding) -> "Figure":
         panel.plot(curve.at, mean, color=drawing.COLOURS[1], linewidth=1.8, label="the curve")
         panel.axhline(0.0, color=drawing.INK, linewidth=0.6)
     axes[0, 1].legend(frameon=False, fontsize=8)
-    drawing.plain(axes[0, 0], "the curve, from the flights learnt from", label, f"{curve.channel} ({written})")
+    drawing.plain(axes[0, 0], "the curve, from the training flights", label, f"{curve.channel} ({written})")
     judged = f"unexplained on {', '.join(found.held_out)}, not used" if found.held_out else "unexplained there"
     if found.proxies:
         judged = f"{judged}, beside {' and '.join(map(words.effect, found.proxies))}"
@@ -192,7 +192,7 @@ def _in_channel(left: Sequence[Residual], channel: str) -> FloatArray:
 
 
 def confounded(found: Diagnosis) -> "Figure":
-    """How much of one candidate's trace another could make up on these flights."""
+    """Share of each candidate's residual that another candidate reproduces on these flights."""
     model = found.search.models[0]
     order = [s.name for s in found.candidates if s.name in model.scores]
     shown = sorted(order, key=lambda n: model.scores[n].significance)[:MOST_ALIKE]
@@ -208,8 +208,8 @@ def confounded(found: Diagnosis) -> "Figure":
     panel.set_yticks(range(len(shown)), titles, fontsize=8)
     panel.set_xticks(range(len(shown)), titles, fontsize=8, rotation=40, ha="right")
     panel.tick_params(length=0)
-    figure.colorbar(image, ax=panel, label="share of the trace", fraction=0.04, pad=0.02)
+    figure.colorbar(image, ax=panel, label="share of the residual", fraction=0.04, pad=0.02)
     drawing.headed(
-        figure, "How much of the row's trace (%) the column could make up; above 90 they cannot be told apart"
+        figure, "Share of the row's residual (%) that the column reproduces; above 90 the two are confounded"
     )
     return figure

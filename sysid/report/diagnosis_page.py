@@ -16,11 +16,11 @@ from sysid.report.pages import picture, write_page
 
 CAPTIONS = {
     "staircase": "Prediction error, model by model",
-    "suspect": "The evidence",
+    "candidate": "The evidence",
     "outside": "What no known effect explains",
     "residual_share": "What explains the residual, channel by channel",
     "residual_wrench": "Unexplained force and torque over time",
-    "look_alikes": "How alike their traces are",
+    "confounded": "Share of each residual that another candidate reproduces",
 }
 IN_THE_MODEL = (Verdict.PRESENT, Verdict.PROXY)
 HORIZON = "0.5 s"
@@ -49,7 +49,7 @@ def write(
     with tempfile.TemporaryDirectory() as folder:
         drawn = diagnosis_figures.write(found, Path(folder))
         pictures = {p.stem: picture(p, CAPTIONS[p.stem.rstrip("0123456789").rstrip("_")]) for p in drawn}
-    evidence = [drawn for name, drawn in pictures.items() if name.startswith(("outside", "suspect"))]
+    evidence = [drawn for name, drawn in pictures.items() if name.startswith(("outside", "candidate"))]
     parts = [
         _head(found),
         _next(further),
@@ -65,7 +65,7 @@ def write(
         _unseen(found, outlooks or {}),
         "<h2>Confounded effects</h2>",
         diagnosis_tables.confounded(found.candidates),
-        pictures["look_alikes"],
+        pictures["confounded"],
         "<h2>The model now</h2>",
         diagnosis_tables.parameters(found.vehicle.parameters),
         _notes(found),
@@ -95,7 +95,7 @@ def _verdict(found: Diagnosis) -> str:
         said.append(_curve_sentence(found.outside))
     said.append(_error_sentence(found))
     if not found.additions:
-        said.append(_seen_sentence(found))
+        said.append(_exclusions(found))
     return "".join(f"<p>{line}</p>" for line in said)
 
 
@@ -120,7 +120,7 @@ def _curve_sentence(o: OutsideFinding) -> str:
 
 
 def _error_sentence(found: Diagnosis) -> str:
-    on = f"on the held-out flights {', '.join(found.held_out)}" if found.held_out else "on the flights learnt from"
+    on = f"on the held-out flights {', '.join(found.held_out)}" if found.held_out else "on the training flights"
     steps = [f"{1000.0 * s.position_m[HORIZON]:.3g} mm ({escape(_named(found, s.model))})" for s in found.staircase]
     return f"Position error after {HORIZON} {escape(on)}: {', '.join(steps)}."
 
@@ -134,9 +134,9 @@ def _named(found: Diagnosis, text: str) -> str:
     return text
 
 
-def _seen_sentence(found: Diagnosis) -> str:
+def _exclusions(found: Diagnosis) -> str:
     excluded = sum(s.verdict is Verdict.EXCLUDED for s in found.candidates)
-    open_ = [s.name for s in found.candidates if s.verdict is Verdict.CANNOT_TELL]
+    open_ = [s.name for s in found.candidates if s.verdict is Verdict.INCONCLUSIVE]
     open_ += [name for name, _ in found.invisible]
     told = f"Of {len(found.candidates)} candidates, {excluded} can be excluded: too small to matter"
     said = escape(", ".join(words.effect(name) for name in open_))
@@ -177,7 +177,7 @@ def _next(further: Sequence[str]) -> str:
 def _unseen(found: Diagnosis, outlooks: Mapping[str, Outlook]) -> str:
     items = []
     for s in found.candidates:
-        if s.verdict is Verdict.CANNOT_TELL:
+        if s.verdict is Verdict.INCONCLUSIVE:
             flight = f"; {outlooks[s.name].sentence}" if s.name in outlooks else ""
             said = escape(_named(found, s.reason) + flight)
             items.append(f"<li><b>{escape(words.effect(s.name))}</b>: {said}</li>")

@@ -147,7 +147,7 @@ def _grouped(head: Sequence[str], names: set[str], groups: Iterable[str]) -> str
 
 
 def confounded(found: Sequence[CandidateFinding]) -> str:
-    """Pairs that leave the same trace, and so cannot be told apart on these flights."""
+    """Pairs with the same residual, which these flights cannot separate."""
     items = [
         f"<li><b>{escape(words.effect(s.name))}</b> ({s.verdict}): "
         f"{escape(', '.join(f'{words.effect(n)} {share:.0%}' for n, share in alike))}</li>"

@@ -191,7 +191,7 @@ def _parameters(result: Identification) -> "Figure":
     panel.xaxis.set_major_formatter(lambda value, _: f"{value:g} %")
     panel.set_yticks(place, [f"{e.name} = {e.value:.4g} {e.unit}" for e in free])
     panel.legend(frameon=False, fontsize=8, loc="lower right", ncols=2, bbox_to_anchor=(1.0, 1.0))
-    drawing.plain(panel, "Standard error", "share of the value (100 %: not told from nil)", "")
+    drawing.plain(panel, "Standard error", "share of the value (100 %: not significantly different from zero)", "")
     left, panel = np.zeros(len(free)), axes[0, 1]
     for i, flight in enumerate(result.flights):
         share = 100.0 * np.array([e.information[i] for e in free])

@@ -158,7 +158,7 @@ def _known(result: Identification) -> str:
     """How much was estimated from what, and how well."""
     free = [e for e in result.parameters if e.status == "free" and not e.name.startswith("pose_sensor")]
     seconds = sum(float(f.time_s[-1] - f.time_s[0]) for f in result.flights)
-    unseen = [e.name for e in result.parameters if e.status == "unseen"]
+    held = [e.name for e in result.parameters if e.status == "not identifiable"]
     said = f"{len(free)} numbers of the vehicle from {len(result.flights)} flights, {seconds:.0f} s."
     shares = {e.name: e.std_robust / abs(e.value) for e in free if e.std_robust < abs(e.value)}
     loose = [e.name for e in free if e.name not in shares]
@@ -166,8 +166,10 @@ def _known(result: Identification) -> str:
         worst = max(shares, key=lambda name: shares[name])
         said += f" Standard errors up to {shares[worst]:.0%} ({escape(worst)})."
     if loose:
-        said += f" Not told from nil: {escape(', '.join(loose))}."
-    return said + (f" Held, because these flights do not show them: {escape(', '.join(unseen))}." if unseen else "")
+        said += f" Not significantly different from zero: {escape(', '.join(loose))}."
+    if held:
+        said += f" Held, because they are not identifiable from these flights: {escape(', '.join(held))}."
+    return said
 
 
 def _verdict(result: Identification) -> str:
@@ -222,7 +224,7 @@ def _parameters(estimates: Sequence[Estimate]) -> str:
     note = (
         "<p class='small'>± is one standard error. The robust one allows for errors correlated in time and for forms "
         "that are slightly wrong; believe that one, and the 90 % interval made of it. "
-        "Unseen: held, because these flights do not show it.</p>"
+        "Not identifiable from these flights: held.</p>"
     )
     return f"<h2>Parameters</h2>{table(head, ''.join(rows), words=2)}{note}"
 

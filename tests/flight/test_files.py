@@ -159,3 +159,20 @@ def test_json_holds_null_for_numbers_that_are_not_finite_and_lists_them():
     assert (found["b"]["c"], found["d"], found["e"]) == (None, [0, 1], True)
     assert found["not_finite"] == {"a[1]": "inf", "b.c": "nan"}
     assert "not_finite" not in json.loads(file_format.json_text({"a": 1.0}))
+
+
+@pytest.mark.parametrize(
+    ("read", "words"),
+    [
+        (lambda: {}["segments"], "the key 'segments' is missing"),
+        (lambda: float("long"), "'long' is not a number"),
+        (lambda: int("wide"), "'wide' is not a whole number"),
+        (lambda: np.array([[1.0], [1.0, 2.0]], dtype=np.float64), "too few entries where a number is expected"),
+        (lambda: np.arange(8.0).reshape(-1, 3), "a point has three numbers"),
+        (lambda: dict("word"), "keys and values is expected"),
+    ],
+)
+def test_damage_is_described_in_words_of_the_file(read, words):
+    with pytest.raises(Exception) as raised:
+        read()
+    assert words in file_format.damage_text(raised.value)

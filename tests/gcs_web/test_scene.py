@@ -46,6 +46,18 @@ def test_a_slice_shows_the_post_where_it_stands():
     np.testing.assert_allclose([x, y], [1.0, 2.0], atol=0.02)
 
 
+def test_a_mesh_is_simplified_in_steps_that_are_reported(tmp_path, monkeypatch):
+    import trimesh
+
+    trimesh.creation.icosphere(4).export(tmp_path / "mesh.ply")
+    monkeypatch.setattr(scene, "TRIANGLES_PER_STEP", 1500)
+    told = []
+    mesh = scene.display_mesh(tmp_path / "mesh.ply", 1000, progress=lambda stage, fraction: told.append(fraction))
+    np.testing.assert_allclose(told, [0.0, 1 / 3, 2 / 3])
+    assert 900 <= len(mesh.faces) <= 1000
+    np.testing.assert_allclose(np.linalg.norm(mesh.vertices, axis=1), 1.0, atol=0.05)
+
+
 def test_a_mesh_that_cannot_be_read_is_said_and_not_drawn_as_nothing(tmp_path):
     for content in (b"", b"not a mesh", b"glTF" + bytes(40)):
         (tmp_path / "mesh.glb").write_bytes(content)

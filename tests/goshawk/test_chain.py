@@ -11,7 +11,7 @@ import vehicle
 from flight import Waypoints, flight_log, project, trajectory
 from goshawk import demo
 from goshawk.flights import in_the_air
-from goshawk.virtual_flight import sitl_vehicle
+from goshawk.sitl_process import sitl_vehicle
 from tests.goshawk.running import answer as goshawk
 
 LOOP = np.array([[0.8, 0.8, 1.0], [3.0, 2.0, 1.3], [5.2, 0.8, 1.0], [5.0, 3.4, 1.6], [1.0, 3.2, 1.2], [0.8, 0.8, 1.0]])

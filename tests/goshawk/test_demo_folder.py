@@ -6,7 +6,7 @@ import pytest
 
 from flight import InputError, LinkError, project
 from goshawk import demo_folder
-from goshawk.virtual_flight import TRIES, again_if_link_dies
+from goshawk.sitl_process import TRIES, again_if_link_dies
 
 SETTINGS = {"pairs": 60}
 

@@ -51,11 +51,11 @@ def test_the_missing_effect_is_named_written_and_the_next_command_works(folder, 
     for expected in ("helped: ", "+ angular_damping", "excluded", "inconclusive", "unobservable", f"written: {out}"):
         assert expected in said
     document = json.loads(facts.read_text())
-    assert (document["schema"], document["version"]) == ("goshawk-diagnosis", 1)
+    assert (document["schema"], document["version"]) == ("goshawk-diagnosis", 2)
     assert document["flights"] == ["vertical", "fast", "turning"]
     assert document["held_out"] == ["held_out"]
     assert document["additions"] == ["angular_damping"]
-    first = document["suspects"][0]
+    first = document["candidates"][0]
     assert first["verdict"] == "present"
     for size in first["sizes"].values():
         assert abs(size["value"] - DAMPING) < 5.0 * size["sigma"]
@@ -66,7 +66,7 @@ def test_the_missing_effect_is_named_written_and_the_next_command_works(folder, 
     assert str(out) in document["next"][0]
     assert document["written"] == str(out)
     drawn = {path.stem for path in (tmp_path / "p").iterdir()}
-    assert drawn == {"staircase", "suspect_1", "residual_share", "residual_wrench", "look_alikes"}
+    assert drawn == {"staircase", "candidate_1", "residual_share", "residual_wrench", "confounded"}
     html = page.read_text()
     assert html.count("data:image/svg+xml") == len(drawn)
     assert "Missing was angular damping." in html

@@ -78,7 +78,7 @@ def test_bad_input_is_one_sentence(folder, tmp_path):
         "other.toml": ["next-flight", folder / "doublets.parquet", "--vehicle", tmp_path / "other.toml", *SPACE],
         "'no_such' is not among": asked(folder, "--candidate", "no_such", *SPACE),
         "there is no manoeuvre 'looping'": asked(folder, *PAIR, *SPACE, "--manoeuvre", "looping"),
-        "is not 3 numbers": asked(folder, *PAIR, "--space", "6,6"),
+        "is not 3 finite numbers": asked(folder, *PAIR, "--space", "6,6"),
         "leaves no room": asked(folder, *PAIR, "--space", "6,0.1,3"),
         "Missing option '--space'": asked(folder, *PAIR),
         "Missing argument": ["next-flight", *car, *SPACE],

@@ -32,9 +32,10 @@ def folder(tmp_path, monkeypatch) -> Path:
     return tmp_path
 
 
-def diagnosis(path: Path, outside: object) -> None:
+def diagnosis(path: Path, outside: object, version: int = 2) -> None:
     verdict = "nothing that these flights could show is missing" if outside is None else "M_z against v_z"
-    path.write_text(json.dumps({"schema": "goshawk-diagnosis", "version": 1, "verdict": verdict, "outside": outside}))
+    head = {"schema": "goshawk-diagnosis", "version": version}
+    path.write_text(json.dumps({**head, "verdict": verdict, "outside": outside}))
 
 
 def scaffolding(name: str = "climb_twist", *more: object, source: str = "diagnosis.json") -> list[object]:
@@ -56,6 +57,15 @@ def test_the_file_is_written_the_vehicle_untouched_and_the_next_line_adds_the_ef
     words = typed(document["then"].replace("--flights FLIGHT --held-out FLIGHT", "--held-out a.parquet"))
     assert "NOT compensated" in run(*words)  # an effect of one's own is unknown to the controller
     assert "climb_turn" in vehicle.load(folder / "vehicle.toml").effects
+
+
+def test_a_diagnosis_of_the_first_version_is_read(folder):
+    diagnosis(folder / "earlier.json", CURVE, version=1)
+    run(*scaffolding("earlier", source="earlier.json"))
+    run(*scaffolding("later"))
+    assert (folder / "earlier.py").read_text().replace("earlier", "later") == (folder / "later.py").read_text().replace(
+        "diagnosis.json", "later.json"
+    )
 
 
 def test_json_names_the_written_file(folder):

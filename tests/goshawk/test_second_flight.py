@@ -16,7 +16,7 @@ from esdf import solids
 from firmware_bridge import controller
 from flight import Waypoints, trajectory
 from goshawk.demo import vehicles
-from goshawk.virtual_flight import sitl_vehicle
+from goshawk.sitl_process import sitl_vehicle
 from planner import gate
 from tests.goshawk.running import answer as goshawk
 

@@ -15,7 +15,7 @@ import vehicle
 from firmware_bridge import controller
 from firmware_bridge.controller import State
 from flight import Trajectory, TrajectoryFile, flight_log, trajectory
-from goshawk.virtual_flight import sitl_vehicle
+from goshawk.sitl_process import sitl_vehicle
 from tests.waiting import PATIENCE_S, until
 from tests.waiting import goshawk as program
 

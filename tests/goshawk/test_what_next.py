@@ -12,13 +12,13 @@ import pytest
 import vehicle
 from flight import flight_log
 from goshawk import what_next
-from goshawk.what_next import Asked
+from goshawk.what_next import DiagnoseCall
 from sysid.diagnosis import Diagnosis, OutsideFinding, Verdict
 from sysid.diagnosis.findings import CandidateFinding
 from tests.goshawk.running import run, typed
 from tests.sysid import flying
 
-ASKED = Asked((Path("a.parquet"), Path("my b.parquet")), Path("vehicle.toml"), (Path("c.parquet"),))
+CALL = DiagnoseCall((Path("a.parquet"), Path("my b.parquet")), Path("vehicle.toml"), (Path("c.parquet"),))
 AGAIN = ["diagnose", "a.parquet", "my b.parquet", "--vehicle", "vehicle.toml", "--held-out", "c.parquet"]
 FITTED = ["--flights", "a.parquet", "--flights", "my b.parquet", "--held-out", "c.parquet"]
 
@@ -58,39 +58,41 @@ def found(
 
 def test_an_addition_is_made_to_the_vehicle_file_and_the_diagnosis_goes_on_from_a_new_one():
     damping = candidate("weak_rotor[2]", "present", 1e-9)
-    (line,) = what_next.lines(found(damping), ASKED)
+    (line,) = what_next.lines(found(damping), CALL)
     assert typed(line) == ["vehicle", "add-effect", "vehicle.toml", "weak_rotor", *FITTED]
-    asked = Asked(ASKED.flights, ASKED.vehicle_file, ASKED.held_out, out=Path("better.toml"))
-    (line,) = what_next.lines(found(damping), asked)
+    call = DiagnoseCall(CALL.flights, CALL.vehicle_file, CALL.held_out, out=Path("better.toml"))
+    (line,) = what_next.lines(found(damping), call)
     assert typed(line) == [*AGAIN[:4], "better.toml", *AGAIN[5:]]
 
 
 def test_flights_without_the_payload_are_marked_before_the_vehicle_gets_it():
     load = found(candidate("payload", "present", 1e-9), carried=(True, False, False))
-    marked, judging, line = what_next.lines(load, ASKED)
+    marked, judging, line = what_next.lines(load, CALL)
     assert typed(marked) == ["log", "my b.parquet", "--payload", "left"]
     assert typed(judging) == ["log", "c.parquet", "--payload", "left"]
     assert typed(line) == ["vehicle", "add-effect", "vehicle.toml", "payload", *FITTED]
 
 
 def test_a_foreign_log_is_marked_beside_itself_and_the_marked_one_is_fitted():
-    asked = Asked((Path("a.csv"), Path("b.csv")), ASKED.vehicle_file, columns=Path("map.toml"))
+    call = DiagnoseCall((Path("a.csv"), Path("b.csv")), CALL.vehicle_file, columns=Path("map.toml"))
     load = found(candidate("payload", "present", 1e-9), carried=(True, False))
-    marked, line = what_next.lines(load, asked)
+    marked, line = what_next.lines(load, call)
     assert typed(marked) == ["log", "b.csv", "--columns", "map.toml", "--payload", "left"]
     assert typed(line)[4:] == ["--flights", "a.csv", "--flights", "b.parquet", "--columns", "map.toml"]
 
 
 def test_a_curve_outside_the_catalogue_becomes_an_effect_and_is_evaluated():
-    asked = Asked(ASKED.flights, ASKED.vehicle_file, ASKED.held_out, json_file=Path("d.json"))
-    first, second = what_next.lines(found(outside=drawn("dn_0/dt")), asked)
+    call = DiagnoseCall(CALL.flights, CALL.vehicle_file, CALL.held_out, json_file=Path("d.json"))
+    first, second = what_next.lines(found(outside=drawn("dn_0/dt")), call)
     scaffold = ["vehicle", "scaffold-effect", "vehicle.toml", "--diagnosis", "d.json"]
     assert typed(first) == [*scaffold, "--name", "m_z_of_dn_0_dt", "--out", "m_z_of_dn_0_dt.py"]
     assert typed(second) == ["vehicle", "add-effect", "vehicle.toml", "m_z_of_dn_0_dt.py", *FITTED]
 
 
 def test_without_a_json_file_the_diagnosis_is_written_first():
-    lines = what_next.lines(found(outside=drawn()), Asked(ASKED.flights, ASKED.vehicle_file, ASKED.held_out, auto=True))
+    lines = what_next.lines(
+        found(outside=drawn()), DiagnoseCall(CALL.flights, CALL.vehicle_file, CALL.held_out, auto=True)
+    )
     assert typed(lines[0]) == [*AGAIN, "--auto", "--json", "diagnosis.json"]
     assert typed(lines[1])[3:5] == ["--diagnosis", "diagnosis.json"]
     assert len(lines) == 3
@@ -101,14 +103,14 @@ def test_without_a_json_file_the_diagnosis_is_written_first():
     [(drawn("time", "F_x"), "temperature"), (drawn("x"), "draught"), (drawn("constant", "F_z"), "weigh")],
 )
 def test_a_curve_against_no_state_of_the_vehicle_gets_a_remark(curve, words):
-    (line,) = what_next.lines(found(outside=curve), ASKED)
+    (line,) = what_next.lines(found(outside=curve), CALL)
     assert line.startswith("(")
     assert words in line
 
 
 def test_confounded_effects_are_separated_by_a_next_flight_in_the_space_flown():
-    alike = candidate("rotor_drag_speed", "cannot tell", 1e-7, "rotor_drag_thrust")
-    (line,) = what_next.lines(found(alike), ASKED)
+    alike = candidate("rotor_drag_speed", "inconclusive", 1e-7, "rotor_drag_thrust")
+    (line,) = what_next.lines(found(alike), CALL)
     assert typed(line) == [
         *["next-flight", "a.parquet", "my b.parquet", "--vehicle", "vehicle.toml"],
         *["--candidate", "rotor_drag_speed", "--candidate", "rotor_drag_thrust"],
@@ -117,32 +119,32 @@ def test_confounded_effects_are_separated_by_a_next_flight_in_the_space_flown():
 
 
 def test_undecided_candidates_are_separated_first():
-    doubtful = found(candidate("constant_wind", "cannot tell", 1e-9), undecided=("parasitic_drag", "rotor_drag_speed"))
-    (line,) = what_next.lines(doubtful, ASKED)
+    doubtful = found(candidate("constant_wind", "inconclusive", 1e-9), undecided=("parasitic_drag", "rotor_drag_speed"))
+    (line,) = what_next.lines(doubtful, CALL)
     words = typed(line)
     names = [words[i + 1] for i, word in enumerate(words) if word == "--candidate"]
     assert names == ["parasitic_drag", "rotor_drag_speed"]
     beside = found(outside=drawn(), undecided=("parasitic_drag", "rotor_drag_speed"))
-    assert what_next.lines(beside, ASKED) == [line]
+    assert what_next.lines(beside, CALL) == [line]
 
 
 def test_a_confounded_addition_is_tested_against_the_model_without_it():
     named = candidate("rotor_drag_speed", "present", 1e-9)
-    asked = Asked(ASKED.flights, ASKED.vehicle_file, ASKED.held_out, out=Path("better.toml"), auto=True)
-    (line,) = what_next.lines(found(named, rivals=(("weak_rotor[1]", 0.3),)), asked)
+    call = DiagnoseCall(CALL.flights, CALL.vehicle_file, CALL.held_out, out=Path("better.toml"), auto=True)
+    (line,) = what_next.lines(found(named, rivals=(("weak_rotor[1]", 0.3),)), call)
     words = typed(line)
     assert words[words.index("--vehicle") + 1] == "vehicle.toml"
     assert [words[i + 1] for i, word in enumerate(words) if word == "--candidate"] == [named.name, "weak_rotor[1]"]
 
 
 def test_nothing_in_doubt_proposes_nothing():
-    assert what_next.lines(found(candidate("angular_damping", "excluded", 0.4)), ASKED) == []
+    assert what_next.lines(found(candidate("angular_damping", "excluded", 0.4)), CALL) == []
 
 
 def test_the_column_map_of_a_foreign_log_is_repeated():
-    asked = Asked((Path("a.csv"),), Path("vehicle.toml"), columns=Path("columns.toml"))
-    lines = what_next.lines(found(candidate("ground_effect", "cannot tell", 0.4), outside=None), asked)
-    lines += what_next.lines(found(outside=drawn()), asked)
+    call = DiagnoseCall((Path("a.csv"),), Path("vehicle.toml"), columns=Path("columns.toml"))
+    lines = what_next.lines(found(candidate("ground_effect", "inconclusive", 0.4), outside=None), call)
+    lines += what_next.lines(found(outside=drawn()), call)
     assert len(lines) == 4
     for line in lines:
         assert ("--columns columns.toml" in line) == ("scaffold-effect" not in line)

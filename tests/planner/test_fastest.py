@@ -6,7 +6,9 @@ import pytest
 import planner
 from flight import Waypoints
 from planner import airframe, fastest, limits, minimum_snap, time_allocation
-from planner.time_allocation import Problem, Solution, Weights
+from planner import corrections as corrections_module
+from planner.corrections import Corrections
+from planner.time_allocation import Problem, Weights
 
 
 @pytest.fixture(scope="module")
@@ -36,21 +38,18 @@ def test_one_piece_leaves_the_path_as_it_is(walk):
 
 
 def test_the_corrected_excess_is_that_of_the_vehicles_own_model(walk, drone, open_sky):
-    """At the samples that were asked; half-way between them, where it is interpolated, nearly so."""
     frame = airframe.reduced(drone, drone.limits)
     knots = walk.states[:, 0]
     problem = Problem(knots, np.zeros((6, 4), dtype=bool), frame, open_sky, 0.3, Weights())
-    found = Solution(knots, walk.durations_s, walk, 0.0, 0, True)
     path = minimum_snap.trajectory(walk)
-    corrections = fastest._Corrections(np.zeros((5, time_allocation.SAMPLES, airframe.COLUMNS)))
-    corrections.measure(problem, found, path, drone)
-    reduced, _ = time_allocation.excess(problem, found)
-    times = time_allocation.sample_times(walk.durations_s)
-    full = airframe.measured_excess(frame, drone, path, times.ravel()).reshape(reduced.shape)
-    asked = (reduced.max(axis=2) > -0.2)[:, ::2] & (np.abs(full - reduced).max(axis=2) < 0.5)[:, ::2]
-    assert asked.sum() > 10
-    corrected = (reduced + corrections.total() - corrections.between - fastest._SPARE)[:, ::2][asked]
-    assert np.allclose(corrected, full[:, ::2][asked], rtol=0.0, atol=1e-6)
+    corrections = Corrections(np.zeros((5, time_allocation.SAMPLES, airframe.COLUMNS)))
+    corrections.measure(problem, walk, path, drone, np.ones(5, dtype=bool))
+    reduced, _ = time_allocation.excess(problem, walk)
+    full = airframe.measured_excess(frame, drone, path, np.arange(5), time_allocation.FRACTIONS)
+    asked = (reduced.max(axis=2) > -0.2) & (np.abs(full - reduced).max(axis=2) < 0.5)
+    assert asked.sum() > 20
+    corrected = (reduced + corrections.total() - corrections.between - corrections_module._SPARE)[asked]
+    assert np.allclose(corrected, full[asked], rtol=0.0, atol=1e-6)
 
 
 def test_only_segments_that_exceed_a_limit_are_asked_for_more(walk, drone):
@@ -58,24 +57,24 @@ def test_only_segments_that_exceed_a_limit_are_asked_for_more(walk, drone):
     speeds = limits.certified_maxima(path, 1)[0]
     bound = 0.5 * float(np.sort(speeds)[-1] + np.sort(speeds)[-2])
     used = limits.usage(path, drone, replace(drone.limits, speed_m_s=bound), step_s=0.01)
-    corrections = fastest._Corrections(np.zeros((5, time_allocation.SAMPLES, airframe.COLUMNS)))
+    corrections = Corrections(np.zeros((5, time_allocation.SAMPLES, airframe.COLUMNS)))
     before = corrections.total()
     corrections.stricter(used)
     more = corrections.total() - before
     fastest_segment = int(np.argmax(speeds))
-    assert np.allclose(more[fastest_segment, :, 0], fastest._STRICTER)
+    assert np.allclose(more[fastest_segment, :, 0], corrections_module._STRICTER)
     others = np.delete(np.arange(5), fastest_segment)
     assert np.all(more[others, :, 0] == 0.0)
 
 
 def test_multipliers_rise_where_a_limit_is_exceeded_and_fall_where_it_is_not():
-    corrections = fastest._Corrections(np.zeros((1, time_allocation.SAMPLES, airframe.COLUMNS)))
+    corrections = Corrections(np.zeros((1, time_allocation.SAMPLES, airframe.COLUMNS)))
     excess = np.full(corrections.model.shape, -1.0)
     excess[0, 3, 2] = 0.05
-    corrections.press(excess)
-    assert corrections.multiplier[0, 3, 2] == pytest.approx(0.05 + fastest._SPARE)
+    corrections.press(excess, np.array([True]))
+    assert corrections.multiplier[0, 3, 2] == pytest.approx(0.05 + corrections_module._SPARE)
     assert np.count_nonzero(corrections.multiplier) == 1
-    corrections.press(np.full_like(excess, -0.02))
+    corrections.press(np.full_like(excess, -0.02), np.array([True]))
     assert 0.0 < corrections.multiplier[0, 3, 2] < 0.05
 
 

@@ -6,7 +6,7 @@ import pytest
 
 import planner
 from esdf import solids
-from flight import InputError, Trajectory, trajectory
+from flight import FormatError, InputError, Trajectory, Waypoints, trajectory
 from planner import gate
 
 
@@ -193,3 +193,23 @@ def test_a_jump_is_caught_from_one_millionth_of_the_largest_value_on(good, pilla
     names = failed(good, Trajectory(path.durations_s, c), pillar, drone)
     joins = {name for name in names if name.endswith("at joins")}
     assert joins == ({f"{('position', 'velocity', 'acceleration', 'jerk')[derivative]} at joins"} if caught else set())
+
+
+def test_a_file_is_checked_for_the_radius_margin_limits_and_reserve_it_records(pillar, drone, tmp_path):
+    ask = Waypoints(np.array([[-4.0, -2.0, 1.0], [4.0, -2.0, 1.5]]), np.full(2, np.nan))
+    options = planner.PlanOptions(
+        radius_m=0.1, margin_m=0.35, control_reserve=0.2, limits=drone.with_limits(speed_m_s=4.0).limits
+    )
+    planner.save_plan(tmp_path / "a.json", planner.plan(ask, pillar, drone, options), name="a")
+    item = trajectory.load(tmp_path / "a.json")
+    again = gate.check_file(item, pillar, drone)
+    assert again.passed
+    assert (again.required_clearance_m, again.body_radius_m) == (pytest.approx(0.45), 0.1)
+    bounds = {check.name: check.bound for check in again.checks}
+    assert bounds["speed"] == 4.0
+    assert bounds["rotor speed"] == pytest.approx(options.limits_for(drone).rotor_speed_max_rad_s)
+    assert gate.options_of(item).limits == options.limits
+    damaged = dataclasses.replace(item, check={**item.check, "asked": {"radius_m": "wide"}})
+    with pytest.raises(FormatError, match="damaged"):
+        gate.check_file(damaged, pillar, drone)
+    assert gate.options_of(dataclasses.replace(item, check={})) == planner.PlanOptions()

@@ -7,7 +7,8 @@ from scipy.sparse.csgraph import dijkstra
 
 import esdf
 from esdf import solids
-from planner import _planner, search, space
+from flight import Waypoints
+from planner import PlanInfeasibleError, PlanOptions, _planner, routes, search, space
 
 BOX = np.array([[-3.0, -2.0, 1.0], [3.0, 2.5, 1.5]])
 
@@ -131,3 +132,32 @@ def test_more_clearance_never_makes_a_shorter_way(pillar):
         lengths.append(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
     assert all(b >= a - 0.05 for a, b in itertools.pairwise(lengths))  # 5 cm: half a cell
     assert lengths[-1] > lengths[0] + 0.1
+
+
+@pytest.mark.parametrize("width_m", [0.3, 0.5])
+def test_without_a_way_the_narrowest_gap_is_told_with_place_and_width(width_m):
+    """A wall with two doors: the wider one, too narrow all the same, is where most room is."""
+    half = 0.5 * width_m
+    scene = solids.Scene(
+        [
+            solids.Room((-3.0, -3.0, 0.0), (3.0, 3.0, 2.5)),
+            solids.Box((-0.1, -3.0, 0.0), (0.1, -2.1, 2.5)),
+            solids.Box((-0.1, -2.0, 0.0), (0.1, 1.5 - half, 2.5)),
+            solids.Box((-0.1, 1.5 + half, 0.0), (0.1, 3.0, 2.5)),
+        ]
+    )
+    ask = Waypoints(np.array([[-2.0, 0.0, 1.0], [2.0, 0.0, 1.0]]), np.full(2, np.nan))
+    with pytest.raises(PlanInfeasibleError, match="the widest way narrows to") as caught:
+        routes.find(ask, scene, PlanOptions())
+    gap = caught.value.gap
+    assert gap is not None
+    assert gap.width_m == pytest.approx(width_m, abs=0.25)
+    assert np.linalg.norm(np.array(gap.point_world_m[:2]) - [0.0, 1.5]) < 0.3
+    routes.find(ask, scene, PlanOptions(radius_m=0.5 * width_m - 0.06, margin_m=0.0))
+
+
+def test_a_closed_room_has_a_gap_of_no_width():
+    scene = solids.Scene([solids.Room((-3, -3, 0), (3, 3, 2.5)), solids.Box((-0.1, -3.0, 0.0), (0.1, 3.0, 2.5))])
+    ask = Waypoints(np.array([[-2.0, 0.0, 1.0], [2.0, 0.0, 1.0]]), np.full(2, np.nan))
+    with pytest.raises(PlanInfeasibleError, match=r"narrows to 0.00 m at .* 0.60 m are needed"):
+        routes.find(ask, scene, PlanOptions())

@@ -39,9 +39,11 @@ def problem(seed: int, segments: int = 5, **weights: float) -> tuple[Problem, np
     moving = {"start": rng.normal(size=(3, 4)), "end": rng.normal(size=(3, 4)), "velocity": velocity}
     given = moving if seed % 2 else {}
     target = np.array([0.3, -0.2, 1.0]) if seed % 3 == 0 else None
+    reference_s = rng.uniform(0.5, 2.0, segments) if rng.uniform() < 0.5 else None
     radius = np.where(rng.random(segments + 1) < 0.5, rng.uniform(0.7, 1.5, segments + 1), 0.0)  # some have no ball
     balls = np.column_stack([knots[:, :3] + rng.normal(size=(segments + 1, 3)), radius])
-    p = Problem(knots, free, frame, scene, 1.0, price, offsets, target_world_m=target, balls=balls, **given)
+    moved = {"reference_s": reference_s, "target_world_m": target, "balls": balls, **given}
+    p = Problem(knots, free, frame, scene, 1.0, price, offsets, **moved)
     return p, rng.uniform(0.4, 0.9, segments)
 
 
@@ -74,8 +76,9 @@ def test_the_gradient_is_that_of_finite_differences(seed, only):
             for e in steps
         ]
     ).reshape(p.knots.shape)
-    assert np.allclose(by_T, numeric_T, rtol=2e-5, atol=1e-5 * (1.0 + np.abs(by_T).max()))
-    assert np.allclose(by_knots, numeric_knots, rtol=2e-5, atol=1e-5 * (1.0 + np.abs(by_knots).max()))
+    # The field's own gradient is a difference over a tenth of a millimetre.
+    assert np.allclose(by_T, numeric_T, rtol=2e-5, atol=3e-5 * (1.0 + np.abs(by_T).max()))
+    assert np.allclose(by_knots, numeric_knots, rtol=2e-5, atol=3e-5 * (1.0 + np.abs(by_knots).max()))
 
 
 @settings(max_examples=30, deadline=None)
@@ -90,9 +93,9 @@ def test_the_kernel_agrees_with_the_numpy_reference(seed, segments):
 @given(SEEDS)
 def test_the_excess_agrees_with_the_numpy_reference(seed):
     p, T = problem(seed)
-    found = time_allocation.Solution(p.knots, T, p.spline(p.knots, T), 0.0, 0, True)
-    at_samples, peaks = time_allocation.excess(p, found)
-    plain = airframe.excess_numpy(p.airframe, time_allocation.derivatives(found.spline).reshape(-1, 5, 4))
+    spline = p.spline(p.knots, T)
+    at_samples, peaks = time_allocation.excess(p, spline)
+    plain = airframe.excess_numpy(p.airframe, time_allocation.derivatives(spline).reshape(-1, 5, 4))
     assert np.allclose(at_samples.reshape(plain.shape), plain, rtol=1e-9, atol=1e-9 * np.abs(plain).max())
     assert (peaks >= at_samples).all()
 
@@ -106,8 +109,8 @@ def test_the_reduced_vehicle_is_close_to_the_full_model(pace):
     spline = minimum_snap.solve(knots, T)
     frame = airframe.reduced(drone, drone.limits)
     reduced = airframe.excess_numpy(frame, time_allocation.derivatives(spline).reshape(-1, 5, 4))
-    times = time_allocation.sample_times(T).ravel()
-    full = airframe.measured_excess(frame, drone, minimum_snap.trajectory(spline), times)
+    path = minimum_snap.trajectory(spline)
+    full = airframe.measured_excess(frame, drone, path, np.arange(6), time_allocation.FRACTIONS).reshape(reduced.shape)
     assert np.abs(full[:, :2] - reduced[:, :2]).max() < 1e-5
     flown = full.max(axis=1) < 0.1  # motions the optimiser may end with
     assert flown.mean() > 0.7

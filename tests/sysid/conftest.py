@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import vehicle
-from flight import FlightLog
+from flight import FlightLog, flight_log
 
 
 def _load_flying():
@@ -26,9 +26,14 @@ def flying():
 
 
 @pytest.fixture(scope="session")
-def campaign(flying) -> list[FlightLog]:
-    rng = np.random.default_rng(7)
-    return flying.fly(flying.Truth(), flying.paper_flights(rng), 3, duration_s=16.0, rng=rng, rate_hz=100.0)
+def campaign(flying, made_once) -> list[FlightLog]:
+    def fly(folder: Path) -> None:
+        rng = np.random.default_rng(7)
+        logs = flying.fly(flying.Truth(), flying.paper_flights(rng), 3, duration_s=16.0, rng=rng, rate_hz=100.0)
+        for i, log in enumerate(logs):
+            flight_log.save(folder / f"{i}.parquet", log)
+
+    return [flight_log.load(path) for path in sorted(made_once("campaign", fly).glob("*.parquet"))]
 
 
 @pytest.fixture(scope="session")

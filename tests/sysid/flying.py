@@ -172,9 +172,9 @@ def _control(truth: Truth, state: np.ndarray, setpoint: tuple[np.ndarray, ...]) 
     pull = 4.0 * (wanted - position) + 3.0 * (wanted_velocity - velocity) + wanted_acceleration - GRAVITY
     pull[:, 2] = np.maximum(pull[:, 2], 3.0)
     z = pull / np.linalg.norm(pull, axis=1, keepdims=True)
-    y = np.cross(z, np.stack([np.cos(yaw), np.sin(yaw), 0.0 * yaw], axis=1))
+    y = rotations.cross(z, np.stack([np.cos(yaw), np.sin(yaw), 0.0 * yaw], axis=1))
     y /= np.linalg.norm(y, axis=1, keepdims=True)
-    R = np.stack([np.cross(y, z), y, z], axis=2)
+    R = np.stack([rotations.cross(y, z), y, z], axis=2)
     error = rotations.log(rotations.multiply(rotations.conjugate(q), rotations.from_matrix(R)))
     turn = 0.004 * np.array([220.0, 220.0, 40.0]) * error - 0.004 * np.array([22.0, 22.0, 12.0]) * rate
     collective = truth.mass * (pull * rotations.rotate(q, np.array([0.0, 0.0, 1.0]))).sum(axis=1)
@@ -191,7 +191,7 @@ def _derivative(truth: Truth, state: np.ndarray, command: np.ndarray) -> np.ndar
     inertia = np.array(truth.inertia)
     force, torque = wrench(truth, rotations.rotate(rotations.conjugate(q), state[:, 3:6]), rate, speed)
     turning = 0.5 * rotations.multiply(q, np.concatenate([np.zeros((len(q), 1)), rate], axis=1))
-    angular = (torque - np.cross(rate, inertia * rate)) / inertia
+    angular = (torque - rotations.cross(rate, inertia * rate)) / inertia
     pulled = rotations.rotate(q, force) - truth.tether * np.array([1.0, 1.0, 0.0]) * state[:, :3]
     linear = pulled / truth.mass + GRAVITY
     return np.concatenate([state[:, 3:6], linear, turning, angular, (command - speed) / truth.lag], axis=1)

@@ -19,6 +19,7 @@ SYMMETRIC = (
     "rotor_drag_speed",
     "parasitic_drag_speed",
     "flapping_moment",
+    "wake_skew_moment",
     "rotor_interaction",
     "descent_loss",
     "gyroscopic_torque",

@@ -71,11 +71,12 @@ def load_file(path: Path) -> Effect:
     if not path.is_file():
         raise InputError(f"effect file {path} does not exist")
     spec = importlib.util.spec_from_file_location(f"goshawk_effect_{path.stem}", path)
-    if spec is None or spec.loader is None:
+    if spec is None:
         raise FormatError(f"effect file {path} is not a Python file")
     module = importlib.util.module_from_spec(spec)
     try:
-        spec.loader.exec_module(module)
+        # not exec_module, which leaves compiled files beside the user's
+        exec(compile(path.read_bytes(), path, "exec"), module.__dict__)
     except Exception as error:
         raise FormatError(f"effect file {path} does not run: {error}") from error
     effect = getattr(module, "EFFECT", None)

@@ -179,6 +179,8 @@ class Spec:
     """A convention rather than a fact (a reference voltage): never estimated."""
     scaling: Scaling = SAME
     """How `prior` grows with the vehicle."""
+    optional: bool = False
+    """A vehicle file may leave it out and means the default: added to an effect that files already name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,6 +216,8 @@ class Effect:
     """Another effect that this one contains; the two are never active together ..."""
     takes_over: tuple[str, str] = ("", "")
     """... and its parameter, and which of ours has the same value."""
+    moves_like: str = ""
+    """Another effect that moves the vehicle alike, so that flights cannot tell the two apart: never a candidate."""
 
 
 def cross(a: Array, b: Array) -> Array:

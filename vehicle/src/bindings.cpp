@@ -164,6 +164,20 @@ void flatness(const Model& model, In values, double gravity, In hover, double sp
     }
 }
 
+// path: rows as for flatness, one per instant; rate: body rates (n, 3). out: rows of q 0-3 and even rotor speeds 4-7,
+// the start as well.
+void attitudes(const Model& model, In values, double gravity, double tolerance, In path, In rate, InOut out) {
+    nb::gil_scoped_release release;
+    const Body<double> body = rigid_body(model, values.data());
+    const Alignment alignment{model, values.data(), body, gravity};
+    for (size_t i = 0; i < out.shape(0); ++i) {
+        const double* p = row(path, i);
+        const PathPoint point = {{p[0], p[1], p[2]}, {p[3], p[4], p[5]}, p[6], p[7]};
+        double* o = out.data() + 8 * i;
+        alignment.attitude(point, row(rate, i), tolerance, o + 4, o);
+    }
+}
+
 // An own effect is a Python function without arguments that works on `mirror`, a copy of the flow as 60 numbers in the
 // order of Flow<double>.
 OwnEffect own_effect(nb::callable function, Mirror mirror) {
@@ -193,7 +207,8 @@ NB_MODULE(_vehicle, m) {
         .def("jacobian", &jacobian)
         .def("step", &step)
         .def("invert", &invert)
-        .def("flatness", &flatness);
+        .def("flatness", &flatness)
+        .def("attitudes", &attitudes);
     m.def("effects", [] {
         std::vector<std::pair<std::string, int>> known;
         for (const Entry& e : catalogue()) known.emplace_back(e.name, e.parameters);

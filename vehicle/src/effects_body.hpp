@@ -1,7 +1,7 @@
 // Effects on mass, motors, air, force and torque; each is the compiled form of vehicle/effects/<name>.py.
 #pragma once
 
-#include "state.hpp"
+#include "effects_thrust.hpp"
 
 namespace goshawk {
 namespace effects {
@@ -12,6 +12,11 @@ template <class T>
 void centre_of_mass(Body<T>& body, const T* p) {
     body.centre[0] += p[0];
     body.centre[1] += p[1];
+}
+
+template <class T>
+void centre_of_mass_height(Body<T>& body, const T* p) {
+    body.centre[2] += p[0];
 }
 
 template <class T>
@@ -118,6 +123,22 @@ void flapping_moment(Flow<T>& flow, const T* p) {
 }
 
 template <class T>
+void wake_skew_moment(Flow<T>& flow, const T* p) {
+    const T two_rho_area = 2.0 * kPi * flow.air_density * flow.radius * flow.radius;
+    for (int i = 0; i < 4; ++i) {
+        T a[3];
+        flow.hub_velocity(i, a);
+        const T edgewise_squared = a[0] * a[0] + a[1] * a[1];
+        const T thrust = real(flow.thrust[i]) > 0.0 ? flow.thrust[i] : T(0.0);
+        const T induced = induced_velocity(T(1.0), a[2], edgewise_squared, thrust, T(0.0), two_rho_area);
+        const T through = a[2] + induced;
+        const T strength = flow.rotor_speed[i] * induced / sqrt(edgewise_squared + through * through + 1e-12);
+        flow.torque[0] += p[0] * strength * a[1];
+        flow.torque[1] -= p[1] * strength * a[0];
+    }
+}
+
+template <class T>
 void airframe_side_moment(Flow<T>& flow, const T* p) {
     const T* v = flow.velocity;
     const T speed = speed_of(flow);
@@ -130,6 +151,13 @@ template <class T>
 void rotor_yaw_torque(Flow<T>& flow, const T* p) {
     for (int i = 0; i < 4; ++i) {
         flow.torque[2] -= p[0] * flow.spin[i] * flow.rotor_speed[i] * flow.rotor_speed[i];
+    }
+}
+
+template <class T>
+void uneven_rotor_torque(Flow<T>& flow, const T* p) {
+    for (int i = 0; i < 4; ++i) {
+        flow.torque[2] -= p[i] * flow.spin[i] * flow.rotor_speed[i] * flow.rotor_speed[i];
     }
 }
 

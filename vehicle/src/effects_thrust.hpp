@@ -59,6 +59,20 @@ void thrust_bem(Flow<T>& flow, const T* p) {
 }
 
 template <class T>
+void thrust_blade_element(Flow<T>& flow, const T* p) {
+    const T two_rho_area = 2.0 * kPi * flow.air_density * flow.radius * flow.radius;
+    for (int i = 0; i < 4; ++i) {
+        T a[3];
+        flow.hub_velocity(i, a);
+        const T& n = flow.rotor_speed[i];
+        const T edgewise_squared = a[0] * a[0] + a[1] * a[1];
+        const T collective = p[0] * (n * n + 1.5 * edgewise_squared / (flow.radius * flow.radius));
+        const T induced = induced_velocity(T(1.0), a[2], edgewise_squared, collective, T(p[1] * n), two_rho_area);
+        flow.thrust[i] += collective + p[1] * n * (a[2] + induced);
+    }
+}
+
+template <class T>
 void thrust_quadratic(Flow<T>& flow, const T* p) {
     for (int i = 0; i < 4; ++i) flow.thrust[i] += p[0] * flow.rotor_speed[i] * flow.rotor_speed[i];
 }
@@ -116,7 +130,7 @@ void rotor_interaction(Flow<T>& flow, const T* p) {
     for (int i = 0; i < 4; ++i) {
         const T* r = flow.hub[i];
         const T behind = -(r[0] * flow.velocity[0] + r[1] * flow.velocity[1]) / sqrt(r[0] * r[0] + r[1] * r[1]);
-        if (real(behind) > 0.0) flow.thrust[i] *= 1.0 - p[0] * behind;
+        flow.thrust[i] *= 1.0 - (real(behind) > 0.0 ? p[0] : p[1]) * behind;
     }
 }
 
@@ -127,9 +141,9 @@ void descent_loss(Flow<T>& flow, const T* p) {
         if (!(real(flow.thrust[i]) > 1e-9)) continue;
         T a[3];
         flow.hub_velocity(i, a);
-        const T place = (a[2] / sqrt(flow.thrust[i] / disk) + 1.25) / 0.75;
-        if (!(real(place) > -1.0 && real(place) < 1.0)) continue;
-        const T root = 1.0 - place * place;
+        const T off = (a[2] / sqrt(flow.thrust[i] / disk) - p[1]) / p[2];
+        if (!(real(off) > -1.0 && real(off) < 1.0)) continue;
+        const T root = 1.0 - off * off;
         flow.thrust[i] *= 1.0 - p[0] * root * root;
     }
 }

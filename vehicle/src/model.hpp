@@ -29,12 +29,14 @@ struct Entry {
 // One line per effect: name, where it acts, number of parameters.
 #define GOSHAWK_EFFECTS(X)                \
     X(centre_of_mass, mass, 2)            \
+    X(centre_of_mass_height, mass, 1)     \
     X(payload, mass, 4)                   \
     X(products_of_inertia, mass, 3)       \
     X(motor_lag, drive, 2)                \
     X(battery_sag, drive, 2)              \
     X(constant_wind, flow, 3)             \
     X(thrust_bem, flow, 2)                \
+    X(thrust_blade_element, flow, 2)      \
     X(thrust_quadratic, flow, 1)          \
     X(thrust_affine, flow, 2)             \
     X(inflow_linear, flow, 1)             \
@@ -42,15 +44,17 @@ struct Entry {
     X(ground_effect, flow, 1)             \
     X(ceiling_effect, flow, 1)            \
     X(weak_rotor, flow, 4)                \
-    X(rotor_interaction, flow, 1)         \
-    X(descent_loss, flow, 1)              \
+    X(rotor_interaction, flow, 2)         \
+    X(descent_loss, flow, 3)              \
     X(rotor_drag_thrust, flow, 1)         \
     X(rotor_drag_speed, flow, 1)          \
     X(parasitic_drag, flow, 2)            \
     X(parasitic_drag_speed, flow, 3)      \
     X(flapping_moment, flow, 1)           \
+    X(wake_skew_moment, flow, 2)          \
     X(airframe_side_moment, flow, 3)      \
     X(rotor_yaw_torque, flow, 1)          \
+    X(uneven_rotor_torque, flow, 4)       \
     X(gyroscopic_torque, flow, 1)         \
     X(rotor_acceleration_torque, flow, 1) \
     X(angular_damping, flow, 3)           \

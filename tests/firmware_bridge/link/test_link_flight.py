@@ -156,7 +156,7 @@ def test_a_link_that_is_lost_later_is_reported_too(serve, plans):
         link.take_control()
         served.stop()
         waiting.until(lambda: link.state.age_s > 1.5)
-        with pytest.raises(LinkError, match="is dead: nothing heard for"):
+        with pytest.raises(LinkError, match="is lost: no message for"):
             link.command(Command.ARM)
 
 

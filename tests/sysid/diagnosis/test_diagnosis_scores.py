@@ -27,7 +27,7 @@ def result(kind, hidden=(), said=(), *, outside=None, truth=((), ()), ratio=3.0,
             "additions": list(said),
             "outside": outside and {"channel": outside[0], "variable": outside[1], "confidence": confidence},
             "confidence": confidence,
-            "suspects": candidates,
+            "candidates": candidates,
             "wall_s": 10.0,
             "cpu_s": 10.0,
         },
@@ -160,7 +160,7 @@ def test_sizes_scale_with_the_mass_the_file_believes():
     truth = {"hidden": {"flapping_moment": {"moment_kg_m": 1e-6}}, "mass_kg": 0.5, "file_mass_kg": 0.51}
     for value, held in ((1.02e-6, True), (1.00e-6, False)):
         interval = {"moment_kg_m": [value - 8e-9, value + 8e-9]}
-        said = {"additions": ["flapping_moment"], "suspects": {"flapping_moment": {"interval90": interval}}}
+        said = {"additions": ["flapping_moment"], "candidates": {"flapping_moment": {"interval90": interval}}}
         assert diagnosis_run.inside(said, truth) == {"flapping_moment.moment_kg_m": held}
 
 
@@ -170,7 +170,7 @@ def test_a_rotor_wrongly_blamed_has_no_size():
     sizes = {"loss_0": 0.0, "loss_2": 0.05}
     truth = {"hidden": {"weak_rotor": sizes}, "mass_kg": 0.5, "file_mass_kg": 0.5}
     interval = {"weak_rotor[0]": {"interval90": {"loss_0": [-0.1, 0.1]}}}
-    assert diagnosis_run.inside({"additions": ["weak_rotor[0]"], "suspects": interval}, truth) == {}
+    assert diagnosis_run.inside({"additions": ["weak_rotor[0]"], "candidates": interval}, truth) == {}
 
 
 def test_the_clearest_parameter_says_whether_an_effect_could_be_seen():

@@ -93,12 +93,12 @@ def test_nobody_is_named_where_two_explain_as_much(doubtful):
     assert doubtful.additions == ()
     assert set(doubtful.undecided) == pair
     assert "or" in doubtful.verdict
-    assert "cannot tell which" in doubtful.verdict
+    assert "confounded in these flights" in doubtful.verdict
     sure = {s.name: s.confidence for s in doubtful.candidates if s.name in pair}
     assert all(0.02 < p < 0.95 for p in sure.values())
     left = unknown_left(doubtful.search.left)
     assert doubtful.confidence == pytest.approx(sum(sure.values()) * (1.0 - left))
-    assert {s.verdict for s in doubtful.candidates if s.name in pair} == {"cannot tell"}
+    assert {s.verdict for s in doubtful.candidates if s.name in pair} == {"inconclusive"}
     assert doubtful.outside is None
     assert doubtful.as_dict()["undecided"] == list(doubtful.undecided)
 
@@ -140,7 +140,7 @@ def test_what_the_flights_so_far_cannot_name_is_named_after_the_proposed_flight(
     before = flown(truth, LITTLE, rng)
     first = diagnose(before, base, auto=True)
     assert first.additions == ()
-    assert next(s for s in first.candidates if s.name == right).verdict == "cannot tell"
+    assert next(s for s in first.candidates if s.name == right).verdict == "inconclusive"
     best = next_flight.rank(
         first,
         candidates=[right, wrong],

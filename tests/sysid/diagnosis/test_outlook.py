@@ -9,7 +9,7 @@ import pytest
 import vehicle
 from flight import FlightLog
 from goshawk import what_next
-from goshawk.what_next import Asked
+from goshawk.what_next import DiagnoseCall
 from sysid import Options, identify
 from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.examined import Model, examine
@@ -37,7 +37,7 @@ def open_(candidate: Candidate, shrunk: float = 1.0) -> CandidateFinding:
         for p, usual in zip(candidate.parameters, candidate.usual, strict=True)
     )
     how = (candidate.excited_by, candidate.channels, candidate.regressor)
-    return CandidateFinding(candidate.name, Verdict.CANNOT_TELL, "", sizes, 0.0, 0.5, 0.0, 0.1, (), *how)
+    return CandidateFinding(candidate.name, Verdict.INCONCLUSIVE, "", sizes, 0.0, 0.5, 0.0, 0.1, (), *how)
 
 
 def doubting(model: Model, *findings: CandidateFinding) -> Diagnosis:
@@ -68,7 +68,7 @@ def test_the_ground_is_not_advised_where_these_flights_stayed_high(model):
     view = outlook(found, rng=np.random.default_rng(0))["ground_effect"]
     assert view.manoeuvre == ""
     assert "no manoeuvre that shows it fits" in view.sentence
-    asked = Asked((), cast("Any", "vehicle.toml"))
+    asked = DiagnoseCall((), cast("Any", "vehicle.toml"))
     assert what_next.lines(found, asked, {"ground_effect": view}) == []
 
 

@@ -58,7 +58,7 @@ def test_neither_speed_nor_command_is_refused(campaign, truth):
 
 
 def test_neither_pose_nor_imu_is_refused(campaign, truth):
-    with pytest.raises(InputError, match="nothing shows the motion"):
+    with pytest.raises(InputError, match="needs both gyro and accelerometer"):
         sysid.identify([_without(campaign[0], "position")], truth)
 
 

@@ -17,13 +17,6 @@ def changed(log: FlightLog, **columns: np.ndarray) -> FlightLog:
     return FlightLog({**log.columns, **columns}, log.metadata)
 
 
-@pytest.fixture(scope="module")
-def log(flying) -> FlightLog:
-    rng = np.random.default_rng(5)
-    reference = flying.paper_flights(rng)
-    return flying.fly(flying.Truth(), reference, 3, duration_s=10.0, rng=rng, rate_hz=100.0, gyro_noise_rad_s=0.02)[2]
-
-
 def in_rpm(log):
     return changed(log, **{name: log.columns[name] * 30.0 / np.pi for name in ROTORS})
 

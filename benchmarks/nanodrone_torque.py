@@ -1,0 +1,108 @@
+"""How much of the rotors' roll and pitch torque a moment in edgewise flow explains, on kinds of flight held out.
+
+Run by `real_logs.py torque`. The torque of the measured rotor speeds is regressed on inertia times turning (gyroscopic
+term included) and on a moment of the catalogue, and judged on the kind of flight left out, all within a band.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
+
+import vehicle
+from flight import FlightLog, FloatArray, rotations
+from sysid.logs.consistency import GRID_S, kinematics
+
+MOMENTS = {
+    "none": {},
+    "flapping_moment": {"moment_kg_m": 1e-7},
+    "wake_skew_moment": {"roll_kg_m": 1e-7, "pitch_kg_m": 1e-7},
+}
+BANDS_HZ = {"0.3-20 Hz": (0.3, 20.0), "3-20 Hz": (3.0, 20.0)}
+TAKE_OFF_S, TOUCHDOWN_S = 1.5, 2.5
+"""Left out at the ends, where the ground pushes as well."""
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """One flight on the grid of the log's checks."""
+
+    kind: str
+    velocity_body_m_s: FloatArray
+    rate_rad_s: FloatArray
+    turning_rad_s2: FloatArray
+    rotor_speed_rad_s: FloatArray
+    torque_n_m: FloatArray
+    """(n, 3) of the rotors, by the vehicle file's thrust."""
+    known: NDArray[np.bool_]
+    """(n,) whether the position was there: around its jumps it is not."""
+
+
+def flown(log: FlightLog) -> FlightLog:
+    """The log without take-off and touchdown."""
+    return log.slice(log.time_s[0] + TAKE_OFF_S, log.time_s[-1] - TOUCHDOWN_S)
+
+
+def run(logs: Mapping[str, FlightLog], model: vehicle.Vehicle) -> None:
+    """A table for each band: share of the torque's variance explained on each kind, learnt from the other kinds."""
+    motions = [_motion(name.split("_")[0].rstrip("1"), flown(log), model) for name, log in logs.items()]
+    kinds = sorted({m.kind for m in motions})
+    for title, band in BANDS_HZ.items():
+        print(f"\n| {title}: share explained, held out | " + " | ".join(kinds) + " | inertia, 1e-5 kg m2 |")
+        print("| --- |" + " --- |" * (len(kinds) + 1))
+        for moment, values in MOMENTS.items():
+            for axis, axis_name in enumerate(("roll", "pitch")):
+                columns = [_banded(_columns(m, axis, moment, values, model), band)[m.known] for m in motions]
+                torque = [_banded(m.torque_n_m[:, axis], band)[m.known] for m in motions]
+                found = [_held_out(columns, torque, [m.kind == kind for m in motions]) for kind in kinds]
+                inertia = " to ".join(f"{1e5 * f([size for _, size in found]):.2f}" for f in (min, max))
+                print(f"| {moment}, {axis_name} | " + " | ".join(f"{s:.2f}" for s, _ in found) + f" | {inertia} |")
+
+
+def _motion(kind: str, log: FlightLog, model: vehicle.Vehicle) -> Motion:
+    motion = kinematics(log)
+    assert motion is not None
+    speed, rate = (
+        np.stack([np.interp(motion.time_s, log.time_s, column) for column in log.vector(quantity).T], axis=1)
+        for quantity in ("rotor_speed_rad_s", "rate_body_rad_s")
+    )
+    still = np.zeros_like(rate)
+    return Motion(
+        kind,
+        rotations.rotate(rotations.conjugate(motion.q), motion.velocity_world_m_s),
+        rate,
+        np.gradient(rate, GRID_S, axis=0),
+        speed,
+        vehicle.wrench(model, still, still, speed)[1],
+        np.interp(motion.time_s, log.time_s, np.isfinite(log.vector("position_world_m")).all(axis=1)) > 0.99,
+    )
+
+
+def _columns(m: Motion, axis: int, moment: str, values: Mapping[str, float], model: vehicle.Vehicle) -> FloatArray:
+    """(n, 2 or 3): turning, its gyroscopic term, and the moment's torque."""
+    gyroscopic = m.rate_rad_s[:, 1 - axis] * m.rate_rad_s[:, 2]
+    columns = [m.turning_rad_s2[:, axis], gyroscopic]
+    if moment != "none":
+        motion = m.velocity_body_m_s, m.rate_rad_s, m.rotor_speed_rad_s
+        with_it = vehicle.wrench(model.with_effect(moment, **values), *motion)[1]
+        columns.append((with_it - vehicle.wrench(model, *motion)[1])[:, axis])
+    return np.stack(columns, axis=1)
+
+
+def _banded(values: FloatArray, band: tuple[float, float]) -> FloatArray:
+    return np.asarray(sosfiltfilt(butter(3, band, "band", fs=1.0 / GRID_S, output="sos"), values, axis=0))
+
+
+def _held_out(columns: list[FloatArray], torque: list[FloatArray], left_out: list[bool]) -> tuple[float, float]:
+    """Share explained on the flights left out, and the inertia, by least squares over the others."""
+
+    def joined(parts: list[FloatArray], wanted: bool) -> FloatArray:
+        return np.concatenate([part for part, out in zip(parts, left_out, strict=True) if out == wanted])
+
+    x, y = joined(columns, False), joined(torque, False)
+    scale = np.abs(x).max(axis=0)
+    size = np.linalg.lstsq(x / scale, y, rcond=None)[0] / scale
+    rest = joined(torque, True) - joined(columns, True) @ size
+    return 1.0 - float((rest**2).sum() / (joined(torque, True) ** 2).sum()), float(size[0])

@@ -1,0 +1,169 @@
+"""Tilt, rates and rotor speeds over whole pieces of a path, with an allowance for what a few instants cannot show.
+
+The vehicle's own forces give the attitude at the Chebyshev nodes of each piece; body rates and torque follow from the
+derivatives of the polynomial through them (Trefethen, Spectral Methods in MATLAB, 2000), and the rotor speeds from
+those. So an instant costs one attitude, and everything is known between the nodes too, as far as it is smooth: what the
+highest coefficients carry is the measure for how far that is.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from flight import FloatArray, Trajectory, polynomial, rotations
+from flight.frames import GRAVITY_M_S2
+from vehicle import Vehicle, flatness, invert
+from vehicle.forces import Surroundings
+from vehicle.model import rigid_body
+
+NODES = 12
+"""Instants in a piece."""
+UP, RATE, ROTOR = 0, slice(1, 4), slice(4, 8)
+"""Columns of the values: cosine of the tilt, body rates, rotor speeds."""
+VALUES = 8
+_REACH = 1.1
+"""The nodes reach beyond a piece by this factor, as derivatives are poor at the outermost ones."""
+_DOUBT = 5.0
+"""Error over the sum of the last four coefficients: at most this where a force has a kink (drag changes sign); the
+excess seen beyond it was 0.1 % of a rotor's speed."""
+_ROUGHLY = 1e-6
+"""Accuracy of the attitudes from which the rates that forces depend on are taken."""
+_LONGEST_S = 0.5
+"""Of a piece, where only samples are asked for."""
+_PARTS = 4
+"""Parts of a piece in which the hull bound is taken."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pieces:
+    """Parts of a trajectory's segments."""
+
+    segment: np.ndarray
+    """(p,)."""
+    start_s: FloatArray
+    """(p,) since the segment's start."""
+    length_s: FloatArray
+
+    def chosen(self, mask: np.ndarray) -> "Pieces":
+        return Pieces(self.segment[mask], self.start_s[mask], self.length_s[mask])
+
+    def halves(self) -> "Pieces":
+        half = 0.5 * self.length_s
+        start = np.stack([self.start_s, self.start_s + half], axis=1).ravel()
+        return Pieces(np.repeat(self.segment, 2), start, np.repeat(half, 2))
+
+
+def pieces_of(durations_s: FloatArray, segments: np.ndarray, longest_s: float) -> Pieces:
+    """The given segments, in equal pieces of at most `longest_s`."""
+    count = np.maximum(np.ceil(durations_s[segments] / longest_s), 1.0).astype(int)
+    of = np.repeat(np.arange(len(segments)), count)
+    number = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
+    length = (durations_s[segments] / count)[of]
+    return Pieces(segments[of], number * length, length)
+
+
+def coefficients(vehicle: Vehicle, trajectory: Trajectory, pieces: Pieces) -> FloatArray:
+    """(p, NODES, VALUES) Chebyshev coefficients over each piece; NaN where the vehicle cannot fly the motion."""
+    nodes, first, second, from_values = _operators()
+    p, n = len(pieces.segment), len(pieces.segment) * NODES
+    local = pieces.start_s[:, None] + 0.5 * pieces.length_s[:, None] * (1.0 + nodes)
+    c = trajectory.coefficients[pieces.segment]
+    yaw = polynomial.evaluate(c[:, None, 3], local).ravel()
+    velocity, acceleration = (
+        polynomial.evaluate(polynomial.differentiate(c[:, None, :3], r), local[..., None]).reshape(n, 3) for r in (1, 2)
+    )
+    rate = 2.0 / pieces.length_s[:, None, None]
+
+    def turning(q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        at, back = q.reshape(p, NODES, 4), rotations.conjugate(q)
+        slope, bend = (first @ at * rate).reshape(n, 4), (second @ at * rate**2).reshape(n, 4)
+        return 2.0 * rotations.multiply(back, slope)[:, 1:], 2.0 * rotations.multiply(back, bend)[:, 1:]
+
+    # Forces depend a little on the rates, which come from the attitudes.
+    rough = flatness.attitudes(vehicle, velocity, acceleration, yaw, np.zeros((n, 3)), tolerance=_ROUGHLY)
+    body_rate, _ = turning(rough[0])
+    q, speed = flatness.attitudes(vehicle, velocity, acceleration, yaw, body_rate, rough)
+    body_rate, turn = turning(q)
+    back, body = rotations.conjugate(q), rigid_body(vehicle)
+    torque = turn @ body.inertia_kg_m2.T + np.cross(body_rate, body_rate @ body.inertia_kg_m2.T)
+    required = float(body.mass_kg) * (acceleration + np.array([0.0, 0.0, GRAVITY_M_S2]))
+    rotor = invert.rotor_speeds(
+        vehicle,
+        rotations.rotate(back, required)[:, 2],
+        torque,
+        rotations.rotate(back, velocity),
+        body_rate,
+        surroundings=Surroundings(q, np.full(n, np.inf), np.full(n, np.inf), np.zeros((n, 4))),
+        guess_rad_s=speed,
+    )
+    up = 1.0 - 2.0 * (q[:, 1] ** 2 + q[:, 2] ** 2)
+    return from_values @ np.column_stack([up, body_rate, rotor]).reshape(p, NODES, VALUES)
+
+
+def sampled(vehicle: Vehicle, trajectory: Trajectory, segments: np.ndarray, fractions: FloatArray) -> FloatArray:
+    """(s, f, VALUES) in the given segments (s,) at fractions (f,) of each; NaN where the motion is impossible."""
+    pieces = pieces_of(trajectory.durations_s, segments, _LONGEST_S)
+    found = coefficients(vehicle, trajectory, pieces)
+    count = np.maximum(np.ceil(trajectory.durations_s[segments] / _LONGEST_S), 1.0).astype(int)
+    first = (np.cumsum(count) - count)[:, None]
+    place = fractions * count[:, None]
+    number = np.minimum(place.astype(int), count[:, None] - 1)
+    values = at_fractions(found[(first + number).ravel()], (place - number).ravel())
+    return values.reshape(len(segments), len(fractions), VALUES)
+
+
+def allowance(coefficients: FloatArray) -> FloatArray:
+    """(p, VALUES) by how much the values may miss what they stand for."""
+    return _DOUBT * np.abs(coefficients[:, -4:]).sum(axis=1)
+
+
+def at_fractions(coefficients: FloatArray, fractions: FloatArray) -> FloatArray:
+    """(n, VALUES) values at one fraction (n,) of each of as many pieces, from 0 at its start to 1 at its end."""
+    rows = chebyshev.chebvander((2.0 * np.asarray(fractions) - 1.0) / _REACH, NODES - 1)
+    return np.einsum("nk,nkv->nv", rows, coefficients)
+
+
+def at_nodes(coefficients: FloatArray) -> FloatArray:
+    """(p, NODES, VALUES) values spread evenly over each piece, its ends among them."""
+    return np.einsum(
+        "nk,pkv->pnv", chebyshev.chebvander(np.linspace(-1.0, 1.0, NODES) / _REACH, NODES - 1), coefficients
+    )
+
+
+def hull(coefficients: FloatArray) -> FloatArray:
+    """(p, m, VALUES) control points: over each piece the values stay within their convex hull."""
+    return np.einsum("mk,pkv->pmv", _control_points(), coefficients)
+
+
+def hull_fractions() -> FloatArray:
+    """(m,) near which fraction of its piece each control point belongs."""
+    inside = np.arange(NODES) / (NODES - 1)
+    return ((np.arange(_PARTS)[:, None] + inside) / _PARTS).ravel()
+
+
+@cache
+def _operators() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Nodes in units of half a piece from its middle; first and second derivative; coefficients from values."""
+    x = -np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
+    values = chebyshev.chebvander(x, NODES - 1)
+    back = np.linalg.inv(values).astype(np.float64)
+    slope = np.zeros((NODES, NODES))
+    slope[:-1] = chebyshev.chebder(np.eye(NODES))
+    slope /= _REACH
+    return _REACH * x, values @ slope @ back, values @ slope @ slope @ back, back
+
+
+@cache
+def _control_points() -> FloatArray:
+    """(parts * NODES, NODES): Bernstein control points of each part of a piece from the coefficients."""
+    ascending = np.zeros((NODES, NODES))
+    for k in range(NODES):
+        ascending[k, : k + 1] = chebyshev.cheb2poly(np.eye(NODES)[k])[: k + 1]
+    rows = []
+    for part in range(_PARTS):
+        start, length = 2.0 * part / _PARTS - 1.0, 2.0 / _PARTS
+        shifted = polynomial.shift_argument(polynomial.scale_argument(ascending, 1.0 / _REACH), np.full(NODES, start))
+        rows.append(polynomial.bernstein_from_seconds(shifted, np.full(NODES, length)).T)
+    return np.concatenate(rows)

@@ -1,0 +1,69 @@
+"""What the optimiser's idea of each limit lacks, measured with the vehicle's own model along the path."""
+
+import numpy as np
+
+from flight import FloatArray, Trajectory
+from planner import airframe, limits, time_allocation
+from planner.minimum_snap import Spline
+from planner.time_allocation import Problem
+from vehicle import Vehicle
+
+_SPARE = 0.006
+"""Relative excess that is kept from every limit, for what is not measured."""
+_STRICTER = 0.01
+"""The same where the gate, with its finer samples, found a limit exceeded; more each time it does."""
+_NEAR = 0.3
+"""The vehicle's own model is expensive: it is asked in segments where a limit is nearer than this."""
+_MOST = 0.5
+"""Largest correction of the reduced model in one round."""
+_IMPOSSIBLE = 0.2
+"""Excess of every rotor where no rotor speeds give the motion."""
+
+
+class Corrections:
+    """What is added to the reduced model's excess at each sample, (k, samples, limits)."""
+
+    def __init__(self, legs: FloatArray) -> None:
+        """`legs` is what speeds asked for on legs add to the excess, of the same shape."""
+        self.legs, shape, segments = legs, legs.shape, len(legs)
+        self.model, self.between, self.multiplier = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+        self.gate = np.full((segments, 1, airframe.COLUMNS), _SPARE)
+
+    def spliced(self, first: int, last: int, segments: int) -> "Corrections":
+        """A copy in which the segments from `first` up to `last` are replaced by so many new ones, none measured yet.
+
+        Where the number stays the same, what was measured of the old ones is where the new ones start from.
+        """
+        fresh = Corrections(np.zeros((segments, *self.legs.shape[1:])))
+        copy = Corrections(np.concatenate([self.legs[:first], fresh.legs, self.legs[last:]]))
+        for name in ("model", "between", "multiplier", "gate"):
+            old = getattr(self, name)
+            new = old[first:last] if segments == last - first else getattr(fresh, name)
+            setattr(copy, name, np.concatenate([old[:first], new, old[last:]]))
+        return copy
+
+    def total(self) -> FloatArray:
+        return self.legs + self.model + self.between + self.multiplier + self.gate
+
+    def measure(
+        self, problem: Problem, spline: Spline, path: Trajectory, vehicle: Vehicle, touched: np.ndarray
+    ) -> FloatArray:
+        """Ask the vehicle's own model in segments `touched` (k,); what it says each excess is, (k, samples, limits)."""
+        reduced, peaks = time_allocation.excess(problem, spline)
+        near = np.flatnonzero(touched & ((peaks + self.legs + self.model).max(axis=(1, 2)) > -_NEAR))
+        if near.size:
+            full = airframe.measured_excess(problem.airframe, vehicle, path, near, time_allocation.FRACTIONS)
+            full = np.where(np.isfinite(full), full, np.maximum(reduced[near], 0.0) + _IMPOSSIBLE)
+            self.model[near] = np.clip(full - reduced[near], -_MOST, _MOST)
+        self.between = peaks - reduced
+        return peaks + self.legs + self.model
+
+    def press(self, excess: FloatArray, touched: np.ndarray) -> None:
+        """Raise the multipliers of what is exceeded, lower those of what is not, where it was optimised."""
+        pressed = np.maximum(0.0, excess + self.gate + self.multiplier)
+        self.multiplier = np.where(touched[:, None, None], pressed, self.multiplier)
+
+    def stricter(self, used: limits.Usage) -> None:
+        """Keep more from the limits that the gate found exceeded, in those segments only."""
+        columns = np.array([limits.NAMES.index(name) for name in airframe.NAMES])
+        self.gate[:, 0] += _STRICTER * ~used.passed[columns].T

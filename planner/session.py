@@ -1,0 +1,291 @@
+"""A plan that changes step by step: what an edit does not touch is kept, and what the gate found of it.
+
+An edit replaces the knots of the legs it touches, optimises them with a few neighbours while all else keeps its state,
+and asks the gate, which looks again only at segments that changed. What cannot be done in this way is planned from
+scratch, so the answer is always a plan that has passed the gate.
+"""
+
+import threading
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flight import FloatArray, InputError, Trajectory, Waypoints
+from planner import fastest, gate, limits, minimum_snap, planning, routes, space
+from planner._planner import StopFlag
+from planner.conditions import Conditions
+from planner.gate import GateReport
+from planner.options import PlanCancelledError, PlanOptions
+from planner.planning import Plan
+from vehicle import Limits, Vehicle
+
+_DRAWN, _NEW = 40, 200
+"""Iterations from knots that were optimised before, and from new ones."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Leg:
+    """The knots of a leg (n, 4), the waypoints at its ends among them, and the durations between them (n - 1,)."""
+
+    knots: FloatArray
+    durations_s: FloatArray
+    drawn: bool
+    """Whether it is the leg before the edit, drawn along."""
+
+
+class Planner:
+    """Waypoints that are moved, inserted and deleted, always with a checked plan.
+
+    One edit works at a time. An edit from another thread ends the one that works (`PlanCancelledError` there), as does
+    `cancel`; the plan then is the last one that was finished.
+    """
+
+    def __init__(
+        self,
+        waypoints: Waypoints,
+        field: space.DistanceField,
+        vehicle: Vehicle,
+        options: PlanOptions | None = None,
+        *,
+        conditions: Conditions | None = None,
+    ) -> None:
+        """Plans from scratch. Raises as `planner.plan`."""
+        self._conditions = Conditions() if conditions is None else conditions
+        self._field, self._vehicle = field, vehicle
+        self._options = PlanOptions() if options is None else options
+        self._stop = StopFlag()
+        self._flags, self._working = threading.Lock(), threading.Lock()
+        self._accept(*self._scratch(waypoints, self._options, self._stop), waypoints)
+
+    @property
+    def plan(self) -> Plan:
+        """The last finished plan."""
+        return self._plan
+
+    def move(self, index: int, position_world_m: FloatArray) -> Plan:
+        """Move one waypoint. Raises as `planner.plan`; the plan then stays what it was."""
+        with self._edit() as stop:
+            old = self._waypoint(index)
+            points = old.positions_world_m.copy()
+            points[index] = position_world_m
+            first, last = max(index - 1, 0), min(index + 1, len(points) - 1)
+            return self._changed(Waypoints(points, old.yaw_rad), (first, last), (first, last), stop)
+
+    def insert(self, index: int, position_world_m: FloatArray, yaw_rad: float = np.nan) -> Plan:
+        """Insert a waypoint so that it gets this index. Raises as `planner.plan`."""
+        with self._edit() as stop:
+            old = self._plan.waypoints
+            if not 0 <= index <= len(old.yaw_rad):
+                raise InputError(f"a waypoint cannot get number {index}; there are {len(old.yaw_rad)}")
+            points = np.insert(old.positions_world_m, index, position_world_m, axis=0)
+            new = Waypoints(points, np.insert(old.yaw_rad, index, yaw_rad))
+            inside = 0 < index < len(old.yaw_rad)
+            self._count_may_change()
+            return self._changed(new, (index - 1, index) if inside else None, (index - 1, index + 1), stop)
+
+    def delete(self, index: int) -> Plan:
+        """Delete a waypoint. Raises as `planner.plan`."""
+        with self._edit() as stop:
+            old = self._waypoint(index)
+            new = Waypoints(np.delete(old.positions_world_m, index, axis=0), np.delete(old.yaw_rad, index))
+            inside = 0 < index < len(new.yaw_rad)
+            self._count_may_change()
+            return self._changed(new, (index - 1, index + 1) if inside else None, (index - 1, index), stop)
+
+    def limit(self, bounds: Limits) -> Plan:
+        """Plan within other limits. Raises as `planner.plan`."""
+        with self._edit() as stop:
+            options, waypoints = replace(self._options, limits=bounds), self._plan.waypoints
+            path, route = self._scratch(waypoints, options, stop)
+            self._options = options
+            return self._accept(path, route, waypoints)
+
+    def settle(self) -> Plan:
+        """Plan the waypoints as they are from scratch: after many edits, a little faster. Raises as `planner.plan`."""
+        with self._edit() as stop:
+            waypoints = self._plan.waypoints
+            return self._accept(*self._scratch(waypoints, self._options, stop), waypoints)
+
+    def draft(self, index: int, position_world_m: FloatArray) -> Trajectory:
+        """What the path would look like with one waypoint moved and all times kept: quick, and checked by nothing."""
+        path = self._path
+        moved = np.zeros((len(path.waypoint), 4))
+        shift = np.asarray(position_world_m, dtype=np.float64) - self._waypoint(index).positions_world_m[index]
+        at = int(np.flatnonzero(path.waypoint == index)[0])
+        for before in (True, False):
+            leg = _leg_knots(path.waypoint, index - 1 if before else index)
+            if leg is not None:
+                share = np.linspace(0.0, 1.0, leg[1] - leg[0] + 1)
+                moved[leg[0] : leg[1] + 1, :3] = (share if before else 1.0 - share)[:, None] * shift
+        moved[at, :3] = shift
+        change = minimum_snap.solve(moved, path.trajectory.durations_s)
+        more = minimum_snap.coefficients(change.states, change.durations_s)
+        return Trajectory(path.trajectory.durations_s, path.trajectory.coefficients + more)
+
+    def cancel(self) -> None:
+        """End the edit that works, if there is one."""
+        with self._flags:
+            self._stop.set()
+
+    def _edit(self) -> "_Edit":
+        with self._flags:
+            self._stop.set()
+            self._stop = StopFlag()
+            return _Edit(self._working, self._stop)
+
+    def _waypoint(self, index: int) -> Waypoints:
+        waypoints = self._plan.waypoints
+        if not 0 <= index < len(waypoints.yaw_rad):
+            raise InputError(f"there is no waypoint {index}; there are {len(waypoints.yaw_rad)}")
+        return waypoints
+
+    def _count_may_change(self) -> None:
+        asked = self._conditions
+        if any(given is not None for given in (asked.velocity_world_m_s, asked.leg_speed_m_s, asked.fly_by_m)):
+            raise InputError(
+                "velocities, speeds and radii belong to waypoints by number: start another session with new ones"
+            )
+
+    def _scratch(self, waypoints: Waypoints, options: PlanOptions, stop: StopFlag) -> tuple[fastest.Path, FloatArray]:
+        path, route = planning.from_scratch(waypoints, self._field, self._vehicle, options, self._conditions, stop=stop)
+        return path, route.points
+
+    def _accept(self, path: fastest.Path, route_world_m: FloatArray, waypoints: Waypoints) -> Plan:
+        self._path = path
+        self._plan = Plan(path.trajectory, path.report, waypoints, route_world_m, path.method, path.optimum_s)
+        return self._plan
+
+    def _changed(self, waypoints: Waypoints, old: tuple[int, int] | None, new: tuple[int, int], stop: StopFlag) -> Plan:
+        """Plan for waypoints of which those from `new[0]` to `new[1]` take the place of `old[0]` to `old[1]`.
+
+        `old` is None where the path begins or ends elsewhere: then it is planned from scratch, as it is where waypoints
+        need only be passed within a radius.
+        """
+        routes.check_waypoints(waypoints, self._field, self._options.waypoint_clearance_m)
+        path = None
+        if old is not None and self._path.kept is not None and self._conditions.fly_by_m is None:
+            path = self._mended(waypoints, old, new, stop)
+        if path is None or not path.report.passed or path.kept is None:
+            return self._accept(*self._scratch(waypoints, self._options, stop), waypoints)
+        return self._accept(path, path.kept.spline.states[:, 0, :3], waypoints)
+
+    def _mended(
+        self, waypoints: Waypoints, old: tuple[int, int], new: tuple[int, int], stop: StopFlag
+    ) -> fastest.Path | None:
+        """The last path with new legs, optimised again near them; None if that does not keep clear of obstacles."""
+        kept, number = self._path.kept, self._path.waypoint
+        assert kept is not None
+        first, last = (int(np.flatnonzero(number == i)[0]) for i in old)
+        legs = [self._leg(waypoints, leg, old, new) for leg in range(*new)]
+        if any(leg is None for leg in legs):
+            return None
+        legs = [leg for leg in legs if leg is not None]
+        knots = np.concatenate([legs[0].knots[:1], *(leg.knots[1:] for leg in legs)])
+        index = np.full(len(knots), -1)
+        index[np.cumsum([0, *(len(leg.durations_s) for leg in legs)])] = np.arange(new[0], new[1] + 1)
+        durations = np.concatenate([leg.durations_s for leg in legs])
+        free = np.repeat((index < 0)[:, None], 4, axis=1)
+        free[:, 3] = (index < 0) | np.isnan(waypoints.yaw_rad[index])
+        after = np.where(number[last + 1 :] < 0, -1, number[last + 1 :] + new[1] - old[1])
+        states = np.zeros((len(knots), 4, 4))
+        states[:, 0] = knots
+        for place, there in ((0, first), (-1, last)):
+            states[place, 1:] = kept.spline.states[there, 1:]
+        spline = minimum_snap.Spline(
+            np.concatenate([kept.spline.durations_s[:first], durations, kept.spline.durations_s[last:]]),
+            np.concatenate([kept.spline.states[:first], states, kept.spline.states[last + 1 :]]),
+        )
+        waypoint = np.concatenate([number[:first], index, after])
+        problem = replace(
+            kept.problem,
+            knots=spline.states[:, 0],
+            velocity=self._conditions.at_knots(waypoint),
+            free=np.concatenate([kept.problem.free[:first], free, kept.problem.free[last + 1 :]]),
+        )
+        wrong = np.zeros(len(spline.durations_s), dtype=bool)
+        wrong[first : first + len(durations)] = True
+        used = self._path.report.usage
+        return fastest.until_flyable(
+            problem,
+            spline,
+            waypoint,
+            self._vehicle,
+            self._options,
+            self._field,
+            self._conditions,
+            lambda trajectory, known: self._ask_gate(trajectory, waypoints, known),
+            stop,
+            wrong=wrong,
+            iterations=_DRAWN if all(leg.drawn for leg in legs) else _NEW,
+            corrections=kept.corrections.spliced(first, last, len(durations)),
+            known=None if used is None else (self._path.trajectory, used),
+        )
+
+    def _ask_gate(self, trajectory: Trajectory, waypoints: Waypoints, known: limits.Known | None) -> GateReport:
+        reached = waypoints.positions_world_m
+        return gate.check(trajectory, self._field, self._vehicle, self._options, waypoints_world_m=reached, known=known)
+
+    def _leg(self, waypoints: Waypoints, leg: int, old: tuple[int, int], new: tuple[int, int]) -> _Leg | None:
+        """Knots and durations to start from between waypoints `leg` and `leg + 1`.
+
+        Those of the leg before the edit, drawn along with its ends, if they still go round what they went round; else a
+        straight line; None if something is in its way.
+        """
+        kept = self._path.kept
+        assert kept is not None
+        a, b = waypoints.positions_world_m[[leg, leg + 1]]
+        straight, pieces = self._free(np.stack([a, b])), self._options.pieces
+        if old == new:
+            first, last = _leg_knots(self._path.waypoint, leg) or (0, 0)
+            knots, T = kept.spline.states[first : last + 1, 0].copy(), kept.spline.durations_s[first:last]
+            share = np.linspace(0.0, 1.0, len(knots))[:, None]
+            before_m = np.linalg.norm(knots[-1, :3] - knots[0, :3])
+            knots[:, :3] += (1.0 - share) * (a - knots[0, :3]) + share * (b - knots[-1, :3])
+            if straight == (len(T) <= pieces) and (straight or self._free(knots[:, :3])):
+                longer = np.clip(np.linalg.norm(b - a) / max(before_m, 1e-9), 0.5, 3.0)
+                return _Leg(knots, T * longer, drawn=True)
+        if not straight:
+            return None
+        start, end = (np.append(p, self._yaw_at(leg + n, waypoints, old, new)) for n, p in enumerate((a, b)))
+        frame = kept.problem.airframe
+        pace = 0.5 * min(frame.speed_m_s, frame.acceleration_m_s2)
+        duration = max(float(np.linalg.norm(b - a)) / pace, 0.1)
+        return _Leg(np.linspace(start, end, pieces + 1), np.full(pieces, duration / pieces), drawn=False)
+
+    def _yaw_at(self, waypoint: int, waypoints: Waypoints, old: tuple[int, int], new: tuple[int, int]) -> float:
+        """The heading to start from at a waypoint: as it was, or halfway; the one asked for, up to whole turns."""
+        kept, number = self._path.kept, self._path.waypoint
+        assert kept is not None
+        around = [float(kept.spline.states[np.flatnonzero(number == i)[0], 0, 3]) for i in old]
+        near = around[0] if waypoint == new[0] else around[1] if waypoint == new[1] else 0.5 * sum(around)
+        asked = waypoints.yaw_rad[waypoint]
+        if np.isnan(asked) or waypoint in new:
+            return near
+        return float(asked + 2.0 * np.pi * np.round((near - asked) / (2.0 * np.pi)))
+
+    def _free(self, points: FloatArray) -> bool:
+        required = self._options.planned_clearance_m
+        return all(line.free for line in space.check_lines(self._field, points[:-1], points[1:], required))
+
+
+class _Edit:
+    """One edit at a time: waits for the one before, which has been told to stop."""
+
+    def __init__(self, working: threading.Lock, stop: StopFlag) -> None:
+        self._working, self._stop = working, stop
+
+    def __enter__(self) -> StopFlag:
+        self._working.acquire()
+        if self._stop.is_set():
+            self._working.release()
+            raise PlanCancelledError("the plan was cancelled")
+        return self._stop
+
+    def __exit__(self, *_: object) -> None:
+        self._working.release()
+
+
+def _leg_knots(waypoint: np.ndarray, leg: int) -> tuple[int, int] | None:
+    """Knots at the ends of a leg; None if there is no such leg."""
+    ends = [np.flatnonzero(waypoint == i) for i in (leg, leg + 1)]
+    return (int(ends[0][0]), int(ends[1][0])) if leg >= 0 and all(len(end) for end in ends) else None

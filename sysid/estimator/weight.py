@@ -1,0 +1,123 @@
+"""Weight balance: over a whole flight the vertical force carries the weight, whatever disturbs the vehicle for a while.
+
+The mean vertical force of a flight is known from how its velocity changed, to a thousandth of gravity. A fit whose
+torques are wrong must not trade it away: a moment that the model lacks, in a body whose inertia is held, would be made
+up for by a sixth of the thrust. So the mean vertical acceleration that a model leaves unexplained may be as large as
+disturbances make it; where all flights lack thrust beyond that, or all have too much, it is a stiff residual of the one
+that is nearest to balance. In a fit that is right it is zero and has no slope. Flights of vehicles of different mass,
+of which some lack what others have too much, are said elsewhere.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flight import rotations
+from flight.frames import GRAVITY_M_S2
+from flight.rotations import FloatArray
+from sysid.estimator.blocks import motor
+from sysid.estimator.blocks.motion import FORCE, moved_by_acceleration
+from sysid.estimator.chain import Rows
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.midpoint import middle
+from sysid.estimator.model import surroundings
+from sysid.estimator.noise import Noise
+from sysid.estimator.problem import Point
+from sysid.estimator.states import States
+from sysid.logs.payload import as_flown
+from vehicle import Vehicle, acceleration
+
+FREE_M_S2 = 0.3
+"""Mean vertical acceleration that a long flight may leave unexplained, 3 % of gravity: updraughts, a low battery."""
+SETTLES_S = 10.0
+"""Over a flight of this length disturbances may leave sqrt(2) times as much."""
+STIFF_M_S2 = 0.02
+"""What is beyond is divided by this: 1 m/s2 more costs 1,250, more than torques can gain by it."""
+
+EVERY = 4
+"""Nodes of which one is enough for a mean over a flight."""
+
+
+@dataclass(frozen=True, slots=True)
+class Balance:
+    """One residual per flight, in units of its stiffness, linear in the shared parameters."""
+
+    residual: FloatArray
+    """(flights,)."""
+    slopes: FloatArray
+    """(flights, p)."""
+
+    @property
+    def cost(self) -> float:
+        """Half the sum of squares."""
+        return 0.5 * float((self.residual**2).sum())
+
+    @property
+    def information(self) -> FloatArray:
+        """(p, p)."""
+        return self.slopes.T @ self.slopes
+
+    @property
+    def gradient(self) -> FloatArray:
+        """(p,) of the cost."""
+        return self.slopes.T @ self.residual
+
+
+def balance(flights: Sequence[Flight], point: Point, rows: Sequence[Rows], noise: Noise) -> Balance:
+    """The residuals with their slopes, which are taken from the linearised motion; states count as known."""
+    residual = residuals(flights, point)
+    slopes = np.zeros((len(flights), rows[0].sensor_border.shape[2]))
+    for i in np.flatnonzero(residual).tolist():
+        slopes[i] = _slopes(flights[i], point.states[i], rows[i], noise)
+    return Balance(residual, slopes)
+
+
+def residuals(flights: Sequence[Flight], point: Point) -> FloatArray:
+    """(flights,) mean unexplained vertical acceleration beyond its allowance, of the flight that has least of it.
+
+    Zero unless all flights are beyond it to the same side, and without a pose, which alone shows what speed was gained.
+    """
+    if not all(flight.has_pose for flight in flights):
+        return np.zeros(len(flights))
+    beyond = np.array([_residual(f, s, point.vehicle) for f, s in zip(flights, point.states, strict=True)])
+    one_sided = (beyond > 0.0).all() or (beyond < 0.0).all()
+    least = np.arange(len(beyond)) == np.argmin(np.abs(beyond))
+    return np.where(one_sided & least, beyond, 0.0)
+
+
+def cost(flights: Sequence[Flight], point: Point) -> float:
+    """Half the sum of squares of the residuals."""
+    return 0.5 * float((residuals(flights, point) ** 2).sum())
+
+
+def _residual(flight: Flight, states: States, vehicle: Vehicle) -> float:
+    duration_s = flight.step_s.sum()
+    gained_m_s = states.velocity_world_m_s[-1, 2] - states.velocity_world_m_s[0, 2]
+    mean_m_s2 = float(gained_m_s / duration_s + GRAVITY_M_S2 - _upward_force(flight, states, vehicle).mean())
+    allowed_m_s2 = FREE_M_S2 * np.sqrt(1.0 + SETTLES_S / duration_s)
+    return float(np.sign(mean_m_s2)) * max(abs(mean_m_s2) - allowed_m_s2, 0.0) / STIFF_M_S2
+
+
+def _upward_force(flight: Flight, states: States, vehicle: Vehicle) -> FloatArray:
+    """Vertical force per mass by the model, at every fourth node with the rotor speed of the interval that follows."""
+    flight = motor.driven(flight, vehicle)
+    nodes = np.arange(0, len(flight) - 1, EVERY)
+    q = states.q_world_body[nodes]
+    R = rotations.matrix(q)
+    force = acceleration(
+        as_flown(vehicle, flight.carries_payload),
+        (states.velocity_world_m_s[nodes, None] @ R)[:, 0],
+        states.rate_body_rad_s[nodes],
+        flight.rotor_speed_rad_s[nodes],
+        surroundings(states.position_world_m[nodes], q, flight.rotor_acceleration_rad_s2[nodes]),
+    )[0]
+    return (R[:, 2] * force).sum(axis=1)
+
+
+def _slopes(flight: Flight, states: States, rows: Rows, noise: Noise) -> FloatArray:
+    """(p,) slope of a residual that is not zero."""
+    place, factor = moved_by_acceleration(FORCE, flight.step_s, noise.process)
+    up = middle(flight, states).R_world_body[:, 2]
+    body = rows.defect_border[:, place] / factor[:, :, None]
+    return -np.einsum("k,ki,kip->p", flight.step_s, up, body) / flight.step_s.sum() / STIFF_M_S2
