@@ -49,7 +49,7 @@ def doubting(model: Model, *findings: CandidateFinding) -> Diagnosis:
 def test_a_manoeuvre_is_advised_where_it_would_show_the_usual_size_and_not_otherwise(model):
     damping = model.candidate_set.candidate("angular_damping")
     rng = np.random.default_rng(0)
-    usual = outlook(doubting(model, open_(damping)), rng=rng)["angular_damping"]
+    usual = outlook(doubting(model, open_(damping, 10.0)), rng=rng)["angular_damping"]
     assert usual.would_tell
     assert usual.manoeuvre in damping.excited_by
     assert usual.sentence.endswith("would show its usual size")
