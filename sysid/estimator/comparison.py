@@ -15,7 +15,7 @@ from sysid.estimator.identification import smooth
 from sysid.estimator.midpoint import Middle, middle
 from sysid.estimator.model import unexplained
 from sysid.estimator.options import Options
-from sysid.estimator.prediction import predict
+from sysid.estimator.prediction import Predictor, predict
 from sysid.estimator.prepare import prepare
 from sysid.estimator.result import CHANNELS, LARGE_FORCE_M_S2, LARGE_TORQUE_RAD_S2, SPAN_S
 from sysid.estimator.states import States
@@ -173,7 +173,7 @@ def _errors(
     flight: Flight, states: States, reference: States, vehicle: Vehicle, sensor: PoseSensor
 ) -> dict[str, list[FloatArray]]:
     """Per quantity and horizon, the size of the error of each prediction."""
-    predictions = predict(motor.driven(flight, vehicle), states, vehicle, HORIZONS_S, every_s=0.1)
+    predictions = predict(motor.driven(flight, vehicle), states, Predictor(vehicle, vehicle), HORIZONS_S, every_s=0.1)
     found: dict[str, list[FloatArray]] = {quantity: [] for quantity in QUANTITIES}
     for steps, predicted in zip(predictions.steps, predictions.states, strict=True):
         end = predictions.start + steps
