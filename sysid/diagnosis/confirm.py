@@ -133,6 +133,8 @@ def settle(flights: Sequence[Flight], point: Point, noise: Noise) -> tuple[Point
     Raises:
         InputError: the states do not settle.
     """
+    if noise.gusts is not None:
+        point = replace(point, states=tuple(s if s.gust is not None else s.with_gust() for s in point.states))
     width = biases(flights)
     unknowns, weak = Unknowns((), (), tuple(width)), np.diag([1.0 / std**2 for std in width.values()])
     for _ in range(MOST_STEPS):

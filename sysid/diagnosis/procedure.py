@@ -161,7 +161,7 @@ class Diagnosis:
 
 def while_searching(options: Options) -> Options:
     """How every model of a diagnosis is fitted, so that fits differ by their effects alone."""
-    return replace(options, node_rate_hz=NODE_RATE_HZ, gusts="white")
+    return replace(options, node_rate_hz=NODE_RATE_HZ)
 
 
 def diagnose(
@@ -189,7 +189,7 @@ def diagnose(
     names = [str(log.metadata.get("name", f"flight {i + 1}")) for i, log in enumerate((*logs, *held_out))]
     if any(log is other for log in held_out for other in logs):
         raise InputError("a flight is both to learn from and to judge by; split whole flights between the two")
-    options = while_searching(options or Options())
+    options = while_searching(options or Options(gusts="white"))
     base = identify(logs, vehicle, options)
     progress("diagnose", 0.15)
     unseen = [flight for i, log in enumerate(held_out) for flight in prepare(log, i, options)]

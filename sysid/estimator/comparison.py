@@ -29,6 +29,8 @@ HORIZONS_S = (0.1, 0.2, 0.5, 1.0)
 QUANTITIES = {"position": "m", "velocity": "m/s", "attitude": "rad", "rate": "rad/s"}
 """What prediction errors are given in; the unit of each."""
 
+SMOOTHING_STEPS = 20
+"""Steps for the states of one model, where the options say nothing else."""
 REFERENCE_LOOSENESS = 2.0
 """The reference states trust the first model this much less than its own residuals suggest, so as to take no side."""
 
@@ -138,7 +140,8 @@ def compare(
     """
     if not logs or not models:
         raise InputError("compare needs at least one flight and one model")
-    flights = [flight for i, log in enumerate(logs) for flight in prepare(log, i, options or Options())]
+    options = options or Options(max_iterations=SMOOTHING_STEPS)
+    flights = [flight for i, log in enumerate(logs) for flight in prepare(log, i, options)]
     for flight in flights:
         if not flight.has_pose:
             raise InputError(f"{flight.name} has no pose; predictions are judged against one")
@@ -147,12 +150,12 @@ def compare(
     if not flights:
         raise InputError(f"no flight is longer than {2.0 * longest_s:g} s; predictions need that")
     first = next(iter(models.values()))
-    smoothed = smooth(flights, first)
-    reference = smooth(flights, first, process_scale=REFERENCE_LOOSENESS, near=smoothed).point.states
+    smoothed = smooth(flights, first, options)
+    reference = smooth(flights, first, options, process_scale=REFERENCE_LOOSENESS, near=smoothed).point.states
     errors, flight_errors, residuals = {}, {}, {}
     count = 0
     for i, (name, vehicle) in enumerate(models.items()):
-        smoothed = smooth(flights, vehicle, near=smoothed)
+        smoothed = smooth(flights, vehicle, options, near=smoothed)
         states = smoothed.point.states
         sensor = PoseSensor.of(vehicle)
         parts = [_errors(*one, vehicle, sensor) for one in zip(flights, states, reference, strict=True)]
