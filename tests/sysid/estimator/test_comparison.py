@@ -50,7 +50,7 @@ def test_figures_are_json(judged):
 def test_plots_are_written(judged, tmp_path):
     comparison, _, after = judged
     files = sysid.plots.comparison(comparison, tmp_path) + sysid.plots.identification(after, tmp_path, suffix="png")
-    assert len(files) == 6 + 3 + 2 * len(after.flights)
+    assert len(files) == 7 + 3 + 2 * len(after.flights)
     for file in files:
         head = file.read_bytes()[:400]
         assert head.startswith(b"\x89PNG") or b"<svg" in head or b"<?xml" in head
