@@ -18,12 +18,14 @@ INK = "#2b2b2b"
 PALE = "#cfd8dc"
 
 
-def figure(rows: int, columns: int, size: tuple[float, float], **options: Any) -> "tuple[Figure, np.ndarray]":
+def figure(
+    rows: int, columns: int, size: tuple[float, float], layout: str | None = "constrained", **options: Any
+) -> "tuple[Figure, np.ndarray]":
     """A figure in inches and its axes (rows, columns)."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    drawn = Figure(figsize=size, layout="constrained", facecolor="white")
+    drawn = Figure(figsize=size, layout=layout, facecolor="white")
     FigureCanvasAgg(drawn)
     return drawn, drawn.subplots(rows, columns, squeeze=False, **options)
 

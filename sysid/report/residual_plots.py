@@ -110,9 +110,9 @@ def against(named: Residuals, pairs: Sequence[tuple[str, str]]) -> "Figure":
 def against_all(named: Residuals) -> "Figure":
     """Every channel's residual against every variable: binned means with their 95 % bands, one row per channel."""
     variables = [v for v in explained.VARIABLES if v.name != "constant"]
-    figure, axes = drawing.figure(6, len(variables), (1.0 * len(variables), 8.0), sharex="col", sharey="row")
-    figure.set_layout_engine("none")  # laying out so many panels would take longer than all else
-    figure.subplots_adjust(0.03, 0.08, 0.995, 0.93, 0.08, 0.08)
+    # to lay out so many panels takes longer than to draw them, so they are placed by hand
+    figure, axes = drawing.figure(6, len(variables), (len(variables), 8.0), layout=None, sharex="col", sharey="row")
+    figure.subplots_adjust(0.035, 0.08, 0.995, 0.95, 0.06, 0.06)
     for colour, (name, residuals) in zip(drawing.cycle(named), named.items(), strict=True):
         left = np.concatenate([r.means() for r in residuals])
         for column, variable in enumerate(variables):
@@ -125,7 +125,8 @@ def against_all(named: Residuals) -> "Figure":
                 panel.fill_between(centre, mean - band, mean + band, color=colour, alpha=0.25, linewidth=0)
                 panel.plot(centre, mean, color=colour, linewidth=1.2, label=name)
     for column, variable in enumerate(variables):
-        axes[5, column].set_xlabel(labelled(variable.name), fontsize=7)
+        axes[5, column].set_xlabel(labelled(variable.name).replace(" (", "\n("), fontsize=7)
+        axes[5, column].locator_params(axis="x", nbins=3)
     for row, channel in zip(axes, CHANNELS, strict=True):
         row[0].set_ylabel(f"{channel} ({unit(channel)[1]})", fontsize=8)
         for panel in row:
