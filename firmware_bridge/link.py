@@ -54,7 +54,7 @@ class VehicleState:
     """What the vehicle last said of itself."""
 
     age_s: float
-    """How old this is."""
+    """Since the newest position and attitude came, whatever else was heard since."""
     time_s: float
     """Vehicle time."""
     position_world_m: FloatArray
@@ -156,7 +156,7 @@ class Link:
         if not isinstance(state, State) or not isinstance(status, MissionStatus):
             return None
         return VehicleState(
-            age_s=time.monotonic() - self._port.last_heard_s,
+            age_s=time.monotonic() - self._port.heard_s[State],
             time_s=state.time_us * 1e-6,
             position_world_m=np.array(state.position_world_m),
             q_world_body=np.array(state.q_world_body),

@@ -61,6 +61,8 @@ class Port:
         """System and component id, once it was heard."""
         self.last_heard_s = 0.0
         self.latest: dict[type[Message], Message] = {}
+        self.heard_s: dict[type[Message], float] = {}
+        """When the latest of each kind came: positions may stop while heartbeats go on."""
         self.keep_lease = False
         self._subscribers: list[tuple[tuple[type[Message], ...], queue.SimpleQueue[Message]]] = []
         self._lock = threading.Lock()
@@ -219,6 +221,7 @@ class Port:
         if isinstance(message, LeaseStatus) and message.operator_system:
             self.keep_lease = self.keep_lease and (message.operator_system, message.operator_component) == self._we
         with self._lock:
+            self.heard_s[type(message)] = self.last_heard_s
             self.latest[type(message)] = message
             for kinds, inbox in self._subscribers:
                 if isinstance(message, kinds):

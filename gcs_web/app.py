@@ -100,7 +100,8 @@ class GroundStation:
         self.desk = Desk(opened, self.hub, self.view, self.watch, options)
         self._stack.callback(self.desk.close)
         self.view.on_select = lambda waypoint: self.hub.publish(protocol.Selection([waypoint]))
-        self.view.on_drag = self._dragged
+        self.view.on_moment = self._moment_chosen
+        self.view.on_drag, self.view.on_add = self._dragged, self._added
         if self.watch is not None:
             self.watch.on_state, self.watch.on_pose = self._vehicle_changed, self.view.move_vehicle
             self.watch.start()
@@ -121,11 +122,24 @@ class GroundStation:
         if now.link == "lost":
             self.view.hide_vehicle()
 
+    def _moment_chosen(self, time_s: float) -> None:
+        self.hub.publish(protocol.Cursor(time_s))
+        self.view.look(time_s)
+
     def _dragged(self, waypoint: int, position_world_m: FloatArray) -> None:
         x, y, z = (float(value) for value in position_world_m)
-        move = protocol.Move(serial=0, revision=self.desk.session.revision, waypoints=[waypoint], x_m=x, y_m=y, z_m=z)
+        revision = self.desk.session.revision
+        self._edit(protocol.Move(serial=0, revision=revision, waypoints=[waypoint], x_m=x, y_m=y, z_m=z))
+
+    def _added(self, after: int | None, position_world_m: FloatArray) -> None:
+        x, y, z = (float(value) for value in position_world_m)
+        revision = self.desk.session.revision
+        self._edit(protocol.Insert(serial=0, revision=revision, after=after, x_m=x, y_m=y, z_m=z))
+
+    def _edit(self, edit: protocol.Edit) -> None:
+        """Make an edit of the 3D view and say what was done."""
         try:
-            done = self.desk.session.edit(move, _DRAGGER.name)
+            done = self.desk.session.edit(edit, _DRAGGER.name)
             self.desk.notice(f"{done[:1].upper()}{done[1:]}.", undo=True)
         except (InputError, LinkError) as error:
             self.desk.notice(str(error), level="danger")

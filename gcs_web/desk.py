@@ -51,9 +51,10 @@ class Desk:
         self._planner = planning.PlanningProcess(opened.folder, base, self._planned)
         self._watch_files = inputs.Watch(opened.folder, opened.waypoints, self._files_changed)
         self.session.on_change(self._document_changed)
+        said = self.session.take_notice() or f"{opened.name} opened, revision {self.session.revision}"
         self._document_changed()
         self.show_files()
-        self.notice(self.session.notice or f"{opened.name} opened, revision {self.session.revision}")
+        self.notice(said)
         self._draw_map()
 
     def close(self) -> None:
@@ -136,6 +137,8 @@ class Desk:
 
     def _document_changed(self) -> None:
         self.hub.publish(self.session.document())
+        if said := self.session.take_notice():
+            self.notice(said, level="caution")
         self.view.draw_waypoints(self.session.content.points)
         self.request_plan()
 

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
+MOST_APART = 8
+"""Commands of one page that may wait for the vehicle at a time; aborts may be twice as many, the others counted."""
+
 _DECODER = msgspec.json.Decoder(protocol.FromPage)
 _APART = (protocol.Abort, protocol.Upload, protocol.PrepareUpload, protocol.Order)
 """Commands that wait for the vehicle: done beside the others, so that nothing (Abort least of all) waits for them."""
@@ -41,12 +44,15 @@ class PageSocket:
             async for message in socket:
                 if message.type.name != "TEXT":
                     break
-                task = asyncio.create_task(self._command(client, message.data))
-                if _names(message.data, _APART):
+                if not _names(message.data, _APART):
+                    await self._command(client, message.data)
+                elif len(apart) >= MOST_APART * (2 if _names(message.data, (protocol.Abort,)) else 1):
+                    said = f"{len(apart)} orders of this page still wait for the vehicle; nothing was sent"
+                    self._desk.hub.publish(protocol.Reply(_serial(message.data), error=said), client.person.id)
+                else:
+                    task = asyncio.create_task(self._command(client, message.data))
                     apart.add(task)
                     task.add_done_callback(apart.discard)
-                else:
-                    await task
         finally:
             writer.cancel()
             self._desk.hub.leave(client)

@@ -190,7 +190,6 @@ class Vehicle(msgspec.Struct, frozen=True, tag="vehicle"):
     holds: str = ""
     """Name of the active trajectory."""
     holds_crc32: str = ""
-    round_trip_ms: float | None = None
     battery_v: float | None = None
     x_m: float | None = None
     y_m: float | None = None

@@ -5,6 +5,7 @@ are other waypoints and other settings, and refused with a sentence if not.
 """
 
 import logging
+import os
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -12,7 +13,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from flight import InputError, Waypoints, project
+from flight import InputError, Waypoints, project, results
 from flight.project import Project
 from gcs_web import edits, page_values, protocol
 from gcs_web.document import Content, Patch, Settings, difference, patched
@@ -51,10 +52,11 @@ class Session:
         self._recent: deque[_Change] = deque(maxlen=REMEMBERED)
         self._listeners: list[Callable[[], None]] = []
         self._journal = Journal(opened.folder / ".session")
-        self.notice = self._journal.notice
-        """What opening it has to tell; empty for nothing."""
+        self._notice = self._journal.notice
         self.author = ""
         """Who made the newest change."""
+        self._written: os.stat_result | None = None
+        """Of `waypoints.json` as we left it; None before we wrote or read it."""
         try:
             if self._journal.is_new:
                 first = Content(settings=settings)
@@ -75,6 +77,11 @@ class Session:
     @property
     def revision(self) -> int:
         return self._journal.saved.revision
+
+    def take_notice(self) -> str:
+        """What opening the document or the newest change has to tell people, once; empty for nothing."""
+        said, self._notice = self._notice, ""
+        return said
 
     def document(self) -> protocol.Document:
         """The document as the page shows it."""
@@ -122,13 +129,15 @@ class Session:
             path = self.project.waypoints
             if not path.exists():
                 if self.content.points:
-                    project.save_waypoints(path, self.content.waypoints())
+                    self._write_file(self.content)
                 return False
+            seen = path.stat()
             found = project.load_waypoints(path)
+            self._written = seen  # a damaged file stays foreign: the next edit keeps it
             if _same(found, self.content.waypoints()):
                 return False
             if any(_same(found, patched(self.content, step).waypoints()) for step in self._last_steps_back()):
-                project.save_waypoints(path, self.content.waypoints())  # we were killed between journal and file
+                self._write_file(self.content)  # we were killed between journal and file
                 return False
             return bool(self.take(found, f"{path.name} was changed by another program", OUTSIDE))
 
@@ -179,12 +188,27 @@ class Session:
         self.author = entry.author
         self._recent.append(_Change(entry.revision, entry.author, entry.patch.touched))
         try:
-            project.save_waypoints(self.project.waypoints, after.waypoints())
+            self._write_file(after)
         except OSError as error:  # the change is made and in the journal
-            self.notice = f"waypoints.json could not be written: {error.strerror}; other programs see an older state"
-            logger.warning(self.notice)
+            self._notice = f"waypoints.json could not be written: {error.strerror}; other programs see an older state"
+            logger.warning(self._notice)
         for listener in self._listeners:
             listener()
+
+    def _write_file(self, content: Content) -> None:
+        """Bring `waypoints.json` up to date; what another program wrote since we last looked is kept beside it."""
+        path = self.project.waypoints
+        if path.exists() and self._written is not None and not _same_file(path.stat(), self._written):
+            kept = results.keep(path)
+            self._notice = f"another program wrote {path.name} during an edit here; its version is kept as {kept.name}"
+            logger.warning(self._notice)
+        project.save_waypoints(path, content.waypoints())
+        self._written = path.stat()
+
+
+def _same_file(a: os.stat_result, b: os.stat_result) -> bool:
+    """Whether nobody wrote in between; each of our writes makes a new file (inode)."""
+    return (a.st_ino, a.st_mtime_ns, a.st_size) == (b.st_ino, b.st_mtime_ns, b.st_size)
 
 
 def _same(a: Waypoints, b: Waypoints) -> bool:

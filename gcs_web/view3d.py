@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from flight import FloatArray
-from gcs_web import protocol, scene
+from gcs_web import picking, protocol, scene
 from gcs_web.document import Point
 from mapping import Map
 
@@ -22,6 +22,8 @@ Colour = Literal["clearance", "speed", "tilt", "rotors"]
 _BALL_M = 0.05
 _SEEN = 1e-3
 """Smallest change of a pose (m, or of a quaternion's number) that is drawn."""
+_STAND_OFF_M = 0.2
+"""Beyond the required clearance, for a waypoint that is placed by a click."""
 _WHITE, _SELECTED = (233, 237, 240), (121, 176, 255)
 
 
@@ -42,11 +44,18 @@ class View3D:
         self._path: Any = None
         self._map: Map | None = None
         self._checked = False
+        self._surface: picking.Surface | None = None
         self._drawn_pose = np.zeros(7)
         self.on_select: Callable[[int], None] = lambda _: None
         """A waypoint was clicked; its id."""
         self.on_drag: Callable[[int, FloatArray], None] = lambda _i, _p: None
         """A waypoint was let go at (3,) world."""
+        self.on_moment: Callable[[float], None] = lambda _: None
+        """The path was clicked; the plan's time there, s."""
+        self.on_add: Callable[[int | None, FloatArray], None] = lambda _i, _p: None
+        """The map was shift-clicked: the waypoint to insert after (None: there is none), and where, (3,) world."""
+        server.scene.on_click()(self._clicked)
+        server.scene.on_click(modifier="shift")(self._shift_clicked)
         server.gui.configure_theme(dark_mode=True, show_share_button=False, show_logo=False, control_layout="floating")
         server.scene.set_up_direction("+z")
         self._ghost = scene.draw_vehicle(server, "/planned", opacity=0.55)
@@ -57,6 +66,7 @@ class View3D:
         with self._lock:
             first, self._map = self._map is None, area
             mesh = scene.display_mesh(area.mesh, self._triangles)
+            self._surface = picking.Surface(mesh)
             self._server.scene.add_mesh_trimesh("/map", mesh, cast_shadow=False)
             if first:
                 self._place_camera(area)
@@ -162,6 +172,28 @@ class View3D:
             self.on_drag(waypoint, position)
         elif waypoint in self._balls:
             self._balls[waypoint].position = tuple(position)
+
+    def _clicked(self, event: "viser.SceneClickEvent") -> None:
+        with self._lock:
+            series = self._series
+        if series is None:
+            return
+        path_m = np.stack([series.x_m, series.y_m, series.z_m], axis=1)
+        k = picking.nearest_on_path(np.array(event.ray_origin), np.array(event.ray_direction), path_m)
+        if k is not None:
+            self.on_moment(series.time_s[k])
+
+    def _shift_clicked(self, event: "viser.SceneClickEvent") -> None:
+        with self._lock:
+            points, selected, surface = self._points, self._selected, self._surface
+            clearance_m = self._required_m + _STAND_OFF_M
+        hit = surface and surface.first_hit(np.array(event.ray_origin), np.array(event.ray_direction))
+        if hit is None:
+            return
+        before = next((p for p in points if p.id in selected), points[-1] if points else None)
+        height_m = hit[0][2] + 1.0 if before is None else before.position_world_m[2]
+        placed_m = picking.waypoint_over(*hit, height_m=height_m, clearance_m=clearance_m)
+        self.on_add(None if before is None else before.id, placed_m)
 
     def _draw_path(self) -> None:
         if self._path is not None:

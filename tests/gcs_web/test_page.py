@@ -153,6 +153,41 @@ def test_a_waypoint_is_dragged_in_the_3d_view(station, page):
     page.get_by_role("status").get_by_text("Waypoint 1 moved").wait_for()
 
 
+def clicked(page, station: GroundStation, point_world_m: np.ndarray, answered) -> bool:
+    """Click where the browser draws a point; was it answered before the browser drew its next pictures?"""
+    drawn(page)
+    page.mouse.click(*pixel(page, station, point_world_m))
+    again_s = time.monotonic() + 20.0  # then the scene was not drawn yet when it was clicked
+    while not answered() and time.monotonic() < again_s:
+        drawn(page)
+    return answered()
+
+
+def test_a_click_on_the_path_moves_the_cursor_there(station, page):
+    wait(lambda: len(station.server.get_clients()) == 1, "the 3D view")
+    series = station.desk.answer.shown.series
+    k = len(series.time_s) // 3
+    place = np.array([series.x_m[k], series.y_m[k], series.z_m[k]])
+    told: list[float] = []
+    publish, station.view.on_moment = station.view.on_moment, lambda time_s: (told.append(time_s), publish(time_s))
+    try:
+        wait(lambda: clicked(page, station, place, lambda: bool(told)), "the click on the path")
+    finally:
+        station.view.on_moment = publish
+    assert told[-1] == pytest.approx(series.time_s[k], abs=0.3)  # a pixel is a few centimetres
+    page.get_by_text(f"{told[-1]:.2f} s", exact=True).first.wait_for()
+
+
+def test_a_shift_click_on_the_floor_adds_a_waypoint_after_the_last(station, page):
+    wait(lambda: len(station.server.get_clients()) == 1, "the 3D view")
+    floor = np.array([5.5, 2.0, 0.0])
+    page.keyboard.down("Shift")
+    wait(lambda: clicked(page, station, floor, lambda: len(positions(station)) == 4), "the shift-click on the floor")
+    page.keyboard.up("Shift")
+    np.testing.assert_allclose(positions(station)[3], [5.5, 2.0, START[2, 2]], atol=0.05)
+    page.get_by_role("status").get_by_text("Waypoint 3 inserted").wait_for()
+
+
 def test_a_waypoint_in_a_pillar_is_refused_in_words(station, page):
     cell(page, 1, 0).dblclick()
     page.keyboard.press("Control+A")

@@ -1,7 +1,9 @@
 """The project under edit: nothing is lost, nobody's change is undone in silence, however the station ends."""
 
+import errno
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from flight import InputError, Waypoints, project
+from flight import FormatError, InputError, Waypoints, project
 from gcs_web import journal, protocol
 from gcs_web.document import Settings
 from gcs_web.session import Session
@@ -151,6 +153,70 @@ def test_what_another_program_wrote_is_taken_over_and_can_be_undone(session: Ses
     np.testing.assert_array_equal(session.content.waypoints().yaw_rad, HEADINGS)
 
 
+def test_what_another_program_writes_during_an_edit_is_kept_beside_the_file_and_said(session: Session):
+    other = Waypoints(START[:2] + 0.5, np.array([0.1, np.nan]))
+    project.save_waypoints(session.project.waypoints, other)
+    after = raised(session, 0)  # before anybody looked at the file
+    np.testing.assert_array_equal(project.load_waypoints(session.project.waypoints).positions_world_m, after)
+    kept = session.project.folder / "waypoints.json.old-1"
+    np.testing.assert_array_equal(project.load_waypoints(kept).positions_world_m, other.positions_world_m)
+    assert session.take_notice().endswith("its version is kept as waypoints.json.old-1")
+    raised(session, 1)
+    assert session.take_notice() == ""
+    assert not session.project.folder.joinpath("waypoints.json.old-2").exists()
+
+
+def test_a_damaged_file_of_another_program_is_refused_and_kept_at_the_next_edit(session: Session):
+    session.project.waypoints.write_text("{")
+    with pytest.raises(FormatError):
+        session.take_file()
+    raised(session, 0)
+    assert session.project.folder.joinpath("waypoints.json.old-1").read_text() == "{"
+
+
+def test_writers_on_three_threads_lose_no_edit_and_undo_nobody_elses(session: Session):
+    edits_each = 50
+
+    def lift(waypoint: int) -> None:
+        for _ in range(edits_each):
+            raised(session, waypoint, f"writer {waypoint}")
+
+    with ThreadPoolExecutor(3) as writers:
+        list(writers.map(lift, range(3)))
+    assert session.revision == 3 * edits_each
+    np.testing.assert_allclose(positions(session) - START, np.array([[0, 0, 0.1 * edits_each]] * 3), atol=1e-9)
+    again = reopened(session)
+    try:
+        assert again.revision == 3 * edits_each
+    finally:
+        again.close()
+
+
+def test_a_snapshot_that_the_disk_refuses_is_tried_again_and_loses_nothing(opened: project.Project, monkeypatch):
+    monkeypatch.setattr(journal, "COMPACT_AFTER", 3)
+    edited = Session(opened, Settings())
+    snapshot = opened.folder / ".session" / "document.json"
+    first = snapshot.read_bytes()
+    with monkeypatch.context() as full:
+
+        def refuse(*_: object) -> None:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+        full.setattr(journal.file_format, "write_bytes", refuse)
+        full.setattr(project, "save_waypoints", refuse)
+        after = [raised(edited, k) for k in (0, 1, 2, 0)][-1]
+    assert snapshot.read_bytes() == first
+    assert edited.take_notice().startswith("waypoints.json could not be written: No space left")
+    np.testing.assert_array_equal(positions(edited), after)
+    after = raised(edited, 1)
+    assert snapshot.read_bytes() != first
+    again = reopened(edited)
+    try:
+        np.testing.assert_array_equal(positions(again), after)
+    finally:
+        again.close()
+
+
 def test_killed_between_the_journal_of_an_undo_and_the_file_the_journal_counts(session: Session):
     raised(session, 1)
     before = session.project.waypoints.read_bytes()
@@ -228,7 +294,7 @@ def test_a_journal_cut_off_anywhere_opens_with_all_whole_changes(tmp_path_factor
     try:
         whole = path.read_bytes().count(b"\n")
         assert again.revision == whole
-        assert again.notice == ""
+        assert again.take_notice() == ""
         np.testing.assert_array_equal(positions(again), after[whole])
         raised(again, 0)
     finally:
@@ -248,7 +314,8 @@ def test_damage_inside_the_journal_is_told_and_the_rest_is_kept(session: Session
     again = Session(session.project, Settings())
     try:
         np.testing.assert_array_equal(positions(again), first)
-        assert again.notice == "the journal is damaged after revision 1; what followed is kept in journal.jsonl.old-1"
+        said = "the journal is damaged after revision 1; what followed is kept in journal.jsonl.old-1"
+        assert again.take_notice() == said
         assert (path.parent / "journal.jsonl.old-1").read_bytes() == b"".join(lines)
     finally:
         again.close()

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import shutil
+import threading
 from collections.abc import Callable
 from contextlib import AsyncExitStack
 from pathlib import Path
@@ -15,7 +16,7 @@ import pytest
 import vehicle
 from firmware_bridge import SitlVehicle, controller, keys
 from flight import LinkError, Waypoints, flight_log, project, trajectory
-from gcs_web import GroundStation
+from gcs_web import GroundStation, page_socket
 from tests.waiting import PATIENCE_S, until
 
 START = np.array([[0.8, 0.8, 1.0], [3.0, 2.0, 1.2], [5.2, 0.8, 1.2]])
@@ -58,10 +59,13 @@ class Page:
         while not condition(self):
             await self._receive()
 
+    async def send(self, type: str, serial: int, **arguments: Any) -> None:
+        await self._socket.send_str(json.dumps({"type": type, "serial": serial, **arguments}))
+
     async def command(self, type: str, **arguments: Any) -> dict[str, Any]:
         """Send a command; its reply."""
         self._serial += 1
-        await self._socket.send_str(json.dumps({"type": type, "serial": self._serial, **arguments}))
+        await self.send(type, self._serial, **arguments)
         while True:
             message = await self._receive()
             if message["type"] == "reply" and message["serial"] == self._serial:
@@ -279,5 +283,24 @@ def test_a_path_that_the_vehicle_cannot_store_is_refused_and_the_next_one_is_pla
         await page.until(lambda p: p.state["plan"]["state"] == "refused")
         await page.command("undo")
         await page.checked()
+
+    visit(station, 1, talk)
+
+
+def test_orders_beyond_the_bound_are_refused_at_once_and_an_abort_is_not(station, monkeypatch):
+    let_go = threading.Event()
+
+    def held_up() -> None:
+        let_go.wait(PATIENCE_S)
+
+    async def talk(page: Page):
+        monkeypatch.setattr(station.watch, "held", held_up)
+        await page.checked()
+        await page.command("take_control", force=True)
+        for serial in range(1000, 1000 + page_socket.MOST_APART):
+            await page.send("prepare_upload", serial)
+        assert "orders of this page still wait" in (await page.command("prepare_upload"))["error"]
+        assert "still wait" not in (await page.command("abort"))["error"]
+        let_go.set()
 
     visit(station, 1, talk)

@@ -131,7 +131,6 @@ export interface Vehicle {
   armed: boolean;
   holds: string;
   holds_crc32: string;
-  round_trip_ms: number | null;
   battery_v: number | null;
   x_m: number | null;
   y_m: number | null;

@@ -100,10 +100,9 @@ function Holds() {
 
 function LinkFact() {
   const { state, age_s } = link.value;
-  const round_ms = vehicle.value?.round_trip_ms ?? null;
   if (state === "lost") return <Fact name="Link" value={`link lost, last ${age(age_s)}`} kind="danger-text" />;
   if (state === "stale") return <Fact name="Link" value={age(age_s)} kind="caution-text" />;
-  return <Fact name="Link" value={round_ms === null ? "fresh" : `${number(round_ms, 0)} ms`} />;
+  return <Fact name="Link" value="fresh" />;
 }
 
 function Fact({ name, value, kind = "" }: { name: string; value: string; kind?: string }) {
