@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import norm
 
-from flight import FlightLog, InputError, Progress, silent
+from flight import FlightLog, InputError, Progress, silent, within
 from sysid.diagnosis import load, traces
 from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.decision import Case, decide, sentence
@@ -190,8 +190,7 @@ def diagnose(
     if any(log is other for log in held_out for other in logs):
         raise InputError("a flight is both to learn from and to judge by; split whole flights between the two")
     options = while_searching(options or Options(gusts="white"))
-    base = identify(logs, vehicle, options)
-    progress("diagnose", 0.15)
+    base = identify(logs, vehicle, options, progress=within(progress, "diagnose", 0.0, 0.15))
     unseen = [flight for i, log in enumerate(held_out) for flight in prepare(log, i, options)]
     found = search(logs, base, unseen, options, most=8 if auto else 1, progress=progress)
     last = found.models[-1].fit

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from flight import FlightLog, InputError, Progress, rotations, silent
+from flight import FlightLog, InputError, Progress, rotations, silent, within
 from flight.rotations import FloatArray
 from sysid.estimator.blocks import motor
 from sysid.estimator.blocks.pose import PoseSensor
@@ -31,6 +31,8 @@ QUANTITIES = {"position": "m", "velocity": "m/s", "attitude": "rad", "rate": "ra
 
 SMOOTHING_STEPS = 20
 """Steps for the states of one model, where the options say nothing else."""
+FIRST_SHARE = 0.4
+"""Of the time, for the first states: all that follow start from them."""
 REFERENCE_LOOSENESS = 2.0
 """The reference states trust the first model this much less than its own residuals suggest, so as to take no side."""
 
@@ -150,12 +152,13 @@ def compare(
     if not flights:
         raise InputError(f"no flight is longer than {2.0 * longest_s:g} s; predictions need that")
     first = next(iter(models.values()))
-    smoothed = smooth(flights, first, options)
+    smoothed = smooth(flights, first, options, progress=within(progress, "compare", 0.0, FIRST_SHARE))
     reference = smooth(flights, first, options, process_scale=REFERENCE_LOOSENESS, near=smoothed).point.states
     errors, flight_errors, residuals = {}, {}, {}
     count = 0
     for i, (name, vehicle) in enumerate(models.items()):
-        smoothed = smooth(flights, vehicle, options, near=smoothed)
+        begun, done = (FIRST_SHARE + (1.0 - FIRST_SHARE) * (i + part) / len(models) for part in (0.0, 0.7))
+        smoothed = smooth(flights, vehicle, options, near=smoothed, progress=within(progress, "compare", begun, done))
         states = smoothed.point.states
         sensor = PoseSensor.of(vehicle)
         parts = [_errors(*one, vehicle, sensor) for one in zip(flights, states, reference, strict=True)]
@@ -168,7 +171,7 @@ def compare(
             residual(f, s, vehicle, smoothed.noise.process) for f, s in zip(flights, states, strict=True)
         )
         count = sum(len(p["position"][0]) for p in parts)
-        progress("compare", (i + 1) / len(models))
+        progress("compare", FIRST_SHARE + (1.0 - FIRST_SHARE) * (i + 1) / len(models))
     return Comparison(tuple(flights), dict(models), errors, flight_errors, residuals, count)
 
 

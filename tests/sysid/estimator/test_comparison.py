@@ -33,6 +33,17 @@ def test_the_truth_predicts_to_within_the_noise(campaign, truth):
     assert comparison.errors["truth"]["position"][2] < 2e-2
 
 
+def test_progress_only_rises_and_ends_at_one(campaign, truth):
+    seen = []
+    cut = [campaign[1].slice(0.0, 4.0)]
+    sysid.compare(cut, {"a": truth, "b": truth}, progress=lambda stage, fraction: seen.append((stage, fraction)))
+    assert {stage for stage, _ in seen} == {"compare"}
+    fractions = [fraction for _, fraction in seen]
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
+    assert len(fractions) > 4
+
+
 def test_errors_grow_with_the_horizon(judged):
     comparison, _, _ = judged
     for errors in comparison.errors.values():
