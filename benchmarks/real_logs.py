@@ -19,7 +19,8 @@ from scipy.interpolate import CubicSpline
 import sysid
 import vehicle
 from flight import FlightError, FlightLog, rotations
-from sysid.logs.consistency import gyro_after_attitude, kinematics, rotors_after_gyro
+from sysid.logs.clocks import gyro_after_attitude, rotors_after_gyro
+from sysid.logs.motion import kinematics
 
 MAPS = Path(__file__).parent / "column_maps"
 SPIN = np.array([1.0, -1.0, 1.0, -1.0])
@@ -118,7 +119,7 @@ def on_one_clock(log: FlightLog, model: vehicle.Vehicle) -> FlightLog:
     """The log with gyro and rotor speed on the clock of the attitude, ends dropped."""
     motion = kinematics(log)
     assert motion is not None
-    gyro_s, rotors_s = gyro_after_attitude(log, motion)[0], rotors_after_gyro(log, motion.time_s, model)[0]
+    gyro_s, rotors_s = gyro_after_attitude(log, motion).delay_s, rotors_after_gyro(log, motion, model).delay_s
     print(f"  {log.metadata['name']}: {1000.0 * rotors_s:+.1f}, {1000.0 * gyro_s:+.1f}")
     columns = dict(log.columns)
     for stream, late_s in (("rate_body_", gyro_s), ("rotor_speed_", gyro_s + rotors_s)):

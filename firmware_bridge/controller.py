@@ -341,6 +341,10 @@ class Controller:
         """Compute while another controller flies. Raises `RefusedError`."""
         self._must("shadow mode", self.raw.shadow())
 
+    def end_shadow(self) -> None:
+        """Back to disarmed, in command of stopped rotors: only while the vehicle stands. Raises `RefusedError`."""
+        self._must("the end of shadow mode", self.raw.shadow_end())
+
     def engage(self, rotor_speed_rad_s: ArrayLike | None = None) -> None:
         """Take over in flight, from (4,) rotor speeds if known. Raises `RefusedError`."""
         speeds = None if rotor_speed_rad_s is None else np.ascontiguousarray(rotor_speed_rad_s, dtype=np.float32)

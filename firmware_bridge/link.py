@@ -357,6 +357,14 @@ class Link:
         parameters.write(self._port, values)
 
 
+_OTHERS_ONLY = {
+    "start": "starts in motion, but the vehicle begins a trajectory from hover: plan it without a velocity there",
+    "end": "ends in motion, but the vehicle hovers after a trajectory: plan it without a velocity there",
+    "ground_world_m": "takes off or lands itself, which the vehicle does on its own: plan it without",
+}
+"""What the final gate allows a plan to ask for, and our controller does not fly."""
+
+
 def refuse_unfit(file: TrajectoryFile, map_hash: str | None, vehicle_hash: str | None, allow_unchecked: bool) -> None:
     """What `Link.upload` asks of a file before anything is sent; raises as it does."""
     if not file.checked and not allow_unchecked:
@@ -371,6 +379,10 @@ def refuse_unfit(file: TrajectoryFile, map_hash: str | None, vehicle_hash: str |
             f"{file.name} was checked for vehicle {file.vehicle_hash[:8] or '(none)'}, "
             f"not for this one ({vehicle_hash[:8]}); check it again"
         )
+    asked = file.check.get("conditions") or {}
+    for name, words in _OTHERS_ONLY.items():
+        if name in asked:
+            raise InputError(f"{file.name} {words}; `goshawk export` writes it for other autopilots")
 
 
 def _verdict(result: TrajectoryResult) -> str:

@@ -22,6 +22,8 @@ FORMAT = "goshawk-project"
 VERSION = 1
 WAYPOINTS_FORMAT = "goshawk-waypoints"
 WAYPOINTS_VERSION = 1
+MISSION_VERSION = 2
+"""Of a waypoints file that asks for more than waypoints (`flight.mission`)."""
 _NAME_LENGTH = 100
 _PART_NAME = re.compile(rf"[^\W_][\w .+=,()-]{{0,{_NAME_LENGTH - 1}}}")
 
@@ -118,21 +120,43 @@ class Waypoints:
         object.__setattr__(self, "yaw_rad", yaw)
 
 
-def save_waypoints(path: Path, waypoints: Waypoints) -> None:
-    points = [
+def waypoint_records(waypoints: Waypoints) -> list[dict[str, object]]:
+    """JSON-able: one record for each waypoint."""
+    return [
         {"position_world_m": p.tolist(), "yaw_rad": None if np.isnan(y) else float(y)}
         for p, y in zip(waypoints.positions_world_m, waypoints.yaw_rad, strict=True)
     ]
-    body = {"waypoints": points}
+
+
+def save_waypoints(path: Path, waypoints: Waypoints) -> None:
+    body = {"waypoints": waypoint_records(waypoints)}
     file_format.write_json(path, format=WAYPOINTS_FORMAT, version=WAYPOINTS_VERSION, body=body)
 
 
 def load_waypoints(path: Path) -> Waypoints:
-    document = file_format.read_json(path, format=WAYPOINTS_FORMAT, version=WAYPOINTS_VERSION)
+    """Read a file of waypoints alone; `flight.mission.load` reads those that ask for more.
+
+    Raises:
+        InputError: no such file.
+        FormatError: it is damaged, of another format, or asks for more than waypoints.
+    """
+    document = file_format.read_json(path, format=WAYPOINTS_FORMAT, version=MISSION_VERSION)
+    more = sorted(set(document) - {"format", "version", "waypoints"})
+    if more and document["version"] > WAYPOINTS_VERSION:
+        raise FormatError(f"{path} asks for {', '.join(more)} besides waypoints; only `goshawk plan` knows these")
+    return waypoints_from(document, path)
+
+
+def waypoints_from(document: file_format.Document, path: Path) -> Waypoints:
+    """The waypoints of a file's content.
+
+    Raises:
+        FormatError: they are damaged.
+    """
     try:
         points = document["waypoints"]
         positions = np.array([p["position_world_m"] for p in points], dtype=np.float64).reshape(-1, 3)
         yaws = [p.get("yaw_rad") for p in points]
         return Waypoints(positions, np.array([np.nan if y is None else y for y in yaws], dtype=np.float64))
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise FormatError(f"{path} is a damaged waypoint file: {error}") from error

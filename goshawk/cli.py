@@ -22,7 +22,7 @@ TRACEBACK = "GOSHAWK_TRACEBACK"
 GROUPS = {
     "Begin": ("init", "demo", "doctor"),
     "Map": ("camera", "map", "localize"),
-    "Plan": ("plan", "check"),
+    "Plan": ("plan", "check", "export"),
     "Fly": ("gcs", "sitl", "upload", "fly", "params", "proxy"),
     "Learn": ("vehicle", "log", "identify", "diagnose", "compare", "next-flight"),
 }
@@ -35,6 +35,7 @@ VERBS = {
     "localize": "Find where images were taken in a map.",
     "plan": "Plan a checked trajectory through waypoints or along a recorded path.",
     "check": "Check a trajectory against a map and a vehicle.",
+    "export": "Write a trajectory for other autopilots and planners, or as a page.",
     "sitl": "Run a SITL vehicle: the embedded C code on a simulated body.",
     "upload": "Send a checked trajectory to the vehicle and read it back.",
     "fly": "Fly the uploaded trajectory and record a flight log.",

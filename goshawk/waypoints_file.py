@@ -1,4 +1,4 @@
-"""Waypoints from our JSON, or from a CSV file with columns x, y, z (metres) and, optionally, a heading."""
+"""A mission from our JSON, or waypoints from a CSV file with columns x, y, z (metres) and, optionally, a heading."""
 
 import csv
 import math
@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+import flight.mission
 from flight import FormatError, InputError, project
+from flight.mission import Mission
 from flight.project import Waypoints
 
 _NAMES = {
@@ -25,6 +27,11 @@ def load(path: Path) -> Waypoints:
         FormatError: it is not a waypoint file.
     """
     return _from_csv(path) if path.suffix.lower() == ".csv" else project.load_waypoints(path)
+
+
+def load_mission(path: Path) -> Mission:
+    """Read waypoints and what is asked besides; a CSV file holds waypoints only. Raises as `load`."""
+    return Mission(_from_csv(path)) if path.suffix.lower() == ".csv" else flight.mission.load(path)
 
 
 def _from_csv(path: Path) -> Waypoints:

@@ -15,8 +15,12 @@ def search(
 ) -> NDArray[np.int64]:
     """Cells (flat indices) of the cheapest way from start to goal; empty if there is none."""
 
-def snap_states(states: Annotated[NDArray[np.float64], "(k + 1, 4, axes)"], durations: NDArray[np.float64]) -> None:
-    """Fills in the interior velocities, accelerations and jerks of the minimum-snap spline."""
+def snap_states(
+    states: Annotated[NDArray[np.float64], "(k + 1, 4, axes)"],
+    durations: NDArray[np.float64],
+    held: Annotated[NDArray[np.uint8], "(k + 1,)"],
+) -> None:
+    """Fills in the interior velocities, accelerations and jerks of the minimum-snap spline; held velocities stay."""
 
 def snap_coefficients(
     states: Annotated[NDArray[np.float64], "(k + 1, 4, axes)"],
@@ -61,6 +65,16 @@ class Problem:
         """Fills in the relative excess over each limit."""
     def set_offsets(self, offsets: Annotated[NDArray[np.float64], "(k, samples, 13)"]) -> None:
         """What is added to each excess."""
+    def set_given(
+        self,
+        states: Annotated[NDArray[np.float64], "(k + 1, 4, 4)"],
+        held: Annotated[NDArray[np.uint8], "(k + 1,)"],
+    ) -> None:
+        """Derivatives at both ends, and the velocity of the knots that are held."""
+    def set_balls(self, balls: Annotated[NDArray[np.float64], "(k + 1, 4)"]) -> None:
+        """Centre and radius of the balls that knots may move in; a radius of 0 is none."""
+    def look_at(self, x: float, y: float) -> None:
+        """The price on heading is for not looking at this point, instead of not along the path."""
     def minimise(
         self,
         knots: NDArray[np.float64],

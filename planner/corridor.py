@@ -4,12 +4,16 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flight import FloatArray
 from planner import space
 
-_DEPTH = 4
-"""How often a piece of a box may be halved in every direction before it counts as not proved."""
+_SMALLEST_M = 0.06
+"""Half the diagonal of the smallest piece of a box that is looked at; it counts as not free if it is not proved."""
+_STEP_M = 0.3
+"""How far a face is pushed out at once; halved where that is not free, down to `_FINEST_M`."""
+_FINEST_M = 0.08
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,35 +30,60 @@ class Box:
         return (self.offsets_m - points @ self.normals.T).min(axis=1)
 
 
+class Tube:
+    """The union of boxes as a distance field: what is inside by d keeps at least the required clearance plus d.
+
+    A point's value is its depth in the box that holds it deepest, which is 1-Lipschitz, plus `required_m`; the
+    optimiser and the proof along a curve then need not know that it is not a map.
+    """
+
+    def __init__(self, boxes: list[Box], required_m: float) -> None:
+        self.required_m = required_m
+        self._normals = np.concatenate([box.normals for box in boxes])
+        self._offsets = np.concatenate([box.offsets_m for box in boxes])
+
+    def distance(self, points_world_m: ArrayLike, /) -> FloatArray:
+        """(n,) metres: `required_m` on the surface of the union, less outside."""
+        return self.required_m + self._depths(np.asarray(points_world_m, dtype=np.float64)).min(axis=2).max(axis=1)
+
+    def distance_and_gradient(self, points_world_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(n,), and its gradient (n, 3): the normal of the nearest face of the deepest box, inwards."""
+        depths = self._depths(points_world_m)
+        face = depths.argmin(axis=2)
+        depth = np.take_along_axis(depths, face[:, :, None], axis=2)[:, :, 0]
+        box, point = depth.argmax(axis=1), np.arange(len(depth))
+        return self.required_m + depth[point, box], -self._normals[6 * box + face[point, box]]
+
+    def _depths(self, points: FloatArray) -> FloatArray:
+        """(n, boxes, 6) how far inside of each face."""
+        return (self._offsets - points @ self._normals.T).reshape(len(points), -1, 6)
+
+
 def boxes(field: space.DistanceField, points: FloatArray, required_m: float, *, widest_m: float = 1.5) -> list[Box]:
     """One box for each leg of the polyline `points` (n, 3), which must itself keep `required_m`.
 
-    Each starts as the bare leg and its six faces are pushed out in turn, as long as the field proves the new slab.
+    Each starts as the bare leg and its six faces are pushed out in turn, as long as the field proves the new slab; all
+    boxes grow together, so that the field is asked about many points at once.
     """
-    return [_grow(field, a, b, required_m, widest_m) for a, b in pairwise(points)]
-
-
-def _grow(field: space.DistanceField, start: FloatArray, end: FloatArray, required_m: float, widest_m: float) -> Box:
-    axes = _leg_axes(end - start)
-    low, high = np.minimum(axes @ start, axes @ end), np.maximum(axes @ start, axes @ end)
-    grown = np.zeros(6)
-    step = np.full(6, 0.4)
+    axes = np.array([_leg_axes(b - a) for a, b in pairwise(points)])
+    starts, ends = (np.einsum("nij,nj->ni", axes, side) for side in (points[:-1], points[1:]))
+    low, high = np.minimum(starts, ends), np.maximum(starts, ends)
+    grown, step = np.zeros((len(axes), 6)), np.full((len(axes), 6), _STEP_M)
     while (step > 0.0).any():
         for face in range(6):
-            if step[face] <= 0.0:
-                continue
-            axis, up = face % 3, face >= 3
+            axis, size = face % 3, step[:, face]
             slab_low, slab_high = low.copy(), high.copy()
-            if up:
-                slab_low[axis], slab_high[axis] = high[axis], high[axis] + step[face]
+            if face < 3:
+                slab_low[:, axis], slab_high[:, axis] = low[:, axis] - size, low[:, axis]
             else:
-                slab_low[axis], slab_high[axis] = low[axis] - step[face], low[axis]
-            if grown[face] + step[face] <= widest_m and proved(field, axes, slab_low, slab_high, required_m):
-                grown[face] += step[face]
-                (high if up else low)[axis] += step[face] if up else -step[face]
-            else:
-                step[face] = 0.5 * step[face] if step[face] > 0.03 else 0.0
-    return Box(np.concatenate([-axes, axes]), np.concatenate([-low, high]))
+                slab_low[:, axis], slab_high[:, axis] = high[:, axis], high[:, axis] + size
+            free = (size > 0.0) & (grown[:, face] + size <= widest_m)
+            free[free] = proved(field, axes[free], slab_low[free], slab_high[free], required_m)
+            grown[free, face] += size[free]
+            low[:, axis] -= np.where(free, size, 0.0) * (face < 3)
+            high[:, axis] += np.where(free, size, 0.0) * (face >= 3)
+            step[~free, face] = np.where(size > _FINEST_M, 0.5 * size, 0.0)[~free]
+    return [Box(np.concatenate([-R, R]), np.concatenate([-a, b])) for R, a, b in zip(axes, low, high, strict=True)]
 
 
 def _leg_axes(along: FloatArray) -> FloatArray:
@@ -68,25 +97,33 @@ def _leg_axes(along: FloatArray) -> FloatArray:
     return np.stack([forward, across, np.cross(forward, across)])
 
 
-def proved(field: space.DistanceField, axes: FloatArray, low: FloatArray, high: FloatArray, required_m: float) -> bool:
-    """Whether every point of the box low..high (in the frame of `axes`) keeps `required_m`.
+def proved(
+    field: space.DistanceField, axes: FloatArray, low: FloatArray, high: FloatArray, required_m: float
+) -> np.ndarray:
+    """Whether every point of each box keeps `required_m`, (n,) bool.
 
-    A distance d at the centre of a piece proves d - (half its diagonal) everywhere in it; pieces not proved are halved.
+    A distance d at the centre of a piece proves d - (half its diagonal) everywhere in it; pieces not proved are halved
+    across their longest edge, until they are too small to matter.
+
+    Args:
+        axes: (n, 3, 3) rows are the axes of each box.
+        low, high: (n, 3) corners in the frame of those axes.
     """
-    pieces = np.maximum(np.ceil((high - low) / 0.4).astype(int), 1)
-    half = (high - low) / pieces / 2.0
-    steps = [low[i] + half[i] * (2 * np.arange(pieces[i]) + 1) for i in range(3)]
-    centres = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
-    for _ in range(_DEPTH):
-        d = space.distance(field, centres @ axes)
-        if (d < required_m).any():
-            return False
-        centres = centres[d - np.linalg.norm(half) < required_m]
-        if not len(centres):
-            return True
-        # Halve along the longer edges only; thin slabs stay thin.
-        split = half > 0.5 * half.max()
-        half = np.where(split, 0.5 * half, half)
-        shifts = np.stack(np.meshgrid(*[[-h, h] if s else [0.0] for h, s in zip(half, split, strict=True)]), axis=-1)
-        centres = (centres[:, None] + shifts.reshape(-1, 3)).reshape(-1, 3)
-    return False
+    free, box = np.ones(len(axes), dtype=bool), np.arange(len(axes))
+    centre, half = 0.5 * (low + high), 0.5 * (high - low)
+    while len(box):
+        d = space.distance(field, np.einsum("nij,ni->nj", axes[box], centre))
+        reach = np.linalg.norm(half, axis=1)
+        unproved = d - reach < required_m
+        free[box[(d < required_m) | (unproved & (reach < _SMALLEST_M))]] = False
+        kept = unproved & free[box]
+        box, centre, half = (
+            np.repeat(box[kept], 2),
+            np.repeat(centre[kept], 2, axis=0),
+            np.repeat(half[kept], 2, axis=0),
+        )
+        piece = np.arange(len(box))
+        longest = half.argmax(axis=1)
+        half[piece, longest] *= 0.5
+        centre[piece, longest] += np.where(piece % 2 == 0, -1.0, 1.0) * half[piece, longest]
+    return free

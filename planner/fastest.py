@@ -15,12 +15,13 @@ import esdf
 from flight import FloatArray, Trajectory
 from planner import airframe, heading, hermite, limits, minimum_snap, routes, space, time_allocation
 from planner._planner import StopFlag
+from planner.conditions import Conditions
 from planner.gate import GateReport
 from planner.options import PlanOptions
 from planner.time_allocation import Problem, Solution, Weights
-from vehicle import Vehicle
+from vehicle import Limits, Vehicle
 
-_AIM_M = 0.02
+AIM_M = 0.02
 """What the optimiser keeps beyond the required clearance, for what lies between the samples it looks at."""
 _SHORTEST_S = 0.2
 """Segments are not cut into shorter pieces: the vehicle could make nothing of them."""
@@ -36,6 +37,15 @@ _NEAR = 0.3
 """The vehicle's own model is expensive: it is asked at every second sample, where a limit is nearer than this."""
 _MOST = 0.5
 """Largest correction of the reduced model in one round."""
+_YAW_PRICES = {
+    "along_path": (0.4, 1e-4),
+    "look_at": (5.0, 1e-4),
+    "smooth": (0.0, 0.01),
+    "steady": (0.0, 0.0),
+    "fixed": (0.0, 0.0),
+    "free": (0.0, 1e-5),
+}
+"""Price of not looking where one should, and of turning, for each yaw mode."""
 _IMPOSSIBLE = 0.2
 """Excess of every rotor where no rotor speeds give the motion."""
 
@@ -54,20 +64,35 @@ class Path:
 
 
 def rough(
-    route: routes.Route, field: space.DistanceField, vehicle: Vehicle, options: PlanOptions, stop: StopFlag | None
+    route: routes.Route,
+    field: space.DistanceField,
+    vehicle: Vehicle,
+    options: PlanOptions,
+    asked: Conditions,
+    stop: StopFlag | None,
 ) -> tuple[Problem, Solution]:
     """Least time with few knots and the heading left alone, at a price on snap that keeps it smooth."""
     frame = airframe.reduced(vehicle, options.limits_for(vehicle))
+    velocity, balls = asked.at_knots(route.waypoint), asked.balls(route.points, route.waypoint)
     problem = Problem(
         knots=np.column_stack([route.points, np.zeros(len(route.points))]),
-        free=np.outer(route.waypoint < 0, [True, True, True, False]),
+        free=np.outer((route.waypoint < 0) | _may_move(balls), [True, True, True, False]),
         airframe=frame,
         field=field,
-        clearance_m=space.aim(field, options.clearance_m) + _AIM_M,
+        clearance_m=space.aim(field, options.clearance_m) + AIM_M,
         weights=Weights(snap=1e-5),
+        offsets=_leg_offsets(asked, route.waypoint, options.limits_for(vehicle)),
+        start=asked.start,
+        end=asked.end,
+        velocity=velocity,
+        balls=balls,
+        target_world_m=options.target_world_m,
     )
     lengths = np.linalg.norm(np.diff(route.points, axis=0), axis=1)
-    slow = np.maximum(lengths, 0.3) / (0.3 * min(frame.speed_m_s, frame.acceleration_m_s2))
+    pace = np.full(len(route.points), 0.3 * min(frame.speed_m_s, frame.acceleration_m_s2))
+    for knot, given in _given_speeds(asked, velocity):
+        pace[knot] = max(pace[knot], given)
+    slow = np.maximum(lengths, 0.3) / np.maximum(pace[:-1], pace[1:])
     return problem, time_allocation.optimise(problem, slow, iterations=150, stop=stop)
 
 
@@ -77,21 +102,54 @@ def whole_vehicle(
     waypoint: np.ndarray,
     asked_rad: FloatArray,
     options: PlanOptions,
+    conditions: Conditions,
 ) -> tuple[Problem, FloatArray, np.ndarray]:
     """The problem with more knots, the heading and hardly any price on snap; durations; which waypoint each knot is.
 
     Args:
         asked_rad: heading asked for at each waypoint, NaN where it is open.
     """
+    balls = problem.balls
+    before = waypoint
     knots, durations, waypoint = _split(start.spline, waypoint, options.pieces)
+    if problem.balls is not None:
+        balls = np.zeros((len(knots), 4))
+        balls[waypoint >= 0] = problem.balls[before >= 0]
     asked = np.where(waypoint >= 0, asked_rad[waypoint], np.nan)
-    along = options.yaw == "along_path"
-    first = minimum_snap.solve(knots[:, :3], durations)
-    knots[:, 3] = heading.solve(first, asked, smoothing_s=_SMOOTHING_S, along_path=along)[:, 0]
-    free = np.repeat((waypoint < 0)[:, None], 4, axis=1)
-    free[:, 3] = np.isnan(asked)
-    weights = Weights(snap=1e-7, limits=1500.0, heading=0.4 if along else 0.0, turning=1e-4 if along else 0.01)
+    problem = replace(problem, velocity=conditions.at_knots(waypoint), offsets=None, balls=balls)
+    first = minimum_snap.Spline(durations, problem.spline(knots, durations).states[..., :3])
+    held = heading.constant(first, asked, options)
+    if held is None:
+        looking = options.yaw in ("along_path", "look_at")
+        target = options.target_world_m
+        turned = heading.solve(first, asked, smoothing_s=_SMOOTHING_S, along_path=looking, target_world_m=target)
+        knots[:, 3] = turned[:, 0]
+    else:
+        knots[:, 3] = held
+    free = np.repeat(((waypoint < 0) | _may_move(balls))[:, None], 4, axis=1)
+    free[:, 3] = np.isnan(asked) & (held is None)
+    price, turning = _YAW_PRICES[options.yaw]
+    weights = Weights(snap=1e-7, limits=1500.0, heading=price, turning=turning)
     return replace(problem, knots=knots, free=free, weights=weights), durations, waypoint
+
+
+def _may_move(balls: FloatArray | None) -> np.ndarray | bool:
+    """(k + 1,) bool: whether a knot has a ball to move in."""
+    return False if balls is None else balls[:, 3] > 0.0
+
+
+def _leg_offsets(asked: Conditions, waypoint: np.ndarray, limits: Limits) -> FloatArray:
+    """(k, samples, limits) what the speeds asked for on legs add to the excess over the vehicle's own speed."""
+    offsets = np.zeros((len(waypoint) - 1, time_allocation.SAMPLES, airframe.COLUMNS))
+    offsets[:, :, airframe.NAMES.index("speed")] = asked.speed_offsets(waypoint, limits)[:, None]
+    return offsets
+
+
+def _given_speeds(asked: Conditions, velocity: FloatArray | None) -> list[tuple[int, float]]:
+    """Knots whose speed is given, and that speed."""
+    inner = [] if velocity is None else [(int(i), velocity[i]) for i in np.flatnonzero(np.isfinite(velocity[:, 0]))]
+    ends = [(knot, motion[0]) for knot, motion in ((0, asked.start), (-1, asked.end)) if motion is not None]
+    return [(knot, float(np.linalg.norm(v[:3]))) for knot, v in inner + ends]
 
 
 def _split(spline: minimum_snap.Spline, waypoint: np.ndarray, most: int) -> tuple[FloatArray, FloatArray, np.ndarray]:
@@ -111,18 +169,18 @@ def _split(spline: minimum_snap.Spline, waypoint: np.ndarray, most: int) -> tupl
 class _Corrections:
     """What is added to the reduced model's excess at each sample, (k, samples, limits)."""
 
-    def __init__(self, segments: int) -> None:
-        shape = (segments, time_allocation.SAMPLES, airframe.COLUMNS)
+    def __init__(self, legs: FloatArray) -> None:
+        self.legs, shape, segments = legs, legs.shape, len(legs)
         self.model, self.between, self.multiplier = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         self.gate = np.full((segments, 1, airframe.COLUMNS), _SPARE)
 
     def total(self) -> FloatArray:
-        return self.model + self.between + self.multiplier + self.gate
+        return self.legs + self.model + self.between + self.multiplier + self.gate
 
     def measure(self, problem: Problem, found: Solution, path: Trajectory, vehicle: Vehicle) -> FloatArray:
         """Ask the vehicle's own model; returns what it says each excess is, (k, samples, limits)."""
         reduced, peaks = time_allocation.excess(problem, found)
-        near = (peaks + self.model).max(axis=2) > -_NEAR
+        near = (peaks + self.legs + self.model).max(axis=2) > -_NEAR
         asked = np.zeros_like(near)
         asked[:, ::2] = near[:, ::2] | np.pad(near[:, 1::2], ((0, 0), (1, 0))) | np.pad(near[:, 1::2], ((0, 0), (0, 1)))
         if asked.any():
@@ -132,7 +190,7 @@ class _Corrections:
             self.model[asked] = np.clip(full - reduced[asked], -_MOST, _MOST)
             self.model[:, 1::2] = 0.5 * (self.model[:, :-1:2] + self.model[:, 2::2])
         self.between = peaks - reduced
-        return peaks + self.model
+        return peaks + self.legs + self.model
 
     def press(self, excess: FloatArray) -> None:
         """Raise the multipliers of what is exceeded, lower those of what is not."""
@@ -150,6 +208,8 @@ def until_flyable(
     waypoint: np.ndarray,
     vehicle: Vehicle,
     options: PlanOptions,
+    field: space.DistanceField,
+    conditions: Conditions,
     ask_gate: Callable[[Trajectory], GateReport],
     stop: StopFlag | None,
 ) -> Path | None:
@@ -157,7 +217,8 @@ def until_flyable(
 
     Where limits stay exceeded in spite of it, the last trajectory is returned with its report.
     """
-    corrections, T, optimum_s, bends = _Corrections(len(durations_s)), durations_s, np.nan, 0
+    corrections = _Corrections(_leg_offsets(conditions, waypoint, options.limits_for(vehicle)))
+    T, optimum_s, bends = durations_s, np.nan, 0
     for round_, iterations in enumerate(_ITERATIONS):
         problem = replace(problem, offsets=corrections.total())
         found = time_allocation.optimise(problem, T, iterations=iterations, stop=stop)
@@ -165,7 +226,7 @@ def until_flyable(
         optimum_s = optimum_s if round_ else float(T.sum())
         path = minimum_snap.trajectory(found.spline)
         excess = corrections.measure(problem, found, path, vehicle)
-        clearance = esdf.certify(problem.field, path, options.clearance_m)
+        clearance = esdf.certify(field, path, options.clearance_m)
         last = round_ == len(_ITERATIONS) - 1
         if clearance.passed and (excess.max() <= 0.0 or last):
             report = ask_gate(path)

@@ -11,19 +11,25 @@ import numpy as np
 
 import esdf
 import vehicle as vehicles
-from flight import FlightError, FloatArray, Trajectory, TrajectoryFile, polynomial
+from flight import FlightError, FloatArray, Trajectory, TrajectoryFile
+from planner import conditions as conditions_
 from planner import limits
+from planner.conditions import Conditions
 from planner.limits import Check
 from planner.options import PlanOptions
-from planner.space import DistanceField
+from planner.space import DistanceField, Grounded
 from vehicle import Vehicle
 
 _ORDER_UNITS = ("m", "m/s", "m/s2", "m/s3")
 _NAMES = ("position", "velocity", "acceleration", "jerk")
-_REST = 1e-6
-"""Largest velocity, acceleration or jerk (SI) that counts as rest at either end."""
 _BLOCK = 1024
 """Points looked at together for a waypoint: the next one is hardly ever farther away than a second."""
+_SAME_RAD = 0.02
+"""Largest difference from a heading that was asked for."""
+_LOOK_RAD = 0.6
+"""Largest angle between the heading and the direction of a point that is looked at."""
+_NEAR_M = 1.0
+"""Horizontal distance of that point below which any heading will do."""
 _JUMP = 1e-6
 """Largest jump (SI) at a join, relative to the largest value of that derivative where that is above one."""
 
@@ -46,6 +52,8 @@ class GateReport:
     vehicle_hash: str
     trajectory_hash: str
     """`fingerprint` of the trajectory that was checked."""
+    conditions: Conditions
+    """What was asked of it besides its waypoints."""
     usage: limits.Usage | None = None
     """What each segment uses of each limit; None where that could not be asked."""
 
@@ -74,6 +82,7 @@ class GateReport:
             "map_hash": self.map_hash,
             "vehicle_hash": self.vehicle_hash,
             "trajectory_hash": self.trajectory_hash,
+            "conditions": self.conditions.as_dict(),
             "checks": [check.as_dict() for check in self.checks],
         }
 
@@ -85,21 +94,31 @@ def check(
     options: PlanOptions | None = None,
     *,
     waypoints_world_m: FloatArray | None = None,
+    yaw_rad: FloatArray | None = None,
+    conditions: Conditions | None = None,
 ) -> GateReport:
     """Check a trajectory against a field and a vehicle.
 
     Args:
         waypoints_world_m: (n, 3) points it must reach in this order; None if it need not reach any.
+        yaw_rad: (n,) heading to have at each of them, NaN where any will do; None if none is asked for.
+        conditions: of motion at its ends, its waypoints and on its legs; at rest at both ends if left out.
     """
     options = PlanOptions() if options is None else options
+    asked = Conditions() if conditions is None else conditions
     finite = _finite(trajectory)
     checks = [finite]
     usage = None
     clearance = _no_clearance("not checked: the trajectory is not finite")
     if finite.passed:
-        clearance = _clearance(trajectory, field, options.clearance_m)
-        checks += [] if waypoints_world_m is None else [_waypoints(trajectory, waypoints_world_m, options)]
-        checks += _rest(trajectory) + _continuity(trajectory)
+        space_ = field if asked.ground_world_m is None else Grounded(field, asked.ground_world_m, options.clearance_m)
+        clearance = _clearance(trajectory, space_, options.clearance_m)
+        visits_s = None
+        if waypoints_world_m is not None:
+            passed, visits_s = _waypoints(trajectory, waypoints_world_m, asked.fly_by_m, options)
+            checks.append(passed)
+        checks += conditions_.checks(trajectory, visits_s, asked) + _continuity(trajectory)
+        checks += _headings(trajectory, visits_s, yaw_rad, options)
         checks += [_clearance_check(clearance, options.clearance_m)]
         bounds = options.limits_for(vehicle)
         usage, found = limits.measure(trajectory, vehicle, bounds, step_s=options.sample_step_s)
@@ -114,6 +133,7 @@ def check(
         map_hash=str(getattr(field, "hash", "")),
         vehicle_hash=vehicles.vehicle_hash(vehicle),
         trajectory_hash=fingerprint(trajectory),
+        conditions=asked,
         usage=usage,
     )
 
@@ -122,12 +142,23 @@ def check_file(
     item: TrajectoryFile, field: DistanceField, vehicle: Vehicle, options: PlanOptions | None = None
 ) -> GateReport:
     """Check a file's trajectory, and that it was planned for this map and this vehicle."""
-    report = check(item.trajectory, field, vehicle, options, waypoints_world_m=item.waypoints_world_m)
+    report = check(
+        item.trajectory, field, vehicle, options, waypoints_world_m=item.waypoints_world_m, conditions=asked_of(item)
+    )
     same = [
         _identity("map", item.map_hash, report.map_hash),
         _identity("vehicle", item.vehicle_hash, report.vehicle_hash),
     ]
     return replace(report, checks=(*report.checks, *same))
+
+
+def asked_of(item: TrajectoryFile) -> Conditions:
+    """What was asked of a file's trajectory besides its waypoints.
+
+    Raises:
+        FormatError: its record of that is damaged.
+    """
+    return Conditions.from_dict(item.check.get("conditions") or {}, len(item.waypoints_world_m))
 
 
 def _identity(name: str, planned: str, here: str) -> Check:
@@ -153,27 +184,68 @@ def _finite(trajectory: Trajectory) -> Check:
     )
 
 
-def _waypoints(trajectory: Trajectory, waypoints_world_m: FloatArray, options: PlanOptions) -> Check:
-    """Waypoints are reached in order; the curve must start at the first and end at the last of them."""
+def _waypoints(
+    trajectory: Trajectory, waypoints_world_m: FloatArray, fly_by_m: FloatArray | None, options: PlanOptions
+) -> tuple[Check, FloatArray | None]:
+    """Waypoints are reached in order; the curve must start at the first and end at the last of them.
+
+    Returns:
+        The check, and when each is reached, (n,); None if not all are.
+    """
     wanted = np.asarray(waypoints_world_m, dtype=np.float64).reshape(-1, 3)
     if not len(wanted) or not np.isfinite(wanted).all():
-        return Check("waypoints", np.nan, options.waypoint_tolerance_m, "m", False, reason="none, or not finite")
+        return Check("waypoints", np.nan, options.waypoint_tolerance_m, "m", False, reason="none, or not finite"), None
     # Dense samples, joins included: a planned waypoint is a join, another one is met to within half a step.
     times, segment = limits.sample_times(trajectory, 1e-3)
     times, segment = np.append(times, trajectory.duration_s), np.append(segment, segment[-1])
     points = trajectory.position(times)
     ends = max(float(np.linalg.norm(points[0] - wanted[0])), float(np.linalg.norm(points[-1] - wanted[-1])))
     worst, missed, at = ends, 0 if ends > options.waypoint_tolerance_m else -1, 0
+    visits: list[int] = []
     for i, waypoint in enumerate(wanted[:-1]):
-        visit = _first_visit(points, at, waypoint, options.waypoint_tolerance_m)
+        radius = 0.0 if fly_by_m is None else float(fly_by_m[i])
+        visit = _first_visit(points, at, waypoint, options.waypoint_tolerance_m + radius)
         if visit is None:
             worst, missed = float(np.linalg.norm(points[at:] - waypoint, axis=1).min()), i
             break
         at, gap_m = visit
-        worst = max(worst, gap_m)
+        visits.append(at)
+        worst = max(worst, gap_m - radius)
     passed = missed < 0
     reason = f"all {len(wanted)} in order" if passed else f"waypoint {missed} is missed by {worst:.3f} m"
-    return Check("waypoints", worst, options.waypoint_tolerance_m, "m", passed, reason=reason)
+    found = Check("waypoints", worst, options.waypoint_tolerance_m, "m", passed, reason=reason)
+    return found, times[[*visits, len(times) - 1]] if passed else None
+
+
+def _headings(
+    trajectory: Trajectory, visits_s: FloatArray | None, yaw_rad: FloatArray | None, options: PlanOptions
+) -> list[Check]:
+    """Headings asked for at waypoints, held all along, or towards a point."""
+    checks = []
+    times = trajectory.sample(options.sample_step_s)
+    motion = trajectory.evaluate(times)
+    if visits_s is not None and yaw_rad is not None and np.isfinite(yaw_rad).any():
+        joins = trajectory.starts_s
+        at = joins[np.abs(joins[None] - visits_s[:, None]).argmin(axis=1)]
+        off = np.abs(np.angle(np.exp(1j * (trajectory.evaluate(at)[:, 3] - yaw_rad))))
+        checks.append(_heading_check("heading at waypoints", np.where(np.isfinite(off), off, 0.0), at, _SAME_RAD))
+    if options.yaw in ("fixed", "steady"):
+        held = options.heading_rad if options.yaw == "fixed" else motion[0, 3]
+        off = np.abs(np.angle(np.exp(1j * (motion[:, 3] - held))))
+        checks.append(_heading_check("heading held", off, times, _SAME_RAD))
+    if options.target_world_m is not None:
+        aim = options.target_world_m[:2] - motion[:, :2]
+        off = np.abs(np.angle(np.exp(1j * (motion[:, 3] - np.arctan2(aim[:, 1], aim[:, 0])))))
+        off = np.where(np.hypot(*aim.T) > _NEAR_M, off, 0.0)
+        checks.append(_heading_check("look at the point", off, times, _LOOK_RAD))
+    return checks
+
+
+def _heading_check(name: str, off_rad: FloatArray, times_s: FloatArray, bound_rad: float) -> Check:
+    worst = int(off_rad.argmax())
+    value, time_s = float(off_rad[worst]), float(times_s[worst])
+    reason = f"{np.degrees(value):.1f} deg off at {time_s:.1f} s, at most {np.degrees(bound_rad):.1f} are allowed"
+    return Check(name, value, bound_rad, "rad", value <= bound_rad, time_s, reason=reason)
 
 
 def _first_visit(points: FloatArray, start: int, waypoint: FloatArray, tolerance_m: float) -> tuple[int, float] | None:
@@ -194,20 +266,6 @@ def _first_visit(points: FloatArray, start: int, waypoint: FloatArray, tolerance
         if end < len(gaps):
             break
     return None if best < 0 else (best, gap_m)
-
-
-def _rest(trajectory: Trajectory) -> list[Check]:
-    T = trajectory.durations_s
-    checks = []
-    for name, coefficients, local in (
-        ("start", trajectory.coefficients[0], 0.0),
-        ("end", trajectory.coefficients[-1], T[-1]),
-    ):
-        motion = [polynomial.evaluate(polynomial.differentiate(coefficients, r), np.full(4, local)) for r in (1, 2, 3)]
-        worst = float(np.abs(motion).max())
-        tolerance = _REST * max(1.0, float(np.abs(coefficients * T[-1] ** np.arange(coefficients.shape[-1])).max()))
-        checks.append(Check(f"rest at the {name}", worst, tolerance, "SI", worst <= tolerance))
-    return checks
 
 
 def _continuity(trajectory: Trajectory) -> list[Check]:

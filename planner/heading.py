@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solveh_banded
 
-from flight import FloatArray
+from flight import FloatArray, InputError
 from flight.frames import GRAVITY_M_S2
 from planner import hermite, minimum_snap
+from planner.options import PlanOptions
 
 _SAMPLES = 12
 _SLOW_M_S = 0.5
@@ -23,6 +24,8 @@ _SOFTEST_S = 0.2
 """Most that goes into the fourth derivative: yaw must be able to take back what tilting adds to the yaw rate."""
 _FAINT = 1e-6
 """Weight of the heading where the vehicle stands still, so that the spline is always determined."""
+_SAME_RAD = 1e-3
+"""Headings that differ by less are the same."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +39,12 @@ class Bounds:
 
 
 def steady_enough(
-    spline: minimum_snap.Spline, asked_rad: FloatArray, bounds: Bounds, *, along_path: bool
+    spline: minimum_snap.Spline,
+    asked_rad: FloatArray,
+    bounds: Bounds,
+    *,
+    along_path: bool,
+    target_world_m: FloatArray | None = None,
 ) -> FloatArray:
     """As `solve`, with the least smoothing that stays within the bounds, or comes nearest to them."""
     spin, spin_up = tilt_spin(spline)
@@ -48,11 +56,12 @@ def steady_enough(
         return float(max(rate, change))
 
     quick, slow = np.log(_SMOOTHING_S)
-    best = solve(spline, asked_rad, smoothing_s=_SMOOTHING_S[1], along_path=along_path)
+    how = {"along_path": along_path, "target_world_m": target_world_m}
+    best = solve(spline, asked_rad, smoothing_s=_SMOOTHING_S[1], **how)
     least = excess(best)
     for _ in range(8):
         middle = 0.5 * (quick + slow)
-        yaw = solve(spline, asked_rad, smoothing_s=float(np.exp(middle)), along_path=along_path)
+        yaw = solve(spline, asked_rad, smoothing_s=float(np.exp(middle)), **how)
         found = excess(yaw)
         if found <= max(least, 1.0):
             best, least, slow = yaw, max(found, 1.0), middle
@@ -62,7 +71,12 @@ def steady_enough(
 
 
 def solve(
-    spline: minimum_snap.Spline, asked_rad: FloatArray, *, smoothing_s: float, along_path: bool = True
+    spline: minimum_snap.Spline,
+    asked_rad: FloatArray,
+    *,
+    smoothing_s: float,
+    along_path: bool = True,
+    target_world_m: FloatArray | None = None,
 ) -> FloatArray:
     """Knot states of yaw, (k + 1, 4), at rest at both ends.
 
@@ -70,9 +84,11 @@ def solve(
         spline: the path, axes x, y, z.
         asked_rad: (k + 1,) heading to be met at each knot, NaN where it is open.
         smoothing_s: the time over which turns are smoothed out.
+        along_path: whether to look ahead at all; else as steadily as the asked headings allow.
+        target_world_m: (3,) point to look at instead of along the path.
     """
     T = spline.durations_s
-    heading, weight = path_heading(spline)
+    heading, weight = path_heading(spline, target_world_m)
     pinned = _unwrapped(asked_rad, heading)
     if not along_path:
         heading, weight = np.zeros_like(heading), np.full_like(weight, _FAINT)
@@ -90,6 +106,28 @@ def solve(
         blocks[i] = energy[i] + look.T @ value[i] + steady.T @ bend[i]
         right[block] += look.T @ heading[i] - steady.T @ spin_up[i]
     return _solve_pinned(blocks, right, pinned).reshape(-1, 4)
+
+
+def constant(spline: minimum_snap.Spline, asked_rad: FloatArray, options: PlanOptions) -> float | None:
+    """The one heading that is held all along; None if the options do not ask for one.
+
+    Raises:
+        InputError: a waypoint asks for another heading.
+    """
+    if options.yaw not in ("fixed", "steady"):
+        return None
+    given = np.flatnonzero(np.isfinite(asked_rad))
+    if options.yaw == "fixed":
+        held = options.heading_rad
+    else:
+        held = float(asked_rad[given[0]]) if given.size else float(path_heading(spline)[0][0, 0])
+    off = np.abs(np.angle(np.exp(1j * (asked_rad[given] - held))))
+    if (off > _SAME_RAD).any():
+        raise InputError(
+            f"a waypoint asks for a heading of {np.degrees(asked_rad[given[int(off.argmax())]]):.0f} deg, but yaw "
+            f"{options.yaw} holds {np.degrees(held):.0f} deg; leave its heading open or choose another yaw mode"
+        )
+    return held
 
 
 def tilt_spin(spline: minimum_snap.Spline) -> tuple[FloatArray, FloatArray]:
@@ -117,10 +155,14 @@ def _sampled(states: FloatArray, durations_s: FloatArray, derivative: int) -> Fl
     return rows @ scaled / durations_s[:, None, None] ** derivative
 
 
-def path_heading(spline: minimum_snap.Spline) -> tuple[FloatArray, FloatArray]:
-    """Direction of flight at samples of each segment, unwrapped, with its weight: two arrays (k, samples)."""
+def path_heading(
+    spline: minimum_snap.Spline, target_world_m: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Direction of flight, or to a target, at samples of each segment, unwrapped, with its weight: two (k, samples)."""
     T = spline.durations_s
     velocity = _sampled(spline.states[..., :2], T, 1)
+    if target_world_m is not None:
+        velocity = target_world_m[:2] - _sampled(spline.states[..., :2], T, 0)
     speed = np.hypot(velocity[..., 0], velocity[..., 1]).ravel()
     moving = np.flatnonzero(speed > 0.3 * _SLOW_M_S)
     if not moving.size:

@@ -31,6 +31,11 @@ class Spline:
         d = hermite.segment_states(self.states)
         return float(np.sum(d * (energy(self.durations_s) @ d)))
 
+    def scale_time(self, factor: float) -> "Spline":
+        """The same path `factor` times as slowly."""
+        powers = factor ** -np.arange(float(hermite.ORDER))
+        return Spline(self.durations_s * factor, self.states * powers[:, None])
+
 
 def energy(durations_s: FloatArray) -> FloatArray:
     """(k, 8, 8): the snap integral of each segment as a quadratic form in the states of its two ends."""
@@ -44,11 +49,13 @@ def solve(
     *,
     start: FloatArray | None = None,
     end: FloatArray | None = None,
+    velocity: FloatArray | None = None,
 ) -> Spline:
     """The minimum-snap spline through `positions` (k + 1, axes) with segments of `durations_s` (k,).
 
     Args:
         start, end: (3, axes) velocity, acceleration and jerk at the two ends; at rest if left out.
+        velocity: (k + 1, axes) to be had at inner knots; a row of NaN, or None, leaves it open.
 
     Raises:
         InputError: a duration is not positive and finite, or the shapes do not fit.
@@ -60,14 +67,26 @@ def solve(
         raise InputError(f"positions {positions.shape} and durations {T.shape} do not fit (k + 1, axes) and (k,)")
     if not (T.min() > 0.0 and isfinite(float(T.sum())) and isfinite(float(positions.sum()))):
         raise InputError("positions and durations must be finite, and durations positive")
-    states = np.zeros((k + 1, hermite.ORDER, positions.shape[1]))
+    states, held = given(positions, start, end, velocity)
+    snap_states(states, T, held)
+    return Spline(T, states)
+
+
+def given(
+    positions: FloatArray, start: FloatArray | None, end: FloatArray | None, velocity: FloatArray | None
+) -> tuple[FloatArray, np.ndarray]:
+    """Knot states (k + 1, 4, axes) with what is given and zeros elsewhere, and which knots' velocities are held."""
+    states = np.zeros((len(positions), hermite.ORDER, positions.shape[1]))
     states[:, 0] = positions
     if start is not None:
         states[0, 1:] = start
     if end is not None:
         states[-1, 1:] = end
-    snap_states(states, T)
-    return Spline(T, states)
+    held = np.zeros(len(positions), dtype=np.uint8)
+    if velocity is not None:
+        held[1:-1] = np.isfinite(velocity[1:-1]).all(axis=1)
+        states[held > 0, 1] = velocity[held > 0]
+    return states, held
 
 
 def solve_numpy(states: FloatArray, durations_s: FloatArray) -> None:

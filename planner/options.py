@@ -1,11 +1,18 @@
 """Planning options, and the error for a plan that is infeasible."""
 
 from dataclasses import dataclass, replace
-from math import sqrt
-from typing import Literal
+from math import isfinite, sqrt
+from typing import Literal, get_args
 
-from flight import FlightError, InfeasibleError, InputError
+import numpy as np
+
+from flight import FlightError, FloatArray, InfeasibleError, InputError
 from vehicle import Limits, Vehicle
+
+YawMode = Literal["along_path", "smooth", "steady", "fixed", "look_at", "free"]
+Method = Literal["fastest", "corridor", "bry"]
+Search = Literal["grid", "rrt_star", "informed_rrt_star", "bit_star", "aorrtc"]
+YAW_MODES, METHODS, SEARCHES = get_args(YawMode), get_args(Method), get_args(Search)
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,10 +25,16 @@ class PlanOptions:
     """Margin between that ball and every obstacle, for map and tracking errors."""
     waypoint_tolerance_m: float = 0.01
     """How close to a waypoint counts as reached."""
-    yaw: Literal["along_path", "smooth"] = "along_path"
-    """Heading where none is prescribed: along the path, or as smooth as possible."""
-    method: Literal["fastest", "corridor"] = "fastest"
-    """Least time, or least snap inside a corridor of proved boxes (slower; also the fallback when the former fails)."""
+    yaw: YawMode = "along_path"
+    """Heading where none is prescribed: along the path; turned as smoothly as possible from one asked heading to the
+    next; steady at that of the start; fixed at `heading_rad`; towards `look_at_world_m`; or free, for least time."""
+    heading_rad: float = 0.0
+    """What yaw "fixed" holds."""
+    look_at_world_m: tuple[float, float, float] | None = None
+    """What yaw "look_at" looks at."""
+    method: Method = "fastest"
+    """Least time, least snap inside a corridor of proved boxes (slower; also the fallback when the former fails), or
+    Bry's method as published (`planner.bry`)."""
     limits: Limits | None = None
     """Limits to use instead of the vehicle's own."""
     control_reserve: float = 0.08
@@ -29,6 +42,12 @@ class PlanOptions:
     rotor speed, say in a dive, has no torque left to hold its attitude with, and tumbles."""
     pieces: int = 2
     """Polynomials per piece of route: more fly faster and take longer to plan."""
+    search: Search = "grid"
+    """What finds a way round obstacles: the compiled grid search, or one of OMPL's sampling planners."""
+    search_checks: int = 5000
+    """Motions that a sampling planner may check (four times as many where it finds no way with these)."""
+    search_seed: int = 1
+    """Seed of a sampling planner; the same seed finds the same way."""
     search_margin_m: float = 6.0
     """Margin of the search region round the waypoints, for fields without bounds."""
     sample_step_s: float = 0.01
@@ -45,9 +64,16 @@ class PlanOptions:
                 raise InputError(f"{name} is {getattr(self, name)}; it must be positive")
         if not 0.0 <= self.control_reserve < 0.4:
             raise InputError(f"control_reserve is {self.control_reserve}; it must be from 0 to below 0.4")
-        if self.pieces < 1 or self.repairs < 0:
-            raise InputError(f"pieces {self.pieces} and repairs {self.repairs} must be at least 1 and 0")
-        for name, known in (("yaw", ("along_path", "smooth")), ("method", ("fastest", "corridor"))):
+        for name in ("pieces", "search_checks", "search_seed"):
+            if getattr(self, name) < 1:
+                raise InputError(f"{name} is {getattr(self, name)}; it must be at least 1")
+        if self.repairs < 0:
+            raise InputError(f"repairs is {self.repairs}; it must be at least 0")
+        if self.yaw == "look_at" and (self.look_at_world_m is None or not np.isfinite(self.look_at_world_m).all()):
+            raise InputError(f"look_at_world_m is {self.look_at_world_m}; yaw look_at wants a point to look at")
+        if not isfinite(self.heading_rad):
+            raise InputError(f"heading_rad is {self.heading_rad}; it must be finite")
+        for name, known in (("yaw", YAW_MODES), ("method", METHODS), ("search", SEARCHES)):
             if getattr(self, name) not in known:
                 raise InputError(f"{name} is {getattr(self, name)!r}; it must be {' or '.join(known)}")
 
@@ -57,6 +83,15 @@ class PlanOptions:
         slowest, fastest = own.rotor_speed_min_rad_s**2, own.rotor_speed_max_rad_s**2
         spare = self.control_reserve * (fastest - slowest)  # thrust goes with the square of the speed
         return replace(own, rotor_speed_min_rad_s=sqrt(slowest + spare), rotor_speed_max_rad_s=sqrt(fastest - spare))
+
+    @property
+    def target_world_m(self) -> FloatArray | None:
+        """(3,) the point to look at, if any."""
+        return None if self.yaw != "look_at" else np.array(self.look_at_world_m, dtype=np.float64)
+
+    def sampled(self) -> "PlanOptions":
+        """These options with a sampling planner for the route: RRT*, unless another one was asked for."""
+        return self if self.search != "grid" else replace(self, search="rrt_star")
 
     @property
     def clearance_m(self) -> float:

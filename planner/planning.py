@@ -9,12 +9,14 @@ import numpy as np
 
 import flight.trajectory
 from flight import FloatArray, InfeasibleError, InputError, Progress, Trajectory, TrajectoryFile, Waypoints, silent
-from planner import fastest, gate, heading, limits, minimum_snap, repair, routes, space
+from planner import bry, corridor, fastest, gate, heading, inputs, limits, minimum_snap, repair, routes, space
 from planner._planner import StopFlag
+from planner.conditions import Conditions
 from planner.fastest import Path
 from planner.gate import GateReport
 from planner.options import PlanInfeasibleError, PlanOptions
-from vehicle import Vehicle, invert
+from planner.time_allocation import Solution
+from vehicle import Vehicle
 
 _SLOWER = (1.005, 1.015, 1.04, 1.1, 1.3)
 """Factors on the time that are tried where the gate, with its finer samples, finds a limit exceeded."""
@@ -30,7 +32,7 @@ class Plan:
     route_world_m: FloatArray
     """(n, 3) the polyline it follows: the waypoints, and what the search put between them."""
     method: str
-    """"direct", "bent" (pushed off obstacles after a first attempt), "corridor" or "stop and go"."""
+    """"direct", "bent" (pushed off obstacles after a first attempt), "corridor" or "bry"."""
     optimum_s: float = nan
     """What the optimiser took for the shortest time before the vehicle's own model and the gate had their say."""
 
@@ -46,13 +48,15 @@ def plan(
     vehicle: Vehicle,
     options: PlanOptions | None = None,
     *,
+    conditions: Conditions | None = None,
     progress: Progress = silent,
     stop: StopFlag | None = None,
 ) -> Plan:
-    """The fastest trajectory found through the waypoints, at rest at both ends, that passes the gate.
+    """The fastest trajectory found through the waypoints, at rest at both ends or as asked, that passes the gate.
 
     Args:
         field: a map's `Field`, or anything with `distance(points)`; where it is NaN (unknown), space is not free.
+        conditions: motion at the ends, velocities at waypoints, speeds of legs.
 
     Raises:
         InputError: the waypoints cannot be used; the message names the waypoint, the reason and the nearest free point.
@@ -61,22 +65,19 @@ def plan(
     """
     options = PlanOptions() if options is None else options
     progress("route", 0.0)
-    _check_vehicle(vehicle)
+    inputs.check(waypoints, field, vehicle, options)
+    limits_ = options.limits_for(vehicle)
+    asked = (Conditions() if conditions is None else conditions).checked(len(waypoints.positions_world_m), limits_)
+    if options.method == "bry" and (asked.given_motion or asked.leg_speed_m_s is not None):
+        raise InputError("Bry's method starts and ends at rest and knows no velocities or speeds of legs; use fastest")
     routes.check_waypoints(waypoints, field, options.waypoint_clearance_m)
-    route = routes.find(waypoints, field, options)
+    route = routes.find(waypoints, field, options.sampled() if options.method == "bry" else options)
     progress("optimise", 0.2)
-    path = _flyable(route, waypoints, field, vehicle, options, stop)
+    path = _flyable(route, waypoints, field, vehicle, options, asked, stop)
     progress("gate", 1.0)
     if not path.report.passed:
         raise _refused(path)
     return Plan(path.trajectory, path.report, waypoints, route.points, path.method, path.optimum_s)
-
-
-def _check_vehicle(vehicle: Vehicle) -> None:
-    try:
-        invert.hover(vehicle)
-    except InfeasibleError as error:
-        raise PlanInfeasibleError(str(error), "correct the vehicle's mass, thrust or limits") from error
 
 
 def _flyable(
@@ -85,23 +86,67 @@ def _flyable(
     field: space.DistanceField,
     vehicle: Vehicle,
     options: PlanOptions,
+    asked: Conditions,
     stop: StopFlag | None,
 ) -> Path:
     """The fastest path; one in a corridor of boxes where that is asked for or the fastest stays too close."""
 
     def ask_gate(trajectory: Trajectory) -> GateReport:
-        return gate.check(trajectory, field, vehicle, options, waypoints_world_m=waypoints.positions_world_m)
+        return gate.check(
+            trajectory,
+            field,
+            vehicle,
+            options,
+            waypoints_world_m=waypoints.positions_world_m,
+            yaw_rad=waypoints.yaw_rad,
+            conditions=asked,
+        )
 
+    if options.method == "bry":
+        spline, corners = bry.solve(route, field, options, stop)
+        return _timed(spline, corners.waypoint, "bry", waypoints, vehicle, options, ask_gate)
     dense = routes.subdivided(route, field)
-    problem, start = fastest.rough(dense, field, vehicle, options, stop)
+
+    def optimised(obstacles: space.DistanceField) -> tuple[Path | None, Solution]:
+        problem, start = fastest.rough(dense, obstacles, vehicle, options, asked, stop)
+        problem, durations, index = fastest.whole_vehicle(
+            problem, start, dense.waypoint, waypoints.yaw_rad, options, asked
+        )
+        path = fastest.until_flyable(problem, durations, index, vehicle, options, field, asked, ask_gate, stop)
+        return path, start
+
     if options.method == "fastest":
-        problem, durations, index = fastest.whole_vehicle(problem, start, dense.waypoint, waypoints.yaw_rad, options)
-        path = fastest.until_flyable(problem, durations, index, vehicle, options, ask_gate, stop)
+        path, _ = optimised(field)
         if path is not None:
-            return path if path.report.passed else _slowed(path, vehicle, options, ask_gate)
-    spline, method = repair.through_corridor(dense, start.durations_s, field, options)
-    trajectory = _with_heading(spline, dense.waypoint, waypoints, vehicle, options)
-    path = Path(trajectory, dense.waypoint, method, ask_gate(trajectory), start.durations_s.sum())
+            # a given velocity allows no other pace
+            slower = not path.report.passed and not asked.given_motion
+            return _slowed(path, vehicle, options, ask_gate) if slower else path
+    boxes = corridor.boxes(field, dense.points, options.planned_clearance_m)
+    path, start = optimised(corridor.Tube(boxes, options.clearance_m + fastest.AIM_M))
+    if path is not None and (path.report.passed or asked.given_motion):
+        return replace(path, method="corridor")
+    if asked.given_motion:
+        raise PlanInfeasibleError(
+            "no path with the given velocities keeps clear of the obstacles", "lower them, or give them more room"
+        )
+    spline = repair.through_corridor(dense, boxes, start.durations_s)
+    return _timed(spline, dense.waypoint, "corridor", waypoints, vehicle, options, ask_gate)
+
+
+def _timed(
+    spline: minimum_snap.Spline,
+    waypoint: np.ndarray,
+    method: str,
+    waypoints: Waypoints,
+    vehicle: Vehicle,
+    options: PlanOptions,
+    ask_gate: Callable[[Trajectory], GateReport],
+) -> Path:
+    """A path whose times matter only in proportion, with headings, as fast as the vehicle can fly it."""
+    level = minimum_snap.trajectory(spline)
+    spline = spline.scale_time(_time_scale(level, vehicle, options))
+    trajectory = _with_heading(spline, waypoint, waypoints, vehicle, options)
+    path = Path(trajectory, waypoint, method, ask_gate(trajectory), float(spline.durations_s.sum()))
     return _slowed(path, vehicle, options, ask_gate)
 
 
@@ -110,24 +155,33 @@ def _with_heading(
 ) -> Trajectory:
     """Turn the vehicle along the path as fast as it may turn."""
     asked = np.where(waypoint >= 0, waypoints.yaw_rad[waypoint], np.nan)
-    can = limits.yaw_bounds(vehicle, options.limits_for(vehicle))
-    yaw = heading.steady_enough(spline, asked, can, along_path=options.yaw == "along_path")
+    held = heading.constant(spline, asked, options)
+    if held is None:
+        can = limits.yaw_bounds(vehicle, options.limits_for(vehicle))
+        looking, target = options.yaw in ("along_path", "look_at"), options.target_world_m
+        yaw = heading.steady_enough(spline, asked, can, along_path=looking, target_world_m=target)
+    else:
+        yaw = np.tile([held, 0.0, 0.0, 0.0], (len(spline.states), 1))
     states = np.concatenate([spline.states, yaw[..., None]], axis=2)
     return minimum_snap.trajectory(minimum_snap.Spline(spline.durations_s, states))
 
 
 def _slowed(path: Path, vehicle: Vehicle, options: PlanOptions, ask_gate: Callable[[Trajectory], GateReport]) -> Path:
     """The same way through space in the time that just keeps every limit: the last resort, as all segments pay."""
-    try:
-        factor = repair.time_scale(path.trajectory, vehicle, options.limits_for(vehicle))
-    except InfeasibleError as error:
-        raise PlanInfeasibleError(str(error), "check the vehicle's limits") from error
+    factor = _time_scale(path.trajectory, vehicle, options)
     for more in (1.0, *_SLOWER):
         trajectory = path.trajectory.scale_time(factor * more)
         slowed = replace(path, trajectory=trajectory, report=ask_gate(trajectory))
         if slowed.report.passed or not all(check.name in limits.NAMES for check in slowed.report.failures):
             break
     return slowed
+
+
+def _time_scale(trajectory: Trajectory, vehicle: Vehicle, options: PlanOptions) -> float:
+    try:
+        return repair.time_scale(trajectory, vehicle, options.limits_for(vehicle))
+    except InfeasibleError as error:
+        raise PlanInfeasibleError(str(error), "check the vehicle's limits") from error
 
 
 def _refused(path: Path) -> PlanInfeasibleError:

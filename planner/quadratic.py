@@ -19,8 +19,6 @@ from planner.corridor import Box
 _FACES = 6
 _PRECISION = 1e-6
 """OSQP's own default, 1e-3, misses waypoints by millimetres."""
-_RESIDUAL = 1e-4
-"""Largest violation accepted of any inequality, in its own unit (m, m/s, m/s^2)."""
 
 
 @cache
@@ -45,6 +43,8 @@ class Constraints:
     """Bound on each axis of the velocity."""
     acceleration_axis_m_s2: float | None = None
     """Bound on each axis of the acceleration."""
+    residual: float = 1e-4
+    """Largest violation accepted of any inequality, in its own unit (m, m/s, m/s^2)."""
 
 
 class SnapProgram:
@@ -103,7 +103,7 @@ class SnapProgram:
             raise InfeasibleError(f"no path keeps the corridor and limits at these times ({result.info.status})")
         product = A @ x
         worst = float(np.maximum(low - product, product - high).max())
-        if not worst <= _RESIDUAL:
+        if not worst <= self.constraints.residual:
             raise InfeasibleError(
                 f"the quadratic program stopped {worst:.1e} short of its bounds ({result.info.status}); "
                 "allow more time or a wider corridor"

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight import FlightError, FloatArray, InputError, Waypoints
-from planner import search, space
+from planner import sampling, search, space
 from planner.options import PlanInfeasibleError, PlanOptions
 
 _CLOSE_M = 0.5
@@ -98,6 +98,8 @@ def _way_round(
     field: space.DistanceField, points: FloatArray, leg: int, options: PlanOptions, grids: dict[float, search.Lattice]
 ) -> FloatArray | None:
     """Search near the waypoints first, then far round them; `grids` keeps what was sampled for the other legs."""
+    if options.search != "grid":
+        return _sampled_way(field, points[leg], points[leg + 1], options)
     for margin_m in (options.search_margin_m, 5.0 * options.search_margin_m):
         if margin_m not in grids:
             grids[margin_m] = search.lattice(field, points, margin_m)
@@ -109,6 +111,26 @@ def _way_round(
         low, high = search.region(field, points, margin_m)
         if (np.array(search.region(field, points, 5.0 * margin_m)) == np.array([low, high])).all():
             break
+    return None
+
+
+def _sampled_way(
+    field: space.DistanceField, start: FloatArray, goal: FloatArray, options: PlanOptions
+) -> FloatArray | None:
+    """By the sampling planner that was asked for: near the two points first, then far round with more samples."""
+    for more in (1, 4):
+        way = sampling.route(
+            field,
+            start,
+            goal,
+            options.planned_clearance_m,
+            sampler=sampling.SAMPLERS[options.search],
+            margin_m=more * options.search_margin_m,
+            checks=more * options.search_checks,
+            seed=options.search_seed,
+        )
+        if way is not None:
+            return way
     return None
 
 

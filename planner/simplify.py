@@ -12,6 +12,8 @@ def rdp(
     *,
     field: space.DistanceField | None = None,
     clearance_m: float = 0.3,
+    yaw_rad: FloatArray | None = None,
+    yaw_tolerance_rad: float = 0.2,
 ) -> np.ndarray:
     """Indices of the points to keep, so that every other point is within `tolerance_m` of the line kept.
 
@@ -19,6 +21,8 @@ def rdp(
         points_world_m: (n, 3) in order; repeated points are fine.
         field: if given, a chord is also split where it does not keep `clearance_m` (as far as the points allow: a
             chord between neighbouring points stays, whatever its clearance).
+        yaw_rad: (n,) headings; if given, so many points are kept that turning evenly along each line stays within
+            `yaw_tolerance_rad` of them. NaN: any heading.
 
     Returns:
         (m,) increasing indices; the first and the last point are always kept (one of them if they are all equal).
@@ -43,7 +47,12 @@ def rdp(
             continue
         gaps = distance_to_chord(points[first + 1 : last], points[first], points[last])
         worst = first + 1 + int(np.argmax(gaps))
-        if gaps.max() > tolerance_m or _blocked(field, points[first], points[last], clearance_m):
+        turned = np.zeros(1) if yaw_rad is None else heading_gaps(points, yaw_rad, first, last)
+        if gaps.max() <= tolerance_m and turned.max() > yaw_tolerance_rad:
+            worst = first + 1 + int(np.argmax(turned))
+            keep[worst] = True
+            stack += [(first, worst), (worst, last)]
+        elif gaps.max() > tolerance_m or _blocked(field, points[first], points[last], clearance_m):
             if gaps.max() <= 0.0:  # a blocked straight line: all points have zero distance, so halve it
                 worst = (first + last) // 2
             keep[worst] = True
@@ -59,6 +68,19 @@ def distance_to_chord(points: FloatArray, start: FloatArray, end: FloatArray) ->
     square = float(along @ along)
     fraction = np.clip((points - start) @ along / square, 0.0, 1.0) if square > 0.0 else np.zeros(len(points))
     return np.linalg.norm(points - (start + fraction[:, None] * along), axis=1)
+
+
+def heading_gaps(points: FloatArray, yaw_rad: FloatArray, first: int, last: int) -> FloatArray:
+    """How far the headings of the points between two (last - first - 1,) are from turning evenly between theirs.
+
+    A heading is only compared where both ends have one; then it turns the short way, evenly with the way flown.
+    """
+    inner = yaw_rad[first + 1 : last]
+    steps = np.linalg.norm(np.diff(points[first : last + 1], axis=0), axis=1)
+    share = np.cumsum(steps)[:-1] / max(float(steps.sum()), 1e-12)
+    turn = np.angle(np.exp(1j * (yaw_rad[last] - yaw_rad[first])))
+    off = np.abs(np.angle(np.exp(1j * (inner - yaw_rad[first] - share * turn))))
+    return np.where(np.isfinite(off), off, 0.0)
 
 
 def _blocked(field: space.DistanceField | None, start: FloatArray, end: FloatArray, clearance_m: float) -> bool:

@@ -11,6 +11,10 @@ from flight import FloatArray, InputError
 
 Distances = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """From points (n, 3) to distances (n,) and their gradients (n, 3)."""
+GROUND_TOLERANCE_M = 0.02
+"""How much less the clearance may be than the height above the ground says: sampled fields are uneven."""
+_COLUMN_M = 1e-3
+"""Radius of the column above a ground point."""
 _STEP_M = 1e-4
 """Step of the central difference for fields that cannot give a gradient."""
 
@@ -98,6 +102,32 @@ def _nearest_on(polyline: FloatArray, points: FloatArray) -> FloatArray:
     candidates = start + share[..., None] * along
     best = np.linalg.norm(candidates - points[:, None], axis=2).argmin(axis=1)
     return candidates[np.arange(len(points)), best]
+
+
+class Grounded:
+    """A field in which the vehicle may stand on the ground: vertically above, required clearance grows with height.
+
+    Above a ground point g with distance d(g), a height h asks for d(g) + h until that is `required_m`. What is returned
+    is such that "at least `required_m`" says just this, and that it changes no faster than the way flown: half of what
+    is left over.
+    """
+
+    def __init__(self, field: DistanceField, ground_world_m: FloatArray, required_m: float) -> None:
+        self.field, self.required_m = field, required_m
+        self.ground_world_m = np.asarray(ground_world_m, dtype=np.float64).reshape(-1, 3)
+        self.ground_distance_m = distance(field, self.ground_world_m)
+
+    def distance(self, points_world_m: ArrayLike, /) -> FloatArray:
+        """(n,) metres; as the field's own but above ground points, and minus infinity where it is unknown."""
+        points = np.asarray(points_world_m, dtype=np.float64).reshape(-1, 3)
+        value = distance(self.field, points)
+        for ground, near_m in zip(self.ground_world_m, self.ground_distance_m, strict=True):
+            height = points[:, 2] - ground[2]
+            least = near_m + np.maximum(height, 0.0) - GROUND_TOLERANCE_M
+            above = (np.linalg.norm(points[:, :2] - ground[:2], axis=1) < _COLUMN_M) & (height > -_COLUMN_M)
+            eased = self.required_m + 0.5 * (value - least)
+            value = np.where(above & (least < self.required_m), np.maximum(eased, value), value)
+        return value
 
 
 def check_lines(

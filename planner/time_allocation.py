@@ -57,6 +57,20 @@ class Problem:
     weights: Weights
     offsets: FloatArray | None = None
     """(k, SAMPLES, limits) added to each excess: what the vehicle's own model says beyond the reduced one."""
+    start: FloatArray | None = None
+    """(3, 4) velocity, acceleration and jerk at the first knot; at rest if None."""
+    end: FloatArray | None = None
+    """The same at the last knot."""
+    velocity: FloatArray | None = None
+    """(k + 1, 4) velocity and yaw rate to be had at inner knots; rows of NaN are open."""
+    balls: FloatArray | None = None
+    """(k + 1, 4) centre and radius of balls that free knots should not leave; a radius of 0 is none."""
+    target_world_m: FloatArray | None = None
+    """(3,) point that the vehicle looks at, instead of along its path."""
+
+    def spline(self, knots: FloatArray, durations_s: FloatArray) -> minimum_snap.Spline:
+        """The spline of least snap through these knots, with the derivatives that are given."""
+        return minimum_snap.solve(knots, durations_s, start=self.start, end=self.end, velocity=self.velocity)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,21 +97,29 @@ def cost_and_gradient(
 def cost_numpy(problem: Problem, knots: FloatArray, durations_s: FloatArray) -> float:
     """The NumPy reference of the cost."""
     T, weights = durations_s, problem.weights
-    spline = minimum_snap.solve(knots, T)
+    spline = problem.spline(knots, T)
     motion = derivatives(spline)
     over = airframe.excess_numpy(problem.airframe, motion.reshape(-1, 5, 4)).reshape(len(T), SAMPLES, -1)
     if problem.offsets is not None:
         over = over + problem.offsets
     density = weights.limits * (np.maximum(over, 0.0) ** 2).sum(axis=2)
-    v, yaw = motion[:, :, 1, :2], motion[:, :, 0, 3]
-    pace, ahead = np.sqrt((v**2).sum(axis=2) + 1e-6), v[..., 0] * np.cos(yaw) + v[..., 1] * np.sin(yaw)
-    density += weights.heading * pace * (pace - ahead) / ((v**2).sum(axis=2) + _SLOW_M_S**2)
+    aim, yaw = motion[:, :, 1, :2], motion[:, :, 0, 3]
+    if problem.target_world_m is not None:
+        aim = problem.target_world_m[:2] - motion[:, :, 0, :2]
+    pace, ahead = np.sqrt((aim**2).sum(axis=2) + 1e-6), aim[..., 0] * np.cos(yaw) + aim[..., 1] * np.sin(yaw)
+    density += weights.heading * pace * (pace - ahead) / ((aim**2).sum(axis=2) + _SLOW_M_S**2)
     density += weights.turning * motion[:, :, 1, 3] ** 2
     if weights.clearance > 0.0:
         lack = problem.clearance_m - _distances(problem)(motion[:, :, 0, :3].reshape(-1, 3))[0]
         density += weights.clearance * np.maximum(lack, 0.0).reshape(density.shape) ** 2
     position = minimum_snap.Spline(T, spline.states[..., :3])
-    return float(T.sum() + (T * (density @ _SHARES)).sum() + weights.snap * position.snap_cost())
+    outside = 0.0
+    if problem.balls is not None and (there := problem.balls[:, 3] > 0.0).any():
+        off = knots[there, :3] - problem.balls[there, :3]
+        outside = (np.maximum((off**2).sum(axis=1) / problem.balls[there, 3] ** 2 - 1.0, 0.0) ** 2).sum()
+    return float(
+        weights.limits * outside + T.sum() + (T * (density @ _SHARES)).sum() + weights.snap * position.snap_cost()
+    )
 
 
 def derivatives(spline: minimum_snap.Spline) -> FloatArray:
@@ -148,7 +170,7 @@ def optimise(
     cost, evaluations, converged, stopped = _kernel(problem).minimise(knots, T, free, iterations, precision, stop)
     if stopped:
         raise PlanCancelledError("the plan was cancelled")
-    return Solution(knots, T, minimum_snap.solve(knots, T), cost, evaluations, converged)
+    return Solution(knots, T, problem.spline(knots, T), cost, evaluations, converged)
 
 
 def _kernel(problem: Problem, samples: int = SAMPLES) -> Kernel:
@@ -156,6 +178,11 @@ def _kernel(problem: Problem, samples: int = SAMPLES) -> Kernel:
     kernel = Kernel(
         len(problem.knots) - 1, samples, problem.airframe.packed(), prices, problem.clearance_m, _distances(problem)
     )
+    kernel.set_given(*minimum_snap.given(problem.knots, problem.start, problem.end, problem.velocity))
+    if problem.balls is not None:
+        kernel.set_balls(np.ascontiguousarray(problem.balls))
+    if problem.target_world_m is not None:
+        kernel.look_at(*problem.target_world_m[:2].tolist())
     if problem.offsets is not None and samples == SAMPLES:
         kernel.set_offsets(np.ascontiguousarray(problem.offsets))
     return kernel

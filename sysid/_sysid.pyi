@@ -36,3 +36,14 @@ def add_change(
     sensor: NDArray[float64],
 ) -> None: ...
 def whiten(scale: NDArray[float64], rows: NDArray[float64]) -> None: ...
+def drive(
+    step_s: NDArray[float64],
+    command: NDArray[float64],
+    by: NDArray[float64],
+    rise_s: float,
+    fall_s: float,
+    mean: NDArray[float64],
+    change: NDArray[float64],
+    mean_by: NDArray[float64],
+    change_by: NDArray[float64],
+) -> None: ...

@@ -385,6 +385,7 @@ void bind_controller(nb::module_& m) {
              "rate_time_us"_a = nb::none(), "valid"_a = static_cast<int>(TC_VALID_POSE), "reset_counter"_a = 0,
              "more"_a = nb::none())
         .def("shadow", [](Controller& self) { return static_cast<int>(tc_shadow(self.c.get())); })
+        .def("shadow_end", [](Controller& self) { return static_cast<int>(tc_shadow_end(self.c.get())); })
         .def(
             "engage",
             [](Controller& self, std::optional<In<float, 4>> rotor_speed) {

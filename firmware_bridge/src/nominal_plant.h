@@ -44,7 +44,7 @@ class NominalPlant {
         for (int i = 0; i < 3; i++) {
             velocity_body[i] = axes[i][0] * velocity[0] + axes[i][1] * velocity[1] + axes[i][2] * velocity[2];
         }
-        tc_drag(&p, velocity_body, thrust, 0.0f, drag_body);
+        (void)tc_drag(&p, velocity_body, thrust, 0.0f, drag_body);
         for (int i = 0; i < 3; i++) {
             drag[i] = axes[0][i] * drag_body[0] + axes[1][i] * drag_body[1] + axes[2][i] * drag_body[2];
         }

@@ -44,7 +44,14 @@ def command(
         field = mapping.open_map(map_folder).field
         progress(f"checking {trajectory_file.name}", 0.0)
         if renew:
-            report = gate.check(item.trajectory, field, believed, options, waypoints_world_m=item.waypoints_world_m)
+            report = gate.check(
+                item.trajectory,
+                field,
+                believed,
+                options,
+                waypoints_world_m=item.waypoints_world_m,
+                conditions=gate.asked_of(item),
+            )
         else:
             report = gate.check_file(item, field, believed, options)
     if renew and report.passed:

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 import click
 import numpy as np
@@ -10,15 +9,16 @@ import numpy as np
 import mapping
 import planner
 import vehicle
-from flight import FloatArray, InputError, Trajectory, cells, project
-from goshawk import console, outputs, waypoints_file
-from planner import simplify
+from flight import FloatArray, InputError, cells, file_format, project
+from flight.mission import Laps, Mission, Yaw
+from goshawk import batch, console, outputs, waypoints_file
+from planner import mission, options, simplify
 
 
 @click.command()
 @click.argument("waypoints", type=click.Path(path_type=Path), required=False)
 @console.path_option(
-    "--path", "path", "Recorded path instead of waypoints: CSV with x_m, y_m, z_m (a map's poses.csv)."
+    "--path", "path", "Recorded path instead: CSV with x_m, y_m, z_m (a map's poses.csv), and yaw_deg to keep headings."
 )
 @click.option("--simplify", "tolerance_m", default=0.10, show_default=True, help="RDP tolerance for --path, metres.")
 @console.map_option
@@ -29,11 +29,26 @@ from planner import simplify
 @click.option("--acceleration", "acceleration_m_s2", type=float, help="Accelerate no harder than this, m/s2.")
 @click.option(
     "--method",
-    type=click.Choice(["fastest", "corridor"]),
+    type=click.Choice(options.METHODS),
     default="fastest",
     show_default=True,
-    help="Least time, or least snap within a corridor of proven boxes (by OSQP; slower to fly).",
+    help="Least time; least time within a corridor of proved boxes; or Bry et al. (2015) as published.",
 )
+@click.option(
+    "--search",
+    type=click.Choice(options.SEARCHES),
+    default="grid",
+    show_default=True,
+    help="What finds a way round obstacles: our grid search, or one of OMPL's sampling planners.",
+)
+@click.option("--seed", type=click.IntRange(1), default=1, show_default=True, help="Seed of a sampling planner.")
+@click.option("--yaw", type=click.Choice(options.YAW_MODES), help="Where to look; else as the file says, or ahead.")
+@click.option("--heading", "heading_deg", type=float, help="Hold this heading, degrees from x towards y.")
+@click.option("--look-at", nargs=3, type=float, help="Look at this point: x y z, metres.", metavar="X Y Z")
+@click.option("--laps", type=click.IntRange(1), help="Fly the waypoints as a closed loop this often.")
+@console.path_option("--batch", "missions", "Folder of waypoint files to plan instead; --out is then a folder.")
+@click.option("--jobs", type=click.IntRange(1), default=1, show_default=True, help="Processes for --batch.")
+@click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers plan the --batch instead.")
 @outputs.overwrite_option
 @console.json_option
 def command(
@@ -46,7 +61,16 @@ def command(
     margin_m: float | None,
     speed_m_s: float | None,
     acceleration_m_s2: float | None,
-    method: Literal["fastest", "corridor"],
+    method: options.Method,
+    search: options.Search,
+    seed: int,
+    yaw: options.YawMode | None,
+    heading_deg: float | None,
+    look_at: tuple[float, float, float] | None,
+    laps: int | None,
+    missions: Path | None,
+    jobs: int,
+    scheduler: str | None,
     overwrite: bool,
     as_json: bool,
 ) -> None:
@@ -56,36 +80,83 @@ def command(
     goshawk plan waypoints.csv --map map --vehicle vehicle.toml --out lap.json
     goshawk plan waypoints.json --map map --vehicle vehicle.toml --out lap.json
     goshawk plan --path map/poses.csv --map map --vehicle vehicle.toml --out walk.json
+    goshawk plan --batch missions --jobs 4 --map map --vehicle vehicle.toml --out plans
 
     WAYPOINTS is a project's waypoints.json, or CSV with columns x_m, y_m, z_m and, optionally, yaw_deg (empty: free).
+    The JSON may also ask for laps, stays, velocities, speeds of legs, take-off and landing (docs/missions.md).
     The file is written only if the final gate passes. Exit code 1: there is no such trajectory; the message names
     where, why, and what to change.
     """
-    if (waypoints is None) == (path is None):
-        raise click.UsageError("give either WAYPOINTS or --path")
+    if sum(given is not None for given in (waypoints, path, missions)) != 1:
+        raise click.UsageError("give either WAYPOINTS or --path or --batch")
+    how = replace(
+        options_from(vehicle_file, margin_m, speed_m_s, acceleration_m_s2),
+        method=method,
+        search=search,
+        search_seed=seed,
+    )
+    repeated, turned = None if laps is None else Laps(laps), yaw_from(yaw, heading_deg, look_at)
+    if missions is not None:
+        job = batch.Job(map_folder, vehicle_file, how, out, repeated, turned, overwrite)
+        plan_all(missions, job, jobs, scheduler, as_json=as_json)
+        return
     outputs.check(out, overwrite=overwrite)
     area = mapping.open_map(map_folder)
-    options = replace(options_from(vehicle_file, margin_m, speed_m_s, acceleration_m_s2), method=method)
     left_out = 0
     if path is not None:
-        asked, left_out = waypoints_along(read_path(path), tolerance_m, area, options)
+        walked, left_out = waypoints_along(read_path(path), tolerance_m, area, how, read_headings(path))
+        asked = Mission(walked)
     else:
         assert waypoints is not None
-        asked = waypoints_file.load(waypoints)
+        asked = waypoints_file.load_mission(waypoints)
+    asked = replace(asked, laps=repeated or asked.laps, yaw=turned or asked.yaw)
     with console.progress() as report:
-        plan = planner.plan(asked, area.field, vehicle.load(vehicle_file), options, progress=report)
+        plan = mission.plan(asked, area.field, vehicle.load(vehicle_file), how, progress=report)
     with outputs.file(out, overwrite=overwrite) as temporary:
         planner.save_plan(temporary, plan, name=out.stem)
     facts = {
         "written": str(out),
-        "waypoints": len(asked.positions_world_m),
+        "waypoints": len(asked.waypoints.positions_world_m),
         "recorded_positions_left_out": left_out,
         "segments": len(plan.trajectory.durations_s),
         "duration_s": plan.trajectory.duration_s,
         "clearance_m": plan.gate.clearance_m,
-        "top_speed_m_s": top_speed_m_s(plan.trajectory),
+        "top_speed_m_s": batch.top_speed_m_s(plan.trajectory),
     }
     console.show(f"trajectory {out.stem}", facts, as_json=as_json, document=facts | {"check": plan.gate.as_dict()})
+
+
+def plan_all(folder: Path, job: batch.Job, jobs: int, scheduler: str | None, *, as_json: bool) -> None:
+    """Plan every waypoint file in a folder; exit code 1 if one of them has no plan."""
+    with console.progress() as report:
+        rows = batch.run(batch.mission_files(folder), job, jobs=jobs, scheduler=scheduler, progress=report)
+    if as_json:
+        click.echo(file_format.json_text({"written": str(job.out), "missions": rows}), nl=False)
+    else:
+        heads = ("mission", "status", "duration, s", "clearance, m", "reason")
+        lines = [[row[k] for k in ("name", "status", "duration_s", "clearance_m", "reason")] for row in rows]
+        console.table(f"plans in {job.out}", heads, [["" if cell is None else cell for cell in line] for line in lines])
+    if any(row["status"] != "planned" for row in rows):
+        raise click.exceptions.Exit(1)
+
+
+def yaw_from(
+    mode: options.YawMode | None, heading_deg: float | None, look_at: tuple[float, float, float] | None
+) -> Yaw | None:
+    """The yaw record that the command line asks for; None if it does not.
+
+    Raises:
+        UsageError: two of the options contradict each other.
+    """
+    wanted = {"fixed": heading_deg is not None, "look_at": look_at is not None}
+    given = [name for name, is_given in wanted.items() if is_given]
+    if len(given) == 2 or (given and mode not in (None, given[0])):
+        raise click.UsageError("--yaw, --heading and --look-at contradict each other: give one of them")
+    if mode in wanted and not given:
+        raise click.UsageError(f"--yaw {mode} needs {'--heading' if mode == 'fixed' else '--look-at'}")
+    if given:
+        mode = "fixed" if heading_deg is not None else "look_at"
+    return None if mode is None else Yaw(mode, np.radians(heading_deg or 0.0), look_at)
 
 
 def options_from(
@@ -108,9 +179,13 @@ def options_from(
 
 
 def waypoints_along(
-    walked_world_m: FloatArray, tolerance_m: float, area: mapping.Map, options: planner.PlanOptions
+    walked_world_m: FloatArray,
+    tolerance_m: float,
+    area: mapping.Map,
+    how: planner.PlanOptions,
+    yaw_rad: FloatArray | None = None,
 ) -> tuple[project.Waypoints, int]:
-    """Waypoints along recorded positions (n, 3), headings free, and how many positions had to be left out.
+    """Waypoints along recorded positions (n, 3), with the headings of `yaw_rad` (n,), and how many were left out.
 
     Whoever walked may have started with a wall, or with space that no camera saw, closer than the vehicle may come.
     Such positions are left out; between the others the planner finds its own way.
@@ -119,14 +194,32 @@ def waypoints_along(
         InputError: fewer than two positions have room.
     """
     near_m = np.nan_to_num(area.field.distance(walked_world_m), nan=-np.inf)
-    roomy = walked_world_m[near_m >= options.waypoint_clearance_m]
+    room = near_m >= how.waypoint_clearance_m
+    roomy, yaw = walked_world_m[room], None if yaw_rad is None else yaw_rad[room]
     if len(roomy) < 2:
         raise InputError(
-            f"{len(roomy)} of {len(walked_world_m)} recorded positions keep {options.waypoint_clearance_m:.3f} m from "
+            f"{len(roomy)} of {len(walked_world_m)} recorded positions keep {how.waypoint_clearance_m:.3f} m from "
             "obstacles and unknown space; lower --margin, or map with a wider view"
         )
-    kept = simplify.rdp(roomy, tolerance_m, field=area.field, clearance_m=options.clearance_m)
-    return project.Waypoints(roomy[kept], np.full(len(kept), np.nan)), len(walked_world_m) - len(roomy)
+    kept = simplify.rdp(roomy, tolerance_m, field=area.field, clearance_m=how.clearance_m, yaw_rad=yaw)
+    headings = np.full(len(kept), np.nan) if yaw is None else yaw[kept]
+    return project.Waypoints(roomy[kept], headings), len(walked_world_m) - len(roomy)
+
+
+def read_headings(path: Path) -> FloatArray | None:
+    """Headings (n,) from the column yaw_deg or yaw_rad of a recorded path, NaN where empty; None without such a column.
+
+    Raises:
+        FormatError: a cell does not hold a number.
+    """
+    import csv
+
+    with open(path, newline="") as file:
+        rows = list(enumerate(csv.DictReader(file), start=2))
+    for name, unit in (("yaw_rad", 1.0), ("yaw_deg", np.pi / 180.0)):
+        if rows and name in rows[0][1]:
+            return unit * np.array([cells.number(row[name], path, line, name) for line, row in rows])
+    return None
 
 
 def read_path(path: Path) -> FloatArray:
@@ -156,7 +249,3 @@ def read_path(path: Path) -> FloatArray:
         row = int(np.flatnonzero(~np.isfinite(positions).all(axis=1))[0])
         raise InputError(f"{path}: position {row} is not finite")
     return positions
-
-
-def top_speed_m_s(flown: Trajectory) -> float:
-    return float(np.linalg.norm(flown.position(flown.sample(0.01), 1), axis=1).max())

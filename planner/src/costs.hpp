@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <optional>
 
 #include "airframe.hpp"
 #include "vec.hpp"
@@ -27,23 +28,30 @@ struct LimitCost {
     }
 };
 
-// Price of not looking where one flies, 1 - cos of the angle between them, which fades where there is hardly any speed;
-// and of turning at all.
+// Price of not looking where one flies, or at a point, 1 - cos of the angle between them, which fades where there is
+// hardly any speed, or the point is near; and of turning at all.
 struct HeadingCost {
     double price, turning_price;
-    static constexpr double kSlow = 0.5;  // m/s at which it counts half
+    std::optional<Vec> target;
+    static constexpr double kSlow = 0.5;  // m/s, or metres, at which it counts half
 
     double density(const Motion& at, Motion& by) const {
         by.yaw_rate += 2.0 * turning_price * at.yaw_rate;
         const double turning = turning_price * at.yaw_rate * at.yaw_rate;
         if (price == 0.0) return turning;
-        const double c = std::cos(at.yaw), s = std::sin(at.yaw), vx = at.velocity.x, vy = at.velocity.y;
+        const double c = std::cos(at.yaw), s = std::sin(at.yaw),
+                     vx = target ? target->x - at.position.x : at.velocity.x,
+                     vy = target ? target->y - at.position.y : at.velocity.y;
         const double square = vx * vx + vy * vy, pace = std::sqrt(square + 1e-6), ahead = vx * c + vy * s;
         const double scale = price / (square + kSlow * kSlow), off = pace * (pace - ahead);
         const double by_pace = scale * (2.0 * pace - ahead) / pace,
                      by_scale = -2.0 * scale * off / (square + kSlow * kSlow);
-        by.velocity.x += (by_pace + by_scale) * vx - scale * pace * c;
-        by.velocity.y += (by_pace + by_scale) * vy - scale * pace * s;
+        const Vec by_aim{(by_pace + by_scale) * vx - scale * pace * c, (by_pace + by_scale) * vy - scale * pace * s,
+                         0.0};
+        if (target)
+            by.position -= by_aim;
+        else
+            by.velocity += by_aim;
         by.yaw -= scale * pace * (vy * c - vx * s);
         return turning + scale * off;
     }

@@ -61,11 +61,12 @@ void for_axes(std::size_t axes, Work&& work) {
 }
 
 // states (k + 1, 4, axes): fills in the interior derivatives.
-void snap_states(Out states, In durations) {
+// Velocities of knots marked in held (k + 1) stay.
+void snap_states(Out states, In durations, Flags held) {
     for_axes(states.shape(2), [&](auto axes) {
         nb::gil_scoped_release release;
         SnapSystem system;
-        fill_states<axes()>(system, states.data(), durations.data(), durations.shape(0));
+        fill_states<axes()>(system, states.data(), durations.data(), durations.shape(0), held.data());
     });
 }
 
@@ -111,6 +112,17 @@ void excess(Problem& problem, In knots, In durations, Out out) {
     problem.excess(knots.data(), durations.data(), out.data());
 }
 
+void set_given(Problem& problem, In states, Flags held) {
+    std::copy_n(states.data(), problem.given().size(), problem.given().data());
+    std::copy_n(held.data(), problem.held().size(), problem.held().data());
+}
+
+void set_balls(Problem& problem, In balls) {
+    std::copy_n(balls.data(), problem.balls().size(), problem.balls().data());
+}
+
+void look_at(Problem& problem, double x, double y) { problem.look_at({x, y, 0.0}); }
+
 void set_offsets(Problem& problem, In offsets) {
     std::copy_n(offsets.data(), problem.offsets().size(), problem.offsets().data());
 }
@@ -132,7 +144,7 @@ nb::tuple minimise(Problem& problem, Out knots, Out durations, Flags free, int i
 }  // namespace
 
 void bind_optimise(nb::module_& m) {
-    m.def("snap_states", &snap_states, nb::arg("states"), nb::arg("durations"));
+    m.def("snap_states", &snap_states, nb::arg("states"), nb::arg("durations"), nb::arg("held"));
     m.def("snap_coefficients", &snap_coefficients, nb::arg("states"), nb::arg("durations"), nb::arg("coefficients"));
     nb::class_<StopFlag>(m, "StopFlag")
         .def(nb::init<>())
@@ -145,6 +157,9 @@ void bind_optimise(nb::module_& m) {
              nb::arg("by_durations"))
         .def("excess", &excess, nb::arg("knots"), nb::arg("durations"), nb::arg("out"))
         .def("set_offsets", &set_offsets, nb::arg("offsets"))
+        .def("set_given", &set_given, nb::arg("states"), nb::arg("held"))
+        .def("set_balls", &set_balls, nb::arg("balls"))
+        .def("look_at", &look_at, nb::arg("x"), nb::arg("y"))
         .def("minimise", &minimise, nb::arg("knots"), nb::arg("durations"), nb::arg("free"), nb::arg("iterations"),
              nb::arg("precision"), nb::arg("stop").none());
 }

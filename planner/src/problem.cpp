@@ -39,6 +39,9 @@ Problem::Problem(std::size_t segments, std::size_t samples, const Airframe& airf
       offsets_(segments * samples * kLimits, 0.0),
       states_((segments + 1) * kKnot),
       by_states_((segments + 1) * kKnot),
+      given_((segments + 1) * kKnot, 0.0),
+      balls_((segments + 1) * 4, 0.0),
+      held_(segments + 1, 0),
       points_(segments * samples * 3),
       distance_(segments * samples, std::numeric_limits<double>::infinity()),
       gradient_(segments * samples * 3, 0.0),
@@ -68,9 +71,9 @@ Motion Problem::Instant::motion() const {
 }
 
 void Problem::start(const double* knots, const double* durations) {
-    std::fill(states_.begin(), states_.end(), 0.0);
+    std::copy(given_.begin(), given_.end(), states_.begin());
     for (std::size_t i = 0; i <= segments_; ++i) std::copy_n(knots + i * kAxes, kAxes, &states_[i * kKnot]);
-    fill_states<kAxes>(system_, states_.data(), durations, segments_);
+    fill_states<kAxes>(system_, states_.data(), durations, segments_, held_.data());
 }
 
 // A distance holds for a ball: samples that have not left theirs need not be asked again.
@@ -104,7 +107,7 @@ void Problem::ask_distances(const double* durations) {
 // Everything that is charged along one segment; its gradient goes to the states of both ends and to T.
 double Problem::segment_cost(std::size_t i, double T, double& by_T) {
     const LimitCost limits{airframe_, prices_.limits};
-    const HeadingCost heading{prices_.heading, prices_.turning};
+    const HeadingCost heading{prices_.heading, prices_.turning, target_};
     const ClearanceCost clearance{prices_.clearance, clearance_m_};
     const Ends<kAxes> scaled = scaled_ends<kAxes>(states_.data(), i, T);
     Ends<kAxes> by_scaled{};
@@ -172,6 +175,8 @@ double Problem::snap_cost(std::size_t i, double T, double& by_T) {
 void Problem::adjoint(const double* durations, double* by_knots, double* by_durations) {
     for (std::size_t i = 0; i <= segments_; ++i) std::copy_n(&by_states_[i * kKnot], kAxes, by_knots + i * kAxes);
     std::vector<double>& multipliers = by_states_;  // from here on
+    for (std::size_t i = 1; i < segments_; ++i)
+        if (held_[i]) std::fill_n(&multipliers[i * kKnot + kAxes], kAxes, 0.0);
     if (segments_ > 1) system_.solve<kAxes>(&multipliers[kKnot + kAxes], kKnot);
     for (std::size_t i = 0; i <= segments_; ++i) std::fill_n(&multipliers[i * kKnot], kAxes, 0.0);
     std::fill_n(&multipliers[0], kKnot, 0.0);
@@ -195,6 +200,22 @@ void Problem::adjoint(const double* durations, double* by_knots, double* by_dura
     }
 }
 
+// The limits' price times the squared relative excess of the squared distance over that of the ball.
+double Problem::ball_cost(const double* knots, double* by_knots) const {
+    double cost = 0.0;
+    for (std::size_t i = 0; i <= segments_; ++i) {
+        const double *ball = &balls_[4 * i], *p = knots + i * kAxes, square = ball[3] * ball[3];
+        if (!(square > 0.0)) continue;
+        const Vec off = Vec{p[0], p[1], p[2]} - Vec{ball[0], ball[1], ball[2]};
+        const double over = off.dot(off) / square - 1.0;
+        if (!(over > 0.0)) continue;
+        cost += prices_.limits * over * over;
+        const Vec by = off * (4.0 * prices_.limits * over / square);
+        by_knots[i * kAxes] += by.x, by_knots[i * kAxes + 1] += by.y, by_knots[i * kAxes + 2] += by.z;
+    }
+    return cost;
+}
+
 double Problem::evaluate(const double* knots, const double* durations, double* by_knots, double* by_durations) {
     start(knots, durations);
     if (prices_.clearance > 0.0) ask_distances(durations);
@@ -206,7 +227,7 @@ double Problem::evaluate(const double* knots, const double* durations, double* b
         if (prices_.snap > 0.0) cost += snap_cost(i, durations[i], by_durations[i]);
     }
     adjoint(durations, by_knots, by_durations);
-    return cost;
+    return cost + ball_cost(knots, by_knots);
 }
 
 void Problem::excess(const double* knots, const double* durations, double* out) {

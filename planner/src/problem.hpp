@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "costs.hpp"
@@ -27,6 +28,17 @@ class Problem {
 
     std::vector<double>& offsets() { return offsets_; }
 
+    // Velocity, acceleration and jerk at both ends (zero unless set), and the velocity of knots that are held: numbers
+    // of states (k + 1, 4, 4), and held (k + 1).
+    std::vector<double>& given() { return given_; }
+    std::vector<unsigned char>& held() { return held_; }
+
+    // Balls round knots that may move, (k + 1, 4) centre and radius; leaving one is charged, a radius of 0 is none.
+    std::vector<double>& balls() { return balls_; }
+
+    // The vehicle looks at this point instead of along its path.
+    void look_at(const Vec& target) { target_ = target; }
+
     // knots (k + 1, 4), durations (k,); fills the gradients of the same shapes.
     double evaluate(const double* knots, const double* durations, double* by_knots, double* by_durations);
 
@@ -50,6 +62,7 @@ class Problem {
     void ask_distances(const double* durations);
     double segment_cost(std::size_t i, double T, double& by_T);
     double snap_cost(std::size_t i, double T, double& by_T);
+    double ball_cost(const double* knots, double* by_knots) const;
     void adjoint(const double* durations, double* by_knots, double* by_durations);
 
     std::size_t segments_, samples_;
@@ -59,7 +72,9 @@ class Problem {
     Distances distances_;
     std::vector<std::vector<double>> basis_;  // per sample (5, 8): derivatives by u from scaled states
     std::vector<double> share_;               // of the segment's time that each sample answers for
-    std::vector<double> offsets_, states_, by_states_;
+    std::vector<double> offsets_, states_, by_states_, given_, balls_;
+    std::vector<unsigned char> held_;
+    std::optional<Vec> target_;
     std::vector<double> points_, distance_, gradient_, asked_distance_, asked_gradient_;
     std::vector<std::size_t> asked_;
     std::vector<SafeBall> safe_;

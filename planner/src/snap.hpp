@@ -2,6 +2,7 @@
 // The plain forms are in planner/hermite.py and planner/minimum_snap.py.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <vector>
@@ -72,7 +73,8 @@ inline Ends<A> times_form(const Ends<A>& ends) {
 // The factored conditions for the interior velocities, accelerations and jerks.
 class SnapSystem {
   public:
-    void factor(const double* durations, std::size_t segments) {
+    // held (segments + 1): whether the velocity of a knot is given instead of chosen; null for none.
+    void factor(const double* durations, std::size_t segments, const unsigned char* held = nullptr) {
         const double (&form)[kStates][kStates] = snap_form();
         knots_ = segments - 1;
         lower_.resize(knots_ * 6);
@@ -88,6 +90,11 @@ class SnapSystem {
                     D[a][b] = form[5 + a][5 + b] * weight[a + b] + form[1 + a][1 + b] * next[a + b];
                     E[a][b] = form[1 + a][5 + b] * next[a + b];
                 }
+            for (int k = 0; held && k < 3; ++k) {  // a velocity that is held drops out: its step is zero
+                if (held[i + 1]) D[0][k] = D[k][0] = k == 0 ? 1.0 : 0.0;
+                if (held[i + 1]) E[0][k] = 0.0;
+                if (held[i + 2]) E[k][0] = 0.0;
+            }
             if (i > 0) {  // D -= E_before' S^-1 E_before
                 const double* W = &ahead_[(i - 1) * 9];
                 for (int a = 0; a < 3; ++a)
@@ -160,13 +167,15 @@ class SnapSystem {
     double before_[3][3] = {};
 };
 
-// Fills in the interior velocities, accelerations and jerks of states (segments + 1, 4, axes).
+// Fills in the interior velocities, accelerations and jerks of states (segments + 1, 4, axes); velocities that are held
+// stay as they are.
 template <int A>
-void fill_states(SnapSystem& system, double* states, const double* durations, std::size_t segments) {
+void fill_states(SnapSystem& system, double* states, const double* durations, std::size_t segments,
+                 const unsigned char* held = nullptr) {
     constexpr int kKnot = kOrders * A;
-    system.factor(durations, segments);
+    system.factor(durations, segments, held);
     for (std::size_t i = 1; i < segments; ++i)
-        for (int n = A; n < kKnot; ++n) states[i * kKnot + n] = 0.0;
+        for (int n = held && held[i] ? 2 * A : A; n < kKnot; ++n) states[i * kKnot + n] = 0.0;
     Ends<A> before{};
     double from = 0.0;
     std::vector<double> right((segments - 1) * 3 * A);
@@ -181,12 +190,13 @@ void fill_states(SnapSystem& system, double* states, const double* durations, st
                 then *= durations[i - 1], now *= T;
                 for (int n = 0; n < A; ++n) r[a * A + n] = -(then * before.row[5 + a][n] + now * force.row[1 + a][n]);
             }
+            if (held && held[i]) std::fill_n(r, A, 0.0);
         }
         before = force, from = scale;
     }
     system.solve<A>(right.data(), 3 * A);
     for (std::size_t i = 1; i < segments; ++i)
-        for (int n = 0; n < 3 * A; ++n) states[i * kKnot + A + n] = right[(i - 1) * 3 * A + n];
+        for (int n = 0; n < 3 * A; ++n) states[i * kKnot + A + n] += right[(i - 1) * 3 * A + n];
 }
 
 }  // namespace goshawk

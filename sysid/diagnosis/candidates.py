@@ -6,11 +6,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight import InputError
+from sysid.estimator.blocks import battery
 from sysid.estimator.flight_data import Flight
+from sysid.estimator.options import Reference
 from sysid.estimator.unknowns import SENSOR_NAMES
 from vehicle import Vehicle, effects
 from vehicle.effects.base import Effect, Stage
 
+POSE_DELAY = "pose_delay"
+DRIVEN = ("F_z", "M_x", "M_y", "M_z")
+"""Where rotor speeds other than those expected show."""
+NO_VOLTAGE = "the logs have no battery_v, and commands alone do not show how it fell; log it"
 LOAD_SHARE = 0.2
 """A usual load is this share of the vehicle's mass."""
 TRACE = 1e-9
@@ -56,6 +62,11 @@ class CandidateSet:
     invisible: tuple[tuple[str, str], ...]
     """Effect and reason: no flight of this kind can show it."""
 
+    @property
+    def all_heard(self) -> bool:
+        """Whether no known effect is missing from the candidates for want of a reading that would have shown it."""
+        return all(reason != NO_VOLTAGE for _, reason in self.invisible)
+
     def candidate(self, name: str) -> Candidate:
         """The candidate of this name. Raises `InputError` when there is none."""
         for candidate in self.candidates:
@@ -64,16 +75,19 @@ class CandidateSet:
         raise InputError(f"{name!r} is not among the candidates: {', '.join(s.name for s in self.candidates)}")
 
 
-def candidate_set(vehicle: Vehicle, flights: Sequence[Flight]) -> CandidateSet:
-    """Put every effect the vehicle lacks into it, at a strength of zero, so that only its slope is felt."""
-    by_command = any(f.driven_by_command for f in flights)
+def candidate_set(vehicle: Vehicle, flights: Sequence[Flight], clock: Reference = "pose") -> CandidateSet:
+    """Put every effect the vehicle lacks into it, at a strength of zero, so that only its slope is felt.
+
+    Args:
+        clock: against which delays of the streams are estimated.
+    """
     invisible: list[tuple[str, str]] = []
     candidates: list[Candidate] = []
     extended = _swapped(vehicle)
     for effect in _known(vehicle):
         if effect.name in vehicle.effects:
             continue
-        reason = _no_load(flights) if effect.between_flights else _why_not(effect, vehicle, by_command)
+        reason = _no_load(flights) if effect.between_flights else _why_not(effect, vehicle, flights, clock)
         if reason:
             invisible.append((effect.name, reason))
             continue
@@ -95,10 +109,13 @@ def _at_rest(effect: Effect) -> dict[str, float]:
     """Parameters at zero; shapes (what does not vanish by default) at their default."""
     if effect.between_flights:
         return dict.fromkeys(effect.strength, 0.0)
+    if effect.stage is Stage.DRIVE:  # a lag so short that it does nothing; none at all is no lag's value
+        return {s.name: s.bounds[0] for s in effect.parameters}
     return {s.name: 0.0 for s in effect.parameters if s.bounds[0] <= 0.0 <= s.bounds[1] and not s.held}
 
 
-def _why_not(effect: Effect, vehicle: Vehicle, by_command: bool) -> str:
+def _why_not(effect: Effect, vehicle: Vehicle, flights: Sequence[Flight], clock: Reference) -> str:
+    by_command = any(f.driven_by_command for f in flights)
     for other in vehicle.effects:
         if effects.find(other).instead_of == effect.name:
             return f"{other} stands for the same thrust"
@@ -107,9 +124,12 @@ def _why_not(effect: Effect, vehicle: Vehicle, by_command: bool) -> str:
     if effect.stage in (Stage.COMMAND, Stage.DRIVE):
         if not by_command:
             return "rotor speed was measured, so what lies between command and speed cannot show"
-        return "identify it from commands with `goshawk identify --add-effect`"
+        if effect.name == battery.SAG and not all(np.isfinite(f.battery_v).all() for f in flights):
+            return NO_VOLTAGE
     if effect.stage == Stage.SENSOR and not {f"{effect.name}.{s.name}" for s in effect.parameters} <= set(SENSOR_NAMES):
         return "the estimator has the pose sensor's place and the gyro's bias among its unknowns already"
+    if effect.name == POSE_DELAY and clock == "pose" and not by_command:
+        return "how late every stream is against the pose is among the unknowns already; read the clocks"
     return ""
 
 
@@ -131,13 +151,16 @@ def _candidates(effect: Effect, vehicle: Vehicle) -> list[Candidate]:
     wanted = [s for s in effect.parameters if not s.held and (s.name in effect.strength or not effect.strength)]
     along = [s for s in effect.parameters if s not in wanted] if effect.between_flights else []
     channels = tuple(word for word in effect.channel.split() if word[:2] in ("F_", "M_"))
+    between_command_and_speed = effect.stage in (Stage.COMMAND, Stage.DRIVE)
+    if between_command_and_speed:
+        channels = DRIVEN
 
     def make(name: str, specs: list) -> Candidate:
         return Candidate(
             name=name,
             effect=effect.name,
             parameters=tuple(f"{effect.name}.{s.name}" for s in specs),
-            one_sided=tuple(s.bounds[0] == 0.0 or effect.separate for s in specs),
+            one_sided=tuple(s.bounds[0] == 0.0 or effect.separate or between_command_and_speed for s in specs),
             usual=tuple(LOAD_SHARE * vehicle.mass_kg if effect.between_flights else s.prior for s in specs),
             channels=channels,
             regressor=effect.regressor,

@@ -15,10 +15,11 @@ from sysid.estimator.identification import start
 from sysid.estimator.midpoint import middle
 from sysid.estimator.model import along
 from sysid.estimator.noise import Noise
+from sysid.estimator.options import Reference
 from sysid.estimator.problem import Point
 from sysid.estimator.solver import linearised, total_cost
 from sysid.estimator.states import States
-from sysid.estimator.unknowns import Unknowns, biases, sensor_values
+from sysid.estimator.unknowns import Unknowns, nuisances, sensor_values
 from vehicle import Vehicle
 
 MOST_STEPS = 30
@@ -48,12 +49,20 @@ class CostReduction:
 class Judge:
     """Flights to judge models on, with one noise level for all of them."""
 
-    def __init__(self, flights: Sequence[Flight], noise: Noise, states: tuple[States, ...] | None = None) -> None:
+    def __init__(
+        self,
+        flights: Sequence[Flight],
+        noise: Noise,
+        states: tuple[States, ...] | None = None,
+        clock: Reference = "pose",
+    ) -> None:
         """
         Args:
             states: where to start from; else the smoothed pose.
+            clock: against which delays are estimated.
         """
         self._flights, self._noise, self._states = list(flights), noise, states
+        self._clock: Reference = clock
         self._known: list[tuple[Vehicle, FloatArray]] = []
         self._given = self._flights
 
@@ -69,7 +78,7 @@ class Judge:
             How many logs it was decided for.
         """
         both = {carries: [_told(f, carries) for f in self._given] for carries in (True, False)}
-        costs = {c: Judge(f, self._noise, self._states).costs(vehicle) for c, f in both.items()}
+        costs = {c: Judge(f, self._noise, self._states, self._clock).costs(vehicle) for c, f in both.items()}
         open_ = sorted({f.log_index for f in self._given if f.carries_payload is None})
         log_of_block = np.concatenate([np.full(len(block_edges(f.time_s)), f.log_index) for f in self._given])
         lighter = {i for i in open_ if (costs[True] - costs[False])[log_of_block == i].sum() > 0.0}
@@ -79,7 +88,7 @@ class Judge:
 
     def at(self, noise: Noise, states: tuple[States, ...]) -> "Judge":
         """Another one of the same flights at another noise level; `states` is where to start from."""
-        return Judge(self._flights, noise, states)
+        return Judge(self._flights, noise, states, self._clock)
 
     def set_noise(self, noise: Noise) -> None:
         """Judge at this noise level from now on."""
@@ -99,7 +108,7 @@ class Judge:
         if states is not None or self._states is not None:
             point = replace(point, states=states or self._states)
         point = replace(point, sensors={**point.sensors, **sensor_values(vehicle)})
-        point, rows = settle(self._flights, point, self._noise)
+        point, rows = settle(self._flights, point, self._noise, self._clock)
         self._states = point.states
         costs = np.concatenate([_block_costs(f, r) for f, r in zip(self._flights, rows, strict=True)])
         self._known.append((vehicle, costs))
@@ -127,16 +136,16 @@ def _told(flight: Flight, carries: bool) -> Flight:
     return flight if flight.carries_payload is not None else replace(flight, carries_payload=carries)
 
 
-def settle(flights: Sequence[Flight], point: Point, noise: Noise) -> tuple[Point, tuple[Rows, ...]]:
-    """States and biases at their best with everything else held, and the rows there.
+def settle(flights: Sequence[Flight], point: Point, noise: Noise, clock: Reference) -> tuple[Point, tuple[Rows, ...]]:
+    """States, biases and delays at their best with everything else held, and the rows there.
 
     Raises:
         InputError: the states do not settle.
     """
     if noise.gusts is not None:
         point = replace(point, states=tuple(s if s.gust is not None else s.with_gust() for s in point.states))
-    width = biases(flights)
-    unknowns, weak = Unknowns((), (), tuple(width)), np.diag([1.0 / std**2 for std in width.values()])
+    unknowns, width = nuisances(flights, clock)
+    weak = np.diag(1.0 / width**2)
     for _ in range(MOST_STEPS):
         rows, eliminated = linearised(flights, point, unknowns, noise)
         now = sum(r.cost() for r in rows)

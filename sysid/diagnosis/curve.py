@@ -21,6 +21,8 @@ DEGREE = 3
 UNSEEN = {
     "time": "what drifts with time is not known at the next flight; look for what changes (battery, temperature, load)",
     "x": "a place in the room says nothing of the vehicle; look for what stands there (a draught, a magnet, a surface)",
+    "voltage": "what falls with the battery lies between command and rotor speed: see battery_sag, or log rotor speed",
+    **{f"dc_{i}/dt": "rotors answer commands late: see motor_lag, or log rotor speed" for i in range(4)},
     "y": "a place in the room says nothing of the vehicle; look for what stands there (a draught, a magnet, a surface)",
 }
 """Variables that a vehicle model cannot see, and where to look instead."""

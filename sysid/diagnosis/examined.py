@@ -55,6 +55,11 @@ class Model:
         """Those it was fitted to, with what they may carry."""
         return self.load.marked(self.fit.flights) if self.load else self.fit.flights
 
+    @property
+    def all_heard(self) -> bool:
+        """Whether every known effect was in the running: none lacked a reading, and none failed to be fitted."""
+        return self.candidate_set.all_heard and None not in self.tried.fitted.values()
+
 
 @dataclass(frozen=True, slots=True)
 class Outside:
@@ -69,14 +74,14 @@ class Outside:
 
 def examine(fit: Identification) -> Model:
     """Score every candidate at a fitted model."""
-    lined = candidate_set(fit.vehicle, fit.flights)
+    lined = candidate_set(fit.vehicle, fit.flights, fit.clock)
     evidence = Evidence(fit.flights, fit.solution.point, fit.noise, fit.unknowns, lined)
     carried = _load(fit, lined, evidence)
     scores = {s.name: _scored(evidence, s) for s in lined.candidates}
     flights = fit.flights
     if carried is not None:
         scores[PAYLOAD], flights = carried.score, carried.marked(flights)
-    judge = Judge(flights, fit.noise, fit.solution.point.states)
+    judge = Judge(flights, fit.noise, fit.solution.point.states, fit.clock)
     return Model(fit, lined, evidence, scores, judge, Tried(), carried)
 
 
@@ -122,7 +127,10 @@ def best_curve(model: Model, channels: Sequence[str]) -> Outside | None:
     best = max(found, key=lambda o: o.score.gain_unseen)
     rivals = [np.exp(o.score.gain_unseen - best.score.gain_unseen) for o in found if o.channel == best.channel]
     clear = 1.0 / (1.0 + (THRESHOLDS.even_odds_curve / max(best.score.log_odds, 1.0)) ** 4)
-    return replace(best, confidence=THRESHOLDS.most_confidence * clear / float(np.sum(rivals)))
+    confidence = THRESHOLDS.most_confidence * clear / float(np.sum(rivals))
+    if not model.all_heard:
+        confidence = min(confidence, THRESHOLDS.even_confidence)
+    return replace(best, confidence=confidence)
 
 
 def stated_curve(model: Model) -> Outside | None:

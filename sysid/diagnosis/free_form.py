@@ -29,6 +29,12 @@ def _spin_up(i: int) -> Read:
     return lambda flight, mid: flight.rotor_acceleration_rad_s2[:, i]
 
 
+def _command_rate(i: int) -> Read:
+    return lambda flight, mid: np.gradient(
+        flight.rotor_command_rad_s[:, i], 0.5 * (flight.time_s[1:] + flight.time_s[:-1])
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class Variable:
     """One thing a residual may depend on."""
@@ -39,6 +45,8 @@ class Variable:
     """(k,) its value in the middle of each interval."""
     functions: int
     """How many B-splines span its range."""
+    of_commands: bool = False
+    """Whether it says something only where rotor speed is simulated from commands."""
 
 
 def _axis(quantity: str, i: int) -> Read:
@@ -61,9 +69,12 @@ VARIABLES: tuple[Variable, ...] = (
     *(Variable(f"w_{a}", "rad/s", _axis("rate_body_rad_s", i), 4) for i, a in enumerate("xyz")),
     *(Variable(f"n_{i}", "rad/s", _rotor(i), 9) for i in range(4)),
     *(Variable(f"dn_{i}/dt", "rad/s2", _spin_up(i), 4) for i in range(4)),
+    *(Variable(f"dc_{i}/dt", "rad/s2", _command_rate(i), 4, of_commands=True) for i in range(4)),
+    Variable("voltage", "V", lambda flight, mid: flight.battery_v, 5, of_commands=True),
     Variable("heading", "rad", lambda flight, mid: rotations.yaw(mid.q_world_body), 5),
 )
-"""What curves are drawn against: velocity and rate in body axes, position in world axes, time since take-off."""
+"""What curves are drawn against: velocity and rate in body axes, position in world axes, time since take-off;
+n rotor speed, c its command."""
 
 VARIABLE = {v.name: v for v in VARIABLES}
 
@@ -112,7 +123,8 @@ def curves(flights: Sequence[Flight], states: Sequence[States], vehicle: Vehicle
     driven = [motor.driven(f, vehicle) for f in flights]
     mids = [middle(f, s) for f, s in zip(driven, states, strict=True)]
     found = []
-    for variable in VARIABLES:
+    by_command = any(f.driven_by_command for f in flights)
+    for variable in (v for v in VARIABLES if by_command or not v.of_commands):
         values = np.concatenate([variable.read(f, m) for f, m in zip(driven, mids, strict=True)])
         family = curves_of(variable, values)
         if family is not None:
@@ -121,9 +133,11 @@ def curves(flights: Sequence[Flight], states: Sequence[States], vehicle: Vehicle
 
 
 def curves_of(variable: Variable, values: FloatArray) -> Curve | None:
-    """Curves of one variable over the range of its values; none if it hardly changes."""
+    """Curves of one variable over the range of its values; none if it hardly changes, or was not logged."""
     if variable.name == "constant":
         return Curve("constant", np.zeros(0))
+    if not np.isfinite(values).all():
+        return None
     low, high = np.quantile(values, [0.005, 0.995])
     if high - low <= 1e-9:
         return None

@@ -23,7 +23,7 @@ from sysid.diagnosis.procedure import NODE_RATE_HZ, VISIBLE_SIGMAS, Diagnosis
 from sysid.diagnosis.rehearsal import Rehearsal, Room, fitted_into, rehearse, waypoints_of
 from sysid.diagnosis.score import inverse_of
 from sysid.diagnosis.thresholds import THRESHOLDS
-from sysid.estimator.unknowns import SENSOR_NAMES, Unknowns, biases
+from sysid.estimator.unknowns import SENSOR_NAMES, nuisances
 from sysid.logs.payload import PAYLOAD
 from vehicle import effects, manoeuvres
 from vehicle.effects.base import Effect
@@ -184,7 +184,8 @@ class Question:
         unbiased = {name: point.sensors[name] for name in SENSOR_NAMES}
         point = replace(point, sensors=unbiased, states=(flown.states,))
         sensor = fit.unknowns.sensor if flown.flight.has_pose else ()
-        own = Unknowns(fit.unknowns.model, sensor, tuple(biases([flown.flight])))
+        own, _ = nuisances([flown.flight], fit.clock)
+        own = replace(own, model=fit.unknowns.model, sensor=sensor)
         return shared_information(Evidence([flown.flight], point, fit.noise, own, self.model.candidate_set))
 
     def log_odds(self, information: FloatArray) -> float:

@@ -1,7 +1,7 @@
 """Diagnosis of a vehicle model: fit, see where it fails, name what is missing, add it, judge it on unseen flights."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,7 @@ from sysid.diagnosis.score import Score
 from sysid.diagnosis.search import Search, Trial, search
 from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.estimator import verdict as fits
+from sysid.estimator.clocks import pose_is_late
 from sysid.estimator.comparison import HORIZONS_S, Comparison, compare
 from sysid.estimator.identification import identify
 from sysid.estimator.options import Options
@@ -156,6 +157,7 @@ class Diagnosis:
             },
             "invisible": dict(self.invisible),
             "findings": list(self.findings),
+            "clocks": [asdict(c) for c in self.search.models[-1].fit.clocks],
         }
 
 
@@ -190,7 +192,11 @@ def diagnose(
     if any(log is other for log in held_out for other in logs):
         raise InputError("a flight is both to learn from and to judge by; split whole flights between the two")
     options = while_searching(options or Options(gusts="white"))
-    base = identify(logs, vehicle, options, progress=within(progress, "diagnose", 0.0, 0.15))
+    base = identify(logs, vehicle, options, progress=within(progress, "diagnose", 0.0, 0.1))
+    if pose_is_late(base.clocks):  # then that is an effect to be named, measured by the clock of the rotors
+        options = replace(options, clock="rotor speed")
+        base = identify(logs, vehicle, options, near=base)
+    progress("diagnose", 0.15)
     unseen = [flight for i, log in enumerate(held_out) for flight in prepare(log, i, options)]
     found = search(logs, base, unseen, options, most=8 if auto else 1, progress=progress)
     last = found.models[-1].fit

@@ -8,7 +8,7 @@ import numpy as np
 
 from flight import FlightLog, InputError, Progress, silent
 from sysid.diagnosis import candidates
-from sysid.diagnosis.candidates import Candidate
+from sysid.diagnosis.candidates import POSE_DELAY, Candidate
 from sysid.diagnosis.confirm import CostReduction, Judge
 from sysid.diagnosis.evidence import BLOCK_S, block_edges
 from sysid.diagnosis.examined import (
@@ -74,8 +74,12 @@ def candidates_fitted(
     it, whatever its own significance. So may be whoever a curve beyond chance does not clearly outdo.
     Those that explain far less than one that was refused are left out: their traces are alike, and what unseen flights
     could not confirm of the better one speaks against the worse one too.
+    A clock that is off looks like a torque by dn/dt, so such effects wait until the clocks are right.
     """
     found = [s for s in significant(model) if s.name not in refused]
+    if any(s.name == POSE_DELAY for s in found):
+        refused = {*refused, *_by_rotor_acceleration(model)}
+        found = [s for s in found if s.name not in refused]
     if not found and (curve := stated_curve(model)) is not None:
         found = [s for s in as_good_as(curve, model) if s.name not in refused]
     if not found:
@@ -88,6 +92,12 @@ def candidates_fitted(
     tried = [c for s in best if (c := _fitted(logs, model, s, options)) is not None]
     better = [c for name in refused if (c := model.tried.fitted.get(name)) is not None]
     return [c for c in tried if not any(_outdone(model, c, b) for b in better)]
+
+
+def _by_rotor_acceleration(model: Model) -> set[str]:
+    """Names of the candidates that read dn/dt."""
+    named = model.candidate_set.candidates
+    return {s.name for s in named if "rotor_acceleration_rad_s2" in effects.find(s.effect).needs}
 
 
 def _fitted(logs: Sequence[FlightLog], model: Model, candidate: Candidate, options: Options) -> Fitted | None:
@@ -224,7 +234,7 @@ def search(
     """Forward with a backward look after each addition, at most `most` additions."""
     models, trials, added = [examine(base)], [], []
     too_short = short(held_out)
-    unseen = Judge(held_out, base.noise) if held_out and not too_short else None
+    unseen = Judge(held_out, base.noise, clock=base.clock) if held_out and not too_short else None
     refused: set[str] = set()
     dropped_before: set[str] = set()
     undecided: tuple[Trial, Model] | None = None

@@ -8,7 +8,7 @@ import numpy as np
 
 from flight import FlightLog, InputError, Progress, rotations, silent, within
 from flight.rotations import FloatArray
-from sysid.estimator.blocks import motor
+from sysid.estimator.blocks import motor, rotor_speed
 from sysid.estimator.blocks.pose import PoseSensor
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.identification import smooth
@@ -161,14 +161,15 @@ def compare(
         smoothed = smooth(flights, vehicle, options, near=smoothed, progress=within(progress, "compare", begun, done))
         states = smoothed.point.states
         sensor = PoseSensor.of(vehicle)
-        parts = [_errors(*one, vehicle, sensor) for one in zip(flights, states, reference, strict=True)]
+        on_time = [rotor_speed.aligned(f, smoothed.point.sensors) for f in flights]
+        parts = [_errors(*one, vehicle, sensor) for one in zip(on_time, states, reference, strict=True)]
         errors[name] = {
             quantity: tuple(_rms(np.concatenate([p[quantity][h] for p in parts])) for h in range(len(HORIZONS_S)))
             for quantity in QUANTITIES
         }
         flight_errors[name] = tuple(_rms(p["position"][HORIZONS_S.index(0.5)]) for p in parts)
         residuals[name] = tuple(
-            residual(f, s, vehicle, smoothed.noise.process) for f, s in zip(flights, states, strict=True)
+            residual(f, s, vehicle, smoothed.noise.process) for f, s in zip(on_time, states, strict=True)
         )
         count = sum(len(p["position"][0]) for p in parts)
         progress("compare", FIRST_SHARE + (1.0 - FIRST_SHARE) * (i + 1) / len(models))

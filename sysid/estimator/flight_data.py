@@ -1,13 +1,14 @@
 """One flight made ready for the estimator: nodes in time, what was measured there, mean rotor speed in between."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flight import rotations
 from flight.rotations import FloatArray
+from sysid.estimator.sampling import Signal
 
 IndexArray = NDArray[np.intp]
 
@@ -32,6 +33,8 @@ class Flight:
     """(n - 1, 4) mean over each interval; only used where rotor speed was not measured."""
     battery_v: FloatArray
     """(n - 1,) mean over each interval."""
+    streams: Mapping[str, Signal] = field(default_factory=dict)
+    """Streams whose delay can be estimated, by quantity: between their samples, freed of noise."""
     lead_in: "LeadIn | None" = None
     """What was commanded just before; only where rotor speed was not measured."""
     carries_payload: bool | None = None

@@ -8,20 +8,21 @@ import numpy as np
 
 from flight import FlightLog, InputError, Progress, silent
 from sysid.estimator import excitation, gusts
-from sysid.estimator.blocks import motor
+from sysid.estimator.blocks import motor, rotor_speed
 from sysid.estimator.blocks.catalogue import BLOCKS
 from sysid.estimator.blocks.motion import LEAST_PROCESS
-from sysid.estimator.blocks.pose import POSE, PoseSensor
+from sysid.estimator.blocks.pose import DELAY, POSE, PoseSensor
+from sysid.estimator.clocks import PRIOR_S
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.model import unexplained
 from sysid.estimator.noise import Noise
-from sysid.estimator.options import Options
+from sysid.estimator.options import Options, Reference
 from sysid.estimator.prepare import prepare
 from sysid.estimator.problem import Point, with_values
 from sysid.estimator.result import Identification, conclude
 from sysid.estimator.solver import Prior, Solution, solve
 from sysid.estimator.states import first_guess
-from sysid.estimator.unknowns import SENSOR_NAMES, Unknowns, biases, chosen_names, sensor_values
+from sysid.estimator.unknowns import SENSOR_NAMES, Unknowns, biases, chosen_names, nuisances, sensor_values
 from sysid.logs.payload import PAYLOAD
 from vehicle import Vehicle, specs
 
@@ -65,11 +66,11 @@ def identify(
         raise InputError("no flight was given; identification needs at least one log")
     flights = list(near.flights) if near else [f for i, log in enumerate(logs) for f in prepare(log, i, options)]
     excitation.require(flights, _names(vehicle, flights, options))
-    unknowns = _unknowns(vehicle, flights, options)
-    point, noise = _beside(near, vehicle) if near else start(vehicle, flights)
+    unknowns, clock = _unknowns(vehicle, flights, options)
+    point, noise = _beside(near, vehicle, unknowns) if near else start(vehicle, flights)
     held: list[str] = []
     solution, unknowns = _fit(flights, vehicle, point, noise, unknowns, held, options, progress)
-    lasting = _with_gusts(flights, solution) if options.gusts == "estimate" else None
+    lasting = _with_gusts(_on_time(flights, solution), solution) if options.gusts == "estimate" else None
     doubts = ()
     if lasting is not None:
         also_held = list(held)
@@ -81,7 +82,14 @@ def identify(
             doubts = (UNSETTLED,)
     progress("identify", 1.0)
     found = conclude(
-        vehicle, flights, unknowns, solution, tuple(held), options, given or (near.given if near else vehicle)
+        vehicle,
+        _on_time(flights, solution),
+        unknowns,
+        solution,
+        tuple(held),
+        options,
+        given or (near.given if near else vehicle),
+        clock,
     )
     return replace(found, findings=(*found.findings, *doubts), verdict=found.verdict.doubted(*doubts))
 
@@ -151,17 +159,27 @@ def start(vehicle: Vehicle, flights: list[Flight]) -> tuple[Point, Noise]:
     return Point(vehicle, sensor_values(vehicle), states), usual.with_process(np.sqrt(0.1) * size + 1e-3)
 
 
-def _beside(near: Identification, vehicle: Vehicle) -> tuple[Point, Noise]:
-    """States, biases and noise levels of another fit, under this vehicle."""
+def _beside(near: Identification, vehicle: Vehicle, unknowns: Unknowns) -> tuple[Point, Noise]:
+    """States, biases, delays and noise levels of another fit, under this vehicle; a clock that is the reference now
+    has no delay."""
     point = near.solution.point
-    return Point(vehicle, {**point.sensors, **sensor_values(vehicle)}, point.states), near.noise
+    kept = {name: value for name, value in point.sensors.items() if name in unknowns.names}
+    return Point(vehicle, {**kept, **sensor_values(vehicle)}, point.states), near.noise
 
 
-def _unknowns(vehicle: Vehicle, flights: list[Flight], options: Options) -> Unknowns:
+def _on_time(flights: list[Flight], solution: Solution) -> list[Flight]:
+    """The flights with rotor speeds as late as was found."""
+    return [rotor_speed.aligned(flight, solution.point.sensors) for flight in flights]
+
+
+def _unknowns(vehicle: Vehicle, flights: list[Flight], options: Options) -> tuple[Unknowns, Reference]:
+    """What is estimated, and against whose clock delays are."""
     with_pose = any(f.has_pose for f in flights)
     wanted = SENSOR_NAMES if options.pose_sensor and with_pose else ()
     sensor = tuple(n for n in wanted if n in vehicle.parameters and n not in options.held)
-    return Unknowns(_names(vehicle, flights, options), sensor, tuple(biases(flights)))
+    clock = "rotor speed" if DELAY in sensor else options.clock
+    own, _ = nuisances(flights, clock)
+    return replace(own, model=_names(vehicle, flights, options), sensor=sensor), clock
 
 
 def _names(vehicle: Vehicle, flights: list[Flight], options: Options) -> tuple[str, ...]:
@@ -180,10 +198,11 @@ def _prior(flights: list[Flight], vehicle: Vehicle, unknowns: Unknowns, options:
     for name in options.prior_std:
         vehicle.parameter(name)
     named = (*unknowns.model, *unknowns.sensor)
-    mean = [vehicle.value(name) for name in named] + [0.0] * len(unknowns.bias)
+    width = [*biases(flights).values(), *(PRIOR_S for _ in unknowns.delay)]
+    mean = [vehicle.value(name) for name in named] + [0.0] * len(width)
     believed = {name: specs(vehicle)[name].prior for name in PLACE_OF_LOAD if name in vehicle.parameters}
     std = [(believed | dict(options.prior_std)).get(name, np.inf) for name in named]
-    return Prior(np.array(mean), np.array([*std, *biases(flights).values()]))
+    return Prior(np.array(mean), np.array([*std, *width]))
 
 
 def usual_size(vehicle: Vehicle, point: Point, name: str) -> float:
@@ -227,13 +246,12 @@ def smooth(
         process_scale: more than 1 trusts the model less, so that the measurements decide.
         near: the same of a similar vehicle; its states and noise levels are started from.
     """
-    width = biases(flights)
-    unknowns = Unknowns((), (), tuple(width))
+    unknowns, width = nuisances(flights, "pose")
     point, noise = start(vehicle, flights)
     if near is not None:
         point = Point(vehicle, {**near.point.sensors, **point.sensors}, near.point.states)
         noise = near.noise
-    prior = Prior(np.zeros(unknowns.size), np.array(list(width.values())))
+    prior = Prior(np.zeros(unknowns.size), width)
     options = options or Options(max_iterations=20)
     robust, most = options.robust, options.max_iterations
     solution = solve(flights, point, noise, unknowns, prior, robust=robust, max_iterations=most, progress=progress)

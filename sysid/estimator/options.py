@@ -6,6 +6,9 @@ from typing import Literal
 
 from flight import InputError
 
+Reference = Literal["pose", "rotor speed"]
+"""Streams whose clock the others can be measured against."""
+
 
 @dataclass(frozen=True, slots=True)
 class Options:
@@ -23,6 +26,9 @@ class Options:
     """Use `rate_body_rad_s` of the log as a gyro with a constant bias, when it is there."""
     use_accelerometer: bool = False
     """Use `specific_force_body_m_s2` also when there is a pose; without a pose it is always used."""
+    clock: Reference = "pose"
+    """Against whose clock the delays of gyro, accelerometer and rotor speed are estimated. Against rotor speed, the
+    pose is late by the vehicle's `pose_delay`, or not at all."""
     gaps: Literal["refuse", "split"] = "refuse"
     """A log with a gap: refuse it, or fit the pieces between gaps as separate flights."""
     unseen: Literal["refuse", "hold"] = "hold"

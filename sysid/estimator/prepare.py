@@ -6,6 +6,7 @@ import numpy as np
 
 from flight import FlightLog, InputError
 from flight.rotations import FloatArray
+from sysid.estimator import clocks
 from sysid.estimator.blocks import battery, motor, rotor_speed
 from sysid.estimator.blocks.catalogue import BLOCKS
 from sysid.estimator.flight_data import Flight, IndexArray, LeadIn
@@ -19,6 +20,8 @@ GAP_LEAST_S = 0.04
 """... and at least this long: single lost frames are harmless."""
 LEAD_IN_S = 0.3
 """Where only commands are known, this much is given to the rotors to reach the speed that nobody measured."""
+EDGE_S = 0.03
+"""Nothing is fitted this close to the ends of a stretch: a stream that is late or early has no samples for it there."""
 SLOWEST_S = 0.5
 """Samples further apart than this show no motion of a multirotor; the time is in another unit."""
 SHORTEST_S = 1.0
@@ -119,20 +122,30 @@ def _flight(
 ) -> Flight:
     start_s, end_s = piece
     inside = (log.time_s >= start_s) & (log.time_s <= end_s)
-    rows = np.flatnonzero(inside & np.isfinite(log.vector(source.nodes[0])).all(axis=1))
+    by_command = source.rotors != rotor_speed.QUANTITY
+    edge_s = 0.0 if by_command else EDGE_S
+    nodes = (log.time_s >= start_s + edge_s) & (log.time_s <= end_s - edge_s)
+    rows = np.flatnonzero(nodes & np.isfinite(log.vector(source.nodes[0])).all(axis=1))
     rows = rows[_thin(log.time_s[rows], options.node_rate_hz)]
     stretch = Stretch(log, source.name, inside, rows, source.nodes[0] == "position_world_m", options)
-    by_command = source.rotors != rotor_speed.QUANTITY
-    speed, acceleration = (motor if by_command else rotor_speed).read(stretch)
+    readings = {quantity: values for block in BLOCKS for quantity, values in block.read(stretch).items()}
+    streams = {q: stretch.stream(q) for q in (clocks.GYRO, clocks.ACCELEROMETER) if np.isfinite(readings[q]).any()}
+    if by_command:
+        command = motor.read(stretch)
+        speed, acceleration = command, np.zeros_like(command)
+    else:
+        streams[rotor_speed.QUANTITY] = stretch.stream(rotor_speed.QUANTITY)
+        speed, acceleration = streams[rotor_speed.QUANTITY].means(stretch.time_s)
     flight = Flight(
         name=source.name if pieces == 1 else f"{source.name} from {start_s:.2f} s",
         log_index=index,
         time_s=stretch.time_s,
-        readings={quantity: values for block in BLOCKS for quantity, values in block.read(stretch).items()},
+        readings=readings,
         rotor_speed_rad_s=speed,
         rotor_acceleration_rad_s2=acceleration,
         rotor_command_rad_s=speed if by_command else np.full_like(speed, np.nan),
         battery_v=battery.read(stretch),
+        streams=streams,
         carries_payload=carries_payload(log),
     )
     return _after_lead_in(flight) if by_command else flight

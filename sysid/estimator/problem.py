@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flight.rotations import FloatArray
-from sysid.estimator.blocks import motor
+from sysid.estimator.blocks import motor, rotor_speed
 from sysid.estimator.blocks.base import At, Linear
 from sysid.estimator.blocks.catalogue import acting
 from sysid.estimator.chain import Rows
@@ -25,7 +25,7 @@ class Point:
     vehicle: Vehicle
     """With the values tried at the moment."""
     sensors: Mapping[str, float]
-    """Values of the sensors' parameters, and of biases that are not zero."""
+    """Values of the sensors' parameters, and of biases and delays that are not zero."""
     states: tuple[States, ...]
     """One per flight."""
 
@@ -46,7 +46,7 @@ class Point:
     def shared(self, unknowns: Unknowns) -> FloatArray:
         """(p,) values of all shared parameters."""
         named = self.values((*unknowns.model, *unknowns.sensor))
-        return np.concatenate([named, [self.sensors.get(name, 0.0) for name in unknowns.bias]])
+        return np.concatenate([named, [self.sensors.get(name, 0.0) for name in (*unknowns.bias, *unknowns.delay)]])
 
     def values(self, names: Sequence[str]) -> FloatArray:
         """Several at once."""
@@ -89,7 +89,7 @@ def cost(flight: Flight, states: States, point: Point, noise: Noise, robust: boo
 
 def located(flight: Flight, states: States, point: Point, noise: Noise, model: tuple[str, ...] = ()) -> At:
     """Where blocks are evaluated; `model`: parameters of the vehicle to differentiate by."""
-    driven = motor.driven(flight, point.vehicle)
+    driven = motor.driven(rotor_speed.aligned(flight, point.sensors), point.vehicle)
     return At(driven, states, middle(driven, states), point.vehicle, model, point.sensors, noise)
 
 

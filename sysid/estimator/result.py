@@ -1,21 +1,23 @@
 """What an identification found: estimates with errors that can be believed, and how it got there."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 from scipy.special import stdtrit
 
 from flight.rotations import FloatArray
+from sysid.estimator import clocks
 from sysid.estimator import verdict as verdicts
 from sysid.estimator.agreement import odd_flights
 from sysid.estimator.blocks.catalogue import BLOCKS, acting, places, reported
 from sysid.estimator.blocks.gyro import GYRO
 from sysid.estimator.blocks.motion import Motion
+from sysid.estimator.clocks import Clock
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.noise import Noise
-from sysid.estimator.options import Options
+from sysid.estimator.options import Options, Reference
 from sysid.estimator.solver import Solution, robust_covariance
 from sysid.estimator.unknowns import SENSOR_NAMES, Unknowns
 from sysid.estimator.verdict import Verdict
@@ -73,6 +75,10 @@ class Identification:
     """Whether to use the values."""
     given: Vehicle
     """The vehicle as the user gave it: what the values are compared with."""
+    clock: Reference
+    """Whose clock the others were measured against."""
+    clocks: tuple[Clock, ...]
+    """Delay of every stream of every flight, log by log."""
 
     @property
     def converged(self) -> bool:
@@ -121,6 +127,7 @@ class Identification:
             "noise": reported(self.noise),
             "residuals": residual_statistics(self),
             "gyro_bias_rad_s": self.gyro_bias_rad_s.tolist(),
+            "clocks": [asdict(c) for c in self.clocks],
             "findings": list(self.findings),
         }
 
@@ -165,20 +172,25 @@ def conclude(
     unseen: tuple[str, ...],
     options: Options,
     given: Vehicle,
+    clock: Reference,
 ) -> Identification:
     """Estimates, errors, sentences and the verdict from a solved problem.
 
     Args:
         vehicle: what the fit started from.
         given: what the user gave; another one where stages or a search came before.
+        clock: whose clock the others were measured against.
     """
     names = (*unknowns.model, *unknowns.sensor)
     p = len(names)
     plain = solution.covariance()
-    sandwich, freedom = robust_covariance(solution, [f.time_s for f in flights], options.block_s)
+    sandwich, freedom = robust_covariance(
+        solution, [f.time_s for f in flights], options.block_s, len(unknowns.bias) + len(unknowns.delay)
+    )
     interval90 = stdtrit(freedom, 0.95) * np.sqrt(np.diag(sandwich))
     std, std_robust = np.sqrt(np.diag(plain))[:p], np.sqrt(np.diag(sandwich))[:p]
     shares = _information_shares(solution)
+    delays = _clocks(flights, unknowns, solution, np.sqrt(np.diag(sandwich)), clock)
     estimates = [
         Estimate(
             name=name,
@@ -209,7 +221,10 @@ def conclude(
         unknowns=unknowns,
         flights=tuple(flights),
         findings=tuple(
-            _findings(vehicle, estimates, solution) + _thrust_against_belief(given, solution, flights) + disagreement
+            _findings(vehicle, estimates, solution)
+            + clocks.sentences(delays)
+            + _thrust_against_belief(given, solution, flights)
+            + disagreement
         ),
         verdict=verdict.doubted(
             *_at_bounds(vehicle, estimates, but=0.0),
@@ -217,6 +232,8 @@ def conclude(
             *disagreement,
         ),
         given=given,
+        clock=clock,
+        clocks=delays,
     )
 
 
@@ -224,6 +241,22 @@ def _gyro_bias(flights: list[Flight], solution: Solution) -> FloatArray:
     logs = 1 + max(flight.log_index for flight in flights)
     sensors = solution.point.sensors
     return np.array([[sensors.get(name, 0.0) for name in GYRO.bias_names(log)] for log in range(logs)])
+
+
+def _clocks(
+    flights: list[Flight], unknowns: Unknowns, solution: Solution, std: FloatArray, reference: Reference
+) -> tuple[Clock, ...]:
+    """Args: std: (p,) robust standard errors of all shared parameters."""
+    found, seen = [], set()
+    for flight in flights:
+        against = reference if flight.has_pose else "gyro"
+        for quantity, stream in clocks.STREAMS.items():
+            name = clocks.delay_name(quantity, flight.log_index)
+            if name in unknowns.delay and name not in seen:
+                seen.add(name)
+                sigma = float(std[unknowns.names.index(name)])
+                found.append(Clock(stream, against, flight.name, solution.point.sensors[name], sigma))
+    return tuple(found)
 
 
 def _held(vehicle: Vehicle, name: str, status: str) -> Estimate:

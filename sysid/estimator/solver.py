@@ -10,6 +10,7 @@ from flight import InputError, Progress
 from flight.rotations import FloatArray
 from sysid.estimator.blocks.catalogue import BLOCKS, acting, places
 from sysid.estimator.chain import Eliminated, Rows, eliminate
+from sysid.estimator.clocks import LONGEST_STEP_S
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.noise import Noise
 from sysid.estimator.parallel import each
@@ -192,7 +193,8 @@ def covariance_of(hessian: FloatArray) -> FloatArray:
 
 
 def _room(point: Point, unknowns: Unknowns) -> tuple[FloatArray, FloatArray]:
-    """How far each parameter may step down and up; inertias and time constants at most to a third or threefold."""
+    """How far each parameter may step down and up; inertias and time constants at most to a third or threefold, delays
+    no further than slopes tell."""
     bounds = specs(point.vehicle)
     low, high = np.full(unknowns.size, -np.inf), np.full(unknowns.size, np.inf)
     for i, name in enumerate(unknowns.model):
@@ -200,6 +202,8 @@ def _room(point: Point, unknowns: Unknowns) -> tuple[FloatArray, FloatArray]:
         low[i], high[i] = bounds[name].bounds[0] - value, bounds[name].bounds[1] - value
         if name.startswith(("inertia_", "motor_lag.")):
             low[i], high[i] = max(low[i], -2.0 / 3.0 * value), min(high[i], 2.0 * value)
+    delays = [i for i, name in enumerate(unknowns.names) if name in unknowns.delay]
+    low[delays], high[delays] = -LONGEST_STEP_S, LONGEST_STEP_S
     return low, high
 
 
@@ -282,7 +286,9 @@ def _relative_change(old: Noise, new: Noise) -> float:
     return max(float(np.abs(new.levels[name] / level - 1.0).max()) for name, level in old.levels.items())
 
 
-def robust_covariance(solution: Solution, times_s: list[FloatArray], block_s: float) -> tuple[FloatArray, FloatArray]:
+def robust_covariance(
+    solution: Solution, times_s: list[FloatArray], block_s: float, own: int = 0
+) -> tuple[FloatArray, FloatArray]:
     """(p, p) sandwich covariance: errors may be correlated within blocks of `block_s`, and forms slightly wrong.
 
     What is wrong for as long as a whole flight (a manoeuvre the form fits badly, a controller that answers gusts)
@@ -291,34 +297,54 @@ def robust_covariance(solution: Solution, times_s: list[FloatArray], block_s: fl
     where fewer do, and not at all where one does: it has none to disagree with. The second result (p,) is how many
     blocks each variance rests on in effect
     (Satterthwaite): a drag that shows in a dozen fast blocks has errors known no better than from a dozen samples.
+
+    Args:
+        own: how many of the parameters, the last ones, belong to single logs (biases, delays).
     """
-    blocks, freedom = _sandwich(solution, times_s, block_s)
-    if len(times_s) == 1:
+    bread = solution.covariance()
+    blocks, freedom = _sandwich(_all_scores(solution, times_s, block_s), bread)
+    shared = len(bread) - own
+    if len(times_s) == 1 or shared == 0:
         return blocks, freedom
-    flights, shown_by = _sandwich(solution, times_s, max(float(np.ptp(time_s)) for time_s in times_s) + 1.0)
-    more = np.diag(flights) / np.maximum(np.diag(blocks), 1e-300)
+    whole = _all_scores(solution, times_s, max(float(np.ptp(time_s)) for time_s in times_s) + 1.0)
+    own_prior = solution.prior_information[shared:, shared:]
+    flights, shown_by = _sandwich([_own_taken_out(*one, own_prior) for one in whole], bread[:shared, :shared])
+    more = np.diag(flights) / np.maximum(np.diag(blocks)[:shared], 1e-300)
     weight = np.minimum(0.5, 0.25 * (shown_by - 1.0))
-    scale = np.sqrt(1.0 + weight * (more - 1.0))
+    scale = np.ones(len(bread))
+    scale[:shared] = np.sqrt(1.0 + weight * (more - 1.0))
     return blocks * np.outer(scale, scale), freedom
 
 
-def _sandwich(solution: Solution, times_s: list[FloatArray], block_s: float) -> tuple[FloatArray, FloatArray]:
+def _own_taken_out(information: FloatArray, pull: FloatArray, prior: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Information and pull of one flight on the shared parameters, its own ones (q, the last) at their best."""
+    s = len(pull) - len(prior)
+    if len(prior) == 0:
+        return information, pull
+    taken = np.linalg.solve(information[s:, s:] + prior, np.column_stack([information[s:, :s], pull[s:]]))
+    cross = information[:s, s:]
+    return information[:s, :s] - cross @ taken[:, :-1], pull[:s] - cross @ taken[:, -1]
+
+
+def _sandwich(scores: list[tuple[FloatArray, FloatArray]], bread: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(p, p) covariance from the scatter of blocks, and (p,) how many it rests on in effect.
 
     Each block's score is freed of the block's own pull on the estimate (jackknife, CR3), or few blocks that fit
     themselves would look too good.
     """
-    bread = solution.covariance()
-    meat, blocks = np.zeros_like(bread), 0
+    meat = np.zeros_like(bread)
     shares: list[FloatArray] = []
-    for flight, time_s in enumerate(times_s):
-        for information, pull in block_scores(solution, flight, time_s, block_s):
-            score = np.linalg.lstsq(np.eye(len(pull)) - information @ bread, pull)[0]
-            shares.append(np.einsum("ip,ij,jp->p", bread, information, bread))
-            meat += np.outer(score, score)
-            blocks += 1
+    for information, pull in scores:
+        score = np.linalg.lstsq(np.eye(len(pull)) - information @ bread, pull)[0]
+        shares.append(np.einsum("ip,ij,jp->p", bread, information, bread))
+        meat += np.outer(score, score)
+    blocks = len(scores)
     freedom = np.sum(shares, axis=0) ** 2 / np.maximum(np.sum(np.square(shares), axis=0), 1e-300)
     return bread @ meat @ bread * ((blocks - 1) / blocks), np.maximum(freedom, 1.0)
+
+
+def _all_scores(solution: Solution, times_s: list[FloatArray], block_s: float) -> list[tuple[FloatArray, FloatArray]]:
+    return [one for f, time_s in enumerate(times_s) for one in block_scores(solution, f, time_s, block_s)]
 
 
 def block_scores(

@@ -1,12 +1,17 @@
-"""Which parameters are estimated: the vehicle's that flights can show, the sensors', and biases of every log."""
+"""Which parameters are estimated: the vehicle's that flights can show, the sensors', biases and delays of each log."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from flight import InputError
+from flight.rotations import FloatArray
 from sysid.estimator.blocks import motor
 from sysid.estimator.blocks.catalogue import BLOCKS
+from sysid.estimator.clocks import estimated
 from sysid.estimator.flight_data import Flight
+from sysid.estimator.options import Reference
 from vehicle import Vehicle, effects
 
 SENSOR_NAMES = tuple(name for block in BLOCKS for name in block.parameters)
@@ -61,6 +66,12 @@ def biases(flights: Sequence[Flight]) -> dict[str, float]:
     return found
 
 
+def nuisances(flights: Sequence[Flight], reference: Reference) -> "tuple[Unknowns, FloatArray]":
+    """Unknowns that every log has of its own, biases and delays, and (p,) the widths of the weak priors on them."""
+    bias, delay = biases(flights), estimated(flights, reference)
+    return Unknowns((), (), tuple(bias), tuple(delay)), np.array([*bias.values(), *delay.values()])
+
+
 @dataclass(frozen=True, slots=True)
 class Unknowns:
     """The shared parameters, in this order."""
@@ -71,16 +82,18 @@ class Unknowns:
     """Parameters that only a sensor shows, of `SENSOR_NAMES`."""
     bias: tuple[str, ...] = ()
     """Constant errors of the sensors in each log."""
+    delay: tuple[str, ...] = ()
+    """How late streams are in each log, see `sysid.estimator.clocks`."""
 
     @property
     def names(self) -> tuple[str, ...]:
-        return (*self.model, *self.sensor, *self.bias)
+        return (*self.model, *self.sensor, *self.bias, *self.delay)
 
     @property
     def size(self) -> int:
-        return len(self.model) + len(self.sensor) + len(self.bias)
+        return len(self.names)
 
     def without(self, name: str) -> "Unknowns":
         """The unknowns less one."""
         model, sensor = (tuple(n for n in part if n != name) for part in (self.model, self.sensor))
-        return Unknowns(model, sensor, self.bias)
+        return Unknowns(model, sensor, self.bias, self.delay)

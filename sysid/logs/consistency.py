@@ -4,28 +4,23 @@ Everything is judged from the pose, smoothed on a uniform grid: its acceleration
 turning must be what the gyro reads, and the torque of the rotors must be what accelerates the turning.
 """
 
-from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
-from scipy.signal import savgol_coeffs, savgol_filter
 
 from flight import FlightLog, frames, rotations
 from flight.flight_log import COLUMNS
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
+from sysid.logs import clocks
 from sysid.logs.finding import Finding, Repair, error, warning
+from sysid.logs.motion import GRID_S, Kinematics, correlation, fitted, kinematics, on_grid, sampled
 from sysid.logs.payload import as_flown, carries_payload
-from vehicle import Vehicle, acceleration, wrench
+from vehicle import Vehicle, wrench
 from vehicle.invert import open_air
 
-GRID_S = 0.01
-WINDOW = 15
-"""Samples of the local cubic fits: 0.15 s."""
 DEGREES = 180.0 / np.pi
 RPM = 60.0 / (2.0 * np.pi)
-FAST_HZ = (3.0, 20.0)
-"""Turning in this band is the rotors' doing: slower, drag and disturbances take part; faster, it is noise."""
 XYZW = "the quaternion is stored x y z w; reorder it to w x y z"
 CONJUGATE = "the quaternion takes world to body; conjugate it"
 ATTITUDE_DOWN = "the attitude is NED/FRD while positions are z up; apply flight.frames.flip_attitude"
@@ -41,31 +36,12 @@ _REREAD = {
     POSITIONS_DOWN: Repair("flip", COLUMNS["position_world_m"]),
     ALL_DOWN: Repair("flip", tuple(c for q, columns in COLUMNS.items() if "rotor" not in q for c in columns)),
 }
-LONGEST_S = 1e4
-"""A longer log is in another unit of time; the check of the time base says so."""
-LEAST_SAMPLES = 50
-"""Fewer samples of a quantity are not judged."""
 RATIO_SIGMAS = 4.0
 """A ratio is called wrong when it is off by this many of its standard errors."""
 LEAST_SIGNAL = 0.3
 """... and when at least this share of the variance of what it is taken against is no noise."""
 LEAST_RATE_RAD_S = 0.15
 """Below this root mean square of the body rate, turning says nothing about gyro or rotors."""
-
-
-@dataclass(frozen=True, slots=True)
-class Kinematics:
-    """Smoothed motion on a uniform grid."""
-
-    time_s: FloatArray
-    velocity_world_m_s: FloatArray
-    velocity_noise_m_s: FloatArray
-    """(3,) standard deviation of what the position's noise makes of the velocity."""
-    specific_force_world_m_s2: FloatArray
-    """(n, 3) acceleration less gravity: what the rotors and the air do, per mass."""
-    q: FloatArray
-    rate_body_rad_s: FloatArray
-    angular_acceleration_rad_s2: FloatArray
 
 
 def check(log: FlightLog, vehicle: Vehicle | None) -> list[Finding]:
@@ -80,59 +56,6 @@ def check(log: FlightLog, vehicle: Vehicle | None) -> list[Finding]:
         return found  # whatever is judged by the attitude would only repeat that
     flown = as_flown(vehicle, carries_payload(log)) if vehicle is not None else None
     return [*found, *_gyro(log, motion), *_rotors(log, motion, flown)]
-
-
-def kinematics(log: FlightLog) -> Kinematics | None:
-    """Motion from the pose alone; None without enough of it."""
-    if not (log.has("position_world_m") and log.has("q_world_body")):
-        return None
-    position, q = log.vector("position_world_m"), log.vector("q_world_body")
-    rows = np.flatnonzero(np.isfinite(position).all(axis=1) & np.isfinite(q).all(axis=1))
-    if len(rows) < 50 or log.time_s[rows[-1]] - log.time_s[rows[0]] < 100 * GRID_S:
-        return None
-    first_s, last_s = float(log.time_s[rows[0]]), float(log.time_s[rows[-1]])
-    if last_s - first_s > LONGEST_S:
-        return None
-    time_s = np.arange(first_s, last_s, GRID_S)
-    flips = np.cumprod(np.where((q[rows][1:] * q[rows][:-1]).sum(axis=1) < 0.0, -1.0, 1.0))
-    smooth_q = q[rows] * np.concatenate([[1.0], flips])[:, None]
-    q_grid = _resampled(time_s, log.time_s[rows], smooth_q)
-    norm = np.linalg.norm(q_grid, axis=1, keepdims=True)
-    q_grid = q_grid / np.where(norm > 0.0, norm, 1.0)
-    rate = 2.0 * rotations.multiply(rotations.conjugate(_fit(q_grid, 0)), _fit(q_grid, 1))[:, 1:]
-    grid = _resampled(time_s, log.time_s[rows], position[rows])
-    return Kinematics(
-        time_s=time_s,
-        velocity_world_m_s=_fit(grid, 1),
-        velocity_noise_m_s=_slope_noise(grid, float(np.median(np.diff(log.time_s[rows])))),
-        specific_force_world_m_s2=_fit(grid, 2) + np.array([0.0, 0.0, GRAVITY_M_S2]),
-        q=rotations.normalise(_fit(q_grid, 0)),
-        rate_body_rad_s=rate,
-        angular_acceleration_rad_s2=_fit(rate, 1),
-    )
-
-
-def _resampled(at: FloatArray, time_s: FloatArray, values: FloatArray) -> FloatArray:
-    return np.stack([np.interp(at, time_s, column) for column in values.T], axis=1)
-
-
-def _fit(values: FloatArray, derivative: int) -> FloatArray:
-    return np.asarray(savgol_filter(values, WINDOW, 3, deriv=derivative, delta=GRID_S, axis=0))
-
-
-def _slope_noise(grid: FloatArray, step_s: float) -> FloatArray:
-    """Noise of `_fit(grid, 1)` by what the fit leaves of the samples, which were `step_s` apart before resampling."""
-    left = grid - _fit(grid, 0)
-    kept = savgol_coeffs(WINDOW, 3)
-    share = np.sqrt(np.sum((np.eye(WINDOW)[WINDOW // 2] - kept) ** 2))  # of white noise that the fit leaves
-    gain = np.linalg.norm(savgol_coeffs(WINDOW, 3, deriv=1, delta=GRID_S))
-    fewer = np.sqrt(max(step_s / GRID_S, 1.0))  # interpolated samples are no new ones
-    return left.std(axis=0) / share * gain * fewer
-
-
-def _sampled(log: FlightLog, quantity: str) -> bool:
-    """Whether a log has a quantity, and enough of it to judge."""
-    return log.has(quantity) and int(np.isfinite(log.vector(quantity)).all(axis=1).sum()) >= LEAST_SAMPLES
 
 
 def _accelerometer(log: FlightLog) -> list[Finding]:
@@ -218,9 +141,9 @@ def _velocity(log: FlightLog, motion: Kinematics) -> list[Finding]:
     Noise of the differentiated position pulls the ratio towards zero; how far is known from what the smoothing takes
     out of the position. Where an axis hardly moves, that is all there is.
     """
-    if not _sampled(log, "velocity_world_m_s"):
+    if not sampled(log, "velocity_world_m_s"):
         return []
-    logged = _on_grid(log, "velocity_world_m_s", motion.time_s)
+    logged = on_grid(log, "velocity_world_m_s", motion.time_s)
     ratio, error_of_ratio = _ratios(motion, logged)
     found = []
     for i, axis in enumerate("xyz"):
@@ -238,18 +161,12 @@ def _velocity(log: FlightLog, motion: Kinematics) -> list[Finding]:
 
 
 def _gyro(log: FlightLog, motion: Kinematics) -> list[Finding]:
-    if not _sampled(log, "rate_body_rad_s") or np.sqrt((motion.rate_body_rad_s**2).mean()) < LEAST_RATE_RAD_S:
+    if not sampled(log, "rate_body_rad_s") or np.sqrt((motion.rate_body_rad_s**2).mean()) < LEAST_RATE_RAD_S:
         return []
-    logged = _on_grid(log, "rate_body_rad_s", motion.time_s)
-    delay_s, quality = gyro_after_attitude(log, motion)
-    found = []
-    if abs(delay_s) > 4e-3 and quality > 0.8:
-        later = "late" if delay_s > 0.0 else "early"
-        sentence = f"the gyro is {1000.0 * abs(delay_s):.0f} ms {later} against the attitude"
-        fix = f"shift the gyro's time stamps by {-1000.0 * delay_s:+.0f} ms"
-        repair = Repair("shift", COLUMNS["rate_body_rad_s"], shift_s=-delay_s)
-        found.append(warning("clock", sentence, fix, repair=repair))
-    matrix = _regression(motion.rate_body_rad_s, _shifted(logged, delay_s))
+    logged = on_grid(log, "rate_body_rad_s", motion.time_s)
+    offset = clocks.gyro_after_attitude(log, motion)
+    found = clocks.of_gyro(offset)
+    matrix = _regression(motion.rate_body_rad_s, clocks.read_later(logged, offset.delay_s))
     for i, axis in enumerate("xyz"):
         if np.std(motion.rate_body_rad_s[:, i]) < LEAST_RATE_RAD_S:
             continue
@@ -284,15 +201,10 @@ def _gyro(log: FlightLog, motion: Kinematics) -> list[Finding]:
     return found
 
 
-def gyro_after_attitude(log: FlightLog, motion: Kinematics) -> tuple[float, float]:
-    """By how much the gyro comes later than the attitude, and their correlation then."""
-    return clock_offset(motion.rate_body_rad_s, _on_grid(log, "rate_body_rad_s", motion.time_s))
-
-
 def _rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle | None) -> list[Finding]:
-    if not _sampled(log, "rotor_speed_rad_s"):
+    if not sampled(log, "rotor_speed_rad_s"):
         return []
-    speed = _on_grid(log, "rotor_speed_rad_s", motion.time_s)
+    speed = on_grid(log, "rotor_speed_rad_s", motion.time_s)
     if vehicle is None:
         if np.median(speed) > 4000.0:
             return [_rpm(float(np.median(speed)))]
@@ -323,11 +235,11 @@ def _rotor_order(log: FlightLog, speed: FloatArray, motion: Kinematics, vehicle:
     squared = speed**2 - (speed**2).mean(axis=0)
     turning = motion.angular_acceleration_rad_s2
     arms = np.stack([vehicle.hub_body_m[:, 1], -vehicle.hub_body_m[:, 0]], axis=1)
-    smooth = _fit(squared, 0)
+    smooth = fitted(squared, 0)
     score = {}
     for order in permutations(range(4)):
         torque = smooth[:, order] @ arms
-        score[order] = sum(_correlation(torque[:, i], turning[:, i]) for i in range(2)) / 2.0
+        score[order] = sum(correlation(torque[:, i], turning[:, i]) for i in range(2)) / 2.0
     best = max(score, key=lambda order: score[order])
     own = score[(0, 1, 2, 3)]
     found = []
@@ -340,90 +252,11 @@ def _rotor_order(log: FlightLog, speed: FloatArray, motion: Kinematics, vehicle:
         fix = f"take columns {list(best)} of rotor_speed as rotors 0 to 3"
         found.append(error("rotor order", sentence, fix, repair=repair))
         return found
-    yaw = _correlation(-smooth @ vehicle.spin, turning[:, 2])
+    yaw = correlation(-smooth @ vehicle.spin, turning[:, 2])
     if yaw < -0.3:
         sentence = f"yaw turns against the rotors' torque (correlation {yaw:.2f}): spin directions are the other way"
         found.append(error("rotor spin", sentence, "turn the sign of every spin in the vehicle file"))
-    if _sampled(log, "rate_body_rad_s"):
-        delay_s, quality = rotors_after_gyro(log, motion.time_s, vehicle)
-        if quality > 0.7:
-            return found + _late(delay_s, "gyro")
-    driven, damping = _turning_by_rotors(speed, motion, vehicle)
-    delay_s, quality = clock_offset((turning - damping)[:, :2], driven[:, :2])
-    return found + (_late(delay_s, "motion") if quality > 0.7 and own > 0.3 else [])
-
-
-def _late(delay_s: float, against: str) -> list[Finding]:
-    """Of rotor speed, where it is worth a word."""
-    if abs(delay_s) < 8e-3:
-        return []
-    later = "late" if delay_s > 0.0 else "early"
-    sentence = f"rotor speed is {1000.0 * abs(delay_s):.0f} ms {later} against the {against}"
-    fix = f"shift rotor speed by {-1000.0 * delay_s:+.0f} ms against the {against}"
-    repair = Repair("shift", COLUMNS["rotor_speed_rad_s"], shift_s=-delay_s)
-    return [warning("clock", sentence, fix, repair=repair)]
-
-
-def rotors_after_gyro(log: FlightLog, grid_s: FloatArray, vehicle: Vehicle) -> tuple[float, float]:
-    """By how much rotor speed comes later than the gyro, from roll and pitch, and their correlation then."""
-    speed, rate = (
-        _resampled(grid_s, log.time_s[rows], values[rows])
-        for values in (log.vector("rotor_speed_rad_s"), log.vector("rate_body_rad_s"))
-        for rows in (np.isfinite(values).all(axis=1),)
-    )
-    rest = np.zeros((len(speed), 3))
-    driven = acceleration(vehicle, rest, rest, speed, open_air(len(speed)))[1]
-    return _fast_offset(np.gradient(rate[:, :2], GRID_S, axis=0), driven[:, :2])
-
-
-def _fast_offset(reference: FloatArray, other: FloatArray, longest_s: float = 0.06) -> tuple[float, float]:
-    """The same as `clock_offset` within `FAST_HZ`, to half a millisecond."""
-    hz = np.fft.rfftfreq(len(reference), GRID_S)
-    band, window = (hz > FAST_HZ[0]) & (hz < FAST_HZ[1]), np.hanning(len(reference))[:, None]
-    a, b = (np.fft.rfft((x - x.mean(axis=0)) * window, axis=0)[band] for x in (reference, other))
-    size = float(np.sqrt((np.abs(a) ** 2).sum() * (np.abs(b) ** 2).sum()))
-    if size == 0.0:
-        return 0.0, 0.0
-    lags_s = np.arange(-longest_s, longest_s, 5e-4)
-    together = (a.conj() * b).sum(axis=1)
-    values = (np.exp(2j * np.pi * np.outer(lags_s, hz[band])) @ together).real / size
-    best = int(np.argmax(values))
-    return float(lags_s[best]), float(values[best])
-
-
-def _turning_by_rotors(speed: FloatArray, motion: Kinematics, vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
-    """(n, 3) angular acceleration the rotors alone make, and what the model adds for speed and turning."""
-    rest = np.zeros((len(speed), 3))
-    air = rotations.rotate(rotations.conjugate(motion.q), motion.velocity_world_m_s)
-    around = replace(open_air(len(speed)), q_world_body=motion.q)
-    driven = acceleration(vehicle, rest, rest, speed, around)[1]
-    return driven, acceleration(vehicle, air, motion.rate_body_rad_s, speed, around)[1] - driven
-
-
-def clock_offset(reference: FloatArray, other: FloatArray, longest_s: float = 0.15) -> tuple[float, float]:
-    """By how much `other` comes later than `reference`, both (n, c) on the grid, and their correlation then."""
-    lags = np.arange(-int(longest_s / GRID_S), int(longest_s / GRID_S) + 1)
-    edge = len(lags) // 2
-    base = reference[edge : len(reference) - edge]
-    values = np.array([_correlation(base.ravel(), other[edge + lag : len(other) - edge + lag].ravel()) for lag in lags])
-    best = int(np.argmax(values))
-    if best in (0, len(lags) - 1):
-        return 0.0, float(values[best])
-    left, middle, right = values[best - 1 : best + 2]
-    curve = left - 2.0 * middle + right
-    fine = 0.5 * (left - right) / curve if curve < 0.0 else 0.0
-    return float((lags[best] + fine) * GRID_S), float(middle)
-
-
-def _shifted(values: FloatArray, delay_s: float) -> FloatArray:
-    grid = np.arange(len(values), dtype=np.float64)
-    return _resampled(grid + delay_s / GRID_S, grid, values)
-
-
-def _on_grid(log: FlightLog, quantity: str, time_s: FloatArray) -> FloatArray:
-    values = log.vector(quantity)
-    rows = np.isfinite(values).all(axis=1)
-    return _fit(_resampled(time_s, log.time_s[rows], values[rows]), 0)
+    return found + (clocks.of_rotors(log, motion, vehicle) if own > 0.3 else [])
 
 
 def _ratios(motion: Kinematics, logged: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -454,9 +287,3 @@ def _ratios(motion: Kinematics, logged: FloatArray) -> tuple[FloatArray, FloatAr
 def _regression(x: FloatArray, y: FloatArray) -> FloatArray:
     """(3, 3) matrix A of y = x A, means taken out."""
     return np.linalg.lstsq(x - x.mean(axis=0), y - y.mean(axis=0), rcond=None)[0]
-
-
-def _correlation(a: FloatArray, b: FloatArray) -> float:
-    a, b = a - a.mean(), b - b.mean()
-    size = float(np.sqrt((a @ a) * (b @ b)))
-    return float(a @ b) / size if size > 0.0 else 0.0

@@ -18,6 +18,8 @@ def variable(name: str) -> str:
         return f"rate about {name[2]}"
     if name.startswith("n_"):
         return f"speed of rotor {name[2]}"
+    if name.startswith("dc_"):
+        return f"rate of the command of rotor {name[3]}"
     if name.startswith("dn_"):
         return f"acceleration of rotor {name[3]}"
     plain = {
@@ -25,5 +27,6 @@ def variable(name: str) -> str:
         "y": "place along y",
         "constant": "nothing (it is always there)",
         "speed": "air speed",
+        "voltage": "battery voltage",
     }
     return plain.get(name, name)

@@ -1,5 +1,5 @@
-// Least squares on a chain of states with a border of parameters: binding of the kernels.
-// The caller (sysid/estimator/chain.py) owns names, shapes and checks.
+// Least squares on a chain of states with a border of parameters, and the lag of motors: binding of the kernels.
+// The callers (sysid/estimator/chain.py, blocks/motor.py) own names, shapes and checks.
 
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
@@ -9,6 +9,7 @@
 #endif
 #include <vector>
 
+#include "drive.hpp"
 #include "kernels.hpp"
 
 namespace nb = nanobind;
@@ -53,6 +54,7 @@ void whiten(const double* scale, std::size_t intervals, std::size_t m, double* r
 using Blocks = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 using ConstBlocks = nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 using Lines = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using ConstLine = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using ConstLines = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
 // Derivatives by the states alone.
@@ -135,4 +137,15 @@ NB_MODULE(_sysid, module) {
             whiten(scale.data(), rows.shape(0), rows.shape(2), rows.data());
         },
         nb::arg("scale"), nb::arg("rows"));
+    module.def(
+        "drive",
+        [](ConstLine step_s, ConstLines command, ConstBlocks by, double rise_s, double fall_s, Lines mean, Lines change,
+           Blocks mean_by, Blocks change_by) {
+            nb::gil_scoped_release release;
+            std::vector<double> state(by.shape(2) + 2);
+            drive(step_s.data(), command.data(), by.data(), command.shape(0), by.shape(2), rise_s, fall_s, mean.data(),
+                  change.data(), mean_by.data(), change_by.data(), state.data());
+        },
+        nb::arg("step_s"), nb::arg("command"), nb::arg("by"), nb::arg("rise_s"), nb::arg("fall_s"), nb::arg("mean"),
+        nb::arg("change"), nb::arg("mean_by"), nb::arg("change_by"));
 }

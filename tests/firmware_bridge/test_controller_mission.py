@@ -52,6 +52,19 @@ def test_arming_a_tipped_vehicle_is_refused(flight_of):
         flight.controller.command(Command.ARM)
 
 
+def test_shadow_mode_ends_on_the_ground_and_only_where_it_began(flight_of):
+    flight = flight_of()
+    flight.tick()
+    with pytest.raises(RefusedError, match="the end of shadow mode"):
+        flight.controller.end_shadow()
+    flight.controller.shadow()
+    flight.tick()
+    assert flight.controller.state == State.SHADOW
+    flight.controller.end_shadow()
+    assert flight.controller.state == State.DISARMED
+    assert (flight.tick()["rotor_speed_rad_s"] == 0).all()
+
+
 def test_starting_needs_a_trajectory_that_begins_here(flight_of, curves):
     flight = _hovering(flight_of)
     with pytest.raises(RefusedError, match="no trajectory"):

@@ -10,7 +10,7 @@ import planner
 from esdf import solids
 from firmware_bridge.controller import State
 from flight import FlightLog, FormatError, InputError, flight_log, frames, rotations
-from goshawk.commands.plan import read_path, waypoints_along
+from goshawk.commands.plan import read_headings, read_path, waypoints_along
 from goshawk.demo import floor_below
 from goshawk.flights import in_the_air
 from goshawk.map_accuracy import rigid_alignment
@@ -149,6 +149,18 @@ def test_positions_without_clearance_are_left_out_and_counted(field):
     roomy = walked[left_out:]
     np.testing.assert_array_equal(waypoints.positions_world_m, roomy[simplify.rdp(roomy, 0.10)])
     assert len(waypoints.positions_world_m) == 2
+
+
+def test_recorded_headings_are_read_and_kept(field, tmp_path):
+    rows = [f"{x},1.5,1.2,{yaw}" for x, yaw in zip(np.linspace(1.0, 3.0, 21), [90] * 10 + [""] + [0] * 10, strict=True)]
+    path = write(tmp_path / "p.csv", "x_m,y_m,z_m,yaw_deg", *rows)
+    yaw = read_headings(path)
+    assert yaw is not None
+    assert np.isnan(yaw[10])
+    waypoints, _ = waypoints_along(read_path(path), 0.10, Area(field), planner.PlanOptions(), yaw)
+    assert len(waypoints.positions_world_m) >= 4
+    assert waypoints.yaw_rad[0] == pytest.approx(np.pi / 2)
+    assert waypoints.yaw_rad[-1] == 0.0
 
 
 def test_a_path_without_clearance_is_refused_with_the_remedy(field):

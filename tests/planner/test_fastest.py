@@ -42,7 +42,7 @@ def test_the_corrected_excess_is_that_of_the_vehicles_own_model(walk, drone, ope
     problem = Problem(knots, np.zeros((6, 4), dtype=bool), frame, open_sky, 0.3, Weights())
     found = Solution(knots, walk.durations_s, walk, 0.0, 0, True)
     path = minimum_snap.trajectory(walk)
-    corrections = fastest._Corrections(5)
+    corrections = fastest._Corrections(np.zeros((5, time_allocation.SAMPLES, airframe.COLUMNS)))
     corrections.measure(problem, found, path, drone)
     reduced, _ = time_allocation.excess(problem, found)
     times = time_allocation.sample_times(walk.durations_s)
@@ -58,7 +58,7 @@ def test_only_segments_that_exceed_a_limit_are_asked_for_more(walk, drone):
     speeds = limits.certified_maxima(path, 1)[0]
     bound = 0.5 * float(np.sort(speeds)[-1] + np.sort(speeds)[-2])
     used = limits.usage(path, drone, replace(drone.limits, speed_m_s=bound), step_s=0.01)
-    corrections = fastest._Corrections(5)
+    corrections = fastest._Corrections(np.zeros((5, time_allocation.SAMPLES, airframe.COLUMNS)))
     before = corrections.total()
     corrections.stricter(used)
     more = corrections.total() - before
@@ -69,7 +69,7 @@ def test_only_segments_that_exceed_a_limit_are_asked_for_more(walk, drone):
 
 
 def test_multipliers_rise_where_a_limit_is_exceeded_and_fall_where_it_is_not():
-    corrections = fastest._Corrections(1)
+    corrections = fastest._Corrections(np.zeros((1, time_allocation.SAMPLES, airframe.COLUMNS)))
     excess = np.full(corrections.model.shape, -1.0)
     excess[0, 3, 2] = 0.05
     corrections.press(excess)

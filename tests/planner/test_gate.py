@@ -28,7 +28,7 @@ def test_a_planned_trajectory_passes_every_check(good, pillar, drone):
     assert good.gate.passed
     assert failed(good, good.trajectory, pillar, drone) == set()
     assert good.gate.clearance_m >= 0.3
-    assert len(good.gate.checks) == 16
+    assert len(good.gate.checks) == 17
 
 
 @pytest.mark.parametrize("power", range(1, 8))

@@ -52,6 +52,24 @@ def test_the_kernel_agrees_with_the_numpy_reference(problem, axes):
     assert np.allclose(minimum_snap.coefficients(spline.states, T), c, rtol=1e-8, atol=1e-9 * np.abs(c).max())
 
 
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10_000), st.integers(2, 9))
+def test_a_held_velocity_is_had_and_the_rest_is_the_least_snap(seed, segments):
+    positions, T = random_problem(seed, segments)
+    rng = np.random.default_rng(seed)
+    velocity = np.full((segments + 1, 4), np.nan)
+    chosen = rng.permutation(np.arange(1, segments))[: rng.integers(1, segments)]
+    velocity[chosen] = rng.normal(size=(len(chosen), 4))
+    spline = minimum_snap.solve(positions, T, velocity=velocity)
+    assert np.array_equal(spline.states[chosen, 1], velocity[chosen])
+    least = spline.snap_cost()
+    for _ in range(5):  # moving what is free never helps
+        moved = spline.states.copy()
+        moved[1:-1, 1:] += 1e-3 * rng.normal(size=moved[1:-1, 1:].shape)
+        moved[chosen, 1] = velocity[chosen]
+        assert minimum_snap.Spline(T, moved).snap_cost() >= least * (1.0 - 1e-12)
+
+
 def test_a_thousand_waypoints_cost_what_the_exact_optimum_does():
     """The reference solves the same conditions in twice the digits."""
     rng = np.random.default_rng(5)

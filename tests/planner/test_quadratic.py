@@ -94,3 +94,16 @@ def test_the_path_through_a_corridor_stays_in_it(two_rooms):
     assert two_rooms.distance(dense(spline)).min() >= 0.3 - 1e-4
     unbound = SnapProgram(Constraints(wanted)).solve(T)
     assert two_rooms.distance(dense(unbound)).min() < 0.0
+
+
+def test_a_tube_is_a_distance_field_that_never_promises_more_than_there_is(two_rooms):
+    legs = np.array([[-3.0, -2.0, 1.0], [-1.0, 2.0, 1.2], [1.0, 2.0, 1.2], [3.0, 0.0, 1.5]])
+    tube = corridor.Tube(corridor.boxes(two_rooms, legs, 0.3), 0.3)
+    points = np.random.default_rng(2).uniform([-4, -3, 0.5], [4, 3, 2.5], (400, 3))
+    value, gradient = tube.distance_and_gradient(points)
+    assert np.array_equal(value, tube.distance(points))
+    inside = value >= 0.3
+    assert inside.any()
+    assert (two_rooms.distance(points[inside]) >= 0.3 - 1e-9).all()
+    step = 1e-6 * gradient  # unit normals: the value grows as fast as one moves along them
+    assert np.allclose(tube.distance(points + step) - value, 1e-6, atol=1e-9)

@@ -37,6 +37,18 @@ def test_a_straight_line_needs_two_waypoints_and_a_corner_three():
     assert np.allclose(corner[simplify.rdp(corner, 0.01)], [[0, 0, 1], [5, 0, 1], [5, 4, 1]])
 
 
+def test_headings_are_kept_where_the_path_turned_its_head():
+    line = np.linspace([0.0, 0.0, 1.0], [10.0, 0.0, 1.0], 101)
+    yaw = np.where(np.arange(101) < 50, 3.1, -3.1)  # through pi: hardly a turn
+    assert simplify.rdp(line, 0.01, yaw_rad=yaw).tolist() == [0, 100]
+    yaw = np.interp(np.arange(101), [0, 40, 60, 100], [0.0, 0.0, 1.5, 1.5])
+    kept = simplify.rdp(line, 0.01, yaw_rad=yaw, yaw_tolerance_rad=0.1)
+    assert np.abs(np.interp(np.arange(101), kept, yaw[kept]) - yaw).max() <= 0.1
+    assert len(kept) < 8
+    yaw[30:70] = np.nan
+    assert len(simplify.rdp(line, 0.01, yaw_rad=yaw, yaw_tolerance_rad=0.1)) < 8
+
+
 def test_a_larger_tolerance_keeps_no_more_points():
     rng = np.random.default_rng(3)
     walk = np.cumsum(rng.normal(size=(500, 3)) * 0.05, axis=0)

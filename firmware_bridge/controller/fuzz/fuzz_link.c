@@ -319,9 +319,11 @@ static void tick(vehicle* v, bytes* input, uint64_t* now_us) {
     const unsigned ticks = how % 16u == 13u ? LONG_WAIT : 1u;
     *now_us += how % 16u == 15u ? 3000000u : 0u;
     estimate.q_world_body[0] = 1.0f;
+    estimate.specific_force_body_m_s2[2] = 9.81f;
+    estimate.valid = TC_VALID_ALL;
     for (unsigned i = 0; i < ticks; i++) {
         *now_us += TICK_US;
-        estimate.position_time_us = estimate.attitude_time_us = *now_us;
+        estimate.position_time_us = estimate.attitude_time_us = estimate.rate_time_us = *now_us;
         if (tc_mission_in_air(v->controller.mission.state) && in_place) {
             memcpy(estimate.position_world_m, v->controller.telemetry.setpoint.position_world_m, sizeof(float[3]));
         } else {
@@ -356,6 +358,7 @@ typedef struct {
     vehicle open, closed, keyed;
     tc_signing friend, stranger;
     tc_parameters in_force; /* of the open one */
+    tc_trajectory whole;    /* its active trajectory, when its CRC was last computed */
     uint32_t steps, signed_frames;
     uint64_t now_us;
 } scene;
@@ -372,10 +375,13 @@ static void set_scene(scene* s) {
     s->now_us = 1;
 }
 
-static void check(const scene* s) {
+static void check(scene* s) {
     const vehicle *open = &s->open, *closed = &s->closed;
     const tc_trajectory* active = tc_store_active(&open->controller.store);
-    must(active == NULL || tc_trajectory_crc32(active) == active->header.crc32);
+    if (active != NULL && memcmp(active, &s->whole, sizeof s->whole) != 0) { /* a comparison costs less than a CRC */
+        must(tc_trajectory_crc32(active) == active->header.crc32);
+        s->whole = *active;
+    }
     must(memcmp(tc_parameters_now(&open->controller), &s->in_force, sizeof s->in_force) == 0);
     must(open->controller.mission.state < (uint8_t)TC_MISSION_STATE_COUNT);
     must(closed->link.counts.accepted == 0u && closed->link.lease.holder.system_id == 0u);

@@ -84,22 +84,20 @@ static void chosen_velocity(tc_controller* c, uint8_t source, float velocity_bod
                velocity_body_m_s);
 }
 
-/* Eq. (9). */
+/* Eq. (9); returns the slope of the drag over speed. */
 static float flight_force(tc_controller* c, const float velocity_body_m_s[3], float step_s, float force_world_n[3]) {
     tc_telemetry* t = &c->telemetry;
     const float* n = t->rotor_speed_rad_s;
     float drag[3], drag_world_n[3];
     const float mean_n = c->parameters.rotor_drag_kg > 0.0f ? 0.25f * (n[0] + n[1] + n[2] + n[3]) : 0.0f;
-    tc_drag(&c->parameters, velocity_body_m_s, t->wrench.thrust_n, mean_n, drag);
+    const float slope_n_s_m = tc_drag(&c->parameters, velocity_body_m_s, t->wrench.thrust_n, mean_n, drag);
     tc_to_world(c->axes, drag, drag_world_n);
     const bool limited = tc_position_step(
         &c->position, &c->parameters, &t->setpoint, t->estimate.position_world_m, t->estimate.velocity_world_m_s,
         drag_world_n, 0.95f * c->mixer.largest_thrust_n,
         c->has_integral && c->mission.state != TC_TAKE_OFF && t->saturation == 0u, step_s, force_world_n);
     t->saturation = limited ? TC_SATURATED_INPUT : 0u;
-    return c->drag_source != (uint8_t)TC_VELOCITY_NONE
-               ? tc_drag_slope(&c->parameters, velocity_body_m_s, t->wrench.thrust_n, mean_n)
-               : 0.0f;
+    return c->drag_source != (uint8_t)TC_VELOCITY_NONE ? slope_n_s_m : 0.0f;
 }
 
 /* On the ground, or to find that out: the stage's collective, no attitude to steer to. */

@@ -36,10 +36,11 @@ static void note_sample(const tc_controller* c, tc_sample_time* sample, uint64_t
     if (true_us > sample->true_us) sample->true_us = true_us; /* an older sample tells nothing new */
 }
 
-static float age_s(const tc_controller* c, const tc_sample_time* sample) {
+/* Of what was true then, in controller time; 0: never. */
+static float age_s(const tc_controller* c, uint64_t true_us) {
     const uint64_t now_us = c->telemetry.time_us;
-    if (sample->true_us == 0u) return NEVER_S;
-    return sample->true_us < now_us ? tc_seconds(now_us - sample->true_us) : 0.0f;
+    if (true_us == 0u) return NEVER_S;
+    return true_us < now_us ? tc_seconds(now_us - true_us) : 0.0f;
 }
 
 /* How far a fresh sample is to be carried to the tick. */
@@ -82,11 +83,11 @@ static const tc_part vertical = {TC_VALID_POSITION_Z, TC_VALID_VELOCITY_Z, 2, 1,
 typedef struct {
     bool position; /* this sample is usable */
     bool velocity; /* measured, not dead reckoned */
-    float age_s;   /* of the last usable one */
+    float age_s;   /* of the last usable position */
 } tc_taken;
 
 /* Measured and carried to the tick by the acceleration that is asked for, or dead reckoned from where it was. */
-static tc_taken take_part(tc_controller* c, const tc_estimate* e, const tc_part* part, tc_sample_time* sample,
+static tc_taken take_part(tc_controller* c, const tc_estimate* e, const tc_part* part, tc_position_time* times,
                           const float reckoned_m_s2[3], float step_s) {
     const tc_parameters* p = &c->parameters;
     tc_estimate* now = &c->telemetry.estimate;
@@ -97,11 +98,11 @@ static tc_taken take_part(tc_controller* c, const tc_estimate* e, const tc_part*
     const bool position = velocity && marked(e, part->position_bits) &&
                           plausible(&e->position_world_m[first], part->count, LARGEST_POSITION_M) &&
                           certain(e->position_std_m[part->std], p->position_std_m);
-    if (position) note_sample(c, sample, e->position_time_us);
-    if (velocity) note_sample(c, &c->velocity, e->position_time_us);
-    const float sample_age_s = age_s(c, sample), ahead = ahead_s(p, sample_age_s);
-    const bool fresh = position && sample_age_s <= p->estimate_stale_s;
-    const bool has_velocity = velocity && age_s(c, &c->velocity) <= p->estimate_stale_s;
+    if (velocity) note_sample(c, &times->sample, e->position_time_us);
+    if (position) times->position_us = times->sample.true_us;
+    const float sample_age_s = age_s(c, times->sample.true_us), ahead = ahead_s(p, sample_age_s);
+    const bool has_velocity = velocity && sample_age_s <= p->estimate_stale_s;
+    const bool fresh = position && has_velocity;
     for (int i = first; i < first + part->count; i++) {
         if (fresh) {
             const float gain = ahead * c->telemetry.setpoint.acceleration_world_m_s2[i];
@@ -117,7 +118,7 @@ static tc_taken take_part(tc_controller* c, const tc_estimate* e, const tc_part*
     now->position_std_m[part->std] = tc_finite(e->position_std_m[part->std]) ? e->position_std_m[part->std] : 0.0f;
     now->velocity_std_m_s[part->std] =
         tc_finite(e->velocity_std_m_s[part->std]) ? e->velocity_std_m_s[part->std] : 0.0f;
-    return (tc_taken){position, fresh || has_velocity, sample_age_s};
+    return (tc_taken){position, has_velocity, age_s(c, times->position_us)};
 }
 
 /* How long position has been dead reckoned, and what it may be off by then (horizontal, both axes). */
@@ -163,7 +164,7 @@ static uint32_t take_rate(tc_controller* c, const tc_estimate* e) {
         now->rate_time_us = e->rate_time_us;
     }
     return (usable ? 0u : (uint32_t)TC_FAULT_RATE_UNUSABLE) |
-           (age_s(c, &c->rate) > c->parameters.estimate_stale_s ? (uint32_t)TC_FAULT_RATE_STALE : 0u);
+           (age_s(c, c->rate.true_us) > c->parameters.estimate_stale_s ? (uint32_t)TC_FAULT_RATE_STALE : 0u);
 }
 
 /* Measured and carried to the tick, or the last one turned on by the gyro. */
@@ -175,7 +176,7 @@ static uint32_t take_attitude(tc_controller* c, const tc_estimate* e, float step
         note_sample(c, &c->attitude, e->attitude_time_us);
         now->attitude_time_us = e->attitude_time_us;
     }
-    const float attitude_age_s = age_s(c, &c->attitude);
+    const float attitude_age_s = age_s(c, c->attitude.true_us);
     const bool stale = attitude_age_s > c->parameters.estimate_stale_s;
     if (usable && !stale) {
         turn(e->q_world_body, q_size2, now->rate_body_rad_s, ahead_s(&c->parameters, attitude_age_s),

@@ -28,9 +28,9 @@ float tc_clearance(const tc_controller* c) {
 static bool faulty(const tc_controller* c, uint32_t bits) { return (c->telemetry.estimate_faults & bits) != 0u; }
 
 static void observe_attitude_estimate(tc_controller* c) {
+    const float bearable_s = c->parameters.estimate_stale_s + c->parameters.gyro_hold_s;
     const bool attitude_stale = faulty(c, TC_FAULT_ATTITUDE_STALE);
-    const bool overdue = tc_lasts(c, c->attitude.true_us, c->parameters.estimate_stale_s + c->parameters.gyro_hold_s);
-    if (faulty(c, TC_FAULT_RATE_STALE) || (attitude_stale && overdue)) {
+    if (faulty(c, TC_FAULT_RATE_STALE) || (attitude_stale && tc_lasts(c, c->attitude.true_us, bearable_s))) {
         (void)tc_post(c, TC_EVENT_ATTITUDE_LOST, TC_ATTITUDE_STALE);
     } else if (attitude_stale) {
         (void)tc_post(c, TC_EVENT_POSITION_LOST, TC_GYRO_ONLY);
@@ -40,9 +40,8 @@ static void observe_attitude_estimate(tc_controller* c) {
 }
 
 static void observe_position_estimate(tc_controller* c) {
-    const bool in_air = tc_mission_in_air(c->mission.state);
     if (faulty(c, TC_FAULT_POSITION_STALE)) {
-        if (!in_air || c->telemetry.reckoning_s > c->parameters.reckoning_s) {
+        if (c->telemetry.reckoning_s > c->parameters.reckoning_s || !tc_mission_in_air(c->mission.state)) {
             const bool unusable = faulty(c, TC_FAULT_POSITION_UNUSABLE);
             (void)tc_post(c, TC_EVENT_POSITION_LOST, unusable ? TC_ESTIMATE_NOT_FINITE : TC_ESTIMATE_STALE);
         }

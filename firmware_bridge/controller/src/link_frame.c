@@ -2,18 +2,20 @@
 #include <string.h>
 
 #include "goshawk_controller/link_codec.h"
-#include "goshawk_dialect.h"
+#include "link_internal.h"
 #include "link_signing.h"
 
 #define MAGIC 0xFDu
 #define SIGNED_FLAG 0x01u
 #define CHECKSUM 2u
 
+const goshawk_dialect_row* link_row(unsigned message) { return &goshawk_dialect()[message]; }
+
 /* The row of the message whose frame begins here; GOSHAWK_DIALECT_ROWS when it is none of the dialect. */
 static unsigned message_of(const uint8_t* raw) {
     unsigned row = 0;
     const uint32_t id = (uint32_t)raw[TC_FRAME_ID] | ((uint32_t)raw[TC_FRAME_ID + 1] << 8);
-    while (row < GOSHAWK_DIALECT_ROWS && goshawk_dialect()[row].id != id) {
+    while (row < GOSHAWK_DIALECT_ROWS && link_row(row)->id != id) {
         row++;
     }
     return raw[TC_FRAME_ID + 2] == 0u && raw[TC_FRAME_FLAGS] <= SIGNED_FLAG ? row : GOSHAWK_DIALECT_ROWS;
@@ -42,14 +44,14 @@ bool tc_frame_next(const uint8_t** bytes, size_t* n, tc_frame* frame, tc_frame_f
                 if (all > *n) {
                     return false;
                 }
-                const unsigned sum = checksum(raw, &goshawk_dialect()[row]);
+                const unsigned sum = checksum(raw, link_row(row));
                 whole = sum == ((unsigned)raw[end] | ((unsigned)raw[end + 1u] << 8));
                 if (whole) {
                     length = all;
                     frame->raw = *bytes;
                     frame->length = (uint16_t)all;
                     frame->message = (uint8_t)row;
-                    frame->target_at = goshawk_dialect()[row].target;
+                    frame->target_at = link_row(row)->target;
                 } else {
                     faults->checksum_errors++;
                 }
@@ -86,7 +88,7 @@ bool tc_parser_next(tc_parser* parser, const uint8_t** bytes, size_t* n, tc_fram
 
 size_t tc_frame_build(uint8_t out[TC_FRAME_MAX], unsigned message, unsigned length, uint8_t sequence, uint8_t system_id,
                       uint8_t component_id, tc_signing* signing, uint8_t link_id) {
-    const goshawk_dialect_row* row = &goshawk_dialect()[message];
+    const goshawk_dialect_row* row = link_row(message);
     while (length > 1u && out[TC_FRAME_HEADER + length - 1u] == 0u) {
         length--;
     }

@@ -1,6 +1,7 @@
 /* What the files of the link share. Internal.
 
    link.c            time, leases, orders, dispatch of what was received, the update after each tick
+   link_frame.c      frames, found and built
    link_admission.c  who gets in: address, signature, budget, challenge
    link_transmit.c   the table of outgoing messages, when they are due, the byte rate
    link_telemetry.c  messages about the vehicle
@@ -106,6 +107,9 @@ void link_receive_frame(tc_link* link, const tc_frame* frame);
 /* Checks the frame that was chosen among those without budget. */
 void link_draw_lottery(tc_link* link);
 link_encoded link_encode_challenge(tc_link* link, uint8_t* payload);
+
+/* link_frame.c. A row of the dialect's table, of which there is to be one copy. */
+const goshawk_dialect_row* link_row(unsigned message);
 
 /* link_transmit.c. Whether one of a series is due, and when the next one will be. */
 bool link_is_due(uint64_t* next_us, uint64_t now_us, uint32_t period_us);

@@ -154,8 +154,8 @@ void link_hurry_status(tc_link* link) { link->next_us[EVERY_STATUS] = link->cloc
 /* The series of a message; PERIODS when it is in none. */
 static unsigned series_of(uint32_t id) {
     unsigned i = 0;
-    while (i < (unsigned)PERIODS && goshawk_dialect()[messages[series[i].first].row].id != id &&
-           goshawk_dialect()[messages[series[i].second].row].id != id) {
+    while (i < (unsigned)PERIODS && link_row(messages[series[i].first].row)->id != id &&
+           link_row(messages[series[i].second].row)->id != id) {
         i++;
     }
     return i;
@@ -170,7 +170,7 @@ bool link_send_by_id(tc_link* link, uint32_t id) {
     if (i == (unsigned)PERIODS) {
         return false;
     }
-    link_send(link, goshawk_dialect()[messages[series[i].first].row].id == id ? series[i].first : series[i].second);
+    link_send(link, link_row(messages[series[i].first].row)->id == id ? series[i].first : series[i].second);
     return true;
 }
 
@@ -231,7 +231,7 @@ size_t tc_link_transmit(tc_link* link, uint8_t frame[TC_FRAME_MAX], uint64_t now
     if (clock_10us > link->signing.now_10us) {
         link->signing.now_10us = clock_10us;
     }
-    const size_t n = tc_frame_build(frame, row, goshawk_dialect()[row].length, link->sequence, config->system_id,
+    const size_t n = tc_frame_build(frame, row, link_row(row)->length, link->sequence, config->system_id,
                                     config->component_id, config->sign ? &link->signing : NULL, 0);
     link->sequence++;
     link->counts.sent++;

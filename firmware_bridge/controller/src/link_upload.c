@@ -267,12 +267,10 @@ tc_reason tc_link_restore(tc_link* link, const tc_trajectory* kept) {
     (void)tc_upload_origin(controller, &kept->origin);
     for (uint16_t i = 0; reason == TC_OK && i < kept->header.segment_count; i++) {
         reason = tc_upload_segment(controller, i, &kept->segment[i]);
+        tc_upload_check_ahead(controller); /* one at a time, which leaves none to tc_upload_finish */
     }
     if (reason == TC_OK) {
-        reason = TC_BUSY;
-        for (unsigned i = 0; i <= TC_MAX_SEGMENTS && reason == TC_BUSY; i++) {
-            reason = tc_upload_finish(controller);
-        }
+        reason = tc_upload_finish(controller);
     }
     if (reason == TC_OK) {
         reason = tc_upload_activate(controller, kept->header.id, kept->header.crc32);

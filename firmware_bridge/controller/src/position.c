@@ -3,20 +3,15 @@
 
 #include "maths.h"
 
-void tc_drag(const tc_parameters* p, const float v[3], float thrust_n, float mean_rotor_speed_rad_s,
-             float drag_body_n[3]) {
+float tc_drag(const tc_parameters* p, const float v[3], float thrust_n, float mean_rotor_speed_rad_s,
+              float drag_body_n[3]) {
     const float speed = tc_norm(v);
     const float lateral = p->rotor_drag_s_m * thrust_n + 4.0f * p->rotor_drag_kg * mean_rotor_speed_rad_s;
     for (int i = 0; i < 3; i++) {
         const float rotor = i < 2 ? lateral : 0.0f;
         drag_body_n[i] = -v[i] * (rotor + p->parasitic_kg_m[i] * tc_abs(v[i]) + p->parasitic_norm_kg_m[i] * speed);
     }
-}
-
-float tc_drag_slope(const tc_parameters* p, const float v[3], float thrust_n, float mean_rotor_speed_rad_s) {
-    const float speed = tc_norm(v);
-    const float airframe = p->parasitic_kg_m[0] + p->parasitic_norm_kg_m[0];
-    return p->rotor_drag_s_m * thrust_n + 4.0f * p->rotor_drag_kg * mean_rotor_speed_rad_s + 2.0f * airframe * speed;
+    return lateral + 2.0f * (p->parasitic_kg_m[0] + p->parasitic_norm_kg_m[0]) * speed;
 }
 
 static inline void integrate(tc_position_state* state, const tc_parameters* p, const float error[3], float step_s) {

@@ -37,15 +37,14 @@ void tc_supervisor_apply_shift(const tc_supervisor* s, tc_setpoint* setpoint) {
     float* out = tc_setpoint_numbers(setpoint);
     const float k = SHIFT_1_S;
     for (int i = 0; i < TC_AXES; i++) {
-        float before = s->shift[i], now = s->shift_1_s[i];
-        out[i] += before;
-        out[TC_AXES + i] += now;
-        for (int order = 2; order <= 4; order++) {
-            const float following = -2.0f * k * now - k * k * before;
-            out[order * TC_AXES + i] += following;
-            before = now;
-            now = following;
-        }
+        const float s0 = s->shift[i], s1 = s->shift_1_s[i];
+        const float s2 = -2.0f * k * s1 - k * k * s0;
+        const float s3 = -2.0f * k * s2 - k * k * s1;
+        out[i] += s0;
+        out[TC_AXES + i] += s1;
+        out[2 * TC_AXES + i] += s2;
+        out[3 * TC_AXES + i] += s3;
+        out[4 * TC_AXES + i] += -2.0f * k * s3 - k * k * s2;
     }
 }
 

@@ -219,7 +219,7 @@ int main(int argc, char** argv) {
         {"tables", table_cases},      {"codec", codec_cases},       {"mixer", mixer_cases},
         {"shaping", shaping_cases},   {"mission", mission_cases},   {"safety", safety_cases},
         {"reaction", reaction_cases}, {"landing", landing_cases},   {"supervisor", supervisor_cases},
-        {"link", link_cases},         {"standard", standard_cases},
+        {"link", link_cases},         {"standard", standard_cases}, {"presentation", presentation_cases},
     };
     for (size_t i = 0; i < sizeof groups / sizeof groups[0]; i++) {
         bool wanted = argc == 1;

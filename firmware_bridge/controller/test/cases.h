@@ -16,6 +16,7 @@ void shaping_cases(void);
 void supervisor_cases(void);
 void link_cases(void);
 void standard_cases(void);
+void presentation_cases(void);
 
 /* Two segments: a metre up and back within 3 s, in place. `crc32` of it goes into the header. */
 void short_plan(tc_trajectory* plan, uint8_t link_loss_policy);

@@ -353,6 +353,8 @@ static void engage_limits(void) {
     must(tc_engage(&g.c, no_speeds) == TC_OK, "engages");
     must(all_speeds_finite(), "with speeds of its own");
     must(near(g.c.telemetry.wrench.thrust_n, g.c.parameters.mass_kg * g.c.parameters.gravity_m_s2, 1e-3f), "hovering");
+    must(tc_release(&g.c) == TC_OK && tc_engage(&g.c, NULL) == TC_OK, "without knowing what the rotors do");
+    must(all_speeds_finite(), "with speeds of its own, too");
 }
 
 void reaction_cases(void) {

@@ -1,5 +1,6 @@
-/* Standard ground stations, one law each: what is carried out, what is refused and why, what is repeated, what the
-   vehicle shows. */
+/* Commands of standard ground stations, one law each: what is carried out, refused and why, repeated. */
+#include "standard_cases.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -7,7 +8,7 @@
 
 enum { ACCEPTED = 0, TEMPORARILY_REJECTED = 1, DENIED = 2, UNSUPPORTED = 3 };
 enum { ARM = 400, TAKE_OFF = 22, LAND = 21, MODE = 176, TERMINATE = 185, REPOSITION = 192, PAUSE = 193 };
-enum { INTERVAL = 511, REQUEST = 512, CONTROL = 32100, MISSION_START = 300 };
+enum { INTERVAL = 511, CONTROL = 32100, MISSION_START = 300 };
 
 static const trouble none = {0};
 static command_ack_msg ack; /* the last one */
@@ -45,7 +46,7 @@ static uint8_t command(uint8_t system, unsigned id, float p1, float p2, float p3
 
 static uint8_t pilot(unsigned id, float p1, float p2, float p7) { return command(PILOT, id, p1, p2, 0.0f, p7); }
 
-static void begin(void) {
+void standard_begin(void) {
     start_link(false, 0);
     controller.parameters.fence_max_world_m[2] = 40.0f;
     lease(PILOT, 1);
@@ -53,15 +54,15 @@ static void begin(void) {
     (void)answer(0);
 }
 
-static void hovering(void) {
-    begin();
+void standard_hovering(void) {
+    standard_begin();
     must(pilot(ARM, 1.0f, 0.0f, 0.0f) == ACCEPTED, "arms");
     must(pilot(TAKE_OFF, 0.0f, 0.0f, 1.0f) == ACCEPTED, "takes off");
     must(go(6.0f) == TC_HOLD, "hovers");
     (void)answer(0);
 }
 
-static uint32_t mode_shown(void) {
+uint32_t mode_shown(void) {
     heartbeat_msg m;
     SEND(OTHER, COMMAND_LONG, command_long, TO_VEHICLE, .command = REQUEST, .param1 = 0.0f);
     const uint8_t* payload = answer(HEARTBEAT_ID);
@@ -70,10 +71,10 @@ static uint32_t mode_shown(void) {
     return m.custom_mode;
 }
 
-static uint32_t px4(uint32_t main, uint32_t sub) { return (main << 16) | (sub << 24); }
+uint32_t px4_mode(uint32_t main, uint32_t sub) { return (main << 16) | (sub << 24); }
 
 static void arming_and_disarming(void) {
-    begin();
+    standard_begin();
     must(command(OTHER, ARM, 1.0f, 0.0f, 0.0f, 0.0f) == TEMPORARILY_REJECTED, "of a station not in control");
     must(ack.result_param2 == TC_LINK_NOT_IN_CONTROL && controller.mission.state == TC_DISARMED, "and not carried out");
     must(pilot(ARM, 1.0f, 21196.0f, 0.0f) == UNSUPPORTED, "the arming check cannot be skipped");
@@ -90,17 +91,17 @@ static void arming_and_disarming(void) {
     must(payload != NULL, "and a sentence");
     statustext_decode(&text, payload, STATUSTEXT_LENGTH);
     must(strncmp(text.text, "arm/disarm: vehicle parameters were never set", 50) == 0, "this one");
-    hovering();
+    standard_hovering();
     must(pilot(ARM, 0.0f, 0.0f, 0.0f) == DENIED && controller.mission.state == TC_HOLD, "not in the air");
     must(pilot(ARM, 0.0f, 21197.0f, 0.0f) == DENIED && controller.mission.state == TC_HOLD, "nor with a wrong number");
     must(pilot(ARM, 0.0f, 21196.0f, 0.0f) == ACCEPTED && controller.mission.state == TC_FAULT, "forced is KILL");
-    hovering();
+    standard_hovering();
     must(pilot(TERMINATE, 0.0f, 0.0f, 0.0f) == UNSUPPORTED && controller.mission.state == TC_HOLD, "nothing to undo");
     must(pilot(TERMINATE, 1.0f, 0.0f, 0.0f) == ACCEPTED && controller.mission.state == TC_FAULT, "terminate is KILL");
 }
 
 static void take_offs(void) {
-    begin();
+    standard_begin();
     must(pilot(ARM, 1.0f, 0.0f, 0.0f) == ACCEPTED, "arms");
     must(pilot(TAKE_OFF, 0.0f, 0.0f, 0.0f) == DENIED && ack.result_param2 == TC_OUT_OF_RANGE, "to no height");
     must(pilot(TAKE_OFF, 0.0f, 0.0f, 51.0f) == DENIED, "too high");
@@ -114,11 +115,11 @@ static void take_offs(void) {
     const float zeros[7] = {0, 0, 0, 0, 0, 0, 1.25f}; /* as pymavlink's users write it */
     must(send_long(PILOT, TAKE_OFF, zeros, 0) == ACCEPTED && controller.mission.state == TC_TAKE_OFF, "takes off");
     must(fabsf(controller.take_off_m - 1.25f) < 1e-6f, "so high above where it stood");
-    begin();
+    standard_begin();
     must(pilot(ARM, 1.0f, 0.0f, 0.0f) == ACCEPTED, "arms");
     must(pilot(TAKE_OFF, NAN, NAN, NAN) == ACCEPTED, "without a height, as MAVSDK does");
     must(fabsf(controller.take_off_m - TC_LINK_TAKE_OFF_M) < 1e-6f, "the documented one");
-    begin();
+    standard_begin();
     must(pilot(ARM, 1.0f, 0.0f, 0.0f) == ACCEPTED, "arms");
     SEND(PILOT, COMMAND_INT, command_int, TO_VEHICLE, .command = TAKE_OFF, .frame = 1, .x = INT32_MAX, .y = INT32_MAX,
          .z = 1.0f);
@@ -146,42 +147,42 @@ static bool link_command_of(uint8_t component, unsigned id) {
 
 /* QGroundControl asks for the take-off and arms when that is acknowledged. */
 static void take_off_before_arming(void) {
-    begin();
-    must(mode_shown() == px4(4, 3), "Hold on the ground");
+    standard_begin();
+    must(mode_shown() == px4_mode(4, 3), "Hold on the ground");
     must(pilot(TAKE_OFF, -1.0f, 0.0f, 51.0f) == DENIED, "too high: refused at once");
     must(pilot(TAKE_OFF, -1.0f, 0.0f, 2.0f) == ACCEPTED && controller.mission.state == TC_DISARMED, "remembered");
-    must(mode_shown() == px4(4, 2), "and shown");
+    must(mode_shown() == px4_mode(4, 2), "and shown");
     must(pilot(ARM, 1.0f, 0.0f, 0.0f) == ACCEPTED && controller.mission.state == TC_TAKE_OFF, "arming takes off");
     must(fabsf(controller.take_off_m - 2.0f) < 1e-6f, "so high");
-    begin();
+    standard_begin();
     must(pilot(TAKE_OFF, -1.0f, 0.0f, 2.0f) == ACCEPTED, "remembered");
     (void)go(5.1f);
-    must(mode_shown() == px4(4, 3), "for five seconds");
+    must(mode_shown() == px4_mode(4, 3), "for five seconds");
     must(pilot(ARM, 1.0f, 0.0f, 0.0f) == ACCEPTED && controller.mission.state == TC_ARMED, "then arming only arms");
-    begin();
+    standard_begin();
     must(pilot(TAKE_OFF, -1.0f, 0.0f, 2.0f) == ACCEPTED, "remembered");
     must(link_command_of(191, ARM) && controller.mission.state == TC_DISARMED, "disarming by another component");
-    begin();
+    standard_begin();
     must(pilot(TAKE_OFF, -1.0f, 0.0f, 2.0f) == ACCEPTED, "remembered");
     must(tc_do(&controller, TC_COMMAND_ARM, 0.0f) == TC_OK, "armed by other means");
     (void)go(0.05f);
     must(!ln.standard.take_off.waits, "takes it back");
-    begin();
+    standard_begin();
     must(pilot(TAKE_OFF, -1.0f, 0.0f, 2.0f) == ACCEPTED, "remembered");
     lease(OTHER, 2);
     must(command(OTHER, ARM, 1.0f, 0.0f, 0.0f, 0.0f) == ACCEPTED, "another station arms");
     must(controller.mission.state == TC_ARMED, "which did not ask for a take-off");
     for (unsigned i = 0; i < 3u; i++) {
-        begin();
+        standard_begin();
         must(pilot(TAKE_OFF, -1.0f, 0.0f, 2.0f) == ACCEPTED, "remembered");
         (void)pilot(i == 0u ? LAND : i == 1u ? REPOSITION : ARM, 0.0f, 0.0f, NAN);
         must(pilot(ARM, 1.0f, 0.0f, 0.0f) == ACCEPTED && controller.mission.state == TC_ARMED, "taken back");
     }
-    begin();
+    standard_begin();
     must(pilot(TAKE_OFF, -1.0f, 0.0f, 45.0f) == ACCEPTED, "remembered, and too high for the fence");
     must(pilot(ARM, 1.0f, 0.0f, 0.0f) == DENIED && ack.result_param2 == TC_FENCE_BREACH, "which arming finds");
     must(controller.mission.state == TC_DISARMED, "and the rotors stay off");
-    begin();
+    standard_begin();
     ln.config = &(const tc_link_config){
         .system_id = ME, .component_id = ME, .bytes_per_s = 1000000000u, .identity = TC_IDENTITY_GENERIC};
     must(pilot(TAKE_OFF, 0.0f, 0.0f, 2.0f) == DENIED, "a generic autopilot does not wait for arming");
@@ -189,8 +190,8 @@ static void take_off_before_arming(void) {
 }
 
 static void modes(void) {
-    hovering();
-    must(mode_shown() == px4(4, 3), "Hold");
+    standard_hovering();
+    must(mode_shown() == px4_mode(4, 3), "Hold");
     must(command(PILOT, MODE, 0.0f, 4.0f, 6.0f, 0.0f) == UNSUPPORTED, "not a custom mode");
     must(command(PILOT, MODE, 1.0f, 1.0f, 0.0f, 0.0f) == UNSUPPORTED, "Manual");
     must(command(PILOT, MODE, 1.0f, 4.0f, 4.0f, 0.0f) == UNSUPPORTED, "Mission: names no trajectory");
@@ -201,15 +202,15 @@ static void modes(void) {
     must(controller.mission.state == TC_HOLD, "nothing of that was carried out");
     must(command(PILOT, MODE, 1.0f, 4.0f, 2.0f, 0.0f) == DENIED, "Take-off in the air");
     must(command(PILOT, MODE, 1.0f, 4.0f, 6.0f, 0.0f) == ACCEPTED && controller.mission.state == TC_LANDING, "Land");
-    must(mode_shown() == px4(4, 6), "and shows it");
+    must(mode_shown() == px4_mode(4, 6), "and shows it");
     must(command(PILOT, MODE, 129.0f, 4.0f, 3.0f, 0.0f) == ACCEPTED && controller.mission.state == TC_HOLD, "Hold");
-    SEND(OTHER, SET_MODE, set_mode, .target_system = ME, .base_mode = 1, .custom_mode = px4(4, 6));
+    SEND(OTHER, SET_MODE, set_mode, .target_system = ME, .base_mode = 1, .custom_mode = px4_mode(4, 6));
     must(answer(STATUSTEXT_ID) != NULL && controller.mission.state == TC_HOLD, "not of another");
-    SEND(PILOT, SET_MODE, set_mode, .target_system = ME, .base_mode = 0, .custom_mode = px4(4, 6));
+    SEND(PILOT, SET_MODE, set_mode, .target_system = ME, .base_mode = 0, .custom_mode = px4_mode(4, 6));
     must(answer(STATUSTEXT_ID) != NULL && controller.mission.state == TC_HOLD, "not custom");
-    SEND(PILOT, SET_MODE, set_mode, .target_system = ME, .base_mode = 1, .custom_mode = px4(4, 6));
+    SEND(PILOT, SET_MODE, set_mode, .target_system = ME, .base_mode = 1, .custom_mode = px4_mode(4, 6));
     must(answer(HEARTBEAT_ID) != NULL && controller.mission.state == TC_LANDING, "the older message");
-    begin();
+    standard_begin();
     must(command(PILOT, MODE, 1.0f, 4.0f, 3.0f, 0.0f) == ACCEPTED, "Hold on the ground");
     must(controller.mission.state == TC_DISARMED, "is what it does");
     must(pilot(ARM, 1.0f, 0.0f, 0.0f) == ACCEPTED && pilot(REPOSITION, -1.0f, 1.0f, NAN) == ACCEPTED, "armed, too");
@@ -218,7 +219,7 @@ static void modes(void) {
 }
 
 static void pausing(void) {
-    hovering();
+    standard_hovering();
     must(pilot(LAND, 0.0f, 0.0f, NAN) == ACCEPTED && controller.mission.state == TC_LANDING, "lands");
     const float elsewhere[7] = {0, 0, 0, 0, 47.4f, 8.5f, NAN};
     must(send_long(PILOT, LAND, elsewhere, 0) == UNSUPPORTED, "not elsewhere");
@@ -230,19 +231,20 @@ static void pausing(void) {
     must(pilot(PAUSE, 1.0f, 0.0f, 0.0f) == DENIED, "nothing to continue");
     uint64_t now;
     set_out(&controller, &now, 0, TC_TRAJECTORY);
-    must(mode_shown() == px4(4, 4), "on the path it is Mission");
+    must(mode_shown() == px4_mode(4, 4), "on the path it is Mission");
     must(pilot(PAUSE, 0.0f, 0.0f, 0.0f) == ACCEPTED && controller.mission.state == TC_PAUSING, "pauses on the path");
-    must(mode_shown() == px4(4, 3), "Hold");
+    must(mode_shown() == px4_mode(4, 3), "Hold");
     must(pilot(PAUSE, 0.0f, 1.0f, 0.0f) == ACCEPTED && controller.mission.state == TC_PAUSING, "once more");
     must(go(3.0f) == TC_PAUSED, "stands on the path");
     must(pilot(PAUSE, 0.0f, 0.0f, 0.0f) == ACCEPTED && controller.mission.state == TC_PAUSED, "and stays on it");
     must(pilot(PAUSE, 1.0f, 0.0f, 0.0f) == ACCEPTED && controller.mission.state == TC_TRAJECTORY, "goes on");
     must(command(PILOT, MODE, 1.0f, 4.0f, 3.0f, 0.0f) == ACCEPTED, "Hold");
-    must(controller.mission.state == TC_STOPPING && mode_shown() == px4(4, 3), "leaves the path, and shows it at once");
+    must(controller.mission.state == TC_STOPPING && mode_shown() == px4_mode(4, 3),
+         "leaves the path, and shows it at once");
 }
 
 static void repeats(void) {
-    hovering();
+    standard_hovering();
     must(pilot(LAND, 0.0f, 0.0f, NAN) == ACCEPTED && controller.mission.state == TC_LANDING, "lands");
     must(tc_do(&controller, TC_COMMAND_HOLD, 0.0f) == TC_OK, "somebody stops it");
     must(pilot(LAND, 0.0f, 0.0f, NAN) == ACCEPTED && controller.mission.state == TC_HOLD,
@@ -264,14 +266,14 @@ static void repeats(void) {
     must(pilot(LAND, 0.0f, 0.0f, NAN) == ACCEPTED && controller.mission.state == TC_LANDING, "lands");
     must(tc_do(&controller, TC_COMMAND_HOLD, 0.0f) == TC_OK && link_command_of(191, LAND), "of another component");
     must(controller.mission.state == TC_LANDING, "it is another command");
-    hovering();
+    standard_hovering();
     const float first[7] = {0.0f, 0.0f, 0.0f, NAN, NAN, NAN, NAN};
     must(send_long(PILOT, LAND, first, 2) == ACCEPTED && controller.mission.state == TC_LANDING, "its first was lost");
-    hovering();
+    standard_hovering();
     must(pilot(TERMINATE, 1.0f, 0.0f, 0.0f) == ACCEPTED && controller.mission.state == TC_FAULT, "KILL");
     controller.mission.state = TC_HOLD;
     must(pilot(TERMINATE, 1.0f, 0.0f, 0.0f) == ACCEPTED && controller.mission.state == TC_FAULT, "is never held back");
-    begin();
+    standard_begin();
     controller.configured = false;
     must(pilot(ARM, 1.0f, 0.0f, 0.0f) == DENIED, "a refused one");
     controller.configured = true;
@@ -279,7 +281,7 @@ static void repeats(void) {
 }
 
 static void waiting_acknowledgements(void) {
-    begin();
+    standard_begin();
     for (unsigned i = 0; i < TC_LINK_ACKS; i++) {
         SEND(OTHER, COMMAND_LONG, command_long, TO_VEHICLE, .command = (uint16_t)(1000u + i));
     }
@@ -300,7 +302,7 @@ static uint32_t sent_with(unsigned id) {
 }
 
 static void requests(void) {
-    begin();
+    standard_begin();
     static const unsigned known[] = {0, 1, 31, 32, 141, 147, 148, 242, 245, 291, 300, 331};
     for (unsigned i = 0; i < sizeof known / sizeof known[0]; i++) must(sent_with(known[i]), "sent on request");
     must(command(OTHER, REQUEST, 397.0f, 0.0f, 0.0f, 0.0f) == UNSUPPORTED, "component metadata");
@@ -341,147 +343,6 @@ static void control(void) {
     must(command(PILOT, CONTROL, 0.0f, 0.0f, 0.0f, 0.0f) == ACCEPTED && ln.lease.holder.system_id == 0u, "given back");
 }
 
-/* The value in the answer to a PARAM_SET; NaN when there is none. */
-static float set_parameter(uint8_t system, const char* name, float value, uint8_t type) {
-    param_set_msg m = {TO_VEHICLE, .param_value = value, .param_type = type};
-    param_value_msg answered;
-    uint8_t payload[TC_PAYLOAD_MAX];
-    memcpy(m.param_id, name, strlen(name));
-    (void)answer(0);
-    param_set_encode(&m, payload);
-    deliver(system, 190, PARAM_SET_ROW, payload, PARAM_SET_LENGTH);
-    const uint8_t* found = answer(PARAM_VALUE_ID);
-    if (found == NULL) return NAN;
-    param_value_decode(&answered, found, PARAM_VALUE_LENGTH);
-    must(strncmp(answered.param_id, name, 16) == 0 && answered.param_type == 9u, "the parameter that was set");
-    must(answered.param_count == tc_parameters_count(), "of so many");
-    return answered.param_value;
-}
-
-static void parameters(void) {
-    begin();
-    must(fabsf(set_parameter(PILOT, "mass_kg", 0.71f, 9) - 0.71f) < 1e-6f, "set");
-    must(fabsf(tc_parameters_now(&controller)->mass_kg - 0.71f) < 1e-6f, "in force");
-    must(fabsf(set_parameter(OTHER, "mass_kg", 0.9f, 9) - 0.71f) < 1e-6f, "not by another: the old value");
-    must(fabsf(set_parameter(PILOT, "mass_kg", -1.0f, 9) - 0.71f) < 1e-6f, "out of range: the old value");
-    must(fabsf(set_parameter(PILOT, "mass_kg", NAN, 9) - 0.71f) < 1e-6f, "not finite: the old value");
-    must(fabsf(set_parameter(PILOT, "mass_kg", 5.0f, 9) - 0.71f) < 1e-6f, "cannot hover: the old value");
-    must(fabsf(set_parameter(PILOT, "mass_kg", 0.72f, 6) - 0.71f) < 1e-6f, "another type: the old value");
-    must(isnan(set_parameter(PILOT, "MIS_TAKEOFF_ALT", 2.0f, 9)), "unknown: nothing to answer with");
-    must(fabsf(tc_parameters_now(&controller)->mass_kg - 0.71f) < 1e-6f, "nothing of that in force");
-    must(stage_parameters(PILOT, 77) == TC_OK, "a set is open");
-    must(fabsf(set_parameter(PILOT, "mass_kg", 0.7f, 9) - 0.7f) < 1e-6f, "a single one goes before");
-    must(commit_parameters(PILOT, 77, 0) != TC_OK, "and the set has to be opened anew");
-    hovering();
-    must(set_parameter(PILOT, "rotor0_x_m", 0.2f, 9) < 0.19f, "not in the air: the old value");
-    SEND(PILOT, PARAM_SET, param_set, TO_VEHICLE, .param_id = "rotor0_x_m", .param_value = 0.2f, .param_type = 9);
-    const uint8_t* payload = answer(STATUSTEXT_ID);
-    statustext_msg text;
-    must(payload != NULL, "with a sentence");
-    statustext_decode(&text, payload, STATUSTEXT_LENGTH);
-    must(strncmp(text.text, "rotor0_x_m: ", 12) == 0, "that names it");
-}
-
-static void missions(void) {
-    begin();
-    for (uint8_t type = 0; type < 4u; type++) {
-        mission_count_msg m;
-        SEND(OTHER, MISSION_REQUEST_LIST, mission_request_list, TO_VEHICLE, .mission_type = type);
-        const uint8_t* payload = answer(MISSION_COUNT_ID);
-        must((payload != NULL) == (type < 3u), "mission, fence, rally points");
-        if (payload != NULL) {
-            mission_count_decode(&m, payload, MISSION_COUNT_LENGTH);
-            must(m.count == 0u && m.mission_type == type && m.target_system == OTHER, "none, of this type, to it");
-        }
-    }
-    for (uint8_t type = 0; type < 3u; type++) {
-        SEND(OTHER, MISSION_REQUEST_LIST, mission_request_list, TO_VEHICLE, .mission_type = type);
-    }
-    unsigned counts = 0;
-    uint8_t frame[TC_FRAME_MAX];
-    for (size_t n = 1; n != 0u;) {
-        clock_us++;
-        n = tc_link_transmit(&ln, frame, clock_us);
-        counts += n != 0u && frame[7] == MISSION_COUNT_ID && frame[8] == 0u && frame[9] == 0u ? 1u : 0u;
-    }
-    must(counts == 3u, "asked at once, answered one by one");
-    mission_ack_msg refused;
-    SEND(OTHER, MISSION_COUNT, mission_count, TO_VEHICLE, .count = 5, .mission_type = 1);
-    const uint8_t* payload = answer(MISSION_ACK_ID);
-    must(payload != NULL, "a mission is refused");
-    mission_ack_decode(&refused, payload, MISSION_ACK_LENGTH);
-    must(refused.type == 3u && refused.mission_type == 1u && refused.target_system == OTHER, "as not supported");
-}
-
-static sys_status_msg status_now(void) {
-    sys_status_msg m;
-    SEND(OTHER, COMMAND_LONG, command_long, TO_VEHICLE, .command = REQUEST, .param1 = 1.0f);
-    const uint8_t* payload = answer(SYS_STATUS_ID);
-    must(payload != NULL, "a status on request");
-    sys_status_decode(&m, payload, SYS_STATUS_LENGTH);
-    return m;
-}
-
-static uint8_t landed_now(uint8_t state) {
-    extended_sys_state_msg m;
-    controller.mission.state = state;
-    SEND(OTHER, COMMAND_LONG, command_long, TO_VEHICLE, .command = REQUEST, .param1 = 245.0f);
-    const uint8_t* payload = answer(EXTENDED_SYS_STATE_ID);
-    extended_sys_state_decode(&m, payload, EXTENDED_SYS_STATE_LENGTH);
-    return m.landed_state;
-}
-
-#define ALL_WELL (0x1u | 0x80u | 0x200000u | 0x10000000u)
-
-static void health(void) {
-    begin();
-    sys_status_msg m = status_now();
-    must(m.onboard_control_sensors_health == ALL_WELL, "all is well");
-    must(m.voltage_battery == UINT16_MAX, "no battery is measured");
-    controller.telemetry.estimate_faults = TC_FAULT_POSITION_STALE;
-    must(status_now().onboard_control_sensors_health == (0x1u | 0x200000u), "no position: no arming");
-    controller.telemetry.estimate_faults = TC_FAULT_ATTITUDE_UNUSABLE;
-    must(status_now().onboard_control_sensors_health == (0x1u | 0x80u), "no attitude");
-    controller.telemetry.estimate_faults = TC_FAULT_RATE_STALE;
-    must((status_now().onboard_control_sensors_health & 0x1u) == 0u, "no gyro");
-    controller.telemetry.estimate_faults = 0;
-    controller.telemetry.estimate.battery_v = 15.5f;
-    controller.telemetry.estimate.valid |= TC_VALID_SPECIFIC_FORCE;
-    m = status_now();
-    must(m.voltage_battery == 15500u && (m.onboard_control_sensors_health & 0x2000002u) == 0x2000002u, "as measured");
-    controller.telemetry.warnings = TC_WARNING_BATTERY;
-    must((status_now().onboard_control_sensors_health & 0x2000000u) == 0u, "low");
-    controller.telemetry.estimate.battery_v = 70.0f;
-    must(status_now().voltage_battery == UINT16_MAX, "beyond what 16 bits hold");
-    controller.telemetry.ticks = 0;
-    must(status_now().onboard_control_sensors_health == 0u, "before the first tick nothing is known");
-    begin();
-    static const struct {
-        uint8_t landed, main, sub;
-    } shown[TC_MISSION_STATE_COUNT] = {
-        [TC_DISARMED] = {1, 4, 3}, [TC_ARMED] = {1, 4, 3},      [TC_TAKE_OFF] = {3, 4, 2}, [TC_HOLD] = {2, 4, 3},
-        [TC_APPROACH] = {2, 4, 4}, [TC_TRAJECTORY] = {2, 4, 4}, [TC_PAUSING] = {2, 4, 3},  [TC_PAUSED] = {2, 4, 3},
-        [TC_STOPPING] = {2, 4, 3}, [TC_ABORTING] = {2, 4, 6},   [TC_LANDING] = {4, 4, 6},  [TC_EMERGENCY] = {4, 4, 6},
-        [TC_FAULT] = {0, 4, 3},    [TC_SHADOW] = {0, 1, 0}};
-    for (uint8_t state = 0; state < TC_MISSION_STATE_COUNT; state++) {
-        must(landed_now(state) == shown[state].landed, "landed state");
-        must(mode_shown() == px4(shown[state].main, shown[state].sub), "mode");
-    }
-}
-
-static void heights(void) {
-    hovering();
-    altitude_msg m;
-    SEND(OTHER, COMMAND_LONG, command_long, TO_VEHICLE, .command = REQUEST, .param1 = 141.0f);
-    const uint8_t* payload = answer(ALTITUDE_ID);
-    must(payload != NULL, "a height on request");
-    ln.home_world_m[2] = -3.0f;
-    SEND(OTHER, COMMAND_LONG, command_long, TO_VEHICLE, .command = REQUEST, .param1 = 141.0f);
-    altitude_decode(&m, answer(ALTITUDE_ID), ALTITUDE_LENGTH);
-    must(fabsf(m.altitude_local - 1.0f) < 0.01f, "world z");
-    must(fabsf(m.altitude_relative - 4.0f) < 0.01f && fabsf(m.altitude_amsl - 4.0f) < 0.01f, "above where it stood");
-}
-
 void standard_cases(void) {
     arming_and_disarming();
     take_offs();
@@ -492,8 +353,4 @@ void standard_cases(void) {
     waiting_acknowledgements();
     requests();
     control();
-    parameters();
-    missions();
-    health();
-    heights();
 }

@@ -1,4 +1,4 @@
-"""Accelerometer: mean specific force over each interval, with a constant bias per log."""
+"""Accelerometer: mean specific force over each interval, with a constant bias and a delay per log."""
 
 from collections.abc import Sequence
 
@@ -7,12 +7,12 @@ import numpy as np
 from flight import rotations
 from flight.rotations import FloatArray
 from sysid.estimator.blocks.base import At, Block, Channel, Linear
+from sysid.estimator.clocks import ACCELEROMETER as QUANTITY
+from sysid.estimator.clocks import delay_name, moved_reading
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.midpoint import Middle, rates_of_change
 from sysid.estimator.sampling import Stretch
 from sysid.estimator.states import ATTITUDE, VELOCITY, States
-
-QUANTITY = "specific_force_body_m_s2"
 
 
 class Accelerometer(Block):
@@ -37,12 +37,15 @@ class Accelerometer(Block):
         return flight.has_accelerometer
 
     def residual(self, at: At) -> FloatArray:
-        return residual(at.flight, at.states, at.mid, at.values(self.bias_names(at.flight.log_index)))
+        moved = moved_reading(QUANTITY, at.flight, at.sensors, between=True)[0]
+        return residual(at.flight, at.states, at.mid, at.values(self.bias_names(at.flight.log_index))) + moved
 
     def linear(self, at: At) -> Linear:
         by_bias = np.broadcast_to(-np.eye(3), (len(at.mid.step_s), 3, 3))
-        names = self.bias_names(at.flight.log_index)
-        return Linear(self.residual(at), jacobians(at.states, at.mid), by_bias, names)
+        slope = moved_reading(QUANTITY, at.flight, at.sensors, between=True)[1]
+        names = (*self.bias_names(at.flight.log_index), delay_name(QUANTITY, at.flight.log_index))
+        by_shared = np.concatenate([by_bias, slope[:, :, None]], axis=2)
+        return Linear(self.residual(at), jacobians(at.states, at.mid), by_shared, names)
 
     def updated(self, levels: FloatArray, ratio: FloatArray, flights: Sequence[Flight]) -> FloatArray:
         if not all(flight.has_pose for flight in flights):

@@ -37,7 +37,7 @@ class At:
     model: tuple[str, ...]
     """Parameters of the vehicle's motion to differentiate by."""
     sensors: Mapping[str, float]
-    """Values of the sensors' parameters and biases; a bias that is not among them is zero."""
+    """Values of the sensors' parameters, biases and delays; a bias or delay that is not among them is zero."""
     noise: Noise
 
     def values(self, names: Sequence[str]) -> FloatArray:

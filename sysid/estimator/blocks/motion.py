@@ -6,6 +6,7 @@ Unmodelled acceleration is white noise in body axes, so a defect has the covaria
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,9 @@ import numpy as np
 from flight import rotations
 from flight.rotations import FloatArray
 from sysid import _sysid
+from sysid.estimator.blocks import rotor_speed
 from sysid.estimator.blocks.base import At, Block, Channel, Linear
+from sysid.estimator.clocks import delay_name
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.midpoint import GRAVITY_WORLD_M_S2, Middle, rates_of_change
 from sysid.estimator.model import along, slopes_along
@@ -55,9 +58,14 @@ class Motion(Block):
         return defects(at.states, at.mid, along(at.vehicle, at.flight, at.mid))
 
     def linear(self, at: At) -> Linear:
-        acceleration = slopes_along(at.vehicle, at.model, at.flight, at.mid)
-        before, after, by_model = defect_jacobians(at.states, at.mid, acceleration)
-        return Linear(defects(at.states, at.mid, acceleration.value), (before, after), by_model, at.model)
+        acceleration, names = slopes_along(at.vehicle, at.model, at.flight, at.mid), at.model
+        if rotor_speed.QUANTITY in at.flight.streams:
+            by_delay = along_rotors(acceleration, *rotor_speed.by_delay(at.flight, at.sensors))
+            columns = np.concatenate([acceleration.parameters, by_delay[:, :, None]], axis=2)
+            acceleration = replace(acceleration, parameters=columns)
+            names = (*names, delay_name(rotor_speed.QUANTITY, at.flight.log_index))
+        before, after, by_shared = defect_jacobians(at.states, at.mid, acceleration)
+        return Linear(defects(at.states, at.mid, acceleration.value), (before, after), by_shared, names)
 
     def white_residual(self, at: At, robust: bool) -> FloatArray:
         return whiten(at.mid.step_s, at.noise.process, self.residual(at))[0]
@@ -76,6 +84,13 @@ class Motion(Block):
 
     def reported(self, noise: Noise) -> dict[str, Any]:
         return {self.levels[part.start]: noise.process[part].tolist() for part in (FORCE, TORQUE)}
+
+
+def along_rotors(acceleration: Jacobian, speed: FloatArray, change: FloatArray) -> FloatArray:
+    """(k, 6) change of the model's acceleration with changes (k, 4) of rotor speed and of rotor acceleration."""
+    return np.einsum("kij,kj->ki", acceleration.rotor_speed, speed) + np.einsum(
+        "kij,kj->ki", acceleration.rotor_acceleration, change
+    )
 
 
 def over_relaxed(ratio: FloatArray) -> FloatArray:

@@ -1,12 +1,13 @@
 """Motor: rotor speed from commands. When a log has no measured rotor speed, the motors become part of the model."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from flight.rotations import FloatArray
+from sysid import _sysid
 from sysid.estimator.blocks import battery
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.sampling import Stretch, held_means
@@ -19,13 +20,17 @@ STEP = 1e-6
 STAGES = ("COMMAND", "DRIVE")
 """Stages of effects between command and rotor speed."""
 
+COMPILED = ("motor_lag", battery.SAG)
+"""Effects of these stages that the compiled loop knows."""
+SAG, RISE, FALL = PARAMETERS = ("battery_sag.sag_per_v", "motor_lag.rise_s", "motor_lag.fall_s")
+"""Theirs, in the order of its derivatives."""
+
 QUANTITY = "rotor_speed_command_rad_s"
 
 
-def read(stretch: Stretch) -> tuple[FloatArray, FloatArray]:
-    """(n - 1, 4) mean command over each interval, each held until the next; and zeros for its change."""
-    means = held_means(*stretch.samples(QUANTITY), stretch.time_s)
-    return means, np.zeros_like(means)
+def read(stretch: Stretch) -> FloatArray:
+    """(n - 1, 4) mean command over each interval, each held until the next."""
+    return held_means(*stretch.samples(QUANTITY), stretch.time_s)
 
 
 def parameters(vehicle: Vehicle) -> tuple[str, ...]:
@@ -41,29 +46,74 @@ def driven(flight: Flight, vehicle: Vehicle) -> Flight:
     """The flight with mean rotor speed and acceleration from its commands; as it is when rotor speed was measured."""
     if not flight.driven_by_command:
         return flight
-    speed, acceleration = _simulate(flight, vehicle, {})
-    return replace(flight, rotor_speed_rad_s=speed[..., 0], rotor_acceleration_rad_s2=acceleration[..., 0])
+    if _own_effects(vehicle):
+        speed, acceleration = (values[..., 0] for values in simulated(flight, vehicle, {}))
+    else:
+        speed, acceleration, _, _ = lagged(flight, vehicle)
+    return replace(flight, rotor_speed_rad_s=speed, rotor_acceleration_rad_s2=acceleration)
 
 
 def slopes(flight: Flight, vehicle: Vehicle, names: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
     """Derivatives (k, 4, p) of mean rotor speed and mean rotor acceleration by the named parameters."""
-    result = np.zeros((2, len(flight) - 1, 4, len(names)))
+    by_speed, by_acceleration = np.zeros((2, len(flight) - 1, 4, len(names)))
     own = [i for i, name in enumerate(names) if name in parameters(vehicle)]
     if not flight.driven_by_command or not own:
-        return result[0], result[1]
-    steps = np.array([STEP * max(abs(vehicle.value(names[i])), 1e-3) for i in own])
-    moved = {}
-    for column, i in enumerate(own):
-        values = np.full(len(own) + 1, vehicle.value(names[i]))
-        values[column + 1] += steps[column]
-        moved[names[i]] = values
-    for kind, values in enumerate(_simulate(flight, vehicle, moved)):
-        result[kind][:, :, own] = (values[..., 1:] - values[..., :1]) / steps
-    return result[0], result[1]
+        return by_speed, by_acceleration
+    if _own_effects(vehicle):
+        found = _differences(flight, vehicle, [names[i] for i in own])
+    else:
+        columns = [PARAMETERS.index(names[i]) for i in own]
+        found = [values[:, :, columns] for values in lagged(flight, vehicle)[2:]]
+    by_speed[:, :, own], by_acceleration[:, :, own] = found
+    return by_speed, by_acceleration
 
 
-def _simulate(flight: Flight, vehicle: Vehicle, moved: dict[str, FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """(k, 4, m) mean speed and acceleration over each interval, for m variants of the motors at once."""
+def lagged(flight: Flight, vehicle: Vehicle) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Mean rotor speed and acceleration (k, 4) of the catalogue's motors, and derivatives (k, 4, 3) by `PARAMETERS`."""
+    steps, commands, volts, skipped = _commanded(flight)
+    known = vehicle.parameters
+    reached, by_sag = commands, np.zeros((*commands.shape, 1))
+    if battery.SAG in vehicle.effects:
+        battery.require(flight, [effects.find(battery.SAG)])
+        below_v = (vehicle.value(f"{battery.SAG}.reference_v") - volts)[:, None]
+        reached, by_sag = commands * (1.0 - vehicle.value(SAG) * below_v), -(commands * below_v)[:, :, None]
+    rise_s, fall_s = (known[name].value if name in known else 0.0 for name in (RISE, FALL))
+    k = len(steps)
+    values, by = np.empty((2, k, 4)), np.empty((2, k, 4, len(PARAMETERS)))
+    _sysid.drive(steps, np.ascontiguousarray(reached), np.ascontiguousarray(by_sag), rise_s, fall_s, *values, *by)
+    return values[0, skipped:], values[1, skipped:], by[0, skipped:], by[1, skipped:]
+
+
+def _own_effects(vehicle: Vehicle) -> bool:
+    """Whether the user's own effects act between command and rotor speed; these are simulated step by step."""
+    return any(effects.find(e).stage.name in STAGES for e in vehicle.effects if e not in COMPILED)
+
+
+def _commanded(flight: Flight) -> tuple[FloatArray, FloatArray, FloatArray, int]:
+    """Steps (m,), commands (m, 4) and voltage (m,) with the lead-in, and how many of them that is."""
+    steps, commands, volts = flight.step_s, flight.rotor_command_rad_s, flight.battery_v
+    before = flight.lead_in
+    if before is None:
+        return steps, commands, volts, 0
+    joined = [(before.step_s, steps), (before.rotor_command_rad_s, commands), (before.battery_v, volts)]
+    steps, commands, volts = (np.concatenate(pair) for pair in joined)
+    return steps, commands, volts, len(before.step_s)
+
+
+def _differences(flight: Flight, vehicle: Vehicle, names: Sequence[str]) -> list[FloatArray]:
+    """The same as `slopes` for any effects, by finite differences."""
+    steps = np.array([STEP * max(abs(vehicle.value(name)), 1e-3) for name in names])
+    moved = {name: np.full(len(names) + 1, vehicle.value(name)) for name in names}
+    for column, name in enumerate(names):
+        moved[name][column + 1] += steps[column]
+    return [(values[..., 1:] - values[..., :1]) / steps for values in simulated(flight, vehicle, moved)]
+
+
+def simulated(flight: Flight, vehicle: Vehicle, moved: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """(k, 4, m) mean speed and acceleration over each interval, for m variants of the motors at once.
+
+    For any effects, in plain steps: the twin of `lagged`.
+    """
     variants = len(next(iter(moved.values()))) if moved else 1
     active = [effects.find(e) for e in vehicle.effects if effects.find(e).stage.name in STAGES]
     battery.require(flight, active)
@@ -80,14 +130,9 @@ def _simulate(flight: Flight, vehicle: Vehicle, moved: dict[str, FloatArray]) ->
             effect.apply(drive, own)
         return drive
 
-    before = flight.lead_in
-    steps, commands, volts = flight.step_s, flight.rotor_command_rad_s, flight.battery_v
-    if before is not None:
-        steps = np.concatenate([before.step_s, steps])
-        commands = np.concatenate([before.rotor_command_rad_s, commands])
-        volts = np.concatenate([before.battery_v, volts])
-    skipped = len(steps) - len(flight.step_s)
-    speed = np.repeat(commands[0][:, None], variants, axis=1)
+    steps, commands, volts, skipped = _commanded(flight)
+    settled = np.repeat(commands[0][:, None], variants, axis=1)
+    speed = reached(settled, settled, volts[0]).command_rad_s
     mean = np.empty((len(steps), 4, variants))
     change = np.empty_like(mean)
     for k, (h, command, volt) in enumerate(zip(steps, commands, volts, strict=True)):

@@ -85,6 +85,19 @@ def test_only_gate_checked_trajectories_for_this_map_and_vehicle_are_sent(serve,
     assert link.read_back() is not None
 
 
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [("start", "starts in motion"), ("end", "ends in motion"), ("ground_world_m", "takes off or lands itself")],
+)
+def test_what_only_other_autopilots_fly_is_refused_before_anything_is_sent(serve, dial, plans, asked, words):
+    link = dial(serve())
+    file = plans.file(2)
+    odd = dataclasses.replace(file, check={**file.check, "conditions": {asked: [[0.0] * 4] * 3}})
+    with pytest.raises(InputError, match=words):
+        link.upload(odd)
+    assert link.read_back() is None
+
+
 def _with(file: TrajectoryFile, trajectory: Trajectory) -> TrajectoryFile:
     return TrajectoryFile(trajectory, "bad", file.map_hash, file.vehicle_hash, file.waypoints_world_m, file.check)
 

@@ -16,7 +16,7 @@ from sysid.diagnosis.free_form import VARIABLE
 from tests.sysid.diagnosis.test_diagnosis import flights, turning_when_climbing
 from vehicle import Surroundings, forces, wrench_jacobian
 
-UNSEEN = ("time", "x", "y", "constant")
+UNSEEN = ("time", "x", "y", "constant", "voltage", *(f"dc_{i}/dt" for i in range(4)))
 AT = np.linspace(-2.0, 3.0, 80)
 
 

@@ -7,6 +7,7 @@ import pytest
 
 import vehicle
 from flight import rotations
+from sysid.estimator import clocks
 from sysid.estimator.blocks import accelerometer, motion, pose
 from sysid.estimator.blocks.accelerometer import ACCELEROMETER
 from sysid.estimator.blocks.base import At
@@ -17,11 +18,18 @@ from sysid.estimator.midpoint import middle
 from sysid.estimator.model import along, slopes_along
 from sysid.estimator.noise import Noise
 from sysid.estimator.problem import Point, located
+from sysid.estimator.sampling import Signal
 from sysid.estimator.states import States
 
 NAMES = ("inertia_xx_kg_m2", "thrust_bem.k1_n_s2", "centre_of_mass.x_m", "parasitic_drag.drag_xy_kg_m")
 
+MOTION = motion.Motion()
 NOISE = Noise({block.name: np.array(block.usual) for block in (POSE, GYRO, ACCELEROMETER)})
+
+
+def stream(values: np.ndarray) -> Signal:
+    """Samples from well before to well after the flight."""
+    return Signal.through(np.linspace(-0.03, 0.1, len(values)), values)
 
 
 @pytest.fixture(scope="module", params=["white", "gusts"])
@@ -47,6 +55,11 @@ def scene(request) -> tuple[Flight, States, vehicle.Vehicle]:
         rotor_acceleration_rad_s2=np.zeros((n - 1, 4)),
         rotor_command_rad_s=np.full((n - 1, 4), np.nan),
         battery_v=np.full(n - 1, np.nan),
+        streams={
+            clocks.GYRO: stream(rng.uniform(-4.0, 4.0, (9, 3))),
+            clocks.ACCELEROMETER: stream(rng.uniform(-2.0, 12.0, (9, 3))),
+            clocks.ROTOR_SPEED: stream(rng.uniform(700.0, 1200.0, (9, 4))),
+        },
     )
     wind = vehicle.example().with_value("centre_of_mass.y_m", -2e-3)
     return flight, states, wind
@@ -102,11 +115,12 @@ def test_accelerometer_derivatives_match_finite_differences(scene):
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.012])
 def test_sensor_derivatives_match_finite_differences(scene, delay_s):
-    """Pose, gyro and accelerometer as blocks: by the state, by their parameters and by their biases."""
+    """Pose, gyro and accelerometer as blocks: by the state, by their parameters, biases and delays."""
     flight, states, model = scene
     gyro, force = GYRO.bias_names(0), ACCELEROMETER.bias_names(0)
     values = dict(zip(pose.PARAMETERS, (0.09, -0.02, 0.03, 0.02, -0.05, 0.1, delay_s), strict=True))
     values |= dict(zip(gyro, (0.01, 0.02, 0.03), strict=True)) | dict(zip(force, (0.1, 0.2, 0.3), strict=True))
+    values |= {clocks.delay_name(q, 0): d for q, d in ((clocks.GYRO, delay_s), (clocks.ACCELEROMETER, -delay_s))}
     # the derivative by the state takes neighbours as given: all nodes are moved alike here, which leaves them so
     _, seen = PoseSensor.at(values).reading(states, flight.time_s)
     flight = replace(flight, readings={**flight.readings, "q_world_sensor": seen})
@@ -127,3 +141,21 @@ def test_sensor_derivatives_match_finite_differences(scene, delay_s):
         for i, name in enumerate(linear.shared):
             high, low = (block.residual(at(states, values | {name: values[name] + s * step})) for s in (1.0, -1.0))
             np.testing.assert_allclose(linear.by_shared[:, :, i], (high - low) / (2.0 * step), rtol=0.02, atol=0.02)
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.012])
+def test_the_column_of_a_late_rotor_speed_matches_finite_differences(scene, delay_s):
+    """With rotor inertia in the model, so that the delayed acceleration of the rotors counts, too."""
+    flight, states, model = scene
+    model = model.with_effect("rotor_acceleration_torque", rotor_inertia_kg_m2=1e-5)
+    name, step = clocks.delay_name(clocks.ROTOR_SPEED, 0), 1e-6
+    noise = Noise({**NOISE.levels, "motion": np.ones(6)})
+
+    def at(delay_s: float) -> At:
+        return located(flight, states, Point(model, {name: delay_s}, (states,)), noise, NAMES)
+
+    linear = MOTION.linear(at(delay_s))
+    assert linear.shared == (*NAMES, name)
+    high, low = (MOTION.residual(at(delay_s + s * step)) for s in (1.0, -1.0))
+    expected = (high - low) / (2.0 * step)
+    np.testing.assert_allclose(linear.by_shared[:, :, -1], expected, rtol=1e-4, atol=1e-5 * np.abs(expected).max())

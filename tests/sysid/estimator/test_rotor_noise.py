@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from sysid.estimator.blocks import rotor_speed
+from sysid.estimator.smoothing import most_likely
 
 RATE_HZ = 200.0
 MIX = 0.5 * np.array([[1, 1, 1, 1], [1, 1, -1, -1], [1, -1, -1, 1], [1, -1, 1, -1]], dtype=float)
@@ -32,7 +32,7 @@ def test_the_error_that_remains_is_uncorrelated_with_what_the_fit_sees() -> None
         true = true_speed(rng)
         measured = true + 4.0 * rng.standard_normal(true.shape)
         time_s = np.arange(len(true)) / RATE_HZ
-        found.append((slopes(true, measured), slopes(true, rotor_speed.most_likely(time_s, measured))))
+        found.append((slopes(true, measured), slopes(true, most_likely(time_s, measured))))
     raw, calm = np.mean(found, axis=0)
     assert raw[2] < 0.9
     assert calm == pytest.approx(np.ones(4), abs=0.01)
@@ -42,29 +42,29 @@ def test_most_of_the_noise_is_gone() -> None:
     rng = np.random.default_rng(2)
     true = true_speed(rng)
     measured = true + 4.0 * rng.standard_normal(true.shape)
-    calm = rotor_speed.most_likely(np.arange(len(true)) / RATE_HZ, measured)
+    calm = most_likely(np.arange(len(true)) / RATE_HZ, measured)
     assert np.std(calm - true) < 0.3 * np.std(measured - true)
 
 
 def test_a_signal_without_noise_passes_whole() -> None:
     true = true_speed(np.random.default_rng(3))
-    calm = rotor_speed.most_likely(np.arange(len(true)) / RATE_HZ, true)
+    calm = most_likely(np.arange(len(true)) / RATE_HZ, true)
     assert np.abs(calm - true).max() < 0.05
 
 
 @pytest.mark.parametrize("speed", [np.full((4000, 4), 500.0), np.zeros((4000, 4))], ids=["steady", "at rest"])
 def test_a_constant_stays_what_it_is(speed: np.ndarray) -> None:
-    np.testing.assert_allclose(rotor_speed.most_likely(np.arange(4000) / RATE_HZ, speed), speed, atol=1e-9)
+    np.testing.assert_allclose(most_likely(np.arange(4000) / RATE_HZ, speed), speed, atol=1e-9)
 
 
 def test_a_signal_too_short_for_a_spectrum_comes_back_as_it_is() -> None:
     speed = true_speed(np.random.default_rng(4), seconds=0.5)
-    assert rotor_speed.most_likely(np.arange(len(speed)) / RATE_HZ, speed) is speed
+    assert most_likely(np.arange(len(speed)) / RATE_HZ, speed) is speed
 
 
 def test_the_order_of_the_rotors_does_not_matter() -> None:
     rng = np.random.default_rng(5)
     measured = true_speed(rng) + 4.0 * rng.standard_normal((7200, 4))
     time_s = np.arange(7200) / RATE_HZ
-    turned = rotor_speed.most_likely(time_s, measured[:, [2, 0, 3, 1]])
-    np.testing.assert_allclose(turned, rotor_speed.most_likely(time_s, measured)[:, [2, 0, 3, 1]], atol=1e-9)
+    turned = most_likely(time_s, measured[:, [2, 0, 3, 1]])
+    np.testing.assert_allclose(turned, most_likely(time_s, measured)[:, [2, 0, 3, 1]], atol=1e-9)

@@ -7,6 +7,7 @@ import pytest
 
 import vehicle
 from flight import FlightLog, frames
+from sysid.estimator.sampling import Signal
 from sysid.logs.check import check_log as check
 from vehicle import flights as vehicle_flights
 from vehicle import manoeuvres
@@ -57,7 +58,7 @@ def test_a_gyro_axis_with_the_wrong_sign(log):
 def test_a_gyro_that_comes_late(log):
     names = [f"rate_body_{axis}_rad_s" for axis in "xyz"]
     late = _changed(log, **{name: np.roll(log.columns[name], 3) for name in names})
-    assert "-30 ms" in _whats(late)["clock"]
+    assert float(_whats(late)["clock"].split()[-2]) == pytest.approx(-30.0, abs=0.5)
 
 
 def test_quaternions_in_another_order(log, truth):
@@ -101,6 +102,13 @@ def test_rotor_speed_that_comes_late_or_early_against_the_gyro(log, truth, rows)
     fix = _whats(late, truth)["clock"]
     assert fix.endswith("against the gyro")
     assert float(fix.split()[4]) == pytest.approx(-10.0 * rows, abs=1.0)
+
+
+@pytest.mark.parametrize("late_ms", [2.0, -5.0, 8.0])
+def test_rotor_speed_late_by_less_than_a_sample_is_read_to_a_millisecond(log, truth, late_ms):
+    speed = Signal.through(log.time_s, log.vector("rotor_speed_rad_s")).value(log.time_s - 1e-3 * late_ms)
+    fix = _whats(_changed(log, **dict(zip(ROTORS, speed.T, strict=True))), truth)["clock"]
+    assert float(fix.split()[4]) == pytest.approx(-late_ms, abs=1.0)
 
 
 def test_rotor_speed_that_comes_late_where_there_is_no_gyro(log, truth):

@@ -118,6 +118,12 @@ typedef struct {
     uint64_t age_us;   /* how old it was when it came: what an implausible stamp after a clock step is replaced by */
 } tc_sample_time;
 
+/* The horizontal or the vertical part of position and velocity. */
+typedef struct {
+    tc_sample_time sample; /* of velocity, without which a position is of no use */
+    uint64_t position_us;  /* when the last usable position was true, in controller time; 0: never */
+} tc_position_time;
+
 typedef struct {
     tc_parameters parameters;
     tc_mixer mixer;
@@ -137,7 +143,8 @@ typedef struct {
     uint64_t clock_fault_us; /* controller time of the last impossible step */
 
     /* Estimate. */
-    tc_sample_time horizontal, vertical, velocity, attitude, rate;
+    tc_position_time horizontal, vertical;
+    tc_sample_time attitude, rate;
     uint64_t good_since_us; /* estimate without any fault since */
     uint8_t reset_counter;  /* of the estimate, as last seen */
     bool had_estimate;

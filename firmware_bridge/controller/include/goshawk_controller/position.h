@@ -13,13 +13,10 @@ typedef struct {
     float integral_m_s2[3];
 } tc_position_state;
 
-/* Force of all modelled drag (it points against the motion), eqs. (4)-(5) and their rival forms; all in body axes. */
-void tc_drag(const tc_parameters* parameters, const float velocity_body_m_s[3], float thrust_n,
-             float mean_rotor_speed_rad_s, float drag_body_n[3]);
-
-/* How fast the lateral part of it grows with speed, N s/m: what turns acceleration into a rate of force. */
-float tc_drag_slope(const tc_parameters* parameters, const float velocity_body_m_s[3], float thrust_n,
-                    float mean_rotor_speed_rad_s);
+/* Force of all modelled drag (it points against the motion), eqs. (4)-(5) and their rival forms; all in body axes.
+   Returns how fast its lateral part grows with speed, N s/m: what turns acceleration into a rate of force. */
+float tc_drag(const tc_parameters* parameters, const float velocity_body_m_s[3], float thrust_n,
+              float mean_rotor_speed_rad_s, float drag_body_n[3]);
 
 /* Eq. (9): the thrust vector in world axes, at most `largest_n`, for the estimated position and velocity and with the
    modelled drag cancelled. `integrate`: the gate of the integrator, flying and nothing saturated. Returns true when

@@ -1,0 +1,231 @@
+"""A pilot's mission: waypoints, and what is asked besides: laps, stays, velocities, speeds of legs, take-off, landing.
+
+It is kept in the waypoints file. Each kind of request is a plain record of its own; a file without any is what older
+versions wrote, and is read and written as such.
+"""
+
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any, Literal, cast
+
+import numpy as np
+
+from flight import file_format, project
+from flight.errors import FormatError, InputError
+from flight.project import Waypoints
+
+MOST_LAPS = 100
+
+
+@dataclass(frozen=True, slots=True)
+class Laps:
+    """Waypoints `first` to `last`, and back to `first`, flown `count` times; those before lead in, those after out."""
+
+    count: int
+    first: int = 0
+    last: int = -1
+    """-1: the last waypoint, so that nothing leads out."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stay:
+    """Hovering at a waypoint."""
+
+    waypoint: int
+    duration_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Velocity:
+    """The velocity to have at a waypoint; at the first or last one the path then starts or ends in motion."""
+
+    waypoint: int
+    velocity_world_m_s: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class FlyBy:
+    """An inner waypoint that need only be passed within a radius."""
+
+    waypoint: int
+    radius_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class LegSpeed:
+    """The largest speed from waypoint `first` to waypoint `last`."""
+
+    first: int
+    last: int
+    speed_m_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """A take-off from, or landing on, the point vertically below the first or last waypoint's height."""
+
+    position_world_m: tuple[float, float, float]
+    """Of the vehicle's centre when it stands there."""
+    climb_m_s: float = 1.0
+    """Vertical speed at which the path is joined, or left."""
+
+
+@dataclass(frozen=True, slots=True)
+class Yaw:
+    """How the vehicle looks where no waypoint asks for a heading; see the planner's option `yaw`."""
+
+    mode: Literal["along_path", "smooth", "steady", "fixed", "look_at", "free"]
+    heading_rad: float = 0.0
+    look_at_world_m: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mission:
+    """Waypoints and requests; indices count the waypoints as they are listed, from 0."""
+
+    waypoints: Waypoints
+    laps: Laps | None = None
+    stays: tuple[Stay, ...] = ()
+    velocities: tuple[Velocity, ...] = ()
+    fly_bys: tuple[FlyBy, ...] = ()
+    leg_speeds: tuple[LegSpeed, ...] = ()
+    take_off: Ground | None = None
+    landing: Ground | None = None
+    yaw: Yaw | None = None
+
+    def __post_init__(self) -> None:
+        count = len(self.waypoints.positions_world_m)
+        for kind, records in (("stay", self.stays), ("velocity", self.velocities), ("radius", self.fly_bys)):
+            for record in records:
+                if not 0 <= record.waypoint < count:
+                    raise InputError(f"a {kind} belongs to waypoint {record.waypoint}; there are 0 to {count - 1}")
+        for stay in self.stays:
+            if not 0.0 < stay.duration_s <= 3600.0:
+                raise InputError(f"the stay at waypoint {stay.waypoint} lasts {stay.duration_s:g} s; give it 0 to 3600")
+        for leg in self.leg_speeds:
+            if not 0 <= leg.first < leg.last < count:
+                raise InputError(
+                    f"a speed is given from waypoint {leg.first} to {leg.last}; there are 0 to {count - 1}"
+                )
+            if not (np.isfinite(leg.speed_m_s) and leg.speed_m_s > 0.0):
+                raise InputError(f"the speed from waypoint {leg.first} is {leg.speed_m_s:g} m/s; it must be positive")
+        cut = {f.waypoint for f in self.fly_bys} & {s.waypoint for s in self.stays}
+        if cut:
+            raise InputError(f"waypoint {min(cut)} has a stay and a radius to pass it by; remove one of them")
+        moving = {v.waypoint for v in self.velocities}
+        both = sorted(moving & {s.waypoint for s in self.stays})
+        if both:
+            raise InputError(f"waypoint {both[0]} has a stay and a velocity; remove one of them")
+        for name, ground, end in (("take_off", self.take_off, 0), ("landing", self.landing, count - 1)):
+            if ground is not None and not (np.isfinite(ground.position_world_m).all() and ground.climb_m_s > 0.0):
+                raise InputError(f"the {name} is at {ground.position_world_m} with {ground.climb_m_s:g} m/s")
+            if ground is not None and end in moving:
+                raise InputError(f"waypoint {end} has a velocity and a {name}; remove one of them")
+            if ground is not None and end in {stay.waypoint for stay in self.stays}:
+                raise InputError(f"waypoint {end} has a stay and a {name}; add a waypoint for one of them")
+        self._check_laps(count)
+
+    def _check_laps(self, count: int) -> None:
+        laps = self.laps
+        if laps is None:
+            return
+        last = laps.last if laps.last >= 0 else count + laps.last
+        if not 1 <= laps.count <= MOST_LAPS:
+            raise InputError(f"{laps.count} laps are asked for; 1 to {MOST_LAPS} can be planned")
+        if not 0 <= laps.first < last < count:
+            raise InputError(f"laps go from waypoint {laps.first} to {last}; there are 0 to {count - 1}")
+
+    @property
+    def plain(self) -> bool:
+        """Whether nothing is asked but waypoints."""
+        return all(not getattr(self, field.name) for field in fields(self) if field.name != "waypoints")
+
+    def unrolled(self) -> "Mission":
+        """The same flight without laps: their waypoints, and what is asked there, repeated."""
+        if self.laps is None:
+            return self
+        count = len(self.waypoints.positions_world_m)
+        first, last = self.laps.first, self.laps.last if self.laps.last >= 0 else count + self.laps.last
+        loop = list(range(first, last + 1))
+        order = np.array([*range(first), *loop * self.laps.count, first, *range(last + 1, count)])
+        places = {i: np.flatnonzero(order == i).tolist() for i in range(count)}
+        legs: list[LegSpeed] = []
+        for record in self.leg_speeds:
+            inside = set(range(record.first, record.last))  # the legs meant, each by the waypoint where it begins
+            legs += [LegSpeed(i, i + 1, record.speed_m_s) for i in range(len(order) - 1) if int(order[i]) in inside]
+        return replace(
+            self,
+            waypoints=Waypoints(self.waypoints.positions_world_m[order], self.waypoints.yaw_rad[order]),
+            laps=None,
+            stays=tuple(replace(s, waypoint=i) for s in self.stays for i in places[s.waypoint]),
+            velocities=tuple(replace(v, waypoint=i) for v in self.velocities for i in places[v.waypoint]),
+            fly_bys=tuple(replace(f, waypoint=i) for f in self.fly_bys for i in places[f.waypoint]),
+            leg_speeds=tuple(legs),
+        )
+
+
+_LISTS = {"stays": Stay, "velocities": Velocity, "fly_bys": FlyBy, "leg_speeds": LegSpeed}
+_SINGLE = {"laps": Laps, "take_off": Ground, "landing": Ground, "yaw": Yaw}
+
+
+def save(path: Path, mission: Mission) -> None:
+    """Write the waypoints file; one that holds waypoints only can be read by older versions."""
+    if mission.plain:
+        project.save_waypoints(path, mission.waypoints)
+        return
+    body: dict[str, Any] = {"waypoints": project.waypoint_records(mission.waypoints)}
+    for name in _LISTS:
+        body |= {name: [_record(item) for item in getattr(mission, name)]} if getattr(mission, name) else {}
+    for name in _SINGLE:
+        body |= {name: _record(getattr(mission, name))} if getattr(mission, name) is not None else {}
+    file_format.write_json(path, format=project.WAYPOINTS_FORMAT, version=project.MISSION_VERSION, body=body)
+
+
+def load(path: Path) -> Mission:
+    """Read a waypoints file, with or without requests.
+
+    Raises:
+        InputError: no such file, or a request that cannot be met.
+        FormatError: it is damaged, of another format, or newer than this version.
+    """
+    document = file_format.read_json(path, format=project.WAYPOINTS_FORMAT, version=project.MISSION_VERSION)
+    waypoints = project.waypoints_from(document, path)
+    known = {"format", "version", "waypoints", *_LISTS, *_SINGLE}
+    unknown = sorted(set(document) - known)
+    if unknown:
+        raise FormatError(f"{path} asks for {', '.join(unknown)}, which this version does not know")
+    try:
+        lists = {name: _all_made(kind, document.get(name, [])) for name, kind in _LISTS.items()}
+        single = {name: _made(kind, document[name]) for name, kind in _SINGLE.items() if name in document}
+    except (TypeError, ValueError) as error:
+        raise FormatError(f"{path} is a damaged waypoint file: {error}") from error
+    return Mission(waypoints, **lists, **single)
+
+
+def _record(item: Any) -> dict[str, Any]:
+    found = {field.name: getattr(item, field.name) for field in fields(item)}
+    return {name: list(cast("tuple[float, ...]", v)) if isinstance(v, tuple) else v for name, v in found.items()}
+
+
+def _all_made(kind: Any, records: list[dict[str, Any]]) -> tuple[Any, ...]:
+    return tuple(_made(kind, record) for record in records)
+
+
+def _made(kind: Any, record: dict[str, Any]) -> Any:
+    """A record of this kind; lists are points of three numbers, and whole numbers count waypoints and laps."""
+    values: dict[str, Any] = {}
+    for name, value in record.items():
+        if isinstance(value, list):
+            x, y, z = (float(number) for number in cast("list[Any]", value))
+            values[name] = (x, y, z)
+        else:
+            values[name] = value if value is None or name == "mode" else _number(name, value)
+    return kind(**values)
+
+
+def _number(name: str, value: Any) -> float | int:
+    if name in ("waypoint", "first", "last", "count"):
+        if not isinstance(value, int) or isinstance(value, bool):
+            raise TypeError(f"{name} is {value!r}; a whole number is expected")
+        return value
+    return float(value)

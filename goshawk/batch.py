@@ -1,0 +1,258 @@
+"""Many missions planned in one map: in processes or on a Dask cluster, resumable, one bad mission stopping nothing.
+
+Each mission ends as a line of a journal in the output folder, with its trajectory beside it; the tables are made of
+the journal at the end. A mission whose line is there, made of the same file, map, vehicle and options, is not planned
+again.
+"""
+
+import hashlib
+import json
+import os
+import signal
+import time
+from collections.abc import Generator, Sequence
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cache
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import mapping
+import planner
+import vehicle
+from flight import FlightError, InfeasibleError, InputError, Progress, Trajectory, file_format, results
+from flight.mission import Laps, Mission, Yaw
+from goshawk import waypoints_file
+from planner import mission as missions
+
+FORMAT, VERSION = "goshawk-batch", 1
+JOURNAL = "journal.jsonl"
+SUFFIXES = (".json", ".csv")
+Row = dict[str, Any]
+"""What is known of a mission: name, status, reason, segments, duration_s, clearance_m, top_speed_m_s, method, cpu_s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """All that a worker needs to plan any of the missions."""
+
+    map_folder: Path
+    vehicle_file: Path
+    options: planner.PlanOptions
+    out: Path
+    laps: Laps | None = None
+    yaw: Yaw | None = None
+    """Asked of every mission, instead of what its file says."""
+    overwrite: bool = False
+
+    def asked(self, mission: Mission) -> Mission:
+        """The mission with what is asked of all."""
+        return replace(mission, laps=self.laps or mission.laps, yaw=self.yaw or mission.yaw)
+
+
+def mission_files(folder: Path) -> list[Path]:
+    """The waypoint files in a folder, in the order of their names.
+
+    Raises:
+        InputError: there is no such folder, no such file in it, or two have one name.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder} is not a folder of waypoint files")
+    found = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
+    if not found:
+        raise InputError(f"{folder} holds no waypoint files ({', '.join(SUFFIXES)})")
+    names = [path.stem for path in found]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise InputError(f"{folder} holds two missions named {twice[0]}; rename one of them")
+    return found
+
+
+def run(
+    files: Sequence[Path],
+    job: Job,
+    *,
+    jobs: int = 1,
+    scheduler: str | None = None,
+    progress: Progress,
+) -> list[Row]:
+    """Plan every mission that is not done yet; the rows of all, in the order of the files.
+
+    Args:
+        jobs: worker processes; 1 plans in this process.
+        scheduler: address of a Dask scheduler, instead of processes of our own; its workers must see the same files.
+
+    Raises:
+        InputError: the output folder holds results of other inputs, or the map or vehicle cannot be read.
+        KeyboardInterrupt: Ctrl-C; what was done until then is in the journal and the tables.
+    """
+    job.out.mkdir(parents=True, exist_ok=True)
+    same = _inputs_hash(job)
+    keys: dict[str, str] = {}
+    for path in files:
+        keys[path.stem] = hashlib.sha256(same + path.read_bytes()).hexdigest()
+    done = _done(job, keys)
+    todo = [path for path in files if path.stem not in done]
+    journal = job.out / JOURNAL
+    try:
+        with _executor(jobs, scheduler) as executor, open(journal, "a") as lines:
+            lines.write("\n" if lines.tell() else "")  # a crash may have cut the last line off
+            for row in _planned(executor, todo, job):
+                done[row["name"]] = row | {"key": keys[row["name"]]}
+                lines.write(json.dumps(done[row["name"]], allow_nan=False) + "\n")
+                lines.flush()
+                os.fsync(lines.fileno())
+                progress("missions", len(done) / len(files))
+    finally:
+        rows = [{k: v for k, v in done[p.stem].items() if k != "key"} for p in files if p.stem in done]
+        if rows:
+            _write_tables(job.out, rows)
+    return rows
+
+
+def _inputs_hash(job: Job) -> bytes:
+    """Of the map, the vehicle and the options."""
+    area = mapping.open_map(job.map_folder)
+    drone = vehicle.vehicle_hash(vehicle.load(job.vehicle_file))
+    return hashlib.sha256(repr((area.field.hash, drone, job.options, job.laps, job.yaw)).encode()).digest()
+
+
+def _done(job: Job, keys: dict[str, str]) -> dict[str, Row]:
+    """The rows of the journal that belong to these inputs; a line that was cut off by a crash is planned again."""
+    found: dict[str, Row] = {}
+    journal = job.out / JOURNAL
+    for line in journal.read_text().splitlines() if journal.is_file() else []:
+        try:
+            row = json.loads(line)
+            found[row["name"]] = row
+        except (ValueError, KeyError, TypeError):
+            continue
+    changed = sorted(name for name, row in found.items() if name in keys and row.get("key") != keys[name])
+    if changed and not job.overwrite:
+        raise InputError(
+            f"{job.out} holds results of other inputs (first: {changed[0]}): mission, map, vehicle or options changed; "
+            "give another --out, or --overwrite to plan these again"
+        )
+    kept = {name: row for name, row in found.items() if name in keys and name not in changed}
+    lasting = {"infeasible": True, "refused": True}
+    return {n: r for n, r in kept.items() if lasting.get(r["status"], trajectory_path(job.out, n).is_file())}
+
+
+def trajectory_path(out: Path, name: str) -> Path:
+    """Where a mission's trajectory is written."""
+    return out / "trajectories" / f"{name}.json"
+
+
+@contextmanager
+def _executor(jobs: int, scheduler: str | None) -> Generator[Executor | None]:
+    """Dask's, processes of our own, or None for this process; Ctrl-C gives up what has not begun."""
+    if scheduler is not None:
+        try:
+            from dask.distributed import Client
+        except ImportError:
+            raise InputError("--scheduler needs Dask: install the package `distributed`") from None
+        with Client(scheduler) as client:
+            yield client.get_executor()
+        return
+    if jobs == 1:
+        yield None
+        return
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_ignore_ctrl_c) as pool:
+        try:
+            yield pool
+        except KeyboardInterrupt:
+            pool.shutdown(wait=True, cancel_futures=True)
+            raise
+
+
+def _ignore_ctrl_c() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _planned(executor: Executor | None, files: Sequence[Path], job: Job) -> Generator[Row]:
+    """A row for each file, as they are finished."""
+    if executor is None:
+        yield from (plan_one(path, job) for path in files)
+        return
+    futures: dict[Future[Row], Path] = {executor.submit(plan_one, path, job): path for path in files}
+    lost: list[Path] = []
+    for future in as_completed(futures):
+        try:
+            yield future.result()
+        except BrokenProcessPool:
+            lost.append(futures[future])
+    # A process died and took the pool with it: each of the missions that were left gets a process of its own.
+    for path in sorted(lost):
+        with ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=_ignore_ctrl_c) as alone:
+            try:
+                yield alone.submit(plan_one, path, job).result()
+            except BrokenProcessPool:
+                yield _row(path, "crashed", "the planning process ended without an answer")
+
+
+def plan_one(path: Path, job: Job) -> Row:
+    """Plan one mission and write its trajectory; a mission that fails is a row that says why."""
+    began = time.process_time()
+    try:
+        asked = waypoints_file.load_mission(path)
+        field, drone = _world(job.map_folder, job.vehicle_file)
+        plan = missions.plan(job.asked(asked), field, drone, job.options)
+        trajectory_path(job.out, path.stem).parent.mkdir(exist_ok=True)
+        with results.new_file(trajectory_path(job.out, path.stem), overwrite=True) as placing:
+            planner.save_plan(placing.temporary, plan, name=path.stem)
+    except InfeasibleError as error:
+        return _row(path, "infeasible", str(error), cpu_s=time.process_time() - began)
+    except FlightError as error:
+        return _row(path, "refused", str(error), cpu_s=time.process_time() - began)
+    except Exception as error:  # an error of ours is one mission's, too
+        return _row(path, "failed", f"{type(error).__name__}: {error}", cpu_s=time.process_time() - began)
+    return _row(
+        path,
+        "planned",
+        "",
+        segments=len(plan.trajectory.durations_s),
+        duration_s=plan.trajectory.duration_s,
+        clearance_m=plan.gate.clearance_m,
+        top_speed_m_s=top_speed_m_s(plan.trajectory),
+        method=plan.method,
+        trajectory_hash=plan.gate.trajectory_hash,
+        cpu_s=time.process_time() - began,
+    )
+
+
+def top_speed_m_s(flown: Trajectory) -> float:
+    """Largest speed at samples 10 ms apart."""
+    return float(np.linalg.norm(flown.position(flown.sample(0.01), 1), axis=1).max())
+
+
+def _row(path: Path, status: str, reason: str, **facts: Any) -> Row:
+    empty = dict.fromkeys(
+        ("segments", "duration_s", "clearance_m", "top_speed_m_s", "method", "trajectory_hash", "cpu_s")
+    )
+    return {"name": path.stem, "status": status, "reason": reason, **empty, **facts}
+
+
+@cache
+def _world(map_folder: Path, vehicle_file: Path) -> tuple[Any, vehicle.Vehicle]:
+    """Read once in each process."""
+    return mapping.open_map(map_folder).field, vehicle.load(vehicle_file)
+
+
+def _write_tables(out: Path, rows: list[Row]) -> None:
+    """The same rows as JSON and as Parquet."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    file_format.write_json(out / "results.json", format=FORMAT, version=VERSION, body={"missions": rows})
+    text, real = pa.string(), pa.float64()
+    types = {
+        "name": text, "status": text, "reason": text, "segments": pa.int64(), "duration_s": real, "clearance_m": real,
+        "top_speed_m_s": real, "method": text, "trajectory_hash": text, "cpu_s": real,
+    }  # fmt: skip
+    with file_format.atomic_file(out / "results.parquet") as temporary:
+        pq.write_table(pa.Table.from_pylist(rows, schema=pa.schema(list(types.items()))), temporary)

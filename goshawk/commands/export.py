@@ -1,0 +1,76 @@
+"""`goshawk export`: a checked trajectory for other autopilots and planners, and as a page to read."""
+
+from pathlib import Path
+
+import click
+
+import mapping
+import vehicle
+from flight import InputError, trajectory
+from goshawk import console, outputs, plan_exports, plan_report
+from goshawk.commands.plan import options_from
+from planner import gate
+
+
+@click.command()
+@click.argument("trajectory_file", metavar="TRAJECTORY", type=click.Path(path_type=Path))
+@console.path_option("--crazyflie", "crazyflie", "CSV of polynomials (poly4d) for the Crazyflie.")
+@console.path_option("--mav-trajectory", "mav", "YAML of segments for mav_trajectory_generation.")
+@console.path_option("--px4", "px4", "CSV of setpoints (NED) for PX4's offboard mode.")
+@click.option("--step", "step_s", default=0.02, show_default=True, help="Seconds between setpoints for --px4.")
+@console.path_option("--report", "report", "HTML page of the plan; needs --map and --vehicle.")
+@console.path_option("--map", "map_folder", "Map folder, for --report.")
+@console.path_option("--vehicle", "vehicle_file", "Vehicle file, for --report.")
+@outputs.overwrite_option
+@console.json_option
+def command(
+    trajectory_file: Path,
+    crazyflie: Path | None,
+    mav: Path | None,
+    px4: Path | None,
+    step_s: float,
+    report: Path | None,
+    map_folder: Path | None,
+    vehicle_file: Path | None,
+    overwrite: bool,
+    as_json: bool,
+) -> None:
+    """Write TRAJECTORY for other programs, or as a page.
+
+    \b
+    goshawk export lap.json --crazyflie lap.csv --mav-trajectory lap.yaml --px4 lap-setpoints.csv
+    goshawk export lap.json --report lap.html --map map --vehicle vehicle.toml
+
+    Only a trajectory that passed the gate is written for an autopilot; the page shows any.
+    """
+    written = {"crazyflie": crazyflie, "mav_trajectory_generation": mav, "px4": px4, "report": report}
+    if not any(written.values()):
+        raise click.UsageError("say what to write: --crazyflie, --mav-trajectory, --px4 or --report")
+    if report is not None and (map_folder is None or vehicle_file is None):
+        raise click.UsageError("--report needs --map and --vehicle")
+    outputs.check(*written.values(), overwrite=overwrite)
+    item = trajectory.load(trajectory_file)
+    if not item.checked and any((crazyflie, mav, px4)):
+        raise InputError(f"{trajectory_file} has not passed the gate; run `goshawk check` on it, or plan it again")
+    flown = item.trajectory
+    if crazyflie is not None:
+        with outputs.file(crazyflie, overwrite=overwrite) as temporary:
+            plan_exports.write_crazyflie(temporary, flown)
+    if mav is not None:
+        with outputs.file(mav, overwrite=overwrite) as temporary:
+            plan_exports.write_mav_trajectory_generation(temporary, flown)
+    if px4 is not None:
+        with outputs.file(px4, overwrite=overwrite) as temporary:
+            plan_exports.write_px4(temporary, flown, step_s)
+    if report is not None and map_folder is not None and vehicle_file is not None:
+        field, drone, options = (
+            mapping.open_map(map_folder).field,
+            vehicle.load(vehicle_file),
+            options_from(vehicle_file),
+        )
+        checked = gate.check_file(item, field, drone, options)
+        text = plan_report.page(item, checked, field, drone, options.limits_for(drone))
+        with outputs.file(report, overwrite=overwrite) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    facts = {name: str(path) for name, path in written.items() if path is not None}
+    console.show(f"{trajectory_file} written as", facts, as_json=as_json)

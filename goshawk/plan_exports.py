@@ -1,0 +1,70 @@
+"""A trajectory for other programs: Crazyflie's poly4d, mav_trajectory_generation's YAML, PX4's offboard setpoints.
+
+The first two carry the polynomials themselves, in our world frame (z up); the last is sampled, in PX4's frame (NED).
+"""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from flight import FloatArray, InputError, Trajectory, frames
+from flight.trajectory import AXES
+
+POLY4D_TERMS = 8
+"""Coefficients of a piece that the Crazyflie's firmware evaluates."""
+PX4_COLUMNS = (
+    "t_s",
+    *(f"{name}_{axis}" for name in ("position", "velocity", "acceleration", "jerk") for axis in ("x", "y", "z")),
+    "yaw",
+    "yawspeed",
+)
+"""The fields of PX4's TrajectorySetpoint: metres, seconds and radians, x north, y east, z down, yaw from x to y."""
+
+
+def write_crazyflie(path: Path, flown: Trajectory) -> None:
+    """`Duration,x^0,...,x^7,y^0,...,yaw^7`: one line a piece, ascending powers of seconds from its start.
+
+    Raises:
+        InputError: a piece has more than eight coefficients.
+    """
+    terms = flown.coefficients.shape[2]
+    if np.abs(flown.coefficients[:, :, POLY4D_TERMS:]).max(initial=0.0) > 0.0:
+        raise InputError(f"pieces have {terms} coefficients; Crazyflie's poly4d holds {POLY4D_TERMS}")
+    padded = np.pad(flown.coefficients[:, :, :POLY4D_TERMS], ((0, 0), (0, 0), (0, max(POLY4D_TERMS - terms, 0))))
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["Duration", *(f"{axis}^{i}" for axis in AXES for i in range(POLY4D_TERMS))])
+        for T, c in zip(flown.durations_s.tolist(), padded, strict=True):
+            writer.writerow([repr(T), *map(repr, c.ravel().tolist())])
+
+
+def write_mav_trajectory_generation(path: Path, flown: Trajectory) -> None:
+    """The YAML of its `segmentsToFile`: N coefficients, D axes, time in whole nanoseconds, ascending coefficients.
+
+    Durations are rounded to nanoseconds; nothing else changes.
+    """
+    lines = ["segments:"]
+    for T, c in zip(flown.durations_s.tolist(), flown.coefficients, strict=True):
+        lines += [f"  - N: {c.shape[1]}", f"    D: {len(c)}", f"    time: {round(T * 1e9)}", "    coefficients:"]
+        lines += [f"      - [{', '.join(repr(value) for value in axis)}]" for axis in c.tolist()]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def write_px4(path: Path, flown: Trajectory, step_s: float) -> None:
+    """Setpoints `step_s` apart, the end included."""
+    times = flown.sample(step_s)
+    rows = px4_setpoints(flown, times)
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(PX4_COLUMNS)
+        writer.writerows([repr(value) for value in row] for row in rows.tolist())
+
+
+def px4_setpoints(flown: Trajectory, times_s: FloatArray) -> FloatArray:
+    """(n, 15) in the order of `PX4_COLUMNS`; yaw within -pi to pi."""
+    motion = [flown.evaluate(times_s, r) for r in range(4)]
+    vectors = [frames.flip_vector(values[:, :3]) for values in motion]
+    yaw = -motion[0][:, 3]
+    wrapped = np.arctan2(np.sin(yaw), np.cos(yaw))
+    return np.column_stack([times_s, *vectors, wrapped, -motion[1][:, 3]])

@@ -1,0 +1,116 @@
+"""Clocks: how late each stream of a log is, estimated in every fit as the gyro's bias is.
+
+Only differences of clocks show, so one stream is the reference: the pose, or where there is none the IMU. The pose
+itself may be late by the vehicle's effect `pose_delay`; while that is estimated, rotor speed is the reference.
+
+A stream that is late by d showed at time t what was at t - d; read at t + d it agrees with the motion at t.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flight.rotations import FloatArray
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.options import Reference
+
+ROTOR_SPEED, GYRO, ACCELEROMETER = "rotor_speed_rad_s", "rate_body_rad_s", "specific_force_body_m_s2"
+NAMES = {ROTOR_SPEED: "rotor_speed_delay_s", GYRO: "gyro_delay_s", ACCELEROMETER: "accelerometer_delay_s"}
+"""Delay of each stream; every log has its own."""
+STREAMS = {GYRO: "gyro", ACCELEROMETER: "accelerometer", ROTOR_SPEED: "rotor speed"}
+"""In words."""
+PRIOR_S = 0.02
+"""Standard deviation of the prior on each: telemetry of speed controllers is late by 3 to 21 ms."""
+LEAST_DELAY_S, SURE_SIGMAS = 1e-3, 3.0
+"""Clocks that are off by less, or by fewer standard errors, are not spoken of."""
+LONGEST_STEP_S = 0.01
+"""A step of the fit changes no delay by more: further off, the slopes of the streams say nothing."""
+
+
+def delay_name(quantity: str, log: int) -> str:
+    """Of the delay of one stream of one log."""
+    return f"{NAMES[quantity]}[{log}]"
+
+
+def delay_of(quantity: str, flight: Flight, values: Mapping[str, float]) -> float:
+    """Delay of a stream of a flight; zero where nothing is known of it."""
+    return values.get(delay_name(quantity, flight.log_index), 0.0)
+
+
+def estimated(flights: Iterable[Flight], reference: Reference) -> dict[str, float]:
+    """Names of the delays of every log that are estimated, and the width of the prior on each."""
+    found = {}
+    for flight in flights:
+        fixed = (ROTOR_SPEED if reference == "rotor speed" else "") if flight.has_pose else GYRO
+        found |= {delay_name(q, flight.log_index): PRIOR_S for q in NAMES if q in flight.streams and q != fixed}
+    return dict(sorted(found.items()))
+
+
+def moved_reading(
+    quantity: str, flight: Flight, values: Mapping[str, float], *, between: bool
+) -> tuple[FloatArray, FloatArray]:
+    """What reading a stream by its delay later adds to its samples, and the derivative of that by the delay.
+
+    Only the part of the stream that is no noise is moved. The noise stays in the samples, where it is white; were it
+    interpolated too, the fit would be drawn to delays for which interpolation averages most.
+    """
+    signal, d = flight.streams[quantity], delay_of(quantity, flight, values)
+    now_s, then_s = flight.time_s, flight.time_s + d
+    if between:
+        return signal.means(then_s)[0] - signal.means(now_s)[0], signal.means(then_s)[1]
+    return signal.value(then_s) - signal.value(now_s), signal.slope(then_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """How late one stream of one log was."""
+
+    stream: str
+    """`gyro`, `accelerometer` or `rotor speed`."""
+    against: str
+    """The stream whose clock is the reference."""
+    flight: str
+    delay_s: float
+    """Positive: its samples show what was that long before their time stamps."""
+    std_robust: float
+    """Standard error that allows for errors correlated within a block of time."""
+
+    @property
+    def off(self) -> bool:
+        """Whether it is worth a word: surely not zero, and long enough to matter."""
+        return abs(self.delay_s) > max(LEAST_DELAY_S, SURE_SIGMAS * self.std_robust)
+
+    @property
+    def sentence(self) -> str:
+        late = "late" if self.delay_s > 0.0 else "early"
+        return (
+            f"{self.flight}: {self.stream} is {1e3 * abs(self.delay_s):.1f} ± {1e3 * self.std_robust:.1f} ms {late} "
+            f"against the {self.against}; the fit allows for it, and `goshawk log --fix` takes it out of the log"
+        )
+
+
+def pose_is_late(clocks: Sequence[Clock]) -> bool:
+    """Whether all other streams of all flights are early against the pose, and by the same time.
+
+    Then the pose is the one that is off. Rotor speed alone is taken so as well: telemetry is never ahead of the rotors.
+    """
+    against = [clock for clock in clocks if clock.against == "pose"]
+    rotors = [clock for clock in against if clock.stream == STREAMS[ROTOR_SPEED]]
+    if not rotors:
+        return False
+    weight = np.array([clock.std_robust**-2 for clock in rotors])
+    common_s = float(weight @ [clock.delay_s for clock in rotors] / weight.sum())
+    agree = all(abs(c.delay_s - common_s) < LEAST_DELAY_S + SURE_SIGMAS * c.std_robust for c in against)
+    return agree and common_s < -max(LEAST_DELAY_S, SURE_SIGMAS * float(weight.sum()) ** -0.5)
+
+
+def sentences(clocks: Sequence[Clock]) -> list[str]:
+    """What the user should know."""
+    found = [clock.sentence for clock in clocks if clock.off]
+    if pose_is_late(clocks):
+        found.append(
+            "every other stream is early against the pose by the same time, so it is the pose that is late: add the "
+            "effect pose_delay, or shift the pose"
+        )
+    return found

@@ -1,0 +1,166 @@
+"""Which stream of a log is late, read from the log alone: gyro against attitude, rotor speed against gyro or attitude.
+
+First the lag of the largest correlation, then least squares: the reference is explained by the other stream read some
+time later, with what else may turn the body beside it, and the time is stepped until the slope explains nothing more.
+The estimator finds the same delays more exactly, with the whole motion; here it has to take no time.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from flight import FlightLog, rotations
+from flight.flight_log import COLUMNS
+from flight.rotations import FloatArray
+from sysid.logs.finding import Finding, Repair, warning
+from sysid.logs.motion import GRID_S, Kinematics, correlation, fitted, on_grid, resampled, sampled
+from vehicle import Vehicle, acceleration
+from vehicle.invert import open_air
+
+LONGEST_S = 0.15
+"""Streams further apart are not recognised."""
+LEAST_DELAY_S = 1e-3
+"""Shorter delays are not worth a word."""
+GYRO_SIGMAS, ROTOR_SIGMAS = 3.0, 5.0
+"""Nor are those within so many standard errors: a controller that answers gusts looks like late rotors."""
+GYRO_QUALITY, ROTOR_QUALITY = 0.8, 0.35
+"""Correlation below which nothing is said; most torque of some rotors balances what the vehicle file does not know."""
+BLOCK_S = 1.0
+"""Errors are taken as independent between blocks of this length."""
+STEPS = 5
+"""Of least squares; each is exact for what moves straight on over the step."""
+
+
+@dataclass(frozen=True, slots=True)
+class Offset:
+    """How late a stream is against a reference."""
+
+    delay_s: float
+    """Positive: late."""
+    sigma_s: float
+    """Standard error."""
+    quality: float
+    """Correlation of the two, the delay taken out."""
+
+    def worth_a_word(self, least_quality: float, sigmas: float) -> bool:
+        """Whether it is there, and matters."""
+        return self.quality > least_quality and abs(self.delay_s) > max(LEAST_DELAY_S, sigmas * self.sigma_s)
+
+    @property
+    def words(self) -> str:
+        return f"{1e3 * abs(self.delay_s):.1f} ± {1e3 * self.sigma_s:.1f} ms {'late' if self.delay_s > 0 else 'early'}"
+
+
+def of_gyro(offset: Offset) -> list[Finding]:
+    """What to say of the gyro's clock."""
+    if not offset.worth_a_word(GYRO_QUALITY, GYRO_SIGMAS):
+        return []
+    fix = f"shift the gyro's time stamps by {-1e3 * offset.delay_s:+.1f} ms"
+    repair = Repair("shift", COLUMNS["rate_body_rad_s"], shift_s=-offset.delay_s)
+    return [warning("clock", f"the gyro is {offset.words} against the attitude", fix, repair=repair)]
+
+
+def of_rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle) -> list[Finding]:
+    """What to say of the clock of rotor speed: against the gyro, where that shows it, else against the attitude."""
+    against, offset = "gyro", Offset(0.0, np.inf, 0.0)
+    if sampled(log, "rate_body_rad_s"):
+        offset = rotors_after_gyro(log, motion, vehicle)
+    if offset.quality <= ROTOR_QUALITY:
+        against, offset = "motion", rotors_after_attitude(log, motion, vehicle)
+    if not offset.worth_a_word(ROTOR_QUALITY, ROTOR_SIGMAS):
+        return []
+    fix = f"shift rotor speed by {-1e3 * offset.delay_s:+.1f} ms against the {against}"
+    repair = Repair("shift", COLUMNS["rotor_speed_rad_s"], shift_s=-offset.delay_s)
+    return [warning("clock", f"rotor speed is {offset.words} against the {against}", fix, repair=repair)]
+
+
+def gyro_after_attitude(log: FlightLog, motion: Kinematics) -> Offset:
+    """By how much the gyro comes later than the attitude."""
+    return clock_offset(motion.rate_body_rad_s, on_grid(log, "rate_body_rad_s", motion.time_s))
+
+
+def rotors_after_gyro(log: FlightLog, motion: Kinematics, vehicle: Vehicle) -> Offset:
+    """By how much rotor speed comes later than the gyro, from roll and pitch."""
+    rows = np.isfinite(log.vector("rate_body_rad_s")).all(axis=1)
+    rate = resampled(motion.time_s, log.time_s[rows], log.vector("rate_body_rad_s")[rows])
+    return _rotors_after(fitted(rate, 0), fitted(rate, 1), log, motion, vehicle)
+
+
+def rotors_after_attitude(log: FlightLog, motion: Kinematics, vehicle: Vehicle) -> Offset:
+    """By how much rotor speed comes later than the attitude, from roll and pitch."""
+    return _rotors_after(motion.rate_body_rad_s, motion.angular_acceleration_rad_s2, log, motion, vehicle)
+
+
+def _rotors_after(
+    rate: FloatArray, turning: FloatArray, log: FlightLog, motion: Kinematics, vehicle: Vehicle
+) -> Offset:
+    """Against body rate and its slope, (n, 3) on the grid.
+
+    A moment that goes with turning or with speed is part of every flight, and moves the phase of what is left.
+    """
+    speed = on_grid(log, "rotor_speed_rad_s", motion.time_s)
+    rest = np.zeros((len(speed), 3))
+    air = rotations.rotate(rotations.conjugate(motion.q), motion.velocity_world_m_s)
+    around = replace(open_air(len(speed)), q_world_body=motion.q)
+    driven = acceleration(vehicle, rest, rest, speed, around)[1]
+    aerodynamic = acceleration(vehicle, air, rate, speed, around)[1] - driven
+    beside = np.stack([np.column_stack([rate[:, i], air[:, :2]]) for i in range(2)], axis=1)
+    return clock_offset((turning - aerodynamic)[:, :2], driven[:, :2], beside)
+
+
+def read_later(values: FloatArray, delay_s: float) -> FloatArray:
+    """(n, c) on the grid, as they are this much later; held at the ends."""
+    time_s = GRID_S * np.arange(len(values))
+    return CubicSpline(time_s, values)(np.clip(time_s + delay_s, 0.0, time_s[-1]))
+
+
+def clock_offset(reference: FloatArray, other: FloatArray, beside: FloatArray | None = None) -> Offset:
+    """By how much `other` comes later than `reference`, both (n, c) on the grid.
+
+    Args:
+        beside: (n, c, b) what else the reference may be proportional to, channel by channel.
+    """
+    n, edge = len(reference), int(LONGEST_S / GRID_S)
+    inner = slice(edge, n - edge)
+    more = np.zeros((n, reference.shape[1], 0)) if beside is None else beside
+    delay_s, quality = _largest_correlation(_freed(reference, more), _freed(other, more))
+    if abs(delay_s) >= LONGEST_S or n <= 4 * edge:
+        return Offset(0.0, np.inf, quality)
+    sigma_s = np.inf
+    for _ in range(STEPS):
+        later = read_later(other, delay_s)
+        own, given, moving = (
+            _freed(x[inner], more[inner]) for x in (reference, later, np.gradient(later, GRID_S, axis=0))
+        )
+        square = np.maximum((given**2).sum(axis=0), np.finfo(float).tiny)
+        gain = (own * given).sum(axis=0) / square
+        slope = gain * (moving - given * (given * moving).sum(axis=0) / square)
+        pull = (slope * (own - gain * given)).sum(axis=1)
+        information = float((slope**2).sum())
+        if information <= 0.0:
+            return Offset(0.0, np.inf, quality)
+        delay_s = float(np.clip(delay_s + pull.sum() / information, -LONGEST_S, LONGEST_S))
+        quality = correlation(own.ravel(), (gain * given).ravel())
+        blocks = np.add.reduceat(pull, np.arange(0, len(pull), round(BLOCK_S / GRID_S)))
+        sigma_s = float(np.sqrt((blocks**2).sum())) / information
+    return Offset(delay_s, sigma_s, quality)
+
+
+def _freed(values: FloatArray, beside: FloatArray) -> FloatArray:
+    """(n, c) less what means and `beside` (n, c, b) explain, channel by channel."""
+    left = values - values.mean(axis=0)
+    for i in range(values.shape[1]):
+        given = beside[:, i] - beside[:, i].mean(axis=0)
+        left[:, i] -= given @ np.linalg.lstsq(given, left[:, i])[0]
+    return left
+
+
+def _largest_correlation(reference: FloatArray, other: FloatArray) -> tuple[float, float]:
+    """Lag to the grid's step, and the correlation there."""
+    edge = int(LONGEST_S / GRID_S)
+    lags = np.arange(-edge, edge + 1)
+    base = reference[edge : len(reference) - edge]
+    values = [correlation(base.ravel(), other[edge + k : len(other) - edge + k].ravel()) for k in lags]
+    best = int(np.argmax(values))
+    return float(lags[best]) * GRID_S, values[best]

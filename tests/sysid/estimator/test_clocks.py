@@ -1,0 +1,88 @@
+"""Clocks of streams: how late each is comes out of the fit with its error, and a late stream spoils nothing."""
+
+import numpy as np
+import pytest
+
+import sysid
+from flight import FlightLog
+from flight.flight_log import COLUMNS
+from sysid.estimator.clocks import Clock, pose_is_late
+from sysid.estimator.sampling import Signal
+
+ROTORS, GYRO = "rotor_speed_rad_s", "rate_body_rad_s"
+PLANTED_S = {ROTORS: (0.005, -0.008, 0.002), GYRO: (0.0, 0.003, -0.005)}
+"""By flight."""
+NOISE = {ROTORS: 4.0, GYRO: 0.01}
+
+
+def late(log: FlightLog, delays_s: dict[str, float], rng: np.random.Generator) -> FlightLog:
+    """A log of exact streams as recorders make it that stamp some of them late, with noise; ends dropped."""
+    columns = dict(log.columns)
+    for quantity, delay_s in delays_s.items():
+        exact = Signal.through(log.time_s, log.vector(quantity)).value(log.time_s - delay_s)
+        noisy = exact + NOISE[quantity] * rng.standard_normal(exact.shape)
+        columns |= dict(zip(COLUMNS[quantity], noisy.T, strict=True))
+    return FlightLog({name: values[4:-4] for name, values in columns.items()}, log.metadata)
+
+
+@pytest.fixture(scope="module")
+def fitted(flying, truth) -> sysid.Identification:
+    rng = np.random.default_rng(3)
+    exact = flying.fly(
+        flying.Truth(),
+        flying.paper_flights(rng),
+        3,
+        duration_s=8.0,
+        rng=rng,
+        rate_hz=200.0,
+        rotor_noise_rad_s=0.0,
+        gyro_noise_rad_s=0.0,
+    )
+    logs = [late(log, {q: PLANTED_S[q][i] for q in PLANTED_S}, rng) for i, log in enumerate(exact)]
+    return sysid.identify(logs, truth, sysid.Options(gusts="white", node_rate_hz=100.0))
+
+
+def test_delays_of_rotor_speed_and_gyro_are_recovered_flight_by_flight(fitted):
+    planted = {("gyro", i): d for i, d in enumerate(PLANTED_S[GYRO])}
+    planted |= {("rotor speed", i): d for i, d in enumerate(PLANTED_S[ROTORS])}
+    assert len(fitted.clocks) == len(planted)
+    for clock in fitted.clocks:
+        true_s = planted[clock.stream, int(clock.flight.split()[-1]) - 1]
+        assert abs(clock.delay_s - true_s) < max(3e-4, 3.0 * clock.std_robust), clock
+        assert clock.std_robust < (2e-3 if clock.flight == "flight 1" else 5e-4)  # the vertical one hardly turns
+
+
+def test_clocks_that_are_off_are_spoken_of_and_written_down(fitted):
+    told = [finding for finding in fitted.findings if "against the pose" in finding]
+    assert any("flight 2: rotor speed is" in finding and "early" in finding for finding in told)
+    assert not any("flight 1: gyro" in finding for finding in told)
+    assert fitted.as_dict()["clocks"][0].keys() == {"stream", "against", "flight", "delay_s", "std_robust"}
+
+
+def test_clocks_that_are_off_spoil_no_inertia(fitted, truth):
+    for axis in ("xx", "yy", "zz"):
+        name = f"inertia_{axis}_kg_m2"
+        assert fitted.estimate(name).value == pytest.approx(truth.value(name), rel=0.005)
+
+
+def clock(stream: str, delay_ms: float, std_ms: float = 0.1) -> Clock:
+    return Clock(stream, "pose", "flight 1", 1e-3 * delay_ms, 1e-3 * std_ms)
+
+
+def test_the_pose_is_late_only_where_all_other_streams_are_early_alike():
+    assert pose_is_late([clock("rotor speed", -12.0), clock("gyro", -11.8)])
+    assert pose_is_late([clock("rotor speed", -12.0), clock("rotor speed", -8.0, 3.0)])
+    assert not pose_is_late([clock("rotor speed", -12.0), clock("gyro", 0.0)])
+    assert not pose_is_late([clock("rotor speed", -12.0), clock("rotor speed", -5.0)])
+    assert not pose_is_late([clock("rotor speed", 5.0), clock("gyro", 5.0)])
+    assert not pose_is_late([clock("rotor speed", -2.0, 1.0)])
+    assert not pose_is_late([])
+
+
+def test_a_signal_is_held_beyond_its_samples_and_its_means_follow():
+    time_s = np.linspace(0.0, 1.0, 21)
+    signal = Signal.through(time_s, np.column_stack([time_s**2]))
+    mean, slope = signal.means(np.array([-0.2, -0.1, 0.4, 0.6, 1.1, 1.2]))
+    inside = [0.4**3 / 1.5, (0.6**3 - 0.4**3) / 0.6, (1.0 - 0.6**3) / 1.5 + 0.2]
+    assert mean[:, 0] == pytest.approx([0.0, *inside, 1.0], abs=1e-6)
+    assert slope[:, 0] == pytest.approx([0.0, 0.32, 1.0, 1.28, 0.0])
