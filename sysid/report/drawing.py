@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -19,7 +19,11 @@ PALE = "#cfd8dc"
 
 
 def figure(
-    rows: int, columns: int, size: tuple[float, float], layout: str | None = "constrained", **options: Any
+    rows: int,
+    columns: int,
+    size: tuple[float, float],
+    layout: Literal["constrained"] | None = "constrained",
+    **options: Any,
 ) -> "tuple[Figure, np.ndarray]":
     """A figure in inches and its axes (rows, columns)."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
