@@ -24,6 +24,8 @@ LEAST_DELAY_S = 1e-3
 """Shorter delays are not worth a word."""
 GYRO_SIGMAS, ROTOR_SIGMAS = 3.0, 5.0
 """Nor are those within so many standard errors: a controller that answers gusts looks like late rotors."""
+SYSTEMATIC_S = 2.5e-4
+"""Part of every standard error: what smoothing, the grid and forces unknown to the vehicle file leave on clean logs."""
 GYRO_QUALITY, ROTOR_QUALITY = 0.8, 0.35
 """Correlation below which nothing is said; most torque of some rotors balances what the vehicle file does not know."""
 BLOCK_S = 1.0
@@ -143,7 +145,7 @@ def clock_offset(reference: FloatArray, other: FloatArray, beside: FloatArray | 
         delay_s = float(np.clip(delay_s + pull.sum() / information, -LONGEST_S, LONGEST_S))
         quality = correlation(own.ravel(), (gain * given).ravel())
         blocks = np.add.reduceat(pull, np.arange(0, len(pull), round(BLOCK_S / GRID_S)))
-        sigma_s = float(np.sqrt((blocks**2).sum())) / information
+        sigma_s = float(np.hypot(np.sqrt((blocks**2).sum()) / information, SYSTEMATIC_S))
     return Offset(delay_s, sigma_s, quality)
 
 
