@@ -7,6 +7,7 @@ import json
 import time
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ SHOWN = 3
 def fold(training: Sequence[FlightLog], left_out: FlightLog, model: Vehicle, options: sysid.Options) -> dict[str, Any]:
     """One diagnosis, and what every effect it tried does to the prediction of the flight left out."""
     begun = time.process_time()
-    found = diagnose(training, model, held_out=[left_out], auto=True, options=options)
+    found = diagnose(training, model, held_out=[left_out], auto=True, options=replace(options, gusts="white"))
     spent = time.process_time() - begun
     models, steps = {"as given": model, "fitted": found.search.models[0].fit.vehicle}, []
     now, name_now = iter(found.search.models[1:]), "fitted"

@@ -114,6 +114,11 @@ def _named(logs: Mapping[str, FlightLog], *beginnings: str) -> list[FlightLog]:
 
 def aligned(log: FlightLog, model: vehicle.Vehicle) -> FlightLog:
     """The log with gyro and rotor speed on the clock of the attitude, without jumps of the position, ends dropped."""
+    return without_jumps(on_one_clock(log, model))
+
+
+def on_one_clock(log: FlightLog, model: vehicle.Vehicle) -> FlightLog:
+    """The log with gyro and rotor speed on the clock of the attitude, ends dropped."""
     motion = kinematics(log)
     assert motion is not None
     gyro_s, rotors_s = gyro_after_attitude(log, motion).delay_s, rotors_after_gyro(log, motion, model).delay_s
@@ -122,10 +127,14 @@ def aligned(log: FlightLog, model: vehicle.Vehicle) -> FlightLog:
     for stream, late_s in (("rate_body_", gyro_s), ("rotor_speed_", gyro_s + rotors_s)):
         at_s = np.clip(log.time_s + late_s, log.time_s[0], log.time_s[-1])
         columns |= {n: CubicSpline(log.time_s, v)(at_s) for n, v in columns.items() if n.startswith(stream)}
-    columns |= {
-        n: np.where(_near_jump(log), np.nan, v) for n, v in columns.items() if n.startswith(("position_", "q_"))
-    }
     return FlightLog(columns, log.metadata).slice(log.time_s[0] + 0.1, log.time_s[-1] - 0.1)
+
+
+def without_jumps(log: FlightLog) -> FlightLog:
+    """The log without its pose where the position jumps."""
+    pose = {n: v for n, v in log.columns.items() if n.startswith(("position_", "q_"))}
+    cut = {n: np.where(_near_jump(log), np.nan, v) for n, v in pose.items()}
+    return FlightLog({**log.columns, **cut}, log.metadata)
 
 
 def _near_jump(log: FlightLog) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from flight.errors import FlightError, FormatError, InfeasibleError, InputError, LinkError, MapError
 from flight.flight_log import FlightLog
-from flight.progress import Progress, silent
+from flight.progress import Progress, silent, within
 from flight.project import Project, Waypoints
 from flight.rotations import FloatArray
 from flight.trajectory import Trajectory, TrajectoryFile
@@ -22,4 +22,5 @@ __all__ = [
     "TrajectoryFile",
     "Waypoints",
     "silent",
+    "within",
 ]

@@ -11,3 +11,12 @@ class Progress(Protocol):
 
 def silent(stage: str, fraction: float) -> None:
     """A `Progress` that discards every report: the default."""
+
+
+def within(progress: Progress, stage: str, begin: float, end: float) -> Progress:
+    """Progress of a part of a stage: its fractions are spread over `begin` to `end`, under the name of the whole."""
+
+    def report(_: str, fraction: float) -> None:
+        progress(stage, begin + (end - begin) * fraction)
+
+    return report

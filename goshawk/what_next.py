@@ -27,6 +27,8 @@ class DiagnoseCall:
     out: Path | None = None
     json_file: Path | None = None
     auto: bool = False
+    fit: str = ""
+    """Options of the fit, as they are typed."""
 
     @property
     def model_file(self) -> Path:
@@ -50,7 +52,7 @@ class DiagnoseCall:
 
     def again(self, vehicle_file: Path) -> str:
         """The diagnosis once more."""
-        return f"goshawk diagnose {self.training()} --vehicle {_words(vehicle_file)}{self.judging()}"
+        return f"goshawk diagnose {self.training()} --vehicle {_words(vehicle_file)}{self.judging()}{self.fit}"
 
 
 def lines(found: Diagnosis, call: DiagnoseCall, outlooks: Mapping[str, Outlook] | None = None) -> list[str]:

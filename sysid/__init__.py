@@ -4,8 +4,10 @@ from sysid import report
 from sysid.estimator.comparison import Comparison, compare
 from sysid.estimator.identification import identify
 from sysid.estimator.options import Options
+from sysid.estimator.protocol import Judged, judge
 from sysid.estimator.result import Estimate, Identification
 from sysid.estimator.stages import identify_in_stages, regress
+from sysid.estimator.wrench_error import WrenchErrors, wrench_errors
 from sysid.logs.check import LogReport, check_log
 from sysid.logs.reading import read_log
 from sysid.report import plots
@@ -14,14 +16,18 @@ __all__ = [
     "Comparison",
     "Estimate",
     "Identification",
+    "Judged",
     "LogReport",
     "Options",
+    "WrenchErrors",
     "check_log",
     "compare",
     "identify",
     "identify_in_stages",
+    "judge",
     "plots",
     "read_log",
     "regress",
     "report",
+    "wrench_errors",
 ]

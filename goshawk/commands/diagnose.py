@@ -9,7 +9,7 @@ import numpy as np
 
 import vehicle
 from flight import FlightLog, InputError, file_format
-from goshawk import console, outputs, what_next
+from goshawk import console, fit_options, outputs, what_next
 from goshawk.flights import load
 from goshawk.what_next import DiagnoseCall
 from sysid.diagnosis import CandidateFinding, Diagnosis, Size, diagnose
@@ -29,6 +29,7 @@ from sysid.report import diagnosis_page as report
     type=click.Path(path_type=Path),
     help="Held-out flight: used for evaluation only. Repeatable.",
 )
+@fit_options.fit_options(gusts="white", hold_unidentifiable=True)
 @click.option("--auto", is_flag=True, help="Repeat until no candidate effect is significant.")
 @console.path_option("--out", "out", "Vehicle file to write: the fitted model with the added effects.")
 @click.option("--anyway", is_flag=True, help="Write --out even if the verdict on the fit is `do not use`.")
@@ -42,6 +43,7 @@ def command(
     vehicle_file: Path,
     held_out: tuple[Path, ...],
     auto: bool,
+    fit: fit_options.Chosen,
     out: Path | None,
     anyway: bool,
     overwrite: bool,
@@ -80,15 +82,15 @@ def command(
     kept = Path(json_file) if json_file not in (None, "-") else None
     outputs.check(out, report_file, kept, overwrite=overwrite, folders=[plots])
     given = vehicle.load(vehicle_file)
+    options = fit_options.read(fit, given)
     with console.progress() as progress:
         training, evaluation = ([_read(path, columns) for path in paths] for paths in (flights, held_out))
-        found = diagnose(training, given, held_out=evaluation, auto=auto, progress=progress)
+        found = diagnose(training, given, held_out=evaluation, auto=auto, options=options, progress=progress)
         outlooks = outlook(found, rng=np.random.default_rng(0))
     document = found.as_dict()
     usable = found.fit_verdict.use is not Use.REJECTED
-    document["next"] = what_next.lines(
-        found, DiagnoseCall(flights, vehicle_file, held_out, columns, out, kept, auto), outlooks
-    )
+    call = DiagnoseCall(flights, vehicle_file, held_out, columns, out, kept, auto, fit_options.typed(fit))
+    document["next"] = what_next.lines(found, call, outlooks)
     document["outlook"] = {name: view.as_dict() for name, view in outlooks.items()}
     written_to = out if usable or anyway else None
     document |= _write(found, written_to, report_file, plots, document["next"], outlooks, overwrite)

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from fnmatch import fnmatchcase
 from functools import reduce
 from pathlib import Path
 from typing import Any
@@ -11,14 +10,12 @@ import click
 
 import sysid
 import vehicle
-from flight import FlightError, FlightLog, InputError, Progress
-from goshawk import console, outputs
+from flight import FlightLog, InputError, Progress
+from goshawk import console, fit_options, outputs
 from goshawk.flights import load
 from sysid.estimator.stages import STAGES
 from sysid.estimator.verdict import Use, Verdict, of_logs
 
-FLAGS = {"gaps='split'": "--split-gaps", "robust=True": "--robust"}
-"""Arguments that the library's messages name, and the corresponding option of this command."""
 STAGES_SCHEMA_VERSION = 1
 
 stage_options = [
@@ -65,36 +62,9 @@ def _with_stages(function: Any) -> Any:
 @console.vehicle_option
 @console.path_option("--out", "out", "Vehicle file to write.", required=True)
 @click.option("--add-effect", "added", multiple=True, metavar="NAME", help="Add this effect to the model. Repeatable.")
-@click.option("--hold", "held", multiple=True, metavar="NAME", help="Keep this parameter as it is. Repeatable.")
-@click.option(
-    "--free",
-    "free",
-    multiple=True,
-    metavar="NAME",
-    help="Estimate only this, and the pose sensor's pose. Repeatable.",
-)
-@click.option(
-    "--prior", "priors", multiple=True, metavar="NAME=STD", help="Gaussian prior about the file's value. Repeatable."
-)
+@fit_options.fit_options()
 @_with_stages
 @click.option("--trials", type=click.IntRange(2), help="FLIGHTS are this many repeated trials; fit each one too.")
-@click.option("--split-gaps", is_flag=True, help="Fit the pieces between gaps as separate flights.")
-@click.option(
-    "--hold-unidentifiable",
-    is_flag=True,
-    help="Hold parameters that are not identifiable; else such flights are refused.",
-)
-@click.option(
-    "--robust", is_flag=True, help="Robust loss on pose samples: outliers (a pose that jumps) have less weight."
-)
-@click.option(
-    "--steps",
-    "most_steps",
-    type=click.IntRange(1),
-    default=30,
-    show_default=True,
-    help="Most iterations of the solver.",
-)
 @console.columns_option
 @console.path_option("--report", "report_file", "HTML page to write: everything in one file.")
 @console.path_option("--plots", "plots", "Folder for figures (SVG).")
@@ -106,14 +76,8 @@ def command(
     vehicle_file: Path,
     out: Path,
     added: tuple[str, ...],
-    held: tuple[str, ...],
-    free: tuple[str, ...],
-    priors: tuple[str, ...],
+    fit: fit_options.Chosen,
     trials: int | None,
-    split_gaps: bool,
-    hold_unidentifiable: bool,
-    robust: bool,
-    most_steps: int,
     columns: Path | None,
     report_file: Path | None,
     plots: Path | None,
@@ -151,26 +115,15 @@ def command(
 
     Where --out is a vehicle file already, --overwrite makes this its next version; `goshawk vehicle undo` restores it.
     """
-    _check_usage(flights, stages, trials, free, json_file)
+    _check_usage(flights, stages, trials, fit["free"], json_file)
     kept = Path(json_file) if json_file not in (None, "-") else None
     outputs.check(out, report_file, kept, overwrite=overwrite, folders=[plots])
     believed = vehicle.load(vehicle_file)
     for effect in added:
         believed = believed.with_effect(effect)
-    options = sysid.Options(
-        held=_named(held, believed),
-        free=_named(free, believed) if free else None,
-        prior_std=dict(_prior(text, believed) for text in priors),
-        gaps="split" if split_gaps else "refuse",
-        unseen="hold" if hold_unidentifiable else "refuse",
-        robust=robust,
-        max_iterations=most_steps,
-    )
+    options = fit_options.read(fit, believed)
     with console.progress() as progress:
-        try:
-            fits = _fit(flights, stages, trials, believed, options, columns, progress)
-        except FlightError as error:
-            raise type(error)(_in_flags(str(error))) from error
+        fits = _fit(flights, stages, trials, believed, options, columns, progress)
     usable = fits.verdict.use is not Use.REJECTED
     written = _write(fits, out if usable or anyway else None, report_file, plots, overwrite=overwrite)
     document = _document(fits) | written
@@ -200,33 +153,6 @@ def _check_usage(
         raise InputError(
             f"--trials {trials}: expected {trials} groups of equally many FLIGHTS, got {len(flights)} flights"
         )
-
-
-def _named(patterns: Iterable[str], believed: vehicle.Vehicle) -> tuple[str, ...]:
-    """Names of parameters: each given as such, as an effect, or as a pattern."""
-    found: list[str] = []
-    for name in patterns:
-        matches = [p for p in believed.parameters if p.startswith(f"{name}.") or fnmatchcase(p, name)]
-        if not matches:
-            believed.parameter(name)  # raises, with the known names
-        found += matches
-    return tuple(dict.fromkeys(found))
-
-
-def _prior(text: str, believed: vehicle.Vehicle) -> tuple[str, float]:
-    name, _, std = text.partition("=")
-    believed.parameter(name)
-    try:
-        return name, float(std)
-    except ValueError:
-        raise InputError(f"--prior {text}: write NAME=STD, for example inertia_zz_kg_m2=1e-4") from None
-
-
-def _in_flags(sentence: str) -> str:
-    """A message of the library with the options of this command."""
-    for python, flag in FLAGS.items():
-        sentence = sentence.replace(python, flag)
-    return sentence
 
 
 def _fit(
@@ -261,7 +187,7 @@ def _fit(
 def _checked(path: str, log: FlightLog, believed: vehicle.Vehicle) -> sysid.LogReport:
     """Check a log; the findings are printed at once and returned with the options of this command."""
     found = sysid.check_log(log, believed)
-    findings = tuple(replace(f, fix=_in_flags(f.fix)) for f in found.findings)
+    findings = tuple(replace(f, fix=fit_options.worded(f.fix)) for f in found.findings)
     for finding in findings:
         click.echo(f"{path}: {finding.level}: {finding.sentence}; {finding.fix}", err=True)
     return replace(found, name=path, findings=findings)
@@ -315,7 +241,7 @@ def _document(fits: Fits) -> dict[str, Any]:
 def _show(fits: Fits, written: Mapping[str, Any]) -> None:
     click.echo(f"verdict: {fits.verdict.use}")
     for reason in fits.verdict.reasons:
-        click.echo(f"  {_in_flags(reason)}")
+        click.echo(f"  {fit_options.worded(reason)}")
     for stage, fit in fits.stages.items():
         rows = [
             (
@@ -331,7 +257,7 @@ def _show(fits: Fits, written: Mapping[str, Any]) -> None:
         heads = ("parameter", "value", "robust std", "unit", "started from")
         console.table(f"identified: {stage}" if stage else "identified", heads, rows)
         for finding in (f for f in fit.findings if f not in (*fit.verdict.against, *fit.verdict.doubts)):
-            click.echo(f"note: {_in_flags(finding)}")
+            click.echo(f"note: {fit_options.worded(finding)}")
         steps = len(fit.solution.record)
         click.echo(f"converged in {steps} steps" if fit.converged else f"NOT converged in {steps} steps")
     failed = sum(not trial.converged for trial in fits.trials)

@@ -142,6 +142,8 @@ def settle(flights: Sequence[Flight], point: Point, noise: Noise, clock: Referen
     Raises:
         InputError: the states do not settle.
     """
+    if noise.gusts is not None:
+        point = replace(point, states=tuple(s if s.gust is not None else s.with_gust() for s in point.states))
     unknowns, width = nuisances(flights, clock)
     weak = np.diag(1.0 / width**2)
     for _ in range(MOST_STEPS):

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtri
 
-from flight import FlightLog, InputError, Progress, silent
+from flight import FlightLog, InputError, Progress, silent, within
 from sysid.diagnosis import load, traces
 from sysid.diagnosis.belief import Belief, belief
 from sysid.diagnosis.candidates import Candidate
@@ -183,7 +183,7 @@ class Diagnosis:
 
 def while_searching(options: Options) -> Options:
     """How every model of a diagnosis is fitted, so that fits differ by their effects alone."""
-    return replace(options, node_rate_hz=NODE_RATE_HZ, gusts="white")
+    return replace(options, node_rate_hz=NODE_RATE_HZ)
 
 
 def diagnose(
@@ -211,8 +211,8 @@ def diagnose(
     names = [str(log.metadata.get("name", f"flight {i + 1}")) for i, log in enumerate((*logs, *held_out))]
     if any(log is other for log in held_out for other in logs):
         raise InputError("a flight is both to learn from and to judge by; split whole flights between the two")
-    options = while_searching(options or Options())
-    base = identify(logs, vehicle, options)
+    options = while_searching(options or Options(gusts="white"))
+    base = identify(logs, vehicle, options, progress=within(progress, "diagnose", 0.0, 0.1))
     if pose_is_late(base.clocks):  # then that is an effect to be named, measured by the clock of the rotors
         options = replace(options, clock="rotor speed")
         base = identify(logs, vehicle, options, near=base)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from flight import FlightLog, InputError, Progress, rotations, silent
+from flight import FlightLog, InputError, Progress, rotations, silent, within
 from flight.rotations import FloatArray
 from sysid.estimator.blocks import motor, rotor_speed
 from sysid.estimator.blocks.pose import PoseSensor
@@ -15,7 +15,7 @@ from sysid.estimator.identification import smooth
 from sysid.estimator.midpoint import Middle, middle
 from sysid.estimator.model import unexplained
 from sysid.estimator.options import Options
-from sysid.estimator.prediction import predict
+from sysid.estimator.prediction import Predictor, predict
 from sysid.estimator.prepare import prepare
 from sysid.estimator.result import CHANNELS, LARGE_FORCE_M_S2, LARGE_TORQUE_RAD_S2, SPAN_S
 from sysid.estimator.states import States
@@ -29,6 +29,10 @@ HORIZONS_S = (0.1, 0.2, 0.5, 1.0)
 QUANTITIES = {"position": "m", "velocity": "m/s", "attitude": "rad", "rate": "rad/s"}
 """What prediction errors are given in; the unit of each."""
 
+SMOOTHING_STEPS = 20
+"""Steps for the states of one model, where the options say nothing else."""
+FIRST_SHARE = 0.4
+"""Of the time, for the first states: all that follow start from them."""
 REFERENCE_LOOSENESS = 2.0
 """The reference states trust the first model this much less than its own residuals suggest, so as to take no side."""
 
@@ -138,7 +142,8 @@ def compare(
     """
     if not logs or not models:
         raise InputError("compare needs at least one flight and one model")
-    flights = [flight for i, log in enumerate(logs) for flight in prepare(log, i, options or Options())]
+    options = options or Options(max_iterations=SMOOTHING_STEPS)
+    flights = [flight for i, log in enumerate(logs) for flight in prepare(log, i, options)]
     for flight in flights:
         if not flight.has_pose:
             raise InputError(f"{flight.name} has no pose; predictions are judged against one")
@@ -147,12 +152,13 @@ def compare(
     if not flights:
         raise InputError(f"no flight is longer than {2.0 * longest_s:g} s; predictions need that")
     first = next(iter(models.values()))
-    smoothed = smooth(flights, first)
-    reference = smooth(flights, first, process_scale=REFERENCE_LOOSENESS, near=smoothed).point.states
+    smoothed = smooth(flights, first, options, progress=within(progress, "compare", 0.0, FIRST_SHARE))
+    reference = smooth(flights, first, options, process_scale=REFERENCE_LOOSENESS, near=smoothed).point.states
     errors, flight_errors, residuals = {}, {}, {}
     count = 0
     for i, (name, vehicle) in enumerate(models.items()):
-        smoothed = smooth(flights, vehicle, near=smoothed)
+        begun, done = (FIRST_SHARE + (1.0 - FIRST_SHARE) * (i + part) / len(models) for part in (0.0, 0.7))
+        smoothed = smooth(flights, vehicle, options, near=smoothed, progress=within(progress, "compare", begun, done))
         states = smoothed.point.states
         sensor = PoseSensor.of(vehicle)
         on_time = [rotor_speed.aligned(f, smoothed.point.sensors) for f in flights]
@@ -166,7 +172,7 @@ def compare(
             residual(f, s, vehicle, smoothed.noise.process) for f, s in zip(on_time, states, strict=True)
         )
         count = sum(len(p["position"][0]) for p in parts)
-        progress("compare", (i + 1) / len(models))
+        progress("compare", FIRST_SHARE + (1.0 - FIRST_SHARE) * (i + 1) / len(models))
     return Comparison(tuple(flights), dict(models), errors, flight_errors, residuals, count)
 
 
@@ -174,7 +180,7 @@ def _errors(
     flight: Flight, states: States, reference: States, vehicle: Vehicle, sensor: PoseSensor
 ) -> dict[str, list[FloatArray]]:
     """Per quantity and horizon, the size of the error of each prediction."""
-    predictions = predict(motor.driven(flight, vehicle), states, vehicle, HORIZONS_S, every_s=0.1)
+    predictions = predict(motor.driven(flight, vehicle), states, Predictor(vehicle, vehicle), HORIZONS_S, every_s=0.1)
     found: dict[str, list[FloatArray]] = {quantity: [] for quantity in QUANTITIES}
     for steps, predicted in zip(predictions.steps, predictions.states, strict=True):
         end = predictions.start + steps

@@ -43,12 +43,12 @@ def find(
         bandwidth_rad_s: (6,) beyond which the smoother, not the disturbance, shapes what is left; half of it is used.
     """
     series = [_series(f, s, vehicle) for f, s in zip(flights, states, strict=True)]
-    fits = [_fit([s[:, channel] for s in series], 0.5 * bandwidth_rad_s[channel]) for channel in range(6)]
-    if not any(fit.sureness > SURE for fit in fits):
+    fits = [fit([s[:, channel] for s in series], 0.5 * bandwidth_rad_s[channel]) for channel in range(6)]
+    if not any(one.sureness > SURE for one in fits):
         return None
-    size = np.maximum([fit.size for fit in fits], LEAST_SIZE)
-    white = np.array([fit.white for fit in fits]) * np.sqrt(BIN_S)
-    return Gusts(size, np.array([fit.lasts_s for fit in fits])), white
+    size = np.maximum([one.size for one in fits], LEAST_SIZE)
+    white = np.array([one.white for one in fits]) * np.sqrt(BIN_S)
+    return Gusts(size, np.array([one.lasts_s for one in fits])), white
 
 
 def _series(flight: Flight, states: States, vehicle: Vehicle) -> FloatArray:
@@ -62,7 +62,9 @@ def _series(flight: Flight, states: States, vehicle: Vehicle) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True)
-class _Fit:
+class GaussMarkov:
+    """A first-order Gauss-Markov process plus white noise, as found in means over `BIN_S`."""
+
     size: float
     lasts_s: float
     white: float
@@ -71,7 +73,7 @@ class _Fit:
     """Twice the log likelihood ratio to white noise alone."""
 
 
-def _fit(series: list[FloatArray], up_to_rad_s: float) -> _Fit:
+def fit(series: list[FloatArray], up_to_rad_s: float) -> GaussMarkov:
     """A Gauss-Markov process plus white noise, to the periodograms of a channel."""
     from scipy.optimize import minimize
 
@@ -79,7 +81,7 @@ def _fit(series: list[FloatArray], up_to_rad_s: float) -> _Fit:
     slow = angle < up_to_rad_s * BIN_S
     angle, power = angle[slow], power[slow]
     if len(power) < FEWEST:
-        return _Fit(0.0, SHORTEST_S, np.inf, 0.0)
+        return GaussMarkov(0.0, SHORTEST_S, np.inf, 0.0)
     mean = max(float(power.mean()), 1e-12)
 
     def spectrum(logs: FloatArray) -> FloatArray:
@@ -95,7 +97,7 @@ def _fit(series: list[FloatArray], up_to_rad_s: float) -> _Fit:
     best = minimize(surprise, start, method="Nelder-Mead", options={"maxiter": 400, "xatol": 0.01, "fatol": 0.01})
     size, lasts, white = np.exp(np.clip(best.x, -LOGS, LOGS))
     white_alone = len(power) * (np.log(mean) + 1.0)
-    return _Fit(size, float(np.clip(lasts, SHORTEST_S, LONGEST_S)), white, 2.0 * (white_alone - float(best.fun)))
+    return GaussMarkov(size, float(np.clip(lasts, SHORTEST_S, LONGEST_S)), white, 2.0 * (white_alone - float(best.fun)))
 
 
 def _periodogram(values: FloatArray) -> tuple[FloatArray, FloatArray]:

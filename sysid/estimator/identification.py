@@ -241,6 +241,7 @@ def _unseen_message(name: str) -> str:
 def smooth(
     flights: list[Flight],
     vehicle: Vehicle,
+    options: Options | None = None,
     *,
     process_scale: float = 1.0,
     near: Solution | None = None,
@@ -249,6 +250,7 @@ def smooth(
     """The states of flights under a vehicle whose parameters stay as they are; noise levels are estimated.
 
     Args:
+        options: robust loss and most steps; the rest has no part in it. None: plain squares, 20 steps.
         process_scale: more than 1 trusts the model less, so that the measurements decide.
         near: the same of a similar vehicle; its states and noise levels are started from.
     """
@@ -258,8 +260,10 @@ def smooth(
         point = Point(vehicle, {**near.point.sensors, **point.sensors}, near.point.states)
         noise = near.noise
     prior = Prior(np.zeros(unknowns.size), width)
-    solution = solve(flights, point, noise, unknowns, prior, robust=False, max_iterations=20, progress=progress)
+    options = options or Options(max_iterations=20)
+    robust, most = options.robust, options.max_iterations
+    solution = solve(flights, point, noise, unknowns, prior, robust=robust, max_iterations=most, progress=progress)
     if process_scale <= 1.0:
         return solution
     loose = solution.noise.with_process(process_scale * solution.noise.process)
-    return solve(flights, solution.point, loose, unknowns, prior, robust=False, max_iterations=1, progress=progress)
+    return solve(flights, solution.point, loose, unknowns, prior, robust=robust, max_iterations=1, progress=progress)

@@ -7,7 +7,7 @@ from scipy.signal import savgol_filter
 
 from flight import rotations
 from flight.rotations import FloatArray
-from sysid.estimator.flight_data import Flight
+from sysid.estimator.flight_data import Flight, IndexArray
 
 POSITION, VELOCITY, ATTITUDE, RATE = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
 """Places of a node's unknowns; of the attitude, the rotation vector of its error."""
@@ -45,6 +45,26 @@ class States:
     def with_gust(self) -> "States":
         """The same with a disturbance, which is zero so far."""
         return replace(self, gust=np.zeros((len(self.position_world_m), GUST)))
+
+    def picked(self, nodes: IndexArray | slice) -> "States":
+        """The states at some of the nodes."""
+        return States(
+            self.position_world_m[nodes],
+            self.velocity_world_m_s[nodes],
+            self.q_world_body[nodes],
+            self.rate_body_rad_s[nodes],
+            None if self.gust is None else self.gust[nodes],
+        )
+
+    def half_way(self, other: "States") -> "States":
+        """The states in the middle between these and others, without a disturbance."""
+        turn = rotations.log(rotations.multiply(rotations.conjugate(self.q_world_body), other.q_world_body))
+        return States(
+            0.5 * (self.position_world_m + other.position_world_m),
+            0.5 * (self.velocity_world_m_s + other.velocity_world_m_s),
+            rotations.multiply(self.q_world_body, rotations.exp(0.5 * turn)),
+            0.5 * (self.rate_body_rad_s + other.rate_body_rad_s),
+        )
 
     def moved(self, change: FloatArray) -> "States":
         """The states after a change (n, size); the attitude turns by a rotation vector in body axes."""

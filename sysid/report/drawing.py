@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -18,12 +18,18 @@ INK = "#2b2b2b"
 PALE = "#cfd8dc"
 
 
-def figure(rows: int, columns: int, size: tuple[float, float], **options: Any) -> "tuple[Figure, np.ndarray]":
+def figure(
+    rows: int,
+    columns: int,
+    size: tuple[float, float],
+    layout: Literal["constrained"] | None = "constrained",
+    **options: Any,
+) -> "tuple[Figure, np.ndarray]":
     """A figure in inches and its axes (rows, columns)."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    drawn = Figure(figsize=size, layout="constrained", facecolor="white")
+    drawn = Figure(figsize=size, layout=layout, facecolor="white")
     FigureCanvasAgg(drawn)
     return drawn, drawn.subplots(rows, columns, squeeze=False, **options)
 

@@ -13,8 +13,10 @@ from sysid.diagnosis import explained
 from sysid.estimator.blocks.catalogue import BLOCKS
 from sysid.estimator.comparison import HORIZONS_S, QUANTITIES, Comparison
 from sysid.estimator.noise import MOTION
-from sysid.estimator.result import Estimate, Identification, residual_statistics
+from sysid.estimator.protocol import KNOWS, Judged
+from sysid.estimator.result import CHANNELS, SPAN_S, Estimate, Identification, residual_statistics
 from sysid.estimator.verdict import Use
+from sysid.estimator.wrench_error import WrenchErrors
 from sysid.logs.check import LogReport
 from sysid.report import plots, residual_plots
 
@@ -42,6 +44,7 @@ CAPTIONS = {
     "prediction_error": "Prediction error against horizon",
     "residual_wrench": "Unexplained force and torque over time",
     "residual_share": "What explains the residual, channel by channel",
+    "residual_against_all": "Residual against every variable",
     "residual_against": "Residual against what explains it",
     "residual_path": "Where on the path the models fail",
     "residual_against_speed": "Unexplained force against air speed",
@@ -86,8 +89,15 @@ def write(
     return write_page(Path(path), f"Identification of {last.vehicle.name}", "".join(parts))
 
 
-def write_comparison(path: Path, comparison: Comparison) -> Path:
-    """Write a page about models on flights; pictures are inside the file."""
+def write_comparison(
+    path: Path, comparison: Comparison, wrench: WrenchErrors | None = None, judged: Judged | None = None
+) -> Path:
+    """Write a page about models on flights; pictures are inside the file.
+
+    Args:
+        wrench: force and moment of the same models against what was measured.
+        judged: the same models by a protocol.
+    """
     models = "".join(
         f"<tr><td>{escape(name)}</td><td class='word'>{escape(', '.join(v.effects))}</td></tr>"
         for name, v in comparison.models.items()
@@ -95,7 +105,11 @@ def write_comparison(path: Path, comparison: Comparison) -> Path:
     with tempfile.TemporaryDirectory() as folder:
         pictures = "".join(picture(p) for p in plots.comparison(comparison, Path(folder)))
     head = f"<h1>Comparison of models</h1>{_stamp()}<div class='verdict'>{_comparison_verdict(comparison)}</div>"
-    body = f"{head}{table(('model', 'effects'), models, words=1)}{_comparison(comparison)}{pictures}"
+    tables = table(("model", "effects"), models, words=1)
+    tables += _protocol(judged) if judged is not None else ""
+    tables += _wrench(wrench) if wrench is not None else ""
+    tables += _comparison(comparison)
+    body = f"{head}{tables}{pictures}"
     return write_page(Path(path), "Comparison of models", body)
 
 
@@ -281,6 +295,41 @@ def _comparison(comparison: Comparison) -> str:
     head = ("model", "rms error after", *(f"{h:g} s" for h in HORIZONS_S))
     note = f"<p class='small'>Open loop, with the measured rotor speeds, from {comparison.predictions} starts.</p>"
     return f"<h2>Prediction on {flights}</h2>{table(head, rows)}{note}"
+
+
+def _wrench(wrench: WrenchErrors) -> str:
+    """Errors of force and moment, axis by axis, and the share explained."""
+    units = [residual_plots.unit(channel) for channel in CHANNELS]
+
+    def row(name: str, values: Iterable[str]) -> str:
+        return f"<tr><td>{escape(name)}</td>{''.join(f'<td>{value}</td>' for value in values)}</tr>"
+
+    rows = row("none (measured)", (f"{s * v:.3g}" for (s, _), v in zip(units, wrench.size, strict=True)))
+    for name, rmse in wrench.rmse.items():
+        both = zip(units, rmse, wrench.explained[name], strict=True)
+        rows += row(name, (f"{s * v:.3g} ({share:.0%})" for (s, _), v, share in both))
+    head = ("model", *(f"{channel} ({unit})" for channel, (_, unit) in zip(CHANNELS, units, strict=True)))
+    force = "the accelerometer" if wrench.accelerometer else "the measured velocity"
+    note = (
+        f"<p class='small'>Root mean square of measured less modelled, means over {SPAN_S:g} s; in brackets the share "
+        f"of the variance explained. Force by {force}, moment by the measured rate; lever arms are taken out.</p>"
+    )
+    return f"<h2>Force and moment</h2>{table(head, rows)}{note}"
+
+
+def _protocol(judged: Judged) -> str:
+    """Errors by a protocol, pooled over all flights."""
+    rows = "".join(
+        f"<tr><td>{escape(way.name)}</td>{''.join(f'<td>{e:.3f}</td>' for e in judged.pooled(way).values())}</tr>"
+        for way in judged.errors
+    )
+    head = ("predictor", *(f"{quantity} ({unit})" for quantity, unit in QUANTITIES.items()))
+    findings = "".join(f"<p>{escape(finding)}.</p>" for finding in judged.findings)
+    note = (
+        f"<p class='small'>Mean absolute error {judged.protocol.horizon_s:g} s after each of {sum(judged.starts)} "
+        f"measured states. What each knows: {escape(KNOWS)}.</p>"
+    )
+    return f"<h2>Protocol {judged.protocol.name}</h2>{table(head, rows)}{findings}{note}"
 
 
 def _logs(logs: Sequence[LogReport]) -> str:

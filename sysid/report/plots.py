@@ -20,8 +20,8 @@ def comparison(result: Comparison, folder: Path, *, suffix: str = "svg") -> list
     """Write what models predict and what they leave unexplained; returns the files.
 
     `prediction_error`, `residual_wrench` (the flight that the first model leaves most of), `residual_share` (channel
-    against variable), `residual_against` (the two pairs that tell most), `residual_against_speed` and `residual_path`
-    (the same flight).
+    against variable), `residual_against_all` (the same as curves), `residual_against` (the two pairs that tell most),
+    `residual_against_speed` and `residual_path` (the same flight).
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -31,6 +31,7 @@ def comparison(result: Comparison, folder: Path, *, suffix: str = "svg") -> list
         "prediction_error": _prediction_error(result),
         "residual_wrench": residual_plots.over_time(result.residuals, worst, f"Unexplained on {where}, body axes"),
         "residual_share": residual_plots.heat_map(result.residuals),
+        "residual_against_all": residual_plots.against_all(result.residuals),
         "residual_against": residual_plots.against(result.residuals, _pairs(result)),
         "residual_against_speed": _residual_against_speed(result),
         "residual_path": residual_plots.path(result.residuals, worst, f"Where on {where} the models fail"),

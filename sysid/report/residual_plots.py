@@ -107,6 +107,36 @@ def against(named: Residuals, pairs: Sequence[tuple[str, str]]) -> "Figure":
     return figure
 
 
+def against_all(named: Residuals) -> "Figure":
+    """Every channel's residual against every variable: binned means with their 95 % bands, one row per channel."""
+    variables = [v for v in explained.VARIABLES if v.name != "constant"]
+    # to lay out so many panels takes longer than to draw them, so they are placed by hand
+    figure, axes = drawing.figure(6, len(variables), (len(variables), 8.0), layout=None, sharex="col", sharey="row")
+    figure.subplots_adjust(0.035, 0.08, 0.995, 0.95, 0.06, 0.06)
+    for colour, (name, residuals) in zip(drawing.cycle(named), named.items(), strict=True):
+        left = np.concatenate([r.means() for r in residuals])
+        for column, variable in enumerate(variables):
+            along = explained.read(residuals, variable)
+            if not np.ptp(along) > 0.0:
+                continue  # was not changed in these flights
+            for panel, values, channel in zip(axes[:, column], left.T, CHANNELS, strict=True):
+                centre, mean, error = drawing.binned(along, unit(channel)[0] * values)
+                band = SIGMAS * error
+                panel.fill_between(centre, mean - band, mean + band, color=colour, alpha=0.25, linewidth=0)
+                panel.plot(centre, mean, color=colour, linewidth=1.2, label=name)
+    for column, variable in enumerate(variables):
+        axes[5, column].set_xlabel(labelled(variable.name).replace(" (", "\n("), fontsize=7)
+        axes[5, column].locator_params(axis="x", nbins=3)
+    for row, channel in zip(axes, CHANNELS, strict=True):
+        row[0].set_ylabel(f"{channel} ({unit(channel)[1]})", fontsize=8)
+        for panel in row:
+            panel.axhline(0.0, color=drawing.INK, linewidth=0.5)
+            panel.tick_params(labelsize=6)
+    axes[0, 0].legend(frameon=False, fontsize=6)
+    drawing.headed(figure, "Residual against every variable: binned means and their 95 % bands, one scale a row")
+    return figure
+
+
 def labelled(variable: str) -> str:
     """A variable with its unit."""
     return f"{variable} ({VARIABLE[variable].unit})" if VARIABLE[variable].unit else variable

@@ -217,7 +217,7 @@ def test_an_effect_that_bent_the_whole_model_out_of_shape_is_still_fitted(monkey
     believed = vehicle.example().without_effect("centre_of_mass")
     truth = flying.Truth(gust=0.1, centre=(0.03, -0.02))
     logs = flying.fly(truth, flying.paper_flights(rng), 3, duration_s=6.0, rng=rng)
-    options = while_searching(Options(held=("rotor_yaw_torque.torque_n_m_s2",)))
+    options = while_searching(Options(gusts="white", held=("rotor_yaw_torque.torque_n_m_s2",)))
     bent = examine(identify(logs, believed, options))
     assert bent.fit.vehicle.value("inertia_xx_kg_m2") > 3.0 * believed.value("inertia_xx_kg_m2")
     centre = bent.candidate_set.candidate("centre_of_mass")

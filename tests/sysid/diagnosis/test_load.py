@@ -50,7 +50,7 @@ def told(logs: list[FlightLog], carried: tuple[bool, ...]) -> list[FlightLog]:
 
 
 def examine(logs: list[FlightLog]) -> examined.Model:
-    return examined.examine(identify(logs, vehicle.example(), while_searching(Options())))
+    return examined.examine(identify(logs, vehicle.example(), while_searching(Options(gusts="white"))))
 
 
 PARTLY = (False, True, False, True)
@@ -86,11 +86,11 @@ def test_logs_that_say_of_the_load_are_believed(partly, weighed):
 
 def test_a_fit_to_logs_that_say_of_the_load_finds_its_weight(partly):
     start = vehicle.example().with_effect("payload", added_kg=0.02)
-    fit = identify(told(partly, PARTLY), start, while_searching(Options()))
+    fit = identify(told(partly, PARTLY), start, while_searching(Options(gusts="white")))
     weight = fit.estimate("payload.added_kg")
     assert abs(weight.value - LOAD_KG) < 2.0 * weight.std_robust
     assert weight.std_robust < 0.05 * LOAD_KG
-    light = identify(told(partly, PARTLY)[::2], vehicle.example(), while_searching(Options()))
+    light = identify(told(partly, PARTLY)[::2], vehicle.example(), while_searching(Options(gusts="white")))
     thrust = light.estimate("thrust_bem.k1_n_s2")
     assert abs(fit.vehicle.value("thrust_bem.k1_n_s2") - thrust.value) < 3.0 * thrust.std_robust
 
@@ -167,7 +167,7 @@ def test_propellers_that_make_less_thrust_and_torque_are_no_load():
 def test_a_flight_that_carries_nothing_is_flown_by_the_vehicle_without_it(partly):
     """Marked as carrying it, nothing changes; marked as not, the payload neither acts nor has a column."""
     loaded = vehicle.example().with_effect("payload", added_kg=LOAD_KG, x_m=0.01)
-    fit = identify(partly[:1], vehicle.example(), while_searching(Options()))
+    fit = identify(partly[:1], vehicle.example(), while_searching(Options(gusts="white")))
     unknowns = replace(fit.unknowns, model=(*fit.unknowns.model, "payload.added_kg", "payload.x_m"))
     point = replace(fit.solution.point, vehicle=loaded)
     bare = replace(point, vehicle=vehicle.example())
@@ -208,7 +208,7 @@ def test_flights_are_compared_where_one_alone_carries_the_load(partly):
     loaded = vehicle.example().with_effect("payload", added_kg=0.5 * LOAD_KG)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        fit = identify(logs, loaded, while_searching(Options()))
+        fit = identify(logs, loaded, while_searching(Options(gusts="white")))
     named = fit.unknowns.model
     own = fit.solution.information[1]
     left = agreement.covariance_without(fit.solution.hessian, own)

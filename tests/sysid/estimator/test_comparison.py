@@ -33,6 +33,17 @@ def test_the_truth_predicts_to_within_the_noise(campaign, truth):
     assert comparison.errors["truth"]["position"][2] < 2e-2
 
 
+def test_progress_only_rises_and_ends_at_one(campaign, truth):
+    seen = []
+    cut = [campaign[1].slice(0.0, 4.0)]
+    sysid.compare(cut, {"a": truth, "b": truth}, progress=lambda stage, fraction: seen.append((stage, fraction)))
+    assert {stage for stage, _ in seen} == {"compare"}
+    fractions = [fraction for _, fraction in seen]
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
+    assert len(fractions) > 4
+
+
 def test_errors_grow_with_the_horizon(judged):
     comparison, _, _ = judged
     for errors in comparison.errors.values():
@@ -50,7 +61,7 @@ def test_figures_are_json(judged):
 def test_plots_are_written(judged, tmp_path):
     comparison, _, after = judged
     files = sysid.plots.comparison(comparison, tmp_path) + sysid.plots.identification(after, tmp_path, suffix="png")
-    assert len(files) == 6 + 3 + 2 * len(after.flights)
+    assert len(files) == 7 + 3 + 2 * len(after.flights)
     for file in files:
         head = file.read_bytes()[:400]
         assert head.startswith(b"\x89PNG") or b"<svg" in head or b"<?xml" in head

@@ -1,0 +1,155 @@
+"""How a fit is done, as options: the same for `identify`, `diagnose` and `compare`."""
+
+import functools
+import shlex
+from collections.abc import Callable, Iterable, Mapping
+from fnmatch import fnmatchcase
+from typing import Any
+
+import click
+from click.core import ParameterSource
+
+from flight import FlightError, InputError
+from sysid.estimator.options import Options
+from vehicle import Vehicle
+
+FLAGS = {"gaps='split'": "--split-gaps", "robust=True": "--robust"}
+"""Arguments that the library's messages name, and the corresponding options."""
+
+Chosen = Mapping[str, Any]
+"""Values of the options, by the names of the verb's arguments."""
+
+_NAMES = ("held", "free", "priors", "split_gaps", "hold_unidentifiable", "robust", "gusts", "most_steps")
+
+
+def fit_options(*, gusts: str = "estimate", hold_unidentifiable: bool = False) -> Callable[[Any], Any]:
+    """A decorator that gives a verb these options; their values reach it as one argument `fit`.
+
+    Errors of the library leave the verb with the names of options instead of arguments.
+
+    Args:
+        gusts: what `--gusts` is where it is not given.
+        hold_unidentifiable: the same of `--hold-unidentifiable`.
+    """
+    options = [
+        click.option("--hold", "held", multiple=True, metavar="NAME", help="Keep this parameter as it is. Repeatable."),
+        click.option(
+            "--free",
+            "free",
+            multiple=True,
+            metavar="NAME",
+            help="Estimate only this, and the pose sensor's pose. Repeatable.",
+        ),
+        click.option(
+            "--prior",
+            "priors",
+            multiple=True,
+            metavar="NAME=STD",
+            help="Gaussian prior about the file's value. Repeatable.",
+        ),
+        click.option("--split-gaps", is_flag=True, help="Fit the pieces between gaps as separate flights."),
+        click.option(
+            "--hold-unidentifiable/--refuse-unidentifiable",
+            default=hold_unidentifiable,
+            show_default=True,
+            help="Hold parameters that these flights do not identify, or refuse.",
+        ),
+        click.option(
+            "--robust", is_flag=True, help="Robust loss on pose samples: outliers (a pose that jumps) have less weight."
+        ),
+        click.option(
+            "--gusts",
+            type=click.Choice(("estimate", "white")),
+            default=gusts,
+            show_default=True,
+            help="Disturbances that last: estimate them with the states, or take all of them for white noise.",
+        ),
+        click.option(
+            "--steps",
+            "most_steps",
+            type=click.IntRange(1),
+            default=30,
+            show_default=True,
+            help="Most iterations of the solver.",
+        ),
+    ]
+
+    def decorated(function: Callable[..., Any]) -> Callable[..., Any]:
+        @functools.wraps(function)
+        def verb(**arguments: Any) -> Any:
+            fit = {name: arguments.pop(name) for name in _NAMES}
+            try:
+                return function(fit=fit, **arguments)
+            except FlightError as error:
+                raise type(error)(worded(str(error))) from error
+
+        for option in reversed(options):
+            option(verb)
+        return verb
+
+    return decorated
+
+
+def read(fit: Chosen, believed: Vehicle) -> Options:
+    """The options of the library, with names and patterns resolved for a vehicle.
+
+    Raises:
+        InputError: a name that the vehicle does not have, or a prior that is not a number.
+    """
+    return Options(
+        held=named(fit["held"], believed),
+        free=named(fit["free"], believed) if fit["free"] else None,
+        prior_std=dict(_prior(text, believed) for text in fit["priors"]),
+        gaps="split" if fit["split_gaps"] else "refuse",
+        unseen="hold" if fit["hold_unidentifiable"] else "refuse",
+        robust=fit["robust"],
+        gusts=fit["gusts"],
+        max_iterations=fit["most_steps"],
+    )
+
+
+def typed(fit: Chosen) -> str:
+    """The options as they are typed, those left at their defaults out; each with a space before it."""
+    parameters = {p.name: p for p in click.get_current_context().command.params if isinstance(p, click.Option)}
+    words: list[str] = []
+    for name in given(fit):
+        value, option = fit[name], parameters[name]
+        if isinstance(value, bool):
+            words += (option.opts if value else option.secondary_opts)[:1]
+        else:
+            values = value if isinstance(value, tuple) else (value,)
+            words += [f"{option.opts[0]} {shlex.quote(str(v))}" for v in values]
+    return "".join(f" {word}" for word in words)
+
+
+def given(fit: Chosen) -> list[str]:
+    """Names of the options that the user gave."""
+    context = click.get_current_context()
+    return [name for name in fit if context.get_parameter_source(name) is ParameterSource.COMMANDLINE]
+
+
+def named(patterns: Iterable[str], believed: Vehicle) -> tuple[str, ...]:
+    """Names of parameters: each given as such, as an effect, or as a pattern."""
+    found: list[str] = []
+    for name in patterns:
+        matches = [p for p in believed.parameters if p.startswith(f"{name}.") or fnmatchcase(p, name)]
+        if not matches:
+            believed.parameter(name)  # raises, with the known names
+        found += matches
+    return tuple(dict.fromkeys(found))
+
+
+def _prior(text: str, believed: Vehicle) -> tuple[str, float]:
+    name, _, std = text.partition("=")
+    believed.parameter(name)
+    try:
+        return name, float(std)
+    except ValueError:
+        raise InputError(f"--prior {text}: write NAME=STD, for example inertia_zz_kg_m2=1e-4") from None
+
+
+def worded(sentence: str) -> str:
+    """A message of the library with options instead of arguments."""
+    for python, flag in FLAGS.items():
+        sentence = sentence.replace(python, flag)
+    return sentence

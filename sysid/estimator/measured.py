@@ -1,0 +1,52 @@
+"""What a flight's own sensors say of the motion, no model asked: states, and the acceleration between them."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from flight import FlightLog, rotations
+from flight.rotations import FloatArray
+from sysid.estimator.blocks.pose import PoseSensor
+from sysid.estimator.flight_data import Flight
+from sysid.estimator.midpoint import Middle, middle, rates_of_change
+from sysid.estimator.states import States, first_guess
+
+VELOCITY = "velocity_world_m_s"
+
+
+def states(flight: Flight, log: FlightLog, sensor: PoseSensor) -> States:
+    """The states as measured, at the centre of mass: the lever arm of the pose sensor is taken out.
+
+    Position and attitude are the pose sensor's own. Velocity is the log's where it has one, the rate the gyro's; what
+    was not measured comes from local cubic fits to the pose.
+
+    Args:
+        flight: a stretch of `log` with a pose.
+        sensor: where the pose sensor sits.
+    """
+    smooth = first_guess(flight, sensor.offset_body_m, sensor.q_body_sensor)
+    q = rotations.multiply(flight.q_world_sensor, rotations.conjugate(sensor.q_body_sensor))
+    rate = np.where(np.isfinite(flight.rate_body_rad_s), flight.rate_body_rad_s, smooth.rate_body_rad_s)
+    measured = replace(
+        smooth,
+        position_world_m=flight.position_world_m - rotations.rotate(q, sensor.offset_body_m),
+        q_world_body=q,
+        rate_body_rad_s=rate,
+    )
+    if not log.has(VELOCITY):
+        return measured
+    velocity = _at(flight.time_s, log.time_s, log.vector(VELOCITY))
+    lever = rotations.rotate(q, np.cross(rate, sensor.offset_body_m))
+    return replace(measured, velocity_world_m_s=velocity - lever)
+
+
+def acceleration(flight: Flight, at: States) -> tuple[FloatArray, Middle]:
+    """(k, 6) specific force and angular acceleration over each interval, body axes; and the motion half-way."""
+    mid = middle(flight, at)
+    return rates_of_change(at, mid), mid
+
+
+def _at(time_s: FloatArray, sampled_s: FloatArray, values: FloatArray) -> FloatArray:
+    """Samples brought to other instants; rows that are not finite were not sampled."""
+    rows = np.isfinite(values).all(axis=1)
+    return np.stack([np.interp(time_s, sampled_s[rows], column) for column in values[rows].T], axis=1)
