@@ -23,7 +23,9 @@ from vehicle import Vehicle, specs
 logger = logging.getLogger(__name__)
 
 CONVERGED_SIGMA = 0.05
-"""Stop when no parameter moves by more than this part of its standard error."""
+"""Stop when no parameter moves by more than this part of its standard error.
+
+Delays of streams do not count beside others: one that the flights hardly show creeps, and nothing else follows it."""
 CONVERGED_NOISE = 0.05
 """... and no noise level changes by more than this share."""
 
@@ -35,7 +37,7 @@ class Iteration:
     cost: float
     """Half the sum of squares before the step."""
     step_sigma: float
-    """Largest step of a parameter in standard errors."""
+    """Largest step of a parameter in standard errors; of delays only where nothing else is estimated."""
     damping: float
     """Share of the Gauss-Newton step that was taken."""
     values: tuple[float, ...]
@@ -106,6 +108,7 @@ def solve(
         hessian = prior.information + carried.information + sum(e.information for e in eliminated)
         gradient = prior.information @ (border - prior.mean) + carried.gradient + sum(e.gradient for e in eliminated)
         step, sigma = _parameter_step(hessian, gradient, _room(point, unknowns))
+        judged = slice(unknowns.size - len(unknowns.delay) if unknowns.model else None)
         changes = [e.states(step) for e in eliminated]
         before = carried.cost + sum(r.cost() for r in rows)
         point, taken = _take(flights, point, unknowns, noise, prior, step, changes, robust, before)
@@ -113,7 +116,7 @@ def solve(
         record.append(
             Iteration(
                 cost=sum(r.cost() for r in rows),
-                step_sigma=float(np.max(np.abs(step) / sigma, initial=0.0)),
+                step_sigma=float(np.max(np.abs(step / sigma)[judged], initial=0.0)),
                 damping=taken,
                 values=tuple(point.shared(unknowns)),
                 noise_change=_relative_change(old, noise),
