@@ -13,10 +13,10 @@ def silent(stage: str, fraction: float) -> None:
     """A `Progress` that discards every report: the default."""
 
 
-def within(progress: Progress, stage: str, begin: float, end: float) -> Progress:
-    """Progress of a part of a stage: its fractions are spread over `begin` to `end`, under the name of the whole."""
+def within(progress: Progress, whole: str, begin: float, end: float) -> Progress:
+    """Progress of a part: its fractions are spread over `begin` to `end`, under the name of the whole stage."""
 
-    def report(_: str, fraction: float) -> None:
-        progress(stage, begin + (end - begin) * fraction)
+    def report(stage: str, fraction: float) -> None:
+        progress(whole, begin + (end - begin) * fraction)
 
     return report
