@@ -342,15 +342,19 @@ def _sandwich(scores: list[tuple[FloatArray, FloatArray]], bread: FloatArray) ->
     Each block's score is freed of the block's own pull on the estimate (jackknife, CR3), or few blocks that fit
     themselves would look too good.
     """
+    sigma = np.sqrt(np.diag(bread))  # in units of these all numbers are near one: least squares drops what is tiny
+    bread = bread / np.outer(sigma, sigma)
     meat = np.zeros_like(bread)
     shares: list[FloatArray] = []
     for information, pull in scores:
+        information, pull = information * np.outer(sigma, sigma), pull * sigma
         score = np.linalg.lstsq(np.eye(len(pull)) - information @ bread, pull)[0]
         shares.append(np.einsum("ip,ij,jp->p", bread, information, bread))
         meat += np.outer(score, score)
     blocks = len(scores)
     freedom = np.sum(shares, axis=0) ** 2 / np.maximum(np.sum(np.square(shares), axis=0), 1e-300)
-    return bread @ meat @ bread * ((blocks - 1) / blocks), np.maximum(freedom, 1.0)
+    covariance = bread @ meat @ bread * ((blocks - 1) / blocks) * np.outer(sigma, sigma)
+    return covariance, np.maximum(freedom, 1.0)
 
 
 def _all_scores(solution: Solution, times_s: list[FloatArray], block_s: float) -> list[tuple[FloatArray, FloatArray]]:
