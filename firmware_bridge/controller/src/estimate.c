@@ -98,11 +98,11 @@ static tc_taken take_part(tc_controller* c, const tc_estimate* e, const tc_part*
     const bool position = velocity && marked(e, part->position_bits) &&
                           plausible(&e->position_world_m[first], part->count, LARGEST_POSITION_M) &&
                           certain(e->position_std_m[part->std], p->position_std_m);
-    if (velocity) note_sample(c, &times->sample, e->position_time_us);
-    if (position) times->position_us = times->sample.true_us;
-    const float sample_age_s = age_s(c, times->sample.true_us), ahead = ahead_s(p, sample_age_s);
-    const bool has_velocity = velocity && sample_age_s <= p->estimate_stale_s;
-    const bool fresh = position && has_velocity;
+    if (velocity) note_sample(c, &times->velocity, e->position_time_us);
+    if (position) note_sample(c, &times->position, e->position_time_us);
+    const float position_age_s = age_s(c, times->position.true_us), ahead = ahead_s(p, position_age_s);
+    const bool has_velocity = velocity && age_s(c, times->velocity.true_us) <= p->estimate_stale_s;
+    const bool fresh = position && position_age_s <= p->estimate_stale_s;
     for (int i = first; i < first + part->count; i++) {
         if (fresh) {
             const float gain = ahead * c->telemetry.setpoint.acceleration_world_m_s2[i];
@@ -118,7 +118,7 @@ static tc_taken take_part(tc_controller* c, const tc_estimate* e, const tc_part*
     now->position_std_m[part->std] = tc_finite(e->position_std_m[part->std]) ? e->position_std_m[part->std] : 0.0f;
     now->velocity_std_m_s[part->std] =
         tc_finite(e->velocity_std_m_s[part->std]) ? e->velocity_std_m_s[part->std] : 0.0f;
-    return (tc_taken){position, has_velocity, age_s(c, times->position_us)};
+    return (tc_taken){position, has_velocity, position_age_s};
 }
 
 /* How long position has been dead reckoned, and what it may be off by then (horizontal, both axes). */

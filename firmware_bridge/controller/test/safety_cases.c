@@ -229,6 +229,20 @@ static void lost_position_times(void) {
     enters(TC_DISARMED, 0.1f, 0.11f, TC_ESTIMATE_NOT_FINITE, "with the reason");
 }
 
+/* Ticks with a new velocity alone take turns with ticks whose position is 0.9 s old. */
+static void newer_velocities_make_no_old_position_fresh(void) {
+    start_in(TC_HOLD, 0);
+    g.no_position = true; /* the stamps are set here */
+    for (int i = 0; i < 120; i++) {
+        const bool old = i % 2 == 1;
+        g.e.valid = old ? TC_VALID_ALL : TC_VALID_ALL & ~(uint32_t)(TC_VALID_POSITION_XY | TC_VALID_POSITION_Z);
+        g.e.position_time_us = g.now_us + TICK_US - (old ? 900000u : 0u);
+        tick();
+    }
+    must(near(g.c.telemetry.reckoning_s, 0.8f, 0.02f), "dead reckoned since the old position was true, but stale_s");
+    must(g.c.telemetry.warnings == TC_WARNING_DEAD_RECKONING, "and says so");
+}
+
 static void six_seconds(tc_parameters* p) { p->emergency_s = 6.0f; }
 
 /* Whether time ends an emergency. */
@@ -359,6 +373,7 @@ void safety_cases(void) {
     tilt_times();
     lost_attitude_times();
     lost_position_times();
+    newer_velocities_make_no_old_position_fresh();
     emergency_timeout();
     fence_faces();
     battery_levels();

@@ -120,8 +120,8 @@ typedef struct {
 
 /* The horizontal or the vertical part of position and velocity. */
 typedef struct {
-    tc_sample_time sample; /* of velocity, without which a position is of no use */
-    uint64_t position_us;  /* when the last usable position was true, in controller time; 0: never */
+    tc_sample_time position; /* an old position may come with a stamp before that of a newer velocity */
+    tc_sample_time velocity;
 } tc_position_time;
 
 typedef struct {
