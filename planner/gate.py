@@ -161,9 +161,12 @@ def check_file(
     """Check a file's trajectory, and that it was planned for this map and this vehicle.
 
     Args:
-        options: what to check for; if left out, what the file was checked for.
+        options: what to check for; if left out, what the file was checked for, and the vehicle's limits where they
+            are stricter.
     """
-    options = options_of(item) if options is None else options
+    if options is None:
+        options = options_of(item)
+        options = replace(options, limits=options.limits and options.limits.stricter(vehicle.limits))
     report = check(
         item.trajectory, field, vehicle, options, waypoints_world_m=item.waypoints_world_m, conditions=asked_of(item)
     )

@@ -189,6 +189,11 @@ def _longer(values: FloatArray | None, at: int) -> FloatArray | None:
 def _above(ground: Ground, field: space.DistanceField, options: PlanOptions) -> FloatArray:
     """The lowest point vertically above the ground point that keeps the clearance of a waypoint."""
     foot = np.array(ground.position_world_m)
+    if not space.distance(field, foot[None])[0] >= -space.GROUND_TOLERANCE_M:
+        raise InputError(
+            f"the ground point {np.round(foot, 2).tolist()} lies inside an obstacle or in unknown space; "
+            "move it to where the vehicle can stand"
+        )
     points = foot + _HEIGHTS_M[:, None] * np.array([0.0, 0.0, 1.0])
     clear = space.distance(field, points) >= options.waypoint_clearance_m
     if not clear.any():

@@ -222,8 +222,16 @@ class Planner:
         )
 
     def _ask_gate(self, trajectory: Trajectory, waypoints: Waypoints, known: limits.Known | None) -> GateReport:
-        reached = waypoints.positions_world_m
-        return gate.check(trajectory, self._field, self._vehicle, self._options, waypoints_world_m=reached, known=known)
+        return gate.check(
+            trajectory,
+            self._field,
+            self._vehicle,
+            self._options,
+            waypoints_world_m=waypoints.positions_world_m,
+            yaw_rad=waypoints.yaw_rad,
+            conditions=self._conditions,
+            known=known,
+        )
 
     def _leg(self, waypoints: Waypoints, leg: int, old: tuple[int, int], new: tuple[int, int]) -> _Leg | None:
         """Knots and durations to start from between waypoints `leg` and `leg + 1`.

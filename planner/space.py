@@ -122,6 +122,8 @@ class Grounded:
         points = np.asarray(points_world_m, dtype=np.float64).reshape(-1, 3)
         value = distance(self.field, points)
         for ground, near_m in zip(self.ground_world_m, self.ground_distance_m, strict=True):
+            if not near_m >= -GROUND_TOLERANCE_M:  # inside something, or unknown: nothing to stand on
+                continue
             height = points[:, 2] - ground[2]
             least = near_m + np.maximum(height, 0.0) - GROUND_TOLERANCE_M
             above = (np.linalg.norm(points[:, :2] - ground[:2], axis=1) < _COLUMN_M) & (height > -_COLUMN_M)

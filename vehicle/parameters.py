@@ -45,6 +45,13 @@ class Limits:
     rotor_speed_max_rad_s: float = 2000.0
     """Fastest speed a rotor reaches."""
 
+    def stricter(self, other: "Limits") -> "Limits":
+        """Of each limit the stricter one."""
+        least = {"rotor_speed_min_rad_s": max}
+        return Limits(
+            **{f.name: least.get(f.name, min)(getattr(self, f.name), getattr(other, f.name)) for f in fields(self)}
+        )
+
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
