@@ -15,7 +15,7 @@ from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_complet
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import lru_cache
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -49,6 +49,8 @@ class Job:
     yaw: Yaw | None = None
     """Asked of every mission, instead of what its file says."""
     overwrite: bool = False
+    inputs: bytes = b""
+    """Hash of map, vehicle and options: a worker that lives on reads changed files again."""
 
     def asked(self, mission: Mission) -> Mission:
         """The mission with what is asked of all."""
@@ -63,7 +65,7 @@ def mission_files(folder: Path) -> list[Path]:
     """
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder of waypoint files")
-    found = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
+    found = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and path.is_file())
     if not found:
         raise InputError(f"{folder} holds no waypoint files ({', '.join(SUFFIXES)})")
     names = [path.stem for path in found]
@@ -93,6 +95,7 @@ def run(
     """
     job.out.mkdir(parents=True, exist_ok=True)
     same = _inputs_hash(job)
+    job = replace(job, inputs=same)
     keys: dict[str, str] = {}
     for path in files:
         keys[path.stem] = hashlib.sha256(same + path.read_bytes()).hexdigest()
@@ -198,9 +201,10 @@ def _planned(executor: Executor | None, files: Sequence[Path], job: Job) -> Gene
 def plan_one(path: Path, job: Job) -> Row:
     """Plan one mission and write its trajectory; a mission that fails is a row that says why."""
     began = time.process_time()
+    trajectory_path(job.out, path.stem).unlink(missing_ok=True)  # of an earlier run with other inputs
     try:
         asked = waypoints_file.load_mission(path)
-        field, drone = _world(job.map_folder, job.vehicle_file)
+        field, drone = _world(job.map_folder, job.vehicle_file, job.inputs)
         plan = missions.plan(job.asked(asked), field, drone, job.options)
         trajectory_path(job.out, path.stem).parent.mkdir(exist_ok=True)
         with results.new_file(trajectory_path(job.out, path.stem), overwrite=True) as placing:
@@ -237,9 +241,9 @@ def _row(path: Path, status: str, reason: str, **facts: Any) -> Row:
     return {"name": path.stem, "status": status, "reason": reason, **empty, **facts}
 
 
-@cache
-def _world(map_folder: Path, vehicle_file: Path) -> tuple[Any, vehicle.Vehicle]:
-    """Read once in each process."""
+@lru_cache(maxsize=1)
+def _world(map_folder: Path, vehicle_file: Path, _inputs: bytes) -> tuple[Any, vehicle.Vehicle]:
+    """Read once in each process, and again when the inputs' hash is another one."""
     return mapping.open_map(map_folder).field, vehicle.load(vehicle_file)
 
 

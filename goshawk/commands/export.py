@@ -8,7 +8,6 @@ import mapping
 import vehicle
 from flight import InputError, trajectory
 from goshawk import console, outputs, plan_exports, plan_report
-from goshawk.commands.plan import options_from
 from planner import gate
 
 
@@ -53,6 +52,8 @@ def command(
     if not item.checked and any((crazyflie, mav, px4)):
         raise InputError(f"{trajectory_file} has not passed the gate; run `goshawk check` on it, or plan it again")
     flown = item.trajectory
+    if any((crazyflie, mav, px4)) and gate.fingerprint(flown) != item.check.get("trajectory_hash"):
+        raise InputError(f"{trajectory_file} was changed after its check; run `goshawk check` on it, or plan it again")
     if crazyflie is not None:
         with outputs.file(crazyflie, overwrite=overwrite) as temporary:
             plan_exports.write_crazyflie(temporary, flown)
@@ -63,11 +64,7 @@ def command(
         with outputs.file(px4, overwrite=overwrite) as temporary:
             plan_exports.write_px4(temporary, flown, step_s)
     if report is not None and map_folder is not None and vehicle_file is not None:
-        field, drone, options = (
-            mapping.open_map(map_folder).field,
-            vehicle.load(vehicle_file),
-            options_from(vehicle_file),
-        )
+        field, drone, options = mapping.open_map(map_folder).field, vehicle.load(vehicle_file), gate.options_of(item)
         checked = gate.check_file(item, field, drone, options)
         text = plan_report.page(item, checked, field, drone, options.limits_for(drone))
         with outputs.file(report, overwrite=overwrite) as temporary:
