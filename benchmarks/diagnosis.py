@@ -69,7 +69,7 @@ def sentence_is_right(result: Result) -> bool:
 
 
 def _of_drag(outside: dict[str, Any] | None) -> bool:
-    """A curve that stands for drag of another form."""
+    """A curve in place of drag of another form."""
     return outside is not None and outside["channel"][0] == "F" and outside["variable"][0] in "vs"
 
 

@@ -154,6 +154,7 @@ def test_a_link_that_is_lost_later_is_reported_too(serve, plans):
     served = serve(line=Impairment())
     with connect(served.url, key=plans.key, timeout_s=0.8) as link:
         link.take_control()
+        waiting.until(lambda: link.state is not None)
         served.stop()
         waiting.until(lambda: link.state.age_s > 1.5)
         with pytest.raises(LinkError, match="is lost: no message for"):

@@ -46,7 +46,7 @@ def test_the_report_is_one_page_with_its_pictures_inside(campaign, truth, tmp_pa
         tmp_path / "fit.html", result, comparison=comparison, logs=[sysid.check_log(campaign[2], truth)]
     )
     page = path.read_text()
-    assert page.count("data:image/svg+xml;base64,") == 11  # five of the fit, six of the comparison
+    assert page.count("data:image/svg+xml;base64,") == 12  # five of the fit, seven of the comparison
     assert "inertia_xx_kg_m2" in page
     assert "only ratios" in page
     assert "http" not in page.replace("http-equiv", "").split("<body>")[0]
