@@ -198,7 +198,7 @@ class Session:
     def _write_file(self, content: Content) -> None:
         """Bring `waypoints.json` up to date; what another program wrote since we last looked is kept beside it."""
         path = self.project.waypoints
-        if path.exists() and self._written is not None and not _same_file(path.stat(), self._written):
+        if path.exists() and (self._written is None or not _same_file(path.stat(), self._written)):
             kept = results.keep(path)
             self._notice = f"another program wrote {path.name} during an edit here; its version is kept as {kept.name}"
             logger.warning(self._notice)

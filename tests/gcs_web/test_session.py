@@ -166,6 +166,20 @@ def test_what_another_program_writes_during_an_edit_is_kept_beside_the_file_and_
     assert not session.project.folder.joinpath("waypoints.json.old-2").exists()
 
 
+def test_a_file_that_another_program_wrote_into_a_project_without_one_is_kept_at_the_next_edit(tmp_path: Path):
+    edited = Session(project.create(tmp_path / "project", "empty"), Settings())
+    try:
+        path = edited.project.waypoints
+        project.save_waypoints(path, Waypoints(START, HEADINGS))
+        edited.edit(protocol.Insert(serial=0, revision=0, after=None, x_m=1.0, y_m=1.0, z_m=1.0), "Anna")
+        assert len(project.load_waypoints(path).positions_world_m) == 1
+        kept = project.load_waypoints(path.with_name("waypoints.json.old-1"))
+        np.testing.assert_array_equal(kept.positions_world_m, START)
+        assert edited.take_notice().endswith("its version is kept as waypoints.json.old-1")
+    finally:
+        edited.close()
+
+
 def test_a_damaged_file_of_another_program_is_refused_and_kept_at_the_next_edit(session: Session):
     session.project.waypoints.write_text("{")
     with pytest.raises(FormatError):
