@@ -153,6 +153,28 @@ def test_what_another_program_wrote_is_taken_over_and_can_be_undone(session: Ses
     np.testing.assert_array_equal(session.content.waypoints().yaw_rad, HEADINGS)
 
 
+def test_another_program_may_restore_the_file_of_before_the_last_edit(session: Session):
+    after = raised(session, 1)
+    project.save_waypoints(session.project.waypoints, Waypoints(START, HEADINGS))
+    assert session.take_file()
+    np.testing.assert_array_equal(positions(session), START)
+    session.undo("Anna")
+    np.testing.assert_array_equal(positions(session), after)
+    np.testing.assert_array_equal(project.load_waypoints(session.project.waypoints).positions_world_m, after)
+
+
+def test_a_file_that_could_not_be_written_is_no_change_of_another_program(session: Session, monkeypatch):
+    with monkeypatch.context() as full:
+
+        def refuse(*_: object) -> None:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+        full.setattr(project, "save_waypoints", refuse)
+        after = raised(session, 1)
+    assert not session.take_file()
+    np.testing.assert_array_equal(positions(session), after)
+
+
 def test_what_another_program_writes_during_an_edit_is_kept_beside_the_file_and_said(session: Session):
     other = Waypoints(START[:2] + 0.5, np.array([0.1, np.nan]))
     project.save_waypoints(session.project.waypoints, other)
