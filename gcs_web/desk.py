@@ -43,6 +43,7 @@ class Desk:
         method = base.method if base.method in ("fastest", "corridor") else "fastest"
         first = Settings(limits.speed_m_s, limits.acceleration_m_s2, base.margin_m, yaw, method)
         self.session = Session(opened, first)
+        self._base = base
         self.name = "plan"
         """Of the trajectory that the plan would be saved and uploaded as."""
         self.answer: planning.Answer | None = None
@@ -128,7 +129,7 @@ class Desk:
         if self.answer is not None and self.answer.file is not None and plan.state == "checked":
             crc32 = page_values.crc32(replace(self.answer.file, name=self.name))
         self.hub.publish(msgspec.structs.replace(plan, name=self.name, crc32=crc32))
-        self.view.draw_plan(plan.series if plan.state == "checked" else None, plan.required_clearance_m)
+        self.view.draw_plan(plan.series if plan.state == "checked" else None)
 
     def rename(self, name: str) -> None:
         """Give the plan another name; its CRC, which covers the name, changes with it."""
@@ -141,6 +142,8 @@ class Desk:
         self.hub.publish(self.session.document())
         if said := self.session.take_notice():
             self.notice(said, level="caution")
+        margin_m = self.session.content.settings.margin_m
+        self.view.require_clearance(replace(self._base, margin_m=margin_m).clearance_m)
         self.view.draw_waypoints(self.session.content.points)
         self.request_plan()
 
