@@ -10,7 +10,7 @@ import pytest
 
 import planner
 import vehicle
-from flight import project
+from flight import InputError, project
 from gcs_web import planning, protocol
 from gcs_web.desk import Desk
 
@@ -42,3 +42,11 @@ def test_waypoints_are_placed_at_the_documents_clearance_before_any_plan(desk):
     running.view.require_clearance.assert_called_once_with(pytest.approx(0.5))
     running.session.edit(protocol.Choose(serial=0, revision=0, margin_m=0.4), "Anna")
     running.view.require_clearance.assert_called_with(pytest.approx(0.7))
+
+
+@pytest.mark.parametrize(
+    ("asked", "known"), [({"yaw": "free"}, "along_path or smooth"), ({"method": "bry"}, "corridor")]
+)
+def test_what_the_page_cannot_set_is_refused_when_the_desk_opens(desk, asked, known):
+    with pytest.raises(InputError, match=f"the ground station can do .*{known}"):
+        desk(planner.PlanOptions(**asked))
