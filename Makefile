@@ -3,6 +3,9 @@ PYTHON := .venv/bin/python
 DEMO_OUT ?= demo-out
 HOURS ?=
 JOBS ?= 2
+ifeq ($(shell expr 'x$(JOBS)' : 'x[1-9][0-9]*$$'),0)
+$(error JOBS is "$(JOBS)"; it must be a number of processors, as in JOBS=4)
+endif
 # One worker more than jobs: flights by the clock, which all are one worker's, mostly wait. One file's tests stay with one
 # worker and long files go first: see tests/conftest.py.
 WORKERS := -n $(shell expr $(JOBS) + 1) --dist loadgroup --no-loadscope-reorder

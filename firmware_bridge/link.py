@@ -8,6 +8,7 @@ with connect("udp://127.0.0.1:14550") as link:
 
 import secrets
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -34,7 +35,7 @@ from firmware_bridge.port import Port
 from firmware_bridge.transfer import Cancel, CancelledError, UploadReport
 from firmware_bridge.wire import WirePlan
 from firmware_bridge.words import reason_text
-from flight import FlightLog, FloatArray, InputError, LinkError, Progress, TrajectoryFile, silent
+from flight import FlightLog, FloatArray, FormatError, InputError, LinkError, Progress, TrajectoryFile, silent
 
 __all__ = ["CancelledError", "Link", "OnLinkLoss", "Statistics", "UploadReport", "VehicleState", "connect"]
 
@@ -259,6 +260,7 @@ class Link:
 
         Raises:
             InputError: it is not checked, is for another map or vehicle, or does not fit into the vehicle.
+            FormatError: what it was checked for is damaged.
             LinkError: the vehicle refused or stopped answering; the message says what it holds now.
         """
         refuse_unfit(file, map_hash, vehicle_hash, allow_unchecked)
@@ -380,8 +382,10 @@ def refuse_unfit(file: TrajectoryFile, map_hash: str | None, vehicle_hash: str |
             f"not for this one ({vehicle_hash[:8]}); check it again"
         )
     asked = file.check.get("conditions") or {}
+    if not isinstance(asked, Mapping):
+        raise FormatError(f"the conditions in {file.name} are damaged: {asked!r}; plan or check it again")
     for name, words in _OTHERS_ONLY.items():
-        if name in asked:
+        if asked.get(name) is not None:
             raise InputError(f"{file.name} {words}; `goshawk export` writes it for other autopilots")
 
 

@@ -35,14 +35,16 @@ class Desk:
     """One project on the table. Thread-safe."""
 
     def __init__(self, opened: Project, hub: Hub, view: View3D, watch: VehicleWatch | None, base: planner.PlanOptions):
+        """
+        Raises:
+            FlightError: the project cannot be opened, or `base` has a yaw or method that the page cannot set.
+        """
         self.project, self.hub, self.view, self.watch = opened, hub, view, watch
         self.inputs = inputs.signature(opened.folder)
         self.parts = inputs.Parts(opened.folder)
         limits = self.parts.vehicle(self.inputs).limits
-        yaw = base.yaw if base.yaw in ("along_path", "smooth") else "along_path"
-        method = base.method if base.method in ("fastest", "corridor") else "fastest"
-        first = Settings(limits.speed_m_s, limits.acceleration_m_s2, base.margin_m, yaw, method)
-        self.session = Session(opened, first)
+        self.session = Session(opened, _first_settings(base, limits))
+        self._base = base
         self.name = "plan"
         """Of the trajectory that the plan would be saved and uploaded as."""
         self.answer: planning.Answer | None = None
@@ -128,7 +130,7 @@ class Desk:
         if self.answer is not None and self.answer.file is not None and plan.state == "checked":
             crc32 = page_values.crc32(replace(self.answer.file, name=self.name))
         self.hub.publish(msgspec.structs.replace(plan, name=self.name, crc32=crc32))
-        self.view.draw_plan(plan.series if plan.state == "checked" else None, plan.required_clearance_m)
+        self.view.draw_plan(plan.series if plan.state == "checked" else None)
 
     def rename(self, name: str) -> None:
         """Give the plan another name; its CRC, which covers the name, changes with it."""
@@ -141,6 +143,8 @@ class Desk:
         self.hub.publish(self.session.document())
         if said := self.session.take_notice():
             self.notice(said, level="caution")
+        margin_m = self.session.content.settings.margin_m
+        self.view.require_clearance(replace(self._base, margin_m=margin_m).clearance_m)
         self.view.draw_waypoints(self.session.content.points)
         self.request_plan()
 
@@ -249,6 +253,15 @@ class Desk:
 
     def _name_of(self, person: str) -> str:
         return next((p.name for p in self.hub.people if p.id == person), "somebody who left")
+
+
+def _first_settings(base: planner.PlanOptions, limits: vehicle.Limits) -> Settings:
+    """Of a document that was never opened."""
+    if base.yaw not in ("along_path", "smooth"):
+        raise InputError(f"yaw is {base.yaw!r}; the ground station can do along_path or smooth")
+    if base.method not in ("fastest", "corridor"):
+        raise InputError(f"method is {base.method!r}; the ground station can do fastest or corridor")
+    return Settings(limits.speed_m_s, limits.acceleration_m_s2, base.margin_m, base.yaw, base.method)
 
 
 def _listed(path: Path, hashes: tuple[str, str]) -> protocol.SavedTrajectory:

@@ -62,7 +62,7 @@ class Session:
                 first = Content(settings=settings)
                 exists = opened.waypoints.exists()
                 self._journal.begin(first.with_waypoints(project.load_waypoints(opened.waypoints)) if exists else first)
-            self.take_file()
+            self._take_file(opening=True)
         except BaseException:
             self._journal.close()
             raise
@@ -124,26 +124,38 @@ class Session:
 
         Raises:
             FormatError: the file is damaged.
+            InputError: the change could not be saved.
         """
+        return self._take_file(opening=False)
+
+    def close(self) -> None:
+        with self._lock:
+            self._journal.close()
+
+    def _take_file(self, *, opening: bool) -> bool:
+        """As `take_file`; on opening, a file of before the newest change is one that we did not come to write."""
         with self._lock:
             path = self.project.waypoints
             if not path.exists():
                 if self.content.points:
                     self._write_file(self.content)
                 return False
-            seen = path.stat()
+            seen, last = path.stat(), self._written
+            if last is not None and _same_file(seen, last):
+                return False  # ours, if perhaps of before an edit that could not be written
             found = project.load_waypoints(path)
             self._written = seen  # a damaged file stays foreign: the next edit keeps it
             if _same(found, self.content.waypoints()):
                 return False
-            if any(_same(found, patched(self.content, step).waypoints()) for step in self._last_steps_back()):
+            steps_back = self._last_steps_back() if opening else []
+            if any(_same(found, patched(self.content, step).waypoints()) for step in steps_back):
                 self._write_file(self.content)  # we were killed between journal and file
                 return False
-            return bool(self.take(found, f"{path.name} was changed by another program", OUTSIDE))
-
-    def close(self) -> None:
-        with self._lock:
-            self._journal.close()
+            try:
+                return bool(self.take(found, f"{path.name} was changed by another program", OUTSIDE))
+            except InputError:
+                self._written = last  # stays foreign too
+                raise
 
     def _last_steps_back(self) -> list[Patch]:
         """To what may have been the document before its newest change: an edit or redo, or an undo."""
@@ -198,7 +210,7 @@ class Session:
     def _write_file(self, content: Content) -> None:
         """Bring `waypoints.json` up to date; what another program wrote since we last looked is kept beside it."""
         path = self.project.waypoints
-        if path.exists() and self._written is not None and not _same_file(path.stat(), self._written):
+        if path.exists() and (self._written is None or not _same_file(path.stat(), self._written)):
             kept = results.keep(path)
             self._notice = f"another program wrote {path.name} during an edit here; its version is kept as {kept.name}"
             logger.warning(self._notice)

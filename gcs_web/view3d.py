@@ -91,10 +91,14 @@ class View3D:
                 ball.color = _SELECTED if name in self._selected else _WHITE
             self._draw_handle()
 
-    def draw_plan(self, series: protocol.Series | None, required_clearance_m: float) -> None:
+    def require_clearance(self, required_m: float) -> None:
+        """Take what the document asks of a path: waypoints are placed and colours scaled by it from now on."""
+        with self._lock:
+            self._required_m = required_m
+
+    def draw_plan(self, series: protocol.Series | None) -> None:
         """Draw a checked plan; None leaves the last good path there in grey."""
         with self._lock:
-            self._required_m = required_clearance_m if series is not None else self._required_m
             self._checked = series is not None
             self._series = series if self._checked else self._series
             self._draw_path()
@@ -178,8 +182,8 @@ class View3D:
     def _clicked(self, event: "viser.SceneClickEvent") -> None:
         with self._lock:
             series = self._series
-        if series is None:
-            return
+            if series is None or not self._checked:
+                return
         path_m = np.stack([series.x_m, series.y_m, series.z_m], axis=1)
         k = picking.nearest_on_path(np.array(event.ray_origin), np.array(event.ray_direction), path_m)
         if k is not None:

@@ -34,6 +34,19 @@ def test_a_command_that_always_fails_ends_with_its_own_code_after_a_bounded_numb
     assert "failed 3 times" in said
 
 
+@pytest.mark.parametrize("jobs", ["auto", "", "0", "-1", "1.5", "2 3"])
+def test_make_refuses_jobs_that_are_not_a_number(jobs: str):
+    done = subprocess.run(["make", "help", f"JOBS={jobs}"], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert f'JOBS is "{jobs}"; it must be a number' in done.stderr
+
+
+def test_make_takes_a_number_of_jobs():
+    command = ["make", "--dry-run", "--no-print-directory", "test", "JOBS=12"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert "-n 13 " in done.stdout
+
+
 def test_set_up_fetches_nothing_without_a_second_try():
     lines = (ROOT / "tools" / "setup.sh").read_text().replace("\\\n", " ").splitlines()
     fetching = [

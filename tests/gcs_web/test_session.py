@@ -153,6 +153,28 @@ def test_what_another_program_wrote_is_taken_over_and_can_be_undone(session: Ses
     np.testing.assert_array_equal(session.content.waypoints().yaw_rad, HEADINGS)
 
 
+def test_another_program_may_restore_the_file_of_before_the_last_edit(session: Session):
+    after = raised(session, 1)
+    project.save_waypoints(session.project.waypoints, Waypoints(START, HEADINGS))
+    assert session.take_file()
+    np.testing.assert_array_equal(positions(session), START)
+    session.undo("Anna")
+    np.testing.assert_array_equal(positions(session), after)
+    np.testing.assert_array_equal(project.load_waypoints(session.project.waypoints).positions_world_m, after)
+
+
+def test_a_file_that_could_not_be_written_is_no_change_of_another_program(session: Session, monkeypatch):
+    with monkeypatch.context() as full:
+
+        def refuse(*_: object) -> None:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+        full.setattr(project, "save_waypoints", refuse)
+        after = raised(session, 1)
+    assert not session.take_file()
+    np.testing.assert_array_equal(positions(session), after)
+
+
 def test_what_another_program_writes_during_an_edit_is_kept_beside_the_file_and_said(session: Session):
     other = Waypoints(START[:2] + 0.5, np.array([0.1, np.nan]))
     project.save_waypoints(session.project.waypoints, other)
@@ -164,6 +186,20 @@ def test_what_another_program_writes_during_an_edit_is_kept_beside_the_file_and_
     raised(session, 1)
     assert session.take_notice() == ""
     assert not session.project.folder.joinpath("waypoints.json.old-2").exists()
+
+
+def test_a_file_that_another_program_wrote_into_a_project_without_one_is_kept_at_the_next_edit(tmp_path: Path):
+    edited = Session(project.create(tmp_path / "project", "empty"), Settings())
+    try:
+        path = edited.project.waypoints
+        project.save_waypoints(path, Waypoints(START, HEADINGS))
+        edited.edit(protocol.Insert(serial=0, revision=0, after=None, x_m=1.0, y_m=1.0, z_m=1.0), "Anna")
+        assert len(project.load_waypoints(path).positions_world_m) == 1
+        kept = project.load_waypoints(path.with_name("waypoints.json.old-1"))
+        np.testing.assert_array_equal(kept.positions_world_m, START)
+        assert edited.take_notice().endswith("its version is kept as waypoints.json.old-1")
+    finally:
+        edited.close()
 
 
 def test_a_damaged_file_of_another_program_is_refused_and_kept_at_the_next_edit(session: Session):

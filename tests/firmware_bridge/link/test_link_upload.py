@@ -9,8 +9,8 @@ import pytest
 
 from firmware_bridge import wire
 from firmware_bridge.impairment import Impairment, Line
-from firmware_bridge.link import CancelledError
-from flight import InputError, LinkError, Trajectory, TrajectoryFile
+from firmware_bridge.link import CancelledError, refuse_unfit
+from flight import FormatError, InputError, LinkError, Trajectory, TrajectoryFile
 
 LOSSY = Impairment(loss_ratio=0.2, delay_s=0.005, duplicate_ratio=0.05, jitter_s=0.004, corrupt_ratio=0.02)
 
@@ -96,6 +96,15 @@ def test_what_only_other_autopilots_fly_is_refused_before_anything_is_sent(serve
     with pytest.raises(InputError, match=words):
         link.upload(odd)
     assert link.read_back() is None
+
+
+def test_conditions_that_ask_for_nothing_are_allowed_and_damaged_ones_refused(plans):
+    file = plans.file(2)
+    nothing = dataclasses.replace(file, check={**file.check, "conditions": {"start": None, "end": None}})
+    refuse_unfit(nothing, None, None, allow_unchecked=False)
+    damaged = dataclasses.replace(file, check={**file.check, "conditions": 5})
+    with pytest.raises(FormatError, match="are damaged: 5"):
+        refuse_unfit(damaged, None, None, allow_unchecked=False)
 
 
 def _with(file: TrajectoryFile, trajectory: Trajectory) -> TrajectoryFile:
