@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flight import FlightLog
+from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
 from sysid.logs.finding import Span
+from sysid.logs.motion import LONGEST_S
 
-GRAVITY_M_S2 = 9.80665
 UP = np.array([0.0, 0.0, 1.0])
 SLOW = 0.5
 """Rotors that make less than this share of the weight do not carry the vehicle."""
@@ -88,14 +89,17 @@ def _felt(log: FlightLog, rows: NDArray[np.intp]) -> FloatArray | None:
 
 
 def _still(log: FlightLog, time_s: FloatArray) -> Mask | None:
-    """(m,) whether the position stands still around each instant; None where the log has no pose."""
+    """(m,) whether the position stands still around each instant; None where the log has no pose, or another unit of time."""
     if not log.has("position_world_m"):
         return None
     position = log.vector("position_world_m")
     known = np.flatnonzero(np.isfinite(position).all(axis=1))
     if len(known) < FEWEST:
         return None
-    at_s = np.arange(float(log.time_s[known[0]]), float(log.time_s[known[-1]]), 0.5 * STILL_S)
+    first_s, last_s = float(log.time_s[known[0]]), float(log.time_s[known[-1]])
+    if last_s - first_s > LONGEST_S:
+        return None
+    at_s = np.arange(first_s, last_s, 0.5 * STILL_S)
     edges = np.searchsorted(log.time_s[known], at_s)
     boxes = [position[known[a:b]] for a, b in zip(edges[:-2], edges[2:], strict=True)]
     calm = np.array([len(box) > 1 and bool((np.ptp(box, axis=0) < STILL_M).all()) for box in boxes], dtype=bool)

@@ -112,3 +112,8 @@ def test_fits_leave_contact_out_and_say_so():
     assert [f.what for f in check_log(log).findings if f.what == "contact"] == ["contact"]
     with pytest.raises(InputError, match="no stretch of 1 s in the air is left"):
         prepare(only(joined(standing(4.0, rng), flown().slice(0.0, 0.8)), *POSE), 0, Options())
+
+
+def test_a_log_in_microseconds_is_looked_at_without_the_pose():
+    log = only(flown(), *POSE)
+    assert contact.spans(FlightLog({**log.columns, "time_s": 1e6 * log.time_s}, {})) == ()
