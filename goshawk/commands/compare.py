@@ -74,8 +74,8 @@ def command(
     a model that holds velocity and rate (zero) and the model's force with the rate held. Predictors that learn (past
     carried, closed loop) learn from the other flights, or from --train.
 
-    With --train, models are refitted to those flights before they are compared, with the options of `goshawk identify`. No
-    flight may be among both.
+    With --train, models are refitted to those flights before they are compared, with the options of `goshawk identify`.
+    No flight may be among both.
     """
     outputs.check(report_file, overwrite=overwrite, folders=[plots])
     models = {path.stem: vehicle.load(path) for path in vehicle_files}

@@ -2,7 +2,8 @@
 
 While it stands, the ground carries what the rotors do not. So rotors that turn far too slowly to carry the vehicle,
 while an accelerometer feels most of its weight or the pose stands still, show contact; a shock that no rotor can make
-and that lasts more than a sample shows an impact. From there a stretch reaches as far as the ground still carries a share, and a moment further.
+and that lasts more than a sample shows an impact. From there a stretch reaches as far as the ground still carries a
+share, and a moment further.
 """
 
 import numpy as np
@@ -119,7 +120,7 @@ def _blows(log: FlightLog, time_s: FloatArray, carried: FloatArray) -> list[Span
 
 
 def _still(log: FlightLog, time_s: FloatArray) -> Mask | None:
-    """(m,) whether the position stands still around each instant; None where the log has no pose, or another unit of time."""
+    """(m,) whether the position stands still around each instant; None without a pose, or in another unit of time."""
     if not log.has("position_world_m"):
         return None
     position = log.vector("position_world_m")

@@ -254,5 +254,5 @@ def test_nothing_is_excluded_by_a_model_far_from_its_flights():
 
 
 def test_parameters_cannot_be_freed_by_name(truth):
-    with pytest.raises(InputError, match="--free .* is not possible here"):
+    with pytest.raises(InputError, match="is not possible here"):
         diagnose([], truth, options=Options(free=("inertia_xx_kg_m2",)))
