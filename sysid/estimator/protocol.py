@@ -76,7 +76,7 @@ KNOWS = (
     "learned from other flights. Closed loop: the body turns as the controller of these flights makes it turn, a "
     "linear law of rate, tilt and velocity learned from other flights; rotor speed has no part in the turning. All "
     "know the measured state at the start and, but for zero, the rotor speeds over the horizon. A velocity or rate "
-    "that was not measured comes from fits to the pose that also see a moment after the start; a note names such flights"
+    "that was not measured comes from fits to the pose that also see a moment after the start; a note names them"
 )
 ALONE = (
     "past carried and closed loop are left out: what they learn they learn from other flights, and there is only one; "
