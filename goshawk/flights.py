@@ -1,12 +1,13 @@
 """Flight logs for the estimator: the rows in the air, without take-off and landing."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
 import sysid
 from firmware_bridge.controller import State
-from flight import FlightLog, InputError
+from flight import FlightLog, InputError, file_format
 
 IN_FREE_AIR = (State.HOLD, State.APPROACH, State.TRAJECTORY, State.PAUSING, State.PAUSED, State.STOPPING)
 """Mission states in which the vehicle has no contact with the ground."""
@@ -24,6 +25,25 @@ def load(path: Path, columns: Path | None = None) -> FlightLog:
     """
     log = sysid.read_log(path, columns)
     return in_the_air(log, str(path)) if log.has("mission_state") else log
+
+
+def refuse_repeated(paths: Iterable[Path], use: str) -> None:
+    """Refuse files that hold the same flight, by their content.
+
+    Args:
+        use: what each flight may be given for, in the words of the verb.
+
+    Raises:
+        InputError: two files are the same, or one is missing.
+    """
+    seen: dict[str, Path] = {}
+    for path in paths:
+        if not path.exists():
+            raise InputError(f"{path}: there is no such file")
+        digest = file_format.file_hash(path) if path.is_file() else str(path.resolve())
+        if digest in seen:
+            raise InputError(f"{path} and {seen[digest]} are the same flight; give each flight once, {use}")
+        seen[digest] = path
 
 
 def marked_file(path: Path) -> Path:

@@ -8,7 +8,7 @@ import sysid
 import vehicle
 from flight import InputError
 from goshawk import console, fit_options, outputs
-from goshawk.flights import load
+from goshawk.flights import load, refuse_repeated
 from goshawk.model_change import prediction_error
 from sysid.estimator.comparison import HORIZONS_S, QUANTITIES
 from sysid.estimator.protocol import KNOWS, PROTOCOLS
@@ -75,12 +75,14 @@ def command(
     carried, closed loop) learn from the other flights, or from --train.
 
     With --train, models are refitted to those flights before they are compared, with the options of `goshawk identify`.
+    No flight may be among both.
     """
     outputs.check(report_file, overwrite=overwrite, folders=[plots])
     models = {path.stem: vehicle.load(path) for path in vehicle_files}
     if len(models) < len(vehicle_files):
         raise InputError("two vehicle files have the same name; rename one: the table names models by their files")
     _check_options(fit, training)
+    refuse_repeated((*flights, *training), "in FLIGHTS or with --train")
     logs, taught = ([load(path, columns) for path in paths] for paths in (flights, training))
     options = {name: fit_options.read(fit, model) for name, model in models.items()}
     fits: dict[str, sysid.Identification] = {}

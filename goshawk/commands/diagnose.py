@@ -8,9 +8,9 @@ import click
 import numpy as np
 
 import vehicle
-from flight import FlightLog, InputError, file_format
+from flight import FlightLog, InputError
 from goshawk import console, fit_options, outputs, what_next
-from goshawk.flights import load
+from goshawk.flights import load, refuse_repeated
 from goshawk.what_next import DiagnoseCall
 from sysid.diagnosis import CandidateFinding, Diagnosis, Size, diagnose
 from sysid.diagnosis.outlook import Outlook, outlook
@@ -115,16 +115,7 @@ def _check_usage(
 ) -> None:
     if json_file not in (None, "-") and not json_file.endswith(".json"):
         raise InputError(f"--json: expected a file that ends in .json, or - for standard output, got {json_file}")
-    seen: dict[str, Path] = {}
-    for path in (*flights, *held_out):
-        if not path.exists():
-            raise InputError(f"{path}: there is no such file")
-        digest = file_format.file_hash(path) if path.is_file() else str(path.resolve())
-        if digest in seen:
-            raise InputError(
-                f"{path} and {seen[digest]} are the same flight; give each flight once, for fitting or held out"
-            )
-        seen[digest] = path
+    refuse_repeated((*flights, *held_out), "for fitting or held out")
 
 
 def _write(

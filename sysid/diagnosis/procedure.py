@@ -206,8 +206,13 @@ def diagnose(
         auto: add all that is missing, not only the first.
 
     Raises:
-        InputError: no flight, a log that cannot be used, or flights that show too little.
+        InputError: no flight, a log that cannot be used, flights that show too little, or `options.free`.
     """
+    if options is not None and options.free is not None:
+        raise InputError(
+            "a diagnosis estimates what each candidate adds, so --free (options.free) is not possible here; keep "
+            "parameters as they are with --hold (options.held)"
+        )
     names = [str(log.metadata.get("name", f"flight {i + 1}")) for i, log in enumerate((*logs, *held_out))]
     if any(log is other for log in held_out for other in logs):
         raise InputError("a flight is both to learn from and to judge by; split whole flights between the two")

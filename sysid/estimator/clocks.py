@@ -84,10 +84,12 @@ class Clock:
     @property
     def sentence(self) -> str:
         late = "late" if self.delay_s > 0.0 else "early"
-        return (
+        said = (
             f"{self.flight}: {self.stream} is {1e3 * abs(self.delay_s):.1f} ± {1e3 * self.std_robust:.1f} ms {late} "
-            f"against the {self.against}; the fit allows for it, and `goshawk log --fix` takes it out of the log"
+            f"against the {self.against}; the fit allows for it"
         )
+        mended = self.against == "pose" and self.stream in (STREAMS[GYRO], STREAMS[ROTOR_SPEED])
+        return f"{said}, and `goshawk log --fix` takes it out of the log" if mended else said
 
 
 def pose_is_late(clocks: Sequence[Clock]) -> bool:

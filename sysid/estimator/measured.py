@@ -12,6 +12,8 @@ from sysid.estimator.midpoint import Middle, middle, rates_of_change
 from sysid.estimator.states import States, first_guess
 
 VELOCITY = "velocity_world_m_s"
+FEWEST = 2
+"""A column with fewer finite rows is taken as absent."""
 
 
 def states(flight: Flight, log: FlightLog, sensor: PoseSensor) -> States:
@@ -33,17 +35,28 @@ def states(flight: Flight, log: FlightLog, sensor: PoseSensor) -> States:
         q_world_body=q,
         rate_body_rad_s=rate,
     )
-    if not log.has(VELOCITY):
+    if not _sampled(log):
         return measured
     velocity = _at(flight.time_s, log.time_s, log.vector(VELOCITY))
     lever = rotations.rotate(q, np.cross(rate, sensor.offset_body_m))
     return replace(measured, velocity_world_m_s=velocity - lever)
 
 
+def fitted(flight: Flight, log: FlightLog) -> tuple[str, ...]:
+    """What of `states` comes from fits to the pose, at some instants at least, because it was not measured there."""
+    rate = () if np.isfinite(flight.rate_body_rad_s).all() else ("rate",)
+    return rate if _sampled(log) else ("velocity", *rate)
+
+
 def acceleration(flight: Flight, at: States) -> tuple[FloatArray, Middle]:
     """(k, 6) specific force and angular acceleration over each interval, body axes; and the motion half-way."""
     mid = middle(flight, at)
     return rates_of_change(at, mid), mid
+
+
+def _sampled(log: FlightLog) -> bool:
+    """Whether the log has a velocity, not only a column for it."""
+    return log.has(VELOCITY) and int(np.isfinite(log.vector(VELOCITY)).all(axis=1).sum()) >= FEWEST
 
 
 def _at(time_s: FloatArray, sampled_s: FloatArray, values: FloatArray) -> FloatArray:

@@ -26,7 +26,7 @@ from sysid.estimator.flight_data import Flight
 from sysid.estimator.options import Options
 from sysid.estimator.prediction import Predictor, predict, unexplained
 from sysid.estimator.prepare import prepare
-from sysid.estimator.states import States
+from sysid.estimator.states import WINDOW_S, States
 from vehicle import Vehicle
 
 PAST_S = 0.2
@@ -75,7 +75,8 @@ KNOWS = (
     "moment act. Past carried: the disturbance estimated from the past acts too and fades, its time constant "
     "learned from other flights. Closed loop: the body turns as the controller of these flights makes it turn, a "
     "linear law of rate, tilt and velocity learned from other flights; rotor speed has no part in the turning. All "
-    "know the measured state at the start and, but for zero, the rotor speeds over the horizon"
+    "know the measured state at the start and, but for zero, the rotor speeds over the horizon. A velocity or rate "
+    "that was not measured comes from fits to the pose that also see a moment after the start; a note names them"
 )
 ALONE = (
     "past carried and closed loop are left out: what they learn they learn from other flights, and there is only one; "
@@ -142,6 +143,8 @@ class _Stretch:
 
     flight: Flight
     states: States
+    fitted: tuple[str, ...]
+    """Which of velocity and rate were not measured: they come from fits centred on each instant."""
 
 
 def judge(
@@ -182,7 +185,21 @@ def judge(
         tuple(flight.name for flight in flights),
         tuple(len(flight) - _past(flight) - _steps(flight, protocol) for flight in flights),
         errors,
-        () if all(others) else (ALONE,),
+        (() if all(others) else (ALONE,)) + _seen_ahead([s for own in judged for s in own]),
+    )
+
+
+def _seen_ahead(stretches: Sequence[_Stretch]) -> tuple[str, ...]:
+    """The flights whose states at the start know more than the past, a sentence for each quantity not measured."""
+    flights: dict[tuple[str, ...], list[str]] = {}
+    for s in stretches:
+        flights.setdefault(s.fitted, []).append(s.flight.name)
+    return tuple(
+        f"{' and '.join(fitted)} not measured throughout in {', '.join(names)}, so taken from fits to the pose centred "
+        f"on each instant: the state at the start, and with it what is carried from the past, knows up to "
+        f"{0.5 * WINDOW_S:.2f} s of what is predicted, and errors may come out too small"
+        for fitted, names in flights.items()
+        if fitted
     )
 
 
@@ -193,7 +210,7 @@ def _stretches(log: FlightLog, index: int, sensor: PoseSensor, protocol: Protoco
         if not flight.has_pose:
             raise InputError(f"{flight.name} has no pose; predictions are judged against one")
         if flight.time_s[-1] - flight.time_s[0] > 2.0 * (protocol.horizon_s + closed_loop.LAG_S):
-            found.append(_Stretch(flight, measured.states(flight, log, sensor)))
+            found.append(_Stretch(flight, measured.states(flight, log, sensor), measured.fitted(flight, log)))
     if not found:
         raise InputError(f"flight {index + 1} has no stretch of {2.0 * (protocol.horizon_s + closed_loop.LAG_S):g} s")
     return found

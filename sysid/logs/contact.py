@@ -2,17 +2,20 @@
 
 While it stands, the ground carries what the rotors do not. So rotors that turn far too slowly to carry the vehicle,
 while an accelerometer feels most of its weight or the pose stands still, show contact; a shock that no rotor can make
-shows an impact. From there a stretch reaches as far as the ground still carries a share, and a moment further.
+and that lasts more than a sample shows an impact. From there a stretch reaches as far as the ground still carries a
+share, and a moment further.
 """
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from flight import FlightLog
+from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
 from sysid.logs.finding import Span
+from sysid.logs.motion import LONGEST_S
 
-GRAVITY_M_S2 = 9.80665
 UP = np.array([0.0, 0.0, 1.0])
 SLOW = 0.5
 """Rotors that make less than this share of the weight do not carry the vehicle."""
@@ -21,7 +24,15 @@ FELT = 0.4
 STILL_FELT = 0.15
 """... and as long as it makes this much, the vehicle has not left."""
 IMPACT = 3.0
-"""Specific force beyond the rotors' that only a blow makes, in g."""
+"""Specific force beyond the rotors' that only a blow makes, in g ..."""
+IMPACT_S, IMPACT_SAMPLES = 0.01, 3
+"""... as a running median over this long, and at least so many samples: a single bad sample is no blow ..."""
+IMPACT_SIGMAS = 6.0
+"""... and beyond so many standard deviations of the accelerometer's noise: nor is vibration."""
+NOISE_SAMPLES = 21
+"""Noise is the scatter about a running median over so many samples."""
+SIGMA_OF_MAD = 1.4826
+"""Standard deviation by the median absolute deviation, for Gaussian noise."""
 STILL_M = 0.01
 """A pose that stays within this box ..."""
 STILL_S = 0.5
@@ -56,16 +67,16 @@ def spans(log: FlightLog) -> tuple[Span, ...]:
     resting = np.zeros(len(rows), dtype=bool) if still is None else still
     if felt_g is None:
         slow = _smoothed(thrust, time_s) < SLOW * np.median(thrust[strong])
-        near, sure, hit = resting, slow & resting, np.zeros(len(rows), dtype=bool)
+        near, sure, blows = resting, slow & resting, []
     else:
         carried = thrust / np.median(thrust[strong] / felt_g[strong, 2])
         beyond = np.stack([_smoothed(column, time_s) for column in (felt_g - carried[:, None] * UP).T], axis=1)
         size = np.linalg.norm(beyond, axis=1)  # it may lie on its side or on its back
         sure = (_smoothed(carried, time_s) < SLOW) & (size > FELT)
         near = (np.abs(beyond[:, 2]) > STILL_FELT) | sure | resting
-        hit = np.linalg.norm(felt_g - carried[:, None] * UP, axis=1) > IMPACT
+        blows = _blows(log, time_s, carried)
     found = [(a, b) for a, b in _runs(near, time_s) if _longest_s(sure, time_s, a, b) >= SHORTEST_S]
-    return _joined([*found, *_runs(hit, time_s)], time_s)
+    return _joined([*found, *blows], time_s)
 
 
 def sentence(name: str, where: tuple[Span, ...]) -> str:
@@ -80,22 +91,46 @@ def _felt(log: FlightLog, rows: NDArray[np.intp]) -> FloatArray | None:
     """(m, 3) specific force in g, body axes; None where the log has no accelerometer."""
     if not log.has("specific_force_body_m_s2"):
         return None
+    sampled_s, force_g = _accelerometer(log)
+    if len(sampled_s) < FEWEST:
+        return None
+    return np.stack([np.interp(log.time_s[rows], sampled_s, column) for column in force_g.T], axis=1)
+
+
+def _accelerometer(log: FlightLog) -> tuple[FloatArray, FloatArray]:
+    """Its samples: instants, and (n, 3) specific force in g."""
     force_g = log.vector("specific_force_body_m_s2") / GRAVITY_M_S2
     known = np.flatnonzero(np.isfinite(force_g).all(axis=1))
-    if len(known) < FEWEST:
-        return None
-    return np.stack([np.interp(log.time_s[rows], log.time_s[known], column) for column in force_g[known].T], axis=1)
+    return log.time_s[known], force_g[known]
+
+
+def _blows(log: FlightLog, time_s: FloatArray, carried: FloatArray) -> list[Span]:
+    """Where the accelerometer feels more than rotors, vibration and single bad samples make; judged at its own rate."""
+    sampled_s, felt_g = _accelerometer(log)
+    inside = (sampled_s >= time_s[0]) & (sampled_s <= time_s[-1])
+    sampled_s, felt_g = sampled_s[inside], felt_g[inside]
+    if len(sampled_s) < FEWEST:
+        return []
+    beyond = felt_g - np.interp(sampled_s, time_s, carried)[:, None] * UP
+    scatter = np.abs(beyond - median_filter(beyond, (NOISE_SAMPLES, 1), mode="nearest"))
+    noise_g = SIGMA_OF_MAD * float(np.median(scatter, axis=0).max())
+    width = max(IMPACT_SAMPLES, round(IMPACT_S / float(np.median(np.diff(sampled_s)))))
+    size = np.linalg.norm(median_filter(beyond, (width, 1), mode="nearest"), axis=1)
+    return _runs(size > max(IMPACT, IMPACT_SIGMAS * noise_g), sampled_s)
 
 
 def _still(log: FlightLog, time_s: FloatArray) -> Mask | None:
-    """(m,) whether the position stands still around each instant; None where the log has no pose."""
+    """(m,) whether the position stands still around each instant; None without a pose, or in another unit of time."""
     if not log.has("position_world_m"):
         return None
     position = log.vector("position_world_m")
     known = np.flatnonzero(np.isfinite(position).all(axis=1))
     if len(known) < FEWEST:
         return None
-    at_s = np.arange(float(log.time_s[known[0]]), float(log.time_s[known[-1]]), 0.5 * STILL_S)
+    first_s, last_s = float(log.time_s[known[0]]), float(log.time_s[known[-1]])
+    if last_s - first_s > LONGEST_S:
+        return None
+    at_s = np.arange(first_s, last_s, 0.5 * STILL_S)
     edges = np.searchsorted(log.time_s[known], at_s)
     boxes = [position[known[a:b]] for a, b in zip(edges[:-2], edges[2:], strict=True)]
     calm = np.array([len(box) > 1 and bool((np.ptp(box, axis=0) < STILL_M).all()) for box in boxes], dtype=bool)

@@ -62,8 +62,18 @@ def test_models_are_refitted_to_the_training_flights(folder, tmp_path):
     wrong = vehicle.load(folder / "vehicle.toml").with_value("thrust_bem.k1_n_s2", 6e-6)
     vehicle.save(tmp_path / "wrong.toml", wrong)
     base = ("compare", folder / "fast.parquet", "--vehicle", tmp_path / "wrong.toml", "--json")
+    options = ("--hold", "inertia_*", "--gusts", "white", "--split-gaps")
     before, after = (
         json.loads(run(*base, *more))["models"]["wrong"]["error_rms"]["velocity_m_s"][0]
-        for more in ((), ("--train", folder / "fast.parquet", "--hold", "inertia_*", "--gusts", "white"))
+        for more in ((), ("--train", folder / "turning.parquet", *options))
     )
     assert after < 0.5 * before
+
+
+def test_a_flight_is_not_judged_by_itself(folder, tmp_path):
+    fast, copy = folder / "fast.parquet", tmp_path / "copy.parquet"
+    copy.write_bytes(fast.read_bytes())
+    base = ("compare", fast, "--vehicle", folder / "vehicle.toml")
+    for more in ((copy,), ("--train", copy)):
+        said = run(*base, *more, code=2)
+        assert "are the same flight; give each flight once, in FLIGHTS or with --train" in said

@@ -1,8 +1,8 @@
 """Edgewise flow skews a rotor's wake: inflow grows towards the rear, the rear lifts less, the vehicle tips back.
 
-The inflow over the disc is v_ind (1 + k (r/R) cos psi) with k in proportion to the sine of the wake's skew angle. The
-moment is that of `flapping_moment` near hover; faster, or in climb, the wake is swept away and it falls. Arms and body
-sit in that wake, so roll and pitch differ.
+The inflow over the disc is v_ind (1 + k (r/R) cos psi) with k in proportion to the sine of the wake's skew angle. Near
+hover the moment has the size of that of `flapping_moment` and the opposite sign; faster, or in climb, the wake is
+swept away and it falls. Arms and body sit in that wake, so roll and pitch differ.
 """
 
 import numpy as np

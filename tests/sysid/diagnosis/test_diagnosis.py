@@ -251,3 +251,8 @@ def test_nothing_is_excluded_by_a_model_far_from_its_flights():
     assert "so much stays unexplained" in found.verdict
     assert not [s.name for s in found.candidates if s.verdict == "excluded"]
     assert any("unexplained" in finding for finding in found.findings)
+
+
+def test_parameters_cannot_be_freed_by_name(truth):
+    with pytest.raises(InputError, match="is not possible here"):
+        diagnose([], truth, options=Options(free=("inertia_xx_kg_m2",)))

@@ -79,6 +79,12 @@ def test_the_pose_is_late_only_where_all_other_streams_are_early_alike():
     assert not pose_is_late([])
 
 
+def test_the_fix_of_the_log_is_named_only_for_streams_that_it_shifts():
+    assert all("goshawk log --fix" in clock(stream, 5.0).sentence for stream in ("gyro", "rotor speed"))
+    assert "goshawk log --fix" not in clock("accelerometer", 5.0).sentence
+    assert "goshawk log --fix" not in Clock("rotor speed", "gyro", "flight 1", 5e-3, 1e-4).sentence
+
+
 def test_a_signal_is_held_beyond_its_samples_and_its_means_follow():
     time_s = np.linspace(0.0, 1.0, 21)
     signal = Signal.through(time_s, np.column_stack([time_s**2]))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from flight import FlightLog, rotations
+from flight.flight_log import COLUMNS
 from sysid.estimator import carried, closed_loop
 from sysid.estimator.carried import Disturbance
 from sysid.estimator.closed_loop import LAG_S, ClosedLoop
@@ -43,11 +44,32 @@ def test_without_the_models_moment_the_rate_is_the_zero_models(judged):
 
 def test_a_flight_alone_says_what_is_left_out(campaign, truth):
     alone = judge(campaign[:1], {"truth": truth}, PROTOCOLS["h10"])
-    assert alone.findings == (ALONE,)
+    assert ALONE in alone.findings
     assert not any(way.learned for way in alone.errors)
     taught = judge(campaign[:1], {"truth": truth}, PROTOCOLS["h10"], training=campaign[1:])
     assert any(way.learned for way in taught.errors)
-    assert not taught.findings
+    assert ALONE not in taught.findings
+
+
+def test_flights_without_velocity_or_gyro_are_named_and_an_empty_column_is_none(campaign, truth):
+    log = campaign[0].slice(0.0, 6.0)
+    time_s, n = log.time_s, len(log)
+    true = {
+        "velocity_world_m_s": np.gradient(log.vector("position_world_m"), time_s, axis=0),
+        "rate_body_rad_s": np.zeros((n, 3)),
+    }
+    empty = {quantity: np.full((n, 3), np.nan) for quantity in true}
+
+    def findings(vectors: dict[str, np.ndarray]) -> tuple[str, ...]:
+        more = {name: v[:, i] for q, v in vectors.items() for i, name in enumerate(COLUMNS[q])}
+        logs = [FlightLog({**log.columns, **more}, {})]
+        return tuple(f for f in judge(logs, {"truth": truth}, PROTOCOLS["h10"]).findings if f != ALONE)
+
+    assert findings(true) == ()
+    (neither,) = findings(empty)
+    assert "velocity and rate not measured" in neither
+    (no_velocity,) = findings({**true, "velocity_world_m_s": empty["velocity_world_m_s"]})
+    assert "velocity not measured" in no_velocity
 
 
 def test_every_state_with_a_past_and_a_horizon_is_a_start(judged, campaign):
