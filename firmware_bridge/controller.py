@@ -342,7 +342,10 @@ class Controller:
         self._must("shadow mode", self.raw.shadow())
 
     def end_shadow(self) -> None:
-        """Back to disarmed, in command of stopped rotors: only while the vehicle stands. Raises `RefusedError`."""
+        """Back to disarmed, in command of stopped rotors. Raises `RefusedError` outside of shadow mode.
+
+        The caller must know that the vehicle stands: this is not checked, and in the air the rotors stop.
+        """
         self._must("the end of shadow mode", self.raw.shadow_end())
 
     def engage(self, rotor_speed_rad_s: ArrayLike | None = None) -> None:

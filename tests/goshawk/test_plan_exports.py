@@ -126,3 +126,9 @@ def test_the_verb_writes_every_format_and_refuses_what_was_not_checked(plan, tmp
     refused = goshawk("export", tmp_path / "raw.json", "--crazyflie", tmp_path / "d.csv")
     assert refused.returncode == 2
     assert "has not passed the gate" in refused.stderr
+    bent = trajectory.load(tmp_path / "lap.json")
+    bent.trajectory.coefficients[0, 2, 0] -= 5.0
+    trajectory.save(tmp_path / "bent.json", bent)
+    refused = goshawk("export", tmp_path / "bent.json", "--px4", tmp_path / "e.csv")
+    assert refused.returncode == 2
+    assert "was changed after its check" in refused.stderr

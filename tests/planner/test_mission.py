@@ -108,3 +108,10 @@ def test_a_refusal_counts_waypoints_as_flown(hall, drone):
     with pytest.raises(planner.PlanInfeasibleError) as caught:
         mission.plan(Mission(ask(), stays=(Stay(1, 1.0),), take_off=Ground((-5.0, -3.0, 0.1))), wall, drone)
     assert caught.value.segment == 1
+
+
+@pytest.mark.parametrize("height_m", [0.3, 0.9])  # inside a block, and in its upper half
+def test_a_vehicle_does_not_stand_inside_an_obstacle(hall, drone, height_m):
+    block = solids.Scene([*hall.solids, solids.Box((-5.5, -3.5, 0.0), (-4.5, -2.5, 1.2))])
+    with pytest.raises(InputError, match="inside an obstacle or in unknown space"):
+        mission.plan(Mission(ask(), take_off=Ground((-5.0, -3.0, height_m))), block, drone)

@@ -7,7 +7,7 @@ import pytest
 import planner
 from esdf import solids
 from flight import InputError, Waypoints
-from planner import Planner, gate
+from planner import Conditions, Planner, gate
 from planner.options import PlanCancelledError
 
 
@@ -185,3 +185,12 @@ def test_scenes_without_walls_are_sessions_too(drone):
     session.insert(1, np.array([2.0, 2.0, 1.0]))
     session.delete(0)
     agrees_with_scratch(session, sky, drone)
+
+
+def test_what_was_asked_besides_waypoints_is_checked_after_an_edit_too(drone, open_sky):
+    waypoints = walk(6, 0)
+    slow = Conditions(leg_speed_m_s=np.array([np.nan, np.nan, 3.0, np.nan, np.nan]))
+    session = Planner(waypoints, open_sky, drone, conditions=slow)
+    moved = session.move(1, waypoints.positions_world_m[1] + [0.2, 0.1, 0.0])
+    assert "speed of legs" in {check.name for check in moved.gate.checks}
+    assert moved.gate.conditions is slow  # and so they are in the file
