@@ -239,7 +239,7 @@ static void newer_velocities_make_no_old_position_fresh(void) {
         g.e.position_time_us = g.now_us + TICK_US - (old ? 900000u : 0u);
         tick();
     }
-    must(near(g.c.telemetry.reckoning_s, 0.8f, 0.02f), "dead reckoned since the old position was true, but stale_s");
+    must(near(g.c.telemetry.reckoning_s, 0.5f, 0.02f), "dead reckoned for these 0.6 s, less stale_s");
     must(g.c.telemetry.warnings == TC_WARNING_DEAD_RECKONING, "and says so");
 }
 
