@@ -111,7 +111,7 @@ def test_a_refusal_counts_waypoints_as_flown(hall, drone):
 
 
 @pytest.mark.parametrize("height_m", [0.3, 0.9])  # inside a block, and in its upper half
-def test_a_vehicle_does_not_stand_inside_an_obstacle(hall, drone, height_m):
+def test_a_take_off_from_inside_an_obstacle_is_refused(hall, drone, height_m):
     block = solids.Scene([*hall.solids, solids.Box((-5.5, -3.5, 0.0), (-4.5, -2.5, 1.2))])
     with pytest.raises(InputError, match="inside an obstacle or in unknown space"):
         mission.plan(Mission(ask(), take_off=Ground((-5.0, -3.0, height_m))), block, drone)
