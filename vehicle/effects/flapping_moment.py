@@ -1,4 +1,4 @@
-"""Blade flapping in edgewise flow tilts the vehicle back: a moment at each hub."""
+"""Blade flapping in edgewise flow: a moment at each hub. A positive one tips the nose down in forward flight."""
 
 from vehicle.effects.base import PER_ROTOR_SPEED_SQUARED, Effect, Flow, Spec, Stage, Values
 

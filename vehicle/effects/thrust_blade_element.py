@@ -7,7 +7,8 @@ turn this adds (3/2) mu^2 to the collective's term, mu = v_xy / (n R). `thrust_b
 
 import numpy as np
 
-from vehicle.effects.base import BLADE, PER_ROTOR_SPEED_SQUARED, Effect, Flow, Spec, Stage, Values
+from vehicle.effects.base import Effect, Flow, Stage, Values
+from vehicle.effects.thrust_bem import EFFECT as THRUST_BEM
 from vehicle.effects.thrust_bem import induced_velocity
 
 
@@ -27,26 +28,7 @@ EFFECT = Effect(
     number=1,
     stage=Stage.THRUST,
     apply=apply,
-    parameters=(
-        Spec(
-            "k1_n_s2",
-            "N s2",
-            prior=3e-6,
-            bounds=(0.0, 1e-3),
-            default=3.119e-6,
-            planted=3.119e-6,
-            scaling=PER_ROTOR_SPEED_SQUARED,
-        ),
-        Spec(
-            "k2_n_s2_m",
-            "N s2/m",
-            prior=1.5e-4,
-            bounds=(-1e-2, 0.0),
-            default=-1.547e-4,
-            planted=-1.547e-4,
-            scaling=BLADE,
-        ),
-    ),
+    parameters=THRUST_BEM.parameters,
     law="T = k1 n^2 (1 + 1.5 mu^2) + k2 n (v_z + v_ind), mu = v_xy / (n R), v_ind as in thrust_bem",
     source="Leishman, Principles of Helicopter Aerodynamics, ch. 3: C_T ~ theta (1/3 + mu^2/2) - lambda/2",
     channel="F_z",
