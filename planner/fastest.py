@@ -31,7 +31,7 @@ _SHORTEST_S = 0.2
 """Segments are not cut into shorter pieces: the vehicle could make nothing of them."""
 _SMOOTHING_S = 0.5
 """Turns of the heading are smoothed out over this time to begin with."""
-_WHOLE, _IN_PART = (250, 70, 25), 40
+_WHOLE, _IN_PART = (100, 40, 25), 40
 """Iterations of the rounds about all segments, and of the later ones, which mend what is exceeded here and there."""
 _ROUNDS = 40
 _RELIEVED, _AGAIN = 0.03, 5
@@ -107,7 +107,7 @@ def rough(
         pace[knot] = max(pace[knot], given)
     slow = np.maximum(lengths, 0.3) / np.maximum(pace[:-1], pace[1:])
     for slower in _START_SLOWER:
-        found = time_allocation.optimise(problem, slower * slow, iterations=150, stop=stop)
+        found = time_allocation.optimise(problem, slower * slow, iterations=60, stop=stop)
         if found.cost < _SOUND * float(found.durations_s.sum()):
             break
     return problem, found
