@@ -24,14 +24,16 @@ from vehicle import Limits, Vehicle
 
 AIM_M = 0.02
 """What the optimiser keeps beyond the required clearance, for what lies between the samples it looks at."""
-_START_SLOWER, _SOUND = (1.0, 2.0, 4.0), 2.0
+_ROUGH = 60
+"""Iterations of the first descent, with few knots."""
+_START_SLOWER, _SOUND = (2.0, 4.0), 2.0
 """Factors on the times to start from, tried in turn: from too fast a start the descent can end where the vehicle flies
-upside down. Then most of the cost is penalties; else (1,000 scenes) it is at most 1.2 times the flight time."""
+upside down. Then most of the cost is penalties (14 and 32 times the flight time); else it was at most 1.2 times."""
 _SHORTEST_S = 0.2
 """Segments are not cut into shorter pieces: the vehicle could make nothing of them."""
 _SMOOTHING_S = 0.5
 """Turns of the heading are smoothed out over this time to begin with."""
-_WHOLE, _IN_PART = (100, 40, 25), 40
+_WHOLE, _IN_PART = (150, 40, 25), 40
 """Iterations of the rounds about all segments, and of the later ones, which mend what is exceeded here and there."""
 _ROUNDS = 40
 _RELIEVED, _AGAIN = 0.03, 5
@@ -106,10 +108,11 @@ def rough(
     for knot, given in _given_speeds(asked, velocity):
         pace[knot] = max(pace[knot], given)
     slow = np.maximum(lengths, 0.3) / np.maximum(pace[:-1], pace[1:])
+    found = time_allocation.optimise(problem, slow, iterations=_ROUGH, stop=stop)
     for slower in _START_SLOWER:
-        found = time_allocation.optimise(problem, slower * slow, iterations=60, stop=stop)
         if found.cost < _SOUND * float(found.durations_s.sum()):
             break
+        found = time_allocation.optimise(problem, slower * slow, iterations=_ROUGH, stop=stop)
     return problem, found
 
 
