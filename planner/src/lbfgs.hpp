@@ -23,7 +23,8 @@ class Lbfgs {
     double longest_step = 1.0;  // of any one variable
     const std::atomic<bool>* stop = nullptr;
 
-    // Minimises function(x, gradient) from x, in place. metric(gradient) turns a gradient into the steepest step, in place.
+    // Minimises function(x, gradient) from x, in place. metric(gradient) turns a gradient into the steepest step, in
+    // place.
     template <class Function, class Metric>
     Descent minimise(std::vector<double>& x, Function&& function, Metric&& metric) {
         const std::size_t n = x.size();

@@ -249,7 +249,8 @@ Descent Problem::minimise(double* knots, double* durations, const unsigned char*
         for (std::size_t n = 0; n < moving.size(); ++n) gradient[segments_ + n] = by_knots[moving[n]];
         return cost;
     };
-    const Descent found = method.minimise(x, function, [&](std::vector<double>& step) { smoothing.apply(step, moving); });
+    const Descent found =
+        method.minimise(x, function, [&](std::vector<double>& step) { smoothing.apply(step, moving); });
     unpack(x);
     return found;
 }

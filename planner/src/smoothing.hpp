@@ -83,7 +83,8 @@ class Smoothing {
             for (std::size_t i = 0; i <= segments; ++i) {
                 if (!free[i * kAxes + axis]) knots_[axis].pin(kOrders * i);
                 if (held[i]) knots_[axis].pin(kOrders * i + 1);
-                for (std::size_t r = 1; r < kOrders && (i == 0 || i == segments); ++r) knots_[axis].pin(kOrders * i + r);
+                for (std::size_t r = 1; r < kOrders && (i == 0 || i == segments); ++r)
+                    knots_[axis].pin(kOrders * i + r);
             }
             knots_[axis].factor();
         }
