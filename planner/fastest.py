@@ -250,7 +250,8 @@ def until_flyable(
                 found, relieved = here, (believed - corrections.model).max(axis=(1, 2)) > _RELIEVED
                 if not report.passed or not relieved.any():
                     return found
-                wrong, known = relieved, (path, report.usage)
+                wrong = relieved
+                known = None if report.usage is None else (path, report.usage)
                 rounds = round_ + _AGAIN
                 continue
             known = path, report.usage
