@@ -33,6 +33,11 @@ BALL_RADIUS = 0.5
 """Radius of the ball in the middle, as a share of the arm."""
 THRUST_TO_WEIGHT = 2.5
 FRAMES = ("x", "+")
+ORDER = {
+    "x": "front left (clockwise), rear left, rear right, front right, neighbours turning opposite ways",
+    "+": "front (clockwise), left, rear, right, neighbours turning opposite ways",
+}
+"""Rotors 0 to 3 of `layout`, in words."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,8 +32,9 @@ def command(
     \b
     goshawk init my-room
     goshawk init my-room --map map --vehicle my.toml --flights monday.parquet --flights tuesday.ulg
+    goshawk gcs my-room              then: the ground station on it
 
-    Parts are copied; nothing in the project is ever replaced. `goshawk gcs my-room` opens the ground station on it.
+    Parts are copied; nothing in the project is ever replaced.
     """
     from goshawk import project_parts
 

@@ -11,7 +11,7 @@ import numpy as np
 
 import vehicle
 from flight import InputError
-from goshawk import console, outputs
+from goshawk import console, outputs, words
 from vehicle import Parameter, Vehicle, commented, draft
 from vehicle.draft import Known
 
@@ -126,7 +126,7 @@ def with_options(
         known = replace(known, hub_body_m=hubs, notes=(*known.notes, note))
     elif arm_m is not None:
         hubs, spin = draft.layout(arm_m, frame or "x")
-        note = f"rotor order, spins and the {frame or 'x'} frame are defaults: check them, front left clockwise"
+        note = f"defaults to check against your vehicle: {frame or 'x'} frame; rotors {draft.ORDER[frame or 'x']}"
         known = replace(known, hub_body_m=hubs, spin=spin, notes=(*known.notes, note))
     elif frame is not None and known.hub_body_m is not None:
         raise click.UsageError("--frame replaces the imported places of the rotors: give --arm too")
@@ -164,15 +164,16 @@ def _show(out: Path, made: Vehicle, known: Known, as_json: bool) -> None:
         )
         return
     rows = [
-        (n, f"{p.value:.4g} ± {p.std:.1g}" if p.std else f"{p.value:.4g}", p.unit, p.source) for n, p in shown.items()
+        (words.parameter(n), f"{p.value:.4g} ± {p.std:.1g}" if p.std else f"{p.value:.4g}", p.unit, p.source)
+        for n, p in shown.items()
     ]
     console.table(made.name, ("parameter", "value", "unit", "where it came from"), rows)
     for note in known.notes:
         click.echo(f"note: {note}")
     click.echo(f"written: {out}; {len(guessed)} of {len(shown)} numbers are defaults or estimates")
     click.echo(
-        f"next: simulate it, goshawk sitl --vehicle {out}; or identify it, goshawk identify FLIGHTS "
-        f"--vehicle {out} --out fitted.toml"
+        f"next, to simulate it: goshawk sitl --vehicle {out}\n"
+        f"or to fit it to its flights: goshawk identify FLIGHTS --vehicle {out} --out fitted.toml"
     )
 
 
