@@ -16,6 +16,13 @@ from vehicle import Parameter, Vehicle, commented, draft
 from vehicle.draft import Known
 
 RPM = 2.0 * np.pi / 60.0
+LARGEST = {
+    "--mass": (1000.0, "kg"),
+    "--prop-diameter": (5.0, "m"),
+    "--hover-rpm": (200_000.0, "rpm"),
+    "--max-rpm": (400_000.0, "rpm"),
+}
+"""Larger numbers are in another unit."""
 
 
 @click.command("new")
@@ -112,6 +119,9 @@ def with_options(
     for option, value in given.items():
         if value is not None and not (math.isfinite(value) and value > 0.0):
             raise InputError(f"{option} is {value:g}; a positive number is expected")
+        most, unit = LARGEST.get(option, (math.inf, ""))
+        if value is not None and value > most:
+            raise InputError(f"{option} is {value:g} {unit}; at most {most:g} {unit} is expected: give it in {unit}")
     if mass_kg is not None:
         source = "given on the command line; std: 1 %, as of a kitchen scale"
         known = replace(known, mass_kg=Parameter(mass_kg, float(f"{0.01 * mass_kg:.2g}"), "kg", source))
@@ -191,6 +201,7 @@ def schema(out: Path | None, overwrite: bool) -> None:
     """
     from vehicle.schema import schema as described
 
+    outputs.check(out, overwrite=overwrite)
     text = json.dumps(described(), indent=1) + "\n"
     if out is None:
         click.echo(text, nl=False)

@@ -118,7 +118,8 @@ def _table(path: Path) -> tuple[str, str, dict[str, FloatArray]]:
         )
     if not fit:
         raise FormatError(
-            f"{path}: no separator of {', '.join(map(repr, SEPARATORS))} splits its rows into equally many values"
+            f"{path}: no separator of {', '.join(map(repr, SEPARATORS))} splits its rows into two or more values, the "
+            "same number in each"
         )
     separator = max(fit, key=lambda s: max(counts[s]))
     why = f"splits each of the first {len(some)} rows into {max(counts[separator])} values"
