@@ -6,6 +6,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Generator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -52,7 +53,7 @@ def body_options(radius_m: float | None, margin_m: float | None) -> "PlanOptions
     from planner import PlanOptions
 
     given = {"radius_m": radius_m, "margin_m": margin_m}
-    return PlanOptions(**{name: value for name, value in given.items() if value is not None})
+    return replace(PlanOptions(), **{name: value for name, value in given.items() if value is not None})
 
 
 def numbers(option: str, text: str, count: int | None = None) -> list[float]:
