@@ -20,6 +20,7 @@
 #define FORCE_FILTER_S 0.02f
 #define IDLE_S 0.3f
 #define STILL_RATE_RAD_S 0.5f
+#define STILL_M_S 0.5f
 #define IMPACT_G 0.4f /* above 1 g, in an emergency without vertical velocity */
 /* Such a descent loses thrust with time, for ground effect must not keep it floating. Slowly: after 15 s (20 m) it is
    4 + 2.25 % short, and with 1.9 % of error still settles below 2.5 m/s, as inflow damps by 0.32/s. */
@@ -198,12 +199,14 @@ static void idle(tc_controller* c) {
     }
 }
 
+bool tc_moves(const tc_controller* c) {
+    const tc_estimate* e = &c->telemetry.estimate;
+    return tc_norm(e->rate_body_rad_s) > STILL_RATE_RAD_S || tc_norm(e->velocity_world_m_s) > STILL_M_S;
+}
+
 /* A vehicle that lies on its side or back and does not move is down, too. */
 static void observe_inverted(tc_controller* c) {
-    const tc_estimate* e = &c->telemetry.estimate;
-    const bool moves =
-        tc_norm(e->rate_body_rad_s) > STILL_RATE_RAD_S || tc_norm(e->velocity_world_m_s) > STILL_RATE_RAD_S;
-    if (c->axes[2][2] > INVERTED || moves) c->landing.upright_us = c->telemetry.time_us;
+    if (c->axes[2][2] > INVERTED || tc_moves(c)) c->landing.upright_us = c->telemetry.time_us;
     if (tc_lasts(c, c->landing.upright_us, INVERTED_REST_S)) (void)tc_post(c, TC_EVENT_TOUCHDOWN, TC_TOUCHDOWN);
 }
 
