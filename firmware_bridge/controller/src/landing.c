@@ -23,8 +23,10 @@
 #define STILL_M_S 0.5f
 #define IMPACT_G 0.4f /* above 1 g, in an emergency without vertical velocity */
 /* Such a descent loses thrust with time, for ground effect must not keep it floating. Slowly: after 15 s (20 m) it is
-   4 + 2.25 % short, and with 1.9 % of error still settles below 2.5 m/s, as inflow damps by 0.32/s. */
+   4 + 2.25 % short, and with 1.9 % of error still settles below 2.5 m/s, as inflow damps by 0.32/s. Without
+   accelerometer no UNLOAD brings it down between gusts, before time ends the descent: more. */
 #define SINK_MORE_1_S 0.0015f
+#define SINK_MORE_UNFELT_1_S 0.002f
 #define SINK_MOST 0.08f
 #define PROBE_S 1.0f         /* ... where UNLOAD is tried this often */
 #define TOUCHED_PROBE_S 0.4f /* ... once something has been hit */
@@ -96,7 +98,8 @@ static float blind_thrust(const tc_controller* c) {
     const tc_parameters* p = &c->parameters;
     const float reckoned_s = c->telemetry.reckoning_s;
     const float since_s = tc_seconds(c->telemetry.time_us - c->landing.began_us);
-    const float share = p->emergency_sink - tc_min(SINK_MORE_1_S * since_s, SINK_MOST);
+    const float more_1_s = force_given(c) ? SINK_MORE_1_S : SINK_MORE_UNFELT_1_S;
+    const float share = p->emergency_sink - tc_min(more_1_s * since_s, SINK_MOST);
     if (c->landing.touched) return AFTER_IMPACT * share * c->hover_thrust_n;
     float feedback = 0.0f;
     if (force_given(c) && reckoned_s < FALL_KNOWN_S) {
