@@ -5,6 +5,7 @@ versions wrote, and is read and written as such.
 """
 
 from dataclasses import dataclass, fields, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal, cast
 
@@ -53,7 +54,11 @@ class FlyBy:
 
 @dataclass(frozen=True, slots=True)
 class LegSpeed:
-    """The largest speed from waypoint `first` to waypoint `last`."""
+    """The largest speed from waypoint `first` to waypoint `last`.
+
+    With laps, one that spans all of them also holds on the way back to their first waypoint; the way out of the laps
+    counts as the leg after their last waypoint, though it begins at the first.
+    """
 
     first: int
     last: int
@@ -102,6 +107,14 @@ class Mission:
         for stay in self.stays:
             if not 0.0 < stay.duration_s <= 3600.0:
                 raise InputError(f"the stay at waypoint {stay.waypoint} lasts {stay.duration_s:g} s; give it 0 to 3600")
+        for velocity in self.velocities:
+            if not np.isfinite(velocity.velocity_world_m_s).all():
+                given = velocity.velocity_world_m_s
+                raise InputError(f"the velocity at waypoint {velocity.waypoint} is {given}; it must be finite")
+        for fly_by in self.fly_bys:
+            if not 0.0 < fly_by.radius_m < 100.0:
+                where = f"waypoint {fly_by.waypoint}"
+                raise InputError(f"the radius at {where} is {fly_by.radius_m:g} m; it must be above 0 and below 100 m")
         for leg in self.leg_speeds:
             if not 0 <= leg.first < leg.last < count:
                 raise InputError(
@@ -117,12 +130,16 @@ class Mission:
         if both:
             raise InputError(f"waypoint {both[0]} has a stay and a velocity; remove one of them")
         for name, ground, end in (("take_off", self.take_off, 0), ("landing", self.landing, count - 1)):
-            if ground is not None and not (np.isfinite(ground.position_world_m).all() and ground.climb_m_s > 0.0):
-                raise InputError(f"the {name} is at {ground.position_world_m} with {ground.climb_m_s:g} m/s")
+            if ground is not None and not np.isfinite(ground.position_world_m).all():
+                raise InputError(f"the {name} is at {ground.position_world_m}; its position must be finite")
+            if ground is not None and not 0.0 < ground.climb_m_s < np.inf:
+                raise InputError(f"the {name} climbs at {ground.climb_m_s:g} m/s; climb_m_s must be positive")
             if ground is not None and end in moving:
                 raise InputError(f"waypoint {end} has a velocity and a {name}; remove one of them")
             if ground is not None and end in {stay.waypoint for stay in self.stays}:
                 raise InputError(f"waypoint {end} has a stay and a {name}; add a waypoint for one of them")
+        if self.yaw is not None and not np.isfinite(self.yaw.heading_rad):
+            raise InputError(f"the heading to hold is {self.yaw.heading_rad:g} rad; it must be finite")
         self._check_laps(count)
 
     def _check_laps(self, count: int) -> None:
@@ -145,14 +162,17 @@ class Mission:
         if self.laps is None:
             return self
         count = len(self.waypoints.positions_world_m)
-        first, last = self.laps.first, self.laps.last if self.laps.last >= 0 else count + self.laps.last
-        loop = list(range(first, last + 1))
-        order = np.array([*range(first), *loop * self.laps.count, first, *range(last + 1, count)])
+        start, end = self.laps.first, self.laps.last if self.laps.last >= 0 else count + self.laps.last
+        loop = list(range(start, end + 1))
+        order = np.array([*range(start), *loop * self.laps.count, start, *range(end + 1, count)])
         places = {i: np.flatnonzero(order == i).tolist() for i in range(count)}
-        legs: list[LegSpeed] = []
-        for record in self.leg_speeds:
-            inside = set(range(record.first, record.last))  # the legs meant, each by the waypoint where it begins
-            legs += [LegSpeed(i, i + 1, record.speed_m_s) for i in range(len(order) - 1) if int(order[i]) in inside]
+        spans = [_spanned(int(a), int(b)) for a, b in pairwise(order)]
+        legs = [
+            LegSpeed(i, i + 1, record.speed_m_s)
+            for record in self.leg_speeds
+            for i, (first, last) in enumerate(spans)
+            if record.first <= first and last <= record.last
+        ]
         return replace(
             self,
             waypoints=Waypoints(self.waypoints.positions_world_m[order], self.waypoints.yaw_rad[order]),
@@ -162,6 +182,11 @@ class Mission:
             fly_bys=tuple(replace(f, waypoint=i) for f in self.fly_bys for i in places[f.waypoint]),
             leg_speeds=tuple(legs),
         )
+
+
+def _spanned(start: int, end: int) -> tuple[int, int]:
+    """First and last of the listed waypoints that a leg of laps spans: all of them on the way back to the first one."""
+    return (end, start) if end < start else (end - 1, end)
 
 
 _LISTS = {"stays": Stay, "velocities": Velocity, "fly_bys": FlyBy, "leg_speeds": LegSpeed}

@@ -50,8 +50,22 @@ def test_laps_unroll_to_a_closed_loop_with_a_way_in_and_out():
     assert order.tolist() == [0, 1, 2, 3, 1, 2, 3, 1, 4]
     assert [v.waypoint for v in flown.velocities] == [2, 5]
     assert [s.waypoint for s in flown.stays] == [8]
-    assert sorted(leg.first for leg in flown.leg_speeds) == [0, 1, 4, 7]
+    assert sorted(leg.first for leg in flown.leg_speeds) == [0, 1, 4]
     assert flown.unrolled() is flown
+
+
+@pytest.mark.parametrize(
+    ("speed", "legs"),
+    [
+        (LegSpeed(3, 4, 1.0), [7]),  # the way out, though it begins at the first waypoint of the laps
+        (LegSpeed(1, 2, 1.0), [1, 4]),  # not the way out
+        (LegSpeed(1, 3, 1.0), [1, 2, 3, 4, 5, 6]),  # the way back from the last waypoint of the laps to their first
+        (LegSpeed(0, 4, 1.0), [0, 1, 2, 3, 4, 5, 6, 7]),
+    ],
+)
+def test_the_legs_of_laps_keep_the_speeds_of_those_that_are_listed(speed, legs):
+    flown = Mission(POINTS, laps=Laps(2, 1, 3), leg_speeds=(speed,)).unrolled()
+    assert sorted(leg.first for leg in flown.leg_speeds) == legs
 
 
 @pytest.mark.parametrize(
@@ -68,7 +82,13 @@ def test_laps_unroll_to_a_closed_loop_with_a_way_in_and_out():
         ({"laps": Laps(2, 3, 1)}, "from waypoint 3 to 1"),
         ({"velocities": (Velocity(0, (1.0, 0.0, 0.0)),)}, "waypoint 0 has a velocity and a take_off"),
         ({"stays": (Stay(0, 1.0),)}, "waypoint 0 has a stay and a take_off"),
-        ({"take_off": Ground((0.0, 0.0, 0.1), 0.0)}, "take_off"),
+        ({"take_off": Ground((0.0, 0.0, 0.1), 0.0)}, "take_off climbs at 0 m/s"),
+        ({"landing": Ground((0.0, 0.0, 0.1), np.inf)}, "landing climbs at inf m/s"),
+        ({"landing": Ground((0.0, np.nan, 0.1))}, "landing is at"),
+        ({"velocities": (Velocity(2, (np.nan, 0.0, 0.0)),)}, "velocity at waypoint 2 is"),
+        ({"fly_bys": (FlyBy(3, np.nan),)}, "radius at waypoint 3 is nan m"),
+        ({"fly_bys": (FlyBy(3, 0.0),)}, "radius at waypoint 3 is 0 m"),
+        ({"yaw": Yaw("fixed", np.nan)}, "heading to hold is nan"),
     ],
 )
 def test_requests_that_make_no_sense_are_refused_by_number(change, words):
