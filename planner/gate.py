@@ -4,14 +4,14 @@ It is independent of how the trajectory was made. It does not raise for a failed
 value, the bound, the time and the place.
 """
 
-import hashlib
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 import esdf
 import vehicle as vehicles
-from flight import FlightError, FloatArray, Trajectory, TrajectoryFile
+from flight import FlightError, FloatArray, FormatError, Trajectory, TrajectoryFile
+from flight.trajectory import fingerprint
 from planner import conditions as conditions_
 from planner import limits
 from planner.conditions import Conditions
@@ -51,11 +51,13 @@ class GateReport:
     """Hash of the field, empty for a formula."""
     vehicle_hash: str
     trajectory_hash: str
-    """`fingerprint` of the trajectory that was checked."""
+    """`flight.trajectory.fingerprint` of the trajectory that was checked."""
     conditions: Conditions
     """What was asked of it besides its waypoints."""
     options: PlanOptions
-    """Radius, margin, limits and reserve that it was checked for."""
+    """Radius, margin, limits, reserve, tolerance and yaw mode that it was checked for."""
+    yaw_rad: FloatArray | None = None
+    """(n,) heading asked for at each waypoint, NaN where any will do; None if none is."""
     usage: limits.Usage | None = None
     """What each segment uses of each limit; None where that could not be asked."""
 
@@ -85,6 +87,7 @@ class GateReport:
             "vehicle_hash": self.vehicle_hash,
             "trajectory_hash": self.trajectory_hash,
             "conditions": self.conditions.as_dict(),
+            "yaw_rad": None if self.yaw_rad is None else [float(y) if np.isfinite(y) else None for y in self.yaw_rad],
             "asked": self.options.as_dict(),
             "checks": [check.as_dict() for check in self.checks],
         }
@@ -141,12 +144,13 @@ def check(
         trajectory_hash=fingerprint(trajectory),
         conditions=asked,
         options=options,
+        yaw_rad=yaw_rad,
         usage=usage,
     )
 
 
 def options_of(item: TrajectoryFile) -> PlanOptions:
-    """Radius, margin, limits and reserve that a file was checked for; the defaults where it does not say.
+    """Radius, margin, limits, yaw mode ... that a file was checked for; the defaults where it does not say.
 
     Raises:
         FormatError: what it says is damaged.
@@ -158,7 +162,7 @@ def options_of(item: TrajectoryFile) -> PlanOptions:
 def check_file(
     item: TrajectoryFile, field: DistanceField, vehicle: Vehicle, options: PlanOptions | None = None
 ) -> GateReport:
-    """Check a file's trajectory, and that it was planned for this map and this vehicle.
+    """Check a file's trajectory, and that it is the one that was checked, planned for this map and this vehicle.
 
     Args:
         options: what to check for; if left out, what the file was checked for, and the vehicle's limits where they
@@ -168,9 +172,16 @@ def check_file(
         options = options_of(item)
         options = replace(options, limits=options.limits and options.limits.stricter(vehicle.limits))
     report = check(
-        item.trajectory, field, vehicle, options, waypoints_world_m=item.waypoints_world_m, conditions=asked_of(item)
+        item.trajectory,
+        field,
+        vehicle,
+        options,
+        waypoints_world_m=item.waypoints_world_m,
+        yaw_rad=headings_of(item),
+        conditions=asked_of(item),
     )
     same = [
+        _identity("trajectory", str(item.check.get("trajectory_hash") or ""), report.trajectory_hash),
         _identity("map", item.map_hash, report.map_hash),
         _identity("vehicle", item.vehicle_hash, report.vehicle_hash),
     ]
@@ -186,16 +197,28 @@ def asked_of(item: TrajectoryFile) -> Conditions:
     return Conditions.from_dict(item.check.get("conditions") or {}, len(item.waypoints_world_m))
 
 
+def headings_of(item: TrajectoryFile) -> FloatArray | None:
+    """(n,) the heading asked for at each of a file's waypoints, NaN where it is open; None where the file has none.
+
+    Raises:
+        FormatError: its record of that is damaged.
+    """
+    given = item.check.get("yaw_rad")
+    if given is None:
+        return None
+    try:
+        yaw = np.array([np.nan if y is None else float(y) for y in given])
+    except (TypeError, ValueError) as error:
+        raise FormatError(f"the headings in a trajectory file are damaged: {error}") from error
+    if yaw.shape != (len(item.waypoints_world_m),):
+        raise FormatError(f"a trajectory file has {len(yaw)} headings for {len(item.waypoints_world_m)} waypoints")
+    return yaw
+
+
 def _identity(name: str, planned: str, here: str) -> Check:
-    reason = f"planned for {planned[:12] or 'none'}, checked against {here[:12] or 'none'}"
+    """Whether a file is about what is here; hashes that differ are shown by their beginnings."""
+    reason = f"the file names {planned[:12] or 'none'}, here is {here[:12] or 'none'}"
     return Check(name, float(planned != here), 0.0, "", planned == here, reason=reason)
-
-
-def fingerprint(trajectory: Trajectory) -> str:
-    """SHA-256 of the durations and coefficients."""
-    digest = hashlib.sha256(np.ascontiguousarray(trajectory.durations_s).tobytes())
-    digest.update(np.ascontiguousarray(trajectory.coefficients).tobytes())
-    return digest.hexdigest()
 
 
 def _finite(trajectory: Trajectory) -> Check:

@@ -8,6 +8,7 @@ import numpy as np
 import flight.trajectory
 from flight import FloatArray, InputError, Progress, Trajectory, Waypoints, silent
 from flight.mission import Ground, Mission
+from flight.trajectory import LONGEST_S
 from planner import gate, inputs, minimum_snap, planning, routes, space
 from planner._planner import StopFlag
 from planner.conditions import Conditions
@@ -38,6 +39,7 @@ def plan(
     inputs.check(mission.waypoints, field, vehicle, options)
     routes.check_waypoints(mission.waypoints, field, options.waypoint_clearance_m)
     flown = mission.unrolled()
+    _check_stays(flown)
     whole = conditions(flown)
     if whole.stay_s is None and whole.ground_world_m is None:
         return planning.plan(flown.waypoints, field, vehicle, options, conditions=whole, progress=progress, stop=stop)
@@ -79,6 +81,15 @@ def plan(
     methods = "+".join(sorted({p.method for p in plans}))
     route = np.concatenate([p.route_world_m for p in plans])
     return Plan(trajectory, report, points, route, methods, float(sum(p.optimum_s for p in plans)))
+
+
+def _check_stays(flown: Mission) -> None:
+    total_s = sum(stay.duration_s for stay in flown.stays)
+    if total_s > LONGEST_S:
+        raise InputError(
+            f"the stays last {total_s:.4g} s in all, laps counted, and a trajectory at most {LONGEST_S:g} s; "
+            "shorten them, or plan the flight in parts"
+        )
 
 
 def with_yaw(options: PlanOptions, mission: Mission) -> PlanOptions:

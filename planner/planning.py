@@ -228,7 +228,7 @@ def trajectory_file(plan: Plan, *, name: str) -> TrajectoryFile:
     if not plan.gate.passed:
         failed = ", ".join(check.name for check in plan.gate.failures)
         raise InputError(f"trajectory {name} is not saved: it did not pass the gate ({failed})")
-    if gate.fingerprint(plan.trajectory) != plan.gate.trajectory_hash:
+    if flight.trajectory.fingerprint(plan.trajectory) != plan.gate.trajectory_hash:
         raise InputError(f"trajectory {name} is not saved: it was changed after it was checked; plan or check it again")
     return TrajectoryFile(
         trajectory=plan.trajectory,

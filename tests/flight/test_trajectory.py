@@ -165,3 +165,10 @@ def test_a_damaged_trajectory_file_is_refused(tmp_path, damage):
         path.write_text(json.dumps(document | change[damage]))
     with pytest.raises(FormatError):
         trajectory.load(path)
+
+
+def test_a_trajectory_that_would_not_be_read_back_is_not_written(tmp_path):
+    still = Trajectory(np.array([6000.0, 6000.0]), np.zeros((2, 4, 1)))
+    with pytest.raises(InputError, match=r"lasts 1.2e\+04 s; at most 10000 s"):
+        trajectory.save(tmp_path / "t.json", TrajectoryFile(still, "t", "", "", np.ones((2, 3)), {}))
+    assert not list(tmp_path.iterdir())

@@ -115,3 +115,9 @@ def test_a_take_off_from_inside_an_obstacle_is_refused(hall, drone, height_m):
     block = solids.Scene([*hall.solids, solids.Box((-5.5, -3.5, 0.0), (-4.5, -2.5, 1.2))])
     with pytest.raises(InputError, match="inside an obstacle or in unknown space"):
         mission.plan(Mission(ask(), take_off=Ground((-5.0, -3.0, height_m))), block, drone)
+
+
+def test_stays_that_last_longer_than_a_trajectory_may_are_refused_before_any_work(hall, drone):
+    patient = Mission(ask(), laps=Laps(2), stays=(Stay(1, 3000.0), Stay(2, 3000.0)))
+    with pytest.raises(InputError, match=r"stays last 1.2e\+04 s in all"):
+        mission.plan(patient, hall, drone)
