@@ -9,6 +9,7 @@ import threading
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flight import FloatArray, InputError, Trajectory, Waypoints
 from planner import fastest, gate, limits, minimum_snap, planning, routes, space
@@ -62,22 +63,22 @@ class Planner:
         """The last finished plan."""
         return self._plan
 
-    def move(self, index: int, position_world_m: FloatArray) -> Plan:
+    def move(self, index: int, position_world_m: ArrayLike) -> Plan:
         """Move one waypoint. Raises as `planner.plan`; the plan then stays what it was."""
         with self._edit() as stop:
             old = self._waypoint(index)
             points = old.positions_world_m.copy()
-            points[index] = position_world_m
+            points[index] = _point(position_world_m)
             first, last = max(index - 1, 0), min(index + 1, len(points) - 1)
             return self._changed(Waypoints(points, old.yaw_rad), (first, last), (first, last), stop)
 
-    def insert(self, index: int, position_world_m: FloatArray, yaw_rad: float = np.nan) -> Plan:
+    def insert(self, index: int, position_world_m: ArrayLike, yaw_rad: float = np.nan) -> Plan:
         """Insert a waypoint so that it gets this index. Raises as `planner.plan`."""
         with self._edit() as stop:
             old = self._plan.waypoints
             if not 0 <= index <= len(old.yaw_rad):
                 raise InputError(f"a waypoint cannot get number {index}; there are {len(old.yaw_rad)}")
-            points = np.insert(old.positions_world_m, index, position_world_m, axis=0)
+            points = np.insert(old.positions_world_m, index, _point(position_world_m), axis=0)
             new = Waypoints(points, np.insert(old.yaw_rad, index, yaw_rad))
             inside = 0 < index < len(old.yaw_rad)
             self._count_may_change()
@@ -106,11 +107,11 @@ class Planner:
             waypoints = self._plan.waypoints
             return self._accept(*self._scratch(waypoints, self._options, stop), waypoints)
 
-    def draft(self, index: int, position_world_m: FloatArray) -> Trajectory:
+    def draft(self, index: int, position_world_m: ArrayLike) -> Trajectory:
         """What the path would look like with one waypoint moved and all times kept: quick, and checked by nothing."""
         path = self._path
         moved = np.zeros((len(path.waypoint), 4))
-        shift = np.asarray(position_world_m, dtype=np.float64) - self._waypoint(index).positions_world_m[index]
+        shift = _point(position_world_m) - self._waypoint(index).positions_world_m[index]
         at = int(np.flatnonzero(path.waypoint == index)[0])
         for before in (True, False):
             leg = _leg_knots(path.waypoint, index - 1 if before else index)
@@ -274,6 +275,16 @@ class Planner:
     def _free(self, points: FloatArray) -> bool:
         required = self._options.planned_clearance_m
         return all(line.free for line in space.check_lines(self._field, points[:-1], points[1:], required))
+
+
+def _point(position_world_m: ArrayLike) -> FloatArray:
+    try:
+        point = np.asarray(position_world_m, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"a position is three numbers x, y, z in metres, not {position_world_m!r}") from None
+    if point.shape != (3,) or not np.isfinite(point).all():
+        raise InputError(f"a position is three finite numbers x, y, z in metres, not {point.tolist()}")
+    return point
 
 
 class _Edit:

@@ -195,3 +195,12 @@ def test_what_was_asked_besides_waypoints_is_checked_after_an_edit_too(drone, op
     moved = session.move(1, waypoints.positions_world_m[1] + [0.2, 0.1, 0.0])
     assert "speed of legs" in {check.name for check in moved.gate.checks}
     assert moved.gate.conditions is slow  # and so they are in the file
+
+
+@pytest.mark.parametrize("wrong", [[1.0, 2.0], [1.0, 2.0, np.nan], "here", None, [[1.0, 2.0, 3.0]]])
+def test_a_position_that_is_not_three_finite_numbers_is_refused_by_every_edit(session, wrong):
+    before = session.plan
+    for edit in (session.move, session.insert, session.draft):
+        with pytest.raises(InputError, match="three"):
+            edit(2, wrong)
+    assert session.plan is before
