@@ -2,6 +2,8 @@
 
 import json
 import os
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ from flight import Waypoints, mission, project, trajectory
 from flight.mission import Ground, Laps, Mission, Stay
 from goshawk import batch, demo
 from tests.goshawk.running import answer as goshawk
+from tests.waiting import PATIENCE_S
 
 LOOP = np.array([[0.8, 0.8, 1.0], [3.0, 2.0, 1.3], [5.2, 0.8, 1.0], [5.0, 3.4, 1.6]])
 
@@ -134,5 +137,47 @@ def test_a_process_that_dies_is_one_missions_failure(folder, tmp_path):
         job = batch.Job(folder / "map", folder / "vehicle.toml", batch.planner.PlanOptions(), tmp_path)
         assert pool is not None
         pool.submit(die, None, None)
-        rows = list(batch._planned(pool, files, job))
+        rows = []
+        batch._plan_all(pool, files, job, rows.append)
     assert sorted(row["status"] for row in rows) == ["planned", "planned"]
+
+
+def test_a_batch_does_not_take_a_changed_trajectory_for_its_own(folder, tmp_path):
+    (tmp_path / "in").mkdir()
+    os.symlink(folder / "missions" / "a.json", tmp_path / "in" / "a.json")
+    call = ("--batch", tmp_path / "in", *world(folder), "--out", tmp_path / "out")
+    first = run(*call)
+    path = batch.trajectory_path(tmp_path / "out", "a")
+    document = json.loads(path.read_text())
+    document["segments"][0]["duration_s"] *= 0.5
+    path.write_text(json.dumps(document))
+    ended = goshawk("plan", *call)
+    assert ended.returncode == 2
+    assert "was changed since it was planned" in ended.stderr
+    again = run(*call, "--overwrite")
+    assert [row["trajectory_hash"] for row in again["missions"]] == [row["trajectory_hash"] for row in first["missions"]]
+    assert trajectory.load(path).as_checked
+
+
+def test_what_is_finished_after_ctrl_c_is_recorded_too(monkeypatch):
+    begun, interrupted, rows = threading.Event(), threading.Event(), []
+
+    def plan_one(path, job):
+        if path.stem == "slow":
+            begun.set()
+            assert interrupted.wait(PATIENCE_S)
+        else:
+            assert begun.wait(PATIENCE_S)
+        return {"name": path.stem}
+
+    def record(row):
+        rows.append(row["name"])
+        if not interrupted.is_set():
+            interrupted.set()
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(batch, "plan_one", plan_one)
+    with ThreadPoolExecutor(2) as threads, pytest.raises(KeyboardInterrupt):
+        batch._plan_all(threads, [Path("slow.json"), Path("quick.json")], None, record)
+    assert rows[0] == "quick"
+    assert rows[-1] == "slow"
