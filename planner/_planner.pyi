@@ -70,6 +70,8 @@ class Problem:
         """What is added to each excess."""
     def set_reference(self, durations: NDArray[np.float64]) -> None:
         """The time (k,) over which each segment's excess is charged, whatever its own becomes."""
+    def set_speeds(self, speeds: NDArray[np.float64]) -> None:
+        """The speed limit (k,) of each segment."""
     def set_given(
         self,
         states: Annotated[NDArray[np.float64], "(k + 1, 4, 4)"],

@@ -106,13 +106,18 @@ class Conditions:
         radius = np.where(waypoint >= 0, _INSIDE * self.fly_by_m[waypoint], 0.0)
         return np.column_stack([points_world_m, radius])
 
-    def speed_offsets(self, waypoint: np.ndarray, limits: Limits) -> FloatArray:
-        """(k,) what to add to the relative excess v^2 / limit^2 - 1 so that it is zero at the leg's own speed."""
+    def most_speed_m_s(self, waypoint: np.ndarray) -> FloatArray:
+        """(k,) the speed asked for between knots, infinite where none is; `waypoint` as in `at_knots`."""
         leg = np.maximum.accumulate(waypoint)[:-1]
         if self.leg_speed_m_s is None:
-            return np.zeros(len(leg))
-        speed = np.where(np.isfinite(self.leg_speed_m_s), _PROVABLE * self.leg_speed_m_s, np.inf)[leg]
-        return np.maximum(1.0 - (speed / limits.speed_m_s) ** 2, 0.0)
+            return np.full(len(leg), np.inf)
+        return np.where(np.isfinite(self.leg_speed_m_s), self.leg_speed_m_s, np.inf)[leg]
+
+    def planned_speed_m_s(self, waypoint: np.ndarray, limits: Limits) -> FloatArray | None:
+        """(k,) speed limits for the optimiser, so that the gate proves those asked for; None if none is."""
+        if self.leg_speed_m_s is None:
+            return None
+        return np.minimum(_PROVABLE * self.most_speed_m_s(waypoint), limits.speed_m_s)
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-able; what is not asked for is left out, open numbers are None."""

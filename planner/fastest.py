@@ -20,7 +20,7 @@ from planner.corrections import Corrections
 from planner.gate import GateReport
 from planner.options import PlanOptions
 from planner.time_allocation import Problem, Solution, Weights
-from vehicle import Limits, Vehicle
+from vehicle import Vehicle
 
 AIM_M = 0.02
 """What the optimiser keeps beyond the required clearance, for what lies between the samples it looks at."""
@@ -91,7 +91,7 @@ def rough(
         field=field,
         clearance_m=space.aim(field, options.clearance_m) + AIM_M,
         weights=Weights(snap=1e-5),
-        offsets=_leg_offsets(asked, route.waypoint, options.limits_for(vehicle)),
+        speed_m_s=asked.planned_speed_m_s(route.waypoint, options.limits_for(vehicle)),
         start=asked.start,
         end=asked.end,
         velocity=velocity,
@@ -102,7 +102,8 @@ def rough(
     pace = np.full(len(route.points), 0.3 * min(frame.speed_m_s, frame.acceleration_m_s2))
     for knot, given in _given_speeds(asked, velocity):
         pace[knot] = max(pace[knot], given)
-    slow = np.maximum(lengths, 0.3) / np.maximum(pace[:-1], pace[1:])
+    allowed = np.inf if problem.speed_m_s is None else 0.6 * problem.speed_m_s
+    slow = np.maximum(lengths, 0.3) / np.minimum(np.maximum(pace[:-1], pace[1:]), allowed)
     return problem, time_allocation.optimise(problem, slow, iterations=150, stop=stop)
 
 
@@ -126,7 +127,7 @@ def whole_vehicle(
         balls = np.zeros((len(knots), 4))
         balls[waypoint >= 0] = problem.balls[before >= 0]
     asked = np.where(waypoint >= 0, asked_rad[waypoint], np.nan)
-    problem = replace(problem, velocity=conditions.at_knots(waypoint), offsets=None, balls=balls)
+    problem = replace(problem, velocity=conditions.at_knots(waypoint), speed_m_s=None, balls=balls)
     first = minimum_snap.Spline(durations, problem.spline(knots, durations).states[..., :3])
     held = heading.constant(first, asked, options)
     if held is None:
@@ -146,13 +147,6 @@ def whole_vehicle(
 def _may_move(balls: FloatArray | None) -> np.ndarray | bool:
     """(k + 1,) bool: whether a knot has a ball to move in."""
     return False if balls is None else balls[:, 3] > 0.0
-
-
-def _leg_offsets(asked: Conditions, waypoint: np.ndarray, limits: Limits) -> FloatArray:
-    """(k, samples, limits) what the speeds asked for on legs add to the excess over the vehicle's own speed."""
-    offsets = np.zeros((len(waypoint) - 1, time_allocation.SAMPLES, airframe.COLUMNS))
-    offsets[:, :, airframe.NAMES.index("speed")] = asked.speed_offsets(waypoint, limits)[:, None]
-    return offsets
 
 
 def _given_speeds(asked: Conditions, velocity: FloatArray | None) -> list[tuple[int, float]]:
@@ -203,9 +197,9 @@ def until_flyable(
         iterations: of the first round about `wrong`.
         corrections, known: those of an earlier answer, and what the gate found of it.
     """
-    legs = _leg_offsets(conditions, waypoint, options.limits_for(vehicle))
-    corrections = Corrections(legs) if corrections is None else corrections
-    corrections.legs = legs
+    corrections = Corrections(len(spline.durations_s)) if corrections is None else corrections
+    problem = replace(problem, speed_m_s=conditions.planned_speed_m_s(waypoint, options.limits_for(vehicle)))
+    asked_m_s = conditions.most_speed_m_s(waypoint)
     optimum_s, bends, begun = np.nan, 0, len(_WHOLE) if wrong is not None else 0
     found, rounds = None, _ROUNDS
     for round_ in range(begun, _ROUNDS):
@@ -244,8 +238,9 @@ def until_flyable(
                 rounds = round_ + _AGAIN
                 continue
             known = path, report.usage
-            corrections.stricter(report.usage)
-            exceeded |= ~report.usage.passed.all(axis=0)
+            too_fast = report.usage.value[0] > asked_m_s
+            corrections.stricter(report.usage, too_fast)
+            exceeded |= ~report.usage.passed.all(axis=0) | too_fast
         corrections.press(excess, touched)
         if not clearance.passed:
             if bends == options.repairs:

@@ -62,6 +62,8 @@ class Problem:
     """(k,) time over which each segment's excess is charged, whatever its own becomes; None for its own. With the
     multipliers of an augmented Lagrangian among the offsets, which are charged within the limits too, a segment would
     else cost less the shorter it is."""
+    speed_m_s: FloatArray | None = None
+    """(k,) speed limit of each segment; the airframe's own if None."""
     start: FloatArray | None = None
     """(3, 4) velocity, acceleration and jerk at the first knot; at rest if None."""
     end: FloatArray | None = None
@@ -87,6 +89,7 @@ class Problem:
             free=free,
             offsets=None if self.offsets is None else self.offsets[first:last],
             reference_s=None if self.reference_s is None else self.reference_s[first:last],
+            speed_m_s=None if self.speed_m_s is None else self.speed_m_s[first:last],
             start=spline.states[first, 1:],
             end=spline.states[last, 1:],
             velocity=None if self.velocity is None else self.velocity[first : last + 1],
@@ -120,7 +123,7 @@ def cost_numpy(problem: Problem, knots: FloatArray, durations_s: FloatArray) -> 
     T, weights = durations_s, problem.weights
     spline = problem.spline(knots, T)
     motion = derivatives(spline)
-    over = airframe.excess_numpy(problem.airframe, motion.reshape(-1, 5, 4)).reshape(len(T), SAMPLES, -1)
+    over = excess_numpy(problem, motion)
     if problem.offsets is not None:
         over = over + problem.offsets
     density = weights.limits * (np.maximum(over, 0.0) ** 2).sum(axis=2)
@@ -143,6 +146,14 @@ def cost_numpy(problem: Problem, knots: FloatArray, durations_s: FloatArray) -> 
     return float(
         weights.limits * outside + T.sum() + (T * (density @ _SHARES)).sum() + weights.snap * position.snap_cost()
     )
+
+
+def excess_numpy(problem: Problem, motion: FloatArray) -> FloatArray:
+    """The NumPy reference of the relative excess (k, SAMPLES, limits), from `derivatives`."""
+    over = airframe.excess_numpy(problem.airframe, motion.reshape(-1, 5, 4)).reshape(*motion.shape[:2], -1)
+    if problem.speed_m_s is not None:
+        over[:, :, 0] = (motion[:, :, 1, :3] ** 2).sum(axis=2) / problem.speed_m_s[:, None] ** 2 - 1.0
+    return over
 
 
 def derivatives(spline: minimum_snap.Spline) -> FloatArray:
@@ -195,6 +206,8 @@ def _kernel(problem: Problem, samples: int = SAMPLES) -> Kernel:
         len(problem.knots) - 1, samples, problem.airframe.packed(), prices, problem.clearance_m, _distances(problem)
     )
     kernel.set_given(*minimum_snap.given(problem.knots, problem.start, problem.end, problem.velocity))
+    if problem.speed_m_s is not None:
+        kernel.set_speeds(np.ascontiguousarray(problem.speed_m_s))
     if problem.balls is not None:
         kernel.set_balls(np.ascontiguousarray(problem.balls))
     if problem.target_world_m is not None:

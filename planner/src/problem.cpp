@@ -54,6 +54,7 @@ Problem::Problem(std::size_t segments, std::size_t samples, const Airframe& airf
       by_states_((segments + 1) * kKnot),
       given_((segments + 1) * kKnot),
       reference_(segments),
+      speeds_(segments, airframe.speed),
       balls_((segments + 1) * 4),
       held_(segments + 1),
       points_(3 * segments * samples),
@@ -75,6 +76,12 @@ void Problem::set_offsets(const double* offsets) {
 }
 
 void Problem::set_reference(const double* durations) { reference_.assign(durations, durations + segments_); }
+
+Airframe Problem::airframe_of(std::size_t segment) const {
+    Airframe here = airframe_;
+    here.speed = speeds_[segment];
+    return here;
+}
 
 Samples Problem::samples_of(std::size_t segment) const {
     return {packs_,
@@ -128,7 +135,7 @@ double Problem::segment_cost(std::size_t i, double T, double& by_T) {
     const Ends<kAxes> scaled = scaled_ends<kAxes>(states_.data(), i, T);
     double by_scaled[kStates][kAxes], longer;
     const double cost =
-        kernels_.cost(samples_of(i), airframe_, prices_, clearance_m_, scaled.row, T, by_scaled, longer);
+        kernels_.cost(samples_of(i), airframe_of(i), prices_, clearance_m_, scaled.row, T, by_scaled, longer);
     double* out = &by_states_[i * kKnot];
     double power = 1.0;
     for (int r = 0; r < kOrders; ++r, power *= T)
@@ -222,7 +229,7 @@ void Problem::excess(const double* states, const double* durations, double* out)
     std::vector<double> packed(packs_ * kLimits * kLanes);
     for (std::size_t i = 0; i < segments_; ++i) {
         const Ends<kAxes> scaled = scaled_ends<kAxes>(states, i, durations[i]);
-        kernels_.excess(samples_of(i), airframe_, scaled.row, durations[i], packed.data());
+        kernels_.excess(samples_of(i), airframe_of(i), scaled.row, durations[i], packed.data());
         for (std::size_t s = 0; s < samples_; ++s)
             for (std::size_t l = 0; l < kLimits; ++l) *out++ = packed[place(0, s, kLimits, l)];
     }

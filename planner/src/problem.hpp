@@ -26,6 +26,9 @@ class Problem {
     // offsets, which are charged within the limits too, a segment would else cost less the shorter it is.
     void set_reference(const double* durations);
 
+    // The speed limit of each segment (k); the airframe's own unless set.
+    std::vector<double>& speeds() { return speeds_; }
+
     // Velocity, acceleration and jerk at both ends (zero unless set), and the velocity of knots that are held: numbers
     // of states (k + 1, 4, 4), and held (k + 1).
     std::vector<double>& given() { return given_; }
@@ -54,6 +57,7 @@ class Problem {
     void start(const double* knots, const double* durations);
     void ask_distances(const double* durations);
     double segment_cost(std::size_t i, double T, double& by_T);
+    Airframe airframe_of(std::size_t segment) const;
     Samples samples_of(std::size_t segment) const;
     double snap_cost(std::size_t i, double T, double& by_T);
     double ball_cost(const double* knots, double* by_knots) const;
@@ -71,7 +75,7 @@ class Problem {
     Distances distances_;
     const Kernels& kernels_;
     std::vector<double> basis_, share_, offsets_, distance_, uphill_;  // see Samples
-    std::vector<double> states_, by_states_, given_, reference_, balls_;
+    std::vector<double> states_, by_states_, given_, reference_, speeds_, balls_;
     std::vector<unsigned char> held_;
     std::vector<double> target_;  // x, y; empty if the vehicle looks along its path
     std::vector<double> points_, asked_distance_, asked_gradient_;
