@@ -1,4 +1,4 @@
-"""A pilot's mission: waypoints, and what is asked besides: laps, stays, velocities, speeds of legs, take-off, landing.
+"""A pilot's mission: waypoints, and what is asked besides: laps, stays, gates, speeds of legs, a tube, take-off ...
 
 It is kept in the waypoints file. Each kind of request is a plain record of its own; a file without any is what older
 versions wrote, and is read and written as such.
@@ -14,8 +14,12 @@ import numpy as np
 from flight import file_format, project
 from flight.errors import FormatError, InputError
 from flight.project import Waypoints
+from flight.rotations import FloatArray
 
 MOST_LAPS = 100
+MOST_TUBE_POINTS = 1000
+SLIMMEST_M = 0.05
+"""Least radius of a tube: the planner itself keeps 2 cm from its surface."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +54,40 @@ class FlyBy:
 
     waypoint: int
     radius_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Gate:
+    """An upright or turned rectangle round an inner waypoint, anywhere in which the path may pass, forwards."""
+
+    waypoint: int
+    width_m: float
+    """Of the opening for the vehicle's centre; what surrounds it belongs into the map."""
+    height_m: float
+    heading_rad: float
+    """Of the horizontal direction in which it is passed, from x towards y."""
+    pitch_rad: float = 0.0
+    """How far that direction points upwards."""
+    roll_rad: float = 0.0
+    """How far the rectangle is turned about that direction, clockwise as seen by who flies through."""
+
+    @property
+    def edges_m(self) -> FloatArray:
+        """(2, 3) world vectors from its centre to the middle of its left and of its upper edge."""
+        h, p, r = self.heading_rad, self.pitch_rad, self.roll_rad
+        level = np.array([-np.sin(h), np.cos(h), 0.0])
+        upright = np.array([-np.sin(p) * np.cos(h), -np.sin(p) * np.sin(h), np.cos(p)])
+        left, up = np.cos(r) * level + np.sin(r) * upright, np.cos(r) * upright - np.sin(r) * level
+        return np.stack([0.5 * self.width_m * left, 0.5 * self.height_m * up])
+
+
+@dataclass(frozen=True, slots=True)
+class KeepIn:
+    """A tube that the whole path stays in."""
+
+    radius_m: float
+    polyline_world_m: tuple[tuple[float, float, float], ...] | None = None
+    """Its middle, say a recorded walk; None: straight lines from waypoint to waypoint."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,14 +131,17 @@ class Mission:
     stays: tuple[Stay, ...] = ()
     velocities: tuple[Velocity, ...] = ()
     fly_bys: tuple[FlyBy, ...] = ()
+    gates: tuple[Gate, ...] = ()
     leg_speeds: tuple[LegSpeed, ...] = ()
     take_off: Ground | None = None
     landing: Ground | None = None
     yaw: Yaw | None = None
+    keep_in: KeepIn | None = None
 
     def __post_init__(self) -> None:
         count = len(self.waypoints.positions_world_m)
-        for kind, records in (("stay", self.stays), ("velocity", self.velocities), ("radius", self.fly_bys)):
+        of_waypoints = {"stay": self.stays, "velocity": self.velocities, "radius": self.fly_bys, "gate": self.gates}
+        for kind, records in of_waypoints.items():
             for record in records:
                 if not 0 <= record.waypoint < count:
                     raise InputError(f"a {kind} belongs to waypoint {record.waypoint}; there are 0 to {count - 1}")
@@ -122,9 +163,20 @@ class Mission:
                 )
             if not (np.isfinite(leg.speed_m_s) and leg.speed_m_s > 0.0):
                 raise InputError(f"the speed from waypoint {leg.first} is {leg.speed_m_s:g} m/s; it must be positive")
+        for gate in self.gates:
+            _check_gate(gate)
+        if self.keep_in is not None:
+            _check_keep_in(self.keep_in)
         cut = {f.waypoint for f in self.fly_bys} & {s.waypoint for s in self.stays}
         if cut:
             raise InputError(f"waypoint {min(cut)} has a stay and a radius to pass it by; remove one of them")
+        gated = [gate.waypoint for gate in self.gates]
+        for kind, records in of_waypoints.items():
+            others = [record.waypoint for record in records]
+            both = [i for i in gated if others.count(i) > (kind == "gate")]
+            if both:
+                other = "another gate" if kind == "gate" else f"a {kind}"
+                raise InputError(f"waypoint {both[0]} has a gate and {other}; remove one of them")
         moving = {v.waypoint for v in self.velocities}
         both = sorted(moving & {s.waypoint for s in self.stays})
         if both:
@@ -180,8 +232,35 @@ class Mission:
             stays=tuple(replace(s, waypoint=i) for s in self.stays for i in places[s.waypoint]),
             velocities=tuple(replace(v, waypoint=i) for v in self.velocities for i in places[v.waypoint]),
             fly_bys=tuple(replace(f, waypoint=i) for f in self.fly_bys for i in places[f.waypoint]),
+            gates=tuple(replace(g, waypoint=i) for g in self.gates for i in places[g.waypoint]),
             leg_speeds=tuple(legs),
         )
+
+
+def _check_gate(gate: Gate) -> None:
+    where = f"the gate at waypoint {gate.waypoint}"
+    for name in ("width_m", "height_m"):
+        if not 0.01 <= getattr(gate, name) < 100.0:
+            raise InputError(f"{where} has a {name} of {getattr(gate, name):g}; it must be from 0.01 to 100 m")
+    for name in ("heading_rad", "pitch_rad", "roll_rad"):
+        if not np.isfinite(getattr(gate, name)):
+            raise InputError(f"{where} has a {name} of {getattr(gate, name):g}; it must be finite")
+
+
+def _check_keep_in(tube: KeepIn) -> None:
+    if not SLIMMEST_M <= tube.radius_m < 1000.0:
+        raise InputError(f"the tube to keep in has a radius_m of {tube.radius_m:g}; it must be {SLIMMEST_M:g} to 1000 m")
+    line = tube.polyline_world_m
+    if line is None:
+        return
+    if not 2 <= len(line) <= MOST_TUBE_POINTS:
+        raise InputError(
+            f"the tube to keep in has a polyline of {len(line)} points; 2 to {MOST_TUBE_POINTS} can be planned with: "
+            "thin a recorded walk (`goshawk plan --path`, or `planner.simplify.rdp`)"
+        )
+    broken = [i for i, point in enumerate(line) if not np.isfinite(point).all()]
+    if broken:
+        raise InputError(f"point {broken[0]} of the tube to keep in is {line[broken[0]]}; it must be finite")
 
 
 def _spanned(start: int, end: int) -> tuple[int, int]:
@@ -189,8 +268,8 @@ def _spanned(start: int, end: int) -> tuple[int, int]:
     return (end, start) if end < start else (end - 1, end)
 
 
-_LISTS = {"stays": Stay, "velocities": Velocity, "fly_bys": FlyBy, "leg_speeds": LegSpeed}
-_SINGLE = {"laps": Laps, "take_off": Ground, "landing": Ground, "yaw": Yaw}
+_LISTS = {"stays": Stay, "velocities": Velocity, "fly_bys": FlyBy, "gates": Gate, "leg_speeds": LegSpeed}
+_SINGLE = {"laps": Laps, "take_off": Ground, "landing": Ground, "yaw": Yaw, "keep_in": KeepIn}
 
 
 def save(path: Path, mission: Mission) -> None:
@@ -240,12 +319,18 @@ def _made(kind: Any, record: dict[str, Any]) -> Any:
     """A record of this kind; lists are points of three numbers, and whole numbers count waypoints and laps."""
     values: dict[str, Any] = {}
     for name, value in record.items():
-        if isinstance(value, list):
-            x, y, z = (float(number) for number in cast("list[Any]", value))
-            values[name] = (x, y, z)
+        if name == "polyline_world_m" and value is not None:
+            values[name] = tuple(_point(point) for point in value)
+        elif isinstance(value, list):
+            values[name] = _point(cast("list[Any]", value))
         else:
             values[name] = value if value is None or name == "mode" else _number(name, value)
     return kind(**values)
+
+
+def _point(numbers: list[Any]) -> tuple[float, float, float]:
+    x, y, z = (float(number) for number in numbers)
+    return x, y, z
 
 
 def _number(name: str, value: Any) -> float | int:

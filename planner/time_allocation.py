@@ -72,6 +72,9 @@ class Problem:
     """(k + 1, 4) velocity and yaw rate to be had at inner knots; rows of NaN are open."""
     balls: FloatArray | None = None
     """(k + 1, 4) centre and radius of balls that free knots should not leave; a radius of 0 is none."""
+    gates: FloatArray | None = None
+    """(k + 1, 3, 3) openings in whose planes free knots move and which they should not leave: centre, and from there to
+    the middle of the left and of the upper edge; zero edges are none."""
     target_world_m: FloatArray | None = None
     """(3,) point that the vehicle looks at, instead of along its path."""
 
@@ -94,6 +97,7 @@ class Problem:
             end=spline.states[last, 1:],
             velocity=None if self.velocity is None else self.velocity[first : last + 1],
             balls=None if self.balls is None else self.balls[first : last + 1],
+            gates=None if self.gates is None else self.gates[first : last + 1],
         )
 
 
@@ -143,6 +147,10 @@ def cost_numpy(problem: Problem, knots: FloatArray, durations_s: FloatArray) -> 
     if problem.balls is not None and (there := problem.balls[:, 3] > 0.0).any():
         off = knots[there, :3] - problem.balls[there, :3]
         outside = (np.maximum((off**2).sum(axis=1) / problem.balls[there, 3] ** 2 - 1.0, 0.0) ** 2).sum()
+    if problem.gates is not None and (there := problem.gates[:, 1:].any(axis=(1, 2))).any():
+        edges, off = problem.gates[there, 1:], knots[there, :3] - problem.gates[there, 0]
+        share = np.einsum("nex,nx->ne", edges, off) / (edges**2).sum(axis=2)
+        outside += (np.maximum(share**2 - 1.0, 0.0) ** 2).sum()
     return float(
         weights.limits * outside + T.sum() + (T * (density @ _SHARES)).sum() + weights.snap * position.snap_cost()
     )
@@ -210,6 +218,8 @@ def _kernel(problem: Problem, samples: int = SAMPLES) -> Kernel:
         kernel.set_speeds(np.ascontiguousarray(problem.speed_m_s))
     if problem.balls is not None:
         kernel.set_balls(np.ascontiguousarray(problem.balls))
+    if problem.gates is not None:
+        kernel.set_gates(np.ascontiguousarray(problem.gates))
     if problem.target_world_m is not None:
         kernel.look_at(*problem.target_world_m[:2].tolist())
     if problem.offsets is not None and samples == SAMPLES:

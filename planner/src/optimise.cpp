@@ -129,6 +129,10 @@ void set_balls(Problem& problem, In balls) {
     std::copy_n(balls.data(), problem.balls().size(), problem.balls().data());
 }
 
+void set_gates(Problem& problem, In gates) {
+    std::copy_n(gates.data(), problem.gates().size(), problem.gates().data());
+}
+
 void look_at(Problem& problem, double x, double y) { problem.look_at(x, y); }
 
 nb::tuple minimise(Problem& problem, Out knots, Out durations, Flags free, int iterations, double precision,
@@ -165,6 +169,7 @@ void bind_optimise(nb::module_& m) {
         .def("set_speeds", &set_speeds, nb::arg("speeds"))
         .def("set_given", &set_given, nb::arg("states"), nb::arg("held"))
         .def("set_balls", &set_balls, nb::arg("balls"))
+        .def("set_gates", &set_gates, nb::arg("gates"))
         .def("look_at", &look_at, nb::arg("x"), nb::arg("y"))
         .def("minimise", &minimise, nb::arg("knots"), nb::arg("durations"), nb::arg("free"), nb::arg("iterations"),
              nb::arg("precision"), nb::arg("stop").none());
