@@ -31,6 +31,10 @@ class Laps:
     last: int = -1
     """-1: the last waypoint, so that nothing leads out."""
 
+    def ends(self, count: int) -> tuple[int, int]:
+        """First and last waypoint of the laps, of so many waypoints that are listed."""
+        return self.first, self.last if self.last >= 0 else count + self.last
+
 
 @dataclass(frozen=True, slots=True)
 class Stay:
@@ -198,11 +202,11 @@ class Mission:
         laps = self.laps
         if laps is None:
             return
-        last = laps.last if laps.last >= 0 else count + laps.last
+        first, last = laps.ends(count)
         if not 1 <= laps.count <= MOST_LAPS:
             raise InputError(f"{laps.count} laps are asked for; 1 to {MOST_LAPS} can be planned")
-        if not 0 <= laps.first < last < count:
-            raise InputError(f"laps go from waypoint {laps.first} to {last}; there are 0 to {count - 1}")
+        if not 0 <= first < last < count:
+            raise InputError(f"laps go from waypoint {first} to {last}; there are 0 to {count - 1}")
 
     @property
     def plain(self) -> bool:
@@ -214,7 +218,7 @@ class Mission:
         if self.laps is None:
             return self
         count = len(self.waypoints.positions_world_m)
-        start, end = self.laps.first, self.laps.last if self.laps.last >= 0 else count + self.laps.last
+        start, end = self.laps.ends(count)
         loop = list(range(start, end + 1))
         order = np.array([*range(start), *loop * self.laps.count, start, *range(end + 1, count)])
         places = {i: np.flatnonzero(order == i).tolist() for i in range(count)}

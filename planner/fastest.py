@@ -84,9 +84,10 @@ def rough(
     """Least time with few knots and the heading left alone, at a price on snap that keeps it smooth."""
     frame = airframe.reduced(vehicle, options.limits_for(vehicle))
     velocity, balls = asked.at_knots(route.waypoint), asked.balls(route.points, route.waypoint)
+    gates = asked.gates(route.points, route.waypoint)
     problem = Problem(
         knots=np.column_stack([route.points, np.zeros(len(route.points))]),
-        free=np.outer((route.waypoint < 0) | _may_move(balls), [True, True, True, False]),
+        free=np.outer((route.waypoint < 0) | _may_move(balls, gates), [True, True, True, False]),
         airframe=frame,
         field=field,
         clearance_m=space.aim(field, options.clearance_m) + AIM_M,
@@ -96,6 +97,7 @@ def rough(
         end=asked.end,
         velocity=velocity,
         balls=balls,
+        gates=gates,
         target_world_m=options.target_world_m,
     )
     lengths = np.linalg.norm(np.diff(route.points, axis=0), axis=1)
@@ -120,14 +122,11 @@ def whole_vehicle(
     Args:
         asked_rad: heading asked for at each waypoint, NaN where it is open.
     """
-    balls = problem.balls
     before = waypoint
     knots, durations, waypoint = _split(start.spline, waypoint, options.pieces)
-    if problem.balls is not None:
-        balls = np.zeros((len(knots), 4))
-        balls[waypoint >= 0] = problem.balls[before >= 0]
+    balls, gates = (_at_waypoints(kept, before, waypoint) for kept in (problem.balls, problem.gates))
     asked = np.where(waypoint >= 0, asked_rad[waypoint], np.nan)
-    problem = replace(problem, velocity=conditions.at_knots(waypoint), speed_m_s=None, balls=balls)
+    problem = replace(problem, velocity=conditions.at_knots(waypoint), speed_m_s=None, balls=balls, gates=gates)
     first = minimum_snap.Spline(durations, problem.spline(knots, durations).states[..., :3])
     held = heading.constant(first, asked, options)
     if held is None:
@@ -137,16 +136,27 @@ def whole_vehicle(
         knots[:, 3] = turned[:, 0]
     else:
         knots[:, 3] = held
-    free = np.repeat(((waypoint < 0) | _may_move(balls))[:, None], 4, axis=1)
+    free = np.repeat(((waypoint < 0) | _may_move(balls, gates))[:, None], 4, axis=1)
     free[:, 3] = np.isnan(asked) & (held is None)
     price, turning = _YAW_PRICES[options.yaw]
     weights = Weights(snap=1e-7, limits=400.0, clearance=300.0, heading=price, turning=turning)
     return replace(problem, knots=knots, free=free, weights=weights), durations, waypoint
 
 
-def _may_move(balls: FloatArray | None) -> np.ndarray | bool:
-    """(k + 1,) bool: whether a knot has a ball to move in."""
-    return False if balls is None else balls[:, 3] > 0.0
+def _at_waypoints(kept: FloatArray | None, before: np.ndarray, waypoint: np.ndarray) -> FloatArray | None:
+    """What was kept of knots that are waypoints, for the same waypoints among other knots; zeros elsewhere."""
+    if kept is None:
+        return None
+    found = np.zeros((len(waypoint), *kept.shape[1:]))
+    found[waypoint >= 0] = kept[before >= 0]
+    return found
+
+
+def _may_move(balls: FloatArray | None, gates: FloatArray | None) -> np.ndarray | bool:
+    """(k + 1,) bool: whether a knot has a ball, or the opening of a gate, to move in."""
+    in_ball = False if balls is None else balls[:, 3] > 0.0
+    in_gate = False if gates is None else gates[:, 1:].any(axis=(1, 2))
+    return in_ball | in_gate
 
 
 def _given_speeds(asked: Conditions, velocity: FloatArray | None) -> list[tuple[int, float]]:

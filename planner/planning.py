@@ -22,6 +22,10 @@ _SLOWER = (1.005, 1.015, 1.04, 1.1, 1.3)
 """Factors on the time that are tried where the gate, with its finer samples, finds a limit exceeded."""
 
 
+AskGate = Callable[..., GateReport]
+"""From a trajectory, and what is known of another one, to the gate's report."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
     """A trajectory that has passed the gate."""
@@ -87,25 +91,10 @@ def from_scratch(
     if options.method == "bry" and (asked.given_motion or asked.leg_speed_m_s is not None):
         raise InputError("Bry's method starts and ends at rest and knows no velocities or speeds of legs; use fastest")
     routes.check_waypoints(waypoints, field, options.waypoint_clearance_m)
-    route = routes.find(waypoints, field, options.sampled() if options.method == "bry" else options)
+    asked.check_inside(waypoints.positions_world_m)
+    room = asked.room(field, options)
+    route = _route(waypoints, room, options, asked)
     progress("optimise", 0.2)
-    path = _flyable(route, waypoints, field, vehicle, options, asked, stop)
-    progress("gate", 1.0)
-    if not path.report.passed:
-        raise _refused(path)
-    return path, route
-
-
-def _flyable(
-    route: routes.Route,
-    waypoints: Waypoints,
-    field: space.DistanceField,
-    vehicle: Vehicle,
-    options: PlanOptions,
-    asked: Conditions,
-    stop: StopFlag | None,
-) -> Path:
-    """The fastest path; one in a corridor of boxes where that is asked for or the fastest stays too close."""
 
     def ask_gate(trajectory: Trajectory, known: limits.Known | None = None) -> GateReport:
         return gate.check(
@@ -119,6 +108,35 @@ def _flyable(
             known=known,
         )
 
+    path = _flyable(route, waypoints, room, vehicle, options, asked, ask_gate, stop)
+    progress("gate", 1.0)
+    if not path.report.passed:
+        raise _refused(path)
+    return path, route
+
+
+def _route(waypoints: Waypoints, room: space.DistanceField, options: PlanOptions, asked: Conditions) -> routes.Route:
+    try:
+        return routes.find(waypoints, room, options.sampled() if options.method == "bry" else options)
+    except PlanInfeasibleError as error:
+        if asked.tube is None:
+            raise
+        raise PlanInfeasibleError(
+            f"within the tube, {error.reason}", f"{error.remedy}, or widen the tube", error.segment, gap=error.gap
+        ) from error
+
+
+def _flyable(
+    route: routes.Route,
+    waypoints: Waypoints,
+    field: space.DistanceField,
+    vehicle: Vehicle,
+    options: PlanOptions,
+    asked: Conditions,
+    ask_gate: AskGate,
+    stop: StopFlag | None,
+) -> Path:
+    """The fastest path; one in a corridor of boxes where that is asked for or the fastest stays too close."""
     if options.method == "bry":
         spline, corners = bry.solve(route, field, options, stop)
         return _timed(spline, corners.waypoint, "bry", waypoints, vehicle, options, ask_gate)
@@ -158,7 +176,7 @@ def _timed(
     waypoints: Waypoints,
     vehicle: Vehicle,
     options: PlanOptions,
-    ask_gate: Callable[[Trajectory], GateReport],
+    ask_gate: AskGate,
 ) -> Path:
     """A path whose times matter only in proportion, with headings, as fast as the vehicle can fly it."""
     level = minimum_snap.trajectory(spline)
@@ -184,7 +202,7 @@ def _with_heading(
     return minimum_snap.trajectory(minimum_snap.Spline(spline.durations_s, states))
 
 
-def _slowed(path: Path, vehicle: Vehicle, options: PlanOptions, ask_gate: Callable[[Trajectory], GateReport]) -> Path:
+def _slowed(path: Path, vehicle: Vehicle, options: PlanOptions, ask_gate: AskGate) -> Path:
     """The same way through space in the time that just keeps every limit: the last resort, as all segments pay."""
     factor = _time_scale(path.trajectory, vehicle, options)
     for more in (1.0, *_SLOWER):

@@ -54,6 +54,7 @@ class Planner:
         self._conditions = Conditions() if conditions is None else conditions
         self._field, self._vehicle = field, vehicle
         self._options = PlanOptions() if options is None else options
+        self._room = self._conditions.room(field, self._options)
         self._stop = StopFlag()
         self._flags, self._working = threading.Lock(), threading.Lock()
         self._accept(*self._scratch(waypoints, self._options, self._stop), waypoints)
@@ -142,9 +143,10 @@ class Planner:
 
     def _count_may_change(self) -> None:
         asked = self._conditions
-        if any(given is not None for given in (asked.velocity_world_m_s, asked.leg_speed_m_s, asked.fly_by_m)):
+        of_waypoints = (asked.velocity_world_m_s, asked.leg_speed_m_s, asked.fly_by_m, asked.gate_edges_m)
+        if any(given is not None for given in of_waypoints):
             raise InputError(
-                "velocities, speeds and radii belong to waypoints by number: start another session with new ones"
+                "velocities, speeds, radii and gates belong to waypoints by number: start another session with new ones"
             )
 
     def _scratch(self, waypoints: Waypoints, options: PlanOptions, stop: StopFlag) -> tuple[fastest.Path, FloatArray]:
@@ -160,11 +162,12 @@ class Planner:
         """Plan for waypoints of which those from `new[0]` to `new[1]` take the place of `old[0]` to `old[1]`.
 
         `old` is None where the path begins or ends elsewhere: then it is planned from scratch, as it is where waypoints
-        need only be passed within a radius.
+        need only be passed within a radius or an opening.
         """
         routes.check_waypoints(waypoints, self._field, self._options.waypoint_clearance_m)
-        path = None
-        if old is not None and self._path.kept is not None and self._conditions.fly_by_m is None:
+        self._conditions.check_inside(waypoints.positions_world_m)
+        path, asked = None, self._conditions
+        if old is not None and self._path.kept is not None and asked.fly_by_m is None and asked.gate_edges_m is None:
             path = self._mended(waypoints, old, new, stop)
         if path is None or not path.report.passed or path.kept is None:
             return self._accept(*self._scratch(waypoints, self._options, stop), waypoints)
@@ -212,7 +215,7 @@ class Planner:
             waypoint,
             self._vehicle,
             self._options,
-            self._field,
+            self._room,
             self._conditions,
             lambda trajectory, known: self._ask_gate(trajectory, waypoints, known),
             stop,
@@ -274,7 +277,7 @@ class Planner:
 
     def _free(self, points: FloatArray) -> bool:
         required = self._options.planned_clearance_m
-        return all(line.free for line in space.check_lines(self._field, points[:-1], points[1:], required))
+        return all(line.free for line in space.check_lines(self._room, points[:-1], points[1:], required))
 
 
 def _point(position_world_m: ArrayLike) -> FloatArray:
