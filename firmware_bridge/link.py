@@ -383,7 +383,9 @@ def refuse_unfit(file: TrajectoryFile, map_hash: str | None, vehicle_hash: str |
             f"not for this one ({vehicle_hash[:8]}); check it again"
         )
     if file.checked and not file.as_checked:
-        raise InputError(f"{file.name} was changed after its check; run `goshawk check --renew` on it, or plan it again")
+        raise InputError(
+            f"{file.name} was changed after its check; run `goshawk check --renew` on it, or plan it again"
+        )
     asked = file.check.get("conditions") or {}
     if not isinstance(asked, Mapping):
         raise FormatError(f"the conditions in {file.name} are damaged: {asked!r}; plan or check it again")

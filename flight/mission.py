@@ -253,7 +253,9 @@ def _check_gate(gate: Gate) -> None:
 
 def _check_keep_in(tube: KeepIn) -> None:
     if not SLIMMEST_M <= tube.radius_m < 1000.0:
-        raise InputError(f"the tube to keep in has a radius_m of {tube.radius_m:g}; it must be {SLIMMEST_M:g} to 1000 m")
+        raise InputError(
+            f"the tube to keep in has a radius_m of {tube.radius_m:g}; it must be {SLIMMEST_M:g} to 1000 m"
+        )
     line = tube.polyline_world_m
     if line is None:
         return

@@ -26,7 +26,7 @@ import mapping
 import planner
 import vehicle
 from flight import FlightError, InfeasibleError, InputError, Progress, Trajectory, file_format, results, trajectory
-from flight.mission import Laps, Mission, Yaw
+from flight.mission import KeepIn, Laps, Mission, Yaw
 from goshawk import waypoints_file
 from planner import mission as missions
 
@@ -47,6 +47,7 @@ class Job:
     out: Path
     laps: Laps | None = None
     yaw: Yaw | None = None
+    keep_in: KeepIn | None = None
     """Asked of every mission, instead of what its file says."""
     overwrite: bool = False
     inputs: bytes = b""
@@ -54,7 +55,12 @@ class Job:
 
     def asked(self, mission: Mission) -> Mission:
         """The mission with what is asked of all."""
-        return replace(mission, laps=self.laps or mission.laps, yaw=self.yaw or mission.yaw)
+        return replace(
+            mission,
+            laps=self.laps or mission.laps,
+            yaw=self.yaw or mission.yaw,
+            keep_in=self.keep_in or mission.keep_in,
+        )
 
 
 def mission_files(folder: Path) -> list[Path]:
@@ -126,7 +132,7 @@ def _inputs_hash(job: Job) -> bytes:
     """Of the map, the vehicle and the options."""
     area = mapping.open_map(job.map_folder)
     drone = vehicle.vehicle_hash(vehicle.load(job.vehicle_file))
-    return hashlib.sha256(repr((area.field.hash, drone, job.options, job.laps, job.yaw)).encode()).digest()
+    return hashlib.sha256(repr((area.field.hash, drone, job.options, job.laps, job.yaw, job.keep_in)).encode()).digest()
 
 
 def _done(job: Job, keys: dict[str, str]) -> dict[str, Row]:

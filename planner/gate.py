@@ -283,7 +283,9 @@ def _waypoints(
         visits.append((float(times[at]), float(times[first]), float(times[last])))
         worst = max(worst, gap_m - radius)
     if missed >= 0:
-        return [Check("waypoints", worst, tolerance_m, "m", False, reason=f"waypoint {missed} is missed by {worst:.3f} m")], None
+        return [
+            Check("waypoints", worst, tolerance_m, "m", False, reason=f"waypoint {missed} is missed by {worst:.3f} m")
+        ], None
     found = [Check("waypoints", worst, tolerance_m, "m", True, reason=f"all {len(wanted)} in order")]
     if outside_m:
         nearest = int(np.argmax(outside_m))

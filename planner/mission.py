@@ -193,7 +193,9 @@ def _parts(mission: Mission, whole: Conditions, field: space.DistanceField, opti
     for a, b in pairwise(cuts):
         way, turned = points[a : b + 1], yaw[a : b + 1]
         arrays = {
-            name: None if getattr(whole, name) is None else getattr(whole, name)[before:][a : b + (name not in _OF_LEGS)]
+            name: None
+            if getattr(whole, name) is None
+            else getattr(whole, name)[before:][a : b + (name not in _OF_LEGS)]
             for name in (*_OF_WAYPOINTS, *_OF_LEGS)
         }
         start, end = (whole.start if a == 0 else None), (whole.end if b == len(points) - 1 else None)

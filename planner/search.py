@@ -51,13 +51,16 @@ class Lattice:
 
 
 def region(field: space.DistanceField, points: FloatArray, margin_m: float) -> tuple[FloatArray, FloatArray]:
-    """Lower and upper corner of the box to search: round the points, and inside the field's grid if it has one."""
+    """Lower and upper corner of the box to search: round the points, inside the field's grid or tube if it has one."""
     low, high = points.min(axis=0) - margin_m, points.max(axis=0) + margin_m
     grid = getattr(field, "grid", None)
     if grid is not None:
         origin = np.asarray(grid.origin_world_m, dtype=np.float64)
         low = np.maximum(low, origin)
         high = np.minimum(high, origin + np.asarray(grid.voxel_m) * np.asarray(grid.shape))
+    bounds = getattr(field, "free_within_world_m", None)
+    if bounds is not None:
+        low, high = np.maximum(low, bounds[0]), np.minimum(high, bounds[1])
     return low, np.maximum(high, low)
 
 

@@ -6,6 +6,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
 from flight import FloatArray, InputError
 
@@ -107,10 +108,24 @@ def _nearest_on(polyline: FloatArray, points: FloatArray) -> FloatArray:
 
 
 class KeepIn:
-    """How far inside a tube round a polyline points are: its radius less their distance to the line, 1-Lipschitz."""
+    """How far inside a tube round a polyline points are: its radius less their distance to the line, 1-Lipschitz.
+
+    Points outside, which are most in a search, are measured from points along the line, and so a little farther away.
+    """
 
     def __init__(self, polyline_world_m: FloatArray, radius_m: float) -> None:
         self.polyline_world_m, self.radius_m = polyline_world_m, radius_m
+        self._along_m = 0.25 * radius_m
+        lengths = np.linalg.norm(np.diff(polyline_world_m, axis=0), axis=1)
+        counts = np.ceil(lengths / self._along_m).astype(int) + 1
+        lines = zip(polyline_world_m[:-1], polyline_world_m[1:], counts, strict=True)
+        self._samples = np.concatenate([np.linspace(a, b, n) for a, b, n in lines])
+        self._tree = cKDTree(self._samples)
+
+    @property
+    def bounds_world_m(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper corner (3,) of a box that holds the tube."""
+        return self._samples.min(axis=0) - self.radius_m, self._samples.max(axis=0) + self.radius_m
 
     def distance(self, points_world_m: ArrayLike, /) -> FloatArray:
         """(n,) metres, negative outside."""
@@ -118,9 +133,13 @@ class KeepIn:
 
     def distance_and_gradient(self, points_world_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(n,), and its gradient (n, 3): towards the line; zero on it."""
-        most = max(_MOST_PAIRS // len(self.polyline_world_m), 1)
-        parts = np.split(points_world_m, range(most, len(points_world_m), most))
-        away = points_world_m - np.concatenate([_nearest_on(self.polyline_world_m, part) for part in parts])
+        far_m, index = self._tree.query(points_world_m)
+        nearest = self._samples[index]
+        inside = np.flatnonzero(far_m <= self.radius_m + self._along_m)
+        step = max(_MOST_PAIRS // len(self.polyline_world_m), 1)
+        for part in np.split(inside, range(step, len(inside), step)):
+            nearest[part] = _nearest_on(self.polyline_world_m, points_world_m[part])
+        away = points_world_m - nearest
         size = np.linalg.norm(away, axis=1)
         return self.radius_m - size, -away / np.maximum(size, 1e-9)[:, None]
 
@@ -128,12 +147,14 @@ class KeepIn:
 class Within:
     """A field inside a tube: what lies inside by d keeps at least the required clearance plus d from the outside.
 
-    The planner then need not know that the outside is not an obstacle. Distances of a sampled field are those that it
+    The planner then need not know that the outside is not an obstacle, but for `free_within_world_m`, the corners of a
+    box outside of which nothing is free. Distances of a sampled field are those that it
     proves (`certain`).
     """
 
     def __init__(self, field: DistanceField, tube: KeepIn, required_m: float) -> None:
         self.field, self.tube, self.required_m = field, tube, required_m
+        self.free_within_world_m = tube.bounds_world_m
 
     def distance(self, points_world_m: ArrayLike, /) -> FloatArray:
         """(n,) metres; minus infinity where the field does not know."""

@@ -1,5 +1,6 @@
 """`goshawk plan`: missions, yaw modes and batches."""
 
+import itertools
 import json
 import os
 import threading
@@ -12,7 +13,7 @@ import pytest
 
 import vehicle
 from flight import Waypoints, mission, project, trajectory
-from flight.mission import Ground, Laps, Mission, Stay
+from flight.mission import Gate, Ground, KeepIn, Laps, Mission, Stay
 from goshawk import batch, demo
 from tests.goshawk.running import answer as goshawk
 from tests.waiting import PATIENCE_S
@@ -57,6 +58,37 @@ def test_a_mission_in_the_file_is_planned_and_checked_again_from_its_trajectory(
     assert flown.position(np.array([0.0]))[0].tolist() == pytest.approx([0.8, 0.8, 0.1])
     checked = goshawk("check", folder / "flown.json", *world(folder), "--json")
     assert checked.returncode == 0, checked.stdout
+
+
+def test_gates_and_a_tube_are_planned_and_checked_again_from_the_file(folder, tmp_path):
+    asked = Mission(ask(LOOP), gates=(Gate(1, 0.6, 0.4, 0.5),), keep_in=KeepIn(1.0))
+    mission.save(tmp_path / "m.json", asked)
+    facts = run(tmp_path / "m.json", *world(folder), "--out", tmp_path / "flown.json")
+    assert {"gates", "keep-in"} <= {check["name"] for check in facts["check"]["checks"]}
+    answer = goshawk("check", tmp_path / "flown.json", *world(folder))
+    assert answer.returncode == 0, answer.stderr
+    assert "gates" in answer.stdout
+    assert "keep-in" in answer.stdout
+    document = json.loads((tmp_path / "flown.json").read_text())
+    document["check"]["conditions"]["keep_in_radius_m"] = 0.06
+    (tmp_path / "flown.json").write_text(json.dumps(document))
+    assert goshawk("check", tmp_path / "flown.json", *world(folder)).returncode == 1
+
+
+def test_the_path_stays_within_the_tube_round_a_recorded_walk(folder, tmp_path):
+    walk = np.concatenate([np.linspace(a, b, 40) for a, b in itertools.pairwise(LOOP)])
+    rows = "\n".join(",".join(f"{x:.4f}" for x in point) for point in walk)
+    (tmp_path / "walk.csv").write_text("x_m,y_m,z_m\n" + rows + "\n")
+    call = ("--path", tmp_path / "walk.csv", *world(folder), "--out", tmp_path / "flown.json", "--keep-in", 0.9)
+    run(*call)
+    flown = trajectory.load(tmp_path / "flown.json").trajectory
+    points = flown.position(flown.sample(0.01))
+    nearest = np.linalg.norm(points[:, None] - walk, axis=2).min(axis=1)
+    assert nearest.max() <= 0.9 + 0.06  # to the recorded points, which lie up to 12 cm apart
+    for wrong in ("-1", "nan"):
+        ended = goshawk("plan", *call[:-2], "--keep-in", wrong, "--overwrite")
+        assert ended.returncode == 2
+        assert "keep-in" in ended.stderr
 
 
 @pytest.mark.parametrize(
@@ -155,7 +187,9 @@ def test_a_batch_does_not_take_a_changed_trajectory_for_its_own(folder, tmp_path
     assert ended.returncode == 2
     assert "was changed since it was planned" in ended.stderr
     again = run(*call, "--overwrite")
-    assert [row["trajectory_hash"] for row in again["missions"]] == [row["trajectory_hash"] for row in first["missions"]]
+    assert [row["trajectory_hash"] for row in again["missions"]] == [
+        row["trajectory_hash"] for row in first["missions"]
+    ]
     assert trajectory.load(path).as_checked
 
 

@@ -110,9 +110,7 @@ def test_neither_leg_beside_a_radius_is_flown_at_the_others_speed(open_sky, dron
     middle_m_s = float(np.linalg.norm(one.position(np.array([4.0]), 1)))
     points = np.insert(ends, 1, [4.5, 0.0, 1.0], axis=0)  # before the segment's middle, so that counts to the last leg
     for radius, share, passes in ((0.1, 0.9, False), (0.1, 1.01, True), (4.4, 0.9, True)):
-        first = Conditions(
-            leg_speed_m_s=np.array([share * middle_m_s, np.nan]), fly_by_m=np.array([0.0, radius, 0.0])
-        )
+        first = Conditions(leg_speed_m_s=np.array([share * middle_m_s, np.nan]), fly_by_m=np.array([0.0, radius, 0.0]))
         report = gate.check(one, open_sky, drone, waypoints_world_m=points, conditions=first)
         assert ("speed of legs" not in {check.name for check in report.failures}) == passes, (radius, share)
 

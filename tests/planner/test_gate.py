@@ -241,7 +241,9 @@ def test_headings_yaw_mode_and_tolerance_travel_with_the_file_and_are_checked_ag
 def test_a_point_that_is_looked_at_travels_with_the_file(pillar, drone):
     points = np.array([[-4.0, -2.0, 1.0], [4.0, -2.0, 1.5]])
     options = planner.PlanOptions(yaw="look_at", look_at_world_m=(0.0, 0.0, 1.0))
-    item = planner.trajectory_file(planner.plan(Waypoints(points, np.full(2, np.nan)), pillar, drone, options), name="a")
+    item = planner.trajectory_file(
+        planner.plan(Waypoints(points, np.full(2, np.nan)), pillar, drone, options), name="a"
+    )
     names = {check.name for check in gate.check_file(item, pillar, drone).checks}
     assert "look at the point" in names
     elsewhere = {**item.check, "asked": {**item.check["asked"], "look_at_world_m": [0.0, -9.0, 1.0]}}
