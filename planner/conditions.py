@@ -1,4 +1,4 @@
-"""What may be asked of a path besides its waypoints: motion at its ends and waypoints, gates, speeds of legs, a tube."""
+"""What may be asked of a path besides its waypoints: motion at ends and waypoints, gates, speeds of legs, a tube."""
 
 from dataclasses import dataclass, fields
 from typing import Any
@@ -18,7 +18,7 @@ _SAME = 1e-6
 _VISIT_S = 0.1
 """A visit is timed by where the path comes nearest within the tolerance, shortly before or after a hover."""
 _INSIDE = 0.97
-"""Share of a radius or an opening that the optimiser uses: it charges what is outside, and so stays a little outside."""
+"""Share of a radius or opening that the optimiser uses: it charges what is outside, and so stays a little outside."""
 _TOUCHING_M = 0.03
 """How far inside a tube waypoints must lie: a little more than the planner keeps from its surface."""
 _PROVABLE = 0.985

@@ -40,7 +40,8 @@ def command(
     what its mission asked for; --margin overrides one.
 
     Exit code 0: it passes and may be flown. 1: it fails, and the table shows which check. A trajectory planned for
-    another map or vehicle, or changed since its check, fails, unless it passes every other check and --renew records it for these.
+    another map or vehicle, or changed since its check, fails, unless it passes every other check and --renew records
+    it for these.
     """
     item = trajectory.load(trajectory_file)
     options = gate.options_of(item)

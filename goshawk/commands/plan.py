@@ -14,7 +14,6 @@ from flight.mission import KeepIn, Laps, Mission, Yaw
 from goshawk import batch, console, outputs, waypoints_file
 from planner import mission, options, simplify
 
-
 _THINNED = 0.1
 """Share of a tube's radius by which the line in its middle may differ from the recorded path."""
 

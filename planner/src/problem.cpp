@@ -235,7 +235,8 @@ double Problem::gate_cost(const double* knots, double* by_knots) const {
 std::vector<Problem::Direction> Problem::directions(const unsigned char* free) const {
     std::vector<Direction> found;
     for (std::size_t i = 0; i <= segments_; ++i) {
-        const double *edges = &gates_[9 * i + 3], *mark = std::find_if(edges, edges + 6, [](double x) { return x != 0.0; });
+        const double *edges = &gates_[9 * i + 3],
+                     *mark = std::find_if(edges, edges + 6, [](double x) { return x != 0.0; });
         const bool in_gate = mark != edges + 6;
         for (int e = 0; in_gate && free[i * kAxes] && e < 2; ++e) {
             const double* edge = edges + 3 * e;

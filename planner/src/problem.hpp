@@ -37,8 +37,8 @@ class Problem {
     // Balls round knots that may move, (k + 1, 4) centre and radius; leaving one is charged, a radius of 0 is none.
     std::vector<double>& balls() { return balls_; }
 
-    // Openings of gates at knots that then move in their planes only, (k + 1, 3, 3): centre, and from there to the middle
-    // of the left and of the upper edge; leaving one is charged, zero edges are none.
+    // Openings of gates at knots that then move in their planes only, (k + 1, 3, 3): centre, and from there to the
+    // middle of the left and of the upper edge; leaving one is charged, zero edges are none.
     std::vector<double>& gates() { return gates_; }
 
     // The vehicle looks at this point instead of along its path.

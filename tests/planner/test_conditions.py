@@ -224,7 +224,10 @@ def test_conditions_travel_with_the_file_and_are_asked_by_its_check(open_sky, dr
         (Conditions(keep_in_world_m=SQUARE), "both a polyline and a radius"),
         (Conditions(keep_in_world_m=SQUARE, keep_in_radius_m=0.01), "radius of 0.01 m"),
         (Conditions(keep_in_world_m=SQUARE[:1], keep_in_radius_m=1.0), "at least two points"),
-        (Conditions(keep_in_world_m=SQUARE + [0.0, 0.0, 3.0], keep_in_radius_m=1.0), "waypoint 0 is 3.00 m from"),
+        (
+            Conditions(keep_in_world_m=SQUARE + np.array([0.0, 0.0, 3.0]), keep_in_radius_m=1.0),
+            "waypoint 0 is 3.00 m from",
+        ),
         (
             Conditions(
                 velocity_world_m_s=np.array([[np.nan] * 3, [3.0, 0, 0], *[[np.nan] * 3] * 2]),
