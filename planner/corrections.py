@@ -4,7 +4,9 @@ import numpy as np
 
 from flight import FloatArray, Trajectory
 from planner import airframe, limits, time_allocation
+from planner._planner import StopFlag
 from planner.minimum_snap import Spline
+from planner.options import check_stop
 from planner.time_allocation import Problem
 from vehicle import Vehicle
 
@@ -16,6 +18,8 @@ _NEAR = 0.3
 """The vehicle's own model is expensive: it is asked in segments where a limit is nearer than this."""
 _MOST = 0.5
 """Largest correction of the reduced model in one round."""
+_GROUP = 100
+"""Segments in which it is asked together: more would make cancelling slow."""
 _IMPOSSIBLE = 0.2
 """Excess of every rotor where no rotor speeds give the motion."""
 
@@ -45,17 +49,28 @@ class Corrections:
         return self.model + self.between + self.multiplier + self.gate
 
     def measure(
-        self, problem: Problem, spline: Spline, path: Trajectory, vehicle: Vehicle, touched: np.ndarray
+        self,
+        problem: Problem,
+        spline: Spline,
+        path: Trajectory,
+        vehicle: Vehicle,
+        touched: np.ndarray,
+        stop: StopFlag | None = None,
     ) -> FloatArray:
-        """Ask the vehicle's own model in segments `touched` (k,); what it says each excess is, (k, samples, limits)."""
+        """Ask the vehicle's own model in segments `touched` (k,); what it says each excess is, (k, samples, limits).
+
+        Raises:
+            PlanCancelledError: `stop` was set.
+        """
         reduced, peaks = time_allocation.excess(problem, spline)
         near = np.flatnonzero(touched & ((peaks + self.model).max(axis=(1, 2)) > -_NEAR))
-        if near.size:
+        for group in np.split(near, range(_GROUP, len(near), _GROUP)) if near.size else []:
+            check_stop(stop)
             full = airframe.measured_excess(
-                problem.airframe, vehicle, path, near, time_allocation.FRACTIONS, problem.speed_m_s
+                problem.airframe, vehicle, path, group, time_allocation.FRACTIONS, problem.speed_m_s
             )
-            full = np.where(np.isfinite(full), full, np.maximum(reduced[near], 0.0) + _IMPOSSIBLE)
-            self.model[near] = np.clip(full - reduced[near], -_MOST, _MOST)
+            full = np.where(np.isfinite(full), full, np.maximum(reduced[group], 0.0) + _IMPOSSIBLE)
+            self.model[group] = np.clip(full - reduced[group], -_MOST, _MOST)
         self.between = peaks - reduced
         return peaks + self.model
 

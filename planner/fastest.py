@@ -228,7 +228,7 @@ def until_flyable(
         problem = replace(problem, knots=spline.states[:, 0])
         optimum_s = float(spline.durations_s.sum()) if round_ == begun else optimum_s
         path = minimum_snap.trajectory(spline)
-        excess = corrections.measure(problem, spline, path, vehicle, touched)
+        excess = corrections.measure(problem, spline, path, vehicle, touched, stop)
         exceeded = excess.max(axis=(1, 2)) > 0.0
         clearance = esdf.certify(field, path, options.clearance_m)
         last = round_ == _ROUNDS - 1

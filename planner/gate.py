@@ -14,6 +14,7 @@ from flight import FlightError, FloatArray, FormatError, Trajectory, TrajectoryF
 from flight.trajectory import fingerprint
 from planner import conditions as conditions_
 from planner import limits
+from planner._planner import StopFlag
 from planner.conditions import Conditions, Visits
 from planner.limits import Check
 from planner.options import PlanOptions
@@ -105,6 +106,7 @@ def check(
     yaw_rad: FloatArray | None = None,
     conditions: Conditions | None = None,
     known: limits.Known | None = None,
+    stop: StopFlag | None = None,
 ) -> GateReport:
     """Check a trajectory against a field and a vehicle.
 
@@ -114,6 +116,9 @@ def check(
         conditions: of motion at its ends, its waypoints and on its legs; at rest at both ends if left out.
         known: what was found of another trajectory with the same vehicle and options; limits are not worked out again
             for segments that both have in common. Everything else is.
+
+    Raises:
+        PlanCancelledError: `stop` was set, from another thread.
     """
     options = PlanOptions() if options is None else options
     asked = Conditions() if conditions is None else conditions
@@ -132,7 +137,7 @@ def check(
         checks += _headings(trajectory, None if visits is None else visits.time_s, yaw_rad, options)
         checks += [_clearance_check(clearance, options.clearance_m)]
         bounds = options.limits_for(vehicle)
-        usage, found = limits.measure(trajectory, vehicle, bounds, step_s=options.sample_step_s, known=known)
+        usage, found = limits.measure(trajectory, vehicle, bounds, step_s=options.sample_step_s, known=known, stop=stop)
         checks += found
     return GateReport(
         checks=tuple(checks),

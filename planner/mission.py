@@ -76,6 +76,7 @@ def plan(
         waypoints_world_m=points.positions_world_m,
         yaw_rad=points.yaw_rad,
         conditions=whole,
+        stop=stop,
     )
     if not report.passed:
         first = report.failures[0]

@@ -7,6 +7,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from flight import FlightError, FloatArray, FormatError, InfeasibleError, InputError
+from planner._planner import StopFlag
 from vehicle import Limits, Vehicle
 
 YawMode = Literal["along_path", "smooth", "steady", "fixed", "look_at", "free"]
@@ -169,3 +170,9 @@ class PlanInfeasibleError(InfeasibleError):
 
 class PlanCancelledError(FlightError):
     """The plan was given up because its stop flag was set."""
+
+
+def check_stop(stop: StopFlag | None) -> None:
+    """Raises `PlanCancelledError` if the flag is set. Long work asks at least every 50 ms of processor time."""
+    if stop is not None and stop.is_set():
+        raise PlanCancelledError("the plan was cancelled")

@@ -14,7 +14,7 @@ from planner._planner import StopFlag
 from planner.conditions import Conditions
 from planner.fastest import Path
 from planner.gate import GateReport
-from planner.options import PlanInfeasibleError, PlanOptions
+from planner.options import PlanInfeasibleError, PlanOptions, check_stop
 from planner.time_allocation import Solution
 from vehicle import Vehicle
 
@@ -93,7 +93,7 @@ def from_scratch(
     routes.check_waypoints(waypoints, field, options.waypoint_clearance_m)
     asked.check_inside(waypoints.positions_world_m)
     room = asked.room(field, options)
-    route = _route(waypoints, room, options, asked)
+    route = _route(waypoints, room, options, asked, stop)
     progress("optimise", 0.2)
 
     def ask_gate(trajectory: Trajectory, known: limits.Known | None = None) -> GateReport:
@@ -106,18 +106,22 @@ def from_scratch(
             yaw_rad=waypoints.yaw_rad,
             conditions=asked,
             known=known,
+            stop=stop,
         )
 
     path = _flyable(route, waypoints, room, vehicle, options, asked, ask_gate, stop)
+    check_stop(stop)
     progress("gate", 1.0)
     if not path.report.passed:
         raise _refused(path)
     return path, route
 
 
-def _route(waypoints: Waypoints, room: space.DistanceField, options: PlanOptions, asked: Conditions) -> routes.Route:
+def _route(
+    waypoints: Waypoints, room: space.DistanceField, options: PlanOptions, asked: Conditions, stop: StopFlag | None
+) -> routes.Route:
     try:
-        return routes.find(waypoints, room, options.sampled() if options.method == "bry" else options)
+        return routes.find(waypoints, room, options.sampled() if options.method == "bry" else options, stop)
     except PlanInfeasibleError as error:
         if asked.tube is None:
             raise

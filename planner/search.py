@@ -6,9 +6,9 @@ import numpy as np
 
 from flight import FloatArray
 from planner import simplify, space
-from planner._planner import bottleneck
+from planner._planner import StopFlag, bottleneck
 from planner._planner import search as grid_search
-from planner.options import Gap
+from planner.options import Gap, check_stop
 
 _CELLS = 800_000
 """Most cells of a search grid; larger regions get larger cells."""
@@ -65,9 +65,19 @@ def region(field: space.DistanceField, points: FloatArray, margin_m: float) -> t
 
 
 def lattice(
-    field: space.DistanceField, points: FloatArray, margin_m: float, *, finest_m: float = _FINEST_M, cells: int = _CELLS
+    field: space.DistanceField,
+    points: FloatArray,
+    margin_m: float,
+    *,
+    finest_m: float = _FINEST_M,
+    cells: int = _CELLS,
+    stop: StopFlag | None = None,
 ) -> Lattice:
-    """Sample the field round `points` (n, 3), one of them exactly on the grid."""
+    """Sample the field round `points` (n, 3), one of them exactly on the grid.
+
+    Raises:
+        PlanCancelledError: `stop` was set.
+    """
     low, high = region(field, points, margin_m)
     step = max(finest_m, float(np.prod(high - low) / cells) ** (1 / 3))
     low = points[0] - np.floor((points[0] - low) / step) * step
@@ -75,6 +85,7 @@ def lattice(
     axes = [low[i] + step * np.arange(shape[i]) for i in range(3)]
     distances = np.empty(tuple(shape), dtype=np.float32)
     for i, x in enumerate(axes[0]):
+        check_stop(stop)
         layer = np.stack(np.broadcast_arrays(x, axes[1][:, None], axes[2][None, :]), axis=-1)
         distances[i] = np.asarray(field.distance(layer.reshape(-1, 3))).reshape(shape[1], shape[2])
     return Lattice(low, step, space.certain(field, distances))

@@ -217,7 +217,7 @@ class Planner:
             self._options,
             self._room,
             self._conditions,
-            lambda trajectory, known: self._ask_gate(trajectory, waypoints, known),
+            lambda trajectory, known: self._ask_gate(trajectory, waypoints, known, stop),
             stop,
             wrong=wrong,
             iterations=_DRAWN if all(leg.drawn for leg in legs) else _NEW,
@@ -225,7 +225,9 @@ class Planner:
             known=None if used is None else (self._path.trajectory, used),
         )
 
-    def _ask_gate(self, trajectory: Trajectory, waypoints: Waypoints, known: limits.Known | None) -> GateReport:
+    def _ask_gate(
+        self, trajectory: Trajectory, waypoints: Waypoints, known: limits.Known | None, stop: StopFlag
+    ) -> GateReport:
         return gate.check(
             trajectory,
             self._field,
@@ -235,6 +237,7 @@ class Planner:
             yaw_rad=waypoints.yaw_rad,
             conditions=self._conditions,
             known=known,
+            stop=stop,
         )
 
     def _leg(self, waypoints: Waypoints, leg: int, old: tuple[int, int], new: tuple[int, int]) -> _Leg | None:

@@ -14,7 +14,7 @@ from planner import airframe, hermite, minimum_snap, space
 from planner._planner import Problem as Kernel
 from planner._planner import StopFlag
 from planner.airframe import Airframe
-from planner.options import PlanCancelledError
+from planner.options import check_stop
 
 SAMPLES = 11
 """Points per segment where limits and clearance are looked at, both ends among them."""
@@ -204,7 +204,7 @@ def optimise(
     free = np.ascontiguousarray(problem.free, dtype=np.uint8)
     cost, evaluations, converged, stopped = _kernel(problem).minimise(knots, T, free, iterations, precision, stop)
     if stopped:
-        raise PlanCancelledError("the plan was cancelled")
+        check_stop(stop)
     return Solution(knots, T, problem.spline(knots, T), cost, evaluations, converged)
 
 
