@@ -323,6 +323,10 @@ def _all_made(kind: Any, records: list[dict[str, Any]]) -> tuple[Any, ...]:
 
 def _made(kind: Any, record: dict[str, Any]) -> Any:
     """A record of this kind; lists are points of three numbers, and whole numbers count waypoints and laps."""
+    known = [field.name for field in fields(kind)]
+    unknown = [name for name in record if name not in known]
+    if unknown:
+        raise ValueError(f"a record has {unknown[0]}, but what it is about has {', '.join(known)}")
     values: dict[str, Any] = {}
     for name, value in record.items():
         if name == "polyline_world_m" and value is not None:

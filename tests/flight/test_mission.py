@@ -130,3 +130,20 @@ def test_the_edges_of_a_gate_are_square_to_the_direction_in_which_it_is_passed()
     np.testing.assert_allclose(Gate(1, 2.0, 2.0, 0.0).edges_m, [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], atol=1e-12)
     rolled = Gate(1, 2.0, 2.0, 0.0, roll_rad=0.1).edges_m
     assert rolled[0, 2] > 0.0  # clockwise: the left edge rises
+
+
+def test_a_record_in_another_unit_is_refused_with_the_names_that_are_known(tmp_path):
+    gate = {"waypoint": 1, "width_m": 1.0, "height_m": 1.0, "heading_deg": 20.0}
+    body = {"format": "goshawk-waypoints", "version": 2, "waypoints": project.waypoint_records(POINTS), "gates": [gate]}
+    (tmp_path / "w.json").write_text(json.dumps(body))
+    with pytest.raises(
+        FormatError, match="has heading_deg, but what it is about has waypoint, width_m, height_m, heading"
+    ):
+        missions.load(tmp_path / "w.json")
+
+
+def test_a_heading_that_is_not_a_number_is_not_taken_for_an_open_one(tmp_path):
+    records = [{"position_world_m": [0.0, 0.0, 1.0], "yaw_rad": yaw} for yaw in (None, float("nan"))]
+    (tmp_path / "w.json").write_text(json.dumps({"format": "goshawk-waypoints", "version": 1, "waypoints": records}))
+    with pytest.raises(FormatError, match="yaw of waypoint 1 is not a number"):
+        missions.load(tmp_path / "w.json")
