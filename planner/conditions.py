@@ -175,7 +175,9 @@ class Conditions:
         """JSON-able; what is not asked for is left out, open numbers are None."""
         given = {field.name: getattr(self, field.name) for field in fields(self)}
         return {
-            name: np.where(np.isfinite(value), value.astype(object), np.array(None)).tolist()  # JSON has no NaN
+            name: np.where(
+                np.isfinite(value), np.asarray(value).astype(object), np.array(None)
+            ).tolist()  # JSON: no NaN
             for name, value in given.items()
             if value is not None
         }
@@ -251,9 +253,10 @@ def _check_gates(asked: Conditions) -> None:
     edges = asked.gate_edges_m
     if edges is None:
         return
-    there = edges.any(axis=(1, 2))
-    square = np.abs((edges[:, 0] * edges[:, 1]).sum(axis=1)) <= 1e-6 * np.prod(np.linalg.norm(edges, axis=2), axis=1)
-    wrong = np.flatnonzero(there & ~(np.isfinite(edges).all(axis=(1, 2)) & edges.any(axis=2).all(axis=1) & square))
+    sizes = np.linalg.norm(edges, axis=2)
+    there = np.nan_to_num(sizes, nan=1.0).sum(axis=1) > 0.0
+    square = np.abs((edges[:, 0] * edges[:, 1]).sum(axis=1)) <= 1e-6 * np.prod(sizes, axis=1)
+    wrong = np.flatnonzero(there & ~(np.isfinite(sizes).all(axis=1) & (sizes > 0.0).all(axis=1) & square))
     if wrong.size:
         raise InputError(f"the gate at waypoint {int(wrong[0])} needs two edges at right angles: {edges[wrong[0]]}")
     if there[[0, -1]].any():

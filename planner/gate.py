@@ -252,7 +252,7 @@ def _waypoints(
     if not len(wanted) or not np.isfinite(wanted).all():
         return [Check("waypoints", np.nan, tolerance_m, "m", False, reason="none, or not finite")], None
     edges = np.zeros((len(wanted), 2, 3)) if asked.gate_edges_m is None else asked.gate_edges_m
-    in_gate = edges.any(axis=(1, 2))
+    in_gate = np.linalg.norm(edges, axis=(1, 2)) > 0.0
     joins = None if in_gate.any() else _at_joins(trajectory, wanted, tolerance_m)
     if joins is not None:
         at_joins, worst = joins

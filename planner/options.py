@@ -99,8 +99,9 @@ class PlanOptions:
         """
         try:
             bounds, look_at = document["limits"], document.get("look_at_world_m")
+            numbers: dict[str, Any] = {name: float(document[name]) for name in _CHECKED if name in document}
             return cls(
-                **{name: float(document[name]) for name in _CHECKED if name in document},
+                **numbers,
                 yaw=document.get("yaw", "along_path"),
                 look_at_world_m=None if look_at is None else _point(look_at),
                 limits=None if bounds is None else Limits(**bounds),

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from flight import FloatArray, InputError
 
@@ -120,7 +120,7 @@ class KeepIn:
         counts = np.ceil(lengths / self._along_m).astype(int) + 1
         lines = zip(polyline_world_m[:-1], polyline_world_m[1:], counts, strict=True)
         self._samples = np.concatenate([np.linspace(a, b, n) for a, b, n in lines])
-        self._tree = cKDTree(self._samples)
+        self._tree = KDTree(self._samples)
 
     @property
     def bounds_world_m(self) -> tuple[FloatArray, FloatArray]:
