@@ -10,10 +10,10 @@ import numpy as np
 
 import esdf
 import vehicle as vehicles
-from flight import FlightError, FloatArray, FormatError, Trajectory, TrajectoryFile
+from flight import FlightError, FloatArray, FormatError, Progress, Trajectory, TrajectoryFile, silent
 from flight.trajectory import fingerprint
 from planner import conditions as conditions_
-from planner import limits
+from planner import inputs, limits
 from planner._planner import StopFlag
 from planner.conditions import Conditions, Visits
 from planner.limits import Check
@@ -107,6 +107,7 @@ def check(
     conditions: Conditions | None = None,
     known: limits.Known | None = None,
     stop: StopFlag | None = None,
+    progress: Progress = silent,
 ) -> GateReport:
     """Check a trajectory against a field and a vehicle.
 
@@ -129,16 +130,18 @@ def check(
     if finite.passed:
         space_ = field if asked.ground_world_m is None else Grounded(field, asked.ground_world_m, options.clearance_m)
         clearance = _clearance(trajectory, space_, options.clearance_m)
+        progress("gate", 0.4)
         visits = None
         if waypoints_world_m is not None:
             passed, visits = _waypoints(trajectory, waypoints_world_m, asked, options)
             checks += passed
         checks += conditions_.checks(trajectory, visits, asked) + _continuity(trajectory)
         checks += _headings(trajectory, None if visits is None else visits.time_s, yaw_rad, options)
-        checks += [_clearance_check(clearance, options.clearance_m)]
+        checks += [_clearance_check(clearance, options.clearance_m, vehicle)]
         bounds = options.limits_for(vehicle)
         usage, found = limits.measure(trajectory, vehicle, bounds, step_s=options.sample_step_s, known=known, stop=stop)
         checks += found
+    progress("gate", 1.0)
     return GateReport(
         checks=tuple(checks),
         clearance_m=clearance.proven_m,
@@ -167,7 +170,12 @@ def options_of(item: TrajectoryFile) -> PlanOptions:
 
 
 def check_file(
-    item: TrajectoryFile, field: DistanceField, vehicle: Vehicle, options: PlanOptions | None = None
+    item: TrajectoryFile,
+    field: DistanceField,
+    vehicle: Vehicle,
+    options: PlanOptions | None = None,
+    *,
+    progress: Progress = silent,
 ) -> GateReport:
     """Check a file's trajectory, and that it is the one that was checked, planned for this map and this vehicle.
 
@@ -186,6 +194,7 @@ def check_file(
         waypoints_world_m=item.waypoints_world_m,
         yaw_rad=headings_of(item),
         conditions=asked_of(item),
+        progress=progress,
     )
     same = [
         _identity("trajectory", str(item.check.get("trajectory_hash") or ""), report.trajectory_hash),
@@ -422,8 +431,9 @@ def _clearance(trajectory: Trajectory, field: DistanceField, required_m: float) 
         return _no_clearance(str(error))
 
 
-def _clearance_check(found: esdf.Clearance, required_m: float) -> Check:
+def _clearance_check(found: esdf.Clearance, required_m: float, vehicle: Vehicle) -> Check:
     point = np.round(found.point_world_m, 2).tolist()
     reason = f"proved along the whole curve; closest at {point}" if found.passed else f"{found.reason} at {point}"
-    value = found.proven_m
-    return Check("clearance", value, required_m, "m", found.passed, found.time_s, found.segment, reason)
+    value, fits = found.proven_m, vehicle.reach_m <= required_m
+    reason = reason if fits else inputs.beyond_clearance(vehicle, required_m)
+    return Check("clearance", value, required_m, "m", found.passed and fits, found.time_s, found.segment, reason)

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import vehicle
-from flight import Waypoints, mission, project, trajectory
+from flight import InputError, Waypoints, mission, project, trajectory
 from flight.mission import Gate, Ground, KeepIn, Laps, Mission, Stay
 from goshawk import batch, demo
 from tests.goshawk.running import answer as goshawk
@@ -215,3 +215,8 @@ def test_what_is_finished_after_ctrl_c_is_recorded_too(monkeypatch):
         batch._plan_all(threads, [Path("slow.json"), Path("quick.json")], None, record)
     assert rows[0] == "quick"
     assert rows[-1] == "slow"
+
+
+def test_an_address_without_a_scheduler_is_named():
+    with pytest.raises(InputError, match="--scheduler nonsense: no Dask scheduler answers there"):
+        batch._executor(1, "nonsense").__enter__()
