@@ -22,6 +22,7 @@ from firmware_bridge.link import Link, connect
 from firmware_bridge.mavlink import Codec, Signing
 from firmware_bridge.sitl_vehicle import SitlVehicle
 from flight import Trajectory, TrajectoryFile
+from flight.trajectory import fingerprint
 
 KEY = bytes(range(32))
 SEGMENTS = 200
@@ -56,9 +57,9 @@ def plan(coefficients: int, seed: int) -> TrajectoryFile:
             wiggle = np.convolve([0.0, 0.0, 0.0, 0.0, 1.0, -4.0, 6.0, -4.0, 1.0], [1.0, -2.0, 0.5, 1.0])
             piece[:] += 0.1 * wiggle / duration_s ** np.arange(12)
         here = there
-    return TrajectoryFile(
-        Trajectory(np.full(SEGMENTS, duration_s), pieces), "bench", "", "", np.zeros((2, 3)), {"passed": True}
-    )
+    path = Trajectory(np.full(SEGMENTS, duration_s), pieces)
+    check = {"passed": True, "trajectory_hash": fingerprint(path)}
+    return TrajectoryFile(path, "bench", "", "", np.zeros((2, 3)), check)
 
 
 def uploads(line: Impairment, runs: int, rate_bytes_s: float, coefficients: int) -> tuple[np.ndarray, np.ndarray]:

@@ -1,5 +1,8 @@
 """Kernels, flight and planning times in the open and in clutter; plans among obstacles are checked by brute force."""
 
+import contextlib
+import itertools
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -25,6 +28,7 @@ def rows() -> list[report.Row]:
         *times_alone(drone),
         *in_the_open(drone),
         *dragged(drone),
+        *cancelled(drone),
         *optimum_and_flown(drone, 30),
         *kernel(drone),
         *in_scenes(drone, 50),
@@ -137,6 +141,40 @@ def dragged(drone: vehicle.Vehicle) -> list[report.Row]:
         report.row("  draft, median", np.median(drafts), "ms", "< 10", float(np.median(drafts)) < 10.0),
         report.row("  longer than planned from scratch after 48 moves", longer, "%", "< 2", longer < 2.0),
     ]
+
+
+def cancelled(drone: vehicle.Vehicle, times: int = 24) -> list[report.Row]:
+    """Processor time from a stop, at moments all through a long plan in the open and among trunks, to its end."""
+    points = walk(200, 0)
+    trunks = solids.Scene([solids.Cylinder((*(0.5 * (a + b)), 0.0), 0.3, 200.0) for a, b in crossed(points)])
+    late_ms = []
+    for scene in (SKY, trunks):
+        whole_s = report.cpu_seconds(lambda scene=scene: planner.plan(unheaded(points), scene, drone), 1)
+        for n in range(times):
+            stop, set_s = planner.StopFlag(), []
+            setter = threading.Thread(target=_set_after, args=(stop, (n + 0.5) / times * whole_s, set_s))
+            setter.start()
+            with contextlib.suppress(planner.PlanCancelledError):
+                planner.plan(unheaded(points), scene, drone, stop=stop)
+            ended_s = time.process_time()
+            setter.join()
+            late_ms.append(1e3 * max(ended_s - set_s[0], 0.0))
+    worst = max(late_ms)
+    return [report.row("cancel a plan of 200 waypoints: worst", worst, "CPU ms", "< 50", worst < 50.0)]
+
+
+def crossed(points: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Where every tenth leg of more than 3 m is, on the ground: a trunk there is in its way."""
+    legs = [(a[:2], b[:2]) for a, b in itertools.pairwise(points) if np.linalg.norm(b - a) > 3.0]
+    return [(a, b) for a, b in legs[::10] if np.linalg.norm(points[:, :2] - 0.5 * (a + b), axis=1).min() > 0.8]
+
+
+def _set_after(stop: planner.StopFlag, cpu_s: float, set_s: list[float]) -> None:
+    begun_s = time.process_time()
+    while time.process_time() - begun_s < cpu_s:
+        time.sleep(1e-3)
+    set_s.append(time.process_time())
+    stop.set()
 
 
 def textbook_duration_s(points: np.ndarray, drone: vehicle.Vehicle) -> float:

@@ -259,7 +259,8 @@ class Link:
             rate_bytes_s: how fast the line takes it; lowered when the line turns out slower.
 
         Raises:
-            InputError: it is not checked, is for another map or vehicle, or does not fit into the vehicle.
+            InputError: it is not checked, was changed after its check, is for another map or vehicle, or does not fit
+                into the vehicle.
             FormatError: what it was checked for is damaged.
             LinkError: the vehicle refused or stopped answering; the message says what it holds now.
         """
@@ -380,6 +381,10 @@ def refuse_unfit(file: TrajectoryFile, map_hash: str | None, vehicle_hash: str |
         raise InputError(
             f"{file.name} was checked for vehicle {file.vehicle_hash[:8] or '(none)'}, "
             f"not for this one ({vehicle_hash[:8]}); check it again"
+        )
+    if file.checked and not file.as_checked:
+        raise InputError(
+            f"{file.name} was changed after its check; run `goshawk check --renew` on it, or plan it again"
         )
     asked = file.check.get("conditions") or {}
     if not isinstance(asked, Mapping):

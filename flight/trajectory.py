@@ -3,6 +3,7 @@
 The file records which map and which vehicle it was checked against; `goshawk upload` refuses one that was not checked.
 """
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -113,6 +114,16 @@ class Trajectory:
         )
         return first, Trajectory(after, np.concatenate([shifted[None], self.coefficients[i + 1 :]]))
 
+    def cut(self, times_s: FloatArray) -> "Trajectory":
+        """The same motion with joins at these times (n,) too, but for those within a nanosecond of a join."""
+        inner = np.unique(times_s)
+        inner = inner[np.abs(inner[:, None] - self.starts_s).min(axis=1, initial=np.inf) > 1e-9]
+        inner = inner[np.diff(inner, prepend=-np.inf) > 1e-9]
+        starts = np.sort(np.concatenate([self.starts_s, inner[(inner > 0.0) & (inner < self.duration_s)]]))
+        segment = np.searchsorted(self.starts_s, starts[:-1], side="right") - 1
+        after_s = np.repeat((starts[:-1] - self.starts_s[segment])[:, None], 4, axis=1)
+        return Trajectory(np.diff(starts), polynomial.shift_argument(self.coefficients[segment], after_s))
+
     def scale_time(self, factor: float) -> "Trajectory":
         """The same path flown `factor` times as slowly (a factor of 2 halves every speed)."""
         if not (np.isfinite(factor) and factor > 0.0):
@@ -156,9 +167,31 @@ class TrajectoryFile:
         """Whether it passed the final gate."""
         return bool(self.check.get("passed", False))
 
+    @property
+    def as_checked(self) -> bool:
+        """Whether this is, bit by bit, the trajectory that was checked."""
+        return fingerprint(self.trajectory) == self.check.get("trajectory_hash")
+
+
+def fingerprint(trajectory: Trajectory) -> str:
+    """SHA-256 of the durations and coefficients."""
+    digest = hashlib.sha256(trajectory.durations_s.tobytes())
+    digest.update(trajectory.coefficients.tobytes())
+    return digest.hexdigest()
+
+
+def _check_duration(duration_s: float) -> None:
+    if duration_s > LONGEST_S:
+        raise InputError(f"it lasts {duration_s:.4g} s; at most {LONGEST_S:g} s are allowed")
+
 
 def save(path: Path, item: TrajectoryFile) -> None:
-    """Write a trajectory file (format `goshawk-trajectory`, JSON)."""
+    """Write a trajectory file (format `goshawk-trajectory`, JSON).
+
+    Raises:
+        InputError: it lasts longer than `load` allows.
+    """
+    _check_duration(item.trajectory.duration_s)
     segments = [
         {"duration_s": float(T), **{axis: c[i].tolist() for i, axis in enumerate(AXES)}}
         for T, c in zip(item.trajectory.durations_s, item.trajectory.coefficients, strict=True)
@@ -187,8 +220,7 @@ def load(path: Path) -> TrajectoryFile:
     try:
         durations = np.array([s["duration_s"] for s in document["segments"]], dtype=np.float64)
         coefficients = np.array([[s[axis] for axis in AXES] for s in document["segments"]], dtype=np.float64)
-        if durations.sum() > LONGEST_S:
-            raise InputError(f"it lasts {durations.sum():.3g} s; at most {LONGEST_S:g} s are allowed")
+        _check_duration(float(durations.sum()))
         return TrajectoryFile(
             trajectory=Trajectory(durations, coefficients),
             name=str(document["name"]),

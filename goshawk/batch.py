@@ -10,7 +10,7 @@ import json
 import os
 import signal
 import time
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -25,8 +25,8 @@ import numpy as np
 import mapping
 import planner
 import vehicle
-from flight import FlightError, InfeasibleError, InputError, Progress, Trajectory, file_format, results
-from flight.mission import Laps, Mission, Yaw
+from flight import FlightError, InfeasibleError, InputError, Progress, Trajectory, file_format, results, trajectory
+from flight.mission import KeepIn, Laps, Mission, Yaw
 from goshawk import waypoints_file
 from planner import mission as missions
 
@@ -47,6 +47,7 @@ class Job:
     out: Path
     laps: Laps | None = None
     yaw: Yaw | None = None
+    keep_in: KeepIn | None = None
     """Asked of every mission, instead of what its file says."""
     overwrite: bool = False
     inputs: bytes = b""
@@ -54,7 +55,12 @@ class Job:
 
     def asked(self, mission: Mission) -> Mission:
         """The mission with what is asked of all."""
-        return replace(mission, laps=self.laps or mission.laps, yaw=self.yaw or mission.yaw)
+        return replace(
+            mission,
+            laps=self.laps or mission.laps,
+            yaw=self.yaw or mission.yaw,
+            keep_in=self.keep_in or mission.keep_in,
+        )
 
 
 def mission_files(folder: Path) -> list[Path]:
@@ -105,12 +111,16 @@ def run(
     try:
         with _executor(jobs, scheduler) as executor, open(journal, "a") as lines:
             lines.write("\n" if lines.tell() else "")  # a crash may have cut the last line off
-            for row in _planned(executor, todo, job):
-                done[row["name"]] = row | {"key": keys[row["name"]]}
-                lines.write(json.dumps(done[row["name"]], allow_nan=False) + "\n")
+
+            def record(row: Row) -> None:
+                entry = row | {"key": keys[row["name"]]}
+                lines.write(json.dumps(entry, allow_nan=False) + "\n")
                 lines.flush()
                 os.fsync(lines.fileno())
+                done[row["name"]] = entry
                 progress("missions", len(done) / len(files))
+
+            _plan_all(executor, todo, job, record)
     finally:
         rows = [{k: v for k, v in done[p.stem].items() if k != "key"} for p in files if p.stem in done]
         if rows:
@@ -122,11 +132,15 @@ def _inputs_hash(job: Job) -> bytes:
     """Of the map, the vehicle and the options."""
     area = mapping.open_map(job.map_folder)
     drone = vehicle.vehicle_hash(vehicle.load(job.vehicle_file))
-    return hashlib.sha256(repr((area.field.hash, drone, job.options, job.laps, job.yaw)).encode()).digest()
+    return hashlib.sha256(repr((area.field.hash, drone, job.options, job.laps, job.yaw, job.keep_in)).encode()).digest()
 
 
 def _done(job: Job, keys: dict[str, str]) -> dict[str, Row]:
-    """The rows of the journal that belong to these inputs; a line that was cut off by a crash is planned again."""
+    """The rows of the journal that belong to these inputs; a line that was cut off by a crash is planned again.
+
+    Raises:
+        InputError: what is there was planned with other inputs, or was changed since.
+    """
     found: dict[str, Row] = {}
     journal = job.out / JOURNAL
     for line in journal.read_text().splitlines() if journal.is_file() else []:
@@ -142,8 +156,24 @@ def _done(job: Job, keys: dict[str, str]) -> dict[str, Row]:
             "give another --out, or --overwrite to plan these again"
         )
     kept = {name: row for name, row in found.items() if name in keys and name not in changed}
-    lasting = {"infeasible": True, "refused": True}
-    return {n: r for n, r in kept.items() if lasting.get(r["status"], trajectory_path(job.out, n).is_file())}
+    lasting = {name: row for name, row in kept.items() if row["status"] in ("infeasible", "refused")}
+    planned = {name: row for name, row in kept.items() if trajectory_path(job.out, name).is_file()}
+    other = sorted(name for name, row in planned.items() if not _is_that_of(row, trajectory_path(job.out, name)))
+    if other and not job.overwrite:
+        raise InputError(
+            f"{trajectory_path(job.out, other[0])} was changed since it was planned; move it away, or --overwrite to "
+            "plan it again"
+        )
+    return lasting | {name: row for name, row in planned.items() if name not in other}
+
+
+def _is_that_of(row: Row, path: Path) -> bool:
+    """Whether a file holds, unchanged, the trajectory that a row of the journal is about."""
+    try:
+        item = trajectory.load(path)
+    except FlightError:
+        return False
+    return item.checked and item.as_checked and item.check["trajectory_hash"] == row.get("trajectory_hash")
 
 
 def trajectory_path(out: Path, name: str) -> Path:
@@ -153,7 +183,7 @@ def trajectory_path(out: Path, name: str) -> Path:
 
 @contextmanager
 def _executor(jobs: int, scheduler: str | None) -> Generator[Executor | None]:
-    """Dask's, processes of our own, or None for this process; Ctrl-C gives up what has not begun."""
+    """Dask's, processes of our own, or None for this process."""
     if scheduler is not None:
         try:
             from dask.distributed import Client
@@ -170,36 +200,45 @@ def _executor(jobs: int, scheduler: str | None) -> Generator[Executor | None]:
         yield None
         return
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_ignore_ctrl_c) as pool:
-        try:
-            yield pool
-        except KeyboardInterrupt:
-            pool.shutdown(wait=True, cancel_futures=True)
-            raise
+        yield pool
 
 
 def _ignore_ctrl_c() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _planned(executor: Executor | None, files: Sequence[Path], job: Job) -> Generator[Row]:
-    """A row for each file, as they are finished."""
+def _plan_all(executor: Executor | None, files: Sequence[Path], job: Job, record: Callable[[Row], None]) -> None:
+    """Record a row for each file, as they are finished; after Ctrl-C, for those that had begun."""
     if executor is None:
-        yield from (plan_one(path, job) for path in files)
+        for path in files:
+            record(plan_one(path, job))
         return
     futures: dict[Future[Row], Path] = {executor.submit(plan_one, path, job): path for path in files}
     lost: list[Path] = []
-    for future in as_completed(futures):
-        try:
-            yield future.result()
-        except BrokenProcessPool:
-            lost.append(futures[future])
+    waiting = set(futures)
+    try:
+        for future in as_completed(futures):
+            _record_answer(future, futures[future], record, lost)
+            waiting.remove(future)
+    except KeyboardInterrupt:
+        begun = [future for future in waiting if not future.cancel()]
+        for future in as_completed(begun):
+            _record_answer(future, futures[future], record, lost)
+        raise
     # A process died and took the pool with it: each of the missions that were left gets a process of its own.
     for path in sorted(lost):
         with ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=_ignore_ctrl_c) as alone:
             try:
-                yield alone.submit(plan_one, path, job).result()
+                record(alone.submit(plan_one, path, job).result())
             except BrokenProcessPool:
-                yield _row(path, "crashed", "the planning process ended without an answer")
+                record(_row(path, "crashed", "the planning process ended without an answer"))
+
+
+def _record_answer(future: Future[Row], path: Path, record: Callable[[Row], None], lost: list[Path]) -> None:
+    try:
+        record(future.result())
+    except BrokenProcessPool:
+        lost.append(path)
 
 
 def plan_one(path: Path, job: Job) -> Row:

@@ -70,6 +70,8 @@ class Problem:
         """What is added to each excess."""
     def set_reference(self, durations: NDArray[np.float64]) -> None:
         """The time (k,) over which each segment's excess is charged, whatever its own becomes."""
+    def set_speeds(self, speeds: NDArray[np.float64]) -> None:
+        """The speed limit (k,) of each segment."""
     def set_given(
         self,
         states: Annotated[NDArray[np.float64], "(k + 1, 4, 4)"],
@@ -78,6 +80,8 @@ class Problem:
         """Derivatives at both ends, and the velocity of the knots that are held."""
     def set_balls(self, balls: Annotated[NDArray[np.float64], "(k + 1, 4)"]) -> None:
         """Centre and radius of the balls that knots may move in; a radius of 0 is none."""
+    def set_gates(self, gates: Annotated[NDArray[np.float64], "(k + 1, 3, 3)"]) -> None:
+        """Centre, left and upper half edge of the openings whose planes knots move in; zero edges are none."""
     def look_at(self, x: float, y: float) -> None:
         """The price on heading is for not looking at this point, instead of not along the path."""
     def minimise(

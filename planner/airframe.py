@@ -162,12 +162,18 @@ def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def measured_excess(
-    airframe: Airframe, vehicle: Vehicle, trajectory: Trajectory, segments: np.ndarray, fractions: FloatArray
+    airframe: Airframe,
+    vehicle: Vehicle,
+    trajectory: Trajectory,
+    segments: np.ndarray,
+    fractions: FloatArray,
+    speed_m_s: FloatArray | None = None,
 ) -> FloatArray:
     """The same quantities (s, f, 13) from the vehicle's full model, at fractions (f,) of the given segments (s,).
 
-    NaN where it cannot fly the motion at all.
+    NaN where it cannot fly the motion at all. `speed_m_s` (k,) are speed limits of all segments, if not the airframe's.
     """
+    most = np.full(len(trajectory.durations_s), airframe.speed_m_s) if speed_m_s is None else speed_m_s
     w, values = airframe, attitude.sampled(vehicle, trajectory, segments, fractions)
     effort = values[..., attitude.ROTOR] ** 2 / np.mean(invert.hover(vehicle) ** 2)
     rate, cos_tilt = values[..., attitude.RATE], np.cos(w.tilt_rad)
@@ -178,7 +184,7 @@ def measured_excess(
         for r in (1, 2)
     )
     single = [
-        speed / w.speed_m_s**2 - 1.0,
+        speed / most[segments, None] ** 2 - 1.0,
         push / w.acceleration_m_s2**2 - 1.0,
         (cos_tilt - values[..., attitude.UP]) / (1.0 - cos_tilt),
         (rate[..., :2] ** 2).sum(axis=2) / w.rate_rad_s**2 - 1.0,

@@ -12,7 +12,7 @@ import numpy as np
 from flight import FloatArray
 from planner import hermite, minimum_snap, quadratic, space
 from planner._planner import StopFlag
-from planner.options import PlanCancelledError, PlanInfeasibleError, PlanOptions
+from planner.options import PlanInfeasibleError, PlanOptions, check_stop
 from planner.routes import Route
 
 TIME_PRICE = 500.0
@@ -58,8 +58,7 @@ def allocate(points: FloatArray, durations_s: FloatArray, stop: StopFlag | None 
     spline = program.solve(durations_s * (7.0 * spline.snap_cost() / (TIME_PRICE * durations_s.sum())) ** (1.0 / 8.0))
     size = 0.1
     for _ in range(_STEPS):
-        if stop is not None and stop.is_set():
-            raise PlanCancelledError("the plan was cancelled")
+        check_stop(stop)
         cost, slope = cost_and_gradient(spline)
         downhill = -slope * spline.durations_s  # by log T, so that times stay positive
         downhill /= np.abs(downhill).max(initial=1e-12)

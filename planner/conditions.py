@@ -1,12 +1,16 @@
-"""What may be asked of a path besides its waypoints: motion at both ends, velocities at waypoints, speeds of legs."""
+"""What may be asked of a path besides its waypoints: motion at ends and waypoints, gates, speeds of legs, a tube."""
 
 from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 
+import esdf
 from flight import FloatArray, FormatError, InputError, Trajectory
+from flight.mission import SLIMMEST_M
+from planner import space
 from planner.limits import Check, certified_maxima
+from planner.options import PlanOptions
 from vehicle import Limits
 
 _SAME = 1e-6
@@ -14,7 +18,9 @@ _SAME = 1e-6
 _VISIT_S = 0.1
 """A visit is timed by where the path comes nearest within the tolerance, shortly before or after a hover."""
 _INSIDE = 0.97
-"""Share of a fly-by's radius that the optimiser uses: it charges what is outside, and so stays a little outside."""
+"""Share of a radius or opening that the optimiser uses: it charges what is outside, and so stays a little outside."""
+_TOUCHING_M = 0.03
+"""How far inside a tube waypoints must lie: a little more than the planner keeps from its surface."""
 _PROVABLE = 0.985
 """Share of a leg's speed that the optimiser uses: the gate's bound is at most 1 % above the truth."""
 
@@ -33,6 +39,13 @@ class Conditions:
     """(n - 1,) largest speed on the leg after each waypoint; NaN: the vehicle's own limit."""
     fly_by_m: FloatArray | None = None
     """(n,) radius of the ball round an inner waypoint that is enough to pass; 0: the waypoint itself."""
+    gate_edges_m: FloatArray | None = None
+    """(n, 2, 3) from an inner waypoint to the middle of the left and of the upper edge of the opening round it that is
+    passed along their cross product; zero: no gate (`flight.mission.Gate`)."""
+    keep_in_world_m: FloatArray | None = None
+    """(m, 3) polyline in the middle of a tube that the path stays in, and"""
+    keep_in_radius_m: FloatArray | float | None = None
+    """its radius."""
     stay_s: FloatArray | None = None
     """(n,) least time to hover at each waypoint; a single path has none, a mission may (`planner.mission`)."""
     ground_world_m: FloatArray | None = None
@@ -58,6 +71,7 @@ class Conditions:
             _check_end(name, getattr(given, name), limits)
         _check_velocities(given.velocity_world_m_s, given.leg_speed_m_s, limits)
         _check_fly_by(given.fly_by_m, given.velocity_world_m_s)
+        _check_gates(given)
         return given
 
     def shaped(self, count: int) -> "Conditions":
@@ -72,6 +86,8 @@ class Conditions:
             "velocity_world_m_s": (count, 3),
             "leg_speed_m_s": (count - 1,),
             "fly_by_m": (count,),
+            "gate_edges_m": (count, 2, 3),
+            "keep_in_radius_m": (),
             "stay_s": (count,),
         }
         given = {field.name: getattr(self, field.name) for field in fields(self)}
@@ -80,9 +96,11 @@ class Conditions:
             found = arrays[name]
             if found is not None and found.shape != shape:
                 raise InputError(f"{name}: expected shape {shape} for {count} waypoints, got {found.shape}")
-        ground = arrays["ground_world_m"]
-        if ground is not None and (ground.ndim != 2 or ground.shape[1] != 3 or not np.isfinite(ground).all()):
-            raise InputError(f"ground_world_m: expected finite points (m, 3), got shape {ground.shape}")
+        for name in ("ground_world_m", "keep_in_world_m"):
+            points = arrays[name]
+            if points is not None and (points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all()):
+                raise InputError(f"{name}: expected finite points (m, 3), got shape {points.shape}")
+        _check_keep_in(arrays["keep_in_world_m"], arrays["keep_in_radius_m"])
         return Conditions(**arrays)
 
     def at_knots(self, waypoint: np.ndarray) -> FloatArray | None:
@@ -106,19 +124,60 @@ class Conditions:
         radius = np.where(waypoint >= 0, _INSIDE * self.fly_by_m[waypoint], 0.0)
         return np.column_stack([points_world_m, radius])
 
-    def speed_offsets(self, waypoint: np.ndarray, limits: Limits) -> FloatArray:
-        """(k,) what to add to the relative excess v^2 / limit^2 - 1 so that it is zero at the leg's own speed."""
+    def gates(self, points_world_m: FloatArray, waypoint: np.ndarray) -> FloatArray | None:
+        """(k + 1, 3, 3) centre and half edges of the opening in whose plane each knot may move, zero edges for none."""
+        if self.gate_edges_m is None:
+            return None
+        edges = np.where((waypoint >= 0)[:, None, None], _INSIDE * self.gate_edges_m[waypoint], 0.0)
+        return np.concatenate([points_world_m[:, None], edges], axis=1)
+
+    @property
+    def tube(self) -> space.KeepIn | None:
+        """The tube that the path stays in, if any."""
+        if self.keep_in_world_m is None or self.keep_in_radius_m is None:
+            return None
+        return space.KeepIn(self.keep_in_world_m, float(self.keep_in_radius_m))
+
+    def room(self, field: space.DistanceField, options: PlanOptions) -> space.DistanceField:
+        """The field to plan in: inside the tube, if there is one."""
+        return field if self.tube is None else space.Within(field, self.tube, options.clearance_m)
+
+    def check_inside(self, points_world_m: FloatArray) -> None:
+        """Refuse waypoints (n, 3) outside of the tube.
+
+        Raises:
+            InputError: one is, or touches its surface.
+        """
+        if self.tube is None:
+            return
+        inside = self.tube.distance(points_world_m)
+        i = int(inside.argmin())
+        if inside[i] < _TOUCHING_M:
+            raise InputError(
+                f"waypoint {i} is {self.tube.radius_m - inside[i]:.2f} m from the line to keep in, whose tube has a "
+                f"radius of {self.tube.radius_m:g} m; move the waypoint or widen the tube"
+            )
+
+    def most_speed_m_s(self, waypoint: np.ndarray) -> FloatArray:
+        """(k,) the speed asked for between knots, infinite where none is; `waypoint` as in `at_knots`."""
         leg = np.maximum.accumulate(waypoint)[:-1]
         if self.leg_speed_m_s is None:
-            return np.zeros(len(leg))
-        speed = np.where(np.isfinite(self.leg_speed_m_s), _PROVABLE * self.leg_speed_m_s, np.inf)[leg]
-        return np.maximum(1.0 - (speed / limits.speed_m_s) ** 2, 0.0)
+            return np.full(len(leg), np.inf)
+        return np.where(np.isfinite(self.leg_speed_m_s), self.leg_speed_m_s, np.inf)[leg]
+
+    def planned_speed_m_s(self, waypoint: np.ndarray, limits: Limits) -> FloatArray | None:
+        """(k,) speed limits for the optimiser, so that the gate proves those asked for; None if none is."""
+        if self.leg_speed_m_s is None:
+            return None
+        return np.minimum(_PROVABLE * self.most_speed_m_s(waypoint), limits.speed_m_s)
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-able; what is not asked for is left out, open numbers are None."""
         given = {field.name: getattr(self, field.name) for field in fields(self)}
         return {
-            name: np.where(np.isfinite(value), value.astype(object), np.array(None)).tolist()  # JSON has no NaN
+            name: np.where(
+                np.isfinite(value), np.asarray(value).astype(object), np.array(None)
+            ).tolist()  # JSON: no NaN
             for name, value in given.items()
             if value is not None
         }
@@ -190,25 +249,78 @@ def _check_fly_by(radius: FloatArray | None, velocity: FloatArray | None) -> Non
         raise InputError(f"waypoint {int(both[0])} has a velocity and a radius to pass it by; remove one of them")
 
 
-def checks(trajectory: Trajectory, visits_s: FloatArray | None, asked: Conditions) -> list[Check]:
+def _check_gates(asked: Conditions) -> None:
+    edges = asked.gate_edges_m
+    if edges is None:
+        return
+    sizes = np.linalg.norm(edges, axis=2)
+    there = np.nan_to_num(sizes, nan=1.0).sum(axis=1) > 0.0
+    square = np.abs((edges[:, 0] * edges[:, 1]).sum(axis=1)) <= 1e-6 * np.prod(sizes, axis=1)
+    wrong = np.flatnonzero(there & ~(np.isfinite(sizes).all(axis=1) & (sizes > 0.0).all(axis=1) & square))
+    if wrong.size:
+        raise InputError(f"the gate at waypoint {int(wrong[0])} needs two edges at right angles: {edges[wrong[0]]}")
+    if there[[0, -1]].any():
+        raise InputError("the first and last waypoint are met exactly; give gates to inner waypoints")
+    for name, others in (("radius", asked.fly_by_m), ("velocity", asked.velocity_world_m_s)):
+        if others is None:
+            continue
+        given = others > 0.0 if others.ndim == 1 else np.isfinite(others[:, 0])
+        both = np.flatnonzero(there & given)
+        if both.size:
+            raise InputError(f"waypoint {int(both[0])} has a gate and a {name}; remove one of them")
+
+
+def _check_keep_in(line: FloatArray | None, radius: FloatArray | None) -> None:
+    if (line is None) != (radius is None):
+        raise InputError("a tube to keep in has both a polyline and a radius")
+    if line is not None and len(line) < 2:
+        raise InputError("the polyline of a tube to keep in has at least two points")
+    if radius is not None and not SLIMMEST_M <= float(radius) < 1000.0:
+        raise InputError(f"the tube to keep in has a radius of {radius:g} m; it must be {SLIMMEST_M:g} to 1000 m")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Visits:
+    """When the waypoints are passed."""
+
+    time_s: FloatArray
+    """(n,) at each, or nearest to it."""
+    enter_s: FloatArray
+    """(n,) from when on it counts as passed: within its radius, or the tolerance."""
+    leave_s: FloatArray
+    """(n,) until when."""
+
+
+def checks(trajectory: Trajectory, visits: Visits | None, asked: Conditions) -> list[Check]:
     """Every condition with the worst deviation from it.
 
     Args:
-        visits_s: (n,) when each waypoint is passed; None if they are not all passed.
+        visits: None if the waypoints are not all passed.
     """
     found = [
         _end_check("start", trajectory, 0.0, asked.start),
         _end_check("end", trajectory, trajectory.duration_s, asked.end),
     ]
-    if visits_s is None:
+    if asked.tube is not None:
+        found.append(_tube_check(trajectory, asked.tube))
+    if visits is None:
         return found
     if asked.velocity_world_m_s is not None:
-        found += _velocity_checks(trajectory, visits_s, asked.velocity_world_m_s)
+        found += _velocity_checks(trajectory, visits.time_s, asked.velocity_world_m_s)
     if asked.leg_speed_m_s is not None:
-        found += _speed_checks(trajectory, visits_s, asked.leg_speed_m_s)
+        found += _speed_checks(trajectory, visits, asked.leg_speed_m_s)
     if asked.stay_s is not None:
-        found.append(_stay_check(trajectory, visits_s, asked.stay_s))
+        found.append(_stay_check(trajectory, visits.time_s, asked.stay_s))
     return found
+
+
+def _tube_check(trajectory: Trajectory, tube: space.KeepIn) -> Check:
+    """How far the path strays from the middle of the tube, proved along the whole curve."""
+    inside = esdf.certify(tube, trajectory, 0.0)
+    farthest = tube.radius_m - inside.proven_m
+    place = np.round(inside.point_world_m, 2).tolist()
+    reason = f"proved along the whole curve; farthest from the line at {place}"
+    return Check("keep-in", farthest, tube.radius_m, "m", inside.passed, inside.time_s, inside.segment, reason)
 
 
 def _end_check(name: str, trajectory: Trajectory, time_s: float, asked: FloatArray | None) -> Check:
@@ -238,20 +350,27 @@ def _velocity_checks(trajectory: Trajectory, visits_s: FloatArray, asked: FloatA
                   float(times[worst]), reason=reason)]  # fmt: skip
 
 
-def _speed_checks(trajectory: Trajectory, visits_s: FloatArray, asked: FloatArray) -> list[Check]:
-    """A proved bound on each segment, against the lowest speed of the legs that it has a part in."""
-    bound, time_s = certified_maxima(trajectory, 1)
-    middle = trajectory.starts_s[:-1] + 0.5 * trajectory.durations_s
-    leg = np.clip(np.searchsorted(visits_s, middle, side="right") - 1, 0, len(asked) - 1)
-    most = np.where(np.isfinite(asked[leg]), asked[leg], np.inf)
-    worst = int(np.argmax(bound / most))
-    if not np.isfinite(most[worst]):
+def _speed_checks(trajectory: Trajectory, visits: Visits, asked: FloatArray) -> list[Check]:
+    """A proved bound on each leg, from where its first waypoint is left to where its last one is reached.
+
+    Where a waypoint counts as passed, the faster one of the legs on either side will do.
+    """
+    most = np.where(np.isfinite(asked), asked, np.inf)
+    if not np.isfinite(most).any():
         return []
-    value, limit = float(bound[worst]), float(most[worst])
+    path = trajectory.cut(np.concatenate([visits.enter_s, visits.leave_s]))
+    bound, time_s = certified_maxima(path, 1)
+    middle = path.starts_s[:-1] + 0.5 * path.durations_s
+    leg = np.clip(np.searchsorted(visits.enter_s, middle, side="right") - 1, 0, len(asked) - 1)  # begun, or passing
+    passing = middle < visits.leave_s[leg]
+    allowed = np.where(passing, np.maximum(most[np.maximum(leg - 1, 0)], most[leg]), most[leg])
+    worst = int(np.argmax(bound / allowed))
+    value, limit = float(bound[worst]), float(allowed[worst])
+    segment = int(trajectory.segment_at(middle[worst : worst + 1])[0][0])
     reason = (
         f"leg from waypoint {int(leg[worst])} at {time_s[worst]:.1f} s: {value:.3g} m/s, asked for at most {limit:.3g}"
     )
-    return [Check("speed of legs", value, limit, "m/s", value <= limit, float(time_s[worst]), worst, reason)]
+    return [Check("speed of legs", value, limit, "m/s", value <= limit, float(time_s[worst]), segment, reason)]
 
 
 def _stay_check(trajectory: Trajectory, visits_s: FloatArray, asked_s: FloatArray) -> Check:

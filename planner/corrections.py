@@ -4,7 +4,9 @@ import numpy as np
 
 from flight import FloatArray, Trajectory
 from planner import airframe, limits, time_allocation
+from planner._planner import StopFlag
 from planner.minimum_snap import Spline
+from planner.options import check_stop
 from planner.time_allocation import Problem
 from vehicle import Vehicle
 
@@ -16,6 +18,8 @@ _NEAR = 0.3
 """The vehicle's own model is expensive: it is asked in segments where a limit is nearer than this."""
 _MOST = 0.5
 """Largest correction of the reduced model in one round."""
+_GROUP = 100
+"""Segments in which it is asked together: more would make cancelling slow."""
 _IMPOSSIBLE = 0.2
 """Excess of every rotor where no rotor speeds give the motion."""
 
@@ -23,9 +27,8 @@ _IMPOSSIBLE = 0.2
 class Corrections:
     """What is added to the reduced model's excess at each sample, (k, samples, limits)."""
 
-    def __init__(self, legs: FloatArray) -> None:
-        """`legs` is what speeds asked for on legs add to the excess, of the same shape."""
-        self.legs, shape, segments = legs, legs.shape, len(legs)
+    def __init__(self, segments: int) -> None:
+        shape = (segments, time_allocation.SAMPLES, airframe.COLUMNS)
         self.model, self.between, self.multiplier = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         self.gate = np.full((segments, 1, airframe.COLUMNS), _SPARE)
 
@@ -34,8 +37,8 @@ class Corrections:
 
         Where the number stays the same, what was measured of the old ones is where the new ones start from.
         """
-        fresh = Corrections(np.zeros((segments, *self.legs.shape[1:])))
-        copy = Corrections(np.concatenate([self.legs[:first], fresh.legs, self.legs[last:]]))
+        fresh = Corrections(segments)
+        copy = Corrections(len(self.model) - (last - first) + segments)
         for name in ("model", "between", "multiplier", "gate"):
             old = getattr(self, name)
             new = old[first:last] if segments == last - first else getattr(fresh, name)
@@ -43,27 +46,46 @@ class Corrections:
         return copy
 
     def total(self) -> FloatArray:
-        return self.legs + self.model + self.between + self.multiplier + self.gate
+        return self.model + self.between + self.multiplier + self.gate
 
     def measure(
-        self, problem: Problem, spline: Spline, path: Trajectory, vehicle: Vehicle, touched: np.ndarray
+        self,
+        problem: Problem,
+        spline: Spline,
+        path: Trajectory,
+        vehicle: Vehicle,
+        touched: np.ndarray,
+        stop: StopFlag | None = None,
     ) -> FloatArray:
-        """Ask the vehicle's own model in segments `touched` (k,); what it says each excess is, (k, samples, limits)."""
+        """Ask the vehicle's own model in segments `touched` (k,); what it says each excess is, (k, samples, limits).
+
+        Raises:
+            PlanCancelledError: `stop` was set.
+        """
         reduced, peaks = time_allocation.excess(problem, spline)
-        near = np.flatnonzero(touched & ((peaks + self.legs + self.model).max(axis=(1, 2)) > -_NEAR))
-        if near.size:
-            full = airframe.measured_excess(problem.airframe, vehicle, path, near, time_allocation.FRACTIONS)
-            full = np.where(np.isfinite(full), full, np.maximum(reduced[near], 0.0) + _IMPOSSIBLE)
-            self.model[near] = np.clip(full - reduced[near], -_MOST, _MOST)
+        near = np.flatnonzero(touched & ((peaks + self.model).max(axis=(1, 2)) > -_NEAR))
+        for group in np.split(near, range(_GROUP, len(near), _GROUP)) if near.size else []:
+            check_stop(stop)
+            full = airframe.measured_excess(
+                problem.airframe, vehicle, path, group, time_allocation.FRACTIONS, problem.speed_m_s
+            )
+            full = np.where(np.isfinite(full), full, np.maximum(reduced[group], 0.0) + _IMPOSSIBLE)
+            self.model[group] = np.clip(full - reduced[group], -_MOST, _MOST)
         self.between = peaks - reduced
-        return peaks + self.legs + self.model
+        return peaks + self.model
 
     def press(self, excess: FloatArray, touched: np.ndarray) -> None:
         """Raise the multipliers of what is exceeded, lower those of what is not, where it was optimised."""
         pressed = np.maximum(0.0, excess + self.gate + self.multiplier)
         self.multiplier = np.where(touched[:, None, None], pressed, self.multiplier)
 
-    def stricter(self, used: limits.Usage) -> None:
-        """Keep more from the limits that the gate found exceeded, in those segments only."""
+    def stricter(self, used: limits.Usage, too_fast: np.ndarray) -> None:
+        """Keep more from the limits that the gate found exceeded, in those segments only.
+
+        Args:
+            too_fast: (k,) bool, where the speed asked for on a leg is.
+        """
         columns = np.array([limits.NAMES.index(name) for name in airframe.NAMES])
-        self.gate[:, 0] += _STRICTER * ~used.passed[columns].T
+        exceeded = ~used.passed[columns].T
+        exceeded[:, 0] |= too_fast
+        self.gate[:, 0] += _STRICTER * exceeded

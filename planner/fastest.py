@@ -20,7 +20,7 @@ from planner.corrections import Corrections
 from planner.gate import GateReport
 from planner.options import PlanOptions
 from planner.time_allocation import Problem, Solution, Weights
-from vehicle import Limits, Vehicle
+from vehicle import Vehicle
 
 AIM_M = 0.02
 """What the optimiser keeps beyond the required clearance, for what lies between the samples it looks at."""
@@ -89,25 +89,28 @@ def rough(
     """Least time with few knots and the heading left alone, at a price on snap that keeps it smooth."""
     frame = airframe.reduced(vehicle, options.limits_for(vehicle))
     velocity, balls = asked.at_knots(route.waypoint), asked.balls(route.points, route.waypoint)
+    gates = asked.gates(route.points, route.waypoint)
     problem = Problem(
         knots=np.column_stack([route.points, np.zeros(len(route.points))]),
-        free=np.outer((route.waypoint < 0) | _may_move(balls), [True, True, True, False]),
+        free=np.outer((route.waypoint < 0) | _may_move(balls, gates, len(route.points)), [True, True, True, False]),
         airframe=frame,
         field=field,
         clearance_m=space.aim(field, options.clearance_m) + AIM_M,
         weights=Weights(snap=1e-5),
-        offsets=_leg_offsets(asked, route.waypoint, options.limits_for(vehicle)),
+        speed_m_s=asked.planned_speed_m_s(route.waypoint, options.limits_for(vehicle)),
         start=asked.start,
         end=asked.end,
         velocity=velocity,
         balls=balls,
+        gates=gates,
         target_world_m=options.target_world_m,
     )
     lengths = np.linalg.norm(np.diff(route.points, axis=0), axis=1)
     pace = np.full(len(route.points), 0.3 * min(frame.speed_m_s, frame.acceleration_m_s2))
     for knot, given in _given_speeds(asked, velocity):
         pace[knot] = max(pace[knot], given)
-    slow = np.maximum(lengths, 0.3) / np.maximum(pace[:-1], pace[1:])
+    allowed = np.inf if problem.speed_m_s is None else 0.6 * problem.speed_m_s
+    slow = np.maximum(lengths, 0.3) / np.minimum(np.maximum(pace[:-1], pace[1:]), allowed)
     found = time_allocation.optimise(problem, slow, iterations=_ROUGH, stop=stop)
     for slower in _START_SLOWER:
         if found.cost < _SOUND * float(found.durations_s.sum()):
@@ -129,14 +132,11 @@ def whole_vehicle(
     Args:
         asked_rad: heading asked for at each waypoint, NaN where it is open.
     """
-    balls = problem.balls
     before = waypoint
     knots, durations, waypoint = _split(start.spline, waypoint, options.pieces)
-    if problem.balls is not None:
-        balls = np.zeros((len(knots), 4))
-        balls[waypoint >= 0] = problem.balls[before >= 0]
+    balls, gates = (_at_waypoints(kept, before, waypoint) for kept in (problem.balls, problem.gates))
     asked = np.where(waypoint >= 0, asked_rad[waypoint], np.nan)
-    problem = replace(problem, velocity=conditions.at_knots(waypoint), offsets=None, balls=balls)
+    problem = replace(problem, velocity=conditions.at_knots(waypoint), speed_m_s=None, balls=balls, gates=gates)
     first = minimum_snap.Spline(durations, problem.spline(knots, durations).states[..., :3])
     held = heading.constant(first, asked, options)
     if held is None:
@@ -146,23 +146,30 @@ def whole_vehicle(
         knots[:, 3] = turned[:, 0]
     else:
         knots[:, 3] = held
-    free = np.repeat(((waypoint < 0) | _may_move(balls))[:, None], 4, axis=1)
+    free = np.repeat(((waypoint < 0) | _may_move(balls, gates, len(knots)))[:, None], 4, axis=1)
     free[:, 3] = np.isnan(asked) & (held is None)
     price, turning = _YAW_PRICES[options.yaw]
     weights = Weights(snap=1e-7, limits=400.0, clearance=300.0, heading=price, turning=turning)
     return replace(problem, knots=knots, free=free, weights=weights), durations, waypoint
 
 
-def _may_move(balls: FloatArray | None) -> np.ndarray | bool:
-    """(k + 1,) bool: whether a knot has a ball to move in."""
-    return False if balls is None else balls[:, 3] > 0.0
+def _at_waypoints(kept: FloatArray | None, before: np.ndarray, waypoint: np.ndarray) -> FloatArray | None:
+    """What was kept of knots that are waypoints, for the same waypoints among other knots; zeros elsewhere."""
+    if kept is None:
+        return None
+    found = np.zeros((len(waypoint), *kept.shape[1:]))
+    found[waypoint >= 0] = kept[before >= 0]
+    return found
 
 
-def _leg_offsets(asked: Conditions, waypoint: np.ndarray, limits: Limits) -> FloatArray:
-    """(k, samples, limits) what the speeds asked for on legs add to the excess over the vehicle's own speed."""
-    offsets = np.zeros((len(waypoint) - 1, time_allocation.SAMPLES, airframe.COLUMNS))
-    offsets[:, :, airframe.NAMES.index("speed")] = asked.speed_offsets(waypoint, limits)[:, None]
-    return offsets
+def _may_move(balls: FloatArray | None, gates: FloatArray | None, knots: int) -> np.ndarray:
+    """(k + 1,) bool: whether a knot has a ball, or the opening of a gate, to move in."""
+    free = np.zeros(knots, dtype=bool)
+    if balls is not None:
+        free |= balls[:, 3] > 0.0
+    if gates is not None:
+        free |= np.linalg.norm(gates[:, 1:], axis=(1, 2)) > 0.0
+    return free
 
 
 def _given_speeds(asked: Conditions, velocity: FloatArray | None) -> list[tuple[int, float]]:
@@ -213,9 +220,9 @@ def until_flyable(
         iterations: of the first round about `wrong`.
         corrections, known: those of an earlier answer, and what the gate found of it.
     """
-    legs = _leg_offsets(conditions, waypoint, options.limits_for(vehicle))
-    corrections = Corrections(legs) if corrections is None else corrections
-    corrections.legs = legs
+    corrections = Corrections(len(spline.durations_s)) if corrections is None else corrections
+    problem = replace(problem, speed_m_s=conditions.planned_speed_m_s(waypoint, options.limits_for(vehicle)))
+    asked_m_s = conditions.most_speed_m_s(waypoint)
     optimum_s, bends, begun = np.nan, 0, len(_WHOLE) if wrong is not None else 0
     found, rounds = None, _ROUNDS
     for round_ in range(begun, _ROUNDS):
@@ -234,7 +241,7 @@ def until_flyable(
         problem = replace(problem, knots=spline.states[:, 0])
         optimum_s = float(spline.durations_s.sum()) if round_ == begun else optimum_s
         path = minimum_snap.trajectory(spline)
-        excess = corrections.measure(problem, spline, path, vehicle, touched)
+        excess = corrections.measure(problem, spline, path, vehicle, touched, stop)
         exceeded = excess.max(axis=(1, 2)) > 0.0
         clearance = esdf.certify(field, path, options.clearance_m)
         last = round_ == _ROUNDS - 1
@@ -255,8 +262,9 @@ def until_flyable(
                 rounds = round_ + _AGAIN
                 continue
             known = path, report.usage
-            corrections.stricter(report.usage)
-            exceeded |= ~report.usage.passed.all(axis=0)
+            too_fast = report.usage.value[0] > asked_m_s
+            corrections.stricter(report.usage, too_fast)
+            exceeded |= ~report.usage.passed.all(axis=0) | too_fast
         corrections.press(excess, touched)
         if not clearance.passed:
             if bends == options.repairs:

@@ -4,17 +4,18 @@ It is independent of how the trajectory was made. It does not raise for a failed
 value, the bound, the time and the place.
 """
 
-import hashlib
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 import esdf
 import vehicle as vehicles
-from flight import FlightError, FloatArray, Progress, Trajectory, TrajectoryFile, silent
+from flight import FlightError, FloatArray, FormatError, Progress, Trajectory, TrajectoryFile, silent
+from flight.trajectory import fingerprint
 from planner import conditions as conditions_
 from planner import inputs, limits
-from planner.conditions import Conditions
+from planner._planner import StopFlag
+from planner.conditions import Conditions, Visits
 from planner.limits import Check
 from planner.options import PlanOptions
 from planner.space import DistanceField, Grounded
@@ -28,6 +29,8 @@ _SAME_RAD = 0.02
 """Largest difference from a heading that was asked for."""
 _LOOK_RAD = 0.6
 """Largest angle between the heading and the direction of a point that is looked at."""
+_SAME_S = 1e-9
+"""How closely the moment is found at which a gate is passed."""
 _NEAR_M = 1.0
 """Horizontal distance of that point below which any heading will do."""
 _JUMP = 1e-6
@@ -51,11 +54,13 @@ class GateReport:
     """Hash of the field, empty for a formula."""
     vehicle_hash: str
     trajectory_hash: str
-    """`fingerprint` of the trajectory that was checked."""
+    """`flight.trajectory.fingerprint` of the trajectory that was checked."""
     conditions: Conditions
     """What was asked of it besides its waypoints."""
     options: PlanOptions
-    """Radius, margin, limits and reserve that it was checked for."""
+    """Radius, margin, limits, reserve, tolerance and yaw mode that it was checked for."""
+    yaw_rad: FloatArray | None = None
+    """(n,) heading asked for at each waypoint, NaN where any will do; None if none is."""
     usage: limits.Usage | None = None
     """What each segment uses of each limit; None where that could not be asked."""
 
@@ -85,6 +90,7 @@ class GateReport:
             "vehicle_hash": self.vehicle_hash,
             "trajectory_hash": self.trajectory_hash,
             "conditions": self.conditions.as_dict(),
+            "yaw_rad": None if self.yaw_rad is None else [float(y) if np.isfinite(y) else None for y in self.yaw_rad],
             "asked": self.options.as_dict(),
             "checks": [check.as_dict() for check in self.checks],
         }
@@ -100,6 +106,7 @@ def check(
     yaw_rad: FloatArray | None = None,
     conditions: Conditions | None = None,
     known: limits.Known | None = None,
+    stop: StopFlag | None = None,
     progress: Progress = silent,
 ) -> GateReport:
     """Check a trajectory against a field and a vehicle.
@@ -110,6 +117,9 @@ def check(
         conditions: of motion at its ends, its waypoints and on its legs; at rest at both ends if left out.
         known: what was found of another trajectory with the same vehicle and options; limits are not worked out again
             for segments that both have in common. Everything else is.
+
+    Raises:
+        PlanCancelledError: `stop` was set, from another thread.
     """
     options = PlanOptions() if options is None else options
     asked = Conditions() if conditions is None else conditions
@@ -121,15 +131,15 @@ def check(
         space_ = field if asked.ground_world_m is None else Grounded(field, asked.ground_world_m, options.clearance_m)
         clearance = _clearance(trajectory, space_, options.clearance_m)
         progress("gate", 0.4)
-        visits_s = None
+        visits = None
         if waypoints_world_m is not None:
-            passed, visits_s = _waypoints(trajectory, waypoints_world_m, asked.fly_by_m, options)
-            checks.append(passed)
-        checks += conditions_.checks(trajectory, visits_s, asked) + _continuity(trajectory)
-        checks += _headings(trajectory, visits_s, yaw_rad, options)
+            passed, visits = _waypoints(trajectory, waypoints_world_m, asked, options)
+            checks += passed
+        checks += conditions_.checks(trajectory, visits, asked) + _continuity(trajectory)
+        checks += _headings(trajectory, None if visits is None else visits.time_s, yaw_rad, options)
         checks += [_clearance_check(clearance, options.clearance_m, vehicle)]
         bounds = options.limits_for(vehicle)
-        usage, found = limits.measure(trajectory, vehicle, bounds, step_s=options.sample_step_s, known=known)
+        usage, found = limits.measure(trajectory, vehicle, bounds, step_s=options.sample_step_s, known=known, stop=stop)
         checks += found
     progress("gate", 1.0)
     return GateReport(
@@ -144,12 +154,13 @@ def check(
         trajectory_hash=fingerprint(trajectory),
         conditions=asked,
         options=options,
+        yaw_rad=yaw_rad,
         usage=usage,
     )
 
 
 def options_of(item: TrajectoryFile) -> PlanOptions:
-    """Radius, margin, limits and reserve that a file was checked for; the defaults where it does not say.
+    """Radius, margin, limits, yaw mode ... that a file was checked for; the defaults where it does not say.
 
     Raises:
         FormatError: what it says is damaged.
@@ -166,7 +177,7 @@ def check_file(
     *,
     progress: Progress = silent,
 ) -> GateReport:
-    """Check a file's trajectory, and that it was planned for this map and this vehicle.
+    """Check a file's trajectory, and that it is the one that was checked, planned for this map and this vehicle.
 
     Args:
         options: what to check for; if left out, what the file was checked for, and the vehicle's limits where they
@@ -181,10 +192,12 @@ def check_file(
         vehicle,
         options,
         waypoints_world_m=item.waypoints_world_m,
+        yaw_rad=headings_of(item),
         conditions=asked_of(item),
         progress=progress,
     )
     same = [
+        _identity("trajectory", str(item.check.get("trajectory_hash") or ""), report.trajectory_hash),
         _identity("map", item.map_hash, report.map_hash),
         _identity("vehicle", item.vehicle_hash, report.vehicle_hash),
     ]
@@ -200,16 +213,28 @@ def asked_of(item: TrajectoryFile) -> Conditions:
     return Conditions.from_dict(item.check.get("conditions") or {}, len(item.waypoints_world_m))
 
 
+def headings_of(item: TrajectoryFile) -> FloatArray | None:
+    """(n,) the heading asked for at each of a file's waypoints, NaN where it is open; None where the file has none.
+
+    Raises:
+        FormatError: its record of that is damaged.
+    """
+    given = item.check.get("yaw_rad")
+    if given is None:
+        return None
+    try:
+        yaw = np.array([np.nan if y is None else float(y) for y in given])
+    except (TypeError, ValueError) as error:
+        raise FormatError(f"the headings in a trajectory file are damaged: {error}") from error
+    if yaw.shape != (len(item.waypoints_world_m),):
+        raise FormatError(f"a trajectory file has {len(yaw)} headings for {len(item.waypoints_world_m)} waypoints")
+    return yaw
+
+
 def _identity(name: str, planned: str, here: str) -> Check:
-    reason = f"planned for {planned[:12] or 'none'}, checked against {here[:12] or 'none'}"
+    """Whether a file is about what is here; hashes that differ are shown by their beginnings."""
+    reason = f"the file names {planned[:12] or 'none'}, here is {here[:12] or 'none'}"
     return Check(name, float(planned != here), 0.0, "", planned == here, reason=reason)
-
-
-def fingerprint(trajectory: Trajectory) -> str:
-    """SHA-256 of the durations and coefficients."""
-    digest = hashlib.sha256(np.ascontiguousarray(trajectory.durations_s).tobytes())
-    digest.update(np.ascontiguousarray(trajectory.coefficients).tobytes())
-    return digest.hexdigest()
 
 
 def _finite(trajectory: Trajectory) -> Check:
@@ -224,42 +249,98 @@ def _finite(trajectory: Trajectory) -> Check:
 
 
 def _waypoints(
-    trajectory: Trajectory, waypoints_world_m: FloatArray, fly_by_m: FloatArray | None, options: PlanOptions
-) -> tuple[Check, FloatArray | None]:
-    """Waypoints are reached in order; the curve must start at the first and end at the last of them.
+    trajectory: Trajectory, waypoints_world_m: FloatArray, asked: Conditions, options: PlanOptions
+) -> tuple[list[Check], Visits | None]:
+    """Waypoints are reached in order, gates passed; the curve must start at the first and end at the last of them.
 
     Returns:
-        The check, and when each is reached, (n,); None if not all are.
+        The checks, and when each is reached; None if not all are.
     """
+    tolerance_m = options.waypoint_tolerance_m
     wanted = np.asarray(waypoints_world_m, dtype=np.float64).reshape(-1, 3)
     if not len(wanted) or not np.isfinite(wanted).all():
-        return Check("waypoints", np.nan, options.waypoint_tolerance_m, "m", False, reason="none, or not finite"), None
-    joins = _at_joins(trajectory, wanted, options.waypoint_tolerance_m)
+        return [Check("waypoints", np.nan, tolerance_m, "m", False, reason="none, or not finite")], None
+    edges = np.zeros((len(wanted), 2, 3)) if asked.gate_edges_m is None else asked.gate_edges_m
+    in_gate = np.linalg.norm(edges, axis=(1, 2)) > 0.0
+    joins = None if in_gate.any() else _at_joins(trajectory, wanted, tolerance_m)
     if joins is not None:
-        visits, worst = joins
-        reason = f"all {len(wanted)} in order"
-        found = Check("waypoints", worst, options.waypoint_tolerance_m, "m", True, reason=reason)
-        return found, trajectory.starts_s[visits]
+        at_joins, worst = joins
+        times_s = trajectory.starts_s[at_joins]
+        found = Check("waypoints", worst, tolerance_m, "m", True, reason=f"all {len(wanted)} in order")
+        return [found], Visits(times_s, times_s, times_s)
     # Dense samples, joins included: one that is no join is met to within half a step.
     times, segment = limits.sample_times(trajectory, 1e-3)
     times, segment = np.append(times, trajectory.duration_s), np.append(segment, segment[-1])
     points = trajectory.position(times)
     ends = max(float(np.linalg.norm(points[0] - wanted[0])), float(np.linalg.norm(points[-1] - wanted[-1])))
-    worst, missed, at = ends, 0 if ends > options.waypoint_tolerance_m else -1, 0
-    visits: list[int] = []
+    worst, missed, at = ends, 0 if ends > tolerance_m else -1, 0
+    outside_m: list[float] = []
+    visits: list[tuple[float, float, float]] = []
     for i, waypoint in enumerate(wanted[:-1]):
-        radius = 0.0 if fly_by_m is None else float(fly_by_m[i])
-        visit = _first_visit(points, at, waypoint, options.waypoint_tolerance_m + radius)
+        if in_gate[i]:
+            passed = _first_pass(trajectory, times, points, at, waypoint, edges[i])
+            if passed is None:
+                return [_gate_missed(i, points[at:], waypoint, tolerance_m)], None
+            at, time_s, off_m = passed
+            outside_m.append(off_m)
+            visits.append((time_s, time_s, time_s))
+            continue
+        radius = 0.0 if asked.fly_by_m is None else float(asked.fly_by_m[i])
+        visit = _first_visit(points, at, waypoint, tolerance_m + radius)
         if visit is None:
             worst, missed = float(np.linalg.norm(points[at:] - waypoint, axis=1).min()), i
             break
         at, gap_m = visit
-        visits.append(at)
+        near = np.linalg.norm(points - waypoint, axis=1) <= tolerance_m + radius
+        first = at - int(np.argmin(np.append(near[at::-1], False))) + 1
+        last = at + int(np.argmin(np.append(near[at:], False))) - 1
+        visits.append((float(times[at]), float(times[first]), float(times[last])))
         worst = max(worst, gap_m - radius)
-    passed = missed < 0
-    reason = f"all {len(wanted)} in order" if passed else f"waypoint {missed} is missed by {worst:.3f} m"
-    found = Check("waypoints", worst, options.waypoint_tolerance_m, "m", passed, reason=reason)
-    return found, times[[*visits, len(times) - 1]] if passed else None
+    if missed >= 0:
+        return [
+            Check("waypoints", worst, tolerance_m, "m", False, reason=f"waypoint {missed} is missed by {worst:.3f} m")
+        ], None
+    found = [Check("waypoints", worst, tolerance_m, "m", True, reason=f"all {len(wanted)} in order")]
+    if outside_m:
+        nearest = int(np.argmax(outside_m))
+        reason = f"all {len(outside_m)} passed; nearest to an edge at waypoint {int(np.flatnonzero(in_gate)[nearest])}"
+        found.append(Check("gates", outside_m[nearest], 0.0, "m", True, reason=reason))
+    end_s = trajectory.duration_s
+    return found, Visits(*np.array([*visits, (end_s, end_s, end_s)]).T)
+
+
+def _first_pass(
+    trajectory: Trajectory, times_s: FloatArray, points: FloatArray, start: int, centre: FloatArray, edges: FloatArray
+) -> tuple[int, float, float] | None:
+    """Where the path first passes a gate forwards, from a sample on: the sample after it, when, and how far outside.
+
+    A crossing of the gate's plane is between two samples on either side of it, and is found there by bisection. How far
+    outside of the opening it lies is negative, the distance to the nearest edge. None if no crossing lies inside.
+    """
+    sizes = np.linalg.norm(edges, axis=1)
+    normal = np.cross(*edges) / np.prod(sizes)
+    side = (points[start:] - centre) @ normal
+    for k in np.flatnonzero((side[:-1] < 0.0) & (side[1:] >= 0.0)):
+        before, after = times_s[start + k], times_s[start + k + 1]
+        while after - before > _SAME_S:
+            middle = 0.5 * (before + after)
+            if float((trajectory.position(np.array([middle]))[0] - centre) @ normal) < 0.0:
+                before = middle
+            else:
+                after = middle
+        off = np.abs(edges @ (trajectory.position(np.array([after]))[0] - centre)) / sizes - sizes
+        if off.max() <= 0.0:
+            return start + int(k) + 1, float(after), float(off.max())
+    return None
+
+
+def _gate_missed(waypoint: int, points: FloatArray, centre: FloatArray, tolerance_m: float) -> Check:
+    nearest = float(np.linalg.norm(points - centre, axis=1).min())
+    reason = (
+        f"the gate at waypoint {waypoint} is not passed forwards within its opening; the path comes within "
+        f"{nearest:.2f} m of its middle: turn the gate, enlarge it, or add a waypoint before or behind it"
+    )
+    return Check("waypoints", nearest, tolerance_m, "m", False, reason=reason)
 
 
 def _headings(

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flight import InfeasibleError, InputError, Waypoints
+from flight import FloatArray, InfeasibleError, InputError, Waypoints
 from flight.trajectory import LONGEST_S
 from planner.options import PlanInfeasibleError, PlanOptions
 from vehicle import Limits, Vehicle, invert
@@ -35,7 +35,7 @@ def check(waypoints: Waypoints, field: object, vehicle: object, options: PlanOpt
         raise InputError(beyond_clearance(vehicle, options.clearance_m))
     bounds = options.limits_for(vehicle)
     _check_hover(vehicle, bounds, options)
-    _check_distances(waypoints, bounds)
+    check_durations(waypoints, bounds)
     _check_headings(waypoints, bounds)
 
 
@@ -52,7 +52,9 @@ def _check_hover(vehicle: Vehicle, bounds: Limits, options: PlanOptions) -> None
     try:
         hover = invert.hover(vehicle)
     except InfeasibleError as error:
-        raise PlanInfeasibleError(str(error), "correct the vehicle's mass, thrust or limits") from error
+        raise PlanInfeasibleError(
+            str(error), "change rotor_speed_max_rad_s, or correct the vehicle's mass or thrust coefficients"
+        ) from error
     low, high = bounds.rotor_speed_min_rad_s, bounds.rotor_speed_max_rad_s
     if hover.min() >= low and hover.max() <= high:
         return
@@ -64,15 +66,32 @@ def _check_hover(vehicle: Vehicle, bounds: Limits, options: PlanOptions) -> None
     )
 
 
-def _check_distances(waypoints: Waypoints, bounds: Limits) -> None:
+def check_durations(waypoints: Waypoints, bounds: Limits, leg_speed_m_s: FloatArray | None = None) -> None:
+    """Refuse what takes longer than a trajectory may last.
+
+    Args:
+        leg_speed_m_s: (n - 1,) the largest speed asked for on each leg, NaN for none.
+
+    Raises:
+        InputError: it does, even at the largest speeds or the largest acceleration.
+    """
     gaps = np.linalg.norm(np.diff(waypoints.positions_world_m, axis=0), axis=1)
-    if gaps.sum() <= bounds.speed_m_s * LONGEST_S:
-        return
-    i = int(gaps.argmax())
-    raise InputError(
-        f"the way of {gaps.sum():.3g} m takes more than {LONGEST_S:g} s at speed_m_s {bounds.speed_m_s:g}; the longest "
-        f"leg, {gaps[i]:.3g} m, is between waypoints {i} and {i + 1}: move them, or raise the limit"
-    )
+    speed = np.full(len(gaps), bounds.speed_m_s)
+    if leg_speed_m_s is not None:
+        speed = np.fmin(speed, leg_speed_m_s)
+    times_s = gaps / speed
+    i = int(times_s.argmax()) if len(gaps) else 0
+    if times_s.sum() > LONGEST_S:
+        name = "speed_m_s" if speed[i] >= bounds.speed_m_s else "the speed asked for there"
+        raise InputError(
+            f"the way of {gaps.sum():.3g} m takes more than {LONGEST_S:g} s; most of it is between waypoints {i} and "
+            f"{i + 1}, {gaps[i]:.3g} m at {speed[i]:.3g} m/s: move them, or raise {name}"
+        )
+    if 2.0 * np.sqrt(gaps.sum() / bounds.acceleration_m_s2) > LONGEST_S:
+        raise InputError(
+            f"the way of {gaps.sum():.3g} m takes more than {LONGEST_S:g} s at acceleration_m_s2 "
+            f"{bounds.acceleration_m_s2:.3g}: raise the limit"
+        )
 
 
 def _check_headings(waypoints: Waypoints, bounds: Limits) -> None:

@@ -12,6 +12,8 @@ import numpy as np
 import vehicle as vehicles
 from flight import FlightError, FloatArray, Trajectory, polynomial
 from planner import attitude, heading
+from planner._planner import StopFlag
+from planner.options import PlanCancelledError, check_stop
 from vehicle import Limits, Vehicle, flatness, invert
 
 _PIECES = 16
@@ -33,6 +35,8 @@ _SLOWEST = NAMES.index("slowest rotor")
 _EASES = (1.0, 0.5, 0.5, 1.0 / 3.0, 1.0, 0.5, 0.5)
 """Powers of a limit's share that say how much longer it would take to use it just so: speed and yaw rate fall with the
 time, acceleration and what follows from it with its square, rates of the thrust's direction with its cube."""
+_GROUP = 100
+"""Segments that are looked at together: more would make cancelling slow, fewer the check."""
 _BINDING = 0.97
 """Share of a limit from which on it counts as what decides the time of a segment."""
 
@@ -107,11 +111,23 @@ def check(
 
 
 def measure(
-    trajectory: Trajectory, vehicle: Vehicle, limits: Limits, *, step_s: float, known: Known | None = None
+    trajectory: Trajectory,
+    vehicle: Vehicle,
+    limits: Limits,
+    *,
+    step_s: float,
+    known: Known | None = None,
+    stop: StopFlag | None = None,
 ) -> tuple[Usage | None, list[Check]]:
-    """As `check`, and the usage of each segment; None where the vehicle's model has no answer."""
+    """As `check`, and the usage of each segment; None where the vehicle's model has no answer.
+
+    Raises:
+        PlanCancelledError: `stop` was set.
+    """
     try:
-        used = usage(trajectory, vehicle, limits, step_s=step_s, known=known)
+        used = usage(trajectory, vehicle, limits, step_s=step_s, known=known, stop=stop)
+    except PlanCancelledError:
+        raise
     except FlightError as error:
         rows = zip(NAMES, _bounds(limits).tolist(), _UNITS, strict=True)
         return None, [Check(name, np.nan, bound, unit, False, reason=str(error)) for name, bound, unit in rows]
@@ -142,7 +158,13 @@ def excess_text(used: Usage, limit: int, segment: int, trajectory: Trajectory) -
 
 
 def usage(
-    trajectory: Trajectory, vehicle: Vehicle, limits: Limits, *, step_s: float, known: Known | None = None
+    trajectory: Trajectory,
+    vehicle: Vehicle,
+    limits: Limits,
+    *,
+    step_s: float,
+    known: Known | None = None,
+    stop: StopFlag | None = None,
 ) -> Usage:
     """How much of each limit each segment uses.
 
@@ -152,6 +174,7 @@ def usage(
 
     Raises:
         FlightError: the vehicle's model has no answer.
+        PlanCancelledError: `stop` was set.
     """
     k, starts = len(trajectory.durations_s), trajectory.starts_s[:-1]
     value, after_s, new = np.empty((len(NAMES), k)), np.empty((len(NAMES), k)), np.ones(k, dtype=bool)
@@ -162,13 +185,15 @@ def usage(
         new = same < 0
         value[:, ~new] = used.value[:, same[~new]]
         after_s[:, ~new] = used.time_s[:, same[~new]] - path.starts_s[same[~new]]
-    if new.any():
-        some = Trajectory(trajectory.durations_s[new], trajectory.coefficients[new])
+    chosen = np.flatnonzero(new)
+    for group in np.split(chosen, range(_GROUP, len(chosen), _GROUP)) if len(chosen) else []:
+        check_stop(stop)
+        some = Trajectory(trajectory.durations_s[group], trajectory.coefficients[group])
         found, time_s = _attitude_bounds(some, vehicle, limits, step_s)
         found[_SLOWEST] *= -1.0
         for derivative in (1, 2):
             found[derivative - 1], time_s[derivative - 1] = certified_maxima(some, derivative)
-        value[:, new], after_s[:, new] = found, time_s - some.starts_s[:-1]
+        value[:, group], after_s[:, group] = found, time_s - some.starts_s[:-1]
     return Usage(value, starts + after_s, _shares(value, limits, _hover(vehicle)), _bounds(limits))
 
 

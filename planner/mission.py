@@ -8,6 +8,7 @@ import numpy as np
 import flight.trajectory
 from flight import FloatArray, InputError, Progress, Trajectory, Waypoints, silent
 from flight.mission import Ground, Mission
+from flight.trajectory import LONGEST_S
 from planner import gate, inputs, minimum_snap, planning, routes, space
 from planner._planner import StopFlag
 from planner.conditions import Conditions
@@ -15,6 +16,8 @@ from planner.options import PlanInfeasibleError, PlanOptions
 from planner.planning import Plan
 from vehicle import Vehicle
 
+_OF_WAYPOINTS, _OF_LEGS = ("velocity_world_m_s", "fly_by_m", "gate_edges_m"), ("leg_speed_m_s",)
+"""Conditions with a row for each waypoint, and for each leg."""
 _HEIGHTS_M = np.arange(0.2, 5.0, 0.05)
 """Heights above the ground at which a take-off may join the path: the first with clearance."""
 
@@ -38,7 +41,10 @@ def plan(
     inputs.check(mission.waypoints, field, vehicle, options)
     routes.check_waypoints(mission.waypoints, field, options.waypoint_clearance_m)
     flown = mission.unrolled()
+    _check_stays(flown)
     whole = conditions(flown)
+    if flown.keep_in is not None:
+        whole = replace(whole, **_tube(mission, field, options))
     if whole.stay_s is None and whole.ground_world_m is None:
         return planning.plan(flown.waypoints, field, vehicle, options, conditions=whole, progress=progress, stop=stop)
     parts = _parts(flown, whole, field, options)
@@ -70,6 +76,7 @@ def plan(
         waypoints_world_m=points.positions_world_m,
         yaw_rad=points.yaw_rad,
         conditions=whole,
+        stop=stop,
     )
     if not report.passed:
         first = report.failures[0]
@@ -79,6 +86,15 @@ def plan(
     methods = "+".join(sorted({p.method for p in plans}))
     route = np.concatenate([p.route_world_m for p in plans])
     return Plan(trajectory, report, points, route, methods, float(sum(p.optimum_s for p in plans)))
+
+
+def _check_stays(flown: Mission) -> None:
+    total_s = sum(stay.duration_s for stay in flown.stays)
+    if total_s > LONGEST_S:
+        raise InputError(
+            f"the stays last {total_s:.4g} s in all, laps counted, and a trajectory at most {LONGEST_S:g} s; "
+            "shorten them, or plan the flight in parts"
+        )
 
 
 def with_yaw(options: PlanOptions, mission: Mission) -> PlanOptions:
@@ -93,7 +109,9 @@ def conditions(mission: Mission) -> Conditions:
     """What a mission without laps asks of the whole trajectory, take-off and landing points counted as waypoints."""
     count = len(mission.waypoints.positions_world_m)
     velocity, speed = np.full((count, 3), np.nan), np.full(count - 1, np.nan)
-    stay, radius = np.zeros(count), np.zeros(count)
+    stay, radius, edges = np.zeros(count), np.zeros(count), np.zeros((count, 2, 3))
+    for record in mission.gates:
+        edges[record.waypoint] = record.edges_m
     for record in mission.fly_bys:
         radius[record.waypoint] = record.radius_m
     for record in mission.velocities:
@@ -112,9 +130,28 @@ def conditions(mission: Mission) -> Conditions:
         velocity_world_m_s=None if np.isnan(inner).all() else np.pad(inner, ((before, after), (0, 0)), "edge"),
         leg_speed_m_s=None if np.isnan(speed).all() else np.pad(speed, (before, after), constant_values=np.nan),
         fly_by_m=None if not radius.any() else np.pad(radius, (before, after)),
+        gate_edges_m=None if not edges.any() else np.pad(edges, ((before, after), (0, 0), (0, 0))),
         stay_s=None if not stay.any() else np.pad(stay, (before, after)),
         ground_world_m=np.array(grounds) if grounds else None,
     )
+
+
+def _tube(mission: Mission, field: space.DistanceField, options: PlanOptions) -> dict[str, FloatArray | float]:
+    """The tube to keep in, as conditions: on to where the vehicle climbs from, and lands, straight and then down."""
+    assert mission.keep_in is not None
+    points = mission.waypoints.positions_world_m
+    given = mission.keep_in.polyline_world_m
+    line = points if given is None else np.array(given)
+    if given is None and mission.laps is not None:
+        first, last = mission.laps.ends(len(points))
+        line = np.concatenate([points[: last + 1], points[first : first + 1], points[last + 1 :]])
+    if mission.take_off is not None:
+        foot = np.array(mission.take_off.position_world_m)
+        line = np.concatenate([[foot, _above(mission.take_off, field, options), points[0]], line])
+    if mission.landing is not None:
+        foot = np.array(mission.landing.position_world_m)
+        line = np.concatenate([line, [points[-1], _above(mission.landing, field, options), foot]])
+    return {"keep_in_world_m": line, "keep_in_radius_m": mission.keep_in.radius_m}
 
 
 def _motion(velocity_world_m_s: FloatArray) -> FloatArray | None:
@@ -156,9 +193,12 @@ def _parts(mission: Mission, whole: Conditions, field: space.DistanceField, opti
     parts: list[_Part] = []
     for a, b in pairwise(cuts):
         way, turned = points[a : b + 1], yaw[a : b + 1]
-        speed = None if whole.leg_speed_m_s is None else whole.leg_speed_m_s[before:][a:b]
-        velocity = None if whole.velocity_world_m_s is None else whole.velocity_world_m_s[before:][a : b + 1]
-        radius = None if whole.fly_by_m is None else whole.fly_by_m[before:][a : b + 1]
+        arrays = {
+            name: None
+            if getattr(whole, name) is None
+            else getattr(whole, name)[before:][a : b + (name not in _OF_LEGS)]
+            for name in (*_OF_WAYPOINTS, *_OF_LEGS)
+        }
         start, end = (whole.start if a == 0 else None), (whole.end if b == len(points) - 1 else None)
         if mission.take_off is not None and a == 0:
             above = _above(mission.take_off, field, options)
@@ -167,23 +207,23 @@ def _parts(mission: Mission, whole: Conditions, field: space.DistanceField, opti
                 np.append(np.nan, turned),
                 _climb(mission.take_off, 1.0),
             )
-            velocity, speed, radius = _longer(velocity, 0), _longer(speed, 0), _longer(radius, 0)
+            arrays = {name: _longer(name, values, 0) for name, values in arrays.items()}
         if mission.landing is not None and b == len(points) - 1:
             above = _above(mission.landing, field, options)
             way, turned, end = np.concatenate([way, [above]]), np.append(turned, np.nan), _climb(mission.landing, -1.0)
-            velocity, speed, radius = _longer(velocity, -1), _longer(speed, -1), _longer(radius, -1)
-        if radius is not None:
-            radius = np.nan_to_num(radius)  # the points above the ground have none
-        asked = Conditions(start=start, end=end, velocity_world_m_s=velocity, leg_speed_m_s=speed, fly_by_m=radius)
+            arrays = {name: _longer(name, values, -1) for name, values in arrays.items()}
+        tube = {"keep_in_world_m": whole.keep_in_world_m, "keep_in_radius_m": whole.keep_in_radius_m}
+        asked = Conditions(start=start, end=end, **arrays, **tube)
         parts.append(_Part(Waypoints(way, turned), asked, a, before if a == 0 else 0))
     return parts
 
 
-def _longer(values: FloatArray | None, at: int) -> FloatArray | None:
-    """With one more row, NaN, at the start (0) or the end (-1)."""
+def _longer(name: str, values: FloatArray | None, at: int) -> FloatArray | None:
+    """With one more row that asks for nothing, at the start (0) or the end (-1)."""
     if values is None:
         return None
-    return np.insert(values, 0 if at == 0 else len(values), np.nan, axis=0)
+    nothing = 0.0 if name in ("fly_by_m", "gate_edges_m") else np.nan
+    return np.insert(values, 0 if at == 0 else len(values), nothing, axis=0)
 
 
 def _above(ground: Ground, field: space.DistanceField, options: PlanOptions) -> FloatArray:

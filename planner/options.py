@@ -7,12 +7,15 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from flight import FlightError, FloatArray, FormatError, InfeasibleError, InputError
+from planner._planner import StopFlag
 from vehicle import Limits, Vehicle
 
 YawMode = Literal["along_path", "smooth", "steady", "fixed", "look_at", "free"]
 Method = Literal["fastest", "corridor", "bry"]
 Search = Literal["grid", "rrt_star", "informed_rrt_star", "bit_star", "aorrtc"]
 YAW_MODES, METHODS, SEARCHES = get_args(YawMode), get_args(Method), get_args(Search)
+_CHECKED = ("radius_m", "margin_m", "control_reserve", "waypoint_tolerance_m", "heading_rad", "sample_step_s")
+"""Options that the gate asks as well, besides limits and where to look."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,29 +82,31 @@ class PlanOptions:
 
     def as_dict(self) -> dict[str, Any]:
         """What a trajectory is checked for, JSON-able; `limits` is None for the vehicle's own."""
+        look_at = self.look_at_world_m
         return {
-            "radius_m": self.radius_m,
-            "margin_m": self.margin_m,
-            "control_reserve": self.control_reserve,
+            **{name: getattr(self, name) for name in _CHECKED},
+            "yaw": self.yaw,
+            "look_at_world_m": None if look_at is None else [float(x) for x in look_at],
             "limits": None if self.limits is None else asdict(self.limits),
         }
 
     @classmethod
     def from_dict(cls, document: dict[str, Any]) -> "PlanOptions":
-        """The options to check with, from what `as_dict` made.
+        """The options to check with, from what `as_dict` made; the defaults for what older versions did not write.
 
         Raises:
             FormatError: it was not made by `as_dict`.
         """
         try:
-            bounds = document["limits"]
+            bounds, look_at = document["limits"], document.get("look_at_world_m")
+            numbers: dict[str, Any] = {name: float(document[name]) for name in _CHECKED if name in document}
             return cls(
-                radius_m=float(document["radius_m"]),
-                margin_m=float(document["margin_m"]),
-                control_reserve=float(document["control_reserve"]),
+                **numbers,
+                yaw=document.get("yaw", "along_path"),
+                look_at_world_m=None if look_at is None else _point(look_at),
                 limits=None if bounds is None else Limits(**bounds),
             )
-        except (KeyError, TypeError, ValueError, InputError) as error:
+        except (KeyError, TypeError, ValueError, AttributeError, InputError) as error:
             raise FormatError(f"what a trajectory file asks of its check is damaged: {error}") from error
 
     def limits_for(self, vehicle: Vehicle) -> Limits:
@@ -136,6 +141,11 @@ class PlanOptions:
         return self.clearance_m + 0.004
 
 
+def _point(numbers: list[Any]) -> tuple[float, float, float]:
+    x, y, z = (float(number) for number in numbers)
+    return x, y, z
+
+
 @dataclass(frozen=True, slots=True)
 class Gap:
     """The narrowest place of the way that has most room."""
@@ -161,3 +171,9 @@ class PlanInfeasibleError(InfeasibleError):
 
 class PlanCancelledError(FlightError):
     """The plan was given up because its stop flag was set."""
+
+
+def check_stop(stop: StopFlag | None) -> None:
+    """Raises `PlanCancelledError` if the flag is set. Long work asks at least every 50 ms of processor time."""
+    if stop is not None and stop.is_set():
+        raise PlanCancelledError("the plan was cancelled")

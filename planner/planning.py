@@ -14,12 +14,16 @@ from planner._planner import StopFlag
 from planner.conditions import Conditions
 from planner.fastest import Path
 from planner.gate import GateReport
-from planner.options import PlanInfeasibleError, PlanOptions
+from planner.options import PlanInfeasibleError, PlanOptions, check_stop
 from planner.time_allocation import Solution
 from vehicle import Vehicle
 
 _SLOWER = (1.005, 1.015, 1.04, 1.1, 1.3)
 """Factors on the time that are tried where the gate, with its finer samples, finds a limit exceeded."""
+
+
+AskGate = Callable[..., GateReport]
+"""From a trajectory, and what is known of another one, to the gate's report."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,28 +88,14 @@ def from_scratch(
     inputs.check(waypoints, field, vehicle, options)
     limits_ = options.limits_for(vehicle)
     asked = conditions.checked(len(waypoints.positions_world_m), limits_)
+    inputs.check_durations(waypoints, limits_, asked.leg_speed_m_s)
     if options.method == "bry" and (asked.given_motion or asked.leg_speed_m_s is not None):
         raise InputError("Bry's method starts and ends at rest and knows no velocities or speeds of legs; use fastest")
     routes.check_waypoints(waypoints, field, options.waypoint_clearance_m)
-    route = routes.find(waypoints, field, options.sampled() if options.method == "bry" else options)
+    asked.check_inside(waypoints.positions_world_m)
+    room = asked.room(field, options)
+    route = _route(waypoints, room, options, asked, stop)
     progress("optimise", 0.2)
-    path = _flyable(route, waypoints, field, vehicle, options, asked, stop)
-    progress("gate", 1.0)
-    if not path.report.passed:
-        raise _refused(path)
-    return path, route
-
-
-def _flyable(
-    route: routes.Route,
-    waypoints: Waypoints,
-    field: space.DistanceField,
-    vehicle: Vehicle,
-    options: PlanOptions,
-    asked: Conditions,
-    stop: StopFlag | None,
-) -> Path:
-    """The fastest path; one in a corridor of boxes where that is asked for or the fastest stays too close."""
 
     def ask_gate(trajectory: Trajectory, known: limits.Known | None = None) -> GateReport:
         return gate.check(
@@ -117,8 +107,41 @@ def _flyable(
             yaw_rad=waypoints.yaw_rad,
             conditions=asked,
             known=known,
+            stop=stop,
         )
 
+    path = _flyable(route, waypoints, room, vehicle, options, asked, ask_gate, stop)
+    check_stop(stop)
+    progress("gate", 1.0)
+    if not path.report.passed:
+        raise _refused(path)
+    return path, route
+
+
+def _route(
+    waypoints: Waypoints, room: space.DistanceField, options: PlanOptions, asked: Conditions, stop: StopFlag | None
+) -> routes.Route:
+    try:
+        return routes.find(waypoints, room, options.sampled() if options.method == "bry" else options, stop)
+    except PlanInfeasibleError as error:
+        if asked.tube is None:
+            raise
+        raise PlanInfeasibleError(
+            f"within the tube, {error.reason}", f"{error.remedy}, or widen the tube", error.segment, gap=error.gap
+        ) from error
+
+
+def _flyable(
+    route: routes.Route,
+    waypoints: Waypoints,
+    field: space.DistanceField,
+    vehicle: Vehicle,
+    options: PlanOptions,
+    asked: Conditions,
+    ask_gate: AskGate,
+    stop: StopFlag | None,
+) -> Path:
+    """The fastest path; one in a corridor of boxes where that is asked for or the fastest stays too close."""
     if options.method == "bry":
         spline, corners = bry.solve(route, field, options, stop)
         return _timed(spline, corners.waypoint, "bry", waypoints, vehicle, options, ask_gate)
@@ -158,7 +181,7 @@ def _timed(
     waypoints: Waypoints,
     vehicle: Vehicle,
     options: PlanOptions,
-    ask_gate: Callable[[Trajectory], GateReport],
+    ask_gate: AskGate,
 ) -> Path:
     """A path whose times matter only in proportion, with headings, as fast as the vehicle can fly it."""
     level = minimum_snap.trajectory(spline)
@@ -184,7 +207,7 @@ def _with_heading(
     return minimum_snap.trajectory(minimum_snap.Spline(spline.durations_s, states))
 
 
-def _slowed(path: Path, vehicle: Vehicle, options: PlanOptions, ask_gate: Callable[[Trajectory], GateReport]) -> Path:
+def _slowed(path: Path, vehicle: Vehicle, options: PlanOptions, ask_gate: AskGate) -> Path:
     """The same way through space in the time that just keeps every limit: the last resort, as all segments pay."""
     factor = _time_scale(path.trajectory, vehicle, options)
     for more in (1.0, *_SLOWER):
@@ -228,7 +251,7 @@ def trajectory_file(plan: Plan, *, name: str) -> TrajectoryFile:
     if not plan.gate.passed:
         failed = ", ".join(check.name for check in plan.gate.failures)
         raise InputError(f"trajectory {name} is not saved: it did not pass the gate ({failed})")
-    if gate.fingerprint(plan.trajectory) != plan.gate.trajectory_hash:
+    if flight.trajectory.fingerprint(plan.trajectory) != plan.gate.trajectory_hash:
         raise InputError(f"trajectory {name} is not saved: it was changed after it was checked; plan or check it again")
     return TrajectoryFile(
         trajectory=plan.trajectory,

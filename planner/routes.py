@@ -6,7 +6,8 @@ import numpy as np
 
 from flight import FlightError, FloatArray, InputError, Waypoints
 from planner import sampling, search, space
-from planner.options import PlanInfeasibleError, PlanOptions
+from planner._planner import StopFlag
+from planner.options import PlanInfeasibleError, PlanOptions, check_stop
 
 _CLOSE_M = 0.5
 """Spacing of the points of a way that touches obstacles; it grows with twice the room there is."""
@@ -68,10 +69,11 @@ def _text(point: FloatArray) -> str:
     return "(" + ", ".join(f"{x:.2f}" if abs(x) < 1e6 else f"{x:.3g}" for x in point) + ")"
 
 
-def find(waypoints: Waypoints, field: space.DistanceField, options: PlanOptions) -> Route:
+def find(waypoints: Waypoints, field: space.DistanceField, options: PlanOptions, stop: StopFlag | None = None) -> Route:
     """Straight lines where they are free, and a searched path elsewhere.
 
     Raises:
+        PlanCancelledError: `stop` was set.
         PlanInfeasibleError: there is no path between two waypoints.
     """
     points, required = waypoints.positions_world_m, options.planned_clearance_m
@@ -80,7 +82,8 @@ def find(waypoints: Waypoints, field: space.DistanceField, options: PlanOptions)
     found, index = [points[0]], [0]
     for i, line in enumerate(lines):
         if not line.free:
-            way = way_round(field, points, i, options, grids)
+            check_stop(stop)
+            way = way_round(field, points, i, options, grids, stop)
             if way is None:
                 raise _no_way(points[i], points[i + 1], required, line.distance_m, i, grids)
             found += list(way[1:-1])
@@ -91,14 +94,19 @@ def find(waypoints: Waypoints, field: space.DistanceField, options: PlanOptions)
 
 
 def way_round(
-    field: space.DistanceField, points: FloatArray, leg: int, options: PlanOptions, grids: dict[float, search.Lattice]
+    field: space.DistanceField,
+    points: FloatArray,
+    leg: int,
+    options: PlanOptions,
+    grids: dict[float, search.Lattice],
+    stop: StopFlag | None = None,
 ) -> FloatArray | None:
     """Search near the waypoints first, then far round them; `grids` keeps what was sampled for the other legs."""
     if options.search != "grid":
         return _sampled_way(field, points[leg], points[leg + 1], options)
     for margin_m in (options.search_margin_m, 5.0 * options.search_margin_m):
         if margin_m not in grids:
-            grids[margin_m] = search.lattice(field, points, margin_m)
+            grids[margin_m] = search.lattice(field, points, margin_m, stop=stop)
         way = search.route(
             field, grids[margin_m], points[leg], points[leg + 1], options.planned_clearance_m, options.clearance_m + 0.5
         )

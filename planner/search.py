@@ -6,9 +6,9 @@ import numpy as np
 
 from flight import FloatArray
 from planner import simplify, space
-from planner._planner import bottleneck
+from planner._planner import StopFlag, bottleneck
 from planner._planner import search as grid_search
-from planner.options import Gap
+from planner.options import Gap, check_stop
 
 _CELLS = 800_000
 """Most cells of a search grid; larger regions get larger cells."""
@@ -51,20 +51,33 @@ class Lattice:
 
 
 def region(field: space.DistanceField, points: FloatArray, margin_m: float) -> tuple[FloatArray, FloatArray]:
-    """Lower and upper corner of the box to search: round the points, and inside the field's grid if it has one."""
+    """Lower and upper corner of the box to search: round the points, inside the field's grid or tube if it has one."""
     low, high = points.min(axis=0) - margin_m, points.max(axis=0) + margin_m
     grid = getattr(field, "grid", None)
     if grid is not None:
         origin = np.asarray(grid.origin_world_m, dtype=np.float64)
         low = np.maximum(low, origin)
         high = np.minimum(high, origin + np.asarray(grid.voxel_m) * np.asarray(grid.shape))
+    bounds = getattr(field, "free_within_world_m", None)
+    if bounds is not None:
+        low, high = np.maximum(low, bounds[0]), np.minimum(high, bounds[1])
     return low, np.maximum(high, low)
 
 
 def lattice(
-    field: space.DistanceField, points: FloatArray, margin_m: float, *, finest_m: float = _FINEST_M, cells: int = _CELLS
+    field: space.DistanceField,
+    points: FloatArray,
+    margin_m: float,
+    *,
+    finest_m: float = _FINEST_M,
+    cells: int = _CELLS,
+    stop: StopFlag | None = None,
 ) -> Lattice:
-    """Sample the field round `points` (n, 3), one of them exactly on the grid."""
+    """Sample the field round `points` (n, 3), one of them exactly on the grid.
+
+    Raises:
+        PlanCancelledError: `stop` was set.
+    """
     low, high = region(field, points, margin_m)
     step = max(finest_m, float(np.prod(high - low) / cells) ** (1 / 3))
     low = points[0] - np.floor((points[0] - low) / step) * step
@@ -72,6 +85,7 @@ def lattice(
     axes = [low[i] + step * np.arange(shape[i]) for i in range(3)]
     distances = np.empty(tuple(shape), dtype=np.float32)
     for i, x in enumerate(axes[0]):
+        check_stop(stop)
         layer = np.stack(np.broadcast_arrays(x, axes[1][:, None], axes[2][None, :]), axis=-1)
         distances[i] = np.asarray(field.distance(layer.reshape(-1, 3))).reshape(shape[1], shape[2])
     return Lattice(low, step, space.certain(field, distances))

@@ -9,6 +9,7 @@ import threading
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flight import FloatArray, InputError, Trajectory, Waypoints
 from planner import fastest, gate, limits, minimum_snap, planning, routes, space
@@ -53,6 +54,7 @@ class Planner:
         self._conditions = Conditions() if conditions is None else conditions
         self._field, self._vehicle = field, vehicle
         self._options = PlanOptions() if options is None else options
+        self._room = self._conditions.room(field, self._options)
         self._stop = StopFlag()
         self._flags, self._working = threading.Lock(), threading.Lock()
         self._accept(*self._scratch(waypoints, self._options, self._stop), waypoints)
@@ -62,22 +64,22 @@ class Planner:
         """The last finished plan."""
         return self._plan
 
-    def move(self, index: int, position_world_m: FloatArray) -> Plan:
+    def move(self, index: int, position_world_m: ArrayLike) -> Plan:
         """Move one waypoint. Raises as `planner.plan`; the plan then stays what it was."""
         with self._edit() as stop:
             old = self._waypoint(index)
             points = old.positions_world_m.copy()
-            points[index] = position_world_m
+            points[index] = _point(position_world_m)
             first, last = max(index - 1, 0), min(index + 1, len(points) - 1)
             return self._changed(Waypoints(points, old.yaw_rad), (first, last), (first, last), stop)
 
-    def insert(self, index: int, position_world_m: FloatArray, yaw_rad: float = np.nan) -> Plan:
+    def insert(self, index: int, position_world_m: ArrayLike, yaw_rad: float = np.nan) -> Plan:
         """Insert a waypoint so that it gets this index. Raises as `planner.plan`."""
         with self._edit() as stop:
             old = self._plan.waypoints
             if not 0 <= index <= len(old.yaw_rad):
                 raise InputError(f"a waypoint cannot get number {index}; there are {len(old.yaw_rad)}")
-            points = np.insert(old.positions_world_m, index, position_world_m, axis=0)
+            points = np.insert(old.positions_world_m, index, _point(position_world_m), axis=0)
             new = Waypoints(points, np.insert(old.yaw_rad, index, yaw_rad))
             inside = 0 < index < len(old.yaw_rad)
             self._count_may_change()
@@ -106,11 +108,11 @@ class Planner:
             waypoints = self._plan.waypoints
             return self._accept(*self._scratch(waypoints, self._options, stop), waypoints)
 
-    def draft(self, index: int, position_world_m: FloatArray) -> Trajectory:
+    def draft(self, index: int, position_world_m: ArrayLike) -> Trajectory:
         """What the path would look like with one waypoint moved and all times kept: quick, and checked by nothing."""
         path = self._path
         moved = np.zeros((len(path.waypoint), 4))
-        shift = np.asarray(position_world_m, dtype=np.float64) - self._waypoint(index).positions_world_m[index]
+        shift = _point(position_world_m) - self._waypoint(index).positions_world_m[index]
         at = int(np.flatnonzero(path.waypoint == index)[0])
         for before in (True, False):
             leg = _leg_knots(path.waypoint, index - 1 if before else index)
@@ -141,9 +143,10 @@ class Planner:
 
     def _count_may_change(self) -> None:
         asked = self._conditions
-        if any(given is not None for given in (asked.velocity_world_m_s, asked.leg_speed_m_s, asked.fly_by_m)):
+        of_waypoints = (asked.velocity_world_m_s, asked.leg_speed_m_s, asked.fly_by_m, asked.gate_edges_m)
+        if any(given is not None for given in of_waypoints):
             raise InputError(
-                "velocities, speeds and radii belong to waypoints by number: start another session with new ones"
+                "velocities, speeds, radii and gates belong to waypoints by number: start another session with new ones"
             )
 
     def _scratch(self, waypoints: Waypoints, options: PlanOptions, stop: StopFlag) -> tuple[fastest.Path, FloatArray]:
@@ -159,11 +162,12 @@ class Planner:
         """Plan for waypoints of which those from `new[0]` to `new[1]` take the place of `old[0]` to `old[1]`.
 
         `old` is None where the path begins or ends elsewhere: then it is planned from scratch, as it is where waypoints
-        need only be passed within a radius.
+        need only be passed within a radius or an opening.
         """
         routes.check_waypoints(waypoints, self._field, self._options.waypoint_clearance_m)
-        path = None
-        if old is not None and self._path.kept is not None and self._conditions.fly_by_m is None:
+        self._conditions.check_inside(waypoints.positions_world_m)
+        path, asked = None, self._conditions
+        if old is not None and self._path.kept is not None and asked.fly_by_m is None and asked.gate_edges_m is None:
             path = self._mended(waypoints, old, new, stop)
         if path is None or not path.report.passed or path.kept is None:
             return self._accept(*self._scratch(waypoints, self._options, stop), waypoints)
@@ -211,9 +215,9 @@ class Planner:
             waypoint,
             self._vehicle,
             self._options,
-            self._field,
+            self._room,
             self._conditions,
-            lambda trajectory, known: self._ask_gate(trajectory, waypoints, known),
+            lambda trajectory, known: self._ask_gate(trajectory, waypoints, known, stop),
             stop,
             wrong=wrong,
             iterations=_DRAWN if all(leg.drawn for leg in legs) else _NEW,
@@ -221,7 +225,9 @@ class Planner:
             known=None if used is None else (self._path.trajectory, used),
         )
 
-    def _ask_gate(self, trajectory: Trajectory, waypoints: Waypoints, known: limits.Known | None) -> GateReport:
+    def _ask_gate(
+        self, trajectory: Trajectory, waypoints: Waypoints, known: limits.Known | None, stop: StopFlag
+    ) -> GateReport:
         return gate.check(
             trajectory,
             self._field,
@@ -231,6 +237,7 @@ class Planner:
             yaw_rad=waypoints.yaw_rad,
             conditions=self._conditions,
             known=known,
+            stop=stop,
         )
 
     def _leg(self, waypoints: Waypoints, leg: int, old: tuple[int, int], new: tuple[int, int]) -> _Leg | None:
@@ -273,7 +280,17 @@ class Planner:
 
     def _free(self, points: FloatArray) -> bool:
         required = self._options.planned_clearance_m
-        return all(line.free for line in space.check_lines(self._field, points[:-1], points[1:], required))
+        return all(line.free for line in space.check_lines(self._room, points[:-1], points[1:], required))
+
+
+def _point(position_world_m: ArrayLike) -> FloatArray:
+    try:
+        point = np.asarray(position_world_m, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"a position is three numbers x, y, z in metres, not {position_world_m!r}") from None
+    if point.shape != (3,) or not np.isfinite(point).all():
+        raise InputError(f"a position is three finite numbers x, y, z in metres, not {point.tolist()}")
+    return point
 
 
 class _Edit:

@@ -6,6 +6,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial import KDTree
 
 from flight import FloatArray, InputError
 
@@ -15,6 +16,8 @@ GROUND_TOLERANCE_M = 0.02
 """How much less the clearance may be than the height above the ground says: sampled fields are uneven."""
 _COLUMN_M = 1e-3
 """Radius of the column above a ground point."""
+_MOST_PAIRS = 1_000_000
+"""Points times lines of a tube that are looked at together."""
 _STEP_M = 1e-4
 """Step of the central difference for fields that cannot give a gradient."""
 
@@ -102,6 +105,68 @@ def _nearest_on(polyline: FloatArray, points: FloatArray) -> FloatArray:
     candidates = start + share[..., None] * along
     best = np.linalg.norm(candidates - points[:, None], axis=2).argmin(axis=1)
     return candidates[np.arange(len(points)), best]
+
+
+class KeepIn:
+    """How far inside a tube round a polyline points are: its radius less their distance to the line, 1-Lipschitz.
+
+    Points outside, which are most in a search, are measured from points along the line, and so a little farther away.
+    """
+
+    def __init__(self, polyline_world_m: FloatArray, radius_m: float) -> None:
+        self.polyline_world_m, self.radius_m = polyline_world_m, radius_m
+        self._along_m = 0.25 * radius_m
+        lengths = np.linalg.norm(np.diff(polyline_world_m, axis=0), axis=1)
+        counts = np.ceil(lengths / self._along_m).astype(int) + 1
+        lines = zip(polyline_world_m[:-1], polyline_world_m[1:], counts, strict=True)
+        self._samples = np.concatenate([np.linspace(a, b, n) for a, b, n in lines])
+        self._tree = KDTree(self._samples)
+
+    @property
+    def bounds_world_m(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper corner (3,) of a box that holds the tube."""
+        return self._samples.min(axis=0) - self.radius_m, self._samples.max(axis=0) + self.radius_m
+
+    def distance(self, points_world_m: ArrayLike, /) -> FloatArray:
+        """(n,) metres, negative outside."""
+        return self.distance_and_gradient(np.asarray(points_world_m, dtype=np.float64))[0]
+
+    def distance_and_gradient(self, points_world_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(n,), and its gradient (n, 3): towards the line; zero on it."""
+        far_m, index = self._tree.query(points_world_m)
+        nearest = self._samples[index]
+        inside = np.flatnonzero(far_m <= self.radius_m + self._along_m)
+        step = max(_MOST_PAIRS // len(self.polyline_world_m), 1)
+        for part in np.split(inside, range(step, len(inside), step)):
+            nearest[part] = _nearest_on(self.polyline_world_m, points_world_m[part])
+        away = points_world_m - nearest
+        size = np.linalg.norm(away, axis=1)
+        return self.radius_m - size, -away / np.maximum(size, 1e-9)[:, None]
+
+
+class Within:
+    """A field inside a tube: what lies inside by d keeps at least the required clearance plus d from the outside.
+
+    The planner then need not know that the outside is not an obstacle, but for `free_within_world_m`, the corners of a
+    box outside of which nothing is free. Distances of a sampled field are those that it
+    proves (`certain`).
+    """
+
+    def __init__(self, field: DistanceField, tube: KeepIn, required_m: float) -> None:
+        self.field, self.tube, self.required_m = field, tube, required_m
+        self.free_within_world_m = tube.bounds_world_m
+
+    def distance(self, points_world_m: ArrayLike, /) -> FloatArray:
+        """(n,) metres; minus infinity where the field does not know."""
+        points = np.asarray(points_world_m, dtype=np.float64).reshape(-1, 3)
+        return np.minimum(distance(self.field, points), self.required_m + self.tube.distance(points))
+
+    def distance_and_gradient(self, points_world_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(n,), and the gradient (n, 3) of the nearer one of field and tube."""
+        inside, inwards = self.tube.distance_and_gradient(points_world_m)
+        value, gradient = _value_and_gradient(self.field, points_world_m, self.required_m + self.tube.radius_m)
+        value, inside = certain(self.field, value), self.required_m + inside
+        return np.minimum(value, inside), np.where((inside < value)[:, None], inwards, gradient)
 
 
 class Grounded:

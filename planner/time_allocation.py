@@ -14,7 +14,7 @@ from planner import airframe, hermite, minimum_snap, space
 from planner._planner import Problem as Kernel
 from planner._planner import StopFlag
 from planner.airframe import Airframe
-from planner.options import PlanCancelledError
+from planner.options import check_stop
 
 SAMPLES = 11
 """Points per segment where limits and clearance are looked at, both ends among them."""
@@ -62,6 +62,8 @@ class Problem:
     """(k,) time over which each segment's excess is charged, whatever its own becomes; None for its own. With the
     multipliers of an augmented Lagrangian among the offsets, which are charged within the limits too, a segment would
     else cost less the shorter it is."""
+    speed_m_s: FloatArray | None = None
+    """(k,) speed limit of each segment; the airframe's own if None."""
     start: FloatArray | None = None
     """(3, 4) velocity, acceleration and jerk at the first knot; at rest if None."""
     end: FloatArray | None = None
@@ -70,6 +72,9 @@ class Problem:
     """(k + 1, 4) velocity and yaw rate to be had at inner knots; rows of NaN are open."""
     balls: FloatArray | None = None
     """(k + 1, 4) centre and radius of balls that free knots should not leave; a radius of 0 is none."""
+    gates: FloatArray | None = None
+    """(k + 1, 3, 3) openings in whose planes free knots move and which they should not leave: centre, and from there to
+    the middle of the left and of the upper edge; zero edges are none."""
     target_world_m: FloatArray | None = None
     """(3,) point that the vehicle looks at, instead of along its path."""
 
@@ -87,10 +92,12 @@ class Problem:
             free=free,
             offsets=None if self.offsets is None else self.offsets[first:last],
             reference_s=None if self.reference_s is None else self.reference_s[first:last],
+            speed_m_s=None if self.speed_m_s is None else self.speed_m_s[first:last],
             start=spline.states[first, 1:],
             end=spline.states[last, 1:],
             velocity=None if self.velocity is None else self.velocity[first : last + 1],
             balls=None if self.balls is None else self.balls[first : last + 1],
+            gates=None if self.gates is None else self.gates[first : last + 1],
         )
 
 
@@ -120,7 +127,7 @@ def cost_numpy(problem: Problem, knots: FloatArray, durations_s: FloatArray) -> 
     T, weights = durations_s, problem.weights
     spline = problem.spline(knots, T)
     motion = derivatives(spline)
-    over = airframe.excess_numpy(problem.airframe, motion.reshape(-1, 5, 4)).reshape(len(T), SAMPLES, -1)
+    over = excess_numpy(problem, motion)
     if problem.offsets is not None:
         over = over + problem.offsets
     density = weights.limits * (np.maximum(over, 0.0) ** 2).sum(axis=2)
@@ -140,9 +147,21 @@ def cost_numpy(problem: Problem, knots: FloatArray, durations_s: FloatArray) -> 
     if problem.balls is not None and (there := problem.balls[:, 3] > 0.0).any():
         off = knots[there, :3] - problem.balls[there, :3]
         outside = (np.maximum((off**2).sum(axis=1) / problem.balls[there, 3] ** 2 - 1.0, 0.0) ** 2).sum()
+    if problem.gates is not None and (there := problem.gates[:, 1:].any(axis=(1, 2))).any():
+        edges, off = problem.gates[there, 1:], knots[there, :3] - problem.gates[there, 0]
+        share = np.einsum("nex,nx->ne", edges, off) / (edges**2).sum(axis=2)
+        outside += (np.maximum(share**2 - 1.0, 0.0) ** 2).sum()
     return float(
         weights.limits * outside + T.sum() + (T * (density @ _SHARES)).sum() + weights.snap * position.snap_cost()
     )
+
+
+def excess_numpy(problem: Problem, motion: FloatArray) -> FloatArray:
+    """The NumPy reference of the relative excess (k, SAMPLES, limits), from `derivatives`."""
+    over = airframe.excess_numpy(problem.airframe, motion.reshape(-1, 5, 4)).reshape(*motion.shape[:2], -1)
+    if problem.speed_m_s is not None:
+        over[:, :, 0] = (motion[:, :, 1, :3] ** 2).sum(axis=2) / problem.speed_m_s[:, None] ** 2 - 1.0
+    return over
 
 
 def derivatives(spline: minimum_snap.Spline) -> FloatArray:
@@ -185,7 +204,7 @@ def optimise(
     free = np.ascontiguousarray(problem.free, dtype=np.uint8)
     cost, evaluations, converged, stopped = _kernel(problem).minimise(knots, T, free, iterations, precision, stop)
     if stopped:
-        raise PlanCancelledError("the plan was cancelled")
+        check_stop(stop)
     return Solution(knots, T, problem.spline(knots, T), cost, evaluations, converged)
 
 
@@ -195,8 +214,12 @@ def _kernel(problem: Problem, samples: int = SAMPLES) -> Kernel:
         len(problem.knots) - 1, samples, problem.airframe.packed(), prices, problem.clearance_m, _distances(problem)
     )
     kernel.set_given(*minimum_snap.given(problem.knots, problem.start, problem.end, problem.velocity))
+    if problem.speed_m_s is not None:
+        kernel.set_speeds(np.ascontiguousarray(problem.speed_m_s))
     if problem.balls is not None:
         kernel.set_balls(np.ascontiguousarray(problem.balls))
+    if problem.gates is not None:
+        kernel.set_gates(np.ascontiguousarray(problem.gates))
     if problem.target_world_m is not None:
         kernel.look_at(*problem.target_world_m[:2].tolist())
     if problem.offsets is not None and samples == SAMPLES:

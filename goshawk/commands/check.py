@@ -39,11 +39,12 @@ def command(
     goshawk check walk.json --map other-map --vehicle vehicle.toml --json
     goshawk check walk.json --map map --vehicle learned.toml --renew
 
-    It is checked for the radius, margin, limits and control reserve that the file records; --margin replaces that
-    margin.
+    It is checked for what the file records: radius, margin, limits, control reserve, headings and how to look, and
+    what its mission asked for; --margin replaces that margin.
 
     Exit code 0: it passes and may be flown. 1: it fails, and the table shows which check. A trajectory planned for
-    another map or vehicle fails, unless it passes every other check and --renew records it for these.
+    another map or vehicle, or changed since its check, fails, unless it passes every other check and --renew records
+    it for these.
     """
     item = trajectory.load(trajectory_file)
     options = gate.options_of(item)
@@ -62,6 +63,7 @@ def command(
                 believed,
                 options,
                 waypoints_world_m=item.waypoints_world_m,
+                yaw_rad=gate.headings_of(item),
                 conditions=gate.asked_of(item),
                 progress=checking,
             )

@@ -50,10 +50,14 @@ def command(
     outputs.check(*written.values(), overwrite=overwrite)
     item = trajectory.load(trajectory_file)
     if not item.checked and any((crazyflie, mav, px4)):
-        raise InputError(f"{trajectory_file} has not passed the gate; run `goshawk check` on it, or plan it again")
+        raise InputError(
+            f"{trajectory_file} has not passed the gate; run `goshawk check --renew` on it, or plan it again"
+        )
     flown = item.trajectory
-    if any((crazyflie, mav, px4)) and gate.fingerprint(flown) != item.check.get("trajectory_hash"):
-        raise InputError(f"{trajectory_file} was changed after its check; run `goshawk check` on it, or plan it again")
+    if any((crazyflie, mav, px4)) and not item.as_checked:
+        raise InputError(
+            f"{trajectory_file} was changed after its check; run `goshawk check --renew` on it, or plan it again"
+        )
     if crazyflie is not None:
         with outputs.file(crazyflie, overwrite=overwrite) as temporary:
             plan_exports.write_crazyflie(temporary, flown)

@@ -10,9 +10,12 @@ import mapping
 import planner
 import vehicle
 from flight import FloatArray, InputError, cells, file_format, project
-from flight.mission import Laps, Mission, Yaw
+from flight.mission import KeepIn, Laps, Mission, Yaw
 from goshawk import batch, console, outputs, waypoints_file
 from planner import mission, options, simplify
+
+_THINNED = 0.1
+"""Share of a tube's radius by which the line in its middle may differ from the recorded path."""
 
 
 @click.command()
@@ -57,6 +60,12 @@ from planner import mission, options, simplify
 )
 @click.option("--look-at", nargs=3, type=float, help="Face this point (metres): --yaw look_at.", metavar="X Y Z")
 @click.option("--laps", type=click.IntRange(1), help="Fly the waypoints as a closed loop this often.")
+@click.option(
+    "--keep-in",
+    "keep_in_m",
+    type=float,
+    help="Stay within this many metres of --path, or else of the straight lines between the waypoints.",
+)
 @console.path_option("--batch", "missions", "Folder of waypoint files to plan instead; --out is then a folder.")
 @click.option("--jobs", type=click.IntRange(1), default=1, show_default=True, help="Processes for --batch.")
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers plan the --batch instead.")
@@ -80,6 +89,7 @@ def command(
     heading_deg: float | None,
     look_at: tuple[float, float, float] | None,
     laps: int | None,
+    keep_in_m: float | None,
     missions: Path | None,
     jobs: int,
     scheduler: str | None,
@@ -95,7 +105,8 @@ def command(
     goshawk plan --batch missions --jobs 4 --map map --vehicle vehicle.toml --out plans
 
     WAYPOINTS is a project's waypoints.json, or CSV with columns x_m, y_m, z_m and, optionally, yaw_deg (empty: free).
-    The JSON may also ask for laps, stays, velocities, speeds of legs, take-off and landing (docs/missions.md).
+    The JSON may also ask for laps, stays, velocities, gates, speeds of legs, a tube, take-off and landing
+    (docs/missions.md).
     The file is written only if the final gate passes. Exit code 1: there is no such trajectory; the message names
     where, why, and what to change.
     """
@@ -108,20 +119,22 @@ def command(
         search_seed=seed,
     )
     repeated, turned = None if laps is None else Laps(laps), yaw_from(yaw, heading_deg, look_at)
+    tube = None if keep_in_m is None else KeepIn(keep_in_m)
     if missions is not None:
-        job = batch.Job(map_folder, vehicle_file, how, out, repeated, turned, overwrite)
+        job = batch.Job(map_folder, vehicle_file, how, out, repeated, turned, tube, overwrite=overwrite)
         plan_all(missions, job, jobs, scheduler, as_json=as_json)
         return
     outputs.check(out, overwrite=overwrite)
     area = mapping.open_map(map_folder)
     left_out = 0
     if path is not None:
-        walked, left_out = waypoints_along(read_path(path), tolerance_m, area, how, read_headings(path))
-        asked = Mission(walked)
+        recorded = read_path(path)
+        walked, left_out = waypoints_along(recorded, tolerance_m, area, how, read_headings(path))
+        asked, tube = Mission(walked), tube and tube_round(recorded, tube.radius_m)
     else:
         assert waypoints is not None
         asked = waypoints_file.load_mission(waypoints)
-    asked = replace(asked, laps=repeated or asked.laps, yaw=turned or asked.yaw)
+    asked = replace(asked, laps=repeated or asked.laps, yaw=turned or asked.yaw, keep_in=tube or asked.keep_in)
     with console.progress() as report:
         plan = mission.plan(asked, area.field, vehicle.load(vehicle_file), how, progress=report)
     with outputs.file(out, overwrite=overwrite) as temporary:
@@ -219,6 +232,16 @@ def waypoints_along(
     kept = simplify.rdp(roomy, tolerance_m, field=area.field, clearance_m=how.clearance_m, yaw_rad=yaw)
     headings = np.full(len(kept), np.nan) if yaw is None else yaw[kept]
     return project.Waypoints(roomy[kept], headings), len(walked_world_m) - len(roomy)
+
+
+def tube_round(walked_world_m: FloatArray, radius_m: float) -> KeepIn:
+    """A tube round recorded positions (n, 3): round fewer of them by as much as it is narrower."""
+    if not radius_m > 0.0:
+        raise InputError(f"--keep-in {radius_m:g} must be positive")
+    kept = simplify.rdp(walked_world_m, _THINNED * radius_m)
+    return KeepIn(
+        (1.0 - _THINNED) * radius_m, tuple((float(x), float(y), float(z)) for x, y, z in walked_world_m[kept])
+    )
 
 
 def read_headings(path: Path) -> FloatArray | None:

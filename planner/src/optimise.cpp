@@ -116,6 +116,10 @@ void set_offsets(Problem& problem, In offsets) { problem.set_offsets(offsets.dat
 
 void set_reference(Problem& problem, In durations) { problem.set_reference(durations.data()); }
 
+void set_speeds(Problem& problem, In speeds) {
+    std::copy_n(speeds.data(), problem.speeds().size(), problem.speeds().data());
+}
+
 void set_given(Problem& problem, In states, Flags held) {
     std::copy_n(states.data(), problem.given().size(), problem.given().data());
     std::copy_n(held.data(), problem.held().size(), problem.held().data());
@@ -123,6 +127,10 @@ void set_given(Problem& problem, In states, Flags held) {
 
 void set_balls(Problem& problem, In balls) {
     std::copy_n(balls.data(), problem.balls().size(), problem.balls().data());
+}
+
+void set_gates(Problem& problem, In gates) {
+    std::copy_n(gates.data(), problem.gates().size(), problem.gates().data());
 }
 
 void look_at(Problem& problem, double x, double y) { problem.look_at(x, y); }
@@ -158,8 +166,10 @@ void bind_optimise(nb::module_& m) {
         .def("excess", &excess, nb::arg("states"), nb::arg("durations"), nb::arg("out"))
         .def("set_offsets", &set_offsets, nb::arg("offsets"))
         .def("set_reference", &set_reference, nb::arg("durations"))
+        .def("set_speeds", &set_speeds, nb::arg("speeds"))
         .def("set_given", &set_given, nb::arg("states"), nb::arg("held"))
         .def("set_balls", &set_balls, nb::arg("balls"))
+        .def("set_gates", &set_gates, nb::arg("gates"))
         .def("look_at", &look_at, nb::arg("x"), nb::arg("y"))
         .def("minimise", &minimise, nb::arg("knots"), nb::arg("durations"), nb::arg("free"), nb::arg("iterations"),
              nb::arg("precision"), nb::arg("stop").none());

@@ -56,7 +56,9 @@ Problem::Problem(std::size_t segments, std::size_t samples, const Airframe& airf
       by_states_((segments + 1) * kKnot),
       given_((segments + 1) * kKnot),
       reference_(segments),
+      speeds_(segments, airframe.speed),
       balls_((segments + 1) * 4),
+      gates_((segments + 1) * 9),
       held_(segments + 1),
       points_(3 * segments * samples),
       safe_(segments * samples) {
@@ -77,6 +79,12 @@ void Problem::set_offsets(const double* offsets) {
 }
 
 void Problem::set_reference(const double* durations) { reference_.assign(durations, durations + segments_); }
+
+Airframe Problem::airframe_of(std::size_t segment) const {
+    Airframe here = airframe_;
+    here.speed = speeds_[segment];
+    return here;
+}
 
 Samples Problem::samples_of(std::size_t segment) const {
     return {packs_,
@@ -130,7 +138,7 @@ double Problem::segment_cost(std::size_t i, double T, double& by_T) {
     const Ends<kAxes> scaled = scaled_ends<kAxes>(states_.data(), i, T);
     double by_scaled[kStates][kAxes], longer;
     const double cost =
-        kernels_.cost(samples_of(i), airframe_, prices_, clearance_m_, scaled.row, T, by_scaled, longer);
+        kernels_.cost(samples_of(i), airframe_of(i), prices_, clearance_m_, scaled.row, T, by_scaled, longer);
     double* out = &by_states_[i * kKnot];
     double power = 1.0;
     for (int r = 0; r < kOrders; ++r, power *= T)
@@ -206,6 +214,46 @@ double Problem::ball_cost(const double* knots, double* by_knots) const {
     return cost;
 }
 
+// The limits' price times the squared relative excess over half the opening's width, and over half its height.
+double Problem::gate_cost(const double* knots, double* by_knots) const {
+    double cost = 0.0;
+    for (std::size_t i = 0; i <= segments_; ++i) {
+        const double *centre = &gates_[9 * i], *p = knots + i * kAxes;
+        for (const double* edge : {centre + 3, centre + 6}) {
+            const double square = edge[0] * edge[0] + edge[1] * edge[1] + edge[2] * edge[2];
+            if (!(square > 0.0)) continue;
+            double share = 0.0;
+            for (int x = 0; x < 3; ++x) share += (p[x] - centre[x]) * edge[x] / square;
+            const double over = std::max(share * share - 1.0, 0.0);
+            cost += prices_.limits * over * over;
+            for (int x = 0; x < 3; ++x)
+                by_knots[i * kAxes + x] += 4.0 * prices_.limits * over * share * edge[x] / square;
+        }
+    }
+    return cost;
+}
+
+// Along the axes that are free; of a knot in a gate along the gate's edges, and in yaw.
+std::vector<Problem::Direction> Problem::directions(const unsigned char* free) const {
+    std::vector<Direction> found;
+    for (std::size_t i = 0; i <= segments_; ++i) {
+        const double *edges = &gates_[9 * i + 3],
+                     *mark = std::find_if(edges, edges + 6, [](double x) { return x != 0.0; });
+        const bool in_gate = mark != edges + 6;
+        for (int e = 0; in_gate && free[i * kAxes] && e < 2; ++e) {
+            const double* edge = edges + 3 * e;
+            const double size = std::sqrt(edge[0] * edge[0] + edge[1] * edge[1] + edge[2] * edge[2]);
+            found.push_back({i, {edge[0] / size, edge[1] / size, edge[2] / size, 0.0}});
+        }
+        for (int x = in_gate ? 3 : 0; x < kAxes; ++x) {
+            if (!free[i * kAxes + x]) continue;
+            found.push_back({i, {}});
+            found.back().along[x] = 1.0;
+        }
+    }
+    return found;
+}
+
 double Problem::evaluate(const double* knots, const double* durations, double* by_knots, double* by_durations) {
     start(knots, durations);
     if (prices_.clearance > 0.0) ask_distances(durations);
@@ -217,36 +265,39 @@ double Problem::evaluate(const double* knots, const double* durations, double* b
         if (prices_.snap > 0.0) cost += snap_cost(i, durations[i], by_durations[i]);
     }
     adjoint(durations, by_knots, by_durations);
-    return cost + ball_cost(knots, by_knots);
+    return cost + ball_cost(knots, by_knots) + gate_cost(knots, by_knots);
 }
 
 void Problem::excess(const double* states, const double* durations, double* out) const {
     std::vector<double> packed(packs_ * kLimits * kLanes);
     for (std::size_t i = 0; i < segments_; ++i) {
         const Ends<kAxes> scaled = scaled_ends<kAxes>(states, i, durations[i]);
-        kernels_.excess(samples_of(i), airframe_, scaled.row, durations[i], packed.data());
+        kernels_.excess(samples_of(i), airframe_of(i), scaled.row, durations[i], packed.data());
         for (std::size_t s = 0; s < samples_; ++s)
             for (std::size_t l = 0; l < kLimits; ++l) *out++ = packed[place(0, s, kLimits, l)];
     }
 }
 
 Descent Problem::minimise(double* knots, double* durations, const unsigned char* free, Lbfgs& method) {
-    std::vector<std::size_t> moving;
-    for (std::size_t n = 0; n < (segments_ + 1) * kAxes; ++n)
-        if (free[n]) moving.push_back(n);
+    const std::vector<Direction> moving = directions(free);
     std::vector<double> x(segments_ + moving.size()), by_knots((segments_ + 1) * kAxes), by_durations(segments_);
+    std::vector<double> held(knots, knots + by_knots.size());  // what no direction moves
     for (std::size_t i = 0; i < segments_; ++i) x[i] = std::log(durations[i]);
-    for (std::size_t n = 0; n < moving.size(); ++n) x[segments_ + n] = knots[moving[n]];
+    for (std::size_t n = 0; n < moving.size(); ++n) {
+        x[segments_ + n] = moving[n].dot(knots);
+        moving[n].add(-x[segments_ + n], held.data());
+    }
     const auto unpack = [&](const std::vector<double>& from) {
         for (std::size_t i = 0; i < segments_; ++i) durations[i] = std::exp(from[i]);
-        for (std::size_t n = 0; n < moving.size(); ++n) knots[moving[n]] = from[segments_ + n];
+        std::copy(held.begin(), held.end(), knots);
+        for (std::size_t n = 0; n < moving.size(); ++n) moving[n].add(from[segments_ + n], knots);
     };
     Smoothing smoothing(durations, segments_, free, held_.data());
     const auto function = [&](const std::vector<double>& at, std::vector<double>& gradient) {
         unpack(at);
         const double cost = evaluate(knots, durations, by_knots.data(), by_durations.data());
         for (std::size_t i = 0; i < segments_; ++i) gradient[i] = by_durations[i] * durations[i];
-        for (std::size_t n = 0; n < moving.size(); ++n) gradient[segments_ + n] = by_knots[moving[n]];
+        for (std::size_t n = 0; n < moving.size(); ++n) gradient[segments_ + n] = moving[n].dot(by_knots.data());
         return cost;
     };
     const Descent found =

@@ -26,6 +26,9 @@ class Problem {
     // offsets, which are charged within the limits too, a segment would else cost less the shorter it is.
     void set_reference(const double* durations);
 
+    // The speed limit of each segment (k); the airframe's own unless set.
+    std::vector<double>& speeds() { return speeds_; }
+
     // Velocity, acceleration and jerk at both ends (zero unless set), and the velocity of knots that are held: numbers
     // of states (k + 1, 4, 4), and held (k + 1).
     std::vector<double>& given() { return given_; }
@@ -33,6 +36,10 @@ class Problem {
 
     // Balls round knots that may move, (k + 1, 4) centre and radius; leaving one is charged, a radius of 0 is none.
     std::vector<double>& balls() { return balls_; }
+
+    // Openings of gates at knots that then move in their planes only, (k + 1, 3, 3): centre, and from there to the
+    // middle of the left and of the upper edge; leaving one is charged, zero edges are none.
+    std::vector<double>& gates() { return gates_; }
 
     // The vehicle looks at this point instead of along its path.
     void look_at(double x, double y) { target_ = {x, y}; }
@@ -48,15 +55,32 @@ class Problem {
     Descent minimise(double* knots, double* durations, const unsigned char* free, Lbfgs& method);
 
   private:
+    // One way in which a knot may move.
+    struct Direction {
+        std::size_t knot;
+        double along[kAxes];
+
+        double dot(const double* rows) const {
+            double sum = 0.0;
+            for (int x = 0; x < kAxes; ++x) sum += along[x] * rows[knot * kAxes + x];
+            return sum;
+        }
+        void add(double length, double* rows) const {
+            for (int x = 0; x < kAxes; ++x) rows[knot * kAxes + x] += length * along[x];
+        }
+    };
     struct SafeBall {
         double centre[3] = {}, radius = -1.0;
     };
     void start(const double* knots, const double* durations);
     void ask_distances(const double* durations);
     double segment_cost(std::size_t i, double T, double& by_T);
+    Airframe airframe_of(std::size_t segment) const;
     Samples samples_of(std::size_t segment) const;
     double snap_cost(std::size_t i, double T, double& by_T);
     double ball_cost(const double* knots, double* by_knots) const;
+    double gate_cost(const double* knots, double* by_knots) const;
+    std::vector<Direction> directions(const unsigned char* free) const;
     void adjoint(const double* durations, double* by_knots, double* by_durations);
 
     // Place of a number in arrays (segments, packs, rows, lanes).
@@ -71,7 +95,7 @@ class Problem {
     Distances distances_;
     const Kernels& kernels_;
     std::vector<double> basis_, share_, offsets_, distance_, uphill_;  // see Samples
-    std::vector<double> states_, by_states_, given_, reference_, balls_;
+    std::vector<double> states_, by_states_, given_, reference_, speeds_, balls_, gates_;
     std::vector<unsigned char> held_;
     std::vector<double> target_;  // x, y; empty if the vehicle looks along its path
     std::vector<double> points_, asked_distance_, asked_gradient_;

@@ -17,6 +17,7 @@ import pytest
 from firmware_bridge import connect
 from firmware_bridge.link import Command
 from flight import Trajectory, TrajectoryFile
+from flight.trajectory import fingerprint
 
 ROOT = Path(__file__).resolve().parents[2]
 LIBRARY = ROOT / "firmware_bridge" / "controller"
@@ -224,13 +225,14 @@ def _plan() -> TrajectoryFile:
     for i, (start, step) in enumerate([(0.0, 0.5), (0.5, -0.5)]):
         pieces[i, 0, 0], pieces[i, 2, 0] = start, 1.0
         pieces[i, 0, 4:] = step * np.array([35.0, -84.0, 70.0, -20.0]) / 1.5 ** np.arange(4, 8)
+    path = Trajectory(np.full(2, 1.5), pieces)
     return TrajectoryFile(
-        trajectory=Trajectory(np.full(2, 1.5), pieces),
+        trajectory=path,
         name="out and back",
         map_hash="ab" * 32,
         vehicle_hash="cd" * 32,
         waypoints_world_m=np.zeros((2, 3)),
-        check={"passed": True},
+        check={"passed": True, "trajectory_hash": fingerprint(path)},
     )
 
 

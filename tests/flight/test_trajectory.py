@@ -165,3 +165,19 @@ def test_a_damaged_trajectory_file_is_refused(tmp_path, damage):
         path.write_text(json.dumps(document | change[damage]))
     with pytest.raises(FormatError):
         trajectory.load(path)
+
+
+def test_a_trajectory_that_would_not_be_read_back_is_not_written(tmp_path):
+    still = Trajectory(np.array([6000.0, 6000.0]), np.zeros((2, 4, 1)))
+    with pytest.raises(InputError, match=r"lasts 1.2e\+04 s; at most 10000 s"):
+        trajectory.save(tmp_path / "t.json", TrajectoryFile(still, "t", "", "", np.ones((2, 3)), {}))
+    assert not list(tmp_path.iterdir())
+
+
+def test_cutting_leaves_the_motion_as_it_is():
+    path = random_trajectory(3)
+    times = np.sort(np.random.default_rng(0).uniform(0.0, path.duration_s, 50))
+    cut = path.cut(np.concatenate([times[:20], times[:3], path.starts_s, [-1.0, path.duration_s + 1.0]]))
+    assert len(cut.durations_s) == len(path.durations_s) + 20
+    np.testing.assert_allclose(cut.evaluate(times, 2), path.evaluate(times, 2), rtol=1e-9, atol=1e-9)
+    np.testing.assert_array_equal(path.cut(np.zeros(0)).coefficients, path.coefficients)

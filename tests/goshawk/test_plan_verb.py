@@ -1,7 +1,10 @@
 """`goshawk plan`: missions, yaw modes and batches."""
 
+import itertools
 import json
 import os
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +13,10 @@ import pytest
 
 import vehicle
 from flight import InputError, Waypoints, mission, project, trajectory
-from flight.mission import Ground, Laps, Mission, Stay
+from flight.mission import Gate, Ground, KeepIn, Laps, Mission, Stay
 from goshawk import batch, demo
 from tests.goshawk.running import answer as goshawk
+from tests.waiting import PATIENCE_S
 
 LOOP = np.array([[0.8, 0.8, 1.0], [3.0, 2.0, 1.3], [5.2, 0.8, 1.0], [5.0, 3.4, 1.6]])
 
@@ -54,6 +58,37 @@ def test_a_mission_in_the_file_is_planned_and_checked_again_from_its_trajectory(
     assert flown.position(np.array([0.0]))[0].tolist() == pytest.approx([0.8, 0.8, 0.1])
     checked = goshawk("check", folder / "flown.json", *world(folder), "--json")
     assert checked.returncode == 0, checked.stdout
+
+
+def test_gates_and_a_tube_are_planned_and_checked_again_from_the_file(folder, tmp_path):
+    asked = Mission(ask(LOOP), gates=(Gate(1, 0.6, 0.4, 0.5),), keep_in=KeepIn(1.0))
+    mission.save(tmp_path / "m.json", asked)
+    facts = run(tmp_path / "m.json", *world(folder), "--out", tmp_path / "flown.json")
+    assert {"gates", "keep-in"} <= {check["name"] for check in facts["check"]["checks"]}
+    answer = goshawk("check", tmp_path / "flown.json", *world(folder))
+    assert answer.returncode == 0, answer.stderr
+    assert "gates" in answer.stdout
+    assert "keep-in" in answer.stdout
+    document = json.loads((tmp_path / "flown.json").read_text())
+    document["check"]["conditions"]["keep_in_radius_m"] = 0.06
+    (tmp_path / "flown.json").write_text(json.dumps(document))
+    assert goshawk("check", tmp_path / "flown.json", *world(folder)).returncode == 1
+
+
+def test_the_path_stays_within_the_tube_round_a_recorded_walk(folder, tmp_path):
+    walk = np.concatenate([np.linspace(a, b, 40) for a, b in itertools.pairwise(LOOP)])
+    rows = "\n".join(",".join(f"{x:.4f}" for x in point) for point in walk)
+    (tmp_path / "walk.csv").write_text("x_m,y_m,z_m\n" + rows + "\n")
+    call = ("--path", tmp_path / "walk.csv", *world(folder), "--out", tmp_path / "flown.json", "--keep-in", 0.9)
+    run(*call)
+    flown = trajectory.load(tmp_path / "flown.json").trajectory
+    points = flown.position(flown.sample(0.01))
+    nearest = np.linalg.norm(points[:, None] - walk, axis=2).min(axis=1)
+    assert nearest.max() <= 0.9 + 0.06  # to the recorded points, which lie up to 12 cm apart
+    for wrong in ("-1", "nan"):
+        ended = goshawk("plan", *call[:-2], "--keep-in", wrong, "--overwrite")
+        assert ended.returncode == 2
+        assert "keep-in" in ended.stderr
 
 
 @pytest.mark.parametrize(
@@ -134,8 +169,52 @@ def test_a_process_that_dies_is_one_missions_failure(folder, tmp_path):
         job = batch.Job(folder / "map", folder / "vehicle.toml", batch.planner.PlanOptions(), tmp_path)
         assert pool is not None
         pool.submit(die, None, None)
-        rows = list(batch._planned(pool, files, job))
+        rows = []
+        batch._plan_all(pool, files, job, rows.append)
     assert sorted(row["status"] for row in rows) == ["planned", "planned"]
+
+
+def test_a_batch_does_not_take_a_changed_trajectory_for_its_own(folder, tmp_path):
+    (tmp_path / "in").mkdir()
+    os.symlink(folder / "missions" / "a.json", tmp_path / "in" / "a.json")
+    call = ("--batch", tmp_path / "in", *world(folder), "--out", tmp_path / "out")
+    first = run(*call)
+    path = batch.trajectory_path(tmp_path / "out", "a")
+    document = json.loads(path.read_text())
+    document["segments"][0]["duration_s"] *= 0.5
+    path.write_text(json.dumps(document))
+    ended = goshawk("plan", *call)
+    assert ended.returncode == 2
+    assert "was changed since it was planned" in ended.stderr
+    again = run(*call, "--overwrite")
+    assert [row["trajectory_hash"] for row in again["missions"]] == [
+        row["trajectory_hash"] for row in first["missions"]
+    ]
+    assert trajectory.load(path).as_checked
+
+
+def test_what_is_finished_after_ctrl_c_is_recorded_too(monkeypatch):
+    begun, interrupted, rows = threading.Event(), threading.Event(), []
+
+    def plan_one(path, job):
+        if path.stem == "slow":
+            begun.set()
+            assert interrupted.wait(PATIENCE_S)
+        else:
+            assert begun.wait(PATIENCE_S)
+        return {"name": path.stem}
+
+    def record(row):
+        rows.append(row["name"])
+        if not interrupted.is_set():
+            interrupted.set()
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(batch, "plan_one", plan_one)
+    with ThreadPoolExecutor(2) as threads, pytest.raises(KeyboardInterrupt):
+        batch._plan_all(threads, [Path("slow.json"), Path("quick.json")], None, record)
+    assert rows[0] == "quick"
+    assert rows[-1] == "slow"
 
 
 def test_an_address_without_a_scheduler_is_named():

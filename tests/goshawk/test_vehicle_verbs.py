@@ -46,7 +46,8 @@ def save_hops(path: Path, segments: int) -> None:
         piece[:, 4:] = (there - here)[:, None] * np.array([35.0, -84.0, 70.0, -20.0]) / 1.2 ** np.arange(4, 8)
         here = there
     curve = Trajectory(np.full(segments, 1.2), pieces)
-    trajectory.save(path, TrajectoryFile(curve, path.stem, "", "", np.zeros((2, 3)), {"passed": True}))
+    check = {"passed": True, "trajectory_hash": trajectory.fingerprint(curve)}
+    trajectory.save(path, TrajectoryFile(curve, path.stem, "", "", np.zeros((2, 3)), check))
 
 
 @pytest.fixture

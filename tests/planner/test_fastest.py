@@ -42,7 +42,7 @@ def test_the_corrected_excess_is_that_of_the_vehicles_own_model(walk, drone, ope
     knots = walk.states[:, 0]
     problem = Problem(knots, np.zeros((6, 4), dtype=bool), frame, open_sky, 0.3, Weights())
     path = minimum_snap.trajectory(walk)
-    corrections = Corrections(np.zeros((5, time_allocation.SAMPLES, airframe.COLUMNS)))
+    corrections = Corrections(5)
     corrections.measure(problem, walk, path, drone, np.ones(5, dtype=bool))
     reduced, _ = time_allocation.excess(problem, walk)
     full = airframe.measured_excess(frame, drone, path, np.arange(5), time_allocation.FRACTIONS)
@@ -57,18 +57,22 @@ def test_only_segments_that_exceed_a_limit_are_asked_for_more(walk, drone):
     speeds = limits.certified_maxima(path, 1)[0]
     bound = 0.5 * float(np.sort(speeds)[-1] + np.sort(speeds)[-2])
     used = limits.usage(path, drone, replace(drone.limits, speed_m_s=bound), step_s=0.01)
-    corrections = Corrections(np.zeros((5, time_allocation.SAMPLES, airframe.COLUMNS)))
+    corrections = Corrections(5)
     before = corrections.total()
-    corrections.stricter(used)
+    corrections.stricter(used, np.zeros(5, dtype=bool))
     more = corrections.total() - before
     fastest_segment = int(np.argmax(speeds))
     assert np.allclose(more[fastest_segment, :, 0], corrections_module._STRICTER)
     others = np.delete(np.arange(5), fastest_segment)
     assert np.all(more[others, :, 0] == 0.0)
+    before = corrections.total()
+    slow = np.arange(5) == others[0]
+    corrections.stricter(used, slow)
+    assert np.all((corrections.total() > before).any(axis=(1, 2))[slow])
 
 
 def test_multipliers_rise_where_a_limit_is_exceeded_and_fall_where_it_is_not():
-    corrections = Corrections(np.zeros((1, time_allocation.SAMPLES, airframe.COLUMNS)))
+    corrections = Corrections(1)
     excess = np.full(corrections.model.shape, -1.0)
     excess[0, 3, 2] = 0.05
     corrections.press(excess, np.array([True]))

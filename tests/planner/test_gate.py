@@ -7,6 +7,7 @@ import pytest
 import planner
 from esdf import solids
 from flight import FormatError, InputError, Trajectory, Waypoints, trajectory
+from flight.trajectory import fingerprint
 from planner import gate
 
 
@@ -145,7 +146,7 @@ def test_the_report_is_json_and_survives_the_file(good, tmp_path):
     assert read.checked
     assert read.vehicle_hash == good.gate.vehicle_hash
     assert np.array_equal(read.trajectory.coefficients, good.trajectory.coefficients)
-    assert gate.fingerprint(read.trajectory) == read.check["trajectory_hash"]
+    assert fingerprint(read.trajectory) == read.check["trajectory_hash"]
 
 
 def test_a_failed_plan_is_never_saved(good, pillar, drone, tmp_path):
@@ -209,10 +210,45 @@ def test_a_file_is_checked_for_the_radius_margin_limits_and_reserve_it_records(p
     assert bounds["speed"] == 4.0
     assert bounds["rotor speed"] == pytest.approx(options.limits_for(drone).rotor_speed_max_rad_s)
     assert gate.options_of(item).limits == options.limits
+    for wrong in ({"radius_m": "wide"}, {**item.check["asked"], "look_at_world_m": [1.0]}, [1]):
+        with pytest.raises(FormatError, match="damaged"):
+            gate.options_of(dataclasses.replace(item, check={**item.check, "asked": wrong}))
     damaged = dataclasses.replace(item, check={**item.check, "asked": {"radius_m": "wide"}})
     with pytest.raises(FormatError, match="damaged"):
         gate.check_file(damaged, pillar, drone)
     assert gate.options_of(dataclasses.replace(item, check={})) == planner.PlanOptions()
+
+
+def test_headings_yaw_mode_and_tolerance_travel_with_the_file_and_are_checked_again(pillar, drone, tmp_path):
+    points = np.array([[-4.0, -2.0, 1.0], [0.0, -3.0, 1.2], [4.0, -2.0, 1.5]])
+    options = planner.PlanOptions(yaw="smooth", waypoint_tolerance_m=0.02)
+    plan = planner.plan(Waypoints(points, np.array([0.0, 1.0, np.nan])), pillar, drone, options)
+    planner.save_plan(tmp_path / "a.json", plan, name="a")
+    item = trajectory.load(tmp_path / "a.json")
+    assert gate.check_file(item, pillar, drone).passed
+    assert (gate.options_of(item).yaw, gate.options_of(item).waypoint_tolerance_m) == ("smooth", 0.02)
+    np.testing.assert_array_equal(gate.headings_of(item), [0.0, 1.0, np.nan])
+    turned = item.trajectory.coefficients.copy()
+    turned[:, 3, 0] += 0.3
+    off = dataclasses.replace(item, trajectory=Trajectory(item.trajectory.durations_s, turned))
+    failures = {check.name for check in gate.check_file(off, pillar, drone).failures}
+    assert failures >= {"heading at waypoints", "trajectory"}
+    for wrong in ([0.0], ["north", 0.0, 0.0], 3.0):
+        with pytest.raises(FormatError, match="headings"):
+            gate.check_file(dataclasses.replace(item, check={**item.check, "yaw_rad": wrong}), pillar, drone)
+
+
+def test_a_point_that_is_looked_at_travels_with_the_file(pillar, drone):
+    points = np.array([[-4.0, -2.0, 1.0], [4.0, -2.0, 1.5]])
+    options = planner.PlanOptions(yaw="look_at", look_at_world_m=(0.0, 0.0, 1.0))
+    item = planner.trajectory_file(
+        planner.plan(Waypoints(points, np.full(2, np.nan)), pillar, drone, options), name="a"
+    )
+    names = {check.name for check in gate.check_file(item, pillar, drone).checks}
+    assert "look at the point" in names
+    elsewhere = {**item.check, "asked": {**item.check["asked"], "look_at_world_m": [0.0, -9.0, 1.0]}}
+    report = gate.check_file(dataclasses.replace(item, check=elsewhere), pillar, drone)
+    assert [check.name for check in report.failures] == ["look at the point"]
 
 
 def test_a_vehicle_that_reaches_beyond_the_clearance_is_refused_and_never_passes(good, pillar, drone):

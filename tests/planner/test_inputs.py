@@ -26,7 +26,7 @@ def test_no_vehicle_and_no_map_are_named(open_sky, drone):
 @pytest.mark.parametrize(
     ("limits", "words"),
     [
-        ({"rotor_speed_max_rad_s": 800.0}, "cannot hover"),
+        ({"rotor_speed_max_rad_s": 800.0}, r"cannot hover.* the limit is 800; change rotor_speed_max_rad_s"),
         ({"rotor_speed_min_rad_s": 1500.0}, "change rotor_speed_min_rad_s, or lower control_reserve"),
         ({"rotor_speed_max_rad_s": 970.0}, "change rotor_speed_max_rad_s, or lower control_reserve"),
     ],
@@ -58,3 +58,13 @@ def test_ten_thousand_waypoints_are_refused_with_the_remedy(open_sky, drone):
     many = np.column_stack([np.arange(10_000.0), np.zeros(10_000), np.ones(10_000)])
     with pytest.raises(InputError, match=f"10000 waypoints are given; at most {inputs.MOST_WAYPOINTS}"):
         planner.plan(ask(many), open_sky, drone)
+
+
+def test_a_leg_or_a_limit_too_slow_for_any_trajectory_is_named(open_sky, drone):
+    crawling = planner.Conditions(leg_speed_m_s=np.array([np.nan, 1e-6]))
+    with pytest.raises(
+        InputError, match=r"between waypoints 1 and 2, 4 m at 1e-06 m/s: move them, or raise the speed ask"
+    ):
+        planner.plan(ask(), open_sky, drone, conditions=crawling)
+    with pytest.raises(InputError, match="at acceleration_m_s2 1e-09: raise the limit"):
+        planner.plan(ask(), open_sky, drone.with_limits(acceleration_m_s2=1e-9))

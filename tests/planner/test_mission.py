@@ -4,7 +4,7 @@ import pytest
 import planner
 from esdf import solids
 from flight import InputError, Waypoints
-from flight.mission import FlyBy, Ground, Laps, LegSpeed, Mission, Stay, Velocity, Yaw
+from flight.mission import FlyBy, Gate, Ground, KeepIn, Laps, LegSpeed, Mission, Stay, Velocity, Yaw
 from planner import gate, mission
 
 SQUARE = np.array([[-3.0, -3.0, 1.2], [3.0, -3.0, 1.4], [3.0, 3.0, 1.2], [-3.0, 3.0, 1.4]])
@@ -115,3 +115,26 @@ def test_a_take_off_from_inside_an_obstacle_is_refused(hall, drone, height_m):
     block = solids.Scene([*hall.solids, solids.Box((-5.5, -3.5, 0.0), (-4.5, -2.5, 1.2))])
     with pytest.raises(InputError, match="inside an obstacle or in unknown space"):
         mission.plan(Mission(ask(), take_off=Ground((-5.0, -3.0, height_m))), block, drone)
+
+
+def test_stays_that_last_longer_than_a_trajectory_may_are_refused_before_any_work(hall, drone):
+    patient = Mission(ask(), laps=Laps(2), stays=(Stay(1, 3000.0), Stay(2, 3000.0)))
+    with pytest.raises(InputError, match=r"stays last 1.2e\+04 s in all"):
+        mission.plan(patient, hall, drone)
+
+
+def test_gates_and_a_tube_hold_for_a_whole_flight_from_ground_to_ground(hall, drone):
+    loop = Mission(
+        ask(),
+        laps=Laps(2, 0, 3),
+        stays=(Stay(1, 1.0),),
+        gates=(Gate(2, 0.8, 0.6, 2.3), Gate(3, 0.8, 0.6, -2.3)),
+        keep_in=KeepIn(0.8),
+        take_off=Ground((-5.0, -3.0, 0.1)),
+        landing=Ground((-5.0, -3.5, 0.1)),
+    )
+    plan = mission.plan(loop, hall, drone)
+    found = {check.name: check for check in plan.gate.checks}
+    assert found["keep-in"].value <= 0.8
+    assert found["gates"].reason.startswith("all 4 passed")
+    assert gate.check_file(planner.trajectory_file(plan, name="whole"), hall, drone).passed

@@ -7,6 +7,7 @@ import pytest
 import planner
 from esdf import solids
 from flight import InputError, Waypoints
+from flight.trajectory import fingerprint
 from planner import Conditions, Planner, gate
 from planner.options import PlanCancelledError
 
@@ -28,7 +29,7 @@ def agrees_with_scratch(session: Planner, field, drone, *, slower: float = 0.02)
     assert again.passed, again.failures
     scratch = planner.plan(plan.waypoints, field, drone)
     assert plan.trajectory.duration_s < (1.0 + slower) * scratch.trajectory.duration_s
-    assert plan.gate.trajectory_hash == gate.fingerprint(plan.trajectory)
+    assert plan.gate.trajectory_hash == fingerprint(plan.trajectory)
 
 
 def test_a_moved_waypoint_is_flown_through_and_far_segments_stay_bit_by_bit(session, drone, open_sky):
@@ -195,3 +196,12 @@ def test_what_was_asked_besides_waypoints_is_checked_after_an_edit_too(drone, op
     moved = session.move(1, waypoints.positions_world_m[1] + [0.2, 0.1, 0.0])
     assert "speed of legs" in {check.name for check in moved.gate.checks}
     assert moved.gate.conditions is slow  # and so they are in the file
+
+
+@pytest.mark.parametrize("wrong", [[1.0, 2.0], [1.0, 2.0, np.nan], "here", None, [[1.0, 2.0, 3.0]]])
+def test_a_position_that_is_not_three_finite_numbers_is_refused_by_every_edit(session, wrong):
+    before = session.plan
+    for edit in (session.move, session.insert, session.draft):
+        with pytest.raises(InputError, match="three"):
+            edit(2, wrong)
+    assert session.plan is before

@@ -11,6 +11,7 @@ import vehicle
 from firmware_bridge.link import Link, connect
 from firmware_bridge.sitl_vehicle import SitlVehicle
 from flight import Trajectory, TrajectoryFile
+from flight.trajectory import fingerprint
 from vehicle import simulate
 
 KEY = bytes(range(32))
@@ -30,13 +31,14 @@ def hops(segments: int, *, duration_s: float = 1.2, seed: int = 0) -> Trajectory
 
 
 def plan_file(segments: int = 3, *, name: str = "hops", seed: int = 0, checked: bool = True) -> TrajectoryFile:
+    path = hops(segments, seed=seed)
     return TrajectoryFile(
-        trajectory=hops(segments, seed=seed),
+        trajectory=path,
         name=name,
         map_hash="ab" * 32,
         vehicle_hash="cd" * 32,
         waypoints_world_m=np.zeros((2, 3)),
-        check={"passed": checked},
+        check={"passed": checked, "trajectory_hash": fingerprint(path)},
     )
 
 

@@ -11,6 +11,7 @@ from firmware_bridge import wire
 from firmware_bridge.impairment import Impairment, Line
 from firmware_bridge.link import CancelledError, refuse_unfit
 from flight import FormatError, InputError, LinkError, Trajectory, TrajectoryFile
+from flight.trajectory import fingerprint
 
 LOSSY = Impairment(loss_ratio=0.2, delay_s=0.005, duplicate_ratio=0.05, jitter_s=0.004, corrupt_ratio=0.02)
 
@@ -80,6 +81,8 @@ def test_only_gate_checked_trajectories_for_this_map_and_vehicle_are_sent(serve,
         link.upload(plans.file(2), map_hash="11" * 32)
     with pytest.raises(InputError, match="was checked for vehicle cdcdcdcd, not for this one"):
         link.upload(plans.file(2), map_hash="ab" * 32, vehicle_hash="11" * 32)
+    with pytest.raises(InputError, match="was changed after its check"):
+        link.upload(dataclasses.replace(plans.file(2), trajectory=plans.file(2, seed=1).trajectory))
     assert link.read_back() is None
     link.upload(plans.file(2, checked=False), allow_unchecked=True)
     assert link.read_back() is not None
@@ -108,7 +111,8 @@ def test_conditions_that_ask_for_nothing_are_allowed_and_damaged_ones_refused(pl
 
 
 def _with(file: TrajectoryFile, trajectory: Trajectory) -> TrajectoryFile:
-    return TrajectoryFile(trajectory, "bad", file.map_hash, file.vehicle_hash, file.waypoints_world_m, file.check)
+    check = {**file.check, "trajectory_hash": fingerprint(trajectory)}
+    return TrajectoryFile(trajectory, "bad", file.map_hash, file.vehicle_hash, file.waypoints_world_m, check)
 
 
 def test_a_refusal_by_the_vehicle_names_the_segment_and_the_active_trajectory(serve, dial, plans):
@@ -128,7 +132,8 @@ def test_a_refusal_by_the_vehicle_names_the_segment_and_the_active_trajectory(se
 
 def test_the_proved_clearance_travels_with_the_plan(serve, dial, plans):
     link = dial(serve())
-    file = dataclasses.replace(plans.file(3), check={"passed": True, "clearance_m": 0.5, "body_radius_m": 0.15})
+    file = plans.file(3)
+    file = dataclasses.replace(file, check={**file.check, "clearance_m": 0.5, "body_radius_m": 0.15})
     link.upload(file)
     held = link.read_back()
     assert held.clearance_m == pytest.approx(0.35)
