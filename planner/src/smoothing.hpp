@@ -90,25 +90,29 @@ class Smoothing {
         }
     }
 
-    // From a gradient by log durations and by the knots' numbers in `moving` to the step that it asks for, in place.
-    void apply(std::vector<double>& x, const std::vector<std::size_t>& moving) {
-        const std::size_t segments = x.size() - moving.size();
+    // From a gradient by log durations and along the directions in which knots move to the step that it asks for, in
+    // place. A direction has a `knot` and how far it goes `along` each axis.
+    template <typename Direction>
+    void apply(std::vector<double>& x, const std::vector<Direction>& moving) {
+        double* steps = x.data() + (x.size() - moving.size());
         times_.solve(x.data());
+        found_.assign(moving.size(), 0.0);
         for (std::size_t axis = 0; axis < kAxes; ++axis) {
             std::fill(column_.begin(), column_.end(), 0.0);
             for (std::size_t n = 0; n < moving.size(); ++n)
-                if (moving[n] % kAxes == axis) column_[moving[n] / kAxes * kOrders] = x[segments + n];
+                column_[moving[n].knot * kOrders] += moving[n].along[axis] * steps[n];
             knots_[axis].solve(column_.data());
             for (std::size_t n = 0; n < moving.size(); ++n)
-                if (moving[n] % kAxes == axis) x[segments + n] = column_[moving[n] / kAxes * kOrders];
+                found_[n] += moving[n].along[axis] * column_[moving[n].knot * kOrders];
         }
+        std::copy(found_.begin(), found_.end(), steps);
     }
 
   private:
     static constexpr double kTimes = 10.0, kBends = 10.0, kSnap = 1e-4;
     Banded times_;
     std::vector<Banded> knots_;
-    std::vector<double> column_;
+    std::vector<double> column_, found_;
 };
 
 }  // namespace goshawk
