@@ -9,7 +9,7 @@ from typing import Literal
 
 import msgspec
 
-PROTOCOL = 1
+PROTOCOL = 2
 """Raised when an old page could misread a new server."""
 
 
@@ -33,6 +33,40 @@ class Waypoint(msgspec.Struct, frozen=True):
     z_m: float
     yaw_deg: float | None = None
     """Heading, None where the planner may choose."""
+    stay_s: float = 0.0
+    """How long to hover here."""
+    fly_by_m: float = 0.0
+    """Radius within which it is enough to pass; 0: the waypoint itself."""
+    leg_speed_m_s: float | None = None
+    """Largest speed from here to the next waypoint; None: that of the settings."""
+    velocity_m_s: tuple[float, float, float] | None = None
+    """Velocity to have here, world frame; None where it is open."""
+
+
+class Ground(msgspec.Struct, frozen=True):
+    """Where the vehicle's centre is while it stands before take-off or after landing."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    climb_m_s: float
+    """Vertical speed at which the path is joined, or left."""
+
+
+class Mission(msgspec.Struct, frozen=True):
+    """What is asked of the whole path."""
+
+    laps: int
+    """Times that the loop is flown; 0: the path is open."""
+    lap_first: int | None
+    """Id of the waypoint where the loop begins and closes; None: the first one."""
+    lap_last: int | None
+    """Id of the loop's last waypoint; None: the last one."""
+    take_off: Ground | None
+    landing: Ground | None
+
+
+YawMode = Literal["along_path", "smooth", "steady", "fixed", "look_at", "free"]
 
 
 class Settings(msgspec.Struct, frozen=True):
@@ -41,8 +75,12 @@ class Settings(msgspec.Struct, frozen=True):
     speed_m_s: float
     acceleration_m_s2: float
     margin_m: float
-    yaw: Literal["along_path", "smooth"]
+    yaw: YawMode
     method: Literal["fastest", "corridor"]
+    heading_deg: float
+    """Of yaw mode `fixed`."""
+    look_at_m: tuple[float, float, float] | None
+    """Of yaw mode `look_at`, world frame."""
 
 
 class Limit(msgspec.Struct, frozen=True):
@@ -60,19 +98,25 @@ class Limit(msgspec.Struct, frozen=True):
 
 
 class Segment(msgspec.Struct, frozen=True):
-    """A stretch between two waypoints."""
+    """A stretch between two waypoints, as flown."""
 
     start_s: float
     end_s: float
+    start: int | None
+    """Id of the waypoint it begins at; None: the ground of a take-off."""
+    end: int | None
     binding: str
     """Name of the limit of which most is used there."""
     share: float
+    worst_s: float
+    """When it is used most."""
 
 
 class Passing(msgspec.Struct, frozen=True):
-    """How the plan passes a waypoint."""
+    """How the plan passes a waypoint; in laps one passing for each, in the order of time."""
 
-    waypoint: int
+    waypoint: int | None
+    """Id; None: the ground of a take-off or landing."""
     time_s: float
     speed_m_s: float
     clearance_m: float
@@ -92,6 +136,11 @@ class Series(msgspec.Struct, frozen=True):
     rotor_slowest_rad_s: list[float]
     rotor_fastest_rad_s: list[float]
     yaw_rate_deg_s: list[float]
+    thrust_n: list[float]
+    """Of all rotors together."""
+    rotor_margin_percent: list[float]
+    """What is left between the rotor that is nearest to one of its speed limits and that limit, in thrust; of the
+    range between both."""
     q_world_body: list[float]
     """Attitudes one after another, four numbers each (w x y z)."""
 
@@ -149,6 +198,7 @@ class Document(msgspec.Struct, frozen=True, tag="document"):
     """Name of who made this revision."""
     waypoints: list[Waypoint]
     settings: Settings
+    mission: Mission
     undo: str
     """What undo would take back, in words; empty for nothing."""
     redo: str
@@ -290,6 +340,22 @@ class Turn(Edit, frozen=True, tag="turn", kw_only=True):
     yaw_deg: float | None
 
 
+class Ask(Edit, frozen=True, tag="ask", kw_only=True):
+    """Set what is asked at waypoints; None leaves a request as it is, 0 drops it."""
+
+    waypoints: list[int]
+    stay_s: float | None = None
+    fly_by_m: float | None = None
+    leg_speed_m_s: float | None = None
+
+
+class Pass(Edit, frozen=True, tag="pass", kw_only=True):
+    """Set the velocity to have at waypoints, world frame; None leaves it open."""
+
+    waypoints: list[int]
+    velocity_m_s: tuple[float, float, float] | None
+
+
 class Insert(Edit, frozen=True, tag="insert", kw_only=True):
     """Add a waypoint after another (None: at the start); without coordinates half-way to the next one."""
 
@@ -313,8 +379,34 @@ class Choose(Edit, frozen=True, tag="choose", kw_only=True):
     speed_m_s: float | None = None
     acceleration_m_s2: float | None = None
     margin_m: float | None = None
-    yaw: Literal["along_path", "smooth"] | None = None
+    yaw: YawMode | None = None
     method: Literal["fastest", "corridor"] | None = None
+    heading_deg: float | None = None
+    look_at_m: tuple[float, float, float] | None = None
+
+
+class Loop(Edit, frozen=True, tag="loop", kw_only=True):
+    """Fly waypoints as a closed loop; ids as in `Mission`."""
+
+    laps: int
+    lap_first: int | None = None
+    lap_last: int | None = None
+
+
+class SetGround(Edit, frozen=True, tag="ground", kw_only=True):
+    """Set where the take-off or the landing is; coordinates that are left out stay, or are those below the waypoint."""
+
+    end: Literal["take_off", "landing"]
+    x_m: float | None = None
+    y_m: float | None = None
+    z_m: float | None = None
+    climb_m_s: float | None = None
+
+
+class ClearGround(Edit, frozen=True, tag="clear_ground", kw_only=True):
+    """Begin or end in the air."""
+
+    end: Literal["take_off", "landing"]
 
 
 class Undo(Command, frozen=True, tag="undo", kw_only=True):
@@ -363,7 +455,7 @@ class Look(Command, frozen=True, tag="look", kw_only=True):
 class Show(Command, frozen=True, tag="show", kw_only=True):
     """What the 3D view draws."""
 
-    colour: Literal["clearance", "speed", "tilt", "rotors"] = "clearance"
+    colour: Literal["clearance", "speed", "thrust", "tilt", "rotor_margin"] = "clearance"
     slice_z_m: float | None = None
     """Height of a slice through the distance field; None for none."""
 
@@ -401,6 +493,7 @@ class Abort(Command, frozen=True, tag="abort", kw_only=True):
 
 
 FromPage = (
-    Move | Shift | Turn | Insert | Delete | Reverse | Choose | Undo | Redo | PlanAgain | Save | Open | Discard
+    Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround
+    | Undo | Redo | PlanAgain | Save | Open | Discard
     | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort
 )  # fmt: skip

@@ -44,7 +44,12 @@ def series_colours(series: protocol.Series, what: str, required_m: float) -> np.
     """Colours of a path by one of its figures, from the smallest to the largest: (n, 3) uint8."""
     if what == "clearance":
         return clearance_colours(np.array(series.clearance_m), required_m)
-    values = {"speed": series.speed_m_s, "tilt": series.tilt_deg, "rotors": series.rotor_fastest_rad_s}[what]
+    values = {
+        "speed": series.speed_m_s,
+        "thrust": series.thrust_n,
+        "tilt": series.tilt_deg,
+        "rotor_margin": series.rotor_margin_percent,
+    }[what]
     low, high = min(values), max(values)
     return colours((np.array(values) - low) / max(high - low, 1e-9), "cividis")
 
@@ -102,12 +107,14 @@ def draw_slice(server: "viser.ViserServer", field: Any, height_m: float, require
     )  # fmt: skip
 
 
-def draw_path(server: "viser.ViserServer", positions_world_m: FloatArray, colours: np.ndarray) -> Any:
+def draw_path(
+    server: "viser.ViserServer", positions_world_m: FloatArray, colours: np.ndarray, *, name: str = "/path"
+) -> Any:
     """A thick line through (m, 3) positions, coloured at each."""
     # viser takes a line's colours for linear light, and brightens them on the screen by the inverse of this.
     linear = np.round(255.0 * (colours / 255.0) ** 2.2).astype(np.uint8)
     return server.scene.add_line_segments(
-        "/path",
+        name,
         np.stack([positions_world_m[:-1], positions_world_m[1:]], axis=1),
         np.stack([linear[:-1], linear[1:]], axis=1),
         thickness=0.06,

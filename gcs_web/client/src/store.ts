@@ -189,7 +189,7 @@ function receiveDocument(next: Document): void {
 }
 
 function sameWaypoint(a: Waypoint, b: Waypoint | undefined): boolean {
-  return b !== undefined && a.x_m === b.x_m && a.y_m === b.y_m && a.z_m === b.z_m && a.yaw_deg === b.yaw_deg;
+  return JSON.stringify(a) === JSON.stringify(b);
 }
 
 /** Say something of the page's own in the place of the server's notices. */
