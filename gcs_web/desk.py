@@ -170,6 +170,7 @@ class Desk:
         margin_m = self.session.content.settings.margin_m
         self.view.require_clearance(replace(self._base, margin_m=margin_m).clearance_m)
         self.view.draw_waypoints(self.session.content.points)
+        self.view.draw_mission(self.session.content.settings)
         self.request_plan()
 
     def _files_changed(self) -> None:

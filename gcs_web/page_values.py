@@ -191,9 +191,7 @@ def segments(
         most, k = np.unravel_index(int(np.argmax(shares[:, first:last])), shares[:, first:last].shape)
         worst_s = min(max(shown.time_s[first + int(k)], a.time_s), b.time_s)
         share = float(shares[most, first + k])
-        found.append(
-            protocol.Segment(a.time_s, b.time_s, a.waypoint, b.waypoint, names[int(most)], share, worst_s)
-        )
+        found.append(protocol.Segment(a.time_s, b.time_s, a.waypoint, b.waypoint, names[int(most)], share, worst_s))
     return found
 
 

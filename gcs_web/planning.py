@@ -226,14 +226,17 @@ def _serve_requests(pipe: connection.Connection, folder: Path, base: planner.Pla
             replanner.begin()
         send(_Taken(request.revision))
         try:
-            send(_answer(request, parts, base, replanner))
+            send(answer(request, parts, base, replanner))
         except planner.PlanCancelledError:
             continue  # for a newer one, which is taken next
 
 
-def _answer(
-    request: Request, parts: inputs.Parts, base: planner.PlanOptions, replanner: replanning.Replanner
-) -> Answer:
+def answer(request: Request, parts: inputs.Parts, base: planner.PlanOptions, replanner: replanning.Replanner) -> Answer:
+    """Plan, check and describe, on from what `replanner` planned last.
+
+    Raises:
+        PlanCancelledError: `replanner.cancel` was called.
+    """
     begun_s = time.perf_counter()
     try:
         file, shown = _planned(request, parts, base, replanner)

@@ -66,6 +66,7 @@ class Mission(msgspec.Struct, frozen=True):
     landing: Ground | None
 
 
+Colour = Literal["clearance", "speed", "thrust", "tilt", "rotor_margin"]
 YawMode = Literal["along_path", "smooth", "steady", "fixed", "look_at", "free"]
 
 
@@ -277,6 +278,15 @@ class Cursor(msgspec.Struct, frozen=True, tag="cursor"):
     time_s: float
 
 
+class Shown(msgspec.Struct, frozen=True, tag="shown"):
+    """What the 3D view, which is the same for everybody, draws now."""
+
+    colour: Colour
+    slice_z_m: float | None
+    author: str
+    """Id of the person who chose it."""
+
+
 class Selection(msgspec.Struct, frozen=True, tag="selection"):
     """Waypoints were selected in the 3D view."""
 
@@ -295,7 +305,7 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
     """Of `prepare_upload`."""
 
 
-ToPage = Welcome | Document | Plan | Vehicle | People | Files | Notice | Cursor | Selection | Reply
+ToPage = Welcome | Document | Plan | Vehicle | People | Files | Notice | Cursor | Shown | Selection | Reply
 
 
 # --- from the page ---
@@ -455,7 +465,7 @@ class Look(Command, frozen=True, tag="look", kw_only=True):
 class Show(Command, frozen=True, tag="show", kw_only=True):
     """What the 3D view draws."""
 
-    colour: Literal["clearance", "speed", "thrust", "tilt", "rotor_margin"] = "clearance"
+    colour: Colour = "clearance"
     slice_z_m: float | None = None
     """Height of a slice through the distance field; None for none."""
 

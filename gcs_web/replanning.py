@@ -1,4 +1,4 @@
-"""Plans the document from the last answer where one waypoint changed, else from scratch; drafts while one is dragged."""
+"""Plans on from the last answer where one waypoint changed, else from scratch; drafts while one is dragged."""
 
 import threading
 from collections.abc import Callable
@@ -45,7 +45,7 @@ class Replanner:
         self._lock = threading.Lock()
 
     def begin(self) -> None:
-        """Before `plan`: a `cancel` from now on is meant for it."""
+        """Before each `plan`: a `cancel` from now on is meant for it."""
         with self._lock:
             self._flag = planner.StopFlag()
 

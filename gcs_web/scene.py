@@ -1,5 +1,6 @@
 """The 3D scene (mesh, distance-field slice, path, waypoints, vehicle): arrays in, viser nodes out."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,7 @@ PLENTY_ABOVE_M = 0.7
 _DARKENED = 0.45
 """Share of the mesh's brightness that is shown: the path must stand out from it."""
 _UNKNOWN = np.array([90, 90, 100.0])
+_MARK = (196, 113, 240)
 _SLICE_ALPHA, _INSIDE_ALPHA = 90, 0
 
 
@@ -120,6 +122,26 @@ def draw_path(
         thickness=0.06,
         thickness_units="world",
     )
+
+
+def draw_marks(
+    server: "viser.ViserServer",
+    grounds_world_m: Sequence[tuple[float, float, float]],
+    target_world_m: tuple[float, float, float] | None,
+) -> list[Any]:
+    """A flat disc where the vehicle stands on the ground, a small icosahedron where it looks; None: nowhere."""
+    marks: list[Any] = [
+        server.scene.add_cylinder(
+            f"/ground_{i}", radius=0.2, height=0.01, color=_MARK, position=position, cast_shadow=False
+        )
+        for i, position in enumerate(grounds_world_m)
+    ]
+    if target_world_m is not None:
+        target = server.scene.add_icosphere(
+            "/target", radius=0.08, subdivisions=0, color=_MARK, position=target_world_m, cast_shadow=False
+        )
+        marks.append(target)
+    return marks
 
 
 def draw_vehicle(server: "viser.ViserServer", name: str, *, opacity: float, arm_m: float = 0.15) -> Any:

@@ -5,19 +5,17 @@ viser is given numbers and fixed names only: no text of a user's, a log's or a v
 
 import threading
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flight import FloatArray, Progress, silent
 from gcs_web import picking, protocol, scene
-from gcs_web.document import Point
+from gcs_web.document import Point, Settings
 from mapping import Map
 
 if TYPE_CHECKING:
     import viser
-
-Colour = Literal["clearance", "speed", "thrust", "tilt", "rotor_margin"]
 
 _BALL_M = 0.05
 _SEEN = 1e-3
@@ -37,11 +35,12 @@ class View3D:
         self._lock = threading.RLock()
         self._points: tuple[Point, ...] = ()
         self._balls: dict[int, Any] = {}
+        self._marks: list[Any] = []
         self._selected: tuple[int, ...] = ()
         self._handle: Any = None
         self._series: protocol.Series | None = None
         self._required_m = 0.0
-        self._colour: Colour = "clearance"
+        self._colour: protocol.Colour = "clearance"
         self._slice_z_m: float | None = None
         self._path: Any = None
         self._map: Map | None = None
@@ -87,6 +86,15 @@ class View3D:
             for point in points:
                 self._ball(point).position = point.position_world_m
             self._draw_handle()
+
+    def draw_mission(self, chosen: Settings) -> None:
+        """Mark where take-off and landing are, and the point that is looked at."""
+        with self._lock, self._server.atomic():
+            for mark in self._marks:
+                mark.remove()
+            grounds = [ground.position_world_m for ground in (chosen.take_off, chosen.landing) if ground is not None]
+            target = chosen.look_at_world_m if chosen.yaw == "look_at" else None
+            self._marks = scene.draw_marks(self._server, grounds, target)
 
     def select(self, waypoints: Sequence[int]) -> None:
         with self._lock, self._server.atomic():
@@ -145,7 +153,7 @@ class View3D:
             self._ghost.wxyz = tuple(series.q_world_body[4 * k : 4 * k + 4])
             self._ghost.visible = True
 
-    def show(self, colour: Colour, slice_z_m: float | None) -> None:
+    def show(self, colour: protocol.Colour, slice_z_m: float | None) -> None:
         with self._lock:
             self._colour, self._slice_z_m = colour, slice_z_m
             self._draw_path()

@@ -191,6 +191,13 @@ export interface Cursor {
   time_s: number;
 }
 
+export interface Shown {
+  type: "shown";
+  colour: "clearance" | "speed" | "thrust" | "tilt" | "rotor_margin";
+  slice_z_m: number | null;
+  author: string;
+}
+
 export interface Selection {
   type: "selection";
   waypoints: number[];
@@ -415,6 +422,6 @@ export interface Abort {
   serial: number;
 }
 
-export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Notice | Cursor | Selection | Reply;
+export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Notice | Cursor | Shown | Selection | Reply;
 
 export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | Undo | Redo | PlanAgain | Save | Open | Discard | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort;

@@ -145,6 +145,11 @@ export function receive(message: Exclude<ToPage, { type: "reply" }>): void {
       case "cursor":
         cursor_s.value = message.time_s;
         break;
+      case "shown": // what this person chose may have changed again since it was sent
+        if (message.author !== welcome.value?.you) {
+          view.value = { colour: message.colour, slice_z_m: message.slice_z_m };
+        }
+        break;
       case "selection":
         selected.value = new Set(message.waypoints);
         break;

@@ -16,6 +16,8 @@ interface Column {
   label: string;
   unit: string;
   digits: number;
+  /** What it means, where the label is short. */
+  says?: string;
 }
 
 const POSITION: readonly Column[] = [
@@ -26,9 +28,9 @@ const POSITION: readonly Column[] = [
 ];
 const REQUESTS: readonly Column[] = [
   { key: "yaw_deg", label: "yaw", unit: "°", digits: 0 },
-  { key: "stay_s", label: "stay", unit: "s", digits: 1 },
-  { key: "fly_by_m", label: "within", unit: "m", digits: 2 },
-  { key: "leg_speed_m_s", label: "then ≤", unit: "m/s", digits: 1 },
+  { key: "stay_s", label: "stay", unit: "s", digits: 1, says: "Hover here for so long" },
+  { key: "fly_by_m", label: "within", unit: "m", digits: 2, says: "It is enough to pass within this radius" },
+  { key: "leg_speed_m_s", label: "then ≤", unit: "m/s", digits: 1, says: "Largest speed to the next waypoint" },
 ];
 
 /** Which columns the table has: where the waypoints are, or what is asked there. */

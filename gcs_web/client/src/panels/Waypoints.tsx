@@ -36,8 +36,8 @@ export function Waypoints() {
           <thead>
             <tr>
               <th scope="col">#</th>
-              {columns.value.map(({ key, label, unit }) => (
-                <th key={key} scope="col" class={key}>
+              {columns.value.map(({ key, label, unit, says }) => (
+                <th key={key} scope="col" class={key} title={says}>
                   {label} <span class="unit">{unit}</span>
                 </th>
               ))}
@@ -81,7 +81,6 @@ function ColumnChoice() {
           {name}
         </button>
       ))}
-      <span class="quiet">{shownColumns.value === "requests" ? "stay, pass within, speed of the next leg" : ""}</span>
     </div>
   );
 }
