@@ -1,5 +1,6 @@
 """Plans on from the last answer where one waypoint changed, else from scratch; drafts while one is dragged."""
 
+import math
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -125,7 +126,8 @@ def _step(kept: _Kept, after: Content, known: Known) -> Callable[[planner.Planne
         return None
     i = _first_difference(old, new)
     if _without(new, i) == old:
-        yaw_rad = np.nan if new[i].yaw_rad is None else new[i].yaw_rad
+        asked = new[i].yaw_rad
+        yaw_rad = math.nan if asked is None else asked
         return lambda session: session.insert(i, np.array(new[i].position_world_m), yaw_rad)
     if _without(old, i) == new:
         return lambda session: session.delete(i)
