@@ -11,7 +11,7 @@ import planner.space
 from firmware_bridge import wire
 from flight import FloatArray, Trajectory, TrajectoryFile
 from flight.mission import Ground
-from gcs_web import document, protocol
+from gcs_web import document, protocol, protocol_parts
 from planner.space import DistanceField
 from vehicle import Limits, Vehicle, flatness
 
@@ -46,8 +46,8 @@ def settings(chosen: document.Settings) -> protocol.Settings:
 
 
 def mission(chosen: document.Settings) -> protocol.Mission:
-    def ground(asked: Ground | None) -> protocol.Ground | None:
-        return None if asked is None else protocol.Ground(*asked.position_world_m, asked.climb_m_s)
+    def ground(asked: Ground | None) -> protocol_parts.Ground | None:
+        return None if asked is None else protocol_parts.Ground(*asked.position_world_m, asked.climb_m_s)
 
     return protocol.Mission(
         chosen.laps, chosen.lap_first, chosen.lap_last, ground(chosen.take_off), ground(chosen.landing)
