@@ -24,6 +24,8 @@ PLENTY_ABOVE_M = 0.7
 
 _DARKENED = 0.45
 """Share of the mesh's brightness that is shown: the path must stand out from it."""
+_PLAIN = 0.6
+"""Brightness of a mesh that has no colours of its own."""
 _UNKNOWN = np.array([90, 90, 100.0])
 _MARK = (196, 113, 240)
 _SLICE_ALPHA, _INSIDE_ALPHA = 90, 0
@@ -74,10 +76,12 @@ def display_mesh(path: Path, triangles: int = DISPLAY_TRIANGLES, *, progress: Pr
         progress("simplifying the mesh", 1.0 - (left + 1) / steps)
         mesh = mesh.simplify_quadric_decimation(triangles + left * surplus // steps)
     colours = np.asarray(mesh.vertex_colors)
+    if not len(colours):
+        colours = np.full((len(mesh.vertices), 3), _PLAIN)
     return trimesh.Trimesh(
         np.asarray(mesh.vertices),
         np.asarray(mesh.triangles),
-        vertex_colors=(255 * _DARKENED * colours).astype(np.uint8) if len(colours) else None,
+        vertex_colors=(255 * _DARKENED * colours).astype(np.uint8),
         process=False,
     )
 

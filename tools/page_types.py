@@ -1,4 +1,4 @@
-"""Writes the client's message types from `gcs_web/protocol.py` and `protocol_parts.py`: `python tools/page_types.py`."""
+"""Writes the client's message types from `gcs_web/protocol*.py`: `python tools/page_types.py`."""
 
 import inspect
 import types

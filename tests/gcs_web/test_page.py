@@ -219,12 +219,12 @@ def test_a_stay_is_asked_for_in_the_table_and_taken_back(station, page):
 
 def test_laps_a_landing_and_where_to_look_are_set_in_the_mission_tab(station, page):
     page.get_by_role("tab", name="Mission").click()
-    page.get_by_label("Closed loop").click()
-    laps = page.get_by_label("Laps", exact=True)
+    page.get_by_role("checkbox", name="Closed loop").click()
+    laps = page.get_by_role("textbox", name="Laps")
     laps.fill("2")
     laps.press("Enter")
     verdict(page).get_by_text("2 laps").wait_for()
-    page.get_by_label("Landing").click()
+    page.get_by_role("checkbox", name="Landing").click()
     wait(lambda: station.desk.session.content.settings.landing is not None, "the landing")
     page.get_by_role("radio", name="Fixed").click()
     heading = page.get_by_label("Heading, from x towards y")
