@@ -60,6 +60,8 @@ def test_every_kind_of_change_is_answered_by_a_checked_plan_of_just_these_waypoi
     planned(replanner, begun.with_points([*begun.points[:2], extra, *begun.points[2:]]))
     planned(replanner, begun)
     assert scratch == []  # one waypoint moved, inserted or deleted: planned on
+    both = moved(begun, 3, 0.2).points
+    planned(replanner, begun.with_points([*both[:2], extra, *both[2:]]))  # inserted and moved
     planned(replanner, begun.with_points(begun.points[::-1]))
     turned = [msgspec.structs.replace(p, yaw_rad=0.5) for p in begun.points]
     planned(replanner, begun.with_points(turned))
@@ -68,7 +70,7 @@ def test_every_kind_of_change_is_answered_by_a_checked_plan_of_just_these_waypoi
     asked = [msgspec.structs.replace(begun.points[0], leg_speed_m_s=2.0), *begun.points[1:]]
     plan = planned(replanner, begun.with_points(asked))
     assert any(check.name == "speed of legs" for check in plan.gate.checks)
-    assert len(scratch) == 4
+    assert len(scratch) == 5
 
 
 def test_a_draft_goes_through_the_dragged_waypoint_and_changes_nothing(begun: Content):
