@@ -247,7 +247,7 @@ def test_the_tightest_segment_is_shown_everywhere(station, page):
     wait(lambda: station.view._selected == (tightest.start,), "the waypoint before it")
 
 
-@pytest.mark.parametrize(("colour", "unit"), [("thrust", "N"), ("rotor_margin", "% of range"), ("clearance", "m")])
+@pytest.mark.parametrize(("colour", "unit"), [("thrust", "N"), ("rotor_margin", "%"), ("clearance", "m")])
 def test_the_path_is_coloured_by_what_is_chosen_with_ends_and_unit(station, page, colour, unit):
     page.get_by_label("Colour of the path").select_option(colour)
     page.locator(".legend-head").get_by_text(unit, exact=True).wait_for()

@@ -14,7 +14,7 @@ const COLOURS: readonly { key: Colour; name: string; unit: string }[] = [
   { key: "clearance", name: "Clearance", unit: "m" },
   { key: "speed", name: "Speed", unit: "m/s" },
   { key: "thrust", name: "Thrust", unit: "N" },
-  { key: "rotor_margin", name: "Rotor margin", unit: "% of range" },
+  { key: "rotor_margin", name: "Rotor margin", unit: "%" },
   { key: "tilt", name: "Tilt", unit: "°" },
 ];
 
