@@ -108,7 +108,7 @@ class GroundStation:
         self._stack.callback(self.desk.close)
         self.view.on_select = lambda waypoint: self.hub.publish(protocol.Selection([waypoint]))
         self.view.on_moment = self._moment_chosen
-        self.view.on_drag, self.view.on_add = self._dragged, self._added
+        self.view.on_drag, self.view.on_add, self.view.on_pull = self._dragged, self._added, self.desk.draft
         if self.watch is not None:
             self.watch.on_state, self.watch.on_pose = self._vehicle_changed, self.view.move_vehicle
             self.watch.start()
@@ -137,6 +137,8 @@ class GroundStation:
         x, y, z = (float(value) for value in position_world_m)
         revision = self.desk.session.revision
         self._edit(protocol.Move(serial=0, revision=revision, waypoints=[waypoint], x_m=x, y_m=y, z_m=z))
+        if self.desk.session.revision == revision:
+            self.view.drop_draft()
 
     def _added(self, after: int | None, position_world_m: FloatArray) -> None:
         x, y, z = (float(value) for value in position_world_m)

@@ -9,10 +9,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import msgspec
+import numpy as np
 
 import planner
 import vehicle
-from flight import FlightError, FormatError, InputError, TrajectoryFile, trajectory
+from flight import FlightError, FloatArray, FormatError, InputError, TrajectoryFile, trajectory
 from flight.project import Project
 from gcs_web import inputs, page_values, planning, protocol
 from gcs_web.document import Settings
@@ -22,6 +23,8 @@ from gcs_web.vehicle_watch import VehicleWatch
 from gcs_web.view3d import View3D
 
 NONCE_LIFE_S = 60.0
+_STANDING_M, _DEEPEST_M = 0.1, 30.0
+"""Height of a standing vehicle's centre above the floor, which the pilot may correct, and how deep a floor is found."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +40,7 @@ class Desk:
     def __init__(self, opened: Project, hub: Hub, view: View3D, watch: VehicleWatch | None, base: planner.PlanOptions):
         """
         Raises:
-            FlightError: the project cannot be opened, or `base` has a yaw or method that the page cannot set.
+            FlightError: the project cannot be opened, or `base` has a method that the page cannot set.
         """
         self.project, self.hub, self.view, self.watch = opened, hub, view, watch
         self.inputs = inputs.signature(opened.folder)
@@ -52,7 +55,7 @@ class Desk:
         """Id of the person whose orders are passed on to the vehicle."""
         self._nonces: dict[str, _Nonce] = {}
         self._lock = threading.RLock()
-        self._planner = planning.PlanningProcess(opened.folder, base, self._planned)
+        self._planner = planning.PlanningProcess(opened.folder, base, self._planned, self._drafted)
         self._watch_files = inputs.Watch(opened.folder, opened.waypoints, self._files_changed)
         self.session.on_change(self._document_changed)
         said = self.session.take_notice() or f"{opened.name} opened, revision {self.session.revision}"
@@ -87,8 +90,8 @@ class Desk:
 
     # --- the plan ---
 
-    def request_plan(self) -> None:
-        """Plan the document as it is now; people see "planning" at once."""
+    def request_plan(self, *, afresh: bool = False) -> None:
+        """Plan the document as it is now, from scratch or on from the last plan; people see "planning" at once."""
         with self._lock:
             revision, content = self.session.revision, self.session.content
             few = len(content.points) < 2
@@ -97,7 +100,15 @@ class Desk:
                 self._show_plan(protocol.Plan(revision, "none", sentence))
                 return
             self._show_plan(protocol.Plan(revision, "planning", "Planning and checking ..."))
-            self._planner.request(planning.Request(revision, content, self.inputs))
+            self._planner.request(planning.Request(revision, content, self.inputs, afresh))
+
+    def draft(self, waypoint: int, position_world_m: FloatArray) -> None:
+        """Show what the path would look like with a waypoint (id) there, without changing the document."""
+        self._planner.draft(waypoint, position_world_m)
+
+    def _drafted(self, draft: planning.Draft) -> None:
+        if draft.path_world_m is not None:
+            self.view.draw_draft(draft.path_world_m)
 
     def checked(self) -> TrajectoryFile:
         """The plan, if it answers the document and the inputs as they are now.
@@ -115,6 +126,19 @@ class Desk:
                 raise InputError("the map or the vehicle changed since the check; plan again")
             return answer.file
 
+    def standing_height_m(self, x_m: float, y_m: float, z_m: float) -> float:
+        """Height (world z) of the vehicle's centre when it stands on what is below a point.
+
+        Raises:
+            InputError: nothing is known below it.
+        """
+        heights_m = np.arange(z_m, z_m - _DEEPEST_M, -0.01)
+        column = np.stack([np.full_like(heights_m, x_m), np.full_like(heights_m, y_m), heights_m], axis=1)
+        near = self.parts.map(self.inputs).field.distance(column) <= _STANDING_M
+        if not near.any():
+            raise InputError(f"the map knows no floor below ({x_m:.2f}, {y_m:.2f}, {z_m:.2f}) m; give the height")
+        return round(float(heights_m[int(np.argmax(near))]), 2)
+
     def _planned(self, answer: planning.Answer) -> None:
         with self._lock:
             if answer.request.revision != self.session.revision:
@@ -130,7 +154,7 @@ class Desk:
         if self.answer is not None and self.answer.file is not None and plan.state == "checked":
             crc32 = page_values.crc32(replace(self.answer.file, name=self.name))
         self.hub.publish(msgspec.structs.replace(plan, name=self.name, crc32=crc32))
-        self.view.draw_plan(plan.series if plan.state == "checked" else None)
+        self.view.draw_plan(plan.series if plan.state == "checked" else None, is_coming=plan.state == "planning")
 
     def rename(self, name: str) -> None:
         """Give the plan another name; its CRC, which covers the name, changes with it."""
@@ -146,6 +170,7 @@ class Desk:
         margin_m = self.session.content.settings.margin_m
         self.view.require_clearance(replace(self._base, margin_m=margin_m).clearance_m)
         self.view.draw_waypoints(self.session.content.points)
+        self.view.draw_mission(self.session.content.settings)
         self.request_plan()
 
     def _files_changed(self) -> None:
@@ -257,11 +282,17 @@ class Desk:
 
 def _first_settings(base: planner.PlanOptions, limits: vehicle.Limits) -> Settings:
     """Of a document that was never opened."""
-    if base.yaw not in ("along_path", "smooth"):
-        raise InputError(f"yaw is {base.yaw!r}; the ground station can do along_path or smooth")
     if base.method not in ("fastest", "corridor"):
         raise InputError(f"method is {base.method!r}; the ground station can do fastest or corridor")
-    return Settings(limits.speed_m_s, limits.acceleration_m_s2, base.margin_m, base.yaw, base.method)
+    return Settings(
+        limits.speed_m_s,
+        limits.acceleration_m_s2,
+        base.margin_m,
+        base.yaw,
+        base.method,
+        heading_rad=base.heading_rad,
+        look_at_world_m=base.look_at_world_m,
+    )
 
 
 def _listed(path: Path, hashes: tuple[str, str]) -> protocol.SavedTrajectory:

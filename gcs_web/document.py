@@ -1,16 +1,17 @@
-"""What the pilots of one project edit together: waypoints and planner settings, as immutable values.
+"""What the pilots of one project edit together: waypoints, requests and planner settings, as immutable values.
 
 A change is a `Patch` from one `Content` to the next; `difference` finds it, `patched` applies it. So an undo is the
 patch the other way round, and the journal (`gcs_web.journal`) stores what changed and no more.
 """
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
 
 from flight import InputError, Waypoints
+from flight.mission import Ground
 
 MOST_WAYPOINTS = 10_000
 LARGEST_COORDINATE_M = 10_000.0
@@ -23,6 +24,22 @@ class Point(msgspec.Struct, frozen=True):
     position_world_m: tuple[float, float, float]
     yaw_rad: float | None = None
     """None where the planner may choose the heading."""
+    stay_s: float = 0.0
+    """How long to hover here."""
+    fly_by_m: float = 0.0
+    """Radius within which it is enough to pass; 0: the waypoint itself."""
+    leg_speed_m_s: float | None = None
+    """Largest speed from here to the next waypoint, as listed; None: that of the settings."""
+    velocity_world_m_s: tuple[float, float, float] | None = None
+    """Velocity to have here; None where it is open."""
+
+    @property
+    def plain(self) -> bool:
+        """Whether nothing is asked here but position and heading."""
+        return msgspec.structs.replace(self, **_NOTHING_ASKED) == self
+
+
+_NOTHING_ASKED = {"stay_s": 0.0, "fly_by_m": 0.0, "leg_speed_m_s": None, "velocity_world_m_s": None}
 
 
 class Settings(msgspec.Struct, frozen=True):
@@ -31,11 +48,27 @@ class Settings(msgspec.Struct, frozen=True):
     speed_m_s: float = 5.0
     acceleration_m_s2: float = 8.0
     margin_m: float = 0.15
-    yaw: Literal["along_path", "smooth"] = "along_path"
+    yaw: Literal["along_path", "smooth", "steady", "fixed", "look_at", "free"] = "along_path"
     method: Literal["fastest", "corridor"] = "fastest"
+    heading_rad: float = 0.0
+    """Of yaw mode `fixed`."""
+    look_at_world_m: tuple[float, float, float] | None = None
+    """Of yaw mode `look_at`."""
+    laps: int = 0
+    """Times that the loop is flown; 0: the path is open."""
+    lap_first: int | None = None
+    """Id of the waypoint where the loop begins and closes; None: the first one."""
+    lap_last: int | None = None
+    """Id of the loop's last waypoint; None: the last one, so that nothing leads out."""
+    take_off: Ground | None = None
+    landing: Ground | None = None
 
 
-SETTING_BOUNDS = {"speed_m_s": (0.1, 40.0), "acceleration_m_s2": (0.2, 100.0), "margin_m": (0.0, 10.0)}
+SETTING_BOUNDS = {
+    "speed_m_s": (0.1, 40.0),
+    "acceleration_m_s2": (0.2, 100.0),
+    "margin_m": (0.0, 10.0),
+}
 """Smallest and largest value that is taken; the vehicle's own limits hold besides."""
 
 
@@ -54,7 +87,7 @@ class Content(msgspec.Struct, frozen=True):
         return Waypoints(positions, np.array(yaw, dtype=np.float64))
 
     def with_waypoints(self, waypoints: Waypoints) -> "Content":
-        """With other waypoints, all of them new."""
+        """With other waypoints, all of them new and nothing asked there; the settings stay."""
         return self.with_points(
             [
                 Point(self.next_id + i, (float(p[0]), float(p[1]), float(p[2])), None if np.isnan(yaw) else float(yaw))
@@ -106,7 +139,8 @@ class Patch(msgspec.Struct, frozen=True, omit_defaults=True):
     points: tuple[Point, ...] = ()
     """New ones, and those that have other values."""
     order: Splice | None = None
-    settings: dict[str, float | str] = {}
+    settings: dict[str, Any] = {}
+    """As JSON has them."""
     next_id: int | None = None
 
     @property
@@ -123,7 +157,7 @@ def difference(before: Content, after: Content) -> Patch:
     end = min(_shared(old[::-1], new[::-1]), len(old) - start, len(new) - start)
     splice = Splice(start, tuple(old[start : len(old) - end]), tuple(new[start : len(new) - end]))
     settings = {
-        name: getattr(after.settings, name)
+        name: msgspec.to_builtins(getattr(after.settings, name))
         for name in Settings.__struct_fields__
         if getattr(after.settings, name) != getattr(before.settings, name)
     }
@@ -142,7 +176,7 @@ def patched(content: Content, patch: Patch) -> Content:
         order[patch.order.start : patch.order.start + len(patch.order.removed)] = patch.order.added
     return Content(
         tuple(known[i] for i in order),
-        msgspec.structs.replace(content.settings, **patch.settings),
+        msgspec.convert(msgspec.to_builtins(content.settings) | patch.settings, Settings),
         content.next_id if patch.next_id is None else patch.next_id,
     )
 

@@ -8,8 +8,9 @@ import msgspec
 import numpy as np
 
 from flight import InputError
-from gcs_web import protocol
-from gcs_web.document import SETTING_BOUNDS, Content, Point
+from flight.mission import MOST_LAPS, Ground
+from gcs_web import missions, protocol
+from gcs_web.document import LARGEST_COORDINATE_M, SETTING_BOUNDS, Content, Point
 
 Edited = tuple[Content, str]
 """The document after an edit, and what was done in words: "waypoint 8 moved 0.31 m up"."""
@@ -20,7 +21,9 @@ def apply(content: Content, edit: protocol.Edit) -> Edited:
     Raises:
         InputError: the edit cannot be done; the message says why.
     """
-    return _EDITS[type(edit)](content, edit)
+    after, label = _EDITS[type(edit)](content, edit)
+    missions.mission_of(after)  # refuses requests that contradict each other
+    return after, label
 
 
 def _move(content: Content, edit: protocol.Move) -> Edited:
@@ -46,6 +49,35 @@ def _turn(content: Content, edit: protocol.Turn) -> Edited:
     after, _ = _each(content, edit.waypoints, lambda point: msgspec.structs.replace(point, yaw_rad=yaw_rad))
     heading = "free" if edit.yaw_deg is None else f"{edit.yaw_deg:.0f}°"
     return after, f"heading of {_named(content, edit.waypoints)} {heading}"
+
+
+_ASKED = {"stay_s": (3600.0, "s", "stay at"), "fly_by_m": (100.0, "m", "radius of"),
+          "leg_speed_m_s": (40.0, "m/s", "speed after")}  # fmt: skip
+"""Of each request at a waypoint: the largest value, its unit and its name."""
+
+
+def _ask(content: Content, edit: protocol.Ask) -> Edited:
+    named, chosen = _named(content, edit.waypoints), set(edit.waypoints)
+    asked = {name: value for name in _ASKED if (value := getattr(edit, name)) is not None}
+    for name, value in asked.items():
+        most, unit, words = _ASKED[name]
+        if not 0.0 <= value <= most:
+            raise InputError(f"the {words} {named} would be {value:g} {unit}; it must be from 0 to {most:g} {unit}")
+    said = ", ".join(f"{_ASKED[n][2]} {named} {f'{v:g} {_ASKED[n][1]}' if v else 'dropped'}" for n, v in asked.items())
+    if asked.get("leg_speed_m_s") == 0.0:
+        asked["leg_speed_m_s"] = None
+    points = [msgspec.structs.replace(p, **asked) if p.id in chosen else p for p in content.points]
+    return content.with_points(points), said
+
+
+def _pass(content: Content, edit: protocol.Pass) -> Edited:
+    named, chosen, wanted = _named(content, edit.waypoints), set(edit.waypoints), edit.velocity_m_s
+    most = SETTING_BOUNDS["speed_m_s"][1]
+    if wanted is not None and not math.hypot(*wanted) <= most:
+        raise InputError(f"the velocity at {named} would be {list(wanted)} m/s; {most:g} m/s is the most")
+    points = [msgspec.structs.replace(p, velocity_world_m_s=wanted) if p.id in chosen else p for p in content.points]
+    said = "open" if wanted is None else f"({', '.join(f'{v:g}' for v in wanted)}) m/s"
+    return content.with_points(points), f"velocity at {named} {said}"
 
 
 def _insert(content: Content, edit: protocol.Insert) -> Edited:
@@ -76,26 +108,131 @@ def _delete(content: Content, edit: protocol.Delete) -> Edited:
     points = [p for p in content.points if p.id not in gone]
     if len(points) < 2 <= len(content.points):
         raise InputError("two waypoints are the least a path can have; move them instead")
-    return content.with_points(points), label
+    chosen = content.settings
+    ends = {
+        "lap_first": _survivor(content.points, chosen.lap_first, gone),
+        "lap_last": _survivor(content.points[::-1], chosen.lap_last, gone),
+    }
+    return _with_settings(content.with_points(points), **ends), label
+
+
+def _survivor(points: Sequence[Point], waypoint: int | None, gone: set[int]) -> int | None:
+    """A waypoint's id, or that of the next one which stays; None if there is none."""
+    ids = [p.id for p in points]
+    return None if waypoint is None else next((i for i in ids[ids.index(waypoint) :] if i not in gone), None)
 
 
 def _reverse(content: Content, edit: protocol.Reverse) -> Edited:
-    return content.with_points(content.points[::-1]), "order of the waypoints reversed"
+    """The same flight backwards: legs keep their speeds, velocities turn round, take-off and landing change places."""
+    chosen, back = content.settings, content.points[::-1]
+    legs = [p.leg_speed_m_s for p in back[1:]]
+    points = [
+        msgspec.structs.replace(
+            point,
+            leg_speed_m_s=speed,
+            velocity_world_m_s=None if (v := point.velocity_world_m_s) is None else (-v[0], -v[1], -v[2]),
+        )
+        for point, speed in zip(back, [*legs, None], strict=True)
+    ]
+    turned = {
+        "lap_first": chosen.lap_last,
+        "lap_last": chosen.lap_first,
+        "take_off": chosen.landing,
+        "landing": chosen.take_off,
+    }
+    return _with_settings(content.with_points(points), **turned), "order of the waypoints reversed"
 
 
 def _choose(content: Content, edit: protocol.Choose) -> Edited:
-    chosen = {n: v for n in content.settings.__struct_fields__ if (v := getattr(edit, n)) is not None}
-    for name, value in chosen.items():
-        low, high = SETTING_BOUNDS.get(name, (0.0, 0.0))
-        if not isinstance(value, str) and not low <= value <= high:
+    given = {n: v for n in edit.__struct_fields__ if (v := getattr(edit, n)) is not None and n not in _NOT_SETTINGS}
+    for name, value in given.items():
+        if name in SETTING_BOUNDS and not SETTING_BOUNDS[name][0] <= value <= SETTING_BOUNDS[name][1]:
+            low, high = SETTING_BOUNDS[name]
             raise InputError(f"{_words(name)} {value:g} is refused; it must be from {low:g} to {high:g}")
-    said = ", ".join(f"{_words(n)} {v if isinstance(v, str) else f'{v:g}'}" for n, v in chosen.items())
-    settings = msgspec.structs.replace(content.settings, **chosen)
-    return msgspec.structs.replace(content, settings=settings), said.replace("_", " ")
+    said = ", ".join(f"{_words(n)} {_value(v)}" for n, v in given.items())
+    if "heading_deg" in given:
+        given["heading_rad"] = math.remainder(math.radians(_finite(given.pop("heading_deg"))), 2.0 * math.pi)
+    if "look_at_m" in given:
+        given["look_at_world_m"] = _place(given.pop("look_at_m"))
+    if given.get("yaw") == "look_at" and (given.get("look_at_world_m") or content.settings.look_at_world_m) is None:
+        given["look_at_world_m"] = _middle(content)
+    return _with_settings(content, **given), said
+
+
+_NOT_SETTINGS = ("serial", "revision")
+
+
+def _value(value: object) -> str:
+    if isinstance(value, tuple):
+        return f"({', '.join(f'{v:g}' for v in value)})"
+    return str(value).replace("_", " ") if isinstance(value, str) else f"{value:g}"
 
 
 def _words(name: str) -> str:
-    return {"speed_m_s": "speed", "acceleration_m_s2": "acceleration", "margin_m": "margin"}.get(name, name)
+    """As people read it: without its unit."""
+    for unit in ("_m_s2", "_m_s", "_m", "_deg"):
+        name = name.removesuffix(unit)
+    return name.replace("_", " ")
+
+
+def _middle(content: Content) -> tuple[float, float, float]:
+    """Of all waypoints: what one looks at who flies round something."""
+    if not content.points:
+        return (0.0, 0.0, 0.0)
+    x, y, z = np.round(np.mean([p.position_world_m for p in content.points], axis=0), 2).tolist()
+    return (x, y, z)
+
+
+def _finite(value: float) -> float:
+    if not math.isfinite(value):
+        raise InputError(f"{value} is no heading; give degrees from x towards y")
+    return value
+
+
+def _place(position_m: tuple[float, float, float]) -> tuple[float, float, float]:
+    if not max(map(abs, position_m)) <= LARGEST_COORDINATE_M:
+        raise InputError(f"{list(position_m)} m is refused; coordinates must be within {LARGEST_COORDINATE_M:g} m")
+    return position_m
+
+
+def _loop(content: Content, edit: protocol.Loop) -> Edited:
+    if not 0 <= edit.laps <= MOST_LAPS:
+        raise InputError(f"{edit.laps} laps are refused; it must be from 0 (an open path) to {MOST_LAPS}")
+    first = None if edit.lap_first is None or content.number_of(edit.lap_first) == 0 else edit.lap_first
+    last = edit.lap_last
+    if last is not None and content.number_of(last) == len(content.points) - 1:
+        last = None
+    label = "path open" if edit.laps == 0 else f"closed loop, {edit.laps} lap{'s' if edit.laps > 1 else ''}"
+    return _with_settings(content, laps=edit.laps, lap_first=first, lap_last=last), label
+
+
+_FASTEST_CLIMB_M_S = 20.0
+
+
+def _ground(content: Content, edit: protocol.SetGround) -> Edited:
+    old: Ground | None = getattr(content.settings, edit.end)
+    if not content.points:
+        raise InputError("there is no path to take off for or to land from; add waypoints first")
+    below = content.points[0 if edit.end == "take_off" else -1].position_world_m
+    before = old.position_world_m if old is not None else below
+    x, y, z = (b if new is None else new for b, new in zip(before, (edit.x_m, edit.y_m, edit.z_m), strict=True))
+    climb_m_s = edit.climb_m_s if edit.climb_m_s is not None else 1.0 if old is None else old.climb_m_s
+    if not 0.0 < climb_m_s <= _FASTEST_CLIMB_M_S:
+        raise InputError(f"{climb_m_s:g} m/s is refused; give more than 0 and at most {_FASTEST_CLIMB_M_S:g} m/s")
+    ground = Ground(_place((x, y, z)), climb_m_s)
+    where = f"({x:.2f}, {y:.2f}, {z:.2f}) m"
+    return _with_settings(content, **{edit.end: ground}), f"{_END_WORDS[edit.end]} at {where}, {climb_m_s:g} m/s"
+
+
+def _clear_ground(content: Content, edit: protocol.ClearGround) -> Edited:
+    return _with_settings(content, **{edit.end: None}), f"no {_END_WORDS[edit.end]}"
+
+
+_END_WORDS = {"take_off": "take-off", "landing": "landing"}
+
+
+def _with_settings(content: Content, **changed: Any) -> Content:
+    return msgspec.structs.replace(content, settings=msgspec.structs.replace(content.settings, **changed))
 
 
 def _each(content: Content, waypoints: Sequence[int], change: Callable[[Point], Point]) -> Edited:
@@ -130,4 +267,9 @@ _EDITS: dict[type, Callable[[Content, Any], Edited]] = {
     protocol.Delete: _delete,
     protocol.Reverse: _reverse,
     protocol.Choose: _choose,
+    protocol.Ask: _ask,
+    protocol.Pass: _pass,
+    protocol.Loop: _loop,
+    protocol.SetGround: _ground,
+    protocol.ClearGround: _clear_ground,
 }

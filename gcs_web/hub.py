@@ -15,7 +15,7 @@ from gcs_web import protocol
 MOST_WAITING = 1000
 """Replies and notices that may wait for one browser; then it is cut off and comes back for the newest state."""
 
-_STATE = (protocol.Document, protocol.Plan, protocol.Vehicle, protocol.People, protocol.Files)
+_STATE = (protocol.Document, protocol.Plan, protocol.Vehicle, protocol.People, protocol.Files, protocol.Shown)
 
 
 @dataclass(slots=True)

@@ -25,7 +25,7 @@ logger = logging.getLogger(__name__)
 
 UNDO_DEPTH = 200
 COMPACT_AFTER = 1000
-FORMAT, VERSION = "goshawk-document", 1
+FORMAT, VERSION = "goshawk-document", 2
 
 
 class Entry(msgspec.Struct, frozen=True):
@@ -83,12 +83,15 @@ class Journal:
         self._snapshot, self._path = folder / "document.json", folder / "journal.jsonl"
         self._lock = _locked(folder / "lock")
         try:
+            self._outdated = False
             self.saved, self.notice = self._read()
             self._file = self._opened()
+            self._lines = 0
+            if self._outdated:
+                self.compact()  # an older program must refuse the document, not drop what it does not know
         except BaseException:
             self._lock.close()
             raise
-        self._lines = 0
 
     @property
     def is_new(self) -> bool:
@@ -144,6 +147,7 @@ class Journal:
         saved = Saved()
         if self._snapshot.exists():
             snapshot = _decoded(self._snapshot)
+            self._outdated = snapshot.version < VERSION
             saved = Saved(snapshot.revision, snapshot.content, deque(snapshot.undo, UNDO_DEPTH), snapshot.redo)
         if not self._path.exists():
             return saved, ""

@@ -7,14 +7,18 @@ import numpy as np
 
 import planner
 import planner.limits
+import planner.space
 from firmware_bridge import wire
 from flight import FloatArray, Trajectory, TrajectoryFile
-from gcs_web import document, protocol
+from flight.mission import Ground
+from gcs_web import document, protocol, protocol_parts
 from planner.space import DistanceField
-from vehicle import Vehicle, flatness
+from vehicle import Limits, Vehicle, flatness
 
-SAMPLES = 600
-"""Of a plan, for plots and for the 3D view."""
+SAMPLES, PER_SECOND, MOST_SAMPLES = 600, 40, 4000
+"""Of a plan, for plots and for the 3D view: at least so many, so many a second, and no more than this."""
+_NEAR_M = 0.01
+"""A waypoint is passed at a join of segments that is so close to it, or to its ball."""
 
 _UNITS = {"rad": ("°", 180.0 / math.pi), "m/s2": ("m/s²", 1.0)}
 _RATE = ("°/s", 180.0 / math.pi)
@@ -23,18 +27,45 @@ _RATE = ("°/s", 180.0 / math.pi)
 
 def waypoint(point: document.Point) -> protocol.Waypoint:
     x, y, z = point.position_world_m
-    return protocol.Waypoint(point.id, x, y, z, None if point.yaw_rad is None else math.degrees(point.yaw_rad))
+    yaw_deg = None if point.yaw_rad is None else math.degrees(point.yaw_rad)
+    return protocol.Waypoint(
+        point.id, x, y, z, yaw_deg, point.stay_s, point.fly_by_m, point.leg_speed_m_s, point.velocity_world_m_s
+    )
 
 
 def settings(chosen: document.Settings) -> protocol.Settings:
-    return protocol.Settings(**{name: getattr(chosen, name) for name in chosen.__struct_fields__})
+    return protocol.Settings(
+        chosen.speed_m_s,
+        chosen.acceleration_m_s2,
+        chosen.margin_m,
+        chosen.yaw,
+        chosen.method,
+        heading_deg=math.degrees(chosen.heading_rad),
+        look_at_m=chosen.look_at_world_m,
+    )
 
 
-def series(trajectory: Trajectory, vehicle: Vehicle, field: DistanceField) -> protocol.Series:
-    """What the plots show."""
-    times = np.linspace(0.0, trajectory.duration_s, SAMPLES)
+def mission(chosen: document.Settings) -> protocol.Mission:
+    def ground(asked: Ground | None) -> protocol_parts.Ground | None:
+        return None if asked is None else protocol_parts.Ground(*asked.position_world_m, asked.climb_m_s)
+
+    return protocol.Mission(
+        chosen.laps, chosen.lap_first, chosen.lap_last, ground(chosen.take_off), ground(chosen.landing)
+    )
+
+
+def series(trajectory: Trajectory, vehicle: Vehicle, field: DistanceField, bounds: Limits) -> protocol.Series:
+    """What the plots show.
+
+    Args:
+        bounds: of the rotor speeds, for the margin that is left.
+    """
+    count = int(np.clip(PER_SECOND * trajectory.duration_s, SAMPLES, MOST_SAMPLES))
+    times = np.linspace(0.0, trajectory.duration_s, count)
     flat = flatness.state(vehicle, trajectory, np.minimum(times, trajectory.duration_s * (1.0 - 1e-9)))
     x, y, z = flat.position_world_m.T
+    slowest, fastest = flat.rotor_speed_rad_s.min(axis=1), flat.rotor_speed_rad_s.max(axis=1)
+    low, high = bounds.rotor_speed_min_rad_s**2, bounds.rotor_speed_max_rad_s**2  # thrust goes with the square
     return protocol.Series(
         time_s=_list(times),
         x_m=_list(x),
@@ -44,16 +75,34 @@ def series(trajectory: Trajectory, vehicle: Vehicle, field: DistanceField) -> pr
         acceleration_m_s2=_list(np.linalg.norm(flat.acceleration_world_m_s2, axis=1)),
         clearance_m=_list(field.distance(flat.position_world_m)),
         tilt_deg=_list(np.degrees(flat.tilt_rad)),
-        rotor_slowest_rad_s=_list(flat.rotor_speed_rad_s.min(axis=1)),
-        rotor_fastest_rad_s=_list(flat.rotor_speed_rad_s.max(axis=1)),
+        rotor_slowest_rad_s=_list(slowest),
+        rotor_fastest_rad_s=_list(fastest),
         yaw_rate_deg_s=_list(np.degrees(flat.rate_body_rad_s[:, 2])),
+        thrust_n=_list(flat.thrust_n),
+        rotor_margin_percent=_list(100.0 * np.minimum(high - fastest**2, slowest**2 - low) / (high - low)),
         q_world_body=_list(flat.q_world_body.ravel()),
     )
 
 
-def limits(report: planner.GateReport, shown: protocol.Series) -> list[protocol.Limit]:
-    """The gate's limits, the one of which most is used first; clearance among them."""
-    closest = int(np.argmin(shown.clearance_m))
+def judged_clearance(
+    trajectory: Trajectory, field: DistanceField, report: planner.GateReport, shown: protocol.Series
+) -> FloatArray:
+    """Clearance at the samples as the gate judges it: above the ground of a take-off or landing less is required."""
+    ground = report.conditions.ground_world_m
+    if ground is None:
+        return np.array(shown.clearance_m)
+    grounded = planner.space.Grounded(field, ground, report.required_clearance_m)
+    times = np.minimum(shown.time_s, trajectory.duration_s)  # they are rounded
+    return np.nan_to_num(grounded.distance(trajectory.position(times)), neginf=0.0)
+
+
+def limits(report: planner.GateReport, shown: protocol.Series, judged_m: FloatArray) -> list[protocol.Limit]:
+    """The gate's limits, the one of which most is used first; clearance among them.
+
+    Args:
+        judged_m: (n,) of `judged_clearance`.
+    """
+    closest = int(np.argmin(judged_m))
     found = [
         protocol.Limit(
             "clearance",
@@ -66,7 +115,7 @@ def limits(report: planner.GateReport, shown: protocol.Series) -> list[protocol.
         )
     ]
     for check in report.checks:
-        if check.name in planner.limits.NAMES and check.bound > 0.0:
+        if check.name in (*planner.limits.NAMES, "speed of legs") and check.bound > 0.0:
             lowest = check.name == "slowest rotor"
             unit, scale = _RATE if check.name.endswith("rate") else _UNITS.get(check.unit, (check.unit, 1.0))
             share = check.bound / check.value if lowest else check.value / check.bound
@@ -77,55 +126,72 @@ def limits(report: planner.GateReport, shown: protocol.Series) -> list[protocol.
 
 
 def passings(
-    points: tuple[document.Point, ...], trajectory: Trajectory, shown: protocol.Series
+    plan: planner.Plan, flown: list[int | None], radii_m: dict[int, float], field: DistanceField
 ) -> list[protocol.Passing]:
-    """When, how fast and how far from obstacles each waypoint is passed: the first time after the one before."""
-    path = np.stack([shown.x_m, shown.y_m, shown.z_m], axis=1)
-    step_m = float(np.linalg.norm(np.diff(path, axis=0), axis=1).max())
-    found, first = [], 0
-    for number, point in enumerate(points):
-        last = len(path) - (len(points) - 1 - number)  # every later waypoint still needs a sample of its own
-        away_m = np.linalg.norm(path[first:last] - np.array(point.position_world_m), axis=1)
-        k = first + _first_pass(away_m, step_m)
-        found.append(protocol.Passing(point.id, shown.time_s[k], shown.speed_m_s[k], shown.clearance_m[k]))
-        first = k + 1
-    return found
+    """When, how fast and how far from obstacles each waypoint is passed, in the order of time.
+
+    Args:
+        flown: ids of the plan's waypoints, one each, None for ground.
+        radii_m: by id, of those that need only be passed within a radius.
+    """
+    joins = np.minimum(plan.trajectory.starts_s, plan.trajectory.duration_s)
+    path = plan.trajectory.position(joins)
+    at, first = [], 0
+    for number, (name, point) in enumerate(zip(flown, plan.waypoints.positions_world_m, strict=True)):
+        last = len(joins) - (len(flown) - 1 - number)  # every later waypoint still needs a join of its own
+        away_m = np.linalg.norm(path[first:last] - point, axis=1)
+        at.append(first + _first_pass(away_m, radii_m.get(name, 0.0) if name is not None else 0.0))
+        first = at[-1] + 1
+    speeds = np.linalg.norm(plan.trajectory.position(joins[at], 1), axis=1)
+    clearances = field.distance(path[at])
+    rows = zip(flown, _list(joins[at]), _list(speeds), _list(clearances), strict=True)
+    return [protocol.Passing(*row) for row in rows]
 
 
-def _first_pass(away_m: FloatArray, step_m: float) -> int:
-    """The nearest sample of the first stretch of path that comes to within a step of the waypoint."""
-    near = away_m <= max(float(away_m.min()), step_m)
+def _first_pass(away_m: FloatArray, radius_m: float) -> int:
+    """The nearest join of the first stretch of path that comes to the waypoint, or into its ball."""
+    near = away_m <= max(float(away_m.min()), radius_m + _NEAR_M)
     start = int(np.argmax(near))
     stop = start + int(np.argmin(np.append(near[start:], False)))
     return start + int(np.argmin(away_m[start:stop]))
 
 
 def segments(
-    passed: list[protocol.Passing], bounds: list[protocol.Limit], shown: protocol.Series
+    passed: list[protocol.Passing], bounds: list[protocol.Limit], shown: protocol.Series, judged_m: FloatArray
 ) -> list[protocol.Segment]:
-    """Between each two waypoints: the limit of which most is used."""
+    """Between each two waypoints: the limit of which most is used, and when.
+
+    Args:
+        judged_m: (n,) of `judged_clearance`.
+    """
     by_name = {limit.name: limit for limit in bounds}
     values = {
         "speed": shown.speed_m_s,
         "acceleration": shown.acceleration_m_s2,
         "tilt": shown.tilt_deg,
         "rotor speed": shown.rotor_fastest_rad_s,
-        "clearance": shown.clearance_m,
+        "clearance": judged_m,
         "slowest rotor": shown.rotor_slowest_rad_s,
     }
-    shares = {
-        name: np.array(value) / by_name[name].bound
-        if by_name[name].sense == "<="
-        else by_name[name].bound / np.maximum(np.array(value), 1e-9)
-        for name, value in values.items()
-        if name in by_name
-    }
+    names = [name for name in values if name in by_name]
+    shares = np.stack(
+        [
+            np.array(values[name]) / by_name[name].bound
+            if by_name[name].sense == "<="
+            else by_name[name].bound / np.maximum(np.array(values[name]), 1e-9)
+            for name in names
+        ]
+    )
     times = np.array(shown.time_s)
     found = []
     for a, b in pairwise(passed):
-        inside = (times >= a.time_s) & (times <= b.time_s)
-        name, share = max(((n, float(s[inside].max())) for n, s in shares.items()), key=lambda item: item[1])
-        found.append(protocol.Segment(a.time_s, b.time_s, name, share))
+        first = int(np.searchsorted(times, a.time_s))
+        last = max(int(np.searchsorted(times, b.time_s, side="right")), first + 1)
+        first = min(first, len(times) - 1)
+        most, k = np.unravel_index(int(np.argmax(shares[:, first:last])), shares[:, first:last].shape)
+        worst_s = min(max(shown.time_s[first + int(k)], a.time_s), b.time_s)
+        share = float(shares[most, first + k])
+        found.append(protocol.Segment(a.time_s, b.time_s, a.waypoint, b.waypoint, names[int(most)], share, worst_s))
     return found
 
 

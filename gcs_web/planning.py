@@ -1,7 +1,7 @@
 """Plans in a process of its own, so that the page never waits and a crash of the planner takes nothing with it.
 
-The newest request wins: one that waits is replaced, and one that runs for longer than `PATIENCE_S` while a newer one
-waits is ended with its process. The process ends by itself when its parent is gone, however that died.
+The newest request wins: what is worked on is told to stop, and if that takes longer than `PATIENCE_S` it is ended with
+its process. Drafts are answered meanwhile. The process ends by itself when its parent is gone, however that died.
 """
 
 import logging
@@ -12,14 +12,14 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from multiprocessing.connection import Connection
+from multiprocessing import connection
 from pathlib import Path
 from typing import Any
 
 import planner
 import vehicle
-from flight import FlightError, TrajectoryFile
-from gcs_web import inputs, page_values, protocol
+from flight import FlightError, FloatArray, TrajectoryFile
+from gcs_web import inputs, missions, page_values, protocol, replanning
 from gcs_web.document import Content
 
 logger = logging.getLogger(__name__)
@@ -35,6 +35,27 @@ class Request:
     content: Content
     inputs: inputs.Signature
     """Of the map and the vehicle that it is to be checked against."""
+    afresh: bool = False
+    """Whether to plan from scratch, and not on from the last plan."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Draft:
+    """What the path would look like with one waypoint elsewhere and all times kept; checked by nothing."""
+
+    waypoint: int
+    """Its id."""
+    position_world_m: FloatArray
+    """(3,) where it is dragged."""
+    path_world_m: FloatArray | None = None
+    """(m, 3); None in a question, and where no draft can be made."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Taken:
+    """The process has begun to work on a request."""
+
+    revision: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,78 +69,120 @@ class Answer:
 
 
 class PlanningProcess:
-    """`request` returns at once; `on_answer` is called from a thread of this object."""
+    """`request` and `draft` return at once; `on_answer` and `on_draft` are called from a thread of this object."""
 
-    def __init__(self, folder: Path, base: planner.PlanOptions, on_answer: Callable[[Answer], None]) -> None:
-        self._folder, self._base, self._on_answer = folder, base, on_answer
-        self._waiting: Request | None = None
-        self._wake = threading.Condition()
+    def __init__(
+        self,
+        folder: Path,
+        base: planner.PlanOptions,
+        on_answer: Callable[[Answer], None],
+        on_draft: Callable[[Draft], None] = lambda _: None,
+    ) -> None:
+        self._folder, self._base = folder, base
+        self._on_answer, self._on_draft = on_answer, on_draft
+        self._lock = threading.RLock()
+        self._newest: Request | None = None
+        """Not answered yet."""
+        self._waits_since_s: float | None = None
+        """Since when it waits for the process to begin with it."""
         self._closed = False
-        self._process: Any = None
-        self._pipe: Connection | None = None
-        self._thread = threading.Thread(target=self._serve, name="planning", daemon=True)
+        self._woken, self._wake = multiprocessing.Pipe(duplex=False)
         self._start()
+        self._thread = threading.Thread(target=self._serve, name="planning", daemon=True)
         self._thread.start()
 
     def request(self, request: Request) -> None:
-        with self._wake:
-            self._waiting = request
-            self._wake.notify()
+        with self._lock:
+            self._newest, self._waits_since_s = request, time.monotonic()
+            self._send(request)
+            self._wake.send_bytes(b"1")
+
+    def draft(self, waypoint: int, position_world_m: FloatArray) -> None:
+        """Ask for a path with this waypoint (id) moved there."""
+        with self._lock:
+            self._send(Draft(waypoint, position_world_m))
 
     def close(self) -> None:
-        with self._wake:
+        with self._lock:
             self._closed = True
-            self._wake.notify()
+            self._wake.send_bytes(b"1")
         self._thread.join(timeout=5.0)
         self._end()
 
-    def _serve(self) -> None:
-        while True:
-            with self._wake:
-                self._wake.wait_for(lambda: self._waiting is not None or self._closed)
-                if self._closed:
-                    return
-                request, self._waiting = self._waiting, None
-            assert request is not None
-            answer = self._ask(request)
-            if answer is not None:
-                try:
-                    self._on_answer(answer)
-                except Exception:  # the next request must still be answered
-                    logger.exception("the plan could not be shown")
-
-    def _ask(self, request: Request) -> Answer | None:
-        """The answer of the process; None if a newer request ended it."""
-        assert self._pipe is not None
-        begun_s = time.monotonic()
+    def _send(self, message: Request | Draft) -> None:
         try:
-            self._pipe.send(request)
-            while not self._pipe.poll(0.02):
-                overdue = time.monotonic() - begun_s > PATIENCE_S
-                if self._closed or (overdue and self._waiting is not None):
+            self._pipe.send(message)
+        except OSError:  # the process is gone, as whoever reads its answers finds out
+            logger.info("the planner's process does not listen")
+
+    def _serve(self) -> None:
+        while not self._closed:
+            ready = connection.wait([self._pipe, self._woken], self._patience_s())
+            if self._woken in ready:
+                self._woken.recv_bytes()
+            try:
+                if self._pipe in ready:
+                    self._take(self._pipe.recv())
+                elif self._patience_s() == 0.0:
                     self._restart()
-                    return None
-            return self._pipe.recv()
-        except (EOFError, OSError):
+            except (EOFError, OSError):
+                self._died()
+
+    def _patience_s(self) -> float | None:
+        """How long the process may still take to begin with the newest request; None: as long as it likes."""
+        with self._lock:
+            if self._waits_since_s is None or not self._ready:
+                return None
+            return max(self._waits_since_s + PATIENCE_S - time.monotonic(), 0.0)
+
+    def _take(self, message: Answer | Draft | _Taken | None) -> None:
+        with self._lock:
+            self._ready = True
+            newest = self._newest
+            if isinstance(message, _Taken) and newest is not None and message.revision == newest.revision:
+                self._waits_since_s = None
+            if isinstance(message, Answer) and newest is not None and message.request.revision == newest.revision:
+                self._newest = None
+        try:
+            if isinstance(message, Answer):
+                self._on_answer(message)
+            elif isinstance(message, Draft):
+                self._on_draft(message)
+        except Exception:  # the next request must still be answered
+            logger.exception("the plan could not be shown")
+
+    def _died(self) -> None:
+        with self._lock:
+            request, self._newest = self._newest, None
             self._restart()
+        if request is not None and not self._closed:
             reason = "the planner's process ended unexpectedly"
             problem = protocol.Problem(reason, "try again, or change the waypoints", None)
-            return Answer(request, None, protocol.Plan(request.revision, "refused", reason, problem=problem))
+            shown = protocol.Plan(request.revision, "refused", reason, problem=problem)
+            self._take(Answer(request, None, shown))
 
     def _start(self) -> None:
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=_serve_requests, args=(theirs, self._folder, self._base), daemon=True)
+        self._ready = False
+        """Whether the process has said anything yet."""
+        self._process: Any = context.Process(
+            target=_serve_requests, args=(theirs, self._folder, self._base), daemon=True
+        )
         self._process.start()
         theirs.close()
 
     def _restart(self) -> None:
-        self._end()
-        if not self._closed:
+        with self._lock:
+            self._end()
+            if self._closed:
+                return
             self._start()
+            self._waits_since_s = None
+            if self._newest is not None:
+                self.request(self._newest)
 
     def _end(self) -> None:
-        assert self._pipe is not None
         self._process.kill()
         self._process.join()
         self._pipe.close()
@@ -128,38 +191,62 @@ class PlanningProcess:
 # --- in the planning process ---
 
 
-def _serve_requests(pipe: Connection, folder: Path, base: planner.PlanOptions) -> None:
+def _serve_requests(pipe: connection.Connection, folder: Path, base: planner.PlanOptions) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which ends this process
-    waiting: list[Request] = []
-    arrived = threading.Condition()
+    newest: list[Request] = []
+    arrived, sending = threading.Condition(), threading.Lock()
+    replanner = replanning.Replanner()
+
+    def send(message: Answer | Draft | _Taken | None) -> None:
+        with sending:
+            pipe.send(message)
 
     def receive() -> None:
         while True:
             try:
-                request = pipe.recv()
+                message = pipe.recv()
             except (EOFError, OSError):  # the parent is gone
                 os._exit(0)
+            if isinstance(message, Draft):
+                path = replanner.draft(message.waypoint, message.position_world_m)
+                send(replace(message, path_world_m=path))
+                continue
             with arrived:
-                waiting.append(request)
+                newest[:] = [message]
+                replanner.cancel()
                 arrived.notify()
 
     threading.Thread(target=receive, daemon=True).start()
+    send(None)  # from now on requests are taken at once
     parts = inputs.Parts(folder)
     while True:
         with arrived:
-            arrived.wait_for(lambda: bool(waiting))
-            request = waiting.pop(0)
-        pipe.send(_answer(request, parts, base))
+            arrived.wait_for(lambda: bool(newest))
+            request = newest.pop()
+            replanner.begin()
+        send(_Taken(request.revision))
+        try:
+            send(answer(request, parts, base, replanner))
+        except planner.PlanCancelledError:
+            continue  # for a newer one, which is taken next
 
 
-def _answer(request: Request, parts: inputs.Parts, base: planner.PlanOptions) -> Answer:
+def answer(request: Request, parts: inputs.Parts, base: planner.PlanOptions, replanner: replanning.Replanner) -> Answer:
+    """Plan, check and describe, on from what `replanner` planned last.
+
+    Raises:
+        PlanCancelledError: `replanner.cancel` was called.
+    """
     begun_s = time.perf_counter()
     try:
-        file, shown = _planned(request, parts, base)
+        file, shown = _planned(request, parts, base, replanner)
+    except planner.PlanCancelledError:
+        raise
     except FlightError as error:
         where, remedy = getattr(error, "segment", None), getattr(error, "remedy", "")
         reason = getattr(error, "reason", str(error))
-        waypoint = None if where is None else request.content.points[where].id
+        flown = [name for name in missions.flown(request.content) if name is not None]
+        waypoint = None if where is None else flown[min(where, len(flown) - 1)]
         problem = protocol.Problem(reason, remedy, waypoint)
         return Answer(request, None, protocol.Plan(request.revision, "refused", str(error), problem=problem))
     elapsed_ms = 1000.0 * (time.perf_counter() - begun_s)
@@ -167,16 +254,19 @@ def _answer(request: Request, parts: inputs.Parts, base: planner.PlanOptions) ->
 
 
 def _planned(
-    request: Request, parts: inputs.Parts, base: planner.PlanOptions
+    request: Request, parts: inputs.Parts, base: planner.PlanOptions, replanner: replanning.Replanner
 ) -> tuple[TrajectoryFile, Callable[[float], protocol.Plan]]:
+    content = request.content
     area, believed = parts.map(request.inputs), parts.vehicle(request.inputs)
-    waypoints = request.content.waypoints()
-    plan = planner.plan(waypoints, area.field, believed, options(request.content, believed, base))
+    asked = options(content, believed, base)
+    plan = replanner.plan(content, replanning.Known(area.field, believed, asked), afresh=request.afresh)
     file = planner.trajectory_file(plan, name="plan")
     page_values.crc32(file)  # a plan that the vehicle cannot store is refused here, in words
-    series = page_values.series(plan.trajectory, believed, area.field)
-    bounds = page_values.limits(plan.gate, series)
-    passed = page_values.passings(request.content.points, plan.trajectory, series)
+    series = page_values.series(plan.trajectory, believed, area.field, asked.limits_for(believed))
+    judged_m = page_values.judged_clearance(plan.trajectory, area.field, plan.gate, series)
+    bounds = page_values.limits(plan.gate, series, judged_m)
+    radii_m = {point.id: point.fly_by_m for point in content.points}
+    passed = page_values.passings(plan, missions.flown(content), radii_m, area.field)
 
     def shown(planning_ms: float) -> protocol.Plan:
         top = max(series.speed_m_s)
@@ -184,7 +274,7 @@ def _planned(
             revision=request.revision,
             state="checked",
             sentence=(
-                f"{plan.trajectory.duration_s:.2f} s, {len(waypoints.positions_world_m)} waypoints, top speed "
+                f"{plan.trajectory.duration_s:.2f} s, {_counted(content)}, top speed "
                 f"{top:.2f} m/s. Closest {plan.gate.clearance_m:.2f} m; "
                 f"{plan.gate.required_clearance_m:.2f} m is needed."
             ),
@@ -195,12 +285,17 @@ def _planned(
             closest=plan.gate.clearance_point_world_m,
             planning_ms=planning_ms,
             limits=bounds,
-            segments=page_values.segments(passed, bounds, series),
+            segments=page_values.segments(passed, bounds, series, judged_m),
             passings=passed,
             series=series,
         )
 
     return file, shown
+
+
+def _counted(content: Content) -> str:
+    laps = content.settings.laps
+    return f"{len(content.points)} waypoints" + (f", {laps} lap{'s' if laps > 1 else ''}" if laps else "")
 
 
 def options(content: Content, believed: vehicle.Vehicle, base: planner.PlanOptions) -> planner.PlanOptions:
@@ -211,4 +306,12 @@ def options(content: Content, believed: vehicle.Vehicle, base: planner.PlanOptio
         speed_m_s=min(asked.speed_m_s, own.speed_m_s),
         acceleration_m_s2=min(asked.acceleration_m_s2, own.acceleration_m_s2),
     )
-    return replace(base, margin_m=asked.margin_m, yaw=asked.yaw, method=asked.method, limits=limits)
+    return replace(
+        base,
+        margin_m=asked.margin_m,
+        yaw=asked.yaw,
+        heading_rad=asked.heading_rad,
+        look_at_world_m=asked.look_at_world_m,
+        method=asked.method,
+        limits=limits,
+    )

@@ -9,122 +9,24 @@ from typing import Literal
 
 import msgspec
 
-PROTOCOL = 1
+from gcs_web.protocol_parts import (
+    Colour,
+    Held,
+    Limit,
+    Mission,
+    Passing,
+    Person,
+    Problem,
+    SavedTrajectory,
+    Segment,
+    Series,
+    Settings,
+    Waypoint,
+    YawMode,
+)
+
+PROTOCOL = 2
 """Raised when an old page could misread a new server."""
-
-
-# --- parts of messages ---
-
-
-class Person(msgspec.Struct, frozen=True):
-    """Someone who has the page open."""
-
-    id: str
-    name: str
-
-
-class Waypoint(msgspec.Struct, frozen=True):
-    """A point to fly through."""
-
-    id: int
-    """Stays with the waypoint however its number changes."""
-    x_m: float
-    y_m: float
-    z_m: float
-    yaw_deg: float | None = None
-    """Heading, None where the planner may choose."""
-
-
-class Settings(msgspec.Struct, frozen=True):
-    """What the pilot asks of the planner."""
-
-    speed_m_s: float
-    acceleration_m_s2: float
-    margin_m: float
-    yaw: Literal["along_path", "smooth"]
-    method: Literal["fastest", "corridor"]
-
-
-class Limit(msgspec.Struct, frozen=True):
-    """How much of a limit the plan uses."""
-
-    name: str
-    value: float
-    bound: float
-    sense: Literal["<=", ">="]
-    unit: str
-    share: float
-    """Of the limit that is used, 0 to 1; above 1 it is exceeded."""
-    time_s: float
-    """When it is used most."""
-
-
-class Segment(msgspec.Struct, frozen=True):
-    """A stretch between two waypoints."""
-
-    start_s: float
-    end_s: float
-    binding: str
-    """Name of the limit of which most is used there."""
-    share: float
-
-
-class Passing(msgspec.Struct, frozen=True):
-    """How the plan passes a waypoint."""
-
-    waypoint: int
-    time_s: float
-    speed_m_s: float
-    clearance_m: float
-
-
-class Series(msgspec.Struct, frozen=True):
-    """The plan sampled at equal steps of time; all lists are of one length, but the last of four times that."""
-
-    time_s: list[float]
-    x_m: list[float]
-    y_m: list[float]
-    z_m: list[float]
-    speed_m_s: list[float]
-    acceleration_m_s2: list[float]
-    clearance_m: list[float]
-    tilt_deg: list[float]
-    rotor_slowest_rad_s: list[float]
-    rotor_fastest_rad_s: list[float]
-    yaw_rate_deg_s: list[float]
-    q_world_body: list[float]
-    """Attitudes one after another, four numbers each (w x y z)."""
-
-
-class Problem(msgspec.Struct, frozen=True):
-    """Why there is no plan, and the way out."""
-
-    reason: str
-    remedy: str
-    waypoint: int | None
-    """Id of the waypoint in question."""
-
-
-class SavedTrajectory(msgspec.Struct, frozen=True):
-    """A trajectory file of the project."""
-
-    name: str
-    duration_s: float
-    checked: bool
-    """By the final gate, for the map and the vehicle as they are now."""
-    saved_at: str
-    """ISO 8601, UTC."""
-
-
-class Held(msgspec.Struct, frozen=True):
-    """A trajectory as shown before an upload: what the vehicle has, or what it would get."""
-
-    name: str
-    duration_s: float
-    segments: int
-    room_m: float
-    """What is left between the vehicle's surface and every obstacle: room for its tracking error."""
-    crc32: str
 
 
 # --- from the server ---
@@ -149,6 +51,7 @@ class Document(msgspec.Struct, frozen=True, tag="document"):
     """Name of who made this revision."""
     waypoints: list[Waypoint]
     settings: Settings
+    mission: Mission
     undo: str
     """What undo would take back, in words; empty for nothing."""
     redo: str
@@ -227,6 +130,15 @@ class Cursor(msgspec.Struct, frozen=True, tag="cursor"):
     time_s: float
 
 
+class Shown(msgspec.Struct, frozen=True, tag="shown"):
+    """What the 3D view, which is the same for everybody, draws now."""
+
+    colour: Colour
+    slice_z_m: float | None
+    author: str
+    """Id of the person who chose it."""
+
+
 class Selection(msgspec.Struct, frozen=True, tag="selection"):
     """Waypoints were selected in the 3D view."""
 
@@ -245,7 +157,7 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
     """Of `prepare_upload`."""
 
 
-ToPage = Welcome | Document | Plan | Vehicle | People | Files | Notice | Cursor | Selection | Reply
+ToPage = Welcome | Document | Plan | Vehicle | People | Files | Notice | Cursor | Shown | Selection | Reply
 
 
 # --- from the page ---
@@ -290,6 +202,22 @@ class Turn(Edit, frozen=True, tag="turn", kw_only=True):
     yaw_deg: float | None
 
 
+class Ask(Edit, frozen=True, tag="ask", kw_only=True):
+    """Set what is asked at waypoints; None leaves a request as it is, 0 drops it."""
+
+    waypoints: list[int]
+    stay_s: float | None = None
+    fly_by_m: float | None = None
+    leg_speed_m_s: float | None = None
+
+
+class Pass(Edit, frozen=True, tag="pass", kw_only=True):
+    """Set the velocity to have at waypoints, world frame; None leaves it open."""
+
+    waypoints: list[int]
+    velocity_m_s: tuple[float, float, float] | None
+
+
 class Insert(Edit, frozen=True, tag="insert", kw_only=True):
     """Add a waypoint after another (None: at the start); without coordinates half-way to the next one."""
 
@@ -313,8 +241,34 @@ class Choose(Edit, frozen=True, tag="choose", kw_only=True):
     speed_m_s: float | None = None
     acceleration_m_s2: float | None = None
     margin_m: float | None = None
-    yaw: Literal["along_path", "smooth"] | None = None
+    yaw: YawMode | None = None
     method: Literal["fastest", "corridor"] | None = None
+    heading_deg: float | None = None
+    look_at_m: tuple[float, float, float] | None = None
+
+
+class Loop(Edit, frozen=True, tag="loop", kw_only=True):
+    """Fly waypoints as a closed loop; ids as in `Mission`."""
+
+    laps: int
+    lap_first: int | None = None
+    lap_last: int | None = None
+
+
+class SetGround(Edit, frozen=True, tag="ground", kw_only=True):
+    """Set where the take-off or the landing is; coordinates that are left out stay, or are those below the waypoint."""
+
+    end: Literal["take_off", "landing"]
+    x_m: float | None = None
+    y_m: float | None = None
+    z_m: float | None = None
+    climb_m_s: float | None = None
+
+
+class ClearGround(Edit, frozen=True, tag="clear_ground", kw_only=True):
+    """Begin or end in the air."""
+
+    end: Literal["take_off", "landing"]
 
 
 class Undo(Command, frozen=True, tag="undo", kw_only=True):
@@ -363,7 +317,7 @@ class Look(Command, frozen=True, tag="look", kw_only=True):
 class Show(Command, frozen=True, tag="show", kw_only=True):
     """What the 3D view draws."""
 
-    colour: Literal["clearance", "speed", "tilt", "rotors"] = "clearance"
+    colour: Colour = "clearance"
     slice_z_m: float | None = None
     """Height of a slice through the distance field; None for none."""
 
@@ -401,6 +355,7 @@ class Abort(Command, frozen=True, tag="abort", kw_only=True):
 
 
 FromPage = (
-    Move | Shift | Turn | Insert | Delete | Reverse | Choose | Undo | Redo | PlanAgain | Save | Open | Discard
+    Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround
+    | Undo | Redo | PlanAgain | Save | Open | Discard
     | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort
 )  # fmt: skip

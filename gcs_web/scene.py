@@ -1,5 +1,6 @@
 """The 3D scene (mesh, distance-field slice, path, waypoints, vehicle): arrays in, viser nodes out."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +24,10 @@ PLENTY_ABOVE_M = 0.7
 
 _DARKENED = 0.45
 """Share of the mesh's brightness that is shown: the path must stand out from it."""
+_PLAIN = 0.6
+"""Brightness of a mesh that has no colours of its own."""
 _UNKNOWN = np.array([90, 90, 100.0])
+_MARK = (196, 113, 240)
 _SLICE_ALPHA, _INSIDE_ALPHA = 90, 0
 
 
@@ -44,7 +48,12 @@ def series_colours(series: protocol.Series, what: str, required_m: float) -> np.
     """Colours of a path by one of its figures, from the smallest to the largest: (n, 3) uint8."""
     if what == "clearance":
         return clearance_colours(np.array(series.clearance_m), required_m)
-    values = {"speed": series.speed_m_s, "tilt": series.tilt_deg, "rotors": series.rotor_fastest_rad_s}[what]
+    values = {
+        "speed": series.speed_m_s,
+        "thrust": series.thrust_n,
+        "tilt": series.tilt_deg,
+        "rotor_margin": series.rotor_margin_percent,
+    }[what]
     low, high = min(values), max(values)
     return colours((np.array(values) - low) / max(high - low, 1e-9), "cividis")
 
@@ -67,10 +76,12 @@ def display_mesh(path: Path, triangles: int = DISPLAY_TRIANGLES, *, progress: Pr
         progress("simplifying the mesh", 1.0 - (left + 1) / steps)
         mesh = mesh.simplify_quadric_decimation(triangles + left * surplus // steps)
     colours = np.asarray(mesh.vertex_colors)
+    if not len(colours):
+        colours = np.full((len(mesh.vertices), 3), _PLAIN)
     return trimesh.Trimesh(
         np.asarray(mesh.vertices),
         np.asarray(mesh.triangles),
-        vertex_colors=(255 * _DARKENED * colours).astype(np.uint8) if len(colours) else None,
+        vertex_colors=(255 * _DARKENED * colours).astype(np.uint8),
         process=False,
     )
 
@@ -102,17 +113,39 @@ def draw_slice(server: "viser.ViserServer", field: Any, height_m: float, require
     )  # fmt: skip
 
 
-def draw_path(server: "viser.ViserServer", positions_world_m: FloatArray, colours: np.ndarray) -> Any:
+def draw_path(
+    server: "viser.ViserServer", positions_world_m: FloatArray, colours: np.ndarray, *, name: str = "/path"
+) -> Any:
     """A thick line through (m, 3) positions, coloured at each."""
     # viser takes a line's colours for linear light, and brightens them on the screen by the inverse of this.
     linear = np.round(255.0 * (colours / 255.0) ** 2.2).astype(np.uint8)
     return server.scene.add_line_segments(
-        "/path",
+        name,
         np.stack([positions_world_m[:-1], positions_world_m[1:]], axis=1),
         np.stack([linear[:-1], linear[1:]], axis=1),
         thickness=0.06,
         thickness_units="world",
     )
+
+
+def draw_marks(
+    server: "viser.ViserServer",
+    grounds_world_m: Sequence[tuple[float, float, float]],
+    target_world_m: tuple[float, float, float] | None,
+) -> list[Any]:
+    """A flat disc where the vehicle stands on the ground, a small icosahedron where it looks; None: nowhere."""
+    marks: list[Any] = [
+        server.scene.add_cylinder(
+            f"/ground_{i}", radius=0.2, height=0.01, color=_MARK, position=position, cast_shadow=False
+        )
+        for i, position in enumerate(grounds_world_m)
+    ]
+    if target_world_m is not None:
+        target = server.scene.add_icosphere(
+            "/target", radius=0.08, subdivisions=0, color=_MARK, position=target_world_m, cast_shadow=False
+        )
+        marks.append(target)
+    return marks
 
 
 def draw_vehicle(server: "viser.ViserServer", name: str, *, opacity: float, arm_m: float = 0.15) -> Any:

@@ -11,11 +11,10 @@ from collections import deque
 from collections.abc import Callable
 from typing import Literal, NamedTuple
 
-import numpy as np
-
-from flight import InputError, Waypoints, project, results
+from flight import InputError, Waypoints, mission, results
+from flight.mission import Mission
 from flight.project import Project
-from gcs_web import edits, page_values, protocol
+from gcs_web import edits, missions, page_values, protocol
 from gcs_web.document import Content, Patch, Settings, difference, patched
 from gcs_web.journal import Entry, Journal
 
@@ -61,7 +60,7 @@ class Session:
             if self._journal.is_new:
                 first = Content(settings=settings)
                 exists = opened.waypoints.exists()
-                self._journal.begin(first.with_waypoints(project.load_waypoints(opened.waypoints)) if exists else first)
+                self._journal.begin(missions.with_mission(first, mission.load(opened.waypoints)) if exists else first)
             self._take_file(opening=True)
         except BaseException:
             self._journal.close()
@@ -92,6 +91,7 @@ class Session:
                 author=self.author,
                 waypoints=[page_values.waypoint(point) for point in saved.content.points],
                 settings=page_values.settings(saved.content.settings),
+                mission=page_values.mission(saved.content.settings),
                 undo=saved.undo[-1].label if saved.undo else "",
                 redo=saved.redo[-1].label if saved.redo else "",
             )
@@ -107,10 +107,11 @@ class Session:
             self._refuse_conflict(edit, difference(self.content, after).touched, author)
             return self._make(after, label, author)
 
-    def take(self, waypoints: Waypoints, label: str, author: str) -> str:
-        """Replace all waypoints, as one change."""
+    def take(self, wanted: Mission | Waypoints, label: str, author: str) -> str:
+        """Replace all waypoints and requests, as one change."""
+        asked = Mission(wanted) if isinstance(wanted, Waypoints) else wanted
         with self._lock:
-            return self._make(self.content.with_waypoints(waypoints), label, author)
+            return self._make(missions.with_mission(self.content, asked), label, author)
 
     def undo(self, author: str) -> str:
         """Take back the newest change, whoever made it; returns what was taken back, naming who made it."""
@@ -143,12 +144,12 @@ class Session:
             seen, last = path.stat(), self._written
             if last is not None and _same_file(seen, last):
                 return False  # ours, if perhaps of before an edit that could not be written
-            found = project.load_waypoints(path)
+            found = mission.load(path)
             self._written = seen  # a damaged file stays foreign: the next edit keeps it
-            if _same(found, self.content.waypoints()):
+            if missions.same(self.content, found):
                 return False
             steps_back = self._last_steps_back() if opening else []
-            if any(_same(found, patched(self.content, step).waypoints()) for step in steps_back):
+            if any(missions.same(patched(self.content, step), found) for step in steps_back):
                 self._write_file(self.content)  # we were killed between journal and file
                 return False
             try:
@@ -214,16 +215,10 @@ class Session:
             kept = results.keep(path)
             self._notice = f"another program wrote {path.name} during an edit here; its version is kept as {kept.name}"
             logger.warning(self._notice)
-        project.save_waypoints(path, content.waypoints())
+        mission.save(path, missions.mission_of(content))
         self._written = path.stat()
 
 
 def _same_file(a: os.stat_result, b: os.stat_result) -> bool:
     """Whether nobody wrote in between; each of our writes makes a new file (inode)."""
     return (a.st_ino, a.st_mtime_ns, a.st_size) == (b.st_ino, b.st_mtime_ns, b.st_size)
-
-
-def _same(a: Waypoints, b: Waypoints) -> bool:
-    return np.array_equal(a.positions_world_m, b.positions_world_m) and np.array_equal(
-        a.yaw_rad, b.yaw_rad, equal_nan=True
-    )

@@ -5,26 +5,24 @@ viser is given numbers and fixed names only: no text of a user's, a log's or a v
 
 import threading
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flight import FloatArray, Progress, silent
 from gcs_web import picking, protocol, scene
-from gcs_web.document import Point
+from gcs_web.document import Point, Settings
 from mapping import Map
 
 if TYPE_CHECKING:
     import viser
-
-Colour = Literal["clearance", "speed", "tilt", "rotors"]
 
 _BALL_M = 0.05
 _SEEN = 1e-3
 """Smallest change of a pose (m, or of a quaternion's number) that is drawn."""
 _STAND_OFF_M = 0.2
 """Beyond the required clearance, for a waypoint that is placed by a click."""
-_WHITE, _SELECTED = (233, 237, 240), (121, 176, 255)
+_WHITE, _SELECTED, _GREY = (233, 237, 240), (121, 176, 255), (120, 120, 120)
 
 
 class View3D:
@@ -37,21 +35,26 @@ class View3D:
         self._lock = threading.RLock()
         self._points: tuple[Point, ...] = ()
         self._balls: dict[int, Any] = {}
+        self._marks: list[Any] = []
         self._selected: tuple[int, ...] = ()
         self._handle: Any = None
         self._series: protocol.Series | None = None
         self._required_m = 0.0
-        self._colour: Colour = "clearance"
+        self._colour: protocol.Colour = "clearance"
         self._slice_z_m: float | None = None
         self._path: Any = None
         self._map: Map | None = None
         self._checked = False
+        self._dragged_point: int | None = None
+        self._draft: Any = None
         self._surface: picking.Surface | None = None
         self._drawn_pose = np.zeros(7)
         self.on_select: Callable[[int], None] = lambda _: None
         """A waypoint was clicked; its id."""
         self.on_drag: Callable[[int, FloatArray], None] = lambda _i, _p: None
         """A waypoint was let go at (3,) world."""
+        self.on_pull: Callable[[int, FloatArray], None] = lambda _i, _p: None
+        """A waypoint is held at (3,) world."""
         self.on_moment: Callable[[float], None] = lambda _: None
         """The path was clicked; the plan's time there, s."""
         self.on_add: Callable[[int | None, FloatArray], None] = lambda _i, _p: None
@@ -84,6 +87,15 @@ class View3D:
                 self._ball(point).position = point.position_world_m
             self._draw_handle()
 
+    def draw_mission(self, chosen: Settings) -> None:
+        """Mark where take-off and landing are, and the point that is looked at."""
+        with self._lock, self._server.atomic():
+            for mark in self._marks:
+                mark.remove()
+            grounds = [ground.position_world_m for ground in (chosen.take_off, chosen.landing) if ground is not None]
+            target = chosen.look_at_world_m if chosen.yaw == "look_at" else None
+            self._marks = scene.draw_marks(self._server, grounds, target)
+
     def select(self, waypoints: Sequence[int]) -> None:
         with self._lock, self._server.atomic():
             self._selected = tuple(waypoints)
@@ -96,14 +108,38 @@ class View3D:
         with self._lock:
             self._required_m = required_m
 
-    def draw_plan(self, series: protocol.Series | None) -> None:
-        """Draw a checked plan; None leaves the last good path there in grey."""
-        with self._lock:
+    def draw_plan(self, series: protocol.Series | None, *, is_coming: bool = False) -> None:
+        """Draw a checked plan; None leaves the last good path there in grey, and a draft if a plan `is_coming`."""
+        with self._lock, self._server.atomic():
+            if not is_coming:
+                self._drop_draft()
             self._checked = series is not None
             self._series = series if self._checked else self._series
             self._draw_path()
             if not self._checked:
                 self._ghost.visible = False
+
+    def draw_draft(self, path_world_m: FloatArray) -> None:
+        """Draw (m, 3) a path that nobody has checked while a waypoint is dragged, and the last good one in grey."""
+        with self._lock, self._server.atomic():
+            if self._dragged_point is None:
+                return  # it was let go meanwhile
+            begins = self._draft is None
+            colours = np.full((len(path_world_m), 3), _SELECTED, dtype=np.uint8)
+            self._draft = scene.draw_path(self._server, path_world_m, colours, name="/draft")
+            if begins:
+                self._draw_path()
+
+    def drop_draft(self) -> None:
+        """For a drag that changed nothing: the plan is as good as before."""
+        with self._lock, self._server.atomic():
+            self._drop_draft()
+            self._draw_path()
+
+    def _drop_draft(self) -> None:
+        if self._draft is not None:
+            self._draft.remove()
+            self._draft = None
 
     def look(self, time_s: float | None) -> None:
         """Draw the vehicle where the plan has it at a moment; None hides it."""
@@ -117,7 +153,7 @@ class View3D:
             self._ghost.wxyz = tuple(series.q_world_body[4 * k : 4 * k + 4])
             self._ghost.visible = True
 
-    def show(self, colour: Colour, slice_z_m: float | None) -> None:
+    def show(self, colour: protocol.Colour, slice_z_m: float | None) -> None:
         with self._lock:
             self._colour, self._slice_z_m = colour, slice_z_m
             self._draw_path()
@@ -174,10 +210,19 @@ class View3D:
 
     def _dragged(self, waypoint: int, event: Any) -> None:
         position = np.array(event.target.position, dtype=np.float64)
+        with self._lock:
+            if event.phase == "start":
+                self._dragged_point = waypoint
+            elif event.phase == "end":
+                self._dragged_point = None
+            elif self._dragged_point != waypoint:
+                return  # events may arrive out of order: this one came after the end
+            elif waypoint in self._balls:
+                self._balls[waypoint].position = tuple(position)
         if event.phase == "end":
             self.on_drag(waypoint, position)
-        elif waypoint in self._balls:
-            self._balls[waypoint].position = tuple(position)
+        elif event.phase == "update":
+            self.on_pull(waypoint, position)
 
     def _clicked(self, event: "viser.SceneClickEvent") -> None:
         with self._lock:
@@ -209,8 +254,9 @@ class View3D:
         if series is None:
             return
         positions = np.stack([series.x_m, series.y_m, series.z_m], axis=1)
-        grey = np.full((len(positions), 3), 120, dtype=np.uint8)
-        colours = scene.series_colours(series, self._colour, self._required_m) if self._checked else grey
+        is_current = self._checked and self._draft is None
+        grey = np.full((len(positions), 3), _GREY, dtype=np.uint8)
+        colours = scene.series_colours(series, self._colour, self._required_m) if is_current else grey
         self._path = scene.draw_path(self._server, positions, colours)
 
     def _draw_slice(self) -> None:

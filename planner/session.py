@@ -49,13 +49,14 @@ class Planner:
         options: PlanOptions | None = None,
         *,
         conditions: Conditions | None = None,
+        stop: StopFlag | None = None,
     ) -> None:
-        """Plans from scratch. Raises as `planner.plan`."""
+        """Plans from scratch, until it is told to `stop` from another thread. Raises as `planner.plan`."""
         self._conditions = Conditions() if conditions is None else conditions
         self._field, self._vehicle = field, vehicle
         self._options = PlanOptions() if options is None else options
         self._room = self._conditions.room(field, self._options)
-        self._stop = StopFlag()
+        self._stop = StopFlag() if stop is None else stop
         self._flags, self._working = threading.Lock(), threading.Lock()
         self._accept(*self._scratch(waypoints, self._options, self._stop), waypoints)
 

@@ -1,4 +1,4 @@
-"""Writes the client's message types from `gcs_web/protocol.py`: `python tools/page_types.py`."""
+"""Writes the client's message types from `gcs_web/protocol*.py`: `python tools/page_types.py`."""
 
 import inspect
 import types
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import msgspec
 
-from gcs_web import protocol
+from gcs_web import protocol, protocol_parts
 
 TARGET = Path(__file__).parents[1] / "gcs_web" / "client" / "src" / "protocol.ts"
 HEAD = "// Written by tools/page_types.py from gcs_web/protocol.py. Do not edit.\n"
@@ -18,8 +18,9 @@ def typescript() -> str:
     """All structs of the protocol as interfaces, then the two unions."""
     structs = [
         kind
-        for kind in vars(protocol).values()
-        if inspect.isclass(kind) and issubclass(kind, msgspec.Struct) and kind.__module__ == protocol.__name__
+        for module in (protocol_parts, protocol)
+        for kind in vars(module).values()
+        if inspect.isclass(kind) and issubclass(kind, msgspec.Struct) and kind.__module__ == module.__name__
     ]
     parts = [HEAD, f"export const PROTOCOL = {protocol.PROTOCOL};", *(_interface(kind) for kind in structs)]
     for name in ("ToPage", "FromPage"):

@@ -12,7 +12,7 @@ from gcs_web.desk import Desk
 
 
 def _plan_again(desk: Desk, _: protocol.Person, __: protocol.PlanAgain) -> None:
-    desk.request_plan()
+    desk.request_plan(afresh=True)
 
 
 def _save(desk: Desk, _: protocol.Person, save: protocol.Save) -> None:

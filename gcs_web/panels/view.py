@@ -15,8 +15,9 @@ def _look(desk: Desk, _: protocol.Person, look: protocol.Look) -> None:
     desk.view.look(look.time_s)
 
 
-def _show(desk: Desk, _: protocol.Person, show: protocol.Show) -> None:
+def _show(desk: Desk, person: protocol.Person, show: protocol.Show) -> None:
     desk.view.show(show.colour, show.slice_z_m)
+    desk.hub.publish(protocol.Shown(show.colour, show.slice_z_m, person.id))
 
 
 HANDLERS: dict[type, Callable[[Desk, protocol.Person, Any], None]] = {

@@ -11,7 +11,7 @@ import pytest
 
 import vehicle
 from firmware_bridge import SitlVehicle, controller, keys
-from flight import Waypoints, project, rotations, trajectory
+from flight import Waypoints, mission, project, rotations, trajectory
 from gcs_web import GroundStation
 from tests.waiting import PATIENCE_S
 from tests.waiting import until as wait
@@ -146,7 +146,14 @@ def test_a_waypoint_is_dragged_in_the_3d_view(station, page):
     page.get_by_role("grid", name="Waypoints").get_by_role("row").nth(2).get_by_role("rowheader").click()
     pull = np.array([0.0, 0.35, 0.0])
     grip = START[1] + np.array([0.0, 0.25, 0.0])  # on the handle's y arrow
-    wait(lambda: dragged(page, station, grip, grip + pull), "a drag that the view understands")
+    drafts: list[np.ndarray] = []
+    draw, station.view.draw_draft = station.view.draw_draft, lambda path: (drafts.append(path), draw(path))
+    try:
+        wait(lambda: dragged(page, station, grip, grip + pull), "a drag that the view understands")
+        wait(lambda: drafts, "a draft of the path while it was dragged")
+    finally:
+        station.view.draw_draft = draw
+    assert np.linalg.norm(drafts[-1] - positions(station)[1], axis=1).min() < 0.3
     moved = positions(station)
     np.testing.assert_allclose(moved[1], START[1] + pull, atol=0.15)
     np.testing.assert_array_equal(moved[[0, 2]], START[[0, 2]])
@@ -188,6 +195,95 @@ def test_a_shift_click_on_the_floor_adds_a_waypoint_after_the_last(station, page
     page.get_by_role("status").get_by_text("Waypoint 3 inserted").wait_for()
 
 
+def verdict(page):
+    return page.get_by_role("region", name="Verdict")
+
+
+def test_a_stay_is_asked_for_in_the_table_and_taken_back(station, page):
+    page.get_by_role("button", name="Requests").click()
+    cell(page, 1, 1).dblclick()
+    page.keyboard.type("1.5")
+    page.keyboard.press("Enter")
+    wait(lambda: station.desk.session.content.points[1].stay_s == 1.5, "the stay")
+    page.get_by_role("status").get_by_text("Stay at waypoint 1 1.5 s").wait_for()
+    verdict(page).get_by_text("Checked", exact=True).wait_for()
+    cell(page, 1, 2).dblclick()
+    page.keyboard.type("0.4")
+    page.keyboard.press("Enter")
+    page.get_by_role("alert").get_by_text("a stay and a radius").wait_for()
+    page.keyboard.press("Escape")
+    page.keyboard.press("Control+z")
+    wait(lambda: station.desk.session.content.points[1].plain, "undo")
+    page.get_by_role("button", name="Position").click()
+
+
+def test_laps_a_landing_and_where_to_look_are_set_in_the_mission_tab(station, page):
+    page.get_by_role("tab", name="Mission").click()
+    page.get_by_role("checkbox", name="Closed loop").click()
+    laps = page.get_by_role("textbox", name="Laps")
+    laps.fill("2")
+    laps.press("Enter")
+    verdict(page).get_by_text("2 laps").wait_for()
+    page.get_by_role("checkbox", name="Landing").click()
+    wait(lambda: station.desk.session.content.settings.landing is not None, "the landing")
+    page.get_by_role("radio", name="Fixed").click()
+    heading = page.get_by_label("Heading, from x towards y")
+    heading.fill("90")
+    heading.press("Enter")
+    wait(lambda: station.desk.session.content.settings.heading_rad == pytest.approx(np.pi / 2), "the heading")
+    verdict(page).get_by_text("Checked", exact=True).wait_for()
+    assert mission.load(station.desk.project.waypoints).yaw.mode == "fixed"
+    page.get_by_role("radio", name="Along the path").click()
+    wait(lambda: station.desk.session.content.settings.yaw == "along_path", "the yaw mode")
+
+
+def test_the_tightest_segment_is_shown_everywhere(station, page):
+    page.get_by_role("tab", name="Segments").click()
+    table = page.get_by_role("table", name="Segments")
+    assert table.get_by_role("row").count() == len(START)  # a head, and one between any two waypoints
+    page.get_by_role("button", name="Go to the tightest").click()
+    tightest = max(station.desk.answer.shown.segments, key=lambda segment: segment.share)
+    page.get_by_text(f"{tightest.worst_s:.2f} s", exact=True).first.wait_for()
+    wait(lambda: station.view._selected == (tightest.start,), "the waypoint before it")
+
+
+@pytest.mark.parametrize(("colour", "unit"), [("thrust", "N"), ("rotor_margin", "%"), ("clearance", "m")])
+def test_the_path_is_coloured_by_what_is_chosen_with_ends_and_unit(station, page, colour, unit):
+    page.get_by_label("Colour of the path").select_option(colour)
+    page.locator(".legend-head").get_by_text(unit, exact=True).wait_for()
+    wait(lambda: station.view._colour == colour, "the colours")
+
+
+SERIOUS = ("serious", "critical")
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_nothing_on_the_page_is_a_serious_barrier(page, width):
+    from axe_playwright_python.sync_playwright import Axe
+
+    page.set_viewport_size({"width": width, "height": 844})
+    found: dict[str, list[str]] = {}
+
+    def look(where: str) -> None:
+        drawn(page)
+        results = Axe().run(page, context={"exclude": [["iframe"]]}).response["violations"]  # viser's own page
+        for rule in results:
+            if rule["impact"] in SERIOUS:
+                found[f"{where}: {rule['id']}"] = [node["html"] for node in rule["nodes"]]
+
+    for name in ("Waypoints", "Segments", "Speed", "Mission", "Saved"):
+        page.get_by_role("tab", name=name).click()
+        look(name)
+    page.get_by_role("tab", name="Waypoints").click()
+    page.get_by_role("button", name="Requests").click()
+    look("Requests")
+    page.get_by_role("button", name="Position").click()
+    for number in "13":
+        page.keyboard.press(number)
+        look(f"step {number}")
+    assert found == {}
+
+
 def test_a_waypoint_in_a_pillar_is_refused_in_words(station, page):
     cell(page, 1, 0).dblclick()
     page.keyboard.press("Control+A")
@@ -196,9 +292,8 @@ def test_a_waypoint_in_a_pillar_is_refused_in_words(station, page):
     page.keyboard.press("Control+A")
     page.keyboard.type("1.5")
     page.keyboard.press("Enter")
-    verdict = page.get_by_role("region", name="Verdict")
-    verdict.get_by_text("Refused").wait_for()
-    verdict.get_by_text("waypoint 1").first.wait_for()
+    verdict(page).get_by_text("Refused").wait_for()
+    verdict(page).get_by_text("waypoint 1").first.wait_for()
     assert page.get_by_role("button", name="Compare with vehicle and upload").is_disabled()
 
 

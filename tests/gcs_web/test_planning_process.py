@@ -14,7 +14,8 @@ import pytest
 import planner
 import vehicle
 from flight import Waypoints, project
-from gcs_web import inputs, planning
+from flight.mission import Ground, Laps, Mission, Stay
+from gcs_web import inputs, missions, planning
 from gcs_web.document import Content
 from tests.waiting import PATIENCE_S, until
 
@@ -30,9 +31,14 @@ def folder(pillar_map: Path, tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def running(folder: Path):
+def drafts() -> queue.Queue[planning.Draft]:
+    return queue.Queue()
+
+
+@pytest.fixture(scope="module")
+def running(folder: Path, drafts):
     answers: queue.Queue[planning.Answer] = queue.Queue()
-    process = planning.PlanningProcess(folder, planner.PlanOptions(), answers.put)
+    process = planning.PlanningProcess(folder, planner.PlanOptions(), answers.put, drafts.put)
     yield process, answers
     process.close()
 
@@ -69,6 +75,64 @@ def test_a_waypoint_in_a_pillar_is_refused_in_words(folder, running):
     assert answer.file is None
     assert answer.shown.state == "refused"
     assert "waypoint 1" in answer.shown.sentence
+
+
+def test_a_draft_is_answered_beside_the_plans(folder, running, drafts):
+    process, answers = running
+    process.request(request(folder, 90))
+    assert answers.get(timeout=PATIENCE_S).shown.state == "checked"
+    target = POINTS[1] + [0.0, 0.1, 0.1]
+    process.draft(1, target)
+    path = drafts.get(timeout=PATIENCE_S).path_world_m
+    assert np.linalg.norm(path - target, axis=1).min() < 0.05
+    process.draft(99, target)
+    assert drafts.get(timeout=PATIENCE_S).path_world_m is None
+
+
+def test_the_newest_of_many_requests_is_answered(folder, running):
+    process, answers = running
+    for revision in range(100, 130):
+        shift = [0.0, 0.0, 0.01 * (revision % 7)]
+        process.request(request(folder, revision, POINTS + shift))
+    while (answer := answers.get(timeout=PATIENCE_S)).request.revision != 129:
+        pass
+    assert answer.shown.state == "checked"
+    assert answers.empty()
+
+
+def test_a_mission_is_planned_with_laps_stay_and_landing(folder, running):
+    process, answers = running
+    asked = Mission(
+        Waypoints(POINTS, np.full(3, np.nan)),
+        laps=Laps(2),
+        stays=(Stay(1, 1.5),),
+        landing=Ground((5.2, 1.2, 0.1)),
+    )
+    content = missions.with_mission(Content(), asked)
+    process.request(planning.Request(200, content, inputs.signature(folder)))
+    answer = answers.get(timeout=PATIENCE_S)
+    shown = answer.shown
+    assert shown.state == "checked", shown.sentence
+    assert "2 laps" in shown.sentence
+    assert [passing.waypoint for passing in shown.passings] == [0, 1, 2, 0, 1, 2, 0, None]
+    assert [(s.start, s.end) for s in shown.segments[-2:]] == [(2, 0), (0, None)]
+    times = [passing.time_s for passing in shown.passings]
+    assert times == sorted(times)
+    for segment in shown.segments:
+        assert segment.start_s <= segment.worst_s <= segment.end_s
+        assert segment.share <= 1.001  # of what the gate allows, also near the ground of the landing
+    curve = answer.file.trajectory
+    for passing, number in zip(shown.passings, [0, 1, 2, 0, 1, 2, 0], strict=False):
+        np.testing.assert_allclose(curve.position([passing.time_s])[0], POINTS[number], atol=0.03)
+
+
+def test_the_parts_of_the_rotor_margin_are_shares_of_what_is_left(folder, running):
+    process, answers = running
+    process.request(request(folder, 201))
+    series = answers.get(timeout=PATIENCE_S).shown.series
+    assert 0.0 <= min(series.rotor_margin_percent) <= max(series.rotor_margin_percent) <= 50.0
+    weight_n = vehicle.example("rigter2019").mass_kg * 9.81
+    assert series.thrust_n[0] == pytest.approx(weight_n, rel=0.02)  # at rest
 
 
 def test_a_planner_that_is_killed_is_told_and_started_again(folder, running):

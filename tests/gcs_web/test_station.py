@@ -15,7 +15,7 @@ import pytest
 
 import vehicle
 from firmware_bridge import SitlVehicle, controller, keys
-from flight import LinkError, Waypoints, flight_log, project, trajectory
+from flight import LinkError, Waypoints, flight_log, mission, project, trajectory
 from gcs_web import GroundStation, page_socket
 from tests.waiting import PATIENCE_S, until
 
@@ -127,6 +127,38 @@ def test_an_edit_is_planned_and_undo_brings_the_waypoint_back(station):
         await page.until(lambda p: p.heights() == [1.0, 1.2, 1.2])
 
     visit(station, 1, talk)
+
+
+def test_a_missions_requests_are_edited_planned_and_taken_back(station):
+    async def talk(page: Page):
+        ids = [w["id"] for w in page.state["document"]["waypoints"]]
+        assert not (await page.edit("ask", waypoints=[ids[1]], stay_s=1.0))["error"]
+        assert not (await page.edit("loop", laps=2))["error"]
+        assert not (await page.edit("ground", end="take_off"))["error"]
+        await page.until(lambda p: p.state["document"]["mission"]["take_off"] is not None)
+        ground = page.state["document"]["mission"]["take_off"]
+        assert (ground["x_m"], ground["y_m"]) == (0.8, 0.8)
+        assert 0.0 < ground["z_m"] < 0.2  # on the floor below waypoint 0
+        await page.checked()
+        assert page.state["plan"]["passings"][0]["waypoint"] is None
+        saved = mission.load(station.desk.project.waypoints)
+        assert (saved.laps.count, saved.stays[0].duration_s) == (2, 1.0)
+        for _ in range(3):
+            await page.command("undo")
+        await page.until(lambda p: p.state["document"]["mission"]["laps"] == 0)
+        assert mission.load(station.desk.project.waypoints).plain
+
+    visit(station, 1, talk)
+
+
+def test_all_pages_know_what_the_one_3d_view_shows(station):
+    async def talk(anna: Page, ben: Page):
+        await anna.command("show", colour="thrust", slice_z_m=1.0)
+        await ben.until(lambda p: p.state.get("shown", {}).get("colour") == "thrust")
+        assert ben.state["shown"]["slice_z_m"] == 1.0
+        await anna.command("show", colour="clearance", slice_z_m=None)
+
+    visit(station, 2, talk)
 
 
 def test_two_people_see_each_others_edits_and_conflicts_are_refused(station):

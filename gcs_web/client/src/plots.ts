@@ -37,6 +37,7 @@ export const STREAMS: readonly Stream[] = [
     curves: (s) => [s.rotor_fastest_rad_s, s.rotor_slowest_rad_s],
     limits: ["rotor speed", "slowest rotor"],
   },
+  { key: "thrust", name: "Thrust", unit: "N", digits: 1, curves: (s) => [s.thrust_n], limits: [] },
   {
     key: "yaw_rate",
     name: "Yaw rate",

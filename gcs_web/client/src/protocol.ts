@@ -1,7 +1,7 @@
 // Written by tools/page_types.py from gcs_web/protocol.py. Do not edit.
 
 
-export const PROTOCOL = 1;
+export const PROTOCOL = 2;
 
 export interface Person {
   id: string;
@@ -14,14 +14,35 @@ export interface Waypoint {
   y_m: number;
   z_m: number;
   yaw_deg: number | null;
+  stay_s: number;
+  fly_by_m: number;
+  leg_speed_m_s: number | null;
+  velocity_m_s: [number, number, number] | null;
+}
+
+export interface Ground {
+  x_m: number;
+  y_m: number;
+  z_m: number;
+  climb_m_s: number;
+}
+
+export interface Mission {
+  laps: number;
+  lap_first: number | null;
+  lap_last: number | null;
+  take_off: Ground | null;
+  landing: Ground | null;
 }
 
 export interface Settings {
   speed_m_s: number;
   acceleration_m_s2: number;
   margin_m: number;
-  yaw: "along_path" | "smooth";
+  yaw: "along_path" | "smooth" | "steady" | "fixed" | "look_at" | "free";
   method: "fastest" | "corridor";
+  heading_deg: number;
+  look_at_m: [number, number, number] | null;
 }
 
 export interface Limit {
@@ -37,12 +58,15 @@ export interface Limit {
 export interface Segment {
   start_s: number;
   end_s: number;
+  start: number | null;
+  end: number | null;
   binding: string;
   share: number;
+  worst_s: number;
 }
 
 export interface Passing {
-  waypoint: number;
+  waypoint: number | null;
   time_s: number;
   speed_m_s: number;
   clearance_m: number;
@@ -60,6 +84,8 @@ export interface Series {
   rotor_slowest_rad_s: number[];
   rotor_fastest_rad_s: number[];
   yaw_rate_deg_s: number[];
+  thrust_n: number[];
+  rotor_margin_percent: number[];
   q_world_body: number[];
 }
 
@@ -98,6 +124,7 @@ export interface Document {
   author: string;
   waypoints: Waypoint[];
   settings: Settings;
+  mission: Mission;
   undo: string;
   redo: string;
 }
@@ -164,6 +191,13 @@ export interface Cursor {
   time_s: number;
 }
 
+export interface Shown {
+  type: "shown";
+  colour: "clearance" | "speed" | "thrust" | "tilt" | "rotor_margin";
+  slice_z_m: number | null;
+  author: string;
+}
+
 export interface Selection {
   type: "selection";
   waypoints: number[];
@@ -215,6 +249,24 @@ export interface Turn {
   yaw_deg: number | null;
 }
 
+export interface Ask {
+  type: "ask";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+  stay_s?: number | null;
+  fly_by_m?: number | null;
+  leg_speed_m_s?: number | null;
+}
+
+export interface Pass {
+  type: "pass";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+  velocity_m_s: [number, number, number] | null;
+}
+
 export interface Insert {
   type: "insert";
   serial: number;
@@ -245,8 +297,37 @@ export interface Choose {
   speed_m_s?: number | null;
   acceleration_m_s2?: number | null;
   margin_m?: number | null;
-  yaw?: "along_path" | "smooth" | null;
+  yaw?: "along_path" | "smooth" | "steady" | "fixed" | "look_at" | "free" | null;
   method?: "fastest" | "corridor" | null;
+  heading_deg?: number | null;
+  look_at_m?: [number, number, number] | null;
+}
+
+export interface Loop {
+  type: "loop";
+  serial: number;
+  revision: number;
+  laps: number;
+  lap_first?: number | null;
+  lap_last?: number | null;
+}
+
+export interface SetGround {
+  type: "ground";
+  serial: number;
+  revision: number;
+  end: "take_off" | "landing";
+  x_m?: number | null;
+  y_m?: number | null;
+  z_m?: number | null;
+  climb_m_s?: number | null;
+}
+
+export interface ClearGround {
+  type: "clear_ground";
+  serial: number;
+  revision: number;
+  end: "take_off" | "landing";
 }
 
 export interface Undo {
@@ -298,7 +379,7 @@ export interface Look {
 export interface Show {
   type: "show";
   serial: number;
-  colour?: "clearance" | "speed" | "tilt" | "rotors";
+  colour?: "clearance" | "speed" | "thrust" | "tilt" | "rotor_margin";
   slice_z_m?: number | null;
 }
 
@@ -341,6 +422,6 @@ export interface Abort {
   serial: number;
 }
 
-export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Notice | Cursor | Selection | Reply;
+export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Notice | Cursor | Shown | Selection | Reply;
 
-export type FromPage = Move | Shift | Turn | Insert | Delete | Reverse | Choose | Undo | Redo | PlanAgain | Save | Open | Discard | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort;
+export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | Undo | Redo | PlanAgain | Save | Open | Discard | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort;

@@ -145,6 +145,11 @@ export function receive(message: Exclude<ToPage, { type: "reply" }>): void {
       case "cursor":
         cursor_s.value = message.time_s;
         break;
+      case "shown": // what this person chose may have changed again since it was sent
+        if (message.author !== welcome.value?.you) {
+          view.value = { colour: message.colour, slice_z_m: message.slice_z_m };
+        }
+        break;
       case "selection":
         selected.value = new Set(message.waypoints);
         break;
@@ -189,7 +194,7 @@ function receiveDocument(next: Document): void {
 }
 
 function sameWaypoint(a: Waypoint, b: Waypoint | undefined): boolean {
-  return b !== undefined && a.x_m === b.x_m && a.y_m === b.y_m && a.z_m === b.z_m && a.yaw_deg === b.yaw_deg;
+  return JSON.stringify(a) === JSON.stringify(b);
 }
 
 /** Say something of the page's own in the place of the server's notices. */

@@ -1,6 +1,6 @@
 /** One editable cell of the table of waypoints. */
 
-import { effect, signal, useComputed } from "@preact/signals";
+import { computed, effect, signal, useComputed } from "@preact/signals";
 import { useLayoutEffect, useRef } from "preact/hooks";
 import { selectedInOrder } from "../actions";
 import { editable, number, parse } from "../format";
@@ -8,21 +8,43 @@ import { edit } from "../socket";
 import { connected, doc, selected } from "../store";
 import type { Waypoint } from "../protocol";
 
-type ColumnKey = "x_m" | "y_m" | "z_m" | "yaw_deg";
+type RequestKey = "stay_s" | "fly_by_m" | "leg_speed_m_s";
+type ColumnKey = "x_m" | "y_m" | "z_m" | "yaw_deg" | RequestKey;
 
 interface Column {
   key: ColumnKey;
   label: string;
   unit: string;
   digits: number;
+  /** What it means, where the label is short. */
+  says?: string;
 }
 
-export const COLUMNS: readonly Column[] = [
+const POSITION: readonly Column[] = [
   { key: "x_m", label: "x", unit: "m", digits: 2 },
   { key: "y_m", label: "y", unit: "m", digits: 2 },
   { key: "z_m", label: "z", unit: "m", digits: 2 },
   { key: "yaw_deg", label: "yaw", unit: "°", digits: 0 },
 ];
+const REQUESTS: readonly Column[] = [
+  { key: "yaw_deg", label: "yaw", unit: "°", digits: 0 },
+  { key: "stay_s", label: "stay", unit: "s", digits: 1, says: "Hover here for so long" },
+  { key: "fly_by_m", label: "within", unit: "m", digits: 2, says: "It is enough to pass within this radius" },
+  { key: "leg_speed_m_s", label: "then ≤", unit: "m/s", digits: 1, says: "Largest speed to the next waypoint" },
+];
+
+/** Which columns the table has: where the waypoints are, or what is asked there. */
+export const shownColumns = signal<"position" | "requests">("position");
+export const columns = computed(() => (shownColumns.value === "position" ? POSITION : REQUESTS));
+
+const isRequest = (key: ColumnKey): key is RequestKey =>
+  key === "stay_s" || key === "fly_by_m" || key === "leg_speed_m_s";
+
+/** What stands in a cell; null where nothing is asked. */
+function valueOf(waypoint: Waypoint, key: ColumnKey): number | null {
+  const value = waypoint[key];
+  return isRequest(key) && value === 0 ? null : value;
+}
 
 interface Place {
   id: number;
@@ -67,7 +89,7 @@ export function Cell({ waypoint, column, index }: Props) {
   const hasNone = useComputed(() => active.value === null).value;
   const started = useComputed(() => (isAt(editing.value, id, key) ? editing.value?.text : undefined)).value;
   const refusal = useComputed(() => (isAt(refused.value, id, key) ? refused.value : null)).value;
-  const value = waypoint[key];
+  const value = valueOf(waypoint, key);
   const cell = useRef<HTMLTableCellElement>(null);
   useLayoutEffect(() => {
     if (cell.current === null || !isAt(wanted, id, key)) return;
@@ -97,7 +119,7 @@ export function Cell({ waypoint, column, index }: Props) {
     <td
       ref={cell}
       class={`cell ${key} ${refusal === null ? "" : "refused"}`}
-      tabIndex={isActive || (hasNone && index === 0 && key === "x_m") ? 0 : -1}
+      tabIndex={isActive || (hasNone && index === 0 && key === columns.value[0]?.key) ? 0 : -1}
       data-cell={`${id} ${key}`}
       aria-invalid={refusal !== null}
       onFocus={() => (active.value = { id, column: key })}
@@ -161,31 +183,37 @@ function Editor({ waypoint, column, index, text }: Props & { text: string }) {
 function editNeighbour(id: number, column: ColumnKey, by: 1 | -1): void {
   const waypoints = doc.value?.waypoints ?? [];
   const row = waypoints.findIndex((waypoint) => waypoint.id === id);
-  const flat = row * COLUMNS.length + COLUMNS.findIndex(({ key }) => key === column) + by;
-  const next = waypoints[Math.floor(flat / COLUMNS.length)];
-  const nextColumn = COLUMNS[((flat % COLUMNS.length) + COLUMNS.length) % COLUMNS.length];
+  const count = columns.value.length;
+  const flat = row * count + columns.value.findIndex(({ key }) => key === column) + by;
+  const next = waypoints[Math.floor(flat / count)];
+  const nextColumn = columns.value[((flat % count) + count) % count];
   if (next === undefined || nextColumn === undefined) return focusCell(id, column);
   active.value = { id: next.id, column: nextColumn.key };
-  editing.value = { ...active.value, text: editable(next[nextColumn.key]) };
+  editing.value = { ...active.value, text: editable(valueOf(next, nextColumn.key)) };
 }
 
 /** Set what was typed on the waypoint, or on all selected ones if it is among them. */
 async function commit(waypoint: Waypoint, { key, unit }: Column, text: string): Promise<void> {
-  if (text === editable(waypoint[key])) {
+  if (text === editable(valueOf(waypoint, key))) {
     if (isAt(refused.value, waypoint.id, key)) refused.value = null;
     return;
   }
   const place = { id: waypoint.id, column: key, text };
   const value = parse(text);
-  const isFree = key === "yaw_deg" && text.trim() === "";
+  const isFree = (key === "yaw_deg" || isRequest(key)) && text.trim() === "";
   if (value === null && !isFree) {
-    const example = key === "yaw_deg" ? "90, or nothing to let the planner choose" : "1.25";
+    const example =
+      key === "yaw_deg" ? "90, or nothing to let the planner choose" : isRequest(key) ? "1.5, or nothing" : "1.25";
     refused.value = { ...place, sentence: `“${text}” is not a number; type one in ${unit}, like ${example}.` };
     return;
   }
   const waypoints = selected.value.has(waypoint.id) ? selectedInOrder() : [waypoint.id];
   const { error } = await edit(
-    key === "yaw_deg" ? { type: "turn", waypoints, yaw_deg: value } : { type: "move", waypoints, [key]: value },
+    key === "yaw_deg"
+      ? { type: "turn", waypoints, yaw_deg: value }
+      : isRequest(key)
+        ? { type: "ask", waypoints, [key]: value ?? 0 }
+        : { type: "move", waypoints, [key]: value },
   );
   refused.value = error === "" ? null : { ...place, sentence: error };
 }

@@ -64,7 +64,7 @@ function Box({ segment, index, x_px, room_px }: BoxProps) {
       class={`strip-box ${isAt ? "at" : ""} ${segment.share >= SHARE_AT_LIMIT ? "full" : ""}`}
       style={{ left: `${x_px}px`, width: `${room_px}px` }}
       title={`Segment ${index + 1}: ${segment.binding}, ${Math.round(100 * segment.share)} %`}
-      onClick={() => goTo(segment.start_s)}
+      onClick={() => goTo(segment.worst_s)}
     >
       {words}
     </button>
@@ -76,5 +76,10 @@ export function BindingWords() {
   const binding = [...new Set((figures.value?.segments ?? []).map((segment) => segment.binding))];
   if (binding.length === 0) return null;
   const words = binding.map((limit) => `${letter(limit)} ${limit}`).join(" · ");
-  return <span class="quiet binding-words">{words} · brighter: above 98 % of limit</span>;
+  const all = `${words} · brighter: above 98 % of limit`;
+  return (
+    <span class="quiet binding-words" title={all}>
+      {all}
+    </span>
+  );
 }

@@ -104,7 +104,7 @@ function Plots({ shown, current, row_px }: { shown: readonly Stream[]; current: 
   }, []);
   const margins = phone.value ? PHONE_MARGINS : MARGINS;
   return (
-    <div class="plots" ref={box}>
+    <div class="plots" ref={box} role="group" aria-label="Plots" tabIndex={0}>
       {!phone.value && <BindingStrip left={margins.left} right={margins.right} width={width.value} />}
       {width.value > 0 &&
         shown.map((stream, index) => (

@@ -1,4 +1,4 @@
-/** The plan step: verdict, waypoints, segments, settings and saved trajectories, limits, save and upload. */
+/** The plan step: verdict, waypoints, segments, speed, mission and saved trajectories, limits, save and upload. */
 
 import { signal } from "@preact/signals";
 import { openUpload, saveFormOpen, uploading } from "../actions";
@@ -10,6 +10,7 @@ import { canSave, canUpload } from "../commands";
 import { figures, figuresAreOld, verdict, welcome } from "../store";
 import { phone } from "../theme";
 import { Drawer } from "./Drawer";
+import { Mission } from "./Mission";
 import { Segments } from "./Segments";
 import { SettingsForm } from "./SettingsForm";
 import { Trajectories } from "./Trajectories";
@@ -20,7 +21,8 @@ import { Waypoints } from "./Waypoints";
 const TABS = [
   { key: "waypoints", name: "Waypoints" },
   { key: "segments", name: "Segments" },
-  { key: "settings", name: "Speed and yaw" },
+  { key: "settings", name: "Speed" },
+  { key: "mission", name: "Mission" },
   { key: "trajectories", name: "Saved" },
 ] as const satisfies readonly Tab<string>[];
 
@@ -37,6 +39,7 @@ export function Plan() {
         {tab.value === "waypoints" && <Waypoints />}
         {tab.value === "segments" && <Segments />}
         {tab.value === "settings" && <SettingsForm />}
+        {tab.value === "mission" && <Mission />}
         {tab.value === "trajectories" && <Trajectories />}
       </Tabs>
       {limits.length > 0 && <LimitList limits={limits} areOld={figuresAreOld.value} />}

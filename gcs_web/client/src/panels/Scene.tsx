@@ -13,8 +13,9 @@ type Colour = NonNullable<Show["colour"]>;
 const COLOURS: readonly { key: Colour; name: string; unit: string }[] = [
   { key: "clearance", name: "Clearance", unit: "m" },
   { key: "speed", name: "Speed", unit: "m/s" },
+  { key: "thrust", name: "Thrust", unit: "N" },
+  { key: "rotor_margin", name: "Rotor margin", unit: "%" },
   { key: "tilt", name: "Tilt", unit: "°" },
-  { key: "rotors", name: "Fastest rotor", unit: "rad/s" },
 ];
 
 export function Scene() {
@@ -112,6 +113,7 @@ function clearanceEnds(): [string, string] {
 
 const VALUES: Readonly<Record<Exclude<Colour, "clearance">, (shown: Series) => number[]>> = {
   speed: (shown) => shown.speed_m_s,
+  thrust: (shown) => shown.thrust_n,
+  rotor_margin: (shown) => shown.rotor_margin_percent,
   tilt: (shown) => shown.tilt_deg,
-  rotors: (shown) => shown.rotor_fastest_rad_s,
 };

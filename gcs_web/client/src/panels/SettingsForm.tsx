@@ -1,6 +1,7 @@
-/** What the pilot asks of the planner. */
+/** How fast, how close and by which method: what the pilot asks of the planner besides the mission. */
 
 import { change } from "../actions";
+import { Choice } from "../components/Choice";
 import { NumberField } from "../components/NumberField";
 import { edit } from "../socket";
 import { connected, doc } from "../store";
@@ -12,11 +13,6 @@ const NUMBERS: readonly { key: NumberSetting; label: string; unit: string }[] = 
   { key: "speed_m_s", label: "Top speed", unit: "m/s" },
   { key: "acceleration_m_s2", label: "Acceleration", unit: "m/s²" },
   { key: "margin_m", label: "Margin around the vehicle", unit: "m" },
-];
-
-const YAWS: readonly { key: Settings["yaw"]; name: string; says: string }[] = [
-  { key: "along_path", name: "Along the path", says: "The nose points where the vehicle flies." },
-  { key: "smooth", name: "Smooth", says: "It turns steadily between the waypoints' headings." },
 ];
 
 const METHODS: readonly { key: Settings["method"]; name: string; says: string }[] = [
@@ -40,41 +36,11 @@ export function SettingsForm() {
         />
       ))}
       <Choice
-        legend="Yaw"
-        options={YAWS}
-        value={settings.yaw}
-        onChange={(yaw) => void change({ type: "choose", yaw })}
-      />
-      <Choice
         legend="Method"
         options={METHODS}
         value={settings.method}
         onChange={(method) => void change({ type: "choose", method })}
       />
     </div>
-  );
-}
-
-interface ChoiceProps<K extends string> {
-  legend: string;
-  options: readonly { key: K; name: string; says: string }[];
-  value: K;
-  onChange: (key: K) => void;
-}
-
-function Choice<K extends string>({ legend, options, value, onChange }: ChoiceProps<K>) {
-  return (
-    <fieldset class="choice" disabled={!connected.value}>
-      <legend>{legend}</legend>
-      {options.map(({ key, name, says }) => (
-        <label key={key}>
-          <input type="radio" name={legend} checked={key === value} onChange={() => onChange(key)} />
-          <span>
-            {name}
-            <span class="quiet"> {says}</span>
-          </span>
-        </label>
-      ))}
-    </fieldset>
   );
 }

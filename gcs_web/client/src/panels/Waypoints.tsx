@@ -1,8 +1,8 @@
 /** The waypoints as a table: edited in place, alone or many together. */
 
 import { signal, useComputed } from "@preact/signals";
-import { deleteSelected, insertAfterSelected, reverse } from "../actions";
-import { COLUMNS, Cell, active, focusCell, refused } from "../components/WaypointCell";
+import { change, deleteSelected, insertAfterSelected, reverse } from "../actions";
+import { Cell, active, columns, focusCell, refused, shownColumns } from "../components/WaypointCell";
 import { goTo, select } from "../cursor";
 import { number } from "../format";
 import { clearanceColour } from "../scales";
@@ -24,9 +24,10 @@ export function Waypoints() {
   }
   return (
     <>
+      <ColumnChoice />
       <div class="table-scroll">
         <table
-          class="table waypoints"
+          class={`table waypoints ${shownColumns.value}`}
           role="grid"
           aria-multiselectable="true"
           aria-label="Waypoints"
@@ -35,8 +36,8 @@ export function Waypoints() {
           <thead>
             <tr>
               <th scope="col">#</th>
-              {COLUMNS.map(({ key, label, unit }) => (
-                <th key={key} scope="col" class={key}>
+              {columns.value.map(({ key, label, unit, says }) => (
+                <th key={key} scope="col" class={key} title={says}>
                   {label} <span class="unit">{unit}</span>
                 </th>
               ))}
@@ -55,8 +56,66 @@ export function Waypoints() {
           </tbody>
         </table>
       </div>
+      <VelocityNote />
       <Buttons count={waypoints.length} />
     </>
+  );
+}
+
+const CHOICES = [
+  { key: "position", name: "Position" },
+  { key: "requests", name: "Requests" },
+] as const;
+
+function ColumnChoice() {
+  return (
+    <div class="column-choice" role="group" aria-label="Columns">
+      {CHOICES.map(({ key, name }) => (
+        <button
+          key={key}
+          type="button"
+          class="toggle"
+          aria-pressed={shownColumns.value === key}
+          onClick={() => (shownColumns.value = key)}
+        >
+          {name}
+        </button>
+      ))}
+    </div>
+  );
+}
+
+/** What is asked at a waypoint beside position and heading, in words; empty for nothing. */
+function requestWords({ stay_s, fly_by_m, leg_speed_m_s, velocity_m_s }: Waypoint): string {
+  const words = [];
+  if (stay_s > 0) words.push(`stays ${number(stay_s, 1)} s`);
+  if (fly_by_m > 0) words.push(`passed within ${number(fly_by_m, 2)} m`);
+  if (leg_speed_m_s !== null) words.push(`then at most ${number(leg_speed_m_s, 1)} m/s`);
+  if (velocity_m_s !== null) words.push(`velocity ${velocity_m_s.map((v) => number(v, 2)).join(", ")} m/s`);
+  return words.join("; ");
+}
+
+/** A velocity is asked for in the file; here it is shown, and dropped. */
+function VelocityNote() {
+  const chosen = (doc.value?.waypoints ?? []).filter(({ id }) => selected.value.has(id));
+  const asked = chosen.filter(({ velocity_m_s }) => velocity_m_s !== null);
+  const [first] = asked;
+  if (shownColumns.value !== "requests" || first?.velocity_m_s == null) return null;
+  const words = asked.length > 1 ? `${asked.length} velocities` : first.velocity_m_s.map((v) => number(v, 2)).join(", ");
+  return (
+    <p class="velocity-note">
+      <span>
+        Velocity {words} <span class="unit">m/s</span>
+      </span>
+      <button
+        type="button"
+        class="link"
+        disabled={!connected.value}
+        onClick={() => void change({ type: "pass", waypoints: asked.map(({ id }) => id), velocity_m_s: null })}
+      >
+        Drop
+      </button>
+    </p>
   );
 }
 
@@ -88,6 +147,7 @@ function Row({ waypoint, index }: { waypoint: Waypoint; index: number }) {
   const passing = useComputed(() => figures.value?.passings.find((each) => each.waypoint === id)).value;
   const isOld = figuresAreOld.value;
   const required_m = figures.value?.required_clearance_m ?? 0;
+  const asked = requestWords(waypoint);
   return (
     <>
       <tr
@@ -99,8 +159,13 @@ function Row({ waypoint, index }: { waypoint: Waypoint; index: number }) {
         <th scope="row">
           {author ?? index}
           {isProblem && <span class="danger-text"> !</span>}
+          {asked !== "" && (
+            <span class="asked" title={asked}>
+              <span class="visually-hidden">{asked}</span>
+            </span>
+          )}
         </th>
-        {COLUMNS.map((column) => (
+        {columns.value.map((column) => (
           <Cell key={column.key} waypoint={waypoint} column={column} index={index} />
         ))}
         <td class={`wide dim ${isOld ? "old" : ""}`}>{number(passing?.speed_m_s, 1)}</td>
@@ -113,7 +178,7 @@ function Row({ waypoint, index }: { waypoint: Waypoint; index: number }) {
       </tr>
       {refusal !== "" && (
         <tr class="refusal-row">
-          <td colSpan={3 + COLUMNS.length} role="alert">
+          <td colSpan={3 + columns.value.length} role="alert">
             {refusal}
           </td>
         </tr>

@@ -1,0 +1,166 @@
+"""Parts of the messages between page and server; see `gcs_web.protocol`."""
+
+from typing import Literal
+
+import msgspec
+
+
+class Person(msgspec.Struct, frozen=True):
+    """Someone who has the page open."""
+
+    id: str
+    name: str
+
+
+class Waypoint(msgspec.Struct, frozen=True):
+    """A point to fly through."""
+
+    id: int
+    """Stays with the waypoint however its number changes."""
+    x_m: float
+    y_m: float
+    z_m: float
+    yaw_deg: float | None = None
+    """Heading, None where the planner may choose."""
+    stay_s: float = 0.0
+    """How long to hover here."""
+    fly_by_m: float = 0.0
+    """Radius within which it is enough to pass; 0: the waypoint itself."""
+    leg_speed_m_s: float | None = None
+    """Largest speed from here to the next waypoint; None: that of the settings."""
+    velocity_m_s: tuple[float, float, float] | None = None
+    """Velocity to have here, world frame; None where it is open."""
+
+
+class Ground(msgspec.Struct, frozen=True):
+    """Where the vehicle's centre is while it stands before take-off or after landing."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    climb_m_s: float
+    """Vertical speed at which the path is joined, or left."""
+
+
+class Mission(msgspec.Struct, frozen=True):
+    """What is asked of the whole path."""
+
+    laps: int
+    """Times that the loop is flown; 0: the path is open."""
+    lap_first: int | None
+    """Id of the waypoint where the loop begins and closes; None: the first one."""
+    lap_last: int | None
+    """Id of the loop's last waypoint; None: the last one."""
+    take_off: Ground | None
+    landing: Ground | None
+
+
+Colour = Literal["clearance", "speed", "thrust", "tilt", "rotor_margin"]
+YawMode = Literal["along_path", "smooth", "steady", "fixed", "look_at", "free"]
+
+
+class Settings(msgspec.Struct, frozen=True):
+    """What the pilot asks of the planner."""
+
+    speed_m_s: float
+    acceleration_m_s2: float
+    margin_m: float
+    yaw: YawMode
+    method: Literal["fastest", "corridor"]
+    heading_deg: float
+    """Of yaw mode `fixed`."""
+    look_at_m: tuple[float, float, float] | None
+    """Of yaw mode `look_at`, world frame."""
+
+
+class Limit(msgspec.Struct, frozen=True):
+    """How much of a limit the plan uses."""
+
+    name: str
+    value: float
+    bound: float
+    sense: Literal["<=", ">="]
+    unit: str
+    share: float
+    """Of the limit that is used, 0 to 1; above 1 it is exceeded."""
+    time_s: float
+    """When it is used most."""
+
+
+class Segment(msgspec.Struct, frozen=True):
+    """A stretch between two waypoints, as flown."""
+
+    start_s: float
+    end_s: float
+    start: int | None
+    """Id of the waypoint it begins at; None: the ground of a take-off."""
+    end: int | None
+    binding: str
+    """Name of the limit of which most is used there."""
+    share: float
+    worst_s: float
+    """When it is used most."""
+
+
+class Passing(msgspec.Struct, frozen=True):
+    """How the plan passes a waypoint; in laps one passing for each, in the order of time."""
+
+    waypoint: int | None
+    """Id; None: the ground of a take-off or landing."""
+    time_s: float
+    speed_m_s: float
+    clearance_m: float
+
+
+class Series(msgspec.Struct, frozen=True):
+    """The plan sampled at equal steps of time; all lists are of one length, but the last of four times that."""
+
+    time_s: list[float]
+    x_m: list[float]
+    y_m: list[float]
+    z_m: list[float]
+    speed_m_s: list[float]
+    acceleration_m_s2: list[float]
+    clearance_m: list[float]
+    tilt_deg: list[float]
+    rotor_slowest_rad_s: list[float]
+    rotor_fastest_rad_s: list[float]
+    yaw_rate_deg_s: list[float]
+    thrust_n: list[float]
+    """Of all rotors together."""
+    rotor_margin_percent: list[float]
+    """What is left between the rotor that is nearest to one of its speed limits and that limit, in thrust; of the
+    range between both."""
+    q_world_body: list[float]
+    """Attitudes one after another, four numbers each (w x y z)."""
+
+
+class Problem(msgspec.Struct, frozen=True):
+    """Why there is no plan, and the way out."""
+
+    reason: str
+    remedy: str
+    waypoint: int | None
+    """Id of the waypoint in question."""
+
+
+class SavedTrajectory(msgspec.Struct, frozen=True):
+    """A trajectory file of the project."""
+
+    name: str
+    duration_s: float
+    checked: bool
+    """By the final gate, for the map and the vehicle as they are now."""
+    saved_at: str
+    """ISO 8601, UTC."""
+
+
+class Held(msgspec.Struct, frozen=True):
+    """A trajectory as shown before an upload: what the vehicle has, or what it would get."""
+
+    name: str
+    duration_s: float
+    segments: int
+    room_m: float
+    """What is left between the vehicle's surface and every obstacle: room for its tracking error."""
+    crc32: str

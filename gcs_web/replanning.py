@@ -1,0 +1,142 @@
+"""Plans on from the last answer where one waypoint changed, else from scratch; drafts while one is dragged."""
+
+import math
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+import planner
+from flight import FloatArray, InputError
+from gcs_web import missions
+from gcs_web.document import Content, Point
+from planner.space import DistanceField
+from vehicle import Vehicle
+
+DRAFT_POINTS = 400
+
+
+class Known(NamedTuple):
+    """What a plan depends on beside the document."""
+
+    field: DistanceField
+    vehicle: Vehicle
+    options: planner.PlanOptions
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Kept:
+    """A session of the planner, and the document that its plan answers."""
+
+    content: Content
+    known: Known
+    session: planner.Planner
+
+
+class Replanner:
+    """One plan at a time; `draft` and `cancel` may be called from another thread meanwhile."""
+
+    def __init__(self) -> None:
+        self._kept: _Kept | None = None
+        self._flag = planner.StopFlag()
+        self._working: planner.Planner | None = None
+        self._lock = threading.Lock()
+
+    def begin(self) -> None:
+        """Before each `plan`: a `cancel` from now on is meant for it."""
+        with self._lock:
+            self._flag = planner.StopFlag()
+
+    def plan(self, content: Content, known: Known, *, afresh: bool = False) -> planner.Plan:
+        """
+        Args:
+            afresh: from scratch in any case.
+
+        Raises:
+            PlanCancelledError: `cancel` was called.
+            FlightError: as `planner.mission.plan`.
+        """
+        flag = self._flag
+        mission = missions.mission_of(content)
+        asked = planner.mission.conditions(mission)
+        if mission.laps is not None or asked.stay_s is not None or asked.ground_world_m is not None:
+            self._kept = None
+            return planner.mission.plan(mission, known.field, known.vehicle, known.options, stop=flag)
+        kept = self._kept
+        step = None if afresh or kept is None else _step(kept, content, known)
+        if kept is None or step is None:
+            options = planner.mission.with_yaw(known.options, mission)
+            session = planner.Planner(
+                mission.waypoints, known.field, known.vehicle, options, conditions=asked, stop=flag
+            )
+            self._kept = _Kept(content, known, session)
+            return session.plan
+        with self._lock:
+            self._working = kept.session
+        try:
+            plan = step(kept.session)
+        finally:
+            with self._lock:
+                self._working = None
+        self._kept = _Kept(content, known, kept.session)
+        return plan
+
+    def draft(self, waypoint: int, position_world_m: FloatArray) -> FloatArray | None:
+        """(m, 3) of the last plan with one waypoint moved and all times kept; checked by nothing.
+
+        Returns None where the last plan has no such waypoint, or is a mission's of several paths.
+        """
+        kept = self._kept
+        if kept is None:
+            return None
+        try:
+            path = kept.session.draft(kept.content.number_of(waypoint), position_world_m)
+        except InputError:
+            return None
+        return path.position(np.linspace(0.0, path.duration_s, DRAFT_POINTS))
+
+    def cancel(self) -> None:
+        """End the plan that is worked on, if there is one."""
+        with self._lock:
+            self._flag.set()
+            if self._working is not None:
+                self._working.cancel()
+
+
+def _step(kept: _Kept, after: Content, known: Known) -> Callable[[planner.Planner], planner.Plan] | None:
+    """The one edit of the planner's session that leads to the document; None if there is none."""
+    before = kept.content
+    same = known.field is kept.known.field and known.vehicle is kept.known.vehicle
+    if not same or known.options != kept.known.options or before.settings != after.settings:
+        return None
+    old, new = before.points, after.points
+    if len(old) == len(new):
+        changed = [i for i, (a, b) in enumerate(zip(old, new, strict=True)) if a != b]
+        if not changed:
+            return lambda session: session.plan
+        i = changed[0]
+        moved = msgspec.structs.replace(old[i], position_world_m=new[i].position_world_m) == new[i]
+        if len(changed) > 1 or not moved:
+            return None
+        return lambda session: session.move(i, np.array(new[i].position_world_m))
+    if not all(point.plain for point in (*old, *new)):
+        return None
+    i = _first_difference(old, new)
+    if _without(new, i) == old:
+        asked = new[i].yaw_rad
+        yaw_rad = math.nan if asked is None else asked
+        return lambda session: session.insert(i, np.array(new[i].position_world_m), yaw_rad)
+    if _without(old, i) == new:
+        return lambda session: session.delete(i)
+    return None
+
+
+def _first_difference(a: tuple[Point, ...], b: tuple[Point, ...]) -> int:
+    return next((i for i, (x, y) in enumerate(zip(a, b, strict=False)) if x != y), min(len(a), len(b)))
+
+
+def _without(points: tuple[Point, ...], index: int) -> tuple[Point, ...]:
+    return points[:index] + points[index + 1 :]

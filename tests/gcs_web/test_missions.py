@@ -1,0 +1,180 @@
+"""Missions on the page: nothing that a waypoints file asks for is lost, and every edit of a request has a way back."""
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from flight import InputError, Waypoints, mission, project
+from flight.mission import FlyBy, Ground, Laps, LegSpeed, Mission, Stay, Velocity, Yaw
+from gcs_web import edits, missions, protocol
+from gcs_web.document import Content, Settings, difference, patched
+from gcs_web.session import Session
+
+POINTS = np.array([[0.8, 0.8, 1.0], [3.0, 2.0, 1.3], [5.2, 0.8, 1.0], [5.0, 3.4, 1.6]])
+
+
+def full() -> Mission:
+    """Asks for one of everything."""
+    return Mission(
+        Waypoints(POINTS, np.array([np.nan, 0.5, np.nan, np.nan])),
+        laps=Laps(3, 1, 2),
+        stays=(Stay(0, 2.0),),
+        velocities=(Velocity(2, (0.0, 2.0, 0.0)),),
+        fly_bys=(FlyBy(1, 0.4),),
+        leg_speeds=(LegSpeed(0, 2, 1.0), LegSpeed(2, 3, 2.0)),
+        landing=Ground((4.0, 2.0, 0.1), 0.5),
+        yaw=Yaw("look_at", 0.0, (3.0, 2.0, 1.0)),
+    )
+
+
+def opened(asked: Mission | None = None) -> Content:
+    return missions.with_mission(Content(), full() if asked is None else asked)
+
+
+def edit(content: Content, kind: type, **arguments) -> Content:
+    after, label = edits.apply(content, kind(serial=0, revision=0, **arguments))
+    assert label
+    assert patched(after, difference(after, content)) == content
+    return after
+
+
+@st.composite
+def asked_missions(draw) -> Mission:
+    count = draw(st.integers(3, 7))
+    numbers = st.integers(0, count - 1)
+    stays = draw(st.sets(numbers, max_size=2))
+    balls = draw(st.sets(numbers, max_size=2)) - stays
+    starts = draw(st.lists(st.integers(0, count - 2), max_size=3))
+    return Mission(
+        Waypoints(np.arange(3.0 * count).reshape(count, 3), np.full(count, np.nan)),
+        laps=draw(st.none() | st.builds(Laps, st.integers(1, 5), st.integers(0, 1), st.sampled_from([-1, 2]))),
+        stays=tuple(Stay(i, 1.5) for i in sorted(stays)),
+        fly_bys=tuple(FlyBy(i, 0.3) for i in sorted(balls)),
+        leg_speeds=tuple(LegSpeed(i, draw(st.integers(i + 1, count - 1)), float(i + 1)) for i in starts),
+        yaw=draw(st.none() | st.just(Yaw("fixed", 0.7)) | st.just(Yaw("steady"))),
+    )
+
+
+def legs(asked: Mission) -> list[float]:
+    """The largest speed of each leg as the planner takes it."""
+    found = np.full(len(asked.waypoints.yaw_rad) - 1, np.inf)
+    for record in asked.leg_speeds:
+        found[record.first : record.last] = np.minimum(found[record.first : record.last], record.speed_m_s)
+    return found.tolist()
+
+
+@given(asked_missions())
+def test_a_mission_that_went_through_the_document_asks_for_the_same(asked: Mission):
+    content = missions.with_mission(Content(), asked)
+    back = missions.mission_of(content)
+    assert missions.same(content, asked)
+    assert (back.stays, back.fly_bys, back.yaw) == (asked.stays, asked.fly_bys, asked.yaw)
+    assert legs(back) == legs(asked)
+    np.testing.assert_array_equal(
+        back.unrolled().waypoints.positions_world_m, asked.unrolled().waypoints.positions_world_m
+    )
+
+
+@given(asked_missions())
+def test_flown_ids_are_those_of_the_unrolled_waypoints(asked: Mission):
+    content = missions.with_mission(Content(), asked)
+    places = {p.id: p.position_world_m for p in content.points}
+    flown = [places[i] for i in missions.flown(content) if i is not None]
+    np.testing.assert_array_equal(flown, asked.unrolled().waypoints.positions_world_m)
+
+
+@given(asked_missions())
+def test_reversing_twice_changes_nothing(asked: Mission):
+    content = missions.with_mission(Content(), asked)
+    once = edit(content, protocol.Reverse)
+    assert legs(missions.mission_of(once)) == legs(asked)[::-1]
+    assert missions.mission_of(edit(once, protocol.Reverse)).laps == missions.mission_of(content).laps
+    assert edit(once, protocol.Reverse).points == content.points
+
+
+def test_a_mission_file_is_opened_edited_saved_and_the_undo_brings_the_file_back(tmp_path):
+    folder = project.create(tmp_path / "project", "mission")
+    mission.save(folder.waypoints, full())
+    before = folder.waypoints.read_bytes()
+    session = Session(folder, Settings())
+    try:
+        assert missions.same(session.content, full())
+        first = session.content.points[0].id
+        session.edit(protocol.Ask(serial=0, revision=0, waypoints=[first], stay_s=4.0), "Anna")
+        session.edit(protocol.Loop(serial=0, revision=1, laps=0), "Anna")
+        written = mission.load(folder.waypoints)
+        assert (written.stays, written.laps) == ((Stay(0, 4.0),), None)
+        session.undo("Anna")
+        session.undo("Anna")
+        assert missions.same(session.content, mission.load(folder.waypoints))
+        assert mission.load(folder.waypoints).laps == full().laps
+        assert folder.waypoints.read_bytes() == before
+    finally:
+        session.close()
+    again = Session(folder, Settings())
+    again.close()
+    assert again.revision == session.revision  # its own file is no change by another program
+
+
+def test_a_file_that_asks_for_no_yaw_mode_leaves_the_one_of_the_page():
+    content = Content(settings=Settings(yaw="smooth"))
+    assert missions.with_mission(content, Mission(Waypoints(POINTS, np.full(4, np.nan)))).settings.yaw == "smooth"
+
+
+def test_a_document_of_an_older_version_is_opened_and_written_as_the_new_one(tmp_path):
+    folder = project.create(tmp_path / "project", "old")
+    Session(folder, Settings()).close()
+    path = folder.folder / ".session" / "document.json"
+    snapshot = msgspec.json.decode(path.read_bytes())
+    snapshot["version"] = 1
+    snapshot["content"]["settings"] = {"speed_m_s": 3.0}
+    snapshot["content"]["points"] = [{"id": 0, "position_world_m": [1.0, 2.0, 3.0]}]
+    path.write_bytes(msgspec.json.encode(snapshot))
+    session = Session(folder, Settings())
+    session.close()
+    assert session.content.settings.speed_m_s == 3.0
+    assert session.content.points[0].plain
+    assert msgspec.json.decode(path.read_bytes())["version"] == 2  # an older program would drop requests
+
+
+@pytest.mark.parametrize(
+    ("kind", "arguments", "reason"),
+    [
+        (protocol.Ask, {"waypoints": [0], "stay_s": 3601.0}, "from 0 to 3600 s"),
+        (protocol.Ask, {"waypoints": [0], "stay_s": float("nan")}, "from 0 to 3600 s"),
+        (protocol.Ask, {"waypoints": [1], "stay_s": 1.0}, "a stay and a radius"),
+        (protocol.Ask, {"waypoints": [2], "stay_s": 1.0}, "a stay and a velocity"),
+        (protocol.Ask, {"waypoints": [9], "stay_s": 1.0}, "deleted meanwhile"),
+        (protocol.Pass, {"waypoints": [0], "velocity_m_s": (0.0, 1e9, 0.0)}, "is the most"),
+        (protocol.Loop, {"laps": 101}, "from 0"),
+        (protocol.Loop, {"laps": 2, "lap_first": 2, "lap_last": 1}, "laps go from waypoint 2 to 1"),
+        (protocol.SetGround, {"end": "take_off"}, "a stay and a take_off"),
+        (protocol.SetGround, {"end": "landing", "climb_m_s": 0.0}, "more than 0"),
+        (protocol.SetGround, {"end": "landing", "x_m": 1e9}, "within"),
+        (protocol.Choose, {"look_at_m": (0.0, float("inf"), 0.0)}, "within"),
+        (protocol.Choose, {"heading_deg": float("nan")}, "no heading"),
+    ],
+)
+def test_a_request_that_cannot_be_met_is_refused_in_words(kind, arguments, reason):
+    with pytest.raises(InputError, match=reason):
+        edits.apply(opened(), kind(serial=0, revision=0, **arguments))
+
+
+def test_zero_drops_a_request():
+    after = edit(opened(), protocol.Ask, waypoints=[0], stay_s=0.0, leg_speed_m_s=0.0)
+    assert after.points[0].plain
+
+
+def test_deleting_an_end_of_the_loop_takes_its_neighbour_instead():
+    content = edit(edit(opened(), protocol.Loop, laps=2, lap_first=1, lap_last=None), protocol.Delete, waypoints=[1])
+    assert missions.mission_of(content).laps == Laps(2, 1, -1)
+    assert content.settings.lap_first == 2
+
+
+def test_looking_at_a_point_begins_with_the_middle_of_the_waypoints():
+    content = edit(opened(Mission(Waypoints(POINTS, np.full(4, np.nan)))), protocol.Choose, yaw="look_at")
+    np.testing.assert_allclose(content.settings.look_at_world_m, POINTS.mean(axis=0), atol=0.01)
+    turned = edit(content, protocol.Choose, yaw="fixed", heading_deg=450.0)
+    assert missions.mission_of(turned).yaw == Yaw("fixed", pytest.approx(np.pi / 2))

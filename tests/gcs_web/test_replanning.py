@@ -1,0 +1,98 @@
+"""Planning on from the last answer: the path answers the document, whatever led there, and has passed the gate."""
+
+import threading
+
+import msgspec
+import numpy as np
+import pytest
+
+import planner
+import vehicle
+from flight import Waypoints
+from gcs_web import replanning
+from gcs_web.document import Content
+
+POINTS = np.array([[0.0, 0.0, 1.0], [3.0, 1.0, 1.4], [6.0, -1.0, 1.2], [9.0, 0.0, 1.0]])
+DRONE = vehicle.example("rigter2019")
+
+
+class Sky:
+    """Nothing within 10 m."""
+
+    def distance(self, points_world_m, /):
+        return np.full(len(np.atleast_2d(points_world_m)), 10.0)
+
+
+KNOWN = replanning.Known(Sky(), DRONE, planner.PlanOptions())
+
+
+@pytest.fixture(scope="module")
+def begun() -> Content:
+    return Content().with_waypoints(Waypoints(POINTS, np.full(4, np.nan)))
+
+
+def planned(replanner: replanning.Replanner, content: Content) -> planner.Plan:
+    replanner.begin()
+    plan = replanner.plan(content, KNOWN)
+    assert plan.gate.passed
+    np.testing.assert_array_equal(plan.waypoints.positions_world_m, content.waypoints().positions_world_m)
+    np.testing.assert_array_equal(plan.waypoints.yaw_rad, content.waypoints().yaw_rad)
+    return plan
+
+
+def moved(content: Content, number: int, by_m: float) -> Content:
+    points = list(content.points)
+    x, y, z = points[number].position_world_m
+    points[number] = msgspec.structs.replace(points[number], position_world_m=(x, y, z + by_m))
+    return content.with_points(points)
+
+
+def test_every_kind_of_change_is_answered_by_a_checked_plan_of_just_these_waypoints(begun: Content, monkeypatch):
+    replanner = replanning.Replanner()
+    planned(replanner, begun)
+    scratch = []
+    new = planner.Planner
+    monkeypatch.setattr(planner, "Planner", lambda *a, **k: scratch.append(1) or new(*a, **k))
+    content = moved(begun, 1, 0.3)
+    planned(replanner, content)
+    planned(replanner, begun)  # as undo does
+    extra = msgspec.structs.replace(begun.points[0], id=9, position_world_m=(4.5, 0.5, 1.4), yaw_rad=0.2)
+    planned(replanner, begun.with_points([*begun.points[:2], extra, *begun.points[2:]]))
+    planned(replanner, begun)
+    assert scratch == []  # one waypoint moved, inserted or deleted: planned on
+    both = moved(begun, 3, 0.2).points
+    planned(replanner, begun.with_points([*both[:2], extra, *both[2:]]))  # inserted and moved
+    planned(replanner, begun.with_points(begun.points[::-1]))
+    turned = [msgspec.structs.replace(p, yaw_rad=0.5) for p in begun.points]
+    planned(replanner, begun.with_points(turned))
+    slower = msgspec.structs.replace(begun, settings=msgspec.structs.replace(begun.settings, speed_m_s=2.0))
+    planned(replanner, slower)
+    asked = [msgspec.structs.replace(begun.points[0], leg_speed_m_s=2.0), *begun.points[1:]]
+    plan = planned(replanner, begun.with_points(asked))
+    assert any(check.name == "speed of legs" for check in plan.gate.checks)
+    assert len(scratch) == 5
+
+
+def test_a_draft_goes_through_the_dragged_waypoint_and_changes_nothing(begun: Content):
+    replanner = replanning.Replanner()
+    assert replanner.draft(1, POINTS[1]) is None  # nothing was planned yet
+    before = planned(replanner, begun).trajectory
+    target = POINTS[1] + [0.2, 0.3, 0.4]
+    path = replanner.draft(begun.points[1].id, target)
+    assert path is not None
+    step_m = np.linalg.norm(np.diff(path, axis=0), axis=1).max()
+    assert np.linalg.norm(path - target, axis=1).min() <= step_m
+    np.testing.assert_allclose(path[[0, -1]], POINTS[[0, -1]], atol=1e-9)
+    np.testing.assert_array_equal(planned(replanner, begun).trajectory.coefficients, before.coefficients)
+    assert replanner.draft(77, target) is None
+
+
+def test_a_plan_that_is_cancelled_ends_and_the_next_one_is_made(begun: Content):
+    replanner = replanning.Replanner()
+    rng = np.random.default_rng(0)
+    many = Content().with_waypoints(Waypoints(rng.uniform(-50.0, 50.0, (300, 3)), np.full(300, np.nan)))
+    replanner.begin()
+    threading.Timer(0.1, replanner.cancel).start()
+    with pytest.raises(planner.PlanCancelledError):
+        replanner.plan(many, KNOWN)
+    planned(replanner, begun)
