@@ -123,7 +123,7 @@ def command(
         _show_protocol(judged)
     for name, found in fits.items():
         click.echo(f"{name}: the fit to --train is {found.verdict.sentence}")
-    for remark in result.remarks:
+    for remark in dict.fromkeys((*result.remarks, *result.left_out, *(judged.findings if judged else ()))):
         click.echo(f"note: {remark}")
     for figure in figures:
         click.echo(f"figure: {figure}")
@@ -156,6 +156,4 @@ def _show_protocol(judged: sysid.Judged) -> None:
     rows = [(way.name, *(f"{error:.3f}" for error in judged.pooled(way).values())) for way in judged.errors]
     horizon_s, starts = judged.protocol.horizon_s, sum(judged.starts)
     console.table(f"after {horizon_s:g} s from {starts} measured states, mean absolute error", heads, rows)
-    for finding in judged.findings:
-        click.echo(f"note: {finding}")
     click.echo(f"what each knows: {KNOWS}")
