@@ -41,7 +41,7 @@ class Disturbance:
         seen = [
             lfilter([g], [1.0, -(1.0 - g) * keep], column) for g, keep, column in zip(gain, keeps, left.T, strict=True)
         ]
-        blind = math.ceil(blind_s / step_s)
+        blind = math.ceil(blind_s / step_s - 1e-6)  # a whole number of steps is not one more
         known = np.stack(seen, axis=1)[: len(left) - blind] * keeps**blind
         return np.concatenate([np.zeros((len(left) + 1 - len(known), 6)), known])
 

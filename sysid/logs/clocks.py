@@ -33,7 +33,7 @@ BLOCK_S = 1.0
 """Errors are taken as independent between blocks of this length."""
 DRIVEN_HZ = (3.0, 20.0)
 """In this band rotors turn the body. Slower, most of their torque may balance a moment of the air, and the controller's
-answer to it has a phase of its own (on two of eight flights of a nano-drone worth 11 and 14 ms); faster, it is noise."""
+answer to it has a phase of its own (on two of eight flights of a nano-drone worth 11 and 14 ms); faster is noise."""
 STEPS = 5
 """Of least squares; each is exact for what moves straight on over the step."""
 
