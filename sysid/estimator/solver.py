@@ -357,14 +357,20 @@ def robust_covariance(solution: Solution, own: int = 0) -> tuple[FloatArray, Flo
     shared = len(bread) - own
     if len(solution.scores) == 1 or shared == 0:
         return blocks, freedom
-    whole = [tuple(sum(parts) for parts in zip(*flight, strict=True)) for flight in solution.scores]
     own_prior = solution.prior_information[shared:, shared:]
-    flights, shown_by = _sandwich([_own_taken_out(*one, own_prior) for one in whole], bread[:shared, :shared])
+    whole = [_own_taken_out(*_summed(flight), own_prior) for flight in solution.scores]
+    flights, shown_by = _sandwich(whole, bread[:shared, :shared])
     more = np.diag(flights) / np.maximum(np.diag(blocks)[:shared], 1e-300)
     weight = np.minimum(0.5, 0.25 * (shown_by - 1.0))
     scale = np.ones(len(bread))
     scale[:shared] = np.sqrt(1.0 + weight * (more - 1.0))
     return blocks * np.outer(scale, scale), freedom
+
+
+def _summed(scores: Sequence[Score]) -> Score:
+    """Of several stretches of time together."""
+    information, pulls = zip(*scores, strict=True)
+    return np.sum(information, axis=0), np.sum(pulls, axis=0)
 
 
 def _own_taken_out(information: FloatArray, pull: FloatArray, prior: FloatArray) -> tuple[FloatArray, FloatArray]:
