@@ -24,11 +24,16 @@ from vehicle import Limits, Vehicle
 
 AIM_M = 0.02
 """What the optimiser keeps beyond the required clearance, for what lies between the samples it looks at."""
+_ROUGH = 60
+"""Iterations of the first descent, with few knots."""
+_START_SLOWER, _SOUND = (2.0, 4.0), 2.0
+"""Factors on the times to start from, tried in turn: from too fast a start the descent can end where the vehicle flies
+upside down. Then most of the cost is penalties (14 and 32 times the flight time); else it was at most 1.2 times."""
 _SHORTEST_S = 0.2
 """Segments are not cut into shorter pieces: the vehicle could make nothing of them."""
 _SMOOTHING_S = 0.5
 """Turns of the heading are smoothed out over this time to begin with."""
-_WHOLE, _IN_PART = (250, 70, 25), 40
+_WHOLE, _IN_PART = (150, 40, 25), 40
 """Iterations of the rounds about all segments, and of the later ones, which mend what is exceeded here and there."""
 _ROUNDS = 40
 _RELIEVED, _AGAIN = 0.03, 5
@@ -103,7 +108,12 @@ def rough(
     for knot, given in _given_speeds(asked, velocity):
         pace[knot] = max(pace[knot], given)
     slow = np.maximum(lengths, 0.3) / np.maximum(pace[:-1], pace[1:])
-    return problem, time_allocation.optimise(problem, slow, iterations=150, stop=stop)
+    found = time_allocation.optimise(problem, slow, iterations=_ROUGH, stop=stop)
+    for slower in _START_SLOWER:
+        if found.cost < _SOUND * float(found.durations_s.sum()):
+            break
+        found = time_allocation.optimise(problem, slower * slow, iterations=_ROUGH, stop=stop)
+    return problem, found
 
 
 def whole_vehicle(
@@ -241,6 +251,7 @@ def until_flyable(
                 if not report.passed or not relieved.any():
                     return found
                 wrong = relieved
+                known = None if report.usage is None else (path, report.usage)
                 rounds = round_ + _AGAIN
                 continue
             known = path, report.usage

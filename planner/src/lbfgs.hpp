@@ -23,9 +23,10 @@ class Lbfgs {
     double longest_step = 1.0;  // of any one variable
     const std::atomic<bool>* stop = nullptr;
 
-    // Minimises function(x, gradient) from x, in place.
-    template <class Function>
-    Descent minimise(std::vector<double>& x, Function&& function) {
+    // Minimises function(x, gradient) from x, in place. metric(gradient) turns a gradient into the steepest step, in
+    // place.
+    template <class Function, class Metric>
+    Descent minimise(std::vector<double>& x, Function&& function, Metric&& metric) {
         const std::size_t n = x.size();
         std::vector<double> gradient(n), direction(n), x_new(n), gradient_new(n);
         Descent found;
@@ -38,11 +39,11 @@ class Lbfgs {
                 found.stopped = true;
                 return found;
             }
-            precondition(gradient, direction);
+            precondition(gradient, direction, metric);
             double slope = dot(gradient, direction);
             if (!(slope < 0.0)) {  // the memory misleads: start over downhill
                 changes_.clear();
-                precondition(gradient, direction);
+                precondition(gradient, direction, metric);
                 slope = dot(gradient, direction);
                 if (!(slope < 0.0)) {
                     found.converged = true;
@@ -59,7 +60,7 @@ class Lbfgs {
                 changes_.clear();
                 continue;
             }
-            remember(x, x_new, gradient, gradient_new);
+            remember(x, x_new, gradient, gradient_new, metric);
             const double gain = found.cost - cost_new;
             x.swap(x_new);
             gradient.swap(gradient_new);
@@ -81,15 +82,18 @@ class Lbfgs {
     static constexpr std::size_t kMemory = 60;
     static constexpr int kSmallGains = 3;  // one may be a step that was cut short
     std::vector<Change> changes_;
+    double scale_ = 1.0;  // of the metric, so that it fits the last change
 
     static double dot(const std::vector<double>& a, const std::vector<double>& b) {
         return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
     }
 
-    void precondition(const std::vector<double>& gradient, std::vector<double>& direction) const {
+    template <class Metric>
+    void precondition(const std::vector<double>& gradient, std::vector<double>& direction, Metric&& metric) const {
         for (std::size_t i = 0; i < gradient.size(); ++i) direction[i] = -gradient[i];
         if (changes_.empty()) {
-            const double size = std::sqrt(dot(gradient, gradient));
+            metric(direction);
+            const double size = std::sqrt(dot(direction, direction));
             for (double& d : direction) d *= 0.1 / std::max(size, 1e-12);
             return;
         }
@@ -99,9 +103,8 @@ class Lbfgs {
             weight[k] = dot(change.x, direction) / change.curvature;
             for (std::size_t i = 0; i < direction.size(); ++i) direction[i] -= weight[k] * change.gradient[i];
         }
-        const Change& last = changes_.back();
-        const double scale = last.curvature / dot(last.gradient, last.gradient);
-        for (double& d : direction) d *= scale;
+        metric(direction);
+        for (double& d : direction) d *= scale_;
         for (std::size_t k = 0; k < changes_.size(); ++k) {
             const Change& change = changes_[k];
             const double more = weight[k] - dot(change.gradient, direction) / change.curvature;
@@ -109,13 +112,17 @@ class Lbfgs {
         }
     }
 
+    template <class Metric>
     void remember(const std::vector<double>& x, const std::vector<double>& x_new, const std::vector<double>& gradient,
-                  const std::vector<double>& gradient_new) {
+                  const std::vector<double>& gradient_new, Metric&& metric) {
         Change change{x_new, gradient_new, 0.0};
         for (std::size_t i = 0; i < x.size(); ++i) change.x[i] -= x[i], change.gradient[i] -= gradient[i];
         change.curvature = dot(change.x, change.gradient);
         if (!(change.curvature > 1e-12 * std::sqrt(dot(change.x, change.x) * dot(change.gradient, change.gradient))))
             return;
+        std::vector<double> step = change.gradient;
+        metric(step);
+        scale_ = change.curvature / dot(change.gradient, step);
         if (changes_.size() == kMemory) changes_.erase(changes_.begin());
         changes_.push_back(std::move(change));
     }

@@ -5,6 +5,8 @@
 #include <limits>
 #include <utility>
 
+#include "smoothing.hpp"
+
 namespace goshawk {
 
 namespace {
@@ -239,13 +241,16 @@ Descent Problem::minimise(double* knots, double* durations, const unsigned char*
         for (std::size_t i = 0; i < segments_; ++i) durations[i] = std::exp(from[i]);
         for (std::size_t n = 0; n < moving.size(); ++n) knots[moving[n]] = from[segments_ + n];
     };
-    const Descent found = method.minimise(x, [&](const std::vector<double>& at, std::vector<double>& gradient) {
+    Smoothing smoothing(durations, segments_, free, held_.data());
+    const auto function = [&](const std::vector<double>& at, std::vector<double>& gradient) {
         unpack(at);
         const double cost = evaluate(knots, durations, by_knots.data(), by_durations.data());
         for (std::size_t i = 0; i < segments_; ++i) gradient[i] = by_durations[i] * durations[i];
         for (std::size_t n = 0; n < moving.size(); ++n) gradient[segments_ + n] = by_knots[moving[n]];
         return cost;
-    });
+    };
+    const Descent found =
+        method.minimise(x, function, [&](std::vector<double>& step) { smoothing.apply(step, moving); });
     unpack(x);
     return found;
 }

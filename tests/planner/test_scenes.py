@@ -33,6 +33,10 @@ def test_a_plan_through_forest_or_rooms_passes_an_independent_check(seed, drone)
     planned_without_fault(seed, drone)
 
 
+def test_a_descent_that_would_end_upside_down_starts_again_slower(drone):
+    planned_without_fault(1197, drone)  # was refused: tilt past 90 degrees is a minimum of its own
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6, 50))
 def test_plans_through_all_other_scenes_pass_an_independent_check(seed, drone):

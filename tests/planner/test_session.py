@@ -84,9 +84,10 @@ def test_a_waypoint_dragged_behind_a_pillar_is_planned_round_it(pillar, drone):
     session = Planner(Waypoints(points, np.full(4, np.nan)), pillar, drone)
     plan = session.move(3, np.array([3.0, 0.5, 1.0]))
     assert plan.gate.passed
-    agrees_with_scratch(session, pillar, drone, slower=0.05)
+    # from scratch a leg near the pillar has six pieces; the leg that is drawn along keeps its two
+    agrees_with_scratch(session, pillar, drone, slower=0.06)
     session.move(3, np.array([0.0, 3.0, 1.0]))
-    agrees_with_scratch(session, pillar, drone, slower=0.05)
+    agrees_with_scratch(session, pillar, drone, slower=0.06)
 
 
 def test_other_limits_are_kept_for_later_edits(session, drone):

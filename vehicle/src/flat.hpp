@@ -150,7 +150,7 @@ inline bool invert_rotors(const Model& model, const double* values, Flow<Dual<4>
             n[i] = std::fmax(n[i] + move[i], 0.1 * n[i]);
             change = std::fmax(change, std::fabs(move[i]));
         }
-        if (change < 1e-9) return true;
+        if (change < 1e-4) return true;  // Newton squares the error, relative to some 1,000 rad/s: 1e-11 is left
     }
     return false;
 }
