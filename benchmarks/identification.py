@@ -115,7 +115,8 @@ def peer(logs: list[FlightLog]) -> list[report.Row]:
     apart = max(abs(theirs.values[e.name] - e.value) / e.std for e in found)
     point = result.solution.point
     cost = sum(
-        problem.cost(f, s, point, result.noise, robust=False) for f, s in zip(flights, point.states, strict=True)
+        problem.cost_of(problem.residuals_of(f, s, point, result.noise, robust=False))
+        for f, s in zip(flights, point.states, strict=True)
     )
     count = 12 * sum(len(f) for f in flights)
     name = "CasADi + IPOPT"

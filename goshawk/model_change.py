@@ -51,6 +51,7 @@ class Change:
     """Model (`PRESENT`, `BEFORE`, `AFTER`) to quantity to error after `HORIZON_S`; empty without held-out flights."""
     held_out: HeldOut | None
     findings: tuple[str, ...]
+    """What the user should know of the refit and of the held-out flights."""
     fit: Verdict | None
     """Verdict on the refit; None where nothing was refitted."""
 
@@ -67,31 +68,35 @@ def refitted(present: Vehicle, changed: Vehicle, flights: Flights, *, progress: 
         return Change(after.vehicle, {}, None, after.findings, after.verdict)
     before = sysid.identify(training, present, options, progress=progress)
     models = {PRESENT: present, BEFORE: before.vehicle, AFTER: after.vehicle}
-    errors = held_out_errors(models, list(flights.held_out.values()), progress=progress)
+    errors, left_out = held_out_errors(models, list(flights.held_out.values()), progress=progress)
     evidence = HeldOut(named(flights.held_out), errors[BEFORE], errors[AFTER], verdict(errors[BEFORE], errors[AFTER]))
     fit = after.verdict
     if not before.converged:
         fit = fit.doubted("the present model, which the change is compared with, was refitted without converging")
-    return Change(after.vehicle, errors, evidence, after.findings, fit)
+    return Change(after.vehicle, errors, evidence, (*after.findings, *left_out), fit)
 
 
 def evaluated(present: Vehicle, changed: Vehicle, flights: Flights, *, progress: Progress = silent) -> Change:
     """Compare the change, without fitting, with the present model on held-out flights."""
     models = {BEFORE: present, AFTER: changed}
-    errors = held_out_errors(models, list(flights.held_out.values()), progress=progress)
+    errors, left_out = held_out_errors(models, list(flights.held_out.values()), progress=progress)
     words = verdict(errors[BEFORE], errors[AFTER])
-    return Change(changed, errors, HeldOut(named(flights.held_out), errors[BEFORE], errors[AFTER], words), (), None)
+    return Change(
+        changed, errors, HeldOut(named(flights.held_out), errors[BEFORE], errors[AFTER], words), left_out, None
+    )
 
 
 def held_out_errors(
     models: Mapping[str, Vehicle], logs: Sequence[FlightLog], *, progress: Progress = silent
-) -> dict[str, dict[str, float]]:
-    """Root mean square open-loop prediction error of each model after `HORIZON_S`, by quantity with its unit."""
+) -> tuple[dict[str, dict[str, float]], tuple[str, ...]]:
+    """Root mean square open-loop prediction error of each model after `HORIZON_S`, by quantity with its unit; and in
+    words which stretches of the flights were left out."""
     result = sysid.compare(logs, models, progress=progress)
     at = HORIZONS_S.index(HORIZON_S)
-    return {
+    errors = {
         model: {key: float(result.errors[model][quantity][at]) for quantity, key in KEYS.items()} for model in models
     }
+    return errors, result.left_out
 
 
 def prediction_error(quantity: str, value: float) -> str:

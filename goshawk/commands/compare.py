@@ -164,7 +164,8 @@ def _show(found: Found, report_file: Path | None, figures: Sequence[Path]) -> No
         _show_protocol(found.judged)
     for name, fit in found.fits.items():
         click.echo(f"{name}: the fit to --train is {fit.verdict.sentence}")
-    for remark in found.errors.remarks:
+    judged = found.judged.findings if found.judged is not None else ()
+    for remark in dict.fromkeys((*found.errors.remarks, *found.errors.left_out, *judged)):
         click.echo(f"note: {remark}")
     for figure in figures:
         click.echo(f"figure: {figure}")
@@ -197,6 +198,4 @@ def _show_protocol(judged: sysid.Judged) -> None:
     rows = [(way.name, *(f"{error:.3f}" for error in judged.pooled(way).values())) for way in judged.errors]
     horizon_s, starts = judged.protocol.horizon_s, sum(judged.starts)
     console.table(f"after {horizon_s:g} s from {starts} measured states, mean absolute error", heads, rows)
-    for finding in judged.findings:
-        click.echo(f"note: {finding}")
     click.echo(f"what each knows: {KNOWS}")

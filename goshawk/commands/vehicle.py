@@ -298,26 +298,32 @@ def show_history(
     told = history.read(vehicle_file)
     line = told.line()
     errors: dict[int, dict[str, float]] = {}
+    left_out: tuple[str, ...] = ()
     if held_out:
         models = {str(step.number): history.version(vehicle_file, step) for step in line}
         with console.progress() as report:
             logs = [load(path, columns) for path in held_out]
-            by_version = model_change.held_out_errors(models, logs, progress=report)
+            by_version, left_out = model_change.held_out_errors(models, logs, progress=report)
         errors = {int(number): found for number, found in by_version.items()}
     if figure is not None:
         names = [path.name for path in held_out]
         with outputs.file(figure, overwrite=overwrite) as temporary:
             model_change.staircase(line, [errors[step.number] for step in line], names, temporary)
-    _show_history(told, errors, figure, as_json)
+    _show_history(told, errors, left_out, figure, as_json)
 
 
 def _show_history(
-    told: history.History, errors: dict[int, dict[str, float]], figure: Path | None, as_json: bool
+    told: history.History,
+    errors: dict[int, dict[str, float]],
+    left_out: tuple[str, ...],
+    figure: Path | None,
+    as_json: bool,
 ) -> None:
     on_line = {step.number for step in told.line()}
     if as_json:
         steps = [vehicle_step | {"undone": n not in on_line} for n, vehicle_step in enumerate(told.as_dicts())]
         document = {"current": told.current, "steps": steps, "errors": errors, "figure": figure and str(figure)}
+        document["left_out"] = list(left_out)
         console.show("", {}, as_json=True, document=document)
         return
     rows = []
@@ -337,6 +343,8 @@ def _show_history(
         "verdict at the time",
     )
     console.table("history", heads, rows)
+    for sentence in left_out:
+        click.echo(f"note: {sentence}")
     if figure is not None:
         click.echo(f"figure: {figure}")
 

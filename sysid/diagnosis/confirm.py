@@ -9,15 +9,16 @@ from flight import InputError
 from flight.rotations import FloatArray
 from sysid.diagnosis.evidence import block_edges
 from sysid.estimator.blocks import motor
-from sysid.estimator.chain import Rows
+from sysid.estimator.chain import Eliminated, eliminate
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.identification import start
 from sysid.estimator.midpoint import middle
 from sysid.estimator.model import along
 from sysid.estimator.noise import Noise
 from sysid.estimator.options import Reference
-from sysid.estimator.problem import Point
-from sysid.estimator.solver import linearised, total_cost
+from sysid.estimator.parallel import each
+from sysid.estimator.problem import Point, Residuals, cost_of, linearise
+from sysid.estimator.solver import all_residuals
 from sysid.estimator.states import States
 from sysid.estimator.unknowns import Unknowns, nuisances, sensor_values
 from vehicle import Vehicle
@@ -108,9 +109,9 @@ class Judge:
         if states is not None or self._states is not None:
             point = replace(point, states=states or self._states)
         point = replace(point, sensors={**point.sensors, **sensor_values(vehicle)})
-        point, rows = settle(self._flights, point, self._noise, self._clock)
+        point, residuals = settle(self._flights, point, self._noise, self._clock)
         self._states = point.states
-        costs = np.concatenate([_block_costs(f, r) for f, r in zip(self._flights, rows, strict=True)])
+        costs = np.concatenate([_block_costs(f, r) for f, r in zip(self._flights, residuals, strict=True)])
         self._known.append((vehicle, costs))
         return costs
 
@@ -136,8 +137,8 @@ def _told(flight: Flight, carries: bool) -> Flight:
     return flight if flight.carries_payload is not None else replace(flight, carries_payload=carries)
 
 
-def settle(flights: Sequence[Flight], point: Point, noise: Noise, clock: Reference) -> tuple[Point, tuple[Rows, ...]]:
-    """States, biases and delays at their best with everything else held, and the rows there.
+def settle(flights: Sequence[Flight], point: Point, noise: Noise, clock: Reference) -> tuple[Point, list[Residuals]]:
+    """States, biases and delays at their best with everything else held, and each flight's residuals there.
 
     Raises:
         InputError: the states do not settle.
@@ -147,25 +148,31 @@ def settle(flights: Sequence[Flight], point: Point, noise: Noise, clock: Referen
     unknowns, width = nuisances(flights, clock)
     weak = np.diag(1.0 / width**2)
     for _ in range(MOST_STEPS):
-        rows, eliminated = linearised(flights, point, unknowns, noise)
-        now = sum(r.cost() for r in rows)
+        residuals, eliminated = _linearised(flights, point, unknowns, noise)
+        now = sum(map(cost_of, residuals))
         information = weak + sum(e.information for e in eliminated)
         gradient = sum((e.gradient for e in eliminated), np.zeros(unknowns.size))
         border = np.asarray(-np.linalg.solve(information, gradient), dtype=np.float64)
+        if sum(e.promised(border) for e in eliminated) < SETTLED * max(now, 1.0):
+            return point, residuals
         changes = [e.states(border) for e in eliminated]
-        if sum(_promised(r, c, border) for r, c in zip(rows, changes, strict=True)) < SETTLED * max(now, 1.0):
-            return point, rows
         point, lower = _lowered(flights, point, unknowns, noise, border, changes, now)
         if not lower:
-            return point, rows
+            return point, residuals
     raise InputError(f"the states of {flights[0].name} do not settle under the model; it may be far from the truth")
 
 
-def _promised(rows: Rows, change: FloatArray, border: FloatArray) -> float:
-    """Reduction of the cost that the linearised rows expect of a step."""
-    defect, sensor = rows.change(change[:, :, None], border[:, None])
-    after = (rows.defect + defect[:, :, 0], rows.sensor + sensor[:, :, 0])
-    return rows.cost() - 0.5 * float(sum(np.vdot(part, part) for part in after))
+def _linearised(
+    flights: Sequence[Flight], point: Point, unknowns: Unknowns, noise: Noise
+) -> tuple[list[Residuals], list[Eliminated]]:
+    """Each flight's residuals at a point, and what their derivatives say of the unknowns."""
+
+    def one(flight: Flight, states: States) -> tuple[Residuals, Eliminated]:
+        rows = linearise(flight, states, point, unknowns, noise, False)
+        return (rows.defect, rows.sensor), eliminate(rows)
+
+    residuals, eliminated = zip(*each(point.vehicle, one, flights, point.states), strict=True)
+    return list(residuals), list(eliminated)
 
 
 def _lowered(
@@ -181,16 +188,12 @@ def _lowered(
     share = 1.0
     while share > 1e-2:
         tried = point.moved(unknowns, share * border, [share * c for c in changes])
-        after = total_cost(flights, tried, noise)
+        after = sum(map(cost_of, all_residuals(flights, tried, noise)))
         if np.isfinite(after) and after <= before:
             return tried, True
         share *= 0.5
     return point, False
 
 
-def _block_costs(flight: Flight, rows: Rows) -> FloatArray:
-    edges = block_edges(flight.time_s)
-    costs = np.zeros(len(edges))
-    for i, (a, b) in enumerate(edges):
-        costs[i] = 0.5 * (np.vdot(rows.defect[a:b], rows.defect[a:b]) + np.vdot(rows.sensor[a:b], rows.sensor[a:b]))
-    return costs
+def _block_costs(flight: Flight, residuals: Residuals) -> FloatArray:
+    return np.array([cost_of((residuals[0][a:b], residuals[1][a:b])) for a, b in block_edges(flight.time_s)])

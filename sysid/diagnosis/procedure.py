@@ -31,6 +31,7 @@ from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.estimator import verdict as fits
 from sysid.estimator.clocks import pose_is_late
 from sysid.estimator.comparison import HORIZONS_S, Comparison, compare
+from sysid.estimator.flight_data import left_out
 from sysid.estimator.identification import identify
 from sysid.estimator.options import Options
 from sysid.estimator.prepare import prepare
@@ -246,7 +247,7 @@ def diagnose(
         invisible=found.models[0].candidate_set.invisible,
         flights=tuple(names[: len(logs)]),
         held_out=tuple(names[len(logs) :]),
-        findings=((found.too_short,) if found.too_short else ()) + last.findings,
+        findings=((found.too_short,) if found.too_short else ()) + last.findings + left_out(unseen),
         search=found,
         payload_carried=_newly_told((*logs, *held_out), carried),
         judged=judged,

@@ -6,7 +6,7 @@ import numpy as np
 
 from flight.rotations import FloatArray
 from sysid.estimator.flight_data import Flight
-from sysid.estimator.solver import Solution, block_scores, covariance_of
+from sysid.estimator.solver import Solution, covariance_of
 
 SURE_SIGMA = 5.0
 """A flight is odd when some parameter would move by more than this many standard errors without it ..."""
@@ -29,9 +29,7 @@ class Odd:
     """Distance to the joint value in standard errors of the difference."""
 
 
-def odd_flights(
-    solution: Solution, flights: list[Flight], names: tuple[str, ...], sizes: FloatArray, block_s: float
-) -> list[Odd]:
+def odd_flights(solution: Solution, flights: list[Flight], names: tuple[str, ...], sizes: FloatArray) -> list[Odd]:
     """Flights that pull the estimate further than the scatter of their own blocks explains, the oddest first.
 
     Args:
@@ -41,9 +39,7 @@ def odd_flights(
     if len(flights) < 2 or not names:
         return []
     hessian = solution.hessian
-    pulls = [
-        np.array([pull for _, pull in block_scores(solution, i, f.time_s, block_s)]) for i, f in enumerate(flights)
-    ]
+    pulls = [np.array([pull for _, pull in scores]) for scores in solution.scores]
     scatter = [_scatter(p) for p in pulls]
     values = solution.point.values(names)
     found = []

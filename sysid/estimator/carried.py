@@ -5,6 +5,7 @@ lacks) plus white noise. Its size, its time constant and the noise are fitted to
 predicted, a Kalman filter runs over what was left of each interval so far.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -27,19 +28,22 @@ class Disturbance:
     white: FloatArray
     """(6,) densities of the white rest, the same units times root second."""
 
-    def just_before(self, left: FloatArray, step_s: float) -> FloatArray:
+    def just_before(self, left: FloatArray, step_s: float, blind_s: float = 0.0) -> FloatArray:
         """(k + 1, 6) expected disturbance at each node, given what was left of the intervals before it alone.
 
         Args:
             left: (k, 6) unexplained acceleration over each interval.
             step_s: usual length of an interval.
+            blind_s: what was left of the intervals that ended less long ago is not known either.
         """
         keeps = np.exp(-step_s / self.lasts_s)
         gain = _gain(keeps, self.size**2 * (1.0 - keeps**2), self.white**2 / step_s)
         seen = [
             lfilter([g], [1.0, -(1.0 - g) * keep], column) for g, keep, column in zip(gain, keeps, left.T, strict=True)
         ]
-        return np.concatenate([np.zeros((1, 6)), np.stack(seen, axis=1)])
+        blind = math.ceil(blind_s / step_s - 1e-6)  # a whole number of steps is not one more
+        known = np.stack(seen, axis=1)[: len(left) - blind] * keeps**blind
+        return np.concatenate([np.zeros((len(left) + 1 - len(known), 6)), known])
 
 
 def learn(left: Sequence[FloatArray], time_s: Sequence[FloatArray]) -> Disturbance:

@@ -178,6 +178,11 @@ class Eliminated:
         """(n, s) step to the best states when the parameters take a step (p,)."""
         return -self.factor.solve_back(self.half @ np.append(step, 1.0)[:, None])[:, :, 0]
 
+    def promised(self, step: FloatArray) -> float:
+        """Fall of the cost that the rows expect of a step (p,) of the parameters, the states at their best."""
+        by_states = 0.5 * float((self.half[:, :, -1] ** 2).sum())
+        return by_states - float(self.gradient @ step + 0.5 * step @ self.information @ step)
+
 
 def eliminate(rows: Rows) -> Eliminated:
     """Schur complement of the states of one flight.

@@ -10,7 +10,7 @@ from flight import FlightLog, InputError, Progress, rotations, silent, within
 from flight.rotations import FloatArray
 from sysid.estimator.blocks import motor, rotor_speed
 from sysid.estimator.blocks.pose import PoseSensor
-from sysid.estimator.flight_data import Flight
+from sysid.estimator.flight_data import Flight, left_out
 from sysid.estimator.identification import smooth
 from sysid.estimator.midpoint import Middle, middle
 from sysid.estimator.model import unexplained
@@ -77,6 +77,8 @@ class Comparison:
     """Model: residual wrench on each flight, the smoothed process noise under that model."""
     predictions: int
     """Number of predictions behind each error."""
+    left_out: tuple[str, ...]
+    """In words, stretches of the flights that were not judged, and why."""
 
     def wrench_rms(self, model: str) -> FloatArray:
         """(6,) root mean square of the residual force (N) and torque (N m) of one model, after a 0.1 s mean."""
@@ -108,6 +110,7 @@ class Comparison:
             "horizons_s": list(HORIZONS_S),
             "predictions": self.predictions,
             "remarks": list(self.remarks),
+            "left_out": list(self.left_out),
             "models": {
                 name: {
                     "vehicle": vehicle.name,
@@ -148,6 +151,7 @@ def compare(
         if not flight.has_pose:
             raise InputError(f"{flight.name} has no pose; predictions are judged against one")
     longest_s = max(HORIZONS_S)
+    touched = left_out(flights)
     flights = [f for f in flights if f.time_s[-1] - f.time_s[0] > 2.0 * longest_s]
     if not flights:
         raise InputError(f"no flight is longer than {2.0 * longest_s:g} s; predictions need that")
@@ -161,19 +165,19 @@ def compare(
         smoothed = smooth(flights, vehicle, options, near=smoothed, progress=within(progress, "compare", begun, done))
         states = smoothed.point.states
         sensor = PoseSensor.of(vehicle)
-        on_time = [rotor_speed.aligned(f, smoothed.point.sensors) for f in flights]
-        parts = [_errors(*one, vehicle, sensor) for one in zip(on_time, states, reference, strict=True)]
+        driven = [rotor_speed.aligned(f, smoothed.point.sensors) for f in flights]
+        parts = [_errors(*one, vehicle, sensor) for one in zip(driven, states, reference, strict=True)]
         errors[name] = {
             quantity: tuple(_rms(np.concatenate([p[quantity][h] for p in parts])) for h in range(len(HORIZONS_S)))
             for quantity in QUANTITIES
         }
         flight_errors[name] = tuple(_rms(p["position"][HORIZONS_S.index(0.5)]) for p in parts)
         residuals[name] = tuple(
-            residual(f, s, vehicle, smoothed.noise.process) for f, s in zip(on_time, states, strict=True)
+            residual(f, s, vehicle, smoothed.noise.process) for f, s in zip(driven, states, strict=True)
         )
         count = sum(len(p["position"][0]) for p in parts)
         progress("compare", FIRST_SHARE + (1.0 - FIRST_SHARE) * (i + 1) / len(models))
-    return Comparison(tuple(flights), dict(models), errors, flight_errors, residuals, count)
+    return Comparison(tuple(flights), dict(models), errors, flight_errors, residuals, count, touched)
 
 
 def _errors(

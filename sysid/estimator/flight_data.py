@@ -1,6 +1,6 @@
 """One flight made ready for the estimator: nodes in time, what was measured there, mean rotor speed in between."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -99,6 +99,11 @@ class LeadIn:
     """(m, 4)."""
     battery_v: FloatArray
     """(m,)."""
+
+
+def left_out(flights: Iterable[Flight]) -> tuple[str, ...]:
+    """In words and once per log, which stretches are not part of any flight, and why."""
+    return tuple(dict.fromkeys(flight.left_out for flight in flights if flight.left_out))
 
 
 def rates_from_attitude(time_s: FloatArray, q: FloatArray) -> FloatArray:

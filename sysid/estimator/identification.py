@@ -117,6 +117,7 @@ def _fit(
             prior,
             robust=options.robust,
             max_iterations=options.max_iterations,
+            block_s=options.block_s,
             progress=progress,
         )
         unseen = _least_seen(solution, vehicle, unknowns)
@@ -261,9 +262,21 @@ def smooth(
         noise = near.noise
     prior = Prior(np.zeros(unknowns.size), width)
     options = options or Options(max_iterations=20)
-    robust, most = options.robust, options.max_iterations
-    solution = solve(flights, point, noise, unknowns, prior, robust=robust, max_iterations=most, progress=progress)
+
+    def settled(point: Point, noise: Noise, most: int) -> Solution:
+        return solve(
+            flights,
+            point,
+            noise,
+            unknowns,
+            prior,
+            robust=options.robust,
+            max_iterations=most,
+            block_s=options.block_s,
+            progress=progress,
+        )
+
+    solution = settled(point, noise, options.max_iterations)
     if process_scale <= 1.0:
         return solution
-    loose = solution.noise.with_process(process_scale * solution.noise.process)
-    return solve(flights, solution.point, loose, unknowns, prior, robust=robust, max_iterations=1, progress=progress)
+    return settled(solution.point, solution.noise.with_process(process_scale * solution.noise.process), 1)

@@ -1,19 +1,43 @@
-"""What a flight's own sensors say of the motion, no model asked: states, and the acceleration between them."""
+"""What a flight's own sensors say of the motion: states, and the acceleration between them.
 
+No model is asked but for the clocks: streams are read as late as a fit of the states finds them.
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from flight import FlightLog, rotations
 from flight.rotations import FloatArray
+from sysid.estimator import clocks
+from sysid.estimator.blocks import rotor_speed
 from sysid.estimator.blocks.pose import PoseSensor
 from sysid.estimator.flight_data import Flight
+from sysid.estimator.identification import smooth
 from sysid.estimator.midpoint import Middle, middle, rates_of_change
+from sysid.estimator.options import Options
 from sysid.estimator.states import States, first_guess
+from vehicle import Vehicle
 
 VELOCITY = "velocity_world_m_s"
 FEWEST = 2
 """A column with fewer finite rows is taken as absent."""
+
+
+def delays(flights: Sequence[Flight], vehicle: Vehicle, options: Options) -> dict[str, float]:
+    """Delays of the streams of all logs, estimated with the states; the vehicle stays as it is."""
+    found = smooth(list(flights), vehicle, options).point.sensors
+    return {name: found[name] for name in clocks.estimated(flights, "pose")}
+
+
+def on_time(flight: Flight, late: Mapping[str, float]) -> Flight:
+    """The flight with its rotor speed, gyro and accelerometer read as late as `delays` has them."""
+    readings = dict(flight.readings)
+    for quantity, between in ((clocks.GYRO, False), (clocks.ACCELEROMETER, True)):
+        if quantity in flight.streams:
+            readings[quantity] = readings[quantity] + clocks.moved_reading(quantity, flight, late, between=between)[0]
+    return rotor_speed.aligned(replace(flight, readings=readings), late)
 
 
 def states(flight: Flight, log: FlightLog, sensor: PoseSensor) -> States:

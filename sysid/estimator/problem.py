@@ -79,12 +79,23 @@ def linearise(flight: Flight, states: States, point: Point, unknowns: Unknowns, 
     )
 
 
-def cost(flight: Flight, states: States, point: Point, noise: Noise, robust: bool) -> float:
-    """Half the sum of squares of one flight's whitened residuals, without derivatives."""
+Residuals = tuple[FloatArray, FloatArray]
+"""Of one flight, whitened: (k, d) of the intervals between nodes, (k + 1, m) at the nodes."""
+
+
+def residuals_of(flight: Flight, states: States, point: Point, noise: Noise, robust: bool) -> Residuals:
+    """One flight's whitened residuals, without derivatives."""
     at = located(flight, states, point, noise)
-    blocks = acting(flight, noise, between=True) + acting(flight, noise, between=False)
-    rows = [block.white_residual(at, robust) for block in blocks]
-    return 0.5 * float(sum(np.vdot(part, part) for part in rows))
+    defect, sensor = (
+        _joined([block.white_residual(at, robust) for block in acting(flight, noise, between=between)])
+        for between in (True, False)
+    )
+    return defect, sensor
+
+
+def cost_of(found: Residuals) -> float:
+    """Half the sum of squares."""
+    return 0.5 * float(sum(np.vdot(part, part) for part in found))
 
 
 def located(flight: Flight, states: States, point: Point, noise: Noise, model: tuple[str, ...] = ()) -> At:

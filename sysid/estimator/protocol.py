@@ -18,11 +18,11 @@ import numpy as np
 from flight import FlightLog, InputError, Progress, rotations, silent
 from flight.rotations import FloatArray
 from sysid.estimator import carried, closed_loop, measured
-from sysid.estimator.blocks import motor
+from sysid.estimator.blocks import motor, rotor_speed
 from sysid.estimator.blocks.pose import PoseSensor
 from sysid.estimator.carried import Disturbance
 from sysid.estimator.comparison import QUANTITIES
-from sysid.estimator.flight_data import Flight
+from sysid.estimator.flight_data import Flight, left_out
 from sysid.estimator.options import Options
 from sysid.estimator.prediction import Predictor, predict, unexplained
 from sysid.estimator.prepare import prepare
@@ -142,9 +142,15 @@ class _Stretch:
     """One flight with its states as measured."""
 
     flight: Flight
+    driven: Mapping[str, Flight]
+    """Model: the flight with the rotor speeds that drive it, as late as it finds them."""
     states: States
     fitted: tuple[str, ...]
     """Which of velocity and rate were not measured: they come from fits centred on each instant."""
+
+    def driving(self, way: Way) -> Flight:
+        """The flight as it drives a predictor."""
+        return self.driven.get(way.model, self.flight)
 
 
 def judge(
@@ -169,9 +175,7 @@ def judge(
     if not logs or not models:
         raise InputError("a protocol needs at least one flight and one model")
     options = options or Options()
-    sensor = PoseSensor.of(next(iter(models.values())))
-    judged = [_stretches(log, i, sensor, protocol, options) for i, log in enumerate(logs)]
-    taught = [_stretches(log, i, sensor, protocol, options) for i, log in enumerate(training)]
+    judged, taught = (_stretches(part, models, protocol, options) for part in (logs, training))
     others = [[s for log in (taught or judged) if log is not own for s in log] for own in judged]
     compared = [way for way in ways(list(models)) if all(others) or not way.learned]
     errors: dict[Way, dict[str, tuple[float, ...]]] = {}
@@ -185,7 +189,7 @@ def judge(
         tuple(flight.name for flight in flights),
         tuple(len(flight) - _past(flight) - _steps(flight, protocol) for flight in flights),
         errors,
-        (() if all(others) else (ALONE,)) + _seen_ahead([s for own in judged for s in own]),
+        (() if all(others) else (ALONE,)) + _seen_ahead([s for own in judged for s in own]) + left_out(flights),
     )
 
 
@@ -196,24 +200,39 @@ def _seen_ahead(stretches: Sequence[_Stretch]) -> tuple[str, ...]:
         flights.setdefault(s.fitted, []).append(s.flight.name)
     return tuple(
         f"{' and '.join(fitted)} not measured throughout in {', '.join(names)}, so taken from fits to the pose centred "
-        f"on each instant: the state at the start, and with it what is carried from the past, knows up to "
-        f"{0.5 * WINDOW_S:.2f} s of what is predicted, and errors may come out too small"
+        f"on each instant: the state at the start knows up to {0.5 * WINDOW_S:.2f} s of what is predicted, and errors "
+        "of every predictor may come out too small; what is carried from the past is from before that"
         for fitted, names in flights.items()
         if fitted
     )
 
 
-def _stretches(log: FlightLog, index: int, sensor: PoseSensor, protocol: Protocol, options: Options) -> list[_Stretch]:
-    """The flights of one log that are long enough, with their states as measured."""
-    found = []
-    for flight in prepare(log, index, options):
-        if not flight.has_pose:
-            raise InputError(f"{flight.name} has no pose; predictions are judged against one")
-        if flight.time_s[-1] - flight.time_s[0] > 2.0 * (protocol.horizon_s + closed_loop.LAG_S):
-            found.append(_Stretch(flight, measured.states(flight, log, sensor), measured.fitted(flight, log)))
-    if not found:
-        raise InputError(f"flight {index + 1} has no stretch of {2.0 * (protocol.horizon_s + closed_loop.LAG_S):g} s")
-    return found
+def _stretches(
+    logs: Sequence[FlightLog], models: Mapping[str, Vehicle], protocol: Protocol, options: Options
+) -> list[list[_Stretch]]:
+    """Of each log, the flights that are long enough, with their states as measured by the first model's clocks."""
+    if not logs:
+        return []
+    sensor = PoseSensor.of(next(iter(models.values())))
+    least_s = 2.0 * (protocol.horizon_s + closed_loop.LAG_S)
+    by_log = []
+    for i, log in enumerate(logs):
+        flights = prepare(log, i, options)
+        by_log.append([flight for flight in flights if flight.time_s[-1] - flight.time_s[0] > least_s])
+        for flight in flights:
+            if not flight.has_pose:
+                raise InputError(f"{flight.name} has no pose; predictions are judged against one")
+        if not by_log[-1]:
+            raise InputError(f"flight {i + 1} has no stretch of {least_s:g} s")
+    flights = [flight for own in by_log for flight in own]
+    late = {name: measured.delays(flights, model, options) for name, model in models.items()}
+
+    def stretch(raw: Flight, log: FlightLog) -> _Stretch:
+        flight = measured.on_time(raw, next(iter(late.values())))
+        driven = {name: motor.driven(rotor_speed.aligned(raw, late[name]), model) for name, model in models.items()}
+        return _Stretch(flight, driven, measured.states(flight, log, sensor), measured.fitted(flight, log))
+
+    return [[stretch(flight, log) for flight in own] for own, log in zip(by_log, logs, strict=True)]
 
 
 def _steps(flight: Flight, protocol: Protocol) -> int:
@@ -234,13 +253,15 @@ def _errors(
     """Mean absolute errors on each stretch of one log."""
     predictor = _predictor(way, models, others)
     if not way.carried:
-        return [_error(stretch, predictor, protocol) for stretch in own]
-    fading = _disturbance(predictor, others)
+        return [_error(stretch, way, predictor, protocol) for stretch in own]
+    fading = _disturbance(way, predictor, others)
     predictor = replace(predictor, lasts_s=fading.lasts_s)
     found = []
     for stretch in own:
-        past = fading.just_before(_left(stretch, predictor)[0], _step_s(stretch.flight))
-        found.append(_error(replace(stretch, states=replace(stretch.states, gust=past)), predictor, protocol))
+        blind_s = 0.5 * WINDOW_S if stretch.fitted else 0.0
+        past = fading.just_before(_left(stretch, way, predictor)[0], _step_s(stretch.flight), blind_s)
+        states = replace(stretch.states, gust=past)
+        found.append(_error(replace(stretch, states=states), way, predictor, protocol))
     return found
 
 
@@ -251,23 +272,19 @@ def _predictor(way: Way, models: Mapping[str, Vehicle], others: Sequence[_Stretc
     return Predictor(force, force if way.turning == "model" else None)
 
 
-def _disturbance(predictor: Predictor, others: Sequence[_Stretch]) -> Disturbance:
-    left, time_s = zip(*(_left(stretch, predictor) for stretch in others), strict=True)
+def _disturbance(way: Way, predictor: Predictor, others: Sequence[_Stretch]) -> Disturbance:
+    left, time_s = zip(*(_left(stretch, way, predictor) for stretch in others), strict=True)
     return carried.learn(left, time_s)
 
 
-def _left(stretch: _Stretch, predictor: Predictor) -> tuple[FloatArray, FloatArray]:
+def _left(stretch: _Stretch, way: Way, predictor: Predictor) -> tuple[FloatArray, FloatArray]:
     """(k, 6) unexplained acceleration over each interval, and the middle of each."""
-    flight = _driven(stretch.flight, predictor)
-    return unexplained(flight, stretch.states, predictor), 0.5 * (flight.time_s[1:] + flight.time_s[:-1])
+    time_s = stretch.flight.time_s
+    return unexplained(stretch.driving(way), stretch.states, predictor), 0.5 * (time_s[1:] + time_s[:-1])
 
 
-def _driven(flight: Flight, predictor: Predictor) -> Flight:
-    return flight if predictor.force is None else motor.driven(flight, predictor.force)
-
-
-def _error(stretch: _Stretch, predictor: Predictor, protocol: Protocol) -> dict[str, float]:
-    flight, truth = _driven(stretch.flight, predictor), stretch.states
+def _error(stretch: _Stretch, way: Way, predictor: Predictor, protocol: Protocol) -> dict[str, float]:
+    flight, truth = stretch.driving(way), stretch.states
     predictions = predict(flight, truth, predictor, (protocol.horizon_s,), every_s=0.0)
     kept = slice(_past(flight), None)
     end = truth.picked(predictions.start[kept] + predictions.steps[0])

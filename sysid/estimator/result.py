@@ -15,7 +15,7 @@ from sysid.estimator.blocks.catalogue import BLOCKS, acting, places, reported
 from sysid.estimator.blocks.gyro import GYRO
 from sysid.estimator.blocks.motion import Motion
 from sysid.estimator.clocks import Clock
-from sysid.estimator.flight_data import Flight
+from sysid.estimator.flight_data import Flight, left_out
 from sysid.estimator.noise import Noise
 from sysid.estimator.options import Options, Reference
 from sysid.estimator.solver import Solution, robust_covariance
@@ -150,8 +150,8 @@ CHANNELS = tuple(channel.name for channel in Motion.channels)
 def residual_statistics(fit: Identification) -> dict[str, dict[str, float]]:
     """Per channel: root mean square of the whitened residual and its correlation with the next one."""
     series: dict[str, list[FloatArray]] = {channel.name: [] for block in BLOCKS for channel in block.channels}
-    for flight, rows in zip(fit.flights, fit.solution.rows, strict=True):
-        for between, residual in ((True, rows.defect), (False, rows.sensor)):
+    for flight, (defect, sensor) in zip(fit.flights, fit.solution.residuals, strict=True):
+        for between, residual in ((True, defect), (False, sensor)):
             blocks = acting(flight, fit.noise, between=between)
             for block, place in zip(blocks, places(blocks), strict=True):
                 for channel in block.channels:
@@ -186,9 +186,7 @@ def conclude(
     names = (*unknowns.model, *unknowns.sensor)
     p = len(names)
     plain = solution.covariance()
-    sandwich, freedom = robust_covariance(
-        solution, [f.time_s for f in flights], options.block_s, len(unknowns.bias) + len(unknowns.delay)
-    )
+    sandwich, freedom = robust_covariance(solution, len(unknowns.bias) + len(unknowns.delay))
     interval90 = stdtrit(freedom, 0.95) * np.sqrt(np.diag(sandwich))
     std, std_robust = np.sqrt(np.diag(plain))[:p], np.sqrt(np.diag(sandwich))[:p]
     shares = _information_shares(solution)
@@ -210,7 +208,7 @@ def conclude(
     estimates += [_held(vehicle, name, NOT_IDENTIFIABLE) for name in unseen]
     estimates += [_held(vehicle, name, "held") for name in sorted({"mass_kg", *options.held}) if name not in names]
     safe = np.where(std > 0.0, std, 1.0)
-    disagreement = _disagreement(vehicle, unknowns, solution, flights, options)
+    disagreement = _disagreement(vehicle, unknowns, solution, flights)
     verdict = verdicts.of_fit(given, solution.point.vehicle, flights, unknowns.model, _against(solution))
     return Identification(
         vehicle=_updated(vehicle, estimates, flights),
@@ -334,7 +332,7 @@ def _findings(vehicle: Vehicle, estimates: list[Estimate], solution: Solution, f
             f"what the model leaves unexplained lasts: up to {force:.2g} m/s2 and {torque:.2g} rad/s2 for about "
             f"{lasts_s:.1f} s (gusts, a swinging load, or an effect the model lacks); the fit allows for it"
         )
-    found += list(dict.fromkeys(flight.left_out for flight in flights if flight.left_out))
+    found += left_out(flights)
     found += _against(solution) + _at_bounds(vehicle, estimates)
     for e in estimates:
         if e.status == NOT_IDENTIFIABLE:
@@ -391,11 +389,9 @@ def _thrust_against_belief(given: Vehicle, solution: Solution, flights: list[Fli
     ]
 
 
-def _disagreement(
-    vehicle: Vehicle, unknowns: Unknowns, solution: Solution, flights: list[Flight], options: Options
-) -> list[str]:
+def _disagreement(vehicle: Vehicle, unknowns: Unknowns, solution: Solution, flights: list[Flight]) -> list[str]:
     sizes = np.array([max(abs(solution.point.value(n)), specs(vehicle)[n].prior) for n in unknowns.model])
-    odd = odd_flights(solution, flights, unknowns.model, sizes, options.block_s)
+    odd = odd_flights(solution, flights, unknowns.model, sizes)
     return [
         f"{o.flight} does not fit the other flights: without it {o.name} would be {o.others:.4g} instead of "
         f"{solution.point.value(o.name):.4g} ({o.sigma:.0f} standard errors); was another vehicle, load or set of "

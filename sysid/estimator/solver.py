@@ -15,10 +15,10 @@ from sysid.estimator.clocks import LONGEST_STEP_S
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.noise import Noise
 from sysid.estimator.parallel import each
-from sysid.estimator.problem import Point, cost, linearise
+from sysid.estimator.problem import Point, Residuals, cost_of, linearise, residuals_of
 from sysid.estimator.states import States
 from sysid.estimator.unknowns import Unknowns
-from vehicle import Vehicle, specs
+from vehicle import specs
 
 logger = logging.getLogger(__name__)
 
@@ -46,16 +46,20 @@ class Iteration:
     """Largest relative change of a noise level after the step."""
 
 
+Score = tuple[FloatArray, FloatArray]
+"""Information (p, p) of a stretch of time and its pull on the parameters (p,), the states eliminated."""
+
+
 @dataclass(frozen=True, slots=True)
 class Solution:
     """The converged problem, ready for statistics."""
 
     point: Point
     noise: Noise
-    rows: tuple[Rows, ...]
-    """Linearised residuals per flight at the solution."""
-    sensitivity: tuple[FloatArray, ...]
-    """Per flight (n, s, p): how the best states follow the parameters, H^-1 J^T J_border."""
+    residuals: tuple[Residuals, ...]
+    """Per flight, at the solution."""
+    scores: tuple[tuple[Score, ...], ...]
+    """Of the blocks of each flight."""
     information: tuple[FloatArray, ...]
     """Per flight (p, p): information on the parameters with the states eliminated."""
     prior_information: FloatArray
@@ -94,28 +98,41 @@ def solve(
     *,
     robust: bool,
     max_iterations: int,
+    block_s: float,
     progress: Progress,
 ) -> Solution:
-    """Iterate to the joint maximum of the likelihood over states, parameters and noise levels."""
+    """Iterate to the joint maximum of the likelihood over states, parameters and noise levels.
+
+    Args:
+        block_s: length of the blocks whose scores the solution has.
+    """
     record: list[Iteration] = []
     converged = False
-    while True:
-        rows, eliminated = linearised(flights, point, unknowns, noise, robust)
+    while not converged and len(record) < max_iterations:
+        parts = linearised(flights, point, unknowns, noise, robust)
         border = point.shared(unknowns)
-        carried = weight.balance(flights, point, rows, noise)
-        if converged or len(record) == max_iterations:
-            break
-        hessian = prior.information + carried.information + sum(e.information for e in eliminated)
-        gradient = prior.information @ (border - prior.mean) + carried.gradient + sum(e.gradient for e in eliminated)
+        carried = weight.balance(flights, point, unknowns, noise)
+        hessian = prior.information + carried.information + sum(p.eliminated.information for p in parts)
+        pulls = sum(p.eliminated.gradient for p in parts)
+        gradient = prior.information @ (border - prior.mean) + carried.gradient + pulls
         step, sigma = _parameter_step(hessian, gradient, _room(point, unknowns))
         judged = slice(unknowns.size - len(unknowns.delay) if unknowns.model else None)
-        changes = [e.states(step) for e in eliminated]
-        before = carried.cost + sum(r.cost() for r in rows)
-        point, taken = _take(flights, point, unknowns, noise, prior, step, changes, robust, before)
-        old, noise = noise, _updated_noise(flights, point.vehicle, rows, eliminated, step, taken, changes, noise)
+        changes = [p.eliminated.states(step) for p in parts]
+        rows_left, before = [p.rows_left for p in parts], sum(p.cost for p in parts)
+        del parts  # they are large, and the next ones are made before this name is given anew
+        lowered = _take(flights, point, unknowns, noise, prior, step, changes, robust, before + carried.cost)
+        if lowered is None and not record:
+            raise InputError(
+                "the fit does not get better in any direction; the start values may be of another vehicle, "
+                "or the rotor order, spin or units of the log may be wrong"
+            )
+        if lowered is None:
+            break  # some parameter that hardly shows has gone where slopes say nothing; the caller may hold it
+        point, taken, found = lowered
+        old, noise = noise, _updated_noise(flights, found, rows_left, noise)
         record.append(
             Iteration(
-                cost=sum(r.cost() for r in rows),
+                cost=before,
                 step_sigma=float(np.max(np.abs(step / sigma)[judged], initial=0.0)),
                 damping=taken,
                 values=tuple(point.shared(unknowns)),
@@ -130,38 +147,79 @@ def solve(
         progress("identify", min(0.95, len(record) / 12.0))
         logger.info("iteration %d: cost %.6g, step %.3g sigma", len(record), last.cost, last.step_sigma)
         logger.debug("values %s, noise %s", dict(zip(unknowns.names, last.values, strict=True)), noise)
-    return Solution(
-        point=point,
-        noise=noise,
-        rows=rows,
-        sensitivity=tuple(e.sensitivity() for e in eliminated),
-        information=tuple(e.information for e in eliminated),
-        prior_information=prior.information + carried.information,
-        record=tuple(record),
-        converged=converged,
-    )
+    return _solution(flights, point, noise, unknowns, prior, tuple(record), converged, robust, block_s)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """What one flight says at a point. Its linearised rows, which are large, go once its states are eliminated."""
+
+    residuals: Residuals
+    eliminated: Eliminated
+    rows_left: dict[str, FloatArray]
+    """(levels,) of each block: rows that are left to judge the level by, the states having taken their share."""
+
+    @property
+    def cost(self) -> float:
+        """Half the sum of squares."""
+        return cost_of(self.residuals)
 
 
 def linearised(
     flights: Sequence[Flight], point: Point, unknowns: Unknowns, noise: Noise, robust: bool = False
-) -> tuple[tuple[Rows, ...], tuple[Eliminated, ...]]:
-    """Rows of each flight at a point, and what they say of the parameters."""
+) -> list[Part]:
+    """What each flight says of the parameters at a point."""
 
-    def one(flight: Flight, states: States) -> tuple[Rows, Eliminated]:
+    def one(flight: Flight, states: States) -> Part:
         rows = linearise(flight, states, point, unknowns, noise, robust)
-        return rows, eliminate(rows)
+        eliminated = eliminate(rows)
+        defect_leverage, sensor_leverage = eliminated.factor.leverage(rows)
+        measured = (rows.sensor_state != 0.0).any(axis=2)
+        left = (1.0 - defect_leverage).sum(axis=0), (measured * (1.0 - sensor_leverage)).sum(axis=0)
+        return Part((rows.defect, rows.sensor), eliminated, _by_level(flight, noise, left))
 
-    rows, eliminated = zip(*each(point.vehicle, one, flights, point.states), strict=True)
-    return rows, eliminated
+    return each(point.vehicle, one, flights, point.states)
 
 
-def total_cost(flights: Sequence[Flight], point: Point, noise: Noise, robust: bool = False) -> float:
-    """Half the sum of squares of all flights."""
+def _solution(
+    flights: list[Flight],
+    point: Point,
+    noise: Noise,
+    unknowns: Unknowns,
+    prior: Prior,
+    record: tuple[Iteration, ...],
+    converged: bool,
+    robust: bool,
+    block_s: float,
+) -> Solution:
+    """What statistics need of the point where the iterations ended."""
 
-    def one(flight: Flight, states: States) -> float:
-        return cost(flight, states, point, noise, robust)
+    def one(flight: Flight, states: States) -> tuple[Residuals, tuple[Score, ...], FloatArray]:
+        rows = linearise(flight, states, point, unknowns, noise, robust)
+        eliminated = eliminate(rows)
+        scores = _block_scores(rows, eliminated.sensitivity(), flight.time_s, block_s)
+        return (rows.defect, rows.sensor), scores, eliminated.information
 
-    return sum(each(point.vehicle, one, flights, point.states))
+    residuals, scores, information = zip(*each(point.vehicle, one, flights, point.states), strict=True)
+    return Solution(
+        point=point,
+        noise=noise,
+        residuals=residuals,
+        scores=scores,
+        information=information,
+        prior_information=prior.information + weight.balance(flights, point, unknowns, noise).information,
+        record=record,
+        converged=converged,
+    )
+
+
+def all_residuals(flights: Sequence[Flight], point: Point, noise: Noise, robust: bool = False) -> list[Residuals]:
+    """Of each flight, without derivatives."""
+
+    def one(flight: Flight, states: States) -> Residuals:
+        return residuals_of(flight, states, point, noise, robust)
+
+    return each(point.vehicle, one, flights, point.states)
 
 
 def _parameter_step(
@@ -223,83 +281,66 @@ def _take(
     changes: list[FloatArray],
     robust: bool,
     before: float,
-) -> tuple[Point, float]:
-    """The point after the largest share of the step that lowers the cost."""
+) -> tuple[Point, float, list[Residuals]] | None:
+    """The point after the largest share of the step that lowers the cost, that share, and the residuals there.
 
-    def total(candidate: Point) -> float:
+    None where no share of it does.
+    """
+
+    def beside(candidate: Point) -> float:
         border = candidate.shared(unknowns)
-        own = 0.5 * float((((border - prior.mean) / prior.std) ** 2).sum())
-        return own + weight.cost(flights, candidate) + total_cost(flights, candidate, noise, robust)
+        return weight.cost(flights, candidate) + 0.5 * float((((border - prior.mean) / prior.std) ** 2).sum())
 
-    start = (
-        before
-        + weight.cost(flights, point)
-        + 0.5 * float((((point.shared(unknowns) - prior.mean) / prior.std) ** 2).sum())
-    )
+    start = before + beside(point)
     share = 1.0
     while share > 1e-3:
         candidate = point.moved(unknowns, share * step, [share * c for c in changes])
-        after = total(candidate)
+        found = all_residuals(flights, candidate, noise, robust)
+        after = beside(candidate) + sum(map(cost_of, found))
         # rounding of sums over 1e5 rows is allowed for; at the optimum the cost no longer falls
         if np.isfinite(after) and after <= start * (1.0 + 1e-6) + 1e-3:
-            return candidate, share
+            return candidate, share, found
         share *= 0.5
-    raise InputError(
-        "the fit does not get better in any direction; the start values may be of another vehicle, "
-        "or the rotor order, spin or units of the log may be wrong"
-    )
+    return None
 
 
 def _updated_noise(
-    flights: list[Flight],
-    vehicle: Vehicle,
-    rows: Sequence[Rows],
-    eliminated: Sequence[Eliminated],
-    step: FloatArray,
-    taken: float,
-    changes: list[FloatArray],
+    flights: Sequence[Flight],
+    found: Sequence[Residuals],
+    rows_left: Sequence[dict[str, FloatArray]],
     noise: Noise,
 ) -> Noise:
     """Noise levels that match the residuals: squares over the rows left after the states took their share."""
-
-    def one(flight: Flight, r: Rows, e: Eliminated, change: FloatArray) -> dict[str, FloatArray]:
-        """(2, levels) of each block: sum of squares, and how many rows are left to judge the level by."""
-        defect_change, sensor_change = r.change(taken * change[:, :, None], taken * step[:, None])
-        defect, sensor = r.defect + defect_change[:, :, 0], r.sensor + sensor_change[:, :, 0]
-        defect_leverage, sensor_leverage = e.factor.leverage(r)
-        measured = (r.sensor_state != 0.0).any(axis=2)
-        intervals = np.stack([(defect**2).sum(axis=0), (1.0 - defect_leverage).sum(axis=0)])
-        nodes = np.stack([(measured * sensor**2).sum(axis=0), (measured * (1.0 - sensor_leverage)).sum(axis=0)])
-        return _by_level(flight, noise, intervals, between=True) | _by_level(flight, noise, nodes, between=False)
-
-    parts = each(vehicle, one, flights, rows, eliminated, changes)
+    squares = [
+        _by_level(flight, noise, ((defect**2).sum(axis=0), (sensor**2).sum(axis=0)))
+        for flight, (defect, sensor) in zip(flights, found, strict=True)
+    ]
     levels = {}
     for block in (b for b in BLOCKS if b.name in noise.levels):
-        own = [part[block.name] for part in parts if block.name in part]
-        squares, left = np.sum(own, axis=0) if own else np.zeros((2, len(block.levels)))
-        ratio = np.where(left > 1.0, np.sqrt(np.clip(squares / np.maximum(left, 1.0), 0.01, 100.0)), 1.0)
+        zero = np.zeros(len(block.levels))
+        total, left = (sum((one.get(block.name, zero) for one in all_), zero) for all_ in (squares, rows_left))
+        ratio = np.where(left > 1.0, np.sqrt(np.clip(total / np.maximum(left, 1.0), 0.01, 100.0)), 1.0)
         levels[block.name] = block.updated(noise.levels[block.name], ratio, flights)
     return replace(noise, levels=levels)
 
 
-def _by_level(flight: Flight, noise: Noise, of_rows: FloatArray, *, between: bool) -> dict[str, FloatArray]:
-    """Sums over the rows of each block's noise levels, (2, rows) in and (2, levels) out."""
-    blocks = acting(flight, noise, between=between)
-    return {
-        block.name: of_rows[:, place] @ np.eye(len(block.levels))[list(block.level_of_row)]
-        for block, place in zip(blocks, places(blocks), strict=True)
-        if block.levels
-    }
+def _by_level(flight: Flight, noise: Noise, of_rows: tuple[FloatArray, FloatArray]) -> dict[str, FloatArray]:
+    """Sums (levels,) of each block from those of the rows, (d,) between nodes and (m,) at nodes."""
+    found = {}
+    for between, sums in zip((True, False), of_rows, strict=True):
+        blocks = acting(flight, noise, between=between)
+        for block, place in zip(blocks, places(blocks), strict=True):
+            if block.levels:
+                found[block.name] = np.bincount(block.level_of_row, sums[place], len(block.levels))
+    return found
 
 
 def _relative_change(old: Noise, new: Noise) -> float:
     return max(float(np.abs(new.levels[name] / level - 1.0).max()) for name, level in old.levels.items())
 
 
-def robust_covariance(
-    solution: Solution, times_s: list[FloatArray], block_s: float, own: int = 0
-) -> tuple[FloatArray, FloatArray]:
-    """(p, p) sandwich covariance: errors may be correlated within blocks of `block_s`, and forms slightly wrong.
+def robust_covariance(solution: Solution, own: int = 0) -> tuple[FloatArray, FloatArray]:
+    """(p, p) sandwich covariance: errors may be correlated within blocks, and forms slightly wrong.
 
     What is wrong for as long as a whole flight (a manoeuvre the form fits badly, a controller that answers gusts)
     shows in no block, only between flights. So variances are a mean of what blocks say and what whole flights say; both
@@ -312,18 +353,24 @@ def robust_covariance(
         own: how many of the parameters, the last ones, belong to single logs (biases, delays).
     """
     bread = solution.covariance()
-    blocks, freedom = _sandwich(_all_scores(solution, times_s, block_s), bread)
+    blocks, freedom = _sandwich([one for flight in solution.scores for one in flight], bread)
     shared = len(bread) - own
-    if len(times_s) == 1 or shared == 0:
+    if len(solution.scores) == 1 or shared == 0:
         return blocks, freedom
-    whole = _all_scores(solution, times_s, max(float(np.ptp(time_s)) for time_s in times_s) + 1.0)
     own_prior = solution.prior_information[shared:, shared:]
-    flights, shown_by = _sandwich([_own_taken_out(*one, own_prior) for one in whole], bread[:shared, :shared])
+    whole = [_own_taken_out(*_summed(flight), own_prior) for flight in solution.scores]
+    flights, shown_by = _sandwich(whole, bread[:shared, :shared])
     more = np.diag(flights) / np.maximum(np.diag(blocks)[:shared], 1e-300)
     weight = np.minimum(0.5, 0.25 * (shown_by - 1.0))
     scale = np.ones(len(bread))
     scale[:shared] = np.sqrt(1.0 + weight * (more - 1.0))
     return blocks * np.outer(scale, scale), freedom
+
+
+def _summed(scores: Sequence[Score]) -> Score:
+    """Of several stretches of time together."""
+    information, pulls = zip(*scores, strict=True)
+    return np.sum(information, axis=0), np.sum(pulls, axis=0)
 
 
 def _own_taken_out(information: FloatArray, pull: FloatArray, prior: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -357,15 +404,8 @@ def _sandwich(scores: list[tuple[FloatArray, FloatArray]], bread: FloatArray) ->
     return covariance, np.maximum(freedom, 1.0)
 
 
-def _all_scores(solution: Solution, times_s: list[FloatArray], block_s: float) -> list[tuple[FloatArray, FloatArray]]:
-    return [one for f, time_s in enumerate(times_s) for one in block_scores(solution, f, time_s, block_s)]
-
-
-def block_scores(
-    solution: Solution, flight: int, time_s: FloatArray, block_s: float
-) -> list[tuple[FloatArray, FloatArray]]:
-    """For each block of a flight its information (p, p) and its pull on the parameters (p,), the states eliminated."""
-    rows, sensitivity = solution.rows[flight], solution.sensitivity[flight]
+def _block_scores(rows: Rows, sensitivity: FloatArray, time_s: FloatArray, block_s: float) -> tuple[Score, ...]:
+    """Of each block of a flight, from its linearised rows."""
     p = sensitivity.shape[2]
     defect, sensor = rows.freed(sensitivity)
     edges = np.searchsorted(time_s, np.arange(time_s[0], time_s[-1], block_s))
@@ -374,4 +414,4 @@ def block_scores(
         columns = np.concatenate([defect[begin:end].reshape(-1, p), sensor[begin:end].reshape(-1, p)])
         residual = np.concatenate([rows.defect[begin:end].ravel(), rows.sensor[begin:end].ravel()])
         found.append((columns.T @ columns, columns.T @ residual))
-    return found
+    return tuple(found)

@@ -23,8 +23,9 @@ from sysid.estimator.flight_data import Flight
 from sysid.estimator.midpoint import middle
 from sysid.estimator.model import surroundings
 from sysid.estimator.noise import Noise
-from sysid.estimator.problem import Point
+from sysid.estimator.problem import Point, linearise
 from sysid.estimator.states import States
+from sysid.estimator.unknowns import Unknowns
 from sysid.logs.payload import as_flown
 from vehicle import Vehicle, acceleration
 
@@ -64,12 +65,13 @@ class Balance:
         return self.slopes.T @ self.residual
 
 
-def balance(flights: Sequence[Flight], point: Point, rows: Sequence[Rows], noise: Noise) -> Balance:
+def balance(flights: Sequence[Flight], point: Point, unknowns: Unknowns, noise: Noise) -> Balance:
     """The residuals with their slopes, which are taken from the linearised motion; states count as known."""
     residual = residuals(flights, point)
-    slopes = np.zeros((len(flights), rows[0].sensor_border.shape[2]))
+    slopes = np.zeros((len(flights), unknowns.size))
     for i in np.flatnonzero(residual).tolist():
-        slopes[i] = _slopes(flights[i], point.states[i], rows[i], noise)
+        rows = linearise(flights[i], point.states[i], point, unknowns, noise, False)
+        slopes[i] = _slopes(flights[i], point.states[i], rows, noise)
     return Balance(residual, slopes)
 
 

@@ -14,10 +14,10 @@ import numpy as np
 from flight import FlightLog, InputError
 from flight.rotations import FloatArray
 from sysid.estimator import measured
-from sysid.estimator.blocks import motor
+from sysid.estimator.blocks import motor, rotor_speed
 from sysid.estimator.blocks.pose import PoseSensor
 from sysid.estimator.comparison import means_over
-from sysid.estimator.flight_data import Flight
+from sysid.estimator.flight_data import Flight, left_out
 from sysid.estimator.midpoint import Middle
 from sysid.estimator.model import along
 from sysid.estimator.options import Options
@@ -42,6 +42,8 @@ class WrenchErrors:
     constant."""
     accelerometer: bool
     """Whether force is the accelerometer's on every flight."""
+    left_out: tuple[str, ...]
+    """In words, stretches of the flights that were not judged, and why."""
 
     def as_dict(self) -> dict[str, Any]:
         """The figures as plain JSON values."""
@@ -53,6 +55,7 @@ class WrenchErrors:
             "means_over_s": SPAN_S,
             "force_by_accelerometer": self.accelerometer,
             "measured_rms": by_channel(self.size),
+            "left_out": list(self.left_out),
             "models": {
                 name: {"rmse": by_channel(rmse), "explained": by_channel(self.explained[name])}
                 for name, rmse in self.rmse.items()
@@ -65,8 +68,8 @@ def wrench_errors(
 ) -> WrenchErrors:
     """Errors of each model over all flights together.
 
-    Mass, inertia and the places of the sensors are the first model's for all, so that a model cannot look better by
-    being heavier.
+    Mass, inertia, the places of the sensors and the clocks of gyro and accelerometer are the first model's for all, so
+    that a model cannot look better by being heavier. Rotor speed is read as late as each model finds it.
 
     Raises:
         InputError: no flight, no model, or a log that cannot be used.
@@ -75,16 +78,20 @@ def wrench_errors(
         raise InputError("comparing forces needs at least one flight and one model")
     options = replace(options or Options(), use_accelerometer=True)
     first = next(iter(models.values()))
-    truth, modelled, by_accelerometer = [], {name: [] for name in models}, []
-    for i, log in enumerate(logs):
-        for flight in prepare(log, i, options):
-            if not flight.has_pose:
-                raise InputError(f"{flight.name} has no pose; forces are compared along a measured motion")
-            seen, mid = measured.acceleration(flight, measured.states(flight, log, PoseSensor.of(first)))
-            by_accelerometer.append(flight.has_accelerometer)
-            truth.append(_means(at_centre_of_mass(seen, flight, mid, first), flight, first))
-            for name, model in models.items():
-                modelled[name].append(_means(along(model, motor.driven(flight, model), mid), flight, first))
+    flights = [flight for i, log in enumerate(logs) for flight in prepare(log, i, options)]
+    for flight in flights:
+        if not flight.has_pose:
+            raise InputError(f"{flight.name} has no pose; forces are compared along a measured motion")
+    late = {name: measured.delays(flights, model, options) for name, model in models.items()}
+    truth, modelled = [], {name: [] for name in models}
+    for raw in flights:
+        flight = measured.on_time(raw, next(iter(late.values())))
+        at = measured.states(flight, logs[flight.log_index], PoseSensor.of(first))
+        seen, mid = measured.acceleration(flight, at)
+        truth.append(_means(at_centre_of_mass(seen, flight, mid, first), flight, first))
+        for name, model in models.items():
+            driven = motor.driven(rotor_speed.aligned(raw, late[name]), model)
+            modelled[name].append(_means(along(model, driven, mid), flight, first))
     both = np.concatenate(truth)
     left = {name: both - np.concatenate(parts) for name, parts in modelled.items()}
     square = {name: (values**2).mean(axis=0) for name, values in left.items()}
@@ -93,7 +100,8 @@ def wrench_errors(
         np.sqrt((both**2).mean(axis=0)),
         {name: np.sqrt(values) for name, values in square.items()},
         {name: 1.0 - values / spread for name, values in square.items()},
-        all(by_accelerometer),
+        all(flight.has_accelerometer for flight in flights),
+        left_out(flights),
     )
 
 

@@ -134,6 +134,7 @@ def _comparison_verdict(comparison: Comparison) -> str:
         )
         lines.append(f"What {escape(name)} leaves unexplained: {told} {explained.judged_how(residuals)}.")
     lines += [f"<b class='bad'>{escape(remark)}.</b>" for remark in comparison.remarks]
+    lines += [f"{escape(sentence)}." for sentence in comparison.left_out]
     return "".join(f"<p>{line}</p>" for line in lines)
 
 

@@ -19,6 +19,7 @@ from sysid.diagnosis.score import loss_without, score
 from sysid.diagnosis.search import refit
 from sysid.estimator.chain import eliminate
 from sysid.estimator.midpoint import middle
+from sysid.estimator.problem import linearise
 from tests.sysid import flying
 
 Extra = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -160,7 +161,8 @@ def test_curves_are_freed_of_what_the_states_can_do_in_every_block(calm, channel
         for (row, i), share in moved[channel].items():
             borders[-1][:, row] = -2.0 * (np.sqrt(flight.step_s) * share)[:, None] * drawn / fit.noise.process[i]
     border = np.concatenate(borders, axis=2)
-    rows = fit.solution.rows[0]
+    point = fit.solution.point
+    rows = linearise(flight, point.states[0], point, fit.unknowns, fit.noise, False)
     rows = replace(rows, defect_border=border, sensor_border=np.zeros((*rows.sensor.shape, border.shape[2])))
     defect, sensor = rows.freed(eliminate(rows).sensitivity())
     found = evidence.with_curves(*channels).information[:, len(evidence.names) :, len(evidence.names) :]

@@ -1,6 +1,7 @@
 """Truth is recovered from an independent simulator, errors can be believed, and bad input is refused."""
 
 import json
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -24,6 +25,20 @@ def test_parameters_are_recovered_from_a_start_far_off(fitted, truth):
                 assert estimate.value == pytest.approx(truth.value(estimate.name), rel=relative), estimate.name
                 checked += 1
     assert checked == 6
+
+
+def test_a_flight_more_takes_little_more_memory(campaign, truth):
+    """What a flight takes while it is linearised is free again for the next: six took three times what two take."""
+    pieces = [log.slice(start_s, start_s + 4.0) for start_s in (2.0, 8.0) for log in campaign]
+
+    def peak(logs: list[FlightLog]) -> int:
+        tracemalloc.start()
+        sysid.identify(logs, truth, sysid.Options(gusts="white", max_iterations=2))
+        found = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return found
+
+    assert peak(pieces) < 2.3 * peak(pieces[1:3])
 
 
 def test_pose_sensor_and_centre_of_mass_are_found(fitted, truth):

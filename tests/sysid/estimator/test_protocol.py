@@ -15,6 +15,7 @@ from sysid.estimator.options import Options
 from sysid.estimator.prediction import Predictor, predict
 from sysid.estimator.prepare import prepare
 from sysid.estimator.protocol import ALONE, PROTOCOLS, Way, judge
+from sysid.estimator.sampling import Signal
 from sysid.estimator.states import States
 
 STEP_S = 0.01
@@ -27,6 +28,11 @@ def judged(campaign, truth):
 
 def short(logs: list[FlightLog]) -> list[FlightLog]:
     return [log.slice(0.0, 8.0) for log in logs]
+
+
+def rotors_late(log: FlightLog, late_s: float) -> FlightLog:
+    speed = Signal.through(log.time_s, log.vector("rotor_speed_rad_s")).value(log.time_s - late_s)
+    return FlightLog({**log.columns, **dict(zip(COLUMNS["rotor_speed_rad_s"], speed.T, strict=True))}, log.metadata)
 
 
 def test_the_true_model_beats_every_trivial_one(judged):
@@ -189,3 +195,26 @@ def test_the_velocity_of_the_log_is_taken_for_true(campaign, truth):
         for one in (log, FlightLog({**log.columns, **fast}, log.metadata))
     )
     assert told["velocity"] < 0.1 * plain["velocity"]  # what is left is the lever arm of the pose sensor
+
+
+def test_what_is_carried_does_not_know_what_is_blind():
+    rng = np.random.default_rng(3)
+    fading = Disturbance(np.ones(6), np.full(6, 0.4), np.full(6, 0.1))
+    left, k = rng.standard_normal((80, 6)), 50
+    other = np.concatenate([left[:k], 10.0 + rng.standard_normal((30, 6))])
+    for blind in (0, 7):
+        seen, changed = (fading.just_before(x, STEP_S, blind * STEP_S) for x in (left, other))
+        np.testing.assert_array_equal(seen[: k + blind + 1], changed[: k + blind + 1])
+        assert not np.allclose(seen[k + blind + 1], changed[k + blind + 1])
+        np.testing.assert_allclose(
+            seen[blind:], fading.just_before(left, STEP_S)[: 81 - blind] * np.exp(-blind * STEP_S / 0.4)
+        )
+
+
+def test_late_rotor_speed_costs_nothing(judged, campaign, truth):
+    """Delays are estimated here too: 15 ms would lose most of what the model knows of turning."""
+    late = [rotors_late(log, 0.015) for log in short(campaign)]
+    found = judge(late, {"truth": truth}, PROTOCOLS["h50"])
+    way = Way("truth", "model", False)
+    for quantity, error in judged.pooled(way).items():
+        assert found.pooled(way)[quantity] < 1.1 * error, quantity

@@ -4,11 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfiltfilt
 
 import vehicle
 from flight import FlightLog, frames
 from sysid.estimator.sampling import Signal
+from sysid.logs import clocks
 from sysid.logs.check import check_log as check
+from sysid.logs.motion import kinematics
 from vehicle import flights as vehicle_flights
 from vehicle import manoeuvres
 
@@ -102,6 +105,20 @@ def test_rotor_speed_late_by_less_than_a_sample_is_read_to_a_millisecond(log, tr
     speed = Signal.through(log.time_s, log.vector("rotor_speed_rad_s")).value(log.time_s - 1e-3 * late_ms)
     fix = _whats(_changed(log, **dict(zip(ROTORS, speed.T, strict=True))), truth)["clock"]
     assert float(fix.split()[4]) == pytest.approx(-late_ms, abs=1.0)
+
+
+def test_slow_torque_that_something_else_balances_moves_no_clock(log, truth):
+    """Below 1 Hz, a third of all torque: read at all frequencies it looks like rotors 30 ms later."""
+    slow = sosfiltfilt(
+        butter(4, 1.0, fs=100.0, output="sos"), np.random.default_rng(1).normal(size=(len(log), 2)), axis=0
+    )
+    slow *= 1e5 / slow.std(axis=0)
+    squares = log.vector("rotor_speed_rad_s") ** 2 + slow @ np.sign([truth.hub_body_m[:, 1], -truth.hub_body_m[:, 0]])
+    speed = Signal.through(log.time_s, np.sqrt(np.maximum(squares, 1e4))).value(log.time_s - 5e-3)
+    pushed = _changed(log, **dict(zip(ROTORS, speed.T, strict=True)))
+    motion = kinematics(pushed)
+    assert motion is not None
+    assert clocks.rotors_after_gyro(pushed, motion, truth).delay_s == pytest.approx(5e-3, abs=3e-3)
 
 
 def test_rotor_speed_that_comes_late_where_there_is_no_gyro(log, truth):

@@ -5,10 +5,12 @@ from functools import cache
 import numpy as np
 import pytest
 
+import vehicle
 from flight import FlightLog, InputError
 from flight.flight_log import COLUMNS, from_vectors
-from sysid import Options
+from sysid import Options, compare, judge, wrench_errors
 from sysid.estimator.prepare import prepare
+from sysid.estimator.protocol import PROTOCOLS
 from sysid.logs import contact
 from sysid.logs.check import check_log
 from tests.sysid import flying
@@ -110,6 +112,10 @@ def test_fits_leave_contact_out_and_say_so():
     assert flight.time_s[0] > STANDS_S - 0.3
     assert "left out: 0.0 to 3" in flight.left_out
     assert [f.what for f in check_log(log).findings if f.what == "contact"] == ["contact"]
+    models = {"truth": vehicle.example("rigter2019")}
+    assert compare([log], models).left_out == (flight.left_out,)
+    assert wrench_errors([log], models).left_out == (flight.left_out,)
+    assert flight.left_out in judge([log], models, PROTOCOLS["h10"]).findings
     with pytest.raises(InputError, match="no stretch of 1 s in the air is left"):
         prepare(only(joined(standing(4.0, rng), flown().slice(0.0, 0.8)), *POSE), 0, Options())
 
