@@ -58,7 +58,9 @@ def draft(path: Path) -> Draft:
     guesses = [g for g in (_pose(topics), _most("imu", topics, IMU)) if g is not None]
     if not guesses:
         had = ", ".join(f"{t.name} ({t.kind})" for t in topics)
-        raise InputError(f"{path} has no topic with a pose ({', '.join(KNOWN)}) or an IMU ({IMU}); it has {had or 'none'}")
+        raise InputError(
+            f"{path} has no topic with a pose ({', '.join(KNOWN)}) or an IMU ({IMU}); it has {had or 'none'}"
+        )
     for quantity, asked in (("rotor_speed_rad_s", False), ("rotor_speed_command_rad_s", True)):
         guesses += [g for g in [_rotors(quantity, [t for t in topics if t.asked is asked])] if g is not None]
     guesses += [g for g in [_battery(topics)] if g is not None]
@@ -109,7 +111,10 @@ def _battery(topics: list[Topic]) -> Guess | None:
         if path and (topic.kind.endswith("BatteryState") or _BATTERY.search(topic.name.lower())):
             unit, usual = "V", float(np.nanmedian(topic.numbers([path])))
             return Guess(
-                "battery_v", [path], {"topic": topic.name, "unit": unit}, [f"battery by its name: {usual:.3g} as a rule"]
+                "battery_v",
+                [path],
+                {"topic": topic.name, "unit": unit},
+                [f"battery by its name: {usual:.3g} as a rule"],
             )
     return None
 

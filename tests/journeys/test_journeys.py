@@ -171,7 +171,9 @@ def test_a_log_of_any_kind_becomes_a_vehicle_that_predicts_another_flight(journe
     assert (better.spin == truth.spin[list(order)]).all()
     assert better.value("rotor_drag_thrust.drag_s_m") == pytest.approx(0.03, rel=0.05)
     columns = dict(inputs.other_flight().columns)
-    columns |= {f"rotor_speed_{i}_rad_s": inputs.other_flight().columns[f"rotor_speed_{k}_rad_s"] for i, k in enumerate(order)}
+    columns |= {
+        f"rotor_speed_{i}_rad_s": inputs.other_flight().columns[f"rotor_speed_{k}_rad_s"] for i, k in enumerate(order)
+    }
     judged = sysid.compare([FlightLog(columns, {})], {"given": given, "better": better})
     after = HORIZONS_S.index(0.5)
     assert judged.errors["better"]["position"][after] < 0.1 * judged.errors["given"]["position"][after]
