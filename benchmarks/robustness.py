@@ -1,4 +1,4 @@
-"""Is a diagnosis ever confidently wrong because the log or the vehicle file is? The same flights, each time with one fault:
+"""Is a diagnosis ever confidently wrong because its input is? The same flights, each time with one fault:
 
     python benchmarks/robustness.py [--results FILE] [--json FILE]
 
@@ -136,7 +136,7 @@ def _z_down(given: Input) -> Input:
         log = _columns(log, "position_world_m", frames.flip_vector(log.vector("position_world_m")))
         return _columns(log, "q_world_body", frames.flip_attitude(log.vector("q_world_body")))
 
-    return lambda given: given.changed(change)
+    return given.changed(change)
 
 
 POSE, GYRO, ROTORS = ("position_world_m", "q_world_body"), ("rate_body_rad_s",), ("rotor_speed_rad_s",)
@@ -160,7 +160,7 @@ FAULTS: dict[str, Callable[[Input], Input]] = {
     "pose: z down": _z_down,
 }
 TOLERATED = {"pose: world tilted by 2 deg": {"constant_wind"}}
-"""A level force, constant in the world, is what a tilted frame shows; no flight tells it from a wind on the drag alone."""
+"""A tilted frame shows a level force that is constant in the world, which is much like a wind's."""
 
 
 def flown(name: str, hidden: tuple[str, ...]) -> Input:

@@ -30,7 +30,7 @@ from sysid.logs.payload import PAYLOAD_CARRIED
 @console.path_option(
     "--draft-columns",
     "draft_file",
-    "Guess the columns of another program's CSV, or the topics of a ROS recording: writes a map to check, for --columns.",
+    "Guess the columns of a foreign CSV, or the topics of a ROS recording: writes a map to check, for --columns.",
 )
 @click.option("--fix", "fixes", is_flag=True, help="Apply the fixes that the checks propose; needs --out.")
 @console.path_option("--out", "out", "With --fix: the new log (.parquet); it records the fixes.")

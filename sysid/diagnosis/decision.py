@@ -60,7 +60,7 @@ class Case:
     no_load: str
     """Why what shows is no load, in words; empty if it may be one, or is no payload."""
     leaves_too_much: bool
-    """Whether the last model is too far from the flights for anything to be excluded."""
+    """Whether the last model is too far from the flights, or from what it was told, for anything to be excluded."""
     useful_proxy: bool = False
     """Whether it is part of the last model because it helps, though a curve explains more."""
 
@@ -140,7 +140,7 @@ def sentence(case: Case, decision: Decision) -> str:
         case Reason.ANOTHER_EXPLAINS_MORE:
             return "significant, but another explains more; look again after adding that one"
         case Reason.TOO_MUCH_UNEXPLAINED:
-            return "too much stays unexplained to exclude it: read the findings"
+            return "too much stays unexplained, or contradicts the vehicle file, to exclude it: read the findings"
         case Reason.TOO_SMALL:
             limits = (f"{s.parameter.split('.')[1]} above {s.excluded_above:.2g} {s.unit}" for s in case.sizes)
             return f"{', '.join(limits)} can be excluded (95 %)"

@@ -1,6 +1,6 @@
-"""A first map of a ROS recording: which topic holds the pose, the IMU, rotor speed and the battery, each with its reason.
+"""A first map of a ROS recording: which topic holds pose, IMU, rotor speed and battery, each with its reason.
 
-As with columns (`draft_columns`) a guess is a proposal to read and correct; `sysid.check_log` judges the log read with it.
+As with columns (`draft_columns`) a guess is a proposal to correct; `sysid.check_log` judges the log read with it.
 """
 
 import json

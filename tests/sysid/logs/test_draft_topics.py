@@ -1,5 +1,7 @@
 """A drafted map of a ROS recording names the right topics with their reasons, and the recording reads back with it."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -32,7 +34,7 @@ def message(kind: str, values) -> object:
     return types[kind](header=types["std_msgs/msg/Header"](stamp=stamp, frame_id="world"), pose=pose)
 
 
-def recorded(path, topics: dict[str, tuple[str, object]], count: int = 5):
+def recorded(path, topics: Mapping[str, tuple[str, object]], count: int = 5):
     """Every topic with so many equal messages."""
     with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         for topic, (kind, values) in topics.items():
