@@ -28,8 +28,6 @@ CONVERGED_SIGMA = 0.05
 Delays of streams do not count beside others: one that the flights hardly show creeps, and nothing else follows it."""
 CONVERGED_NOISE = 0.05
 """... and no noise level changes by more than this share."""
-LEAST_LEFT = 0.01
-"""A block that holds all but less than this share of the information on something has no scatter to judge it by."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -341,23 +339,22 @@ def _own_taken_out(information: FloatArray, pull: FloatArray, prior: FloatArray)
 def _sandwich(scores: list[tuple[FloatArray, FloatArray]], bread: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(p, p) covariance from the scatter of blocks, and (p,) how many it rests on in effect.
 
-    A block pulls the estimate towards itself and then looks too good. So the part of its score along which it holds the
-    share h of all information is divided by sqrt(1 - h) (CR2, Bell and McCaffrey 2002), which leaves the variance
-    unbiased for a right model however unequal the blocks are; the jackknife's 1 - h (CR3) makes it too large where one
-    flight holds most of what is known.
+    Each block's score is freed of the block's own pull on the estimate (jackknife, CR3), or few blocks that fit
+    themselves would look too good.
     """
-    sigma = np.sqrt(np.diag(bread))  # in units of these all numbers are near one
-    value, axes = np.linalg.eigh(bread / np.outer(sigma, sigma))
-    root = (axes * np.sqrt(np.maximum(value, 0.0))) @ axes.T * sigma[:, None]  # root root^T = bread
+    sigma = np.sqrt(np.diag(bread))  # in units of these all numbers are near one: least squares drops what is tiny
+    bread = bread / np.outer(sigma, sigma)
     meat = np.zeros_like(bread)
     shares: list[FloatArray] = []
     for information, pull in scores:
-        held, along = np.linalg.eigh(root.T @ information @ root)
-        score = along @ ((along.T @ root.T @ pull) / np.sqrt(np.maximum(1.0 - held, LEAST_LEFT)))
-        shares.append(np.einsum("ip,ij,jp->p", bread, information, bread) / sigma**2)
+        information, pull = information * np.outer(sigma, sigma), pull * sigma
+        score = np.linalg.lstsq(np.eye(len(pull)) - information @ bread, pull)[0]
+        shares.append(np.einsum("ip,ij,jp->p", bread, information, bread))
         meat += np.outer(score, score)
+    blocks = len(scores)
     freedom = np.sum(shares, axis=0) ** 2 / np.maximum(np.sum(np.square(shares), axis=0), 1e-300)
-    return root @ meat @ root.T, np.maximum(freedom, 1.0)
+    covariance = bread @ meat @ bread * ((blocks - 1) / blocks) * np.outer(sigma, sigma)
+    return covariance, np.maximum(freedom, 1.0)
 
 
 def _all_scores(solution: Solution, times_s: list[FloatArray], block_s: float) -> list[tuple[FloatArray, FloatArray]]:
