@@ -76,6 +76,12 @@ class Case:
         alone = min(THRESHOLDS.even_confidence, max(0.0, 1.0 - self.score.significance / 0.01))
         return alone * (1.0 - self.curve.confidence) if self.curve else alone
 
+    @property
+    def confidence_added(self) -> float:
+        """That its name is right; a law that no known effect is may show in more channels than the curve's."""
+        assert self.trial is not None
+        return min(self.trial.confidence, THRESHOLDS.beside_curve) if self.curve else self.trial.confidence
+
 
 @dataclass(frozen=True, slots=True)
 class Decision:
@@ -98,7 +104,7 @@ def decide(case: Case) -> Decision:
     if case.useful_proxy:
         return Decision(Verdict.PROXY, Reason.USEFUL_PROXY, confidence)
     if case.added and case.trial is not None:
-        return Decision(Verdict.PRESENT, Reason.CONFIRMED, case.trial.confidence)
+        return Decision(Verdict.PRESENT, Reason.CONFIRMED, case.confidence_added)
     if case.no_load:
         return Decision(open_, Reason.NO_LOAD, confidence)
     if case.trial is not None and case.trial.outcome is not Outcome.ADDED:
