@@ -159,8 +159,8 @@ FAULTS: dict[str, Callable[[Input], Input]] = {
     "pose: body turned by 20 deg": _body_turned((0.0, 0.0, np.deg2rad(20.0))),
     "pose: z down": _z_down,
 }
-TOLERATED = {"pose: world tilted by 2 deg": {"constant_wind"}}
-"""A tilted frame shows a level force that is constant in the world, which is much like a wind's."""
+TOLERATED = {"pose: world tilted by 2 deg": {"F_x_world against constant", "F_y_world against constant"}}
+"""A tilted frame shows as a level force that is constant in the world."""
 
 
 def flown(name: str, hidden: tuple[str, ...]) -> Input:
@@ -204,9 +204,9 @@ def judged(found: dict[str, Any], hidden: tuple[str, ...], tolerated: set[str]) 
     if "refused" in found:
         return "refused"
     said = set(found["names"])
-    wrong = said - {*hidden, *tolerated}
+    wrong = said - set(hidden)
     missing = set(hidden) - said - set(found["undecided"])
-    curve_is_wrong = found["curve"] is not None
+    curve_is_wrong = found["curve"] is not None and found["curve"] not in tolerated
     if not (wrong or missing or curve_is_wrong or found["undecided"]):
         return "same names"
     if found["confidence"] > EVEN and (wrong or missing or curve_is_wrong):
