@@ -117,7 +117,7 @@ def test_every_guess_has_a_reason_as_a_comment_and_unused_columns_are_named(tmp_
         ("t;x\n" + "".join(f"{i}.0;1,5\n" for i in range(30)), "decimal commas"),
         ("".join(f"{i},2\n" for i in range(30)), "first line holds numbers"),
         ("t,t\n" + "".join(f"{i},2\n" for i in range(30)), "same name"),
-        ("t,x\n" + "".join(f"{i},2{',3' * (i % 3)}\n" for i in range(30)), "equally many"),
+        ("t,x\n" + "".join(f"{i},2{',3' * (i % 3)}\n" for i in range(30)), "same number in each"),
         ("\x00\xff", "readable CSV"),
     ],
 )
