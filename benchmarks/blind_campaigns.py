@@ -107,8 +107,10 @@ ATTEMPTS = 10
 """Draws until a campaign of sound flights must have been found."""
 
 
-def fly(truths: list[Truth], rngs: list[np.random.Generator], duration_s: float) -> list[list[Recording]]:
-    """All flights of several campaigns, at once."""
+def fly(
+    truths: list[Truth], rngs: list[np.random.Generator], duration_s: float, every: int = LOG_EVERY
+) -> list[list[Recording]]:
+    """All flights of several campaigns, at once; `every` so many steps are recorded."""
     paths = [draw_path(k, t.low, g) for t, g in zip(truths, rngs, strict=True) for k in FLIGHTS]
     fleet = Fleet.of([_body(t, i) for t in truths for i in range(len(FLIGHTS))])
     believed = Fleet.of([t.body for t in truths for _ in FLIGHTS])
@@ -126,7 +128,7 @@ def fly(truths: list[Truth], rngs: list[np.random.Generator], duration_s: float)
         target = reference.at(t)
         command = np.clip(np.nan_to_num(se3_command(believed, state, target)), fleet.least_speed, fleet.most_speed)
         reached = command * (1.0 - sag * max(0.0, t - SETTLE_S) / duration_s)
-        if t >= SETTLE_S - 1e-9 and i % LOG_EVERY == 0:
+        if t >= SETTLE_S - 1e-9 and i % every == 0:
             pull = slope(fleet, state, reached, wind[i], t, sky)[VELOCITY]
             pull[2] += GRAVITY_M_S2
             forces.append(turned_back(matrix(state[ATTITUDE]), pull))

@@ -1,6 +1,6 @@
 """What a blind campaign hides: the true vehicle, the effects its file lacks, and the answers that count as correct."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -88,8 +88,8 @@ class Conditions:
 MOST_OFFSET_S = 0.008
 
 
-def draw(kind: str, rng: Rng, conditions: Conditions = Conditions()) -> Truth:
-    """One campaign of a kind."""
+def draw(kind: str, rng: Rng, conditions: Conditions = Conditions(), hide: Sequence[str] = ()) -> Truth:
+    """One campaign of a kind; a single or a pair hides the effects of `hide` if given, else drawn ones."""
     truth = _vehicle(kind, rng)
     truth.commands_only = conditions.commands
     truth.gust_m_s *= conditions.gusts
@@ -100,7 +100,7 @@ def draw(kind: str, rng: Rng, conditions: Conditions = Conditions()) -> Truth:
         truth.rotor_late_s = float(rng.uniform(-MOST_OFFSET_S, MOST_OFFSET_S))
     if kind in ("single", "pair"):
         catalogue = HIDDEN | (BY_COMMAND if conditions.commands else {})
-        for name in _choose(1 if kind == "single" else 2, rng, catalogue):
+        for name in hide or _choose(1 if kind == "single" else 2, rng, catalogue):
             truth.hidden[name] = catalogue[name](truth, rng)
     elif kind == "form":
         _form(truth, rng)

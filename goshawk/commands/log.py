@@ -30,7 +30,7 @@ from sysid.logs.payload import PAYLOAD_CARRIED
 @console.path_option(
     "--draft-columns",
     "draft_file",
-    "Guess the columns of another program's CSV: writes a map to check, for --columns.",
+    "Guess the columns of a foreign CSV, or the topics of a ROS recording: writes a map to check, for --columns.",
 )
 @click.option("--fix", "fixes", is_flag=True, help="Apply the fixes that the checks propose; needs --out.")
 @console.path_option("--out", "out", "With --fix: the new log (.parquet); it records the fixes.")
@@ -133,14 +133,15 @@ def _cell(value: float | None) -> float | str:
 
 
 def draft_columns(flight: Path, out: Path, overwrite: bool, as_json: bool) -> None:
-    """Write a first column map of a foreign CSV."""
-    from sysid.logs import draft_columns as drafting
+    """Write a first column map of a foreign CSV, or of a ROS recording."""
+    from sysid.logs import draft_columns, draft_topics
+    from sysid.logs.reading import is_recording
 
     outputs.check(out, overwrite=overwrite)
-    drafted = drafting.draft(flight)
+    drafted = (draft_topics if is_recording(flight) else draft_columns).draft(flight)
     with outputs.file(out, overwrite=overwrite) as temporary:
         temporary.write_text(drafted.text, encoding="utf-8")
-    rows = [(g.name, ", ".join(g.columns), "; ".join(g.reasons)) for g in drafted.guesses]
+    rows = [(g.name, ", ".join(g.columns or [g.entries["topic"]]), "; ".join(g.reasons)) for g in drafted.guesses]
     if as_json:
         entries = [{"name": g.name, "columns": g.columns, **g.entries, "reasons": g.reasons} for g in drafted.guesses]
         console.show(

@@ -25,8 +25,10 @@ from vehicle import Vehicle
 
 MOST_STEPS = 30
 """Gauss-Newton steps from smoothed poses to the best states under a model; four are usually enough."""
-SETTLED = 1e-7
-"""States are at their best when a step lowers the cost by less than this share."""
+SETTLED = 0.05
+"""States are at their best when a step promises less than this of the cost, a log likelihood: verdicts begin at 3.
+
+A clock that a flight hardly shows creeps on for long, by less each step than that (vertical flight cut at gaps)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +155,7 @@ def settle(flights: Sequence[Flight], point: Point, noise: Noise, clock: Referen
         information = weak + sum(e.information for e in eliminated)
         gradient = sum((e.gradient for e in eliminated), np.zeros(unknowns.size))
         border = np.asarray(-np.linalg.solve(information, gradient), dtype=np.float64)
-        if sum(e.promised(border) for e in eliminated) < SETTLED * max(now, 1.0):
+        if sum(e.promised(border) for e in eliminated) < SETTLED:
             return point, residuals
         changes = [e.states(border) for e in eliminated]
         point, lower = _lowered(flights, point, unknowns, noise, border, changes, now)

@@ -60,7 +60,7 @@ class Case:
     no_load: str
     """Why what shows is no load, in words; empty if it may be one, or is no payload."""
     leaves_too_much: bool
-    """Whether the last model is too far from the flights for anything to be excluded."""
+    """Whether the last model is too far from the flights, or from what it was told, for anything to be excluded."""
     useful_proxy: bool = False
     """Whether it is part of the last model because it helps, though a curve explains more."""
 
@@ -75,6 +75,12 @@ class Case:
         """That it is missing, by its own significance; a curve that explains more takes its share."""
         alone = min(THRESHOLDS.even_confidence, max(0.0, 1.0 - self.score.significance / 0.01))
         return alone * (1.0 - self.curve.confidence) if self.curve else alone
+
+    @property
+    def confidence_added(self) -> float:
+        """That its name is right; a law that no known effect is may show in more channels than the curve's."""
+        assert self.trial is not None
+        return min(self.trial.confidence, THRESHOLDS.beside_curve) if self.curve else self.trial.confidence
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +104,7 @@ def decide(case: Case) -> Decision:
     if case.useful_proxy:
         return Decision(Verdict.PROXY, Reason.USEFUL_PROXY, confidence)
     if case.added and case.trial is not None:
-        return Decision(Verdict.PRESENT, Reason.CONFIRMED, case.trial.confidence)
+        return Decision(Verdict.PRESENT, Reason.CONFIRMED, case.confidence_added)
     if case.no_load:
         return Decision(open_, Reason.NO_LOAD, confidence)
     if case.trial is not None and case.trial.outcome is not Outcome.ADDED:
@@ -140,7 +146,7 @@ def sentence(case: Case, decision: Decision) -> str:
         case Reason.ANOTHER_EXPLAINS_MORE:
             return "significant, but another explains more; look again after adding that one"
         case Reason.TOO_MUCH_UNEXPLAINED:
-            return "too much stays unexplained to exclude it: read the findings"
+            return "too much stays unexplained, or contradicts the vehicle file, to exclude it: read the findings"
         case Reason.TOO_SMALL:
             limits = (f"{s.parameter.split('.')[1]} above {s.excluded_above:.2g} {s.unit}" for s in case.sizes)
             return f"{', '.join(limits)} can be excluded (95 %)"

@@ -135,7 +135,8 @@ def _best_of(model: Model, found: Sequence[Outside]) -> Outside | None:
     if not found:
         return None
     best = max(found, key=lambda o: o.score.gain_unseen)
-    rivals = [np.exp(o.score.gain_unseen - best.score.gain_unseen) for o in found if o.channel == best.channel]
+    lead = [best.score.gain_unseen - o.score.gain_unseen for o in found if o.channel == best.channel]
+    rivals = np.exp(-np.array(lead) / best.score.dispersion)
     clear = 1.0 / (1.0 + (THRESHOLDS.even_odds_curve / max(best.score.log_odds, 1.0)) ** 4)
     confidence = THRESHOLDS.most_confidence * clear / float(np.sum(rivals))
     if not model.all_heard:

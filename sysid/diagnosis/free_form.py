@@ -80,8 +80,8 @@ VARIABLE = {v.name: v for v in VARIABLES}
 
 WORLD = ("F_x_world", "F_y_world")
 """Level forces along the axes of the world: a tether, a draught, a slope of the floor pull so whatever the heading."""
-OF_THE_WORLD = ("time", "x", "y", "height")
-"""What such a force may depend on."""
+OF_THE_WORLD = ("constant", "time", "x", "y", "height")
+"""What such a force may depend on; a constant one is what a pose frame that is not level shows."""
 EVERY_CHANNEL = (*CHANNELS, *WORLD)
 
 

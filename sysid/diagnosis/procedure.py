@@ -36,6 +36,7 @@ from sysid.estimator.identification import identify
 from sysid.estimator.options import Options
 from sysid.estimator.prepare import prepare
 from sysid.estimator.result import Identification
+from sysid.logs.check import check_log
 from sysid.logs.payload import PAYLOAD, carries_payload
 from vehicle import Vehicle, effects, rigid_body
 
@@ -77,6 +78,8 @@ class Diagnosis:
     or if the logs say so themselves."""
     judged: Comparison
     """Every model of the staircase on the flights it was judged by, for plots."""
+    input_verdict: fits.Verdict
+    """Of the checks of all logs: what is against their use with this vehicle file."""
 
     @property
     def undecided(self) -> tuple[str, ...]:
@@ -114,6 +117,11 @@ class Diagnosis:
             parts.append("the held-out flights are too short to confirm it")
         if self.leaves_too_much:
             parts.append("so much stays unexplained that these flights are inconclusive: read the findings")
+        if self.input_verdict.against:
+            parts.append(
+                "none of it is sure, for the logs contradict themselves or the vehicle file: "
+                f"{self.input_verdict.against[0]}"
+            )
         return "; ".join(parts) if parts else "nothing that these flights could show is missing"
 
     def _said(self, name: str) -> str:
@@ -129,12 +137,12 @@ class Diagnosis:
     @property
     def fit_verdict(self) -> fits.Verdict:
         """Whether to use the numbers of the last model."""
-        return self.search.models[-1].fit.verdict
+        return self.input_verdict.beside(self.search.models[-1].fit.verdict)
 
     @property
     def belief(self) -> Belief:
         """Probability that the whole sentence is right, and of what else may be true."""
-        unsure = self.leaves_too_much or bool(self.search.too_short)
+        unsure = self.leaves_too_much or bool(self.search.too_short) or bool(self.input_verdict.against)
         said = bool(self.additions or self.undecided or self.outside is not None)
         names = [s.confidence for s in self.candidates if s.verdict is Verdict.PRESENT]
         if self.undecided:
@@ -217,14 +225,13 @@ def diagnose(
     names = [str(log.metadata.get("name", f"flight {i + 1}")) for i, log in enumerate((*logs, *held_out))]
     if any(log is other for log in held_out for other in logs):
         raise InputError("a flight is both to learn from and to judge by; split whole flights between the two")
+    input_verdict = fits.of_logs(check_log(log, vehicle) for log in (*logs, *held_out))
     options = while_searching(options or Options(gusts="white"))
-    base = identify(logs, vehicle, options, progress=within(progress, "diagnose", 0.0, 0.1))
-    if pose_is_late(base.clocks):  # then that is an effect to be named, measured by the clock of the rotors
-        options = replace(options, clock="rotor speed")
-        base = identify(logs, vehicle, options, near=base)
-    progress("diagnose", 0.15)
-    unseen = [flight for i, log in enumerate(held_out) for flight in prepare(log, i, options)]
-    found = search(logs, base, unseen, options, most=8 if auto else 1, progress=progress)
+    try:
+        base, found, options = _searched(logs, vehicle, held_out, options, 8 if auto else 1, progress)
+    except InputError as error:
+        why = "".join(f"; {sentence}" for sentence in input_verdict.against[:1])
+        raise InputError(f"{error}{why}") from error
     last = found.models[-1].fit
     models = {"as given": vehicle, "fitted": base.vehicle}
     models |= {label: model.fit.vehicle for label, model in zip(_labels(found), found.models[1:], strict=True)}
@@ -240,7 +247,7 @@ def diagnose(
         vehicle=last.vehicle,
         additions=tuple(s.name for s in found.added),
         proxies=tuple(s.name for s in found.proxies),
-        candidates=_findings(found),
+        candidates=_findings(found, unsure=bool(input_verdict.against)),
         outside=_outside(found.drawn_at, found.outside) if found.outside else None,
         attempts=tuple(_attempt(t) for t in found.trials),
         staircase=stairs,
@@ -251,7 +258,26 @@ def diagnose(
         search=found,
         payload_carried=_newly_told((*logs, *held_out), carried),
         judged=judged,
+        input_verdict=input_verdict,
     )
+
+
+def _searched(
+    logs: Sequence[FlightLog],
+    vehicle: Vehicle,
+    held_out: Sequence[FlightLog],
+    options: Options,
+    most: int,
+    progress: Progress,
+) -> tuple[Identification, Search, Options]:
+    """The fit of the vehicle as it is, the search from there, and with which options both were made."""
+    base = identify(logs, vehicle, options, progress=within(progress, "diagnose", 0.0, 0.1))
+    if pose_is_late(base.clocks):  # then that is an effect to be named, measured by the clock of the rotors
+        options = replace(options, clock="rotor speed")
+        base = identify(logs, vehicle, options, near=base)
+    progress("diagnose", 0.15)
+    unseen = [flight for i, log in enumerate(held_out) for flight in prepare(log, i, options)]
+    return base, search(logs, base, unseen, options, most=most, progress=progress), options
 
 
 def _carried(found: Search, logs: Sequence[FlightLog], held_out: Sequence[FlightLog]) -> list[FlightLog]:
@@ -280,11 +306,12 @@ def _labels(found: Search) -> list[str]:
     return [signs[t.outcome].format(t.candidate.name) for t in found.trials if t.outcome in signs]
 
 
-def _findings(found: Search) -> tuple[CandidateFinding, ...]:
+def _findings(found: Search, *, unsure: bool) -> tuple[CandidateFinding, ...]:
+    """Args: unsure: whether the logs contradict themselves or the vehicle file, so that nothing is excluded."""
     first = found.models[0]
     sized = [(s, _scored(found, s).size) for s in first.candidate_set.candidates]
     errors = traces.prediction_error_m(first, sized)
-    result = [_finding(found, candidate, errors[candidate.name]) for candidate in first.candidate_set.candidates]
+    result = [_finding(found, s, errors[s.name], unsure=unsure) for s in first.candidate_set.candidates]
     order = list(Verdict)
     return tuple(sorted(result, key=lambda f: (order.index(f.verdict), f.significance, -f.gain)))
 
@@ -298,7 +325,7 @@ def _scored(found: Search, candidate: Candidate) -> Score:
     return _model_without(found, candidate).scores[candidate.name]
 
 
-def _finding(found: Search, candidate: Candidate, error_m: float) -> CandidateFinding:
+def _finding(found: Search, candidate: Candidate, error_m: float, *, unsure: bool) -> CandidateFinding:
     scored = _scored(found, candidate)
     trial = next((t for t in reversed(found.trials) if t.candidate.name == candidate.name), None)
     present = trial is not None and candidate.name in {s.name for s in found.added}
@@ -317,7 +344,7 @@ def _finding(found: Search, candidate: Candidate, error_m: float) -> CandidateFi
         doubted=candidate.name in found.doubted,
         carried_by=_carriers(found) if candidate.name == PAYLOAD else (),
         no_load=_no_load(found.models[-1]) if candidate.name == PAYLOAD else "",
-        leaves_too_much=found.models[-1].fit.leaves_too_much,
+        leaves_too_much=unsure or found.models[-1].fit.leaves_too_much,
         useful_proxy=proxy,
     )
     decision = decide(case)

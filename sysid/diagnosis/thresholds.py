@@ -45,6 +45,9 @@ class Thresholds:
     false one came to 17, right ones to 209 and more."""
     least_confidence_curve: float = 0.3
     """A curve that would be stated with less is not stated."""
+    beside_curve: float = 0.5
+    """No name is stated with more beside a curve: the law that the curve is of may show in other channels as well, and
+    a known effect fits a part of it. On campaigns with laws of another form 3 of 6 names beside a curve were right."""
     competing: float = 0.5
     """Candidates that reproduce this much of each other's trace compete for the same evidence."""
     named_share: float = 0.2

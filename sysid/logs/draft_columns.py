@@ -44,6 +44,8 @@ _PATTERNS = (
     ("position_world_m", _ASKED + r"(?:p|pos|position)?_?(?P<c>[xyz])$"),
 )
 _ORDER = {"roll": 0, "phi": 0, "pitch": 1, "theta": 1, "yaw": 2, "psi": 2, "w": -1, "p": 0, "q": 1, "r": 2}
+_PWM = re.compile(r"(^|_)(pwm|motor_m)")
+"""Duty cycles (Crazyflie's `motor.m1` is one) look like rotor speeds in rpm."""
 _SETPOINTS = {"position_world_m", "velocity_world_m_s", "q_world_body"}
 
 
@@ -196,7 +198,7 @@ def _groups(names: list[str]) -> dict[str, dict[str, str]]:
         base = _base(name)[0]
         for number, (quantity, pattern) in enumerate(_PATTERNS):
             match = re.search(r"(?:^|_)" + pattern, base)
-            if match is None:
+            if match is None or ("rotor" in quantity and _PWM.search(base)):
                 continue
             groups = match.groupdict()
             if groups.get("asked"):
@@ -223,14 +225,14 @@ def _describe(guess: Guess, components: list[str], table: dict[str, FloatArray])
     if guess.name.endswith("q_world_body"):
         _attitude(guess, components, values, told)
         return
-    unit, reason = (told, f"unit {told} by the name") if told else _by_size(guess.name, values)
+    unit, reason = (told, f"unit {told} by the name") if told else by_size(guess.name, values)
     guess.entries["unit"] = unit
     guess.reasons.append(reason)
     if "rotor" in guess.name:
         guess.reasons.append("in the order of the rotors of your vehicle file: CHECK")
 
 
-def _by_size(quantity: str, values: FloatArray) -> tuple[str, str]:
+def by_size(quantity: str, values: FloatArray) -> tuple[str, str]:
     """A unit that makes the numbers likely for a small vehicle."""
     finite = values[np.isfinite(values).all(axis=1)]
     if not len(finite):

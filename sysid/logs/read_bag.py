@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -36,8 +37,6 @@ def read(path: Path, map_file: Path) -> FlightLog:
     """
     wanted = file_format.read_toml(Path(map_file), format=FORMAT, version=VERSION)
     path = Path(path)
-    if not path.exists():
-        raise InputError(f"{path} does not exist")
     topics = _topics(wanted, Path(map_file))
     messages = _messages(path, {entry["topic"] for entry in topics.values()})
     streams = {name: _stream(name, entry, *messages[entry["topic"]]) for name, entry in topics.items()}
@@ -75,31 +74,59 @@ def _topics(wanted: dict[str, Any], map_file: Path) -> dict[str, dict[str, Any]]
     return found
 
 
+def sampled(path: Path, count: int) -> list[tuple[str, str, int, list[Any]]]:
+    """Per topic with messages: its name, its type, how many messages it has, and the first `count` that can be read.
+
+    A topic of a type that the recording does not define is left out.
+
+    Raises:
+        InputError: there is no such file.
+        FormatError: it is no recording.
+    """
+    found: dict[str, tuple[str, str, int, list[Any]]] = {}
+    with _opened(path) as reader:
+        known = [c for c in reader.connections if c.msgtype in reader.typestore.fielddefs]
+        for connection, _, raw in reader.messages(known):
+            name, kind, many, kept = found.get(connection.topic, (connection.topic, connection.msgtype, 0, []))
+            if many < count:
+                kept.append(reader.deserialize(raw, kind))
+            found[name] = (name, kind, many + 1, kept)
+    return list(found.values())
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """A reader of the recording; what goes wrong inside is said of the recording."""
+    from rosbags.highlevel import AnyReader, AnyReaderError
+    from rosbags.typesys import Stores, get_typestore
+
+    if not path.exists():
+        raise InputError(f"{path} does not exist")
+    try:
+        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+            yield reader
+    except (AnyReaderError, OSError, KeyError, ValueError) as error:
+        raise FormatError(f"{path} is not a readable ROS recording: {error}") from error
+
+
 def _messages(path: Path, topics: set[str]) -> dict[str, tuple[str, FloatArray, list[Any]]]:
     """Per topic its type, the instants (s from the first of all) and the messages.
 
     The instant is the header's stamp where there is one, else when the recorder received it.
     """
-    from rosbags.highlevel import AnyReader, AnyReaderError
-    from rosbags.typesys import Stores, get_typestore
-
-    kinds: dict[str, str] = {}
     stamps: dict[str, list[int]] = {topic: [] for topic in topics}
     kept: dict[str, list[Any]] = {topic: [] for topic in topics}
-    try:
-        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-            kinds = {c.topic: c.msgtype for c in reader.connections}
-            missing = sorted(topics - set(kinds))
-            if missing:
-                raise InputError(f"{path} has no topic {missing[0]}; it has {', '.join(sorted(kinds))}")
-            for connection, received_ns, raw in reader.messages([c for c in reader.connections if c.topic in topics]):
-                message = reader.deserialize(raw, connection.msgtype)
-                stamp = getattr(getattr(message, "header", None), "stamp", None)
-                stamped_ns = 0 if stamp is None else stamp.sec * 10**9 + stamp.nanosec
-                stamps[connection.topic].append(stamped_ns or received_ns)
-                kept[connection.topic].append(message)
-    except (AnyReaderError, OSError, KeyError, ValueError) as error:
-        raise FormatError(f"{path} is not a readable ROS recording: {error}") from error
+    with _opened(path) as reader:
+        kinds = {c.topic: c.msgtype for c in reader.connections}
+        missing = sorted(topics - set(kinds))
+        if missing:
+            raise InputError(f"{path} has no topic {missing[0]}; it has {', '.join(sorted(kinds))}")
+        for connection, received_ns, raw in reader.messages([c for c in reader.connections if c.topic in topics]):
+            message = reader.deserialize(raw, connection.msgtype)
+            stamp = getattr(getattr(message, "header", None), "stamp", None)
+            stamped_ns = 0 if stamp is None else stamp.sec * 10**9 + stamp.nanosec
+            stamps[connection.topic].append(stamped_ns or received_ns)
+            kept[connection.topic].append(message)
     empty = [topic for topic in topics if not kept[topic]]
     if empty:
         raise InputError(f"{path} has no message on {empty[0]}")

@@ -25,6 +25,11 @@ def read_log(path: Path, column_map: Path | None = None) -> FlightLog:
         raise type(error)(f"{path}: {error}") from None
 
 
+def is_recording(path: Path) -> bool:
+    """Whether it is a ROS recording by its ending, or a folder of one."""
+    return path.name.lower().endswith((".mcap", ".bag", ".db3")) or (path / "metadata.yaml").is_file()
+
+
 def _read(path: Path, column_map: Path | None) -> FlightLog:
     name = path.name.lower()
     if name.endswith((".csv", ".csv.gz")):
@@ -36,7 +41,7 @@ def _read(path: Path, column_map: Path | None) -> FlightLog:
         return read_csv.read(path, read_csv.load_map(column_map))
     if name.endswith(".ulg"):
         return read_ulog.read(path)
-    if name.endswith((".mcap", ".bag", ".db3")) or (path / "metadata.yaml").is_file():
+    if is_recording(path):
         if column_map is None:
             raise FormatError(f"{path} is a ROS recording; give its column map with --columns (docs/identification.md)")
         return read_bag.read(path, column_map)

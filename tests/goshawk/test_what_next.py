@@ -15,6 +15,7 @@ from goshawk import what_next
 from goshawk.what_next import DiagnoseCall
 from sysid.diagnosis import Diagnosis, OutsideFinding, Verdict
 from sysid.diagnosis.findings import CandidateFinding
+from sysid.estimator import verdict as fits
 from tests.goshawk.running import run, typed
 from tests.sysid import flying
 
@@ -52,8 +53,9 @@ def found(
     body = vehicle.example()
     nothing = cast("Any", None)
     return Diagnosis(
-        body, body, additions, (), candidates, outside, (), (), (), (), (), (), cast("Any", search), carried, nothing
-    )
+        body, body, additions, (), candidates, outside, (), (), (), (), (), (), cast("Any", search), carried, nothing,
+        fits.Verdict(),
+    )  # fmt: skip
 
 
 def test_an_addition_is_made_to_the_vehicle_file_and_the_diagnosis_goes_on_from_a_new_one():

@@ -14,8 +14,10 @@ import numpy as np
 import pytest
 
 import mapping
+import sysid
 import vehicle
-from flight import flight_log, trajectory
+from flight import FlightLog, flight_log, trajectory
+from sysid.estimator.comparison import HORIZONS_S
 from tests.journeys import inputs
 
 PORT = "14561"
@@ -142,12 +144,36 @@ def test_own_waypoints_become_a_flown_log(tmp_path, pillar_map):
     assert (tmp_path / "lap.html").exists()
 
 
+LEARNING = {
+    # journey: what is there before it, and which of our rotors its vehicle file counts first, second ...
+    "px4_log": (inputs.with_ulog, inputs.PX4_ORDER),
+    "ros_recording": (inputs.with_recording, (0, 1, 2, 3)),
+    "crazyflie_csv": (inputs.with_crazyflie, (0, 1, 2, 3)),
+    "own_telemetry": (inputs.with_own_telemetry, (0, 1, 2, 3)),
+}
+
+
+@pytest.mark.parametrize("journey", LEARNING)
+def test_from_a_log_to_a_better_vehicle_are_at_most_six_commands(journey):
+    assert len(commands(HERE / f"{journey}.sh")) <= 6
+
+
 @pytest.mark.slow
-def test_a_px4_log_becomes_a_vehicle_made_from_its_own_parameters(tmp_path):
-    inputs.with_ulog(tmp_path)
-    walk("px4_log", tmp_path)
-    fitted, truth = vehicle.load(tmp_path / "fitted.toml"), inputs.truth()
-    np.testing.assert_allclose(fitted.hub_body_m, truth.hub_body_m[list(inputs.PX4_ORDER)], atol=1e-6)
-    assert (fitted.spin == truth.spin[list(inputs.PX4_ORDER)]).all()
-    k = fitted.value("thrust_quadratic.k_n_s2")
-    assert k == pytest.approx(1.9e-6, rel=0.05)
+@pytest.mark.parametrize("journey", LEARNING)
+def test_a_log_of_any_kind_becomes_a_vehicle_that_predicts_another_flight(journey, tmp_path):
+    prepare, order = LEARNING[journey]
+    prepare(tmp_path)
+    said = walk(journey, tmp_path)
+    assert "missing was rotor_drag_thrust (" in said
+    given, better = (vehicle.load(tmp_path / name) for name in ("quad.toml", "better.toml"))
+    truth = inputs.dragged()
+    np.testing.assert_allclose(better.hub_body_m, truth.hub_body_m[list(order)], atol=1e-6)
+    assert (better.spin == truth.spin[list(order)]).all()
+    assert better.value("rotor_drag_thrust.drag_s_m") == pytest.approx(0.03, rel=0.05)
+    columns = dict(inputs.other_flight().columns)
+    columns |= {
+        f"rotor_speed_{i}_rad_s": inputs.other_flight().columns[f"rotor_speed_{k}_rad_s"] for i, k in enumerate(order)
+    }
+    judged = sysid.compare([FlightLog(columns, {})], {"given": given, "better": better})
+    after = HORIZONS_S.index(0.5)
+    assert judged.errors["better"]["position"][after] < 0.1 * judged.errors["given"]["position"][after]

@@ -98,3 +98,10 @@ def test_excluded_is_said_only_where_the_whole_interval_is_below_what_matters(va
     size = replace(SMALL, value=value, sigma=sigma, half90=1.645 * sigma)
     below = max(abs(end) for end in size.interval90) <= THRESHOLDS.matters * size.usual
     assert (decide(case(sizes=(size,))).verdict is Verdict.EXCLUDED) == below
+
+
+def test_a_name_beside_a_curve_is_stated_with_no_more_than_even_odds():
+    """The law that the curve is of may act in other channels too, where a known effect fits a part of it."""
+    confirmed = case(trial=trial(Outcome.ADDED), added=True)
+    assert decide(confirmed).confidence == 0.9
+    assert decide(replace(confirmed, curve=CURVE)).confidence == THRESHOLDS.beside_curve

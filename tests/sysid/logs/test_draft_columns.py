@@ -117,7 +117,7 @@ def test_every_guess_has_a_reason_as_a_comment_and_unused_columns_are_named(tmp_
         ("t;x\n" + "".join(f"{i}.0;1,5\n" for i in range(30)), "decimal commas"),
         ("".join(f"{i},2\n" for i in range(30)), "first line holds numbers"),
         ("t,t\n" + "".join(f"{i},2\n" for i in range(30)), "same name"),
-        ("t,x\n" + "".join(f"{i},2{',3' * (i % 3)}\n" for i in range(30)), "equally many"),
+        ("t,x\n" + "".join(f"{i},2{',3' * (i % 3)}\n" for i in range(30)), "same number in each"),
         ("\x00\xff", "readable CSV"),
     ],
 )
@@ -126,3 +126,12 @@ def test_what_is_no_table_of_numbers_is_refused_in_one_sentence(tmp_path, text, 
     path.write_bytes(text.encode("latin-1"))
     with pytest.raises((InputError, FormatError), match=words):
         draft_columns.draft(path)
+
+
+def test_duty_cycles_are_no_rotor_speeds(tmp_path):
+    """Crazyflie's `motor.m1` counts to 65535 and stands before `rpm.m1`."""
+    columns = {"t": T} | {f"motor.m{i}": 40_000.0 + T for i in range(1, 5)}
+    assert "quantity" not in drafted(written(tmp_path, columns))[0]
+    columns |= {f"rpm.m{i}": 16_000.0 + T for i in range(1, 5)}
+    document, _ = drafted(written(tmp_path, columns))
+    assert document["quantity"]["rotor_speed_rad_s"]["columns"] == [f"rpm.m{i}" for i in range(1, 5)]

@@ -1,0 +1,44 @@
+"""A log or a vehicle file that is wrong makes a diagnosis unsure, never confidently wrong."""
+
+from dataclasses import replace
+
+import pytest
+
+from flight import FlightLog
+from sysid import Options
+from sysid.diagnosis import Verdict, diagnose
+from sysid.estimator.verdict import Use
+
+
+@pytest.fixture(scope="module")
+def reversed_spins(campaign, truth):
+    return diagnose(campaign[1:], replace(truth, spin=-truth.spin))
+
+
+@pytest.mark.slow
+def test_a_log_that_contradicts_the_vehicle_file_leaves_nothing_sure(reversed_spins):
+    assert reversed_spins.fit_verdict.use is Use.REJECTED
+    assert "spin" in reversed_spins.verdict
+    assert reversed_spins.confidence <= 0.5
+    assert all(s.verdict is not Verdict.EXCLUDED for s in reversed_spins.candidates)
+
+
+@pytest.mark.slow
+def test_logs_that_agree_with_the_vehicle_file_cast_no_doubt(campaign, truth):
+    found = diagnose(campaign[1:], truth)
+    assert found.input_verdict.use is Use.USABLE
+    assert found.additions == ()
+    assert found.confidence > 0.5
+
+
+def cut(log: FlightLog) -> FlightLog:
+    """With two gaps of 0.3 s."""
+    kept = ~((log.time_s > 5.0) & (log.time_s < 5.3) | (log.time_s > 10.0) & (log.time_s < 10.3))
+    return FlightLog({name: values[kept] for name, values in log.columns.items()}, log.metadata)
+
+
+@pytest.mark.slow
+def test_gaps_change_no_name(campaign, truth):
+    without = truth.without_effect("rotor_drag_thrust")
+    found = diagnose([cut(log) for log in campaign], without, options=Options(gusts="white", gaps="split"))
+    assert found.additions == ("rotor_drag_thrust",)
