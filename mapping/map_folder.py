@@ -23,7 +23,7 @@ import numpy as np
 import esdf
 from esdf.storage import EDITS
 from flight import FloatArray, FormatError, InputError, Progress, file_format, frames, results, rotations, silent
-from mapping import alignment, dense, localization, mesh_file, sparse
+from mapping import alignment, dense, localization, mesh_file, sparse, verdict
 from mapping import rig as rigs
 from mapping.alignment import Length
 from mapping.colmap import SparseOptions
@@ -32,6 +32,7 @@ from mapping.images import read_folder, read_table
 from mapping.localization import LocalizationMap
 from mapping.rig import Rig
 from mapping.sparse import SparseMap
+from mapping.verdict import Standing
 from mapping.views import ImageView
 
 FORMAT = "goshawk-map"
@@ -81,6 +82,16 @@ class MapReport:
     """Median distance to recorded positions, if there are any."""
     scale_ratio_to_positions: float | None
     """This scale divided by the scale from recorded positions alone, if there are any."""
+    scale_witnesses: list[dict[str, Any]]
+    """Every source of scale: its name, the map's scale divided by its, and its relative standard deviation."""
+    verdict: str
+    """"good", "doubtful" or "refused"; see `verdict`."""
+    reasons: list[str]
+    """Why it is not good."""
+    corrections: list[str]
+    """What was wrong with the camera file and is right in the map."""
+    calibration: list[dict[str, Any]]
+    """The trial of the camera file: one entry for each error it may have had; see `calibration_trial.Finding`."""
     path_length_m: float
     """From the first placed image to the last."""
     lenses: dict[str, list[float]]
@@ -127,6 +138,16 @@ class Map:
     def hash(self) -> str:
         """Identity of the map, recorded in every plan made in it; changes with every edit."""
         return self.field.hash
+
+    @property
+    def standing(self) -> Standing:
+        """What may be done in it."""
+        return Standing(self.facts.get("verdict", Standing.NOT_JUDGED))
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why it is not good."""
+        return tuple(self.facts.get("reasons", ()))
 
     @property
     def mesh(self) -> Path:
@@ -209,6 +230,7 @@ def views(placed: SparseMap) -> list[ImageView]:
 
 def _report(placed: SparseMap, surface: dense.Reconstruction, hash: str, cpu_s: dict[str, float]) -> MapReport:
     voxel_m3 = float(np.prod(surface.grid.voxel_m))
+    judged = verdict.judge(placed)
     path = placed.T_world_body[placed.placed, :3, 3]
     return MapReport(
         images=placed.images.count,
@@ -221,6 +243,11 @@ def _report(placed: SparseMap, surface: dense.Reconstruction, hash: str, cpu_s: 
         up_source=placed.alignment.up_source,
         position_residual_m=placed.alignment.position_residual_m,
         scale_ratio_to_positions=placed.alignment.scale_ratio_to_positions,
+        scale_witnesses=[dataclasses.asdict(witness) for witness in placed.alignment.witnesses],
+        verdict=judged.standing,
+        reasons=list(judged.reasons),
+        corrections=list(judged.corrections),
+        calibration=[finding.as_dict() for finding in placed.trial.findings],
         path_length_m=float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()),
         lenses={camera.name: camera.params.tolist() for camera in placed.rig},
         mesh_vertices=len(surface.vertices_world_m),
@@ -234,7 +261,17 @@ def _report(placed: SparseMap, surface: dense.Reconstruction, hash: str, cpu_s: 
 
 
 def _facts(report: MapReport) -> dict[str, Any]:
-    names = ("hash", "scale_source", "up_source", "images", "images_placed", "reprojection_error_px", "path_length_m")
+    names = (
+        "verdict",
+        "reasons",
+        "hash",
+        "scale_source",
+        "up_source",
+        "images",
+        "images_placed",
+        "reprojection_error_px",
+        "path_length_m",
+    )
     return {name: getattr(report, name) for name in names}
 
 

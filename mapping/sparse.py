@@ -10,6 +10,7 @@ import numpy as np
 from flight import FloatArray, MapError, Progress, silent
 from mapping import alignment, child, colmap
 from mapping.alignment import Alignment, Length
+from mapping.calibration_trial import Trial
 from mapping.colmap import SparseOptions
 from mapping.images import ImageSet
 from mapping.localization import LocalizationMap
@@ -40,6 +41,8 @@ class SparseMap:
     """Mean over all observations."""
     least_agreement: float
     """The worst placed image's share of matches that agree with the map."""
+    trial: Trial
+    """What the matches say of the camera file; its poses and points are COLMAP's, not the world's."""
     alignment: Alignment
     """Where scale and up came from."""
     cpu_s: dict[str, float]
@@ -93,11 +96,12 @@ def reconstruct(
             f"only {int(placed.sum())} of {len(placed)} images could be placed; "
             "take them closer together, slower, or in more light"
         )
+    has_baseline = images.rig.baseline_m > alignment.LEAST_BASELINE_M and _rig_seen(model.registered)
     aligned = alignment.align(
         images,
         model.T_world_body,
         recorded,
-        baseline_metric=images.rig.baseline_m > alignment.LEAST_BASELINE_M and _rig_seen(model.registered),
+        baseline_std=model.trial.scale_std if has_baseline else None,
         length=length,
     )
     return SparseMap(
@@ -110,6 +114,7 @@ def reconstruct(
         pixels=model.pixels,
         reprojection_error_px=model.reprojection_error_px,
         least_agreement=model.least_agreement,
+        trial=model.trial,
         alignment=aligned,
         cpu_s=model.cpu_s,
     )

@@ -11,7 +11,7 @@ import planner
 import vehicle
 from flight import FloatArray, InputError, cells, file_format, project
 from flight.mission import Laps, Mission, Yaw
-from goshawk import batch, console, outputs, waypoints_file
+from goshawk import batch, console, map_standing, outputs, waypoints_file
 from planner import mission, options, simplify
 
 
@@ -55,6 +55,7 @@ from planner import mission, options, simplify
 @console.path_option("--batch", "missions", "Folder of waypoint files to plan instead; --out is then a folder.")
 @click.option("--jobs", type=click.IntRange(1), default=1, show_default=True, help="Processes for --batch.")
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers plan the --batch instead.")
+@map_standing.accept_option
 @outputs.overwrite_option
 @console.json_option
 def command(
@@ -77,6 +78,7 @@ def command(
     missions: Path | None,
     jobs: int,
     scheduler: str | None,
+    accept_doubtful: bool,
     overwrite: bool,
     as_json: bool,
 ) -> None:
@@ -102,12 +104,13 @@ def command(
         search_seed=seed,
     )
     repeated, turned = None if laps is None else Laps(laps), yaw_from(yaw, heading_deg, look_at)
+    area = mapping.open_map(map_folder)
+    map_standing.require(area, accept_doubtful=accept_doubtful)
     if missions is not None:
         job = batch.Job(map_folder, vehicle_file, how, out, repeated, turned, overwrite)
         plan_all(missions, job, jobs, scheduler, as_json=as_json)
         return
     outputs.check(out, overwrite=overwrite)
-    area = mapping.open_map(map_folder)
     left_out = 0
     if path is not None:
         walked, left_out = waypoints_along(read_path(path), tolerance_m, area, how, read_headings(path))
