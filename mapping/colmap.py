@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 
 from flight import FloatArray, InputError, MapError, Progress, frames
-from mapping import agreement, calibration_trial, features, pairing
-from mapping.calibration_trial import Observations, Trial
+from mapping import agreement, features, pairing
+from mapping.calibration import trial as calibration_trial
+from mapping.calibration.adjustment import Observations
+from mapping.calibration.trial import Trial
 from mapping.images import ImageSet
 from mapping.rig import Camera, Rig
 

@@ -91,7 +91,7 @@ class MapReport:
     corrections: list[str]
     """What was wrong with the camera file and is right in the map."""
     calibration: list[dict[str, Any]]
-    """The trial of the camera file: one entry for each error it may have had; see `calibration_trial.Finding`."""
+    """The trial of the camera file: one entry for each error it may have had; see `calibration.trial.Finding`."""
     path_length_m: float
     """From the first placed image to the last."""
     lenses: dict[str, list[float]]

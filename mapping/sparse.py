@@ -10,7 +10,7 @@ import numpy as np
 from flight import FloatArray, MapError, Progress, silent
 from mapping import alignment, child, colmap
 from mapping.alignment import Alignment, Length
-from mapping.calibration_trial import Trial
+from mapping.calibration.trial import Trial
 from mapping.colmap import SparseOptions
 from mapping.images import ImageSet
 from mapping.localization import LocalizationMap

@@ -11,7 +11,8 @@ import numpy as np
 
 from flight import FloatArray
 from mapping.alignment import ScaleWitness
-from mapping.calibration_trial import Finding, Kind, Verdict
+from mapping.calibration.errors import Kind
+from mapping.calibration.trial import SIGMAS90, Finding, Verdict
 from mapping.sparse import SparseMap
 
 LEAST_PLACED = 0.9
@@ -102,7 +103,7 @@ def size_text(finding: Finding, *, most: bool = False) -> str:
     """
     factor, unit = _SHOWN[finding.candidate.kind]
     size, std = factor * _length(finding.size), factor * _length(finding.std)
-    return f"{size + 1.645 * std:.3g} {unit}" if most else f"{size:.3g} ± {std:.1g} {unit}"
+    return f"{size + SIGMAS90 * std:.3g} {unit}" if most else f"{size:.3g} ± {std:.1g} {unit}"
 
 
 _SHOWN = {

@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from flight import FloatArray, frames, rotations
-from mapping import calibration_trial as trials
 from mapping import rendered_world
-from mapping.calibration_trial import Kind, Observations, Trial, Verdict
+from mapping.calibration import adjustment, errors
+from mapping.calibration import trial as trials
+from mapping.calibration.adjustment import Observations
+from mapping.calibration.errors import Kind
+from mapping.calibration.trial import Trial, Verdict
 from mapping.rig import Camera, Rig
 
 NOISE_PX = 0.2
@@ -159,17 +162,17 @@ def test_few_matches_cannot_tell() -> None:
 def test_derivatives_agree_with_finite_differences() -> None:
     T, points, index, pixels = observed(RIG)
     seen = Observations(RIG, T, points, index, pixels, np.arange(len(T)) / RATE_HZ)
-    candidates = trials.candidates(RIG, timed=True)
-    twist = trials._twists(seen)
-    state = trials._State(RIG, T, points, np.zeros((2, 2)), np.array([0.0, 2e-3]), np.array([3e-3, 1e-3]))
+    candidates = errors.candidates(RIG, timed=True)
+    twist = adjustment.twists(seen)
+    state = errors.State(RIG, T, points, np.zeros((2, 2)), np.array([0.0, 2e-3]), np.array([3e-3, 1e-3]))
     start = 0
-    rows = trials._linearise(seen, state, twist, candidates)
+    rows = adjustment.linearise(seen, state, twist, candidates)
     for candidate in candidates:
         for k in range(len(candidate.kind.units)):
             step = np.zeros(len(candidate.kind.units))
             step[k] = 1e-6
             ahead, behind = (
-                trials._linearise(seen, trials._corrected(state, candidate, sign * step), twist, candidates).residual
+                adjustment.linearise(seen, errors.corrected(state, candidate, sign * step), twist, candidates).residual
                 for sign in (1.0, -1.0)
             )
             slope = -(ahead - behind) / 2e-6

@@ -12,7 +12,7 @@ from flight import FlightError, FloatArray, FormatError, InputError, MapError, f
 from mapping import colmap, localization, map_folder, sparse
 from mapping import rig as rigs
 from mapping.alignment import Alignment
-from mapping.calibration_trial import Trial
+from mapping.calibration.trial import Trial
 from mapping.colmap import SparseOptions
 from mapping.images import ImageSet
 from mapping.localization import LocalizationMap
