@@ -19,9 +19,8 @@ def require(area: Map, *, accept_doubtful: bool) -> None:
     Raises:
         InputError: it is refused, or doubtful and the user did not agree.
     """
+    area.require_not_refused()
     reasons = "; ".join(area.reasons)
-    if area.standing is Standing.REFUSED:
-        raise InputError(f"{area.folder} must not be planned in: {reasons}; make the map again")
     if area.standing is Standing.NOT_JUDGED:
         click.echo(f"note: {area.folder} is of a version that did not try its calibration; make it again", err=True)
     if area.standing is not Standing.DOUBTFUL or accept_doubtful:

@@ -149,6 +149,15 @@ class Map:
         """Why it is not good."""
         return tuple(self.facts.get("reasons", ()))
 
+    def require_not_refused(self) -> None:
+        """Check that the map may be planned in at all.
+
+        Raises:
+            InputError: its verdict is "refused"; the message gives the reasons.
+        """
+        if self.standing is Standing.REFUSED:
+            raise InputError(f"{self.folder} must not be planned in: {'; '.join(self.reasons)}; make the map again")
+
     @property
     def mesh(self) -> Path:
         return self.folder / "mesh.glb"
