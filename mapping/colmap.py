@@ -2,6 +2,7 @@
 
 import dataclasses
 import logging
+import shutil
 import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from mapping.calibration.adjustment import Observations
 from mapping.calibration.trial import Trial
 from mapping.images import ImageSet
 from mapping.rig import Camera, Rig
+from mapping.stages import Work
 
 logger = logging.getLogger(__name__)
 
@@ -24,6 +26,8 @@ _MATCHES = "matching features"
 _MAPPING = "placing images"
 _REFINING = "refining"
 _TRYING = "trying the calibration"
+_DATABASE = "database.db"
+_SIGNATURES = "signatures.npz"
 _CHUNK = 100
 
 _REPAIRS = 4
@@ -79,30 +83,52 @@ class SparseModel:
     """CPU seconds of each step, all threads."""
 
 
-def reconstruct(images: ImageSet, options: SparseOptions, *, progress: Progress) -> SparseModel:
-    """Features, matches, poses and points of an image set."""
+FEATURES, MATCHES, POSES = "features", "matches", "poses"
+"""Stages whose results survive an interrupted work."""
+
+
+def reconstruct(images: ImageSet, options: SparseOptions, work: Work, *, progress: Progress) -> SparseModel:
+    """Features, matches, poses and points of an image set; finished stages of `work` are not done again."""
+    import pycolmap
+
     watch = _Stopwatch()
-    with tempfile.TemporaryDirectory(prefix="goshawk-colmap-") as name:
-        folder = Path(name)
-        database = folder / "database.db"
-        signatures = extract(database, images, options, progress)
-        watch.lap("features")
-        match(database, images, signatures, options, progress)
-        watch.lap("matches")
-        model = place(database, images, options, progress)
-        watch.lap("placing")
-        refine(database, model, images.rig, options, progress)
-        watch.lap("refining")
-        progress(_TRYING, 0.0)
-        trial = calibration_trial.hold(_observations(model, images))
-        watch.lap("trial of the calibration")
-        if trial.present:
-            images = dataclasses.replace(images, rig=trial.rig)
-            _write_back(model, images, trial)
-            if not trial.inexpressible:  # COLMAP knows nothing of those, and would move the poses back
-                refine(database, model, dataclasses.replace(trial.rig, refine_intrinsics=False), options, progress)
-            watch.lap("refining with the corrected calibration")
-        return _read_out(database, model, images, trial, watch)
+    work = work.on(options)
+    extracted = work.stage(FEATURES, lambda folder: _features(folder, images, options, progress))
+    watch.lap("features")
+    matched = work.stage(MATCHES, lambda folder: _matches(folder, extracted, images, options, progress))
+    watch.lap("matches")
+    database = matched / _DATABASE
+    placed = work.stage(POSES, lambda folder: _placed(folder, database, images, options, progress))
+    watch.lap("placing")
+    model = pycolmap.Reconstruction(placed)
+    progress(_TRYING, 0.0)
+    trial = calibration_trial.hold(_observations(model, images))
+    watch.lap("trial of the calibration")
+    if trial.present:
+        images = dataclasses.replace(images, rig=trial.rig)
+        _write_back(model, images, trial)
+        if not trial.inexpressible:  # COLMAP knows nothing of those, and would move the poses back
+            refine(database, model, dataclasses.replace(trial.rig, refine_intrinsics=False), options, progress)
+        watch.lap("refining with the corrected calibration")
+    return _read_out(database, model, images, trial, watch)
+
+
+def _features(folder: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> None:
+    signatures = extract(folder / _DATABASE, images, options, progress)
+    np.savez(folder / _SIGNATURES, *signatures)
+
+
+def _matches(folder: Path, extracted: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> None:
+    shutil.copyfile(extracted / _DATABASE, folder / _DATABASE)
+    with np.load(extracted / _SIGNATURES, allow_pickle=False) as kept:
+        signatures = [kept[name] for name in kept.files]
+    match(folder / _DATABASE, images, signatures, options, progress)
+
+
+def _placed(folder: Path, database: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> None:
+    model = place(database, images, options, progress)
+    refine(database, model, images.rig, options, progress)
+    model.write(folder)
 
 
 class _Stopwatch:

@@ -11,6 +11,7 @@ from flight import InputError, results
 from goshawk import console, outputs
 from goshawk.commands.map_edit import edit
 from goshawk.commands.map_show_esdf import show_esdf
+from mapping import map_folder, stages
 from mapping.verdict import Standing
 
 VOXEL_M, FARTHEST_M = (0.005, 10.0), (0.1, 1000.0)
@@ -64,6 +65,8 @@ def build(
     recorded positions. An earlier map in --out is replaced only with --overwrite and when the new one is complete: its
     edits are copied, and it is kept beside as OUT.old-1.
 
+    An interrupted run leaves its finished stages in OUT.work; the same command goes on from there.
+
     The camera file is put on trial: what it gets wrong is corrected where a camera file can state it (`goshawk camera
     diagnose MAP` shows all of it). The verdict is good, doubtful (`goshawk plan` then asks) or refused, with reasons.
     Exit code 1: refused.
@@ -79,6 +82,9 @@ def build(
         references=references,
     )
     earlier = results.newest_kept(out)
+    resumed = stages.finished(map_folder.work_folder(out), map_folder.STAGES)
+    if resumed:
+        click.echo(f"an earlier run got as far as {resumed[-1]}; what still fits these inputs is taken over", err=True)
     with console.progress() as progress:
         rig = mapping.rig.load(camera)
         report = mapping.build_map(images, rig, out, options, overwrite=overwrite, progress=progress)

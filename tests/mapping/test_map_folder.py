@@ -9,7 +9,7 @@ import pytest
 import esdf
 import mapping
 from flight import FlightError, FloatArray, FormatError, InputError, MapError, file_format, frames, rotations
-from mapping import colmap, localization, map_folder, sparse
+from mapping import colmap, localization, map_folder, sparse, stages
 from mapping import rig as rigs
 from mapping.alignment import Alignment
 from mapping.calibration.trial import Trial
@@ -158,7 +158,8 @@ def test_interrupt_leaves_the_old_map(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         mapping.build_map(images, RIG, out, options, overwrite=True, progress=interrupted)
     assert mapping.open_map(out).images == ("a.png", "c.png")
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["images", "map"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["images", "map", "map.work"]
+    assert stages.finished(tmp_path / "map.work", map_folder.STAGES) == ["features"]
 
 
 def test_matching_is_mutual_and_clear() -> None:
