@@ -270,7 +270,8 @@ def covered_region(solid: Solid, grid: Grid) -> Region:
     """A box that holds all voxels the solid touches."""
     reach = np.array(grid.voxel_m)
     low, high = solid.bounds_world_m
-    return grid.region(np.maximum(low, grid.low_world_m) - reach, np.minimum(high, grid.high_world_m) + reach)
+    first, last = grid.low_world_m - 2.0 * reach, grid.high_world_m + 2.0 * reach  # far ones would overflow an index
+    return grid.region(np.clip(low - reach, first, last), np.clip(high + reach, first, last))
 
 
 def slabs(region: Region, voxels: int = 1_000_000) -> Iterator[Region]:

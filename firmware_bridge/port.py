@@ -46,7 +46,7 @@ def parse_url(url: str) -> tuple[str, int]:
     except ValueError as error:
         raise InputError(f"{url} is not an address: {error}") from error
     if parts.scheme != "udp" or not host:
-        raise InputError(f"{url} is not an address of a vehicle; write udp://host:port, e.g. udp://127.0.0.1:14550")
+        raise InputError(f"{url!r} is not an address of a vehicle; write udp://host:port, e.g. udp://127.0.0.1:14550")
     return host, port
 
 

@@ -444,5 +444,5 @@ def _bind(host: str, port: int) -> socket.socket:
         bound.setblocking(False)
         bound.bind(address)
     except OSError as error:
-        raise LinkError(f"cannot serve at {host}:{port}: {error}") from error
+        raise LinkError(f"cannot serve at {host}:{port}: {error}; choose another port, 0 for a free one") from error
     return bound

@@ -91,10 +91,12 @@ def new_file(path: Path, *, overwrite: bool) -> Generator[Placing]:
     """Yield where to write a result; it is moved to `path` if the block raises nothing. Call `require_free` before.
 
     Raises:
-        InputError: a file that must not be replaced has appeared. It stays, and the new result is kept beside
-            it, under the name that the message gives.
+        InputError: the path is a folder or a device; or a file that must not be replaced has appeared. It stays, and
+            the new result is kept beside it, under the name that the message gives.
     """
     target = _resolved(path)
+    if _kind(target) not in ("", "file"):  # nothing is written beside a device
+        require_free(path, overwrite=overwrite)
     target.parent.mkdir(parents=True, exist_ok=True)
     placing = Placing(_temporary(target), target)
     try:

@@ -159,7 +159,11 @@ def _executor(jobs: int, scheduler: str | None) -> Generator[Executor | None]:
             from dask.distributed import Client
         except ImportError:
             raise InputError("--scheduler needs Dask: install the package `distributed`") from None
-        with Client(scheduler) as client:
+        try:
+            client = Client(scheduler)
+        except (OSError, ValueError) as error:
+            raise InputError(f"--scheduler {scheduler}: no Dask scheduler answers there ({error})") from error
+        with client:
             yield client.get_executor()
         return
     if jobs == 1:

@@ -29,10 +29,10 @@ GROUPS = {
 """The verbs by task."""
 VERBS = {
     # verb: what it does, in the words of `goshawk --help`
-    "init": "Start a project folder, or add a map, a vehicle, flights to one.",
+    "init": "Start a project folder; add a map, a vehicle or flights to it.",
     "camera": "Make a camera file from images, or from Kalibr's or COLMAP's.",
     "map": "Turn images into a map: poses, mesh, distance field.",
-    "localize": "Find where images were taken in a map.",
+    "localize": "Find the poses of other images in a map (relocalization).",
     "plan": "Plan a checked trajectory through waypoints or along a recorded path.",
     "check": "Check a trajectory against a map and a vehicle.",
     "export": "Write a trajectory for other autopilots and planners, or as a page.",

@@ -6,13 +6,17 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Generator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from flight import InputError, Progress, file_format
 from goshawk.words import with_unit
+
+if TYPE_CHECKING:
+    from planner import PlanOptions
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print the facts as JSON instead of a table.")
 
@@ -24,7 +28,12 @@ def path_option(name: str, destination: str, help: str, *, required: bool = Fals
 
 map_option = path_option("--map", "map_folder", "Map folder, as `goshawk map` wrote it.", required=True)
 vehicle_option = path_option("--vehicle", "vehicle_file", "Vehicle file.", required=True)
-margin_option = click.option("--margin", "margin_m", type=float, help="Free space to keep round the vehicle, metres.")
+radius_option = click.option(
+    "--radius", "radius_m", type=float, help="Radius of a ball that holds the vehicle, metres [default: 0.15]."
+)
+margin_option = click.option(
+    "--margin", "margin_m", type=float, help="Free space to keep round that ball, metres [default: 0.15]."
+)
 
 columns_option = path_option(
     "--columns", "columns", "Column map: TOML file that describes a CSV's columns or ROS topics."
@@ -37,6 +46,14 @@ url_option = click.option(
     help="Address of the vehicle's MAVLink endpoint.",
 )
 key_option = path_option("--key", "key_file", "Key file that signs the link [default: ~/.config/goshawk/link.key].")
+
+
+def body_options(radius_m: float | None, margin_m: float | None) -> "PlanOptions":
+    """The planner's options with --radius and --margin where they are given."""
+    from planner import PlanOptions
+
+    given = {"radius_m": radius_m, "margin_m": margin_m}
+    return replace(PlanOptions(), **{name: value for name, value in given.items() if value is not None})
 
 
 def numbers(option: str, text: str, count: int | None = None) -> list[float]:
@@ -119,7 +136,8 @@ def table(title: str, heads: Sequence[str], rows: Sequence[Sequence[object]]) ->
     drawn = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, show_header=with_heads)
     for i, head in enumerate(heads):
         numeric = with_heads and all(isinstance(row[i], int | float) for row in rows)
-        drawn.add_column(head, justify="right" if numeric else "left")
+        # names are typed again: a long one is folded, never cut
+        drawn.add_column(head, justify="right" if numeric else "left", overflow="fold")
     for row in rows:
         drawn.add_row(*[_text(cell) for cell in row])
     console = Console(highlight=False)

@@ -3,6 +3,7 @@
 import functools
 import shlex
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from fnmatch import fnmatchcase
 from typing import Any
 
@@ -11,6 +12,7 @@ from click.core import ParameterSource
 
 from flight import FlightError, InputError
 from sysid.estimator.options import Options
+from sysid.logs.check import LogReport
 from vehicle import Vehicle
 
 FLAGS = {"gaps='split'": "--split-gaps", "robust=True": "--robust"}
@@ -146,6 +148,12 @@ def _prior(text: str, believed: Vehicle) -> tuple[str, float]:
         return name, float(std)
     except ValueError:
         raise InputError(f"--prior {text}: write NAME=STD, for example inertia_zz_kg_m2=1e-4") from None
+
+
+def worded_report(report: LogReport) -> LogReport:
+    """The same findings about a log, their fixes with options instead of arguments."""
+    findings = tuple(replace(finding, fix=worded(finding.fix)) for finding in report.findings)
+    return replace(report, findings=findings)
 
 
 def worded(sentence: str) -> str:

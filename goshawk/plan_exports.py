@@ -11,6 +11,7 @@ import numpy as np
 from flight import FloatArray, InputError, Trajectory, frames
 from flight.trajectory import AXES
 
+MOST_SETPOINTS = 1_000_000
 POLY4D_TERMS = 8
 """Coefficients of a piece that the Crazyflie's firmware evaluates."""
 PX4_COLUMNS = (
@@ -52,7 +53,16 @@ def write_mav_trajectory_generation(path: Path, flown: Trajectory) -> None:
 
 
 def write_px4(path: Path, flown: Trajectory, step_s: float) -> None:
-    """Setpoints `step_s` apart, the end included."""
+    """Setpoints `step_s` apart, the end included.
+
+    Raises:
+        InputError: the step is not positive, or so small that more than `MOST_SETPOINTS` would be written.
+    """
+    if step_s > 0.0 and flown.duration_s > MOST_SETPOINTS * step_s:
+        raise InputError(
+            f"a step of {step_s:g} s makes {flown.duration_s / step_s:.3g} setpoints; at most {MOST_SETPOINTS} are "
+            f"written: take {flown.duration_s / MOST_SETPOINTS:.2g} s or more"
+        )
     times = flown.sample(step_s)
     rows = px4_setpoints(flown, times)
     with open(path, "w", newline="", encoding="utf-8") as file:

@@ -58,7 +58,7 @@ def _from_csv(path: Path) -> Waypoints:
         raise InputError(f"{path} names yaw_deg and yaw_rad; keep one of them")
     rows = list(enumerate(reader, start=2))
     if len(rows) < 2:
-        raise InputError(f"{path} holds {len(rows)} waypoints; a path has at least two")
+        raise InputError(f"{path} holds {len(rows)} waypoint(s); a path has at least two")
     positions = [[_number(row, columns[axis], path, line) for axis in "xyz"] for line, row in rows]
     return Waypoints(np.array(positions), np.array([_yaw(row, columns, path, line) for line, row in rows]))
 

@@ -45,6 +45,10 @@ _PARAMETERS = {
 _TABLE_SIZE = 2048
 
 
+LARGEST_PX = 65_535
+"""Longest side of an image, as JPEG has it."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Camera:
     """One camera: its lens and its pose on the body."""
@@ -78,6 +82,10 @@ class Camera:
             )
         if self.width < 8 or self.height < 8:
             raise InputError(f"camera {self.name}: an image of {self.width}x{self.height} pixels is too small")
+        if max(self.width, self.height) > LARGEST_PX:
+            raise InputError(
+                f"camera {self.name}: an image of {self.width}x{self.height} pixels; at most {LARGEST_PX} a side"
+            )
         object.__setattr__(self, "params", params)
         object.__setattr__(self, "T_body_camera", np.array(self.T_body_camera, dtype=np.float64))
         if min(self.focal_px) <= 0.0:

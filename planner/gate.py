@@ -11,9 +11,9 @@ import numpy as np
 
 import esdf
 import vehicle as vehicles
-from flight import FlightError, FloatArray, Trajectory, TrajectoryFile
+from flight import FlightError, FloatArray, Progress, Trajectory, TrajectoryFile, silent
 from planner import conditions as conditions_
-from planner import limits
+from planner import inputs, limits
 from planner.conditions import Conditions
 from planner.limits import Check
 from planner.options import PlanOptions
@@ -100,6 +100,7 @@ def check(
     yaw_rad: FloatArray | None = None,
     conditions: Conditions | None = None,
     known: limits.Known | None = None,
+    progress: Progress = silent,
 ) -> GateReport:
     """Check a trajectory against a field and a vehicle.
 
@@ -119,16 +120,18 @@ def check(
     if finite.passed:
         space_ = field if asked.ground_world_m is None else Grounded(field, asked.ground_world_m, options.clearance_m)
         clearance = _clearance(trajectory, space_, options.clearance_m)
+        progress("gate", 0.4)
         visits_s = None
         if waypoints_world_m is not None:
             passed, visits_s = _waypoints(trajectory, waypoints_world_m, asked.fly_by_m, options)
             checks.append(passed)
         checks += conditions_.checks(trajectory, visits_s, asked) + _continuity(trajectory)
         checks += _headings(trajectory, visits_s, yaw_rad, options)
-        checks += [_clearance_check(clearance, options.clearance_m)]
+        checks += [_clearance_check(clearance, options.clearance_m, vehicle)]
         bounds = options.limits_for(vehicle)
         usage, found = limits.measure(trajectory, vehicle, bounds, step_s=options.sample_step_s, known=known)
         checks += found
+    progress("gate", 1.0)
     return GateReport(
         checks=tuple(checks),
         clearance_m=clearance.proven_m,
@@ -156,7 +159,12 @@ def options_of(item: TrajectoryFile) -> PlanOptions:
 
 
 def check_file(
-    item: TrajectoryFile, field: DistanceField, vehicle: Vehicle, options: PlanOptions | None = None
+    item: TrajectoryFile,
+    field: DistanceField,
+    vehicle: Vehicle,
+    options: PlanOptions | None = None,
+    *,
+    progress: Progress = silent,
 ) -> GateReport:
     """Check a file's trajectory, and that it was planned for this map and this vehicle.
 
@@ -168,7 +176,13 @@ def check_file(
         options = options_of(item)
         options = replace(options, limits=options.limits and options.limits.stricter(vehicle.limits))
     report = check(
-        item.trajectory, field, vehicle, options, waypoints_world_m=item.waypoints_world_m, conditions=asked_of(item)
+        item.trajectory,
+        field,
+        vehicle,
+        options,
+        waypoints_world_m=item.waypoints_world_m,
+        conditions=asked_of(item),
+        progress=progress,
     )
     same = [
         _identity("map", item.map_hash, report.map_hash),
@@ -336,8 +350,9 @@ def _clearance(trajectory: Trajectory, field: DistanceField, required_m: float) 
         return _no_clearance(str(error))
 
 
-def _clearance_check(found: esdf.Clearance, required_m: float) -> Check:
+def _clearance_check(found: esdf.Clearance, required_m: float, vehicle: Vehicle) -> Check:
     point = np.round(found.point_world_m, 2).tolist()
     reason = f"proved along the whole curve; closest at {point}" if found.passed else f"{found.reason} at {point}"
-    value = found.proven_m
-    return Check("clearance", value, required_m, "m", found.passed, found.time_s, found.segment, reason)
+    value, fits = found.proven_m, vehicle.reach_m <= required_m
+    reason = reason if fits else inputs.beyond_clearance(vehicle, required_m)
+    return Check("clearance", value, required_m, "m", found.passed and fits, found.time_s, found.segment, reason)

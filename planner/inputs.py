@@ -17,7 +17,8 @@ def check(waypoints: Waypoints, field: object, vehicle: object, options: PlanOpt
     """Refuse what no plan can come of.
 
     Raises:
-        InputError: no map or vehicle, too many waypoints, two too far apart, or headings that take too long to turn.
+        InputError: no map or vehicle, a vehicle larger than the clearance, too many waypoints, two too far apart, or
+            headings that take too long to turn.
         PlanInfeasibleError: the limits do not let the vehicle hover.
     """
     if not hasattr(field, "distance"):
@@ -30,10 +31,21 @@ def check(waypoints: Waypoints, field: object, vehicle: object, options: PlanOpt
             f"{count} waypoints are given; at most {MOST_WAYPOINTS} are planned at once: "
             "thin them (`goshawk plan --path`, or `planner.simplify.rdp`), or plan in parts"
         )
+    if vehicle.reach_m > options.clearance_m:
+        raise InputError(beyond_clearance(vehicle, options.clearance_m))
     bounds = options.limits_for(vehicle)
     _check_hover(vehicle, bounds, options)
     _check_distances(waypoints, bounds)
     _check_headings(waypoints, bounds)
+
+
+def beyond_clearance(vehicle: Vehicle, clearance_m: float) -> str:
+    """Why a clearance is too small for a vehicle, and the way out."""
+    least_m = np.ceil(1e3 * vehicle.reach_m) / 1e3
+    return (
+        f"the propellers of {vehicle.name} reach {vehicle.reach_m:.3f} m from its centre, beyond the clearance of "
+        f"{clearance_m:.3f} m that is asked for; raise radius_m (--radius) to {least_m:g} or more"
+    )
 
 
 def _check_hover(vehicle: Vehicle, bounds: Limits, options: PlanOptions) -> None:

@@ -32,7 +32,16 @@ INERTIA_STD = 0.3
 BALL_RADIUS = 0.5
 """Radius of the ball in the middle, as a share of the arm."""
 THRUST_TO_WEIGHT = 2.5
+SOUND_M_S = 340.0
+THRUST_NUMBERS = (0.01, 1.0)
+"""C_T = T / (rho n^2 D^4) of any propeller at rest lies well within; n in revolutions per second."""
+RPM = 2.0 * np.pi / 60.0
 FRAMES = ("x", "+")
+ORDER = {
+    "x": "front left (clockwise), rear left, rear right, front right, neighbours turning opposite ways",
+    "+": "front (clockwise), left, rear, right, neighbours turning opposite ways",
+}
+"""Rotors 0 to 3 of `layout`, in words."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +118,8 @@ def draft(known: Known) -> Vehicle:
     acting = _effects(known, radius_m, body["air_density_kg_m3"].value)
     names = sorted({name.split(".")[0] for name in acting}, key=lambda name: find(name).stage)
     hover_rad_s = _hover_speed(known.mass_kg.value, acting, known.hover_rad_s)
+    if hover_rad_s is not None:
+        _check_propellers(known.mass_kg.value, hover_rad_s, radius_m, body["air_density_kg_m3"].value)
     spin = np.array([-1.0, 1.0, -1.0, 1.0]) if known.spin is None else known.spin
     return Vehicle(
         name=known.name or "my-vehicle",
@@ -119,6 +130,29 @@ def draft(known: Known) -> Vehicle:
         limits=_limits(known, hover_rad_s),
         provenance={"made_by": "goshawk vehicle new", "notes": list(known.notes)},
     )
+
+
+def _check_propellers(mass_kg: float, hover_rad_s: float, radius_m: float, density_kg_m3: float) -> None:
+    """Refuse a hover that no propeller makes: a number in another unit.
+
+    Raises:
+        InputError: the tips would be faster than sound, or the thrust coefficient is far from any propeller's.
+    """
+    tip_m_s = hover_rad_s * radius_m
+    figures = f"a mass of {mass_kg:g} kg on four propellers of {2.0 * radius_m:g} m"
+    if tip_m_s > SOUND_M_S:
+        raise InputError(
+            f"{figures} hovers at {hover_rad_s / RPM:.0f} rpm with tips at {tip_m_s:.0f} m/s, faster than sound "
+            f"({SOUND_M_S:g} m/s); check --mass (kg), --prop-diameter (m) and --hover-rpm"
+        )
+    thrust_n = mass_kg * GRAVITY_M_S2 / 4.0
+    number = thrust_n / (density_kg_m3 * (hover_rad_s / (2.0 * np.pi)) ** 2 * (2.0 * radius_m) ** 4)
+    if not THRUST_NUMBERS[0] <= number <= THRUST_NUMBERS[1]:
+        raise InputError(
+            f"{figures} that hovers at {hover_rad_s / RPM:.0f} rpm has a thrust coefficient C_T of {number:.2g}; "
+            f"propellers have {THRUST_NUMBERS[0]:g} to {THRUST_NUMBERS[1]:g}: check --mass (kg), --prop-diameter (m) "
+            "and --hover-rpm (rpm, not rad/s)"
+        )
 
 
 def _pose_sensor() -> dict[str, Parameter]:

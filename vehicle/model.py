@@ -62,6 +62,11 @@ class Vehicle:
         _check_effects(self)
         _check_parameters(self)
 
+    @property
+    def reach_m(self) -> float:
+        """Distance from the centre of mass to the farthest propeller tip."""
+        return float(np.linalg.norm(self.hub_body_m, axis=1).max()) + self.value("rotor_radius_m")
+
     def value(self, name: str) -> float:
         """Value of `mass_kg` or `effect.parameter`.
 

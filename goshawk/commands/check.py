@@ -9,6 +9,7 @@ import mapping
 import planner
 import vehicle
 from flight import TrajectoryFile, trajectory
+from flight.progress import within
 from goshawk import console, outputs
 from planner import gate
 from planner.limits import Check
@@ -21,7 +22,9 @@ LOWER_BOUNDS = ("clearance", "slowest rotor")
 @click.argument("trajectory_file", metavar="TRAJECTORY", type=click.Path(path_type=Path))
 @console.map_option
 @console.vehicle_option
-@console.margin_option
+@click.option(
+    "--margin", "margin_m", type=float, help="Free space to keep round the vehicle, metres [default: the file's]."
+)
 @click.option(
     "--renew", is_flag=True, help="If it passes, record it as checked for this map and vehicle; the old file is kept."
 )
@@ -36,7 +39,8 @@ def command(
     goshawk check walk.json --map other-map --vehicle vehicle.toml --json
     goshawk check walk.json --map map --vehicle learned.toml --renew
 
-    It is checked for the radius, margin, limits and control reserve that the file records; --margin overrides one.
+    It is checked for the radius, margin, limits and control reserve that the file records; --margin replaces that
+    margin.
 
     Exit code 0: it passes and may be flown. 1: it fails, and the table shows which check. A trajectory planned for
     another map or vehicle fails, unless it passes every other check and --renew records it for these.
@@ -46,9 +50,11 @@ def command(
     options = options if margin_m is None else replace(options, margin_m=margin_m)
     believed = vehicle.load(vehicle_file)
     with console.progress() as progress:
-        progress("opening the map", 0.0)
+        stage = f"checking {trajectory_file.name}"
+        progress(stage, 0.0)
         field = mapping.open_map(map_folder).field
-        progress(f"checking {trajectory_file.name}", 0.0)
+        progress(stage, 0.2)
+        checking = within(progress, stage, 0.2, 1.0)
         if renew:
             report = gate.check(
                 item.trajectory,
@@ -57,9 +63,10 @@ def command(
                 options,
                 waypoints_world_m=item.waypoints_world_m,
                 conditions=gate.asked_of(item),
+                progress=checking,
             )
         else:
-            report = gate.check_file(item, field, believed, options)
+            report = gate.check_file(item, field, believed, options, progress=checking)
     if renew and report.passed:
         with outputs.file(trajectory_file, overwrite=True) as temporary:
             trajectory.save(temporary, renewed(item, report))

@@ -1,12 +1,15 @@
 """`goshawk compare`: predictions of vehicle models against measured flights."""
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import click
 
 import sysid
 import vehicle
-from flight import InputError
+from flight import FlightLog, InputError, Progress
 from goshawk import console, fit_options, outputs
 from goshawk.flights import load, refuse_repeated
 from goshawk.model_change import prediction_error
@@ -32,14 +35,14 @@ READING = ("split_gaps", "robust", "most_steps")
     "--protocol",
     "protocol_name",
     type=click.Choice(sorted(PROTOCOLS)),
-    help="Predict as published: h50 is 0.5 s from every state, mean absolute error; zero and rate held beside.",
+    help="Also the figures that publications give: mean absolute error 0.1 s (h10) or 0.5 s (h50) after every state.",
 )
 @click.option(
     "--train",
     "training",
     multiple=True,
     type=click.Path(path_type=Path),
-    help="Flight to learn from: models are refitted to these first, and what predictors learn is learned here.",
+    help="Refit the models to this flight first; predictors that learn, learn from it too. Repeatable.",
 )
 @fit_options.fit_options(hold_unidentifiable=True)
 @console.columns_option
@@ -70,9 +73,9 @@ def command(
     after 0.1 to 1 s. Figures and report show the residual force and torque: over time with a confidence band, against
     the variable that explains them, and along the path.
 
-    --protocol h50 adds the figures that publications give: 0.5 s from every measured state, mean absolute error, beside
-    a model that holds velocity and rate (zero) and the model's force with the rate held. Predictors that learn (past
-    carried, closed loop) learn from the other flights, or from --train.
+    --protocol h50 adds the figures that publications give: the mean absolute error 0.5 s after every measured state.
+    Each model stands beside simple predictors: velocity and rate held (zero), or the model's force with the rate held.
+    Those that learn (past carried, closed loop) learn from the other flights, or from --train.
 
     With --train, models are refitted to those flights before they are compared, with the options of `goshawk identify`.
     No flight may be among both.
@@ -85,45 +88,83 @@ def command(
     refuse_repeated((*flights, *training), "in FLIGHTS or with --train")
     logs, taught = ([load(path, columns) for path in paths] for paths in (flights, training))
     options = {name: fit_options.read(fit, model) for name, model in models.items()}
-    fits: dict[str, sysid.Identification] = {}
     with console.progress() as report:
-        if taught:
-            fits = {n: sysid.identify(taught, v, options[n], progress=report) for n, v in models.items()}
-            models = {name: found.vehicle for name, found in fits.items()}
-        reading = next(iter(options.values()))
-        result = sysid.compare(logs, models, reading, progress=report)
-        wrench = sysid.wrench_errors(logs, models, reading)
-        judged = None
-        if protocol_name is not None:
-            protocol = PROTOCOLS[protocol_name]
-            judged = sysid.judge(logs, models, protocol, reading, training=taught, progress=report)
+        found = _compare(logs, taught, models, options, protocol_name, report)
+    figures = _write(found, report_file, plots, overwrite=overwrite)
+    if as_json:
+        console.show("", {}, as_json=True, document=_document(found, report_file, figures))
+    else:
+        _show(found, report_file, figures)
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """Everything that was found about the models."""
+
+    errors: sysid.Comparison
+    wrench: sysid.WrenchErrors
+    judged: sysid.Judged | None
+    """By the protocol; None where none was asked for."""
+    fits: Mapping[str, sysid.Identification]
+    """Of the models to the flights of --train; empty without."""
+
+
+def _compare(
+    logs: Sequence[FlightLog],
+    taught: Sequence[FlightLog],
+    models: Mapping[str, vehicle.Vehicle],
+    options: Mapping[str, sysid.Options],
+    protocol: str | None,
+    report: Progress,
+) -> Found:
+    """Refit the models to `taught` where there are any, and compare them on `logs`."""
+    fits = {n: sysid.identify(taught, v, options[n], progress=report) for n, v in models.items()} if taught else {}
+    models = {name: found.vehicle for name, found in fits.items()} or models
+    reading = next(iter(options.values()))
+    errors = sysid.compare(logs, models, reading, progress=report)
+    wrench = sysid.wrench_errors(logs, models, reading)
+    judged = None
+    if protocol is not None:
+        judged = sysid.judge(logs, models, PROTOCOLS[protocol], reading, training=taught, progress=report)
+    return Found(errors, wrench, judged, fits)
+
+
+def _write(found: Found, report_file: Path | None, plots: Path | None, *, overwrite: bool) -> list[Path]:
+    """Write the requested files, each whole or not at all; returns the figures."""
     figures: list[Path] = []
     if plots is not None:
         with outputs.pictures(plots, overwrite=overwrite) as drawn:
-            figures = [drawn.placed(figure) for figure in sysid.plots.comparison(result, drawn.temporary)]
+            figures = [drawn.placed(figure) for figure in sysid.plots.comparison(found.errors, drawn.temporary)]
     if report_file is not None:
         with outputs.file(report_file, overwrite=overwrite) as temporary:
-            sysid.report.write_comparison(temporary, result, wrench, judged)
-    if as_json:
-        document = result.as_dict() | {"figures": [str(f) for f in figures]}
-        document |= {"report": report_file and str(report_file), "protocol": judged and judged.as_dict()}
-        document["wrench"] = wrench.as_dict()
-        document["refitted"] = {name: found.verdict.as_dict() for name, found in fits.items()}
-        console.show("", {}, as_json=True, document=document)
-        return
+            sysid.report.write_comparison(temporary, found.errors, found.wrench, found.judged)
+    return figures
+
+
+def _document(found: Found, report_file: Path | None, figures: Sequence[Path]) -> dict[str, Any]:
+    return found.errors.as_dict() | {
+        "figures": [str(figure) for figure in figures],
+        "report": report_file and str(report_file),
+        "protocol": found.judged and found.judged.as_dict(),
+        "wrench": found.wrench.as_dict(),
+        "refitted": {name: fit.verdict.as_dict() for name, fit in found.fits.items()},
+    }
+
+
+def _show(found: Found, report_file: Path | None, figures: Sequence[Path]) -> None:
     heads = ("model", "error of", *(f"after {h:g} s" for h in HORIZONS_S))
     rows = [
         (model, quantity, *(prediction_error(quantity, error) for error in errors))
-        for model in models
-        for quantity, errors in result.errors[model].items()
+        for model, quantities in found.errors.errors.items()
+        for quantity, errors in quantities.items()
     ]
-    console.table(f"open-loop prediction error, rms of {result.predictions} predictions", heads, rows)
-    _show_wrench(wrench)
-    if judged is not None:
-        _show_protocol(judged)
-    for name, found in fits.items():
-        click.echo(f"{name}: the fit to --train is {found.verdict.sentence}")
-    for remark in result.remarks:
+    console.table(f"open-loop prediction error, rms of {found.errors.predictions} predictions", heads, rows)
+    _show_wrench(found.wrench)
+    if found.judged is not None:
+        _show_protocol(found.judged)
+    for name, fit in found.fits.items():
+        click.echo(f"{name}: the fit to --train is {fit.verdict.sentence}")
+    for remark in found.errors.remarks:
         click.echo(f"note: {remark}")
     for figure in figures:
         click.echo(f"figure: {figure}")

@@ -65,7 +65,7 @@ def command(
     present       added and fitted; held-out flights confirm it
     useful proxy  added, because held-out errors fall; another law is missing
     excluded      at most the given bound (95 %), which is too small to matter
-    inconclusive  too weak to tell with these flights; a flight that would is named
+    inconclusive  these flights cannot decide; a flight that can is proposed
 
     If a free curve explains more than any candidate, the verdict is "no known effect", with the force or torque and
     the variable that it depends on.

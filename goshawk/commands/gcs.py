@@ -19,6 +19,7 @@ from goshawk import console
 )
 @click.option("--vehicle-url", help="Address of the vehicle, e.g. udp://127.0.0.1:14550.")
 @console.key_option
+@console.radius_option
 @console.margin_option
 @click.option(
     "--triangles",
@@ -27,7 +28,13 @@ from goshawk import console
     help="Largest number of triangles to display; the map is not changed.",
 )
 def command(
-    project: Path, port: int, vehicle_url: str | None, key_file: Path | None, margin_m: float | None, triangles: int
+    project: Path,
+    port: int,
+    vehicle_url: str | None,
+    key_file: Path | None,
+    radius_m: float | None,
+    margin_m: float | None,
+    triangles: int,
 ) -> None:
     """Serve the page of PROJECT: plan with undo, check, compare with the vehicle and upload, fly, abort.
 
@@ -36,16 +43,18 @@ def command(
     goshawk gcs demo-out --vehicle-url udp://127.0.0.1:14550
 
     PROJECT is a folder of `goshawk init` (or the demo's) with a map and a vehicle; a missing part is reported with the
-    command that adds it. The page listens on this machine only. Each printed address lets one browser in; then the
-    next one is printed. From another machine, forward the port: ssh -L 8080:127.0.0.1:8080 THIS-MACHINE.
+    command that adds it. Each printed address lets one browser in; then the next one is printed. The page listens on
+    this machine only; from another one, forward its port:
+
+    \b
+    ssh -L 8080:127.0.0.1:8080 THIS-MACHINE
     """
     from goshawk.project_parts import check_for_station
 
     check_for_station(project)
-    import planner
     from gcs_web import GroundStation
 
-    options = planner.PlanOptions() if margin_m is None else planner.PlanOptions(margin_m=margin_m)
+    options = console.body_options(radius_m, margin_m)
     with console.progress() as report:
         station = GroundStation(
             project,
@@ -55,7 +64,7 @@ def command(
             options=options,
             triangles=triangles,
             progress=report,
-            on_entry=lambda url: click.echo(f"a browser came in; for another one: {url}"),
+            on_entry=lambda url: click.echo(f"a browser has connected; the address for another one: {url}"),
         )
     with station:
         click.echo(f"open  {station.url}")

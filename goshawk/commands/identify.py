@@ -186,11 +186,10 @@ def _fit(
 
 def _checked(path: str, log: FlightLog, believed: vehicle.Vehicle) -> sysid.LogReport:
     """Check a log; the findings are printed at once and returned with the options of this command."""
-    found = sysid.check_log(log, believed)
-    findings = tuple(replace(f, fix=fit_options.worded(f.fix)) for f in found.findings)
-    for finding in findings:
+    found = fit_options.worded_report(sysid.check_log(log, believed))
+    for finding in found.findings:
         click.echo(f"{path}: {finding.level}: {finding.sentence}; {finding.fix}", err=True)
-    return replace(found, name=path, findings=findings)
+    return replace(found, name=path)
 
 
 def _write(

@@ -32,8 +32,9 @@ def command(
     \b
     goshawk init my-room
     goshawk init my-room --map map --vehicle my.toml --flights monday.parquet --flights tuesday.ulg
+    goshawk gcs my-room              then: the ground station on it
 
-    Parts are copied; nothing in the project is ever replaced. `goshawk gcs my-room` opens the ground station on it.
+    Parts are copied; nothing in the project is ever replaced.
     """
     from goshawk import project_parts
 
@@ -42,6 +43,8 @@ def command(
     for given in (map_folder, vehicle_file, *flights):
         if given is not None and not given.exists():
             raise InputError(f"{given} does not exist; nothing was made")
+    if name is not None and not name.strip():
+        raise InputError("--name is empty; leave it out, or give a name")
     is_new = not (folder / "project.toml").exists()
     opened = project.create(folder, name or folder.resolve().name)
     if name is not None and opened.name != name:

@@ -16,7 +16,7 @@ from goshawk import console, outputs
 @outputs.overwrite_option
 @console.json_option
 def command(images: Path, map_folder: Path, camera: Path | None, out: Path, overwrite: bool, as_json: bool) -> int:
-    """Find where IMAGES were taken in a map: a recorded walk becomes a path to plan along.
+    """Find the poses of IMAGES in a map: a recorded walk becomes a path to plan along.
 
     \b
     goshawk localize walk --map map --out walk.csv

@@ -10,7 +10,7 @@ import firmware_bridge
 import sysid
 import vehicle
 from flight import FlightLog, InputError, flight_log
-from goshawk import console, log_outputs, outputs
+from goshawk import console, fit_options, log_outputs, outputs
 from goshawk.flights import IN_FREE_AIR, in_the_air, marked_file
 from goshawk.words import named
 from sysid.logs.payload import PAYLOAD_CARRIED
@@ -91,7 +91,7 @@ def command(
             )
         else:
             checked = sysid.check_log(aloft, believed, progress=report)
-        checked = replace(checked, name=str(out or flight))
+        checked = replace(fit_options.worded_report(checked), name=str(out or flight))
         files = (report_file, csv_file, mcap_file)
         written = log_outputs.write(log, checked, files, overwrite=overwrite, progress=report)
     document = describe(log) | {"check": checked.as_dict()}

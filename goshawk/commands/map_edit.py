@@ -70,16 +70,20 @@ def _changing(action: Any, summary: str) -> None:
         editor = esdf.open_editor(folder)
         _change(folder, editor, lambda: editor.apply(new), preview, overwrite, as_json)
 
-    named = click.argument("name") if action == "no-fly" else click.option("--name", default="", help="For `drop`.")
-    example = "no-fly NAME" if action == "no-fly" else action
-    help = f"{summary}\n\n\b\ngoshawk map edit MAP {example} --box 1,0,0,2,0.4,1.1\ngoshawk map edit MAP list"
+    named = (
+        click.argument("name")
+        if action == "no-fly"
+        else click.option("--name", default="", help="Name by which drop removes the edit.")
+    )
+    example = "no-fly kitchen" if action == "no-fly" else action
+    help = f"{summary}\n\n\b\ngoshawk map edit map {example} --box 1,0,0,2,0.4,1.1\ngoshawk map edit map list"
     edit.command(action, help=help)(named(_shape_options(_finish(command))))
 
 
 _changing("add", "Every voxel the shape touches becomes an obstacle.")
-_changing("remove", "Every voxel whose centre is inside becomes free, even if unknown: at your responsibility.")
+_changing("remove", "Every voxel whose centre is inside becomes free, even if unknown: you vouch that it is.")
 _changing("clear", "Mapped obstacles inside become free; unknown voxels stay unknown.")
-_changing("no-fly", "A zone that counts as an obstacle and that no other edit frees; drop it by its name.")
+_changing("no-fly", "A zone that counts as an obstacle and that no other edit frees; drop removes it by its NAME.")
 
 
 @edit.command()

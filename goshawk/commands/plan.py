@@ -30,6 +30,7 @@ from planner import mission, options, simplify
 @console.map_option
 @console.vehicle_option
 @console.path_option("--out", "out", "Trajectory file to write.", required=True)
+@console.radius_option
 @console.margin_option
 @click.option("--speed", "speed_m_s", type=float, help="Fly no faster than this, m/s.")
 @click.option("--acceleration", "acceleration_m_s2", type=float, help="Accelerate no harder than this, m/s2.")
@@ -38,19 +39,23 @@ from planner import mission, options, simplify
     type=click.Choice(options.METHODS),
     default="fastest",
     show_default=True,
-    help="Least time; least time within a corridor of proved boxes; or Bry et al. (2015) as published.",
+    help="fastest: least time. corridor: least time within a corridor of boxes proved free. bry: as Bry et al. (2015).",
 )
 @click.option(
     "--search",
     type=click.Choice(options.SEARCHES),
     default="grid",
     show_default=True,
-    help="What finds a way round obstacles: our grid search, or one of OMPL's sampling planners.",
+    help="What finds a way round obstacles: a grid search, or one of OMPL's sampling planners.",
 )
 @click.option("--seed", type=click.IntRange(1), default=1, show_default=True, help="Seed of a sampling planner.")
-@click.option("--yaw", type=click.Choice(options.YAW_MODES), help="Where to look; else as the file says, or ahead.")
-@click.option("--heading", "heading_deg", type=float, help="Hold this heading, degrees from x towards y.")
-@click.option("--look-at", nargs=3, type=float, help="Look at this point: x y z, metres.", metavar="X Y Z")
+@click.option(
+    "--yaw", type=click.Choice(options.YAW_MODES), help="Heading [default: as the waypoint file says, else along_path]."
+)
+@click.option(
+    "--heading", "heading_deg", type=float, help="Keep this heading (degrees, from x towards y): --yaw fixed."
+)
+@click.option("--look-at", nargs=3, type=float, help="Face this point (metres): --yaw look_at.", metavar="X Y Z")
 @click.option("--laps", type=click.IntRange(1), help="Fly the waypoints as a closed loop this often.")
 @console.path_option("--batch", "missions", "Folder of waypoint files to plan instead; --out is then a folder.")
 @click.option("--jobs", type=click.IntRange(1), default=1, show_default=True, help="Processes for --batch.")
@@ -65,6 +70,7 @@ def command(
     map_folder: Path,
     vehicle_file: Path,
     out: Path,
+    radius_m: float | None,
     margin_m: float | None,
     speed_m_s: float | None,
     acceleration_m_s2: float | None,
@@ -98,7 +104,7 @@ def command(
     if sum(given is not None for given in (waypoints, path, missions)) != 1:
         raise click.UsageError("give either WAYPOINTS or --path or --batch")
     how = replace(
-        options_from(vehicle_file, margin_m, speed_m_s, acceleration_m_s2),
+        options_from(vehicle_file, margin_m, speed_m_s, acceleration_m_s2, radius_m),
         method=method,
         search=search,
         search_seed=seed,
@@ -126,7 +132,7 @@ def command(
     facts = {
         "written": str(out),
         "waypoints": len(asked.waypoints.positions_world_m),
-        "recorded_positions_left_out": left_out,
+        **({"recorded_positions_left_out": left_out} if path is not None else {}),
         "segments": len(plan.trajectory.durations_s),
         "duration_s": plan.trajectory.duration_s,
         "clearance_m": plan.gate.clearance_m,
@@ -173,9 +179,10 @@ def options_from(
     margin_m: float | None = None,
     speed_m_s: float | None = None,
     acceleration_m_s2: float | None = None,
+    radius_m: float | None = None,
 ) -> planner.PlanOptions:
     """The planner's options: the defaults, overridden by the command line."""
-    options = planner.PlanOptions() if margin_m is None else planner.PlanOptions(margin_m=margin_m)
+    options = console.body_options(radius_m, margin_m)
     asked = {"speed_m_s": speed_m_s, "acceleration_m_s2": acceleration_m_s2}
     slower = {name: value for name, value in asked.items() if value is not None}
     if not slower:

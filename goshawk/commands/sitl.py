@@ -11,6 +11,9 @@ from firmware_bridge import Impairment, Sensors, SitlVehicle, controller, keys
 from flight import FloatArray, InputError, trajectory
 from goshawk import console
 
+FARTHEST_M = 1e5
+"""Positions travel as 32-bit floats: beyond this they are coarser than a centimetre."""
+
 
 @click.command()
 @console.vehicle_option
@@ -39,7 +42,7 @@ from goshawk import console
     show_default=True,
     help="Standard deviation of gusts, m/s.",
 )
-@click.option("--seed", default=0, show_default=True, help="Seed of all noise.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of all noise.")
 @click.option(
     "--state",
     "state_file",
@@ -74,10 +77,16 @@ def command(
     """
     if not (math.isfinite(speed) and speed >= 0.0):
         raise InputError(f"--speed {speed:g} is not a number of at least 0")
+    if not abs(ground_m) <= FARTHEST_M:
+        raise InputError(f"--ground {ground_m:g} is not a height within {FARTHEST_M:g} m of 0")
+    if not math.isfinite(gust_std_m_s):
+        raise InputError(f"--gusts {gust_std_m_s:g} is not a finite number of m/s")
     line = Impairment(loss_ratio=loss_ratio, delay_s=delay_s)
     truth = vehicle.load(vehicle_file)
     setup = controller.parameters_of(vehicle.load(believed_file) if believed_file is not None else truth)
     place = _vector("--at", at) if trajectory_file is None else _below(trajectory_file, ground_m)
+    if np.abs(place).max() > FARTHEST_M:
+        raise InputError(f"--at {at}: the start is more than {FARTHEST_M:g} m from the origin")
     plant = vehicle.simulate.Plant(
         truth,
         vehicle.simulate.State(position_world_m=place),

@@ -185,7 +185,7 @@ def remove_effect(
     type=click.Choice(["spline", "polynomial"]),
     default="spline",
     show_default=True,
-    help="Of the curve.",
+    help="Function that is put through the curve.",
 )
 @outputs.overwrite_option
 @console.json_option

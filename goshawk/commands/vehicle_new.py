@@ -11,11 +11,18 @@ import numpy as np
 
 import vehicle
 from flight import InputError
-from goshawk import console, outputs
+from goshawk import console, outputs, words
 from vehicle import Parameter, Vehicle, commented, draft
 from vehicle.draft import Known
 
 RPM = 2.0 * np.pi / 60.0
+LARGEST = {
+    "--mass": (1000.0, "kg"),
+    "--prop-diameter": (5.0, "m"),
+    "--hover-rpm": (200_000.0, "rpm"),
+    "--max-rpm": (400_000.0, "rpm"),
+}
+"""Larger numbers are in another unit."""
 
 
 @click.command("new")
@@ -112,6 +119,9 @@ def with_options(
     for option, value in given.items():
         if value is not None and not (math.isfinite(value) and value > 0.0):
             raise InputError(f"{option} is {value:g}; a positive number is expected")
+        most, unit = LARGEST.get(option, (math.inf, ""))
+        if value is not None and value > most:
+            raise InputError(f"{option} is {value:g} {unit}; at most {most:g} {unit} is expected: give it in {unit}")
     if mass_kg is not None:
         source = "given on the command line; std: 1 %, as of a kitchen scale"
         known = replace(known, mass_kg=Parameter(mass_kg, float(f"{0.01 * mass_kg:.2g}"), "kg", source))
@@ -126,7 +136,7 @@ def with_options(
         known = replace(known, hub_body_m=hubs, notes=(*known.notes, note))
     elif arm_m is not None:
         hubs, spin = draft.layout(arm_m, frame or "x")
-        note = f"rotor order, spins and the {frame or 'x'} frame are defaults: check them, front left clockwise"
+        note = f"defaults to check against your vehicle: {frame or 'x'} frame; rotors {draft.ORDER[frame or 'x']}"
         known = replace(known, hub_body_m=hubs, spin=spin, notes=(*known.notes, note))
     elif frame is not None and known.hub_body_m is not None:
         raise click.UsageError("--frame replaces the imported places of the rotors: give --arm too")
@@ -164,15 +174,16 @@ def _show(out: Path, made: Vehicle, known: Known, as_json: bool) -> None:
         )
         return
     rows = [
-        (n, f"{p.value:.4g} ± {p.std:.1g}" if p.std else f"{p.value:.4g}", p.unit, p.source) for n, p in shown.items()
+        (words.parameter(n), f"{p.value:.4g} ± {p.std:.1g}" if p.std else f"{p.value:.4g}", p.unit, p.source)
+        for n, p in shown.items()
     ]
     console.table(made.name, ("parameter", "value", "unit", "where it came from"), rows)
     for note in known.notes:
         click.echo(f"note: {note}")
     click.echo(f"written: {out}; {len(guessed)} of {len(shown)} numbers are defaults or estimates")
     click.echo(
-        f"next: simulate it, goshawk sitl --vehicle {out}; or identify it, goshawk identify FLIGHTS "
-        f"--vehicle {out} --out fitted.toml"
+        f"next, to simulate it: goshawk sitl --vehicle {out}\n"
+        f"or to fit it to its flights: goshawk identify FLIGHTS --vehicle {out} --out fitted.toml"
     )
 
 
@@ -190,6 +201,7 @@ def schema(out: Path | None, overwrite: bool) -> None:
     """
     from vehicle.schema import schema as described
 
+    outputs.check(out, overwrite=overwrite)
     text = json.dumps(described(), indent=1) + "\n"
     if out is None:
         click.echo(text, nl=False)

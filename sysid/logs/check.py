@@ -16,6 +16,8 @@ FROZEN_S = 0.25
 """A moving quantity that repeats exactly one value for this long has frozen."""
 JUMP_FACTOR, JUMP_LEAST_M = 30.0, 0.05
 """A position jumps when it leaves the line through its neighbours by this many usual deviations, and this far."""
+TOGETHER = (("position_world_m", "q_world_body"), ("rotor_speed_rad_s",))
+"""What a fit takes as one sample: a row has all of its columns or none."""
 SATURATED_SHARE = 0.01
 """A channel that sits exactly at its own extreme in this share of the samples has saturated."""
 COMMANDED = ("setpoint_", "rotor_speed_command", "wind_world")
@@ -67,7 +69,7 @@ def check_log(log: FlightLog, vehicle: Vehicle | None = None, *, progress: Progr
     findings += _contact(log)
     compared, inconclusive = consistency.check(log, vehicle, progress)
     progress("checking", 1.0)
-    findings += compared
+    findings += [*compared, *_partial(log)]
     return LogReport(
         name=str(log.metadata.get("name", "log")),
         duration_s=float(log.time_s[-1] - log.time_s[0]) if len(log) else 0.0,
@@ -120,6 +122,26 @@ def _not_finite(log: FlightLog) -> list[Finding]:
         elif bad.all():
             repair = Repair("drop", (name,))
             found.append(warning("empty", f"{name} is never finite", "drop the column", repair=repair))
+    return found
+
+
+def _partial(log: FlightLog) -> list[Finding]:
+    """Rows in which only some columns of a sample have a value: no fit takes such a log."""
+    found = []
+    for quantities in TOGETHER:
+        if not all(log.has(quantity) for quantity in quantities):
+            continue
+        columns = tuple(name for quantity in quantities for name in COLUMNS[quantity])
+        known = np.isfinite([log.columns[name] for name in columns])
+        partly = np.flatnonzero(known.any(axis=0) & ~known.all(axis=0))
+        if len(partly):
+            where = _spans(log.time_s, partly)
+            sentence = (
+                f"in {len(partly)} rows (the first at {log.time_s[partly[0]]:.3f} s) only some columns of "
+                f"{' and '.join(quantities)} have a value"
+            )
+            repair = Repair("blank", columns, spans=where)
+            found.append(error("partial", sentence, "write NaN in all of them there", repair=repair, spans=where))
     return found
 
 

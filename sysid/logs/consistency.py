@@ -19,14 +19,11 @@ from vehicle.invert import open_air
 
 DEGREES = 180.0 / np.pi
 RPM = 60.0 / (2.0 * np.pi)
-XYZW = "the quaternion is stored x y z w; reorder it to w x y z"
-CONJUGATE = "the quaternion takes world to body; conjugate it"
-ATTITUDE_DOWN = "the attitude is NED/FRD while positions are z up; apply flight.frames.flip_attitude"
-POSITIONS_DOWN = "positions are z down while the attitude is z up; apply flight.frames.flip_vector to them"
-ALL_DOWN = (
-    "positions and attitude are z down (NED/FRD): apply flight.frames.flip_vector to all vectors and "
-    "flight.frames.flip_attitude"
-)
+XYZW = "reorder the quaternion, which is stored x y z w, to w x y z"
+CONJUGATE = "conjugate the quaternion, which takes world to body"
+ATTITUDE_DOWN = "turn the attitude from NED/FRD to z up, as the positions are"
+POSITIONS_DOWN = "turn the positions from z down to z up, as the attitude is"
+ALL_DOWN = "turn attitude and all vectors from z down (NED/FRD) to z up"
 _REREAD = {
     XYZW: Repair("quaternion order", COLUMNS["q_world_body"]),
     CONJUGATE: Repair("conjugate", COLUMNS["q_world_body"]),
@@ -75,14 +72,14 @@ def _accelerometer(log: FlightLog) -> list[Finding]:
     if 0.7 < size < 1.4:
         sentence = f"the accelerometer reads {size:.2f} in hover: it is in g"
         repair = Repair("scale", COLUMNS["specific_force_body_m_s2"], factor=GRAVITY_M_S2)
-        found.append(error("unit", sentence, "multiply specific_force_body by 9.80665", repair=repair))
+        found.append(error("unit", sentence, "multiply specific_force_body_m_s2 by 9.80665", repair=repair))
     elif size < 5.0:
-        sentence = f"the accelerometer reads {size:.2f} m/s2 as a rule: gravity is taken out, or the scale is off"
+        sentence = f"the accelerometer reads {size:.2f} m/s2 (median): gravity is taken out, or the scale is off"
         found.append(error("frame", sentence, "log the specific force, gravity not removed"))
     if upward < -0.5 * size:
         sentence = "the accelerometer's z is negative in flight: body z points down"
         repair = Repair("flip", COLUMNS["specific_force_body_m_s2"])
-        found.append(error("frame", sentence, "give it to flight.frames.flip_vector", repair=repair))
+        found.append(error("frame", sentence, "turn the accelerometer from z down to z up", repair=repair))
     return found
 
 
@@ -97,7 +94,7 @@ def _attitude(motion: Kinematics) -> list[Finding]:
         "": (q, upright),
         XYZW: (np.roll(q, 1, axis=1), upright),
         CONJUGATE: (rotations.conjugate(q), upright),
-        "the quaternion is stored x y z w and takes world to body": (
+        "reorder the quaternion, which is stored x y z w, and conjugate it: it takes world to body": (
             rotations.conjugate(np.roll(q, 1, axis=1)),
             upright,
         ),
@@ -121,7 +118,7 @@ def _attitude(motion: Kinematics) -> list[Finding]:
     elif best and angle[best] < 0.6 * angle[""] and angle[""] - angle[best] > np.deg2rad(1.0):
         sentence = (
             f"the thrust axis is {DEGREES * angle['']:.1f} deg from where the acceleration points "
-            f"(median; {DEGREES * angle[best]:.1f} deg when read otherwise)"
+            f"(median; {DEGREES * angle[best]:.1f} deg after the fix)"
         )
         found.append(error("frame", sentence, best, repair=_REREAD.get(best)))
     elif angle[""] > max(0.7 * spread, np.deg2rad(8.0)) and spread > np.deg2rad(4.0):
@@ -243,9 +240,9 @@ def _rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle | None, places:
 
 
 def _rpm(typical: float) -> Finding:
-    sentence = f"rotor speed is {typical:.0f} as a rule: that is rpm in a rad/s column"
+    sentence = f"rotor speed is {typical:.0f} (median): that is rpm in a rad/s column"
     repair = Repair("scale", COLUMNS["rotor_speed_rad_s"], factor=1.0 / RPM)
-    return error("unit", sentence, "multiply rotor_speed by 2 pi / 60", repair=repair)
+    return error("unit", sentence, "multiply rotor_speed_rad_s by 2 pi / 60", repair=repair)
 
 
 def _followed(speed: FloatArray, motion: Kinematics, vehicle: Vehicle) -> bool:

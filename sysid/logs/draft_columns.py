@@ -118,7 +118,8 @@ def _table(path: Path) -> tuple[str, str, dict[str, FloatArray]]:
         )
     if not fit:
         raise FormatError(
-            f"{path}: no separator of {', '.join(map(repr, SEPARATORS))} splits its rows into equally many values"
+            f"{path}: no separator of {', '.join(map(repr, SEPARATORS))} splits its rows into two or more values, the "
+            "same number in each"
         )
     separator = max(fit, key=lambda s: max(counts[s]))
     why = f"splits each of the first {len(some)} rows into {max(counts[separator])} values"
@@ -239,16 +240,16 @@ def _by_size(quantity: str, values: FloatArray) -> tuple[str, str]:
     if quantity.startswith("specific_force"):
         in_g = 0.6 < usual < 1.6
         return (
-            ("g", f"its length is {usual:.2f} as a rule: g")
+            ("g", f"its length is {usual:.2f} (median): g")
             if in_g
-            else (si, f"its length is {usual:.2f} as a rule: {si}")
+            else (si, f"its length is {usual:.2f} (median): {si}")
         )
     if "rotor" in quantity:
         usual = float(np.median(finite))
         most = usual
     if most > bound:
         return other, f"unit {other}: {most:g} is too much for {si}"
-    return si, f"unit {si}: values up to {most:g} are likely in it"
+    return si, f"unit {si}: values up to {most:g} are plausible"
 
 
 COLUMN_UNITS = {
@@ -281,7 +282,7 @@ def _attitude(guess: Guess, components: list[str], values: FloatArray, told: str
     guess.entries["order"] = "x y z w" if last else "w x y z"
     where = "fourth" if last else "first"
     guess.reasons.append(
-        f"the {where} is the largest as a rule ({max(size[0], size[3]):.2f}): it is w of a level vehicle"
+        f"the {where} is usually the largest ({max(size[0], size[3]):.2f}): it is w of a level vehicle"
     )
 
 
@@ -319,7 +320,7 @@ def _scalars(table: dict[str, FloatArray], used: set[str]) -> list[Guess]:
             continue
         if re.search(r"(^|_)(vbat|vbatt|battery|batt|bat|battery_voltage|voltage)$", base):
             unit = told if told in ("V", "mV") else "mV" if np.median(finite) > 100.0 else "V"
-            reasons = [f"battery by its name; unit {unit}, it is {np.median(finite):g} as a rule"]
+            reasons = [f"battery by its name; unit {unit}, median {np.median(finite):g}"]
             if not any(guess.name == "battery_v" for guess in found):
                 found.append(Guess("battery_v", [name], {"unit": unit}, reasons))
         match = re.search(r"(?:^|_)(?:cmd|command|u|motor_cmd|motor_command|control|actuator|throttle)_?([0-4])$", base)

@@ -29,13 +29,16 @@ def _read(path: Path, column_map: Path | None) -> FlightLog:
     name = path.name.lower()
     if name.endswith((".csv", ".csv.gz")):
         if column_map is None:
-            raise FormatError(f"{path} is CSV; say what its columns are with a column map")
+            raise FormatError(
+                f"{path} is CSV: give its column map with --columns; "
+                f"`goshawk log {path} --draft-columns columns.toml` drafts one"
+            )
         return read_csv.read(path, read_csv.load_map(column_map))
     if name.endswith(".ulg"):
         return read_ulog.read(path)
     if name.endswith((".mcap", ".bag", ".db3")) or (path / "metadata.yaml").is_file():
         if column_map is None:
-            raise FormatError(f"{path} is a ROS recording; say what its topics are with a column map")
+            raise FormatError(f"{path} is a ROS recording; give its column map with --columns (docs/identification.md)")
         return read_bag.read(path, column_map)
     log = flight_log.load(path)
     return FlightLog(log.columns, {"name": path.stem, **log.metadata})

@@ -108,33 +108,60 @@ def against(named: Residuals, pairs: Sequence[tuple[str, str]]) -> "Figure":
 
 
 def against_all(named: Residuals) -> "Figure":
-    """Every channel's residual against every variable: binned means with their 95 % bands, one row per channel."""
-    variables = [v for v in explained.VARIABLES if v.name != "constant"]
-    # to lay out so many panels takes longer than to draw them, so they are placed by hand
-    figure, axes = drawing.figure(6, len(variables), (len(variables), 8.0), layout=None, sharex="col", sharey="row")
-    figure.subplots_adjust(0.035, 0.08, 0.995, 0.95, 0.06, 0.06)
+    """Every channel's residual against every variable: binned means with their 95 % bands, one row per channel.
+
+    The variables stand side by side in the same axes, each over its own range: a panel for each pair of channel and
+    variable takes ten times as long to draw.
+    """
+    every = [v for v in explained.VARIABLES if v.name != "constant"]
+    read = {name: [explained.read(residuals, v) for v in every] for name, residuals in named.items()}
+    reached = [(min(map(np.min, each)), max(map(np.max, each))) for each in zip(*read.values(), strict=True)]
+    changed = [i for i, (low, high) in enumerate(reached) if high > low]  # the others show nothing in these flights
+    variables, ranges = [every[i] for i in changed], [reached[i] for i in changed]
+    along = {name: [values[i] for i in changed] for name, values in read.items()}
+    figure, axes = drawing.figure(6, 1, (len(variables), 8.0), sharex=True)
     for colour, (name, residuals) in zip(drawing.cycle(named), named.items(), strict=True):
         left = np.concatenate([r.means() for r in residuals])
-        for column, variable in enumerate(variables):
-            along = explained.read(residuals, variable)
-            if not np.ptp(along) > 0.0:
-                continue  # was not changed in these flights
-            for panel, values, channel in zip(axes[:, column], left.T, CHANNELS, strict=True):
-                centre, mean, error = drawing.binned(along, unit(channel)[0] * values)
-                band = SIGMAS * error
-                panel.fill_between(centre, mean - band, mean + band, color=colour, alpha=0.25, linewidth=0)
-                panel.plot(centre, mean, color=colour, linewidth=1.2, label=name)
-    for column, variable in enumerate(variables):
-        axes[5, column].set_xlabel(labelled(variable.name).replace(" (", "\n("), fontsize=7)
-        axes[5, column].locator_params(axis="x", nbins=3)
-    for row, channel in zip(axes, CHANNELS, strict=True):
-        row[0].set_ylabel(f"{channel} ({unit(channel)[1]})", fontsize=8)
-        for panel in row:
-            panel.axhline(0.0, color=drawing.INK, linewidth=0.5)
-            panel.tick_params(labelsize=6)
+        for panel, values, channel in zip(axes[:, 0], left.T, CHANNELS, strict=True):
+            x, mean, band = _side_by_side(along[name], ranges, unit(channel)[0] * values)
+            panel.fill_between(x, mean - band, mean + band, color=colour, alpha=0.25, linewidth=0)
+            panel.plot(x, mean, color=colour, linewidth=1.2, label=name)
+    for panel, channel in zip(axes[:, 0], CHANNELS, strict=True):
+        panel.set_ylabel(f"{channel} ({unit(channel)[1]})", fontsize=8)
+        panel.axhline(0.0, color=drawing.INK, linewidth=0.5)
+        panel.vlines(
+            np.arange(len(variables) + 1) - _GAP, 0.0, 1.0, drawing.PALE, transform=panel.get_xaxis_transform()
+        )
+        panel.tick_params(labelsize=6, axis="both", length=0)
+    names = [labelled(v.name).replace(" (", "\n(") for v in variables]
+    spans = [f"{float(f'{low:.2g}'):g} to {float(f'{high:.2g}'):g}" for low, high in ranges]
+    texts = [f"{name}\n{span}" for name, span in zip(names, spans, strict=True)]
+    axes[5, 0].set_xticks(np.arange(len(variables)) + 0.5 - _GAP, texts)
+    axes[5, 0].set_xlim(-_GAP, len(variables) - _GAP)
     axes[0, 0].legend(frameon=False, fontsize=6)
     drawing.headed(figure, "Residual against every variable: binned means and their 95 % bands, one scale a row")
     return figure
+
+
+_GAP = 0.05
+"""Half the space between two variables, as a share of a variable's width."""
+
+
+def _side_by_side(
+    along: Sequence[FloatArray], ranges: Sequence[tuple[float, float]], values: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Place, binned mean and half the band of `values` over each variable in turn, with NaN between two variables.
+
+    Variable i takes up i to i + 1 less the gap.
+    """
+    parts = [np.empty((3, 0))]
+    for i, (variable, (low, high)) in enumerate(zip(along, ranges, strict=True)):
+        if np.ptp(variable) > 0.0:
+            centre, mean, error = drawing.binned(variable, values)
+            place = i + (1.0 - 2.0 * _GAP) * (centre - low) / (high - low)
+            parts += [np.stack([place, mean, SIGMAS * error]), np.full((3, 1), np.nan)]
+    x, mean, band = np.concatenate(parts, axis=1)
+    return x, mean, band
 
 
 def labelled(variable: str) -> str:

@@ -413,5 +413,6 @@ def _others(folder: Path) -> None:
     (folder / "existing.csv").write_text("precious")
     (folder / "existing.html").write_text("precious")
     (folder / "existing.py").write_text("precious")
+    (folder / "huge_cameras.txt").write_text("1 PINHOLE 99999999999 480 400 400 320 240\n")
     (folder / "nowhere.json").symlink_to(folder / "gone.json")
     (folder / "full.json").symlink_to("/dev/full")

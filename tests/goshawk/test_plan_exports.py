@@ -68,6 +68,12 @@ def test_mav_trajectory_generation_flies_the_same_path(plan, tmp_path):
     assert np.abs(flown - plan.trajectory.evaluate(times)).max() < 1e-6  # durations in whole nanoseconds
 
 
+def test_a_step_that_makes_millions_of_setpoints_is_refused(plan, tmp_path):
+    with pytest.raises(InputError, match=r"makes .* setpoints; at most 1000000 .* take .* s or more"):
+        plan_exports.write_px4(tmp_path / "p.csv", plan.trajectory, 1e-9)
+    assert not (tmp_path / "p.csv").exists()
+
+
 def test_px4_setpoints_are_the_path_in_ned(plan, tmp_path):
     plan_exports.write_px4(tmp_path / "p.csv", plan.trajectory, 0.005)
     rows = list(csv.DictReader((tmp_path / "p.csv").read_text().splitlines()))

@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import vehicle
-from flight import Waypoints, mission, project, trajectory
+from flight import InputError, Waypoints, mission, project, trajectory
 from flight.mission import Ground, Laps, Mission, Stay
 from goshawk import batch, demo
 from tests.goshawk.running import answer as goshawk
@@ -136,3 +136,8 @@ def test_a_process_that_dies_is_one_missions_failure(folder, tmp_path):
         pool.submit(die, None, None)
         rows = list(batch._planned(pool, files, job))
     assert sorted(row["status"] for row in rows) == ["planned", "planned"]
+
+
+def test_an_address_without_a_scheduler_is_named():
+    with pytest.raises(InputError, match="--scheduler nonsense: no Dask scheduler answers there"):
+        batch._executor(1, "nonsense").__enter__()

@@ -213,3 +213,23 @@ def test_a_file_is_checked_for_the_radius_margin_limits_and_reserve_it_records(p
     with pytest.raises(FormatError, match="damaged"):
         gate.check_file(damaged, pillar, drone)
     assert gate.options_of(dataclasses.replace(item, check={})) == planner.PlanOptions()
+
+
+def test_a_vehicle_that_reaches_beyond_the_clearance_is_refused_and_never_passes(good, pillar, drone):
+    large = dataclasses.replace(drone, hub_body_m=3.0 * drone.hub_body_m)
+    assert large.reach_m == pytest.approx(3.0 * 0.12516 + 0.0635, abs=1e-4)
+    with pytest.raises(InputError, match=r"reach 0\.439 m .* beyond the clearance of 0\.300 m .* raise radius_m"):
+        planner.plan(good.waypoints, pillar, large)
+    report = gate.check(good.trajectory, pillar, large)
+    assert "raise radius_m" in {check.name: check.reason for check in report.failures}["clearance"]
+    assert "clearance" not in failed(good, good.trajectory, pillar, drone)
+
+
+def test_progress_of_a_check_rises_to_one(good, pillar, drone, tmp_path):
+    told: list[float] = []
+    planner.save_plan(tmp_path / "a.json", good, name="a")
+    item = trajectory.load(tmp_path / "a.json")
+    gate.check_file(item, pillar, drone, progress=lambda _, fraction: told.append(fraction))
+    assert len(told) > 1
+    assert told == sorted(told)
+    assert told[-1] == 1.0

@@ -34,14 +34,15 @@ def test_estimates_of_a_known_vehicle_hold_its_values_within_two_standard_deviat
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])  # a busy machine is no fault
 @given(
-    mass=st.floats(0.02, 20.0),
-    arm=st.floats(0.03, 0.5),
+    kg_m2=st.floats(5.0, 300.0),
+    arm=st.floats(0.05, 0.5),
     frame=st.sampled_from(draft.FRAMES),
     loading=st.floats(0.4, 1.2),
 )
 def test_every_sensible_data_sheet_gives_a_vehicle_that_can_hover_and_its_file_reads_back(
-    tmp_path_factory, mass, arm, frame, loading
+    tmp_path_factory, kg_m2, arm, frame, loading
 ):
+    mass = kg_m2 * (loading * arm) ** 2  # the example vehicle weighs 43 times the square of its propellers' diameter
     made = draft.draft(sheet(mass, arm, loading * arm, frame))
     k = made.value("thrust_quadratic.k_n_s2")
     hover = np.sqrt(mass * 9.80665 / (4.0 * k))
@@ -77,7 +78,11 @@ def test_what_is_not_known_is_named_with_the_option_that_gives_it():
 
 def test_a_propeller_too_small_for_the_weight_is_refused():
     with pytest.raises(InputError, match="does not lift its weight"):
-        draft.draft(sheet(5.0, 0.1, 0.05, rotor_speed_max_rad_s=500.0))
+        draft.draft(sheet(0.7, 0.1, 0.127, rotor_speed_max_rad_s=500.0))
+    with pytest.raises(InputError, match=r"tips at .* faster than sound"):
+        draft.draft(sheet(700.0, 0.125, 0.127))
+    with pytest.raises(InputError, match=r"C_T of .* \(rpm, not rad/s\)"):
+        draft.draft(sheet(0.7, 0.125, 0.127, hover_rad_s=100.0))
 
 
 PX4 = """# Onboard parameters for Vehicle 1

@@ -73,9 +73,9 @@ def test_gravity_the_wrong_way_round(log, truth):
     """Positions with z down, alone or with the attitude, and an attitude with z down among positions with z up."""
     attitude = dict(zip(QUATERNION, frames.flip_attitude(log.vector("q_world_body")).T, strict=True))
     everything = _whats(_changed(log, **_down(log), **attitude), truth)["frame"]
-    assert "positions and attitude are z down" in everything
-    assert "positions are z down" in _whats(_changed(log, **_down(log)), truth)["frame"]
-    assert "the attitude is NED/FRD" in _whats(_changed(log, **attitude), truth)["frame"]
+    assert everything == "turn attitude and all vectors from z down (NED/FRD) to z up"
+    assert "the positions from z down" in _whats(_changed(log, **_down(log)), truth)["frame"]
+    assert "the attitude from NED/FRD" in _whats(_changed(log, **attitude), truth)["frame"]
 
 
 def test_rotors_in_another_order(log, truth):
@@ -130,6 +130,15 @@ def test_a_position_that_jumps(log):
     assert "5.00" in found[0].sentence
 
 
+@pytest.mark.parametrize("name", ["position_world_z_m", "q_world_body_w", ROTORS[2]])
+def test_rows_with_a_part_of_a_sample(log, name):
+    values = log.columns[name].copy()
+    values[[300, 301, 500]] = np.nan
+    found = [f for f in check(_changed(log, **{name: values})).findings if f.what == "partial"]
+    assert "in 3 rows (the first at 3.000 s)" in found[0].sentence
+    assert found[0].spans == ((3.0, 3.01), (5.0, 5.0))
+
+
 def test_a_frozen_channel(log):
     held = {name: log.columns[name].copy() for name in ROTORS}
     for values in held.values():
@@ -176,7 +185,7 @@ def test_an_accelerometer_in_g_or_upside_down(log):
     in_g = {name: noise[:, i] + (i == 2) for i, name in enumerate(names)}
     assert "9.80665" in _whats(_changed(log, **in_g))["unit"]
     downward = {name: noise[:, i] - 9.81 * (i == 2) for i, name in enumerate(names)}
-    assert "flip_vector" in _whats(_changed(log, **downward))["frame"]
+    assert "accelerometer from z down" in _whats(_changed(log, **downward))["frame"]
 
 
 def _with_velocity(name: str) -> FlightLog:

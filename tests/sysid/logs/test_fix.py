@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from flight import FlightLog, frames
+from sysid.estimator.options import Options
+from sysid.estimator.prepare import prepare
 from sysid.logs.check import check_log
 from sysid.logs.fix import FIXES, fix
 
@@ -92,6 +94,7 @@ def test_jumps_are_cut_out_and_nothing_else(log, truth):
     assert lost.sum() <= 3
     np.testing.assert_array_equal(mended.log.columns["position_world_z_m"][~lost], z[~lost])
     assert mended.left == ()
+    assert prepare(mended.log, 0, Options()), "a fit takes the corrected log"
 
 
 def test_a_clean_log_stays_as_it_is(log, truth):
