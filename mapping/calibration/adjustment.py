@@ -112,6 +112,7 @@ class Normal:
             gradient = part.T @ residual[of_rows] - eliminated[of_points].T @ self._own_gradient[of_points]
             parts.append((matrix, gradient))
         self._whole = (sum((m for m, _ in parts), np.zeros(())), sum((g for _, g in parts), np.zeros(())))
+        self._reduced = self._reduce(*self._whole)
         if folds > 1:
             self._withheld = [self._reduce(m, g) for m, g in parts]
             self._training = [self._reduce(self._whole[0] - m, self._whole[1] - g) for m, g in parts]
@@ -139,7 +140,7 @@ class Normal:
 
     def solve(self, chosen: Sequence[Candidate]) -> tuple[FloatArray, FloatArray]:
         """Estimate and covariance of the chosen candidates, all points used."""
-        matrix, gradient = self._reduce(*self._whole)
+        matrix, gradient = self._reduced
         k = self._unknowns(chosen)
         covariance = np.linalg.inv(matrix[np.ix_(k, k)] + self._prior(chosen))
         return covariance @ gradient[k], covariance
