@@ -342,9 +342,12 @@ class Controller:
         self._must("shadow mode", self.raw.shadow())
 
     def end_shadow(self) -> None:
-        """Back to disarmed, in command of stopped rotors. Raises `RefusedError` outside of shadow mode.
+        """Back to disarmed, in command of stopped rotors.
 
-        The caller must know that the vehicle stands: this is not checked, and in the air the rotors stop.
+        The caller must know that the vehicle stands: in the air the rotors stop, and a hover is not told from standing.
+
+        Raises:
+            RefusedError: outside of shadow mode, or above 0.5 m/s or 0.5 rad/s.
         """
         self._must("the end of shadow mode", self.raw.shadow_end())
 

@@ -31,6 +31,8 @@ void tc_landing_setpoint(tc_controller* c, float step_s);
 void tc_landing_observe(tc_controller* c, float step_s);
 /* The collective is the stage's, and the attitude is only damped: UNLOAD and IDLE. */
 bool tc_landing_unloads(const tc_landing* landing);
+/* It flies along or turns, by the estimate; a vehicle that hovers does not. */
+bool tc_moves(const tc_controller* c);
 /* The collective of the emergency descent, N. */
 float tc_emergency_thrust(const tc_controller* c);
 

@@ -59,6 +59,7 @@ static const char* const texts[] = {
     [TC_CHANGE_TOO_LARGE] = "too large a change in the air",
     [TC_GYRO_ONLY] = "attitude is lost, level on the gyro",
     [TC_TRACKING_ERROR] = "slowed by its tracking error",
+    [TC_MOVING] = "the vehicle moves",
 };
 
 const char* tc_reason_text(tc_reason reason) {

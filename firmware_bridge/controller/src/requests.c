@@ -115,7 +115,9 @@ tc_reason tc_shadow(tc_controller* c) {
     return c->configured ? tc_post(c, TC_EVENT_SHADOW, TC_COMMANDED) : TC_NOT_CONFIGURED;
 }
 
-tc_reason tc_shadow_end(tc_controller* c) { return tc_post(c, TC_EVENT_SHADOW_END, TC_COMMANDED); }
+tc_reason tc_shadow_end(tc_controller* c) {
+    return tc_moves(c) ? TC_MOVING : tc_post(c, TC_EVENT_SHADOW_END, TC_COMMANDED);
+}
 
 tc_reason tc_release(tc_controller* c) { return tc_post(c, TC_EVENT_RELEASE, TC_RELEASED); }
 

@@ -295,6 +295,15 @@ static void shadow_takes_no_commands(void) {
         if (command == TC_COMMAND_KILL || command == TC_COMMAND_TIME_SCALE) continue; /* the second is no order */
         must(tc_do(&g.c, (tc_command)command, 1.0f) != TC_OK && g.c.mission.state == TC_SHADOW, "refused");
     }
+    g.e.velocity_world_m_s[0] = 0.51f;
+    tick();
+    must(tc_shadow_end(&g.c) == TC_MOVING && g.c.mission.state == TC_SHADOW, "not while it flies along");
+    g.e.velocity_world_m_s[0] = 0.49f;
+    g.e.rate_body_rad_s[2] = 0.51f;
+    tick();
+    must(tc_shadow_end(&g.c) == TC_MOVING && g.c.mission.state == TC_SHADOW, "or turns");
+    g.e.rate_body_rad_s[2] = 0.49f;
+    tick();
     must(tc_shadow_end(&g.c) == TC_OK && g.c.mission.state == TC_DISARMED, "the integrator ends it");
     must(tc_shadow_end(&g.c) == TC_WRONG_STATE, "once");
     must(tc_shadow(&g.c) == TC_OK && tc_do(&g.c, TC_COMMAND_KILL, 0.0f) == TC_OK, "or kills");

@@ -19,6 +19,7 @@ static tc_signing friend, stranger;
 static uint8_t memory[RECORDS * TC_LINK_RECORD];
 static uint64_t now_us = 1000000u;
 static bool sign;
+static const char* situation = "";
 
 static void tick_and_update(void) {
     static const tc_link_measured measured = {{0}};
@@ -33,7 +34,7 @@ static void tick_and_update(void) {
     (void)tc_tick(&c, now_us, &e, &output);
     count_begin();
     tc_link_update(&ln, &measured, now_us);
-    count_end("tc_link_update", ln.upload.checking ? "a slice of a commit" : "");
+    count_end("tc_link_update", ln.upload.checking ? "a slice of a commit" : situation);
 }
 
 static const char* sent_name(uint32_t id) {
@@ -137,20 +138,29 @@ static void receive(unsigned message, const uint8_t* payload, unsigned length, c
         receive(NAME##_ROW, payload_, NAME##_LENGTH, #NAME); \
     } while (0)
 
+static tc_trajectory plan;
+
+static void open_upload(uint32_t transfer) {
+    const uint32_t crc32 = worst_case_plan(&plan, TC_MAX_SEGMENTS);
+    SEND(GOSHAWK_TRAJECTORY_BEGIN, goshawk_trajectory_begin, TO_VEHICLE, .transfer_id = transfer, .trajectory_id = 7,
+         .crc32 = crc32, .segments = TC_MAX_SEGMENTS, .coefficient_count = TC_MAX_COEFFICIENTS);
+}
+
+static void encode_segment(uint32_t transfer, uint16_t index, uint8_t payload[TC_PAYLOAD_MAX]) {
+    goshawk_trajectory_segment_msg m = {TO_VEHICLE, .transfer_id = transfer, .index = index};
+    m.duration_us = plan.segment[index].duration_us;
+    for (unsigned k = 0; k < TC_AXES * TC_MAX_COEFFICIENTS; k++) {
+        m.coefficients[k] = plan.segment[index].coefficient[k % TC_AXES][k / TC_AXES];
+    }
+    goshawk_trajectory_segment_encode(&m, payload);
+}
+
+/* The first segment comes last, so that none is checked before: every slice is a whole one. */
 static void upload(void) {
-    static tc_trajectory plan;
-    const uint16_t segments = TC_MAX_SEGMENTS;
-    (void)worst_case_plan(&plan, segments);
-    SEND(GOSHAWK_TRAJECTORY_BEGIN, goshawk_trajectory_begin, TO_VEHICLE, .transfer_id = 9, .trajectory_id = 7,
-         .crc32 = plan.header.crc32, .segments = segments, .coefficient_count = TC_MAX_COEFFICIENTS);
-    for (uint16_t i = 0; i < segments; i++) {
-        goshawk_trajectory_segment_msg m = {TO_VEHICLE, .transfer_id = 9, .index = i};
-        m.duration_us = plan.segment[i].duration_us;
-        for (unsigned k = 0; k < TC_AXES * TC_MAX_COEFFICIENTS; k++) {
-            m.coefficients[k] = plan.segment[i].coefficient[k % TC_AXES][k / TC_AXES];
-        }
+    open_upload(9u);
+    for (uint16_t i = 1; i <= TC_MAX_SEGMENTS; i++) {
         uint8_t payload[TC_PAYLOAD_MAX];
-        goshawk_trajectory_segment_encode(&m, payload);
+        encode_segment(9u, i % TC_MAX_SEGMENTS, payload);
         receive(GOSHAWK_TRAJECTORY_SEGMENT_ROW, payload, GOSHAWK_TRAJECTORY_SEGMENT_LENGTH,
                 "GOSHAWK_TRAJECTORY_SEGMENT");
     }
@@ -158,6 +168,21 @@ static void upload(void) {
          .crc32 = plan.header.crc32);
     for (unsigned i = 0; i < 2u * TC_MAX_SEGMENTS; i++) tick_and_update();
     transmit();
+}
+
+/* More frames at once than signatures may be checked: one of those left over is decided on in the update. */
+static void flood(void) {
+    open_upload(11u);
+    for (uint16_t i = 0; i < 32u; i++) {
+        uint8_t frame[TC_FRAME_MAX];
+        encode_segment(11u, i, frame + TC_FRAME_HEADER);
+        const size_t n = tc_frame_build(frame, GOSHAWK_TRAJECTORY_SEGMENT_ROW, GOSHAWK_TRAJECTORY_SEGMENT_LENGTH, 0,
+                                        STATION, COMPONENT, &friend, 0);
+        tc_link_receive(&ln, frame, n, NULL, now_us);
+    }
+    situation = "a frame beyond the budget";
+    tick_and_update();
+    situation = "";
 }
 
 static void parameters(void) {
@@ -240,6 +265,7 @@ static void everything(bool signs) {
     SEND(TIMESYNC, timesync, .ts1 = 5);
     parameters();
     upload();
+    if (signs) flood();
     SEND(GOSHAWK_TRAJECTORY_READ, goshawk_trajectory_read, TO_VEHICLE, .transfer_id = 3, .wanted = {255, 255});
     SEND(GOSHAWK_MISSION_COMMAND, goshawk_mission_command, TO_VEHICLE, .request_id = 1,
          .command = GOSHAWK_COMMAND_LOG_START);

@@ -220,6 +220,20 @@ def test_the_height_is_still_measured_when_only_the_horizontal_position_is_lost(
     assert result.first_touchdown_s - result.entered_s(State.EMERGENCY) < 4.0
 
 
+@pytest.mark.parametrize("floor_m", [0.0, -3.0])
+def test_without_accelerometer_and_vertical_velocity_time_ends_the_descent(body, floor_m):
+    """Attitude and gyro are those of a level hover: an unload test would show nothing but the fall's end."""
+    blind = {"after_s": 0.5, "since": State.LANDING}
+    faults = (Fault(Kind.NO_SPECIFIC_FORCE, **blind), Fault(Kind.NO_VERTICAL_VELOCITY, **blind))
+    world = TABLE | {"floor_m": floor_m} if floor_m else {}
+    result = body.fly(
+        Scenario(orders=(*TAKE_OFF, land(1.0)), faults=faults, world=world, parameters={"emergency_s": 12.0})
+    )
+    assert violations(result, touchdown_m_s=2.5) == []
+    assert (result.stop_state, result.stop_reason) == (State.FAULT, Reason.TIMEOUT)
+    assert abs(result.stop_s - result.entered_s(State.EMERGENCY) - 12.0) < 0.1
+
+
 @pytest.mark.parametrize("slope", [0.0, 0.1, -0.1])
 @pytest.mark.parametrize("wind_m_s", [0.0, 2.0])
 def test_a_blind_descent_does_not_float_along_the_ground(body, slope, wind_m_s):

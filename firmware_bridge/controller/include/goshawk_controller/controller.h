@@ -190,7 +190,8 @@ tc_reason tc_do(tc_controller* controller, tc_command command, float value);
 /* In flight, beside another controller (calls of the integrator, not of the ground):
    shadow: from disarmed, compute and log every tick, command nothing (output.in_command is false). No command but KILL
      is taken there, and KILL puts this controller in command of stopped rotors;
-   shadow_end: back to disarmed, which is in command of stopped rotors: only while the vehicle stands;
+   shadow_end: back to disarmed, which is in command of stopped rotors: only while the vehicle stands. Refused above
+     0.5 m/s and 0.5 rad/s; a hover looks like standing, so that the caller must know;
    engage: from shadow or disarmed, take over a flying vehicle. Needs an estimate that has been good for a second, tilt
      below 35 degrees, body rate below 2 rad/s, speed below 5 m/s; the set-point starts at the vehicle's own state,
    brakes and holds. `rotor_speed_rad_s`: what the rotors do now, where the first command starts from (NULL: not known);

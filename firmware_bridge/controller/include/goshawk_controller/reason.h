@@ -70,7 +70,8 @@ typedef enum {
     TC_DEAD_RECKONING = 64,
     TC_CHANGE_TOO_LARGE = 65,
     TC_GYRO_ONLY = 66,
-    TC_TRACKING_ERROR = 67
+    TC_TRACKING_ERROR = 67,
+    TC_MOVING = 68
 } tc_reason;
 
 /* At most 50 characters, so that it fits a MAVLink STATUSTEXT; never NULL, "unknown reason" for a number not above. */
