@@ -26,7 +26,7 @@ def rows() -> list[report.Row]:
     rendered_s = clock() - start
     options = DenseOptions()
     start = clock()
-    depths = dense.depth_images(views, options.stereo)
+    depths = list(dense.depth_images(views, options.stereo))
     depth_s = clock() - start
     start = clock()
     volume = dense.fuse(views, depths, options)

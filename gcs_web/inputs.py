@@ -40,9 +40,11 @@ class Parts:
         self._vehicles: tuple[Signature, vehicle.Vehicle] | None = None
 
     def map(self, wanted: Signature) -> mapping.Map:
-        """Raises `FlightError` if it cannot be read."""
+        """Raises `FlightError` if it cannot be read, or its verdict forbids to plan in it."""
         if self._maps is None or self._maps[0] != wanted:
-            self._maps = (wanted, mapping.open_map(self._project.map))
+            opened = mapping.open_map(self._project.map)
+            opened.require_not_refused()
+            self._maps = (wanted, opened)
         return self._maps[1]
 
     def vehicle(self, wanted: Signature) -> vehicle.Vehicle:

@@ -21,6 +21,8 @@ _POSITION = ("x_m", "y_m", "z_m")
 _UP = ("up_body_x", "up_body_y", "up_body_z")
 _TRIALS = 400
 _LEAST_POSITIONS = 4
+_LENGTH_STD = 0.01
+"""A length that a user measured is taken to be good to 1 %."""
 LEAST_BASELINE_M = 0.005
 """A shorter baseline gives no scale."""
 NO_SCALE = (
@@ -55,6 +57,18 @@ class Length:
             raise InputError(f"a length of {self.metres} m cannot give a scale; it must be positive")
 
 
+@dataclass(frozen=True, slots=True)
+class ScaleWitness:
+    """One source of the metric scale, laid beside the scale that the map has."""
+
+    source: str
+    """As `Alignment.scale_source`."""
+    ratio: float
+    """The map's scale divided by this source's: 1 when they agree."""
+    std: float
+    """Relative standard deviation of this source's scale."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Alignment:
     """The similarity from COLMAP's world to ours, and the source of its scale and up direction."""
@@ -75,6 +89,8 @@ class Alignment:
     """This scale divided by the scale from recorded positions alone; 1 when they agree."""
     up_spread_rad: float | None = None
     """Median angle between the recorded up directions, turned into the world frame; 0 when all agree."""
+    witnesses: tuple[ScaleWitness, ...] = ()
+    """Every source of the scale that was there, the one in use first."""
 
     def points(self, points_old: FloatArray) -> FloatArray:
         """(n, 3) points of COLMAP's world in ours."""
@@ -140,13 +156,18 @@ def _column_group(path: Path, columns: tuple[str, ...], instants: tuple[str, ...
 
 
 def align(
-    images: ImageSet, T_old_body: FloatArray, references: References, *, baseline_metric: bool, length: Length | None
+    images: ImageSet,
+    T_old_body: FloatArray,
+    references: References,
+    *,
+    baseline_std: float | None,
+    length: Length | None,
 ) -> Alignment:
     """Find scale and world frame.
 
     Args:
         T_old_body: (instants, 4, 4) poses in COLMAP's world, NaN where not registered.
-        baseline_metric: whether COLMAP's world already has the scale of the rig's baseline.
+        baseline_std: relative standard deviation of the scale of COLMAP's world, if the rig's baseline gave it one.
 
     Raises:
         MapError: nothing gives the scale.
@@ -158,23 +179,34 @@ def align(
     level = positions @ R_level.T
     usable = known & np.isfinite(references.position_m).all(axis=1)
     fit = _Fit.robust(level[usable], references.position_m[usable]) if usable.sum() >= _LEAST_POSITIONS else None
+    sources: list[tuple[str, float, float]] = []
     if length is not None:
-        scale, source = _from_length(images, positions, length), "given length"
-    elif baseline_metric:
-        scale, source = 1.0, "rig baseline"
-    elif fit is not None:
-        scale, source = fit.scale, "recorded positions"
-    else:
+        sources.append(("given length", _from_length(images, positions, length), _LENGTH_STD))
+    if baseline_std is not None:
+        sources.append(("rig baseline", 1.0, baseline_std))
+    if fit is not None:
+        sources.append(("recorded positions", fit.scale, fit.scale_std(level[usable])))
+    if not sources:
         raise MapError(NO_SCALE)
+    source, scale, _ = sources[0]
+    witnesses = tuple(ScaleWitness(name, scale / other, std) for name, other, std in sources)
     if fit is None:
         T = _start_at_first(scale * level[known][0], R_level, T_old_body[known][0])
-        return Alignment(scale, T, source, up_source, up_spread_rad=up_spread_rad)
+        return Alignment(scale, T, source, up_source, up_spread_rad=up_spread_rad, witnesses=witnesses)
     placed = _Fit.robust(level[usable], references.position_m[usable], scale=scale)
     T = np.eye(4)
     T[:3, :3] = placed.R @ R_level
     T[:3, 3] = placed.t
     return Alignment(
-        scale, T, source, up_source, placed.residual_m, int(placed.inliers.sum()), scale / fit.scale, up_spread_rad
+        scale,
+        T,
+        source,
+        up_source,
+        placed.residual_m,
+        int(placed.inliers.sum()),
+        scale / fit.scale,
+        up_spread_rad,
+        witnesses,
     )
 
 
@@ -246,6 +278,17 @@ class _Fit:
     t: FloatArray
     residual_m: float
     inliers: np.ndarray
+
+    def scale_std(self, level: FloatArray) -> float:
+        """Relative standard deviation of the scale: the recorded positions' error over the extent of the path.
+
+        Args:
+            level: (n, 3) the map's positions that were fitted.
+        """
+        used = self.scale * level[self.inliers]
+        extent_m = np.linalg.norm(used - used.mean(axis=0), axis=1)
+        noise_m = self.residual_m / 1.5382  # median of the length of a normal vector in space
+        return float(noise_m / max(np.sqrt((extent_m**2).sum()), 1e-12))
 
     @staticmethod
     def robust(level: FloatArray, recorded_m: FloatArray, *, scale: float | None = None) -> "_Fit":

@@ -28,17 +28,18 @@ _CRASHES = (signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.
 """Signals that COLMAP handles by printing a stack trace."""
 
 
-def run(work: Callable[..., T], *arguments: object, progress: Progress = silent) -> T:
+def run(work: Callable[..., T], *arguments: object, within: Path | None = None, progress: Progress = silent) -> T:
     """Call `work(*arguments, progress=...)` in a child process and return its answer.
 
     Args:
         work: a module-level function; it, its arguments and its answer must be picklable.
+        within: where the temporary folder of the call is made; else where the system has such folders.
 
     Raises:
         MapError: the child crashed or raised; the message names the step it was in.
         FlightError: as raised by `work`.
     """
-    with tempfile.TemporaryDirectory(prefix="goshawk-") as name:
+    with tempfile.TemporaryDirectory(prefix="goshawk-", dir=within) as name:
         folder = Path(name)
         (folder / "request").write_bytes(pickle.dumps((work, arguments)))
         with open(folder / "log", "wb") as log:

@@ -1,6 +1,8 @@
 """The steps that COLMAP runs: features, matches, incremental mapping. Runs in a child process only (see `child`)."""
 
+import dataclasses
 import logging
+import shutil
 import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -11,14 +13,21 @@ import numpy as np
 
 from flight import FloatArray, InputError, MapError, Progress, frames
 from mapping import agreement, features, pairing
+from mapping.calibration import trial as calibration_trial
+from mapping.calibration.adjustment import Observations
+from mapping.calibration.trial import Trial
 from mapping.images import ImageSet
 from mapping.rig import Camera, Rig
+from mapping.stages import Work
 
 logger = logging.getLogger(__name__)
 
 _MATCHES = "matching features"
 _MAPPING = "placing images"
 _REFINING = "refining"
+_TRYING = "trying the calibration"
+_DATABASE = "database.db"
+_SIGNATURES = "signatures.npz"
 _CHUNK = 100
 
 _REPAIRS = 4
@@ -51,7 +60,7 @@ class SparseModel:
     """What COLMAP found, in its own world frame; the scale is metric only if a rig baseline gave it."""
 
     rig: Rig
-    """With refined lenses if they were to be refined."""
+    """With refined lenses if they were to be refined, and corrected by what the trial of the calibration found."""
     T_world_body: FloatArray
     """(instants, 4, 4); NaN where not registered."""
     registered: np.ndarray
@@ -68,25 +77,58 @@ class SparseModel:
     """Mean over all observations."""
     least_agreement: float
     """Of the placed instants, see `agreement`."""
+    trial: Trial
+    """Of the camera file's calibration, by the matches."""
     cpu_s: dict[str, float]
     """CPU seconds of each step, all threads."""
 
 
-def reconstruct(images: ImageSet, options: SparseOptions, *, progress: Progress) -> SparseModel:
-    """Features, matches, poses and points of an image set."""
+FEATURES, MATCHES, POSES = "features", "matches", "poses"
+"""Stages whose results survive an interrupted work."""
+
+
+def reconstruct(images: ImageSet, options: SparseOptions, work: Work, *, progress: Progress) -> SparseModel:
+    """Features, matches, poses and points of an image set; finished stages of `work` are not done again."""
+    import pycolmap
+
     watch = _Stopwatch()
-    with tempfile.TemporaryDirectory(prefix="goshawk-colmap-") as name:
-        folder = Path(name)
-        database = folder / "database.db"
-        signatures = extract(database, images, options, progress)
-        watch.lap("features")
-        match(database, images, signatures, options, progress)
-        watch.lap("matches")
-        model = place(database, images, options, progress)
-        watch.lap("placing")
-        refine(database, model, images.rig, options, progress)
-        watch.lap("refining")
-        return _read_out(database, model, images, watch)
+    work = work.on(options)
+    extracted = work.stage(FEATURES, lambda folder: _features(folder, images, options, progress))
+    watch.lap("features")
+    matched = work.stage(MATCHES, lambda folder: _matches(folder, extracted, images, options, progress))
+    watch.lap("matches")
+    database = matched / _DATABASE
+    placed = work.stage(POSES, lambda folder: _placed(folder, database, images, options, progress))
+    watch.lap("placing")
+    model = pycolmap.Reconstruction(placed)
+    progress(_TRYING, 0.0)
+    trial = calibration_trial.hold(_observations(model, images))
+    watch.lap("trial of the calibration")
+    if trial.present:
+        images = dataclasses.replace(images, rig=trial.rig)
+        _write_back(model, images, trial)
+        if not trial.inexpressible:  # COLMAP knows nothing of those, and would move the poses back
+            refine(database, model, dataclasses.replace(trial.rig, refine_intrinsics=False), options, progress)
+        watch.lap("refining with the corrected calibration")
+    return _read_out(database, model, images, trial, watch)
+
+
+def _features(folder: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> None:
+    signatures = extract(folder / _DATABASE, images, options, progress)
+    np.savez(folder / _SIGNATURES, *signatures)
+
+
+def _matches(folder: Path, extracted: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> None:
+    shutil.copyfile(extracted / _DATABASE, folder / _DATABASE)
+    with np.load(extracted / _SIGNATURES, allow_pickle=False) as kept:
+        signatures = [kept[name] for name in kept.files]
+    match(folder / _DATABASE, images, signatures, options, progress)
+
+
+def _placed(folder: Path, database: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> None:
+    model = place(database, images, options, progress)
+    refine(database, model, images.rig, options, progress)
+    model.write(folder)
 
 
 class _Stopwatch:
@@ -332,23 +374,57 @@ def refine(database: Path, model: Any, rig: Rig, options: SparseOptions, progres
     progress(_REFINING, 1.0)
 
 
-def _read_out(database: Path, model: Any, images: ImageSet, watch: _Stopwatch) -> SparseModel:
+def _observations(model: Any, images: ImageSet) -> Observations:
+    """What the model explains, in its own world frame; points in the order of their COLMAP numbers."""
+    T_world_body, _, rig = _poses(model, images)
+    where = {images.relative(i, c): (i, c) for i, c in images.pairs()}
+    index_of = {point_id: index for index, point_id in enumerate(sorted(model.point3D_ids()))}
+    observations: list[np.ndarray] = []
+    pixels: list[np.ndarray] = []
+    for image_id in model.reg_image_ids():
+        image = model.image(image_id)
+        seen = [image.point2D(int(k)) for k in image.get_observation_point2D_idxs()]
+        points = np.array([index_of[p.point3D_id] for p in seen], dtype=np.int64)
+        observations.append(np.column_stack([points, np.tile(where[image.name], (len(points), 1))]))
+        pixels.append(np.array([p.xy for p in seen]).reshape(-1, 2))
+    points_world = np.array([model.point3D(k).xyz for k in index_of]).reshape(-1, 3)
+    return Observations(
+        rig, T_world_body, points_world, np.concatenate(observations), np.concatenate(pixels), images.time_s
+    )
+
+
+def _write_back(model: Any, images: ImageSet, trial: Trial) -> None:
+    """Give the model the calibration, poses and points of the trial's adjustment."""
+    import pycolmap
+
+    for number, (camera, pose) in enumerate(zip(trial.rig, cam_from_rig(trial.rig), strict=True), start=1):
+        made = colmap_camera(camera, camera_id=number)
+        model.camera(number).model, model.camera(number).params = made.model, made.params
+        if number > 1:
+            model.rig(1).set_sensor_from_rig(pycolmap.sensor_t(pycolmap.SensorType.CAMERA, number), pose)
+    instant_of = {images.relative(i, c): i for i, c in images.pairs()}
+    T_rig_body = frames.invert(trial.rig.cameras[0].T_body_camera)
+    for image_id in model.reg_image_ids():
+        image = model.image(image_id)
+        T_rig_world = T_rig_body @ frames.invert(trial.T_world_body[instant_of[image.name]])
+        model.frame(image.frame_id).rig_from_world = pycolmap.Rigid3d(T_rig_world[:3])
+    for point_id, xyz in zip(sorted(model.point3D_ids()), trial.points_world, strict=True):
+        model.point3D(point_id).xyz = xyz
+
+
+def _read_out(database: Path, model: Any, images: ImageSet, trial: Trial, watch: _Stopwatch) -> SparseModel:
     import pycolmap
 
     T_world_body, registered, rig = _poses(model, images)
-    where = {images.relative(i, c): (i, c) for i, c in images.pairs()}
-    index_of = {point_id: index for index, point_id in enumerate(sorted(model.point3D_ids()))}
-    sums = np.zeros((len(index_of), 128), dtype=np.float32)
-    observations: list[np.ndarray] = []
-    pixels: list[np.ndarray] = []
+    seen = _observations(model, images)
+    sums = np.zeros((len(seen.points_world), 128), dtype=np.float32)
     with pycolmap.Database.open(database) as opened:
-        for image_id in model.reg_image_ids():
-            image = model.image(image_id)
-            seen = np.array(image.get_observation_point2D_idxs(), dtype=np.int64)
-            points = np.array([index_of[image.point2D(int(k)).point3D_id] for k in seen], dtype=np.int64)
-            sums[points] += features.unit(opened.read_descriptors(image_id).data[seen])
-            observations.append(np.column_stack([points, np.tile(where[image.name], (len(points), 1))]))
-            pixels.append(np.array([image.point2D(int(k)).xy for k in seen]).reshape(-1, 2))
+        start = 0
+        for image_id in model.reg_image_ids():  # in the order of `seen`
+            features_seen = np.array(model.image(image_id).get_observation_point2D_idxs(), dtype=np.int64)
+            points = seen.index[start : start + len(features_seen), 0]
+            sums[points] += features.unit(opened.read_descriptors(image_id).data[features_seen])
+            start += len(features_seen)
     model.update_point_3d_errors()
     agreed = agreement.of_instants(database, images, rig, T_world_body)
     watch.lap("reading out")
@@ -356,12 +432,13 @@ def _read_out(database: Path, model: Any, images: ImageSet, watch: _Stopwatch) -
         rig=rig,
         T_world_body=T_world_body,
         registered=registered,
-        points_world=np.array([model.point3D(k).xyz for k in index_of]).reshape(-1, 3),
+        points_world=seen.points_world,
         descriptors=features.unit(sums),
-        observations=np.concatenate(observations),
-        pixels=np.concatenate(pixels),
+        observations=seen.index,
+        pixels=seen.pixels,
         reprojection_error_px=float(model.compute_mean_reprojection_error()),
         least_agreement=float(np.nanmin(agreed, initial=1.0)),
+        trial=trial,
         cpu_s=watch.cpu_s,
     )
 

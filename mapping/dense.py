@@ -3,7 +3,7 @@
 depth of each image (`stereo`)  ->  one truncated distance volume (`fusion`)  ->  mesh and state grid
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -108,25 +108,30 @@ def reconstruct(
     """
     options = options or DenseOptions()
     if depths is None:
-        depths = depth_images(images, options.stereo, progress=progress)
+        depths = list(depth_images(images, options.stereo, progress=progress))
     volume = fuse(images, depths, options, progress=progress)
     return extract(volume, images, depths, options)
 
 
 def depth_images(
     images: Sequence[ImageView], options: StereoOptions, *, progress: Progress = silent
-) -> list[DepthImage | None]:
-    """Depth of each image; None for those with too few partners."""
-    depths: list[DepthImage | None] = []
+) -> Iterator[DepthImage | None]:
+    """Depth of each image, one after the other; None for those with too few partners.
+
+    Raises:
+        MapError: after the last one, if none of them has any depth.
+    """
+    found = False
     for index in range(len(images)):
-        depths.append(stereo.depth_image(images, index, options))
+        depth = stereo.depth_image(images, index, options)
+        found = found or (depth is not None and bool(depth.inverse_range.any()))
+        yield depth
         progress("dense depth", (index + 1) / len(images))
-    if not any(depth is not None and depth.inverse_range.any() for depth in depths):
+    if not found:
         raise MapError(
             f"no depth was found in {len(images)} images: they need to show the same things from places "
             f"about {options.baseline_ratio:.0%} of the distance apart"
         )
-    return depths
 
 
 def fuse(

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from flight import InputError, MapError, Progress, silent
-from mapping import child, colmap
+from mapping import child, colmap, stages
 from mapping.colmap import SparseModel, SparseOptions
 from mapping.images import SUFFIXES, ImageSet, read_folder
 from mapping.rig import Camera, Rig, forward_camera
@@ -207,7 +207,8 @@ def _placed(images: ImageSet, progress: Progress, name: str) -> SparseModel | No
         progress(f"{name}: {stage}", fraction)
 
     try:
-        model = child.run(colmap.reconstruct, images, SparseOptions(features=1000), progress=staged)
+        with stages.temporary() as work:
+            model = child.run(colmap.reconstruct, images, SparseOptions(features=1000), work, progress=staged)
     except (MapError, InputError):
         return None
     share = float(np.isfinite(model.T_world_body[:, 0, 0]).mean())

@@ -23,21 +23,27 @@ import numpy as np
 import esdf
 from esdf.storage import EDITS
 from flight import FloatArray, FormatError, InputError, Progress, file_format, frames, results, rotations, silent
-from mapping import alignment, dense, localization, mesh_file, sparse
+from mapping import alignment, colmap, dense, depth_files, localization, mesh_file, sparse, stages, verdict
 from mapping import rig as rigs
 from mapping.alignment import Length
 from mapping.colmap import SparseOptions
 from mapping.dense import DenseOptions
-from mapping.images import read_folder, read_table
+from mapping.depth_files import DepthFiles
+from mapping.images import ImageSet, read_folder, read_table
 from mapping.localization import LocalizationMap
 from mapping.rig import Rig
 from mapping.sparse import SparseMap
+from mapping.stages import Work
+from mapping.verdict import Standing
 from mapping.views import ImageView
 
 FORMAT = "goshawk-map"
 VERSION = 1
 REPORT_FORMAT = "goshawk-map-report"
 
+DEPTH = "depth"
+STAGES = (colmap.FEATURES, colmap.MATCHES, colmap.POSES, DEPTH)
+"""Stages whose results survive an interrupted work, in order."""
 _POSE_COLUMNS = ("image", "time_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz")
 
 
@@ -81,6 +87,16 @@ class MapReport:
     """Median distance to recorded positions, if there are any."""
     scale_ratio_to_positions: float | None
     """This scale divided by the scale from recorded positions alone, if there are any."""
+    scale_witnesses: list[dict[str, Any]]
+    """Every source of scale: its name, the map's scale divided by its, and its relative standard deviation."""
+    verdict: str
+    """"good", "doubtful" or "refused"; see `verdict`."""
+    reasons: list[str]
+    """Why it is not good."""
+    corrections: list[str]
+    """What was wrong with the camera file and is right in the map."""
+    calibration: list[dict[str, Any]]
+    """The trial of the camera file: one entry for each error it may have had; see `calibration.trial.Finding`."""
     path_length_m: float
     """From the first placed image to the last."""
     lenses: dict[str, list[float]]
@@ -129,6 +145,25 @@ class Map:
         return self.field.hash
 
     @property
+    def standing(self) -> Standing:
+        """What may be done in it."""
+        return Standing(self.facts.get("verdict", Standing.NOT_JUDGED))
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why it is not good."""
+        return tuple(self.facts.get("reasons", ()))
+
+    def require_not_refused(self) -> None:
+        """Check that the map may be planned in at all.
+
+        Raises:
+            InputError: its verdict is "refused"; the message gives the reasons.
+        """
+        if self.standing is Standing.REFUSED:
+            raise InputError(f"{self.folder} must not be planned in: {'; '.join(self.reasons)}; make the map again")
+
+    @property
     def mesh(self) -> Path:
         return self.folder / "mesh.glb"
 
@@ -147,6 +182,9 @@ def build_map(
 ) -> MapReport:
     """Make the map folder `out` from a folder of images.
 
+    Finished stages are kept in `work_folder(out)` until the map is there: interrupted, killed or out of disk, the same
+    call goes on with the first unfinished one.
+
     Args:
         overwrite: replace an earlier map in `out` when the new one is complete. The pilot's edits are copied over, and
             the earlier map stays beside it as `OUT.old-1`.
@@ -160,11 +198,42 @@ def build_map(
     results.require_free_folder(out, overwrite=overwrite, ours=_is_map)
     alignment.require_scale(Path(images), rig, options.length, options.references)
     checked = read_folder(images, rig, progress=progress)
+    with stages.begin(work_folder(out)) as begun:
+        work = begun.on(VERSION, rigs.fingerprint(rig), *_digests(checked))
+        report = _build(checked, out, options, work, overwrite=overwrite, progress=progress)
+        stages.finish(begun)
+    return report
+
+
+def work_folder(out: Path) -> Path:
+    """Where the finished stages of an interrupted `build_map` are kept, for the next try."""
+    return Path(out).with_name(f"{Path(out).name}.work")
+
+
+def _digests(images: ImageSet) -> list[object]:
+    """What the images are: their names, times and content."""
+    return [
+        images.time_s.tobytes(),
+        *((images.relative(*s), file_format.file_hash(images.path(*s))) for s in images.pairs()),
+    ]
+
+
+def _build(
+    images: ImageSet, out: Path, options: MapOptions, work: Work, *, overwrite: bool, progress: Progress
+) -> MapReport:
     placed = sparse.reconstruct(
-        checked, options.sparse, length=options.length, references=options.references, progress=progress
+        images, options.sparse, length=options.length, references=options.references, work=work, progress=progress
     )
     started_s = time.process_time()
-    surface = dense.reconstruct(views(placed), options.dense, progress=progress)
+    seen = views(placed)
+    stereo = options.dense.stereo
+    depth_work = work.on(options.sparse, options.length, _references(images, options.references), stereo)
+    depths = DepthFiles(
+        depth_work.stage(
+            DEPTH, lambda folder: depth_files.write(folder, dense.depth_images(seen, stereo, progress=progress))
+        )
+    )
+    surface = dense.reconstruct(seen, options.dense, depths=depths, progress=progress)
     progress("distance field", 0.0)
     distances = esdf.build(surface.state, surface.grid, cap_m=options.cap_m)
     cpu_s = {**placed.cpu_s, "dense": round(time.process_time() - started_s, 2)}
@@ -182,6 +251,11 @@ def build_map(
         file_format.write_toml(new / "map.toml", format=FORMAT, version=VERSION, body=_facts(report))
     progress("distance field", 1.0)
     return report
+
+
+def _references(images: ImageSet, path: Path | None) -> bytes:
+    path = path or images.folder / "references.csv"
+    return path.read_bytes() if path.is_file() else b""
 
 
 def _is_map(folder: Path) -> bool:
@@ -209,6 +283,7 @@ def views(placed: SparseMap) -> list[ImageView]:
 
 def _report(placed: SparseMap, surface: dense.Reconstruction, hash: str, cpu_s: dict[str, float]) -> MapReport:
     voxel_m3 = float(np.prod(surface.grid.voxel_m))
+    judged = verdict.judge(placed)
     path = placed.T_world_body[placed.placed, :3, 3]
     return MapReport(
         images=placed.images.count,
@@ -221,6 +296,11 @@ def _report(placed: SparseMap, surface: dense.Reconstruction, hash: str, cpu_s: 
         up_source=placed.alignment.up_source,
         position_residual_m=placed.alignment.position_residual_m,
         scale_ratio_to_positions=placed.alignment.scale_ratio_to_positions,
+        scale_witnesses=[dataclasses.asdict(witness) for witness in placed.alignment.witnesses],
+        verdict=judged.standing,
+        reasons=list(judged.reasons),
+        corrections=list(judged.corrections),
+        calibration=[finding.as_dict() for finding in placed.trial.findings],
         path_length_m=float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()),
         lenses={camera.name: camera.params.tolist() for camera in placed.rig},
         mesh_vertices=len(surface.vertices_world_m),
@@ -234,7 +314,17 @@ def _report(placed: SparseMap, surface: dense.Reconstruction, hash: str, cpu_s: 
 
 
 def _facts(report: MapReport) -> dict[str, Any]:
-    names = ("hash", "scale_source", "up_source", "images", "images_placed", "reprojection_error_px", "path_length_m")
+    names = (
+        "verdict",
+        "reasons",
+        "hash",
+        "scale_source",
+        "up_source",
+        "images",
+        "images_placed",
+        "reprojection_error_px",
+        "path_length_m",
+    )
     return {name: getattr(report, name) for name in names}
 
 

@@ -18,6 +18,7 @@ Pixel coordinates are COLMAP's: the centre of the upper left pixel is (0.5, 0.5)
 
 import dataclasses
 import functools
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -324,6 +325,11 @@ def save(path: Path, rig: Rig) -> None:
     """Write a `camera.toml` that `load` reads back."""
     body = {"intrinsics": "refine" if rig.refine_intrinsics else "fixed", "camera": [_table(c) for c in rig.cameras]}
     file_format.write_toml(path, format=FORMAT, version=VERSION, body=body)
+
+
+def fingerprint(rig: Rig) -> bytes:
+    """All of a rig, as bytes that differ where any number does."""
+    return json.dumps([rig.refine_intrinsics, *(_table(camera) for camera in rig.cameras)]).encode()
 
 
 def _table(camera: Camera) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """The sparse map: images to metric poses and points in a z-up world."""
 
+import contextlib
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,12 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from flight import FloatArray, MapError, Progress, silent
-from mapping import alignment, child, colmap
+from mapping import alignment, child, colmap, stages
 from mapping.alignment import Alignment, Length
+from mapping.calibration.trial import Trial
 from mapping.colmap import SparseOptions
 from mapping.images import ImageSet
 from mapping.localization import LocalizationMap
 from mapping.rig import Rig
+from mapping.stages import Work
 
 _LEAST_SHARE = 0.5
 
@@ -40,6 +43,8 @@ class SparseMap:
     """Mean over all observations."""
     least_agreement: float
     """The worst placed image's share of matches that agree with the map."""
+    trial: Trial
+    """What the matches say of the camera file; its poses and points are COLMAP's, not the world's."""
     alignment: Alignment
     """Where scale and up came from."""
     cpu_s: dict[str, float]
@@ -73,6 +78,7 @@ def reconstruct(
     *,
     length: Length | None = None,
     references: Path | None = None,
+    work: Work | None = None,
     progress: Progress = silent,
 ) -> SparseMap:
     """Place the images in a metric, upright world.
@@ -80,24 +86,30 @@ def reconstruct(
     Args:
         length: a measured length, which then gives the scale.
         references: recorded positions and gravity; `references.csv` of the image folder by default.
+        work: keeps finished stages, so that an interrupted work goes on; a temporary folder by default.
 
     Raises:
         MapError: COLMAP failed, fewer than half of the instants could be placed, or nothing gives the scale.
         InputError, FormatError: the references or the length do not fit the images.
     """
     recorded = alignment.read_references(images, references)
-    model = child.run(colmap.reconstruct, images, options or SparseOptions(), progress=progress)
+    with contextlib.nullcontext(work) if work is not None else stages.temporary() as kept:
+        # a killed process leaves the call's folder inside the work's, which the next one removes
+        model = child.run(
+            colmap.reconstruct, images, options or SparseOptions(), kept, within=kept.folder, progress=progress
+        )
     placed = np.isfinite(model.T_world_body[:, 0, 0])
     if placed.mean() < _LEAST_SHARE:
         raise MapError(
             f"only {int(placed.sum())} of {len(placed)} images could be placed; "
             "take them closer together, slower, or in more light"
         )
+    has_baseline = images.rig.baseline_m > alignment.LEAST_BASELINE_M and _rig_seen(model.registered)
     aligned = alignment.align(
         images,
         model.T_world_body,
         recorded,
-        baseline_metric=images.rig.baseline_m > alignment.LEAST_BASELINE_M and _rig_seen(model.registered),
+        baseline_std=model.trial.scale_std if has_baseline else None,
         length=length,
     )
     return SparseMap(
@@ -110,6 +122,7 @@ def reconstruct(
         pixels=model.pixels,
         reprojection_error_px=model.reprojection_error_px,
         least_agreement=model.least_agreement,
+        trial=model.trial,
         alignment=aligned,
         cpu_s=model.cpu_s,
     )

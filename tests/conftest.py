@@ -91,5 +91,6 @@ def _make_pillar_map(folder: Path) -> None:
     trimesh.util.concatenate(parts).export(folder / "mesh.glb")
     rig.save(folder / "camera.toml", rendered_world.default_rig())
     (folder / "poses.csv").write_text("image,time_s,x_m,y_m,z_m,qw,qx,qy,qz\n0.png,0,1,1,1,1,0,0,0\n")
-    file_format.write_toml(folder / "map.toml", format=map_folder.FORMAT, version=1, body={"hash": field.hash})
+    body = {"hash": field.hash, "verdict": "good", "reasons": []}
+    file_format.write_toml(folder / "map.toml", format=map_folder.FORMAT, version=1, body=body)
     assert mapping.open_map(folder).hash == field.hash

@@ -1,4 +1,4 @@
-"""`goshawk camera`: a camera file from images, from Kalibr or from COLMAP."""
+"""`goshawk camera`: a camera file from images, from Kalibr or from COLMAP; its trial in a map is in `camera_trial`."""
 
 from pathlib import Path
 
@@ -7,6 +7,7 @@ import numpy as np
 
 import mapping
 from goshawk import console, outputs
+from goshawk.commands import camera_trial
 from goshawk.verbs import VerbGroup
 from mapping.rig import Rig
 
@@ -25,6 +26,7 @@ def command() -> None:
     goshawk camera new photos --out camera.toml
     goshawk camera import camchain.yaml --out camera.toml
     goshawk camera import cameras.txt --rig rigs.txt --out camera.toml
+    goshawk camera diagnose map                  what the map's matches say of its camera file
     """
 
 
@@ -111,6 +113,10 @@ def bring(calibration: Path, out: Path, rigs: Path | None, overwrite: bool, as_j
     document = {"written": str(out), "cameras": [c.name for c in rig], "baseline_m": rig.baseline_m}
     facts = {"cameras": ", ".join(f"{c.name} ({c.model}, images in {c.folder})" for c in rig), "scale": scale}
     console.show("camera", facts | {"written": str(out)}, as_json=as_json, document=document)
+
+
+for verb in (camera_trial.diagnose, camera_trial.compare, camera_trial.add, camera_trial.undo):
+    command.add_command(verb)
 
 
 def _field_of_view_rad(rig: Rig) -> float:

@@ -11,6 +11,8 @@ from flight import InputError, results
 from goshawk import console, outputs
 from goshawk.commands.map_edit import edit
 from goshawk.commands.map_show_esdf import show_esdf
+from mapping import map_folder, stages
+from mapping.verdict import Standing
 
 VOXEL_M, FARTHEST_M = (0.005, 10.0), (0.1, 1000.0)
 """Bounds of the options: finer voxels need too much memory."""
@@ -49,7 +51,7 @@ def build(
     farthest_m: float,
     overwrite: bool,
     as_json: bool,
-) -> None:
+) -> int:
     """Make a map from IMAGES: poses, mesh, distance field, localization map.
 
     \b
@@ -62,6 +64,12 @@ def build(
     means the same instant. The metric scale comes from --length, the distance between the cameras of a rig, or
     recorded positions. An earlier map in --out is replaced only with --overwrite and when the new one is complete: its
     edits are copied, and it is kept beside as OUT.old-1.
+
+    An interrupted run leaves its finished stages in OUT.work; the same command goes on from there.
+
+    The camera file is put on trial: what it gets wrong is corrected where a camera file can state it (`goshawk camera
+    diagnose MAP` shows all of it). The verdict is good, doubtful (`goshawk plan` then asks) or refused, with reasons.
+    Exit code 1: refused.
     """
     for option, value, (low, high) in (("--voxel", voxel_m, VOXEL_M), ("--farthest", farthest_m, FARTHEST_M)):
         if not low <= value <= high:
@@ -74,12 +82,16 @@ def build(
         references=references,
     )
     earlier = results.newest_kept(out)
+    resumed = stages.finished(map_folder.work_folder(out), map_folder.STAGES)
+    if resumed:
+        click.echo(f"an earlier run got as far as {resumed[-1]}; what still fits these inputs is taken over", err=True)
     with console.progress() as progress:
         rig = mapping.rig.load(camera)
         report = mapping.build_map(images, rig, out, options, overwrite=overwrite, progress=progress)
     if (kept := results.newest_kept(out)) != earlier:
         outputs.report_kept(out, kept)
     facts = {
+        "verdict": report.verdict,
         "images registered": f"{report.images_placed} of {report.images}",
         "reprojection error": f"{report.reprojection_error_px:.2f} px",
         "scale from": report.scale_source,
@@ -89,9 +101,20 @@ def build(
         "space": f"{report.free_m3:.1f} m3 free, {report.occupied_m3:.1f} m3 occupied; the rest is unknown",
         "written": str(out),
     }
+    if report.reasons:
+        facts["because"] = "; ".join(report.reasons)
+    if report.corrections:
+        facts["camera file"] = "; ".join(report.corrections)
+    if len(report.scale_witnesses) > 1:
+        facts["scale beside"] = "; ".join(
+            f"{w['ratio']:.3f} ± {w['std']:.3f} of the {w['source']}" for w in report.scale_witnesses[1:]
+        )
     if report.not_placed:
         facts["not placed"] = ", ".join(report.not_placed)
     console.show("map", facts, as_json=as_json, document=report.as_dict() | {"written": str(out)})
+    if report.verdict != Standing.GOOD:
+        click.echo(f"goshawk: the map is {report.verdict}: {'; '.join(report.reasons)}", err=True)
+    return 1 if report.verdict == Standing.REFUSED else 0
 
 
 def _length(text: str) -> mapping.Length:

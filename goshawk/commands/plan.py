@@ -11,7 +11,7 @@ import planner
 import vehicle
 from flight import FloatArray, InputError, cells, file_format, project
 from flight.mission import KeepIn, Laps, Mission, Yaw
-from goshawk import batch, console, outputs, waypoints_file
+from goshawk import batch, console, map_standing, outputs, waypoints_file
 from planner import mission, options, simplify
 
 _THINNED = 0.1
@@ -69,6 +69,7 @@ _THINNED = 0.1
 @console.path_option("--batch", "missions", "Folder of waypoint files to plan instead; --out is then a folder.")
 @click.option("--jobs", type=click.IntRange(1), default=1, show_default=True, help="Processes for --batch.")
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers plan the --batch instead.")
+@map_standing.accept_option
 @outputs.overwrite_option
 @console.json_option
 def command(
@@ -93,6 +94,7 @@ def command(
     missions: Path | None,
     jobs: int,
     scheduler: str | None,
+    accept_doubtful: bool,
     overwrite: bool,
     as_json: bool,
 ) -> None:
@@ -120,12 +122,13 @@ def command(
     )
     repeated, turned = None if laps is None else Laps(laps), yaw_from(yaw, heading_deg, look_at)
     tube = None if keep_in_m is None else KeepIn(keep_in_m)
+    area = mapping.open_map(map_folder)
+    map_standing.require(area, accept_doubtful=accept_doubtful)
     if missions is not None:
         job = batch.Job(map_folder, vehicle_file, how, out, repeated, turned, tube, overwrite=overwrite)
         plan_all(missions, job, jobs, scheduler, as_json=as_json)
         return
     outputs.check(out, overwrite=overwrite)
-    area = mapping.open_map(map_folder)
     left_out = 0
     if path is not None:
         recorded = read_path(path)

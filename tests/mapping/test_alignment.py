@@ -46,9 +46,7 @@ def up_of(truth: FloatArray) -> FloatArray:
 
 def test_recorded_positions_and_gravity_undo_any_similarity(truth: FloatArray) -> None:
     references = References(truth[:, :3, 3].copy(), up_of(truth))
-    found = alignment.align(
-        image_set(), as_colmap_gives_it(truth, 0.37), references, baseline_metric=False, length=None
-    )
+    found = alignment.align(image_set(), as_colmap_gives_it(truth, 0.37), references, baseline_std=None, length=None)
     assert found.scale == pytest.approx(0.37)
     assert (found.scale_source, found.up_source) == ("recorded positions", "recorded gravity")
     np.testing.assert_allclose(found.poses(as_colmap_gives_it(truth, 0.37)), truth, atol=1e-9)
@@ -63,7 +61,7 @@ def test_a_third_of_outliers_in_positions_and_some_in_gravity_have_no_influence(
     up = up_of(truth)
     up[::7] = [1.0, 0.0, 0.0]
     old = as_colmap_gives_it(truth, 2.5)
-    found = alignment.align(image_set(), old, References(positions, up), baseline_metric=False, length=None)
+    found = alignment.align(image_set(), old, References(positions, up), baseline_std=None, length=None)
     assert found.scale == pytest.approx(2.5, rel=0.005)
     np.testing.assert_allclose(found.poses(old)[:, :3, 3], truth[:, :3, 3], atol=0.03)
     assert found.positions_used >= COUNT - COUNT // 3 - 3
@@ -74,7 +72,7 @@ def test_the_baseline_gives_the_scale_and_positions_only_the_pose_and_a_check(tr
     off = truth[:, :3, 3] * 1.1
     references = References(off, up_of(truth))
     old = as_colmap_gives_it(truth, 1.0)
-    found = alignment.align(image_set(), old, references, baseline_metric=True, length=None)
+    found = alignment.align(image_set(), old, references, baseline_std=0.001, length=None)
     assert found.scale == 1.0
     assert found.scale_source == "rig baseline"
     assert found.scale_ratio_to_positions == pytest.approx(1 / 1.1)
@@ -86,7 +84,7 @@ def test_a_given_length_overrides_every_other_scale(truth: FloatArray, between: 
     metres = np.linalg.norm(np.diff(p, axis=0), axis=1).sum() if between is None else np.linalg.norm(p[21] - p[3])
     length = Length(float(metres), between)
     old = as_colmap_gives_it(truth, 0.02)
-    found = alignment.align(image_set(), old, nothing(), baseline_metric=True, length=length)
+    found = alignment.align(image_set(), old, nothing(), baseline_std=0.001, length=length)
     assert found.scale == pytest.approx(0.02)
     assert found.scale_source == "given length"
 
@@ -94,7 +92,7 @@ def test_a_given_length_overrides_every_other_scale(truth: FloatArray, between: 
 def test_without_records_the_world_starts_level_at_the_first_image(truth: FloatArray) -> None:
     old = as_colmap_gives_it(truth, 1.0)
     old[0] = np.nan  # not registered: the second image is then the first
-    found = alignment.align(image_set(), old, nothing(), baseline_metric=True, length=None)
+    found = alignment.align(image_set(), old, nothing(), baseline_std=0.001, length=None)
     assert found.up_source == "first image taken as level"
     poses = found.poses(old)
     np.testing.assert_allclose(poses[1], np.eye(4), atol=1e-9)
@@ -104,18 +102,18 @@ def test_without_records_the_world_starts_level_at_the_first_image(truth: FloatA
 
 def test_points_move_with_the_poses(truth: FloatArray) -> None:
     old = as_colmap_gives_it(truth, 0.5)
-    found = alignment.align(image_set(), old, nothing(), baseline_metric=False, length=Length(7.0))
+    found = alignment.align(image_set(), old, nothing(), baseline_std=None, length=Length(7.0))
     np.testing.assert_allclose(found.points(old[:, :3, 3]), found.poses(old)[:, :3, 3], atol=1e-12)
 
 
 def test_a_single_camera_without_any_length_is_refused(truth: FloatArray) -> None:
     with pytest.raises(MapError, match="no metric scale"):
-        alignment.align(image_set(), truth, nothing(), baseline_metric=False, length=None)
+        alignment.align(image_set(), truth, nothing(), baseline_std=None, length=None)
 
 
 def test_a_length_between_images_that_are_not_there_is_refused(truth: FloatArray) -> None:
     with pytest.raises(InputError, match=r"no .x\.jpg"):
-        alignment.align(image_set(), truth, nothing(), baseline_metric=False, length=Length(1.0, ("x.jpg", "001.jpg")))
+        alignment.align(image_set(), truth, nothing(), baseline_std=None, length=Length(1.0, ("x.jpg", "001.jpg")))
     with pytest.raises(InputError, match="positive"):
         Length(0.0)
 

@@ -9,9 +9,10 @@ import pytest
 import esdf
 import mapping
 from flight import FlightError, FloatArray, FormatError, InputError, MapError, file_format, frames, rotations
-from mapping import colmap, localization, map_folder, sparse
+from mapping import colmap, localization, map_folder, sparse, stages
 from mapping import rig as rigs
 from mapping.alignment import Alignment
+from mapping.calibration.trial import Trial
 from mapping.colmap import SparseOptions
 from mapping.images import ImageSet
 from mapping.localization import LocalizationMap
@@ -64,6 +65,7 @@ def sparse_map(folder: Path) -> SparseMap:
         pixels=np.zeros((0, 2)),
         reprojection_error_px=0.3,
         least_agreement=0.99,
+        trial=Trial((), RIG, poses, np.zeros((20, 3)), 0.2, 0.001),
         alignment=Alignment(1.0, np.eye(4), "rig baseline", "recorded gravity"),
         cpu_s={},
     )
@@ -156,7 +158,8 @@ def test_interrupt_leaves_the_old_map(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         mapping.build_map(images, RIG, out, options, overwrite=True, progress=interrupted)
     assert mapping.open_map(out).images == ("a.png", "c.png")
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["images", "map"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["images", "map", "map.work"]
+    assert stages.finished(tmp_path / "map.work", map_folder.STAGES) == ["features"]
 
 
 def test_matching_is_mutual_and_clear() -> None:
@@ -188,7 +191,8 @@ def test_too_few_placed_images_are_no_map(tmp_path: Path, monkeypatch: pytest.Mo
     images = sparse_map(tmp_path).images
     model = colmap.SparseModel(
         RIG, np.stack([np.eye(4), *[np.full((4, 4), np.nan)] * 2]), np.zeros((3, 1), bool), np.zeros((0, 3)),
-        np.zeros((0, 128)), np.zeros((0, 3), int), np.zeros((0, 2)), 0.3, 1.0, {},
+        np.zeros((0, 128)), np.zeros((0, 3), int), np.zeros((0, 2)), 0.3, 1.0,
+        Trial((), RIG, np.zeros((3, 4, 4)), np.zeros((0, 3)), 0.2, 0.001), {},
     )  # fmt: skip
     monkeypatch.setattr("mapping.child.run", lambda *_, **__: model)
     with pytest.raises(MapError, match="only 1 of 3 images"):

@@ -1,0 +1,327 @@
+"""Bundle adjustment in closed form: poses and points are eliminated, and a quadratic in the calibration remains.
+
+The reprojection errors are linearised in poses, points and every error that the calibration may have; points and poses
+are eliminated from the normal equations (Schur complement; Triggs et al., "Bundle adjustment - a modern synthesis",
+2000). Any set of errors is then estimated, with its covariance, by one solve with a few unknowns.
+"""
+
+import dataclasses
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse as sp
+
+from flight import FloatArray, frames, rotations
+from mapping.calibration import errors
+from mapping.calibration.errors import PLAUSIBLE, Candidate, State
+from mapping.rig import Rig
+
+FOLDS = 5
+"""Groups of points; each is judged with what the others say."""
+LONGEST_STEP_S = 0.6
+"""Neighbouring images further apart do not give the velocity between them."""
+
+_MOST_ITERATIONS = 10
+_CONVERGED = 0.995
+_HUBER = 1.345
+_RIDGE = 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Observations:
+    """A map, and the features in the images that it explains."""
+
+    rig: Rig
+    """The calibration on trial."""
+    T_world_body: FloatArray
+    """(instants, 4, 4); NaN where not placed."""
+    points_world: FloatArray
+    """(m, 3)."""
+    index: np.ndarray
+    """(o, 3) int: point, instant, camera."""
+    pixels: FloatArray
+    """(o, 2)."""
+    time_s: FloatArray
+    """(instants,); NaN where unknown."""
+
+
+def adjust(
+    seen: Observations, state: State, twist: FloatArray, free: Sequence[Candidate]
+) -> tuple[State, dict[Candidate, FloatArray]]:
+    """Gauss-Newton with poses, points and the errors in `free`; returns how far those moved."""
+    moved = {c: np.zeros(len(c.kind.units)) for c in free}
+    noise_px = np.inf
+    for _ in range(_MOST_ITERATIONS):
+        normal = Normal(seen, state, twist, free, folds=1)
+        if normal.noise_px > _CONVERGED * noise_px:
+            break
+        noise_px = normal.noise_px
+        delta, _ = normal.solve(free)
+        for c in free:
+            moved[c] += delta[normal.place(free, c)]
+        state = normal.step(state, free, delta)
+    return state, moved
+
+
+class Normal:
+    """The normal equations at one state, the points eliminated, apart for each fold of points."""
+
+    def __init__(
+        self,
+        seen: Observations,
+        state: State,
+        twist: FloatArray,
+        tried: Sequence[Candidate],
+        *,
+        folds: int = FOLDS,
+    ) -> None:
+        self.tried = list(tried)
+        self._placed = np.flatnonzero(np.isfinite(state.T_world_body[:, 0, 0]))
+        rows = linearise(seen, state, twist, tried)
+        point, instant = seen.index[rows.used, 0], np.searchsorted(self._placed, seen.index[rows.used, 1])
+        self.noise_px, weight = _robust(rows.residual)
+        root = np.sqrt(weight)[:, None] / self.noise_px
+        self._rms = _shift_matrices(rows, self.tried, seen.index[rows.used, 2], seen.rig)
+        residual = (rows.residual * root).ravel()
+        shared = sp.hstack(
+            [
+                _blocks(rows.pose * root[..., None], instant, len(self._placed)),
+                _columns(rows.calibration * root[..., None]),
+            ],
+            format="csr",
+        )
+        own = _blocks(rows.point * root[..., None], point, len(seen.points_world))
+        curvature = np.zeros((len(seen.points_world), 3, 3))
+        np.add.at(
+            curvature, point, np.einsum("oki,okj->oij", rows.point * root[..., None], rows.point * root[..., None])
+        )
+        scale = np.trace(curvature, axis1=1, axis2=2)[:, None, None]
+        inverse = np.linalg.inv(curvature + (_RIDGE * scale + 1e-12) * np.eye(3))
+        self._inverse = _block_diagonal(inverse)
+        self._coupling = (own.T @ shared).tocsr()
+        self._own_gradient = own.T @ residual
+        eliminated = self._inverse @ self._coupling
+        fold = np.arange(len(seen.points_world)) % folds
+        parts: list[tuple[FloatArray, FloatArray]] = []
+        for number in range(folds):
+            of_rows = np.repeat(fold[point] == number, 2)
+            of_points = np.repeat(fold == number, 3)
+            part, coupled = shared[of_rows], self._coupling[of_points]
+            matrix = (part.T @ part - coupled.T @ eliminated[of_points]).toarray()
+            gradient = part.T @ residual[of_rows] - eliminated[of_points].T @ self._own_gradient[of_points]
+            parts.append((matrix, gradient))
+        self._whole = (sum((m for m, _ in parts), np.zeros(())), sum((g for _, g in parts), np.zeros(())))
+        self._reduced = self._reduce(*self._whole)
+        if folds > 1:
+            self._withheld = [self._reduce(m, g) for m, g in parts]
+            self._training = [self._reduce(self._whole[0] - m, self._whole[1] - g) for m, g in parts]
+
+    @property
+    def _poses(self) -> int:
+        return 6 * len(self._placed)
+
+    def _reduce(self, matrix: FloatArray, gradient: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The poses eliminated; the six directions that move the whole map are held by a small ridge."""
+        n = self._poses
+        pose = matrix[:n, :n] + _RIDGE * np.trace(matrix[:n, :n]) * np.eye(n)
+        solved = np.linalg.solve(pose, np.column_stack([matrix[:n, n:], gradient[:n]]))
+        return matrix[n:, n:] - matrix[n:, :n] @ solved[:, :-1], gradient[n:] - matrix[n:, :n] @ solved[:, -1]
+
+    def _unknowns(self, chosen: Iterable[Candidate]) -> np.ndarray:
+        starts = np.cumsum([0, *(len(c.kind.units) for c in self.tried)])
+        where = [np.arange(starts[k], starts[k + 1]) for k in (self.tried.index(c) for c in chosen)]
+        return np.concatenate(where) if where else np.zeros(0, dtype=np.int64)
+
+    def place(self, chosen: Sequence[Candidate], candidate: Candidate) -> slice:
+        """Where the parameters of one candidate stand in the solution of `solve(chosen)`."""
+        start = sum(len(c.kind.units) for c in chosen[: chosen.index(candidate)])
+        return slice(start, start + len(candidate.kind.units))
+
+    def solve(self, chosen: Sequence[Candidate]) -> tuple[FloatArray, FloatArray]:
+        """Estimate and covariance of the chosen candidates, all points used."""
+        matrix, gradient = self._reduced
+        k = self._unknowns(chosen)
+        covariance = np.linalg.inv(matrix[np.ix_(k, k)] + self._prior(chosen))
+        return covariance @ gradient[k], covariance
+
+    def gain(self, chosen: Sequence[Candidate], given: dict[Candidate, FloatArray]) -> float:
+        """Fall of the withheld points' chi squared, summed over the folds.
+
+        Args:
+            chosen: the candidates that are estimated, each fold from the other folds' points.
+            given: steps of other candidates.
+        """
+        k, g = self._unknowns(chosen), self._unknowns(given)
+        both, step = np.concatenate([k, g]), np.concatenate([*given.values(), np.zeros(0)])
+        total = 0.0
+        for (matrix, gradient), (held_matrix, held_gradient) in zip(self._training, self._withheld, strict=True):
+            pull = gradient[k] - matrix[np.ix_(k, g)] @ step
+            delta = np.concatenate([np.linalg.solve(matrix[np.ix_(k, k)] + self._prior(chosen), pull), step])
+            total += float(2.0 * held_gradient[both] @ delta - delta @ held_matrix[np.ix_(both, both)] @ delta)
+        return total
+
+    def _prior(self, chosen: Sequence[Candidate]) -> FloatArray:
+        """Curvature of what is plausible: it decides only where the matches say next to nothing."""
+        return np.diag([1.0 / PLAUSIBLE[c.kind] ** 2 for c in chosen for _ in c.kind.units])
+
+    def shift_px(self, candidate: Candidate, size: FloatArray) -> float:
+        """RMS over the camera's observations of how far an error moves the image."""
+        return float(np.sqrt(size @ self._rms[candidate] @ size))
+
+    def spread_px(self, candidate: Candidate, covariance: FloatArray) -> float:
+        """Standard deviation of that shift, in the direction in which it is largest."""
+        return float(np.sqrt(np.linalg.eigvals(self._rms[candidate] @ covariance).real.max()))
+
+    def scale_std(self, state: State, free: Sequence[Candidate]) -> float:
+        """Standard deviation of the path's size, relative to it: how firmly the baseline of the rig sets the scale."""
+        if len(state.rig) == 1:
+            return float("inf")
+        n = self._poses
+        k = np.concatenate([np.arange(n), n + self._unknowns(free)])
+        matrix = self._whole[0][np.ix_(k, k)]
+        matrix[:n, :n] += _RIDGE * np.trace(matrix[:n, :n]) * np.eye(n)
+        T = state.T_world_body[self._placed]
+        growth = np.zeros((len(k),))
+        outward = T[:, :3, 3] - T[:, :3, 3].mean(axis=0)
+        growth[:n].reshape(-1, 6)[:, 3:] = np.einsum("nji,nj->ni", T[:, :3, :3], outward)
+        growth /= growth @ growth
+        return float(np.sqrt(growth @ np.linalg.solve(matrix, growth)))
+
+    def step(self, state: State, free: Sequence[Candidate], delta: FloatArray) -> State:
+        """The state after a Gauss-Newton step whose calibration part is `delta`."""
+        n = self._poses
+        matrix, gradient = self._whole
+        shared = np.zeros(len(gradient))
+        k = n + self._unknowns(free)
+        shared[k] = delta
+        pose = matrix[:n, :n] + _RIDGE * np.trace(matrix[:n, :n]) * np.eye(n)
+        shared[:n] = np.linalg.solve(pose, gradient[:n] - matrix[:n, k] @ delta)
+        own = self._inverse @ (self._own_gradient - self._coupling @ shared)
+        T = state.T_world_body.copy()
+        xi = shared[:n].reshape(-1, 6)
+        T[self._placed] = T[self._placed] @ frames.transform(rotations.exp(xi[:, :3]), xi[:, 3:])
+        changed = dataclasses.replace(state, T_world_body=T, points_world=state.points_world + own.reshape(-1, 3))
+        for c in free:
+            changed = errors.corrected(changed, c, delta[self.place(free, c)])
+        return changed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rows:
+    """Residuals (true less predicted) of the observations in use, and their derivatives."""
+
+    used: np.ndarray
+    """(o,) indices of the observations."""
+    residual: FloatArray
+    """(o, 2) px."""
+    pose: FloatArray
+    """(o, 2, 6): turn (rad) and motion (m) of the body, in its frame."""
+    point: FloatArray
+    """(o, 2, 3)."""
+    calibration: FloatArray
+    """(o, 2, p) for all candidates, in order."""
+
+
+def linearise(seen: Observations, state: State, twist: FloatArray, tried: Sequence[Candidate]) -> _Rows:
+    point, instant, number = seen.index.T
+    T = state.T_world_body[instant]
+    R_body_world = np.swapaxes(T[:, :3, :3], 1, 2)
+    rate = np.nan_to_num(twist[instant])
+    height = np.array([camera.height for camera in state.rig])
+    lag_s = state.offset_s[number] + state.shutter_s[number] * (seen.pixels[:, 1] / height[number] - 0.5)
+    still = np.einsum("oij,oj->oi", R_body_world, state.points_world[point] - T[:, :3, 3])
+    drift = -(rate[:, 3:] + np.cross(rate[:, :3], still))
+    body = still + lag_s[:, None] * drift
+    residual = np.full((len(point), 2), np.nan)
+    pose, of_point = np.zeros((len(point), 2, 6)), np.zeros((len(point), 2, 3))
+    width = sum(len(c.kind.units) for c in tried)
+    calibration = np.zeros((len(point), 2, width))
+    for k, camera in enumerate(state.rig):
+        at = np.flatnonzero(number == k)
+        T_camera_body = frames.invert(camera.T_body_camera)
+        inside = frames.apply(T_camera_body, body[at])
+        predicted, slope = errors.projection(camera, state.tangential[k], inside)
+        residual[at] = seen.pixels[at] - predicted
+        to_body = slope @ T_camera_body[:3, :3]
+        pose[at] = np.concatenate([to_body @ rotations.hat(body[at]), -to_body], axis=2)
+        of_point[at] = to_body @ R_body_world[at]
+        moving = np.einsum("oij,oj->oi", to_body, drift[at])
+        row = seen.pixels[at, 1] / camera.height - 0.5
+        start = 0
+        for c in tried:
+            count = len(c.kind.units)
+            if c.camera == camera.name:
+                calibration[at, :, start : start + count] = errors.derivative(
+                    c.kind, camera, state.rig.cameras[0], inside, predicted, slope, moving, row
+                )
+            start += count
+    used = np.flatnonzero(np.isfinite(residual).all(axis=1) & np.isfinite(pose).all(axis=(1, 2)))
+    return _Rows(used, residual[used], pose[used], of_point[used], calibration[used])
+
+
+def twists(seen: Observations) -> FloatArray:
+    """(instants, 6) rate (rad/s) and velocity (m/s) of the body, in its frame; NaN where the times do not tell.
+
+    The slope of the parabola through an instant and the two nearest to it.
+    """
+    twist = np.full((len(seen.time_s), 6), np.nan)
+    placed = np.flatnonzero(np.isfinite(seen.T_world_body[:, 0, 0]) & np.isfinite(seen.time_s))
+    for k, here in enumerate(placed):
+        first = min(max(k - 1, 0), len(placed) - 3)
+        others = [i for i in placed[max(first, 0) : first + 3] if i != here]
+        lags_s = seen.time_s[others] - seen.time_s[here]
+        if len(others) < 2 or np.abs(lags_s).min() == 0.0 or np.abs(np.diff(lags_s)).max() > 2.0 * LONGEST_STEP_S:
+            continue
+        to_body = frames.invert(seen.T_world_body[here])
+        near, far = (_step(to_body @ seen.T_world_body[i]) for i in others)
+        a_s, b_s = lags_s
+        twist[here] = (near * b_s / a_s - far * a_s / b_s) / (b_s - a_s)
+    return twist
+
+
+def _step(T: FloatArray) -> FloatArray:
+    """(6,) rotation vector and translation of a motion."""
+    return np.concatenate([rotations.log(rotations.from_matrix(T[:3, :3])), T[:3, 3]])
+
+
+def _robust(residual: FloatArray) -> tuple[float, FloatArray]:
+    """Standard deviation of a coordinate (from the median of the lengths) and Huber's weight of each observation."""
+    length = np.linalg.norm(residual, axis=1)
+    noise_px = max(float(np.median(length)) / 1.1774, 1e-6)  # Rayleigh: median 1.1774 sigma
+    return noise_px, np.minimum(1.0, 2.0 * _HUBER * noise_px / np.maximum(length, 1e-12))
+
+
+def _shift_matrices(
+    rows: _Rows, tried: Sequence[Candidate], number: np.ndarray, rig: Rig
+) -> dict[Candidate, FloatArray]:
+    """For each candidate (n, n): the mean square shift per unit of its parameters, over the camera's observations."""
+    names = [camera.name for camera in rig]
+    found: dict[Candidate, FloatArray] = {}
+    start = 0
+    for c in tried:
+        stop = start + len(c.kind.units)
+        own = rows.calibration[number == names.index(c.camera), :, start:stop]
+        found[c] = np.einsum("oki,okj->ij", own, own) / max(len(own), 1)
+        start = stop
+    return found
+
+
+def _blocks(values: FloatArray, column: np.ndarray, count: int) -> sp.csr_matrix:
+    """(o, 2, w) blocks as rows (2o) of a sparse matrix with `count` blocks of w columns."""
+    rows, height, width = values.shape
+    columns = np.repeat(column[:, None] * width + np.arange(width), height, axis=0)
+    starts = np.arange(0, rows * height * width + 1, width)
+    return sp.csr_matrix((values.reshape(-1), columns.reshape(-1), starts), shape=(rows * height, count * width))
+
+
+def _columns(values: FloatArray) -> sp.csr_matrix:
+    rows, height, width = values.shape
+    return sp.csr_matrix(values.reshape(rows * height, width))
+
+
+def _block_diagonal(blocks: FloatArray) -> sp.csr_matrix:
+    count, size, _ = blocks.shape
+    columns = (np.arange(count)[:, None, None] * size + np.arange(size)).repeat(size, axis=1)
+    starts = np.arange(0, count * size * size + 1, size)
+    return sp.csr_matrix((blocks.reshape(-1), columns.reshape(-1), starts), shape=(count * size,) * 2)

@@ -1,0 +1,223 @@
+"""What may be wrong with a camera of a rig, and what each error does to the image."""
+
+import dataclasses
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+
+from flight import FloatArray, rotations
+from mapping.rig import Camera, Rig
+
+
+class Kind(enum.StrEnum):
+    """What may be wrong with a camera of the rig."""
+
+    FOCAL = "focal length"
+    CENTRE = "principal point"
+    RADIAL = "radial distortion"
+    HIGHER = "higher radial terms"
+    TANGENTIAL = "tangential distortion"
+    ROTATION = "rotation on the body"
+    TRANSLATION = "direction to the first camera"
+    OFFSET = "time offset"
+    SHUTTER = "rolling shutter"
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Of each parameter: the focal length is relative; radial is Kannala-Brandt's k1, higher are k2, k3, k4."""
+        return _UNITS[self]
+
+
+_UNITS = {
+    Kind.FOCAL: ("",),
+    Kind.CENTRE: ("px", "px"),
+    Kind.RADIAL: ("",),
+    Kind.HIGHER: ("", "", ""),
+    Kind.TANGENTIAL: ("", ""),
+    Kind.ROTATION: ("rad", "rad", "rad"),
+    Kind.TRANSLATION: ("rad", "rad"),
+    Kind.OFFSET: ("s",),
+    Kind.SHUTTER: ("s",),
+}
+PLAUSIBLE = {
+    Kind.FOCAL: 0.1,
+    Kind.CENTRE: 20.0,
+    Kind.RADIAL: 0.2,
+    Kind.HIGHER: 0.2,
+    Kind.TANGENTIAL: 0.02,
+    Kind.ROTATION: 0.2,
+    Kind.TRANSLATION: 0.3,
+    Kind.OFFSET: 0.1,
+    Kind.SHUTTER: 0.1,
+}
+"""Standard deviation of each kind of error among camera files, in its unit."""
+_OF_THE_FIRST = (Kind.FOCAL, Kind.CENTRE, Kind.RADIAL, Kind.HIGHER, Kind.TANGENTIAL, Kind.SHUTTER)
+"""The first camera defines the body's pose and clock: no match can show it turned, moved or late."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One error that a calibration may have."""
+
+    camera: str
+    """The camera's name in the rig."""
+    kind: Kind
+    """What may be wrong with it."""
+
+    def __str__(self) -> str:
+        return f"{self.camera}: {self.kind}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class State:
+    """All unknowns of the adjustment."""
+
+    rig: Rig
+    T_world_body: FloatArray
+    points_world: FloatArray
+    tangential: FloatArray
+    """(cameras, 2)."""
+    offset_s: FloatArray
+    """(cameras,) by which a camera's images are later than the first's."""
+    shutter_s: FloatArray
+    """(cameras,) from the first row to the last."""
+
+
+def candidates(rig: Rig, *, timed: bool) -> list[Candidate]:
+    """Every error that can be tried on a rig; those of time only where the time of the images is known."""
+    kinds = [kind for kind in Kind if timed or kind not in (Kind.OFFSET, Kind.SHUTTER)]
+    return [
+        Candidate(camera.name, kind)
+        for number, camera in enumerate(rig)
+        for kind in kinds
+        if number > 0 or kind in _OF_THE_FIRST
+    ]
+
+
+def projection(camera: Camera, tangential: FloatArray, inside: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Pixels (o, 2) of points in the camera frame, and their slope (o, 2, 3) by central differences."""
+    step = 1e-5 * np.linalg.norm(inside, axis=1)
+    slope = np.empty((len(inside), 2, 3))
+    for axis in range(3):
+        shift = np.zeros_like(inside)
+        shift[:, axis] = step
+        ahead, behind = (_pixels(camera, tangential, inside + sign * shift) for sign in (1.0, -1.0))
+        slope[:, :, axis] = (ahead - behind) / (2.0 * step[:, None])
+    return _pixels(camera, tangential, inside), slope
+
+
+def _pixels(camera: Camera, tangential: FloatArray, inside: FloatArray) -> FloatArray:
+    pixels = camera.project(inside)
+    return pixels + _decentring(camera, pixels) @ tangential
+
+
+def _decentring(camera: Camera, pixels: FloatArray) -> FloatArray:
+    """(o, 2, 2) pixels per unit of Brown's tangential coefficients p1, p2."""
+    x, y = np.moveaxis((pixels - camera.principal_point_px) / camera.focal_px, -1, 0)
+    square = x * x + y * y
+    rows = np.array([[2.0 * x * y, square + 2.0 * x * x], [square + 2.0 * y * y, 2.0 * x * y]])
+    return np.moveaxis(rows, -1, 0) * np.array(camera.focal_px)[:, None]
+
+
+def derivative(
+    kind: Kind,
+    camera: Camera,
+    first: Camera,
+    inside: FloatArray,
+    pixels: FloatArray,
+    slope: FloatArray,
+    moving: FloatArray,
+    row: FloatArray,
+) -> FloatArray:
+    """(o, 2, n) derivative of the pixels by one kind of error.
+
+    Args:
+        inside: (o, 3) points in the camera frame; pixels: (o, 2); slope: (o, 2, 3) of the pixels by the points.
+        moving: (o, 2) px/s, the motion of the pixels; row: (o,) of the image, -0.5 to 0.5.
+    """
+    match kind:
+        case Kind.FOCAL:
+            return (pixels - camera.principal_point_px)[:, :, None]
+        case Kind.CENTRE:
+            return np.broadcast_to(np.eye(2), (len(inside), 2, 2))
+        case Kind.RADIAL:
+            return _radial(camera, inside, (3,))
+        case Kind.HIGHER:
+            return _radial(camera, inside, (5, 7, 9))
+        case Kind.TANGENTIAL:
+            return _decentring(camera, pixels)
+        case Kind.ROTATION:  # T_body_camera turned in the camera's own frame
+            return slope @ rotations.hat(inside)
+        case Kind.TRANSLATION:
+            return -slope @ camera.T_body_camera[:3, :3].T @ _perpendicular(camera, first)
+        case Kind.OFFSET:
+            return moving[:, :, None]
+        case Kind.SHUTTER:
+            return (moving * row[:, None])[:, :, None]
+
+
+def _radial(camera: Camera, inside: FloatArray, powers: tuple[int, ...]) -> FloatArray:
+    across = np.linalg.norm(inside[:, :2], axis=1)
+    theta = np.arctan2(across, inside[:, 2])
+    direction = inside[:, :2] / np.maximum(across, 1e-12)[:, None] * camera.focal_px
+    return direction[:, :, None] * theta[:, None, None] ** np.array(powers)
+
+
+def _perpendicular(camera: Camera, first: Camera) -> FloatArray:
+    """(3, 2) motions of a camera on the body (m) per radian of the direction from the first camera to it."""
+    line = camera.T_body_camera[:3, 3] - first.T_body_camera[:3, 3]
+    basis = np.linalg.svd(line[None])[2][1:].T
+    return float(np.linalg.norm(line)) * basis
+
+
+def corrected(state: State, candidate: Candidate, delta: FloatArray) -> State:
+    """The state with one error's parameters moved by `delta`."""
+    number = [camera.name for camera in state.rig].index(candidate.camera)
+    camera = state.rig.cameras[number]
+    match candidate.kind:
+        case Kind.FOCAL | Kind.CENTRE | Kind.RADIAL | Kind.HIGHER:
+            camera = _other_lens(camera, candidate.kind, delta)
+        case Kind.ROTATION:
+            T = camera.T_body_camera.copy()
+            T[:3, :3] = T[:3, :3] @ rotations.matrix(rotations.exp(delta))
+            camera = dataclasses.replace(camera, T_body_camera=T)
+        case Kind.TRANSLATION:
+            origin = state.rig.cameras[0].T_body_camera[:3, 3]
+            line = camera.T_body_camera[:3, 3] - origin
+            moved = line + _perpendicular(camera, state.rig.cameras[0]) @ delta
+            T = camera.T_body_camera.copy()
+            T[:3, 3] = origin + moved * np.linalg.norm(line) / np.linalg.norm(moved)
+            camera = dataclasses.replace(camera, T_body_camera=T)
+        case Kind.TANGENTIAL:
+            return dataclasses.replace(state, tangential=_added(state.tangential, number, delta))
+        case Kind.OFFSET:
+            return dataclasses.replace(state, offset_s=_added(state.offset_s, number, delta[0]))
+        case Kind.SHUTTER:
+            return dataclasses.replace(state, shutter_s=_added(state.shutter_s, number, delta[0]))
+    cameras = list(state.rig.cameras)
+    cameras[number] = camera
+    return dataclasses.replace(state, rig=dataclasses.replace(state.rig, cameras=tuple(cameras)))
+
+
+def _added(values: FloatArray, index: int, delta: FloatArray | float) -> FloatArray:
+    changed = values.copy()
+    changed[index] += delta
+    return changed
+
+
+def _other_lens(camera: Camera, kind: Kind, delta: FloatArray) -> Camera:
+    """The camera with another focal length, centre or distortion, as Kannala-Brandt with all its terms."""
+    fx, fy = camera.focal_px
+    cx, cy = camera.principal_point_px
+    k = camera.distortion.copy()
+    match kind:
+        case Kind.FOCAL:
+            fx, fy = fx * (1.0 + delta[0]), fy * (1.0 + delta[0])
+        case Kind.CENTRE:
+            cx, cy = cx + delta[0], cy + delta[1]
+        case Kind.RADIAL:
+            k[0] += delta[0]
+        case _:
+            k[1:] += delta
+    return dataclasses.replace(camera, model="OPENCV_FISHEYE", params=np.array([fx, fy, cx, cy, *k]))

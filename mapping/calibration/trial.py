@@ -1,0 +1,175 @@
+"""Calibration on trial: which error of a camera file the matches of a map show, how large it is, and how sure that is.
+
+A reprojection error that falls proves nothing, since every freed parameter lowers it. An error is therefore estimated
+from some of the points and judged by the others (cross-validation).
+"""
+
+import enum
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flight import FloatArray
+from mapping.calibration.adjustment import Normal, Observations, adjust, twists
+from mapping.calibration.errors import Candidate, Kind, State, candidates
+from mapping.rig import Rig
+
+LEAST_GAIN = 30.0
+"""Fall of the withheld points' chi squared from which an error is present."""
+NOTICEABLE_PX = 0.10
+"""RMS shift of the image below which an error does not matter: matching itself has systematic errors of this size."""
+SIGMAS90 = 1.645
+"""Half width of a 90 % interval, in standard deviations."""
+
+_MOST_ROUNDS = 4
+
+
+class Verdict(enum.StrEnum):
+    """What the matches say of a candidate error."""
+
+    PRESENT = "present"
+    EXCLUDED = "excluded"
+    UNKNOWN = "cannot tell"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Finding:
+    """What the matches say of one candidate, once the errors that are present were corrected."""
+
+    candidate: Candidate
+    """The error on trial."""
+    verdict: Verdict
+    """Whether it is there."""
+    size: FloatArray
+    """(n,) the true value less the camera file's, in `Kind.units`."""
+    std: FloatArray
+    """(n,) of `size`."""
+    shift_px: float
+    """How far the error moves the image, RMS over all observations of the camera."""
+    largest_shift_px: float
+    """The same at the far end of the 90 % interval: no larger error is likely."""
+    gain: float
+    """Fall of the withheld points' chi squared when it is corrected."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Numbers and words for a report file."""
+        return {
+            "camera": self.candidate.camera,
+            "error": str(self.candidate.kind),
+            "verdict": str(self.verdict),
+            "size": self.size.tolist(),
+            "std": self.std.tolist(),
+            "units": list(self.candidate.kind.units),
+            "shift_px": self.shift_px,
+            "largest_shift_px": self.largest_shift_px,
+            "gain": self.gain,
+        }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trial:
+    """The outcome of a trial."""
+
+    findings: tuple[Finding, ...]
+    """One for each candidate; those that are present come first, in the order in which they were found."""
+    rig: Rig
+    """The rig, corrected by what is present as far as a camera file can express it."""
+    T_world_body: FloatArray
+    """(instants, 4, 4) adjusted together with everything that is present; NaN where not placed."""
+    points_world: FloatArray
+    """(m, 3), likewise."""
+    noise_px: float
+    """Standard deviation of a match in each pixel coordinate, with what is present corrected."""
+    scale_std: float
+    """Relative standard deviation of the scale that the distance between the cameras gives; infinite for one camera."""
+
+    @property
+    def present(self) -> tuple[Finding, ...]:
+        return tuple(f for f in self.findings if f.verdict is Verdict.PRESENT)
+
+    @property
+    def inexpressible(self) -> tuple[Finding, ...]:
+        """What is present and no camera file can state; only `T_world_body` and `points_world` allow for it."""
+        return tuple(f for f in self.present if f.candidate.kind in (Kind.TANGENTIAL, Kind.OFFSET, Kind.SHUTTER))
+
+
+def hold(seen: Observations) -> Trial:
+    """Try every calibration error on the matches of a map.
+
+    All errors are estimated together and then given up one by one, the least missed first, until each that is left is
+    missed by the withheld points (backward elimination: two errors that only explain the matches together, such as
+    focal length and radial distortion, are not overlooked). The adjustment is linearised anew with what is left, until
+    the same errors are left twice.
+    """
+    twist = twists(seen)
+    tried = candidates(seen.rig, timed=bool(np.isfinite(twist).any()))
+    none = np.zeros(len(seen.rig))
+    start = State(seen.rig, seen.T_world_body, seen.points_world, np.zeros((len(seen.rig), 2)), none, none)
+    present: list[Candidate] = []
+    state, sizes = adjust(seen, start, twist, present)
+    for _ in range(_MOST_ROUNDS):
+        normal = Normal(seen, state, twist, tried)
+        left = _eliminate(normal, sizes)
+        if set(left) == set(present):
+            break
+        present = left
+        state, sizes = adjust(seen, start, twist, present)
+    else:
+        normal = Normal(seen, state, twist, tried)
+    findings = [_finding(normal, present, sizes, c) for c in tried]
+    findings.sort(key=lambda f: (f.verdict is not Verdict.PRESENT, -f.shift_px if f.candidate in present else 0.0))
+    return Trial(
+        tuple(findings),
+        state.rig,
+        state.T_world_body,
+        state.points_world,
+        normal.noise_px,
+        normal.scale_std(state, present),
+    )
+
+
+def _eliminate(normal: "Normal", sizes: dict[Candidate, FloatArray]) -> list[Candidate]:
+    """The candidates that withheld points miss, and that move the image noticeably.
+
+    Args:
+        sizes: what the state of `normal` already allows for; giving such a candidate up takes that away again.
+    """
+    left = list(normal.tried)
+    given_up: dict[Candidate, FloatArray] = {}
+    while left:
+        whole = normal.gain(left, given_up)
+        delta, _ = normal.solve(left)
+        missed: dict[Candidate, float] = {}
+        for c in left:
+            size = delta[normal.place(left, c)] + sizes.get(c, 0.0)
+            without = [other for other in left if other != c]
+            loss = whole - normal.gain(without, given_up | _undone(sizes, c))
+            missed[c] = loss if normal.shift_px(c, size) > NOTICEABLE_PX else min(loss, 0.0)
+        least = min(left, key=lambda c: missed[c])
+        if missed[least] > LEAST_GAIN:
+            break
+        left.remove(least)
+        given_up |= _undone(sizes, least)
+    return left
+
+
+def _undone(sizes: dict[Candidate, FloatArray], candidate: Candidate) -> dict[Candidate, FloatArray]:
+    return {candidate: -sizes[candidate]} if candidate in sizes else {}
+
+
+def _finding(
+    normal: "Normal", present: Sequence[Candidate], sizes: dict[Candidate, FloatArray], c: Candidate
+) -> Finding:
+    chosen = list(present) if c in present else [*present, c]
+    delta, covariance = normal.solve(chosen)
+    own = normal.place(chosen, c)
+    size = sizes.get(c, delta[own])
+    shift_px = normal.shift_px(c, size)
+    largest_px = shift_px + SIGMAS90 * normal.spread_px(c, covariance[own, own])
+    without = [other for other in chosen if other != c]
+    gain = normal.gain(chosen, {}) - normal.gain(without, _undone(sizes, c))
+    acquitted = Verdict.EXCLUDED if largest_px < NOTICEABLE_PX else Verdict.UNKNOWN
+    verdict = Verdict.PRESENT if c in present else acquitted
+    return Finding(c, verdict, size, np.sqrt(np.diag(covariance)[own]), shift_px, largest_px, gain)

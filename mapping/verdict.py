@@ -1,0 +1,123 @@
+"""Whether a map may be flown in: good, doubtful or refused, with the reasons.
+
+A map that is too large by a tenth looks like any other. What gives it away stands beside it: matches that contradict
+the camera file, sources of scale that contradict each other, images that found no place.
+"""
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+
+from flight import FloatArray
+from mapping.alignment import ScaleWitness
+from mapping.calibration.errors import Kind
+from mapping.calibration.trial import SIGMAS90, Finding, Verdict
+from mapping.sparse import SparseMap
+
+LEAST_PLACED = 0.9
+"""Share of the images that a good map has placed."""
+LARGEST_NOISE_PX = 1.0
+"""Standard deviation of a match beyond which the lens model does not fit these images."""
+SCALE_DOUBT, SCALE_REFUSED = 0.05, 0.15
+"""Relative disagreement of two sources of scale, beyond three standard deviations of it."""
+OTHER_CAMERA_PX = 20.0
+"""A correction that moves the image by more says that the camera file belongs to other images."""
+SHIFT_DOUBT_PX = 1.0
+"""An error that could be this large without the matches showing it is a reason for doubt."""
+
+
+class Standing(enum.StrEnum):
+    """What may be done in a map."""
+
+    GOOD = "good"
+    DOUBTFUL = "doubtful"
+    REFUSED = "refused"
+    NOT_JUDGED = "not judged"
+    """Made by a version that did not put the calibration on trial."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapVerdict:
+    """The verdict on a map."""
+
+    standing: Standing
+    """The worst that any reason asks for."""
+    reasons: tuple[str, ...]
+    """Why it is not good; empty if it is."""
+    corrections: tuple[str, ...]
+    """What was wrong with the camera file and is right in the map."""
+
+
+def judge(placed: SparseMap) -> MapVerdict:
+    """The verdict on a sparse map; everything dense stands on it."""
+    doubts, refusals = [], []
+    share = float(placed.registered.sum()) / placed.images.count
+    if share < LEAST_PLACED:
+        doubts.append(
+            f"{placed.images.count - int(placed.registered.sum())} of {placed.images.count} images could not be placed"
+        )
+    trial = placed.trial
+    if trial.noise_px > LARGEST_NOISE_PX:
+        doubts.append(
+            f"matches miss their points by {trial.noise_px:.2f} px (up to {LARGEST_NOISE_PX:g} is usual): the lens "
+            "model does not fit these images, or things moved"
+        )
+    for finding in trial.present:
+        if finding.shift_px > OTHER_CAMERA_PX:
+            refusals.append(
+                f"{finding.candidate} is off by {size_text(finding)}: the camera file belongs to other images"
+            )
+        elif finding in trial.inexpressible:
+            doubts.append(f"{finding.candidate} of {size_text(finding)}, which a camera file cannot state")
+    for finding in trial.findings:
+        if finding.verdict is Verdict.UNKNOWN and finding.largest_shift_px > SHIFT_DOUBT_PX:
+            doubts.append(
+                f"these images cannot tell an error of the {finding.candidate} of up to {size_text(finding, most=True)}"
+            )
+    for witness in placed.alignment.witnesses[1:]:
+        _weigh(placed.alignment.witnesses[0], witness, doubts, refusals)
+    standing = Standing.REFUSED if refusals else Standing.DOUBTFUL if doubts else Standing.GOOD
+    corrected = [f for f in trial.present if f not in trial.inexpressible]
+    return MapVerdict(
+        standing, (*refusals, *doubts), tuple(f"{f.candidate}: {size_text(f)}, corrected" for f in corrected)
+    )
+
+
+def _weigh(used: ScaleWitness, other: ScaleWitness, doubts: list[str], refusals: list[str]) -> None:
+    off, std = abs(other.ratio - 1.0), float(np.hypot(used.std, other.std))
+    if off < max(SCALE_DOUBT, 3.0 * std):
+        return
+    text = (
+        f"the scale from the {used.source} is {other.ratio:.3f} times that from the {other.source} "
+        f"(± {std:.3f}); one of them is wrong"
+    )
+    (refusals if off > max(SCALE_REFUSED, 3.0 * std) else doubts).append(text)
+
+
+def size_text(finding: Finding, *, most: bool = False) -> str:
+    """The size of an error with its standard deviation, in the unit a user knows.
+
+    Args:
+        most: the largest size that the matches allow, instead.
+    """
+    factor, unit = _SHOWN[finding.candidate.kind]
+    size, std = factor * _length(finding.size), factor * _length(finding.std)
+    return f"{size + SIGMAS90 * std:.3g} {unit}" if most else f"{size:.3g} ± {std:.1g} {unit}"
+
+
+_SHOWN = {
+    Kind.FOCAL: (100.0, "%"),
+    Kind.CENTRE: (1.0, "px"),
+    Kind.RADIAL: (1.0, "(k1)"),
+    Kind.HIGHER: (1.0, "(k2, k3, k4)"),
+    Kind.TANGENTIAL: (1.0, "(p1, p2)"),
+    Kind.ROTATION: (float(np.degrees(1.0)), "deg"),
+    Kind.TRANSLATION: (float(np.degrees(1.0)), "deg"),
+    Kind.OFFSET: (1000.0, "ms"),
+    Kind.SHUTTER: (1000.0, "ms"),
+}
+
+
+def _length(values: FloatArray) -> float:
+    return float(np.linalg.norm(values))

@@ -1,0 +1,181 @@
+"""A known error of the calibration is found, with its size; none is invented. Points and poses are made by formula."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from flight import FloatArray, frames, rotations
+from mapping import rendered_world
+from mapping.calibration import adjustment, errors
+from mapping.calibration import trial as trials
+from mapping.calibration.adjustment import Observations
+from mapping.calibration.errors import Kind
+from mapping.calibration.trial import Trial, Verdict
+from mapping.rig import Camera, Rig
+
+NOISE_PX = 0.2
+RATE_HZ = 10.0
+
+
+def pose(t_s: FloatArray) -> FloatArray:
+    """(n, 4, 4) of a fast, curved flight at the times (n,): 4 m/s with turns, so that time and shutter show."""
+    positions = np.stack([4.0 * t_s, 1.5 * np.sin(1.5 * t_s), 1.5 + 0.4 * np.cos(2.0 * t_s)], axis=1)
+    turns = np.stack([0.2 * np.sin(2.0 * t_s), 0.15 * np.cos(1.3 * t_s), 0.6 * np.sin(1.1 * t_s)], axis=1)
+    return frames.transform(rotations.exp(turns), positions)
+
+
+TIMES_S = np.arange(24) / RATE_HZ
+
+
+def observed(
+    rig: Rig, *, offset_s: float = 0.0, shutter_s: float = 0.0, tangential: float = 0.0, seed: int = 0
+) -> tuple[FloatArray, FloatArray, np.ndarray, FloatArray]:
+    """Poses, points, (point, instant, camera) and pixels that the true rig sees, with noise."""
+    rng = np.random.default_rng(seed)
+    points = rng.uniform([-1.0, -5.0, -1.0], [12.0, 5.0, 5.0], (600, 3))
+    index, pixels = [], []
+    for number, camera in enumerate(rig):
+        for i, t_s in enumerate(TIMES_S):
+            seen = image(camera, t_s + (offset_s if number else 0.0), points, shutter_s, tangential)
+            inside = np.flatnonzero(camera.contains(seen))
+            index.append(np.column_stack([inside, np.full((len(inside), 2), [i, number])]))
+            pixels.append(seen[inside] + NOISE_PX * rng.normal(size=(len(inside), 2)))
+    return pose(TIMES_S), points, np.concatenate(index), np.concatenate(pixels)
+
+
+def image(camera: Camera, t_s: float, points: FloatArray, shutter_s: float, tangential: float) -> FloatArray:
+    """(n, 2) pixels of points; each row is read at a time of its own, found by iteration."""
+    row_s = np.zeros(len(points))
+    for _ in range(4):
+        T = pose(t_s + row_s) @ camera.T_body_camera
+        inside = np.einsum("nji,nj->ni", T[:, :3, :3], points - T[:, :3, 3])
+        flat = camera.project(inside)
+        x, y = np.moveaxis((flat - camera.principal_point_px) / camera.focal_px, -1, 0)
+        seen = flat + tangential * np.stack([2.0 * x * y, x * x + 3.0 * y * y], axis=-1) * camera.focal_px
+        row_s = shutter_s * (np.nan_to_num(seen[:, 1]) / camera.height - 0.5)
+    return seen
+
+
+def tried(true: Rig, told: Rig, **how: float) -> Trial:
+    """The trial of the rig that the camera file states, on what the true rig saw."""
+    T, points, index, pixels = observed(true, **how)
+    rng = np.random.default_rng(9)
+    near = points + 0.01 * rng.normal(size=points.shape)
+    return trials.hold(Observations(told, T, near, index, pixels, np.arange(len(T)) / RATE_HZ))
+
+
+def changed(rig: Rig, number: int, **what: object) -> Rig:
+    cameras = list(rig.cameras)
+    cameras[number] = dataclasses.replace(cameras[number], **what)
+    return dataclasses.replace(rig, cameras=tuple(cameras))
+
+
+def turned(rig: Rig, turn_rad: FloatArray) -> Rig:
+    T = rig.cameras[1].T_body_camera.copy()
+    T[:3, :3] = T[:3, :3] @ rotations.matrix(rotations.exp(turn_rad))
+    return changed(rig, 1, T_body_camera=T)
+
+
+def lens(rig: Rig, number: int, **added: float) -> Rig:
+    names = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")
+    return changed(rig, number, params=rig.cameras[number].params + [added.get(name, 0.0) for name in names])
+
+
+RIG = rendered_world.default_rig(0.75)
+FOCAL_PX = RIG.cameras[0].focal_px[0]
+
+
+def test_a_right_camera_file_is_acquitted() -> None:
+    found = tried(RIG, RIG)
+    assert not found.present
+    assert found.noise_px == pytest.approx(NOISE_PX, rel=0.1)
+    assert found.scale_std < 0.01
+    for finding in found.findings:
+        assert (np.abs(finding.size) < 4.5 * finding.std).all(), str(finding.candidate)
+    np.testing.assert_array_equal(found.rig.cameras[1].T_body_camera, RIG.cameras[1].T_body_camera)
+
+
+TURN_RAD = np.radians([0.6, 0.6, -0.5])
+PLANTED = [
+    ("down", Kind.ROTATION, turned(RIG, TURN_RAD), {}, TURN_RAD),
+    ("front", Kind.FOCAL, lens(RIG, 0, fx=0.01 * FOCAL_PX, fy=0.01 * FOCAL_PX), {}, [0.01]),
+    ("down", Kind.FOCAL, lens(RIG, 1, fx=0.01 * FOCAL_PX, fy=0.01 * FOCAL_PX), {}, [0.01]),
+    ("front", Kind.RADIAL, lens(RIG, 0, k1=0.006), {}, [0.006]),
+    ("down", Kind.OFFSET, RIG, {"offset_s": 0.005}, [0.005]),
+]
+
+
+@pytest.mark.parametrize(("camera", "kind", "true", "how", "size"), PLANTED)
+def test_a_planted_error_is_the_one_found(camera: str, kind: Kind, true: Rig, how: dict, size: list[float]) -> None:
+    found = tried(true, RIG, **how)
+    assert [(f.candidate.camera, f.candidate.kind) for f in found.present] == [(camera, kind)]
+    (finding,) = found.present
+    np.testing.assert_allclose(finding.size, size, atol=4.5 * float(finding.std.max()))
+    assert found.noise_px == pytest.approx(NOISE_PX, rel=0.1)
+
+
+def test_both_cameras_share_a_rolling_shutter() -> None:
+    found = tried(RIG, RIG, shutter_s=0.010)
+    assert {str(f.candidate) for f in found.present} == {"front: rolling shutter", "down: rolling shutter"}
+    for finding in found.present:
+        assert finding.size[0] == pytest.approx(0.010, abs=5.0 * finding.std[0] + 2e-4)
+    assert len(found.inexpressible) == 2
+
+
+def test_two_errors_are_told_apart() -> None:
+    found = tried(lens(turned(RIG, TURN_RAD), 0, fx=2.0, fy=2.0), RIG)
+    assert {str(f.candidate) for f in found.present} == {"down: rotation on the body", "front: focal length"}
+    np.testing.assert_allclose(
+        found.rig.cameras[1].T_body_camera, turned(RIG, TURN_RAD).cameras[1].T_body_camera, atol=1e-3
+    )
+    assert found.rig.cameras[0].focal_px[0] == pytest.approx(FOCAL_PX + 2.0, abs=0.1)
+
+
+def test_tangential_distortion_is_found_though_no_camera_file_states_it() -> None:
+    found = tried(RIG, RIG, tangential=0.002)
+    assert {f.candidate.kind for f in found.inexpressible} == {Kind.TANGENTIAL}
+    assert {f.candidate.camera for f in found.inexpressible} == {"front", "down"}
+
+
+def test_without_times_nothing_is_said_of_time() -> None:
+    T, points, index, pixels = observed(RIG)
+    found = trials.hold(Observations(RIG, T, points, index, pixels, np.full(len(T), np.nan)))
+    assert not {Kind.OFFSET, Kind.SHUTTER} & {f.candidate.kind for f in found.findings}
+
+
+def test_a_single_camera_has_no_scale_and_no_pose_on_trial() -> None:
+    rig = dataclasses.replace(RIG, cameras=RIG.cameras[:1])
+    found = tried(rig, rig)
+    assert found.scale_std == float("inf")
+    assert not {Kind.ROTATION, Kind.TRANSLATION, Kind.OFFSET} & {f.candidate.kind for f in found.findings}
+
+
+def test_few_matches_cannot_tell() -> None:
+    T, points, index, pixels = observed(RIG)
+    few = (index[:, 0] < 12) & (index[:, 1] < 5)
+    found = trials.hold(Observations(RIG, T, points, index[few], pixels[few], np.arange(len(T)) / RATE_HZ))
+    assert not found.present
+    assert sum(f.verdict is Verdict.UNKNOWN for f in found.findings) > 0.7 * len(found.findings)
+
+
+def test_derivatives_agree_with_finite_differences() -> None:
+    T, points, index, pixels = observed(RIG)
+    seen = Observations(RIG, T, points, index, pixels, np.arange(len(T)) / RATE_HZ)
+    candidates = errors.candidates(RIG, timed=True)
+    twist = adjustment.twists(seen)
+    state = errors.State(RIG, T, points, np.zeros((2, 2)), np.array([0.0, 2e-3]), np.array([3e-3, 1e-3]))
+    start = 0
+    rows = adjustment.linearise(seen, state, twist, candidates)
+    for candidate in candidates:
+        for k in range(len(candidate.kind.units)):
+            step = np.zeros(len(candidate.kind.units))
+            step[k] = 1e-6
+            ahead, behind = (
+                adjustment.linearise(seen, errors.corrected(state, candidate, sign * step), twist, candidates).residual
+                for sign in (1.0, -1.0)
+            )
+            slope = -(ahead - behind) / 2e-6
+            expected = rows.calibration[:, :, start]
+            assert np.abs(slope - expected).max() < 1e-3 * max(np.abs(expected).max(), 1.0), (candidate, k)
+            start += 1

@@ -1,0 +1,114 @@
+"""Finished stages survive a killed process; a changed input makes exactly what depends on it again; two never share."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flight import InputError
+from mapping import depth_files, stages
+from mapping.stereo import DepthImage
+
+SLOW_WORK = """
+import sys, time
+from pathlib import Path
+from mapping import stages
+
+def first(folder): (folder / "a").write_text("whole")
+def second(folder):
+    (folder / "b").write_text("half")
+    print("in the middle", flush=True)
+    time.sleep(60)
+
+with stages.begin(Path(sys.argv[1])) as work:
+    work = work.on("inputs")
+    work.stage("first", first)
+    work.on("more").stage("second", second)
+"""
+
+
+def count(made: list[str], name: str):
+    def make(folder: Path) -> None:
+        made.append(name)
+        (folder / "result").write_text(name)
+
+    return make
+
+
+def test_a_finished_stage_is_not_made_again(tmp_path: Path) -> None:
+    made: list[str] = []
+    for _ in range(2):
+        with stages.begin(tmp_path / "w") as work:
+            first = work.on("a").stage("first", count(made, "first"))
+            assert (first / "result").read_text() == "first"
+    assert made == ["first"]
+
+
+def test_a_changed_input_makes_what_depends_on_it_again(tmp_path: Path) -> None:
+    made: list[str] = []
+    for option in (1, 2):
+        with stages.begin(tmp_path / "w") as work:
+            work.on("images").stage("first", count(made, "first"))
+            work.on("images").on(option).stage("second", count(made, "second"))
+    assert made == ["first", "second", "second"]
+
+
+def test_inputs_do_not_run_together(tmp_path: Path) -> None:
+    with stages.begin(tmp_path / "w") as work:
+        assert work.on(b"ab", b"c").depends != work.on(b"a", b"bc").depends
+        assert work.on("a").on("b").depends != work.on("b").on("a").depends
+
+
+def test_a_failed_stage_leaves_nothing_that_counts(tmp_path: Path) -> None:
+    made: list[str] = []
+
+    def fail(folder: Path) -> None:
+        (folder / "half").write_text("x")
+        raise InputError("no")
+
+    with pytest.raises(InputError), stages.begin(tmp_path / "w") as work:
+        work.stage("first", fail)
+    assert stages.finished(tmp_path / "w", ["first"]) == []
+    with stages.begin(tmp_path / "w") as work:
+        place = work.stage("first", count(made, "first"))
+        assert not (place / "half").exists()
+        stages.finish(work)
+    assert not (tmp_path / "w").exists()
+
+
+def test_a_killed_process_loses_only_the_stage_it_was_in(tmp_path: Path) -> None:
+    words = [sys.executable, "-c", SLOW_WORK, str(tmp_path / "w")]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as child:
+        assert child.stdout is not None
+        assert child.stdout.readline() == "in the middle\n"
+        with pytest.raises(InputError, match="another process is at work"), stages.begin(tmp_path / "w"):
+            pass
+        os.kill(child.pid, signal.SIGKILL)
+    assert stages.finished(tmp_path / "w", ["first", "second"]) == ["first"]
+    made: list[str] = []
+    with stages.begin(tmp_path / "w") as work:
+        work = work.on("inputs")
+        assert (work.stage("first", count(made, "first")) / "a").read_text() == "whole"
+        second = work.on("more").stage("second", count(made, "second"))
+    assert made == ["second"]
+    assert sorted(p.name for p in second.iterdir()) == ["inputs", "result"]
+
+
+def test_depth_images_survive_their_files(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    four = [rng.random((6, 8), dtype=np.float32) for _ in range(4)]
+    depth = DepthImage(*four, rng.integers(0, 4, (6, 8), dtype=np.uint8), 0.5)
+    depth_files.write(tmp_path, iter([None, depth]))
+    back = depth_files.DepthFiles(tmp_path)
+    assert len(back) == 2
+    assert back[0] is None
+    again = back[1]
+    assert again is not None
+    assert again.scale == 0.5
+    for name in ("inverse_range", "deviation", "facing", "bound", "agreeing"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(depth, name))
+    assert list(back)[1] is not None

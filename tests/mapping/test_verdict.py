@@ -1,0 +1,113 @@
+"""What makes a map doubtful or refused: each reason alone, and none of them."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flight import InputError
+from mapping import map_folder, rendered_world, verdict
+from mapping.alignment import Alignment, ScaleWitness
+from mapping.calibration.errors import Candidate, Kind
+from mapping.calibration.trial import Finding, Trial, Verdict
+from mapping.images import ImageSet
+from mapping.sparse import SparseMap
+from mapping.verdict import Standing
+
+RIG = rendered_world.default_rig(0.25)
+COUNT = 10
+
+
+def placed(
+    *,
+    missing: int = 0,
+    findings: tuple[Finding, ...] = (),
+    noise_px: float = 0.2,
+    ratio: float = 1.0,
+    std: float = 0.01,
+) -> SparseMap:
+    names = tuple(f"{k}.png" for k in range(COUNT))
+    registered = np.ones((COUNT, 2), bool)
+    registered[:missing] = False
+    witnesses = (ScaleWitness("rig baseline", 1.0, 0.001), ScaleWitness("recorded positions", ratio, std))
+    nothing = np.zeros((0, 3))
+    return SparseMap(
+        images=ImageSet(Path(), RIG, names, np.ones((COUNT, 2), bool), np.full(COUNT, np.nan)),
+        T_world_body=np.tile(np.eye(4), (COUNT, 1, 1)),
+        registered=registered,
+        points_world_m=nothing,
+        descriptors=np.zeros((0, 128), np.float32),
+        observations=np.zeros((0, 3), int),
+        pixels=np.zeros((0, 2)),
+        reprojection_error_px=0.3,
+        least_agreement=1.0,
+        trial=Trial(findings, RIG, np.zeros((0, 4, 4)), nothing, noise_px, 0.001),
+        alignment=Alignment(1.0, np.eye(4), "rig baseline", "recorded gravity", witnesses=witnesses),
+        cpu_s={},
+    )
+
+
+def finding(kind: Kind, what: Verdict, *, shift_px: float = 2.0, largest_px: float = 2.1) -> Finding:
+    count = len(kind.units)
+    return Finding(
+        Candidate("down", kind), what, np.full(count, 0.01), np.full(count, 1e-3), shift_px, largest_px, 99.0
+    )
+
+
+def test_a_map_without_reasons_is_good() -> None:
+    found = verdict.judge(placed(findings=(finding(Kind.ROTATION, Verdict.PRESENT),)))
+    assert found.standing is Standing.GOOD
+    assert found.corrections == ("down: rotation on the body: 0.992 ± 0.1 deg, corrected",)
+
+
+DOUBTS = [
+    ({"missing": 2}, "4 of 20 images could not be placed"),
+    ({"noise_px": 1.01}, "1.01 px"),
+    ({"findings": (finding(Kind.SHUTTER, Verdict.PRESENT),)}, "rolling shutter of 10 ± 1 ms"),
+    ({"findings": (finding(Kind.ROTATION, Verdict.UNKNOWN),)}, "cannot tell an error of the down: rotation"),
+    ({"ratio": 1.06}, "1.060 times"),
+    ({"ratio": 0.94}, "0.940 times"),
+    ({"ratio": 1.14}, "1.140 times"),
+]
+
+
+@pytest.mark.parametrize(("what", "said"), DOUBTS)
+def test_each_doubt_is_named(what: dict, said: str) -> None:
+    found = verdict.judge(placed(**what))
+    assert found.standing is Standing.DOUBTFUL
+    assert len(found.reasons) == 1
+    assert said in found.reasons[0]
+
+
+@pytest.mark.parametrize(
+    "what",
+    [
+        {"missing": 1},
+        {"noise_px": 0.99},
+        {"ratio": 1.04},
+        {"ratio": 1.2, "std": 0.1},
+        {"findings": (finding(Kind.ROTATION, Verdict.UNKNOWN, largest_px=0.9),)},
+        {"findings": (finding(Kind.ROTATION, Verdict.EXCLUDED, shift_px=0.01, largest_px=0.05),)},
+    ],
+)
+def test_what_is_usual_is_no_reason(what: dict) -> None:
+    assert verdict.judge(placed(**what)).standing is Standing.GOOD
+
+
+@pytest.mark.parametrize("what", [{"ratio": 1.2}, {"findings": (finding(Kind.FOCAL, Verdict.PRESENT, shift_px=21.0),)}])
+def test_a_wrong_size_or_another_camera_is_refused(what: dict) -> None:
+    assert verdict.judge(placed(**what)).standing is Standing.REFUSED
+
+
+def test_nothing_is_planned_in_a_refused_map() -> None:
+    area = dataclasses.replace(opened(), facts={"verdict": "refused", "reasons": ["two sources of scale disagree"]})
+    with pytest.raises(InputError, match="two sources of scale disagree"):
+        area.require_not_refused()
+    opened().require_not_refused()
+    assert opened().standing is Standing.NOT_JUDGED
+
+
+def opened() -> map_folder.Map:
+    field = None  # the verdict does not look at it
+    return map_folder.Map(Path("map"), field, RIG, (), np.zeros(0), np.zeros((0, 4, 4)), {})  # type: ignore[arg-type]
