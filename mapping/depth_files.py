@@ -29,5 +29,5 @@ class DepthFiles(Sequence[DepthImage | None]):
 def write(folder: Path, depths: Iterable[DepthImage | None]) -> None:
     """Write depth images, as they come, into an existing folder."""
     for number, depth in enumerate(depths):
-        arrays = {} if depth is None else {name: getattr(depth, name) for name in _ARRAYS} | {"scale": depth.scale}
-        np.savez(folder / f"{number:06d}.npz", **arrays)
+        arrays = {} if depth is None else {name: np.asarray(getattr(depth, name)) for name in (*_ARRAYS, "scale")}
+        np.savez(folder / f"{number:06d}.npz", allow_pickle=False, **arrays)

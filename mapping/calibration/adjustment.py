@@ -99,9 +99,9 @@ class Normal:
         scale = np.trace(curvature, axis1=1, axis2=2)[:, None, None]
         inverse = np.linalg.inv(curvature + (_RIDGE * scale + 1e-12) * np.eye(3))
         self._inverse = _block_diagonal(inverse)
-        self._coupling = (own.T @ shared).tocsr()
+        self._coupling = sp.csr_matrix(own.T @ shared)
         self._own_gradient = own.T @ residual
-        eliminated = self._inverse @ self._coupling
+        eliminated = sp.csr_matrix(self._inverse @ self._coupling)
         fold = np.arange(len(seen.points_world)) % folds
         parts: list[tuple[FloatArray, FloatArray]] = []
         for number in range(folds):
@@ -142,7 +142,7 @@ class Normal:
         """Estimate and covariance of the chosen candidates, all points used."""
         matrix, gradient = self._reduced
         k = self._unknowns(chosen)
-        covariance = np.linalg.inv(matrix[np.ix_(k, k)] + self._prior(chosen))
+        covariance: FloatArray = np.asarray(np.linalg.inv(matrix[np.ix_(k, k)] + self._prior(chosen)), dtype=np.float64)
         return covariance @ gradient[k], covariance
 
     def gain(self, chosen: Sequence[Candidate], given: dict[Candidate, FloatArray]) -> float:

@@ -254,7 +254,7 @@ def diagnose(
         invisible=found.models[0].candidate_set.invisible,
         flights=tuple(names[: len(logs)]),
         held_out=tuple(names[len(logs) :]),
-        findings=((found.too_short,) if found.too_short else ()) + last.findings + left_out(unseen),
+        findings=((found.too_short,) if found.too_short else ()) + last.findings + left_out(found.unseen),
         search=found,
         payload_carried=_newly_told((*logs, *held_out), carried),
         judged=judged,
