@@ -84,13 +84,8 @@ class Normal:
         root = np.sqrt(weight)[:, None] / self.noise_px
         self._rms = _shift_matrices(rows, self.tried, seen.index[rows.used, 2], seen.rig)
         residual = (rows.residual * root).ravel()
-        shared = sp.hstack(
-            [
-                _blocks(rows.pose * root[..., None], instant, len(self._placed)),
-                _columns(rows.calibration * root[..., None]),
-            ],
-            format="csr",
-        )
+        of_pose = _blocks(rows.pose * root[..., None], instant, len(self._placed))
+        shared = sp.csr_matrix(sp.hstack([of_pose, _columns(rows.calibration * root[..., None])]))
         own = _blocks(rows.point * root[..., None], point, len(seen.points_world))
         curvature = np.zeros((len(seen.points_world), 3, 3))
         np.add.at(
