@@ -17,10 +17,14 @@ _SAME = 1e-6
 """Largest difference (SI) from a motion that was asked for, relative to the largest number in it above one."""
 _VISIT_S = 0.1
 """A visit is timed by where the path comes nearest within the tolerance, shortly before or after a hover."""
+_SAMPLE_S = 1e-3
+"""Visits are found among samples so far apart."""
 _INSIDE = 0.97
 """Share of a radius or opening that the optimiser uses: it charges what is outside, and so stays a little outside."""
 _TOUCHING_M = 0.03
 """How far inside a tube waypoints must lie: a little more than the planner keeps from its surface."""
+_MOST_RADII = 25_000.0
+"""Length of the longest tube, in radii: the space round it is sampled."""
 _PROVABLE = 0.985
 """Share of a leg's speed that the optimiser uses: the gate's bound is at most 1 % above the truth."""
 
@@ -277,6 +281,13 @@ def _check_keep_in(line: FloatArray | None, radius: FloatArray | None) -> None:
         raise InputError("the polyline of a tube to keep in has at least two points")
     if radius is not None and not SLIMMEST_M <= float(radius) < 1000.0:
         raise InputError(f"the tube to keep in has a radius of {radius:g} m; it must be {SLIMMEST_M:g} to 1000 m")
+    if line is not None and radius is not None:
+        length_m, most_m = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()), _MOST_RADII * float(radius)
+        if not length_m <= most_m:
+            raise InputError(
+                f"the tube to keep in is {length_m:.3g} m long; with a radius of {radius:g} m at most {most_m:g} m can "
+                "be planned with: shorten its polyline, widen the tube, or plan in parts"
+            )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -289,6 +300,14 @@ class Visits:
     """(n,) from when on it counts as passed: within its radius, or the tolerance."""
     leave_s: FloatArray
     """(n,) until when."""
+
+    def joins_s(self, trajectory: Trajectory) -> FloatArray:
+        """(n,) the nearest join, where a planner sets what is asked at a waypoint, if it belongs to the visit; else the
+        visit itself."""
+        joins = trajectory.starts_s
+        nearest = joins[np.abs(joins[None] - self.time_s[:, None]).argmin(axis=1)]
+        inside = (nearest >= self.enter_s - _SAMPLE_S) & (nearest <= self.leave_s + _SAMPLE_S)
+        return np.where(inside, nearest, self.time_s)
 
 
 def checks(trajectory: Trajectory, visits: Visits | None, asked: Conditions) -> list[Check]:
@@ -306,7 +325,7 @@ def checks(trajectory: Trajectory, visits: Visits | None, asked: Conditions) -> 
     if visits is None:
         return found
     if asked.velocity_world_m_s is not None:
-        found += _velocity_checks(trajectory, visits.time_s, asked.velocity_world_m_s)
+        found += _velocity_checks(trajectory, visits.joins_s(trajectory), asked.velocity_world_m_s)
     if asked.leg_speed_m_s is not None:
         found += _speed_checks(trajectory, visits, asked.leg_speed_m_s)
     if asked.stay_s is not None:
@@ -339,9 +358,7 @@ def _velocity_checks(trajectory: Trajectory, visits_s: FloatArray, asked: FloatA
     at = np.flatnonzero(np.isfinite(asked[:, 0]))
     if not at.size:
         return []
-    # A visit is the nearest sample; the join that was planned for it is at most a sample away.
-    joins = trajectory.starts_s
-    times = joins[np.abs(joins[None] - visits_s[at][:, None]).argmin(axis=1)]
+    times = visits_s[at]
     off = np.linalg.norm(trajectory.position(times, 1) - asked[at], axis=1)
     worst = int(off.argmax())
     tolerance = _SAME * max(1.0, float(np.abs(asked[at]).max())) * 100.0

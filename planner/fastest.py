@@ -13,12 +13,13 @@ import numpy as np
 
 import esdf
 from flight import FloatArray, Trajectory
+from flight.trajectory import LONGEST_S
 from planner import airframe, heading, hermite, limits, minimum_snap, routes, space, time_allocation, windows
 from planner._planner import StopFlag
 from planner.conditions import Conditions
 from planner.corrections import Corrections
 from planner.gate import GateReport
-from planner.options import PlanOptions
+from planner.options import PlanInfeasibleError, PlanOptions
 from planner.time_allocation import Problem, Solution, Weights
 from vehicle import Vehicle
 
@@ -238,6 +239,7 @@ def until_flyable(
             touched = windows.grown(wrong, _REACH if round_ > begun else _FAR)
             most = _IN_PART if round_ > begun else iterations
             spline = windows.optimise(problem, spline, touched, iterations=most, stop=stop)
+        _check_lasting(spline.durations_s)
         problem = replace(problem, knots=spline.states[:, 0])
         optimum_s = float(spline.durations_s.sum()) if round_ == begun else optimum_s
         path = minimum_snap.trajectory(spline)
@@ -275,6 +277,14 @@ def until_flyable(
         few = windows.grown(exceeded, _REACH).mean() < _FEW
         wrong = exceeded if wrong is not None or few or round_ + 1 == len(_WHOLE) else None
     return found
+
+
+def _check_lasting(durations_s: FloatArray) -> None:
+    if float(durations_s.sum()) > LONGEST_S:
+        raise PlanInfeasibleError(
+            f"the shortest time found is {durations_s.sum():.3g} s, and a trajectory lasts at most {LONGEST_S:g} s",
+            "raise the speeds asked for on legs, or plan the flight in parts",
+        )
 
 
 def _farther_away(problem: Problem, lack_m: float) -> Problem:

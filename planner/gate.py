@@ -136,7 +136,7 @@ def check(
             passed, visits = _waypoints(trajectory, waypoints_world_m, asked, options)
             checks += passed
         checks += conditions_.checks(trajectory, visits, asked) + _continuity(trajectory)
-        checks += _headings(trajectory, None if visits is None else visits.time_s, yaw_rad, options)
+        checks += _headings(trajectory, None if visits is None else visits.joins_s(trajectory), yaw_rad, options)
         checks += [_clearance_check(clearance, options.clearance_m, vehicle)]
         bounds = options.limits_for(vehicle)
         usage, found = limits.measure(trajectory, vehicle, bounds, step_s=options.sample_step_s, known=known, stop=stop)
@@ -276,6 +276,7 @@ def _waypoints(
     worst, missed, at = ends, 0 if ends > tolerance_m else -1, 0
     outside_m: list[float] = []
     visits: list[tuple[float, float, float]] = []
+    reached: list[int] = []
     for i, waypoint in enumerate(wanted[:-1]):
         if in_gate[i]:
             passed = _first_pass(trajectory, times, points, at, waypoint, edges[i])
@@ -284,6 +285,7 @@ def _waypoints(
             at, time_s, off_m = passed
             outside_m.append(off_m)
             visits.append((time_s, time_s, time_s))
+            reached.append(at)
             continue
         radius = 0.0 if asked.fly_by_m is None else float(asked.fly_by_m[i])
         visit = _first_visit(points, at, waypoint, tolerance_m + radius)
@@ -293,13 +295,21 @@ def _waypoints(
         at, gap_m = visit
         near = np.linalg.norm(points - waypoint, axis=1) <= tolerance_m + radius
         first = at - int(np.argmin(np.append(near[at::-1], False))) + 1
+        first = max(first, reached[-1] if reached else 0)  # balls may overlap: it is not passed before the one before
         last = at + int(np.argmin(np.append(near[at:], False))) - 1
         visits.append((float(times[at]), float(times[first]), float(times[last])))
+        reached.append(at)
         worst = max(worst, gap_m - radius)
     if missed >= 0:
         return [
             Check("waypoints", worst, tolerance_m, "m", False, reason=f"waypoint {missed} is missed by {worst:.3f} m")
         ], None
+    reached.append(len(points))
+    for i in np.flatnonzero(in_gate[1:-1]) + 1:
+        end = reached[i + 1]  # not with it: the next gate may be this one, turned round
+        back = _first_pass(trajectory, times[:end], points[:end], reached[i - 1], wanted[i], edges[i, ::-1])
+        if back is not None:
+            return [_gate_missed(int(i), points, wanted[i], tolerance_m, back[1])], None
     found = [Check("waypoints", worst, tolerance_m, "m", True, reason=f"all {len(wanted)} in order")]
     if outside_m:
         nearest = int(np.argmax(outside_m))
@@ -334,11 +344,16 @@ def _first_pass(
     return None
 
 
-def _gate_missed(waypoint: int, points: FloatArray, centre: FloatArray, tolerance_m: float) -> Check:
+def _gate_missed(
+    waypoint: int, points: FloatArray, centre: FloatArray, tolerance_m: float, back_s: float | None = None
+) -> Check:
     nearest = float(np.linalg.norm(points - centre, axis=1).min())
+    if back_s is None:
+        fault = f"is not passed forwards within its opening; the path comes within {nearest:.2f} m of its middle"
+    else:
+        fault = f"is passed backwards too, at {back_s:.2f} s"
     reason = (
-        f"the gate at waypoint {waypoint} is not passed forwards within its opening; the path comes within "
-        f"{nearest:.2f} m of its middle: turn the gate, enlarge it, or add a waypoint before or behind it"
+        f"the gate at waypoint {waypoint} {fault}: turn the gate, enlarge it, or add a waypoint before or behind it"
     )
     return Check("waypoints", nearest, tolerance_m, "m", False, reason=reason)
 
@@ -351,10 +366,9 @@ def _headings(
     times = trajectory.sample(options.sample_step_s)
     motion = trajectory.evaluate(times)
     if visits_s is not None and yaw_rad is not None and np.isfinite(yaw_rad).any():
-        joins = trajectory.starts_s
-        at = joins[np.abs(joins[None] - visits_s[:, None]).argmin(axis=1)]
-        off = np.abs(np.angle(np.exp(1j * (trajectory.evaluate(at)[:, 3] - yaw_rad))))
-        checks.append(_heading_check("heading at waypoints", np.where(np.isfinite(off), off, 0.0), at, _SAME_RAD))
+        off = np.abs(np.angle(np.exp(1j * (trajectory.evaluate(visits_s)[:, 3] - yaw_rad))))
+        off = np.where(np.isfinite(off), off, 0.0)
+        checks.append(_heading_check("heading at waypoints", off, visits_s, _SAME_RAD))
     if options.yaw in ("fixed", "steady"):
         held = options.heading_rad if options.yaw == "fixed" else motion[0, 3]
         off = np.abs(np.angle(np.exp(1j * (motion[:, 3] - held))))

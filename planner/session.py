@@ -55,10 +55,10 @@ class Planner:
         self._conditions = Conditions() if conditions is None else conditions
         self._field, self._vehicle = field, vehicle
         self._options = PlanOptions() if options is None else options
-        self._room = self._conditions.room(field, self._options)
         self._stop = StopFlag() if stop is None else stop
         self._flags, self._working = threading.Lock(), threading.Lock()
         self._accept(*self._scratch(waypoints, self._options, self._stop), waypoints)
+        self._room = self._conditions.room(field, self._options)  # of conditions that were checked
 
     @property
     def plan(self) -> Plan:

@@ -40,7 +40,7 @@ def command(
     goshawk check walk.json --map map --vehicle learned.toml --renew
 
     It is checked for what the file records: radius, margin, limits, control reserve, headings and how to look, and
-    what its mission asked for; --margin replaces that margin.
+    what its mission asked for, and the vehicle's limits where they are stricter; --margin replaces that margin.
 
     Exit code 0: it passes and may be flown. 1: it fails, and the table shows which check. A trajectory planned for
     another map or vehicle, or changed since its check, fails, unless it passes every other check and --renew records
@@ -50,6 +50,7 @@ def command(
     options = gate.options_of(item)
     options = options if margin_m is None else replace(options, margin_m=margin_m)
     believed = vehicle.load(vehicle_file)
+    options = replace(options, limits=options.limits and options.limits.stricter(believed.limits))
     with console.progress() as progress:
         stage = f"checking {trajectory_file.name}"
         progress(stage, 0.0)

@@ -169,6 +169,20 @@ def test_a_plan_that_fails_for_the_new_model_is_not_renewed(project, pillar_map)
     assert (project / "walk.json").read_bytes() == before
 
 
+def test_a_plan_within_limits_of_its_own_is_renewed_within_those_of_the_new_vehicle(project, pillar_map):
+    import mapping
+
+    believed = vehicle.load(project / "believed.toml")
+    options = planner.PlanOptions(limits=replace(believed.limits, acceleration_m_s2=3.0))
+    straight = Waypoints(np.array([[0.8, 0.8, 1.0], [5.2, 0.8, 1.2]]), np.full(2, np.nan))
+    plan = planner.plan(straight, mapping.open_map(pillar_map).field, believed, options)
+    planner.save_plan(project / "gentle.json", plan, name="gentle")
+    vehicle.save(project / "slow.toml", believed.with_limits(speed_m_s=0.5))
+    here = ("--map", pillar_map, "--vehicle", project / "slow.toml")
+    report = run("check", project / "gentle.json", *here, "--renew", code=1)
+    assert [check["name"] for check in report["checks"] if not check["passed"]] == ["speed"]
+
+
 def test_a_renewed_file_differs_only_in_what_it_was_checked_for(project, pillar_map):
     before = trajectory.load(project / "walk.json")
     run("check", project / "walk.json", "--map", pillar_map, "--vehicle", project / "learned.toml", "--renew")

@@ -192,6 +192,47 @@ def test_a_larger_radius_is_never_slower(open_sky, drone):
     assert all(b <= 1.01 * a for a, b in itertools.pairwise(durations))
 
 
+def flown(duration_s: float, *knots: tuple[float, ...]):
+    """A curve through knots (x, y, z, yaw), at rest at both ends."""
+    return minimum_snap.trajectory(minimum_snap.solve(np.array(knots), np.full(len(knots) - 1, duration_s)))
+
+
+def test_a_gate_that_is_only_entered_and_left_again_is_not_passed(open_sky, drone):
+    there_and_back = flown(5.0, (0.0, 0.0, 1.0, 0.0), (5.0, 0.5, 1.0, 0.0), (0.0, 1.0, 1.0, 0.0))
+    points = np.array([[0.0, 0.0, 1.0], [4.0, 0.5, 1.0], [4.0, 0.5, 1.0], [0.0, 1.0, 1.0]])
+    left, up = np.array([0.0, 2.0, 0.0]), np.array([0.0, 0.0, 1.0])
+    once = Conditions(gate_edges_m=np.array([np.zeros((2, 3)), [left, up], np.zeros((2, 3))]))
+    report = gate.check(there_and_back, open_sky, drone, waypoints_world_m=points[[0, 1, 3]], conditions=once)
+    assert [check.name for check in report.failures] == ["waypoints"]
+    assert "gate at waypoint 1 is passed backwards too" in report.failures[0].reason
+    both = Conditions(gate_edges_m=np.array([np.zeros((2, 3)), [left, up], [-left, up], np.zeros((2, 3))]))
+    assert gate.check(there_and_back, open_sky, drone, waypoints_world_m=points, conditions=both).passed
+
+
+def test_a_leg_keeps_its_speed_where_a_later_waypoints_radius_reaches_into_it(open_sky, drone):
+    one = flown(8.0, (0.0, 0.0, 1.0, 0.0), (10.0, 0.0, 1.0, 0.0))
+    points = np.array([[0.0, 0.0, 1.0], [4.0, 0.0, 1.0], [5.0, 0.0, 1.0], [10.0, 0.0, 1.0]])
+    slow = Conditions(leg_speed_m_s=np.array([2.0, np.nan, np.nan]), fly_by_m=np.array([0.0, 0.1, 4.4, 0.0]))
+    report = gate.check(one, open_sky, drone, waypoints_world_m=points, conditions=slow)
+    assert [check.name for check in report.failures] == ["speed of legs"]
+
+
+def test_headings_and_velocities_are_looked_at_where_the_waypoint_is_even_without_a_join_there(open_sky, drone):
+    one = flown(8.0, (0.0, 0.0, 1.0, 0.0), (10.0, 0.0, 1.0, 3.0))
+    points = np.array([[0.0, 0.0, 1.0], [5.0, 0.0, 1.0], [10.0, 0.0, 1.0]])
+    for heading, passes in ((1.5, True), (0.0, False), (3.0, False)):
+        yaw = np.array([np.nan, heading, np.nan])
+        assert gate.check(one, open_sky, drone, waypoints_world_m=points, yaw_rad=yaw).passed == passes
+    still = Conditions(velocity_world_m_s=np.array([[np.nan] * 3, [0.0] * 3, [np.nan] * 3]))
+    report = gate.check(one, open_sky, drone, waypoints_world_m=points, conditions=still)
+    assert [check.name for check in report.failures] == ["velocity at waypoints"]
+
+
+def test_a_leg_that_takes_longer_than_a_trajectory_may_is_refused_before_it_is_looked_at(open_sky, drone):
+    with pytest.raises(PlanInfeasibleError, match="lasts at most 10000 s"):
+        planner.plan(ask(), open_sky, drone, conditions=Conditions(leg_speed_m_s=np.array([0.004, np.nan, np.nan])))
+
+
 def test_conditions_travel_with_the_file_and_are_asked_by_its_check(open_sky, drone, tmp_path):
     plan = planner.plan(ask(), open_sky, drone, conditions=Conditions(start=moving((2.0, 0.0, 0.0))))
     item = planner.trajectory_file(plan, name="moving")
@@ -223,6 +264,7 @@ def test_conditions_travel_with_the_file_and_are_asked_by_its_check(open_sky, dr
         (Conditions(gate_edges_m=np.ones((3, 2, 3))), "expected shape"),
         (Conditions(keep_in_world_m=SQUARE), "both a polyline and a radius"),
         (Conditions(keep_in_world_m=SQUARE, keep_in_radius_m=0.01), "radius of 0.01 m"),
+        (Conditions(keep_in_world_m=[[0.0, 0.0, 1.0], [1e9, 0.0, 1.0]], keep_in_radius_m=0.5), "tube to keep in is 1e"),
         (Conditions(keep_in_world_m=SQUARE[:1], keep_in_radius_m=1.0), "at least two points"),
         (
             Conditions(keep_in_world_m=SQUARE + np.array([0.0, 0.0, 3.0]), keep_in_radius_m=1.0),
