@@ -165,7 +165,7 @@ class TrajectoryFile:
     @property
     def checked(self) -> bool:
         """Whether it passed the final gate."""
-        return bool(self.check.get("passed", False))
+        return self.check.get("passed") is True  # not the text "false", which is true as well
 
     @property
     def as_checked(self) -> bool:
