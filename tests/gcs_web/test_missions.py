@@ -186,6 +186,7 @@ def test_a_document_of_an_older_version_is_opened_and_written_as_the_new_one(tmp
         (protocol.Ask, {"waypoints": [1], "stay_s": 1.0}, "a stay and a radius"),
         (protocol.Ask, {"waypoints": [2], "stay_s": 1.0}, "a stay and a velocity"),
         (protocol.Ask, {"waypoints": [9], "stay_s": 1.0}, "deleted meanwhile"),
+        (protocol.Ask, {"waypoints": [3], "leg_speed_m_s": 1.0}, "no leg follows waypoint 3"),
         (protocol.Pass, {"waypoints": [0], "velocity_m_s": (0.0, 1e9, 0.0)}, "is the most"),
         (protocol.Loop, {"laps": 101}, "from 0"),
         (protocol.Loop, {"laps": 2, "lap_first": 2, "lap_last": 1}, "laps go from waypoint 2 to 1"),
@@ -204,6 +205,11 @@ def test_a_request_that_cannot_be_met_is_refused_in_words(kind, arguments, reaso
 def test_zero_drops_a_request():
     after = edit(opened(), protocol.Ask, waypoints=[0], stay_s=0.0, leg_speed_m_s=0.0)
     assert after.points[0].plain
+
+
+def test_a_speed_of_all_legs_is_none_of_the_last_waypoint_which_no_leg_follows():
+    after = edit(opened(), protocol.Ask, waypoints=[0, 1, 2, 3], leg_speed_m_s=1.5)
+    assert [point.leg_speed_m_s for point in after.points] == [1.5, 1.5, 1.5, None]
 
 
 def test_deleting_an_end_of_the_loop_takes_its_neighbour_instead():
