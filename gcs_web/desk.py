@@ -61,7 +61,7 @@ class Desk:
         said = self.session.take_notice() or f"{opened.name} opened, revision {self.session.revision}"
         self._document_changed()
         self.show_files()
-        self.notice(said)
+        self._notice_with_map(said, level="fact")
         self._draw_map()
 
     def close(self) -> None:
@@ -186,9 +186,19 @@ class Desk:
             self.inputs = now
             said = "The map or the vehicle changed since the check: this plan is void. Plan again."
             self._show_plan(protocol.Plan(self.session.revision, "void", said))
-        self.notice(said, level="caution")
+        self._notice_with_map(said, level="caution")
         self._draw_map()  # takes seconds for a large mesh: not under the lock
         self.show_files()
+
+    def _notice_with_map(self, said: str, *, level: str) -> None:
+        """One notice, for who comes in later is shown the last one only."""
+        try:
+            doubt = inputs.doubt(self.parts.map(self.inputs))
+        except FlightError:
+            doubt = ""  # said by `_draw_map`
+        if doubt:
+            said, level = f"{said.rstrip('.')}. {doubt}", "caution"
+        self.notice(said, level=level)
 
     def _draw_map(self) -> None:
         try:

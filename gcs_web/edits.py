@@ -64,9 +64,17 @@ def _ask(content: Content, edit: protocol.Ask) -> Edited:
         if not 0.0 <= value <= most:
             raise InputError(f"the {words} {named} would be {value:g} {unit}; it must be from 0 to {most:g} {unit}")
     said = ", ".join(f"{_ASKED[n][2]} {named} {f'{v:g} {_ASKED[n][1]}' if v else 'dropped'}" for n, v in asked.items())
+    last = content.points[-1].id
+    if asked.get("leg_speed_m_s", 0.0) > 0.0 and chosen == {last}:
+        raise InputError(
+            f"no leg follows {named}, the last one; the way back of laps has the largest speed of their legs, if all "
+            "of them have one"
+        )
     if asked.get("leg_speed_m_s") == 0.0:
         asked["leg_speed_m_s"] = None
     points = [msgspec.structs.replace(p, **asked) if p.id in chosen else p for p in content.points]
+    if last in chosen and "leg_speed_m_s" in asked:
+        points[-1] = msgspec.structs.replace(points[-1], leg_speed_m_s=None)
     return content.with_points(points), said
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import mapping
 import vehicle
 from flight import project
+from mapping.verdict import Standing
 
 logger = logging.getLogger(__name__)
 
@@ -29,6 +30,13 @@ def signature(folder: Path) -> Signature:
             continue
         found.append((str(path.relative_to(folder)), status.st_mtime_ns, status.st_size))
     return tuple(found)
+
+
+def doubt(area: mapping.Map) -> str:
+    """What people must know who plan in a map: that it is doubtful, and why; empty for nothing."""
+    if area.standing is not Standing.DOUBTFUL:
+        return ""
+    return f"The map is doubtful: {'; '.join(area.reasons)}."
 
 
 class Parts:

@@ -3,11 +3,12 @@
 import math
 from dataclasses import fields
 from itertools import groupby
+from pathlib import Path
 
 import msgspec
 import numpy as np
 
-from flight import Waypoints
+from flight import InputError, Waypoints, mission
 from flight.mission import FlyBy, Laps, LegSpeed, Mission, Stay, Velocity, Yaw
 from gcs_web.document import Content, Point
 
@@ -31,15 +32,44 @@ def mission_of(content: Content) -> Mission:
             Velocity(i, p.velocity_world_m_s) for i, p in enumerate(points) if p.velocity_world_m_s is not None
         ),
         fly_bys=tuple(FlyBy(i, p.fly_by_m) for i, p in enumerate(points) if p.fly_by_m > 0.0),
-        leg_speeds=_leg_speeds(points),
+        leg_speeds=(*_leg_speeds(points), *_way_back(points, laps)),
         take_off=chosen.take_off,
         landing=chosen.landing,
         yaw=_yaw(content),
     )
 
 
+def load(path: Path) -> Mission:
+    """What `waypoints.json` asks for.
+
+    Raises:
+        FlightError: as `flight.mission.load`, or the page cannot keep a request.
+    """
+    found = mission.load(path)
+    try:
+        _require_editable(found)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    return found
+
+
+def _require_editable(asked: Mission) -> None:
+    """Refuse requests that the document has no place for: dropped, they would be missed in the air."""
+    lost = [name for name, given in (("gates", asked.gates), ("keep_in", asked.keep_in)) if given]
+    if lost:
+        raise InputError(
+            f"the page cannot keep {' and '.join(lost)}; plan this mission with `goshawk plan`, "
+            "or move the file away to start without"
+        )
+
+
 def with_mission(content: Content, mission: Mission) -> Content:
-    """The document with all waypoints new and the mission's requests; one that asks no yaw mode leaves it as it is."""
+    """The document with all waypoints new and the mission's requests; one that asks no yaw mode leaves it as it is.
+
+    Raises:
+        InputError: the document has no place for a request.
+    """
+    _require_editable(mission)
     after = content.with_waypoints(mission.waypoints)
     stays: dict[int, float] = {}
     for stay in mission.stays:
@@ -114,6 +144,18 @@ def _leg_speeds(points: tuple[Point, ...]) -> tuple[LegSpeed, ...]:
         if speed is not None:
             found.append(LegSpeed(numbers[0], numbers[-1] + 1, speed))
     return tuple(found)
+
+
+def _way_back(points: tuple[Point, ...], laps: Laps | None) -> tuple[LegSpeed, ...]:
+    """A limit that every leg of the laps has in some measure also holds on their way back, where none else does."""
+    if laps is None:
+        return ()
+    first, last = laps.ends(len(points))
+    speeds = [point.leg_speed_m_s for point in points[first:last]]
+    asked = [speed for speed in speeds if speed is not None]
+    if len(asked) < len(speeds) or len(set(asked)) < 2:  # one speed throughout: its own record spans the laps
+        return ()
+    return (LegSpeed(first, last, max(asked)),)
 
 
 def _yaw(content: Content) -> Yaw | None:

@@ -267,6 +267,7 @@ def _planned(
     bounds = page_values.limits(plan.gate, series, judged_m)
     radii_m = {point.id: point.fly_by_m for point in content.points}
     passed = page_values.passings(plan, missions.flown(content), radii_m, area.field)
+    doubt = inputs.doubt(area)
 
     def shown(planning_ms: float) -> protocol.Plan:
         top = max(series.speed_m_s)
@@ -276,7 +277,7 @@ def _planned(
             sentence=(
                 f"{plan.trajectory.duration_s:.2f} s, {_counted(content)}, top speed "
                 f"{top:.2f} m/s. Closest {plan.gate.clearance_m:.2f} m; "
-                f"{plan.gate.required_clearance_m:.2f} m is needed."
+                f"{plan.gate.required_clearance_m:.2f} m is needed." + (f" {doubt}" if doubt else "")
             ),
             duration_s=plan.trajectory.duration_s,
             top_speed_m_s=top,

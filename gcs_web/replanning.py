@@ -75,6 +75,8 @@ class Replanner:
             self._kept = _Kept(content, known, session)
             return session.plan
         with self._lock:
+            if flag.is_set():  # its plan would be of no use to anybody
+                raise planner.PlanCancelledError("the plan was cancelled")
             self._working = kept.session
         try:
             plan = step(kept.session)

@@ -147,7 +147,7 @@ class Map:
     @property
     def standing(self) -> Standing:
         """What may be done in it."""
-        return Standing(self.facts.get("verdict", Standing.NOT_JUDGED))
+        return _standing(self.facts, self.folder)
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -360,9 +360,23 @@ def open_map(folder: Path) -> Map:
     if not (folder / "map.toml").is_file():
         raise InputError(f"{folder} is not a map: it has no map.toml; `goshawk map` makes one")
     facts = file_format.read_toml(folder / "map.toml", format=FORMAT, version=VERSION)
+    _standing(facts, folder)  # a verdict that cannot be read must not pass for none
     images, time_s, T_world_body = read_poses(folder / "poses.csv")
     rig = rigs.load(folder / "camera.toml")
     return Map(folder, esdf.load(folder / "esdf"), rig, images, time_s, T_world_body, facts)
+
+
+def _standing(facts: dict[str, Any], folder: Path) -> Standing:
+    """
+    Raises:
+        FormatError: the verdict or its reasons are not what this version writes.
+    """
+    given, reasons = facts.get("verdict", Standing.NOT_JUDGED), facts.get("reasons", [])
+    if given not in list(Standing):
+        raise FormatError(f"{folder / 'map.toml'}: the verdict is {given!r}; known are {', '.join(Standing)}")
+    if not isinstance(reasons, list) or not all(isinstance(reason, str) for reason in reasons):
+        raise FormatError(f"{folder / 'map.toml'}: the reasons are {reasons!r}; a list of sentences is expected")
+    return Standing(given)
 
 
 def read_poses(path: Path) -> tuple[tuple[str, ...], FloatArray, FloatArray]:

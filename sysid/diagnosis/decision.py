@@ -80,7 +80,12 @@ class Case:
     def confidence_added(self) -> float:
         """That its name is right; a law that no known effect is may show in more channels than the curve's."""
         assert self.trial is not None
-        return min(self.trial.confidence, THRESHOLDS.beside_curve) if self.curve else self.trial.confidence
+        most = [self.trial.confidence]
+        if self.curve:
+            most.append(THRESHOLDS.beside_curve)
+        if self.leaves_too_much:
+            most.append(THRESHOLDS.even_confidence)
+        return min(most)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ import pytest
 
 import planner
 import vehicle
-from flight import InputError, project
+from flight import InputError, file_format, project
 from gcs_web import planning, protocol
 from gcs_web.desk import Desk
 
@@ -47,3 +47,41 @@ def test_waypoints_are_placed_at_the_documents_clearance_before_any_plan(desk):
 def test_a_method_that_the_page_cannot_set_is_refused_when_the_desk_opens(desk):
     with pytest.raises(InputError, match="can do fastest or corridor"):
         desk(planner.PlanOptions(method="bry"))
+
+
+def notices(running: Desk) -> list[protocol.Notice]:
+    published = [call.args[0] for call in running.hub.publish.call_args_list]
+    return [message for message in published if isinstance(message, protocol.Notice)]
+
+
+def judge_map(opened: project.Project, verdict: str, reasons: list[str]) -> None:
+    path = opened.map / "map.toml"
+    facts = file_format.read_toml(path, format="goshawk-map", version=1) | {"verdict": verdict, "reasons": reasons}
+    file_format.write_toml(path, format="goshawk-map", version=1, body=facts)
+
+
+def test_a_doubtful_map_is_said_with_its_reasons_when_it_is_opened_and_when_it_comes_later(desk, opened):
+    running = desk(planner.PlanOptions())
+    assert "doubtful" not in notices(running)[-1].text
+    judge_map(opened, "doubtful", ["the walk is short", "the lens is bent"])
+    running._files_changed()
+    assert notices(running)[-1].text.endswith("The map is doubtful: the walk is short; the lens is bent.")
+    running.close()
+    again = desk(planner.PlanOptions())
+    assert "opened" in notices(again)[-1].text
+    assert "The map is doubtful: the walk is short; the lens is bent." in notices(again)[-1].text
+    assert notices(again)[-1].level == "caution"
+
+
+def test_a_refused_map_is_not_shown_and_the_reason_is_said(desk, opened):
+    judge_map(opened, "refused", ["the scale is a guess"])
+    running = desk(planner.PlanOptions())
+    assert notices(running)[-1].level == "danger"
+    assert "the scale is a guess" in notices(running)[-1].text
+    running.view.draw_map.assert_not_called()
+
+
+def test_a_verdict_that_nobody_knows_is_no_map_to_plan_in(desk, opened):
+    judge_map(opened, "splendid", [])
+    running = desk(planner.PlanOptions())
+    assert "the verdict is 'splendid'; known are good" in notices(running)[-1].text

@@ -1,5 +1,7 @@
 """Missions on the page: nothing that a waypoints file asks for is lost, and every edit of a request has a way back."""
 
+from dataclasses import replace
+
 import msgspec
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flight import InputError, Waypoints, mission, project
-from flight.mission import FlyBy, Ground, Laps, LegSpeed, Mission, Stay, Velocity, Yaw
+from flight.mission import FlyBy, Gate, Ground, KeepIn, Laps, LegSpeed, Mission, Stay, Velocity, Yaw
 from gcs_web import edits, missions, protocol
 from gcs_web.document import Content, Settings, difference, patched
 from gcs_web.session import Session
@@ -75,6 +77,43 @@ def test_a_mission_that_went_through_the_document_asks_for_the_same(asked: Missi
     np.testing.assert_array_equal(
         back.unrolled().waypoints.positions_world_m, asked.unrolled().waypoints.positions_world_m
     )
+
+
+@given(asked_missions())
+def test_no_leg_is_flown_faster_for_having_gone_through_the_document(asked: Mission):
+    """The way back of the laps included, which is no leg between waypoints as they are listed."""
+    back = missions.mission_of(missions.with_mission(Content(), asked))
+    assert np.all(np.array(legs(back.unrolled())) <= legs(asked.unrolled()))
+
+
+def test_the_way_back_of_laps_keeps_its_limit_where_one_leg_is_slower():
+    speeds = (LegSpeed(0, 3, 3.0), LegSpeed(1, 2, 2.0))
+    asked = Mission(Waypoints(POINTS, np.full(4, np.nan)), laps=Laps(2), leg_speeds=speeds)
+    back = missions.mission_of(missions.with_mission(Content(), asked))
+    assert legs(back.unrolled()) == legs(asked.unrolled()) == [3.0, 2.0, 3.0, 3.0, 3.0, 2.0, 3.0, 3.0]
+
+
+@pytest.mark.parametrize(
+    ("request_", "name"), [({"gates": (Gate(1, 1.0, 0.8, 0.0),)}, "gates"), ({"keep_in": KeepIn(1.5)}, "keep_in")]
+)
+def test_a_request_that_the_page_cannot_keep_is_refused_and_the_file_left_as_it_is(tmp_path, request_, name):
+    folder = project.create(tmp_path / "project", "race")
+    plain = Mission(Waypoints(POINTS, np.full(4, np.nan)))
+    mission.save(folder.waypoints, replace(plain, **request_))
+    race = folder.waypoints.read_bytes()
+    with pytest.raises(InputError, match=f"cannot keep {name}"):
+        Session(folder, Settings())
+    assert folder.waypoints.read_bytes() == race
+    mission.save(folder.waypoints, plain)
+    session = Session(folder, Settings())
+    try:
+        folder.waypoints.write_bytes(race)  # by another program, while the page is open
+        with pytest.raises(InputError, match=f"cannot keep {name}"):
+            session.take_file()
+        session.edit(protocol.Reverse(serial=0, revision=0), "Anna")
+        assert race in [path.read_bytes() for path in folder.folder.glob("waypoints*")]  # kept beside ours
+    finally:
+        session.close()
 
 
 @given(asked_missions())
@@ -147,6 +186,7 @@ def test_a_document_of_an_older_version_is_opened_and_written_as_the_new_one(tmp
         (protocol.Ask, {"waypoints": [1], "stay_s": 1.0}, "a stay and a radius"),
         (protocol.Ask, {"waypoints": [2], "stay_s": 1.0}, "a stay and a velocity"),
         (protocol.Ask, {"waypoints": [9], "stay_s": 1.0}, "deleted meanwhile"),
+        (protocol.Ask, {"waypoints": [3], "leg_speed_m_s": 1.0}, "no leg follows waypoint 3"),
         (protocol.Pass, {"waypoints": [0], "velocity_m_s": (0.0, 1e9, 0.0)}, "is the most"),
         (protocol.Loop, {"laps": 101}, "from 0"),
         (protocol.Loop, {"laps": 2, "lap_first": 2, "lap_last": 1}, "laps go from waypoint 2 to 1"),
@@ -165,6 +205,11 @@ def test_a_request_that_cannot_be_met_is_refused_in_words(kind, arguments, reaso
 def test_zero_drops_a_request():
     after = edit(opened(), protocol.Ask, waypoints=[0], stay_s=0.0, leg_speed_m_s=0.0)
     assert after.points[0].plain
+
+
+def test_a_speed_of_all_legs_is_none_of_the_last_waypoint_which_no_leg_follows():
+    after = edit(opened(), protocol.Ask, waypoints=[0, 1, 2, 3], leg_speed_m_s=1.5)
+    assert [point.leg_speed_m_s for point in after.points] == [1.5, 1.5, 1.5, None]
 
 
 def test_deleting_an_end_of_the_loop_takes_its_neighbour_instead():

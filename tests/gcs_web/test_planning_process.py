@@ -13,9 +13,9 @@ import pytest
 
 import planner
 import vehicle
-from flight import Waypoints, project
+from flight import Waypoints, file_format, project
 from flight.mission import Ground, Laps, Mission, Stay
-from gcs_web import inputs, missions, planning
+from gcs_web import inputs, missions, planning, replanning
 from gcs_web.document import Content
 from tests.waiting import PATIENCE_S, until
 
@@ -64,8 +64,22 @@ def test_a_plan_is_checked_and_shown_with_its_limits(folder, running):
     times = np.minimum(shown.series.time_s, curve.duration_s)  # they are rounded
     np.testing.assert_allclose(path, curve.position(times), atol=1e-4)
     for passing, point in zip(shown.passings, POINTS, strict=True):
-        np.testing.assert_allclose(curve.position([passing.time_s])[0], point, atol=0.03)
+        at_s = min(passing.time_s, curve.duration_s)
+        np.testing.assert_allclose(curve.position([at_s])[0], point, atol=0.03)
     assert [s.start_s for s in shown.segments] == [p.time_s for p in shown.passings[:-1]]
+
+
+def test_a_plan_in_a_doubtful_map_says_so(folder, tmp_path):
+    shutil.copytree(folder, tmp_path / "project")
+    path = tmp_path / "project" / "map" / "map.toml"
+    facts = file_format.read_toml(path, format="goshawk-map", version=1)
+    body = facts | {"verdict": "doubtful", "reasons": ["the walk is short"]}
+    file_format.write_toml(path, format="goshawk-map", version=1, body=body)
+    asked, replanner = request(tmp_path / "project", 1), replanning.Replanner()
+    replanner.begin()
+    answer = planning.answer(asked, inputs.Parts(tmp_path / "project"), planner.PlanOptions(), replanner)
+    assert answer.file is not None
+    assert answer.shown.sentence.endswith("is needed. The map is doubtful: the walk is short.")
 
 
 def test_a_waypoint_in_a_pillar_is_refused_in_words(folder, running):

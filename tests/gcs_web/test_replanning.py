@@ -96,3 +96,13 @@ def test_a_plan_that_is_cancelled_ends_and_the_next_one_is_made(begun: Content):
     with pytest.raises(planner.PlanCancelledError):
         replanner.plan(many, KNOWN)
     planned(replanner, begun)
+
+
+def test_a_plan_on_from_the_last_one_that_was_cancelled_before_it_began_is_not_made(begun: Content):
+    replanner = replanning.Replanner()
+    planned(replanner, begun)
+    replanner.begin()
+    replanner.cancel()  # while the map is read, say
+    with pytest.raises(planner.PlanCancelledError):
+        replanner.plan(moved(begun, 1, 0.3), KNOWN)
+    planned(replanner, moved(begun, 2, 0.3))

@@ -105,3 +105,8 @@ def test_a_name_beside_a_curve_is_stated_with_no_more_than_even_odds():
     confirmed = case(trial=trial(Outcome.ADDED), added=True)
     assert decide(confirmed).confidence == 0.9
     assert decide(replace(confirmed, curve=CURVE)).confidence == THRESHOLDS.beside_curve
+
+
+def test_no_name_is_surer_than_the_sentence_where_too_much_is_unexplained_or_the_logs_contradict_the_vehicle():
+    confirmed = case(trial=trial(Outcome.ADDED), added=True, leaves_too_much=True)
+    assert decide(confirmed).confidence == THRESHOLDS.even_confidence
