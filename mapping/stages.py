@@ -59,9 +59,11 @@ def begin(folder: Path) -> Generator[Work]:
     """Open the folder of a work, alone. It stays until `finish`, so that the work can be taken up again.
 
     Raises:
-        InputError: another process works in it.
+        InputError: another process works in it, or it holds something else.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    if not (folder / _LOCK).exists() and any(folder.iterdir()):
+        raise InputError(f"{folder} holds files of someone else; move it, or choose another output")
     with open(folder / _LOCK, "w") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

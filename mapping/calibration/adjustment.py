@@ -23,9 +23,11 @@ LONGEST_STEP_S = 0.6
 """Neighbouring images further apart do not give the velocity between them."""
 
 _MOST_ITERATIONS = 10
-_CONVERGED = 0.995
+_CONVERGED = 0.005
 _HUBER = 1.345
 _RIDGE = 1e-9
+_LEAST_REDUNDANCY = 0.05
+_WORSE = 1.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,17 +53,20 @@ def adjust(
 ) -> tuple[State, dict[Candidate, FloatArray]]:
     """Gauss-Newton with poses, points and the errors in `free`; returns how far those moved."""
     moved = {c: np.zeros(len(c.kind.units)) for c in free}
-    noise_px = np.inf
+    best = state, moved
+    least_px = last_px = np.inf
     for _ in range(_MOST_ITERATIONS):
         normal = Normal(seen, state, twist, free, folds=1)
-        if normal.noise_px > _CONVERGED * noise_px:
+        if normal.noise_px < _WORSE * least_px:  # the first step of a large correction may overshoot
+            best = state, moved
+        least_px = min(least_px, normal.noise_px)
+        if abs(normal.noise_px - last_px) < _CONVERGED * last_px < np.inf:
             break
-        noise_px = normal.noise_px
+        last_px = normal.noise_px
         delta, _ = normal.solve(free)
-        for c in free:
-            moved[c] += delta[normal.place(free, c)]
+        moved = {c: moved[c] + delta[normal.place(free, c)] for c in free}
         state = normal.step(state, free, delta)
-    return state, moved
+    return best
 
 
 class Normal:
@@ -80,7 +85,9 @@ class Normal:
         self._placed = np.flatnonzero(np.isfinite(state.T_world_body[:, 0, 0]))
         rows = linearise(seen, state, twist, tried)
         point, instant = seen.index[rows.used, 0], np.searchsorted(self._placed, seen.index[rows.used, 1])
-        self.noise_px, weight = _robust(rows.residual)
+        self.seen = {seen.rig.cameras[k].name for k in np.unique(seen.index[rows.used, 2])}
+        unknowns = 3 * len(np.unique(point)) + 6 * len(self._placed)
+        self.noise_px, weight = _robust(rows.residual, unknowns)
         root = np.sqrt(weight)[:, None] / self.noise_px
         self._rms = _shift_matrices(rows, self.tried, seen.index[rows.used, 2], seen.rig)
         residual = (rows.residual * root).ravel()
@@ -119,7 +126,7 @@ class Normal:
     def _reduce(self, matrix: FloatArray, gradient: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The poses eliminated; the six directions that move the whole map are held by a small ridge."""
         n = self._poses
-        pose = matrix[:n, :n] + _RIDGE * np.trace(matrix[:n, :n]) * np.eye(n)
+        pose = _held(matrix[:n, :n])
         solved = np.linalg.solve(pose, np.column_stack([matrix[:n, n:], gradient[:n]]))
         return matrix[n:, n:] - matrix[n:, :n] @ solved[:, :-1], gradient[n:] - matrix[n:, :n] @ solved[:, -1]
 
@@ -166,7 +173,7 @@ class Normal:
 
     def spread_px(self, candidate: Candidate, covariance: FloatArray) -> float:
         """Standard deviation of that shift, in the direction in which it is largest."""
-        return float(np.sqrt(np.linalg.eigvals(self._rms[candidate] @ covariance).real.max()))
+        return float(np.sqrt(max(np.linalg.eigvals(self._rms[candidate] @ covariance).real.max(), 0.0)))
 
     def scale_std(self, state: State, free: Sequence[Candidate]) -> float:
         """Standard deviation of the path's size, relative to it: how firmly the baseline of the rig sets the scale."""
@@ -175,11 +182,13 @@ class Normal:
         n = self._poses
         k = np.concatenate([np.arange(n), n + self._unknowns(free)])
         matrix = self._whole[0][np.ix_(k, k)]
-        matrix[:n, :n] += _RIDGE * np.trace(matrix[:n, :n]) * np.eye(n)
+        matrix[:n, :n] = _held(matrix[:n, :n])
         T = state.T_world_body[self._placed]
         growth = np.zeros((len(k),))
         outward = T[:, :3, 3] - T[:, :3, 3].mean(axis=0)
         growth[:n].reshape(-1, 6)[:, 3:] = np.einsum("nji,nj->ni", T[:, :3, :3], outward)
+        if not growth.any():
+            return float("inf")
         growth /= growth @ growth
         return float(np.sqrt(growth @ np.linalg.solve(matrix, growth)))
 
@@ -190,8 +199,7 @@ class Normal:
         shared = np.zeros(len(gradient))
         k = n + self._unknowns(free)
         shared[k] = delta
-        pose = matrix[:n, :n] + _RIDGE * np.trace(matrix[:n, :n]) * np.eye(n)
-        shared[:n] = np.linalg.solve(pose, gradient[:n] - matrix[:n, k] @ delta)
+        shared[:n] = np.linalg.solve(_held(matrix[:n, :n]), gradient[:n] - matrix[:n, k] @ delta)
         own = self._inverse @ (self._own_gradient - self._coupling @ shared)
         T = state.T_world_body.copy()
         xi = shared[:n].reshape(-1, 6)
@@ -262,12 +270,15 @@ def twists(seen: Observations) -> FloatArray:
     """
     twist = np.full((len(seen.time_s), 6), np.nan)
     placed = np.flatnonzero(np.isfinite(seen.T_world_body[:, 0, 0]) & np.isfinite(seen.time_s))
+    placed = placed[np.argsort(seen.time_s[placed], kind="stable")]
     for k, here in enumerate(placed):
-        first = min(max(k - 1, 0), len(placed) - 3)
-        others = [i for i in placed[max(first, 0) : first + 3] if i != here]
-        lags_s = seen.time_s[others] - seen.time_s[here]
-        if len(others) < 2 or np.abs(lags_s).min() == 0.0 or np.abs(np.diff(lags_s)).max() > 2.0 * LONGEST_STEP_S:
+        first = max(min(k - 1, len(placed) - 3), 0)
+        three = placed[first : first + 3]
+        steps_s = np.diff(seen.time_s[three])
+        if len(three) < 3 or steps_s.min() <= 0.0 or steps_s.max() > LONGEST_STEP_S:
             continue
+        others = three[three != here]
+        lags_s = seen.time_s[others] - seen.time_s[here]
         to_body = frames.invert(seen.T_world_body[here])
         near, far = (_step(to_body @ seen.T_world_body[i]) for i in others)
         a_s, b_s = lags_s
@@ -280,11 +291,16 @@ def _step(T: FloatArray) -> FloatArray:
     return np.concatenate([rotations.log(rotations.from_matrix(T[:3, :3])), T[:3, 3]])
 
 
-def _robust(residual: FloatArray) -> tuple[float, FloatArray]:
-    """Standard deviation of a coordinate (from the median of the lengths) and Huber's weight of each observation."""
+def _robust(residual: FloatArray, unknowns: int) -> tuple[float, FloatArray]:
+    """Standard deviation of a match in each coordinate, and Huber's weight of each observation.
+
+    The first is that of the residuals, from the median of their lengths, over the share of the coordinates that no
+    unknown was fitted to: a point that two images see leaves one of its four coordinates.
+    """
     length = np.linalg.norm(residual, axis=1)
-    noise_px = max(float(np.median(length)) / 1.1774, 1e-6)  # Rayleigh: median 1.1774 sigma
-    return noise_px, np.minimum(1.0, 2.0 * _HUBER * noise_px / np.maximum(length, 1e-12))
+    left_px = max(float(np.median(length)) / 1.1774, 1e-6)  # Rayleigh: median 1.1774 sigma
+    weight = np.minimum(1.0, 2.0 * _HUBER * left_px / np.maximum(length, 1e-12))
+    return left_px / np.sqrt(max(1.0 - unknowns / residual.size, _LEAST_REDUNDANCY)), weight
 
 
 def _shift_matrices(
@@ -300,6 +316,11 @@ def _shift_matrices(
         found[c] = np.einsum("oki,okj->ij", own, own) / max(len(own), 1)
         start = stop
     return found
+
+
+def _held(poses: FloatArray) -> FloatArray:
+    """The poses' part of the normal equations, held by a small ridge in the directions that move the whole map."""
+    return poses + (_RIDGE * np.trace(poses) + _RIDGE) * np.eye(len(poses))
 
 
 def _blocks(values: FloatArray, column: np.ndarray, count: int) -> sp.csr_matrix:

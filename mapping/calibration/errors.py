@@ -167,8 +167,15 @@ def _radial(camera: Camera, inside: FloatArray, powers: tuple[int, ...]) -> Floa
 def _perpendicular(camera: Camera, first: Camera) -> FloatArray:
     """(3, 2) motions of a camera on the body (m) per radian of the direction from the first camera to it."""
     line = camera.T_body_camera[:3, 3] - first.T_body_camera[:3, 3]
-    basis = np.linalg.svd(line[None])[2][1:].T
-    return float(np.linalg.norm(line)) * basis
+    length_m = float(np.linalg.norm(line))
+    if length_m == 0.0:
+        return np.zeros((3, 2))
+    # the coordinate axis must not change with a small step: the steps of an adjustment are summed in this basis
+    size = np.abs(line)
+    aside = np.eye(3)[(int(np.argmax(size > 0.4 * size.max())) + 1) % 3]
+    across = np.cross(line, aside)
+    across *= length_m / float(np.linalg.norm(across))
+    return np.column_stack([across, np.cross(line, across) / length_m])
 
 
 def corrected(state: State, candidate: Candidate, delta: FloatArray) -> State:
@@ -207,17 +214,29 @@ def _added(values: FloatArray, index: int, delta: FloatArray | float) -> FloatAr
 
 
 def _other_lens(camera: Camera, kind: Kind, delta: FloatArray) -> Camera:
-    """The camera with another focal length, centre or distortion, as Kannala-Brandt with all its terms."""
-    fx, fy = camera.focal_px
-    cx, cy = camera.principal_point_px
-    k = camera.distortion.copy()
+    """The camera with another focal length or centre, or as Kannala-Brandt with all its terms and other distortion."""
+    named = camera.parameters
     match kind:
         case Kind.FOCAL:
-            fx, fy = fx * (1.0 + delta[0]), fy * (1.0 + delta[0])
+            named |= {name: value * (1.0 + delta[0]) for name, value in named.items() if name in ("f", "fx", "fy")}
+            return dataclasses.replace(camera, params=np.array(list(named.values())))
         case Kind.CENTRE:
-            cx, cy = cx + delta[0], cy + delta[1]
+            named |= {"cx": named["cx"] + delta[0], "cy": named["cy"] + delta[1]}
+            return dataclasses.replace(camera, params=np.array(list(named.values())))
         case Kind.RADIAL:
-            k[0] += delta[0]
+            added = np.array([delta[0], 0.0, 0.0, 0.0])
         case _:
-            k[1:] += delta
-    return dataclasses.replace(camera, model="OPENCV_FISHEYE", params=np.array([fx, fy, cx, cy, *k]))
+            added = np.array([0.0, *delta])
+    params = np.array([*camera.focal_px, *camera.principal_point_px, *(_kannala_brandt(camera) + added)])
+    return dataclasses.replace(camera, model="OPENCV_FISHEYE", params=params)
+
+
+def _kannala_brandt(camera: Camera) -> FloatArray:
+    """(4,) k1 to k4 of the camera; for a pinhole those that come nearest to the tangent, up to the corners."""
+    if camera.is_fisheye:
+        return camera.distortion
+    corners = camera.unproject([[x, y] for x in (0.0, camera.width) for y in (0.0, camera.height)])
+    theta = np.linspace(0.0, float(np.arccos(np.nanmin(corners[:, 2]))), 200)
+    powers = theta[:, None] ** np.array([3, 5, 7, 9])
+    fitted: FloatArray = np.linalg.lstsq(powers, np.tan(theta) - theta, rcond=None)[0]
+    return fitted

@@ -179,3 +179,83 @@ def test_derivatives_agree_with_finite_differences() -> None:
             expected = rows.calibration[:, :, start]
             assert np.abs(slope - expected).max() < 1e-3 * max(np.abs(expected).max(), 1.0), (candidate, k)
             start += 1
+
+
+def pinholes(rig: Rig) -> Rig:
+    cameras = [dataclasses.replace(c, model="PINHOLE", params=c.params[:4], field_of_view_rad=2.2) for c in rig]
+    return dataclasses.replace(rig, cameras=tuple(cameras))
+
+
+def test_a_pinhole_stays_one_when_its_focal_length_is_corrected() -> None:
+    told = pinholes(RIG)
+    found = tried(changed(told, 0, params=told.cameras[0].params * [1.01, 1.01, 1.0, 1.0]), told)
+    assert [str(f.candidate) for f in found.present] == ["front: focal length"]
+    assert found.rig.cameras[0].model == "PINHOLE"
+    assert found.rig.cameras[0].focal_px[0] == pytest.approx(1.01 * FOCAL_PX, abs=0.15)
+
+
+def test_a_pinhole_with_distortion_is_written_as_the_same_lens() -> None:
+    none = np.zeros(2)
+    state = errors.State(pinholes(RIG), np.zeros((0, 4, 4)), np.zeros((0, 3)), np.zeros((2, 2)), none, none)
+    pinhole = state.rig.cameras[0]
+    changed_state = errors.corrected(state, errors.Candidate("front", Kind.RADIAL), np.zeros(1))
+    rays = pinhole.unproject(pinhole.pixel_centres()[::16, ::16])
+    np.testing.assert_allclose(changed_state.rig.cameras[0].project(rays), pinhole.project(rays), atol=0.1)
+
+
+def test_a_step_that_first_overshoots_is_not_the_last() -> None:
+    """The map has adapted to a wrong lens: its scale is wrong, and the first linear step is far from the end."""
+    true = lens(RIG, 0, fx=0.06 * FOCAL_PX, fy=0.06 * FOCAL_PX, k1=0.02)
+    T, points, index, pixels = observed(true)
+    small = T.copy()
+    small[:, :3, 3] *= 0.7
+    found = trials.hold(Observations(RIG, small, 0.7 * points, index, pixels, TIMES_S))
+    assert found.rig.cameras[0].focal_px[0] == pytest.approx(1.06 * FOCAL_PX, rel=2e-3)
+    assert np.ptp(found.T_world_body[:, 0, 3]) == pytest.approx(np.ptp(T[:, 0, 3]), rel=0.02)
+    assert found.noise_px == pytest.approx(NOISE_PX, rel=0.1)
+
+
+def test_noise_is_that_of_the_matches_however_few_images_see_a_point() -> None:
+    T, points, index, pixels = observed(RIG)
+    pairs = np.concatenate([np.flatnonzero(index[:, 0] == p)[:2] for p in range(len(points))])
+    pairs = pairs[np.bincount(index[pairs, 0], minlength=len(points))[index[pairs, 0]] == 2]
+    seen = Observations(RIG, T, points, index[pairs], pixels[pairs], TIMES_S)
+    state = errors.State(RIG, T, points, np.zeros((2, 2)), np.zeros(2), np.zeros(2))
+    twist = adjustment.twists(seen)
+    normal = adjustment.Normal(seen, adjustment.adjust(seen, state, twist, [])[0], twist, [])
+    assert 0.6 * NOISE_PX < normal.noise_px < 1.3 * NOISE_PX
+
+
+@pytest.mark.parametrize("count", [1, 3, 5])
+def test_fewer_points_than_folds_are_no_crash(count: int) -> None:
+    T, points, index, pixels = observed(RIG)
+    few = index[:, 0] < count
+    assert not trials.hold(Observations(RIG, T, points, index[few], pixels[few], TIMES_S)).present
+
+
+def test_one_instant_gives_no_scale() -> None:
+    T, points, index, pixels = observed(RIG)
+    T[1:] = np.nan
+    one = index[:, 1] == 0
+    assert trials.hold(Observations(RIG, T, points, index[one], pixels[one], TIMES_S)).scale_std == np.inf
+
+
+def test_velocity_is_not_taken_across_a_gap_or_from_equal_times() -> None:
+    T, points, index, pixels = observed(RIG)
+    gap_s = TIMES_S + 100.0 * (np.arange(len(T)) > 0)
+    twice_s = TIMES_S.copy()
+    twice_s[1] = twice_s[2]
+    for times_s in (gap_s, twice_s):
+        twist = adjustment.twists(Observations(RIG, T, points, index, pixels, times_s))
+        assert np.isnan(twist[0]).all()
+        assert np.isfinite(twist[4:]).all()
+
+
+def test_the_basis_of_a_direction_does_not_jump_when_a_coordinate_changes_sign() -> None:
+    bases = []
+    for small_m in (1e-6, -1e-6):
+        T = RIG.cameras[1].T_body_camera.copy()
+        T[:3, 3] = RIG.cameras[0].T_body_camera[:3, 3] + [small_m, 0.1, -small_m]
+        rig = changed(RIG, 1, T_body_camera=T)
+        bases.append(errors._perpendicular(rig.cameras[1], rig.cameras[0]))
+    np.testing.assert_allclose(bases[0], bases[1], atol=1e-5)

@@ -112,3 +112,12 @@ def test_depth_images_survive_their_files(tmp_path: Path) -> None:
     for name in ("inverse_range", "deviation", "facing", "bound", "agreeing"):
         np.testing.assert_array_equal(getattr(again, name), getattr(depth, name))
     assert list(back)[1] is not None
+
+
+def test_a_folder_of_someone_else_is_not_taken_over(tmp_path: Path) -> None:
+    mine = tmp_path / "map.work" / "notes.txt"
+    mine.parent.mkdir()
+    mine.write_text("keep")
+    with pytest.raises(InputError, match="someone else"), stages.begin(mine.parent):
+        pass
+    assert mine.read_text() == "keep"
