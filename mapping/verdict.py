@@ -75,6 +75,12 @@ def judge(placed: SparseMap) -> MapVerdict:
             doubts.append(
                 f"these images cannot tell an error of the {finding.candidate} of up to {size_text(finding, most=True)}"
             )
+    lost = [camera.name for camera, there in zip(placed.rig, placed.registered.any(axis=0), strict=True) if not there]
+    if lost:
+        doubts.append(f"no image of camera {', '.join(lost)} is in the map: its calibration was not tried")
+    for witness in placed.alignment.witnesses[:1]:
+        if SIGMAS90 * witness.std > SCALE_DOUBT:
+            doubts.append(f"the {witness.source} gives the scale to ± {100 * SIGMAS90 * witness.std:.0f} % only")
     for witness in placed.alignment.witnesses[1:]:
         _weigh(placed.alignment.witnesses[0], witness, doubts, refusals)
     standing = Standing.REFUSED if refusals else Standing.DOUBTFUL if doubts else Standing.GOOD

@@ -189,10 +189,6 @@ def _unwrapped(asked_rad: FloatArray, heading: FloatArray) -> FloatArray:
     return pinned
 
 
-_RIDGE = 1e-12
-"""Added to the diagonal, which is 1: keeps the matrix positive definite beside segments of a few milliseconds."""
-
-
 def _solve_pinned(blocks: FloatArray, right: FloatArray, pinned: FloatArray) -> FloatArray:
     """Minimise with the pinned values and both ends' derivatives held; one block (8, 8) for each segment."""
     fixed = np.full((len(pinned), 4), np.nan)
@@ -213,5 +209,7 @@ def _solve_pinned(blocks: FloatArray, right: FloatArray, pinned: FloatArray) -> 
     scale = 1.0 / np.sqrt(band[0])
     for below in range(8):
         band[below, : len(right) - below] *= scale[: len(right) - below] * scale[below:]
-    band[0] += _RIDGE
-    return solution + scale * solveh_banded(band, scale * rest, lower=True, check_finite=False)
+    try:
+        return solution + scale * solveh_banded(band, scale * rest, lower=True, check_finite=False)
+    except np.linalg.LinAlgError:
+        raise InputError("two waypoints are too close together to turn between them; leave one of them out") from None

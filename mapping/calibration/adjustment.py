@@ -48,15 +48,13 @@ class Observations:
     """(instants,); NaN where unknown."""
 
 
-def adjust(
-    seen: Observations, state: State, twist: FloatArray, free: Sequence[Candidate]
-) -> tuple[State, dict[Candidate, FloatArray]]:
+def adjust(seen: Observations, state: State, free: Sequence[Candidate]) -> tuple[State, dict[Candidate, FloatArray]]:
     """Gauss-Newton with poses, points and the errors in `free`; returns how far those moved."""
     moved = {c: np.zeros(len(c.kind.units)) for c in free}
     best = state, moved
     least_px = last_px = np.inf
     for _ in range(_MOST_ITERATIONS):
-        normal = Normal(seen, state, twist, free, folds=1)
+        normal = Normal(seen, state, free, folds=1)
         if normal.noise_px < _WORSE * least_px:  # the first step of a large correction may overshoot
             best = state, moved
         least_px = min(least_px, normal.noise_px)
@@ -76,14 +74,13 @@ class Normal:
         self,
         seen: Observations,
         state: State,
-        twist: FloatArray,
         tried: Sequence[Candidate],
         *,
         folds: int = FOLDS,
     ) -> None:
         self.tried = list(tried)
         self._placed = np.flatnonzero(np.isfinite(state.T_world_body[:, 0, 0]))
-        rows = linearise(seen, state, twist, tried)
+        rows = linearise(seen, state, tried)
         point, instant = seen.index[rows.used, 0], np.searchsorted(self._placed, seen.index[rows.used, 1])
         self.seen = {seen.rig.cameras[k].name for k in np.unique(seen.index[rows.used, 2])}
         unknowns = 3 * len(np.unique(point)) + 6 * len(self._placed)
@@ -226,11 +223,11 @@ class _Rows:
     """(o, 2, p) for all candidates, in order."""
 
 
-def linearise(seen: Observations, state: State, twist: FloatArray, tried: Sequence[Candidate]) -> _Rows:
+def linearise(seen: Observations, state: State, tried: Sequence[Candidate]) -> _Rows:
     point, instant, number = seen.index.T
     T = state.T_world_body[instant]
     R_body_world = np.swapaxes(T[:, :3, :3], 1, 2)
-    rate = np.nan_to_num(twist[instant])
+    rate = np.nan_to_num(twists(seen.time_s, state.T_world_body)[instant])
     height = np.array([camera.height for camera in state.rig])
     lag_s = state.offset_s[number] + state.shutter_s[number] * (seen.pixels[:, 1] / height[number] - 0.5)
     still = np.einsum("oij,oj->oi", R_body_world, state.points_world[point] - T[:, :3, 3])
@@ -263,24 +260,24 @@ def linearise(seen: Observations, state: State, twist: FloatArray, tried: Sequen
     return _Rows(used, residual[used], pose[used], of_point[used], calibration[used])
 
 
-def twists(seen: Observations) -> FloatArray:
+def twists(time_s: FloatArray, T_world_body: FloatArray) -> FloatArray:
     """(instants, 6) rate (rad/s) and velocity (m/s) of the body, in its frame; NaN where the times do not tell.
 
     The slope of the parabola through an instant and the two nearest to it.
     """
-    twist = np.full((len(seen.time_s), 6), np.nan)
-    placed = np.flatnonzero(np.isfinite(seen.T_world_body[:, 0, 0]) & np.isfinite(seen.time_s))
-    placed = placed[np.argsort(seen.time_s[placed], kind="stable")]
+    twist = np.full((len(time_s), 6), np.nan)
+    placed = np.flatnonzero(np.isfinite(T_world_body[:, 0, 0]) & np.isfinite(time_s))
+    placed = placed[np.argsort(time_s[placed], kind="stable")]
     for k, here in enumerate(placed):
         first = max(min(k - 1, len(placed) - 3), 0)
         three = placed[first : first + 3]
-        steps_s = np.diff(seen.time_s[three])
+        steps_s = np.diff(time_s[three])
         if len(three) < 3 or steps_s.min() <= 0.0 or steps_s.max() > LONGEST_STEP_S:
             continue
         others = three[three != here]
-        lags_s = seen.time_s[others] - seen.time_s[here]
-        to_body = frames.invert(seen.T_world_body[here])
-        near, far = (_step(to_body @ seen.T_world_body[i]) for i in others)
+        lags_s = time_s[others] - time_s[here]
+        to_body = frames.invert(T_world_body[here])
+        near, far = (_step(to_body @ T_world_body[i]) for i in others)
         a_s, b_s = lags_s
         twist[here] = (near * b_s / a_s - far * a_s / b_s) / (b_s - a_s)
     return twist

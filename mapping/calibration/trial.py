@@ -83,7 +83,8 @@ class Trial:
     noise_px: float
     """Standard deviation of a match in each pixel coordinate, with what is present corrected."""
     scale_std: float
-    """Relative standard deviation of the scale that the distance between the cameras gives; infinite for one camera."""
+    """Relative standard deviation of the scale that the distance between the cameras gives, from the noise of the
+    matches alone; infinite for one camera."""
 
     @property
     def present(self) -> tuple[Finding, ...]:
@@ -103,21 +104,22 @@ def hold(seen: Observations) -> Trial:
     focal length and radial distortion, are not overlooked). The adjustment is linearised anew with what is left, until
     the same errors are left twice.
     """
-    twist = twists(seen)
-    tried = candidates(seen.rig, timed=bool(np.isfinite(twist).any()))
+    timed = bool(np.isfinite(twists(seen.time_s, seen.T_world_body)).any())
+    observed = {seen.rig.cameras[k].name for k in np.unique(seen.index[:, 2])}
+    tried = [c for c in candidates(seen.rig, timed=timed) if c.camera in observed]
     none = np.zeros(len(seen.rig))
     start = State(seen.rig, seen.T_world_body, seen.points_world, np.zeros((len(seen.rig), 2)), none, none)
     present: list[Candidate] = []
-    state, sizes = adjust(seen, start, twist, present)
+    state, sizes = adjust(seen, start, present)
     for _ in range(_MOST_ROUNDS):
-        normal = Normal(seen, state, twist, tried)
+        normal = Normal(seen, state, tried)
         left = _eliminate(normal, sizes)
         if set(left) == set(present):
             break
         present = left
-        state, sizes = adjust(seen, start, twist, present)
+        state, sizes = adjust(seen, start, present)
     else:
-        normal = Normal(seen, state, twist, tried)
+        normal = Normal(seen, state, tried)
     findings = [_finding(normal, present, sizes, c) for c in tried]
     findings.sort(key=lambda f: (f.verdict is not Verdict.PRESENT, -f.shift_px if f.candidate in present else 0.0))
     return Trial(

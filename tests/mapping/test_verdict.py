@@ -26,11 +26,14 @@ def placed(
     noise_px: float = 0.2,
     ratio: float = 1.0,
     std: float = 0.01,
+    used_std: float = 0.001,
+    lost_camera: bool = False,
 ) -> SparseMap:
     names = tuple(f"{k}.png" for k in range(COUNT))
     registered = np.ones((COUNT, 2), bool)
     registered[:missing] = False
-    witnesses = (ScaleWitness("rig baseline", 1.0, 0.001), ScaleWitness("recorded positions", ratio, std))
+    registered[:, 1] &= not lost_camera
+    witnesses = (ScaleWitness("rig baseline", 1.0, used_std), ScaleWitness("recorded positions", ratio, std))
     nothing = np.zeros((0, 3))
     return SparseMap(
         images=ImageSet(Path(), RIG, names, np.ones((COUNT, 2), bool), np.full(COUNT, np.nan)),
@@ -69,6 +72,7 @@ DOUBTS = [
     ({"ratio": 1.06}, "1.060 times"),
     ({"ratio": 0.94}, "0.940 times"),
     ({"ratio": 1.14}, "1.140 times"),
+    ({"used_std": 0.031}, "gives the scale to ± 5 % only"),
 ]
 
 
@@ -80,10 +84,16 @@ def test_each_doubt_is_named(what: dict, said: str) -> None:
     assert said in found.reasons[0]
 
 
+def test_a_camera_that_is_not_in_the_map_is_a_doubt() -> None:
+    found = verdict.judge(placed(lost_camera=True))
+    assert any("no image of camera down" in reason for reason in found.reasons)
+
+
 @pytest.mark.parametrize(
     "what",
     [
         {"missing": 1},
+        {"used_std": 0.029},
         {"noise_px": 0.99},
         {"ratio": 1.04},
         {"ratio": 1.2, "std": 0.1},

@@ -31,9 +31,9 @@ def test_waypoints_are_hit_in_the_open(open_sky, drone, through):
     assert plan.gate.passed
 
 
-def test_waypoints_a_centimetre_apart_are_planned(open_sky, drone, through):
-    plan = planner.plan(through((0, 0, 1), (3, 0, 1), (3.01, 0, 1), (3.01, 3, 1.2)), open_sky, drone)
-    assert plan.report.passed
+def test_waypoints_a_centimetre_apart_are_refused_in_words(open_sky, drone, through):
+    with pytest.raises(InputError, match="too close together"):
+        planner.plan(through((0, 0, 1), (3, 0, 1), (3.01, 0, 1), (3.01, 3, 1.2)), open_sky, drone)
 
 
 def test_some_limit_is_used_to_the_full(open_sky, drone, through):
