@@ -107,7 +107,7 @@ def reconstruct(images: ImageSet, options: SparseOptions, work: Work, *, progres
     if trial.present:
         images = dataclasses.replace(images, rig=trial.rig)
         _write_back(model, images, trial)
-        if not trial.inexpressible:  # COLMAP knows nothing of those, and would move the poses back
+        if not trial.inexpressible:  # COLMAP does not model those and would move the poses back
             refine(database, model, dataclasses.replace(trial.rig, refine_intrinsics=False), options, progress)
         watch.lap("refining with the corrected calibration")
     return _read_out(database, model, images, trial, watch)

@@ -37,7 +37,7 @@ def test_plain_names_degrees_and_other_separators_are_read(tmp_path, separator):
     ("text", "words"),
     [
         ("x_m,y_m\n1,2\n3,4\n", "no column z_m"),
-        ("x,y,z\n1,2,3\n", "1 waypoints"),
+        ("x,y,z\n1,2,3\n", r"1 waypoint\(s\); a path has at least two"),
         ("x,y,z\n1,2,3\n1,up,3\n", "line 3: y is 'up'"),
         ("x,y,z\n1,2,3\n1,2\n", "line 3: z is ''"),
         ("x,y,z\n1,2,nan\n1,2,3\n", "line 2: z is 'nan'"),
