@@ -75,7 +75,7 @@ def judge(placed: SparseMap) -> MapVerdict:
             doubts.append(
                 f"these images cannot tell an error of the {finding.candidate} of up to {size_text(finding, most=True)}"
             )
-    lost = [camera.name for camera, there in zip(placed.rig, placed.registered.any(axis=0), strict=True) if not there]
+    lost = [camera.name for number, camera in enumerate(placed.rig) if not placed.registered[:, number].any()]
     if lost:
         doubts.append(f"no image of camera {', '.join(lost)} is in the map: its calibration was not tried")
     for witness in placed.alignment.witnesses[:1]:

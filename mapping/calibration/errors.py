@@ -175,7 +175,7 @@ def _perpendicular(camera: Camera, first: Camera) -> FloatArray:
     aside = np.eye(3)[(int(np.argmax(size > 0.4 * size.max())) + 1) % 3]
     across = np.cross(line, aside)
     across *= length_m / float(np.linalg.norm(across))
-    return np.column_stack([across, np.cross(line, across) / length_m])
+    return np.asarray(np.column_stack([across, np.cross(line, across) / length_m]), dtype=np.float64)
 
 
 def corrected(state: State, candidate: Candidate, delta: FloatArray) -> State:
@@ -238,5 +238,5 @@ def _kannala_brandt(camera: Camera) -> FloatArray:
     corners = camera.unproject([[x, y] for x in (0.0, camera.width) for y in (0.0, camera.height)])
     theta = np.linspace(0.0, float(np.arccos(np.nanmin(corners[:, 2]))), 200)
     powers = theta[:, None] ** np.array([3, 5, 7, 9])
-    fitted: FloatArray = np.linalg.lstsq(powers, np.tan(theta) - theta, rcond=None)[0]
-    return fitted
+    fitted = np.linalg.lstsq(powers, np.tan(theta) - theta, rcond=None)[0]
+    return np.asarray(fitted, dtype=np.float64)
