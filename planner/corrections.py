@@ -5,6 +5,7 @@ import numpy as np
 from flight import FloatArray, Trajectory
 from planner import airframe, limits, time_allocation
 from planner._planner import StopFlag
+from planner.attitude import Memory
 from planner.minimum_snap import Spline
 from planner.options import check_stop
 from planner.time_allocation import Problem
@@ -55,6 +56,7 @@ class Corrections:
         path: Trajectory,
         vehicle: Vehicle,
         touched: np.ndarray,
+        memory: Memory | None = None,
         stop: StopFlag | None = None,
     ) -> FloatArray:
         """Ask the vehicle's own model in segments `touched` (k,); what it says each excess is, (k, samples, limits).
@@ -67,7 +69,7 @@ class Corrections:
         for group in np.split(near, range(_GROUP, len(near), _GROUP)) if near.size else []:
             check_stop(stop)
             full = airframe.measured_excess(
-                problem.airframe, vehicle, path, group, time_allocation.FRACTIONS, problem.speed_m_s
+                problem.airframe, vehicle, path, group, time_allocation.FRACTIONS, problem.speed_m_s, memory
             )
             full = np.where(np.isfinite(full), full, np.maximum(reduced[group], 0.0) + _IMPOSSIBLE)
             self.model[group] = np.clip(full - reduced[group], -_MOST, _MOST)

@@ -223,11 +223,11 @@ class Planner:
             wrong=wrong,
             iterations=_DRAWN if all(leg.drawn for leg in legs) else _NEW,
             corrections=kept.corrections.spliced(first, last, len(durations)),
-            known=None if used is None else (self._path.trajectory, used),
+            used=None if used is None else (self._path.trajectory, used),
         )
 
     def _ask_gate(
-        self, trajectory: Trajectory, waypoints: Waypoints, known: limits.Known | None, stop: StopFlag
+        self, trajectory: Trajectory, waypoints: Waypoints, known: limits.Known, stop: StopFlag
     ) -> GateReport:
         return gate.check(
             trajectory,
