@@ -131,8 +131,10 @@ class Memory:
 
 def segment_keys(trajectory: Trajectory, segments: np.ndarray) -> list[bytes]:
     """What two segments have in common that are equal, bit by bit."""
-    pairs = zip(trajectory.durations_s[segments], trajectory.coefficients[segments], strict=True)
-    return [duration.tobytes() + coefficients.tobytes() for duration, coefficients in pairs]
+    coefficients = trajectory.coefficients[segments].reshape(len(segments), -1)
+    rows = np.column_stack([trajectory.durations_s[segments], coefficients])
+    size, together = rows.itemsize * rows.shape[1], rows.tobytes()
+    return [together[i : i + size] for i in range(0, len(together), size)]
 
 
 def sampled(
