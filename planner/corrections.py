@@ -13,8 +13,9 @@ from vehicle import Vehicle
 
 _SPARE = 0.006
 """Relative excess that is kept from every limit, for what is not measured."""
-_STRICTER = 0.01
-"""The same where the gate, with its finer samples, found a limit exceeded; more each time it does."""
+_STRICTER = 0.01, 0.25
+"""The same where the gate, with its finer samples, found a limit exceeded, more each time it does: at least, and as a
+share of the excess."""
 _NEAR = 0.3
 """The vehicle's own model is expensive: it is asked in segments where a limit is nearer than this."""
 _MOST = 0.5
@@ -88,6 +89,7 @@ class Corrections:
             too_fast: (k,) bool, where the speed asked for on a leg is.
         """
         columns = np.array([limits.NAMES.index(name) for name in airframe.NAMES])
-        exceeded = ~used.passed[columns].T
+        exceeded, excess = ~used.passed[columns].T, np.nan_to_num(used.share[columns].T - 1.0, nan=0.0)
         exceeded[:, 0] |= too_fast
-        self.gate[:, 0] += _STRICTER * exceeded
+        least, share = _STRICTER
+        self.gate[:, 0] += np.where(exceeded, np.clip(share * excess, least, 10.0 * least), 0.0)

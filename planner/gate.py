@@ -25,6 +25,8 @@ _ORDER_UNITS = ("m", "m/s", "m/s2", "m/s3")
 _NAMES = ("position", "velocity", "acceleration", "jerk")
 _BLOCK = 1024
 """Points looked at together for a waypoint: the next one is hardly ever farther away than a second."""
+_JOINS = 16
+"""Joins looked at together for a waypoint: the next one is hardly ever more pieces away."""
 _SAME_RAD = 0.02
 """Largest difference from a heading that was asked for."""
 _LOOK_RAD = 0.6
@@ -394,11 +396,15 @@ def _at_joins(trajectory: Trajectory, wanted: FloatArray, tolerance_m: float) ->
     visits, worst = [], 0.0
     for waypoint in wanted:
         first, last = (visits[-1], len(joins)) if visits else (0, 1)
-        near = np.linalg.norm(joins[first:last] - waypoint, axis=1) <= tolerance_m
-        if not near.any():
+        for begin in range(first, last, _JOINS):
+            gaps = np.linalg.norm(joins[begin : min(begin + _JOINS, last)] - waypoint, axis=1)
+            if gaps.min() <= tolerance_m:
+                break
+        else:
             return None
-        visits.append(first + int(np.argmax(near)))
-        worst = max(worst, float(np.linalg.norm(joins[visits[-1]] - waypoint)))
+        nearest = int(np.argmax(gaps <= tolerance_m))
+        visits.append(begin + nearest)
+        worst = max(worst, float(gaps[nearest]))
     return (visits, worst) if visits[-1] == len(joins) - 1 else None
 
 
