@@ -92,7 +92,7 @@ def coefficients(vehicle: Vehicle, trajectory: Trajectory, pieces: Pieces) -> Fl
     q, speed = flatness.attitudes(vehicle, velocity, acceleration, yaw, body_rate, rough)
     body_rate, turn = turning(q)
     back, body = rotations.conjugate(q), rigid_body(vehicle)
-    torque = turn @ body.inertia_kg_m2.T + np.cross(body_rate, body_rate @ body.inertia_kg_m2.T)
+    torque = turn @ body.inertia_kg_m2.T + rotations.cross(body_rate, body_rate @ body.inertia_kg_m2.T)
     required = float(body.mass_kg) * (acceleration + np.array([0.0, 0.0, GRAVITY_M_S2]))
     rotor = invert.rotor_speeds(
         vehicle,

@@ -214,7 +214,7 @@ def until_flyable(
     """Optimise until a trajectory passes the gate; None if it stays too close to obstacles.
 
     The first rounds are about all segments, unless `wrong` (k,) says which ones to begin with; then only those that
-    exceed a limit are optimised again, with their neighbours. Where limits stay exceeded in spite of it, the last
+    exceed a limit are optimised again, with their neighbours, and the first path that passes will do. Where limits stay exceeded in spite of it, the last
     trajectory is returned with its report.
 
     Args:
@@ -259,7 +259,7 @@ def until_flyable(
                     better = report.passed and path.duration_s < found.trajectory.duration_s
                     return here if better else found
                 found, relieved = here, (believed - corrections.model).max(axis=(1, 2)) > _RELIEVED
-                if not report.passed or not relieved.any():
+                if not report.passed or begun > 0 or not relieved.any():
                     return found
                 wrong = relieved
                 used = None if report.usage is None else (path, report.usage)

@@ -5,6 +5,7 @@ value, the bound, the time and the place.
 """
 
 from dataclasses import dataclass, replace
+from math import dist
 
 import numpy as np
 
@@ -25,8 +26,6 @@ _ORDER_UNITS = ("m", "m/s", "m/s2", "m/s3")
 _NAMES = ("position", "velocity", "acceleration", "jerk")
 _BLOCK = 1024
 """Points looked at together for a waypoint: the next one is hardly ever farther away than a second."""
-_JOINS = 16
-"""Joins looked at together for a waypoint: the next one is hardly ever more pieces away."""
 _SAME_RAD = 0.02
 """Largest difference from a heading that was asked for."""
 _LOOK_RAD = 0.6
@@ -392,19 +391,16 @@ def _heading_check(name: str, off_rad: FloatArray, times_s: FloatArray, bound_ra
 
 def _at_joins(trajectory: Trajectory, wanted: FloatArray, tolerance_m: float) -> tuple[list[int], float] | None:
     """Joins that reach the waypoints in order, the two ends included, and the largest gap; None if they do not."""
-    joins = np.vstack([trajectory.coefficients[:, :3, 0], trajectory.position(np.array([trajectory.duration_s]))])
-    visits, worst = [], 0.0
-    for waypoint in wanted:
-        first, last = (visits[-1], len(joins)) if visits else (0, 1)
-        for begin in range(first, last, _JOINS):
-            gaps = np.linalg.norm(joins[begin : min(begin + _JOINS, last)] - waypoint, axis=1)
-            if gaps.min() <= tolerance_m:
-                break
-        else:
-            return None
-        nearest = int(np.argmax(gaps <= tolerance_m))
-        visits.append(begin + nearest)
-        worst = max(worst, float(gaps[nearest]))
+    end = trajectory.position(np.array([trajectory.duration_s]))
+    joins = np.vstack([trajectory.coefficients[:, :3, 0], end]).tolist()
+    visits, at, worst = [], 0, 0.0
+    for waypoint in wanted.tolist():
+        while (gap_m := dist(joins[at], waypoint)) > tolerance_m:
+            at += 1
+            if not visits or at == len(joins):
+                return None
+        visits.append(at)
+        worst = max(worst, gap_m)
     return (visits, worst) if visits[-1] == len(joins) - 1 else None
 
 
