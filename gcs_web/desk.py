@@ -312,5 +312,5 @@ def _listed(path: Path, hashes: tuple[str, str]) -> protocol.SavedTrajectory:
         file = trajectory.load(path)
     except (FormatError, InputError, OSError):
         return protocol.SavedTrajectory(path.stem, 0.0, False, saved_at)
-    current = file.checked and (file.map_hash, file.vehicle_hash) == hashes
+    current = file.checked and file.as_checked and (file.map_hash, file.vehicle_hash) == hashes
     return protocol.SavedTrajectory(path.stem, file.trajectory.duration_s, current, saved_at)

@@ -171,7 +171,7 @@ def test_a_file_is_good_for_its_own_map_and_vehicle_only(good, pillar, drone, tm
     heavier = drone.with_value("mass_kg", 0.701)
     assert [c.name for c in gate.check_file(item, pillar, heavier).failures] == ["vehicle"]
     other = dataclasses.replace(item, map_hash="another")
-    assert [c.name for c in gate.check_file(other, pillar, drone).failures] == ["map"]
+    assert [c.name for c in gate.check_file(other, pillar, drone).failures] == ["record", "map"]
 
 
 @pytest.mark.parametrize("derivative", range(4))
