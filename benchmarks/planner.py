@@ -213,7 +213,7 @@ def in_scenes(drone: vehicle.Vehicle, count: int) -> list[report.Row]:
         place = planner_scenes.place(seed)
         start = time.process_time()
         try:
-            plan = planner.plan(place.waypoints, place.field, drone)
+            plan = planner.plan(place.waypoints, place.field, drone, planner_scenes.OPTIONS)
         except (InfeasibleError, InputError):
             refused += 1
             continue
@@ -267,7 +267,7 @@ def mixed(drone: vehicle.Vehicle, count: int) -> list[report.Row]:
     for seed in range(1000, 1000 + count):
         place = planner_scenes.place(seed)
         try:
-            plan = planner.plan(place.waypoints, place.field, drone)
+            plan = planner.plan(place.waypoints, place.field, drone, planner_scenes.OPTIONS)
         except planner.PlanInfeasibleError as error:
             narrow += error.gap is not None
             refused += error.gap is None

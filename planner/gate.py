@@ -121,7 +121,7 @@ def check(
     Raises:
         PlanCancelledError: `stop` was set, from another thread.
     """
-    options = PlanOptions() if options is None else options
+    options = (PlanOptions() if options is None else options).sized(vehicle)
     asked = Conditions() if conditions is None else conditions
     finite = _finite(trajectory)
     checks = [finite]
@@ -146,7 +146,7 @@ def check(
         checks=tuple(checks),
         clearance_m=clearance.proven_m,
         required_clearance_m=options.clearance_m,
-        body_radius_m=options.radius_m,
+        body_radius_m=options.body_radius_m,
         clearance_point_world_m=tuple(np.nan_to_num(clearance.point_world_m).tolist()),
         duration_s=trajectory.duration_s if np.isfinite(trajectory.duration_s) else 0.0,
         map_hash=str(getattr(field, "hash", "")),

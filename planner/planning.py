@@ -67,7 +67,7 @@ def plan(
         PlanInfeasibleError: there is no path, or none within the limits; with `segment`, `reason` and `remedy`.
         PlanCancelledError: `stop` was set, from another thread.
     """
-    options = PlanOptions() if options is None else options
+    options = inputs.options_for(vehicle, options)
     asked = Conditions() if conditions is None else conditions
     path, route = from_scratch(waypoints, field, vehicle, options, asked, progress=progress, stop=stop)
     return Plan(path.trajectory, path.report, waypoints, route.points, path.method, path.optimum_s)
