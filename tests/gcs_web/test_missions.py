@@ -125,12 +125,23 @@ def test_flown_ids_are_those_of_the_unrolled_waypoints(asked: Mission):
 
 
 @given(asked_missions())
-def test_reversing_twice_changes_nothing(asked: Mission):
+def test_reversing_flies_the_same_legs_backwards_at_the_same_speeds_and_twice_changes_nothing(asked: Mission):
+    """With waypoints that lead into the loop and out of it, too."""
     content = missions.with_mission(Content(), asked)
-    once = edit(content, protocol.Reverse)
-    assert legs(missions.mission_of(once)) == legs(asked)[::-1]
-    assert missions.mission_of(edit(once, protocol.Reverse)).laps == missions.mission_of(content).laps
-    assert edit(once, protocol.Reverse).points == content.points
+    before = missions.mission_of(content).unrolled()
+    try:
+        once = edit(content, protocol.Reverse)
+    except InputError as error:  # the only thing that a document cannot say
+        assert asked.laps is not None
+        assert "way back of the laps" in str(error)
+        loop = asked.laps.ends(len(content.points))
+        assert len({p.leg_speed_m_s for p in content.points[slice(*loop)]}) > 1
+        return
+    assert missions.flown(once) == missions.flown(content)[::-1]
+    assert legs(missions.mission_of(once).unrolled()) == legs(before)[::-1]
+    twice = edit(once, protocol.Reverse)
+    assert twice.points == content.points
+    assert missions.mission_of(twice).laps == missions.mission_of(content).laps
 
 
 def test_a_mission_file_is_opened_edited_saved_and_the_undo_brings_the_file_back(tmp_path):
