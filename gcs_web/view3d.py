@@ -45,7 +45,8 @@ class View3D:
         self._path: Any = None
         self._map: Map | None = None
         self._checked = False
-        self._dragged_point: int | None = None
+        self._dragged_points: dict[int | None, int] = {}
+        """By browser (viser's id): the waypoint that is dragged there."""
         self._draft: Any = None
         self._surface: picking.Surface | None = None
         self._drawn_pose = np.zeros(7)
@@ -61,6 +62,7 @@ class View3D:
         """The map was shift-clicked: the waypoint to insert after (None: there is none), and where, (3,) world."""
         server.scene.on_click()(self._clicked)
         server.scene.on_click(modifier="shift")(self._shift_clicked)
+        server.on_client_disconnect(self._browser_left)
         server.gui.configure_theme(dark_mode=True, show_share_button=False, show_logo=False, control_layout="floating")
         server.scene.set_up_direction("+z")
         self._ghost = scene.draw_vehicle(server, "/planned", opacity=0.55)
@@ -122,7 +124,7 @@ class View3D:
     def draw_draft(self, path_world_m: FloatArray) -> None:
         """Draw (m, 3) a path that nobody has checked while a waypoint is dragged, and the last good one in grey."""
         with self._lock, self._server.atomic():
-            if self._dragged_point is None:
+            if not self._dragged_points:
                 return  # it was let go meanwhile
             begins = self._draft is None
             colours = np.full((len(path_world_m), 3), _SELECTED, dtype=np.uint8)
@@ -212,10 +214,10 @@ class View3D:
         position = np.array(event.target.position, dtype=np.float64)
         with self._lock:
             if event.phase == "start":
-                self._dragged_point = waypoint
+                self._dragged_points[event.client_id] = waypoint
             elif event.phase == "end":
-                self._dragged_point = None
-            elif self._dragged_point != waypoint:
+                self._dragged_points.pop(event.client_id, None)
+            elif self._dragged_points.get(event.client_id) != waypoint:
                 return  # events may arrive out of order: this one came after the end
             elif waypoint in self._balls:
                 self._balls[waypoint].position = tuple(position)
@@ -223,6 +225,14 @@ class View3D:
             self.on_drag(waypoint, position)
         elif event.phase == "update":
             self.on_pull(waypoint, position)
+
+    def _browser_left(self, client: "viser.ClientHandle") -> None:
+        """What was dragged there is where it was: only letting go moves a waypoint."""
+        with self._lock:
+            if self._dragged_points.pop(client.client_id, None) is None:
+                return
+            self.draw_waypoints(self._points)
+            self.drop_draft()
 
     def _clicked(self, event: "viser.SceneClickEvent") -> None:
         with self._lock:

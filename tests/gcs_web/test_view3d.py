@@ -56,3 +56,30 @@ def test_a_click_on_the_path_answers_only_while_the_plan_is_checked(view: View3D
     view.draw_plan(None)
     view._clicked(click(0.5))
     assert len(chosen) == 1
+
+
+def drag(phase: str, browser: int) -> SimpleNamespace:
+    return SimpleNamespace(phase=phase, client_id=browser, target=SimpleNamespace(position=(0.0, 0.0, 1.0)))
+
+
+def test_a_drag_in_one_browser_is_not_ended_by_another(view: View3D):
+    pulled, moved = [], []
+    view.on_pull = lambda waypoint, _: pulled.append(waypoint)
+    view.on_drag = lambda waypoint, _: moved.append(waypoint)
+    view._dragged(1, drag("start", browser=1))
+    view._dragged(2, drag("start", browser=2))
+    view._dragged(2, drag("end", browser=2))
+    view._dragged(1, drag("update", browser=1))
+    view._dragged(2, drag("update", browser=2))  # came after its end
+    assert (pulled, moved) == ([1], [2])
+
+
+def test_a_browser_that_leaves_in_the_middle_of_a_drag_moves_nothing_and_ends_the_draft(view: View3D):
+    view.on_drag = lambda *_: pytest.fail("nobody let go")
+    view._dragged(1, drag("start", browser=1))
+    view.draw_draft(np.zeros((2, 3)))
+    assert view._draft is not None
+    view._browser_left(SimpleNamespace(client_id=1))
+    assert view._draft is None
+    view.draw_draft(np.zeros((2, 3)))  # came late
+    assert view._draft is None
