@@ -125,7 +125,13 @@ class GroundStation:
             self.hub.publish(protocol.Vehicle("none"))
         pages = PageSocket(self.desk, project=opened.name)
         self._gateway = gateway.Gateway(
-            self.server.get_port(), serve_page=pages.serve, state=self._state, host=self._host, port=port, tls=self._tls
+            self.server.get_port(),
+            serve_page=pages.serve,
+            state=self._state,
+            share=self.desk.shared,
+            host=self._host,
+            port=port,
+            tls=self._tls,
         )
         self._gateway.on_entry = on_entry
         self._stack.callback(self._in_loop, self._gateway.stop)

@@ -8,6 +8,7 @@ number of sockets, drops the messages that would publish the view on viser's sha
 /          our page (`gcs_web/static`)
 /ws        its WebSocket
 /state     what the server holds, as JSON
+/share     a trajectory as one HTML file, to keep or to pass on
 /viser/    the 3D view
 """
 
@@ -18,6 +19,9 @@ import secrets
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+from flight import FlightError
 
 if TYPE_CHECKING:
     import ssl
@@ -65,6 +69,7 @@ class Gateway:
         *,
         serve_page: Serve,
         state: Callable[[], dict[str, Any]],
+        share: Callable[[str], tuple[str, str]],
         host: str = LOOPBACK,
         port: int = 0,
         tls: "ssl.SSLContext | None" = None,
@@ -73,11 +78,12 @@ class Gateway:
         Args:
             serve_page: talks to one page over its WebSocket.
             state: answers `/state`: what the server holds, as JSON.
+            share: answers `/share?name=...`: the name and the text of an HTML file. Raises `FlightError`.
             host: name or address to listen at, and the only name that is answered to beside this machine's own.
             port: 0 lets the system choose.
             tls: proves that it is `host`; then the page is https and its sockets are wss.
         """
-        self._host, self._tls = host, tls
+        self._host, self._tls, self._share = host, tls, share
         self._upstream = f"{LOOPBACK}:{upstream_port}"
         self._serve_page, self._state, self._wanted_port = serve_page, state, port
         self._token = secrets.token_urlsafe(24)
@@ -112,6 +118,7 @@ class Gateway:
         application.router.add_static("/static/", STATIC)
         application.router.add_get("/ws", self._page)
         application.router.add_get("/state", self._serve_state)
+        application.router.add_get("/share", self._serve_shared)
         application.router.add_get("/viser", self._pass_socket)  # viser's page leaves out the last slash here
         application.router.add_get("/viser/{path:.*}", self._pass_on)
         self._client = ClientSession(timeout=ClientTimeout(total=60), auto_decompress=False)
@@ -187,6 +194,16 @@ class Gateway:
         from aiohttp import web
 
         return web.json_response(await asyncio.to_thread(self._state))
+
+    async def _serve_shared(self, request: "web.Request") -> "web.Response":
+        from aiohttp import web
+
+        try:
+            name, text = await asyncio.to_thread(self._share, request.query.get("name", ""))
+        except FlightError as error:
+            return web.Response(status=404, text=f"Goshawk: {error}\n")
+        file = f"attachment; filename*=UTF-8''{quote(f'{name}.html')}"
+        return web.Response(text=text, content_type="text/html", headers={"Content-Disposition": file})
 
     async def _page(self, request: "web.Request") -> "web.StreamResponse":
         from aiohttp import web
