@@ -118,7 +118,8 @@ class GroundStation:
         self.view.on_moment = self._moment_chosen
         self.view.on_drag, self.view.on_add, self.view.on_pull = self._dragged, self._added, self.desk.draft
         if self.watch is not None:
-            self.watch.on_state, self.watch.on_pose = self._vehicle_changed, self.view.move_vehicle
+            self.watch.on_state, self.watch.on_pose = self._vehicle_changed, self.view.vehicle.move
+            self.watch.on_setpoint = self.view.vehicle.follow
             self.watch.start()
             self._stack.callback(self.watch.close)
         else:
@@ -143,8 +144,9 @@ class GroundStation:
 
     def _vehicle_changed(self, now: protocol.Vehicle) -> None:
         self.hub.publish(now)
+        self.view.vehicle.set_armed(now.armed)
         if now.link == "lost":
-            self.view.hide_vehicle()
+            self.view.vehicle.hide()
 
     def _moment_chosen(self, time_s: float) -> None:
         self.hub.publish(protocol.Cursor(time_s))

@@ -12,14 +12,13 @@ import numpy as np
 from flight import FloatArray, Progress, silent
 from gcs_web import picking, protocol, scene
 from gcs_web.document import Point, Settings
+from gcs_web.vehicle_view import VehicleView
 from mapping import Map
 
 if TYPE_CHECKING:
     import viser
 
 _BALL_M = 0.05
-_SEEN = 1e-3
-"""Smallest change of a pose (m, or of a quaternion's number) that is drawn."""
 _STAND_OFF_M = 0.2
 """Beyond the required clearance, for a waypoint that is placed by a click."""
 _WHITE, _SELECTED, _GREY = (233, 237, 240), (121, 176, 255), (120, 120, 120)
@@ -49,7 +48,6 @@ class View3D:
         """By browser (viser's id): the waypoint that is dragged there."""
         self._draft: Any = None
         self._surface: picking.Surface | None = None
-        self._drawn_pose = np.zeros(7)
         self.on_select: Callable[[int], None] = lambda _: None
         """A waypoint was clicked; its id."""
         self.on_drag: Callable[[int, FloatArray], None] = lambda _i, _p: None
@@ -66,7 +64,7 @@ class View3D:
         server.gui.configure_theme(dark_mode=True, show_share_button=False, show_logo=False, control_layout="floating")
         server.scene.set_up_direction("+z")
         self._ghost = scene.draw_vehicle(server, "/planned", opacity=0.55)
-        self._vehicle = scene.draw_vehicle(server, "/vehicle", opacity=1.0)
+        self.vehicle = VehicleView(server)
 
     def draw_map(self, area: Map) -> None:
         """Show a map's mesh, and look at it if it is the first one."""
@@ -160,20 +158,6 @@ class View3D:
             self._colour, self._slice_z_m = colour, slice_z_m
             self._draw_path()
             self._draw_slice()
-
-    def move_vehicle(self, position_world_m: FloatArray, q_world_body: FloatArray) -> None:
-        """Draw the vehicle where it says that it is; one that stands still costs the browsers nothing."""
-        pose = np.concatenate([position_world_m, q_world_body])
-        if self._vehicle.visible and np.abs(pose - self._drawn_pose).max() < _SEEN:
-            return
-        self._drawn_pose = pose
-        with self._server.atomic():
-            self._vehicle.position, self._vehicle.wxyz = tuple(position_world_m), tuple(q_world_body)
-            self._vehicle.visible = True
-
-    def hide_vehicle(self) -> None:
-        """For a vehicle of which nothing is known (any more)."""
-        self._vehicle.visible = False
 
     def _ball(self, point: Point) -> Any:
         if point.id not in self._balls:

@@ -357,6 +357,7 @@ def test_a_flight_is_flown_logged_and_aborted_from_the_page(station):
         nonce = (await page.command("prepare_order"))["nonce"]
         assert not (await page.command("order", order="start", nonce=nonce))["error"]
         await page.until(lambda p: p.state["vehicle"].get("error_m") is not None)
+        until(lambda: station.view.vehicle._setpoint.visible, "the set-point in the 3D view")
         assert not (await other.command("abort"))["error"]  # by whoever sees the danger
         await page.until(lambda p: any("The flight ended early" in text for text in p.notices))
         await page.until(lambda p: p.state["vehicle"]["mission"] in ("disarmed", "armed"))

@@ -6,7 +6,8 @@ from unittest.mock import MagicMock
 import numpy as np
 import pytest
 
-from gcs_web import protocol, scene
+from flight import rotations
+from gcs_web import protocol, scene, vehicle_view
 from gcs_web.view3d import View3D
 
 WALL_X_M = 2.0
@@ -83,3 +84,25 @@ def test_a_browser_that_leaves_in_the_middle_of_a_drag_moves_nothing_and_ends_th
     assert view._draft is None
     view.draw_draft(np.zeros((2, 3)))  # came late
     assert view._draft is None
+
+
+def test_the_trail_begins_with_arming_goes_where_the_vehicle_was_and_stays_after_landing(monkeypatch):
+    drawn = []
+    monkeypatch.setattr(scene, "draw_vehicle", MagicMock())
+    monkeypatch.setattr(scene, "draw_path", lambda _, path, *__, **___: drawn.append(path) or MagicMock())
+    monkeypatch.setattr(vehicle_view, "_TRAIL_PERIOD_S", 0.0)
+    shown = vehicle_view.VehicleView(MagicMock())
+    flown = np.stack([np.linspace(0.0, 1.0, 21), np.zeros(21), np.ones(21)], axis=1)
+    shown.move(np.array([9.0, 9.0, 0.0]), rotations.IDENTITY)  # carried to the start
+    shown.set_armed(True)
+    for position in flown:
+        shown.move(position, rotations.IDENTITY)
+    np.testing.assert_allclose(drawn[-1][[0, -1]], flown[[0, -1]], atol=0.051)
+    shown.set_armed(False)
+    count = len(drawn)
+    shown.move(np.array([2.0, 0.0, 0.0]), rotations.IDENTITY)
+    assert len(drawn) == count
+    shown.set_armed(True)
+    for position in flown[:3] + 5.0:
+        shown.move(position, rotations.IDENTITY)
+    assert drawn[-1].min() >= 5.0  # a new flight, a new trail
