@@ -67,6 +67,19 @@ class Finding:
             "gain": self.gain,
         }
 
+    @staticmethod
+    def from_dict(numbers: dict[str, Any]) -> "Finding":
+        """The finding that `as_dict` described."""
+        return Finding(
+            Candidate(numbers["camera"], Kind(numbers["error"])),
+            Verdict(numbers["verdict"]),
+            np.array(numbers["size"]),
+            np.array(numbers["std"]),
+            numbers["shift_px"],
+            numbers["largest_shift_px"],
+            numbers["gain"],
+        )
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trial:
