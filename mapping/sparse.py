@@ -117,7 +117,7 @@ def reconstruct(
         images,
         model.T_world_body,
         recorded,
-        baseline_std=model.trial.scale_std if has_baseline else None,
+        baseline_std=alignment.baseline_std(images.rig, model.trial.scale_std) if has_baseline else None,
         length=length,
     )
     return SparseMap(
