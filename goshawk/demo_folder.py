@@ -77,7 +77,7 @@ def making(out: Path, settings: Mapping[str, Any]) -> Generator[Steps]:
     try:
         yield steps
     except BaseException:
-        click.echo(f"finished: {', '.join(steps.done) or 'nothing yet'}; the same command goes on from there", err=True)
+        click.echo(f"finished: {', '.join(steps.done) or 'nothing yet'}; the same command continues from there", err=True)
         raise
     if earlier is not None:
         shutil.rmtree(earlier)
