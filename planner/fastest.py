@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import esdf
-from flight import FloatArray, Trajectory
+from flight import FloatArray, Progress, Trajectory, silent
 from flight.trajectory import LONGEST_S
 from planner import airframe, heading, hermite, limits, minimum_snap, routes, space, time_allocation, windows
 from planner._planner import StopFlag
@@ -210,6 +210,7 @@ def until_flyable(
     iterations: int = _IN_PART,
     corrections: Corrections | None = None,
     used: tuple[Trajectory, limits.Usage] | None = None,
+    progress: Progress = silent,
 ) -> Path | None:
     """Optimise until a trajectory passes the gate; None if it stays too close to obstacles.
 
@@ -231,6 +232,7 @@ def until_flyable(
     for round_ in range(begun, _ROUNDS):
         if round_ == rounds:
             return found
+        progress("optimise", 1.0 - 0.7 ** (round_ - begun + 1))  # how many rounds it takes is not known before
         believed = corrections.model.copy()
         charged_s = spline.durations_s if round_ > 0 else None
         problem = replace(problem, offsets=corrections.total(), reference_s=charged_s)

@@ -238,8 +238,8 @@ def _record_check(item: TrajectoryFile) -> Check:
     kept = item.record_kept
     if kept is None:
         reason = (
-            "file version 1 has no hash of conditions and limits, so it is not known whether they were changed after the "
-            "check; renew its check, or plan it again"
+            "file version 1 has no hash of conditions and limits: whether they were changed after the check is not "
+            "known; renew its check, or plan it again"
         )
     else:
         reason = "conditions, limits, waypoints and results as written" if kept else "the file's record was changed"
