@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "passing.hpp"
 #include "smoothing.hpp"
 
 namespace goshawk {
@@ -238,6 +239,22 @@ double Problem::gate_cost(const double* knots, double* by_knots) const {
     return cost;
 }
 
+// Of the velocity at every gate, along the cross product of its edges; its gradient goes to the states.
+double Problem::passing_cost() {
+    const PassingCost passing{prices_.limits};
+    double cost = 0.0;
+    for (std::size_t i = 0; i <= segments_; ++i) {
+        const double *left = &gates_[9 * i + 3], *up = left + 3;
+        double normal[3] = {left[1] * up[2] - left[2] * up[1], left[2] * up[0] - left[0] * up[2],
+                            left[0] * up[1] - left[1] * up[0]};
+        const double size = std::sqrt(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]);
+        if (!(size > 0.0)) continue;
+        for (double& x : normal) x /= size;
+        cost += passing.value(&states_[i * kKnot + kAxes], normal, &by_states_[i * kKnot + kAxes]);
+    }
+    return cost;
+}
+
 // Along the axes that are free; of a knot in a gate along the gate's edges, and in yaw.
 std::vector<Problem::Direction> Problem::directions(const unsigned char* free) const {
     std::vector<Direction> found;
@@ -269,6 +286,7 @@ double Problem::evaluate(const double* knots, const double* durations, double* b
         cost += durations[i] + segment_cost(i, durations[i], by_durations[i]);
         if (prices_.snap > 0.0) cost += snap_cost(i, durations[i], by_durations[i]);
     }
+    cost += passing_cost();
     adjoint(durations, by_knots, by_durations);
     return cost + ball_cost(knots, by_knots) + gate_cost(knots, by_knots);
 }

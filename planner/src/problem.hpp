@@ -80,6 +80,7 @@ class Problem {
     double snap_cost(std::size_t i, double T, double& by_T);
     double ball_cost(const double* knots, double* by_knots) const;
     double gate_cost(const double* knots, double* by_knots) const;
+    double passing_cost();
     std::vector<Direction> directions(const unsigned char* free) const;
     void adjoint(const double* durations, double* by_knots, double* by_durations);
 
