@@ -79,7 +79,7 @@ def test_a_curve_of_thrust_changes_the_share_of_its_rotors(tmp_path: Path, chann
     drawn = plain.with_effect_file(scaffold(finding(channel, variable), tmp_path / f"{name}.py", name=name))
     components = (VELOCITY.T, RATE.T, SPEED.T, around())
     before, after = (forces.evaluate(v, *components).thrust_n[:, 0] for v in (plain, drawn))
-    arm = before * 0.0 + plain.hub_body_m[:, :2].T
+    arm = plain.hub_body_m[:, :2].T
     own = {"n": np.full(4, 2.5), "n_2": np.full(4, 2.5), "v_z": np.full(4, VELOCITY[0, 2])}
     own["s"] = -(VELOCITY[0, :2] @ arm) / np.linalg.norm(arm, axis=0)
     share = np.sin(own[variable]) if channel == THRUST else np.where(np.arange(4) == 2, np.sin(2.5), 0.0)
