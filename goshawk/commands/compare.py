@@ -17,7 +17,7 @@ from sysid.estimator.comparison import HORIZONS_S, QUANTITIES
 from sysid.estimator.protocol import KNOWS, PROTOCOLS
 from sysid.estimator.result import CHANNELS, SPAN_S
 
-READING = ("split_gaps", "robust", "most_steps")
+READING = ("split_gaps", "robust", "gravity_m_s2", "most_steps")
 """Options that matter where nothing is refitted: they say how flights are read and smoothed."""
 
 

@@ -131,7 +131,7 @@ def _why_not(effect: Effect, vehicle: Vehicle, flights: Sequence[Flight], clock:
             return NO_VOLTAGE
     if effect.stage == Stage.SENSOR and not {f"{effect.name}.{s.name}" for s in effect.parameters} <= set(SENSOR_NAMES):
         return "the estimator has the pose sensor's place and the gyro's bias among its unknowns already"
-    if effect.name == POSE_DELAY and clock == "pose" and not by_command:
+    if effect.name == POSE_DELAY and clock == "pose":
         return "the delay of every stream against the pose is estimated already; see the clocks of the report"
     return ""
 

@@ -184,7 +184,7 @@ class Question:
         unbiased = {name: point.sensors[name] for name in SENSOR_NAMES}
         point = replace(point, sensors=unbiased, states=(flown.states,))
         sensor = fit.unknowns.sensor if flown.flight.has_pose else ()
-        own, _ = nuisances([flown.flight], fit.clock)
+        own, _ = nuisances([flown.flight], fit.clock, fit.vehicle)
         own = replace(own, model=fit.unknowns.model, sensor=sensor)
         return shared_information(Evidence([flown.flight], point, fit.noise, own, self.model.candidate_set))
 

@@ -349,6 +349,7 @@ def _next(
     outdone_by = stands(after, best.candidate)
     reduction, confirmed, why = _confirmed(model, best, unseen)
     there = supported(reduction.total, model.scores[best.candidate.name].dispersion)
+    confirmed &= _matters(best)
     outcome = Outcome.PROXY if outdone_by else Outcome.ADDED if confirmed else Outcome.NOT_CONFIRMED
     as_likely = float(np.exp(-THRESHOLDS.clear_lead))
     if outcome is Outcome.ADDED and max(odds.values(), default=0.0) > as_likely:
@@ -377,6 +378,12 @@ def _next(
         reduction.sigma,
     )
     return trial, after
+
+
+def _matters(fitted: Fitted) -> bool:
+    """Whether the full fit leaves it a size of any consequence: of a lag, other clocks may leave nothing."""
+    own = [abs(fitted.fit.vehicle.value(n)) for n in fitted.candidate.parameters]
+    return bool((np.array(own) > THRESHOLDS.least_size * np.array(fitted.candidate.usual)).any())
 
 
 def _odds(model: Model, best: Fitted, other: Fitted) -> float:

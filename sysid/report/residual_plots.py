@@ -7,7 +7,7 @@ import numpy as np
 
 from flight.rotations import FloatArray
 from sysid.diagnosis import explained
-from sysid.diagnosis.free_form import VARIABLE
+from sysid.diagnosis.free_form import THRUST, UNIT, VARIABLE
 from sysid.estimator.comparison import SPAN_S, Residual, means_over
 from sysid.estimator.result import CHANNELS
 from sysid.report import drawing
@@ -28,6 +28,8 @@ SIGMAS = 1.96
 
 def unit(channel: str) -> tuple[float, str]:
     """Scale and unit a channel is drawn in."""
+    if channel[0] == THRUST:
+        return 100.0, "% of the thrust"
     return (1.0, "N") if channel[0] == "F" else (1000.0, "mN m")
 
 
@@ -168,7 +170,7 @@ def _side_by_side(
 
 def labelled(variable: str) -> str:
     """A variable with its unit."""
-    return f"{variable} ({VARIABLE[variable].unit})" if VARIABLE[variable].unit else variable
+    return f"{variable} ({UNIT[variable]})" if UNIT[variable] else variable
 
 
 def loudest(residuals: Sequence[Residual]) -> int:
