@@ -1,14 +1,15 @@
-"""Rigs of other programs: Kalibr's camchain YAML, and COLMAP's cameras.txt with its rigs.txt.
+"""Rigs of other programs: Kalibr's camchain YAML, Basalt's calibration JSON, COLMAP's cameras.txt with its rigs.txt.
 
-Kalibr puts the centre of the upper left pixel at (0, 0), COLMAP and we at (0.5, 0.5).
+Kalibr and Basalt put the centre of the upper left pixel at (0, 0), COLMAP and we at (0.5, 0.5).
 """
 
+import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from flight import FloatArray, FormatError, InputError, frames, rotations
+from flight import FloatArray, FormatError, InputError, file_format, frames, rotations
 from mapping.lens import PARAMETERS, Base
 from mapping.rig import R_BODY_CAMERA_FORWARD, Camera, Rig
 
@@ -20,6 +21,12 @@ _KALIBR = {
     ("eucm", "none"): "EUCM",
 }
 """Kalibr's camera and distortion model to COLMAP's."""
+_BASALT = {
+    "pinhole": ("PINHOLE", ("fx", "fy", "cx", "cy")),
+    "kb4": ("OPENCV_FISHEYE", ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")),
+    "eucm": ("EUCM", ("fx", "fy", "cx", "cy", "alpha", "beta")),
+}
+"""Basalt's camera types to COLMAP's models, and the names of their parameters there."""
 
 
 def read_kalibr(path: Path) -> Rig:
@@ -63,6 +70,40 @@ def _kalibr_camera(entry: dict[str, Any], path: Path, name: str, T_body: FloatAr
     coefficients = _values(entry, "distortion_coeffs", 4, path, name) if distortion != "none" else []
     params = np.array([fx, fy, cx + 0.5, cy + 0.5, *ahead, *coefficients])
     return _unfolded(Camera(name, _folder(name, alone), kind, width, height, params, T_body), f"{path}: {name}")
+
+
+def read_basalt(path: Path) -> Rig:
+    """The cameras of a Basalt calibration; the first looks along body x, the others are placed by it.
+
+    Raises:
+        InputError: no such file, or a lens that is none of ours.
+        FormatError: it is not a Basalt calibration.
+    """
+    try:
+        body = json.loads(_text(path))["value0"]
+        entries = list(zip(body["T_imu_cam"], body["intrinsics"], body["resolution"], strict=True))
+        T_imu_camera = [_basalt_pose(pose) for pose, _, _ in entries]
+        cameras = []
+        for number, (_, lens, resolution) in enumerate(entries):
+            kind = str(lens["camera_type"])
+            if kind not in _BASALT:
+                raise InputError(
+                    f"{path}: cam{number} is {kind}; known are {', '.join(_BASALT)}: calibrate again with kb4 or eucm"
+                )
+            model, names = _BASALT[kind]
+            values = [float(lens["intrinsics"][name]) for name in names]
+            params = np.array([*values[:2], values[2] + 0.5, values[3] + 0.5, *values[4:]])
+            T_body = _forward() @ frames.invert(T_imu_camera[0]) @ T_imu_camera[number]
+            name, (width, height) = f"cam{number}", (int(v) for v in resolution)
+            cameras.append(Camera(name, _folder(name, len(entries) == 1), model, width, height, params, T_body))
+    except (KeyError, TypeError, ValueError, RecursionError) as error:
+        raise FormatError(f"{path} is not a calibration of Basalt: {file_format.damage_text(error)}") from None
+    return Rig(tuple(cameras))
+
+
+def _basalt_pose(pose: dict[str, float]) -> FloatArray:
+    q = rotations.normalise(np.array([float(pose[name]) for name in ("qw", "qx", "qy", "qz")]))
+    return frames.transform(q, np.array([float(pose[name]) for name in ("px", "py", "pz")]))
 
 
 def read_colmap(path: Path, rigs: Path | None = None) -> Rig:
