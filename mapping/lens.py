@@ -1,10 +1,11 @@
 """Lenses: from a direction to a place on the sensor of focal length 1, and back.
 
-A base radius of the angle from the axis (perspective, angle itself, or EUCM), then what all of COLMAP's lens models have in
-common: a radial polynomial, tangential terms (Brown) and a thin prism. The kernels read the same numbers (`row`).
+A base radius of the angle from the axis (perspective, the angle itself, or EUCM), then what all of COLMAP's lens models
+have in common: a radial polynomial, tangential terms (Brown) and a thin prism. The kernels read the same numbers
+(`Lens.row`).
 
-EUCM: Khomutenko et al., "An enhanced unified camera model", 2016. Fisheye: Kannala and Brandt, 2006. The thin prism after the
-tangential terms (RAD_TAN_THIN_PRISM_FISHEYE) is the lens of Project Aria, FISHEYE624.
+EUCM: Khomutenko et al., "An enhanced unified camera model", 2016. Fisheye: Kannala and Brandt, 2006. The prism after
+the tangential terms (RAD_TAN_THIN_PRISM_FISHEYE) is the lens of Project Aria, FISHEYE624.
 """
 
 import enum

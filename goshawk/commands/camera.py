@@ -1,4 +1,6 @@
-"""`goshawk camera`: a camera file from images, Kalibr, Basalt or COLMAP, and to COLMAP; its trial in a map is in `camera_trial`."""
+"""`goshawk camera`: a camera file from images, Kalibr, Basalt or COLMAP, and to COLMAP.
+
+Its trial in a map is in `camera_trial`."""
 
 from pathlib import Path
 

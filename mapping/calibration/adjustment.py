@@ -78,11 +78,11 @@ def adjust(seen: Observations, state: State, free: Sequence[Candidate]) -> tuple
 class Normal:
     """The normal equations at one state, points and poses eliminated, apart for each fold of points.
 
-    `noise_px` is the standard deviation of a match in each coordinate; a guess unless `is_redundant`: without spare matches
-    the unknowns explain any noise.
+    `noise_px` is the standard deviation of a match in each coordinate; a guess unless `is_redundant`: without spare
+    matches the unknowns explain any noise.
 
-    What couples the poses stays sparse, and the rows of the observations exist for one block of points at a time: memory
-    and time grow with the observations, not with the square of the instants.
+    What couples the poses stays sparse, and the rows of the observations exist for one block of points at a time:
+    memory and time grow with the observations, not with the square of the instants.
     """
 
     def __init__(

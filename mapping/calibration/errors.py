@@ -54,7 +54,7 @@ PLAUSIBLE = {
 }
 """Standard deviation of each kind of error among camera files, in its unit."""
 BEYOND_THESE_IMAGES = frozenset(Kind) - {Kind.RADIAL, Kind.HIGHER, Kind.TANGENTIAL}
-"""Errors that hurt in other images even if they move these by nothing, as a rolling shutter does while the vehicle stands."""
+"""Errors that matter in other images even if they do not move these: a rolling shutter, while the vehicle stands."""
 _OF_THE_FIRST = (Kind.FOCAL, Kind.CENTRE, Kind.RADIAL, Kind.HIGHER, Kind.TANGENTIAL, Kind.SHUTTER)
 """The first camera defines the body's pose and clock: no match can show it turned, moved or late."""
 

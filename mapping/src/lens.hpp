@@ -16,10 +16,10 @@ struct Lens {
     double p[2];
     double s[4];
     double alpha, beta;
-    bool in_turn;   // tangential terms and prism act on the radially distorted place
-    double limit;   // largest angle from the axis that the lens shows, radians
+    bool in_turn;  // tangential terms and prism act on the radially distorted place
+    double limit;  // largest angle from the axis that the lens shows, radians
     int width, height;
-    bool radial;    // neither tangential terms nor prism
+    bool radial;  // neither tangential terms nor prism
 
     // Row: fx, fy, cx, cy, base, k1..k6, p1, p2, s1..s4, alpha, beta, in_turn, limit, width, height.
     explicit Lens(const double* row)
@@ -61,7 +61,7 @@ struct Lens {
         return u >= 0.0 && v >= 0.0 && u < width && v < height;
     }
 
-   private:
+  private:
     double base_radius(Vec3 q, double rho, double theta) const {
         if (base == LensBase::angle) return theta;
         if (base == LensBase::perspective) return rho / q.z;  // below the limit of 89 degrees z is positive
