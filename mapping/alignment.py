@@ -290,7 +290,7 @@ class _Fit:
     def scale_std(self, level: FloatArray, recorded_m: FloatArray) -> float:
         """Relative standard deviation of the scale: the recorded positions' error over the extent of the path.
 
-        Errors that drift count as fewer positions: n (1 - r) / (1 + r), r their neighbours' correlation (Bartlett 1946).
+        Errors that drift count as fewer positions: n (1 - r) / (1 + r), r that of neighbours (Bartlett, 1946).
 
         Args:
             level, recorded_m: (n, 3) the positions that were fitted, in order of time.
