@@ -61,7 +61,7 @@ class Lens:
     """k of 1 + k1 r^2 + k2 r^4 + ..., r the base radius."""
     tangential: tuple[float, float] = (0.0, 0.0)
     """p1, p2 in OpenCV's order: x moves by 2 p1 x y + p2 (r^2 + 2 x^2)."""
-    prism: tuple[float, float, float, float] = (0.0,) * 4
+    prism: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     """x moves by s1 r^2 + s2 r^4, y by s3 r^2 + s4 r^4."""
     alpha: float = 0.0
     """Of EUCM."""

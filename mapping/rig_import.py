@@ -56,7 +56,7 @@ def read_kalibr(path: Path) -> Rig:
 
 
 def _kalibr_camera(entry: dict[str, Any], path: Path, name: str, T_body: FloatArray, *, alone: bool) -> Camera:
-    model, distortion = entry.get("camera_model"), entry.get("distortion_model", "none")
+    model, distortion = str(entry.get("camera_model")), str(entry.get("distortion_model", "none"))
     kind = _KALIBR.get((model, distortion))
     if kind is None:
         known = ", ".join(f"{a} with {b}" for a, b in _KALIBR)
