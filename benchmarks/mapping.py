@@ -173,8 +173,8 @@ def blind(count: int, seed: int) -> None:
         ratios.append(off_m / clean_m)
         missed, more = sorted(drawn.planted - present), sorted(present - drawn.planted)
         print(
-            f"{number:3d} {form:8s} {1000 * off_m:6.1f} mm, clean {1000 * clean_m:6.1f} mm, scale std {found.scale_std:.4f},"
-            f" {cpu_s:4.1f} CPU s{'; MISSED ' + ', '.join(missed) if missed else ''}"
+            f"{number:3d} {form:8s} {1000 * off_m:6.1f} mm, clean {1000 * clean_m:6.1f} mm, "
+            f"scale std {found.scale_std:.4f}, {cpu_s:4.1f} CPU s{'; MISSED ' + ', '.join(missed) if missed else ''}"
             f"{'; INVENTED ' + ', '.join(more) if more else ''}",
             flush=True,
         )
@@ -199,9 +199,9 @@ def long(instants: int) -> None:
     started_s = time.process_time()
     found = trials.hold(seen)
     print(
-        f"{instants} instants, {len(seen.index)} observations: {time.process_time() - started_s:.1f} CPU s, memory from "
-        f"{before_kib // 1024} to {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024} MiB, present: "
-        f"{', '.join(str(f.candidate) for f in found.present)}, {1000 * error_m(found.T_world_body, T):.1f} mm"
+        f"{instants} instants, {len(seen.index)} observations: {time.process_time() - started_s:.1f} CPU s, "
+        f"memory from {before_kib // 1024} to {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024} MiB, "
+        f"present: {', '.join(str(f.candidate) for f in found.present)}, {1000 * error_m(found.T_world_body, T):.1f} mm"
     )
 
 

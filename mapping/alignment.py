@@ -159,7 +159,7 @@ def _column_group(path: Path, columns: tuple[str, ...], instants: tuple[str, ...
 
 
 def baseline_std(rig: Rig, noise_std: float) -> float:
-    """Relative standard deviation of the scale that a rig's baseline gives: of the baseline, and of the matches' noise."""
+    """Relative standard deviation of the scale from a rig: that of its baseline, and of the matches' noise."""
     return float(np.hypot(noise_std, _BASELINE_STD_M / rig.baseline_m))
 
 
@@ -290,7 +290,7 @@ class _Fit:
     def scale_std(self, level: FloatArray, recorded_m: FloatArray) -> float:
         """Relative standard deviation of the scale: the recorded positions' error over the extent of the path.
 
-        Errors that drift count as fewer positions: n (1 - r) / (1 + r) for a correlation r of neighbours (Bartlett, 1946).
+        Errors that drift count as fewer positions: n (1 - r) / (1 + r), r that of neighbours (Bartlett, 1946).
 
         Args:
             level, recorded_m: (n, 3) the positions that were fitted, in order of time.

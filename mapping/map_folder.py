@@ -194,7 +194,7 @@ def build_map(
         until: one of `STAGES`: the last to make.
 
     Raises:
-        Stopped: the stage `until` is finished.
+        StoppedError: the stage `until` is finished.
         InputError: there is an earlier map and `overwrite` was not given; the images or what was recorded with them
             cannot be used.
         MapError: these images do not suffice for a map.

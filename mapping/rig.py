@@ -17,7 +17,6 @@ Pixel coordinates are COLMAP's: the centre of the upper left pixel is (0.5, 0.5)
 """
 
 import dataclasses
-import functools
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -28,22 +27,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flight import FloatArray, FormatError, InputError, file_format, frames, rotations
+from mapping import lens as lenses
+from mapping.lens import Lens
 
 FORMAT = "goshawk-camera"
 VERSION = 1
 
 R_BODY_CAMERA_FORWARD = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """A camera (x right, y down, z forward) that looks along body x (x forward, y left, z up)."""
-
-_PARAMETERS = {
-    "SIMPLE_PINHOLE": ("f", "cx", "cy"),
-    "PINHOLE": ("fx", "fy", "cx", "cy"),
-    "SIMPLE_RADIAL_FISHEYE": ("f", "cx", "cy", "k"),
-    "RADIAL_FISHEYE": ("f", "cx", "cy", "k1", "k2"),
-    "OPENCV_FISHEYE": ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4"),
-}
-_TABLE_SIZE = 2048
-
 
 LARGEST_PX = 65_535
 """Longest side of an image, as JPEG has it."""
@@ -58,7 +49,7 @@ class Camera:
     folder: str
     """Sub-folder of the image folder; "." is the image folder itself."""
     model: str
-    """One of COLMAP's model names; the fisheye ones are Kannala-Brandt."""
+    """One of COLMAP's model names, see `lens.PARAMETERS`."""
     width: int
     """Pixels."""
     height: int
@@ -71,9 +62,9 @@ class Camera:
     """Full angle of the cone that reaches the sensor."""
 
     def __post_init__(self) -> None:
-        names = _PARAMETERS.get(self.model)
+        names = lenses.PARAMETERS.get(self.model)
         if names is None:
-            raise InputError(f"camera {self.name}: model {self.model!r} is not one of {', '.join(_PARAMETERS)}")
+            raise InputError(f"camera {self.name}: model {self.model!r} is not one of {', '.join(lenses.PARAMETERS)}")
         params = np.array(self.params, dtype=np.float64)
         if params.shape != (len(names),) or not np.isfinite(params).all():
             raise InputError(
@@ -95,7 +86,7 @@ class Camera:
 
     @property
     def parameters(self) -> dict[str, float]:
-        return dict(zip(_PARAMETERS[self.model], self.params.tolist(), strict=True))
+        return dict(zip(lenses.PARAMETERS[self.model], self.params.tolist(), strict=True))
 
     @property
     def focal_px(self) -> tuple[float, float]:
@@ -107,46 +98,30 @@ class Camera:
         return self.parameters["cx"], self.parameters["cy"]
 
     @property
-    def distortion(self) -> FloatArray:
-        """(4,) Kannala-Brandt k1..k4; zeros for a pinhole."""
-        values = [v for name, v in self.parameters.items() if name.startswith("k")]
-        return np.array((values + [0.0] * 4)[:4])
-
-    @property
-    def is_fisheye(self) -> bool:
-        return self.model.endswith("FISHEYE")
+    def lens(self) -> Lens:
+        """The lens, of focal length 1."""
+        return lenses.of_model(self.model, self.parameters)
 
     @property
     def half_field_rad(self) -> float:
         """Angle from the optical axis up to which the lens model holds and light arrives."""
-        return min(0.5 * self.field_of_view_rad, self._lens().limit_rad)
+        return min(0.5 * self.field_of_view_rad, self.lens.limit_rad)
 
     def project(self, points_camera: ArrayLike) -> FloatArray:
         """(..., 3) points in the camera frame to (..., 2) pixels; NaN outside `half_field_rad`.
 
         The pixel may lie outside the image: see `contains`.
         """
-        x, y, z = np.moveaxis(np.asarray(points_camera, dtype=np.float64), -1, 0)
-        rho = np.hypot(x, y)
-        theta = np.arctan2(rho, z)
-        radius = self._lens().radius(theta)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            stretch = np.where(rho > 0.0, radius / rho, 0.0)
-        stretch = np.where((theta <= self.half_field_rad) & ((rho > 0.0) | (z > 0.0)), stretch, np.nan)
-        (fx, fy), (cx, cy) = self.focal_px, self.principal_point_px
-        return np.stack([fx * stretch * x + cx, fy * stretch * y + cy], axis=-1)
+        points = np.asarray(points_camera, dtype=np.float64)
+        shown = (_angles(points) <= self.half_field_rad) & (points != 0.0).any(axis=-1)
+        pixels = self.lens.place(points) * self.focal_px + self.principal_point_px
+        return np.asarray(np.where(shown[..., None], pixels, np.nan), dtype=np.float64)
 
     def unproject(self, pixels: ArrayLike) -> FloatArray:
         """(..., 2) pixels to (..., 3) unit rays in the camera frame; NaN outside `half_field_rad`."""
-        u, v = np.moveaxis(np.asarray(pixels, dtype=np.float64), -1, 0)
-        (fx, fy), (cx, cy) = self.focal_px, self.principal_point_px
-        x, y = (u - cx) / fx, (v - cy) / fy
-        radius = np.hypot(x, y)
-        theta = self._lens().angle(radius)
-        theta = np.where(theta <= self.half_field_rad, theta, np.nan)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            sine = np.where(radius > 0.0, np.sin(theta) / radius, 0.0)
-        return np.stack([sine * x, sine * y, np.cos(theta)], axis=-1)
+        place = (np.asarray(pixels, dtype=np.float64) - self.principal_point_px) / self.focal_px
+        rays = self.lens.ray(place)
+        return np.asarray(np.where(_angles(rays)[..., None] <= self.half_field_rad, rays, np.nan), dtype=np.float64)
 
     def contains(self, pixels: ArrayLike) -> np.ndarray:
         """(..., 2) to (...,) bool: whether the pixel lies on the image (NaN does not)."""
@@ -162,56 +137,10 @@ class Camera:
         """(height, width) bool: pixels inside the field of view."""
         return np.isfinite(self.unproject(self.pixel_centres())[..., 2])
 
-    def _lens(self) -> "_Lens":
-        return _lens(self.is_fisheye, tuple(self.distortion.tolist()))
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Lens:
-    """Radius on the unit-focal sensor as a function of the angle from the axis, and back."""
-
-    fisheye: bool
-    distortion: tuple[float, ...]
-    limit_rad: float
-    angles_rad: FloatArray
-    radii: FloatArray
-
-    def radius(self, theta_rad: FloatArray) -> FloatArray:
-        """Kannala-Brandt: theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8); a pinhole: tan(theta)."""
-        return _radius(self.fisheye, self.distortion, theta_rad)
-
-    def angle(self, radius: FloatArray) -> FloatArray:
-        """The inverse; NaN beyond the largest radius."""
-        if not self.fisheye:
-            return np.asarray(np.arctan(radius), dtype=np.float64)
-        theta = np.interp(radius, self.radii, self.angles_rad, right=np.nan)
-        for _ in range(2):  # the table is good to 1e-6 rad, each Newton step squares that
-            theta = theta - (self.radius(theta) - radius) / np.maximum(_slope(self.distortion, theta), 1e-3)
-        return np.asarray(theta, dtype=np.float64)
-
-
-def _radius(fisheye: bool, k: tuple[float, ...], theta_rad: FloatArray) -> FloatArray:
-    if not fisheye:
-        return np.tan(theta_rad)
-    s = theta_rad * theta_rad
-    return theta_rad * (1.0 + s * (k[0] + s * (k[1] + s * (k[2] + s * k[3]))))
-
-
-def _slope(k: tuple[float, ...], theta_rad: FloatArray) -> FloatArray:
-    s = theta_rad * theta_rad
-    return 1.0 + s * (3.0 * k[0] + s * (5.0 * k[1] + s * (7.0 * k[2] + s * 9.0 * k[3])))
-
-
-@functools.lru_cache(maxsize=64)
-def _lens(fisheye: bool, distortion: tuple[float, ...]) -> _Lens:
-    limit_rad = np.pi if fisheye else np.radians(89.0)
-    if fisheye:
-        angles = np.linspace(0.0, limit_rad, 4 * _TABLE_SIZE)
-        # past the angle where the radius stops growing, two directions share one pixel: the model ends there
-        falling = np.flatnonzero(_slope(distortion, angles) <= 1e-3)
-        limit_rad = float(angles[max(falling[0] - 1, 1)]) if falling.size else limit_rad
-    angles = np.linspace(0.0, limit_rad, _TABLE_SIZE)
-    return _Lens(fisheye, distortion, limit_rad, angles, _radius(fisheye, distortion, angles))
+def _angles(rays: FloatArray) -> FloatArray:
+    """(...,) angles of (..., 3) rays from the optical axis."""
+    return np.asarray(np.arctan2(np.hypot(rays[..., 0], rays[..., 1]), rays[..., 2]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,29 +1,39 @@
-"""Rigs of other programs: Kalibr's camchain YAML, and COLMAP's cameras.txt with its rigs.txt.
+"""Rigs of other programs: Kalibr's camchain YAML, Basalt's calibration JSON, COLMAP's cameras.txt with its rigs.txt.
 
-Kalibr puts the centre of the upper left pixel at (0, 0), COLMAP and we at (0.5, 0.5). Lenses with radial and
-tangential coefficients on tan(angle) (OpenCV's, "radtan") become Kannala-Brandt ones by a fit over the image.
+Kalibr and Basalt put the centre of the upper left pixel at (0, 0), COLMAP and we at (0.5, 0.5).
 """
 
+import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from flight import FloatArray, FormatError, InputError, frames, rotations
+from flight import FloatArray, FormatError, InputError, file_format, frames, rotations
+from mapping.lens import PARAMETERS, Base
 from mapping.rig import R_BODY_CAMERA_FORWARD, Camera, Rig
 
 LARGEST_BYTES = 2_000_000
-WORST_PX = 1.0
-"""A lens whose fit is further off than this somewhere in the image is refused."""
-_KEPT = {"SIMPLE_PINHOLE": 3, "PINHOLE": 4, "SIMPLE_RADIAL_FISHEYE": 4, "RADIAL_FISHEYE": 5, "OPENCV_FISHEYE": 8}
-_FITTED = {"SIMPLE_RADIAL": 4, "RADIAL": 5, "OPENCV": 8}
+_KALIBR = {
+    ("pinhole", "none"): "PINHOLE",
+    ("pinhole", "radtan"): "OPENCV",
+    ("pinhole", "equidistant"): "OPENCV_FISHEYE",
+    ("eucm", "none"): "EUCM",
+}
+"""Kalibr's camera and distortion model to COLMAP's."""
+_BASALT = {
+    "pinhole": ("PINHOLE", ("fx", "fy", "cx", "cy")),
+    "kb4": ("OPENCV_FISHEYE", ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")),
+    "eucm": ("EUCM", ("fx", "fy", "cx", "cy", "alpha", "beta")),
+}
+"""Basalt's camera types to COLMAP's models, and the names of their parameters there."""
 
 
 def read_kalibr(path: Path) -> Rig:
     """The cameras of a camchain file; the first looks along body x, the others are placed by it.
 
     Raises:
-        InputError: no such file, or a lens that our models cannot hold.
+        InputError: no such file, or a lens that is none of ours.
         FormatError: it is not a camchain file.
     """
     from ruamel.yaml import YAML, YAMLError
@@ -46,29 +56,61 @@ def read_kalibr(path: Path) -> Rig:
 
 
 def _kalibr_camera(entry: dict[str, Any], path: Path, name: str, T_body: FloatArray, *, alone: bool) -> Camera:
-    model, distortion = entry.get("camera_model"), entry.get("distortion_model", "none")
-    if model != "pinhole" or distortion not in ("equidistant", "radtan", "none"):
+    model, distortion = str(entry.get("camera_model")), str(entry.get("distortion_model", "none"))
+    kind = _KALIBR.get((model, distortion))
+    if kind is None:
+        known = ", ".join(f"{a} with {b}" for a, b in _KALIBR)
         raise InputError(
-            f"{path}: {name} is {model} with {distortion}; known are pinhole with equidistant, radtan or none: "
-            "calibrate again with pinhole-equi (fisheye) or pinhole-radtan"
+            f"{path}: {name} is {model} with {distortion}; known are {known}: "
+            "calibrate again with pinhole-equi (fisheye), eucm-none or pinhole-radtan"
         )
     width, height = (int(v) for v in _values(entry, "resolution", 2, path, name))
-    fx, fy, cx, cy = _values(entry, "intrinsics", 4, path, name)
-    coefficients = _values(entry, "distortion_coeffs", 4, path, name) if distortion != "none" else [0.0] * 4
-    place = [fx, fy, cx + 0.5, cy + 0.5]
-    if distortion == "none":
-        return Camera(name, _folder(name, alone), "PINHOLE", width, height, np.array(place), T_body)
-    if distortion == "radtan":
-        coefficients = fitted(width, height, place, coefficients, f"{path}: {name}")
-    params = np.array([*place, *coefficients])
-    return Camera(name, _folder(name, alone), "OPENCV_FISHEYE", width, height, params, T_body)
+    intrinsics = _values(entry, "intrinsics", 6 if model == "eucm" else 4, path, name)
+    ahead, (fx, fy, cx, cy) = intrinsics[:-4], intrinsics[-4:]  # EUCM's alpha and beta come first
+    coefficients = _values(entry, "distortion_coeffs", 4, path, name) if distortion != "none" else []
+    params = np.array([fx, fy, cx + 0.5, cy + 0.5, *ahead, *coefficients])
+    return _unfolded(Camera(name, _folder(name, alone), kind, width, height, params, T_body), f"{path}: {name}")
+
+
+def read_basalt(path: Path) -> Rig:
+    """The cameras of a Basalt calibration; the first looks along body x, the others are placed by it.
+
+    Raises:
+        InputError: no such file, or a lens that is none of ours.
+        FormatError: it is not a Basalt calibration.
+    """
+    try:
+        body = json.loads(_text(path))["value0"]
+        entries = list(zip(body["T_imu_cam"], body["intrinsics"], body["resolution"], strict=True))
+        T_imu_camera = [_basalt_pose(pose) for pose, _, _ in entries]
+        cameras = []
+        for number, (_, lens, resolution) in enumerate(entries):
+            kind = str(lens["camera_type"])
+            if kind not in _BASALT:
+                raise InputError(
+                    f"{path}: cam{number} is {kind}; known are {', '.join(_BASALT)}: calibrate again with kb4 or eucm"
+                )
+            model, names = _BASALT[kind]
+            values = [float(lens["intrinsics"][name]) for name in names]
+            params = np.array([*values[:2], values[2] + 0.5, values[3] + 0.5, *values[4:]])
+            T_body = _forward() @ frames.invert(T_imu_camera[0]) @ T_imu_camera[number]
+            name, (width, height) = f"cam{number}", (int(v) for v in resolution)
+            cameras.append(Camera(name, _folder(name, len(entries) == 1), model, width, height, params, T_body))
+    except (KeyError, TypeError, ValueError, RecursionError) as error:
+        raise FormatError(f"{path} is not a calibration of Basalt: {file_format.damage_text(error)}") from None
+    return Rig(tuple(cameras))
+
+
+def _basalt_pose(pose: dict[str, float]) -> FloatArray:
+    q = rotations.normalise(np.array([float(pose[name]) for name in ("qw", "qx", "qy", "qz")]))
+    return frames.transform(q, np.array([float(pose[name]) for name in ("px", "py", "pz")]))
 
 
 def read_colmap(path: Path, rigs: Path | None = None) -> Rig:
     """The cameras of a `cameras.txt`; several need the `rigs.txt` with their poses on the rig.
 
     Raises:
-        InputError: no such file, a lens that our models cannot hold, or several cameras and no rig.
+        InputError: no such file, a lens that is none of ours, or several cameras and no rig.
         FormatError: it is not such a file.
     """
     rows = _rows(path)
@@ -92,18 +134,13 @@ def _colmap_camera(words: list[str], path: Path, T_body: FloatArray, *, alone: b
     if len(words) < 5:
         raise FormatError(f"{path}: {' '.join(words)!r} is not CAMERA_ID MODEL WIDTH HEIGHT PARAMS")
     name, model = f"camera{words[0]}", words[1]
-    if model not in _KEPT and model not in _FITTED:
-        raise InputError(f"{path}: camera {words[0]} is {model}; known are {', '.join([*_KEPT, *_FITTED])}")
+    if model not in PARAMETERS:
+        raise InputError(f"{path}: camera {words[0]} is {model}; known are {', '.join(PARAMETERS)}")
     width, height, *params = _floats(words[2:], f"{path}: camera {words[0]}")
-    expected = _KEPT.get(model) or _FITTED[model]
-    if len(params) != expected:
-        raise FormatError(f"{path}: camera {words[0]} has {len(params)} params; {model} takes {expected}")
-    if model in _FITTED:
-        place = params[:4] if model == "OPENCV" else [params[0], params[0], *params[1:3]]
-        radial = params[4:] if model == "OPENCV" else [*params[3:], 0.0, 0.0, 0.0][:4]
-        params = [*place, *fitted(int(width), int(height), place, radial, f"{path}: camera {words[0]}")]
-        model = "OPENCV_FISHEYE"
-    return Camera(name, _folder(name, alone), model, int(width), int(height), np.array(params), T_body)
+    if len(params) != len(PARAMETERS[model]):
+        raise FormatError(f"{path}: camera {words[0]} has {len(params)} params; {model} takes {len(PARAMETERS[model])}")
+    camera = Camera(name, _folder(name, alone), model, int(width), int(height), np.array(params), T_body)
+    return _unfolded(camera, f"{path}: camera {words[0]}")
 
 
 def _places(path: Path) -> dict[str, FloatArray]:
@@ -128,38 +165,16 @@ def _places(path: Path) -> dict[str, FloatArray]:
     return places
 
 
-def fitted(width: int, height: int, place: list[float], radtan: list[float], what: str) -> list[float]:
-    """Kannala-Brandt k1..k4 for a lens given by OpenCV's k1, k2, p1, p2, by least squares over the image.
+def _unfolded(camera: Camera, what: str) -> Camera:
+    """The camera itself.
 
     Raises:
-        InputError: they differ by more than a pixel somewhere in the image.
+        InputError: its lens model shows no direction at some of the image's pixels.
     """
-    fx, fy, cx, cy = place
-    k1, k2, p1, p2 = radtan
-    u, v = np.meshgrid(np.linspace(0.0, width, 33), np.linspace(0.0, height, 25))
-    distorted = np.stack([(u - cx) / fx, (v - cy) / fy], axis=-1).reshape(-1, 2)
-    x, y = distorted.T
-    for _ in range(100):  # undistort by fixed-point iteration, as OpenCV does
-        r2 = x * x + y * y
-        radial = 1.0 + r2 * (k1 + r2 * k2)
-        with np.errstate(all="ignore"):
-            x = (distorted[:, 0] - 2.0 * p1 * x * y - p2 * (r2 + 2.0 * x * x)) / radial
-            y = (distorted[:, 1] - p1 * (r2 + 2.0 * y * y) - 2.0 * p2 * x * y) / radial
-    r = np.hypot(x, y)
-    theta, radius = np.arctan(r), np.hypot(*distorted.T)
-    if not np.isfinite(theta).all():
+    edge = camera.unproject(camera.pixel_centres()[:: camera.height - 1, :: camera.width - 1])
+    if camera.lens.base is Base.PERSPECTIVE and not np.isfinite(edge).all():
         raise InputError(f"{what}: the lens folds over inside the image; calibrate with a fisheye model")
-    powers = theta[:, None] ** np.array([3, 5, 7, 9])
-    k = np.linalg.lstsq(powers, radius - theta, rcond=None)[0]
-    direction = np.stack([x, y], axis=1) / np.maximum(r, 1e-12)[:, None]
-    back = direction * (theta + powers @ k)[:, None]
-    worst = float(np.hypot(*((back - distorted) * [fx, fy]).T).max())
-    if not worst <= WORST_PX:
-        raise InputError(
-            f"{what}: as a Kannala-Brandt lens it is {worst:.1f} px off in the image, more than {WORST_PX:g}; "
-            "calibrate with a fisheye model (Kalibr: pinhole-equi, COLMAP: OPENCV_FISHEYE)"
-        )
-    return k.tolist()
+    return camera
 
 
 def _forward() -> FloatArray:

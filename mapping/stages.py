@@ -30,7 +30,7 @@ _PATIENCE_S = 5.0
 """A killed run's child process, which holds the lock as well, ends within a second."""
 
 
-class Stopped(FlightError):
+class StoppedError(FlightError):
     """The work was asked to go no further than the stage that is now finished."""
 
 
@@ -59,7 +59,7 @@ class Work:
         """The folder of a finished stage; `make` fills it, unless that was done before from the same inputs.
 
         Raises:
-            Stopped: it is the last stage to make.
+            StoppedError: it is the last stage to make.
         """
         place, part = self.folder / name, self.folder / f"{name}{_PART}"
         if (place / _INPUTS).is_file() and (place / _INPUTS).read_bytes() == self.depends:
@@ -75,7 +75,7 @@ class Work:
 
     def _reached(self, name: str, place: Path) -> Path:
         if name == self.until:
-            raise Stopped(f"stopped after {name}, as asked")
+            raise StoppedError(f"stopped after {name}, as asked")
         return place
 
 
@@ -85,7 +85,7 @@ def begin(folder: Path, *, again: Iterable[str] = (), until: str | None = None) 
 
     Args:
         again: stages to make even if they are finished.
-        until: the last stage to make; `Work.stage` then raises `Stopped`.
+        until: the last stage to make; `Work.stage` then raises `StoppedError`.
 
     Raises:
         InputError: another process works in it, it holds something else, or the disk is full.

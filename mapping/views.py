@@ -51,5 +51,5 @@ def lens_row(camera: Camera, scale: float = 1.0) -> FloatArray:
     width, height = round(camera.width * scale), round(camera.height * scale)
     sx, sy = width / camera.width, height / camera.height
     (fx, fy), (cx, cy) = camera.focal_px, camera.principal_point_px
-    head = [float(camera.is_fisheye), fx * sx, fy * sy, cx * sx, cy * sy]
-    return np.array([*head, *camera.distortion, camera.half_field_rad, width, height], dtype=np.float64)
+    place = [fx * sx, fy * sy, cx * sx, cy * sy]
+    return np.array([*place, *camera.lens.row, camera.half_field_rad, width, height], dtype=np.float64)

@@ -1,4 +1,6 @@
-"""`goshawk camera`: a camera file from images, from Kalibr or from COLMAP; its trial in a map is in `camera_trial`."""
+"""`goshawk camera`: a camera file from images, Kalibr, Basalt or COLMAP, and to COLMAP.
+
+Its trial in a map is in `camera_trial`."""
 
 from pathlib import Path
 
@@ -6,6 +8,7 @@ import click
 import numpy as np
 
 import mapping
+from flight import results
 from goshawk import console, outputs
 from goshawk.commands import camera_trial
 from goshawk.verbs import VerbGroup
@@ -86,10 +89,11 @@ def new(images: Path, out: Path, focal_px: float | None, quick: bool, overwrite:
 @outputs.overwrite_option
 @console.json_option
 def bring(calibration: Path, out: Path, rigs: Path | None, overwrite: bool, as_json: bool) -> None:
-    """Turn Kalibr's camchain YAML or COLMAP's cameras.txt into a camera file.
+    """Turn Kalibr's camchain YAML, Basalt's JSON or COLMAP's cameras.txt into a camera file.
 
     \b
     goshawk camera import camchain.yaml --out camera.toml
+    goshawk camera import calibration.json --out camera.toml
     goshawk camera import sparse/0/cameras.txt --out camera.toml
     goshawk camera import cameras.txt --rig rigs.txt --out camera.toml
 
@@ -99,10 +103,13 @@ def bring(calibration: Path, out: Path, rigs: Path | None, overwrite: bool, as_j
     from mapping import rig_import
 
     outputs.check(out, overwrite=overwrite)
-    if calibration.suffix.lower() in (".yaml", ".yml"):
-        if rigs is not None:
-            raise click.UsageError("--rig goes with COLMAP's cameras.txt; a camchain places its cameras itself")
+    kind = calibration.suffix.lower()
+    if rigs is not None and kind in (".yaml", ".yml", ".json"):
+        raise click.UsageError(f"--rig goes with COLMAP's cameras.txt; a {kind} file places its cameras itself")
+    if kind in (".yaml", ".yml"):
         rig = rig_import.read_kalibr(calibration)
+    elif kind == ".json":
+        rig = rig_import.read_basalt(calibration)
     else:
         rig = rig_import.read_colmap(calibration, rigs)
     with outputs.file(out, overwrite=overwrite) as temporary:
@@ -111,6 +118,37 @@ def bring(calibration: Path, out: Path, rigs: Path | None, overwrite: bool, as_j
     document = {"written": str(out), "cameras": [c.name for c in rig], "baseline_m": rig.baseline_m}
     facts = {"cameras": ", ".join(f"{c.name} ({c.model}, images in {c.folder})" for c in rig), "scale": scale}
     console.show("camera", facts | {"written": str(out)}, as_json=as_json, document=document)
+
+
+@command.command("export")
+@click.argument("source", metavar="CAMERA|MAP", type=click.Path(path_type=Path))
+@console.path_option("--out", "out", "Folder to write.", required=True)
+@outputs.overwrite_option
+@console.json_option
+def export(source: Path, out: Path, overwrite: bool, as_json: bool) -> None:
+    """Write a camera file for COLMAP (cameras.txt, rigs.txt); of a map also its poses as TUM does (poses.tum).
+
+    \b
+    goshawk camera export camera.toml --out colmap
+    goshawk camera export map --out colmap
+    """
+    from mapping import rig_export
+
+    area = mapping.open_map(source) if source.is_dir() else None
+    rig = area.rig if area is not None else mapping.rig.load(source)
+    results.require_free_folder(out, overwrite=overwrite, ours=_is_export)
+    with results.new_folder(out, overwrite=overwrite, ours=_is_export) as placing:
+        rig_export.write_colmap(placing.temporary, rig)
+        if area is not None and np.isfinite(area.time_s).all():
+            rig_export.write_tum(placing.temporary / "poses.tum", area.time_s, area.T_world_body)
+        written = sorted(file.name for file in placing.temporary.iterdir())
+    if placing.kept is not None:
+        outputs.report_kept(out, placing.kept)
+    console.show("camera", {"files": ", ".join(written), "written": str(out)}, as_json=as_json)
+
+
+def _is_export(folder: Path) -> bool:
+    return (folder / "cameras.txt").is_file() and (folder / "rigs.txt").is_file()
 
 
 for verb in (camera_trial.diagnose, camera_trial.compare, camera_trial.add, camera_trial.undo):

@@ -107,7 +107,7 @@ def build(
                 until=until,
                 progress=progress,
             )
-        except stages.Stopped as stopped:
+        except stages.StoppedError as stopped:
             click.echo(f"goshawk: {stopped}; the same command without --until continues from there", err=True)
             return 0
     if (kept := results.newest_kept(out)) != earlier:

@@ -78,11 +78,11 @@ def adjust(seen: Observations, state: State, free: Sequence[Candidate]) -> tuple
 class Normal:
     """The normal equations at one state, points and poses eliminated, apart for each fold of points.
 
-    `noise_px` is the standard deviation of a match in each coordinate; a guess unless `is_redundant`: without spare matches
-    the unknowns explain any noise.
+    `noise_px` is the standard deviation of a match in each coordinate; a guess unless `is_redundant`: without spare
+    matches the unknowns explain any noise.
 
-    What couples the poses stays sparse, and the rows of the observations exist for one block of points at a time: memory
-    and time grow with the observations, not with the square of the instants.
+    What couples the poses stays sparse, and the rows of the observations exist for one block of points at a time:
+    memory and time grow with the observations, not with the square of the instants.
     """
 
     def __init__(
@@ -116,8 +116,8 @@ class Normal:
             parts[number % folds].append(eliminated)
             self._eliminated.append(eliminated)
         self._rms = shifts.mean()
-        sums = [(_sum(p.matrix for p in part), sum(p.gradient for p in part)) for part in parts]
-        whole = _sum(matrix for matrix, _ in sums), sum(gradient for _, gradient in sums)
+        sums = [(_sum(p.matrix for p in part), np.sum([p.gradient for p in part], axis=0)) for part in parts]
+        whole = _sum(matrix for matrix, _ in sums), np.sum([gradient for _, gradient in sums], axis=0)
         self._reduced = self._reduce(*whole)
         if folds > 1:
             self._withheld = [self._reduce(m, g) for m, g in sums]
@@ -330,7 +330,7 @@ def _in_body(seen: Observations, state: State) -> tuple[FloatArray, FloatArray, 
     height = np.array([camera.height for camera in state.rig])
     lag_s = state.offset_s[number] + state.shutter_s[number] * (seen.pixels[:, 1] / height[number] - 0.5)
     still = np.einsum("oij,oj->oi", R_body_world, state.points_world[point] - T[:, :3, 3])
-    drift = -(rate[:, 3:] + np.cross(rate[:, :3], still))
+    drift = np.asarray(-(rate[:, 3:] + np.cross(rate[:, :3], still)), dtype=np.float64)
     return R_body_world, drift, still + lag_s[:, None] * drift
 
 

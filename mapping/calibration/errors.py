@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight import FloatArray, rotations
+from mapping.lens import Base
 from mapping.rig import Camera, Rig
 
 
@@ -53,7 +54,7 @@ PLAUSIBLE = {
 }
 """Standard deviation of each kind of error among camera files, in its unit."""
 BEYOND_THESE_IMAGES = frozenset(Kind) - {Kind.RADIAL, Kind.HIGHER, Kind.TANGENTIAL}
-"""Errors that hurt in other images even if they move these by nothing, as a rolling shutter does while the vehicle stands."""
+"""Errors that matter in other images even if they do not move these: a rolling shutter, while the vehicle stands."""
 _OF_THE_FIRST = (Kind.FOCAL, Kind.CENTRE, Kind.RADIAL, Kind.HIGHER, Kind.TANGENTIAL, Kind.SHUTTER)
 """The first camera defines the body's pose and clock: no match can show it turned, moved or late."""
 
@@ -230,16 +231,24 @@ def _other_lens(camera: Camera, kind: Kind, delta: FloatArray) -> Camera:
             added = np.array([delta[0], 0.0, 0.0, 0.0])
         case _:
             added = np.array([0.0, *delta])
-    params = np.array([*camera.focal_px, *camera.principal_point_px, *(_kannala_brandt(camera) + added)])
-    return dataclasses.replace(camera, model="OPENCV_FISHEYE", params=params)
+    terms = [name for name in named if name.startswith("k")][:4]
+    if camera.lens.base is Base.ANGLE and len(terms) == len(added):
+        named |= {name: named[name] + more for name, more in zip(terms, added.tolist(), strict=True)}
+        return dataclasses.replace(camera, params=np.array(list(named.values())))
+    place, radial = [*camera.focal_px, *camera.principal_point_px], _kannala_brandt(camera) + added
+    if camera.lens.is_radial:
+        return dataclasses.replace(camera, model="OPENCV_FISHEYE", params=np.array([*place, *radial]))
+    params = np.array([*place, *radial[:2], *camera.lens.tangential, *radial[2:], 0.0, 0.0])
+    return dataclasses.replace(camera, model="THIN_PRISM_FISHEYE", params=params)
 
 
 def _kannala_brandt(camera: Camera) -> FloatArray:
-    """(4,) k1 to k4 of the camera; for a pinhole those that come nearest to the tangent, up to the corners."""
-    if camera.is_fisheye:
-        return camera.distortion
+    """(4,) k1 to k4 that come nearest to the camera's radius, up to the corners."""
+    if camera.lens.base is Base.ANGLE:
+        return np.array(camera.lens.radial[:4])
     corners = camera.unproject([[x, y] for x in (0.0, camera.width) for y in (0.0, camera.height)])
-    theta = np.linspace(0.0, float(np.arccos(np.nanmin(corners[:, 2]))), 200)
+    farthest_rad = np.nanmax(np.arccos(corners[:, 2])) if np.isfinite(corners).any() else camera.half_field_rad
+    theta = np.linspace(0.0, float(farthest_rad), 200)
     powers = theta[:, None] ** np.array([3, 5, 7, 9])
-    fitted = np.linalg.lstsq(powers, np.tan(theta) - theta, rcond=None)[0]
+    fitted = np.linalg.lstsq(powers, camera.lens.radius(theta) - theta, rcond=None)[0]
     return np.asarray(fitted, dtype=np.float64)

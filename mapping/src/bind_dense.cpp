@@ -10,7 +10,7 @@ using namespace goshawk;
 using Gray = nb::ndarray<const std::uint8_t, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
 using Colour = nb::ndarray<const std::uint8_t, nb::shape<-1, -1, -1>, nb::c_contig, nb::device::cpu>;
 using Disparity = nb::ndarray<const std::int16_t, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
-using LensRow = nb::ndarray<const double, nb::shape<12>, nb::c_contig, nb::device::cpu>;
+using LensRow = nb::ndarray<const double, nb::shape<Lens::row_size>, nb::c_contig, nb::device::cpu>;
 using Matrix3 = nb::ndarray<const double, nb::shape<3, 3>, nb::c_contig, nb::device::cpu>;
 using Point = nb::ndarray<const double, nb::shape<3>, nb::c_contig, nb::device::cpu>;
 using Image = nb::ndarray<const float, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;

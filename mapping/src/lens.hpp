@@ -1,45 +1,71 @@
-// From a direction to a pixel: Kannala-Brandt fisheye or pinhole. Pixel centres lie at .5.
+// From a direction to a pixel: all lens models of mapping/lens.py. Pixel centres lie at .5.
 #pragma once
 #include "vec3.hpp"
 
 namespace goshawk {
 
+enum class LensBase { perspective = 0, angle = 1, eucm = 2 };
+
 struct Lens {
-    bool fisheye;
+    static constexpr int row_size = 23;
+    static constexpr int terms = 6;
+
     double fx, fy, cx, cy;
-    double k[4];
+    LensBase base;
+    double k[terms];
+    double p[2];
+    double s[4];
+    double alpha, beta;
+    bool in_turn;  // tangential terms and prism act on the radially distorted place
     double limit;  // largest angle from the axis that the lens shows, radians
     int width, height;
+    bool radial;  // neither tangential terms nor prism
 
-    // Row: fisheye, fx, fy, cx, cy, k1, k2, k3, k4, limit, width, height.
+    // Row: fx, fy, cx, cy, base, k1..k6, p1, p2, s1..s4, alpha, beta, in_turn, limit, width, height.
     explicit Lens(const double* row)
-        : fisheye(row[0] != 0.0),
-          fx(row[1]),
-          fy(row[2]),
-          cx(row[3]),
-          cy(row[4]),
-          k{row[5], row[6], row[7], row[8]},
-          limit(row[9]),
-          width(static_cast<int>(row[10])),
-          height(static_cast<int>(row[11])) {}
+        : fx(row[0]),
+          fy(row[1]),
+          cx(row[2]),
+          cy(row[3]),
+          base(static_cast<LensBase>(static_cast<int>(row[4]))),
+          k{row[5], row[6], row[7], row[8], row[9], row[10]},
+          p{row[11], row[12]},
+          s{row[13], row[14], row[15], row[16]},
+          alpha(row[17]),
+          beta(row[18]),
+          in_turn(row[19] != 0.0),
+          limit(row[20]),
+          width(static_cast<int>(row[21])),
+          height(static_cast<int>(row[22])),
+          radial(p[0] == 0.0 && p[1] == 0.0 && s[0] == 0.0 && s[1] == 0.0 && s[2] == 0.0 && s[3] == 0.0) {}
 
     // False where the lens does not show the direction at all, or beside the image.
-    bool project(Vec3 p, double& u, double& v) const {
-        const double rho = std::sqrt(p.x * p.x + p.y * p.y);
-        double stretch = 0.0;
-        if (fisheye) {
-            const double theta = std::atan2(rho, p.z);
-            if (theta > limit) return false;
-            const double s = theta * theta;
-            const double radius = theta * (1.0 + s * (k[0] + s * (k[1] + s * (k[2] + s * k[3]))));
-            stretch = rho > 1e-12 ? radius / rho : 0.0;
-        } else {
-            if (p.z <= 0.0) return false;
-            stretch = 1.0 / p.z;
+    bool project(Vec3 q, double& u, double& v) const {
+        const double rho = std::sqrt(q.x * q.x + q.y * q.y);
+        const double theta = std::atan2(rho, q.z);
+        if (theta > limit) return false;
+        const double stretch = rho > 1e-12 ? base_radius(q, rho, theta) / rho : 0.0;
+        const double x = stretch * q.x, y = stretch * q.y;
+        const double square = x * x + y * y;
+        double polynomial = 0.0;
+        for (int i = terms - 1; i >= 0; --i) polynomial = square * (k[i] + polynomial);
+        double across = x * (1.0 + polynomial), down = y * (1.0 + polynomial);
+        if (!radial) {
+            const double a = in_turn ? across : x, b = in_turn ? down : y;
+            const double r2 = a * a + b * b;
+            across += 2.0 * p[0] * a * b + p[1] * (r2 + 2.0 * a * a) + r2 * (s[0] + r2 * s[1]);
+            down += 2.0 * p[1] * a * b + p[0] * (r2 + 2.0 * b * b) + r2 * (s[2] + r2 * s[3]);
         }
-        u = fx * stretch * p.x + cx;
-        v = fy * stretch * p.y + cy;
+        u = fx * across + cx;
+        v = fy * down + cy;
         return u >= 0.0 && v >= 0.0 && u < width && v < height;
+    }
+
+  private:
+    double base_radius(Vec3 q, double rho, double theta) const {
+        if (base == LensBase::angle) return theta;
+        if (base == LensBase::perspective) return rho / q.z;  // below the limit of 89 degrees z is positive
+        return rho / (alpha * std::sqrt(beta * rho * rho + q.z * q.z) + (1.0 - alpha) * q.z);
     }
 };
 

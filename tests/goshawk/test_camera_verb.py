@@ -9,6 +9,8 @@ import pytest
 from PIL import Image
 
 import mapping
+from mapping import rig as rigs
+from mapping.rig import Rig, forward_camera
 from tests.goshawk.running import run
 
 
@@ -85,3 +87,11 @@ def test_imports_write_what_map_reads(tmp_path):
     assert "not known" in said
     assert mapping.rig.load(tmp_path / "c.toml").cameras[0].folder == "."
     assert "--overwrite" in run("camera", "import", tmp_path / "cameras.txt", "--out", tmp_path / "c.toml", code=2)
+
+
+def test_export_writes_what_import_reads(tmp_path):
+    rigs.save(tmp_path / "camera.toml", Rig((forward_camera("EUCM", 640, 480, [300, 300, 320, 240, 0.6, 1.1]),)))
+    run("camera", "export", tmp_path / "camera.toml", "--out", tmp_path / "colmap")
+    again = tmp_path / "again.toml"
+    run("camera", "import", tmp_path / "colmap" / "cameras.txt", "--out", again)
+    assert rigs.load(again).cameras[0].params.tolist() == [300, 300, 320, 240, 0.6, 1.1]

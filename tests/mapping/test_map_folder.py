@@ -167,7 +167,7 @@ def test_changed_images_and_options_make_exactly_what_depends_on_them_again(tmp_
     features = map_folder.work_folder(out) / "features"
 
     def made(options: MapOptions) -> int:
-        with pytest.raises(stages.Stopped, match="after features"):
+        with pytest.raises(stages.StoppedError, match="after features"):
             mapping.build_map(images, RIG, out, options, until="features")
         return (features / "inputs").stat().st_mtime_ns
 

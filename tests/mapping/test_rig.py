@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from flight import FormatError, InputError, frames, rotations
+from mapping import _mapping
 from mapping import rig as rigs
 from mapping.rig import Camera, Rig
+from mapping.views import lens_row
 
 KB = [278.0, 279.0, 320.0, 240.0, 0.02, -0.01, 0.004, -0.001]
 LENSES = [
@@ -14,6 +16,15 @@ LENSES = [
     ("SIMPLE_RADIAL_FISHEYE", [374.9, 320.0, 240.0, 0.061]),
     ("RADIAL_FISHEYE", [300.0, 320.0, 240.0, 0.05, -0.01]),
     ("OPENCV_FISHEYE", KB),
+    ("SIMPLE_RADIAL", [400.0, 320.0, 240.0, 0.05]),
+    ("RADIAL", [400.0, 320.0, 240.0, -0.08, 0.02]),
+    ("OPENCV", [400.0, 410.0, 320.0, 240.0, -0.08, 0.02, 0.001, -0.002]),
+    ("THIN_PRISM_FISHEYE", [*KB[:4], 0.02, -0.01, 0.001, -0.002, 0.004, -0.001, 0.003, -0.002]),
+    (
+        "RAD_TAN_THIN_PRISM_FISHEYE",
+        [*KB[:4], 0.02, -0.01, 0.004, -0.001, 2e-4, -1e-5, 0.001, -0.002, 0.003, 4e-4, -0.002, 3e-4],
+    ),
+    ("EUCM", [278.0, 279.0, 320.0, 240.0, 0.63, 1.04]),
 ]
 
 
@@ -41,6 +52,37 @@ def test_projection_agrees_with_colmap(model: str, params: list[float]) -> None:
     points = points[points[:, 2] > 0.2]
     expected = np.array([theirs.img_from_cam(p) for p in points], dtype=np.float64)
     np.testing.assert_allclose(lens(model, params).project(points), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize(("model", "params"), LENSES)
+def test_rays_agree_with_colmap(model: str, params: list[float]) -> None:
+    pycolmap = pytest.importorskip("pycolmap")
+    theirs = pycolmap.Camera(model=model, width=640, height=480, params=params)
+    pixels = lens(model, params).pixel_centres()[10::46, 10::62].reshape(-1, 2)
+    expected = np.array([[*theirs.cam_from_img(p), 1.0] for p in pixels])
+    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+    rays = lens(model, params).unproject(pixels)
+    forward = rays[:, 2] > 0.2
+    np.testing.assert_allclose(rays[forward], expected[forward], atol=1e-6)
+    assert forward.mean() > 0.5
+
+
+@pytest.mark.parametrize(("model", "params"), LENSES)
+def test_the_kernels_see_what_the_camera_sees(model: str, params: list[float]) -> None:
+    """An image whose pixels hold their own column and row, read back along known rays."""
+    camera = lens(model, params)
+    grid = np.array([1.8, 0.01, 0.3, 0.01, 60.0, 120.0])
+    turn = rotations.matrix(rotations.exp([0.2, -1.1, 0.1]))
+    column, row = np.meshgrid(np.arange(120), np.arange(60))
+    along, round_ = grid[0] - (column + 0.5) * grid[1], grid[2] + (row + 0.5) * grid[3]
+    rays = np.stack([np.cos(along), np.sin(along) * np.cos(round_), np.sin(along) * np.sin(round_)], axis=-1) @ turn.T
+    expected = camera.project(rays)
+    for axis in (0, 1):
+        ramp = np.round(camera.pixel_centres()[..., axis] * 255.0 / 640.0).astype(np.uint8)
+        read = _mapping.rectify(ramp, lens_row(camera), turn, grid, 1)
+        inside = camera.contains(expected) & (np.abs(expected - [320.0, 240.0]) < [318.0, 238.0]).all(axis=-1)
+        assert inside.mean() > 0.1
+        assert np.abs(read[inside] - expected[inside][:, axis] * 255.0 / 640.0).max() < 1.1
 
 
 def test_directions_outside_the_field_of_view_have_no_pixel() -> None:

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from flight import FormatError, InputError
-from mapping import rig_import
+from flight import FormatError, InputError, frames, rotations
+from mapping import rig_export, rig_import
 
 EQUI = """
 cam0:
@@ -44,13 +44,81 @@ def test_a_kalibr_fisheye_sees_every_ray_where_opencv_does_half_a_pixel_on(tmp_p
     np.testing.assert_allclose(camera.project(rays), theirs + 0.5, atol=1e-6)
 
 
-def test_an_ordinary_lens_is_held_within_a_pixel(tmp_path):
+def test_an_ordinary_lens_is_opencv_s(tmp_path):
     camera = rig_import.read_kalibr(written(tmp_path, EQUI)).cameras[1]
     u, v = np.meshgrid(np.linspace(-0.65, 0.65, 9), np.linspace(-0.5, 0.5, 9))
     rays = np.stack([u, v, np.ones_like(u)], axis=-1).reshape(-1, 3)
     K = np.array([[460.0, 0.0, 320.0], [0.0, 461.0, 240.0], [0.0, 0.0, 1.0]])
     theirs = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), K, np.array([-0.05, 0.01, 0.0002, -0.0003]))[0][:, 0]
-    assert np.abs(camera.project(rays) - theirs - 0.5).max() < 1.0
+    np.testing.assert_allclose(camera.project(rays), theirs + 0.5, atol=1e-6)
+
+
+def test_kalibr_s_eucm_has_alpha_and_beta_in_front(tmp_path):
+    text = EQUI.replace(
+        "camera_model: pinhole\n  distortion_model: equidistant", "camera_model: eucm\n  distortion_model: none"
+    )
+    text = text.replace("intrinsics: [284.0", "intrinsics: [0.6, 1.1, 284.0")
+    camera = rig_import.read_kalibr(written(tmp_path, text)).cameras[0]
+    assert camera.model == "EUCM"
+    assert camera.params.tolist() == [284.0, 285.0, 320.0, 240.0, 0.6, 1.1]
+
+
+BASALT = """{"value0": {
+ "T_imu_cam": [{"px": 0.0, "py": 0.0, "pz": 0.0, "qx": 0.0, "qy": 0.0, "qz": 0.0, "qw": 1.0},
+               {"px": 0.11, "py": 0.0, "pz": 0.0, "qx": 0.0, "qy": 0.0, "qz": 0.0, "qw": 1.0}],
+ "intrinsics": [{"camera_type": "kb4", "intrinsics": {"fx": 284, "fy": 285, "cx": 319.5, "cy": 239.5,
+                 "k1": -0.012, "k2": 0.002, "k3": -0.0008, "k4": 0.0001}},
+                {"camera_type": "eucm", "intrinsics": {"fx": 300, "fy": 300, "cx": 319.5, "cy": 239.5,
+                 "alpha": 0.6, "beta": 1.1}}],
+ "resolution": [[640, 480], [640, 480]]}}"""
+
+
+def test_basalt_s_rig_is_kalibr_s(tmp_path):
+    rig = rig_import.read_basalt(written(tmp_path, BASALT, "calibration.json"))
+    kalibr = rig_import.read_kalibr(written(tmp_path, EQUI))
+    np.testing.assert_array_equal(rig["cam0"].params, kalibr["cam0"].params)
+    np.testing.assert_allclose(rig["cam1"].T_body_camera, kalibr["cam1"].T_body_camera, atol=1e-12)
+    assert rig["cam1"].model == "EUCM"
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("kb4", "ds"), "cam0 is ds"),
+        (('"k4": 0.0001', '"k9": 1'), "k4"),
+        (("value0", "value1"), "value0"),
+        (("[640, 480]]", "[640]]"), "Basalt"),
+        (('"qw": 1.0', '"qw": "w"'), "Basalt"),
+    ],
+)
+def test_a_basalt_file_that_cannot_be_is_refused(tmp_path, change, words):
+    with pytest.raises((FormatError, InputError), match=words):
+        rig_import.read_basalt(written(tmp_path, BASALT.replace(*change), "calibration.json"))
+
+
+def test_what_is_written_for_colmap_is_read_back_and_taken_by_colmap(tmp_path):
+    import pycolmap
+
+    rig = rig_import.read_basalt(written(tmp_path, BASALT, "calibration.json"))
+    rig_export.write_colmap(tmp_path, rig)
+    back = rig_import.read_colmap(tmp_path / "cameras.txt", tmp_path / "rigs.txt")
+    for a, b in zip(rig, back, strict=True):
+        np.testing.assert_array_equal(a.params, b.params)
+        np.testing.assert_allclose(a.T_body_camera, b.T_body_camera, atol=1e-12)
+    for name in ("images.txt", "frames.txt", "points3D.txt"):
+        (tmp_path / name).touch()
+    theirs = pycolmap.Reconstruction(tmp_path)
+    assert [c.model.name for _, c in sorted(theirs.cameras.items())] == ["OPENCV_FISHEYE", "EUCM"]
+
+
+def test_tum_s_rows_hold_time_place_and_the_quaternion_with_w_last(tmp_path):
+    T = frames.transform(rotations.exp([[0.3, -0.2, 0.9]]), [[1.0, 2.0, 3.0]])
+    rig_export.write_tum(tmp_path / "poses.tum", np.array([12.5]), T)
+    row = np.loadtxt(tmp_path / "poses.tum")
+    np.testing.assert_allclose(row[:4], [12.5, 1.0, 2.0, 3.0])
+    np.testing.assert_allclose(rotations.matrix(row[[7, 4, 5, 6]]), T[0, :3, :3], atol=1e-12)
+    with pytest.raises(InputError, match="no times"):
+        rig_export.write_tum(tmp_path / "poses.tum", np.array([np.nan]), T)
 
 
 def test_the_second_camera_sits_where_the_chain_says(tmp_path):
@@ -69,7 +137,7 @@ def test_the_second_camera_sits_where_the_chain_says(tmp_path):
         (("[1.0, 0.0, 0.0, -0.11]", "[2.0, 0.0, 0.0, -0.11]"), "rigid"),
         (("cam0:", "cam9:"), "camchain"),
         (("cam0:", "cam0: ["), "YAML"),
-        (("-0.05, 0.01", "-5.0, 9.0"), "calibrate"),
+        (("-0.05, 0.01", "-5.0, 9.0"), "folds over"),
         (("cam0:", "x: !!python/object/apply:os.system [true]\ncam0:"), "YAML|camchain"),
     ],
 )

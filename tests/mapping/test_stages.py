@@ -162,7 +162,7 @@ def test_another_version_of_the_program_makes_every_stage_again(
 def test_stages_are_made_again_where_asked_and_no_further_than_asked(tmp_path: Path) -> None:
     made: list[str] = []
     for again, until in (((), "first"), ((), None), (("second",), None)):
-        with contextlib.suppress(stages.Stopped), stages.begin(tmp_path / "w", again=again, until=until) as work:
+        with contextlib.suppress(stages.StoppedError), stages.begin(tmp_path / "w", again=again, until=until) as work:
             for name in ("first", "second"):
                 work.stage(name, count(made, name))
     assert made == ["first", "second", "second"]
@@ -185,10 +185,13 @@ def test_a_full_disk_is_named_and_loses_only_the_stage_at_hand(tmp_path: Path, m
         (folder / "half").write_text("x")
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    nothing_left = shutil.disk_usage(tmp_path)._replace(free=8192)
-    with monkeypatch.context() as full, pytest.raises(InputError, match="no space is left on the disk"):
-        full.setattr(shutil, "disk_usage", lambda _: nothing_left)
+    def two_stages() -> None:
         with stages.begin(tmp_path / "w") as work:
             work.stage("first", count([], "first"))
             work.stage("second", fill)
+
+    nothing_left = shutil.disk_usage(tmp_path)._replace(free=8192)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: nothing_left)
+    with pytest.raises(InputError, match="no space is left on the disk"):
+        two_stages()
     assert sorted(p.name for p in (tmp_path / "w").iterdir()) == ["first", "lock"]
