@@ -1,4 +1,4 @@
-"""A newcomer with a map, a vehicle and nothing but the page: waypoints, a checked plan, an upload, a flight, its log."""
+"""A newcomer with a map, a vehicle and only the page: waypoints, a checked plan, an upload, a flight, its log."""
 
 import json
 import re
