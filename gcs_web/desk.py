@@ -182,11 +182,18 @@ class Desk:
         self.hub.publish(self.session.document())
         if said := self.session.take_notice():
             self.notice(said, level="caution")
-        margin_m = self.session.content.settings.margin_m
-        self.view.require_clearance(replace(self._base, margin_m=margin_m).clearance_m)
+        self._show_clearance()
         self.view.draw_waypoints(self.session.content.points)
         self.view.draw_mission(self.session.content.settings)
         self.request_plan()
+
+    def _show_clearance(self) -> None:
+        try:
+            base = self._base.sized(self.parts.vehicle(self.inputs))
+        except FlightError:
+            return  # said with the plan; what was shown stays
+        margin_m = self.session.content.settings.margin_m
+        self.view.require_clearance(replace(base, margin_m=margin_m).clearance_m)
 
     def _files_changed(self) -> None:
         try:
@@ -200,6 +207,7 @@ class Desk:
                 return
             self.inputs = now
             said = "The map or the vehicle changed since the check: this plan is void. Plan again."
+            self._show_clearance()
             self._show_plan(protocol.Plan(self.session.revision, "void", said))
         self._notice_with_map(said, level="caution")
         self._draw_map()  # takes seconds for a large mesh: not under the lock
@@ -327,5 +335,5 @@ def _listed(path: Path, hashes: tuple[str, str]) -> protocol.SavedTrajectory:
         file = trajectory.load(path)
     except (FormatError, InputError, OSError):
         return protocol.SavedTrajectory(path.stem, 0.0, False, saved_at)
-    current = file.checked and (file.map_hash, file.vehicle_hash) == hashes
+    current = file.checked and file.as_checked and (file.map_hash, file.vehicle_hash) == hashes
     return protocol.SavedTrajectory(path.stem, file.trajectory.duration_s, current, saved_at)

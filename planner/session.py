@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flight import FloatArray, InputError, Trajectory, Waypoints
-from planner import fastest, gate, limits, minimum_snap, planning, routes, space
+from planner import fastest, gate, inputs, limits, minimum_snap, planning, routes, space
 from planner._planner import StopFlag
 from planner.conditions import Conditions
 from planner.gate import GateReport
@@ -54,7 +54,7 @@ class Planner:
         """Plans from scratch, until it is told to `stop` from another thread. Raises as `planner.plan`."""
         self._conditions = Conditions() if conditions is None else conditions
         self._field, self._vehicle = field, vehicle
-        self._options = PlanOptions() if options is None else options
+        self._options = inputs.options_for(vehicle, options)
         self._stop = StopFlag() if stop is None else stop
         self._flags, self._working = threading.Lock(), threading.Lock()
         self._accept(*self._scratch(waypoints, self._options, self._stop), waypoints)
@@ -225,11 +225,11 @@ class Planner:
             wrong=wrong,
             iterations=_DRAWN if all(leg.drawn for leg in legs) else _NEW,
             corrections=kept.corrections.spliced(first, last, len(durations)),
-            known=None if used is None else (self._path.trajectory, used),
+            used=None if used is None else (self._path.trajectory, used),
         )
 
     def _ask_gate(
-        self, trajectory: Trajectory, waypoints: Waypoints, known: limits.Known | None, stop: StopFlag
+        self, trajectory: Trajectory, waypoints: Waypoints, known: limits.Known, stop: StopFlag
     ) -> GateReport:
         return gate.check(
             trajectory,
