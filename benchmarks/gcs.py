@@ -240,7 +240,7 @@ def mixed_edit(k: int, ids: list[int]) -> tuple[str, dict[str, Any]]:
     one = [ids[k % (len(ids) - 1)]]
     kinds: list[tuple[str, dict[str, Any]]] = [
         ("shift", {"waypoints": one, "z_m": 0.01}),
-        ("turn", {"waypoints": one, "yaw_deg": float(k % 90) + 0.5}),
+        ("turn", {"waypoints": one, "yaw_deg": 0.1 * k + 0.1}),
         ("shift", {"waypoints": one, "z_m": -0.01}),
         ("ask", {"waypoints": one, "leg_speed_m_s": 2.0 + 0.001 * k}),
         ("choose", {"speed_m_s": 3.0 + 0.001 * k}),
