@@ -39,7 +39,7 @@ mutate: setup  ## put faults into the Python sources, one at a time: the tests m
 
 bench: setup  ## measure every package beside its peers; writes build/bench/*.json
 	@mkdir -p build/bench
-	@for script in $$(grep -lE '^    (report\.)?main\(rows\)' benchmarks/*.py); do \
+	@for script in $$(grep -lE '^    (report\.)?main\(rows' benchmarks/*.py); do \
 	  echo "== $$script"; $(PYTHON) $$script --json build/bench/$$(basename $$script .py).json || exit 1; done
 
 fuzz: setup  ## feed the link and the state machine 1e8 inputs each (hours); HOURS=0.1 for a taste

@@ -137,7 +137,9 @@ class Gateway:
 
     async def _guard(self, request: "web.Request", handler: "Handler") -> "web.StreamResponse":
         """Host, then token, then Origin; in this order, because each is cheaper to state than the next."""
+        usual = 80 if self._tls is None else 443  # which browsers leave out
         names = {f"{name}:{self.port}" for name in (self._host, LOOPBACK, "localhost")}
+        names |= {self._host, LOOPBACK, "localhost"} if self.port == usual else set()
         if request.host not in names:
             return self._refuse(f"this ground station answers to {self._host}:{self.port}, not to {request.host!r}")
         given = request.query.get("token")

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from flight import InputError
 
-_EXPIRED, _NOT_YET_VALID = 10, 9
-"""X509_V_ERR_CERT_HAS_EXPIRED and X509_V_ERR_CERT_NOT_YET_VALID of OpenSSL."""
+_NOT_YET_VALID, _EXPIRED, _OTHER_NAME, _OTHER_ADDRESS = 9, 10, 62, 64
+"""X509_V_ERR_CERT_NOT_YET_VALID, _CERT_HAS_EXPIRED, _HOSTNAME_MISMATCH and _IP_ADDRESS_MISMATCH of OpenSSL."""
 
 
 def is_loopback(host: str) -> bool:
@@ -73,8 +73,11 @@ def _try(server: ssl.SSLContext, certificate: Path, host: str) -> None:
         except ssl.SSLWantReadError:
             sides.append(side)
         except ssl.SSLCertVerificationError as error:
+            other = f"give --host the name that it is for, or a certificate for {host}"
             way_out = {
-                _EXPIRED: "renew it",
                 _NOT_YET_VALID: "look at this machine's clock",
-            }.get(error.verify_code, f"give --host the name that it is for, or a certificate for {host}")
+                _EXPIRED: "renew it",
+                _OTHER_NAME: other,
+                _OTHER_ADDRESS: other,
+            }.get(error.verify_code, "give another one")
             raise InputError(f"a browser would refuse {certificate}: {error.verify_message}; {way_out}") from error

@@ -37,7 +37,7 @@ class StationProcess:
         self.said: list[str] = []
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
-        until(lambda: self._addresses() or self.process.poll() is not None, "the station's address")
+        until(lambda: self.addresses() or self.process.poll() is not None, "the station's address")
         assert self.process.poll() is None, "".join(self.said)
 
     def _read(self) -> None:
@@ -45,12 +45,12 @@ class StationProcess:
         for line in self.process.stdout:
             self.said.append(line)
 
-    def _addresses(self) -> list[str]:
+    def addresses(self) -> list[str]:
         return _ADDRESS.findall("".join(self.said))
 
     @property
     def origin(self) -> str:
-        return self._addresses()[0].split("/?")[0]
+        return self.addresses()[0].split("/?")[0]
 
     @property
     def port(self) -> int:
@@ -58,10 +58,10 @@ class StationProcess:
 
     async def enter(self, browser: aiohttp.ClientSession) -> None:
         """Come in with the newest address; it is used up, and the next one is printed."""
-        known = len(self._addresses())
-        async with browser.get(self._addresses()[-1], allow_redirects=False) as answer:
+        known = len(self.addresses())
+        async with browser.get(self.addresses()[-1], allow_redirects=False) as answer:
             assert answer.status == 302
-        until(lambda: len(self._addresses()) > known, "the next address")
+        until(lambda: len(self.addresses()) > known, "the next address")
 
     def children(self) -> list[int]:
         """Processes that it started."""

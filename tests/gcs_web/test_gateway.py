@@ -158,6 +158,21 @@ def test_a_foreign_name_is_refused_even_with_the_token(header):
     at_the_gateway(visit)
 
 
+def test_at_the_usual_port_browsers_leave_it_out_of_their_host_and_origin():
+    async def visit(gateway, server, browser):
+        async with browser.get(gateway.url):
+            pass
+        base = f"http://127.0.0.1:{gateway.port}"
+        cookies = {"goshawk_80": browser.cookie_jar.filter_cookies(yarl.URL(base))[f"goshawk_{gateway.port}"].value}
+        gateway.port = 80  # as it would be if this test might listen there
+        async with aiohttp.ClientSession(cookies=cookies, cookie_jar=aiohttp.CookieJar(unsafe=True)) as other:
+            for host, status in (("127.0.0.1", 200), ("localhost:80", 200), ("evil.example", 403)):
+                async with other.get(f"{base}/state", headers={"Host": host}) as answer:
+                    assert answer.status == status
+
+    at_the_gateway(visit)
+
+
 def test_a_socket_from_a_foreign_page_is_refused():
     async def visit(gateway, server, browser):
         async with browser.get(gateway.url):

@@ -470,7 +470,7 @@ def test_markup_in_every_string_is_shown_as_text_and_runs_nowhere(pillar_map: Pa
         tab.set_default_timeout(1000 * PATIENCE_S)
         asked: list[str] = []
         tab.on("request", lambda request: asked.append(request.url))
-        tab.goto(station._addresses()[-1])
+        tab.goto(station.addresses()[-1])
         tab.get_by_text("Checked", exact=True).wait_for()
         tab.get_by_text(MARKUP, exact=True).first.wait_for()
         for name in ("Saved", "Mission", "Segments", "Waypoints"):

@@ -173,6 +173,27 @@ def test_a_stay_is_asked_for_in_the_table_and_taken_back(station, page):
     page.get_by_role("button", name="Position").click()
 
 
+def test_a_velocity_begins_with_the_plans_own_is_edited_and_dropped(station, page):
+    page.get_by_role("button", name="Requests").click()
+    page.get_by_role("grid", name="Waypoints").get_by_role("row").nth(2).get_by_role("rowheader").click()
+    passing = next(
+        p for p in station.desk.answer.shown.passings if p.waypoint == station.desk.session.content.points[1].id
+    )
+    velocity = page.get_by_role("region", name="Velocity")
+    velocity.get_by_role("button", name="Ask for a velocity").click()
+    wait(lambda: station.desk.session.content.points[1].velocity_world_m_s is not None, "the velocity")
+    asked = station.desk.session.content.points[1].velocity_world_m_s
+    assert np.linalg.norm(asked) == pytest.approx(passing.speed_m_s, abs=0.2)
+    field = velocity.get_by_label("vz")
+    field.fill("0.25")
+    field.press("Enter")
+    wait(lambda: station.desk.session.content.points[1].velocity_world_m_s == (*asked[:2], 0.25), "the edit")
+    verdict(page).get_by_text("Checked", exact=True).wait_for()
+    velocity.get_by_role("button", name="Drop").click()
+    wait(lambda: station.desk.session.content.points[1].plain, "its end")
+    page.get_by_role("button", name="Position").click()
+
+
 def test_laps_a_landing_and_where_to_look_are_set_in_the_mission_tab(station, page):
     page.get_by_role("tab", name="Mission").click()
     page.get_by_role("checkbox", name="Closed loop").click()

@@ -67,38 +67,32 @@ function Name({ label, value, onChange }: { label: string; value: string; onChan
   );
 }
 
-const FIGURES: readonly { name: string; unit: string; of: (summary: PlanSummary) => number }[] = [
-  { name: "Time", unit: "s", of: (summary) => summary.duration_s },
-  { name: "Length", unit: "m", of: (summary) => summary.length_m },
-  { name: "Top speed", unit: "m/s", of: (summary) => summary.top_speed_m_s },
+const FIGURES: readonly { name: string; of: (summary: PlanSummary) => number }[] = [
+  { name: "Time, s", of: (summary) => summary.duration_s },
+  { name: "Length, m", of: (summary) => summary.length_m },
+  { name: "Top speed, m/s", of: (summary) => summary.top_speed_m_s },
 ];
 
 function Table({ a, b }: { a: PlanSummary; b: PlanSummary }) {
-  const limits = [...new Set([...a.limits, ...b.limits].map(({ name }) => name))];
+  const names = [...new Set([...a.limits, ...b.limits].map(({ name }) => name))];
   return (
     <table class="table difference">
       <thead>
         <tr>
           <th scope="col" class="words">
-            Now
+            As map and vehicle are now
           </th>
           <th scope="col">first</th>
           <th scope="col">second</th>
         </tr>
       </thead>
       <tbody>
-        <tr class={a.passes === b.passes ? "" : "differs"}>
-          <th scope="row" class="words">
-            Gate
-          </th>
-          <td>{gateWords(a)}</td>
-          <td>{gateWords(b)}</td>
-        </tr>
-        {FIGURES.map(({ name, unit, of }) => (
-          <Row key={name} name={name} a={`${number(of(a), 2)} ${unit}`} b={`${number(of(b), 2)} ${unit}`} />
+        <Row name="Gate" a={gateWords(a)} b={gateWords(b)} />
+        {FIGURES.map(({ name, of }) => (
+          <Row key={name} name={name} a={number(of(a), 2)} b={number(of(b), 2)} />
         ))}
-        {limits.map((name) => (
-          <Row key={name} name={sentenceCase(name)} a={limitWords(a, name)} b={limitWords(b, name)} />
+        {names.map((name) => (
+          <LimitRow key={name} a={limitOf(a, name)} b={limitOf(b, name)} />
         ))}
       </tbody>
     </table>
@@ -117,13 +111,25 @@ function Row({ name, a, b }: { name: string; a: string; b: string }) {
   );
 }
 
+/** The bound stands with the name where both have the same one, else with each value. */
+function LimitRow({ a, b }: { a: Limit | undefined; b: Limit | undefined }) {
+  const any = a ?? b;
+  if (any === undefined) return null;
+  const isShared = a === undefined || b === undefined || boundWords(a) === boundWords(b);
+  const words = (limit: Limit | undefined): string =>
+    limit === undefined ? "–" : `${number(limit.value, 2)}${isShared ? "" : ` ${boundWords(limit)}`}`;
+  const name = `${sentenceCase(any.name)}${isShared ? ` ${boundWords(any)}` : ","} ${any.unit}`;
+  return <Row name={name} a={words(a)} b={words(b)} />;
+}
+
 function gateWords({ passes, failures }: PlanSummary): string {
   return passes ? "passes" : `fails: ${failures.join(", ")}`;
 }
 
-function limitWords({ limits }: PlanSummary, name: string): string {
-  const limit = limits.find((each: Limit) => each.name === name);
-  if (limit === undefined) return "–";
-  const { value, bound, sense, unit } = limit;
-  return `${number(value, 2)} ${sense === "<=" ? "≤" : "≥"} ${number(bound, 2)} ${unit}`;
+function limitOf({ limits }: PlanSummary, name: string): Limit | undefined {
+  return limits.find((each) => each.name === name);
+}
+
+function boundWords({ sense, bound }: Limit): string {
+  return `${sense === "<=" ? "≤" : "≥"} ${number(bound, 2)}`;
 }

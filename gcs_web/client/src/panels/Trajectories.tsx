@@ -10,7 +10,7 @@ import type { SavedTrajectory } from "../protocol";
 export function Trajectories() {
   const { trajectories } = files.value;
   return (
-    <>
+    <div class="table-scroll">
       {trajectories.length === 0 && <p class="empty">No trajectories yet. Save a checked plan.</p>}
       <ul class="list">
         {trajectories.map((saved) => (
@@ -26,7 +26,7 @@ export function Trajectories() {
       )}
       <ComparePlans />
       <Bin />
-    </>
+    </div>
   );
 }
 
