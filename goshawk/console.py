@@ -32,10 +32,10 @@ radius_option = click.option(
     "--radius",
     "radius_m",
     type=float,
-    help="Radius of a ball that holds the vehicle, metres [default: its propellers'].",
+    help="Radius of the sphere that encloses the vehicle, metres [default: its propellers'].",
 )
 margin_option = click.option(
-    "--margin", "margin_m", type=float, help="Free space to keep round that ball, metres [default: 0.15]."
+    "--margin", "margin_m", type=float, help="Clearance to keep beyond that sphere, metres [default: 0.15]."
 )
 
 columns_option = path_option(

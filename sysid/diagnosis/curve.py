@@ -34,7 +34,7 @@ PULLED = (
 """What to look for behind a force that is fixed in the world."""
 CONSTANT = {
     **dict.fromkeys(("F_x", "F_y"), "look at how the pose sensor is turned, or for a steady wind"),
-    "F_z": "weigh the vehicle again: a wrong mass looks so",
+    "F_z": "weigh the vehicle again: a wrong mass has the same effect",
     **dict.fromkeys(("M_x", "M_y", "M_z"), "look for a centre of mass off the middle, or a weak or tilted rotor"),
 }
 """What is always there is no curve of anything, and has names in the catalogue."""

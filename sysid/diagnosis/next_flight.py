@@ -265,7 +265,7 @@ class Question:
 
 
 def _sure(probability: float) -> str:
-    return "certain beyond 99.9 %" if probability > 0.999 else f"{probability:.1%} certain"
+    return "more than 99.9 % certain" if probability > 0.999 else f"{probability:.1%} certain"
 
 
 def ask(model: Diagnosis | Model, candidates: Sequence[str] | None = None) -> Question:

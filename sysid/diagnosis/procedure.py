@@ -224,7 +224,7 @@ def diagnose(
         )
     names = [str(log.metadata.get("name", f"flight {i + 1}")) for i, log in enumerate((*logs, *held_out))]
     if any(log is other for log in held_out for other in logs):
-        raise InputError("a flight is both to learn from and to judge by; split whole flights between the two")
+        raise InputError("a flight is given both for fitting and as held out; give each flight for one of the two")
     input_verdict = fits.of_logs(check_log(log, vehicle) for log in (*logs, *held_out))
     options = while_searching(options or Options(gusts="white"))
     try:

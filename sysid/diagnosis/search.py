@@ -185,13 +185,15 @@ class Trial:
     def sentence(self) -> str:
         """How it ended, with the numbers."""
         judged, curve = self.held_out, self.proxy_for
-        scatter = f"± {judged.sigma:.1f}" if np.isfinite(judged.sigma) else "(one stretch, so nobody knows how surely)"
+        scatter = (
+            f"± {judged.sigma:.1f}" if np.isfinite(judged.sigma) else "(one stretch of flight: uncertainty unknown)"
+        )
         numbers = f"the cost of {self.judged_on} fell by {judged.total:.1f} {scatter}"
         match self.outcome:
             case Outcome.ADDED:
                 return f"helped: {numbers}"
             case Outcome.NOT_CONFIRMED:
-                return f"{'fell, but not surely enough' if judged.total > 0.0 else 'did not help'}: {numbers}"
+                return f"{'fell, but not significantly' if judged.total > 0.0 else 'did not help'}: {numbers}"
             case Outcome.UNDECIDED:
                 return f"not named: {' or '.join(self.between[1:])} explains as much; {numbers}"
             case Outcome.REMOVED:

@@ -125,7 +125,7 @@ def evidence_for(found: Diagnosis, candidate: Candidate) -> "Figure":
     reach = np.quantile(scale * shown.trace_alone, [0.005, 0.995])
     panel.plot(reach, reach, "--", color=drawing.COLOURS[1], linewidth=1.6, label="as the effect would have it")
     panel.legend(frameon=False, fontsize=8)
-    drawing.plain(panel, "freed of all that other parameters can mimic", f"{title} ({written})", "")
+    drawing.plain(panel, "less what other parameters explain", f"{title} ({written})", "")
     if judged:
         _left_on_held_out(axes[0, 2], judged, shown.channel, variable)
     drawing.headed(figure, f"{title}: {candidate.regressor} (means over 0.1 s; dark: binned mean, 95 % band)")

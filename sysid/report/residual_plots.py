@@ -103,7 +103,9 @@ def against(named: Residuals, pairs: Sequence[tuple[str, str]]) -> "Figure":
             title = f"{name}: {variable} predicts {share:.0%} of {channel}"
             drawing.plain(panel, title, labelled(variable), f"unexplained {channel} ({written})" if i == 0 else "")
     how = explained.judged_how(next(iter(named.values())))
-    drawing.headed(figure, f"What tells most of force and of torque {how}; dark: binned mean with 95 % band")
+    drawing.headed(
+        figure, f"The variables that explain most of force and torque {how}; dark: binned mean with 95 % band"
+    )
     return figure
 
 

@@ -239,7 +239,7 @@ def test_an_effect_that_bent_the_whole_model_out_of_shape_is_still_fitted(monkey
 
 def test_one_flight_cannot_both_teach_and_judge():
     logs = flights(None, 8, 6.0)
-    with pytest.raises(InputError, match="both to learn from and to judge by"):
+    with pytest.raises(InputError, match="both for fitting and as held out"):
         diagnose(logs, vehicle.example(), held_out=logs[:1])
 
 
