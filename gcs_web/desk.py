@@ -15,7 +15,7 @@ import planner
 import vehicle
 from flight import FlightError, FloatArray, FormatError, InputError, TrajectoryFile, trajectory
 from flight.project import Project
-from gcs_web import inputs, page_values, planning, protocol
+from gcs_web import inputs, page_values, planning, protocol, saved
 from gcs_web.document import Settings
 from gcs_web.hub import Hub
 from gcs_web.session import Session
@@ -84,9 +84,9 @@ class Desk:
             hashes = (self.parts.map(self.inputs).hash, vehicle.vehicle_hash(self.parts.vehicle(self.inputs)))
         except FlightError:
             hashes = ("", "")
-        saved = [_listed(path, hashes) for path in self.project.trajectories()]
+        listed = [_listed(path, hashes) for path in self.project.trajectories()]
         flights = [path.stem for path in self.project.flights()]
-        self.hub.publish(protocol.Files(saved, flights))
+        self.hub.publish(protocol.Files(listed, flights, saved.aside(self.project)))
 
     # --- the plan ---
 
@@ -125,6 +125,21 @@ class Desk:
             if inputs.signature(self.project.folder) != answer.request.inputs:
                 raise InputError("the map or the vehicle changed since the check; plan again")
             return answer.file
+
+    def trajectory(self, name: str) -> TrajectoryFile:
+        """A saved trajectory; the checked plan for an empty name.
+
+        Raises:
+            FlightError: there is none, or it cannot be read.
+        """
+        if not name:
+            return replace(self.checked(), name=self.name)
+        return trajectory.load(self.project.trajectory(name))
+
+    def shared(self, name: str) -> tuple[str, str]:
+        """A trajectory's name, and one HTML file that shows it. Raises as `trajectory`, or if there is no map."""
+        item = self.trajectory(name)
+        return item.name, saved.page(item, self.parts.map(self.inputs), self.parts.vehicle(self.inputs))
 
     def standing_height_m(self, x_m: float, y_m: float, z_m: float) -> float:
         """Height (world z) of the vehicle's centre when it stands on what is below a point.

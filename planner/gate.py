@@ -5,6 +5,7 @@ value, the bound, the time and the place.
 """
 
 from dataclasses import dataclass, replace
+from math import dist
 
 import numpy as np
 
@@ -404,15 +405,16 @@ def _heading_check(name: str, off_rad: FloatArray, times_s: FloatArray, bound_ra
 
 def _at_joins(trajectory: Trajectory, wanted: FloatArray, tolerance_m: float) -> tuple[list[int], float] | None:
     """Joins that reach the waypoints in order, the two ends included, and the largest gap; None if they do not."""
-    joins = np.vstack([trajectory.coefficients[:, :3, 0], trajectory.position(np.array([trajectory.duration_s]))])
-    visits, worst = [], 0.0
-    for waypoint in wanted:
-        first, last = (visits[-1], len(joins)) if visits else (0, 1)
-        near = np.linalg.norm(joins[first:last] - waypoint, axis=1) <= tolerance_m
-        if not near.any():
-            return None
-        visits.append(first + int(np.argmax(near)))
-        worst = max(worst, float(np.linalg.norm(joins[visits[-1]] - waypoint)))
+    end = trajectory.position(np.array([trajectory.duration_s]))
+    joins = np.vstack([trajectory.coefficients[:, :3, 0], end]).tolist()
+    visits, at, worst = [], 0, 0.0
+    for waypoint in wanted.tolist():
+        while (gap_m := dist(joins[at], waypoint)) > tolerance_m:
+            at += 1
+            if not visits or at == len(joins):
+                return None
+        visits.append(at)
+        worst = max(worst, gap_m)
     return (visits, worst) if visits[-1] == len(joins) - 1 else None
 
 

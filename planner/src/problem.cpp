@@ -53,6 +53,8 @@ Problem::Problem(std::size_t segments, std::size_t samples, const Airframe& airf
       offsets_(segments * packs_ * kLimits * kLanes),
       distance_(segments * packs_ * kLanes),
       uphill_(segments * packs_ * 3 * kLanes),
+      scaled_(segments),
+      force_(segments),
       states_((segments + 1) * kKnot),
       by_states_((segments + 1) * kKnot),
       given_((segments + 1) * kKnot),
@@ -102,13 +104,17 @@ void Problem::start(const double* knots, const double* durations) {
     std::copy(given_.begin(), given_.end(), states_.begin());
     for (std::size_t i = 0; i <= segments_; ++i) std::copy_n(knots + i * kAxes, kAxes, &states_[i * kKnot]);
     fill_states<kAxes>(system_, states_.data(), durations, segments_, held_.data());
+    for (std::size_t i = 0; i < segments_; ++i) {
+        scaled_[i] = scaled_ends<kAxes>(states_.data(), i, durations[i]);
+        force_[i] = times_form(scaled_[i]);
+    }
 }
 
 // A distance holds for a ball: samples that have not left theirs need not be asked again.
-void Problem::ask_distances(const double* durations) {
+void Problem::ask_distances() {
     asked_.clear();
     for (std::size_t i = 0; i < segments_; ++i) {
-        const Ends<kAxes> scaled = scaled_ends<kAxes>(states_.data(), i, durations[i]);
+        const Ends<kAxes>& scaled = scaled_[i];
         for (std::size_t s = 0; s < samples_; ++s) {
             double point[3] = {};
             for (std::size_t a = 0; a < kStates; ++a)
@@ -136,7 +142,7 @@ void Problem::ask_distances(const double* durations) {
 
 // Everything that is charged along one segment; its gradient goes to the states of both ends and to T.
 double Problem::segment_cost(std::size_t i, double T, double& by_T) {
-    const Ends<kAxes> scaled = scaled_ends<kAxes>(states_.data(), i, T);
+    const Ends<kAxes>& scaled = scaled_[i];
     double by_scaled[kStates][kAxes], longer;
     const double cost =
         kernels_.cost(samples_of(i), airframe_of(i), prices_, clearance_m_, scaled.row, T, by_scaled, longer);
@@ -154,9 +160,8 @@ double Problem::segment_cost(std::size_t i, double T, double& by_T) {
 
 // Price of the snap of x, y, z along one segment.
 double Problem::snap_cost(std::size_t i, double T, double& by_T) {
-    const Ends<kAxes> scaled = scaled_ends<kAxes>(states_.data(), i, T);
-    const Ends<kAxes> force = times_form(scaled);
-    const double scale = prices_.snap / std::pow(T, 7);
+    const Ends<kAxes>&scaled = scaled_[i], &force = force_[i];
+    const double scale = prices_.snap / seventh_power(T);
     double cost = 0.0, power = scale;
     double* out = &by_states_[i * kKnot];
     for (int r = 0; r < kOrders; ++r, power *= T)
@@ -182,10 +187,10 @@ void Problem::adjoint(const double* durations, double* by_knots, double* by_dura
     std::fill_n(&multipliers[0], kKnot, 0.0);
     std::fill_n(&multipliers[segments_ * kKnot], kKnot, 0.0);
     for (std::size_t i = 0; i < segments_; ++i) {
-        const double T = durations[i], scale = 1.0 / std::pow(T, 7);
-        const Ends<kAxes> scaled = scaled_ends<kAxes>(states_.data(), i, T);
+        const double T = durations[i], scale = 1.0 / seventh_power(T);
+        const Ends<kAxes>&scaled = scaled_[i], &force = force_[i];
         const Ends<kAxes> multiplier = scaled_ends<kAxes>(multipliers.data(), i, T);
-        const Ends<kAxes> force = times_form(scaled), pull = times_form(multiplier);
+        const Ends<kAxes> pull = times_form(multiplier);
         for (int a = 0; a < kStates; ++a) {
             const int order = a % kOrders;
             for (int x = 0; x < kAxes; ++x)
@@ -273,7 +278,7 @@ std::vector<Problem::Direction> Problem::directions(const unsigned char* free) c
 
 double Problem::evaluate(const double* knots, const double* durations, double* by_knots, double* by_durations) {
     start(knots, durations);
-    if (prices_.clearance > 0.0) ask_distances(durations);
+    if (prices_.clearance > 0.0) ask_distances();
     std::fill(by_states_.begin(), by_states_.end(), 0.0);
     double cost = 0.0;
     for (std::size_t i = 0; i < segments_; ++i) {
@@ -310,7 +315,6 @@ Descent Problem::minimise(double* knots, double* durations, const unsigned char*
         std::copy(held.begin(), held.end(), knots);
         for (std::size_t n = 0; n < moving.size(); ++n) moving[n].add(from[segments_ + n], knots);
     };
-    Smoothing smoothing(durations, segments_, free, held_.data());
     const auto function = [&](const std::vector<double>& at, std::vector<double>& gradient) {
         unpack(at);
         const double cost = evaluate(knots, durations, by_knots.data(), by_durations.data());
@@ -318,8 +322,14 @@ Descent Problem::minimise(double* knots, double* durations, const unsigned char*
         for (std::size_t n = 0; n < moving.size(); ++n) gradient[segments_ + n] = moving[n].dot(by_knots.data());
         return cost;
     };
-    const Descent found =
-        method.minimise(x, function, [&](std::vector<double>& step) { smoothing.apply(step, moving); });
+    const auto descend = [&](auto&& metric) { return method.minimise(x, function, metric); };
+    Descent found;
+    if (moving.empty()) {  // times alone bend no path: plain steps come as far in two thirds of the iterations
+        found = descend([](std::vector<double>&) {});
+    } else {
+        Smoothing smoothing(durations, segments_, free, held_.data());
+        found = descend([&](std::vector<double>& step) { smoothing.apply(step, moving); });
+    }
     unpack(x);
     return found;
 }

@@ -113,6 +113,23 @@ export interface SavedTrajectory {
   saved_at: string;
 }
 
+export interface Aside {
+  file: string;
+  name: string;
+  duration_s: number;
+  moved_at: string;
+}
+
+export interface PlanSummary {
+  name: string;
+  passes: boolean;
+  failures: string[];
+  duration_s: number;
+  length_m: number;
+  top_speed_m_s: number;
+  limits: Limit[];
+}
+
 export interface Held {
   name: string;
   duration_s: number;
@@ -188,6 +205,7 @@ export interface Files {
   type: "files";
   trajectories: SavedTrajectory[];
   flights: string[];
+  bin: Aside[];
 }
 
 export interface Notice {
@@ -221,6 +239,7 @@ export interface Reply {
   nonce: string;
   here: Held | null;
   there: Held | null;
+  plans: PlanSummary[];
 }
 
 export interface Command {
@@ -401,6 +420,18 @@ export interface Discard {
   name: string;
 }
 
+export interface Restore {
+  type: "restore";
+  serial: number;
+  file: string;
+}
+
+export interface ComparePlans {
+  type: "compare_plans";
+  serial: number;
+  names: string[];
+}
+
 export interface Select {
   type: "select";
   serial: number;
@@ -461,4 +492,4 @@ export interface Abort {
 
 export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Notice | Cursor | Shown | Selection | Reply;
 
-export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | SetGate | ClearGate | SetTube | Undo | Redo | PlanAgain | Save | Open | Discard | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort;
+export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | SetGate | ClearGate | SetTube | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort;

@@ -15,7 +15,7 @@ export const plan = signal<Plan | null>(null);
 export const figures = signal<Plan | null>(null);
 export const vehicle = signal<Vehicle | null>(null);
 export const people = signal<People>({ type: "people", people: [], in_control: "" });
-export const files = signal<Files>({ type: "files", trajectories: [], flights: [] });
+export const files = signal<Files>({ type: "files", trajectories: [], flights: [], bin: [] });
 export const notice = signal<Notice>({ type: "notice", text: "", level: "fact", undo: false });
 
 /** Tracking errors as they were heard, of the last minute. */
