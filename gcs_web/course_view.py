@@ -1,6 +1,7 @@
 """Gates and the tube of a mission in the 3D scene: arrays in, viser nodes out."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,10 +33,9 @@ def tube_mesh(line_world_m: FloatArray, radius_m: float) -> tuple[FloatArray, np
     """Vertices (n, 3) and faces (f, 3) of a tube round a polyline (m, 3): a cylinder each line, a ball each point."""
     import trimesh
 
-    lines = zip(line_world_m[:-1], line_world_m[1:], strict=True)
     parts = [
         trimesh.creation.cylinder(radius_m, segment=np.stack([a, b]), sections=_SIDES, cap=False)
-        for a, b in lines
+        for a, b in pairwise(line_world_m)
         if np.linalg.norm(b - a) > 1e-6
     ]
     for point in line_world_m:

@@ -110,7 +110,7 @@ class Conditions:
     def inserted(self, index: int) -> "Conditions":
         """For one more inner or outer waypoint, which gets this index and of which nothing is asked.
 
-        The two legs that it makes of one have the speed of that one; a leg before the first or behind the last has none.
+        The two legs that it makes of one have that one's speed; a leg before the first or behind the last has none.
         """
         speed = self.leg_speed_m_s
         if speed is not None:
@@ -333,8 +333,7 @@ class Visits:
     def joins_s(self, trajectory: Trajectory) -> FloatArray:
         """(n,) the nearest join, where a planner sets what is asked at a waypoint, if it belongs to the visit; else the
         visit itself."""
-        joins = trajectory.starts_s
-        nearest = joins[np.abs(joins[None] - self.time_s[:, None]).argmin(axis=1)]
+        nearest = trajectory.nearest_join(self.time_s)
         inside = (nearest >= self.enter_s - _SAMPLE_S) & (nearest <= self.leave_s + _SAMPLE_S)
         return np.where(inside, nearest, self.time_s)
 
