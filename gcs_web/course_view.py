@@ -41,8 +41,9 @@ def tube_mesh(line_world_m: FloatArray, radius_m: float) -> tuple[FloatArray, np
     for point in line_world_m:
         ball = trimesh.creation.icosphere(subdivisions=1, radius=radius_m)
         parts.append(ball.apply_translation(point))
-    whole = trimesh.util.concatenate(parts)
-    return np.asarray(whole.vertices, dtype=np.float64), np.asarray(whole.faces)
+    first = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
+    faces = [part.faces + n for part, n in zip(parts, first, strict=True)]
+    return np.concatenate([part.vertices for part in parts]), np.concatenate(faces)
 
 
 def draw_gate(server: "viser.ViserServer", gate: Gate, centre_world_m: Sequence[float]) -> list[Any]:
