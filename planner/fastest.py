@@ -214,8 +214,8 @@ def until_flyable(
     """Optimise until a trajectory passes the gate; None if it stays too close to obstacles.
 
     The first rounds are about all segments, unless `wrong` (k,) says which ones to begin with; then only those that
-    exceed a limit are optimised again, with their neighbours, and the first path that passes will do. Where limits stay exceeded in spite of it, the last
-    trajectory is returned with its report.
+    exceed a limit are optimised again, with their neighbours, and the first path that passes will do. Where limits stay
+    exceeded in spite of it, the last trajectory is returned with its report.
 
     Args:
         spline: durations to start from; where `wrong` is given, the path itself.
