@@ -116,10 +116,16 @@ class Trajectory:
         )
         return first, Trajectory(after, np.concatenate([shifted[None], self.coefficients[i + 1 :]]))
 
+    def nearest_join(self, times_s: FloatArray) -> FloatArray:
+        """(n,) the join, both ends counted, that is nearest to each of the times (n,)."""
+        after = np.clip(np.searchsorted(self.starts_s, times_s), 1, len(self.durations_s))
+        before_s, after_s = self.starts_s[after - 1], self.starts_s[after]
+        return np.where(times_s - before_s <= after_s - times_s, before_s, after_s)
+
     def cut(self, times_s: FloatArray) -> "Trajectory":
         """The same motion with joins at these times (n,) too, but for those within a nanosecond of a join."""
         inner = np.unique(times_s)
-        inner = inner[np.abs(inner[:, None] - self.starts_s).min(axis=1, initial=np.inf) > 1e-9]
+        inner = inner[np.abs(inner - self.nearest_join(inner)) > 1e-9]
         inner = inner[np.diff(inner, prepend=-np.inf) > 1e-9]
         starts = np.sort(np.concatenate([self.starts_s, inner[(inner > 0.0) & (inner < self.duration_s)]]))
         segment = np.searchsorted(self.starts_s, starts[:-1], side="right") - 1

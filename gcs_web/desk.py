@@ -185,6 +185,7 @@ class Desk:
         self._show_clearance()
         self.view.draw_waypoints(self.session.content.points)
         self.view.draw_mission(self.session.content.settings)
+        self.view.draw_course(self.session.content)
         self.request_plan()
 
     def _show_clearance(self) -> None:

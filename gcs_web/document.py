@@ -11,10 +11,20 @@ import msgspec
 import numpy as np
 
 from flight import InputError, Waypoints
-from flight.mission import Ground
+from flight.mission import Ground, KeepIn
 
 MOST_WAYPOINTS = 10_000
 LARGEST_COORDINATE_M = 10_000.0
+
+
+class Opening(msgspec.Struct, frozen=True):
+    """A gate: the rectangle round a waypoint that is passed forwards, as `flight.mission.Gate`."""
+
+    width_m: float
+    height_m: float
+    heading_rad: float
+    pitch_rad: float = 0.0
+    roll_rad: float = 0.0
 
 
 class Point(msgspec.Struct, frozen=True):
@@ -32,6 +42,7 @@ class Point(msgspec.Struct, frozen=True):
     """Largest speed from here to the next waypoint, as listed; None: that of the settings."""
     velocity_world_m_s: tuple[float, float, float] | None = None
     """Velocity to have here; None where it is open."""
+    gate: Opening | None = None
 
     @property
     def plain(self) -> bool:
@@ -39,7 +50,8 @@ class Point(msgspec.Struct, frozen=True):
         return msgspec.structs.replace(self, **_NOTHING_ASKED) == self
 
 
-_NOTHING_ASKED = {"stay_s": 0.0, "fly_by_m": 0.0, "leg_speed_m_s": None, "velocity_world_m_s": None}
+_NOTHING_ASKED = {"stay_s": 0.0, "fly_by_m": 0.0, "leg_speed_m_s": None, "velocity_world_m_s": None,
+                  "gate": None}  # fmt: skip
 
 
 class Settings(msgspec.Struct, frozen=True):
@@ -62,6 +74,7 @@ class Settings(msgspec.Struct, frozen=True):
     """Id of the loop's last waypoint; None: the last one, so that nothing leads out."""
     take_off: Ground | None = None
     landing: Ground | None = None
+    keep_in: KeepIn | None = None
 
 
 SETTING_BOUNDS = {

@@ -9,7 +9,7 @@ import numpy as np
 
 from flight import InputError
 from flight.mission import MOST_LAPS, Ground
-from gcs_web import missions, protocol
+from gcs_web import course_edits, missions, protocol
 from gcs_web.document import LARGEST_COORDINATE_M, SETTING_BOUNDS, Content, Point
 
 Edited = tuple[Content, str]
@@ -131,7 +131,7 @@ def _survivor(points: Sequence[Point], waypoint: int | None, gone: set[int]) -> 
 
 
 def _reverse(content: Content, edit: protocol.Reverse) -> Edited:
-    """The same flight backwards: legs keep their speeds, velocities turn round, take-off and landing change places.
+    """The same flight backwards: legs keep their speeds, velocities and gates turn round, take-off and landing swap.
 
     A loop begins and closes at its first waypoint whichever way it is flown.
     """
@@ -155,6 +155,7 @@ def _reverse(content: Content, edit: protocol.Reverse) -> Edited:
             point,
             leg_speed_m_s=speed,
             velocity_world_m_s=None if (v := point.velocity_world_m_s) is None else (-v[0], -v[1], -v[2]),
+            gate=None if point.gate is None else course_edits.turned_round(point.gate),
         )
         for point, speed in zip(order, [*speeds, None], strict=True)
     ]
@@ -299,4 +300,7 @@ _EDITS: dict[type, Callable[[Content, Any], Edited]] = {
     protocol.Loop: _loop,
     protocol.SetGround: _ground,
     protocol.ClearGround: _clear_ground,
+    protocol.SetGate: course_edits.set_gate,
+    protocol.ClearGate: course_edits.clear_gate,
+    protocol.SetTube: course_edits.set_tube,
 }

@@ -1,16 +1,15 @@
 """The document as a mission (`flight.mission`), which counts waypoints by number, and back."""
 
 import math
-from dataclasses import fields
+from dataclasses import fields, replace
 from itertools import groupby
-from pathlib import Path
 
 import msgspec
 import numpy as np
 
-from flight import InputError, Waypoints, mission
-from flight.mission import FlyBy, Laps, LegSpeed, Mission, Stay, Velocity, Yaw
-from gcs_web.document import Content, Point
+from flight import FloatArray, Waypoints
+from flight.mission import FlyBy, Gate, Laps, LegSpeed, Mission, Stay, Velocity, Yaw
+from gcs_web.document import Content, Opening, Point
 
 
 def mission_of(content: Content) -> Mission:
@@ -30,51 +29,28 @@ def mission_of(content: Content) -> Mission:
         velocities=tuple(
             Velocity(i, p.velocity_world_m_s) for i, p in enumerate(points) if p.velocity_world_m_s is not None
         ),
+        gates=tuple(Gate(i, **msgspec.structs.asdict(p.gate)) for i, p in enumerate(points) if p.gate is not None),
         fly_bys=tuple(FlyBy(i, p.fly_by_m) for i, p in enumerate(points) if p.fly_by_m > 0.0),
         leg_speeds=(*_leg_speeds(points), *_way_back(points, laps)),
         take_off=chosen.take_off,
         landing=chosen.landing,
         yaw=_yaw(content),
+        keep_in=chosen.keep_in,
     )
 
 
-def load(path: Path) -> Mission:
-    """What `waypoints.json` asks for.
-
-    Raises:
-        FlightError: as `flight.mission.load`, or the page cannot keep a request.
-    """
-    found = mission.load(path)
-    try:
-        _require_editable(found)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
-    return found
-
-
-def _require_editable(asked: Mission) -> None:
-    """Refuse requests that the document has no place for: dropped, they would be missed in the air."""
-    lost = [name for name, given in (("gates", asked.gates), ("keep_in", asked.keep_in)) if given]
-    if lost:
-        raise InputError(
-            f"the page cannot keep {' and '.join(lost)}; plan this mission with `goshawk plan`, "
-            "or move the file away to start without"
-        )
-
-
 def with_mission(content: Content, mission: Mission) -> Content:
-    """The document with all waypoints new and the mission's requests; one that asks no yaw mode leaves it as it is.
-
-    Raises:
-        InputError: the document has no place for a request.
-    """
-    _require_editable(mission)
+    """The document with all waypoints new and the mission's requests; one that asks no yaw mode leaves it as it is."""
     after = content.with_waypoints(mission.waypoints)
     stays: dict[int, float] = {}
     for stay in mission.stays:
         stays[stay.waypoint] = max(stays.get(stay.waypoint, 0.0), stay.duration_s)
     radii = {fly_by.waypoint: fly_by.radius_m for fly_by in mission.fly_bys}
     velocities = {velocity.waypoint: velocity.velocity_world_m_s for velocity in mission.velocities}
+    gates = {
+        gate.waypoint: Opening(gate.width_m, gate.height_m, gate.heading_rad, gate.pitch_rad, gate.roll_rad)
+        for gate in mission.gates
+    }
     speeds: dict[int, float] = {}
     for record in mission.leg_speeds:
         for leg in range(record.first, record.last):
@@ -86,6 +62,7 @@ def with_mission(content: Content, mission: Mission) -> Content:
             fly_by_m=radii.get(i, 0.0),
             leg_speed_m_s=speeds.get(i),
             velocity_world_m_s=velocities.get(i),
+            gate=gates.get(i),
         )
         for i, point in enumerate(after.points)
     ]
@@ -97,6 +74,7 @@ def with_mission(content: Content, mission: Mission) -> Content:
         lap_last=None if laps is None or laps.last in (-1, last) else points[laps.last].id,
         take_off=mission.take_off,
         landing=mission.landing,
+        keep_in=mission.keep_in,
     )
     if mission.yaw is not None:
         settings = msgspec.structs.replace(
@@ -133,6 +111,15 @@ def flown(content: Content) -> list[int | None]:
         ids = [*ids[: laps.first], *ids[laps.first : last + 1] * laps.count, ids[laps.first], *ids[last + 1 :]]
     before, after = content.settings.take_off is not None, content.settings.landing is not None
     return [*[None] * before, *ids, *[None] * after]
+
+
+def tube_line(content: Content) -> FloatArray:
+    """(m, 3) the middle of the tube to keep in: what is given, or straight lines through one lap of the waypoints."""
+    asked = mission_of(content)
+    if asked.keep_in is not None and asked.keep_in.polyline_world_m is not None:
+        return np.array(asked.keep_in.polyline_world_m)
+    once = replace(asked, laps=None if asked.laps is None else replace(asked.laps, count=1))
+    return once.unrolled().waypoints.positions_world_m
 
 
 def _leg_speeds(points: tuple[Point, ...]) -> tuple[LegSpeed, ...]:

@@ -28,9 +28,15 @@ _RATE = ("°/s", 180.0 / math.pi)
 def waypoint(point: document.Point) -> protocol.Waypoint:
     x, y, z = point.position_world_m
     yaw_deg = None if point.yaw_rad is None else math.degrees(point.yaw_rad)
-    return protocol.Waypoint(
-        point.id, x, y, z, yaw_deg, point.stay_s, point.fly_by_m, point.leg_speed_m_s, point.velocity_world_m_s
-    )
+    asked = point.stay_s, point.fly_by_m, point.leg_speed_m_s, point.velocity_world_m_s, _gate(point.gate)
+    return protocol.Waypoint(point.id, x, y, z, yaw_deg, *asked)
+
+
+def _gate(asked: document.Opening | None) -> protocol_parts.Gate | None:
+    if asked is None:
+        return None
+    turned = (math.degrees(angle) for angle in (asked.heading_rad, asked.pitch_rad, asked.roll_rad))
+    return protocol_parts.Gate(asked.width_m, asked.height_m, *turned)
 
 
 def settings(chosen: document.Settings) -> protocol.Settings:
@@ -49,8 +55,15 @@ def mission(chosen: document.Settings) -> protocol.Mission:
     def ground(asked: Ground | None) -> protocol_parts.Ground | None:
         return None if asked is None else protocol_parts.Ground(*asked.position_world_m, asked.climb_m_s)
 
+    tube = chosen.keep_in
     return protocol.Mission(
-        chosen.laps, chosen.lap_first, chosen.lap_last, ground(chosen.take_off), ground(chosen.landing)
+        chosen.laps,
+        chosen.lap_first,
+        chosen.lap_last,
+        ground(chosen.take_off),
+        ground(chosen.landing),
+        keep_in_m=None if tube is None else tube.radius_m,
+        keep_in_recorded=tube is not None and tube.polyline_world_m is not None,
     )
 
 

@@ -224,6 +224,27 @@ class Pass(Edit, frozen=True, tag="pass", kw_only=True):
     velocity_m_s: tuple[float, float, float] | None
 
 
+class SetGate(Edit, frozen=True, tag="gate", kw_only=True):
+    """Set the gate round a waypoint; what is left out stays, or is a metre, upright and along the way through it."""
+
+    waypoint: int
+    width_m: float | None = None
+    height_m: float | None = None
+    heading_deg: float | None = None
+    pitch_deg: float | None = None
+    roll_deg: float | None = None
+
+
+class ClearGate(Edit, frozen=True, tag="clear_gate", kw_only=True):
+    waypoint: int
+
+
+class SetTube(Edit, frozen=True, tag="tube", kw_only=True):
+    """Set the radius of the tube to keep in; a new one goes from waypoint to waypoint. None: no tube."""
+
+    radius_m: float | None
+
+
 class Insert(Edit, frozen=True, tag="insert", kw_only=True):
     """Add a waypoint after another (None: at the start); without coordinates half-way to the next one."""
 
@@ -375,6 +396,7 @@ class Abort(Command, frozen=True, tag="abort", kw_only=True):
 
 FromPage = (
     Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround
+    | SetGate | ClearGate | SetTube
     | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans
     | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort
 )  # fmt: skip

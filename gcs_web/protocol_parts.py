@@ -12,6 +12,19 @@ class Person(msgspec.Struct, frozen=True):
     name: str
 
 
+class Gate(msgspec.Struct, frozen=True):
+    """The opening round a waypoint that is passed forwards."""
+
+    width_m: float
+    height_m: float
+    heading_deg: float
+    """Horizontal direction in which it is passed, from x towards y."""
+    pitch_deg: float
+    """How far that direction points upwards."""
+    roll_deg: float
+    """Turned about that direction, clockwise as seen by who flies through."""
+
+
 class Waypoint(msgspec.Struct, frozen=True):
     """A point to fly through."""
 
@@ -30,6 +43,7 @@ class Waypoint(msgspec.Struct, frozen=True):
     """Largest speed from here to the next waypoint; None: that of the settings."""
     velocity_m_s: tuple[float, float, float] | None = None
     """Velocity to have here, world frame; None where it is open."""
+    gate: Gate | None = None
 
 
 class Ground(msgspec.Struct, frozen=True):
@@ -53,6 +67,10 @@ class Mission(msgspec.Struct, frozen=True):
     """Id of the loop's last waypoint; None: the last one."""
     take_off: Ground | None
     landing: Ground | None
+    keep_in_m: float | None
+    """Radius of the tube to keep in; None: there is none."""
+    keep_in_recorded: bool
+    """Whether that tube has a polyline of its own, instead of straight lines from waypoint to waypoint."""
 
 
 Colour = Literal["clearance", "speed", "thrust", "tilt", "rotor_margin"]

@@ -58,7 +58,8 @@ class Replanner:
         flag = self._flag
         mission = missions.mission_of(content)
         asked = planner.mission.conditions(mission)
-        if mission.laps is not None or asked.stay_s is not None or asked.ground_world_m is not None:
+        of_parts = mission.laps is not None or asked.stay_s is not None or asked.ground_world_m is not None
+        if of_parts or mission.keep_in is not None:
             self._kept = None
             return planner.mission.plan(mission, known.field, known.vehicle, known.options, stop=flag)
         kept = self._kept
@@ -112,14 +113,16 @@ def _step(kept: _Kept, after: Content, known: Known) -> _Step | None:
         if len(changed) > 1 or not moved:
             return None
         return lambda session, stop: session.move(i, np.array(new[i].position_world_m), stop=stop)
-    if not all(point.plain for point in (*old, *new)):
-        return None
     i = _first_difference(old, new)
+    inner = 0 < i < max(len(old), len(new)) - 1
+    plain = all(point.plain for point in (*old, *new))
     if _without(new, i) == old:
+        if not (plain or (inner and new[i].plain and old[i - 1].leg_speed_m_s is None)):
+            return None  # the session would give the speed of the leg that it parts to both parts
         asked = new[i].yaw_rad
         yaw_rad = math.nan if asked is None else asked
         return lambda session, stop: session.insert(i, np.array(new[i].position_world_m), yaw_rad, stop=stop)
-    if _without(old, i) == new:
+    if _without(old, i) == new and (plain or (inner and old[i].leg_speed_m_s is None)):
         return lambda session, stop: session.delete(i, stop=stop)
     return None
 

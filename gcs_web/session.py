@@ -60,7 +60,7 @@ class Session:
             if self._journal.is_new:
                 first = Content(settings=settings)
                 exists = opened.waypoints.exists()
-                self._journal.begin(missions.with_mission(first, missions.load(opened.waypoints)) if exists else first)
+                self._journal.begin(missions.with_mission(first, mission.load(opened.waypoints)) if exists else first)
             self._take_file(opening=True)
         except BaseException:
             self._journal.close()
@@ -144,7 +144,7 @@ class Session:
             seen, last = path.stat(), self._written
             if last is not None and _same_file(seen, last):
                 return False  # ours, if perhaps of before an edit that could not be written
-            found = missions.load(path)
+            found = mission.load(path)
             self._written = seen  # a damaged file stays foreign: the next edit keeps it
             if missions.same(self.content, found):
                 return False

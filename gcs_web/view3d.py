@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flight import FloatArray, Progress, silent
-from gcs_web import picking, protocol, scene
-from gcs_web.document import Point, Settings
+from gcs_web import course_view, missions, picking, protocol, scene
+from gcs_web.document import Content, Point, Settings
 from gcs_web.vehicle_view import VehicleView
 from mapping import Map
 
@@ -35,6 +35,8 @@ class View3D:
         self._points: tuple[Point, ...] = ()
         self._balls: dict[int, Any] = {}
         self._marks: list[Any] = []
+        self._course: list[Any] = []
+        self._course_shown = ""
         self._selected: tuple[int, ...] = ()
         self._handle: Any = None
         self._series: protocol.Series | None = None
@@ -95,6 +97,23 @@ class View3D:
             grounds = [ground.position_world_m for ground in (chosen.take_off, chosen.landing) if ground is not None]
             target = chosen.look_at_world_m if chosen.yaw == "look_at" else None
             self._marks = scene.draw_marks(self._server, grounds, target)
+
+    def draw_course(self, content: Content) -> None:
+        """Show the gates, and the tube that the path keeps in; unless they are as they were."""
+        gates = missions.mission_of(content).gates
+        centres = [content.points[gate.waypoint].position_world_m for gate in gates]
+        tube = content.settings.keep_in
+        line = None if tube is None else missions.tube_line(content)
+        shown = repr((gates, centres, tube, None if line is None else line.tobytes()))
+        with self._lock, self._server.atomic():
+            if shown == self._course_shown:
+                return
+            for node in self._course:
+                node.remove()
+            drawn = [course_view.draw_gate(self._server, *pair) for pair in zip(gates, centres, strict=True)]
+            if tube is not None and line is not None and len(line):
+                drawn.append(course_view.draw_tube(self._server, line, tube.radius_m))
+            self._course, self._course_shown = [node for nodes in drawn for node in nodes], shown
 
     def select(self, waypoints: Sequence[int]) -> None:
         with self._lock, self._server.atomic():

@@ -1,6 +1,6 @@
 """What may be asked of a path besides its waypoints: motion at ends and waypoints, gates, speeds of legs, a tube."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -106,6 +106,35 @@ class Conditions:
                 raise InputError(f"{name}: expected finite points (m, 3), got shape {points.shape}")
         _check_keep_in(arrays["keep_in_world_m"], arrays["keep_in_radius_m"])
         return Conditions(**arrays)
+
+    def inserted(self, index: int) -> "Conditions":
+        """For one more inner or outer waypoint, which gets this index and of which nothing is asked.
+
+        The two legs that it makes of one have that one's speed; a leg before the first or behind the last has none.
+        """
+        speed = self.leg_speed_m_s
+        if speed is not None:
+            here = speed[index - 1] if 0 < index <= len(speed) else np.nan
+            speed = np.insert(speed, min(index, len(speed)), here)
+        rows = {name: np.insert(rows, index, nothing, axis=0) for name, nothing, rows in self._of_waypoints()}
+        return replace(self, leg_speed_m_s=speed, **rows)
+
+    def deleted(self, index: int) -> "Conditions":
+        """For one waypoint less; the leg that two become has the lower one of their speeds."""
+        speed = self.leg_speed_m_s
+        if speed is not None:
+            one = np.delete(speed, min(index, len(speed) - 1))
+            if 0 < index < len(speed):
+                one[index - 1] = np.fmin(speed[index - 1], speed[index])
+            speed = one
+        rows = {name: np.delete(rows, index, axis=0) for name, _, rows in self._of_waypoints()}
+        return replace(self, leg_speed_m_s=speed, **rows)
+
+    def _of_waypoints(self) -> list[tuple[str, float, FloatArray]]:
+        """What is given with a row for each waypoint: its name, the number that asks for nothing, and the rows."""
+        nothing = {"velocity_world_m_s": np.nan, "fly_by_m": 0.0, "gate_edges_m": 0.0, "stay_s": 0.0}
+        given = [(name, asks, getattr(self, name)) for name, asks in nothing.items()]
+        return [item for item in given if item[2] is not None]
 
     def at_knots(self, waypoint: np.ndarray) -> FloatArray | None:
         """(k + 1, 4) velocity and yaw rate at knots, NaN where open; `waypoint` (k + 1,) is -1 between waypoints."""
@@ -304,8 +333,7 @@ class Visits:
     def joins_s(self, trajectory: Trajectory) -> FloatArray:
         """(n,) the nearest join, where a planner sets what is asked at a waypoint, if it belongs to the visit; else the
         visit itself."""
-        joins = trajectory.starts_s
-        nearest = joins[np.abs(joins[None] - self.time_s[:, None]).argmin(axis=1)]
+        nearest = trajectory.nearest_join(self.time_s)
         inside = (nearest >= self.enter_s - _SAMPLE_S) & (nearest <= self.leave_s + _SAMPLE_S)
         return np.where(inside, nearest, self.time_s)
 

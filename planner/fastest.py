@@ -94,7 +94,7 @@ def rough(
     gates = asked.gates(route.points, route.waypoint)
     problem = Problem(
         knots=np.column_stack([route.points, np.zeros(len(route.points))]),
-        free=np.outer((route.waypoint < 0) | _may_move(balls, gates, len(route.points)), [True, True, True, False]),
+        free=np.outer((route.waypoint < 0) | may_move(balls, gates, len(route.points)), [True, True, True, False]),
         airframe=frame,
         field=field,
         clearance_m=space.aim(field, options.clearance_m) + AIM_M,
@@ -148,7 +148,7 @@ def whole_vehicle(
         knots[:, 3] = turned[:, 0]
     else:
         knots[:, 3] = held
-    free = np.repeat(((waypoint < 0) | _may_move(balls, gates, len(knots)))[:, None], 4, axis=1)
+    free = np.repeat(((waypoint < 0) | may_move(balls, gates, len(knots)))[:, None], 4, axis=1)
     free[:, 3] = np.isnan(asked) & (held is None)
     price, turning = _YAW_PRICES[options.yaw]
     weights = Weights(snap=1e-7, limits=400.0, clearance=300.0, heading=price, turning=turning)
@@ -164,7 +164,7 @@ def _at_waypoints(kept: FloatArray | None, before: np.ndarray, waypoint: np.ndar
     return found
 
 
-def _may_move(balls: FloatArray | None, gates: FloatArray | None, knots: int) -> np.ndarray:
+def may_move(balls: FloatArray | None, gates: FloatArray | None, knots: int) -> np.ndarray:
     """(k + 1,) bool: whether a knot has a ball, or the opening of a gate, to move in."""
     free = np.zeros(knots, dtype=bool)
     if balls is not None:

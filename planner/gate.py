@@ -308,10 +308,9 @@ def _waypoints(
             worst, missed = float(np.linalg.norm(points[at:] - waypoint, axis=1).min()), i
             break
         at, gap_m = visit
-        near = np.linalg.norm(points - waypoint, axis=1) <= tolerance_m + radius
-        first = at - int(np.argmin(np.append(near[at::-1], False))) + 1
+        first = at - _staying(points[at::-1], waypoint, tolerance_m + radius)
         first = max(first, reached[-1] if reached else 0)  # balls may overlap: it is not passed before the one before
-        last = at + int(np.argmin(np.append(near[at:], False))) - 1
+        last = at + _staying(points[at:], waypoint, tolerance_m + radius)
         visits.append((float(times[at]), float(times[first]), float(times[last])))
         reached.append(at)
         worst = max(worst, gap_m - radius)
@@ -344,18 +343,19 @@ def _first_pass(
     """
     sizes = np.linalg.norm(edges, axis=1)
     normal = np.cross(*edges) / np.prod(sizes)
-    side = (points[start:] - centre) @ normal
-    for k in np.flatnonzero((side[:-1] < 0.0) & (side[1:] >= 0.0)):
-        before, after = times_s[start + k], times_s[start + k + 1]
-        while after - before > _SAME_S:
-            middle = 0.5 * (before + after)
-            if float((trajectory.position(np.array([middle]))[0] - centre) @ normal) < 0.0:
-                before = middle
-            else:
-                after = middle
-        off = np.abs(edges @ (trajectory.position(np.array([after]))[0] - centre)) / sizes - sizes
-        if off.max() <= 0.0:
-            return start + int(k) + 1, float(after), float(off.max())
+    for first in range(start, len(points) - 1, _BLOCK):
+        side = (points[first : first + _BLOCK + 1] - centre) @ normal
+        for k in first + np.flatnonzero((side[:-1] < 0.0) & (side[1:] >= 0.0)):
+            before, after = times_s[k], times_s[k + 1]
+            while after - before > _SAME_S:
+                middle = 0.5 * (before + after)
+                if float((trajectory.position(np.array([middle]))[0] - centre) @ normal) < 0.0:
+                    before = middle
+                else:
+                    after = middle
+            off = np.abs(edges @ (trajectory.position(np.array([after]))[0] - centre)) / sizes - sizes
+            if off.max() <= 0.0:
+                return int(k) + 1, float(after), float(off.max())
     return None
 
 
@@ -436,6 +436,15 @@ def _first_visit(points: FloatArray, start: int, waypoint: FloatArray, tolerance
         if end < len(gaps):
             break
     return None if best < 0 else (best, gap_m)
+
+
+def _staying(points: FloatArray, waypoint: FloatArray, tolerance_m: float) -> int:
+    """Index of the last of the points (n, 3) before the first one that is farther away; the first one is not."""
+    for first in range(0, len(points), _BLOCK):
+        far = np.linalg.norm(points[first : first + _BLOCK] - waypoint, axis=1) > tolerance_m
+        if far.any():
+            return first + int(np.argmax(far)) - 1
+    return len(points) - 1
 
 
 def _continuity(trajectory: Trajectory) -> list[Check]:

@@ -67,6 +67,11 @@ def plan(
             leg = None if error.segment is None else part.first + max(error.segment - part.lead_in, 0)
             raise PlanInfeasibleError(error.reason, error.remedy, leg) from error
     trajectory = join(_pieces(flown, plans, parts))
+    if trajectory.duration_s > LONGEST_S:
+        raise PlanInfeasibleError(
+            f"stays and paths last {trajectory.duration_s:.5g} s together, and a trajectory at most {LONGEST_S:g} s",
+            "shorten the stays, or plan the flight in parts",
+        )
     points = _asked(flown)
     report = gate.check(
         trajectory,

@@ -110,7 +110,7 @@ class PlanOptions:
             raise FormatError(f"what a trajectory file asks of its check is damaged: {error}") from error
 
     def sized(self, vehicle: Vehicle) -> "PlanOptions":
-        """These options with the vehicle's own radius (`Vehicle.reach_m`, up to the next millimetre) if none is given."""
+        """These options; where they give no radius, with the vehicle's (`reach_m`, up to a whole millimetre)."""
         if self.radius_m is not None:
             return self
         return replace(self, radius_m=float(np.ceil(1e3 * vehicle.reach_m) / 1e3))

@@ -52,13 +52,13 @@ class Planner:
         stop: StopFlag | None = None,
     ) -> None:
         """Plans from scratch, until it is told to `stop` from another thread. Raises as `planner.plan`."""
-        self._conditions = Conditions() if conditions is None else conditions
+        asked = Conditions() if conditions is None else conditions
         self._field, self._vehicle = field, vehicle
         self._options = inputs.options_for(vehicle, options)
         self._stop = StopFlag() if stop is None else stop
         self._flags, self._working = threading.Lock(), threading.Lock()
-        self._accept(*self._scratch(waypoints, self._options, self._stop), waypoints)
-        self._room = self._conditions.room(field, self._options)  # of conditions that were checked
+        self._scratch(waypoints, asked, self._options, self._stop)
+        self._room = self._conditions.room(field, self._options)
 
     @property
     def plan(self) -> Plan:
@@ -72,12 +72,16 @@ class Planner:
             points = old.positions_world_m.copy()
             points[index] = _point(position_world_m)
             first, last = max(index - 1, 0), min(index + 1, len(points) - 1)
-            return self._changed(Waypoints(points, old.yaw_rad), (first, last), (first, last), stop)
+            new = Waypoints(points, old.yaw_rad)
+            return self._changed(new, self._conditions, (first, last), (first, last), stop)
 
     def insert(
         self, index: int, position_world_m: ArrayLike, yaw_rad: float = np.nan, *, stop: StopFlag | None = None
     ) -> Plan:
-        """Insert a waypoint so that it gets this index. Raises as `planner.plan`."""
+        """Insert a waypoint, of which nothing is asked but a heading, so that it gets this index.
+
+        Both legs beside it keep the speed asked for on the leg that it parts. Raises as `planner.plan`.
+        """
         with self._edit(stop) as stop:
             old = self._plan.waypoints
             if not 0 <= index <= len(old.yaw_rad):
@@ -85,31 +89,33 @@ class Planner:
             points = np.insert(old.positions_world_m, index, _point(position_world_m), axis=0)
             new = Waypoints(points, np.insert(old.yaw_rad, index, yaw_rad))
             inside = 0 < index < len(old.yaw_rad)
-            self._count_may_change()
-            return self._changed(new, (index - 1, index) if inside else None, (index - 1, index + 1), stop)
+            asked = self._conditions.inserted(index)
+            return self._changed(new, asked, (index - 1, index) if inside else None, (index - 1, index + 1), stop)
 
     def delete(self, index: int, *, stop: StopFlag | None = None) -> Plan:
-        """Delete a waypoint. Raises as `planner.plan`."""
+        """Delete a waypoint and what is asked there; the leg that two become has the lower one of their speeds.
+
+        Raises as `planner.plan`.
+        """
         with self._edit(stop) as stop:
             old = self._waypoint(index)
             new = Waypoints(np.delete(old.positions_world_m, index, axis=0), np.delete(old.yaw_rad, index))
             inside = 0 < index < len(new.yaw_rad)
-            self._count_may_change()
-            return self._changed(new, (index - 1, index + 1) if inside else None, (index - 1, index), stop)
+            asked = self._conditions.deleted(index)
+            return self._changed(new, asked, (index - 1, index + 1) if inside else None, (index - 1, index), stop)
 
     def limit(self, bounds: Limits) -> Plan:
         """Plan within other limits. Raises as `planner.plan`."""
         with self._edit() as stop:
             options, waypoints = replace(self._options, limits=bounds), self._plan.waypoints
-            path, route = self._scratch(waypoints, options, stop)
+            plan = self._scratch(waypoints, self._conditions, options, stop)
             self._options = options
-            return self._accept(path, route, waypoints)
+            return plan
 
     def settle(self) -> Plan:
         """Plan the waypoints as they are from scratch: after many edits, a little faster. Raises as `planner.plan`."""
         with self._edit() as stop:
-            waypoints = self._plan.waypoints
-            return self._accept(*self._scratch(waypoints, self._options, stop), waypoints)
+            return self._scratch(self._plan.waypoints, self._conditions, self._options, stop)
 
     def draft(self, index: int, position_world_m: ArrayLike) -> Trajectory:
         """What the path would look like with one waypoint moved and all times kept: quick, and checked by nothing."""
@@ -144,46 +150,41 @@ class Planner:
             raise InputError(f"there is no waypoint {index}; there are {len(waypoints.yaw_rad)}")
         return waypoints
 
-    def _count_may_change(self) -> None:
-        asked = self._conditions
-        of_waypoints = (asked.velocity_world_m_s, asked.leg_speed_m_s, asked.fly_by_m, asked.gate_edges_m)
-        if any(given is not None for given in of_waypoints):
-            raise InputError(
-                "velocities, speeds, radii and gates belong to waypoints by number: start another session with new ones"
-            )
-
-    def _scratch(self, waypoints: Waypoints, options: PlanOptions, stop: StopFlag) -> tuple[fastest.Path, FloatArray]:
-        path, route = planning.from_scratch(waypoints, self._field, self._vehicle, options, self._conditions, stop=stop)
-        return path, route.points
+    def _scratch(self, waypoints: Waypoints, asked: Conditions, options: PlanOptions, stop: StopFlag) -> Plan:
+        path, route = planning.from_scratch(waypoints, self._field, self._vehicle, options, asked, stop=stop)
+        return self._accept(path, route.points, waypoints)
 
     def _accept(self, path: fastest.Path, route_world_m: FloatArray, waypoints: Waypoints) -> Plan:
-        self._path = path
+        self._path, self._conditions = path, path.report.conditions
         self._plan = Plan(path.trajectory, path.report, waypoints, route_world_m, path.method, path.optimum_s)
         return self._plan
 
-    def _changed(self, waypoints: Waypoints, old: tuple[int, int] | None, new: tuple[int, int], stop: StopFlag) -> Plan:
+    def _changed(
+        self, waypoints: Waypoints, asked: Conditions, old: tuple[int, int] | None, new: tuple[int, int], stop: StopFlag
+    ) -> Plan:
         """Plan for waypoints of which those from `new[0]` to `new[1]` take the place of `old[0]` to `old[1]`.
 
-        `old` is None where the path begins or ends elsewhere: then it is planned from scratch, as it is where waypoints
-        need only be passed within a radius or an opening.
+        `old` is None where the path begins or ends elsewhere: then it is planned from scratch.
         """
         routes.check_waypoints(waypoints, self._field, self._options.waypoint_clearance_m)
-        self._conditions.check_inside(waypoints.positions_world_m)
-        path, asked = None, self._conditions
-        if old is not None and self._path.kept is not None and asked.fly_by_m is None and asked.gate_edges_m is None:
-            path = self._mended(waypoints, old, new, stop)
+        asked = asked.checked(len(waypoints.yaw_rad), self._options.limits_for(self._vehicle))
+        asked.check_inside(waypoints.positions_world_m)
+        path = None
+        if old is not None and self._path.kept is not None:
+            path = self._mended(waypoints, asked, old, new, stop)
         if path is None or not path.report.passed or path.kept is None:
-            return self._accept(*self._scratch(waypoints, self._options, stop), waypoints)
+            return self._scratch(waypoints, asked, self._options, stop)
         return self._accept(path, path.kept.spline.states[:, 0, :3], waypoints)
 
     def _mended(
-        self, waypoints: Waypoints, old: tuple[int, int], new: tuple[int, int], stop: StopFlag
+        self, waypoints: Waypoints, asked: Conditions, old: tuple[int, int], new: tuple[int, int], stop: StopFlag
     ) -> fastest.Path | None:
         """The last path with new legs, optimised again near them; None if that does not keep clear of obstacles."""
         kept, number = self._path.kept, self._path.waypoint
         assert kept is not None
         first, last = (int(np.flatnonzero(number == i)[0]) for i in old)
-        legs = [self._leg(waypoints, leg, old, new) for leg in range(*new)]
+        points = self._points(waypoints, old, new)
+        legs = [self._leg(waypoints, points, leg, old, new) for leg in range(*new)]
         if any(leg is None for leg in legs):
             return None
         legs = [leg for leg in legs if leg is not None]
@@ -191,8 +192,6 @@ class Planner:
         index = np.full(len(knots), -1)
         index[np.cumsum([0, *(len(leg.durations_s) for leg in legs)])] = np.arange(new[0], new[1] + 1)
         durations = np.concatenate([leg.durations_s for leg in legs])
-        free = np.repeat((index < 0)[:, None], 4, axis=1)
-        free[:, 3] = (index < 0) | np.isnan(waypoints.yaw_rad[index])
         after = np.where(number[last + 1 :] < 0, -1, number[last + 1 :] + new[1] - old[1])
         states = np.zeros((len(knots), 4, 4))
         states[:, 0] = knots
@@ -203,10 +202,17 @@ class Planner:
             np.concatenate([kept.spline.states[:first], states, kept.spline.states[last + 1 :]]),
         )
         waypoint = np.concatenate([number[:first], index, after])
+        centres = waypoints.positions_world_m[np.maximum(waypoint, 0)]
+        balls, gates = asked.balls(centres, waypoint), asked.gates(centres, waypoint)
+        may_move = (index < 0) | fastest.may_move(balls, gates, len(waypoint))[first : first + len(index)]
+        free = np.repeat(may_move[:, None], 4, axis=1)
+        free[:, 3] = (index < 0) | np.isnan(waypoints.yaw_rad[index])
         problem = replace(
             kept.problem,
             knots=spline.states[:, 0],
-            velocity=self._conditions.at_knots(waypoint),
+            velocity=asked.at_knots(waypoint),
+            balls=balls,
+            gates=gates,
             free=np.concatenate([kept.problem.free[:first], free, kept.problem.free[last + 1 :]]),
         )
         wrong = np.zeros(len(spline.durations_s), dtype=bool)
@@ -219,8 +225,8 @@ class Planner:
             self._vehicle,
             self._options,
             self._room,
-            self._conditions,
-            lambda trajectory, known: self._ask_gate(trajectory, waypoints, known, stop),
+            asked,
+            lambda trajectory, known: self._ask_gate(trajectory, waypoints, asked, known, stop),
             stop,
             wrong=wrong,
             iterations=_DRAWN if all(leg.drawn for leg in legs) else _NEW,
@@ -229,7 +235,7 @@ class Planner:
         )
 
     def _ask_gate(
-        self, trajectory: Trajectory, waypoints: Waypoints, known: limits.Known, stop: StopFlag
+        self, trajectory: Trajectory, waypoints: Waypoints, asked: Conditions, known: limits.Known, stop: StopFlag
     ) -> GateReport:
         return gate.check(
             trajectory,
@@ -238,20 +244,36 @@ class Planner:
             self._options,
             waypoints_world_m=waypoints.positions_world_m,
             yaw_rad=waypoints.yaw_rad,
-            conditions=self._conditions,
+            conditions=asked,
             known=known,
             stop=stop,
         )
 
-    def _leg(self, waypoints: Waypoints, leg: int, old: tuple[int, int], new: tuple[int, int]) -> _Leg | None:
-        """Knots and durations to start from between waypoints `leg` and `leg + 1`.
+    def _points(self, waypoints: Waypoints, old: tuple[int, int], new: tuple[int, int]) -> FloatArray:
+        """(n, 3) where the path passes waypoints `new[0]` to `new[1]` to begin with.
+
+        As far beside one as it did before the edit, within its radius or in the plane of its gate.
+        """
+        kept, number, before = self._path.kept, self._path.waypoint, self._plan.waypoints.positions_world_m
+        assert kept is not None
+        points = waypoints.positions_world_m.copy()
+        same = zip(range(*new), range(*old), strict=True) if old == new else [(new[0], old[0])]
+        for here, there in [*same, (new[1], old[1])]:
+            knot = int(np.flatnonzero(number == there)[0])
+            points[here] += kept.spline.states[knot, 0, :3] - before[there]
+        return points
+
+    def _leg(
+        self, waypoints: Waypoints, points: FloatArray, leg: int, old: tuple[int, int], new: tuple[int, int]
+    ) -> _Leg | None:
+        """Knots and durations to start from between waypoints `leg` and `leg + 1`, passed at `points` (n, 3).
 
         Those of the leg before the edit, drawn along with its ends, if they still go round what they went round; else a
         straight line; None if something is in its way.
         """
         kept = self._path.kept
         assert kept is not None
-        a, b = waypoints.positions_world_m[[leg, leg + 1]]
+        a, b = points[[leg, leg + 1]]
         straight, pieces = self._free(np.stack([a, b])), self._options.pieces
         if old == new:
             first, last = _leg_knots(self._path.waypoint, leg) or (0, 0)

@@ -46,6 +46,9 @@ HANDLERS: dict[type, Callable[[Desk, protocol.Person, Any], None]] = {
     protocol.Loop: _edit,
     protocol.SetGround: _set_ground,
     protocol.ClearGround: _edit,
+    protocol.SetGate: _edit,
+    protocol.ClearGate: _edit,
+    protocol.SetTube: _edit,
     protocol.Undo: _undo,
     protocol.Redo: _redo,
 }

@@ -221,6 +221,13 @@ def test_a_trajectory_that_would_not_be_read_back_is_not_written(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_the_nearest_join_is_the_nearest_of_all():
+    path = random_trajectory(4, segments=9)
+    times = np.append(np.random.default_rng(1).uniform(-0.5, path.duration_s + 0.5, 200), path.starts_s)
+    brute = path.starts_s[np.abs(times[:, None] - path.starts_s).argmin(axis=1)]
+    assert np.array_equal(path.nearest_join(times), brute)
+
+
 def test_cutting_leaves_the_motion_as_it_is():
     path = random_trajectory(3)
     times = np.sort(np.random.default_rng(0).uniform(0.0, path.duration_s, 50))

@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import planner
 from flight import InputError, Waypoints, mission, project
 from flight.mission import FlyBy, Gate, Ground, KeepIn, Laps, LegSpeed, Mission, Stay, Velocity, Yaw
-from gcs_web import edits, missions, protocol
+from gcs_web import course_view, edits, missions, protocol
 from gcs_web.document import Content, Settings, difference, patched
 from gcs_web.session import Session
 
@@ -93,27 +94,82 @@ def test_the_way_back_of_laps_keeps_its_limit_where_one_leg_is_slower():
     assert legs(back.unrolled()) == legs(asked.unrolled()) == [3.0, 2.0, 3.0, 3.0, 3.0, 2.0, 3.0, 3.0]
 
 
-@pytest.mark.parametrize(
-    ("request_", "name"), [({"gates": (Gate(1, 1.0, 0.8, 0.0),)}, "gates"), ({"keep_in": KeepIn(1.5)}, "keep_in")]
-)
-def test_a_request_that_the_page_cannot_keep_is_refused_and_the_file_left_as_it_is(tmp_path, request_, name):
+def course() -> Mission:
+    """A race: two gates, one of them tilted, in a recorded tube."""
+    line = ((0.0, 0.0, 1.0), (2.0, 1.0, 1.5), (4.0, 0.0, 1.0))
+    gates = (Gate(1, 1.0, 0.8, 0.3), Gate(2, 1.5, 1.2, -1.0, 0.2, -0.4))
+    return Mission(Waypoints(POINTS, np.full(4, np.nan)), gates=gates, keep_in=KeepIn(1.5, line))
+
+
+def test_gates_and_a_tube_are_kept_through_edits_undo_and_another_program(tmp_path):
     folder = project.create(tmp_path / "project", "race")
-    plain = Mission(Waypoints(POINTS, np.full(4, np.nan)))
-    mission.save(folder.waypoints, replace(plain, **request_))
-    race = folder.waypoints.read_bytes()
-    with pytest.raises(InputError, match=f"cannot keep {name}"):
-        Session(folder, Settings())
-    assert folder.waypoints.read_bytes() == race
-    mission.save(folder.waypoints, plain)
+    mission.save(folder.waypoints, course())
     session = Session(folder, Settings())
+
+    def edit(change: protocol.Edit) -> Mission:
+        session.edit(change, "Anna")
+        return missions.mission_of(session.content)
+
     try:
-        folder.waypoints.write_bytes(race)  # by another program, while the page is open
-        with pytest.raises(InputError, match=f"cannot keep {name}"):
-            session.take_file()
-        session.edit(protocol.Reverse(serial=0, revision=0), "Anna")
-        assert race in [path.read_bytes() for path in folder.folder.glob("waypoints*")]  # kept beside ours
+        ids = [p.id for p in session.content.points]
+        assert missions.same(session.content, course())
+        wider = edit(protocol.SetGate(serial=0, revision=0, waypoint=ids[2], width_m=2.0, heading_deg=90.0))
+        assert wider.gates == (course().gates[0], Gate(2, 2.0, 1.2, np.pi / 2, 0.2, -0.4))
+        assert mission.load(folder.waypoints).gates == wider.gates
+        session.undo("Anna")
+        assert missions.same(session.content, course())
+        revision = session.revision
+        assert len(edit(protocol.ClearGate(serial=0, revision=revision, waypoint=ids[1])).gates) == 1
+        tube = edit(protocol.SetTube(serial=0, revision=session.revision, radius_m=0.7)).keep_in
+        assert tube == replace(course().keep_in, radius_m=0.7)
+        assert edit(protocol.SetTube(serial=0, revision=session.revision, radius_m=None)).keep_in is None
+        mission.save(folder.waypoints, course())
+        assert session.take_file()
+        assert missions.same(session.content, course())
     finally:
         session.close()
+
+
+def test_a_new_gate_stands_across_the_way_and_is_refused_where_it_cannot_be():
+    content = missions.with_mission(Content(), Mission(Waypoints(POINTS, np.full(4, np.nan))))
+    ids = [p.id for p in content.points]
+    after, _ = edits.apply(content, protocol.SetGate(serial=0, revision=0, waypoint=ids[1]))
+    (gate,) = missions.mission_of(after).gates
+    x, y, _ = POINTS[2] - POINTS[0]
+    assert gate == Gate(1, 1.0, 1.0, float(np.arctan2(y, x)))
+    wrong = ({"waypoint": ids[0]}, {"waypoint": ids[1], "width_m": 0.0}, {"waypoint": ids[1], "roll_deg": np.inf})
+    for values in wrong:
+        with pytest.raises(InputError):
+            edits.apply(content, protocol.SetGate(serial=0, revision=0, **values))
+    with pytest.raises(InputError, match="gate and a radius"):
+        edits.apply(after, protocol.Ask(serial=0, revision=0, waypoints=[ids[1]], fly_by_m=0.5))
+    with pytest.raises(InputError, match="radius_m"):
+        edits.apply(content, protocol.SetTube(serial=0, revision=0, radius_m=0.01))
+
+
+def test_reversed_gates_are_the_same_openings_passed_the_other_way():
+    content = missions.with_mission(Content(), course())
+    back, _ = edits.apply(content, protocol.Reverse(serial=0, revision=0))
+    turned = {3 - gate.waypoint: gate.edges_m for gate in missions.mission_of(back).gates}
+    for gate in course().gates:
+        (left, up), (other_left, other_up) = gate.edges_m, turned[gate.waypoint]
+        np.testing.assert_allclose([other_left, other_up], [-left, up], atol=1e-12)
+
+
+def test_the_tube_that_is_shown_is_the_one_that_is_kept_in():
+    recorded = missions.with_mission(Content(), course())
+    np.testing.assert_array_equal(missions.tube_line(recorded), course().keep_in.polyline_world_m)
+    loop = replace(course(), keep_in=KeepIn(0.5), laps=Laps(3), gates=())
+    line = missions.tube_line(missions.with_mission(Content(), loop))
+    np.testing.assert_array_equal(line, [*POINTS, POINTS[0]])
+    vertices, faces = course_view.tube_mesh(line, 0.5)
+    tube = planner.space.KeepIn(line, 0.5)
+    depth = tube.distance(vertices)
+    assert np.abs(depth).min() < 1e-6
+    assert depth.min() > -1e-6  # nothing is drawn outside
+    assert faces.max() == len(vertices) - 1
+    lines = course_view.gate_lines(course().gates[1], POINTS[2])
+    np.testing.assert_allclose(np.linalg.norm(lines[:4, 1] - lines[:4, 0], axis=1), [1.2, 1.5, 1.2, 1.5])
 
 
 @given(asked_missions())

@@ -194,6 +194,36 @@ def test_a_velocity_begins_with_the_plans_own_is_edited_and_dropped(station, pag
     page.get_by_role("button", name="Position").click()
 
 
+def test_a_gate_and_a_tube_are_set_in_the_inspector_drawn_and_planned_with(station, page):
+    cell(page, 1, 0).click()
+    page.get_by_role("button", name="Add a gate at waypoint 1").click()
+    wait(lambda: station.desk.session.content.points[1].gate is not None, "the gate")
+    form = page.get_by_role("region", name="Gate at waypoint 1")
+    for label, text in (("Width", "1.4"), ("Heading, from x towards y", "20")):
+        form.get_by_label(label).fill(text)
+        form.get_by_label(label).press("Enter")
+    wait(lambda: station.desk.session.content.points[1].gate.heading_rad == pytest.approx(np.radians(20.0)), "20 deg")
+    assert station.desk.session.content.points[1].gate.width_m == 1.4
+    page.get_by_role("tab", name="Mission").click()
+    page.get_by_role("checkbox", name="Keep in a tube").click()
+    wait(lambda: station.desk.session.content.settings.keep_in is not None, "the tube")
+    verdict(page).get_by_text("Checked", exact=True).wait_for()
+    wait(lambda: {"gates", "keep-in"} <= names(station), "a plan through the gate, inside the tube")
+    drawn = [node.name for node in station.view._course]
+    assert drawn == ["/gate_1/frame", "/gate_1/pane", "/tube"]
+    kept = mission.load(station.desk.project.waypoints)
+    assert (len(kept.gates), kept.keep_in.radius_m) == (1, 1.0)
+    page.get_by_role("checkbox", name="Keep in a tube").click()
+    wait(lambda: station.desk.session.content.settings.keep_in is None, "no tube")
+    wait(lambda: len(station.view._course) == 2, "the tube's end")
+
+
+def names(station: GroundStation) -> set[str]:
+    """Of the checks that the plan in sight has passed."""
+    answer = station.desk.answer
+    return set() if answer.file is None else {check["name"] for check in answer.file.check["checks"]}
+
+
 def test_laps_a_landing_and_where_to_look_are_set_in_the_mission_tab(station, page):
     page.get_by_role("tab", name="Mission").click()
     page.get_by_role("checkbox", name="Closed loop").click()

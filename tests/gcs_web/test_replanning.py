@@ -9,8 +9,9 @@ import pytest
 import planner
 import vehicle
 from flight import Waypoints
-from gcs_web import replanning
-from gcs_web.document import Content
+from flight.mission import KeepIn
+from gcs_web import missions, replanning
+from gcs_web.document import Content, Opening, Point
 
 POINTS = np.array([[0.0, 0.0, 1.0], [3.0, 1.0, 1.4], [6.0, -1.0, 1.2], [9.0, 0.0, 1.0]])
 DRONE = vehicle.example("rigter2019")
@@ -71,6 +72,31 @@ def test_every_kind_of_change_is_answered_by_a_checked_plan_of_just_these_waypoi
     plan = planned(replanner, begun.with_points(asked))
     assert any(check.name == "speed of legs" for check in plan.gate.checks)
     assert len(scratch) == 5
+
+
+def test_a_mission_with_gates_is_planned_on_as_well_and_one_in_a_tube_from_scratch(begun: Content, monkeypatch):
+    replanner, scratch, new = replanning.Replanner(), [], planner.Planner
+    monkeypatch.setattr(planner, "Planner", lambda *a, **k: scratch.append(1) or new(*a, **k))
+    course = begun.with_points([*begun.points[:2], gated(begun.points[2]), begun.points[3]])
+    planned(replanner, course)
+    for number in (1, 2):
+        planned(replanner, moved(course, number, 0.3))
+        planned(replanner, course)
+    extra = msgspec.structs.replace(begun.points[0], id=9, position_world_m=(4.5, 0.5, 1.4))
+    longer = course.with_points([*course.points[:2], extra, *course.points[2:]])
+    for content in (longer, course):
+        plan = planned(replanner, content)
+        assert "gates" in {check.name for check in plan.gate.checks}
+        asked = planner.mission.conditions(missions.mission_of(content))
+        assert plan.gate.conditions.as_dict() == asked.as_dict()
+    assert len(scratch) == 1
+    settings = msgspec.structs.replace(course.settings, keep_in=KeepIn(1.5))
+    plan = planned(replanner, msgspec.structs.replace(course, settings=settings))
+    assert {"gates", "keep-in"} <= {check.name for check in plan.gate.checks}
+
+
+def gated(point: Point) -> Point:
+    return msgspec.structs.replace(point, gate=Opening(1.2, 0.8, 0.1))
 
 
 def test_a_draft_goes_through_the_dragged_waypoint_and_changes_nothing(begun: Content):

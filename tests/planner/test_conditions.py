@@ -160,8 +160,9 @@ def test_a_gate_is_not_passed_backwards(open_sky, drone):
     turned = gates((1, 1.0, 1.0, 0.8 + np.pi))
     report = gate.check(plan.trajectory, open_sky, drone, waypoints_world_m=SQUARE, conditions=turned)
     assert [check.name for check in report.failures] == ["waypoints"]
+    wide = gates((1, 6.0, 6.0, 0.8 + np.pi))  # the way round it is not found
     with pytest.raises(PlanInfeasibleError, match="turn the gate"):
-        planner.plan(ask(), open_sky, drone, conditions=turned)
+        planner.plan(ask(), open_sky, drone, conditions=wide)
 
 
 def test_a_tighter_tube_is_kept_along_the_whole_curve_and_never_faster(open_sky, drone):

@@ -6,6 +6,7 @@ from esdf import solids
 from flight import InputError, Waypoints
 from flight.mission import FlyBy, Gate, Ground, KeepIn, Laps, LegSpeed, Mission, Stay, Velocity, Yaw
 from planner import gate, mission
+from planner.options import PlanInfeasibleError
 
 SQUARE = np.array([[-3.0, -3.0, 1.2], [3.0, -3.0, 1.4], [3.0, 3.0, 1.2], [-3.0, 3.0, 1.4]])
 
@@ -121,6 +122,12 @@ def test_stays_that_last_longer_than_a_trajectory_may_are_refused_before_any_wor
     patient = Mission(ask(), laps=Laps(2), stays=(Stay(1, 3000.0), Stay(2, 3000.0)))
     with pytest.raises(InputError, match=r"stays last 1.2e\+04 s in all"):
         mission.plan(patient, hall, drone)
+
+
+def test_stays_and_paths_that_last_too_long_together_are_refused_before_a_file_would_be(open_sky, drone):
+    asked = Mission(ask(), stays=(Stay(0, 3600.0), Stay(1, 3600.0), Stay(2, 2799.0)))
+    with pytest.raises(PlanInfeasibleError, match=r"stays and paths last 1000\d\.?\d* s together"):
+        mission.plan(asked, open_sky, drone)
 
 
 def test_gates_and_a_tube_hold_for_a_whole_flight_from_ground_to_ground(hall, drone):

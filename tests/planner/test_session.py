@@ -7,6 +7,7 @@ import pytest
 import planner
 from esdf import solids
 from flight import InputError, Waypoints
+from flight.mission import Gate
 from flight.trajectory import fingerprint
 from planner import Conditions, Planner, gate, limits
 from planner.options import PlanCancelledError
@@ -195,7 +196,78 @@ def test_what_was_asked_besides_waypoints_is_checked_after_an_edit_too(drone, op
     session = Planner(waypoints, open_sky, drone, conditions=slow)
     moved = session.move(1, waypoints.positions_world_m[1] + [0.2, 0.1, 0.0])
     assert "speed of legs" in {check.name for check in moved.gate.checks}
-    assert moved.gate.conditions is slow  # and so they are in the file
+    assert moved.gate.conditions.as_dict() == slow.as_dict()  # and so they are in the file
+
+
+def course(count: int = 12) -> tuple[Waypoints, Conditions]:
+    """A walk with gates at waypoints 3 and 7, a radius at 5, and a slow leg behind 9."""
+    waypoints = walk(count, 0)
+    edges, radius, speed = np.zeros((count, 2, 3)), np.zeros(count), np.full(count - 1, np.nan)
+    ahead = waypoints.positions_world_m[2:] - waypoints.positions_world_m[:-2]
+    for i in (3, 7):
+        x, y, _ = ahead[i - 1]
+        edges[i] = Gate(i, 1.0, 0.8, float(np.arctan2(y, x)) + 0.4, 0.2, 0.3).edges_m
+    radius[5], speed[9] = 0.5, 2.0
+    return waypoints, Conditions(gate_edges_m=edges, fly_by_m=radius, leg_speed_m_s=speed)
+
+
+def meets(session: Planner, asked: Conditions, field, drone, *, slower: float = 0.04) -> None:
+    """The plan has passed the gate for these conditions, and one from scratch is hardly faster."""
+    plan = session.plan
+    assert plan.gate.conditions.as_dict() == asked.as_dict()
+    points = plan.waypoints.positions_world_m
+    again = gate.check(plan.trajectory, field, drone, waypoints_world_m=points, conditions=asked)
+    assert again.passed, again.failures
+    assert {"gates", "speed of legs"} <= {check.name for check in again.checks}
+    scratch = planner.plan(plan.waypoints, field, drone, conditions=asked)
+    assert plan.trajectory.duration_s < (1.0 + slower) * scratch.trajectory.duration_s
+
+
+@pytest.mark.parametrize("index", [2, 3, 4, 5, 8])
+def test_a_waypoint_moved_among_gates_and_radii_leaves_far_segments_bit_by_bit(drone, open_sky, index):
+    waypoints, asked = course(16)
+    session = Planner(waypoints, open_sky, drone, conditions=asked)
+    before = session.plan.trajectory.coefficients[-3:]
+    session.move(index, waypoints.positions_world_m[index] + [0.3, -0.2, 0.1])
+    assert np.array_equal(session.plan.trajectory.coefficients[-3:], before)
+    meets(session, asked, open_sky, drone)
+
+
+def test_waypoints_inserted_and_deleted_near_gates_shift_what_is_asked(drone, open_sky):
+    waypoints, asked = course()
+    points = waypoints.positions_world_m
+    session = Planner(waypoints, open_sky, drone, conditions=asked)
+    for index in (3, 4, 10):
+        session.insert(index, 0.5 * (points[index - 1] + points[index]) + [0.1, 0.2, 0.0])
+        meets(session, asked.inserted(index), open_sky, drone)
+        session.delete(index)
+        meets(session, asked, open_sky, drone)
+    assert np.array_equal(session.plan.waypoints.positions_world_m, points)
+    session.delete(3)  # a gate itself
+    meets(session, asked.deleted(3), open_sky, drone)
+    assert session.plan.gate.conditions.gate_edges_m[3:].any(axis=(1, 2)).tolist() == [False] * 3 + [True] + [False] * 4
+
+
+def test_what_is_asked_shifts_with_the_waypoints_and_back():
+    _, asked = course()
+    for index in range(13):
+        assert asked.inserted(index).deleted(index).as_dict() == asked.as_dict()
+    parted = asked.inserted(10).leg_speed_m_s
+    assert np.array_equal(parted[9:11], [2.0, 2.0])
+    assert np.array_equal(asked.deleted(9).leg_speed_m_s[8:], [2.0, np.nan], equal_nan=True)
+    assert asked.deleted(4).gate_edges_m[6].any()
+
+
+def test_an_edit_that_would_make_a_gate_an_end_is_refused(drone, open_sky):
+    waypoints, asked = walk(4, 0), Conditions(gate_edges_m=np.zeros((4, 2, 3)))
+    x, y, _ = waypoints.positions_world_m[2] - waypoints.positions_world_m[0]
+    asked.gate_edges_m[1] = Gate(1, 1.0, 1.0, float(np.arctan2(y, x))).edges_m
+    session = Planner(waypoints, open_sky, drone, conditions=asked)
+    before = session.plan
+    with pytest.raises(InputError, match="first and last waypoint are met exactly"):
+        session.delete(0)
+    assert session.plan is before
+    session.move(1, waypoints.positions_world_m[1] + [0.1, 0.0, 0.0])
 
 
 @pytest.mark.parametrize("wrong", [[1.0, 2.0], [1.0, 2.0, np.nan], "here", None, [[1.0, 2.0, 3.0]]])

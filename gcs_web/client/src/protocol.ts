@@ -8,6 +8,14 @@ export interface Person {
   name: string;
 }
 
+export interface Gate {
+  width_m: number;
+  height_m: number;
+  heading_deg: number;
+  pitch_deg: number;
+  roll_deg: number;
+}
+
 export interface Waypoint {
   id: number;
   x_m: number;
@@ -18,6 +26,7 @@ export interface Waypoint {
   fly_by_m: number;
   leg_speed_m_s: number | null;
   velocity_m_s: [number, number, number] | null;
+  gate: Gate | null;
 }
 
 export interface Ground {
@@ -33,6 +42,8 @@ export interface Mission {
   lap_last: number | null;
   take_off: Ground | null;
   landing: Ground | null;
+  keep_in_m: number | null;
+  keep_in_recorded: boolean;
 }
 
 export interface Settings {
@@ -286,6 +297,32 @@ export interface Pass {
   velocity_m_s: [number, number, number] | null;
 }
 
+export interface SetGate {
+  type: "gate";
+  serial: number;
+  revision: number;
+  waypoint: number;
+  width_m?: number | null;
+  height_m?: number | null;
+  heading_deg?: number | null;
+  pitch_deg?: number | null;
+  roll_deg?: number | null;
+}
+
+export interface ClearGate {
+  type: "clear_gate";
+  serial: number;
+  revision: number;
+  waypoint: number;
+}
+
+export interface SetTube {
+  type: "tube";
+  serial: number;
+  revision: number;
+  radius_m: number | null;
+}
+
 export interface Insert {
   type: "insert";
   serial: number;
@@ -455,4 +492,4 @@ export interface Abort {
 
 export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Notice | Cursor | Shown | Selection | Reply;
 
-export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort;
+export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | SetGate | ClearGate | SetTube | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort;

@@ -7,6 +7,7 @@ import { edit } from "../socket";
 import type { EditToSend } from "../socket";
 import { connected, doc } from "../store";
 import type { Ground, Settings } from "../protocol";
+import { Tube } from "./Gate";
 
 export function Mission() {
   if (doc.value === null) return null;
@@ -15,6 +16,7 @@ export function Mission() {
       <Loop />
       <GroundForm end="take_off" name="Take-off" />
       <GroundForm end="landing" name="Landing" />
+      <Tube />
       <Yaw />
     </div>
   );

@@ -9,6 +9,7 @@ import { clearanceColour } from "../scales";
 import { connected, doc, figures, figuresAreOld, plan, selected, touched, waypointAtCursor } from "../store";
 import { Velocity } from "./Velocity";
 import type { Waypoint } from "../protocol";
+import { Gate } from "./Gate";
 
 /** Where a selection by Shift begins. */
 const anchor = signal<number | null>(null);
@@ -58,6 +59,7 @@ export function Waypoints() {
         </table>
       </div>
       {shownColumns.value === "requests" && <Velocity />}
+      <Gate />
       <Buttons count={waypoints.length} />
     </>
   );
@@ -87,12 +89,13 @@ function ColumnChoice() {
 }
 
 /** What is asked at a waypoint beside position and heading, in words; empty for nothing. */
-function requestWords({ stay_s, fly_by_m, leg_speed_m_s, velocity_m_s }: Waypoint): string {
+function requestWords({ stay_s, fly_by_m, leg_speed_m_s, velocity_m_s, gate }: Waypoint): string {
   const words = [];
   if (stay_s > 0) words.push(`stays ${number(stay_s, 1)} s`);
   if (fly_by_m > 0) words.push(`passed within ${number(fly_by_m, 2)} m`);
   if (leg_speed_m_s !== null) words.push(`then at most ${number(leg_speed_m_s, 1)} m/s`);
   if (velocity_m_s !== null) words.push(`velocity ${velocity_m_s.map((v) => number(v, 2)).join(", ")} m/s`);
+  if (gate !== null) words.push(`gate of ${number(gate.width_m, 2)} × ${number(gate.height_m, 2)} m`);
   return words.join("; ");
 }
 
