@@ -20,6 +20,8 @@ from gcs_web import inputs, page_values, planning, protocol, protocol_parts
 from gcs_web.document import Settings
 from gcs_web.hub import Hub
 from gcs_web.jobs import Jobs, Kind
+from gcs_web.map_desk import MapDesk
+from gcs_web.map_edits import MapEdit
 from gcs_web.session import Session
 from gcs_web.vehicle_watch import VehicleWatch
 from gcs_web.view3d import View3D
@@ -63,9 +65,12 @@ class Desk:
         self.answer: planning.Answer | None = None
         self.in_control = ""
         """Id of the person whose orders are passed on to the vehicle."""
+        self._map_edits: tuple[MapEdit, ...] = ()
+        """Those that the inputs' signature and the 3D view have."""
         self._nonces: dict[str, _Nonce] = {}
         self._lock = threading.RLock()
         self._planner = planning.PlanningProcess(opened.folder, base, self._planned, self._drafted)
+        self.map = MapDesk(self)
         self.jobs = Jobs(opened, kinds, self.show_jobs, lambda kind, result: kind.done(self, result), self._job_ended)
         self._watch_files = inputs.Watch(opened.folder, opened.waypoints, self._files_changed)
         self.session.on_change(self._document_changed)
@@ -116,6 +121,10 @@ class Desk:
         """Plan the document as it is now, from scratch or on from the last plan; people see "planning" at once."""
         with self._lock:
             revision, content = self.session.revision, self.session.content
+            if behind := self.session.map_edits_behind:
+                said = f"Nothing is planned: {behind}, so the map lacks your edit. Make room, then edit again."
+                self._show_plan(protocol.Plan(revision, "void", said))
+                return
             few = len(content.points) < 2
             if few:
                 sentence = "Add at least two waypoints: Shift-click the map, or press Insert."
@@ -185,20 +194,36 @@ class Desk:
             if self.answer is not None and self.answer.request.revision == self.session.revision:
                 self._show_plan(self.answer.shown)
 
+    @property
+    def required_clearance_m(self) -> float:
+        """Of the whole path, from obstacles to the vehicle's centre."""
+        return replace(self._base, margin_m=self.session.content.settings.margin_m).clearance_m
+
     def _document_changed(self) -> None:
         self.hub.publish(self.session.document())
         if said := self.session.take_notice():
             self.notice(said, level="caution")
-        margin_m = self.session.content.settings.margin_m
-        self.view.require_clearance(replace(self._base, margin_m=margin_m).clearance_m)
+        self._take_map_edits()
+        self.view.require_clearance(self.required_clearance_m)
         self.view.draw_waypoints(self.session.content.points)
         self.view.draw_mission(self.session.content.settings)
         self.request_plan()
 
+    def _take_map_edits(self) -> None:
+        """Where the edits of the map changed, no plan of before is about this map."""
+        listed = self.session.content.map_edits
+        with self._lock:
+            if listed == self._map_edits:
+                return
+            self._map_edits, self.inputs = listed, inputs.signature(self.project.folder)
+        self.view.map.draw_edits(listed)
+        self._draw_map()
+        self.show_files()
+
     def _files_changed(self) -> None:
         try:
-            if self.session.take_file():  # not under our lock: an edit takes the session's lock first, then ours
-                self.notice("waypoints.json was changed by another program", level="caution", undo=True)
+            for name in self.session.take_files():  # not under our lock: an edit takes the session's, then ours
+                self.notice(f"{name} was changed by another program", level="caution", undo=True)
         except FlightError as error:
             self.notice(str(error), level="danger")
         with self._lock:
@@ -227,6 +252,7 @@ class Desk:
             self.view.draw_map(self.parts.map(self.inputs))
         except FlightError as error:
             self.notice(f"the map cannot be shown: {error}", level="danger")
+        self.map.changed()
 
     # --- who may give orders ---
 
@@ -306,6 +332,7 @@ class Desk:
 
     def left(self, person: protocol.Person) -> None:
         """Somebody closed the page: control is free again."""
+        self.map.end_preview(person.id)
         self.give_up_control(person)
 
     def _name_of(self, person: str) -> str:

@@ -11,7 +11,8 @@ import planner.space
 from firmware_bridge import wire
 from flight import FloatArray, Trajectory, TrajectoryFile
 from flight.mission import Ground
-from gcs_web import document, protocol, protocol_parts
+from gcs_web import document, map_edits, protocol, protocol_parts
+from gcs_web.map_edits import MapEdit
 from planner.space import DistanceField
 from vehicle import Limits, Vehicle, flatness
 
@@ -31,6 +32,11 @@ def waypoint(point: document.Point) -> protocol.Waypoint:
     return protocol.Waypoint(
         point.id, x, y, z, yaw_deg, point.stay_s, point.fly_by_m, point.leg_speed_m_s, point.velocity_world_m_s
     )
+
+
+def map_edit(edit: MapEdit) -> protocol.MapEdit:
+    solid = edit.edit().solid
+    return protocol.MapEdit(edit.id, edit.action, edit.name, map_edits.shape_of(solid), map_edits.words(solid))
 
 
 def settings(chosen: document.Settings) -> protocol.Settings:

@@ -14,7 +14,11 @@ from gcs_web.protocol_parts import (
     Held,
     Job,
     JobKind,
+    Layer,
     Limit,
+    MapAction,
+    MapEdit,
+    MapFacts,
     Mission,
     Passing,
     Person,
@@ -23,6 +27,8 @@ from gcs_web.protocol_parts import (
     Segment,
     Series,
     Settings,
+    Shape,
+    Slice,
     Waypoint,
     YawMode,
 )
@@ -54,6 +60,8 @@ class Document(msgspec.Struct, frozen=True, tag="document"):
     waypoints: list[Waypoint]
     settings: Settings
     mission: Mission
+    map_edits: list[MapEdit]
+    """In the order in which they were made; no-fly zones hold whatever comes after."""
     undo: str
     """What undo would take back, in words; empty for nothing."""
     redo: str
@@ -143,9 +151,46 @@ class Shown(msgspec.Struct, frozen=True, tag="shown"):
     """What the 3D view, which is the same for everybody, draws now."""
 
     colour: Colour
-    slice_z_m: float | None
     author: str
     """Id of the person who chose it."""
+
+
+class MapShown(msgspec.Struct, frozen=True, tag="map_shown"):
+    """What the 3D view draws of the map, and what it is: the same for everybody."""
+
+    slice: Slice | None
+    layers: list[Layer]
+    low_m: tuple[float, float, float]
+    """Corners of the mapped box, world frame."""
+    high_m: tuple[float, float, float]
+    facts: MapFacts
+    author: str
+
+
+class Measured(msgspec.Struct, frozen=True, tag="measured"):
+    """Points that were clicked to measure, at most two."""
+
+    active: bool
+    """Whether the next click in the 3D view is taken for one."""
+    points_m: list[tuple[float, float, float]] = []
+    clearances_m: list[float | None] = []
+    """Distance of each to the nearest obstacle or unknown space; None outside the map."""
+    distance_m: float | None = None
+
+
+class MapPreview(msgspec.Struct, frozen=True, tag="map_preview"):
+    """What an edit of the map would change, before anybody makes it."""
+
+    author: str
+    """Id of who looks at it; empty where nobody does."""
+    edit: int | None = None
+    """Id of the edit that would be another one; None for a new one."""
+    shape: Shape | None = None
+    closed_m3: float = 0.0
+    """Space that would no longer be free."""
+    opened_m3: float = 0.0
+    """Space that would be free."""
+    voxels: int = 0
 
 
 class Selection(msgspec.Struct, frozen=True, tag="selection"):
@@ -166,7 +211,10 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
     """Of `prepare_upload`."""
 
 
-ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply
+ToPage = (
+    Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection
+    | MapShown | Measured | MapPreview | Reply
+)  # fmt: skip
 
 
 # --- from the page ---
@@ -327,8 +375,50 @@ class Show(Command, frozen=True, tag="show", kw_only=True):
     """What the 3D view draws."""
 
     colour: Colour = "clearance"
-    slice_z_m: float | None = None
-    """Height of a slice through the distance field; None for none."""
+
+
+class ShowMap(Command, frozen=True, tag="show_map", kw_only=True):
+    """What the 3D view draws of the map."""
+
+    slice: Slice | None
+    layers: list[Layer]
+
+
+class Measure(Command, frozen=True, tag="measure", kw_only=True):
+    """Take the next clicks in the 3D view for points to measure; or stop, and forget those."""
+
+    active: bool
+
+
+class PreviewMapEdit(Command, frozen=True, tag="preview_map_edit", kw_only=True):
+    """Draw what an edit of the map would change, and change nothing; a shape of None ends it."""
+
+    action: MapAction = "no-fly"
+    shape: Shape | None = None
+    edit: int | None = None
+    """Id of an edit that would be replaced."""
+
+
+class AddMapEdit(Edit, frozen=True, tag="add_map_edit", kw_only=True):
+    """Change the map; every plan before is void."""
+
+    action: MapAction
+    name: str
+    """A no-fly zone must have one."""
+    shape: Shape
+
+
+class ChangeMapEdit(Edit, frozen=True, tag="change_map_edit", kw_only=True):
+    """Give an edit of the map another shape, name or action; None leaves one as it is."""
+
+    edit: int
+    action: MapAction | None = None
+    name: str | None = None
+    shape: Shape | None = None
+
+
+class DropMapEdits(Edit, frozen=True, tag="drop_map_edits", kw_only=True):
+    edits: list[int]
 
 
 class TakeControl(Command, frozen=True, tag="take_control", kw_only=True):
@@ -389,5 +479,6 @@ FromPage = (
     Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround
     | Undo | Redo | PlanAgain | Save | Open | Discard
     | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort
+    | ShowMap | Measure | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits
     | StartJob | CancelJob | ForgetJob | ListJobs
 )  # fmt: skip

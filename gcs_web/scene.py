@@ -1,4 +1,4 @@
-"""The 3D scene (mesh, distance-field slice, path, waypoints, vehicle): arrays in, viser nodes out."""
+"""The 3D scene (mesh, path, waypoints, vehicle): arrays in, viser nodes out."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -84,33 +84,6 @@ def display_mesh(path: Path, triangles: int = DISPLAY_TRIANGLES, *, progress: Pr
         vertex_colors=(255 * _DARKENED * colours).astype(np.uint8),
         process=False,
     )
-
-
-def slice_image(field: Any, height_m: float, required_m: float) -> tuple[np.ndarray, FloatArray, FloatArray]:
-    """A horizontal slice of the distance field as RGBA (rows north to south), its centre (3,) and its size (2,)."""
-    grid = field.grid
-    low = np.asarray(grid.origin_world_m, dtype=np.float64)
-    voxel = np.broadcast_to(np.asarray(grid.voxel_m, dtype=np.float64), (3,))
-    nx, ny = grid.shape[0], grid.shape[1]
-    x = low[0] + (np.arange(nx) + 0.5) * voxel[0]
-    y = low[1] + (np.arange(ny)[::-1] + 0.5) * voxel[1]
-    points = np.stack([*np.meshgrid(x, y), np.full((ny, nx), height_m)], axis=-1)
-    distance = field.distance(points.reshape(-1, 3)).reshape(ny, nx)
-    shades = clearance_colours(distance, required_m)
-    inside = np.nan_to_num(distance, nan=-1.0) < 0.0
-    rgba = np.dstack([np.where(inside[..., None], _UNKNOWN, shades), np.where(inside, _INSIDE_ALPHA, _SLICE_ALPHA)])
-    size = np.array([nx, ny]) * voxel[:2]
-    centre = np.array([low[0] + size[0] / 2, low[1] + size[1] / 2, height_m])
-    return rgba.astype(np.uint8), centre, size
-
-
-def draw_slice(server: "viser.ViserServer", field: Any, height_m: float, required_m: float) -> Any:
-    rgba, centre, size = slice_image(field, height_m, required_m)
-    # viser draws an image with x to the right and y downwards; half a turn about x puts its top to the north.
-    return server.scene.add_image(
-        "/esdf_slice", rgba, size[0], size[1], format="png", wxyz=(0.0, 1.0, 0.0, 0.0), position=centre,
-        cast_shadow=False, receive_shadow=False,
-    )  # fmt: skip
 
 
 def draw_path(

@@ -12,6 +12,7 @@ import numpy as np
 from flight import FloatArray, Progress, silent
 from gcs_web import picking, protocol, scene
 from gcs_web.document import Point, Settings
+from gcs_web.map_view import MapView
 from mapping import Map
 
 if TYPE_CHECKING:
@@ -41,9 +42,11 @@ class View3D:
         self._series: protocol.Series | None = None
         self._required_m = 0.0
         self._colour: protocol.Colour = "clearance"
-        self._slice_z_m: float | None = None
         self._path: Any = None
-        self._map: Map | None = None
+        self._mesh: Any = None
+        self._mesh_file: tuple[int, int] | None = None
+        """Time of change (ns) and size of the file that is drawn."""
+        self.map = MapView(server)
         self._checked = False
         self._dragged_point: int | None = None
         self._draft: Any = None
@@ -59,6 +62,8 @@ class View3D:
         """The path was clicked; the plan's time there, s."""
         self.on_add: Callable[[int | None, FloatArray], None] = lambda _i, _p: None
         """The map was shift-clicked: the waypoint to insert after (None: there is none), and where, (3,) world."""
+        self.on_measure: Callable[[FloatArray, FloatArray, FloatArray | None], None] = lambda _o, _d, _h: None
+        """Clicked while measuring: origin and direction of the ray, and where it meets the mesh, (3,) world."""
         server.scene.on_click()(self._clicked)
         server.scene.on_click(modifier="shift")(self._shift_clicked)
         server.gui.configure_theme(dark_mode=True, show_share_button=False, show_logo=False, control_layout="floating")
@@ -67,15 +72,24 @@ class View3D:
         self._vehicle = scene.draw_vehicle(server, "/vehicle", opacity=1.0)
 
     def draw_map(self, area: Map) -> None:
-        """Show a map's mesh, and look at it if it is the first one."""
+        """Show a map, and look at it if it is the first one; its mesh is only read where the file changed."""
         with self._lock:
-            first, self._map = self._map is None, area
-            mesh = scene.display_mesh(area.mesh, self._triangles, progress=self.progress)
-            self._surface = picking.Surface(mesh)
-            self._server.scene.add_mesh_trimesh("/map", mesh, cast_shadow=False)
+            first = self._mesh_file is None
+            found = area.mesh.stat() if area.mesh.exists() else None
+            file = (0, 0) if found is None else (found.st_mtime_ns, found.st_size)
+            if file != self._mesh_file:
+                mesh = scene.display_mesh(area.mesh, self._triangles, progress=self.progress)
+                self._surface = picking.Surface(mesh)
+                self._mesh = self._server.scene.add_mesh_trimesh("/map", mesh, cast_shadow=False)
+                self._mesh_file = file
             if first:
                 self._place_camera(area)
-            self._draw_slice()
+        self.map.draw(area)
+
+    def show_mesh(self, visible: bool) -> None:
+        with self._lock:
+            if self._mesh is not None:
+                self._mesh.visible = visible
 
     def draw_waypoints(self, points: tuple[Point, ...]) -> None:
         with self._lock, self._server.atomic():
@@ -107,6 +121,7 @@ class View3D:
         """Take what the document asks of a path: waypoints are placed and colours scaled by it from now on."""
         with self._lock:
             self._required_m = required_m
+        self.map.require_clearance(required_m)
 
     def draw_plan(self, series: protocol.Series | None, *, is_coming: bool = False) -> None:
         """Draw a checked plan; None leaves the last good path there in grey, and a draft if a plan `is_coming`."""
@@ -153,11 +168,10 @@ class View3D:
             self._ghost.wxyz = tuple(series.q_world_body[4 * k : 4 * k + 4])
             self._ghost.visible = True
 
-    def show(self, colour: protocol.Colour, slice_z_m: float | None) -> None:
+    def show(self, colour: protocol.Colour) -> None:
         with self._lock:
-            self._colour, self._slice_z_m = colour, slice_z_m
+            self._colour = colour
             self._draw_path()
-            self._draw_slice()
 
     def move_vehicle(self, position_world_m: FloatArray, q_world_body: FloatArray) -> None:
         """Draw the vehicle where it says that it is; one that stands still costs the browsers nothing."""
@@ -225,6 +239,9 @@ class View3D:
             self.on_pull(waypoint, position)
 
     def _clicked(self, event: "viser.SceneClickEvent") -> None:
+        if self.map.measuring:
+            self._measured(np.array(event.ray_origin), np.array(event.ray_direction))
+            return
         with self._lock:
             series = self._series
             if series is None or not self._checked:
@@ -233,6 +250,10 @@ class View3D:
         k = picking.nearest_on_path(np.array(event.ray_origin), np.array(event.ray_direction), path_m)
         if k is not None:
             self.on_moment(series.time_s[k])
+
+    def _measured(self, origin_m: FloatArray, direction: FloatArray) -> None:
+        hit = self._surface and self._surface.first_hit(origin_m, direction)
+        self.on_measure(origin_m, direction, None if hit is None else hit[0])
 
     def _shift_clicked(self, event: "viser.SceneClickEvent") -> None:
         with self._lock:
@@ -258,12 +279,6 @@ class View3D:
         grey = np.full((len(positions), 3), _GREY, dtype=np.uint8)
         colours = scene.series_colours(series, self._colour, self._required_m) if is_current else grey
         self._path = scene.draw_path(self._server, positions, colours)
-
-    def _draw_slice(self) -> None:
-        if self._slice_z_m is None or self._map is None:
-            self._server.scene.remove_by_name("/esdf_slice")
-            return
-        scene.draw_slice(self._server, self._map.field, self._slice_z_m, self._required_m)
 
     def _place_camera(self, area: Map) -> None:
         """Look at the middle of the map from behind and above, high enough to see over the walls."""

@@ -191,13 +191,11 @@ def _change(
     before, old = editor.snapshot(), editor.edits
     work()
     after = editor.field
-    voxel_m3 = float(np.prod(after.grid.voxel_m))
-    closed = (before.state == esdf.FREE) & (after.state != esdf.FREE)
-    opened = (before.state != esdf.FREE) & (after.state == esdf.FREE)
+    change = esdf.edits.change(before, after)
     document: dict[str, Any] = {
-        "closed_m3": float(closed.sum()) * voxel_m3,
-        "opened_m3": float(opened.sum()) * voxel_m3,
-        "voxels_changed": int((before.state != after.state).sum()),
+        "closed_m3": change.closed_m3,
+        "opened_m3": change.opened_m3,
+        "voxels_changed": change.voxels,
         "edits": len(editor.edits),
         "hash": after.hash,
     }

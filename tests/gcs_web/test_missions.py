@@ -109,7 +109,7 @@ def test_a_request_that_the_page_cannot_keep_is_refused_and_the_file_left_as_it_
     try:
         folder.waypoints.write_bytes(race)  # by another program, while the page is open
         with pytest.raises(InputError, match=f"cannot keep {name}"):
-            session.take_file()
+            session.take_files()
         session.edit(protocol.Reverse(serial=0, revision=0), "Anna")
         assert race in [path.read_bytes() for path in folder.folder.glob("waypoints*")]  # kept beside ours
     finally:

@@ -10,6 +10,7 @@ import "./controls.css";
 import "./panels.css";
 import "./inspector.css";
 import "./jobs.css";
+import "./map.css";
 import "./narrow.css";
 
 const root = document.getElementById("app");

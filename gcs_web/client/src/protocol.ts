@@ -35,6 +35,36 @@ export interface Mission {
   landing: Ground | null;
 }
 
+export interface Shape {
+  form: "box" | "sphere" | "prism" | "other";
+  centre_m: [number, number, number];
+  size_m: [number, number, number];
+  radius_m: number;
+  corners_m: [number, number][];
+}
+
+export interface MapEdit {
+  id: number;
+  action: "add" | "no-fly" | "clear" | "remove";
+  name: string;
+  shape: Shape;
+  words: string;
+}
+
+export interface Slice {
+  axis: "x" | "y" | "z";
+  at_m: number;
+  of: "distance" | "unknown" | "could_hide";
+}
+
+export interface MapFacts {
+  images: number;
+  images_placed: number;
+  reprojection_px: number | null;
+  free_m3: number;
+  standing: string;
+}
+
 export interface Settings {
   speed_m_s: number;
   acceleration_m_s2: number;
@@ -154,6 +184,7 @@ export interface Document {
   waypoints: Waypoint[];
   settings: Settings;
   mission: Mission;
+  map_edits: MapEdit[];
   undo: string;
   redo: string;
 }
@@ -229,8 +260,35 @@ export interface Cursor {
 export interface Shown {
   type: "shown";
   colour: "clearance" | "speed" | "thrust" | "tilt" | "rotor_margin";
-  slice_z_m: number | null;
   author: string;
+}
+
+export interface MapShown {
+  type: "map_shown";
+  slice: Slice | null;
+  layers: ("mesh" | "cameras" | "points" | "edits")[];
+  low_m: [number, number, number];
+  high_m: [number, number, number];
+  facts: MapFacts;
+  author: string;
+}
+
+export interface Measured {
+  type: "measured";
+  active: boolean;
+  points_m: [number, number, number][];
+  clearances_m: (number | null)[];
+  distance_m: number | null;
+}
+
+export interface MapPreview {
+  type: "map_preview";
+  author: string;
+  edit: number | null;
+  shape: Shape | null;
+  closed_m3: number;
+  opened_m3: number;
+  voxels: number;
 }
 
 export interface Selection {
@@ -415,7 +473,53 @@ export interface Show {
   type: "show";
   serial: number;
   colour?: "clearance" | "speed" | "thrust" | "tilt" | "rotor_margin";
-  slice_z_m?: number | null;
+}
+
+export interface ShowMap {
+  type: "show_map";
+  serial: number;
+  slice: Slice | null;
+  layers: ("mesh" | "cameras" | "points" | "edits")[];
+}
+
+export interface Measure {
+  type: "measure";
+  serial: number;
+  active: boolean;
+}
+
+export interface PreviewMapEdit {
+  type: "preview_map_edit";
+  serial: number;
+  action?: "add" | "no-fly" | "clear" | "remove";
+  shape?: Shape | null;
+  edit?: number | null;
+}
+
+export interface AddMapEdit {
+  type: "add_map_edit";
+  serial: number;
+  revision: number;
+  action: "add" | "no-fly" | "clear" | "remove";
+  name: string;
+  shape: Shape;
+}
+
+export interface ChangeMapEdit {
+  type: "change_map_edit";
+  serial: number;
+  revision: number;
+  edit: number;
+  action?: "add" | "no-fly" | "clear" | "remove" | null;
+  name?: string | null;
+  shape?: Shape | null;
+}
+
+export interface DropMapEdits {
+  type: "drop_map_edits";
+  serial: number;
+  revision: number;
+  edits: number[];
 }
 
 export interface TakeControl {
@@ -481,6 +585,6 @@ export interface ListJobs {
   serial: number;
 }
 
-export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply;
+export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | MapShown | Measured | MapPreview | Reply;
 
-export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | Undo | Redo | PlanAgain | Save | Open | Discard | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | StartJob | CancelJob | ForgetJob | ListJobs;
+export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | Undo | Redo | PlanAgain | Save | Open | Discard | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | ShowMap | Measure | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits | StartJob | CancelJob | ForgetJob | ListJobs;

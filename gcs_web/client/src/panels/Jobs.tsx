@@ -126,7 +126,7 @@ function JobForm({ kinds, onDone }: { kinds: readonly JobKind[]; onDone: () => v
         void start();
       }}
     >
-      <div class="field wide">
+      <div class="field long">
         <label for={id}>Job</label>
         <span class="field-box">
           <select
@@ -194,7 +194,7 @@ function FieldOf({ field, value, onChange }: FieldProps) {
   }
   if (field.form === "several") return <Several field={field} value={value} onChange={onChange} />;
   return (
-    <div class="field wide">
+    <div class="field long">
       <label for={id} title={field.says}>
         {field.title}
       </label>
