@@ -15,7 +15,7 @@ import msgspec
 
 import planner
 from flight import FloatArray, InputError, LinkError, Progress, project, silent
-from gcs_web import gateway, protocol, scene
+from gcs_web import display_mesh, gateway, protocol
 from gcs_web.desk import Desk
 from gcs_web.hub import Hub
 from gcs_web.jobs import Kind
@@ -41,7 +41,7 @@ class GroundStation:
         vehicle_url: str | None = None,
         key_file: Path | None = None,
         options: planner.PlanOptions | None = None,
-        triangles: int = scene.DISPLAY_TRIANGLES,
+        triangles: int = display_mesh.DISPLAY_TRIANGLES,
         progress: Progress = silent,
         on_entry: Callable[[str], None] = lambda _: None,
         jobs: Sequence[Kind] = (),
@@ -106,7 +106,7 @@ class GroundStation:
         self.server = _viser()
         self._stack.callback(_quietly, self.server.stop)
         self.hub = Hub(self._loop)
-        self.view = View3D(self.server, triangles=triangles, progress=progress)
+        self.view = View3D(self.server, triangles=triangles, cache=folder / ".session", progress=progress)
         self.desk = Desk(opened, self.hub, self.view, self.watch, options, jobs)
         self.view.progress = silent
         self._stack.callback(self.desk.close)

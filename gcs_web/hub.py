@@ -23,6 +23,9 @@ _STATE = (
     protocol.Files,
     protocol.Jobs,
     protocol.Shown,
+    protocol.MapShown,
+    protocol.Measured,
+    protocol.MapPreview,
 )
 
 

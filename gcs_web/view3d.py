@@ -5,12 +5,13 @@ viser is given numbers and fixed names only: no text of a user's, a log's or a v
 
 import threading
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flight import FloatArray, Progress, silent
-from gcs_web import picking, protocol, scene
+from gcs_web import display_mesh, picking, protocol, scene
 from gcs_web.document import Point, Settings
 from gcs_web.map_view import MapView
 from mapping import Map
@@ -29,10 +30,13 @@ _WHITE, _SELECTED, _GREY = (233, 237, 240), (121, 176, 255), (120, 120, 120)
 class View3D:
     """Thread-safe."""
 
-    def __init__(self, server: "viser.ViserServer", *, triangles: int, progress: Progress = silent) -> None:
+    def __init__(
+        self, server: "viser.ViserServer", *, triangles: int, cache: Path, progress: Progress = silent
+    ) -> None:
+        """`cache`: folder for the mesh as it is shown."""
         self.progress = progress
         """Of drawing the first map; `silent` once the station is open."""
-        self._server, self._triangles = server, triangles
+        self._server, self._triangles, self._cache = server, triangles, cache
         self._lock = threading.RLock()
         self._points: tuple[Point, ...] = ()
         self._balls: dict[int, Any] = {}
@@ -78,7 +82,7 @@ class View3D:
             found = area.mesh.stat() if area.mesh.exists() else None
             file = (0, 0) if found is None else (found.st_mtime_ns, found.st_size)
             if file != self._mesh_file:
-                mesh = scene.display_mesh(area.mesh, self._triangles, progress=self.progress)
+                mesh = display_mesh.load(area.mesh, self._triangles, self._cache, progress=self.progress)
                 self._surface = picking.Surface(mesh)
                 self._mesh = self._server.scene.add_mesh_trimesh("/map", mesh, cast_shadow=False)
                 self._mesh_file = file

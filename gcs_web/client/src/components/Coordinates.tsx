@@ -60,7 +60,10 @@ function Cell({ label, axis, value, disabled, onChange }: CellProps) {
         onInput={(event) => (text.value = event.currentTarget.value)}
         onBlur={commit}
         onKeyDown={(event) => {
-          if (event.key === "Enter") commit();
+          if (event.key === "Enter") {
+            event.preventDefault(); // accepts the number; the form is for its button
+            commit();
+          }
           if (event.key === "Escape") text.value = null;
         }}
       />

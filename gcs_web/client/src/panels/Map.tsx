@@ -40,7 +40,7 @@ function Facts() {
     <section class="verdict">
       <div class="block-head">
         <h2>Map</h2>
-        <Badge tone={standing === "good" ? "neutral" : "caution"}>
+        <Badge tone={standing === "doubtful" ? "caution" : "neutral"}>
           {images > 0 ? `${images_placed} of ${images} images placed` : standing}
         </Badge>
       </div>
