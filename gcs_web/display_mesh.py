@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     import open3d
     import trimesh
 
-DISPLAY_TRIANGLES = 120_000
-"""A larger mesh is decimated for display; the map on disk is not changed."""
+DISPLAY_TRIANGLES = 60_000
+"""A larger mesh is decimated for display, so that the first picture is 2 MB with the page; the map is not changed."""
 TRIANGLES_PER_STEP = 250_000
 """Triangles that one step of the decimation removes, about four seconds; four steps take as long as one large one."""
 CACHE = "display_mesh.npz"

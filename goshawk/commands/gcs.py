@@ -23,7 +23,7 @@ from goshawk import console
 @console.margin_option
 @click.option(
     "--triangles",
-    default=120_000,
+    default=60_000,
     show_default=True,
     help="Largest number of triangles to display; the map is not changed.",
 )
