@@ -10,6 +10,7 @@ from typing import Literal
 import msgspec
 
 from gcs_web.protocol_parts import (
+    Aside,
     Colour,
     Held,
     Job,
@@ -22,6 +23,7 @@ from gcs_web.protocol_parts import (
     Mission,
     Passing,
     Person,
+    PlanSummary,
     Problem,
     SavedTrajectory,
     Segment,
@@ -123,6 +125,8 @@ class People(msgspec.Struct, frozen=True, tag="people"):
 class Files(msgspec.Struct, frozen=True, tag="files"):
     trajectories: list[SavedTrajectory]
     flights: list[str]
+    bin: list[Aside] = []
+    """Trajectories that were discarded or replaced, newest first."""
 
 
 class Jobs(msgspec.Struct, frozen=True, tag="jobs"):
@@ -209,6 +213,8 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
     here: Held | None = None
     there: Held | None = None
     """Of `prepare_upload`."""
+    plans: list[PlanSummary] = []
+    """Of `compare_plans`."""
 
 
 ToPage = (
@@ -359,6 +365,19 @@ class Discard(Command, frozen=True, tag="discard", kw_only=True):
     name: str
 
 
+class Restore(Command, frozen=True, tag="restore", kw_only=True):
+    """Take a trajectory out of the bin."""
+
+    file: str
+
+
+class ComparePlans(Command, frozen=True, tag="compare_plans", kw_only=True):
+    """Check trajectories for the map and the vehicle as they are now; the reply has one summary each."""
+
+    names: list[str]
+    """Empty for the plan on the page."""
+
+
 class Select(Command, frozen=True, tag="select", kw_only=True):
     """Tell the 3D view which waypoints are selected on the page."""
 
@@ -477,7 +496,7 @@ class ListJobs(Command, frozen=True, tag="list_jobs", kw_only=True):
 
 FromPage = (
     Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround
-    | Undo | Redo | PlanAgain | Save | Open | Discard
+    | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans
     | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort
     | ShowMap | Measure | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits
     | StartJob | CancelJob | ForgetJob | ListJobs

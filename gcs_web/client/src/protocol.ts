@@ -132,6 +132,23 @@ export interface SavedTrajectory {
   saved_at: string;
 }
 
+export interface Aside {
+  file: string;
+  name: string;
+  duration_s: number;
+  moved_at: string;
+}
+
+export interface PlanSummary {
+  name: string;
+  passes: boolean;
+  failures: string[];
+  duration_s: number;
+  length_m: number;
+  top_speed_m_s: number;
+  limits: Limit[];
+}
+
 export interface Held {
   name: string;
   duration_s: number;
@@ -237,6 +254,7 @@ export interface Files {
   type: "files";
   trajectories: SavedTrajectory[];
   flights: string[];
+  bin: Aside[];
 }
 
 export interface Jobs {
@@ -303,6 +321,7 @@ export interface Reply {
   nonce: string;
   here: Held | null;
   there: Held | null;
+  plans: PlanSummary[];
 }
 
 export interface Command {
@@ -457,6 +476,18 @@ export interface Discard {
   name: string;
 }
 
+export interface Restore {
+  type: "restore";
+  serial: number;
+  file: string;
+}
+
+export interface ComparePlans {
+  type: "compare_plans";
+  serial: number;
+  names: string[];
+}
+
 export interface Select {
   type: "select";
   serial: number;
@@ -587,4 +618,4 @@ export interface ListJobs {
 
 export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | MapShown | Measured | MapPreview | Reply;
 
-export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | Undo | Redo | PlanAgain | Save | Open | Discard | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | ShowMap | Measure | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits | StartJob | CancelJob | ForgetJob | ListJobs;
+export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | ShowMap | Measure | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits | StartJob | CancelJob | ForgetJob | ListJobs;

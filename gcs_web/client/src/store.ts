@@ -15,7 +15,7 @@ export const plan = signal<Plan | null>(null);
 export const figures = signal<Plan | null>(null);
 export const vehicle = signal<Vehicle | null>(null);
 export const people = signal<People>({ type: "people", people: [], in_control: "" });
-export const files = signal<Files>({ type: "files", trajectories: [], flights: [] });
+export const files = signal<Files>({ type: "files", trajectories: [], flights: [], bin: [] });
 export const mapShown = signal<MapShown | null>(null);
 export const measured = signal<Measured>({
   type: "measured",
