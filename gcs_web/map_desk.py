@@ -11,12 +11,12 @@ import esdf
 from esdf import Edit
 from flight import FlightError, FloatArray, InputError
 from gcs_web import map_edits, protocol
-from gcs_web.protocol_parts import MapAction, MapFacts, Shape, Slice
+from gcs_web.protocol_parts import Layer, MapAction, MapFacts, Shape, Slice
 
 if TYPE_CHECKING:
     from gcs_web.desk import Desk
 
-_LAYERS: list[protocol.Layer] = ["mesh", "edits"]
+_LAYERS: list[Layer] = ["mesh", "edits"]
 
 
 class MapDesk:
@@ -37,7 +37,7 @@ class MapDesk:
 
     # --- what is shown ---
 
-    def show(self, wanted: Slice | None, layers: list[protocol.Layer], author: str) -> None:
+    def show(self, wanted: Slice | None, layers: list[Layer], author: str) -> None:
         """Raises `InputError` if the slice is not at a finite place."""
         if wanted is not None and not abs(wanted.at_m) <= map_edits.LARGEST_COORDINATE_M:
             raise InputError(f"a slice at {wanted.at_m} m is refused; give a finite place in the map")

@@ -34,9 +34,9 @@ def waypoint(point: document.Point) -> protocol.Waypoint:
     )
 
 
-def map_edit(edit: MapEdit) -> protocol.MapEdit:
+def map_edit(edit: MapEdit) -> protocol_parts.MapEdit:
     solid = edit.edit().solid
-    return protocol.MapEdit(edit.id, edit.action, edit.name, map_edits.shape_of(solid), map_edits.words(solid))
+    return protocol_parts.MapEdit(edit.id, edit.action, edit.name, map_edits.shape_of(solid), map_edits.words(solid))
 
 
 def settings(chosen: document.Settings) -> protocol.Settings:

@@ -9,17 +9,25 @@ from typing import Literal
 
 import msgspec
 
+from gcs_web.protocol_base import Command, Edit
+from gcs_web.protocol_jobs import CancelJob, ForgetJob, Jobs, ListJobs, StartJob
+from gcs_web.protocol_map import (
+    AddMapEdit,
+    ChangeMapEdit,
+    DropMapEdits,
+    MapPreview,
+    MapShown,
+    Measure,
+    Measured,
+    PreviewMapEdit,
+    ShowMap,
+)
 from gcs_web.protocol_parts import (
     Aside,
     Colour,
     Held,
-    Job,
-    JobKind,
-    Layer,
     Limit,
-    MapAction,
     MapEdit,
-    MapFacts,
     Mission,
     Passing,
     Person,
@@ -29,8 +37,6 @@ from gcs_web.protocol_parts import (
     Segment,
     Series,
     Settings,
-    Shape,
-    Slice,
     Waypoint,
     YawMode,
 )
@@ -129,13 +135,6 @@ class Files(msgspec.Struct, frozen=True, tag="files"):
     """Trajectories that were discarded or replaced, newest first."""
 
 
-class Jobs(msgspec.Struct, frozen=True, tag="jobs"):
-    """Background work, in the order it was asked for, and what kinds of it there are."""
-
-    jobs: list[Job]
-    kinds: list[JobKind]
-
-
 class Notice(msgspec.Struct, frozen=True, tag="notice"):
     """One line at the foot of the page; stays until the next."""
 
@@ -157,44 +156,6 @@ class Shown(msgspec.Struct, frozen=True, tag="shown"):
     colour: Colour
     author: str
     """Id of the person who chose it."""
-
-
-class MapShown(msgspec.Struct, frozen=True, tag="map_shown"):
-    """What the 3D view draws of the map, and what it is: the same for everybody."""
-
-    slice: Slice | None
-    layers: list[Layer]
-    low_m: tuple[float, float, float]
-    """Corners of the mapped box, world frame."""
-    high_m: tuple[float, float, float]
-    facts: MapFacts
-    author: str
-
-
-class Measured(msgspec.Struct, frozen=True, tag="measured"):
-    """Points that were clicked to measure, at most two."""
-
-    active: bool
-    """Whether the next click in the 3D view is taken for one."""
-    points_m: list[tuple[float, float, float]] = []
-    clearances_m: list[float | None] = []
-    """Distance of each to the nearest obstacle or unknown space; None outside the map."""
-    distance_m: float | None = None
-
-
-class MapPreview(msgspec.Struct, frozen=True, tag="map_preview"):
-    """What an edit of the map would change, before anybody makes it."""
-
-    author: str
-    """Id of who looks at it; empty where nobody does."""
-    edit: int | None = None
-    """Id of the edit that would be another one; None for a new one."""
-    shape: Shape | None = None
-    closed_m3: float = 0.0
-    """Space that would no longer be free."""
-    opened_m3: float = 0.0
-    """Space that would be free."""
-    voxels: int = 0
 
 
 class Selection(msgspec.Struct, frozen=True, tag="selection"):
@@ -224,20 +185,6 @@ ToPage = (
 
 
 # --- from the page ---
-
-
-class Command(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What every command carries."""
-
-    serial: int
-    """Comes back in the reply."""
-
-
-class Edit(Command, frozen=True, kw_only=True):
-    """A change of the document."""
-
-    revision: int
-    """What the page showed when the change was made; it is merged if later changes did not touch the same waypoints."""
 
 
 class Move(Edit, frozen=True, tag="move", kw_only=True):
@@ -396,50 +343,6 @@ class Show(Command, frozen=True, tag="show", kw_only=True):
     colour: Colour = "clearance"
 
 
-class ShowMap(Command, frozen=True, tag="show_map", kw_only=True):
-    """What the 3D view draws of the map."""
-
-    slice: Slice | None
-    layers: list[Layer]
-
-
-class Measure(Command, frozen=True, tag="measure", kw_only=True):
-    """Take the next clicks in the 3D view for points to measure; or stop, and forget those."""
-
-    active: bool
-
-
-class PreviewMapEdit(Command, frozen=True, tag="preview_map_edit", kw_only=True):
-    """Draw what an edit of the map would change, and change nothing; a shape of None ends it."""
-
-    action: MapAction = "no-fly"
-    shape: Shape | None = None
-    edit: int | None = None
-    """Id of an edit that would be replaced."""
-
-
-class AddMapEdit(Edit, frozen=True, tag="add_map_edit", kw_only=True):
-    """Change the map; every plan before is void."""
-
-    action: MapAction
-    name: str
-    """A no-fly zone must have one."""
-    shape: Shape
-
-
-class ChangeMapEdit(Edit, frozen=True, tag="change_map_edit", kw_only=True):
-    """Give an edit of the map another shape, name or action; None leaves one as it is."""
-
-    edit: int
-    action: MapAction | None = None
-    name: str | None = None
-    shape: Shape | None = None
-
-
-class DropMapEdits(Edit, frozen=True, tag="drop_map_edits", kw_only=True):
-    edits: list[int]
-
-
 class TakeControl(Command, frozen=True, tag="take_control", kw_only=True):
     """Ask to be the one person whose orders go to the vehicle."""
 
@@ -470,28 +373,6 @@ class Order(Command, frozen=True, tag="order", kw_only=True):
 
 class Abort(Command, frozen=True, tag="abort", kw_only=True):
     """Land at once. Needs neither control nor a nonce."""
-
-
-class StartJob(Command, frozen=True, tag="start_job", kw_only=True):
-    """Put background work into the station's queue."""
-
-    kind: str
-    arguments: dict[str, str | float | bool | list[str]]
-    """By the names of the kind's fields."""
-
-
-class CancelJob(Command, frozen=True, tag="cancel_job", kw_only=True):
-    job: int
-
-
-class ForgetJob(Command, frozen=True, tag="forget_job", kw_only=True):
-    """Take a job that has ended off the list."""
-
-    job: int
-
-
-class ListJobs(Command, frozen=True, tag="list_jobs", kw_only=True):
-    """Look again at what a job could work on: files may have come since."""
 
 
 FromPage = (

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from flight import InputError, Waypoints, mission, project
 from flight.mission import FlyBy, Gate, Ground, KeepIn, Laps, LegSpeed, Mission, Stay, Velocity, Yaw
-from gcs_web import edits, missions, protocol
+from gcs_web import edits, journal, missions, protocol
 from gcs_web.document import Content, Settings, difference, patched
 from gcs_web.session import Session
 
@@ -192,7 +192,7 @@ def test_a_document_of_an_older_version_is_opened_and_written_as_the_new_one(tmp
     session.close()
     assert session.content.settings.speed_m_s == 3.0
     assert session.content.points[0].plain
-    assert msgspec.json.decode(path.read_bytes())["version"] == 2  # an older program would drop requests
+    assert msgspec.json.decode(path.read_bytes())["version"] == journal.VERSION  # an older program would drop requests
 
 
 @pytest.mark.parametrize(

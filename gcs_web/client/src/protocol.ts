@@ -186,6 +186,120 @@ export interface JobKind {
   fields: JobField[];
 }
 
+export interface Command {
+  serial: number;
+}
+
+export interface Edit {
+  serial: number;
+  revision: number;
+}
+
+export interface Jobs {
+  type: "jobs";
+  jobs: Job[];
+  kinds: JobKind[];
+}
+
+export interface StartJob {
+  type: "start_job";
+  serial: number;
+  kind: string;
+  arguments: Record<string, string | number | boolean | string[]>;
+}
+
+export interface CancelJob {
+  type: "cancel_job";
+  serial: number;
+  job: number;
+}
+
+export interface ForgetJob {
+  type: "forget_job";
+  serial: number;
+  job: number;
+}
+
+export interface ListJobs {
+  type: "list_jobs";
+  serial: number;
+}
+
+export interface MapShown {
+  type: "map_shown";
+  slice: Slice | null;
+  layers: ("mesh" | "cameras" | "points" | "edits")[];
+  low_m: [number, number, number];
+  high_m: [number, number, number];
+  facts: MapFacts;
+  author: string;
+}
+
+export interface Measured {
+  type: "measured";
+  active: boolean;
+  points_m: [number, number, number][];
+  clearances_m: (number | null)[];
+  distance_m: number | null;
+}
+
+export interface MapPreview {
+  type: "map_preview";
+  author: string;
+  edit: number | null;
+  shape: Shape | null;
+  closed_m3: number;
+  opened_m3: number;
+  voxels: number;
+}
+
+export interface ShowMap {
+  type: "show_map";
+  serial: number;
+  slice: Slice | null;
+  layers: ("mesh" | "cameras" | "points" | "edits")[];
+}
+
+export interface Measure {
+  type: "measure";
+  serial: number;
+  active: boolean;
+}
+
+export interface PreviewMapEdit {
+  type: "preview_map_edit";
+  serial: number;
+  action?: "add" | "no-fly" | "clear" | "remove";
+  shape?: Shape | null;
+  edit?: number | null;
+}
+
+export interface AddMapEdit {
+  type: "add_map_edit";
+  serial: number;
+  revision: number;
+  action: "add" | "no-fly" | "clear" | "remove";
+  name: string;
+  shape: Shape;
+}
+
+export interface ChangeMapEdit {
+  type: "change_map_edit";
+  serial: number;
+  revision: number;
+  edit: number;
+  action?: "add" | "no-fly" | "clear" | "remove" | null;
+  name?: string | null;
+  shape?: Shape | null;
+}
+
+export interface DropMapEdits {
+  type: "drop_map_edits";
+  serial: number;
+  revision: number;
+  edits: number[];
+}
+
 export interface Welcome {
   type: "welcome";
   protocol: number;
@@ -257,12 +371,6 @@ export interface Files {
   bin: Aside[];
 }
 
-export interface Jobs {
-  type: "jobs";
-  jobs: Job[];
-  kinds: JobKind[];
-}
-
 export interface Notice {
   type: "notice";
   text: string;
@@ -281,34 +389,6 @@ export interface Shown {
   author: string;
 }
 
-export interface MapShown {
-  type: "map_shown";
-  slice: Slice | null;
-  layers: ("mesh" | "cameras" | "points" | "edits")[];
-  low_m: [number, number, number];
-  high_m: [number, number, number];
-  facts: MapFacts;
-  author: string;
-}
-
-export interface Measured {
-  type: "measured";
-  active: boolean;
-  points_m: [number, number, number][];
-  clearances_m: (number | null)[];
-  distance_m: number | null;
-}
-
-export interface MapPreview {
-  type: "map_preview";
-  author: string;
-  edit: number | null;
-  shape: Shape | null;
-  closed_m3: number;
-  opened_m3: number;
-  voxels: number;
-}
-
 export interface Selection {
   type: "selection";
   waypoints: number[];
@@ -322,15 +402,6 @@ export interface Reply {
   here: Held | null;
   there: Held | null;
   plans: PlanSummary[];
-}
-
-export interface Command {
-  serial: number;
-}
-
-export interface Edit {
-  serial: number;
-  revision: number;
 }
 
 export interface Move {
@@ -506,53 +577,6 @@ export interface Show {
   colour?: "clearance" | "speed" | "thrust" | "tilt" | "rotor_margin";
 }
 
-export interface ShowMap {
-  type: "show_map";
-  serial: number;
-  slice: Slice | null;
-  layers: ("mesh" | "cameras" | "points" | "edits")[];
-}
-
-export interface Measure {
-  type: "measure";
-  serial: number;
-  active: boolean;
-}
-
-export interface PreviewMapEdit {
-  type: "preview_map_edit";
-  serial: number;
-  action?: "add" | "no-fly" | "clear" | "remove";
-  shape?: Shape | null;
-  edit?: number | null;
-}
-
-export interface AddMapEdit {
-  type: "add_map_edit";
-  serial: number;
-  revision: number;
-  action: "add" | "no-fly" | "clear" | "remove";
-  name: string;
-  shape: Shape;
-}
-
-export interface ChangeMapEdit {
-  type: "change_map_edit";
-  serial: number;
-  revision: number;
-  edit: number;
-  action?: "add" | "no-fly" | "clear" | "remove" | null;
-  name?: string | null;
-  shape?: Shape | null;
-}
-
-export interface DropMapEdits {
-  type: "drop_map_edits";
-  serial: number;
-  revision: number;
-  edits: number[];
-}
-
 export interface TakeControl {
   type: "take_control";
   serial: number;
@@ -589,30 +613,6 @@ export interface Order {
 
 export interface Abort {
   type: "abort";
-  serial: number;
-}
-
-export interface StartJob {
-  type: "start_job";
-  serial: number;
-  kind: string;
-  arguments: Record<string, string | number | boolean | string[]>;
-}
-
-export interface CancelJob {
-  type: "cancel_job";
-  serial: number;
-  job: number;
-}
-
-export interface ForgetJob {
-  type: "forget_job";
-  serial: number;
-  job: number;
-}
-
-export interface ListJobs {
-  type: "list_jobs";
   serial: number;
 }
 
