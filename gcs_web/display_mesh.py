@@ -23,16 +23,16 @@ TRIANGLES_PER_STEP = 250_000
 """Triangles that one step of the decimation removes, about four seconds; four steps take as long as one large one."""
 CACHE = "display_mesh.npz"
 
-_VERSION = 1
+_VERSION = 2
 """Of what is made: a cache of another one is made again."""
-_DARKENED = 0.62
+_DARKENED = 0.95
 """Share of the mesh's brightness that is shown: the path must stand out from it."""
 _PLAIN = 0.6
 """Brightness of a mesh that has no colours of its own."""
 _RAYS, _REACH_M, _OFF_M = 48, 1.2, 0.02
 """Rays from each vertex into the half space before it; what they meet within this distance takes light; where they
 begin, off the surface."""
-_DARKEST = 0.25
+_DARKEST = 0.3
 """Brightness that is left where all rays meet something."""
 _RAYS_AT_ONCE = 500_000
 

@@ -112,6 +112,7 @@ def _distance(field: esdf.Field, plane: _Plane, required_m: float) -> Colours:
     distance = np.nan_to_num(field.distance(plane.points_world_m), nan=-1.0).reshape(plane.shape)
     near = distance < required_m
     rgba = _hatched(plane.shape, _LIMIT)
+    rgba[field.status(plane.points_world_m).reshape(plane.shape) != esdf.KNOWN, 3] //= 3  # behind the walls
     rgba[~near, :3], rgba[~near, 3] = scene.clearance_colours(distance[~near], required_m), _ALPHA
     return _outlined(rgba, near)
 
@@ -149,11 +150,9 @@ def _hatched(shape: tuple[int, int], colour: tuple[int, int, int]) -> Colours:
 
 
 def _outlined(rgba: Colours, inside: np.ndarray) -> Colours:
-    """A white line, two pixels wide, along the edge of a region."""
+    """A white line along the edge of a region."""
     edge = np.zeros_like(inside)
     edge[:-1] |= inside[:-1] != inside[1:]
     edge[:, :-1] |= inside[:, :-1] != inside[:, 1:]
-    edge[1:] |= edge[:-1].copy()
-    edge[:, 1:] |= edge[:, :-1].copy()
     rgba[edge] = (255, 255, 255, 255)
     return rgba

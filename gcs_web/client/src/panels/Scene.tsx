@@ -69,11 +69,11 @@ function SliceLegend() {
       unit={hides ? "mm" : "m"}
       colours={hides ? CIVIDIS : CLEARANCE}
       ends={hides ? ["0", `≥ ${COULD_HIDE_SPAN_MM}`] : clearanceEnds()}
+      note={hides ? "hatched: no image looked" : "hatched: below the limit"}
     >
       <b>
-        {hides ? "Thinnest object seen" : "Distance to obstacles"}, {where}
+        {hides ? "Thinnest object seen" : "Distance"}, {where}
       </b>
-      <span class="legend-note">{hides ? "hatched: no image looked" : "hatched: below the limit"}</span>
     </Legend>
   );
 }
@@ -82,10 +82,11 @@ interface LegendProps {
   unit: string;
   colours: readonly string[];
   ends: readonly [string, string];
+  note?: string;
   children: ComponentChildren;
 }
 
-function Legend({ unit, colours, ends, children }: LegendProps) {
+function Legend({ unit, colours, ends, note, children }: LegendProps) {
   return (
     <div class="legend">
       <div class="legend-head">
@@ -101,6 +102,7 @@ function Legend({ unit, colours, ends, children }: LegendProps) {
         <span>{ends[0]}</span>
         <span>{ends[1]}</span>
       </div>
+      {note !== undefined && <p class="legend-ends quiet">{note}</p>}
     </div>
   );
 }
