@@ -193,7 +193,7 @@ class Change:
     """Whose state is another one."""
 
 
-def change(before: Field, after: Field) -> Change:
+def difference(before: Field, after: Field) -> Change:
     """The difference between two fields on one grid."""
     voxel_m3 = float(np.prod(after.grid.voxel_m))
     closed = (before.state == FREE) & (after.state != FREE)

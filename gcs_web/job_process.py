@@ -69,11 +69,12 @@ class JobProcess:
                     progress(*message)
         except (EOFError, OSError):
             logger.info("the job's process ended without an answer")
-        with self._lock:
-            self._end()
-            self._process.join()
-            self._ended = True
-        self._pipe.close()
+        finally:  # Ctrl-C too
+            with self._lock:
+                self._end()
+                self._process.join()
+                self._ended = True
+            self._pipe.close()
         if self._cancelled.is_set():
             return Failed("cancelled")
         return last or Failed(f"its process ended unexpectedly ({_how(self._process.exitcode)}); see {self._log.name}")

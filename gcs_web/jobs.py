@@ -210,15 +210,23 @@ class Jobs:
                 job.state, job.began_s = "running", time.monotonic()
                 job.stage, job.stage_began_s = "starting", job.began_s
                 log = self._project.folder / ".session" / f"job-{job.id}.log"
-                job.process = JobProcess(job.kind.run, self._project.folder, job.arguments, log)
+                try:
+                    job.process = JobProcess(job.kind.run, self._project.folder, job.arguments, log)
+                except OSError as error:
+                    self._ended(job, "failed", f"no process could be started for it: {error.strerror}")
             self._on_change()
-            self._finish(job, job.process)
+            if job.process is not None:
+                self._finish(job, job.process)
 
     def _next(self) -> _Job | None:
         return next((job for job in self._jobs if job.state == "waiting"), None)
 
     def _finish(self, job: _Job, process: JobProcess) -> None:
-        outcome = process.outcome(lambda stage, share: self._progressed(job, stage, share))
+
+        def progress(stage: str, fraction: float) -> None:
+            self._progressed(job, stage, fraction)
+
+        outcome = process.outcome(progress)
         state: Literal["done", "failed", "cancelled"] = "failed"
         if job.stop.is_set():
             state, words = "cancelled", "cancelled"
@@ -245,13 +253,13 @@ class Jobs:
         if state == "done":
             job.share = 1.0
 
-    def _progressed(self, job: _Job, stage: str, share: float) -> None:
+    def _progressed(self, job: _Job, stage: str, fraction: float) -> None:
         now_s = time.monotonic()
         with self._changed:
             is_new = stage != job.stage
             if is_new:
                 job.stage, job.stage_began_s = stage, now_s
-            job.share = min(max(share, 0.0), 1.0)
+            job.share = min(max(fraction, 0.0), 1.0)
             if not is_new and now_s - self._told_s < _TOLD_EVERY_S:
                 return
             self._told_s = now_s

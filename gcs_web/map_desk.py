@@ -9,6 +9,7 @@ import numpy as np
 
 import esdf
 from esdf import Edit
+from esdf.edits import difference
 from flight import FlightError, FloatArray, InputError
 from gcs_web import map_edits, protocol
 from gcs_web.protocol_parts import Layer, MapAction, MapFacts, Shape, Slice
@@ -108,7 +109,7 @@ class MapDesk:
         if points:
             near = self._desk.parts.map(self._desk.inputs).field.distance(np.array(points))
             clearances = [None if np.isnan(value) else round(float(value), 3) for value in near]
-        apart = float(np.linalg.norm(np.subtract(*points))) if len(points) == 2 else None
+        apart = float(np.linalg.norm(np.subtract(points[0], points[1]))) if len(points) == 2 else None
         self._desk.hub.publish(protocol.Measured(self._view.measuring, points, clearances, apart))
 
     # --- what an edit would change ---
@@ -155,7 +156,7 @@ class MapDesk:
         editor.replace(after if number is not None else [*after, new])
         field = editor.snapshot()
         editor.undo()
-        change = esdf.edits.change(before, field)
+        change = difference(before, field)
         self._view.preview(self._action, shape, field)
         self._preview = protocol.MapPreview(author, number, shape, change.closed_m3, change.opened_m3, change.voxels)
         self._desk.hub.publish(self._preview)

@@ -332,7 +332,7 @@ def pulled(shape: Shape, handle: str, to_world_m: FloatArray) -> Shape:
     return Shape(shape.form, _triple(centre), _triple(size), round(radius_m, 3), flat)
 
 
-def _walls(shape: Shape) -> tuple[FloatArray, np.ndarray]:
+def _walls(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     """Sides of a prism as triangles."""
     n = len(shape.corners_m)
     corners, z, half = np.array(shape.corners_m), shape.centre_m[2], 0.5 * shape.size_m[2]

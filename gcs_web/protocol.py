@@ -41,7 +41,7 @@ from gcs_web.protocol_parts import (
     YawMode,
 )
 
-PROTOCOL = 2
+PROTOCOL = 3
 """Raised when an old page could misread a new server."""
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 import esdf
 from esdf import Edit, Editor, Field, pictures, solids
+from esdf.edits import difference
 from esdf.storage import EDITS
 from flight import InputError, results
 from goshawk import console, outputs
@@ -191,7 +192,7 @@ def _change(
     before, old = editor.snapshot(), editor.edits
     work()
     after = editor.field
-    change = esdf.edits.change(before, after)
+    change = difference(before, after)
     document: dict[str, Any] = {
         "closed_m3": change.closed_m3,
         "opened_m3": change.opened_m3,

@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 import msgspec
 
+import vehicle
 from flight import InputError, Progress
 from flight.project import Project, part_name
 from gcs_web.desk import Desk
@@ -17,6 +18,16 @@ class Arguments(msgspec.Struct, forbid_unknown_fields=True):
     missions: Annotated[str, msgspec.Meta(title="Missions", description="Folder of waypoint files in the project")]
     out: Annotated[str, msgspec.Meta(title="Results", description="Folder to write, in the project")] = "plans"
     margin_m: Annotated[float, msgspec.Meta(title="Margin", ge=0.0, le=10.0, extra_json_schema={"unit": "m"})] = 0.15
+    radius_m: Annotated[
+        float,
+        msgspec.Meta(
+            title="Radius (0: its propellers')",
+            description="Of a ball that holds the vehicle",
+            ge=0.0,
+            le=10.0,
+            extra_json_schema={"unit": "m"},
+        ),
+    ] = 0.0
     processes: Annotated[int, msgspec.Meta(title="Processes", ge=1, le=32)] = 1
     overwrite: Annotated[bool, msgspec.Meta(title="Plan again what was planned with other inputs")] = False
 
@@ -46,7 +57,8 @@ def _check(project: Project, asked: Arguments) -> None:
 
 def _run(folder: Path, asked: Arguments, progress: Progress) -> list[batch.Row]:
     project = Project(folder, "")
-    how = options_from(project.vehicle, asked.margin_m)
+    wanted = options_from(project.vehicle, asked.margin_m, radius_m=asked.radius_m or None)
+    how = wanted.sized(vehicle.load(project.vehicle))
     job = batch.Job(project.map, project.vehicle, how, folder / asked.out, overwrite=asked.overwrite)
     files = batch.mission_files(folder / asked.missions)
     return batch.run(files, job, jobs=asked.processes, progress=progress)

@@ -1,7 +1,7 @@
 // Written by tools/page_types.py from gcs_web/protocol.py. Do not edit.
 
 
-export const PROTOCOL = 2;
+export const PROTOCOL = 3;
 
 export interface Person {
   id: string;
