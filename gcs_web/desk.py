@@ -65,8 +65,8 @@ class Desk:
         self.answer: planning.Answer | None = None
         self.in_control = ""
         """Id of the person whose orders are passed on to the vehicle."""
-        self._map_edits: tuple[MapEdit, ...] = ()
-        """Those that the inputs' signature and the 3D view have."""
+        self._map_edits: tuple[tuple[MapEdit, ...], str] = ((), "")
+        """Those that the inputs' signature and the 3D view have, and why the map on disk lacked some."""
         self._nonces: dict[str, _Nonce] = {}
         self._lock = threading.RLock()
         self._planner = planning.PlanningProcess(opened.folder, base, self._planned, self._drafted)
@@ -221,12 +221,12 @@ class Desk:
 
     def _take_map_edits(self) -> None:
         """Where the edits of the map changed, no plan of before is about this map."""
-        listed = self.session.content.map_edits
+        edits = (self.session.content.map_edits, self.session.map_edits_behind)
         with self._lock:
-            if listed == self._map_edits:
+            if edits == self._map_edits:
                 return
-            self._map_edits, self.inputs = listed, inputs.signature(self.project.folder)
-        self.view.map.draw_edits(listed)
+            self._map_edits, self.inputs = edits, inputs.signature(self.project.folder)
+        self.view.map.draw_edits(edits[0])
         self._draw_map()
         self.show_files()
 
