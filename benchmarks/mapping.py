@@ -3,8 +3,8 @@
     python benchmarks/mapping.py --cameras 40      one blind draw after the other, and the sums
     python benchmarks/mapping.py --instants 1000   CPU seconds and memory of the trial on a long path
 
-The matches are made by formula from a true rig (see `tracks`), so that a draw takes seconds. The trial starts from a map
-that knows nothing: its poses and points are of the wrong size and off by centimetres.
+The matches are made by formula from a true rig (see `tracks`), so that a draw takes seconds. The trial starts from a
+poor map: its poses and points are of the wrong size and off by centimetres.
 """
 
 import argparse
