@@ -8,7 +8,7 @@ $(error JOBS is "$(JOBS)"; it must be a number of processors, as in JOBS=4)
 endif
 # One worker more than jobs: flights by the clock, which all are one worker's, mostly wait. One file's tests stay with one
 # worker and long files go first: see tests/conftest.py.
-WORKERS := -n $(shell expr $(JOBS) + 1) --dist loadgroup --no-loadscope-reorder
+WORKERS := -n $(shell expr $(JOBS) + 1) --dist loadscope --no-loadscope-reorder
 # BLAS threads only spin on matrices as small as ours; see goshawk/__init__.py.
 export OPENBLAS_NUM_THREADS ?= 1
 # Compiled modules are kept even where the environment says otherwise (as many containers do): without them each start of

@@ -1,5 +1,6 @@
 """Where the voxels are: an axis-aligned lattice of boxes in the world, and what each can be."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -118,7 +119,7 @@ class Grid:
     @property
     def half_diagonal_m(self) -> float:
         """From a voxel's centre to its corner."""
-        return 0.5 * float(np.linalg.norm(self.voxel_m))
+        return 0.5 * math.hypot(*self.voxel_m)
 
     @property
     def low_world_m(self) -> FloatArray:

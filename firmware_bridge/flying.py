@@ -187,7 +187,7 @@ def _land(pilot: Pilot) -> str:
             return "the vehicle brakes along its path and lands"
         refused = pilot.try_command(Command.DISARM)
     except LinkError as error:
-        return f"the order to land was not answered ({error}): the vehicle does what was agreed for a lost link"
+        return f"the order to land was not answered ({error}): the vehicle does what its parameters say for a lost link"
     return f"it refused to land and to disarm: {reason_text(refused)}" if refused else "the vehicle is disarmed"
 
 

@@ -52,8 +52,12 @@ def create(path: Path | None = None) -> bytes:
         handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     except FileExistsError:
         raise InputError(f"{path} exists already; a key in use is not overwritten") from None
-    with os.fdopen(handle, "w") as file:
-        file.write(key.hex() + "\n")
+    try:
+        with os.fdopen(handle, "w") as file:
+            file.write(key.hex() + "\n")
+    except BaseException:  # a full disk, Ctrl-C: half a key would stand in the way of the next one
+        path.unlink()
+        raise
     return key
 
 

@@ -20,24 +20,38 @@ Document = dict[str, Any]
 
 
 @contextlib.contextmanager
+def with_parents(path: Path) -> Generator[None]:
+    """Make the missing folders above `path`; if the block is interrupted, remove those that are still empty."""
+    missing = [folder for folder in path.parents if not folder.exists()]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        yield
+    except BaseException:
+        for folder in missing:  # innermost first
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+        raise
+
+
+@contextlib.contextmanager
 def atomic_file(path: Path) -> Generator[Path]:
     """Yield a temporary file beside `path`; rename it to `path` only if the block raises nothing.
 
     If the block is interrupted (by an exception, by Ctrl-C), an earlier `path` stays as it was.
     """
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=path.suffix, dir=path.parent)
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        os.chmod(temporary, 0o666 & ~_umask())  # mkstemp makes files for their owner alone
-        yield temporary
-        with open(temporary, "rb") as written:
-            os.fsync(written.fileno())
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with with_parents(path):
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=path.suffix, dir=path.parent)
+        os.close(handle)
+        temporary = Path(name)
+        try:
+            os.chmod(temporary, 0o666 & ~_umask())  # mkstemp makes files for their owner alone
+            yield temporary
+            with open(temporary, "rb") as written:
+                os.fsync(written.fileno())
+            os.replace(temporary, path)
+        finally:
+            temporary.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager
@@ -46,20 +60,20 @@ def atomic_folder(path: Path) -> Generator[Path]:
     path = Path(path)
     if path.is_symlink() or path.is_file():
         raise InputError(f"{path} is a file or a link, not a folder; choose another output")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.new-", dir=path.parent))
-    retired = temporary.with_name(temporary.name.replace(".new-", ".old-"))
-    try:
-        os.chmod(temporary, 0o777 & ~_umask())
-        yield temporary
-        if path.exists():
-            os.replace(path, retired)
-        os.replace(temporary, path)
-    finally:
-        if retired.exists() and not path.exists():
-            os.replace(retired, path)
-        shutil.rmtree(temporary, ignore_errors=True)
-        shutil.rmtree(retired, ignore_errors=True)
+    with with_parents(path):
+        temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.new-", dir=path.parent))
+        retired = temporary.with_name(temporary.name.replace(".new-", ".old-"))
+        try:
+            os.chmod(temporary, 0o777 & ~_umask())
+            yield temporary
+            if path.exists():
+                os.replace(path, retired)
+            os.replace(temporary, path)
+        finally:
+            if retired.exists() and not path.exists():
+                os.replace(retired, path)
+            shutil.rmtree(temporary, ignore_errors=True)
+            shutil.rmtree(retired, ignore_errors=True)
 
 
 def _umask() -> int:

@@ -15,6 +15,7 @@ from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from flight import file_format
 from flight.errors import InputError
 
 
@@ -97,20 +98,20 @@ def new_file(path: Path, *, overwrite: bool) -> Generator[Placing]:
     target = _resolved(path)
     if _kind(target) not in ("", "file"):  # nothing is written beside a device
         require_free(path, overwrite=overwrite)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    placing = Placing(_temporary(target), target)
-    try:
-        yield placing
-        kind = _kind(target)
-        if kind == "file" and overwrite:
-            placing.kept = keep(target)
-            os.replace(placing.temporary, target)
-        elif kind:
-            raise _overtaken(path, _moved_beside(placing.temporary, target, "new"))
-        else:
-            _put(placing.temporary, target, path)
-    finally:
-        placing.temporary.unlink(missing_ok=True)
+    with file_format.with_parents(target):
+        placing = Placing(_temporary(target), target)
+        try:
+            yield placing
+            kind = _kind(target)
+            if kind == "file" and overwrite:
+                placing.kept = keep(target)
+                os.replace(placing.temporary, target)
+            elif kind:
+                raise _overtaken(path, _moved_beside(placing.temporary, target, "new"))
+            else:
+                _put(placing.temporary, target, path)
+        finally:
+            placing.temporary.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager
@@ -124,27 +125,27 @@ def new_folder(
         within: where to write it, on the same file system; by default beside its final path.
     """
     target = _resolved(path)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    placing = Placing(_temporary(within / target.name if within else target), target)
-    placing.temporary.mkdir()
-    try:
-        yield placing
-        filled = target.is_dir() and any(target.iterdir())
-        if (filled and not (overwrite and ours(target))) or _kind(target) not in ("", "folder"):
-            raise _overtaken(path, _moved_beside(placing.temporary, target, "new"))
-        if filled:
-            placing.kept = _moved_beside(target, target, "old")
-        if target.is_dir():  # empty; it may be a mount point, which cannot be replaced itself
-            for child in placing.temporary.iterdir():
-                os.rename(child, target / child.name)
-        else:
-            os.rename(placing.temporary, target)
-    except BaseException:
-        if placing.kept is not None and not target.exists():
-            os.rename(placing.kept, target)
-        raise
-    finally:
-        shutil.rmtree(placing.temporary, ignore_errors=True)
+    with file_format.with_parents(target):
+        placing = Placing(_temporary(within / target.name if within else target), target)
+        placing.temporary.mkdir()
+        try:
+            yield placing
+            filled = target.is_dir() and any(target.iterdir())
+            if (filled and not (overwrite and ours(target))) or _kind(target) not in ("", "folder"):
+                raise _overtaken(path, _moved_beside(placing.temporary, target, "new"))
+            if filled:
+                placing.kept = _moved_beside(target, target, "old")
+            if target.is_dir():  # empty; it may be a mount point, which cannot be replaced itself
+                for child in placing.temporary.iterdir():
+                    os.rename(child, target / child.name)
+            else:
+                os.rename(placing.temporary, target)
+        except BaseException:
+            if placing.kept is not None and not target.exists():
+                os.rename(placing.kept, target)
+            raise
+        finally:
+            shutil.rmtree(placing.temporary, ignore_errors=True)
 
 
 def keep(path: Path) -> Path:

@@ -92,4 +92,4 @@ class Watch:
                     told = now
                 last = now
             except Exception:  # tried again: a change must not stay unseen
-                logger.exception("the project's files could not be looked at")
+                logger.exception("the project's files could not be read")

@@ -4,6 +4,8 @@ Exit codes: 0 done, 1 the result is negative (infeasible, unsafe, no link, no ma
 internal error, 130 interrupted.
 """
 
+import contextlib
+import errno
 import importlib
 import os
 import sys
@@ -18,6 +20,8 @@ from goshawk.verbs import VerbGroup
 
 TRACEBACK = "GOSHAWK_TRACEBACK"
 """Environment variable: let an internal error end with Python's traceback."""
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""The system's error numbers of a full disk, an exceeded quota and a file that may not grow."""
 
 GROUPS = {
     "Begin": ("init", "demo", "doctor"),
@@ -113,7 +117,8 @@ def main(arguments: list[str] | None = None) -> None:
         sys.exit(0)
     except OSError as error:  # a full disk, a folder without write permission: the system's message names the cause
         where = f"{error.filename2 or error.filename}: " if error.filename else ""
-        _report(error, f"{where}{error.strerror or error}", as_json=_prints_json(given))
+        remedy = "; free some space there, or write to another disk" if error.errno in FULL else ""
+        _report(error, f"{where}{error.strerror or error}{remedy}", as_json=_prints_json(given))
         sys.exit(2)
     except MemoryError as error:
         _report(error, "not enough memory; use fewer or smaller inputs", as_json=_prints_json(given))
@@ -148,7 +153,9 @@ def _usage(error: click.ClickException) -> str:
 
 def _report(error: Exception, sentence: str, *, as_json: bool) -> None:
     sentence = " ".join(sentence.split())  # messages of some libraries have several lines
-    click.echo(f"goshawk: {sentence}", err=True)
+    with contextlib.suppress(OSError):  # what cannot be written there must not change the exit code
+        click.echo(f"goshawk: {sentence}", err=True)
     if as_json:
         body: dict[str, Any] = {"error": {"kind": type(error).__name__, "message": sentence}}
-        click.echo(file_format.json_text(body), nl=False)
+        with contextlib.suppress(OSError):
+            click.echo(file_format.json_text(body), nl=False)

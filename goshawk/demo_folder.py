@@ -77,7 +77,8 @@ def making(out: Path, settings: Mapping[str, Any]) -> Generator[Steps]:
     try:
         yield steps
     except BaseException:
-        click.echo(f"finished: {', '.join(steps.done) or 'nothing yet'}; the same command goes on from there", err=True)
+        done = ", ".join(steps.done) or "nothing yet"
+        click.echo(f"finished: {done}; the same command continues from there", err=True)
         raise
     if earlier is not None:
         shutil.rmtree(earlier)

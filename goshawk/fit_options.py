@@ -11,6 +11,7 @@ import click
 from click.core import ParameterSource
 
 from flight import FlightError, InputError
+from flight.frames import GRAVITY_M_S2
 from sysid.estimator.options import Options
 from sysid.logs.check import LogReport
 from vehicle import Vehicle
@@ -21,7 +22,17 @@ FLAGS = {"gaps='split'": "--split-gaps", "robust=True": "--robust"}
 Chosen = Mapping[str, Any]
 """Values of the options, by the names of the verb's arguments."""
 
-_NAMES = ("held", "free", "priors", "split_gaps", "hold_unidentifiable", "robust", "gusts", "most_steps")
+_NAMES = (
+    "held",
+    "free",
+    "priors",
+    "split_gaps",
+    "hold_unidentifiable",
+    "robust",
+    "gusts",
+    "gravity_m_s2",
+    "most_steps",
+)
 
 
 def fit_options(*, gusts: str = "estimate", hold_unidentifiable: bool = False) -> Callable[[Any], Any]:
@@ -67,6 +78,14 @@ def fit_options(*, gusts: str = "estimate", hold_unidentifiable: bool = False) -
             help="Disturbances that last: estimate them with the states, or take all of them for white noise.",
         ),
         click.option(
+            "--gravity",
+            "gravity_m_s2",
+            type=float,
+            default=GRAVITY_M_S2,
+            show_default=True,
+            help="Gravity where it was flown, m/s2.",
+        ),
+        click.option(
             "--steps",
             "most_steps",
             type=click.IntRange(1),
@@ -106,6 +125,7 @@ def read(fit: Chosen, believed: Vehicle) -> Options:
         unseen="hold" if fit["hold_unidentifiable"] else "refuse",
         robust=fit["robust"],
         gusts=fit["gusts"],
+        gravity_m_s2=fit["gravity_m_s2"],
         max_iterations=fit["most_steps"],
     )
 

@@ -90,13 +90,13 @@ def held_out_errors(
     models: Mapping[str, Vehicle], logs: Sequence[FlightLog], *, progress: Progress = silent
 ) -> tuple[dict[str, dict[str, float]], tuple[str, ...]]:
     """Root mean square open-loop prediction error of each model after `HORIZON_S`, by quantity with its unit; and in
-    words which stretches of the flights were left out."""
+    words which stretches of the flights were left out, and which models' errors are not settled."""
     result = sysid.compare(logs, models, progress=progress)
     at = HORIZONS_S.index(HORIZON_S)
     errors = {
         model: {key: float(result.errors[model][quantity][at]) for quantity, key in KEYS.items()} for model in models
     }
-    return errors, result.left_out
+    return errors, (*result.left_out, *result.not_converged)
 
 
 def prediction_error(quantity: str, value: float) -> str:

@@ -117,7 +117,7 @@ def _locked(folder: Path) -> IO[str]:
     while time.monotonic() < deadline_s:
         folder.mkdir(parents=True, exist_ok=True)
         if not (folder / _LOCK).exists() and any(folder.iterdir()):
-            raise InputError(f"{folder} holds files of someone else; move it, or choose another output")
+            raise InputError(f"{folder} holds files that are not of an earlier run; move it, or choose another output")
         with contextlib.suppress(FileNotFoundError):  # the folder's last user may be removing it
             lock = open(folder / _LOCK, "a")  # noqa: SIM115 - stays open for as long as the lock is held
             if _taken(lock.fileno(), folder / _LOCK):

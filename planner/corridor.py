@@ -39,24 +39,27 @@ class Tube:
 
     def __init__(self, boxes: list[Box], required_m: float) -> None:
         self.required_m = required_m
-        self._normals = np.concatenate([box.normals for box in boxes])
-        self._offsets = np.concatenate([box.offsets_m for box in boxes])
+        self._axes = np.stack([box.normals[3:] for box in boxes]).transpose(1, 2, 0)  # (axis, xyz, box)
+        low, high = np.stack([(-box.offsets_m[:3], box.offsets_m[3:]) for box in boxes]).transpose(1, 2, 0)
+        self._middle, self._half = 0.5 * (low + high)[:, None], 0.5 * (high - low)[:, None]
 
     def distance(self, points_world_m: ArrayLike, /) -> FloatArray:
         """(n,) metres: `required_m` on the surface of the union, less outside."""
-        return self.required_m + self._depths(np.asarray(points_world_m, dtype=np.float64)).min(axis=2).max(axis=1)
+        depths = self._half - np.abs(self._off(np.asarray(points_world_m, dtype=np.float64)))
+        return self.required_m + depths.min(axis=0).max(axis=1)
 
     def distance_and_gradient(self, points_world_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(n,), and its gradient (n, 3): the normal of the nearest face of the deepest box, inwards."""
-        depths = self._depths(points_world_m)
-        face = depths.argmin(axis=2)
-        depth = np.take_along_axis(depths, face[:, :, None], axis=2)[:, :, 0]
-        box, point = depth.argmax(axis=1), np.arange(len(depth))
-        return self.required_m + depth[point, box], -self._normals[6 * box + face[point, box]]
+        off = self._off(points_world_m)
+        depths = self._half - np.abs(off)
+        box, point = depths.min(axis=0).argmax(axis=1), np.arange(len(points_world_m))
+        axis = depths[:, point, box].argmin(axis=0)
+        inwards = -np.sign(off[axis, point, box])[:, None] * self._axes[axis, :, box]
+        return self.required_m + depths[axis, point, box], inwards
 
-    def _depths(self, points: FloatArray) -> FloatArray:
-        """(n, boxes, 6) how far inside of each face."""
-        return (self._offsets - points @ self._normals.T).reshape(len(points), -1, 6)
+    def _off(self, points: FloatArray) -> FloatArray:
+        """(3, n, boxes) how far from each box's middle, along its axes."""
+        return points @ self._axes - self._middle
 
 
 def boxes(field: space.DistanceField, points: FloatArray, required_m: float, *, widest_m: float = 1.5) -> list[Box]:
@@ -70,19 +73,19 @@ def boxes(field: space.DistanceField, points: FloatArray, required_m: float, *, 
     low, high = np.minimum(starts, ends), np.maximum(starts, ends)
     grown, step = np.zeros((len(axes), 6)), np.full((len(axes), 6), _STEP_M)
     while (step > 0.0).any():
-        for face in range(6):
-            axis, size = face % 3, step[:, face]
-            slab_low, slab_high = low.copy(), high.copy()
-            if face < 3:
-                slab_low[:, axis], slab_high[:, axis] = low[:, axis] - size, low[:, axis]
-            else:
-                slab_low[:, axis], slab_high[:, axis] = high[:, axis], high[:, axis] + size
-            free = (size > 0.0) & (grown[:, face] + size <= widest_m)
-            free[free] = proved(field, axes[free], slab_low[free], slab_high[free], required_m)
-            grown[free, face] += size[free]
-            low[:, axis] -= np.where(free, size, 0.0) * (face < 3)
-            high[:, axis] += np.where(free, size, 0.0) * (face >= 3)
-            step[~free, face] = np.where(size > _FINEST_M, 0.5 * size, 0.0)[~free]
+        for axis in range(3):  # its two faces at once
+            size = step[:, [axis, axis + 3]].T
+            slabs_low, slabs_high = np.stack([low, low]), np.stack([high, high])
+            slabs_low[0, :, axis], slabs_high[0, :, axis] = low[:, axis] - size[0], low[:, axis]
+            slabs_low[1, :, axis], slabs_high[1, :, axis] = high[:, axis], high[:, axis] + size[1]
+            free = (size > 0.0) & (grown[:, [axis, axis + 3]].T + size <= widest_m)
+            both = np.broadcast_to(axes, (2, *axes.shape))
+            free[free] = proved(field, both[free], slabs_low[free], slabs_high[free], required_m)
+            out = np.where(free, size, 0.0)
+            grown[:, [axis, axis + 3]] += out.T
+            low[:, axis] -= out[0]
+            high[:, axis] += out[1]
+            step[:, [axis, axis + 3]] = np.where(free, size, np.where(size > _FINEST_M, 0.5 * size, 0.0)).T
     return [Box(np.concatenate([-R, R]), np.concatenate([-a, b])) for R, a, b in zip(axes, low, high, strict=True)]
 
 

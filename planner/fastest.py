@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import esdf
-from flight import FloatArray, Trajectory
+from flight import FloatArray, Progress, Trajectory, silent
 from flight.trajectory import LONGEST_S
 from planner import airframe, heading, hermite, limits, minimum_snap, routes, space, time_allocation, windows
 from planner._planner import StopFlag
@@ -38,9 +38,9 @@ _SMOOTHING_S = 0.5
 _WHOLE, _IN_PART = (150, 40, 25), 40
 """Iterations of the rounds about all segments, and of the later ones, which mend what is exceeded here and there."""
 _ROUNDS = 40
-_RELIEVED, _AGAIN = 0.03, 5
-"""Where the vehicle's own model asks for so much less than was believed, a path that passes is optimised once more;
-so many rounds are given to that."""
+_RELIEVED, _LONGER, _AGAIN = 0.03, 1.01, 8
+"""Where the vehicle's own model asks for so much less than was believed, a path that passes is optimised once more,
+and all of it where it takes so many times the optimum; so many rounds are given to that."""
 _FEW = 0.4
 """Share of the segments below which only those that exceed a limit, and their neighbours, are optimised again."""
 _REACH, _FAR = 4, 6
@@ -210,12 +210,13 @@ def until_flyable(
     iterations: int = _IN_PART,
     corrections: Corrections | None = None,
     used: tuple[Trajectory, limits.Usage] | None = None,
+    progress: Progress = silent,
 ) -> Path | None:
     """Optimise until a trajectory passes the gate; None if it stays too close to obstacles.
 
     The first rounds are about all segments, unless `wrong` (k,) says which ones to begin with; then only those that
-    exceed a limit are optimised again, with their neighbours, and the first path that passes will do. Where limits stay exceeded in spite of it, the last
-    trajectory is returned with its report.
+    exceed a limit are optimised again, with their neighbours, and the first path that passes will do. Where limits stay
+    exceeded in spite of it, the last trajectory is returned with its report.
 
     Args:
         spline: durations to start from; where `wrong` is given, the path itself.
@@ -231,12 +232,13 @@ def until_flyable(
     for round_ in range(begun, _ROUNDS):
         if round_ == rounds:
             return found
+        progress("optimise", 1.0 - 0.7 ** (round_ - begun + 1))  # how many rounds it takes is not known before
         believed = corrections.model.copy()
         charged_s = spline.durations_s if round_ > 0 else None
         problem = replace(problem, offsets=corrections.total(), reference_s=charged_s)
         if wrong is None:
-            touched = np.ones(len(spline.durations_s), dtype=bool)
-            spline = time_allocation.optimise(problem, spline.durations_s, iterations=_WHOLE[round_], stop=stop).spline
+            touched, most = np.ones(len(spline.durations_s), dtype=bool), _WHOLE[min(round_, len(_WHOLE) - 1)]
+            spline = time_allocation.optimise(problem, spline.durations_s, iterations=most, stop=stop).spline
         else:
             touched = windows.grown(wrong, _REACH if round_ > begun else _FAR)
             most = _IN_PART if round_ > begun else iterations
@@ -259,11 +261,13 @@ def until_flyable(
                     better = report.passed and path.duration_s < found.trajectory.duration_s
                     return here if better else found
                 found, relieved = here, (believed - corrections.model).max(axis=(1, 2)) > _RELIEVED
-                if not report.passed or begun > 0 or not relieved.any():
+                longer = path.duration_s > _LONGER * optimum_s
+                if not report.passed or begun > 0 or not (longer or relieved.any()):
                     return found
-                wrong = relieved
+                wrong = None if longer else relieved
                 used = None if report.usage is None else (path, report.usage)
                 rounds = round_ + _AGAIN
+                corrections.press(excess, touched)
                 continue
             used = path, report.usage
             too_fast = report.usage.value[0] > asked_m_s
@@ -277,7 +281,7 @@ def until_flyable(
             problem = _farther_away(problem, options.clearance_m - clearance.proven_m)
             exceeded[clearance.segment] = True
         few = windows.grown(exceeded, _REACH).mean() < _FEW
-        wrong = exceeded if wrong is not None or few or round_ + 1 == len(_WHOLE) else None
+        wrong = exceeded if wrong is not None or few or round_ + 1 >= len(_WHOLE) else None
     return found
 
 

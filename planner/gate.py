@@ -238,8 +238,8 @@ def _record_check(item: TrajectoryFile) -> Check:
     kept = item.record_kept
     if kept is None:
         reason = (
-            "an older file (version 1), which has no hash of what it was checked for: a change of that goes unnoticed; "
-            "renew its check, or plan it again"
+            "file version 1 has no hash of conditions and limits: whether they were changed after the check is not "
+            "known; renew its check, or plan it again"
         )
     else:
         reason = "conditions, limits, waypoints and results as written" if kept else "the file's record was changed"

@@ -20,7 +20,7 @@ def options_for(vehicle: object, options: PlanOptions | None) -> PlanOptions:
         InputError: there is no vehicle.
     """
     if not isinstance(vehicle, Vehicle):
-        raise InputError(f"no vehicle is given but {vehicle!r}; read one with `vehicle.load`, or use `vehicle.example`")
+        raise InputError(f"expected a vehicle, got {vehicle!r}; read one with `vehicle.load`, or use `vehicle.example`")
     return (PlanOptions() if options is None else options).sized(vehicle)
 
 
@@ -33,7 +33,7 @@ def check(waypoints: Waypoints, field: object, vehicle: Vehicle, options: PlanOp
         PlanInfeasibleError: the limits do not let the vehicle hover.
     """
     if not hasattr(field, "distance"):
-        raise InputError(f"no map is given but {field!r}; give a field with `distance(points)`, say of `esdf.load`")
+        raise InputError(f"expected a map, got {field!r}; give a field with `distance(points)`, say of `esdf.load`")
     count = len(waypoints.positions_world_m)
     if count > MOST_WAYPOINTS:
         raise InputError(

@@ -144,7 +144,9 @@ class PlanOptions:
     def body_radius_m(self) -> float:
         """The radius; raises as `clearance_m`."""
         if self.radius_m is None:
-            raise InputError("radius_m is left to the vehicle: ask `sized(vehicle)` for the clearance, or give a radius")
+            raise InputError(
+                "radius_m is left to the vehicle: ask `sized(vehicle)` for the clearance, or give a radius"
+            )
         return self.radius_m
 
     @property

@@ -9,6 +9,7 @@ import numpy as np
 
 import flight.trajectory
 from flight import FloatArray, InfeasibleError, InputError, Progress, Trajectory, TrajectoryFile, Waypoints, silent
+from flight.progress import within
 from planner import bry, corridor, fastest, gate, heading, inputs, limits, minimum_snap, repair, routes, space
 from planner._planner import StopFlag
 from planner.conditions import Conditions
@@ -110,7 +111,7 @@ def from_scratch(
             stop=stop,
         )
 
-    path = _flyable(route, waypoints, room, vehicle, options, asked, ask_gate, stop)
+    path = _flyable(route, waypoints, room, vehicle, options, asked, ask_gate, stop, progress)
     check_stop(stop)
     progress("gate", 1.0)
     if not path.report.passed:
@@ -140,6 +141,7 @@ def _flyable(
     asked: Conditions,
     ask_gate: AskGate,
     stop: StopFlag | None,
+    progress: Progress,
 ) -> Path:
     """The fastest path; one in a corridor of boxes where that is asked for or the fastest stays too close."""
     if options.method == "bry":
@@ -147,23 +149,26 @@ def _flyable(
         return _timed(spline, corners.waypoint, "bry", waypoints, vehicle, options, ask_gate)
     dense = routes.subdivided(route, field)
 
-    def optimised(obstacles: space.DistanceField) -> tuple[Path | None, Solution]:
+    def optimised(obstacles: space.DistanceField, report: Progress) -> tuple[Path | None, Solution]:
         problem, start = fastest.rough(dense, obstacles, vehicle, options, asked, stop)
         problem, durations, index = fastest.whole_vehicle(
             problem, start, dense.waypoint, waypoints.yaw_rad, options, asked
         )
         begin = problem.spline(problem.knots, durations)
-        path = fastest.until_flyable(problem, begin, index, vehicle, options, field, asked, ask_gate, stop)
+        path = fastest.until_flyable(
+            problem, begin, index, vehicle, options, field, asked, ask_gate, stop, progress=report
+        )
         return path, start
 
     if options.method == "fastest":
-        path, _ = optimised(field)
+        path, _ = optimised(field, within(progress, "optimise", 0.2, 1.0))
         if path is not None:
             # a given velocity allows no other pace
             slower = not path.report.passed and not asked.given_motion
             return _slowed(path, vehicle, options, ask_gate) if slower else path
     boxes = corridor.boxes(field, dense.points, options.planned_clearance_m)
-    path, start = optimised(corridor.Tube(boxes, options.clearance_m + fastest.AIM_M))
+    tube = corridor.Tube(boxes, options.clearance_m + fastest.AIM_M)
+    path, start = optimised(tube, within(progress, "corridor", 0.0, 1.0))
     if path is not None and (path.report.passed or asked.given_motion):
         return replace(path, method="corridor", kept=None)
     if asked.given_motion:

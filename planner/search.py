@@ -84,11 +84,14 @@ def lattice(
     shape = np.floor((high - low) / step).astype(int) + 1
     axes = [low[i] + step * np.arange(shape[i]) for i in range(3)]
     distances = np.empty(tuple(shape), dtype=np.float32)
+    layer = np.empty((shape[1], shape[2], 3))
+    layer[..., 1], layer[..., 2] = axes[1][:, None], axes[2]
     for i, x in enumerate(axes[0]):
         check_stop(stop)
-        layer = np.stack(np.broadcast_arrays(x, axes[1][:, None], axes[2][None, :]), axis=-1)
-        distances[i] = np.asarray(field.distance(layer.reshape(-1, 3))).reshape(shape[1], shape[2])
-    return Lattice(low, step, space.certain(field, distances))
+        layer[..., 0] = x
+        value = np.asarray(field.distance(layer.reshape(-1, 3)), dtype=np.float64)
+        distances[i] = space.certain(field, value).reshape(shape[1], shape[2])
+    return Lattice(low, step, distances)
 
 
 def narrowest(grid: Lattice, start: FloatArray, goal: FloatArray) -> Gap | None:

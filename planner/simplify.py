@@ -109,15 +109,11 @@ def _farthest_free(
     """Position in `ahead` of the farthest point seen from `at`; 0 (the neighbour) if none is."""
     best, step = 0, 16
     for first in range(0, len(ahead), step):
-        block = slice(first, first + step)
-        seen = False
-        for level in np.unique(allowed[block]):
-            group = first + np.flatnonzero(allowed[block] >= level - 1e-12)
-            group = group[np.abs(allowed[group] - level) < 1e-12]
-            starts = np.repeat(points[at : at + 1], len(group), axis=0)
-            for i, check in zip(group, space.check_lines(field, starts, points[ahead[group]], level), strict=True):
-                if check.free:
-                    best, seen = max(best, int(i)), True
+        ends = points[ahead[first : first + step]]
+        starts = np.broadcast_to(points[at], ends.shape)
+        lines = space.check_lines(field, starts, ends, allowed[first : first + step])
+        seen = [first + i for i, line in enumerate(lines) if line.free]
         if not seen:
             return best
+        best = seen[-1]
     return best

@@ -198,16 +198,24 @@ class Grounded:
 
 
 def check_lines(
-    field: DistanceField, starts: FloatArray, ends: FloatArray, required_m: float, *, tolerance_m: float = 1e-3
+    field: DistanceField,
+    starts: FloatArray,
+    ends: FloatArray,
+    required_m: float | FloatArray,
+    *,
+    tolerance_m: float = 1e-3,
 ) -> list[LineCheck]:
     """Check straight lines (n, 3) to (n, 3), exact within `tolerance_m`, never too optimistic.
 
     A distance d at the middle of a piece of half-length h proves a distance of d - h all along it; pieces that are not
     proved are halved until they are, or until their middle is too close, or they are shorter than the tolerance.
+
+    Args:
+        required_m: of all lines, or of each (n,).
     """
     starts, ends = np.atleast_2d(starts).astype(np.float64), np.atleast_2d(ends).astype(np.float64)
     n = len(starts)
-    lengths = np.linalg.norm(ends - starts, axis=1)
+    lengths, required = np.linalg.norm(ends - starts, axis=1), np.broadcast_to(required_m, (n,))
     least, where, free = np.full(n, np.inf), np.zeros(n), np.ones(n, dtype=bool)
     line, middle, half = np.arange(n), np.full(n, 0.5), 0.5
     while line.size:
@@ -217,8 +225,8 @@ def check_lines(
         least[line[lower]] = d[lower]
         where[line[lower]] = middle[lower]
         h = half * lengths[line]
-        unproved = d - h < required_m
-        failed = unproved & ((d < required_m) | (h < tolerance_m))
+        unproved = d - h < required[line]
+        failed = unproved & ((d < required[line]) | (h < tolerance_m))
         free[line[failed]] = False
         keep = unproved & free[line]
         half *= 0.5

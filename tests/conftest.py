@@ -6,6 +6,7 @@ import shutil
 import signal
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line and the Makefile do, before NumPy is imported
 os.environ.setdefault("GOSHAWK_TRACEBACK", "1")  # a fault of our own is to be seen whole
@@ -29,17 +30,26 @@ REAL_TIME = (
 """A vehicle flies here by the clock: never two of these beside each other. Together they take longest, and begin."""
 
 
-@pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """A file's tests stay together, so that what they share is made once; all flights by the clock stay together."""
-    places = [item.path.relative_to(item.config.rootpath).as_posix() for item in items]
-    for item, place in zip(items, places, strict=True):
-        group = "by the clock" if place.startswith(REAL_TIME) else place
-        if item.get_closest_marker("xdist_group") is None:
-            item.add_marker(pytest.mark.xdist_group(group))
     order = (*REAL_TIME, *LONGEST_FIRST)
+    places = [item.path.relative_to(item.config.rootpath).as_posix() for item in items]
     ranks = [next((i for i, p in enumerate(order) if place.startswith(p)), 99) for place in places]
     items[:] = [items[i] for i in sorted(range(len(items)), key=ranks.__getitem__)]
+
+
+@pytest.hookimpl(optionalhook=True)  # of pytest-xdist
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """A file's tests stay together, so that what they share is made once; all flights by the clock stay together.
+
+    xdist's own groups (`--dist loadgroup`, 3.8) have no effect with pytest 9.2, which ignores the names they change.
+    """
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByFile(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return "by the clock" if nodeid.startswith(REAL_TIME) else nodeid.split("::")[0]
+
+    return ByFile(config, log)
 
 
 @pytest.fixture(scope="session")

@@ -216,7 +216,7 @@ def _stored(path: Path) -> History:
     except (KeyError, TypeError, ValueError) as error:
         raise FormatError(f"{file} is damaged: {type(error).__name__} {error}") from error
     if not sound:
-        raise FormatError(f"{file} is damaged: its steps do not follow from each other")
+        raise FormatError(f"{file} is damaged: its versions are not numbered in order, each made from an earlier one")
     return History(steps, current)
 
 

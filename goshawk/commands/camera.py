@@ -107,9 +107,7 @@ def bring(calibration: Path, out: Path, rigs: Path | None, overwrite: bool, as_j
         rig = rig_import.read_colmap(calibration, rigs)
     with outputs.file(out, overwrite=overwrite) as temporary:
         mapping.rig.save(temporary, rig)
-    scale = (
-        f"{100 * rig.baseline_m:.1f} cm between the cameras give it" if len(rig) > 1 else f"not known: {WAYS_TO_SCALE}"
-    )
+    scale = f"from the baseline of {100 * rig.baseline_m:.1f} cm" if len(rig) > 1 else f"not known: {WAYS_TO_SCALE}"
     document = {"written": str(out), "cameras": [c.name for c in rig], "baseline_m": rig.baseline_m}
     facts = {"cameras": ", ".join(f"{c.name} ({c.model}, images in {c.folder})" for c in rig), "scale": scale}
     console.show("camera", facts | {"written": str(out)}, as_json=as_json, document=document)

@@ -17,7 +17,7 @@ from sysid.estimator.comparison import HORIZONS_S, QUANTITIES
 from sysid.estimator.protocol import KNOWS, PROTOCOLS
 from sysid.estimator.result import CHANNELS, SPAN_S
 
-READING = ("split_gaps", "robust", "most_steps")
+READING = ("split_gaps", "robust", "gravity_m_s2", "most_steps")
 """Options that matter where nothing is refitted: they say how flights are read and smoothed."""
 
 
@@ -198,4 +198,4 @@ def _show_protocol(judged: sysid.Judged) -> None:
     rows = [(way.name, *(f"{error:.3f}" for error in judged.pooled(way).values())) for way in judged.errors]
     horizon_s, starts = judged.protocol.horizon_s, sum(judged.starts)
     console.table(f"after {horizon_s:g} s from {starts} measured states, mean absolute error", heads, rows)
-    click.echo(f"what each knows: {KNOWS}")
+    click.echo(f"predictors: {KNOWS}")

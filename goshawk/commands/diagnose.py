@@ -17,6 +17,7 @@ from sysid.diagnosis.outlook import Outlook, outlook
 from sysid.estimator.verdict import Use
 from sysid.report import diagnosis_figures as figures
 from sysid.report import diagnosis_page as report
+from sysid.report import residual_plots
 
 
 @click.command()
@@ -186,8 +187,8 @@ def outside_sentence(found: Diagnosis) -> str:
     """A sentence on the curve that no known effect explains."""
     o = found.outside
     assert o is not None
-    unit = "N" if o.channel[0] == "F" else "N m"
-    curve = o.acceleration * o.force_or_torque
+    scale, unit = residual_plots.unit(o.channel)
+    curve = scale * o.acceleration * o.force_or_torque
     return (
         f"{o.channel} follows {o.variable}, from {curve.min():.2g} to {curve.max():.2g} {unit} over "
         f"{o.at[0]:.3g} to {o.at[-1]:.3g} {o.variable_unit} (confidence {o.confidence:.0%})"

@@ -80,7 +80,7 @@ def build(
     """
     for option, value, (low, high) in (("--voxel", voxel_m, VOXEL_M), ("--farthest", farthest_m, FARTHEST_M)):
         if not low <= value <= high:
-            raise InputError(f"{option} {value:g} is not from {low:g} to {high:g} m")
+            raise InputError(f"{option} is {value:g} m; it must be from {low:g} to {high:g} m")
     base = mapping.MapOptions()
     options = replace(
         base,
@@ -91,7 +91,9 @@ def build(
     earlier = results.newest_kept(out)
     resumed = stages.finished(map_folder.work_folder(out), map_folder.STAGES)
     if resumed:
-        click.echo(f"an earlier run got as far as {resumed[-1]}; what still fits these inputs is taken over", err=True)
+        click.echo(
+            f"an earlier run ended after {resumed[-1]}; its stages are reused where the inputs are the same", err=True
+        )
     with console.progress() as progress:
         rig = mapping.rig.load(camera)
         try:
@@ -106,7 +108,7 @@ def build(
                 progress=progress,
             )
         except stages.Stopped as stopped:
-            click.echo(f"goshawk: {stopped}; the same command without --until goes on", err=True)
+            click.echo(f"goshawk: {stopped}; the same command without --until continues from there", err=True)
             return 0
     if (kept := results.newest_kept(out)) != earlier:
         outputs.report_kept(out, kept)

@@ -82,7 +82,10 @@ def _changing(action: Any, summary: str) -> None:
 
 
 _changing("add", "Every voxel the shape touches becomes an obstacle.")
-_changing("remove", "Every voxel whose centre is inside becomes free, even if unknown: you vouch that it is.")
+_changing(
+    "remove",
+    "Every voxel whose centre is inside becomes free, even if unknown: only for space that you know to be free.",
+)
 _changing("clear", "Mapped obstacles inside become free; unknown voxels stay unknown.")
 _changing("no-fly", "A zone that counts as an obstacle and that no other edit frees; drop removes it by its NAME.")
 

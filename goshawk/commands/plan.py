@@ -59,7 +59,7 @@ _THINNED = 0.1
     "--heading", "heading_deg", type=float, help="Keep this heading (degrees, from x towards y): --yaw fixed."
 )
 @click.option("--look-at", nargs=3, type=float, help="Face this point (metres): --yaw look_at.", metavar="X Y Z")
-@click.option("--laps", type=click.IntRange(1), help="Fly the waypoints as a closed loop this often.")
+@click.option("--laps", type=click.IntRange(1), help="Fly the waypoints as a closed loop this many times.")
 @click.option(
     "--keep-in",
     "keep_in_m",

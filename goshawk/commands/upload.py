@@ -55,8 +55,8 @@ def command(
     refuse_unfit(item, map_hash, vehicle_hash, False)
     if item.record_kept is None:
         click.echo(
-            f"warning: {trajectory_file} is an older file (version 1): a change of what it was checked for goes "
-            "unnoticed; `goshawk check --renew` makes it a newer one",
+            f"warning: {trajectory_file} is of file version 1, which has no hash of its limits and conditions: whether "
+            "they were changed after its check is not known; `goshawk check --renew` writes the present version",
             err=True,
         )
     with (

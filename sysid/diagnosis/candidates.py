@@ -119,20 +119,20 @@ def _why_not(effect: Effect, vehicle: Vehicle, flights: Sequence[Flight], clock:
     by_command = any(f.driven_by_command for f in flights)
     for other in vehicle.effects:
         if effect.name in _contained(other):
-            return f"{other} stands for the same thrust"
+            return f"{other} describes the same thrust"
     if effect.moves_like:
         return f"it moves the vehicle as {effect.moves_like} does: no flight can tell the two apart"
     if "ceiling_gap_m" in effect.needs:
-        return "no log says how far the ceiling was"
+        return "no log has the distance to the ceiling"
     if effect.stage in (Stage.COMMAND, Stage.DRIVE):
         if not by_command:
-            return "rotor speed was measured, so what lies between command and speed cannot show"
+            return "rotor speed was measured, so effects between command and rotor speed do not act on the fit"
         if effect.name == battery.SAG and not all(np.isfinite(f.battery_v).all() for f in flights):
             return NO_VOLTAGE
     if effect.stage == Stage.SENSOR and not {f"{effect.name}.{s.name}" for s in effect.parameters} <= set(SENSOR_NAMES):
         return "the estimator has the pose sensor's place and the gyro's bias among its unknowns already"
-    if effect.name == POSE_DELAY and clock == "pose" and not by_command:
-        return "how late every stream is against the pose is among the unknowns already; read the clocks"
+    if effect.name == POSE_DELAY and clock == "pose":
+        return "the delay of every stream against the pose is estimated already; see the clocks of the report"
     return ""
 
 
@@ -148,9 +148,9 @@ def _no_load(flights: Sequence[Flight]) -> str:
     if False in said and len(said) > 1:
         return ""
     if said == {False}:
-        return "no flight carried it, as the logs say"
+        return "according to the logs no flight carried it"
     if True in said:
-        return "every flight carried it, as the logs say, and then it only scales thrust and inertia"
+        return "according to the logs every flight carried it, and then it only scales thrust and inertia"
     if len({f.log_index for f in flights}) < 2:
         return "a load on all flights only scales thrust and inertia; fly with and without it"
     return ""

@@ -147,7 +147,7 @@ def settle(flights: Sequence[Flight], point: Point, noise: Noise, clock: Referen
     """
     if noise.gusts is not None:
         point = replace(point, states=tuple(s if s.gust is not None else s.with_gust() for s in point.states))
-    unknowns, width = nuisances(flights, clock)
+    unknowns, width = nuisances(flights, clock, point.vehicle)
     weak = np.diag(1.0 / width**2)
     for _ in range(MOST_STEPS):
         residuals, eliminated = _linearised(flights, point, unknowns, noise)

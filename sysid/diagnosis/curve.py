@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from flight import FloatArray, FormatError, InputError, file_format
 from sysid.diagnosis.findings import OutsideFinding
-from sysid.diagnosis.free_form import EVERY_CHANNEL, WORLD
+from sysid.diagnosis.free_form import EVERY_CHANNEL, SHOWN_BY_THRUST, THRUST, WORLD, unit
 from vehicle import effects
 
 KNOTS = 9
@@ -34,7 +34,7 @@ PULLED = (
 """What to look for behind a force that is fixed in the world."""
 CONSTANT = {
     **dict.fromkeys(("F_x", "F_y"), "look at how the pose sensor is turned, or for a steady wind"),
-    "F_z": "weigh the vehicle again: a wrong mass looks so",
+    "F_z": "weigh the vehicle again: a wrong mass has the same effect",
     **dict.fromkeys(("M_x", "M_y", "M_z"), "look for a centre of mass off the middle, or a weak or tilted rotor"),
 }
 """What is always there is no curve of anything, and has names in the catalogue."""
@@ -61,6 +61,11 @@ _READ = {
     "w_y": _Reading("flow.rate_rad_s[1]", "rotation"),
     "w_z": _Reading("flow.rate_rad_s[2]", "yaw_doublets"),
     "speed": _Reading("length(flow.velocity_m_s)", "fast_level"),
+    "n": _Reading("flow.rotor_speed_rad_s", "throttle_steps"),
+    "s": _Reading(
+        "-(flow.hub_m[:2] * flow.velocity_m_s[:2, None]).sum(axis=0) / (flow.hub_m[:2] ** 2).sum(axis=0) ** 0.5",
+        "fast_level",
+    ),
     "height": _Reading("flow.height_m", "ground_sweep", "height_m"),
     "heading": _Reading(_HEADING, "yaw_sweep", "q_world_body", "w, x, y, z = flow.q_world_body"),
 }
@@ -82,12 +87,12 @@ class Drawn:
     variable_unit: str
     at: FloatArray
     residual: FloatArray
-    """Force (N) or torque (N m)."""
+    """Force (N), torque (N m), or a share of thrust."""
     sigma: FloatArray
 
     @property
     def unit(self) -> str:
-        return "N" if self.channel[0] == "F" else "N m"
+        return unit(self.channel)
 
 
 def drawn(outside: OutsideFinding | Mapping[str, Any]) -> Drawn:
@@ -221,11 +226,11 @@ def turned(sine: Array, cosine: Array) -> Array:
 
 def _text(curve: Drawn, name: str, data: str, function: str, form: str) -> str:
     """The whole file."""
-    target = f"flow.{'force_n' if curve.channel[0] == 'F' else 'torque_n_m'}[{'xyz'.index(curve.channel[2])}]"
+    change, stage, channel = _changes(curve.channel)
     read = _READ[curve.variable]
     assignments = [f"assert flow.{read.needs} is not None"] if read.needs else []
     assignments += [read.before] if read.before else []
-    lines = "\n".join(f"    {line}" for line in [*assignments, f"{target} += p.scale * curve({read.expression})"])
+    lines = "\n".join(f"    {line}" for line in [*assignments, f"{change} p.scale * curve({read.expression})"])
     functions = function + (_TURNED if curve.variable == "heading" else "")
     numpy = "import numpy as np\n\n" if "np." in data + functions else ""
     length = ", length" if curve.variable == "speed" else ""
@@ -251,16 +256,30 @@ def apply(flow: Flow, p: Values) -> None:
 EFFECT = Effect(
     name="{name}",
     number=0,
-    stage=Stage.FORCE,
+    stage=Stage.{stage},
     apply=apply,
     parameters=(Spec("scale", "1", prior=1.0, bounds=(-20.0, 20.0), default=1.0, planted=1.0),),  # 0: no effect
     law="{curve.channel} = s f({curve.variable}), f {form} drawn through flights",
     source="drawn by goshawk diagnose",
-    channel="{curve.channel}",
+    channel="{channel}",
     regressor="{curve.variable}",
     excited_by=("{read.excited_by}",),{needs}
 )
 '''
+
+
+def _changes(channel: str) -> tuple[str, str, str]:
+    """What a curve in a channel is added to, at which stage, and the channels of the body that it shows in."""
+    if channel == THRUST:
+        return "flow.thrust_n += flow.thrust_n *", "THRUST_FACTOR", " ".join(SHOWN_BY_THRUST)
+    if channel[0] == THRUST:
+        return (
+            f"flow.thrust_n[{channel[2]}] += flow.thrust_n[{channel[2]}] *",
+            "THRUST_FACTOR",
+            " ".join(SHOWN_BY_THRUST),
+        )
+    target = "force_n" if channel[0] == "F" else "torque_n_m"
+    return f"flow.{target}[{'xyz'.index(channel[2])}] +=", "FORCE", channel
 
 
 def _numbers(values: FloatArray) -> str:

@@ -136,7 +136,7 @@ def sentence(case: Case, decision: Decision) -> str:
         case Reason.ONE_OF_SEVERAL:
             assert case.undecided is not None
             others = " or ".join(name for name in case.undecided.between if name != candidate.name)
-            return f"either it or {others} is missing; nothing these flights show tells which"
+            return f"either it or {others} is missing; these flights do not show which"
         case Reason.NO_LOAD:
             return case.no_load
         case Reason.USEFUL_PROXY:

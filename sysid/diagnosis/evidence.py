@@ -137,6 +137,7 @@ class _Projected:
     def __init__(self, flight: Flight, point: Point, unknowns: Unknowns, noise: Noise) -> None:
         states = point.states[0]
         self._flight, self._noise = motor.driven(flight, point.vehicle), noise
+        self._vehicle = point.vehicle
         rows = problem.linearise(flight, states, point, unknowns, noise, False)
         self._mid = middle(flight, states)
         eliminated = eliminate(rows)
@@ -164,7 +165,7 @@ class _Projected:
         information = np.block([[named.information, np.swapaxes(cross, 1, 2)], [cross, own]])
         return Blocks(np.concatenate([named.score, score], axis=1), information)
 
-    def _freed_products(self, which: slice, moved: FloatArray) -> FloatArray:
+    def _freed_products(self, which: IndexArray, moved: FloatArray) -> FloatArray:
         """(b, c, c + p + 1) columns (k, r, c) on some rows of the defects, with the states' answer to them taken out,
         times themselves, the named columns, and the residual.
 
@@ -188,14 +189,13 @@ class _Projected:
         products[1:] += ends
         return products
 
-    def _whitened(self, drawn: Sequence[tuple[str, Sequence[Curve]]]) -> tuple[slice, FloatArray]:
+    def _whitened(self, drawn: Sequence[tuple[str, Sequence[Curve]]]) -> tuple[IndexArray, FloatArray]:
         """Rows of each defect that accelerations by curves move, and (k, r, c) by how much, whitened."""
-        parts, rows = [], slice(0)
+        parts, rows = [], np.zeros(0, np.intp)
         for channel, curves in drawn:
-            which, share = free_form.along_axes(channel, self._mid)
-            column = free_form.columns(curves, self._flight, self._mid)
+            which, moved = free_form.accelerations(channel, curves, self._flight, self._mid, self._vehicle)
             rows, weight = moved_by_acceleration(which, self._flight.step_s, self._noise.process)
-            parts.append((weight * share)[:, :, None] * column[:, None])
+            parts.append(weight[:, :, None] * moved)
         return rows, np.concatenate(parts, axis=2)
 
     def _products(self, columns: tuple[FloatArray, ...]) -> Blocks:

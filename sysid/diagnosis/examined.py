@@ -10,7 +10,7 @@ from sysid.diagnosis import load
 from sysid.diagnosis.candidates import Candidate, CandidateSet, candidate_set
 from sysid.diagnosis.confirm import Judge
 from sysid.diagnosis.evidence import Evidence
-from sysid.diagnosis.free_form import EVERY_CHANNEL, WORLD
+from sysid.diagnosis.free_form import EVERY_CHANNEL, ROTORS, SHOWN_BY_THRUST, THRUST, WORLD
 from sysid.diagnosis.load import Load
 from sysid.diagnosis.score import Loss, Score, inverse_of, loss_without, score
 from sysid.diagnosis.thresholds import THRESHOLDS
@@ -135,10 +135,11 @@ def _best_of(model: Model, found: Sequence[Outside]) -> Outside | None:
     if not found:
         return None
     best = max(found, key=lambda o: o.score.gain_unseen)
-    lead = [best.score.gain_unseen - o.score.gain_unseen for o in found if o.channel == best.channel]
-    rivals = np.exp(-np.array(lead) / best.score.dispersion)
+    rivals = [o for o in found if o.channel == best.channel or THRUST in (o.channel[0], best.channel[0])]
+    lead = [best.score.gain_unseen - o.score.gain_unseen for o in rivals]
+    odds = np.exp(-np.array(lead) / best.score.dispersion)
     clear = 1.0 / (1.0 + (THRESHOLDS.even_odds_curve / max(best.score.log_odds, 1.0)) ** 4)
-    confidence = THRESHOLDS.most_confidence * clear / float(np.sum(rivals))
+    confidence = THRESHOLDS.most_confidence * clear / float(np.sum(odds))
     if not model.all_heard:
         confidence = min(confidence, THRESHOLDS.even_confidence)
     return replace(best, confidence=confidence)
@@ -170,9 +171,12 @@ def as_good_as(curve: Outside, model: Model) -> list[Candidate]:
 
 
 def shown_in(candidate: Candidate) -> list[str]:
-    """Channels of curves in which a candidate shows; a force along axes of the body shows along the world's too."""
+    """Channels of curves in which a candidate shows; a force along axes of the body shows along the world's too, and
+    what a rotor's thrust shows in may be its thrust."""
     own = [c for c in candidate.channels if c in CHANNELS]
-    return [*own, *WORLD] if any(c.startswith("F_") for c in own) else own
+    world = WORLD if any(c.startswith("F_") for c in own) else ()
+    thrust = (THRUST, *ROTORS) if set(own) & set(SHOWN_BY_THRUST) else ()
+    return [*own, *world, *thrust]
 
 
 def alike(model: Model, one: Candidate, other: Candidate) -> bool:

@@ -10,6 +10,7 @@ from enum import StrEnum
 from typing import Any
 
 from flight.rotations import FloatArray
+from sysid.diagnosis.free_form import unit
 
 SCHEMA_VERSION = 2
 """Version of `Diagnosis.as_dict` of `sysid.diagnosis.diagnose`."""
@@ -153,11 +154,11 @@ class OutsideFinding:
     at: FloatArray
     """(m,) values of the variable over the range flown."""
     acceleration: FloatArray
-    """(m,) mean residual there: m/s2 for a force channel, rad/s2 for a torque channel."""
+    """(m,) mean residual there: m/s2 for a force channel, rad/s2 for a torque channel, of thrust the share of it."""
     band: FloatArray
     """(m,) one standard error of it."""
     force_or_torque: float
-    """What to multiply the acceleration by: mass (kg) or moment of inertia (kg m2)."""
+    """What to multiply the acceleration by: mass (kg) or moment of inertia (kg m2), 1 for a share of the thrust."""
     gain: float
     significance: float
     confidence: float
@@ -170,7 +171,7 @@ class OutsideFinding:
             "at": self.at.tolist(),
             "residual": (self.acceleration * self.force_or_torque).tolist(),
             "residual_sigma": (self.band * self.force_or_torque).tolist(),
-            "residual_unit": "N" if self.channel[0] == "F" else "N m",
+            "residual_unit": unit(self.channel),
             "evidence": {"gain": self.gain, "chance": self.significance},
             "confidence": self.confidence,
         }

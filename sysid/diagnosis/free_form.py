@@ -12,11 +12,12 @@ from scipy.interpolate import BSpline
 from flight import rotations
 from flight.rotations import FloatArray
 from sysid.estimator.blocks import motor
-from sysid.estimator.flight_data import Flight
+from sysid.estimator.flight_data import Flight, IndexArray
 from sysid.estimator.midpoint import Middle, middle
+from sysid.estimator.model import slopes_along
 from sysid.estimator.result import CHANNELS
 from sysid.estimator.states import States
-from vehicle import Vehicle
+from vehicle import Vehicle, rigid_body
 
 Read = Callable[[Flight, Middle], FloatArray]
 
@@ -78,24 +79,69 @@ n rotor speed, c its command."""
 
 VARIABLE = {v.name: v for v in VARIABLES}
 
+
+@dataclass(frozen=True, slots=True)
+class RotorVariable:
+    """One thing that each rotor has of its own."""
+
+    name: str
+    unit: str
+    read: Callable[[Flight, Middle, Vehicle], FloatArray]
+    """(k, 4) its value in the middle of each interval."""
+    functions: int
+
+
+def _downstream(flight: Flight, mid: Middle, vehicle: Vehicle) -> FloatArray:
+    arm = (vehicle.hub_body_m - rigid_body(vehicle).centre_of_mass_m)[:, :2]
+    return -mid.velocity_body_m_s[:, :2] @ (arm / np.linalg.norm(arm, axis=1, keepdims=True)).T
+
+
+PER_ROTOR = (
+    RotorVariable("n", "rad/s", lambda flight, mid, vehicle: flight.rotor_speed_rad_s, 9),
+    RotorVariable("s", "m/s", _downstream, 6),
+)
+"""Its speed n, and s, the speed at which the wake of the others comes towards it: -v_xy along its arm."""
+ROTORS_OWN = {v.name: v for v in PER_ROTOR}
+UNIT = {v.name: v.unit for v in (*VARIABLES, *PER_ROTOR)}
+"""Of every variable."""
+
+THRUST = "T"
+"""Thrust of every rotor, by one law for all: a curve is the share of its thrust that a rotor gains or loses. It shows
+in F_z, and by the arms in M_x and M_y, as no curve of a single channel does. (Drag that grows with thrust follows too,
+by far less.)"""
+ROTORS = tuple(f"{THRUST}_{i}" for i in range(4))
+"""The same of one rotor alone, against its own speed."""
+OF_THRUST = (*ROTORS_OWN, "v_z", "speed", "height")
+LOSSES = tuple(f"weak_rotor.loss_{i}" for i in range(4))
+"""Parameters whose derivatives say what a share of a rotor's thrust does."""
+SHOWN_BY_THRUST = ("F_z", "M_x", "M_y")
+
 WORLD = ("F_x_world", "F_y_world")
 """Level forces along the axes of the world: a tether, a draught, a slope of the floor pull so whatever the heading."""
 OF_THE_WORLD = ("constant", "time", "x", "y", "height")
 """What such a force may depend on; a constant one is what a pose frame that is not level shows."""
-EVERY_CHANNEL = (*CHANNELS, *WORLD)
+EVERY_CHANNEL = (*CHANNELS, *WORLD, THRUST, *ROTORS)
 
 
 def belongs(variable: str, channel: str) -> bool:
     """Whether curves of a variable are drawn in a channel."""
-    return channel in CHANNELS or variable in OF_THE_WORLD
+    if channel in CHANNELS:
+        return variable not in ROTORS_OWN
+    if channel in WORLD:
+        return variable in OF_THE_WORLD
+    return variable in OF_THRUST if channel == THRUST else variable == f"n_{channel[2]}"
 
 
-def along_axes(channel: str, mid: Middle) -> tuple[slice, FloatArray]:
+def unit(channel: str) -> str:
+    """Of a curve: a share of the thrust, a force or a torque."""
+    return "1" if channel[0] == THRUST else "N" if channel[0] == "F" else "N m"
+
+
+def along_axes(channel: str, mid: Middle) -> tuple[IndexArray, FloatArray]:
     """Which of the six accelerations (force, then torque, in body axes) a channel moves, and (k, 1 or 3) how much."""
     if channel in CHANNELS:
-        i = CHANNELS.index(channel)
-        return slice(i, i + 1), np.ones((len(mid.step_s), 1))
-    return slice(0, 3), mid.R_world_body[:, "xyz".index(channel[2])]
+        return np.array([CHANNELS.index(channel)]), np.ones((len(mid.step_s), 1))
+    return np.arange(3), mid.R_world_body[:, "xyz".index(channel[2])]
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +169,11 @@ def curves(flights: Sequence[Flight], states: Sequence[States], vehicle: Vehicle
     driven = [motor.driven(f, vehicle) for f in flights]
     mids = [middle(f, s) for f, s in zip(driven, states, strict=True)]
     found = []
+    for variable in PER_ROTOR:
+        values = np.concatenate([variable.read(f, m, vehicle).ravel() for f, m in zip(driven, mids, strict=True)])
+        family = curves_of(variable, values)
+        if family is not None:
+            found.append(family)
     by_command = any(f.driven_by_command for f in flights)
     for variable in (v for v in VARIABLES if by_command or not v.of_commands):
         values = np.concatenate([variable.read(f, m) for f, m in zip(driven, mids, strict=True)])
@@ -132,7 +183,7 @@ def curves(flights: Sequence[Flight], states: Sequence[States], vehicle: Vehicle
     return tuple(found)
 
 
-def curves_of(variable: Variable, values: FloatArray) -> Curve | None:
+def curves_of(variable: Variable | RotorVariable, values: FloatArray) -> Curve | None:
     """Curves of one variable over the range of its values; none if it hardly changes, or was not logged."""
     if variable.name == "constant":
         return Curve("constant", np.zeros(0))
@@ -148,3 +199,31 @@ def curves_of(variable: Variable, values: FloatArray) -> Curve | None:
 def columns(curves_: Sequence[Curve], flight: Flight, mid: Middle) -> FloatArray:
     """(k, c) all families side by side along one flight."""
     return np.concatenate([c.basis(VARIABLE[c.variable].read(flight, mid)) for c in curves_], axis=1)
+
+
+def accelerations(
+    channel: str, curves_: Sequence[Curve], flight: Flight, mid: Middle, vehicle: Vehicle
+) -> tuple[IndexArray, FloatArray]:
+    """Which of the six accelerations curves in a channel move, and (k, r, c) by how much each function does.
+
+    Args:
+        vehicle: with the effect `weak_rotor`, by whose losses thrust is changed.
+    """
+    if channel[0] != THRUST:
+        which, share = along_axes(channel, mid)
+        return which, share[:, :, None] * columns(curves_, flight, mid)[:, None]
+    by_share = -slopes_along(vehicle, LOSSES, flight, mid).parameters
+    which = np.flatnonzero([name in SHOWN_BY_THRUST for name in CHANNELS])
+    rotors = range(4) if channel == THRUST else [int(channel[2])]
+    drawn = [by_share[:, which, i, None] * _of_rotor(i, curves_, flight, mid, vehicle)[:, None] for i in rotors]
+    return which, np.sum(drawn, axis=0)
+
+
+def _of_rotor(i: int, curves_: Sequence[Curve], flight: Flight, mid: Middle, vehicle: Vehicle) -> FloatArray:
+    """(k, c) all families along one flight, as one rotor has their variables."""
+    parts = []
+    for curve in curves_:
+        own = ROTORS_OWN.get(curve.variable)
+        values = own.read(flight, mid, vehicle)[:, i] if own else VARIABLE[curve.variable].read(flight, mid)
+        parts.append(curve.basis(values))
+    return np.concatenate(parts, axis=1)

@@ -84,7 +84,7 @@ def _not_two_groups(added: FloatArray, order: IndexArray, cut: int, sigma: float
     if max(np.ptp(light), np.ptp(heavy)) <= most:
         return ""
     grams = ", ".join(f"{1000.0 * kg:.0f}" for kg in added)
-    return f"by weight or by thrust the flights differ as {grams} g would, which are not the two groups a load makes"
+    return f"the flights differ in weight or thrust by {grams} g, but not in two groups, with and without a load"
 
 
 def _between(covariance: FloatArray) -> float:

@@ -184,7 +184,7 @@ class Question:
         unbiased = {name: point.sensors[name] for name in SENSOR_NAMES}
         point = replace(point, sensors=unbiased, states=(flown.states,))
         sensor = fit.unknowns.sensor if flown.flight.has_pose else ()
-        own, _ = nuisances([flown.flight], fit.clock)
+        own, _ = nuisances([flown.flight], fit.clock, fit.vehicle)
         own = replace(own, model=fit.unknowns.model, sensor=sensor)
         return shared_information(Evidence([flown.flight], point, fit.noise, own, self.model.candidate_set))
 
@@ -265,7 +265,7 @@ class Question:
 
 
 def _sure(probability: float) -> str:
-    return "certain beyond 99.9 %" if probability > 0.999 else f"{probability:.1%} certain"
+    return "more than 99.9 % certain" if probability > 0.999 else f"{probability:.1%} certain"
 
 
 def ask(model: Diagnosis | Model, candidates: Sequence[str] | None = None) -> Question:

@@ -24,7 +24,7 @@ from sysid.diagnosis.findings import (
     Stair,
     Verdict,
 )
-from sysid.diagnosis.free_form import VARIABLE
+from sysid.diagnosis.free_form import THRUST, UNIT
 from sysid.diagnosis.score import Score
 from sysid.diagnosis.search import Search, Trial, search
 from sysid.diagnosis.thresholds import THRESHOLDS
@@ -224,7 +224,7 @@ def diagnose(
         )
     names = [str(log.metadata.get("name", f"flight {i + 1}")) for i, log in enumerate((*logs, *held_out))]
     if any(log is other for log in held_out for other in logs):
-        raise InputError("a flight is both to learn from and to judge by; split whole flights between the two")
+        raise InputError("a flight is given both for fitting and as held out; give each flight for one of the two")
     input_verdict = fits.of_logs(check_log(log, vehicle) for log in (*logs, *held_out))
     options = while_searching(options or Options(gusts="white"))
     try:
@@ -254,7 +254,10 @@ def diagnose(
         invisible=found.models[0].candidate_set.invisible,
         flights=tuple(names[: len(logs)]),
         held_out=tuple(names[len(logs) :]),
-        findings=((found.too_short,) if found.too_short else ()) + last.findings + left_out(found.unseen),
+        findings=((found.too_short,) if found.too_short else ())
+        + last.findings
+        + left_out(found.unseen)
+        + judged.not_converged,
         search=found,
         payload_carried=_newly_told((*logs, *held_out), carried),
         judged=judged,
@@ -416,12 +419,14 @@ def _outside(model: Model, found: Outside) -> OutsideFinding:
     basis = curve.basis(at)
     variance = np.einsum("ij,jk,ik->i", basis, blocks.covariance, basis)
     body = rigid_body(model.fit.vehicle)
-    axis = "xyz".index(found.channel[2])
-    scale = body.mass_kg if found.channel[0] == "F" else body.inertia_kg_m2[axis, axis]
+    scale = 1.0
+    if found.channel[0] != THRUST:
+        axis = "xyz".index(found.channel[2])
+        scale = body.mass_kg if found.channel[0] == "F" else body.inertia_kg_m2[axis, axis]
     return OutsideFinding(
         channel=found.channel,
         variable=found.variable,
-        variable_unit=VARIABLE[found.variable].unit,
+        variable_unit=UNIT[found.variable],
         at=at,
         acceleration=basis @ blocks.size,
         band=np.sqrt(np.maximum(variance, 0.0)),

@@ -185,13 +185,15 @@ class Trial:
     def sentence(self) -> str:
         """How it ended, with the numbers."""
         judged, curve = self.held_out, self.proxy_for
-        scatter = f"± {judged.sigma:.1f}" if np.isfinite(judged.sigma) else "(one stretch, so nobody knows how surely)"
+        scatter = (
+            f"± {judged.sigma:.1f}" if np.isfinite(judged.sigma) else "(one stretch of flight: uncertainty unknown)"
+        )
         numbers = f"the cost of {self.judged_on} fell by {judged.total:.1f} {scatter}"
         match self.outcome:
             case Outcome.ADDED:
                 return f"helped: {numbers}"
             case Outcome.NOT_CONFIRMED:
-                return f"{'fell, but not surely enough' if judged.total > 0.0 else 'did not help'}: {numbers}"
+                return f"{'fell, but not significantly' if judged.total > 0.0 else 'did not help'}: {numbers}"
             case Outcome.UNDECIDED:
                 return f"not named: {' or '.join(self.between[1:])} explains as much; {numbers}"
             case Outcome.REMOVED:
@@ -347,6 +349,7 @@ def _next(
     outdone_by = stands(after, best.candidate)
     reduction, confirmed, why = _confirmed(model, best, unseen)
     there = supported(reduction.total, model.scores[best.candidate.name].dispersion)
+    confirmed &= _matters(best)
     outcome = Outcome.PROXY if outdone_by else Outcome.ADDED if confirmed else Outcome.NOT_CONFIRMED
     as_likely = float(np.exp(-THRESHOLDS.clear_lead))
     if outcome is Outcome.ADDED and max(odds.values(), default=0.0) > as_likely:
@@ -375,6 +378,12 @@ def _next(
         reduction.sigma,
     )
     return trial, after
+
+
+def _matters(fitted: Fitted) -> bool:
+    """Whether the full fit leaves it a size of any consequence: of a lag, other clocks may leave nothing."""
+    own = [abs(fitted.fit.vehicle.value(n)) for n in fitted.candidate.parameters]
+    return bool((np.array(own) > THRESHOLDS.least_size * np.array(fitted.candidate.usual)).any())
 
 
 def _odds(model: Model, best: Fitted, other: Fitted) -> float:

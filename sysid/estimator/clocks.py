@@ -1,7 +1,8 @@
 """Clocks: how late each stream of a log is, estimated in every fit as the gyro's bias is.
 
 Only differences of clocks show, so one stream is the reference: the pose, or where there is none the IMU. The pose
-itself may be late by the vehicle's effect `pose_delay`; while that is estimated, rotor speed is the reference.
+itself may be late by the vehicle's effect `pose_delay`; while that is estimated, rotor speed is the reference, and of
+logs that hold commands alone the gyro: commands are carried out later than they are sent, by a time of their own.
 
 A stream that is late by d showed at time t what was at t - d; read at t + d it agrees with the motion at t.
 """
@@ -16,9 +17,16 @@ from sysid.estimator.flight_data import Flight
 from sysid.estimator.options import Reference
 
 ROTOR_SPEED, GYRO, ACCELEROMETER = "rotor_speed_rad_s", "rate_body_rad_s", "specific_force_body_m_s2"
-NAMES = {ROTOR_SPEED: "rotor_speed_delay_s", GYRO: "gyro_delay_s", ACCELEROMETER: "accelerometer_delay_s"}
-"""Delay of each stream; every log has its own."""
-STREAMS = {GYRO: "gyro", ACCELEROMETER: "accelerometer", ROTOR_SPEED: "rotor speed"}
+COMMAND = "rotor_speed_command_rad_s"
+NAMES = {
+    ROTOR_SPEED: "rotor_speed_delay_s",
+    COMMAND: "command_delay_s",
+    GYRO: "gyro_delay_s",
+    ACCELEROMETER: "accelerometer_delay_s",
+}
+"""Delay of each stream; every log has its own. A command is carried out some time after it was sent: such commands are
+early, by a negative delay."""
+STREAMS = {GYRO: "gyro", ACCELEROMETER: "accelerometer", ROTOR_SPEED: "rotor speed", COMMAND: "rotor speed command"}
 """In words."""
 PRIOR_S = 0.02
 """Standard deviation of the prior on each: telemetry of speed controllers is late by 3 to 21 ms."""
@@ -38,13 +46,27 @@ def delay_of(quantity: str, flight: Flight, values: Mapping[str, float]) -> floa
     return values.get(delay_name(quantity, flight.log_index), 0.0)
 
 
-def estimated(flights: Iterable[Flight], reference: Reference) -> dict[str, float]:
-    """Names of the delays of every log that are estimated, and the width of the prior on each."""
+def estimated(flights: Iterable[Flight], reference: Reference, *, with_lag: bool) -> dict[str, float]:
+    """Names of the delays of every log that are estimated, and the width of the prior on each.
+
+    Args:
+        with_lag: whether the vehicle has motors that lag. A lag is a delay to first order, so without one in the model
+            commands are taken to be on time, and what is late about them is the lag's to explain.
+    """
     found = {}
     for flight in flights:
-        fixed = (ROTOR_SPEED if reference == "rotor speed" else "") if flight.has_pose else GYRO
-        found |= {delay_name(q, flight.log_index): PRIOR_S for q in NAMES if q in flight.streams and q != fixed}
+        fixed = (reference_of(flight, reference), "" if with_lag else COMMAND)
+        found |= {delay_name(q, flight.log_index): PRIOR_S for q in NAMES if q in flight.streams and q not in fixed}
     return dict(sorted(found.items()))
+
+
+def reference_of(flight: Flight, reference: Reference) -> str:
+    """The stream of a flight whose clock the others are measured against; empty for the pose."""
+    if not flight.has_pose:
+        return GYRO
+    if reference == "pose":
+        return ""
+    return next((q for q in (ROTOR_SPEED, GYRO) if q in flight.streams), COMMAND)
 
 
 def moved_reading(
@@ -67,7 +89,7 @@ class Clock:
     """How late one stream of one log was."""
 
     stream: str
-    """`gyro`, `accelerometer` or `rotor speed`."""
+    """`gyro`, `accelerometer`, `rotor speed` or `rotor speed command`."""
     against: str
     """The stream whose clock is the reference."""
     flight: str
@@ -96,13 +118,16 @@ def pose_is_late(clocks: Sequence[Clock]) -> bool:
     """Whether all other streams of all flights are early against the pose, and by the same time.
 
     Then the pose is the one that is off. Rotor speed alone is taken so as well: telemetry is never ahead of the rotors.
+    Commands are no witness, for they are ahead of the rotors on every vehicle; where nothing else is known of the
+    rotors, the gyro is.
     """
-    against = [clock for clock in clocks if clock.against == "pose"]
+    against = [c for c in clocks if c.against == "pose" and c.stream != STREAMS[COMMAND]]
     rotors = [clock for clock in against if clock.stream == STREAMS[ROTOR_SPEED]]
-    if not rotors:
+    witnesses = rotors or [clock for clock in against if clock.stream == STREAMS[GYRO]]
+    if not witnesses:
         return False
-    weight = np.array([clock.std_robust**-2 for clock in rotors])
-    common_s = float(weight @ [clock.delay_s for clock in rotors] / weight.sum())
+    weight = np.array([clock.std_robust**-2 for clock in witnesses])
+    common_s = float(weight @ [clock.delay_s for clock in witnesses] / weight.sum())
     agree = all(abs(c.delay_s - common_s) < LEAST_DELAY_S + SURE_SIGMAS * c.std_robust for c in against)
     return agree and common_s < -max(LEAST_DELAY_S, SURE_SIGMAS * float(weight.sum()) ** -0.5)
 

@@ -79,6 +79,8 @@ class Comparison:
     """Number of predictions behind each error."""
     left_out: tuple[str, ...]
     """In words, stretches of the flights that were not judged, and why."""
+    not_converged: tuple[str, ...]
+    """In words, models under which the states of the flights did not converge, so that their errors may be off."""
 
     def wrench_rms(self, model: str) -> FloatArray:
         """(6,) root mean square of the residual force (N) and torque (N m) of one model, after a 0.1 s mean."""
@@ -87,8 +89,8 @@ class Comparison:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """A sentence on each model that cannot be these flights' vehicle as it is."""
-        said = []
+        """A sentence on each model that cannot be these flights' vehicle as it is, or whose figures are not settled."""
+        said = list(self.not_converged)
         for name, vehicle in self.models.items():
             body, wrench = rigid_body(vehicle), self.wrench_rms(name)
             force = float(wrench[:3].max()) / body.mass_kg
@@ -159,10 +161,13 @@ def compare(
     smoothed = smooth(flights, first, options, progress=within(progress, "compare", 0.0, FIRST_SHARE))
     reference = smooth(flights, first, options, process_scale=REFERENCE_LOOSENESS, near=smoothed).point.states
     errors, flight_errors, residuals = {}, {}, {}
-    count = 0
+    count, open_ = 0, []
     for i, (name, vehicle) in enumerate(models.items()):
         begun, done = (FIRST_SHARE + (1.0 - FIRST_SHARE) * (i + part) / len(models) for part in (0.0, 0.7))
         smoothed = smooth(flights, vehicle, options, near=smoothed, progress=within(progress, "compare", begun, done))
+        if not smoothed.converged:
+            steps = len(smoothed.record)
+            open_.append(f"the states under {name} did not converge in {steps} steps (--steps): its errors may be off")
         states = smoothed.point.states
         sensor = PoseSensor.of(vehicle)
         driven = [rotor_speed.aligned(f, smoothed.point.sensors) for f in flights]
@@ -177,7 +182,7 @@ def compare(
         )
         count = sum(len(p["position"][0]) for p in parts)
         progress("compare", FIRST_SHARE + (1.0 - FIRST_SHARE) * (i + 1) / len(models))
-    return Comparison(tuple(flights), dict(models), errors, flight_errors, residuals, count, touched)
+    return Comparison(tuple(flights), dict(models), errors, flight_errors, residuals, count, touched, tuple(open_))
 
 
 def _errors(

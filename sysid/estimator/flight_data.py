@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flight import rotations
+from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
 from sysid.estimator.sampling import Signal
 
@@ -39,6 +40,8 @@ class Flight:
     """What was commanded just before; only where rotor speed was not measured."""
     carries_payload: bool | None = None
     """Whether the vehicle's payload, if it has one, was on board; None where the log does not say: it was."""
+    gravity_m_s2: float = GRAVITY_M_S2
+    """Where it was flown."""
     left_out: str = ""
     """In words, which stretches of its log are not part of any flight, and why."""
 

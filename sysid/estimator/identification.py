@@ -187,7 +187,7 @@ def _unknowns(vehicle: Vehicle, flights: list[Flight], options: Options) -> tupl
     wanted = SENSOR_NAMES if options.pose_sensor and with_pose else ()
     sensor = tuple(n for n in wanted if n in vehicle.parameters and n not in options.held)
     clock = "rotor speed" if DELAY in sensor else options.clock
-    own, _ = nuisances(flights, clock)
+    own, _ = nuisances(flights, clock, vehicle)
     return replace(own, model=_names(vehicle, flights, options), sensor=sensor), clock
 
 
@@ -255,7 +255,7 @@ def smooth(
         process_scale: more than 1 trusts the model less, so that the measurements decide.
         near: the same of a similar vehicle; its states and noise levels are started from.
     """
-    unknowns, width = nuisances(flights, "pose")
+    unknowns, width = nuisances(flights, "pose", vehicle)
     point, noise = start(vehicle, flights)
     if near is not None:
         point = Point(vehicle, {**near.point.sensors, **point.sensors}, near.point.states)

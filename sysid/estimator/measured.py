@@ -18,6 +18,7 @@ from sysid.estimator.identification import smooth
 from sysid.estimator.midpoint import Middle, middle, rates_of_change
 from sysid.estimator.options import Options
 from sysid.estimator.states import States, first_guess
+from sysid.estimator.unknowns import nuisances
 from vehicle import Vehicle
 
 VELOCITY = "velocity_world_m_s"
@@ -28,7 +29,7 @@ FEWEST = 2
 def delays(flights: Sequence[Flight], vehicle: Vehicle, options: Options) -> dict[str, float]:
     """Delays of the streams of all logs, estimated with the states; the vehicle stays as it is."""
     found = smooth(list(flights), vehicle, options).point.sensors
-    return {name: found[name] for name in clocks.estimated(flights, "pose")}
+    return {name: found[name] for name in nuisances(flights, "pose", vehicle)[0].delay}
 
 
 def on_time(flight: Flight, late: Mapping[str, float]) -> Flight:

@@ -5,12 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight import rotations
-from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.states import States
-
-GRAVITY_WORLD_M_S2 = np.array([0.0, 0.0, -GRAVITY_M_S2])
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +30,8 @@ class Middle:
     """(k, 3)."""
     rate_body_rad_s: FloatArray
     """(k, 3)."""
+    gravity_world_m_s2: FloatArray
+    """(3,)."""
 
 
 def middle(flight: Flight, states: States) -> Middle:
@@ -51,11 +50,17 @@ def middle(flight: Flight, states: States) -> Middle:
         velocity_world_m_s=velocity,
         velocity_body_m_s=(velocity[:, None, :] @ R)[:, 0],
         rate_body_rad_s=0.5 * (states.rate_body_rad_s[:-1] + states.rate_body_rad_s[1:]),
+        gravity_world_m_s2=gravity_world(flight),
     )
+
+
+def gravity_world(flight: Flight) -> FloatArray:
+    """(3,) in m/s2, z up."""
+    return np.array([0.0, 0.0, -flight.gravity_m_s2])
 
 
 def rates_of_change(states: States, mid: Middle) -> FloatArray:
     """(k, 6) specific force and angular acceleration that the states show over each interval, body axes."""
-    dv = np.diff(states.velocity_world_m_s, axis=0) / mid.step_s - GRAVITY_WORLD_M_S2
+    dv = np.diff(states.velocity_world_m_s, axis=0) / mid.step_s - mid.gravity_world_m_s2
     specific_force = (dv[:, None, :] @ mid.R_world_body)[:, 0]
     return np.concatenate([specific_force, np.diff(states.rate_body_rad_s, axis=0) / mid.step_s], axis=1)

@@ -5,6 +5,10 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from flight import InputError
+from flight.frames import GRAVITY_M_S2
+
+GRAVITY_ON_EARTH_M_S2 = (9.76, 9.84)
+"""Least (a high mountain at the equator) and most (a pole)."""
 
 Reference = Literal["pose", "rotor speed"]
 """Streams whose clock the others can be measured against."""
@@ -27,8 +31,9 @@ class Options:
     use_accelerometer: bool = False
     """Use `specific_force_body_m_s2` also when there is a pose; without a pose it is always used."""
     clock: Reference = "pose"
-    """Against whose clock the delays of gyro, accelerometer and rotor speed are estimated. Against rotor speed, the
-    pose is late by the vehicle's `pose_delay`, or not at all."""
+    """Against whose clock the delays of gyro, accelerometer, rotor speed and commands are estimated. Against rotor
+    speed (of logs of commands alone: against the gyro), the pose is late by the vehicle's `pose_delay`, or not at
+    all."""
     gaps: Literal["refuse", "split"] = "refuse"
     """A log with a gap: refuse it, or fit the pieces between gaps as separate flights."""
     unseen: Literal["refuse", "hold"] = "hold"
@@ -40,6 +45,9 @@ class Options:
     gusts: Literal["estimate", "white"] = "estimate"
     """Disturbances that last (gusts, a swinging load): estimate their size and duration when the flights show such, and
     carry them among the states; or take all that is unexplained for white noise."""
+    gravity_m_s2: float = GRAVITY_M_S2
+    """Where it was flown: 9.780 at the equator, 9.832 at the poles, 3e-6 less for every metre up. All thrust is in
+    proportion to it."""
     block_s: float = 1.5
     """Length of the blocks within which errors may be correlated, for the robust standard errors."""
     max_iterations: int = 30
@@ -49,6 +57,9 @@ class Options:
         for name in ("node_rate_hz", "block_s"):
             if not getattr(self, name) > 0.0:
                 raise InputError(f"option {name} is {getattr(self, name)}; it must be positive")
+        low, high = GRAVITY_ON_EARTH_M_S2
+        if not low <= self.gravity_m_s2 <= high:
+            raise InputError(f"gravity_m_s2 is {self.gravity_m_s2}; on Earth it is between {low} and {high} m/s2")
         if self.max_iterations < 1:
             raise InputError(f"max_iterations is {self.max_iterations}; it must be at least 1")
         for name, std in self.prior_std.items():

@@ -8,7 +8,7 @@ from flight import rotations
 from flight.rotations import FloatArray
 from sysid.estimator.closed_loop import ClosedLoop
 from sysid.estimator.flight_data import Flight, IndexArray
-from sysid.estimator.midpoint import GRAVITY_WORLD_M_S2
+from sysid.estimator.midpoint import gravity_world
 from sysid.estimator.model import surroundings
 from sysid.estimator.states import States
 from sysid.logs.payload import as_flown
@@ -37,7 +37,7 @@ class Predictor:
         force, turning = np.zeros((2, len(interval), 3))
         if self.force is not None:
             specific_force, turning = _of_vehicle(self.force, flight, interval, at)
-            force = rotations.rotate(at.q_world_body, specific_force) + GRAVITY_WORLD_M_S2
+            force = rotations.rotate(at.q_world_body, specific_force) + gravity_world(flight)
         if self.turning is None:
             return force, np.zeros_like(force)
         if isinstance(self.turning, ClosedLoop):

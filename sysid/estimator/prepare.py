@@ -153,8 +153,9 @@ def _flight(
     readings = {quantity: values for block in BLOCKS for quantity, values in block.read(stretch).items()}
     streams = {q: stretch.stream(q) for q in (clocks.GYRO, clocks.ACCELEROMETER) if np.isfinite(readings[q]).any()}
     if by_command:
-        command = motor.read(stretch)
-        speed, acceleration = command, np.zeros_like(command)
+        streams[motor.QUANTITY] = motor.read(stretch)
+        speed = streams[motor.QUANTITY].means(stretch.time_s)[0]
+        acceleration = np.zeros_like(speed)
     else:
         streams[rotor_speed.QUANTITY] = stretch.stream(rotor_speed.QUANTITY)
         speed, acceleration = streams[rotor_speed.QUANTITY].means(stretch.time_s)
@@ -169,6 +170,7 @@ def _flight(
         battery_v=battery.read(stretch),
         streams=streams,
         carries_payload=carries_payload(log),
+        gravity_m_s2=options.gravity_m_s2,
     )
     return _after_lead_in(flight) if by_command else flight
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
+from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
 from sysid.estimator import clocks
 from sysid.estimator import verdict as verdicts
@@ -249,7 +250,7 @@ def _clocks(
     """Args: std: (p,) robust standard errors of all shared parameters."""
     found, seen = [], set()
     for flight in flights:
-        against = reference if flight.has_pose else "gyro"
+        against = clocks.STREAMS.get(clocks.reference_of(flight, reference), "pose")
         for quantity, stream in clocks.STREAMS.items():
             name = clocks.delay_name(quantity, flight.log_index)
             if name in unknowns.delay and name not in seen:
@@ -324,6 +325,12 @@ def _findings(vehicle: Vehicle, estimates: list[Estimate], solution: Solution, f
         f"mass_kg was given as {vehicle.mass_kg:g} and not estimated: pose and rotor speed show only ratios to it, so "
         "thrust, drag and inertia are as right as the mass is"
     ]
+    gravity_m_s2 = flights[0].gravity_m_s2
+    if gravity_m_s2 != GRAVITY_M_S2:
+        found.append(
+            f"gravity was given as {gravity_m_s2:g} m/s2; plans and controller take {GRAVITY_M_S2:g} everywhere, which "
+            f"changes thrust in hover by {abs(GRAVITY_M_S2 / gravity_m_s2 - 1.0):.1%}"
+        )
     noise = solution.noise
     if noise.gusts is not None:
         size = noise.gusts.size

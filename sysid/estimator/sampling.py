@@ -71,9 +71,9 @@ class Stretch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Signal:
-    """A sampled signal between its samples, by a cubic spline; before the first and after the last it is held."""
+    """A sampled signal between its samples, by polynomials; before the first and after the last it is held."""
 
-    spline: CubicSpline
+    spline: PPoly
     area: PPoly
     """Its antiderivative."""
 
@@ -82,6 +82,12 @@ class Signal:
         """Through samples (n, c)."""
         spline = CubicSpline(time_s, values, axis=0)
         return Signal(spline, spline.antiderivative())
+
+    @staticmethod
+    def held(time_s: FloatArray, values: FloatArray) -> "Signal":
+        """Each sample (n, c) held until the next, as commands are."""
+        steps = PPoly(values[None, :-1], time_s)
+        return Signal(steps, steps.antiderivative())
 
     def value(self, time_s: FloatArray) -> FloatArray:
         """(n, c)."""
@@ -105,11 +111,3 @@ class Signal:
 
     def _inside(self, time_s: FloatArray) -> FloatArray:
         return np.clip(time_s, self.spline.x[0], self.spline.x[-1])
-
-
-def held_means(time_s: FloatArray, values: FloatArray, node_s: FloatArray) -> FloatArray:
-    """Mean over each interval of a signal that holds each value until the next: (k, c)."""
-    step_s = np.diff(time_s)[:, None]
-    area = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values[:-1] * step_s, axis=0)])
-    at_nodes = np.stack([np.interp(node_s, time_s, column) for column in area.T], axis=1)
-    return np.diff(at_nodes, axis=0) / np.diff(node_s)[:, None]

@@ -411,7 +411,7 @@ def _block_scores(rows: Rows, sensitivity: FloatArray, time_s: FloatArray, block
     edges = np.searchsorted(time_s, np.arange(time_s[0], time_s[-1], block_s))
     found = []
     for begin, end in zip(edges, [*edges[1:], len(time_s)], strict=True):
-        columns = np.concatenate([defect[begin:end].reshape(-1, p), sensor[begin:end].reshape(-1, p)])
         residual = np.concatenate([rows.defect[begin:end].ravel(), rows.sensor[begin:end].ravel()])
+        columns = np.concatenate([defect[begin:end].ravel(), sensor[begin:end].ravel()]).reshape(len(residual), p)
         found.append((columns.T @ columns, columns.T @ residual))
     return tuple(found)

@@ -66,9 +66,9 @@ def biases(flights: Sequence[Flight]) -> dict[str, float]:
     return found
 
 
-def nuisances(flights: Sequence[Flight], reference: Reference) -> "tuple[Unknowns, FloatArray]":
+def nuisances(flights: Sequence[Flight], reference: Reference, vehicle: Vehicle) -> "tuple[Unknowns, FloatArray]":
     """Unknowns that every log has of its own, biases and delays, and (p,) the widths of the weak priors on them."""
-    bias, delay = biases(flights), estimated(flights, reference)
+    bias, delay = biases(flights), estimated(flights, reference, with_lag=motor.lags(vehicle))
     return Unknowns((), (), tuple(bias), tuple(delay)), np.array([*bias.values(), *delay.values()])
 
 

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight import rotations
-from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
 from sysid.estimator.blocks import motor
 from sysid.estimator.blocks.motion import FORCE, moved_by_acceleration
@@ -96,7 +95,7 @@ def cost(flights: Sequence[Flight], point: Point) -> float:
 def _residual(flight: Flight, states: States, vehicle: Vehicle) -> float:
     duration_s = flight.step_s.sum()
     gained_m_s = states.velocity_world_m_s[-1, 2] - states.velocity_world_m_s[0, 2]
-    mean_m_s2 = float(gained_m_s / duration_s + GRAVITY_M_S2 - _upward_force(flight, states, vehicle).mean())
+    mean_m_s2 = float(gained_m_s / duration_s + flight.gravity_m_s2 - _upward_force(flight, states, vehicle).mean())
     allowed_m_s2 = FREE_M_S2 * np.sqrt(1.0 + SETTLES_S / duration_s)
     return float(np.sign(mean_m_s2)) * max(abs(mean_m_s2) - allowed_m_s2, 0.0) / STIFF_M_S2
 

@@ -207,7 +207,7 @@ def _frozen(log: FlightLog) -> list[Finding]:
         start, end = _longest_repeat(values[rows])
         length_s = float(log.time_s[rows[end]] - log.time_s[rows[start]])
         if length_s > FROZEN_S and end - start >= 10:
-            sentence = f"{quantity} repeats itself for {length_s:.2f} s from {log.time_s[rows[start]]:.2f} s on"
+            sentence = f"{quantity} repeats one value for {length_s:.2f} s from {log.time_s[rows[start]]:.2f} s on"
             where = ((float(log.time_s[rows[start + 1]]), float(log.time_s[rows[end]])),)
             repair = Repair("blank", columns, spans=where)
             fix = "cut that stretch out, or write NaN there"

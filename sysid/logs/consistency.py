@@ -153,11 +153,11 @@ def _velocity(log: FlightLog, motion: Kinematics) -> list[Finding]:
         if not np.std(motion.velocity_world_m_s[:, i]) > 0.1 or not np.isfinite(sure):
             continue
         if slope + sure < -0.5:
-            sentence = f"velocity_world_{axis} runs against the position's slope ({slope:.2f} of it)"
+            sentence = f"velocity_world_{axis} has the opposite sign of the position's derivative ({slope:.2f} of it)"
             repair = Repair("scale", (COLUMNS["velocity_world_m_s"][i],), factor=-1.0)
             found.append(error("frame", sentence, f"turn the sign of velocity_world_{axis}", repair=repair))
         elif slope + sure < 0.8 or slope - sure > 1.25:
-            sentence = f"velocity_world_{axis} is {slope:.2f} times the position's slope"
+            sentence = f"velocity_world_{axis} is {slope:.2f} times the position's derivative"
             found.append(warning("unit", sentence, "check its unit, or whether it is in body axes"))
     return found
 
@@ -177,7 +177,7 @@ def _gyro(log: FlightLog, motion: Kinematics) -> list[Finding]:
             found.append(
                 error(
                     "unit",
-                    f"rate_body_{axis} is {slope:.0f} times the attitude's turning: deg/s",
+                    f"rate_body_{axis} is {slope:.0f} times the rate of the attitude: deg/s",
                     "divide it by 57.2958",
                     repair=Repair("scale", (COLUMNS["rate_body_rad_s"][i],), factor=1.0 / DEGREES),
                 )
@@ -186,7 +186,7 @@ def _gyro(log: FlightLog, motion: Kinematics) -> list[Finding]:
             found.append(
                 error(
                     "frame",
-                    f"rate_body_{axis} turns against the attitude",
+                    f"rate_body_{axis} has the opposite sign of the attitude's rate",
                     f"turn the sign of rate_body_{axis}",
                     repair=Repair("scale", (COLUMNS["rate_body_rad_s"][i],), factor=-1.0),
                 )
@@ -196,7 +196,7 @@ def _gyro(log: FlightLog, motion: Kinematics) -> list[Finding]:
             found.append(
                 error(
                     "frame",
-                    f"rate_body_{axis} follows the turning about {other}",
+                    f"rate_body_{axis} follows the attitude's rate about {other}",
                     "check the order of the gyro's axes",
                 )
             )

@@ -11,7 +11,7 @@ from sysid.diagnosis import explained
 from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.examined import reproduced
 from sysid.diagnosis.findings import OutsideFinding
-from sysid.diagnosis.free_form import VARIABLE, along_axes
+from sysid.diagnosis.free_form import THRUST, VARIABLE, along_axes
 from sysid.diagnosis.procedure import Diagnosis
 from sysid.estimator.comparison import SPAN_S, Residual, means_over
 from sysid.report import drawing, residual_plots, words
@@ -125,7 +125,7 @@ def evidence_for(found: Diagnosis, candidate: Candidate) -> "Figure":
     reach = np.quantile(scale * shown.trace_alone, [0.005, 0.995])
     panel.plot(reach, reach, "--", color=drawing.COLOURS[1], linewidth=1.6, label="as the effect would have it")
     panel.legend(frameon=False, fontsize=8)
-    drawing.plain(panel, "freed of all that other parameters can mimic", f"{title} ({written})", "")
+    drawing.plain(panel, "less what other parameters explain", f"{title} ({written})", "")
     if judged:
         _left_on_held_out(axes[0, 2], judged, shown.channel, variable)
     drawing.headed(figure, f"{title}: {candidate.regressor} (means over 0.1 s; dark: binned mean, 95 % band)")
@@ -156,28 +156,33 @@ def _left_on_held_out(panel: "Axes", judged: dict[str, Sequence[Residual]], chan
 
 
 def outside(found: Diagnosis, curve: OutsideFinding) -> "Figure":
-    """The curve that no known effect explains, with its band; beside it flights that it was not drawn through."""
+    """The curve that no known effect explains, with its band; beside it flights that it was not drawn through.
+
+    What rotors' thrust lacks shows in several channels at once and has no residual of its own to be laid beside it.
+    """
     scale, written = residual_plots.unit(curve.channel)
     mean = scale * curve.force_or_torque * curve.acceleration
     band = residual_plots.SIGMAS * scale * curve.force_or_torque * curve.band
-    figure, axes = drawing.figure(1, 2, (12.0, 3.8), sharex=True, sharey=True)
+    of_thrust = curve.channel[0] == THRUST
+    figure, axes = drawing.figure(1, 1 if of_thrust else 2, (12.0, 3.8), sharex=True, sharey=True)
     label = residual_plots.labelled(curve.variable)
-    last = found.search.models[-1]
-    left = found.judged.residuals[found.staircase[-1].model] if found.held_out else left_of(last)
-    at = explained.read(left, VARIABLE[curve.variable])
-    unexplained = scale * _in_channel(left, curve.channel)
-    residual_plots.scatter(axes[0, 1], at, unexplained, drawing.COLOURS[0])
     for panel in axes[0]:
         panel.fill_between(curve.at, mean - band, mean + band, color=drawing.COLOURS[1], alpha=0.25, linewidth=0)
         panel.plot(curve.at, mean, color=drawing.COLOURS[1], linewidth=1.8, label="the curve")
         panel.axhline(0.0, color=drawing.INK, linewidth=0.6)
-    axes[0, 1].legend(frameon=False, fontsize=8)
+    axes[0, -1].legend(frameon=False, fontsize=8)
     drawing.plain(axes[0, 0], "the curve, from the training flights", label, f"{curve.channel} ({written})")
+    sentence = f"{curve.channel} against {curve.variable}: what no known effect explains"
+    if of_thrust:
+        drawing.headed(figure, f"{sentence} (95 % band)")
+        return figure
+    left = found.judged.residuals[found.staircase[-1].model] if found.held_out else left_of(found.search.models[-1])
+    at = explained.read(left, VARIABLE[curve.variable])
+    residual_plots.scatter(axes[0, 1], at, scale * _in_channel(left, curve.channel), drawing.COLOURS[0])
     judged = f"unexplained on {', '.join(found.held_out)}, not used" if found.held_out else "unexplained there"
     if found.proxies:
         judged = f"{judged}, beside {' and '.join(map(words.effect, found.proxies))}"
     drawing.plain(axes[0, 1], judged, label, "")
-    sentence = f"{curve.channel} against {curve.variable}: what no known effect explains"
     drawing.headed(figure, f"{sentence} (95 % band; dots: means over 0.1 s; dark: binned mean)")
     return figure
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from sysid.diagnosis.findings import Outcome, OutsideFinding, Verdict
 from sysid.diagnosis.outlook import Outlook
 from sysid.diagnosis.procedure import Diagnosis
-from sysid.report import diagnosis_figures, diagnosis_tables, words
+from sysid.report import diagnosis_figures, diagnosis_tables, residual_plots, words
 from sysid.report.pages import picture, write_page
 
 CAPTIONS = {
@@ -108,12 +108,12 @@ def _belief_sentence(found: Diagnosis) -> str:
 
 
 def _curve_sentence(o: OutsideFinding) -> str:
-    unit = "N" if o.channel[0] == "F" else "N m"
-    curve = o.acceleration * o.force_or_torque
+    scale, written = residual_plots.unit(o.channel)
+    curve = scale * o.acceleration * o.force_or_torque
     return (
         f"The {words.channel(o.channel)} ({o.channel}) follows {escape(words.variable(o.variable))} "
         f"({escape(o.variable)}): from {diagnosis_tables.plain(float(curve.min()))} to "
-        f"{diagnosis_tables.plain(float(curve.max()))} {unit} over {o.at[0]:.3g} to {o.at[-1]:.3g} "
+        f"{diagnosis_tables.plain(float(curve.max()))} {written} over {o.at[0]:.3g} to {o.at[-1]:.3g} "
         f"{diagnosis_tables.unit(o.variable_unit)}. Chance alone would do so with probability "
         f"{diagnosis_tables.chance(o.significance)}."
     )

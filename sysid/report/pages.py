@@ -36,11 +36,11 @@ img { width: 100%; margin: .3em 0 } .held { color: #999 } li.error, .bad { color
 """
 
 CAPTIONS = {
-    "parameters": "How well each parameter is known, and which flight says so",
-    "convergence": "How the fit got there",
-    "correlation": "Which estimates hang together",
+    "parameters": "Each parameter with its standard error, and the information by flight",
+    "convergence": "Convergence of the fit",
+    "correlation": "Correlation of the estimates",
     "overlay": "Measured motion and model",
-    "residuals": "What is left, with its band",
+    "residuals": "Residuals, with their expected band",
     "prediction_error": "Prediction error against horizon",
     "residual_wrench": "Unexplained force and torque over time",
     "residual_share": "What explains the residual, channel by channel",

@@ -7,7 +7,7 @@ import numpy as np
 
 from flight.rotations import FloatArray
 from sysid.diagnosis import explained
-from sysid.diagnosis.free_form import VARIABLE
+from sysid.diagnosis.free_form import THRUST, UNIT, VARIABLE
 from sysid.estimator.comparison import SPAN_S, Residual, means_over
 from sysid.estimator.result import CHANNELS
 from sysid.report import drawing
@@ -28,6 +28,8 @@ SIGMAS = 1.96
 
 def unit(channel: str) -> tuple[float, str]:
     """Scale and unit a channel is drawn in."""
+    if channel[0] == THRUST:
+        return 100.0, "% of the thrust"
     return (1.0, "N") if channel[0] == "F" else (1000.0, "mN m")
 
 
@@ -103,7 +105,9 @@ def against(named: Residuals, pairs: Sequence[tuple[str, str]]) -> "Figure":
             title = f"{name}: {variable} predicts {share:.0%} of {channel}"
             drawing.plain(panel, title, labelled(variable), f"unexplained {channel} ({written})" if i == 0 else "")
     how = explained.judged_how(next(iter(named.values())))
-    drawing.headed(figure, f"What tells most of force and of torque {how}; dark: binned mean with 95 % band")
+    drawing.headed(
+        figure, f"The variables that explain most of force and torque {how}; dark: binned mean with 95 % band"
+    )
     return figure
 
 
@@ -166,7 +170,7 @@ def _side_by_side(
 
 def labelled(variable: str) -> str:
     """A variable with its unit."""
-    return f"{variable} ({VARIABLE[variable].unit})" if VARIABLE[variable].unit else variable
+    return f"{variable} ({UNIT[variable]})" if UNIT[variable] else variable
 
 
 def loudest(residuals: Sequence[Residual]) -> int:

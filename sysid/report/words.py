@@ -5,7 +5,9 @@ from collections.abc import Iterable
 
 
 def channel(name: str) -> str:
-    """`M_z` as `torque about z`."""
+    """`M_z` as `torque about z`, `T_2` as `thrust of rotor 2`."""
+    if name[0] == "T":
+        return f"thrust of rotor {name[2]}" if name[1:] else "thrust of every rotor"
     frame = " of the world" if name.endswith("_world") else ""
     return f"{'force along' if name[0] == 'F' else 'torque about'} {name[2]}{frame}"
 
@@ -28,6 +30,8 @@ def variable(name: str) -> str:
     plain = {
         "x": "place along x",
         "y": "place along y",
+        "n": "its speed",
+        "s": "the speed of the wake towards it",
         "constant": "nothing (it is always there)",
         "speed": "air speed",
         "voltage": "battery voltage",

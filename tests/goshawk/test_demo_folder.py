@@ -83,7 +83,7 @@ def test_another_folder_is_refused(tmp_path):
 
 def test_a_demo_that_was_broken_off_goes_on_after_its_last_finished_step(tmp_path, capsys):
     broken_off(tmp_path / "demo")
-    assert "finished: map; the same command goes on from there" in capsys.readouterr().err
+    assert "finished: map; the same command continues from there" in capsys.readouterr().err
     assert run(tmp_path / "demo", "second run") == {"text": "map of the first run"}
     assert "going on with the demo" in capsys.readouterr().err
     assert (tmp_path / "demo" / "walk.json").read_text() == "second run"

@@ -332,6 +332,57 @@ def test_bad_input_is_refused_in_one_sentence_and_no_file_changes(folder, line, 
     assert listing(folder) == before
 
 
+WRITERS = [
+    f"init new_project {V} {M} --flights good.parquet",
+    "vehicle new new.toml --mass 0.72 --arm 0.125 --prop-diameter 0.127",
+    "vehicle schema --out new.json",
+    "vehicle add-effect vehicle.toml flapping_moment moment_kg_m=0.0001",
+    "vehicle remove-effect vehicle.toml parasitic_drag --yes",
+    PLAN,
+    "log good.parquet --csv new.csv",
+    "log good.parquet --mcap new.mcap",
+    "log good.parquet --report new.html",
+    f"log rpm.parquet {V} --fix --out new.parquet",
+    "log good.csv --draft-columns new.toml",
+    f"{FIT.format('good.parquet')} --hold-unidentifiable --anyway",
+    "map edit map add --box 1,1,1,2,2,2",
+    "map edit map add --box 1,1,1,2,2,2 --preview new.html",
+    f"sitl {V} --key new.key",
+]
+
+
+@pytest.mark.parametrize("line", WRITERS)
+def test_a_full_disk_is_one_sentence_and_leaves_no_half_file(folder, line):
+    """A limit of 0 bytes a file does what a full disk does, to every file that is written."""
+    before = listing(folder)
+    allowed = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, allowed[1]))
+    try:
+        code, _, errors = attempt(folder, line)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, allowed)
+    assert code == 2, errors
+    assert "free some space" in last_sentence(errors)
+    assert files(listing(folder)) == files(before)
+
+
+def files(listed: dict[str, tuple[int, int]]) -> dict[str, int]:
+    """Names and sizes; the time of a folder changes with a temporary file."""
+    return {name: size for name, (size, _) in listed.items()}
+
+
+@pytest.mark.parametrize(
+    ("full", "line"), [("stdout", "vehicle schema"), ("stdout", f"check t_good.json {M} {V} --json"), ("stderr", "x")]
+)
+def test_a_full_disk_behind_the_terminals_output_ends_with_exit_code_2_and_no_traceback(folder, full, line):
+    with open("/dev/full", "w") as device:
+        streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, full: device}
+        ended = subprocess.run([sys.executable, "-m", "goshawk", *shlex.split(line)], cwd=folder, text=True, **streams)
+    assert ended.returncode == 2
+    if full == "stdout":
+        assert "free some space" in last_sentence(ended.stderr)
+
+
 @pytest.mark.parametrize(("line", "code", "words"), ANSWERED, ids=[line for line, *_ in ANSWERED])
 def test_a_fault_is_named(folder, line, code, words):
     before = listing(folder)

@@ -122,7 +122,7 @@ def test_a_folder_of_someone_else_is_not_taken_over(tmp_path: Path) -> None:
     mine = tmp_path / "map.work" / "notes.txt"
     mine.parent.mkdir()
     mine.write_text("keep")
-    with pytest.raises(InputError, match="someone else"), stages.begin(mine.parent):
+    with pytest.raises(InputError, match="not of an earlier run"), stages.begin(mine.parent):
         pass
     assert mine.read_text() == "keep"
 

@@ -17,9 +17,9 @@ def ask(points=POINTS, yaw=None) -> Waypoints:
 
 
 def test_no_vehicle_and_no_map_are_named(open_sky, drone):
-    with pytest.raises(InputError, match="no vehicle is given but None"):
+    with pytest.raises(InputError, match="expected a vehicle, got None"):
         planner.plan(ask(), open_sky, None)
-    with pytest.raises(InputError, match="no map is given but None"):
+    with pytest.raises(InputError, match="expected a map, got None"):
         planner.plan(ask(), None, drone)
 
 

@@ -101,7 +101,7 @@ def test_the_corridor_method_keeps_the_same_promise_without_a_stop(two_rooms, dr
 
 
 def test_least_snap_in_the_boxes_is_the_last_resort_and_stops_nowhere(two_rooms, drone, through, monkeypatch):
-    monkeypatch.setattr(planner.fastest, "until_flyable", lambda *_: None)
+    monkeypatch.setattr(planner.fastest, "until_flyable", lambda *_, **__: None)
     plan = planner.plan(through((-3, -2, 1), (3, -2, 1)), two_rooms, drone)
     assert plan.method == "corridor"
     assert dense_clearance(plan, two_rooms) >= 0.339
@@ -113,7 +113,7 @@ def test_a_quadratic_program_without_an_answer_is_refused_with_a_remedy(two_room
     def fails(self, durations_s):
         raise InfeasibleError("no answer")
 
-    monkeypatch.setattr(planner.fastest, "until_flyable", lambda *_: None)
+    monkeypatch.setattr(planner.fastest, "until_flyable", lambda *_, **__: None)
     monkeypatch.setattr(planner.repair.quadratic.SnapProgram, "solve", fails)
     with pytest.raises(PlanInfeasibleError, match="no answer; lower margin_m"):
         planner.plan(through((-3, -2, 1), (3, -2, 1)), two_rooms, drone)

@@ -133,8 +133,7 @@ void wake_skew_moment(Flow<T>& flow, const T* p) {
         T a[3];
         flow.hub_velocity(i, a);
         const T through = axial[i] + induced[i];
-        const T strength =
-            flow.rotor_speed[i] * induced[i] / sqrt(edgewise_squared[i] + through * through + 1e-12);
+        const T strength = flow.rotor_speed[i] * induced[i] / sqrt(edgewise_squared[i] + through * through + 1e-12);
         flow.torque[0] += p[0] * strength * a[1];
         flow.torque[1] -= p[1] * strength * a[0];
     }

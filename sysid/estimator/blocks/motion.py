@@ -14,11 +14,11 @@ import numpy as np
 from flight import rotations
 from flight.rotations import FloatArray
 from sysid import _sysid
-from sysid.estimator.blocks import rotor_speed
+from sysid.estimator.blocks import motor, rotor_speed
 from sysid.estimator.blocks.base import At, Block, Channel, Linear
 from sysid.estimator.clocks import delay_name
-from sysid.estimator.flight_data import Flight
-from sysid.estimator.midpoint import GRAVITY_WORLD_M_S2, Middle, rates_of_change
+from sysid.estimator.flight_data import Flight, IndexArray
+from sysid.estimator.midpoint import Middle, rates_of_change
 from sysid.estimator.model import along, slopes_along
 from sysid.estimator.noise import MOTION, Noise
 from sysid.estimator.states import ATTITUDE, GUST_FORCE, GUST_TORQUE, POSITION, RATE, VELOCITY, States
@@ -28,6 +28,8 @@ ROWS = 12
 """Defects of an interval, each in the place of the unknown that it belongs to."""
 FORCE, TORQUE = slice(0, 3), slice(3, 6)
 """Of the six accelerations."""
+GAINED = np.array([3, 4, 5, 9, 10, 11])
+"""The defect that each of them moves."""
 HEIGHT = 2
 """Place of the height among a node's unknowns."""
 LEAST_PROCESS = np.array([2e-4, 2e-4, 2e-4, 2e-3, 2e-3, 2e-3])
@@ -59,11 +61,12 @@ class Motion(Block):
 
     def linear(self, at: At) -> Linear:
         acceleration, names = slopes_along(at.vehicle, at.model, at.flight, at.mid), at.model
-        if rotor_speed.QUANTITY in at.flight.streams:
+        driving = next((q for q in (rotor_speed.QUANTITY, motor.QUANTITY) if q in at.flight.streams), None)
+        if driving is not None:
             by_delay = along_rotors(acceleration, *rotor_speed.by_delay(at.flight, at.sensors))
             columns = np.concatenate([acceleration.parameters, by_delay[:, :, None]], axis=2)
             acceleration = replace(acceleration, parameters=columns)
-            names = (*names, delay_name(rotor_speed.QUANTITY, at.flight.log_index))
+            names = (*names, delay_name(driving, at.flight.log_index))
         before, after, by_shared = defect_jacobians(at.states, at.mid, acceleration)
         return Linear(defects(at.states, at.mid, acceleration.value), (before, after), by_shared, names)
 
@@ -130,7 +133,7 @@ def defect_jacobians(states: States, mid: Middle, acceleration: Jacobian) -> tup
     m0, m1 = 0.5 * eye - 0.125 * half_turn, 0.5 * eye + 0.125 * half_turn
     square = half_turn @ half_turn / 12.0
     moved = np.diff(states.position_world_m, axis=0) - mid.step_s * mid.velocity_world_m_s
-    gained = np.diff(states.velocity_world_m_s, axis=0) - mid.step_s * GRAVITY_WORLD_M_S2
+    gained = np.diff(states.velocity_world_m_s, axis=0) - mid.step_s * mid.gravity_world_m_s2
     if states.gust is not None:
         gained -= 0.5 * mid.step_s * (states.gust[:-1, FORCE] + states.gust[1:, FORCE])
     hat_moved = rotations.hat((moved[:, None, :] @ mid.R_world_body)[:, 0])
@@ -185,11 +188,11 @@ def whiten(step_s: FloatArray, std: FloatArray, *rows: FloatArray) -> list[Float
     return result
 
 
-def moved_by_acceleration(which: slice, step_s: FloatArray, process: FloatArray) -> tuple[slice, FloatArray]:
+def moved_by_acceleration(
+    which: slice | IndexArray, step_s: FloatArray, process: FloatArray
+) -> tuple[IndexArray, FloatArray]:
     """Rows that a mean acceleration in some of the six channels moves, and (k, channels) by how much, whitened.
 
     The integral of the acceleration over the interval goes with its rate of change, and takes no row of its own.
     """
-    rows = VELOCITY if which.start < TORQUE.start else RATE
-    first = rows.start - (0 if rows is VELOCITY else TORQUE.start)
-    return slice(first + which.start, first + which.stop), -2.0 * np.sqrt(step_s)[:, None] / process[which]
+    return GAINED[which], -2.0 * np.sqrt(step_s)[:, None] / process[which]

@@ -9,8 +9,10 @@ import numpy as np
 from flight.rotations import FloatArray
 from sysid import _sysid
 from sysid.estimator.blocks import battery
+from sysid.estimator.clocks import COMMAND as QUANTITY
+from sysid.estimator.clocks import delay_of
 from sysid.estimator.flight_data import Flight
-from sysid.estimator.sampling import Stretch, held_means
+from sysid.estimator.sampling import Signal, Stretch
 from vehicle import Vehicle, effects
 from vehicle.effects.base import Drive
 
@@ -25,12 +27,32 @@ COMPILED = ("motor_lag", battery.SAG)
 SAG, RISE, FALL = PARAMETERS = ("battery_sag.sag_per_v", "motor_lag.rise_s", "motor_lag.fall_s")
 """Theirs, in the order of its derivatives."""
 
-QUANTITY = "rotor_speed_command_rad_s"
+
+def read(stretch: Stretch) -> Signal:
+    """Commands, each held until the next."""
+    return Signal.held(*stretch.samples(QUANTITY))
 
 
-def read(stretch: Stretch) -> FloatArray:
-    """(n - 1, 4) mean command over each interval, each held until the next."""
-    return held_means(*stretch.samples(QUANTITY), stretch.time_s)
+def aligned(flight: Flight, delays: Mapping[str, float]) -> Flight:
+    """The flight with mean commands of its intervals where the stream is this late; early (negative) as a rule."""
+    if QUANTITY not in flight.streams:
+        return flight
+    before, skipped, node_s = flight.lead_in, 0, flight.time_s
+    if before is not None:
+        skipped = len(before.step_s)
+        node_s = np.concatenate([node_s[0] - np.cumsum(before.step_s[::-1])[::-1], node_s])
+    command = flight.streams[QUANTITY].means(node_s + delay_of(QUANTITY, flight, delays))[0]
+    if before is not None:
+        before = replace(before, rotor_command_rad_s=command[:skipped])
+    own = command[skipped:]
+    return replace(flight, rotor_command_rad_s=own, rotor_speed_rad_s=own, lead_in=before)
+
+
+def by_delay(flight: Flight) -> tuple[FloatArray, FloatArray]:
+    """Derivatives (k, 4) of mean speed and mean acceleration of a driven flight by the delay of its commands: motors
+    are the same at all times, so that a command read later is a speed read later."""
+    change = np.gradient(flight.rotor_acceleration_rad_s2, axis=0) / flight.step_s[:, None]
+    return flight.rotor_acceleration_rad_s2, change
 
 
 def parameters(vehicle: Vehicle) -> tuple[str, ...]:
@@ -40,6 +62,11 @@ def parameters(vehicle: Vehicle) -> tuple[str, ...]:
         if effects.find(effect).stage.name in STAGES:
             names += [f"{effect}.{spec.name}" for spec in effects.find(effect).parameters if not spec.held]
     return tuple(names)
+
+
+def lags(vehicle: Vehicle) -> bool:
+    """Whether its rotors take time to reach what is commanded."""
+    return any(effects.find(effect).stage.name == "DRIVE" for effect in vehicle.effects)
 
 
 def driven(flight: Flight, vehicle: Vehicle) -> Flight:

@@ -16,21 +16,24 @@ from dataclasses import replace
 import numpy as np
 
 from flight.rotations import FloatArray
+from sysid.estimator.blocks import motor
 from sysid.estimator.clocks import ROTOR_SPEED as QUANTITY
 from sysid.estimator.clocks import delay_of
 from sysid.estimator.flight_data import Flight
 
 
 def aligned(flight: Flight, delays: Mapping[str, float]) -> Flight:
-    """The flight with mean rotor speed and acceleration of its intervals where the stream is this late."""
+    """The flight with mean rotor speed and acceleration, or command, of its intervals where the stream is this late."""
     if QUANTITY not in flight.streams:
-        return flight
+        return motor.aligned(flight, delays)
     speed, acceleration = flight.streams[QUANTITY].means(flight.time_s + delay_of(QUANTITY, flight, delays))
     return replace(flight, rotor_speed_rad_s=speed, rotor_acceleration_rad_s2=acceleration)
 
 
 def by_delay(flight: Flight, delays: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
-    """Derivatives (k, 4) of mean speed and mean acceleration by the delay."""
+    """Derivatives (k, 4) of mean speed and mean acceleration by the delay of the stream that drives the model."""
+    if QUANTITY not in flight.streams:
+        return motor.by_delay(flight)
     signal, at_s = flight.streams[QUANTITY], flight.time_s + delay_of(QUANTITY, flight, delays)
     step_s = flight.step_s[:, None]
     return np.diff(signal.value(at_s), axis=0) / step_s, np.diff(signal.slope(at_s), axis=0) / step_s

@@ -12,7 +12,7 @@ from sysid import Options, compare, identify
 from sysid.diagnosis import diagnose
 from sysid.diagnosis.curve import scaffold
 from sysid.diagnosis.findings import OutsideFinding
-from sysid.diagnosis.free_form import VARIABLE
+from sysid.diagnosis.free_form import THRUST, UNIT, VARIABLE
 from tests.sysid.diagnosis.test_diagnosis import flights, turning_when_climbing
 from vehicle import Surroundings, forces, wrench_jacobian
 
@@ -25,7 +25,7 @@ def finding(channel: str = "M_z", variable: str = "v_z") -> OutsideFinding:
     return OutsideFinding(
         channel=channel,
         variable=variable,
-        variable_unit=VARIABLE[variable].unit,
+        variable_unit=UNIT[variable],
         at=AT,
         acceleration=0.5 * np.sin(AT),
         band=np.full(80, 0.01),
@@ -70,6 +70,21 @@ def test_the_file_adds_the_drawn_curve_in_its_channel_only(tmp_path: Path, chann
     assert np.abs((more - less)[0] - expected).max() < (0.002 if form == "spline" else 0.1)  # a cubic is no sine
     silent = drawn.with_value(f"{name}.scale", 0.0)
     assert np.array_equal(np.concatenate(forces.wrench_numpy(silent, VELOCITY, RATE, SPEED, around()), axis=1), less)
+
+
+@pytest.mark.parametrize(("channel", "variable"), [("T", "n"), ("T", "s"), ("T", "v_z"), ("T_2", "n_2")])
+def test_a_curve_of_thrust_changes_the_share_of_its_rotors(tmp_path: Path, channel: str, variable: str):
+    name = f"drawn_{channel}_of_{variable}".lower()
+    plain = vehicle.example()
+    drawn = plain.with_effect_file(scaffold(finding(channel, variable), tmp_path / f"{name}.py", name=name))
+    components = (VELOCITY.T, RATE.T, SPEED.T, around())
+    before, after = (forces.evaluate(v, *components).thrust_n[:, 0] for v in (plain, drawn))
+    arm = plain.hub_body_m[:, :2].T
+    own = {"n": np.full(4, 2.5), "n_2": np.full(4, 2.5), "v_z": np.full(4, VELOCITY[0, 2])}
+    own["s"] = -(VELOCITY[0, :2] @ arm) / np.linalg.norm(arm, axis=0)
+    share = np.sin(own[variable]) if channel == THRUST else np.where(np.arange(4) == 2, np.sin(2.5), 0.0)
+    assert after / before - 1.0 == pytest.approx(share, abs=0.02)
+    assert vehicle.effects.find(name).channel == "F_z M_x M_y"
 
 
 @pytest.mark.parametrize("form", ["spline", "polynomial"])

@@ -19,6 +19,7 @@ from sysid.diagnosis.score import loss_without, score
 from sysid.diagnosis.search import refit
 from sysid.estimator.chain import eliminate
 from sysid.estimator.midpoint import middle
+from sysid.estimator.model import along
 from sysid.estimator.problem import linearise
 from tests.sysid import flying
 
@@ -173,6 +174,43 @@ def test_curves_are_freed_of_what_the_states_can_do_in_every_block(calm, channel
         np.testing.assert_allclose(own, flat.T @ flat, atol=1e-9 * np.abs(own).max())
 
 
+def test_a_constant_curve_of_thrust_is_what_the_same_share_of_all_rotors_does(calm):
+    """The functions of a family sum to one, so all together are a share of one: against finite differences."""
+    fit, flight = calm, calm.flights[0]
+    lined = candidate_set(fit.vehicle, fit.flights).vehicle
+    mid, step = middle(flight, fit.solution.point.states[0]), 1e-4
+    curves = {c.variable: c for c in free_form.curves(fit.flights, fit.solution.point.states, lined)}
+    for channel, variable in (("T", "n"), ("T", "s"), ("T", "speed"), ("T_1", "n_1")):
+        which, moved = free_form.accelerations(channel, [curves[variable]], flight, mid, lined)
+        stronger = lined
+        for i in range(4) if channel == "T" else [1]:
+            stronger = stronger.with_value(f"weak_rotor.loss_{i}", -step)
+        change = (along(stronger, flight, mid) - along(lined, flight, mid)) / step
+        assert moved.sum(axis=2) == pytest.approx(change[:, which], rel=1e-4, abs=1e-6)
+
+
+def tiring_rotor(velocity: np.ndarray, rate: np.ndarray, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rotor 1 loses the more of its thrust the faster it turns: 6 % at hover."""
+    lost = 0.06 * (speed[:, 1] / 950.0) ** 2 * 2.08e-6 * speed[:, 1] ** 2
+    force, torque = 0.0 * velocity, 0.0 * rate
+    force[:, 2] = -lost
+    torque[:, 0], torque[:, 1] = -flying.HUBS[1, 1] * lost, flying.HUBS[1, 0] * lost
+    return force, torque
+
+
+@pytest.mark.slow
+def test_a_thrust_law_of_one_rotor_is_drawn_whole_and_brings_no_false_name():
+    found = diagnose(
+        flights(tiring_rotor, 5, 20.0),
+        vehicle.example(),
+        held_out=flights(tiring_rotor, 6, 12.0, spread=0.2),
+        auto=True,
+    )
+    assert set(found.additions) <= {"weak_rotor[1]"}
+    assert found.outside is not None
+    assert (found.outside.channel, found.outside.variable) == ("T_1", "n_1")
+
+
 def linear_blocks(rng: np.random.Generator, truth: np.ndarray, blocks: int = 60) -> Blocks:
     """Blocks of a linear problem with unit noise: residual y - A theta, at theta = 0."""
     columns = rng.normal(size=(blocks, 40, len(truth)))
@@ -239,7 +277,7 @@ def test_an_effect_that_bent_the_whole_model_out_of_shape_is_still_fitted(monkey
 
 def test_one_flight_cannot_both_teach_and_judge():
     logs = flights(None, 8, 6.0)
-    with pytest.raises(InputError, match="both to learn from and to judge by"):
+    with pytest.raises(InputError, match="both for fitting and as held out"):
         diagnose(logs, vehicle.example(), held_out=logs[:1])
 
 

@@ -153,7 +153,7 @@ def test_the_carriers_are_any_set_of_flights():
 
 def test_weight_that_grows_from_flight_to_flight_is_no_load():
     found = found_of((0.0, 0.3, 0.6, 0.9, 1.2), (0.0,) * 5)
-    assert "differ as 0, 3" in found.doubt
+    assert "thrust by 0, 3" in found.doubt
     assert found.score.significance == 1.0
     assert found.score.gain_unseen == 0.0
 

@@ -126,15 +126,15 @@ def test_what_rests_on_few_stretches_is_doubted_and_not_drawn_as_unknown():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("right", "wrong"),
+    ("right", "wrong", "least"),
     [
-        ("rotor_drag_thrust", "rotor_drag_speed"),
-        ("rotor_drag_speed", "rotor_drag_thrust"),
-        ("parasitic_drag", "parasitic_drag_speed"),
-        ("parasitic_drag_speed", "parasitic_drag"),
+        ("rotor_drag_thrust", "rotor_drag_speed", 0.9),
+        ("rotor_drag_speed", "rotor_drag_thrust", 0.85),  # 0.888 and 0.898: the other drag explains nearly as much
+        ("parasitic_drag", "parasitic_drag_speed", 0.85),
+        ("parasitic_drag_speed", "parasitic_drag", 0.9),
     ],
 )
-def test_what_the_flights_so_far_cannot_name_is_named_after_the_proposed_flight(right, wrong):
+def test_what_the_flights_so_far_cannot_name_is_named_after_the_proposed_flight(right, wrong, least):
     rng = np.random.default_rng(3)
     base, truth = planted(right, wrong)
     before = flown(truth, LITTLE, rng)
@@ -153,4 +153,4 @@ def test_what_the_flights_so_far_cannot_name_is_named_after_the_proposed_flight(
     settled = diagnose([*before, new], base, auto=True)
     assert settled.additions == (right,)
     assert settled.outside is None
-    assert settled.confidence > 0.8  # 0.89 is stated where the other drag explains nearly as much
+    assert settled.confidence > least

@@ -6,8 +6,10 @@ import pytest
 import sysid
 from flight import FlightLog
 from flight.flight_log import COLUMNS
-from sysid.estimator.clocks import Clock, pose_is_late
+from sysid.estimator.blocks import motor, rotor_speed
+from sysid.estimator.clocks import Clock, delay_name, pose_is_late
 from sysid.estimator.sampling import Signal
+from sysid.estimator.unknowns import nuisances
 
 ROTORS, GYRO = "rotor_speed_rad_s", "rate_body_rad_s"
 PLANTED_S = {ROTORS: (0.005, -0.008, 0.002), GYRO: (0.0, 0.003, -0.005)}
@@ -65,6 +67,51 @@ def test_clocks_that_are_off_spoil_no_inertia(fitted, truth):
         assert fitted.estimate(name).value == pytest.approx(truth.value(name), rel=0.005)
 
 
+SPEEDS = tuple(COLUMNS[ROTORS])
+EARLY = 2
+"""Samples by which commands are written down too early: 10 ms."""
+
+
+def commanded_early(log: FlightLog) -> FlightLog:
+    """A log of commands alone, stamped too early."""
+    kept = {name: values[:-EARLY] for name, values in log.columns.items() if name not in SPEEDS}
+    shifted = {name: log.columns[name][EARLY:] for name in COLUMNS["rotor_speed_command_rad_s"]}
+    return FlightLog({**kept, **shifted}, log.metadata)
+
+
+@pytest.fixture(scope="module")
+def sent_early(flying, truth) -> sysid.Identification:
+    rng = np.random.default_rng(4)
+    flown = flying.fly(flying.Truth(), flying.paper_flights(rng), 3, duration_s=8.0, rng=rng, gyro_noise_rad_s=0.01)
+    options = sysid.Options(gusts="white", node_rate_hz=100.0)
+    return sysid.identify([commanded_early(log) for log in flown], truth, options)
+
+
+def test_commands_that_are_early_are_told_from_the_lag_of_motors_and_from_a_late_pose(sent_early):
+    found = [clock for clock in sent_early.clocks if clock.stream == "rotor speed command"]
+    assert len(found) == 3
+    for one in found:
+        assert abs(one.delay_s + EARLY / 200.0) < max(5e-4, 3.0 * one.std_robust), one
+    assert min(one.std_robust for one in found) < 5e-4
+    assert sent_early.estimate("motor_lag.rise_s").value == pytest.approx(0.03, rel=0.05)
+    assert not pose_is_late(sent_early.clocks)
+
+
+def test_what_a_later_command_does_follows_finite_differences(sent_early):
+    flight, lagging = sent_early.flights[2], sent_early.vehicle
+    name, step_s = delay_name(motor.QUANTITY, flight.log_index), 1e-3
+    now, before, after = (motor.driven(rotor_speed.aligned(flight, {name: d}), lagging) for d in (0.0, -step_s, step_s))
+    by_speed, by_acceleration = rotor_speed.by_delay(now, {})
+    for found, quantity in ((by_speed, "rotor_speed_rad_s"), (by_acceleration, "rotor_acceleration_rad_s2")):
+        slope = (getattr(after, quantity) - getattr(before, quantity)) / (2.0 * step_s)
+        assert np.abs(found - slope)[2:-2].std() < 0.15 * slope.std()
+
+
+def test_without_a_lag_in_the_model_commands_are_taken_to_be_on_time(sent_early, truth):
+    unknowns, _ = nuisances(sent_early.flights, "pose", truth.without_effect("motor_lag"))
+    assert not any(name.startswith("command_delay_s") for name in unknowns.delay)
+
+
 def clock(stream: str, delay_ms: float, std_ms: float = 0.1) -> Clock:
     return Clock(stream, "pose", "flight 1", 1e-3 * delay_ms, 1e-3 * std_ms)
 
@@ -76,6 +123,9 @@ def test_the_pose_is_late_only_where_all_other_streams_are_early_alike():
     assert not pose_is_late([clock("rotor speed", -12.0), clock("rotor speed", -5.0)])
     assert not pose_is_late([clock("rotor speed", 5.0), clock("gyro", 5.0)])
     assert not pose_is_late([clock("rotor speed", -2.0, 1.0)])
+    assert not pose_is_late([clock("rotor speed command", -12.0)])
+    assert not pose_is_late([clock("rotor speed command", -12.0), clock("gyro", 0.0)])
+    assert pose_is_late([clock("rotor speed command", -20.0), clock("gyro", -12.0)])
     assert not pose_is_late([])
 
 

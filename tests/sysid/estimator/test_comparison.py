@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import sysid
-from flight import InputError
+from flight import FlightLog, InputError
+from flight.flight_log import COLUMNS
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +65,23 @@ def test_plots_are_written(judged, tmp_path):
     assert len(files) == 7
     assert {file.stem for file in files} >= {"residual_wrench", "residual_share", "residual_against", "residual_path"}
     assert all(file.read_bytes().startswith(b"\x89PNG") for file in files)
+
+
+def test_states_that_did_not_converge_are_said(campaign, truth, judged):
+    assert not judged[0].not_converged
+    hasty = sysid.compare(campaign[:1], {"truth": truth}, sysid.Options(max_iterations=1))
+    assert "the states under truth did not converge in 1 steps" in hasty.not_converged[0]
+    assert hasty.not_converged[0] in hasty.as_dict()["remarks"]
+
+
+def test_commands_without_rotor_speed_and_gyro_are_compared_too(campaign, truth):
+    """Nothing is unknown but the states: a lag that is missing leaves no delay to estimate."""
+    commands = FlightLog(
+        {name: values for name, values in campaign[0].columns.items() if name not in COLUMNS["rotor_speed_rad_s"]},
+        campaign[0].metadata,
+    )
+    found = sysid.compare([commands], {"no lag": truth.without_effect("motor_lag")})
+    assert np.isfinite(found.wrench_rms("no lag")).all()
 
 
 def test_comparing_nothing_is_refused(campaign):
