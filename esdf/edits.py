@@ -137,9 +137,13 @@ class Editor:
             raise InputError("there is nothing to redo")
         return self._move(self._now + 1)
 
-    def _check(self, edit: Edit) -> None:
+    def require_reach(self, edit: Edit) -> None:
+        """Raises `InputError` if the edit touches no voxel of the map."""
         if self._covered(edit).empty:
             raise InputError(f"the {type(edit.solid).__name__.lower()} to {edit.action} touches no voxel of this map")
+
+    def _check(self, edit: Edit) -> None:
+        self.require_reach(edit)
         if edit.action == "no-fly" and any(e.action == "no-fly" and e.name == edit.name for e in self.edits):
             raise InputError(f"there is a no-fly zone called {edit.name!r} already; drop it first")
 
@@ -175,6 +179,28 @@ class Editor:
             boxes.append(window)
         self._field = replace(self._field)  # the hash is another one now
         return _union(boxes)
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """What edits change in a field."""
+
+    closed_m3: float
+    """Space that is no longer free."""
+    opened_m3: float
+    """Space that is newly free."""
+    voxels: int
+    """Whose state is another one."""
+
+
+def difference(before: Field, after: Field) -> Change:
+    """The difference between two fields on one grid."""
+    voxel_m3 = float(np.prod(after.grid.voxel_m))
+    closed = (before.state == FREE) & (after.state != FREE)
+    opened = (before.state != FREE) & (after.state == FREE)
+    return Change(
+        float(closed.sum()) * voxel_m3, float(opened.sum()) * voxel_m3, int((before.state != after.state).sum())
+    )
 
 
 def _union(boxes: Sequence[Region]) -> Region:

@@ -6,7 +6,7 @@ import io
 import logging
 import socket
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -15,9 +15,10 @@ import msgspec
 
 import planner
 from flight import FloatArray, InputError, LinkError, Progress, project, silent
-from gcs_web import gateway, protocol, scene
+from gcs_web import display_mesh, gateway, protocol
 from gcs_web.desk import Desk
 from gcs_web.hub import Hub
+from gcs_web.jobs import Kind
 from gcs_web.page_socket import PageSocket
 from gcs_web.tls import context, is_loopback
 from gcs_web.vehicle_watch import VehicleWatch
@@ -43,9 +44,10 @@ class GroundStation:
         vehicle_url: str | None = None,
         key_file: Path | None = None,
         options: planner.PlanOptions | None = None,
-        triangles: int = scene.DISPLAY_TRIANGLES,
+        triangles: int = display_mesh.DISPLAY_TRIANGLES,
         progress: Progress = silent,
         on_entry: Callable[[str], None] = lambda _: None,
+        jobs: Sequence[Kind] = (),
     ) -> None:
         """Open the project and listen, on loopback unless told otherwise.
 
@@ -60,6 +62,7 @@ class GroundStation:
             options: what the planner is asked for, beside what the document says.
             triangles: the mesh is thinned to this many for display.
             on_entry: called with the next address when a browser has come in.
+            jobs: kinds of background work that the page offers.
 
         Raises:
             FlightError: the project cannot be opened, or is open in another ground station.
@@ -75,7 +78,7 @@ class GroundStation:
         self._stack = contextlib.ExitStack()
         try:
             progress("opening the map", 0.0)
-            self._open(folder, port, options or planner.PlanOptions(), triangles, on_entry, progress)
+            self._open(folder, port, options or planner.PlanOptions(), triangles, on_entry, jobs, progress)
         except BaseException:
             self.close()
             raise
@@ -102,6 +105,7 @@ class GroundStation:
         options: planner.PlanOptions,
         triangles: int,
         on_entry: Callable[[str], None],
+        jobs: Sequence[Kind],
         progress: Progress,
     ) -> None:
         opened = project.open_project(folder)
@@ -110,8 +114,8 @@ class GroundStation:
         self.server = _viser()
         self._stack.callback(_quietly, self.server.stop)
         self.hub = Hub(self._loop)
-        self.view = View3D(self.server, triangles=triangles, progress=progress)
-        self.desk = Desk(opened, self.hub, self.view, self.watch, options)
+        self.view = View3D(self.server, triangles=triangles, cache=folder / ".session", progress=progress)
+        self.desk = Desk(opened, self.hub, self.view, self.watch, options, jobs)
         self.view.progress = silent
         self._stack.callback(self.desk.close)
         self.view.on_select = lambda waypoint: self.hub.publish(protocol.Selection([waypoint]))

@@ -4,6 +4,7 @@ import json
 import secrets
 import threading
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,9 +16,12 @@ import planner
 import vehicle
 from flight import FlightError, FloatArray, FormatError, InputError, TrajectoryFile, trajectory
 from flight.project import Project
-from gcs_web import inputs, page_values, planning, protocol, saved
+from gcs_web import inputs, page_values, planning, protocol, protocol_parts, saved
 from gcs_web.document import Settings
 from gcs_web.hub import Hub
+from gcs_web.jobs import Jobs, Kind
+from gcs_web.map_desk import MapDesk
+from gcs_web.map_edits import MapEdit
 from gcs_web.session import Session
 from gcs_web.vehicle_watch import VehicleWatch
 from gcs_web.view3d import View3D
@@ -37,7 +41,15 @@ class _Nonce:
 class Desk:
     """One project on the table. Thread-safe."""
 
-    def __init__(self, opened: Project, hub: Hub, view: View3D, watch: VehicleWatch | None, base: planner.PlanOptions):
+    def __init__(
+        self,
+        opened: Project,
+        hub: Hub,
+        view: View3D,
+        watch: VehicleWatch | None,
+        base: planner.PlanOptions,
+        kinds: Sequence[Kind] = (),
+    ) -> None:
         """
         Raises:
             FlightError: the project cannot be opened, or `base` has a method that the page cannot set.
@@ -53,19 +65,25 @@ class Desk:
         self.answer: planning.Answer | None = None
         self.in_control = ""
         """Id of the person whose orders are passed on to the vehicle."""
+        self._map_edits: tuple[tuple[MapEdit, ...], str] = ((), "")
+        """Those that the inputs' signature and the 3D view have, and why the map on disk lacked some."""
         self._nonces: dict[str, _Nonce] = {}
         self._lock = threading.RLock()
         self._planner = planning.PlanningProcess(opened.folder, base, self._planned, self._drafted)
+        self.map = MapDesk(self)
+        self.jobs = Jobs(opened, kinds, self.show_jobs, lambda kind, result: kind.done(self, result), self._job_ended)
         self._watch_files = inputs.Watch(opened.folder, opened.waypoints, self._files_changed)
         self.session.on_change(self._document_changed)
         said = self.session.take_notice() or f"{opened.name} opened, revision {self.session.revision}"
         self._document_changed()
         self.show_files()
+        self.show_jobs()
         self._notice_with_map(said, level="fact")
         self._draw_map()
 
     def close(self) -> None:
         self._watch_files.close()
+        self.jobs.close()
         self._planner.close()
         self.session.close()
 
@@ -88,12 +106,25 @@ class Desk:
         flights = [path.stem for path in self.project.flights()]
         self.hub.publish(protocol.Files(listed, flights, saved.aside(self.project)))
 
+    def show_jobs(self) -> None:
+        self.hub.publish(self.jobs.state())
+
+    def _job_ended(self, job: protocol_parts.Job) -> None:
+        if job.state != "cancelled":
+            failed = job.state == "failed"
+            self.notice(f"{job.title}{' failed' if failed else ''}: {job.words}", level="danger" if failed else "fact")
+        self.show_files()
+
     # --- the plan ---
 
     def request_plan(self, *, afresh: bool = False) -> None:
         """Plan the document as it is now, from scratch or on from the last plan; people see "planning" at once."""
         with self._lock:
             revision, content = self.session.revision, self.session.content
+            if behind := self.session.map_edits_behind:
+                said = f"Nothing is planned: {behind}, so the map lacks your edit. Make room, then edit again."
+                self._show_plan(protocol.Plan(revision, "void", said))
+                return
             few = len(content.points) < 2
             if few:
                 sentence = "Add at least two waypoints: Shift-click the map, or press Insert."
@@ -182,11 +213,23 @@ class Desk:
         self.hub.publish(self.session.document())
         if said := self.session.take_notice():
             self.notice(said, level="caution")
+        self._take_map_edits()
         self._show_clearance()
         self.view.draw_waypoints(self.session.content.points)
         self.view.draw_mission(self.session.content.settings)
         self.view.draw_course(self.session.content)
         self.request_plan()
+
+    def _take_map_edits(self) -> None:
+        """Where the edits of the map changed, no plan of before is about this map."""
+        edits = (self.session.content.map_edits, self.session.map_edits_behind)
+        with self._lock:
+            if edits == self._map_edits:
+                return
+            self._map_edits, self.inputs = edits, inputs.signature(self.project.folder)
+        self.view.map.draw_edits(edits[0])
+        self._draw_map()
+        self.show_files()
 
     def _show_clearance(self) -> None:
         try:
@@ -198,8 +241,8 @@ class Desk:
 
     def _files_changed(self) -> None:
         try:
-            if self.session.take_file():  # not under our lock: an edit takes the session's lock first, then ours
-                self.notice("waypoints.json was changed by another program", level="caution", undo=True)
+            for name in self.session.take_files():  # not under our lock: an edit takes the session's, then ours
+                self.notice(f"{name} was changed by another program", level="caution", undo=True)
         except FlightError as error:
             self.notice(str(error), level="danger")
         with self._lock:
@@ -229,6 +272,7 @@ class Desk:
             self.view.draw_map(self.parts.map(self.inputs))
         except FlightError as error:
             self.notice(f"the map cannot be shown: {error}", level="danger")
+        self.map.changed()
 
     # --- who may give orders ---
 
@@ -308,6 +352,7 @@ class Desk:
 
     def left(self, person: protocol.Person) -> None:
         """Somebody closed the page: control is free again."""
+        self.map.end_preview(person.id)
         self.give_up_control(person)
 
     def _name_of(self, person: str) -> str:

@@ -1,20 +1,21 @@
-"""What the pilots of one project edit together: waypoints, requests and planner settings, as immutable values.
+"""What the pilots of one project edit together: waypoints, requests, settings, edits of the map; immutable values.
 
 A change is a `Patch` from one `Content` to the next; `difference` finds it, `patched` applies it. So an undo is the
 patch the other way round, and the journal (`gcs_web.journal`) stores what changed and no more.
 """
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any, Literal, Protocol, TypeVar
 
 import msgspec
 import numpy as np
 
 from flight import InputError, Waypoints
 from flight.mission import Ground, KeepIn
+from gcs_web import map_edits
+from gcs_web.map_edits import LARGEST_COORDINATE_M, MapEdit
 
 MOST_WAYPOINTS = 10_000
-LARGEST_COORDINATE_M = 10_000.0
 
 
 class Opening(msgspec.Struct, frozen=True):
@@ -91,7 +92,9 @@ class Content(msgspec.Struct, frozen=True):
     points: tuple[Point, ...] = ()
     settings: Settings = Settings()
     next_id: int = 0
-    """Id of the next new waypoint; ids are never used again."""
+    """Id of the next new waypoint or edit of the map; ids are never used again."""
+    map_edits: tuple[MapEdit, ...] = ()
+    """In the order in which they were made."""
 
     def waypoints(self) -> Waypoints:
         """As the planner and `waypoints.json` take them."""
@@ -124,7 +127,17 @@ class Content(msgspec.Struct, frozen=True):
                     f"coordinates must be finite and within {LARGEST_COORDINATE_M:g} m"
                 )
         next_id = max((p.id + 1 for p in points), default=0)
-        return Content(tuple(points), self.settings, max(self.next_id, next_id))
+        return msgspec.structs.replace(self, points=tuple(points), next_id=max(self.next_id, next_id))
+
+    def with_map_edits(self, edits: Sequence[MapEdit]) -> "Content":
+        """With another list of edits of the map, checked.
+
+        Raises:
+            InputError: as `map_edits.require_consistent`.
+        """
+        map_edits.require_consistent(tuple(edits))
+        next_id = max((each.id + 1 for each in edits), default=0)
+        return msgspec.structs.replace(self, map_edits=tuple(edits), next_id=max(self.next_id, next_id))
 
     def number_of(self, waypoint: int) -> int:
         """Where a waypoint stands in the order.
@@ -155,43 +168,72 @@ class Patch(msgspec.Struct, frozen=True, omit_defaults=True):
     settings: dict[str, Any] = {}
     """As JSON has them."""
     next_id: int | None = None
+    map_edits: tuple[MapEdit, ...] = ()
+    """New ones, and those that have other values."""
+    map_order: Splice | None = None
 
     @property
     def touched(self) -> frozenset[int | str]:
-        """Ids of waypoints and names of settings that it changes: what another person's edit may conflict with."""
-        gone = () if self.order is None else self.order.removed
-        return frozenset((*(p.id for p in self.points), *gone, *self.settings))
+        """Ids and names of settings that it changes: what another person's edit may conflict with."""
+        gone = [i for splice in (self.order, self.map_order) if splice is not None for i in splice.removed]
+        return frozenset((*(p.id for p in self.points), *(e.id for e in self.map_edits), *gone, *self.settings))
 
 
 def difference(before: Content, after: Content) -> Patch:
-    known = {p.id: p for p in before.points}
-    old, new = [p.id for p in before.points], [p.id for p in after.points]
-    start = _shared(old, new)
-    end = min(_shared(old[::-1], new[::-1]), len(old) - start, len(new) - start)
-    splice = Splice(start, tuple(old[start : len(old) - end]), tuple(new[start : len(new) - end]))
+    points, order = _changes(before.points, after.points)
+    map_edits, map_order = _changes(before.map_edits, after.map_edits)
     settings = {
         name: msgspec.to_builtins(getattr(after.settings, name))
         for name in Settings.__struct_fields__
         if getattr(after.settings, name) != getattr(before.settings, name)
     }
     return Patch(
-        points=tuple(p for p in after.points if known.get(p.id) != p),
-        order=splice if splice.removed or splice.added else None,
+        points=points,
+        order=order,
         settings=settings,
         next_id=None if after.next_id == before.next_id else after.next_id,
+        map_edits=map_edits,
+        map_order=map_order,
     )
 
 
 def patched(content: Content, patch: Patch) -> Content:
-    known = {p.id: p for p in content.points} | {p.id: p for p in patch.points}
-    order = [p.id for p in content.points]
-    if patch.order is not None:
-        order[patch.order.start : patch.order.start + len(patch.order.removed)] = patch.order.added
     return Content(
-        tuple(known[i] for i in order),
+        _changed(content.points, patch.points, patch.order),
         msgspec.convert(msgspec.to_builtins(content.settings) | patch.settings, Settings),
         content.next_id if patch.next_id is None else patch.next_id,
+        _changed(content.map_edits, patch.map_edits, patch.map_order),
     )
+
+
+class _Identified(Protocol):
+    """A waypoint or an edit of the map."""
+
+    @property
+    def id(self) -> int: ...
+
+
+Item = TypeVar("Item", bound=_Identified)
+
+
+def _changes(before: Sequence[Item], after: Sequence[Item]) -> tuple[tuple[Item, ...], Splice | None]:
+    """Items that are new or have other values, and where the order changed."""
+    known = {item.id: item for item in before}
+    old, new = [item.id for item in before], [item.id for item in after]
+    start = _shared(old, new)
+    end = min(_shared(old[::-1], new[::-1]), len(old) - start, len(new) - start)
+    splice = Splice(start, tuple(old[start : len(old) - end]), tuple(new[start : len(new) - end]))
+    changed = tuple(item for item in after if known.get(item.id) != item)
+    return changed, splice if splice.removed or splice.added else None
+
+
+def _changed(before: Sequence[Item], items: Sequence[Item], splice: Splice | None) -> tuple[Item, ...]:
+    """The way on by `_changes`."""
+    known = {item.id: item for item in before} | {item.id: item for item in items}
+    order = [item.id for item in before]
+    if splice is not None:
+        order[splice.start : splice.start + len(splice.removed)] = splice.added
+    return tuple(known[i] for i in order)
 
 
 def _shared(a: list[int], b: list[int]) -> int:

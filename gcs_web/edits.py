@@ -7,10 +7,12 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from esdf import Edit
 from flight import InputError
 from flight.mission import MOST_LAPS, Ground
-from gcs_web import course_edits, missions, protocol
-from gcs_web.document import LARGEST_COORDINATE_M, SETTING_BOUNDS, Content, Point
+from gcs_web import course_edits, map_edits, missions, protocol
+from gcs_web.document import SETTING_BOUNDS, Content, Point
+from gcs_web.map_edits import LARGEST_COORDINATE_M, MapEdit
 
 Edited = tuple[Content, str]
 """The document after an edit, and what was done in words: "waypoint 8 moved 0.31 m up"."""
@@ -259,6 +261,53 @@ def _clear_ground(content: Content, edit: protocol.ClearGround) -> Edited:
 _END_WORDS = {"take_off": "take-off", "landing": "landing"}
 
 
+_ACTIONS = {"add": "obstacle", "no-fly": "no-fly zone", "clear": "cleared", "remove": "declared free"}
+
+
+def _add_map_edit(content: Content, edit: protocol.AddMapEdit) -> Edited:
+    new = map_edits.of(content.next_id, Edit(edit.action, map_edits.solid(edit.shape), _edit_name(edit.name)))
+    return content.with_map_edits([*content.map_edits, new]), f"{_map_words(new)} added to the map"
+
+
+def _change_map_edit(content: Content, edit: protocol.ChangeMapEdit) -> Edited:
+    old = _map_edit(content, edit.edit)
+    before = old.edit()
+    body = before.solid if edit.shape is None else map_edits.solid(edit.shape)
+    name = before.name if edit.name is None else _edit_name(edit.name)
+    new = map_edits.of(old.id, Edit(edit.action or before.action, body, name))
+    after = [new if each.id == old.id else each for each in content.map_edits]
+    return content.with_map_edits(after), f"{_map_words(new)} changed"
+
+
+def _drop_map_edits(content: Content, edit: protocol.DropMapEdits) -> Edited:
+    gone = [_map_edit(content, number) for number in edit.edits]
+    if not gone:
+        raise InputError("no edit of the map is selected")
+    after = [each for each in content.map_edits if each not in gone]
+    said = _map_words(gone[0]) if len(gone) == 1 else f"{len(gone)} edits of the map"
+    return content.with_map_edits(after), f"{said} dropped"
+
+
+_LONGEST_NAME = 60
+
+
+def _edit_name(name: str) -> str:
+    if len(name) > _LONGEST_NAME or not name.isprintable():
+        raise InputError(f"a name here has at most {_LONGEST_NAME} characters, all of them printable")
+    return name.strip()
+
+
+def _map_edit(content: Content, number: int) -> MapEdit:
+    for each in content.map_edits:
+        if each.id == number:
+            return each
+    raise InputError("that edit of the map was dropped meanwhile; nothing was changed")
+
+
+def _map_words(edit: MapEdit) -> str:
+    return f"{_ACTIONS[edit.action]} {edit.name}".strip()
+
+
 def _with_settings(content: Content, **changed: Any) -> Content:
     return msgspec.structs.replace(content, settings=msgspec.structs.replace(content.settings, **changed))
 
@@ -303,4 +352,7 @@ _EDITS: dict[type, Callable[[Content, Any], Edited]] = {
     protocol.SetGate: course_edits.set_gate,
     protocol.ClearGate: course_edits.clear_gate,
     protocol.SetTube: course_edits.set_tube,
+    protocol.AddMapEdit: _add_map_edit,
+    protocol.ChangeMapEdit: _change_map_edit,
+    protocol.DropMapEdits: _drop_map_edits,
 }

@@ -25,7 +25,7 @@ logger = logging.getLogger(__name__)
 
 UNDO_DEPTH = 200
 COMPACT_AFTER = 1000
-FORMAT, VERSION = "goshawk-document", 2
+FORMAT, VERSION = "goshawk-document", 3
 
 
 class Entry(msgspec.Struct, frozen=True):

@@ -11,7 +11,8 @@ import planner.space
 from firmware_bridge import wire
 from flight import FloatArray, Trajectory, TrajectoryFile
 from flight.mission import Ground
-from gcs_web import document, protocol, protocol_parts
+from gcs_web import document, map_edits, protocol, protocol_parts
+from gcs_web.map_edits import MapEdit
 from planner.space import DistanceField
 from vehicle import Limits, Vehicle, flatness
 
@@ -37,6 +38,11 @@ def _gate(asked: document.Opening | None) -> protocol_parts.Gate | None:
         return None
     turned = (math.degrees(angle) for angle in (asked.heading_rad, asked.pitch_rad, asked.roll_rad))
     return protocol_parts.Gate(asked.width_m, asked.height_m, *turned)
+
+
+def map_edit(edit: MapEdit) -> protocol_parts.MapEdit:
+    solid = edit.edit().solid
+    return protocol_parts.MapEdit(edit.id, edit.action, edit.name, map_edits.shape_of(solid), map_edits.words(solid))
 
 
 def settings(chosen: document.Settings) -> protocol.Settings:

@@ -14,6 +14,9 @@ NEAR_PATH_M = 0.15
 LEVEL = 0.7
 """A surface whose normal points up by more than this is a floor: a waypoint is put above it, not in front of it."""
 
+_EDGE = 1e-9
+"""A ray along the edge of two triangles meets one of them."""
+
 
 def nearest_on_path(origin_m: FloatArray, direction: FloatArray, path_m: FloatArray) -> int | None:
     """Index of the path's point (m, 3) that a ray passes the closest, None where none is within NEAR_PATH_M.
@@ -33,32 +36,37 @@ class Surface:
     """A map's triangles, for rays."""
 
     def __init__(self, mesh: "trimesh.Trimesh") -> None:
-        import open3d
-
-        self._normals = np.asarray(mesh.face_normals)
-        self._scene = open3d.t.geometry.RaycastingScene()
-        vertices = open3d.core.Tensor.from_numpy(np.asarray(mesh.vertices, dtype=np.float32))
-        self._scene.add_triangles(vertices, open3d.core.Tensor.from_numpy(np.asarray(mesh.faces, dtype=np.uint32)))
+        corners = np.asarray(mesh.vertices, dtype=np.float64)[np.asarray(mesh.faces)]
+        self._corner, self._along, self._up = (
+            corners[:, 0],
+            corners[:, 1] - corners[:, 0],
+            corners[:, 2] - corners[:, 0],
+        )
 
     def first_hit(self, origin_m: FloatArray, direction: FloatArray) -> tuple[FloatArray, FloatArray] | None:
         """Where a ray first meets the front of a triangle, and its unit normal; None where it meets none.
 
-        Backs are passed through, as the view does not draw them.
+        Backs are passed through, as the view does not draw them. Moeller and Trumbore (1997), over all triangles at
+        once: one click is too rare for a search tree, and for a library that holds one.
 
         Args:
             origin_m: (3,) world.
             direction: (3,) world, unit length.
         """
-        import open3d
-
-        ray = open3d.core.Tensor.from_numpy(np.concatenate([origin_m, direction]).astype(np.float32)[None])
-        hits = self._scene.list_intersections(ray)
-        distance_m, triangle = hits["t_hit"].numpy(), hits["primitive_ids"].numpy()
-        front = self._normals[triangle] @ direction < 0.0
-        if not front.any():
+        across = np.cross(direction, self._up)
+        facing = np.einsum("ij,ij->i", self._along, across)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            offset = origin_m - self._corner
+            u = np.einsum("ij,ij->i", offset, across) / facing
+            turned = np.cross(offset, self._along)
+            v = turned @ direction / facing
+            distance_m = np.einsum("ij,ij->i", self._up, turned) / facing
+            hit = (facing > 0.0) & (u >= -_EDGE) & (v >= -_EDGE) & (u + v <= 1.0 + _EDGE) & (distance_m > 0.0)
+        if not hit.any():
             return None
-        k = int(np.argmin(np.where(front, distance_m, np.inf)))
-        return origin_m + float(distance_m[k]) * direction, self._normals[triangle[k]]
+        k = int(np.argmin(np.where(hit, distance_m, np.inf)))
+        normal = np.cross(self._along[k], self._up[k])
+        return origin_m + float(distance_m[k]) * direction, normal / np.linalg.norm(normal)
 
 
 def waypoint_over(hit_m: FloatArray, normal: FloatArray, *, height_m: float, clearance_m: float) -> FloatArray:

@@ -9,11 +9,25 @@ from typing import Literal
 
 import msgspec
 
+from gcs_web.protocol_base import Command, Edit
+from gcs_web.protocol_jobs import CancelJob, ForgetJob, Jobs, ListJobs, StartJob
+from gcs_web.protocol_map import (
+    AddMapEdit,
+    ChangeMapEdit,
+    DropMapEdits,
+    MapPreview,
+    MapShown,
+    Measure,
+    Measured,
+    PreviewMapEdit,
+    ShowMap,
+)
 from gcs_web.protocol_parts import (
     Aside,
     Colour,
     Held,
     Limit,
+    MapEdit,
     Mission,
     Passing,
     Person,
@@ -27,7 +41,7 @@ from gcs_web.protocol_parts import (
     YawMode,
 )
 
-PROTOCOL = 2
+PROTOCOL = 3
 """Raised when an old page could misread a new server."""
 
 
@@ -54,6 +68,8 @@ class Document(msgspec.Struct, frozen=True, tag="document"):
     waypoints: list[Waypoint]
     settings: Settings
     mission: Mission
+    map_edits: list[MapEdit]
+    """In the order in which they were made; no-fly zones hold whatever comes after."""
     undo: str
     """What undo would take back, in words; empty for nothing."""
     redo: str
@@ -138,7 +154,6 @@ class Shown(msgspec.Struct, frozen=True, tag="shown"):
     """What the 3D view, which is the same for everybody, draws now."""
 
     colour: Colour
-    slice_z_m: float | None
     author: str
     """Id of the person who chose it."""
 
@@ -163,24 +178,13 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
     """Of `compare_plans`."""
 
 
-ToPage = Welcome | Document | Plan | Vehicle | People | Files | Notice | Cursor | Shown | Selection | Reply
+ToPage = (
+    Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection
+    | MapShown | Measured | MapPreview | Reply
+)  # fmt: skip
 
 
 # --- from the page ---
-
-
-class Command(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What every command carries."""
-
-    serial: int
-    """Comes back in the reply."""
-
-
-class Edit(Command, frozen=True, kw_only=True):
-    """A change of the document."""
-
-    revision: int
-    """What the page showed when the change was made; it is merged if later changes did not touch the same waypoints."""
 
 
 class Move(Edit, frozen=True, tag="move", kw_only=True):
@@ -358,8 +362,6 @@ class Show(Command, frozen=True, tag="show", kw_only=True):
     """What the 3D view draws."""
 
     colour: Colour = "clearance"
-    slice_z_m: float | None = None
-    """Height of a slice through the distance field; None for none."""
 
 
 class TakeControl(Command, frozen=True, tag="take_control", kw_only=True):
@@ -399,4 +401,6 @@ FromPage = (
     | SetGate | ClearGate | SetTube
     | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans
     | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort
+    | ShowMap | Measure | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits
+    | StartJob | CancelJob | ForgetJob | ListJobs
 )  # fmt: skip

@@ -73,6 +73,60 @@ class Mission(msgspec.Struct, frozen=True):
     """Whether that tube has a polyline of its own, instead of straight lines from waypoint to waypoint."""
 
 
+class Shape(msgspec.Struct, frozen=True):
+    """A body in the map, world frame; of the fields only those count that the form has."""
+
+    form: Literal["box", "sphere", "prism", "other"]
+    """`other`: made by `goshawk map edit`; it can be dropped here, not changed."""
+    centre_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Of a prism: its middle height."""
+    size_m: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    """Edges of a box; of a prism its height counts."""
+    radius_m: float = 0.5
+    corners_m: list[tuple[float, float]] = []
+    """x, y of a prism's polygon."""
+
+
+MapAction = Literal["add", "no-fly", "clear", "remove"]
+
+
+class MapEdit(msgspec.Struct, frozen=True):
+    """One change of the map; see `esdf.Edit`."""
+
+    id: int
+    action: MapAction
+    name: str
+    shape: Shape
+    words: str
+    """What it is: "box, 2.0 m³"."""
+
+
+SliceAxis = Literal["x", "y", "z"]
+SliceOf = Literal["distance", "unknown", "could_hide"]
+Layer = Literal["mesh", "cameras", "points", "edits"]
+
+
+class Slice(msgspec.Struct, frozen=True):
+    """A plane through the map, normal to an axis."""
+
+    axis: SliceAxis
+    at_m: float
+    of: SliceOf = "distance"
+
+
+class MapFacts(msgspec.Struct, frozen=True):
+    """How good the map is."""
+
+    images: int
+    images_placed: int
+    reprojection_px: float | None
+    """Mean error; None where the map does not say."""
+    free_m3: float
+    """Space known to be free, edits applied."""
+    standing: str
+    """good or doubtful."""
+
+
 Colour = Literal["clearance", "speed", "thrust", "tilt", "rotor_margin"]
 YawMode = Literal["along_path", "smooth", "steady", "fixed", "look_at", "free"]
 
@@ -209,3 +263,42 @@ class Held(msgspec.Struct, frozen=True):
     room_m: float
     """What is left between the vehicle's surface and every obstacle: room for its tracking error."""
     crc32: str
+
+
+class Job(msgspec.Struct, frozen=True):
+    """Background work of the station."""
+
+    id: int
+    kind: str
+    title: str
+    state: Literal["waiting", "running", "done", "failed", "cancelled"]
+    author: str
+    """Name of who started it."""
+    stage: str = ""
+    """What is being done."""
+    share: float = 0.0
+    """Of the stage, 0 to 1."""
+    left_s: float | None = None
+    """Until the stage is done; None where it cannot be told yet."""
+    elapsed_s: float = 0.0
+    words: str = ""
+    """What came of it, or why it failed."""
+
+
+class JobField(msgspec.Struct, frozen=True):
+    """One argument of a kind of job."""
+
+    name: str
+    title: str
+    says: str
+    form: Literal["text", "choice", "several", "number", "integer", "flag"]
+    """`several`: any of the choices."""
+    default: str | float | bool | list[str]
+    choices: list[str]
+    unit: str = ""
+
+
+class JobKind(msgspec.Struct, frozen=True):
+    name: str
+    title: str
+    fields: list[JobField]

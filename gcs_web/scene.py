@@ -1,34 +1,21 @@
-"""The 3D scene (mesh, distance-field slice, path, waypoints, vehicle): arrays in, viser nodes out."""
+"""The 3D scene (path, waypoints, vehicle): arrays in, viser nodes out."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flight import FloatArray, MapError, Progress, silent
+from flight import FloatArray
 from flight.rotations import IDENTITY
 from gcs_web import protocol
 
 if TYPE_CHECKING:
-    import trimesh
     import viser
-
-DISPLAY_TRIANGLES = 120_000
-"""A larger mesh is decimated for display; the map on disk is not changed."""
-TRIANGLES_PER_STEP = 250_000
-"""Triangles that one step of the decimation removes, about four seconds; four steps take as long as one large one."""
 
 PLENTY_ABOVE_M = 0.7
 """Clearance this far above the limit has the colour of plenty."""
 
-_DARKENED = 0.45
-"""Share of the mesh's brightness that is shown: the path must stand out from it."""
-_PLAIN = 0.6
-"""Brightness of a mesh that has no colours of its own."""
-_UNKNOWN = np.array([90, 90, 100.0])
 _MARK = (196, 113, 240)
-_SLICE_ALPHA, _INSIDE_ALPHA = 90, 0
 
 
 def colours(share: FloatArray, scale: str) -> np.ndarray:
@@ -56,61 +43,6 @@ def series_colours(series: protocol.Series, what: str, required_m: float) -> np.
     }[what]
     low, high = min(values), max(values)
     return colours((np.array(values) - low) / max(high - low, 1e-9), "cividis")
-
-
-def display_mesh(path: Path, triangles: int = DISPLAY_TRIANGLES, *, progress: Progress = silent) -> "trimesh.Trimesh":
-    """The map's mesh, simplified by quadric decimation if it has more than `triangles`.
-
-    Raises:
-        MapError: the file holds no mesh that can be read.
-    """
-    import open3d
-    import trimesh
-
-    mesh = open3d.io.read_triangle_mesh(path)
-    if not len(mesh.triangles):
-        raise MapError(f"{path.name} holds no triangles or cannot be read; build the map again")
-    surplus = len(mesh.triangles) - triangles
-    steps = max(int(np.ceil(surplus / TRIANGLES_PER_STEP)), 0)
-    for left in range(steps - 1, -1, -1):
-        progress("simplifying the mesh", 1.0 - (left + 1) / steps)
-        mesh = mesh.simplify_quadric_decimation(triangles + left * surplus // steps)
-    colours = np.asarray(mesh.vertex_colors)
-    if not len(colours):
-        colours = np.full((len(mesh.vertices), 3), _PLAIN)
-    return trimesh.Trimesh(
-        np.asarray(mesh.vertices),
-        np.asarray(mesh.triangles),
-        vertex_colors=(255 * _DARKENED * colours).astype(np.uint8),
-        process=False,
-    )
-
-
-def slice_image(field: Any, height_m: float, required_m: float) -> tuple[np.ndarray, FloatArray, FloatArray]:
-    """A horizontal slice of the distance field as RGBA (rows north to south), its centre (3,) and its size (2,)."""
-    grid = field.grid
-    low = np.asarray(grid.origin_world_m, dtype=np.float64)
-    voxel = np.broadcast_to(np.asarray(grid.voxel_m, dtype=np.float64), (3,))
-    nx, ny = grid.shape[0], grid.shape[1]
-    x = low[0] + (np.arange(nx) + 0.5) * voxel[0]
-    y = low[1] + (np.arange(ny)[::-1] + 0.5) * voxel[1]
-    points = np.stack([*np.meshgrid(x, y), np.full((ny, nx), height_m)], axis=-1)
-    distance = field.distance(points.reshape(-1, 3)).reshape(ny, nx)
-    shades = clearance_colours(distance, required_m)
-    inside = np.nan_to_num(distance, nan=-1.0) < 0.0
-    rgba = np.dstack([np.where(inside[..., None], _UNKNOWN, shades), np.where(inside, _INSIDE_ALPHA, _SLICE_ALPHA)])
-    size = np.array([nx, ny]) * voxel[:2]
-    centre = np.array([low[0] + size[0] / 2, low[1] + size[1] / 2, height_m])
-    return rgba.astype(np.uint8), centre, size
-
-
-def draw_slice(server: "viser.ViserServer", field: Any, height_m: float, required_m: float) -> Any:
-    rgba, centre, size = slice_image(field, height_m, required_m)
-    # viser draws an image with x to the right and y downwards; half a turn about x puts its top to the north.
-    return server.scene.add_image(
-        "/esdf_slice", rgba, size[0], size[1], format="png", wxyz=(0.0, 1.0, 0.0, 0.0), position=centre,
-        cast_shadow=False, receive_shadow=False,
-    )  # fmt: skip
 
 
 def draw_path(

@@ -5,18 +5,18 @@ are other waypoints and other settings, and refused with a sentence if not.
 """
 
 import logging
-import os
 import threading
 from collections import deque
 from collections.abc import Callable
 from typing import Literal, NamedTuple
 
-from flight import InputError, Waypoints, mission, results
+from flight import FlightError, InputError, Waypoints
 from flight.mission import Mission
 from flight.project import Project
 from gcs_web import edits, missions, page_values, protocol
 from gcs_web.document import Content, Patch, Settings, difference, patched
 from gcs_web.journal import Entry, Journal
+from gcs_web.mirrors import MapEditsFile, Mirror, WaypointsFile
 
 logger = logging.getLogger(__name__)
 
@@ -24,7 +24,7 @@ REMEMBERED = 1000
 """Revisions back an edit may be based on."""
 
 OUTSIDE = "another program"
-"""Author of changes that are found in `waypoints.json`."""
+"""Author of changes that are found in `waypoints.json` or in the map's list of edits."""
 
 
 class _Change(NamedTuple):
@@ -54,14 +54,15 @@ class Session:
         self._notice = self._journal.notice
         self.author = ""
         """Who made the newest change."""
-        self._written: os.stat_result | None = None
-        """Of `waypoints.json` as we left it; None before we wrote or read it."""
+        self._waypoints, self._map_edits = WaypointsFile(opened.waypoints), MapEditsFile(opened.map)
+        self._mirrors: tuple[Mirror, ...] = (self._waypoints, self._map_edits)
         try:
             if self._journal.is_new:
                 first = Content(settings=settings)
-                exists = opened.waypoints.exists()
-                self._journal.begin(missions.with_mission(first, mission.load(opened.waypoints)) if exists else first)
-            self._take_file(opening=True)
+                for mirror in self._mirrors:
+                    first = mirror.first(first)
+                self._journal.begin(first)
+            self._take_files(opening=True)
         except BaseException:
             self._journal.close()
             raise
@@ -92,6 +93,7 @@ class Session:
                 waypoints=[page_values.waypoint(point) for point in saved.content.points],
                 settings=page_values.settings(saved.content.settings),
                 mission=page_values.mission(saved.content.settings),
+                map_edits=[page_values.map_edit(edit) for edit in saved.content.map_edits],
                 undo=saved.undo[-1].label if saved.undo else "",
                 redo=saved.redo[-1].label if saved.redo else "",
             )
@@ -120,42 +122,61 @@ class Session:
     def redo(self, author: str) -> str:
         return self._step("redo", author)
 
-    def take_file(self) -> bool:
-        """Take over what another program wrote into `waypoints.json`, as a change that can be undone.
+    @property
+    def map_edits_behind(self) -> str:
+        """Why the map on disk lacks the document's edits; empty when it has them."""
+        return self._map_edits.problem
+
+    def take_files(self) -> list[str]:
+        """Take over what another program wrote into `waypoints.json` or the map's edits, as changes that can be undone.
+
+        Returns:
+            Names of the files.
 
         Raises:
-            FormatError: the file is damaged.
-            InputError: the change could not be saved.
+            FormatError: a file is damaged.
+            InputError: a change could not be saved.
         """
-        return self._take_file(opening=False)
+        return self._take_files(opening=False)
 
     def close(self) -> None:
         with self._lock:
             self._journal.close()
 
-    def _take_file(self, *, opening: bool) -> bool:
-        """As `take_file`; on opening, a file of before the newest change is one that we did not come to write."""
+    def _take_files(self, *, opening: bool) -> list[str]:
+        taken, problem = [], None
+        for mirror in self._mirrors:
+            try:
+                taken += [mirror.path.name] if self._take_file(mirror, opening=opening) else []
+            except FlightError as error:
+                problem = problem or error  # a damaged file must not hide the other one
+        if problem is not None:
+            raise problem
+        return taken
+
+    def _take_file(self, mirror: Mirror, *, opening: bool) -> bool:
+        """As `take_files`; on opening, a file of before the newest change is one that we did not come to write."""
         with self._lock:
-            path = self.project.waypoints
-            if not path.exists():
-                if self.content.points:
-                    self._write_file(self.content)
+            if mirror.is_missing:
+                if mirror.lacks(self.content):
+                    mirror.write(self.content)
                 return False
-            seen, last = path.stat(), self._written
-            if last is not None and _same_file(seen, last):
+            seen = mirror.seen()
+            if mirror.is_ours(seen):
                 return False  # ours, if perhaps of before an edit that could not be written
-            found = mission.load(path)
-            self._written = seen  # a damaged file stays foreign: the next edit keeps it
-            if missions.same(self.content, found):
+            last = mirror.written
+            found = mirror.read(self.content)
+            mirror.written = seen  # a damaged file stays foreign: the next edit keeps it
+            if mirror.same(self.content, found):
                 return False
             steps_back = self._last_steps_back() if opening else []
-            if any(missions.same(patched(self.content, step), found) for step in steps_back):
-                self._write_file(self.content)  # we were killed between journal and file
+            if any(mirror.same(patched(self.content, step), found) for step in steps_back):
+                mirror.write(self.content)  # we were killed between journal and file
                 return False
             try:
-                return bool(self.take(found, f"{path.name} was changed by another program", OUTSIDE))
+                return bool(self._make(found, f"{mirror.path.name} was changed by another program", OUTSIDE))
             except InputError:
-                self._written = last  # stays foreign too
+                mirror.written = last  # stays foreign too
                 raise
 
     def _last_steps_back(self) -> list[Patch]:
@@ -197,28 +218,15 @@ class Session:
             return f"{'taken back' if kind == 'undo' else 'done again'}: {last.label}{whose}"
 
     def _commit(self, entry: Entry, after: Content) -> None:
+        before = self.content
         self._journal.append(entry, after)
         self.author = entry.author
         self._recent.append(_Change(entry.revision, entry.author, entry.patch.touched))
-        try:
-            self._write_file(after)
-        except OSError as error:  # the change is made and in the journal
-            self._notice = f"waypoints.json could not be written: {error.strerror}; other programs see an older state"
-            logger.warning(self._notice)
+        for mirror in self._mirrors:
+            try:
+                self._notice = mirror.update(before, after) or self._notice
+            except OSError as error:  # the change is made and in the journal
+                self._notice = f"{mirror.path.name} could not be written: {error.strerror}; {mirror.while_behind}"
+                logger.warning(self._notice)
         for listener in self._listeners:
             listener()
-
-    def _write_file(self, content: Content) -> None:
-        """Bring `waypoints.json` up to date; what another program wrote since we last looked is kept beside it."""
-        path = self.project.waypoints
-        if path.exists() and (self._written is None or not _same_file(path.stat(), self._written)):
-            kept = results.keep(path)
-            self._notice = f"another program wrote {path.name} during an edit here; its version is kept as {kept.name}"
-            logger.warning(self._notice)
-        mission.save(path, missions.mission_of(content))
-        self._written = path.stat()
-
-
-def _same_file(a: os.stat_result, b: os.stat_result) -> bool:
-    """Whether nobody wrote in between; each of our writes makes a new file (inode)."""
-    return (a.st_ino, a.st_mtime_ns, a.st_size) == (b.st_ino, b.st_mtime_ns, b.st_size)

@@ -5,13 +5,15 @@ viser is given numbers and fixed names only: no text of a user's, a log's or a v
 
 import threading
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flight import FloatArray, Progress, silent
-from gcs_web import course_view, missions, picking, protocol, scene
+from gcs_web import course_view, display_mesh, missions, picking, protocol, scene
 from gcs_web.document import Content, Point, Settings
+from gcs_web.map_view import MapView
 from gcs_web.vehicle_view import VehicleView
 from mapping import Map
 
@@ -27,10 +29,13 @@ _WHITE, _SELECTED, _GREY = (233, 237, 240), (121, 176, 255), (120, 120, 120)
 class View3D:
     """Thread-safe."""
 
-    def __init__(self, server: "viser.ViserServer", *, triangles: int, progress: Progress = silent) -> None:
+    def __init__(
+        self, server: "viser.ViserServer", *, triangles: int, cache: Path, progress: Progress = silent
+    ) -> None:
+        """`cache`: folder for the mesh as it is shown."""
         self.progress = progress
         """Of drawing the first map; `silent` once the station is open."""
-        self._server, self._triangles = server, triangles
+        self._server, self._triangles, self._cache = server, triangles, cache
         self._lock = threading.RLock()
         self._points: tuple[Point, ...] = ()
         self._balls: dict[int, Any] = {}
@@ -42,9 +47,11 @@ class View3D:
         self._series: protocol.Series | None = None
         self._required_m = 0.0
         self._colour: protocol.Colour = "clearance"
-        self._slice_z_m: float | None = None
         self._path: Any = None
-        self._map: Map | None = None
+        self._mesh: Any = None
+        self._mesh_file: tuple[int, int] | None = None
+        """Time of change (ns) and size of the file that is drawn."""
+        self.map = MapView(server)
         self._checked = False
         self._dragged_points: dict[int | None, int] = {}
         """By browser (viser's id): the waypoint that is dragged there."""
@@ -60,6 +67,8 @@ class View3D:
         """The path was clicked; the plan's time there, s."""
         self.on_add: Callable[[int | None, FloatArray], None] = lambda _i, _p: None
         """The map was shift-clicked: the waypoint to insert after (None: there is none), and where, (3,) world."""
+        self.on_measure: Callable[[FloatArray, FloatArray, FloatArray | None], None] = lambda _o, _d, _h: None
+        """Clicked while measuring: origin and direction of the ray, and where it meets the mesh, (3,) world."""
         server.scene.on_click()(self._clicked)
         server.scene.on_click(modifier="shift")(self._shift_clicked)
         server.on_client_disconnect(self._browser_left)
@@ -69,15 +78,24 @@ class View3D:
         self.vehicle = VehicleView(server)
 
     def draw_map(self, area: Map) -> None:
-        """Show a map's mesh, and look at it if it is the first one."""
+        """Show a map, and look at it if it is the first one; its mesh is only read where the file changed."""
         with self._lock:
-            first, self._map = self._map is None, area
-            mesh = scene.display_mesh(area.mesh, self._triangles, progress=self.progress)
-            self._surface = picking.Surface(mesh)
-            self._server.scene.add_mesh_trimesh("/map", mesh, cast_shadow=False)
+            first = self._mesh_file is None
+            found = area.mesh.stat() if area.mesh.exists() else None
+            file = (0, 0) if found is None else (found.st_mtime_ns, found.st_size)
+            if file != self._mesh_file:
+                mesh = display_mesh.load(area.mesh, self._triangles, self._cache, progress=self.progress)
+                self._surface = picking.Surface(mesh)
+                self._mesh = self._server.scene.add_mesh_trimesh("/map", mesh, cast_shadow=False)
+                self._mesh_file = file
             if first:
                 self._place_camera(area)
-            self._draw_slice()
+        self.map.draw(area)
+
+    def show_mesh(self, visible: bool) -> None:
+        with self._lock:
+            if self._mesh is not None:
+                self._mesh.visible = visible
 
     def draw_waypoints(self, points: tuple[Point, ...]) -> None:
         with self._lock, self._server.atomic():
@@ -126,6 +144,7 @@ class View3D:
         """Take what the document asks of a path: waypoints are placed and colours scaled by it from now on."""
         with self._lock:
             self._required_m = required_m
+        self.map.require_clearance(required_m)
 
     def draw_plan(self, series: protocol.Series | None, *, is_coming: bool = False) -> None:
         """Draw a checked plan; None leaves the last good path there in grey, and a draft if a plan `is_coming`."""
@@ -172,11 +191,10 @@ class View3D:
             self._ghost.wxyz = tuple(series.q_world_body[4 * k : 4 * k + 4])
             self._ghost.visible = True
 
-    def show(self, colour: protocol.Colour, slice_z_m: float | None) -> None:
+    def show(self, colour: protocol.Colour) -> None:
         with self._lock:
-            self._colour, self._slice_z_m = colour, slice_z_m
+            self._colour = colour
             self._draw_path()
-            self._draw_slice()
 
     def _ball(self, point: Point) -> Any:
         if point.id not in self._balls:
@@ -238,6 +256,9 @@ class View3D:
             self.drop_draft()
 
     def _clicked(self, event: "viser.SceneClickEvent") -> None:
+        if self.map.measuring:
+            self._measured(np.array(event.ray_origin), np.array(event.ray_direction))
+            return
         with self._lock:
             series = self._series
             if series is None or not self._checked:
@@ -246,6 +267,10 @@ class View3D:
         k = picking.nearest_on_path(np.array(event.ray_origin), np.array(event.ray_direction), path_m)
         if k is not None:
             self.on_moment(series.time_s[k])
+
+    def _measured(self, origin_m: FloatArray, direction: FloatArray) -> None:
+        hit = self._surface and self._surface.first_hit(origin_m, direction)
+        self.on_measure(origin_m, direction, None if hit is None else hit[0])
 
     def _shift_clicked(self, event: "viser.SceneClickEvent") -> None:
         with self._lock:
@@ -271,12 +296,6 @@ class View3D:
         grey = np.full((len(positions), 3), _GREY, dtype=np.uint8)
         colours = scene.series_colours(series, self._colour, self._required_m) if is_current else grey
         self._path = scene.draw_path(self._server, positions, colours)
-
-    def _draw_slice(self) -> None:
-        if self._slice_z_m is None or self._map is None:
-            self._server.scene.remove_by_name("/esdf_slice")
-            return
-        scene.draw_slice(self._server, self._map.field, self._slice_z_m, self._required_m)
 
     def _place_camera(self, area: Map) -> None:
         """Look at the middle of the map from behind and above, high enough to see over the walls."""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import msgspec
 
-from gcs_web import protocol, protocol_parts
+from gcs_web import protocol, protocol_base, protocol_jobs, protocol_map, protocol_parts
 
 TARGET = Path(__file__).parents[1] / "gcs_web" / "client" / "src" / "protocol.ts"
 HEAD = "// Written by tools/page_types.py from gcs_web/protocol.py. Do not edit.\n"
@@ -18,7 +18,7 @@ def typescript() -> str:
     """All structs of the protocol as interfaces, then the two unions."""
     structs = [
         kind
-        for module in (protocol_parts, protocol)
+        for module in (protocol_parts, protocol_base, protocol_jobs, protocol_map, protocol)
         for kind in vars(module).values()
         if inspect.isclass(kind) and issubclass(kind, msgspec.Struct) and kind.__module__ == module.__name__
     ]
@@ -48,7 +48,10 @@ def _type(hint: object) -> str:
     if origin is typing.Literal:
         return " | ".join(f'"{a}"' for a in arguments)
     if origin is list:
-        return f"{_type(arguments[0])}[]"
+        item = _type(arguments[0])
+        return f"({item})[]" if "|" in item else f"{item}[]"
+    if origin is dict:
+        return f"Record<{_type(arguments[0])}, {_type(arguments[1])}>"
     if origin is tuple:
         return f"[{', '.join(_type(a) for a in arguments)}]"
     if isinstance(hint, type):

@@ -1,4 +1,4 @@
-"""What the 3D view shows: selection, the moment of the cursor, colours and slice."""
+"""What the 3D view shows: selection, the moment of the cursor, colours."""
 
 from collections.abc import Callable
 from typing import Any
@@ -16,8 +16,8 @@ def _look(desk: Desk, _: protocol.Person, look: protocol.Look) -> None:
 
 
 def _show(desk: Desk, person: protocol.Person, show: protocol.Show) -> None:
-    desk.view.show(show.colour, show.slice_z_m)
-    desk.hub.publish(protocol.Shown(show.colour, show.slice_z_m, person.id))
+    desk.view.show(show.colour)
+    desk.hub.publish(protocol.Shown(show.colour, person.id))
 
 
 HANDLERS: dict[type, Callable[[Desk, protocol.Person, Any], None]] = {

@@ -28,7 +28,7 @@ from goshawk import console
 @console.margin_option
 @click.option(
     "--triangles",
-    default=120_000,
+    default=60_000,
     show_default=True,
     help="Largest number of triangles to display; the map is not changed.",
 )
@@ -64,6 +64,7 @@ def command(
 
     check_for_station(project)
     from gcs_web import GroundStation
+    from goshawk.station_jobs import KINDS
 
     options = console.body_options(radius_m, margin_m)
     with console.progress() as report:
@@ -78,6 +79,7 @@ def command(
             triangles=triangles,
             progress=report,
             on_entry=lambda url: click.echo(f"a browser has connected; the address for another one: {url}"),
+            jobs=KINDS,
         )
     with station:
         click.echo(f"open  {station.url}")

@@ -11,6 +11,7 @@ import numpy as np
 
 import esdf
 from esdf import Edit, Editor, Field, pictures, solids
+from esdf.edits import difference
 from esdf.storage import EDITS
 from flight import InputError, results
 from goshawk import console, outputs
@@ -194,13 +195,11 @@ def _change(
     before, old = editor.snapshot(), editor.edits
     work()
     after = editor.field
-    voxel_m3 = float(np.prod(after.grid.voxel_m))
-    closed = (before.state == esdf.FREE) & (after.state != esdf.FREE)
-    opened = (before.state != esdf.FREE) & (after.state == esdf.FREE)
+    change = difference(before, after)
     document: dict[str, Any] = {
-        "closed_m3": float(closed.sum()) * voxel_m3,
-        "opened_m3": float(opened.sum()) * voxel_m3,
-        "voxels_changed": int((before.state != after.state).sum()),
+        "closed_m3": change.closed_m3,
+        "opened_m3": change.opened_m3,
+        "voxels_changed": change.voxels,
         "edits": len(editor.edits),
         "hash": after.hash,
     }

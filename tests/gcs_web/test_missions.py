@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import planner
 from flight import InputError, Waypoints, mission, project
 from flight.mission import FlyBy, Gate, Ground, KeepIn, Laps, LegSpeed, Mission, Stay, Velocity, Yaw
-from gcs_web import course_view, edits, missions, protocol
+from gcs_web import course_view, edits, journal, missions, protocol
 from gcs_web.document import Content, Settings, difference, patched
 from gcs_web.session import Session
 
@@ -124,7 +124,7 @@ def test_gates_and_a_tube_are_kept_through_edits_undo_and_another_program(tmp_pa
         assert tube == replace(course().keep_in, radius_m=0.7)
         assert edit(protocol.SetTube(serial=0, revision=session.revision, radius_m=None)).keep_in is None
         mission.save(folder.waypoints, course())
-        assert session.take_file()
+        assert session.take_files()
         assert missions.same(session.content, course())
     finally:
         session.close()
@@ -248,7 +248,7 @@ def test_a_document_of_an_older_version_is_opened_and_written_as_the_new_one(tmp
     session.close()
     assert session.content.settings.speed_m_s == 3.0
     assert session.content.points[0].plain
-    assert msgspec.json.decode(path.read_bytes())["version"] == 2  # an older program would drop requests
+    assert msgspec.json.decode(path.read_bytes())["version"] == journal.VERSION  # an older program would drop requests
 
 
 @pytest.mark.parametrize(

@@ -11,10 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+import esdf
 import vehicle
 from firmware_bridge import SitlVehicle, controller, keys
 from flight import Waypoints, mission, project, rotations, trajectory
 from gcs_web import GroundStation
+from gcs_web.map_view import pulled
 from tests.waiting import PATIENCE_S
 from tests.waiting import until as wait
 
@@ -433,3 +435,26 @@ def test_a_shift_click_on_the_floor_adds_a_waypoint_after_the_last(station, page
     page_3d.keyboard.up("Shift")
     np.testing.assert_allclose(positions(station)[3], [5.5, 2.0, START[2, 2]], atol=0.05)
     page_3d.get_by_role("status").get_by_text("Waypoint 3 inserted").wait_for()
+
+
+def test_a_no_fly_zone_is_drawn_by_numbers_and_by_its_handle_previewed_applied_and_undone(page, station: GroundStation):
+    page.keyboard.press("1")
+    page.get_by_role("toolbar", name="Map").get_by_role("button", name="Box").click()
+    form = page.get_by_role("form", name="New edit of the map")
+    form.get_by_label("Name").fill("<i>cable</i>")
+    for axis, value in zip("xyz", ("3.0", "3.4", "0.5"), strict=True):
+        form.get_by_label(f"Centre, m {axis}").fill(value)
+        form.get_by_label(f"Centre, m {axis}").press("Enter")
+    form.get_by_text("no longer free").wait_for()
+    wait(lambda: "centre" in station.view.map._handles, "the handles")
+    shape = pulled(station.view.map._shape, "size", np.array([3.4, 3.6, 1.0]))  # as viser tells of a drag's end
+    station.view.map.on_shape(shape, True)
+    wait(lambda: form.get_by_label("Size, m x").input_value() == "0.9", "the numbers of the pulled box")
+    assert station.desk.session.content.map_edits == ()
+    form.get_by_role("button", name="Add to the map").click()
+    page.get_by_role("button", name="No-fly: <i>cable</i>").wait_for()
+    edits = station.desk.project.map / "esdf" / "edits.json"
+    assert [(edit.action, edit.name) for edit in esdf.load_edits(edits)] == [("no-fly", "<i>cable</i>")]
+    page.keyboard.press("Control+z")
+    page.get_by_text("None. Draw a box").wait_for()
+    assert esdf.load_edits(edits) == ()

@@ -1,13 +1,9 @@
-"""What is drawn is what is known: colours follow clearance, a slice shows the field at its place."""
-
-from types import SimpleNamespace
+"""What is drawn is what is known: colours follow clearance."""
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flight import MapError
 from gcs_web import scene
 
 
@@ -24,42 +20,3 @@ def test_unknown_clearance_is_drawn_as_the_worst():
     colours = scene.clearance_colours(np.array([np.nan, -1.0, 0.3]), 0.3)
     np.testing.assert_array_equal(colours[0], colours[1])
     np.testing.assert_array_equal(colours[0], colours[2])
-
-
-class DistanceToAPost:
-    """A field by formula: a post of 0.5 m radius at x = 1, y = 2."""
-
-    grid = SimpleNamespace(origin_world_m=np.array([-1.0, 0.0, 0.0]), voxel_m=0.1, shape=(40, 30, 10))
-
-    def distance(self, points_world_m):
-        return np.linalg.norm(points_world_m[:, :2] - [1.0, 2.0], axis=1) - 0.5
-
-
-def test_a_slice_shows_the_post_where_it_stands():
-    image, centre, size = scene.slice_image(DistanceToAPost(), 0.5, 0.3)
-    assert image.shape == (30, 40, 4)
-    np.testing.assert_allclose(centre, [1.0, 1.5, 0.5])
-    np.testing.assert_allclose(size, [4.0, 3.0])
-    rows, columns = np.nonzero(image[:, :, 3] == image[:, :, 3].min())  # the paler pixels inside
-    x = -1.0 + (columns.mean() + 0.5) * 0.1
-    y = 3.0 - (rows.mean() + 0.5) * 0.1
-    np.testing.assert_allclose([x, y], [1.0, 2.0], atol=0.02)
-
-
-def test_a_mesh_is_simplified_in_steps_that_are_reported(tmp_path, monkeypatch):
-    import trimesh
-
-    trimesh.creation.icosphere(4).export(tmp_path / "mesh.ply")
-    monkeypatch.setattr(scene, "TRIANGLES_PER_STEP", 1500)
-    told = []
-    mesh = scene.display_mesh(tmp_path / "mesh.ply", 1000, progress=lambda stage, fraction: told.append(fraction))
-    np.testing.assert_allclose(told, [0.0, 1 / 3, 2 / 3])
-    assert 900 <= len(mesh.faces) <= 1000
-    np.testing.assert_allclose(np.linalg.norm(mesh.vertices, axis=1), 1.0, atol=0.05)
-
-
-def test_a_mesh_that_cannot_be_read_is_said_and_not_drawn_as_nothing(tmp_path):
-    for content in (b"", b"not a mesh", b"glTF" + bytes(40)):
-        (tmp_path / "mesh.glb").write_bytes(content)
-        with pytest.raises(MapError, match=r"mesh\.glb holds no triangles or cannot be read"):
-            scene.display_mesh(tmp_path / "mesh.glb")

@@ -145,9 +145,9 @@ def test_an_undo_counts_as_a_change_of_what_it_takes_back(session: Session):
 def test_what_another_program_wrote_is_taken_over_and_can_be_undone(session: Session):
     other = Waypoints(START[:2] + 0.5, np.array([0.1, np.nan]))
     project.save_waypoints(session.project.waypoints, other)
-    assert session.take_file()
+    assert session.take_files()
     np.testing.assert_array_equal(positions(session), other.positions_world_m)
-    assert not session.take_file()
+    assert not session.take_files()
     session.undo("Anna")
     np.testing.assert_array_equal(positions(session), START)
     np.testing.assert_array_equal(session.content.waypoints().yaw_rad, HEADINGS)
@@ -156,7 +156,7 @@ def test_what_another_program_wrote_is_taken_over_and_can_be_undone(session: Ses
 def test_another_program_may_restore_the_file_of_before_the_last_edit(session: Session):
     after = raised(session, 1)
     project.save_waypoints(session.project.waypoints, Waypoints(START, HEADINGS))
-    assert session.take_file()
+    assert session.take_files()
     np.testing.assert_array_equal(positions(session), START)
     session.undo("Anna")
     np.testing.assert_array_equal(positions(session), after)
@@ -171,7 +171,7 @@ def test_a_file_that_could_not_be_written_is_no_change_of_another_program(sessio
 
         full.setattr(project, "save_waypoints", refuse)
         after = raised(session, 1)
-    assert not session.take_file()
+    assert not session.take_files()
     np.testing.assert_array_equal(positions(session), after)
 
 
@@ -205,7 +205,7 @@ def test_a_file_that_another_program_wrote_into_a_project_without_one_is_kept_at
 def test_a_damaged_file_of_another_program_is_refused_and_kept_at_the_next_edit(session: Session):
     session.project.waypoints.write_text("{")
     with pytest.raises(FormatError):
-        session.take_file()
+        session.take_files()
     raised(session, 0)
     assert session.project.folder.joinpath("waypoints.json.old-1").read_text() == "{"
 

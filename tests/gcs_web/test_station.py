@@ -14,6 +14,7 @@ import aiohttp
 import numpy as np
 import pytest
 
+import esdf
 import vehicle
 from firmware_bridge import SitlVehicle, controller, keys
 from flight import LinkError, Waypoints, flight_log, mission, project, trajectory
@@ -155,12 +156,88 @@ def test_a_missions_requests_are_edited_planned_and_taken_back(station):
 
 def test_all_pages_know_what_the_one_3d_view_shows(station):
     async def talk(anna: Page, ben: Page):
-        await anna.command("show", colour="thrust", slice_z_m=1.0)
+        await anna.command("show", colour="thrust")
         await ben.until(lambda p: p.state.get("shown", {}).get("colour") == "thrust")
-        assert ben.state["shown"]["slice_z_m"] == 1.0
-        await anna.command("show", colour="clearance", slice_z_m=None)
+        await anna.command("show", colour="clearance")
+        for of in ("distance", "unknown", "could_hide"):
+            await anna.command("show_map", slice={"axis": "y", "at_m": 1.0, "of": of}, layers=["cameras", "points"])
+            await ben.until(lambda p, of=of: (p.state.get("map_shown", {}).get("slice") or {}).get("of") == of)
+        assert ben.state["map_shown"]["layers"] == ["cameras", "points"]
+        refused = await anna.command("show_map", slice={"axis": "y", "at_m": 1e9}, layers=[])
+        assert "finite place" in refused["error"]
+        await anna.command("show_map", slice=None, layers=["mesh", "edits"])
 
     visit(station, 2, talk)
+
+
+BOX = {"form": "box", "centre_m": [3.0, 0.8, 1.2], "size_m": [0.2, 4.0, 2.0]}
+
+
+def test_a_no_fly_zone_over_the_path_is_previewed_applied_refused_and_undone(station):
+    async def talk(anna: Page, ben: Page):
+        await anna.checked()
+        plan = anna.state["plan"]
+        shape = BOX | {"size_m": [0.2, 1.0, 2.0]}
+        await anna.command("preview_map_edit", action="no-fly", shape=shape)
+        await ben.until(lambda p: p.state.get("map_preview", {}).get("voxels", 0) > 0)
+        assert 0.0 < ben.state["map_preview"]["closed_m3"] <= 0.3 * 1.1 * 2.1
+        assert "another person" in (await ben.command("preview_map_edit", action="add", shape=BOX))["error"]
+        assert station.desk.session.content.map_edits == ()
+        reply = await anna.edit("add_map_edit", action="no-fly", name="<b>cable</b>", shape=shape)
+        assert reply["error"] == ""
+        await anna.checked()  # a way round it
+        assert anna.state["plan"]["crc32"] != plan["crc32"]
+        field = esdf.load(station.desk.project.map / "esdf")
+        assert field.distance([[3.0, 0.8, 1.2]])[0] < 0.0
+        assert anna.state["map_preview"]["shape"] is None
+        number = anna.state["document"]["map_edits"][0]["id"]
+        await anna.edit("change_map_edit", edit=number, shape=BOX)  # from wall to wall
+        await ben.until(lambda p: p.state["plan"]["state"] == "refused")
+        assert ben.state["document"]["undo"] == "no-fly zone <b>cable</b> changed"
+        await ben.command("undo")
+        await anna.checked()
+        await ben.command("undo")
+        await anna.checked()
+        assert esdf.load_edits(station.desk.project.map / "esdf" / "edits.json") == ()
+        await anna.until(lambda p: p.state["plan"]["crc32"] == plan["crc32"])
+
+    visit(station, 2, talk)
+
+
+@pytest.mark.parametrize(
+    ("edit", "said"),
+    [
+        ({"action": "no-fly", "name": "", "shape": BOX}, "needs a name"),
+        ({"action": "add", "name": "far", "shape": BOX | {"centre_m": [500.0, 0.0, 0.0]}}, "touches no voxel"),
+        ({"action": "add", "name": "far", "shape": BOX | {"centre_m": [1e9, 0.0, 0.0]}}, "finite and within"),
+        ({"action": "add", "name": "flat", "shape": BOX | {"size_m": [0.0, 1.0, 1.0]}}, "is empty"),
+        ({"action": "add", "name": "two", "shape": {"form": "prism", "corners_m": [[0, 0], [1, 1]]}}, "3 corners"),
+        ({"action": "burn", "name": "x", "shape": BOX}, "Invalid enum value 'burn'"),
+        ({"action": "add", "name": "x" * 61, "shape": BOX}, "at most 60"),
+    ],
+)
+def test_an_edit_of_the_map_that_makes_no_sense_is_refused_and_changes_nothing(station, edit, said):
+    async def talk(page: Page):
+        assert said in (await page.edit("add_map_edit", **edit))["error"]
+        assert station.desk.session.content.map_edits == ()
+
+    visit(station, 1, talk)
+
+
+def test_what_is_clicked_to_measure_has_its_clearance_and_the_distance(station):
+    async def talk(page: Page):
+        await page.command("measure", active=True)
+        down = np.array([0.0, 0.0, -1.0])
+        for x in (1.0, 4.0):
+            station.desk.map.take_click(np.array([x, 1.0, 5.0]), down, np.array([x, 1.0, 1.0]))
+        await page.until(lambda p: len(p.state.get("measured", {}).get("points_m", ())) == 2)
+        assert page.state["measured"]["distance_m"] == pytest.approx(3.0)
+        near = station.desk.parts.map(station.desk.inputs).field.distance([[1.0, 1.0, 1.0], [4.0, 1.0, 1.0]])
+        np.testing.assert_allclose(page.state["measured"]["clearances_m"], near, atol=1e-3)
+        await page.command("measure", active=False)
+        await page.until(lambda p: p.state["measured"]["points_m"] == [])
+
+    visit(station, 1, talk)
 
 
 def test_two_people_see_each_others_edits_and_conflicts_are_refused(station):

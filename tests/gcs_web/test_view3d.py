@@ -21,10 +21,10 @@ class Wall:
 
 
 @pytest.fixture
-def view(monkeypatch) -> View3D:
+def view(monkeypatch, tmp_path) -> View3D:
     monkeypatch.setattr(scene, "draw_path", MagicMock())
     monkeypatch.setattr(scene, "draw_vehicle", MagicMock())
-    return View3D(MagicMock(), triangles=1)
+    return View3D(MagicMock(), triangles=1, cache=tmp_path)
 
 
 def click(y_m: float = 0.0) -> SimpleNamespace:

@@ -11,6 +11,8 @@ import {
   shiftSelected,
 } from "./actions";
 import { playing, select, togglePlaying } from "./cursor";
+import { cancel, draft } from "./map";
+import { TOOLS } from "./mapTools";
 import { submit } from "./socket";
 import { connected, doc, inControl, paletteOpen, selected, series, step, vehicle, verdict, welcome } from "./store";
 import { nextTheme } from "./theme";
@@ -121,5 +123,12 @@ export const COMMANDS: readonly PageCommand[] = [
       select([]);
     },
   },
+  ...TOOLS.map(({ name, key, run }): PageCommand => ({
+    name: `Map: ${name.toLowerCase()}`,
+    keys: [key],
+    enabled: () => canEdit() && step.value === 1,
+    run,
+  })),
+  { name: "Map: cancel the edit", enabled: () => step.value === 1 && draft.value !== null, run: cancel },
   ...shifts,
 ];

@@ -1,7 +1,7 @@
 // Written by tools/page_types.py from gcs_web/protocol.py. Do not edit.
 
 
-export const PROTOCOL = 2;
+export const PROTOCOL = 3;
 
 export interface Person {
   id: string;
@@ -44,6 +44,36 @@ export interface Mission {
   landing: Ground | null;
   keep_in_m: number | null;
   keep_in_recorded: boolean;
+}
+
+export interface Shape {
+  form: "box" | "sphere" | "prism" | "other";
+  centre_m: [number, number, number];
+  size_m: [number, number, number];
+  radius_m: number;
+  corners_m: [number, number][];
+}
+
+export interface MapEdit {
+  id: number;
+  action: "add" | "no-fly" | "clear" | "remove";
+  name: string;
+  shape: Shape;
+  words: string;
+}
+
+export interface Slice {
+  axis: "x" | "y" | "z";
+  at_m: number;
+  of: "distance" | "unknown" | "could_hide";
+}
+
+export interface MapFacts {
+  images: number;
+  images_placed: number;
+  reprojection_px: number | null;
+  free_m3: number;
+  standing: string;
 }
 
 export interface Settings {
@@ -138,6 +168,149 @@ export interface Held {
   crc32: string;
 }
 
+export interface Job {
+  id: number;
+  kind: string;
+  title: string;
+  state: "waiting" | "running" | "done" | "failed" | "cancelled";
+  author: string;
+  stage: string;
+  share: number;
+  left_s: number | null;
+  elapsed_s: number;
+  words: string;
+}
+
+export interface JobField {
+  name: string;
+  title: string;
+  says: string;
+  form: "text" | "choice" | "several" | "number" | "integer" | "flag";
+  default: string | number | boolean | string[];
+  choices: string[];
+  unit: string;
+}
+
+export interface JobKind {
+  name: string;
+  title: string;
+  fields: JobField[];
+}
+
+export interface Command {
+  serial: number;
+}
+
+export interface Edit {
+  serial: number;
+  revision: number;
+}
+
+export interface Jobs {
+  type: "jobs";
+  jobs: Job[];
+  kinds: JobKind[];
+}
+
+export interface StartJob {
+  type: "start_job";
+  serial: number;
+  kind: string;
+  arguments: Record<string, string | number | boolean | string[]>;
+}
+
+export interface CancelJob {
+  type: "cancel_job";
+  serial: number;
+  job: number;
+}
+
+export interface ForgetJob {
+  type: "forget_job";
+  serial: number;
+  job: number;
+}
+
+export interface ListJobs {
+  type: "list_jobs";
+  serial: number;
+}
+
+export interface MapShown {
+  type: "map_shown";
+  slice: Slice | null;
+  layers: ("mesh" | "cameras" | "points" | "edits")[];
+  low_m: [number, number, number];
+  high_m: [number, number, number];
+  facts: MapFacts;
+  author: string;
+}
+
+export interface Measured {
+  type: "measured";
+  active: boolean;
+  points_m: [number, number, number][];
+  clearances_m: (number | null)[];
+  distance_m: number | null;
+}
+
+export interface MapPreview {
+  type: "map_preview";
+  author: string;
+  edit: number | null;
+  shape: Shape | null;
+  closed_m3: number;
+  opened_m3: number;
+  voxels: number;
+}
+
+export interface ShowMap {
+  type: "show_map";
+  serial: number;
+  slice: Slice | null;
+  layers: ("mesh" | "cameras" | "points" | "edits")[];
+}
+
+export interface Measure {
+  type: "measure";
+  serial: number;
+  active: boolean;
+}
+
+export interface PreviewMapEdit {
+  type: "preview_map_edit";
+  serial: number;
+  action?: "add" | "no-fly" | "clear" | "remove";
+  shape?: Shape | null;
+  edit?: number | null;
+}
+
+export interface AddMapEdit {
+  type: "add_map_edit";
+  serial: number;
+  revision: number;
+  action: "add" | "no-fly" | "clear" | "remove";
+  name: string;
+  shape: Shape;
+}
+
+export interface ChangeMapEdit {
+  type: "change_map_edit";
+  serial: number;
+  revision: number;
+  edit: number;
+  action?: "add" | "no-fly" | "clear" | "remove" | null;
+  name?: string | null;
+  shape?: Shape | null;
+}
+
+export interface DropMapEdits {
+  type: "drop_map_edits";
+  serial: number;
+  revision: number;
+  edits: number[];
+}
+
 export interface Welcome {
   type: "welcome";
   protocol: number;
@@ -153,6 +326,7 @@ export interface Document {
   waypoints: Waypoint[];
   settings: Settings;
   mission: Mission;
+  map_edits: MapEdit[];
   undo: string;
   redo: string;
 }
@@ -223,7 +397,6 @@ export interface Cursor {
 export interface Shown {
   type: "shown";
   colour: "clearance" | "speed" | "thrust" | "tilt" | "rotor_margin";
-  slice_z_m: number | null;
   author: string;
 }
 
@@ -240,15 +413,6 @@ export interface Reply {
   here: Held | null;
   there: Held | null;
   plans: PlanSummary[];
-}
-
-export interface Command {
-  serial: number;
-}
-
-export interface Edit {
-  serial: number;
-  revision: number;
 }
 
 export interface Move {
@@ -448,7 +612,6 @@ export interface Show {
   type: "show";
   serial: number;
   colour?: "clearance" | "speed" | "thrust" | "tilt" | "rotor_margin";
-  slice_z_m?: number | null;
 }
 
 export interface TakeControl {
@@ -490,6 +653,6 @@ export interface Abort {
   serial: number;
 }
 
-export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Notice | Cursor | Shown | Selection | Reply;
+export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | MapShown | Measured | MapPreview | Reply;
 
-export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | SetGate | ClearGate | SetTube | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort;
+export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | SetGate | ClearGate | SetTube | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | ShowMap | Measure | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits | StartJob | CancelJob | ForgetJob | ListJobs;

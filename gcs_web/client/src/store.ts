@@ -3,7 +3,7 @@
 import { batch, computed, signal } from "@preact/signals";
 import { initials } from "./format";
 import { PROTOCOL } from "./protocol";
-import type { Document, Files, Notice, People, Plan, Show, ToPage, Vehicle, Waypoint, Welcome } from "./protocol";
+import type { Document, Files, Jobs, MapPreview, MapShown, Measured, Notice, People, Plan, Show, ToPage, Vehicle, Waypoint, Welcome } from "./protocol";
 
 // --- as the server sent it ---
 
@@ -16,6 +16,25 @@ export const figures = signal<Plan | null>(null);
 export const vehicle = signal<Vehicle | null>(null);
 export const people = signal<People>({ type: "people", people: [], in_control: "" });
 export const files = signal<Files>({ type: "files", trajectories: [], flights: [], bin: [] });
+export const mapShown = signal<MapShown | null>(null);
+export const measured = signal<Measured>({
+  type: "measured",
+  active: false,
+  points_m: [],
+  clearances_m: [],
+  distance_m: null,
+});
+/** What an edit of the map would change; a shape of null: nobody draws one. */
+export const mapPreview = signal<MapPreview>({
+  type: "map_preview",
+  author: "",
+  edit: null,
+  shape: null,
+  closed_m3: 0,
+  opened_m3: 0,
+  voxels: 0,
+});
+export const jobs = signal<Jobs>({ type: "jobs", jobs: [], kinds: [] });
 export const notice = signal<Notice>({ type: "notice", text: "", level: "fact", undo: false });
 
 /** Tracking errors as they were heard, of the last minute. */
@@ -36,7 +55,7 @@ const vehicleHeardAt_ms = signal(0);
 export const cursor_s = signal<number | null>(null);
 /** Ids of waypoints. */
 export const selected = signal<ReadonlySet<number>>(new Set());
-export const view = signal<Required<Pick<Show, "colour" | "slice_z_m">>>({ colour: "clearance", slice_z_m: null });
+export const view = signal<Required<Pick<Show, "colour">>>({ colour: "clearance" });
 export const step = signal(2);
 export const aborting = signal(false);
 export const paletteOpen = signal(false);
@@ -139,6 +158,9 @@ export function receive(message: Exclude<ToPage, { type: "reply" }>): void {
       case "files":
         files.value = message;
         break;
+      case "jobs":
+        jobs.value = message;
+        break;
       case "notice":
         notice.value = message;
         break;
@@ -147,8 +169,18 @@ export function receive(message: Exclude<ToPage, { type: "reply" }>): void {
         break;
       case "shown": // what this person chose may have changed again since it was sent
         if (message.author !== welcome.value?.you) {
-          view.value = { colour: message.colour, slice_z_m: message.slice_z_m };
+          view.value = { colour: message.colour };
         }
+        break;
+      case "map_shown":
+        if (mapShown.value === null || message.author !== welcome.value?.you) mapShown.value = message;
+        else mapShown.value = { ...message, slice: mapShown.value.slice, layers: mapShown.value.layers };
+        break;
+      case "measured":
+        measured.value = message;
+        break;
+      case "map_preview":
+        mapPreview.value = message;
         break;
       case "selection":
         selected.value = new Set(message.waypoints);

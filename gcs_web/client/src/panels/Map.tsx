@@ -1,67 +1,20 @@
-/** The map step: a slice through the distance field, and what the path's colour means. */
+/** The map step: how good the map is, slices and layers, edits, and background jobs. */
 
-import { NumberField } from "../components/NumberField";
-import { show } from "../cursor";
-import { connected, doc, series, step, view } from "../store";
-import { ColourChoice } from "./Scene";
-
-/** The slider reaches this far above and below what is flown. */
-const ROOM_M = 1.5;
-const STEP_M = 0.05;
+import { Badge } from "../components/Badge";
+import { number } from "../format";
+import { mapShown, step } from "../store";
+import { Jobs } from "./Jobs";
+import { MapEdits } from "./MapEdits";
+import { Layers, Slices } from "./Slices";
 
 export function Map() {
-  const height_m = view.value.slice_z_m;
-  const [low_m, high_m, middle_m] = heights();
   return (
     <>
-      <section class="verdict">
-        <h2>Map</h2>
-        <p>Mesh and distance field of the project. Edit them with goshawk map edit; a plan made before becomes void.</p>
-      </section>
-      <section class="block" aria-labelledby="slice-title">
-        <div class="block-head">
-          <h3 id="slice-title">Slice</h3>
-          <label class="switch">
-            <input
-              type="checkbox"
-              checked={height_m !== null}
-              disabled={!connected.value}
-              onChange={(event) => show({ slice_z_m: event.currentTarget.checked ? middle_m : null })}
-            />
-            Distance to obstacles
-          </label>
-        </div>
-        {height_m !== null && (
-          <div class="slice">
-            <input
-              type="range"
-              aria-label="Height of the slice"
-              min={low_m}
-              max={high_m}
-              step={STEP_M}
-              value={height_m}
-              disabled={!connected.value}
-              onInput={(event) => show({ slice_z_m: event.currentTarget.valueAsNumber })}
-            />
-            <NumberField
-              label="Height"
-              unit="m"
-              value={height_m}
-              disabled={!connected.value}
-              onCommit={async (value) => {
-                show({ slice_z_m: value });
-                return "";
-              }}
-            />
-          </div>
-        )}
-      </section>
-      <section class="block" aria-labelledby="colour-title">
-        <div class="block-head">
-          <h3 id="colour-title">Colour of the path</h3>
-          <ColourChoice />
-        </div>
-      </section>
+      <Facts />
+      <Slices />
+      <Layers />
+      <MapEdits />
+      <Jobs />
       <div class="spring" />
       <div class="acts">
         <button type="button" class="control primary grow" onClick={() => (step.value = 2)}>
@@ -72,10 +25,43 @@ export function Map() {
   );
 }
 
-/** Lowest, highest and middle height that matter: those of the path and around it. */
-function heights(): [number, number, number] {
-  const flown_m = series.value?.z_m ?? (doc.value?.waypoints ?? []).map((waypoint) => waypoint.z_m);
-  const [low_m, high_m] = flown_m.length === 0 ? [0, 0] : [Math.min(...flown_m), Math.max(...flown_m)];
-  const round = (value_m: number): number => Number((Math.round(value_m / STEP_M) * STEP_M).toFixed(2));
-  return [round(low_m - ROOM_M), round(high_m + ROOM_M), round((low_m + high_m) / 2)];
+function Facts() {
+  const facts = mapShown.value?.facts;
+  if (facts === undefined) {
+    return (
+      <section class="verdict">
+        <h2>Map</h2>
+        <p>The map cannot be shown; the line below says why.</p>
+      </section>
+    );
+  }
+  const { images, images_placed, reprojection_px, free_m3, standing } = facts;
+  return (
+    <section class="verdict">
+      <div class="block-head">
+        <h2>Map</h2>
+        <Badge tone={standing === "doubtful" ? "caution" : "neutral"}>
+          {images > 0 ? `${images_placed} of ${images} images placed` : standing}
+        </Badge>
+      </div>
+      <dl class="map-facts">
+        <div>
+          <dt>Reprojection</dt>
+          <dd>
+            {number(reprojection_px, 2)} <span class="unit">px</span>
+          </dd>
+        </div>
+        <div>
+          <dt>Proven free</dt>
+          <dd>
+            {number(free_m3, 1)} <span class="unit">m³</span>
+          </dd>
+        </div>
+        <div>
+          <dt>Verdict</dt>
+          <dd>{standing}</dd>
+        </div>
+      </dl>
+    </section>
+  );
 }

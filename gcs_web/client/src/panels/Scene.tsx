@@ -4,9 +4,10 @@ import type { ComponentChildren } from "preact";
 import { show } from "../cursor";
 import { number, short } from "../format";
 import { listenIn } from "../keys";
-import { CIVIDIS, CLEARANCE, CLEARANCE_SPAN_M } from "../scales";
-import { figures, series, view } from "../store";
+import { CIVIDIS, CLEARANCE, CLEARANCE_SPAN_M, COULD_HIDE_SPAN_MM } from "../scales";
+import { figures, mapShown, series, step, view } from "../store";
 import type { Series, Show } from "../protocol";
+import { MapTools, MeasureReadout } from "./MapTools";
 
 type Colour = NonNullable<Show["colour"]>;
 
@@ -32,7 +33,9 @@ export function Scene() {
       <div class="legends">
         <PathLegend />
         <SliceLegend />
+        <MeasureReadout />
       </div>
+      {step.value === 1 && <MapTools />}
     </main>
   );
 }
@@ -50,11 +53,27 @@ function PathLegend() {
 }
 
 function SliceLegend() {
-  const height_m = view.value.slice_z_m;
-  if (height_m === null) return null;
+  const slice = mapShown.value?.slice ?? null;
+  if (slice === null) return null;
+  const where = `${slice.axis} = ${number(slice.at_m, 2)}`;
+  if (slice.of === "unknown") {
+    return (
+      <Legend unit="" colours={[]} ends={["hatched: unknown", "pale: obstacle"]}>
+        <b>Unknown space, {where}</b>
+      </Legend>
+    );
+  }
+  const hides = slice.of === "could_hide";
   return (
-    <Legend unit="m" colours={CLEARANCE} ends={clearanceEnds()}>
-      <b>Distance at z = {number(height_m, 2)}</b>
+    <Legend
+      unit={hides ? "mm" : "m"}
+      colours={hides ? CIVIDIS : CLEARANCE}
+      ends={hides ? ["0", `≥ ${COULD_HIDE_SPAN_MM}`] : clearanceEnds()}
+      note={hides ? "hatched: no image looked" : "hatched: below the limit"}
+    >
+      <b>
+        {hides ? "Thinnest object seen" : "Distance"}, {where}
+      </b>
     </Legend>
   );
 }
@@ -63,21 +82,27 @@ interface LegendProps {
   unit: string;
   colours: readonly string[];
   ends: readonly [string, string];
+  note?: string;
   children: ComponentChildren;
 }
 
-function Legend({ unit, colours, ends, children }: LegendProps) {
+function Legend({ unit, colours, ends, note, children }: LegendProps) {
   return (
     <div class="legend">
       <div class="legend-head">
         {children}
         <span class="quiet">{unit}</span>
       </div>
-      <div class="legend-bar" style={{ background: `linear-gradient(90deg, ${colours.join(",")})` }} />
+      {colours.length === 0 ? (
+        <div class="legend-bar hatched" />
+      ) : (
+        <div class="legend-bar" style={{ background: `linear-gradient(90deg, ${colours.join(",")})` }} />
+      )}
       <div class="legend-ends">
         <span>{ends[0]}</span>
         <span>{ends[1]}</span>
       </div>
+      {note !== undefined && <p class="legend-ends quiet">{note}</p>}
     </div>
   );
 }

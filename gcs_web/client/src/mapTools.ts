@@ -1,0 +1,25 @@
+/** The tools of the step Map, for the toolbar, the keys and the palette. */
+
+import { begin, cancel, draft, toggleMeasuring } from "./map";
+import type { Form } from "./map";
+import { measured } from "./store";
+
+export interface Tool {
+  name: string;
+  key: string;
+  active: () => boolean;
+  run: () => void;
+}
+
+const drawing = (form: Form): boolean => draft.value?.shape.form === form;
+
+function shapeTool(name: string, key: string, form: Form): Tool {
+  return { name, key, active: () => drawing(form), run: () => (drawing(form) ? cancel() : begin(form)) };
+}
+
+export const TOOLS: readonly Tool[] = [
+  shapeTool("Box", "b", "box"),
+  shapeTool("Prism", "r", "prism"),
+  shapeTool("Sphere", "o", "sphere"),
+  { name: "Measure", key: "m", active: () => measured.value.active, run: toggleMeasuring },
+];

@@ -1,0 +1,179 @@
+"""The map on the table: what is shown of it, what is measured in it, and what an edit of it would change."""
+
+import contextlib
+import threading
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+import esdf
+from esdf import Edit
+from esdf.edits import difference
+from flight import FlightError, FloatArray, InputError
+from gcs_web import map_edits, protocol
+from gcs_web.protocol_parts import Layer, MapAction, MapFacts, Shape, Slice
+
+if TYPE_CHECKING:
+    from gcs_web.desk import Desk
+
+_LAYERS: list[Layer] = ["mesh", "edits"]
+
+
+class MapDesk:
+    """Thread-safe."""
+
+    def __init__(self, desk: "Desk") -> None:
+        self._desk, self._view = desk, desk.view.map
+        self._lock = threading.RLock()
+        self._slice: Slice | None = None
+        self._layers, self._author = _LAYERS, ""
+        self._measured: list[tuple[float, float, float]] = []
+        self._preview = protocol.MapPreview("")
+        self._action: MapAction = "no-fly"
+        self._editor: esdf.Editor | None = None
+        """Of the map without the previewed edit, while there is one."""
+        self._view.on_shape = self._pulled
+        desk.view.on_measure = self.take_click
+
+    # --- what is shown ---
+
+    def show(self, wanted: Slice | None, layers: list[Layer], author: str) -> None:
+        """Raises `InputError` if the slice is not at a finite place."""
+        if wanted is not None and not abs(wanted.at_m) <= map_edits.LARGEST_COORDINATE_M:
+            raise InputError(f"a slice at {wanted.at_m} m is refused; give a finite place in the map")
+        with self._lock:
+            self._slice, self._layers, self._author = wanted, layers, author
+        self._view.show(wanted, layers)
+        self._desk.view.show_mesh("mesh" in layers)
+        self._publish()
+
+    def changed(self) -> None:
+        """The map is another one: what it shows, and what a previewed edit would change, is told anew."""
+        self._publish()
+        with self._lock:
+            self._editor = None
+            if self._preview.shape is not None:
+                with contextlib.suppress(FlightError):
+                    self._show_preview(self._preview.author, self._preview.edit, self._preview.shape)
+
+    def _publish(self) -> None:
+        desk = self._desk
+        try:
+            area = desk.parts.map(desk.inputs)
+        except FlightError:
+            return  # said when it was drawn
+        grid, facts = area.field.grid, area.facts
+        free_m3 = float(np.count_nonzero(area.field.state == esdf.FREE) * np.prod(grid.voxel_m))
+        low = np.array(grid.low_world_m)
+        high = low + np.array(grid.shape) * np.array(grid.voxel_m)
+        reprojection = facts.get("reprojection_error_px")
+        desk.hub.publish(
+            protocol.MapShown(
+                slice=self._slice,
+                layers=list(self._layers),
+                low_m=_triple(low),
+                high_m=_triple(high),
+                facts=MapFacts(
+                    images=int(facts.get("images", 0)),
+                    images_placed=int(facts.get("images_placed", len(area.images))),
+                    reprojection_px=None if reprojection is None else float(reprojection),
+                    free_m3=free_m3,
+                    standing=str(area.standing),
+                ),
+                author=self._author,
+            )
+        )
+
+    # --- measuring ---
+
+    def measure(self, *, active: bool) -> None:
+        with self._lock:
+            self._view.measuring, self._measured = active, []
+        self._tell_measured()
+
+    def take_click(self, origin_m: FloatArray, direction: FloatArray, hit_m: FloatArray | None) -> None:
+        """A click in the 3D view while measuring: the first or second point, or the first of a new pair."""
+        point = self._view.pick(origin_m, direction, hit_m)
+        if point is None:
+            return
+        with self._lock:
+            self._measured = [point] if len(self._measured) == 2 else [*self._measured, point]
+        self._tell_measured()
+
+    def _tell_measured(self) -> None:
+        with self._lock:
+            points = list(self._measured)
+        self._view.mark(points)
+        clearances: list[float | None] = []
+        if points:
+            near = self._desk.parts.map(self._desk.inputs).field.distance(np.array(points))
+            clearances = [None if np.isnan(value) else round(float(value), 3) for value in near]
+        apart = float(np.linalg.norm(np.subtract(points[0], points[1]))) if len(points) == 2 else None
+        self._desk.hub.publish(protocol.Measured(self._view.measuring, points, clearances, apart))
+
+    # --- what an edit would change ---
+
+    def preview(self, wanted: protocol.PreviewMapEdit, person: protocol.Person) -> None:
+        """
+        Raises:
+            InputError: somebody else looks at a preview, or the edit is not possible.
+        """
+        with self._lock:
+            holder = self._preview.author
+            if holder not in ("", person.id) and any(p.id == holder for p in self._desk.hub.people):
+                raise InputError("another person is drawing an edit of the map; wait until it is applied or cancelled")
+            if wanted.shape is None:
+                self.end_preview()
+                return
+            self._action = wanted.action
+            self._show_preview(person.id, wanted.edit, wanted.shape)
+
+    def end_preview(self, author: str = "") -> None:
+        """Of this person, or of anybody."""
+        with self._lock:
+            if self._preview.author and author in ("", self._preview.author):
+                self._editor, self._preview = None, protocol.MapPreview("")
+                self._view.preview("no-fly", None, None)
+                self._desk.hub.publish(self._preview)
+
+    def require_possible(self, new: Edit) -> None:
+        """
+        Raises:
+            InputError: the edit touches nothing of the map.
+        """
+        esdf.open_editor(self._desk.project.map / "esdf").require_reach(new)
+
+    def _show_preview(self, author: str, number: int | None, shape: Shape) -> None:
+        if self._editor is None or self._preview.edit != number:
+            self._editor = esdf.open_editor(self._desk.project.map / "esdf")
+        editor = self._editor
+        new = Edit(self._action, map_edits.solid(shape), "preview" if self._action == "no-fly" else "")
+        editor.require_reach(new)
+        listed = self._desk.session.content.map_edits
+        after = [new if each.id == number else each.edit() for each in listed]
+        before = editor.snapshot()
+        editor.replace(after if number is not None else [*after, new])
+        field = editor.snapshot()
+        editor.undo()
+        change = difference(before, field)
+        self._view.preview(self._action, shape, field)
+        self._preview = protocol.MapPreview(author, number, shape, change.closed_m3, change.opened_m3, change.voxels)
+        self._desk.hub.publish(self._preview)
+
+    def _pulled(self, shape: Shape, is_end: bool) -> None:
+        """A handle was moved: the numbers follow; what would change is computed when it is let go."""
+        with self._lock:
+            if self._preview.shape is None:
+                return
+            if not is_end:
+                self._preview = msgspec.structs.replace(self._preview, shape=shape)
+                self._desk.hub.publish(self._preview)
+                return
+            with contextlib.suppress(InputError):  # outside the map: it stays where it is, and cannot be applied
+                self._show_preview(self._preview.author, self._preview.edit, shape)
+
+
+def _triple(values: FloatArray) -> tuple[float, float, float]:
+    x, y, z = (round(float(value), 3) for value in values)
+    return (x, y, z)

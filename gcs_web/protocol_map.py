@@ -1,0 +1,88 @@
+"""Messages about the map; see `gcs_web.protocol`."""
+
+import msgspec
+
+from gcs_web.protocol_base import Command, Edit
+from gcs_web.protocol_parts import Layer, MapAction, MapFacts, Shape, Slice
+
+
+class MapShown(msgspec.Struct, frozen=True, tag="map_shown"):
+    """What the 3D view draws of the map, and what it is: the same for everybody."""
+
+    slice: Slice | None
+    layers: list[Layer]
+    low_m: tuple[float, float, float]
+    """Corners of the mapped box, world frame."""
+    high_m: tuple[float, float, float]
+    facts: MapFacts
+    author: str
+
+
+class Measured(msgspec.Struct, frozen=True, tag="measured"):
+    """Points that were clicked to measure, at most two."""
+
+    active: bool
+    """Whether the next click in the 3D view is taken for one."""
+    points_m: list[tuple[float, float, float]] = []
+    clearances_m: list[float | None] = []
+    """Distance of each to the nearest obstacle or unknown space; None outside the map."""
+    distance_m: float | None = None
+
+
+class MapPreview(msgspec.Struct, frozen=True, tag="map_preview"):
+    """What an edit of the map would change, before anybody makes it."""
+
+    author: str
+    """Id of who looks at it; empty where nobody does."""
+    edit: int | None = None
+    """Id of the edit that would be another one; None for a new one."""
+    shape: Shape | None = None
+    closed_m3: float = 0.0
+    """Space that would no longer be free."""
+    opened_m3: float = 0.0
+    """Space that would be free."""
+    voxels: int = 0
+
+
+class ShowMap(Command, frozen=True, tag="show_map", kw_only=True):
+    """What the 3D view draws of the map."""
+
+    slice: Slice | None
+    layers: list[Layer]
+
+
+class Measure(Command, frozen=True, tag="measure", kw_only=True):
+    """Take the next clicks in the 3D view for points to measure; or stop, and forget those."""
+
+    active: bool
+
+
+class PreviewMapEdit(Command, frozen=True, tag="preview_map_edit", kw_only=True):
+    """Draw what an edit of the map would change, and change nothing; a shape of None ends it."""
+
+    action: MapAction = "no-fly"
+    shape: Shape | None = None
+    edit: int | None = None
+    """Id of an edit that would be replaced."""
+
+
+class AddMapEdit(Edit, frozen=True, tag="add_map_edit", kw_only=True):
+    """Change the map; every plan before is void."""
+
+    action: MapAction
+    name: str
+    """A no-fly zone must have one."""
+    shape: Shape
+
+
+class ChangeMapEdit(Edit, frozen=True, tag="change_map_edit", kw_only=True):
+    """Give an edit of the map another shape, name or action; None leaves one as it is."""
+
+    edit: int
+    action: MapAction | None = None
+    name: str | None = None
+    shape: Shape | None = None
+
+
+class DropMapEdits(Edit, frozen=True, tag="drop_map_edits", kw_only=True):
+    edits: list[int]

@@ -1,0 +1,158 @@
+"""Pictures of planes through a map: distance to obstacles, unknown space, what could hide. Arrays in, images out."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import esdf
+from esdf.grid import Grid
+from esdf.visibility import View, Visibility, look
+from flight import FloatArray, rotations
+from gcs_web import scene
+from gcs_web.protocol_parts import Slice
+from mapping import Map
+
+MOST_PIXELS, MOST_PER_VOXEL = 900, 6
+"""Of a picture's longer side, and of a voxel's."""
+COULD_HIDE_SPAN_M = 0.05
+"""Thickness at the upper end of the scale of what could hide."""
+
+_AXES = {"x": 0, "y": 1, "z": 2}
+_ALPHA, _HATCH_ALPHA, _FAINT_ALPHA = 205, 120, 28
+_LIMIT, _UNKNOWN, _OCCUPIED = (231, 214, 60), (139, 151, 162), (233, 237, 240)
+_STRIPE_PX = 9
+
+Colours = np.ndarray
+"""(h, w, 4) uint8."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Picture:
+    """An image that stands in the world."""
+
+    rgba: Colours
+    """Rows from the top."""
+    centre_world_m: FloatArray
+    """(3,)."""
+    size_m: tuple[float, float]
+    """Width and height."""
+    q_world_image: FloatArray
+    """(4,) of an image whose x is to the right and whose y is down."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Plane:
+    points_world_m: FloatArray
+    """(h * w, 3), rows from the top."""
+    shape: tuple[int, int]
+    centre_world_m: FloatArray
+    size_m: tuple[float, float]
+    q_world_image: FloatArray
+
+
+def draw(area: Map, field: esdf.Field, wanted: Slice, required_m: float, hidden: Visibility | None = None) -> Picture:
+    """A slice through a map.
+
+    Args:
+        field: the map's, or one with other edits.
+        required_m: clearance at which the colours of a distance begin; below it is hatched.
+        hidden: of `visibility`, for a slice of `could_hide`.
+    """
+    plane = _plane(field.grid, wanted)
+    if wanted.of == "unknown":
+        rgba = _unknown(field, plane)
+    elif wanted.of == "could_hide":
+        rgba = _could_hide(hidden or visibility(area), field, plane)
+    else:
+        rgba = _distance(field, plane, required_m)
+    return Picture(rgba, plane.centre_world_m, plane.size_m, plane.q_world_image)
+
+
+def visibility(area: Map) -> Visibility:
+    """The thinnest object that the map's images could have resolved, from their poses and lenses.
+
+    The cone of a view ends at the nearer edge of the image, so nothing counts as seen that was not.
+    """
+    views = []
+    for pose in area.T_world_body:
+        for camera in area.rig.cameras:
+            T_world_camera = pose @ camera.T_body_camera
+            focal_px = min(camera.focal_px)
+            edge = 0.5 * min(camera.width, camera.height) / focal_px
+            half = edge if "FISHEYE" in camera.model else float(np.arctan(edge))
+            centre, axis = T_world_camera[:3, 3].tolist(), T_world_camera[:3, 2].tolist()
+            views.append(View(tuple(centre), tuple(axis), min(half, 0.5 * camera.field_of_view_rad), 1.0 / focal_px))
+    return look(area.field.state, area.field.grid, views)
+
+
+def _plane(grid: Grid, wanted: Slice) -> _Plane:
+    """Points of a picture: its right is +x (+y for a slice at an x), its top +z (+y for a slice at a z)."""
+    axis = _AXES[wanted.axis]
+    right, up = [i for i in range(3) if i != axis]
+    low, voxel = np.array(grid.low_world_m), np.array(grid.voxel_m)
+    cells = np.array(grid.shape)[[right, up]]
+    per_voxel = int(np.clip(MOST_PIXELS // max(cells), 1, MOST_PER_VOXEL))
+    width, height = (cells * per_voxel).tolist()
+    size = cells * voxel[[right, up]]
+    across = low[right] + (np.arange(width) + 0.5) * size[0] / width
+    down = low[up] + (np.arange(height)[::-1] + 0.5) * size[1] / height
+    points = np.empty((height, width, 3))
+    points[..., right], points[..., up], points[..., axis] = across[None], down[:, None], wanted.at_m
+    centre = low + 0.5 * np.array(grid.shape) * voxel
+    centre[axis] = wanted.at_m
+    columns = np.zeros((3, 3))
+    columns[right, 0], columns[up, 1] = 1.0, -1.0
+    columns[:, 2] = np.cross(columns[:, 0], columns[:, 1])
+    q = rotations.from_matrix(columns)
+    return _Plane(points.reshape(-1, 3), (height, width), centre, (float(size[0]), float(size[1])), q)
+
+
+def _distance(field: esdf.Field, plane: _Plane, required_m: float) -> Colours:
+    """Coloured where there is room, hatched where there is not, with a white line between."""
+    distance = np.nan_to_num(field.distance(plane.points_world_m), nan=-1.0).reshape(plane.shape)
+    near = distance < required_m
+    rgba = _hatched(plane.shape, _LIMIT)
+    rgba[field.status(plane.points_world_m).reshape(plane.shape) != esdf.KNOWN, 3] //= 3  # behind the walls
+    rgba[~near, :3], rgba[~near, 3] = scene.clearance_colours(distance[~near], required_m), _ALPHA
+    return _outlined(rgba, near)
+
+
+def _unknown(field: esdf.Field, plane: _Plane) -> Colours:
+    """Hatched where nothing is known, filled where there is an obstacle, clear where it is free."""
+    status = field.status(plane.points_world_m).reshape(plane.shape)
+    solid = np.nan_to_num(field.distance(plane.points_world_m), nan=-1.0).reshape(plane.shape) < 0.0
+    rgba = _hatched(plane.shape, _UNKNOWN)
+    known = status == esdf.KNOWN
+    rgba[known] = 0
+    rgba[known & solid] = (*_OCCUPIED, _ALPHA)
+    return _outlined(rgba, ~known)
+
+
+def _could_hide(hidden: Visibility, field: esdf.Field, plane: _Plane) -> Colours:
+    """The thinnest object that was seen at each point, dark: thin; hatched where no image looked."""
+    finest = hidden.finest(plane.points_world_m).reshape(plane.shape)
+    seen = np.isfinite(finest)
+    rgba = _hatched(plane.shape, _UNKNOWN)
+    share = finest[seen] / COULD_HIDE_SPAN_M
+    rgba[seen, :3], rgba[seen, 3] = scene.colours(share, "cividis"), _ALPHA
+    solid = np.nan_to_num(field.distance(plane.points_world_m), nan=-1.0).reshape(plane.shape) < 0.0
+    rgba[solid & seen, 3] = _FAINT_ALPHA
+    return rgba
+
+
+def _hatched(shape: tuple[int, int], colour: tuple[int, int, int]) -> Colours:
+    row, column = np.indices(shape)
+    stripe = (row + column) % _STRIPE_PX < _STRIPE_PX // 4
+    rgba = np.empty((*shape, 4), dtype=np.uint8)
+    rgba[..., :3] = colour
+    rgba[..., 3] = np.where(stripe, _HATCH_ALPHA, _FAINT_ALPHA)
+    return rgba
+
+
+def _outlined(rgba: Colours, inside: np.ndarray) -> Colours:
+    """A white line along the edge of a region."""
+    edge = np.zeros_like(inside)
+    edge[:-1] |= inside[:-1] != inside[1:]
+    edge[:, :-1] |= inside[:, :-1] != inside[:, 1:]
+    rgba[edge] = (255, 255, 255, 255)
+    return rgba

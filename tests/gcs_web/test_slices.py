@@ -1,0 +1,45 @@
+"""A slice shows the field at its place: an obstacle where it stands, and unknown space as unknown."""
+
+import numpy as np
+import pytest
+
+import esdf
+from esdf import solids
+from flight import rotations
+from gcs_web import slices
+from gcs_web.protocol_parts import Slice
+
+POST = solids.Sphere((1.0, 2.0, 0.5), 0.3)
+GRID = esdf.Grid((-1.0, 0.0, 0.0), 0.1, (40, 30, 10))
+
+
+def drawn(wanted: Slice, field: esdf.Field) -> tuple[slices.Picture, np.ndarray]:
+    """The picture, and where each of its pixels is in the world by its own pose (h, w, 3)."""
+    picture = slices.draw(None, field, wanted, 0.2)  # type: ignore[arg-type]
+    h, w = picture.rgba.shape[:2]
+    x = ((np.arange(w) + 0.5) / w - 0.5) * picture.size_m[0]
+    y = ((np.arange(h) + 0.5) / h - 0.5) * picture.size_m[1]
+    local = np.stack([*np.meshgrid(x, y), np.zeros((h, w))], axis=-1)
+    return picture, local @ rotations.matrix(picture.q_world_image).T + picture.centre_world_m
+
+
+@pytest.mark.parametrize(("axis", "at_m"), [("x", 1.0), ("y", 2.0), ("z", 0.5)])
+def test_the_limit_is_drawn_where_the_distance_has_it(axis, at_m):
+    field = esdf.build(esdf.rasterize(POST, GRID), GRID, cap_m=2.0)
+    picture, places = drawn(Slice(axis, at_m), field)
+    np.testing.assert_allclose(places[..., "xyz".index(axis)], at_m, atol=1e-9)
+    edge = (picture.rgba == 255).all(axis=-1)
+    assert edge.any()
+    np.testing.assert_allclose(field.distance(places[edge]), 0.2, atol=0.06)
+    room = field.distance(places.reshape(-1, 3)).reshape(edge.shape) > 0.2
+    assert (picture.rgba[room & ~edge, 3] > picture.rgba[~room & ~edge, 3].max()).all()
+
+
+def test_unknown_space_is_hatched_and_free_space_clear():
+    state = esdf.rasterize(POST, GRID)
+    state[30:] = esdf.UNKNOWN
+    picture, places = drawn(Slice("z", 0.1, "unknown"), esdf.build(state, GRID, cap_m=2.0))
+    edge = (picture.rgba == 255).all(axis=-1)
+    unknown = places[..., 0] > 2.0
+    assert (picture.rgba[unknown & ~edge, 3] > 0).all()
+    assert (picture.rgba[~unknown & ~edge, 3] == 0).all()
