@@ -6,7 +6,7 @@ import io
 import logging
 import socket
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,7 @@ from flight import FloatArray, InputError, LinkError, Progress, project, silent
 from gcs_web import gateway, protocol, scene
 from gcs_web.desk import Desk
 from gcs_web.hub import Hub
+from gcs_web.jobs import Kind
 from gcs_web.page_socket import PageSocket
 from gcs_web.vehicle_watch import VehicleWatch
 from gcs_web.view3d import View3D
@@ -43,6 +44,7 @@ class GroundStation:
         triangles: int = scene.DISPLAY_TRIANGLES,
         progress: Progress = silent,
         on_entry: Callable[[str], None] = lambda _: None,
+        jobs: Sequence[Kind] = (),
     ) -> None:
         """Open the project and listen on loopback.
 
@@ -55,6 +57,7 @@ class GroundStation:
             options: what the planner is asked for, beside what the document says.
             triangles: the mesh is thinned to this many for display.
             on_entry: called with the next address when a browser has come in.
+            jobs: kinds of background work that the page offers.
 
         Raises:
             FlightError: the project cannot be opened, or is open in another ground station.
@@ -67,7 +70,7 @@ class GroundStation:
         self._stack = contextlib.ExitStack()
         try:
             progress("opening the map", 0.0)
-            self._open(folder, port, options or planner.PlanOptions(), triangles, on_entry, progress)
+            self._open(folder, port, options or planner.PlanOptions(), triangles, on_entry, jobs, progress)
         except BaseException:
             self.close()
             raise
@@ -94,6 +97,7 @@ class GroundStation:
         options: planner.PlanOptions,
         triangles: int,
         on_entry: Callable[[str], None],
+        jobs: Sequence[Kind],
         progress: Progress,
     ) -> None:
         opened = project.open_project(folder)
@@ -103,7 +107,7 @@ class GroundStation:
         self._stack.callback(_quietly, self.server.stop)
         self.hub = Hub(self._loop)
         self.view = View3D(self.server, triangles=triangles, progress=progress)
-        self.desk = Desk(opened, self.hub, self.view, self.watch, options)
+        self.desk = Desk(opened, self.hub, self.view, self.watch, options, jobs)
         self.view.progress = silent
         self._stack.callback(self.desk.close)
         self.view.on_select = lambda waypoint: self.hub.publish(protocol.Selection([waypoint]))

@@ -4,6 +4,7 @@ import json
 import secrets
 import threading
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,9 +16,10 @@ import planner
 import vehicle
 from flight import FlightError, FloatArray, FormatError, InputError, TrajectoryFile, trajectory
 from flight.project import Project
-from gcs_web import inputs, page_values, planning, protocol
+from gcs_web import inputs, page_values, planning, protocol, protocol_parts
 from gcs_web.document import Settings
 from gcs_web.hub import Hub
+from gcs_web.jobs import Jobs, Kind
 from gcs_web.session import Session
 from gcs_web.vehicle_watch import VehicleWatch
 from gcs_web.view3d import View3D
@@ -37,7 +39,15 @@ class _Nonce:
 class Desk:
     """One project on the table. Thread-safe."""
 
-    def __init__(self, opened: Project, hub: Hub, view: View3D, watch: VehicleWatch | None, base: planner.PlanOptions):
+    def __init__(
+        self,
+        opened: Project,
+        hub: Hub,
+        view: View3D,
+        watch: VehicleWatch | None,
+        base: planner.PlanOptions,
+        kinds: Sequence[Kind] = (),
+    ) -> None:
         """
         Raises:
             FlightError: the project cannot be opened, or `base` has a method that the page cannot set.
@@ -56,16 +66,19 @@ class Desk:
         self._nonces: dict[str, _Nonce] = {}
         self._lock = threading.RLock()
         self._planner = planning.PlanningProcess(opened.folder, base, self._planned, self._drafted)
+        self.jobs = Jobs(opened, kinds, self.show_jobs, lambda kind, result: kind.done(self, result), self._job_ended)
         self._watch_files = inputs.Watch(opened.folder, opened.waypoints, self._files_changed)
         self.session.on_change(self._document_changed)
         said = self.session.take_notice() or f"{opened.name} opened, revision {self.session.revision}"
         self._document_changed()
         self.show_files()
+        self.show_jobs()
         self._notice_with_map(said, level="fact")
         self._draw_map()
 
     def close(self) -> None:
         self._watch_files.close()
+        self.jobs.close()
         self._planner.close()
         self.session.close()
 
@@ -87,6 +100,15 @@ class Desk:
         saved = [_listed(path, hashes) for path in self.project.trajectories()]
         flights = [path.stem for path in self.project.flights()]
         self.hub.publish(protocol.Files(saved, flights))
+
+    def show_jobs(self) -> None:
+        self.hub.publish(self.jobs.state())
+
+    def _job_ended(self, job: protocol_parts.Job) -> None:
+        if job.state != "cancelled":
+            failed = job.state == "failed"
+            self.notice(f"{job.title}{' failed' if failed else ''}: {job.words}", level="danger" if failed else "fact")
+        self.show_files()
 
     # --- the plan ---
 

@@ -15,7 +15,15 @@ from gcs_web import protocol
 MOST_WAITING = 1000
 """Replies and notices that may wait for one browser; then it is cut off and comes back for the newest state."""
 
-_STATE = (protocol.Document, protocol.Plan, protocol.Vehicle, protocol.People, protocol.Files, protocol.Shown)
+_STATE = (
+    protocol.Document,
+    protocol.Plan,
+    protocol.Vehicle,
+    protocol.People,
+    protocol.Files,
+    protocol.Jobs,
+    protocol.Shown,
+)
 
 
 @dataclass(slots=True)

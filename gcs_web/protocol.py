@@ -12,6 +12,8 @@ import msgspec
 from gcs_web.protocol_parts import (
     Colour,
     Held,
+    Job,
+    JobKind,
     Limit,
     Mission,
     Passing,
@@ -115,6 +117,13 @@ class Files(msgspec.Struct, frozen=True, tag="files"):
     flights: list[str]
 
 
+class Jobs(msgspec.Struct, frozen=True, tag="jobs"):
+    """Background work, in the order it was asked for, and what kinds of it there are."""
+
+    jobs: list[Job]
+    kinds: list[JobKind]
+
+
 class Notice(msgspec.Struct, frozen=True, tag="notice"):
     """One line at the foot of the page; stays until the next."""
 
@@ -157,7 +166,7 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
     """Of `prepare_upload`."""
 
 
-ToPage = Welcome | Document | Plan | Vehicle | People | Files | Notice | Cursor | Shown | Selection | Reply
+ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply
 
 
 # --- from the page ---
@@ -354,8 +363,31 @@ class Abort(Command, frozen=True, tag="abort", kw_only=True):
     """Land at once. Needs neither control nor a nonce."""
 
 
+class StartJob(Command, frozen=True, tag="start_job", kw_only=True):
+    """Put background work into the station's queue."""
+
+    kind: str
+    arguments: dict[str, str | float | bool | list[str]]
+    """By the names of the kind's fields."""
+
+
+class CancelJob(Command, frozen=True, tag="cancel_job", kw_only=True):
+    job: int
+
+
+class ForgetJob(Command, frozen=True, tag="forget_job", kw_only=True):
+    """Take a job that has ended off the list."""
+
+    job: int
+
+
+class ListJobs(Command, frozen=True, tag="list_jobs", kw_only=True):
+    """Look again at what a job could work on: files may have come since."""
+
+
 FromPage = (
     Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround
     | Undo | Redo | PlanAgain | Save | Open | Discard
     | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort
+    | StartJob | CancelJob | ForgetJob | ListJobs
 )  # fmt: skip

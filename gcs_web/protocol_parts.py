@@ -164,3 +164,42 @@ class Held(msgspec.Struct, frozen=True):
     room_m: float
     """What is left between the vehicle's surface and every obstacle: room for its tracking error."""
     crc32: str
+
+
+class Job(msgspec.Struct, frozen=True):
+    """Background work of the station."""
+
+    id: int
+    kind: str
+    title: str
+    state: Literal["waiting", "running", "done", "failed", "cancelled"]
+    author: str
+    """Name of who started it."""
+    stage: str = ""
+    """What is being done."""
+    share: float = 0.0
+    """Of the stage, 0 to 1."""
+    left_s: float | None = None
+    """Until the stage is done; None where it cannot be told yet."""
+    elapsed_s: float = 0.0
+    words: str = ""
+    """What came of it, or why it failed."""
+
+
+class JobField(msgspec.Struct, frozen=True):
+    """One argument of a kind of job."""
+
+    name: str
+    title: str
+    says: str
+    form: Literal["text", "choice", "several", "number", "integer", "flag"]
+    """`several`: any of the choices."""
+    default: str | float | bool | list[str]
+    choices: list[str]
+    unit: str = ""
+
+
+class JobKind(msgspec.Struct, frozen=True):
+    name: str
+    title: str
+    fields: list[JobField]

@@ -49,6 +49,8 @@ def _type(hint: object) -> str:
         return " | ".join(f'"{a}"' for a in arguments)
     if origin is list:
         return f"{_type(arguments[0])}[]"
+    if origin is dict:
+        return f"Record<{_type(arguments[0])}, {_type(arguments[1])}>"
     if origin is tuple:
         return f"[{', '.join(_type(a) for a in arguments)}]"
     if isinstance(hint, type):

@@ -53,6 +53,7 @@ def command(
 
     check_for_station(project)
     from gcs_web import GroundStation
+    from goshawk.station_jobs import KINDS
 
     options = console.body_options(radius_m, margin_m)
     with console.progress() as report:
@@ -65,6 +66,7 @@ def command(
             triangles=triangles,
             progress=report,
             on_entry=lambda url: click.echo(f"a browser has connected; the address for another one: {url}"),
+            jobs=KINDS,
         )
     with station:
         click.echo(f"open  {station.url}")

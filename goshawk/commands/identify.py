@@ -123,9 +123,9 @@ def command(
         believed = believed.with_effect(effect)
     options = fit_options.read(fit, believed)
     with console.progress() as progress:
-        fits = _fit(flights, stages, trials, believed, options, columns, progress)
+        fits = fit_flights(flights, stages, trials, believed, options, columns, progress)
     usable = fits.verdict.use is not Use.REJECTED
-    written = _write(fits, out if usable or anyway else None, report_file, plots, overwrite=overwrite)
+    written = write(fits, out if usable or anyway else None, report_file, plots, overwrite=overwrite)
     document = _document(fits) | written
     if kept is not None:
         outputs.write_json(kept, document, overwrite=overwrite)
@@ -155,7 +155,7 @@ def _check_usage(
         )
 
 
-def _fit(
+def fit_flights(
     flights: tuple[Path, ...],
     stages: Mapping[str, tuple[Path, ...]],
     trials: int | None,
@@ -164,6 +164,7 @@ def _fit(
     columns: Path | None,
     progress: Progress,
 ) -> Fits:
+    """One joint fit of FLIGHTS, or three stages, or a joint fit and one of each trial; every log is checked first."""
     checked: dict[str, sysid.LogReport] = {}
 
     def read(paths: Iterable[Path]) -> list[FlightLog]:
@@ -192,7 +193,7 @@ def _checked(path: str, log: FlightLog, believed: vehicle.Vehicle) -> sysid.LogR
     return replace(found, name=path)
 
 
-def _write(
+def write(
     fits: Fits, out: Path | None, report_file: Path | None, plots: Path | None, *, overwrite: bool
 ) -> dict[str, Any]:
     """Write the requested files, each whole or not at all; returns their paths for the document."""

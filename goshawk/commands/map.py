@@ -78,7 +78,7 @@ def build(
     options = replace(
         base,
         dense=replace(base.dense, voxel_m=voxel_m, farthest_m=farthest_m),
-        length=_length(length) if length is not None else None,
+        length=length_from(length) if length is not None else None,
         references=references,
     )
     earlier = results.newest_kept(out)
@@ -117,7 +117,7 @@ def build(
     return 1 if report.verdict == Standing.REFUSED else 0
 
 
-def _length(text: str) -> mapping.Length:
+def length_from(text: str) -> mapping.Length:
     parts = text.split(",")
     try:
         metres = float(parts[-1])

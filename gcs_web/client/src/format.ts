@@ -30,6 +30,12 @@ export function age(seconds: number): string {
   return seconds < 60 ? `${seconds.toFixed(1)} s old` : `${Math.floor(seconds / 60)} min old`;
 }
 
+/** A time that something takes. */
+export function span(seconds: number): string {
+  if (seconds < 90) return `${Math.round(seconds)} s`;
+  return seconds < 5400 ? `${Math.round(seconds / 60)} min` : `${(seconds / 3600).toFixed(1)} h`;
+}
+
 export function checksum(crc32: string): string {
   return crc32.length === 8 ? `${crc32.slice(0, 4)} ${crc32.slice(4)}` : crc32;
 }

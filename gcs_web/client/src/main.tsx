@@ -9,6 +9,7 @@ import "./style.css";
 import "./controls.css";
 import "./panels.css";
 import "./inspector.css";
+import "./jobs.css";
 import "./narrow.css";
 
 const root = document.getElementById("app");

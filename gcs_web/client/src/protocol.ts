@@ -110,6 +110,35 @@ export interface Held {
   crc32: string;
 }
 
+export interface Job {
+  id: number;
+  kind: string;
+  title: string;
+  state: "waiting" | "running" | "done" | "failed" | "cancelled";
+  author: string;
+  stage: string;
+  share: number;
+  left_s: number | null;
+  elapsed_s: number;
+  words: string;
+}
+
+export interface JobField {
+  name: string;
+  title: string;
+  says: string;
+  form: "text" | "choice" | "several" | "number" | "integer" | "flag";
+  default: string | number | boolean | string[];
+  choices: string[];
+  unit: string;
+}
+
+export interface JobKind {
+  name: string;
+  title: string;
+  fields: JobField[];
+}
+
 export interface Welcome {
   type: "welcome";
   protocol: number;
@@ -177,6 +206,12 @@ export interface Files {
   type: "files";
   trajectories: SavedTrajectory[];
   flights: string[];
+}
+
+export interface Jobs {
+  type: "jobs";
+  jobs: Job[];
+  kinds: JobKind[];
 }
 
 export interface Notice {
@@ -422,6 +457,30 @@ export interface Abort {
   serial: number;
 }
 
-export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Notice | Cursor | Shown | Selection | Reply;
+export interface StartJob {
+  type: "start_job";
+  serial: number;
+  kind: string;
+  arguments: Record<string, string | number | boolean | string[]>;
+}
 
-export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | Undo | Redo | PlanAgain | Save | Open | Discard | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort;
+export interface CancelJob {
+  type: "cancel_job";
+  serial: number;
+  job: number;
+}
+
+export interface ForgetJob {
+  type: "forget_job";
+  serial: number;
+  job: number;
+}
+
+export interface ListJobs {
+  type: "list_jobs";
+  serial: number;
+}
+
+export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply;
+
+export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | Undo | Redo | PlanAgain | Save | Open | Discard | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | StartJob | CancelJob | ForgetJob | ListJobs;

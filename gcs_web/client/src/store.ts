@@ -3,7 +3,7 @@
 import { batch, computed, signal } from "@preact/signals";
 import { initials } from "./format";
 import { PROTOCOL } from "./protocol";
-import type { Document, Files, Notice, People, Plan, Show, ToPage, Vehicle, Waypoint, Welcome } from "./protocol";
+import type { Document, Files, Jobs, Notice, People, Plan, Show, ToPage, Vehicle, Waypoint, Welcome } from "./protocol";
 
 // --- as the server sent it ---
 
@@ -16,6 +16,7 @@ export const figures = signal<Plan | null>(null);
 export const vehicle = signal<Vehicle | null>(null);
 export const people = signal<People>({ type: "people", people: [], in_control: "" });
 export const files = signal<Files>({ type: "files", trajectories: [], flights: [] });
+export const jobs = signal<Jobs>({ type: "jobs", jobs: [], kinds: [] });
 export const notice = signal<Notice>({ type: "notice", text: "", level: "fact", undo: false });
 
 /** Tracking errors as they were heard, of the last minute. */
@@ -138,6 +139,9 @@ export function receive(message: Exclude<ToPage, { type: "reply" }>): void {
         break;
       case "files":
         files.value = message;
+        break;
+      case "jobs":
+        jobs.value = message;
         break;
       case "notice":
         notice.value = message;

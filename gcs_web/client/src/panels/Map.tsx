@@ -3,6 +3,7 @@
 import { NumberField } from "../components/NumberField";
 import { show } from "../cursor";
 import { connected, doc, series, step, view } from "../store";
+import { Jobs } from "./Jobs";
 import { ColourChoice } from "./Scene";
 
 /** The slider reaches this far above and below what is flown. */
@@ -62,6 +63,7 @@ export function Map() {
           <ColourChoice />
         </div>
       </section>
+      <Jobs />
       <div class="spring" />
       <div class="acts">
         <button type="button" class="control primary grow" onClick={() => (step.value = 2)}>

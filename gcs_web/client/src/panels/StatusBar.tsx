@@ -3,8 +3,9 @@
 import { Keys } from "../components/Keys";
 import { plural } from "../format";
 import { submit } from "../socket";
-import { connected, connection, controlWords, doc, notice, now_ms, paletteOpen, people, retryAt_ms } from "../store";
+import { connected, connection, controlWords, doc, notice, now_ms, paletteOpen, people, retryAt_ms, step } from "../store";
 import { nextTheme, theme } from "../theme";
+import { JobChip } from "./Jobs";
 
 export function StatusBar() {
   const names = people.value.people.map((person) => person.name).join(", ");
@@ -15,6 +16,7 @@ export function StatusBar() {
         {connected.value && doc.value !== null && <span>Saved, revision {doc.value.revision}</span>}
         {controlWords.value !== "" && <span>{controlWords.value}</span>}
         {connected.value && <span title={names}>{plural(people.value.people.length, "person", "people")} here</span>}
+        <JobChip onClick={() => (step.value = 1)} />
         <button type="button" class="plain" onClick={nextTheme}>
           Colours: {theme.value}
         </button>

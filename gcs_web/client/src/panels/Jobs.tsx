@@ -1,0 +1,257 @@
+/** Background work of the station: what runs, waits and ended, and a form to start more. */
+
+import { useSignal } from "@preact/signals";
+import { useId } from "preact/hooks";
+import { parse, sentenceCase, span } from "../format";
+import { send, submit } from "../socket";
+import { connected, jobs } from "../store";
+import type { Job, JobField, JobKind, StartJob } from "../protocol";
+
+type Value = StartJob["arguments"][string];
+
+/** A list of jobs; `kinds` are those that can be started here and are listed, all of them where it is left out. */
+export function Jobs({ kinds }: { kinds?: readonly string[] }) {
+  const open = useSignal(false);
+  const offered = jobs.value.kinds.filter(({ name }) => kinds === undefined || kinds.includes(name));
+  return (
+    <section class="block" aria-labelledby="jobs-title">
+      <div class="block-head">
+        <h3 id="jobs-title">Jobs</h3>
+        <span class="quiet">continue when the page is closed</span>
+      </div>
+      <JobRows {...(kinds === undefined ? {} : { kinds })} />
+      {offered.length > 0 && !open.value && (
+        <button
+          type="button"
+          class="control"
+          disabled={!connected.value}
+          onClick={() => {
+            void submit({ type: "list_jobs" }); // files may have come since
+            open.value = true;
+          }}
+        >
+          New job
+        </button>
+      )}
+      {open.value && <JobForm kinds={offered} onDone={() => (open.value = false)} />}
+    </section>
+  );
+}
+
+const ORDER = { running: 0, waiting: 1, done: 2, failed: 2, cancelled: 2 } as const;
+
+/** What runs, then what waits in the order of the queue, then what ended, the newest first. */
+function inOrder(a: Job, b: Job): number {
+  return ORDER[a.state] - ORDER[b.state] || (ORDER[a.state] < 2 ? a.id - b.id : b.id - a.id);
+}
+
+/** Jobs of these kinds (all: left out). */
+export function JobRows({ kinds }: { kinds?: readonly string[] }) {
+  const shown = jobs.value.jobs.filter(({ kind }) => kinds === undefined || kinds.includes(kind)).sort(inOrder);
+  if (shown.length === 0) return <p class="quiet">Nothing is running and nothing waits.</p>;
+  return (
+    <ul class="jobs">
+      {shown.map((job) => (
+        <JobRow key={job.id} job={job} />
+      ))}
+    </ul>
+  );
+}
+
+function JobRow({ job }: { job: Job }) {
+  const isOpen = job.state === "running" || job.state === "waiting";
+  return (
+    <li class={`job ${job.state}`}>
+      <div class="block-head">
+        <b>{job.title}</b>
+        <span class="quiet">{stateWords(job)}</span>
+      </div>
+      <div
+        class="job-bar"
+        role="progressbar"
+        aria-label={`${job.title}: ${job.stage}`}
+        aria-valuenow={Math.round(100 * job.share)}
+      >
+        <span style={{ width: `${100 * job.share}%` }} />
+      </div>
+      <div class="block-head">
+        <span class={job.state === "failed" ? "danger-text" : "quiet"}>{detail(job)}</span>
+        <button
+          type="button"
+          class="link"
+          disabled={!connected.value}
+          aria-label={`${isOpen ? "Cancel" : "Remove from the list"}: ${job.title}`}
+          onClick={() => void submit(isOpen ? { type: "cancel_job", job: job.id } : { type: "forget_job", job: job.id })}
+        >
+          {isOpen ? "Cancel" : "Remove"}
+        </button>
+      </div>
+    </li>
+  );
+}
+
+function stateWords({ state, elapsed_s, left_s }: Job): string {
+  if (state === "waiting") return "waiting";
+  if (state !== "running") return `${state} after ${span(elapsed_s)}`;
+  return left_s === null ? `running ${span(elapsed_s)}` : `step: ${span(left_s)} left`;
+}
+
+function detail({ state, stage, share, words, author }: Job): string {
+  if (state === "waiting") return `after the one above; started by ${author}`;
+  if (state === "running") return `${stage}, ${Math.round(100 * share)} %`;
+  return sentenceCase(words);
+}
+
+// --- starting one ---
+
+function JobForm({ kinds, onDone }: { kinds: readonly JobKind[]; onDone: () => void }) {
+  const name = useSignal(kinds[0]?.name ?? "");
+  const given = useSignal<Readonly<Record<string, Value>>>({});
+  const refusal = useSignal("");
+  const id = useId();
+  const kind = kinds.find((each) => each.name === name.value) ?? kinds[0];
+  if (kind === undefined) return null;
+  const lacking = kind.fields.find(({ form, choices }) => (form === "choice" || form === "several") && !choices.length);
+  const start = async (): Promise<void> => {
+    const fields = kind.fields.map((field): [string, Value] => [field.name, given.value[field.name] ?? field.default]);
+    const reply = await send({ type: "start_job", kind: kind.name, arguments: Object.fromEntries(fields) });
+    refusal.value = reply.error;
+    if (reply.error === "") onDone();
+  };
+  return (
+    <form
+      class="job-form"
+      onSubmit={(event) => {
+        event.preventDefault();
+        void start();
+      }}
+    >
+      <div class="field wide">
+        <label for={id}>Job</label>
+        <span class="field-box">
+          <select
+            id={id}
+            value={kind.name}
+            onChange={(event) => {
+              name.value = event.currentTarget.value;
+              given.value = {};
+              refusal.value = "";
+            }}
+          >
+            {kinds.map((each) => (
+              <option key={each.name} value={each.name}>
+                {each.title}
+              </option>
+            ))}
+          </select>
+        </span>
+      </div>
+      {kind.fields.map((field) => (
+        <FieldOf
+          key={`${kind.name}.${field.name}`}
+          field={field}
+          value={given.value[field.name] ?? field.default}
+          onChange={(value) => (given.value = { ...given.value, [field.name]: value })}
+        />
+      ))}
+      {lacking !== undefined && (
+        <p class="quiet">
+          {lacking.title}: the project has none. {lacking.says}
+        </p>
+      )}
+      {refusal.value !== "" && (
+        <p class="refusal" role="alert">
+          {refusal.value}
+        </p>
+      )}
+      <div class="acts-row">
+        <button type="button" class="control" onClick={onDone}>
+          Close
+        </button>
+        <button type="submit" class="control grow" disabled={!connected.value || lacking !== undefined}>
+          Start
+        </button>
+      </div>
+    </form>
+  );
+}
+
+interface FieldProps {
+  field: JobField;
+  value: Value;
+  onChange: (value: Value) => void;
+}
+
+function FieldOf({ field, value, onChange }: FieldProps) {
+  const id = useId();
+  if (field.form === "flag") {
+    return (
+      <label class="switch">
+        <input type="checkbox" checked={value === true} onChange={(event) => onChange(event.currentTarget.checked)} />
+        {field.title}
+      </label>
+    );
+  }
+  if (field.form === "several") return <Several field={field} value={value} onChange={onChange} />;
+  return (
+    <div class="field wide">
+      <label for={id} title={field.says}>
+        {field.title}
+      </label>
+      <span class="field-box">
+        {field.form === "choice" ? (
+          <select id={id} value={String(value)} onChange={(event) => onChange(event.currentTarget.value)}>
+            {field.choices.map((choice) => (
+              <option key={choice}>{choice}</option>
+            ))}
+          </select>
+        ) : (
+          <input
+            id={id}
+            value={String(value)}
+            inputMode={field.form === "text" ? "text" : "decimal"}
+            onInput={(event) => {
+              const { value: text } = event.currentTarget;
+              onChange(field.form === "text" ? text : (parse(text) ?? text)); // the server refuses what is no number
+            }}
+          />
+        )}
+        {field.unit !== "" && <span class="unit">{field.unit}</span>}
+      </span>
+    </div>
+  );
+}
+
+function Several({ field, value, onChange }: FieldProps) {
+  const chosen = Array.isArray(value) ? value : [];
+  return (
+    <fieldset class="several">
+      <legend>{field.title}</legend>
+      {field.choices.map((choice) => (
+        <label key={choice} class="switch">
+          <input
+            type="checkbox"
+            checked={chosen.includes(choice)}
+            onChange={(event) =>
+              onChange(event.currentTarget.checked ? [...chosen, choice] : chosen.filter((each) => each !== choice))
+            }
+          />
+          {choice}
+        </label>
+      ))}
+    </fieldset>
+  );
+}
+
+/** In the status bar: how many run and wait, and how far the running one is. */
+export function JobChip({ onClick }: { onClick: () => void }) {
+  const running = jobs.value.jobs.find(({ state }) => state === "running");
+  const waiting = jobs.value.jobs.filter(({ state }) => state === "waiting").length;
+  if (!connected.value || (running === undefined && waiting === 0)) return null;
+  const words = running === undefined ? "" : `1 running, ${Math.round(100 * running.share)} %`;
+  return (
+    <button type="button" class="plain job-chip" title={running?.title ?? ""} onClick={onClick}>
+      Jobs: {[words, waiting > 0 ? `${waiting} waiting` : ""].filter((part) => part !== "").join(", ")}
+    </button>
+  );
+}

@@ -1,0 +1,75 @@
+"""Fit the vehicle's model to flights of the project: what `goshawk identify` does."""
+
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+
+import vehicle
+from flight import InputError, Progress
+from flight.project import Project, part_name
+from gcs_web.desk import Desk
+from gcs_web.jobs import Choices, Kind
+from goshawk import fit_options, outputs
+from goshawk.commands.identify import fit_flights, write
+from sysid.estimator.options import Options
+from sysid.estimator.verdict import Use
+
+
+class Arguments(msgspec.Struct, forbid_unknown_fields=True):
+    flights: Annotated[list[str], msgspec.Meta(title="Flights", min_length=1)]
+    out: Annotated[str, msgspec.Meta(title="New vehicle file", description="Name in the project; its report too")] = (
+        "fitted"
+    )
+    split_gaps: Annotated[bool, msgspec.Meta(title="Fit the pieces between gaps")] = False
+    hold_unidentifiable: Annotated[bool, msgspec.Meta(title="Hold what these flights do not identify")] = True
+    robust: Annotated[bool, msgspec.Meta(title="Less weight for outliers of the pose")] = False
+    overwrite: Annotated[bool, msgspec.Meta(title="Replace existing results (kept beside)")] = False
+
+
+class Result(msgspec.Struct, frozen=True):
+    verdict: str
+    reasons: list[str]
+    written: list[str]
+
+
+def _paths(folder: Path, out: str) -> tuple[Path, Path]:
+    return folder / f"{part_name(out)}.toml", folder / f"{out}.html"
+
+
+def _choices(project: Project) -> Choices:
+    return {"flights": [path.stem for path in project.flights()]}
+
+
+def _check(project: Project, asked: Arguments) -> None:
+    missing = sorted(set(asked.flights) - {path.stem for path in project.flights()})
+    if missing:
+        raise InputError(f"there is no flight {missing[0]!r} in this project")
+    if asked.out == "project":
+        raise InputError("project.toml is the project's own file; give another name")
+    outputs.check(*_paths(project.folder, asked.out), overwrite=asked.overwrite)
+
+
+def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
+    project = Project(folder, "")
+    believed = vehicle.load(project.vehicle)
+    options = Options(
+        gaps="split" if asked.split_gaps else "refuse",
+        unseen="hold" if asked.hold_unidentifiable else "refuse",
+        robust=asked.robust,
+    )
+    flights = tuple(project.flight(name) for name in dict.fromkeys(asked.flights))
+    fits = fit_flights(flights, {}, None, believed, options, None, progress)
+    out, report = _paths(folder, asked.out)
+    usable = fits.verdict.use is not Use.REJECTED
+    written = write(fits, out if usable else None, report, None, overwrite=asked.overwrite)
+    names = [Path(written[key]).name for key in ("written", "report") if written[key]]
+    return Result(str(fits.verdict.use), [fit_options.worded(str(reason)) for reason in fits.verdict.reasons], names)
+
+
+def _done(_: Desk, result: Result) -> str:
+    because = f": {'; '.join(result.reasons)}" if result.reasons else ""
+    return f"{result.verdict}{because}. Written: {', '.join(result.written)}"
+
+
+KIND = Kind("identify", "Identify the vehicle from flights", Arguments, _run, _done, _choices, _check)

@@ -1,0 +1,88 @@
+"""Make the project's map from images in its folder: what `goshawk map` does."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+
+import mapping
+from flight import InputError, Progress
+from flight.project import Project
+from gcs_web.desk import Desk
+from gcs_web.jobs import Choices, Kind
+from goshawk.commands.map import VOXEL_M, length_from
+
+_IMAGES = (".jpg", ".jpeg", ".png")
+
+
+class Arguments(msgspec.Struct, forbid_unknown_fields=True):
+    images: Annotated[str, msgspec.Meta(title="Images", description="Folder in the project")]
+    camera: Annotated[str, msgspec.Meta(title="Camera file", description="Of the rig, in the project")]
+    length: Annotated[str, msgspec.Meta(title="Measured length", description="[IMAGE_A,IMAGE_B,]METRES, or empty")] = ""
+    voxel_m: Annotated[
+        float, msgspec.Meta(title="Voxel", ge=VOXEL_M[0], le=VOXEL_M[1], extra_json_schema={"unit": "m"})
+    ] = 0.05
+    overwrite: Annotated[bool, msgspec.Meta(title="Replace the present map (kept beside, its edits stay)")] = False
+
+
+class Result(msgspec.Struct, frozen=True):
+    verdict: str
+    placed: int
+    images: int
+    reasons: list[str]
+
+
+def image_folders(project: Project) -> list[str]:
+    """Names of the project's folders that hold images, themselves or in a folder for each camera."""
+    folders = [path for path in sorted(project.folder.iterdir()) if path.is_dir() and not path.name.startswith(".")]
+    return [path.name for path in folders if path.name != "map" and _holds_images(path)]
+
+
+def _holds_images(folder: Path) -> bool:
+    within = [*folder.iterdir()]
+    return any(
+        path.suffix.lower() in _IMAGES
+        for place in (folder, *(path for path in within if path.is_dir()))
+        for path in place.iterdir()
+    )
+
+
+def _cameras(project: Project) -> list[str]:
+    places = [project.folder, *(project.folder / name for name in image_folders(project))]
+    found = [path for place in places for path in sorted(place.glob("*camera*.toml"))]
+    return [path.relative_to(project.folder).as_posix() for path in found]
+
+
+def _choices(project: Project) -> Choices:
+    return {"images": image_folders(project), "camera": _cameras(project)}
+
+
+def _check(project: Project, asked: Arguments) -> None:
+    if asked.images not in image_folders(project):
+        raise InputError(f"{asked.images!r} is no folder of images in this project; copy one into it, then look again")
+    if asked.camera not in _cameras(project):
+        raise InputError(f"{asked.camera!r} is no camera file in this project (*camera*.toml)")
+    if project.map.exists() and not asked.overwrite:
+        raise InputError("the project has a map; choose to replace it, and the present one is kept beside")
+
+
+def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
+    base = mapping.MapOptions()
+    options = replace(
+        base,
+        dense=replace(base.dense, voxel_m=asked.voxel_m),
+        length=length_from(asked.length) if asked.length else None,
+    )
+    rig = mapping.rig.load(folder / asked.camera)
+    out = Project(folder, "").map
+    report = mapping.build_map(folder / asked.images, rig, out, options, overwrite=asked.overwrite, progress=progress)
+    return Result(str(report.verdict), report.images_placed, report.images, list(report.reasons))
+
+
+def _done(_: Desk, result: Result) -> str:
+    because = f": {'; '.join(result.reasons)}" if result.reasons else ""
+    return f"the map is {result.verdict}{because}. {result.placed} of {result.images} images placed"
+
+
+KIND = Kind("map", "Map from images", Arguments, _run, _done, _choices, _check)

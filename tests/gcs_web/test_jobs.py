@@ -1,0 +1,151 @@
+"""Background jobs: one queue, real processes; cancel and the station's death leave nothing behind."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+import pytest
+
+from flight import InputError, Progress, project
+from gcs_web.jobs import Jobs, Kind
+from tests.waiting import until
+
+
+class Arguments(msgspec.Struct, forbid_unknown_fields=True):
+    word: Annotated[str, msgspec.Meta(title="Word", max_length=20)]
+    steps: Annotated[int, msgspec.Meta(title="Steps", ge=1, le=5, extra_json_schema={"unit": "steps"})] = 2
+
+
+def say(folder: Path, asked: Arguments, progress: Progress) -> str:
+    for step in range(asked.steps):
+        progress("saying", (step + 1) / asked.steps)
+    return asked.word * asked.steps
+
+
+def refuse(folder: Path, asked: Arguments, progress: Progress) -> None:
+    raise InputError(f"{asked.word!r} cannot be said; say another word")
+
+
+def crash(folder: Path, asked: Arguments, progress: Progress) -> None:
+    os.abort()
+
+
+def hold_on(folder: Path, asked: Arguments, progress: Progress) -> None:
+    """Works for ever with a child of its own, and does not listen to SIGTERM."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(1000)"])
+    (folder / "pids").write_text(f"{os.getpid()} {child.pid}")
+    progress("holding on", 0.5)
+    time.sleep(1000)
+
+
+def echo(_: Any, result: Any) -> str:
+    return f"said {result}"
+
+
+KINDS = [Kind(work.__name__, work.__name__, Arguments, work, echo) for work in (say, refuse, crash, hold_on)]
+
+
+@pytest.fixture
+def jobs(tmp_path: Path):
+    ended: list[str] = []
+    opened = project.create(tmp_path / "project", "jobs")
+    running = Jobs(
+        opened, KINDS, lambda: None, lambda kind, result: kind.done(None, result), lambda job: ended.append(job.words)
+    )
+    yield running
+    running.close()
+
+
+def states(jobs: Jobs) -> list[tuple[str, str]]:
+    return [(job.state, job.words) for job in jobs.state().jobs]
+
+
+def alive(pid: int) -> bool:
+    status = Path(f"/proc/{pid}/status")
+    return status.exists() and "State:\tZ" not in status.read_text()
+
+
+def holding(folder: Path) -> list[int]:
+    until(lambda: (folder / "pids").exists() and (folder / "pids").read_text(), "the job's children")
+    return [int(pid) for pid in (folder / "pids").read_text().split()]
+
+
+def test_jobs_run_one_after_the_other_and_keep_what_came_of_them(jobs: Jobs):
+    for kind in ("say", "refuse", "crash", "say"):
+        jobs.start(kind, {"word": kind}, "Ada")
+    until(lambda: not any(state in ("waiting", "running") for state, _ in states(jobs)), "all jobs")
+    (said, refused, crashed, again) = states(jobs)
+    assert said == again == ("done", "said saysay")
+    assert refused == ("failed", "'refuse' cannot be said; say another word")
+    assert crashed[0] == "failed"
+    assert "SIGABRT" in crashed[1]
+    with pytest.raises(InputError, match="ended already"):
+        jobs.cancel(1)
+    jobs.forget(1)
+    assert [job.id for job in jobs.state().jobs] == [2, 3, 4]
+
+
+def test_cancel_ends_a_deaf_job_with_its_children_within_a_second_and_the_next_one_starts(jobs: Jobs, tmp_path: Path):
+    first = jobs.start("hold_on", {"word": "x"}, "Ada")
+    second, third = (jobs.start("say", {"word": "y"}, "Bo") for _ in range(2))
+    pids = holding(tmp_path / "project")
+    jobs.cancel(second)
+    assert [state for state, _ in states(jobs)] == ["running", "cancelled", "waiting"]
+    jobs.cancel(first)
+    until(lambda: states(jobs)[0][0] == "cancelled", "the end of the job")
+    until(lambda: not any(map(alive, pids)), "the end of its children")
+    until(lambda: states(jobs)[2] == ("done", "said yy"), "the job after it")
+    assert third == 3
+
+
+@pytest.mark.parametrize(
+    ("kind", "arguments", "said"),
+    [
+        ("nothing", {}, "there is no job 'nothing'"),
+        ("say", {}, "missing required field `word`"),
+        ("say", {"word": 3}, "Expected `str`"),
+        ("say", {"word": "x" * 21}, "length <= 20"),
+        ("say", {"word": "x", "steps": 6}, "<= 5"),
+        ("say", {"word": "x", "steps": float("nan")}, "Expected `int`"),
+        ("say", {"word": "x", "shell": "rm"}, "unknown field `shell`"),
+    ],
+)
+def test_arguments_that_are_not_valid_are_refused_before_the_queue(jobs: Jobs, kind, arguments, said):
+    with pytest.raises(InputError, match=said):
+        jobs.start(kind, arguments, "Ada")
+    assert jobs.state().jobs == []
+
+
+def test_the_form_of_a_kind_is_told_by_its_arguments(jobs: Jobs):
+    word, steps = jobs.state().kinds[0].fields
+    assert (word.form, word.title, word.default) == ("text", "Word", "")
+    assert (steps.form, steps.default, steps.unit) == ("integer", 2, "steps")
+
+
+STATION = """
+import sys
+from pathlib import Path
+from flight import project
+from gcs_web.jobs import Jobs
+import tests.gcs_web.test_jobs as kinds
+opened = project.open_project(Path(sys.argv[1]))
+jobs = Jobs(opened, kinds.KINDS, lambda: None, lambda k, r: "", lambda j: None)
+jobs.start("hold_on", {"word": "x"}, "Ada")
+import threading; threading.Event().wait()
+"""
+
+
+def test_kill_9_of_the_station_ends_the_job_with_its_children(tmp_path: Path):
+    project.create(tmp_path, "killed")
+    station = subprocess.Popen([sys.executable, "-c", STATION, str(tmp_path)])
+    pids = holding(tmp_path)
+    assert all(map(alive, pids))
+    station.kill()
+    station.wait()
+    until(lambda: not any(map(alive, pids)), "the end of the job")
