@@ -113,6 +113,7 @@ class GroundStation:
         self.view.on_select = lambda waypoint: self.hub.publish(protocol.Selection([waypoint]))
         self.view.on_moment = self._moment_chosen
         self.view.on_drag, self.view.on_add, self.view.on_pull = self._dragged, self._added, self.desk.draft
+        self.view.flights.on_moment = lambda time_s: self.hub.publish(protocol.FlightMoment(time_s))
         if self.watch is not None:
             self.watch.on_state, self.watch.on_pose = self._vehicle_changed, self.view.move_vehicle
             self.watch.start()
@@ -120,7 +121,13 @@ class GroundStation:
         else:
             self.hub.publish(protocol.Vehicle("none"))
         pages = PageSocket(self.desk, project=opened.name)
-        self._gateway = gateway.Gateway(self.server.get_port(), serve_page=pages.serve, state=self._state, port=port)
+        self._gateway = gateway.Gateway(
+            self.server.get_port(),
+            serve_page=pages.serve,
+            state=self._state,
+            port=port,
+            incoming=self.desk.flights.incoming,
+        )
         self._gateway.on_entry = on_entry
         self._stack.callback(self._in_loop, self._gateway.stop)
         try:

@@ -17,9 +17,12 @@ import vehicle
 from flight import FlightError, FloatArray, FormatError, InputError, TrajectoryFile, trajectory
 from flight.project import Project
 from gcs_web import inputs, page_values, planning, protocol, protocol_parts
+from gcs_web.comparing import Comparing
 from gcs_web.document import Settings
+from gcs_web.flights import Flights
 from gcs_web.hub import Hub
 from gcs_web.jobs import Jobs, Kind
+from gcs_web.learning import Learning
 from gcs_web.session import Session
 from gcs_web.vehicle_watch import VehicleWatch
 from gcs_web.view3d import View3D
@@ -67,6 +70,9 @@ class Desk:
         self._lock = threading.RLock()
         self._planner = planning.PlanningProcess(opened.folder, base, self._planned, self._drafted)
         self.jobs = Jobs(opened, kinds, self.show_jobs, lambda kind, result: kind.done(self, result), self._job_ended)
+        self.flights = Flights(opened, self._flights_changed)
+        self.comparing = Comparing(opened, self.flights, view)
+        self.learning = Learning(opened, self.flights)
         self._watch_files = inputs.Watch(opened.folder, opened.waypoints, self._files_changed)
         self.session.on_change(self._document_changed)
         said = self.session.take_notice() or f"{opened.name} opened, revision {self.session.revision}"
@@ -79,6 +85,7 @@ class Desk:
     def close(self) -> None:
         self._watch_files.close()
         self.jobs.close()
+        self.flights.close()
         self._planner.close()
         self.session.close()
 
@@ -100,6 +107,20 @@ class Desk:
         saved = [_listed(path, hashes) for path in self.project.trajectories()]
         flights = [path.stem for path in self.project.flights()]
         self.hub.publish(protocol.Files(saved, flights))
+        self.flights.refresh()
+
+    def _flights_changed(self, now: protocol.Flights) -> None:
+        self.hub.publish(now)
+        self.show_learning()
+
+    def show_learning(self) -> None:
+        """The comparison, the diagnosis and the model as they are now."""
+        self.hub.publish(self.comparing.state())
+        self.hub.publish(self.learning.diagnosis())
+        try:
+            self.hub.publish(self.learning.model())
+        except FlightError as error:
+            self.notice(str(error), level="danger")
 
     def show_jobs(self) -> None:
         self.hub.publish(self.jobs.state())

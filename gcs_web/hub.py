@@ -23,6 +23,10 @@ _STATE = (
     protocol.Files,
     protocol.Jobs,
     protocol.Shown,
+    protocol.Flights,
+    protocol.Comparison,
+    protocol.Diagnosis,
+    protocol.Model,
 )
 
 

@@ -66,9 +66,7 @@ def write_cards(folder: Path, names: list[str], progress: Progress) -> None:
     for k, name in enumerate(names):
         believed = _believed(opened)
         seen = signature(opened, name, "" if believed is None else vehicle.vehicle_hash(believed))
-        file_format.write_bytes(
-            card_file(opened, name), msgspec.json.encode(Kept(seen, card(opened, name, believed)))
-        )
+        file_format.write_bytes(card_file(opened, name), msgspec.json.encode(Kept(seen, card(opened, name, believed))))
         progress(name, (k + 1) / len(names))
 
 

@@ -174,7 +174,9 @@ def _open(path: Path, stamp: tuple[int, int]) -> _Opened:
     log = flight_log.load(path, ["mission_state"] if has_state else [])
     if not len(log):
         raise InputError(f"{path.name} is empty")
-    return _Opened(path, stamp, streams.of_log(names), log.time_s, _begins_s(log) if has_state else float(log.time_s[0]))
+    return _Opened(
+        path, stamp, streams.of_log(names), log.time_s, _begins_s(log) if has_state else float(log.time_s[0])
+    )
 
 
 def _begins_s(log: flight_log.FlightLog) -> float:

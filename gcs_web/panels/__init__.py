@@ -5,7 +5,7 @@ from typing import Any
 
 from gcs_web import protocol
 from gcs_web.desk import Desk
-from gcs_web.panels import editing, jobs, trajectories, vehicle_orders, view
+from gcs_web.panels import editing, flights, jobs, learning, trajectories, vehicle_orders, view
 
 Handler = Callable[[Desk, protocol.Person, Any], protocol.Reply | None]
 """Does a command; a reply only where it has something to say. Raises `FlightError` to refuse it."""
@@ -15,5 +15,7 @@ HANDLERS: dict[type, Handler] = {
     **trajectories.HANDLERS,
     **view.HANDLERS,
     **jobs.HANDLERS,
+    **flights.HANDLERS,
+    **learning.HANDLERS,
     **vehicle_orders.HANDLERS,
 }

@@ -24,7 +24,7 @@ async def echo(socket: aiohttp.web.WebSocketResponse) -> None:
 @asynccontextmanager
 async def running_gateway() -> AsyncIterator[tuple[Gateway, viser.ViserServer]]:
     server = viser.ViserServer(host="127.0.0.1", port=18080, verbose=False)
-    gateway = Gateway(server.get_port(), serve_page=echo, state=lambda: {"answer": 42})
+    gateway = Gateway(server.get_port(), serve_page=echo, state=lambda: {"answer": 42}, incoming=tmp_path_factory.mktemp("incoming"))
     try:
         await gateway.start()
         yield gateway, server
