@@ -48,7 +48,8 @@ def _type(hint: object) -> str:
     if origin is typing.Literal:
         return " | ".join(f'"{a}"' for a in arguments)
     if origin is list:
-        return f"{_type(arguments[0])}[]"
+        item = _type(arguments[0])
+        return f"({item})[]" if " | " in item else f"{item}[]"
     if origin is dict:
         return f"Record<{_type(arguments[0])}, {_type(arguments[1])}>"
     if origin is tuple:

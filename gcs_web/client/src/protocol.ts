@@ -183,7 +183,7 @@ export interface OpenedFlight {
 export interface CurvePart {
   label: string;
   kind: "measured" | "plan" | "model" | "residual";
-  values: number | null[];
+  values: (number | null)[];
 }
 
 export interface StreamPart {

@@ -3,7 +3,23 @@
 import { batch, computed, signal } from "@preact/signals";
 import { initials } from "./format";
 import { PROTOCOL } from "./protocol";
-import type { Document, Files, Jobs, Notice, People, Plan, Show, ToPage, Vehicle, Waypoint, Welcome } from "./protocol";
+import type {
+  Comparison,
+  Diagnosis,
+  Document,
+  Files,
+  Flights,
+  Jobs,
+  Model,
+  Notice,
+  People,
+  Plan,
+  Show,
+  ToPage,
+  Vehicle,
+  Waypoint,
+  Welcome,
+} from "./protocol";
 
 // --- as the server sent it ---
 
@@ -17,6 +33,11 @@ export const vehicle = signal<Vehicle | null>(null);
 export const people = signal<People>({ type: "people", people: [], in_control: "" });
 export const files = signal<Files>({ type: "files", trajectories: [], flights: [] });
 export const jobs = signal<Jobs>({ type: "jobs", jobs: [], kinds: [] });
+/** Recorded flights; null until the server has listed them. */
+export const flights = signal<Flights | null>(null);
+export const comparison = signal<Comparison | null>(null);
+export const diagnosis = signal<Diagnosis | null>(null);
+export const model = signal<Model | null>(null);
 export const notice = signal<Notice>({ type: "notice", text: "", level: "fact", undo: false });
 
 /** Tracking errors as they were heard, of the last minute. */
@@ -35,6 +56,8 @@ const vehicleHeardAt_ms = signal(0);
 
 /** The moment of the plan that plots, table and 3D view show. */
 export const cursor_s = signal<number | null>(null);
+/** The moment of the recorded flights that plots and 3D view show, on their shifted time. */
+export const flightCursor_s = signal<number | null>(null);
 /** Ids of waypoints. */
 export const selected = signal<ReadonlySet<number>>(new Set());
 export const view = signal<Required<Pick<Show, "colour" | "slice_z_m">>>({ colour: "clearance", slice_z_m: null });
@@ -142,6 +165,21 @@ export function receive(message: Exclude<ToPage, { type: "reply" }>): void {
         break;
       case "jobs":
         jobs.value = message;
+        break;
+      case "flights":
+        flights.value = message;
+        break;
+      case "comparison":
+        comparison.value = message;
+        break;
+      case "diagnosis":
+        diagnosis.value = message;
+        break;
+      case "model":
+        model.value = message;
+        break;
+      case "flight_moment":
+        flightCursor_s.value = message.time_s;
         break;
       case "notice":
         notice.value = message;
