@@ -1,4 +1,4 @@
-"""Measured flights beside the plan and the model: what is open, the newest comparison, and what of it is out of date."""
+"""Recorded flights beside plan and model: their streams, the newest comparison, and whether it is out of date."""
 
 import threading
 from pathlib import Path

@@ -1,5 +1,6 @@
 """A diagnosis and a tried change in the page's terms: titles, units that people read, points of the pictures."""
 
+import functools
 from collections.abc import Mapping, Sequence
 
 import vehicle
@@ -16,7 +17,7 @@ from sysid.estimator.changes import Change
 from sysid.estimator.comparison import QUANTITIES
 from sysid.estimator.result import CHANNELS
 from sysid.report import diagnosis_figures as figures
-from sysid.report import drawing, words
+from sysid.report import diagnosis_page, drawing, words
 from sysid.report.added_variable import added_variable, left_of
 from sysid.report.pages import SHOWN
 from sysid.report.residual_plots import SIGMAS, unit
@@ -25,39 +26,38 @@ from vehicle import Vehicle, history
 
 def diagnosis(found: Diagnosis, outlooks: Mapping[str, Outlook], vehicle_hash: str) -> protocol.Diagnosis:
     belief = found.belief
-    names = [candidate.name for candidate in found.candidates] + [name for name, _ in found.invisible]
+    named = functools.partial(diagnosis_page.named, found)
     pictures = {candidate.name: evidence(found, candidate) for candidate in figures.leading(found)}
     return protocol.Diagnosis(
         "current",
-        _sentence(words.named(found.verdict, names)),
+        _sentence(named(found.verdict)),
         belief.as_stated,
         belief.something_unknown,
         belief.otherwise,
         found.fit_verdict.sentence,
         sorted(found.flights),
         sorted(found.held_out),
-        [_candidate(one, outlooks.get(one.name), pictures.get(one.name)) for one in found.candidates],
-        [
-            parts.Attempt(a.name, words.effect(a.name), str(a.outcome), words.named(a.sentence, names))
-            for a in found.attempts
-        ],
+        [_candidate(found, one, outlooks.get(one.name), pictures.get(one.name)) for one in found.candidates],
+        [parts.Attempt(a.name, words.effect(a.name), str(a.outcome), named(a.sentence)) for a in found.attempts],
         list(found.staircase[0].position_m),
-        [parts.Stair(words.named(s.model, names), [1e3 * e for e in s.position_m.values()]) for s in found.staircase],
+        [parts.Stair(named(s.model), [1e3 * e for e in s.position_m.values()]) for s in found.staircase],
         None if found.outside is None else _outside(found.outside),
-        [f"{words.effect(name)}: {words.named(why, names)}" for name, why in found.invisible],
-        [words.named(sentence, names) for sentence in found.findings],
+        [f"{words.effect(name)}: {named(why)}" for name, why in found.invisible],
+        [named(sentence) for sentence in found.findings],
         _left(found),
         vehicle_hash,
     )
 
 
-def _candidate(found: CandidateFinding, outlook: Outlook | None, picture: parts.Evidence | None) -> parts.Candidate:
+def _candidate(
+    whole: Diagnosis, found: CandidateFinding, outlook: Outlook | None, picture: parts.Evidence | None
+) -> parts.Candidate:
     effect = found.name.partition("[")[0]
     return parts.Candidate(
         found.name,
         words.effect(found.name),
         found.verdict.value,
-        found.reason,
+        diagnosis_page.named(whole, found.reason),
         found.confidence,
         vehicle.effects.find(effect).law,
         [_size(size) for size in found.sizes],

@@ -114,7 +114,9 @@ def _rotor(i: int) -> Quantity:
 
 
 _QUANTITIES: tuple[Quantity, ...] = (
-    Quantity("speed", "Speed", "m/s", (_size("setpoint_velocity_world_m_s", PLAN), _size("velocity_world_m_s", MEASURED))),
+    Quantity(
+        "speed", "Speed", "m/s", (_size("setpoint_velocity_world_m_s", PLAN), _size("velocity_world_m_s", MEASURED))
+    ),
     Quantity("error", "Position error", "mm", (_error(),)),
     Quantity("tilt", "Tilt", "°", (_tilt("setpoint_q_world_body", PLAN), _tilt("q_world_body", MEASURED))),
     _position(2),
@@ -126,7 +128,7 @@ _QUANTITIES: tuple[Quantity, ...] = (
     ),
     *(_rotor(i) for i in range(4)),
     Quantity("battery", "Battery", "V", (_one("battery_v", MEASURED, "measured"),)),
-)  # fmt: skip
+)
 
 
 def read(path: Path, quantity: Quantity) -> tuple[FloatArray, list[FloatArray]]:

@@ -203,7 +203,7 @@ effect(() => {
   });
 });
 
-/** The strongest cell is looked at first. */
+/** The cell that explains most beyond a constant is looked at first. */
 effect(() => {
   const found = comparison.value;
   if (found === null || found.state === "none") return;
@@ -212,13 +212,15 @@ effect(() => {
     chosen.value = { ...now };
     return;
   }
+  const constant = found.variables.findIndex(({ name }) => name === "constant");
   let best: { channel: string; variable: string } | null = null;
   let most = 0;
   for (const row of found.channels) {
     row.shares.forEach((share, i) => {
       const variable = found.variables[i];
-      if (variable !== undefined && share > most && variable.name !== "constant") {
-        most = share;
+      const gain = share - (row.shares[constant] ?? 0);
+      if (variable !== undefined && gain > most) {
+        most = gain;
         best = { channel: row.channel, variable: variable.name };
       }
     });

@@ -112,7 +112,7 @@ function axes(ctx: CanvasRenderingContext2D, frame: Frame, px: Place, py: Place)
   ctx.lineWidth = 1;
   ctx.textBaseline = "middle";
   ctx.textAlign = "right";
-  for (const tick of ticks(frame.y, Math.max(2, frame.height / 44))) {
+  for (const tick of ticks(frame.y, Math.max(2, frame.height / 30))) {
     const y = Math.round(py(tick)) + 0.5;
     ctx.strokeStyle = token(tick === 0 ? "line2" : "grid");
     ctx.beginPath();

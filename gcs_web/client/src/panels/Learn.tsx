@@ -194,7 +194,8 @@ function LargeCard({ candidate, tried }: { candidate: Candidate; tried: Tried | 
 
 function confoundedWords({ confounded }: Candidate): string {
   if (confounded.length === 0) return "nothing on these flights";
-  return confounded.map(({ title, share }) => `${title}, ${percent(share)}`).join("; ");
+  const first = confounded.slice(0, 2).map(({ title, share }) => `${title}, ${percent(share)}`);
+  return [...first, ...(confounded.length > 2 ? [`${confounded.length - 2} more`] : [])].join("; ");
 }
 
 function units(unit: string): string {
@@ -307,14 +308,14 @@ function Act({ candidate, tried }: { candidate: Candidate; tried: Tried | null }
 function TrialActs({ tried }: { tried: Tried }) {
   const at = tried.quantities.indexOf("position");
   const [before, after, unit] = [tried.before[at], tried.after[at], tried.units[at]];
-  const next = (model.value?.versions.length ?? 0) + 0;
+  const next = model.value?.versions.length ?? 0;
   return (
     <div class="card-foot">
       <span>
         {before !== undefined && after !== undefined ? (
           <>
             <b>
-              {short(before)} → {short(after)} {unit}
+              {figure(before)} → {figure(after)} {unit}
             </b>{" "}
             <span class="dim">after 0.5 s on held-out {tried.held_out.join(", ")}; it {tried.verdict}</span>
           </>

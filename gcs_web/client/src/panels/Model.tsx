@@ -54,7 +54,7 @@ function TriedRow({ tried }: { tried: Tried }) {
 function Version({ version }: { version: VehicleVersion }) {
   const what = `${version.action} ${version.effect}`.trim();
   return (
-    <li class={`version ${version.current ? "now" : ""} ${version.undone ? "undone" : ""}`}>
+    <li class={`version ${version.current && model.value?.tried == null ? "now" : ""} ${version.undone ? "undone" : ""}`}>
       <b>{version.number}</b>
       <span>
         <b>{version.number === 0 ? "as given" : what}</b>
@@ -182,7 +182,7 @@ function Bars({ quantity, unit, values }: { quantity: string; unit: string; valu
         {known.map((value, i) => (
           <span key={i} class="bar-line">
             <span class={`bar ${["was", "before", "after"][i]}`} style={{ width: `${(70 * value) / most}%` }} />
-            {short(value)}
+            {figure(value)}
           </span>
         ))}
       </div>
@@ -194,6 +194,13 @@ function Parameters({ rows, tried }: { rows: readonly ParameterRow[]; tried: Tri
   return (
     <div class="table-scroll">
       <table class="table parameters">
+        <colgroup>
+          <col style={{ width: "34%" }} />
+          <col style={{ width: "18%" }} />
+          <col style={{ width: "17%" }} />
+          <col style={{ width: "13%" }} />
+          <col />
+        </colgroup>
         <thead>
           <tr>
             <th class="words">parameter</th>

@@ -13,6 +13,7 @@ import type { ChannelResidual, Comparison, Scatter, VariableName } from "../prot
 import { JobRows } from "./Jobs";
 
 const NOTABLE = 0.05;
+const FIRST_ROWS = 9;
 const allVariables = signal(false);
 
 /** The flights of a role that can be read. */
@@ -124,10 +125,17 @@ function best(channel: ChannelResidual, row: RowOfMap): { share: number; index: 
   return found;
 }
 
+/** By how much a variable explains more than a constant, in the channel where that is most. */
+function gainOf(found: Comparison, row: RowOfMap): number {
+  const constant = found.variables.findIndex(({ name }) => name === "constant");
+  return Math.max(...found.channels.map((channel) => best(channel, row).share - (channel.shares[constant] ?? 0)));
+}
+
 function HeatMap({ found }: { found: Comparison }) {
   const rows = rowsOf(found.variables);
-  const notable = rows.filter((row) => found.channels.some((channel) => best(channel, row).share >= NOTABLE));
-  const shown = allVariables.value ? rows : notable;
+  const order = new Map(rows.map((row) => [row, gainOf(found, row)]));
+  const telling = [...rows].sort((a, b) => (order.get(b) ?? 0) - (order.get(a) ?? 0)).slice(0, FIRST_ROWS);
+  const shown = allVariables.value ? rows : telling;
   return (
     <section class="block heat" aria-label="Share explained">
       <table class="heat-map">
@@ -138,7 +146,7 @@ function HeatMap({ found }: { found: Comparison }) {
               <th key={channel} scope="col">
                 <Named name={channel} />
                 <span class="unit">
-                  {short(rms)} {unit}
+                  {number(rms, rms < 10 ? 1 : 0)} {unit}
                 </span>
               </th>
             ))}
@@ -158,8 +166,8 @@ function HeatMap({ found }: { found: Comparison }) {
         </tbody>
       </table>
       <div class="block-head quiet">
-        <span>Size below the names: rms of the residual. n, dn/dt: the best of four rotors.</span>
-        {notable.length < rows.length && (
+        <span>Below the names: rms of the residual. n: best of four rotors.</span>
+        {rows.length > FIRST_ROWS && (
           <button type="button" class="link small" onClick={() => (allVariables.value = !allVariables.value)}>
             {allVariables.value ? "Fewer" : `All ${rows.length}`}
           </button>
