@@ -31,7 +31,7 @@ import { flightCursor_s } from "../store";
 import { isLight, phone, token } from "../theme";
 import type { CurvePart, Stream, StreamPart } from "../protocol";
 
-const MARGINS = { left: 168, right: 16 };
+const MARGINS = { left: 184, right: 16 };
 const PHONE_MARGINS = { left: 16, right: 16 };
 const HEAD_PX = 40;
 const AXIS_PX = 20;

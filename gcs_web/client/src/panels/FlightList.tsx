@@ -2,6 +2,7 @@
 
 import { useSignal } from "@preact/signals";
 import { Badge } from "../components/Badge";
+import { Icon } from "../components/Icon";
 import { dayAndTime, number, plural } from "../format";
 import {
   LETTERS,
@@ -179,7 +180,11 @@ function Role({ card }: { card: FlightCard }) {
 function Checks({ card }: { card: FlightCard }) {
   const errors = card.findings.filter(({ level }) => level === "error").length;
   if (card.findings.length === 0) {
-    return <Badge>{card.fixed.length > 0 ? "checks pass, fixed" : "checks pass"}</Badge>;
+    return (
+      <Badge>
+        <Icon name="check" /> {card.fixed.length > 0 ? "checks, fixed" : "checks"}
+      </Badge>
+    );
   }
   return <Badge tone={errors > 0 ? "danger" : "caution"}>{plural(card.findings.length, "finding", "findings")}</Badge>;
 }
