@@ -22,7 +22,7 @@ from firmware_bridge.link import Link, connect
 from firmware_bridge.mavlink import Codec, Signing
 from firmware_bridge.sitl_vehicle import SitlVehicle
 from flight import Trajectory, TrajectoryFile
-from flight.trajectory import fingerprint
+from flight.trajectory import fingerprint, sealed
 
 KEY = bytes(range(32))
 SEGMENTS = 200
@@ -59,7 +59,7 @@ def plan(coefficients: int, seed: int) -> TrajectoryFile:
         here = there
     path = Trajectory(np.full(SEGMENTS, duration_s), pieces)
     check = {"passed": True, "trajectory_hash": fingerprint(path)}
-    return TrajectoryFile(path, "bench", "", "", np.zeros((2, 3)), check)
+    return sealed(TrajectoryFile(path, "bench", "", "", np.zeros((2, 3)), check))
 
 
 def uploads(line: Impairment, runs: int, rate_bytes_s: float, coefficients: int) -> tuple[np.ndarray, np.ndarray]:

@@ -16,6 +16,7 @@ import vehicle
 from esdf import solids
 from flight import InfeasibleError, InputError, Waypoints
 from planner import airframe, minimum_snap, repair, time_allocation
+from planner import mission as missions
 
 SKY = solids.Scene([solids.Sphere((1000.0, 0.0, 0.0), 1.0)])
 """Nothing to bump into."""
@@ -34,6 +35,7 @@ def rows() -> list[report.Row]:
         *in_scenes(drone, 50),
         *in_clutter(drone, 10),
         *mixed(drone, 200),
+        *gate_courses(drone, 50),
     ]
 
 
@@ -213,7 +215,7 @@ def in_scenes(drone: vehicle.Vehicle, count: int) -> list[report.Row]:
         place = planner_scenes.place(seed)
         start = time.process_time()
         try:
-            plan = planner.plan(place.waypoints, place.field, drone)
+            plan = planner.plan(place.waypoints, place.field, drone, planner_scenes.OPTIONS)
         except (InfeasibleError, InputError):
             refused += 1
             continue
@@ -267,7 +269,7 @@ def mixed(drone: vehicle.Vehicle, count: int) -> list[report.Row]:
     for seed in range(1000, 1000 + count):
         place = planner_scenes.place(seed)
         try:
-            plan = planner.plan(place.waypoints, place.field, drone)
+            plan = planner.plan(place.waypoints, place.field, drone, planner_scenes.OPTIONS)
         except planner.PlanInfeasibleError as error:
             narrow += error.gap is not None
             refused += error.gap is None
@@ -280,6 +282,19 @@ def mixed(drone: vehicle.Vehicle, count: int) -> list[report.Row]:
         report.row("  refused for a limit that more time would meet", refused, "plans", "0", refused == 0),
         report.row("  refused: the widest way in the map is too narrow", narrow, "plans"),
     ]
+
+
+def gate_courses(drone: vehicle.Vehicle, count: int) -> list[report.Row]:
+    """Tilted gates, turned more and more from the way through them."""
+    found = []
+    for off_deg in (60, 90, 180):
+        planned = 0
+        for seed in range(count):
+            with contextlib.suppress(planner.PlanInfeasibleError):
+                missions.plan(planner_scenes.gate_course(seed, np.radians(off_deg)), SKY, drone)
+                planned += 1
+        found.append(report.row(f"{count} gate courses, turned up to {off_deg} deg: planned", planned, "plans"))
+    return found
 
 
 if __name__ == "__main__":

@@ -8,8 +8,11 @@ import esdf
 import planner
 from esdf import solids
 from flight import Waypoints
+from flight.mission import Gate, Mission
 from vehicle import Vehicle, flatness, invert
 
+OPTIONS = planner.PlanOptions(radius_m=0.15)
+"""Gaps are drawn for a clearance of 0.3 m; the example vehicle reaches 0.189 m."""
 VOXEL_M = 0.1
 
 
@@ -211,3 +214,24 @@ def clutter_vehicle(drone: Vehicle) -> Vehicle:
         rotor_speed_min_rad_s=float(slowest),
         rotor_speed_max_rad_s=float(fastest),
     )
+
+
+def gate_course(seed: int, off_rad: float) -> Mission:
+    """Five to ten gates of .6 to 2 m in the open, 2.5 to 7 m apart, each turned at random.
+
+    Args:
+        off_rad: how far a gate may be turned from the direction between its neighbours.
+    """
+    rng = np.random.default_rng(seed)
+    count, heading_rad = int(rng.integers(5, 11)), 0.0
+    points = [np.array([0.0, 0.0, 2.0])]
+    for _ in range(count + 1):
+        heading_rad += rng.uniform(-1.6, 1.6)
+        step = np.array([np.cos(heading_rad), np.sin(heading_rad), rng.uniform(-0.3, 0.3)])
+        points.append(points[-1] + rng.uniform(2.5, 7.0) * step)
+    gates = []
+    for i in range(1, count + 1):
+        x, y, _ = points[i + 1] - points[i - 1]
+        turned = [np.arctan2(y, x) + rng.uniform(-off_rad, off_rad), *rng.uniform(-0.7, 0.7, 2)]
+        gates.append(Gate(i, *rng.uniform(0.6, 2.0, 2).tolist(), *np.array(turned).tolist()))
+    return Mission(Waypoints(np.array(points), np.full(count + 2, np.nan)), gates=tuple(gates))

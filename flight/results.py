@@ -114,11 +114,18 @@ def new_file(path: Path, *, overwrite: bool) -> Generator[Placing]:
 
 
 @contextlib.contextmanager
-def new_folder(path: Path, *, overwrite: bool, ours: Callable[[Path], bool]) -> Generator[Placing]:
-    """As `new_file`, for a folder; `ours` as for `require_free_folder`."""
+def new_folder(
+    path: Path, *, overwrite: bool, ours: Callable[[Path], bool], within: Path | None = None
+) -> Generator[Placing]:
+    """As `new_file`, for a folder.
+
+    Args:
+        ours: as for `require_free_folder`.
+        within: where to write it, on the same file system; by default beside its final path.
+    """
     target = _resolved(path)
     target.parent.mkdir(parents=True, exist_ok=True)
-    placing = Placing(_temporary(target), target)
+    placing = Placing(_temporary(within / target.name if within else target), target)
     placing.temporary.mkdir()
     try:
         yield placing

@@ -4,8 +4,9 @@ The file records which map and which vehicle it was checked against; `goshawk up
 """
 
 import hashlib
+import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,8 @@ from flight.errors import FormatError, InputError
 from flight.rotations import FloatArray
 
 FORMAT = "goshawk-trajectory"
-VERSION = 1
+VERSION = 2
+"""Version 1 had no hash of what a trajectory was checked for (`sealed`)."""
 LONGEST_S = 1e4
 """No small vehicle flies for hours; a longer trajectory is a damaged file."""
 AXES = ("x", "y", "z", "yaw")
@@ -161,6 +163,8 @@ class TrajectoryFile:
     """(m, 3) the waypoints it was planned through."""
     check: Mapping[str, Any]
     """The final gate's report: `passed`, `clearance_m`, `required_clearance_m`, margins; empty if never checked."""
+    version: int = VERSION
+    """Of the file's format; one of version 1 keeps it until it is checked again."""
 
     @property
     def checked(self) -> bool:
@@ -169,8 +173,19 @@ class TrajectoryFile:
 
     @property
     def as_checked(self) -> bool:
-        """Whether this is, bit by bit, the trajectory that was checked."""
-        return fingerprint(self.trajectory) == self.check.get("trajectory_hash")
+        """Whether trajectory, waypoints, map, vehicle and report are, bit by bit, those of the check.
+
+        In a file of version 1 the trajectory alone can be told (`record_kept`).
+        """
+        return fingerprint(self.trajectory) == self.check.get("trajectory_hash") and self.record_kept is not False
+
+    @property
+    def record_kept(self) -> bool | None:
+        """Whether what it was checked for, and what was found, is what was written; None in a file of version 1."""
+        kept = self.check.get("record_hash")
+        if kept is None and self.version < 2:
+            return None
+        return kept == _record_hash(self)
 
 
 def fingerprint(trajectory: Trajectory) -> str:
@@ -178,6 +193,24 @@ def fingerprint(trajectory: Trajectory) -> str:
     digest = hashlib.sha256(trajectory.durations_s.tobytes())
     digest.update(trajectory.coefficients.tobytes())
     return digest.hexdigest()
+
+
+def sealed(item: TrajectoryFile) -> TrajectoryFile:
+    """The file with a hash of its record, so that `as_checked` sees any later change of it. For who checked it only."""
+    check = {name: value for name, value in item.check.items() if name != "record_hash"}
+    item = replace(item, check=check, version=VERSION)
+    return replace(item, check=check | {"record_hash": _record_hash(item)})
+
+
+def _record_hash(item: TrajectoryFile) -> str:
+    """SHA-256 of the check's report, and of the waypoints, map and vehicle it belongs to, as JSON with sorted keys."""
+    record = {
+        "check": {name: value for name, value in item.check.items() if name != "record_hash"},
+        "map_hash": item.map_hash,
+        "vehicle_hash": item.vehicle_hash,
+        "waypoints_world_m": np.asarray(item.waypoints_world_m, dtype=np.float64).tolist(),
+    }
+    return hashlib.sha256(json.dumps(record, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
 def _check_duration(duration_s: float) -> None:
@@ -206,7 +239,7 @@ def save(path: Path, item: TrajectoryFile) -> None:
         "check": dict(item.check),
         "segments": segments,
     }
-    file_format.write_json(path, format=FORMAT, version=VERSION, body=body)
+    file_format.write_json(path, format=FORMAT, version=item.version, body=body)
 
 
 def load(path: Path) -> TrajectoryFile:
@@ -228,6 +261,7 @@ def load(path: Path) -> TrajectoryFile:
             vehicle_hash=str(document["vehicle_hash"]),
             waypoints_world_m=np.array(document["waypoints_world_m"], dtype=np.float64).reshape(-1, 3),
             check=dict(document["check"]),
+            version=document["version"],
         )
     except (KeyError, TypeError, ValueError, InputError) as error:
         raise FormatError(f"{path} is a damaged trajectory file: {file_format.damage_text(error)}") from error

@@ -20,6 +20,7 @@ from gcs_web.desk import Desk
 from gcs_web.hub import Hub
 from gcs_web.jobs import Kind
 from gcs_web.page_socket import PageSocket
+from gcs_web.tls import context, is_loopback
 from gcs_web.vehicle_watch import VehicleWatch
 from gcs_web.view3d import View3D
 
@@ -38,6 +39,8 @@ class GroundStation:
         folder: Path,
         *,
         port: int = 0,
+        host: str = gateway.LOOPBACK,
+        tls: tuple[Path, Path] | None = None,
         vehicle_url: str | None = None,
         key_file: Path | None = None,
         options: planner.PlanOptions | None = None,
@@ -46,11 +49,13 @@ class GroundStation:
         on_entry: Callable[[str], None] = lambda _: None,
         jobs: Sequence[Kind] = (),
     ) -> None:
-        """Open the project and listen on loopback.
+        """Open the project and listen, on loopback unless told otherwise.
 
         Args:
             folder: the project.
             port: of the gateway; 0 lets the system choose.
+            host: name or address to listen at; another one than loopback needs `tls`.
+            tls: certificate and its key, PEM.
             vehicle_url: where the vehicle answers (`udp:HOST:PORT`), or None to work without one; one that does not
                 answer yet is waited for.
             key_file: the link's signing key.
@@ -61,8 +66,11 @@ class GroundStation:
 
         Raises:
             FlightError: the project cannot be opened, or is open in another ground station.
-            InputError: the port is taken.
+            InputError: the port is taken, or the certificate is not good for `host`.
         """
+        if tls is None and not is_loopback(host):
+            raise InputError(f"{host} can be reached from other machines: give --tls-cert and --tls-key, or no --host")
+        self._host, self._tls = host, None if tls is None else context(*tls, host)
         logging.getLogger("websockets").setLevel(logging.ERROR)  # viser's HTTP half logs each page load as an error
         self.watch = None if vehicle_url is None else VehicleWatch(vehicle_url, key_file=key_file)
         self._loop = asyncio.new_event_loop()
@@ -115,7 +123,8 @@ class GroundStation:
         self.view.on_drag, self.view.on_add, self.view.on_pull = self._dragged, self._added, self.desk.draft
         self.view.flights.on_moment = lambda time_s: self.hub.publish(protocol.FlightMoment(time_s))
         if self.watch is not None:
-            self.watch.on_state, self.watch.on_pose = self._vehicle_changed, self.view.move_vehicle
+            self.watch.on_state, self.watch.on_pose = self._vehicle_changed, self.view.vehicle.move
+            self.watch.on_setpoint = self.view.vehicle.follow
             self.watch.start()
             self._stack.callback(self.watch.close)
         else:
@@ -125,20 +134,25 @@ class GroundStation:
             self.server.get_port(),
             serve_page=pages.serve,
             state=self._state,
-            port=port,
             incoming=self.desk.flights.incoming,
+            share=self.desk.shared,
+            host=self._host,
+            port=port,
+            tls=self._tls,
         )
         self._gateway.on_entry = on_entry
         self._stack.callback(self._in_loop, self._gateway.stop)
         try:
             self._in_loop(self._gateway.start)
         except OSError as error:
-            raise InputError(f"port {port} cannot be used ({error.strerror}); choose another with --port") from error
+            where = f"port {port}" if self._host == gateway.LOOPBACK else f"port {port} at {self._host}"
+            raise InputError(f"{where} cannot be used ({error.strerror}); choose another with --port") from error
 
     def _vehicle_changed(self, now: protocol.Vehicle) -> None:
         self.hub.publish(now)
+        self.view.vehicle.set_armed(now.armed)
         if now.link == "lost":
-            self.view.hide_vehicle()
+            self.view.vehicle.hide()
 
     def _moment_chosen(self, time_s: float) -> None:
         self.hub.publish(protocol.Cursor(time_s))

@@ -16,7 +16,7 @@ import planner
 import vehicle
 from flight import FlightError, FloatArray, FormatError, InputError, TrajectoryFile, trajectory
 from flight.project import Project
-from gcs_web import inputs, page_values, planning, protocol, protocol_parts
+from gcs_web import inputs, page_values, planning, protocol, protocol_parts, saved
 from gcs_web.comparing import Comparing
 from gcs_web.document import Settings
 from gcs_web.flights import Flights
@@ -104,9 +104,9 @@ class Desk:
             hashes = (self.parts.map(self.inputs).hash, vehicle.vehicle_hash(self.parts.vehicle(self.inputs)))
         except FlightError:
             hashes = ("", "")
-        saved = [_listed(path, hashes) for path in self.project.trajectories()]
+        listed = [_listed(path, hashes) for path in self.project.trajectories()]
         flights = [path.stem for path in self.project.flights()]
-        self.hub.publish(protocol.Files(saved, flights))
+        self.hub.publish(protocol.Files(listed, flights, saved.aside(self.project)))
         self.flights.refresh()
 
     def _flights_changed(self, now: protocol.Flights) -> None:
@@ -169,6 +169,21 @@ class Desk:
                 raise InputError("the map or the vehicle changed since the check; plan again")
             return answer.file
 
+    def trajectory(self, name: str) -> TrajectoryFile:
+        """A saved trajectory; the checked plan for an empty name.
+
+        Raises:
+            FlightError: there is none, or it cannot be read.
+        """
+        if not name:
+            return replace(self.checked(), name=self.name)
+        return trajectory.load(self.project.trajectory(name))
+
+    def shared(self, name: str) -> tuple[str, str]:
+        """A trajectory's name, and one HTML file that shows it. Raises as `trajectory`, or if there is no map."""
+        item = self.trajectory(name)
+        return item.name, saved.page(item, self.parts.map(self.inputs), self.parts.vehicle(self.inputs))
+
     def standing_height_m(self, x_m: float, y_m: float, z_m: float) -> float:
         """Height (world z) of the vehicle's centre when it stands on what is below a point.
 
@@ -210,11 +225,18 @@ class Desk:
         self.hub.publish(self.session.document())
         if said := self.session.take_notice():
             self.notice(said, level="caution")
-        margin_m = self.session.content.settings.margin_m
-        self.view.require_clearance(replace(self._base, margin_m=margin_m).clearance_m)
+        self._show_clearance()
         self.view.draw_waypoints(self.session.content.points)
         self.view.draw_mission(self.session.content.settings)
         self.request_plan()
+
+    def _show_clearance(self) -> None:
+        try:
+            base = self._base.sized(self.parts.vehicle(self.inputs))
+        except FlightError:
+            return  # said with the plan; what was shown stays
+        margin_m = self.session.content.settings.margin_m
+        self.view.require_clearance(replace(base, margin_m=margin_m).clearance_m)
 
     def _files_changed(self) -> None:
         try:
@@ -228,6 +250,7 @@ class Desk:
                 return
             self.inputs = now
             said = "The map or the vehicle changed since the check: this plan is void. Plan again."
+            self._show_clearance()
             self._show_plan(protocol.Plan(self.session.revision, "void", said))
         self._notice_with_map(said, level="caution")
         self._draw_map()  # takes seconds for a large mesh: not under the lock
@@ -355,5 +378,5 @@ def _listed(path: Path, hashes: tuple[str, str]) -> protocol.SavedTrajectory:
         file = trajectory.load(path)
     except (FormatError, InputError, OSError):
         return protocol.SavedTrajectory(path.stem, 0.0, False, saved_at)
-    current = file.checked and (file.map_hash, file.vehicle_hash) == hashes
+    current = file.checked and file.as_checked and (file.map_hash, file.vehicle_hash) == hashes
     return protocol.SavedTrajectory(path.stem, file.trajectory.duration_s, current, saved_at)

@@ -131,24 +131,43 @@ def _survivor(points: Sequence[Point], waypoint: int | None, gone: set[int]) -> 
 
 
 def _reverse(content: Content, edit: protocol.Reverse) -> Edited:
-    """The same flight backwards: legs keep their speeds, velocities turn round, take-off and landing change places."""
-    chosen, back = content.settings, content.points[::-1]
-    legs = [p.leg_speed_m_s for p in back[1:]]
-    points = [
+    """The same flight backwards: legs keep their speeds, velocities turn round, take-off and landing change places.
+
+    A loop begins and closes at its first waypoint whichever way it is flown.
+    """
+    chosen, points = content.settings, content.points
+    speeds = [p.leg_speed_m_s for p in points[:-1]]
+    loop = missions.lap_ends(content)
+    if loop is None:
+        order, speeds = points[::-1], speeds[::-1]
+        ends = {"lap_first": chosen.lap_last, "lap_last": chosen.lap_first}
+    else:
+        first, last = loop
+        order = (*points[:last:-1], points[first], *points[last:first:-1], *points[:first][::-1])
+        way_back = missions.way_back_speed(points, loop)
+        speeds = [*speeds[last:][::-1], way_back, *speeds[first + 1 : last][::-1], *speeds[:first][::-1]]
+        ends = {
+            "lap_first": points[first].id if last < len(points) - 1 else None,
+            "lap_last": points[first + 1].id if first > 0 else None,
+        }
+    turned = [
         msgspec.structs.replace(
             point,
             leg_speed_m_s=speed,
             velocity_world_m_s=None if (v := point.velocity_world_m_s) is None else (-v[0], -v[1], -v[2]),
         )
-        for point, speed in zip(back, [*legs, None], strict=True)
+        for point, speed in zip(order, [*speeds, None], strict=True)
     ]
-    turned = {
-        "lap_first": chosen.lap_last,
-        "lap_last": chosen.lap_first,
-        "take_off": chosen.landing,
-        "landing": chosen.take_off,
-    }
-    return _with_settings(content.with_points(points), **turned), "order of the waypoints reversed"
+    after = _with_settings(content.with_points(turned), **ends, take_off=chosen.landing, landing=chosen.take_off)
+    back = missions.lap_ends(after)
+    if loop is not None and back is not None:
+        asked = points[loop[0]].leg_speed_m_s  # of the leg that is the way back now
+        if missions.way_back_speed(after.points, back) != asked:
+            raise InputError(
+                f"the leg after waypoint {loop[0]} would be the way back of the laps, which has the largest speed of "
+                "their legs, if all have one; give all of them the same speed, or none, then reverse"
+            )
+    return after, "order of the waypoints reversed"
 
 
 def _choose(content: Content, edit: protocol.Choose) -> Edited:

@@ -9,6 +9,7 @@ number of sockets, drops the messages that would publish the view on viser's sha
 /ws        its WebSocket
 /incoming/ takes the file of a flight log
 /state     what the server holds, as JSON
+/share     a trajectory as one HTML file, to keep or to pass on
 /viser/    the 3D view
 """
 
@@ -20,11 +21,16 @@ import tempfile
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+from flight import FlightError
 
 from flight import InputError
 from gcs_web.flights import incoming_name
 
 if TYPE_CHECKING:
+    import ssl
+
     from aiohttp import ClientSession, web
 
 logger = logging.getLogger(__name__)
@@ -62,7 +68,7 @@ Serve = Callable[["web.WebSocketResponse"], Awaitable[None]]
 
 
 class Gateway:
-    """Serves `http://127.0.0.1:PORT/?token=...` in front of a viser server on another loopback port."""
+    """Serves `http://127.0.0.1:PORT/?token=...`, or https, in front of a viser server on another loopback port."""
 
     def __init__(
         self,
@@ -71,16 +77,23 @@ class Gateway:
         serve_page: Serve,
         state: Callable[[], dict[str, Any]],
         incoming: Path,
+        share: Callable[[str], tuple[str, str]],
+        host: str = LOOPBACK,
         port: int = 0,
+        tls: "ssl.SSLContext | None" = None,
     ) -> None:
         """
         Args:
             serve_page: talks to one page over its WebSocket.
             state: answers `/state`: what the server holds, as JSON.
             incoming: folder for the flight logs that pages send.
+            share: answers `/share?name=...`: the name and the text of an HTML file. Raises `FlightError`.
+            host: name or address to listen at, and the only name that is answered to beside this machine's own.
             port: 0 lets the system choose.
+            tls: proves that it is `host`; then the page is https and its sockets are wss.
         """
         self._incoming = incoming
+        self._host, self._tls, self._share = host, tls, share
         self._upstream = f"{LOOPBACK}:{upstream_port}"
         self._serve_page, self._state, self._wanted_port = serve_page, state, port
         self._token = secrets.token_urlsafe(24)
@@ -96,7 +109,11 @@ class Gateway:
     @property
     def url(self) -> str:
         """The address that lets one browser in; there is a new one after each."""
-        return f"http://{LOOPBACK}:{self.port}/?token={self._token}"
+        return f"{self._scheme}://{self._host}:{self.port}/?token={self._token}"
+
+    @property
+    def _scheme(self) -> str:
+        return "http" if self._tls is None else "https"
 
     async def start(self) -> None:
         """Listen. Raises `OSError` if the port is taken."""
@@ -112,12 +129,13 @@ class Gateway:
         application.router.add_get("/ws", self._page)
         application.router.add_get("/state", self._serve_state)
         application.router.add_put("/incoming/{name}", self._take_log)
+        application.router.add_get("/share", self._serve_shared)
         application.router.add_get("/viser", self._pass_socket)  # viser's page leaves out the last slash here
         application.router.add_get("/viser/{path:.*}", self._pass_on)
         self._client = ClientSession(timeout=ClientTimeout(total=60), auto_decompress=False)
         self._runner = web.AppRunner(application, access_log=None, shutdown_timeout=1.0)
         await self._runner.setup()
-        site = web.TCPSite(self._runner, LOOPBACK, self._wanted_port)
+        site = web.TCPSite(self._runner, self._host, self._wanted_port, ssl_context=self._tls)
         await site.start()
         assert site._server is not None
         self.port = site._server.sockets[0].getsockname()[1]  # type: ignore[attr-defined]
@@ -130,9 +148,9 @@ class Gateway:
 
     async def _guard(self, request: "web.Request", handler: "Handler") -> "web.StreamResponse":
         """Host, then token, then Origin; in this order, because each is cheaper to state than the next."""
-        names = {f"{LOOPBACK}:{self.port}", f"localhost:{self.port}"}
+        names = {f"{name}:{self.port}" for name in (self._host, LOOPBACK, "localhost")}
         if request.host not in names:
-            return self._refuse(f"this ground station answers to {LOOPBACK}:{self.port}, not to {request.host!r}")
+            return self._refuse(f"this ground station answers to {self._host}:{self.port}, not to {request.host!r}")
         given = request.query.get("token")
         if given is not None:
             return self._enter(given)
@@ -141,7 +159,7 @@ class Gateway:
             return self._refuse("a token is needed; open the address that `goshawk gcs` printed last")
         origin = request.headers.get("Origin")
         is_socket = request.headers.get("Upgrade", "").lower() == "websocket"
-        if (origin is not None or is_socket) and origin not in {f"http://{name}" for name in names}:
+        if (origin is not None or is_socket) and origin not in {f"{self._scheme}://{name}" for name in names}:
             return self._refuse(f"a page from {origin!r} may not talk to this ground station")
         if is_socket and self._sockets >= MOST_SOCKETS:
             return self._refuse(f"{MOST_SOCKETS} connections are open; close a page", status=503)
@@ -161,7 +179,9 @@ class Gateway:
         self._token = secrets.token_urlsafe(24)
         self._browsers = [*self._browsers, secrets.token_urlsafe(24)][-MOST_BROWSERS:]
         entry = web.HTTPFound("/")
-        entry.set_cookie(self._cookie, self._browsers[-1], httponly=True, samesite="Strict")
+        entry.set_cookie(
+            self._cookie, self._browsers[-1], httponly=True, samesite="Strict", secure=self._tls is not None
+        )
         self.on_entry(self.url)
         return entry
 
@@ -212,6 +232,16 @@ class Gateway:
             finally:
                 temporary.unlink(missing_ok=True)
         return web.Response(text=name)
+
+    async def _serve_shared(self, request: "web.Request") -> "web.Response":
+        from aiohttp import web
+
+        try:
+            name, text = await asyncio.to_thread(self._share, request.query.get("name", ""))
+        except FlightError as error:
+            return web.Response(status=404, text=f"Goshawk: {error}\n")
+        file = f"attachment; filename*=UTF-8''{quote(f'{name}.html')}"
+        return web.Response(text=text, content_type="text/html", headers={"Content-Disposition": file})
 
     async def _page(self, request: "web.Request") -> "web.StreamResponse":
         from aiohttp import web

@@ -20,10 +20,9 @@ def mission_of(content: Content) -> Mission:
         InputError: two requests contradict each other.
     """
     points, chosen = content.points, content.settings
-    laps = None
-    if chosen.laps:
-        first, last = (None if i is None else content.number_of(i) for i in (chosen.lap_first, chosen.lap_last))
-        laps = Laps(chosen.laps, first or 0, -1 if last is None or last == len(points) - 1 else last)
+    ends, laps = lap_ends(content), None
+    if ends is not None:
+        laps = Laps(chosen.laps, ends[0], -1 if ends[1] == len(points) - 1 else ends[1])
     return Mission(
         content.waypoints(),
         laps=laps,
@@ -146,16 +145,31 @@ def _leg_speeds(points: tuple[Point, ...]) -> tuple[LegSpeed, ...]:
     return tuple(found)
 
 
+def lap_ends(content: Content) -> tuple[int, int] | None:
+    """Numbers of the first and the last waypoint of the loop; None for an open path."""
+    chosen = content.settings
+    if not chosen.laps:
+        return None
+    first = 0 if chosen.lap_first is None else content.number_of(chosen.lap_first)
+    return first, len(content.points) - 1 if chosen.lap_last is None else content.number_of(chosen.lap_last)
+
+
+def way_back_speed(points: tuple[Point, ...], loop: tuple[int, int]) -> float | None:
+    """The largest speed on the way back of laps: that of their legs, if every one has some; None for no such limit."""
+    asked = [point.leg_speed_m_s for point in points[slice(*loop)]]
+    speeds = [speed for speed in asked if speed is not None]
+    return max(speeds) if speeds and len(speeds) == len(asked) else None
+
+
 def _way_back(points: tuple[Point, ...], laps: Laps | None) -> tuple[LegSpeed, ...]:
-    """A limit that every leg of the laps has in some measure also holds on their way back, where none else does."""
+    """The record of the limit on the way back, where it needs one of its own."""
     if laps is None:
         return ()
     first, last = laps.ends(len(points))
-    speeds = [point.leg_speed_m_s for point in points[first:last]]
-    asked = [speed for speed in speeds if speed is not None]
-    if len(asked) < len(speeds) or len(set(asked)) < 2:  # one speed throughout: its own record spans the laps
-        return ()
-    return (LegSpeed(first, last, max(asked)),)
+    speed = way_back_speed(points, (first, last))
+    if speed is None or all(point.leg_speed_m_s == speed for point in points[first:last]):
+        return ()  # one speed throughout: its record spans the laps
+    return (LegSpeed(first, last, speed),)
 
 
 def _yaw(content: Content) -> Yaw | None:

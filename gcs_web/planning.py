@@ -4,6 +4,7 @@ The newest request wins: what is worked on is told to stop, and if that takes lo
 its process. Drafts are answered meanwhile. The process ends by itself when its parent is gone, however that died.
 """
 
+import itertools
 import logging
 import multiprocessing
 import os
@@ -11,7 +12,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from multiprocessing import connection
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,8 @@ class Request:
     """Of the map and the vehicle that it is to be checked against."""
     afresh: bool = False
     """Whether to plan from scratch, and not on from the last plan."""
+    id: int = field(default_factory=itertools.count().__next__)
+    """Of this request: one revision may be planned again, with other inputs."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,7 +58,8 @@ class Draft:
 class _Taken:
     """The process has begun to work on a request."""
 
-    revision: int
+    request: int
+    """Its id."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,9 +143,9 @@ class PlanningProcess:
         with self._lock:
             self._ready = True
             newest = self._newest
-            if isinstance(message, _Taken) and newest is not None and message.revision == newest.revision:
+            if isinstance(message, _Taken) and newest is not None and message.request == newest.id:
                 self._waits_since_s = None
-            if isinstance(message, Answer) and newest is not None and message.request.revision == newest.revision:
+            if isinstance(message, Answer) and newest is not None and message.request.id == newest.id:
                 self._newest = None
         try:
             if isinstance(message, Answer):
@@ -224,7 +228,7 @@ def _serve_requests(pipe: connection.Connection, folder: Path, base: planner.Pla
             arrived.wait_for(lambda: bool(newest))
             request = newest.pop()
             replanner.begin()
-        send(_Taken(request.revision))
+        send(_Taken(request.id))
         try:
             send(answer(request, parts, base, replanner))
         except planner.PlanCancelledError:

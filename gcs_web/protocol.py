@@ -28,6 +28,7 @@ from gcs_web.protocol_flights import (
     VehicleVersion,
 )
 from gcs_web.protocol_parts import (
+    Aside,
     Colour,
     Held,
     Job,
@@ -36,6 +37,7 @@ from gcs_web.protocol_parts import (
     Mission,
     Passing,
     Person,
+    PlanSummary,
     Problem,
     SavedTrajectory,
     Segment,
@@ -133,6 +135,8 @@ class People(msgspec.Struct, frozen=True, tag="people"):
 class Files(msgspec.Struct, frozen=True, tag="files"):
     trajectories: list[SavedTrajectory]
     flights: list[str]
+    bin: list[Aside] = []
+    """Trajectories that were discarded or replaced, newest first."""
 
 
 class Jobs(msgspec.Struct, frozen=True, tag="jobs"):
@@ -255,6 +259,8 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
     scatter: Scatter | None = None
     incoming: Incoming | None = None
     """Of `take_log`: what the columns of a foreign log may be."""
+    plans: list[PlanSummary] = []
+    """Of `compare_plans`."""
 
 
 ToPage = (
@@ -403,6 +409,19 @@ class Discard(Command, frozen=True, tag="discard", kw_only=True):
     """Move a saved trajectory into the project's bin."""
 
     name: str
+
+
+class Restore(Command, frozen=True, tag="restore", kw_only=True):
+    """Take a trajectory out of the bin."""
+
+    file: str
+
+
+class ComparePlans(Command, frozen=True, tag="compare_plans", kw_only=True):
+    """Check trajectories for the map and the vehicle as they are now; the reply has one summary each."""
+
+    names: list[str]
+    """Empty for the plan on the page."""
 
 
 class Select(Command, frozen=True, tag="select", kw_only=True):
@@ -570,7 +589,7 @@ class ReturnTo(Command, frozen=True, tag="return_to", kw_only=True):
 
 FromPage = (
     Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround
-    | Undo | Redo | PlanAgain | Save | Open | Discard
+    | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans
     | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort
     | StartJob | CancelJob | ForgetJob | ListJobs
     | ListFlights | SetRole | OpenFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight

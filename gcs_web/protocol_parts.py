@@ -155,6 +155,33 @@ class SavedTrajectory(msgspec.Struct, frozen=True):
     """ISO 8601, UTC."""
 
 
+class Aside(msgspec.Struct, frozen=True):
+    """A trajectory file in the bin: it was discarded, or replaced by a newer one of the same name."""
+
+    file: str
+    """Name by which it is restored."""
+    name: str
+    duration_s: float
+    """0 where the file cannot be read."""
+    moved_at: str
+    """ISO 8601, UTC."""
+
+
+class PlanSummary(msgspec.Struct, frozen=True):
+    """What trajectories are compared by, for the map and the vehicle as they are now."""
+
+    name: str
+    passes: bool
+    """The final gate."""
+    failures: list[str]
+    """Names of the checks that fail."""
+    duration_s: float
+    length_m: float
+    top_speed_m_s: float
+    limits: list[Limit]
+    """Clearance among them; that of which most is used first."""
+
+
 class Held(msgspec.Struct, frozen=True):
     """A trajectory as shown before an upload: what the vehicle has, or what it would get."""
 

@@ -1,7 +1,6 @@
 """Plans on from the last answer where one waypoint changed, else from scratch; drafts while one is dragged."""
 
 import math
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -42,13 +41,10 @@ class Replanner:
     def __init__(self) -> None:
         self._kept: _Kept | None = None
         self._flag = planner.StopFlag()
-        self._working: planner.Planner | None = None
-        self._lock = threading.Lock()
 
     def begin(self) -> None:
         """Before each `plan`: a `cancel` from now on is meant for it."""
-        with self._lock:
-            self._flag = planner.StopFlag()
+        self._flag = planner.StopFlag()
 
     def plan(self, content: Content, known: Known, *, afresh: bool = False) -> planner.Plan:
         """
@@ -74,15 +70,7 @@ class Replanner:
             )
             self._kept = _Kept(content, known, session)
             return session.plan
-        with self._lock:
-            if flag.is_set():  # its plan would be of no use to anybody
-                raise planner.PlanCancelledError("the plan was cancelled")
-            self._working = kept.session
-        try:
-            plan = step(kept.session)
-        finally:
-            with self._lock:
-                self._working = None
+        plan = step(kept.session, flag)
         self._kept = _Kept(content, known, kept.session)
         return plan
 
@@ -102,13 +90,13 @@ class Replanner:
 
     def cancel(self) -> None:
         """End the plan that is worked on, if there is one."""
-        with self._lock:
-            self._flag.set()
-            if self._working is not None:
-                self._working.cancel()
+        self._flag.set()
 
 
-def _step(kept: _Kept, after: Content, known: Known) -> Callable[[planner.Planner], planner.Plan] | None:
+_Step = Callable[[planner.Planner, planner.StopFlag], planner.Plan]
+
+
+def _step(kept: _Kept, after: Content, known: Known) -> _Step | None:
     """The one edit of the planner's session that leads to the document; None if there is none."""
     before = kept.content
     same = known.field is kept.known.field and known.vehicle is kept.known.vehicle
@@ -118,21 +106,21 @@ def _step(kept: _Kept, after: Content, known: Known) -> Callable[[planner.Planne
     if len(old) == len(new):
         changed = [i for i, (a, b) in enumerate(zip(old, new, strict=True)) if a != b]
         if not changed:
-            return lambda session: session.plan
+            return lambda session, _: session.plan
         i = changed[0]
         moved = msgspec.structs.replace(old[i], position_world_m=new[i].position_world_m) == new[i]
         if len(changed) > 1 or not moved:
             return None
-        return lambda session: session.move(i, np.array(new[i].position_world_m))
+        return lambda session, stop: session.move(i, np.array(new[i].position_world_m), stop=stop)
     if not all(point.plain for point in (*old, *new)):
         return None
     i = _first_difference(old, new)
     if _without(new, i) == old:
         asked = new[i].yaw_rad
         yaw_rad = math.nan if asked is None else asked
-        return lambda session: session.insert(i, np.array(new[i].position_world_m), yaw_rad)
+        return lambda session, stop: session.insert(i, np.array(new[i].position_world_m), yaw_rad, stop=stop)
     if _without(old, i) == new:
-        return lambda session: session.delete(i)
+        return lambda session, stop: session.delete(i, stop=stop)
     return None
 
 

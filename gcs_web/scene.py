@@ -121,7 +121,12 @@ def draw_slice(server: "viser.ViserServer", field: Any, height_m: float, require
 
 
 def draw_path(
-    server: "viser.ViserServer", positions_world_m: FloatArray, colours: np.ndarray, *, name: str = "/path"
+    server: "viser.ViserServer",
+    positions_world_m: FloatArray,
+    colours: np.ndarray,
+    *,
+    name: str = "/path",
+    thickness_m: float = 0.06,
 ) -> Any:
     """A thick line through (m, 3) positions, coloured at each."""
     # viser takes a line's colours for linear light, and brightens them on the screen by the inverse of this.
@@ -130,7 +135,7 @@ def draw_path(
         name,
         np.stack([positions_world_m[:-1], positions_world_m[1:]], axis=1),
         np.stack([linear[:-1], linear[1:]], axis=1),
-        thickness=0.06,
+        thickness=thickness_m,
         thickness_units="world",
     )
 

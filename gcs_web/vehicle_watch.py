@@ -42,6 +42,8 @@ class VehicleWatch:
         self._flown: TrajectoryFile | None = None
         self.on_state: Callable[[protocol.Vehicle], None] = lambda _: None
         self.on_pose: Callable[[FloatArray, FloatArray], None] = lambda _p, _q: None
+        self.on_setpoint: Callable[[FloatArray | None], None] = lambda _: None
+        """Where a flight of this station has the vehicle now: (4,) x, y, z in metres and yaw in radians, world."""
         self._stop = threading.Event()
         self._flight: threading.Event | None = None
         """Set to give up the flight that is under way; None on the ground."""
@@ -165,13 +167,19 @@ class VehicleWatch:
 
     def _error_m(self, said: firmware_bridge.VehicleState) -> float | None:
         """Distance from the set-point, while a trajectory that this station started is flown."""
+        wanted = self._setpoint(said)
+        if wanted is None:
+            return None
+        error_m = float(np.linalg.norm(said.position_world_m - wanted[:3]))
+        self._largest_error_m = max(self._largest_error_m or 0.0, error_m)
+        return error_m
+
+    def _setpoint(self, said: firmware_bridge.VehicleState) -> FloatArray | None:
+        """(4,) x, y, z, yaw of the trajectory that this station started, at the moment that is flown."""
         file = self._flown
         if file is None or said.trajectory_time_s < 0.0:
             return None
-        wanted = file.trajectory.position([min(said.trajectory_time_s, file.trajectory.duration_s)])[0]
-        error_m = float(np.linalg.norm(said.position_world_m - wanted))
-        self._largest_error_m = max(self._largest_error_m or 0.0, error_m)
-        return error_m
+        return file.trajectory.evaluate([min(said.trajectory_time_s, file.trajectory.duration_s)])[0]
 
     def _run(self) -> None:
         told, told_s = protocol.Vehicle("none"), 0.0
@@ -183,6 +191,7 @@ class VehicleWatch:
                 said = self._link.state if self._link is not None else None
                 if said is not None and now.link == "fresh":
                     self.on_pose(said.position_world_m, said.q_world_body)
+                    self.on_setpoint(self._setpoint(said))
                 if now != told and (_changed(now, told) or time.monotonic() - told_s > _QUIET_S):
                     told, told_s = now, time.monotonic()
                     self.on_state(now)

@@ -13,14 +13,13 @@ from flight import FloatArray, Progress, silent
 from gcs_web import picking, protocol, scene
 from gcs_web.document import Point, Settings
 from gcs_web.flight_scene import FlightScene
+from gcs_web.vehicle_view import VehicleView
 from mapping import Map
 
 if TYPE_CHECKING:
     import viser
 
 _BALL_M = 0.05
-_SEEN = 1e-3
-"""Smallest change of a pose (m, or of a quaternion's number) that is drawn."""
 _STAND_OFF_M = 0.2
 """Beyond the required clearance, for a waypoint that is placed by a click."""
 _WHITE, _SELECTED, _GREY = (233, 237, 240), (121, 176, 255), (120, 120, 120)
@@ -46,10 +45,10 @@ class View3D:
         self._path: Any = None
         self._map: Map | None = None
         self._checked = False
-        self._dragged_point: int | None = None
+        self._dragged_points: dict[int | None, int] = {}
+        """By browser (viser's id): the waypoint that is dragged there."""
         self._draft: Any = None
         self._surface: picking.Surface | None = None
-        self._drawn_pose = np.zeros(7)
         self.on_select: Callable[[int], None] = lambda _: None
         """A waypoint was clicked; its id."""
         self.on_drag: Callable[[int, FloatArray], None] = lambda _i, _p: None
@@ -62,12 +61,13 @@ class View3D:
         """The map was shift-clicked: the waypoint to insert after (None: there is none), and where, (3,) world."""
         server.scene.on_click()(self._clicked)
         server.scene.on_click(modifier="shift")(self._shift_clicked)
+        server.on_client_disconnect(self._browser_left)
         server.gui.configure_theme(dark_mode=True, show_share_button=False, show_logo=False, control_layout="floating")
         server.scene.set_up_direction("+z")
         self.flights = FlightScene(server)
         self._set_aside = False
         self._ghost = scene.draw_vehicle(server, "/planned", opacity=0.55)
-        self._vehicle = scene.draw_vehicle(server, "/vehicle", opacity=1.0)
+        self.vehicle = VehicleView(server)
 
     def draw_map(self, area: Map) -> None:
         """Show a map's mesh, and look at it if it is the first one."""
@@ -125,7 +125,7 @@ class View3D:
     def draw_draft(self, path_world_m: FloatArray) -> None:
         """Draw (m, 3) a path that nobody has checked while a waypoint is dragged, and the last good one in grey."""
         with self._lock, self._server.atomic():
-            if self._dragged_point is None:
+            if not self._dragged_points:
                 return  # it was let go meanwhile
             begins = self._draft is None
             colours = np.full((len(path_world_m), 3), _SELECTED, dtype=np.uint8)
@@ -173,20 +173,6 @@ class View3D:
             self._draw_path()
             self._draw_slice()
 
-    def move_vehicle(self, position_world_m: FloatArray, q_world_body: FloatArray) -> None:
-        """Draw the vehicle where it says that it is; one that stands still costs the browsers nothing."""
-        pose = np.concatenate([position_world_m, q_world_body])
-        if self._vehicle.visible and np.abs(pose - self._drawn_pose).max() < _SEEN:
-            return
-        self._drawn_pose = pose
-        with self._server.atomic():
-            self._vehicle.position, self._vehicle.wxyz = tuple(position_world_m), tuple(q_world_body)
-            self._vehicle.visible = True
-
-    def hide_vehicle(self) -> None:
-        """For a vehicle of which nothing is known (any more)."""
-        self._vehicle.visible = False
-
     def _ball(self, point: Point) -> Any:
         if point.id not in self._balls:
             ball = self._server.scene.add_icosphere(
@@ -227,10 +213,10 @@ class View3D:
         position = np.array(event.target.position, dtype=np.float64)
         with self._lock:
             if event.phase == "start":
-                self._dragged_point = waypoint
+                self._dragged_points[event.client_id] = waypoint
             elif event.phase == "end":
-                self._dragged_point = None
-            elif self._dragged_point != waypoint:
+                self._dragged_points.pop(event.client_id, None)
+            elif self._dragged_points.get(event.client_id) != waypoint:
                 return  # events may arrive out of order: this one came after the end
             elif waypoint in self._balls:
                 self._balls[waypoint].position = tuple(position)
@@ -238,6 +224,14 @@ class View3D:
             self.on_drag(waypoint, position)
         elif event.phase == "update":
             self.on_pull(waypoint, position)
+
+    def _browser_left(self, client: "viser.ClientHandle") -> None:
+        """What was dragged there is where it was: only letting go moves a waypoint."""
+        with self._lock:
+            if self._dragged_points.pop(client.client_id, None) is None:
+                return
+            self.draw_waypoints(self._points)
+            self.drop_draft()
 
     def _clicked(self, event: "viser.SceneClickEvent") -> None:
         with self._lock:

@@ -5,6 +5,7 @@ the journal at the end. A mission whose line is there, made of the same file, ma
 again.
 """
 
+import fcntl
 import hashlib
 import json
 import os
@@ -32,6 +33,11 @@ from planner import mission as missions
 
 FORMAT, VERSION = "goshawk-batch", 1
 JOURNAL = "journal.jsonl"
+_COLUMNS: dict[str, type] = {
+    "name": str, "status": str, "reason": str, "segments": int, "duration_s": float, "clearance_m": float,
+    "top_speed_m_s": float, "method": str, "trajectory_hash": str, "cpu_s": float,
+}  # fmt: skip
+"""Of the tables; after the first three, a row may be without."""
 SUFFIXES = (".json", ".csv")
 Row = dict[str, Any]
 """What is known of a mission: name, status, reason, segments, duration_s, clearance_m, top_speed_m_s, method, cpu_s."""
@@ -96,36 +102,58 @@ def run(
         scheduler: address of a Dask scheduler, instead of processes of our own; its workers must see the same files.
 
     Raises:
-        InputError: the output folder holds results of other inputs, or the map or vehicle cannot be read.
+        InputError: the output folder holds results of other inputs, or another batch is writing to it, or the map or
+            vehicle cannot be read.
         KeyboardInterrupt: Ctrl-C; what was done until then is in the journal and the tables.
     """
     job.out.mkdir(parents=True, exist_ok=True)
     same = _inputs_hash(job)
     job = replace(job, inputs=same)
-    keys: dict[str, str] = {}
-    for path in files:
-        keys[path.stem] = hashlib.sha256(same + path.read_bytes()).hexdigest()
-    done = _done(job, keys)
-    todo = [path for path in files if path.stem not in done]
-    journal = job.out / JOURNAL
-    try:
-        with _executor(jobs, scheduler) as executor, open(journal, "a") as lines:
-            lines.write("\n" if lines.tell() else "")  # a crash may have cut the last line off
+    listed = {path.stem: path for path in files}
+    keys = {name: _key(path, same) for name, path in listed.items()}
+    with open(job.out / JOURNAL, "a") as lines:
+        _take_alone(lines.fileno(), job.out)
+        done = _done(job, keys)
+        todo = [path for path in files if path.stem not in done]
+        lines.write("\n" if lines.tell() else "")  # a crash may have cut the last line off
 
-            def record(row: Row) -> None:
-                entry = row | {"key": keys[row["name"]]}
-                lines.write(json.dumps(entry, allow_nan=False) + "\n")
-                lines.flush()
-                os.fsync(lines.fileno())
-                done[row["name"]] = entry
-                progress("missions", len(done) / len(files))
+        def record(row: Row) -> None:
+            name = row["name"]
+            if _key(listed[name], same) != keys[name]:
+                trajectory_path(job.out, name).unlink(missing_ok=True)
+                row = _row(listed[name], "failed", "the mission's file was changed during the batch; run it again")
+            entry = row | {"key": keys[name]}
+            lines.write(json.dumps(entry, allow_nan=False) + "\n")
+            lines.flush()
+            os.fsync(lines.fileno())
+            done[name] = entry
+            progress("missions", len(done) / len(files))
 
-            _plan_all(executor, todo, job, record)
-    finally:
-        rows = [{k: v for k, v in done[p.stem].items() if k != "key"} for p in files if p.stem in done]
-        if rows:
-            _write_tables(job.out, rows)
+        try:
+            with _executor(jobs, scheduler) as executor:
+                _plan_all(executor, todo, job, record)
+        finally:
+            rows = [{k: v for k, v in done[p.stem].items() if k != "key"} for p in files if p.stem in done]
+            if rows:
+                _write_tables(job.out, rows)
     return rows
+
+
+def _take_alone(descriptor: int, out: Path) -> None:
+    """The kernel lets go of a lock when its process ends, however it ends."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise InputError(f"another batch is writing to {out}; wait until it is done, or give another --out") from None
+
+
+def _key(path: Path, inputs: bytes) -> str:
+    """Hash of a mission's file and all other inputs; of those alone for a file that cannot be read."""
+    try:
+        content = path.read_bytes()
+    except OSError:
+        content = b""
+    return hashlib.sha256(inputs + content).hexdigest()
 
 
 def _inputs_hash(job: Job) -> bytes:
@@ -136,19 +164,21 @@ def _inputs_hash(job: Job) -> bytes:
 
 
 def _done(job: Job, keys: dict[str, str]) -> dict[str, Row]:
-    """The rows of the journal that belong to these inputs; a line that was cut off by a crash is planned again.
+    """The rows of the journal that belong to these inputs; what a line that is cut off or damaged is about is not done.
 
     Raises:
         InputError: what is there was planned with other inputs, or was changed since.
     """
     found: dict[str, Row] = {}
     journal = job.out / JOURNAL
-    for line in journal.read_text().splitlines() if journal.is_file() else []:
+    for line in journal.read_bytes().splitlines():
         try:
             row = json.loads(line)
-            found[row["name"]] = row
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, RecursionError):
             continue
+        if _is_row(row):
+            found[row["name"]] = row
+    found = {name: row for name, row in found.items() if row["status"] in ("planned", "infeasible", "refused")}
     changed = sorted(name for name, row in found.items() if name in keys and row.get("key") != keys[name])
     if changed and not job.overwrite:
         raise InputError(
@@ -165,6 +195,14 @@ def _done(job: Job, keys: dict[str, str]) -> dict[str, Row]:
             "plan it again"
         )
     return lasting | {name: row for name, row in planned.items() if name not in other}
+
+
+def _is_row(row: Any) -> bool:
+    """Whether a line of the journal has a row's columns, each of its kind, and a key."""
+    if not isinstance(row, dict) or set(row) != {*_COLUMNS, "key"}:  # pyright: ignore[reportUnknownArgumentType]
+        return False
+    required = all(isinstance(row[name], str) for name in ("name", "status", "reason", "key"))
+    return required and all(row[name] is None or type(row[name]) is kind for name, kind in _COLUMNS.items())
 
 
 def _is_that_of(row: Row, path: Path) -> bool:
@@ -278,10 +316,7 @@ def top_speed_m_s(flown: Trajectory) -> float:
 
 
 def _row(path: Path, status: str, reason: str, **facts: Any) -> Row:
-    empty = dict.fromkeys(
-        ("segments", "duration_s", "clearance_m", "top_speed_m_s", "method", "trajectory_hash", "cpu_s")
-    )
-    return {"name": path.stem, "status": status, "reason": reason, **empty, **facts}
+    return dict.fromkeys(_COLUMNS) | {"name": path.stem, "status": status, "reason": reason} | facts
 
 
 @lru_cache(maxsize=1)
@@ -296,10 +331,7 @@ def _write_tables(out: Path, rows: list[Row]) -> None:
     import pyarrow.parquet as pq
 
     file_format.write_json(out / "results.json", format=FORMAT, version=VERSION, body={"missions": rows})
-    text, real = pa.string(), pa.float64()
-    types = {
-        "name": text, "status": text, "reason": text, "segments": pa.int64(), "duration_s": real, "clearance_m": real,
-        "top_speed_m_s": real, "method": text, "trajectory_hash": text, "cpu_s": real,
-    }  # fmt: skip
+    types = {str: pa.string(), int: pa.int64(), float: pa.float64()}
+    schema = pa.schema([(name, types[kind]) for name, kind in _COLUMNS.items()])
     with file_format.atomic_file(out / "results.parquet") as temporary:
-        pq.write_table(pa.Table.from_pylist(rows, schema=pa.schema(list(types.items()))), temporary)
+        pq.write_table(pa.Table.from_pylist(rows, schema=schema), temporary)

@@ -29,7 +29,10 @@ def path_option(name: str, destination: str, help: str, *, required: bool = Fals
 map_option = path_option("--map", "map_folder", "Map folder, as `goshawk map` wrote it.", required=True)
 vehicle_option = path_option("--vehicle", "vehicle_file", "Vehicle file.", required=True)
 radius_option = click.option(
-    "--radius", "radius_m", type=float, help="Radius of a ball that holds the vehicle, metres [default: 0.15]."
+    "--radius",
+    "radius_m",
+    type=float,
+    help="Radius of a ball that holds the vehicle, metres [default: its propellers'].",
 )
 margin_option = click.option(
     "--margin", "margin_m", type=float, help="Free space to keep round that ball, metres [default: 0.15]."

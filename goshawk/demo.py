@@ -110,7 +110,7 @@ def make_plans(opened: Project, truth: Vehicle, believed: Vehicle, progress: Pro
     vehicle.save(opened.vehicle, believed)
     area = mapping.open_map(opened.map)
     walked = area.T_world_body[:, :3, 3]
-    along_the_walk, _ = waypoints_along(walked, 0.10, area, planner.PlanOptions())
+    along_the_walk, _ = waypoints_along(walked, 0.10, area, planner.PlanOptions().sized(believed))
     project.save_waypoints(opened.waypoints, along_the_walk)
     rng = np.random.default_rng(1)
     asked = {

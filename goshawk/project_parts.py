@@ -1,7 +1,8 @@
 """Parts of a project folder, those missing for the ground station, and the commands that add them."""
 
+import contextlib
 import shutil
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from pathlib import Path
 
 import mapping
@@ -52,6 +53,30 @@ def check_for_station(folder: Path) -> Project:
     return opened
 
 
+@contextlib.contextmanager
+def all_or_nothing(folder: Path, flight_names: Sequence[str]) -> Generator[None]:
+    """Remove what the work inside has added to a project (which may be new) if it ends with an exception."""
+    opened = Project(folder, "")
+    parts = (folder / "project.toml", opened.map, opened.vehicle, vehicle.history.folder(opened.vehicle))
+    flights = [opened.flight(name) for name in flight_names]
+    outermost_first = [*reversed(folder.parents), folder, *parts, folder / "flights", *flights]
+    new = [path for path in outermost_first if not path.exists()]
+    try:
+        yield
+    except BaseException:
+        for path in new:
+            if path.is_dir():
+                shutil.rmtree(path)
+            else:
+                path.unlink(missing_ok=True)
+        raise
+
+
+def flight_name(log: Path) -> str:
+    """What a copy of a log is called in a project."""
+    return log.name.split(".")[0]
+
+
 def add_map(opened: Project, source: Path) -> None:
     """Copy a map into the project.
 
@@ -91,7 +116,7 @@ def add_flights(opened: Project, sources: Sequence[Path], columns: Path | None) 
     """
     targets: dict[Path, Path] = {}
     for source in sources:
-        target = opened.flight(source.name.split(".")[0])
+        target = opened.flight(flight_name(source))
         if target.exists() or target in targets:
             raise InputError(f"{target} exists and is kept; rename {source} or move the other one away")
         targets[target] = source

@@ -21,8 +21,11 @@ _POSITION = ("x_m", "y_m", "z_m")
 _UP = ("up_body_x", "up_body_y", "up_body_z")
 _TRIALS = 400
 _LEAST_POSITIONS = 4
+_MOST_DRIFT = 0.98
 _LENGTH_STD = 0.01
 """A length that a user measured is taken to be good to 1 %."""
+_BASELINE_STD_M = 0.0005
+"""Standard deviation of the distance between two cameras in a camera file: what a calibration on a target leaves."""
 LEAST_BASELINE_M = 0.005
 """A shorter baseline gives no scale."""
 NO_SCALE = (
@@ -155,6 +158,11 @@ def _column_group(path: Path, columns: tuple[str, ...], instants: tuple[str, ...
     return np.array([table.get(name, missing) for name in instants], dtype=np.float64)
 
 
+def baseline_std(rig: Rig, noise_std: float) -> float:
+    """Relative standard deviation of the scale that a rig's baseline gives: of the baseline, and of the matches' noise."""
+    return float(np.hypot(noise_std, _BASELINE_STD_M / rig.baseline_m))
+
+
 def align(
     images: ImageSet,
     T_old_body: FloatArray,
@@ -185,7 +193,7 @@ def align(
     if baseline_std is not None:
         sources.append(("rig baseline", 1.0, baseline_std))
     if fit is not None:
-        sources.append(("recorded positions", fit.scale, fit.scale_std(level[usable])))
+        sources.append(("recorded positions", fit.scale, fit.scale_std(level[usable], references.position_m[usable])))
     if not sources:
         raise MapError(NO_SCALE)
     source, scale, _ = sources[0]
@@ -279,16 +287,21 @@ class _Fit:
     residual_m: float
     inliers: np.ndarray
 
-    def scale_std(self, level: FloatArray) -> float:
+    def scale_std(self, level: FloatArray, recorded_m: FloatArray) -> float:
         """Relative standard deviation of the scale: the recorded positions' error over the extent of the path.
 
+        Errors that drift count as fewer positions: n (1 - r) / (1 + r) for a correlation r of neighbours (Bartlett, 1946).
+
         Args:
-            level: (n, 3) the map's positions that were fitted.
+            level, recorded_m: (n, 3) the positions that were fitted, in order of time.
         """
-        used = self.scale * level[self.inliers]
+        used, truth_m = self.scale * level[self.inliers], recorded_m[self.inliers]
         extent_m = np.linalg.norm(used - used.mean(axis=0), axis=1)
         noise_m = self.residual_m / 1.5382  # median of the length of a normal vector in space
-        return float(noise_m / max(np.sqrt((extent_m**2).sum()), 1e-12))
+        off_m = used @ self.R.T + self.t - truth_m
+        alike = float((off_m[1:] * off_m[:-1]).sum() / max((off_m**2).sum(), 1e-30))
+        drift = np.sqrt((1.0 + (r := float(np.clip(alike, 0.0, _MOST_DRIFT)))) / (1.0 - r))
+        return float(drift * noise_m / max(np.sqrt((extent_m**2).sum()), 1e-12))
 
     @staticmethod
     def robust(level: FloatArray, recorded_m: FloatArray, *, scale: float | None = None) -> "_Fit":

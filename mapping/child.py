@@ -28,12 +28,19 @@ _CRASHES = (signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.
 """Signals that COLMAP handles by printing a stack trace."""
 
 
-def run(work: Callable[..., T], *arguments: object, within: Path | None = None, progress: Progress = silent) -> T:
+def run(
+    work: Callable[..., T],
+    *arguments: object,
+    within: Path | None = None,
+    lock: int | None = None,
+    progress: Progress = silent,
+) -> T:
     """Call `work(*arguments, progress=...)` in a child process and return its answer.
 
     Args:
         work: a module-level function; it, its arguments and its answer must be picklable.
         within: where the temporary folder of the call is made; else where the system has such folders.
+        lock: file descriptor that the child inherits, so that a lock on what it writes outlives a killed parent.
 
     Raises:
         MapError: the child crashed or raised; the message names the step it was in.
@@ -43,7 +50,7 @@ def run(work: Callable[..., T], *arguments: object, within: Path | None = None, 
         folder = Path(name)
         (folder / "request").write_bytes(pickle.dumps((work, arguments)))
         with open(folder / "log", "wb") as log:
-            step, code = _watch(_start(folder, log), progress)
+            step, code = _watch(_start(folder, log, lock), progress)
         if code != 0 or not (folder / "answer").exists():
             raise MapError(_crash_message(step or work.__name__, code, folder / "log"))
         error, answer = pickle.loads((folder / "answer").read_bytes())
@@ -54,7 +61,7 @@ def run(work: Callable[..., T], *arguments: object, within: Path | None = None, 
     return answer
 
 
-def _start(folder: Path, log: Any) -> "subprocess.Popen[bytes]":
+def _start(folder: Path, log: Any, lock: int | None) -> "subprocess.Popen[bytes]":
     # GLOG prints a line per image otherwise; warnings stay, they explain a crash
     environment = {
         **os.environ,
@@ -68,6 +75,7 @@ def _start(folder: Path, log: Any) -> "subprocess.Popen[bytes]":
         stdout=subprocess.PIPE,
         stderr=log,
         env=environment,
+        pass_fds=() if lock is None else (lock,),
         start_new_session=True,  # Ctrl-C reaches the parent only, which then ends the child
     )
 

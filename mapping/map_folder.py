@@ -42,7 +42,7 @@ VERSION = 1
 REPORT_FORMAT = "goshawk-map-report"
 
 DEPTH = "depth"
-STAGES = (colmap.FEATURES, colmap.MATCHES, colmap.POSES, DEPTH)
+STAGES = (colmap.FEATURES, colmap.MATCHES, colmap.POSES, sparse.CALIBRATION, DEPTH)
 """Stages whose results survive an interrupted work, in order."""
 _POSE_COLUMNS = ("image", "time_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz")
 
@@ -178,6 +178,8 @@ def build_map(
     options: MapOptions | None = None,
     *,
     overwrite: bool = False,
+    again_from: str | None = None,
+    until: str | None = None,
     progress: Progress = silent,
 ) -> MapReport:
     """Make the map folder `out` from a folder of images.
@@ -188,19 +190,28 @@ def build_map(
     Args:
         overwrite: replace an earlier map in `out` when the new one is complete. The pilot's edits are copied over, and
             the earlier map stays beside it as `OUT.old-1`.
+        again_from: one of `STAGES`: it and those after it are made again even if an interrupted run finished them.
+        until: one of `STAGES`: the last to make.
 
     Raises:
+        Stopped: the stage `until` is finished.
         InputError: there is an earlier map and `overwrite` was not given; the images or what was recorded with them
             cannot be used.
         MapError: these images do not suffice for a map.
     """
     options = options or MapOptions()
-    results.require_free_folder(out, overwrite=overwrite, ours=_is_map)
+    interrupted = work_folder(out).exists()
+    if not interrupted:
+        results.require_free_folder(out, overwrite=overwrite, ours=_is_map)
     alignment.require_scale(Path(images), rig, options.length, options.references)
     checked = read_folder(images, rig, progress=progress)
-    with stages.begin(work_folder(out)) as begun:
-        work = begun.on(VERSION, rigs.fingerprint(rig), *_digests(checked))
-        report = _build(checked, out, options, work, overwrite=overwrite, progress=progress)
+    again = STAGES[STAGES.index(again_from) :] if again_from else ()
+    with stages.begin(work_folder(out), again=again, until=until) as begun:
+        work = begun.on(rigs.fingerprint(rig), *_digests(checked))
+        report = _placed_before(out, _all_inputs(checked, options, work)) if interrupted else None
+        if report is None:
+            results.require_free_folder(out, overwrite=overwrite, ours=_is_map)
+            report = _build(checked, out, options, work, overwrite=overwrite, progress=progress)
         stages.finish(begun)
     return report
 
@@ -208,6 +219,21 @@ def build_map(
 def work_folder(out: Path) -> Path:
     """Where the finished stages of an interrupted `build_map` are kept, for the next try."""
     return Path(out).with_name(f"{Path(out).name}.work")
+
+
+def _all_inputs(images: ImageSet, options: MapOptions, work: Work) -> str:
+    """Hash of everything that the map depends on."""
+    return work.on(
+        options.sparse, options.length, _references(images, options.references), options.dense, options.cap_m
+    ).depends.hex()
+
+
+def _placed_before(out: Path, inputs: str) -> MapReport | None:
+    """The report of the map in `out` if it is of the same inputs: a run was killed after it had placed the map."""
+    if not _is_map(out) or open_map(out).facts.get("inputs") != inputs:
+        return None
+    body = file_format.read_json(out / "report.json", format=REPORT_FORMAT, version=VERSION)
+    return MapReport(**{field.name: body[field.name] for field in dataclasses.fields(MapReport)})
 
 
 def _digests(images: ImageSet) -> list[object]:
@@ -238,7 +264,7 @@ def _build(
     distances = esdf.build(surface.state, surface.grid, cap_m=options.cap_m)
     cpu_s = {**placed.cpu_s, "dense": round(time.process_time() - started_s, 2)}
     report = _report(placed, surface, distances.hash, cpu_s)
-    with results.new_folder(out, overwrite=overwrite, ours=_is_map) as placing:
+    with results.new_folder(out, overwrite=overwrite, ours=_is_map, within=work.folder) as placing:
         new = placing.temporary
         _keep_edits(Path(out), new)
         esdf.save(new / "esdf", distances)
@@ -248,7 +274,12 @@ def _build(
         rigs.save(new / "camera.toml", placed.rig)
         write_poses(new / "poses.csv", placed.images.instants, placed.images.time_s, placed.T_world_body)
         file_format.write_json(new / "report.json", format=REPORT_FORMAT, version=VERSION, body=report.as_dict())
-        file_format.write_toml(new / "map.toml", format=FORMAT, version=VERSION, body=_facts(report))
+        file_format.write_toml(
+            new / "map.toml",
+            format=FORMAT,
+            version=VERSION,
+            body=_facts(report) | {"inputs": _all_inputs(images, options, work)},
+        )
     progress("distance field", 1.0)
     return report
 

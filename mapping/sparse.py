@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from flight import FloatArray, MapError, Progress, silent
-from mapping import alignment, child, colmap, stages
+from mapping import alignment, child, colmap, sparse_files, stages
 from mapping.alignment import Alignment, Length
 from mapping.calibration.trial import Trial
 from mapping.colmap import SparseOptions
@@ -18,6 +18,8 @@ from mapping.localization import LocalizationMap
 from mapping.rig import Rig
 from mapping.stages import Work
 
+CALIBRATION = "calibration"
+"""The stage that ends with the poses adjusted to the camera file's trial."""
 _LEAST_SHARE = 0.5
 
 
@@ -93,11 +95,17 @@ def reconstruct(
         InputError, FormatError: the references or the length do not fit the images.
     """
     recorded = alignment.read_references(images, references)
+    options = options or SparseOptions()
     with contextlib.nullcontext(work) if work is not None else stages.temporary() as kept:
-        # a killed process leaves the call's folder inside the work's, which the next one removes
-        model = child.run(
-            colmap.reconstruct, images, options or SparseOptions(), kept, within=kept.folder, progress=progress
-        )
+
+        def place(folder: Path) -> None:
+            # a killed process leaves the call's folder inside the work's, which the next one removes
+            model = child.run(
+                colmap.reconstruct, images, options, kept, within=kept.folder, lock=kept.lock, progress=progress
+            )
+            sparse_files.write(folder, model)
+
+        model = sparse_files.read(kept.on(options).stage(CALIBRATION, place))
     placed = np.isfinite(model.T_world_body[:, 0, 0])
     if placed.mean() < _LEAST_SHARE:
         raise MapError(
@@ -109,7 +117,7 @@ def reconstruct(
         images,
         model.T_world_body,
         recorded,
-        baseline_std=model.trial.scale_std if has_baseline else None,
+        baseline_std=alignment.baseline_std(images.rig, model.trial.scale_std) if has_baseline else None,
         length=length,
     )
     return SparseMap(

@@ -7,19 +7,31 @@ makes exactly those stages again that depend on it.
 
 import contextlib
 import fcntl
+import functools
 import hashlib
 import os
 import shutil
 import tempfile
+import time
 from collections.abc import Callable, Generator, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from importlib import metadata
 from pathlib import Path
+from typing import IO
 
-from flight import InputError
+from flight import FlightError, InputError
+from mapping import _mapping
 
 _INPUTS = "inputs"
 _LOCK = "lock"
 _PART = ".part"
+_FULL_BYTES = 1_000_000
+_PATIENCE_S = 5.0
+"""A killed run's child process, which holds the lock as well, ends within a second."""
+
+
+class Stopped(FlightError):
+    """The work was asked to go no further than the stage that is now finished."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +42,10 @@ class Work:
     """Holds one folder for each finished stage."""
     depends: bytes
     """Of the inputs so far."""
+    lock: int | None = None
+    """File descriptor that holds the folder's lock; a child process that writes in the folder must inherit it."""
+    until: str | None = None
+    """The last stage to make."""
 
     def on(self, *inputs: object) -> "Work":
         """The same work where later stages depend on `inputs` too: bytes, or things whose `repr` says all of them."""
@@ -37,13 +53,17 @@ class Work:
         for item in inputs:
             data = item if isinstance(item, bytes) else repr(item).encode()
             joined.update(len(data).to_bytes(8, "little") + data)
-        return Work(self.folder, joined.digest())
+        return replace(self, depends=joined.digest())
 
     def stage(self, name: str, make: Callable[[Path], None]) -> Path:
-        """The folder of a finished stage; `make` fills it, unless that was done before from the same inputs."""
+        """The folder of a finished stage; `make` fills it, unless that was done before from the same inputs.
+
+        Raises:
+            Stopped: it is the last stage to make.
+        """
         place, part = self.folder / name, self.folder / f"{name}{_PART}"
         if (place / _INPUTS).is_file() and (place / _INPUTS).read_bytes() == self.depends:
-            return place
+            return self._reached(name, place)
         for old in (place, part):
             shutil.rmtree(old, ignore_errors=True)
         part.mkdir(parents=True)
@@ -51,25 +71,80 @@ class Work:
         (part / _INPUTS).write_bytes(self.depends)
         os.sync()
         part.rename(place)
+        return self._reached(name, place)
+
+    def _reached(self, name: str, place: Path) -> Path:
+        if name == self.until:
+            raise Stopped(f"stopped after {name}, as asked")
         return place
 
 
 @contextlib.contextmanager
-def begin(folder: Path) -> Generator[Work]:
+def begin(folder: Path, *, again: Iterable[str] = (), until: str | None = None) -> Generator[Work]:
     """Open the folder of a work, alone. It stays until `finish`, so that the work can be taken up again.
 
+    Args:
+        again: stages to make even if they are finished.
+        until: the last stage to make; `Work.stage` then raises `Stopped`.
+
     Raises:
-        InputError: another process works in it, or it holds something else.
+        InputError: another process works in it, it holds something else, or the disk is full.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    if not (folder / _LOCK).exists() and any(folder.iterdir()):
-        raise InputError(f"{folder} holds files of someone else; move it, or choose another output")
-    with open(folder / _LOCK, "w") as lock:
+    with _locked(folder) as lock:  # a child process that inherited it holds the lock on
+        _remove_unfinished(folder, again)  # of a killed run
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise InputError(f"another process is at work in {folder}; wait for it, or choose another output") from None
-        yield Work(folder, b"")
+            yield Work(folder, _program(), lock.fileno(), until)
+        except Exception as error:
+            if (free := shutil.disk_usage(folder).free) < _FULL_BYTES:
+                raise InputError(
+                    f"no space is left on the disk of {folder} ({free // 1000} kB): make room; the same command goes on"
+                ) from error
+            raise
+        finally:
+            _remove_unfinished(folder)
+
+
+def _remove_unfinished(folder: Path, again: Iterable[str] = ()) -> None:
+    """Remove all but the finished stages, and of those the ones that are to be made again."""
+    for entry in folder.iterdir() if folder.exists() else ():
+        if entry.is_dir() and (entry.name in again or not (entry / _INPUTS).is_file()):
+            shutil.rmtree(entry)
+
+
+def _locked(folder: Path) -> IO[str]:
+    """The folder's lock file, once the lock is ours; closing it gives the lock away."""
+    deadline_s = time.monotonic() + _PATIENCE_S
+    while time.monotonic() < deadline_s:
+        folder.mkdir(parents=True, exist_ok=True)
+        if not (folder / _LOCK).exists() and any(folder.iterdir()):
+            raise InputError(f"{folder} holds files of someone else; move it, or choose another output")
+        with contextlib.suppress(FileNotFoundError):  # the folder's last user may be removing it
+            lock = open(folder / _LOCK, "a")  # noqa: SIM115 - stays open for as long as the lock is held
+            if _taken(lock.fileno(), folder / _LOCK):
+                return lock
+            lock.close()
+        time.sleep(0.1)
+    raise InputError(f"another process is at work in {folder}; wait for it, or choose another output")
+
+
+def _taken(lock: int, path: Path) -> bool:
+    """Whether the lock could be taken, and is still the folder's: its last holder may have removed the folder."""
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return path.exists() and os.path.samestat(os.fstat(lock), path.stat())
+
+
+@functools.cache
+def _program() -> bytes:
+    """What else a stage depends on: this package's files, and the libraries that do the work."""
+    whole = hashlib.sha256()
+    for library in ("goshawk", "numpy", "pycolmap", "opencv-python-headless"):
+        whole.update(f"{library} {metadata.version(library)}\n".encode())
+    for file in (*sorted(Path(__file__).parent.rglob("*.py")), Path(_mapping.__file__)):
+        whole.update(file.read_bytes())
+    return whole.digest()
 
 
 @contextlib.contextmanager
@@ -80,8 +155,12 @@ def temporary() -> Generator[Work]:
 
 
 def finish(work: Work) -> None:
-    """Remove the folder of a work whose result is safe elsewhere."""
-    shutil.rmtree(work.folder, ignore_errors=True)
+    """Remove the folder of a work whose result is safe elsewhere; its lock last, and only while we hold it."""
+    for entry in work.folder.iterdir():
+        if entry.name != _LOCK:
+            shutil.rmtree(entry, ignore_errors=True)
+    (work.folder / _LOCK).unlink()
+    work.folder.rmdir()
 
 
 def finished(folder: Path, names: Iterable[str]) -> list[str]:

@@ -168,13 +168,14 @@ def measured_excess(
     segments: np.ndarray,
     fractions: FloatArray,
     speed_m_s: FloatArray | None = None,
+    memory: attitude.Memory | None = None,
 ) -> FloatArray:
     """The same quantities (s, f, 13) from the vehicle's full model, at fractions (f,) of the given segments (s,).
 
     NaN where it cannot fly the motion at all. `speed_m_s` (k,) are speed limits of all segments, if not the airframe's.
     """
     most = np.full(len(trajectory.durations_s), airframe.speed_m_s) if speed_m_s is None else speed_m_s
-    w, values = airframe, attitude.sampled(vehicle, trajectory, segments, fractions)
+    w, values = airframe, attitude.sampled(vehicle, trajectory, segments, fractions, memory)
     effort = values[..., attitude.ROTOR] ** 2 / np.mean(invert.hover(vehicle) ** 2)
     rate, cos_tilt = values[..., attitude.RATE], np.cos(w.tilt_rad)
     times = fractions * trajectory.durations_s[segments, None]

@@ -55,9 +55,14 @@ class Pieces:
         return Pieces(np.repeat(self.segment, 2), start, np.repeat(half, 2))
 
 
+def pieces_in(durations_s: FloatArray, longest_s: float) -> np.ndarray:
+    """(s,) into how many equal pieces of at most `longest_s` each duration is cut."""
+    return np.maximum(np.ceil(durations_s / longest_s), 1.0).astype(int)
+
+
 def pieces_of(durations_s: FloatArray, segments: np.ndarray, longest_s: float) -> Pieces:
     """The given segments, in equal pieces of at most `longest_s`."""
-    count = np.maximum(np.ceil(durations_s[segments] / longest_s), 1.0).astype(int)
+    count = pieces_in(durations_s[segments], longest_s)
     of = np.repeat(np.arange(len(segments)), count)
     number = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
     length = (durations_s[segments] / count)[of]
@@ -87,7 +92,7 @@ def coefficients(vehicle: Vehicle, trajectory: Trajectory, pieces: Pieces) -> Fl
     q, speed = flatness.attitudes(vehicle, velocity, acceleration, yaw, body_rate, rough)
     body_rate, turn = turning(q)
     back, body = rotations.conjugate(q), rigid_body(vehicle)
-    torque = turn @ body.inertia_kg_m2.T + np.cross(body_rate, body_rate @ body.inertia_kg_m2.T)
+    torque = turn @ body.inertia_kg_m2.T + rotations.cross(body_rate, body_rate @ body.inertia_kg_m2.T)
     required = float(body.mass_kg) * (acceleration + np.array([0.0, 0.0, GRAVITY_M_S2]))
     rotor = invert.rotor_speeds(
         vehicle,
@@ -102,11 +107,46 @@ def coefficients(vehicle: Vehicle, trajectory: Trajectory, pieces: Pieces) -> Fl
     return from_values @ np.column_stack([up, body_rate, rotor]).reshape(p, NODES, VALUES)
 
 
-def sampled(vehicle: Vehicle, trajectory: Trajectory, segments: np.ndarray, fractions: FloatArray) -> FloatArray:
+class Memory:
+    """Coefficients of segments, for who asks about a segment again that is equal, bit by bit; all of one vehicle."""
+
+    def __init__(self) -> None:
+        self._found: dict[bytes, FloatArray] = {}
+
+    def coefficients(
+        self, vehicle: Vehicle, trajectory: Trajectory, segments: np.ndarray, longest_s: float
+    ) -> tuple[Pieces, FloatArray]:
+        """The given segments, in equal pieces of at most `longest_s`, and the coefficients over each."""
+        prefix = np.float64(longest_s).tobytes()
+        keys = [prefix + key for key in segment_keys(trajectory, segments)]
+        new = np.array([key not in self._found for key in keys], dtype=bool)
+        if new.any():
+            pieces = pieces_of(trajectory.durations_s, segments[new], longest_s)
+            found = coefficients(vehicle, trajectory, pieces)
+            ends = np.cumsum(pieces_in(trajectory.durations_s[segments[new]], longest_s))
+            self._found.update(zip((keys[i] for i in np.flatnonzero(new)), np.split(found, ends[:-1]), strict=True))
+        known = [self._found[key] for key in keys]
+        return pieces_of(trajectory.durations_s, segments, longest_s), np.concatenate(known)
+
+
+def segment_keys(trajectory: Trajectory, segments: np.ndarray) -> list[bytes]:
+    """What two segments have in common that are equal, bit by bit."""
+    coefficients = trajectory.coefficients[segments].reshape(len(segments), -1)
+    rows = np.column_stack([trajectory.durations_s[segments], coefficients])
+    size, together = rows.itemsize * rows.shape[1], rows.tobytes()
+    return [together[i : i + size] for i in range(0, len(together), size)]
+
+
+def sampled(
+    vehicle: Vehicle,
+    trajectory: Trajectory,
+    segments: np.ndarray,
+    fractions: FloatArray,
+    memory: Memory | None = None,
+) -> FloatArray:
     """(s, f, VALUES) in the given segments (s,) at fractions (f,) of each; NaN where the motion is impossible."""
-    pieces = pieces_of(trajectory.durations_s, segments, _LONGEST_S)
-    found = coefficients(vehicle, trajectory, pieces)
-    count = np.maximum(np.ceil(trajectory.durations_s[segments] / _LONGEST_S), 1.0).astype(int)
+    _, found = (memory or Memory()).coefficients(vehicle, trajectory, segments, _LONGEST_S)
+    count = pieces_in(trajectory.durations_s[segments], _LONGEST_S)
     first = (np.cumsum(count) - count)[:, None]
     place = fractions * count[:, None]
     number = np.minimum(place.astype(int), count[:, None] - 1)

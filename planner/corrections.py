@@ -5,6 +5,7 @@ import numpy as np
 from flight import FloatArray, Trajectory
 from planner import airframe, limits, time_allocation
 from planner._planner import StopFlag
+from planner.attitude import Memory
 from planner.minimum_snap import Spline
 from planner.options import check_stop
 from planner.time_allocation import Problem
@@ -12,8 +13,9 @@ from vehicle import Vehicle
 
 _SPARE = 0.006
 """Relative excess that is kept from every limit, for what is not measured."""
-_STRICTER = 0.01
-"""The same where the gate, with its finer samples, found a limit exceeded; more each time it does."""
+_STRICTER = 0.01, 0.25
+"""The same where the gate, with its finer samples, found a limit exceeded, more each time it does: at least, and as a
+share of the excess."""
 _NEAR = 0.3
 """The vehicle's own model is expensive: it is asked in segments where a limit is nearer than this."""
 _MOST = 0.5
@@ -55,6 +57,7 @@ class Corrections:
         path: Trajectory,
         vehicle: Vehicle,
         touched: np.ndarray,
+        memory: Memory | None = None,
         stop: StopFlag | None = None,
     ) -> FloatArray:
         """Ask the vehicle's own model in segments `touched` (k,); what it says each excess is, (k, samples, limits).
@@ -67,7 +70,7 @@ class Corrections:
         for group in np.split(near, range(_GROUP, len(near), _GROUP)) if near.size else []:
             check_stop(stop)
             full = airframe.measured_excess(
-                problem.airframe, vehicle, path, group, time_allocation.FRACTIONS, problem.speed_m_s
+                problem.airframe, vehicle, path, group, time_allocation.FRACTIONS, problem.speed_m_s, memory
             )
             full = np.where(np.isfinite(full), full, np.maximum(reduced[group], 0.0) + _IMPOSSIBLE)
             self.model[group] = np.clip(full - reduced[group], -_MOST, _MOST)
@@ -86,6 +89,7 @@ class Corrections:
             too_fast: (k,) bool, where the speed asked for on a leg is.
         """
         columns = np.array([limits.NAMES.index(name) for name in airframe.NAMES])
-        exceeded = ~used.passed[columns].T
+        exceeded, excess = ~used.passed[columns].T, np.nan_to_num(used.share[columns].T - 1.0, nan=0.0)
         exceeded[:, 0] |= too_fast
-        self.gate[:, 0] += _STRICTER * exceeded
+        least, share = _STRICTER
+        self.gate[:, 0] += np.where(exceeded, np.clip(share * excess, least, 10.0 * least), 0.0)

@@ -16,6 +16,7 @@ from flight import FloatArray, Trajectory
 from flight.trajectory import LONGEST_S
 from planner import airframe, heading, hermite, limits, minimum_snap, routes, space, time_allocation, windows
 from planner._planner import StopFlag
+from planner.attitude import Memory
 from planner.conditions import Conditions
 from planner.corrections import Corrections
 from planner.gate import GateReport
@@ -202,28 +203,29 @@ def until_flyable(
     options: PlanOptions,
     field: space.DistanceField,
     conditions: Conditions,
-    ask_gate: Callable[[Trajectory, limits.Known | None], GateReport],
+    ask_gate: Callable[[Trajectory, limits.Known], GateReport],
     stop: StopFlag | None,
     *,
     wrong: np.ndarray | None = None,
     iterations: int = _IN_PART,
     corrections: Corrections | None = None,
-    known: limits.Known | None = None,
+    used: tuple[Trajectory, limits.Usage] | None = None,
 ) -> Path | None:
     """Optimise until a trajectory passes the gate; None if it stays too close to obstacles.
 
     The first rounds are about all segments, unless `wrong` (k,) says which ones to begin with; then only those that
-    exceed a limit are optimised again, with their neighbours. Where limits stay exceeded in spite of it, the last
+    exceed a limit are optimised again, with their neighbours, and the first path that passes will do. Where limits stay exceeded in spite of it, the last
     trajectory is returned with its report.
 
     Args:
         spline: durations to start from; where `wrong` is given, the path itself.
         iterations: of the first round about `wrong`.
-        corrections, known: those of an earlier answer, and what the gate found of it.
+        corrections, used: those of an earlier answer, and what the gate found of it.
     """
     corrections = Corrections(len(spline.durations_s)) if corrections is None else corrections
     problem = replace(problem, speed_m_s=conditions.planned_speed_m_s(waypoint, options.limits_for(vehicle)))
     asked_m_s = conditions.most_speed_m_s(waypoint)
+    memory = Memory()  # the last path that is measured is the one that the gate looks at
     optimum_s, bends, begun = np.nan, 0, len(_WHOLE) if wrong is not None else 0
     found, rounds = None, _ROUNDS
     for round_ in range(begun, _ROUNDS):
@@ -243,12 +245,12 @@ def until_flyable(
         problem = replace(problem, knots=spline.states[:, 0])
         optimum_s = float(spline.durations_s.sum()) if round_ == begun else optimum_s
         path = minimum_snap.trajectory(spline)
-        excess = corrections.measure(problem, spline, path, vehicle, touched, stop)
+        excess = corrections.measure(problem, spline, path, vehicle, touched, memory, stop)
         exceeded = excess.max(axis=(1, 2)) > 0.0
         clearance = esdf.certify(field, path, options.clearance_m)
         last = round_ == _ROUNDS - 1
         if clearance.passed and (last or not exceeded.any()):
-            report = ask_gate(path, known)
+            report = ask_gate(path, limits.Known(used, memory))
             if report.passed or last or report.usage is None:
                 method = "bent" if bends else "direct"
                 kept = Kept(problem, spline, corrections.spliced(0, 0, 0))
@@ -257,13 +259,13 @@ def until_flyable(
                     better = report.passed and path.duration_s < found.trajectory.duration_s
                     return here if better else found
                 found, relieved = here, (believed - corrections.model).max(axis=(1, 2)) > _RELIEVED
-                if not report.passed or not relieved.any():
+                if not report.passed or begun > 0 or not relieved.any():
                     return found
                 wrong = relieved
-                known = None if report.usage is None else (path, report.usage)
+                used = None if report.usage is None else (path, report.usage)
                 rounds = round_ + _AGAIN
                 continue
-            known = path, report.usage
+            used = path, report.usage
             too_fast = report.usage.value[0] > asked_m_s
             corrections.stricter(report.usage, too_fast)
             exceeded |= ~report.usage.passed.all(axis=0) | too_fast

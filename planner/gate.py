@@ -5,6 +5,7 @@ value, the bound, the time and the place.
 """
 
 from dataclasses import dataclass, replace
+from math import dist
 
 import numpy as np
 
@@ -121,7 +122,7 @@ def check(
     Raises:
         PlanCancelledError: `stop` was set, from another thread.
     """
-    options = PlanOptions() if options is None else options
+    options = (PlanOptions() if options is None else options).sized(vehicle)
     asked = Conditions() if conditions is None else conditions
     finite = _finite(trajectory)
     checks = [finite]
@@ -146,7 +147,7 @@ def check(
         checks=tuple(checks),
         clearance_m=clearance.proven_m,
         required_clearance_m=options.clearance_m,
-        body_radius_m=options.radius_m,
+        body_radius_m=options.body_radius_m,
         clearance_point_world_m=tuple(np.nan_to_num(clearance.point_world_m).tolist()),
         duration_s=trajectory.duration_s if np.isfinite(trajectory.duration_s) else 0.0,
         map_hash=str(getattr(field, "hash", "")),
@@ -197,6 +198,7 @@ def check_file(
         progress=progress,
     )
     same = [
+        _record_check(item),
         _identity("trajectory", str(item.check.get("trajectory_hash") or ""), report.trajectory_hash),
         _identity("map", item.map_hash, report.map_hash),
         _identity("vehicle", item.vehicle_hash, report.vehicle_hash),
@@ -229,6 +231,19 @@ def headings_of(item: TrajectoryFile) -> FloatArray | None:
     if yaw.shape != (len(item.waypoints_world_m),):
         raise FormatError(f"a trajectory file has {len(yaw)} headings for {len(item.waypoints_world_m)} waypoints")
     return yaw
+
+
+def _record_check(item: TrajectoryFile) -> Check:
+    """Whether the file's record of what it was checked for is the one that was written."""
+    kept = item.record_kept
+    if kept is None:
+        reason = (
+            "an older file (version 1), which has no hash of what it was checked for: a change of that goes unnoticed; "
+            "renew its check, or plan it again"
+        )
+    else:
+        reason = "conditions, limits, waypoints and results as written" if kept else "the file's record was changed"
+    return Check("record", float(kept is False), 0.0, "", kept is not False, reason=reason)
 
 
 def _identity(name: str, planned: str, here: str) -> Check:
@@ -390,15 +405,16 @@ def _heading_check(name: str, off_rad: FloatArray, times_s: FloatArray, bound_ra
 
 def _at_joins(trajectory: Trajectory, wanted: FloatArray, tolerance_m: float) -> tuple[list[int], float] | None:
     """Joins that reach the waypoints in order, the two ends included, and the largest gap; None if they do not."""
-    joins = np.vstack([trajectory.coefficients[:, :3, 0], trajectory.position(np.array([trajectory.duration_s]))])
-    visits, worst = [], 0.0
-    for waypoint in wanted:
-        first, last = (visits[-1], len(joins)) if visits else (0, 1)
-        near = np.linalg.norm(joins[first:last] - waypoint, axis=1) <= tolerance_m
-        if not near.any():
-            return None
-        visits.append(first + int(np.argmax(near)))
-        worst = max(worst, float(np.linalg.norm(joins[visits[-1]] - waypoint)))
+    end = trajectory.position(np.array([trajectory.duration_s]))
+    joins = np.vstack([trajectory.coefficients[:, :3, 0], end]).tolist()
+    visits, at, worst = [], 0, 0.0
+    for waypoint in wanted.tolist():
+        while (gap_m := dist(joins[at], waypoint)) > tolerance_m:
+            at += 1
+            if not visits or at == len(joins):
+                return None
+        visits.append(at)
+        worst = max(worst, gap_m)
     return (visits, worst) if visits[-1] == len(joins) - 1 else None
 
 

@@ -13,18 +13,27 @@ _LONGEST_TURN_S = 60.0
 """A turn between two headings that takes longer than this is taken for a mistake in the headings or the limit."""
 
 
-def check(waypoints: Waypoints, field: object, vehicle: object, options: PlanOptions) -> None:
+def options_for(vehicle: object, options: PlanOptions | None) -> PlanOptions:
+    """The options, the defaults if None, with the vehicle's own radius where they leave it open.
+
+    Raises:
+        InputError: there is no vehicle.
+    """
+    if not isinstance(vehicle, Vehicle):
+        raise InputError(f"no vehicle is given but {vehicle!r}; read one with `vehicle.load`, or use `vehicle.example`")
+    return (PlanOptions() if options is None else options).sized(vehicle)
+
+
+def check(waypoints: Waypoints, field: object, vehicle: Vehicle, options: PlanOptions) -> None:
     """Refuse what no plan can come of.
 
     Raises:
-        InputError: no map or vehicle, a vehicle larger than the clearance, too many waypoints, two too far apart, or
+        InputError: no map, a vehicle larger than the clearance, too many waypoints, two too far apart, or
             headings that take too long to turn.
         PlanInfeasibleError: the limits do not let the vehicle hover.
     """
     if not hasattr(field, "distance"):
         raise InputError(f"no map is given but {field!r}; give a field with `distance(points)`, say of `esdf.load`")
-    if not isinstance(vehicle, Vehicle):
-        raise InputError(f"no vehicle is given but {vehicle!r}; read one with `vehicle.load`, or use `vehicle.example`")
     count = len(waypoints.positions_world_m)
     if count > MOST_WAYPOINTS:
         raise InputError(

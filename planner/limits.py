@@ -99,8 +99,14 @@ class Usage:
         return int(np.argmax(np.where(np.isfinite(value), value, np.inf)))
 
 
-Known = tuple[Trajectory, Usage]
-"""A trajectory and what was found of it."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Known:
+    """What was found before of the same vehicle within the same limits: it holds for segments equal bit by bit."""
+
+    usage: tuple[Trajectory, Usage] | None = None
+    """Another trajectory and what was found of it."""
+    memory: attitude.Memory | None = None
+    """What only its forces were asked for."""
 
 
 def check(
@@ -169,8 +175,7 @@ def usage(
     """How much of each limit each segment uses.
 
     Args:
-        known: usage of another trajectory by the same vehicle within the same limits; segments that are equal to one of
-            its segments, bit by bit, are not looked at again.
+        known: segments that come again are not looked at again.
 
     Raises:
         FlightError: the vehicle's model has no answer.
@@ -178,10 +183,11 @@ def usage(
     """
     k, starts = len(trajectory.durations_s), trajectory.starts_s[:-1]
     value, after_s, new = np.empty((len(NAMES), k)), np.empty((len(NAMES), k)), np.ones(k, dtype=bool)
-    if known is not None:
-        path, used = known
-        where = {key: i for i, key in enumerate(_keys(path))}
-        same = np.array([where.get(key, -1) for key in _keys(trajectory)])
+    known = Known() if known is None else known
+    if known.usage is not None:
+        path, used = known.usage
+        where = {key: i for i, key in enumerate(attitude.segment_keys(path, np.arange(len(path.durations_s))))}
+        same = np.array([where.get(key, -1) for key in attitude.segment_keys(trajectory, np.arange(k))])
         new = same < 0
         value[:, ~new] = used.value[:, same[~new]]
         after_s[:, ~new] = used.time_s[:, same[~new]] - path.starts_s[same[~new]]
@@ -189,7 +195,7 @@ def usage(
     for group in np.split(chosen, range(_GROUP, len(chosen), _GROUP)) if len(chosen) else []:
         check_stop(stop)
         some = Trajectory(trajectory.durations_s[group], trajectory.coefficients[group])
-        found, time_s = _attitude_bounds(some, vehicle, limits, step_s)
+        found, time_s = _attitude_bounds(some, vehicle, limits, step_s, known.memory or attitude.Memory())
         found[_SLOWEST] *= -1.0
         for derivative in (1, 2):
             found[derivative - 1], time_s[derivative - 1] = certified_maxima(some, derivative)
@@ -197,13 +203,8 @@ def usage(
     return Usage(value, starts + after_s, _shares(value, limits, _hover(vehicle)), _bounds(limits))
 
 
-def _keys(trajectory: Trajectory) -> list[bytes]:
-    pairs = zip(trajectory.durations_s, trajectory.coefficients, strict=True)
-    return [duration.tobytes() + coefficients.tobytes() for duration, coefficients in pairs]
-
-
 def _attitude_bounds(
-    trajectory: Trajectory, vehicle: Vehicle, limits: Limits, step_s: float
+    trajectory: Trajectory, vehicle: Vehicle, limits: Limits, step_s: float, memory: attitude.Memory
 ) -> tuple[FloatArray, FloatArray]:
     """Bounds (limits, segments) of tilt, rates and rotor speeds, and when; those of the slowest rotor are negative.
 
@@ -211,16 +212,19 @@ def _attitude_bounds(
     """
     k, hover = len(trajectory.durations_s), _hover(vehicle)
     bound, time_s = np.full((len(NAMES), k), -np.inf), np.zeros((len(NAMES), k))
-    pieces = attitude.pieces_of(trajectory.durations_s, np.arange(k), _LONGEST_STEPS * step_s)
-    while len(pieces.segment):
-        found, fraction, seen = _piece_bounds(attitude.coefficients(vehicle, trajectory, pieces))
+    pieces, coefficients = memory.coefficients(vehicle, trajectory, np.arange(k), _LONGEST_STEPS * step_s)
+    while True:
+        found, fraction, seen = _piece_bounds(coefficients)
         signs = np.where(np.arange(len(NAMES)) == _SLOWEST, -1.0, 1.0)[:, None]
         share, seen_share = (_shares(signs * x, limits, hover) for x in (found, seen))
         with np.errstate(invalid="ignore"):  # infinite where the motion is impossible
             near = ~(share < _BINDING) & ~(share - seen_share < _SETTLED)
         halved = near.any(axis=0) & (pieces.length_s > _SHORTEST_STEPS * step_s)
         _keep_largest(bound, time_s, found, _times(trajectory, pieces, fraction), pieces.segment, ~halved)
+        if not halved.any():
+            break
         pieces = pieces.chosen(halved).halves()
+        coefficients = attitude.coefficients(vehicle, trajectory, pieces)
     return np.where(bound == np.inf, np.nan, bound), time_s
 
 

@@ -36,7 +36,7 @@ def plan(
     Its yaw record, where it has one, comes before the options' own. Raises as `planner.plan`; the waypoints in messages
     are numbered as flown, laps unrolled.
     """
-    options = with_yaw(PlanOptions() if options is None else options, mission)
+    options = with_yaw(inputs.options_for(vehicle, options), mission)
     # numbered as the pilot listed them, before anything is taken apart
     inputs.check(mission.waypoints, field, vehicle, options)
     routes.check_waypoints(mission.waypoints, field, options.waypoint_clearance_m)

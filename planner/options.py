@@ -22,8 +22,8 @@ _CHECKED = ("radius_m", "margin_m", "control_reserve", "waypoint_tolerance_m", "
 class PlanOptions:
     """How to plan; the defaults suit a small quadrotor in a mapped room."""
 
-    radius_m: float = 0.15
-    """Radius of a ball round the vehicle's centre that holds all of it."""
+    radius_m: float | None = None
+    """Radius of a ball round the vehicle's centre that holds all of it; None: to its farthest propeller tip."""
     margin_m: float = 0.15
     """Margin between that ball and every obstacle, for map and tracking errors."""
     waypoint_tolerance_m: float = 0.01
@@ -60,7 +60,7 @@ class PlanOptions:
 
     def __post_init__(self) -> None:
         for name in ("radius_m", "margin_m"):
-            if not 0.0 <= getattr(self, name) < 100.0:
+            if getattr(self, name) is not None and not 0.0 <= getattr(self, name) < 100.0:
                 raise InputError(f"{name} is {getattr(self, name)}; it must be from 0 to 100 m")
         for name in ("waypoint_tolerance_m", "search_margin_m", "sample_step_s"):
             if not 0.0 < getattr(self, name) < 1000.0:
@@ -109,6 +109,12 @@ class PlanOptions:
         except (KeyError, TypeError, ValueError, AttributeError, InputError) as error:
             raise FormatError(f"what a trajectory file asks of its check is damaged: {error}") from error
 
+    def sized(self, vehicle: Vehicle) -> "PlanOptions":
+        """These options with the vehicle's own radius (`Vehicle.reach_m`, up to the next millimetre) if none is given."""
+        if self.radius_m is not None:
+            return self
+        return replace(self, radius_m=float(np.ceil(1e3 * vehicle.reach_m) / 1e3))
+
     def limits_for(self, vehicle: Vehicle) -> Limits:
         """Limits of a plan: the given ones (or the vehicle's own), less the control reserve."""
         own = vehicle.limits if self.limits is None else self.limits
@@ -127,8 +133,19 @@ class PlanOptions:
 
     @property
     def clearance_m(self) -> float:
-        """Distance to keep between the vehicle's centre and every obstacle."""
-        return self.radius_m + self.margin_m
+        """Distance to keep between the vehicle's centre and every obstacle.
+
+        Raises:
+            InputError: the radius is left to the vehicle, which is not known here.
+        """
+        return self.body_radius_m + self.margin_m
+
+    @property
+    def body_radius_m(self) -> float:
+        """The radius; raises as `clearance_m`."""
+        if self.radius_m is None:
+            raise InputError("radius_m is left to the vehicle: ask `sized(vehicle)` for the clearance, or give a radius")
+        return self.radius_m
 
     @property
     def planned_clearance_m(self) -> float:

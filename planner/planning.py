@@ -67,7 +67,7 @@ def plan(
         PlanInfeasibleError: there is no path, or none within the limits; with `segment`, `reason` and `remedy`.
         PlanCancelledError: `stop` was set, from another thread.
     """
-    options = PlanOptions() if options is None else options
+    options = inputs.options_for(vehicle, options)
     asked = Conditions() if conditions is None else conditions
     path, route = from_scratch(waypoints, field, vehicle, options, asked, progress=progress, stop=stop)
     return Plan(path.trajectory, path.report, waypoints, route.points, path.method, path.optimum_s)
@@ -253,7 +253,7 @@ def trajectory_file(plan: Plan, *, name: str) -> TrajectoryFile:
         raise InputError(f"trajectory {name} is not saved: it did not pass the gate ({failed})")
     if flight.trajectory.fingerprint(plan.trajectory) != plan.gate.trajectory_hash:
         raise InputError(f"trajectory {name} is not saved: it was changed after it was checked; plan or check it again")
-    return TrajectoryFile(
+    item = TrajectoryFile(
         trajectory=plan.trajectory,
         name=name,
         map_hash=plan.gate.map_hash,
@@ -261,3 +261,4 @@ def trajectory_file(plan: Plan, *, name: str) -> TrajectoryFile:
         waypoints_world_m=plan.waypoints.positions_world_m,
         check=plan.gate.as_dict(),
     )
+    return flight.trajectory.sealed(item)

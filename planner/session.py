@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flight import FloatArray, InputError, Trajectory, Waypoints
-from planner import fastest, gate, limits, minimum_snap, planning, routes, space
+from planner import fastest, gate, inputs, limits, minimum_snap, planning, routes, space
 from planner._planner import StopFlag
 from planner.conditions import Conditions
 from planner.gate import GateReport
@@ -37,8 +37,8 @@ class _Leg:
 class Planner:
     """Waypoints that are moved, inserted and deleted, always with a checked plan.
 
-    One edit works at a time. An edit from another thread ends the one that works (`PlanCancelledError` there), as does
-    `cancel`; the plan then is the last one that was finished.
+    One edit works at a time. An edit from another thread ends the one that works (`PlanCancelledError` there), as do
+    `cancel` and the flag that an edit was given to `stop` it; the plan then is the last one that was finished.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class Planner:
         """Plans from scratch, until it is told to `stop` from another thread. Raises as `planner.plan`."""
         self._conditions = Conditions() if conditions is None else conditions
         self._field, self._vehicle = field, vehicle
-        self._options = PlanOptions() if options is None else options
+        self._options = inputs.options_for(vehicle, options)
         self._stop = StopFlag() if stop is None else stop
         self._flags, self._working = threading.Lock(), threading.Lock()
         self._accept(*self._scratch(waypoints, self._options, self._stop), waypoints)
@@ -65,18 +65,20 @@ class Planner:
         """The last finished plan."""
         return self._plan
 
-    def move(self, index: int, position_world_m: ArrayLike) -> Plan:
+    def move(self, index: int, position_world_m: ArrayLike, *, stop: StopFlag | None = None) -> Plan:
         """Move one waypoint. Raises as `planner.plan`; the plan then stays what it was."""
-        with self._edit() as stop:
+        with self._edit(stop) as stop:
             old = self._waypoint(index)
             points = old.positions_world_m.copy()
             points[index] = _point(position_world_m)
             first, last = max(index - 1, 0), min(index + 1, len(points) - 1)
             return self._changed(Waypoints(points, old.yaw_rad), (first, last), (first, last), stop)
 
-    def insert(self, index: int, position_world_m: ArrayLike, yaw_rad: float = np.nan) -> Plan:
+    def insert(
+        self, index: int, position_world_m: ArrayLike, yaw_rad: float = np.nan, *, stop: StopFlag | None = None
+    ) -> Plan:
         """Insert a waypoint so that it gets this index. Raises as `planner.plan`."""
-        with self._edit() as stop:
+        with self._edit(stop) as stop:
             old = self._plan.waypoints
             if not 0 <= index <= len(old.yaw_rad):
                 raise InputError(f"a waypoint cannot get number {index}; there are {len(old.yaw_rad)}")
@@ -86,9 +88,9 @@ class Planner:
             self._count_may_change()
             return self._changed(new, (index - 1, index) if inside else None, (index - 1, index + 1), stop)
 
-    def delete(self, index: int) -> Plan:
+    def delete(self, index: int, *, stop: StopFlag | None = None) -> Plan:
         """Delete a waypoint. Raises as `planner.plan`."""
-        with self._edit() as stop:
+        with self._edit(stop) as stop:
             old = self._waypoint(index)
             new = Waypoints(np.delete(old.positions_world_m, index, axis=0), np.delete(old.yaw_rad, index))
             inside = 0 < index < len(new.yaw_rad)
@@ -130,10 +132,10 @@ class Planner:
         with self._flags:
             self._stop.set()
 
-    def _edit(self) -> "_Edit":
+    def _edit(self, stop: StopFlag | None = None) -> "_Edit":
         with self._flags:
             self._stop.set()
-            self._stop = StopFlag()
+            self._stop = StopFlag() if stop is None else stop
             return _Edit(self._working, self._stop)
 
     def _waypoint(self, index: int) -> Waypoints:
@@ -223,11 +225,11 @@ class Planner:
             wrong=wrong,
             iterations=_DRAWN if all(leg.drawn for leg in legs) else _NEW,
             corrections=kept.corrections.spliced(first, last, len(durations)),
-            known=None if used is None else (self._path.trajectory, used),
+            used=None if used is None else (self._path.trajectory, used),
         )
 
     def _ask_gate(
-        self, trajectory: Trajectory, waypoints: Waypoints, known: limits.Known | None, stop: StopFlag
+        self, trajectory: Trajectory, waypoints: Waypoints, known: limits.Known, stop: StopFlag
     ) -> GateReport:
         return gate.check(
             trajectory,

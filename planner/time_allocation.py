@@ -25,7 +25,10 @@ FRACTIONS = np.linspace(0.0, 1.0, SAMPLES)
 _SHARES = np.where((FRACTIONS == 0.0) | (FRACTIONS == 1.0), 0.5, 1.0) / (SAMPLES - 1)
 """Of a segment's time, for each sample."""
 _SLOW_M_S = 0.5
-"""Horizontal speed at which looking along the path counts half."""
+"""Horizontal speed at which looking along the path counts half, and speed at which passing a gate along its normal
+does."""
+_LEAST_AHEAD = 0.35
+"""Cosine of the largest angle between the velocity in a gate and its normal that costs nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,10 +153,18 @@ def cost_numpy(problem: Problem, knots: FloatArray, durations_s: FloatArray) -> 
     if problem.gates is not None and (there := problem.gates[:, 1:].any(axis=(1, 2))).any():
         edges, off = problem.gates[there, 1:], knots[there, :3] - problem.gates[there, 0]
         share = np.einsum("nex,nx->ne", edges, off) / (edges**2).sum(axis=2)
-        outside += (np.maximum(share**2 - 1.0, 0.0) ** 2).sum()
+        outside += (np.maximum(share**2 - 1.0, 0.0) ** 2).sum() + _slant(spline.states[there, 1, :3], edges)
     return float(
         weights.limits * outside + T.sum() + (T * (density @ _SHARES)).sum() + weights.snap * position.snap_cost()
     )
+
+
+def _slant(velocity_m_s: FloatArray, edges_m: FloatArray) -> float:
+    """The squared lack (n,) of velocity along the normals of gates, as a share of the speed, summed."""
+    normal = np.cross(edges_m[:, 0], edges_m[:, 1])
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    share = (velocity_m_s * normal).sum(axis=1) / np.sqrt((velocity_m_s**2).sum(axis=1) + _SLOW_M_S**2)
+    return float((np.maximum(_LEAST_AHEAD - share, 0.0) ** 2).sum())
 
 
 def excess_numpy(problem: Problem, motion: FloatArray) -> FloatArray:

@@ -97,7 +97,6 @@ def attitudes(
         Attitudes (n, 4) and rotor speeds (n, 4) whose force gives the acceleration; torque is not looked at.
     """
     n, kernel = len(yaw_rad), native.compiled(vehicle)
-    mass = float(rigid_body(vehicle).mass_kg)
     if start is None:
         required = acceleration_world_m_s2 + np.array([0.0, 0.0, GRAVITY_M_S2])
         start = hopf(required / np.linalg.norm(required, axis=1, keepdims=True), yaw_rad), np.empty((n, 4))
@@ -105,6 +104,7 @@ def attitudes(
     if kernel is None:
         far = np.column_stack([np.zeros((n, 2)), np.full(n, np.inf)])
         path = _Path(far, velocity_world_m_s, acceleration_world_m_s2, yaw_rad)
+        mass = float(rigid_body(vehicle).mass_kg)
         return _attitudes(vehicle, mass, path, rate_body_rad_s, start[1], -np.inf)
     rows = np.column_stack([velocity_world_m_s, acceleration_world_m_s2, np.full(n, np.inf), yaw_rad])
     out = np.hstack(start)

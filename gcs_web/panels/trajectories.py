@@ -1,4 +1,4 @@
-"""Saved trajectories: save, open, discard."""
+"""Saved trajectories: save, open, compare, discard, restore."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from flight import InputError, Waypoints, project, results, trajectory
-from gcs_web import protocol
+from gcs_web import protocol, saved
 from gcs_web.desk import Desk
 
 
@@ -44,12 +44,31 @@ def _discard(desk: Desk, _: protocol.Person, unwanted: protocol.Discard) -> None
         raise InputError(f"there is no trajectory {name} (any more)")
     moved = results.move_aside(path)
     desk.show_files()
-    desk.notice(f"{name} discarded; it is kept as {moved.name}.")
+    desk.notice(f"{name} discarded; it is kept as {moved.name}, and can be restored from the bin.")
 
 
-HANDLERS: dict[type, Callable[[Desk, protocol.Person, Any], None]] = {
+def _restore(desk: Desk, _: protocol.Person, wanted: protocol.Restore) -> None:
+    name = saved.restore(desk.project, wanted.file)
+    desk.show_files()
+    desk.notice(f"{name} restored.")
+
+
+_MOST_COMPARED = 2
+
+
+def _compare(desk: Desk, _: protocol.Person, asked: protocol.ComparePlans) -> protocol.Reply:
+    if not 1 <= len(asked.names) <= _MOST_COMPARED:
+        raise InputError(f"{len(asked.names)} trajectories cannot be compared; choose two")
+    area, believed = desk.parts.map(desk.inputs), desk.parts.vehicle(desk.inputs)
+    plans = [saved.summary(desk.trajectory(name), area, believed) for name in asked.names]
+    return protocol.Reply(asked.serial, plans=plans)
+
+
+HANDLERS: dict[type, Callable[[Desk, protocol.Person, Any], protocol.Reply | None]] = {
     protocol.PlanAgain: _plan_again,
     protocol.Save: _save,
     protocol.Open: _open,
     protocol.Discard: _discard,
+    protocol.Restore: _restore,
+    protocol.ComparePlans: _compare,
 }

@@ -83,7 +83,8 @@ def command(
 
 def renewed(item: TrajectoryFile, report: planner.GateReport) -> TrajectoryFile:
     """The same trajectory as checked for the map and the vehicle of a report."""
-    return replace(item, map_hash=report.map_hash, vehicle_hash=report.vehicle_hash, check=report.as_dict())
+    here = replace(item, map_hash=report.map_hash, vehicle_hash=report.vehicle_hash, check=report.as_dict())
+    return trajectory.sealed(here)
 
 
 def _facts(report: planner.GateReport) -> dict[str, object]:
@@ -98,6 +99,6 @@ def _fact(check: Check) -> str:
         bound = "at least" if check.name in LOWER_BOUNDS else "at most"
         unit = "in SI units" if check.unit == "SI" else check.unit  # velocity, acceleration and jerk together
         parts.append(f"{check.value:.4g} {unit} ({bound} {check.bound:.4g})")
-    if not check.passed and check.reason:
+    if check.reason and (not check.passed or check.name == "record"):  # an older file has none to compare
         parts.append(check.reason)
     return "  ".join(parts)

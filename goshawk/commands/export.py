@@ -7,8 +7,8 @@ import click
 import mapping
 import vehicle
 from flight import InputError, trajectory
-from goshawk import console, outputs, plan_exports, plan_report
-from planner import gate
+from goshawk import console, outputs, plan_exports
+from planner import gate, plan_report
 
 
 @click.command()

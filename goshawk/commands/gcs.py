@@ -17,6 +17,11 @@ from goshawk import console
     show_default=True,
     help="Port on this machine; 0 takes a free one.",
 )
+@click.option(
+    "--host", default="127.0.0.1", show_default=True, help="Name or address to listen at; others need a certificate."
+)
+@click.option("--tls-cert", type=click.Path(path_type=Path), help="Certificate (PEM) for HOST: the page is https.")
+@click.option("--tls-key", type=click.Path(path_type=Path), help="Its private key (PEM, without a password).")
 @click.option("--vehicle-url", help="Address of the vehicle, e.g. udp://127.0.0.1:14550.")
 @console.key_option
 @console.radius_option
@@ -30,6 +35,9 @@ from goshawk import console
 def command(
     project: Path,
     port: int,
+    host: str,
+    tls_cert: Path | None,
+    tls_key: Path | None,
     vehicle_url: str | None,
     key_file: Path | None,
     radius_m: float | None,
@@ -41,14 +49,17 @@ def command(
     \b
     goshawk gcs demo-out
     goshawk gcs demo-out --vehicle-url udp://127.0.0.1:14550
+    goshawk gcs demo-out --host station.example --tls-cert station.pem --tls-key station.key
 
     PROJECT is a folder of `goshawk init` (or the demo's) with a map and a vehicle; a missing part is reported with the
     command that adds it. Each printed address lets one browser in; then the next one is printed. The page listens on
-    this machine only; from another one, forward its port:
+    this machine only, unless a certificate is given; from another machine, forward its port:
 
     \b
     ssh -L 8080:127.0.0.1:8080 THIS-MACHINE
     """
+    if (tls_cert is None) != (tls_key is None):
+        raise click.UsageError("--tls-cert and --tls-key belong together; give both")
     from goshawk.project_parts import check_for_station
 
     check_for_station(project)
@@ -60,6 +71,8 @@ def command(
         station = GroundStation(
             project,
             port=port,
+            host=host,
+            tls=None if tls_cert is None or tls_key is None else (tls_cert, tls_key),
             vehicle_url=vehicle_url,
             key_file=key_file,
             options=options,

@@ -34,7 +34,7 @@ def command(
     goshawk init my-room --map map --vehicle my.toml --flights monday.parquet --flights tuesday.ulg
     goshawk gcs my-room              then: the ground station on it
 
-    Parts are copied; nothing in the project is ever replaced.
+    Parts are copied, all or none; nothing in the project is ever replaced.
     """
     from goshawk import project_parts
 
@@ -46,17 +46,18 @@ def command(
     if name is not None and not name.strip():
         raise InputError("--name is empty; leave it out, or give a name")
     is_new = not (folder / "project.toml").exists()
-    opened = project.create(folder, name or folder.resolve().name)
-    if name is not None and opened.name != name:
-        raise InputError(
-            f"{folder} is the project {opened.name!r} already; change the name in {folder / 'project.toml'}"
-        )
-    if vehicle_file is not None:
-        project_parts.add_vehicle(opened, vehicle_file)
-    if flights:
-        project_parts.add_flights(opened, flights, columns)
-    if map_folder is not None:
-        project_parts.add_map(opened, map_folder)
+    with project_parts.all_or_nothing(folder, [project_parts.flight_name(flight) for flight in flights]):
+        opened = project.create(folder, name or folder.resolve().name)
+        if name is not None and opened.name != name:
+            raise InputError(
+                f"{folder} is the project {opened.name!r} already; change the name in {folder / 'project.toml'}"
+            )
+        if vehicle_file is not None:
+            project_parts.add_vehicle(opened, vehicle_file)
+        if flights:
+            project_parts.add_flights(opened, flights, columns)
+        if map_folder is not None:
+            project_parts.add_map(opened, map_folder)
     found = project_parts.parts(opened)
     if as_json:
         document = {"project": str(folder), "name": opened.name, "new": is_new}

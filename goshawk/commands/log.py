@@ -112,7 +112,9 @@ def command(
 
 def _show(title: str, document: dict) -> None:
     facts = {key: value for key, value in document.items() if key not in ("columns", "metadata", "check")}
-    console.show(title, facts | {k: v for k, v in document["metadata"].items() if k != "fixes"}, as_json=False)
+    console.show(
+        title, facts | {k: v for k, v in document["metadata"].items() if k not in ("fixes", "lost")}, as_json=False
+    )
     rows = [
         (*named(name), *(_cell(c[end]) for end in ("smallest", "largest")), c["missing"], name)
         for name, c in document["columns"].items()

@@ -39,6 +39,10 @@ class MapVerbs(click.Group):
 )
 @click.option("--voxel", "voxel_m", default=0.05, show_default=True, help="Edge of a voxel, metres.")
 @click.option("--farthest", "farthest_m", default=8.0, show_default=True, help="Leave out depths beyond this, metres.")
+@click.option(
+    "--from", "again_from", type=click.Choice(map_folder.STAGES), help="Make this stage and those after it again."
+)
+@click.option("--until", "until", type=click.Choice(map_folder.STAGES), help="Stop after this stage.")
 @outputs.overwrite_option
 @console.json_option
 def build(
@@ -49,6 +53,8 @@ def build(
     length: str | None,
     voxel_m: float,
     farthest_m: float,
+    again_from: str | None,
+    until: str | None,
     overwrite: bool,
     as_json: bool,
 ) -> int:
@@ -65,7 +71,8 @@ def build(
     recorded positions. An earlier map in --out is replaced only with --overwrite and when the new one is complete: its
     edits are copied, and it is kept beside as OUT.old-1.
 
-    An interrupted run leaves its finished stages in OUT.work; the same command goes on from there.
+    An interrupted run leaves its finished stages in OUT.work; the same command goes on from there. So does one
+    after --until.
 
     The camera file is put on trial: what it gets wrong is corrected where a camera file can state it (`goshawk camera
     diagnose MAP` shows all of it). The verdict is good, doubtful (`goshawk plan` then asks) or refused, with reasons.
@@ -87,7 +94,20 @@ def build(
         click.echo(f"an earlier run got as far as {resumed[-1]}; what still fits these inputs is taken over", err=True)
     with console.progress() as progress:
         rig = mapping.rig.load(camera)
-        report = mapping.build_map(images, rig, out, options, overwrite=overwrite, progress=progress)
+        try:
+            report = mapping.build_map(
+                images,
+                rig,
+                out,
+                options,
+                overwrite=overwrite,
+                again_from=again_from,
+                until=until,
+                progress=progress,
+            )
+        except stages.Stopped as stopped:
+            click.echo(f"goshawk: {stopped}; the same command without --until goes on", err=True)
+            return 0
     if (kept := results.newest_kept(out)) != earlier:
         outputs.report_kept(out, kept)
     facts = {

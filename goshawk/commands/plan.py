@@ -114,12 +114,9 @@ def command(
     """
     if sum(given is not None for given in (waypoints, path, missions)) != 1:
         raise click.UsageError("give either WAYPOINTS or --path or --batch")
-    how = replace(
-        options_from(vehicle_file, margin_m, speed_m_s, acceleration_m_s2, radius_m),
-        method=method,
-        search=search,
-        search_seed=seed,
-    )
+    wanted = options_from(vehicle_file, margin_m, speed_m_s, acceleration_m_s2, radius_m)
+    drone = vehicle.load(vehicle_file)
+    how = replace(wanted.sized(drone), method=method, search=search, search_seed=seed)
     repeated, turned = None if laps is None else Laps(laps), yaw_from(yaw, heading_deg, look_at)
     tube = None if keep_in_m is None else KeepIn(keep_in_m)
     area = mapping.open_map(map_folder)
@@ -139,7 +136,7 @@ def command(
         asked = waypoints_file.load_mission(waypoints)
     asked = replace(asked, laps=repeated or asked.laps, yaw=turned or asked.yaw, keep_in=tube or asked.keep_in)
     with console.progress() as report:
-        plan = mission.plan(asked, area.field, vehicle.load(vehicle_file), how, progress=report)
+        plan = mission.plan(asked, area.field, drone, how, progress=report)
     with outputs.file(out, overwrite=overwrite) as temporary:
         planner.save_plan(temporary, plan, name=out.stem)
     facts = {

@@ -53,6 +53,12 @@ def command(
     believed = vehicle.load(vehicle_file) if vehicle_file is not None else None
     vehicle_hash = vehicle.vehicle_hash(believed) if believed is not None else None
     refuse_unfit(item, map_hash, vehicle_hash, False)
+    if item.record_kept is None:
+        click.echo(
+            f"warning: {trajectory_file} is an older file (version 1): a change of what it was checked for goes "
+            "unnoticed; `goshawk check --renew` makes it a newer one",
+            err=True,
+        )
     with (
         console.cancel_by_ctrl_c() as cancel,
         firmware_bridge.connect(url, key=key_file) as link,

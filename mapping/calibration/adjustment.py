@@ -6,11 +6,15 @@ are eliminated from the normal equations (Schur complement; Triggs et al., "Bund
 """
 
 import dataclasses
+import functools
+import operator
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy import sparse as sp
+from scipy.sparse.linalg import splu
 
 from flight import FloatArray, frames, rotations
 from mapping.calibration import errors
@@ -26,6 +30,10 @@ _MOST_ITERATIONS = 10
 _CONVERGED = 0.005
 _HUBER = 1.345
 _RIDGE = 1e-9
+_POSE_RIDGE = 1e-10
+"""Holds what moves the whole map; 1e-7 also held the bending of a path of 400 instants, and 3 m of error with it."""
+_BLOCK_ROWS = 100_000
+"""Observations whose derivatives are held in memory at a time."""
 _LEAST_REDUNDANCY = 0.05
 _WORSE = 1.05
 
@@ -68,7 +76,14 @@ def adjust(seen: Observations, state: State, free: Sequence[Candidate]) -> tuple
 
 
 class Normal:
-    """The normal equations at one state, the points eliminated, apart for each fold of points."""
+    """The normal equations at one state, points and poses eliminated, apart for each fold of points.
+
+    `noise_px` is the standard deviation of a match in each coordinate; a guess unless `is_redundant`: without spare matches
+    the unknowns explain any noise.
+
+    What couples the poses stays sparse, and the rows of the observations exist for one block of points at a time: memory
+    and time grow with the observations, not with the square of the instants.
+    """
 
     def __init__(
         self,
@@ -80,52 +95,36 @@ class Normal:
     ) -> None:
         self.tried = list(tried)
         self._placed = np.flatnonzero(np.isfinite(state.T_world_body[:, 0, 0]))
-        rows = linearise(seen, state, tried)
-        point, instant = seen.index[rows.used, 0], np.searchsorted(self._placed, seen.index[rows.used, 1])
-        self.seen = {seen.rig.cameras[k].name for k in np.unique(seen.index[rows.used, 2])}
-        unknowns = 3 * len(np.unique(point)) + 6 * len(self._placed)
-        self.noise_px, weight = _robust(rows.residual, unknowns)
-        root = np.sqrt(weight)[:, None] / self.noise_px
-        self._rms = _shift_matrices(rows, self.tried, seen.index[rows.used, 2], seen.rig)
-        residual = (rows.residual * root).ravel()
-        of_pose = _blocks(rows.pose * root[..., None], instant, len(self._placed))
-        shared = sp.csr_matrix(sp.hstack([of_pose, _columns(rows.calibration * root[..., None])]))
-        own = _blocks(rows.point * root[..., None], point, len(seen.points_world))
-        curvature = np.zeros((len(seen.points_world), 3, 3))
-        np.add.at(
-            curvature, point, np.einsum("oki,okj->oij", rows.point * root[..., None], rows.point * root[..., None])
-        )
-        scale = np.trace(curvature, axis1=1, axis2=2)[:, None, None]
-        inverse = np.linalg.inv(curvature + (_RIDGE * scale + 1e-12) * np.eye(3))
-        self._inverse = _block_diagonal(inverse)
-        self._coupling = sp.csr_matrix(own.T @ shared)
-        self._own_gradient = own.T @ residual
-        eliminated = sp.csr_matrix(self._inverse @ self._coupling)
-        fold = np.arange(len(seen.points_world)) % folds
-        parts: list[tuple[FloatArray, FloatArray]] = []
-        for number in range(folds):
-            of_rows = np.repeat(fold[point] == number, 2)
-            of_points = np.repeat(fold == number, 3)
-            part, coupled = shared[of_rows], self._coupling[of_points]
-            matrix = (part.T @ part - coupled.T @ eliminated[of_points]).toarray()
-            gradient = part.T @ residual[of_rows] - eliminated[of_points].T @ self._own_gradient[of_points]
-            parts.append((matrix, gradient))
-        self._whole = (sum((m for m, _ in parts), np.zeros(())), sum((g for _, g in parts), np.zeros(())))
-        self._reduced = self._reduce(*self._whole)
+        left = residuals(seen, state)
+        used = np.flatnonzero(np.isfinite(left).all(axis=1))
+        unknowns = 3 * len(np.unique(seen.index[used, 0])) + 6 * len(self._placed)
+        self.noise_px, weight = _robust(left[used], unknowns)
+        self.is_redundant = unknowns < (1.0 - _LEAST_REDUNDANCY) * 2.0 * len(used)
+        whitening = np.zeros(len(left))
+        whitening[used] = np.sqrt(weight) / self.noise_px
+        shifts = _Shifts(self.tried, seen.rig)
+        count = folds * max(1, round(len(left) / (folds * _BLOCK_ROWS)))
+        self._eliminated: list[_Eliminated] = []
+        parts: list[list[_Eliminated]] = [[] for _ in range(folds)]
+        for number in range(count):
+            own = np.flatnonzero(seen.index[:, 0] % count == number)
+            block = dataclasses.replace(seen, index=seen.index[own], pixels=seen.pixels[own])
+            rows = linearise(block, state, tried)
+            shifts.add(rows, block.index[rows.used, 2])
+            points = np.arange(number, len(seen.points_world), count)
+            eliminated = _Eliminated(rows, block, points, self._placed, whitening[own][rows.used])
+            parts[number % folds].append(eliminated)
+            self._eliminated.append(eliminated)
+        self._rms = shifts.mean()
+        sums = [(_sum(p.matrix for p in part), sum(p.gradient for p in part)) for part in parts]
+        whole = _sum(matrix for matrix, _ in sums), sum(gradient for _, gradient in sums)
+        self._reduced = self._reduce(*whole)
         if folds > 1:
-            self._withheld = [self._reduce(m, g) for m, g in parts]
-            self._training = [self._reduce(self._whole[0] - m, self._whole[1] - g) for m, g in parts]
+            self._withheld = [self._reduce(m, g) for m, g in sums]
+            self._training = [self._reduce(whole[0] - m, whole[1] - g) for m, g in sums]
 
-    @property
-    def _poses(self) -> int:
-        return 6 * len(self._placed)
-
-    def _reduce(self, matrix: FloatArray, gradient: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The poses eliminated; the six directions that move the whole map are held by a small ridge."""
-        n = self._poses
-        pose = _held(matrix[:n, :n])
-        solved = np.linalg.solve(pose, np.column_stack([matrix[:n, n:], gradient[:n]]))
-        return matrix[n:, n:] - matrix[n:, :n] @ solved[:, :-1], gradient[n:] - matrix[n:, :n] @ solved[:, -1]
+    def _reduce(self, matrix: sp.csr_matrix, gradient: FloatArray) -> "_Reduced":
+        return _Reduced.of(matrix, gradient, 6 * len(self._placed))
 
     def _unknowns(self, chosen: Iterable[Candidate]) -> np.ndarray:
         starts = np.cumsum([0, *(len(c.kind.units) for c in self.tried)])
@@ -139,7 +138,7 @@ class Normal:
 
     def solve(self, chosen: Sequence[Candidate]) -> tuple[FloatArray, FloatArray]:
         """Estimate and covariance of the chosen candidates, all points used."""
-        matrix, gradient = self._reduced
+        matrix, gradient = self._reduced.matrix, self._reduced.gradient
         k = self._unknowns(chosen)
         covariance: FloatArray = np.asarray(np.linalg.inv(matrix[np.ix_(k, k)] + self._prior(chosen)), dtype=np.float64)
         return covariance @ gradient[k], covariance
@@ -154,10 +153,11 @@ class Normal:
         k, g = self._unknowns(chosen), self._unknowns(given)
         both, step = np.concatenate([k, g]), np.concatenate([*given.values(), np.zeros(0)])
         total = 0.0
-        for (matrix, gradient), (held_matrix, held_gradient) in zip(self._training, self._withheld, strict=True):
-            pull = gradient[k] - matrix[np.ix_(k, g)] @ step
-            delta = np.concatenate([np.linalg.solve(matrix[np.ix_(k, k)] + self._prior(chosen), pull), step])
-            total += float(2.0 * held_gradient[both] @ delta - delta @ held_matrix[np.ix_(both, both)] @ delta)
+        for training, held in zip(self._training, self._withheld, strict=True):
+            pull = training.gradient[k] - training.matrix[np.ix_(k, g)] @ step
+            curvature = training.matrix[np.ix_(k, k)] + self._prior(chosen)
+            delta = np.concatenate([np.linalg.solve(curvature, pull), step])
+            total += float(2.0 * held.gradient[both] @ delta - delta @ held.matrix[np.ix_(both, both)] @ delta)
         return total
 
     def _prior(self, chosen: Sequence[Candidate]) -> FloatArray:
@@ -176,35 +176,122 @@ class Normal:
         """Standard deviation of the path's size, relative to it: how firmly the baseline of the rig sets the scale."""
         if len(state.rig) == 1:
             return float("inf")
-        n = self._poses
-        k = np.concatenate([np.arange(n), n + self._unknowns(free)])
-        matrix = self._whole[0][np.ix_(k, k)]
-        matrix[:n, :n] = _held(matrix[:n, :n])
         T = state.T_world_body[self._placed]
-        growth = np.zeros((len(k),))
+        growth = np.zeros((len(self._placed), 6))
         outward = T[:, :3, 3] - T[:, :3, 3].mean(axis=0)
-        growth[:n].reshape(-1, 6)[:, 3:] = np.einsum("nji,nj->ni", T[:, :3, :3], outward)
+        growth[:, 3:] = np.einsum("nji,nj->ni", T[:, :3, :3], outward)
         if not growth.any():
             return float("inf")
-        growth /= growth @ growth
-        return float(np.sqrt(growth @ np.linalg.solve(matrix, growth)))
+        growth = growth.ravel() / (growth**2).sum()
+        k = self._unknowns(free)
+        through = growth @ self._reduced.poses_by_calibration[:, k]
+        variance = growth @ self._reduced.factor.solve(growth)
+        if len(k):
+            variance += through @ np.linalg.solve(self._reduced.matrix[np.ix_(k, k)], through)
+        return float(np.sqrt(variance))
 
     def step(self, state: State, free: Sequence[Candidate], delta: FloatArray) -> State:
         """The state after a Gauss-Newton step whose calibration part is `delta`."""
-        n = self._poses
-        matrix, gradient = self._whole
-        shared = np.zeros(len(gradient))
-        k = n + self._unknowns(free)
-        shared[k] = delta
-        shared[:n] = np.linalg.solve(_held(matrix[:n, :n]), gradient[:n] - matrix[:n, k] @ delta)
-        own = self._inverse @ (self._own_gradient - self._coupling @ shared)
+        k = self._unknowns(free)
+        calibration = np.zeros(len(self._reduced.gradient))
+        calibration[k] = delta
+        poses = self._reduced.poses - self._reduced.poses_by_calibration @ calibration
         T = state.T_world_body.copy()
-        xi = shared[:n].reshape(-1, 6)
+        xi = poses.reshape(-1, 6)
         T[self._placed] = T[self._placed] @ frames.transform(rotations.exp(xi[:, :3]), xi[:, 3:])
-        changed = dataclasses.replace(state, T_world_body=T, points_world=state.points_world + own.reshape(-1, 3))
+        points_world = state.points_world.copy()
+        for eliminated in self._eliminated:
+            points_world[eliminated.points] += eliminated.step(np.concatenate([poses, calibration]))
+        changed = dataclasses.replace(state, T_world_body=T, points_world=points_world)
         for c in free:
             changed = errors.corrected(changed, c, delta[self.place(free, c)])
         return changed
+
+
+class _Eliminated:
+    """The normal equations in poses and calibration that one block of points gives, the points eliminated."""
+
+    def __init__(
+        self, rows: "_Rows", seen: Observations, points: np.ndarray, placed: np.ndarray, whitening: FloatArray
+    ) -> None:
+        """
+        Args:
+            seen: the observations of the block; points: all numbers of its points, in order.
+            placed: instants with a pose; whitening: (o,) of each row in use: root of its weight over the noise.
+        """
+        self.points = points
+        point = np.searchsorted(points, seen.index[rows.used, 0])
+        instant = np.searchsorted(placed, seen.index[rows.used, 1])
+        by_point = rows.point * whitening[:, None, None]
+        residual = (rows.residual * whitening[:, None]).ravel()
+        of_pose = _blocks(rows.pose * whitening[:, None, None], instant, len(placed))
+        shared = sp.csr_matrix(sp.hstack([of_pose, _columns(rows.calibration * whitening[:, None, None])]))
+        own = _blocks(by_point, point, len(points))
+        curvature = np.zeros((len(points), 3, 3))
+        np.add.at(curvature, point, np.einsum("oki,okj->oij", by_point, by_point))
+        scale = np.trace(curvature, axis1=1, axis2=2)[:, None, None]
+        self._inverse = _block_diagonal(np.linalg.inv(curvature + (_RIDGE * scale + 1e-12) * np.eye(3)))
+        self._coupling = sp.csr_matrix(own.T @ shared)
+        self._gradient = own.T @ residual
+        eliminated = sp.csr_matrix(self._inverse @ self._coupling)
+        self.matrix = sp.csr_matrix(shared.T @ shared - self._coupling.T @ eliminated)
+        self.gradient: FloatArray = shared.T @ residual - eliminated.T @ self._gradient
+
+    def step(self, shared: FloatArray) -> FloatArray:
+        """(points, 3) motion of the points when poses and calibration move by `shared`."""
+        return (self._inverse @ (self._gradient - self._coupling @ shared)).reshape(-1, 3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Reduced:
+    """Normal equations in the calibration alone, the poses eliminated."""
+
+    matrix: FloatArray
+    """(p, p)."""
+    gradient: FloatArray
+    """(p,)."""
+    factor: Any
+    """Of the poses' part."""
+    poses: FloatArray
+    """(6 instants,) the step of the poses if the calibration stays."""
+    poses_by_calibration: FloatArray
+    """(6 instants, p) by which that step falls per unit of the calibration."""
+
+    @staticmethod
+    def of(matrix: sp.csr_matrix, gradient: FloatArray, n: int) -> "_Reduced":
+        """Eliminate the first n unknowns; the six directions that move the whole map are held by a small ridge."""
+        pose = sp.csc_matrix(matrix[:n, :n])
+        ridge = _POSE_RIDGE * float(pose.diagonal().mean()) + _RIDGE
+        options = {"SymmetricMode": True}
+        factor = splu(
+            pose + ridge * sp.identity(n, format="csc"), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
+        )
+        coupling, calibration = matrix[:n, n:].toarray(), matrix[n:, n:].toarray()
+        solved = factor.solve(np.column_stack([coupling, gradient[:n]]))
+        poses_by, poses = solved[:, :-1], solved[:, -1]
+        return _Reduced(calibration - coupling.T @ poses_by, gradient[n:] - coupling.T @ poses, factor, poses, poses_by)
+
+
+class _Shifts:
+    """For each candidate (n, n): the mean square shift per unit of its parameters, over the camera's observations."""
+
+    def __init__(self, tried: Sequence[Candidate], rig: Rig) -> None:
+        self._names = [camera.name for camera in rig]
+        self._sums = {c: np.zeros((len(c.kind.units),) * 2) for c in tried}
+        self._counts = dict.fromkeys(self._names, 0)
+
+    def add(self, rows: "_Rows", number: np.ndarray) -> None:
+        for k, name in enumerate(self._names):
+            self._counts[name] += int((number == k).sum())
+        start = 0
+        for c, total in self._sums.items():
+            stop = start + len(c.kind.units)
+            own = rows.calibration[number == self._names.index(c.camera), :, start:stop]
+            total += np.einsum("oki,okj->ij", own, own)
+            start = stop
+
+    def mean(self) -> dict[Candidate, FloatArray]:
+        return {c: total / max(self._counts[c.camera], 1) for c, total in self._sums.items()}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -223,7 +310,19 @@ class _Rows:
     """(o, 2, p) for all candidates, in order."""
 
 
-def linearise(seen: Observations, state: State, tried: Sequence[Candidate]) -> _Rows:
+def residuals(seen: Observations, state: State) -> FloatArray:
+    """(o, 2) px, true less predicted; NaN where the lens does not show the point."""
+    _, _, body = _in_body(seen, state)
+    left = np.full((len(body), 2), np.nan)
+    for k, camera in enumerate(state.rig):
+        at = np.flatnonzero(seen.index[:, 2] == k)
+        inside = frames.apply(frames.invert(camera.T_body_camera), body[at])
+        left[at] = seen.pixels[at] - errors.pixels(camera, state.tangential[k], inside)
+    return left
+
+
+def _in_body(seen: Observations, state: State) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """R_body_world (o, 3, 3), how fast the points move in the body frame (o, 3) m/s, and where they are (o, 3) m."""
     point, instant, number = seen.index.T
     T = state.T_world_body[instant]
     R_body_world = np.swapaxes(T[:, :3, :3], 1, 2)
@@ -232,7 +331,12 @@ def linearise(seen: Observations, state: State, tried: Sequence[Candidate]) -> _
     lag_s = state.offset_s[number] + state.shutter_s[number] * (seen.pixels[:, 1] / height[number] - 0.5)
     still = np.einsum("oij,oj->oi", R_body_world, state.points_world[point] - T[:, :3, 3])
     drift = -(rate[:, 3:] + np.cross(rate[:, :3], still))
-    body = still + lag_s[:, None] * drift
+    return R_body_world, drift, still + lag_s[:, None] * drift
+
+
+def linearise(seen: Observations, state: State, tried: Sequence[Candidate]) -> _Rows:
+    point, _, number = seen.index.T
+    R_body_world, drift, body = _in_body(seen, state)
     residual = np.full((len(point), 2), np.nan)
     pose, of_point = np.zeros((len(point), 2, 6)), np.zeros((len(point), 2, 3))
     width = sum(len(c.kind.units) for c in tried)
@@ -300,32 +404,16 @@ def _robust(residual: FloatArray, unknowns: int) -> tuple[float, FloatArray]:
     return left_px / np.sqrt(max(1.0 - unknowns / residual.size, _LEAST_REDUNDANCY)), weight
 
 
-def _shift_matrices(
-    rows: _Rows, tried: Sequence[Candidate], number: np.ndarray, rig: Rig
-) -> dict[Candidate, FloatArray]:
-    """For each candidate (n, n): the mean square shift per unit of its parameters, over the camera's observations."""
-    names = [camera.name for camera in rig]
-    found: dict[Candidate, FloatArray] = {}
-    start = 0
-    for c in tried:
-        stop = start + len(c.kind.units)
-        own = rows.calibration[number == names.index(c.camera), :, start:stop]
-        found[c] = np.einsum("oki,okj->ij", own, own) / max(len(own), 1)
-        start = stop
-    return found
-
-
-def _held(poses: FloatArray) -> FloatArray:
-    """The poses' part of the normal equations, held by a small ridge in the directions that move the whole map."""
-    return poses + (_RIDGE * np.trace(poses) + _RIDGE) * np.eye(len(poses))
-
-
 def _blocks(values: FloatArray, column: np.ndarray, count: int) -> sp.csr_matrix:
     """(o, 2, w) blocks as rows (2o) of a sparse matrix with `count` blocks of w columns."""
     rows, height, width = values.shape
     columns = np.repeat(column[:, None] * width + np.arange(width), height, axis=0)
     starts = np.arange(0, rows * height * width + 1, width)
     return sp.csr_matrix((values.reshape(-1), columns.reshape(-1), starts), shape=(rows * height, count * width))
+
+
+def _sum(matrices: Iterable[sp.csr_matrix]) -> sp.csr_matrix:
+    return functools.reduce(operator.add, matrices)
 
 
 def _columns(values: FloatArray) -> sp.csr_matrix:

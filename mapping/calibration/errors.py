@@ -52,6 +52,8 @@ PLAUSIBLE = {
     Kind.SHUTTER: 0.1,
 }
 """Standard deviation of each kind of error among camera files, in its unit."""
+BEYOND_THESE_IMAGES = frozenset(Kind) - {Kind.RADIAL, Kind.HIGHER, Kind.TANGENTIAL}
+"""Errors that hurt in other images even if they move these by nothing, as a rolling shutter does while the vehicle stands."""
 _OF_THE_FIRST = (Kind.FOCAL, Kind.CENTRE, Kind.RADIAL, Kind.HIGHER, Kind.TANGENTIAL, Kind.SHUTTER)
 """The first camera defines the body's pose and clock: no match can show it turned, moved or late."""
 
@@ -102,14 +104,15 @@ def projection(camera: Camera, tangential: FloatArray, inside: FloatArray) -> tu
     for axis in range(3):
         shift = np.zeros_like(inside)
         shift[:, axis] = step
-        ahead, behind = (_pixels(camera, tangential, inside + sign * shift) for sign in (1.0, -1.0))
+        ahead, behind = (pixels(camera, tangential, inside + sign * shift) for sign in (1.0, -1.0))
         slope[:, :, axis] = (ahead - behind) / (2.0 * step[:, None])
-    return _pixels(camera, tangential, inside), slope
+    return pixels(camera, tangential, inside), slope
 
 
-def _pixels(camera: Camera, tangential: FloatArray, inside: FloatArray) -> FloatArray:
-    pixels = camera.project(inside)
-    return pixels + _decentring(camera, pixels) @ tangential
+def pixels(camera: Camera, tangential: FloatArray, inside: FloatArray) -> FloatArray:
+    """(o, 2) of points (o, 3) in the camera frame; NaN where the lens does not show them."""
+    ideal = camera.project(inside)
+    return ideal + _decentring(camera, ideal) @ tangential
 
 
 def _decentring(camera: Camera, pixels: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ import numpy as np
 
 from flight import FloatArray
 from mapping.calibration.adjustment import Normal, Observations, adjust, twists
-from mapping.calibration.errors import Candidate, Kind, State, candidates
+from mapping.calibration.errors import BEYOND_THESE_IMAGES, PLAUSIBLE, Candidate, Kind, State, candidates
 from mapping.rig import Rig
 
 LEAST_GAIN = 30.0
@@ -23,6 +23,8 @@ NOTICEABLE_PX = 0.10
 SIGMAS90 = 1.645
 """Half width of a 90 % interval, in standard deviations."""
 
+_NARROWED = 0.1
+"""An error whose standard deviation is still this share of what is plausible was not looked at by the matches."""
 _MOST_ROUNDS = 4
 
 
@@ -66,6 +68,19 @@ class Finding:
             "largest_shift_px": self.largest_shift_px,
             "gain": self.gain,
         }
+
+    @staticmethod
+    def from_dict(numbers: dict[str, Any]) -> "Finding":
+        """The finding that `as_dict` described."""
+        return Finding(
+            Candidate(numbers["camera"], Kind(numbers["error"])),
+            Verdict(numbers["verdict"]),
+            np.array(numbers["size"]),
+            np.array(numbers["std"]),
+            numbers["shift_px"],
+            numbers["largest_shift_px"],
+            numbers["gain"],
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -152,6 +167,10 @@ def _eliminate(normal: "Normal", sizes: dict[Candidate, FloatArray]) -> list[Can
         least = min(left, key=lambda c: missed[c])
         if missed[least] > LEAST_GAIN:
             break
+        # the higher terms can take the place of k1, three numbers for one: where both may go, they go first
+        higher = Candidate(least.camera, Kind.HIGHER)
+        if least.kind is Kind.RADIAL and missed.get(higher, np.inf) <= LEAST_GAIN:
+            least = higher
         left.remove(least)
         given_up |= _undone(sizes, least)
     return left
@@ -172,6 +191,8 @@ def _finding(
     largest_px = shift_px + SIGMAS90 * normal.spread_px(c, covariance[own, own])
     without = [other for other in chosen if other != c]
     gain = normal.gain(chosen, {}) - normal.gain(without, _undone(sizes, c))
-    acquitted = Verdict.EXCLUDED if largest_px < NOTICEABLE_PX else Verdict.UNKNOWN
-    verdict = Verdict.PRESENT if c in present else acquitted
-    return Finding(c, verdict, size, np.sqrt(np.diag(covariance)[own]), shift_px, largest_px, gain)
+    std = np.sqrt(np.diag(covariance)[own])
+    narrowed = c.kind not in BEYOND_THESE_IMAGES or bool((std < _NARROWED * PLAUSIBLE[c.kind]).all())
+    excluded = largest_px < NOTICEABLE_PX and narrowed and normal.is_redundant
+    acquitted = Verdict.EXCLUDED if excluded else Verdict.UNKNOWN
+    return Finding(c, Verdict.PRESENT if c in present else acquitted, size, std, shift_px, largest_px, gain)

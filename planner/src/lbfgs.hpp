@@ -5,7 +5,6 @@
 #include <atomic>
 #include <cmath>
 #include <cstddef>
-#include <numeric>
 #include <vector>
 
 namespace goshawk {
@@ -85,7 +84,12 @@ class Lbfgs {
     double scale_ = 1.0;  // of the metric, so that it fits the last change
 
     static double dot(const std::vector<double>& a, const std::vector<double>& b) {
-        return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
+        double sums[4] = {};  // four at a time: one sum would wait for each addition
+        std::size_t i = 0;
+        for (; i + 4 <= a.size(); i += 4)
+            for (std::size_t l = 0; l < 4; ++l) sums[l] += a[i + l] * b[i + l];
+        for (; i < a.size(); ++i) sums[0] += a[i] * b[i];
+        return (sums[0] + sums[1]) + (sums[2] + sums[3]);
     }
 
     template <class Metric>

@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "passing.hpp"
 #include "smoothing.hpp"
 
 namespace goshawk {
@@ -52,6 +53,8 @@ Problem::Problem(std::size_t segments, std::size_t samples, const Airframe& airf
       offsets_(segments * packs_ * kLimits * kLanes),
       distance_(segments * packs_ * kLanes),
       uphill_(segments * packs_ * 3 * kLanes),
+      scaled_(segments),
+      force_(segments),
       states_((segments + 1) * kKnot),
       by_states_((segments + 1) * kKnot),
       given_((segments + 1) * kKnot),
@@ -101,13 +104,17 @@ void Problem::start(const double* knots, const double* durations) {
     std::copy(given_.begin(), given_.end(), states_.begin());
     for (std::size_t i = 0; i <= segments_; ++i) std::copy_n(knots + i * kAxes, kAxes, &states_[i * kKnot]);
     fill_states<kAxes>(system_, states_.data(), durations, segments_, held_.data());
+    for (std::size_t i = 0; i < segments_; ++i) {
+        scaled_[i] = scaled_ends<kAxes>(states_.data(), i, durations[i]);
+        force_[i] = times_form(scaled_[i]);
+    }
 }
 
 // A distance holds for a ball: samples that have not left theirs need not be asked again.
-void Problem::ask_distances(const double* durations) {
+void Problem::ask_distances() {
     asked_.clear();
     for (std::size_t i = 0; i < segments_; ++i) {
-        const Ends<kAxes> scaled = scaled_ends<kAxes>(states_.data(), i, durations[i]);
+        const Ends<kAxes>& scaled = scaled_[i];
         for (std::size_t s = 0; s < samples_; ++s) {
             double point[3] = {};
             for (std::size_t a = 0; a < kStates; ++a)
@@ -135,7 +142,7 @@ void Problem::ask_distances(const double* durations) {
 
 // Everything that is charged along one segment; its gradient goes to the states of both ends and to T.
 double Problem::segment_cost(std::size_t i, double T, double& by_T) {
-    const Ends<kAxes> scaled = scaled_ends<kAxes>(states_.data(), i, T);
+    const Ends<kAxes>& scaled = scaled_[i];
     double by_scaled[kStates][kAxes], longer;
     const double cost =
         kernels_.cost(samples_of(i), airframe_of(i), prices_, clearance_m_, scaled.row, T, by_scaled, longer);
@@ -153,9 +160,8 @@ double Problem::segment_cost(std::size_t i, double T, double& by_T) {
 
 // Price of the snap of x, y, z along one segment.
 double Problem::snap_cost(std::size_t i, double T, double& by_T) {
-    const Ends<kAxes> scaled = scaled_ends<kAxes>(states_.data(), i, T);
-    const Ends<kAxes> force = times_form(scaled);
-    const double scale = prices_.snap / std::pow(T, 7);
+    const Ends<kAxes>&scaled = scaled_[i], &force = force_[i];
+    const double scale = prices_.snap / seventh_power(T);
     double cost = 0.0, power = scale;
     double* out = &by_states_[i * kKnot];
     for (int r = 0; r < kOrders; ++r, power *= T)
@@ -181,10 +187,10 @@ void Problem::adjoint(const double* durations, double* by_knots, double* by_dura
     std::fill_n(&multipliers[0], kKnot, 0.0);
     std::fill_n(&multipliers[segments_ * kKnot], kKnot, 0.0);
     for (std::size_t i = 0; i < segments_; ++i) {
-        const double T = durations[i], scale = 1.0 / std::pow(T, 7);
-        const Ends<kAxes> scaled = scaled_ends<kAxes>(states_.data(), i, T);
+        const double T = durations[i], scale = 1.0 / seventh_power(T);
+        const Ends<kAxes>&scaled = scaled_[i], &force = force_[i];
         const Ends<kAxes> multiplier = scaled_ends<kAxes>(multipliers.data(), i, T);
-        const Ends<kAxes> force = times_form(scaled), pull = times_form(multiplier);
+        const Ends<kAxes> pull = times_form(multiplier);
         for (int a = 0; a < kStates; ++a) {
             const int order = a % kOrders;
             for (int x = 0; x < kAxes; ++x)
@@ -233,6 +239,22 @@ double Problem::gate_cost(const double* knots, double* by_knots) const {
     return cost;
 }
 
+// Of the velocity at every gate, along the cross product of its edges; its gradient goes to the states.
+double Problem::passing_cost() {
+    const PassingCost passing{prices_.limits};
+    double cost = 0.0;
+    for (std::size_t i = 0; i <= segments_; ++i) {
+        const double *left = &gates_[9 * i + 3], *up = left + 3;
+        double normal[3] = {left[1] * up[2] - left[2] * up[1], left[2] * up[0] - left[0] * up[2],
+                            left[0] * up[1] - left[1] * up[0]};
+        const double size = std::sqrt(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]);
+        if (!(size > 0.0)) continue;
+        for (double& x : normal) x /= size;
+        cost += passing.value(&states_[i * kKnot + kAxes], normal, &by_states_[i * kKnot + kAxes]);
+    }
+    return cost;
+}
+
 // Along the axes that are free; of a knot in a gate along the gate's edges, and in yaw.
 std::vector<Problem::Direction> Problem::directions(const unsigned char* free) const {
     std::vector<Direction> found;
@@ -256,7 +278,7 @@ std::vector<Problem::Direction> Problem::directions(const unsigned char* free) c
 
 double Problem::evaluate(const double* knots, const double* durations, double* by_knots, double* by_durations) {
     start(knots, durations);
-    if (prices_.clearance > 0.0) ask_distances(durations);
+    if (prices_.clearance > 0.0) ask_distances();
     std::fill(by_states_.begin(), by_states_.end(), 0.0);
     double cost = 0.0;
     for (std::size_t i = 0; i < segments_; ++i) {
@@ -264,6 +286,7 @@ double Problem::evaluate(const double* knots, const double* durations, double* b
         cost += durations[i] + segment_cost(i, durations[i], by_durations[i]);
         if (prices_.snap > 0.0) cost += snap_cost(i, durations[i], by_durations[i]);
     }
+    cost += passing_cost();
     adjoint(durations, by_knots, by_durations);
     return cost + ball_cost(knots, by_knots) + gate_cost(knots, by_knots);
 }
@@ -292,7 +315,6 @@ Descent Problem::minimise(double* knots, double* durations, const unsigned char*
         std::copy(held.begin(), held.end(), knots);
         for (std::size_t n = 0; n < moving.size(); ++n) moving[n].add(from[segments_ + n], knots);
     };
-    Smoothing smoothing(durations, segments_, free, held_.data());
     const auto function = [&](const std::vector<double>& at, std::vector<double>& gradient) {
         unpack(at);
         const double cost = evaluate(knots, durations, by_knots.data(), by_durations.data());
@@ -300,8 +322,14 @@ Descent Problem::minimise(double* knots, double* durations, const unsigned char*
         for (std::size_t n = 0; n < moving.size(); ++n) gradient[segments_ + n] = moving[n].dot(by_knots.data());
         return cost;
     };
-    const Descent found =
-        method.minimise(x, function, [&](std::vector<double>& step) { smoothing.apply(step, moving); });
+    const auto descend = [&](auto&& metric) { return method.minimise(x, function, metric); };
+    Descent found;
+    if (moving.empty()) {  // times alone bend no path: plain steps come as far in two thirds of the iterations
+        found = descend([](std::vector<double>&) {});
+    } else {
+        Smoothing smoothing(durations, segments_, free, held_.data());
+        found = descend([&](std::vector<double>& step) { smoothing.apply(step, moving); });
+    }
     unpack(x);
     return found;
 }

@@ -73,13 +73,14 @@ class Problem {
         double centre[3] = {}, radius = -1.0;
     };
     void start(const double* knots, const double* durations);
-    void ask_distances(const double* durations);
+    void ask_distances();
     double segment_cost(std::size_t i, double T, double& by_T);
     Airframe airframe_of(std::size_t segment) const;
     Samples samples_of(std::size_t segment) const;
     double snap_cost(std::size_t i, double T, double& by_T);
     double ball_cost(const double* knots, double* by_knots) const;
     double gate_cost(const double* knots, double* by_knots) const;
+    double passing_cost();
     std::vector<Direction> directions(const unsigned char* free) const;
     void adjoint(const double* durations, double* by_knots, double* by_durations);
 
@@ -95,6 +96,7 @@ class Problem {
     Distances distances_;
     const Kernels& kernels_;
     std::vector<double> basis_, share_, offsets_, distance_, uphill_;  // see Samples
+    std::vector<Ends<kAxes>> scaled_, force_;  // scaled states of each segment, and what its snap grows by with each
     std::vector<double> states_, by_states_, given_, reference_, speeds_, balls_, gates_;
     std::vector<unsigned char> held_;
     std::vector<double> target_;  // x, y; empty if the vehicle looks along its path

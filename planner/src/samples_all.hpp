@@ -29,12 +29,11 @@ struct Instants {
     }
 };
 
-inline Real cosine(Real a) {
-    return each(a, [](double x) { return std::cos(x); });
-}
-
-inline Real sine(Real a) {
-    return each(a, [](double x) { return std::sin(x); });
+inline void turn(Real angle, Real& cosine, Real& sine) {
+    for (int l = 0; l < kLanes; ++l) {
+        cosine[l] = std::cos(angle[l]);
+        sine[l] = std::sin(angle[l]);
+    }
 }
 
 [[gnu::flatten]] double cost(const Samples& samples, const Airframe& airframe, const Prices& prices, double clearance_m,
@@ -47,7 +46,9 @@ inline Real sine(Real a) {
         const double *basis = samples.basis + p * kOrders * kEnds * kLanes, *g = samples.uphill + p * 3 * kLanes;
         const Instants at(basis, scaled, T);
         const Motion motion = at.motion();
-        const Real c = cosine(motion.yaw), s = sine(motion.yaw), share = four(samples.share + p * kLanes);
+        const Real share = four(samples.share + p * kLanes);
+        Real c, s;
+        turn(motion.yaw, c, s);
         Motion by;
         const Demand demand(airframe, motion, c, s);
         const Real exceeded = limits.density(demand, samples.offsets + p * kLimits * kLanes, by);
@@ -84,8 +85,9 @@ inline Real sine(Real a) {
                              double* out) {
     for (std::size_t p = 0; p < samples.packs; ++p) {
         const Motion motion = Instants(samples.basis + p * kOrders * kEnds * kLanes, scaled, T).motion();
-        Real over[kLimits];
-        Demand(airframe, motion, cosine(motion.yaw), sine(motion.yaw)).excess(over);
+        Real over[kLimits], c, s;
+        turn(motion.yaw, c, s);
+        Demand(airframe, motion, c, s).excess(over);
         for (int limit = 0; limit < kLimits; ++limit)
             for (int l = 0; l < kLanes; ++l) *out++ = over[limit][l];
     }

@@ -38,14 +38,22 @@ class Banded {
             }
     }
 
+    // In place for columns x (size, columns).
+    template <int kColumns>
     void solve(double* x) const {
+        const auto subtract = [&](std::size_t to, std::size_t from, double factor) {
+            for (int c = 0; c < kColumns; ++c) x[to * kColumns + c] -= factor * x[from * kColumns + c];
+        };
+        const auto scale = [&](std::size_t i) {
+            for (int c = 0; c < kColumns; ++c) x[i * kColumns + c] *= at(i, i);
+        };
         for (std::size_t i = 0; i < size_; ++i) {
-            for (std::size_t j = first(i); j < i; ++j) x[i] -= at(i, j) * x[j];
-            x[i] *= at(i, i);
+            for (std::size_t j = first(i); j < i; ++j) subtract(i, j, at(i, j));
+            scale(i);
         }
         for (std::size_t i = size_; i-- > 0;) {
-            x[i] *= at(i, i);
-            for (std::size_t j = first(i); j < i; ++j) x[j] -= at(i, j) * x[i];
+            scale(i);
+            for (std::size_t j = first(i); j < i; ++j) subtract(j, i, at(i, j));
         }
     }
 
@@ -62,7 +70,7 @@ class Banded {
 class Smoothing {
   public:
     Smoothing(const double* durations, std::size_t segments, const unsigned char* free, const unsigned char* held)
-        : times_(segments, 2), column_(kOrders * (segments + 1)) {
+        : times_(segments, 2), positions_(kOrders * (segments + 1), kStates - 1), yaw_(positions_) {
         for (std::size_t i = 0; i < segments; ++i) times_.at(i, i) = kTimes;
         for (std::size_t i = 2; i < segments; ++i) {  // (x_i - 2 x_i-1 + x_i-2)^2
             const double row[3] = {1.0, -2.0, 1.0};
@@ -70,48 +78,59 @@ class Smoothing {
                 for (std::size_t b = 0; b <= a; ++b) times_.at(i - 2 + a, i - 2 + b) += kBends * row[a] * row[b];
         }
         times_.factor();
-        Banded snap(column_.size(), kStates - 1);
-        for (std::size_t i = 0; i <= segments; ++i) snap.at(kOrders * i, kOrders * i) = 1.0;
-        for (std::size_t i = 0; i < segments; ++i)
+        for (std::size_t i = 0; i <= segments; ++i) positions_.at(kOrders * i, kOrders * i) = 1.0;
+        for (std::size_t i = 0; i < segments; ++i) {
+            double power[kStates - 1];  // of the duration, from -7 to -1
+            power[0] = std::pow(durations[i], -7.0);
+            for (std::size_t k = 1; k < kStates - 1; ++k) power[k] = power[k - 1] * durations[i];
             for (std::size_t a = 0; a < kStates; ++a)
                 for (std::size_t b = 0; b <= a; ++b)
-                    snap.at(kOrders * i + a, kOrders * i + b) +=
-                        kSnap * snap_form()[a][b] *
-                        std::pow(durations[i], static_cast<double>(a % kOrders + b % kOrders) - 7.0);
-        for (std::size_t axis = 0; axis < kAxes; ++axis) {
-            knots_.push_back(snap);
-            for (std::size_t i = 0; i <= segments; ++i) {
-                if (!free[i * kAxes + axis]) knots_[axis].pin(kOrders * i);
-                if (held[i]) knots_[axis].pin(kOrders * i + 1);
-                for (std::size_t r = 1; r < kOrders && (i == 0 || i == segments); ++r)
-                    knots_[axis].pin(kOrders * i + r);
-            }
-            knots_[axis].factor();
+                    positions_.at(kOrders * i + a, kOrders * i + b) +=
+                        kSnap * snap_form()[a][b] * power[a % kOrders + b % kOrders];
         }
+        for (std::size_t i = 0; i <= segments; ++i)
+            for (std::size_t r = 1; r < kOrders; ++r)
+                if (i == 0 || i == segments || (r == 1 && held[i])) positions_.pin(kOrders * i + r);
+        yaw_ = positions_;
+        for (std::size_t i = 0; i <= segments; ++i) {
+            const unsigned char* marks = free + i * kAxes;
+            if (!(marks[0] || marks[1] || marks[2])) positions_.pin(kOrders * i);
+            if (!marks[3]) yaw_.pin(kOrders * i);
+        }
+        positions_.factor();
+        yaw_.factor();
+        column_.resize(3 * kOrders * (segments + 1));
     }
 
     // From a gradient by log durations and along the directions in which knots move to the step that it asks for, in
     // place. A direction has a `knot` and how far it goes `along` each axis.
     template <typename Direction>
     void apply(std::vector<double>& x, const std::vector<Direction>& moving) {
+        times_.solve<1>(x.data());
         double* steps = x.data() + (x.size() - moving.size());
-        times_.solve(x.data());
         found_.assign(moving.size(), 0.0);
-        for (std::size_t axis = 0; axis < kAxes; ++axis) {
-            std::fill(column_.begin(), column_.end(), 0.0);
-            for (std::size_t n = 0; n < moving.size(); ++n)
-                column_[moving[n].knot * kOrders] += moving[n].along[axis] * steps[n];
-            knots_[axis].solve(column_.data());
-            for (std::size_t n = 0; n < moving.size(); ++n)
-                found_[n] += moving[n].along[axis] * column_[moving[n].knot * kOrders];
-        }
+        apply<3>(positions_, 0, steps, moving);
+        apply<1>(yaw_, 3, steps, moving);
         std::copy(found_.begin(), found_.end(), steps);
     }
 
   private:
     static constexpr double kTimes = 10.0, kBends = 10.0, kSnap = 1e-4;
-    Banded times_;
-    std::vector<Banded> knots_;
+
+    // Adds to `found_` what the steps along so many axes, from `axis` on, become.
+    template <int kColumns, typename Direction>
+    void apply(const Banded& metric, int axis, const double* steps, const std::vector<Direction>& moving) {
+        std::fill(column_.begin(), column_.end(), 0.0);
+        for (std::size_t n = 0; n < moving.size(); ++n)
+            for (int c = 0; c < kColumns; ++c)
+                column_[moving[n].knot * kOrders * kColumns + c] += moving[n].along[axis + c] * steps[n];
+        metric.solve<kColumns>(column_.data());
+        for (std::size_t n = 0; n < moving.size(); ++n)
+            for (int c = 0; c < kColumns; ++c)
+                found_[n] += moving[n].along[axis + c] * column_[moving[n].knot * kOrders * kColumns + c];
+    }
+
+    Banded times_, positions_, yaw_;
     std::vector<double> column_, found_;
 };
 

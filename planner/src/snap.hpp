@@ -41,6 +41,11 @@ inline const double (&snap_form()) [kStates][kStates] {
     return form.entry;
 }
 
+inline double seventh_power(double T) {
+    const double cube = T * T * T;
+    return cube * cube * T;
+}
+
 // Scaled states of a segment, or anything of that shape, for a number of axes known when compiled.
 template <int A>
 struct Ends {
@@ -182,7 +187,7 @@ void fill_states(SnapSystem& system, double* states, const double* durations, st
     for (std::size_t i = 0; i < segments; ++i) {
         const double T = durations[i];
         const Ends<A> force = times_form(scaled_ends<A>(states, i, T));
-        const double scale = 1.0 / (T * T * T * T * T * T * T);
+        const double scale = 1.0 / seventh_power(T);
         if (i > 0) {
             double* r = &right[(i - 1) * 3 * A];
             double then = from, now = scale;

@@ -10,6 +10,7 @@ from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
 from sysid.logs import consistency, contact
 from sysid.logs.finding import Finding, Repair, Span, error, warning
+from sysid.logs.read_ulog import LOST
 from vehicle import Vehicle
 
 FROZEN_S = 0.25
@@ -65,7 +66,7 @@ def check_log(log: FlightLog, vehicle: Vehicle | None = None, *, progress: Progr
     """Look for faults in a log; with a vehicle, also for rotor order, spin and units that its motion contradicts."""
     progress("checking", 0.0)
     step_s = np.diff(log.time_s)
-    findings = [*_time_base(log), *_not_finite(log), *_jumps(log), *_frozen(log), *_saturated(log)]
+    findings = [*_lost(log), *_time_base(log), *_not_finite(log), *_jumps(log), *_frozen(log), *_saturated(log)]
     findings += _contact(log)
     compared, inconclusive = consistency.check(log, vehicle, progress)
     progress("checking", 1.0)
@@ -76,6 +77,13 @@ def check_log(log: FlightLog, vehicle: Vehicle | None = None, *, progress: Progr
         rate_hz=float(1.0 / np.median(step_s)) if len(step_s) else 0.0,
         findings=tuple(findings),
         inconclusive=tuple(inconclusive),
+    )
+
+
+def _lost(log: FlightLog) -> list[Finding]:
+    lost = log.metadata.get(LOST)
+    return (
+        [warning("incomplete file", str(lost), "copy it from the vehicle again if it is whole there")] if lost else []
     )
 
 

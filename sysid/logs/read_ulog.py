@@ -1,5 +1,7 @@
 """PX4 logs (ULog): pose, rates, motor commands, ESC speed and battery, turned into our frames and units."""
 
+import contextlib
+import io
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,10 @@ from flight.rotations import FloatArray
 from sysid.logs.streams import interpolated, joined
 
 RPM = 2.0 * np.pi / 60.0
+LOST = "lost"
+"""Key of a log's metadata: a sentence on what of the file could not be read."""
+_HEADER_BYTES = 16
+_MESSAGE_TYPES = b"ABCDFILMOPQRS"  # https://docs.px4.io/main/en/dev_log/ulog_file_format
 
 
 def read(path: Path) -> FlightLog:
@@ -18,6 +24,8 @@ def read(path: Path) -> FlightLog:
 
     Rows are the instants of `vehicle_local_position`, with the faster attitude and rates interpolated there, and those
     of the ESCs (NaN elsewhere). Motor commands (0 to 1) become `motor_command_0_ratio` and so on.
+
+    A file that was cut or damaged is read as far as it goes; the metadata then say under `LOST` what is missing.
 
     Raises:
         InputError: there is no such file, or it lacks position or attitude.
@@ -29,7 +37,9 @@ def read(path: Path) -> FlightLog:
     from pyulog import ULog
 
     try:
-        topics = {d.name: d.data for d in ULog(str(path)).data_list if d.multi_id == 0}
+        with contextlib.redirect_stdout(io.StringIO()):  # pyulog prints what `_lost` says with the place
+            ulog = ULog(str(path))
+        topics = {d.name: d.data for d in ulog.data_list if d.multi_id == 0}
     except Exception as error:  # pyulog raises whatever its parser stumbles over
         raise FormatError(f"{path} is not a readable ULog file: {error}") from error
     for name in ("vehicle_local_position", "vehicle_attitude"):
@@ -39,8 +49,39 @@ def read(path: Path) -> FlightLog:
     for part in (_rates(topics), _accelerations(topics), _motors(topics), _battery(topics)):
         columns |= interpolated(columns["time_s"], part)
     columns = joined(columns, _rotor_speeds(topics))
-    columns["time_s"] = columns["time_s"] - columns["time_s"][0]
-    return FlightLog(columns, {"name": path.stem, "source": path.name})
+    if not len(columns["time_s"]):
+        raise InputError(f"{path}: no position falls within the time of the attitude; record both for 10 s or more")
+    begin_s = columns["time_s"][0]
+    columns["time_s"] = columns["time_s"] - begin_s
+    lost = _lost(path.read_bytes(), 1e-6 * ulog.last_timestamp - begin_s, damaged=ulog.file_corruption)
+    return FlightLog(columns, {"name": path.stem, "source": path.name} | ({LOST: lost} if lost else {}))
+
+
+def _lost(content: bytes, last_s: float, *, damaged: bool) -> str:
+    """Which bytes of a ULog file are no whole messages, in one sentence; empty: none.
+
+    A file that was cut between two messages looks whole: the format has no mark of the end.
+
+    Args:
+        last_s: time of the last message that was read, in the log's own time.
+        damaged: whether pyulog skipped messages.
+    """
+    at, end = _HEADER_BYTES, len(content)
+    while at < end:
+        head = content[at : at + 3]  # size of the body (16 bits), type
+        if len(head) == 3 and head[2] not in _MESSAGE_TYPES:
+            return (
+                f"the file is damaged at byte {at} of {end}: messages from there on are missing; the last one that "
+                f"could be read is at {last_s:.3f} s"
+            )
+        size = 3 + int.from_bytes(head[:2], "little") if len(head) == 3 else 3
+        if at + size > end:
+            return (
+                f"the file was cut: it ends at byte {end}, {at + size - end} bytes before the end of a message, and "
+                f"nothing after {last_s:.3f} s is in it"
+            )
+        at += size
+    return f"the file is damaged: messages before {last_s:.3f} s could not be read" if damaged else ""
 
 
 def _time(data: dict[str, Any]) -> FloatArray:

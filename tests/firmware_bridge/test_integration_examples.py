@@ -17,7 +17,7 @@ import pytest
 from firmware_bridge import connect
 from firmware_bridge.link import Command
 from flight import Trajectory, TrajectoryFile
-from flight.trajectory import fingerprint
+from flight.trajectory import fingerprint, sealed
 
 ROOT = Path(__file__).resolve().parents[2]
 LIBRARY = ROOT / "firmware_bridge" / "controller"
@@ -226,7 +226,7 @@ def _plan() -> TrajectoryFile:
         pieces[i, 0, 0], pieces[i, 2, 0] = start, 1.0
         pieces[i, 0, 4:] = step * np.array([35.0, -84.0, 70.0, -20.0]) / 1.5 ** np.arange(4, 8)
     path = Trajectory(np.full(2, 1.5), pieces)
-    return TrajectoryFile(
+    item = TrajectoryFile(
         trajectory=path,
         name="out and back",
         map_hash="ab" * 32,
@@ -234,6 +234,7 @@ def _plan() -> TrajectoryFile:
         waypoints_world_m=np.zeros((2, 3)),
         check={"passed": True, "trajectory_hash": fingerprint(path)},
     )
+    return sealed(item)
 
 
 def test_the_posix_example_flies_a_plan_over_the_link(posix, tmp_path):

@@ -1,6 +1,9 @@
 """Polynomial identities, and what a trajectory keeps when it is cut, stretched, turned round or saved."""
 
 import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -165,6 +168,50 @@ def test_a_damaged_trajectory_file_is_refused(tmp_path, damage):
         path.write_text(json.dumps(document | change[damage]))
     with pytest.raises(FormatError):
         trajectory.load(path)
+
+
+def checked_file(tmp_path) -> tuple[Path, dict[str, Any]]:
+    """A file as a planner writes it, and its document."""
+    path, item = tmp_path / "t.json", example_file()
+    asked = {"limits": {"speed_m_s": 2.0}, "margin_m": 0.15, "yaw": "along_path"}
+    check = {**item.check, "trajectory_hash": trajectory.fingerprint(item.trajectory), "asked": asked}
+    conditions = {"gate_edges_m": [[[0.0, 0.5, 0.0], [0.0, 0.0, 0.5]]] * 2}
+    trajectory.save(path, trajectory.sealed(replace(item, check=check | {"conditions": conditions})))
+    return path, json.loads(path.read_text())
+
+
+CHANGES = {
+    "a wider gate": lambda d: d["check"]["conditions"]["gate_edges_m"][0][0].__setitem__(1, 0.6),
+    "another limit": lambda d: d["check"]["asked"]["limits"].__setitem__("speed_m_s", 9.0),
+    "less margin": lambda d: d["check"]["asked"].__setitem__("margin_m", 0.05),
+    "more clearance": lambda d: d["check"].__setitem__("clearance_m", 2.0),
+    "no conditions": lambda d: d["check"].pop("conditions"),
+    "no hash": lambda d: d["check"].pop("record_hash"),
+    "another waypoint": lambda d: d["waypoints_world_m"][0].__setitem__(2, 1.5),
+    "another map": lambda d: d.__setitem__("map_hash", "ef" * 32),
+    "another segment": lambda d: d["segments"][0]["x"].__setitem__(0, 0.1),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_any_change_of_what_was_checked_is_noticed(tmp_path, change):
+    path, document = checked_file(tmp_path)
+    assert trajectory.load(path).as_checked
+    CHANGES[change](document)
+    path.write_text(json.dumps(document))
+    assert not trajectory.load(path).as_checked
+
+
+def test_a_file_of_version_1_is_read_and_stays_of_that_version(tmp_path):
+    path, document = checked_file(tmp_path)
+    del document["check"]["record_hash"]
+    path.write_text(json.dumps(document | {"version": 1}))
+    old = trajectory.load(path)
+    assert old.as_checked
+    assert old.record_kept is None
+    trajectory.save(path, old)
+    assert trajectory.load(path).record_kept is None
+    assert trajectory.sealed(old).record_kept
 
 
 def test_a_trajectory_that_would_not_be_read_back_is_not_written(tmp_path):

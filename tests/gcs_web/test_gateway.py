@@ -28,7 +28,13 @@ async def echo(socket: aiohttp.web.WebSocketResponse) -> None:
 async def running_gateway() -> AsyncIterator[tuple[Gateway, viser.ViserServer]]:
     server = viser.ViserServer(host="127.0.0.1", port=18080, verbose=False)
     folder = Path(tempfile.mkdtemp())
-    gateway = Gateway(server.get_port(), serve_page=echo, state=lambda: {"answer": 42}, incoming=folder)
+    gateway = Gateway(
+        server.get_port(),
+        serve_page=echo,
+        state=lambda: {"answer": 42},
+        incoming=folder,
+        share=lambda name: (name, ""),
+    )
     try:
         await gateway.start()
         yield gateway, server

@@ -1,10 +1,12 @@
 """The page in a real browser: edit in table and 3D, undo, save, upload, abort; nothing leaves this machine."""
 
+import contextlib
 import re
 import shutil
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -55,33 +57,68 @@ def browser():
         started.close()
 
 
-@pytest.fixture
-def page(station: GroundStation, browser):
-    """A page that shows the checked plan of the same waypoints, whatever ran before."""
+@contextlib.contextmanager
+def opened(station: GroundStation, browser, *, with_view: bool) -> Iterator[Any]:
+    """The page in a window of its own, which is closed without an error and without a request to elsewhere."""
     foreign: list[str] = []
 
     def only_loopback(route):
-        if route.request.url.startswith(("http://127.0.0.1:", "data:", "blob:")):
+        if not with_view and "/viser/" in route.request.url:
+            route.fulfill(body="", content_type="text/html")
+        elif route.request.url.startswith(("http://127.0.0.1:", "data:", "blob:")):
             route.continue_()
         else:
             foreign.append(route.request.url)
             route.abort()
 
-    session = station.desk.session
-    session.take(Waypoints(START, np.full(3, np.nan)), "test begins", "test")
     context = browser.new_context(viewport=SIZE, reduced_motion="reduce")
     context.set_default_timeout(1000 * PATIENCE_S)  # drawn without a graphics card: slow beside other work
     context.route("**/*", only_loopback)
-    opened = context.new_page()
     errors: list[str] = []
-    opened.on("pageerror", lambda error: errors.append(str(error)))
-    opened.goto(station.url)
-    opened.get_by_text("Checked", exact=True).wait_for()
-    yield opened
+    page = context.new_page()
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto(station.url)
+    yield page
     context.close()
     wait(lambda: not station.hub.people, "the page's leave")
     assert foreign == []
     assert errors == []
+
+
+@pytest.fixture
+def page(station: GroundStation, browser):
+    """A page that shows the checked plan of the same waypoints, whatever ran before.
+
+    Its 3D view stays empty: without a graphics card each view takes 6 s of CPU time to start.
+    """
+    start_again(station)
+    with opened(station, browser, with_view=False) as page:
+        page.get_by_text("Checked", exact=True).wait_for()
+        yield page
+
+
+@pytest.fixture(scope="module")
+def window(station: GroundStation, browser):
+    """A page with its 3D view, for all tests of it: they come last, so that no other test waits for its pictures."""
+    with opened(station, browser, with_view=True) as page:
+        wait(lambda: len(station.server.get_clients()) == 1, "the 3D view")
+        yield page
+
+
+@pytest.fixture
+def page_3d(station: GroundStation, window):
+    """Like `page`, with its 3D view."""
+    start_again(station)
+    window.get_by_text("Checked", exact=True).wait_for()
+    return window
+
+
+def start_again(station: GroundStation) -> None:
+    """Give the station the waypoints that every test begins with."""
+    station.desk.session.take(Waypoints(START, np.full(3, np.nan)), "test begins", "test")
+    wait(
+        lambda: station.desk.answer and station.desk.answer.request.revision == station.desk.session.revision, "a plan"
+    )
 
 
 def positions(station: GroundStation) -> np.ndarray:
@@ -95,36 +132,9 @@ def cell(page, row: int, column: int):
     )
 
 
-def pixel(page, station: GroundStation, point_world_m: np.ndarray) -> tuple[float, float]:
-    """Where the browser draws a point: pinhole projection with the camera the 3D view reports."""
-    camera = next(iter(station.server.get_clients().values())).camera
-    x, y, z = rotations.rotate(rotations.conjugate(camera.wxyz), point_world_m - np.asarray(camera.position))
-    box = page.locator("iframe").bounding_box()
-    scale = 0.5 * box["height"] / np.tan(0.5 * camera.fov)
-    return box["x"] + box["width"] / 2 + scale * x / z, box["y"] + box["height"] / 2 + scale * y / z
-
-
 def drawn(page) -> None:
     """Return when the browser has drawn what it was told so far."""
     page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
-
-
-def dragged(page, station: GroundStation, start_world_m: np.ndarray, end_world_m: np.ndarray) -> bool:
-    """Pull with the mouse as a hand does, each step once the browser has drawn the one before; was it understood?"""
-    before = station.desk.session.revision
-    start, end = (np.array(pixel(page, station, point)) for point in (start_world_m, end_world_m))
-    drawn(page)
-    page.mouse.move(*start)
-    drawn(page)
-    page.mouse.down()
-    for share in np.linspace(0.1, 1.0, 10):
-        page.mouse.move(*(start + share * (end - start)))
-    drawn(page)
-    page.mouse.up()
-    again_s = time.monotonic() + 20.0  # then the handle was not drawn yet when the mouse came down on it
-    while station.desk.session.revision == before and time.monotonic() < again_s:
-        drawn(page)
-    return station.desk.session.revision > before
 
 
 def test_a_cell_is_edited_planned_and_taken_back_by_keyboard(station, page, tmp_path):
@@ -139,60 +149,6 @@ def test_a_cell_is_edited_planned_and_taken_back_by_keyboard(station, page, tmp_
     wait(lambda: np.array_equal(positions(station), START), "undo")
     page.screenshot(path=tmp_path / "page.png")
     assert (tmp_path / "page.png").stat().st_size > 20_000
-
-
-def test_a_waypoint_is_dragged_in_the_3d_view(station, page):
-    wait(lambda: len(station.server.get_clients()) == 1, "the 3D view")
-    page.get_by_role("grid", name="Waypoints").get_by_role("row").nth(2).get_by_role("rowheader").click()
-    pull = np.array([0.0, 0.35, 0.0])
-    grip = START[1] + np.array([0.0, 0.25, 0.0])  # on the handle's y arrow
-    drafts: list[np.ndarray] = []
-    draw, station.view.draw_draft = station.view.draw_draft, lambda path: (drafts.append(path), draw(path))
-    try:
-        wait(lambda: dragged(page, station, grip, grip + pull), "a drag that the view understands")
-        wait(lambda: drafts, "a draft of the path while it was dragged")
-    finally:
-        station.view.draw_draft = draw
-    assert np.linalg.norm(drafts[-1] - positions(station)[1], axis=1).min() < 0.3
-    moved = positions(station)
-    np.testing.assert_allclose(moved[1], START[1] + pull, atol=0.15)
-    np.testing.assert_array_equal(moved[[0, 2]], START[[0, 2]])
-    page.get_by_role("status").get_by_text("Waypoint 1 moved").wait_for()
-
-
-def clicked(page, station: GroundStation, point_world_m: np.ndarray, answered) -> bool:
-    """Click where the browser draws a point; was it answered before the browser drew its next pictures?"""
-    drawn(page)
-    page.mouse.click(*pixel(page, station, point_world_m))
-    again_s = time.monotonic() + 20.0  # then the scene was not drawn yet when it was clicked
-    while not answered() and time.monotonic() < again_s:
-        drawn(page)
-    return answered()
-
-
-def test_a_click_on_the_path_moves_the_cursor_there(station, page):
-    wait(lambda: len(station.server.get_clients()) == 1, "the 3D view")
-    series = station.desk.answer.shown.series
-    k = len(series.time_s) // 3
-    place = np.array([series.x_m[k], series.y_m[k], series.z_m[k]])
-    told: list[float] = []
-    publish, station.view.on_moment = station.view.on_moment, lambda time_s: (told.append(time_s), publish(time_s))
-    try:
-        wait(lambda: clicked(page, station, place, lambda: bool(told)), "the click on the path")
-    finally:
-        station.view.on_moment = publish
-    assert told[-1] == pytest.approx(series.time_s[k], abs=0.3)  # a pixel is a few centimetres
-    page.get_by_text(f"{told[-1]:.2f} s", exact=True).first.wait_for()
-
-
-def test_a_shift_click_on_the_floor_adds_a_waypoint_after_the_last(station, page):
-    wait(lambda: len(station.server.get_clients()) == 1, "the 3D view")
-    floor = np.array([5.5, 2.0, 0.0])
-    page.keyboard.down("Shift")
-    wait(lambda: clicked(page, station, floor, lambda: len(positions(station)) == 4), "the shift-click on the floor")
-    page.keyboard.up("Shift")
-    np.testing.assert_allclose(positions(station)[3], [5.5, 2.0, START[2, 2]], atol=0.05)
-    page.get_by_role("status").get_by_text("Waypoint 3 inserted").wait_for()
 
 
 def verdict(page):
@@ -348,3 +304,81 @@ def test_a_phone_shows_the_vehicle_and_abort_without_scrolling(station, page, tm
     assert box["y"] + box["height"] < 120
     assert box["height"] >= 40
     page.screenshot(path=tmp_path / "phone.png")
+
+
+def pixel(page, station: GroundStation, point_world_m: np.ndarray) -> tuple[float, float]:
+    """Where the browser draws a point: pinhole projection with the camera the 3D view reports."""
+    camera = next(iter(station.server.get_clients().values())).camera
+    x, y, z = rotations.rotate(rotations.conjugate(camera.wxyz), point_world_m - np.asarray(camera.position))
+    box = page.locator("iframe").bounding_box()
+    scale = 0.5 * box["height"] / np.tan(0.5 * camera.fov)
+    return box["x"] + box["width"] / 2 + scale * x / z, box["y"] + box["height"] / 2 + scale * y / z
+
+
+def dragged(page, station: GroundStation, start_world_m: np.ndarray, end_world_m: np.ndarray) -> bool:
+    """Pull with the mouse as a hand does, each step once the browser has drawn the one before; was it understood?"""
+    before = station.desk.session.revision
+    start, end = (np.array(pixel(page, station, point)) for point in (start_world_m, end_world_m))
+    drawn(page)
+    page.mouse.move(*start)
+    drawn(page)
+    page.mouse.down()
+    for share in np.linspace(0.1, 1.0, 10):
+        page.mouse.move(*(start + share * (end - start)))
+    drawn(page)
+    page.mouse.up()
+    again_s = time.monotonic() + 20.0  # then the handle was not drawn yet when the mouse came down on it
+    while station.desk.session.revision == before and time.monotonic() < again_s:
+        drawn(page)
+    return station.desk.session.revision > before
+
+
+def test_a_waypoint_is_dragged_in_the_3d_view(station, page_3d):
+    page_3d.get_by_role("grid", name="Waypoints").get_by_role("row").nth(2).get_by_role("rowheader").click()
+    pull = np.array([0.0, 0.35, 0.0])
+    grip = START[1] + np.array([0.0, 0.25, 0.0])  # on the handle's y arrow
+    drafts: list[np.ndarray] = []
+    draw, station.view.draw_draft = station.view.draw_draft, lambda path: (drafts.append(path), draw(path))
+    try:
+        wait(lambda: dragged(page_3d, station, grip, grip + pull), "a drag that the view understands")
+        wait(lambda: drafts, "a draft of the path while it was dragged")
+    finally:
+        station.view.draw_draft = draw
+    assert np.linalg.norm(drafts[-1] - positions(station)[1], axis=1).min() < 0.3
+    moved = positions(station)
+    np.testing.assert_allclose(moved[1], START[1] + pull, atol=0.15)
+    np.testing.assert_array_equal(moved[[0, 2]], START[[0, 2]])
+    page_3d.get_by_role("status").get_by_text("Waypoint 1 moved").wait_for()
+
+
+def clicked(page, station: GroundStation, point_world_m: np.ndarray, answered) -> bool:
+    """Click where the browser draws a point; was it answered before the browser drew its next pictures?"""
+    drawn(page)
+    page.mouse.click(*pixel(page, station, point_world_m))
+    again_s = time.monotonic() + 20.0  # then the scene was not drawn yet when it was clicked
+    while not answered() and time.monotonic() < again_s:
+        drawn(page)
+    return answered()
+
+
+def test_a_click_on_the_path_moves_the_cursor_there(station, page_3d):
+    series = station.desk.answer.shown.series
+    k = len(series.time_s) // 3
+    place = np.array([series.x_m[k], series.y_m[k], series.z_m[k]])
+    told: list[float] = []
+    publish, station.view.on_moment = station.view.on_moment, lambda time_s: (told.append(time_s), publish(time_s))
+    try:
+        wait(lambda: clicked(page_3d, station, place, lambda: bool(told)), "the click on the path")
+    finally:
+        station.view.on_moment = publish
+    assert told[-1] == pytest.approx(series.time_s[k], abs=0.3)  # a pixel is a few centimetres
+    page_3d.get_by_text(f"{told[-1]:.2f} s", exact=True).first.wait_for()
+
+
+def test_a_shift_click_on_the_floor_adds_a_waypoint_after_the_last(station, page_3d):
+    floor = np.array([5.5, 2.0, 0.0])
+    page_3d.keyboard.down("Shift")
+    wait(lambda: clicked(page_3d, station, floor, lambda: len(positions(station)) == 4), "the shift-click on the floor")
+    page_3d.keyboard.up("Shift")
+    np.testing.assert_allclose(positions(station)[3], [5.5, 2.0, START[2, 2]], atol=0.05)
+    page_3d.get_by_role("status").get_by_text("Waypoint 3 inserted").wait_for()

@@ -114,6 +114,18 @@ def test_the_newest_of_many_requests_is_answered(folder, running):
     assert answers.empty()
 
 
+def test_the_answer_to_an_older_request_of_the_same_revision_leaves_the_newer_one_open(folder, running):
+    """As when the map changed meanwhile: a planner that dies on the newer one must still be told of."""
+    process, answers = running
+    older, newer = request(folder, 150), request(folder, 150)
+    process.request(newer)
+    process._take(planning.Answer(older, None, planning.protocol.Plan(150, "refused", "of the older map")))
+    assert answers.get(timeout=PATIENCE_S).request == older
+    assert process._newest == newer
+    assert answers.get(timeout=PATIENCE_S).request == newer
+    assert process._newest is None
+
+
 def test_a_mission_is_planned_with_laps_stay_and_landing(folder, running):
     process, answers = running
     asked = Mission(

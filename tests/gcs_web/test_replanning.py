@@ -106,3 +106,18 @@ def test_a_plan_on_from_the_last_one_that_was_cancelled_before_it_began_is_not_m
     with pytest.raises(planner.PlanCancelledError):
         replanner.plan(moved(begun, 1, 0.3), KNOWN)
     planned(replanner, moved(begun, 2, 0.3))
+
+
+def test_a_cancel_at_the_moment_the_edit_begins_is_not_lost(begun: Content, monkeypatch):
+    replanner = replanning.Replanner()
+    planned(replanner, begun)
+    move = planner.Planner.move
+
+    def cancelled_first(session: planner.Planner, *arguments, **options) -> planner.Plan:
+        replanner.cancel()
+        return move(session, *arguments, **options)
+
+    monkeypatch.setattr(planner.Planner, "move", cancelled_first)
+    replanner.begin()
+    with pytest.raises(planner.PlanCancelledError):
+        replanner.plan(moved(begun, 1, 0.3), KNOWN)

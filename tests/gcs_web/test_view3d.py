@@ -6,7 +6,8 @@ from unittest.mock import MagicMock
 import numpy as np
 import pytest
 
-from gcs_web import protocol, scene
+from flight import rotations
+from gcs_web import protocol, scene, vehicle_view
 from gcs_web.view3d import View3D
 
 WALL_X_M = 2.0
@@ -56,3 +57,52 @@ def test_a_click_on_the_path_answers_only_while_the_plan_is_checked(view: View3D
     view.draw_plan(None)
     view._clicked(click(0.5))
     assert len(chosen) == 1
+
+
+def drag(phase: str, browser: int) -> SimpleNamespace:
+    return SimpleNamespace(phase=phase, client_id=browser, target=SimpleNamespace(position=(0.0, 0.0, 1.0)))
+
+
+def test_a_drag_in_one_browser_is_not_ended_by_another(view: View3D):
+    pulled, moved = [], []
+    view.on_pull = lambda waypoint, _: pulled.append(waypoint)
+    view.on_drag = lambda waypoint, _: moved.append(waypoint)
+    view._dragged(1, drag("start", browser=1))
+    view._dragged(2, drag("start", browser=2))
+    view._dragged(2, drag("end", browser=2))
+    view._dragged(1, drag("update", browser=1))
+    view._dragged(2, drag("update", browser=2))  # came after its end
+    assert (pulled, moved) == ([1], [2])
+
+
+def test_a_browser_that_leaves_in_the_middle_of_a_drag_moves_nothing_and_ends_the_draft(view: View3D):
+    view.on_drag = lambda *_: pytest.fail("nobody let go")
+    view._dragged(1, drag("start", browser=1))
+    view.draw_draft(np.zeros((2, 3)))
+    assert view._draft is not None
+    view._browser_left(SimpleNamespace(client_id=1))
+    assert view._draft is None
+    view.draw_draft(np.zeros((2, 3)))  # came late
+    assert view._draft is None
+
+
+def test_the_trail_begins_with_arming_goes_where_the_vehicle_was_and_stays_after_landing(monkeypatch):
+    drawn = []
+    monkeypatch.setattr(scene, "draw_vehicle", MagicMock())
+    monkeypatch.setattr(scene, "draw_path", lambda _, path, *__, **___: drawn.append(path) or MagicMock())
+    monkeypatch.setattr(vehicle_view, "_TRAIL_PERIOD_S", 0.0)
+    shown = vehicle_view.VehicleView(MagicMock())
+    flown = np.stack([np.linspace(0.0, 1.0, 21), np.zeros(21), np.ones(21)], axis=1)
+    shown.move(np.array([9.0, 9.0, 0.0]), rotations.IDENTITY)  # carried to the start
+    shown.set_armed(True)
+    for position in flown:
+        shown.move(position, rotations.IDENTITY)
+    np.testing.assert_allclose(drawn[-1][[0, -1]], flown[[0, -1]], atol=0.051)
+    shown.set_armed(False)
+    count = len(drawn)
+    shown.move(np.array([2.0, 0.0, 0.0]), rotations.IDENTITY)
+    assert len(drawn) == count
+    shown.set_armed(True)
+    for position in flown[:3] + 5.0:
+        shown.move(position, rotations.IDENTITY)
+    assert drawn[-1].min() >= 5.0  # a new flight, a new trail

@@ -140,7 +140,7 @@ class Area:
 def test_positions_without_clearance_are_left_out_and_counted(field):
     s = np.linspace(0.0, 1.0, 41)[:, None]
     walked = (1 - s) * [-0.1, 1.5, 1.2] + s * [3.0, 1.5, 1.2]  # begins in the wall, in unknown space
-    options = planner.PlanOptions()
+    options = planner.PlanOptions(radius_m=0.15)
     waypoints, left_out = waypoints_along(walked, 0.10, Area(field), options)
     near_m = field.distance(walked)
     assert left_out == (~(near_m >= options.waypoint_clearance_m)).sum() > 0
@@ -157,7 +157,7 @@ def test_recorded_headings_are_read_and_kept(field, tmp_path):
     yaw = read_headings(path)
     assert yaw is not None
     assert np.isnan(yaw[10])
-    waypoints, _ = waypoints_along(read_path(path), 0.10, Area(field), planner.PlanOptions(), yaw)
+    waypoints, _ = waypoints_along(read_path(path), 0.10, Area(field), planner.PlanOptions(radius_m=0.15), yaw)
     assert len(waypoints.positions_world_m) >= 4
     assert waypoints.yaw_rad[0] == pytest.approx(np.pi / 2)
     assert waypoints.yaw_rad[-1] == 0.0
@@ -166,7 +166,7 @@ def test_recorded_headings_are_read_and_kept(field, tmp_path):
 def test_a_path_without_clearance_is_refused_with_the_remedy(field):
     wall = np.array([[0.05, 1.0, 1.0], [0.05, 2.0, 1.0], [9.0, 9.0, 9.0]])
     with pytest.raises(InputError, match=r"0 of 3 recorded positions .* lower --margin"):
-        waypoints_along(wall, 0.10, Area(field), planner.PlanOptions())
+        waypoints_along(wall, 0.10, Area(field), planner.PlanOptions(radius_m=0.15))
 
 
 def test_the_doctor_checks_every_compiled_part():

@@ -62,6 +62,25 @@ def test_a_folder_or_file_that_is_no_map_vehicle_or_log_is_refused(tmp_path):
     assert "is a file" in run("init", tmp_path / "v.toml", code=2)
 
 
+def test_a_part_that_is_refused_leaves_nothing_new(tmp_path):
+    vehicle.save(tmp_path / "v.toml", vehicle.example())
+    good = ("--vehicle", tmp_path / "v.toml", "--flights", log(tmp_path / "a.parquet"))
+    (tmp_path / "b.parquet").write_bytes(b"PAR1")
+    bad = ("--map", tmp_path)
+    run("init", tmp_path / "new" / "room", *good, *bad, code=2)
+    assert not (tmp_path / "new").exists()
+    run("init", tmp_path / "room", "--flights", tmp_path / "b.parquet", code=2)
+    assert not (tmp_path / "room").exists()
+    run("init", tmp_path / "room")
+    before = sorted((tmp_path / "room").rglob("*"))
+    run("init", tmp_path / "room", *good, *bad, code=2)
+    assert sorted((tmp_path / "room").rglob("*")) == before
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "notes.txt").write_text("mine")
+    run("init", tmp_path / "own", *good, *bad, code=2)
+    assert [path.name for path in (tmp_path / "own").iterdir()] == ["notes.txt"]
+
+
 def test_the_ground_station_names_missing_parts_and_the_commands_that_add_them(tmp_path):
     said = run("gcs", tmp_path / "none", code=2)
     assert f"goshawk init {tmp_path / 'none'}" in said

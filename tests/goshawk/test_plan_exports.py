@@ -12,8 +12,8 @@ import planner
 import vehicle
 from esdf import solids
 from flight import InputError, Trajectory, Waypoints, trajectory
-from goshawk import plan_exports, plan_report
-from planner import gate
+from goshawk import plan_exports
+from planner import gate, plan_report
 from tests.goshawk.running import answer as goshawk
 
 SCENE = solids.Scene([solids.Room((-8.0, -8.0, 0.0), (8.0, 8.0, 3.0)), solids.Cylinder((0.0, 0.0, 1.5), 0.6, 3.0)])
@@ -111,6 +111,7 @@ def test_the_report_is_one_offline_page_with_the_binding_limits(plan, drone):
     loads.feed(text)
     assert not loads.found
     assert "url(" not in text
+    assert "default-src 'none'" in text  # nor may it, wherever it is opened
     assert "<b>round" not in text
     for word in ("passes the gate", "Clearance, m", "Speed, m/s", "Tilt, deg", "Rotor speed, rad/s"):
         assert word in text

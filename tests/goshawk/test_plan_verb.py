@@ -1,5 +1,6 @@
 """`goshawk plan`: missions, yaw modes and batches."""
 
+import fcntl
 import itertools
 import json
 import os
@@ -191,6 +192,59 @@ def test_a_batch_does_not_take_a_changed_trajectory_for_its_own(folder, tmp_path
         row["trajectory_hash"] for row in first["missions"]
     ]
     assert trajectory.load(path).as_checked
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        '{"name": "a"}',
+        '{"name": "a", "key": "x", "status": 3}',
+        '{"name": ["a"], "status": "planned"}',
+        '"a"',
+        "5",
+        "\x00\x00",
+        b"\xff\xfe".decode("latin-1"),
+    ],
+)
+def test_a_damaged_line_of_the_journal_is_passed_over(folder, tmp_path, line):
+    row = batch._row(Path("a.json"), "infeasible", "no way") | {"key": "of a"}
+    job = batch.Job(folder / "map", folder / "vehicle.toml", batch.planner.PlanOptions(), tmp_path)
+    good = json.dumps(row).encode()
+    (tmp_path / batch.JOURNAL).write_bytes(b"\n".join([good, line.encode("latin-1"), good[:-9]]))
+    assert batch._done(job, {"a": "of a"}) == {"a": row}
+
+
+def test_two_batches_do_not_write_to_one_folder(folder, tmp_path):
+    call = ("--batch", folder / "missions", *world(folder), "--out", tmp_path)
+    with open(tmp_path / batch.JOURNAL, "a") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        ended = goshawk("plan", *call)
+    assert ended.returncode == 2
+    assert "another batch is writing to" in ended.stderr
+
+
+def test_a_mission_that_changes_between_runs_or_during_one_is_noticed(folder, tmp_path, monkeypatch):
+    file, out, real = tmp_path / "in" / "a.json", tmp_path / "out", batch.plan_one
+    file.parent.mkdir()
+    call = ("--batch", file.parent, *world(folder), "--out", out)
+
+    def changed_meanwhile(path, job):
+        row = real(path, job)
+        project.save_waypoints(file, ask(LOOP[:3]))
+        return row
+
+    project.save_waypoints(file, ask(LOOP))
+    with monkeypatch.context() as patch:
+        patch.setattr(batch, "plan_one", changed_meanwhile)
+        (row,) = run(*call, code=1)["missions"]
+    assert (row["status"], row["reason"]) == ("failed", "the mission's file was changed during the batch; run it again")
+    assert not batch.trajectory_path(out, "a").exists()
+    assert run(*call)["missions"][0]["status"] == "planned"
+    project.save_waypoints(file, ask(LOOP))
+    ended = goshawk("plan", *call)
+    assert ended.returncode == 2
+    assert "results of other inputs (first: a)" in ended.stderr
+    assert run(*call, "--overwrite")["missions"][0]["status"] == "planned"
 
 
 def test_what_is_finished_after_ctrl_c_is_recorded_too(monkeypatch):

@@ -47,7 +47,7 @@ def save_hops(path: Path, segments: int) -> None:
         here = there
     curve = Trajectory(np.full(segments, 1.2), pieces)
     check = {"passed": True, "trajectory_hash": trajectory.fingerprint(curve)}
-    trajectory.save(path, TrajectoryFile(curve, path.stem, "", "", np.zeros((2, 3)), check))
+    trajectory.save(path, trajectory.sealed(TrajectoryFile(curve, path.stem, "", "", np.zeros((2, 3)), check)))
 
 
 @pytest.fixture

@@ -257,3 +257,60 @@ def test_the_basis_of_a_direction_does_not_jump_when_a_coordinate_changes_sign()
         rig = changed(RIG, 1, T_body_camera=T)
         bases.append(errors._perpendicular(rig.cameras[1], rig.cameras[0]))
     np.testing.assert_allclose(bases[0], bases[1], atol=1e-5)
+
+
+def test_a_vehicle_that_stands_cannot_tell_of_time() -> None:
+    T, points, index, pixels = observed(RIG)
+    first = np.flatnonzero(index[:, 1] == 0)
+    rng = np.random.default_rng(3)
+    again = np.concatenate([index[first] + [0, i, 0] for i in range(8)])
+    noisy = np.tile(pixels[first], (8, 1)) + NOISE_PX * rng.normal(size=(8 * len(first), 2))
+    found = trials.hold(Observations(RIG, np.tile(T[0], (8, 1, 1)), points, again, noisy, TIMES_S[:8]))
+    of_time = [f for f in found.findings if f.candidate.kind in (Kind.OFFSET, Kind.SHUTTER)]
+    assert len(of_time) == 3
+    assert {f.verdict for f in of_time} == {Verdict.UNKNOWN}
+
+
+def test_matches_without_redundancy_exclude_nothing() -> None:
+    T, points, index, pixels = observed(RIG)
+    first_two = (index[:, 1] < 2) & (index[:, 2] == 0) & (index[:, 0] < 60)
+    found = trials.hold(Observations(RIG, T, points, index[first_two], pixels[first_two], TIMES_S))
+    assert {f.verdict for f in found.findings} <= {Verdict.UNKNOWN}
+
+
+def test_what_couples_instants_does_not_grow_with_their_square() -> None:
+    """A long path: each point is seen from a few neighbouring instants only."""
+    counts = []
+    for instants in (20, 80):
+        rng = np.random.default_rng(0)
+        times_s = np.arange(instants) / RATE_HZ
+        T = pose(times_s)
+        middle = np.repeat(np.arange(instants), 20)
+        points = frames.apply(T[middle], rng.uniform([2.0, -1.5, -1.0], [4.0, 1.5, 1.0], (len(middle), 3))[:, None])[
+            :, 0
+        ]
+        index, pixels = [], []
+        for i in range(instants):
+            near = np.flatnonzero(np.abs(middle - i) < 3)
+            seen = image(RIG.cameras[0], times_s[i], points[near], 0.0, 0.0)
+            inside = np.flatnonzero(RIG.cameras[0].contains(seen))
+            index.append(np.column_stack([near[inside], np.full((len(inside), 2), [i, 0])]))
+            pixels.append(seen[inside])
+        seen = Observations(RIG, T, points, np.concatenate(index), np.concatenate(pixels), times_s)
+        state = errors.State(RIG, T, points, np.zeros((2, 2)), np.zeros(2), np.zeros(2))
+        normal = adjustment.Normal(seen, state, [], folds=1)
+        counts.append(sum(part.matrix.nnz for part in normal._eliminated))
+    assert counts[1] < 5.0 * counts[0]
+
+
+def test_a_third_camera_is_tried_like_the_second() -> None:
+    T = RIG.cameras[1].T_body_camera.copy()
+    T[:3, :3] = rotations.matrix(rotations.exp([0.0, 0.0, 1.2])) @ RIG.cameras[0].T_body_camera[:3, :3]
+    T[:3, 3] += [0.0, 0.07, 0.02]
+    left = dataclasses.replace(RIG.cameras[0], name="left", folder="left", T_body_camera=T)
+    told = dataclasses.replace(RIG, cameras=(*RIG.cameras, left))
+    T_true = T.copy()
+    T_true[:3, :3] = T[:3, :3] @ rotations.matrix(rotations.exp(TURN_RAD))
+    found = tried(changed(told, 2, T_body_camera=T_true), told)
+    assert [str(f.candidate) for f in found.present] == ["left: rotation on the body"]
+    np.testing.assert_allclose(found.present[0].size, TURN_RAD, atol=4.5 * float(found.present[0].std.max()))

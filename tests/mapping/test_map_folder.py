@@ -162,6 +162,23 @@ def test_interrupt_leaves_the_old_map(tmp_path: Path) -> None:
     assert stages.finished(tmp_path / "map.work", map_folder.STAGES) == ["features"]
 
 
+def test_changed_images_and_options_make_exactly_what_depends_on_them_again(tmp_path: Path) -> None:
+    images, out = write_images(tmp_path / "images", [noise(k) for k in range(4)]), tmp_path / "map"
+    features = map_folder.work_folder(out) / "features"
+
+    def made(options: MapOptions) -> int:
+        with pytest.raises(stages.Stopped, match="after features"):
+            mapping.build_map(images, RIG, out, options, until="features")
+        return (features / "inputs").stat().st_mtime_ns
+
+    first = made(MapOptions(length=mapping.Length(1.0)))
+    assert made(MapOptions(length=mapping.Length(2.0), dense=mapping.DenseOptions(voxel_m=0.1))) == first
+    other = made(MapOptions(SparseOptions(features=200), length=mapping.Length(1.0)))
+    (images / "00.png").write_bytes((images / "01.png").read_bytes())
+    assert len({first, other, made(MapOptions(SparseOptions(features=200), length=mapping.Length(1.0)))}) == 3
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["images", "map.work"]
+
+
 def test_matching_is_mutual_and_clear() -> None:
     rng = np.random.default_rng(2)
     known = rng.normal(size=(300, 128)).astype(np.float32)

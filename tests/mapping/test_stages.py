@@ -1,6 +1,9 @@
 """Finished stages survive a killed process; a changed input makes exactly what depends on it again; two never share."""
 
+import contextlib
+import errno
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -80,7 +83,8 @@ def test_a_failed_stage_leaves_nothing_that_counts(tmp_path: Path) -> None:
     assert not (tmp_path / "w").exists()
 
 
-def test_a_killed_process_loses_only_the_stage_it_was_in(tmp_path: Path) -> None:
+def test_a_killed_process_loses_only_the_stage_it_was_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stages, "_PATIENCE_S", 0.3)
     words = [sys.executable, "-c", SLOW_WORK, str(tmp_path / "w")]
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as child:
         assert child.stdout is not None
@@ -121,3 +125,70 @@ def test_a_folder_of_someone_else_is_not_taken_over(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="someone else"), stages.begin(mine.parent):
         pass
     assert mine.read_text() == "keep"
+
+
+def test_a_child_process_that_may_still_write_holds_the_lock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stages, "_PATIENCE_S", 0.3)
+    with stages.begin(tmp_path / "w") as work:
+        assert work.lock is not None
+        child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"], pass_fds=(work.lock,))
+    with pytest.raises(InputError, match="another process is at work"), stages.begin(tmp_path / "w"):
+        pass
+    child.kill()
+    child.wait()
+    with stages.begin(tmp_path / "w"):
+        pass
+
+
+def test_the_lock_of_a_folder_that_was_removed_is_nobodys(tmp_path: Path) -> None:
+    with stages.begin(tmp_path / "w") as work, open(tmp_path / "w" / "lock") as waiting:
+        stages.finish(work)
+        assert not stages._taken(waiting.fileno(), tmp_path / "w" / "lock")
+    with stages.begin(tmp_path / "w"):
+        assert not stages._taken(os.open(tmp_path / "w" / "lock", os.O_RDONLY), tmp_path / "w" / "lock")
+
+
+def test_another_version_of_the_program_makes_every_stage_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[str] = []
+    for version in (b"1", b"1", b"2"):
+        monkeypatch.setattr(stages, "_program", lambda version=version: version)
+        with stages.begin(tmp_path / "w") as work:
+            work.stage("first", count(made, "first"))
+    assert made == ["first", "first"]
+
+
+def test_stages_are_made_again_where_asked_and_no_further_than_asked(tmp_path: Path) -> None:
+    made: list[str] = []
+    for again, until in (((), "first"), ((), None), (("second",), None)):
+        with contextlib.suppress(stages.Stopped), stages.begin(tmp_path / "w", again=again, until=until) as work:
+            for name in ("first", "second"):
+                work.stage(name, count(made, name))
+    assert made == ["first", "second", "second"]
+
+
+def test_what_a_killed_run_left_half_made_is_removed(tmp_path: Path) -> None:
+    made: list[str] = []
+    with stages.begin(tmp_path / "w") as work:
+        work.stage("first", count(made, "first"))
+        (tmp_path / "w" / "second.part").mkdir()
+        (tmp_path / "w" / "goshawk-1234").mkdir()
+    with stages.begin(tmp_path / "w"):
+        assert sorted(p.name for p in (tmp_path / "w").iterdir()) == ["first", "lock"]
+
+
+def test_a_full_disk_is_named_and_loses_only_the_stage_at_hand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A disk that is really full would need the rights to mount one; that run is in docs/performance.md."""
+
+    def fill(folder: Path) -> None:
+        (folder / "half").write_text("x")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    nothing_left = shutil.disk_usage(tmp_path)._replace(free=8192)
+    with monkeypatch.context() as full, pytest.raises(InputError, match="no space is left on the disk"):
+        full.setattr(shutil, "disk_usage", lambda _: nothing_left)
+        with stages.begin(tmp_path / "w") as work:
+            work.stage("first", count([], "first"))
+            work.stage("second", fill)
+    assert sorted(p.name for p in (tmp_path / "w").iterdir()) == ["first", "lock"]

@@ -57,7 +57,7 @@ def test_it_flies_through_the_door(two_rooms, drone, through):
 def test_waypoints_are_put_in_where_the_polynomials_collide():
     hall = solids.Scene([solids.Room((0, 0, 0), (10, 10, 3)), solids.Box((1.2, 1.2, -0.1), (10.1, 10.1, 3.1))])
     corners = np.array([[0.6, 9.0, 1.0], [0.6, 0.6, 1.0], [9.0, 0.6, 1.0]])
-    spline, route = bry.solve(routes.Route(corners, np.arange(3)), hall, PlanOptions(), None)
+    spline, route = bry.solve(routes.Route(corners, np.arange(3)), hall, PlanOptions(radius_m=0.15), None)
     assert len(route.points) > 3
     assert set(route.waypoint) == {-1, 0, 1, 2}
     path = minimum_snap.trajectory(spline)

@@ -123,6 +123,19 @@ def gates(*edges: tuple[int, float, float, float]) -> Conditions:
     return Conditions(gate_edges_m=found)
 
 
+@pytest.mark.parametrize("off_rad", [-1.5, -1.2, 1.2, 1.5])
+def test_a_gate_turned_away_from_the_way_is_passed_forwards_at_a_good_angle(open_sky, drone, off_rad):
+    points = np.array([[0.0, 0.0, 1.0], [4.0, 0.0, 1.0], [8.0, 0.0, 1.5], [12.0, 0.0, 1.0]])
+    asked = gates((1, 1.0, 0.8, off_rad), (2, 1.0, 0.8, -off_rad))
+    path = planner.plan(ask(points), open_sky, drone, conditions=asked).trajectory
+    joins = path.starts_s
+    for i in (1, 2):
+        normal = np.cross(*asked.gate_edges_m[i])
+        nearest = joins[np.linalg.norm(path.position(joins) - points[i], axis=1).argmin()]
+        velocity = path.position(np.array([nearest]), 1)[0]
+        assert velocity @ normal > 0.25 * np.linalg.norm(velocity) * np.linalg.norm(normal)
+
+
 def test_a_gate_is_passed_anywhere_in_its_opening_forwards_and_faster_than_its_middle(open_sky, drone):
     asked = gates((1, 1.2, 0.8, 0.8), (2, 1.2, 0.8, 2.4))
     exact, plan = planner.plan(ask(), open_sky, drone), planner.plan(ask(), open_sky, drone, conditions=asked)

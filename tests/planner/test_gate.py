@@ -28,7 +28,7 @@ def failed(plan, changed: Trajectory, field, drone, **options) -> set[str]:
 def test_a_planned_trajectory_passes_every_check(good, pillar, drone):
     assert good.gate.passed
     assert failed(good, good.trajectory, pillar, drone) == set()
-    assert good.gate.clearance_m >= 0.3
+    assert good.gate.clearance_m >= 0.339
     assert len(good.gate.checks) == 17
 
 
@@ -171,7 +171,7 @@ def test_a_file_is_good_for_its_own_map_and_vehicle_only(good, pillar, drone, tm
     heavier = drone.with_value("mass_kg", 0.701)
     assert [c.name for c in gate.check_file(item, pillar, heavier).failures] == ["vehicle"]
     other = dataclasses.replace(item, map_hash="another")
-    assert [c.name for c in gate.check_file(other, pillar, drone).failures] == ["map"]
+    assert [c.name for c in gate.check_file(other, pillar, drone).failures] == ["record", "map"]
 
 
 @pytest.mark.parametrize("derivative", range(4))
@@ -248,15 +248,26 @@ def test_a_point_that_is_looked_at_travels_with_the_file(pillar, drone):
     assert "look at the point" in names
     elsewhere = {**item.check, "asked": {**item.check["asked"], "look_at_world_m": [0.0, -9.0, 1.0]}}
     report = gate.check_file(dataclasses.replace(item, check=elsewhere), pillar, drone)
-    assert [check.name for check in report.failures] == ["look at the point"]
+    assert [check.name for check in report.failures] == ["look at the point", "record"]
+
+
+def test_the_radius_is_the_vehicles_own_unless_one_is_given(good, pillar, drone):
+    assert good.gate.body_radius_m == pytest.approx(0.189)
+    assert 0.0 <= good.gate.body_radius_m - drone.reach_m < 1e-3
+    large = dataclasses.replace(drone, hub_body_m=2.0 * drone.hub_body_m)
+    assert gate.check(good.trajectory, pillar, large).body_radius_m == pytest.approx(0.314)
+    assert gate.check(good.trajectory, pillar, large, planner.PlanOptions(radius_m=0.2)).body_radius_m == 0.2
+    with pytest.raises(InputError, match="left to the vehicle"):
+        _ = planner.PlanOptions().clearance_m
 
 
 def test_a_vehicle_that_reaches_beyond_the_clearance_is_refused_and_never_passes(good, pillar, drone):
     large = dataclasses.replace(drone, hub_body_m=3.0 * drone.hub_body_m)
     assert large.reach_m == pytest.approx(3.0 * 0.12516 + 0.0635, abs=1e-4)
+    options = planner.PlanOptions(radius_m=0.15)
     with pytest.raises(InputError, match=r"reach 0\.439 m .* beyond the clearance of 0\.300 m .* raise radius_m"):
-        planner.plan(good.waypoints, pillar, large)
-    report = gate.check(good.trajectory, pillar, large)
+        planner.plan(good.waypoints, pillar, large, options)
+    report = gate.check(good.trajectory, pillar, large, options)
     assert "raise radius_m" in {check.name: check.reason for check in report.failures}["clearance"]
     assert "clearance" not in failed(good, good.trajectory, pillar, drone)
 

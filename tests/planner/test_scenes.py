@@ -24,7 +24,7 @@ def _loaded():
 
 def planned_without_fault(seed: int, drone) -> None:
     place = scenes.place(seed)
-    plan = planner.plan(place.waypoints, place.field, drone)
+    plan = planner.plan(place.waypoints, place.field, drone, scenes.OPTIONS)
     assert scenes.faults(plan, place, drone) == []
 
 

@@ -148,7 +148,7 @@ def test_without_a_way_the_narrowest_gap_is_told_with_place_and_width(width_m):
     )
     ask = Waypoints(np.array([[-2.0, 0.0, 1.0], [2.0, 0.0, 1.0]]), np.full(2, np.nan))
     with pytest.raises(PlanInfeasibleError, match="the widest way narrows to") as caught:
-        routes.find(ask, scene, PlanOptions())
+        routes.find(ask, scene, PlanOptions(radius_m=0.15))
     gap = caught.value.gap
     assert gap is not None
     assert gap.width_m == pytest.approx(width_m, abs=0.25)
@@ -160,4 +160,4 @@ def test_a_closed_room_has_a_gap_of_no_width():
     scene = solids.Scene([solids.Room((-3, -3, 0), (3, 3, 2.5)), solids.Box((-0.1, -3.0, 0.0), (0.1, 3.0, 2.5))])
     ask = Waypoints(np.array([[-2.0, 0.0, 1.0], [2.0, 0.0, 1.0]]), np.full(2, np.nan))
     with pytest.raises(PlanInfeasibleError, match=r"narrows to 0.00 m at .* 0.60 m are needed"):
-        routes.find(ask, scene, PlanOptions())
+        routes.find(ask, scene, PlanOptions(radius_m=0.15))

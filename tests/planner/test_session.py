@@ -8,7 +8,7 @@ import planner
 from esdf import solids
 from flight import InputError, Waypoints
 from flight.trajectory import fingerprint
-from planner import Conditions, Planner, gate
+from planner import Conditions, Planner, gate, limits
 from planner.options import PlanCancelledError
 
 
@@ -168,7 +168,7 @@ def test_segments_that_did_not_change_are_not_looked_at_again_and_the_verdict_is
     plan = session.move(9, before.waypoints.positions_world_m[9] + [0.2, 0.2, 0.0])
     waypoints = plan.waypoints.positions_world_m
     assert before.gate.usage is not None
-    known = before.trajectory, before.gate.usage
+    known = limits.Known((before.trajectory, before.gate.usage))
     quick = gate.check(plan.trajectory, open_sky, drone, waypoints_world_m=waypoints, known=known)
     whole = gate.check(plan.trajectory, open_sky, drone, waypoints_world_m=waypoints)
     assert quick.usage is not None

@@ -138,7 +138,7 @@ void invert(const Model& model, In values, In required, In motion, In around, In
     for (size_t i = 0; i < out.shape(0); ++i) {
         const double* m = row(motion, i);
         double n[4] = {m[6], m[7], m[8], m[9]};
-        Flow<Dual<4>> flow;
+        Flow<double> flow{};
         fill(flow, m, row(around, i));
         const bool found = invert_rotors(model, row(values, i), flow, row(required, i), n);
         for (int k = 0; k < 4; ++k) out.data()[4 * i + k] = found ? n[k] : NAN;

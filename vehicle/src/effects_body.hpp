@@ -124,15 +124,17 @@ void flapping_moment(Flow<T>& flow, const T* p) {
 
 template <class T>
 void wake_skew_moment(Flow<T>& flow, const T* p) {
-    const T two_rho_area = 2.0 * kPi * flow.air_density * flow.radius * flow.radius;
+    const T one[4] = {1.0, 1.0, 1.0, 1.0}, none[4] = {0.0, 0.0, 0.0, 0.0};
+    T axial[4], edgewise_squared[4], thrust[4], induced[4];
+    hub_flow(flow, axial, edgewise_squared);
+    for (int i = 0; i < 4; ++i) thrust[i] = real(flow.thrust[i]) > 0.0 ? flow.thrust[i] : T(0.0);
+    induced_velocities(one, axial, edgewise_squared, thrust, none, two_rho_area(flow), induced);
     for (int i = 0; i < 4; ++i) {
         T a[3];
         flow.hub_velocity(i, a);
-        const T edgewise_squared = a[0] * a[0] + a[1] * a[1];
-        const T thrust = real(flow.thrust[i]) > 0.0 ? flow.thrust[i] : T(0.0);
-        const T induced = induced_velocity(T(1.0), a[2], edgewise_squared, thrust, T(0.0), two_rho_area);
-        const T through = a[2] + induced;
-        const T strength = flow.rotor_speed[i] * induced / sqrt(edgewise_squared + through * through + 1e-12);
+        const T through = axial[i] + induced[i];
+        const T strength =
+            flow.rotor_speed[i] * induced[i] / sqrt(edgewise_squared[i] + through * through + 1e-12);
         flow.torque[0] += p[0] * strength * a[1];
         flow.torque[1] -= p[1] * strength * a[0];
     }

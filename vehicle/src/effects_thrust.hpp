@@ -17,59 +17,89 @@ void induced_defect(const T& induced, const T& n, const T& axial, const T& later
     slope = two_rho_area * (speed + induced * through / speed) - k2 * n + 1e-12;
 }
 
-// Newton between 0 and the root of axial flow, with bisection where it would leave the bracket.
-inline double induced_root(double n, double axial, double lateral_squared, double k1, double k2, double two_rho_area) {
-    const double b = two_rho_area * axial - k2 * n;
-    const double c = k1 * n * n + k2 * n * axial;
-    double induced = (std::sqrt(b * b + 4.0 * two_rho_area * c) - b) / (2.0 * two_rho_area);  // exact when v_xy = 0
-    double low = induced < 0.0 ? induced : 0.0, high = induced < 0.0 ? 0.0 : induced;
-    for (int step = 0; step < 60; ++step) {
-        double defect, slope;
-        induced_defect(induced, n, axial, lateral_squared, k1, k2, two_rho_area, defect, slope);
-        (defect > 0.0 ? high : low) = induced;
-        double moved = induced - defect / slope;
-        if (!(slope > 0.0 && moved >= low && moved <= high)) moved = 0.5 * (low + high);
-        const double change = moved - induced;
-        induced = moved;
-        if (std::fabs(change) < 1e-8) break;  // Newton squares the error: what is left is rounding
+// Newton between 0 and the root of axial flow, with bisection where it would leave the bracket; all four rotors at
+// once, so that none waits for another's divisions.
+inline void induced_roots(const double n[4], const double axial[4], const double lateral_squared[4], const double k1[4],
+                          const double k2[4], double two_rho_area, double induced[4]) {
+    double low[4], high[4];
+    for (int i = 0; i < 4; ++i) {
+        const double b = two_rho_area * axial[i] - k2[i] * n[i];
+        const double c = k1[i] * n[i] * n[i] + k2[i] * n[i] * axial[i];
+        induced[i] = (std::sqrt(b * b + 4.0 * two_rho_area * c) - b) / (2.0 * two_rho_area);  // exact when v_xy = 0
+        low[i] = induced[i] < 0.0 ? induced[i] : 0.0;
+        high[i] = induced[i] < 0.0 ? 0.0 : induced[i];
     }
-    return induced;
+    for (int step = 0; step < 60; ++step) {
+        double change[4];
+        for (int i = 0; i < 4; ++i) {
+            const double v = induced[i];
+            double defect, slope;
+            induced_defect(v, n[i], axial[i], lateral_squared[i], k1[i], k2[i], two_rho_area, defect, slope);
+            high[i] = defect > 0.0 ? v : high[i];
+            low[i] = defect > 0.0 ? low[i] : v;
+            const double moved = v - defect / slope;
+            const bool inside = (slope > 0.0) & (moved >= low[i]) & (moved <= high[i]);
+            induced[i] = inside ? moved : 0.5 * (low[i] + high[i]);
+            change[i] = std::fabs(induced[i] - v);
+        }
+        // Newton squares the error: what is left is rounding
+        if ((change[0] < 1e-8) & (change[1] < 1e-8) & (change[2] < 1e-8) & (change[3] < 1e-8)) break;
+    }
 }
 
-// The root is found in doubles; one more step in the caller's number type adds its derivative.
+// The roots are found in doubles; one more step in the caller's number type adds their derivatives.
 template <class T>
-T induced_velocity(const T& n, const T& axial, const T& lateral_squared, const T& k1, const T& k2,
-                   const T& two_rho_area) {
-    const T root(induced_root(real(n), real(axial), real(lateral_squared), real(k1), real(k2), real(two_rho_area)));
-    T defect, slope;
-    induced_defect(root, n, axial, lateral_squared, k1, k2, two_rho_area, defect, slope);
-    return root - defect / slope;
+void induced_velocities(const T n[4], const T axial[4], const T lateral_squared[4], const T k1[4], const T k2[4],
+                        const T& two_rho_area, T induced[4]) {
+    double values[5][4], roots[4];
+    for (int i = 0; i < 4; ++i) {
+        const T* const arguments[5] = {n, axial, lateral_squared, k1, k2};
+        for (int k = 0; k < 5; ++k) values[k][i] = real(arguments[k][i]);
+    }
+    induced_roots(values[0], values[1], values[2], values[3], values[4], real(two_rho_area), roots);
+    for (int i = 0; i < 4; ++i) {
+        T defect, slope;
+        induced_defect(T(roots[i]), n[i], axial[i], lateral_squared[i], k1[i], k2[i], two_rho_area, defect, slope);
+        induced[i] = roots[i] - defect / real(slope);  // the defect is nothing but rounding: its slope's does not count
+    }
+}
+
+// Of each hub through the air: along the thrust axis, and across it, squared.
+template <class T>
+void hub_flow(const Flow<T>& flow, T axial[4], T edgewise_squared[4]) {
+    for (int i = 0; i < 4; ++i) {
+        T a[3];
+        flow.hub_velocity(i, a);
+        axial[i] = a[2];
+        edgewise_squared[i] = a[0] * a[0] + a[1] * a[1];
+    }
+}
+
+template <class T>
+T two_rho_area(const Flow<T>& flow) {
+    return 2.0 * kPi * flow.air_density * flow.radius * flow.radius;
 }
 
 template <class T>
 void thrust_bem(Flow<T>& flow, const T* p) {
-    const T two_rho_area = 2.0 * kPi * flow.air_density * flow.radius * flow.radius;
-    for (int i = 0; i < 4; ++i) {
-        T a[3];
-        flow.hub_velocity(i, a);
-        const T& n = flow.rotor_speed[i];
-        const T induced = induced_velocity(n, a[2], T(a[0] * a[0] + a[1] * a[1]), p[0], p[1], two_rho_area);
-        flow.thrust[i] += p[0] * n * n + p[1] * n * (a[2] + induced);
-    }
+    const T k1[4] = {p[0], p[0], p[0], p[0]}, k2[4] = {p[1], p[1], p[1], p[1]}, *n = flow.rotor_speed;
+    T axial[4], edgewise_squared[4], induced[4];
+    hub_flow(flow, axial, edgewise_squared);
+    induced_velocities(n, axial, edgewise_squared, k1, k2, two_rho_area(flow), induced);
+    for (int i = 0; i < 4; ++i) flow.thrust[i] += p[0] * n[i] * n[i] + p[1] * n[i] * (axial[i] + induced[i]);
 }
 
 template <class T>
 void thrust_blade_element(Flow<T>& flow, const T* p) {
-    const T two_rho_area = 2.0 * kPi * flow.air_density * flow.radius * flow.radius;
+    const T one[4] = {1.0, 1.0, 1.0, 1.0}, *n = flow.rotor_speed;
+    T axial[4], edgewise_squared[4], collective[4], slope[4], induced[4];
+    hub_flow(flow, axial, edgewise_squared);
     for (int i = 0; i < 4; ++i) {
-        T a[3];
-        flow.hub_velocity(i, a);
-        const T& n = flow.rotor_speed[i];
-        const T edgewise_squared = a[0] * a[0] + a[1] * a[1];
-        const T collective = p[0] * (n * n + 1.5 * edgewise_squared / (flow.radius * flow.radius));
-        const T induced = induced_velocity(T(1.0), a[2], edgewise_squared, collective, T(p[1] * n), two_rho_area);
-        flow.thrust[i] += collective + p[1] * n * (a[2] + induced);
+        collective[i] = p[0] * (n[i] * n[i] + 1.5 * edgewise_squared[i] / (flow.radius * flow.radius));
+        slope[i] = p[1] * n[i];
     }
+    induced_velocities(one, axial, edgewise_squared, collective, slope, two_rho_area(flow), induced);
+    for (int i = 0; i < 4; ++i) flow.thrust[i] += collective[i] + slope[i] * (axial[i] + induced[i]);
 }
 
 template <class T>

@@ -16,18 +16,23 @@ struct Flat {
     double q[4], rate[3], turn[3], thrust, torque[3], rotor_speed[4];
 };
 
+// Half of a heading.
+struct HalfTurn {
+    double c, s;
+    explicit HalfTurn(double yaw) : c(std::cos(0.5 * yaw)), s(std::sin(0.5 * yaw)) {}
+};
+
 // Body z along `axis` (any length), turned by yaw before tilting the shortest way.
-inline void hopf(const double axis[3], double yaw, double q[4]) {
+inline void hopf(const double axis[3], const HalfTurn& yaw, double q[4]) {
     const double size = std::sqrt(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]);
     const double x = axis[0] / size, y = axis[1] / size, z = axis[2] / size;
     const double up = 1.0 + z > 1e-15 ? 1.0 + z : 1e-15;
     const double scale = 1.0 / std::sqrt(2.0 * up);
     const double w = (1.0 + z) * scale, a = -y * scale, b = x * scale;
-    const double c = std::cos(0.5 * yaw), s = std::sin(0.5 * yaw);
-    q[0] = w * c;
-    q[1] = a * c + b * s;
-    q[2] = b * c - a * s;
-    q[3] = w * s;
+    q[0] = w * yaw.c;
+    q[1] = a * yaw.c + b * yaw.s;
+    q[2] = b * yaw.c - a * yaw.s;
+    q[3] = w * yaw.s;
 }
 
 struct Alignment {
@@ -40,27 +45,27 @@ struct Alignment {
         for (int k = 0; k < 3; ++k) f[k] = body.mass * (p.acceleration[k] + (k == 2 ? gravity : 0.0));
     }
 
-    template <class T>
-    void air(const PathPoint& p, const double q[4], const double rate[3], Flow<T>& flow) const {
+    void air(const PathPoint& p, const double q[4], const double rate[3], Flow<double>& flow) const {
         const double back[4] = {q[0], -q[1], -q[2], -q[3]};
         double v[3];
         rotate(back, p.velocity, v);
         for (int k = 0; k < 3; ++k) {
-            flow.velocity[k] = T(v[k]);
-            flow.rate[k] = T(rate[k]);
+            flow.velocity[k] = v[k];
+            flow.rate[k] = rate[k];
         }
         for (int k = 0; k < 4; ++k) {
-            flow.q[k] = T(q[k]);
-            flow.rotor_acceleration[k] = T(0.0);
+            flow.q[k] = q[k];
+            flow.rotor_acceleration[k] = 0.0;
         }
-        flow.height = T(p.height);
-        flow.ceiling_gap = T(INFINITY);
+        flow.height = p.height;
+        flow.ceiling_gap = INFINITY;
     }
 
     // Aligns thrust with the required force less drag at the old attitude. With drag -c v the axis is required + c v
     // whatever the attitude (Faessler et al. 2018); only what is not of that form has to be iterated. Returns the
     // thrust along the new axis; `force_z` is the model's at the old attitude.
-    double line_up(const PathPoint& p, const double rate[3], const double n[4], double q[4], double& force_z) const {
+    double line_up(const PathPoint& p, const HalfTurn& yaw, const double rate[3], const double n[4], double q[4],
+                   double& force_z) const {
         Flow<double> flow{};
         air(p, q, rate, flow);
         for (int i = 0; i < 4; ++i) flow.rotor_speed[i] = n[i];
@@ -73,7 +78,7 @@ struct Alignment {
         required_force(p, required);
         rotate(q, rest, turned);
         for (int k = 0; k < 3; ++k) axis[k] = required[k] - turned[k] + c * p.velocity[k];
-        hopf(axis, p.yaw, q);
+        hopf(axis, yaw, q);
         force_z = flow.force[2];
         const double size = std::sqrt(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]);
         return (required[0] * axis[0] + required[1] * axis[1] + required[2] * axis[2]) / size;
@@ -81,11 +86,12 @@ struct Alignment {
 
     // Attitude and rotor speeds (their proportions kept) that give the path's acceleration.
     void attitude(const PathPoint& p, const double rate[3], double tolerance, double n[4], double q[4]) const {
+        const HalfTurn yaw(p.yaw);
         double power = 0.5, last = 0.0, last_ratio = 1.0;
         for (int step = 0; step < 60; ++step) {
             const double before[4] = {q[0], q[1], q[2], q[3]};
             double force_z;
-            const double along = line_up(p, rate, n, q, force_z);
+            const double along = line_up(p, yaw, rate, n, q, force_z);
             if (std::fabs(last_ratio - 1.0) > 1e-5 && last > 0.0 && force_z > 0.0) {
                 const double gain = std::log(force_z / last) / std::log(last_ratio);  // dlog T / dlog n, about 2
                 if (gain > 1.0 && gain < 6.0) power = 1.0 / gain;
@@ -123,34 +129,63 @@ inline bool solve4(double A[4][5], double x[4]) {
     return true;
 }
 
-// Newton on force along body z and torque by the four rotor speeds n, which are the start as well; `flow` holds all
+// The flow of a motion with these rotor speeds, before any effect.
+template <class T>
+Flow<T> turning(const Flow<double>& motion, const double n[4]) {
+    Flow<T> flow{};
+    for (int k = 0; k < 3; ++k) {
+        flow.velocity[k] = motion.velocity[k];
+        flow.rate[k] = motion.rate[k];
+    }
+    for (int k = 0; k < 4; ++k) {
+        flow.q[k] = motion.q[k];
+        flow.rotor_acceleration[k] = motion.rotor_acceleration[k];
+        flow.rotor_speed[k] = n[k];
+    }
+    flow.height = motion.height;
+    flow.ceiling_gap = motion.ceiling_gap;
+    return flow;
+}
+
+// Newton on force along body z and torque by the four rotor speeds n, which are the start as well; `motion` holds all
 // else. False when it does not converge: there are no such speeds.
-inline bool invert_rotors(const Model& model, const double* values, Flow<Dual<4>> flow, const double required[4],
-                          double n[4]) {
+inline bool invert_rotors(const Model& model, const double* values, const Flow<double>& motion,
+                          const double required[4], double n[4]) {
     using Number = Dual<4>;
-    std::vector<Number> numbers(values, values + model.width);
-    const Body<Number> body = rigid_body(model, numbers.data());
-    const Flow<Number> start = flow;
+    const std::vector<Number> numbers(values, values + model.width);
+    const Body<Number> body_numbers = rigid_body(model, numbers.data());
+    const Body<double> body = rigid_body(model, values);
+    double slope[4][4] = {};
+    bool near = false;
     for (int step = 0; step < 25; ++step) {
-        flow = start;
-        for (int i = 0; i < 4; ++i) {
-            flow.rotor_speed[i] = Number(n[i]);
-            flow.rotor_speed[i].d[i] = 1.0;
+        double A[4][5], move[4], value[4], change = 0.0, largest = 0.0;
+        if (near) {
+            Flow<double> flow = turning<double>(motion, n);
+            wrench(model, values, body, flow);
+            for (int r = 0; r < 4; ++r) value[r] = r == 0 ? flow.force[2] : flow.torque[r - 1];
+        } else {
+            Flow<Number> flow = turning<Number>(motion, n);
+            for (int i = 0; i < 4; ++i) flow.rotor_speed[i].d[i] = 1.0;
+            wrench(model, numbers.data(), body_numbers, flow);
+            for (int r = 0; r < 4; ++r) {
+                const Number& f = r == 0 ? flow.force[2] : flow.torque[r - 1];
+                value[r] = f.v;
+                for (int c = 0; c < 4; ++c) slope[r][c] = f.d[c];
+            }
         }
-        wrench(model, numbers.data(), body, flow);
-        double A[4][5], move[4], change = 0.0;
         for (int r = 0; r < 4; ++r) {
-            const Number& f = r == 0 ? flow.force[2] : flow.torque[r - 1];
-            for (int c = 0; c < 4; ++c) A[r][c] = f.d[c];
-            A[r][4] = required[r] - f.v;
+            for (int c = 0; c < 4; ++c) A[r][c] = slope[r][c];
+            A[r][4] = required[r] - value[r];
         }
         if (!solve4(A, move)) return false;
         for (int i = 0; i < 4; ++i) {
             // an overshoot below zero would find the root -n of n^2: stop at a tenth of the speed
             n[i] = std::fmax(n[i] + move[i], 0.1 * n[i]);
             change = std::fmax(change, std::fabs(move[i]));
+            largest = std::fmax(largest, n[i]);
         }
-        if (change < 1e-4) return true;  // Newton squares the error, relative to some 1,000 rad/s: 1e-11 is left
+        if (change < 1e-5) return true;  // what is left is a hundredth of it: 1e-10 of some 1,000 rad/s
+        near = change < 0.01 * largest;  // so near the slopes hardly change: the last ones do
     }
     return false;
 }
@@ -165,7 +200,7 @@ inline void flatten(const Model& model, const double* values, double gravity, co
     for (int s = 0; s < 5; ++s) {
         double required[3];
         l.required_force(path[s], required);
-        hopf(required, path[s].yaw, q[s]);
+        hopf(required, HalfTurn(path[s].yaw), q[s]);
         for (int i = 0; i < 4; ++i) n[s][i] = hover[i];
     }
     for (int k = 0; k < 3; ++k) out.rate[k] = out.turn[k] = 0.0;
@@ -222,13 +257,13 @@ inline void flatten(const Model& model, const double* values, double gravity, co
         rotate(back, force, body_force);
         out.thrust = body_force[2];
         const double required[4] = {out.thrust, out.torque[0], out.torque[1], out.torque[2]};
-        Flow<Dual<4>> flow;
+        Flow<double> flow{};
         l.air(path[2], out.q, out.rate, flow);
         found = invert_rotors(model, values, flow, required, out.rotor_speed);
         if (!found) break;
         const double before[4] = {out.q[0], out.q[1], out.q[2], out.q[3]};
         double force_z, change = 0.0;
-        l.line_up(path[2], out.rate, out.rotor_speed, out.q, force_z);
+        l.line_up(path[2], HalfTurn(path[2].yaw), out.rate, out.rotor_speed, out.q, force_z);
         for (int k = 0; k < 4; ++k) change = std::fmax(change, std::fabs(out.q[k] - before[k]));
         if (change < 1e-12) break;
     }

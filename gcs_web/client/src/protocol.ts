@@ -102,6 +102,23 @@ export interface SavedTrajectory {
   saved_at: string;
 }
 
+export interface Aside {
+  file: string;
+  name: string;
+  duration_s: number;
+  moved_at: string;
+}
+
+export interface PlanSummary {
+  name: string;
+  passes: boolean;
+  failures: string[];
+  duration_s: number;
+  length_m: number;
+  top_speed_m_s: number;
+  limits: Limit[];
+}
+
 export interface Held {
   name: string;
   duration_s: number;
@@ -414,6 +431,7 @@ export interface Files {
   type: "files";
   trajectories: SavedTrajectory[];
   flights: string[];
+  bin: Aside[];
 }
 
 export interface Jobs {
@@ -512,6 +530,7 @@ export interface Reply {
   parts: StreamPart[];
   scatter: Scatter | null;
   incoming: Incoming | null;
+  plans: PlanSummary[];
 }
 
 export interface Command {
@@ -664,6 +683,18 @@ export interface Discard {
   type: "discard";
   serial: number;
   name: string;
+}
+
+export interface Restore {
+  type: "restore";
+  serial: number;
+  file: string;
+}
+
+export interface ComparePlans {
+  type: "compare_plans";
+  serial: number;
+  names: string[];
 }
 
 export interface Select {
@@ -840,4 +871,4 @@ export interface ReturnTo {
 
 export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply | Flights | Comparison | Diagnosis | Model | FlightMoment;
 
-export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | Undo | Redo | PlanAgain | Save | Open | Discard | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | StartJob | CancelJob | ForgetJob | ListJobs | ListFlights | SetRole | OpenFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo;
+export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | StartJob | CancelJob | ForgetJob | ListJobs | ListFlights | SetRole | OpenFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo;

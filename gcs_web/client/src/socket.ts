@@ -63,6 +63,7 @@ function refusal(number: number, error: string): Reply {
     parts: [],
     scatter: null,
     incoming: null,
+    plans: [],
   };
 }
 

@@ -31,13 +31,13 @@ export const plan = signal<Plan | null>(null);
 export const figures = signal<Plan | null>(null);
 export const vehicle = signal<Vehicle | null>(null);
 export const people = signal<People>({ type: "people", people: [], in_control: "" });
-export const files = signal<Files>({ type: "files", trajectories: [], flights: [] });
 export const jobs = signal<Jobs>({ type: "jobs", jobs: [], kinds: [] });
 /** Recorded flights; null until the server has listed them. */
 export const flights = signal<Flights | null>(null);
 export const comparison = signal<Comparison | null>(null);
 export const diagnosis = signal<Diagnosis | null>(null);
 export const model = signal<Model | null>(null);
+export const files = signal<Files>({ type: "files", trajectories: [], flights: [], bin: [] });
 export const notice = signal<Notice>({ type: "notice", text: "", level: "fact", undo: false });
 
 /** Tracking errors as they were heard, of the last minute. */

@@ -11,7 +11,7 @@ import vehicle
 from firmware_bridge.link import Link, connect
 from firmware_bridge.sitl_vehicle import SitlVehicle
 from flight import Trajectory, TrajectoryFile
-from flight.trajectory import fingerprint
+from flight.trajectory import fingerprint, sealed
 from vehicle import simulate
 
 KEY = bytes(range(32))
@@ -32,7 +32,7 @@ def hops(segments: int, *, duration_s: float = 1.2, seed: int = 0) -> Trajectory
 
 def plan_file(segments: int = 3, *, name: str = "hops", seed: int = 0, checked: bool = True) -> TrajectoryFile:
     path = hops(segments, seed=seed)
-    return TrajectoryFile(
+    item = TrajectoryFile(
         trajectory=path,
         name=name,
         map_hash="ab" * 32,
@@ -40,6 +40,7 @@ def plan_file(segments: int = 3, *, name: str = "hops", seed: int = 0, checked: 
         waypoints_world_m=np.zeros((2, 3)),
         check={"passed": checked, "trajectory_hash": fingerprint(path)},
     )
+    return sealed(item)
 
 
 @pytest.fixture(scope="session")

@@ -11,7 +11,7 @@ from firmware_bridge import wire
 from firmware_bridge.impairment import Impairment, Line
 from firmware_bridge.link import CancelledError, refuse_unfit
 from flight import FormatError, InputError, LinkError, Trajectory, TrajectoryFile
-from flight.trajectory import fingerprint
+from flight.trajectory import fingerprint, sealed
 
 LOSSY = Impairment(loss_ratio=0.2, delay_s=0.005, duplicate_ratio=0.05, jitter_s=0.004, corrupt_ratio=0.02)
 
@@ -95,7 +95,7 @@ def test_only_gate_checked_trajectories_for_this_map_and_vehicle_are_sent(serve,
 def test_what_only_other_autopilots_fly_is_refused_before_anything_is_sent(serve, dial, plans, asked, words):
     link = dial(serve())
     file = plans.file(2)
-    odd = dataclasses.replace(file, check={**file.check, "conditions": {asked: [[0.0] * 4] * 3}})
+    odd = sealed(dataclasses.replace(file, check={**file.check, "conditions": {asked: [[0.0] * 4] * 3}}))
     with pytest.raises(InputError, match=words):
         link.upload(odd)
     assert link.read_back() is None
@@ -103,16 +103,16 @@ def test_what_only_other_autopilots_fly_is_refused_before_anything_is_sent(serve
 
 def test_conditions_that_ask_for_nothing_are_allowed_and_damaged_ones_refused(plans):
     file = plans.file(2)
-    nothing = dataclasses.replace(file, check={**file.check, "conditions": {"start": None, "end": None}})
+    nothing = sealed(dataclasses.replace(file, check={**file.check, "conditions": {"start": None, "end": None}}))
     refuse_unfit(nothing, None, None, allow_unchecked=False)
-    damaged = dataclasses.replace(file, check={**file.check, "conditions": 5})
+    damaged = sealed(dataclasses.replace(file, check={**file.check, "conditions": 5}))
     with pytest.raises(FormatError, match="are damaged: 5"):
         refuse_unfit(damaged, None, None, allow_unchecked=False)
 
 
 def _with(file: TrajectoryFile, trajectory: Trajectory) -> TrajectoryFile:
     check = {**file.check, "trajectory_hash": fingerprint(trajectory)}
-    return TrajectoryFile(trajectory, "bad", file.map_hash, file.vehicle_hash, file.waypoints_world_m, check)
+    return sealed(TrajectoryFile(trajectory, "bad", file.map_hash, file.vehicle_hash, file.waypoints_world_m, check))
 
 
 def test_a_refusal_by_the_vehicle_names_the_segment_and_the_active_trajectory(serve, dial, plans):
@@ -133,7 +133,7 @@ def test_a_refusal_by_the_vehicle_names_the_segment_and_the_active_trajectory(se
 def test_the_proved_clearance_travels_with_the_plan(serve, dial, plans):
     link = dial(serve())
     file = plans.file(3)
-    file = dataclasses.replace(file, check={**file.check, "clearance_m": 0.5, "body_radius_m": 0.15})
+    file = sealed(dataclasses.replace(file, check={**file.check, "clearance_m": 0.5, "body_radius_m": 0.15}))
     link.upload(file)
     held = link.read_back()
     assert held.clearance_m == pytest.approx(0.35)

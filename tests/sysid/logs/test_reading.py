@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from flight import FlightLog, FormatError, InputError, flight_log, rotations
+from sysid.logs.check import check_log
 from sysid.logs.read_csv import from_roll_pitch_yaw
 from sysid.logs.reading import read_log as read
 
@@ -175,6 +176,28 @@ def test_ulog_arrives_in_our_frames(tmp_path):
     # rolled right by 90 degrees about the forward axis; forward and right-down flip together
     np.testing.assert_allclose(log.vector("q_world_body")[3], [s, s, 0.0, 0.0], rtol=1e-6)
     assert log.metadata["name"] == "flight"
+
+
+def test_a_ulog_that_was_cut_or_damaged_says_what_is_missing(tmp_path):
+    position = [(k * 20000, 1.0, 2.0, -3.0, 0.1, 0.2, -0.3) for k in range(200)]
+    attitude = [(k * 5000, 1.0, 0.0, 0.0, 0.0) for k in range(800)]
+    topics = {
+        "vehicle_local_position": ("float x;float y;float z;float vx;float vy;float vz;", position),
+        "vehicle_attitude": ("float[4] q;", attitude),
+    }
+    whole = _ulog(topics)
+    path = tmp_path / "flight.ulg"
+    path.write_bytes(whole)
+    assert "incomplete file" not in {finding.what for finding in check_log(read(path)).findings}
+    for cut in (len(whole) - 1, len(whole) // 2):
+        path.write_bytes(whole[:cut])
+        log = read(path)
+        lost = next(finding.sentence for finding in check_log(log).findings if finding.what == "incomplete file")
+        assert f"ends at byte {cut}" in lost
+        assert float(lost.split("after ")[1].split()[0]) == pytest.approx(log.time_s[-1], abs=0.021)
+    middle = len(whole) // 2
+    path.write_bytes(whole[:middle] + bytes(500) + whole[middle + 500 :])
+    assert any("damaged" in finding.sentence for finding in check_log(read(path)).findings)
 
 
 def test_a_file_that_is_no_ulog_is_refused(tmp_path):

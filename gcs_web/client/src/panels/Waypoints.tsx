@@ -1,12 +1,13 @@
 /** The waypoints as a table: edited in place, alone or many together. */
 
 import { signal, useComputed } from "@preact/signals";
-import { change, deleteSelected, insertAfterSelected, reverse } from "../actions";
+import { deleteSelected, insertAfterSelected, reverse } from "../actions";
 import { Cell, active, columns, focusCell, refused, shownColumns } from "../components/WaypointCell";
 import { goTo, select } from "../cursor";
 import { number } from "../format";
 import { clearanceColour } from "../scales";
 import { connected, doc, figures, figuresAreOld, plan, selected, touched, waypointAtCursor } from "../store";
+import { Velocity } from "./Velocity";
 import type { Waypoint } from "../protocol";
 
 /** Where a selection by Shift begins. */
@@ -56,7 +57,7 @@ export function Waypoints() {
           </tbody>
         </table>
       </div>
-      <VelocityNote />
+      {shownColumns.value === "requests" && <Velocity />}
       <Buttons count={waypoints.length} />
     </>
   );
@@ -93,30 +94,6 @@ function requestWords({ stay_s, fly_by_m, leg_speed_m_s, velocity_m_s }: Waypoin
   if (leg_speed_m_s !== null) words.push(`then at most ${number(leg_speed_m_s, 1)} m/s`);
   if (velocity_m_s !== null) words.push(`velocity ${velocity_m_s.map((v) => number(v, 2)).join(", ")} m/s`);
   return words.join("; ");
-}
-
-/** A velocity is asked for in the file; here it is shown, and dropped. */
-function VelocityNote() {
-  const chosen = (doc.value?.waypoints ?? []).filter(({ id }) => selected.value.has(id));
-  const asked = chosen.filter(({ velocity_m_s }) => velocity_m_s !== null);
-  const [first] = asked;
-  if (shownColumns.value !== "requests" || first?.velocity_m_s == null) return null;
-  const words = asked.length > 1 ? `${asked.length} velocities` : first.velocity_m_s.map((v) => number(v, 2)).join(", ");
-  return (
-    <p class="velocity-note">
-      <span>
-        Velocity {words} <span class="unit">m/s</span>
-      </span>
-      <button
-        type="button"
-        class="link"
-        disabled={!connected.value}
-        onClick={() => void change({ type: "pass", waypoints: asked.map(({ id }) => id), velocity_m_s: null })}
-      >
-        Drop
-      </button>
-    </p>
-  );
 }
 
 function Buttons({ count }: { count: number }) {

@@ -12,6 +12,12 @@ from vehicle import Limits, Vehicle, flatness
 _STEP_S = 0.02
 _WIDTH, _HEIGHT, _EDGE = 900, 170, 45
 _COLOURS = ("#1f5fa8", "#b35900", "#2b7a3d", "#8a2be2")
+_SCALE = (
+    "#440154", "#482475", "#414487", "#355f8d", "#2a788e", "#21918c", "#22a884", "#44bf70", "#7ad151", "#bddf26",
+)  # fmt: skip
+"""Viridis at equal steps: colour-blind-safe, the end at the limit stands out from white paper."""
+_PLENTY_ABOVE_M = 0.7
+"""Clearance this far above what is required has the last colour."""
 _STYLE = """
 body { font: 15px/1.5 sans-serif; margin: 0 auto; max-width: 1000px; padding: 0 1em 3em; color: #222; }
 h1 { font-size: 1.4em; } h2 { font-size: 1.1em; margin: 1.4em 0 0; } svg { width: 100%; height: auto; }
@@ -50,9 +56,13 @@ def page(item: TrajectoryFile, report: GateReport, field: space.DistanceField, d
     rows = "".join(f"<tr><td>{html.escape(k)}</td><td>{html.escape(v)}</td></tr>" for k, v in facts.items())
     title = html.escape(f"Plan {item.name}")
     return f"""<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>{_STYLE}</style></head><body>
+<html lang="en"><head><meta charset="utf-8">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{title}</title><style>{_STYLE}</style></head><body>
 <h1>{title}</h1><table>{rows}</table>
-<h2>Path from above, metres</h2>{_map(position, joins, item.waypoints_world_m)}
+<h2>Path from above, metres</h2>
+{_map(position, np.asarray(field.distance(position)), report.required_clearance_m, joins, item.waypoints_world_m)}
 {charts}
 <h2>Segments</h2>{_segments(report)}
 <h2>Checks of the gate</h2>{_checks(report)}
@@ -115,7 +125,10 @@ def _runs(good: np.ndarray) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _map(position: FloatArray, joins: FloatArray, waypoints: FloatArray) -> str:
+def _map(
+    position: FloatArray, clearance_m: FloatArray, required_m: float, joins: FloatArray, waypoints: FloatArray
+) -> str:
+    """The path coloured by clearance, dark where it is closest to what is required."""
     low, high = position[:, :2].min(axis=0) - 0.5, position[:, :2].max(axis=0) + 0.5
     scale = min((_WIDTH - 20) / (high[0] - low[0]), 420.0 / (high[1] - low[1]))
     width, height = scale * (high - low)
@@ -123,7 +136,12 @@ def _map(position: FloatArray, joins: FloatArray, waypoints: FloatArray) -> str:
     def at(point: FloatArray) -> str:
         return f"{scale * (point[0] - low[0]):.1f},{height - scale * (point[1] - low[1]):.1f}"
 
-    parts = [f'<polyline points="{" ".join(map(at, position))}" fill="none" stroke="{_COLOURS[0]}" stroke-width="2"/>']
+    share = np.nan_to_num((clearance_m - required_m) / _PLENTY_ABOVE_M, nan=0.0)
+    shades = np.clip(share * len(_SCALE), 0, len(_SCALE) - 1).astype(int)
+    parts = []
+    for first, last in zip(*_stretches(shades), strict=True):
+        points = " ".join(map(at, position[first : last + 1]))
+        parts.append(f'<polyline points="{points}" fill="none" stroke="{_SCALE[shades[first]]}" stroke-width="3"/>')
     for point in joins:
         x, y = at(point).split(",")
         parts.append(f'<circle cx="{x}" cy="{y}" r="2" fill="#888"/>')
@@ -132,7 +150,16 @@ def _map(position: FloatArray, joins: FloatArray, waypoints: FloatArray) -> str:
         label = f"<title>waypoint {i}: {point[0]:.2f}, {point[1]:.2f}, {point[2]:.2f}</title>"
         parts.append(f'<circle cx="{x}" cy="{y}" r="5" fill="{_COLOURS[1]}">{label}</circle>')
         parts.append(f'<text x="{float(x) + 7:.1f}" y="{float(y) - 5:.1f}">{i}</text>')
-    return _svg(width, height, parts)
+    boxes = [f'<rect x="{20 * i}" y="0" width="20" height="12" fill="{shade}"/>' for i, shade in enumerate(_SCALE)]
+    legend = f'<svg viewBox="0 0 {_WIDTH} 12" role="img" aria-label="Colours of clearance">{"".join(boxes)}</svg>'
+    words = f"Clearance from {required_m:.2f} m, which is required (left), to {required_m + _PLENTY_ABOVE_M:.2f} m."
+    return f"{_svg(width, height, parts)}<p>{words}</p>{legend}"
+
+
+def _stretches(shades: np.ndarray) -> tuple[FloatArray, FloatArray]:
+    """First sample of each stretch of one shade, and the first one of the next stretch, or the last of all."""
+    edges = np.flatnonzero(np.diff(shades)) + 1
+    return np.concatenate([[0], edges]), np.concatenate([edges, [len(shades) - 1]])
 
 
 def _svg(width: float, height: float, parts: list[str]) -> str:

@@ -1,0 +1,217 @@
+"""Cameras that are not what their file says: is each planted error named, and none invented?
+
+    python benchmarks/mapping.py --cameras 40      one blind draw after the other, and the sums
+    python benchmarks/mapping.py --instants 1000   CPU seconds and memory of the trial on a long path
+
+The matches are made by formula from a true rig (see `tracks`), so that a draw takes seconds. The trial starts from a map
+that knows nothing: its poses and points are of the wrong size and off by centimetres.
+"""
+
+import argparse
+import dataclasses
+import resource
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from flight import FloatArray, frames, rotations
+from mapping import rendered_world
+from mapping.calibration import trial as trials
+from mapping.calibration.adjustment import Observations
+from mapping.calibration.errors import Kind
+from mapping.calibration.trial import Trial
+from mapping.rig import Camera, Rig
+
+FORMS = ("none", "rig", "lens", "offset", "shutter", "two")
+SIGHTINGS = 5.0
+"""Mean number of further images of one camera in which a point is matched."""
+OUTLIERS, LARGEST_PX = 0.02, 3.0
+"""Share of wrong matches, and how wrong: COLMAP drops those beyond."""
+
+
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """A curved path, drawn by chance."""
+
+    speed_m_s: float
+    swing: FloatArray
+    """(5,) rad and m: amplitudes of three turns, sideways and up."""
+    phase: FloatArray
+    """(5,) rad."""
+
+    def pose(self, t_s: FloatArray) -> FloatArray:
+        """(n, 4, 4) T_world_body at the times (n,)."""
+        waves = self.swing * np.sin(np.asarray(t_s)[:, None] * [1.9, 1.3, 1.1, 1.5, 2.0] + self.phase)
+        positions = np.column_stack([self.speed_m_s * t_s, waves[:, 3], 1.5 + waves[:, 4]])
+        return frames.transform(rotations.exp(waves[:, :3]), positions)
+
+
+@dataclass(frozen=True, slots=True)
+class Draw:
+    """One blind camera: what is wrong with it, and what was seen with it."""
+
+    form: str
+    true: Rig
+    planted: frozenset[str]
+    offset_s: float
+    shutter_s: float
+
+
+def draw(form: str, rng: np.random.Generator) -> Draw:
+    """A rig that differs from `rendered_world.default_rig` as `form` says."""
+    rig = rendered_world.default_rig(0.75)
+    parts = rng.choice(["rig", "lens", "offset", "shutter"], 2, replace=False) if form == "two" else [form]
+    planted: set[str] = set()
+    offset_s = shutter_s = 0.0
+    for part in parts:
+        match part:
+            case "rig":
+                axis = rng.normal(size=3)
+                turn = rotations.matrix(rotations.exp(np.radians(1.0) * axis / np.linalg.norm(axis)))
+                T = rig.cameras[1].T_body_camera.copy()
+                T[:3, :3] = T[:3, :3] @ turn
+                rig = _changed(rig, 1, dataclasses.replace(rig.cameras[1], T_body_camera=T))
+                planted.add(f"down: {Kind.ROTATION}")
+            case "lens":
+                number = int(rng.integers(2))
+                camera = rig.cameras[number]
+                focal, k1 = rng.uniform([0.005, 0.003], [0.015, 0.008]) * rng.choice([-1.0, 1.0], 2)
+                params = camera.params.copy()
+                params[:2] *= 1.0 + focal
+                params[4] += k1
+                rig = _changed(rig, number, dataclasses.replace(camera, params=params))
+                planted |= {f"{camera.name}: {kind}" for kind in (Kind.FOCAL, Kind.RADIAL)}
+            case "offset":
+                offset_s = 0.005 * rng.choice([-1.0, 1.0])
+                planted.add(f"down: {Kind.OFFSET}")
+            case "shutter":
+                shutter_s = 0.010
+                planted |= {f"{camera.name}: {Kind.SHUTTER}" for camera in rig}
+    return Draw(form, rig, frozenset(planted), offset_s, shutter_s)
+
+
+def _changed(rig: Rig, number: int, camera: Camera) -> Rig:
+    cameras = list(rig.cameras)
+    cameras[number] = camera
+    return dataclasses.replace(rig, cameras=tuple(cameras))
+
+
+def tracks(
+    drawn: Draw, told: Rig, *, instants: int, points_per_m: float, rng: np.random.Generator
+) -> tuple[Observations, FloatArray]:
+    """What the true rig saw, in a map that was made with the file's, and the true poses."""
+    flight = Flight(
+        rng.uniform(2.0, 4.5),
+        rng.uniform([0.1, 0.1, 0.3, 0.5, 0.2], [0.3, 0.3, 0.7, 1.5, 0.5]),
+        rng.uniform(0.0, 6.3, 5),
+    )
+    times_s = np.arange(instants) / 10.0
+    T, length_m = flight.pose(times_s), flight.speed_m_s * times_s[-1]
+    count = int(points_per_m * (length_m + 8.0))
+    points = rng.uniform([-1.0, -5.0, -1.0], [length_m + 7.0, 5.0, 5.0], (count, 3))
+    noise_px = rng.uniform(0.15, 0.4)
+    centre = rng.uniform(-0.5, 0.5, count)
+    wide = rng.geometric(1.0 / SIGHTINGS, count) + 1
+    index, pixels = [], []
+    middle = np.searchsorted(T[:, 0, 3], points[:, 0] - 3.0 + 3.0 * centre)
+    for number, camera in enumerate(drawn.true):
+        for i, t_s in enumerate(times_s):
+            near = np.flatnonzero(np.abs(i - middle) * 2 <= wide)
+            seen = image(camera, flight, t_s + (drawn.offset_s if number else 0.0), points[near], drawn.shutter_s)
+            inside = np.flatnonzero(camera.contains(seen))
+            index.append(np.column_stack([near[inside], np.full((len(inside), 2), [i, number])]))
+            off_px = noise_px * rng.normal(size=(len(inside), 2))
+            wrong = rng.random(len(inside)) < OUTLIERS
+            off_px[wrong] = rng.uniform(-LARGEST_PX, LARGEST_PX, (int(wrong.sum()), 2))
+            pixels.append(seen[inside] + off_px)
+    index, pixels = np.concatenate(index), np.concatenate(pixels)
+    often = np.bincount(index[:, 0], minlength=count)[index[:, 0]] >= 2
+    scale = rng.uniform(0.8, 1.25)
+    known = T @ frames.transform(
+        rotations.exp(2e-3 * rng.normal(size=(instants, 3))), 5e-3 * rng.normal(size=(instants, 3))
+    )
+    known[:, :3, 3] *= scale
+    near = scale * (points + 0.02 * rng.normal(size=points.shape))
+    return Observations(told, known, near, index[often], pixels[often], times_s), T
+
+
+def image(camera: Camera, flight: Flight, t_s: float, points: FloatArray, shutter_s: float) -> FloatArray:
+    """(n, 2) pixels of points (n, 3); each row is read at a time of its own, found by iteration."""
+    row_s = np.zeros(len(points))
+    for _ in range(4 if shutter_s else 1):
+        T = flight.pose(t_s + row_s) @ camera.T_body_camera
+        seen = camera.project(np.einsum("nji,nj->ni", T[:, :3, :3], points - T[:, :3, 3]))
+        row_s = shutter_s * (np.nan_to_num(seen[:, 1]) / camera.height - 0.5)
+    return seen
+
+
+def error_m(found: FloatArray, true: FloatArray) -> float:
+    """RMS distance of the positions after the best rigid alignment, without scale."""
+    a, b = (T[:, :3, 3] - T[:, :3, 3].mean(axis=0) for T in (found, true))
+    u, _, vt = np.linalg.svd(b.T @ a)
+    R = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+    return float(np.sqrt(np.mean(np.sum((a @ R.T - b) ** 2, axis=1))))
+
+
+def blind(count: int, seed: int) -> None:
+    """One line a draw, then the sums."""
+    named = planted = inventions = 0
+    ratios: list[float] = []
+    for number in range(count):
+        form = FORMS[number % len(FORMS)]
+        drawn = draw(form, np.random.default_rng([seed, number]))
+        told = rendered_world.default_rig(0.75)
+        started_s = time.process_time()
+        found, off_m = _tried(drawn, told, number, seed)
+        cpu_s = time.process_time() - started_s
+        _, clean_m = _tried(drawn, drawn.true, number, seed, clean=True)
+        present = {str(f.candidate) for f in found.present}
+        named += len(present & drawn.planted)
+        planted += len(drawn.planted)
+        inventions += len(present - drawn.planted)
+        ratios.append(off_m / clean_m)
+        missed, more = sorted(drawn.planted - present), sorted(present - drawn.planted)
+        print(
+            f"{number:3d} {form:8s} {1000 * off_m:6.1f} mm, clean {1000 * clean_m:6.1f} mm, scale std {found.scale_std:.4f},"
+            f" {cpu_s:4.1f} CPU s{'; MISSED ' + ', '.join(missed) if missed else ''}"
+            f"{'; INVENTED ' + ', '.join(more) if more else ''}",
+            flush=True,
+        )
+    print(f"named {named} of {planted}; invented {inventions} in {count} cameras")
+    print(f"error over that with the right file: median {np.median(ratios):.2f}, worst {max(ratios):.2f}")
+
+
+def _tried(drawn: Draw, told: Rig, number: int, seed: int, *, clean: bool = False) -> tuple[Trial, float]:
+    if clean:
+        drawn = dataclasses.replace(drawn, offset_s=0.0, shutter_s=0.0)
+    seen, T = tracks(drawn, told, instants=40, points_per_m=400.0, rng=np.random.default_rng([seed, number, 1]))
+    found = trials.hold(seen)
+    return found, error_m(found.T_world_body, T)
+
+
+def long(instants: int) -> None:
+    """CPU seconds and memory of one trial."""
+    rng = np.random.default_rng(0)
+    drawn = draw("rig", rng)
+    seen, T = tracks(drawn, rendered_world.default_rig(0.75), instants=instants, points_per_m=400.0, rng=rng)
+    before_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    started_s = time.process_time()
+    found = trials.hold(seen)
+    print(
+        f"{instants} instants, {len(seen.index)} observations: {time.process_time() - started_s:.1f} CPU s, memory from "
+        f"{before_kib // 1024} to {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024} MiB, present: "
+        f"{', '.join(str(f.candidate) for f in found.present)}, {1000 * error_m(found.T_world_body, T):.1f} mm"
+    )
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cameras", type=int, default=0, help="number of blind draws")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--instants", type=int, default=0, help="length of one long path")
+    given = parser.parse_args()
+    if given.cameras:
+        blind(given.cameras, given.seed)
+    if given.instants:
+        long(given.instants)

@@ -1,0 +1,95 @@
+"""Saved trajectories beside each other, as a page of their own, and those that were moved aside."""
+
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from flight import FlightError, FloatArray, InputError, TrajectoryFile, trajectory
+from flight.project import Project
+from gcs_web import page_values, protocol
+from mapping import Map
+from planner import GateReport, PlanOptions, gate, plan_report
+from vehicle import Limits, Vehicle
+
+_ASIDE = "*.json.old-*"
+"""As `flight.results` names what was discarded or replaced; nothing of Goshawk's ever deletes these."""
+
+
+class _Judged(NamedTuple):
+    """A trajectory under the gate, for the map and the vehicle as they are now."""
+
+    report: GateReport
+    options: PlanOptions
+    limits: Limits
+
+
+def _judge(item: TrajectoryFile, area: Map, believed: Vehicle) -> _Judged:
+    options = gate.options_of(item)
+    options = replace(options, limits=options.limits and options.limits.stricter(believed.limits))
+    report = gate.check_file(item, area.field, believed, options)
+    return _Judged(report, options, options.limits_for(believed))
+
+
+def summary(item: TrajectoryFile, area: Map, believed: Vehicle) -> protocol.PlanSummary:
+    """What two trajectories are compared by."""
+    judged = _judge(item, area, believed)
+    series = page_values.series(item.trajectory, believed, area.field, judged.limits)
+    judged_m = page_values.judged_clearance(item.trajectory, area.field, judged.report, series)
+    path_m = np.stack([series.x_m, series.y_m, series.z_m], axis=1)
+    return protocol.PlanSummary(
+        name=item.name,
+        passes=judged.report.passed,
+        failures=[check.name for check in judged.report.failures],
+        duration_s=item.trajectory.duration_s,
+        length_m=_length_m(path_m),
+        top_speed_m_s=max(series.speed_m_s),
+        limits=page_values.limits(judged.report, series, judged_m),
+    )
+
+
+def _length_m(path_m: FloatArray) -> float:
+    return float(np.linalg.norm(np.diff(path_m, axis=0), axis=1).sum())
+
+
+def page(item: TrajectoryFile, area: Map, believed: Vehicle) -> str:
+    """One HTML file that shows the trajectory without this station, or any network."""
+    judged = _judge(item, area, believed)
+    return plan_report.page(item, judged.report, area.field, believed, judged.limits)
+
+
+def aside(project: Project) -> list[protocol.Aside]:
+    """Trajectories that were discarded or replaced, newest first."""
+    paths = sorted((project.folder / "trajectories").glob(_ASIDE), key=lambda p: (-p.stat().st_ctime_ns, p.name))
+    return [_aside(path) for path in paths]
+
+
+def restore(project: Project, file: str) -> str:
+    """Give a trajectory that was moved aside its name back; returns the name.
+
+    Raises:
+        InputError: it is not there (any more), or the name is taken.
+    """
+    found = next((each for each in aside(project) if each.file == file), None)
+    if found is None:
+        raise InputError(f"{file!r} is not in the bin (any more)")
+    path = project.trajectory(found.name)
+    try:
+        path.hardlink_to(path.with_name(file))  # never over another file
+    except FileExistsError as error:
+        raise InputError(
+            f"there is a trajectory {found.name}; discard that one first, then restore this one"
+        ) from error
+    path.with_name(file).unlink()
+    return found.name
+
+
+def _aside(path: Path) -> protocol.Aside:
+    name = path.name.rpartition(".json.old-")[0]
+    moved_at = datetime.fromtimestamp(path.stat().st_ctime, UTC).isoformat(timespec="seconds")
+    try:
+        return protocol.Aside(path.name, name, trajectory.load(path).trajectory.duration_s, moved_at)
+    except (FlightError, OSError):
+        return protocol.Aside(path.name, name, 0.0, moved_at)
