@@ -23,9 +23,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from flight import FlightError
-
-from flight import InputError
+from flight import FlightError, InputError
 from gcs_web.flights import incoming_name
 
 if TYPE_CHECKING:
