@@ -185,7 +185,7 @@ class Flights:
         return path
 
     def _card(self, name: str, believed: str) -> FlightCard:
-        role = self._roles.get(name, "learn")
+        role: Role = self._roles.get(name, "learn")
         try:
             wanted = reading.signature(self._project, name, believed)
         except (OSError, InputError) as error:
@@ -202,7 +202,12 @@ class Flights:
             if self._closed:
                 return
             self._process = JobProcess(reading.write_cards, self._project.folder, names, log)
-        outcome = self._process.outcome(lambda _, __: self._on_change(protocol.Flights(self.listed())))
+
+        def progress(stage: str, fraction: float) -> None:
+            logger.debug("read %s, %.0f %%", stage, 100.0 * fraction)
+            self._on_change(protocol.Flights(self.listed()))
+
+        outcome = self._process.outcome(progress)
         if self._closed:
             return
         left = {card.name for card in self.listed() if card.state == "reading"}

@@ -10,26 +10,34 @@ from typing import Literal
 import msgspec
 
 from gcs_web.protocol_flights import (
-    Attempt,
-    Candidate,
-    ChannelResidual,
-    FlightCard,
-    HorizonError,
+    Comparison,
+    Diagnosis,
+    DiscardFlight,
+    DropTried,
+    FixFlight,
+    FlightMoment,
+    Flights,
     Incoming,
+    Keep,
+    ListFlights,
+    LookAtFlight,
+    Model,
     OpenedFlight,
-    OutsideCurve,
-    ParameterRow,
-    Role,
+    OpenFlights,
+    ReadScatter,
+    ReadStreams,
+    RestoreFlight,
+    ReturnTo,
     Scatter,
-    Stair,
+    SetRole,
+    ShowFlights,
     StreamPart,
-    Tried,
-    VariableName,
-    VehicleVersion,
+    TakeLog,
 )
 from gcs_web.protocol_parts import (
     Aside,
     Colour,
+    Command,
     Held,
     Job,
     JobKind,
@@ -146,72 +154,6 @@ class Jobs(msgspec.Struct, frozen=True, tag="jobs"):
     kinds: list[JobKind]
 
 
-class Flights(msgspec.Struct, frozen=True, tag="flights"):
-    """The project's flights, the newest first."""
-
-    flights: list[FlightCard]
-
-
-class Comparison(msgspec.Struct, frozen=True, tag="comparison"):
-    """Where the model fails on the flights."""
-
-    state: Literal["none", "current", "old"]
-    """`old`: the vehicle, the flights or what they are for have changed since."""
-    learn: list[str] = []
-    held_out: list[str] = []
-    judged_how: str = ""
-    """On what the shares are judged, in words."""
-    variables: list[VariableName] = []
-    channels: list[ChannelResidual] = []
-    horizons_s: list[float] = []
-    errors: list[HorizonError] = []
-    predictions: int = 0
-    remarks: list[str] = []
-
-
-class Diagnosis(msgspec.Struct, frozen=True, tag="diagnosis"):
-    """Which effect the model lacks."""
-
-    state: Literal["none", "current", "old"]
-    verdict: str = ""
-    probability: float = 0.0
-    something_unknown: float = 0.0
-    otherwise: float = 0.0
-    fit: str = ""
-    """The verdict on the fit in a sentence."""
-    learn: list[str] = []
-    held_out: list[str] = []
-    candidates: list[Candidate] = []
-    attempts: list[Attempt] = []
-    horizons: list[str] = []
-    staircase: list[Stair] = []
-    outside: OutsideCurve | None = None
-    unobservable: list[str] = []
-    """Effects that no flight of this kind can show, each with the reason."""
-    findings: list[str] = []
-    left: list[str] = []
-    """What the last model leaves unexplained, root mean square, by channel in words."""
-    vehicle: str = ""
-    """Hash of the vehicle that was diagnosed."""
-
-
-class Model(msgspec.Struct, frozen=True, tag="model"):
-    """The project's vehicle file: its parameters, its versions, and a change that was tried."""
-
-    name: str
-    effects: list[str]
-    parameters: list[ParameterRow]
-    versions: list[VehicleVersion]
-    """In the order they were made."""
-    tried: Tried | None = None
-
-
-class FlightMoment(msgspec.Struct, frozen=True, tag="flight_moment"):
-    """The path of a flight was clicked in the 3D view: show this moment of its shifted time."""
-
-    time_s: float
-
-
 class Notice(msgspec.Struct, frozen=True, tag="notice"):
     """One line at the foot of the page; stays until the next."""
 
@@ -270,13 +212,6 @@ ToPage = (
 
 
 # --- from the page ---
-
-
-class Command(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What every command carries."""
-
-    serial: int
-    """Comes back in the reply."""
 
 
 class Edit(Command, frozen=True, kw_only=True):
@@ -496,95 +431,6 @@ class ForgetJob(Command, frozen=True, tag="forget_job", kw_only=True):
 
 class ListJobs(Command, frozen=True, tag="list_jobs", kw_only=True):
     """Look again at what a job could work on: files may have come since."""
-
-
-class ListFlights(Command, frozen=True, tag="list_flights", kw_only=True):
-    """Look again at the folder of flights."""
-
-
-class SetRole(Command, frozen=True, tag="set_role", kw_only=True):
-    flight: str
-    role: Role
-
-
-class OpenFlights(Command, frozen=True, tag="open_flights", kw_only=True):
-    """Ask what there is to draw of flights; the reply has `flights`."""
-
-    flights: list[str]
-
-
-class ReadStreams(Command, frozen=True, tag="read_streams", kw_only=True):
-    """Ask for streams over a stretch of a flight's shifted time; the reply has `parts`."""
-
-    flight: str
-    streams: list[str]
-    from_s: float
-    to_s: float
-    points: int
-    """About as many times as there are pixels."""
-
-
-class ShowFlights(Command, frozen=True, tag="show_flights", kw_only=True):
-    """Draw flights in the 3D view in place of the plan; none: the plan again."""
-
-    flights: list[str]
-    colour: Literal["", "F_x", "F_y", "F_z", "M_x", "M_y", "M_z"] = ""
-    """The residual by which paths are coloured."""
-
-
-class LookAtFlight(Command, frozen=True, tag="look_at_flight", kw_only=True):
-    """Show a moment of the flights that are drawn; None hides the vehicles."""
-
-    time_s: float | None
-
-
-class FixFlight(Command, frozen=True, tag="fix_flight", kw_only=True):
-    """Apply the fixes that the checks propose, into a new log; the reply has its name."""
-
-    flight: str
-
-
-class DiscardFlight(Command, frozen=True, tag="discard_flight", kw_only=True):
-    """Move a flight's log aside; the reply has the name under which it is kept."""
-
-    flight: str
-
-
-class RestoreFlight(Command, frozen=True, tag="restore_flight", kw_only=True):
-    """Bring back a log that was moved aside."""
-
-    kept: str
-
-
-class TakeLog(Command, frozen=True, tag="take_log", kw_only=True):
-    """Read a log that was sent to `/incoming`; the reply has the flight's name, or asks for a column map."""
-
-    file: str
-    column_map: str = ""
-
-
-class ReadScatter(Command, frozen=True, tag="read_scatter", kw_only=True):
-    """Ask for a residual against a variable; the reply has `scatter`."""
-
-    channel: str
-    variable: str
-
-
-class Keep(Command, frozen=True, tag="keep", kw_only=True):
-    """Make the tried change the next version of the vehicle file."""
-
-    vehicle_hash: str
-    """Of the vehicle that the page showed it as a change of."""
-
-
-class DropTried(Command, frozen=True, tag="drop_tried", kw_only=True):
-    """Forget the change that was tried; the vehicle file stays as it is."""
-
-
-class ReturnTo(Command, frozen=True, tag="return_to", kw_only=True):
-    """Restore a version of the vehicle file; the present one stays in the history."""
-
-    version: int
 
 
 FromPage = (

@@ -230,3 +230,10 @@ class JobKind(msgspec.Struct, frozen=True):
     name: str
     title: str
     fields: list[JobField]
+
+
+class Command(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What every command carries."""
+
+    serial: int
+    """Comes back in the reply."""

@@ -54,7 +54,7 @@ def part(
 
     Args:
         time_s: (n,) increasing; every curve has n samples.
-        points: about as many times are wanted; where there are up to twice as many samples, the samples themselves.
+        points: asks for about so many times; where there are up to twice as many samples, the samples themselves.
 
     Returns:
         (m,) times, and for each curve (m,) values. Where samples are merged, a group has two times, its first sample's

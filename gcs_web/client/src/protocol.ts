@@ -156,6 +156,10 @@ export interface JobKind {
   fields: JobField[];
 }
 
+export interface Command {
+  serial: number;
+}
+
 export interface Finding {
   level: "warning" | "error";
   sentence: string;
@@ -364,6 +368,150 @@ export interface VehicleVersion {
   changes: string[];
 }
 
+export interface Flights {
+  type: "flights";
+  flights: FlightCard[];
+}
+
+export interface Comparison {
+  type: "comparison";
+  state: "none" | "current" | "old";
+  learn: string[];
+  held_out: string[];
+  judged_how: string;
+  variables: VariableName[];
+  channels: ChannelResidual[];
+  horizons_s: number[];
+  errors: HorizonError[];
+  predictions: number;
+  remarks: string[];
+}
+
+export interface Diagnosis {
+  type: "diagnosis";
+  state: "none" | "current" | "old";
+  verdict: string;
+  probability: number;
+  something_unknown: number;
+  otherwise: number;
+  fit: string;
+  learn: string[];
+  held_out: string[];
+  candidates: Candidate[];
+  attempts: Attempt[];
+  horizons: string[];
+  staircase: Stair[];
+  outside: OutsideCurve | null;
+  unobservable: string[];
+  findings: string[];
+  left: string[];
+  vehicle: string;
+}
+
+export interface Model {
+  type: "model";
+  name: string;
+  effects: string[];
+  parameters: ParameterRow[];
+  versions: VehicleVersion[];
+  tried: Tried | null;
+}
+
+export interface FlightMoment {
+  type: "flight_moment";
+  time_s: number;
+}
+
+export interface ListFlights {
+  type: "list_flights";
+  serial: number;
+}
+
+export interface SetRole {
+  type: "set_role";
+  serial: number;
+  flight: string;
+  role: "learn" | "hold_out" | "leave";
+}
+
+export interface OpenFlights {
+  type: "open_flights";
+  serial: number;
+  flights: string[];
+}
+
+export interface ReadStreams {
+  type: "read_streams";
+  serial: number;
+  flight: string;
+  streams: string[];
+  from_s: number;
+  to_s: number;
+  points: number;
+}
+
+export interface ShowFlights {
+  type: "show_flights";
+  serial: number;
+  flights: string[];
+  colour?: "" | "F_x" | "F_y" | "F_z" | "M_x" | "M_y" | "M_z";
+}
+
+export interface LookAtFlight {
+  type: "look_at_flight";
+  serial: number;
+  time_s: number | null;
+}
+
+export interface FixFlight {
+  type: "fix_flight";
+  serial: number;
+  flight: string;
+}
+
+export interface DiscardFlight {
+  type: "discard_flight";
+  serial: number;
+  flight: string;
+}
+
+export interface RestoreFlight {
+  type: "restore_flight";
+  serial: number;
+  kept: string;
+}
+
+export interface TakeLog {
+  type: "take_log";
+  serial: number;
+  file: string;
+  column_map?: string;
+}
+
+export interface ReadScatter {
+  type: "read_scatter";
+  serial: number;
+  channel: string;
+  variable: string;
+}
+
+export interface Keep {
+  type: "keep";
+  serial: number;
+  vehicle_hash: string;
+}
+
+export interface DropTried {
+  type: "drop_tried";
+  serial: number;
+}
+
+export interface ReturnTo {
+  type: "return_to";
+  serial: number;
+  version: number;
+}
+
 export interface Welcome {
   type: "welcome";
   protocol: number;
@@ -440,60 +588,6 @@ export interface Jobs {
   kinds: JobKind[];
 }
 
-export interface Flights {
-  type: "flights";
-  flights: FlightCard[];
-}
-
-export interface Comparison {
-  type: "comparison";
-  state: "none" | "current" | "old";
-  learn: string[];
-  held_out: string[];
-  judged_how: string;
-  variables: VariableName[];
-  channels: ChannelResidual[];
-  horizons_s: number[];
-  errors: HorizonError[];
-  predictions: number;
-  remarks: string[];
-}
-
-export interface Diagnosis {
-  type: "diagnosis";
-  state: "none" | "current" | "old";
-  verdict: string;
-  probability: number;
-  something_unknown: number;
-  otherwise: number;
-  fit: string;
-  learn: string[];
-  held_out: string[];
-  candidates: Candidate[];
-  attempts: Attempt[];
-  horizons: string[];
-  staircase: Stair[];
-  outside: OutsideCurve | null;
-  unobservable: string[];
-  findings: string[];
-  left: string[];
-  vehicle: string;
-}
-
-export interface Model {
-  type: "model";
-  name: string;
-  effects: string[];
-  parameters: ParameterRow[];
-  versions: VehicleVersion[];
-  tried: Tried | null;
-}
-
-export interface FlightMoment {
-  type: "flight_moment";
-  time_s: number;
-}
-
 export interface Notice {
   type: "notice";
   text: string;
@@ -531,10 +625,6 @@ export interface Reply {
   scatter: Scatter | null;
   incoming: Incoming | null;
   plans: PlanSummary[];
-}
-
-export interface Command {
-  serial: number;
 }
 
 export interface Edit {
@@ -777,96 +867,6 @@ export interface ForgetJob {
 export interface ListJobs {
   type: "list_jobs";
   serial: number;
-}
-
-export interface ListFlights {
-  type: "list_flights";
-  serial: number;
-}
-
-export interface SetRole {
-  type: "set_role";
-  serial: number;
-  flight: string;
-  role: "learn" | "hold_out" | "leave";
-}
-
-export interface OpenFlights {
-  type: "open_flights";
-  serial: number;
-  flights: string[];
-}
-
-export interface ReadStreams {
-  type: "read_streams";
-  serial: number;
-  flight: string;
-  streams: string[];
-  from_s: number;
-  to_s: number;
-  points: number;
-}
-
-export interface ShowFlights {
-  type: "show_flights";
-  serial: number;
-  flights: string[];
-  colour?: "" | "F_x" | "F_y" | "F_z" | "M_x" | "M_y" | "M_z";
-}
-
-export interface LookAtFlight {
-  type: "look_at_flight";
-  serial: number;
-  time_s: number | null;
-}
-
-export interface FixFlight {
-  type: "fix_flight";
-  serial: number;
-  flight: string;
-}
-
-export interface DiscardFlight {
-  type: "discard_flight";
-  serial: number;
-  flight: string;
-}
-
-export interface RestoreFlight {
-  type: "restore_flight";
-  serial: number;
-  kept: string;
-}
-
-export interface TakeLog {
-  type: "take_log";
-  serial: number;
-  file: string;
-  column_map?: string;
-}
-
-export interface ReadScatter {
-  type: "read_scatter";
-  serial: number;
-  channel: string;
-  variable: string;
-}
-
-export interface Keep {
-  type: "keep";
-  serial: number;
-  vehicle_hash: string;
-}
-
-export interface DropTried {
-  type: "drop_tried";
-  serial: number;
-}
-
-export interface ReturnTo {
-  type: "return_to";
-  serial: number;
-  version: number;
 }
 
 export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply | Flights | Comparison | Diagnosis | Model | FlightMoment;
