@@ -17,9 +17,9 @@ import planner
 import vehicle
 from esdf import solids
 from firmware_bridge import Sensors, SitlVehicle, connect, controller
+from firmware_bridge.airborne import in_the_air, tracking
 from flight import FlightLog, Waypoints
 from goshawk.demo import vehicles
-from goshawk.flights import in_the_air, tracking
 from planner import gate
 from sysid.diagnosis import diagnose
 

@@ -6,7 +6,7 @@ A quantity that was not recorded has no column; one that was not sampled at a ro
 
 import importlib
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -153,8 +153,38 @@ def save(path: Path, log: FlightLog) -> None:
         parquet.write_table(table.replace_schema_metadata({"goshawk": text}), temporary, compression="zstd")
 
 
-def load(path: Path) -> FlightLog:
+def load(path: Path, columns: Collection[str] | None = None) -> FlightLog:
     """Read a log that `save` wrote.
+
+    Args:
+        columns: names of the columns to read besides `time_s`; None: all of them.
+
+    Raises:
+        InputError: there is no such file, or it has no such column.
+        FormatError: it is not a flight log, is cut off, or newer than this version.
+    """
+    pa, parquet = _arrow()
+    names, metadata = head(path)
+    if columns is not None:
+        missing = sorted(set(columns) - set(names))
+        if missing:
+            raise InputError(f"{path} has no {', '.join(missing)}; it has {', '.join(sorted(names))}")
+        names = tuple(name for name in names if name == "time_s" or name in columns)
+    try:
+        table = parquet.read_table(path, columns=list(names))
+    except (pa.ArrowException, OSError) as error:
+        raise _unreadable(path, error) from error
+    read = {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
+    try:
+        return FlightLog(read, metadata)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    except (TypeError, ValueError) as error:
+        raise FormatError(f"{path} is a damaged flight log: {file_format.damage_text(error)}") from error
+
+
+def head(path: Path) -> tuple[tuple[str, ...], Mapping[str, Any]]:
+    """Names of the columns of a log that `save` wrote, and its metadata, without reading the columns.
 
     Raises:
         InputError: there is no such file.
@@ -164,26 +194,24 @@ def load(path: Path) -> FlightLog:
     if not Path(path).is_file():
         raise InputError(f"{path} does not exist or is not a file")
     try:
-        table = parquet.read_table(path)
+        schema = parquet.read_schema(path)
     except (pa.ArrowException, OSError) as error:
-        raise FormatError(f"{path} is not a readable Parquet file ({error}); it may have been cut off") from error
-    header = _header(table.schema.metadata)
+        raise _unreadable(path, error) from error
+    header = _header(schema.metadata)
     if header.get("format") != FORMAT or not isinstance(header.get("version"), int):
         raise FormatError(f"{path} is Parquet but not a {FORMAT}; convert it to CSV and read that with --columns")
     if header["version"] > VERSION:
         raise FormatError(
             f"{path} is version {header['version']} of {FORMAT}; this Goshawk reads up to {VERSION}: update Goshawk"
         )
-    columns = {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
     metadata: Any = header.get("metadata")
     if not isinstance(metadata, dict):
         raise FormatError(f"{path} is a damaged flight log: its metadata are {str(metadata)[:60]!r}, not a table")
-    try:
-        return FlightLog(columns, metadata)  # pyright: ignore[reportUnknownArgumentType]
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
-    except (TypeError, ValueError) as error:
-        raise FormatError(f"{path} is a damaged flight log: {file_format.damage_text(error)}") from error
+    return tuple(schema.names), metadata  # pyright: ignore[reportUnknownVariableType]
+
+
+def _unreadable(path: Path, error: Exception) -> FormatError:
+    return FormatError(f"{path} is not a readable Parquet file ({error}); it may have been cut off")
 
 
 def _header(schema_metadata: dict[bytes, bytes] | None) -> dict[str, Any]:

@@ -121,6 +121,7 @@ class GroundStation:
         self.view.on_select = lambda waypoint: self.hub.publish(protocol.Selection([waypoint]))
         self.view.on_moment = self._moment_chosen
         self.view.on_drag, self.view.on_add, self.view.on_pull = self._dragged, self._added, self.desk.draft
+        self.view.flights.on_moment = lambda time_s: self.hub.publish(protocol.FlightMoment(time_s))
         if self.watch is not None:
             self.watch.on_state, self.watch.on_pose = self._vehicle_changed, self.view.vehicle.move
             self.watch.on_setpoint = self.view.vehicle.follow
@@ -133,6 +134,7 @@ class GroundStation:
             self.server.get_port(),
             serve_page=pages.serve,
             state=self._state,
+            incoming=self.desk.flights.incoming,
             share=self.desk.shared,
             host=self._host,
             port=port,

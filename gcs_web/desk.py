@@ -17,9 +17,12 @@ import vehicle
 from flight import FlightError, FloatArray, FormatError, InputError, TrajectoryFile, trajectory
 from flight.project import Project
 from gcs_web import inputs, page_values, planning, protocol, protocol_parts, saved
+from gcs_web.comparing import Comparing
 from gcs_web.document import Settings
+from gcs_web.flights import Flights
 from gcs_web.hub import Hub
 from gcs_web.jobs import Jobs, Kind
+from gcs_web.learning import Learning
 from gcs_web.map_desk import MapDesk
 from gcs_web.map_edits import MapEdit
 from gcs_web.session import Session
@@ -72,6 +75,9 @@ class Desk:
         self._planner = planning.PlanningProcess(opened.folder, base, self._planned, self._drafted)
         self.map = MapDesk(self)
         self.jobs = Jobs(opened, kinds, self.show_jobs, lambda kind, result: kind.done(self, result), self._job_ended)
+        self.flights = Flights(opened, self._flights_changed)
+        self.comparing = Comparing(opened, self.flights, view)
+        self.learning = Learning(opened, self.flights)
         self._watch_files = inputs.Watch(opened.folder, opened.waypoints, self._files_changed)
         self.session.on_change(self._document_changed)
         said = self.session.take_notice() or f"{opened.name} opened, revision {self.session.revision}"
@@ -84,6 +90,7 @@ class Desk:
     def close(self) -> None:
         self._watch_files.close()
         self.jobs.close()
+        self.flights.close()
         self._planner.close()
         self.session.close()
 
@@ -105,6 +112,20 @@ class Desk:
         listed = [_listed(path, hashes) for path in self.project.trajectories()]
         flights = [path.stem for path in self.project.flights()]
         self.hub.publish(protocol.Files(listed, flights, saved.aside(self.project)))
+        self.flights.refresh()
+
+    def _flights_changed(self, now: protocol.Flights) -> None:
+        self.hub.publish(now)
+        self.show_learning()
+
+    def show_learning(self) -> None:
+        """The comparison, the diagnosis and the model as they are now."""
+        self.hub.publish(self.comparing.state())
+        self.hub.publish(self.learning.diagnosis())
+        try:
+            self.hub.publish(self.learning.model())
+        except FlightError as error:
+            self.notice(str(error), level="danger")
 
     def show_jobs(self) -> None:
         self.hub.publish(self.jobs.state())

@@ -7,6 +7,7 @@ number of sockets, drops the messages that would publish the view on viser's sha
 
 /          our page (`gcs_web/static`)
 /ws        its WebSocket
+/incoming/ takes the file of a flight log
 /state     what the server holds, as JSON
 /share     a trajectory as one HTML file, to keep or to pass on
 /viser/    the 3D view
@@ -16,12 +17,14 @@ import asyncio
 import hmac
 import logging
 import secrets
+import tempfile
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from flight import FlightError
+from flight import FlightError, InputError
+from gcs_web.flights import incoming_name
 
 if TYPE_CHECKING:
     import ssl
@@ -32,6 +35,8 @@ logger = logging.getLogger(__name__)
 
 LOOPBACK = "127.0.0.1"
 STATIC = Path(__file__).parent / "static"
+LARGEST_LOG = 1 << 30
+"""Bytes of a flight log that is dropped on the page."""
 LARGEST_MESSAGE = 1 << 20
 """Bytes that a browser may send at once."""
 MOST_SOCKETS = 64
@@ -69,6 +74,7 @@ class Gateway:
         *,
         serve_page: Serve,
         state: Callable[[], dict[str, Any]],
+        incoming: Path,
         share: Callable[[str], tuple[str, str]],
         host: str = LOOPBACK,
         port: int = 0,
@@ -78,11 +84,13 @@ class Gateway:
         Args:
             serve_page: talks to one page over its WebSocket.
             state: answers `/state`: what the server holds, as JSON.
+            incoming: folder for the flight logs that pages send.
             share: answers `/share?name=...`: the name and the text of an HTML file. Raises `FlightError`.
             host: name or address to listen at, and the only name that is answered to beside this machine's own.
             port: 0 lets the system choose.
             tls: proves that it is `host`; then the page is https and its sockets are wss.
         """
+        self._incoming = incoming
         self._host, self._tls, self._share = host, tls, share
         self._upstream = f"{LOOPBACK}:{upstream_port}"
         self._serve_page, self._state, self._wanted_port = serve_page, state, port
@@ -118,6 +126,7 @@ class Gateway:
         application.router.add_static("/static/", STATIC)
         application.router.add_get("/ws", self._page)
         application.router.add_get("/state", self._serve_state)
+        application.router.add_put("/incoming/{name}", self._take_log)
         application.router.add_get("/share", self._serve_shared)
         application.router.add_get("/viser", self._pass_socket)  # viser's page leaves out the last slash here
         application.router.add_get("/viser/{path:.*}", self._pass_on)
@@ -196,6 +205,33 @@ class Gateway:
         from aiohttp import web
 
         return web.json_response(await asyncio.to_thread(self._state))
+
+    async def _take_log(self, request: "web.Request") -> "web.Response":
+        """Write a flight log into the folder for incoming ones, whole or not at all; it is read by command later."""
+        from aiohttp import web
+
+        try:
+            name = incoming_name(request.match_info["name"])
+        except InputError as error:
+            return web.Response(status=400, text=str(error))
+        self._incoming.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=self._incoming, prefix=".", delete=False) as file:
+            temporary = Path(file.name)
+            try:
+                size = 0
+                async for data in request.content.iter_chunked(1 << 16):
+                    size += len(data)
+                    if size > LARGEST_LOG:
+                        said = f"{name} is larger than {LARGEST_LOG >> 30} GiB; read it with `goshawk log` instead"
+                        return web.Response(status=413, text=said)
+                    file.write(data)
+                file.close()
+                temporary.replace(self._incoming / name)
+            except OSError as error:
+                return web.Response(status=507, text=f"{name} could not be written ({error.strerror})")
+            finally:
+                temporary.unlink(missing_ok=True)
+        return web.Response(text=name)
 
     async def _serve_shared(self, request: "web.Request") -> "web.Response":
         from aiohttp import web

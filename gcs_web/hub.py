@@ -26,6 +26,10 @@ _STATE = (
     protocol.MapShown,
     protocol.Measured,
     protocol.MapPreview,
+    protocol.Flights,
+    protocol.Comparison,
+    protocol.Diagnosis,
+    protocol.Model,
 )
 
 

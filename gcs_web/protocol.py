@@ -10,6 +10,31 @@ from typing import Literal
 import msgspec
 
 from gcs_web.protocol_base import Command, Edit
+from gcs_web.protocol_flights import (
+    Comparison,
+    Diagnosis,
+    DiscardFlight,
+    DropTried,
+    FixFlight,
+    FlightMoment,
+    Flights,
+    Incoming,
+    Keep,
+    ListFlights,
+    LookAtFlight,
+    Model,
+    OpenedFlight,
+    OpenFlights,
+    ReadScatter,
+    ReadStreams,
+    RestoreFlight,
+    ReturnTo,
+    Scatter,
+    SetRole,
+    ShowFlights,
+    StreamPart,
+    TakeLog,
+)
 from gcs_web.protocol_jobs import CancelJob, ForgetJob, Jobs, ListJobs, StartJob
 from gcs_web.protocol_map import (
     AddMapEdit,
@@ -174,13 +199,20 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
     here: Held | None = None
     there: Held | None = None
     """Of `prepare_upload`."""
+    name: str = ""
+    """Of what was made: a flight, or a log that was moved aside."""
+    flights: list[OpenedFlight] = []
+    parts: list[StreamPart] = []
+    scatter: Scatter | None = None
+    incoming: Incoming | None = None
+    """Of `take_log`: what the columns of a foreign log may be."""
     plans: list[PlanSummary] = []
     """Of `compare_plans`."""
 
 
 ToPage = (
-    Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection
-    | MapShown | Measured | MapPreview | Reply
+    Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply
+    | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment
 )  # fmt: skip
 
 
@@ -403,4 +435,6 @@ FromPage = (
     | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort
     | ShowMap | Measure | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits
     | StartJob | CancelJob | ForgetJob | ListJobs
+    | ListFlights | SetRole | OpenFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight
+    | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo
 )  # fmt: skip

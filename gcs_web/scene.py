@@ -31,6 +31,13 @@ def clearance_colours(clearance_m: FloatArray, required_m: float) -> np.ndarray:
     return colours(share, "viridis_r")
 
 
+def signed_colours(share: FloatArray) -> np.ndarray:
+    """Blue below zero, grey at it, orange above, from -1 to 1: (n, 3) uint8."""
+    ends = np.array([[58, 134, 255], [148, 155, 163], [255, 150, 30]], dtype=np.float64)
+    place = np.clip(np.nan_to_num(share), -1.0, 1.0)
+    return np.stack([np.interp(place, [-1.0, 0.0, 1.0], ends[:, i]) for i in range(3)], axis=1).astype(np.uint8)
+
+
 def series_colours(series: protocol.Series, what: str, required_m: float) -> np.ndarray:
     """Colours of a path by one of its figures, from the smallest to the largest: (n, 3) uint8."""
     if what == "clearance":

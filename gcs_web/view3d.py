@@ -13,6 +13,7 @@ import numpy as np
 from flight import FloatArray, Progress, silent
 from gcs_web import course_view, display_mesh, missions, picking, protocol, scene
 from gcs_web.document import Content, Point, Settings
+from gcs_web.flight_scene import FlightScene
 from gcs_web.map_view import MapView
 from gcs_web.vehicle_view import VehicleView
 from mapping import Map
@@ -74,6 +75,8 @@ class View3D:
         server.on_client_disconnect(self._browser_left)
         server.gui.configure_theme(dark_mode=True, show_share_button=False, show_logo=False, control_layout="floating")
         server.scene.set_up_direction("+z")
+        self.flights = FlightScene(server)
+        self._set_aside = False
         self._ghost = scene.draw_vehicle(server, "/planned", opacity=0.55)
         self.vehicle = VehicleView(server)
 
@@ -179,11 +182,22 @@ class View3D:
             self._draft.remove()
             self._draft = None
 
+    def set_plan_aside(self, aside: bool) -> None:
+        """Hide plan, waypoints and marks while recorded flights are looked at, or bring them back."""
+        with self._lock, self._server.atomic():
+            self._set_aside = aside
+            for ball in self._balls.values():
+                ball.visible = not aside
+            if aside:
+                self._ghost.visible = False
+            self._draw_handle()
+            self._draw_path()
+
     def look(self, time_s: float | None) -> None:
         """Draw the vehicle where the plan has it at a moment; None hides it."""
         with self._lock:
             series = self._series
-            if time_s is None or series is None or not self._checked:
+            if time_s is None or series is None or not self._checked or self._set_aside:
                 self._ghost.visible = False
                 return
             k = int(np.clip(np.searchsorted(series.time_s, time_s), 0, len(series.time_s) - 1))
@@ -204,6 +218,7 @@ class View3D:
                 color=_WHITE,
                 cast_shadow=False,
                 position=point.position_world_m,
+                visible=not self._set_aside,
             )
             ball.on_click(lambda _: self.on_select(point.id))
             self._balls[point.id] = ball
@@ -211,7 +226,7 @@ class View3D:
 
     def _draw_handle(self) -> None:
         """Arrows at the one selected waypoint, by which it is dragged."""
-        chosen = [p for p in self._points if self._selected == (p.id,)]
+        chosen = [p for p in self._points if self._selected == (p.id,) and not self._set_aside]
         if not chosen:
             if self._handle is not None:
                 self._handle.remove()
@@ -261,7 +276,7 @@ class View3D:
             return
         with self._lock:
             series = self._series
-            if series is None or not self._checked:
+            if series is None or not self._checked or self._set_aside:
                 return
         path_m = np.stack([series.x_m, series.y_m, series.z_m], axis=1)
         k = picking.nearest_on_path(np.array(event.ray_origin), np.array(event.ray_direction), path_m)
@@ -289,7 +304,7 @@ class View3D:
             self._path.remove()
             self._path = None
         series = self._series
-        if series is None:
+        if series is None or self._set_aside:
             return
         positions = np.stack([series.x_m, series.y_m, series.z_m], axis=1)
         is_current = self._checked and self._draft is None

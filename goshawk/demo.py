@@ -17,11 +17,11 @@ import mapping
 import planner
 import sysid
 import vehicle
+from firmware_bridge.airborne import in_the_air, tracking
 from flight import FlightLog, FloatArray, InputError, Progress, Waypoints, flight_log, project, trajectory
 from flight.project import Project
 from goshawk import demo_folder
 from goshawk.commands.plan import waypoints_along
-from goshawk.flights import in_the_air, tracking
 from goshawk.map_accuracy import measure
 from goshawk.sitl_process import again_if_link_dies, sitl_vehicle
 from mapping import rendered_room, rendered_world

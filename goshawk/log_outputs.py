@@ -2,11 +2,9 @@
 
 from pathlib import Path
 
-import numpy as np
-
+from firmware_bridge.airborne import aloft_s
 from flight import FlightLog, InputError, Progress, flight_log, silent
 from goshawk import log_exports, log_report, outputs
-from goshawk.flights import IN_FREE_AIR
 from sysid.logs import fix as fixes
 from sysid.logs.check import LogReport
 from vehicle import Vehicle
@@ -51,16 +49,8 @@ def write_fixed(
         raise InputError(f"--out {out}: a corrected log is written in our own format; call it {out.stem}.parquet")
     if out.exists() and source.exists() and out.samefile(source):
         raise InputError(f"--out {out} is the log itself, which is never changed; give another name")
-    fixed = fixes.fix(log, believed, aloft=_aloft_s(log), progress=progress)
+    fixed = fixes.fix(log, believed, aloft=aloft_s(log), progress=progress)
     corrected = FlightLog(fixed.log.columns, {**fixed.log.metadata, "fixed_from": source.name})
     with outputs.file(out, overwrite=overwrite) as temporary:
         flight_log.save(temporary, corrected)
     return corrected, fixed.done, fixed.report
-
-
-def _aloft_s(log: FlightLog) -> tuple[float, float] | None:
-    """First and last instant in free air; None where the log has no mission state."""
-    if not log.has("mission_state"):
-        return None
-    rows = np.flatnonzero(np.isin(log.columns["mission_state"], IN_FREE_AIR))
-    return (float(log.time_s[rows[0]]), float(log.time_s[rows[-1]])) if rows.size else None

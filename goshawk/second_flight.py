@@ -7,8 +7,8 @@ import numpy as np
 
 import sysid
 from firmware_bridge import Sensors, closed_loop, controller
+from firmware_bridge.airborne import in_the_air
 from flight import FlightLog, Trajectory
-from goshawk.flights import in_the_air
 from sysid.diagnosis import diagnose
 from vehicle import Vehicle, simulate
 

@@ -98,6 +98,18 @@ def read(path: Path) -> History:
     return history
 
 
+def differences(old: Vehicle, new: Vehicle) -> list[str]:
+    """One line per effect and number that differs."""
+    lines = [f"+ effect {name}" for name in new.effects if name not in old.effects]
+    lines += [f"- effect {name}" for name in old.effects if name not in new.effects]
+    for name in dict.fromkeys([*old.parameters, *new.parameters]):
+        both = old.parameters.get(name), new.parameters.get(name)
+        if len({p.value if p else None for p in both}) == 2:
+            first, second = (f"{p.value:.5g}" if p else "none" for p in both)
+            lines.append(f"  {name}: {first} -> {second} {next(p.unit for p in both if p)}")
+    return lines
+
+
 def record(path: Path, vehicle: Vehicle, action: str, *, effect: str = "", held_out: HeldOut | None = None) -> Step:
     """Replace a vehicle file by a new version and keep the old one. If interrupted, the file is one or the other."""
     path = Path(path)

@@ -5,9 +5,9 @@ from pathlib import Path
 import click
 
 import firmware_bridge
+from firmware_bridge.airborne import tracking
 from flight import flight_log, trajectory
 from goshawk import console, outputs
-from goshawk.flights import tracking
 
 
 @click.command()

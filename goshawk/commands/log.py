@@ -9,9 +9,10 @@ import numpy as np
 import firmware_bridge
 import sysid
 import vehicle
+from firmware_bridge.airborne import IN_FREE_AIR, in_the_air
 from flight import FlightLog, InputError, flight_log
 from goshawk import console, fit_options, log_outputs, outputs
-from goshawk.flights import IN_FREE_AIR, in_the_air, marked_file
+from goshawk.flights import marked_file
 from goshawk.words import named
 from sysid.logs.payload import PAYLOAD_CARRIED
 

@@ -13,8 +13,9 @@ from goshawk import console, model_change, outputs, words
 from goshawk.commands.params import parse
 from goshawk.commands.vehicle_new import new, schema
 from goshawk.flights import load
-from goshawk.model_change import Change, Flights
 from goshawk.verbs import VerbGroup
+from sysid.estimator import changes
+from sysid.estimator.changes import Change, Flights
 from sysid.estimator.verdict import Use
 from vehicle import Vehicle, history
 
@@ -257,10 +258,10 @@ def undo(vehicle_file: Path, number: int | None, preview: bool, yes: bool, as_js
     was, will_be = history.version(vehicle_file, left), history.version(vehicle_file, restored)
     if not preview:
         what = f"return {vehicle_file} from version {left.number} to {restored.number} ({_done(restored)})"
-        _ask("\n".join([f"{what}?", *model_change.differences(was, will_be)]), yes, as_json)
+        _ask("\n".join([f"{what}?", *history.differences(was, will_be)]), yes, as_json)
         history.restore(vehicle_file, number)
     facts = {"left": left.number, "restored": restored.number, "file_sha256": restored.file_sha256}
-    document = facts | {"written": not preview, "changes": model_change.differences(was, will_be)}
+    document = facts | {"written": not preview, "changes": history.differences(was, will_be)}
     if as_json:
         console.show("", {}, as_json=True, document=document)
         return
@@ -303,7 +304,7 @@ def show_history(
         models = {str(step.number): history.version(vehicle_file, step) for step in line}
         with console.progress() as report:
             logs = [load(path, columns) for path in held_out]
-            by_version, left_out = model_change.held_out_errors(models, logs, progress=report)
+            by_version, left_out = changes.held_out_errors(models, logs, progress=report)
         errors = {int(number): found for number, found in by_version.items()}
     if figure is not None:
         names = [path.name for path in held_out]
@@ -339,7 +340,7 @@ def _show_history(
         "made by",
         "when (UTC)",
         "hash",
-        f"position error after {model_change.HORIZON_S:g} s",
+        f"position error after {changes.HORIZON_S:g} s",
         "verdict at the time",
     )
     console.table("history", heads, rows)
@@ -372,9 +373,9 @@ def _change(
         flights = Flights({p: load(p, columns) for p in training}, {p: load(p, columns) for p in held_out})
         change = Change(changed, {}, None, (), None)
         if training:
-            change = model_change.refitted(present, changed, flights, progress=report)
+            change = changes.refitted(present, changed, flights, progress=report)
         elif held_out:
-            change = model_change.evaluated(present, changed, flights, progress=report)
+            change = changes.evaluated(present, changed, flights, progress=report)
     usable = change.fit is None or change.fit.use is not Use.REJECTED
     step = None
     if not preview and (usable or anyway):
@@ -391,7 +392,7 @@ def _show_change(
     facts |= {"version": step.number if step else None}
     cancelled, how = model_change.compensations(change.vehicle).get(what[1], (None, ""))
     if as_json:
-        document = facts | {"errors": change.errors, "changes": model_change.differences(present, change.vehicle)}
+        document = facts | {"errors": change.errors, "changes": history.differences(present, change.vehicle)}
         document |= {
             "fit": change.fit.as_dict() if change.fit else None,
             "findings": change.findings,
@@ -405,15 +406,15 @@ def _show_change(
         click.echo(f"verdict on the refit: {change.fit.use}")
     for reason in reasons:
         click.echo(f"  {reason}")
-    for line in model_change.differences(present, change.vehicle):
+    for line in history.differences(present, change.vehicle):
         click.echo(line)
     if change.errors:
         rows = [
-            (model, *(model_change.prediction_error(q, errors[key]) for q, key in model_change.KEYS.items()))
+            (model, *(model_change.prediction_error(q, errors[key]) for q, key in changes.KEYS.items()))
             for model, errors in change.errors.items()
         ]
-        heads = ("model", *model_change.KEYS)
-        console.table(f"held-out error after {model_change.HORIZON_S:g} s, rms", heads, rows)
+        heads = ("model", *changes.KEYS)
+        console.table(f"held-out error after {changes.HORIZON_S:g} s, rms", heads, rows)
     for finding in (f for f in change.findings if f not in reasons):
         click.echo(f"note: {finding}")
     click.echo(f"{what[1]} {helped}" if change.held_out else helped)

@@ -46,7 +46,7 @@ def write(found: Diagnosis, folder: Path, *, suffix: str = "svg") -> list[Path]:
     for i, candidate in enumerate(leading(found)):
         drawings[f"candidate_{i + 1}"] = evidence_for(found, candidate)
     drawings["staircase"] = staircase(found)
-    judged = _unseen(found)
+    judged = unseen(found)
     over_time = judged if last is not first else {BEFORE: judged[BEFORE]} if judged else {}
     over_time = over_time or named
     loudest = residual_plots.loudest(over_time[BEFORE])
@@ -58,7 +58,7 @@ def write(found: Diagnosis, folder: Path, *, suffix: str = "svg") -> list[Path]:
     return [drawing.written(figure, folder / f"{name}.{suffix}") for name, figure in drawings.items()]
 
 
-def _unseen(found: Diagnosis) -> dict[str, Sequence[Residual]]:
+def unseen(found: Diagnosis) -> dict[str, Sequence[Residual]]:
     """What the first and the last fitted model leave of the held-out flights, if there were any."""
     if not found.held_out:
         return {}
@@ -108,8 +108,8 @@ def evidence_for(found: Diagnosis, candidate: Candidate) -> "Figure":
     model = found.search.models[0]
     shown = added_variable(model, candidate)
     before = left_of(model)
-    variable = _follows(shown.trace, before)
-    judged = _unseen(found)
+    variable = follows(shown.trace, before)
+    judged = unseen(found)
     figure, axes = drawing.figure(1, 2 + bool(judged), (12.0, 3.6), sharey=True)
     scale, written = residual_plots.unit(shown.channel)
     title, label = words.effect(candidate.name), residual_plots.labelled(variable)
@@ -132,7 +132,7 @@ def evidence_for(found: Diagnosis, candidate: Candidate) -> "Figure":
     return figure
 
 
-def _follows(trace: FloatArray, residuals: Sequence[Residual]) -> str:
+def follows(trace: FloatArray, residuals: Sequence[Residual]) -> str:
     """The variable that a candidate's trace follows most: by the share of its variance between bins of the variable."""
     shares = {}
     for variable in VARIABLE.values():
@@ -147,9 +147,9 @@ def _left_on_held_out(panel: "Axes", judged: dict[str, Sequence[Residual]], chan
     scale, _ = residual_plots.unit(channel)
     last = judged[AFTER]
     at = explained.read(last, VARIABLE[variable])
-    residual_plots.scatter(panel, at, scale * _in_channel(last, channel), drawing.COLOURS[2])
+    residual_plots.scatter(panel, at, scale * in_channel(last, channel), drawing.COLOURS[2])
     first = judged[BEFORE]
-    centre, mean, _ = drawing.binned(explained.read(first, VARIABLE[variable]), scale * _in_channel(first, channel))
+    centre, mean, _ = drawing.binned(explained.read(first, VARIABLE[variable]), scale * in_channel(first, channel))
     panel.plot(centre, mean, ":", color=drawing.INK, linewidth=1.4, label="before anything was added")
     panel.legend(frameon=False, fontsize=8)
     drawing.plain(panel, "left on held-out flights by the last model", residual_plots.labelled(variable), "")
@@ -178,7 +178,7 @@ def outside(found: Diagnosis, curve: OutsideFinding) -> "Figure":
         return figure
     left = found.judged.residuals[found.staircase[-1].model] if found.held_out else left_of(found.search.models[-1])
     at = explained.read(left, VARIABLE[curve.variable])
-    residual_plots.scatter(axes[0, 1], at, scale * _in_channel(left, curve.channel), drawing.COLOURS[0])
+    residual_plots.scatter(axes[0, 1], at, scale * in_channel(left, curve.channel), drawing.COLOURS[0])
     judged = f"unexplained on {', '.join(found.held_out)}, not used" if found.held_out else "unexplained there"
     if found.proxies:
         judged = f"{judged}, beside {' and '.join(map(words.effect, found.proxies))}"
@@ -187,7 +187,7 @@ def outside(found: Diagnosis, curve: OutsideFinding) -> "Figure":
     return figure
 
 
-def _in_channel(left: Sequence[Residual], channel: str) -> FloatArray:
+def in_channel(left: Sequence[Residual], channel: str) -> FloatArray:
     """(m,) residual force or torque in a channel as means over 0.1 s, flights one after the other."""
     parts = []
     for one in left:

@@ -87,7 +87,7 @@ def _head(found: Diagnosis) -> str:
 
 
 def _verdict(found: Diagnosis) -> str:
-    verdict = _named(found, found.verdict)
+    verdict = named(found, found.verdict)
     sentence = verdict[0].upper() + verdict[1:]
     said = [f"<b>{escape(sentence)}.</b>", _belief_sentence(found)]
     said += [diagnosis_tables.size_sentence(s) for s in found.candidates if s.verdict in IN_THE_MODEL]
@@ -121,11 +121,11 @@ def _curve_sentence(o: OutsideFinding) -> str:
 
 def _error_sentence(found: Diagnosis) -> str:
     on = f"on the held-out flights {', '.join(found.held_out)}" if found.held_out else "on the training flights"
-    steps = [f"{1000.0 * s.position_m[HORIZON]:.3g} mm ({escape(_named(found, s.model))})" for s in found.staircase]
+    steps = [f"{1000.0 * s.position_m[HORIZON]:.3g} mm ({escape(named(found, s.model))})" for s in found.staircase]
     return f"Position error after {HORIZON} {escape(on)}: {', '.join(steps)}."
 
 
-def _named(found: Diagnosis, text: str) -> str:
+def named(found: Diagnosis, text: str) -> str:
     """A sentence with effects and parameters by their names."""
     text = words.named(text, [*(s.name for s in found.candidates), *(name for name, _ in found.invisible)])
     for parameter in {size.parameter for s in found.candidates for size in s.sizes}:
@@ -154,7 +154,7 @@ def _attempts(found: Diagnosis) -> str:
     }
     items = "".join(
         f"<li><b>{escape(words.effect(a.name))}</b> "
-        f"<span class='{style.get(a.outcome, 'bad')}'>{escape(_named(found, a.sentence))}</span>"
+        f"<span class='{style.get(a.outcome, 'bad')}'>{escape(named(found, a.sentence))}</span>"
         f"{_rivals(a.rivals)}</li>"
         for a in found.attempts
     )
@@ -179,10 +179,10 @@ def _unseen(found: Diagnosis, outlooks: Mapping[str, Outlook]) -> str:
     for s in found.candidates:
         if s.verdict is Verdict.INCONCLUSIVE:
             flight = f"; {outlooks[s.name].sentence}" if s.name in outlooks else ""
-            said = escape(_named(found, s.reason) + flight)
+            said = escape(named(found, s.reason) + flight)
             items.append(f"<li><b>{escape(words.effect(s.name))}</b>: {said}</li>")
     items += [
-        f"<li><b>{escape(words.effect(name))}</b>: not observable; {escape(_named(found, why))}</li>"
+        f"<li><b>{escape(words.effect(name))}</b>: not observable; {escape(named(found, why))}</li>"
         for name, why in found.invisible
     ]
     heading = "<h3>What these flights cannot tell, and the flight that would</h3>"
@@ -190,5 +190,5 @@ def _unseen(found: Diagnosis, outlooks: Mapping[str, Outlook]) -> str:
 
 
 def _notes(found: Diagnosis) -> str:
-    findings = "".join(f"<li>{escape(_named(found, sentence))}</li>" for sentence in found.findings)
+    findings = "".join(f"<li>{escape(named(found, sentence))}</li>" for sentence in found.findings)
     return f"<h2>Notes of the fit</h2><ul>{findings}</ul>" if findings else ""

@@ -1,8 +1,11 @@
 """Who the gateway lets in: real sockets, a real viser server behind it."""
 
 import asyncio
+import shutil
+import tempfile
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from pathlib import Path
 
 import aiohttp
 import aiohttp.web
@@ -24,13 +27,21 @@ async def echo(socket: aiohttp.web.WebSocketResponse) -> None:
 @asynccontextmanager
 async def running_gateway() -> AsyncIterator[tuple[Gateway, viser.ViserServer]]:
     server = viser.ViserServer(host="127.0.0.1", port=18080, verbose=False)
-    gateway = Gateway(server.get_port(), serve_page=echo, state=lambda: {"answer": 42}, share=lambda name: (name, ""))
+    folder = Path(tempfile.mkdtemp())
+    gateway = Gateway(
+        server.get_port(),
+        serve_page=echo,
+        state=lambda: {"answer": 42},
+        incoming=folder,
+        share=lambda name: (name, ""),
+    )
     try:
         await gateway.start()
         yield gateway, server
     finally:
         await gateway.stop()
         server.stop()
+        shutil.rmtree(folder)
 
 
 def at_the_gateway(visit):
@@ -43,6 +54,27 @@ def at_the_gateway(visit):
                 await visit(gateway, server, browser)
 
     asyncio.run(run())
+
+
+def test_a_flight_log_is_taken_whole_and_only_from_a_browser_that_came_in():
+    async def visit(gateway, server, browser):
+        base = f"http://127.0.0.1:{gateway.port}/incoming/"
+        async with browser.put(base + "pond.csv", data=b"1,2") as answer:
+            assert answer.status == 403
+        async with browser.get(gateway.url):
+            pass
+        data = bytes(3 * LARGEST_MESSAGE)
+        async with browser.put(base + "pond.csv", data=data) as answer:
+            assert (answer.status, await answer.text()) == (200, "pond.csv")
+        assert (gateway._incoming / "pond.csv").read_bytes() == data
+        for name in ("..%2Fproject.csv", "page.html", ".csv"):
+            async with browser.put(yarl.URL(base + name, encoded=True), data=b"x") as answer:
+                assert answer.status in (400, 404)
+        async with browser.put(base + "b.csv", data=b"x", headers={"Origin": "http://evil.example"}) as answer:
+            assert answer.status == 403
+        assert [path.name for path in gateway._incoming.iterdir()] == ["pond.csv"]
+
+    at_the_gateway(visit)
 
 
 def test_a_request_without_the_token_is_refused():

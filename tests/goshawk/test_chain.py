@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import vehicle
+from firmware_bridge.airborne import in_the_air
 from flight import Waypoints, flight_log, project, trajectory
 from goshawk import demo
-from goshawk.flights import in_the_air
 from goshawk.sitl_process import sitl_vehicle
 from tests.goshawk.running import answer as goshawk
 

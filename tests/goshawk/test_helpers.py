@@ -8,11 +8,11 @@ import pytest
 import esdf
 import planner
 from esdf import solids
+from firmware_bridge.airborne import in_the_air
 from firmware_bridge.controller import State
 from flight import FlightLog, FormatError, InputError, flight_log, frames, rotations
 from goshawk.commands.plan import read_headings, read_path, waypoints_along
 from goshawk.demo import floor_below
-from goshawk.flights import in_the_air
 from goshawk.map_accuracy import rigid_alignment
 from planner import simplify
 

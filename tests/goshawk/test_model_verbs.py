@@ -14,7 +14,8 @@ import vehicle
 from flight import flight_log
 from goshawk import model_change
 from goshawk.cli import main
-from vehicle import flights, manoeuvres
+from sysid.estimator import changes
+from vehicle import flights, history, manoeuvres
 
 DRAG = "rotor_drag_thrust"
 BOB = [(1.25, 1.0), (1.25, -1.0)] * 2
@@ -68,7 +69,7 @@ def test_the_missing_effect_helps_on_a_flight_that_was_not_used_and_undo_brings_
     assert found["verdict"].startswith("helped")
     assert found["compensated"] is True
     errors = found["errors"]
-    assert errors[model_change.AFTER]["position_m"] < 0.3 * errors[model_change.BEFORE]["position_m"]
+    assert errors[changes.AFTER]["position_m"] < 0.3 * errors[changes.BEFORE]["position_m"]
     learned = vehicle.load(file).parameter(f"{DRAG}.drag_s_m")
     assert abs(learned.value - 0.0175) < 5.0 * learned.std
     assert told("undo", file, "--yes")["restored"] == 0
@@ -83,7 +84,7 @@ def fit_ends_early(monkeypatch: pytest.MonkeyPatch, model_has_drag: bool) -> Non
         early = replace(options, max_iterations=1) if (DRAG in believed.effects) == model_has_drag else options
         return fit(logs, believed, early, **further)
 
-    monkeypatch.setattr(sysid, "identify", identify)
+    monkeypatch.setattr(changes, "identify", identify)
 
 
 def test_a_refit_that_did_not_converge_is_written_only_when_asked(file, flown, monkeypatch):
@@ -203,19 +204,19 @@ def test_bad_input_is_refused_in_one_sentence(file, flown, arguments, words):
     ],
 )
 def test_the_verdict_considers_every_quantity(after, words):
-    assert words in model_change.verdict({"position_m": 1.0, "velocity_m_s": 1.0}, after)
+    assert words in changes.verdict({"position_m": 1.0, "velocity_m_s": 1.0}, after)
 
 
 def test_every_effect_and_number_that_differs_is_listed_once():
     old = vehicle.example()
     new = old.without_effect("rotor_drag_thrust").with_effect("flapping_moment").with_value("mass_kg", 0.9)
-    lines = model_change.differences(old, new)
+    lines = history.differences(old, new)
     assert [line for line in lines if line.startswith(("+", "-"))] == [
         "+ effect flapping_moment",
         "- effect rotor_drag_thrust",
     ]
     assert "  mass_kg: 0.7 -> 0.9 kg" in lines
-    assert model_change.differences(old, old) == []
+    assert history.differences(old, old) == []
 
 
 def test_prediction_errors_are_told_in_units_that_people_read():

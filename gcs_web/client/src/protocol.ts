@@ -206,6 +206,358 @@ export interface Edit {
   revision: number;
 }
 
+export interface Finding {
+  level: "warning" | "error";
+  sentence: string;
+  fix: string;
+  fixable: boolean;
+  spans_s: [number, number][];
+}
+
+export interface FlightCard {
+  name: string;
+  state: "reading" | "ready" | "unreadable";
+  role: "learn" | "hold_out" | "leave";
+  sentence: string;
+  recorded_at: string;
+  vehicle: string;
+  trajectory: string;
+  duration_s: number;
+  rows: number;
+  tracking_mean_m: number | null;
+  tracking_worst_m: number | null;
+  path_m: number[];
+  findings: Finding[];
+  inconclusive: string[];
+  fixed: string[];
+}
+
+export interface Stream {
+  key: string;
+  name: string;
+  unit: string;
+  group: "flight" | "force" | "column";
+}
+
+export interface OpenedFlight {
+  name: string;
+  start_s: number;
+  end_s: number;
+  shift_s: number;
+  streams: Stream[];
+}
+
+export interface CurvePart {
+  label: string;
+  kind: "measured" | "plan" | "model" | "residual";
+  values: (number | null)[];
+}
+
+export interface StreamPart {
+  flight: string;
+  key: string;
+  time_s: number[];
+  curves: CurvePart[];
+  band: number | null;
+}
+
+export interface ColumnGuess {
+  name: string;
+  columns: string[];
+  reasons: string[];
+}
+
+export interface Incoming {
+  name: string;
+  column_map: string;
+  guesses: ColumnGuess[];
+  unused: string[];
+}
+
+export interface ChannelResidual {
+  channel: string;
+  unit: string;
+  rms: number;
+  shares: number[];
+}
+
+export interface VariableName {
+  name: string;
+  unit: string;
+  words: string;
+}
+
+export interface HorizonError {
+  quantity: string;
+  unit: string;
+  values: number[];
+}
+
+export interface Scatter {
+  channel: string;
+  unit: string;
+  variable: VariableName;
+  share: number;
+  x: number[];
+  y: number[];
+  flight: number[];
+  time_s: number[];
+  flights: string[];
+  held_out: boolean[];
+  bin_x: number[];
+  bin_mean: number[];
+  bin_band: number[];
+  span_s: number;
+}
+
+export interface EffectSize {
+  name: string;
+  unit: string;
+  value: number;
+  sigma: number;
+  low: number;
+  high: number;
+  excluded_above: number;
+  smallest_visible: number;
+  usual: number;
+}
+
+export interface Evidence {
+  channel: string;
+  unit: string;
+  variable: VariableName;
+  x: number[];
+  y: number[];
+  effect_x: number[];
+  effect_y: number[];
+  held_x: number[];
+  held_before: number[];
+  held_after: number[];
+}
+
+export interface Confounded {
+  name: string;
+  title: string;
+  share: number;
+}
+
+export interface Candidate {
+  name: string;
+  title: string;
+  verdict: "present" | "useful proxy" | "inconclusive" | "excluded";
+  reason: string;
+  probability: number;
+  law: string;
+  sizes: EffectSize[];
+  error_mm: number;
+  confounded: Confounded[];
+  outlook: string;
+  evidence: Evidence | null;
+}
+
+export interface Stair {
+  model: string;
+  errors_mm: number[];
+}
+
+export interface Attempt {
+  name: string;
+  title: string;
+  outcome: string;
+  sentence: string;
+}
+
+export interface OutsideCurve {
+  channel: string;
+  unit: string;
+  variable: VariableName;
+  x: number[];
+  y: number[];
+  band: number[];
+  probability: number;
+}
+
+export interface Tried {
+  effect: string;
+  title: string;
+  verdict: string;
+  use: string;
+  reasons: string[];
+  quantities: string[];
+  units: string[];
+  as_it_was: number[];
+  before: number[];
+  after: number[];
+  held_out: string[];
+  changes: string[];
+  vehicle_hash: string;
+}
+
+export interface ParameterRow {
+  name: string;
+  words: string;
+  value: number;
+  sigma: number;
+  unit: string;
+  source: string;
+}
+
+export interface VehicleVersion {
+  number: number;
+  action: string;
+  effect: string;
+  when: string;
+  current: boolean;
+  undone: boolean;
+  position_mm: number | null;
+  verdict: string;
+  changes: string[];
+}
+
+export interface Flights {
+  type: "flights";
+  flights: FlightCard[];
+}
+
+export interface Comparison {
+  type: "comparison";
+  state: "none" | "current" | "old";
+  learn: string[];
+  held_out: string[];
+  judged_how: string;
+  variables: VariableName[];
+  channels: ChannelResidual[];
+  horizons_s: number[];
+  errors: HorizonError[];
+  predictions: number;
+  remarks: string[];
+}
+
+export interface Diagnosis {
+  type: "diagnosis";
+  state: "none" | "current" | "old";
+  verdict: string;
+  probability: number;
+  something_unknown: number;
+  otherwise: number;
+  fit: string;
+  learn: string[];
+  held_out: string[];
+  candidates: Candidate[];
+  attempts: Attempt[];
+  horizons: string[];
+  staircase: Stair[];
+  outside: OutsideCurve | null;
+  unobservable: string[];
+  findings: string[];
+  left: string[];
+  vehicle: string;
+}
+
+export interface Model {
+  type: "model";
+  name: string;
+  effects: string[];
+  parameters: ParameterRow[];
+  versions: VehicleVersion[];
+  tried: Tried | null;
+}
+
+export interface FlightMoment {
+  type: "flight_moment";
+  time_s: number;
+}
+
+export interface ListFlights {
+  type: "list_flights";
+  serial: number;
+}
+
+export interface SetRole {
+  type: "set_role";
+  serial: number;
+  flight: string;
+  role: "learn" | "hold_out" | "leave";
+}
+
+export interface OpenFlights {
+  type: "open_flights";
+  serial: number;
+  flights: string[];
+}
+
+export interface ReadStreams {
+  type: "read_streams";
+  serial: number;
+  flight: string;
+  streams: string[];
+  from_s: number;
+  to_s: number;
+  points: number;
+}
+
+export interface ShowFlights {
+  type: "show_flights";
+  serial: number;
+  flights: string[];
+  colour?: "" | "F_x" | "F_y" | "F_z" | "M_x" | "M_y" | "M_z";
+}
+
+export interface LookAtFlight {
+  type: "look_at_flight";
+  serial: number;
+  time_s: number | null;
+}
+
+export interface FixFlight {
+  type: "fix_flight";
+  serial: number;
+  flight: string;
+}
+
+export interface DiscardFlight {
+  type: "discard_flight";
+  serial: number;
+  flight: string;
+}
+
+export interface RestoreFlight {
+  type: "restore_flight";
+  serial: number;
+  kept: string;
+}
+
+export interface TakeLog {
+  type: "take_log";
+  serial: number;
+  file: string;
+  column_map?: string;
+}
+
+export interface ReadScatter {
+  type: "read_scatter";
+  serial: number;
+  channel: string;
+  variable: string;
+}
+
+export interface Keep {
+  type: "keep";
+  serial: number;
+  vehicle_hash: string;
+}
+
+export interface DropTried {
+  type: "drop_tried";
+  serial: number;
+}
+
+export interface ReturnTo {
+  type: "return_to";
+  serial: number;
+  version: number;
+}
+
 export interface Jobs {
   type: "jobs";
   jobs: Job[];
@@ -412,6 +764,11 @@ export interface Reply {
   nonce: string;
   here: Held | null;
   there: Held | null;
+  name: string;
+  flights: OpenedFlight[];
+  parts: StreamPart[];
+  scatter: Scatter | null;
+  incoming: Incoming | null;
   plans: PlanSummary[];
 }
 
@@ -653,6 +1010,6 @@ export interface Abort {
   serial: number;
 }
 
-export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | MapShown | Measured | MapPreview | Reply;
+export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment;
 
-export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | SetGate | ClearGate | SetTube | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | ShowMap | Measure | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits | StartJob | CancelJob | ForgetJob | ListJobs;
+export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | SetGate | ClearGate | SetTube | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | ShowMap | Measure | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits | StartJob | CancelJob | ForgetJob | ListJobs | ListFlights | SetRole | OpenFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo;

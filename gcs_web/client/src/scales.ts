@@ -25,6 +25,9 @@ export const CIVIDIS = [
   "#fee838",
 ] as const;
 
+/** From the most negative to the most positive value, zero in the middle. */
+export const SIGNED = ["#3a86ff", "#949ba3", "#ff961e"] as const;
+
 /** The scale of clearance reaches this far above what is required. */
 export const CLEARANCE_SPAN_M = 0.7;
 

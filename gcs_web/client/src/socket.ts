@@ -51,7 +51,20 @@ function answer(reply: Reply): void {
 }
 
 function refusal(number: number, error: string): Reply {
-  return { type: "reply", serial: number, error, nonce: "", here: null, there: null, plans: [] };
+  return {
+    type: "reply",
+    serial: number,
+    error,
+    nonce: "",
+    here: null,
+    there: null,
+    name: "",
+    flights: [],
+    parts: [],
+    scatter: null,
+    incoming: null,
+    plans: [],
+  };
 }
 
 /** Send a command; resolves with the server's reply, or with a refusal if there is no connection. Never rejects. */

@@ -3,7 +3,26 @@
 import { batch, computed, signal } from "@preact/signals";
 import { initials } from "./format";
 import { PROTOCOL } from "./protocol";
-import type { Document, Files, Jobs, MapPreview, MapShown, Measured, Notice, People, Plan, Show, ToPage, Vehicle, Waypoint, Welcome } from "./protocol";
+import type {
+  Comparison,
+  Diagnosis,
+  Document,
+  Files,
+  Flights,
+  Jobs,
+  MapPreview,
+  MapShown,
+  Measured,
+  Model,
+  Notice,
+  People,
+  Plan,
+  Show,
+  ToPage,
+  Vehicle,
+  Waypoint,
+  Welcome,
+} from "./protocol";
 
 // --- as the server sent it ---
 
@@ -35,6 +54,11 @@ export const mapPreview = signal<MapPreview>({
   voxels: 0,
 });
 export const jobs = signal<Jobs>({ type: "jobs", jobs: [], kinds: [] });
+/** Recorded flights; null until the server has listed them. */
+export const flights = signal<Flights | null>(null);
+export const comparison = signal<Comparison | null>(null);
+export const diagnosis = signal<Diagnosis | null>(null);
+export const model = signal<Model | null>(null);
 export const notice = signal<Notice>({ type: "notice", text: "", level: "fact", undo: false });
 
 /** Tracking errors as they were heard, of the last minute. */
@@ -53,6 +77,8 @@ const vehicleHeardAt_ms = signal(0);
 
 /** The moment of the plan that plots, table and 3D view show. */
 export const cursor_s = signal<number | null>(null);
+/** The moment of the recorded flights that plots and 3D view show, on their shifted time. */
+export const flightCursor_s = signal<number | null>(null);
 /** Ids of waypoints. */
 export const selected = signal<ReadonlySet<number>>(new Set());
 export const view = signal<Required<Pick<Show, "colour">>>({ colour: "clearance" });
@@ -160,6 +186,21 @@ export function receive(message: Exclude<ToPage, { type: "reply" }>): void {
         break;
       case "jobs":
         jobs.value = message;
+        break;
+      case "flights":
+        flights.value = message;
+        break;
+      case "comparison":
+        comparison.value = message;
+        break;
+      case "diagnosis":
+        diagnosis.value = message;
+        break;
+      case "model":
+        model.value = message;
+        break;
+      case "flight_moment":
+        flightCursor_s.value = message.time_s;
         break;
       case "notice":
         notice.value = message;

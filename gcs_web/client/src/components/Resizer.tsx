@@ -9,7 +9,7 @@ const KEY_PX = 16;
 const isHeights = (value: unknown): value is Record<number, number> =>
   typeof value === "object" && value !== null && Object.values(value).every((height) => typeof height === "number");
 
-const heights = remembered<Record<number, number>>("drawer", { 2: 260, 3: 228 }, isHeights);
+const heights = remembered<Record<number, number>>("drawer", { 2: 260, 3: 228, 4: 448 }, isHeights);
 
 const bounded = (height: number): number => Math.round(Math.min(HIGHEST_PX, Math.max(LOWEST_PX, height)));
 

@@ -4,7 +4,9 @@ import type { ComponentChildren } from "preact";
 import { show } from "../cursor";
 import { number, short } from "../format";
 import { listenIn } from "../keys";
-import { CIVIDIS, CLEARANCE, CLEARANCE_SPAN_M, COULD_HIDE_SPAN_MM } from "../scales";
+import { LETTERS, opened, pathColour } from "../flights";
+import type { Channel } from "../flights";
+import { CIVIDIS, CLEARANCE, CLEARANCE_SPAN_M, COULD_HIDE_SPAN_MM, SIGNED } from "../scales";
 import { figures, mapShown, series, step, view } from "../store";
 import type { Series, Show } from "../protocol";
 import { MapTools, MeasureReadout } from "./MapTools";
@@ -31,7 +33,7 @@ export function Scene() {
         }}
       />
       <div class="legends">
-        <PathLegend />
+        {step.value === 4 ? <FlightLegend /> : <PathLegend />}
         <SliceLegend />
         <MeasureReadout />
       </div>
@@ -49,6 +51,59 @@ function PathLegend() {
     <Legend unit={current.unit} colours={isClearance ? CLEARANCE : CIVIDIS} ends={ends(current.key, shown)}>
       <ColourChoice />
     </Legend>
+  );
+}
+
+const RESIDUALS: readonly { key: Channel; name: string }[] = [
+  { key: "", name: "Plain paths" },
+  ...(["F_x", "F_y", "F_z", "M_x", "M_y", "M_z"] as const).map((key) => ({
+    key,
+    name: `Residual ${key.startsWith("F") ? "force" : "torque"} ${key.slice(2)}`,
+  })),
+];
+
+/** What colours the paths of recorded flights: nothing, or a residual on a scale about zero. */
+function FlightLegend() {
+  if (opened.value.length === 0) return null;
+  return (
+    <div class="legend">
+      <div class="legend-head">
+        <select
+          class="colour-choice"
+          aria-label="Colour of the flights' paths"
+          value={pathColour.value}
+          onChange={(event) => {
+            const found = RESIDUALS.find(({ key }) => key === event.currentTarget.value);
+            if (found !== undefined) pathColour.value = found.key;
+          }}
+        >
+          {RESIDUALS.map(({ key, name }) => (
+            <option key={key} value={key}>
+              {name}
+            </option>
+          ))}
+        </select>
+        {pathColour.value !== "" && <span class="quiet">body axes</span>}
+      </div>
+      {pathColour.value === "" ? (
+        <div class="legend-ends">
+          {opened.value.map(({ name }, i) => (
+            <span key={name}>
+              <span class={`path-key path-${i}`} /> {LETTERS[i]} {name}
+            </span>
+          ))}
+        </div>
+      ) : (
+        <>
+          <div class="legend-bar" style={{ background: `linear-gradient(90deg, ${SIGNED.join(",")})` }} />
+          <div class="legend-ends">
+            <span>negative</span>
+            <span>0</span>
+            <span>positive</span>
+          </div>
+        </>
+      )}
+    </div>
   );
 }
 

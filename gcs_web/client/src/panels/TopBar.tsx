@@ -29,7 +29,6 @@ function StepBar() {
         <button
           key={each.number}
           type="button"
-          class={each.number > 3 ? "later" : ""}
           aria-current={step.value === each.number ? "step" : undefined}
           onClick={() => (step.value = each.number)}
         >

@@ -1,0 +1,140 @@
+"""Recorded flights beside plan and model: their streams, the newest comparison, and whether it is out of date."""
+
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import vehicle
+from flight import FlightError, FloatArray, InputError
+from gcs_web import protocol, residuals
+from gcs_web import protocol_flights as parts
+from gcs_web.flights import Flights
+from gcs_web.residuals import Compared
+from gcs_web.view3d import View3D
+
+if TYPE_CHECKING:
+    from flight.project import Project
+
+
+def comparison_file(folder: Path) -> Path:
+    return folder / ".session" / "comparison.msgpack"
+
+
+class Comparing:
+    """Thread-safe."""
+
+    def __init__(self, opened: "Project", flights: Flights, view: View3D) -> None:
+        self._project, self._flights, self._view = opened, flights, view
+        self._lock = threading.RLock()
+        self._compared: Compared | None = residuals.load(comparison_file(opened.folder))
+
+    def take(self, compared: Compared) -> None:
+        with self._lock:
+            self._compared = compared
+
+    def state(self) -> protocol.Comparison:
+        """The newest comparison as the page shows it; `old` if vehicle or flights are others now."""
+        compared = self._compared
+        if compared is None:
+            return protocol.Comparison("none")
+        held_out = [flight.name for flight in compared.flights if flight.held_out]
+        learn = [flight.name for flight in compared.flights if not flight.held_out]
+        return protocol.Comparison(
+            "current" if self._is_current(compared, learn, held_out) else "old",
+            learn,
+            held_out,
+            compared.judged_how,
+            [residuals.variable(name) for name in compared.variables],
+            residuals.channels(compared),
+            residuals.horizons_s(),
+            residuals.errors(compared),
+            compared.predictions,
+            compared.remarks,
+        )
+
+    def opened(self, name: str) -> parts.OpenedFlight:
+        """A flight with all its streams, those of the comparison too.
+
+        Raises:
+            FlightError: it cannot be read.
+        """
+        found = self._flights.recorded.open(name)
+        flight = self._residual(name)
+        forces = [] if flight is None else [stream for stream, _, _ in residuals.forces(flight).values()]
+        flown = [stream for stream in found.streams if stream.group == "flight"]
+        columns = [stream for stream in found.streams if stream.group == "column"]
+        return parts.OpenedFlight(name, found.start_s, found.end_s, found.shift_s, [*flown, *forces, *columns])
+
+    def read(self, name: str, keys: list[str], from_s: float, to_s: float, points: int) -> list[parts.StreamPart]:
+        """Streams of a flight over a stretch of its shifted time.
+
+        Raises:
+            FlightError: the flight or a stream is not there.
+        """
+        flight = self._residual(name)
+        ours = {} if flight is None else residuals.forces(flight)
+        rest = [key for key in keys if key not in ours]
+        answer = {part.key: part for part in self._flights.recorded.read(name, rest, from_s, to_s, points)}
+        if flight is not None:
+            shift_s = self._flights.recorded.open(name).shift_s
+            time_s = (np.array(flight.time_s) - shift_s).tolist()
+            for key in set(keys) & set(ours):
+                _, curves, band = ours[key]
+                answer[key] = parts.StreamPart(name, key, time_s, curves, band)
+        return [answer[key] for key in keys]
+
+    def scatter(self, channel: str, variable: str) -> parts.Scatter:
+        """
+        Raises:
+            FlightError: there is no comparison, or it does not have these.
+        """
+        compared = self._compared
+        if compared is None:
+            raise InputError("nothing was compared yet; compare the flights with the model first")
+        return residuals.scatter(compared, channel, variable, self._shifts(compared))
+
+    def show(self, names: list[str], colour: str) -> None:
+        """Draw flights in the 3D view; none: the plan again.
+
+        Args:
+            colour: a channel of the residual, or empty.
+
+        Raises:
+            FlightError: a flight cannot be read.
+        """
+        paths = {name: self._flights.recorded.path(name) for name in names}
+        values: dict[str, tuple[FloatArray, FloatArray]] = {}
+        for name in names if colour else []:
+            flight = self._residual(name)
+            if flight is not None:
+                row = residuals.CHANNELS.index(colour)
+                shift_s = self._flights.recorded.open(name).shift_s
+                values[name] = (np.array(flight.time_s) - shift_s, np.array(flight.residual[row]))
+        self._view.set_plan_aside(bool(paths))
+        self._view.flights.draw(paths, values)
+
+    def _residual(self, name: str) -> residuals.FlightResidual | None:
+        compared = self._compared
+        return None if compared is None else compared.flight(name)
+
+    def _shifts(self, compared: Compared) -> dict[str, float]:
+        found: dict[str, float] = {}
+        for flight in compared.flights:
+            try:
+                found[flight.name] = self._flights.recorded.open(flight.name).shift_s
+            except FlightError:  # discarded since
+                found[flight.name] = flight.time_s[0]
+        return found
+
+    def _is_current(self, compared: Compared, learn: list[str], held_out: list[str]) -> bool:
+        try:
+            same = vehicle.vehicle_hash(vehicle.load(self._project.vehicle)) == compared.vehicle
+        except FlightError:
+            return False
+        return (
+            same
+            and sorted(learn) == self._flights.names("learn")
+            and sorted(held_out) == self._flights.names("hold_out")
+        )

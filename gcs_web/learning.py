@@ -1,0 +1,154 @@
+"""The vehicle's model as people work on it: the newest diagnosis, a change that was tried, the versions of the file."""
+
+import threading
+from pathlib import Path
+
+import msgspec
+
+import vehicle
+from flight import FlightError, InputError, file_format
+from flight.project import Project
+from gcs_web import protocol
+from gcs_web.flights import Flights
+from gcs_web.protocol_flights import ParameterRow, Tried, VehicleVersion
+from sysid.report import words
+from vehicle import history
+from vehicle.history import HeldOut, Step
+
+
+class KeptTrial(msgspec.Struct, frozen=True):
+    """A change that was tried, on disk."""
+
+    shown: Tried
+    held_out: HeldOut | None
+
+
+def diagnosis_file(folder: Path) -> Path:
+    return folder / ".session" / "diagnosis.json"
+
+
+def tried_files(folder: Path) -> tuple[Path, Path]:
+    """The changed vehicle, and what came of trying it."""
+    return folder / ".session" / "tried.toml", folder / ".session" / "tried.json"
+
+
+class Learning:
+    """Thread-safe."""
+
+    def __init__(self, opened: Project, flights: Flights) -> None:
+        self._project, self._flights = opened, flights
+        self._lock = threading.RLock()
+
+    def diagnosis(self) -> protocol.Diagnosis:
+        """The newest diagnosis; `old` if vehicle or flights are others now."""
+        try:
+            found = msgspec.json.decode(diagnosis_file(self._project.folder).read_bytes(), type=protocol.Diagnosis)
+        except (OSError, msgspec.DecodeError):
+            return protocol.Diagnosis("none")
+        same = (found.vehicle, found.learn, found.held_out) == (
+            self._hash(),
+            self._flights.names("learn"),
+            self._flights.names("hold_out"),
+        )
+        return msgspec.structs.replace(found, state="current" if same else "old")
+
+    def model(self) -> protocol.Model:
+        """
+        Raises:
+            FlightError: the vehicle file or its history cannot be read.
+        """
+        present = vehicle.load(self._project.vehicle)
+        kept = self._trial()
+        return protocol.Model(
+            present.name,
+            list(present.effects),
+            [
+                ParameterRow(name, words.parameter(name), p.value, p.std, p.unit, p.source)
+                for name, p in ((name, present.parameter(name)) for name in vehicle.specs(present))
+            ],
+            self._versions(),
+            None if kept is None else kept.shown,
+        )
+
+    def keep(self, vehicle_hash: str) -> Step:
+        """Make the tried change the next version of the vehicle file.
+
+        Raises:
+            InputError: nothing is tried, or the vehicle changed since, or the page shows another trial.
+        """
+        with self._lock:
+            kept = self._trial()
+            if kept is None:
+                raise InputError("no change is tried; try a candidate first")
+            if not kept.shown.vehicle_hash == vehicle_hash == self._hash():
+                raise InputError("the vehicle file changed since this was tried; try it again")
+            file, _ = tried_files(self._project.folder)
+            changed = vehicle.load(file, relative_to=self._project.folder)
+            step = history.record(
+                self._project.vehicle, changed, "add-effect", effect=kept.shown.effect, held_out=kept.held_out
+            )
+            self.drop()
+            return step
+
+    def drop(self) -> None:
+        """Forget the change that was tried."""
+        for file in tried_files(self._project.folder):
+            file.unlink(missing_ok=True)
+
+    def return_to(self, number: int) -> tuple[Step, Step]:
+        """Restore a version of the vehicle file; the one that was left, and the one that is there now.
+
+        Raises:
+            InputError: there is no such version.
+        """
+        with self._lock:
+            return history.restore(self._project.vehicle, number)
+
+    def _hash(self) -> str:
+        try:
+            return vehicle.vehicle_hash(vehicle.load(self._project.vehicle))
+        except FlightError:
+            return ""
+
+    def _trial(self) -> KeptTrial | None:
+        _, file = tried_files(self._project.folder)
+        try:
+            return msgspec.json.decode(file.read_bytes(), type=KeptTrial)
+        except (OSError, msgspec.DecodeError):
+            return None
+
+    def _versions(self) -> list[VehicleVersion]:
+        told = history.read(self._project.vehicle)
+        line = {step.number for step in told.line()}
+        return [
+            VehicleVersion(
+                step.number,
+                step.action,
+                step.effect,
+                step.when_utc,
+                step.number == told.current,
+                step.number not in line,
+                None if step.held_out is None else 1000.0 * step.held_out.after.get("position_m", float("nan")),
+                "" if step.held_out is None else step.held_out.verdict,
+                self._changes(told, step),
+            )
+            for step in told.steps
+        ]
+
+    def _changes(self, told: history.History, step: Step) -> list[str]:
+        """From the version that a step started from; empty where that cannot be read any more."""
+        if step.parent is None:
+            return []
+        try:
+            before, after = (history.version(self._project.vehicle, s) for s in (told.steps[step.parent], step))
+        except (FlightError, OSError):
+            return []
+        return history.differences(before, after)
+
+
+def save_trial(folder: Path, changed: vehicle.Vehicle, kept: KeptTrial) -> None:
+    """Keep a change that was tried, in place of the one before."""
+    toml, json = tried_files(folder)
+    json.unlink(missing_ok=True)  # first: the pair is never of two trials
+    vehicle.save(toml, changed)
+    file_format.write_bytes(json, msgspec.json.encode(kept))

@@ -1,0 +1,189 @@
+"""Recorded flights that are open: their streams at the level of detail that a plot asks for, and where the vehicle was.
+
+Columns are read when a plot wants them, and forgotten, the longest unused first, when all open flights together take
+more than `MOST_BYTES`.
+"""
+
+import threading
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from firmware_bridge.controller import State
+from flight import FloatArray, InputError, flight_log
+from flight.flight_log import COLUMNS
+from flight.project import Project
+from gcs_web import protocol_flights as parts
+from gcs_web import pyramid, streams
+from gcs_web.pyramid import Pyramid
+
+MOST_BYTES = 256 << 20
+MOST_POINTS = 4000
+"""Times in one answer, whatever was asked for."""
+PATH_POINTS = 2000
+"""Of a path in the 3D view."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Path3D:
+    """Where a vehicle was: at the level of detail of the 3D view."""
+
+    time_s: FloatArray
+    """(m,) shifted, as in plots."""
+    position_world_m: FloatArray
+    """(m, 3)."""
+    q_world_body: FloatArray | None
+    planned_world_m: FloatArray | None
+    planned_q_world_body: FloatArray | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Opened:
+    path: Path
+    stamp: tuple[int, int]
+    quantities: Mapping[str, streams.Quantity]
+    time_s: FloatArray
+    shift_s: float
+
+
+class Recorded:
+    """Thread-safe."""
+
+    def __init__(self, opened: Project) -> None:
+        self._project = opened
+        self._lock = threading.RLock()
+        self._opened: dict[str, _Opened] = {}
+        self._kept: OrderedDict[tuple[str, str], list[Pyramid]] = OrderedDict()
+
+    def open(self, name: str) -> parts.OpenedFlight:
+        """
+        Raises:
+            FlightError: there is no such flight, or it cannot be read.
+        """
+        found = self._found(name)
+        time_s = found.time_s - found.shift_s
+        listed = [parts.Stream(q.key, q.name, q.unit, _group(q)) for q in found.quantities.values()]
+        return parts.OpenedFlight(name, float(time_s[0]), float(time_s[-1]), found.shift_s, listed)
+
+    def read(self, name: str, keys: Sequence[str], from_s: float, to_s: float, points: int) -> list[parts.StreamPart]:
+        """Streams of a flight over a stretch of its shifted time.
+
+        Raises:
+            FlightError: the flight or a stream is not there.
+        """
+        if not from_s < to_s:
+            raise InputError(f"a stretch from {from_s:g} s to {to_s:g} s has no length")
+        found = self._found(name)
+        wanted = min(max(points, 2), MOST_POINTS)
+        answer = []
+        for key in keys:
+            if key not in found.quantities:
+                raise InputError(f"{name} has no stream {key}")
+            quantity = found.quantities[key]
+            curves = self._curves(name, found, quantity)
+            when, values = pyramid.part(found.time_s, curves, from_s + found.shift_s, to_s + found.shift_s, wanted)
+            lines = [
+                parts.CurvePart(curve.label, curve.kind, line.astype(np.float64).tolist())
+                for curve, line in zip(quantity.curves, values, strict=True)
+            ]
+            answer.append(parts.StreamPart(name, key, (when - found.shift_s).tolist(), lines))
+        return answer
+
+    def path(self, name: str) -> Path3D:
+        """
+        Raises:
+            FlightError: the flight cannot be read, or has no positions.
+        """
+        found = self._found(name)
+        names, _ = flight_log.head(found.path)
+        there = [q for q in _POSES if set(COLUMNS[q]) <= set(names)]
+        if "position_world_m" not in there:
+            raise InputError(f"{name} has no positions to draw")
+        log = flight_log.load(found.path, [column for q in there for column in COLUMNS[q]])
+        known = np.flatnonzero(np.isfinite(log.vector("position_world_m")).all(axis=1))
+        if len(known) < 2:
+            raise InputError(f"{name} has no positions to draw")
+        rows = known[np.linspace(0, len(known) - 1, min(PATH_POINTS, len(known))).astype(int)]
+        read = {q: log.vector(q)[rows] for q in there}
+        return Path3D(
+            log.time_s[rows] - found.shift_s,
+            read["position_world_m"],
+            read.get("q_world_body"),
+            read.get("setpoint_position_world_m"),
+            read.get("setpoint_q_world_body"),
+        )
+
+    @property
+    def nbytes(self) -> int:
+        with self._lock:
+            kept = sum(curve.nbytes for curves in self._kept.values() for curve in curves)
+            return kept + sum(found.time_s.nbytes for found in self._opened.values())
+
+    def _found(self, name: str) -> _Opened:
+        path = self._project.flight(name)
+        try:
+            status = path.stat()
+        except OSError:
+            raise InputError(f"there is no flight {name} (any more)") from None
+        stamp = (status.st_mtime_ns, status.st_size)
+        with self._lock:
+            known = self._opened.pop(name, None)
+            if known is None or known.stamp != stamp:
+                self._forget(name)
+                known = _open(path, stamp)
+            self._opened[name] = known  # last: used most recently
+            self._make_room(name)
+            return known
+
+    def _curves(self, name: str, found: _Opened, quantity: streams.Quantity) -> list[Pyramid]:
+        with self._lock:
+            place = (name, quantity.key)
+            if place not in self._kept:
+                _, values = streams.read(found.path, quantity)
+                self._kept[place] = [Pyramid.of(line) for line in values]
+                self._make_room(name)
+            self._kept.move_to_end(place)
+            return self._kept[place]
+
+    def _make_room(self, wanted: str) -> None:
+        """Forget what was not used for longest, but nothing that the present answer needs."""
+        while self.nbytes > MOST_BYTES:
+            others = next((other for other in self._opened if other != wanted), None)
+            if others is not None:
+                del self._opened[others]
+                self._forget(others)
+            elif len(self._kept) > 1:
+                self._kept.popitem(last=False)
+            else:
+                return
+
+    def _forget(self, name: str) -> None:
+        for place in [place for place in self._kept if place[0] == name]:
+            del self._kept[place]
+
+
+_POSES = ("position_world_m", "q_world_body", "setpoint_position_world_m", "setpoint_q_world_body")
+
+
+def _open(path: Path, stamp: tuple[int, int]) -> _Opened:
+    names, _ = flight_log.head(path)
+    has_state = "mission_state" in names
+    log = flight_log.load(path, ["mission_state"] if has_state else [])
+    if not len(log):
+        raise InputError(f"{path.name} is empty")
+    return _Opened(
+        path, stamp, streams.of_log(names), log.time_s, _begins_s(log) if has_state else float(log.time_s[0])
+    )
+
+
+def _begins_s(log: flight_log.FlightLog) -> float:
+    """When the trajectory begins, on the log's clock: there flights of one course stand side by side."""
+    rows = np.flatnonzero(log.columns["mission_state"] == State.TRAJECTORY)
+    return float(log.time_s[rows[0] if rows.size else 0])
+
+
+def _group(quantity: streams.Quantity) -> parts.StreamGroup:
+    return "column" if quantity.key.startswith(streams.COLUMN) else "flight"

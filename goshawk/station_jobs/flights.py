@@ -1,0 +1,46 @@
+"""What the jobs about flights share: which flights they take, read as the verbs read them."""
+
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+
+from flight import FlightLog, InputError, Progress
+from flight.project import Project
+from gcs_web import reading
+from gcs_web.jobs import Choices
+from goshawk.flights import refuse_repeated
+
+
+class Chosen(msgspec.Struct, forbid_unknown_fields=True):
+    """Flights to learn from and flights that only judge."""
+
+    learn: Annotated[list[str], msgspec.Meta(title="Learn from")]
+    held_out: Annotated[list[str], msgspec.Meta(title="Hold out", description="Flights that only judge")] = []
+    split_gaps: Annotated[bool, msgspec.Meta(title="Take the pieces between gaps as flights of their own")] = False
+
+
+def choices(project: Project) -> Choices:
+    names = [path.stem for path in project.flights()]
+    return {"learn": names, "held_out": names}
+
+
+def check(project: Project, asked: Chosen) -> None:
+    """
+    Raises:
+        InputError: no flight, one that is not there, or the same one for both.
+    """
+    if not asked.learn:
+        raise InputError("no flight to learn from is chosen; mark one with Learn in the list of flights")
+    refuse_repeated([project.flight(name) for name in (*asked.learn, *asked.held_out)], "to learn from or held out")
+
+
+def logs(folder: Path, asked: Chosen, progress: Progress) -> tuple[list[FlightLog], list[FlightLog]]:
+    """Those to learn from, and those held out, each with its name."""
+    project = Project(folder, "")
+    every = [*asked.learn, *asked.held_out]
+    read = []
+    for k, name in enumerate(every):
+        progress("reading flights", k / len(every))
+        read.append(reading.load(project, name))
+    return read[: len(asked.learn)], read[len(asked.learn) :]

@@ -1,0 +1,51 @@
+"""Add an effect to the project's vehicle, refit, judge: what `goshawk vehicle add-effect` does, but nothing is kept."""
+
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+
+import vehicle
+from flight import InputError, Progress
+from flight.project import Project
+from gcs_web import diagnosis_values, learning
+from gcs_web.desk import Desk
+from gcs_web.jobs import Kind
+from gcs_web.learning import KeptTrial
+from goshawk.station_jobs import flights
+from sysid.estimator import changes
+from sysid.estimator.changes import Flights
+
+
+class Arguments(flights.Chosen):
+    effect: Annotated[str, msgspec.Meta(title="Effect")] = ""
+
+
+def _check(project: Project, asked: Arguments) -> None:
+    flights.check(project, asked)
+    name = vehicle.effects.find(asked.effect).name
+    if name in vehicle.load(project.vehicle).effects:
+        raise InputError(f"the vehicle has {name} already")
+
+
+def _run(folder: Path, asked: Arguments, progress: Progress) -> KeptTrial:
+    project = Project(folder, "")
+    present = vehicle.load(project.vehicle)
+    name = vehicle.effects.find(asked.effect).name
+    learn, held_out = flights.logs(folder, asked, progress)
+    chosen = Flights(
+        dict(zip(map(project.flight, asked.learn), learn, strict=True)),
+        dict(zip(map(project.flight, asked.held_out), held_out, strict=True)),
+    )
+    change = changes.refitted(present, present.with_effect(name, source="assumed"), chosen, progress=progress)
+    kept = KeptTrial(diagnosis_values.tried(present, name, change, asked.held_out), change.held_out)
+    learning.save_trial(folder, change.vehicle, kept)
+    return kept
+
+
+def _done(desk: Desk, kept: KeptTrial) -> str:
+    desk.show_learning()
+    return f"{kept.shown.title}: {kept.shown.verdict}"
+
+
+KIND = Kind("try_effect", "Try an effect", Arguments, _run, _done, flights.choices, _check)

@@ -1,0 +1,108 @@
+"""Compare and Learn in a real browser: flights opened side by side, the residual looked at, a link that restores it."""
+
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import vehicle
+from flight import FlightLog, Waypoints, flight_log, project, silent
+from gcs_web import GroundStation
+from goshawk.station_jobs import KINDS, compare
+from goshawk.station_jobs.flights import Chosen
+from tests.gcs_web.test_page import CHROMIUM, FLAGS, SIZE, START
+from tests.waiting import PATIENCE_S
+from tests.waiting import until as wait
+from vehicle import flights, manoeuvres
+
+HOSTILE = "<img src=x onerror=alert(1)>"
+BOB = [(1.25, 1.0), (1.25, -1.0)] * 2
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium")
+
+
+@pytest.fixture(scope="module")
+def station(pillar_map: Path, tmp_path_factory) -> Iterator[GroundStation]:
+    """Two flights of a vehicle with rotor drag, compared with a model without; the second is held out."""
+    opened = project.create(tmp_path_factory.mktemp("station") / "project", "flights")
+    shutil.copytree(pillar_map, opened.map)
+    truth, rng = vehicle.example(), np.random.default_rng(5)
+    vehicle.save(opened.vehicle, truth.without_effect("rotor_drag_thrust"))
+    project.save_waypoints(opened.waypoints, Waypoints(START, np.full(3, np.nan)))
+    opened.flight("a").parent.mkdir()
+    for name, size in (("a", 9.0), ("b", -7.0)):
+        weave = manoeuvres.from_legs(x=[(2.5, size), (2.5, -size)], y=[(1.0, 0.0), (2.0, 4.0), (2.0, -4.0)], z=BOB)
+        log = flights.measure(flights.fly_trajectory(truth, weave), rng=rng)
+        flight_log.save(opened.flight(name), FlightLog(log.columns, {**log.metadata, "trajectory": HOSTILE}))
+    compare._run(opened.folder, Chosen(["a"], ["b"]), silent)
+    with GroundStation(opened.folder, triangles=500, jobs=KINDS) as running:
+        running.desk.flights.set_role("b", "hold_out")
+        yield running
+
+
+@pytest.fixture(scope="module")
+def page(station: GroundStation):
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS, timeout=1000 * PATIENCE_S)
+        context = browser.new_context(viewport=SIZE, reduced_motion="reduce")
+        context.set_default_timeout(1000 * PATIENCE_S)
+        opened = context.new_page()
+        errors: list[str] = []
+        opened.on("pageerror", lambda error: errors.append(str(error)))
+        opened.goto(station.url)
+        opened.get_by_text("Saved, revision").wait_for()
+        opened.keyboard.press("4")
+        opened.get_by_role("button", name=re.compile("^a"), pressed=True).or_(
+            opened.get_by_role("button", name=re.compile("^b"), pressed=True)
+        ).wait_for()
+        yield opened
+        assert errors == []
+        browser.close()
+
+
+def test_flights_stand_side_by_side_and_foreign_text_is_text(page, station):
+    assert page.get_by_text(HOSTILE).count() == 2
+    page.get_by_role("button", name=re.compile("beside")).click()
+    page.locator(".flight-tag").nth(1).wait_for()
+    page.get_by_label("Add or remove a stream").select_option("rotor_0")
+    page.get_by_role("img", name="Rotor 0 over time").wait_for()
+    assert len(station.view.flights._paths) == 2
+
+
+def test_a_cell_is_looked_at_everywhere_and_a_bin_shows_its_moments(page):
+    page.get_by_role("button", name=re.compile("^F_x against v_x")).click()
+    page.get_by_role("heading", name=re.compile("Residual F.* against v")).wait_for()
+    page.get_by_role("img", name="Residual x over time").wait_for()
+    assert page.get_by_label("Colour of the flights' paths").input_value() == "F_x"
+    page.get_by_role("img", name=re.compile("Residual F_x in N")).click(position={"x": 120, "y": 80})
+    page.get_by_text(re.compile("of the open flights, shaded")).wait_for()
+
+
+def test_a_drag_zooms_and_a_link_restores_the_view(page):
+    box = page.get_by_role("img", name="Speed over time").or_(page.get_by_role("img", name="Rotor 0 over time")).first
+    area = box.bounding_box()
+    page.mouse.move(area["x"] + 300, area["y"] + 20)
+    page.mouse.down()
+    page.mouse.move(area["x"] + 420, area["y"] + 20, steps=4)
+    page.mouse.up()
+    page.get_by_role("button", name="All of it").wait_for()
+    wait(lambda: "from_to=" in page.evaluate("location.hash"), "the view in the address")
+    address = page.evaluate("location.href")
+    page.reload()
+    page.get_by_role("button", name="All of it").wait_for()
+    page.locator(".flight-tag").nth(1).wait_for()
+    wait(lambda: page.evaluate("location.href") == address, "the same view")
+
+
+def test_learn_says_what_is_missing_before_any_diagnosis(page):
+    page.keyboard.press("5")
+    page.get_by_role("heading", name="Which effect does the model lack?").wait_for()
+    assert page.get_by_role("button", name="Find the missing effect").is_enabled()
+    assert page.get_by_role("heading", name="Parameters").is_visible()
+    page.keyboard.press("2")
+    page.get_by_role("grid", name="Waypoints").wait_for()

@@ -1,0 +1,206 @@
+"""Compare, try and diagnose as the station does them: figures and verdicts are those of the verbs."""
+
+import contextlib
+import io
+import json
+from typing import Any
+from unittest.mock import MagicMock
+
+import msgspec
+import numpy as np
+import pytest
+
+import vehicle
+from flight import InputError, flight_log, project, silent
+from gcs_web import comparing, residuals
+from gcs_web.comparing import Comparing
+from gcs_web.flights import Flights
+from gcs_web.learning import Learning
+from goshawk.cli import main
+from goshawk.station_jobs import compare, diagnose, try_effect
+from goshawk.station_jobs.flights import Chosen
+from sysid.diagnosis import explained
+from sysid.estimator.changes import HORIZON_S
+from sysid.estimator.comparison import HORIZONS_S, QUANTITIES
+from sysid.estimator.comparison import compare as compared_by_sysid
+from sysid.estimator.options import Options
+from sysid.report.pages import SHOWN
+from vehicle import flights, manoeuvres
+
+DRAG = "rotor_drag_thrust"
+BOB = [(1.25, 1.0), (1.25, -1.0)] * 2
+
+
+def told(*arguments: object, code: int = 0) -> dict[str, Any]:
+    """What a verb says in JSON."""
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(io.StringIO()), pytest.raises(SystemExit) as end:
+        main([str(argument) for argument in arguments])
+    assert (end.value.code or 0) == code
+    return json.loads(out.getvalue())
+
+
+@pytest.fixture(scope="module")
+def opened(tmp_path_factory) -> project.Project:
+    """A truth with rotor drag, two flights of it, and a project whose vehicle lacks it."""
+    made = project.create(tmp_path_factory.mktemp("learning") / "project", "learning")
+    made.flight("a").parent.mkdir()
+    truth, rng = vehicle.example(), np.random.default_rng(5)
+    for name, size in (("a", 9.0), ("b", -7.0)):
+        weave = manoeuvres.from_legs(x=[(2.5, size), (2.5, -size)], y=[(1.0, 0.0), (2.0, 4.0), (2.0, -4.0)], z=BOB)
+        flight_log.save(made.flight(name), flights.measure(flights.fly_trajectory(truth, weave), rng=rng))
+    vehicle.save(made.vehicle, truth.without_effect(DRAG))
+    return made
+
+
+@pytest.fixture(scope="module")
+def compared(opened: project.Project) -> residuals.Compared:
+    return compare._run(opened.folder, Chosen(["a"], ["b"]), silent)
+
+
+@pytest.fixture
+def learning(opened: project.Project) -> Learning:
+    return Learning(opened, Flights(opened, lambda _: None))
+
+
+def test_the_comparison_has_the_figures_of_the_verb(opened, compared):
+    said = told("compare", opened.flight("b"), "--vehicle", opened.vehicle, "--json")
+    (model,) = said["models"].values()
+    for quantity, unit in QUANTITIES.items():
+        expected = model["error_rms"][f"{quantity}_{unit.replace('/', '_')}"]
+        np.testing.assert_allclose(compared.errors[quantity], expected)
+    assert compared.predictions == said["predictions"]
+
+
+def test_shares_and_residuals_are_those_of_the_reports_heat_map(opened, compared):
+    logs = [comparing_log(opened, name) for name in "ab"]
+    model = vehicle.load(opened.vehicle)
+    left = compared_by_sysid(logs, {"m": model}, Options(unseen="hold")).residuals["m"]
+    names, shares = explained.shares(left[:1], left[1:])
+    assert tuple(compared.variables) == names
+    np.testing.assert_allclose(compared.shares, shares)
+    for flight, one in zip(compared.flights, left, strict=True):
+        np.testing.assert_allclose(np.transpose(flight.residual), one.means())
+        modelled, measured = np.array(flight.modelled), np.array(flight.modelled) + flight.residual
+        assert np.abs(modelled[2] - measured[2]).mean() < 0.1 * np.abs(measured[2]).mean()
+
+
+def comparing_log(opened: project.Project, name: str) -> flight_log.FlightLog:
+    log = flight_log.load(opened.flight(name))
+    return flight_log.FlightLog(log.columns, {**log.metadata, "name": name})
+
+
+def test_the_hidden_drag_shows_as_a_force_that_follows_the_velocity(compared):
+    row = compared.shares[0]
+    assert max(row) > 0.8
+    found = residuals.scatter(compared, "F_x", "v_x", {})
+    assert found.share == pytest.approx(row[compared.variables.index("v_x")])
+    slope = np.polyfit(found.x, found.y, 1)[0]
+    assert slope < -0.05  # drag pulls backwards
+    assert sum(found.held_out[i] for i in found.flight) == len(compared.flights[1].time_s)
+    with pytest.raises(InputError, match="no F_x against taste"):
+        residuals.scatter(compared, "F_x", "taste", {})
+
+
+def test_a_comparison_is_old_once_the_vehicle_or_the_choice_of_flights_is_another(opened, compared, monkeypatch):
+    listed = Flights(opened, lambda _: None)
+    shown = Comparing(opened, listed, MagicMock())
+    listed._roles = {"b": "hold_out"}
+    assert shown.state().state == "current"
+    listed._roles = {}
+    assert shown.state().state == "old"
+    listed._roles = {"b": "hold_out"}
+    before = opened.vehicle.read_bytes()
+    vehicle.save(opened.vehicle, vehicle.example())
+    assert shown.state().state == "old"
+    opened.vehicle.write_bytes(before)
+    assert residuals.load(comparing.comparison_file(opened.folder)) == compared
+
+
+def test_force_and_residual_are_streams_of_a_compared_flight(opened, compared):
+    listed = Flights(opened, lambda _: None)
+    shown = Comparing(opened, listed, MagicMock())
+    found = shown.opened("a")
+    assert {"F_x", "residual_F_x", "rotor_0"} <= {stream.key for stream in found.streams}
+    force, rotor, left = shown.read("a", ["F_x", "rotor_0", "residual_F_x"], found.start_s, found.end_s, 500)
+    assert [part.key for part in (force, rotor, left)] == ["F_x", "rotor_0", "residual_F_x"]
+    model, measured = (np.array(curve.values) for curve in force.curves)
+    np.testing.assert_allclose(measured - model, left.curves[0].values)
+    assert left.band is not None
+    assert left.band > 0.0
+
+
+def test_a_try_has_the_figures_of_the_verb_and_keeps_nothing(opened, learning):
+    before = opened.vehicle.read_bytes()
+    kept = try_effect._run(opened.folder, try_effect.Arguments(["a"], ["b"], effect=DRAG), silent)
+    said = told(
+        "vehicle", "add-effect", opened.vehicle, DRAG, "--flights", opened.flight("a"), "--held-out",
+        opened.flight("b"), "--preview", "--json",
+    )  # fmt: skip
+    assert kept.shown.verdict == said["verdict"]
+    assert kept.shown.changes == said["changes"]
+    for quantity, unit, shown in zip(kept.shown.quantities, kept.shown.units, kept.shown.after, strict=True):
+        key = f"{quantity}_{QUANTITIES[quantity].replace('/', '_')}"
+        assert shown == pytest.approx(SHOWN[quantity][1] * said["errors"]["refitted, with the change"][key])
+        assert unit == SHOWN[quantity][0]
+    assert HORIZON_S in HORIZONS_S
+    assert opened.vehicle.read_bytes() == before
+    assert learning.model().tried == kept.shown
+
+
+def test_a_kept_try_is_a_version_that_can_be_undone(opened, learning):
+    before = opened.vehicle.read_bytes()
+    tried = learning.model().tried
+    assert tried is not None
+    with pytest.raises(InputError, match="changed since"):
+        learning.keep("another vehicle")
+    step = learning.keep(tried.vehicle_hash)
+    now = learning.model()
+    assert DRAG in now.effects
+    assert now.tried is None
+    assert [(v.number, v.current) for v in now.versions] == [(0, False), (1, True)]
+    assert now.versions[1].position_mm == pytest.approx(tried.after[0])
+    assert f"+ effect {DRAG}" in now.versions[1].changes
+    assert step.held_out is not None
+    with pytest.raises(InputError, match="no change is tried"):
+        learning.keep(tried.vehicle_hash)
+    learning.return_to(0)
+    assert opened.vehicle.read_bytes() == before
+    assert [(v.number, v.current, v.undone) for v in learning.model().versions] == [(0, True, False), (1, False, True)]
+
+
+@pytest.mark.parametrize(
+    ("kind", "arguments", "said"),
+    [
+        (compare.KIND, {"learn": []}, "no flight to learn from"),
+        (compare.KIND, {"learn": ["a"], "held_out": ["a"]}, "same flight"),
+        (compare.KIND, {"learn": ["none"]}, "no such file"),
+        (try_effect.KIND, {"learn": ["a"], "effect": "../evil.py"}, "evil"),
+        (try_effect.KIND, {"learn": ["a"], "effect": "thrust_bem"}, "already"),
+    ],
+)
+def test_what_cannot_succeed_is_refused_before_the_queue(opened, kind, arguments, said):
+    with pytest.raises(InputError, match=said):
+        kind.check(opened, msgspec.convert(arguments, kind.arguments))
+
+
+@pytest.mark.slow
+def test_the_diagnosis_has_the_verdict_and_the_figures_of_the_verb(opened, learning):
+    shown = diagnose._run(opened.folder, diagnose.Arguments(["a"], ["b"]), silent)
+    said = told(
+        "diagnose", opened.flight("a"), "--vehicle", opened.vehicle, "--held-out", opened.flight("b"),
+        "--auto", "--json",
+    )  # fmt: skip
+    assert shown.probability == pytest.approx(said["confidence"])
+    assert [(c.name, c.verdict) for c in shown.candidates] == [(c["name"], c["verdict"]) for c in said["candidates"]]
+    for ours, verbs in zip(shown.candidates, said["candidates"], strict=True):
+        assert [s.value for s in ours.sizes] == pytest.approx([s["value"] for s in verbs["sizes"].values()])
+        assert ours.probability == pytest.approx(verbs["confidence"])
+    stairs = [list(s["position_error_m"].values()) for s in said["staircase"]]
+    np.testing.assert_allclose([s.errors_mm for s in shown.staircase], 1e3 * np.array(stairs))
+    (drag,) = [c for c in shown.candidates if c.name == DRAG]
+    assert drag.evidence is not None
+    assert np.polyfit(drag.evidence.x, drag.evidence.y, 1)[0] < 0.0
+    assert len(drag.evidence.held_x) == len(drag.evidence.held_before) == len(drag.evidence.held_after) > 0
+    learning._flights._roles = {"b": "hold_out"}
+    assert learning.diagnosis() == shown
