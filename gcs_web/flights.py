@@ -71,7 +71,7 @@ class Flights:
         """
         self._require(name)
         with self._lock:
-            roles: dict[str, Role] = self._roles | {name: role}
+            roles: dict[str, Role] = {**self._roles, name: role}
             try:
                 file_format.write_bytes(self._roles_file, msgspec.json.encode(roles))
             except OSError as error:
