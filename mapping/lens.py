@@ -99,7 +99,7 @@ class Lens:
         return base * self._polynomial(base * base)
 
     def place(self, rays: FloatArray) -> FloatArray:
-        """(..., 3) directions of any length to (..., 2) places on the sensor; NaN straight behind, and for no direction."""
+        """(..., 3) directions of any length to (..., 2) places on the sensor; NaN straight behind or for no ray."""
         x, y, z = np.moveaxis(rays, -1, 0)
         rho = np.hypot(x, y)
         theta = np.arctan2(rho, z)
