@@ -9,7 +9,7 @@ from esdf import solids
 from flight import InputError, Waypoints
 from flight.mission import Gate
 from flight.trajectory import fingerprint
-from planner import Conditions, Planner, gate, limits
+from planner import Conditions, Planner, StopFlag, gate, limits
 from planner.options import PlanCancelledError
 
 
@@ -268,6 +268,16 @@ def test_an_edit_that_would_make_a_gate_an_end_is_refused(drone, open_sky):
         session.delete(0)
     assert session.plan is before
     session.move(1, waypoints.positions_world_m[1] + [0.1, 0.0, 0.0])
+
+
+def test_one_flag_does_for_edits_one_after_the_other_and_is_the_callers_alone_between_them(drone, open_sky):
+    waypoints, flag = walk(5, 0), StopFlag()
+    session = Planner(waypoints, open_sky, drone, stop=flag)
+    for step in (0.1, 0.2):
+        session.move(1, waypoints.positions_world_m[1] + [step, 0.0, 0.0], stop=flag)
+    session.cancel()
+    session.move(2, waypoints.positions_world_m[2] + [0.1, 0.0, 0.0])
+    assert not flag.is_set()
 
 
 @pytest.mark.parametrize("wrong", [[1.0, 2.0], [1.0, 2.0, np.nan], "here", None, [[1.0, 2.0, 3.0]]])
