@@ -93,7 +93,9 @@ def test_what_fell_too_little_is_said_so():
             fell.candidate, Outcome.NOT_CONFIRMED, judged, judged, JudgedBy.HELD_OUT, "", False, 0.1, (), None, fell.fit
         )
         assert refused.sentence.startswith(words)
-        assert replace(refused, negligible=True).sentence.startswith("not added: its fitted size is negligible; the cost")
+        assert replace(refused, negligible=True).sentence.startswith(
+            "not added: its fitted size is negligible; the cost"
+        )
 
 
 @pytest.mark.parametrize(("size", "expected"), [(0.04, False), (-0.06, True)])
