@@ -12,7 +12,7 @@ import pytest
 
 import vehicle
 from flight import InputError, flight_log, project, silent
-from gcs_web import comparing, residuals
+from gcs_web import comparing, diagnosis_values, residuals
 from gcs_web.comparing import Comparing
 from gcs_web.flights import Flights
 from gcs_web.learning import Learning
@@ -20,6 +20,8 @@ from goshawk.cli import main
 from goshawk.station_jobs import compare, diagnose, try_effect
 from goshawk.station_jobs.flights import Chosen
 from sysid.diagnosis import explained
+from sysid.diagnosis.findings import OutsideFinding
+from sysid.diagnosis.free_form import UNIT
 from sysid.estimator.changes import HORIZON_S
 from sysid.estimator.comparison import HORIZONS_S, QUANTITIES
 from sysid.estimator.comparison import compare as compared_by_sysid
@@ -182,6 +184,17 @@ def test_a_kept_try_is_a_version_that_can_be_undone(opened, learning):
 def test_what_cannot_succeed_is_refused_before_the_queue(opened, kind, arguments, said):
     with pytest.raises(InputError, match=said):
         kind.check(opened, msgspec.convert(arguments, kind.arguments))
+
+
+@pytest.mark.parametrize(("channel", "variable"), [("T", "n"), ("T", "s"), ("T_1", "n_1"), ("F_z", "v_z")])
+def test_a_curve_is_shown_with_its_units_whatever_it_is_drawn_against(channel: str, variable: str):
+    at = np.linspace(0.0, 1.0, 3)
+    found = OutsideFinding(channel, variable, UNIT[variable], at, 0.1 * at, 0.01 * at, 1.0, 50.0, 1e-9, 0.9)
+    shown = diagnosis_values._outside(found)
+    of_thrust = channel[0] == "T"
+    assert (shown.variable.name, shown.variable.unit) == (variable, UNIT[variable])
+    assert shown.unit == ("% of the thrust" if of_thrust else "N")
+    assert shown.y == pytest.approx((10.0 if of_thrust else 0.1) * at)
 
 
 @pytest.mark.slow
