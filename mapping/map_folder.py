@@ -303,7 +303,6 @@ def _build(
     report = _report(placed, surface, distances.hash, cpu_s)
     with results.new_folder(out, overwrite=overwrite, ours=_is_map, within=work.folder) as placing:
         new = placing.temporary
-        _keep_edits(Path(out), new)
         esdf.save(new / "esdf", distances)
         mesh_file.save(new / "mesh.glb", surface.vertices_world_m, surface.faces, surface.colours)
         mesh_file.save(new / "mesh.ply", surface.vertices_world_m, surface.faces, surface.colours)
@@ -317,6 +316,7 @@ def _build(
             version=VERSION,
             body=_facts(report) | {"inputs": _all_inputs(images, options, work)},
         )
+        _keep_edits(Path(out), new)  # last: a pilot may draw a no-fly zone while the files are written
         _note_replaced(out, work)
     progress("distance field", 1.0)
     return report
@@ -400,7 +400,6 @@ def _facts(report: MapReport) -> dict[str, Any]:
 def _keep_edits(old: Path, new: Path) -> None:
     edits = old / "esdf" / EDITS
     if edits.exists():
-        (new / "esdf").mkdir()
         shutil.copy(edits, new / "esdf" / EDITS)
 
 
