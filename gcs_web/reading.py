@@ -1,5 +1,6 @@
 """Flights of a project as the estimator takes them, and what a list of them shows; done in a process of its own."""
 
+import contextlib
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -65,8 +66,10 @@ def write_cards(folder: Path, names: list[str], progress: Progress) -> None:
     opened = Project(folder, "")
     for k, name in enumerate(names):
         believed = _believed(opened)
-        seen = signature(opened, name, "" if believed is None else vehicle.vehicle_hash(believed))
-        file_format.write_bytes(card_file(opened, name), msgspec.json.encode(Kept(seen, card(opened, name, believed))))
+        with contextlib.suppress(FileNotFoundError):  # discarded in the meantime: that is no fault of the next one
+            seen = signature(opened, name, "" if believed is None else vehicle.vehicle_hash(believed))
+            made = Kept(seen, card(opened, name, believed))
+            file_format.write_bytes(card_file(opened, name), msgspec.json.encode(made))
         progress(name, (k + 1) / len(names))
 
 
