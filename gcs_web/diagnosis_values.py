@@ -149,7 +149,7 @@ def tried(present: Vehicle, effect: str, change: Change, held_out: Sequence[str]
         errors(changes.AFTER),
         list(held_out),
         history.differences(present, change.vehicle),
-        vehicle.vehicle_hash(present),
+        vehicle.vehicle_hash(change.vehicle),
     )
 
 

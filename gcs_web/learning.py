@@ -21,6 +21,8 @@ class KeptTrial(msgspec.Struct, frozen=True):
 
     shown: Tried
     held_out: HeldOut | None
+    file_sha256: str
+    """Of the vehicle file that it changes."""
 
 
 def diagnosis_file(folder: Path) -> Path:
@@ -74,16 +76,18 @@ class Learning:
         """Make the tried change the next version of the vehicle file.
 
         Raises:
-            InputError: nothing is tried, or the vehicle changed since, or the page shows another trial.
+            InputError: nothing is tried, or the vehicle file changed since, or the page shows another trial.
         """
         with self._lock:
             kept = self._trial()
             if kept is None:
                 raise InputError("no change is tried; try a candidate first")
-            if not kept.shown.vehicle_hash == vehicle_hash == self._hash():
-                raise InputError("the vehicle file changed since this was tried; try it again")
             file, _ = tried_files(self._project.folder)
-            changed = vehicle.load(file, relative_to=self._project.folder)
+            changed = vehicle.load(file)
+            if not kept.shown.vehicle_hash == vehicle_hash == vehicle.vehicle_hash(changed):
+                raise InputError(f"another change was tried since: {kept.shown.title}; look at that one first")
+            if kept.file_sha256 != file_format.file_hash(self._project.vehicle):
+                raise InputError("the vehicle file changed since this was tried; try it again")
             step = history.record(
                 self._project.vehicle, changed, "add-effect", effect=kept.shown.effect, held_out=kept.held_out
             )

@@ -262,7 +262,7 @@ class Tried(msgspec.Struct, frozen=True):
     held_out: list[str]
     changes: list[str]
     vehicle_hash: str
-    """Of the vehicle that it changes."""
+    """Of the vehicle with it: which trial this is."""
 
 
 class ParameterRow(msgspec.Struct, frozen=True):
@@ -436,7 +436,7 @@ class Keep(Command, frozen=True, tag="keep", kw_only=True):
     """Make the tried change the next version of the vehicle file."""
 
     vehicle_hash: str
-    """Of the vehicle that the page showed it as a change of."""
+    """Of the trial that the page showed."""
 
 
 class DropTried(Command, frozen=True, tag="drop_tried", kw_only=True):

@@ -9,7 +9,7 @@ import numpy as np
 from flight import FlightLog, FloatArray, InputError, Progress, file_format
 from gcs_web import protocol_flights as parts
 from sysid.diagnosis import explained
-from sysid.diagnosis.free_form import VARIABLE
+from sysid.diagnosis.free_form import UNIT, VARIABLE
 from sysid.estimator.comparison import HORIZONS_S, QUANTITIES, Comparison, Residual, compare, means_over
 from sysid.estimator.model import along
 from sysid.estimator.options import Options
@@ -158,7 +158,7 @@ def load(path: Path) -> Compared | None:
 
 
 def variable(name: str) -> parts.VariableName:
-    return parts.VariableName(name, VARIABLE[name].unit, words.variable(name))
+    return parts.VariableName(name, UNIT[name], words.variable(name))
 
 
 def channels(compared: Compared) -> list[parts.ChannelResidual]:
