@@ -112,6 +112,7 @@ def _outside(found: OutsideFinding) -> parts.OutsideCurve:
     scale, written = unit(found.channel)
     return parts.OutsideCurve(
         found.channel,
+        words.channel(found.channel),
         written,
         variable(found.variable),
         found.at.tolist(),

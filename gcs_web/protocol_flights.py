@@ -235,6 +235,8 @@ class OutsideCurve(msgspec.Struct, frozen=True):
     """Something is missing that no known effect is."""
 
     channel: str
+    words: str
+    """Of the channel; one of rotor thrust is no axis of force or torque."""
     unit: str
     variable: VariableName
     x: list[float]

@@ -26,7 +26,7 @@ from sysid.estimator.changes import HORIZON_S
 from sysid.estimator.comparison import HORIZONS_S, QUANTITIES
 from sysid.estimator.comparison import compare as compared_by_sysid
 from sysid.estimator.options import Options
-from sysid.report import residual_plots
+from sysid.report import residual_plots, words
 from sysid.report.pages import SHOWN
 from vehicle import flights, manoeuvres
 
@@ -241,6 +241,7 @@ def test_a_curve_of_any_channel_is_shown_in_the_reports_units(channel, variable)
     shown = diagnosis_values._outside(found)
     scale, unit = residual_plots.unit(channel)
     assert (shown.unit, shown.variable.name, shown.variable.unit) == (unit, variable, UNIT[variable])
+    assert shown.words == words.channel(channel)
     np.testing.assert_allclose(shown.y, scale * 0.02 * at)
 
 

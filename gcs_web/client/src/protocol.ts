@@ -369,6 +369,7 @@ export interface Attempt {
 
 export interface OutsideCurve {
   channel: string;
+  words: string;
   unit: string;
   variable: VariableName;
   x: number[];
