@@ -8,7 +8,7 @@ import msgspec
 import vehicle
 from flight import FlightError, InputError, file_format
 from flight.project import Project
-from gcs_web import protocol
+from gcs_web import protocol, reading
 from gcs_web.flights import Flights
 from gcs_web.protocol_flights import ParameterRow, Tried, VehicleVersion
 from sysid.report import words
@@ -47,8 +47,9 @@ class Learning:
             found = msgspec.json.decode(diagnosis_file(self._project.folder).read_bytes(), type=protocol.Diagnosis)
         except (OSError, msgspec.DecodeError):
             return protocol.Diagnosis("none")
-        same = (found.vehicle, found.learn, found.held_out) == (
+        same = (found.vehicle, found.logs, found.learn, found.held_out) == (
             self._hash(),
+            reading.contents(self._project, [*found.learn, *found.held_out]),
             self._flights.names("learn"),
             self._flights.names("hold_out"),
         )

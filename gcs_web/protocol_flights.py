@@ -340,6 +340,8 @@ class Diagnosis(msgspec.Struct, frozen=True, tag="diagnosis"):
     """What the last model leaves unexplained, root mean square, by channel in words."""
     vehicle: str = ""
     """Hash of the vehicle that was diagnosed."""
+    logs: str = ""
+    """Of the flights as they were then."""
 
 
 class Model(msgspec.Struct, frozen=True, tag="model"):

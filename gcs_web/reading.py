@@ -1,6 +1,8 @@
 """Flights of a project as the estimator takes them, and what a list of them shows; done in a process of its own."""
 
 import contextlib
+import hashlib
+from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -46,6 +48,17 @@ def load(opened: Project, name: str) -> FlightLog:
 def signature(opened: Project, name: str, vehicle_hash: str) -> Signature:
     status = opened.flight(name).stat()
     return status.st_mtime_ns, status.st_size, vehicle_hash
+
+
+def contents(opened: Project, names: Iterable[str]) -> str:
+    """Another text whenever one of these logs is another, by its size or the time of its last change."""
+    stamps = []
+    for name in sorted(names):
+        try:
+            stamps.append((name, *signature(opened, name, "")[:2]))
+        except (OSError, InputError):
+            stamps.append((name, 0, 0))
+    return hashlib.sha256(repr(stamps).encode()).hexdigest()
 
 
 def card_file(opened: Project, name: str) -> Path:

@@ -3,6 +3,7 @@
 import re
 import shutil
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import msgspec
@@ -162,6 +163,13 @@ def test_compare_and_learn_are_no_serious_barrier(page, station, width, scheme):
     page.set_viewport_size({"width": width, "height": 844})
     page.evaluate(f"document.documentElement.dataset.theme = '{scheme}'")
     found: dict[str, list[str]] = {}
+    page.keyboard.press("5")
+    drawn(page)
+    each = page.locator(".inspector").evaluate(
+        "e => [...e.children].map(c => [c.className, c.getBoundingClientRect().top, c.scrollHeight])"
+    )
+    over = [(above, below) for above, below in pairwise(each) if above[1] + above[2] > below[1] + 1.0]
+    assert over == []  # panels that lie over each other
     for step in "45":
         page.keyboard.press(step)
         drawn(page)

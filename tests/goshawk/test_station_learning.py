@@ -3,6 +3,7 @@
 import contextlib
 import io
 import json
+import os
 from typing import Any
 from unittest.mock import MagicMock
 
@@ -123,6 +124,10 @@ def test_a_comparison_is_old_once_the_vehicle_or_the_choice_of_flights_is_anothe
     listed._roles = {}
     assert shown.state().state == "old"
     listed._roles = {"b": "hold_out"}
+    status = opened.flight("b").stat()
+    os.utime(opened.flight("b"), ns=(0, 0))  # another log of the same name
+    assert shown.state().state == "old"
+    os.utime(opened.flight("b"), ns=(status.st_atime_ns, status.st_mtime_ns))
     before = opened.vehicle.read_bytes()
     vehicle.save(opened.vehicle, vehicle.example())
     assert shown.state().state == "old"
@@ -265,3 +270,5 @@ def test_the_diagnosis_has_the_verdict_and_the_figures_of_the_verb(opened, learn
     assert len(drag.evidence.held_x) == len(drag.evidence.held_before) == len(drag.evidence.held_after) > 0
     learning._flights._roles = {"b": "hold_out"}
     assert learning.diagnosis() == shown
+    os.utime(opened.flight("b"), ns=(0, 0))
+    assert learning.diagnosis().state == "old"

@@ -453,6 +453,7 @@ export interface Diagnosis {
   findings: string[];
   left: string[];
   vehicle: string;
+  logs: string;
 }
 
 export interface Model {

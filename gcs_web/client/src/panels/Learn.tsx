@@ -26,7 +26,7 @@ export function Learn() {
           <h2 class="learn-verdict">{has ? found.verdict : "Which effect does the model lack?"}</h2>
           <p class="dim">{has ? summary(found) : flightsWords()}</p>
           {found?.state === "old" && (
-            <p class="caution-text">The vehicle or the choice of flights changed since. Diagnose again.</p>
+            <p class="caution-text">The vehicle, a flight or the choice of flights changed since. Diagnose again.</p>
           )}
         </div>
         <button

@@ -4,7 +4,7 @@ import { useMemo } from "preact/hooks";
 import { signal } from "@preact/signals";
 import { Badge } from "../components/Badge";
 import { ScatterPlot } from "../components/ScatterPlot";
-import { number, sentenceCase, short } from "../format";
+import { editable, number, sentenceCase, short } from "../format";
 import { bin, cards, chosen, goTo, moments, opened, pathColour, scatter, streamKeys } from "../flights";
 import type { Channel } from "../flights";
 import { send } from "../socket";
@@ -57,7 +57,7 @@ export function WhereItFails() {
           </p>
         )}
         {found?.state === "old" && (
-          <p class="caution-text">The vehicle or the choice of flights changed since. Compare again.</p>
+          <p class="caution-text">The vehicle, a flight or the choice of flights changed since. Compare again.</p>
         )}
       </section>
       {isRunning("compare") && (
@@ -146,7 +146,7 @@ function HeatMap({ found }: { found: Comparison }) {
               <th key={channel} scope="col">
                 <Named name={channel} />
                 <span class="unit">
-                  {number(rms, rms < 10 ? 1 : 0)} {unit}
+                  {editable(Number(rms.toPrecision(2)))} {unit}
                 </span>
               </th>
             ))}
