@@ -128,7 +128,8 @@ def diagnosed() -> protocol.Diagnosis:
         msgspec.structs.replace(found, name=name, title=name, verdict=verdict, outlook="a dive would show it")
         for name, verdict in (("ground_effect", "inconclusive"), ("weak_rotor", "excluded"))
     ]
-    outside = OutsideFinding("T_2", "n_2", "rad/s", np.array(at), -0.1 * np.array(at), np.full(20, 0.01), 1.0, 9.0, 0, 0.8)
+    x = np.array(at)
+    outside = OutsideFinding("T_2", "n_2", "rad/s", x, -0.1 * x, np.full(20, 0.01), 1.0, 9.0, 0.0, 0.8)
     return protocol.Diagnosis(
         "current", "Rotor drag is missing.", 0.8, 0.1, 0.1, "usable", ["a"], ["b"], [found, *others],
         outside=diagnosis_values._outside(outside), unobservable=["mass: only ratios to it show"], left=["F_x 0.01 N"],
