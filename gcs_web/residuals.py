@@ -20,7 +20,7 @@ from sysid.report.pages import SHOWN
 from sysid.report.residual_plots import SIGMAS, unit
 from vehicle import Vehicle, rigid_body
 
-FORMAT, VERSION = "goshawk-page-comparison", 1
+FORMAT, VERSION = "goshawk-page-comparison", 2
 MODEL = "model"
 """Name of the one model in the comparison."""
 
@@ -48,6 +48,8 @@ class Compared(msgspec.Struct, frozen=True):
     version: int
     vehicle: str
     """Hash of the vehicle's behaviour."""
+    logs: str
+    """`reading.contents` of the flights."""
     variables: list[str]
     shares: list[list[float]]
     """Six channels by variables."""
@@ -72,6 +74,7 @@ def made(
     held_out: Sequence[FlightLog],
     model: Vehicle,
     vehicle_hash: str,
+    contents: str,
     options: Options,
     progress: Progress,
 ) -> Compared:
@@ -114,6 +117,7 @@ def made(
         FORMAT,
         VERSION,
         vehicle_hash,
+        contents,
         list(variables),
         shares.tolist(),
         explained.judged_how(taught, judging),

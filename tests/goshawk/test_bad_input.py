@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import vehicle
 from flight import FlightLog, flight_log
 from mapping.rendered_world import default_rig, loop_flight, write_rendered_sequence
 from tests.goshawk.running import answer
