@@ -1,15 +1,12 @@
 """The next flight in a map: it keeps the clearance, passes `goshawk check`, and answers; a small room is refused."""
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import esdf
 import vehicle
 from esdf import solids
-from flight import InfeasibleError, flight_log, trajectory
+from flight import InfeasibleError, trajectory
 from goshawk import mapped_flight
 from planner import PlanOptions, gate
 from sysid import Options, identify
@@ -64,6 +61,7 @@ def test_what_fits_keeps_the_clearance_and_is_checked_and_answers_the_question(q
     assert len(kept.waypoints_world_m) > 2
 
 
+@pytest.mark.slow
 def test_a_larger_room_never_makes_the_flight_smaller(question, truth):
     sizes = [ranked(question, room(side, 3.0), truth, "oblique").flights[0].size for side in (3.0, 6.0)]
     assert sizes[1] > sizes[0]

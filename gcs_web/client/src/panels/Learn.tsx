@@ -9,6 +9,7 @@ import { submit } from "../socket";
 import { connected, diagnosis, model } from "../store";
 import type { Candidate, Diagnosis, EffectSize, Evidence, Tried } from "../protocol";
 import { JobRows } from "./Jobs";
+import { NextFlight } from "./NextFlight";
 import { Named, isRunning, namesOf, startOnFlights } from "./WhereItFails";
 
 const allExcluded = signal(false);
@@ -40,6 +41,7 @@ export function Learn() {
       </div>
       {busy && <JobRows kinds={[...WORKING]} />}
       {has && <Cards found={found} />}
+      {has && <NextFlight />}
     </main>
   );
 }
