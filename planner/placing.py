@@ -62,7 +62,7 @@ def place(path_m: FloatArray, field: SampledField, distance_m: float) -> Placeme
     step = max(min(field.grid.voxel_m), float(np.prod(span) / _PLACES) ** (1.0 / 3.0))
     axes = [np.arange(a + 0.5 * min(step, b - a), b, step) for a, b in zip(low, high, strict=True)]
     places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    headings = np.arange(HEADINGS) * (2.0 * pi / HEADINGS)
+    headings = np.linspace(0.0, 2.0 * pi, HEADINGS, endpoint=False, dtype=np.float64)
     middles, turned = np.repeat(places, HEADINGS, axis=0), np.tile(headings, len(places))
     room = _room(coarse, field, middles, turned, distance_m - step)
     best: Placement | None = None
@@ -153,11 +153,12 @@ def largest_free_box(field: SampledField) -> FreeBox:
     axes = [a + cell * (0.5 + np.arange(max(int((b - a) / cell), 1))) for a, b in zip(low, high, strict=True)]
     centres = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     distance = np.nan_to_num(field.distance(centres.reshape(-1, 3)), nan=-np.inf)
-    free = (distance >= 0.5 * sqrt(3.0) * cell).reshape(centres.shape[:3])
+    free = (distance >= 0.5 * sqrt(3.0) * cell).reshape([len(axis) for axis in axes])
     best, volume = None, 0
-    for floor in range(free.shape[2]):
-        layer = np.ones(free.shape[:2], dtype=bool)
-        for top in range(floor, free.shape[2]):
+    layers = len(axes[2])
+    for floor in range(layers):
+        layer = free[:, :, floor]
+        for top in range(floor, layers):
             layer = layer & free[:, :, top]
             height = top - floor + 1
             if int(layer.sum()) * height <= volume:

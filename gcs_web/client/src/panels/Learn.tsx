@@ -10,6 +10,7 @@ import { connected, diagnosis, model } from "../store";
 import type { Candidate, Diagnosis, EffectSize, Evidence, Tried } from "../protocol";
 import { JobRows } from "./Jobs";
 import { NextFlight } from "./NextFlight";
+import { SaveReport } from "./SaveReport";
 import { Named, isRunning, namesOf, startOnFlights } from "./WhereItFails";
 
 const allExcluded = signal(false);
@@ -42,6 +43,7 @@ export function Learn() {
       {busy && <JobRows kinds={[...WORKING]} />}
       {has && <Cards found={found} />}
       {has && <NextFlight />}
+      {has && <SaveReport of="diagnosis" />}
     </main>
   );
 }
