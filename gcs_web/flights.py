@@ -39,7 +39,7 @@ class Flights:
         self._project, self._on_change = opened, on_change
         self._lock = threading.RLock()
         self._roles_file = opened.folder / ".session" / "roles.json"
-        self._roles = _roles(self._roles_file)
+        self._roles: dict[str, Role] = _roles(self._roles_file)
         self._failed: dict[str, tuple[reading.Signature, str]] = {}
         self._reader: threading.Thread | None = None
         self._process: JobProcess | None = None
@@ -71,7 +71,7 @@ class Flights:
         """
         self._require(name)
         with self._lock:
-            roles = self._roles | {name: role}
+            roles: dict[str, Role] = {**self._roles, name: role}
             try:
                 file_format.write_bytes(self._roles_file, msgspec.json.encode(roles))
             except OSError as error:
