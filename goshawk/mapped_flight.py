@@ -268,7 +268,7 @@ def _refusal(
     if fitted:
         best = fitted[0].proposal
         here = f"; the best that fits, {best.name} at {fitted[0].size:.0%}, is worth {best.expected_log_odds:.1f}"
-        here += f" log odds where {SETTLED_LOG_ODDS - best.known_log_odds:.1f} are wanted"
+        here += f" log odds where {SETTLED_LOG_ODDS - best.known_log_odds:.1f} are needed"
     needed = _least_space(question, options, names, rng, progress)
     if needed is None:
         return f"no manoeuvre would answer {asked}, even in open space{here}; fly longer, or name another candidate"
