@@ -7,6 +7,7 @@ import logging
 import socket
 import threading
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -15,7 +16,7 @@ import msgspec
 
 import planner
 from flight import FloatArray, InputError, LinkError, Progress, project, silent
-from gcs_web import display_mesh, gateway, protocol
+from gcs_web import display_mesh, gateway, protocol, reports
 from gcs_web.desk import Desk
 from gcs_web.hub import Hub
 from gcs_web.jobs import Kind
@@ -136,6 +137,7 @@ class GroundStation:
             state=self._state,
             incoming=self.desk.flights.incoming,
             share=self.desk.shared,
+            report=partial(reports.read, opened),
             host=self._host,
             port=port,
             tls=self._tls,

@@ -10,6 +10,7 @@ number of sockets, drops the messages that would publish the view on viser's sha
 /incoming/ takes the file of a flight log
 /state     what the server holds, as JSON
 /share     a trajectory as one HTML file, to keep or to pass on
+/report    the newest report of a comparison or a diagnosis, likewise
 /viser/    the 3D view
 """
 
@@ -76,6 +77,7 @@ class Gateway:
         state: Callable[[], dict[str, Any]],
         incoming: Path,
         share: Callable[[str], tuple[str, str]],
+        report: Callable[[str], tuple[str, str]],
         host: str = LOOPBACK,
         port: int = 0,
         tls: "ssl.SSLContext | None" = None,
@@ -86,12 +88,14 @@ class Gateway:
             state: answers `/state`: what the server holds, as JSON.
             incoming: folder for the flight logs that pages send.
             share: answers `/share?name=...`: the name and the text of an HTML file. Raises `FlightError`.
+            report: answers `/report?name=...` likewise.
             host: name or address to listen at, and the only name that is answered to beside this machine's own.
             port: 0 lets the system choose.
             tls: proves that it is `host`; then the page is https and its sockets are wss.
         """
         self._incoming = incoming
-        self._host, self._tls, self._share = host.lower(), tls, share  # lower, as browsers send it
+        self._host, self._tls = host.lower(), tls  # lower, as browsers send it
+        self._share, self._report = share, report
         self._upstream = f"{LOOPBACK}:{upstream_port}"
         self._serve_page, self._state, self._wanted_port = serve_page, state, port
         self._token = secrets.token_urlsafe(24)
@@ -128,6 +132,7 @@ class Gateway:
         application.router.add_get("/state", self._serve_state)
         application.router.add_put("/incoming/{name}", self._take_log)
         application.router.add_get("/share", self._serve_shared)
+        application.router.add_get("/report", self._serve_report)
         application.router.add_get("/viser", self._pass_socket)  # viser's page leaves out the last slash here
         application.router.add_get("/viser/{path:.*}", self._pass_on)
         self._client = ClientSession(timeout=ClientTimeout(total=60), auto_decompress=False)
@@ -234,10 +239,17 @@ class Gateway:
         return web.Response(text=name)
 
     async def _serve_shared(self, request: "web.Request") -> "web.Response":
+        return await self._serve_file(self._share, request)
+
+    async def _serve_report(self, request: "web.Request") -> "web.Response":
+        return await self._serve_file(self._report, request)
+
+    async def _serve_file(self, ask: Callable[[str], tuple[str, str]], request: "web.Request") -> "web.Response":
+        """Name and text of an HTML file, to be kept and never shown inside this page."""
         from aiohttp import web
 
         try:
-            name, text = await asyncio.to_thread(self._share, request.query.get("name", ""))
+            name, text = await asyncio.to_thread(ask, request.query.get("name", ""))
         except FlightError as error:
             return web.Response(status=404, text=f"Goshawk: {error}\n")
         file = f"attachment; filename*=UTF-8''{quote(f'{name}.html')}"

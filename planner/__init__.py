@@ -6,7 +6,7 @@ from planner.conditions import Conditions
 from planner.gate import GateReport
 from planner.limits import Check
 from planner.options import Gap, PlanCancelledError, PlanInfeasibleError, PlanOptions
-from planner.planning import Plan, plan, save_plan, trajectory_file
+from planner.planning import Plan, checked_file, plan, save_plan, trajectory_file
 from planner.session import Planner
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "PlanOptions",
     "Planner",
     "StopFlag",
+    "checked_file",
     "mission",
     "plan",
     "save_plan",

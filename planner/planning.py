@@ -253,17 +253,24 @@ def trajectory_file(plan: Plan, *, name: str) -> TrajectoryFile:
     Raises:
         InputError: this trajectory has not passed the gate.
     """
-    if not plan.gate.passed:
-        failed = ", ".join(check.name for check in plan.gate.failures)
+    return checked_file(plan.trajectory, plan.gate, plan.waypoints.positions_world_m, name=name)
+
+
+def checked_file(
+    trajectory: Trajectory, checked: GateReport, waypoints_world_m: FloatArray, *, name: str
+) -> TrajectoryFile:
+    """Any trajectory that passed the gate as a file. Raises as `trajectory_file`."""
+    if not checked.passed:
+        failed = ", ".join(check.name for check in checked.failures)
         raise InputError(f"trajectory {name} is not saved: it did not pass the gate ({failed})")
-    if flight.trajectory.fingerprint(plan.trajectory) != plan.gate.trajectory_hash:
+    if flight.trajectory.fingerprint(trajectory) != checked.trajectory_hash:
         raise InputError(f"trajectory {name} is not saved: it was changed after it was checked; plan or check it again")
     item = TrajectoryFile(
-        trajectory=plan.trajectory,
+        trajectory=trajectory,
         name=name,
-        map_hash=plan.gate.map_hash,
-        vehicle_hash=plan.gate.vehicle_hash,
-        waypoints_world_m=plan.waypoints.positions_world_m,
-        check=plan.gate.as_dict(),
+        map_hash=checked.map_hash,
+        vehicle_hash=checked.vehicle_hash,
+        waypoints_world_m=waypoints_world_m,
+        check=checked.as_dict(),
     )
     return flight.trajectory.sealed(item)

@@ -6,10 +6,11 @@ from typing import Any
 import click
 import numpy as np
 
+import mapping
 import sysid
 import vehicle
-from flight import FlightLog, InfeasibleError, InputError, project
-from goshawk import console, outputs
+from flight import FlightLog, InfeasibleError, InputError, Progress, project, trajectory
+from goshawk import console, map_standing, mapped_flight, outputs
 from goshawk.flights import load
 from sysid.diagnosis import diagnose, next_flight
 from sysid.diagnosis.examined import examine
@@ -25,15 +26,19 @@ SCHEMA_VERSION = 2
 @click.argument("flights", nargs=-1, required=True, type=click.Path(path_type=Path))
 @console.vehicle_option
 @click.option("--candidate", "candidates", multiple=True, metavar="NAME", help="Effect in question. Repeatable.")
-@click.option("--space", "space", required=True, metavar="X,Y,Z", help="Free volume for the vehicle's centre, metres.")
+@click.option("--space", "space", metavar="X,Y,Z", help="Free volume for the vehicle's centre, metres.")
 @click.option(
     "--corner",
     "corner",
     metavar="X,Y,Z",
     help="Lowest corner of --space [default: about the origin, 0.5 m up].",
 )
+@console.path_option("--map", "map_folder", "Map to fit the flight into, in place of --space.")
+@console.radius_option
+@console.margin_option
+@map_standing.accept_option
 @click.option("--manoeuvre", "library", multiple=True, metavar="NAME", help="Rank only this manoeuvre. Repeatable.")
-@console.path_option("--out", "out", "Waypoints of the best flight to write, for goshawk plan.")
+@console.path_option("--out", "out", "Waypoints of the best flight to write; with --map its checked trajectory.")
 @console.columns_option
 @outputs.overwrite_option
 @console.json_option
@@ -41,8 +46,12 @@ def command(
     flights: tuple[Path, ...],
     vehicle_file: Path,
     candidates: tuple[str, ...],
-    space: str,
+    space: str | None,
     corner: str | None,
+    map_folder: Path | None,
+    radius_m: float | None,
+    margin_m: float | None,
+    accept_doubtful: bool,
     library: tuple[str, ...],
     out: Path | None,
     columns: Path | None,
@@ -56,23 +65,48 @@ def command(
     goshawk next-flight flights/*.parquet --vehicle vehicle.toml --space 6,6,3 \\
         --candidate rotor_drag_thrust --candidate rotor_drag_speed --out waypoints.json
     goshawk plan waypoints.json --map map --vehicle vehicle.toml --out next.json
+    goshawk next-flight flights/*.parquet --vehicle vehicle.toml --map map --out next.json
 
     For two candidates or more the evidence is that which separates them; for one, that which determines its size.
     Without --candidate the flights are diagnosed first, and the candidates are those left inconclusive. Every manoeuvre
     is scaled to the space and simulated with the fitted vehicle, and its evidence is added to that of FLIGHTS.
+
+    With --map, place, heading and size of every manoeuvre are searched for in the map, with the clearance that `goshawk
+    plan` keeps; the one with the most evidence is written as a trajectory that passed the gate.
     """
     outputs.check(out, overwrite=overwrite)
-    size, low = _three("--space", space), _three("--corner", corner) if corner else None
-    Room.of(size, low)
+    _check_where(space, corner, map_folder, radius_m, margin_m)
     for name in library:
         manoeuvres.make(name)
+    if map_folder is not None:
+        how = console.body_options(radius_m, margin_m)
+        area = mapping.open_map(map_folder)
+        map_standing.require(area, accept_doubtful=accept_doubtful)
+        believed = vehicle.load(vehicle_file)
+        logs = [load(path, columns) for path in flights]
+        with console.progress() as progress:
+            ranked = mapped_flight.rank_in_map(
+                next_flight.ask(_model(logs, believed, candidates, progress), candidates or None),
+                area.field,
+                believed,
+                how,
+                library=library or None,
+                rng=np.random.default_rng(0),
+                progress=progress,
+            )
+        if out is not None:
+            with outputs.file(out, overwrite=overwrite) as temporary:
+                trajectory.save(temporary, ranked.flights[0].file(out.stem))
+        _show_in_map(ranked, out, f"goshawk upload {out}" if out is not None else None, as_json)
+        return
+    assert space is not None
+    size, low = _three("--space", space), _three("--corner", corner) if corner else None
+    Room.of(size, low)
     believed = vehicle.load(vehicle_file)
     logs = [load(path, columns) for path in flights]
     with console.progress() as progress:
         ranking = next_flight.rank(
-            _examined(logs, believed, progress)
-            if candidates
-            else diagnose(logs, believed, auto=True, progress=progress),
+            _model(logs, believed, candidates, progress),
             candidates=candidates or None,
             free_volume_m=size,
             corner_world_m=low,
@@ -93,7 +127,21 @@ def _three(option: str, text: str) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _examined(logs: list[FlightLog], believed: vehicle.Vehicle, progress: Any) -> Any:
+def _check_where(
+    space: str | None, corner: str | None, map_folder: Path | None, radius_m: float | None, margin_m: float | None
+) -> None:
+    if (space is None) == (map_folder is None):
+        raise InputError("give either --space X,Y,Z or --map MAP: where the vehicle may fly")
+    if map_folder is not None and corner is not None:
+        raise InputError("--corner goes with --space; with --map the place is searched for")
+    if map_folder is None and not (radius_m is None and margin_m is None):
+        raise InputError("--radius and --margin go with --map; --space is for the vehicle's centre")
+
+
+def _model(logs: list[FlightLog], believed: vehicle.Vehicle, candidates: tuple[str, ...], progress: Progress) -> Any:
+    """What the question is asked of: named candidates need no diagnosis."""
+    if not candidates:
+        return diagnose(logs, believed, auto=True, progress=progress)
     return examine(sysid.identify(logs, believed, while_searching(sysid.Options()), progress=progress))
 
 
@@ -130,6 +178,36 @@ def _show(ranking: Ranking, chosen: Proposal, then: str | None, out: Path | None
     for name, why in ranking.skipped:
         click.echo(f"not {name}: {why}")
     click.echo(chosen.sentence)
+    if out is not None:
+        click.echo(f"written: {out}")
+        click.echo(f"next: {then}")
+
+
+def _show_in_map(ranked: mapped_flight.MappedRanking, out: Path | None, then: str | None, as_json: bool) -> None:
+    best = ranked.flights[0]
+    document = {
+        "schema": "goshawk-next-flight",
+        "version": SCHEMA_VERSION,
+        "candidates": list(ranked.candidates),
+        "proposals": [each.as_dict() for each in ranked.flights],
+        "skipped": dict(ranked.skipped),
+        "chosen": best.proposal.name,
+        "written": str(out) if out is not None else None,
+        "then": then,
+    }
+    if as_json:
+        console.show("", {}, as_json=True, document=document)
+        return
+    rows = [
+        (p.name, f"{each.size:.0%}", f"{each.gate.clearance_m:.2f}", p.duration_s, p.expected_log_odds)
+        for each in ranked.flights
+        for p in (each.proposal,)
+    ]
+    heads = ("manoeuvre", "size", "clearance m", "seconds", "log odds")
+    console.table(f"next flight in the map for {' or '.join(ranked.candidates)}", heads, rows)
+    for name, why in ranked.skipped:
+        click.echo(f"not {name}: {why}")
+    click.echo(best.sentence)
     if out is not None:
         click.echo(f"written: {out}")
         click.echo(f"next: {then}")

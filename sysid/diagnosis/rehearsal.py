@@ -14,7 +14,7 @@ from sysid.estimator.prepare import prepare
 from sysid.estimator.result import Identification
 from sysid.estimator.states import States
 from sysid.logs import contact
-from vehicle import Vehicle, flatness, flights
+from vehicle import Vehicle, flatness, flights, manoeuvres
 
 LEAST_FLOOR_M = 0.5
 """Height of the free volume's floor above the ground, when nothing is said: clear of the ground's effect."""
@@ -75,7 +75,7 @@ def fitted_into(trajectory: Trajectory, room: Room, vehicle: Vehicle) -> Traject
     path = trajectory.position(trajectory.sample(0.02))
     start, low, high = path[0], path.min(axis=0), path.max(axis=0)
     free_low, free_high = room.low_world_m + STRAY_M, room.high_world_m - STRAY_M
-    near_ground = low[2] < LEAST_FLOOR_M - 1e-9  # what it is to show depends on the height, so it keeps its own
+    near_ground = flies_near_ground(trajectory)  # then it keeps its height
     if near_ground and free_low[2] > low[2]:
         raise InfeasibleError(f"it goes down to {low[2]:.2f} m above the ground, and the free volume does not")
     extent = np.where(high - low > 1e-6, high - low, 1e-6)
@@ -87,10 +87,25 @@ def fitted_into(trajectory: Trajectory, room: Room, vehicle: Vehicle) -> Traject
     middle = 0.5 * (free_low + free_high)
     moved = middle - (start + scale * (0.5 * (low + high) - start))
     moved[2] = 0.0 if near_ground else moved[2]
-    coefficients = trajectory.coefficients.copy()
-    coefficients[:, :3] *= scale
-    coefficients[:, :3, 0] += (1.0 - scale) * start + moved
-    return _as_fast_as_allowed(Trajectory(trajectory.durations_s, coefficients), float(np.sqrt(scale)), vehicle)
+    shrunk = shrink(trajectory, scale, vehicle)
+    coefficients = shrunk.coefficients.copy()
+    coefficients[:, :3, 0] += moved
+    return Trajectory(shrunk.durations_s, coefficients)
+
+
+def shrink(trajectory: Trajectory, scale: float, vehicle: Vehicle) -> Trajectory:
+    """A manoeuvre with positions from its start scaled, and then as fast as the vehicle allows, with some reserve.
+
+    Raises:
+        InfeasibleError: it would have to be flown so slowly that it would show nothing.
+    """
+    smaller = manoeuvres.scaled(trajectory, scale)
+    return _as_fast_as_allowed(smaller, float(np.sqrt(scale)), vehicle)
+
+
+def flies_near_ground(trajectory: Trajectory) -> bool:
+    """Whether what a manoeuvre is to show depends on its height above the ground."""
+    return bool(trajectory.position(trajectory.sample(0.02))[:, 2].min() < LEAST_FLOOR_M - 1e-9)
 
 
 def _as_fast_as_allowed(trajectory: Trajectory, fastest: float, vehicle: Vehicle) -> Trajectory:
@@ -124,14 +139,22 @@ def _most_exceeded(trajectory: Trajectory, vehicle: Vehicle) -> str | None:
 
 
 def rehearse(
-    fit: Identification, trajectory: Trajectory, room: Room, node_rate_hz: float, rng: np.random.Generator
+    fit: Identification,
+    trajectory: Trajectory,
+    room: Room,
+    node_rate_hz: float,
+    rng: np.random.Generator,
+    *,
+    ground_m: float = 0.0,
 ) -> Rehearsal:
     """Fly it with the fitted vehicle in still air; what the log lacks, the flights so far lacked too.
+
+    `ground_m` is the height (world z) of the ground, minus infinity for none.
 
     Raises:
         InfeasibleError: the vehicle cannot follow, leaves the room, or touches the ground.
     """
-    truth = flights.fly_trajectory(fit.vehicle, trajectory, rng=rng, ground_m=0.0)
+    truth = flights.fly_trajectory(fit.vehicle, trajectory, rng=rng, ground_m=ground_m)
     place = truth.rows[:, 0, :3]
     if not np.isfinite(place).all() or ((place < room.low_world_m) | (place > room.high_world_m)).any():
         raise InfeasibleError("the simulated vehicle leaves the free volume")

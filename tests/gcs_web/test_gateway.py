@@ -34,6 +34,7 @@ async def running_gateway() -> AsyncIterator[tuple[Gateway, viser.ViserServer]]:
         state=lambda: {"answer": 42},
         incoming=folder,
         share=lambda name: (name, ""),
+        report=lambda name: (name, ""),
     )
     try:
         await gateway.start()

@@ -80,7 +80,9 @@ def test_bad_input_is_one_sentence(folder, tmp_path):
         "there is no manoeuvre 'looping'": asked(folder, *PAIR, *SPACE, "--manoeuvre", "looping"),
         "is not 3 finite numbers": asked(folder, *PAIR, "--space", "6,6"),
         "leaves no room": asked(folder, *PAIR, "--space", "6,0.1,3"),
-        "Missing option '--space'": asked(folder, *PAIR),
+        "give either --space X,Y,Z or --map MAP": asked(folder, *PAIR),
+        "--corner goes with --space": asked(folder, *PAIR, "--map", folder, "--corner", "0,0,0"),
+        "--radius and --margin go with --map": asked(folder, *PAIR, *SPACE, "--margin", "0.2"),
         "Missing argument": ["next-flight", *car, *SPACE],
     }
     for words, arguments in refused.items():
@@ -93,3 +95,26 @@ def test_bad_input_is_one_sentence(folder, tmp_path):
 def test_a_space_too_small_for_any_manoeuvre_is_refused_with_the_reason(folder):
     document = run(*asked(folder, *PAIR, "--space", "6,6,3", "--manoeuvre", "ground_sweep"), code=1)
     assert "no manoeuvre can be flown in 6,6,3 m: ground_sweep: it goes down to" in document
+
+
+def test_in_a_map_it_writes_a_trajectory_that_check_passes(folder, pillar_map, tmp_path):
+    out, vehicle_file = tmp_path / "next.json", folder / "vehicle.toml"
+    inside = asked(folder, *PAIR, "--map", pillar_map, "--manoeuvre", "oblique", "--out", out)
+    said = run(*inside)
+    assert "next flight in the map for rotor_drag_thrust or rotor_drag_speed" in " ".join(said.split())
+    assert "m from obstacles, 0.34 m is needed; " in said
+    assert f"next: goshawk upload {out}" in said
+    run("check", out, "--map", pillar_map, "--vehicle", vehicle_file)
+    before = out.read_bytes()
+    assert "--overwrite" in run(*inside, code=2)
+    assert out.read_bytes() == before
+
+
+@pytest.mark.slow
+def test_a_map_without_room_is_refused_with_the_space_that_it_takes(folder, pillar_map, tmp_path):
+    out = tmp_path / "next.json"
+    inside = asked(folder, *PAIR, "--map", pillar_map, "--margin", "3", "--manoeuvre", "oblique", "--out", out)
+    said = run(*inside, code=1)
+    assert "not in this map: oblique needs" in said
+    assert "the largest free box is" in said
+    assert not out.exists()

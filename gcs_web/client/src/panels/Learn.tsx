@@ -9,6 +9,8 @@ import { submit } from "../socket";
 import { connected, diagnosis, model } from "../store";
 import type { Candidate, Diagnosis, EffectSize, Evidence, Tried } from "../protocol";
 import { JobRows } from "./Jobs";
+import { NextFlight } from "./NextFlight";
+import { SaveReport } from "./SaveReport";
 import { Named, isRunning, namesOf, startOnFlights } from "./WhereItFails";
 
 const allExcluded = signal(false);
@@ -40,6 +42,8 @@ export function Learn() {
       </div>
       {busy && <JobRows kinds={[...WORKING]} />}
       {has && <Cards found={found} />}
+      {has && <NextFlight />}
+      {has && <SaveReport of="diagnosis" />}
     </main>
   );
 }

@@ -1,0 +1,58 @@
+"""The page's next flight: for the question that the diagnosis leaves open, a saved trajectory that the gate passes."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+import mapping
+import vehicle
+from flight import InputError, flight_log, project, silent, trajectory
+from goshawk.station_jobs import next_flight
+from goshawk.station_jobs.next_flight import Arguments
+from planner import gate
+from sysid.diagnosis import diagnose
+from sysid.diagnosis.findings import Verdict
+from sysid.diagnosis.next_flight import in_doubt
+from sysid.estimator.options import Options
+from vehicle import flights, manoeuvres
+
+
+@pytest.fixture(scope="module")
+def opened(tmp_path_factory, pillar_map) -> project.Project:
+    """A project with a map, and a short flight that says little of a vehicle whose file lacks rotor drag."""
+    made = project.create(tmp_path_factory.mktemp("next") / "project", "next")
+    made.flight("a").parent.mkdir()
+    truth, rng = vehicle.example(), np.random.default_rng(2)
+    flown = flights.fly_trajectory(truth, manoeuvres.scaled(manoeuvres.make("doublets"), 0.5), rng=rng)
+    flight_log.save(made.flight("a"), flights.measure(flown, rng=rng))
+    vehicle.save(made.vehicle, truth.without_effect("rotor_drag_thrust"))
+    shutil.copytree(pillar_map, made.map, dirs_exist_ok=True)
+    return made
+
+
+def test_a_taken_name_is_refused_before_the_queue(opened):
+    path = opened.trajectory("taken")
+    path.parent.mkdir(exist_ok=True)
+    path.write_text("{}")
+    with pytest.raises(InputError, match="taken"):
+        next_flight.KIND.check(opened, Arguments(["a"], out="taken"))
+    with pytest.raises(InputError, match="escape"):
+        next_flight.KIND.check(opened, Arguments(["a"], out="../escape"))
+    path.unlink()
+
+
+@pytest.mark.slow
+def test_the_open_question_is_answered_by_a_saved_checked_trajectory(opened, monkeypatch):
+    monkeypatch.setattr(manoeuvres, "LIBRARY", {n: manoeuvres.LIBRARY[n] for n in ("oblique", "yaw_sweep")})
+    before = opened.vehicle.read_bytes()
+    result = next_flight._run(opened.folder, Arguments(["a"]), silent)
+    log = flight_log.load(opened.flight("a"))
+    named = flight_log.FlightLog(log.columns, {**log.metadata, "name": "a"})
+    believed = vehicle.load(opened.vehicle)
+    found = diagnose([named], believed, auto=True, options=Options(unseen="hold", gusts="white"))
+    assert tuple(result.candidates) == in_doubt(found)
+    assert not set(result.candidates) & {f.name for f in found.candidates if f.verdict is Verdict.EXCLUDED}
+    kept = trajectory.load(opened.trajectory(result.name))
+    assert gate.check_file(kept, mapping.open_map(opened.map).field, believed).passed
+    assert opened.vehicle.read_bytes() == before

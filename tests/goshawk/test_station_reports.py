@@ -1,0 +1,66 @@
+"""Reports that the page offers: those of the verbs, one file that asks nobody, foreign names as text."""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import vehicle
+from flight import InputError, flight_log, project, silent
+from gcs_web import reports
+from goshawk.station_jobs import reports as jobs
+from goshawk.station_jobs.flights import Chosen
+from vehicle import flights, manoeuvres
+
+HOSTILE = "<script>alert(1)</script>"
+
+
+@pytest.fixture(scope="module")
+def opened(tmp_path_factory) -> project.Project:
+    """Two short flights with markup in what they say of themselves, and a vehicle of such a name without rotor drag."""
+    made = project.create(tmp_path_factory.mktemp("reports") / "project", "reports")
+    made.flight("a").parent.mkdir()
+    truth, rng = vehicle.example(), np.random.default_rng(5)
+    weave = manoeuvres.from_legs(x=[(2.5, 6.0), (2.5, -6.0)], y=[(1.0, 0.0), (2.0, 3.0), (2.0, -3.0)])
+    for name in ("a", "b"):
+        log = flights.measure(flights.fly_trajectory(truth, weave), rng=rng)
+        hostile = flight_log.FlightLog(log.columns, {**log.metadata, "name": HOSTILE, "source": HOSTILE})
+        flight_log.save(made.flight(name), hostile)
+    vehicle.save(made.vehicle, replace(truth.without_effect("rotor_drag_thrust"), name=HOSTILE))
+    return made
+
+
+def made_by(opened: project.Project, work: Callable[..., str]) -> str:
+    learn, held_out = sorted(path.stem for path in opened.flights())
+    name, text = reports.read(opened, work(opened.folder, Chosen([held_out], [learn]), silent))
+    assert name.startswith("reports ")
+    return text
+
+
+def test_the_report_of_a_comparison_is_one_file_with_foreign_names_as_text(opened):
+    text = made_by(opened, jobs._comparison)
+    assert "Comparison of models" in text
+    refused(text)
+
+
+@pytest.mark.slow
+def test_the_report_of_a_diagnosis_is_one_file_with_foreign_names_as_text(opened):
+    text = made_by(opened, jobs._diagnosis)
+    assert "rotor drag" in text or "rotor_drag" in text
+    refused(text)
+
+
+def refused(text: str) -> None:
+    """Nothing is loaded from elsewhere, and no foreign string is markup."""
+    assert HOSTILE not in text
+    assert not re.search(r"(?:src|href)=[\"']?(?:https?:)?//", text)
+
+
+def test_what_was_not_made_or_is_no_report_is_refused(tmp_path):
+    empty = project.create(tmp_path / "project", "empty")
+    with pytest.raises(InputError, match="no report of a diagnosis yet"):
+        reports.read(empty, "diagnosis")
+    with pytest.raises(InputError, match=r"no report '\.\./vehicle'"):
+        reports.read(empty, "../vehicle")
