@@ -143,7 +143,7 @@ def test_force_and_residual_are_streams_of_a_compared_flight(opened, compared):
     force, rotor, left = shown.read("a", ["F_x", "rotor_0", "residual_F_x"], found.start_s, found.end_s, 500)
     assert [part.key for part in (force, rotor, left)] == ["F_x", "rotor_0", "residual_F_x"]
     model, measured = (np.array(curve.values) for curve in force.curves)
-    np.testing.assert_allclose(measured - model, left.curves[0].values)
+    np.testing.assert_allclose(measured - model, np.array(left.curves[0].values, dtype=float))
     assert left.band is not None
     assert left.band > 0.0
 
