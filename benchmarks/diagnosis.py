@@ -52,9 +52,12 @@ def outside_is_right(result: Result) -> bool:
     if diagnosed is None:
         return False
     channel, variable = diagnosed["channel"], diagnosed["variable"].replace("|", " ")
-    if result["kind"] == "form" and channel[0] == "T":  # a law of the rotors' thrust, as all that show in F_z are
-        channel, variable = "F_z", WAKE if variable == "s" else variable
-    return channel in result["truth"]["channels"] and set(variable.split()) <= set(result["truth"]["variables"])
+    channels = set(result["truth"]["channels"])
+    if result["kind"] == "form" and channel[0] == "T" and "F_x" not in channels:  # what F_x shows too is drag
+        channel = "F_z"
+        if variable == "s" and "M_y" in channels:  # rotors that lose apart: a wake
+            variable = WAKE
+    return channel in channels and set(variable.split()) <= set(result["truth"]["variables"])
 
 
 def sentence_is_right(result: Result) -> bool:

@@ -177,7 +177,11 @@ class Editor:
             window = dirty.grown(self._recipe.reach, grid.shape)
             transform(self._recipe, state, window, values[window.slices], self._recipe.faces)
             boxes.append(window)
-        self._field = replace(self._field)  # the hash is another one now
+        live = self._field
+        live._hash.clear()  # pyright: ignore[reportPrivateUsage]
+        self._field = replace(live)
+        # Whoever holds an earlier `field` sees the same arrays, and so must see the same hash.
+        object.__setattr__(self._field, "_hash", live._hash)  # pyright: ignore[reportPrivateUsage]
         return _union(boxes)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 import vehicle
 from flight import FlightError, FloatArray, InputError
-from gcs_web import protocol, residuals
+from gcs_web import protocol, reading, residuals
 from gcs_web import protocol_flights as parts
 from gcs_web.flights import Flights
 from gcs_web.residuals import Compared
@@ -135,6 +135,7 @@ class Comparing:
             return False
         return (
             same
+            and compared.logs == reading.contents(self._project, [*learn, *held_out])
             and sorted(learn) == self._flights.names("learn")
             and sorted(held_out) == self._flights.names("hold_out")
         )

@@ -24,7 +24,9 @@ from sysid.report.residual_plots import SIGMAS, unit
 from vehicle import Vehicle, history
 
 
-def diagnosis(found: Diagnosis, outlooks: Mapping[str, Outlook], vehicle_hash: str) -> protocol.Diagnosis:
+def diagnosis(
+    found: Diagnosis, outlooks: Mapping[str, Outlook], vehicle_hash: str, contents: str
+) -> protocol.Diagnosis:
     belief = found.belief
     named = functools.partial(diagnosis_page.named, found)
     pictures = {candidate.name: evidence(found, candidate) for candidate in figures.leading(found)}
@@ -46,6 +48,7 @@ def diagnosis(found: Diagnosis, outlooks: Mapping[str, Outlook], vehicle_hash: s
         [named(sentence) for sentence in found.findings],
         _left(found),
         vehicle_hash,
+        contents,
     )
 
 
@@ -112,6 +115,7 @@ def _outside(found: OutsideFinding) -> parts.OutsideCurve:
     scale, written = unit(found.channel)
     return parts.OutsideCurve(
         found.channel,
+        words.channel(found.channel),
         written,
         variable(found.variable),
         found.at.tolist(),
@@ -149,7 +153,7 @@ def tried(present: Vehicle, effect: str, change: Change, held_out: Sequence[str]
         errors(changes.AFTER),
         list(held_out),
         history.differences(present, change.vehicle),
-        vehicle.vehicle_hash(present),
+        vehicle.vehicle_hash(change.vehicle),
     )
 
 

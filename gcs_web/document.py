@@ -198,11 +198,13 @@ def difference(before: Content, after: Content) -> Patch:
 
 
 def patched(content: Content, patch: Patch) -> Content:
+    map_edits = _changed(content.map_edits, patch.map_edits, patch.map_order)
+    free_id = max((each.id + 1 for each in map_edits), default=0)  # a patch of an older program knows of no map edits
     return Content(
         _changed(content.points, patch.points, patch.order),
         msgspec.convert(msgspec.to_builtins(content.settings) | patch.settings, Settings),
-        content.next_id if patch.next_id is None else patch.next_id,
-        _changed(content.map_edits, patch.map_edits, patch.map_order),
+        max(content.next_id if patch.next_id is None else patch.next_id, free_id),
+        map_edits,
     )
 
 

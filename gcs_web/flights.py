@@ -3,12 +3,13 @@
 Cards are made in a process of its own, because a log may be large and its checks slow, and kept on disk.
 """
 
+import contextlib
 import logging
-import os
 import re
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 import msgspec
 
@@ -57,10 +58,7 @@ class Flights:
 
     def listed(self) -> list[FlightCard]:
         """The newest first."""
-        try:
-            believed = vehicle.vehicle_hash(vehicle.load(self._project.vehicle))
-        except FlightError:
-            believed = ""
+        believed = self._believed()
         dated = [(_changed_ns(path), path.stem) for path in self._project.flights()]
         return [self._card(name, believed) for _, name in sorted(dated, key=lambda one: (-one[0], one[1]))]
 
@@ -70,13 +68,7 @@ class Flights:
             InputError: there is no such flight, or the choice could not be saved.
         """
         self._require(name)
-        with self._lock:
-            roles: dict[str, Role] = {**self._roles, name: role}
-            try:
-                file_format.write_bytes(self._roles_file, msgspec.json.encode(roles))
-            except OSError as error:
-                raise InputError(f"the choice was not saved ({error.strerror})") from error
-            self._roles = roles
+        self._set_roles({name: role})
         self.refresh()
 
     def names(self, role: Role) -> list[str]:
@@ -86,6 +78,8 @@ class Flights:
     def fix(self, name: str) -> tuple[str, tuple[str, ...]]:
         """Write a flight's log with the fixes its checks propose as a new flight; its name, and what was done.
 
+        The new one takes the role of the other, which is left out: one flight would otherwise count as two.
+
         Raises:
             FlightError: there is no such flight, nothing to fix, or the new log is there already.
         """
@@ -93,12 +87,16 @@ class Flights:
         new = project.part_name(f"{name}-fixed")
         results.require_free(self._project.flight(new), overwrite=False)
         log, done = reading.fixed(self._project, path.stem)
-        self._save(new, log)
+        self._save(new, log, {new: self._role(name), name: "leave"})
         return new, done
 
     def discard(self, name: str) -> str:
-        """Move a flight's log aside; the name under which it is kept beside."""
-        kept = results.move_aside(self._require(name))
+        """Move a flight's log aside; the name under which it is kept beside. What it was fixed from takes its role."""
+        path = self._require(name)
+        source = self._fixed_from(path)
+        kept = results.move_aside(path)
+        if source and self._role(source) == "leave":
+            self._set_roles({source: self._role(name)})
         self.refresh()
         return kept.name
 
@@ -112,9 +110,14 @@ class Flights:
         target = self._project.flight(found[1]) if found else None
         if target is None or not (target.with_name(kept)).is_file():
             raise InputError(f"{kept!r} is not kept here (any more)")
-        if target.exists():
-            raise InputError(f"there is a flight {target.stem} again; {kept} stays beside it")
-        os.rename(target.with_name(kept), target)
+        try:
+            target.hardlink_to(target.with_name(kept))  # never over another file
+        except FileExistsError as error:
+            raise InputError(f"there is a flight {target.stem} again; {kept} stays beside it") from error
+        target.with_name(kept).unlink()
+        source = self._fixed_from(target)
+        if source and self._role(source) == self._role(target.stem):
+            self._set_roles({source: "leave"})
         self.refresh()
         return target.stem
 
@@ -173,10 +176,32 @@ class Flights:
                 used.unlink(missing_ok=True)
         return name
 
-    def _save(self, name: str, log: FlightLog) -> None:
+    def _save(self, name: str, log: FlightLog, roles: Mapping[str, Role] = MappingProxyType({})) -> None:
         with results.new_file(self._project.flight(name), overwrite=False) as placing:
             flight_log.save(placing.temporary, log)
+        if roles:
+            self._set_roles(roles)
         self.refresh()
+
+    def _role(self, name: str) -> Role:
+        return self._roles.get(name, "learn")
+
+    def _set_roles(self, new: Mapping[str, Role]) -> None:
+        with self._lock:
+            roles: dict[str, Role] = {**self._roles, **new}
+            try:
+                file_format.write_bytes(self._roles_file, msgspec.json.encode(roles))
+            except OSError as error:
+                raise InputError(f"the choice was not saved ({error.strerror})") from error
+            self._roles = roles
+
+    def _fixed_from(self, path: Path) -> str:
+        """The flight that a log was made from by fixes, if it is here; empty for none."""
+        try:
+            source = Path(str(flight_log.head(path)[1].get("fixed_from", ""))).stem
+            return source if source and self._project.flight(source).is_file() else ""
+        except (FlightError, OSError):
+            return ""
 
     def _require(self, name: str) -> Path:
         path = self._project.flight(name)
@@ -184,8 +209,15 @@ class Flights:
             raise InputError(f"there is no flight {name} (any more)")
         return path
 
+    def _believed(self) -> str:
+        """Hash of the project's vehicle; empty for none that can be read."""
+        try:
+            return vehicle.vehicle_hash(vehicle.load(self._project.vehicle))
+        except FlightError:
+            return ""
+
     def _card(self, name: str, believed: str) -> FlightCard:
-        role: Role = self._roles.get(name, "learn")
+        role = self._role(name)
         try:
             wanted = reading.signature(self._project, name, believed)
         except (OSError, InputError) as error:
@@ -213,8 +245,8 @@ class Flights:
         left = {card.name for card in self.listed() if card.state == "reading"}
         stuck = next((name for name in names if name in left), None)
         if isinstance(outcome, Failed) and stuck is not None:  # the others are tried again without it
-            believed = vehicle.vehicle_hash(vehicle.load(self._project.vehicle))
-            self._failed[stuck] = (reading.signature(self._project, stuck, believed), outcome.reason)
+            with contextlib.suppress(OSError):  # it went since
+                self._failed[stuck] = (reading.signature(self._project, stuck, self._believed()), outcome.reason)
         self._reader = None
         self.refresh()
 

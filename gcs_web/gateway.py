@@ -94,7 +94,8 @@ class Gateway:
             tls: proves that it is `host`; then the page is https and its sockets are wss.
         """
         self._incoming = incoming
-        self._host, self._tls, self._share, self._report = host, tls, share, report
+        self._host, self._tls = host.lower(), tls  # lower, as browsers send it
+        self._share, self._report = share, report
         self._upstream = f"{LOOPBACK}:{upstream_port}"
         self._serve_page, self._state, self._wanted_port = serve_page, state, port
         self._token = secrets.token_urlsafe(24)

@@ -119,13 +119,19 @@ class Jobs:
         self._last_id = 0
         self._closed = False
         self._changed = threading.Condition()
+        self._offers: list[protocol_parts.JobKind] = []
+        self.look()
         self._told_s = 0.0
         self._thread = threading.Thread(target=self._serve, name="jobs", daemon=True)
         self._thread.start()
 
     def state(self) -> protocol.Jobs:
         with self._changed:
-            return protocol.Jobs([job.shown() for job in self._jobs], [self._offered(k) for k in self._kinds.values()])
+            return protocol.Jobs([job.shown() for job in self._jobs], self._offers)
+
+    def look(self) -> None:
+        """Find anew what can be chosen: not with each progress, as it searches the project's folders."""
+        self._offers = [self._offered(kind) for kind in self._kinds.values()]
 
     def start(self, name: str, arguments: Mapping[str, Any], author: str) -> int:
         """Put a job into the queue; its id.
@@ -245,6 +251,7 @@ class Jobs:
             self._ended(job, state, words)
             shown, closed = job.shown(), self._closed
         if not closed:
+            self.look()
             self._on_change()
             self._on_end(shown)
 
@@ -266,7 +273,11 @@ class Jobs:
         self._on_change()
 
     def _offered(self, kind: Kind) -> protocol_parts.JobKind:
-        choices = kind.choices(self._project)
+        try:
+            choices = kind.choices(self._project)
+        except OSError:  # a folder that cannot be read, or went away just now
+            logger.exception("what %s can be started with could not be found", kind.name)
+            choices = {}
         schema = msgspec.json.schema_components([kind.arguments])[1][kind.arguments.__name__]
         fields = [_field(name, told, choices.get(name)) for name, told in schema["properties"].items()]
         return protocol_parts.JobKind(kind.name, kind.title, fields)

@@ -18,7 +18,7 @@ from typing import Literal
 
 import msgspec
 
-from flight import FormatError, InputError, file_format, results
+from flight import FlightError, FormatError, InputError, file_format, results
 from gcs_web.document import Content, Patch, patched
 
 logger = logging.getLogger(__name__)
@@ -26,6 +26,8 @@ logger = logging.getLogger(__name__)
 UNDO_DEPTH = 200
 COMPACT_AFTER = 1000
 FORMAT, VERSION = "goshawk-document", 3
+WITH_MAP_EDITS = 3
+"""First version that holds the edits of the map."""
 
 
 class Entry(msgspec.Struct, frozen=True):
@@ -83,12 +85,11 @@ class Journal:
         self._snapshot, self._path = folder / "document.json", folder / "journal.jsonl"
         self._lock = _locked(folder / "lock")
         try:
-            self._outdated = False
+            self.version = VERSION
+            """Of what was found."""
             self.saved, self.notice = self._read()
             self._file = self._opened()
             self._lines = 0
-            if self._outdated:
-                self.compact()  # an older program must refuse the document, not drop what it does not know
         except BaseException:
             self._lock.close()
             raise
@@ -99,7 +100,7 @@ class Journal:
         return self.saved.revision == 0 and not self._snapshot.exists()
 
     def begin(self, content: Content) -> None:
-        """Start a new document with this content, which nobody can undo."""
+        """Start a new document, or an old one in this version, with this content, which nobody can undo."""
         self.saved.content = content
         self.compact()
 
@@ -147,7 +148,7 @@ class Journal:
         saved = Saved()
         if self._snapshot.exists():
             snapshot = _decoded(self._snapshot)
-            self._outdated = snapshot.version < VERSION
+            self.version = snapshot.version
             saved = Saved(snapshot.revision, snapshot.content, deque(snapshot.undo, UNDO_DEPTH), snapshot.redo)
         if not self._path.exists():
             return saved, ""
@@ -194,9 +195,18 @@ def _follows(saved: Saved, entry: Entry) -> bool:
 def _decoded(path: Path) -> _Snapshot:
     file_format.read_json(path, format=FORMAT, version=VERSION)  # refuses what is no document, and newer versions
     try:
-        return msgspec.json.decode(path.read_bytes(), type=_Snapshot)
-    except msgspec.DecodeError as error:
+        snapshot = msgspec.json.decode(path.read_bytes(), type=_Snapshot)
+        _require_solids(snapshot)
+    except (msgspec.DecodeError, FlightError) as error:
         raise FormatError(f"{path} is damaged: {error}; move it away to start from waypoints.json") from error
+    return snapshot
+
+
+def _require_solids(snapshot: _Snapshot) -> None:
+    """Raises `FlightError` if an edit of the map, or one that undo or redo would bring back, makes no solid."""
+    patches = [patch for entry in (*snapshot.undo, *snapshot.redo) for patch in (entry.patch, entry.inverse)]
+    for each in (*snapshot.content.map_edits, *(edit for patch in patches for edit in patch.map_edits)):
+        each.edit()
 
 
 def _locked(path: Path) -> io.FileIO:

@@ -8,7 +8,7 @@ import msgspec
 import vehicle
 from flight import FlightError, InputError, file_format
 from flight.project import Project
-from gcs_web import protocol
+from gcs_web import protocol, reading
 from gcs_web.flights import Flights
 from gcs_web.protocol_flights import ParameterRow, Tried, VehicleVersion
 from sysid.report import words
@@ -21,6 +21,8 @@ class KeptTrial(msgspec.Struct, frozen=True):
 
     shown: Tried
     held_out: HeldOut | None
+    file_sha256: str
+    """Of the vehicle file that it changes."""
 
 
 def diagnosis_file(folder: Path) -> Path:
@@ -45,8 +47,9 @@ class Learning:
             found = msgspec.json.decode(diagnosis_file(self._project.folder).read_bytes(), type=protocol.Diagnosis)
         except (OSError, msgspec.DecodeError):
             return protocol.Diagnosis("none")
-        same = (found.vehicle, found.learn, found.held_out) == (
+        same = (found.vehicle, found.logs, found.learn, found.held_out) == (
             self._hash(),
+            reading.contents(self._project, [*found.learn, *found.held_out]),
             self._flights.names("learn"),
             self._flights.names("hold_out"),
         )
@@ -74,16 +77,18 @@ class Learning:
         """Make the tried change the next version of the vehicle file.
 
         Raises:
-            InputError: nothing is tried, or the vehicle changed since, or the page shows another trial.
+            InputError: nothing is tried, or the vehicle file changed since, or the page shows another trial.
         """
         with self._lock:
             kept = self._trial()
             if kept is None:
                 raise InputError("no change is tried; try a candidate first")
-            if not kept.shown.vehicle_hash == vehicle_hash == self._hash():
-                raise InputError("the vehicle file changed since this was tried; try it again")
             file, _ = tried_files(self._project.folder)
-            changed = vehicle.load(file, relative_to=self._project.folder)
+            changed = vehicle.load(file)
+            if not kept.shown.vehicle_hash == vehicle_hash == vehicle.vehicle_hash(changed):
+                raise InputError(f"another change was tried since: {kept.shown.title}; look at that one first")
+            if kept.file_sha256 != file_format.file_hash(self._project.vehicle):
+                raise InputError("the vehicle file changed since this was tried; try it again")
             step = history.record(
                 self._project.vehicle, changed, "add-effect", effect=kept.shown.effect, held_out=kept.held_out
             )

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from esdf import Edit, edits, load_edits, save_edits, solids
-from flight import InputError
+from flight import FormatError, InputError, file_format
 from gcs_web.protocol_parts import Shape
 
 MOST_EDITS = 500
@@ -34,8 +34,12 @@ class MapEdit(msgspec.Struct, frozen=True):
 
         Raises:
             InputError: the values do not make such a solid, or a no-fly zone has no name.
+            FormatError: there is no such solid, or it has other values.
         """
-        return Edit(self.action, edits.SHAPES[self.solid](**self.values), self.name)
+        try:
+            return Edit(self.action, edits.SHAPES[self.solid](**self.values), self.name)
+        except (KeyError, TypeError) as error:
+            raise FormatError(f"edit {self.id} of the map is damaged: {file_format.damage_text(error)}") from error
 
 
 def of(number: int, edit: Edit) -> MapEdit:

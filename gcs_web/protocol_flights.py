@@ -235,6 +235,8 @@ class OutsideCurve(msgspec.Struct, frozen=True):
     """Something is missing that no known effect is."""
 
     channel: str
+    words: str
+    """Of the channel; one of rotor thrust is no axis of force or torque."""
     unit: str
     variable: VariableName
     x: list[float]
@@ -262,7 +264,7 @@ class Tried(msgspec.Struct, frozen=True):
     held_out: list[str]
     changes: list[str]
     vehicle_hash: str
-    """Of the vehicle that it changes."""
+    """Of the vehicle with it: which trial this is."""
 
 
 class ParameterRow(msgspec.Struct, frozen=True):
@@ -338,6 +340,8 @@ class Diagnosis(msgspec.Struct, frozen=True, tag="diagnosis"):
     """What the last model leaves unexplained, root mean square, by channel in words."""
     vehicle: str = ""
     """Hash of the vehicle that was diagnosed."""
+    logs: str = ""
+    """Of the flights as they were then."""
 
 
 class Model(msgspec.Struct, frozen=True, tag="model"):
@@ -436,7 +440,7 @@ class Keep(Command, frozen=True, tag="keep", kw_only=True):
     """Make the tried change the next version of the vehicle file."""
 
     vehicle_hash: str
-    """Of the vehicle that the page showed it as a change of."""
+    """Of the trial that the page showed."""
 
 
 class DropTried(Command, frozen=True, tag="drop_tried", kw_only=True):

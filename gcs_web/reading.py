@@ -1,5 +1,8 @@
 """Flights of a project as the estimator takes them, and what a list of them shows; done in a process of its own."""
 
+import contextlib
+import hashlib
+from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -47,6 +50,17 @@ def signature(opened: Project, name: str, vehicle_hash: str) -> Signature:
     return status.st_mtime_ns, status.st_size, vehicle_hash
 
 
+def contents(opened: Project, names: Iterable[str]) -> str:
+    """Another text whenever one of these logs is another, by its size or the time of its last change."""
+    stamps = []
+    for name in sorted(names):
+        try:
+            stamps.append((name, *signature(opened, name, "")[:2]))
+        except (OSError, InputError):
+            stamps.append((name, 0, 0))
+    return hashlib.sha256(repr(stamps).encode()).hexdigest()
+
+
 def card_file(opened: Project, name: str) -> Path:
     return opened.folder / ".session" / "flights" / f"{name}.json"
 
@@ -65,8 +79,10 @@ def write_cards(folder: Path, names: list[str], progress: Progress) -> None:
     opened = Project(folder, "")
     for k, name in enumerate(names):
         believed = _believed(opened)
-        seen = signature(opened, name, "" if believed is None else vehicle.vehicle_hash(believed))
-        file_format.write_bytes(card_file(opened, name), msgspec.json.encode(Kept(seen, card(opened, name, believed))))
+        with contextlib.suppress(FileNotFoundError):  # discarded in the meantime: that is no fault of the next one
+            seen = signature(opened, name, "" if believed is None else vehicle.vehicle_hash(believed))
+            made = Kept(seen, card(opened, name, believed))
+            file_format.write_bytes(card_file(opened, name), msgspec.json.encode(made))
         progress(name, (k + 1) / len(names))
 
 

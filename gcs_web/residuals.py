@@ -9,7 +9,7 @@ import numpy as np
 from flight import FlightLog, FloatArray, InputError, Progress, file_format
 from gcs_web import protocol_flights as parts
 from sysid.diagnosis import explained
-from sysid.diagnosis.free_form import VARIABLE
+from sysid.diagnosis.free_form import UNIT, VARIABLE
 from sysid.estimator.comparison import HORIZONS_S, QUANTITIES, Comparison, Residual, compare, means_over
 from sysid.estimator.model import along
 from sysid.estimator.options import Options
@@ -20,7 +20,7 @@ from sysid.report.pages import SHOWN
 from sysid.report.residual_plots import SIGMAS, unit
 from vehicle import Vehicle, rigid_body
 
-FORMAT, VERSION = "goshawk-page-comparison", 1
+FORMAT, VERSION = "goshawk-page-comparison", 2
 MODEL = "model"
 """Name of the one model in the comparison."""
 
@@ -48,6 +48,8 @@ class Compared(msgspec.Struct, frozen=True):
     version: int
     vehicle: str
     """Hash of the vehicle's behaviour."""
+    logs: str
+    """`reading.contents` of the flights."""
     variables: list[str]
     shares: list[list[float]]
     """Six channels by variables."""
@@ -72,6 +74,7 @@ def made(
     held_out: Sequence[FlightLog],
     model: Vehicle,
     vehicle_hash: str,
+    contents: str,
     options: Options,
     progress: Progress,
 ) -> Compared:
@@ -114,6 +117,7 @@ def made(
         FORMAT,
         VERSION,
         vehicle_hash,
+        contents,
         list(variables),
         shares.tolist(),
         explained.judged_how(taught, judging),
@@ -158,7 +162,7 @@ def load(path: Path) -> Compared | None:
 
 
 def variable(name: str) -> parts.VariableName:
-    return parts.VariableName(name, VARIABLE[name].unit, words.variable(name))
+    return parts.VariableName(name, UNIT[name], words.variable(name))
 
 
 def channels(compared: Compared) -> list[parts.ChannelResidual]:

@@ -1,7 +1,10 @@
 """Saved trajectories beside each other, as a page of their own, and those that were moved aside."""
 
+import contextlib
+import os
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -62,8 +65,11 @@ def page(item: TrajectoryFile, area: Map, believed: Vehicle) -> str:
 
 def aside(project: Project) -> list[protocol.Aside]:
     """Trajectories that were discarded or replaced, newest first."""
-    paths = sorted((project.folder / "trajectories").glob(_ASIDE), key=lambda p: (-p.stat().st_ctime_ns, p.name))
-    return [_aside(path) for path in paths]
+    found: list[tuple[Path, os.stat_result]] = []
+    for path in (project.folder / "trajectories").glob(_ASIDE):
+        with contextlib.suppress(OSError):  # restored just now, or a link that leads nowhere
+            found.append((path, path.stat()))
+    return [_aside(*each) for each in sorted(found, key=lambda each: (-each[1].st_ctime_ns, each[0].name))]
 
 
 def restore(project: Project, file: str) -> str:
@@ -86,10 +92,17 @@ def restore(project: Project, file: str) -> str:
     return found.name
 
 
-def _aside(path: Path) -> protocol.Aside:
+def _aside(path: Path, status: os.stat_result) -> protocol.Aside:
     name = path.name.rpartition(".json.old-")[0]
-    moved_at = datetime.fromtimestamp(path.stat().st_ctime, UTC).isoformat(timespec="seconds")
+    moved_at = datetime.fromtimestamp(status.st_ctime, UTC).isoformat(timespec="seconds")
+    duration_s = _duration_s(path, (status.st_ino, status.st_mtime_ns, status.st_size))
+    return protocol.Aside(path.name, name, duration_s, moved_at)
+
+
+@lru_cache(maxsize=1000)
+def _duration_s(path: Path, _seen: tuple[int, int, int]) -> float:
+    """Of a trajectory, 0 if it cannot be read; read again only where it is another file: there may be many."""
     try:
-        return protocol.Aside(path.name, name, trajectory.load(path).trajectory.duration_s, moved_at)
+        return trajectory.load(path).trajectory.duration_s
     except (FlightError, OSError):
-        return protocol.Aside(path.name, name, 0.0, moved_at)
+        return 0.0

@@ -15,7 +15,7 @@ from flight.mission import Mission
 from flight.project import Project
 from gcs_web import edits, missions, page_values, protocol
 from gcs_web.document import Content, Patch, Settings, difference, patched
-from gcs_web.journal import Entry, Journal
+from gcs_web.journal import VERSION, WITH_MAP_EDITS, Entry, Journal
 from gcs_web.mirrors import MapEditsFile, Mirror, WaypointsFile
 
 logger = logging.getLogger(__name__)
@@ -25,6 +25,9 @@ REMEMBERED = 1000
 
 OUTSIDE = "another program"
 """Author of changes that are found in `waypoints.json` or in the map's list of edits."""
+
+
+_DONE = {"undo": "taken back", "redo": "done again"}
 
 
 class _Change(NamedTuple):
@@ -44,7 +47,7 @@ class Session:
 
         Raises:
             InputError: another ground station has the project open.
-            FormatError: the document or `waypoints.json` is damaged.
+            FormatError: the document, `waypoints.json` or the list of the map's edits is damaged.
         """
         self.project = opened
         self._lock = threading.RLock()
@@ -62,6 +65,10 @@ class Session:
                 for mirror in self._mirrors:
                     first = mirror.first(first)
                 self._journal.begin(first)
+            elif self._journal.version < VERSION:  # an older program must refuse it, not drop what it does not know
+                older = self.content
+                lacks_edits = self._journal.version < WITH_MAP_EDITS
+                self._journal.begin(self._map_edits.first(older) if lacks_edits else older)
             self._take_files(opening=True)
         except BaseException:
             self._journal.close()
@@ -212,10 +219,12 @@ class Session:
             last = stack[-1]
             patch, inverse = (last.inverse, last.patch) if kind == "undo" else (last.patch, last.inverse)
             after = patched(self.content, patch)
+            if self._map_edits.is_behind(self.content, after) and self._take_file(self._map_edits, opening=False):
+                raise InputError(f"another program edited the map just now; nothing was {_DONE[kind]}, look again")
             entry = Entry(self.revision + 1, author, last.label, kind, patch, inverse)
             self._commit(entry, after)
             whose = "" if last.author == author else f" (by {last.author})"
-            return f"{'taken back' if kind == 'undo' else 'done again'}: {last.label}{whose}"
+            return f"{_DONE[kind]}: {last.label}{whose}"
 
     def _commit(self, entry: Entry, after: Content) -> None:
         before = self.content

@@ -99,12 +99,12 @@ class Lens:
         return base * self._polynomial(base * base)
 
     def place(self, rays: FloatArray) -> FloatArray:
-        """(..., 3) directions of any length to (..., 2) places on the sensor; NaN on and behind the axis' far end."""
+        """(..., 3) directions of any length to (..., 2) places on the sensor; NaN straight behind or for no ray."""
         x, y, z = np.moveaxis(rays, -1, 0)
         rho = np.hypot(x, y)
         theta = np.arctan2(rho, z)
         with np.errstate(invalid="ignore", divide="ignore"):
-            stretch = np.where(rho > 0.0, self._base(theta) / rho, 0.0)
+            stretch = np.where(rho > 0.0, self._base(theta) / rho, np.where(z > 0.0, 0.0, np.nan))
         return self._distorted(stretch[..., None] * rays[..., :2])
 
     def ray(self, place: FloatArray) -> FloatArray:

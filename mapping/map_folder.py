@@ -11,6 +11,7 @@ report.json     all figures of the run
 
 import csv
 import dataclasses
+import glob
 import shutil
 import time
 from collections.abc import Sequence
@@ -22,7 +23,18 @@ import numpy as np
 
 import esdf
 from esdf.storage import EDITS
-from flight import FloatArray, FormatError, InputError, Progress, file_format, frames, results, rotations, silent
+from flight import (
+    FlightError,
+    FloatArray,
+    FormatError,
+    InputError,
+    Progress,
+    file_format,
+    frames,
+    results,
+    rotations,
+    silent,
+)
 from mapping import alignment, colmap, dense, depth_files, localization, mesh_file, sparse, stages, verdict
 from mapping import rig as rigs
 from mapping.alignment import Length
@@ -44,6 +56,8 @@ REPORT_FORMAT = "goshawk-map-report"
 DEPTH = "depth"
 STAGES = (colmap.FEATURES, colmap.MATCHES, colmap.POSES, sparse.CALIBRATION, DEPTH)
 """Stages whose results survive an interrupted work, in order."""
+_REPLACED = "replaced"
+"""File of a work: inode of the earlier map, which is moved aside for the new one."""
 _POSE_COLUMNS = ("image", "time_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz")
 
 
@@ -207,6 +221,7 @@ def build_map(
     checked = read_folder(images, rig, progress=progress)
     again = STAGES[STAGES.index(again_from) :] if again_from else ()
     with stages.begin(work_folder(out), again=again, until=until) as begun:
+        _put_back(out, begun)
         work = begun.on(rigs.fingerprint(rig), *_digests(checked))
         report = _placed_before(out, _all_inputs(checked, options, work)) if interrupted else None
         if report is None:
@@ -218,7 +233,25 @@ def build_map(
 
 def work_folder(out: Path) -> Path:
     """Where the finished stages of an interrupted `build_map` are kept, for the next try."""
-    return Path(out).with_name(f"{Path(out).name}.work")
+    place = Path(out).resolve()  # beside the map itself, as a link may lead to another disk
+    return place.parent / f"{place.name}.work"
+
+
+def _note_replaced(out: Path, work: Work) -> None:
+    """Write down which map is about to be moved aside for the new one."""
+    if _is_map(out):
+        (work.folder / _REPLACED).write_text(str(Path(out).stat().st_ino))
+
+
+def _put_back(out: Path, work: Work) -> None:
+    """Move the earlier map back if a run was killed between moving it aside and placing the new one."""
+    note, place = work.folder / _REPLACED, Path(out).resolve()
+    if note.is_file() and not place.exists():
+        for kept in place.parent.glob(f"{glob.escape(place.name)}.old-*"):
+            if str(kept.stat().st_ino) == note.read_text():
+                kept.rename(place)
+                break
+    note.unlink(missing_ok=True)
 
 
 def _all_inputs(images: ImageSet, options: MapOptions, work: Work) -> str:
@@ -230,7 +263,11 @@ def _all_inputs(images: ImageSet, options: MapOptions, work: Work) -> str:
 
 def _placed_before(out: Path, inputs: str) -> MapReport | None:
     """The report of the map in `out` if it is of the same inputs: a run was killed after it had placed the map."""
-    if not _is_map(out) or open_map(out).facts.get("inputs") != inputs:
+    try:
+        facts = open_map(out).facts if _is_map(out) else {}
+    except FlightError:  # an earlier map that is damaged
+        return None
+    if facts.get("inputs") != inputs:
         return None
     body = file_format.read_json(out / "report.json", format=REPORT_FORMAT, version=VERSION)
     return MapReport(**{field.name: body[field.name] for field in dataclasses.fields(MapReport)})
@@ -266,7 +303,6 @@ def _build(
     report = _report(placed, surface, distances.hash, cpu_s)
     with results.new_folder(out, overwrite=overwrite, ours=_is_map, within=work.folder) as placing:
         new = placing.temporary
-        _keep_edits(Path(out), new)
         esdf.save(new / "esdf", distances)
         mesh_file.save(new / "mesh.glb", surface.vertices_world_m, surface.faces, surface.colours)
         mesh_file.save(new / "mesh.ply", surface.vertices_world_m, surface.faces, surface.colours)
@@ -280,6 +316,8 @@ def _build(
             version=VERSION,
             body=_facts(report) | {"inputs": _all_inputs(images, options, work)},
         )
+        _keep_edits(Path(out), new)  # last: a pilot may draw a no-fly zone while the files are written
+        _note_replaced(out, work)
     progress("distance field", 1.0)
     return report
 
@@ -362,7 +400,6 @@ def _facts(report: MapReport) -> dict[str, Any]:
 def _keep_edits(old: Path, new: Path) -> None:
     edits = old / "esdf" / EDITS
     if edits.exists():
-        (new / "esdf").mkdir()
         shutil.copy(edits, new / "esdf" / EDITS)
 
 

@@ -81,6 +81,12 @@ class Camera:
         object.__setattr__(self, "T_body_camera", np.array(self.T_body_camera, dtype=np.float64))
         if min(self.focal_px) <= 0.0:
             raise InputError(f"camera {self.name}: the focal length {self.focal_px} is not positive")
+        named = self.parameters
+        if self.model == "EUCM" and not (0.0 <= named["alpha"] <= 1.0 and named["beta"] > 0.0):
+            raise InputError(
+                f"camera {self.name}: EUCM takes alpha from 0 to 1 and beta above 0, "
+                f"not {named['alpha']:g} and {named['beta']:g}"
+            )
         if not 0.0 < self.field_of_view_rad <= 2.0 * np.pi:
             raise InputError(f"camera {self.name}: the field of view is not between 0 and 360 degrees")
 
@@ -113,7 +119,7 @@ class Camera:
         The pixel may lie outside the image: see `contains`.
         """
         points = np.asarray(points_camera, dtype=np.float64)
-        shown = (_angles(points) <= self.half_field_rad) & (points != 0.0).any(axis=-1)
+        shown = _angles(points) <= self.half_field_rad
         pixels = self.lens.place(points) * self.focal_px + self.principal_point_px
         return np.asarray(np.where(shown[..., None], pixels, np.nan), dtype=np.float64)
 

@@ -82,7 +82,7 @@ def read_basalt(path: Path) -> Rig:
     try:
         body = json.loads(_text(path))["value0"]
         entries = list(zip(body["T_imu_cam"], body["intrinsics"], body["resolution"], strict=True))
-        T_imu_camera = [_basalt_pose(pose) for pose, _, _ in entries]
+        T_imu_camera = [_basalt_pose(pose, path) for pose, _, _ in entries]
         cameras = []
         for number, (_, lens, resolution) in enumerate(entries):
             kind = str(lens["camera_type"])
@@ -96,14 +96,21 @@ def read_basalt(path: Path) -> Rig:
             T_body = _forward() @ frames.invert(T_imu_camera[0]) @ T_imu_camera[number]
             name, (width, height) = f"cam{number}", (int(v) for v in resolution)
             cameras.append(Camera(name, _folder(name, len(entries) == 1), model, width, height, params, T_body))
-    except (KeyError, TypeError, ValueError, RecursionError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         raise FormatError(f"{path} is not a calibration of Basalt: {file_format.damage_text(error)}") from None
     return Rig(tuple(cameras))
 
 
-def _basalt_pose(pose: dict[str, float]) -> FloatArray:
-    q = rotations.normalise(np.array([float(pose[name]) for name in ("qw", "qx", "qy", "qz")]))
-    return frames.transform(q, np.array([float(pose[name]) for name in ("px", "py", "pz")]))
+def _basalt_pose(pose: dict[str, float], path: Path) -> FloatArray:
+    q = np.array([float(pose[name]) for name in ("qw", "qx", "qy", "qz")])
+    t = np.array([float(pose[name]) for name in ("px", "py", "pz")])
+    return _transform(q, t, f"{path}: T_imu_cam")
+
+
+def _transform(q: FloatArray, t: FloatArray, what: str) -> FloatArray:
+    if not abs(np.linalg.norm(q) - 1.0) < 1e-3 or not np.isfinite(t).all():
+        raise FormatError(f"{what} is not a unit quaternion and three finite numbers: {q.tolist()}, {t.tolist()}")
+    return frames.transform(rotations.normalise(q), t)
 
 
 def read_colmap(path: Path, rigs: Path | None = None) -> Rig:
@@ -159,7 +166,7 @@ def _places(path: Path) -> dict[str, FloatArray]:
         if kind != "CAMERA" or has_pose != "1" or len(numbers) < 7:
             raise InputError(f"{path}: sensor {kind} {camera} has no pose; every camera of the rig must be placed")
         pose = np.array(_floats(numbers[:7], f"{path}: sensor {camera}"))
-        T_camera_reference = frames.transform(rotations.normalise(pose[:4]), pose[4:])
+        T_camera_reference = _transform(pose[:4], pose[4:], f"{path}: sensor {camera}")
         places[camera] = _forward() @ frames.invert(T_camera_reference)
         rest = numbers[7:]
     return places
@@ -169,10 +176,10 @@ def _unfolded(camera: Camera, what: str) -> Camera:
     """The camera itself.
 
     Raises:
-        InputError: its lens model shows no direction at some of the image's pixels.
+        InputError: it is a perspective lens whose model shows no direction at a corner of the image.
     """
-    edge = camera.unproject(camera.pixel_centres()[:: camera.height - 1, :: camera.width - 1])
-    if camera.lens.base is Base.PERSPECTIVE and not np.isfinite(edge).all():
+    corners = camera.unproject([[x, y] for x in (0.5, camera.width - 0.5) for y in (0.5, camera.height - 0.5)])
+    if camera.lens.base is Base.PERSPECTIVE and not np.isfinite(corners).all():
         raise InputError(f"{what}: the lens folds over inside the image; calibrate with a fisheye model")
     return camera
 

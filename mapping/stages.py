@@ -2,13 +2,15 @@
 
 Each stage has a folder of its own, named for it and complete as soon as it has that name. Its file `inputs` holds a
 hash of everything that the result depends on, the stages before it included: a changed image, camera file or option
-makes exactly those stages again that depend on it.
+makes exactly those stages again that depend on it. It holds the sizes of the stage's files too: one that was cut off
+or removed since (a disk that failed, a copy that was not finished) makes the stage again.
 """
 
 import contextlib
 import fcntl
 import functools
 import hashlib
+import json
 import os
 import shutil
 import tempfile
@@ -62,13 +64,14 @@ class Work:
             StoppedError: it is the last stage to make.
         """
         place, part = self.folder / name, self.folder / f"{name}{_PART}"
-        if (place / _INPUTS).is_file() and (place / _INPUTS).read_bytes() == self.depends:
+        if _is_whole(place, self.depends):
             return self._reached(name, place)
         for old in (place, part):
             shutil.rmtree(old, ignore_errors=True)
         part.mkdir(parents=True)
         make(part)
-        (part / _INPUTS).write_bytes(self.depends)
+        files = {str(file.relative_to(part)): file.stat().st_size for file in part.rglob("*") if file.is_file()}
+        (part / _INPUTS).write_text(json.dumps({"depends": self.depends.hex(), "files": files}))
         os.sync()
         part.rename(place)
         return self._reached(name, place)
@@ -77,6 +80,16 @@ class Work:
         if name == self.until:
             raise StoppedError(f"stopped after {name}, as asked")
         return place
+
+
+def _is_whole(place: Path, depends: bytes) -> bool:
+    """Whether a stage was finished from these inputs, and its files are still as long as they were."""
+    try:
+        noted = json.loads((place / _INPUTS).read_bytes())
+        sizes = {name: (place / name).stat().st_size for name in noted["files"]}
+    except (OSError, ValueError, TypeError, KeyError):
+        return False
+    return (noted["depends"], noted["files"]) == (depends.hex(), sizes)
 
 
 @contextlib.contextmanager
@@ -94,6 +107,8 @@ def begin(folder: Path, *, again: Iterable[str] = (), until: str | None = None) 
         _remove_unfinished(folder, again)  # of a killed run
         try:
             yield Work(folder, _program(), lock.fileno(), until)
+        except StoppedError:
+            raise
         except Exception as error:
             if (free := shutil.disk_usage(folder).free) < _FULL_BYTES:
                 raise InputError(
@@ -116,7 +131,8 @@ def _locked(folder: Path) -> IO[str]:
     deadline_s = time.monotonic() + _PATIENCE_S
     while time.monotonic() < deadline_s:
         folder.mkdir(parents=True, exist_ok=True)
-        if not (folder / _LOCK).exists() and any(folder.iterdir()):
+        names = os.listdir(folder)  # once: another run may be making its lock file
+        if names and _LOCK not in names:
             raise InputError(f"{folder} holds files that are not of an earlier run; move it, or choose another output")
         with contextlib.suppress(FileNotFoundError):  # the folder's last user may be removing it
             lock = open(folder / _LOCK, "a")  # noqa: SIM115 - stays open for as long as the lock is held
@@ -157,10 +173,13 @@ def temporary() -> Generator[Work]:
 def finish(work: Work) -> None:
     """Remove the folder of a work whose result is safe elsewhere; its lock last, and only while we hold it."""
     for entry in work.folder.iterdir():
-        if entry.name != _LOCK:
+        if entry.is_dir() and not entry.is_symlink():
             shutil.rmtree(entry, ignore_errors=True)
+        elif entry.name != _LOCK:
+            entry.unlink()
     (work.folder / _LOCK).unlink()
-    work.folder.rmdir()
+    with contextlib.suppress(OSError):  # a run that waited has made its lock file in it
+        work.folder.rmdir()
 
 
 def finished(folder: Path, names: Iterable[str]) -> list[str]:

@@ -236,14 +236,9 @@ def until_flyable(
         believed = corrections.model.copy()
         charged_s = spline.durations_s if round_ > 0 else None
         problem = replace(problem, offsets=corrections.total(), reference_s=charged_s)
-        if wrong is None:
-            touched, most = np.ones(len(spline.durations_s), dtype=bool), _WHOLE[min(round_, len(_WHOLE) - 1)]
-            spline = time_allocation.optimise(problem, spline.durations_s, iterations=most, stop=stop).spline
-        else:
-            touched = windows.grown(wrong, _REACH if round_ > begun else _FAR)
-            most = _IN_PART if round_ > begun else iterations
-            spline = windows.optimise(problem, spline, touched, iterations=most, stop=stop)
-        _check_lasting(spline.durations_s)
+        reach, most = (_FAR, iterations) if round_ == begun else (_REACH, _IN_PART)
+        most = _WHOLE[min(round_, len(_WHOLE) - 1)] if wrong is None else most
+        spline, touched = _optimised(problem, spline, wrong, reach, most, stop)
         problem = replace(problem, knots=spline.states[:, 0])
         optimum_s = float(spline.durations_s.sum()) if round_ == begun else optimum_s
         path = minimum_snap.trajectory(spline)
@@ -253,26 +248,22 @@ def until_flyable(
         last = round_ == _ROUNDS - 1
         if clearance.passed and (last or not exceeded.any()):
             report = ask_gate(path, limits.Known(used, memory))
-            if report.passed or last or report.usage is None:
-                method = "bent" if bends else "direct"
+            used = report.usage and (path, report.usage)
+            slower, too_fast = _refused(report, asked_m_s)
+            if report.passed or last or not slower.any():  # nothing else gets better by more rounds
                 kept = Kept(problem, spline, corrections.spliced(0, 0, 0))
-                here = Path(path, waypoint, method, report, optimum_s, kept)
-                if found is not None:
-                    better = report.passed and path.duration_s < found.trajectory.duration_s
-                    return here if better else found
-                found, relieved = here, (believed - corrections.model).max(axis=(1, 2)) > _RELIEVED
+                here = Path(path, waypoint, "bent" if bends else "direct", report, optimum_s, kept)
+                relieved = (believed - corrections.model).max(axis=(1, 2)) > _RELIEVED
                 longer = path.duration_s > _LONGER * optimum_s
-                if not report.passed or begun > 0 or not (longer or relieved.any()):
-                    return found
-                wrong = None if longer else relieved
-                used = None if report.usage is None else (path, report.usage)
-                rounds = round_ + _AGAIN
+                once = report.passed and found is None and begun == 0
+                if not (once and (longer or relieved.any())):
+                    return _faster(found, here)
+                found, wrong, rounds = here, None if longer else relieved, round_ + _AGAIN
                 corrections.press(excess, touched)
                 continue
-            used = path, report.usage
-            too_fast = report.usage.value[0] > asked_m_s
+            assert report.usage is not None
             corrections.stricter(report.usage, too_fast)
-            exceeded |= ~report.usage.passed.all(axis=0) | too_fast
+            exceeded |= slower
         corrections.press(excess, touched)
         if not clearance.passed:
             if bends == options.repairs:
@@ -282,6 +273,40 @@ def until_flyable(
             exceeded[clearance.segment] = True
         few = windows.grown(exceeded, _REACH).mean() < _FEW
         wrong = exceeded if wrong is not None or few or round_ + 1 >= len(_WHOLE) else None
+    return found
+
+
+def _optimised(
+    problem: Problem,
+    spline: minimum_snap.Spline,
+    wrong: np.ndarray | None,
+    reach: int,
+    iterations: int,
+    stop: StopFlag | None,
+) -> tuple[minimum_snap.Spline, np.ndarray]:
+    """The spline after a descent, and in which segments (k,): `wrong` and their neighbours up to `reach`; None: all."""
+    if wrong is None:
+        touched = np.ones(len(spline.durations_s), dtype=bool)
+        spline = time_allocation.optimise(problem, spline.durations_s, iterations=iterations, stop=stop).spline
+    else:
+        touched = windows.grown(wrong, reach)
+        spline = windows.optimise(problem, spline, touched, iterations=iterations, stop=stop)
+    _check_lasting(spline.durations_s)
+    return spline, touched
+
+
+def _refused(report: GateReport, asked_m_s: FloatArray) -> tuple[np.ndarray, np.ndarray]:
+    """(k,) bool: the segments that the gate found too fast for a limit or for their leg, and those for their leg."""
+    if report.usage is None:
+        return np.zeros(len(asked_m_s), dtype=bool), np.zeros(len(asked_m_s), dtype=bool)
+    too_fast = report.usage.value[0] > asked_m_s
+    return ~report.usage.passed.all(axis=0) | too_fast, too_fast
+
+
+def _faster(found: Path | None, here: Path) -> Path:
+    """The path that was found before, unless the one that is here passes and takes less time."""
+    if found is None or (here.report.passed and here.trajectory.duration_s < found.trajectory.duration_s):
+        return here
     return found
 
 

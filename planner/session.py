@@ -6,6 +6,8 @@ scratch, so the answer is always a plan that has passed the gate.
 """
 
 import threading
+from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +18,7 @@ from planner import fastest, gate, inputs, limits, minimum_snap, planning, route
 from planner._planner import StopFlag
 from planner.conditions import Conditions
 from planner.gate import GateReport
-from planner.options import PlanCancelledError, PlanOptions
+from planner.options import PlanOptions, check_stop
 from planner.planning import Plan
 from vehicle import Limits, Vehicle
 
@@ -58,6 +60,7 @@ class Planner:
         self._stop = StopFlag() if stop is None else stop
         self._flags, self._working = threading.Lock(), threading.Lock()
         self._scratch(waypoints, asked, self._options, self._stop)
+        self._stop = StopFlag()
         self._room = self._conditions.room(field, self._options)
 
     @property
@@ -138,11 +141,21 @@ class Planner:
         with self._flags:
             self._stop.set()
 
-    def _edit(self, stop: StopFlag | None = None) -> "_Edit":
+    @contextmanager
+    def _edit(self, stop: StopFlag | None = None) -> Generator[StopFlag]:
+        """One edit at a time: tells the one before to stop, and waits for it."""
+        stop = StopFlag() if stop is None else stop
         with self._flags:
             self._stop.set()
-            self._stop = StopFlag() if stop is None else stop
-            return _Edit(self._working, self._stop)
+            self._stop = stop
+        with self._working:
+            check_stop(stop)
+            try:
+                yield stop
+            finally:
+                with self._flags:
+                    if self._stop is stop:  # it may be the caller's, for whom it is not ours to set any more
+                        self._stop = StopFlag()
 
     def _waypoint(self, index: int) -> Waypoints:
         waypoints = self._plan.waypoints
@@ -316,23 +329,6 @@ def _point(position_world_m: ArrayLike) -> FloatArray:
     if point.shape != (3,) or not np.isfinite(point).all():
         raise InputError(f"a position is three finite numbers x, y, z in metres, not {point.tolist()}")
     return point
-
-
-class _Edit:
-    """One edit at a time: waits for the one before, which has been told to stop."""
-
-    def __init__(self, working: threading.Lock, stop: StopFlag) -> None:
-        self._working, self._stop = working, stop
-
-    def __enter__(self) -> StopFlag:
-        self._working.acquire()
-        if self._stop.is_set():
-            self._working.release()
-            raise PlanCancelledError("the plan was cancelled")
-        return self._stop
-
-    def __exit__(self, *_: object) -> None:
-        self._working.release()
 
 
 def _leg_knots(waypoint: np.ndarray, leg: int) -> tuple[int, int] | None:

@@ -27,11 +27,13 @@ def _set_ground(desk: Desk, person: protocol.Person, change: protocol.SetGround)
 
 
 def _undo(desk: Desk, person: protocol.Person, _: protocol.Undo) -> None:
-    desk.notice(f"{desk.session.undo(person.name).capitalize()}.")
+    done = desk.session.undo(person.name)
+    desk.notice(f"{done[0].upper()}{done[1:]}.")
 
 
 def _redo(desk: Desk, person: protocol.Person, _: protocol.Redo) -> None:
-    desk.notice(f"{desk.session.redo(person.name).capitalize()}.", undo=True)
+    done = desk.session.redo(person.name)
+    desk.notice(f"{done[0].upper()}{done[1:]}.", undo=True)
 
 
 HANDLERS: dict[type, Callable[[Desk, protocol.Person, Any], None]] = {

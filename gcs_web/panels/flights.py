@@ -34,7 +34,7 @@ def _look(desk: Desk, _: protocol.Person, wanted: protocol.LookAtFlight) -> None
 
 def _fix(desk: Desk, _: protocol.Person, wanted: protocol.FixFlight) -> protocol.Reply:
     name, done = desk.flights.fix(wanted.flight)
-    desk.notice(f"{wanted.flight}: {'; '.join(done)}. Saved as {name}; {wanted.flight} stays as it is.")
+    desk.notice(f"{wanted.flight}: {'; '.join(done)}. Saved as {name}; {wanted.flight} stays as it is, left out.")
     return protocol.Reply(wanted.serial, name=name)
 
 

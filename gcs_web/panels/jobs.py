@@ -20,6 +20,7 @@ def _forget(desk: Desk, _: protocol.Person, ended: protocol.ForgetJob) -> None:
 
 
 def _list(desk: Desk, _: protocol.Person, __: protocol.ListJobs) -> None:
+    desk.jobs.look()
     desk.show_jobs()
 
 

@@ -165,7 +165,8 @@ def _show(found: Found, report_file: Path | None, figures: Sequence[Path]) -> No
     for name, fit in found.fits.items():
         click.echo(f"{name}: the fit to --train is {fit.verdict.sentence}")
     judged = found.judged.findings if found.judged is not None else ()
-    for remark in dict.fromkeys((*found.errors.remarks, *found.errors.left_out, *judged)):
+    own = (*found.errors.remarks, *found.errors.left_out, *found.wrench.not_converged)
+    for remark in dict.fromkeys((*own, *judged)):
         click.echo(f"note: {remark}")
     for figure in figures:
         click.echo(f"figure: {figure}")

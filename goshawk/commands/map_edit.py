@@ -204,6 +204,8 @@ def _change(
         "hash": after.hash,
     }
     if preview is None:
+        if (esdf.load_edits(folder / EDITS) if (folder / EDITS).exists() else ()) != old:
+            raise InputError(f"another program changed {folder / EDITS} meanwhile; nothing was written, run this again")
         if len(editor.edits) < len(old):  # keep the old list: removed edits are stored nowhere else
             outputs.report_kept(folder / EDITS, results.keep(folder / EDITS))
         esdf.save_edits(folder / EDITS, editor.edits)

@@ -16,9 +16,10 @@ from sysid.estimator.options import Options
 
 def _run(folder: Path, asked: Chosen, progress: Progress) -> Compared:
     believed = vehicle.load(Project(folder, "").vehicle)
+    contents = flights.contents(folder, asked)
     learn, held_out = flights.logs(folder, asked, progress)
     options = Options(unseen="hold", gaps="split" if asked.split_gaps else "refuse")
-    found = residuals.made(learn, held_out, believed, vehicle.vehicle_hash(believed), options, progress)
+    found = residuals.made(learn, held_out, believed, vehicle.vehicle_hash(believed), contents, options, progress)
     residuals.save(comparing.comparison_file(folder), found)
     return found
 

@@ -24,13 +24,14 @@ class Arguments(flights.Chosen):
 
 def _run(folder: Path, asked: Arguments, progress: Progress) -> protocol.Diagnosis:
     believed = vehicle.load(Project(folder, "").vehicle)
+    contents = flights.contents(folder, asked)
     learn, held_out = flights.logs(folder, asked, progress)
     options = Options(unseen="hold", gusts="white", gaps="split" if asked.split_gaps else "refuse")
     searching = within(progress, "diagnose", 0.0, 0.9)
     found = diagnose(learn, believed, held_out=held_out, auto=asked.auto, options=options, progress=searching)
     progress("which flight would tell", 0.95)
     outlooks = outlook(found, rng=np.random.default_rng(0))
-    shown = diagnosis_values.diagnosis(found, outlooks, vehicle.vehicle_hash(believed))
+    shown = diagnosis_values.diagnosis(found, outlooks, vehicle.vehicle_hash(believed), contents)
     file_format.write_bytes(learning.diagnosis_file(folder), msgspec.json.encode(shown))
     return shown
 

@@ -35,6 +35,11 @@ def check(project: Project, asked: Chosen) -> None:
     refuse_repeated([project.flight(name) for name in (*asked.learn, *asked.held_out)], "to learn from or held out")
 
 
+def contents(folder: Path, asked: Chosen) -> str:
+    """Of the chosen logs; taken before they are read, so that a change in between shows."""
+    return reading.contents(Project(folder, ""), [*asked.learn, *asked.held_out])
+
+
 def logs(folder: Path, asked: Chosen, progress: Progress) -> tuple[list[FlightLog], list[FlightLog]]:
     """Those to learn from, and those held out, each with its name."""
     project = Project(folder, "")

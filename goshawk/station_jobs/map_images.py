@@ -40,12 +40,16 @@ def image_folders(project: Project) -> list[str]:
 
 
 def _holds_images(folder: Path) -> bool:
-    within = [*folder.iterdir()]
-    return any(
-        path.suffix.lower() in _IMAGES
-        for place in (folder, *(path for path in within if path.is_dir()))
-        for path in place.iterdir()
-    )
+    """Not if it cannot be read: `lost+found`."""
+    try:
+        within = [*folder.iterdir()]
+        return any(
+            path.suffix.lower() in _IMAGES
+            for place in (folder, *(path for path in within if path.is_dir()))
+            for path in place.iterdir()
+        )
+    except OSError:
+        return False
 
 
 def _cameras(project: Project) -> list[str]:

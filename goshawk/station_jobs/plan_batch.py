@@ -40,7 +40,11 @@ def folders(project: Project) -> list[str]:
 
 
 def _holds_missions(folder: Path) -> bool:
-    return not (folder / batch.JOURNAL).exists() and any(path.suffix in batch.SUFFIXES for path in folder.iterdir())
+    """Not if it cannot be read: `lost+found`."""
+    try:
+        return not (folder / batch.JOURNAL).exists() and any(path.suffix in batch.SUFFIXES for path in folder.iterdir())
+    except OSError:
+        return False
 
 
 def _choices(project: Project) -> Choices:

@@ -6,7 +6,7 @@ from typing import Annotated
 import msgspec
 
 import vehicle
-from flight import InputError, Progress
+from flight import InputError, Progress, file_format
 from flight.project import Project
 from gcs_web import diagnosis_values, learning
 from gcs_web.desk import Desk
@@ -30,6 +30,7 @@ def _check(project: Project, asked: Arguments) -> None:
 
 def _run(folder: Path, asked: Arguments, progress: Progress) -> KeptTrial:
     project = Project(folder, "")
+    file_sha256 = file_format.file_hash(project.vehicle)  # first: a change during the fit must show
     present = vehicle.load(project.vehicle)
     name = vehicle.effects.find(asked.effect).name
     learn, held_out = flights.logs(folder, asked, progress)
@@ -37,8 +38,10 @@ def _run(folder: Path, asked: Arguments, progress: Progress) -> KeptTrial:
         dict(zip(map(project.flight, asked.learn), learn, strict=True)),
         dict(zip(map(project.flight, asked.held_out), held_out, strict=True)),
     )
-    change = changes.refitted(present, present.with_effect(name, source="assumed"), chosen, progress=progress)
-    kept = KeptTrial(diagnosis_values.tried(present, name, change, asked.held_out), change.held_out)
+    changed = present.with_effect(name, source="assumed")
+    gaps = "split" if asked.split_gaps else "refuse"
+    change = changes.refitted(present, changed, chosen, gaps=gaps, progress=progress)
+    kept = KeptTrial(diagnosis_values.tried(present, name, change, asked.held_out), change.held_out, file_sha256)
     learning.save_trial(folder, change.vehicle, kept)
     return kept
 

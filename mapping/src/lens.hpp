@@ -43,7 +43,7 @@ struct Lens {
     bool project(Vec3 q, double& u, double& v) const {
         const double rho = std::sqrt(q.x * q.x + q.y * q.y);
         const double theta = std::atan2(rho, q.z);
-        if (theta > limit) return false;
+        if (theta > limit || (rho <= 1e-12 && q.z <= 0.0)) return false;
         const double stretch = rho > 1e-12 ? base_radius(q, rho, theta) / rho : 0.0;
         const double x = stretch * q.x, y = stretch * q.y;
         const double square = x * x + y * y;

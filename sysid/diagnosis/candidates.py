@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight import InputError
+from sysid.estimator import clocks
 from sysid.estimator.blocks import battery
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.options import Reference
@@ -17,6 +18,7 @@ POSE_DELAY = "pose_delay"
 DRIVEN = ("F_z", "M_x", "M_y", "M_z")
 """Where rotor speeds other than those expected show."""
 NO_VOLTAGE = "the logs have no battery_v, and commands alone do not show how it fell; log it"
+NO_WITNESS = "commands are early on every vehicle: without gyro or rotor speed no other clock shows a late pose"
 LOAD_SHARE = 0.2
 """A usual load is this share of the vehicle's mass."""
 TRACE = 1e-9
@@ -132,6 +134,8 @@ def _why_not(effect: Effect, vehicle: Vehicle, flights: Sequence[Flight], clock:
     if effect.stage == Stage.SENSOR and not {f"{effect.name}.{s.name}" for s in effect.parameters} <= set(SENSOR_NAMES):
         return "the estimator has the pose sensor's place and the gyro's bias among its unknowns already"
     if effect.name == POSE_DELAY and clock == "pose":
+        if all(f.streams.keys() <= {clocks.COMMAND} for f in flights):
+            return NO_WITNESS
         return "the delay of every stream against the pose is estimated already; see the clocks of the report"
     return ""
 

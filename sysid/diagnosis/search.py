@@ -152,13 +152,15 @@ class Trial:
     why: str
     """Why held-out flights did not judge; empty if they did."""
     confirmed: bool
-    """Whether those flights prefer the model with it."""
+    """Whether those flights prefer the model with it, at a size of any consequence."""
     confidence: float
     """Probability that this is the effect: that it is the one among its rivals, and that there is one at all."""
     rivals: tuple[tuple[str, float], ...]
     """Confounded effects that were fitted, with their probabilities."""
     proxy_for: Outside | None
     fit: Identification
+    negligible: bool = False
+    """Whether the full fit leaves it next to nothing, whatever its score was."""
 
     @property
     def refuted(self) -> bool:
@@ -192,6 +194,8 @@ class Trial:
         match self.outcome:
             case Outcome.ADDED:
                 return f"helped: {numbers}"
+            case Outcome.NOT_CONFIRMED if self.negligible:
+                return f"not added: its fitted size is negligible; {numbers}"
             case Outcome.NOT_CONFIRMED:
                 return f"{'fell, but not significantly' if judged.total > 0.0 else 'did not help'}: {numbers}"
             case Outcome.UNDECIDED:
@@ -349,7 +353,8 @@ def _next(
     outdone_by = stands(after, best.candidate)
     reduction, confirmed, why = _confirmed(model, best, unseen)
     there = supported(reduction.total, model.scores[best.candidate.name].dispersion)
-    confirmed &= _matters(best)
+    negligible = not _matters(best)
+    confirmed &= not negligible
     outcome = Outcome.PROXY if outdone_by else Outcome.ADDED if confirmed else Outcome.NOT_CONFIRMED
     as_likely = float(np.exp(-THRESHOLDS.clear_lead))
     if outcome is Outcome.ADDED and max(odds.values(), default=0.0) > as_likely:
@@ -368,6 +373,7 @@ def _next(
         rivals=tuple((name, sure * p) for name, p in odds.items() if p > 0.0),
         proxy_for=outdone_by,
         fit=best.fit,
+        negligible=negligible,
     )
     logger.info(
         "%s: %s, training %.1f, held out %.1f +- %.1f",

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flight import FlightLog, InputError, Progress, file_format, silent
-from sysid.estimator.comparison import HORIZONS_S, QUANTITIES, compare
+from sysid.estimator.comparison import HORIZONS_S, QUANTITIES, SMOOTHING_STEPS, compare
 from sysid.estimator.identification import identify
-from sysid.estimator.options import Options
+from sysid.estimator.options import Gaps, Options
 from sysid.estimator.verdict import Verdict
 from vehicle import Vehicle
 from vehicle.history import HeldOut
@@ -51,19 +51,24 @@ class Change:
     """Verdict on the refit; None where nothing was refitted."""
 
 
-def refitted(present: Vehicle, changed: Vehicle, flights: Flights, *, progress: Progress = silent) -> Change:
+def refitted(
+    present: Vehicle, changed: Vehicle, flights: Flights, *, gaps: Gaps = "refuse", progress: Progress = silent
+) -> Change:
     """Fit the changed model and, for a fair comparison, the present one too, to the same flights.
+
+    Args:
+        gaps: as in `Options`, for fitting and judging alike.
 
     Raises:
         InputError: a flight cannot be used.
     """
-    training, options = list(flights.training.values()), Options(unseen="hold")
+    training, options = list(flights.training.values()), Options(unseen="hold", gaps=gaps)
     after = identify(training, changed, options, progress=progress)
     if not flights.held_out:
         return Change(after.vehicle, {}, None, after.findings, after.verdict)
     before = identify(training, present, options, progress=progress)
     models = {PRESENT: present, BEFORE: before.vehicle, AFTER: after.vehicle}
-    errors, left_out = held_out_errors(models, list(flights.held_out.values()), progress=progress)
+    errors, left_out = held_out_errors(models, list(flights.held_out.values()), gaps=gaps, progress=progress)
     evidence = HeldOut(named(flights.held_out), errors[BEFORE], errors[AFTER], verdict(errors[BEFORE], errors[AFTER]))
     fit = after.verdict
     if not before.converged:
@@ -82,11 +87,11 @@ def evaluated(present: Vehicle, changed: Vehicle, flights: Flights, *, progress:
 
 
 def held_out_errors(
-    models: Mapping[str, Vehicle], logs: Sequence[FlightLog], *, progress: Progress = silent
+    models: Mapping[str, Vehicle], logs: Sequence[FlightLog], *, gaps: Gaps = "refuse", progress: Progress = silent
 ) -> tuple[dict[str, dict[str, float]], tuple[str, ...]]:
     """Root mean square open-loop prediction error of each model after `HORIZON_S`, by quantity with its unit; and in
     words which stretches of the flights were left out, and which models' errors are not settled."""
-    result = compare(logs, models, progress=progress)
+    result = compare(logs, models, Options(max_iterations=SMOOTHING_STEPS, gaps=gaps), progress=progress)
     at = HORIZONS_S.index(HORIZON_S)
     errors = {
         model: {key: float(result.errors[model][quantity][at]) for quantity, key in KEYS.items()} for model in models

@@ -11,7 +11,7 @@ from flight.rotations import FloatArray
 from sysid.estimator.blocks import motor, rotor_speed
 from sysid.estimator.blocks.pose import PoseSensor
 from sysid.estimator.flight_data import Flight, left_out
-from sysid.estimator.identification import smooth
+from sysid.estimator.identification import not_settled, smooth
 from sysid.estimator.midpoint import Middle, middle
 from sysid.estimator.model import unexplained
 from sysid.estimator.options import Options
@@ -165,9 +165,7 @@ def compare(
     for i, (name, vehicle) in enumerate(models.items()):
         begun, done = (FIRST_SHARE + (1.0 - FIRST_SHARE) * (i + part) / len(models) for part in (0.0, 0.7))
         smoothed = smooth(flights, vehicle, options, near=smoothed, progress=within(progress, "compare", begun, done))
-        if not smoothed.converged:
-            steps = len(smoothed.record)
-            open_.append(f"the states under {name} did not converge in {steps} steps (--steps): its errors may be off")
+        open_ += not_settled(name, smoothed)
         states = smoothed.point.states
         sensor = PoseSensor.of(vehicle)
         driven = [rotor_speed.aligned(f, smoothed.point.sensors) for f in flights]

@@ -239,6 +239,15 @@ def _unseen_message(name: str) -> str:
     )
 
 
+def not_settled(name: str, smoothed: Solution) -> list[str]:
+    """A sentence on the model of this name if the states under it did not converge; else none."""
+    if smoothed.converged:
+        return []
+    return [
+        f"the states under {name} did not converge in {len(smoothed.record)} steps (--steps): its errors may be off"
+    ]
+
+
 def smooth(
     flights: list[Flight],
     vehicle: Vehicle,

@@ -4,7 +4,7 @@ No model is asked but for the clocks: streams are read as late as a fit of the s
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from sysid.estimator import clocks
 from sysid.estimator.blocks import rotor_speed
 from sysid.estimator.blocks.pose import PoseSensor
 from sysid.estimator.flight_data import Flight
-from sysid.estimator.identification import smooth
+from sysid.estimator.identification import not_settled, smooth
 from sysid.estimator.midpoint import Middle, middle, rates_of_change
 from sysid.estimator.options import Options
 from sysid.estimator.states import States, first_guess
@@ -26,14 +26,33 @@ FEWEST = 2
 """A column with fewer finite rows is taken as absent."""
 
 
-def delays(flights: Sequence[Flight], vehicle: Vehicle, options: Options) -> dict[str, float]:
-    """Delays of the streams of all logs, estimated with the states; the vehicle stays as it is."""
-    found = smooth(list(flights), vehicle, options).point.sensors
-    return {name: found[name] for name in nuisances(flights, "pose", vehicle)[0].delay}
+@dataclass(frozen=True, slots=True)
+class Delays:
+    """Of the streams of all logs, as each model finds them."""
+
+    late: Mapping[str, Mapping[str, float]]
+    """Model, name of the delay: seconds."""
+    not_converged: tuple[str, ...]
+    """In words, models under which the states did not converge, so that delays may be off."""
+
+    @property
+    def first(self) -> Mapping[str, float]:
+        """The first model's."""
+        return next(iter(self.late.values()))
+
+
+def delays(flights: Sequence[Flight], models: Mapping[str, Vehicle], options: Options) -> Delays:
+    """Delays of the streams of all logs, estimated with the states; the vehicles stay as they are."""
+    late, open_ = {}, []
+    for name, vehicle in models.items():
+        found = smooth(list(flights), vehicle, options)
+        late[name] = {delay: found.point.sensors[delay] for delay in nuisances(flights, "pose", vehicle)[0].delay}
+        open_ += not_settled(name, found)
+    return Delays(late, tuple(open_))
 
 
 def on_time(flight: Flight, late: Mapping[str, float]) -> Flight:
-    """The flight with its rotor speed, gyro and accelerometer read as late as `delays` has them."""
+    """The flight with its rotor speed or command, gyro and accelerometer read as late as `delays` has them."""
     readings = dict(flight.readings)
     for quantity, between in ((clocks.GYRO, False), (clocks.ACCELEROMETER, True)):
         if quantity in flight.streams:

@@ -12,6 +12,7 @@ GRAVITY_ON_EARTH_M_S2 = (9.76, 9.84)
 
 Reference = Literal["pose", "rotor speed"]
 """Streams whose clock the others can be measured against."""
+Gaps = Literal["refuse", "split"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +35,7 @@ class Options:
     """Against whose clock the delays of gyro, accelerometer, rotor speed and commands are estimated. Against rotor
     speed (of logs of commands alone: against the gyro), the pose is late by the vehicle's `pose_delay`, or not at
     all."""
-    gaps: Literal["refuse", "split"] = "refuse"
+    gaps: Gaps = "refuse"
     """A log with a gap: refuse it, or fit the pieces between gaps as separate flights."""
     unseen: Literal["refuse", "hold"] = "hold"
     """Parameters these flights cannot show: hold them at the vehicle's value and say so, or refuse."""

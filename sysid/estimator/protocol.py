@@ -104,7 +104,7 @@ class Judged:
     errors: Mapping[Way, Mapping[str, tuple[float, ...]]]
     """Way, quantity: mean absolute error on each flight."""
     findings: tuple[str, ...]
-    """Sentences on what could not be compared."""
+    """Sentences on what could not be compared, and on clocks that are not settled."""
 
     def pooled(self, way: Way) -> dict[str, float]:
         """Mean absolute error over all starts of all flights."""
@@ -175,7 +175,7 @@ def judge(
     if not logs or not models:
         raise InputError("a protocol needs at least one flight and one model")
     options = options or Options()
-    judged, taught = (_stretches(part, models, protocol, options) for part in (logs, training))
+    (judged, open_), (taught, more) = (_stretches(part, models, protocol, options) for part in (logs, training))
     others = [[s for log in (taught or judged) if log is not own for s in log] for own in judged]
     compared = [way for way in ways(list(models)) if all(others) or not way.learned]
     errors: dict[Way, dict[str, tuple[float, ...]]] = {}
@@ -189,7 +189,10 @@ def judge(
         tuple(flight.name for flight in flights),
         tuple(len(flight) - _past(flight) - _steps(flight, protocol) for flight in flights),
         errors,
-        (() if all(others) else (ALONE,)) + _seen_ahead([s for own in judged for s in own]) + left_out(flights),
+        (() if all(others) else (ALONE,))
+        + _seen_ahead([s for own in judged for s in own])
+        + left_out(flights)
+        + tuple(dict.fromkeys((*open_, *more))),
     )
 
 
@@ -209,10 +212,11 @@ def _seen_ahead(stretches: Sequence[_Stretch]) -> tuple[str, ...]:
 
 def _stretches(
     logs: Sequence[FlightLog], models: Mapping[str, Vehicle], protocol: Protocol, options: Options
-) -> list[list[_Stretch]]:
-    """Of each log, the flights that are long enough, with their states as measured by the first model's clocks."""
+) -> tuple[list[list[_Stretch]], tuple[str, ...]]:
+    """Of each log, the flights that are long enough, with their states as measured by the first model's clocks; and in
+    words, models whose clocks are not settled."""
     if not logs:
-        return []
+        return [], ()
     sensor = PoseSensor.of(next(iter(models.values())))
     least_s = 2.0 * (protocol.horizon_s + closed_loop.LAG_S)
     by_log = []
@@ -225,14 +229,15 @@ def _stretches(
         if not by_log[-1]:
             raise InputError(f"flight {i + 1} has no stretch of {least_s:g} s")
     flights = [flight for own in by_log for flight in own]
-    late = {name: measured.delays(flights, model, options) for name, model in models.items()}
+    found = measured.delays(flights, models, options)
 
     def stretch(raw: Flight, log: FlightLog) -> _Stretch:
-        flight = measured.on_time(raw, next(iter(late.values())))
-        driven = {name: motor.driven(rotor_speed.aligned(raw, late[name]), model) for name, model in models.items()}
+        flight = measured.on_time(raw, found.first)
+        driven = {n: motor.driven(rotor_speed.aligned(raw, found.late[n]), model) for n, model in models.items()}
         return _Stretch(flight, driven, measured.states(flight, log, sensor), measured.fitted(flight, log))
 
-    return [[stretch(flight, log) for flight in own] for own, log in zip(by_log, logs, strict=True)]
+    stretches = [[stretch(flight, log) for flight in own] for own, log in zip(by_log, logs, strict=True)]
+    return stretches, found.not_converged
 
 
 def _steps(flight: Flight, protocol: Protocol) -> int:

@@ -329,7 +329,7 @@ def _findings(vehicle: Vehicle, estimates: list[Estimate], solution: Solution, f
     if gravity_m_s2 != GRAVITY_M_S2:
         found.append(
             f"gravity was given as {gravity_m_s2:g} m/s2; plans and controller take {GRAVITY_M_S2:g} everywhere, which "
-            f"changes thrust in hover by {abs(GRAVITY_M_S2 / gravity_m_s2 - 1.0):.1%}"
+            f"changes thrust in hover by {abs(GRAVITY_M_S2 / gravity_m_s2 - 1.0):.2%}"
         )
     noise = solution.noise
     if noise.gusts is not None:

@@ -86,7 +86,7 @@ class Signal:
     @staticmethod
     def held(time_s: FloatArray, values: FloatArray) -> "Signal":
         """Each sample (n, c) held until the next, as commands are."""
-        steps = PPoly(values[None, :-1], time_s)
+        steps = PPoly(values[None], np.append(time_s, np.nextafter(time_s[-1], np.inf)))
         return Signal(steps, steps.antiderivative())
 
     def value(self, time_s: FloatArray) -> FloatArray:

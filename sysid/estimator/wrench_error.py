@@ -44,6 +44,8 @@ class WrenchErrors:
     """Whether force is the accelerometer's on every flight."""
     left_out: tuple[str, ...]
     """In words, stretches of the flights that were not judged, and why."""
+    not_converged: tuple[str, ...]
+    """In words, models under which the states of the flights did not converge, so that their clocks may be off."""
 
     def as_dict(self) -> dict[str, Any]:
         """The figures as plain JSON values."""
@@ -56,6 +58,7 @@ class WrenchErrors:
             "force_by_accelerometer": self.accelerometer,
             "measured_rms": by_channel(self.size),
             "left_out": list(self.left_out),
+            "not_converged": list(self.not_converged),
             "models": {
                 name: {"rmse": by_channel(rmse), "explained": by_channel(self.explained[name])}
                 for name, rmse in self.rmse.items()
@@ -82,15 +85,15 @@ def wrench_errors(
     for flight in flights:
         if not flight.has_pose:
             raise InputError(f"{flight.name} has no pose; forces are compared along a measured motion")
-    late = {name: measured.delays(flights, model, options) for name, model in models.items()}
+    found = measured.delays(flights, models, options)
     truth, modelled = [], {name: [] for name in models}
     for raw in flights:
-        flight = measured.on_time(raw, next(iter(late.values())))
+        flight = measured.on_time(raw, found.first)
         at = measured.states(flight, logs[flight.log_index], PoseSensor.of(first))
         seen, mid = measured.acceleration(flight, at)
         truth.append(_means(at_centre_of_mass(seen, flight, mid, first), flight, first))
         for name, model in models.items():
-            driven = motor.driven(rotor_speed.aligned(raw, late[name]), model)
+            driven = motor.driven(rotor_speed.aligned(raw, found.late[name]), model)
             modelled[name].append(_means(along(model, driven, mid), flight, first))
     both = np.concatenate(truth)
     left = {name: both - np.concatenate(parts) for name, parts in modelled.items()}
@@ -102,6 +105,7 @@ def wrench_errors(
         {name: 1.0 - values / spread for name, values in square.items()},
         all(flight.has_accelerometer for flight in flights),
         left_out(flights),
+        found.not_converged,
     )
 
 

@@ -315,7 +315,8 @@ def _wrench(wrench: WrenchErrors) -> str:
         f"<p class='small'>Root mean square of measured less modelled, means over {SPAN_S:g} s; in brackets the share "
         f"of the variance explained. Force by {force}, moment by the measured rate; lever arms are taken out.</p>"
     )
-    return f"<h2>Force and moment</h2>{table(head, rows)}{note}"
+    open_ = "".join(f"<p class='bad'>{escape(sentence)}.</p>" for sentence in wrench.not_converged)
+    return f"<h2>Force and moment</h2>{table(head, rows)}{open_}{note}"
 
 
 def _protocol(judged: Judged) -> str:

@@ -76,6 +76,18 @@ def test_undoing_everything_gives_the_mapped_field_back_and_redoing_the_edited_o
     np.testing.assert_array_equal(editor.field.values_m, edited.values_m)
 
 
+def test_an_earlier_view_of_the_live_field_never_has_the_hash_of_what_it_was():
+    editor = Editor(mapped(np.random.default_rng(1)))
+    views = [editor.field]
+    for x in (0.0, 0.5):
+        before = views[0].hash
+        editor.apply(Edit("add", solids.Sphere((x, 1.0, 1.5), 0.3)))
+        views.append(editor.field)
+        assert views[-2] is not views[-1]
+        assert {view.hash for view in views} == {editor.snapshot().hash}
+        assert views[0].hash != before
+
+
 def test_a_new_edit_discards_the_redo_list():
     editor = Editor(mapped(np.random.default_rng(2)))
     editor.apply(Edit("add", solids.Sphere((0, 1, 1), 0.2)))

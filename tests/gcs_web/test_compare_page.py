@@ -3,21 +3,27 @@
 import re
 import shutil
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
 import vehicle
-from flight import FlightLog, Waypoints, flight_log, project, silent
-from gcs_web import GroundStation
+from flight import FlightLog, Waypoints, file_format, flight_log, project, silent
+from gcs_web import GroundStation, diagnosis_values, learning, protocol
+from gcs_web import protocol_flights as parts
 from goshawk.station_jobs import KINDS, compare
 from goshawk.station_jobs.flights import Chosen
-from tests.gcs_web.test_page import CHROMIUM, FLAGS, SIZE, START
+from sysid.diagnosis import OutsideFinding
+from sysid.estimator import changes
+from tests.gcs_web.test_page import CHROMIUM, FLAGS, SERIOUS, SIZE, START, drawn
 from tests.waiting import PATIENCE_S
 from tests.waiting import until as wait
 from vehicle import flights, manoeuvres
 
+DRAG = "rotor_drag_thrust"
 HOSTILE = "<img src=x onerror=alert(1)>"
 BOB = [(1.25, 1.0), (1.25, -1.0)] * 2
 
@@ -106,3 +112,70 @@ def test_learn_says_what_is_missing_before_any_diagnosis(page):
     assert page.get_by_role("heading", name="Parameters").is_visible()
     page.keyboard.press("2")
     page.get_by_role("grid", name="Waypoints").wait_for()
+
+
+def diagnosed() -> protocol.Diagnosis:
+    """Drag is missing, and beside it something of one rotor's thrust that no known effect is."""
+    at = [0.1 * k for k in range(20)]
+    v_x = parts.VariableName("v_x", "m/s", "velocity along x")
+    size = parts.EffectSize("rotor drag", "N s/m", 0.02, 0.001, 0.018, 0.022, 0.022, 0.002, 0.02)
+    evidence = parts.Evidence("F_x", "N", v_x, at, at, at, at, at, at, at)
+    confounded = [parts.Confounded("drag_linear", "linear drag", 0.4)]
+    found = parts.Candidate(
+        DRAG, HOSTILE, "present", "follows the velocity", 0.9, "F = -c v", [size], 4.0, confounded, "", evidence
+    )
+    others = [
+        msgspec.structs.replace(found, name=name, title=name, verdict=verdict, outlook="a dive would show it")
+        for name, verdict in (("ground_effect", "inconclusive"), ("weak_rotor", "excluded"))
+    ]
+    x = np.array(at)
+    outside = OutsideFinding("T_2", "n_2", "rad/s", x, -0.1 * x, np.full(20, 0.01), 1.0, 9.0, 0.0, 0.8)
+    return protocol.Diagnosis(
+        "current", "Rotor drag is missing.", 0.8, 0.1, 0.1, "usable", ["a"], ["b"], [found, *others],
+        outside=diagnosis_values._outside(outside), unobservable=["mass: only ratios to it show"], left=["F_x 0.01 N"],
+    )  # fmt: skip
+
+
+def test_a_curve_of_rotor_thrust_is_shown_with_its_words_and_unit(page, station):
+    save_diagnosis(station)
+    page.keyboard.press("5")
+    card = page.get_by_role("region", name="No known effect")
+    card.get_by_text("the thrust of rotor 2 follows speed of rotor 2, from −19.0 to 0 % of the thrust").wait_for()
+    assert page.get_by_text(HOSTILE).first.is_visible()
+
+
+def save_diagnosis(station: GroundStation) -> None:
+    folder = station.desk.project.folder
+    learning.diagnosis_file(folder).write_bytes(msgspec.json.encode(diagnosed()))
+    present = vehicle.load(station.desk.project.vehicle)
+    changed = present.with_effect(DRAG, source="assumed")
+    tried = diagnosis_values.tried(present, DRAG, changes.Change(changed, {}, None, (), None), [])
+    file_sha256 = file_format.file_hash(station.desk.project.vehicle)
+    learning.save_trial(folder, changed, learning.KeptTrial(tried, None, file_sha256))
+    station.desk.show_learning()
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+@pytest.mark.parametrize("scheme", ["dark", "light"])
+def test_compare_and_learn_are_no_serious_barrier(page, station, width, scheme):
+    from axe_playwright_python.sync_playwright import Axe
+
+    save_diagnosis(station)
+    page.set_viewport_size({"width": width, "height": 844})
+    page.evaluate(f"document.documentElement.dataset.theme = '{scheme}'")
+    found: dict[str, list[str]] = {}
+    page.keyboard.press("5")
+    drawn(page)
+    each = page.locator(".inspector").evaluate(
+        "e => [...e.children].map(c => [c.className, c.getBoundingClientRect().top, c.scrollHeight])"
+    )
+    over = [(above, below) for above, below in pairwise(each) if above[1] + above[2] > below[1] + 1.0]
+    assert over == []  # panels that lie over each other
+    for step in "45":
+        page.keyboard.press(step)
+        drawn(page)
+        for rule in Axe().run(page, context={"exclude": [["iframe"]]}).response["violations"]:  # viser's own page
+            if rule["impact"] in SERIOUS:
+                found[f"step {step}: {rule['id']}"] = [node["html"] for node in rule["nodes"]]
+    page.set_viewport_size(SIZE)
+    assert found == {}

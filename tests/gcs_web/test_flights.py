@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import sysid
 import vehicle
 from firmware_bridge.controller import State
-from flight import FlightError, FlightLog, InputError, flight_log, project
+from flight import FlightError, FlightLog, InputError, flight_log, project, silent
 from gcs_web import protocol, pyramid, reading
 from gcs_web.flights import Flights
 from gcs_web.protocol_flights import Incoming
@@ -164,6 +164,35 @@ def test_fixes_go_into_a_new_log_as_the_verb_makes_it_and_can_be_taken_back(open
     for wrong in ("../project.toml", "jump.parquet.old-9", kept):
         with pytest.raises(InputError, match="not kept here"):
             made.restore(wrong)
+
+
+def test_a_fixed_flight_takes_the_place_of_what_it_was_fixed_from_and_gives_it_back(opened, listing):
+    made, _ = listing
+    flight_log.save(opened.flight("jump"), flown(position_jump=True))
+    made.set_role("jump", "hold_out")
+    for _ in range(2):
+        fixed, _ = made.fix("jump")
+        assert (made.names("hold_out"), made.names("learn"), made.names("leave")) == ([fixed], [], ["jump"])
+        kept = made.discard(fixed)
+        assert made.names("hold_out") == ["jump"]
+    made.restore(kept)
+    assert (made.names("hold_out"), made.names("leave")) == ([fixed], ["jump"])
+
+
+def test_a_log_that_goes_while_cards_are_made_stops_no_other(opened):
+    flight_log.save(opened.flight("b"), flown())
+    reading.write_cards(opened.folder, ["gone", "b"], silent)
+    believed = vehicle.vehicle_hash(vehicle.load(opened.vehicle))
+    assert reading.kept_card(opened, "b", reading.signature(opened, "b", believed)) is not None
+
+
+def test_a_log_that_went_while_cards_were_made_blames_no_other(opened, listing):
+    made, told = listing
+    flight_log.save(opened.flight("b"), flown())
+    opened.vehicle.unlink()
+    made._read(["gone", "b"])
+    until(ready(told), "the card")
+    assert [card.state for card in told[-1].flights] == ["ready"]
 
 
 def test_a_log_without_a_fixable_finding_is_not_fixed(opened, listing):

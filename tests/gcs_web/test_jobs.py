@@ -13,6 +13,7 @@ import pytest
 
 from flight import InputError, Progress, project
 from gcs_web.jobs import Jobs, Kind
+from goshawk.station_jobs import map_images, plan_batch
 from tests.waiting import until
 
 
@@ -149,3 +150,41 @@ def test_kill_9_of_the_station_ends_the_job_with_its_children(tmp_path: Path):
     station.kill()
     station.wait()
     until(lambda: not any(map(alive, pids)), "the end of the job")
+
+
+def test_a_folder_that_cannot_be_read_does_not_keep_the_station_from_opening(tmp_path: Path, monkeypatch):
+    """A project at the root of a disk has `lost+found`."""
+    opened = project.create(tmp_path / "project", "disk")
+    for name, file in (("lost+found", "x"), ("photos", "a.jpg"), ("tasks", "a.json")):
+        (opened.folder / name).mkdir()
+        (opened.folder / name / file).touch()
+    readable = Path.iterdir
+
+    def iterdir(folder: Path):
+        if folder.name == "lost+found":
+            raise PermissionError(13, "Permission denied", str(folder))
+        return readable(folder)
+
+    monkeypatch.setattr(Path, "iterdir", iterdir)
+    assert map_images.image_folders(opened) == ["photos"]
+    assert plan_batch.folders(opened) == ["tasks"]
+
+
+def test_choices_that_cannot_be_found_leave_the_list_of_jobs_and_are_looked_up_when_asked_for(tmp_path: Path):
+    looked: list[int] = []
+
+    def choices(_: project.Project) -> dict[str, list[str]]:
+        looked.append(1)
+        raise PermissionError(13, "Permission denied")
+
+    kind = Kind("say", "say", Arguments, say, echo, choices)
+    opened = project.create(tmp_path / "project", "jobs")
+    jobs = Jobs(opened, [kind], lambda: None, lambda kind, result: kind.done(None, result), lambda _: None)
+    try:
+        for _ in range(5):
+            assert [offered.name for offered in jobs.state().kinds] == ["say"]
+        assert len(looked) == 1
+        jobs.look()
+        assert len(looked) == 2
+    finally:
+        jobs.close()

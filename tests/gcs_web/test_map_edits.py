@@ -1,6 +1,7 @@
 """Edits of the map in the document: the map's own list is always theirs, through undo, two people, and restarts."""
 
 import errno
+import json
 from pathlib import Path
 
 import numpy as np
@@ -167,3 +168,47 @@ def test_the_handle_of_a_side_leaves_the_opposite_corner_where_it_is():
     before, after = (map_edits.solid(s) for s in (BOX, pulled(BOX, "size", np.array([3.0, 2.0, 1.0]))))
     np.testing.assert_allclose(after.bounds_world_m[0], before.bounds_world_m[0])
     np.testing.assert_allclose(after.bounds_world_m[1], [3.0, 2.0, 1.0])
+
+
+def test_a_document_of_before_map_edits_takes_them_over_and_undo_leaves_them(session: Session):
+    """Ctrl+Z for a waypoint must not drop the no-fly zones that were drawn before the document knew of them."""
+    session.edit(protocol.Insert(serial=0, revision=session.revision, after=None, x_m=1.0, y_m=1.0, z_m=0.5), "Ada")
+    session.close()
+    stairs = Edit("no-fly", solids.Sphere((1.0, 1.0, 0.5), 0.2), "stairs")
+    by_hand(session, stairs)
+    kept = session.project.folder / ".session" / "document.json"
+    snapshot = json.loads(kept.read_text())
+    del snapshot["content"]["map_edits"]
+    kept.write_text(json.dumps(snapshot | {"version": 2}))
+    again = Session(session.project, Settings())
+    try:
+        assert in_document(again) == (stairs,)
+        assert again.document().undo == "waypoint 0 inserted"
+        again.undo("Ada")
+        add(again, "a")
+        assert [edit.name for edit in on_disk(again)] == ["stairs", "a"]
+        assert len({each.id for each in again.content.map_edits}) == 2
+    finally:
+        again.close()
+
+
+def test_undo_does_not_write_over_what_goshawk_map_edit_wrote_just_now(session: Session):
+    add(session, "a")
+    theirs = (*on_disk(session), Edit("no-fly", solids.Sphere((2.0, 1.0, 0.5), 0.2), "b"))
+    by_hand(session, *theirs)
+    with pytest.raises(InputError, match="another program edited the map just now; nothing was taken back"):
+        session.undo("Ada")
+    assert on_disk(session) == in_document(session) == theirs
+
+
+@pytest.mark.parametrize(("whole", "damaged"), [("Sphere", "Sphera"), ("radius_m", "radius_n")])
+def test_an_edit_of_the_map_that_is_damaged_in_the_document_is_refused_in_words(session: Session, whole, damaged):
+    add(session, "b", BALL)
+    session.close()
+    kept = session.project.folder / ".session" / "document.json"
+    again = Session(session.project, Settings())
+    again._journal.compact()
+    again.close()
+    kept.write_text(kept.read_text().replace(whole, damaged))
+    with pytest.raises(FormatError, match="damaged"):
+        Session(session.project, Settings())

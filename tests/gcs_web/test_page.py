@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -15,7 +16,7 @@ import esdf
 import vehicle
 from firmware_bridge import SitlVehicle, controller, keys
 from flight import Waypoints, mission, project, rotations, trajectory
-from gcs_web import GroundStation
+from gcs_web import GroundStation, protocol, protocol_parts
 from gcs_web.map_view import pulled
 from tests.waiting import PATIENCE_S
 from tests.waiting import until as wait
@@ -359,6 +360,51 @@ def test_a_phone_shows_the_vehicle_and_abort_without_scrolling(station, page, tm
     page.screenshot(path=tmp_path / "phone.png")
 
 
+def test_a_no_fly_zone_is_drawn_by_numbers_and_by_its_handle_previewed_applied_and_undone(page, station: GroundStation):
+    page.keyboard.press("1")
+    page.get_by_role("toolbar", name="Map").get_by_role("button", name="Box").click()
+    form = page.get_by_role("form", name="New edit of the map")
+    form.get_by_label("Name").fill("<i>cable</i>")
+    for axis, value in zip("xyz", ("3.0", "3.4", "0.5"), strict=True):
+        form.get_by_label(f"Centre, m {axis}").fill(value)
+        form.get_by_label(f"Centre, m {axis}").press("Enter")
+    form.get_by_text("no longer free").wait_for()
+    wait(lambda: "centre" in station.view.map._handles, "the handles")
+    shape = pulled(station.view.map._shape, "size", np.array([3.4, 3.6, 1.0]))  # as viser tells of a drag's end
+    station.view.map.on_shape(shape, True)
+    wait(lambda: form.get_by_label("Size, m x").input_value() == "0.9", "the numbers of the pulled box")
+    assert station.desk.session.content.map_edits == ()
+    form.get_by_role("button", name="Add to the map").click()
+    page.get_by_role("button", name="No-fly: <i>cable</i>").wait_for()
+    edits = station.desk.project.map / "esdf" / "edits.json"
+    assert [(edit.action, edit.name) for edit in esdf.load_edits(edits)] == [("no-fly", "<i>cable</i>")]
+    page.keyboard.press("Control+z")
+    page.get_by_text("None. Draw a box").wait_for()
+    assert esdf.load_edits(edits) == ()
+
+
+def test_what_another_person_made_of_a_zone_meanwhile_is_not_overwritten(page, station: GroundStation):
+    session = station.desk.session
+    shape = protocol_parts.Shape("box", (3.0, 3.4, 0.5), (0.5, 0.5, 0.5))
+    asked = {"serial": 0, "revision": session.revision, "shape": shape}
+    session.edit(protocol.AddMapEdit(action="no-fly", name="cable", **asked), "Ada")
+    page.keyboard.press("1")
+    page.get_by_role("button", name="No-fly: cable").click()
+    form = page.get_by_role("form", name="Edit of the map")
+    form.get_by_label("Centre, m x").wait_for()
+    wide = msgspec.structs.replace(shape, size_m=(1.5, 0.5, 0.5))
+    asked = {"serial": 0, "revision": session.revision, "shape": wide}
+    session.edit(protocol.ChangeMapEdit(edit=session.content.map_edits[0].id, **asked), "Ada")
+    page.get_by_role("button", name="No-fly: cable").get_by_text("0.4 m³").wait_for()
+    form.get_by_label("Name").fill("wire")
+    form.get_by_role("button", name="Apply").click()
+    form.get_by_role("alert").get_by_text("changed the same meanwhile").wait_for()
+    (zone,) = session.document().map_edits
+    assert (zone.name, zone.shape.size_m) == ("cable", (1.5, 0.5, 0.5))
+    session.undo("Ada")
+    session.undo("Ada")
+
+
 def pixel(page, station: GroundStation, point_world_m: np.ndarray) -> tuple[float, float]:
     """Where the browser draws a point: pinhole projection with the camera the 3D view reports."""
     camera = next(iter(station.server.get_clients().values())).camera
@@ -435,26 +481,3 @@ def test_a_shift_click_on_the_floor_adds_a_waypoint_after_the_last(station, page
     page_3d.keyboard.up("Shift")
     np.testing.assert_allclose(positions(station)[3], [5.5, 2.0, START[2, 2]], atol=0.05)
     page_3d.get_by_role("status").get_by_text("Waypoint 3 inserted").wait_for()
-
-
-def test_a_no_fly_zone_is_drawn_by_numbers_and_by_its_handle_previewed_applied_and_undone(page, station: GroundStation):
-    page.keyboard.press("1")
-    page.get_by_role("toolbar", name="Map").get_by_role("button", name="Box").click()
-    form = page.get_by_role("form", name="New edit of the map")
-    form.get_by_label("Name").fill("<i>cable</i>")
-    for axis, value in zip("xyz", ("3.0", "3.4", "0.5"), strict=True):
-        form.get_by_label(f"Centre, m {axis}").fill(value)
-        form.get_by_label(f"Centre, m {axis}").press("Enter")
-    form.get_by_text("no longer free").wait_for()
-    wait(lambda: "centre" in station.view.map._handles, "the handles")
-    shape = pulled(station.view.map._shape, "size", np.array([3.4, 3.6, 1.0]))  # as viser tells of a drag's end
-    station.view.map.on_shape(shape, True)
-    wait(lambda: form.get_by_label("Size, m x").input_value() == "0.9", "the numbers of the pulled box")
-    assert station.desk.session.content.map_edits == ()
-    form.get_by_role("button", name="Add to the map").click()
-    page.get_by_role("button", name="No-fly: <i>cable</i>").wait_for()
-    edits = station.desk.project.map / "esdf" / "edits.json"
-    assert [(edit.action, edit.name) for edit in esdf.load_edits(edits)] == [("no-fly", "<i>cable</i>")]
-    page.keyboard.press("Control+z")
-    page.get_by_text("None. Draw a box").wait_for()
-    assert esdf.load_edits(edits) == ()

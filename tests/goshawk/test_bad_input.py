@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import vehicle
 from flight import FlightLog, flight_log
 from mapping.rendered_world import default_rig, loop_flight, write_rendered_sequence
 from tests.goshawk.running import answer
@@ -170,6 +171,7 @@ def test_a_damaged_log_is_named(tmp_path: Path, header: str):
 
 def test_a_missing_map_and_a_cut_off_trajectory_are_named(tmp_path: Path):
     (tmp_path / "cut.json").write_text(json.dumps({"format": "goshawk-trajectory", "version": 1})[:20])
+    vehicle.save(tmp_path / "v.toml", vehicle.example())
     rest = ("--map", tmp_path / "none", "--vehicle", tmp_path / "v.toml")
     assert "cut.json" in refused("check", tmp_path / "cut.json", *rest)
     assert "not a map" in refused("plan", tmp_path / "w.json", *rest, "--out", tmp_path / "t.json")

@@ -7,8 +7,10 @@ import pytest
 
 import esdf
 from esdf import FREE, OCCUPIED, UNKNOWN, Grid, build
+from esdf.edits import difference
 from flight import FormatError, InputError
 from goshawk.cli import goshawk
+from goshawk.commands import map_edit
 
 GRID = Grid((-1.0, -1.0, 0.0), 0.1, (40, 30, 20))
 
@@ -135,3 +137,15 @@ def test_bad_input_is_refused_with_the_reason_and_changes_nothing(folder, field,
 def test_the_help_of_every_sub_verb_has_lines_to_paste(capsys, verb):
     goshawk.main(["map", *verb, "--help"], prog_name="goshawk", standalone_mode=False)
     assert capsys.readouterr().out.split("Options:")[0].count("\n  goshawk map ") >= 2
+
+
+def test_an_edit_that_the_ground_station_made_meanwhile_is_not_written_over(capsys, folder, monkeypatch):
+    def at_the_same_time(*fields):
+        esdf.save_edits(folder / "esdf" / "edits.json", [theirs])
+        return difference(*fields)
+
+    theirs = esdf.Edit("no-fly", esdf.solids.Sphere((0.0, 0.0, 1.0), 0.2), "stairs")
+    monkeypatch.setattr(map_edit, "difference", at_the_same_time)
+    with pytest.raises(InputError, match=r"changed .* meanwhile; nothing was written"):
+        run(capsys, "map", "edit", folder, "add", "--sphere", "1,0,1,0.2")
+    assert esdf.load_edits(folder / "esdf" / "edits.json") == (theirs,)

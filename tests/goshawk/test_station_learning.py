@@ -3,6 +3,7 @@
 import contextlib
 import io
 import json
+import os
 from typing import Any
 from unittest.mock import MagicMock
 
@@ -11,24 +12,37 @@ import numpy as np
 import pytest
 
 import vehicle
-from flight import InputError, flight_log, project, silent
-from gcs_web import comparing, residuals
+from flight import InputError, file_format, flight_log, project, silent
+from gcs_web import comparing, diagnosis_values, residuals
 from gcs_web.comparing import Comparing
 from gcs_web.flights import Flights
-from gcs_web.learning import Learning
+from gcs_web.learning import KeptTrial, Learning, save_trial
 from goshawk.cli import main
 from goshawk.station_jobs import compare, diagnose, try_effect
 from goshawk.station_jobs.flights import Chosen
-from sysid.diagnosis import explained
+from sysid.diagnosis import OutsideFinding, explained
+from sysid.diagnosis.free_form import UNIT
+from sysid.estimator import changes
 from sysid.estimator.changes import HORIZON_S
 from sysid.estimator.comparison import HORIZONS_S, QUANTITIES
 from sysid.estimator.comparison import compare as compared_by_sysid
 from sysid.estimator.options import Options
+from sysid.report import residual_plots, words
 from sysid.report.pages import SHOWN
 from vehicle import flights, manoeuvres
 
 DRAG = "rotor_drag_thrust"
 BOB = [(1.25, 1.0), (1.25, -1.0)] * 2
+GUARD = """
+from vehicle.effects.base import Effect, Spec, Stage
+
+def apply(flow, p):
+    flow.force_n[1] -= p.drag_kg_m * flow.velocity_m_s[1]
+
+EFFECT = Effect(name="trial_guard", number=0, stage=Stage.FORCE, apply=apply,
+    parameters=(Spec("drag_kg_m", "N s/m", prior=0.02, bounds=(0.0, 1.0)),),
+    law="F_y = -c v_y", source="here", channel="F_y", regressor="v_y", excited_by=("fast_level",))
+"""
 
 
 def told(*arguments: object, code: int = 0) -> dict[str, Any]:
@@ -110,6 +124,10 @@ def test_a_comparison_is_old_once_the_vehicle_or_the_choice_of_flights_is_anothe
     listed._roles = {}
     assert shown.state().state == "old"
     listed._roles = {"b": "hold_out"}
+    status = opened.flight("b").stat()
+    os.utime(opened.flight("b"), ns=(0, 0))  # another log of the same name
+    assert shown.state().state == "old"
+    os.utime(opened.flight("b"), ns=(status.st_atime_ns, status.st_mtime_ns))
     before = opened.vehicle.read_bytes()
     vehicle.save(opened.vehicle, vehicle.example())
     assert shown.state().state == "old"
@@ -152,8 +170,12 @@ def test_a_kept_try_is_a_version_that_can_be_undone(opened, learning):
     before = opened.vehicle.read_bytes()
     tried = learning.model().tried
     assert tried is not None
-    with pytest.raises(InputError, match="changed since"):
-        learning.keep("another vehicle")
+    with pytest.raises(InputError, match="another change was tried since"):
+        learning.keep("of an earlier trial")
+    opened.vehicle.write_bytes(before + b"# weighed again\n")
+    with pytest.raises(InputError, match="vehicle file changed since"):
+        learning.keep(tried.vehicle_hash)
+    opened.vehicle.write_bytes(before)
     step = learning.keep(tried.vehicle_hash)
     now = learning.model()
     assert DRAG in now.effects
@@ -184,6 +206,50 @@ def test_what_cannot_succeed_is_refused_before_the_queue(opened, kind, arguments
         kind.check(opened, msgspec.convert(arguments, kind.arguments))
 
 
+def trial(present: vehicle.Vehicle, changed: vehicle.Vehicle, file_sha256: str) -> KeptTrial:
+    unjudged = changes.Change(changed, {}, None, (), None)
+    return KeptTrial(diagnosis_values.tried(present, DRAG, unjudged, []), None, file_sha256)
+
+
+def test_a_trial_of_a_vehicle_with_the_users_own_effect_can_be_kept(tmp_path):
+    made = project.create(tmp_path / "project", "own")
+    (made.folder / "guard.py").write_text(GUARD)
+    present = vehicle.example().without_effect(DRAG).with_effect_file(made.folder / "guard.py")
+    vehicle.save(made.vehicle, present)
+    changed = present.with_effect(DRAG, source="assumed")
+    kept = trial(present, changed, file_format.file_hash(made.vehicle))
+    save_trial(made.folder, changed, kept)
+    Learning(made, Flights(made, lambda _: None)).keep(kept.shown.vehicle_hash)
+    assert vehicle.load(made.vehicle).effects == changed.effects
+    assert vehicle.load(made.vehicle).effect_files == changed.effect_files
+
+
+def test_gaps_are_taken_as_asked_when_an_effect_is_tried(opened, monkeypatch):
+    asked: list[str] = []
+
+    def refitted(*_: object, gaps: str, **__: object) -> None:
+        asked.append(gaps)
+        raise InputError("far enough")
+
+    monkeypatch.setattr(changes, "refitted", refitted)
+    for split in (False, True):
+        with pytest.raises(InputError, match="far enough"):
+            try_effect._run(opened.folder, try_effect.Arguments(["a"], [], split, effect=DRAG), silent)
+    assert asked == ["refuse", "split"]
+
+
+@pytest.mark.parametrize("channel", ["T", "T_2", "F_x_world", "M_y"])
+@pytest.mark.parametrize("variable", ["n", "n_2", "s", "height"])
+def test_a_curve_of_any_channel_is_shown_in_the_reports_units(channel, variable):
+    at = np.linspace(0.0, 1.0, 5)
+    found = OutsideFinding(channel, variable, "", at, 0.02 * at, 0.001 * at, 1.0, 5.0, 1e-6, 0.9)
+    shown = diagnosis_values._outside(found)
+    scale, unit = residual_plots.unit(channel)
+    assert (shown.unit, shown.variable.name, shown.variable.unit) == (unit, variable, UNIT[variable])
+    assert shown.words == words.channel(channel)
+    np.testing.assert_allclose(shown.y, scale * 0.02 * at)
+
+
 @pytest.mark.slow
 def test_the_diagnosis_has_the_verdict_and_the_figures_of_the_verb(opened, learning):
     shown = diagnose._run(opened.folder, diagnose.Arguments(["a"], ["b"]), silent)
@@ -204,3 +270,5 @@ def test_the_diagnosis_has_the_verdict_and_the_figures_of_the_verb(opened, learn
     assert len(drag.evidence.held_x) == len(drag.evidence.held_before) == len(drag.evidence.held_after) > 0
     learning._flights._roles = {"b": "hold_out"}
     assert learning.diagnosis() == shown
+    os.utime(opened.flight("b"), ns=(0, 0))
+    assert learning.diagnosis().state == "old"

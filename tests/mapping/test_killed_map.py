@@ -10,7 +10,10 @@ from pathlib import Path
 
 import pytest
 
+import esdf
 import mapping
+from esdf.solids import Sphere
+from esdf.storage import EDITS
 from flight import InputError
 from mapping import map_folder, rendered_world, stages
 from mapping import rig as rigs
@@ -123,3 +126,35 @@ def test_a_run_that_is_killed_after_it_placed_the_map_is_finished_by_the_next(
     assert [p.name for p in tmp_path.iterdir()] == ["map"]
     with pytest.raises(InputError, match="exists"):
         mapping.build_map(images, rig, out)
+
+
+KILLED_BETWEEN = """
+import os, sys
+from flight import results
+from goshawk.cli import main
+moved_beside = results._moved_beside
+
+def killed(*places):
+    moved_beside(*places)
+    os._exit(9)
+
+results._moved_beside = killed
+main(sys.argv[1:])
+"""
+
+
+def test_a_kill_between_moving_the_old_map_aside_and_placing_the_new_keeps_the_edits(
+    images: Path, tmp_path: Path
+) -> None:
+    rig, out = rigs.load(images / "camera.toml"), tmp_path / "map"
+    coarse = mapping.MapOptions(dense=mapping.DenseOptions(voxel_m=0.2))
+    mapping.build_map(images, rig, out, coarse)
+    esdf.save_edits(out / "esdf" / EDITS, [esdf.Edit("add", Sphere((0.0, 0.0, 1.0), 0.5), "the pilot's")])
+    words = ["map", str(images), "--camera", str(images / "camera.toml"), "--out", str(out), "--voxel", "0.1"]
+    ended = subprocess.run([sys.executable, "-c", KILLED_BETWEEN, *words, "--overwrite"], check=False)
+    assert ended.returncode == 9
+    assert not out.exists()
+    finer = mapping.MapOptions(dense=mapping.DenseOptions(voxel_m=0.1))
+    mapping.build_map(images, rig, out, finer, overwrite=True)
+    assert [edit.name for edit in esdf.load_edits(out / "esdf" / EDITS)] == ["the pilot's"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["map", "map.old-1"]

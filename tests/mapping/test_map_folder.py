@@ -8,6 +8,8 @@ import pytest
 
 import esdf
 import mapping
+from esdf.solids import Sphere
+from esdf.storage import EDITS
 from flight import FlightError, FloatArray, FormatError, InputError, MapError, file_format, frames, rotations
 from mapping import colmap, localization, map_folder, sparse, stages
 from mapping import rig as rigs
@@ -160,6 +162,55 @@ def test_interrupt_leaves_the_old_map(tmp_path: Path) -> None:
     assert mapping.open_map(out).images == ("a.png", "c.png")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["images", "map", "map.work"]
     assert stages.finished(tmp_path / "map.work", map_folder.STAGES) == ["features"]
+
+
+def interrupted_work(out: Path, replaced: bool) -> None:
+    """What a killed run leaves beside `out`; with `replaced` one that had moved the earlier map aside."""
+    with stages.begin(map_folder.work_folder(out)) as work:
+        map_folder._note_replaced(out, work)
+    if replaced:
+        out.rename(out.with_name(f"{out.name}.old-3"))
+
+
+def test_a_map_that_a_killed_run_had_moved_aside_is_put_back(tmp_path: Path) -> None:
+    images = write_images(tmp_path / "images", [noise(k) for k in range(4)])
+    out, options = made_map(tmp_path / "map [1]"), MapOptions(length=mapping.Length(1.0))
+    esdf.save_edits(out / "esdf" / EDITS, [esdf.Edit("add", Sphere((0.4, 0.4, 0.4), 0.1), "the pilot's")])
+    hash = mapping.open_map(out).hash
+    interrupted_work(out, replaced=True)
+    made_map(tmp_path / "map [1].old-1")  # of an earlier replacement
+    with pytest.raises(InputError, match="exists"):
+        mapping.build_map(images, RIG, out, options)
+    assert mapping.open_map(out).hash == hash
+    assert sorted(p.name for p in tmp_path.glob("map*")) == ["map [1]", "map [1].old-1", "map [1].work"]
+
+
+def test_a_map_that_the_user_moved_away_is_not_put_back(tmp_path: Path) -> None:
+    images = write_images(tmp_path / "images", [noise(k) for k in range(4)])
+    out, options = made_map(tmp_path / "map"), MapOptions(length=mapping.Length(1.0))
+    interrupted_work(out, replaced=False)
+    with pytest.raises(MapError):
+        mapping.build_map(images, RIG, out, options, overwrite=True)
+    out.rename(tmp_path / "map.old-1")
+    with pytest.raises(MapError):
+        mapping.build_map(images, RIG, out, options)
+    assert not out.exists()
+
+
+def test_a_damaged_map_is_replaced_after_an_interrupt_too(tmp_path: Path) -> None:
+    images = write_images(tmp_path / "images", [noise(k) for k in range(4)])
+    out, options = made_map(tmp_path / "map"), MapOptions(length=mapping.Length(1.0))
+    interrupted_work(out, replaced=False)
+    (out / "camera.toml").write_text("torn")
+    with pytest.raises(MapError, match="no map"):
+        mapping.build_map(images, RIG, out, options, overwrite=True)
+
+
+def test_the_work_lies_beside_the_map_that_a_link_leads_to(tmp_path: Path) -> None:
+    (tmp_path / "disk").mkdir()
+    (tmp_path / "link").symlink_to(made_map(tmp_path / "disk" / "map"))
+    assert map_folder.work_folder(tmp_path / "link") == map_folder.work_folder(tmp_path / "disk" / "map")
+    assert map_folder.work_folder(tmp_path / "disk" / "map") == tmp_path / "disk" / "map.work"
 
 
 def test_changed_images_and_options_make_exactly_what_depends_on_them_again(tmp_path: Path) -> None:

@@ -96,6 +96,24 @@ def test_directions_outside_the_field_of_view_have_no_pixel() -> None:
     assert 0.5 < camera.lit().mean() <= 1.0
 
 
+@pytest.mark.parametrize(("model", "params"), LENSES)
+def test_nothing_straight_behind_or_nowhere_has_a_pixel(model: str, params: list[float]) -> None:
+    """A lens that shows all around has its centre in the middle of the image, not straight behind as well."""
+    camera = lens(model, params)
+    assert np.isnan(camera.project([[0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [np.nan, 0.0, 1.0]])).all()
+
+
+def test_the_kernels_show_nothing_straight_behind() -> None:
+    camera = lens("SIMPLE_RADIAL_FISHEYE", [100.0, 320.0, 240.0, 0.0])
+    assert camera.half_field_rad == np.pi
+    along_z = np.array([0.5 * np.pi + 0.005, 0.01, 0.5 * np.pi - 0.005, 0.01, 1.0, 1.0])
+    white = np.full((480, 640), 255, np.uint8)
+    ahead, behind = (
+        _mapping.rectify(white, lens_row(camera), np.diag([1.0, sign, sign]), along_z, 1).item() for sign in (1.0, -1.0)
+    )
+    assert (ahead, behind) == (255, 0)
+
+
 def test_model_ends_where_the_radius_stops_growing() -> None:
     camera = lens("SIMPLE_RADIAL_FISHEYE", [300.0, 320.0, 240.0, -0.3])
     assert camera.half_field_rad == pytest.approx(np.sqrt(1 / 0.9), abs=2e-3)
@@ -145,6 +163,16 @@ def test_shortest_camera_file_is_one_camera_that_looks_ahead(tmp_path) -> None:
         ("300.0,", "-300.0,", InputError, "focal"),
         ("width = 640\n", "", FormatError, "'width'"),
         ("width = 640", "width = 2", InputError, "too small"),
+        ("0.05]", "0.05, 1.0, 1.0]", InputError, "takes 4"),
+        *(
+            (
+                GOOD[GOOD.index("model") :],
+                f'model = "EUCM"\nwidth = 640\nheight = 480\nparams = [300, 300, 320, 240, {p}]',
+                InputError,
+                "alpha from 0 to 1",
+            )
+            for p in ("0.6, -1.0", "0.6, 0.0", "1.2, 1.0", "-0.1, 1.0")
+        ),
         ("version = 1", "version = 2", FormatError, "update"),
         ("version = 1", 'version = 1\nintrinsics = "maybe"', FormatError, "maybe"),
         ("goshawk-camera", "goshawk-map", FormatError, "goshawk-map"),

@@ -89,6 +89,10 @@ def test_basalt_s_rig_is_kalibr_s(tmp_path):
         (("value0", "value1"), "value0"),
         (("[640, 480]]", "[640]]"), "Basalt"),
         (('"qw": 1.0', '"qw": "w"'), "Basalt"),
+        (('"qw": 1.0', '"qw": 0.0'), "quaternion"),
+        (('"qw": 1.0', '"qw": NaN'), "quaternion"),
+        (('"px": 0.11', '"px": 1e999'), "finite"),
+        (("[640, 480]]", "[1e999, 480]]"), "Basalt"),
     ],
 )
 def test_a_basalt_file_that_cannot_be_is_refused(tmp_path, change, words):
@@ -168,11 +172,13 @@ def test_colmap_cameras_keep_their_lens_and_take_the_rig_s_places(tmp_path):
     [
         (COLMAP, None, "--rig"),
         ("", None, "no camera"),
+        ("1 SIMPLE_RADIAL 65535 65535 600 320 240 -0.02\n", None, "folds over"),
         ("1 FOV 640 480 1 2 3 4 5\n", None, "FOV"),
         ("1 PINHOLE 640 480 1 2 3\n", None, "3 params"),
         ("1 PINHOLE 640 480 a b c d\n", None, "finite"),
         (COLMAP, "1 2 CAMERA 1 CAMERA 2 0\n", "no pose"),
         (COLMAP, "1 1 CAMERA 1\n", "does not place camera 2"),
+        (COLMAP, "1 2 CAMERA 1 CAMERA 2 1 0 0 0 0 -0.08 0 0\n", "quaternion"),
         (COLMAP, "1 2 IMU 1 CAMERA 2 1 1 0 0 0 0 0 0\n", "cameras only"),
     ],
 )

@@ -102,6 +102,50 @@ def test_a_killed_process_loses_only_the_stage_it_was_in(tmp_path: Path, monkeyp
     assert sorted(p.name for p in second.iterdir()) == ["inputs", "result"]
 
 
+@pytest.mark.parametrize("damage", ["cut off", "removed", "inputs"])
+def test_a_stage_whose_file_was_damaged_since_is_made_again(tmp_path: Path, damage: str) -> None:
+    made: list[str] = []
+    for _ in range(2):
+        with stages.begin(tmp_path / "w") as work:
+            result = work.stage("first", count(made, "first")) / "result"
+            (result.parent / "result-wal").touch()  # SQLite leaves such a file when its reader is killed
+    assert made == ["first"]
+    match damage:
+        case "cut off":
+            result.write_text("fir")
+        case "removed":
+            result.unlink()
+        case _:
+            (result.parent / "inputs").write_bytes(b"\xff\x00")
+    with stages.begin(tmp_path / "w") as work:
+        assert (work.stage("first", count(made, "first")) / "result").read_text() == "first"
+    assert made == ["first", "first"]
+
+
+def test_a_finished_work_leaves_nothing_and_may_be_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder, unlink = tmp_path / "w", Path.unlink
+
+    def taken_at_once(path: Path) -> None:
+        unlink(path)
+        if path.name == "lock":
+            path.write_text("")
+
+    with stages.begin(folder) as work:
+        (folder / "notes.txt").write_text("dropped here")
+        stages.finish(work)
+    assert not folder.exists()
+    with stages.begin(folder) as work:
+        monkeypatch.setattr(Path, "unlink", taken_at_once)
+        stages.finish(work)
+
+
+def test_a_run_that_stops_as_asked_does_not_blame_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    nothing_left = shutil.disk_usage(tmp_path)._replace(free=8192)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: nothing_left)
+    with pytest.raises(stages.StoppedError), stages.begin(tmp_path / "w", until="first") as work:
+        work.stage("first", count([], "first"))
+
+
 def test_depth_images_survive_their_files(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     four = [rng.random((6, 8), dtype=np.float32) for _ in range(4)]

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from flight import Trajectory
 from planner import attitude, gate, minimum_snap
 from planner.options import PlanOptions
 from vehicle import flatness, native
@@ -78,3 +79,31 @@ def test_waypoints_at_joins_are_found_without_looking_between_them(drone):
     assert gate._at_joins(path, wanted[1:], tolerance) is None
     moved = wanted + np.array([0.0, 0.0, 0.006])
     assert gate._at_joins(path, moved, tolerance) == ([0, 1, 2, 3, 4, 5], pytest.approx(0.006))
+
+
+def changed(path: Trajectory, segment: int, number: int) -> Trajectory:
+    """The path with one number of a segment, its duration or a coefficient, the next larger double."""
+    durations, coefficients = path.durations_s.copy(), path.coefficients.copy()
+    row = durations if number == 0 else coefficients[segment].reshape(-1)
+    place = segment if number == 0 else number - 1
+    row[place] = np.nextafter(row[place], np.inf)
+    return Trajectory(durations, coefficients)
+
+
+def test_a_segment_that_differs_in_the_last_bit_of_any_number_is_another_one():
+    path = some_path(0)
+    keys = attitude.segment_keys(path, np.arange(5))
+    assert len(set(keys)) == 5
+    for number in range(1 + path.coefficients[0].size):
+        others = attitude.segment_keys(changed(path, 2, number), np.arange(5))
+        assert [a == b for a, b in zip(keys, others, strict=True)] == [True, True, False, True, True]
+
+
+def test_what_is_remembered_is_what_would_be_found_again(drone):
+    memory, path = attitude.Memory(), some_path(1)
+    for longest_s, segments in ((0.5, [0, 1, 2, 3, 4]), (0.2, [3, 1]), (0.5, [4, 2]), (0.2, [0, 1, 3])):
+        chosen = np.array(segments)
+        pieces, found = memory.coefficients(drone, path, chosen, longest_s)
+        alone = attitude.pieces_of(path.durations_s, chosen, longest_s)
+        assert np.array_equal(pieces.start_s, alone.start_s)
+        assert np.allclose(found, attitude.coefficients(drone, path, alone), rtol=1e-9, atol=1e-9, equal_nan=True)

@@ -165,6 +165,14 @@ def test_a_gate_is_not_passed_backwards(open_sky, drone):
         planner.plan(ask(), open_sky, drone, conditions=wide)
 
 
+def test_what_no_further_round_can_mend_is_refused_at_once(open_sky, drone, monkeypatch):
+    asked, check = [], gate.check
+    monkeypatch.setattr(gate, "check", lambda *args, **more: asked.append(args) or check(*args, **more))
+    with pytest.raises(PlanInfeasibleError, match="turn the gate"):
+        planner.plan(ask(), open_sky, drone, conditions=gates((1, 6.0, 6.0, 0.8 + np.pi)))
+    assert 0 < len(asked) < 10
+
+
 def test_a_tighter_tube_is_kept_along_the_whole_curve_and_never_faster(open_sky, drone):
     free = planner.plan(ask(), open_sky, drone)
     before_s = free.trajectory.duration_s

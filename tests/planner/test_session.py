@@ -1,5 +1,6 @@
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from esdf import solids
 from flight import InputError, Waypoints
 from flight.mission import Gate
 from flight.trajectory import fingerprint
-from planner import Conditions, Planner, gate, limits
+from planner import Conditions, Planner, StopFlag, fastest, gate, limits
 from planner.options import PlanCancelledError
 
 
@@ -268,6 +269,35 @@ def test_an_edit_that_would_make_a_gate_an_end_is_refused(drone, open_sky):
         session.delete(0)
     assert session.plan is before
     session.move(1, waypoints.positions_world_m[1] + [0.1, 0.0, 0.0])
+
+
+def test_an_edit_whose_path_the_gate_refuses_is_planned_from_scratch(session, drone, open_sky, monkeypatch):
+    mend, refused = fastest.until_flyable, []
+
+    def spoilt(*args, **more):
+        path = mend(*args, **more)
+        if more.get("wrong") is None:  # from scratch
+            return path
+        failed = replace(path.report.checks[0], passed=False)
+        refused.append(replace(path, report=replace(path.report, checks=(failed, *path.report.checks[1:]))))
+        return refused[-1]
+
+    monkeypatch.setattr(fastest, "until_flyable", spoilt)
+    plan = session.move(4, session.plan.waypoints.positions_world_m[4] + [0.2, 0.1, 0.0])
+    assert len(refused) == 1
+    assert plan.gate.passed
+    assert plan.trajectory is not refused[0].trajectory
+    agrees_with_scratch(session, open_sky, drone)
+
+
+def test_one_flag_does_for_edits_one_after_the_other_and_is_the_callers_alone_between_them(drone, open_sky):
+    waypoints, flag = walk(5, 0), StopFlag()
+    session = Planner(waypoints, open_sky, drone, stop=flag)
+    for step in (0.1, 0.2):
+        session.move(1, waypoints.positions_world_m[1] + [step, 0.0, 0.0], stop=flag)
+    session.cancel()
+    session.move(2, waypoints.positions_world_m[2] + [0.1, 0.0, 0.0])
+    assert not flag.is_set()
 
 
 @pytest.mark.parametrize("wrong", [[1.0, 2.0], [1.0, 2.0, np.nan], "here", None, [[1.0, 2.0, 3.0]]])

@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import vehicle
@@ -51,38 +51,53 @@ def problem(seed: int, segments: int = 5, **weights: float) -> tuple[Problem, np
     return replace(p, speed_m_s=rng.uniform(1.0, 4.0, segments), gates=gates), durations
 
 
+def agrees_with_differences(p: Problem, T: np.ndarray) -> bool:
+    _, by_T, by_knots = time_allocation.cost_and_gradient(p, p.knots, T)
+    h = 1e-6
+
+    def slope(knots: np.ndarray | float, times: np.ndarray | float) -> float:
+        ahead, back = (time_allocation.cost_and_gradient(p, p.knots + s * knots, T + s * times)[0] for s in (h, -h))
+        return (ahead - back) / (2 * h)
+
+    numeric_T = np.array([slope(0.0, e) for e in np.eye(len(T))])
+    numeric_knots = np.array([slope(e, 0.0) for e in np.eye(p.knots.size).reshape(-1, *p.knots.shape)])
+    pairs = (by_T, numeric_T), (by_knots, numeric_knots.reshape(p.knots.shape))
+    # The field's own gradient is a difference over a tenth of a millimetre.
+    return all(np.allclose(x, y, rtol=2e-5, atol=3e-5 * (1.0 + np.abs(x).max())) for x, y in pairs)
+
+
+def room_between_m(p: Problem, T: np.ndarray) -> float:
+    """By how much the nearest sphere is nearer than the next one, least of all samples that are charged."""
+    samples = time_allocation.derivatives(p.spline(p.knots, T))[:, :, 0, :3].reshape(-1, 3)
+    nearest, second = np.sort([solid.distance(samples) for solid in p.field.solids], axis=0)[:2]
+    return float((second - nearest)[nearest < p.clearance_m].min(initial=np.inf))
+
+
 @settings(max_examples=30, deadline=None)
 @given(SEEDS, st.sampled_from(["all", *ONLY]))
 def test_the_gradient_is_that_of_finite_differences(seed, only):
     weights = {} if only == "all" else {n: 0.0 for n in ONLY if n != only}
     p, T = problem(seed, 4, **weights)
-    value, by_T, by_knots = time_allocation.cost_and_gradient(p, p.knots, T)
-    assert value >= T.sum()
-    h = 1e-6
-    numeric_T = np.array(
-        [
-            (
-                time_allocation.cost_and_gradient(p, p.knots, T + h * e)[0]
-                - time_allocation.cost_and_gradient(p, p.knots, T - h * e)[0]
-            )
-            / (2 * h)
-            for e in np.eye(len(T))
-        ]
-    )
-    steps = h * np.eye(p.knots.size).reshape(-1, *p.knots.shape)
-    numeric_knots = np.array(
-        [
-            (
-                time_allocation.cost_and_gradient(p, p.knots + e, T)[0]
-                - time_allocation.cost_and_gradient(p, p.knots - e, T)[0]
-            )
-            / (2 * h)
-            for e in steps
-        ]
-    ).reshape(p.knots.shape)
-    # The field's own gradient is a difference over a tenth of a millimetre.
-    assert np.allclose(by_T, numeric_T, rtol=2e-5, atol=3e-5 * (1.0 + np.abs(by_T).max()))
-    assert np.allclose(by_knots, numeric_knots, rtol=2e-5, atol=3e-5 * (1.0 + np.abs(by_knots).max()))
+    assert time_allocation.cost_and_gradient(p, p.knots, T)[0] >= T.sum()
+    assume(room_between_m(p, T) > 3e-4)  # where two spheres are nearest the distance has a kink, and no gradient
+    assert agrees_with_differences(p, T)
+
+
+class ExactSpheres(solids.Scene):
+    """Spheres whose gradient is that of the nearest one, not a difference."""
+
+    def distance_and_gradient(self, points):
+        away = points - np.array([sphere.centre_world_m for sphere in self.solids])[:, None]
+        nearest = np.argmin([sphere.distance(points) for sphere in self.solids], axis=0)
+        away = away[nearest, np.arange(len(points))]
+        return self.distance(points), away / np.linalg.norm(away, axis=1)[:, None]
+
+
+def test_where_two_spheres_are_nearest_only_the_difference_over_both_sides_is_wrong():
+    p, T = problem(21, 4)
+    assert room_between_m(p, T) < 1e-4  # of one sample: both spheres are within the field's difference
+    assert not agrees_with_differences(p, T)
+    assert agrees_with_differences(replace(p, field=ExactSpheres(p.field.solids)), T)
 
 
 @settings(max_examples=30, deadline=None)

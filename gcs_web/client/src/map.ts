@@ -13,6 +13,8 @@ type Action = MapEdit["action"];
 export interface Draft {
   /** Id of the edit that it would replace; null for a new one. */
   edit: number | null;
+  /** Of the document that it was begun with: what others made of the same edit since then is not overwritten. */
+  revision: number;
   action: Action;
   name: string;
   shape: Shape;
@@ -83,12 +85,15 @@ export function begin(form: Form): void {
       [x - 0.5, y + 0.5],
     ],
   };
-  setDraft({ edit: null, action: draft.value?.action ?? "no-fly", name: draft.value?.name ?? "", shape });
+  const { action = "no-fly", name = "" } = draft.value ?? {};
+  setDraft({ edit: null, revision: revisionNow(), action, name, shape });
 }
 
 export function open({ id, action, name, shape }: MapEdit): void {
-  setDraft({ edit: id, action, name, shape });
+  setDraft({ edit: id, revision: revisionNow(), action, name, shape });
 }
+
+const revisionNow = (): number => doc.value?.revision ?? 0;
 
 export function change(part: Partial<Draft>): void {
   if (draft.value !== null) setDraft({ ...draft.value, ...part });
@@ -113,12 +118,12 @@ export function cancel(): void {
 export async function apply(): Promise<void> {
   const wanted = draft.value;
   if (wanted === null) return;
-  const { action, name } = wanted;
+  const { action, name, revision } = wanted;
   const shape = wanted.shape.form === "other" ? null : wanted.shape;
   const { error } =
     wanted.edit === null
       ? await edit({ type: "add_map_edit", action, name, shape: wanted.shape })
-      : await edit({ type: "change_map_edit", edit: wanted.edit, action, name, shape });
+      : await edit({ type: "change_map_edit", edit: wanted.edit, action, name, shape }, revision);
   draftRefusal.value = error;
   if (error === "") cancel();
 }

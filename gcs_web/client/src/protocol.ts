@@ -369,6 +369,7 @@ export interface Attempt {
 
 export interface OutsideCurve {
   channel: string;
+  words: string;
   unit: string;
   variable: VariableName;
   x: number[];
@@ -452,6 +453,7 @@ export interface Diagnosis {
   findings: string[];
   left: string[];
   vehicle: string;
+  logs: string;
 }
 
 export interface Model {

@@ -55,8 +55,13 @@ function extent(values: Iterable<number>): [number, number] {
 
 export function reachOf(drawings: readonly Drawing[]): [number, number] {
   return extent(
-    drawings.flatMap(({ points, lines }) => [...points.flatMap(({ y }) => [...y]), ...lines.flatMap(({ y }) => [...y]), 0]),
+    drawings.flatMap(({ points, lines }) => [...points.flatMap(({ y }) => [...y]), ...lines.flatMap(ends), 0]),
   );
+}
+
+/** A line's values, or the edges of its band. */
+function ends({ y, band }: Line): number[] {
+  return band === undefined ? [...y] : y.flatMap((value, i) => [value - (band[i] ?? 0), value + (band[i] ?? 0)]);
 }
 
 /** About `count` round numbers within a range. */

@@ -85,9 +85,9 @@ export async function submit(command: CommandToSend): Promise<boolean> {
   return error === "";
 }
 
-/** Send a change of the document as the page shows it. */
-export function edit(change: EditToSend): Promise<Reply> {
-  return send({ ...change, revision: doc.value?.revision ?? 0 } as CommandToSend);
+/** Send a change of the document as the page shows it, or as it was when somebody began to make the change. */
+export function edit(change: EditToSend, revision = doc.value?.revision ?? 0): Promise<Reply> {
+  return send({ ...change, revision } as CommandToSend);
 }
 
 /** A sender with at most one command on its way: of those that come meanwhile the last one wins. */

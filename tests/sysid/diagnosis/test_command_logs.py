@@ -5,6 +5,7 @@ import pytest
 
 import vehicle
 from flight import FlightLog
+from flight.flight_log import COLUMNS
 from sysid import Options, identify
 from sysid.diagnosis import diagnose, free_form
 from sysid.diagnosis.candidates import candidate_set
@@ -49,6 +50,14 @@ def test_lag_and_sag_are_candidates_of_commands_alone(campaign, without_lag):
     assert lined.candidate("motor_lag").one_sided == (True, True)
     measured = candidate_set(without_lag, prepare(campaign[2], 0, Options()))
     assert {"motor_lag", "battery_sag", "pose_delay"} <= {name for name, _ in measured.invisible}
+
+
+def test_a_late_pose_is_not_said_to_be_estimated_where_commands_are_the_only_other_stream(campaign, without_lag):
+    log = commanded(campaign[2], np.random.default_rng(0))
+    turning = FlightLog({**log.columns, **dict.fromkeys(COLUMNS["rate_body_rad_s"], log.time_s)}, log.metadata)
+    for flown, why in ((turning, "estimated already"), (log, "without gyro or rotor speed")):
+        lined = candidate_set(without_lag, prepare(flown, 0, Options()))
+        assert why in dict(lined.invisible)["pose_delay"]
 
 
 def test_without_voltage_no_curve_is_sure_for_sag_could_not_be_asked(campaign, without_lag):

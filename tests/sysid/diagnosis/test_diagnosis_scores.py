@@ -131,6 +131,32 @@ def test_the_nearest_name_or_the_curve_is_right_for_a_law_of_another_form():
     assert score(results, "false names").value == 0.5
 
 
+SINK, LIFT = (("F_z",), ("v_z",)), (("F_z",), ("v_x", "v_y", "speed"))
+DRAG = (("F_x", "F_y", "F_z"), ("v_x", "v_y", "v_z", "speed"))
+WAKE, ROTOR = (("F_z", "M_x", "M_y"), LIFT[1]), (("F_z", "M_x", "M_y", "M_z"), ("n_1",))
+
+
+@pytest.mark.parametrize(
+    ("kind", "truth", "curve", "is_right"),
+    [
+        ("form", SINK, ("T", "v_z"), True),
+        ("form", LIFT, ("T", "speed"), True),
+        ("form", ROTOR, ("T_1", "n_1"), True),
+        ("form", ROTOR, ("T_0", "n_0"), False),
+        ("form", ROTOR, ("T", "n"), False),
+        ("form", WAKE, ("T", "s"), True),
+        ("form", LIFT, ("T", "s"), False),
+        ("form", DRAG, ("T", "speed"), False),
+        ("form", DRAG, ("F_z", "v_z"), True),
+        ("outside", SINK, ("T", "v_z"), False),
+    ],
+)
+def test_a_curve_of_thrust_is_right_for_a_law_of_thrust_only(kind, truth, curve, is_right):
+    from diagnosis import outside_is_right
+
+    assert outside_is_right(result(kind, outside=curve, truth=truth)) is is_right
+
+
 def test_what_is_hidden_and_too_weak_must_not_be_excluded():
     results = [
         result("single", ["pose_delay"], excluded=["pose_delay"], ratio=0.6),

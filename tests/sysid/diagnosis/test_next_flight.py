@@ -158,7 +158,7 @@ def test_the_planner_flies_through_the_waypoints(question: Question, name: str):
         library=(name,),
         rng=np.random.default_rng(0),
     )[0]
-    options = planner.PlanOptions()
+    options = planner.PlanOptions().sized(body)
     low = np.array([-0.5 * size[0], -0.5 * size[1], 0.5])
     walls = options.clearance_m + 0.1
     hall = solids.Scene([solids.Room(tuple(low - walls), tuple(low + size + walls))])

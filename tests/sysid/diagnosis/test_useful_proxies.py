@@ -1,5 +1,6 @@
 """A name that a curve outdoes is added where it lowers the held-out error, last of all, and is called a proxy."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -92,3 +93,12 @@ def test_what_fell_too_little_is_said_so():
             fell.candidate, Outcome.NOT_CONFIRMED, judged, judged, JudgedBy.HELD_OUT, "", False, 0.1, (), None, fell.fit
         )
         assert refused.sentence.startswith(words)
+        assert replace(refused, negligible=True).sentence.startswith(
+            "not added: its fitted size is negligible; the cost"
+        )
+
+
+@pytest.mark.parametrize(("size", "expected"), [(0.04, False), (-0.06, True)])
+def test_a_size_below_a_twentieth_of_the_usual_one_is_of_no_consequence(size: float, expected):
+    fit = SimpleNamespace(vehicle=SimpleNamespace(value={"a.x": size}.__getitem__))
+    assert search._matters(cast("Any", SimpleNamespace(candidate=candidate("a"), fit=fit))) is expected

@@ -112,6 +112,12 @@ def test_without_a_lag_in_the_model_commands_are_taken_to_be_on_time(sent_early,
     assert not any(name.startswith("command_delay_s") for name in unknowns.delay)
 
 
+def test_a_command_is_held_beyond_the_last_sample():
+    signal = Signal.held(np.array([0.0, 1.0, 2.0]), np.array([[1.0], [2.0], [5.0]]))
+    assert signal.value(np.array([-1.0, 0.5, 1.0, 2.0, 3.0]))[:, 0].tolist() == [1.0, 1.0, 2.0, 5.0, 5.0]
+    assert signal.means(np.array([0.5, 1.5, 2.5, 3.0]))[0][:, 0] == pytest.approx([1.5, 3.5, 5.0])
+
+
 def clock(stream: str, delay_ms: float, std_ms: float = 0.1) -> Clock:
     return Clock(stream, "pose", "flight 1", 1e-3 * delay_ms, 1e-3 * std_ms)
 

@@ -8,6 +8,7 @@ import pytest
 import sysid
 from flight import FlightLog, InputError
 from flight.flight_log import COLUMNS
+from sysid.estimator.protocol import PROTOCOLS
 
 
 @pytest.fixture(scope="module")
@@ -72,6 +73,15 @@ def test_states_that_did_not_converge_are_said(campaign, truth, judged):
     hasty = sysid.compare(campaign[:1], {"truth": truth}, sysid.Options(max_iterations=1))
     assert "the states under truth did not converge in 1 steps" in hasty.not_converged[0]
     assert hasty.not_converged[0] in hasty.as_dict()["remarks"]
+
+
+def test_forces_and_protocols_say_that_clocks_are_not_settled(campaign, truth):
+    models, hasty = {"truth": truth}, sysid.Options(max_iterations=1)
+    wrench = sysid.wrench_errors(campaign[:1], models, hasty)
+    assert "the states under truth did not converge in 1 steps" in wrench.not_converged[0]
+    assert wrench.as_dict()["not_converged"] == list(wrench.not_converged)
+    assert wrench.not_converged[0] in sysid.judge(campaign[:1], models, PROTOCOLS["h10"], hasty).findings
+    assert not sysid.wrench_errors(campaign[:1], models).not_converged
 
 
 def test_commands_without_rotor_speed_and_gyro_are_compared_too(campaign, truth):

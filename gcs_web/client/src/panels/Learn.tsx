@@ -3,7 +3,7 @@
 import { signal } from "@preact/signals";
 import { useMemo } from "preact/hooks";
 import { ScatterPlot } from "../components/ScatterPlot";
-import { number, plural, sentenceCase, short } from "../format";
+import { plural, sentenceCase, short } from "../format";
 import { reachOf } from "../scatter";
 import { submit } from "../socket";
 import { connected, diagnosis, model } from "../store";
@@ -28,7 +28,7 @@ export function Learn() {
           <h2 class="learn-verdict">{has ? found.verdict : "Which effect does the model lack?"}</h2>
           <p class="dim">{has ? summary(found) : flightsWords()}</p>
           {found?.state === "old" && (
-            <p class="caution-text">The vehicle or the choice of flights changed since. Diagnose again.</p>
+            <p class="caution-text">The vehicle, a flight or the choice of flights changed since. Diagnose again.</p>
           )}
         </div>
         <button
@@ -398,10 +398,14 @@ function Outside({ found }: { found: Diagnosis }) {
         </span>
       </div>
       <p class="dim">
-        A curve of {curve.variable.words} explains more than any effect of the catalogue: from{" "}
-        {number(Math.min(...curve.y), 3)} to {number(Math.max(...curve.y), 3)} {curve.unit}.
+        A curve explains more than any effect of the catalogue: the {curve.words} follows {curve.variable.words}, from{" "}
+        {figure(Math.min(...curve.y))} to {figure(Math.max(...curve.y))} {curve.unit}.
       </p>
       <ScatterPlot what={what} height={200} label="The curve that no known effect explains" />
+      <p class="quiet against">
+        <Named name={curve.channel} />, {curve.unit}, against {curve.variable.words}
+        {curve.variable.unit !== "" && `, ${curve.variable.unit.replace("2", "²")}`}; band: 95 %
+      </p>
     </section>
   );
 }

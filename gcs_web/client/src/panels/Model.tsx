@@ -15,7 +15,7 @@ export function Versions() {
     <section class="side" aria-labelledby="versions-title">
       <div class="side-head">
         <h2 id="versions-title">Versions</h2>
-        <p class="quiet">of the vehicle file; position error after 0.5 s on held-out flights as found at the time</p>
+        <p class="quiet">of the vehicle file. Bars: position error after 0.5 s of the diagnosis' models, mm, log scale</p>
       </div>
       <Staircase />
       <ul class="versions">
@@ -24,7 +24,7 @@ export function Versions() {
           <Version key={version.number} version={version} />
         ))}
       </ul>
-      <DidNotHelp />
+      <NotAdded />
       <div class="spring" />
       <section class="side-foot">
         <h3>Flights</h3>
@@ -45,7 +45,7 @@ function TriedRow({ tried }: { tried: Tried }) {
       <b>try</b>
       <span>
         <b>+ {tried.title}</b>
-        <span class="quiet">refitted, {tried.use}; not kept yet</span>
+        <span class="quiet">refitted{tried.use === "" ? "" : `, ${tried.use}`}; not kept yet</span>
       </span>
     </li>
   );
@@ -80,7 +80,7 @@ function Version({ version }: { version: VehicleVersion }) {
   );
 }
 
-/** Position error after 0.5 s of the diagnosis' models and the tried one, on a log scale. */
+/** Position error after 0.5 s of the diagnosis' models, on a log scale. */
 function Staircase() {
   const found = diagnosis.value;
   if (found === null || found.state === "none") return null;
@@ -107,15 +107,17 @@ function Staircase() {
   );
 }
 
-function DidNotHelp() {
-  const attempts = diagnosis.value?.attempts.filter(({ outcome }) => outcome !== "added") ?? [];
+/** What the diagnosis tried and did not add: it did not help, or a confounded effect or a free curve explains as much. */
+function NotAdded() {
+  const added = ["added", "useful proxy"];
+  const attempts = diagnosis.value?.attempts.filter(({ outcome }) => !added.includes(outcome)) ?? [];
   if (attempts.length === 0) return null;
   return (
     <section class="side-foot">
-      <h3>Did not help</h3>
+      <h3>Tried, not added</h3>
       {attempts.map((attempt) => (
         <p key={attempt.name} class="quiet">
-          {sentenceCase(attempt.title)} {attempt.sentence}
+          <b>{sentenceCase(attempt.title)}</b>, {attempt.outcome}: {attempt.sentence}
         </p>
       ))}
     </section>

@@ -4,7 +4,7 @@ import { useMemo } from "preact/hooks";
 import { signal } from "@preact/signals";
 import { Badge } from "../components/Badge";
 import { ScatterPlot } from "../components/ScatterPlot";
-import { number, sentenceCase, short } from "../format";
+import { editable, number, sentenceCase, short } from "../format";
 import { bin, cards, chosen, goTo, moments, opened, pathColour, scatter, streamKeys } from "../flights";
 import type { Channel } from "../flights";
 import { send } from "../socket";
@@ -57,7 +57,7 @@ export function WhereItFails() {
           </p>
         )}
         {found?.state === "old" && (
-          <p class="caution-text">The vehicle or the choice of flights changed since. Compare again.</p>
+          <p class="caution-text">The vehicle, a flight or the choice of flights changed since. Compare again.</p>
         )}
       </section>
       {isRunning("compare") && (
@@ -146,7 +146,7 @@ function HeatMap({ found }: { found: Comparison }) {
               <th key={channel} scope="col">
                 <Named name={channel} />
                 <span class="unit">
-                  {number(rms, rms < 10 ? 1 : 0)} {unit}
+                  {editable(Number(rms.toPrecision(2)))} {unit}
                 </span>
               </th>
             ))}
@@ -212,8 +212,14 @@ export function Named({ name }: { name: string }) {
   return (
     <span class="symbol">
       {parts.map((part, i) => {
-        const [stem, index] = part.split("_");
-        return index === undefined ? part : <span key={i}>{stem}<sub>{index}</sub></span>;
+        const [stem, index, ...rest] = part.split("_");
+        if (index === undefined) return part;
+        return (
+          <span key={i}>
+            {stem}
+            <sub>{[index, ...rest].join(" ")}</sub>
+          </span>
+        );
       })}
     </span>
   );
@@ -277,8 +283,14 @@ function pick(found: Scatter, x: number): void {
   if (centre === undefined) return;
   const low = at === 0 ? -Infinity : 0.5 * (centre + (found.bin_x[at - 1] ?? centre));
   const high = at === found.bin_x.length - 1 ? Infinity : 0.5 * (centre + (found.bin_x[at + 1] ?? centre));
-  const inside = found.x.filter((value) => value >= low && value <= high);
-  bin.value = [Math.min(...inside), Math.max(...inside)];
+  let [from, to] = [Infinity, -Infinity];
+  for (const value of found.x) {
+    if (value < low || value > high) continue;
+    from = Math.min(from, value);
+    to = Math.max(to, value);
+  }
+  if (from > to) return;
+  bin.value = [from, to];
   const first = moments.value.find(({ flight }) => flight === opened.value[0]?.name);
   if (first !== undefined) goTo(0.5 * (first.from_s + first.to_s));
 }
