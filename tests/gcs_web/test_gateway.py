@@ -245,6 +245,12 @@ def test_scene_messages_pass_and_share_requests_do_not():
 def test_a_host_is_answered_to_as_browsers_write_it(tmp_path: Path):
     """They send names in small letters; one that was given in others let nobody in."""
     gateway = Gateway(
-        1, serve_page=echo, state=dict, incoming=tmp_path, share=lambda name: (name, ""), host="Station.Org"
+        1,
+        serve_page=echo,
+        state=dict,
+        incoming=tmp_path,
+        share=lambda name: (name, ""),
+        report=lambda name: (name, ""),
+        host="Station.Org",
     )
     assert gateway.url.startswith("http://station.org:")
