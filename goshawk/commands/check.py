@@ -73,6 +73,12 @@ def command(
     if renew and report.passed:
         with outputs.file(trajectory_file, overwrite=True) as temporary:
             trajectory.save(temporary, renewed(item, report))
+        if item.record_kept is False:
+            click.echo(
+                f"goshawk: the record of {trajectory_file} was changed since its check (conditions, limits or waypoints); "
+                "it was checked and recorded for what it says now",
+                err=True,
+            )
     console.show(f"check of {trajectory_file}", _facts(report), as_json=as_json, document=report.as_dict())
     if not report.passed:
         failed = ", ".join(check.name for check in report.checks if not check.passed)

@@ -183,6 +183,17 @@ def test_a_plan_within_limits_of_its_own_is_renewed_within_those_of_the_new_vehi
     assert [check["name"] for check in report["checks"] if not check["passed"]] == ["speed"]
 
 
+def test_renewing_a_file_whose_record_was_changed_says_so(project, pillar_map):
+    file = project / "walk.json"
+    body = json.loads(file.read_text())
+    body["check"]["asked"]["margin_m"] = 0.01
+    file.write_text(json.dumps(body))
+    here = (file, "--map", pillar_map, "--vehicle", project / "believed.toml", "--json")
+    assert "fails: record" in goshawk("check", *here).stderr
+    assert "was changed since its check" in goshawk("check", *here, "--renew").stderr
+    assert "was changed" not in goshawk("check", *here, "--renew").stderr
+
+
 def test_a_renewed_file_differs_only_in_what_it_was_checked_for(project, pillar_map):
     before = trajectory.load(project / "walk.json")
     run("check", project / "walk.json", "--map", pillar_map, "--vehicle", project / "learned.toml", "--renew")
