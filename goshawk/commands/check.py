@@ -75,8 +75,8 @@ def command(
             trajectory.save(temporary, renewed(item, report))
         if item.record_kept is False:
             click.echo(
-                f"goshawk: the record of {trajectory_file} was changed since its check (conditions, limits or waypoints); "
-                "it was checked and recorded for what it says now",
+                f"goshawk: the record of {trajectory_file} was changed since its check (conditions, limits or "
+                "waypoints); it was checked and recorded for what it says now",
                 err=True,
             )
     console.show(f"check of {trajectory_file}", _facts(report), as_json=as_json, document=report.as_dict())
