@@ -200,6 +200,11 @@ class Trial:
                 return f"{'fell, but not significantly' if judged.total > 0.0 else 'did not help'}: {numbers}"
             case Outcome.UNDECIDED:
                 return f"not named: {' or '.join(self.between[1:])} explains as much; {numbers}"
+            case Outcome.REMOVED if curve is not None:
+                return (
+                    f"taken out again: a free curve of {curve.channel} against {curve.variable} is needed, and beside "
+                    "it an effect too small to matter may be a part of that law"
+                )
             case Outcome.REMOVED:
                 return "taken out again: a later addition made it unnecessary"
             case Outcome.PROXY | Outcome.USEFUL_PROXY:
@@ -277,6 +282,12 @@ def search(
             dropped_before.add(dropped.name)
             refused.add(dropped.name)
             models.append(_without(logs, models[-1], dropped, options))
+    while undecided is None and len(added) < most and (small := _small_beside_curve(models[-1], added)) is not None:
+        last = next(t for t in reversed(trials) if t.candidate == small)
+        trials.append(replace(last, outcome=Outcome.REMOVED, proxy_for=stated_curve(models[-1])))
+        added.remove(small)
+        dropped_before.add(small.name)
+        models.append(_without(logs, models[-1], small, options))
     trial, at = undecided or (None, models[-1])
     told = unseen.flights if unseen else tuple(held_out)
     outside = stated_curve(at) if len(added) < most else None
@@ -312,7 +323,7 @@ def _useful_proxies(
         if trial.candidate.name not in model.scores or trial.candidate.between_flights:
             continue
         fitted = _fitted(logs, model, trial.candidate, options)
-        if fitted is None:
+        if fitted is None or not _matters(fitted):
             continue
         reduction, confirmed, why = _confirmed(model, fitted, unseen)
         if not confirmed:
@@ -438,6 +449,26 @@ def _superfluous(model: Model, added: Sequence[Candidate]) -> Candidate | None:
     """The addition that the later ones have made unnecessary, if there is one."""
     worst = max(added[:-1], key=lambda s: loss(model, s).significance, default=None)
     return worst if worst is not None and loss(model, worst).significance > THRESHOLDS.backward_chance else None
+
+
+def _small_beside_curve(model: Model, added: Sequence[Candidate]) -> Candidate | None:
+    """An addition whose whole interval is too small to matter, while a curve is stated; None if there is none.
+
+    The law that the curve is of acts in other channels too, and differently on each flight. A known effect fits a small
+    part of that, and flights of the same kinds confirm it.
+    """
+    if not added or stated_curve(model) is None:
+        return None
+    return next((candidate for candidate in added if not _may_matter(model.fit, candidate)), None)
+
+
+def _may_matter(fit: Identification, candidate: Candidate) -> bool:
+    """Whether the interval of any size reaches what would matter."""
+    estimates = [fit.estimate(name) for name in candidate.parameters]
+    return any(
+        abs(e.value) + e.interval90 > THRESHOLDS.matters * usual
+        for e, usual in zip(estimates, candidate.usual, strict=True)
+    )
 
 
 def _without(logs: Sequence[FlightLog], model: Model, dropped: Candidate, options: Options) -> Model:
