@@ -26,8 +26,9 @@ from sysid.diagnosis.findings import (
 )
 from sysid.diagnosis.free_form import THRUST, UNIT
 from sysid.diagnosis.score import Score
-from sysid.diagnosis.search import Search, Trial, search
+from sysid.diagnosis.search import Search, search
 from sysid.diagnosis.thresholds import THRESHOLDS
+from sysid.diagnosis.trial import Trial
 from sysid.estimator import verdict as fits
 from sysid.estimator.clocks import pose_is_late
 from sysid.estimator.comparison import HORIZONS_S, Comparison, compare

@@ -11,7 +11,7 @@ from sysid.diagnosis import search
 from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.confirm import CostReduction
 from sysid.diagnosis.findings import JudgedBy, Outcome
-from sysid.diagnosis.search import Trial
+from sysid.diagnosis.trial import Trial
 
 CURVE = cast("Any", SimpleNamespace(channel="F_z", variable="v_z"))
 
