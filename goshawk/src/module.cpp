@@ -1,4 +1,5 @@
-// Python bindings of the renderer: contiguous arrays in, new arrays out; `goshawk/rendered/world.py` owns names and checks.
+// Python bindings of the renderer: contiguous arrays in, new arrays out; `goshawk/rendered/world.py` owns names and
+// checks.
 #include "bindings.hpp"
 #include "parallel.hpp"
 #include "render.hpp"
