@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from sysid.diagnosis import search
+from sysid.diagnosis import examined, search
 from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.confirm import CostReduction
 from sysid.diagnosis.findings import JudgedBy, Outcome
@@ -122,3 +122,11 @@ def test_what_fell_too_little_is_said_so():
 def test_a_size_below_a_twentieth_of_the_usual_one_is_of_no_consequence(size: float, expected):
     fit = SimpleNamespace(vehicle=SimpleNamespace(value={"a.x": size}.__getitem__))
     assert search._matters(cast("Any", SimpleNamespace(candidate=candidate("a"), fit=fit))) is expected
+
+
+@pytest.mark.parametrize(("moments", "kept"), [((60.0, 50.0), {"M_x", "M_y", "M_z"}), ((60.0, 45.0), None)])
+def test_a_curve_of_thrust_must_explain_more_than_its_channels_together(moments: tuple[float, float], kept):
+    gains = {"T": 100.0, "T_0": 90.0, "M_x": moments[0], "M_y": moments[1], "M_z": 80.0}
+    scores = {c: SimpleNamespace(gain_unseen=gain, dispersion=2.0) for c, gain in gains.items()}
+    found = [cast("Any", SimpleNamespace(channel=c, score=one)) for c, one in scores.items()]
+    assert {curve.channel for curve in examined._apart_from_thrust(found)} == (kept or set(gains))
