@@ -17,7 +17,6 @@ from firmware_bridge.dialect.generated.messages import Command
 from firmware_bridge.dialect.generated.messages import MissionState as State
 from firmware_bridge.wire import LinkLoss
 from flight import FloatArray, InputError, Trajectory
-from flight.frames import GRAVITY_M_S2
 
 
 class ThrustModel(IntEnum):
@@ -112,6 +111,8 @@ class VehicleLike(Protocol):
     def limits(self) -> Any: ...
     @property
     def body(self) -> Any: ...
+    @property
+    def gravity_m_s2(self) -> float: ...
     def value(self, name: str) -> float: ...
 
 
@@ -192,7 +193,7 @@ def _body(vehicle: VehicleLike) -> dict[str, float]:
         "mass_kg": float(body.mass_kg),
         "com_x_m": float(body.centre_of_mass_m[0]),
         "com_y_m": float(body.centre_of_mass_m[1]),
-        "gravity_m_s2": GRAVITY_M_S2,
+        "gravity_m_s2": vehicle.gravity_m_s2,
         "air_density": vehicle.value("air_density_kg_m3"),
         "disk_area_m2": float(np.pi * vehicle.value("rotor_radius_m") ** 2),
         "rotor_min_rad_s": vehicle.limits.rotor_speed_min_rad_s,

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from flight import FormatError, InputError, file_format
+from flight.frames import GRAVITY_M_S2
 from vehicle import effects as registry
 from vehicle.model import BODY, Vehicle, body_parameters, specs
 from vehicle.parameters import Limits, Parameter
@@ -25,6 +26,7 @@ def save(path: Path, vehicle: Vehicle) -> None:
     body = {
         "name": vehicle.name,
         "effects": list(vehicle.effects),
+        "gravity_m_s2": vehicle.gravity_m_s2,
         "effect_files": [_relative(file, path.parent) for file in vehicle.effect_files],
         "rotors": {"position_body_m": vehicle.hub_body_m.tolist(), "spin": vehicle.spin.astype(int).tolist()},
         "body": {name: asdict(vehicle.parameters[name]) for name in body_names},
@@ -81,6 +83,8 @@ def vehicle_hash(vehicle: Vehicle) -> str:
         vehicle.spin.tolist(),
         asdict(vehicle.limits),
     ]
+    if vehicle.gravity_m_s2 != GRAVITY_M_S2:  # plans of before, made at standard gravity, keep their vehicle's hash
+        facts.append(vehicle.gravity_m_s2)
     return hashlib.sha256(repr(facts).encode()).hexdigest()
 
 
@@ -107,6 +111,7 @@ def _from_document(document: dict[str, Any], files: tuple[Path, ...]) -> Vehicle
         limits=_limits(_table(document, "limits", {})),
         provenance=_table(document, "provenance", {}),
         effect_files=files,
+        gravity_m_s2=_number("gravity_m_s2", document.get("gravity_m_s2", GRAVITY_M_S2)),
     )
 
 

@@ -5,10 +5,6 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from flight import InputError
-from flight.frames import GRAVITY_M_S2
-
-GRAVITY_ON_EARTH_M_S2 = (9.76, 9.84)
-"""Least (a high mountain at the equator) and most (a pole)."""
 
 Reference = Literal["pose", "rotor speed"]
 """Streams whose clock the others can be measured against."""
@@ -46,9 +42,6 @@ class Options:
     gusts: Literal["estimate", "white"] = "estimate"
     """Disturbances that last (gusts, a swinging load): estimate their size and duration when the flights show such, and
     carry them among the states; or take all that is unexplained for white noise."""
-    gravity_m_s2: float = GRAVITY_M_S2
-    """Where it was flown: 9.780 at the equator, 9.832 at the poles, 3e-6 less for every metre up. All thrust is in
-    proportion to it."""
     block_s: float = 1.5
     """Length of the blocks within which errors may be correlated, for the robust standard errors."""
     max_iterations: int = 30
@@ -58,9 +51,6 @@ class Options:
         for name in ("node_rate_hz", "block_s"):
             if not getattr(self, name) > 0.0:
                 raise InputError(f"option {name} is {getattr(self, name)}; it must be positive")
-        low, high = GRAVITY_ON_EARTH_M_S2
-        if not low <= self.gravity_m_s2 <= high:
-            raise InputError(f"gravity_m_s2 is {self.gravity_m_s2}; on Earth it is between {low} and {high} m/s2")
         if self.max_iterations < 1:
             raise InputError(f"max_iterations is {self.max_iterations}; it must be at least 1")
         for name, std in self.prior_std.items():

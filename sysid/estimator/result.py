@@ -328,8 +328,8 @@ def _findings(vehicle: Vehicle, estimates: list[Estimate], solution: Solution, f
     gravity_m_s2 = flights[0].gravity_m_s2
     if gravity_m_s2 != GRAVITY_M_S2:
         found.append(
-            f"gravity was given as {gravity_m_s2:g} m/s2; plans and controller take {GRAVITY_M_S2:g} everywhere, which "
-            f"changes thrust in hover by {abs(GRAVITY_M_S2 / gravity_m_s2 - 1.0):.2%}"
+            f"gravity is {gravity_m_s2:g} m/s2, not the standard {GRAVITY_M_S2:g}: the vehicle file keeps it, and "
+            "predictions, plans and controller use it"
         )
     noise = solution.noise
     if noise.gusts is not None:
