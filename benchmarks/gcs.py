@@ -42,32 +42,6 @@ from mapping import map_folder, rendered_world, rig
 WAYPOINTS, EDITS, KILLS, CLIENTS, MIXED = 50, 10_000, 200, 10, 1000
 
 
-class Hall(inputs.Parts):
-    """A hall of 16 x 12 m with pillars in place of a project's map."""
-
-    def __init__(self) -> None:
-        pillars = [solids.Cylinder((x, y, 1.5), 0.3, 3.0) for x in (4.0, 8.0, 12.0) for y in (3.0, 6.0, 9.0)]
-        grid = esdf.Grid(np.full(3, -0.2), np.full(3, 0.05), (328, 248, 68))
-        room = solids.Scene([solids.Room((0.0, 0.0, 0.0), (16.0, 12.0, 3.0)), *pillars])
-        self._field = esdf.build(esdf.rasterize(room, grid), grid)
-        self._vehicle = vehicle.example("rigter2019")
-
-    def map(self, wanted: inputs.Signature) -> mapping.Map:
-        nobody = np.zeros(0)
-        return mapping.Map(Path(), self._field, rendered_world.default_rig(), (), nobody, nobody, {})
-
-    def vehicle(self, wanted: inputs.Signature) -> vehicle.Vehicle:
-        return self._vehicle
-
-
-def ring(count: int) -> Content:
-    """Waypoints round the pillars, up and down."""
-    angle = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
-    points = np.stack([8.0 + 7.0 * np.cos(angle), 6.0 + 5.2 * np.sin(angle), 1.4 + 0.4 * np.sin(3 * angle)], axis=1)
-    settings = Settings(speed_m_s=5.0, acceleration_m_s2=8.0)
-    return Content(settings=settings).with_waypoints(Waypoints(points, np.full(count, np.nan)))
-
-
 def moved(content: Content, number: int) -> Content:
     point = content.points[number]
     x, y, z = point.position_world_m
@@ -199,41 +173,6 @@ def killed(folder: Path, count: int) -> list[Row]:
 
 
 # --- a real station, ten people and a vehicle ---
-
-
-def new_project(folder: Path) -> project.Project:
-    """The hall as a map folder."""
-    opened, hall = project.create(folder, "benchmark"), Hall()
-    field = hall.map(()).field
-    opened.map.mkdir()
-    esdf.save(opened.map / "esdf", field)
-    trimesh.creation.box(bounds=[[0.0, 0.0, -0.05], [16.0, 12.0, 0.0]]).export(opened.map / "mesh.glb")
-    rig.save(opened.map / "camera.toml", rendered_world.default_rig())
-    (opened.map / "poses.csv").write_text("image,time_s,x_m,y_m,z_m,qw,qx,qy,qz\n0.png,0,1,1,1,1,0,0,0\n")
-    facts = {"hash": field.hash, "verdict": "good", "reasons": []}
-    file_format.write_toml(opened.map / "map.toml", format=map_folder.FORMAT, version=1, body=facts)
-    vehicle.save(opened.vehicle, hall.vehicle(()))
-    project.save_waypoints(opened.waypoints, ring(19).waypoints())
-    return opened
-
-
-class Page:
-    """What a browser's page does with its socket."""
-
-    def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
-        self._socket, self._serial = socket, 0
-        self.state: dict[str, dict[str, Any]] = {}
-
-    async def until(self, kind: str, condition: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
-        while kind not in self.state or not condition(self.state[kind]):
-            message = await self._socket.receive_json()
-            self.state[message["type"]] = message
-        return self.state[kind]
-
-    async def command(self, type: str, **arguments: Any) -> dict[str, Any]:
-        self._serial += 1
-        await self._socket.send_str(json.dumps({"type": type, "serial": self._serial, **arguments}))
-        return await self.until("reply", lambda reply: reply["serial"] == self._serial)
 
 
 def mixed_edit(k: int, ids: list[int]) -> tuple[str, dict[str, Any]]:
