@@ -1,6 +1,8 @@
 """The web ground station: how fast an edit lasts and reaches everybody, and what kill -9 loses.
 
-    python benchmarks/gcs.py [--kills 1000] [--json FILE]
+    python benchmarks/gcs.py [--kills 1000] [--flights 60] [--json FILE]
+
+The parts for recorded flights and for large maps run alone as well: `gcs_flights.py`, `gcs_scene.py`.
 
 Beside ours in the same process: the physical limit, an append of the same bytes with fsync; for a plan after an edit,
 the same from scratch. A plan is all that the planning process does for the page: path, gate, series, limits. No browser
@@ -10,34 +12,30 @@ as it is; CPU times are of all threads. One in fifty of the kills is of a statio
 
 import asyncio
 import contextlib
-import json
 import multiprocessing
 import os
 import random
 import tempfile
 import time
-from collections.abc import Callable
 from multiprocessing import connection
 from pathlib import Path
 from typing import Any
 
 import aiohttp
+import gcs_flights
+import gcs_scene
 import msgspec
 import numpy as np
-import trimesh
+from gcs_station import Hall, Page, new_project, ring
 from report import Row, main, row
 
-import esdf
-import mapping
 import planner
 import vehicle
-from esdf import solids
 from firmware_bridge import SitlVehicle, controller, keys
-from flight import Waypoints, file_format, project
-from gcs_web import GroundStation, inputs, planning, protocol, replanning
+from flight import Waypoints, project
+from gcs_web import GroundStation, planning, protocol, replanning
 from gcs_web.document import Content, Settings
 from gcs_web.session import Session
-from mapping import map_folder, rendered_world, rig
 
 WAYPOINTS, EDITS, KILLS, CLIENTS, MIXED = 50, 10_000, 200, 10, 1000
 
@@ -258,11 +256,12 @@ def people(folder: Path) -> list[Row]:
         return asyncio.run(talk(station, station.url.split("/?")[0]))
 
 
-def rows(kills: int = KILLS) -> list[Row]:
+def rows(kills: int = KILLS, flights: int = 60) -> list[Row]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        return [*plans(), *edits(folder), *people(folder), *killed(folder, kills)]
+        ours = [*plans(), *edits(folder), *people(folder), *killed(folder, kills)]
+    return [*ours, *gcs_flights.rows(flights), *gcs_scene.rows()]
 
 
 if __name__ == "__main__":
-    main(rows, kills=KILLS)
+    main(rows, kills=KILLS, flights=60)

@@ -5,8 +5,8 @@
 The flights are one simulated log of 1 kHz with all standard columns, linked under many names: the station knows flights
 by their names, so it reads each for itself. Their cards are made once per log, by a process of its own: of one it is
 measured here, and the others' are copies. Opening is what the page does: streams, a first plot of four quantities at
-1600 pixels, and the path in the 3D view. No browser takes part, so drawing is not included. Times are those of the
-answer, with what the station's process took of the CPU beside; at the end every flight was open once.
+1600 pixels, and the path in the 3D view. No browser takes part, so drawing is not included. CPU times are those of the
+station's process, all threads, until the answer is here; wall times, of the machine as busy as it is, stand beside.
 """
 
 import asyncio
@@ -52,7 +52,7 @@ def circle(samples: int) -> flight_log.FlightLog:
         "velocity_world_m_s": noisy(velocity, 1e-2),
         "q_world_body": level,
         "rate_body_rad_s": noisy(0.0, 0.02),
-        "specific_force_body_m_s2": noisy(np.gradient(velocity, 1e-3, axis=0) + [0.0, 0.0, 9.80665], 0.1),
+        "specific_force_body_m_s2": noisy(np.gradient(velocity, 1e-3, axis=0) + np.array([0.0, 0.0, 9.80665]), 0.1),
         "rotor_speed_rad_s": noisy(1500.0, 5.0, 4),
         "rotor_speed_command_rad_s": noisy(1500.0, 5.0, 4),
         "setpoint_position_world_m": planned,
@@ -120,7 +120,7 @@ async def pan(here: Page, name: str, from_s: float, to_s: float) -> None:
 
 async def talk(station: StationProcess, names: list[str]) -> list[Row]:
     async with page(station.url) as here:
-        listing, opening = Taken(), []
+        opening = []
         with taken(station) as listing:
             await here.asked("list_flights")
             await here.until("flights", lambda told: len(told["flights"]) == len(names))
@@ -129,22 +129,22 @@ async def talk(station: StationProcess, names: list[str]) -> list[Row]:
             with taken(station) as one:
                 start_s, end_s = await open_flight(here, name)
             opening.append(one)
-        chance, waits = np.random.default_rng(1), []
-        with taken(station) as panning:
-            for _ in range(PANS):
-                span_s = (end_s - start_s) * 10.0 ** chance.uniform(-3.0, 0.0)
-                from_s = start_s + chance.uniform(0.0, end_s - start_s - span_s)
-                begun_s = time.perf_counter()
+        chance, pans, waits = np.random.default_rng(1), [], []
+        for _ in range(PANS):
+            span_s = (end_s - start_s) * 10.0 ** chance.uniform(-3.0, 0.0)
+            from_s = start_s + chance.uniform(0.0, end_s - start_s - span_s)
+            with taken(station) as one:
                 await pan(here, names[-1], from_s, from_s + span_s)
-                waits.append(time.perf_counter() - begun_s)
-        worst_s, pan_ms = max(one.wall_s for one in opening), 1000.0 * float(np.percentile(waits, 95))
-        opening_cpu_s = {"CPU s, mean": sum(one.cpu_s for one in opening) / len(opening)}
+            pans.append(1000.0 * one.cpu_s)
+            waits.append(1000.0 * one.wall_s)
+        list_s, pan_ms = listing.cpu_s, float(np.percentile(pans, 95))
+        open_s = max(one.cpu_s for one in opening)
+        beside = {"mean": float(np.mean([one.cpu_s for one in opening])), "wall s": max(o.wall_s for o in opening)}
         return [
-            row(f"list of {len(names)} flights", listing.wall_s, "s", "<= 1", listing.wall_s <= 1.0,
-                peers={"CPU s": listing.cpu_s}),
-            row("a flight opened, worst", worst_s, "s", "<= 2", worst_s <= 2.0, peers=opening_cpu_s),
-            row("pan of four plots, 95 %", pan_ms, "ms", "<= 33", pan_ms <= 33.0,
-                peers={"CPU ms, mean": 1000.0 * panning.cpu_s / PANS}),
+            row(f"list of {len(names)} flights", list_s, "CPU s", "<= 1", list_s <= 1.0, {"wall s": listing.wall_s}),
+            row("a flight opened, worst", open_s, "CPU s", "<= 2", open_s <= 2.0, beside),
+            row("pan of four plots, 95 %", pan_ms, "CPU ms", "<= 33", pan_ms <= 33.0,
+                {"wall ms": float(np.percentile(waits, 95))}),
             row("the station's memory, peak", station.peak_mb, "MB", f"<= {MOST_MB:g}", station.peak_mb <= MOST_MB),
         ]  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Shared by the ground station's benchmarks: a hall as a project, a station in a process of its own, a page's socket."""
+"""Shared by the ground station's benchmarks: a hall as a project, a station's process, a page's socket."""
 
 import contextlib
 import json
