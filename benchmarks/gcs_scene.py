@@ -11,7 +11,7 @@ import gzip
 import resource
 import tempfile
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -65,9 +65,9 @@ def hall(triangles: int) -> display_mesh.Mesh:
     return display_mesh.joined(parts)
 
 
-def prepare(told: Connection, module: Any, *arguments: Any) -> None:
-    """In a process of its own: what a module's `load` takes of the process that it starts."""
-    module.load(*arguments)
+def prepare(told: Connection, load: Callable[..., Tiles], *arguments: Any) -> None:
+    """In a process of its own: what `load` takes of the process that it starts."""
+    load(*arguments)
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     told.send((used.ru_utime + used.ru_stime, used.ru_maxrss * 1024e-6))
 
@@ -106,7 +106,7 @@ def mesh(opened: project.Project, triangles: int) -> list[Row]:
     mesh_file.save(opened.map / "mesh.glb", made.vertices_m, made.faces, made.colours)
     folder = opened.folder / ".session"
     asked = (opened.map / "mesh.glb", display_mesh.DISPLAY_TRIANGLES, folder)
-    cpu_s, peak_mb = preparing(display_mesh, *asked)
+    cpu_s, peak_mb = preparing(display_mesh.load, *asked)
     shown = display_mesh.load(*asked)
     first_mb = 1e-6 * (sent(shown, range(len(shown)), fine=False) + page_bytes())
     with station_process(opened.folder) as station:
@@ -130,7 +130,7 @@ def points(opened: project.Project, count: int) -> list[Row]:
     source.parent.mkdir(exist_ok=True)
     np.savez(source, points_world_m=surface.vertices_m[chosen] + rng.normal(0.0, 0.02, (count, 3)))
     folder = opened.folder / ".session"
-    cpu_s, peak_mb = preparing(display_points, source, folder)
+    cpu_s, peak_mb = preparing(display_points.load, source, folder)
     shown = display_points.load(source, folder)
     coarse_mb = 1e-6 * sent(shown, range(len(shown)), fine=False)
     close = near(shown, display_points.MOST_FINE_POINTS)
