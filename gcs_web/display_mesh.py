@@ -25,6 +25,8 @@ FINE_RATIO = 8
 """So many times as many triangles of the fine level does a browser get at the most: 10 MB."""
 TILE_TRIANGLES = 30_000
 """Of a tile at the fine level, which is the mesh as it is."""
+LEAST_TRIANGLES = 20
+"""Of a coarse tile."""
 CACHE = "display_mesh.npz"
 
 _VERSION = 3
@@ -107,7 +109,10 @@ def read(path: Path) -> Mesh:
         raise MapError(f"{path.name} cannot be read ({error}); build the map again") from error
     if not sum(len(part.faces) for part in parts):
         raise MapError(f"{path.name} holds no triangles; build the map again")
-    return joined(parts)
+    mesh = joined(parts)
+    if not np.isfinite(mesh.vertices_m).all():
+        raise MapError(f"{path.name} holds vertices that are not finite; build the map again")
+    return mesh
 
 
 def simplified(mesh: Mesh, triangles: int) -> Mesh:
@@ -180,7 +185,7 @@ def _make(folder: Path, asked: tuple[Path, int, str], progress: Progress) -> Non
     coarse = []
     for k, tile in enumerate(fine):
         progress("simplifying the mesh", k / len(fine))
-        coarse.append(simplified(tile, max(int(share * len(tile.faces)), 1)))
+        coarse.append(simplified(tile, max(int(share * len(tile.faces)), LEAST_TRIANGLES)))
     whole = joined(coarse)
     seen = light(whole.vertices_m, normals(whole), whole.faces, progress=progress)
     others = {"vertices": whole.vertices_m, "faces": whole.faces}

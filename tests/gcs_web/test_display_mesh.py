@@ -47,6 +47,14 @@ def test_a_mesh_that_cannot_be_read_is_said_and_not_drawn_as_nothing(tmp_path):
             display_mesh.read(tmp_path / "mesh.glb")
 
 
+def test_a_mesh_with_vertices_nowhere_is_refused(tmp_path):
+    made = sphere(1)
+    made.vertices_m[3] = np.nan
+    mesh_file.save(tmp_path / "mesh.ply", made.vertices_m, made.faces, made.colours)
+    with pytest.raises(MapError, match="not finite"):
+        display_mesh.read(tmp_path / "mesh.ply")
+
+
 def test_a_mesh_file_is_read_as_it_was_written(tmp_path):
     made = sphere(2)
     for suffix in mesh_file.SUFFIXES:
