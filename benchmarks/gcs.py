@@ -118,7 +118,7 @@ def edits(folder: Path) -> list[Row]:
 
 
 _STATIONS = multiprocessing.get_context("forkserver")
-_STATIONS.set_forkserver_preload(["aiohttp", "trimesh", "firmware_bridge", "mapping.rendered_world", "gcs_web.app"])
+_STATIONS.set_forkserver_preload(["aiohttp", "trimesh", "firmware_bridge", "goshawk.rendered.world", "gcs_web.app"])
 """What this script imports, which each station would import again: so a start costs a fork."""
 _WITH_PLANNER = 50
 """Of so many kills one is of a station with a planning process, which costs a start of Python each."""

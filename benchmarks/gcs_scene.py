@@ -27,7 +27,7 @@ import gcs_web
 from flight import FloatArray, project
 from gcs_web import display_mesh, display_points, tiles
 from gcs_web.tiles import Tiles
-from mapping import mesh_file
+from mapping.dense import mesh_file
 
 SIZE_M = (16.0, 12.0, 3.0)
 ROUGH_M = 0.006

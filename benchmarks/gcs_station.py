@@ -22,7 +22,9 @@ from esdf import solids
 from flight import Waypoints, file_format, project
 from gcs_web import GroundStation, inputs
 from gcs_web.document import Content, Settings
-from mapping import map_folder, rendered_world, rig
+from goshawk.rendered import world as rendered_world
+from mapping import map_folder
+from mapping.camera import rig
 
 
 class Hall(inputs.Parts):

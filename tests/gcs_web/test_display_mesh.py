@@ -8,7 +8,7 @@ import trimesh
 
 from flight import MapError
 from gcs_web import display_mesh, picking
-from mapping import mesh_file
+from mapping.dense import mesh_file
 
 
 def sphere(level: int) -> display_mesh.Mesh:
