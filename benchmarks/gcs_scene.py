@@ -78,6 +78,7 @@ def preparing(*asked: Any) -> tuple[float, float]:
     ours, theirs = context.Pipe(duplex=False)
     process = context.Process(target=prepare, args=(theirs, *asked))
     process.start()
+    theirs.close()
     answer = ours.recv()
     process.join()
     return answer
