@@ -4,6 +4,7 @@ import contextlib
 import json
 import multiprocessing
 import re
+import sys
 import time
 from collections.abc import AsyncIterator, Callable, Iterator
 from dataclasses import dataclass
@@ -138,6 +139,7 @@ def station_process(folder: Path, **options: Any) -> Iterator[StationProcess]:
 
 
 def _serve(folder: Path, options: dict[str, Any], told: connection.Connection) -> None:
+    sys.modules["pandas"] = None  # pyright: ignore[reportArgumentType]  # Arrow imports it where it is; users lack it
     with GroundStation(folder, **options) as station, contextlib.suppress(EOFError):
         told.send(station.url)
         told.recv()

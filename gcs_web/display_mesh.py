@@ -7,7 +7,7 @@ than all the rest of the station; the result is kept in the project's `.session`
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -15,9 +15,6 @@ from flight import FloatArray, MapError, Progress, silent
 from gcs_web import tiles
 from gcs_web.job_process import Failed, JobProcess
 from gcs_web.tiles import Tile, Tiles
-
-if TYPE_CHECKING:
-    import trimesh
 
 DISPLAY_TRIANGLES = 60_000
 """Of all coarse tiles, so that the first picture is 2 MB with the page; the map is not changed."""
@@ -194,9 +191,9 @@ def _make(folder: Path, asked: tuple[Path, int, str], progress: Progress) -> Non
 
 def _tiles(fine: list[Mesh], coarse: list[Mesh], whole: Mesh, seen: FloatArray) -> Iterator[Tile]:
     """`seen`: the light of the coarse vertices, of which fine ones have that of those nearest to them."""
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
-    tree, begin = cKDTree(whole.vertices_m), 0
+    tree, begin = KDTree(whole.vertices_m), 0
     for full, simple in zip(fine, coarse, strict=True):
         shown = _shaded(simple, seen[begin : begin + len(simple.vertices_m)])
         begin += len(simple.vertices_m)
@@ -231,7 +228,8 @@ def normals(mesh: Mesh) -> FloatArray:
     return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12)
 
 
-def _of_trimesh(mesh: "trimesh.Trimesh", T_world_mesh: FloatArray) -> Mesh:
+def _of_trimesh(mesh: Any, T_world_mesh: FloatArray) -> Mesh:
+    """`mesh`: of trimesh, whose types do not say what its visuals have."""
     vertices_m = mesh.vertices @ T_world_mesh[:3, :3].T + T_world_mesh[:3, 3]
     colours = np.full(vertices_m.shape, int(255 * _PLAIN), dtype=np.uint8)
     if mesh.visual.kind == "vertex":

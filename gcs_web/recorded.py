@@ -20,7 +20,8 @@ from gcs_web import protocol_flights as parts
 from gcs_web import pyramid, streams
 from gcs_web.pyramid import Pyramid
 
-MOST_BYTES = 128 << 20
+MOST_BYTES = 160 << 20
+"""Four flights side by side, each of a million samples in four plots."""
 MOST_POINTS = 4000
 """Times in one answer, whatever was asked for."""
 PATH_POINTS = 2000

@@ -1,6 +1,6 @@
 """What the 3D view shows of a large map, cut into tiles, each with a coarse level for all and a fine one for near by.
 
-Made in a process of its own and kept on disk; of an opened file, the fine levels are read when they are wanted.
+Made in a process of its own and kept on disk; of an opened file, the fine levels are read one at a time.
 """
 
 import threading
