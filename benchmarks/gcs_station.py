@@ -139,7 +139,7 @@ def station_process(folder: Path, **options: Any) -> Iterator[StationProcess]:
 
 
 def _serve(folder: Path, options: dict[str, Any], told: connection.Connection) -> None:
-    sys.modules["pandas"] = None  # pyright: ignore[reportArgumentType]  # Arrow imports it where it is; users lack it
+    sys.modules["pandas"] = None  # Arrow imports it where it is; users lack it
     with GroundStation(folder, **options) as station, contextlib.suppress(EOFError):
         told.send(station.url)
         told.recv()
