@@ -61,7 +61,7 @@ class GroundStation:
                 answer yet is waited for.
             key_file: the link's signing key.
             options: what the planner is asked for, beside what the document says.
-            triangles: the mesh is thinned to this many for display.
+            triangles: of the mesh as it is shown first; see `display_mesh`.
             on_entry: called with the next address when a browser has come in.
             jobs: kinds of background work that the page offers.
 
@@ -116,6 +116,7 @@ class GroundStation:
         self._stack.callback(_quietly, self.server.stop)
         self.hub = Hub(self._loop)
         self.view = View3D(self.server, triangles=triangles, cache=folder / ".session", progress=progress)
+        self._stack.callback(self.view.close)
         self.desk = Desk(opened, self.hub, self.view, self.watch, options, jobs)
         self.view.progress = silent
         self._stack.callback(self.desk.close)

@@ -1,13 +1,8 @@
 """What a click in the 3D view means: a ray against the map's mesh and against the path. Arrays in, numbers out."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from flight import FloatArray
-
-if TYPE_CHECKING:
-    import trimesh
 
 NEAR_PATH_M = 0.15
 """A click whose ray passes the path closer than this is a click on the path."""
@@ -35,8 +30,13 @@ def nearest_on_path(origin_m: FloatArray, direction: FloatArray, path_m: FloatAr
 class Surface:
     """A map's triangles, for rays."""
 
-    def __init__(self, mesh: "trimesh.Trimesh") -> None:
-        corners = np.asarray(mesh.vertices, dtype=np.float64)[np.asarray(mesh.faces)]
+    def __init__(self, vertices_m: FloatArray, faces: np.ndarray) -> None:
+        """
+        Args:
+            vertices_m: (n, 3) world.
+            faces: (m, 3) indices, counter-clockwise seen from the front.
+        """
+        corners = np.asarray(vertices_m, dtype=np.float64)[faces]
         self._corner, self._along, self._up = (
             corners[:, 0],
             corners[:, 1] - corners[:, 0],

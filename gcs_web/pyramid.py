@@ -11,13 +11,14 @@ from flight import FloatArray
 Small = NDArray[np.float32]
 """What is drawn needs no more digits, and ten million samples half the room."""
 
-SMALLEST_GROUP = 4
-"""Samples that the finest level merges."""
+SMALLEST_GROUP = 16
+"""Samples that the finest level merges; smaller groups are merged when they are drawn: the levels take a quarter of
+the samples' memory."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pyramid:
-    """Samples, and the smallest and largest of groups of 4, 8, 16 ... of them."""
+    """Samples, and the smallest and largest of groups of 16, 32, 64 ... of them."""
 
     samples: Small
     """(n,); NaN where nothing was measured."""
@@ -28,23 +29,36 @@ class Pyramid:
     def of(values: FloatArray | Small) -> "Pyramid":
         samples = np.ascontiguousarray(values, dtype=np.float32)
         levels: list[tuple[Small, Small]] = []
-        low = high = samples
-        merged = 1
-        while len(low) > 2:
-            low, high = _halved(low, np.fmin), _halved(high, np.fmax)
-            merged *= 2
-            if merged >= SMALLEST_GROUP:
+        if len(samples) > SMALLEST_GROUP:
+            low, high = (_merged(samples, SMALLEST_GROUP, pick) for pick in (np.fmin, np.fmax))
+            levels.append((low, high))
+            while len(low) > 2:
+                low, high = _merged(low, 2, np.fmin), _merged(high, 2, np.fmax)
                 levels.append((low, high))
         return Pyramid(samples, tuple(levels))
+
+    def extremes(self, group: int, begin: int, end: int) -> Small:
+        """Smallest and largest value of the groups from `begin` to before `end`, (2 * (end - begin),) in turn.
+
+        Args:
+            group: samples of each, a power of two.
+        """
+        if group < SMALLEST_GROUP:
+            stretch = self.samples[begin * group : end * group]
+            sides = [_merged(stretch, group, pick) for pick in (np.fmin, np.fmax)]
+        else:
+            level = (group // SMALLEST_GROUP).bit_length() - 1
+            sides = [side[begin:end] for side in self.levels[level]]
+        return np.stack(sides, axis=1).ravel()
 
     @property
     def nbytes(self) -> int:
         return self.samples.nbytes + sum(low.nbytes + high.nbytes for low, high in self.levels)
 
 
-def _halved(values: Small, smaller: np.ufunc) -> Small:
-    even = values if len(values) % 2 == 0 else np.append(values, values[-1])
-    return smaller(even[0::2], even[1::2])
+def _merged(values: Small, group: int, pick: np.ufunc) -> Small:
+    """One value of each group, by a ufunc; the last group may be smaller."""
+    return pick.reduceat(values, np.arange(0, len(values), group))
 
 
 def part(
@@ -64,11 +78,10 @@ def part(
     last = min(int(np.searchsorted(time_s, to_s, side="left")) + 1, len(time_s))
     if last - first <= 2 * points:
         return time_s[first:last], [curve.samples[first:last] for curve in curves]
-    level, group = 0, SMALLEST_GROUP
+    group = 4  # of two times each: half as many as the samples
     while 2 * (last - first) / group > 2 * points:
-        level, group = level + 1, 2 * group
+        group *= 2
     begin, end = first // group, -(-last // group)
     starts = group * np.arange(begin, end)
     places = np.stack([starts, np.minimum(starts + group // 2, len(time_s) - 1)], axis=1).ravel()
-    merged = [np.stack([side[begin:end] for side in curve.levels[level]], axis=1).ravel() for curve in curves]
-    return time_s[places], merged
+    return time_s[places], [curve.extremes(group, begin, end) for curve in curves]

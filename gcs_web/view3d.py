@@ -12,6 +12,7 @@ import numpy as np
 
 from flight import FloatArray, Progress, silent
 from gcs_web import course_view, display_mesh, missions, picking, protocol, scene
+from gcs_web.detail_view import DetailView
 from gcs_web.document import Content, Point, Settings
 from gcs_web.flight_scene import FlightScene
 from gcs_web.map_view import MapView
@@ -49,10 +50,10 @@ class View3D:
         self._required_m = 0.0
         self._colour: protocol.Colour = "clearance"
         self._path: Any = None
-        self._mesh: Any = None
+        self._mesh = DetailView(server, "/map", _draw_mesh, display_mesh.FINE_RATIO * triangles)
         self._mesh_file: tuple[int, int] | None = None
         """Time of change (ns) and size of the file that is drawn."""
-        self.map = MapView(server)
+        self.map = MapView(server, cache)
         self._checked = False
         self._dragged_points: dict[int | None, int] = {}
         """By browser (viser's id): the waypoint that is dragged there."""
@@ -88,17 +89,19 @@ class View3D:
             file = (0, 0) if found is None else (found.st_mtime_ns, found.st_size)
             if file != self._mesh_file:
                 mesh = display_mesh.load(area.mesh, self._triangles, self._cache, progress=self.progress)
-                self._surface = picking.Surface(mesh)
-                self._mesh = self._server.scene.add_mesh_trimesh("/map", mesh, cast_shadow=False)
+                self._surface = picking.Surface(mesh.array("vertices"), mesh.array("faces"))
+                self._mesh.show(mesh)
                 self._mesh_file = file
             if first:
                 self._place_camera(area)
         self.map.draw(area)
 
     def show_mesh(self, visible: bool) -> None:
-        with self._lock:
-            if self._mesh is not None:
-                self._mesh.visible = visible
+        self._mesh.set_visible(visible)
+
+    def close(self) -> None:
+        self._mesh.close()
+        self.map.close()
 
     def draw_waypoints(self, points: tuple[Point, ...]) -> None:
         with self._lock, self._server.atomic():
@@ -323,3 +326,7 @@ class View3D:
         def _(client: Any) -> None:
             client.camera.position = tuple(target + np.array([-0.2, -0.28, 0.4]) * reach)
             client.camera.look_at = tuple(target)
+
+
+def _draw_mesh(into: "viser.SceneApi", name: str, glb: np.ndarray, fine: bool) -> Any:
+    return into.add_glb(name, glb.tobytes(), cast_shadow=False)

@@ -30,7 +30,7 @@ from goshawk import console
     "--triangles",
     default=60_000,
     show_default=True,
-    help="Largest number of triangles to display; the map is not changed.",
+    help="Triangles of the mesh as it is shown first; near the camera up to eight times as many.",
 )
 def command(
     project: Path,

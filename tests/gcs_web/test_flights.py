@@ -52,6 +52,15 @@ def test_a_spike_of_one_sample_is_seen_among_ten_million():
     assert drawn.max() == 5.0
 
 
+@given(exponent=st.integers(2, 9), count=st.integers(3, 60))
+def test_groups_of_samples_merged_when_drawn_are_those_of_the_levels(exponent, count):
+    group, rng = 2**exponent, np.random.default_rng(count)
+    samples = rng.normal(size=group * count - int(rng.integers(0, group))).astype(np.float32)
+    low_high = Pyramid.of(samples).extremes(group, 0, count)
+    parts = [samples[k * group : (k + 1) * group] for k in range(count)]
+    np.testing.assert_array_equal(low_high, [pick(part) for part in parts for pick in (np.min, np.max)])
+
+
 def flown(rows: int = 4000, *, position_jump: bool = False) -> FlightLog:
     """A flight of a circle with the set-point half a metre aside, on the ground before and after."""
     time_s = 100.0 + STEP_S * np.arange(rows)
