@@ -18,6 +18,7 @@ from flight import FlightError, FloatArray, FormatError, InputError, TrajectoryF
 from flight.project import Project
 from gcs_web import inputs, page_values, planning, protocol, protocol_parts, saved
 from gcs_web.comparing import Comparing
+from gcs_web.consent import Consent
 from gcs_web.document import Settings
 from gcs_web.flights import Flights
 from gcs_web.hub import Hub
@@ -52,6 +53,8 @@ class Desk:
         watch: VehicleWatch | None,
         base: planner.PlanOptions,
         kinds: Sequence[Kind] = (),
+        *,
+        consent: Consent,
     ) -> None:
         """
         Raises:
@@ -60,8 +63,8 @@ class Desk:
         self.project, self.hub, self.view, self.watch = opened, hub, view, watch
         self.inputs = inputs.signature(opened.folder)
         self.parts = inputs.Parts(opened.folder)
-        limits = self.parts.vehicle(self.inputs).limits
-        self.session = Session(opened, _first_settings(base, limits))
+        self.consent = consent
+        self.session = Session(opened, _first_settings(base, self._limits()))
         self._base = base
         self.name = "plan"
         """Of the trajectory that the plan would be saved and uploaded as."""
@@ -119,13 +122,30 @@ class Desk:
         self.show_learning()
 
     def show_learning(self) -> None:
-        """The comparison, the diagnosis and the model as they are now."""
+        """The comparison, the diagnosis, the model and its effect files as they are now."""
+        self.hub.publish(protocol.EffectFiles(self.consent.files()))
         self.hub.publish(self.comparing.state())
         self.hub.publish(self.learning.diagnosis())
         try:
             self.hub.publish(self.learning.model())
         except FlightError as error:
             self.notice(str(error), level="danger")
+
+    def vehicle_readable(self) -> None:
+        """Somebody agreed to an effect file: plan with it, and show what could not be read before."""
+        self._planner.restart()
+        self.request_plan(afresh=True)
+        self.show_files()
+        self.show_learning()
+
+    def _limits(self) -> vehicle.Limits:
+        """Of the vehicle; while an effect file of its own waits for somebody to agree, those of any."""
+        try:
+            return self.parts.vehicle(self.inputs).limits
+        except FlightError:
+            if not any(file.needed and not file.agreed for file in self.consent.files()):
+                raise
+            return vehicle.Limits()
 
     def show_jobs(self) -> None:
         self.hub.publish(self.jobs.state())

@@ -30,6 +30,7 @@ _STATE = (
     protocol.Comparison,
     protocol.Diagnosis,
     protocol.Model,
+    protocol.EffectFiles,
 )
 
 

@@ -11,6 +11,7 @@ import msgspec
 
 from gcs_web.protocol_base import Command, Edit
 from gcs_web.protocol_compensation import Compensation, PrepareCompensation, SendCompensation
+from gcs_web.protocol_consent import AgreeToEffectFile, DraftEffect, EffectFiles
 from gcs_web.protocol_flights import (
     Comparison,
     Diagnosis,
@@ -215,7 +216,7 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
 
 ToPage = (
     Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply
-    | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment
+    | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment | EffectFiles
 )  # fmt: skip
 
 
@@ -440,5 +441,5 @@ FromPage = (
     | StartJob | CancelJob | ForgetJob | ListJobs
     | ListFlights | SetRole | OpenFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight
     | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo
-    | PrepareCompensation | SendCompensation
+    | PrepareCompensation | SendCompensation | AgreeToEffectFile | DraftEffect
 )  # fmt: skip

@@ -243,6 +243,10 @@ class OutsideCurve(msgspec.Struct, frozen=True):
     y: list[float]
     band: list[float]
     probability: float
+    effect: str = ""
+    """Name for an effect of it; empty where none can be made."""
+    advice: str = ""
+    """Why none can be made, and where to look instead."""
 
 
 class Tried(msgspec.Struct, frozen=True):

@@ -11,6 +11,7 @@ from gcs_web import (
     protocol,
     protocol_base,
     protocol_compensation,
+    protocol_consent,
     protocol_flights,
     protocol_jobs,
     protocol_map,
@@ -26,6 +27,7 @@ _MODULES = (
     protocol_jobs,
     protocol_map,
     protocol_compensation,
+    protocol_consent,
     protocol,
 )
 _SIMPLE = {str: "string", int: "number", float: "number", bool: "boolean", type(None): "null"}

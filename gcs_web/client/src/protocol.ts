@@ -376,6 +376,8 @@ export interface OutsideCurve {
   y: number[];
   band: number[];
   probability: number;
+  effect: string;
+  advice: string;
 }
 
 export interface Tried {
@@ -694,6 +696,36 @@ export interface SendCompensation {
   type: "send_compensation";
   serial: number;
   nonce: string;
+}
+
+export interface EffectFile {
+  name: string;
+  path: string;
+  sha256: string;
+  text: string;
+  needed: boolean;
+  agreed: boolean;
+  changed: boolean;
+  problem: string;
+}
+
+export interface EffectFiles {
+  type: "effect_files";
+  files: EffectFile[];
+}
+
+export interface AgreeToEffectFile {
+  type: "agree_to_effect_file";
+  serial: number;
+  path: string;
+  sha256: string;
+}
+
+export interface DraftEffect {
+  type: "draft_effect";
+  serial: number;
+  name: string;
+  form?: "spline" | "polynomial";
 }
 
 export interface Welcome {
@@ -1044,6 +1076,6 @@ export interface Abort {
   serial: number;
 }
 
-export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment;
+export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment | EffectFiles;
 
-export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | SetGate | ClearGate | SetTube | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | ShowMap | Measure | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits | StartJob | CancelJob | ForgetJob | ListJobs | ListFlights | SetRole | OpenFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo | PrepareCompensation | SendCompensation;
+export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | SetGate | ClearGate | SetTube | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | ShowMap | Measure | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits | StartJob | CancelJob | ForgetJob | ListJobs | ListFlights | SetRole | OpenFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo | PrepareCompensation | SendCompensation | AgreeToEffectFile | DraftEffect;

@@ -7,6 +7,7 @@ import type {
   Comparison,
   Diagnosis,
   Document,
+  EffectFile,
   Files,
   Flights,
   Jobs,
@@ -59,6 +60,8 @@ export const flights = signal<Flights | null>(null);
 export const comparison = signal<Comparison | null>(null);
 export const diagnosis = signal<Diagnosis | null>(null);
 export const model = signal<Model | null>(null);
+/** Effect files of the user's own that the vehicle file names. */
+export const effectFiles = signal<readonly EffectFile[]>([]);
 export const notice = signal<Notice>({ type: "notice", text: "", level: "fact", undo: false });
 
 /** Tracking errors as they were heard, of the last minute. */
@@ -198,6 +201,9 @@ export function receive(message: Exclude<ToPage, { type: "reply" }>): void {
         break;
       case "model":
         model.value = message;
+        break;
+      case "effect_files":
+        effectFiles.value = message.files;
         break;
       case "flight_moment":
         flightCursor_s.value = message.time_s;

@@ -6,6 +6,7 @@ import { submit } from "../socket";
 import { connected, diagnosis, model } from "../store";
 import type { ParameterRow, Stair, Tried, VehicleVersion } from "../protocol";
 import { Compensation } from "./Compensation";
+import { EffectFilesWaiting } from "./EffectFiles";
 import { figure } from "./Learn";
 import { namesOf } from "./WhereItFails";
 
@@ -127,9 +128,17 @@ function NotAdded() {
 
 export function ModelInspector() {
   const now = model.value;
-  if (now === null) return <p class="empty">The vehicle file is not read yet.</p>;
+  if (now === null) {
+    return (
+      <>
+        <p class="empty">The vehicle file is not read yet.</p>
+        <EffectFilesWaiting />
+      </>
+    );
+  }
   return (
     <>
+      <EffectFilesWaiting />
       {now.tried !== null && <BeforeAndAfter tried={now.tried} />}
       <section class="verdict">
         <h2>Parameters</h2>
