@@ -126,6 +126,7 @@ class Desk:
         self.hub.publish(protocol.EffectFiles(self.consent.files()))
         self.hub.publish(self.comparing.state())
         self.hub.publish(self.learning.diagnosis())
+        self.hub.publish(self.learning.identification())
         try:
             self.hub.publish(self.learning.model())
         except FlightError as error:

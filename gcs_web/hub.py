@@ -31,6 +31,7 @@ _STATE = (
     protocol.Diagnosis,
     protocol.Model,
     protocol.EffectFiles,
+    protocol.Identification,
 )
 
 

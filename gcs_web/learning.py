@@ -9,7 +9,7 @@ import msgspec
 import vehicle
 from flight import FlightError, InputError, file_format
 from flight.project import Project
-from gcs_web import diagnosis_values, protocol, reading
+from gcs_web import diagnosis_values, identified, protocol, reading
 from gcs_web.flights import Flights
 from gcs_web.protocol_flights import ParameterRow, Tried, VehicleVersion
 from sysid.diagnosis import curve
@@ -60,6 +60,14 @@ class Learning:
             self._flights.names("learn"),
             self._flights.names("hold_out"),
         )
+        return msgspec.structs.replace(found, state="current" if same else "old")
+
+    def identification(self) -> protocol.Identification:
+        """The newest identification; `old` if the vehicle or its flights are others now."""
+        found = identified.load(self._project.folder)
+        if found.state == "none":
+            return found
+        same = (found.vehicle, found.logs) == (self._hash(), reading.contents(self._project, found.flights))
         return msgspec.structs.replace(found, state="current" if same else "old")
 
     def model(self) -> protocol.Model:

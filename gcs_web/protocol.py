@@ -37,6 +37,7 @@ from gcs_web.protocol_flights import (
     StreamPart,
     TakeLog,
 )
+from gcs_web.protocol_identified import Identification
 from gcs_web.protocol_jobs import CancelJob, ForgetJob, Jobs, ListJobs, StartJob
 from gcs_web.protocol_map import (
     AddMapEdit,
@@ -217,6 +218,7 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
 ToPage = (
     Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply
     | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment | EffectFiles
+    | Identification
 )  # fmt: skip
 
 

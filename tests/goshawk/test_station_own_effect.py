@@ -110,7 +110,7 @@ def test_a_curve_that_no_vehicle_can_know_offers_no_effect_and_says_why(opened, 
 
 @pytest.mark.parametrize("name", ["../out", "Big", "", "parasitic_drag", "a b", "x.py", "\u202ename"])
 def test_a_name_that_is_none_writes_nothing(opened, learned, name):
-    with pytest.raises(InputError, match="cannot name an effect|taken by the catalogue"):
+    with pytest.raises(InputError, match=r"cannot name an effect|taken by the catalogue"):
         learned.draft_effect(name, "spline")
     assert not list(opened.folder.rglob("*.py"))
 
@@ -120,6 +120,13 @@ def test_text_in_a_diagnosis_never_becomes_code():
     for key, hostile in (("variable_unit", "m/s\nimport os"), ("channel", 'F_y"\nimport os'), ("variable", "v_y\nx")):
         with pytest.raises((FormatError, InputError)):
             curve.scaffold(facts | {key: hostile}, "never_written.py", name="never_written")
+
+
+def sideways_m_s(model: vehicle.Vehicle) -> float:
+    """Speed along y, 2 m/s at first, after 0.1 s."""
+    plant = simulate.Plant(model, simulate.State(velocity_world_m_s=np.array([0.0, 2.0, 0.0])))
+    plant.step(np.full(4, 800.0), 0.1)
+    return float(plant.velocity_world_m_s[1])
 
 
 def test_a_drafted_effect_is_read_agreed_to_tried_kept_and_used(opened, learned):
@@ -143,7 +150,7 @@ def test_a_drafted_effect_is_read_agreed_to_tried_kept_and_used(opened, learned)
         model = learned.model()
         assert "side_guard_drawn" in model.effects
         scale = next(row for row in model.parameters if row.name == "side_guard_drawn.scale")
-        assert (scale.value, scale.unit) == (pytest.approx(1.0, abs=0.05), "1")
+        assert (scale.value, scale.unit) == (pytest.approx(1.0, abs=0.15), "1")  # rotor drag takes a part
         with pytest.raises(InputError, match="has side_guard_drawn already"):
             try_effect._check(opened, asking)
 
@@ -151,11 +158,8 @@ def test_a_drafted_effect_is_read_agreed_to_tried_kept_and_used(opened, learned)
         line = Waypoints(np.array([[1.0, 1.0, 1.0], [1.0, 5.0, 1.0], [5.0, 5.0, 1.5]]), np.full(3, np.nan))
         room = solids.Scene([solids.Room((0.0, 0.0, 0.0), (6.0, 6.0, 2.5))])
         assert planner.plan(line, room, changed).gate.passed
-        plant = simulate.Plant(changed, simulate.State(velocity_world_m_s=np.array([0.0, 2.0, 0.0])))
-        plant.step(np.full(4, 800.0), 0.1)
-        assert plant.velocity_world_m_s[1] < 2.0 * np.exp(-0.5 * 0.1 * DRAG_N_S_M / changed.value("mass_kg"))
-        before = learned.diagnosis()
-        assert before.state == "old"
+        assert sideways_m_s(changed) < sideways_m_s(vehicle.example()) * np.exp(-0.8 * 0.1 * DRAG_N_S_M / 0.7)
+        assert learned.diagnosis().state == "old"
         found = compare._run(opened.folder, Chosen(**CHOSEN), silent)
         assert found.vehicle == vehicle.vehicle_hash(changed)
         assert found.rms[1] < 0.1

@@ -562,6 +562,44 @@ export interface ReturnTo {
   version: number;
 }
 
+export interface Identified {
+  name: string;
+  words: string;
+  unit: string;
+  start: number;
+  value: number;
+  sigma: number;
+  status: string;
+}
+
+export interface ConfoundedPair {
+  first: string;
+  second: string;
+  correlation: number;
+}
+
+export interface Trial {
+  flight: string;
+  values: number[];
+  sigmas: number[];
+}
+
+export interface Identification {
+  type: "identification";
+  state: "none" | "current" | "old";
+  verdict: string;
+  reasons: string[];
+  flights: string[];
+  parameters: Identified[];
+  free: string[];
+  correlation: number[][];
+  confounded: ConfoundedPair[];
+  trials: Trial[];
+  written: string[];
+  vehicle: string;
+  logs: string;
+}
+
 export interface Jobs {
   type: "jobs";
   jobs: Job[];
@@ -1076,6 +1114,6 @@ export interface Abort {
   serial: number;
 }
 
-export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment | EffectFiles;
+export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment | EffectFiles | Identification;
 
 export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | SetGate | ClearGate | SetTube | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | ShowMap | Measure | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits | StartJob | CancelJob | ForgetJob | ListJobs | ListFlights | SetRole | OpenFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo | PrepareCompensation | SendCompensation | AgreeToEffectFile | DraftEffect;

@@ -10,6 +10,7 @@ import type {
   EffectFile,
   Files,
   Flights,
+  Identification,
   Jobs,
   MapPreview,
   MapShown,
@@ -59,6 +60,7 @@ export const jobs = signal<Jobs>({ type: "jobs", jobs: [], kinds: [] });
 export const flights = signal<Flights | null>(null);
 export const comparison = signal<Comparison | null>(null);
 export const diagnosis = signal<Diagnosis | null>(null);
+export const identification = signal<Identification | null>(null);
 export const model = signal<Model | null>(null);
 /** Effect files of the user's own that the vehicle file names. */
 export const effectFiles = signal<readonly EffectFile[]>([]);
@@ -201,6 +203,9 @@ export function receive(message: Exclude<ToPage, { type: "reply" }>): void {
         break;
       case "model":
         model.value = message;
+        break;
+      case "identification":
+        identification.value = message;
         break;
       case "effect_files":
         effectFiles.value = message.files;

@@ -7,6 +7,7 @@ import { connected, diagnosis, model } from "../store";
 import type { ParameterRow, Stair, Tried, VehicleVersion } from "../protocol";
 import { Compensation } from "./Compensation";
 import { EffectFilesWaiting } from "./EffectFiles";
+import { Identified } from "./Identified";
 import { figure } from "./Learn";
 import { namesOf } from "./WhereItFails";
 
@@ -147,6 +148,7 @@ export function ModelInspector() {
         </p>
       </section>
       <Parameters rows={now.parameters} tried={now.tried} />
+      <Identified />
       <Compensation />
     </>
   );
@@ -205,7 +207,7 @@ function Bars({ quantity, unit, values }: { quantity: string; unit: string; valu
 
 function Parameters({ rows, tried }: { rows: readonly ParameterRow[]; tried: Tried | null }) {
   return (
-    <div class="table-scroll">
+    <div class="table-scroll all-parameters">
       <table class="table parameters">
         <colgroup>
           <col style={{ width: "34%" }} />
