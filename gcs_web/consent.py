@@ -6,7 +6,9 @@ process that it starts.
 """
 
 import hashlib
+import io
 import threading
+import tokenize
 import unicodedata
 from pathlib import Path
 
@@ -18,6 +20,8 @@ from gcs_web.protocol_consent import EffectFile
 
 LARGEST_BYTES = 200_000
 """What is longer is not shown, and not run."""
+MOST_OWN = 30
+"""Files of the folder `effects` that are listed, in the order of their names."""
 _INVISIBLE = ("Cc", "Cf", "Co", "Cs", "Cn", "Zl", "Zp")
 """Unicode's categories of characters that show nothing, or turn the direction of what follows."""
 
@@ -31,7 +35,7 @@ def named(opened: Project) -> dict[Path, bool]:
         except FlightError:  # said where the vehicle itself is read
             continue
     own = sorted(path.resolve() for path in own_effects(opened.folder).glob("*.py"))
-    return dict.fromkeys(own, False) | found
+    return dict.fromkeys(own[:MOST_OWN], False) | found
 
 
 class Consent:
@@ -78,7 +82,7 @@ class Consent:
         try:
             data = _read(path)
             text, sha256 = visible(data.decode()), hashlib.sha256(data).hexdigest()
-        except UnicodeDecodeError:
+        except (UnicodeDecodeError, SyntaxError):
             problem = "it is not UTF-8 text, so what it says cannot be shown; it is not run"
         except (InputError, OSError) as error:
             problem = str(error)
@@ -96,6 +100,9 @@ def _read(path: Path) -> bytes:
         data = file.read(LARGEST_BYTES + 1)
     if len(data) > LARGEST_BYTES:
         raise InputError(f"it has more than {LARGEST_BYTES} bytes, which nobody reads; it is not run")
+    encoding, _ = tokenize.detect_encoding(io.BytesIO(data).readline)
+    if not encoding.startswith("utf-8"):  # Python would run another text than the one that is shown
+        raise InputError(f"its first lines say that it is {encoding}, not UTF-8; it is not run")
     return data
 
 

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import re
 import shutil
 from collections.abc import Callable
 from contextlib import closing
@@ -16,8 +17,9 @@ from flight import FormatError, InputError, Progress, Waypoints, project, silent
 from gcs_web import GroundStation, consent
 from gcs_web.consent import Consent
 from gcs_web.job_process import Done, Failed, JobProcess
+from tests.gcs_web.test_page import CHROMIUM, FLAGS, SERIOUS, SIZE
 from tests.gcs_web.test_station import START, Page, visit
-from tests.waiting import goshawk
+from tests.waiting import PATIENCE_S, goshawk
 
 EFFECT = '''"""{words}"""
 from pathlib import Path
@@ -141,7 +143,9 @@ def test_a_consent_does_not_come_along_with_a_project(opened, mark):
 def test_what_cannot_be_shown_as_it_is_cannot_be_agreed_to(opened, mark):
     guard = opened.folder / "consent_guard.py"
     with closing(Consent(opened)) as asked:
-        for content, said in ((b"# caf\xe9", "not UTF-8"), (b"#" * (consent.LARGEST_BYTES + 1), "more than")):
+        hidden = b"# coding: utf-7\n# +AAo-import os\n"  # Python would read a second line of code here
+        long = b"#" * (consent.LARGEST_BYTES + 1)
+        for content, said in ((b"# caf\xe9", "not UTF-8"), (hidden, "utf-7, not UTF-8"), (long, "more than")):
             guard.write_bytes(content)
             (file,) = asked.files()
             assert said in file.problem
@@ -175,3 +179,35 @@ def test_a_station_of_a_vehicle_without_such_files_asks_nothing(opened):
         assert asked.files() == []
         assert vehicle.load(opened.vehicle)
     assert not any("EFFECT_FILES" in name for name in os.environ)
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium")
+def test_the_page_shows_the_text_asks_and_goes_on_once_somebody_agreed(opened, mark):
+    from axe_playwright_python.sync_playwright import Axe
+    from playwright.sync_api import sync_playwright
+
+    guard = opened.folder / "consent_guard.py"
+    with GroundStation(opened.folder, triangles=500) as station, sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS, timeout=1000 * PATIENCE_S)
+        page = browser.new_page(viewport=SIZE, reduced_motion="reduce")
+        page.set_default_timeout(1000 * PATIENCE_S)
+        alerts: list[str] = []
+        page.on("dialog", lambda dialog: (alerts.append(dialog.message), dialog.dismiss()))
+        page.goto(station.url)
+        asked = page.get_by_role("dialog", name=re.compile("Run this file"))
+        asked.get_by_text(MARKUP).wait_for()
+        asked.get_by_text(str(guard)).wait_for()
+        asked.get_by_text(digest(guard)).wait_for()
+        barriers = Axe().run(page, context={"exclude": [["iframe"]]}).response["violations"]  # viser's own page
+        assert [rule["id"] for rule in barriers if rule["impact"] in SERIOUS] == []
+        page.keyboard.press("Escape")
+        asked.wait_for(state="hidden")
+        page.keyboard.press("5")
+        page.get_by_role("button", name="Look at it").click()
+        assert not mark.exists()
+        page.get_by_role("button", name="Run consent_guard.py").click()
+        asked.wait_for(state="hidden")
+        page.get_by_role("cell", name=re.compile("drag.*guard_")).wait_for()
+        assert alerts == []
+        assert mark.exists()
+        browser.close()
