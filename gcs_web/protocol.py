@@ -34,6 +34,7 @@ from gcs_web.protocol_flights import (
     Scatter,
     SetRole,
     ShowFlights,
+    ShowMoments,
     StreamPart,
     TakeLog,
 )
@@ -444,4 +445,5 @@ FromPage = (
     | ListFlights | SetRole | OpenFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight
     | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo
     | PrepareCompensation | SendCompensation | AgreeToEffectFile | DraftEffect
+    | ShowMoments
 )  # fmt: skip

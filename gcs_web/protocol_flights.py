@@ -402,6 +402,20 @@ class ShowFlights(Command, frozen=True, tag="show_flights", kw_only=True):
     """The residual by which paths are coloured."""
 
 
+class Stretch(msgspec.Struct, frozen=True):
+    """Part of a flight's shifted time."""
+
+    flight: str
+    from_s: float
+    to_s: float
+
+
+class ShowMoments(Command, frozen=True, tag="show_moments", kw_only=True):
+    """Mark stretches on the paths of the flights that are drawn; none: no mark."""
+
+    stretches: list[Stretch]
+
+
 class LookAtFlight(Command, frozen=True, tag="look_at_flight", kw_only=True):
     """Show a moment of the flights that are drawn; None hides the vehicles."""
 
