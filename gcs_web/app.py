@@ -17,6 +17,7 @@ import msgspec
 import planner
 from flight import FloatArray, InputError, LinkError, Progress, project, silent
 from gcs_web import display_mesh, gateway, protocol, reports
+from gcs_web.consent import Consent
 from gcs_web.desk import Desk
 from gcs_web.hub import Hub
 from gcs_web.jobs import Kind
@@ -117,7 +118,9 @@ class GroundStation:
         self.hub = Hub(self._loop)
         self.view = View3D(self.server, triangles=triangles, cache=folder / ".session", progress=progress)
         self._stack.callback(self.view.close)
-        self.desk = Desk(opened, self.hub, self.view, self.watch, options, jobs)
+        consent = Consent(opened)
+        self._stack.callback(consent.close)
+        self.desk = Desk(opened, self.hub, self.view, self.watch, options, jobs, consent=consent)
         self.view.progress = silent
         self._stack.callback(self.desk.close)
         self.view.on_select = lambda waypoint: self.hub.publish(protocol.Selection([waypoint]))

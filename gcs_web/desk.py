@@ -4,7 +4,7 @@ import json
 import secrets
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -18,6 +18,7 @@ from flight import FlightError, FloatArray, FormatError, InputError, TrajectoryF
 from flight.project import Project
 from gcs_web import inputs, page_values, planning, protocol, protocol_parts, saved
 from gcs_web.comparing import Comparing
+from gcs_web.consent import Consent
 from gcs_web.document import Settings
 from gcs_web.flights import Flights
 from gcs_web.hub import Hub
@@ -52,6 +53,8 @@ class Desk:
         watch: VehicleWatch | None,
         base: planner.PlanOptions,
         kinds: Sequence[Kind] = (),
+        *,
+        consent: Consent,
     ) -> None:
         """
         Raises:
@@ -60,8 +63,8 @@ class Desk:
         self.project, self.hub, self.view, self.watch = opened, hub, view, watch
         self.inputs = inputs.signature(opened.folder)
         self.parts = inputs.Parts(opened.folder)
-        limits = self.parts.vehicle(self.inputs).limits
-        self.session = Session(opened, _first_settings(base, limits))
+        self.consent = consent
+        self.session = Session(opened, _first_settings(base, self._limits()))
         self._base = base
         self.name = "plan"
         """Of the trajectory that the plan would be saved and uploaded as."""
@@ -119,13 +122,31 @@ class Desk:
         self.show_learning()
 
     def show_learning(self) -> None:
-        """The comparison, the diagnosis and the model as they are now."""
+        """The comparison, the diagnosis, the model and its effect files as they are now."""
+        self.hub.publish(protocol.EffectFiles(self.consent.files()))
         self.hub.publish(self.comparing.state())
         self.hub.publish(self.learning.diagnosis())
+        self.hub.publish(self.learning.identification())
         try:
             self.hub.publish(self.learning.model())
         except FlightError as error:
             self.notice(str(error), level="danger")
+
+    def vehicle_readable(self) -> None:
+        """Somebody agreed to an effect file: plan with it, and show what could not be read before."""
+        self._planner.restart()
+        self.request_plan(afresh=True)
+        self.show_files()
+        self.show_learning()
+
+    def _limits(self) -> vehicle.Limits:
+        """Of the vehicle; while an effect file of its own waits for somebody to agree, those of any."""
+        try:
+            return self.parts.vehicle(self.inputs).limits
+        except FlightError:
+            if not any(file.needed and not file.agreed for file in self.consent.files()):
+                raise
+            return vehicle.Limits()
 
     def show_jobs(self) -> None:
         self.hub.publish(self.jobs.state())
@@ -370,6 +391,19 @@ class Desk:
                 log.write(json.dumps(line) + "\n")
         except OSError as error:  # the order was carried out all the same
             self.notice(f"the audit log could not be written: {error.strerror}", level="danger")
+
+    def audited(self, person: protocol.Person, what: str, do: Callable[[], None], about: dict[str, object]) -> None:
+        """Do what a person ordered, and write down what came of it.
+
+        Args:
+            about: of `audit`, as it was when the order was given.
+        """
+        try:
+            do()
+        except Exception as error:
+            self.audit(person, what, f"refused: {error}", about)
+            raise
+        self.audit(person, what, "done", about)
 
     def left(self, person: protocol.Person) -> None:
         """Somebody closed the page: control is free again."""

@@ -30,6 +30,8 @@ _STATE = (
     protocol.Comparison,
     protocol.Diagnosis,
     protocol.Model,
+    protocol.EffectFiles,
+    protocol.Identification,
 )
 
 

@@ -90,6 +90,8 @@ class PlanningProcess:
         self._waits_since_s: float | None = None
         """Since when it waits for the process to begin with it."""
         self._closed = False
+        self._outdated = False
+        """Whether the process must be replaced."""
         self._woken, self._wake = multiprocessing.Pipe(duplex=False)
         self._start()
         self._thread = threading.Thread(target=self._serve, name="planning", daemon=True)
@@ -105,6 +107,12 @@ class PlanningProcess:
         """Ask for a path with this waypoint (id) moved there."""
         with self._lock:
             self._send(Draft(waypoint, position_world_m))
+
+    def restart(self) -> None:
+        """From the next request on with a new process, which has this one's environment as it is now."""
+        with self._lock:
+            self._outdated = True
+            self._wake.send_bytes(b"1")
 
     def close(self) -> None:
         with self._lock:
@@ -125,7 +133,10 @@ class PlanningProcess:
             if self._woken in ready:
                 self._woken.recv_bytes()
             try:
-                if self._pipe in ready:
+                if self._outdated:  # before its answer to a request that came later is taken
+                    self._outdated = False
+                    self._restart()
+                elif self._pipe in ready:
                     self._take(self._pipe.recv())
                 elif self._patience_s() == 0.0:
                     self._restart()

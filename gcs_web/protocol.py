@@ -10,6 +10,8 @@ from typing import Literal
 import msgspec
 
 from gcs_web.protocol_base import Command, Edit
+from gcs_web.protocol_compensation import Compensation, PrepareCompensation, SendCompensation
+from gcs_web.protocol_consent import AgreeToEffectFile, DraftEffect, EffectFiles
 from gcs_web.protocol_flights import (
     Comparison,
     Diagnosis,
@@ -32,9 +34,11 @@ from gcs_web.protocol_flights import (
     Scatter,
     SetRole,
     ShowFlights,
+    ShowMoments,
     StreamPart,
     TakeLog,
 )
+from gcs_web.protocol_identified import Identification
 from gcs_web.protocol_jobs import CancelJob, ForgetJob, Jobs, ListJobs, StartJob
 from gcs_web.protocol_map import (
     AddMapEdit,
@@ -206,13 +210,16 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
     scatter: Scatter | None = None
     incoming: Incoming | None = None
     """Of `take_log`: what the columns of a foreign log may be."""
+    compensation: Compensation | None = None
+    """Of `prepare_compensation` and `send_compensation`."""
     plans: list[PlanSummary] = []
     """Of `compare_plans`."""
 
 
 ToPage = (
     Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply
-    | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment
+    | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment | EffectFiles
+    | Identification
 )  # fmt: skip
 
 
@@ -437,4 +444,6 @@ FromPage = (
     | StartJob | CancelJob | ForgetJob | ListJobs
     | ListFlights | SetRole | OpenFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight
     | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo
+    | PrepareCompensation | SendCompensation | AgreeToEffectFile | DraftEffect
+    | ShowMoments
 )  # fmt: skip

@@ -54,12 +54,25 @@ def load(path: Path, *, relative_to: Path | None = None) -> Vehicle:
     document = file_format.read_toml(path, format=FORMAT, version=VERSION)
     start = path.parent if relative_to is None else relative_to
     try:
-        names = _strings(document, "effect_files") if "effect_files" in document else []
-        files = tuple((start / name).resolve() for name in names)
+        files = _effect_files(document, start)
         for file in files:
             registry.load_file(file)
         return _from_document(document, files)
     except (InputError, FormatError) as error:
+        raise FormatError(f"{path}: {error}") from error
+
+
+def effect_files(path: Path) -> tuple[Path, ...]:
+    """The effect files of the user's own that a vehicle file names; none of them is run.
+
+    Raises:
+        InputError, FormatError: as `load`.
+    """
+    path = Path(path)
+    document = file_format.read_toml(path, format=FORMAT, version=VERSION)
+    try:
+        return _effect_files(document, path.parent)
+    except InputError as error:
         raise FormatError(f"{path}: {error}") from error
 
 
@@ -74,8 +87,9 @@ def example(name: str = "rigter2019") -> Vehicle:
 
 
 def vehicle_hash(vehicle: Vehicle) -> str:
-    """SHA-256 over what changes its behaviour: names, values, geometry, effects and limits; not over notes."""
-    facts = [
+    """SHA-256 over what changes its behaviour: names, values, geometry, limits, the text of effects of the user's own;
+    not over notes."""
+    facts: list[object] = [
         vehicle.name,
         vehicle.effects,
         [(name, vehicle.parameters[name].value) for name in specs(vehicle)],
@@ -85,6 +99,8 @@ def vehicle_hash(vehicle: Vehicle) -> str:
     ]
     if vehicle.gravity_m_s2 != GRAVITY_M_S2:  # plans of before, made at standard gravity, keep their vehicle's hash
         facts.append(vehicle.gravity_m_s2)
+    if texts := [digest for name in vehicle.effects if (digest := registry.text_hash(name))]:
+        facts.append(texts)
     return hashlib.sha256(repr(facts).encode()).hexdigest()
 
 
@@ -113,6 +129,11 @@ def _from_document(document: dict[str, Any], files: tuple[Path, ...]) -> Vehicle
         effect_files=files,
         gravity_m_s2=_number("gravity_m_s2", document.get("gravity_m_s2", GRAVITY_M_S2)),
     )
+
+
+def _effect_files(document: dict[str, Any], start: Path) -> tuple[Path, ...]:
+    names = _strings(document, "effect_files") if "effect_files" in document else []
+    return tuple((start / name).resolve() for name in names)
 
 
 def _limits(given: dict[str, Any]) -> Limits:

@@ -80,13 +80,16 @@ def test_flights_stand_side_by_side_and_foreign_text_is_text(page, station):
     assert len(station.view.flights._paths) == 2
 
 
-def test_a_cell_is_looked_at_everywhere_and_a_bin_shows_its_moments(page):
+def test_a_cell_is_looked_at_everywhere_and_a_bin_shows_its_moments(page, station):
     page.get_by_role("button", name=re.compile("^F_x against v_x")).click()
     page.get_by_role("heading", name=re.compile("Residual F.* against v")).wait_for()
     page.get_by_role("img", name="Residual x over time").wait_for()
     assert page.get_by_label("Colour of the flights' paths").input_value() == "F_x"
     page.get_by_role("img", name=re.compile("Residual F_x in N")).click(position={"x": 120, "y": 80})
     page.get_by_text(re.compile("of the open flights, shaded")).wait_for()
+    wait(lambda: station.view.flights._marks, "the moments on the paths")
+    page.get_by_role("button", name="Clear").click()
+    wait(lambda: not station.view.flights._marks, "the paths without them")
 
 
 def test_a_drag_zooms_and_a_link_restores_the_view(page):

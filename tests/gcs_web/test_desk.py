@@ -2,7 +2,7 @@
 
 import shutil
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 from unittest.mock import MagicMock
 
@@ -12,6 +12,7 @@ import planner
 import vehicle
 from flight import InputError, file_format, project
 from gcs_web import planning, protocol
+from gcs_web.consent import Consent
 from gcs_web.desk import Desk
 
 
@@ -30,7 +31,8 @@ def desk(opened: project.Project, monkeypatch) -> Iterator[Callable[[planner.Pla
     with ExitStack() as stack:
 
         def start(base: planner.PlanOptions) -> Desk:
-            made = Desk(opened, MagicMock(), MagicMock(), None, base)
+            consent = stack.enter_context(closing(Consent(opened)))
+            made = Desk(opened, MagicMock(), MagicMock(), None, base, consent=consent)
             stack.callback(made.close)
             return made
 

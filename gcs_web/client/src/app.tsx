@@ -6,6 +6,7 @@ import { Palette } from "./components/Palette";
 import { Resizer, drawerHeight } from "./components/Resizer";
 import { Compare } from "./panels/Compare";
 import { Drawer } from "./panels/Drawer";
+import { EffectFileConsent } from "./panels/EffectFiles";
 import { FlightDrawer } from "./panels/FlightDrawer";
 import { FlightList } from "./panels/FlightList";
 import { Fly } from "./panels/Fly";
@@ -67,6 +68,7 @@ export function App() {
       <StatusBar />
       {paletteOpen.value && <Palette />}
       {saveFormOpen.value && <SaveForm />}
+      <EffectFileConsent />
     </div>
   );
 }

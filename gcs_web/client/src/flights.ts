@@ -246,6 +246,20 @@ export const moments = computed<readonly { flight: string; from_s: number; to_s:
   return spans;
 });
 
+const markIn3D = latest((stretches: { flight: string; from_s: number; to_s: number }[]) => ({
+  type: "show_moments",
+  stretches,
+}));
+let isMarked = false;
+
+/** The same moments on the paths. */
+effect(() => {
+  const wanted = isLooking.value ? [...moments.value] : [];
+  if (!connected.value || (wanted.length === 0 && !isMarked)) return;
+  isMarked = wanted.length > 0;
+  markIn3D(wanted);
+});
+
 // --- logs ---
 
 /** Send a dropped file to the station and have it read. */

@@ -376,6 +376,8 @@ export interface OutsideCurve {
   y: number[];
   band: number[];
   probability: number;
+  effect: string;
+  advice: string;
 }
 
 export interface Tried {
@@ -505,6 +507,18 @@ export interface ShowFlights {
   colour?: "" | "F_x" | "F_y" | "F_z" | "M_x" | "M_y" | "M_z";
 }
 
+export interface Stretch {
+  flight: string;
+  from_s: number;
+  to_s: number;
+}
+
+export interface ShowMoments {
+  type: "show_moments";
+  serial: number;
+  stretches: Stretch[];
+}
+
 export interface LookAtFlight {
   type: "look_at_flight";
   serial: number;
@@ -558,6 +572,44 @@ export interface ReturnTo {
   type: "return_to";
   serial: number;
   version: number;
+}
+
+export interface Identified {
+  name: string;
+  words: string;
+  unit: string;
+  start: number;
+  value: number;
+  sigma: number;
+  status: string;
+}
+
+export interface ConfoundedPair {
+  first: string;
+  second: string;
+  correlation: number;
+}
+
+export interface Trial {
+  flight: string;
+  values: number[];
+  sigmas: number[];
+}
+
+export interface Identification {
+  type: "identification";
+  state: "none" | "current" | "old";
+  verdict: string;
+  reasons: string[];
+  flights: string[];
+  parameters: Identified[];
+  free: string[];
+  correlation: number[][];
+  confounded: ConfoundedPair[];
+  trials: Trial[];
+  written: string[];
+  vehicle: string;
+  logs: string;
 }
 
 export interface Jobs {
@@ -663,6 +715,67 @@ export interface DropMapEdits {
   serial: number;
   revision: number;
   edits: number[];
+}
+
+export interface ControllerParameter {
+  name: string;
+  unit: string;
+  flies_with: number;
+  model: number;
+  in_flight: boolean;
+}
+
+export interface NotCompensated {
+  title: string;
+  why: string;
+}
+
+export interface Compensation {
+  vehicle: string;
+  version: number;
+  parameters: ControllerParameter[];
+  not_compensated: NotCompensated[];
+}
+
+export interface PrepareCompensation {
+  type: "prepare_compensation";
+  serial: number;
+}
+
+export interface SendCompensation {
+  type: "send_compensation";
+  serial: number;
+  nonce: string;
+}
+
+export interface EffectFile {
+  name: string;
+  path: string;
+  sha256: string;
+  text: string;
+  needed: boolean;
+  agreed: boolean;
+  changed: boolean;
+  problem: string;
+}
+
+export interface EffectFiles {
+  type: "effect_files";
+  files: EffectFile[];
+}
+
+export interface AgreeToEffectFile {
+  type: "agree_to_effect_file";
+  serial: number;
+  path: string;
+  sha256: string;
+}
+
+export interface DraftEffect {
+  type: "draft_effect";
+  serial: number;
+  name: string;
+  form?: "spline" | "polynomial";
 }
 
 export interface Welcome {
@@ -771,6 +884,7 @@ export interface Reply {
   parts: StreamPart[];
   scatter: Scatter | null;
   incoming: Incoming | null;
+  compensation: Compensation | null;
   plans: PlanSummary[];
 }
 
@@ -1012,6 +1126,6 @@ export interface Abort {
   serial: number;
 }
 
-export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment;
+export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment | EffectFiles | Identification;
 
-export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | SetGate | ClearGate | SetTube | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | ShowMap | Measure | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits | StartJob | CancelJob | ForgetJob | ListJobs | ListFlights | SetRole | OpenFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo;
+export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | SetGate | ClearGate | SetTube | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | ShowMap | Measure | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits | StartJob | CancelJob | ForgetJob | ListJobs | ListFlights | SetRole | OpenFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo | PrepareCompensation | SendCompensation | AgreeToEffectFile | DraftEffect | ShowMoments;

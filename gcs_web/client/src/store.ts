@@ -7,8 +7,10 @@ import type {
   Comparison,
   Diagnosis,
   Document,
+  EffectFile,
   Files,
   Flights,
+  Identification,
   Jobs,
   MapPreview,
   MapShown,
@@ -58,7 +60,10 @@ export const jobs = signal<Jobs>({ type: "jobs", jobs: [], kinds: [] });
 export const flights = signal<Flights | null>(null);
 export const comparison = signal<Comparison | null>(null);
 export const diagnosis = signal<Diagnosis | null>(null);
+export const identification = signal<Identification | null>(null);
 export const model = signal<Model | null>(null);
+/** Effect files of the user's own that the vehicle file names. */
+export const effectFiles = signal<readonly EffectFile[]>([]);
 export const notice = signal<Notice>({ type: "notice", text: "", level: "fact", undo: false });
 
 /** Tracking errors as they were heard, of the last minute. */
@@ -198,6 +203,12 @@ export function receive(message: Exclude<ToPage, { type: "reply" }>): void {
         break;
       case "model":
         model.value = message;
+        break;
+      case "identification":
+        identification.value = message;
+        break;
+      case "effect_files":
+        effectFiles.value = message.files;
         break;
       case "flight_moment":
         flightCursor_s.value = message.time_s;

@@ -297,13 +297,13 @@ function pick(found: Scatter, x: number): void {
 
 function MomentList({ found }: { found: Scatter }) {
   const range = bin.value;
-  if (range === null) return <p class="quiet">Click a bin to see its moments on the timeline.</p>;
+  if (range === null) return <p class="quiet">Click a bin to see its moments on the timeline and on the path.</p>;
   const here = moments.value.filter(({ flight }) => opened.value.some(({ name }) => name === flight));
   const total_s = here.reduce((sum, { from_s, to_s }) => sum + to_s - from_s, 0);
   return (
     <p class="quiet">
       {found.variable.name} from {number(range[0], 2)} to {number(range[1], 2)}: {number(total_s, 1)} s of the open
-      flights, shaded.{" "}
+      flights, shaded, and violet on the path.{" "}
       <button type="button" class="link small" onClick={() => (bin.value = null)}>
         Clear
       </button>
