@@ -12,9 +12,10 @@ report.json     all figures of the run
 import csv
 import dataclasses
 import glob
+import json
 import shutil
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -40,9 +41,13 @@ from mapping.camera import rig as rigs
 from mapping.camera.rig import Rig
 from mapping.dense import depth_files, mesh_file, surface
 from mapping.dense.depth_files import DepthFiles
+from mapping.dense.stereo import DepthImage
 from mapping.dense.surface import DenseOptions
 from mapping.dense.views import ImageView
-from mapping.images import ImageSet, read_folder, read_table
+from mapping.input import examination, masks, selection, video
+from mapping.input.depth_images import DepthFolder
+from mapping.input.images import ImageSet, read_folder, read_table
+from mapping.input.selection import SelectionOptions
 from mapping.sparse import alignment, colmap, localization_map, reconstruction
 from mapping.sparse.alignment import Length
 from mapping.sparse.colmap import SparseOptions
@@ -55,8 +60,8 @@ FORMAT = "goshawk-map"
 VERSION = 1
 REPORT_FORMAT = "goshawk-map-report"
 
-DEPTH = "depth"
-STAGES = (colmap.FEATURES, colmap.MATCHES, colmap.POSES, reconstruction.CALIBRATION, DEPTH)
+FRAMES, CHECK, DEPTH = "frames", "check", "depth"
+STAGES = (FRAMES, CHECK, colmap.FEATURES, colmap.MATCHES, colmap.POSES, reconstruction.CALIBRATION, DEPTH)
 """Stages whose results survive an interrupted work, in order."""
 _REPLACED = "replaced"
 """File of a work: inode of the earlier map, which is moved aside for the new one."""
@@ -75,6 +80,12 @@ class MapOptions:
     """A measured length that gives the scale."""
     references: Path | None = None
     """Recorded positions and gravity; `references.csv` beside the images by default."""
+    depths: DepthFolder | None = None
+    """Depth images of the images' names: they place the images, and give scale and surfaces."""
+    masks: Path | None = None
+    """Folder of masks, see `mapping.input.masks`."""
+    selection: SelectionOptions | None = None
+    """How images are chosen from a dense sequence; all of a folder are used without, a video's never."""
     cap_m: float = 2.0
     """Distances in the field are exact up to here."""
 
@@ -198,7 +209,7 @@ def build_map(
     until: str | None = None,
     progress: Progress = silent,
 ) -> MapReport:
-    """Make the map folder `out` from a folder of images.
+    """Make the map folder `out` from a folder of images, or from a video.
 
     Finished stages are kept in `work_folder(out)` until the map is there: interrupted, killed or out of disk, the same
     call goes on with the first unfinished one.
@@ -219,18 +230,75 @@ def build_map(
     interrupted = work_folder(out).exists()
     if not interrupted:
         results.require_free_folder(out, overwrite=overwrite, ours=_is_map)
-    alignment.require_scale(Path(images), rig, options.length, options.references)
-    checked = read_folder(images, rig, progress=progress)
+    alignment.require_scale(Path(images), rig, options.length, options.references, has_depth=options.depths is not None)
     again = STAGES[STAGES.index(again_from) :] if again_from else ()
+    if not video.is_video(Path(images)):
+        if FRAMES in (again_from, until):
+            raise InputError(f"the stage {FRAMES!r} is that of a video; {images} is a folder of images")
+        checked = read_images(images, rig, options, progress=progress)
     with stages.begin(work_folder(out), again=again, until=until) as begun:
         _put_back(out, begun)
+        if video.is_video(Path(images)):
+            checked = _frames_of(Path(images), rig, options, begun, progress)
         work = begun.on(rigs.fingerprint(rig), *_digests(checked))
+        _require_usable(work, checked, progress)
         report = _placed_before(out, _all_inputs(checked, options, work)) if interrupted else None
         if report is None:
             results.require_free_folder(out, overwrite=overwrite, ours=_is_map)
             report = _build(checked, out, options, work, overwrite=overwrite, progress=progress)
         stages.finish(begun)
     return report
+
+
+def read_images(images: Path, rig: Rig, options: MapOptions, *, progress: Progress = silent) -> ImageSet:
+    """The images of a folder that a map would be made of, checked.
+
+    Raises:
+        InputError: as `read_folder`; or the camera hardly moves.
+    """
+    read = read_folder(images, rig, masks=options.masks, depths=options.depths, progress=progress)
+    if options.selection is None:
+        return read
+    first = [instant for instant, camera in read.pairs() if camera == 0]
+    chosen = selection.choose(
+        (read.gray(instant, 0) for instant in first), rig.cameras[0], options.selection, used=_camera_mask(rig, options)
+    )
+    if len(chosen) < 2:
+        raise InputError(f"{images}: the camera hardly moves in its {len(first)} images; a map needs parallax")
+    return read.only(np.array(first)[chosen])
+
+
+def _frames_of(path: Path, rig: Rig, options: MapOptions, begun: Work, progress: Progress) -> ImageSet:
+    """The chosen frames of a video, as images; they stay in the work's folder until the map is made."""
+    if options.depths is not None:
+        raise InputError(f"depth images go with a folder of images; {path} is a video")
+    if not path.is_file():
+        raise InputError(f"{path} does not exist; give a folder of images or a video")
+    chosen, used = options.selection or SelectionOptions(), _camera_mask(rig, options)
+    work = begun.on(file_format.file_hash(path), rigs.fingerprint(rig), chosen, b"" if used is None else used.tobytes())
+    folder = work.stage(FRAMES, lambda new: video.extract(path, rig, new, chosen, used=used, progress=progress))
+    return read_folder(folder, rig, masks=options.masks, progress=progress)
+
+
+def _camera_mask(rig: Rig, options: MapOptions) -> np.ndarray | None:
+    """The mask that the first camera has for all its images."""
+    path = masks.of_camera(options.masks, rig.cameras[0]) if options.masks is not None else None
+    return None if path is None else masks.read(path, rig.cameras[0])
+
+
+def _require_usable(work: Work, images: ImageSet, progress: Progress) -> None:
+    """
+    Raises:
+        InputError: what an examination of the images finds makes a map of them useless.
+    """
+
+    def examine(folder: Path) -> None:
+        found = examination.examine(images, progress=progress)
+        (folder / "check.json").write_text(json.dumps(found.as_dict()))
+
+    found = json.loads((work.stage(CHECK, examine) / "check.json").read_text())
+    if found["exchanged"]:
+        raise InputError(f"{images.folder}: {found['problems'][-1]}")
 
 
 def work_folder(out: Path) -> Path:
@@ -279,7 +347,9 @@ def _digests(images: ImageSet) -> list[object]:
     """What the images are: their names, times and content."""
     return [
         images.time_s.tobytes(),
-        *((images.relative(*s), file_format.file_hash(images.path(*s))) for s in images.pairs()),
+        images.instants,
+        images.depths.unit_m if images.depths is not None else None,
+        *((file.name, file_format.file_hash(file)) for file in images.files()),
     ]
 
 
@@ -293,11 +363,13 @@ def _build(
     seen = views(placed)
     stereo = options.dense.stereo
     depth_work = work.on(options.sparse, options.length, _references(images, options.references), stereo)
-    depths = DepthFiles(
-        depth_work.stage(
-            DEPTH, lambda folder: depth_files.write(folder, surface.depth_images(seen, stereo, progress=progress))
-        )
-    )
+
+    def find_depth(folder: Path) -> None:
+        measured = images.depths is not None
+        found = _measured(placed, seen, progress) if measured else surface.depth_images(seen, stereo, progress=progress)
+        depth_files.write(folder, _unmasked(placed, found))
+
+    depths = DepthFiles(depth_work.stage(DEPTH, find_depth))
     dense = surface.reconstruct(seen, options.dense, depths=depths, progress=progress)
     progress("distance field", 0.0)
     distances = esdf.build(dense.state, dense.grid, cap_m=options.cap_m)
@@ -336,20 +408,38 @@ def _is_map(folder: Path) -> bool:
 def views(placed: SparseMap) -> list[ImageView]:
     """The placed images as dense reconstruction takes them, nearest and farthest range from the sparse points."""
     result: list[ImageView] = []
-    for instant, camera in placed.images.pairs():
-        if placed.registered[instant, camera]:
-            ranges = placed.ranges_m(instant, camera)
-            near, far = np.percentile(ranges, [2.0, 98.0]) if len(ranges) >= 20 else (None, None)
-            result.append(
-                ImageView(
-                    placed.rig.cameras[camera],
-                    placed.T_world_camera(instant, camera),
-                    placed.images.pixels(instant, camera),
-                    near_m=None if near is None else 0.6 * float(near),
-                    far_m=None if far is None else 1.5 * float(far),
-                )
+    for instant, camera in _placed_shots(placed):
+        ranges = placed.ranges_m(instant, camera)
+        near, far = np.percentile(ranges, [2.0, 98.0]) if len(ranges) >= 20 else (None, None)
+        result.append(
+            ImageView(
+                placed.rig.cameras[camera],
+                placed.T_world_camera(instant, camera),
+                placed.images.pixels(instant, camera),
+                near_m=None if near is None else 0.6 * float(near),
+                far_m=None if far is None else 1.5 * float(far),
             )
+        )
     return result
+
+
+def _placed_shots(placed: SparseMap) -> list[tuple[int, int]]:
+    """(instant, camera) of the images that are in the map."""
+    return [(instant, camera) for instant, camera in placed.images.pairs() if placed.registered[instant, camera]]
+
+
+def _measured(placed: SparseMap, seen: Sequence[ImageView], progress: Progress) -> Iterator[DepthImage]:
+    """What the depth camera measured, image by image."""
+    for number, (shot, view) in enumerate(zip(_placed_shots(placed), seen, strict=True), start=1):
+        yield surface.depth_from_sensor(view, placed.images.depth_m(*shot))
+        progress("measured depth", number / len(seen))
+
+
+def _unmasked(placed: SparseMap, depths: Iterator[DepthImage | None]) -> Iterator[DepthImage | None]:
+    """The depth images without what masks leave out."""
+    for shot, depth in zip(_placed_shots(placed), depths, strict=True):
+        used = placed.images.used(*shot)
+        yield depth if depth is None or used is None else depth.where(used)
 
 
 def _report(placed: SparseMap, surface: surface.Reconstruction, hash: str, cpu_s: dict[str, float]) -> MapReport:

@@ -14,7 +14,7 @@ from flight import FlightError, FloatArray, FormatError, InputError, MapError, f
 from mapping import map_folder, stages
 from mapping.camera import rig as rigs
 from mapping.camera.trial import Trial
-from mapping.images import ImageSet
+from mapping.input.images import ImageSet
 from mapping.localization import relocalization
 from mapping.map_folder import MapOptions
 from mapping.sparse import colmap, localization_map, reconstruction
