@@ -163,7 +163,7 @@ def test_interrupt_leaves_the_old_map(tmp_path: Path) -> None:
         mapping.build_map(images, RIG, out, options, overwrite=True, progress=interrupted)
     assert mapping.open_map(out).images == ("a.png", "c.png")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["images", "map", "map.work"]
-    assert stages.finished(tmp_path / "map.work", map_folder.STAGES) == ["features"]
+    assert stages.finished(tmp_path / "map.work", map_folder.STAGES) == ["check", "features"]
 
 
 def interrupted_work(out: Path, replaced: bool) -> None:
