@@ -103,7 +103,8 @@ class MapReport:
     reprojection_error_px: float
     """Mean over all observations."""
     least_agreement: float
-    """Smallest share of matches that agree with the map, over the placed images; below 0.85 an image is not placed."""
+    """Smallest share of matches that agree with the map, over the placed images; below 0.85 an image is not placed,
+    unless depth images place it."""
     points: int
     """Sparse points."""
     scale_source: str

@@ -87,10 +87,11 @@ def require_camera(cameras: tuple[Camera, ...]) -> None:
     Raises:
         InputError: several cameras, or a lens with distortion: a depth camera's images come without.
     """
-    if len(cameras) > 1:
+    camera, *others = cameras
+    if others:
         raise InputError(f"depth images go with one camera; the camera file has {len(cameras)}")
-    if cameras[0].model not in ("SIMPLE_PINHOLE", "PINHOLE"):
+    if camera.model not in ("SIMPLE_PINHOLE", "PINHOLE"):
         raise InputError(
-            f"depth images go with images without distortion (PINHOLE); camera {cameras[0].name!r} is "
-            f"{cameras[0].model}: undistort both, as the depth camera's software does"
+            f"depth images go with images without distortion (PINHOLE); camera {camera.name!r} is "
+            f"{camera.model}: undistort both, as the depth camera's software does"
         )

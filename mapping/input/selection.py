@@ -7,6 +7,7 @@ wall, a step aside looks like a turn), or when too few are left. The sharpest im
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -124,9 +125,10 @@ class _Tracker:
         self._waited += 1
         if self._count < _LEAST_CORNERS:
             return self._waited / _BLIND
+        anywhere: Any = None  # no first guess; OpenCV's stub knows no None
         if len(self._points):
-            ahead, found, _ = cv2.calcOpticalFlowPyrLK(self._last, small, self._points, None)
-            back, found_back, _ = cv2.calcOpticalFlowPyrLK(small, self._last, ahead, None)
+            ahead, found, _ = cv2.calcOpticalFlowPyrLK(self._last, small, self._points, anywhere)
+            back, found_back, _ = cv2.calcOpticalFlowPyrLK(small, self._last, ahead, anywhere)
             near = np.linalg.norm((back - self._points)[:, 0], axis=1) < _BACK_PX
             kept = (found[:, 0] > 0) & (found_back[:, 0] > 0) & near
             self._points, self._rays = ahead[kept], self._rays[kept]

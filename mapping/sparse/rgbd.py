@@ -146,8 +146,9 @@ def _rgbd(images: ImageSet, instant: int) -> Any:
     import open3d
 
     shown = open3d.geometry.RGBDImage()
-    shown.color = open3d.geometry.Image(images.gray(instant, 0).astype(np.float32) / 255.0)
-    shown.depth = open3d.geometry.Image(images.depth_m(instant, 0).astype(np.float32))
+    gray: Any = images.gray(instant, 0).astype(np.float32) / np.float32(255.0)  # Open3D's stub asks for a Buffer
+    depth_m: Any = images.depth_m(instant, 0).astype(np.float32)
+    shown.color, shown.depth = open3d.geometry.Image(gray), open3d.geometry.Image(depth_m)
     return shown
 
 
@@ -196,7 +197,7 @@ def _from_features(camera: Camera, points_a_m: FloatArray, pixels_b: FloatArray)
     )  # fmt: skip
     if not met or inliers is None or len(inliers) < _LEAST_MATCHES:
         return None
-    kept = inliers.ravel()
+    kept = np.asarray(inliers, dtype=np.int64).ravel()
     turn, shift = cv2.solvePnPRefineLM(points_a_m[kept], flat[kept], np.eye(3), None, turn, shift)
     T_b_a = np.eye(4)
     T_b_a[:3, :3], T_b_a[:3, 3] = cv2.Rodrigues(turn)[0], shift.ravel()
