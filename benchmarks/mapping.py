@@ -21,7 +21,6 @@ import numpy as np
 import mapping
 from flight import FloatArray, frames, rotations
 from goshawk.rendered import world as rendered_world
-from mapping import map_folder
 from mapping.camera import rig as rigs
 from mapping.camera import trial as trials
 from mapping.camera.adjustment import Observations
@@ -224,7 +223,7 @@ def depth_camera(data: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         report = mapping.build_map(data / "images", rig, Path(folder) / "map", options)
         placed = mapping.open_map(Path(folder) / "map")
-    images = map_folder.read_images(data / "images", rig, options)
+    images = mapping.read_folder(data / "images", rig, depths=options.depths)
     where = np.array([images.instants.index(name) for name in placed.images])
     T_world_camera = placed.T_world_body @ rig.cameras[0].T_body_camera
     off_m = error_m(T_world_camera, table.reshape(-1, 4, 4)[where])

@@ -12,7 +12,6 @@ report.json     all figures of the run
 import csv
 import dataclasses
 import glob
-import json
 import shutil
 import time
 from collections.abc import Iterator, Sequence
@@ -44,9 +43,9 @@ from mapping.dense.depth_files import DepthFiles
 from mapping.dense.stereo import DepthImage
 from mapping.dense.surface import DenseOptions
 from mapping.dense.views import ImageView
-from mapping.input import examination, masks, selection, video
+from mapping.input import source
 from mapping.input.depth_images import DepthFolder
-from mapping.input.images import ImageSet, read_folder, read_table
+from mapping.input.images import ImageSet, read_table
 from mapping.input.selection import SelectionOptions
 from mapping.sparse import alignment, colmap, localization_map, reconstruction
 from mapping.sparse.alignment import Length
@@ -60,8 +59,8 @@ FORMAT = "goshawk-map"
 VERSION = 1
 REPORT_FORMAT = "goshawk-map-report"
 
-FRAMES, CHECK, DEPTH = "frames", "check", "depth"
-STAGES = (FRAMES, CHECK, colmap.FEATURES, colmap.MATCHES, colmap.POSES, reconstruction.CALIBRATION, DEPTH)
+DEPTH = "depth"
+STAGES = (source.FRAMES, source.CHECK, colmap.FEATURES, colmap.MATCHES, colmap.POSES, reconstruction.CALIBRATION, DEPTH)
 """Stages whose results survive an interrupted work, in order."""
 _REPLACED = "replaced"
 """File of a work: inode of the earlier map, which is moved aside for the new one."""
@@ -233,73 +232,23 @@ def build_map(
         results.require_free_folder(out, overwrite=overwrite, ours=_is_map)
     alignment.require_scale(Path(images), rig, options.length, options.references, has_depth=options.depths is not None)
     again = STAGES[STAGES.index(again_from) :] if again_from else ()
-    if not video.is_video(Path(images)):
-        if FRAMES in (again_from, until):
-            raise InputError(f"the stage {FRAMES!r} is that of a video; {images} is a folder of images")
-        checked = read_images(images, rig, options, progress=progress)
+    given = source.Source(Path(images), rig, options.masks, options.depths, options.selection)
+    if not given.is_video:
+        if source.FRAMES in (again_from, until):
+            raise InputError(f"the stage {source.FRAMES!r} is that of a video; {images} is a folder of images")
+        checked = given.read(progress=progress)
     with stages.begin(work_folder(out), again=again, until=until) as begun:
         _put_back(out, begun)
-        if video.is_video(Path(images)):
-            checked = _frames_of(Path(images), rig, options, begun, progress)
-        work = begun.on(rigs.fingerprint(rig), *_digests(checked))
-        _require_usable(work, checked, progress)
+        if given.is_video:
+            checked = given.frames(begun, progress=progress)
+        work = begun.on(rigs.fingerprint(rig), *checked.digests())
+        source.require_usable(work, checked, progress=progress)
         report = _placed_before(out, _all_inputs(checked, options, work)) if interrupted else None
         if report is None:
             results.require_free_folder(out, overwrite=overwrite, ours=_is_map)
             report = _build(checked, out, options, work, overwrite=overwrite, progress=progress)
         stages.finish(begun)
     return report
-
-
-def read_images(images: Path, rig: Rig, options: MapOptions, *, progress: Progress = silent) -> ImageSet:
-    """The images of a folder that a map would be made of, checked.
-
-    Raises:
-        InputError: as `read_folder`; or the camera hardly moves.
-    """
-    read = read_folder(images, rig, masks=options.masks, depths=options.depths, progress=progress)
-    if options.selection is None:
-        return read
-    first = [instant for instant, camera in read.pairs() if camera == 0]
-    chosen = selection.choose(
-        (read.gray(instant, 0) for instant in first), rig.cameras[0], options.selection, used=_camera_mask(rig, options)
-    )
-    if len(chosen) < 2:
-        raise InputError(f"{images}: the camera hardly moves in its {len(first)} images; a map needs parallax")
-    return read.only(np.array(first)[chosen])
-
-
-def _frames_of(path: Path, rig: Rig, options: MapOptions, begun: Work, progress: Progress) -> ImageSet:
-    """The chosen frames of a video, as images; they stay in the work's folder until the map is made."""
-    if options.depths is not None:
-        raise InputError(f"depth images go with a folder of images; {path} is a video")
-    if not path.is_file():
-        raise InputError(f"{path} does not exist; give a folder of images or a video")
-    chosen, used = options.selection or SelectionOptions(), _camera_mask(rig, options)
-    work = begun.on(file_format.file_hash(path), rigs.fingerprint(rig), chosen, b"" if used is None else used.tobytes())
-    folder = work.stage(FRAMES, lambda new: video.extract(path, rig, new, chosen, used=used, progress=progress))
-    return read_folder(folder, rig, masks=options.masks, progress=progress)
-
-
-def _camera_mask(rig: Rig, options: MapOptions) -> np.ndarray | None:
-    """The mask that the first camera has for all its images."""
-    path = masks.of_camera(options.masks, rig.cameras[0]) if options.masks is not None else None
-    return None if path is None else masks.read(path, rig.cameras[0])
-
-
-def _require_usable(work: Work, images: ImageSet, progress: Progress) -> None:
-    """
-    Raises:
-        InputError: what an examination of the images finds makes a map of them useless.
-    """
-
-    def examine(folder: Path) -> None:
-        found = examination.examine(images, progress=progress)
-        (folder / "check.json").write_text(json.dumps(found.as_dict()))
-
-    found = json.loads((work.stage(CHECK, examine) / "check.json").read_text())
-    if found["exchanged"]:
-        raise InputError(f"{images.folder}: {found['problems'][-1]}")
 
 
 def work_folder(out: Path) -> Path:
@@ -342,16 +291,6 @@ def _placed_before(out: Path, inputs: str) -> MapReport | None:
         return None
     body = file_format.read_json(out / "report.json", format=REPORT_FORMAT, version=VERSION)
     return MapReport(**{field.name: body[field.name] for field in dataclasses.fields(MapReport)})
-
-
-def _digests(images: ImageSet) -> list[object]:
-    """What the images are: their names, times and content."""
-    return [
-        images.time_s.tobytes(),
-        images.instants,
-        images.depths.unit_m if images.depths is not None else None,
-        *((file.name, file_format.file_hash(file)) for file in images.files()),
-    ]
 
 
 def _build(

@@ -14,6 +14,7 @@ from goshawk.commands.map_edit import edit
 from goshawk.commands.map_show_esdf import show_esdf
 from mapping import map_folder, stages
 from mapping.input import examination
+from mapping.input.source import Source
 from mapping.verdict import Standing
 
 VOXEL_M, FARTHEST_M = (0.005, 10.0), (0.1, 1000.0)
@@ -187,7 +188,10 @@ def _report_resumed(out: Path, again_from: str | None) -> None:
 def _examine(images: Path, rig: mapping.Rig, options: mapping.MapOptions, *, as_json: bool) -> int:
     """`--check`: what can be said of the images before any long work; 1 if no map should be made of them."""
     with console.progress() as progress:
-        read = map_folder.read_images(images, rig, options, progress=progress)
+        given = Source(images, rig, options.masks, options.depths, options.selection)
+        if given.is_video:
+            raise InputError(f"--check examines a folder of images; {images} is a video, whose frames are chosen first")
+        read = given.read(progress=progress)
         found = mapping.examine(read, progress=progress)
     facts: dict[str, Any] = {
         "images": f"{read.count} of {len(read.instants)} instants, {len(rig)} camera{'s' * (len(rig) > 1)}",

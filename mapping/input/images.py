@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flight import FloatArray, FormatError, InputError, Progress, cells, silent
+from flight import FloatArray, FormatError, InputError, Progress, cells, file_format, silent
 from mapping.camera.rig import Camera, Rig
 from mapping.input import depth_images, image_file, masks
 from mapping.input.depth_images import DepthFolder
@@ -87,13 +87,15 @@ class ImageSet:
         used = self.used(instant, camera)
         return depth_m if used is None else np.where(used, depth_m, 0.0)
 
-    def files(self) -> list[Path]:
-        """All files of the set: images, masks, depth images."""
-        found = [self.path(*shot) for shot in self.pairs()]
-        found += sorted({path for shot in self.pairs() if (path := self.mask_path(*shot)) is not None})
+    def digests(self) -> list[object]:
+        """What the set is: names, times, and the content of images, masks and depth images."""
+        files = [self.path(*shot) for shot in self.pairs()]
+        files += sorted({path for shot in self.pairs() if (path := self.mask_path(*shot)) is not None})
         if self.depths is not None:
-            found += [self.depths.path(self.relative(*shot)) for shot in self.pairs()]
-        return found
+            files += [self.depths.path(self.relative(*shot)) for shot in self.pairs()]
+        shots = [self.relative(*shot) for shot in self.pairs()]
+        unit_m = self.depths.unit_m if self.depths is not None else None
+        return [self.time_s.tobytes(), shots, unit_m, *((f.name, file_format.file_hash(f)) for f in files)]
 
     def only(self, instants: np.ndarray) -> "ImageSet":
         """The set with some of its instants; `instants` are their numbers, in order."""

@@ -19,7 +19,7 @@ from mapping.input.images import ImageSet
 from mapping.sparse import rgbd
 from mapping.verdict import Standing
 
-CAMERA = rigs.forward_camera("PINHOLE", 320, 240, [230.0, 230.0, 160.0, 120.0])
+CAMERA = dataclasses.replace(rigs.forward_camera("PINHOLE", 320, 240, [230.0, 230.0, 160.0, 120.0]), folder="rgb")
 RIG = rigs.Rig((CAMERA,))
 ROOM = rendered_room.furnished()
 
@@ -33,11 +33,11 @@ def depth_m(T_world_camera: FloatArray) -> FloatArray:
 
 def write_depths(folder: Path, flight: RenderedFlight) -> DepthFolder:
     """16-bit millimetres; nothing beyond 5 m, as depth cameras have it."""
-    folder.mkdir()
+    (folder / CAMERA.folder).mkdir(parents=True)
     for k, T_world_body in enumerate(flight.T_world_body):
         seen_m = depth_m(T_world_body @ CAMERA.T_body_camera)
         millimetres = np.where(seen_m < 5.0, 1000.0 * seen_m, 0.0).round().astype(np.uint16)
-        cv2.imwrite(str(folder / f"{k:04d}.png"), millimetres)
+        cv2.imwrite(str(folder / CAMERA.folder / f"{k:04d}.png"), millimetres)
     return DepthFolder(folder)
 
 

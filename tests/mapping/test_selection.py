@@ -31,7 +31,7 @@ def chosen(images: list[np.ndarray], **options: float) -> list[int]:
     return selection.choose(iter(images), CAMERA, SelectionOptions(**options))
 
 
-def test_a_moving_camera_is_followed_at_the_wanted_parallax() -> None:
+def test_less_parallax_between_them_takes_more_images() -> None:
     steps_m = np.linspace(0.0, 1.0, 81)
     few, many = (chosen([view(x) for x in steps_m], parallax_rad=angle) for angle in (0.05, 0.02))
     assert few[0] == many[0] == 0
