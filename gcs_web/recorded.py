@@ -46,6 +46,7 @@ class _Opened:
     stamp: tuple[int, int]
     quantities: Mapping[str, streams.Quantity]
     time_s: FloatArray
+    gaps_s: FloatArray
     shift_s: float
 
 
@@ -84,13 +85,19 @@ class Recorded:
                 raise InputError(f"{name} has no stream {key}")
             quantity = found.quantities[key]
             curves = self._curves(name, found, quantity)
-            when, values = pyramid.part(found.time_s, curves, from_s + found.shift_s, to_s + found.shift_s, wanted)
+            part = pyramid.part(found.time_s, curves, from_s + found.shift_s, to_s + found.shift_s, wanted)
+            when, values = pyramid.parted(*part, found.gaps_s)
             lines = [
                 parts.CurvePart(curve.label, curve.kind, line.astype(np.float64).tolist())
                 for curve, line in zip(quantity.curves, values, strict=True)
             ]
             answer.append(parts.StreamPart(name, key, (when - found.shift_s).tolist(), lines))
         return answer
+
+    def gaps_s(self, name: str) -> FloatArray:
+        """(k, 2) begin and end of each pause of the log, on the flight's shifted time. Raises as `open`."""
+        found = self._found(name)
+        return found.gaps_s - found.shift_s
 
     def path(self, name: str) -> Path3D:
         """
@@ -143,7 +150,7 @@ class Recorded:
             place = (name, quantity.key)
             if place not in self._kept:
                 _, values = streams.read(found.path, quantity)
-                self._kept[place] = [Pyramid.of(line) for line in values]
+                self._kept[place] = [Pyramid.of(pyramid.bridged(found.time_s, line)) for line in values]
                 self._make_room(name)
             self._kept.move_to_end(place)
             return self._kept[place]
@@ -174,9 +181,8 @@ def _open(path: Path, stamp: tuple[int, int]) -> _Opened:
     log = flight_log.load(path, ["mission_state"] if has_state else [])
     if not len(log):
         raise InputError(f"{path.name} is empty")
-    return _Opened(
-        path, stamp, streams.of_log(names), log.time_s, _begins_s(log) if has_state else float(log.time_s[0])
-    )
+    begins_s = _begins_s(log) if has_state else float(log.time_s[0])
+    return _Opened(path, stamp, streams.of_log(names), log.time_s, pyramid.gaps(log.time_s), begins_s)
 
 
 def _begins_s(log: flight_log.FlightLog) -> float:

@@ -217,7 +217,6 @@ function Parameters({ rows, tried }: { rows: readonly ParameterRow[]; tried: Tri
             <tr key={row.name} class={tried?.changes.some((line) => line.includes(`${row.name}:`)) ? "touched" : ""}>
               <td class="words" title={row.name}>
                 {row.words}
-                {row.name.includes(".") && <span class="quiet"> {row.name.split(".")[0]}</span>}
               </td>
               <td>{figure(row.value)}</td>
               <td>{row.sigma > 0 ? figure(row.sigma) : "exact"}</td>
