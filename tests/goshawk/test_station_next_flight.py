@@ -7,7 +7,7 @@ import pytest
 
 import mapping
 import vehicle
-from flight import InputError, flight_log, project, silent, trajectory
+from flight import InputError, file_format, flight_log, project, silent, trajectory
 from goshawk.station_jobs import next_flight
 from goshawk.station_jobs.next_flight import Arguments
 from planner import gate
@@ -40,6 +40,18 @@ def test_a_taken_name_is_refused_before_the_queue(opened):
     with pytest.raises(InputError, match="escape"):
         next_flight.KIND.check(opened, Arguments(["a"], out="../escape"))
     path.unlink()
+
+
+def test_a_doubtful_map_is_taken_only_when_the_pilot_accepts_it(opened, tmp_path):
+    folder = shutil.copytree(opened.folder, tmp_path / "doubtful")
+    path = folder / "map" / "map.toml"
+    facts = file_format.read_toml(path, format="goshawk-map", version=1)
+    body = facts | {"verdict": "doubtful", "reasons": ["the walk is short"]}
+    file_format.write_toml(path, format="goshawk-map", version=1, body=body)
+    with pytest.raises(InputError, match="doubtful: the walk is short.*accept it"):
+        next_flight._run(folder, Arguments(["a"]), silent)
+    with pytest.raises(InputError, match="no flight gone"):  # the map is taken, then the flights are read
+        next_flight._run(folder, Arguments(["gone"], accept_doubtful_map=True), silent)
 
 
 @pytest.mark.slow

@@ -74,6 +74,7 @@ export interface MapFacts {
   reprojection_px: number | null;
   free_m3: number;
   standing: string;
+  doubt: string;
 }
 
 export interface Settings {

@@ -24,7 +24,7 @@ export function namesOf(role: "learn" | "hold_out"): string[] {
     .sort();
 }
 
-export async function startOnFlights(kind: string, more: Record<string, string> = {}): Promise<boolean> {
+export async function startOnFlights(kind: string, more: Record<string, string | boolean> = {}): Promise<boolean> {
   const reply = await send({
     type: "start_job",
     kind,
