@@ -142,6 +142,22 @@ def compensated_effects() -> dict[str, Compensation]:
     return dict(EFFECTS)
 
 
+def compensations(vehicle: VehicleLike) -> dict[str, tuple[bool, str]]:
+    """Every active effect of a model: whether the controller compensates it, and how or why not."""
+    try:
+        left = parameters_of(vehicle).not_compensated
+    except InputError as error:
+        return dict.fromkeys(vehicle.effects, (False, str(error)))
+    found: dict[str, tuple[bool, str]] = {}
+    for name in vehicle.effects:
+        entry = EFFECTS.get(name)
+        how = "an effect of your own, for which the controller has no compensation" if entry is None else entry.how
+        if entry is not None and entry.compensated and name in left:
+            how = f"only together with {entry.only_with} alone"
+        found[name] = (name not in left, how)
+    return found
+
+
 def checked(values: Mapping[str, float]) -> dict[str, float]:
     """The same values, after looking each one up in the table.
 

@@ -4,7 +4,7 @@ import json
 import secrets
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -385,6 +385,19 @@ class Desk:
                 log.write(json.dumps(line) + "\n")
         except OSError as error:  # the order was carried out all the same
             self.notice(f"the audit log could not be written: {error.strerror}", level="danger")
+
+    def audited(self, person: protocol.Person, what: str, do: Callable[[], None], about: dict[str, object]) -> None:
+        """Do what a person ordered, and write down what came of it.
+
+        Args:
+            about: of `audit`, as it was when the order was given.
+        """
+        try:
+            do()
+        except Exception as error:
+            self.audit(person, what, f"refused: {error}", about)
+            raise
+        self.audit(person, what, "done", about)
 
     def left(self, person: protocol.Person) -> None:
         """Somebody closed the page: control is free again."""

@@ -22,7 +22,14 @@ MOST_APART = 8
 """Commands of one page that may wait for the vehicle at a time; aborts may be twice as many, the others counted."""
 
 _DECODER = msgspec.json.Decoder(protocol.FromPage)
-_APART = (protocol.Abort, protocol.Upload, protocol.PrepareUpload, protocol.Order)
+_APART = (
+    protocol.Abort,
+    protocol.Upload,
+    protocol.PrepareUpload,
+    protocol.Order,
+    protocol.PrepareCompensation,
+    protocol.SendCompensation,
+)
 """Commands that wait for the vehicle: done beside the others, so that nothing (Abort least of all) waits for them."""
 
 

@@ -10,6 +10,7 @@ from typing import Literal
 import msgspec
 
 from gcs_web.protocol_base import Command, Edit
+from gcs_web.protocol_compensation import Compensation, PrepareCompensation, SendCompensation
 from gcs_web.protocol_flights import (
     Comparison,
     Diagnosis,
@@ -206,6 +207,8 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
     scatter: Scatter | None = None
     incoming: Incoming | None = None
     """Of `take_log`: what the columns of a foreign log may be."""
+    compensation: Compensation | None = None
+    """Of `prepare_compensation` and `send_compensation`."""
     plans: list[PlanSummary] = []
     """Of `compare_plans`."""
 
@@ -437,4 +440,5 @@ FromPage = (
     | StartJob | CancelJob | ForgetJob | ListJobs
     | ListFlights | SetRole | OpenFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight
     | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo
+    | PrepareCompensation | SendCompensation
 )  # fmt: skip

@@ -5,7 +5,7 @@ from typing import Any
 
 from gcs_web import protocol
 from gcs_web.desk import Desk
-from gcs_web.panels import editing, flights, jobs, learning, map, trajectories, vehicle_orders, view
+from gcs_web.panels import compensation, editing, flights, jobs, learning, map, trajectories, vehicle_orders, view
 
 Handler = Callable[[Desk, protocol.Person, Any], protocol.Reply | None]
 """Does a command; a reply only where it has something to say. Raises `FlightError` to refuse it."""
@@ -19,4 +19,5 @@ HANDLERS: dict[type, Handler] = {
     **flights.HANDLERS,
     **learning.HANDLERS,
     **vehicle_orders.HANDLERS,
+    **compensation.HANDLERS,
 }

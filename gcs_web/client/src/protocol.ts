@@ -666,6 +666,37 @@ export interface DropMapEdits {
   edits: number[];
 }
 
+export interface ControllerParameter {
+  name: string;
+  unit: string;
+  flies_with: number;
+  model: number;
+  in_flight: boolean;
+}
+
+export interface NotCompensated {
+  title: string;
+  why: string;
+}
+
+export interface Compensation {
+  vehicle: string;
+  version: number;
+  parameters: ControllerParameter[];
+  not_compensated: NotCompensated[];
+}
+
+export interface PrepareCompensation {
+  type: "prepare_compensation";
+  serial: number;
+}
+
+export interface SendCompensation {
+  type: "send_compensation";
+  serial: number;
+  nonce: string;
+}
+
 export interface Welcome {
   type: "welcome";
   protocol: number;
@@ -772,6 +803,7 @@ export interface Reply {
   parts: StreamPart[];
   scatter: Scatter | null;
   incoming: Incoming | null;
+  compensation: Compensation | null;
   plans: PlanSummary[];
 }
 
@@ -1015,4 +1047,4 @@ export interface Abort {
 
 export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment;
 
-export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | SetGate | ClearGate | SetTube | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | ShowMap | Measure | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits | StartJob | CancelJob | ForgetJob | ListJobs | ListFlights | SetRole | OpenFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo;
+export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | SetGate | ClearGate | SetTube | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | ShowMap | Measure | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits | StartJob | CancelJob | ForgetJob | ListJobs | ListFlights | SetRole | OpenFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo | PrepareCompensation | SendCompensation;

@@ -58,6 +58,7 @@ function refusal(number: number, error: string): Reply {
     nonce: "",
     here: null,
     there: null,
+    compensation: null,
     name: "",
     flights: [],
     parts: [],

@@ -5,6 +5,7 @@ import { dayAndTime, sentenceCase, short } from "../format";
 import { submit } from "../socket";
 import { connected, diagnosis, model } from "../store";
 import type { ParameterRow, Stair, Tried, VehicleVersion } from "../protocol";
+import { Compensation } from "./Compensation";
 import { figure } from "./Learn";
 import { namesOf } from "./WhereItFails";
 
@@ -137,6 +138,7 @@ export function ModelInspector() {
         </p>
       </section>
       <Parameters rows={now.parameters} tried={now.tried} />
+      <Compensation />
     </>
   );
 }
