@@ -18,7 +18,7 @@ from tests.waiting import until
 from vehicle import manoeuvres, simulate
 
 DRAG = ("rotor_drag_thrust", "parasitic_drag")
-GUARD = '''
+GUARD = """
 from vehicle.effects.base import Effect, Spec, Stage
 
 def apply(flow, p):
@@ -27,7 +27,7 @@ def apply(flow, p):
 EFFECT = Effect(name="compensation_guard", number=0, stage=Stage.FORCE, apply=apply,
     parameters=(Spec("drag_kg_m", "N s/m", prior=0.02, bounds=(0.0, 1.0)),),
     law="F_y = -c v_y", source="here", channel="F_y", regressor="v_y", excited_by=("fast_level",))
-'''
+"""
 
 
 def without_drag(model: vehicle.Vehicle) -> vehicle.Vehicle:

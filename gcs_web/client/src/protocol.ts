@@ -213,6 +213,7 @@ export interface Finding {
   fix: string;
   fixable: boolean;
   spans_s: [number, number][];
+  what: string;
 }
 
 export interface FlightCard {

@@ -217,7 +217,7 @@ function Parameters({ rows, tried }: { rows: readonly ParameterRow[]; tried: Tri
         <tbody>
           {rows.map((row) => (
             <tr key={row.name} class={tried?.changes.some((line) => line.includes(`${row.name}:`)) ? "touched" : ""}>
-              <td class="words" title={row.name}>
+              <td class="words whole" title={row.name}>
                 {row.words}
               </td>
               <td>{figure(row.value)}</td>
