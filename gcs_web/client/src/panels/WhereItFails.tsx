@@ -130,8 +130,9 @@ function best(channel: ChannelResidual, row: RowOfMap): { share: number; index: 
   return found;
 }
 
-/** By how much a variable explains more than a constant, in the channel where that is most. */
+/** By how much a variable explains more than a constant, in the channel where that is most; a constant, more than nothing. */
 function gainOf(found: Comparison, row: RowOfMap): number {
+  if (row.name === "constant") return Math.max(...found.channels.map((channel) => best(channel, row).share));
   const constant = found.variables.findIndex(({ name }) => name === "constant");
   return Math.max(...found.channels.map((channel) => best(channel, row).share - (channel.shares[constant] ?? 0)));
 }
