@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +10,6 @@ from flight import FloatArray
 
 Small = NDArray[np.float32]
 """What is drawn needs no more digits, and ten million samples half the room."""
-_Values = TypeVar("_Values", Small, FloatArray)
 
 SMALLEST_GROUP = 4
 """Samples that the finest level merges."""
@@ -86,7 +84,9 @@ def gaps(time_s: FloatArray, factor: float = GAP_FACTOR) -> FloatArray:
     return np.stack([time_s[holes], time_s[holes + 1]], axis=1)
 
 
-def parted(time_s: FloatArray, curves: Sequence[_Values], pauses: FloatArray) -> tuple[FloatArray, list[_Values]]:
+def parted(
+    time_s: FloatArray, curves: Sequence[Small | FloatArray], pauses: FloatArray
+) -> tuple[FloatArray, list[FloatArray]]:
     """Curves of one time base with a NaN in the middle of each pause that they reach over, so that no line crosses it.
 
     Args:
@@ -97,7 +97,9 @@ def parted(time_s: FloatArray, curves: Sequence[_Values], pauses: FloatArray) ->
     places = np.searchsorted(time_s, middle_s)
     inside = (places > 0) & (places < len(time_s))
     places, middle_s = places[inside], middle_s[inside]
-    return np.insert(time_s, places, middle_s), [np.insert(curve, places, np.nan) for curve in curves]
+    return np.insert(time_s, places, middle_s), [
+        np.insert(curve.astype(np.float64), places, np.nan) for curve in curves
+    ]
 
 
 def bridged(time_s: FloatArray, values: FloatArray) -> FloatArray:

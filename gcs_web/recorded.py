@@ -88,7 +88,7 @@ class Recorded:
             part = pyramid.part(found.time_s, curves, from_s + found.shift_s, to_s + found.shift_s, wanted)
             when, values = pyramid.parted(*part, found.gaps_s)
             lines = [
-                parts.CurvePart(curve.label, curve.kind, line.astype(np.float64).tolist())
+                parts.CurvePart(curve.label, curve.kind, line.tolist())
                 for curve, line in zip(quantity.curves, values, strict=True)
             ]
             answer.append(parts.StreamPart(name, key, (when - found.shift_s).tolist(), lines))
