@@ -62,7 +62,11 @@ def test_a_cancelled_proposal_leaves_no_process_and_no_file(opened, tmp_path):
     folder = shutil.copytree(opened.folder, tmp_path / "cancelled")
     job = JobProcess(next_flight._run, folder, Arguments(["a"]), tmp_path / "job.log")
     pid = job._process.pid
-    assert not isinstance(job.outcome(lambda _, __: job.cancel()), Done)
+
+    def cancel(stage: str, fraction: float) -> None:
+        job.cancel()
+
+    assert not isinstance(job.outcome(cancel), Done)
     assert not alive(pid)
     assert list((folder / "trajectories").glob("*")) == []
 
