@@ -153,7 +153,7 @@ def test_a_curve_of_rotor_thrust_is_shown_with_its_words_and_unit(page, station)
 def overflow(page) -> list[str]:
     """Classes of what reaches beyond the screen, and of columns that must be scrolled sideways."""
     return page.evaluate(
-        """() => [...document.querySelectorAll("main, aside, .list-area, header, footer, .card, .flight")]
+        """() => [...document.querySelectorAll("aside, .list-area, header, footer, .card, .flight")]
             .filter(e => e.getBoundingClientRect().right > innerWidth + 1 || e.scrollWidth > e.clientWidth + 1)
             .map(e => e.className)"""
     )
