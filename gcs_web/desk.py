@@ -14,12 +14,13 @@ import numpy as np
 
 import planner
 import vehicle
-from flight import FlightError, FloatArray, FormatError, InputError, TrajectoryFile, trajectory
+from flight import FlightError, FloatArray, FormatError, InputError, TrajectoryFile, Waypoints, trajectory
+from flight.mission import Mission
 from flight.project import Project
-from gcs_web import inputs, page_values, planning, protocol, protocol_parts, saved
+from gcs_web import inputs, missions, page_values, planning, protocol, protocol_parts, saved
 from gcs_web.comparing import Comparing
 from gcs_web.consent import Consent
-from gcs_web.document import Settings
+from gcs_web.document import Content, Settings
 from gcs_web.flights import Flights
 from gcs_web.hub import Hub
 from gcs_web.jobs import Jobs, Kind
@@ -69,6 +70,8 @@ class Desk:
         self.name = "plan"
         """Of the trajectory that the plan would be saved and uploaded as."""
         self.answer: planning.Answer | None = None
+        self._as_saved: tuple[Content, TrajectoryFile] | None = None
+        """A saved trajectory that was opened, and the document of which it is the plan."""
         self.in_control = ""
         """Id of the person whose orders are passed on to the vehicle."""
         self._map_edits: tuple[tuple[MapEdit, ...], str] = ((), "")
@@ -173,7 +176,19 @@ class Desk:
                 self._show_plan(protocol.Plan(revision, "none", sentence))
                 return
             self._show_plan(protocol.Plan(revision, "planning", "Planning and checking ..."))
-            self._planner.request(planning.Request(revision, content, self.inputs, afresh))
+            if afresh:
+                self._as_saved = None
+            known = self._as_saved
+            opened = known[1] if known is not None and known[0] == content else None
+            self._planner.request(planning.Request(revision, content, self.inputs, afresh, opened))
+
+    def open_saved(self, item: TrajectoryFile, author: str) -> None:
+        """Take a saved trajectory as it is for the plan of its waypoints, until they change or are planned again."""
+        points = Waypoints(item.waypoints_world_m, np.full(len(item.waypoints_world_m), np.nan))
+        label = f"waypoints of {item.name} opened"
+        self.name = item.name
+        self._as_saved = (missions.with_mission(self.session.content, Mission(points)), item)
+        self.session.take(points, label, author)
 
     def draft(self, waypoint: int, position_world_m: FloatArray) -> None:
         """Show what the path would look like with a waypoint (id) there, without changing the document."""

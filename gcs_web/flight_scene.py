@@ -40,7 +40,7 @@ class FlightScene:
 
         Args:
             values: by flight, times and signed values by which its path is coloured, blue - grey - orange over the
-                same symmetric range for all; the others are plain.
+                same symmetric range for all; NaN where nothing is known. Where nothing is, and others, are plain.
         """
         with self._lock, self._server.atomic():
             for node in (*self._drawn, *self._vehicles):
@@ -50,8 +50,9 @@ class FlightScene:
             for i, (name, path) in enumerate(paths.items()):
                 colours = np.tile(np.array(_COLOURS[i % len(_COLOURS)], dtype=np.uint8), (len(path.time_s), 1))
                 if name in values:
-                    when, value = values[name]
-                    colours = scene.signed_colours(np.interp(path.time_s, when, value) / reach)
+                    shown = np.interp(path.time_s, *values[name], left=np.nan, right=np.nan)
+                    known = np.isfinite(shown)
+                    colours[known] = scene.signed_colours(shown[known] / reach)
                 self._drawn.append(scene.draw_path(self._server, path.position_world_m, colours, name=f"/flown_{i}"))
                 self._vehicles.append(scene.draw_vehicle(self._server, f"/flown_vehicle_{i}", opacity=1.0))
             if self._planned is None and paths:
@@ -126,4 +127,4 @@ def _place(
 def _reach(values: Mapping[str, tuple[FloatArray, FloatArray]]) -> float:
     """Half the range of the scale: the largest value but for the last hundredth, the same for all flights."""
     every: Sequence[FloatArray] = [np.abs(value) for _, value in values.values()]
-    return max(float(np.quantile(np.concatenate(every), 0.99)) if every else 0.0, 1e-12)
+    return max(float(np.nanquantile(np.concatenate(every), 0.99)) if every else 0.0, 1e-12)

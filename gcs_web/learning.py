@@ -81,7 +81,7 @@ class Learning:
             present.name,
             list(present.effects),
             [
-                ParameterRow(name, words.parameter(name), p.value, p.std, p.unit, p.source)
+                ParameterRow(name, words.parameter_in_full(name), p.value, p.std, p.unit, p.source)
                 for name, p in ((name, present.parameter(name)) for name in vehicle.specs(present))
             ],
             self._versions(),

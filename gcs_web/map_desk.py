@@ -11,7 +11,7 @@ import esdf
 from esdf import Edit
 from esdf.edits import difference
 from flight import FlightError, FloatArray, InputError
-from gcs_web import map_edits, protocol
+from gcs_web import inputs, map_edits, protocol
 from gcs_web.protocol_parts import Layer, MapAction, MapFacts, Shape, Slice
 
 if TYPE_CHECKING:
@@ -80,6 +80,7 @@ class MapDesk:
                     reprojection_px=None if reprojection is None else float(reprojection),
                     free_m3=free_m3,
                     standing=str(area.standing),
+                    doubt=inputs.doubt(area),
                 ),
                 author=self._author,
             )

@@ -17,15 +17,20 @@ from multiprocessing import connection
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import planner
 import vehicle
 from flight import FlightError, FloatArray, TrajectoryFile
-from gcs_web import inputs, missions, page_values, protocol, replanning
+from gcs_web import inputs, missions, page_values, protocol, replanning, saved
 from gcs_web.document import Content
+from mapping import Map
 
 logger = logging.getLogger(__name__)
 
 PATIENCE_S = 1.0
+_SAVED_STEP_S = 0.01
+"""A saved trajectory's waypoints need not be where two of its segments join."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +43,8 @@ class Request:
     """Of the map and the vehicle that it is to be checked against."""
     afresh: bool = False
     """Whether to plan from scratch, and not on from the last plan."""
+    saved: TrajectoryFile | None = None
+    """A trajectory through these waypoints that is checked as it is, in place of a plan."""
     id: int = field(default_factory=itertools.count().__next__)
     """Of this request: one revision may be planned again, with other inputs."""
 
@@ -268,20 +275,37 @@ def answer(request: Request, parts: inputs.Parts, base: planner.PlanOptions, rep
     return Answer(request, file, shown(elapsed_ms))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Passed:
+    """A trajectory that passed the gate."""
+
+    file: TrajectoryFile
+    gate: planner.GateReport
+    limits: vehicle.Limits
+    join_s: FloatArray
+    """Instants of which each waypoint is passed at one."""
+    how: str = ""
+    """Said before everything else."""
+
+
 def _planned(
     request: Request, parts: inputs.Parts, base: planner.PlanOptions, replanner: replanning.Replanner
 ) -> tuple[TrajectoryFile, Callable[[float], protocol.Plan]]:
     content = request.content
     area, believed = parts.map(request.inputs), parts.vehicle(request.inputs)
-    asked = options(content, believed, base)
-    plan = replanner.plan(content, replanning.Known(area.field, believed, asked), afresh=request.afresh)
-    file = planner.trajectory_file(plan, name="plan")
+    found = "" if request.saved is None else _as_saved(request.saved, area, believed)
+    if isinstance(found, str):
+        asked = options(content, believed, base)
+        plan = replanner.plan(content, replanning.Known(area.field, believed, asked), afresh=request.afresh)
+        file = planner.trajectory_file(plan, name="plan")
+        found = _Passed(file, plan.gate, asked.limits_for(believed), plan.trajectory.starts_s, found)
+    file, report = found.file, found.gate
     page_values.crc32(file)  # a plan that the vehicle cannot store is refused here, in words
-    series = page_values.series(plan.trajectory, believed, area.field, asked.limits_for(believed))
-    judged_m = page_values.judged_clearance(plan.trajectory, area.field, plan.gate, series)
-    bounds = page_values.limits(plan.gate, series, judged_m)
+    series = page_values.series(file.trajectory, believed, area.field, found.limits)
+    judged_m = page_values.judged_clearance(file.trajectory, area.field, report, series)
+    bounds = page_values.limits(report, series, judged_m)
     radii_m = {point.id: point.fly_by_m for point in content.points}
-    passed = page_values.passings(plan, missions.flown(content), radii_m, area.field)
+    passed = page_values.passings(file, found.join_s, missions.flown(content), radii_m, area.field)
     doubt = inputs.doubt(area)
 
     def shown(planning_ms: float) -> protocol.Plan:
@@ -290,15 +314,15 @@ def _planned(
             revision=request.revision,
             state="checked",
             sentence=(
-                f"{plan.trajectory.duration_s:.2f} s, {_counted(content)}, top speed "
-                f"{top:.2f} m/s. Closest {plan.gate.clearance_m:.2f} m; "
-                f"{plan.gate.required_clearance_m:.2f} m is needed." + (f" {doubt}" if doubt else "")
+                f"{found.how}{file.trajectory.duration_s:.2f} s, {_counted(content)}, top speed "
+                f"{top:.2f} m/s. Closest {report.clearance_m:.2f} m; "
+                f"{report.required_clearance_m:.2f} m is needed." + (f" {doubt}" if doubt else "")
             ),
-            duration_s=plan.trajectory.duration_s,
+            duration_s=file.trajectory.duration_s,
             top_speed_m_s=top,
-            clearance_m=plan.gate.clearance_m,
-            required_clearance_m=plan.gate.required_clearance_m,
-            closest=plan.gate.clearance_point_world_m,
+            clearance_m=report.clearance_m,
+            required_clearance_m=report.required_clearance_m,
+            closest=report.clearance_point_world_m,
             planning_ms=planning_ms,
             limits=bounds,
             segments=page_values.segments(passed, bounds, series, judged_m),
@@ -307,6 +331,17 @@ def _planned(
         )
 
     return file, shown
+
+
+def _as_saved(item: TrajectoryFile, area: Map, believed: vehicle.Vehicle) -> _Passed | str:
+    """A saved trajectory under the gate, for the map and the vehicle as they are now; why not if it does not pass."""
+    judged = saved.judge(item, area, believed)
+    if not judged.report.passed:
+        failed = ", ".join(check.name for check in judged.report.failures)
+        return f"{item.name} as it was saved does not pass any more ({failed}): planned again through its waypoints. "
+    duration_s = item.trajectory.duration_s
+    at_s = np.union1d(item.trajectory.starts_s, np.arange(0.0, duration_s, _SAVED_STEP_S))
+    return _Passed(item, judged.report, judged.limits, at_s, f"{item.name} as it was saved. ")
 
 
 def _counted(content: Content) -> str:

@@ -21,7 +21,9 @@ class Finding(msgspec.Struct, frozen=True):
     fixable: bool
     """Whether the fix is a change of the log that can be applied by a click."""
     spans_s: list[tuple[float, float]]
-    """Where; empty for everywhere."""
+    """Where, on the log's clock; empty for everywhere."""
+    what: str = ""
+    """One or two words, the same for the same fault."""
 
 
 class FlightCard(msgspec.Struct, frozen=True):

@@ -125,6 +125,8 @@ class MapFacts(msgspec.Struct, frozen=True):
     """Space known to be free, edits applied."""
     standing: str
     """good or doubtful."""
+    doubt: str = ""
+    """Why it is doubtful, as a sentence."""
 
 
 Colour = Literal["clearance", "speed", "thrust", "tilt", "rotor_margin"]

@@ -14,6 +14,8 @@ Small = NDArray[np.float32]
 SMALLEST_GROUP = 16
 """Samples that the finest level merges; smaller groups are merged when they are drawn: the levels take a quarter of
 the samples' memory."""
+GAP_FACTOR, GAP_LEAST_S = 4.0, 0.04
+"""A pause is a gap where it lasts so many usual steps, and so long: as the checks and the estimator tell gaps."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,3 +87,40 @@ def part(
     starts = group * np.arange(begin, end)
     places = np.stack([starts, np.minimum(starts + group // 2, len(time_s) - 1)], axis=1).ravel()
     return time_s[places], [curve.extremes(group, begin, end) for curve in curves]
+
+
+def gaps(time_s: FloatArray, factor: float = GAP_FACTOR) -> FloatArray:
+    """(k, 2) begin and end of the pauses in increasing times: steps of more than `factor` usual ones."""
+    step_s = np.diff(time_s)
+    usual_s = float(np.median(step_s)) if len(step_s) else 0.0
+    holes = np.flatnonzero(step_s > max(factor * usual_s, GAP_LEAST_S))
+    return np.stack([time_s[holes], time_s[holes + 1]], axis=1)
+
+
+def parted(
+    time_s: FloatArray, curves: Sequence[Small | FloatArray], pauses: FloatArray
+) -> tuple[FloatArray, list[FloatArray]]:
+    """Curves of one time base with a NaN in the middle of each pause that they reach over, so that no line crosses it.
+
+    Args:
+        time_s: (m,) increasing; every curve has m values.
+        pauses: (k, 2), of `gaps`.
+    """
+    middle_s = np.unique(pauses.mean(axis=1))
+    places = np.searchsorted(time_s, middle_s)
+    inside = (places > 0) & (places < len(time_s))
+    places, middle_s = places[inside], middle_s[inside]
+    return np.insert(time_s, places, middle_s), [
+        np.insert(curve.astype(np.float64), places, np.nan) for curve in curves
+    ]
+
+
+def bridged(time_s: FloatArray, values: FloatArray) -> FloatArray:
+    """Values with straight lines over instants at which other columns were sampled, but not over gaps of their own."""
+    known = np.flatnonzero(~np.isnan(values))
+    if len(known) < 2 or len(known) == len(values):
+        return values
+    filled = np.interp(time_s, time_s[known], values[known], left=np.nan, right=np.nan)
+    for begin_s, end_s in gaps(time_s[known]):
+        filled[(time_s > begin_s) & (time_s < end_s)] = np.nan
+    return filled

@@ -47,6 +47,7 @@ class _Opened:
     stamp: tuple[int, int]
     quantities: Mapping[str, streams.Quantity]
     time_s: FloatArray
+    gaps_s: FloatArray
     shift_s: float
 
 
@@ -85,13 +86,19 @@ class Recorded:
         wanted = min(max(points, 2), MOST_POINTS)
         answer = []
         for quantity, curves in zip(quantities, self._curves(name, found, quantities), strict=True):
-            when, values = pyramid.part(found.time_s, curves, from_s + found.shift_s, to_s + found.shift_s, wanted)
+            part = pyramid.part(found.time_s, curves, from_s + found.shift_s, to_s + found.shift_s, wanted)
+            when, values = pyramid.parted(*part, found.gaps_s)
             lines = [
-                parts.CurvePart(curve.label, curve.kind, line.astype(np.float64).tolist())
+                parts.CurvePart(curve.label, curve.kind, line.tolist())
                 for curve, line in zip(quantity.curves, values, strict=True)
             ]
             answer.append(parts.StreamPart(name, quantity.key, (when - found.shift_s).tolist(), lines))
         return answer
+
+    def gaps_s(self, name: str) -> FloatArray:
+        """(k, 2) begin and end of each pause of the log, on the flight's shifted time. Raises as `open`."""
+        found = self._found(name)
+        return found.gaps_s - found.shift_s
 
     def path(self, name: str) -> Path3D:
         """
@@ -147,7 +154,7 @@ class Recorded:
             missing = [q for q in quantities if q.key not in kept]
             if missing:
                 for quantity, lines in zip(missing, streams.read(found.path, missing, len(found.time_s)), strict=True):
-                    kept[quantity.key] = [Pyramid.of(line) for line in lines]
+                    kept[quantity.key] = [Pyramid.of(pyramid.bridged(found.time_s, line)) for line in lines]
             for quantity in quantities:
                 self._kept[name, quantity.key] = kept[quantity.key]
                 self._kept.move_to_end((name, quantity.key))
@@ -187,7 +194,7 @@ def _open(path: Path, stamp: tuple[int, int]) -> _Opened:
         raise InputError(f"{path.name} is empty")
     # Where the trajectory begins, flights of one course stand side by side.
     begins_s = flying_s[0] if len(flying_s) else time_s[0]
-    return _Opened(path, stamp, streams.of_log(names), time_s, float(begins_s))
+    return _Opened(path, stamp, streams.of_log(names), time_s, pyramid.gaps(time_s), float(begins_s))
 
 
 def _rows(path: Path, quantities: Sequence[str], rows: np.ndarray) -> dict[str, FloatArray]:

@@ -6,14 +6,17 @@ from contextlib import ExitStack, closing
 from pathlib import Path
 from unittest.mock import MagicMock
 
+import numpy as np
 import pytest
 
+import mapping
 import planner
 import vehicle
-from flight import InputError, file_format, project
+from flight import InputError, Waypoints, file_format, project
 from gcs_web import planning, protocol
 from gcs_web.consent import Consent
 from gcs_web.desk import Desk
+from tests.gcs_web.station_process import START
 
 
 @pytest.fixture
@@ -87,3 +90,25 @@ def test_a_verdict_that_nobody_knows_is_no_map_to_plan_in(desk, opened):
     judge_map(opened, "splendid", [])
     running = desk(planner.PlanOptions())
     assert "the verdict is 'splendid'; known are good" in notices(running)[-1].text
+
+
+def test_an_opened_trajectory_is_the_plan_until_its_waypoints_change_or_are_planned_again(desk, opened):
+    running = desk(planner.PlanOptions())
+    area, believed = mapping.open_map(opened.map), vehicle.load(opened.vehicle)
+    plan = planner.plan(Waypoints(START, np.full(len(START), np.nan)), area.field, believed)
+    item = planner.trajectory_file(plan, name="kept")
+
+    def asked() -> str:
+        saved = running._planner.request.call_args.args[0].saved
+        return "" if saved is None else saved.name
+
+    running.open_saved(item, "Anna")
+    assert (asked(), running.name) == ("kept", "kept")
+    first = running.session.content.points[0].id
+    now = running.session.revision
+    running.session.edit(protocol.Move(serial=0, revision=now, waypoints=[first], x_m=0.9), "Anna")
+    assert asked() == ""
+    running.session.undo("Anna")
+    assert asked() == "kept"
+    running.request_plan(afresh=True)
+    assert asked() == ""

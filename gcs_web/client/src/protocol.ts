@@ -74,6 +74,7 @@ export interface MapFacts {
   reprojection_px: number | null;
   free_m3: number;
   standing: string;
+  doubt: string;
 }
 
 export interface Settings {
@@ -212,6 +213,7 @@ export interface Finding {
   fix: string;
   fixable: boolean;
   spans_s: [number, number][];
+  what: string;
 }
 
 export interface FlightCard {

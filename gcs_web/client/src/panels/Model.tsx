@@ -228,9 +228,8 @@ function Parameters({ rows, tried }: { rows: readonly ParameterRow[]; tried: Tri
         <tbody>
           {rows.map((row) => (
             <tr key={row.name} class={tried?.changes.some((line) => line.includes(`${row.name}:`)) ? "touched" : ""}>
-              <td class="words" title={row.name}>
+              <td class="words whole" title={row.name}>
                 {row.words}
-                {row.name.includes(".") && <span class="quiet"> {row.name.split(".")[0]}</span>}
               </td>
               <td>{figure(row.value)}</td>
               <td>{row.sigma > 0 ? figure(row.sigma) : "exact"}</td>
