@@ -4,6 +4,8 @@ viser listens on a random loopback port and asks nobody anything; whoever reache
 browser talks to this gateway, which checks the Host header (a foreign name that resolves here is refused), the token
 (good once, then a cookie of the browser's own) and the Origin of every WebSocket, bounds the size of a message and the
 number of sockets, drops the messages that would publish the view on viser's share server, and passes the rest on.
+Nobody holds a connection by silence: a request must come within `SILENCE_S`, a body must move every
+`BODY_PAUSE_S`, and a WebSocket whose browser does not answer a ping is closed.
 
 /          our page (`gcs_web/static`)
 /ws        its WebSocket
@@ -41,6 +43,12 @@ LARGEST_LOG = 1 << 30
 LARGEST_MESSAGE = 1 << 20
 """Bytes that a browser may send at once."""
 MOST_SOCKETS = 64
+SILENCE_S = 30.0
+"""Time for a request: a connection that is longer about it (line and header), or idle after one, is closed."""
+PING_S = 20.0
+"""Between two pings of a WebSocket; half of it is the time for an answer, then the socket is closed."""
+BODY_PAUSE_S = 30.0
+"""Longest pause inside a flight log that is sent."""
 MOST_BROWSERS = 64
 """Cookies that are good at a time; the oldest is forgotten first."""
 REFUSED_MESSAGES = frozenset({"ShareUrlRequest", "ShareUrlDisconnect"})
@@ -136,7 +144,9 @@ class Gateway:
         application.router.add_get("/viser", self._pass_socket)  # viser's page leaves out the last slash here
         application.router.add_get("/viser/{path:.*}", self._pass_on)
         self._client = ClientSession(timeout=ClientTimeout(total=60), auto_decompress=False)
-        self._runner = web.AppRunner(application, access_log=None, shutdown_timeout=1.0)
+        self._runner = web.AppRunner(
+            application, access_log=None, shutdown_timeout=1.0, keepalive_timeout=SILENCE_S
+        )
         await self._runner.setup()
         site = web.TCPSite(self._runner, self._host, self._wanted_port, ssl_context=self._tls)
         await site.start()
@@ -199,7 +209,9 @@ class Gateway:
 
         self.refused += 1
         logger.warning("refused: %s", reason)
-        return web.Response(status=status, text=f"Goshawk: {reason}\n")
+        refusal = web.Response(status=status, text=f"Goshawk: {reason}\n")
+        refusal.force_close()
+        return refusal
 
     async def _index(self, request: "web.Request") -> "web.StreamResponse":
         from aiohttp import web
@@ -224,7 +236,7 @@ class Gateway:
             temporary = Path(file.name)
             try:
                 size = 0
-                async for data in request.content.iter_chunked(1 << 16):
+                while data := await asyncio.wait_for(request.content.read(1 << 16), BODY_PAUSE_S):
                     size += len(data)
                     if size > LARGEST_LOG:
                         said = f"{name} is larger than {LARGEST_LOG >> 30} GiB; read it with `goshawk log` instead"
@@ -232,6 +244,8 @@ class Gateway:
                     file.write(data)
                 file.close()
                 temporary.replace(self._incoming / name)
+            except TimeoutError:
+                return web.Response(status=408, text=f"{name} stopped coming; send it again")
             except OSError as error:
                 return web.Response(status=507, text=f"{name} could not be written ({error.strerror})")
             finally:
@@ -258,7 +272,7 @@ class Gateway:
     async def _page(self, request: "web.Request") -> "web.StreamResponse":
         from aiohttp import web
 
-        socket = web.WebSocketResponse(max_msg_size=LARGEST_MESSAGE, heartbeat=20.0)
+        socket = web.WebSocketResponse(max_msg_size=LARGEST_MESSAGE, heartbeat=PING_S)
         await socket.prepare(request)
         self._sockets += 1
         try:
@@ -289,7 +303,9 @@ class Gateway:
         from aiohttp import web
 
         offered = [p.strip() for p in request.headers.get("Sec-WebSocket-Protocol", "").split(",") if p.strip()]
-        browser = web.WebSocketResponse(protocols=offered, max_msg_size=LARGEST_MESSAGE, compress=False)
+        browser = web.WebSocketResponse(
+            protocols=offered, max_msg_size=LARGEST_MESSAGE, compress=False, heartbeat=PING_S
+        )
         await browser.prepare(request)
         assert self._client is not None
         self._sockets += 1
