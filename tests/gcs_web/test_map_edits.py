@@ -79,15 +79,43 @@ def test_a_restart_finds_the_edits_and_their_undo(session: Session):
         again.close()
 
 
-def test_killed_between_journal_and_file_the_file_is_written_on_opening(session: Session):
+class _Killed(BaseException):
+    """As kill -9: nothing below catches it."""
+
+
+def test_killed_between_journal_and_file_the_file_is_written_on_opening(session: Session, monkeypatch):
+    def kill(*_):
+        raise _Killed
+
     add(session, "a")
-    add(session, "b", BALL)
+    with monkeypatch.context() as patch:
+        patch.setattr(map_edits, "save", kill)
+        with pytest.raises(_Killed):
+            add(session, "b", BALL)
     whole = in_document(session)
+    assert on_disk(session) != whole
     session.close()
-    by_hand(session, *whole[:-1])  # as it was before the newest change
     again = Session(session.project, Settings())
     try:
         assert in_document(again) == on_disk(again) == whole
+    finally:
+        again.close()
+
+
+def test_a_zone_that_another_program_put_back_while_the_station_was_closed_is_kept(session: Session):
+    """The list equals that of before the last edit, and yet it is no file that we left."""
+    add(session, "a")
+    whole = on_disk(session)
+    session.edit(
+        protocol.DropMapEdits(serial=0, revision=session.revision, edits=[session.content.map_edits[0].id]), "Ada"
+    )
+    session.close()
+    by_hand(session, *whole)
+    again = Session(session.project, Settings())
+    try:
+        assert in_document(again) == on_disk(again) == whole
+        again.undo("Ada")
+        assert in_document(again) == on_disk(again) == ()
     finally:
         again.close()
 
@@ -178,7 +206,7 @@ def test_a_document_of_before_map_edits_takes_them_over_and_undo_leaves_them(ses
     by_hand(session, stairs)
     kept = session.project.folder / ".session" / "document.json"
     snapshot = json.loads(kept.read_text())
-    del snapshot["content"]["map_edits"]
+    del snapshot["content"]["map_edits"], snapshot["crc32"]
     kept.write_text(json.dumps(snapshot | {"version": 2}))
     again = Session(session.project, Settings())
     try:
