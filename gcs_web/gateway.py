@@ -21,7 +21,7 @@ import hmac
 import logging
 import secrets
 import tempfile
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
@@ -67,8 +67,11 @@ _VIEW_POLICY = (  # viser's own page: inline script and style, data and blob add
     "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; connect-src 'self' data: blob:; "
     "worker-src 'self' blob:; frame-ancestors 'self'"
 )
-_VIEW_STYLE = b"<style>.mantine-Paper-root,.mantine-Notifications-root{display:none!important}</style></head>"
-"""Hides viser's own panel and messages: what they do is on our page."""
+_VIEW_STYLE = (
+    b"<style>.mantine-Paper-root,.mantine-Notifications-root{display:none!important}canvas{background:var(--scene)}"
+    b"</style></head>"
+)
+"""Hides viser's own panel and messages: what they do is on our page, which sets the background to its own colour."""
 
 Handler = Callable[["web.Request"], Awaitable["web.StreamResponse"]]
 Serve = Callable[["web.WebSocketResponse"], Awaitable[None]]
@@ -89,6 +92,7 @@ class Gateway:
         host: str = LOOPBACK,
         port: int = 0,
         tls: "ssl.SSLContext | None" = None,
+        browsers: Sequence[str] = (),
     ) -> None:
         """
         Args:
@@ -100,6 +104,7 @@ class Gateway:
             host: name or address to listen at, and the only name that is answered to beside this machine's own.
             port: 0 lets the system choose.
             tls: proves that it is `host`; then the page is https and its sockets are wss.
+            browsers: cookies of those that came in before, at this port.
         """
         self._incoming = incoming
         self._host, self._tls = host.lower(), tls  # lower, as browsers send it
@@ -107,7 +112,8 @@ class Gateway:
         self._upstream = f"{LOOPBACK}:{upstream_port}"
         self._serve_page, self._state, self._wanted_port = serve_page, state, port
         self._token = secrets.token_urlsafe(24)
-        self._browsers: list[str] = []
+        self.browsers = list(browsers)
+        """Cookies of those that came in."""
         self._sockets = 0
         self._runner: web.AppRunner | None = None
         self._client: ClientSession | None = None
@@ -144,9 +150,7 @@ class Gateway:
         application.router.add_get("/viser", self._pass_socket)  # viser's page leaves out the last slash here
         application.router.add_get("/viser/{path:.*}", self._pass_on)
         self._client = ClientSession(timeout=ClientTimeout(total=60), auto_decompress=False)
-        self._runner = web.AppRunner(
-            application, access_log=None, shutdown_timeout=1.0, keepalive_timeout=SILENCE_S
-        )
+        self._runner = web.AppRunner(application, access_log=None, shutdown_timeout=1.0, keepalive_timeout=SILENCE_S)
         await self._runner.setup()
         site = web.TCPSite(self._runner, self._host, self._wanted_port, ssl_context=self._tls)
         await site.start()
@@ -170,7 +174,7 @@ class Gateway:
         if given is not None:
             return self._enter(given)
         cookie = request.cookies.get(self._cookie, "").encode()
-        if not any(hmac.compare_digest(cookie, known.encode()) for known in self._browsers):
+        if not any(hmac.compare_digest(cookie, known.encode()) for known in self.browsers):
             return self._refuse("a token is needed; open the address that `goshawk gcs` printed last")
         origin = request.headers.get("Origin")
         is_socket = request.headers.get("Upgrade", "").lower() == "websocket"
@@ -192,10 +196,10 @@ class Gateway:
         if not hmac.compare_digest(token.encode(), self._token.encode()):
             return self._refuse("that token is not valid (any more); open the address that `goshawk gcs` printed last")
         self._token = secrets.token_urlsafe(24)
-        self._browsers = [*self._browsers, secrets.token_urlsafe(24)][-MOST_BROWSERS:]
+        self.browsers = [*self.browsers, secrets.token_urlsafe(24)][-MOST_BROWSERS:]
         entry = web.HTTPFound("/")
         entry.set_cookie(
-            self._cookie, self._browsers[-1], httponly=True, samesite="Strict", secure=self._tls is not None
+            self._cookie, self.browsers[-1], httponly=True, samesite="Strict", secure=self._tls is not None
         )
         self.on_entry(self.url)
         return entry

@@ -7,7 +7,16 @@ from pathlib import Path
 
 import msgspec
 
-from gcs_web import protocol, protocol_base, protocol_flights, protocol_jobs, protocol_map, protocol_parts
+from gcs_web import (
+    protocol,
+    protocol_base,
+    protocol_course,
+    protocol_flights,
+    protocol_jobs,
+    protocol_map,
+    protocol_parts,
+    protocol_projects,
+)
 
 TARGET = Path(__file__).parents[1] / "gcs_web" / "client" / "src" / "protocol.ts"
 HEAD = "// Written by tools/page_types.py from gcs_web/protocol.py. Do not edit.\n"
@@ -18,7 +27,16 @@ def typescript() -> str:
     """All structs of the protocol as interfaces, then the two unions."""
     structs = [
         kind
-        for module in (protocol_parts, protocol_base, protocol_flights, protocol_jobs, protocol_map, protocol)
+        for module in (
+            protocol_parts,
+            protocol_base,
+            protocol_course,
+            protocol_flights,
+            protocol_jobs,
+            protocol_map,
+            protocol_projects,
+            protocol,
+        )
         for kind in vars(module).values()
         if inspect.isclass(kind) and issubclass(kind, msgspec.Struct) and kind.__module__ == module.__name__
     ]

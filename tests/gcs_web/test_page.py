@@ -304,7 +304,7 @@ def test_a_waypoint_in_a_pillar_is_refused_in_words(station, page):
     page.keyboard.press("Enter")
     verdict(page).get_by_text("Refused").wait_for()
     verdict(page).get_by_text("waypoint 1").first.wait_for()
-    assert page.get_by_role("button", name="Compare with vehicle and upload").is_disabled()
+    assert page.get_by_role("button", name="Compare and upload").is_disabled()
 
 
 def test_saving_writes_a_checked_trajectory(station, page):
@@ -320,7 +320,7 @@ def test_saving_writes_a_checked_trajectory(station, page):
 
 
 def test_an_upload_is_compared_first_and_takes_a_held_button(station, page):
-    page.get_by_role("button", name="Compare with vehicle and upload").click()
+    page.get_by_role("button", name="Compare and upload").click()
     hold = page.get_by_role("button", name=re.compile("Hold to upload"))
     if not hold.is_visible():
         page.get_by_role("button", name=re.compile("Take control")).first.click()

@@ -1,7 +1,7 @@
 // Written by tools/page_types.py from gcs_web/protocol.py. Do not edit.
 
 
-export const PROTOCOL = 3;
+export const PROTOCOL = 4;
 
 export interface Person {
   id: string;
@@ -47,11 +47,12 @@ export interface Mission {
 }
 
 export interface Shape {
-  form: "box" | "sphere" | "prism" | "other";
+  form: "box" | "sphere" | "prism" | "stroke" | "other";
   centre_m: [number, number, number];
   size_m: [number, number, number];
   radius_m: number;
   corners_m: [number, number][];
+  points_m: [number, number, number][];
 }
 
 export interface MapEdit {
@@ -63,9 +64,11 @@ export interface MapEdit {
 }
 
 export interface Slice {
-  axis: "x" | "y" | "z";
+  axis: "x" | "y" | "z" | "oblique";
   at_m: number;
   of: "distance" | "unknown" | "could_hide";
+  heading_deg: number;
+  tilt_deg: number;
 }
 
 export interface MapFacts {
@@ -204,6 +207,57 @@ export interface Command {
 export interface Edit {
   serial: number;
   revision: number;
+}
+
+export interface Place {
+  type: "place";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+  positions_m: [number, number, number][];
+  label: string;
+}
+
+export interface Snap {
+  type: "snap";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+  to: "grid" | "height" | "clearance";
+  by_m: number;
+}
+
+export interface RandomYaw {
+  type: "random_yaw";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+}
+
+export interface RecordedPath {
+  source: string;
+  positions: number;
+  left_out: number;
+  waypoints: number;
+}
+
+export interface ThinPath {
+  type: "thin_path";
+  serial: number;
+  source: string;
+  tolerance_m: number;
+}
+
+export interface DropPath {
+  type: "drop_path";
+  serial: number;
+}
+
+export interface TakePath {
+  type: "take_path";
+  serial: number;
+  source: string;
+  tolerance_m: number;
 }
 
 export interface Finding {
@@ -573,6 +627,13 @@ export interface StartJob {
   arguments: Record<string, string | number | boolean | string[]>;
 }
 
+export interface ForeseeJob {
+  type: "foresee_job";
+  serial: number;
+  kind: string;
+  arguments: Record<string, string | number | boolean | string[]>;
+}
+
 export interface CancelJob {
   type: "cancel_job";
   serial: number;
@@ -631,6 +692,14 @@ export interface Measure {
   active: boolean;
 }
 
+export interface Paint {
+  type: "paint";
+  serial: number;
+  active: boolean;
+  action?: "add" | "no-fly" | "clear" | "remove";
+  radius_m?: number;
+}
+
 export interface PreviewMapEdit {
   type: "preview_map_edit";
   serial: number;
@@ -665,12 +734,38 @@ export interface DropMapEdits {
   edits: number[];
 }
 
+export interface ProjectEntry {
+  folder: string;
+  name: string;
+  current: boolean;
+  trajectories: number;
+  flights: number;
+  problem: string;
+}
+
+export interface Projects {
+  type: "projects";
+  projects: ProjectEntry[];
+}
+
+export interface ListProjects {
+  type: "list_projects";
+  serial: number;
+}
+
+export interface OpenProject {
+  type: "open_project";
+  serial: number;
+  folder: string;
+}
+
 export interface Welcome {
   type: "welcome";
   protocol: number;
   you: string;
   project: string;
   vehicle: boolean;
+  station: string;
 }
 
 export interface Document {
@@ -772,6 +867,8 @@ export interface Reply {
   scatter: Scatter | null;
   incoming: Incoming | null;
   plans: PlanSummary[];
+  words: string;
+  recorded_path: RecordedPath | null;
 }
 
 export interface Move {
@@ -1012,6 +1109,6 @@ export interface Abort {
   serial: number;
 }
 
-export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment;
+export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply | Projects | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment;
 
-export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | SetGate | ClearGate | SetTube | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | ShowMap | Measure | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits | StartJob | CancelJob | ForgetJob | ListJobs | ListFlights | SetRole | OpenFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo;
+export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | SetGate | ClearGate | SetTube | Snap | RandomYaw | ThinPath | DropPath | TakePath | ListProjects | OpenProject | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | ShowMap | Measure | Paint | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits | StartJob | ForeseeJob | CancelJob | ForgetJob | ListJobs | ListFlights | SetRole | OpenFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo;
