@@ -68,7 +68,7 @@ _VIEW_POLICY = (  # viser's own page: inline script and style, data and blob add
     "worker-src 'self' blob:; frame-ancestors 'self'"
 )
 _VIEW_STYLE = (
-    b"<style>.mantine-Paper-root,.mantine-Notifications-root{display:none!important}canvas{background:var(--scene)}"
+    b"<style>.mantine-Paper-root,.mantine-Notifications-root{display:none!important}canvas[data-engine]{background:var(--scene)}"
     b"</style></head>"
 )
 """Hides viser's own panel and messages: what they do is on our page, which sets the background to its own colour."""

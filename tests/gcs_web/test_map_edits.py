@@ -12,13 +12,14 @@ from esdf import Edit, solids
 from flight import FormatError, InputError, project
 from gcs_web import map_edits, protocol
 from gcs_web.document import Settings
-from gcs_web.map_view import handles, outline, pulled
+from gcs_web.map_view import along, handles, outline, pulled
 from gcs_web.protocol_parts import Shape
 from gcs_web.session import Session
 
 GRID = esdf.Grid((0.0, 0.0, 0.0), 0.1, (30, 20, 10))
 BOX = Shape("box", (1.0, 1.0, 0.5), (0.4, 0.4, 0.4))
 BALL = Shape("sphere", (2.0, 1.0, 0.5), radius_m=0.3)
+STROKE = Shape("stroke", radius_m=0.2, points_m=[(0.5, 0.5, 0.5), (1.5, 0.5, 0.5), (1.5, 1.2, 0.7)])
 COLUMN = Shape("prism", (1.0, 1.0, 0.5), (1.0, 1.0, 0.6), corners_m=[(0.5, 0.5), (1.5, 0.5), (1.5, 1.5)])
 
 
@@ -159,6 +160,41 @@ def test_two_people_edit_different_zones_together_and_the_same_one_not(session: 
         session.edit(protocol.DropMapEdits(**change, edits=[a]), "Bo")
     with pytest.raises(InputError, match="already"):
         session.edit(protocol.ChangeMapEdit(serial=0, revision=session.revision, edit=a, name="c"), "Ada")
+
+
+def test_a_stroke_is_one_edit_of_the_map_that_survives_a_restart_and_can_be_undone(session: Session):
+    add(session, "hose", STROKE)
+    field = esdf.load(session.project.map / "esdf")
+    assert (field.distance(STROKE.points_m) < 0.0).all()
+    session.close()
+    again = Session(session.project, Settings())
+    try:
+        (kept,) = again.document().map_edits
+        assert (kept.shape.form, kept.shape.points_m, kept.words) == ("stroke", STROKE.points_m, "stroke, 1.7 m")
+        again.undo("Ada")
+        assert on_disk(again) == ()
+    finally:
+        again.close()
+
+
+@pytest.mark.parametrize(
+    "points",
+    [[], [(0.0, 0.0, 0.0)] * 501, [(float("nan"), 0.0, 0.0)], [(1e9, 0.0, 0.0)]],
+    ids=["0", "501", "nan", "far"],
+)
+def test_a_stroke_that_is_none_is_refused(session: Session, points):
+    with pytest.raises(InputError):
+        add(session, "x", Shape("stroke", radius_m=0.2, points_m=points))
+    assert in_document(session) == ()
+
+
+def test_the_balls_of_a_drawn_stroke_are_on_its_line_and_few():
+    balls = along([(0.0, 0.0, 0.0), (3.0, 0.0, 0.0), (3.0, 4.0, 0.0)], 0.1)
+    assert len(balls) == 71
+    assert np.linalg.norm(np.diff(balls, axis=0), axis=1).max() <= 0.1 + 1e-9
+    np.testing.assert_array_equal(balls[[0, -1]], [[0.0, 0.0, 0.0], [3.0, 4.0, 0.0]])
+    assert len(along([(0.0, 0.0, 0.0), (3000.0, 0.0, 0.0)], 0.1)) == 200
+    assert along([(1.0, 2.0, 3.0)], 0.1).tolist() == [[1.0, 2.0, 3.0]]
 
 
 def test_where_the_file_cannot_be_written_the_document_says_that_the_map_lacks_it(session: Session, monkeypatch):

@@ -113,5 +113,3 @@ def test_another_project_opens_in_place_for_a_browser_that_came_in_and_not_while
         assert left.document().undo == "waypoint 0 moved 0.10 m"
     finally:
         left.close()
-
-

@@ -124,8 +124,8 @@ function JobForm({ kinds, onDone }: { kinds: readonly JobKind[]; onDone: () => v
     if (kind === undefined || fields === undefined) return undefined;
     let current = true;
     const ask = setTimeout(async () => {
-      const { words } = await send({ type: "foresee_job", kind: kind.name, arguments: Object.fromEntries(fields) });
-      if (current) foreseen.value = words;
+      const { words, error } = await send({ type: "foresee_job", kind: kind.name, arguments: Object.fromEntries(fields) });
+      if (current) foreseen.value = words || error;
     }, ASKED_AFTER_MS);
     return () => {
       current = false;
@@ -184,7 +184,7 @@ function JobForm({ kinds, onDone }: { kinds: readonly JobKind[]; onDone: () => v
       )}
       {foreseen.value !== "" && (
         <p class="quiet" role="status">
-          {sentenceCase(foreseen.value)}.
+          {sentenceCase(foreseen.value)}
         </p>
       )}
       {refusal.value !== "" && (

@@ -51,7 +51,7 @@ export function Scene() {
 
 /** Give the 3D view the page's colour behind everything; its canvas is transparent there. */
 function paintBackground(frame: HTMLIFrameElement | null): void {
-  frame?.contentDocument?.documentElement.style.setProperty("--scene", token("bg"));
+  frame?.contentDocument?.documentElement?.style.setProperty("--scene", token("bg"));
 }
 
 function PathLegend() {
