@@ -470,7 +470,8 @@ def test_an_oblique_slice_stands_through_the_measured_points(station, page):
     wait(lambda: station.view.map.measuring, "measuring")
     a, b = np.array([1.0, 0.5, 0.4]), np.array([4.0, 2.5, 1.5])
     for point in (a, b):
-        station.view.on_measure(point + [0.0, 0.0, 1.0], np.array([0.0, 0.0, -1.0]), point)
+        down = np.array([0.0, 0.0, -1.0])
+        station.view.on_measure(point - down, down, point)
     page.get_by_role("group", name="Axis of the slice").get_by_role("button", name="oblique").click()
     page.get_by_role("button", name="Through the two measured points").click()
     wait(lambda: station.view.map._slice is not None and station.view.map._slice.at_m != 0.0, "the slice")
