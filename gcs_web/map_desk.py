@@ -129,7 +129,8 @@ class MapDesk:
         with self._lock:
             self._require_free(person)
             if wanted.shape is None:
-                self.end_preview()
+                if not self._painter:  # a brush is put away by `paint`
+                    self.end_preview()
                 return
             self._action = wanted.action
             self._show_preview(person.id, wanted.edit, wanted.shape)
@@ -142,10 +143,13 @@ class MapDesk:
         """
         with self._lock:
             self._require_free(person)
-            if wanted.active and not 0.0 < wanted.radius_m <= _LARGEST_BRUSH_M:
+            if not wanted.active:
+                self.end_preview()
+                return
+            if not 0.0 < wanted.radius_m <= _LARGEST_BRUSH_M:
                 raise InputError(f"a brush of radius {wanted.radius_m:g} m is refused; at most {_LARGEST_BRUSH_M:g} m")
-            self._painter, self._stroke = (person.id, wanted) if wanted.active else ("", wanted)
-        self._desk.view.paint(wanted.active)
+            self._painter, self._stroke = person.id, wanted
+            self._desk.view.paint(True)
 
     def _paint(self, point_world_m: FloatArray, is_end: bool) -> None:
         """Another place of a stroke; a new one begins after the end of the last, and goes on where it was."""

@@ -13,7 +13,7 @@ import {
   splitAtCursor,
 } from "./actions";
 import { playing, select, togglePlaying } from "./cursor";
-import { cancel, draft } from "./map";
+import { cancel, draft, painting } from "./map";
 import { TOOLS } from "./mapTools";
 import { submit } from "./socket";
 import {
@@ -149,6 +149,6 @@ export const COMMANDS: readonly PageCommand[] = [
     enabled: () => canEdit() && step.value === 1,
     run,
   })),
-  { name: "Map: cancel the edit", enabled: () => step.value === 1 && draft.value !== null, run: cancel },
+  { name: "Map: cancel the edit", enabled: () => step.value === 1 && (draft.value !== null || painting.value), run: cancel },
   ...shifts,
 ];

@@ -123,9 +123,13 @@ function setDraft(next: Draft): void {
 
 export function cancel(): void {
   draft.value = null;
-  painting.value = false;
   draftRefusal.value = "";
-  sendPreview(null);
+  if (painting.value) {
+    painting.value = false;
+    void submit({ type: "paint", active: false });
+  } else {
+    sendPreview(null);
+  }
 }
 
 export async function apply(): Promise<void> {
