@@ -34,6 +34,8 @@ class MapDesk:
         self._action: MapAction = "no-fly"
         self._editor: esdf.Editor | None = None
         """Of the map without the previewed edit, while there is one."""
+        self._brush_lock = threading.Lock()
+        """Of the next three, apart: viser's loop takes it, and must not wait for a preview to be computed."""
         self._painter, self._stroke = "", protocol.Paint(serial=0, active=False)
         """Who paints (id), and with which brush."""
         self._painted: list[tuple[float, float, float]] = []
@@ -148,35 +150,37 @@ class MapDesk:
                 return
             if not 0.0 < wanted.radius_m <= _LARGEST_BRUSH_M:
                 raise InputError(f"a brush of radius {wanted.radius_m:g} m is refused; at most {_LARGEST_BRUSH_M:g} m")
-            self._painter, self._stroke = person.id, wanted
+            with self._brush_lock:
+                self._painter, self._stroke = person.id, wanted
             self._desk.view.paint(True)
 
     def _paint(self, point_world_m: FloatArray, is_end: bool) -> None:
-        """Another place of a stroke; a new one begins after the end of the last, and goes on where it was."""
-        with self._lock:
+        """Another place of a stroke, or its end; then the next one begins."""
+        with self._brush_lock:
             if not self._painter:
                 return
             if np.isfinite(point_world_m).all() and len(self._painted) < map_edits.MOST_POINTS:
                 self._painted.append(_triple(point_world_m))
             if not self._painted:
                 return
-            shape = map_edits.shape_of(map_edits.solid(self._stroke_shape()))
-            if not is_end:
-                self._view.preview(self._stroke.action, shape, None)
-                return
-            self._action, self._painted = self._stroke.action, []
-            author = self._painter
-        threading.Thread(target=self._show_stroke, args=(author, shape), daemon=True).start()  # not in viser's loop
+            brush, author = self._stroke, self._painter
+            drawn = Shape("stroke", radius_m=brush.radius_m, points_m=list(self._painted))
+            self._painted = [] if is_end else self._painted
+        shape = map_edits.shape_of(map_edits.solid(drawn))
+        if is_end:
+            threading.Thread(target=self._show_stroke, args=(author, brush.action, shape), daemon=True).start()
+        else:
+            self._view.preview(brush.action, shape, None)
 
-    def _show_stroke(self, author: str, shape: Shape) -> None:
+    def _show_stroke(self, author: str, action: MapAction, shape: Shape) -> None:
         with self._lock:
+            if self._painter != author:
+                return  # the brush was put away meanwhile
+            self._action = action
             try:
                 self._show_preview(author, None, shape)
             except FlightError as error:
                 self._desk.notice(str(error), level="danger", to=author)
-
-    def _stroke_shape(self) -> Shape:
-        return Shape("stroke", radius_m=self._stroke.radius_m, points_m=list(self._painted))
 
     def _require_free(self, person: protocol.Person) -> None:
         holder = self._preview.author or self._painter
@@ -187,8 +191,10 @@ class MapDesk:
         """Of this person, or of anybody; and their brush."""
         with self._lock:
             if self._painter and author in ("", self._painter):
-                self._painter, self._painted = "", []
+                with self._brush_lock:
+                    self._painter, self._painted = "", []
                 self._desk.view.paint(False)
+                self._view.preview("no-fly", None, None)
             if self._preview.author and author in ("", self._preview.author):
                 self._editor, self._preview = None, protocol.MapPreview("")
                 self._view.preview("no-fly", None, None)

@@ -179,16 +179,6 @@ class MapEditsFile(Mirror):
             map_edits.save(self.path, content.map_edits)
         self.leave()
 
-    @property
-    def is_as_left(self) -> bool:
-        """Whether nobody wrote the file since we did, in this session or the last one."""
-        return self._left[self.path.name] == self.seen()
-
-    def leave(self) -> None:
-        """Take the file for the document's, as it is now."""
-        self.written = seen = self.seen()
-        self._left[self.path.name] = seen
-
     def is_behind(self, before: Content, after: Content) -> bool:
         """Only where the list changed: what another program wrote waits to be taken over."""
         return not self.is_missing and (bool(self.problem) or before.map_edits != after.map_edits)
