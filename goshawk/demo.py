@@ -22,8 +22,9 @@ from flight import FlightLog, FloatArray, InputError, Progress, Waypoints, fligh
 from flight.project import Project
 from goshawk import demo_folder
 from goshawk.map_accuracy import measure
+from goshawk.rendered import scene as rendered_room
+from goshawk.rendered import world as rendered_world
 from goshawk.sitl_process import again_if_link_dies, sitl_vehicle
-from mapping import rendered_room, rendered_world
 from planner import simplify
 from vehicle import Vehicle
 

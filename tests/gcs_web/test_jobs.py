@@ -13,8 +13,9 @@ import pytest
 
 from flight import InputError, Progress, project
 from gcs_web.jobs import Jobs, Kind
+from goshawk.rendered import world as rendered_world
 from goshawk.station_jobs import map_images, plan_batch
-from mapping import rendered_world, rig
+from mapping import rig
 from tests.waiting import until
 
 
