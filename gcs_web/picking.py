@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flight import FloatArray, rotations
 
@@ -49,6 +50,11 @@ def on_screen(
         places = 0.5 + 0.5 * np.stack([x / (z * half * aspect), y / (z * half)], axis=1)
     places[z <= 0.0] = np.nan
     return places
+
+
+def in_rectangle(places: FloatArray, low: tuple[float, float], high: tuple[float, float]) -> NDArray[np.bool_]:
+    """Which places (n, 2) are inside; NaN is not."""
+    return np.all((places >= np.array(low)) & (places <= np.array(high)), axis=1)
 
 
 class Surface:

@@ -137,8 +137,8 @@ class View3D:
             np.array([p.position_world_m for p in points]),
             np.array(camera.position), np.array(camera.wxyz), camera.fov, camera.aspect,
         )  # fmt: skip
-        inside = ((places >= event.screen_min) & (places <= event.screen_max)).all(axis=1)
-        self.on_box([p.id for p, is_inside in zip(points, inside, strict=True) if is_inside])
+        inside = picking.in_rectangle(places, event.screen_min, event.screen_max)
+        self.on_box([points[k].id for k in np.flatnonzero(inside)])
 
     def draw_recorded(self, line_world_m: FloatArray | None) -> None:
         """Draw (m, 3) straight lines along a recorded path, before they are taken for waypoints; None: no more."""
