@@ -21,6 +21,7 @@ _STATE = (
     protocol.Vehicle,
     protocol.People,
     protocol.Files,
+    protocol.Projects,
     protocol.Jobs,
     protocol.Shown,
     protocol.MapShown,

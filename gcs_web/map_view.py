@@ -33,8 +33,9 @@ _SMALLEST_M = 0.02
 """Of a body that a handle is drawn together to."""
 _FRUSTUM_M = 0.18
 _POINT_M = 0.015
+_MOST_BALLS = 200
+"""Of a drawn stroke."""
 _AROUND = np.linspace(0.0, 2.0 * np.pi, 33)
-_SLICE_AXES = {"x": 0, "y": 1, "z": 2}
 
 
 class MapView:
@@ -133,9 +134,9 @@ class MapView:
             area, wanted = self._area, self._slice
         near = None if hit_m is None else float(np.linalg.norm(hit_m - origin_m))
         if area is not None and wanted is not None:
-            axis = _SLICE_AXES[wanted.axis]
-            if abs(direction[axis]) > 1e-6:
-                along_m = (wanted.at_m - origin_m[axis]) / direction[axis]
+            normal = slices.normal(wanted)
+            if abs(direction @ normal) > 1e-6:
+                along_m = float((wanted.at_m - origin_m @ normal) / (direction @ normal))
                 point = origin_m + along_m * direction
                 if along_m > 0.0 and (near is None or along_m < near) and area.field.grid.contains(point[None])[0]:
                     return _triple(point)
@@ -221,7 +222,25 @@ class MapView:
     ) -> list[Any]:
         drawn: list[Any] = [self._lines(f"{name}/edges", outline(shape), edge or colour, 1.5)]
         nodes = self._server.scene
-        if shape.form == "sphere":
+        if shape.form == "stroke":
+            import trimesh
+
+            ball = trimesh.creation.icosphere(subdivisions=2, radius=shape.radius_m)
+            places = along(shape.points_m, 0.5 * shape.radius_m)
+            still = np.tile([1.0, 0.0, 0.0, 0.0], (len(places), 1))
+            drawn.append(
+                nodes.add_batched_meshes_simple(
+                    f"{name}/body",
+                    ball.vertices.astype(np.float32),
+                    ball.faces.astype(np.uint32),
+                    still,
+                    places,
+                    batched_colors=colour,
+                    opacity=opacity,
+                    cast_shadow=False,
+                )
+            )
+        elif shape.form == "sphere":
             drawn.append(
                 nodes.add_icosphere(
                     f"{name}/body",
@@ -300,6 +319,9 @@ _FREE_AXES = {"corner": (True, True, False), "top": (False, False, True), "radiu
 def outline(shape: Shape) -> FloatArray:
     """Edges of a body as line segments (m, 2, 3), world."""
     centre = np.array(shape.centre_m)
+    if shape.form == "stroke":
+        line = np.array([*shape.points_m, shape.points_m[-1]])
+        return np.stack([line[:-1], line[1:]], axis=1)
     if shape.form == "sphere":
         circles = []
         for axis in range(3):
@@ -317,9 +339,22 @@ def outline(shape: Shape) -> FloatArray:
     return np.concatenate([*rings, np.stack([low, high], axis=1)])
 
 
+def along(points_m: Sequence[tuple[float, float, float]], step_m: float) -> FloatArray:
+    """Points (n, 3) of a polyline, at most a step apart, and so few that a browser draws them."""
+    line = np.array(points_m)
+    if len(line) == 1:
+        return line
+    way_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    count = int(np.clip(np.ceil(way_m[-1] / step_m) + 1, 2, _MOST_BALLS))
+    at_m = np.linspace(0.0, way_m[-1], count)
+    return np.stack([np.interp(at_m, way_m, line[:, axis]) for axis in range(3)], axis=1)
+
+
 def handles(shape: Shape) -> dict[str, tuple[float, float, float]]:
     """Where a body can be taken: its centre, and what gives its size."""
     x, y, z = shape.centre_m
+    if shape.form == "stroke":
+        return {}
     if shape.form == "sphere":
         return {"centre": shape.centre_m, "radius": (x + shape.radius_m, y, z)}
     top = z + 0.5 * shape.size_m[2]

@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import secrets
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
@@ -38,12 +39,15 @@ class PageSocket:
 
     def __init__(self, desk: Desk, *, project: str) -> None:
         self._desk, self._project = desk, project
+        self._id = secrets.token_hex(8)
         self._for_aborts = ThreadPoolExecutor(2, "abort")  # never behind other work
 
     async def serve(self, socket: "web.WebSocketResponse") -> None:
         """Talk to one page until it leaves."""
         client = self._desk.hub.join()
-        welcome = protocol.Welcome(protocol.PROTOCOL, client.person.id, self._project, self._desk.watch is not None)
+        welcome = protocol.Welcome(
+            protocol.PROTOCOL, client.person.id, self._project, self._desk.watch is not None, self._id
+        )
         writer = asyncio.create_task(_write(socket, client, welcome))
         self._desk.show_people()
         apart: set[asyncio.Task[None]] = set()

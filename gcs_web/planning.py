@@ -221,7 +221,10 @@ def _serve_requests(pipe: connection.Connection, folder: Path, base: planner.Pla
 
     def send(message: Answer | Draft | _Taken | None) -> None:
         with sending:
-            pipe.send(message)
+            try:
+                pipe.send(message)
+            except OSError:  # the parent is gone
+                os._exit(0)
 
     def receive() -> None:
         while True:

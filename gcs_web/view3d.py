@@ -58,6 +58,8 @@ class View3D:
         self._dragged_points: dict[int | None, int] = {}
         """By browser (viser's id): the waypoint that is dragged there."""
         self._draft: Any = None
+        self._painting = False
+        self._recorded: Any = None
         self._surface: picking.Surface | None = None
         self.on_select: Callable[[int], None] = lambda _: None
         """A waypoint was clicked; its id."""
@@ -71,7 +73,12 @@ class View3D:
         """The map was shift-clicked: the waypoint to insert after (None: there is none), and where, (3,) world."""
         self.on_measure: Callable[[FloatArray, FloatArray, FloatArray | None], None] = lambda _o, _d, _h: None
         """Clicked while measuring: origin and direction of the ray, and where it meets the mesh, (3,) world."""
+        self.on_paint: Callable[[FloatArray, bool], None] = lambda _p, _e: None
+        """The mesh was painted at (3,) world; whether the drag ends there."""
+        self.on_box: Callable[[list[int]], None] = lambda _: None
+        """A rectangle was drawn round these waypoints (ids)."""
         server.scene.on_click()(self._clicked)
+        server.scene.on_rect_select(modifier="cmd/ctrl")(self._boxed)
         server.scene.on_click(modifier="shift")(self._shift_clicked)
         server.on_client_disconnect(self._browser_left)
         server.gui.configure_theme(dark_mode=True, show_share_button=False, show_logo=False, control_layout="floating")
@@ -92,6 +99,8 @@ class View3D:
                 self._surface = picking.Surface(mesh.array("vertices"), mesh.array("faces"))
                 self._mesh.show(mesh)
                 self._mesh_file = file
+                if self._painting:
+                    self._mesh.on_drag(self._painted)
             if first:
                 self._place_camera(area)
         self.map.draw(area)
@@ -102,6 +111,49 @@ class View3D:
     def close(self) -> None:
         self._mesh.close()
         self.map.close()
+
+    def paint(self, active: bool) -> None:
+        """Take drags over the mesh for strokes of a brush, instead of turning the camera; or stop."""
+        with self._lock:
+            if self._mesh is not None and active != self._painting:
+                self._mesh.remove_drag_callback("all")
+                if active:
+                    self._mesh.on_drag(self._painted)
+            self._painting = active
+
+    async def _painted(self, event: Any) -> None:
+        """In the event loop, as only there viser keeps the order of a drag's events."""
+        origin_m = np.array(event.client.camera.position, dtype=np.float64)
+        direction = np.array(event.start_position if event.phase == "start" else event.end_position) - origin_m
+        hit = self._surface and self._surface.first_hit(origin_m, direction / np.linalg.norm(direction))
+        if hit is not None:
+            self.on_paint(hit[0], event.phase == "end")
+        elif event.phase == "end":
+            self.on_paint(np.full(3, np.nan), True)
+
+    def _boxed(self, event: "viser.SceneRectSelectEvent") -> None:
+        with self._lock:
+            points, camera = self._points, event.client.camera
+        if self._set_aside or not points:
+            return
+        places = picking.on_screen(
+            np.array([p.position_world_m for p in points]),
+            np.array(camera.position), np.array(camera.wxyz), camera.fov, camera.aspect,
+        )  # fmt: skip
+        inside = picking.in_rectangle(places, event.screen_min, event.screen_max)
+        self.on_box([points[k].id for k in np.flatnonzero(inside)])
+
+    def draw_recorded(self, line_world_m: FloatArray | None) -> None:
+        """Draw (m, 3) straight lines along a recorded path, before they are taken for waypoints; None: no more."""
+        with self._lock, self._server.atomic():
+            if self._recorded is not None:
+                self._recorded.remove()
+                self._recorded = None
+            if line_world_m is not None and len(line_world_m) > 1:
+                colours = np.full((len(line_world_m), 3), _SELECTED, dtype=np.uint8)
+                self._recorded = scene.draw_path(
+                    self._server, line_world_m, colours, name="/recorded", thickness_m=0.03
+                )
 
     def draw_waypoints(self, points: tuple[Point, ...]) -> None:
         with self._lock, self._server.atomic():

@@ -12,11 +12,13 @@ from gcs_web import (
     protocol_base,
     protocol_compensation,
     protocol_consent,
+    protocol_course,
     protocol_flights,
     protocol_identified,
     protocol_jobs,
     protocol_map,
     protocol_parts,
+    protocol_projects,
 )
 
 TARGET = Path(__file__).parents[1] / "gcs_web" / "client" / "src" / "protocol.ts"
@@ -24,10 +26,12 @@ HEAD = "// Written by tools/page_types.py from gcs_web/protocol.py. Do not edit.
 _MODULES = (
     protocol_parts,
     protocol_base,
+    protocol_course,
     protocol_flights,
     protocol_identified,
     protocol_jobs,
     protocol_map,
+    protocol_projects,
     protocol_compensation,
     protocol_consent,
     protocol,

@@ -8,11 +8,13 @@ from gcs_web.desk import Desk
 from gcs_web.panels import (
     compensation,
     consent,
+    course,
     editing,
     flights,
     jobs,
     learning,
     map,
+    projects,
     trajectories,
     vehicle_orders,
     view,
@@ -23,6 +25,8 @@ Handler = Callable[[Desk, protocol.Person, Any], protocol.Reply | None]
 
 HANDLERS: dict[type, Handler] = {
     **editing.HANDLERS,
+    **course.HANDLERS,
+    **projects.HANDLERS,
     **trajectories.HANDLERS,
     **view.HANDLERS,
     **jobs.HANDLERS,

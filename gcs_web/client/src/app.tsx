@@ -14,11 +14,12 @@ import { Learn } from "./panels/Learn";
 import { Map } from "./panels/Map";
 import { ModelInspector, Versions } from "./panels/Model";
 import { Plan } from "./panels/Plan";
+import { ProjectList } from "./panels/ProjectList";
 import { SaveForm } from "./panels/SaveForm";
 import { Scene } from "./panels/Scene";
 import { StatusBar } from "./panels/StatusBar";
 import { TopBar } from "./panels/TopBar";
-import { connected, paletteOpen, step } from "./store";
+import { connected, paletteOpen, projectsOpen, step } from "./store";
 import { phone } from "./theme";
 
 interface Panels {
@@ -69,6 +70,7 @@ export function App() {
       {paletteOpen.value && <Palette />}
       {saveFormOpen.value && <SaveForm />}
       <EffectFileConsent />
+      {projectsOpen.value && <ProjectList />}
     </div>
   );
 }

@@ -1,7 +1,7 @@
 // Written by tools/page_types.py from gcs_web/protocol.py. Do not edit.
 
 
-export const PROTOCOL = 3;
+export const PROTOCOL = 4;
 
 export interface Person {
   id: string;
@@ -47,11 +47,12 @@ export interface Mission {
 }
 
 export interface Shape {
-  form: "box" | "sphere" | "prism" | "other";
+  form: "box" | "sphere" | "prism" | "stroke" | "other";
   centre_m: [number, number, number];
   size_m: [number, number, number];
   radius_m: number;
   corners_m: [number, number][];
+  points_m: [number, number, number][];
 }
 
 export interface MapEdit {
@@ -63,9 +64,11 @@ export interface MapEdit {
 }
 
 export interface Slice {
-  axis: "x" | "y" | "z";
+  axis: "x" | "y" | "z" | "oblique";
   at_m: number;
   of: "distance" | "unknown" | "could_hide";
+  heading_deg: number;
+  tilt_deg: number;
 }
 
 export interface MapFacts {
@@ -205,6 +208,57 @@ export interface Command {
 export interface Edit {
   serial: number;
   revision: number;
+}
+
+export interface Place {
+  type: "place";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+  positions_m: [number, number, number][];
+  label: string;
+}
+
+export interface Snap {
+  type: "snap";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+  to: "grid" | "height" | "clearance";
+  by_m: number;
+}
+
+export interface RandomYaw {
+  type: "random_yaw";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+}
+
+export interface RecordedPath {
+  source: string;
+  positions: number;
+  left_out: number;
+  waypoints: number;
+}
+
+export interface ThinPath {
+  type: "thin_path";
+  serial: number;
+  source: string;
+  tolerance_m: number;
+}
+
+export interface DropPath {
+  type: "drop_path";
+  serial: number;
+}
+
+export interface TakePath {
+  type: "take_path";
+  serial: number;
+  source: string;
+  tolerance_m: number;
 }
 
 export interface Finding {
@@ -627,6 +681,13 @@ export interface StartJob {
   arguments: Record<string, string | number | boolean | string[]>;
 }
 
+export interface ForeseeJob {
+  type: "foresee_job";
+  serial: number;
+  kind: string;
+  arguments: Record<string, string | number | boolean | string[]>;
+}
+
 export interface CancelJob {
   type: "cancel_job";
   serial: number;
@@ -683,6 +744,14 @@ export interface Measure {
   type: "measure";
   serial: number;
   active: boolean;
+}
+
+export interface Paint {
+  type: "paint";
+  serial: number;
+  active: boolean;
+  action?: "add" | "no-fly" | "clear" | "remove";
+  radius_m?: number;
 }
 
 export interface PreviewMapEdit {
@@ -786,6 +855,7 @@ export interface Welcome {
   you: string;
   project: string;
   vehicle: boolean;
+  station: string;
 }
 
 export interface Document {
@@ -888,6 +958,8 @@ export interface Reply {
   incoming: Incoming | null;
   compensation: Compensation | null;
   plans: PlanSummary[];
+  words: string;
+  recorded_path: RecordedPath | null;
 }
 
 export interface Move {

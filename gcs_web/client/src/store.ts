@@ -19,6 +19,7 @@ import type {
   Notice,
   People,
   Plan,
+  Projects,
   Show,
   ToPage,
   Vehicle,
@@ -37,6 +38,8 @@ export const figures = signal<Plan | null>(null);
 export const vehicle = signal<Vehicle | null>(null);
 export const people = signal<People>({ type: "people", people: [], in_control: "" });
 export const files = signal<Files>({ type: "files", trajectories: [], flights: [], bin: [] });
+/** Those in the folder that this one is in. */
+export const projects = signal<Projects>({ type: "projects", projects: [] });
 export const mapShown = signal<MapShown | null>(null);
 export const measured = signal<Measured>({
   type: "measured",
@@ -90,6 +93,7 @@ export const view = signal<Required<Pick<Show, "colour">>>({ colour: "clearance"
 export const step = signal(2);
 export const aborting = signal(false);
 export const paletteOpen = signal(false);
+export const projectsOpen = signal(false);
 
 /** Waypoints another person changed within the last second, with that person's initials. */
 export const touched = signal<ReadonlyMap<number, string>>(new Map());
@@ -171,6 +175,8 @@ export function receive(message: Exclude<ToPage, { type: "reply" }>): void {
   batch(() => {
     switch (message.type) {
       case "welcome":
+        // Another project was opened in the place of this one: nothing that is shown holds any more.
+        if (welcome.value !== null && welcome.value.station !== message.station) location.reload();
         welcome.value = message;
         connection.value = message.protocol === PROTOCOL ? "open" : "outdated";
         break;
@@ -188,6 +194,9 @@ export function receive(message: Exclude<ToPage, { type: "reply" }>): void {
         break;
       case "files":
         files.value = message;
+        break;
+      case "projects":
+        projects.value = message;
         break;
       case "jobs":
         jobs.value = message;
