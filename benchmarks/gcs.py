@@ -37,7 +37,9 @@ from flight import Waypoints, file_format, project
 from gcs_web import GroundStation, inputs, planning, protocol, replanning
 from gcs_web.document import Content, Settings
 from gcs_web.session import Session
-from mapping import map_folder, rendered_world, rig
+from goshawk.rendered import world as rendered_world
+from mapping import map_folder
+from mapping.camera import rig
 
 WAYPOINTS, EDITS, KILLS, CLIENTS, MIXED = 50, 10_000, 200, 10, 1000
 
@@ -146,7 +148,7 @@ def edits(folder: Path) -> list[Row]:
 
 
 _STATIONS = multiprocessing.get_context("forkserver")
-_STATIONS.set_forkserver_preload(["aiohttp", "trimesh", "firmware_bridge", "mapping.rendered_world", "gcs_web.app"])
+_STATIONS.set_forkserver_preload(["aiohttp", "trimesh", "firmware_bridge", "goshawk.rendered.world", "gcs_web.app"])
 """What this script imports, which each station would import again: so a start costs a fork."""
 _WITH_PLANNER = 50
 """Of so many kills one is of a station with a planning process, which costs a start of Python each."""

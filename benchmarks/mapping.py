@@ -16,12 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight import FloatArray, frames, rotations
-from mapping import rendered_world
-from mapping.calibration import trial as trials
-from mapping.calibration.adjustment import Observations
-from mapping.calibration.errors import Kind
-from mapping.calibration.trial import Trial
-from mapping.rig import Camera, Rig
+from goshawk.rendered import world as rendered_world
+from mapping.camera import trial as trials
+from mapping.camera.adjustment import Observations
+from mapping.camera.errors import Kind
+from mapping.camera.rig import Camera, Rig
+from mapping.camera.trial import Trial
 
 FORMS = ("none", "rig", "lens", "offset", "shutter", "two")
 SIGHTINGS = 5.0

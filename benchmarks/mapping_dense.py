@@ -6,9 +6,12 @@ import numpy as np
 import report
 
 from flight import FloatArray, frames
-from mapping import dense, map_accuracy, rendered_room, rendered_world, stereo
-from mapping.dense import DenseOptions, ImageView
-from mapping.rig import Camera
+from goshawk.rendered import accuracy as map_accuracy
+from goshawk.rendered import scene as rendered_room
+from goshawk.rendered import world as rendered_world
+from mapping.camera.rig import Camera
+from mapping.dense import stereo, surface
+from mapping.dense.surface import DenseOptions, ImageView
 
 PAIRS = 60
 
@@ -26,13 +29,13 @@ def rows() -> list[report.Row]:
     rendered_s = clock() - start
     options = DenseOptions()
     start = clock()
-    depths = list(dense.depth_images(views, options.stereo))
+    depths = list(surface.depth_images(views, options.stereo))
     depth_s = clock() - start
     start = clock()
-    volume = dense.fuse(views, depths, options)
+    volume = surface.fuse(views, depths, options)
     fused_s = clock() - start
     start = clock()
-    result = dense.extract(volume, views, depths, options)
+    result = surface.extract(volume, views, depths, options)
     extracted_s = clock() - start
     seen = map_accuracy.seen_surface(scene, [(v.camera, v.T_world_camera) for v in views], rng=np.random.default_rng(0))
     score = map_accuracy.compare(scene, seen, result.vertices_world_m, result.state, result.grid)
@@ -85,7 +88,7 @@ def fusion_beside_open3d(scene: rendered_room.RenderedScene, T_world_body: Float
         depths_m.append(ranges.reshape(480, 640) * rays[..., 2])
     start = time.process_time()
     depths = [stereo.depth_from_sensor(v, d) for v, d in zip(views, depths_m, strict=True)]
-    ours = dense.reconstruct(views, DenseOptions(farthest_m=8.0), depths=depths).vertices_world_m
+    ours = surface.reconstruct(views, DenseOptions(farthest_m=8.0), depths=depths).vertices_world_m
     ours_s = time.process_time() - start
     start = time.process_time()
     theirs = open3d_vertices(views, depths_m, voxel_m=0.05, truncation_voxels=2.5, farthest_m=8.0)

@@ -23,8 +23,9 @@ from flight.project import Project
 from goshawk import demo_folder
 from goshawk.commands.plan import waypoints_along
 from goshawk.map_accuracy import measure
+from goshawk.rendered import scene as rendered_room
+from goshawk.rendered import world as rendered_world
 from goshawk.sitl_process import again_if_link_dies, sitl_vehicle
-from mapping import rendered_room, rendered_world
 from vehicle import Vehicle
 
 HIDDEN_EFFECT = "rotor_drag_thrust"

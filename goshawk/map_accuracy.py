@@ -8,9 +8,9 @@ import numpy as np
 
 import mapping
 from flight import FloatArray, frames, rotations
-from mapping import map_accuracy
-from mapping.map_accuracy import MapAccuracy
-from mapping.rendered_room import RenderedScene
+from goshawk.rendered import accuracy as map_accuracy
+from goshawk.rendered.accuracy import MapAccuracy
+from goshawk.rendered.scene import RenderedScene
 
 
 @dataclass(frozen=True, slots=True)

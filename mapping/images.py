@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from flight import FloatArray, FormatError, InputError, Progress, cells, silent
-from mapping.rig import Camera, Rig
+from mapping.camera.rig import Camera, Rig
 
 MOST_PIXELS = 1 << 28
 """Larger images are refused before memory is set aside for them; OpenCV asks for it when it is first imported."""

@@ -35,26 +35,28 @@ from flight import (
     rotations,
     silent,
 )
-from mapping import alignment, colmap, dense, depth_files, localization, mesh_file, sparse, stages, verdict
-from mapping import rig as rigs
-from mapping.alignment import Length
-from mapping.colmap import SparseOptions
-from mapping.dense import DenseOptions
-from mapping.depth_files import DepthFiles
+from mapping import stages, verdict
+from mapping.camera import rig as rigs
+from mapping.camera.rig import Rig
+from mapping.dense import depth_files, mesh_file, surface
+from mapping.dense.depth_files import DepthFiles
+from mapping.dense.surface import DenseOptions
+from mapping.dense.views import ImageView
 from mapping.images import ImageSet, read_folder, read_table
-from mapping.localization import LocalizationMap
-from mapping.rig import Rig
-from mapping.sparse import SparseMap
+from mapping.sparse import alignment, colmap, localization_map, reconstruction
+from mapping.sparse.alignment import Length
+from mapping.sparse.colmap import SparseOptions
+from mapping.sparse.localization_map import LocalizationMap
+from mapping.sparse.reconstruction import SparseMap
 from mapping.stages import Work
 from mapping.verdict import Standing
-from mapping.views import ImageView
 
 FORMAT = "goshawk-map"
 VERSION = 1
 REPORT_FORMAT = "goshawk-map-report"
 
 DEPTH = "depth"
-STAGES = (colmap.FEATURES, colmap.MATCHES, colmap.POSES, sparse.CALIBRATION, DEPTH)
+STAGES = (colmap.FEATURES, colmap.MATCHES, colmap.POSES, reconstruction.CALIBRATION, DEPTH)
 """Stages whose results survive an interrupted work, in order."""
 _REPLACED = "replaced"
 """File of a work: inode of the earlier map, which is moved aside for the new one."""
@@ -182,7 +184,7 @@ class Map:
         return self.folder / "mesh.glb"
 
     def localization_map(self) -> LocalizationMap:
-        return localization.load(self.folder / "localization")
+        return localization_map.load(self.folder / "localization")
 
 
 def build_map(
@@ -284,7 +286,7 @@ def _digests(images: ImageSet) -> list[object]:
 def _build(
     images: ImageSet, out: Path, options: MapOptions, work: Work, *, overwrite: bool, progress: Progress
 ) -> MapReport:
-    placed = sparse.reconstruct(
+    placed = reconstruction.reconstruct(
         images, options.sparse, length=options.length, references=options.references, work=work, progress=progress
     )
     started_s = time.process_time()
@@ -293,20 +295,20 @@ def _build(
     depth_work = work.on(options.sparse, options.length, _references(images, options.references), stereo)
     depths = DepthFiles(
         depth_work.stage(
-            DEPTH, lambda folder: depth_files.write(folder, dense.depth_images(seen, stereo, progress=progress))
+            DEPTH, lambda folder: depth_files.write(folder, surface.depth_images(seen, stereo, progress=progress))
         )
     )
-    surface = dense.reconstruct(seen, options.dense, depths=depths, progress=progress)
+    dense = surface.reconstruct(seen, options.dense, depths=depths, progress=progress)
     progress("distance field", 0.0)
-    distances = esdf.build(surface.state, surface.grid, cap_m=options.cap_m)
+    distances = esdf.build(dense.state, dense.grid, cap_m=options.cap_m)
     cpu_s = {**placed.cpu_s, "dense": round(time.process_time() - started_s, 2)}
-    report = _report(placed, surface, distances.hash, cpu_s)
+    report = _report(placed, dense, distances.hash, cpu_s)
     with results.new_folder(out, overwrite=overwrite, ours=_is_map, within=work.folder) as placing:
         new = placing.temporary
         esdf.save(new / "esdf", distances)
-        mesh_file.save(new / "mesh.glb", surface.vertices_world_m, surface.faces, surface.colours)
-        mesh_file.save(new / "mesh.ply", surface.vertices_world_m, surface.faces, surface.colours)
-        localization.save(new / "localization", placed.localization_map())
+        mesh_file.save(new / "mesh.glb", dense.vertices_world_m, dense.faces, dense.colours)
+        mesh_file.save(new / "mesh.ply", dense.vertices_world_m, dense.faces, dense.colours)
+        localization_map.save(new / "localization", placed.localization_map())
         rigs.save(new / "camera.toml", placed.rig)
         write_poses(new / "poses.csv", placed.images.instants, placed.images.time_s, placed.T_world_body)
         file_format.write_json(new / "report.json", format=REPORT_FORMAT, version=VERSION, body=report.as_dict())
@@ -350,14 +352,14 @@ def views(placed: SparseMap) -> list[ImageView]:
     return result
 
 
-def _report(placed: SparseMap, surface: dense.Reconstruction, hash: str, cpu_s: dict[str, float]) -> MapReport:
+def _report(placed: SparseMap, surface: surface.Reconstruction, hash: str, cpu_s: dict[str, float]) -> MapReport:
     voxel_m3 = float(np.prod(surface.grid.voxel_m))
     judged = verdict.judge(placed)
     path = placed.T_world_body[placed.placed, :3, 3]
     return MapReport(
         images=placed.images.count,
         images_placed=int(placed.registered.sum()),
-        not_placed=list(sparse.unplaced(placed)),
+        not_placed=list(reconstruction.unplaced(placed)),
         reprojection_error_px=placed.reprojection_error_px,
         least_agreement=placed.least_agreement,
         points=len(placed.points_world_m),

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight import FloatArray
-from mapping.alignment import ScaleWitness
-from mapping.calibration.errors import Kind
-from mapping.calibration.trial import SIGMAS90, Finding, Verdict
-from mapping.sparse import SparseMap
+from mapping.camera.errors import Kind
+from mapping.camera.trial import SIGMAS90, Finding, Verdict
+from mapping.sparse.alignment import ScaleWitness
+from mapping.sparse.reconstruction import SparseMap
 
 LEAST_PLACED = 0.9
 """Share of the images that a good map has placed."""

@@ -85,7 +85,9 @@ def _make_pillar_map(folder: Path) -> None:
     import mapping
     from esdf import solids
     from flight import file_format
-    from mapping import map_folder, rendered_world, rig
+    from goshawk.rendered import world as rendered_world
+    from mapping import map_folder
+    from mapping.camera import rig
 
     pillars = [solids.Cylinder((2.0, 1.5, 1.25), 0.25, 2.5), solids.Cylinder((4.0, 2.6, 1.25), 0.35, 2.5)]
     room = solids.Scene([solids.Room((0.0, 0.0, 0.0), (6.0, 4.0, 2.5)), *pillars])

@@ -19,6 +19,10 @@ MAY_IMPORT = {
     "goshawk": {"flight", "esdf", "vehicle", "mapping", "planner", "sysid", "firmware_bridge", "gcs_web"},
 }
 ROOMS = {
+    "mapping.camera": set(),
+    "mapping.sparse": {"mapping.camera"},
+    "mapping.dense": {"mapping.camera"},
+    "mapping.localization": {"mapping.camera", "mapping.sparse"},
     "sysid.logs": set(),
     "sysid.estimator": {"sysid.logs"},
     "sysid.diagnosis": {"sysid.logs", "sysid.estimator"},

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from flight import FloatArray, file_format, rotations
-from mapping import rig as rigs
+from mapping.camera import rig as rigs
 
 FRAME_S = 1001 / 30000
 EARTH_RADIUS_M = 6_378_137.0

@@ -12,7 +12,7 @@ from flight import results
 from goshawk import console, outputs
 from goshawk.commands import camera_trial
 from goshawk.verbs import VerbGroup
-from mapping.rig import Rig
+from mapping.camera.rig import Rig
 
 out_option = console.path_option("--out", "out", "Camera file to write.", required=True)
 WAYS_TO_SCALE = (
@@ -51,7 +51,7 @@ def new(images: Path, out: Path, focal_px: float | None, quick: bool, overwrite:
     IMAGES is a folder of images that one camera took from several places, neighbours overlapping. The result is a
     first guess: mapping refines it.
     """
-    from mapping import lens_guess
+    from mapping.sparse import lens_guess
 
     outputs.check(out, overwrite=overwrite)
     with console.progress() as report:
@@ -100,7 +100,7 @@ def bring(calibration: Path, out: Path, rigs: Path | None, overwrite: bool, as_j
     The first camera is taken to look along body x; edit T_body_camera if it does not. Images of camera NAME are read
     from the sub-folder NAME.
     """
-    from mapping import rig_import
+    from mapping.camera import rig_import
 
     outputs.check(out, overwrite=overwrite)
     kind = calibration.suffix.lower()
@@ -132,7 +132,7 @@ def export(source: Path, out: Path, overwrite: bool, as_json: bool) -> None:
     goshawk camera export camera.toml --out colmap
     goshawk camera export map --out colmap
     """
-    from mapping import rig_export
+    from mapping.camera import rig_export
 
     area = mapping.open_map(source) if source.is_dir() else None
     rig = area.rig if area is not None else mapping.rig.load(source)

@@ -10,7 +10,7 @@ import mapping
 from flight import InputError, file_format, results, rotations
 from goshawk import console, outputs
 from mapping import map_folder
-from mapping.rig import Camera, Rig
+from mapping.camera.rig import Camera, Rig
 
 
 @click.command("diagnose")

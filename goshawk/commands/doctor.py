@@ -15,8 +15,8 @@ _MODULES = {
     "numpy": "", "scipy": "", "osqp": "planning", "ompl": "planning", "pycolmap": "mapping", "cv2": "mapping",
     "open3d": "mapping: needs the system's libusb-1.0-0 and libgl1", "trimesh": "mapping", "pyarrow": "flight logs",
     "viser": "the web page", "aiohttp": "the web page", "matplotlib": "figures",
-    "esdf._esdf": "our C++ kernel", "mapping._mapping": "our C++ kernel", "planner._planner": "our C++ kernel",
-    "sysid._sysid": "our C++ kernel", "vehicle._vehicle": "our C++ kernel",
+    "esdf._esdf": "our C++ kernel", "goshawk._rendering": "our C++ kernel", "mapping._mapping": "our C++ kernel",
+    "planner._planner": "our C++ kernel", "sysid._sysid": "our C++ kernel", "vehicle._vehicle": "our C++ kernel",
     "firmware_bridge._controller": "the embedded C controller",
 }  # fmt: skip
 

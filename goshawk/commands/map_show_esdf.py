@@ -166,7 +166,7 @@ def _plane(field: Field, out: Path, number: int, points: tuple[str, str, str]) -
 
 
 def _surface(field: Field, out: Path, level_m: float) -> str:
-    from mapping import mesh_file
+    from mapping.dense import mesh_file
 
     if not np.isfinite(level_m):
         raise InputError(f"--iso {level_m:g} is not a finite number of metres")

@@ -21,6 +21,3 @@ inline nb::ndarray<nb::numpy, T> new_array(std::initializer_list<std::size_t> sh
     nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
     return nb::ndarray<nb::numpy, T>(data, shape, owner);
 }
-
-void bind_rendering(nb::module_& m);
-void bind_dense(nb::module_& m);

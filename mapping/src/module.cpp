@@ -1,7 +1,162 @@
 // Python bindings of the mapping kernels: contiguous arrays in, new arrays out; the wrappers own names and checks.
+#include <algorithm>
+
 #include "bindings.hpp"
+#include "marching_cubes.hpp"
+#include "spherical_stereo.hpp"
+#include "tsdf.hpp"
+
+using namespace goshawk;
+
+using Gray = nb::ndarray<const std::uint8_t, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
+using Colour = nb::ndarray<const std::uint8_t, nb::shape<-1, -1, -1>, nb::c_contig, nb::device::cpu>;
+using Disparity = nb::ndarray<const std::int16_t, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
+using LensRow = nb::ndarray<const double, nb::shape<Lens::row_size>, nb::c_contig, nb::device::cpu>;
+using Matrix3 = nb::ndarray<const double, nb::shape<3, 3>, nb::c_contig, nb::device::cpu>;
+using Point = nb::ndarray<const double, nb::shape<3>, nb::c_contig, nb::device::cpu>;
+using Image = nb::ndarray<const float, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
+using Layers = nb::ndarray<const float, nb::shape<-1, -1, -1>, nb::c_contig, nb::device::cpu>;
+using Cells = nb::ndarray<float, nb::shape<-1, -1, -1>, nb::c_contig, nb::device::cpu>;
+using Counts = nb::ndarray<std::uint8_t, nb::shape<-1, -1, -1>, nb::c_contig, nb::device::cpu>;
+using ColourCells = nb::ndarray<float, nb::shape<-1, -1, -1, -1>, nb::c_contig, nb::device::cpu>;
+using GridRow = nb::ndarray<const double, nb::shape<6>, nb::c_contig, nb::device::cpu>;
+
+// from_baseline, column_step, from_axis, row_step, rows, columns
+static SphericalGrid as_grid(const GridRow& row) {
+    return {row(0), row(1), row(2), row(3), static_cast<int>(row(4)), static_cast<int>(row(5))};
+}
+
+static auto rectify_view(Gray image, LensRow lens, Matrix3 R_camera_grid, GridRow grid_row, int threads) {
+    const SphericalGrid grid = as_grid(grid_row);
+    auto out = new_array<std::uint8_t>({static_cast<std::size_t>(grid.rows), static_cast<std::size_t>(grid.columns)});
+    nb::gil_scoped_release release;
+    rectify(image.data(), Lens(lens.data()), R_camera_grid.data(), grid, threads, out.data());
+    return out;
+}
+
+static nb::tuple inverse_range_view(Disparity disparity, GridRow grid, Matrix3 R_camera_grid, double baseline_m,
+                                    Matrix4 T_partner_camera, LensRow partner, Rays rays, double disparity_std_px,
+                                    double largest_relative_std, int threads) {
+    auto value = new_array<float>({rays.shape(0), rays.shape(1)});
+    auto deviation = new_array<float>({rays.shape(0), rays.shape(1)});
+    const StereoPair pair{baseline_m, T_partner_camera.data(), disparity_std_px, largest_relative_std};
+    {
+        nb::gil_scoped_release release;
+        inverse_range(disparity.data(), as_grid(grid), R_camera_grid.data(), pair, Lens(partner.data()), rays.data(),
+                      static_cast<int>(rays.shape(0) * rays.shape(1)), threads, value.data(), deviation.data());
+    }
+    return nb::make_tuple(value, deviation);
+}
+
+static auto inverse_range_bound_view(Disparity disparity, GridRow grid, Matrix3 R_camera_grid, double baseline_m,
+                                     Rays rays, double disparity_std_px, double deviations, int threads) {
+    auto bound = new_array<float>({rays.shape(0), rays.shape(1)});
+    const StereoPair pair{baseline_m, nullptr, disparity_std_px, 0.0};
+    nb::gil_scoped_release release;
+    inverse_range_bound(disparity.data(), as_grid(grid), R_camera_grid.data(), pair, rays.data(),
+                        static_cast<int>(rays.shape(0) * rays.shape(1)), deviations, threads, bound.data());
+    return bound;
+}
+
+static nb::tuple fuse_layers(Layers values, Layers deviations, double tolerance, int least) {
+    auto value = new_array<float>({values.shape(1), values.shape(2)});
+    auto deviation = new_array<float>({values.shape(1), values.shape(2)});
+    auto members = new_array<std::uint8_t>({values.shape(1), values.shape(2)});
+    {
+        nb::gil_scoped_release release;
+        fuse(values.data(), deviations.data(), static_cast<int>(values.shape(0)),
+             static_cast<int>(values.shape(1) * values.shape(2)), tolerance, least, value.data(), deviation.data(),
+             members.data());
+    }
+    return nb::make_tuple(value, deviation, members);
+}
+
+static auto facing_view(Image inverse_range, Rays rays, int step, float unsure, int threads) {
+    auto cosine = new_array<float>({inverse_range.shape(0), inverse_range.shape(1)});
+    nb::gil_scoped_release release;
+    facing(inverse_range.data(), rays.data(), static_cast<int>(rays.shape(0)), static_cast<int>(rays.shape(1)), step,
+           unsure, threads, cosine.data());
+    return cosine;
+}
+
+static Volume as_volume(const Point& origin, double voxel, const Cells& distance, const Cells& weight,
+                        const ColourCells& colour, const Cells& colour_weight) {
+    return {
+        {origin(0), origin(1), origin(2)},
+        voxel,
+        {static_cast<int>(distance.shape(0)), static_cast<int>(distance.shape(1)), static_cast<int>(distance.shape(2))},
+        distance.data(),
+        weight.data(),
+        colour.data(),
+        colour_weight.data(),
+        static_cast<int>(colour.shape(3))};
+}
+
+static void integrate_view(Point origin, double voxel, Cells distance, Cells weight, ColourCells colour,
+                           Cells colour_weight, Image inverse_range, Image deviation, Image facing_image, Colour pixels,
+                           LensRow lens, Matrix4 T_camera_world, double truncation, double farthest, int threads) {
+    const Volume volume = as_volume(origin, voxel, distance, weight, colour, colour_weight);
+    const RangeImage image{inverse_range.data(), deviation.data(), facing_image.data(), pixels.data(),
+                           Lens(lens.data())};
+    nb::gil_scoped_release release;
+    integrate(volume, image, T_camera_world.data(), {truncation, farthest}, threads);
+}
+
+static void carve_view(Point origin, double voxel, Counts seen_through, Image bound, LensRow lens,
+                       Matrix4 T_camera_world, double truncation, double farthest, int threads) {
+    const Volume volume{{origin(0), origin(1), origin(2)},
+                        voxel,
+                        {static_cast<int>(seen_through.shape(0)), static_cast<int>(seen_through.shape(1)),
+                         static_cast<int>(seen_through.shape(2))},
+                        nullptr,
+                        nullptr,
+                        nullptr,
+                        nullptr,
+                        0};
+    nb::gil_scoped_release release;
+    carve(volume, bound.data(), Lens(lens.data()), T_camera_world.data(), {truncation, farthest}, threads,
+          seen_through.data());
+}
+
+static nb::tuple marching_cubes_view(Point origin, double voxel, Cells distance, Cells weight, ColourCells colour,
+                                     Cells colour_weight, double least_weight) {
+    const Volume volume = as_volume(origin, voxel, distance, weight, colour, colour_weight);
+    Mesh mesh;
+    {
+        nb::gil_scoped_release release;
+        mesh = marching_cubes(volume, least_weight);
+    }
+    auto vertices = new_array<double>({mesh.vertices.size(), 3});
+    auto faces = new_array<std::int32_t>({mesh.faces.size(), 3});
+    auto colours = new_array<float>({mesh.vertices.size(), static_cast<std::size_t>(volume.channels)});
+    for (std::size_t i = 0; i < mesh.vertices.size(); ++i)
+        for (int axis = 0; axis < 3; ++axis) vertices.data()[3 * i + axis] = mesh.vertices[i][axis];
+    for (std::size_t i = 0; i < mesh.faces.size(); ++i)
+        for (int n = 0; n < 3; ++n) faces.data()[3 * i + n] = mesh.faces[i][n];
+    std::copy(mesh.colours.begin(), mesh.colours.end(), colours.data());
+    return nb::make_tuple(vertices, faces, colours);
+}
 
 NB_MODULE(_mapping, m) {
-    bind_rendering(m);
-    bind_dense(m);
+    m.def("rectify", &rectify_view, nb::arg("image"), nb::arg("lens"), nb::arg("R_camera_grid"), nb::arg("grid"),
+          nb::arg("threads"));
+    m.def("inverse_range", &inverse_range_view, nb::arg("disparity"), nb::arg("grid"), nb::arg("R_camera_grid"),
+          nb::arg("baseline_m"), nb::arg("T_partner_camera"), nb::arg("partner"), nb::arg("rays"),
+          nb::arg("disparity_std_px"), nb::arg("largest_relative_std"), nb::arg("threads"));
+    m.def("inverse_range_bound", &inverse_range_bound_view, nb::arg("disparity"), nb::arg("grid"),
+          nb::arg("R_camera_grid"), nb::arg("baseline_m"), nb::arg("rays"), nb::arg("disparity_std_px"),
+          nb::arg("deviations"), nb::arg("threads"));
+    m.def("carve", &carve_view, nb::arg("origin_world_m"), nb::arg("voxel_m"), nb::arg("seen_through").noconvert(),
+          nb::arg("bound"), nb::arg("lens"), nb::arg("T_camera_world"), nb::arg("truncation_m"), nb::arg("farthest_m"),
+          nb::arg("threads"));
+    m.def("fuse", &fuse_layers, nb::arg("values"), nb::arg("deviations"), nb::arg("tolerance"), nb::arg("least"));
+    m.def("facing", &facing_view, nb::arg("inverse_range"), nb::arg("rays"), nb::arg("step"), nb::arg("unsure"),
+          nb::arg("threads"));
+    m.def("integrate", &integrate_view, nb::arg("origin_world_m"), nb::arg("voxel_m"), nb::arg("distance").noconvert(),
+          nb::arg("weight").noconvert(), nb::arg("colour").noconvert(), nb::arg("colour_weight").noconvert(),
+          nb::arg("inverse_range"), nb::arg("deviation"), nb::arg("facing"), nb::arg("pixels"), nb::arg("lens"),
+          nb::arg("T_camera_world"), nb::arg("truncation_m"), nb::arg("farthest_m"), nb::arg("threads"));
+    m.def("marching_cubes", &marching_cubes_view, nb::arg("origin_world_m"), nb::arg("voxel_m"),
+          nb::arg("distance").noconvert(), nb::arg("weight").noconvert(), nb::arg("colour").noconvert(),
+          nb::arg("colour_weight").noconvert(), nb::arg("least_weight"));
 }

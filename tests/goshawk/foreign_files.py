@@ -14,7 +14,8 @@ from pyarrow import parquet
 
 import vehicle
 from flight import FlightLog, flight_log, project
-from mapping import rendered_world, rig
+from goshawk.rendered import world as rendered_world
+from mapping.camera import rig
 from vehicle import flights, manoeuvres
 
 ROTORS = [f"rotor_speed_{i}_rad_s" for i in range(4)]

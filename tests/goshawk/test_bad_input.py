@@ -15,7 +15,7 @@ import pytest
 
 import vehicle
 from flight import FlightLog, flight_log
-from mapping.rendered_world import default_rig, loop_flight, write_rendered_sequence
+from goshawk.rendered.world import default_rig, loop_flight, write_rendered_sequence
 from tests.goshawk.running import answer
 from tests.waiting import PATIENCE_S
 from tests.waiting import goshawk as program

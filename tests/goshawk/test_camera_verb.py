@@ -9,8 +9,8 @@ import pytest
 from PIL import Image
 
 import mapping
-from mapping import rig as rigs
-from mapping.rig import Rig, forward_camera
+from mapping.camera import rig as rigs
+from mapping.camera.rig import Rig, forward_camera
 from tests.goshawk.running import run
 
 

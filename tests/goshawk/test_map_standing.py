@@ -13,8 +13,8 @@ import vehicle
 from flight import file_format
 from goshawk import demo
 from mapping import map_folder
-from mapping.calibration.errors import Candidate, Kind
-from mapping.calibration.trial import Finding, Verdict
+from mapping.camera.errors import Candidate, Kind
+from mapping.camera.trial import Finding, Verdict
 from tests.goshawk.running import run
 
 

@@ -14,8 +14,9 @@ from rosbags.typesys import Stores, get_typestore
 import vehicle
 from firmware_bridge.controller import State
 from flight import FlightLog, Trajectory, flight_log, frames
-from mapping import rendered_room, rendered_world
-from mapping.rig import forward_camera
+from goshawk.rendered import scene as rendered_room
+from goshawk.rendered import world as rendered_world
+from mapping.camera.rig import forward_camera
 from tests.goshawk import foreign_log
 from vehicle import draft, flights, manoeuvres
 from vehicle.draft import Known

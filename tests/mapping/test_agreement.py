@@ -9,9 +9,9 @@ import pycolmap
 import pytest
 
 from flight import frames, rotations
-from mapping import agreement, colmap
+from goshawk.rendered.world import default_rig
 from mapping.images import ImageSet
-from mapping.rendered_world import default_rig
+from mapping.sparse import agreement, colmap
 
 INSTANTS = 6
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from flight import FloatArray, FormatError, InputError, MapError, frames, rotations
-from mapping import alignment
-from mapping.alignment import Length, References
+from mapping.camera.rig import Rig, forward_camera
 from mapping.images import ImageSet
-from mapping.rig import Rig, forward_camera
+from mapping.sparse import alignment
+from mapping.sparse.alignment import Length, References
 
 COUNT = 40
 RIG = Rig((forward_camera("SIMPLE_RADIAL_FISHEYE", 64, 48, [40.0, 32.0, 24.0, 0.0]),))

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from flight import FloatArray, frames, rotations
-from mapping import rendered_world
-from mapping.calibration import adjustment, errors
-from mapping.calibration import trial as trials
-from mapping.calibration.adjustment import Observations
-from mapping.calibration.errors import Kind
-from mapping.calibration.trial import Trial, Verdict
-from mapping.rig import Camera, Rig
+from goshawk.rendered import world as rendered_world
+from mapping.camera import adjustment, errors
+from mapping.camera import trial as trials
+from mapping.camera.adjustment import Observations
+from mapping.camera.errors import Kind
+from mapping.camera.rig import Camera, Rig
+from mapping.camera.trial import Trial, Verdict
 
 NOISE_PX = 0.2
 RATE_HZ = 10.0

@@ -7,11 +7,11 @@ import pytest
 
 from esdf import FREE, OCCUPIED, UNKNOWN, Grid
 from flight import InputError
-from mapping import dense, fusion, stereo
-from mapping.dense import DenseOptions
-from mapping.fusion import LEAST_SEEN_THROUGH, Volume
-from mapping.rig import Camera
-from mapping.views import ImageView
+from mapping.camera.rig import Camera
+from mapping.dense import fusion, stereo, surface
+from mapping.dense.fusion import LEAST_SEEN_THROUGH, Volume
+from mapping.dense.surface import DenseOptions
+from mapping.dense.views import ImageView
 
 PINHOLE = Camera("forward", ".", "PINHOLE", 160, 120, np.array([120.0, 120.0, 80.0, 60.0]), np.eye(4))
 LOOKING_ALONG_X = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
@@ -153,8 +153,8 @@ def test_a_vehicle_smaller_than_a_voxel_is_refused_because_nothing_would_be_reac
 
 def test_the_way_between_images_is_free_only_where_the_bodies_touch() -> None:
     places = [(0.0, 0.0, 0.0), (0.3, 0.0, 0.0), (1.2, 0.0, 0.0)]
-    path = dense.flown_path([view_from(place) for place in places], 0.05, longest_gap_m=0.4)
+    path = surface.flown_path([view_from(place) for place in places], 0.05, longest_gap_m=0.4)
     np.testing.assert_allclose(sorted({round(x, 3) for x in path[:, 0]}), [*np.linspace(0.0, 0.3, 7), 1.2], atol=1e-9)
     other = dataclasses.replace(PINHOLE, name="backward")
     pair = [view_from(), dataclasses.replace(view_from((0.3, 1.0, 1.0)), camera=other)]
-    assert len(dense.flown_path(pair, 0.05, longest_gap_m=0.4)) == 2
+    assert len(surface.flown_path(pair, 0.05, longest_gap_m=0.4)) == 2

@@ -7,9 +7,12 @@ import pytest
 
 from esdf import FREE, OCCUPIED, UNKNOWN
 from flight import MapError, frames
-from mapping import _mapping, dense, rendered_room, rendered_world, stereo
-from mapping.dense import DenseOptions, ImageView, StereoOptions
-from mapping.views import lens_row
+from goshawk.rendered import scene as rendered_room
+from goshawk.rendered import world as rendered_world
+from mapping import _mapping
+from mapping.dense import stereo, surface
+from mapping.dense.surface import DenseOptions, ImageView, StereoOptions
+from mapping.dense.views import lens_row
 
 SCENE = rendered_room.furnished()
 RIG = rendered_world.default_rig(0.5)
@@ -40,8 +43,8 @@ def views() -> list[ImageView]:
 
 
 @pytest.fixture(scope="module")
-def reconstruction(views: list[ImageView]) -> dense.Reconstruction:
-    return dense.reconstruct(views, DenseOptions(voxel_m=0.06))
+def reconstruction(views: list[ImageView]) -> surface.Reconstruction:
+    return surface.reconstruct(views, DenseOptions(voxel_m=0.06))
 
 
 def test_points_lie_in_one_row_of_both_rectified_images() -> None:
@@ -109,7 +112,7 @@ def test_partners_have_a_baseline_and_a_common_view(views: list[ImageView]) -> N
             assert views[partner].T_world_camera[:3, 2] @ view.T_world_camera[:3, 2] > 0.5
 
 
-def test_mesh_lies_on_the_surface(reconstruction: dense.Reconstruction) -> None:
+def test_mesh_lies_on_the_surface(reconstruction: surface.Reconstruction) -> None:
     error_m = np.abs(SCENE.distance(reconstruction.vertices_world_m))
     assert len(error_m) > 5000
     assert np.median(error_m) < 0.015
@@ -117,7 +120,7 @@ def test_mesh_lies_on_the_surface(reconstruction: dense.Reconstruction) -> None:
 
 
 def test_free_space_is_air_and_seen_walls_have_no_holes(
-    views: list[ImageView], reconstruction: dense.Reconstruction
+    views: list[ImageView], reconstruction: surface.Reconstruction
 ) -> None:
     state, grid = reconstruction.state, reconstruction.grid
     assert {UNKNOWN, FREE, OCCUPIED} == set(np.unique(state))
@@ -136,7 +139,7 @@ def test_free_space_is_air_and_seen_walls_have_no_holes(
     assert stopped.mean() > 0.995
 
 
-def test_the_flown_path_is_free(views: list[ImageView], reconstruction: dense.Reconstruction) -> None:
+def test_the_flown_path_is_free(views: list[ImageView], reconstruction: surface.Reconstruction) -> None:
     cells = reconstruction.grid.index(np.array([view.position_world_m for view in views]))
     assert (reconstruction.state[tuple(cells.T)] == FREE).all()
 
@@ -144,6 +147,6 @@ def test_the_flown_path_is_free(views: list[ImageView], reconstruction: dense.Re
 def test_images_without_common_view_are_refused(views: list[ImageView]) -> None:
     apart = [views[0], dataclasses.replace(views[2], T_world_camera=views[2].T_world_camera + np.eye(4, 4, 3) * 50.0)]
     with pytest.raises(MapError, match="same things from places"):
-        dense.reconstruct(apart)
+        surface.reconstruct(apart)
     with pytest.raises(MapError, match="0 images"):
-        dense.reconstruct([])
+        surface.reconstruct([])

@@ -7,10 +7,10 @@ import pytest
 
 from esdf import FREE, OCCUPIED, UNKNOWN, Grid
 from flight import InputError, MapError, frames, rotations
-from mapping import dense, fusion, stereo
-from mapping.dense import DenseOptions, ImageView
-from mapping.fusion import Volume
-from mapping.rig import Camera
+from mapping.camera.rig import Camera
+from mapping.dense import fusion, stereo, surface
+from mapping.dense.fusion import Volume
+from mapping.dense.surface import DenseOptions, ImageView
 
 PINHOLE = Camera("depth", ".", "PINHOLE", 160, 120, np.array([120.0, 120.0, 80.0, 60.0]), np.eye(4))
 
@@ -82,7 +82,7 @@ def plane_view(tilt_rad: float, distance_m: float = 2.0) -> tuple[ImageView, np.
 def test_a_plane_seen_by_a_depth_camera_comes_back(tilt_deg: float) -> None:
     view, depth_m, normal = plane_view(np.radians(tilt_deg))
     depth = stereo.depth_from_sensor(view, depth_m)
-    result = dense.reconstruct([view], DenseOptions(least_component_faces=10), depths=[depth])
+    result = surface.reconstruct([view], DenseOptions(least_component_faces=10), depths=[depth])
     offset = (result.vertices_world_m - view.position_world_m - [2.0, 0.0, 0.0]) @ normal
     assert np.abs(offset).max() < 0.01
     assert np.median(np.abs(offset)) < 0.002
@@ -96,7 +96,7 @@ def test_a_plane_seen_by_a_depth_camera_comes_back(tilt_deg: float) -> None:
 def test_space_is_free_before_a_plane_occupied_at_it_and_unknown_behind(tilt_deg: float) -> None:
     view, depth_m, normal = plane_view(np.radians(tilt_deg))
     depth = stereo.depth_from_sensor(view, depth_m, relative_std=0.005)
-    result = dense.reconstruct([view], DenseOptions(least_component_faces=10), depths=[depth])
+    result = surface.reconstruct([view], DenseOptions(least_component_faces=10), depths=[depth])
     cells = np.argwhere(result.state >= 0)
     centres, state = result.grid.centre(cells), result.state.ravel()
     before_m = (centres - view.position_world_m - [2.0, 0.0, 0.0]) @ normal
@@ -162,7 +162,7 @@ def test_small_components_are_dropped() -> None:
     distance[3:12, 3:12, 3:12] = -1.0
     distance[17, 17, 17] = -1.0
     mesh = filled(distance).surface(least_weight=0.5)
-    vertices, faces, colours = dense.without_small_components(*mesh, least_faces=50)
+    vertices, faces, colours = surface.without_small_components(*mesh, least_faces=50)
     assert len(faces) == len(mesh[1]) - 8
     assert vertices.max() < 1.5
     assert len(np.unique(faces)) == len(vertices) == len(colours)
@@ -189,6 +189,6 @@ def test_turning_and_moving_everything_turns_and_moves_the_surface() -> None:
     T = frames.transform(rotations.exp(np.array([0.3, -0.5, 0.8])), np.array([3.0, -2.0, 1.0]))
     moved = dataclasses.replace(view, T_world_camera=T @ view.T_world_camera)
     depth = stereo.depth_from_sensor(view, depth_m)
-    result = dense.reconstruct([moved], DenseOptions(least_component_faces=10), depths=[depth])
+    result = surface.reconstruct([moved], DenseOptions(least_component_faces=10), depths=[depth])
     offset = (frames.apply(frames.invert(T), result.vertices_world_m) - view.position_world_m - [2.0, 0, 0]) @ normal
     assert np.abs(offset).max() < 0.015

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from flight import FormatError, InputError
+from mapping.camera.rig import Camera, Rig, forward_camera
 from mapping.images import read_folder, read_table
-from mapping.rig import Camera, Rig, forward_camera
 
 SINGLE = Rig((forward_camera("SIMPLE_RADIAL_FISHEYE", 64, 48, [40.0, 32.0, 24.0, 0.0]),))
 PAIR = Rig(

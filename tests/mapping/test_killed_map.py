@@ -15,8 +15,9 @@ import mapping
 from esdf.solids import Sphere
 from esdf.storage import EDITS
 from flight import InputError
-from mapping import map_folder, rendered_world, stages
-from mapping import rig as rigs
+from goshawk.rendered import world as rendered_world
+from mapping import map_folder, stages
+from mapping.camera import rig as rigs
 from tests.waiting import until
 
 pytestmark = pytest.mark.slow

@@ -11,15 +11,17 @@ import mapping
 from esdf.solids import Sphere
 from esdf.storage import EDITS
 from flight import FlightError, FloatArray, FormatError, InputError, MapError, file_format, frames, rotations
-from mapping import colmap, localization, map_folder, sparse, stages
-from mapping import rig as rigs
-from mapping.alignment import Alignment
-from mapping.calibration.trial import Trial
-from mapping.colmap import SparseOptions
+from mapping import map_folder, stages
+from mapping.camera import rig as rigs
+from mapping.camera.trial import Trial
 from mapping.images import ImageSet
-from mapping.localization import LocalizationMap
+from mapping.localization import relocalization
 from mapping.map_folder import MapOptions
-from mapping.sparse import SparseMap
+from mapping.sparse import colmap, localization_map, reconstruction
+from mapping.sparse.alignment import Alignment
+from mapping.sparse.colmap import SparseOptions
+from mapping.sparse.localization_map import LocalizationMap
+from mapping.sparse.reconstruction import SparseMap
 
 RIG = rigs.Rig((rigs.forward_camera("SIMPLE_RADIAL_FISHEYE", 160, 120, [90.0, 80.0, 60.0, 0.0]),))
 
@@ -44,7 +46,7 @@ def made_map(folder: Path) -> Path:
     placed = sparse_map(folder)
     with file_format.atomic_folder(folder) as new:
         esdf.save(new / "esdf", field)
-        localization.save(new / "localization", placed.localization_map())
+        localization_map.save(new / "localization", placed.localization_map())
         rigs.save(new / "camera.toml", RIG)
         map_folder.write_poses(new / "poses.csv", placed.images.instants, placed.images.time_s, placed.T_world_body)
         file_format.write_toml(new / "map.toml", format=map_folder.FORMAT, version=1, body={"hash": field.hash})
@@ -237,16 +239,16 @@ def test_matching_is_mutual_and_clear() -> None:
     known[1] = known[0]  # a doubled point is never clear
     query = known[[7, 0, 250]] + 0.01 * rng.normal(size=(3, 128)).astype(np.float32)
     query /= np.linalg.norm(query, axis=1, keepdims=True)
-    chosen, points = localization.match(query, known, 0.85)
+    chosen, points = relocalization.match(query, known, 0.85)
     assert chosen.tolist() == [0, 2]
     assert points.tolist() == [7, 250]
 
 
 def test_empty_descriptors_have_no_matches() -> None:
     empty = np.zeros((0, 128), dtype=np.float32)
-    assert len(localization.match(empty, empty, 0.8)[0]) == 0
+    assert len(relocalization.match(empty, empty, 0.8)[0]) == 0
     with pytest.raises(InputError):
-        localization.load(Path("nowhere"))
+        localization_map.load(Path("nowhere"))
 
 
 def test_colmap_options_out_of_range_are_refused() -> None:
@@ -264,15 +266,15 @@ def test_too_few_placed_images_are_no_map(tmp_path: Path, monkeypatch: pytest.Mo
     )  # fmt: skip
     monkeypatch.setattr("mapping.child.run", lambda *_, **__: model)
     with pytest.raises(MapError, match="only 1 of 3 images"):
-        sparse.reconstruct(images)
+        reconstruction.reconstruct(images)
 
 
 def test_localization_map_survives_its_file(tmp_path: Path) -> None:
     placed = sparse_map(tmp_path)
-    localization.save(tmp_path / "points", placed.localization_map())
-    back = localization.load(tmp_path / "points")
+    localization_map.save(tmp_path / "points", placed.localization_map())
+    back = localization_map.load(tmp_path / "points")
     assert isinstance(back, LocalizationMap)
     with open(tmp_path / "points" / "points.npz", "ab") as file:
         file.write(b"x")
     with pytest.raises(FormatError, match="does not match its hash"):
-        localization.load(tmp_path / "points")
+        localization_map.load(tmp_path / "points")

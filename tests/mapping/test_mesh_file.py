@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flight import InputError
-from mapping import mesh_file
+from mapping.dense import mesh_file
 
 VERTICES = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]])
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], np.int32)

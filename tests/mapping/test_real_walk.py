@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 import mapping
 from flight import rotations
-from mapping import rig as rigs
-from mapping import sparse
-from mapping.sparse import SparseMap
+from mapping.camera import rig as rigs
+from mapping.sparse import reconstruction
+from mapping.sparse.reconstruction import SparseMap
 
 ROOT = Path(__file__).parents[2]
 WALK = ROOT.parent / "shared" / "data" / "imagery" / "gopro_max_walk"
@@ -37,7 +37,7 @@ def converter() -> ModuleType:
 def placed(converter: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> SparseMap:
     folder = tmp_path_factory.mktemp("walk") / "images"
     converter.convert(WALK, folder)
-    return sparse.reconstruct(mapping.read_folder(folder, rigs.load(folder / "camera.toml")))
+    return reconstruction.reconstruct(mapping.read_folder(folder, rigs.load(folder / "camera.toml")))
 
 
 def test_every_frame_is_placed_and_fits(placed: SparseMap) -> None:

@@ -5,9 +5,9 @@ import pytest
 
 from flight import FormatError, InputError, frames, rotations
 from mapping import _mapping
-from mapping import rig as rigs
-from mapping.rig import Camera, Rig
-from mapping.views import lens_row
+from mapping.camera import rig as rigs
+from mapping.camera.rig import Camera, Rig
+from mapping.dense.views import lens_row
 
 KB = [278.0, 279.0, 320.0, 240.0, 0.02, -0.01, 0.004, -0.001]
 LENSES = [

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from flight import FormatError, InputError, frames, rotations
-from mapping import rig_export, rig_import
+from mapping.camera import rig_export, rig_import
 
 EQUI = """
 cam0:

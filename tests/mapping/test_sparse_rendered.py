@@ -8,10 +8,12 @@ import pytest
 
 import mapping
 from flight import FloatArray, rotations
-from mapping import localization, rendered_world, sparse
-from mapping import rig as rigs
-from mapping.rendered_world import RenderedFlight
-from mapping.sparse import SparseMap
+from goshawk.rendered import world as rendered_world
+from goshawk.rendered.world import RenderedFlight
+from mapping.camera import rig as rigs
+from mapping.localization import relocalization
+from mapping.sparse import reconstruction
+from mapping.sparse.reconstruction import SparseMap
 
 pytestmark = pytest.mark.slow
 
@@ -37,7 +39,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, Rende
 @pytest.fixture(scope="module")
 def placed(folders: tuple[Path, Path, RenderedFlight, RenderedFlight]) -> SparseMap:
     folder = folders[0]
-    return sparse.reconstruct(mapping.read_folder(folder, rigs.load(folder / "camera.toml")))
+    return reconstruction.reconstruct(mapping.read_folder(folder, rigs.load(folder / "camera.toml")))
 
 
 def onto(truth: FloatArray, found: FloatArray) -> FloatArray:
@@ -82,7 +84,7 @@ def test_world_is_upright(placed: SparseMap, folders) -> None:
 def test_images_taken_between_are_found_in_the_map(placed: SparseMap, folders) -> None:
     _, folder, known, asked = folders
     images = mapping.read_folder(folder, rigs.load(folder / "camera.toml"))
-    answer = localization.localize(placed.localization_map(), images)
+    answer = relocalization.localize(placed.localization_map(), images)
     assert answer.failed == ()
     T = onto(known.T_world_body, placed.T_world_body)
     off_m, off_rad = errors(asked.T_world_body, T @ answer.T_world_body)
@@ -94,7 +96,7 @@ def test_one_camera_of_the_rig_is_enough_to_be_found(placed: SparseMap, folders)
     _, folder, known, asked = folders
     rig = rigs.load(folder / "camera.toml")
     images = mapping.read_folder(folder, dataclasses.replace(rig, cameras=rig.cameras[:1]))
-    answer = localization.localize(placed.localization_map(), images)
+    answer = relocalization.localize(placed.localization_map(), images)
     off_m, off_rad = errors(asked.T_world_body, onto(known.T_world_body, placed.T_world_body) @ answer.T_world_body)
     assert (off_m < 0.05).mean() > 0.9
     assert (np.degrees(off_rad) < 2.0).mean() > 0.9
@@ -111,6 +113,6 @@ def test_images_of_noise_are_not_found(placed: SparseMap, tmp_path: Path) -> Non
             rng.integers(0, 255, (rig.cameras[0].height, rig.cameras[0].width)).astype(np.uint8), (9, 9), 2.0
         )
         cv2.imwrite(str(tmp_path / "front" / f"{k}.png"), noise)
-    answer = localization.localize(placed.localization_map(), mapping.read_folder(tmp_path, rig))
+    answer = relocalization.localize(placed.localization_map(), mapping.read_folder(tmp_path, rig))
     assert answer.failed == ("0.png", "1.png")
     assert np.isnan(answer.T_world_body).all()

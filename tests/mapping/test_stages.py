@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 from flight import InputError
-from mapping import depth_files, stages
-from mapping.stereo import DepthImage
+from mapping import stages
+from mapping.dense import depth_files
+from mapping.dense.stereo import DepthImage
 
 SLOW_WORK = """
 import sys, time

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from flight import InputError
-from mapping import map_folder, rendered_world, verdict
-from mapping.alignment import Alignment, ScaleWitness
-from mapping.calibration.errors import Candidate, Kind
-from mapping.calibration.trial import Finding, Trial, Verdict
+from goshawk.rendered import world as rendered_world
+from mapping import map_folder, verdict
+from mapping.camera.errors import Candidate, Kind
+from mapping.camera.trial import Finding, Trial, Verdict
 from mapping.images import ImageSet
-from mapping.sparse import SparseMap
+from mapping.sparse.alignment import Alignment, ScaleWitness
+from mapping.sparse.reconstruction import SparseMap
 from mapping.verdict import Standing
 
 RIG = rendered_world.default_rig(0.25)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from flight import FloatArray, InputError, file_format, frames, rotations
-from mapping.rig import Rig
+from mapping.camera.rig import Rig
 
 
 def write_colmap(folder: Path, rig: Rig) -> None:

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from esdf import FREE, Grid
 from flight import FloatArray, InputError, frames
-from mapping.rendered_room import RenderedScene
-from mapping.rendered_world import cast_rays
-from mapping.rig import Camera
+from goshawk.rendered.scene import RenderedScene
+from goshawk.rendered.world import cast_rays
+from mapping.camera.rig import Camera
 
 WITHIN_M = 0.05
 CELL_M = 0.04

@@ -5,30 +5,18 @@ matches clearly gives 2D-3D pairs of all cameras of an instant, and they give on
 """
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from flight import FloatArray, FormatError, InputError, Progress, file_format, frames, silent
-from mapping import child, features
+from flight import FloatArray, Progress, frames, silent
+from mapping import child
+from mapping.camera.rig import Rig
 from mapping.images import ImageSet
-from mapping.rig import Rig
-
-FORMAT = "goshawk-localization"
-VERSION = 1
+from mapping.sparse import features
+from mapping.sparse.localization_map import LocalizationMap
 
 _STAGE = "localizing"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LocalizationMap:
-    """Map points with descriptors."""
-
-    points_world_m: FloatArray
-    """(m, 3)."""
-    descriptors: np.ndarray
-    """(m, 128) float32 of unit length."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +122,7 @@ def _pose(
     """T_world_body (4, 4) from 2D-3D pairs of the cameras of the rig, and how many of them support it."""
     import pycolmap
 
-    from mapping import colmap
+    from mapping.sparse import colmap
 
     total = sum(len(pixels) for _, pixels, _ in pairs)
     if total < options.least_inliers:
@@ -160,28 +148,3 @@ def _pose(
     T = np.eye(4)
     T[:3] = T_first_world.matrix()
     return frames.invert(rig.cameras[0].T_body_camera @ T), int(np.sum(answer["inlier_mask"]))
-
-
-def save(folder: Path, known: LocalizationMap) -> None:
-    """Write `points.npz` and `localization.toml` into a new folder."""
-    folder.mkdir(parents=True)
-    descriptors = np.clip(np.round(512.0 * known.descriptors), 0, 255).astype(np.uint8)
-    np.savez(folder / "points.npz", points_world_m=known.points_world_m, descriptors=descriptors)
-    body = {"points": len(known.points_world_m), "hash": file_format.file_hash(folder / "points.npz")}
-    file_format.write_toml(folder / "localization.toml", format=FORMAT, version=VERSION, body=body)
-
-
-def load(folder: Path) -> LocalizationMap:
-    """Read what `save` wrote.
-
-    Raises:
-        InputError: the folder has no localization map.
-        FormatError: it is damaged.
-    """
-    document = file_format.read_toml(folder / "localization.toml", format=FORMAT, version=VERSION)
-    if not (folder / "points.npz").is_file():
-        raise InputError(f"{folder} has no points.npz; build the map again")
-    if file_format.file_hash(folder / "points.npz") != document.get("hash"):
-        raise FormatError(f"{folder / 'points.npz'} does not match its hash; build the map again")
-    with np.load(folder / "points.npz", allow_pickle=False) as data:
-        return LocalizationMap(data["points_world_m"], features.unit(data["descriptors"]))

@@ -1,3 +1,5 @@
+// Python bindings of the renderer: contiguous arrays in, new arrays out; `goshawk/rendered/world.py` owns names and
+// checks.
 #include "bindings.hpp"
 #include "parallel.hpp"
 #include "render.hpp"
@@ -67,7 +69,7 @@ static nb::ndarray<nb::numpy, std::uint8_t> render_view(Table<8> solids, Table<6
     return image;
 }
 
-void bind_rendering(nb::module_& m) {
+NB_MODULE(_rendering, m) {
     m.def("cast_rays", &cast_rays, nb::arg("solids"), nb::arg("origins"), nb::arg("directions"), nb::arg("threads"));
     m.def("render", &render_view, nb::arg("solids"), nb::arg("materials"), nb::arg("lamps"), nb::arg("rays"),
           nb::arg("T_world_camera"), nb::arg("gain"), nb::arg("noise"), nb::arg("vignette"), nb::arg("seed"),

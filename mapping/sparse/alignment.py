@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from flight import FloatArray, FormatError, InputError, MapError, frames, rotations
+from mapping.camera.rig import Rig
 from mapping.images import ImageSet, read_table
-from mapping.rig import Rig
 
 _POSITION = ("x_m", "y_m", "z_m")
 _UP = ("up_body_x", "up_body_y", "up_body_z")

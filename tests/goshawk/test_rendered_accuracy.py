@@ -5,7 +5,9 @@ import pytest
 
 import esdf
 from flight import frames, rotations
-from mapping import map_accuracy, rendered_room, rendered_world
+from goshawk.rendered import accuracy as map_accuracy
+from goshawk.rendered import scene as rendered_room
+from goshawk.rendered import world as rendered_world
 
 SCENE = rendered_room.furnished()
 RIG = rendered_world.default_rig(0.1)

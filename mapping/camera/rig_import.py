@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from flight import FloatArray, FormatError, InputError, file_format, frames, rotations
-from mapping.lens import PARAMETERS, Base
-from mapping.rig import R_BODY_CAMERA_FORWARD, Camera, Rig
+from mapping.camera.lens import PARAMETERS, Base
+from mapping.camera.rig import R_BODY_CAMERA_FORWARD, Camera, Rig
 
 LARGEST_BYTES = 2_000_000
 _KALIBR = {

@@ -12,10 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from flight import InputError, MapError, Progress, silent
-from mapping import child, colmap, stages
-from mapping.colmap import SparseModel, SparseOptions
+from mapping import child, stages
+from mapping.camera.rig import Camera, Rig, forward_camera
 from mapping.images import SUFFIXES, ImageSet, read_folder
-from mapping.rig import Camera, Rig, forward_camera
+from mapping.sparse import colmap
+from mapping.sparse.colmap import SparseModel, SparseOptions
 
 MODEL = "RADIAL_FISHEYE"
 """Holds fisheye lenses, and, with tan(x) = x + x^3/3 + 2 x^5/15 + ..., ordinary ones up to 40 degrees off the axis."""

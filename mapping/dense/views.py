@@ -6,7 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flight import FloatArray, InputError
-from mapping.rig import Camera
+from mapping.camera.rig import Camera
+
+THREADS = 2
+"""CPU threads of a kernel."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from mapping import rig as rigs
-from mapping.calibration.trial import Finding, Trial
-from mapping.colmap import SparseModel
+from mapping.camera import rig as rigs
+from mapping.camera.trial import Finding, Trial
+from mapping.sparse.colmap import SparseModel
 
 _ARRAYS = ("T_world_body", "registered", "points_world", "descriptors", "observations", "pixels")
 _NUMBERS = ("reprojection_error_px", "least_agreement", "cpu_s")

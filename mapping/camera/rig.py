@@ -27,8 +27,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flight import FloatArray, FormatError, InputError, file_format, frames, rotations
-from mapping import lens as lenses
-from mapping.lens import Lens
+from mapping.camera import lens as lenses
+from mapping.camera.lens import Lens
 
 FORMAT = "goshawk-camera"
 VERSION = 1

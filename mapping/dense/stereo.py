@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 
 from flight import FloatArray, InputError, frames
 from mapping import _mapping
-from mapping.views import ImageView, lens_row
+from mapping.dense.views import THREADS, ImageView, lens_row
 
 FloatImage = NDArray[np.float32]
-THREADS = 2
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from flight import FloatArray, Progress, silent
+from mapping.camera.rig import Camera
 from mapping.images import ImageSet
-from mapping.rig import Camera
 
 _CELL_PX = 64
 _RIM_PX = 7

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight import FloatArray, rotations
-from mapping.lens import Base
-from mapping.rig import Camera, Rig
+from mapping.camera.lens import Base
+from mapping.camera.rig import Camera, Rig
 
 
 class Kind(enum.StrEnum):

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from flight import FloatArray, InputError, MapError, Progress, frames
-from mapping import agreement, features, pairing
-from mapping.calibration import trial as calibration_trial
-from mapping.calibration.adjustment import Observations
-from mapping.calibration.trial import Trial
+from mapping.camera import trial as calibration_trial
+from mapping.camera.adjustment import Observations
+from mapping.camera.rig import Camera, Rig
+from mapping.camera.trial import Trial
 from mapping.images import ImageSet
-from mapping.rig import Camera, Rig
+from mapping.sparse import agreement, features, pairing
 from mapping.stages import Work
 
 logger = logging.getLogger(__name__)

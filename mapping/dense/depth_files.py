@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mapping.stereo import DepthImage
+from mapping.dense.stereo import DepthImage
 
 _ARRAYS = ("inverse_range", "deviation", "facing", "bound", "agreeing")
 

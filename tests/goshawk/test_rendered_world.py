@@ -7,9 +7,10 @@ import pytest
 
 from esdf.solids import Box, Capsule, Cylinder, Room, Sphere
 from flight import InputError
-from mapping import rendered_room, rendered_world
-from mapping import rig as rigs
-from mapping.rendered_room import RenderedScene
+from goshawk.rendered import scene as rendered_room
+from goshawk.rendered import world as rendered_world
+from goshawk.rendered.scene import RenderedScene
+from mapping.camera import rig as rigs
 
 SCENE = rendered_room.furnished()
 RIG = rendered_world.default_rig(0.25)

@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from flight import FloatArray, MapError, Progress, silent
-from mapping import alignment, child, colmap, sparse_files, stages
-from mapping.alignment import Alignment, Length
-from mapping.calibration.trial import Trial
-from mapping.colmap import SparseOptions
+from mapping import child, stages
+from mapping.camera.rig import Rig
+from mapping.camera.trial import Trial
 from mapping.images import ImageSet
-from mapping.localization import LocalizationMap
-from mapping.rig import Rig
+from mapping.sparse import alignment, colmap, model_files
+from mapping.sparse.alignment import Alignment, Length
+from mapping.sparse.colmap import SparseOptions
+from mapping.sparse.localization_map import LocalizationMap
 from mapping.stages import Work
 
 CALIBRATION = "calibration"
@@ -103,9 +104,9 @@ def reconstruct(
             model = child.run(
                 colmap.reconstruct, images, options, kept, within=kept.folder, lock=kept.lock, progress=progress
             )
-            sparse_files.write(folder, model)
+            model_files.write(folder, model)
 
-        model = sparse_files.read(kept.on(options).stage(CALIBRATION, place))
+        model = model_files.read(kept.on(options).stage(CALIBRATION, place))
     placed = np.isfinite(model.T_world_body[:, 0, 0])
     if placed.mean() < _LEAST_SHARE:
         raise MapError(

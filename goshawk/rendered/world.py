@@ -11,10 +11,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from flight import FloatArray, InputError, Progress, file_format, frames, rotations, silent
-from mapping import _mapping, rendered_room
-from mapping import rig as rigs
-from mapping.rendered_room import RenderedScene
-from mapping.rig import Camera, Rig
+from goshawk import _rendering
+from goshawk.rendered import scene as rendered_room
+from goshawk.rendered.scene import RenderedScene
+from mapping.camera import rig as rigs
+from mapping.camera.rig import Camera, Rig
 
 NOISE_GREY_LEVELS = 1.6
 VIGNETTE = 0.35
@@ -110,7 +111,7 @@ def render(
 
     The same arguments give the same picture, bit for bit, whatever the number of threads.
     """
-    return _mapping.render(
+    return _rendering.render(
         scene.solid_table(),
         scene.material_table(),
         rendered_room.LAMPS_WORLD_M,
@@ -127,7 +128,7 @@ def render(
 def cast_rays(scene: RenderedScene, origin_world_m: FloatArray, directions_world: FloatArray) -> FloatArray:
     """Metres along each unit direction (n, 3) from one origin to the first surface; inf where there is none."""
     directions = np.ascontiguousarray(directions_world, dtype=np.float64)
-    ranges, _ = _mapping.cast_rays(scene.solid_table(), np.array(origin_world_m)[None], directions, THREADS)
+    ranges, _ = _rendering.cast_rays(scene.solid_table(), np.array(origin_world_m)[None], directions, THREADS)
     return ranges
 
 

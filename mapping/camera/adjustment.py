@@ -17,9 +17,9 @@ from scipy import sparse as sp
 from scipy.sparse.linalg import splu
 
 from flight import FloatArray, frames, rotations
-from mapping.calibration import errors
-from mapping.calibration.errors import PLAUSIBLE, Candidate, State
-from mapping.rig import Rig
+from mapping.camera import errors
+from mapping.camera.errors import PLAUSIBLE, Candidate, State
+from mapping.camera.rig import Rig
 
 FOLDS = 5
 """Groups of points; each is judged with what the others say."""

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from flight import FloatArray
-from mapping.calibration.adjustment import Normal, Observations, adjust, twists
-from mapping.calibration.errors import BEYOND_THESE_IMAGES, PLAUSIBLE, Candidate, Kind, State, candidates
-from mapping.rig import Rig
+from mapping.camera.adjustment import Normal, Observations, adjust, twists
+from mapping.camera.errors import BEYOND_THESE_IMAGES, PLAUSIBLE, Candidate, Kind, State, candidates
+from mapping.camera.rig import Rig
 
 LEAST_GAIN = 30.0
 """Fall of the withheld points' chi squared from which an error is present."""

@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from esdf import FREE, OCCUPIED, UNKNOWN, Grid
 from flight import FloatArray, InputError, MapError, frames
 from mapping import _mapping
-from mapping.views import ImageView, lens_row
+from mapping.dense.views import THREADS, ImageView, lens_row
 
-THREADS = 2
 LEAST_SEEN_THROUGH = 4
 """Images that must have seen through a voxel before it counts as free without a measured depth behind it."""
 MOST_VOXELS = 150_000_000

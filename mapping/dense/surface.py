@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from esdf import Grid
 from flight import FloatArray, InputError, MapError, Progress, silent
-from mapping import fusion, stereo
-from mapping.fusion import Volume
-from mapping.stereo import DepthImage, StereoOptions, depth_from_sensor
-from mapping.views import ImageView
+from mapping.dense import fusion, stereo
+from mapping.dense.fusion import Volume
+from mapping.dense.stereo import DepthImage, StereoOptions, depth_from_sensor
+from mapping.dense.views import ImageView
 
 __all__ = [
     "DenseOptions",

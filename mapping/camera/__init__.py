@@ -1,0 +1,1 @@
+"""The camera file: lenses, rigs, importers and exporters, and the file on trial."""

@@ -1,0 +1,1 @@
+"""Images with poses to depth, a distance volume and a mesh."""

@@ -1,0 +1,1 @@
+"""Images to metric poses and points."""
