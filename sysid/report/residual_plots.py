@@ -177,9 +177,9 @@ def labelled(variable: str) -> str:
 
 def loudest(residuals: Sequence[Residual]) -> int:
     """The flight of which most is unexplained, over the noise; short pieces of flights show too little of it."""
-    length_s = np.array([np.ptp(one.time_s) for one in residuals])
-    shown = np.flatnonzero(length_s >= LEAST_SHOWN * length_s.max())
-    return int(max(shown, key=lambda i: float(((residuals[i].means() / residuals[i].sigma) ** 2).mean())))
+    length_s = [float(np.ptp(one.time_s)) for one in residuals]
+    shown = [i for i, length in enumerate(length_s) if length >= LEAST_SHOWN * max(length_s)]
+    return max(shown, key=lambda i: float(((residuals[i].means() / residuals[i].sigma) ** 2).mean()))
 
 
 def scatter(panel: "Axes", x: FloatArray, y: FloatArray, colour: str) -> None:
