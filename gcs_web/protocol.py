@@ -226,8 +226,8 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
 
 ToPage = (
     Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply
-    | Projects | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment | EffectFiles
-    | Identification
+    | Projects | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment
+    | EffectFiles | Identification
 )  # fmt: skip
 
 

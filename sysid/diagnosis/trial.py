@@ -70,7 +70,7 @@ class Trial:
             case Outcome.NOT_CONFIRMED if self.negligible:
                 return f"not added: its fitted size is negligible; {numbers}"
             case Outcome.NOT_CONFIRMED:
-                return f"{'fell, but not significantly' if judged.total > 0.0 else 'did not help'}: {numbers}"
+                return f"{'fell, but not surely enough' if judged.total > 0.0 else 'did not help'}: {numbers}"
             case Outcome.UNDECIDED:
                 return f"not named: {' or '.join(self.between[1:])} explains as much; {numbers}"
             case Outcome.REMOVED if curve is not None:

@@ -6,8 +6,8 @@ from typing import Literal
 
 from flight import InputError
 
-Reference = Literal["pose", "rotor speed"]
-"""Streams whose clock the others can be measured against."""
+Reference = Literal["pose", "rotor speed", "common"]
+"""Streams whose clock the others can be measured against; or one clock for all of them."""
 Gaps = Literal["refuse", "split"]
 
 
@@ -30,7 +30,8 @@ class Options:
     clock: Reference = "pose"
     """Against whose clock the delays of gyro, accelerometer, rotor speed and commands are estimated. Against rotor
     speed (of logs of commands alone: against the gyro), the pose is late by the vehicle's `pose_delay`, or not at
-    all."""
+    all. `common`: one recorder took all columns of a row at once, so that none is late; without a pose a dead time of
+    the motors would else be taken for late commands."""
     gaps: Gaps = "refuse"
     """A log with a gap: refuse it, or fit the pieces between gaps as separate flights."""
     unseen: Literal["refuse", "hold"] = "hold"

@@ -788,6 +788,31 @@ export interface DropMapEdits {
   edits: number[];
 }
 
+export interface ProjectEntry {
+  folder: string;
+  name: string;
+  current: boolean;
+  trajectories: number;
+  flights: number;
+  problem: string;
+}
+
+export interface Projects {
+  type: "projects";
+  projects: ProjectEntry[];
+}
+
+export interface ListProjects {
+  type: "list_projects";
+  serial: number;
+}
+
+export interface OpenProject {
+  type: "open_project";
+  serial: number;
+  folder: string;
+}
+
 export interface ControllerParameter {
   name: string;
   unit: string;
@@ -1200,6 +1225,6 @@ export interface Abort {
   serial: number;
 }
 
-export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment | EffectFiles | Identification;
+export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply | Projects | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment | EffectFiles | Identification;
 
-export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | SetGate | ClearGate | SetTube | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | ShowMap | Measure | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits | StartJob | CancelJob | ForgetJob | ListJobs | ListFlights | SetRole | OpenFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo | PrepareCompensation | SendCompensation | AgreeToEffectFile | DraftEffect | ShowMoments;
+export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | SetGate | ClearGate | SetTube | Snap | RandomYaw | ThinPath | DropPath | TakePath | ListProjects | OpenProject | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | ShowMap | Measure | Paint | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits | StartJob | ForeseeJob | CancelJob | ForgetJob | ListJobs | ListFlights | SetRole | OpenFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo | PrepareCompensation | SendCompensation | AgreeToEffectFile | DraftEffect | ShowMoments;

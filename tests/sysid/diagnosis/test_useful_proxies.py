@@ -107,7 +107,7 @@ def test_a_load_between_flights_is_no_proxy_and_nothing_is_added_twice(helpful):
 
 def test_what_fell_too_little_is_said_so():
     fell = outdone("a")
-    for total, words in ((12.0, "fell, but not significantly"), (-12.0, "did not help")):
+    for total, words in ((12.0, "fell, but not surely enough"), (-12.0, "did not help")):
         judged = CostReduction(np.full(3, total / 3.0))
         refused = Trial(
             fell.candidate, Outcome.NOT_CONFIRMED, judged, judged, JudgedBy.HELD_OUT, "", False, 0.1, (), None, fell.fit
