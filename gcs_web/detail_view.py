@@ -41,6 +41,7 @@ class DetailView:
         self._name, self._draw, self._most = name, draw, most
         self._lock = threading.RLock()
         self._tiles: Tiles | None = None
+        self._drag: Callable[[Any], Any] | None = None
         self._browsers: dict[int, _Browser] = {}
         self._moved, self._closed = threading.Event(), threading.Event()
         self._thread: threading.Thread | None = None
@@ -64,6 +65,20 @@ class DetailView:
     def set_visible(self, visible: bool) -> None:
         with self._lock:
             self._parent.visible = visible
+
+    def take_drags(self, callback: Callable[[Any], Any] | None) -> None:
+        """Call this with viser's events of drags over the tiles, which then do not turn the camera; None: turn it."""
+        with self._lock:
+            if self._drag is not None:
+                for node in self._nodes():
+                    node.remove_drag_callback("all")
+            self._drag = callback
+            if callback is not None:
+                for node in self._nodes():
+                    node.on_drag(callback)
+
+    def _nodes(self) -> list[Any]:
+        return [node for browser in self._browsers.values() for node in browser.drawn.values()]
 
     def close(self) -> None:
         self._closed.set()
@@ -98,7 +113,10 @@ class DetailView:
         """A node of the same name takes the other's place in the browser."""
         assert self._tiles is not None
         data = self._tiles.level(tile, fine=fine)
-        browser.drawn[tile] = self._draw(browser.client.scene, f"{self._name}/{tile}", data, fine)
+        node = self._draw(browser.client.scene, f"{self._name}/{tile}", data, fine)
+        if self._drag is not None:
+            node.on_drag(self._drag)
+        browser.drawn[tile] = node
 
     def _refine(self) -> None:
         while not self._closed.is_set():

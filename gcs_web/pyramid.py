@@ -115,7 +115,7 @@ def parted(
     ]
 
 
-def bridged(time_s: FloatArray, values: FloatArray) -> FloatArray:
+def bridged(time_s: FloatArray, values: FloatArray | Small) -> FloatArray | Small:
     """Values with straight lines over instants at which other columns were sampled, but not over gaps of their own."""
     known = np.flatnonzero(~np.isnan(values))
     if len(known) < 2 or len(known) == len(values):

@@ -58,7 +58,6 @@ class View3D:
         self._dragged_points: dict[int | None, int] = {}
         """By browser (viser's id): the waypoint that is dragged there."""
         self._draft: Any = None
-        self._painting = False
         self._recorded: Any = None
         self._surface: picking.Surface | None = None
         self.on_select: Callable[[int], None] = lambda _: None
@@ -99,8 +98,6 @@ class View3D:
                 self._surface = picking.Surface(mesh.array("vertices"), mesh.array("faces"))
                 self._mesh.show(mesh)
                 self._mesh_file = file
-                if self._painting:
-                    self._mesh.on_drag(self._painted)
             if first:
                 self._place_camera(area)
         self.map.draw(area)
@@ -115,11 +112,7 @@ class View3D:
     def paint(self, active: bool) -> None:
         """Take drags over the mesh for strokes of a brush, instead of turning the camera; or stop."""
         with self._lock:
-            if self._mesh is not None and active != self._painting:
-                self._mesh.remove_drag_callback("all")
-                if active:
-                    self._mesh.on_drag(self._painted)
-            self._painting = active
+            self._mesh.take_drags(self._painted if active else None)
 
     async def _painted(self, event: Any) -> None:
         """In the event loop, as only there viser keeps the order of a drag's events."""
