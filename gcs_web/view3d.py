@@ -99,8 +99,6 @@ class View3D:
                 self._surface = picking.Surface(mesh.array("vertices"), mesh.array("faces"))
                 self._mesh.show(mesh)
                 self._mesh_file = file
-                if self._painting:
-                    self._mesh.on_drag(self._painted)
             if first:
                 self._place_camera(area)
         self.map.draw(area)
@@ -115,10 +113,8 @@ class View3D:
     def paint(self, active: bool) -> None:
         """Take drags over the mesh for strokes of a brush, instead of turning the camera; or stop."""
         with self._lock:
-            if self._mesh is not None and active != self._painting:
-                self._mesh.remove_drag_callback("all")
-                if active:
-                    self._mesh.on_drag(self._painted)
+            if active != self._painting:
+                self._mesh.set_drag(self._painted if active else None)
             self._painting = active
 
     async def _painted(self, event: Any) -> None:

@@ -49,6 +49,14 @@ def test_the_first_waypoint_before_a_wall_keeps_the_required_clearance(view: Vie
     assert WALL_X_M - placed[0][0] >= 0.45
 
 
+def test_the_brush_takes_the_drags_over_the_mesh_and_gives_them_back(view: View3D, monkeypatch):
+    taken = []
+    monkeypatch.setattr(view._mesh, "set_drag", taken.append)
+    for active in (False, True, True, False):
+        view.paint(active)
+    assert taken == [view._painted, None]
+
+
 def test_a_click_on_the_path_answers_only_while_the_plan_is_checked(view: View3D):
     chosen = []
     view.on_moment = chosen.append
