@@ -47,10 +47,16 @@ class Consent:
         self._lock = threading.Lock()
         self._agreed: dict[str, set[str]] = {}
         """By path, the SHA-256 that somebody agreed to."""
+        self._before, self._known = vehicle.effects.agreed(), vehicle.effects.from_files()
         vehicle.effects.run_only(())
 
     def close(self) -> None:
-        vehicle.effects.run_any()
+        """As it was before, also without this project's effects: the next one may have others of their names."""
+        vehicle.effects.forget_files(vehicle.effects.from_files() - self._known)
+        if self._before is None:
+            vehicle.effects.run_any()
+        else:
+            vehicle.effects.run_only(self._before)
 
     def files(self) -> list[EffectFile]:
         with self._lock:

@@ -1,7 +1,8 @@
 """Tiles in the 3D view: coarse for every browser at once, in full where its camera is near."""
 
+import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -13,12 +14,16 @@ from gcs_web.tiles import Tiles
 if TYPE_CHECKING:
     import viser
 
+logger = logging.getLogger(__name__)
+
 _PERIOD_S = 0.25
 """Between two looks at where the cameras are: what a moving camera only passes is not sent."""
 
 Draw = Callable[["viser.SceneApi", str, np.ndarray, bool], Any]
 """Puts a level of a tile into a browser's scene, under a name; whether it is the fine one. What it returns can be
 removed."""
+Drag = Callable[[Any], Awaitable[None]]
+"""Takes the events of a drag, in the event loop."""
 
 
 @dataclass(slots=True, eq=False)
@@ -41,8 +46,8 @@ class DetailView:
         self._name, self._draw, self._most = name, draw, most
         self._lock = threading.RLock()
         self._tiles: Tiles | None = None
-        self._drag: Callable[[Any], Any] | None = None
         self._browsers: dict[int, _Browser] = {}
+        self._on_drag: Drag | None = None
         self._moved, self._closed = threading.Event(), threading.Event()
         self._thread: threading.Thread | None = None
         self._parent = server.scene.add_frame(name, show_axes=False)
@@ -66,19 +71,16 @@ class DetailView:
         with self._lock:
             self._parent.visible = visible
 
-    def take_drags(self, callback: Callable[[Any], Any] | None) -> None:
-        """Call this with viser's events of drags over the tiles, which then do not turn the camera; None: turn it."""
+    def set_drag(self, on_drag: Drag | None) -> None:
+        """Have drags over the tiles answered, instead of turning the camera; None: no more."""
         with self._lock:
-            if self._drag is not None:
-                for node in self._nodes():
-                    node.remove_drag_callback("all")
-            self._drag = callback
-            if callback is not None:
-                for node in self._nodes():
-                    node.on_drag(callback)
-
-    def _nodes(self) -> list[Any]:
-        return [node for browser in self._browsers.values() for node in browser.drawn.values()]
+            for browser in self._browsers.values():
+                for node in browser.drawn.values():
+                    if self._on_drag is not None:
+                        node.remove_drag_callback("all")
+                    if on_drag is not None:
+                        node.on_drag(on_drag)
+            self._on_drag = on_drag
 
     def close(self) -> None:
         self._closed.set()
@@ -114,8 +116,8 @@ class DetailView:
         assert self._tiles is not None
         data = self._tiles.level(tile, fine=fine)
         node = self._draw(browser.client.scene, f"{self._name}/{tile}", data, fine)
-        if self._drag is not None:
-            node.on_drag(self._drag)
+        if self._on_drag is not None:
+            node.on_drag(self._on_drag)
         browser.drawn[tile] = node
 
     def _refine(self) -> None:
@@ -125,7 +127,10 @@ class DetailView:
             with self._lock:
                 waiting = [browser for browser in self._browsers.values() if browser.moved]
             for browser in waiting:
-                self._follow(browser)
+                try:
+                    self._follow(browser)
+                except Exception:  # one browser, or a damaged file: the others are served all the same
+                    logger.exception("the fine level could not be shown")
             self._closed.wait(_PERIOD_S)
 
     def _follow(self, browser: _Browser) -> None:

@@ -236,7 +236,7 @@ def _finite(value: float) -> float:
 
 
 def _checked_place(position_m: tuple[float, float, float]) -> tuple[float, float, float]:
-    if not max(map(abs, position_m)) <= LARGEST_COORDINATE_M:
+    if not all(abs(value) <= LARGEST_COORDINATE_M for value in position_m):  # NaN is not
         raise InputError(f"{list(position_m)} m is refused; coordinates must be within {LARGEST_COORDINATE_M:g} m")
     return position_m
 

@@ -49,7 +49,7 @@ class MapDesk:
         """Raises `InputError` if the slice is not at a finite place."""
         if wanted is not None:
             numbers = (wanted.at_m, wanted.heading_deg, wanted.tilt_deg)
-            if not max(map(abs, numbers)) <= map_edits.LARGEST_COORDINATE_M:
+            if not all(abs(value) <= map_edits.LARGEST_COORDINATE_M for value in numbers):  # NaN is not
                 raise InputError(f"a slice at {wanted.at_m} m is refused; give a finite place and direction in the map")
         with self._lock:
             self._slice, self._layers, self._author = wanted, layers, author

@@ -96,7 +96,7 @@ def solid(shape: Shape) -> solids.Solid:
     """
     places = [*shape.corners_m, *shape.points_m]
     values = [*shape.centre_m, *shape.size_m, shape.radius_m, *(v for place in places for v in place)]
-    if not max(map(abs, values)) <= LARGEST_COORDINATE_M:
+    if not all(abs(value) <= LARGEST_COORDINATE_M for value in values):  # NaN is not
         raise InputError(f"a shape's numbers must be finite and within {LARGEST_COORDINATE_M:g} m; got {values}")
     centre, size = np.array(shape.centre_m), np.array(shape.size_m)
     if shape.form == "box":

@@ -102,10 +102,12 @@ class MapView:
             if shape is None or self._shape is None or shape.form != self._shape.form:
                 _remove(list(self._handles.values()))
                 self._handles.clear()
+            is_other_field = field is not self._field
             self._action, self._shape, self._field = action, shape, field
             self._draw_preview()
             self._draw_handles()
-            self._draw_slice()
+            if is_other_field:  # not at every place of a stroke: a slice takes tenths of a second
+                self._draw_slice()
 
     def mark(self, points_world_m: Sequence[tuple[float, float, float]]) -> None:
         """Draw measured points, and the line between two."""

@@ -296,9 +296,10 @@ def _planned(
 ) -> tuple[TrajectoryFile, Callable[[float], protocol.Plan]]:
     content = request.content
     area, believed = parts.map(request.inputs), parts.vehicle(request.inputs)
-    found = "" if request.saved is None else _as_saved(request.saved, area, believed)
+    asked = options(content, believed, base)
+    required_m = asked.sized(believed).clearance_m
+    found = "" if request.saved is None else _as_saved(request.saved, area, believed, required_m)
     if isinstance(found, str):
-        asked = options(content, believed, base)
         plan = replanner.plan(content, replanning.Known(area.field, believed, asked), afresh=request.afresh)
         file = planner.trajectory_file(plan, name="plan")
         found = _Passed(file, plan.gate, asked.limits_for(believed), plan.trajectory.starts_s, found)
@@ -336,12 +337,21 @@ def _planned(
     return file, shown
 
 
-def _as_saved(item: TrajectoryFile, area: Map, believed: vehicle.Vehicle) -> _Passed | str:
-    """A saved trajectory under the gate, for the map and the vehicle as they are now; why not if it does not pass."""
+def _as_saved(item: TrajectoryFile, area: Map, believed: vehicle.Vehicle, required_m: float) -> _Passed | str:
+    """A saved trajectory under the gate, for the map and the vehicle as they are now; why not if it does not pass.
+
+    Args:
+        required_m: clearance that is asked for now; a file may have been planned for a smaller vehicle or margin.
+    """
     judged = saved.judge(item, area, believed)
     if not judged.report.passed:
         failed = ", ".join(check.name for check in judged.report.failures)
         return f"{item.name} as it was saved does not pass any more ({failed}): planned again through its waypoints. "
+    if not judged.report.clearance_m >= required_m:
+        return (
+            f"{item.name} as it was saved comes within {judged.report.clearance_m:.2f} m of obstacles, and "
+            f"{required_m:.2f} m is asked for now: planned again through its waypoints. "
+        )
     duration_s = item.trajectory.duration_s
     at_s = np.union1d(item.trajectory.starts_s, np.arange(0.0, duration_s, _SAVED_STEP_S))
     return _Passed(item, judged.report, judged.limits, at_s, f"{item.name} as it was saved. ")

@@ -58,6 +58,7 @@ class View3D:
         self._dragged_points: dict[int | None, int] = {}
         """By browser (viser's id): the waypoint that is dragged there."""
         self._draft: Any = None
+        self._painting = False
         self._recorded: Any = None
         self._surface: picking.Surface | None = None
         self.on_select: Callable[[int], None] = lambda _: None
@@ -112,7 +113,9 @@ class View3D:
     def paint(self, active: bool) -> None:
         """Take drags over the mesh for strokes of a brush, instead of turning the camera; or stop."""
         with self._lock:
-            self._mesh.take_drags(self._painted if active else None)
+            if active != self._painting:
+                self._mesh.set_drag(self._painted if active else None)
+            self._painting = active
 
     async def _painted(self, event: Any) -> None:
         """In the event loop, as only there viser keeps the order of a drag's events."""

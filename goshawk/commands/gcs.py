@@ -63,8 +63,10 @@ def command(
     """
     if (tls_cert is None) != (tls_key is None):
         raise click.UsageError("--tls-cert and --tls-key belong together; give both")
+    import vehicle
     from goshawk.project_parts import check_for_station
 
+    vehicle.effects.run_only(())  # between two projects, too: nothing of a project runs before somebody agrees
     check_for_station(project)
     from gcs_web import GroundStation
     from goshawk.station_jobs import KINDS
@@ -99,6 +101,6 @@ def command(
         try:
             station = opened(other, port=port, browsers=browsers)
             project = other
-        except FlightError as error:
+        except (FlightError, OSError) as error:
             station = opened(project, port=port, browsers=browsers)
             station.desk.notice(f"{other.name} could not be opened: {error}", level="danger")

@@ -140,6 +140,32 @@ def test_a_consent_does_not_come_along_with_a_project(opened, mark):
     assert mark.exists()
 
 
+def test_nothing_runs_between_two_projects_of_one_station(opened, mark):
+    guard = opened.folder / "consent_guard.py"
+    vehicle.effects.run_only(())  # as `goshawk gcs` begins
+    try:
+        with closing(Consent(opened)) as asked:
+            asked.agree(str(guard), digest(guard))
+        with pytest.raises(FormatError, match="nobody has agreed"):  # a thread of the first project that ends late
+            vehicle.load(opened.vehicle)
+        assert not mark.exists()
+    finally:
+        vehicle.effects.run_any()
+
+
+def test_the_next_project_may_have_another_effect_of_the_same_name(opened, mark, text, tmp_path):
+    other = project.create(tmp_path / "other", "another")
+    shutil.copy(opened.vehicle, other.vehicle)
+    guard = other.folder / "consent_guard.py"
+    guard.write_text(text("another text"))
+    vehicle.effects.forget_files(vehicle.effects.from_files())
+    for each in (opened, other):
+        with closing(Consent(each)) as asked:
+            (file,) = asked.files()
+            asked.agree(file.path, file.sha256)
+            assert vehicle.load(each.vehicle).effects[-1].startswith("guard_")
+
+
 def test_what_cannot_be_shown_as_it_is_cannot_be_agreed_to(opened, mark):
     guard = opened.folder / "consent_guard.py"
     with closing(Consent(opened)) as asked:

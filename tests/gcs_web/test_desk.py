@@ -141,6 +141,13 @@ def preview() -> protocol.PreviewMapEdit:
     return protocol.PreviewMapEdit(serial=0, shape=protocol_parts.Shape("box", (3.0, 3.4, 0.5), (0.5, 0.5, 0.5)))
 
 
+def test_a_slice_that_is_nowhere_is_refused(desk):
+    running = desk(planner.PlanOptions())
+    for numbers in ((np.nan, 0.0, 0.0), (0.0, np.nan, 0.0), (0.0, 0.0, np.inf), (1e5, 0.0, 0.0)):
+        with pytest.raises(InputError, match="give a finite place and direction"):
+            running.map.show(protocol_parts.Slice("oblique", numbers[0], "distance", *numbers[1:]), ["mesh"], "Ada")
+
+
 def test_places_of_a_drag_become_one_stroke_and_those_beside_the_mesh_are_left_out(desk):
     running = desk(planner.PlanOptions())
     running.hub.people = [ADA]

@@ -52,13 +52,15 @@ def test_a_spike_of_one_sample_is_seen_among_ten_million():
     assert drawn.max() == 5.0
 
 
-@given(exponent=st.integers(2, 9), count=st.integers(3, 60))
-def test_groups_of_samples_merged_when_drawn_are_those_of_the_levels(exponent, count):
+@given(exponent=st.integers(2, 9), count=st.integers(3, 60), lost=st.sampled_from([0.0, 0.3, 0.9, 0.999]))
+def test_groups_of_samples_merged_when_drawn_are_those_of_the_levels(exponent, count, lost):
     group, rng = 2**exponent, np.random.default_rng(count)
     samples = rng.normal(size=group * count - int(rng.integers(0, group))).astype(np.float32)
+    samples[rng.random(len(samples)) < lost] = np.nan
     low_high = Pyramid.of(samples).extremes(group, 0, count)
     parts = [samples[k * group : (k + 1) * group] for k in range(count)]
-    np.testing.assert_array_equal(low_high, [pick(part) for part in parts for pick in (np.min, np.max)])
+    expected = [pick.reduce(part) for part in parts for pick in (np.fmin, np.fmax)]  # NaN where the whole group is
+    np.testing.assert_array_equal(low_high, expected)
 
 
 @given(points=st.integers(4, 400), begin=st.integers(300, 500), lost=st.integers(60, 200))

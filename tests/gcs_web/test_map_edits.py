@@ -188,6 +188,21 @@ def test_a_stroke_that_is_none_is_refused(session: Session, points):
     assert in_document(session) == ()
 
 
+@pytest.mark.parametrize(
+    "shape",
+    [
+        Shape("sphere", (0.0, 0.0, float("nan")), radius_m=1.0),
+        Shape("box", (0.0, 0.0, 0.0), (1.0, 1.0, float("nan"))),
+        Shape("prism", (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), corners_m=[(0.0, 0.0), (1.0, 0.0), (float("nan"), 1.0)]),
+        Shape("stroke", radius_m=0.1, points_m=[(0.0, 0.0, 0.0), (1.0, float("nan"), 0.0)]),
+    ],
+    ids=lambda shape: shape.form,
+)
+def test_a_shape_with_a_number_that_is_none_is_refused_wherever_it_stands(shape: Shape):
+    with pytest.raises(InputError, match="must be finite"):
+        map_edits.solid(shape)
+
+
 def test_the_balls_of_a_drawn_stroke_are_on_its_line_and_few():
     balls = along([(0.0, 0.0, 0.0), (3.0, 0.0, 0.0), (3.0, 4.0, 0.0)], 0.1)
     assert len(balls) == 71

@@ -226,3 +226,18 @@ def test_a_saved_trajectory_of_another_vehicle_is_planned_again_and_that_is_said
     assert found.file is not None
     assert found.file.checked
     assert found.shown.top_speed_m_s > 2.0
+
+
+def test_a_saved_trajectory_that_is_nearer_to_obstacles_than_is_asked_for_now_is_planned_again(folder):
+    area, believed = mapping.open_map(folder / "map"), vehicle.load(folder / "vehicle.toml")
+    through = Waypoints(POINTS, np.full(3, np.nan))
+    plan = planner.plan(through, area.field, believed, planner.PlanOptions(radius_m=0.2, margin_m=0.0))
+    near = planner.trajectory_file(plan, name="near")
+    asked = replace(request(folder, 1), saved=near)
+    found = planning.answer(asked, inputs.Parts(folder), planner.PlanOptions(), replanning.Replanner())
+    assert "is asked for now: planned again" in found.shown.sentence
+    assert found.file is not None
+    assert found.file is not near
+    assert found.shown.clearance_m is not None
+    assert found.shown.required_clearance_m is not None
+    assert found.shown.clearance_m >= found.shown.required_clearance_m > 0.2

@@ -1,6 +1,7 @@
 """Levels of detail: every tile is kept, no browser holds more than its bound, and what is near comes in full."""
 
 import contextlib
+import time
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -74,12 +75,18 @@ class Scene:
 
     def __init__(self) -> None:
         self.nodes: dict[str, int] = {}
+        self.drags: dict[str, Any] = {}
         self.visible = True
 
     def put(self, name: str, data: np.ndarray, fine: bool) -> Any:
         assert len(data) == (2 if fine else 1)
         self.nodes[name] = len(data)
-        return SimpleNamespace(remove=lambda: self.nodes.pop(name, None))
+        self.drags.pop(name, None)  # a new node answers none
+        return SimpleNamespace(
+            remove=lambda: self.nodes.pop(name, None),
+            on_drag=lambda drag: self.drags.update({name: drag}),
+            remove_drag_callback=lambda _: self.drags.pop(name),
+        )
 
 
 class Client:
@@ -123,6 +130,40 @@ def test_a_browser_has_all_tiles_at_once_and_the_fine_ones_follow_its_camera(vie
     view._left(client)
     view.show(None)
     assert len(client.scene.nodes) == 6  # nothing is sent to a browser that left
+
+
+def test_drags_are_answered_by_every_tile_in_every_browser_until_they_are_not(view, tmp_path):
+    async def painted(_: Any) -> None: ...
+
+    early, late = Client(), Client()
+    late.client_id = 2
+    view._tiles = row_of_tiles(tmp_path / "tiles.npz")
+    view._joined(early)
+    view.set_drag(painted)
+    view._joined(late)
+    view._follow(view._browsers[1])
+    for client in (early, late):
+        assert client.scene.drags == dict.fromkeys(client.scene.nodes, painted)
+    view.set_drag(None)
+    assert early.scene.drags == late.scene.drags == {}
+
+
+def test_what_one_browser_cannot_be_shown_keeps_nothing_from_the_others(view, tmp_path):
+    class NoCamera:
+        @property
+        def position(self) -> Any:
+            raise RuntimeError("it is gone")
+
+    gone, there = Client(), Client()
+    there.client_id = 2
+    for client in (gone, there):
+        view._joined(client)
+    gone.camera = NoCamera()
+    view.show(row_of_tiles(tmp_path / "tiles.npz"))
+    wait_until = time.monotonic() + 5.0
+    while not there.fine() and time.monotonic() < wait_until:
+        time.sleep(0.01)
+    assert there.fine() == {"/map/0", "/map/1"}
 
 
 def test_points_are_all_there_once_and_those_not_finite_are_left_out(tmp_path, monkeypatch):

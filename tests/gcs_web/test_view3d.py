@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flight import rotations
-from gcs_web import flight_scene, protocol, scene, vehicle_view
+from gcs_web import flight_scene, protocol, protocol_parts, scene, vehicle_view
 from gcs_web.recorded import Path3D
 from gcs_web.view3d import View3D
 
@@ -47,6 +47,24 @@ def test_the_first_waypoint_before_a_wall_keeps_the_required_clearance(view: Vie
     view.on_add = lambda after, position_m: placed.append(position_m)
     view._shift_clicked(click())
     assert WALL_X_M - placed[0][0] >= 0.45
+
+
+def test_the_brush_takes_the_drags_over_the_mesh_and_gives_them_back(view: View3D, monkeypatch):
+    taken = []
+    monkeypatch.setattr(view._mesh, "set_drag", taken.append)
+    for active in (False, True, True, False):
+        view.paint(active)
+    assert taken == [view._painted, None]
+
+
+def test_a_slice_is_drawn_anew_by_a_preview_only_where_it_shows_another_field(view: View3D, monkeypatch):
+    drawn = MagicMock()
+    monkeypatch.setattr(view.map, "_draw_slice", drawn)
+    field = MagicMock()
+    stroke = protocol_parts.Shape("stroke", radius_m=0.1, points_m=[(0.0, 0.0, 0.0)])
+    for shape, shown in ((stroke, None), (stroke, None), (stroke, field), (stroke, field), (None, None)):
+        view.map.preview("add", shape, shown)
+    assert drawn.call_count == 2
 
 
 def test_a_click_on_the_path_answers_only_while_the_plan_is_checked(view: View3D):

@@ -13,7 +13,19 @@ from pathlib import Path
 from flight import FormatError, InputError
 from vehicle.effects.base import Effect
 
-__all__ = ["Effect", "catalogue", "find", "load_file", "register", "run_any", "run_only", "text_hash"]
+__all__ = [
+    "Effect",
+    "agreed",
+    "catalogue",
+    "find",
+    "forget_files",
+    "from_files",
+    "load_file",
+    "register",
+    "run_any",
+    "run_only",
+    "text_hash",
+]
 
 _NOT_EFFECTS = ("base",)
 _registered: dict[str, Effect] = {}
@@ -76,6 +88,24 @@ def run_any() -> None:
     os.environ.pop(_AGREED, None)
 
 
+def agreed() -> tuple[str, ...] | None:
+    """SHA-256 of the effect files that may be run; None: any."""
+    listed = os.environ.get(_AGREED)
+    return None if listed is None else tuple(listed.split())
+
+
+def from_files() -> frozenset[str]:
+    """Names of the effects that came from files."""
+    return frozenset(_origins)
+
+
+def forget_files(names: Iterable[str]) -> None:
+    """Take back effects that came from files; who needs them reads the files again."""
+    for name in names:
+        if _origins.pop(name, None) is not None:
+            _registered.pop(name, None)
+
+
 def load_file(path: Path) -> Effect:
     """Read one Python file that defines `EFFECT`, and register it.
 
@@ -116,9 +146,8 @@ def text_hash(name: str) -> str:
 
 
 def _check_agreed(path: Path, text: bytes) -> None:
-    agreed = os.environ.get(_AGREED)
-    digest = hashlib.sha256(text).hexdigest()
-    if agreed is not None and digest not in agreed.split():
+    digest, may_run = hashlib.sha256(text).hexdigest(), agreed()
+    if may_run is not None and digest not in may_run:
         raise InputError(
             f"effect file {path} (SHA-256 {digest[:12]}) is code, and nobody has agreed to run it; read it on the "
             "ground station's page and agree there"
