@@ -101,11 +101,12 @@ class Comparing:
             raise InputError("nothing was compared yet; compare the flights with the model first")
         return residuals.scatter(compared, channel, variable, self._shifts(compared))
 
-    def show(self, names: list[str], colour: str) -> None:
+    def show(self, names: list[str], colour: str, moved_s: dict[str, float]) -> None:
         """Draw flights in the 3D view; none: the plan again.
 
         Args:
             colour: a channel of the residual, or empty.
+            moved_s: by flight, what is added to its shifted time.
 
         Raises:
             FlightError: a flight cannot be read.
@@ -119,7 +120,7 @@ class Comparing:
                 when, (left,) = self._with_gaps(flight, [np.array(flight.residual[row])])
                 values[name] = (when, left)
         self._view.set_plan_aside(bool(paths))
-        self._view.flights.draw(paths, values)
+        self._view.flights.draw(paths, values, moved_s)
 
     def _with_gaps(
         self, flight: residuals.FlightResidual, curves: list[FloatArray]

@@ -26,26 +26,34 @@ class FlightScene:
         self._server = server
         self._lock = threading.RLock()
         self._paths: dict[str, Path3D] = {}
+        self._moved_s: dict[str, float] = {}
         self._drawn: list[Any] = []
         self._vehicles: list[Any] = []
         self._planned: Any = None
         self._stretches: Sequence[tuple[str, float, float]] = ()
         self._marks: list[Any] = []
         self.on_moment: Callable[[float], None] = lambda _: None
-        """A path was clicked; the flight's time there, s."""
+        """A path was clicked; the time there as moved, s."""
         server.scene.on_click()(self._clicked)
 
-    def draw(self, paths: Mapping[str, Path3D], values: Mapping[str, tuple[FloatArray, FloatArray]]) -> None:
+    def draw(
+        self,
+        paths: Mapping[str, Path3D],
+        values: Mapping[str, tuple[FloatArray, FloatArray]],
+        moved_s: Mapping[str, float],
+    ) -> None:
         """Draw these flights and no others.
 
         Args:
             values: by flight, times and signed values by which its path is coloured, blue - grey - orange over the
                 same symmetric range for all; NaN where nothing is known. Where nothing is, and others, are plain.
+            moved_s: by flight, what is added to its time to stand beside the others; those without stay.
         """
         with self._lock, self._server.atomic():
             for node in (*self._drawn, *self._vehicles):
                 node.remove()
             self._paths, self._drawn, self._vehicles = dict(paths), [], []
+            self._moved_s = dict(moved_s)
             reach = _reach(values)
             for i, (name, path) in enumerate(paths.items()):
                 colours = np.tile(np.array(_COLOURS[i % len(_COLOURS)], dtype=np.uint8), (len(path.time_s), 1))
@@ -82,20 +90,20 @@ class FlightScene:
     def look(self, time_s: float | None) -> None:
         """Draw the vehicles where they were, and that of the first flight where it should have been."""
         with self._lock, self._server.atomic():
-            for vehicle, path in zip(self._vehicles, self._paths.values(), strict=True):
-                _place(vehicle, path.time_s, path.position_world_m, path.q_world_body, time_s)
-            first = next(iter(self._paths.values()), None)
-            if self._planned is not None and first is not None:
-                _place(self._planned, first.time_s, first.planned_world_m, first.planned_q_world_body, time_s)
+            for i, (vehicle, (name, path)) in enumerate(zip(self._vehicles, self._paths.items(), strict=True)):
+                at_s = None if time_s is None else time_s - self._moved_s.get(name, 0.0)
+                _place(vehicle, path.time_s, path.position_world_m, path.q_world_body, at_s)
+                if i == 0 and self._planned is not None:
+                    _place(self._planned, path.time_s, path.planned_world_m, path.planned_q_world_body, at_s)
 
     def _clicked(self, event: "viser.SceneClickEvent") -> None:
         with self._lock:
-            paths = list(self._paths.values())
+            paths = [(path, self._moved_s.get(name, 0.0)) for name, path in self._paths.items()]
         origin, direction = np.array(event.ray_origin), np.array(event.ray_direction)
-        for path in paths:
+        for path, by_s in paths:
             k = picking.nearest_on_path(origin, direction, path.position_world_m)
             if k is not None:
-                self.on_moment(float(path.time_s[k]))
+                self.on_moment(float(path.time_s[k] + by_s))
                 return
 
 

@@ -61,6 +61,7 @@ function refusal(number: number, error: string): Reply {
     compensation: null,
     name: "",
     flights: [],
+    aligned: [],
     parts: [],
     scatter: null,
     incoming: null,
