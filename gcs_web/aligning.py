@@ -72,6 +72,6 @@ def _motion(recorded: Recorded, name: str) -> float:
 
 _EVENTS: dict[str, tuple[Callable[[Recorded, str], float], str]] = {
     "trajectory": (_trajectory, "begin of the trajectory"),
-    "take_off": (_take_off, "take-off"),
+    "take_off": (_take_off, "take-off (0.1 m over where the log begins)"),
     "motion": (_motion, "first motion"),
 }

@@ -16,6 +16,7 @@ from gcs_web.protocol_course import DropPath, RandomYaw, RecordedPath, Snap, Tak
 from gcs_web.protocol_flights import (
     Aligned,
     AlignFlights,
+    ArrowScale,
     Comparison,
     Diagnosis,
     DiscardFlight,
@@ -213,6 +214,8 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
     name: str = ""
     """Of what was made: a flight, or a log that was moved aside."""
     flights: list[OpenedFlight] = []
+    arrows: ArrowScale | None = None
+    """Of `show_flights`: how long the arrows are; None where there are none."""
     aligned: list[Aligned] = []
     """Of `align_flights`: each flight but the first."""
     parts: list[StreamPart] = []

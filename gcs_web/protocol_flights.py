@@ -75,6 +75,13 @@ class OpenedFlight(msgspec.Struct, frozen=True):
     streams: list[Stream]
 
 
+class ArrowScale(msgspec.Struct, frozen=True):
+    """Of the arrows at the vehicles: so much for each metre of their length."""
+
+    force_n_per_m: float
+    torque_n_m_per_m: float
+
+
 class Aligned(msgspec.Struct, frozen=True):
     """How far a flight is moved to stand beside the first one, on their shifted times."""
 
@@ -416,11 +423,13 @@ class ReadStreams(Command, frozen=True, tag="read_streams", kw_only=True):
 
 
 class ShowFlights(Command, frozen=True, tag="show_flights", kw_only=True):
-    """Draw flights in the 3D view in place of the plan; none: the plan again."""
+    """Draw flights in the 3D view in place of the plan; none: the plan again. The reply has `arrows`."""
 
     flights: list[str]
     colour: Literal["", "F_x", "F_y", "F_z", "M_x", "M_y", "M_z"] = ""
     """The residual by which paths are coloured."""
+    arrows: bool = True
+    """Residual force and torque as arrows at the vehicles, where the comparison has them."""
     moved_s: dict[str, float] = msgspec.field(default_factory=dict)
     """By flight, what is added to its shifted time, of those that stand beside the first by hand or by alignment."""
 

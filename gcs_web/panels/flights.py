@@ -28,8 +28,9 @@ def _read(desk: Desk, _: protocol.Person, wanted: protocol.ReadStreams) -> proto
     return protocol.Reply(wanted.serial, parts=parts)
 
 
-def _show(desk: Desk, _: protocol.Person, wanted: protocol.ShowFlights) -> None:
-    desk.comparing.show(wanted.flights, wanted.colour, wanted.moved_s)
+def _show(desk: Desk, _: protocol.Person, wanted: protocol.ShowFlights) -> protocol.Reply:
+    scale = desk.comparing.show(wanted.flights, wanted.colour, wanted.moved_s, arrows=wanted.arrows)
+    return protocol.Reply(wanted.serial, arrows=scale)
 
 
 def _moments(desk: Desk, _: protocol.Person, wanted: protocol.ShowMoments) -> None:

@@ -4,7 +4,7 @@ import { batch, computed, effect, signal } from "@preact/signals";
 import { latest, send, submit } from "./socket";
 import { number } from "./format";
 import { announce, comparison, connected, flightCursor_s, flights, step } from "./store";
-import type { AlignFlights, Finding, FlightCard, Incoming, OpenedFlight, Scatter, ShowFlights, Stream, StreamPart } from "./protocol";
+import type { AlignFlights, ArrowScale, Finding, FlightCard, Incoming, OpenedFlight, Scatter, ShowFlights, Stream, StreamPart } from "./protocol";
 
 export type Channel = NonNullable<ShowFlights["colour"]>;
 export type AlignBy = AlignFlights["by"];
@@ -26,6 +26,9 @@ export const scatter = signal<Scatter | null>(null);
 /** A bin of the scatter: its moments are shaded in the plots. */
 export const bin = signal<readonly [number, number] | null>(null);
 export const pathColour = signal<Channel>("");
+/** Whether vehicles have arrows of residual force and torque, and the scale of those that are drawn. */
+export const withArrows = signal(true);
+export const arrowScale = signal<ArrowScale | null>(null);
 /** A foreign log that waits for its column map. */
 export const incoming = signal<Incoming | null>(null);
 export const playing = signal(false);
@@ -168,19 +171,20 @@ effect(() => {
   });
 });
 
-const showIn3D = latest((wanted: { flights: string[]; colour: Channel; moved_s: Record<string, number> }) => ({
-  type: "show_flights",
-  ...wanted,
-}));
+const showIn3D = latest(
+  (wanted: Pick<ShowFlights, "flights" | "colour" | "moved_s" | "arrows">) => ({ type: "show_flights", ...wanted }),
+  ({ arrows }) => (arrowScale.value = arrows),
+);
 let isShown = false;
 
 effect(() => {
   const names = isLooking.value ? opened.value.map(({ name }) => name) : [];
   const colour = pathColour.value;
   const moved = Object.fromEntries(moved_s.value);
+  const arrows = withArrows.value;
   if (!connected.value || (names.length === 0 && !isShown)) return;
   isShown = names.length > 0;
-  showIn3D({ flights: names, colour, moved_s: moved });
+  showIn3D({ flights: names, colour, moved_s: moved, arrows });
   if (isShown) sendLook(flightCursor_s.peek());
 });
 

@@ -303,6 +303,11 @@ export interface OpenedFlight {
   streams: Stream[];
 }
 
+export interface ArrowScale {
+  force_n_per_m: number;
+  torque_n_m_per_m: number;
+}
+
 export interface Aligned {
   flight: string;
   by_s: number | null;
@@ -574,6 +579,7 @@ export interface ShowFlights {
   serial: number;
   flights: string[];
   colour?: "" | "F_x" | "F_y" | "F_z" | "M_x" | "M_y" | "M_z";
+  arrows?: boolean;
   moved_s?: Record<string, number>;
 }
 
@@ -992,6 +998,7 @@ export interface Reply {
   there: Held | null;
   name: string;
   flights: OpenedFlight[];
+  arrows: ArrowScale | null;
   aligned: Aligned[];
   parts: StreamPart[];
   scatter: Scatter | null;
