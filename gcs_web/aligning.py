@@ -1,12 +1,14 @@
 """Recorded flights moved in time to stand beside the first one, and the words for it."""
 
 from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 from flight import InputError
 from gcs_web import alignment
 from gcs_web import protocol_flights as parts
 from gcs_web.recorded import Recorded
 
+T = TypeVar("T")
 FLAT = 0.05
 """Standard deviation of a speed (m/s) or a height (m) below which it is too flat to correlate."""
 _STREAMS = {"speed": "speed", "height": "position_z"}
@@ -38,7 +40,9 @@ def _aligned(recorded: Recorded, first: str, name: str, how: parts.AlignBy) -> p
 
 
 def _correlated(recorded: Recorded, first: str, name: str, what: str) -> parts.Aligned:
-    signals = (recorded.measured(each, _STREAMS[what]) for each in (first, name))
+    signals = (
+        _of(recorded, each, lambda log, flight: log.measured(flight, _STREAMS[what]), what) for each in (first, name)
+    )
     found = alignment.by_correlation(*signals, least_spread=FLAT)
     words = (
         f"correlation of {what} {found.peak:.2f}, half of it within ±{found.half_width_s:.2f} s, "
@@ -47,7 +51,8 @@ def _correlated(recorded: Recorded, first: str, name: str, what: str) -> parts.A
     return parts.Aligned(name, found.shift_s, words)
 
 
-def _of(recorded: Recorded, name: str, find: Callable[[Recorded, str], float], words: str) -> float:
+def _of(recorded: Recorded, name: str, find: Callable[[Recorded, str], T], words: str) -> T:
+    """What is found of a flight, or a refusal that names both."""
     try:
         return find(recorded, name)
     except InputError as error:
