@@ -122,7 +122,7 @@ function FlightLegend() {
 
 const rounded = (value: number): string => String(Number(value.toPrecision(1)));
 
-/** What a metre of the arrows at the vehicles stands for. */
+/** The scale of the arrows at the vehicles, per metre. */
 function ArrowLegend() {
   const scale = arrowScale.value;
   if (scale === null && withArrows.value) return null;
