@@ -10,6 +10,7 @@ import vehicle
 from flight import FlightError, FloatArray, InputError
 from gcs_web import protocol, pyramid, reading, residuals
 from gcs_web import protocol_flights as parts
+from gcs_web.arrows import Wrench
 from gcs_web.flights import Flights
 from gcs_web.residuals import Compared
 from gcs_web.view3d import View3D
@@ -101,11 +102,18 @@ class Comparing:
             raise InputError("nothing was compared yet; compare the flights with the model first")
         return residuals.scatter(compared, channel, variable, self._shifts(compared))
 
-    def show(self, names: list[str], colour: str) -> None:
+    def show(
+        self, names: list[str], colour: str, moved_s: dict[str, float], *, arrows: bool
+    ) -> parts.ArrowScale | None:
         """Draw flights in the 3D view; none: the plan again.
 
         Args:
             colour: a channel of the residual, or empty.
+            moved_s: by flight, what is added to its shifted time.
+            arrows: whether vehicles have arrows of residual force and torque, where the comparison has them.
+
+        Returns:
+            The scale of the arrows; None where there are none.
 
         Raises:
             FlightError: a flight cannot be read.
@@ -118,8 +126,14 @@ class Comparing:
                 row = residuals.CHANNELS.index(colour)
                 when, (left,) = self._with_gaps(flight, [np.array(flight.residual[row])])
                 values[name] = (when, left)
+        wrenches: dict[str, Wrench] = {}
+        for name in names if arrows else []:
+            flight = self._residual(name)
+            if flight is not None:
+                when, left = self._with_gaps(flight, [np.array(channel) for channel in flight.residual])
+                wrenches[name] = Wrench(when, np.stack(left, axis=1))
         self._view.set_plan_aside(bool(paths))
-        self._view.flights.draw(paths, values)
+        return self._view.flights.draw(paths, values, moved_s, wrenches)
 
     def _with_gaps(
         self, flight: residuals.FlightResidual, curves: list[FloatArray]

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flight import FloatArray
-from gcs_web import picking, scene
+from gcs_web import arrows, picking, scene
+from gcs_web.arrows import Wrench
+from gcs_web.protocol_flights import ArrowScale
 from gcs_web.recorded import Path3D
 
 if TYPE_CHECKING:
@@ -26,26 +28,46 @@ class FlightScene:
         self._server = server
         self._lock = threading.RLock()
         self._paths: dict[str, Path3D] = {}
+        self._moved_s: dict[str, float] = {}
+        self._wrenches: dict[str, Wrench] = {}
+        self._arrows: dict[str, Any] = {}
+        self._scale: ArrowScale | None = None
         self._drawn: list[Any] = []
         self._vehicles: list[Any] = []
         self._planned: Any = None
         self._stretches: Sequence[tuple[str, float, float]] = ()
         self._marks: list[Any] = []
         self.on_moment: Callable[[float], None] = lambda _: None
-        """A path was clicked; the flight's time there, s."""
+        """A path was clicked; the time there as moved, s."""
         server.scene.on_click()(self._clicked)
 
-    def draw(self, paths: Mapping[str, Path3D], values: Mapping[str, tuple[FloatArray, FloatArray]]) -> None:
+    def draw(
+        self,
+        paths: Mapping[str, Path3D],
+        values: Mapping[str, tuple[FloatArray, FloatArray]],
+        moved_s: Mapping[str, float],
+        wrenches: Mapping[str, Wrench],
+    ) -> ArrowScale | None:
         """Draw these flights and no others.
 
         Args:
             values: by flight, times and signed values by which its path is coloured, blue - grey - orange over the
                 same symmetric range for all; NaN where nothing is known. Where nothing is, and others, are plain.
+            moved_s: by flight, what is added to its time to stand beside the others; those without stay.
+            wrenches: by flight, the residual that is drawn as arrows at its vehicle; those without have none.
+
+        Returns:
+            The scale of the arrows; None where nothing is known.
         """
         with self._lock, self._server.atomic():
-            for node in (*self._drawn, *self._vehicles):
+            for node in (*self._drawn, *self._vehicles, *self._arrows.values()):
                 node.remove()
             self._paths, self._drawn, self._vehicles = dict(paths), [], []
+            self._moved_s, self._wrenches = dict(moved_s), dict(wrenches)
+            self._scale = arrows.scale(wrenches.values())
+            self._arrows = {
+                name: scene.draw_arrows(self._server, f"/flown_arrows_{i}") for i, name in enumerate(wrenches)
+            }
             reach = _reach(values)
             for i, (name, path) in enumerate(paths.items()):
                 colours = np.tile(np.array(_COLOURS[i % len(_COLOURS)], dtype=np.uint8), (len(path.time_s), 1))
@@ -60,6 +82,7 @@ class FlightScene:
             if self._planned is not None:
                 self._planned.visible = False
             self._draw_marks()
+            return self._scale
 
     def mark(self, stretches: Sequence[tuple[str, float, float]]) -> None:
         """Mark parts of the paths that are drawn: flight, from and to on its shifted time, s."""
@@ -80,22 +103,36 @@ class FlightScene:
                 )
 
     def look(self, time_s: float | None) -> None:
-        """Draw the vehicles where they were, and that of the first flight where it should have been."""
+        """Draw the vehicles where they were, with their arrows, and that of the first where it should have been."""
         with self._lock, self._server.atomic():
-            for vehicle, path in zip(self._vehicles, self._paths.values(), strict=True):
-                _place(vehicle, path.time_s, path.position_world_m, path.q_world_body, time_s)
-            first = next(iter(self._paths.values()), None)
-            if self._planned is not None and first is not None:
-                _place(self._planned, first.time_s, first.planned_world_m, first.planned_q_world_body, time_s)
+            for i, (vehicle, (name, path)) in enumerate(zip(self._vehicles, self._paths.items(), strict=True)):
+                at_s = None if time_s is None else time_s - self._moved_s.get(name, 0.0)
+                _place(vehicle, path.time_s, path.position_world_m, path.q_world_body, at_s)
+                if name in self._arrows:
+                    self._point(self._arrows[name], path, self._wrenches[name], at_s)
+                if i == 0 and self._planned is not None:
+                    _place(self._planned, path.time_s, path.planned_world_m, path.planned_q_world_body, at_s)
+
+    def _point(self, node: Any, path: Path3D, wrench: Wrench, time_s: float | None) -> None:
+        """Draw a flight's arrows as they are at a moment, from its vehicle; none in a gap."""
+        node.visible = False
+        if time_s is None or self._scale is None or path.q_world_body is None:
+            return
+        k = _row(path.time_s, time_s)
+        lengths_m = arrows.at(wrench, time_s, path.q_world_body[k], self._scale)
+        if lengths_m is not None:
+            begin_m = np.broadcast_to(path.position_world_m[k], (2, 3))
+            node.points = np.stack([begin_m, begin_m + lengths_m], axis=1).astype(np.float32)
+            node.visible = True
 
     def _clicked(self, event: "viser.SceneClickEvent") -> None:
         with self._lock:
-            paths = list(self._paths.values())
+            paths = [(path, self._moved_s.get(name, 0.0)) for name, path in self._paths.items()]
         origin, direction = np.array(event.ray_origin), np.array(event.ray_direction)
-        for path in paths:
+        for path, by_s in paths:
             k = picking.nearest_on_path(origin, direction, path.position_world_m)
             if k is not None:
-                self.on_moment(float(path.time_s[k]))
+                self.on_moment(float(path.time_s[k] + by_s))
                 return
 
 
@@ -115,13 +152,17 @@ def _place(
     if time_s is None or position is None:
         vehicle.visible = False
         return
-    k = int(np.clip(np.searchsorted(when, time_s), 0, len(when) - 1))
+    k = _row(when, time_s)
     known = bool(np.isfinite(position[k]).all())
     if known:
         vehicle.position = tuple(position[k])
         if q is not None and np.isfinite(q[k]).all():
             vehicle.wxyz = tuple(q[k])
     vehicle.visible = known
+
+
+def _row(when: FloatArray, time_s: float) -> int:
+    return int(np.clip(np.searchsorted(when, time_s), 0, len(when) - 1))
 
 
 def _reach(values: Mapping[str, tuple[FloatArray, FloatArray]]) -> float:

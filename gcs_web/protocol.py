@@ -14,6 +14,9 @@ from gcs_web.protocol_compensation import Compensation, PrepareCompensation, Sen
 from gcs_web.protocol_consent import AgreeToEffectFile, DraftEffect, EffectFiles
 from gcs_web.protocol_course import DropPath, RandomYaw, RecordedPath, Snap, TakePath, ThinPath
 from gcs_web.protocol_flights import (
+    Aligned,
+    AlignFlights,
+    ArrowScale,
     Comparison,
     Diagnosis,
     DiscardFlight,
@@ -211,6 +214,10 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
     name: str = ""
     """Of what was made: a flight, or a log that was moved aside."""
     flights: list[OpenedFlight] = []
+    arrows: ArrowScale | None = None
+    """Of `show_flights`: how long the arrows are; None where there are none."""
+    aligned: list[Aligned] = []
+    """Of `align_flights`: each flight but the first."""
     parts: list[StreamPart] = []
     scatter: Scatter | None = None
     incoming: Incoming | None = None
@@ -450,8 +457,8 @@ FromPage = (
     | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort
     | ShowMap | Measure | Paint | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits
     | StartJob | ForeseeJob | CancelJob | ForgetJob | ListJobs
-    | ListFlights | SetRole | OpenFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight
-    | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo
+    | ListFlights | SetRole | OpenFlights | AlignFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight
+    | DiscardFlight | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo
     | PrepareCompensation | SendCompensation | AgreeToEffectFile | DraftEffect
     | ShowMoments
 )  # fmt: skip

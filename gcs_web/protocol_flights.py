@@ -10,6 +10,8 @@ Role = Literal["learn", "hold_out", "leave"]
 """What a flight is for: models are fitted to it, judged by it, or it is left out of both."""
 CurveKind = Literal["measured", "plan", "model", "residual"]
 StreamGroup = Literal["flight", "force", "column"]
+AlignBy = Literal["trajectory", "take_off", "motion", "speed", "height"]
+"""Two flights stand side by side by an event of both, or by the correlation of a stream."""
 
 
 class Finding(msgspec.Struct, frozen=True):
@@ -71,6 +73,23 @@ class OpenedFlight(msgspec.Struct, frozen=True):
     shift_s: float
     """What its clock is moved by to stand beside the first flight that is open."""
     streams: list[Stream]
+
+
+class ArrowScale(msgspec.Struct, frozen=True):
+    """Of the arrows at the vehicles: so much for each metre of their length."""
+
+    force_n_per_m: float
+    torque_n_m_per_m: float
+
+
+class Aligned(msgspec.Struct, frozen=True):
+    """How far a flight is moved to stand beside the first one, on their shifted times."""
+
+    flight: str
+    by_s: float | None
+    """None where that cannot be told."""
+    words: str
+    """By what, and how sure it is; or why it cannot be told."""
 
 
 class CurvePart(msgspec.Struct, frozen=True):
@@ -385,6 +404,13 @@ class OpenFlights(Command, frozen=True, tag="open_flights", kw_only=True):
     flights: list[str]
 
 
+class AlignFlights(Command, frozen=True, tag="align_flights", kw_only=True):
+    """Ask how far to move flights beside the first of them; the reply has `aligned`."""
+
+    flights: list[str]
+    by: AlignBy
+
+
 class ReadStreams(Command, frozen=True, tag="read_streams", kw_only=True):
     """Ask for streams over a stretch of a flight's shifted time; the reply has `parts`."""
 
@@ -397,11 +423,15 @@ class ReadStreams(Command, frozen=True, tag="read_streams", kw_only=True):
 
 
 class ShowFlights(Command, frozen=True, tag="show_flights", kw_only=True):
-    """Draw flights in the 3D view in place of the plan; none: the plan again."""
+    """Draw flights in the 3D view in place of the plan; none: the plan again. The reply has `arrows`."""
 
     flights: list[str]
     colour: Literal["", "F_x", "F_y", "F_z", "M_x", "M_y", "M_z"] = ""
     """The residual by which paths are coloured."""
+    arrows: bool = True
+    """Residual force and torque as arrows at the vehicles, where the comparison has them."""
+    moved_s: dict[str, float] = msgspec.field(default_factory=dict)
+    """By flight, what is added to its shifted time, of those that stand beside the first by hand or by alignment."""
 
 
 class Stretch(msgspec.Struct, frozen=True):
@@ -419,7 +449,7 @@ class ShowMoments(Command, frozen=True, tag="show_moments", kw_only=True):
 
 
 class LookAtFlight(Command, frozen=True, tag="look_at_flight", kw_only=True):
-    """Show a moment of the flights that are drawn; None hides the vehicles."""
+    """Show a moment of the flights that are drawn, on the first one's shifted time; None hides the vehicles."""
 
     time_s: float | None
 

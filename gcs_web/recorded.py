@@ -12,12 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
+from firmware_bridge.airborne import IN_FREE_AIR
 from firmware_bridge.controller import State
 from flight import FloatArray, InputError, flight_log
 from flight.flight_log import COLUMNS
 from flight.project import Project
 from gcs_web import protocol_flights as parts
 from gcs_web import pyramid, streams
+from gcs_web.alignment import Signal
 from gcs_web.pyramid import Pyramid
 
 MOST_BYTES = 160 << 20
@@ -41,6 +43,14 @@ class Path3D:
     planned_q_world_body: FloatArray | None
 
 
+@dataclass(frozen=True, slots=True)
+class States:
+    """What a log's mission state says; of a log without one, nothing."""
+
+    flies_trajectory: bool
+    begins_in_air: bool
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Opened:
     path: Path
@@ -49,6 +59,7 @@ class _Opened:
     time_s: FloatArray
     gaps_s: FloatArray
     shift_s: float
+    states: States
 
 
 class Recorded:
@@ -94,6 +105,24 @@ class Recorded:
             ]
             answer.append(parts.StreamPart(name, quantity.key, (when - found.shift_s).tolist(), lines))
         return answer
+
+    def states(self, name: str) -> States:
+        """Raises as `open`."""
+        return self._found(name).states
+
+    def measured(self, name: str, key: str) -> Signal:
+        """All samples of a stream's measured curve on the flight's shifted time, NaN where it was not measured.
+
+        Raises:
+            FlightError: the flight cannot be read, or has no such stream.
+        """
+        found = self._found(name)
+        if key not in found.quantities:
+            raise InputError("was not measured")
+        quantity = found.quantities[key]
+        place = next(i for i, curve in enumerate(quantity.curves) if curve.kind == "measured")
+        (curves,) = self._curves(name, found, [quantity])
+        return Signal(found.time_s - found.shift_s, curves[place].samples.astype(np.float64))
 
     def gaps_s(self, name: str) -> FloatArray:
         """(k, 2) begin and end of each pause of the log, on the flight's shifted time. Raises as `open`."""
@@ -184,17 +213,20 @@ _POSES = ("position_world_m", "q_world_body", "setpoint_position_world_m", "setp
 def _open(path: Path, stamp: tuple[int, int]) -> _Opened:
     names, _ = flight_log.head(path)
     has_state = "mission_state" in names
-    times, flying = [np.zeros(0)], [np.zeros(0)]
+    times, flying, first = [np.zeros(0)], [np.zeros(0)], np.zeros(0)
     for piece in flight_log.pieces(path, ["mission_state"] if has_state else []):
         times.append(piece.time_s.copy())  # of its own, or all that was read with it would stay in memory
         if has_state:
-            flying.append(piece.time_s[piece.columns["mission_state"] == State.TRAJECTORY])
+            states = piece.columns["mission_state"]
+            flying.append(piece.time_s[states == State.TRAJECTORY])
+            first = first if len(first) else states[np.isfinite(states)][:1].copy()
     time_s, flying_s = np.concatenate(times), np.concatenate(flying)
     if not len(time_s):
         raise InputError(f"{path.name} is empty")
     # Where the trajectory begins, flights of one course stand side by side.
     begins_s = flying_s[0] if len(flying_s) else time_s[0]
-    return _Opened(path, stamp, streams.of_log(names), time_s, pyramid.gaps(time_s), float(begins_s))
+    states = States(len(flying_s) > 0, bool(np.isin(first, IN_FREE_AIR).any()))
+    return _Opened(path, stamp, streams.of_log(names), time_s, pyramid.gaps(time_s), float(begins_s), states)
 
 
 def _rows(path: Path, quantities: Sequence[str], rows: np.ndarray) -> dict[str, FloatArray]:

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 PLENTY_ABOVE_M = 0.7
 """Clearance this far above the limit has the colour of plenty."""
 
+ARROWS = ((196, 113, 240), (40, 190, 175))
+"""Colours of the arrows of residual force and residual torque; the page's legend has the same."""
+
 _MARK = (196, 113, 240)
 
 
@@ -95,6 +98,20 @@ def draw_marks(
         )
         marks.append(target)
     return marks
+
+
+def draw_arrows(server: "viser.ViserServer", name: str) -> Any:
+    """A residual force and a residual torque, hidden; set `.points`, (2, 2, 3) both ends of each, and `.visible`."""
+    points = np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]] * 2, dtype=np.float32)
+    return server.scene.add_arrows(
+        name,
+        points,
+        np.array(ARROWS, dtype=np.uint8),
+        shaft_radius=0.018,
+        head_radius=0.045,
+        head_length=0.09,
+        visible=False,
+    )
 
 
 def draw_vehicle(server: "viser.ViserServer", name: str, *, opacity: float, arm_m: float = 0.15) -> Any:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from gcs_web import protocol
+from gcs_web import aligning, protocol
 from gcs_web.desk import Desk
 
 
@@ -19,13 +19,18 @@ def _open(desk: Desk, _: protocol.Person, wanted: protocol.OpenFlights) -> proto
     return protocol.Reply(wanted.serial, flights=[desk.comparing.opened(name) for name in wanted.flights])
 
 
+def _align(desk: Desk, _: protocol.Person, wanted: protocol.AlignFlights) -> protocol.Reply:
+    return protocol.Reply(wanted.serial, aligned=aligning.align(desk.flights.recorded, wanted.flights, wanted.by))
+
+
 def _read(desk: Desk, _: protocol.Person, wanted: protocol.ReadStreams) -> protocol.Reply:
     parts = desk.comparing.read(wanted.flight, wanted.streams, wanted.from_s, wanted.to_s, wanted.points)
     return protocol.Reply(wanted.serial, parts=parts)
 
 
-def _show(desk: Desk, _: protocol.Person, wanted: protocol.ShowFlights) -> None:
-    desk.comparing.show(wanted.flights, wanted.colour)
+def _show(desk: Desk, _: protocol.Person, wanted: protocol.ShowFlights) -> protocol.Reply:
+    scale = desk.comparing.show(wanted.flights, wanted.colour, wanted.moved_s, arrows=wanted.arrows)
+    return protocol.Reply(wanted.serial, arrows=scale)
 
 
 def _moments(desk: Desk, _: protocol.Person, wanted: protocol.ShowMoments) -> None:
@@ -69,6 +74,7 @@ HANDLERS: dict[type, Callable[[Desk, protocol.Person, Any], protocol.Reply | Non
     protocol.ListFlights: _list,
     protocol.SetRole: _set_role,
     protocol.OpenFlights: _open,
+    protocol.AlignFlights: _align,
     protocol.ReadStreams: _read,
     protocol.ShowFlights: _show,
     protocol.ShowMoments: _moments,

@@ -84,6 +84,33 @@ def test_flights_stand_side_by_side_and_foreign_text_is_text(page, station):
     assert len(station.view.flights._paths) == 2
 
 
+def test_flights_are_aligned_by_each_way_and_doubt_leaves_them(page, station):
+    said = page.locator(".notice")
+    ways = page.get_by_role("group", name="Align with the first flight by")
+    ways.get_by_role("button", name="Take-off").click()
+    said.get_by_text(re.compile("B moved by .* s: take-off")).wait_for()
+    shift = page.get_by_label(re.compile("^Shift of . in seconds"))
+    shift.fill("2.5")
+    shift.blur()
+    wait(lambda: "moved=0%7C2.5" in page.evaluate("location.hash"), "the shift by hand in the address")
+    wait(lambda: list(station.view.flights._moved_s.values()) == [2.5], "the shift in 3D")
+    ways.get_by_role("button", name="Speed").click()
+    said.get_by_text(re.compile("B stays: cannot tell: speed of . was not measured")).wait_for()
+    assert shift.input_value() == "2.5"
+    shift.fill("0")
+    shift.blur()
+
+
+def test_residuals_stand_as_arrows_at_the_vehicles_until_they_are_switched_off(page, station):
+    page.get_by_text(re.compile(r"^Force, 1 m = [125]|^Force, 1 m = 0\.0*[125] N")).wait_for()
+    wait(lambda: any(node.visible for node in station.view.flights._arrows.values()), "an arrow")
+    page.get_by_label("Residual as arrows").uncheck()
+    wait(lambda: not station.view.flights._arrows, "no arrows")
+    wait(lambda: "arrows=no" in page.evaluate("location.hash"), "the choice in the address")
+    page.get_by_label("Residual as arrows").check()
+    page.get_by_text(re.compile("^Torque, 1 m =")).wait_for()
+
+
 def test_a_cell_is_looked_at_everywhere_and_a_bin_shows_its_moments(page, station):
     page.get_by_role("button", name=re.compile("^F_x against v_x")).click()
     page.get_by_role("heading", name=re.compile("Residual F.* against v")).wait_for()

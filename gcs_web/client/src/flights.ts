@@ -2,10 +2,12 @@
 
 import { batch, computed, effect, signal } from "@preact/signals";
 import { latest, send, submit } from "./socket";
+import { number } from "./format";
 import { announce, comparison, connected, flightCursor_s, flights, step } from "./store";
-import type { Finding, FlightCard, Incoming, OpenedFlight, Scatter, ShowFlights, Stream, StreamPart } from "./protocol";
+import type { AlignFlights, ArrowScale, Finding, FlightCard, Incoming, OpenedFlight, Scatter, ShowFlights, Stream, StreamPart } from "./protocol";
 
 export type Channel = NonNullable<ShowFlights["colour"]>;
+export type AlignBy = AlignFlights["by"];
 
 /** Names of the open flights, the first is A. */
 export const open = signal<readonly string[]>([]);
@@ -14,7 +16,7 @@ export const opened = signal<readonly OpenedFlight[]>([]);
 export const streamKeys = signal<readonly string[]>(["speed", "error", "F_x", "residual_F_x"]);
 /** The shown stretch of shifted time; null for all of it. */
 export const stretch = signal<readonly [number, number] | null>(null);
-/** What each flight's clock is moved by hand, s. */
+/** What each flight's clock is moved by hand or by alignment, s. */
 export const moved_s = signal<ReadonlyMap<string, number>>(new Map());
 /** By flight and stream: what was read last. */
 export const parts = signal<ReadonlyMap<string, StreamPart>>(new Map());
@@ -24,6 +26,9 @@ export const scatter = signal<Scatter | null>(null);
 /** A bin of the scatter: its moments are shaded in the plots. */
 export const bin = signal<readonly [number, number] | null>(null);
 export const pathColour = signal<Channel>("");
+/** Whether vehicles have arrows of residual force and torque, and the scale of those that are drawn. */
+export const withArrows = signal(true);
+export const arrowScale = signal<ArrowScale | null>(null);
 /** A foreign log that waits for its column map. */
 export const incoming = signal<Incoming | null>(null);
 export const playing = signal(false);
@@ -76,6 +81,27 @@ export function toggleOpen(name: string, alone: boolean): void {
   else if (others.length < open.value.length) open.value = others;
   else open.value = [...others.slice(-(MOST_OPEN - 1)), name];
   stretch.value = null;
+}
+
+/** Move the flights beside the first by an event or by correlation; one of which nobody can tell stays. */
+export async function align(by: AlignBy): Promise<void> {
+  const names = [...open.value];
+  const reply = await send({ type: "align_flights", flights: names, by });
+  if (reply.error !== "") {
+    announce(reply.error, "danger");
+    return;
+  }
+  if (names.join("\n") !== open.value.join("\n")) return;
+  const next = new Map(moved_s.value);
+  const base_s = next.get(names[0] ?? "") ?? 0;
+  const said = reply.aligned.map(({ flight, by_s, words }) => {
+    const letter = LETTERS[names.indexOf(flight)] ?? "";
+    if (by_s === null) return `${letter} stays: ${words}`;
+    next.set(flight, Number((base_s + by_s).toFixed(4)));
+    return `${letter} moved by ${number(base_s + by_s, 3)} s: ${words}`;
+  });
+  moved_s.value = next;
+  announce(`${said.join(". ")}.`, reply.aligned.some(({ by_s }) => by_s === null) ? "caution" : "fact");
 }
 
 export function toggleStream(key: string): void {
@@ -145,15 +171,20 @@ effect(() => {
   });
 });
 
-const showIn3D = latest((wanted: { flights: string[]; colour: Channel }) => ({ type: "show_flights", ...wanted }));
+const showIn3D = latest(
+  (wanted: Pick<ShowFlights, "flights" | "colour" | "moved_s" | "arrows">) => ({ type: "show_flights", ...wanted }),
+  ({ arrows }) => (arrowScale.value = arrows),
+);
 let isShown = false;
 
 effect(() => {
   const names = isLooking.value ? opened.value.map(({ name }) => name) : [];
   const colour = pathColour.value;
+  const moved = Object.fromEntries(moved_s.value);
+  const arrows = withArrows.value;
   if (!connected.value || (names.length === 0 && !isShown)) return;
   isShown = names.length > 0;
-  showIn3D({ flights: names, colour });
+  showIn3D({ flights: names, colour, moved_s: moved, arrows });
   if (isShown) sendLook(flightCursor_s.peek());
 });
 

@@ -1,7 +1,7 @@
 /** The view in the page's address, so that a link restores it. */
 
 import { effect } from "@preact/signals";
-import { bin, chosen, moved_s, open, pathColour, streamKeys, stretch } from "./flights";
+import { bin, chosen, moved_s, open, pathColour, streamKeys, stretch, withArrows } from "./flights";
 import type { Channel } from "./flights";
 import { announce, flightCursor_s, step } from "./store";
 
@@ -30,6 +30,7 @@ function restore(): void {
   if (moved.length > 0) moved_s.value = new Map(moved);
   const colour = COLOURS.find((each) => each === found.get("colour"));
   if (colour !== undefined) pathColour.value = colour;
+  withArrows.value = found.get("arrows") !== "no";
 }
 
 function written(): string {
@@ -44,6 +45,7 @@ function written(): string {
     const moved = open.value.map((name) => moved_s.value.get(name) ?? 0);
     if (moved.some((by_s) => by_s !== 0)) words.set("moved", moved.join("|"));
     if (pathColour.value !== "") words.set("colour", pathColour.value);
+    if (!withArrows.value) words.set("arrows", "no");
   }
   return `#${words.toString()}`;
 }

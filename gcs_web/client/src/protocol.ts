@@ -303,6 +303,17 @@ export interface OpenedFlight {
   streams: Stream[];
 }
 
+export interface ArrowScale {
+  force_n_per_m: number;
+  torque_n_m_per_m: number;
+}
+
+export interface Aligned {
+  flight: string;
+  by_s: number | null;
+  words: string;
+}
+
 export interface CurvePart {
   label: string;
   kind: "measured" | "plan" | "model" | "residual";
@@ -546,6 +557,13 @@ export interface OpenFlights {
   flights: string[];
 }
 
+export interface AlignFlights {
+  type: "align_flights";
+  serial: number;
+  flights: string[];
+  by: "trajectory" | "take_off" | "motion" | "speed" | "height";
+}
+
 export interface ReadStreams {
   type: "read_streams";
   serial: number;
@@ -561,6 +579,8 @@ export interface ShowFlights {
   serial: number;
   flights: string[];
   colour?: "" | "F_x" | "F_y" | "F_z" | "M_x" | "M_y" | "M_z";
+  arrows?: boolean;
+  moved_s?: Record<string, number>;
 }
 
 export interface Stretch {
@@ -978,6 +998,8 @@ export interface Reply {
   there: Held | null;
   name: string;
   flights: OpenedFlight[];
+  arrows: ArrowScale | null;
+  aligned: Aligned[];
   parts: StreamPart[];
   scatter: Scatter | null;
   incoming: Incoming | null;
@@ -1227,4 +1249,4 @@ export interface Abort {
 
 export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply | Projects | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment | EffectFiles | Identification;
 
-export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | SetGate | ClearGate | SetTube | Snap | RandomYaw | ThinPath | DropPath | TakePath | ListProjects | OpenProject | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | ShowMap | Measure | Paint | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits | StartJob | ForeseeJob | CancelJob | ForgetJob | ListJobs | ListFlights | SetRole | OpenFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo | PrepareCompensation | SendCompensation | AgreeToEffectFile | DraftEffect | ShowMoments;
+export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | SetGate | ClearGate | SetTube | Snap | RandomYaw | ThinPath | DropPath | TakePath | ListProjects | OpenProject | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | ShowMap | Measure | Paint | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits | StartJob | ForeseeJob | CancelJob | ForgetJob | ListJobs | ListFlights | SetRole | OpenFlights | AlignFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo | PrepareCompensation | SendCompensation | AgreeToEffectFile | DraftEffect | ShowMoments;

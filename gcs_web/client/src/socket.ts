@@ -61,6 +61,8 @@ function refusal(number: number, error: string): Reply {
     compensation: null,
     name: "",
     flights: [],
+    arrows: null,
+    aligned: [],
     parts: [],
     scatter: null,
     incoming: null,

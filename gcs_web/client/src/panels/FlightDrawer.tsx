@@ -7,6 +7,7 @@ import { Icon } from "../components/Icon";
 import { editable, number, short } from "../format";
 import {
   LETTERS,
+  align,
   drawn,
   goTo,
   marks,
@@ -26,6 +27,7 @@ import {
   toggleStream,
   whole,
 } from "../flights";
+import type { AlignBy } from "../flights";
 import { copyLink } from "../link";
 import { FindingMarks, MARKS_PX } from "./FindingMarks";
 import { plotHeight } from "../plots";
@@ -109,6 +111,7 @@ function DrawerHead() {
       {opened.value.map(({ name }, i) => (
         <FlightTag key={name} name={name} place={i} />
       ))}
+      {opened.value.length > 1 && <Alignment />}
       <StreamChoice />
       {stretch.value !== null && (
         <button type="button" class="toggle" onClick={() => (stretch.value = null)}>
@@ -126,7 +129,7 @@ function CursorTime() {
   return <b>{number(flightCursor_s.value ?? 0, 2)} s</b>;
 }
 
-/** A flight that is open; all but the first can be moved in time by hand. */
+/** A flight that is open; all but the first can be moved in time, by hand or by `Alignment`. */
 function FlightTag({ name, place }: { name: string; place: number }) {
   const by_s = moved_s.value.get(name) ?? 0;
   return (
@@ -147,6 +150,30 @@ function FlightTag({ name, place }: { name: string; place: number }) {
           s
         </label>
       )}
+    </span>
+  );
+}
+
+const EVENTS: readonly [by: AlignBy, word: string, title: string][] = [
+  ["trajectory", "Trajectory", "Trajectories begin at the same time"],
+  ["take_off", "Take-off", "Both rise 0.1 m over where they stood at the same time"],
+  ["motion", "First motion", "Both become faster than 0.15 m/s at the same time"],
+  ["speed", "Speed", "By the largest correlation of the speeds"],
+  ["height", "Height", "By the largest correlation of the heights"],
+];
+
+/** Buttons that move the flights beside the first. */
+function Alignment() {
+  return (
+    <span class="alignment" role="group" aria-label="Align with the first flight by">
+      <span class="quiet" aria-hidden="true">
+        Align by
+      </span>
+      {EVENTS.map(([by, word, title]) => (
+        <button key={by} type="button" class="toggle" title={title} onClick={() => void align(by)}>
+          {word}
+        </button>
+      ))}
     </span>
   );
 }

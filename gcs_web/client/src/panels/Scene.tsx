@@ -5,7 +5,7 @@ import { useEffect, useRef } from "preact/hooks";
 import { show } from "../cursor";
 import { number, short } from "../format";
 import { listenIn } from "../keys";
-import { LETTERS, opened, pathColour } from "../flights";
+import { LETTERS, arrowScale, opened, pathColour, withArrows } from "../flights";
 import type { Channel } from "../flights";
 import { CIVIDIS, CLEARANCE, CLEARANCE_SPAN_M, COULD_HIDE_SPAN_MM, SIGNED } from "../scales";
 import { figures, mapShown, series, step, view } from "../store";
@@ -114,6 +114,37 @@ function FlightLegend() {
             <span>positive</span>
           </div>
         </>
+      )}
+      <ArrowLegend />
+    </div>
+  );
+}
+
+const rounded = (value: number): string => String(Number(value.toPrecision(1)));
+
+/** The scale of the arrows at the vehicles, per metre. */
+function ArrowLegend() {
+  const scale = arrowScale.value;
+  if (scale === null && withArrows.value) return null;
+  return (
+    <div class="arrow-legend">
+      <label title="Measured less modelled, mean over 0.1 s, along the world's axes">
+        <input
+          type="checkbox"
+          checked={withArrows.value}
+          onChange={(event) => (withArrows.value = event.currentTarget.checked)}
+        />{" "}
+        Residual as arrows
+      </label>
+      {scale !== null && withArrows.value && (
+        <div class="legend-ends">
+          <span>
+            <span class="path-key arrow-force" /> Force, 1 m = {rounded(scale.force_n_per_m)} N
+          </span>
+          <span>
+            <span class="path-key arrow-torque" /> Torque, 1 m = {rounded(scale.torque_n_m_per_m)} N m
+          </span>
+        </div>
       )}
     </div>
   );
