@@ -368,7 +368,8 @@ def test_a_phone_reaches_the_list_of_projects(page, tmp_path):
     projects.click()
     dialog = page.get_by_role("dialog", name="Projects")
     place = dialog.bounding_box()
-    assert 0 <= place["x"] and place["x"] + place["width"] <= 360
+    assert place["x"] >= 0
+    assert place["x"] + place["width"] <= 360
     page.screenshot(path=tmp_path / "projects.png")
     dialog.get_by_role("button", name="Close").click()
     dialog.wait_for(state="detached")
