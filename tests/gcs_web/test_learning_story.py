@@ -182,7 +182,7 @@ def script(page, picture: Callable[[str], object], orders: Callable[[], list[str
     page.keyboard.type("again")
     page.keyboard.press("Enter")
     page.get_by_text("Saved as trajectories/again.json").wait_for()
-    page.get_by_role("button", name="Compare with vehicle and upload").click()
+    page.get_by_role("button", name="Compare and upload").click()
     hold(page, "upload again", until=lambda: "upload" in orders())
     page.get_by_role("status").get_by_text("read back and equal").wait_for()
     step("Fly")

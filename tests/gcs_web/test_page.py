@@ -360,6 +360,21 @@ def test_a_phone_shows_the_vehicle_and_abort_without_scrolling(station, page, tm
     page.screenshot(path=tmp_path / "phone.png")
 
 
+def test_a_phone_reaches_the_list_of_projects(page, tmp_path):
+    page.set_viewport_size({"width": 360, "height": 740})
+    projects = page.get_by_title("Projects")
+    box = projects.bounding_box()
+    assert min(box["width"], box["height"]) >= 40  # a thumb's width
+    projects.click()
+    dialog = page.get_by_role("dialog", name="Projects")
+    place = dialog.bounding_box()
+    assert place["x"] >= 0
+    assert place["x"] + place["width"] <= 360
+    page.screenshot(path=tmp_path / "projects.png")
+    dialog.get_by_role("button", name="Close").click()
+    dialog.wait_for(state="detached")
+
+
 def test_a_no_fly_zone_is_drawn_by_numbers_and_by_its_handle_previewed_applied_and_undone(page, station: GroundStation):
     page.keyboard.press("1")
     page.get_by_role("toolbar", name="Map").get_by_role("button", name="Box").click()

@@ -104,6 +104,15 @@ export async function align(by: AlignBy): Promise<void> {
   announce(`${said.join(". ")}.`, reply.aligned.some(({ by_s }) => by_s === null) ? "caution" : "fact");
 }
 
+/** Say what a flight is for. Taken at once, so that a comparison started next is of this choice. */
+export async function setRole(flight: string, role: FlightCard["role"]): Promise<void> {
+  if (flights.value !== null) {
+    const changed = cards.value.map((card) => (card.name === flight ? { ...card, role } : card));
+    flights.value = { ...flights.value, flights: changed };
+  }
+  if (!(await submit({ type: "set_role", flight, role }))) await submit({ type: "list_flights" });
+}
+
 export function toggleStream(key: string): void {
   const keys = streamKeys.value;
   streamKeys.value = keys.includes(key) ? keys.filter((each) => each !== key) : [...keys, key];

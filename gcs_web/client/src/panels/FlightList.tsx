@@ -14,13 +14,13 @@ import {
   incoming,
   marks,
   open,
+  setRole,
   splitGaps,
   takeFile,
   takeLog,
   toggleOpen,
   undo,
 } from "../flights";
-import { submit } from "../socket";
 import { connected, flights } from "../store";
 import type { Finding, FlightCard, Incoming } from "../protocol";
 
@@ -187,7 +187,7 @@ function Role({ card }: { card: FlightCard }) {
       value={card.role}
       onChange={(event) => {
         const role = ROLES.find(([key]) => key === event.currentTarget.value)?.[0];
-        if (role !== undefined) void submit({ type: "set_role", flight: card.name, role });
+        if (role !== undefined) void setRole(card.name, role);
       }}
     >
       {ROLES.map(([key, words]) => (

@@ -5,7 +5,8 @@ import { Icon } from "../components/Icon";
 import { Keys } from "../components/Keys";
 import { STEPS } from "../commands";
 import { age, checksum, number } from "../format";
-import { aborting,
+import {
+  aborting,
   connected,
   connection,
   holdsAnother,
@@ -32,7 +33,7 @@ export function TopBar() {
             title="Projects"
             onClick={() => (projectsOpen.value = true)}
           >
-            {welcome.value.project} <Icon name="down" />
+            <span class="project-name">{welcome.value.project}</span> <Icon name="down" />
           </button>
         )}
       </div>
