@@ -36,7 +36,7 @@ def texts(path: Path, kind: type[ast.AST] = ast.Module) -> list[str]:
 
 def test_verbs_that_fit_take_the_same_options_of_a_fit():
     shared = {"--hold", "--free", "--prior", "--split-gaps", "--hold-unidentifiable", "--robust", "--gusts", "--steps"}
-    shared |= {"--gravity"}
+    shared |= {"--gravity", "--estimate-command-delay"}
     for verb in FITTING:
         assert shared <= options(verb), verb
 
@@ -71,7 +71,9 @@ def test_every_argument_that_a_message_of_the_library_names_has_an_option():
     sysid = COMMANDS.parents[1] / "sysid"
     paths = [*sysid.glob("estimator/**/*.py"), *sysid.glob("logs/*.py")]
     said = " ".join(text for path in paths for text in texts(path, ast.Constant))
-    arguments = re.findall(r"\b(?:gaps|robust|gusts|unseen|held|free|max_iterations)=[\w']+", said)
+    arguments = re.findall(
+        r"\b(?:gaps|robust|gusts|unseen|held|free|max_iterations)=[\w']+", said
+    )
     assert set(arguments) <= set(fit_options.FLAGS)
     assert arguments
 
