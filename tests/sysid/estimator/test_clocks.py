@@ -103,7 +103,7 @@ def taken_on_time(early_logs, truth) -> sysid.Identification:
 
 def test_unless_asked_for_no_delay_of_commands_is_taken_out_of_the_lag_and_the_fit_says_so(taken_on_time, sent_early):
     assert not any(clock.stream == "rotor speed command" for clock in taken_on_time.clocks)
-    assert taken_on_time.estimate("motor_lag.rise_s").value == pytest.approx(0.03 + EARLY / 200.0, rel=0.15)
+    assert taken_on_time.estimate("motor_lag.rise_s").value == pytest.approx(0.03 + EARLY / 200.0, rel=0.05)
     said = "commands were taken to be on time"
     assert any(said in finding for finding in taken_on_time.findings)
     assert not any(said in finding for finding in sent_early.findings)
