@@ -71,9 +71,7 @@ def test_every_argument_that_a_message_of_the_library_names_has_an_option():
     sysid = COMMANDS.parents[1] / "sysid"
     paths = [*sysid.glob("estimator/**/*.py"), *sysid.glob("logs/*.py")]
     said = " ".join(text for path in paths for text in texts(path, ast.Constant))
-    arguments = re.findall(
-        r"\b(?:gaps|robust|gusts|unseen|held|free|max_iterations)=[\w']+", said
-    )
+    arguments = re.findall(r"\b(?:gaps|robust|gusts|unseen|held|free|max_iterations)=[\w']+", said)
     assert set(arguments) <= set(fit_options.FLAGS)
     assert arguments
 
