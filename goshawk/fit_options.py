@@ -29,6 +29,7 @@ _NAMES = (
     "hold_unidentifiable",
     "robust",
     "gusts",
+    "estimate_command_delay",
     "gravity_m_s2",
     "most_steps",
 )
@@ -77,6 +78,11 @@ def fit_options(*, gusts: str = "estimate", hold_unidentifiable: bool = False) -
             help="Disturbances that last: estimate them with the states, or take all of them for white noise.",
         ),
         click.option(
+            "--estimate-command-delay",
+            is_flag=True,
+            help="Of logs without rotor speed, whose commands another recorder stamped: estimate how late they are.",
+        ),
+        click.option(
             "--gravity",
             "gravity_m_s2",
             type=float,
@@ -122,6 +128,7 @@ def read(fit: Chosen, believed: Vehicle) -> Options:
         unseen="hold" if fit["hold_unidentifiable"] else "refuse",
         robust=fit["robust"],
         gusts=fit["gusts"],
+        estimate_command_delay=fit["estimate_command_delay"],
         max_iterations=fit["most_steps"],
     )
 

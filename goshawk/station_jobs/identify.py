@@ -25,6 +25,9 @@ class Arguments(msgspec.Struct, forbid_unknown_fields=True):
     split_gaps: Annotated[bool, msgspec.Meta(title="Fit the pieces between gaps")] = False
     hold_unidentifiable: Annotated[bool, msgspec.Meta(title="Hold what these flights do not identify")] = True
     robust: Annotated[bool, msgspec.Meta(title="Less weight for outliers of the pose")] = False
+    estimate_command_delay: Annotated[
+        bool, msgspec.Meta(title="Estimate how late commands are", description="If another recorder stamped them")
+    ] = False
     trials: Annotated[bool, msgspec.Meta(title="Fit each flight alone too", description="To compare the fits")] = False
     overwrite: Annotated[bool, msgspec.Meta(title="Replace existing results (kept beside)")] = False
 
@@ -59,6 +62,7 @@ def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
         gaps="split" if asked.split_gaps else "refuse",
         unseen="hold" if asked.hold_unidentifiable else "refuse",
         robust=asked.robust,
+        estimate_command_delay=asked.estimate_command_delay,
     )
     names = list(dict.fromkeys(asked.flights))
     flights = tuple(project.flight(name) for name in names)

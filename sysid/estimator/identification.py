@@ -186,7 +186,7 @@ def _unknowns(vehicle: Vehicle, flights: list[Flight], options: Options) -> tupl
     with_pose = any(f.has_pose for f in flights)
     wanted = SENSOR_NAMES if options.pose_sensor and with_pose else ()
     sensor = tuple(n for n in wanted if n in vehicle.parameters and n not in options.held)
-    clock = "rotor speed" if DELAY in sensor and options.clock == "pose" else options.clock
+    clock = "rotor speed" if DELAY in sensor else options.clock
     own, _ = nuisances(flights, clock, vehicle)
     return replace(own, model=_names(vehicle, flights, options), sensor=sensor), clock
 

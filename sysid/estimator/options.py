@@ -6,8 +6,8 @@ from typing import Literal
 
 from flight import InputError
 
-Reference = Literal["pose", "rotor speed", "common"]
-"""Streams whose clock the others can be measured against; or one clock for all of them."""
+Reference = Literal["pose", "rotor speed"]
+"""Streams whose clock the others can be measured against."""
 Gaps = Literal["refuse", "split"]
 
 
@@ -30,8 +30,10 @@ class Options:
     clock: Reference = "pose"
     """Against whose clock the delays of gyro, accelerometer, rotor speed and commands are estimated. Against rotor
     speed (of logs of commands alone: against the gyro), the pose is late by the vehicle's `pose_delay`, or not at
-    all. `common`: one recorder took all columns of a row at once, so that none is late; without a pose a dead time of
-    the motors would else be taken for late commands."""
+    all."""
+    estimate_command_delay: bool = False
+    """Of logs without rotor speed: estimate how late the commands are. That is confounded with the motor lag, so they
+    are taken to be on time unless another recorder than the gyro's stamped them; see `sysid.estimator.clocks`."""
     gaps: Gaps = "refuse"
     """A log with a gap: refuse it, or fit the pieces between gaps as separate flights."""
     unseen: Literal["refuse", "hold"] = "hold"

@@ -177,8 +177,10 @@ def _flight(
     readings = {quantity: values for block in BLOCKS for quantity, values in block.read(stretch).items()}
     streams = {q: stretch.stream(q) for q in (clocks.GYRO, clocks.ACCELEROMETER) if np.isfinite(readings[q]).any()}
     if by_command:
-        streams[motor.QUANTITY] = motor.read(stretch)
-        speed = streams[motor.QUANTITY].means(stretch.time_s)[0]
+        command = motor.read(stretch)
+        if options.estimate_command_delay:
+            streams[motor.QUANTITY] = command
+        speed = command.means(stretch.time_s)[0]
         acceleration = np.zeros_like(speed)
     else:
         streams[rotor_speed.QUANTITY] = stretch.stream(rotor_speed.QUANTITY)

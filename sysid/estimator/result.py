@@ -12,6 +12,7 @@ from flight.rotations import FloatArray
 from sysid.estimator import clocks
 from sysid.estimator import verdict as verdicts
 from sysid.estimator.agreement import odd_flights
+from sysid.estimator.blocks import motor
 from sysid.estimator.blocks.catalogue import BLOCKS, acting, places, reported
 from sysid.estimator.blocks.gyro import GYRO
 from sysid.estimator.blocks.motion import Motion
@@ -350,6 +351,8 @@ def _findings(vehicle: Vehicle, estimates: list[Estimate], solution: Solution, f
             f"{lasts_s:.1f} s (gusts, a swinging load, or an effect the model lacks); the fit allows for it"
         )
     found += left_out(flights)
+    if any(e.name in (motor.RISE, motor.FALL) and e.status == "free" for e in estimates):
+        found += clocks.commands_on_time(flights)
     found += _against(solution) + _at_bounds(vehicle, estimates)
     for e in estimates:
         if e.status == NOT_IDENTIFIABLE:

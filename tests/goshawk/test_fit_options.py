@@ -36,7 +36,7 @@ def texts(path: Path, kind: type[ast.AST] = ast.Module) -> list[str]:
 
 def test_verbs_that_fit_take_the_same_options_of_a_fit():
     shared = {"--hold", "--free", "--prior", "--split-gaps", "--hold-unidentifiable", "--robust", "--gusts", "--steps"}
-    shared |= {"--gravity"}
+    shared |= {"--gravity", "--estimate-command-delay"}
     for verb in FITTING:
         assert shared <= options(verb), verb
 

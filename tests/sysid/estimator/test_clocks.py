@@ -1,5 +1,7 @@
 """Clocks of streams: how late each is comes out of the fit with its error, and a late stream spoils nothing."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -54,11 +56,6 @@ def test_delays_of_rotor_speed_and_gyro_are_recovered_flight_by_flight(fitted):
         assert clock.std_robust < (2e-3 if clock.flight == "flight 1" else 5e-4)  # the vertical one hardly turns
 
 
-def test_no_delay_is_estimated_where_one_clock_is_said_to_stamp_all_streams(fitted):
-    assert nuisances(fitted.flights, "pose", fitted.vehicle)[0].delay
-    assert nuisances(fitted.flights, "common", fitted.vehicle)[0].delay == ()
-
-
 def test_clocks_that_are_off_are_spoken_of_and_written_down(fitted):
     told = [finding for finding in fitted.findings if "against the pose" in finding]
     assert any("flight 2: rotor speed is" in finding and "early" in finding for finding in told)
@@ -85,11 +82,35 @@ def commanded_early(log: FlightLog) -> FlightLog:
 
 
 @pytest.fixture(scope="module")
-def sent_early(flying, truth) -> sysid.Identification:
+def early_logs(flying) -> list[FlightLog]:
     rng = np.random.default_rng(4)
     flown = flying.fly(flying.Truth(), flying.paper_flights(rng), 3, duration_s=8.0, rng=rng, gyro_noise_rad_s=0.01)
-    options = sysid.Options(gusts="white", node_rate_hz=100.0)
-    return sysid.identify([commanded_early(log) for log in flown], truth, options)
+    return [commanded_early(log) for log in flown]
+
+
+BY_COMMAND = sysid.Options(gusts="white", node_rate_hz=100.0)
+
+
+@pytest.fixture(scope="module")
+def sent_early(early_logs, truth) -> sysid.Identification:
+    return sysid.identify(early_logs, truth, replace(BY_COMMAND, estimate_command_delay=True))
+
+
+@pytest.fixture(scope="module")
+def taken_on_time(early_logs, truth) -> sysid.Identification:
+    return sysid.identify(early_logs, truth, BY_COMMAND)
+
+
+def test_unless_asked_for_no_delay_of_commands_is_taken_out_of_the_lag_and_the_fit_says_so(taken_on_time, sent_early):
+    assert not any(clock.stream == "rotor speed command" for clock in taken_on_time.clocks)
+    assert taken_on_time.estimate("motor_lag.rise_s").value == pytest.approx(0.03 + EARLY / 200.0, rel=0.05)
+    said = "commands were taken to be on time"
+    assert any(said in finding for finding in taken_on_time.findings)
+    assert not any(said in finding for finding in sent_early.findings)
+
+
+def test_where_rotor_speed_is_logged_nothing_is_said_of_commands(fitted):
+    assert not any("commands were taken" in finding for finding in fitted.findings)
 
 
 def test_commands_that_are_early_are_told_from_the_lag_of_motors_and_from_a_late_pose(sent_early):
