@@ -11,7 +11,7 @@ from flight import rotations
 from flight.rotations import FloatArray
 
 GRAVITY_M_S2 = 9.80665
-"""Standard gravity, towards -z of the world: one number for simulator, planner, controller and estimator."""
+"""Standard gravity, towards -z of the world; a vehicle file may keep that of the place where it flies."""
 _HALF_TURN_ABOUT_X = np.array([1.0, -1.0, -1.0])
 
 

@@ -99,7 +99,7 @@ def read(path: Path) -> History:
 
 
 def differences(old: Vehicle, new: Vehicle) -> list[str]:
-    """One line per effect and number that differs."""
+    """One line per effect and number that differs, gravity included."""
     lines = [f"+ effect {name}" for name in new.effects if name not in old.effects]
     lines += [f"- effect {name}" for name in old.effects if name not in new.effects]
     for name in dict.fromkeys([*old.parameters, *new.parameters]):
@@ -107,6 +107,8 @@ def differences(old: Vehicle, new: Vehicle) -> list[str]:
         if len({p.value if p else None for p in both}) == 2:
             first, second = (f"{p.value:.5g}" if p else "none" for p in both)
             lines.append(f"  {name}: {first} -> {second} {next(p.unit for p in both if p)}")
+    if old.gravity_m_s2 != new.gravity_m_s2:
+        lines.append(f"  gravity_m_s2: {old.gravity_m_s2:.6g} -> {new.gravity_m_s2:.6g} m/s2")
     return lines
 
 

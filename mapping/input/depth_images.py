@@ -13,6 +13,8 @@ SUFFIXES = (".png", ".tif", ".tiff")
 NEAREST_M, FARTHEST_M = 0.05, 50.0
 """A depth camera's median depth lies between; one that does not is in another unit."""
 _MILLIMETRE = 0.001
+_SATURATED = np.iinfo(np.uint16).max
+"""What some sensors write where they measured nothing; as a distance it would clear what lies before it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +64,9 @@ class DepthFolder:
                 f"{path} is {read.shape[1]}x{read.shape[0]} pixels, its image {camera.width}x{camera.height}: "
                 "a depth image must be aligned with its image, pixel by pixel"
             )
-        default_m = _MILLIMETRE if read.dtype == np.uint16 else 1.0
-        depth_m = np.nan_to_num(read.astype(np.float64), posinf=0.0) * (self.unit_m or default_m)
+        whole = read.dtype == np.uint16
+        measured = np.isfinite(read) | (read < 0.0) if not whole else read < _SATURATED
+        depth_m = np.where(measured, read, 0.0).astype(np.float64) * (self.unit_m or (_MILLIMETRE if whole else 1.0))
         if (depth_m < 0.0).any():
             raise InputError(
                 f"{path} has a depth of {depth_m.min():g} m; depths are positive, 0 where nothing was seen"

@@ -70,8 +70,8 @@ def place(database: Path, images: ImageSet, options: Any, progress: Progress) ->
             "no two of these images could be placed against each other; they need texture, depth and overlap"
         )
     T_world_camera = _optimised(edges, len(images.instants))
-    wrong = np.flatnonzero(agreement(images, T_world_camera, edges) < LEAST_AGREEMENT)
-    T_world_camera[wrong] = np.nan
+    confirmed = agreement(images, T_world_camera, edges) >= LEAST_AGREEMENT  # not where no pair shares enough (NaN)
+    T_world_camera[~confirmed] = np.nan
     return _triangulated(database, images, T_world_camera, options)
 
 

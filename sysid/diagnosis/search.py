@@ -207,11 +207,14 @@ def search(
             refused.add(dropped.name)
             models.append(_without(logs, models[-1], dropped, options))
     while undecided is None and len(added) < most and (small := _small_beside_curve(models[-1], added)) is not None:
+        without = _without(logs, models[-1], small, options)
+        if stated_curve(without) is None:  # the curve needs it: neither would be left
+            break
         last = next(t for t in reversed(trials) if t.candidate == small)
         trials.append(replace(last, outcome=Outcome.REMOVED, proxy_for=stated_curve(models[-1])))
         added.remove(small)
         dropped_before.add(small.name)
-        models.append(_without(logs, models[-1], small, options))
+        models.append(without)
     trial, at = undecided or (None, models[-1])
     told = unseen.flights if unseen else tuple(held_out)
     outside = stated_curve(at) if len(added) < most else None
@@ -387,10 +390,10 @@ def _small_beside_curve(model: Model, added: Sequence[Candidate]) -> Candidate |
 
 
 def _may_matter(fit: Identification, candidate: Candidate) -> bool:
-    """Whether the interval of any size reaches what would matter."""
+    """Whether the interval of any size reaches what would matter, or is not known."""
     estimates = [fit.estimate(name) for name in candidate.parameters]
     return any(
-        abs(e.value) + e.interval90 > THRESHOLDS.matters * usual
+        e.status != "free" or not abs(e.value) + e.interval90 <= THRESHOLDS.matters * usual
         for e, usual in zip(estimates, candidate.usual, strict=True)
     )
 

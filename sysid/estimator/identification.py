@@ -17,7 +17,7 @@ from sysid.estimator.flight_data import Flight
 from sysid.estimator.model import unexplained
 from sysid.estimator.noise import Noise
 from sysid.estimator.options import Options, Reference
-from sysid.estimator.prepare import prepare_all
+from sysid.estimator.prepare import gravity_of, prepare_all
 from sysid.estimator.problem import Point, with_values
 from sysid.estimator.result import Identification, conclude
 from sysid.estimator.solver import Prior, Solution, solve
@@ -64,6 +64,8 @@ def identify(
     options = options or Options()
     if not logs:
         raise InputError("no flight was given; identification needs at least one log")
+    if near:
+        gravity_of((near.vehicle, vehicle))  # the flights of `near` keep theirs
     flights = list(near.flights) if near else prepare_all(logs, options, [vehicle])
     excitation.require(flights, _names(vehicle, flights, options))
     unknowns, clock = _unknowns(vehicle, flights, options)

@@ -52,6 +52,13 @@ def test_another_unit_is_read_when_it_is_given(tmp_path: Path, depth_m: np.ndarr
     np.testing.assert_allclose(read(tmp_path, 0.0002).depth_m(0, 0), depth_m, atol=1e-6)
 
 
+def test_a_saturated_whole_number_is_unknown_and_no_free_space(tmp_path: Path, depth_m: np.ndarray) -> None:
+    values = np.round(1000.0 * depth_m).astype(np.uint16)
+    values[10:14] = 65535
+    written(tmp_path, values)
+    assert (read(tmp_path).depth_m(0, 0)[10:14] == 0.0).all()
+
+
 def test_pixels_that_are_not_a_number_are_unknown(tmp_path: Path, depth_m: np.ndarray) -> None:
     values = depth_m.astype(np.float32)
     values[4], values[5], values[6] = np.nan, np.inf, -np.inf

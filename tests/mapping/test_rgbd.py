@@ -70,6 +70,19 @@ def test_depth_agrees_at_the_true_poses_and_nowhere_else(flight: RenderedFlight,
     assert np.isnan(rgbd.agreement(images, unknown, pairs)).all()
 
 
+def test_an_image_whose_final_pose_no_pair_can_confirm_is_not_placed(
+    flight: RenderedFlight, depths: DepthFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The pose graph has moved it so far that it shares nothing with its neighbours any more."""
+    moved = flight.T_world_body @ CAMERA.T_body_camera
+    moved[5, :3, 3] += 100.0
+    monkeypatch.setattr(rgbd, "_edges", lambda *_: {(k, k + 1): None for k in range(11)})
+    monkeypatch.setattr(rgbd, "_optimised", lambda *_: moved)
+    monkeypatch.setattr(rgbd, "_triangulated", lambda database, images, T_world_camera, options: T_world_camera)
+    placed = rgbd.place(Path("database.db"), image_set(flight, depths), None, lambda stage, share: None)
+    assert np.flatnonzero(np.isnan(placed[:, 0, 0])).tolist() == [5]
+
+
 def test_a_wrong_scale_of_the_poses_is_contradicted_by_depth(flight: RenderedFlight, depths: DepthFolder) -> None:
     """Images alone would never tell: their reprojection is the same."""
     images, scaled = image_set(flight, depths), flight.T_world_body @ CAMERA.T_body_camera

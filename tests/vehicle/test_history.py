@@ -159,3 +159,18 @@ def test_an_unknown_effect_is_refused_with_similar_names():
         vehicle.effects.find("rotor_drag")
     with pytest.raises(InputError, match="near it: flapping_moment"):
         vehicle.effects.find("flaping-moment")
+
+
+def test_another_gravity_is_among_the_differences():
+    base = vehicle.example()
+    assert history.differences(base, base.with_gravity(9.79)) == ["  gravity_m_s2: 9.80665 -> 9.79 m/s2"]
+
+
+def test_line_endings_of_an_own_effect_do_not_change_the_vehicle(tmp_path):
+    """A copy that a version control system has given other line endings flies the same plans."""
+    own = tmp_path / "endings.py"
+    hashes = []
+    for text in (GUARD, GUARD.replace("\n", "\r\n"), GUARD.replace("-= p", "+= p")):
+        own.write_bytes(text.replace("history_guard", "endings_guard").encode())
+        hashes.append(vehicle.vehicle_hash(vehicle.example().with_effect_file(own)))
+    assert hashes[0] == hashes[1] != hashes[2]

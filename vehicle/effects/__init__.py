@@ -141,8 +141,11 @@ def origin(name: str) -> Path | None:
 
 
 def text_hash(name: str) -> str:
-    """SHA-256 of the text that defined one of the user's own effects; empty for the catalogue's."""
-    return hashlib.sha256(_origins[name][1]).hexdigest() if origin(name) is not None else ""
+    """SHA-256 of the text that defined one of the user's own effects, whatever its line endings; empty for the
+    catalogue's."""
+    if origin(name) is None:
+        return ""
+    return hashlib.sha256(_origins[name][1].replace(b"\r\n", b"\n")).hexdigest()
 
 
 def _check_agreed(path: Path, text: bytes) -> None:

@@ -12,6 +12,7 @@ from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.confirm import CostReduction
 from sysid.diagnosis.findings import JudgedBy, Outcome
 from sysid.diagnosis.trial import Trial
+from sysid.estimator.result import NOT_IDENTIFIABLE
 
 CURVE = cast("Any", SimpleNamespace(channel="F_z", variable="v_z"))
 
@@ -88,7 +89,7 @@ def test_a_proxy_of_no_consequence_is_not_added_whatever_held_out_flights_prefer
 @pytest.mark.parametrize(("size", "half90", "goes"), [(0.07, 0.02, True), (-0.07, 0.02, True), (0.2, 0.2, False)])
 def test_beside_a_stated_curve_a_name_too_small_to_matter_goes(monkeypatch, size: float, half90: float, goes: bool):
     """Usual size 1; without a curve an effect is named however small."""
-    estimate = SimpleNamespace(value=size, interval90=half90)
+    estimate = SimpleNamespace(value=size, interval90=half90, status="free")
     model = cast("Any", SimpleNamespace(fit=SimpleNamespace(estimate=lambda name: estimate)))
     one = candidate("a", between_flights=True)
     for curve in (CURVE, None):
@@ -97,6 +98,12 @@ def test_beside_a_stated_curve_a_name_too_small_to_matter_goes(monkeypatch, size
     removed = replace(outdone("a"), outcome=Outcome.REMOVED)
     assert "a free curve of F_z against v_z is needed" in removed.sentence
     assert "a later addition" in replace(removed, proxy_for=None).sentence
+
+
+@pytest.mark.parametrize(("half90", "status"), [(np.nan, "free"), (0.0, NOT_IDENTIFIABLE)])
+def test_a_size_that_is_not_known_is_not_called_too_small(half90: float, status: str):
+    estimate = SimpleNamespace(value=0.01, interval90=half90, status=status)
+    assert search._may_matter(cast("Any", SimpleNamespace(estimate=lambda name: estimate)), candidate("a"))
 
 
 def test_a_load_between_flights_is_no_proxy_and_nothing_is_added_twice(helpful):

@@ -53,6 +53,8 @@ def test_thrust_is_in_proportion_to_the_vehicles_gravity(campaign, truth):
     assert low.vehicle.gravity_m_s2 == 9.77, "what follows uses the same"
     with pytest.raises(InputError, match=r"gravity is 9\.77 m/s2 for \w+ and 9\.83 for \w+"):
         sysid.compare(campaign[:1], {"low": low.vehicle, "high": high.vehicle})
+    with pytest.raises(InputError, match=r"a flight has one"):
+        sysid.identify(campaign[:1], high.vehicle, near=low)
 
 
 def test_pose_sensor_and_centre_of_mass_are_found(fitted, truth):
