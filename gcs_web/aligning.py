@@ -5,7 +5,7 @@ from typing import TypeVar
 
 from flight import InputError
 from gcs_web import alignment
-from gcs_web import protocol_flights as parts
+from gcs_web import protocol_aligning as parts
 from gcs_web.recorded import Recorded
 
 T = TypeVar("T")

@@ -9,13 +9,12 @@ from typing import Literal
 
 import msgspec
 
+from gcs_web.protocol_aligning import Aligned, AlignFlights
 from gcs_web.protocol_base import Command, Edit
 from gcs_web.protocol_compensation import Compensation, PrepareCompensation, SendCompensation
 from gcs_web.protocol_consent import AgreeToEffectFile, DraftEffect, EffectFiles
 from gcs_web.protocol_course import DropPath, RandomYaw, RecordedPath, Snap, TakePath, ThinPath
 from gcs_web.protocol_flights import (
-    Aligned,
-    AlignFlights,
     ArrowScale,
     Comparison,
     Diagnosis,

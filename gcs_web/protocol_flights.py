@@ -10,8 +10,6 @@ Role = Literal["learn", "hold_out", "leave"]
 """What a flight is for: models are fitted to it, judged by it, or it is left out of both."""
 CurveKind = Literal["measured", "plan", "model", "residual"]
 StreamGroup = Literal["flight", "force", "column"]
-AlignBy = Literal["trajectory", "take_off", "motion", "speed", "height"]
-"""Two flights stand side by side by an event of both, or by the correlation of a stream."""
 
 
 class Finding(msgspec.Struct, frozen=True):
@@ -80,16 +78,6 @@ class ArrowScale(msgspec.Struct, frozen=True):
 
     force_n_per_m: float
     torque_n_m_per_m: float
-
-
-class Aligned(msgspec.Struct, frozen=True):
-    """How far a flight is moved to stand beside the first one, on their shifted times."""
-
-    flight: str
-    by_s: float | None
-    """None where that cannot be told."""
-    words: str
-    """By what, and how sure it is; or why it cannot be told."""
 
 
 class CurvePart(msgspec.Struct, frozen=True):
@@ -402,13 +390,6 @@ class OpenFlights(Command, frozen=True, tag="open_flights", kw_only=True):
     """Ask what there is to draw of flights; the reply has `flights`."""
 
     flights: list[str]
-
-
-class AlignFlights(Command, frozen=True, tag="align_flights", kw_only=True):
-    """Ask how far to move flights beside the first of them; the reply has `aligned`."""
-
-    flights: list[str]
-    by: AlignBy
 
 
 class ReadStreams(Command, frozen=True, tag="read_streams", kw_only=True):

@@ -9,6 +9,7 @@ import msgspec
 
 from gcs_web import (
     protocol,
+    protocol_aligning,
     protocol_base,
     protocol_compensation,
     protocol_consent,
@@ -27,6 +28,7 @@ _MODULES = (
     protocol_parts,
     protocol_base,
     protocol_course,
+    protocol_aligning,
     protocol_flights,
     protocol_identified,
     protocol_jobs,

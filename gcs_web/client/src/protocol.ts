@@ -261,6 +261,19 @@ export interface TakePath {
   tolerance_m: number;
 }
 
+export interface Aligned {
+  flight: string;
+  by_s: number | null;
+  words: string;
+}
+
+export interface AlignFlights {
+  type: "align_flights";
+  serial: number;
+  flights: string[];
+  by: "trajectory" | "take_off" | "motion" | "speed" | "height";
+}
+
 export interface Finding {
   level: "warning" | "error";
   sentence: string;
@@ -306,12 +319,6 @@ export interface OpenedFlight {
 export interface ArrowScale {
   force_n_per_m: number;
   torque_n_m_per_m: number;
-}
-
-export interface Aligned {
-  flight: string;
-  by_s: number | null;
-  words: string;
 }
 
 export interface CurvePart {
@@ -555,13 +562,6 @@ export interface OpenFlights {
   type: "open_flights";
   serial: number;
   flights: string[];
-}
-
-export interface AlignFlights {
-  type: "align_flights";
-  serial: number;
-  flights: string[];
-  by: "trajectory" | "take_off" | "motion" | "speed" | "height";
 }
 
 export interface ReadStreams {
