@@ -43,7 +43,16 @@ def open_(candidate: Candidate, shrunk: float = 1.0) -> CandidateFinding:
 def doubting(model: Model, *findings: CandidateFinding) -> Diagnosis:
     search = SimpleNamespace(models=(model,), undecided=None, trials=())
     rest: Any = dict.fromkeys(Diagnosis.__slots__, ())
-    return Diagnosis(**{**rest, "search": search, "candidates": findings, "outside": None, "payload_carried": ()})
+    return Diagnosis(
+        **{
+            **rest,
+            "search": search,
+            "input_verdict": model.fit.verdict,
+            "candidates": findings,
+            "outside": None,
+            "payload_carried": (),
+        }
+    )
 
 
 def test_a_manoeuvre_is_advised_where_it_would_show_the_usual_size_and_not_otherwise(model):
