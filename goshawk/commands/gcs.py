@@ -67,7 +67,6 @@ def command(
     from goshawk.project_parts import check_for_station
 
     vehicle.effects.run_only(())  # between two projects, too: nothing of a project runs before somebody agrees
-    click.get_current_context().call_on_close(vehicle.effects.run_any)
     check_for_station(project)
     from gcs_web import GroundStation
     from goshawk.station_jobs import KINDS

@@ -142,6 +142,14 @@ def build(
             return 0
     if (kept := results.newest_kept(out)) != earlier:
         outputs.report_kept(out, kept)
+    console.show("map", _facts(report, out), as_json=as_json, document=report.as_dict() | {"written": str(out)})
+    if report.verdict != Standing.GOOD:
+        click.echo(f"goshawk: the map is {report.verdict}: {'; '.join(report.reasons)}", err=True)
+    return 1 if report.verdict == Standing.REFUSED else 0
+
+
+def _facts(report: mapping.MapReport, out: Path) -> dict[str, str]:
+    """What the table says of a new map."""
     facts = {
         "verdict": report.verdict,
         "images registered": f"{report.images_placed} of {report.images}",
@@ -163,10 +171,7 @@ def build(
         )
     if report.not_placed:
         facts["not placed"] = ", ".join(report.not_placed)
-    console.show("map", facts, as_json=as_json, document=report.as_dict() | {"written": str(out)})
-    if report.verdict != Standing.GOOD:
-        click.echo(f"goshawk: the map is {report.verdict}: {'; '.join(report.reasons)}", err=True)
-    return 1 if report.verdict == Standing.REFUSED else 0
+    return facts
 
 
 def _selection(parallax_deg: float | None) -> mapping.SelectionOptions:
