@@ -11,14 +11,13 @@ from gcs_web.jobs import Kind
 from gcs_web.residuals import Compared
 from goshawk.station_jobs import flights
 from goshawk.station_jobs.flights import Chosen
-from sysid.estimator.options import Options
 
 
 def _run(folder: Path, asked: Chosen, progress: Progress) -> Compared:
     believed = vehicle.load(Project(folder, "").vehicle)
     contents = flights.contents(folder, asked)
     learn, held_out = flights.logs(folder, asked, progress)
-    options = Options(unseen="hold", gaps="split" if asked.split_gaps else "refuse")
+    options = flights.options(asked)
     found = residuals.made(learn, held_out, believed, vehicle.vehicle_hash(believed), contents, options, progress)
     residuals.save(comparing.comparison_file(folder), found)
     return found

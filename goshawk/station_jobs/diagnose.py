@@ -15,7 +15,6 @@ from gcs_web.jobs import Kind
 from goshawk.station_jobs import flights
 from sysid.diagnosis import diagnose
 from sysid.diagnosis.outlook import outlook
-from sysid.estimator.options import Options
 
 
 class Arguments(flights.Chosen):
@@ -26,7 +25,7 @@ def _run(folder: Path, asked: Arguments, progress: Progress) -> protocol.Diagnos
     believed = vehicle.load(Project(folder, "").vehicle)
     contents = flights.contents(folder, asked)
     learn, held_out = flights.logs(folder, asked, progress)
-    options = Options(unseen="hold", gusts="white", gaps="split" if asked.split_gaps else "refuse")
+    options = flights.diagnosis_options(asked)
     searching = within(progress, "diagnose", 0.0, 0.9)
     found = diagnose(learn, believed, held_out=held_out, auto=asked.auto, options=options, progress=searching)
     progress("which flight would tell", 0.95)

@@ -1,5 +1,6 @@
 """What the jobs about flights share: which flights they take, read as the verbs read them."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +11,7 @@ from flight.project import Project
 from gcs_web import reading
 from gcs_web.jobs import Choices
 from goshawk.flights import refuse_repeated
+from sysid.estimator.options import Options
 
 
 class Chosen(msgspec.Struct, forbid_unknown_fields=True):
@@ -33,6 +35,16 @@ def check(project: Project, asked: Chosen) -> None:
     if not asked.learn:
         raise InputError("no flight to learn from is chosen; mark one with Learn in the list of flights")
     refuse_repeated([project.flight(name) for name in (*asked.learn, *asked.held_out)], "to learn from or held out")
+
+
+def options(asked: Chosen) -> Options:
+    """Of a comparison of the chosen flights."""
+    return Options(unseen="hold", gaps="split" if asked.split_gaps else "refuse")
+
+
+def diagnosis_options(asked: Chosen) -> Options:
+    """As `goshawk diagnose` has them by default."""
+    return replace(options(asked), gusts="white")
 
 
 def contents(folder: Path, asked: Chosen) -> str:

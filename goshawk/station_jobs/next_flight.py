@@ -16,7 +16,6 @@ from gcs_web.jobs import Kind
 from goshawk import console, mapped_flight
 from goshawk.station_jobs import flights
 from sysid.diagnosis import diagnose, next_flight
-from sysid.estimator.options import Options
 
 
 class Arguments(flights.Chosen):
@@ -47,7 +46,7 @@ def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
     if doubt and not asked.accept_doubtful_map:
         raise InputError(f"{doubt} Make it again, or accept it as it is and propose again")
     learn, held_out = flights.logs(folder, asked, progress)
-    options = Options(unseen="hold", gusts="white", gaps="split" if asked.split_gaps else "refuse")
+    options = flights.diagnosis_options(asked)
     searching = within(progress, "what is open", 0.0, 0.5)
     found = diagnose(learn, believed, held_out=held_out, auto=True, options=options, progress=searching)
     ranked = mapped_flight.rank_in_map(

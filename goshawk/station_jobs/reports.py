@@ -25,7 +25,7 @@ def _comparison(folder: Path, asked: Chosen, progress: Progress) -> str:
     models = {project.vehicle.stem: vehicle.load(project.vehicle)}
     learn, held_out = flights.logs(folder, asked, progress)
     judging = held_out or learn
-    options = sysid.Options(unseen="hold", gaps="split" if asked.split_gaps else "refuse")
+    options = flights.options(asked)
     errors = sysid.compare(judging, models, options, progress=within(progress, "compare", 0.0, 0.9))
     wrench = sysid.wrench_errors(judging, models, options)
     progress("draw", 0.95)
@@ -39,7 +39,7 @@ def _diagnosis(folder: Path, asked: Chosen, progress: Progress) -> str:
     """Repeated until no candidate is significant."""
     believed = vehicle.load(Project(folder, "").vehicle)
     learn, held_out = flights.logs(folder, asked, progress)
-    options = sysid.Options(unseen="hold", gusts="white", gaps="split" if asked.split_gaps else "refuse")
+    options = flights.diagnosis_options(asked)
     searching = within(progress, "diagnose", 0.0, 0.85)
     found = diagnose(learn, believed, held_out=held_out, auto=True, options=options, progress=searching)
     progress("which flight would tell", 0.9)
