@@ -9,7 +9,7 @@ import msgspec
 import vehicle
 from flight import FlightError, InputError, file_format
 from flight.project import Project
-from gcs_web import diagnosis_values, identified, protocol, reading
+from gcs_web import diagnosis_values, identified, proposed, protocol, reading
 from gcs_web.flights import Flights
 from gcs_web.protocol_flights import ParameterRow, Tried, VehicleVersion
 from sysid.diagnosis import curve
@@ -70,6 +70,16 @@ class Learning:
         same = (found.vehicle, found.logs) == (self._hash(), reading.contents(self._project, found.flights))
         return msgspec.structs.replace(found, state="current" if same else "old")
 
+    def next_flight(self) -> protocol.NextFlight:
+        """The flight that was proposed last; `old` if the vehicle, the flights or the map are others now."""
+        found = proposed.load(self._project.folder)
+        if found.state == "none":
+            return found
+        names = [*self._flights.names("learn"), *self._flights.names("hold_out")]
+        now = (self._hash(), reading.contents(self._project, names), proposed.map_hash(self._project))
+        same = (found.vehicle, found.logs, found.map) == now
+        return msgspec.structs.replace(found, state="current" if same else "old")
+
     def model(self) -> protocol.Model:
         """
         Raises:
@@ -79,6 +89,7 @@ class Learning:
         kept = self._trial()
         return protocol.Model(
             present.name,
+            [words.effect(effect) for effect in present.effects],
             list(present.effects),
             [
                 ParameterRow(name, words.parameter_in_full(name), p.value, p.std, p.unit, p.source)

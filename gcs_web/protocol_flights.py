@@ -361,6 +361,8 @@ class Model(msgspec.Struct, frozen=True, tag="model"):
     """The project's vehicle file: its parameters, its versions, and a change that was tried."""
 
     name: str
+    titles: list[str]
+    """Of its effects, in words."""
     effects: list[str]
     parameters: list[ParameterRow]
     versions: list[VehicleVersion]
