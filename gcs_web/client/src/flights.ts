@@ -194,7 +194,6 @@ effect(() => {
   const moved = Object.fromEntries(moved_s.value);
   const arrows = withArrows.value;
   const predicted = withPredicted.value;
-  void comparison.value; // has other arrows and predictions
   if (!connected.value || (names.length === 0 && !isShown)) return;
   isShown = names.length > 0;
   showIn3D({ flights: names, colour, moved_s: moved, arrows, predicted });
