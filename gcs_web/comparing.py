@@ -12,9 +12,9 @@ from gcs_web import protocol, pyramid, reading, residuals
 from gcs_web import protocol_flights as parts
 from gcs_web.arrows import Wrench
 from gcs_web.flights import Flights
-from gcs_web.predicted import Deviation
 from gcs_web.residuals import Compared
 from gcs_web.view3d import View3D
+from sysid.estimator.comparison import Deviation
 
 if TYPE_CHECKING:
     from flight.project import Project
@@ -85,7 +85,7 @@ class Comparing:
         if flight is not None:
             for key in set(keys) & set(ours):
                 _, curves, band = ours[key]
-                when, lines = self._with_gaps(flight, [np.array(curve.values) for curve in curves])
+                when, lines = self._with_gaps(name, flight.time_s, [np.array(curve.values) for curve in curves])
                 drawn = [
                     parts.CurvePart(curve.label, curve.kind, line.tolist())
                     for curve, line in zip(curves, lines, strict=True)
@@ -126,31 +126,31 @@ class Comparing:
             flight = self._residual(name)
             if flight is not None:
                 row = residuals.CHANNELS.index(colour)
-                when, (left,) = self._with_gaps(flight, [np.array(flight.residual[row])])
+                when, (left,) = self._with_gaps(name, flight.time_s, [np.array(flight.residual[row])])
                 values[name] = (when, left)
         wrenches: dict[str, Wrench] = {}
         for name in names if arrows else []:
             flight = self._residual(name)
             if flight is not None:
-                when, left = self._with_gaps(flight, [np.array(channel) for channel in flight.residual])
+                when, left = self._with_gaps(name, flight.time_s, [np.array(channel) for channel in flight.residual])
                 wrenches[name] = Wrench(when, np.stack(left, axis=1))
         deviations: dict[str, Deviation] = {}
         for name in names[:1] if predicted else []:
             flight = self._residual(name)
             if flight is not None:
-                when, pose = self._parted(name, flight.predicted_s, [np.array(each) for each in flight.deviation])
+                when, pose = self._with_gaps(name, flight.predicted_s, [np.array(each) for each in flight.deviation])
                 deviations[name] = Deviation(when, np.stack(pose, axis=1))
         self._view.set_plan_aside(bool(paths))
         return self._view.flights.draw(paths, values, moved_s, wrenches, deviations)
 
     def _with_gaps(
-        self, flight: residuals.FlightResidual, curves: list[FloatArray]
+        self, name: str, time_s: list[float], curves: list[FloatArray]
     ) -> tuple[FloatArray, list[FloatArray]]:
-        """Shifted time and values of a comparison's curves, NaN in each gap of the log and between its pieces."""
-        return self._parted(flight.name, flight.time_s, curves)
+        """Shifted time and values of a comparison's curves, NaN in each gap of the log and between its pieces.
 
-    def _parted(self, name: str, time_s: list[float], curves: list[FloatArray]) -> tuple[FloatArray, list[FloatArray]]:
-        """As `_with_gaps`, of curves at these times of the log's clock."""
+        Args:
+            time_s: of the values, on the log's clock.
+        """
         recorded = self._flights.recorded
         shifted_s = np.array(time_s) - recorded.open(name).shift_s
         pauses = np.concatenate([recorded.gaps_s(name), pyramid.gaps(shifted_s, PIECES_APART)])

@@ -9,9 +9,9 @@ import numpy as np
 from flight import FloatArray
 from gcs_web import arrows, picking, predicted, scene
 from gcs_web.arrows import Wrench
-from gcs_web.predicted import Deviation
 from gcs_web.protocol_flights import ArrowScale
 from gcs_web.recorded import Path3D
+from sysid.estimator.comparison import Deviation
 
 if TYPE_CHECKING:
     import viser
@@ -59,7 +59,8 @@ class FlightScene:
                 same symmetric range for all; NaN where nothing is known. Where nothing is, and others, are plain.
             moved_s: by flight, what is added to its time to stand beside the others; those without stay.
             wrenches: by flight, the residual that is drawn as arrows at its vehicle; those without have none.
-            deviations: by flight, where its vehicle is predicted; only the first flight's is drawn.
+            deviations: by flight, on its shifted time and NaN in each gap, where its vehicle is predicted; only the
+                first flight's is drawn.
 
         Returns:
             The scale of the arrows; None where nothing is known.

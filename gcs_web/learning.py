@@ -75,9 +75,14 @@ class Learning:
         found = proposed.load(self._project.folder)
         if found.state == "none":
             return found
-        names = [*self._flights.names("learn"), *self._flights.names("hold_out")]
-        now = (self._hash(), reading.contents(self._project, names), proposed.map_hash(self._project))
-        same = (found.vehicle, found.logs, found.map) == now
+        learn, held_out = self._flights.names("learn"), self._flights.names("hold_out")
+        same = (found.vehicle, found.map, found.learn, found.held_out, found.logs) == (
+            self._hash(),
+            proposed.map_hash(self._project),
+            learn,
+            held_out,
+            reading.contents(self._project, [*learn, *held_out]),
+        )
         return msgspec.structs.replace(found, state="current" if same else "old")
 
     def model(self) -> protocol.Model:

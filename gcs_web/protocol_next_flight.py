@@ -46,6 +46,9 @@ class NextFlight(msgspec.Struct, frozen=True, tag="next_flight"):
     """x, y, z of points along it, one after the other, world."""
     section: Section | None = None
     """At the middle height of the path."""
+    learn: list[str] = []
+    held_out: list[str] = []
+    """Flights that it was found from."""
     vehicle: str = ""
     logs: str = ""
     map: str = ""

@@ -56,6 +56,8 @@ def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
         raise InputError(f"{doubt} Make it again, or accept it as it is and propose again")
     stamp = NextFlight(
         "current",
+        learn=sorted(asked.learn),
+        held_out=sorted(asked.held_out),
         vehicle=vehicle.vehicle_hash(believed),
         logs=flights.contents(folder, asked),
         map=proposed.map_hash(project),

@@ -200,10 +200,10 @@ def test_a_curve_of_rotor_thrust_is_shown_with_its_words_and_unit(page, station)
 
 
 def overflow(page) -> list[str]:
-    """Classes of what reaches beyond the screen, of columns that must be scrolled sideways, of words that are cut off."""
+    """Classes of what reaches beyond the screen, of columns that must be scrolled sideways, of words cut off."""
     return page.evaluate(
-        """() => [...document.querySelectorAll("aside, .list-area, header, footer, .card, .flight, .learn .block-head > *, "
-                + ".heat-map th, .parameters td, .legend span")]
+        """() => [...document.querySelectorAll("aside, .list-area, header, footer, .card, .flight, .legend span, "
+                + ".learn .block-head > *, .heat-map th, .parameters td")]
             .filter(e => e.getBoundingClientRect().right > innerWidth + 1 || e.scrollWidth > e.clientWidth + 1)
             .map(e => e.className)"""
     )

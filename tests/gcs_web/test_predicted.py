@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from flight import rotations
 from gcs_web import predicted
 from gcs_web.flight_scene import FlightScene
-from gcs_web.predicted import Deviation
 from gcs_web.recorded import Path3D
+from sysid.estimator.comparison import Deviation
 
 TIME_S = np.linspace(0.0, 10.0, 101)
 

@@ -1,4 +1,4 @@
-"""What is drawn is what is known, and can be told apart: colours follow clearance, and stand out in both themes."""
+"""What is drawn is what is known, and stands out: colours follow clearance, and differ from the background in both themes."""
 
 import re
 from pathlib import Path
@@ -60,7 +60,7 @@ TRITANOPIA = [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602],
 
 
 @pytest.mark.parametrize("seen", [np.eye(3), DEUTERANOPIA, PROTANOPIA, TRITANOPIA])
-def test_arrows_of_force_and_torque_are_told_apart_without_full_colour_vision(seen):
+def test_arrows_of_force_and_torque_differ_without_full_colour_vision(seen):
     drawn = np.array(scene.ARROWS) / 255.0
     linear = np.where(drawn <= 0.04045, drawn / 12.92, ((drawn + 0.055) / 1.055) ** 2.4) @ np.transpose(seen)
     shown = np.clip(np.clip(linear, 0.0, 1.0) ** (1.0 / 2.4) * 1.055 - 0.055, 0.0, 1.0)

@@ -835,6 +835,8 @@ export interface NextFlight {
   needed_log_odds: number;
   path_m: number[];
   section: Section | null;
+  learn: string[];
+  held_out: string[];
   vehicle: string;
   logs: string;
   map: string;

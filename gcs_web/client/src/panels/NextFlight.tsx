@@ -118,7 +118,7 @@ function Odds({ found }: { found: Proposed }) {
   const share = (value: number): string => `${(100 * Math.max(0, value)) / reach}%`;
   return (
     <div>
-      <dt class="quiet">{found.candidates.length > 1 ? `Tells apart ${found.candidates.join(" and ")}` : `Shows ${found.candidates.join("")}`}</dt>
+      <dt class="quiet">{found.candidates.length > 1 ? `Distinguishes ${found.candidates.join(" from ")}` : `Shows ${found.candidates.join("")}`}</dt>
       <dd>
         <b>
           {number(known, 1)} → {number(known + expected, 1)}
