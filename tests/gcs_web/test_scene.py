@@ -1,4 +1,4 @@
-"""What is drawn is what is known, and stands out: colours follow clearance, and differ from the background in both themes."""
+"""What is drawn is what is known, and stands out: colours follow clearance, and differ from both themes' backgrounds."""
 
 import re
 from pathlib import Path
