@@ -1,4 +1,4 @@
-"""What is drawn is what is known, and stands out: colours follow clearance, and differ from both themes' backgrounds."""
+"""What is drawn is what is known, and stands out: colours follow clearance, and differ from each theme's background."""
 
 import re
 from pathlib import Path
