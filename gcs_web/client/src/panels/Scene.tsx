@@ -199,7 +199,7 @@ function ArrowLegend() {
             <Swatch kind="arrow-force" /> Force, 1 m = {rounded(scale.force_n_per_m)} N
           </span>
           <span>
-            <Swatch kind="arrow-torque" /> Torque, 1 m = {rounded(scale.torque_n_m_per_m)} N m
+            <Swatch kind="arrow-torque" /> Torque, 1 m = {rounded(scale.torque_n_m_per_m)} N{"\u00a0"}m
           </span>
         </div>
       )}
