@@ -6,6 +6,7 @@ esdf/           the distance field, with the pilot's edits
 localization/   points with descriptors, for relocalization
 camera.toml     the rig, with the lenses of the map
 poses.csv       where each image was taken (body in world)
+visibility.npz  how thin an object the images resolve, place by place
 report.json     all figures of the run
 """
 
@@ -23,6 +24,7 @@ import numpy as np
 
 import esdf
 from esdf.storage import EDITS
+from esdf.visibility import Visibility, load_visibility, save_visibility
 from flight import (
     FlightError,
     FloatArray,
@@ -38,7 +40,7 @@ from flight import (
 from mapping import stages, verdict
 from mapping.camera import rig as rigs
 from mapping.camera.rig import Rig
-from mapping.dense import depth_files, mesh_file, surface
+from mapping.dense import depth_files, mesh_file, resolution, surface
 from mapping.dense.depth_files import DepthFiles
 from mapping.dense.surface import DenseOptions
 from mapping.dense.views import ImageView
@@ -55,6 +57,7 @@ FORMAT = "goshawk-map"
 VERSION = 1
 REPORT_FORMAT = "goshawk-map-report"
 
+VISIBILITY = "visibility.npz"
 DEPTH = "depth"
 STAGES = (colmap.FEATURES, colmap.MATCHES, colmap.POSES, reconstruction.CALIBRATION, DEPTH)
 """Stages whose results survive an interrupted work, in order."""
@@ -125,6 +128,8 @@ class MapReport:
     """Space known to be empty."""
     occupied_m3: float
     """Space known to be filled."""
+    resolved_m: dict[str, float]
+    """Thickness of the thinnest obstacle that is resolved in half, and in nine tenths, of the free space."""
     depth: dict[str, float]
     """Statistics of the depth images."""
     hash: str
@@ -182,6 +187,17 @@ class Map:
     @property
     def mesh(self) -> Path:
         return self.folder / "mesh.glb"
+
+    def visibility(self) -> Visibility:
+        """The thinnest obstacle that the images resolve, place by place; thinner ones may be missing from the map.
+
+        Raises:
+            FormatError: the file is damaged.
+        """
+        if (self.folder / VISIBILITY).is_file():
+            return load_visibility(self.folder / VISIBILITY)
+        cameras = [(c, pose @ c.T_body_camera) for pose in self.T_world_body for c in self.rig.cameras]
+        return resolution.visibility(self.field.state, self.field.grid, cameras)  # a map of an earlier version
 
     def localization_map(self) -> LocalizationMap:
         return localization_map.load(self.folder / "localization")
@@ -306,6 +322,7 @@ def _build(
     with results.new_folder(out, overwrite=overwrite, ours=_is_map, within=work.folder) as placing:
         new = placing.temporary
         esdf.save(new / "esdf", distances)
+        save_visibility(new / VISIBILITY, dense.seen)
         mesh_file.save(new / "mesh.glb", dense.vertices_world_m, dense.faces, dense.colours)
         mesh_file.save(new / "mesh.ply", dense.vertices_world_m, dense.faces, dense.colours)
         localization_map.save(new / "localization", placed.localization_map())
@@ -378,6 +395,7 @@ def _report(placed: SparseMap, surface: surface.Reconstruction, hash: str, cpu_s
         mesh_faces=len(surface.faces),
         free_m3=float((surface.state == esdf.FREE).sum()) * voxel_m3,
         occupied_m3=float((surface.state == esdf.OCCUPIED).sum()) * voxel_m3,
+        resolved_m=resolution.thickness_quantiles_m(surface.seen, surface.grid, surface.state == esdf.FREE),
         depth=dataclasses.asdict(surface.statistics),
         hash=hash,
         cpu_s=cpu_s,
