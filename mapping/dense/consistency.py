@@ -40,8 +40,9 @@ def nearest_disparity(left: Grey, right: Grey, disparity: Disparity, disparities
     """
     import cv2
 
-    rows, columns = np.indices(disparity.shape, dtype=np.float32)
-    matched = np.asarray(cv2.remap(right, columns - disparity / np.float32(16.0), rows, cv2.INTER_LINEAR))
+    height, width = disparity.shape
+    columns, rows = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
+    matched = np.asarray(cv2.remap(right, columns - disparity / np.float32(16.0), rows, cv2.INTER_LINEAR), np.uint8)
     known = (disparity >= 0) & (left > 0) & (matched > 0)
     if not known.any():
         return np.full_like(disparity, -16)
@@ -68,6 +69,7 @@ def _mean_where(known: NDArray[np.bool_], image: Grey) -> NDArray[np.float32]:
 
     block = (EXPOSURE_BLOCK_PX, EXPOSURE_BLOCK_PX)
     values = np.where(known, image, 0).astype(np.float32)
-    total = cv2.boxFilter(values, -1, block, borderType=cv2.BORDER_CONSTANT)
-    count = cv2.boxFilter(known.astype(np.float32), -1, block, borderType=cv2.BORDER_CONSTANT)
-    return (np.asarray(total) + np.float32(1e-3)) / (np.asarray(count) + np.float32(1e-3))
+    little = np.float32(1e-3)
+    total = np.asarray(cv2.boxFilter(values, -1, block, borderType=cv2.BORDER_CONSTANT), np.float32)
+    count = np.asarray(cv2.boxFilter(known.astype(np.float32), -1, block, borderType=cv2.BORDER_CONSTANT), np.float32)
+    return ((total + little) / (count + little)).astype(np.float32)
