@@ -1,6 +1,8 @@
 """The web ground station: how fast an edit lasts and reaches everybody, and what kill -9 loses.
 
-    python benchmarks/gcs.py [--kills 1000] [--json FILE]
+    python benchmarks/gcs.py [--kills 1000] [--flights 60] [--json FILE]
+
+The parts for recorded flights and for large maps run alone as well: `gcs_flights.py`, `gcs_scene.py`.
 
 Beside ours in the same process: the physical limit, an append of the same bytes with fsync; for a plan after an edit,
 the same from scratch. A plan is all that the planning process does for the page: path, gate, series, limits. No browser
@@ -10,64 +12,32 @@ as it is; CPU times are of all threads. One in fifty of the kills is of a statio
 
 import asyncio
 import contextlib
-import json
 import multiprocessing
 import os
 import random
 import tempfile
 import time
-from collections.abc import Callable
 from multiprocessing import connection
 from pathlib import Path
 from typing import Any
 
 import aiohttp
+import gcs_flights
+import gcs_scene
 import msgspec
 import numpy as np
-import trimesh
+from gcs_station import Hall, Page, new_project, ring
 from report import Row, main, row
 
-import esdf
-import mapping
 import planner
 import vehicle
-from esdf import solids
 from firmware_bridge import SitlVehicle, controller, keys
-from flight import Waypoints, file_format, project
-from gcs_web import GroundStation, inputs, planning, protocol, replanning
+from flight import Waypoints, project
+from gcs_web import GroundStation, planning, protocol, replanning
 from gcs_web.document import Content, Settings
 from gcs_web.session import Session
-from goshawk.rendered import world as rendered_world
-from mapping import map_folder
-from mapping.camera import rig
 
 WAYPOINTS, EDITS, KILLS, CLIENTS, MIXED = 50, 10_000, 200, 10, 1000
-
-
-class Hall(inputs.Parts):
-    """A hall of 16 x 12 m with pillars in place of a project's map."""
-
-    def __init__(self) -> None:
-        pillars = [solids.Cylinder((x, y, 1.5), 0.3, 3.0) for x in (4.0, 8.0, 12.0) for y in (3.0, 6.0, 9.0)]
-        grid = esdf.Grid(np.full(3, -0.2), np.full(3, 0.05), (328, 248, 68))
-        room = solids.Scene([solids.Room((0.0, 0.0, 0.0), (16.0, 12.0, 3.0)), *pillars])
-        self._field = esdf.build(esdf.rasterize(room, grid), grid)
-        self._vehicle = vehicle.example("rigter2019")
-
-    def map(self, wanted: inputs.Signature) -> mapping.Map:
-        nobody = np.zeros(0)
-        return mapping.Map(Path(), self._field, rendered_world.default_rig(), (), nobody, nobody, {})
-
-    def vehicle(self, wanted: inputs.Signature) -> vehicle.Vehicle:
-        return self._vehicle
-
-
-def ring(count: int) -> Content:
-    """Waypoints round the pillars, up and down."""
-    angle = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
-    points = np.stack([8.0 + 7.0 * np.cos(angle), 6.0 + 5.2 * np.sin(angle), 1.4 + 0.4 * np.sin(3 * angle)], axis=1)
-    settings = Settings(speed_m_s=5.0, acceleration_m_s2=8.0)
-    return Content(settings=settings).with_waypoints(Waypoints(points, np.full(count, np.nan)))
 
 
 def moved(content: Content, number: int) -> Content:
@@ -203,41 +173,6 @@ def killed(folder: Path, count: int) -> list[Row]:
 # --- a real station, ten people and a vehicle ---
 
 
-def new_project(folder: Path) -> project.Project:
-    """The hall as a map folder."""
-    opened, hall = project.create(folder, "benchmark"), Hall()
-    field = hall.map(()).field
-    opened.map.mkdir()
-    esdf.save(opened.map / "esdf", field)
-    trimesh.creation.box(bounds=[[0.0, 0.0, -0.05], [16.0, 12.0, 0.0]]).export(opened.map / "mesh.glb")
-    rig.save(opened.map / "camera.toml", rendered_world.default_rig())
-    (opened.map / "poses.csv").write_text("image,time_s,x_m,y_m,z_m,qw,qx,qy,qz\n0.png,0,1,1,1,1,0,0,0\n")
-    facts = {"hash": field.hash, "verdict": "good", "reasons": []}
-    file_format.write_toml(opened.map / "map.toml", format=map_folder.FORMAT, version=1, body=facts)
-    vehicle.save(opened.vehicle, hall.vehicle(()))
-    project.save_waypoints(opened.waypoints, ring(19).waypoints())
-    return opened
-
-
-class Page:
-    """What a browser's page does with its socket."""
-
-    def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
-        self._socket, self._serial = socket, 0
-        self.state: dict[str, dict[str, Any]] = {}
-
-    async def until(self, kind: str, condition: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
-        while kind not in self.state or not condition(self.state[kind]):
-            message = await self._socket.receive_json()
-            self.state[message["type"]] = message
-        return self.state[kind]
-
-    async def command(self, type: str, **arguments: Any) -> dict[str, Any]:
-        self._serial += 1
-        await self._socket.send_str(json.dumps({"type": type, "serial": self._serial, **arguments}))
-        return await self.until("reply", lambda reply: reply["serial"] == self._serial)
-
-
 def mixed_edit(k: int, ids: list[int]) -> tuple[str, dict[str, Any]]:
     one = [ids[k % (len(ids) - 1)]]
     kinds: list[tuple[str, dict[str, Any]]] = [
@@ -321,11 +256,12 @@ def people(folder: Path) -> list[Row]:
         return asyncio.run(talk(station, station.url.split("/?")[0]))
 
 
-def rows(kills: int = KILLS) -> list[Row]:
+def rows(kills: int = KILLS, flights: int = 60) -> list[Row]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        return [*plans(), *edits(folder), *people(folder), *killed(folder, kills)]
+        ours = [*plans(), *edits(folder), *people(folder), *killed(folder, kills)]
+    return [*ours, *gcs_flights.rows(flights), *gcs_scene.rows()]
 
 
 if __name__ == "__main__":
-    main(rows, kills=KILLS)
+    main(rows, kills=KILLS, flights=60)

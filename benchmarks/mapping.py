@@ -2,6 +2,7 @@
 
     python benchmarks/mapping.py --cameras 40      one blind draw after the other, and the sums
     python benchmarks/mapping.py --instants 1000   CPU seconds and memory of the trial on a long path
+    python benchmarks/mapping.py --data FOLDER     a recorded RGB-D sequence (hololens_rgbd_part1): poses, unused depth
 
 The matches are made by formula from a true rig (see `tracks`), so that a draw takes seconds. The trial starts from a
 poor map: its poses and points are of the wrong size and off by centimetres.
@@ -10,18 +11,23 @@ poor map: its poses and points are of the wrong size and off by centimetres.
 import argparse
 import dataclasses
 import resource
+import tempfile
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+import mapping
 from flight import FloatArray, frames, rotations
 from goshawk.rendered import world as rendered_world
+from mapping.camera import rig as rigs
 from mapping.camera import trial as trials
 from mapping.camera.adjustment import Observations
 from mapping.camera.errors import Kind
 from mapping.camera.rig import Camera, Rig
 from mapping.camera.trial import Trial
+from mapping.dense import surface
 
 FORMS = ("none", "rig", "lens", "offset", "shutter", "two")
 SIGHTINGS = 5.0
@@ -205,13 +211,58 @@ def long(instants: int) -> None:
     )
 
 
+def depth_camera(data: Path) -> None:
+    """A recorded RGB-D sequence: poses against its tracker's, a mesh of every other depth image against the rest."""
+    import open3d
+
+    K = np.loadtxt(data / "K.txt")
+    lens = [K[0, 0], K[1, 1], K[0, 2] + 0.5, K[1, 2] + 0.5]  # K counts from the middle of the first pixel
+    rig = Rig((rigs.forward_camera("PINHOLE", 540, 360, lens),))
+    table = np.loadtxt(data / "poses_camera_to_world.csv", delimiter=",", skiprows=1, usecols=range(1, 17))
+    options = mapping.MapOptions(depths=mapping.DepthFolder(data / "depth"))
+    with tempfile.TemporaryDirectory() as folder:
+        report = mapping.build_map(data / "images", rig, Path(folder) / "map", options)
+        placed = mapping.open_map(Path(folder) / "map")
+    images = mapping.read_folder(data / "images", rig, depths=options.depths)
+    where = np.array([images.instants.index(name) for name in placed.images])
+    T_world_camera = placed.T_world_body @ rig.cameras[0].T_body_camera
+    off_m = error_m(T_world_camera, table.reshape(-1, 4, 4)[where])
+    print(
+        f"{report.images_placed} of {report.images} placed, {1000 * off_m:.1f} mm RMS, verdict {report.verdict}, "
+        f"{sum(report.cpu_s.values()):.0f} CPU s"
+    )
+    views = [
+        surface.ImageView(rig.cameras[0], T, images.pixels(int(k), 0))
+        for T, k in zip(T_world_camera, where, strict=True)
+    ]
+    depth_m = [images.depth_m(int(k), 0) for k in where]
+    used = [
+        surface.depth_from_sensor(view, depth) if number % 2 == 0 else None
+        for number, (view, depth) in enumerate(zip(views, depth_m, strict=True))
+    ]
+    mesh = surface.reconstruct(views, depths=used)
+    scene = open3d.t.geometry.RaycastingScene()
+    scene.add_triangles(mesh.vertices_world_m.astype(np.float32), mesh.faces.astype(np.uint32))
+    pixels, apart_m = rig.cameras[0].pixel_centres()[::6, ::6], []
+    for T, depth in list(zip(T_world_camera, depth_m, strict=True))[1::2]:
+        seen = (depth[::6, ::6] > 0.0) & (depth[::6, ::6] < surface.DenseOptions().farthest_m)
+        rays = rig.cameras[0].unproject(pixels[seen])
+        points = frames.apply(T, rays / rays[:, 2:] * depth[::6, ::6][seen][:, None])
+        apart_m.append(scene.compute_distance(points.astype(np.float32)).numpy())
+    median_mm = 1000.0 * np.median(np.concatenate(apart_m))
+    print(f"mesh of every other depth image to the depth of the rest: median {median_mm:.1f} mm")
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cameras", type=int, default=0, help="number of blind draws")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--instants", type=int, default=0, help="length of one long path")
+    parser.add_argument("--data", type=Path, help="folder of a recorded RGB-D sequence")
     given = parser.parse_args()
     if given.cameras:
         blind(given.cameras, given.seed)
     if given.instants:
         long(given.instants)
+    if given.data:
+        depth_camera(given.data)

@@ -1,15 +1,18 @@
 """How much of the rotors' roll and pitch torque a moment in edgewise flow explains, on kinds of flight held out.
 
 Run by `real_logs.py torque`. The torque of the measured rotor speeds is regressed on inertia times turning (gyroscopic
-term included) and on a moment of the catalogue, and judged on the kind of flight left out, all within a band.
+term included) and on a moment of the catalogue, and judged on the kind of flight left out, all within a band. Before
+that, inertia by frequency: the ratio of torque to turning in each flight.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
+from scipy.interpolate import CubicSpline
+from scipy.signal import butter, csd, sosfiltfilt
 
 import vehicle
 from flight import FlightLog, FloatArray, rotations
@@ -23,6 +26,10 @@ MOMENTS = {
 BANDS_HZ = {"0.3-20 Hz": (0.3, 20.0), "3-20 Hz": (3.0, 20.0)}
 TAKE_OFF_S, TOUCHDOWN_S = 1.5, 2.5
 """Left out at the ends, where the ground pushes as well."""
+NARROW_HZ = (3.0, 4.5, 6.5, 9.0, 12.0, 16.0, 20.0)
+"""Edges of the bands that inertia is listed by."""
+WINDOW = 256
+"""Samples of each spectrum: 2.56 s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +56,7 @@ def run(logs: Mapping[str, FlightLog], model: vehicle.Vehicle) -> None:
     """A table for each band: share of the torque's variance explained on each kind, learnt from the other kinds."""
     motions = [_motion(name.split("_")[0].rstrip("1"), flown(log), model) for name, log in logs.items()]
     kinds = sorted({m.kind for m in motions})
+    _by_frequency(dict(zip(logs, motions, strict=True)))
     for title, band in BANDS_HZ.items():
         print(f"\n| {title}: share explained, held out | " + " | ".join(kinds) + " | inertia, 1e-5 kg m2 |")
         print("| --- |" + " --- |" * (len(kinds) + 1))
@@ -59,6 +67,26 @@ def run(logs: Mapping[str, FlightLog], model: vehicle.Vehicle) -> None:
                 found = [_held_out(columns, torque, [m.kind == kind for m in motions]) for kind in kinds]
                 inertia = " to ".join(f"{1e5 * f([size for _, size in found]):.2f}" for f in (min, max))
                 print(f"| {moment}, {axis_name} | " + " | ".join(f"{s:.2f}" for s, _ in found) + f" | {inertia} |")
+
+
+def _by_frequency(motions: Mapping[str, Motion]) -> None:
+    """Inertia by torque regressed on turning and by turning regressed on torque; the truth lies between the two."""
+    bands = list(pairwise(NARROW_HZ))
+    print("\n| inertia, 1e-5 kg m2 | " + " | ".join(f"{low:g}-{high:g} Hz" for low, high in bands) + " |")
+    print("| --- " * (len(bands) + 1) + "|")
+    for name, m in motions.items():
+        for axis, axis_name in enumerate(("roll", "pitch")):
+            hz, both = csd(m.turning_rad_s2[:, axis], m.torque_n_m[:, axis], 1.0 / GRID_S, nperseg=WINDOW)
+            own = [
+                csd(v[:, axis], v[:, axis], 1.0 / GRID_S, nperseg=WINDOW)[1] for v in (m.turning_rad_s2, m.torque_n_m)
+            ]
+            cells = []
+            for low, high in bands:
+                inside = (hz >= low) & (hz < high)
+                turning, torque, cross = (values[inside].sum() for values in (*own, both))
+                below, above = 1e5 * cross.real / turning.real, 1e5 * torque.real / cross.real
+                cells.append(f"{below:.2f}-{above:.2f}, {np.degrees(np.angle(cross)):+.0f} deg")
+            print(f"| {name}, {axis_name} | " + " | ".join(cells) + " |")
 
 
 def _motion(kind: str, log: FlightLog, model: vehicle.Vehicle) -> Motion:
@@ -73,7 +101,7 @@ def _motion(kind: str, log: FlightLog, model: vehicle.Vehicle) -> Motion:
         kind,
         rotations.rotate(rotations.conjugate(motion.q), motion.velocity_world_m_s),
         rate,
-        np.gradient(rate, GRID_S, axis=0),
+        CubicSpline(motion.time_s, rate)(motion.time_s, 1),  # central differences lose 25 % at 20 Hz
         speed,
         vehicle.wrench(model, still, still, speed)[1],
         np.interp(motion.time_s, log.time_s, np.isfinite(log.vector("position_world_m")).all(axis=1)) > 0.99,

@@ -30,14 +30,23 @@ def in_the_air(log: FlightLog, name: str) -> FlightLog:
 
 
 def tracking(log: FlightLog) -> dict[str, float]:
-    """Tracking error (distance to the set-point) and speed while on the trajectory."""
+    """Tracking error (distance to the set-point) and speed while on the trajectory, at the instants that have both.
+
+    Returns:
+        `flown_s` alone where there is no such instant.
+    """
     rows = log.columns["mission_state"] == State.TRAJECTORY
     if not rows.any():
         return {"flown_s": 0.0}
-    error_m = np.linalg.norm(log.vector("position_world_m") - log.vector("setpoint_position_world_m"), axis=1)[rows]
-    speed_m_s = np.linalg.norm(log.vector("velocity_world_m_s"), axis=1)[rows]
+    flown_s = float(np.ptp(log.time_s[rows]))
+    error_m = np.linalg.norm(log.vector("position_world_m") - log.vector("setpoint_position_world_m"), axis=1)
+    speed_m_s = np.linalg.norm(log.vector("velocity_world_m_s"), axis=1)
+    rows &= np.isfinite(error_m) & np.isfinite(speed_m_s)
+    if not rows.any():
+        return {"flown_s": flown_s}
+    error_m, speed_m_s = error_m[rows], speed_m_s[rows]
     return {
-        "flown_s": float(np.ptp(log.time_s[rows])),
+        "flown_s": flown_s,
         "tracking_mean_m": float(error_m.mean()),
         "tracking_worst_m": float(error_m.max()),
         "top_speed_m_s": float(speed_m_s.max()),

@@ -17,7 +17,6 @@ from firmware_bridge.dialect.generated.messages import Command
 from firmware_bridge.dialect.generated.messages import MissionState as State
 from firmware_bridge.wire import LinkLoss
 from flight import FloatArray, InputError, Trajectory
-from flight.frames import GRAVITY_M_S2
 
 
 class ThrustModel(IntEnum):
@@ -112,6 +111,8 @@ class VehicleLike(Protocol):
     def limits(self) -> Any: ...
     @property
     def body(self) -> Any: ...
+    @property
+    def gravity_m_s2(self) -> float: ...
     def value(self, name: str) -> float: ...
 
 
@@ -140,6 +141,22 @@ _SWITCHED_OFF = (
 def compensated_effects() -> dict[str, Compensation]:
     """Every effect of the catalogue, and whether the controller cancels it: true or false, with words in `how`."""
     return dict(EFFECTS)
+
+
+def compensations(vehicle: VehicleLike) -> dict[str, tuple[bool, str]]:
+    """Every active effect of a model: whether the controller compensates it, and how or why not."""
+    try:
+        left = parameters_of(vehicle).not_compensated
+    except InputError as error:
+        return dict.fromkeys(vehicle.effects, (False, str(error)))
+    found: dict[str, tuple[bool, str]] = {}
+    for name in vehicle.effects:
+        entry = EFFECTS.get(name)
+        how = "an effect of your own, for which the controller has no compensation" if entry is None else entry.how
+        if entry is not None and entry.compensated and name in left:
+            how = f"only together with {entry.only_with} alone"
+        found[name] = (name not in left, how)
+    return found
 
 
 def checked(values: Mapping[str, float]) -> dict[str, float]:
@@ -192,7 +209,7 @@ def _body(vehicle: VehicleLike) -> dict[str, float]:
         "mass_kg": float(body.mass_kg),
         "com_x_m": float(body.centre_of_mass_m[0]),
         "com_y_m": float(body.centre_of_mass_m[1]),
-        "gravity_m_s2": GRAVITY_M_S2,
+        "gravity_m_s2": vehicle.gravity_m_s2,
         "air_density": vehicle.value("air_density_kg_m3"),
         "disk_area_m2": float(np.pi * vehicle.value("rotor_radius_m") ** 2),
         "rotor_min_rad_s": vehicle.limits.rotor_speed_min_rad_s,

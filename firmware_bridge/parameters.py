@@ -7,6 +7,9 @@ import secrets
 import struct
 import time
 import zlib
+from collections.abc import Iterable, Mapping
+
+import numpy as np
 
 from firmware_bridge import controller
 from firmware_bridge.dialect.generated.messages import (
@@ -70,10 +73,8 @@ def write(port: Port, values: dict[str, float]) -> None:
     """
     present = table(port)
     names = [name for name, _ in present]
+    refuse_unknown(values, names)
     for name, value in values.items():
-        if name not in names:
-            near = difflib.get_close_matches(name, names, 3, 0.4)
-            raise InputError(f"the vehicle has no parameter {name}; the nearest are {', '.join(near or names[:3])}")
         if not math.isfinite(value):
             raise InputError(f"{name} = {value} is not finite")
     block = [values.get(name, value) for name, value in present]
@@ -93,6 +94,30 @@ def write(port: Port, values: dict[str, float]) -> None:
     if answer.active_crc32 != zlib.crc32(packed):
         raise LinkError("the vehicle applied the parameters, but holds others now; read them again")
     port.latest.pop(MissionStatus, None)  # it carries the CRC of the old ones
+
+
+def difference(present: Mapping[str, float], wanted: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+    """Values present and wanted, of the parameters that differ as float32, in the vehicle's order."""
+    before, after = shortest(present), shortest(wanted)
+    return {name: (before[name], after[name]) for name in before if name in after and before[name] != after[name]}
+
+
+def shortest(values: Mapping[str, float]) -> dict[str, float]:
+    """The same float32 values with the fewest digits that identify them: 0.7, not 0.699999988."""
+    return {name: float(str(np.float32(value))) for name, value in values.items()}
+
+
+def refuse_unknown(names: Iterable[str], known: Iterable[str]) -> None:
+    """
+    Raises:
+        InputError: a name is not among the vehicle's; the message has the nearest.
+    """
+    known = list(known)
+    for name in names:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, 3, 0.4)
+            hint = f"; did you mean {' or '.join(near)}?" if near else "; `goshawk params list` shows all"
+            raise InputError(f"the vehicle has no parameter {name}{hint}")
 
 
 def _accepted(answer: ParametersResult, names: list[str]) -> None:

@@ -6,7 +6,7 @@ A quantity that was not recorded has no column; one that was not sampled at a ro
 
 import importlib
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,8 @@ from flight.rotations import FloatArray
 FORMAT = "goshawk-flight-log"
 VERSION = 1
 
+PIECE_ROWS = 1 << 16
+"""Of what `pieces` reads at a time, and of a row group on disk: a minute at 1 kHz."""
 UNITS = ("s", "m", "m_s", "m_s2", "m_s3", "rad", "rad_s", "rad_s2", "n", "n_m", "v", "a", "pa", "k", "kg", "ratio")
 """Unit suffixes a column may end in (after an underscore). `ratio` is for numbers without a unit."""
 
@@ -150,7 +152,9 @@ def save(path: Path, log: FlightLog) -> None:
         raise InputError(f"{path}: not written, the log's metadata do not fit JSON ({error})") from error
     table = pa.table({name: pa.array(values) for name, values in log.columns.items()})
     with file_format.atomic_file(path) as temporary:
-        parquet.write_table(table.replace_schema_metadata({"goshawk": text}), temporary, compression="zstd")
+        table = table.replace_schema_metadata({"goshawk": text})
+        # measured values hardly repeat: a dictionary makes the file larger, and three times as slow to write
+        parquet.write_table(table, temporary, compression="zstd", use_dictionary=False, row_group_size=PIECE_ROWS)
 
 
 def load(path: Path, columns: Collection[str] | None = None) -> FlightLog:
@@ -164,19 +168,58 @@ def load(path: Path, columns: Collection[str] | None = None) -> FlightLog:
         FormatError: it is not a flight log, is cut off, or newer than this version.
     """
     pa, parquet = _arrow()
-    names, metadata = head(path)
-    if columns is not None:
-        missing = sorted(set(columns) - set(names))
-        if missing:
-            raise InputError(f"{path} has no {', '.join(missing)}; it has {', '.join(sorted(names))}")
-        names = tuple(name for name in names if name == "time_s" or name in columns)
+    names, metadata = _chosen(path, columns)
     try:
-        table = parquet.read_table(path, columns=list(names))
+        table = parquet.read_table(path, columns=names)
     except (pa.ArrowException, OSError) as error:
         raise _unreadable(path, error) from error
-    read = {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
+    return _log(path, table, metadata)
+
+
+def pieces(path: Path, columns: Collection[str] | None = None) -> Iterator[FlightLog]:
+    """Read a log that `save` wrote, a stretch of rows after the other, so that a long one needs little memory.
+
+    Arguments and errors are those of `load`; the errors come with the piece that has them.
+    """
+    pa, parquet = _arrow()
+    names, metadata = _chosen(path, columns)
+    last_s = -np.inf
     try:
-        return FlightLog(read, metadata)
+        with parquet.ParquetFile(path) as file:
+            for batch in _batches(file, names):
+                piece = _log(path, batch, metadata)
+                if len(piece) and piece.time_s[0] <= last_s:
+                    raise InputError(
+                        f"{path}: time does not increase ({last_s:.6f} s, then {piece.time_s[0]:.6f} s); "
+                        "drop or sort the repeated rows first"
+                    )
+                last_s = piece.time_s[-1] if len(piece) else last_s
+                yield piece
+    except (pa.ArrowException, OSError) as error:
+        raise _unreadable(path, error) from error
+
+
+def _batches(file: Any, names: list[str]) -> Iterator[Any]:
+    """Group by group: asked for all groups at once, Arrow reads them all ahead."""
+    for group in range(file.num_row_groups):
+        yield from file.iter_batches(PIECE_ROWS, row_groups=[group], columns=names)
+
+
+def _chosen(path: Path, columns: Collection[str] | None) -> tuple[list[str], Mapping[str, Any]]:
+    names, metadata = head(path)
+    if columns is None:
+        return list(names), metadata
+    missing = sorted(set(columns) - set(names))
+    if missing:
+        raise InputError(f"{path} has no {', '.join(missing)}; it has {', '.join(sorted(names))}")
+    return [name for name in names if name == "time_s" or name in columns], metadata
+
+
+def _log(path: Path, read: Any, metadata: Mapping[str, Any]) -> FlightLog:
+    """`read`: a table or a batch of rows, of Arrow."""
+    columns = {name: read[name].to_numpy(zero_copy_only=False) for name in read.schema.names}
+    try:
+        return FlightLog(columns, metadata)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     except (TypeError, ValueError) as error:

@@ -70,6 +70,10 @@ def require_free_folder(path: Path, *, overwrite: bool, ours: Callable[[Path], b
             raise InputError(f"{path} is not empty and not a result of this command; choose another folder")
         if not overwrite:
             raise InputError(_exists(path))
+        if os.path.ismount(target):
+            raise InputError(
+                f"{path} is a mount point, and the old result cannot be kept beside it; name a folder in it"
+            )
     _require_room(path, target)
 
 
@@ -122,20 +126,22 @@ def new_folder(
 
     Args:
         ours: as for `require_free_folder`.
-        within: where to write it, on the same file system; by default beside its final path.
+        within: where to write it, on the same file system; by default beside its final path, and in it if that is an
+            (empty) mount point.
     """
     target = _resolved(path)
     with file_format.with_parents(target):
-        placing = Placing(_temporary(within / target.name if within else target), target)
+        folder = target if os.path.ismount(target) else within or target.parent
+        placing = Placing(_temporary(folder / target.name), target)
         placing.temporary.mkdir()
         try:
             yield placing
-            filled = target.is_dir() and any(target.iterdir())
+            filled = target.is_dir() and any(child != placing.temporary for child in target.iterdir())
             if (filled and not (overwrite and ours(target))) or _kind(target) not in ("", "folder"):
                 raise _overtaken(path, _moved_beside(placing.temporary, target, "new"))
             if filled:
                 placing.kept = _moved_beside(target, target, "old")
-            if target.is_dir():  # empty; it may be a mount point, which cannot be replaced itself
+            if target.is_dir():  # it may be a mount point, which cannot be replaced itself
                 for child in placing.temporary.iterdir():
                     os.rename(child, target / child.name)
             else:

@@ -17,6 +17,7 @@ import msgspec
 import planner
 from flight import FloatArray, InputError, LinkError, Progress, project, silent
 from gcs_web import display_mesh, gateway, protocol, reports
+from gcs_web.consent import Consent
 from gcs_web.desk import Desk
 from gcs_web.hub import Hub
 from gcs_web.jobs import Kind
@@ -49,6 +50,8 @@ class GroundStation:
         progress: Progress = silent,
         on_entry: Callable[[str], None] = lambda _: None,
         jobs: Sequence[Kind] = (),
+        browsers: Sequence[str] = (),
+        on_open: Callable[[Path], None] | None = None,
     ) -> None:
         """Open the project and listen, on loopback unless told otherwise.
 
@@ -61,9 +64,12 @@ class GroundStation:
                 answer yet is waited for.
             key_file: the link's signing key.
             options: what the planner is asked for, beside what the document says.
-            triangles: the mesh is thinned to this many for display.
+            triangles: of the mesh as it is shown first; see `display_mesh`.
             on_entry: called with the next address when a browser has come in.
             jobs: kinds of background work that the page offers.
+            browsers: those that came in to a station which had this port before, and stay in.
+            on_open: called with the folder of the project that somebody wants instead of this one; whoever started the
+                station closes it then and opens another. None: the page says that it cannot.
 
         Raises:
             FlightError: the project cannot be opened, or is open in another ground station.
@@ -79,7 +85,8 @@ class GroundStation:
         self._stack = contextlib.ExitStack()
         try:
             progress("opening the map", 0.0)
-            self._open(folder, port, options or planner.PlanOptions(), triangles, on_entry, jobs, progress)
+            self._open(folder, port, options or planner.PlanOptions(), triangles, on_entry, jobs, progress, browsers)
+            self.desk.on_open = on_open
         except BaseException:
             self.close()
             raise
@@ -87,6 +94,14 @@ class GroundStation:
     @property
     def url(self) -> str:
         return self._gateway.url
+
+    @property
+    def port(self) -> int:
+        return self._gateway.port
+
+    @property
+    def browsers(self) -> Sequence[str]:
+        return self._gateway.browsers
 
     def close(self) -> None:
         self._stack.close()
@@ -108,6 +123,7 @@ class GroundStation:
         on_entry: Callable[[str], None],
         jobs: Sequence[Kind],
         progress: Progress,
+        browsers: Sequence[str],
     ) -> None:
         opened = project.open_project(folder)
         self._thread.start()
@@ -116,10 +132,14 @@ class GroundStation:
         self._stack.callback(_quietly, self.server.stop)
         self.hub = Hub(self._loop)
         self.view = View3D(self.server, triangles=triangles, cache=folder / ".session", progress=progress)
-        self.desk = Desk(opened, self.hub, self.view, self.watch, options, jobs)
+        self._stack.callback(self.view.close)
+        consent = Consent(opened)
+        self._stack.callback(consent.close)
+        self.desk = Desk(opened, self.hub, self.view, self.watch, options, jobs, consent=consent)
         self.view.progress = silent
         self._stack.callback(self.desk.close)
-        self.view.on_select = lambda waypoint: self.hub.publish(protocol.Selection([waypoint]))
+        self.view.on_select = lambda waypoint: self._selected([waypoint])
+        self.view.on_box = self._selected
         self.view.on_moment = self._moment_chosen
         self.view.on_drag, self.view.on_add, self.view.on_pull = self._dragged, self._added, self.desk.draft
         self.view.flights.on_moment = lambda time_s: self.hub.publish(protocol.FlightMoment(time_s))
@@ -141,6 +161,7 @@ class GroundStation:
             host=self._host,
             port=port,
             tls=self._tls,
+            browsers=browsers,
         )
         self._gateway.on_entry = on_entry
         self._stack.callback(self._in_loop, self._gateway.stop)
@@ -155,6 +176,10 @@ class GroundStation:
         self.view.vehicle.set_armed(now.armed)
         if now.link == "lost":
             self.view.vehicle.hide()
+
+    def _selected(self, waypoints: list[int]) -> None:
+        self.view.select(waypoints)
+        self.hub.publish(protocol.Selection(waypoints))
 
     def _moment_chosen(self, time_s: float) -> None:
         self.hub.publish(protocol.Cursor(time_s))

@@ -8,7 +8,7 @@ import numpy as np
 
 import vehicle
 from flight import FlightError, FloatArray, InputError
-from gcs_web import protocol, reading, residuals
+from gcs_web import protocol, pyramid, reading, residuals
 from gcs_web import protocol_flights as parts
 from gcs_web.flights import Flights
 from gcs_web.residuals import Compared
@@ -16,6 +16,9 @@ from gcs_web.view3d import View3D
 
 if TYPE_CHECKING:
     from flight.project import Project
+
+PIECES_APART = 2.0
+"""Means that are further apart than so many of their spans belong to different pieces of a flight."""
 
 
 def comparison_file(folder: Path) -> Path:
@@ -78,11 +81,14 @@ class Comparing:
         rest = [key for key in keys if key not in ours]
         answer = {part.key: part for part in self._flights.recorded.read(name, rest, from_s, to_s, points)}
         if flight is not None:
-            shift_s = self._flights.recorded.open(name).shift_s
-            time_s = (np.array(flight.time_s) - shift_s).tolist()
             for key in set(keys) & set(ours):
                 _, curves, band = ours[key]
-                answer[key] = parts.StreamPart(name, key, time_s, curves, band)
+                when, lines = self._with_gaps(flight, [np.array(curve.values) for curve in curves])
+                drawn = [
+                    parts.CurvePart(curve.label, curve.kind, line.tolist())
+                    for curve, line in zip(curves, lines, strict=True)
+                ]
+                answer[key] = parts.StreamPart(name, key, when.tolist(), drawn, band)
         return [answer[key] for key in keys]
 
     def scatter(self, channel: str, variable: str) -> parts.Scatter:
@@ -110,10 +116,19 @@ class Comparing:
             flight = self._residual(name)
             if flight is not None:
                 row = residuals.CHANNELS.index(colour)
-                shift_s = self._flights.recorded.open(name).shift_s
-                values[name] = (np.array(flight.time_s) - shift_s, np.array(flight.residual[row]))
+                when, (left,) = self._with_gaps(flight, [np.array(flight.residual[row])])
+                values[name] = (when, left)
         self._view.set_plan_aside(bool(paths))
         self._view.flights.draw(paths, values)
+
+    def _with_gaps(
+        self, flight: residuals.FlightResidual, curves: list[FloatArray]
+    ) -> tuple[FloatArray, list[FloatArray]]:
+        """Shifted time and values of a comparison's curves, NaN in each gap of the log and between its pieces."""
+        recorded = self._flights.recorded
+        time_s = np.array(flight.time_s) - recorded.open(flight.name).shift_s
+        pauses = np.concatenate([recorded.gaps_s(flight.name), pyramid.gaps(time_s, PIECES_APART)])
+        return pyramid.parted(time_s, curves, pauses)
 
     def _residual(self, name: str) -> residuals.FlightResidual | None:
         compared = self._compared

@@ -4,7 +4,7 @@ import json
 import secrets
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,11 +14,13 @@ import numpy as np
 
 import planner
 import vehicle
-from flight import FlightError, FloatArray, FormatError, InputError, TrajectoryFile, trajectory
+from flight import FlightError, FloatArray, FormatError, InputError, TrajectoryFile, Waypoints, trajectory
+from flight.mission import Mission
 from flight.project import Project
-from gcs_web import inputs, page_values, planning, protocol, protocol_parts, saved
+from gcs_web import inputs, missions, page_values, planning, projects, protocol, protocol_parts, saved, snapping
 from gcs_web.comparing import Comparing
-from gcs_web.document import Settings
+from gcs_web.consent import Consent
+from gcs_web.document import Content, Settings
 from gcs_web.flights import Flights
 from gcs_web.hub import Hub
 from gcs_web.jobs import Jobs, Kind
@@ -30,8 +32,8 @@ from gcs_web.vehicle_watch import VehicleWatch
 from gcs_web.view3d import View3D
 
 NONCE_LIFE_S = 60.0
-_STANDING_M, _DEEPEST_M = 0.1, 30.0
-"""Height of a standing vehicle's centre above the floor, which the pilot may correct, and how deep a floor is found."""
+_STANDING_M = 0.1
+"""Height of a standing vehicle's centre above the floor, which the pilot may correct."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +54,8 @@ class Desk:
         watch: VehicleWatch | None,
         base: planner.PlanOptions,
         kinds: Sequence[Kind] = (),
+        *,
+        consent: Consent,
     ) -> None:
         """
         Raises:
@@ -60,16 +64,20 @@ class Desk:
         self.project, self.hub, self.view, self.watch = opened, hub, view, watch
         self.inputs = inputs.signature(opened.folder)
         self.parts = inputs.Parts(opened.folder)
-        limits = self.parts.vehicle(self.inputs).limits
-        self.session = Session(opened, _first_settings(base, limits))
+        self.consent = consent
+        self.session = Session(opened, _first_settings(base, self._limits()))
         self._base = base
         self.name = "plan"
         """Of the trajectory that the plan would be saved and uploaded as."""
         self.answer: planning.Answer | None = None
+        self._as_saved: tuple[Content, TrajectoryFile] | None = None
+        """A saved trajectory that was opened, and the document of which it is the plan."""
         self.in_control = ""
         """Id of the person whose orders are passed on to the vehicle."""
         self._map_edits: tuple[tuple[MapEdit, ...], str] = ((), "")
         """Those that the inputs' signature and the 3D view have, and why the map on disk lacked some."""
+        self.on_open: Callable[[Path], None] | None = None
+        """Opens another project in the place of this one; None where whoever started the station cannot."""
         self._nonces: dict[str, _Nonce] = {}
         self._lock = threading.RLock()
         self._planner = planning.PlanningProcess(opened.folder, base, self._planned, self._drafted)
@@ -84,6 +92,7 @@ class Desk:
         self._document_changed()
         self.show_files()
         self.show_jobs()
+        self.show_projects()
         self._notice_with_map(said, level="fact")
         self._draw_map()
 
@@ -119,13 +128,58 @@ class Desk:
         self.show_learning()
 
     def show_learning(self) -> None:
-        """The comparison, the diagnosis and the model as they are now."""
+        """The comparison, the diagnosis, the model and its effect files as they are now."""
+        self.hub.publish(protocol.EffectFiles(self.consent.files()))
         self.hub.publish(self.comparing.state())
         self.hub.publish(self.learning.diagnosis())
+        self.hub.publish(self.learning.identification())
         try:
             self.hub.publish(self.learning.model())
         except FlightError as error:
             self.notice(str(error), level="danger")
+
+    def vehicle_readable(self) -> None:
+        """Somebody agreed to an effect file: plan with it, and show what could not be read before."""
+        self._planner.restart()
+        self.request_plan(afresh=True)
+        self.show_files()
+        self.show_learning()
+
+    def _limits(self) -> vehicle.Limits:
+        """Of the vehicle; while an effect file of its own waits for somebody to agree, those of any."""
+        try:
+            return self.parts.vehicle(self.inputs).limits
+        except FlightError:
+            if not any(file.needed and not file.agreed for file in self.consent.files()):
+                raise
+            return vehicle.Limits()
+
+    def show_projects(self) -> None:
+        self.hub.publish(protocol.Projects(projects.beside(self.project)))
+
+    def open_project(self, folder: str, person: protocol.Person) -> None:
+        """Have the station close this project and open a neighbour of it.
+
+        Raises:
+            InputError: a vehicle is armed, somebody is in control, a job runs or waits, or it cannot be opened.
+        """
+        entry = next((each for each in projects.beside(self.project) if each.folder == folder), None)
+        if entry is None or entry.current:
+            raise InputError(f"there is no other project {folder!r} beside this one (any more)")
+        if entry.problem:
+            raise InputError(f"{entry.name} cannot be opened: {entry.problem}")
+        if self.watch is not None and self.watch.state().armed:
+            raise InputError("the vehicle is armed; land it and disarm, then open another project")
+        if self.in_control:
+            raise InputError(f"{self._name_of(self.in_control)} is in control; give up control first")
+        if self.jobs.is_busy:
+            raise InputError("a job runs or waits; wait for it, or cancel it, then open another project")
+        with self._lock:
+            on_open, self.on_open = self.on_open, None  # once
+        if on_open is None:
+            raise InputError(f"this station stays with its project; start another with: goshawk gcs {folder}")
+        self.notice(f"{person.name} opens {entry.name}; this page follows in a moment.", level="caution")
+        on_open(self.project.folder.resolve().parent / folder)
 
     def show_jobs(self) -> None:
         self.hub.publish(self.jobs.state())
@@ -152,7 +206,19 @@ class Desk:
                 self._show_plan(protocol.Plan(revision, "none", sentence))
                 return
             self._show_plan(protocol.Plan(revision, "planning", "Planning and checking ..."))
-            self._planner.request(planning.Request(revision, content, self.inputs, afresh))
+            if afresh:
+                self._as_saved = None
+            known = self._as_saved
+            opened = known[1] if known is not None and known[0] == content else None
+            self._planner.request(planning.Request(revision, content, self.inputs, afresh, opened))
+
+    def open_saved(self, item: TrajectoryFile, author: str) -> None:
+        """Take a saved trajectory as it is for the plan of its waypoints, until they change or are planned again."""
+        points = Waypoints(item.waypoints_world_m, np.full(len(item.waypoints_world_m), np.nan))
+        label = f"waypoints of {item.name} opened"
+        self.name = item.name
+        self._as_saved = (missions.with_mission(self.session.content, Mission(points)), item)
+        self.session.take(points, label, author)
 
     def draft(self, waypoint: int, position_world_m: FloatArray) -> None:
         """Show what the path would look like with a waypoint (id) there, without changing the document."""
@@ -199,12 +265,17 @@ class Desk:
         Raises:
             InputError: nothing is known below it.
         """
-        heights_m = np.arange(z_m, z_m - _DEEPEST_M, -0.01)
-        column = np.stack([np.full_like(heights_m, x_m), np.full_like(heights_m, y_m), heights_m], axis=1)
-        near = self.parts.map(self.inputs).field.distance(column) <= _STANDING_M
-        if not near.any():
-            raise InputError(f"the map knows no floor below ({x_m:.2f}, {y_m:.2f}, {z_m:.2f}) m; give the height")
-        return round(float(heights_m[int(np.argmax(near))]), 2)
+        ground_m = snapping.surface_below(np.array([x_m, y_m, z_m]), self.parts.map(self.inputs).field, _STANDING_M)
+        return round(ground_m + _STANDING_M, 2)
+
+    def planned_with(self) -> planner.PlanOptions:
+        """What the document asks of the planner, for the vehicle as it is now.
+
+        Raises:
+            FlightError: the vehicle cannot be read.
+        """
+        base = self._base.sized(self.parts.vehicle(self.inputs))
+        return replace(base, margin_m=self.session.content.settings.margin_m)
 
     def _planned(self, answer: planning.Answer) -> None:
         with self._lock:
@@ -254,11 +325,10 @@ class Desk:
 
     def _show_clearance(self) -> None:
         try:
-            base = self._base.sized(self.parts.vehicle(self.inputs))
+            clearance_m = self.planned_with().clearance_m
         except FlightError:
             return  # said with the plan; what was shown stays
-        margin_m = self.session.content.settings.margin_m
-        self.view.require_clearance(replace(base, margin_m=margin_m).clearance_m)
+        self.view.require_clearance(clearance_m)
 
     def _files_changed(self) -> None:
         try:
@@ -370,6 +440,19 @@ class Desk:
                 log.write(json.dumps(line) + "\n")
         except OSError as error:  # the order was carried out all the same
             self.notice(f"the audit log could not be written: {error.strerror}", level="danger")
+
+    def audited(self, person: protocol.Person, what: str, do: Callable[[], None], about: dict[str, object]) -> None:
+        """Do what a person ordered, and write down what came of it.
+
+        Args:
+            about: of `audit`, as it was when the order was given.
+        """
+        try:
+            do()
+        except Exception as error:
+            self.audit(person, what, f"refused: {error}", about)
+            raise
+        self.audit(person, what, "done", about)
 
     def left(self, person: protocol.Person) -> None:
         """Somebody closed the page: control is free again."""

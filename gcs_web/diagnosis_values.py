@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import vehicle
 from gcs_web import protocol
@@ -9,8 +10,9 @@ from gcs_web import protocol_flights as parts
 from gcs_web.residuals import variable
 from sysid.diagnosis import Diagnosis, explained
 from sysid.diagnosis.candidates import Candidate
+from sysid.diagnosis.curve import advice, suggested_name
 from sysid.diagnosis.findings import CandidateFinding, OutsideFinding, Size
-from sysid.diagnosis.free_form import VARIABLE
+from sysid.diagnosis.free_form import UNIT, VARIABLE
 from sysid.diagnosis.outlook import Outlook
 from sysid.estimator import changes
 from sysid.estimator.changes import Change
@@ -122,7 +124,21 @@ def _outside(found: OutsideFinding) -> parts.OutsideCurve:
         (scale * found.force_or_torque * found.acceleration).tolist(),
         (SIGMAS * scale * found.force_or_torque * found.band).tolist(),
         found.confidence,
+        *((suggested_name(found), "") if not (why := advice(found)) else ("", why)),
     )
+
+
+def curve_facts(shown: parts.OutsideCurve) -> dict[str, Any]:
+    """The curve as `goshawk diagnose --json` has it, in SI."""
+    scale, _ = unit(shown.channel)
+    return {
+        "channel": shown.channel,
+        "variable": shown.variable.name,
+        "variable_unit": UNIT.get(shown.variable.name, ""),
+        "at": shown.x,
+        "residual": [y / scale for y in shown.y],
+        "residual_sigma": [band / (SIGMAS * scale) for band in shown.band],
+    }
 
 
 def _left(found: Diagnosis) -> list[str]:

@@ -10,7 +10,7 @@ import numpy as np
 from esdf import Edit
 from flight import InputError
 from flight.mission import MOST_LAPS, Ground
-from gcs_web import course_edits, map_edits, missions, protocol
+from gcs_web import course_edits, map_edits, missions, protocol, protocol_course
 from gcs_web.document import SETTING_BOUNDS, Content, Point
 from gcs_web.map_edits import LARGEST_COORDINATE_M, MapEdit
 
@@ -44,6 +44,22 @@ def _shift(content: Content, edit: protocol.Shift) -> Edited:
         return msgspec.structs.replace(point, position_world_m=(x + edit.x_m, y + edit.y_m, z + edit.z_m))
 
     return _each(content, edit.waypoints, moved)
+
+
+def _place(content: Content, edit: protocol_course.Place) -> Edited:
+    places = dict(zip(edit.waypoints, edit.positions_m, strict=True))
+    after, _ = _each(
+        content, edit.waypoints, lambda point: msgspec.structs.replace(point, position_world_m=places[point.id])
+    )
+    return after, f"{_named(content, edit.waypoints)} {edit.label}"
+
+
+def _random_yaw(content: Content, edit: protocol.RandomYaw) -> Edited:
+    """The same for the same revision; a plan that cannot turn as fast slows down, or is refused as any other."""
+    yaw_rad = np.random.default_rng(edit.revision).uniform(-np.pi, np.pi, len(content.points)).tolist()
+    of = {point.id: angle for point, angle in zip(content.points, yaw_rad, strict=True)}
+    after, _ = _each(content, edit.waypoints, lambda point: msgspec.structs.replace(point, yaw_rad=of[point.id]))
+    return after, f"random headings for {_named(content, edit.waypoints)}"
 
 
 def _turn(content: Content, edit: protocol.Turn) -> Edited:
@@ -183,7 +199,7 @@ def _choose(content: Content, edit: protocol.Choose) -> Edited:
     if "heading_deg" in given:
         given["heading_rad"] = math.remainder(math.radians(_finite(given.pop("heading_deg"))), 2.0 * math.pi)
     if "look_at_m" in given:
-        given["look_at_world_m"] = _place(given.pop("look_at_m"))
+        given["look_at_world_m"] = _checked_place(given.pop("look_at_m"))
     if given.get("yaw") == "look_at" and (given.get("look_at_world_m") or content.settings.look_at_world_m) is None:
         given["look_at_world_m"] = _middle(content)
     return _with_settings(content, **given), said
@@ -219,7 +235,7 @@ def _finite(value: float) -> float:
     return value
 
 
-def _place(position_m: tuple[float, float, float]) -> tuple[float, float, float]:
+def _checked_place(position_m: tuple[float, float, float]) -> tuple[float, float, float]:
     if not max(map(abs, position_m)) <= LARGEST_COORDINATE_M:
         raise InputError(f"{list(position_m)} m is refused; coordinates must be within {LARGEST_COORDINATE_M:g} m")
     return position_m
@@ -249,7 +265,7 @@ def _ground(content: Content, edit: protocol.SetGround) -> Edited:
     climb_m_s = edit.climb_m_s if edit.climb_m_s is not None else 1.0 if old is None else old.climb_m_s
     if not 0.0 < climb_m_s <= _FASTEST_CLIMB_M_S:
         raise InputError(f"{climb_m_s:g} m/s is refused; give more than 0 and at most {_FASTEST_CLIMB_M_S:g} m/s")
-    ground = Ground(_place((x, y, z)), climb_m_s)
+    ground = Ground(_checked_place((x, y, z)), climb_m_s)
     where = f"({x:.2f}, {y:.2f}, {z:.2f}) m"
     return _with_settings(content, **{edit.end: ground}), f"{_END_WORDS[edit.end]} at {where}, {climb_m_s:g} m/s"
 
@@ -340,6 +356,8 @@ _EDITS: dict[type, Callable[[Content, Any], Edited]] = {
     protocol.Move: _move,
     protocol.Shift: _shift,
     protocol.Turn: _turn,
+    protocol_course.Place: _place,
+    protocol.RandomYaw: _random_yaw,
     protocol.Insert: _insert,
     protocol.Delete: _delete,
     protocol.Reverse: _reverse,

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 _COLOURS = ((242, 245, 247), (121, 176, 255), (240, 184, 73), (154, 216, 90))
 """Of the paths, in the order they were opened."""
+_MARK, _MARK_M = np.array((196, 113, 240)), 0.12
+"""Colour and thickness of marked stretches: the colour of residuals, thicker than the path."""
 
 
 class FlightScene:
@@ -27,6 +29,8 @@ class FlightScene:
         self._drawn: list[Any] = []
         self._vehicles: list[Any] = []
         self._planned: Any = None
+        self._stretches: Sequence[tuple[str, float, float]] = ()
+        self._marks: list[Any] = []
         self.on_moment: Callable[[float], None] = lambda _: None
         """A path was clicked; the flight's time there, s."""
         server.scene.on_click()(self._clicked)
@@ -36,7 +40,7 @@ class FlightScene:
 
         Args:
             values: by flight, times and signed values by which its path is coloured, blue - grey - orange over the
-                same symmetric range for all; the others are plain.
+                same symmetric range for all; NaN where nothing is known. Where nothing is, and others, are plain.
         """
         with self._lock, self._server.atomic():
             for node in (*self._drawn, *self._vehicles):
@@ -46,14 +50,34 @@ class FlightScene:
             for i, (name, path) in enumerate(paths.items()):
                 colours = np.tile(np.array(_COLOURS[i % len(_COLOURS)], dtype=np.uint8), (len(path.time_s), 1))
                 if name in values:
-                    when, value = values[name]
-                    colours = scene.signed_colours(np.interp(path.time_s, when, value) / reach)
+                    shown = np.interp(path.time_s, *values[name], left=np.nan, right=np.nan)
+                    known = np.isfinite(shown)
+                    colours[known] = scene.signed_colours(shown[known] / reach)
                 self._drawn.append(scene.draw_path(self._server, path.position_world_m, colours, name=f"/flown_{i}"))
                 self._vehicles.append(scene.draw_vehicle(self._server, f"/flown_vehicle_{i}", opacity=1.0))
             if self._planned is None and paths:
                 self._planned = scene.draw_vehicle(self._server, "/flown_planned", opacity=0.4)
             if self._planned is not None:
                 self._planned.visible = False
+            self._draw_marks()
+
+    def mark(self, stretches: Sequence[tuple[str, float, float]]) -> None:
+        """Mark parts of the paths that are drawn: flight, from and to on its shifted time, s."""
+        with self._lock, self._server.atomic():
+            self._stretches = tuple(stretches)
+            self._draw_marks()
+
+    def _draw_marks(self) -> None:
+        for node in self._marks:
+            node.remove()
+        self._marks = []
+        for i, (name, path) in enumerate(self._paths.items()):
+            spans = [(from_s, to_s) for flight, from_s, to_s in self._stretches if flight == name]
+            pieces = _pieces(path, spans)
+            if len(pieces):
+                self._marks.append(
+                    scene.draw_pieces(self._server, pieces, _MARK, name=f"/moments_{i}", thickness_m=_MARK_M)
+                )
 
     def look(self, time_s: float | None) -> None:
         """Draw the vehicles where they were, and that of the first flight where it should have been."""
@@ -75,6 +99,16 @@ class FlightScene:
                 return
 
 
+def _pieces(path: Path3D, spans_s: Sequence[tuple[float, float]]) -> FloatArray:
+    """(k, 2, 3) both ends of every piece of a path that lies within one of the spans in part."""
+    begins, ends = path.time_s[:-1], path.time_s[1:]
+    inside = np.zeros(len(begins), dtype=bool)
+    for from_s, to_s in spans_s:
+        inside |= (ends > from_s) & (begins < to_s)
+    pieces = np.stack([path.position_world_m[:-1], path.position_world_m[1:]], axis=1)[inside]
+    return pieces[np.isfinite(pieces).all(axis=(1, 2))]
+
+
 def _place(
     vehicle: Any, when: FloatArray, position: FloatArray | None, q: FloatArray | None, time_s: float | None
 ) -> None:
@@ -93,4 +127,4 @@ def _place(
 def _reach(values: Mapping[str, tuple[FloatArray, FloatArray]]) -> float:
     """Half the range of the scale: the largest value but for the last hundredth, the same for all flights."""
     every: Sequence[FloatArray] = [np.abs(value) for _, value in values.values()]
-    return max(float(np.quantile(np.concatenate(every), 0.99)) if every else 0.0, 1e-12)
+    return max(float(np.nanquantile(np.concatenate(every), 0.99)) if every else 0.0, 1e-12)

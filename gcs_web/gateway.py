@@ -4,6 +4,8 @@ viser listens on a random loopback port and asks nobody anything; whoever reache
 browser talks to this gateway, which checks the Host header (a foreign name that resolves here is refused), the token
 (good once, then a cookie of the browser's own) and the Origin of every WebSocket, bounds the size of a message and the
 number of sockets, drops the messages that would publish the view on viser's share server, and passes the rest on.
+Nobody holds a connection by silence: a request must come within `SILENCE_S`, a body must move every
+`BODY_PAUSE_S`, and a WebSocket whose browser does not answer a ping is closed.
 
 /          our page (`gcs_web/static`)
 /ws        its WebSocket
@@ -19,7 +21,7 @@ import hmac
 import logging
 import secrets
 import tempfile
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
@@ -41,6 +43,12 @@ LARGEST_LOG = 1 << 30
 LARGEST_MESSAGE = 1 << 20
 """Bytes that a browser may send at once."""
 MOST_SOCKETS = 64
+SILENCE_S = 30.0
+"""Time for a request: a connection that is longer about it (line and header), or idle after one, is closed."""
+PING_S = 20.0
+"""Between two pings of a WebSocket; half of it is the time for an answer, then the socket is closed."""
+BODY_PAUSE_S = 30.0
+"""Longest pause inside a flight log that is sent."""
 MOST_BROWSERS = 64
 """Cookies that are good at a time; the oldest is forgotten first."""
 REFUSED_MESSAGES = frozenset({"ShareUrlRequest", "ShareUrlDisconnect"})
@@ -59,8 +67,11 @@ _VIEW_POLICY = (  # viser's own page: inline script and style, data and blob add
     "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; connect-src 'self' data: blob:; "
     "worker-src 'self' blob:; frame-ancestors 'self'"
 )
-_VIEW_STYLE = b"<style>.mantine-Paper-root,.mantine-Notifications-root{display:none!important}</style></head>"
-"""Hides viser's own panel and messages: what they do is on our page."""
+_VIEW_STYLE = (
+    b"<style>.mantine-Paper-root,.mantine-Notifications-root{display:none!important}canvas[data-engine]{background:var(--scene)}"
+    b"</style></head>"
+)
+"""Hides viser's own panel and messages: what they do is on our page, which sets the background to its own colour."""
 
 Handler = Callable[["web.Request"], Awaitable["web.StreamResponse"]]
 Serve = Callable[["web.WebSocketResponse"], Awaitable[None]]
@@ -81,6 +92,7 @@ class Gateway:
         host: str = LOOPBACK,
         port: int = 0,
         tls: "ssl.SSLContext | None" = None,
+        browsers: Sequence[str] = (),
     ) -> None:
         """
         Args:
@@ -92,6 +104,7 @@ class Gateway:
             host: name or address to listen at, and the only name that is answered to beside this machine's own.
             port: 0 lets the system choose.
             tls: proves that it is `host`; then the page is https and its sockets are wss.
+            browsers: cookies of those that came in before, at this port.
         """
         self._incoming = incoming
         self._host, self._tls = host.lower(), tls  # lower, as browsers send it
@@ -99,7 +112,8 @@ class Gateway:
         self._upstream = f"{LOOPBACK}:{upstream_port}"
         self._serve_page, self._state, self._wanted_port = serve_page, state, port
         self._token = secrets.token_urlsafe(24)
-        self._browsers: list[str] = []
+        self.browsers = list(browsers)
+        """Cookies of those that came in."""
         self._sockets = 0
         self._runner: web.AppRunner | None = None
         self._client: ClientSession | None = None
@@ -136,7 +150,7 @@ class Gateway:
         application.router.add_get("/viser", self._pass_socket)  # viser's page leaves out the last slash here
         application.router.add_get("/viser/{path:.*}", self._pass_on)
         self._client = ClientSession(timeout=ClientTimeout(total=60), auto_decompress=False)
-        self._runner = web.AppRunner(application, access_log=None, shutdown_timeout=1.0)
+        self._runner = web.AppRunner(application, access_log=None, shutdown_timeout=1.0, keepalive_timeout=SILENCE_S)
         await self._runner.setup()
         site = web.TCPSite(self._runner, self._host, self._wanted_port, ssl_context=self._tls)
         await site.start()
@@ -160,7 +174,7 @@ class Gateway:
         if given is not None:
             return self._enter(given)
         cookie = request.cookies.get(self._cookie, "").encode()
-        if not any(hmac.compare_digest(cookie, known.encode()) for known in self._browsers):
+        if not any(hmac.compare_digest(cookie, known.encode()) for known in self.browsers):
             return self._refuse("a token is needed; open the address that `goshawk gcs` printed last")
         origin = request.headers.get("Origin")
         is_socket = request.headers.get("Upgrade", "").lower() == "websocket"
@@ -182,10 +196,10 @@ class Gateway:
         if not hmac.compare_digest(token.encode(), self._token.encode()):
             return self._refuse("that token is not valid (any more); open the address that `goshawk gcs` printed last")
         self._token = secrets.token_urlsafe(24)
-        self._browsers = [*self._browsers, secrets.token_urlsafe(24)][-MOST_BROWSERS:]
+        self.browsers = [*self.browsers, secrets.token_urlsafe(24)][-MOST_BROWSERS:]
         entry = web.HTTPFound("/")
         entry.set_cookie(
-            self._cookie, self._browsers[-1], httponly=True, samesite="Strict", secure=self._tls is not None
+            self._cookie, self.browsers[-1], httponly=True, samesite="Strict", secure=self._tls is not None
         )
         self.on_entry(self.url)
         return entry
@@ -199,7 +213,9 @@ class Gateway:
 
         self.refused += 1
         logger.warning("refused: %s", reason)
-        return web.Response(status=status, text=f"Goshawk: {reason}\n")
+        refusal = web.Response(status=status, text=f"Goshawk: {reason}\n")
+        refusal.force_close()
+        return refusal
 
     async def _index(self, request: "web.Request") -> "web.StreamResponse":
         from aiohttp import web
@@ -224,7 +240,7 @@ class Gateway:
             temporary = Path(file.name)
             try:
                 size = 0
-                async for data in request.content.iter_chunked(1 << 16):
+                while data := await asyncio.wait_for(request.content.read(1 << 16), BODY_PAUSE_S):
                     size += len(data)
                     if size > LARGEST_LOG:
                         said = f"{name} is larger than {LARGEST_LOG >> 30} GiB; read it with `goshawk log` instead"
@@ -232,6 +248,8 @@ class Gateway:
                     file.write(data)
                 file.close()
                 temporary.replace(self._incoming / name)
+            except TimeoutError:
+                return web.Response(status=408, text=f"{name} stopped coming; send it again")
             except OSError as error:
                 return web.Response(status=507, text=f"{name} could not be written ({error.strerror})")
             finally:
@@ -258,7 +276,7 @@ class Gateway:
     async def _page(self, request: "web.Request") -> "web.StreamResponse":
         from aiohttp import web
 
-        socket = web.WebSocketResponse(max_msg_size=LARGEST_MESSAGE, heartbeat=20.0)
+        socket = web.WebSocketResponse(max_msg_size=LARGEST_MESSAGE, heartbeat=PING_S)
         await socket.prepare(request)
         self._sockets += 1
         try:
@@ -289,7 +307,9 @@ class Gateway:
         from aiohttp import web
 
         offered = [p.strip() for p in request.headers.get("Sec-WebSocket-Protocol", "").split(",") if p.strip()]
-        browser = web.WebSocketResponse(protocols=offered, max_msg_size=LARGEST_MESSAGE, compress=False)
+        browser = web.WebSocketResponse(
+            protocols=offered, max_msg_size=LARGEST_MESSAGE, compress=False, heartbeat=PING_S
+        )
         await browser.prepare(request)
         assert self._client is not None
         self._sockets += 1

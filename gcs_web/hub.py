@@ -21,6 +21,7 @@ _STATE = (
     protocol.Vehicle,
     protocol.People,
     protocol.Files,
+    protocol.Projects,
     protocol.Jobs,
     protocol.Shown,
     protocol.MapShown,
@@ -30,6 +31,8 @@ _STATE = (
     protocol.Comparison,
     protocol.Diagnosis,
     protocol.Model,
+    protocol.EffectFiles,
+    protocol.Identification,
 )
 
 

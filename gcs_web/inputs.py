@@ -1,13 +1,14 @@
 """The map and the vehicle that plans are checked against, and whether their files have changed since."""
 
 import logging
+import os
 import threading
 from collections.abc import Callable
 from pathlib import Path
 
 import mapping
 import vehicle
-from flight import project
+from flight import FlightError, project
 from mapping.verdict import Standing
 
 logger = logging.getLogger(__name__)
@@ -19,17 +20,25 @@ Signature = tuple[tuple[str, int, int], ...]
 
 
 def signature(folder: Path) -> Signature:
-    """Of a project's map and vehicle as they are on disk now; what is missing is left out."""
+    """Of a project's map and vehicle, effect files of its own included, as they are on disk now; what is missing is
+    left out."""
     opened = project.Project(folder, "")
-    watched = [opened.vehicle, *sorted(p for p in opened.map.rglob("*") if p.is_file())]
+    watched = [opened.vehicle, *_effect_files(opened), *sorted(p for p in opened.map.rglob("*") if p.is_file())]
     found = []
     for path in watched:
         try:
             status = path.stat()
         except FileNotFoundError:
             continue
-        found.append((str(path.relative_to(folder)), status.st_mtime_ns, status.st_size))
+        found.append((os.path.relpath(path, folder), status.st_mtime_ns, status.st_size))
     return tuple(found)
+
+
+def _effect_files(opened: project.Project) -> tuple[Path, ...]:
+    try:
+        return vehicle.effect_files(opened.vehicle)
+    except FlightError:  # said where the vehicle is read
+        return ()
 
 
 def doubt(area: mapping.Map) -> str:

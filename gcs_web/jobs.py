@@ -38,6 +38,10 @@ def _no_choices(_: Project) -> Choices:
     return {}
 
 
+def _nothing_foreseen(_: Project, __: Any) -> str:
+    return ""
+
+
 def _accept(_: Project, __: Any) -> None:
     """Of a kind whose arguments need no look at the project."""
 
@@ -59,6 +63,8 @@ class Kind:
     choices: Callable[[Project], Choices] = _no_choices
     check: Callable[[Project, Any], None] = _accept
     """Before the job is taken: raises `InputError` where it could not succeed."""
+    foresee: Callable[[Project, Any], str] = _nothing_foreseen
+    """What it would do, in words, for a person to read before it is started."""
 
 
 @dataclass(slots=True)
@@ -139,14 +145,7 @@ class Jobs:
         Raises:
             InputError: no such kind, the arguments are not valid, or too many jobs wait.
         """
-        if name not in self._kinds:
-            raise InputError(f"there is no job {name!r}; there are {', '.join(self._kinds) or 'none'}")
-        kind = self._kinds[name]
-        try:
-            wanted = msgspec.convert(arguments, kind.arguments)
-        except msgspec.ValidationError as error:
-            raise InputError(f"{kind.title}: {error}") from error
-        kind.check(self._project, wanted)
+        kind, wanted = self._checked(name, arguments)
         with self._changed:
             if sum(job.state == "waiting" for job in self._jobs) >= MOST_WAITING:
                 raise InputError(f"{MOST_WAITING} jobs wait already; cancel one, or wait for them")
@@ -159,6 +158,28 @@ class Jobs:
             number = self._last_id
         self._on_change()
         return number
+
+    def foresee(self, name: str, arguments: Mapping[str, Any]) -> str:
+        """What a job would do; empty where the kind does not say. Raises as `start`."""
+        kind, wanted = self._checked(name, arguments)
+        return kind.foresee(self._project, wanted)
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a job runs or waits."""
+        with self._changed:
+            return any(not job.ended_s for job in self._jobs)
+
+    def _checked(self, name: str, arguments: Mapping[str, Any]) -> tuple[Kind, msgspec.Struct]:
+        if name not in self._kinds:
+            raise InputError(f"there is no job {name!r}; there are {', '.join(self._kinds) or 'none'}")
+        kind = self._kinds[name]
+        try:
+            wanted = msgspec.convert(arguments, kind.arguments)
+        except msgspec.ValidationError as error:
+            raise InputError(f"{kind.title}: {error}") from error
+        kind.check(self._project, wanted)
+        return kind, wanted
 
     def cancel(self, number: int) -> None:
         """End a job that waits or runs.

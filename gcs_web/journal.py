@@ -3,6 +3,7 @@
 Each line of `journal.jsonl` is the CRC-32 of its text and the text; a change counts once its line is on disk (fsync).
 A last line that is cut off was never acknowledged and is dropped. Every `COMPACT_AFTER` lines the snapshot is renewed
 (temporary file, rename) and the journal begins anew; lines that the snapshot already holds are passed over on reading.
+The snapshot has a CRC-32 of its own: what a disk or another program did to it is refused, never opened as a document.
 """
 
 import errno
@@ -10,6 +11,7 @@ import fcntl
 import io
 import logging
 import os
+import re
 import zlib
 from collections import deque
 from dataclasses import dataclass, field
@@ -25,9 +27,9 @@ logger = logging.getLogger(__name__)
 
 UNDO_DEPTH = 200
 COMPACT_AFTER = 1000
-FORMAT, VERSION = "goshawk-document", 3
-WITH_MAP_EDITS = 3
-"""First version that holds the edits of the map."""
+FORMAT, VERSION = "goshawk-document", 4
+WITH_MAP_EDITS, WITH_CRC = 3, 4
+"""First versions that hold the edits of the map, and a CRC."""
 
 
 class Entry(msgspec.Struct, frozen=True):
@@ -131,7 +133,7 @@ class Journal:
         """Renew the snapshot and begin the journal anew."""
         saved = self.saved
         snapshot = _Snapshot(FORMAT, VERSION, saved.revision, saved.content, list(saved.undo), saved.redo)
-        file_format.write_bytes(self._snapshot, msgspec.json.encode(snapshot))
+        file_format.write_bytes(self._snapshot, _encoded(snapshot))
         os.ftruncate(self._file.fileno(), 0)  # needs no space; a kill before it leaves lines that reading passes over
         os.fsync(self._file.fileno())
         self._lines = 0
@@ -192,14 +194,37 @@ def _follows(saved: Saved, entry: Entry) -> bool:
     return entry.revision == saved.revision + 1 and bool(stack)
 
 
+_CRC = re.compile(rb',"crc32":"([0-9a-f]{8})"}\Z')
+"""Last in a snapshot; of all bytes before it."""
+
+
+def _encoded(snapshot: _Snapshot) -> bytes:
+    text = msgspec.json.encode(snapshot).removesuffix(b"}")
+    return b'%s,"crc32":"%08x"}' % (text, zlib.crc32(text))
+
+
 def _decoded(path: Path) -> _Snapshot:
+    data = path.read_bytes()
+    crc = _CRC.search(data)
+    try:
+        if crc is not None and int(crc[1], 16) != zlib.crc32(data[: crc.start()]):
+            raise FormatError("its CRC does not match")
+        msgspec.json.decode(data)
+    except (msgspec.DecodeError, UnicodeDecodeError, FormatError) as error:
+        raise _damaged(path, error) from error
     file_format.read_json(path, format=FORMAT, version=VERSION)  # refuses what is no document, and newer versions
     try:
-        snapshot = msgspec.json.decode(path.read_bytes(), type=_Snapshot)
+        snapshot = msgspec.json.decode(data, type=_Snapshot)
+        if crc is None and snapshot.version >= WITH_CRC:
+            raise FormatError("it has no CRC")
         _require_solids(snapshot)
     except (msgspec.DecodeError, FlightError) as error:
-        raise FormatError(f"{path} is damaged: {error}; move it away to start from waypoints.json") from error
+        raise _damaged(path, error) from error
     return snapshot
+
+
+def _damaged(path: Path, why: Exception) -> FormatError:
+    return FormatError(f"{path} is damaged: {why}; move it away to start from waypoints.json")
 
 
 def _require_solids(snapshot: _Snapshot) -> None:

@@ -2,15 +2,17 @@
 
 import threading
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 
 import vehicle
 from flight import FlightError, InputError, file_format
 from flight.project import Project
-from gcs_web import protocol, reading
+from gcs_web import diagnosis_values, identified, protocol, reading
 from gcs_web.flights import Flights
 from gcs_web.protocol_flights import ParameterRow, Tried, VehicleVersion
+from sysid.diagnosis import curve
 from sysid.report import words
 from vehicle import history
 from vehicle.history import HeldOut, Step
@@ -34,6 +36,11 @@ def tried_files(folder: Path) -> tuple[Path, Path]:
     return folder / ".session" / "tried.toml", folder / ".session" / "tried.json"
 
 
+def own_effects(folder: Path) -> Path:
+    """The folder of a project's own effect files, to be tried."""
+    return folder / "effects"
+
+
 class Learning:
     """Thread-safe."""
 
@@ -55,6 +62,14 @@ class Learning:
         )
         return msgspec.structs.replace(found, state="current" if same else "old")
 
+    def identification(self) -> protocol.Identification:
+        """The newest identification; `old` if the vehicle or its flights are others now."""
+        found = identified.load(self._project.folder)
+        if found.state == "none":
+            return found
+        same = (found.vehicle, found.logs) == (self._hash(), reading.contents(self._project, found.flights))
+        return msgspec.structs.replace(found, state="current" if same else "old")
+
     def model(self) -> protocol.Model:
         """
         Raises:
@@ -66,7 +81,7 @@ class Learning:
             present.name,
             list(present.effects),
             [
-                ParameterRow(name, words.parameter(name), p.value, p.std, p.unit, p.source)
+                ParameterRow(name, words.parameter_in_full(name), p.value, p.std, p.unit, p.source)
                 for name, p in ((name, present.parameter(name)) for name in vehicle.specs(present))
             ],
             self._versions(),
@@ -99,6 +114,25 @@ class Learning:
         """Forget the change that was tried."""
         for file in tried_files(self._project.folder):
             file.unlink(missing_ok=True)
+
+    def draft_effect(self, name: str, form: Literal["spline", "polynomial"]) -> Path:
+        """Write an effect file of the curve that no known effect explains, as `goshawk vehicle scaffold-effect` does.
+
+        Raises:
+            FlightError: there is no such curve, no effect can be made of it, or the name is taken or no name.
+        """
+        found = self.diagnosis()
+        if found.outside is None:
+            raise InputError("the diagnosis has no curve that no known effect explains; diagnose again")
+        if found.state != "current":
+            raise InputError(
+                "the vehicle, a flight or the choice of flights changed since the diagnosis; diagnose again"
+            )
+        folder = own_effects(self._project.folder)
+        facts = diagnosis_values.curve_facts(found.outside)
+        with self._lock:
+            folder.mkdir(exist_ok=True)
+            return curve.scaffold(facts, folder / f"{name}.py", name=name, form=form)
 
     def return_to(self, number: int) -> tuple[Step, Step]:
         """Restore a version of the vehicle file; the one that was left, and the one that is there now.

@@ -11,13 +11,14 @@ import esdf
 from esdf import Edit
 from esdf.edits import difference
 from flight import FlightError, FloatArray, InputError
-from gcs_web import map_edits, protocol
+from gcs_web import inputs, map_edits, protocol
 from gcs_web.protocol_parts import Layer, MapAction, MapFacts, Shape, Slice
 
 if TYPE_CHECKING:
     from gcs_web.desk import Desk
 
 _LAYERS: list[Layer] = ["mesh", "edits"]
+_LARGEST_BRUSH_M = 10.0
 
 
 class MapDesk:
@@ -33,15 +34,23 @@ class MapDesk:
         self._action: MapAction = "no-fly"
         self._editor: esdf.Editor | None = None
         """Of the map without the previewed edit, while there is one."""
+        self._brush_lock = threading.Lock()
+        """Of the next three, apart: viser's loop takes it, and must not wait for a preview to be computed."""
+        self._painter, self._stroke = "", protocol.Paint(serial=0, active=False)
+        """Who paints (id), and with which brush."""
+        self._painted: list[tuple[float, float, float]] = []
         self._view.on_shape = self._pulled
+        desk.view.on_paint = self._paint
         desk.view.on_measure = self.take_click
 
     # --- what is shown ---
 
     def show(self, wanted: Slice | None, layers: list[Layer], author: str) -> None:
         """Raises `InputError` if the slice is not at a finite place."""
-        if wanted is not None and not abs(wanted.at_m) <= map_edits.LARGEST_COORDINATE_M:
-            raise InputError(f"a slice at {wanted.at_m} m is refused; give a finite place in the map")
+        if wanted is not None:
+            numbers = (wanted.at_m, wanted.heading_deg, wanted.tilt_deg)
+            if not max(map(abs, numbers)) <= map_edits.LARGEST_COORDINATE_M:
+                raise InputError(f"a slice at {wanted.at_m} m is refused; give a finite place and direction in the map")
         with self._lock:
             self._slice, self._layers, self._author = wanted, layers, author
         self._view.show(wanted, layers)
@@ -80,6 +89,7 @@ class MapDesk:
                     reprojection_px=None if reprojection is None else float(reprojection),
                     free_m3=free_m3,
                     standing=str(area.standing),
+                    doubt=inputs.doubt(area),
                 ),
                 author=self._author,
             )
@@ -120,18 +130,72 @@ class MapDesk:
             InputError: somebody else looks at a preview, or the edit is not possible.
         """
         with self._lock:
-            holder = self._preview.author
-            if holder not in ("", person.id) and any(p.id == holder for p in self._desk.hub.people):
-                raise InputError("another person is drawing an edit of the map; wait until it is applied or cancelled")
+            self._require_free(person)
             if wanted.shape is None:
-                self.end_preview()
+                if not self._painter:  # a brush is put away by `paint`
+                    self.end_preview()
                 return
             self._action = wanted.action
             self._show_preview(person.id, wanted.edit, wanted.shape)
 
-    def end_preview(self, author: str = "") -> None:
-        """Of this person, or of anybody."""
+    def paint(self, wanted: protocol.Paint, person: protocol.Person) -> None:
+        """Take drags over the mesh for this person's strokes, or stop.
+
+        Raises:
+            InputError: somebody else looks at a preview, or the brush is not possible.
+        """
         with self._lock:
+            self._require_free(person)
+            if not wanted.active:
+                self.end_preview()
+                return
+            if not 0.0 < wanted.radius_m <= _LARGEST_BRUSH_M:
+                raise InputError(f"a brush of radius {wanted.radius_m:g} m is refused; at most {_LARGEST_BRUSH_M:g} m")
+            with self._brush_lock:
+                self._painter, self._stroke = person.id, wanted
+            self._desk.view.paint(True)
+
+    def _paint(self, point_world_m: FloatArray, is_end: bool) -> None:
+        """Another place of a stroke, or its end; then the next one begins."""
+        with self._brush_lock:
+            if not self._painter:
+                return
+            if np.isfinite(point_world_m).all() and len(self._painted) < map_edits.MOST_POINTS:
+                self._painted.append(_triple(point_world_m))
+            if not self._painted:
+                return
+            brush, author = self._stroke, self._painter
+            drawn = Shape("stroke", radius_m=brush.radius_m, points_m=list(self._painted))
+            self._painted = [] if is_end else self._painted
+        shape = map_edits.shape_of(map_edits.solid(drawn))
+        if is_end:
+            threading.Thread(target=self._show_stroke, args=(author, brush.action, shape), daemon=True).start()
+        else:
+            self._view.preview(brush.action, shape, None)
+
+    def _show_stroke(self, author: str, action: MapAction, shape: Shape) -> None:
+        with self._lock:
+            if self._painter != author:
+                return  # the brush was put away meanwhile
+            self._action = action
+            try:
+                self._show_preview(author, None, shape)
+            except FlightError as error:
+                self._desk.notice(str(error), level="danger", to=author)
+
+    def _require_free(self, person: protocol.Person) -> None:
+        holder = self._preview.author or self._painter
+        if holder not in ("", person.id) and any(p.id == holder for p in self._desk.hub.people):
+            raise InputError("another person is drawing an edit of the map; wait until it is applied or cancelled")
+
+    def end_preview(self, author: str = "") -> None:
+        """Of this person, or of anybody; and their brush."""
+        with self._lock:
+            if self._painter and author in ("", self._painter):
+                with self._brush_lock:
+                    self._painter, self._painted = "", []
+                self._desk.view.paint(False)
+                self._view.preview("no-fly", None, None)
             if self._preview.author and author in ("", self._preview.author):
                 self._editor, self._preview = None, protocol.MapPreview("")
                 self._view.preview("no-fly", None, None)

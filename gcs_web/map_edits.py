@@ -12,6 +12,8 @@ from flight import FormatError, InputError, file_format
 from gcs_web.protocol_parts import Shape
 
 MOST_EDITS = 500
+MOST_POINTS = 500
+"""Of a brush's stroke."""
 LARGEST_COORDINATE_M = 10_000.0
 
 Action = Literal["add", "remove", "clear", "no-fly"]
@@ -92,7 +94,8 @@ def solid(shape: Shape) -> solids.Solid:
     Raises:
         InputError: the numbers do not make one, or the page has no such form.
     """
-    values = [*shape.centre_m, *shape.size_m, shape.radius_m, *(v for corner in shape.corners_m for v in corner)]
+    places = [*shape.corners_m, *shape.points_m]
+    values = [*shape.centre_m, *shape.size_m, shape.radius_m, *(v for place in places for v in place)]
     if not max(map(abs, values)) <= LARGEST_COORDINATE_M:
         raise InputError(f"a shape's numbers must be finite and within {LARGEST_COORDINATE_M:g} m; got {values}")
     centre, size = np.array(shape.centre_m), np.array(shape.size_m)
@@ -103,6 +106,10 @@ def solid(shape: Shape) -> solids.Solid:
     if shape.form == "prism":
         low, high = centre[2] - 0.5 * size[2], centre[2] + 0.5 * size[2]
         return solids.Prism(tuple(shape.corners_m), float(low), float(high))
+    if shape.form == "stroke":
+        if not 0 < len(shape.points_m) <= MOST_POINTS:
+            raise InputError(f"a stroke of {len(shape.points_m)} points; draw one of 1 to {MOST_POINTS}")
+        return solids.Stroke(tuple(shape.points_m), shape.radius_m)
     raise InputError("this shape was made by `goshawk map edit`; the page can drop it, but not change it")
 
 
@@ -118,6 +125,8 @@ def shape_of(body: solids.Solid) -> Shape:
         return Shape("sphere", centre, size, body.radius_m)
     if isinstance(body, solids.Prism):
         return Shape("prism", centre, size, corners_m=list(body.polygon_world_m))
+    if isinstance(body, solids.Stroke) and len(body.points_world_m) <= MOST_POINTS:
+        return Shape("stroke", centre, size, body.radius_m, points_m=list(body.points_world_m))
     return Shape("other", centre, size)
 
 
@@ -126,6 +135,9 @@ def words(body: solids.Solid) -> str:
     shape = shape_of(body)
     if shape.form == "sphere":
         return f"sphere, {shape.radius_m:.2f} m"
+    if shape.form == "stroke":
+        points = np.array(shape.points_m)
+        return f"stroke, {np.linalg.norm(np.diff(points, axis=0), axis=1).sum():.1f} m"
     if shape.form == "prism":
         x, y = np.array(shape.corners_m).T
         area = 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))

@@ -3,8 +3,10 @@
 viser is given numbers and fixed names only, as in `view3d`.
 """
 
+import logging
 import threading
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,13 +14,16 @@ import numpy as np
 import esdf
 from esdf.visibility import Visibility
 from flight import FlightError, FloatArray
-from gcs_web import slices
+from gcs_web import display_points, scene, slices
+from gcs_web.detail_view import DetailView
 from gcs_web.map_edits import MapEdit, shape_of
 from gcs_web.protocol_parts import Layer, MapAction, Shape, Slice
 from mapping import Map
 
 if TYPE_CHECKING:
     import viser
+
+logger = logging.getLogger(__name__)
 
 _COLOURS: dict[MapAction, tuple[int, int, int]] = {
     "add": (240, 184, 73), "no-fly": (255, 122, 102), "clear": (121, 176, 255), "remove": (121, 176, 255),
@@ -27,15 +32,18 @@ _PREVIEW, _CAMERA, _MEASURED = (255, 255, 255), (139, 151, 162), (121, 176, 255)
 _SMALLEST_M = 0.02
 """Of a body that a handle is drawn together to."""
 _FRUSTUM_M = 0.18
+_POINT_M = 0.015
+_MOST_BALLS = 200
+"""Of a drawn stroke."""
 _AROUND = np.linspace(0.0, 2.0 * np.pi, 33)
-_SLICE_AXES = {"x": 0, "y": 1, "z": 2}
 
 
 class MapView:
     """Thread-safe."""
 
-    def __init__(self, server: "viser.ViserServer") -> None:
-        self._server = server
+    def __init__(self, server: "viser.ViserServer", cache: Path) -> None:
+        """`cache`: folder for the points as they are shown."""
+        self._server, self._cache = server, cache
         self._lock = threading.RLock()
         self._area: Map | None = None
         self._field: esdf.Field | None = None
@@ -47,7 +55,8 @@ class MapView:
         self._edits: tuple[MapEdit, ...] = ()
         self._drawn: list[Any] = []
         self._cameras: list[Any] = []
-        self._points: list[Any] = []
+        self._points = DetailView(server, "/points", self._put_points, display_points.MOST_FINE_POINTS)
+        self._points_lock, self._points_key = threading.Lock(), ""
         self._marks: list[Any] = []
         self._preview: list[Any] = []
         self._handles: dict[str, Any] = {}
@@ -57,20 +66,24 @@ class MapView:
         self.on_shape: Callable[[Shape, bool], None] = lambda _s, _e: None
         """A handle of the previewed body was moved: the body now, and whether the handle was let go."""
 
+    def close(self) -> None:
+        self._points.close()
+
     def draw(self, area: Map) -> None:
         """Show another map, or the same with other edits."""
         with self._lock, self._server.atomic():
             self._area, self._hidden, self._field = area, None, None
             _remove(self._cameras)
-            _remove(self._points)
             self._draw_slice()
             self._draw_layers()
+        self._draw_points()
 
     def show(self, wanted: Slice | None, layers: Sequence[Layer]) -> None:
         with self._lock, self._server.atomic():
             self._slice, self._layers = wanted, frozenset(layers)
             self._draw_slice()
             self._draw_layers()
+        self._draw_points()
 
     def require_clearance(self, required_m: float) -> None:
         with self._lock:
@@ -121,9 +134,9 @@ class MapView:
             area, wanted = self._area, self._slice
         near = None if hit_m is None else float(np.linalg.norm(hit_m - origin_m))
         if area is not None and wanted is not None:
-            axis = _SLICE_AXES[wanted.axis]
-            if abs(direction[axis]) > 1e-6:
-                along_m = (wanted.at_m - origin_m[axis]) / direction[axis]
+            normal = slices.normal(wanted)
+            if abs(direction @ normal) > 1e-6:
+                along_m = float((wanted.at_m - origin_m @ normal) / (direction @ normal))
                 point = origin_m + along_m * direction
                 if along_m > 0.0 and (near is None or along_m < near) and area.field.grid.contains(point[None])[0]:
                     return _triple(point)
@@ -149,14 +162,10 @@ class MapView:
         area = self._area
         if area is None:
             return
-        for name, drawn, make in (
-            ("cameras", self._cameras, self._make_cameras),
-            ("points", self._points, self._make_points),
-        ):
-            if name not in self._layers:
-                _remove(drawn)
-            elif not drawn:
-                drawn += make(area)
+        if "cameras" not in self._layers:
+            _remove(self._cameras)
+        elif not self._cameras:
+            self._cameras += self._make_cameras(area)
 
     def _make_cameras(self, area: Map) -> list[Any]:
         segments = [
@@ -166,15 +175,31 @@ class MapView:
         ]
         return [self._lines("/cameras", np.concatenate(segments), _CAMERA, 1.0)] if segments else []
 
-    def _make_points(self, area: Map) -> list[Any]:
-        try:
-            points = area.localization_map().points_world_m
-        except FlightError:
-            return []  # a map without them
-        cloud = self._server.scene.add_point_cloud(
-            "/points", points.astype(np.float32), _CAMERA, point_size=0.015, precision="float32"
-        )
-        return [cloud]
+    def _draw_points(self) -> None:
+        """Not while the scene waits: a large cloud takes a minute, the first time."""
+        with self._points_lock:
+            area, wanted = self._area, "points" in self._layers
+            self._points.set_visible(wanted)
+            if area is None or not wanted:
+                return
+            try:
+                shown = display_points.load(area.folder / "localization" / "points.npz", self._cache)
+            except FlightError as error:
+                logger.info("%s", error)  # a map without them
+                shown = None
+            key = "" if shown is None else shown.key
+            if key != self._points_key:
+                self._points.show(shown)
+                self._points_key = key
+
+    def _put_points(self, into: "viser.SceneApi", name: str, points_world_m: np.ndarray, fine: bool) -> Any:
+        """Coloured by height, to show their shape."""
+        assert self._area is not None
+        grid = self._area.field.grid
+        share = (points_world_m[:, 2] - grid.low_world_m[2]) / (grid.shape[2] * grid.voxel_m[2])
+        size_m = _POINT_M if fine else 2.0 * _POINT_M
+        colours = scene.colours(share, "cividis")
+        return into.add_point_cloud(name, points_world_m, colours, point_size=size_m, precision="float32")
 
     # --- edits ---
 
@@ -196,10 +221,28 @@ class MapView:
         self, name: str, shape: Shape, colour: tuple[int, int, int], opacity: float, *, edge: Any = None
     ) -> list[Any]:
         drawn: list[Any] = [self._lines(f"{name}/edges", outline(shape), edge or colour, 1.5)]
-        scene = self._server.scene
-        if shape.form == "sphere":
+        nodes = self._server.scene
+        if shape.form == "stroke":
+            import trimesh
+
+            ball = trimesh.creation.icosphere(subdivisions=2, radius=shape.radius_m)
+            places = along(shape.points_m, 0.5 * shape.radius_m)
+            still = np.tile([1.0, 0.0, 0.0, 0.0], (len(places), 1))
             drawn.append(
-                scene.add_icosphere(
+                nodes.add_batched_meshes_simple(
+                    f"{name}/body",
+                    ball.vertices.astype(np.float32),
+                    ball.faces.astype(np.uint32),
+                    still,
+                    places,
+                    batched_colors=colour,
+                    opacity=opacity,
+                    cast_shadow=False,
+                )
+            )
+        elif shape.form == "sphere":
+            drawn.append(
+                nodes.add_icosphere(
                     f"{name}/body",
                     radius=shape.radius_m,
                     color=colour,
@@ -210,7 +253,7 @@ class MapView:
             )
         elif shape.form != "prism":
             drawn.append(
-                scene.add_box(
+                nodes.add_box(
                     f"{name}/body",
                     color=colour,
                     dimensions=shape.size_m,
@@ -222,7 +265,7 @@ class MapView:
         else:
             vertices, faces = _walls(shape)
             drawn.append(
-                scene.add_mesh_simple(
+                nodes.add_mesh_simple(
                     f"{name}/body", vertices, faces, color=colour, opacity=opacity, side="double", cast_shadow=False
                 )
             )
@@ -276,6 +319,9 @@ _FREE_AXES = {"corner": (True, True, False), "top": (False, False, True), "radiu
 def outline(shape: Shape) -> FloatArray:
     """Edges of a body as line segments (m, 2, 3), world."""
     centre = np.array(shape.centre_m)
+    if shape.form == "stroke":
+        line = np.array([*shape.points_m, shape.points_m[-1]])
+        return np.stack([line[:-1], line[1:]], axis=1)
     if shape.form == "sphere":
         circles = []
         for axis in range(3):
@@ -293,9 +339,22 @@ def outline(shape: Shape) -> FloatArray:
     return np.concatenate([*rings, np.stack([low, high], axis=1)])
 
 
+def along(points_m: Sequence[tuple[float, float, float]], step_m: float) -> FloatArray:
+    """Points (n, 3) of a polyline, at most a step apart, and so few that a browser draws them."""
+    line = np.array(points_m)
+    if len(line) == 1:
+        return line
+    way_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    count = int(np.clip(np.ceil(way_m[-1] / step_m) + 1, 2, _MOST_BALLS))
+    at_m = np.linspace(0.0, way_m[-1], count)
+    return np.stack([np.interp(at_m, way_m, line[:, axis]) for axis in range(3)], axis=1)
+
+
 def handles(shape: Shape) -> dict[str, tuple[float, float, float]]:
     """Where a body can be taken: its centre, and what gives its size."""
     x, y, z = shape.centre_m
+    if shape.form == "stroke":
+        return {}
     if shape.form == "sphere":
         return {"centre": shape.centre_m, "radius": (x + shape.radius_m, y, z)}
     top = z + 0.5 * shape.size_m[2]

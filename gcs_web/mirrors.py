@@ -1,16 +1,50 @@
 """Files that other programs read and write, kept equal to the document: `waypoints.json` and the map's edits."""
 
+import logging
 from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import ClassVar
+
+import msgspec
 
 from esdf.edits import EDITS
 from flight import mission, results
 from gcs_web import map_edits, missions
 from gcs_web.document import Content
 
+logger = logging.getLogger(__name__)
+
 Seen = tuple[int, int, int] | None
 """Which file it is: inode, time of change, size; each of our writes makes a new one. None: there is no file."""
+
+
+class Left:
+    """How we left each file, on disk: what another program did to it while no station was open is told from it.
+
+    Written after the file itself, so that a station that is killed between the two finds a file that is the
+    document's. Not fsynced: one that is lost makes a file look foreign, and a foreign file is read, never dropped.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        try:
+            self._seen: dict[str, Seen] = msgspec.json.decode(path.read_bytes(), type=dict[str, Seen])
+        except (OSError, ValueError, msgspec.MsgspecError):
+            self._seen = {}
+
+    def __getitem__(self, name: str) -> Seen | bool:
+        return self._seen.get(name, False)
+
+    def __setitem__(self, name: str, seen: Seen) -> None:
+        if self[name] == seen:
+            return
+        self._seen[name] = seen
+        beside = self._path.with_suffix(".tmp")
+        try:
+            beside.write_bytes(msgspec.json.encode(self._seen))
+            beside.replace(self._path)
+        except OSError as error:
+            logger.warning("%s could not be written: %s", self._path, error.strerror)
 
 
 class Mirror(ABC):
@@ -19,8 +53,8 @@ class Mirror(ABC):
     while_behind: ClassVar[str]
     """What holds as long as the file could not be written."""
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, left: Left) -> None:
+        self.path, self._left = path, left
         self.written: Seen | bool = False
         """The file as we left or read it; False before that."""
         self.problem = ""
@@ -60,6 +94,16 @@ class Mirror(ABC):
     def is_ours(self, seen: Seen) -> bool:
         return self.written is not False and self.written == seen
 
+    @property
+    def is_as_left(self) -> bool:
+        """Whether nobody wrote the file since we did, in this session or the last one."""
+        return self._left[self.path.name] == self.seen()
+
+    def leave(self) -> None:
+        """Take the file for the document's, as it is now."""
+        self.written = seen = self.seen()
+        self._left[self.path.name] = seen
+
     def is_behind(self, before: Content, after: Content) -> bool:
         """Whether the file must be written after this change."""
         return True
@@ -81,7 +125,7 @@ class Mirror(ABC):
         except OSError as error:
             self.problem = f"{self.path.name} could not be written: {error.strerror}"
             raise
-        self.written, self.problem = self.seen(), ""
+        self.problem = ""
         return said
 
 
@@ -105,7 +149,7 @@ class WaypointsFile(Mirror):
 
     def write(self, content: Content) -> None:
         mission.save(self.path, missions.mission_of(content))
-        self.written = self.seen()
+        self.leave()
 
 
 class MapEditsFile(Mirror):
@@ -113,8 +157,8 @@ class MapEditsFile(Mirror):
 
     while_behind = "the map lacks this edit, so nothing is planned or checked until it is written"
 
-    def __init__(self, map_folder: Path) -> None:
-        super().__init__(map_folder / "esdf" / EDITS)
+    def __init__(self, map_folder: Path, left: Left) -> None:
+        super().__init__(map_folder / "esdf" / EDITS, left)
 
     @property
     def is_missing(self) -> bool:
@@ -133,7 +177,7 @@ class MapEditsFile(Mirror):
     def write(self, content: Content) -> None:
         if self.path.exists() or content.map_edits:
             map_edits.save(self.path, content.map_edits)
-        self.written = self.seen()
+        self.leave()
 
     def is_behind(self, before: Content, after: Content) -> bool:
         """Only where the list changed: what another program wrote waits to be taken over."""

@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import secrets
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
@@ -22,7 +23,14 @@ MOST_APART = 8
 """Commands of one page that may wait for the vehicle at a time; aborts may be twice as many, the others counted."""
 
 _DECODER = msgspec.json.Decoder(protocol.FromPage)
-_APART = (protocol.Abort, protocol.Upload, protocol.PrepareUpload, protocol.Order)
+_APART = (
+    protocol.Abort,
+    protocol.Upload,
+    protocol.PrepareUpload,
+    protocol.Order,
+    protocol.PrepareCompensation,
+    protocol.SendCompensation,
+)
 """Commands that wait for the vehicle: done beside the others, so that nothing (Abort least of all) waits for them."""
 
 
@@ -31,12 +39,15 @@ class PageSocket:
 
     def __init__(self, desk: Desk, *, project: str) -> None:
         self._desk, self._project = desk, project
+        self._id = secrets.token_hex(8)
         self._for_aborts = ThreadPoolExecutor(2, "abort")  # never behind other work
 
     async def serve(self, socket: "web.WebSocketResponse") -> None:
         """Talk to one page until it leaves."""
         client = self._desk.hub.join()
-        welcome = protocol.Welcome(protocol.PROTOCOL, client.person.id, self._project, self._desk.watch is not None)
+        welcome = protocol.Welcome(
+            protocol.PROTOCOL, client.person.id, self._project, self._desk.watch is not None, self._id
+        )
         writer = asyncio.create_task(_write(socket, client, welcome))
         self._desk.show_people()
         apart: set[asyncio.Task[None]] = set()

@@ -145,23 +145,28 @@ def limits(report: planner.GateReport, shown: protocol.Series, judged_m: FloatAr
 
 
 def passings(
-    plan: planner.Plan, flown: list[int | None], radii_m: dict[int, float], field: DistanceField
+    file: TrajectoryFile,
+    join_s: FloatArray,
+    flown: list[int | None],
+    radii_m: dict[int, float],
+    field: DistanceField,
 ) -> list[protocol.Passing]:
     """When, how fast and how far from obstacles each waypoint is passed, in the order of time.
 
     Args:
-        flown: ids of the plan's waypoints, one each, None for ground.
+        join_s: increasing instants of which each waypoint is passed at one: where segments join.
+        flown: ids of the file's waypoints, one each, None for ground.
         radii_m: by id, of those that need only be passed within a radius.
     """
-    joins = np.minimum(plan.trajectory.starts_s, plan.trajectory.duration_s)
-    path = plan.trajectory.position(joins)
+    joins = np.minimum(join_s, file.trajectory.duration_s)
+    path = file.trajectory.position(joins)
     at, first = [], 0
-    for number, (name, point) in enumerate(zip(flown, plan.waypoints.positions_world_m, strict=True)):
+    for number, (name, point) in enumerate(zip(flown, file.waypoints_world_m, strict=True)):
         last = len(joins) - (len(flown) - 1 - number)  # every later waypoint still needs a join of its own
         away_m = np.linalg.norm(path[first:last] - point, axis=1)
         at.append(first + _first_pass(away_m, radii_m.get(name, 0.0) if name is not None else 0.0))
         first = at[-1] + 1
-    speeds = np.linalg.norm(plan.trajectory.position(joins[at], 1), axis=1)
+    speeds = np.linalg.norm(file.trajectory.position(joins[at], 1), axis=1)
     clearances = field.distance(path[at])
     rows = zip(flown, _list(joins[at]), _list(speeds), _list(clearances), strict=True)
     return [protocol.Passing(*row) for row in rows]

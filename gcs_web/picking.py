@@ -1,13 +1,9 @@
 """What a click in the 3D view means: a ray against the map's mesh and against the path. Arrays in, numbers out."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import NDArray
 
-from flight import FloatArray
-
-if TYPE_CHECKING:
-    import trimesh
+from flight import FloatArray, rotations
 
 NEAR_PATH_M = 0.15
 """A click whose ray passes the path closer than this is a click on the path."""
@@ -32,11 +28,40 @@ def nearest_on_path(origin_m: FloatArray, direction: FloatArray, path_m: FloatAr
     return k if distance_m[k] <= NEAR_PATH_M else None
 
 
+def on_screen(
+    points_world_m: FloatArray, camera_world_m: FloatArray, q_world_camera: FloatArray, fov_rad: float, aspect: float
+) -> FloatArray:
+    """Where a pinhole camera sees points (n, 3): (n, 2) from 0 to 1, right and down; NaN behind it.
+
+    Args:
+        camera_world_m: (3,).
+        q_world_camera: (4,) x right, y down, z forward.
+        fov_rad: vertical field of view.
+        aspect: width by height.
+    """
+    x, y, z = rotations.rotate(rotations.conjugate(q_world_camera), points_world_m - camera_world_m).T
+    half = np.tan(0.5 * fov_rad)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        places = 0.5 + 0.5 * np.stack([x / (z * half * aspect), y / (z * half)], axis=1)
+    places[z <= 0.0] = np.nan
+    return places
+
+
+def in_rectangle(places: FloatArray, low: tuple[float, float], high: tuple[float, float]) -> NDArray[np.bool_]:
+    """Which places (n, 2) are inside; NaN is not."""
+    return np.all((places >= np.array(low)) & (places <= np.array(high)), axis=1)
+
+
 class Surface:
     """A map's triangles, for rays."""
 
-    def __init__(self, mesh: "trimesh.Trimesh") -> None:
-        corners = np.asarray(mesh.vertices, dtype=np.float64)[np.asarray(mesh.faces)]
+    def __init__(self, vertices_m: FloatArray, faces: np.ndarray) -> None:
+        """
+        Args:
+            vertices_m: (n, 3) world.
+            faces: (m, 3) indices, counter-clockwise seen from the front.
+        """
+        corners = np.asarray(vertices_m, dtype=np.float64)[faces]
         self._corner, self._along, self._up = (
             corners[:, 0],
             corners[:, 1] - corners[:, 0],

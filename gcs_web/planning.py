@@ -17,15 +17,20 @@ from multiprocessing import connection
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import planner
 import vehicle
 from flight import FlightError, FloatArray, TrajectoryFile
-from gcs_web import inputs, missions, page_values, protocol, replanning
+from gcs_web import inputs, missions, page_values, protocol, replanning, saved
 from gcs_web.document import Content
+from mapping import Map
 
 logger = logging.getLogger(__name__)
 
 PATIENCE_S = 1.0
+_SAVED_STEP_S = 0.01
+"""A saved trajectory's waypoints need not be where two of its segments join."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +43,8 @@ class Request:
     """Of the map and the vehicle that it is to be checked against."""
     afresh: bool = False
     """Whether to plan from scratch, and not on from the last plan."""
+    saved: TrajectoryFile | None = None
+    """A trajectory through these waypoints that is checked as it is, in place of a plan."""
     id: int = field(default_factory=itertools.count().__next__)
     """Of this request: one revision may be planned again, with other inputs."""
 
@@ -90,6 +97,8 @@ class PlanningProcess:
         self._waits_since_s: float | None = None
         """Since when it waits for the process to begin with it."""
         self._closed = False
+        self._outdated = False
+        """Whether the process must be replaced."""
         self._woken, self._wake = multiprocessing.Pipe(duplex=False)
         self._start()
         self._thread = threading.Thread(target=self._serve, name="planning", daemon=True)
@@ -105,6 +114,12 @@ class PlanningProcess:
         """Ask for a path with this waypoint (id) moved there."""
         with self._lock:
             self._send(Draft(waypoint, position_world_m))
+
+    def restart(self) -> None:
+        """From the next request on with a new process, which has this one's environment as it is now."""
+        with self._lock:
+            self._outdated = True
+            self._wake.send_bytes(b"1")
 
     def close(self) -> None:
         with self._lock:
@@ -125,7 +140,10 @@ class PlanningProcess:
             if self._woken in ready:
                 self._woken.recv_bytes()
             try:
-                if self._pipe in ready:
+                if self._outdated:  # before its answer to a request that came later is taken
+                    self._outdated = False
+                    self._restart()
+                elif self._pipe in ready:
                     self._take(self._pipe.recv())
                 elif self._patience_s() == 0.0:
                     self._restart()
@@ -203,7 +221,10 @@ def _serve_requests(pipe: connection.Connection, folder: Path, base: planner.Pla
 
     def send(message: Answer | Draft | _Taken | None) -> None:
         with sending:
-            pipe.send(message)
+            try:
+                pipe.send(message)
+            except OSError:  # the parent is gone
+                os._exit(0)
 
     def receive() -> None:
         while True:
@@ -257,20 +278,37 @@ def answer(request: Request, parts: inputs.Parts, base: planner.PlanOptions, rep
     return Answer(request, file, shown(elapsed_ms))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Passed:
+    """A trajectory that passed the gate."""
+
+    file: TrajectoryFile
+    gate: planner.GateReport
+    limits: vehicle.Limits
+    join_s: FloatArray
+    """Instants of which each waypoint is passed at one."""
+    how: str = ""
+    """Said before everything else."""
+
+
 def _planned(
     request: Request, parts: inputs.Parts, base: planner.PlanOptions, replanner: replanning.Replanner
 ) -> tuple[TrajectoryFile, Callable[[float], protocol.Plan]]:
     content = request.content
     area, believed = parts.map(request.inputs), parts.vehicle(request.inputs)
-    asked = options(content, believed, base)
-    plan = replanner.plan(content, replanning.Known(area.field, believed, asked), afresh=request.afresh)
-    file = planner.trajectory_file(plan, name="plan")
+    found = "" if request.saved is None else _as_saved(request.saved, area, believed)
+    if isinstance(found, str):
+        asked = options(content, believed, base)
+        plan = replanner.plan(content, replanning.Known(area.field, believed, asked), afresh=request.afresh)
+        file = planner.trajectory_file(plan, name="plan")
+        found = _Passed(file, plan.gate, asked.limits_for(believed), plan.trajectory.starts_s, found)
+    file, report = found.file, found.gate
     page_values.crc32(file)  # a plan that the vehicle cannot store is refused here, in words
-    series = page_values.series(plan.trajectory, believed, area.field, asked.limits_for(believed))
-    judged_m = page_values.judged_clearance(plan.trajectory, area.field, plan.gate, series)
-    bounds = page_values.limits(plan.gate, series, judged_m)
+    series = page_values.series(file.trajectory, believed, area.field, found.limits)
+    judged_m = page_values.judged_clearance(file.trajectory, area.field, report, series)
+    bounds = page_values.limits(report, series, judged_m)
     radii_m = {point.id: point.fly_by_m for point in content.points}
-    passed = page_values.passings(plan, missions.flown(content), radii_m, area.field)
+    passed = page_values.passings(file, found.join_s, missions.flown(content), radii_m, area.field)
     doubt = inputs.doubt(area)
 
     def shown(planning_ms: float) -> protocol.Plan:
@@ -279,15 +317,15 @@ def _planned(
             revision=request.revision,
             state="checked",
             sentence=(
-                f"{plan.trajectory.duration_s:.2f} s, {_counted(content)}, top speed "
-                f"{top:.2f} m/s. Closest {plan.gate.clearance_m:.2f} m; "
-                f"{plan.gate.required_clearance_m:.2f} m is needed." + (f" {doubt}" if doubt else "")
+                f"{found.how}{file.trajectory.duration_s:.2f} s, {_counted(content)}, top speed "
+                f"{top:.2f} m/s. Closest {report.clearance_m:.2f} m; "
+                f"{report.required_clearance_m:.2f} m is needed." + (f" {doubt}" if doubt else "")
             ),
-            duration_s=plan.trajectory.duration_s,
+            duration_s=file.trajectory.duration_s,
             top_speed_m_s=top,
-            clearance_m=plan.gate.clearance_m,
-            required_clearance_m=plan.gate.required_clearance_m,
-            closest=plan.gate.clearance_point_world_m,
+            clearance_m=report.clearance_m,
+            required_clearance_m=report.required_clearance_m,
+            closest=report.clearance_point_world_m,
             planning_ms=planning_ms,
             limits=bounds,
             segments=page_values.segments(passed, bounds, series, judged_m),
@@ -296,6 +334,17 @@ def _planned(
         )
 
     return file, shown
+
+
+def _as_saved(item: TrajectoryFile, area: Map, believed: vehicle.Vehicle) -> _Passed | str:
+    """A saved trajectory under the gate, for the map and the vehicle as they are now; why not if it does not pass."""
+    judged = saved.judge(item, area, believed)
+    if not judged.report.passed:
+        failed = ", ".join(check.name for check in judged.report.failures)
+        return f"{item.name} as it was saved does not pass any more ({failed}): planned again through its waypoints. "
+    duration_s = item.trajectory.duration_s
+    at_s = np.union1d(item.trajectory.starts_s, np.arange(0.0, duration_s, _SAVED_STEP_S))
+    return _Passed(item, judged.report, judged.limits, at_s, f"{item.name} as it was saved. ")
 
 
 def _counted(content: Content) -> str:

@@ -10,6 +10,9 @@ from typing import Literal
 import msgspec
 
 from gcs_web.protocol_base import Command, Edit
+from gcs_web.protocol_compensation import Compensation, PrepareCompensation, SendCompensation
+from gcs_web.protocol_consent import AgreeToEffectFile, DraftEffect, EffectFiles
+from gcs_web.protocol_course import DropPath, RandomYaw, RecordedPath, Snap, TakePath, ThinPath
 from gcs_web.protocol_flights import (
     Comparison,
     Diagnosis,
@@ -32,10 +35,12 @@ from gcs_web.protocol_flights import (
     Scatter,
     SetRole,
     ShowFlights,
+    ShowMoments,
     StreamPart,
     TakeLog,
 )
-from gcs_web.protocol_jobs import CancelJob, ForgetJob, Jobs, ListJobs, StartJob
+from gcs_web.protocol_identified import Identification
+from gcs_web.protocol_jobs import CancelJob, ForeseeJob, ForgetJob, Jobs, ListJobs, StartJob
 from gcs_web.protocol_map import (
     AddMapEdit,
     ChangeMapEdit,
@@ -44,6 +49,7 @@ from gcs_web.protocol_map import (
     MapShown,
     Measure,
     Measured,
+    Paint,
     PreviewMapEdit,
     ShowMap,
 )
@@ -65,8 +71,9 @@ from gcs_web.protocol_parts import (
     Waypoint,
     YawMode,
 )
+from gcs_web.protocol_projects import ListProjects, OpenProject, Projects
 
-PROTOCOL = 3
+PROTOCOL = 4
 """Raised when an old page could misread a new server."""
 
 
@@ -82,6 +89,8 @@ class Welcome(msgspec.Struct, frozen=True, tag="welcome"):
     project: str
     vehicle: bool
     """Whether a vehicle was given when the station was started."""
+    station: str
+    """Of the open project; another one after another project was opened: what the page shows is then of the old one."""
 
 
 class Document(msgspec.Struct, frozen=True, tag="document"):
@@ -206,13 +215,19 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
     scatter: Scatter | None = None
     incoming: Incoming | None = None
     """Of `take_log`: what the columns of a foreign log may be."""
+    compensation: Compensation | None = None
+    """Of `prepare_compensation` and `send_compensation`."""
     plans: list[PlanSummary] = []
     """Of `compare_plans`."""
+    words: str = ""
+    """Of `foresee_job`: what it would do."""
+    recorded_path: RecordedPath | None = None
 
 
 ToPage = (
     Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply
-    | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment
+    | Projects | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment
+    | EffectFiles | Identification
 )  # fmt: skip
 
 
@@ -430,11 +445,13 @@ class Abort(Command, frozen=True, tag="abort", kw_only=True):
 
 FromPage = (
     Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround
-    | SetGate | ClearGate | SetTube
+    | SetGate | ClearGate | SetTube | Snap | RandomYaw | ThinPath | DropPath | TakePath | ListProjects | OpenProject
     | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans
     | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort
-    | ShowMap | Measure | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits
-    | StartJob | CancelJob | ForgetJob | ListJobs
+    | ShowMap | Measure | Paint | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits
+    | StartJob | ForeseeJob | CancelJob | ForgetJob | ListJobs
     | ListFlights | SetRole | OpenFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight
     | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo
+    | PrepareCompensation | SendCompensation | AgreeToEffectFile | DraftEffect
+    | ShowMoments
 )  # fmt: skip

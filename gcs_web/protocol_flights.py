@@ -21,7 +21,9 @@ class Finding(msgspec.Struct, frozen=True):
     fixable: bool
     """Whether the fix is a change of the log that can be applied by a click."""
     spans_s: list[tuple[float, float]]
-    """Where; empty for everywhere."""
+    """Where, on the log's clock; empty for everywhere."""
+    what: str = ""
+    """One or two words, the same for the same fault."""
 
 
 class FlightCard(msgspec.Struct, frozen=True):
@@ -243,6 +245,10 @@ class OutsideCurve(msgspec.Struct, frozen=True):
     y: list[float]
     band: list[float]
     probability: float
+    effect: str = ""
+    """Name for an effect of it; empty where none can be made."""
+    advice: str = ""
+    """Why none can be made, and where to look instead."""
 
 
 class Tried(msgspec.Struct, frozen=True):
@@ -396,6 +402,20 @@ class ShowFlights(Command, frozen=True, tag="show_flights", kw_only=True):
     flights: list[str]
     colour: Literal["", "F_x", "F_y", "F_z", "M_x", "M_y", "M_z"] = ""
     """The residual by which paths are coloured."""
+
+
+class Stretch(msgspec.Struct, frozen=True):
+    """Part of a flight's shifted time."""
+
+    flight: str
+    from_s: float
+    to_s: float
+
+
+class ShowMoments(Command, frozen=True, tag="show_moments", kw_only=True):
+    """Mark stretches on the paths of the flights that are drawn; none: no mark."""
+
+    stretches: list[Stretch]
 
 
 class LookAtFlight(Command, frozen=True, tag="look_at_flight", kw_only=True):

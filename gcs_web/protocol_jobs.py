@@ -21,6 +21,13 @@ class StartJob(Command, frozen=True, tag="start_job", kw_only=True):
     """By the names of the kind's fields."""
 
 
+class ForeseeJob(Command, frozen=True, tag="foresee_job", kw_only=True):
+    """Say what a job would do, without starting it; the reply has the words."""
+
+    kind: str
+    arguments: dict[str, str | float | bool | list[str]]
+
+
 class CancelJob(Command, frozen=True, tag="cancel_job", kw_only=True):
     job: int
 

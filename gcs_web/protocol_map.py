@@ -57,6 +57,14 @@ class Measure(Command, frozen=True, tag="measure", kw_only=True):
     active: bool
 
 
+class Paint(Command, frozen=True, tag="paint", kw_only=True):
+    """Take drags over the mesh for strokes of a brush, shown as a preview until one is applied; or stop."""
+
+    active: bool
+    action: MapAction = "no-fly"
+    radius_m: float = 0.2
+
+
 class PreviewMapEdit(Command, frozen=True, tag="preview_map_edit", kw_only=True):
     """Draw what an edit of the map would change, and change nothing; a shape of None ends it."""
 

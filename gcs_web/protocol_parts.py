@@ -76,7 +76,7 @@ class Mission(msgspec.Struct, frozen=True):
 class Shape(msgspec.Struct, frozen=True):
     """A body in the map, world frame; of the fields only those count that the form has."""
 
-    form: Literal["box", "sphere", "prism", "other"]
+    form: Literal["box", "sphere", "prism", "stroke", "other"]
     """`other`: made by `goshawk map edit`; it can be dropped here, not changed."""
     centre_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Of a prism: its middle height."""
@@ -85,6 +85,8 @@ class Shape(msgspec.Struct, frozen=True):
     radius_m: float = 0.5
     corners_m: list[tuple[float, float]] = []
     """x, y of a prism's polygon."""
+    points_m: list[tuple[float, float, float]] = []
+    """Of a brush's stroke: the line that its ball was drawn along."""
 
 
 MapAction = Literal["add", "no-fly", "clear", "remove"]
@@ -101,17 +103,22 @@ class MapEdit(msgspec.Struct, frozen=True):
     """What it is: "box, 2.0 m³"."""
 
 
-SliceAxis = Literal["x", "y", "z"]
+SliceAxis = Literal["x", "y", "z", "oblique"]
 SliceOf = Literal["distance", "unknown", "could_hide"]
 Layer = Literal["mesh", "cameras", "points", "edits"]
 
 
 class Slice(msgspec.Struct, frozen=True):
-    """A plane through the map, normal to an axis."""
+    """A plane through the map: its normal, and where it is along it from the origin."""
 
     axis: SliceAxis
+    """Its normal; `oblique`: that of the two angles."""
     at_m: float
     of: SliceOf = "distance"
+    heading_deg: float = 0.0
+    """Horizontal direction of an oblique one's normal, from x towards y."""
+    tilt_deg: float = 0.0
+    """How far that normal points upwards."""
 
 
 class MapFacts(msgspec.Struct, frozen=True):
@@ -125,6 +132,8 @@ class MapFacts(msgspec.Struct, frozen=True):
     """Space known to be free, edits applied."""
     standing: str
     """good or doubtful."""
+    doubt: str = ""
+    """Why it is doubtful, as a sentence."""
 
 
 Colour = Literal["clearance", "speed", "thrust", "tilt", "rotor_margin"]

@@ -11,13 +11,16 @@ from flight import FloatArray
 Small = NDArray[np.float32]
 """What is drawn needs no more digits, and ten million samples half the room."""
 
-SMALLEST_GROUP = 4
-"""Samples that the finest level merges."""
+SMALLEST_GROUP = 16
+"""Samples that the finest level merges; smaller groups are merged when they are drawn: the levels take a quarter of
+the samples' memory."""
+GAP_FACTOR, GAP_LEAST_S = 4.0, 0.04
+"""A pause is a gap where it lasts so many usual steps, and so long: as the checks and the estimator tell gaps."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pyramid:
-    """Samples, and the smallest and largest of groups of 4, 8, 16 ... of them."""
+    """Samples, and the smallest and largest of groups of 16, 32, 64 ... of them."""
 
     samples: Small
     """(n,); NaN where nothing was measured."""
@@ -28,23 +31,36 @@ class Pyramid:
     def of(values: FloatArray | Small) -> "Pyramid":
         samples = np.ascontiguousarray(values, dtype=np.float32)
         levels: list[tuple[Small, Small]] = []
-        low = high = samples
-        merged = 1
-        while len(low) > 2:
-            low, high = _halved(low, np.fmin), _halved(high, np.fmax)
-            merged *= 2
-            if merged >= SMALLEST_GROUP:
+        if len(samples) > SMALLEST_GROUP:
+            low, high = (_merged(samples, SMALLEST_GROUP, pick) for pick in (np.fmin, np.fmax))
+            levels.append((low, high))
+            while len(low) > 2:
+                low, high = _merged(low, 2, np.fmin), _merged(high, 2, np.fmax)
                 levels.append((low, high))
         return Pyramid(samples, tuple(levels))
+
+    def extremes(self, group: int, begin: int, end: int) -> Small:
+        """Smallest and largest value of the groups from `begin` to before `end`, (2 * (end - begin),) in turn.
+
+        Args:
+            group: samples of each, a power of two.
+        """
+        if group < SMALLEST_GROUP:
+            stretch = self.samples[begin * group : end * group]
+            sides = [_merged(stretch, group, pick) for pick in (np.fmin, np.fmax)]
+        else:
+            level = (group // SMALLEST_GROUP).bit_length() - 1
+            sides = [side[begin:end] for side in self.levels[level]]
+        return np.stack(sides, axis=1).ravel()
 
     @property
     def nbytes(self) -> int:
         return self.samples.nbytes + sum(low.nbytes + high.nbytes for low, high in self.levels)
 
 
-def _halved(values: Small, smaller: np.ufunc) -> Small:
-    even = values if len(values) % 2 == 0 else np.append(values, values[-1])
-    return smaller(even[0::2], even[1::2])
+def _merged(values: Small, group: int, pick: np.ufunc) -> Small:
+    """One value of each group, by a ufunc; the last group may be smaller."""
+    return pick.reduceat(values, np.arange(0, len(values), group))
 
 
 def part(
@@ -64,11 +80,47 @@ def part(
     last = min(int(np.searchsorted(time_s, to_s, side="left")) + 1, len(time_s))
     if last - first <= 2 * points:
         return time_s[first:last], [curve.samples[first:last] for curve in curves]
-    level, group = 0, SMALLEST_GROUP
+    group = 4  # of two times each: half as many as the samples
     while 2 * (last - first) / group > 2 * points:
-        level, group = level + 1, 2 * group
+        group *= 2
     begin, end = first // group, -(-last // group)
     starts = group * np.arange(begin, end)
     places = np.stack([starts, np.minimum(starts + group // 2, len(time_s) - 1)], axis=1).ravel()
-    merged = [np.stack([side[begin:end] for side in curve.levels[level]], axis=1).ravel() for curve in curves]
-    return time_s[places], merged
+    return time_s[places], [curve.extremes(group, begin, end) for curve in curves]
+
+
+def gaps(time_s: FloatArray, factor: float = GAP_FACTOR) -> FloatArray:
+    """(k, 2) begin and end of the pauses in increasing times: steps of more than `factor` usual ones."""
+    step_s = np.diff(time_s)
+    usual_s = float(np.median(step_s)) if len(step_s) else 0.0
+    holes = np.flatnonzero(step_s > max(factor * usual_s, GAP_LEAST_S))
+    return np.stack([time_s[holes], time_s[holes + 1]], axis=1)
+
+
+def parted(
+    time_s: FloatArray, curves: Sequence[Small | FloatArray], pauses: FloatArray
+) -> tuple[FloatArray, list[FloatArray]]:
+    """Curves of one time base with a NaN in the middle of each pause that they reach over, so that no line crosses it.
+
+    Args:
+        time_s: (m,) increasing; every curve has m values.
+        pauses: (k, 2), of `gaps`.
+    """
+    middle_s = np.unique(pauses.mean(axis=1))
+    places = np.searchsorted(time_s, middle_s)
+    inside = (places > 0) & (places < len(time_s))
+    places, middle_s = places[inside], middle_s[inside]
+    return np.insert(time_s, places, middle_s), [
+        np.insert(curve.astype(np.float64), places, np.nan) for curve in curves
+    ]
+
+
+def bridged(time_s: FloatArray, values: FloatArray | Small) -> FloatArray | Small:
+    """Values with straight lines over instants at which other columns were sampled, but not over gaps of their own."""
+    known = np.flatnonzero(~np.isnan(values))
+    if len(known) < 2 or len(known) == len(values):
+        return values
+    filled = np.interp(time_s, time_s[known], values[known], left=np.nan, right=np.nan)
+    for begin_s, end_s in gaps(time_s[known]):
+        filled[(time_s > begin_s) & (time_s < end_s)] = np.nan
+    return filled

@@ -122,9 +122,21 @@ def card(opened: Project, name: str, believed: Vehicle | None) -> FlightCard:
 
 def findings(checked: LogReport) -> list[Finding]:
     return [
-        Finding(f.level, f.sentence, f.fix, f.repair is not None, [(float(a), float(b)) for a, b in f.spans])
+        Finding(
+            f.level,
+            f.sentence,
+            _on_the_page(f.fix),
+            f.repair is not None,
+            [(float(a), float(b)) for a, b in f.spans],
+            f.what,
+        )
         for f in checked.findings
     ]
+
+
+def _on_the_page(fix: str) -> str:
+    """Without the library's arguments: the page has a switch for gaps, and applies fixes by a click."""
+    return fix.removesuffix(" (gaps='split')").removesuffix(", or fit with robust=True")
 
 
 def _judged(log: FlightLog, path: Path) -> FlightLog:

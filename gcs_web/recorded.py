@@ -1,7 +1,7 @@
 """Recorded flights that are open: their streams at the level of detail that a plot asks for, and where the vehicle was.
 
 Columns are read when a plot wants them, and forgotten, the longest unused first, when all open flights together take
-more than `MOST_BYTES`.
+more than `MOST_BYTES`; what the present answer needs stays.
 """
 
 import threading
@@ -20,7 +20,8 @@ from gcs_web import protocol_flights as parts
 from gcs_web import pyramid, streams
 from gcs_web.pyramid import Pyramid
 
-MOST_BYTES = 256 << 20
+MOST_BYTES = 160 << 20
+"""Four flights side by side, each of a million samples in four plots."""
 MOST_POINTS = 4000
 """Times in one answer, whatever was asked for."""
 PATH_POINTS = 2000
@@ -46,6 +47,7 @@ class _Opened:
     stamp: tuple[int, int]
     quantities: Mapping[str, streams.Quantity]
     time_s: FloatArray
+    gaps_s: FloatArray
     shift_s: float
 
 
@@ -77,20 +79,26 @@ class Recorded:
         if not from_s < to_s:
             raise InputError(f"a stretch from {from_s:g} s to {to_s:g} s has no length")
         found = self._found(name)
-        wanted = min(max(points, 2), MOST_POINTS)
-        answer = []
         for key in keys:
             if key not in found.quantities:
                 raise InputError(f"{name} has no stream {key}")
-            quantity = found.quantities[key]
-            curves = self._curves(name, found, quantity)
-            when, values = pyramid.part(found.time_s, curves, from_s + found.shift_s, to_s + found.shift_s, wanted)
+        quantities = [found.quantities[key] for key in keys]
+        wanted = min(max(points, 2), MOST_POINTS)
+        answer = []
+        for quantity, curves in zip(quantities, self._curves(name, found, quantities), strict=True):
+            part = pyramid.part(found.time_s, curves, from_s + found.shift_s, to_s + found.shift_s, wanted)
+            when, values = pyramid.parted(*part, found.gaps_s)
             lines = [
-                parts.CurvePart(curve.label, curve.kind, line.astype(np.float64).tolist())
+                parts.CurvePart(curve.label, curve.kind, line.tolist())
                 for curve, line in zip(quantity.curves, values, strict=True)
             ]
-            answer.append(parts.StreamPart(name, key, (when - found.shift_s).tolist(), lines))
+            answer.append(parts.StreamPart(name, quantity.key, (when - found.shift_s).tolist(), lines))
         return answer
+
+    def gaps_s(self, name: str) -> FloatArray:
+        """(k, 2) begin and end of each pause of the log, on the flight's shifted time. Raises as `open`."""
+        found = self._found(name)
+        return found.gaps_s - found.shift_s
 
     def path(self, name: str) -> Path3D:
         """
@@ -102,14 +110,16 @@ class Recorded:
         there = [q for q in _POSES if set(COLUMNS[q]) <= set(names)]
         if "position_world_m" not in there:
             raise InputError(f"{name} has no positions to draw")
-        log = flight_log.load(found.path, [column for q in there for column in COLUMNS[q]])
-        known = np.flatnonzero(np.isfinite(log.vector("position_world_m")).all(axis=1))
+        places = flight_log.pieces(found.path, COLUMNS["position_world_m"])
+        known = np.flatnonzero(
+            np.concatenate([np.isfinite(piece.vector("position_world_m")).all(axis=1) for piece in places])
+        )
         if len(known) < 2:
             raise InputError(f"{name} has no positions to draw")
         rows = known[np.linspace(0, len(known) - 1, min(PATH_POINTS, len(known))).astype(int)]
-        read = {q: log.vector(q)[rows] for q in there}
+        read = _rows(found.path, there, rows)
         return Path3D(
-            log.time_s[rows] - found.shift_s,
+            found.time_s[rows] - found.shift_s,
             read["position_world_m"],
             read.get("q_world_body"),
             read.get("setpoint_position_world_m"),
@@ -138,24 +148,27 @@ class Recorded:
             self._make_room(name)
             return known
 
-    def _curves(self, name: str, found: _Opened, quantity: streams.Quantity) -> list[Pyramid]:
+    def _curves(self, name: str, found: _Opened, quantities: Sequence[streams.Quantity]) -> list[list[Pyramid]]:
         with self._lock:
-            place = (name, quantity.key)
-            if place not in self._kept:
-                _, values = streams.read(found.path, quantity)
-                self._kept[place] = [Pyramid.of(line) for line in values]
-                self._make_room(name)
-            self._kept.move_to_end(place)
-            return self._kept[place]
+            kept = {q.key: self._kept[name, q.key] for q in quantities if (name, q.key) in self._kept}
+            missing = [q for q in quantities if q.key not in kept]
+            if missing:
+                for quantity, lines in zip(missing, streams.read(found.path, missing, len(found.time_s)), strict=True):
+                    kept[quantity.key] = [Pyramid.of(pyramid.bridged(found.time_s, line)) for line in lines]
+            for quantity in quantities:
+                self._kept[name, quantity.key] = kept[quantity.key]
+                self._kept.move_to_end((name, quantity.key))
+            self._make_room(name, len(quantities))
+            return [kept[quantity.key] for quantity in quantities]
 
-    def _make_room(self, wanted: str) -> None:
-        """Forget what was not used for longest, but nothing that the present answer needs."""
+    def _make_room(self, wanted: str, needed: int = 0) -> None:
+        """Forget what was not used for longest, but not the flight `wanted` and the `needed` streams used last."""
         while self.nbytes > MOST_BYTES:
             others = next((other for other in self._opened if other != wanted), None)
             if others is not None:
                 del self._opened[others]
                 self._forget(others)
-            elif len(self._kept) > 1:
+            elif len(self._kept) > needed:
                 self._kept.popitem(last=False)
             else:
                 return
@@ -171,18 +184,29 @@ _POSES = ("position_world_m", "q_world_body", "setpoint_position_world_m", "setp
 def _open(path: Path, stamp: tuple[int, int]) -> _Opened:
     names, _ = flight_log.head(path)
     has_state = "mission_state" in names
-    log = flight_log.load(path, ["mission_state"] if has_state else [])
-    if not len(log):
+    times, flying = [np.zeros(0)], [np.zeros(0)]
+    for piece in flight_log.pieces(path, ["mission_state"] if has_state else []):
+        times.append(piece.time_s.copy())  # of its own, or all that was read with it would stay in memory
+        if has_state:
+            flying.append(piece.time_s[piece.columns["mission_state"] == State.TRAJECTORY])
+    time_s, flying_s = np.concatenate(times), np.concatenate(flying)
+    if not len(time_s):
         raise InputError(f"{path.name} is empty")
-    return _Opened(
-        path, stamp, streams.of_log(names), log.time_s, _begins_s(log) if has_state else float(log.time_s[0])
-    )
+    # Where the trajectory begins, flights of one course stand side by side.
+    begins_s = flying_s[0] if len(flying_s) else time_s[0]
+    return _Opened(path, stamp, streams.of_log(names), time_s, pyramid.gaps(time_s), float(begins_s))
 
 
-def _begins_s(log: flight_log.FlightLog) -> float:
-    """When the trajectory begins, on the log's clock: there flights of one course stand side by side."""
-    rows = np.flatnonzero(log.columns["mission_state"] == State.TRAJECTORY)
-    return float(log.time_s[rows[0] if rows.size else 0])
+def _rows(path: Path, quantities: Sequence[str], rows: np.ndarray) -> dict[str, FloatArray]:
+    """Some rows of a log's vectors; `rows` increase."""
+    read: dict[str, list[FloatArray]] = {quantity: [] for quantity in quantities}
+    begin = 0
+    for piece in flight_log.pieces(path, [column for quantity in quantities for column in COLUMNS[quantity]]):
+        low, high = np.searchsorted(rows, [begin, begin + len(piece)])
+        for quantity, parts_read in read.items():
+            parts_read.append(np.stack([piece.columns[c][rows[low:high] - begin] for c in COLUMNS[quantity]], axis=1))
+        begin += len(piece)
+    return {quantity: np.concatenate(parts_read) for quantity, parts_read in read.items()}
 
 
 def _group(quantity: streams.Quantity) -> parts.StreamGroup:

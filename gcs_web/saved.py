@@ -21,7 +21,7 @@ _ASIDE = "*.json.old-*"
 """As `flight.results` names what was discarded or replaced; nothing of Goshawk's ever deletes these."""
 
 
-class _Judged(NamedTuple):
+class Judged(NamedTuple):
     """A trajectory under the gate, for the map and the vehicle as they are now."""
 
     report: GateReport
@@ -29,16 +29,17 @@ class _Judged(NamedTuple):
     limits: Limits
 
 
-def _judge(item: TrajectoryFile, area: Map, believed: Vehicle) -> _Judged:
+def judge(item: TrajectoryFile, area: Map, believed: Vehicle) -> Judged:
+    """Under the gate as it was planned, and the vehicle's limits where they are stricter now."""
     options = gate.options_of(item)
     options = replace(options, limits=options.limits and options.limits.stricter(believed.limits))
     report = gate.check_file(item, area.field, believed, options)
-    return _Judged(report, options, options.limits_for(believed))
+    return Judged(report, options, options.limits_for(believed))
 
 
 def summary(item: TrajectoryFile, area: Map, believed: Vehicle) -> protocol.PlanSummary:
     """What two trajectories are compared by."""
-    judged = _judge(item, area, believed)
+    judged = judge(item, area, believed)
     series = page_values.series(item.trajectory, believed, area.field, judged.limits)
     judged_m = page_values.judged_clearance(item.trajectory, area.field, judged.report, series)
     path_m = np.stack([series.x_m, series.y_m, series.z_m], axis=1)
@@ -59,7 +60,7 @@ def _length_m(path_m: FloatArray) -> float:
 
 def page(item: TrajectoryFile, area: Map, believed: Vehicle) -> str:
     """One HTML file that shows the trajectory without this station, or any network."""
-    judged = _judge(item, area, believed)
+    judged = judge(item, area, believed)
     return plan_report.page(item, judged.report, area.field, believed, judged.limits)
 
 

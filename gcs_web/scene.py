@@ -61,15 +61,20 @@ def draw_path(
     thickness_m: float = 0.06,
 ) -> Any:
     """A thick line through (m, 3) positions, coloured at each."""
+    pieces = np.stack([positions_world_m[:-1], positions_world_m[1:]], axis=1)
+    return draw_pieces(
+        server, pieces, np.stack([colours[:-1], colours[1:]], axis=1), name=name, thickness_m=thickness_m
+    )
+
+
+def draw_pieces(
+    server: "viser.ViserServer", pieces_world_m: FloatArray, colours: np.ndarray, *, name: str, thickness_m: float
+) -> Any:
+    """Thick pieces of a line, (k, 2, 3): both ends of each, with the colour at each or one for all."""
     # viser takes a line's colours for linear light, and brightens them on the screen by the inverse of this.
     linear = np.round(255.0 * (colours / 255.0) ** 2.2).astype(np.uint8)
-    return server.scene.add_line_segments(
-        name,
-        np.stack([positions_world_m[:-1], positions_world_m[1:]], axis=1),
-        np.stack([linear[:-1], linear[1:]], axis=1),
-        thickness=thickness_m,
-        thickness_units="world",
-    )
+    shown = np.broadcast_to(linear, pieces_world_m.shape)
+    return server.scene.add_line_segments(name, pieces_world_m, shown, thickness=thickness_m, thickness_units="world")
 
 
 def draw_marks(

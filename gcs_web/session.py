@@ -14,9 +14,9 @@ from flight import FlightError, InputError, Waypoints
 from flight.mission import Mission
 from flight.project import Project
 from gcs_web import edits, missions, page_values, protocol
-from gcs_web.document import Content, Patch, Settings, difference, patched
+from gcs_web.document import Content, Settings, difference, patched
 from gcs_web.journal import VERSION, WITH_MAP_EDITS, Entry, Journal
-from gcs_web.mirrors import MapEditsFile, Mirror, WaypointsFile
+from gcs_web.mirrors import Left, MapEditsFile, Mirror, WaypointsFile
 
 logger = logging.getLogger(__name__)
 
@@ -57,7 +57,8 @@ class Session:
         self._notice = self._journal.notice
         self.author = ""
         """Who made the newest change."""
-        self._waypoints, self._map_edits = WaypointsFile(opened.waypoints), MapEditsFile(opened.map)
+        left = Left(opened.folder / ".session" / "files.json")
+        self._waypoints, self._map_edits = WaypointsFile(opened.waypoints, left), MapEditsFile(opened.map, left)
         self._mirrors: tuple[Mirror, ...] = (self._waypoints, self._map_edits)
         try:
             if self._journal.is_new:
@@ -162,7 +163,7 @@ class Session:
         return taken
 
     def _take_file(self, mirror: Mirror, *, opening: bool) -> bool:
-        """As `take_files`; on opening, a file of before the newest change is one that we did not come to write."""
+        """As `take_files`; on opening, a file as we left it is one of before a change that we did not come to write."""
         with self._lock:
             if mirror.is_missing:
                 if mirror.lacks(self.content):
@@ -175,9 +176,9 @@ class Session:
             found = mirror.read(self.content)
             mirror.written = seen  # a damaged file stays foreign: the next edit keeps it
             if mirror.same(self.content, found):
+                mirror.leave()
                 return False
-            steps_back = self._last_steps_back() if opening else []
-            if any(mirror.same(patched(self.content, step), found) for step in steps_back):
+            if opening and mirror.is_as_left:
                 mirror.write(self.content)  # we were killed between journal and file
                 return False
             try:
@@ -185,11 +186,6 @@ class Session:
             except InputError:
                 mirror.written = last  # stays foreign too
                 raise
-
-    def _last_steps_back(self) -> list[Patch]:
-        """To what may have been the document before its newest change: an edit or redo, or an undo."""
-        saved = self._journal.saved
-        return [entry.inverse for entry in list(saved.undo)[-1:]] + [entry.patch for entry in saved.redo[-1:]]
 
     def _refuse_conflict(self, edit: protocol.Edit, touched: frozenset[int | str], author: str) -> None:
         if edit.revision >= self.revision:

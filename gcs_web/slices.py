@@ -58,14 +58,43 @@ def draw(area: Map, field: esdf.Field, wanted: Slice, required_m: float, hidden:
         required_m: clearance at which the colours of a distance begin; below it is hatched.
         hidden: of the map's images, for a slice of `could_hide`.
     """
-    plane = _plane(field.grid, wanted)
+    plane = _oblique(field.grid, wanted) if wanted.axis == "oblique" else _plane(field.grid, wanted)
     if wanted.of == "unknown":
         rgba = _unknown(field, plane)
     elif wanted.of == "could_hide":
         rgba = _could_hide(hidden or area.visibility(), field, plane)
     else:
         rgba = _distance(field, plane, required_m)
+    rgba[~field.grid.contains(plane.points_world_m).reshape(plane.shape), 3] = 0
     return Picture(rgba, plane.centre_world_m, plane.size_m, plane.q_world_image)
+
+
+def normal(wanted: Slice) -> FloatArray:
+    """Of a slice: (3,) of unit length, world. Its points p are those with normal . p = at_m."""
+    if wanted.axis != "oblique":
+        return np.eye(3)[_AXES[wanted.axis]]
+    heading, tilt = np.radians([wanted.heading_deg, wanted.tilt_deg])
+    return np.array([np.cos(tilt) * np.cos(heading), np.cos(tilt) * np.sin(heading), np.sin(tilt)])
+
+
+def _oblique(grid: Grid, wanted: Slice) -> _Plane:
+    """Points of a picture that just holds the mapped box; its right is horizontal, its top as high as can be."""
+    across = normal(wanted)
+    heading = np.radians(wanted.heading_deg)
+    right = np.array([-np.sin(heading), np.cos(heading), 0.0])
+    up = np.cross(across, right)
+    low, voxel = np.array(grid.low_world_m), np.array(grid.voxel_m)
+    size = np.array(grid.shape) * voxel
+    corners = low + size * np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, -1).T
+    ends = np.array([[(corners @ side).min(), (corners @ side).max()] for side in (right, up)])
+    span = ends[:, 1] - ends[:, 0]
+    pixel_m = max(float(voxel.min()) / MOST_PER_VOXEL, float(span.max()) / MOST_PIXELS)
+    width, height = np.maximum(np.ceil(span / pixel_m).astype(int), 1).tolist()
+    place = [ends[i, 0] + (np.arange(n) + 0.5) * span[i] / n for i, n in enumerate((width, height))]
+    points = place[0][None, :, None] * right + place[1][::-1, None, None] * up + wanted.at_m * across
+    centre = ends.mean(axis=1) @ np.array([right, up]) + wanted.at_m * across
+    q = rotations.from_matrix(np.column_stack([right, -up, np.cross(right, -up)]))
+    return _Plane(points.reshape(-1, 3), (height, width), centre, (float(span[0]), float(span[1])), q)
 
 
 def _plane(grid: Grid, wanted: Slice) -> _Plane:

@@ -1,14 +1,15 @@
 """What can be drawn over a flight's time: quantities with plan and measurement side by side, then every column."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from flight import FloatArray, flight_log
+from flight import FloatArray, InputError, flight_log
 from flight.flight_log import COLUMNS, SCALARS, UNITS
 from gcs_web.protocol_flights import CurveKind
+from gcs_web.pyramid import Small
 
 Columns = Mapping[str, FloatArray]
 PLAN, MEASURED = "plan", "measured"
@@ -131,7 +132,23 @@ _QUANTITIES: tuple[Quantity, ...] = (
 )
 
 
-def read(path: Path, quantity: Quantity) -> tuple[FloatArray, list[FloatArray]]:
-    """Time and the curves of one quantity; only the columns that it needs are read."""
-    log = flight_log.load(path, {name for curve in quantity.curves for name in curve.needs})
-    return log.time_s, [curve.values(log.columns) for curve in quantity.curves]
+def read(path: Path, quantities: Sequence[Quantity], rows: int) -> list[list[Small]]:
+    """The curves of each quantity, of a log that has so many rows; only the columns that they need are read.
+
+    Raises:
+        FlightError: the log cannot be read, or has another number of rows.
+    """
+    read = [[np.empty(rows, dtype=np.float32) for _ in quantity.curves] for quantity in quantities]
+    begin = 0
+    needs = {name for quantity in quantities for curve in quantity.curves for name in curve.needs}
+    for piece in flight_log.pieces(path, needs):
+        part = slice(begin, begin + len(piece))
+        if part.stop > rows:
+            break
+        for quantity, lines in zip(quantities, read, strict=True):
+            for curve, line in zip(quantity.curves, lines, strict=True):
+                line[part] = curve.values(piece.columns)
+        begin = part.stop
+    if begin != rows:
+        raise InputError(f"{path.name} was changed while it was read; open it again")
+    return read

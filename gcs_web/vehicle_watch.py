@@ -108,6 +108,15 @@ class VehicleWatch:
         report = self.link.upload(replace(file, name=name), map_hash=map_hash, vehicle_hash=vehicle_hash)
         return f"uploaded {name}: {report.segments} segments in {report.duration_s:.2f} s, read back and equal"
 
+    def set_parameters(self, values: dict[str, float]) -> None:
+        """Set parameters of the controller, all of them or none.
+
+        Raises:
+            FlightError: another station has control, the vehicle refused or did not answer, or a name is unknown.
+        """
+        self.link.take_control()
+        self.link.set_parameters(values)
+
     def order(self, command: Command) -> None:
         """
         Raises:

@@ -12,6 +12,7 @@ import numpy as np
 
 from flight import FloatArray, Progress, silent
 from gcs_web import course_view, display_mesh, missions, picking, protocol, scene
+from gcs_web.detail_view import DetailView
 from gcs_web.document import Content, Point, Settings
 from gcs_web.flight_scene import FlightScene
 from gcs_web.map_view import MapView
@@ -49,14 +50,15 @@ class View3D:
         self._required_m = 0.0
         self._colour: protocol.Colour = "clearance"
         self._path: Any = None
-        self._mesh: Any = None
+        self._mesh = DetailView(server, "/map", _draw_mesh, display_mesh.FINE_RATIO * triangles)
         self._mesh_file: tuple[int, int] | None = None
         """Time of change (ns) and size of the file that is drawn."""
-        self.map = MapView(server)
+        self.map = MapView(server, cache)
         self._checked = False
         self._dragged_points: dict[int | None, int] = {}
         """By browser (viser's id): the waypoint that is dragged there."""
         self._draft: Any = None
+        self._recorded: Any = None
         self._surface: picking.Surface | None = None
         self.on_select: Callable[[int], None] = lambda _: None
         """A waypoint was clicked; its id."""
@@ -70,7 +72,12 @@ class View3D:
         """The map was shift-clicked: the waypoint to insert after (None: there is none), and where, (3,) world."""
         self.on_measure: Callable[[FloatArray, FloatArray, FloatArray | None], None] = lambda _o, _d, _h: None
         """Clicked while measuring: origin and direction of the ray, and where it meets the mesh, (3,) world."""
+        self.on_paint: Callable[[FloatArray, bool], None] = lambda _p, _e: None
+        """The mesh was painted at (3,) world; whether the drag ends there."""
+        self.on_box: Callable[[list[int]], None] = lambda _: None
+        """A rectangle was drawn round these waypoints (ids)."""
         server.scene.on_click()(self._clicked)
+        server.scene.on_rect_select(modifier="cmd/ctrl")(self._boxed)
         server.scene.on_click(modifier="shift")(self._shift_clicked)
         server.on_client_disconnect(self._browser_left)
         server.gui.configure_theme(dark_mode=True, show_share_button=False, show_logo=False, control_layout="floating")
@@ -88,17 +95,58 @@ class View3D:
             file = (0, 0) if found is None else (found.st_mtime_ns, found.st_size)
             if file != self._mesh_file:
                 mesh = display_mesh.load(area.mesh, self._triangles, self._cache, progress=self.progress)
-                self._surface = picking.Surface(mesh)
-                self._mesh = self._server.scene.add_mesh_trimesh("/map", mesh, cast_shadow=False)
+                self._surface = picking.Surface(mesh.array("vertices"), mesh.array("faces"))
+                self._mesh.show(mesh)
                 self._mesh_file = file
             if first:
                 self._place_camera(area)
         self.map.draw(area)
 
     def show_mesh(self, visible: bool) -> None:
+        self._mesh.set_visible(visible)
+
+    def close(self) -> None:
+        self._mesh.close()
+        self.map.close()
+
+    def paint(self, active: bool) -> None:
+        """Take drags over the mesh for strokes of a brush, instead of turning the camera; or stop."""
         with self._lock:
-            if self._mesh is not None:
-                self._mesh.visible = visible
+            self._mesh.take_drags(self._painted if active else None)
+
+    async def _painted(self, event: Any) -> None:
+        """In the event loop, as only there viser keeps the order of a drag's events."""
+        origin_m = np.array(event.client.camera.position, dtype=np.float64)
+        direction = np.array(event.start_position if event.phase == "start" else event.end_position) - origin_m
+        hit = self._surface and self._surface.first_hit(origin_m, direction / np.linalg.norm(direction))
+        if hit is not None:
+            self.on_paint(hit[0], event.phase == "end")
+        elif event.phase == "end":
+            self.on_paint(np.full(3, np.nan), True)
+
+    def _boxed(self, event: "viser.SceneRectSelectEvent") -> None:
+        with self._lock:
+            points, camera = self._points, event.client.camera
+        if self._set_aside or not points:
+            return
+        places = picking.on_screen(
+            np.array([p.position_world_m for p in points]),
+            np.array(camera.position), np.array(camera.wxyz), camera.fov, camera.aspect,
+        )  # fmt: skip
+        inside = picking.in_rectangle(places, event.screen_min, event.screen_max)
+        self.on_box([points[k].id for k in np.flatnonzero(inside)])
+
+    def draw_recorded(self, line_world_m: FloatArray | None) -> None:
+        """Draw (m, 3) straight lines along a recorded path, before they are taken for waypoints; None: no more."""
+        with self._lock, self._server.atomic():
+            if self._recorded is not None:
+                self._recorded.remove()
+                self._recorded = None
+            if line_world_m is not None and len(line_world_m) > 1:
+                colours = np.full((len(line_world_m), 3), _SELECTED, dtype=np.uint8)
+                self._recorded = scene.draw_path(
+                    self._server, line_world_m, colours, name="/recorded", thickness_m=0.03
+                )
 
     def draw_waypoints(self, points: tuple[Point, ...]) -> None:
         with self._lock, self._server.atomic():
@@ -323,3 +371,7 @@ class View3D:
         def _(client: Any) -> None:
             client.camera.position = tuple(target + np.array([-0.2, -0.28, 0.4]) * reach)
             client.camera.look_at = tuple(target)
+
+
+def _draw_mesh(into: "viser.SceneApi", name: str, glb: np.ndarray, fine: bool) -> Any:
+    return into.add_glb(name, glb.tobytes(), cast_shadow=False)

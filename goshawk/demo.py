@@ -21,11 +21,11 @@ from firmware_bridge.airborne import in_the_air, tracking
 from flight import FlightLog, FloatArray, InputError, Progress, Waypoints, flight_log, project, trajectory
 from flight.project import Project
 from goshawk import demo_folder
-from goshawk.commands.plan import waypoints_along
 from goshawk.map_accuracy import measure
 from goshawk.rendered import scene as rendered_room
 from goshawk.rendered import world as rendered_world
 from goshawk.sitl_process import again_if_link_dies, sitl_vehicle
+from planner import simplify
 from vehicle import Vehicle
 
 HIDDEN_EFFECT = "rotor_drag_thrust"
@@ -111,7 +111,7 @@ def make_plans(opened: Project, truth: Vehicle, believed: Vehicle, progress: Pro
     vehicle.save(opened.vehicle, believed)
     area = mapping.open_map(opened.map)
     walked = area.T_world_body[:, :3, 3]
-    along_the_walk, _ = waypoints_along(walked, 0.10, area, planner.PlanOptions().sized(believed))
+    along_the_walk, _ = simplify.waypoints_along(walked, 0.10, area.field, planner.PlanOptions().sized(believed))
     project.save_waypoints(opened.waypoints, along_the_walk)
     rng = np.random.default_rng(1)
     asked = {

@@ -11,7 +11,6 @@ import click
 from click.core import ParameterSource
 
 from flight import FlightError, InputError
-from flight.frames import GRAVITY_M_S2
 from sysid.estimator.options import Options
 from sysid.logs.check import LogReport
 from vehicle import Vehicle
@@ -81,9 +80,7 @@ def fit_options(*, gusts: str = "estimate", hold_unidentifiable: bool = False) -
             "--gravity",
             "gravity_m_s2",
             type=float,
-            default=GRAVITY_M_S2,
-            show_default=True,
-            help="Gravity where it was flown, m/s2.",
+            help="Gravity where it was flown, m/s2; a vehicle file that is written keeps it [default: the vehicle's].",
         ),
         click.option(
             "--steps",
@@ -125,9 +122,13 @@ def read(fit: Chosen, believed: Vehicle) -> Options:
         unseen="hold" if fit["hold_unidentifiable"] else "refuse",
         robust=fit["robust"],
         gusts=fit["gusts"],
-        gravity_m_s2=fit["gravity_m_s2"],
         max_iterations=fit["most_steps"],
     )
+
+
+def at_place(fit: Chosen, believed: Vehicle) -> Vehicle:
+    """The vehicle with the gravity that was given, if it was. Raises `InputError` if it is found nowhere on Earth."""
+    return believed if fit["gravity_m_s2"] is None else believed.with_gravity(fit["gravity_m_s2"])
 
 
 def typed(fit: Chosen) -> str:

@@ -118,10 +118,11 @@ def rank_in_map(
     """
     options = replace(options, yaw="free").sized(believed)
     names = tuple(library or manoeuvres.LIBRARY)
+    flown_s = np.cumsum([0.0, *(manoeuvres.make(name).duration_s for name in names)])
     fitted: list[MappedFlight] = []
     skipped: list[tuple[str, str]] = []
-    for i, name in enumerate(names):
-        progress("fit into the map", i / len(names))
+    for name, before_s in zip(names, flown_s, strict=False):
+        progress("fit into the map", float(before_s / flown_s[-1]))  # simulating it takes as long as it is, about
         try:
             fitted.append(_fit(name, question, field, believed, options, rng))
         except InfeasibleError as error:

@@ -1,15 +1,13 @@
-"""Changes of a vehicle model in words and pictures: errors in people's units, what is compensated, the staircase."""
+"""Changes of a vehicle model in words and pictures: errors in people's units, the staircase."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from firmware_bridge import controller
 from flight import InputError, file_format
 from sysid.estimator.changes import HORIZON_S, KEYS
 from sysid.estimator.comparison import QUANTITIES
 from sysid.report.pages import SHOWN
-from vehicle import Vehicle
 from vehicle.history import Step
 
 if TYPE_CHECKING:
@@ -20,23 +18,6 @@ def prediction_error(quantity: str, value: float) -> str:
     """An error of `sysid.compare` in the unit that people read: `130 mm`, `5.6 deg`."""
     unit, scale = SHOWN[quantity]
     return f"{scale * value:.3g} {unit}"
-
-
-def compensations(model: Vehicle) -> dict[str, tuple[bool, str]]:
-    """Every active effect: whether the controller compensates it, and how or why not."""
-    table = controller.compensated_effects()
-    try:
-        left = controller.parameters_of(model).not_compensated
-    except InputError as error:
-        return dict.fromkeys(model.effects, (False, str(error)))
-    found: dict[str, tuple[bool, str]] = {}
-    for name in model.effects:
-        entry = table.get(name)
-        how = entry.how if entry else "an effect of your own, for which the controller has no compensation"
-        if entry and entry.compensated and name in left:
-            how = f"only together with {entry.only_with} alone"
-        found[name] = (name not in left, how)
-    return found
 
 
 def staircase(steps: Sequence[Step], errors: Sequence[Mapping[str, float]], flights: Sequence[str], path: Path) -> None:

@@ -11,6 +11,7 @@ from flight import InputError
 from goshawk.flights import marked_file
 from sysid.diagnosis import Diagnosis, OutsideFinding, curve, next_flight, outlook
 from sysid.diagnosis.outlook import Outlook
+from sysid.estimator.verdict import Use
 
 THRUST = "thrust_bem"
 """This candidate replaces the vehicle's thrust law, so `add-effect` alone does not add it."""
@@ -62,10 +63,22 @@ def lines(found: Diagnosis, call: DiagnoseCall, outlooks: Mapping[str, Outlook] 
         outlooks: by candidate in doubt, whether a flight would tell; a flight that would not is not proposed.
     """
     marking, call = _marking(found, call)
-    said = [*marking, *_after_additions(found, call)] if _added(found) else []
+    said = _fit_first(found, call)
+    said += [*marking, *_after_additions(found, call)] if _added(found) else []
     if (outside := _to_be_adopted(found)) is not None:
         said += _after_curve(outside, call)
     return said + _next_flight(found, call, outlooks)
+
+
+def _fit_first(found: Diagnosis, call: DiagnoseCall) -> list[str]:
+    """What to do about a fit that is not to be used, before anything that rests on it."""
+    if found.fit_verdict.use is not Use.REJECTED:
+        return []
+    fit = found.search.models[-1].fit
+    if fit.converged:
+        return ["(the fit is not to be used: settle first what its verdict says)"]
+    again = f"{call.again(call.vehicle_file)}{' --auto' if call.auto else ''} --steps {2 * len(fit.solution.record)}"
+    return ["(the fit has not converged: let it go on, or mend what the log's checks find, before all else)", again]
 
 
 def _added(found: Diagnosis) -> tuple[str, ...]:

@@ -4,7 +4,10 @@ from flight import Progress, silent
 from mapping.camera import rig
 from mapping.camera.rig import Camera, Rig
 from mapping.dense.surface import DenseOptions
-from mapping.images import ImageSet, read_folder
+from mapping.input.depth_images import DepthFolder
+from mapping.input.examination import Examination, examine
+from mapping.input.images import ImageSet, read_folder
+from mapping.input.selection import SelectionOptions
 from mapping.localization import relocalization
 from mapping.localization.relocalization import Localization, LocalizationOptions
 from mapping.map_folder import Map, MapOptions, MapReport, build_map, open_map, read_poses, write_poses
@@ -15,6 +18,8 @@ from mapping.sparse.reconstruction import SparseMap
 __all__ = [
     "Camera",
     "DenseOptions",
+    "DepthFolder",
+    "Examination",
     "ImageSet",
     "Length",
     "Localization",
@@ -23,9 +28,11 @@ __all__ = [
     "MapOptions",
     "MapReport",
     "Rig",
+    "SelectionOptions",
     "SparseMap",
     "SparseOptions",
     "build_map",
+    "examine",
     "localize",
     "open_map",
     "read_folder",

@@ -15,7 +15,7 @@ import dataclasses
 import glob
 import shutil
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -42,9 +42,13 @@ from mapping.camera import rig as rigs
 from mapping.camera.rig import Rig
 from mapping.dense import depth_files, mesh_file, resolution, surface
 from mapping.dense.depth_files import DepthFiles
+from mapping.dense.stereo import DepthImage
 from mapping.dense.surface import DenseOptions
 from mapping.dense.views import ImageView
-from mapping.images import ImageSet, read_folder, read_table
+from mapping.input import source
+from mapping.input.depth_images import DepthFolder
+from mapping.input.images import ImageSet, read_table
+from mapping.input.selection import SelectionOptions
 from mapping.sparse import alignment, colmap, localization_map, reconstruction
 from mapping.sparse.alignment import Length
 from mapping.sparse.colmap import SparseOptions
@@ -59,8 +63,10 @@ REPORT_FORMAT = "goshawk-map-report"
 
 VISIBILITY = "visibility.npz"
 DEPTH = "depth"
-STAGES = (colmap.FEATURES, colmap.MATCHES, colmap.POSES, reconstruction.CALIBRATION, DEPTH)
+STAGES = (source.FRAMES, source.CHECK, colmap.FEATURES, colmap.MATCHES, colmap.POSES, reconstruction.CALIBRATION, DEPTH)
 """Stages whose results survive an interrupted work, in order."""
+MEASURED_SEEN_THROUGH = 1
+"""Depth images of a sensor that must have seen through a voxel before it is free: it measures, where images must agree."""
 _REPLACED = "replaced"
 """File of a work: inode of the earlier map, which is moved aside for the new one."""
 _POSE_COLUMNS = ("image", "time_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz")
@@ -78,6 +84,12 @@ class MapOptions:
     """A measured length that gives the scale."""
     references: Path | None = None
     """Recorded positions and gravity; `references.csv` beside the images by default."""
+    depths: DepthFolder | None = None
+    """Depth images of the images' names: they place the images, and give scale and surfaces."""
+    masks: Path | None = None
+    """Folder of masks, see `mapping.input.masks`."""
+    selection: SelectionOptions | None = None
+    """How images are chosen from a dense sequence; all of a folder are used without, a video's never."""
     cap_m: float = 2.0
     """Distances in the field are exact up to here."""
 
@@ -95,7 +107,8 @@ class MapReport:
     reprojection_error_px: float
     """Mean over all observations."""
     least_agreement: float
-    """Smallest share of matches that agree with the map, over the placed images; below 0.85 an image is not placed."""
+    """Smallest share of matches that agree with the map, over the placed images; below 0.85 an image is not placed,
+    unless depth images place it."""
     points: int
     """Sparse points."""
     scale_source: str
@@ -214,7 +227,7 @@ def build_map(
     until: str | None = None,
     progress: Progress = silent,
 ) -> MapReport:
-    """Make the map folder `out` from a folder of images.
+    """Make the map folder `out` from a folder of images, or from a video.
 
     Finished stages are kept in `work_folder(out)` until the map is there: interrupted, killed or out of disk, the same
     call goes on with the first unfinished one.
@@ -235,12 +248,19 @@ def build_map(
     interrupted = work_folder(out).exists()
     if not interrupted:
         results.require_free_folder(out, overwrite=overwrite, ours=_is_map)
-    alignment.require_scale(Path(images), rig, options.length, options.references)
-    checked = read_folder(images, rig, progress=progress)
+    alignment.require_scale(Path(images), rig, options.length, options.references, has_depth=options.depths is not None)
     again = STAGES[STAGES.index(again_from) :] if again_from else ()
+    given = source.Source(Path(images), rig, options.masks, options.depths, options.selection)
+    if not given.is_video:
+        if source.FRAMES in (again_from, until):
+            raise InputError(f"the stage {source.FRAMES!r} is that of a video; {images} is a folder of images")
+        checked = given.read(progress=progress)
     with stages.begin(work_folder(out), again=again, until=until) as begun:
         _put_back(out, begun)
-        work = begun.on(rigs.fingerprint(rig), *_digests(checked))
+        if given.is_video:
+            checked = given.frames(begun, progress=progress)
+        work = begun.on(rigs.fingerprint(rig), *checked.digests())
+        source.require_usable(work, checked, progress=progress)
         report = _placed_before(out, _all_inputs(checked, options, work)) if interrupted else None
         if report is None:
             results.require_free_folder(out, overwrite=overwrite, ours=_is_map)
@@ -291,14 +311,6 @@ def _placed_before(out: Path, inputs: str) -> MapReport | None:
     return MapReport(**{field.name: body[field.name] for field in dataclasses.fields(MapReport)})
 
 
-def _digests(images: ImageSet) -> list[object]:
-    """What the images are: their names, times and content."""
-    return [
-        images.time_s.tobytes(),
-        *((images.relative(*s), file_format.file_hash(images.path(*s))) for s in images.pairs()),
-    ]
-
-
 def _build(
     images: ImageSet, out: Path, options: MapOptions, work: Work, *, overwrite: bool, progress: Progress
 ) -> MapReport:
@@ -309,12 +321,16 @@ def _build(
     seen = views(placed)
     stereo = options.dense.stereo
     depth_work = work.on(options.sparse, options.length, _references(images, options.references), stereo)
-    depths = DepthFiles(
-        depth_work.stage(
-            DEPTH, lambda folder: depth_files.write(folder, surface.depth_images(seen, stereo, progress=progress))
-        )
-    )
-    dense = surface.reconstruct(seen, options.dense, depths=depths, progress=progress)
+
+    def find_depth(folder: Path) -> None:
+        measured = images.depths is not None
+        found = _measured(placed, seen, progress) if measured else surface.depth_images(seen, stereo, progress=progress)
+        depth_files.write(folder, _unmasked(placed, found))
+
+    depths = DepthFiles(depth_work.stage(DEPTH, find_depth))
+    needed = MEASURED_SEEN_THROUGH if images.depths is not None else options.dense.least_seen_through
+    dense_options = dataclasses.replace(options.dense, least_seen_through=needed)
+    dense = surface.reconstruct(seen, dense_options, depths=depths, progress=progress)
     progress("distance field", 0.0)
     distances = esdf.build(dense.state, dense.grid, cap_m=options.cap_m)
     cpu_s = {**placed.cpu_s, "dense": round(time.process_time() - started_s, 2)}
@@ -353,20 +369,38 @@ def _is_map(folder: Path) -> bool:
 def views(placed: SparseMap) -> list[ImageView]:
     """The placed images as dense reconstruction takes them, nearest and farthest range from the sparse points."""
     result: list[ImageView] = []
-    for instant, camera in placed.images.pairs():
-        if placed.registered[instant, camera]:
-            ranges = placed.ranges_m(instant, camera)
-            near, far = np.percentile(ranges, [2.0, 98.0]) if len(ranges) >= 20 else (None, None)
-            result.append(
-                ImageView(
-                    placed.rig.cameras[camera],
-                    placed.T_world_camera(instant, camera),
-                    placed.images.pixels(instant, camera),
-                    near_m=None if near is None else 0.6 * float(near),
-                    far_m=None if far is None else 1.5 * float(far),
-                )
+    for instant, camera in _placed_shots(placed):
+        ranges = placed.ranges_m(instant, camera)
+        near, far = np.percentile(ranges, [2.0, 98.0]) if len(ranges) >= 20 else (None, None)
+        result.append(
+            ImageView(
+                placed.rig.cameras[camera],
+                placed.T_world_camera(instant, camera),
+                placed.images.pixels(instant, camera),
+                near_m=None if near is None else 0.6 * float(near),
+                far_m=None if far is None else 1.5 * float(far),
             )
+        )
     return result
+
+
+def _placed_shots(placed: SparseMap) -> list[tuple[int, int]]:
+    """(instant, camera) of the images that are in the map."""
+    return [(instant, camera) for instant, camera in placed.images.pairs() if placed.registered[instant, camera]]
+
+
+def _measured(placed: SparseMap, seen: Sequence[ImageView], progress: Progress) -> Iterator[DepthImage]:
+    """What the depth camera measured, image by image."""
+    for number, (shot, view) in enumerate(zip(_placed_shots(placed), seen, strict=True), start=1):
+        yield surface.depth_from_sensor(view, placed.images.depth_m(*shot))
+        progress("measured depth", number / len(seen))
+
+
+def _unmasked(placed: SparseMap, depths: Iterator[DepthImage | None]) -> Iterator[DepthImage | None]:
+    """The depth images without what masks leave out."""
+    for shot, depth in zip(_placed_shots(placed), depths, strict=True):
+        used = placed.images.used(*shot)
+        yield depth if depth is None or used is None else depth.where(used)
 
 
 def _report(placed: SparseMap, surface: surface.Reconstruction, hash: str, cpu_s: dict[str, float]) -> MapReport:

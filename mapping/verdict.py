@@ -68,6 +68,11 @@ def judge(placed: SparseMap) -> MapVerdict:
             refusals.append(
                 f"{finding.candidate} is off by {size_text(finding)}: the camera file belongs to other images"
             )
+        elif placed.images.depths is not None and finding.shift_px > SHIFT_DOUBT_PX:
+            doubts.append(
+                f"{finding.candidate} is off by {size_text(finding)}: not corrected, as the depth images are drawn for "
+                "the lens of the camera file"
+            )
         elif finding in trial.inexpressible:
             doubts.append(f"{finding.candidate} of {size_text(finding)}, which a camera file cannot state")
     for finding in trial.findings:
@@ -84,7 +89,7 @@ def judge(placed: SparseMap) -> MapVerdict:
     for witness in placed.alignment.witnesses[1:]:
         _weigh(placed.alignment.witnesses[0], witness, doubts, refusals)
     standing = Standing.REFUSED if refusals else Standing.DOUBTFUL if doubts else Standing.GOOD
-    corrected = [f for f in trial.present if f not in trial.inexpressible]
+    corrected = [] if placed.images.depths else [f for f in trial.present if f not in trial.inexpressible]
     return MapVerdict(
         standing, (*refusals, *doubts), tuple(f"{f.candidate}: {size_text(f)}, corrected" for f in corrected)
     )

@@ -12,7 +12,6 @@ import numpy as np
 
 import vehicle as vehicles
 from flight import FloatArray, Trajectory, polynomial
-from flight.frames import GRAVITY_M_S2
 from planner import attitude
 from vehicle import Limits, Vehicle, dynamics, invert
 
@@ -32,6 +31,7 @@ _LEAST_PACE = 1e-2
 class Airframe:
     """Limits, and a vehicle reduced to what the optimiser can differentiate a million times a second."""
 
+    gravity_m_s2: float
     speed_m_s: float
     acceleration_m_s2: float
     tilt_rad: float
@@ -57,7 +57,7 @@ class Airframe:
     def packed(self) -> FloatArray:
         """(41,) in the order of the kernel's struct (planner/src/airframe.hpp)."""
         first = [self.speed_m_s, self.acceleration_m_s2, np.cos(self.tilt_rad), self.rate_rad_s, self.yaw_rate_rad_s]
-        first += [GRAVITY_M_S2, self.drag_per_thrust_1_s, self.drag_per_speed_1_m]
+        first += [self.gravity_m_s2, self.drag_per_thrust_1_s, self.drag_per_speed_1_m]
         first += [self.lift_axial_1_s, self.lift_lateral_1_m]
         rest = (self.inertia_kg_m2, self.effort_least, self.effort_most, self.effort_hover, self.mix.ravel())
         return np.concatenate([first, *rest])
@@ -73,6 +73,7 @@ def reduced(vehicle: Vehicle, limits: Limits) -> Airframe:
     mix[:, 0] *= mass
     drag, lift = _in_flight(vehicle, hover)
     return Airframe(
+        gravity_m_s2=vehicle.gravity_m_s2,
         speed_m_s=limits.speed_m_s,
         acceleration_m_s2=limits.acceleration_m_s2,
         tilt_rad=limits.tilt_rad,
@@ -104,7 +105,7 @@ def _in_flight(vehicle: Vehicle, hover: FloatArray) -> tuple[FloatArray, FloatAr
     drag = -np.sum(per_mass[:, :2] * velocity[:, :2], axis=1) / lateral**2
     by_speed = np.stack([np.ones_like(lateral), np.hypot(lateral, up)], axis=1)
     by_climb = np.stack([up, lateral**2], axis=1)
-    lift = per_mass[:, 2] - GRAVITY_M_S2
+    lift = per_mass[:, 2] - vehicle.gravity_m_s2
     fitted = [np.linalg.lstsq(x, y, rcond=None)[0] for x, y in ((by_speed, drag), (by_climb, lift))]
     return np.maximum(fitted[0], 0.0).astype(np.float64), fitted[1].astype(np.float64)
 
@@ -115,14 +116,14 @@ def excess_numpy(airframe: Airframe, derivatives: FloatArray) -> FloatArray:
     Args:
         derivatives: (n, 5, 4) position and yaw with four derivatives.
     """
-    w, up = airframe, np.array([0.0, 0.0, GRAVITY_M_S2])
+    w, up = airframe, np.array([0.0, 0.0, airframe.gravity_m_s2])
     v, a, j, s = (derivatives[:, r, :3] for r in range(1, 5))
     yaw, yaw_rate, yaw_acceleration = derivatives[:, :3, 3].T
     f = a + up
     force, pace = (np.sqrt(_dot(x, x) + least)[:, None] for x, least in ((f, _LEAST_FORCE), (v, _LEAST_PACE)))
-    drag = w.drag_per_thrust_1_s * force / GRAVITY_M_S2 + w.drag_per_speed_1_m * pace
+    drag = w.drag_per_thrust_1_s * force / w.gravity_m_s2 + w.drag_per_speed_1_m * pace
     thrust, thrust_1, thrust_2 = f + drag * v, j + drag * a, s + drag * j
-    size = np.sqrt(np.maximum(_dot(thrust, thrust), 0.04 * GRAVITY_M_S2**2))[:, None]
+    size = np.sqrt(np.maximum(_dot(thrust, thrust), 0.04 * w.gravity_m_s2**2))[:, None]
     z = thrust / size
     change = _dot(z, thrust_1)[:, None]
     z_1 = (thrust_1 - z * change) / size
@@ -141,7 +142,7 @@ def excess_numpy(airframe: Airframe, derivatives: FloatArray) -> FloatArray:
     torque = turn * w.inertia_kg_m2 + np.cross(rate, rate * w.inertia_kg_m2)
     climb = _dot(v, z)
     lift = w.lift_axial_1_s * climb + w.lift_lateral_1_m * (_dot(v, v) - climb**2)
-    asked = np.concatenate([(_dot(f, z) - lift - GRAVITY_M_S2)[:, None], torque], axis=1)
+    asked = np.concatenate([(_dot(f, z) - lift - w.gravity_m_s2)[:, None], torque], axis=1)
     effort = w.effort_hover + asked @ w.mix.T
     cos_tilt = np.cos(w.tilt_rad)
     return np.column_stack(

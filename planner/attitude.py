@@ -13,7 +13,6 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from flight import FloatArray, Trajectory, polynomial, rotations
-from flight.frames import GRAVITY_M_S2
 from vehicle import Vehicle, flatness, invert
 from vehicle.forces import Surroundings
 from vehicle.model import rigid_body
@@ -93,7 +92,7 @@ def coefficients(vehicle: Vehicle, trajectory: Trajectory, pieces: Pieces) -> Fl
     body_rate, turn = turning(q)
     back, body = rotations.conjugate(q), rigid_body(vehicle)
     torque = turn @ body.inertia_kg_m2.T + rotations.cross(body_rate, body_rate @ body.inertia_kg_m2.T)
-    required = float(body.mass_kg) * (acceleration + np.array([0.0, 0.0, GRAVITY_M_S2]))
+    required = float(body.mass_kg) * (acceleration + np.array([0.0, 0.0, vehicle.gravity_m_s2]))
     rotor = invert.rotor_speeds(
         vehicle,
         rotations.rotate(back, required)[:, 2],

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from flight import FloatArray, InputError
+from flight import FloatArray, InputError, Waypoints
 from planner import space
+from planner.options import PlanOptions
 
 
 def rdp(
@@ -60,6 +61,34 @@ def rdp(
     kept = np.flatnonzero(keep)
     distinct = np.linalg.norm(np.diff(points[kept], axis=0), axis=1) > 0.0
     return kept[np.concatenate([[True], distinct])]
+
+
+def waypoints_along(
+    walked_world_m: FloatArray,
+    tolerance_m: float,
+    field: space.DistanceField,
+    how: PlanOptions,
+    yaw_rad: FloatArray | None = None,
+) -> tuple[Waypoints, int]:
+    """Waypoints along recorded positions (n, 3), with the headings of `yaw_rad` (n,), and how many were left out.
+
+    Whoever walked may have started with a wall, or with space that no camera saw, closer than the vehicle may come.
+    Such positions are left out; between the others the planner finds its own way.
+
+    Raises:
+        InputError: fewer than two positions have room.
+    """
+    near_m = np.nan_to_num(space.distance(field, walked_world_m), nan=-np.inf)
+    room = near_m >= how.waypoint_clearance_m
+    roomy, yaw = walked_world_m[room], None if yaw_rad is None else yaw_rad[room]
+    if len(roomy) < 2:
+        raise InputError(
+            f"{len(roomy)} of {len(walked_world_m)} recorded positions keep {how.waypoint_clearance_m:.3f} m from "
+            "obstacles and unknown space; lower --margin, or map with a wider view"
+        )
+    kept = rdp(roomy, tolerance_m, field=field, clearance_m=how.clearance_m, yaw_rad=yaw)
+    headings = np.full(len(kept), np.nan) if yaw is None else yaw[kept]
+    return Waypoints(roomy[kept], headings), len(walked_world_m) - len(roomy)
 
 
 def distance_to_chord(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:

@@ -20,9 +20,10 @@ MAY_IMPORT = {
 }
 ROOMS = {
     "mapping.camera": set(),
-    "mapping.sparse": {"mapping.camera"},
+    "mapping.input": {"mapping.camera"},
+    "mapping.sparse": {"mapping.camera", "mapping.input"},
     "mapping.dense": {"mapping.camera"},
-    "mapping.localization": {"mapping.camera", "mapping.sparse"},
+    "mapping.localization": {"mapping.camera", "mapping.input", "mapping.sparse"},
     "sysid.logs": set(),
     "sysid.estimator": {"sysid.logs"},
     "sysid.diagnosis": {"sysid.logs", "sysid.estimator"},

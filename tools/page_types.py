@@ -7,10 +7,35 @@ from pathlib import Path
 
 import msgspec
 
-from gcs_web import protocol, protocol_base, protocol_flights, protocol_jobs, protocol_map, protocol_parts
+from gcs_web import (
+    protocol,
+    protocol_base,
+    protocol_compensation,
+    protocol_consent,
+    protocol_course,
+    protocol_flights,
+    protocol_identified,
+    protocol_jobs,
+    protocol_map,
+    protocol_parts,
+    protocol_projects,
+)
 
 TARGET = Path(__file__).parents[1] / "gcs_web" / "client" / "src" / "protocol.ts"
 HEAD = "// Written by tools/page_types.py from gcs_web/protocol.py. Do not edit.\n"
+_MODULES = (
+    protocol_parts,
+    protocol_base,
+    protocol_course,
+    protocol_flights,
+    protocol_identified,
+    protocol_jobs,
+    protocol_map,
+    protocol_projects,
+    protocol_compensation,
+    protocol_consent,
+    protocol,
+)
 _SIMPLE = {str: "string", int: "number", float: "number", bool: "boolean", type(None): "null"}
 
 
@@ -18,7 +43,7 @@ def typescript() -> str:
     """All structs of the protocol as interfaces, then the two unions."""
     structs = [
         kind
-        for module in (protocol_parts, protocol_base, protocol_flights, protocol_jobs, protocol_map, protocol)
+        for module in _MODULES
         for kind in vars(module).values()
         if inspect.isclass(kind) and issubclass(kind, msgspec.Struct) and kind.__module__ == module.__name__
     ]

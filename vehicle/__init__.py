@@ -15,7 +15,7 @@ from vehicle import (
     tracking,
 )
 from vehicle.dynamics import Jacobian, acceleration, acceleration_jacobian, wrench, wrench_jacobian
-from vehicle.files import example, load, save, vehicle_hash
+from vehicle.files import effect_files, example, load, save, vehicle_hash
 from vehicle.forces import Surroundings
 from vehicle.model import Vehicle, rigid_body, specs
 from vehicle.parameters import Limits, Parameter
@@ -30,6 +30,7 @@ __all__ = [
     "acceleration_jacobian",
     "commented",
     "draft",
+    "effect_files",
     "effects",
     "example",
     "flatness",

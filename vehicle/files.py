@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from flight import FormatError, InputError, file_format
+from flight.frames import GRAVITY_M_S2
 from vehicle import effects as registry
 from vehicle.model import BODY, Vehicle, body_parameters, specs
 from vehicle.parameters import Limits, Parameter
@@ -25,6 +26,7 @@ def save(path: Path, vehicle: Vehicle) -> None:
     body = {
         "name": vehicle.name,
         "effects": list(vehicle.effects),
+        "gravity_m_s2": vehicle.gravity_m_s2,
         "effect_files": [_relative(file, path.parent) for file in vehicle.effect_files],
         "rotors": {"position_body_m": vehicle.hub_body_m.tolist(), "spin": vehicle.spin.astype(int).tolist()},
         "body": {name: asdict(vehicle.parameters[name]) for name in body_names},
@@ -52,12 +54,25 @@ def load(path: Path, *, relative_to: Path | None = None) -> Vehicle:
     document = file_format.read_toml(path, format=FORMAT, version=VERSION)
     start = path.parent if relative_to is None else relative_to
     try:
-        names = _strings(document, "effect_files") if "effect_files" in document else []
-        files = tuple((start / name).resolve() for name in names)
+        files = _effect_files(document, start)
         for file in files:
             registry.load_file(file)
         return _from_document(document, files)
     except (InputError, FormatError) as error:
+        raise FormatError(f"{path}: {error}") from error
+
+
+def effect_files(path: Path) -> tuple[Path, ...]:
+    """The effect files of the user's own that a vehicle file names; none of them is run.
+
+    Raises:
+        InputError, FormatError: as `load`.
+    """
+    path = Path(path)
+    document = file_format.read_toml(path, format=FORMAT, version=VERSION)
+    try:
+        return _effect_files(document, path.parent)
+    except InputError as error:
         raise FormatError(f"{path}: {error}") from error
 
 
@@ -72,8 +87,9 @@ def example(name: str = "rigter2019") -> Vehicle:
 
 
 def vehicle_hash(vehicle: Vehicle) -> str:
-    """SHA-256 over what changes its behaviour: names, values, geometry, effects and limits; not over notes."""
-    facts = [
+    """SHA-256 over what changes its behaviour: names, values, geometry, limits, the text of effects of the user's own;
+    not over notes."""
+    facts: list[object] = [
         vehicle.name,
         vehicle.effects,
         [(name, vehicle.parameters[name].value) for name in specs(vehicle)],
@@ -81,6 +97,10 @@ def vehicle_hash(vehicle: Vehicle) -> str:
         vehicle.spin.tolist(),
         asdict(vehicle.limits),
     ]
+    if vehicle.gravity_m_s2 != GRAVITY_M_S2:  # plans of before, made at standard gravity, keep their vehicle's hash
+        facts.append(vehicle.gravity_m_s2)
+    if texts := [digest for name in vehicle.effects if (digest := registry.text_hash(name))]:
+        facts.append(texts)
     return hashlib.sha256(repr(facts).encode()).hexdigest()
 
 
@@ -107,7 +127,13 @@ def _from_document(document: dict[str, Any], files: tuple[Path, ...]) -> Vehicle
         limits=_limits(_table(document, "limits", {})),
         provenance=_table(document, "provenance", {}),
         effect_files=files,
+        gravity_m_s2=_number("gravity_m_s2", document.get("gravity_m_s2", GRAVITY_M_S2)),
     )
+
+
+def _effect_files(document: dict[str, Any], start: Path) -> tuple[Path, ...]:
+    names = _strings(document, "effect_files") if "effect_files" in document else []
+    return tuple((start / name).resolve() for name in names)
 
 
 def _limits(given: dict[str, Any]) -> Limits:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight import FloatArray, Trajectory, polynomial, rotations
-from flight.frames import GRAVITY_M_S2
 from vehicle import dynamics, invert, native
 from vehicle.forces import Surroundings
 from vehicle.model import Vehicle, rigid_body
@@ -69,7 +68,7 @@ def state(vehicle: Vehicle, trajectory: Trajectory, times_s: FloatArray, *, grou
     blocks = (path.velocity.reshape(5, n, 3), path.acceleration.reshape(5, n, 3), height, path.yaw.reshape(5, n, 1))
     rows = np.ascontiguousarray(np.concatenate(blocks, axis=2).swapaxes(0, 1)).reshape(5 * n, 8)
     out = np.empty((n, 18))
-    kernel.model.flatness(kernel.values, GRAVITY_M_S2, invert.hover(vehicle)[None], _OFFSET_S, rows, out)
+    kernel.model.flatness(kernel.values, vehicle.gravity_m_s2, invert.hover(vehicle)[None], _OFFSET_S, rows, out)
     return _flat_state(
         times, _middle(path), out[:, :4], out[:, 4:7], out[:, 7:10], out[:, 10], out[:, 11:14], out[:, 14:]
     )
@@ -98,7 +97,7 @@ def attitudes(
     """
     n, kernel = len(yaw_rad), native.compiled(vehicle)
     if start is None:
-        required = acceleration_world_m_s2 + np.array([0.0, 0.0, GRAVITY_M_S2])
+        required = acceleration_world_m_s2 + np.array([0.0, 0.0, vehicle.gravity_m_s2])
         start = hopf(required / np.linalg.norm(required, axis=1, keepdims=True), yaw_rad), np.empty((n, 4))
         start[1][:] = invert.hover(vehicle)
     if kernel is None:
@@ -109,7 +108,7 @@ def attitudes(
     rows = np.column_stack([velocity_world_m_s, acceleration_world_m_s2, np.full(n, np.inf), yaw_rad])
     out = np.hstack(start)
     rate = np.ascontiguousarray(rate_body_rad_s)
-    kernel.model.attitudes(kernel.values, GRAVITY_M_S2, tolerance, rows, rate, out)
+    kernel.model.attitudes(kernel.values, vehicle.gravity_m_s2, tolerance, rows, rate, out)
     return out[:, :4], out[:, 4:]
 
 
@@ -158,7 +157,7 @@ def _attitudes(
 
     Drag decides the thrust axis and the thrust axis decides drag: a contraction, as drag is a fraction of thrust.
     """
-    required = mass * (path.acceleration + np.array([0.0, 0.0, GRAVITY_M_S2]))
+    required = mass * (path.acceleration + np.array([0.0, 0.0, vehicle.gravity_m_s2]))
     size = np.linalg.norm(required, axis=1)
     q = hopf(required / np.where(size > 1e-9, size, np.nan)[:, None], path.yaw)
     for _ in range(200):
@@ -228,7 +227,7 @@ def _finish(
     """Individual rotor speeds; where drag depends on each of them, the attitude is aligned with thrust once more."""
     body = rigid_body(vehicle)
     torque = turn @ body.inertia_kg_m2.T + np.cross(rate, rate @ body.inertia_kg_m2.T)
-    required = float(body.mass_kg) * (path.acceleration + np.array([0.0, 0.0, GRAVITY_M_S2]))
+    required = float(body.mass_kg) * (path.acceleration + np.array([0.0, 0.0, vehicle.gravity_m_s2]))
     for _ in range(20):
         back = rotations.conjugate(q)
         thrust, velocity = rotations.rotate(back, required)[:, 2], rotations.rotate(back, path.velocity)

@@ -5,7 +5,6 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from flight import FloatArray, InfeasibleError
-from flight.frames import GRAVITY_M_S2
 from vehicle import dynamics, native
 from vehicle.forces import Surroundings
 from vehicle.model import Vehicle, rigid_body
@@ -124,7 +123,7 @@ def hover(vehicle: Vehicle) -> FloatArray:
 
 
 def _hover(vehicle: Vehicle) -> FloatArray:
-    weight = np.array([float(rigid_body(vehicle).mass_kg) * GRAVITY_M_S2])
+    weight = np.array([float(rigid_body(vehicle).mass_kg) * vehicle.gravity_m_s2])
     speed = rotor_speeds(vehicle, weight, np.zeros((1, 3)), np.zeros(3), np.zeros(3))[0]
     fastest = vehicle.limits.rotor_speed_max_rad_s
     if not (speed <= fastest).all():

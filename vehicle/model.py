@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from flight import FloatArray, InputError
+from flight.frames import GRAVITY_M_S2
 from vehicle import effects as registry
 from vehicle.effects.base import Effect, RigidBody, Spec, Stage, Values
 from vehicle.parameters import Limits, Parameter
@@ -30,6 +31,9 @@ BODY = (
 """Parameters every vehicle has. The pose sensor's place is given from the centre of mass, its rotation vector
 turns sensor axes into body axes."""
 
+
+GRAVITY_ON_EARTH_M_S2 = (9.76, 9.84)
+"""Least (a high mountain at the equator) and most (a pole)."""
 
 ValueMap = Mapping[str, Any]
 """Full parameter name to value: a number, or (n,) with one per instant; complex while a derivative is taken."""
@@ -54,10 +58,14 @@ class Vehicle:
     """Where the model came from: flights, hashes, program version; TOML-able values."""
     effect_files: tuple[Path, ...] = ()
     """Python files of the user's own effects, absolute."""
+    gravity_m_s2: float = GRAVITY_M_S2
+    """Where it flies: 9.780 at the equator, 9.832 at the poles, 3e-6 less for every metre up. Identified thrust is in
+    proportion to it, so the two are kept together."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "hub_body_m", np.ascontiguousarray(self.hub_body_m, dtype=np.float64))
         object.__setattr__(self, "spin", np.ascontiguousarray(self.spin, dtype=np.float64))
+        _check_gravity(self)
         _check_rotors(self)
         _check_effects(self)
         _check_parameters(self)
@@ -129,6 +137,10 @@ class Vehicle:
         files = tuple(f for f in self.effect_files if f != unneeded or f in still_needed)
         return replace(self, effects=effects, parameters=kept, effect_files=files)
 
+    def with_gravity(self, gravity_m_s2: float) -> "Vehicle":
+        """A copy that flies at another place. Raises `InputError` for what is found nowhere on Earth."""
+        return replace(self, gravity_m_s2=float(gravity_m_s2))
+
     def with_limits(self, **limits: float) -> "Vehicle":
         """A copy with other limits."""
         return replace(self, limits=replace(self.limits, **limits))
@@ -190,6 +202,12 @@ def _inserted(active: tuple[str, ...], effect: Effect) -> tuple[str, ...]:
         return active
     place = sum(registry.find(name).stage <= effect.stage for name in active)
     return (*active[:place], effect.name, *active[place:])
+
+
+def _check_gravity(vehicle: Vehicle) -> None:
+    low, high = GRAVITY_ON_EARTH_M_S2
+    if not low <= vehicle.gravity_m_s2 <= high:
+        raise InputError(f"gravity_m_s2 is {vehicle.gravity_m_s2}; on Earth it is between {low} and {high} m/s2")
 
 
 def _check_rotors(vehicle: Vehicle) -> None:

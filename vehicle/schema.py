@@ -6,7 +6,7 @@ from typing import Any
 from vehicle import effects as registry
 from vehicle.effects.base import Spec
 from vehicle.files import FORMAT, VERSION
-from vehicle.model import BODY
+from vehicle.model import BODY, GRAVITY_ON_EARTH_M_S2
 from vehicle.parameters import Limits
 
 
@@ -39,6 +39,12 @@ def schema() -> dict[str, Any]:
                 "type": "array",
                 "uniqueItems": True,
                 "items": {"anyOf": [{"enum": sorted(effects)}, {"type": "string"}]},
+            },
+            "gravity_m_s2": {
+                "description": "Gravity where it flies, m/s2; standard gravity where it is not given.",
+                "type": "number",
+                "minimum": GRAVITY_ON_EARTH_M_S2[0],
+                "maximum": GRAVITY_ON_EARTH_M_S2[1],
             },
             "effect_files": {"type": "array", "items": {"type": "string"}},
             "rotors": _table(rotors, "Four rotors.", all_required=True),

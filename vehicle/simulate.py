@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from flight import FloatArray, InputError
-from flight.frames import GRAVITY_M_S2
 from vehicle import integrate, invert
 from vehicle.model import Vehicle
 
@@ -113,7 +112,9 @@ class Fleet:
         self._rng, self._wind, self._battery, self._step_s = rng, wind, battery or Battery(), step_s
         self._rows = np.stack([state.row() for state in states])
         self._advance = integrate.stepper(vehicle, values, m)
-        self._world = np.repeat(integrate.world_row(wind.mean_world_m_s, GRAVITY_M_S2, ground_m, ceiling_m), m, axis=0)
+        self._world = np.repeat(
+            integrate.world_row(wind.mean_world_m_s, vehicle.gravity_m_s2, ground_m, ceiling_m), m, axis=0
+        )
         self._drawn_j, self._specific_force, self._gust = np.zeros(m), np.zeros((m, 3)), np.zeros((m, 3))
         if rng is not None and wind.gust_std_m_s > 0.0:
             self._gust = rng.normal(0.0, wind.gust_std_m_s, (m, 3))

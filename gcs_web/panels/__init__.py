@@ -5,13 +5,28 @@ from typing import Any
 
 from gcs_web import protocol
 from gcs_web.desk import Desk
-from gcs_web.panels import editing, flights, jobs, learning, map, trajectories, vehicle_orders, view
+from gcs_web.panels import (
+    compensation,
+    consent,
+    course,
+    editing,
+    flights,
+    jobs,
+    learning,
+    map,
+    projects,
+    trajectories,
+    vehicle_orders,
+    view,
+)
 
 Handler = Callable[[Desk, protocol.Person, Any], protocol.Reply | None]
 """Does a command; a reply only where it has something to say. Raises `FlightError` to refuse it."""
 
 HANDLERS: dict[type, Handler] = {
     **editing.HANDLERS,
+    **course.HANDLERS,
+    **projects.HANDLERS,
     **trajectories.HANDLERS,
     **view.HANDLERS,
     **jobs.HANDLERS,
@@ -19,4 +34,6 @@ HANDLERS: dict[type, Handler] = {
     **flights.HANDLERS,
     **learning.HANDLERS,
     **vehicle_orders.HANDLERS,
+    **compensation.HANDLERS,
+    **consent.HANDLERS,
 }

@@ -28,6 +28,10 @@ def _show(desk: Desk, _: protocol.Person, wanted: protocol.ShowFlights) -> None:
     desk.comparing.show(wanted.flights, wanted.colour)
 
 
+def _moments(desk: Desk, _: protocol.Person, wanted: protocol.ShowMoments) -> None:
+    desk.view.flights.mark([(each.flight, each.from_s, each.to_s) for each in wanted.stretches])
+
+
 def _look(desk: Desk, _: protocol.Person, wanted: protocol.LookAtFlight) -> None:
     desk.view.flights.look(wanted.time_s)
 
@@ -67,6 +71,7 @@ HANDLERS: dict[type, Callable[[Desk, protocol.Person, Any], protocol.Reply | Non
     protocol.OpenFlights: _open,
     protocol.ReadStreams: _read,
     protocol.ShowFlights: _show,
+    protocol.ShowMoments: _moments,
     protocol.LookAtFlight: _look,
     protocol.FixFlight: _fix,
     protocol.DiscardFlight: _discard,

@@ -11,6 +11,10 @@ def _start(desk: Desk, person: protocol.Person, wanted: protocol.StartJob) -> No
     desk.jobs.start(wanted.kind, wanted.arguments, person.name)
 
 
+def _foresee(desk: Desk, _: protocol.Person, wanted: protocol.ForeseeJob) -> protocol.Reply:
+    return protocol.Reply(wanted.serial, words=desk.jobs.foresee(wanted.kind, wanted.arguments))
+
+
 def _cancel(desk: Desk, _: protocol.Person, unwanted: protocol.CancelJob) -> None:
     desk.jobs.cancel(unwanted.job)
 
@@ -24,8 +28,9 @@ def _list(desk: Desk, _: protocol.Person, __: protocol.ListJobs) -> None:
     desk.show_jobs()
 
 
-HANDLERS: dict[type, Callable[[Desk, protocol.Person, Any], None]] = {
+HANDLERS: dict[type, Callable[[Desk, protocol.Person, Any], protocol.Reply | None]] = {
     protocol.StartJob: _start,
+    protocol.ForeseeJob: _foresee,
     protocol.CancelJob: _cancel,
     protocol.ForgetJob: _forget,
     protocol.ListJobs: _list,

@@ -17,6 +17,10 @@ def _measure(desk: Desk, _: protocol.Person, measure: protocol.Measure) -> None:
     desk.map.measure(active=measure.active)
 
 
+def _paint(desk: Desk, person: protocol.Person, wanted: protocol.Paint) -> None:
+    desk.map.paint(wanted, person)
+
+
 def _preview(desk: Desk, person: protocol.Person, wanted: protocol.PreviewMapEdit) -> None:
     desk.map.preview(wanted, person)
 
@@ -37,6 +41,7 @@ def _edit(
 HANDLERS: dict[type, Callable[[Desk, protocol.Person, Any], None]] = {
     protocol.ShowMap: _show,
     protocol.Measure: _measure,
+    protocol.Paint: _paint,
     protocol.PreviewMapEdit: _preview,
     protocol.AddMapEdit: _edit,
     protocol.ChangeMapEdit: _edit,

@@ -4,9 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
-from flight import InputError, Waypoints, project, results, trajectory
+from flight import InputError, project, results, trajectory
 from gcs_web import protocol, saved
 from gcs_web.desk import Desk
 
@@ -30,11 +28,11 @@ def _save(desk: Desk, _: protocol.Person, save: protocol.Save) -> None:
 
 def _open(desk: Desk, person: protocol.Person, wanted: protocol.Open) -> None:
     name = project.part_name(wanted.name)
-    points = trajectory.load(desk.project.trajectory(name)).waypoints_world_m
-    label = f"waypoints of {name} opened"
-    desk.name = name
-    desk.session.take(Waypoints(points, np.full(len(points), np.nan)), label, person.name)
-    desk.notice(f"{label[0].upper()}{label[1:]}.", undo=True)
+    desk.open_saved(replace(trajectory.load(desk.project.trajectory(name)), name=name), person.name)
+    said = (
+        f"{name} opened as it was saved. An edit plans its waypoints again, without its headings, speeds and requests."
+    )
+    desk.notice(said, undo=True)
 
 
 def _discard(desk: Desk, _: protocol.Person, unwanted: protocol.Discard) -> None:

@@ -46,7 +46,7 @@ def _upload(desk: Desk, person: protocol.Person, upload: protocol.Upload) -> Non
         }
         desk.notice(watch.upload(file, name, **hashes))
 
-    _audited(desk, person, "upload", send)
+    desk.audited(person, "upload", send, desk.about())
 
 
 def _prepare_order(desk: Desk, person: protocol.Person, prepare: protocol.PrepareOrder) -> protocol.Reply:
@@ -63,7 +63,7 @@ def _order(desk: Desk, person: protocol.Person, order: protocol.Order) -> None:
         else:
             watch.order(_COMMANDS[order.order])
 
-    _audited(desk, person, order.order, give)
+    desk.audited(person, order.order, give, desk.about())
 
 
 def _start(desk: Desk, person: protocol.Person) -> None:
@@ -102,18 +102,8 @@ def _abort(desk: Desk, person: protocol.Person, _: protocol.Abort) -> None:
     watch = desk.watch
     if watch is None:
         raise InputError("the ground station was started without a vehicle; there is nothing to abort")
-    _audited(desk, person, "abort", watch.land)
+    desk.audited(person, "abort", watch.land, desk.about())
     desk.notice(f"{person.name} aborted: the vehicle brakes and lands", level="danger")
-
-
-def _audited(desk: Desk, person: protocol.Person, what: str, do: Callable[[], None]) -> None:
-    about = desk.about()  # as it was when the order was given
-    try:
-        do()
-    except Exception as error:
-        desk.audit(person, what, f"refused: {error}", about)
-        raise
-    desk.audit(person, what, "done", about)
 
 
 HANDLERS: dict[type, Callable[[Desk, protocol.Person, Any], protocol.Reply | None]] = {

@@ -81,7 +81,7 @@ def command(
     No flight may be among both.
     """
     outputs.check(report_file, overwrite=overwrite, folders=[plots])
-    models = {path.stem: vehicle.load(path) for path in vehicle_files}
+    models = {path.stem: fit_options.at_place(fit, vehicle.load(path)) for path in vehicle_files}
     if len(models) < len(vehicle_files):
         raise InputError("two vehicle files have the same name; rename one: the table names models by their files")
     _check_options(fit, training)

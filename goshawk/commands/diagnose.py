@@ -82,7 +82,7 @@ def command(
     _check_usage(flights, held_out, json_file)
     kept = Path(json_file) if json_file not in (None, "-") else None
     outputs.check(out, report_file, kept, overwrite=overwrite, folders=[plots])
-    given = vehicle.load(vehicle_file)
+    given = fit_options.at_place(fit, vehicle.load(vehicle_file))
     options = fit_options.read(fit, given)
     with console.progress() as progress:
         training, evaluation = ([_read(path, columns) for path in paths] for paths in (flights, held_out))

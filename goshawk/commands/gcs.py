@@ -1,10 +1,12 @@
 """`goshawk gcs`: the ground station's page, until Ctrl-C."""
 
-import threading
+import queue
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
 
+from flight import FlightError
 from goshawk import console
 
 
@@ -30,7 +32,7 @@ from goshawk import console
     "--triangles",
     default=60_000,
     show_default=True,
-    help="Largest number of triangles to display; the map is not changed.",
+    help="Triangles of the mesh as it is shown first; near the camera up to eight times as many.",
 )
 def command(
     project: Path,
@@ -53,7 +55,8 @@ def command(
 
     PROJECT is a folder of `goshawk init` (or the demo's) with a map and a vehicle; a missing part is reported with the
     command that adds it. Each printed address lets one browser in; then the next one is printed. The page listens on
-    this machine only, unless a certificate is given; from another machine, forward its port:
+    this machine only, unless a certificate is given. It lists the projects in the folder that PROJECT is in, and opens
+    another one in its place. From another machine, forward its port:
 
     \b
     ssh -L 8080:127.0.0.1:8080 THIS-MACHINE
@@ -66,22 +69,36 @@ def command(
     from gcs_web import GroundStation
     from goshawk.station_jobs import KINDS
 
-    options = console.body_options(radius_m, margin_m)
-    with console.progress() as report:
-        station = GroundStation(
-            project,
-            port=port,
-            host=host,
-            tls=None if tls_cert is None or tls_key is None else (tls_cert, tls_key),
-            vehicle_url=vehicle_url,
-            key_file=key_file,
-            options=options,
-            triangles=triangles,
-            progress=report,
-            on_entry=lambda url: click.echo(f"a browser has connected; the address for another one: {url}"),
-            jobs=KINDS,
-        )
-    with station:
-        click.echo(f"open  {station.url}")
-        click.echo("stop with Ctrl-C; every change is saved at once", err=True)
-        threading.Event().wait()
+    options, wanted = console.body_options(radius_m, margin_m), queue.SimpleQueue[Path]()
+
+    def opened(folder: Path, *, port: int, browsers: Sequence[str]) -> GroundStation:
+        with console.progress() as report:
+            return GroundStation(
+                folder,
+                port=port,
+                host=host,
+                tls=None if tls_cert is None or tls_key is None else (tls_cert, tls_key),
+                vehicle_url=vehicle_url,
+                key_file=key_file,
+                options=options,
+                triangles=triangles,
+                progress=report,
+                on_entry=lambda url: click.echo(f"a browser has connected; the address for another one: {url}"),
+                jobs=KINDS,
+                browsers=browsers,
+                on_open=wanted.put,
+            )
+
+    station = opened(project, port=port, browsers=())
+    click.echo("stop with Ctrl-C; every change is saved at once", err=True)
+    while True:
+        with station:
+            click.echo(f"open  {station.url}")
+            other = wanted.get()
+            port, browsers = station.port, station.browsers
+        try:
+            station = opened(other, port=port, browsers=browsers)
+            project = other
+        except FlightError as error:
+            station = opened(project, port=port, browsers=browsers)
+            station.desk.notice(f"{other.name} could not be opened: {error}", level="danger")

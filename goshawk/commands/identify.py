@@ -118,7 +118,7 @@ def command(
     _check_usage(flights, stages, trials, fit["free"], json_file)
     kept = Path(json_file) if json_file not in (None, "-") else None
     outputs.check(out, report_file, kept, overwrite=overwrite, folders=[plots])
-    believed = vehicle.load(vehicle_file)
+    believed = fit_options.at_place(fit, vehicle.load(vehicle_file))
     for effect in added:
         believed = believed.with_effect(effect)
     options = fit_options.read(fit, believed)

@@ -1,5 +1,6 @@
 """`goshawk map`: from a folder of images to a map folder; its sub-verbs show and edit a map's distance field."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,8 @@ from goshawk import console, outputs
 from goshawk.commands.map_edit import edit
 from goshawk.commands.map_show_esdf import show_esdf
 from mapping import map_folder, stages
+from mapping.input import examination
+from mapping.input.source import Source
 from mapping.verdict import Standing
 
 VOXEL_M, FARTHEST_M, THINNEST_M = (0.005, 10.0), (0.1, 1000.0), (0.001, 1.0)
@@ -32,7 +35,19 @@ class MapVerbs(click.Group):
 @click.command()
 @click.argument("images", type=click.Path(path_type=Path))
 @console.path_option("--camera", "camera", "Camera file of the rig, as `goshawk camera` writes it.", required=True)
-@console.path_option("--out", "out", "Map folder to write.", required=True)
+@console.path_option("--out", "out", "Map folder to write.")
+@console.path_option(
+    "--depth", "depth", "Folder of depth images of the images' names: 16-bit millimetres or float metres."
+)
+@click.option("--depth-unit", "depth_unit_m", type=float, help="Metres that a depth pixel's value of 1 means.")
+@console.path_option("--masks", "masks", "Folder of masks, black where not to look: CAMERA.png, or one for each image.")
+@click.option("--select", "select", is_flag=True, help="Of a dense sequence, use sharp images with enough parallax.")
+@click.option(
+    "--parallax", "parallax_deg", type=float, help="Angle between selected images, degrees [default: 4; a video: same]."
+)
+@click.option(
+    "--check", "check", is_flag=True, help="Only examine the images: blur, exposure, overlap, times, folders."
+)
 @console.path_option("--references", "references", "Recorded positions or gravity [default: IMAGES/references.csv].")
 @click.option(
     "--length", "length", metavar="[A,B,]METRES", help="Measured length: of the path, or between images A and B."
@@ -54,7 +69,13 @@ class MapVerbs(click.Group):
 def build(
     images: Path,
     camera: Path,
-    out: Path,
+    out: Path | None,
+    depth: Path | None,
+    depth_unit_m: float | None,
+    masks: Path | None,
+    select: bool,
+    parallax_deg: float | None,
+    check: bool,
     references: Path | None,
     length: str | None,
     voxel_m: float,
@@ -65,18 +86,22 @@ def build(
     overwrite: bool,
     as_json: bool,
 ) -> int:
-    """Make a map from IMAGES: poses, mesh, distance field, localization map.
+    """Make a map from IMAGES, a folder or a video: poses, mesh, distance field, localization map.
 
     \b
     goshawk map images --camera images/camera.toml --out map
-    goshawk map walk --camera gopro.toml --out map --length 13.2
+    goshawk map walk.mp4 --camera gopro.toml --out map --length 13.2
+    goshawk map rgb --depth depth --camera kinect.toml --out map
+    goshawk map images --camera images/camera.toml --check
     goshawk map show-esdf --help     show the distance field of a map
     goshawk map edit --help          add obstacles and no-fly zones to it, clear errors
 
     IMAGES holds one folder per camera of the rig (or the images themselves, for one camera); the same file name
-    means the same instant. The metric scale comes from --length, the distance between the cameras of a rig, or
-    recorded positions. An earlier map in --out is replaced only with --overwrite and when the new one is complete: its
-    edits are copied, and it is kept beside as OUT.old-1.
+    means the same instant. The metric scale comes from depth images, --length, the distance between the cameras of a
+    rig, or recorded positions. Of a video (one camera) sharp frames with enough parallax are used, as with --select.
+
+    An earlier map in --out is replaced only with --overwrite and when the new one is complete: its edits are copied,
+    and it is kept beside as OUT.old-1.
 
     An interrupted run leaves its finished stages in OUT.work; the same command goes on from there. So does one
     after --until.
@@ -93,20 +118,25 @@ def build(
         if value is not None and not low <= value <= high:
             raise InputError(f"{option} is {value:g} m; it must be from {low:g} to {high:g} m")
     base = mapping.MapOptions()
+    if depth_unit_m is not None and depth is None:
+        raise InputError("--depth-unit goes with --depth")
     options = replace(
         base,
+        depths=mapping.DepthFolder(depth, depth_unit_m) if depth is not None else None,
+        masks=masks,
+        selection=_selection(parallax_deg) if select or parallax_deg is not None else None,
         dense=replace(base.dense, voxel_m=voxel_m, farthest_m=farthest_m, thinnest_m=thinnest_m or 0.0),
         length=length_from(length) if length is not None else None,
         references=references,
     )
+    rig = mapping.rig.load(camera)
+    if check:
+        return _examine(images, rig, options, as_json=as_json)
+    if out is None:
+        raise click.UsageError("Missing option '--out'.")
     earlier = results.newest_kept(out)
-    resumed = stages.finished(map_folder.work_folder(out), map_folder.STAGES)
-    if resumed:
-        click.echo(
-            f"an earlier run ended after {resumed[-1]}; its stages are reused where the inputs are the same", err=True
-        )
+    _report_resumed(out, again_from)
     with console.progress() as progress:
-        rig = mapping.rig.load(camera)
         try:
             report = mapping.build_map(
                 images,
@@ -152,6 +182,48 @@ def build(
     if report.verdict != Standing.GOOD:
         click.echo(f"goshawk: the map is {report.verdict}: {'; '.join(report.reasons)}", err=True)
     return 1 if report.verdict == Standing.REFUSED else 0
+
+
+def _selection(parallax_deg: float | None) -> mapping.SelectionOptions:
+    base = mapping.SelectionOptions()
+    return base if parallax_deg is None else replace(base, parallax_rad=math.radians(parallax_deg))
+
+
+def _report_resumed(out: Path, again_from: str | None) -> None:
+    """Say which stages of an interrupted run are used again."""
+    resumed = stages.finished(map_folder.work_folder(out), map_folder.STAGES)
+    again = map_folder.STAGES[map_folder.STAGES.index(again_from) :] if again_from else ()
+    kept = [name for name in resumed if name not in again]
+    if kept:
+        click.echo(f"{', '.join(kept)} of an earlier run are used again where the inputs are the same", err=True)
+    elif again_from and not resumed:
+        click.echo(f"no earlier run has left stages for {out}: all are made, not only from {again_from} on", err=True)
+
+
+def _examine(images: Path, rig: mapping.Rig, options: mapping.MapOptions, *, as_json: bool) -> int:
+    """`--check`: what can be said of the images before any long work; 1 if no map should be made of them."""
+    with console.progress() as progress:
+        given = Source(images, rig, options.masks, options.depths, options.selection)
+        if given.is_video:
+            raise InputError(f"--check examines a folder of images; {images} is a video, whose frames are chosen first")
+        read = given.read(progress=progress)
+        found = mapping.examine(read, progress=progress)
+    facts: dict[str, Any] = {
+        "images": f"{read.count} of {len(read.instants)} instants, {len(rig)} camera{'s' * (len(rig) > 1)}",
+        "problems": "; ".join(found.problems) or "none found",
+    }
+    facts |= {
+        image.image: f"{', '.join(image.problems)} (sharpness {image.sharpness:.2f} of its neighbours', mean level "
+        f"{image.mean_level:.0f}, {image.clipped_share:.0%} clipped, {_matches(image)})"
+        for image in found.images
+        if image.problems
+    }
+    console.show("check", facts, as_json=as_json, document=found.as_dict())
+    return 1 if found.exchanged else 0
+
+
+def _matches(image: examination.ImageFacts) -> str:
+    return "first" if image.matches_before is None else f"{image.matches_before} features shared with the image before"
 
 
 def length_from(text: str) -> mapping.Length:

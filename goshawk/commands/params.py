@@ -1,16 +1,14 @@
 """`goshawk params`: list, read and set the controller's parameters on the vehicle; a set is all or nothing."""
 
-import difflib
 import sys
-from collections.abc import Iterable
 from pathlib import Path
 
 import click
-import numpy as np
 
 import firmware_bridge
 import vehicle
 from firmware_bridge import controller
+from firmware_bridge.parameters import difference, refuse_unknown, shortest
 from flight import InputError
 from goshawk import console
 from goshawk.verbs import VerbGroup
@@ -102,9 +100,9 @@ def set_(
         present = link.parameters()
         refuse_unknown(requested, present)
         changed = difference(present, requested)
-        rows = [(name, before, after) for name, (before, after) in changed.items()]
+        rows = [(name, before, after, _unit(name)) for name, (before, after) in changed.items()]
         if rows and not as_json:
-            console.table("", ("name", "vehicle has", "will have"), rows)
+            console.table("", ("name", "vehicle has", "will have", "unit"), rows)
         asked = not (dry_run or yes or as_json) and bool(rows) and sys.stdin.isatty()
         if asked and not click.confirm("Set these?", default=False, err=True):
             dry_run = True
@@ -113,7 +111,7 @@ def set_(
     document = {
         "vehicle": url,
         "set": bool(rows) and not dry_run,
-        "changes": {name: {"before": before, "after": after} for name, (before, after) in changed.items()},
+        "changes": {name: {"before": before, "after": after, "unit": unit} for name, before, after, unit in rows},
     }
     if as_json:
         console.show("", {}, as_json=True, document=document)
@@ -150,28 +148,9 @@ def from_vehicle(file: Path | None) -> dict[str, float]:
     return dict(made.parameters)
 
 
-def difference(present: dict[str, float], requested: dict[str, float]) -> dict[str, tuple[float, float]]:
-    """Values before and after, of the parameters that differ as float32, in the vehicle's order."""
-    before, after = shortest(present), shortest(requested)
-    return {name: (before[name], after[name]) for name in before if name in after and before[name] != after[name]}
-
-
-def shortest(values: dict[str, float]) -> dict[str, float]:
-    """The same float32 values with the fewest digits that identify them: 0.7, not 0.699999988."""
-    return {name: float(str(np.float32(value))) for name, value in values.items()}
-
-
-def refuse_unknown(names: Iterable[str], known: Iterable[str]) -> None:
-    """
-    Raises:
-        InputError: a name is not among the known ones; the message has the nearest.
-    """
-    known = list(known)
-    for name in names:
-        if name not in known:
-            near = difflib.get_close_matches(name, known, 3, 0.4)
-            hint = f"; did you mean {' or '.join(near)}?" if near else "; `goshawk params list` shows all"
-            raise InputError(f"the vehicle has no parameter {name}{hint}")
+def _unit(name: str) -> str:
+    row = controller.PARAMETERS.get(name)
+    return "?" if row is None else row.unit
 
 
 def _range(name: str) -> tuple[object, object, str]:

@@ -9,7 +9,7 @@ import numpy as np
 import mapping
 import planner
 import vehicle
-from flight import FloatArray, InputError, cells, file_format, project
+from flight import FloatArray, InputError, cells, file_format
 from flight.mission import KeepIn, Laps, Mission, Yaw
 from goshawk import batch, console, map_standing, outputs, waypoints_file
 from planner import mission, options, simplify
@@ -129,7 +129,7 @@ def command(
     left_out = 0
     if path is not None:
         recorded = read_path(path)
-        walked, left_out = waypoints_along(recorded, tolerance_m, area, how, read_headings(path))
+        walked, left_out = simplify.waypoints_along(recorded, tolerance_m, area.field, how, read_headings(path))
         asked, tube = Mission(walked), tube and tube_round(recorded, tube.radius_m)
     else:
         assert waypoints is not None
@@ -204,34 +204,6 @@ def options_from(
             limit = f"{getattr(own, name):g} {unit}, the vehicle's limit"
             raise InputError(f"{option} {value:g} must be above 0 and at most {limit}")
     return replace(options, limits=replace(own, **slower))
-
-
-def waypoints_along(
-    walked_world_m: FloatArray,
-    tolerance_m: float,
-    area: mapping.Map,
-    how: planner.PlanOptions,
-    yaw_rad: FloatArray | None = None,
-) -> tuple[project.Waypoints, int]:
-    """Waypoints along recorded positions (n, 3), with the headings of `yaw_rad` (n,), and how many were left out.
-
-    Whoever walked may have started with a wall, or with space that no camera saw, closer than the vehicle may come.
-    Such positions are left out; between the others the planner finds its own way.
-
-    Raises:
-        InputError: fewer than two positions have room.
-    """
-    near_m = np.nan_to_num(area.field.distance(walked_world_m), nan=-np.inf)
-    room = near_m >= how.waypoint_clearance_m
-    roomy, yaw = walked_world_m[room], None if yaw_rad is None else yaw_rad[room]
-    if len(roomy) < 2:
-        raise InputError(
-            f"{len(roomy)} of {len(walked_world_m)} recorded positions keep {how.waypoint_clearance_m:.3f} m from "
-            "obstacles and unknown space; lower --margin, or map with a wider view"
-        )
-    kept = simplify.rdp(roomy, tolerance_m, field=area.field, clearance_m=how.clearance_m, yaw_rad=yaw)
-    headings = np.full(len(kept), np.nan) if yaw is None else yaw[kept]
-    return project.Waypoints(roomy[kept], headings), len(walked_world_m) - len(roomy)
 
 
 def tube_round(walked_world_m: FloatArray, radius_m: float) -> KeepIn:

@@ -8,9 +8,9 @@ import firmware_bridge
 import vehicle
 from firmware_bridge import controller
 from firmware_bridge.link import refuse_unfit
+from firmware_bridge.parameters import difference
 from flight import InputError, trajectory
 from goshawk import console
-from goshawk.commands.params import difference
 
 
 @click.command()

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import click
 
 import vehicle
+from firmware_bridge import controller
 from flight import FormatError, InputError
 from goshawk import console, model_change, outputs, words
 from goshawk.commands.params import parse
@@ -77,7 +78,7 @@ def show(vehicle_file: Path, as_json: bool) -> None:
     goshawk vehicle show vehicle.toml --json
     """
     shown = vehicle.load(vehicle_file)
-    cancelled = model_change.compensations(shown)
+    cancelled = controller.compensations(shown)
     effects = [
         {"name": n, "law": vehicle.effects.find(n).law, "compensated": done, "how": how}
         for n, (done, how) in cancelled.items()
@@ -390,7 +391,7 @@ def _show_change(
     helped = change.held_out.verdict if change.held_out else "not evaluated: no held-out flight was given"
     facts: dict[str, Any] = {"vehicle": str(file), "action": what[0], "effect": what[1], "verdict": helped}
     facts |= {"version": step.number if step else None}
-    cancelled, how = model_change.compensations(change.vehicle).get(what[1], (None, ""))
+    cancelled, how = controller.compensations(change.vehicle).get(what[1], (None, ""))
     if as_json:
         document = facts | {"errors": change.errors, "changes": history.differences(present, change.vehicle)}
         document |= {

@@ -8,6 +8,7 @@ import msgspec
 import vehicle
 from flight import InputError, Progress
 from flight.project import Project, part_name
+from gcs_web import identified, reading
 from gcs_web.desk import Desk
 from gcs_web.jobs import Choices, Kind
 from goshawk import fit_options, outputs
@@ -24,6 +25,7 @@ class Arguments(msgspec.Struct, forbid_unknown_fields=True):
     split_gaps: Annotated[bool, msgspec.Meta(title="Fit the pieces between gaps")] = False
     hold_unidentifiable: Annotated[bool, msgspec.Meta(title="Hold what these flights do not identify")] = True
     robust: Annotated[bool, msgspec.Meta(title="Less weight for outliers of the pose")] = False
+    trials: Annotated[bool, msgspec.Meta(title="Fit each flight alone too", description="To compare the fits")] = False
     overwrite: Annotated[bool, msgspec.Meta(title="Replace existing results (kept beside)")] = False
 
 
@@ -58,16 +60,31 @@ def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
         unseen="hold" if asked.hold_unidentifiable else "refuse",
         robust=asked.robust,
     )
-    flights = tuple(project.flight(name) for name in dict.fromkeys(asked.flights))
-    fits = fit_flights(flights, {}, None, believed, options, None, progress)
+    names = list(dict.fromkeys(asked.flights))
+    flights = tuple(project.flight(name) for name in names)
+    contents = reading.contents(project, names)
+    trials = len(names) if asked.trials and len(names) > 1 else None
+    fits = fit_flights(flights, {}, trials, believed, options, None, progress)
     out, report = _paths(folder, asked.out)
     usable = fits.verdict.use is not Use.REJECTED
     written = write(fits, out if usable else None, report, None, overwrite=asked.overwrite)
-    names = [Path(written[key]).name for key in ("written", "report") if written[key]]
-    return Result(str(fits.verdict.use), [fit_options.worded(str(reason)) for reason in fits.verdict.reasons], names)
+    files = [Path(written[key]).name for key in ("written", "report") if written[key]]
+    reasons = [fit_options.worded(str(reason)) for reason in fits.verdict.reasons]
+    shown = identified.shown(
+        fits.answer,
+        fits.trials,
+        names,
+        vehicle_hash=vehicle.vehicle_hash(believed),
+        contents=contents,
+        written=files,
+        reasons=reasons,
+    )
+    identified.save(folder, shown)
+    return Result(str(fits.verdict.use), reasons, files)
 
 
-def _done(_: Desk, result: Result) -> str:
+def _done(desk: Desk, result: Result) -> str:
+    desk.show_learning()
     because = f": {'; '.join(result.reasons)}" if result.reasons else ""
     return f"{result.verdict}{because}. Written: {', '.join(result.written)}"
 

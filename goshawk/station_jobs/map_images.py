@@ -7,6 +7,8 @@ from typing import Annotated
 import msgspec
 
 import mapping
+from esdf import load_edits
+from esdf.edits import EDITS
 from flight import InputError, Progress
 from flight.project import Project
 from gcs_web.desk import Desk
@@ -71,6 +73,29 @@ def _check(project: Project, asked: Arguments) -> None:
         raise InputError("the project has a map; choose to replace it, and the present one is kept beside")
 
 
+def _foresee(project: Project, asked: Arguments) -> str:
+    rig = mapping.rig.load(project.folder / asked.camera)
+    counts = {camera.name: _count(project.folder / asked.images / camera.folder) for camera in rig.cameras}
+    said = [f"{name}: {count} images" for name, count in counts.items()]
+    missing = [name for name, count in counts.items() if not count]
+    if missing:
+        said.append(f"no image of {', '.join(missing)} is where the camera file says")
+    if asked.length:
+        said.append(f"metres by the measured length {asked.length}")
+    if project.map.exists():
+        listed = project.map / "esdf" / EDITS
+        edits = len(load_edits(listed)) if listed.exists() else 0
+        said.append(f"the present map is kept beside, its {edits} edits are applied to the new one")
+    return "; ".join(said)
+
+
+def _count(folder: Path) -> int:
+    try:
+        return sum(path.suffix.lower() in _IMAGES for path in folder.iterdir())
+    except OSError:
+        return 0
+
+
 def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
     base = mapping.MapOptions()
     options = replace(
@@ -89,4 +114,4 @@ def _done(_: Desk, result: Result) -> str:
     return f"the map is {result.verdict}{because}. {result.placed} of {result.images} images placed"
 
 
-KIND = Kind("map", "Map from images", Arguments, _run, _done, _choices, _check)
+KIND = Kind("map", "Map from images", Arguments, _run, _done, _choices, _check, _foresee)

@@ -22,6 +22,7 @@ from sysid.estimator.options import Options
 class Arguments(flights.Chosen):
     out: Annotated[str, msgspec.Meta(title="Trajectory", description="Name to save it under")] = "next-flight"
     margin_m: Annotated[float, msgspec.Meta(title="Margin", ge=0.0, le=10.0, extra_json_schema={"unit": "m"})] = 0.15
+    accept_doubtful_map: Annotated[bool, msgspec.Meta(title="Propose although the map's verdict is doubtful")] = False
     overwrite: Annotated[bool, msgspec.Meta(title="Replace an existing trajectory (kept beside)")] = False
 
 
@@ -42,6 +43,9 @@ def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
     project = Project(folder, "")
     believed, area = vehicle.load(project.vehicle), mapping.open_map(project.map)
     area.require_not_refused()
+    doubt = inputs.doubt(area)
+    if doubt and not asked.accept_doubtful_map:
+        raise InputError(f"{doubt} Make it again, or accept it as it is and propose again")
     learn, held_out = flights.logs(folder, asked, progress)
     options = Options(unseen="hold", gusts="white", gaps="split" if asked.split_gaps else "refuse")
     searching = within(progress, "what is open", 0.0, 0.5)
@@ -58,7 +62,6 @@ def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
     path.parent.mkdir(exist_ok=True)
     with results.new_file(path, overwrite=asked.overwrite) as placing:
         trajectory.save(placing.temporary, best.file(asked.out))
-    doubt = inputs.doubt(area)
     return Result(asked.out, list(ranked.candidates), best.sentence + (f". {doubt}" if doubt else ""))
 
 

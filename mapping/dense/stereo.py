@@ -5,6 +5,7 @@ in the same row of both, and its shift is the angle under which it sees the base
 pinhole, so forward motion and the whole field of view work alike.
 """
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -78,6 +79,22 @@ class DepthImage:
     """(h, w) how many partners agree on this depth."""
     scale: float
     """Size of this image over that of the image it belongs to."""
+
+    def where(self, used: NDArray[np.bool_]) -> "DepthImage":
+        """The same without what a mask leaves out: neither depth nor a bound on it.
+
+        Args:
+            used: (height, width) of the image: pixels that are not masked.
+        """
+        import cv2
+
+        height, width = self.inverse_range.shape
+        # a pixel of a smaller depth image that is masked in part is masked
+        kept = cv2.resize(used.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA) > 0.999
+        zero = np.float32(0.0)
+        return dataclasses.replace(
+            self, inverse_range=np.where(kept, self.inverse_range, zero), bound=np.where(kept, self.bound, zero)
+        )
 
 
 def typical_distance_m(view: ImageView, options: StereoOptions) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 from flight import FloatArray, Progress, frames, silent
 from mapping import child
 from mapping.camera.rig import Rig
-from mapping.images import ImageSet
+from mapping.input.images import ImageSet
 from mapping.sparse import features
 from mapping.sparse.localization_map import LocalizationMap
 

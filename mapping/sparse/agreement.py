@@ -11,7 +11,7 @@ import numpy as np
 
 from flight import FloatArray, frames
 from mapping.camera.rig import Rig
-from mapping.images import ImageSet
+from mapping.input.images import ImageSet
 
 LEAST = 0.85
 """An image whose matches agree less is in the wrong place. Measured: 0.97 to 1.00 right, 0.57 to 0.70 wrong."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from flight import FloatArray, FormatError, InputError, MapError, frames, rotations
 from mapping.camera.rig import Rig
-from mapping.images import ImageSet, read_table
+from mapping.input.images import ImageSet, read_table
 
 _POSITION = ("x_m", "y_m", "z_m")
 _UP = ("up_body_x", "up_body_y", "up_body_z")
@@ -24,15 +24,17 @@ _LEAST_POSITIONS = 4
 _MOST_DRIFT = 0.98
 _LENGTH_STD = 0.01
 """A length that a user measured is taken to be good to 1 %."""
+_DEPTH_STD = 0.01
+"""Standard deviation of a depth camera's scale, relative: what calibrated sensors keep over their range."""
 _BASELINE_STD_M = 0.0005
 """Standard deviation of the distance between two cameras in a camera file: what a calibration on a target leaves."""
 LEAST_BASELINE_M = 0.005
 """A shorter baseline gives no scale."""
 NO_SCALE = (
     "no metric scale: the images of a single camera do not determine it; give the length of the path "
-    "(--length 13.2) or between two images (--length A.jpg,B.jpg,2.5), a rig of cameras with the distance between them "
-    f"in camera.toml, or at least {_LEAST_POSITIONS} positions from odometry, a tracker or GPS in references.csv "
-    "(image,x_m,y_m,z_m; --references FILE)"
+    "(--length 13.2) or between two images (--length A.jpg,B.jpg,2.5), depth images (--depth FOLDER), a rig of cameras "
+    f"with the distance between them in camera.toml, or at least {_LEAST_POSITIONS} positions from odometry, a tracker "
+    "or GPS in references.csv (image,x_m,y_m,z_m; --references FILE)"
 )
 
 
@@ -81,7 +83,7 @@ class Alignment:
     T_world_scaled: FloatArray
     """(4, 4), applied after scaling."""
     scale_source: str
-    """"given length", "rig baseline" or "recorded positions"."""
+    """"depth images", "given length", "rig baseline" or "recorded positions"."""
     up_source: str
     """"recorded gravity" or "first image taken as level"."""
     position_residual_m: float | None = None
@@ -133,14 +135,16 @@ def read_references(images: ImageSet, path: Path | None = None) -> References:
         return References(values.get(_POSITION, empty), up / np.linalg.norm(up, axis=1, keepdims=True))
 
 
-def require_scale(folder: Path, rig: Rig, length: Length | None, references: Path | None) -> None:
+def require_scale(
+    folder: Path, rig: Rig, length: Length | None, references: Path | None, *, has_depth: bool = False
+) -> None:
     """Check, before any work, that a source of the metric scale is available.
 
     Raises:
         MapError: none is; the message lists the ways to give one.
     """
     path = references or folder / "references.csv"
-    if length is not None or rig.baseline_m > LEAST_BASELINE_M or not folder.is_dir():
+    if has_depth or length is not None or rig.baseline_m > LEAST_BASELINE_M or not folder.is_dir():
         return
     recorded = 0
     if path.is_file():
@@ -170,12 +174,14 @@ def align(
     *,
     baseline_std: float | None,
     length: Length | None,
+    has_depth: bool = False,
 ) -> Alignment:
     """Find scale and world frame.
 
     Args:
         T_old_body: (instants, 4, 4) poses in COLMAP's world, NaN where not registered.
         baseline_std: relative standard deviation of the scale of COLMAP's world, if the rig's baseline gave it one.
+        has_depth: depth images gave COLMAP's world its scale.
 
     Raises:
         MapError: nothing gives the scale.
@@ -188,6 +194,8 @@ def align(
     usable = known & np.isfinite(references.position_m).all(axis=1)
     fit = _Fit.robust(level[usable], references.position_m[usable]) if usable.sum() >= _LEAST_POSITIONS else None
     sources: list[tuple[str, float, float]] = []
+    if has_depth:  # first: surfaces are where the depth images say
+        sources.append(("depth images", 1.0, _DEPTH_STD))
     if length is not None:
         sources.append(("given length", _from_length(images, positions, length), _LENGTH_STD))
     if baseline_std is not None:

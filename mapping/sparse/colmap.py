@@ -16,8 +16,8 @@ from mapping.camera import trial as calibration_trial
 from mapping.camera.adjustment import Observations
 from mapping.camera.rig import Camera, Rig
 from mapping.camera.trial import Trial
-from mapping.images import ImageSet
-from mapping.sparse import agreement, features, pairing
+from mapping.input.images import ImageSet
+from mapping.sparse import agreement, features, pairing, rgbd
 from mapping.stages import Work
 
 logger = logging.getLogger(__name__)
@@ -104,7 +104,7 @@ def reconstruct(images: ImageSet, options: SparseOptions, work: Work, *, progres
     progress(_TRYING, 0.0)
     trial = calibration_trial.hold(_observations(model, images))
     watch.lap("trial of the calibration")
-    if trial.present:
+    if trial.present and images.depths is None:
         images = dataclasses.replace(images, rig=trial.rig)
         _write_back(model, images, trial)
         if not trial.inexpressible:  # COLMAP does not model those and would move the poses back
@@ -126,9 +126,16 @@ def _matches(folder: Path, extracted: Path, images: ImageSet, options: SparseOpt
 
 
 def _placed(folder: Path, database: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> None:
+    _model(database, images, options, progress).write(folder)
+
+
+def _model(database: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> Any:
+    """COLMAP's model, adjusted; with depth images the poses are those that the depth asks for."""
+    if images.depths is not None:
+        return rgbd.place(database, images, _mapping_options(options), progress)
     model = place(database, images, options, progress)
     refine(database, model, images.rig, options, progress)
-    model.write(folder)
+    return model
 
 
 class _Stopwatch:

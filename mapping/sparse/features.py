@@ -13,7 +13,7 @@ import numpy as np
 
 from flight import FloatArray, Progress, silent
 from mapping.camera.rig import Camera
-from mapping.images import ImageSet
+from mapping.input.images import ImageSet
 
 _CELL_PX = 64
 _RIM_PX = 7
@@ -41,7 +41,9 @@ def of_set(images: ImageSet, count: int, *, progress: Progress = silent) -> Iter
     cv2.setNumThreads(1)
     masks = [_mask(camera) for camera in images.rig]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        jobs = pool.map(lambda shot: find(images.gray(*shot), masks[shot[1]], count), images.pairs())
+        jobs = pool.map(
+            lambda shot: find(images.gray(*shot), _usable(masks[shot[1]], images.used(*shot)), count), images.pairs()
+        )
         for done, features in enumerate(jobs, start=1):
             progress(_STAGE, done / images.count)
             yield features
@@ -91,3 +93,13 @@ def _mask(camera: Camera) -> np.ndarray:
 
     lit = camera.lit().astype(np.uint8) * 255
     return cv2.erode(lit, np.ones((_RIM_PX, _RIM_PX), np.uint8)) if not lit.all() else lit
+
+
+def _usable(mask: np.ndarray, used: np.ndarray | None) -> np.ndarray:
+    """The camera's mask without what the image's own leaves out, nor the edge of that."""
+    import cv2
+
+    if used is None:
+        return mask
+    kept = cv2.erode(used.astype(np.uint8), np.ones((_RIM_PX, _RIM_PX), np.uint8), borderValue=1)
+    return np.where(kept > 0, mask, 0).astype(np.uint8)

@@ -14,7 +14,7 @@ import numpy as np
 from flight import InputError, MapError, Progress, silent
 from mapping import child, stages
 from mapping.camera.rig import Camera, Rig, forward_camera
-from mapping.images import SUFFIXES, ImageSet, read_folder
+from mapping.input.images import SUFFIXES, ImageSet, read_folder
 from mapping.sparse import colmap
 from mapping.sparse.colmap import SparseModel, SparseOptions
 

@@ -12,7 +12,7 @@ from flight import FloatArray, MapError, Progress, silent
 from mapping import child, stages
 from mapping.camera.rig import Rig
 from mapping.camera.trial import Trial
-from mapping.images import ImageSet
+from mapping.input.images import ImageSet
 from mapping.sparse import alignment, colmap, model_files
 from mapping.sparse.alignment import Alignment, Length
 from mapping.sparse.colmap import SparseOptions
@@ -120,6 +120,7 @@ def reconstruct(
         recorded,
         baseline_std=alignment.baseline_std(images.rig, model.trial.scale_std) if has_baseline else None,
         length=length,
+        has_depth=images.depths is not None,
     )
     return SparseMap(
         images=dataclasses.replace(images, rig=model.rig),

@@ -133,6 +133,8 @@ def _why_not(effect: Effect, vehicle: Vehicle, flights: Sequence[Flight], clock:
             return NO_VOLTAGE
     if effect.stage == Stage.SENSOR and not {f"{effect.name}.{s.name}" for s in effect.parameters} <= set(SENSOR_NAMES):
         return "the estimator has the pose sensor's place and the gyro's bias among its unknowns already"
+    if effect.name == POSE_DELAY and clock == "common":
+        return "all streams are taken to be recorded by one clock"
     if effect.name == POSE_DELAY and clock == "pose":
         if all(f.streams.keys() <= {clocks.COMMAND} for f in flights):
             return NO_WITNESS

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from flight import FloatArray, FormatError, InputError, file_format
 from sysid.diagnosis.findings import OutsideFinding
-from sysid.diagnosis.free_form import EVERY_CHANNEL, SHOWN_BY_THRUST, THRUST, WORLD, unit
+from sysid.diagnosis.free_form import EVERY_CHANNEL, SHOWN_BY_THRUST, THRUST, UNIT, WORLD, unit
 from vehicle import effects
 
 KNOTS = 9
@@ -111,6 +111,10 @@ def drawn(outside: OutsideFinding | Mapping[str, Any]) -> Drawn:
     m = len(found.at) if found.at.ndim == 1 else 0
     if found.channel not in EVERY_CHANNEL:
         raise FormatError(f"the diagnosis names a channel {found.channel!r}; known are {', '.join(EVERY_CHANNEL)}")
+    if found.variable_unit != UNIT.get(found.variable, found.variable_unit):
+        raise FormatError(
+            f"the diagnosis gives {found.variable} in {found.variable_unit!r}; it is in {UNIT[found.variable]!r}"
+        )
     sound = m >= 4 and found.residual.shape == found.sigma.shape == (m,)
     sound = sound and bool(np.isfinite([found.at, found.residual, found.sigma]).all() and np.diff(found.at).min() > 0.0)
     if not sound:

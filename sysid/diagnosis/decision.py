@@ -8,8 +8,8 @@ from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.examined import Outside
 from sysid.diagnosis.findings import Outcome, Size, Verdict
 from sysid.diagnosis.score import Score
-from sysid.diagnosis.search import Trial
 from sysid.diagnosis.thresholds import THRESHOLDS
+from sysid.diagnosis.trial import Trial
 
 
 class Reason(Enum):

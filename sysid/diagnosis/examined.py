@@ -134,6 +134,7 @@ def _beyond_chance(found: Score) -> bool:
 def _best_of(model: Model, found: Sequence[Outside]) -> Outside | None:
     if not found:
         return None
+    found = _apart_from_thrust(found)
     best = max(found, key=lambda o: o.score.gain_unseen)
     rivals = [o for o in found if o.channel == best.channel or THRUST in (o.channel[0], best.channel[0])]
     lead = [best.score.gain_unseen - o.score.gain_unseen for o in rivals]
@@ -143,6 +144,22 @@ def _best_of(model: Model, found: Sequence[Outside]) -> Outside | None:
     if not model.all_heard:
         confidence = min(confidence, THRESHOLDS.even_confidence)
     return replace(best, confidence=confidence)
+
+
+def _apart_from_thrust(found: Sequence[Outside]) -> Sequence[Outside]:
+    """The curves less those of thrust, if the best of each channel that thrust shows in clearly explain more together.
+
+    One law of thrust moves these channels at once, so it explains more than any curve of a single one even where each
+    has its own law (a moment against both velocities looks like thrust lost in the wake). Were it thrust, curves
+    channel by channel could not explain more than it.
+    """
+    of_thrust = max((o for o in found if o.channel[0] == THRUST), key=lambda o: o.score.gain_unseen, default=None)
+    if of_thrust is None:
+        return found
+    gains = [[o.score.gain_unseen for o in found if o.channel == channel] for channel in SHOWN_BY_THRUST]
+    lead = sum(max(own, default=0.0) for own in gains) - of_thrust.score.gain_unseen
+    clearly = lead > THRESHOLDS.clear_lead * of_thrust.score.dispersion
+    return [o for o in found if o.channel[0] != THRUST] if clearly else found
 
 
 def stated_curve(model: Model) -> Outside | None:

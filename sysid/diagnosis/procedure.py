@@ -26,15 +26,16 @@ from sysid.diagnosis.findings import (
 )
 from sysid.diagnosis.free_form import THRUST, UNIT
 from sysid.diagnosis.score import Score
-from sysid.diagnosis.search import Search, Trial, search
+from sysid.diagnosis.search import Search, search
 from sysid.diagnosis.thresholds import THRESHOLDS
+from sysid.diagnosis.trial import Trial
 from sysid.estimator import verdict as fits
 from sysid.estimator.clocks import pose_is_late
 from sysid.estimator.comparison import HORIZONS_S, Comparison, compare
 from sysid.estimator.flight_data import left_out
 from sysid.estimator.identification import identify
 from sysid.estimator.options import Options
-from sysid.estimator.prepare import prepare
+from sysid.estimator.prepare import prepare_all
 from sysid.estimator.result import Identification
 from sysid.logs.check import check_log
 from sysid.logs.payload import PAYLOAD, carries_payload
@@ -279,7 +280,7 @@ def _searched(
         options = replace(options, clock="rotor speed")
         base = identify(logs, vehicle, options, near=base)
     progress("diagnose", 0.15)
-    unseen = [flight for i, log in enumerate(held_out) for flight in prepare(log, i, options)]
+    unseen = prepare_all(held_out, options, [vehicle])
     return base, search(logs, base, unseen, options, most=most, progress=progress), options
 
 

@@ -10,7 +10,7 @@ from flight.flight_log import COLUMNS
 from sysid.estimator.blocks.catalogue import reported
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.options import Options
-from sysid.estimator.prepare import prepare
+from sysid.estimator.prepare import prepare_all
 from sysid.estimator.result import Identification
 from sysid.estimator.states import States
 from sysid.logs import contact
@@ -168,7 +168,7 @@ def rehearse(
     )
     if contact.spans(log):
         raise InfeasibleError("the simulated vehicle touches the ground")
-    (flight,) = prepare(log, 0, options)
+    (flight,) = prepare_all([log], options, [fit.vehicle])
     at = np.searchsorted(truth.time_s, flight.time_s - 1e-9)
     rows = truth.rows[at, 0]
     states = States(rows[:, 0:3], rows[:, 3:6], rows[:, 6:10], rows[:, 10:13])

@@ -27,6 +27,7 @@ from sysid.diagnosis.examined import (
 )
 from sysid.diagnosis.findings import JudgedBy, Outcome
 from sysid.diagnosis.thresholds import THRESHOLDS
+from sysid.diagnosis.trial import Trial
 from sysid.diagnosis.weigh import Fitted, Scales
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.identification import identify
@@ -140,78 +141,6 @@ def _weighed(model: Model, tried: Sequence[Fitted]) -> tuple[list[Fitted], Model
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
-    """One attempt to add a candidate, and how it ended."""
-
-    candidate: Candidate
-    outcome: Outcome
-    training: CostReduction
-    held_out: CostReduction
-    """On flights that were not used, or on each training flight left out in turn."""
-    judged_by: JudgedBy
-    why: str
-    """Why held-out flights did not judge; empty if they did."""
-    confirmed: bool
-    """Whether those flights prefer the model with it, at a size of any consequence."""
-    confidence: float
-    """Probability that this is the effect: that it is the one among its rivals, and that there is one at all."""
-    rivals: tuple[tuple[str, float], ...]
-    """Confounded effects that were fitted, with their probabilities."""
-    proxy_for: Outside | None
-    fit: Identification
-    negligible: bool = False
-    """Whether the full fit leaves it next to nothing, whatever its score was."""
-
-    @property
-    def refuted(self) -> bool:
-        """Whether something speaks against it, more than that too little speaks for it."""
-        refused = self.outcome is Outcome.NOT_CONFIRMED and self.judged_by is JudgedBy.HELD_OUT
-        return self.outcome is Outcome.PROXY or refused
-
-    @property
-    def between(self) -> tuple[str, ...]:
-        """Names that nothing tells apart: its own and those of rivals almost as likely."""
-        least = self.confidence * np.exp(-THRESHOLDS.clear_lead)
-        return (self.candidate.name, *(name for name, p in self.rivals if p > least))
-
-    @property
-    def judged_on(self) -> str:
-        """In words, what confirmed or refused it."""
-        return f"{self.judged_by} ({self.why})" if self.why else str(self.judged_by)
-
-    def probability(self, name: str) -> float:
-        """That one of the names of `between` is the right one."""
-        return {self.candidate.name: self.confidence, **dict(self.rivals)}[name]
-
-    @property
-    def sentence(self) -> str:
-        """How it ended, with the numbers."""
-        judged, curve = self.held_out, self.proxy_for
-        scatter = (
-            f"± {judged.sigma:.1f}" if np.isfinite(judged.sigma) else "(one stretch of flight: uncertainty unknown)"
-        )
-        numbers = f"the cost of {self.judged_on} fell by {judged.total:.1f} {scatter}"
-        match self.outcome:
-            case Outcome.ADDED:
-                return f"helped: {numbers}"
-            case Outcome.NOT_CONFIRMED if self.negligible:
-                return f"not added: its fitted size is negligible; {numbers}"
-            case Outcome.NOT_CONFIRMED:
-                return f"{'fell, but not significantly' if judged.total > 0.0 else 'did not help'}: {numbers}"
-            case Outcome.UNDECIDED:
-                return f"not named: {' or '.join(self.between[1:])} explains as much; {numbers}"
-            case Outcome.REMOVED:
-                return "taken out again: a later addition made it unnecessary"
-            case Outcome.PROXY | Outcome.USEFUL_PROXY:
-                assert curve is not None
-                useful = self.outcome is Outcome.USEFUL_PROXY
-                return (
-                    f"{f'added as a useful proxy: {numbers}, but' if useful else 'not named:'} a free curve of "
-                    f"{curve.channel} against {curve.variable} explains more, and beside it the effect is not needed"
-                )
-
-
-@dataclass(frozen=True, slots=True)
 class Search:
     """The whole search."""
 
@@ -277,6 +206,12 @@ def search(
             dropped_before.add(dropped.name)
             refused.add(dropped.name)
             models.append(_without(logs, models[-1], dropped, options))
+    while undecided is None and len(added) < most and (small := _small_beside_curve(models[-1], added)) is not None:
+        last = next(t for t in reversed(trials) if t.candidate == small)
+        trials.append(replace(last, outcome=Outcome.REMOVED, proxy_for=stated_curve(models[-1])))
+        added.remove(small)
+        dropped_before.add(small.name)
+        models.append(_without(logs, models[-1], small, options))
     trial, at = undecided or (None, models[-1])
     told = unseen.flights if unseen else tuple(held_out)
     outside = stated_curve(at) if len(added) < most else None
@@ -312,7 +247,7 @@ def _useful_proxies(
         if trial.candidate.name not in model.scores or trial.candidate.between_flights:
             continue
         fitted = _fitted(logs, model, trial.candidate, options)
-        if fitted is None:
+        if fitted is None or not _matters(fitted):
             continue
         reduction, confirmed, why = _confirmed(model, fitted, unseen)
         if not confirmed:
@@ -438,6 +373,26 @@ def _superfluous(model: Model, added: Sequence[Candidate]) -> Candidate | None:
     """The addition that the later ones have made unnecessary, if there is one."""
     worst = max(added[:-1], key=lambda s: loss(model, s).significance, default=None)
     return worst if worst is not None and loss(model, worst).significance > THRESHOLDS.backward_chance else None
+
+
+def _small_beside_curve(model: Model, added: Sequence[Candidate]) -> Candidate | None:
+    """An addition whose whole interval is too small to matter, while a curve is stated; None if there is none.
+
+    The law that the curve is of acts in other channels too, and differently on each flight. A known effect fits a small
+    part of that, and flights of the same kinds confirm it.
+    """
+    if not added or stated_curve(model) is None:
+        return None
+    return next((candidate for candidate in added if not _may_matter(model.fit, candidate)), None)
+
+
+def _may_matter(fit: Identification, candidate: Candidate) -> bool:
+    """Whether the interval of any size reaches what would matter."""
+    estimates = [fit.estimate(name) for name in candidate.parameters]
+    return any(
+        abs(e.value) + e.interval90 > THRESHOLDS.matters * usual
+        for e, usual in zip(estimates, candidate.usual, strict=True)
+    )
 
 
 def _without(logs: Sequence[FlightLog], model: Model, dropped: Candidate, options: Options) -> Model:

@@ -49,17 +49,19 @@ class Disturbance:
 def learn(left: Sequence[FloatArray], time_s: Sequence[FloatArray]) -> Disturbance:
     """Size, time constant and white rest, by Whittle's likelihood over all flights, channel by channel.
 
+    The filter reads single intervals, so what means over time average away (differences of a noisy rate) is part of the
+    white rest too.
+
     Args:
         left: of each flight, (k, 6) unexplained acceleration over each interval.
         time_s: of each flight, (k,) the middle of each interval.
     """
     bins = [means_over(values, at, gusts.BIN_S) for values, at in zip(left, time_s, strict=True)]
     fits = [gusts.fit([b[:, channel] for b in bins], np.inf) for channel in range(6)]
-    return Disturbance(
-        np.array([f.size for f in fits]),
-        np.array([f.lasts_s for f in fits]),
-        np.array([f.white for f in fits]) * np.sqrt(gusts.BIN_S),
-    )
+    size, white = np.array([f.size for f in fits]), np.array([f.white for f in fits]) * np.sqrt(gusts.BIN_S)
+    step_s = float(np.median(np.diff(time_s[0])))
+    rest = np.maximum(np.concatenate(left).var(axis=0) - size**2, 0.0)
+    return Disturbance(size, np.array([f.lasts_s for f in fits]), np.maximum(white, np.sqrt(rest * step_s)))
 
 
 def _gain(keeps: FloatArray, drive: FloatArray, noise: FloatArray) -> FloatArray:

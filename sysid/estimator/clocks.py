@@ -53,6 +53,8 @@ def estimated(flights: Iterable[Flight], reference: Reference, *, with_lag: bool
         with_lag: whether the vehicle has motors that lag. A lag is a delay to first order, so without one in the model
             commands are taken to be on time, and what is late about them is the lag's to explain.
     """
+    if reference == "common":
+        return {}
     found = {}
     for flight in flights:
         fixed = (reference_of(flight, reference), "" if with_lag else COMMAND)

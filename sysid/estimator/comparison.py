@@ -16,7 +16,7 @@ from sysid.estimator.midpoint import Middle, middle
 from sysid.estimator.model import unexplained
 from sysid.estimator.options import Options
 from sysid.estimator.prediction import Predictor, predict
-from sysid.estimator.prepare import prepare
+from sysid.estimator.prepare import prepare_all
 from sysid.estimator.result import CHANNELS, LARGE_FORCE_M_S2, LARGE_TORQUE_RAD_S2, SPAN_S
 from sysid.estimator.states import States
 from sysid.logs.payload import as_flown
@@ -148,7 +148,7 @@ def compare(
     if not logs or not models:
         raise InputError("compare needs at least one flight and one model")
     options = options or Options(max_iterations=SMOOTHING_STEPS)
-    flights = [flight for i, log in enumerate(logs) for flight in prepare(log, i, options)]
+    flights = prepare_all(logs, options, models.values())
     for flight in flights:
         if not flight.has_pose:
             raise InputError(f"{flight.name} has no pose; predictions are judged against one")

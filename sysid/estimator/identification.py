@@ -17,7 +17,7 @@ from sysid.estimator.flight_data import Flight
 from sysid.estimator.model import unexplained
 from sysid.estimator.noise import Noise
 from sysid.estimator.options import Options, Reference
-from sysid.estimator.prepare import prepare
+from sysid.estimator.prepare import prepare_all
 from sysid.estimator.problem import Point, with_values
 from sysid.estimator.result import Identification, conclude
 from sysid.estimator.solver import Prior, Solution, solve
@@ -64,7 +64,7 @@ def identify(
     options = options or Options()
     if not logs:
         raise InputError("no flight was given; identification needs at least one log")
-    flights = list(near.flights) if near else [f for i, log in enumerate(logs) for f in prepare(log, i, options)]
+    flights = list(near.flights) if near else prepare_all(logs, options, [vehicle])
     excitation.require(flights, _names(vehicle, flights, options))
     unknowns, clock = _unknowns(vehicle, flights, options)
     point, noise = _beside(near, vehicle, unknowns) if near else start(vehicle, flights, unknowns.model)
@@ -186,7 +186,7 @@ def _unknowns(vehicle: Vehicle, flights: list[Flight], options: Options) -> tupl
     with_pose = any(f.has_pose for f in flights)
     wanted = SENSOR_NAMES if options.pose_sensor and with_pose else ()
     sensor = tuple(n for n in wanted if n in vehicle.parameters and n not in options.held)
-    clock = "rotor speed" if DELAY in sensor else options.clock
+    clock = "rotor speed" if DELAY in sensor and options.clock == "pose" else options.clock
     own, _ = nuisances(flights, clock, vehicle)
     return replace(own, model=_names(vehicle, flights, options), sensor=sensor), clock
 

@@ -5,13 +5,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from flight import InputError
-from flight.frames import GRAVITY_M_S2
 
-GRAVITY_ON_EARTH_M_S2 = (9.76, 9.84)
-"""Least (a high mountain at the equator) and most (a pole)."""
-
-Reference = Literal["pose", "rotor speed"]
-"""Streams whose clock the others can be measured against."""
+Reference = Literal["pose", "rotor speed", "common"]
+"""Streams whose clock the others can be measured against; or one clock for all of them."""
 Gaps = Literal["refuse", "split"]
 
 
@@ -34,7 +30,8 @@ class Options:
     clock: Reference = "pose"
     """Against whose clock the delays of gyro, accelerometer, rotor speed and commands are estimated. Against rotor
     speed (of logs of commands alone: against the gyro), the pose is late by the vehicle's `pose_delay`, or not at
-    all."""
+    all. `common`: one recorder took all columns of a row at once, so that none is late; without a pose a dead time of
+    the motors would else be taken for late commands."""
     gaps: Gaps = "refuse"
     """A log with a gap: refuse it, or fit the pieces between gaps as separate flights."""
     unseen: Literal["refuse", "hold"] = "hold"
@@ -46,9 +43,6 @@ class Options:
     gusts: Literal["estimate", "white"] = "estimate"
     """Disturbances that last (gusts, a swinging load): estimate their size and duration when the flights show such, and
     carry them among the states; or take all that is unexplained for white noise."""
-    gravity_m_s2: float = GRAVITY_M_S2
-    """Where it was flown: 9.780 at the equator, 9.832 at the poles, 3e-6 less for every metre up. All thrust is in
-    proportion to it."""
     block_s: float = 1.5
     """Length of the blocks within which errors may be correlated, for the robust standard errors."""
     max_iterations: int = 30
@@ -58,9 +52,6 @@ class Options:
         for name in ("node_rate_hz", "block_s"):
             if not getattr(self, name) > 0.0:
                 raise InputError(f"option {name} is {getattr(self, name)}; it must be positive")
-        low, high = GRAVITY_ON_EARTH_M_S2
-        if not low <= self.gravity_m_s2 <= high:
-            raise InputError(f"gravity_m_s2 is {self.gravity_m_s2}; on Earth it is between {low} and {high} m/s2")
         if self.max_iterations < 1:
             raise InputError(f"max_iterations is {self.max_iterations}; it must be at least 1")
         for name, std in self.prior_std.items():

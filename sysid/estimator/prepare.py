@@ -1,11 +1,12 @@
 """Flights from logs: cut at gaps, thinned to nodes, each block's readings and the rotor speed between nodes."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from flight import FlightLog, InputError
+from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
 from sysid.estimator import clocks
 from sysid.estimator.blocks import battery, motor, rotor_speed
@@ -16,6 +17,7 @@ from sysid.estimator.sampling import Stretch
 from sysid.logs import contact
 from sysid.logs.finding import Span
 from sysid.logs.payload import carries_payload
+from vehicle import Vehicle
 
 GAP_FACTOR = 4.0
 """A pause is a gap when it lasts this many usual sample intervals ..."""
@@ -42,7 +44,29 @@ class _Source:
     """`rotor_speed_rad_s`, or the command."""
 
 
-def prepare(log: FlightLog, index: int, options: Options) -> list[Flight]:
+def prepare_all(logs: Sequence[FlightLog], options: Options, models: Iterable[Vehicle]) -> list[Flight]:
+    """Flights of all logs, one after the other, flown where the models fly.
+
+    Raises:
+        InputError: a log cannot be used, or the models' gravities differ.
+    """
+    gravity_m_s2 = gravity_of(models)
+    return [flight for i, log in enumerate(logs) for flight in prepare(log, i, options, gravity_m_s2=gravity_m_s2)]
+
+
+def gravity_of(models: Iterable[Vehicle]) -> float:
+    """Gravity where the models fly, m/s2. Raises `InputError` if it is not the same for all."""
+    first, *others = models
+    for other in others:
+        if other.gravity_m_s2 != first.gravity_m_s2:
+            raise InputError(
+                f"gravity is {first.gravity_m_s2:g} m/s2 for {first.name} and {other.gravity_m_s2:g} for {other.name}; "
+                "a flight has one: give --gravity"
+            )
+    return first.gravity_m_s2
+
+
+def prepare(log: FlightLog, index: int, options: Options, *, gravity_m_s2: float = GRAVITY_M_S2) -> list[Flight]:
     """Flights without gaps from one log, less what was flown on the ground or in contact.
 
     Raises:
@@ -54,7 +78,7 @@ def prepare(log: FlightLog, index: int, options: Options) -> list[Flight]:
     pieces = _aloft(_split(log, source, options), touched, source.name)
     flights = [_flight(log, piece, source, index, len(pieces), options) for piece in pieces]
     left_out = contact.sentence(source.name, touched) if touched else ""
-    return [replace(flight, left_out=left_out) for flight in flights]
+    return [replace(flight, left_out=left_out, gravity_m_s2=gravity_m_s2) for flight in flights]
 
 
 def _aloft(pieces: list[Span], touched: Sequence[Span], name: str) -> list[Span]:
@@ -170,7 +194,6 @@ def _flight(
         battery_v=battery.read(stretch),
         streams=streams,
         carries_payload=carries_payload(log),
-        gravity_m_s2=options.gravity_m_s2,
     )
     return _after_lead_in(flight) if by_command else flight
 

@@ -25,7 +25,7 @@ from sysid.estimator.comparison import QUANTITIES
 from sysid.estimator.flight_data import Flight, left_out
 from sysid.estimator.options import Options
 from sysid.estimator.prediction import Predictor, predict, unexplained
-from sysid.estimator.prepare import prepare
+from sysid.estimator.prepare import gravity_of, prepare
 from sysid.estimator.states import WINDOW_S, States
 from vehicle import Vehicle
 
@@ -219,9 +219,9 @@ def _stretches(
         return [], ()
     sensor = PoseSensor.of(next(iter(models.values())))
     least_s = 2.0 * (protocol.horizon_s + closed_loop.LAG_S)
-    by_log = []
+    by_log, gravity_m_s2 = [], gravity_of(models.values())
     for i, log in enumerate(logs):
-        flights = prepare(log, i, options)
+        flights = prepare(log, i, options, gravity_m_s2=gravity_m_s2)
         by_log.append([flight for flight in flights if flight.time_s[-1] - flight.time_s[0] > least_s])
         for flight in flights:
             if not flight.has_pose:

@@ -29,6 +29,8 @@ NORMAL_90 = 1.6449
 
 SCHEMA_VERSION = 2
 """Version of `Identification.as_dict`."""
+CONFOUNDED = 0.9
+"""Correlation of two estimates from which on the flights tell one combination of them, hardly each by itself."""
 NOT_IDENTIFIABLE = "not identifiable"
 """Status of a parameter that is held because the flights do not determine it."""
 
@@ -97,6 +99,13 @@ class Identification:
         """The estimate of one parameter. Raises `KeyError` if it is not among them."""
         return {e.name: e for e in self.parameters}[name]
 
+    def confounded(self) -> list[tuple[str, str, float]]:
+        """Pairs of free parameters with a correlation of at least `CONFOUNDED`, and it, the strongest first."""
+        rows, columns = np.triu_indices(len(self.free_names), 1)
+        pairs = [(i, j, float(self.correlation[i, j])) for i, j in zip(rows, columns, strict=True)]
+        strong = sorted((pair for pair in pairs if abs(pair[2]) >= CONFOUNDED), key=lambda pair: -abs(pair[2]))
+        return [(self.free_names[i], self.free_names[j], r) for i, j, r in strong]
+
     def as_dict(self) -> dict[str, Any]:
         """Everything but states and residuals, as plain JSON values."""
         return {
@@ -123,6 +132,7 @@ class Identification:
             },
             "free": list(self.free_names),
             "correlation": self.correlation.tolist(),
+            "confounded": [{"names": [a, b], "correlation": r} for a, b, r in self.confounded()],
             "converged": self.converged,
             "iterations": [
                 {"cost": i.cost, "step_sigma": i.step_sigma, "damping": i.damping} for i in self.solution.record
@@ -328,8 +338,8 @@ def _findings(vehicle: Vehicle, estimates: list[Estimate], solution: Solution, f
     gravity_m_s2 = flights[0].gravity_m_s2
     if gravity_m_s2 != GRAVITY_M_S2:
         found.append(
-            f"gravity was given as {gravity_m_s2:g} m/s2; plans and controller take {GRAVITY_M_S2:g} everywhere, which "
-            f"changes thrust in hover by {abs(GRAVITY_M_S2 / gravity_m_s2 - 1.0):.2%}"
+            f"gravity is {gravity_m_s2:g} m/s2, not the standard {GRAVITY_M_S2:g}: the vehicle file keeps it, and "
+            "predictions, plans and controller use it"
         )
     noise = solution.noise
     if noise.gusts is not None:

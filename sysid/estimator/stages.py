@@ -13,7 +13,7 @@ from sysid.estimator.identification import identify
 from sysid.estimator.midpoint import middle
 from sysid.estimator.model import slopes_along, unexplained
 from sysid.estimator.options import Options
-from sysid.estimator.prepare import prepare
+from sysid.estimator.prepare import prepare_all
 from sysid.estimator.problem import with_values
 from sysid.estimator.result import Identification
 from sysid.estimator.states import first_guess
@@ -68,7 +68,7 @@ def regress(logs: Sequence[FlightLog], vehicle: Vehicle, options: Options | None
     Differentiation passes what noise it likes and hides fast motion; inertias come out some per cent off.
     """
     options = options or Options()
-    flights = [flight for i, log in enumerate(logs) for flight in prepare(log, i, options)]
+    flights = prepare_all(logs, options, [vehicle])
     names = chosen_names(vehicle, options.free, options.held)
     bounds = np.array([specs(vehicle)[name].bounds for name in names]).reshape(-1, 2)
     sensor = PoseSensor.of(vehicle)

@@ -21,7 +21,7 @@ from sysid.estimator.flight_data import Flight, left_out
 from sysid.estimator.midpoint import Middle
 from sysid.estimator.model import along
 from sysid.estimator.options import Options
-from sysid.estimator.prepare import prepare
+from sysid.estimator.prepare import prepare_all
 from sysid.estimator.result import CHANNELS, SPAN_S
 from vehicle import Vehicle, rigid_body
 
@@ -81,7 +81,7 @@ def wrench_errors(
         raise InputError("comparing forces needs at least one flight and one model")
     options = replace(options or Options(), use_accelerometer=True)
     first = next(iter(models.values()))
-    flights = [flight for i, log in enumerate(logs) for flight in prepare(log, i, options)]
+    flights = prepare_all(logs, options, models.values())
     for flight in flights:
         if not flight.has_pose:
             raise InputError(f"{flight.name} has no pose; forces are compared along a measured motion")

@@ -87,35 +87,53 @@ def gyro_after_attitude(log: FlightLog, motion: Kinematics) -> Offset:
 
 
 def rotors_after_gyro(log: FlightLog, motion: Kinematics, vehicle: Vehicle) -> Offset:
-    """By how much rotor speed comes later than the gyro, from roll and pitch."""
-    rows = np.isfinite(log.vector("rate_body_rad_s")).all(axis=1)
-    rate = resampled(motion.time_s, log.time_s[rows], log.vector("rate_body_rad_s")[rows])
-    return _rotors_after(fitted(rate, 0), fitted(rate, 1), log, motion, vehicle)
+    """By how much rotor speed comes later than the gyro, from roll and pitch.
+
+    In the driven band neither is smoothed, which would leave little above 8 Hz, where a delay shows best.
+    """
+    rate, speed = _raw(log, "rate_body_rad_s", motion), _raw(log, "rotor_speed_rad_s", motion)
+    smooth = _streams(fitted(rate, 0), fitted(rate, 1), fitted(speed, 0), motion, vehicle)
+    quick = _streams(rate, CubicSpline(motion.time_s, rate)(motion.time_s, 1), speed, motion, vehicle)
+    return _more_exact(smooth, quick)
 
 
 def rotors_after_attitude(log: FlightLog, motion: Kinematics, vehicle: Vehicle) -> Offset:
     """By how much rotor speed comes later than the attitude, from roll and pitch."""
-    return _rotors_after(motion.rate_body_rad_s, motion.angular_acceleration_rad_s2, log, motion, vehicle)
-
-
-def _rotors_after(
-    rate: FloatArray, turning: FloatArray, log: FlightLog, motion: Kinematics, vehicle: Vehicle
-) -> Offset:
-    """Against body rate and its slope, (n, 3) on the grid.
-
-    A moment that goes with turning or with speed is part of every flight, and moves the phase of what is left. Read at
-    all frequencies and in the driven band alone, whichever shows the rotors' doing more clearly.
-    """
     speed = on_grid(log, "rotor_speed_rad_s", motion.time_s)
+    streams = _streams(motion.rate_body_rad_s, motion.angular_acceleration_rad_s2, speed, motion, vehicle)
+    return _more_exact(streams, streams)
+
+
+Streams = tuple[FloatArray, FloatArray, FloatArray]
+"""Turning less the moment of the air, the rotors' part of it, and what else may turn the body, on the grid."""
+
+
+def _streams(rate: FloatArray, turning: FloatArray, speed: FloatArray, motion: Kinematics, vehicle: Vehicle) -> Streams:
+    """Of roll and pitch, from body rate and its slope (n, 3) and rotor speed (n, r) on the grid.
+
+    A moment that goes with turning or with speed is part of every flight, and moves the phase of what is left.
+    """
     rest = np.zeros((len(speed), 3))
     air = rotations.rotate(rotations.conjugate(motion.q), motion.velocity_world_m_s)
     around = replace(open_air(len(speed)), q_world_body=motion.q)
     driven = acceleration(vehicle, rest, rest, speed, around)[1]
     aerodynamic = acceleration(vehicle, air, rate, speed, around)[1] - driven
     beside = np.stack([np.column_stack([rate[:, i], air[:, :2]]) for i in range(2)], axis=1)
-    streams = (turning - aerodynamic)[:, :2], driven[:, :2], beside
-    both = clock_offset(*streams), clock_offset(*map(_in_driven_band, streams))
-    return max(both, key=lambda offset: offset.quality)
+    return (turning - aerodynamic)[:, :2], driven[:, :2], beside
+
+
+def _more_exact(all_frequencies: Streams, quick: Streams) -> Offset:
+    """Read at all frequencies and in the driven band alone: of what shows the rotors' doing, the smaller error."""
+    found = clock_offset(*all_frequencies), clock_offset(*map(_in_driven_band, quick))
+    clear = [offset for offset in found if offset.quality > ROTOR_QUALITY]
+    return min(clear, key=lambda offset: offset.sigma_s) if clear else max(found, key=lambda offset: offset.quality)
+
+
+def _raw(log: FlightLog, quantity: str, motion: Kinematics) -> FloatArray:
+    """A quantity on the grid, as it was logged."""
+    values = log.vector(quantity)
+    rows = np.isfinite(values).all(axis=1)
+    return resampled(motion.time_s, log.time_s[rows], values[rows])
 
 
 def _in_driven_band(values: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
 from sysid.logs import clocks, rotor_order
 from sysid.logs.finding import Finding, Repair, error, warning
-from sysid.logs.motion import GRID_S, Kinematics, correlation, fitted, kinematics, on_grid, sampled
+from sysid.logs.motion import GRID_S, Kinematics, kinematics, on_grid, sampled
 from sysid.logs.payload import as_flown, carries_payload
 from vehicle import Vehicle, wrench
 from vehicle.invert import open_air
@@ -234,7 +234,8 @@ def _rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle | None, places:
         sentence = f"the rotors make {ratio:.2g} times the thrust that the motion needs"
         found.append(warning("unit", sentence, "check mass, thrust coefficient and the unit of rotor speed"))
     found += places
-    if any(f.what == "rotor order" for f in places) or not _followed(speed, motion, vehicle):
+    turns = np.sqrt((motion.rate_body_rad_s[:, :2] ** 2).mean()) >= LEAST_RATE_RAD_S
+    if any(f.what == "rotor order" for f in places) or not turns:
         return found
     return found + clocks.of_rotors(log, motion, vehicle)
 
@@ -243,16 +244,6 @@ def _rpm(typical: float) -> Finding:
     sentence = f"rotor speed is {typical:.0f} (median): that is rpm in a rad/s column"
     repair = Repair("scale", COLUMNS["rotor_speed_rad_s"], factor=1.0 / RPM)
     return error("unit", sentence, "multiply rotor_speed_rad_s by 2 pi / 60", repair=repair)
-
-
-def _followed(speed: FloatArray, motion: Kinematics, vehicle: Vehicle) -> bool:
-    """Whether roll and pitch follow the rotors well enough to compare their clocks."""
-    if np.sqrt((motion.rate_body_rad_s[:, :2] ** 2).mean()) < LEAST_RATE_RAD_S:
-        return False
-    arms = np.stack([vehicle.hub_body_m[:, 1], -vehicle.hub_body_m[:, 0]], axis=1)
-    torque = fitted(speed**2 - (speed**2).mean(axis=0), 0) @ arms
-    turning = motion.angular_acceleration_rad_s2
-    return sum(correlation(torque[:, i], turning[:, i]) for i in range(2)) / 2.0 > 0.3
 
 
 def _ratios(motion: Kinematics, logged: FloatArray) -> tuple[FloatArray, FloatArray]:

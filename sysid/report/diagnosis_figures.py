@@ -149,9 +149,10 @@ def _left_on_held_out(panel: "Axes", judged: dict[str, Sequence[Residual]], chan
     at = explained.read(last, VARIABLE[variable])
     residual_plots.scatter(panel, at, scale * in_channel(last, channel), drawing.COLOURS[2])
     first = judged[BEFORE]
-    centre, mean, _ = drawing.binned(explained.read(first, VARIABLE[variable]), scale * in_channel(first, channel))
-    panel.plot(centre, mean, ":", color=drawing.INK, linewidth=1.4, label="before anything was added")
-    panel.legend(frameon=False, fontsize=8)
+    if first is not last:
+        centre, mean, _ = drawing.binned(explained.read(first, VARIABLE[variable]), scale * in_channel(first, channel))
+        panel.plot(centre, mean, ":", color=drawing.INK, linewidth=1.4, label="before anything was added")
+        panel.legend(frameon=False, fontsize=8)
     drawing.plain(panel, "left on held-out flights by the last model", residual_plots.labelled(variable), "")
 
 

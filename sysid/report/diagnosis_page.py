@@ -11,6 +11,7 @@ from pathlib import Path
 from sysid.diagnosis.findings import Outcome, OutsideFinding, Verdict
 from sysid.diagnosis.outlook import Outlook
 from sysid.diagnosis.procedure import Diagnosis
+from sysid.estimator.verdict import Use
 from sysid.report import diagnosis_figures, diagnosis_tables, residual_plots, words
 from sysid.report.pages import picture, write_page
 
@@ -23,6 +24,8 @@ CAPTIONS = {
     "confounded": "Share of each residual that another candidate reproduces",
 }
 IN_THE_MODEL = (Verdict.PRESENT, Verdict.PROXY)
+MOST_LISTED = 8
+"""More open candidates than these are not listed in the verdict."""
 HORIZON = "0.5 s"
 """At which the verdict states the error."""
 STYLE = (
@@ -89,7 +92,7 @@ def _head(found: Diagnosis) -> str:
 def _verdict(found: Diagnosis) -> str:
     verdict = named(found, found.verdict)
     sentence = verdict[0].upper() + verdict[1:]
-    said = [f"<b>{escape(sentence)}.</b>", _belief_sentence(found)]
+    said = [f"<b>{escape(sentence)}.</b>", *_fit_sentence(found), _belief_sentence(found)]
     said += [diagnosis_tables.size_sentence(s) for s in found.candidates if s.verdict in IN_THE_MODEL]
     if found.outside is not None:
         said.append(_curve_sentence(found.outside))
@@ -97,6 +100,15 @@ def _verdict(found: Diagnosis) -> str:
     if not found.additions:
         said.append(_exclusions(found))
     return "".join(f"<p>{line}</p>" for line in said)
+
+
+def _fit_sentence(found: Diagnosis) -> list[str]:
+    """What speaks against the fit that all of this rests on; nothing if it is usable."""
+    if found.fit_verdict.use is Use.USABLE:
+        return []
+    style = " class='bad'" if found.fit_verdict.use is Use.REJECTED else ""
+    reasons = escape(named(found, "; ".join(found.fit_verdict.reasons)))
+    return [f"<span{style}>The verdict on the fit that this rests on: {found.fit_verdict.use}. {reasons}.</span>"]
 
 
 def _belief_sentence(found: Diagnosis) -> str:
@@ -140,6 +152,8 @@ def _exclusions(found: Diagnosis) -> str:
     open_ += [name for name, _ in found.invisible]
     told = f"Of {len(found.candidates)} candidates, {excluded} can be excluded: too small to matter"
     said = escape(", ".join(words.effect(name) for name in open_))
+    if len(open_) > MOST_LISTED:
+        said = f"{len(open_)} others, which stand below"
     return f"{told}. These flights say nothing certain of {said}." if open_ else f"{told}."
 
 

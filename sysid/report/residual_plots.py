@@ -22,6 +22,8 @@ NOTABLE = 0.03
 """Shares above this are written into the heat map."""
 FLATTEST = 0.4
 """Of a flown path, as drawn."""
+LEAST_SHOWN = 0.5
+"""A flight shorter than this share of the longest is not shown over time."""
 SIGMAS = 1.96
 """Half the width of a 95 % band, in standard deviations."""
 
@@ -174,8 +176,10 @@ def labelled(variable: str) -> str:
 
 
 def loudest(residuals: Sequence[Residual]) -> int:
-    """The flight of which most is unexplained, over the noise."""
-    return max(range(len(residuals)), key=lambda i: float(((residuals[i].means() / residuals[i].sigma) ** 2).mean()))
+    """The flight of which most is unexplained, over the noise; short pieces of flights show too little of it."""
+    length_s = [float(np.ptp(one.time_s)) for one in residuals]
+    shown = [i for i, length in enumerate(length_s) if length >= LEAST_SHOWN * max(length_s)]
+    return max(shown, key=lambda i: float(((residuals[i].means() / residuals[i].sigma) ** 2).mean()))
 
 
 def scatter(panel: "Axes", x: FloatArray, y: FloatArray, colour: str) -> None:

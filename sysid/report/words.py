@@ -53,7 +53,7 @@ TITLES = {
     "airframe_side_moment": "moment of the airframe's drag",
 }
 """Effects whose code name does not read as words."""
-UNITS = frozenset(["kg", "m", "m2", "s", "s2", "n", "rad", "v", "per"])
+UNITS = frozenset(["kg", "m", "m2", "m3", "s", "s2", "n", "rad", "v", "per"])
 """Words at the end of a parameter's code name that only say its unit."""
 
 
@@ -70,6 +70,12 @@ def parameter(name: str) -> str:
     while len(parts) > 1 and parts[-1] in UNITS:
         parts.pop()
     return " ".join(parts)
+
+
+def parameter_in_full(name: str) -> str:
+    """`centre_of_mass.x_m` as `centre of mass, x`; one of the vehicle's own as `parameter`."""
+    stem, dot, _ = name.partition(".")
+    return f"{effect(stem)}, {parameter(name)}" if dot else parameter(name)
 
 
 def named(text: str, names: Iterable[str]) -> str:

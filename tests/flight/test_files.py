@@ -89,6 +89,35 @@ def test_a_log_reads_back_exactly(tmp_path):
     np.testing.assert_array_equal(back.vector("q_world_body"), log.vector("q_world_body"))
 
 
+def test_the_pieces_of_a_log_are_the_log(tmp_path, monkeypatch):
+    monkeypatch.setattr(flight_log, "PIECE_ROWS", 2)
+    log, path = example_log(), tmp_path / "f.parquet"
+    flight_log.save(path, log)
+    pieces = list(flight_log.pieces(path, ["gap_left_m"]))
+    assert [len(piece) for piece in pieces] == [2, 2, 1]
+    assert all(set(piece.columns) == {"time_s", "gap_left_m"} for piece in pieces)
+    for name in ("time_s", "gap_left_m"):
+        np.testing.assert_array_equal(np.concatenate([piece.columns[name] for piece in pieces]), log.columns[name])
+    with pytest.raises(InputError, match="has no height_m"):
+        next(flight_log.pieces(path, ["height_m"]))
+    with pytest.raises(InputError, match="does not exist"):
+        next(flight_log.pieces(tmp_path / "none.parquet"))
+
+
+def test_time_that_goes_back_from_one_piece_to_the_next_is_refused(tmp_path, monkeypatch):
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    monkeypatch.setattr(flight_log, "PIECE_ROWS", 2)
+    path = tmp_path / "f.parquet"
+    flight_log.save(path, example_log())
+    table = pq.read_table(path)
+    jumping = table.set_column(0, "time_s", pa.array([0.0, 1.0, 0.5, 2.0, 3.0]))
+    pq.write_table(jumping.replace_schema_metadata(table.schema.metadata), path, row_group_size=2)
+    with pytest.raises(InputError, match=r"time does not increase \(1\.000000 s, then 0\.500000 s\)"):
+        list(flight_log.pieces(path))
+
+
 def test_a_missing_quantity_of_a_log_is_named():
     log = example_log()
     assert log.has("position_world_m")
@@ -128,6 +157,8 @@ def test_a_damaged_log_is_refused(tmp_path, damage):
         pq.write_table(table, path)
     with pytest.raises(FormatError):
         flight_log.load(path)
+    with pytest.raises(FormatError):
+        list(flight_log.pieces(path))
 
 
 def test_a_project_opens_where_it_was_made(tmp_path):

@@ -1,7 +1,10 @@
 """No result is replaced without `overwrite`, and a replaced one is kept whole beside the new one."""
 
 import os
+import shutil
 import socket
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -143,3 +146,37 @@ def test_without_links_files_are_kept_and_placed_all_the_same(tmp_path, monkeypa
     write(tmp_path / "a", "old")
     write(tmp_path / "a", "new", overwrite=True)
     assert ((tmp_path / "a").read_text(), (tmp_path / "a.old-1").read_text()) == ("new", "old")
+
+
+INTO_A_MOUNT = """
+import sys
+from pathlib import Path
+from flight import InputError, results
+
+target, work = Path(sys.argv[1]), Path(sys.argv[2])
+results.require_free_folder(target, overwrite=False, ours=lambda _: True)
+with results.new_folder(target, overwrite=False, ours=lambda _: True, within=work) as placing:
+    (placing.temporary / "part").mkdir()
+    (placing.temporary / "part" / "file").write_text("whole")
+assert [str(p.relative_to(target)) for p in sorted(target.rglob("*"))] == ["part", "part/file"]
+try:
+    results.require_free_folder(target, overwrite=True, ours=lambda _: True)
+except InputError as error:
+    assert "mount point" in str(error)
+else:
+    raise SystemExit("a filled mount point must be refused before the work")
+"""
+
+
+def test_an_empty_mount_point_takes_a_result_and_a_filled_one_is_refused(tmp_path):
+    """A file system of its own, which nothing can be renamed into from beside it."""
+    (tmp_path / "disk").mkdir()
+    (tmp_path / "work").mkdir()
+    mounted = 'mount -t tmpfs none $1 && shift && exec $0 -c "$2" $1 $3'
+    words = [sys.executable, tmp_path / "disk", tmp_path / "disk", INTO_A_MOUNT, tmp_path / "work"]
+    private = ["unshare", "--mount", "--map-root-user", "sh", "-c"]
+    tried = [*private, "mount -t tmpfs none $0", str(tmp_path / "disk")]
+    if shutil.which("unshare") is None or subprocess.run(tried, check=False).returncode:
+        pytest.skip("this machine lets nobody mount, not even in a namespace of its own")
+    ended = subprocess.run([*private, mounted, *map(str, words)], capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stderr

@@ -24,7 +24,9 @@ from tests.waiting import until as wait
 from vehicle import flights, manoeuvres
 
 DRAG = "rotor_drag_thrust"
-HOSTILE = "<img src=x onerror=alert(1)>"
+MARKUP = "<img src=x onerror=alert(1)>"
+HOSTILE = f"{MARKUP}\n\u202edesrever\u2066 {'wide' * 500}"
+"""Markup, a line's end, text from right to left that is never ended, and a word wider than any screen."""
 BOB = [(1.25, 1.0), (1.25, -1.0)] * 2
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium")
@@ -72,7 +74,9 @@ def page(station: GroundStation):
 
 
 def test_flights_stand_side_by_side_and_foreign_text_is_text(page, station):
-    assert page.get_by_text(HOSTILE).count() == 2
+    assert page.get_by_text(MARKUP).count() == 2
+    assert page.locator("img").count() == 0
+    assert overflow(page) == []
     page.get_by_role("button", name=re.compile("beside")).click()
     page.locator(".flight-tag").nth(1).wait_for()
     page.get_by_label("Add or remove a stream").select_option("rotor_0")
@@ -80,13 +84,16 @@ def test_flights_stand_side_by_side_and_foreign_text_is_text(page, station):
     assert len(station.view.flights._paths) == 2
 
 
-def test_a_cell_is_looked_at_everywhere_and_a_bin_shows_its_moments(page):
+def test_a_cell_is_looked_at_everywhere_and_a_bin_shows_its_moments(page, station):
     page.get_by_role("button", name=re.compile("^F_x against v_x")).click()
     page.get_by_role("heading", name=re.compile("Residual F.* against v")).wait_for()
     page.get_by_role("img", name="Residual x over time").wait_for()
     assert page.get_by_label("Colour of the flights' paths").input_value() == "F_x"
     page.get_by_role("img", name=re.compile("Residual F_x in N")).click(position={"x": 120, "y": 80})
     page.get_by_text(re.compile("of the open flights, shaded")).wait_for()
+    wait(lambda: station.view.flights._marks, "the moments on the paths")
+    page.get_by_role("button", name="Clear").click()
+    wait(lambda: not station.view.flights._marks, "the paths without them")
 
 
 def test_a_drag_zooms_and_a_link_restores_the_view(page):
@@ -141,7 +148,39 @@ def test_a_curve_of_rotor_thrust_is_shown_with_its_words_and_unit(page, station)
     page.keyboard.press("5")
     card = page.get_by_role("region", name="No known effect")
     card.get_by_text("the thrust of rotor 2 follows speed of rotor 2, from −19.0 to 0 % of the thrust").wait_for()
-    assert page.get_by_text(HOSTILE).first.is_visible()
+    assert page.get_by_text(MARKUP).first.is_visible()
+    assert page.locator("img").count() == 0
+    assert overflow(page) == []
+
+
+def overflow(page) -> list[str]:
+    """Classes of what reaches beyond the screen, and of columns that must be scrolled sideways."""
+    return page.evaluate(
+        """() => [...document.querySelectorAll("aside, .list-area, header, footer, .card, .flight")]
+            .filter(e => e.getBoundingClientRect().right > innerWidth + 1 || e.scrollWidth > e.clientWidth + 1)
+            .map(e => e.className)"""
+    )
+
+
+def test_two_people_see_one_diagnosis_and_one_keeps_it_for_both(page, station):
+    save_diagnosis(station)
+    before = station.desk.project.vehicle.read_bytes()
+    other = page.context.browser.new_context(viewport=SIZE).new_page()
+    other.set_default_timeout(1000 * PATIENCE_S)
+    other.goto(station.url)
+    for each in (page, other):
+        each.keyboard.press("5")
+        each.get_by_role("heading", name="Rotor drag is missing.").wait_for()
+        each.get_by_role("button", name="Keep as version 1").wait_for()
+    other.get_by_role("button", name="Keep as version 1").click()
+    for each in (page, other):
+        each.get_by_role("button", name="Keep as version 1").wait_for(state="detached")
+        each.get_by_text("The vehicle, a flight or the choice of flights changed since. Diagnose again.").wait_for()
+        each.get_by_text("rotor drag with thrust, drag").first.wait_for()
+    page.get_by_role("button", name="Return").first.click()
+    other.get_by_text("rotor drag with thrust, drag").first.wait_for(state="detached")
+    other.context.close()
+    assert station.desk.project.vehicle.read_bytes() == before
 
 
 def save_diagnosis(station: GroundStation) -> None:

@@ -2,17 +2,22 @@
 
 import shutil
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 from unittest.mock import MagicMock
 
+import numpy as np
 import pytest
 
+import mapping
 import planner
 import vehicle
-from flight import InputError, file_format, project
-from gcs_web import planning, protocol
+from flight import InputError, Waypoints, file_format, project
+from gcs_web import planning, protocol, protocol_parts
+from gcs_web.consent import Consent
 from gcs_web.desk import Desk
+from tests.gcs_web.station_process import START
+from tests.waiting import until
 
 
 @pytest.fixture
@@ -30,7 +35,8 @@ def desk(opened: project.Project, monkeypatch) -> Iterator[Callable[[planner.Pla
     with ExitStack() as stack:
 
         def start(base: planner.PlanOptions) -> Desk:
-            made = Desk(opened, MagicMock(), MagicMock(), None, base)
+            consent = stack.enter_context(closing(Consent(opened)))
+            made = Desk(opened, MagicMock(), MagicMock(), None, base, consent=consent)
             stack.callback(made.close)
             return made
 
@@ -85,3 +91,97 @@ def test_a_verdict_that_nobody_knows_is_no_map_to_plan_in(desk, opened):
     judge_map(opened, "splendid", [])
     running = desk(planner.PlanOptions())
     assert "the verdict is 'splendid'; known are good" in notices(running)[-1].text
+
+
+def test_an_opened_trajectory_is_the_plan_until_its_waypoints_change_or_are_planned_again(desk, opened):
+    running = desk(planner.PlanOptions())
+    area, believed = mapping.open_map(opened.map), vehicle.load(opened.vehicle)
+    plan = planner.plan(Waypoints(START, np.full(len(START), np.nan)), area.field, believed)
+    item = planner.trajectory_file(plan, name="kept")
+
+    def asked() -> str:
+        saved = running._planner.request.call_args.args[0].saved
+        return "" if saved is None else saved.name
+
+    running.open_saved(item, "Anna")
+    assert (asked(), running.name) == ("kept", "kept")
+    first = running.session.content.points[0].id
+    now = running.session.revision
+    running.session.edit(protocol.Move(serial=0, revision=now, waypoints=[first], x_m=0.9), "Anna")
+    assert asked() == ""
+    running.session.undo("Anna")
+    assert asked() == "kept"
+    running.request_plan(afresh=True)
+    assert asked() == ""
+
+
+ADA, BO = protocol.Person("a", "Ada"), protocol.Person("b", "Bo")
+
+
+def test_one_person_paints_at_a_time_and_leaving_frees_the_brush(desk):
+    running = desk(planner.PlanOptions())
+    running.hub.people = [ADA, BO]
+    brush = protocol.Paint(serial=0, active=True, radius_m=0.3)
+    with pytest.raises(InputError, match="a brush of radius nan m is refused"):
+        running.map.paint(protocol.Paint(serial=0, active=True, radius_m=float("nan")), ADA)
+    running.map.paint(brush, ADA)
+    running.view.paint.assert_called_with(True)
+    for refused in (lambda: running.map.paint(brush, BO), lambda: running.map.preview(preview(), BO)):
+        with pytest.raises(InputError, match="another person is drawing"):
+            refused()
+    running.map.preview(protocol.PreviewMapEdit(serial=0), ADA)  # the end of an earlier preview, that came late
+    with pytest.raises(InputError, match="another person is drawing"):
+        running.map.paint(brush, BO)
+    running.left(ADA)
+    running.view.paint.assert_called_with(False)
+    running.map.paint(brush, BO)
+
+
+def preview() -> protocol.PreviewMapEdit:
+    return protocol.PreviewMapEdit(serial=0, shape=protocol_parts.Shape("box", (3.0, 3.4, 0.5), (0.5, 0.5, 0.5)))
+
+
+def test_places_of_a_drag_become_one_stroke_and_those_beside_the_mesh_are_left_out(desk):
+    running = desk(planner.PlanOptions())
+    running.hub.people = [ADA]
+    running.map.paint(protocol.Paint(serial=0, active=True, radius_m=0.3), ADA)
+    for x in (1.0, 1.5, np.nan, 2.5):
+        running.map._paint(np.array([x, 1.0, 0.5]), False)
+    running.map._paint(np.full(3, np.nan), True)
+    until(lambda: running.map._preview.shape is not None, "the stroke")
+    shown = running.map._preview
+    assert shown.shape.points_m == [(1.0, 1.0, 0.5), (1.5, 1.0, 0.5), (2.5, 1.0, 0.5)]
+    assert (shown.author, shown.edit, shown.shape.form) == ("a", None, "stroke")
+    assert shown.closed_m3 > 0.2
+    running.map._paint(np.array([3.0, 1.0, 0.5]), False)  # the next one begins anew
+    assert running.map._painted == [(3.0, 1.0, 0.5)]
+
+
+def test_another_project_is_refused_while_somebody_is_in_control_a_job_waits_or_the_vehicle_is_armed(desk, opened):
+    other = project.create(opened.folder.parent / "yard", "yard")
+    shutil.copytree(opened.map, other.map)
+    shutil.copy(opened.vehicle, other.vehicle)
+    running = desk(planner.PlanOptions())
+    running.hub.people, went = [ADA], []
+    with pytest.raises(InputError, match="goshawk gcs yard"):
+        running.open_project("yard", ADA)
+    running.on_open = went.append
+    running.take_control(ADA, force=False)
+    with pytest.raises(InputError, match="Ada is in control"):
+        running.open_project("yard", ADA)
+    running.give_up_control(ADA)
+    running.watch = MagicMock()
+    running.watch.state.return_value = protocol.Vehicle("lost", armed=True)
+    with pytest.raises(InputError, match="the vehicle is armed"):
+        running.open_project("yard", ADA)
+    running.watch.state.return_value = protocol.Vehicle("fresh")
+    running.jobs.close()
+    running.jobs = MagicMock(is_busy=True)
+    with pytest.raises(InputError, match="a job runs or waits"):
+        running.open_project("yard", ADA)
+    running.jobs.is_busy = False
+    assert went == []
+    running.open_project("yard", ADA)
+    assert went == [other.folder.resolve()]
+    with pytest.raises(InputError):  # once
+        running.open_project("yard", ADA)

@@ -52,6 +52,38 @@ def test_a_spike_of_one_sample_is_seen_among_ten_million():
     assert drawn.max() == 5.0
 
 
+@given(exponent=st.integers(2, 9), count=st.integers(3, 60))
+def test_groups_of_samples_merged_when_drawn_are_those_of_the_levels(exponent, count):
+    group, rng = 2**exponent, np.random.default_rng(count)
+    samples = rng.normal(size=group * count - int(rng.integers(0, group))).astype(np.float32)
+    low_high = Pyramid.of(samples).extremes(group, 0, count)
+    parts = [samples[k * group : (k + 1) * group] for k in range(count)]
+    np.testing.assert_array_equal(low_high, [pick(part) for part in parts for pick in (np.min, np.max)])
+
+
+@given(points=st.integers(4, 400), begin=st.integers(300, 500), lost=st.integers(60, 200))
+def test_no_line_is_drawn_across_a_gap_at_any_level_of_detail(points, begin, lost):
+    time_s = np.delete(np.arange(1000) * STEP_S, slice(begin, begin + lost))
+    gap = pyramid.gaps(time_s)
+    np.testing.assert_allclose(gap, [[(begin - 1) * STEP_S, (begin + lost) * STEP_S]])
+    found = pyramid.part(time_s, [Pyramid.of(np.ones(len(time_s)))], 0.0, 5.0, points)
+    when, (drawn,) = pyramid.parted(*found, gap)
+    assert (np.diff(when) >= 0.0).all()
+    assert np.isnan(drawn).sum() == 1
+    assert gap[0, 0] < when[np.isnan(drawn)][0] < gap[0, 1]
+
+
+def test_a_slow_column_of_a_fast_log_is_a_line_but_not_across_a_gap_of_its_own():
+    time_s = np.arange(1000) * STEP_S
+    values = np.full(1000, np.nan)
+    values[::5] = time_s[::5]
+    values[400:600] = np.nan
+    drawn = pyramid.bridged(time_s, values)
+    np.testing.assert_allclose(drawn[:396], time_s[:396], rtol=1e-6)
+    assert np.isnan(drawn[396:600]).all()
+    assert np.isfinite(drawn[600:996]).all()
+
+
 def flown(rows: int = 4000, *, position_jump: bool = False) -> FlightLog:
     """A flight of a circle with the set-point half a metre aside, on the ground before and after."""
     time_s = 100.0 + STEP_S * np.arange(rows)
@@ -111,6 +143,19 @@ def test_the_list_says_of_each_flight_what_the_verbs_say(opened, listing):
     checked = sysid.check_log(reading.load(opened, "jump"), vehicle.load(opened.vehicle))
     assert cards["jump"].findings == reading.findings(checked)
     assert any("jumps" in finding.sentence and finding.fixable for finding in cards["jump"].findings)
+
+
+def test_a_set_point_that_is_missing_for_a_while_leaves_the_tracking_error_of_the_rest(opened):
+    log = flown()
+    aside = log.columns["setpoint_position_world_x_m"].copy()
+    aside[1000:1500] = np.nan
+    flight_log.save(opened.flight("circle"), FlightLog({**log.columns, "setpoint_position_world_x_m": aside}, {}))
+    flight_log.save(
+        opened.flight("none"),
+        FlightLog({**log.columns, "setpoint_position_world_x_m": np.full(len(log), np.nan)}, {}),
+    )
+    assert reading.card(opened, "circle", None).tracking_mean_m == pytest.approx(0.5)
+    assert reading.card(opened, "none", None).tracking_mean_m is None
 
 
 def test_cards_are_kept_and_made_again_when_the_log_changes(opened, listing):

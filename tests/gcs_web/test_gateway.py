@@ -14,6 +14,7 @@ import pytest
 import viser
 import yarl
 
+from gcs_web import gateway as rules
 from gcs_web.gateway import LARGEST_MESSAGE, MOST_SOCKETS, Gateway
 from tests.waiting import PATIENCE_S
 
@@ -216,6 +217,60 @@ def test_a_socket_from_a_foreign_page_is_refused():
                 with pytest.raises(aiohttp.WSServerHandshakeError) as refusal:
                     await browser.ws_connect(address, headers=headers)
                 assert refusal.value.status == 403
+
+    at_the_gateway(visit)
+
+
+@pytest.mark.parametrize("sent", [b"", b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: "])
+def test_a_connection_without_a_whole_request_is_closed(sent, monkeypatch):
+    monkeypatch.setattr(rules, "SILENCE_S", 0.2)
+
+    async def visit(gateway, server, browser):
+        reader, writer = await asyncio.open_connection("127.0.0.1", gateway.port)
+        writer.write(sent)
+        answer = await asyncio.wait_for(reader.read(), PATIENCE_S)  # ends where the gateway closes
+        writer.close()
+        assert answer == b""
+
+    at_the_gateway(visit)
+
+
+@pytest.mark.parametrize("path", ["/ws", "/viser"])
+def test_a_socket_whose_browser_answers_no_ping_is_closed_and_frees_its_place(path, monkeypatch):
+    monkeypatch.setattr(rules, "PING_S", 0.2)
+
+    async def visit(gateway, server, browser):
+        async with browser.get(gateway.url):
+            pass
+        origin = f"http://127.0.0.1:{gateway.port}"
+        protocols = (f"viser-v{viser.__version__}",) if path == "/viser" else ()
+        asked = {"headers": {"Origin": origin}, "protocols": protocols, "autoping": False}
+        async with browser.ws_connect(f"{origin}{path}", **asked):
+            assert gateway._sockets == 1
+            end_s = asyncio.get_running_loop().time() + PATIENCE_S
+            while gateway._sockets:  # it never reads, so it answers nothing
+                assert asyncio.get_running_loop().time() < end_s
+                await asyncio.sleep(0.05)
+
+    at_the_gateway(visit)
+
+
+def test_a_flight_log_that_stops_coming_is_given_up_and_leaves_nothing(monkeypatch):
+    monkeypatch.setattr(rules, "BODY_PAUSE_S", 0.2)
+
+    async def visit(gateway, server, browser):
+        async with browser.get(gateway.url):
+            pass
+        over = asyncio.Event()
+
+        async def stalling():
+            yield b"time_s,x_m\n"
+            await over.wait()
+
+        async with browser.put(f"http://127.0.0.1:{gateway.port}/incoming/pond.csv", data=stalling()) as answer:
+            assert answer.status == 408
+        over.set()
+        assert list(gateway._incoming.iterdir()) == []
 
     at_the_gateway(visit)
 

@@ -13,7 +13,9 @@ import pytest
 
 from flight import InputError, Progress, project
 from gcs_web.jobs import Jobs, Kind
+from goshawk.rendered import world as rendered_world
 from goshawk.station_jobs import map_images, plan_batch
+from mapping import rig
 from tests.waiting import until
 
 
@@ -168,6 +170,32 @@ def test_a_folder_that_cannot_be_read_does_not_keep_the_station_from_opening(tmp
     monkeypatch.setattr(Path, "iterdir", iterdir)
     assert map_images.image_folders(opened) == ["photos"]
     assert plan_batch.folders(opened) == ["tasks"]
+
+
+def test_what_the_map_job_would_do_is_said_before_it_is_started(tmp_path: Path):
+    opened = project.create(tmp_path / "project", "map")
+    rig.save(opened.folder / "camera.toml", rendered_world.default_rig())
+    names = [camera.name for camera in rendered_world.default_rig().cameras]
+    folders = [camera.folder for camera in rendered_world.default_rig().cameras]
+    for i, folder in enumerate(folders):
+        (opened.folder / "walk" / folder).mkdir(parents=True, exist_ok=True)
+        for k in range(i + 2):
+            (opened.folder / "walk" / folder / f"{k}.png").write_bytes(b"")
+    jobs = Jobs(opened, [map_images.KIND], lambda: None, lambda _k, _r: "", lambda _: None)
+    asked = {"images": "walk", "camera": "camera.toml"}
+    try:
+        said = jobs.foresee("map", asked)
+        assert all(f"{name}: {i + 2} images" in said for i, name in enumerate(names))
+        (opened.folder / "walk" / folders[0] / "0.png").unlink()
+        (opened.folder / "walk" / folders[0] / "1.png").unlink()
+        assert f"no image of {names[0]} is where the camera file says" in jobs.foresee("map", asked)
+        opened.map.mkdir()
+        with pytest.raises(InputError, match="the project has a map"):
+            jobs.foresee("map", asked)
+        assert "the present map is kept beside" in jobs.foresee("map", asked | {"overwrite": True})
+        assert jobs.state().jobs == []
+    finally:
+        jobs.close()
 
 
 def test_choices_that_cannot_be_found_leave_the_list_of_jobs_and_are_looked_up_when_asked_for(tmp_path: Path):

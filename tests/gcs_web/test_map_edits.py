@@ -12,13 +12,14 @@ from esdf import Edit, solids
 from flight import FormatError, InputError, project
 from gcs_web import map_edits, protocol
 from gcs_web.document import Settings
-from gcs_web.map_view import handles, outline, pulled
+from gcs_web.map_view import along, handles, outline, pulled
 from gcs_web.protocol_parts import Shape
 from gcs_web.session import Session
 
 GRID = esdf.Grid((0.0, 0.0, 0.0), 0.1, (30, 20, 10))
 BOX = Shape("box", (1.0, 1.0, 0.5), (0.4, 0.4, 0.4))
 BALL = Shape("sphere", (2.0, 1.0, 0.5), radius_m=0.3)
+STROKE = Shape("stroke", radius_m=0.2, points_m=[(0.5, 0.5, 0.5), (1.5, 0.5, 0.5), (1.5, 1.2, 0.7)])
 COLUMN = Shape("prism", (1.0, 1.0, 0.5), (1.0, 1.0, 0.6), corners_m=[(0.5, 0.5), (1.5, 0.5), (1.5, 1.5)])
 
 
@@ -79,15 +80,43 @@ def test_a_restart_finds_the_edits_and_their_undo(session: Session):
         again.close()
 
 
-def test_killed_between_journal_and_file_the_file_is_written_on_opening(session: Session):
+class _Killed(BaseException):
+    """As kill -9: nothing below catches it."""
+
+
+def test_killed_between_journal_and_file_the_file_is_written_on_opening(session: Session, monkeypatch):
+    def kill(*_):
+        raise _Killed
+
     add(session, "a")
-    add(session, "b", BALL)
+    with monkeypatch.context() as patch:
+        patch.setattr(map_edits, "save", kill)
+        with pytest.raises(_Killed):
+            add(session, "b", BALL)
     whole = in_document(session)
+    assert on_disk(session) != whole
     session.close()
-    by_hand(session, *whole[:-1])  # as it was before the newest change
     again = Session(session.project, Settings())
     try:
         assert in_document(again) == on_disk(again) == whole
+    finally:
+        again.close()
+
+
+def test_a_zone_that_another_program_put_back_while_the_station_was_closed_is_kept(session: Session):
+    """The list equals that of before the last edit, and yet it is no file that we left."""
+    add(session, "a")
+    whole = on_disk(session)
+    session.edit(
+        protocol.DropMapEdits(serial=0, revision=session.revision, edits=[session.content.map_edits[0].id]), "Ada"
+    )
+    session.close()
+    by_hand(session, *whole)
+    again = Session(session.project, Settings())
+    try:
+        assert in_document(again) == on_disk(again) == whole
+        again.undo("Ada")
+        assert in_document(again) == on_disk(again) == ()
     finally:
         again.close()
 
@@ -131,6 +160,41 @@ def test_two_people_edit_different_zones_together_and_the_same_one_not(session: 
         session.edit(protocol.DropMapEdits(**change, edits=[a]), "Bo")
     with pytest.raises(InputError, match="already"):
         session.edit(protocol.ChangeMapEdit(serial=0, revision=session.revision, edit=a, name="c"), "Ada")
+
+
+def test_a_stroke_is_one_edit_of_the_map_that_survives_a_restart_and_can_be_undone(session: Session):
+    add(session, "hose", STROKE)
+    field = esdf.load(session.project.map / "esdf")
+    assert (field.distance(STROKE.points_m) < 0.0).all()
+    session.close()
+    again = Session(session.project, Settings())
+    try:
+        (kept,) = again.document().map_edits
+        assert (kept.shape.form, kept.shape.points_m, kept.words) == ("stroke", STROKE.points_m, "stroke, 1.7 m")
+        again.undo("Ada")
+        assert on_disk(again) == ()
+    finally:
+        again.close()
+
+
+@pytest.mark.parametrize(
+    "points",
+    [[], [(0.0, 0.0, 0.0)] * 501, [(float("nan"), 0.0, 0.0)], [(1e9, 0.0, 0.0)]],
+    ids=["0", "501", "nan", "far"],
+)
+def test_a_stroke_that_is_none_is_refused(session: Session, points):
+    with pytest.raises(InputError):
+        add(session, "x", Shape("stroke", radius_m=0.2, points_m=points))
+    assert in_document(session) == ()
+
+
+def test_the_balls_of_a_drawn_stroke_are_on_its_line_and_few():
+    balls = along([(0.0, 0.0, 0.0), (3.0, 0.0, 0.0), (3.0, 4.0, 0.0)], 0.1)
+    assert len(balls) == 71
+    assert np.linalg.norm(np.diff(balls, axis=0), axis=1).max() <= 0.1 + 1e-9
+    np.testing.assert_array_equal(balls[[0, -1]], [[0.0, 0.0, 0.0], [3.0, 4.0, 0.0]])
+    assert len(along([(0.0, 0.0, 0.0), (3000.0, 0.0, 0.0)], 0.1)) == 200
+    assert along([(1.0, 2.0, 3.0)], 0.1).tolist() == [[1.0, 2.0, 3.0]]
 
 
 def test_where_the_file_cannot_be_written_the_document_says_that_the_map_lacks_it(session: Session, monkeypatch):
@@ -178,7 +242,7 @@ def test_a_document_of_before_map_edits_takes_them_over_and_undo_leaves_them(ses
     by_hand(session, stairs)
     kept = session.project.folder / ".session" / "document.json"
     snapshot = json.loads(kept.read_text())
-    del snapshot["content"]["map_edits"]
+    del snapshot["content"]["map_edits"], snapshot["crc32"]
     kept.write_text(json.dumps(snapshot | {"version": 2}))
     again = Session(session.project, Settings())
     try:

@@ -82,7 +82,7 @@ def test_from_a_map_to_a_flown_plan_on_the_page_alone(pillar_map: Path, tmp_path
         download.value.save_as(shared)
         picture("saved")
 
-        page.get_by_role("button", name="Compare with vehicle and upload").click()
+        page.get_by_role("button", name="Compare and upload").click()
         page.get_by_role("button", name=re.compile("Take control")).first.click()
         hold(page, "upload first flight", until=lambda: "upload" in ordered(opened))
         page.get_by_role("status").get_by_text("read back and equal").wait_for()

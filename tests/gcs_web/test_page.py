@@ -15,8 +15,8 @@ import pytest
 import esdf
 import vehicle
 from firmware_bridge import SitlVehicle, controller, keys
-from flight import Waypoints, mission, project, rotations, trajectory
-from gcs_web import GroundStation, protocol, protocol_parts
+from flight import Waypoints, flight_log, mission, project, rotations, trajectory
+from gcs_web import GroundStation, protocol, protocol_parts, slices
 from gcs_web.map_view import pulled
 from tests.waiting import PATIENCE_S
 from tests.waiting import until as wait
@@ -304,7 +304,7 @@ def test_a_waypoint_in_a_pillar_is_refused_in_words(station, page):
     page.keyboard.press("Enter")
     verdict(page).get_by_text("Refused").wait_for()
     verdict(page).get_by_text("waypoint 1").first.wait_for()
-    assert page.get_by_role("button", name="Compare with vehicle and upload").is_disabled()
+    assert page.get_by_role("button", name="Compare and upload").is_disabled()
 
 
 def test_saving_writes_a_checked_trajectory(station, page):
@@ -320,7 +320,7 @@ def test_saving_writes_a_checked_trajectory(station, page):
 
 
 def test_an_upload_is_compared_first_and_takes_a_held_button(station, page):
-    page.get_by_role("button", name="Compare with vehicle and upload").click()
+    page.get_by_role("button", name="Compare and upload").click()
     hold = page.get_by_role("button", name=re.compile("Hold to upload"))
     if not hold.is_visible():
         page.get_by_role("button", name=re.compile("Take control")).first.click()
@@ -405,6 +405,90 @@ def test_what_another_person_made_of_a_zone_meanwhile_is_not_overwritten(page, s
     session.undo("Ada")
 
 
+def test_the_path_is_split_at_the_cursor_and_all_waypoints_are_snapped(station, page):
+    page.get_by_role("tab", name="Segments").click()
+    page.get_by_role("button", name="Go to the tightest").click()  # puts the cursor inside the path
+    page.get_by_role("tab", name="Waypoints").click()
+    page.get_by_role("button", name="Split").click()
+    wait(lambda: len(positions(station)) == 4, "the new waypoint")
+    series = station.desk.answer.shown.series
+    path = np.stack([series.x_m, series.y_m, series.z_m], axis=1)
+    verdict(page).get_by_text("4 waypoints").wait_for()
+    new = next(p for p in positions(station) if np.linalg.norm(START - p, axis=1).min() > 1e-6)
+    assert np.linalg.norm(path - new, axis=1).min() < 0.1  # it was put on the path
+    page.keyboard.press("Escape")  # the tightest segment had selected its waypoint
+    page.get_by_text("Arrange", exact=True).click()
+    page.get_by_role("button", name="Snap all").wait_for()
+    page.get_by_role("region", name="Snap").get_by_label("Spacing").fill("0.4")
+    page.get_by_role("region", name="Snap").get_by_label("Spacing").press("Enter")
+    page.get_by_role("button", name=re.compile("^Snap ")).click()
+    wait(lambda: np.allclose(positions(station) / 0.4, np.round(positions(station) / 0.4)), "the grid")
+    page.get_by_role("button", name="Random headings").click()
+    wait(lambda: station.desk.session.content.points[1].yaw_rad is not None, "a heading")
+    page.keyboard.press("Control+z")
+    page.keyboard.press("Control+z")
+    wait(lambda: len({*positions(station)[:, 2]} & {*START[:, 2]}) > 0, "both taken back")
+
+
+def test_waypoints_come_from_a_recorded_flight_by_the_deviation_allowed(station, page):
+    t = np.linspace(0.0, 1.0, 200)[:, None]
+    ends = np.array([[0.8, 0.8, 1.0], [0.8, 3.2, 1.0], [2.8, 3.2, 1.0]])
+    corner = np.where(t < 0.5, ends[0] + 2 * t * (ends[1] - ends[0]), ends[1] + (2 * t - 1) * (ends[2] - ends[1]))
+    quantities = {"position_world_m": corner}
+    log = flight_log.from_vectors(np.arange(200) / 50.0, quantities)
+    flight_log.save(station.desk.project.flight("corner"), log)
+    station.desk.show_files()
+    page.get_by_text("Arrange", exact=True).click()
+    page.get_by_role("button", name="Waypoints from a recorded path").click()
+    form = page.get_by_role("region", name="Recorded path")
+    form.get_by_role("alert").get_by_text("does not say where its images were taken").wait_for()
+    form.get_by_label("Recorded path").select_option("corner")
+    form.get_by_text("3 waypoints for 200 recorded positions").wait_for()
+    assert station.view._recorded is not None
+    form.get_by_role("button", name="Replace the waypoints").click()
+    wait(lambda: positions(station).shape == (3, 3) and positions(station)[1, 1] > 3.0, "the corner's waypoints")
+    np.testing.assert_allclose(positions(station), ends, atol=0.05)
+    wait(lambda: station.view._recorded is None, "an end of the preview")
+    page.keyboard.press("Control+z")
+    wait(lambda: np.array_equal(positions(station), START), "undo")
+    station.desk.project.flight("corner").unlink()
+
+
+def test_the_projects_beside_this_one_are_listed_as_text(station, page):
+    other = project.create(station.desk.project.folder.parent / "yard", "<i>yard</i>")
+    page.get_by_title("Projects").click()
+    dialog = page.get_by_role("dialog", name="Projects")
+    dialog.get_by_text("<i>yard</i>").wait_for()
+    dialog.get_by_text("it has no map and no vehicle file").wait_for()
+    assert dialog.get_by_role("button", name="Open <i>yard</i>").is_disabled()
+    page.keyboard.press("Escape")
+    dialog.wait_for(state="detached")
+    (other.folder / "project.toml").unlink()
+
+
+def test_an_oblique_slice_stands_through_the_measured_points(station, page):
+    page.keyboard.press("1")
+    page.get_by_role("toolbar", name="Map").get_by_role("button", name="Measure").click()
+    wait(lambda: station.view.map.measuring, "measuring")
+    a, b = np.array([1.0, 0.5, 0.4]), np.array([4.0, 2.5, 1.5])
+    for point in (a, b):
+        down = np.array([0.0, 0.0, -1.0])
+        station.view.on_measure(point - down, down, point)
+    page.get_by_role("group", name="Axis of the slice").get_by_role("button", name="oblique").click()
+    page.get_by_role("button", name="Through the two measured points").click()
+    wait(lambda: station.view.map._slice is not None and station.view.map._slice.at_m != 0.0, "the slice")
+
+    def misses() -> float:
+        shown = station.view.map._slice
+        return max(abs(float(slices.normal(shown) @ point) - shown.at_m) for point in (a, b))
+
+    wait(lambda: misses() < 0.01, "the slice through both points")
+    page.get_by_role("group", name="Axis of the slice").get_by_role("button", name="oblique").click()
+    page.get_by_role("toolbar", name="Map").get_by_role("button", name="Measure").click()
+    wait(lambda: station.view.map._slice is None and not station.view.map.measuring, "an end")
+    page.keyboard.press("2")
+
+
 def pixel(page, station: GroundStation, point_world_m: np.ndarray) -> tuple[float, float]:
     """Where the browser draws a point: pinhole projection with the camera the 3D view reports."""
     camera = next(iter(station.server.get_clients().values())).camera
@@ -481,3 +565,67 @@ def test_a_shift_click_on_the_floor_adds_a_waypoint_after_the_last(station, page
     page_3d.keyboard.up("Shift")
     np.testing.assert_allclose(positions(station)[3], [5.5, 2.0, START[2, 2]], atol=0.05)
     page_3d.get_by_role("status").get_by_text("Waypoint 3 inserted").wait_for()
+
+
+def test_waypoints_inside_a_drawn_rectangle_are_selected(station, page_3d):
+    last = station.desk.session.content.points[2].id
+
+    def boxed() -> bool:
+        x, y = pixel(page_3d, station, START[2])
+        drawn(page_3d)
+        page_3d.keyboard.down("Control")
+        page_3d.mouse.move(x - 25, y - 25)
+        page_3d.mouse.down()
+        for share in (0.3, 0.7, 1.0):
+            page_3d.mouse.move(x - 25 + 50 * share, y - 25 + 50 * share)
+        drawn(page_3d)
+        page_3d.mouse.up()
+        page_3d.keyboard.up("Control")
+        again_s = time.monotonic() + 20.0
+        while station.view._selected != (last,) and time.monotonic() < again_s:
+            drawn(page_3d)
+        return station.view._selected == (last,)
+
+    wait(boxed, "the rectangle that the view understands")
+    table = page_3d.get_by_role("grid", name="Waypoints")
+    wait(lambda: table.locator("tr[aria-selected=true]").count() == 1, "one row")
+    page_3d.keyboard.press("Escape")
+
+
+def test_a_stroke_of_the_brush_is_drawn_applied_as_one_change_and_undone(station, page_3d):
+    page_3d.keyboard.press("1")
+    tools = page_3d.get_by_role("toolbar", name="Map")
+    tools.get_by_role("button", name="Brush").click()
+    wait(lambda: station.view._mesh._drag is not None, "the brush")
+    before = station.desk.session.revision
+
+    def stroke() -> bool:
+        start, end = (np.array(pixel(page_3d, station, np.array(p))) for p in ([4.0, 1.0, 0.0], [5.0, 2.0, 0.0]))
+        drawn(page_3d)
+        page_3d.mouse.move(*start)
+        drawn(page_3d)
+        page_3d.mouse.down()
+        for share in np.linspace(0.1, 1.0, 8):
+            page_3d.mouse.move(*(start + share * (end - start)))
+            drawn(page_3d)
+        page_3d.mouse.up()
+        again_s = time.monotonic() + 20.0
+        while station.desk.map._preview.shape is None and time.monotonic() < again_s:
+            drawn(page_3d)
+        return station.desk.map._preview.shape is not None
+
+    wait(stroke, "a stroke that the view understands")
+    form = page_3d.get_by_role("form", name="New edit of the map")
+    form.get_by_label("Name").fill("hose")
+    form.get_by_role("button", name="Add to the map").click()
+    page_3d.get_by_role("button", name="No-fly: hose").wait_for()
+    (zone,) = station.desk.session.content.map_edits
+    assert station.desk.session.revision == before + 1
+    assert zone.solid == "Stroke"
+    line = np.array(zone.edit().solid.points_world_m)
+    assert np.abs(line[:, 2]).max() < 0.1  # on the floor
+    assert np.linalg.norm(line[[0, -1], :2] - [[4.0, 1.0], [5.0, 2.0]], axis=1).max() < 0.4
+    assert station.view._mesh._drag is None
+    page_3d.keyboard.press("Control+z")
+    wait(lambda: station.desk.session.content.map_edits == (), "undo")
+    page_3d.keyboard.press("2")

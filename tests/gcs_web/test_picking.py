@@ -14,7 +14,7 @@ SCENE = trimesh.util.concatenate(
         trimesh.creation.box(bounds=[[2.0, 1.0, 0.0], [3.0, 2.0, 2.0]]),
     ]
 )
-SURFACE = picking.Surface(SCENE)
+SURFACE = picking.Surface(SCENE.vertices, SCENE.faces)
 
 
 def cast(origin_m, target_m):

@@ -6,14 +6,16 @@ import shutil
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import mapping
 import planner
 import vehicle
-from flight import Waypoints, file_format, project
+from flight import TrajectoryFile, Waypoints, file_format, project
 from flight.mission import Ground, Laps, Mission, Stay
 from gcs_web import inputs, missions, planning, replanning
 from gcs_web.document import Content
@@ -193,3 +195,34 @@ if __name__ == "__main__":
     station.kill()
     station.wait()
     until(lambda: not Path(f"/proc/{planner_pid}").exists(), "the planner's end")
+
+
+@pytest.fixture(scope="module")
+def slow(folder: Path) -> TrajectoryFile:
+    """A saved trajectory that is slower than the document asks, and looks elsewhere."""
+    opened = project.open_project(folder)
+    area, believed = mapping.open_map(opened.map), vehicle.load(opened.vehicle)
+    asked = planner.PlanOptions(yaw="fixed", heading_rad=1.0, limits=replace(believed.limits, speed_m_s=1.0))
+    plan = planner.plan(Waypoints(POINTS, np.full(3, np.nan)), area.field, believed, asked)
+    return planner.trajectory_file(plan, name="slow")
+
+
+def test_a_saved_trajectory_is_the_plan_of_its_waypoints_as_it_is(folder, slow):
+    asked = replace(request(folder, 1), saved=slow)
+    found = planning.answer(asked, inputs.Parts(folder), planner.PlanOptions(), replanning.Replanner())
+    assert found.file is slow
+    assert found.shown.sentence.startswith("slow as it was saved.")
+    assert found.shown.top_speed_m_s < 1.01
+    assert [p.waypoint for p in found.shown.passings] == [point.id for point in asked.content.points]
+    assert found.shown.passings[-1].time_s == pytest.approx(slow.trajectory.duration_s, abs=0.02)
+
+
+def test_a_saved_trajectory_of_another_vehicle_is_planned_again_and_that_is_said(folder, slow):
+    other = replace(slow, vehicle_hash="0" * 64)
+    asked = replace(request(folder, 1), saved=other)
+    found = planning.answer(asked, inputs.Parts(folder), planner.PlanOptions(), replanning.Replanner())
+    assert "does not pass any more" in found.shown.sentence
+    assert "vehicle" in found.shown.sentence
+    assert found.file is not None
+    assert found.file.checked
+    assert found.shown.top_speed_m_s > 2.0

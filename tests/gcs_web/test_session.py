@@ -3,6 +3,7 @@
 import errno
 import subprocess
 import sys
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from flight import FormatError, InputError, Waypoints, project
+from flight import FormatError, InputError, Waypoints, mission, project
 from gcs_web import journal, protocol
 from gcs_web.document import Settings
 from gcs_web.session import Session
@@ -253,12 +254,26 @@ def test_a_snapshot_that_the_disk_refuses_is_tried_again_and_loses_nothing(opene
         again.close()
 
 
-def test_killed_between_the_journal_of_an_undo_and_the_file_the_journal_counts(session: Session):
+class _Killed(BaseException):
+    """As kill -9: nothing below catches it."""
+
+
+def killed_before_the_file(session: Session, monkeypatch, change: Callable[[], object]) -> None:
+    """Make a change whose station ends between the journal and `waypoints.json`."""
+
+    def kill(*_):
+        raise _Killed
+
+    with monkeypatch.context() as patch:
+        patch.setattr(mission, "save", kill)
+        with pytest.raises(_Killed):
+            change()
+
+
+def test_killed_between_the_journal_of_an_undo_and_the_file_the_journal_counts(session: Session, monkeypatch):
     raised(session, 1)
-    before = session.project.waypoints.read_bytes()
     after = START
-    session.undo("Anna")
-    session.project.waypoints.write_bytes(before)
+    killed_before_the_file(session, monkeypatch, lambda: session.undo("Anna"))
     again = reopened(session)
     try:
         np.testing.assert_array_equal(positions(again), after)
@@ -267,12 +282,26 @@ def test_killed_between_the_journal_of_an_undo_and_the_file_the_journal_counts(s
         again.close()
 
 
-def test_killed_between_the_journal_of_an_edit_and_the_file_the_journal_counts(session: Session):
-    before = session.project.waypoints.read_bytes()
-    after = raised(session, 1)
-    session.project.waypoints.write_bytes(before)
+def test_killed_between_the_journal_of_an_edit_and_the_file_the_journal_counts(session: Session, monkeypatch):
+    killed_before_the_file(session, monkeypatch, lambda: raised(session, 1))
+    after = positions(session)
     again = reopened(session)
     try:
+        np.testing.assert_array_equal(positions(again), after)
+    finally:
+        again.close()
+
+
+def test_what_another_program_put_back_while_the_station_was_closed_is_taken_over_and_can_be_undone(session: Session):
+    """It equals the document of before the last edit, and yet it is no file that we left."""
+    before = session.project.waypoints.read_bytes()
+    after = raised(session, 1)
+    session.close()
+    session.project.waypoints.write_bytes(before)
+    again = Session(session.project, Settings())
+    try:
+        np.testing.assert_array_equal(positions(again), START)
+        again.undo("Anna")
         np.testing.assert_array_equal(positions(again), after)
     finally:
         again.close()
@@ -355,6 +384,46 @@ def test_damage_inside_the_journal_is_told_and_the_rest_is_kept(session: Session
         assert (path.parent / "journal.jsonl.old-1").read_bytes() == b"".join(lines)
     finally:
         again.close()
+
+
+def test_a_flipped_byte_anywhere_in_the_snapshot_is_refused_and_the_file_left_as_it_is(session: Session):
+    raised(session, 0)
+    session._journal.compact()
+    raised(session, 1)
+    session.close()
+    path = session.project.folder / ".session" / "document.json"
+    whole = path.read_bytes()
+    for place in (*range(0, len(whole), 5), *range(len(whole) - 24, len(whole))):  # among them all of the CRC's own
+        damaged = whole[:place] + bytes([whole[place] ^ (1 << place % 8)]) + whole[place + 1 :]
+        path.write_bytes(damaged)
+        with pytest.raises(FormatError, match=r"document\.json"):
+            journal.Journal(path.parent)
+        assert path.read_bytes() == damaged
+    path.unlink()  # the way out that is told
+    again = Session(session.project, Settings())
+    try:
+        lifted = START.copy()
+        lifted[:2, 2] += 0.1
+        np.testing.assert_allclose(positions(again), lifted)
+    finally:
+        again.close()
+
+
+def test_a_flipped_byte_anywhere_in_the_journal_loses_no_waypoint_and_is_told(session: Session):
+    for number in range(3):
+        after = raised(session, number)
+    session.close()
+    path, waypoints = session.project.folder / ".session" / "journal.jsonl", session.project.waypoints.read_bytes()
+    whole = path.read_bytes()
+    for place in range(0, len(whole), 41):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ (1 << place % 8)]) + whole[place + 1 :])
+        session.project.waypoints.write_bytes(waypoints)
+        again = Session(session.project, Settings())
+        try:
+            np.testing.assert_array_equal(positions(again), after)  # the file had them
+            assert "journal is damaged" in again.take_notice() or "waypoint 2" in whole[place:].decode()
+        finally:
+            again.close()
 
 
 def test_a_long_session_is_compacted_without_losing_undo(opened: project.Project, monkeypatch):

@@ -35,6 +35,33 @@ def test_the_limit_is_drawn_where_the_distance_has_it(axis, at_m):
     assert (picture.rgba[room & ~edge, 3] > picture.rgba[~room & ~edge, 3].max()).all()
 
 
+@pytest.mark.parametrize(("heading_deg", "tilt_deg"), [(30.0, 0.0), (-120.0, 40.0), (10.0, -90.0)])
+def test_an_oblique_slice_is_a_plane_with_its_normal_and_shows_the_field_there(heading_deg, tilt_deg):
+    field = esdf.build(esdf.rasterize(POST, GRID), GRID, cap_m=2.0)
+    wanted = Slice("oblique", 0.0, heading_deg=heading_deg, tilt_deg=tilt_deg)
+    normal = slices.normal(wanted)
+    wanted = Slice("oblique", float(normal @ [1.0, 2.0, 0.5]), heading_deg=heading_deg, tilt_deg=tilt_deg)
+    picture, places = drawn(wanted, field)
+    np.testing.assert_allclose(places @ normal, wanted.at_m, atol=1e-9)
+    edge = (picture.rgba == 255).all(axis=-1)
+    assert edge.any()
+    np.testing.assert_allclose(field.distance(places[edge]), 0.2, atol=0.06)
+    inside = GRID.contains(places.reshape(-1, 3)).reshape(edge.shape)
+    assert inside.any()
+    assert (picture.rgba[~inside, 3] == 0).all()  # nothing is shown beside the map
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_an_oblique_slice_along_an_axis_has_the_points_of_that_slice(axis):
+    field = esdf.build(esdf.rasterize(POST, GRID), GRID, cap_m=2.0)
+    angles = {"x": (0.0, 0.0), "y": (90.0, 0.0), "z": (0.0, 90.0)}[axis]
+    (_, plain), (_, oblique) = (
+        drawn(wanted, field) for wanted in (Slice(axis, 0.45), Slice("oblique", 0.45, "distance", *angles))
+    )
+    for end in (np.min, np.max):
+        np.testing.assert_allclose(end(plain, axis=(0, 1)), end(oblique, axis=(0, 1)), atol=0.06)
+
+
 def test_unknown_space_is_hatched_and_free_space_clear():
     state = esdf.rasterize(POST, GRID)
     state[30:] = esdf.UNKNOWN

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from flight import rotations
-from gcs_web import protocol, scene, vehicle_view
+from gcs_web import flight_scene, protocol, scene, vehicle_view
+from gcs_web.recorded import Path3D
 from gcs_web.view3d import View3D
 
 WALL_X_M = 2.0
@@ -106,3 +107,17 @@ def test_the_trail_begins_with_arming_goes_where_the_vehicle_was_and_stays_after
     for position in flown[:3] + 5.0:
         shown.move(position, rotations.IDENTITY)
     assert drawn[-1].min() >= 5.0  # a new flight, a new trail
+
+
+def test_marked_moments_are_the_pieces_of_the_path_flown_in_them():
+    time_s = np.linspace(0.0, 10.0, 101)
+    position_m = np.stack([time_s, 0.0 * time_s, 1.0 + 0.0 * time_s], axis=1)
+    position_m[50] = np.nan  # nothing was known there
+    path = Path3D(time_s, position_m, None, None, None)
+    pieces = flight_scene._pieces(path, [(1.02, 1.98), (4.5, 5.5)])
+    np.testing.assert_allclose(pieces[:, 1] - pieces[:, 0], np.broadcast_to([0.1, 0.0, 0.0], (len(pieces), 3)))
+    x_m = pieces[:, 0, 0]
+    np.testing.assert_allclose(
+        x_m, [*np.arange(1.0, 1.95, 0.1), *np.arange(4.5, 4.85, 0.1), *np.arange(5.1, 5.45, 0.1)]
+    )
+    assert len(flight_scene._pieces(path, [])) == 0

@@ -58,6 +58,22 @@ def test_a_gap_is_refused_with_an_option_that_exists(folder):
     assert "gaps=" not in said
 
 
+def test_gravity_is_that_of_the_vehicle_file_unless_it_is_given(folder, tmp_path):
+    high, low = tmp_path / "high.toml", folder / "vehicle.toml"
+    vehicle.save(high, vehicle.load(low).with_gravity(9.84))
+    base = ("compare", folder / "fast.parquet", "--json")
+
+    def error(*more: object) -> float:
+        (model,) = json.loads(run(*base, *more))["models"].values()
+        return model["error_rms"]["velocity_m_s"][0]
+
+    kept, given = error("--vehicle", high), error("--vehicle", low, "--gravity", "9.84")
+    assert kept == given
+    assert kept != error("--vehicle", low)
+    assert "give --gravity" in run(*base[:2], "--vehicle", low, "--vehicle", high, code=2)
+    assert "on Earth it is between" in run(*base[:2], "--vehicle", low, "--gravity", "981", code=2)
+
+
 def test_models_are_refitted_to_the_training_flights(folder, tmp_path):
     wrong = vehicle.load(folder / "vehicle.toml").with_value("thrust_bem.k1_n_s2", 6e-6)
     vehicle.save(tmp_path / "wrong.toml", wrong)

@@ -11,7 +11,7 @@ from esdf import solids
 from firmware_bridge.airborne import in_the_air
 from firmware_bridge.controller import State
 from flight import FlightLog, FormatError, InputError, flight_log, frames, rotations
-from goshawk.commands.plan import read_headings, read_path, waypoints_along
+from goshawk.commands.plan import read_headings, read_path
 from goshawk.demo import floor_below
 from goshawk.map_accuracy import rigid_alignment
 from planner import simplify
@@ -130,18 +130,11 @@ def test_a_missing_path_is_refused(tmp_path):
         read_path(tmp_path / "none.csv")
 
 
-class Area:
-    """A map, as far as planning along a path asks it."""
-
-    def __init__(self, field: esdf.Field) -> None:
-        self.field = field
-
-
 def test_positions_without_clearance_are_left_out_and_counted(field):
     s = np.linspace(0.0, 1.0, 41)[:, None]
     walked = (1 - s) * [-0.1, 1.5, 1.2] + s * [3.0, 1.5, 1.2]  # begins in the wall, in unknown space
     options = planner.PlanOptions(radius_m=0.15)
-    waypoints, left_out = waypoints_along(walked, 0.10, Area(field), options)
+    waypoints, left_out = simplify.waypoints_along(walked, 0.10, field, options)
     near_m = field.distance(walked)
     assert left_out == (~(near_m >= options.waypoint_clearance_m)).sum() > 0
     assert (field.distance(waypoints.positions_world_m) >= options.waypoint_clearance_m).all()
@@ -157,7 +150,7 @@ def test_recorded_headings_are_read_and_kept(field, tmp_path):
     yaw = read_headings(path)
     assert yaw is not None
     assert np.isnan(yaw[10])
-    waypoints, _ = waypoints_along(read_path(path), 0.10, Area(field), planner.PlanOptions(radius_m=0.15), yaw)
+    waypoints, _ = simplify.waypoints_along(read_path(path), 0.10, field, planner.PlanOptions(radius_m=0.15), yaw)
     assert len(waypoints.positions_world_m) >= 4
     assert waypoints.yaw_rad[0] == pytest.approx(np.pi / 2)
     assert waypoints.yaw_rad[-1] == 0.0
@@ -166,7 +159,7 @@ def test_recorded_headings_are_read_and_kept(field, tmp_path):
 def test_a_path_without_clearance_is_refused_with_the_remedy(field):
     wall = np.array([[0.05, 1.0, 1.0], [0.05, 2.0, 1.0], [9.0, 9.0, 9.0]])
     with pytest.raises(InputError, match=r"0 of 3 recorded positions .* lower --margin"):
-        waypoints_along(wall, 0.10, Area(field), planner.PlanOptions(radius_m=0.15))
+        simplify.waypoints_along(wall, 0.10, field, planner.PlanOptions(radius_m=0.15))
 
 
 def test_the_doctor_checks_every_compiled_part():

@@ -154,6 +154,7 @@ def test_show_lists_values_sources_and_compensations(file):
     goshawk("add-effect", file, "gyroscopic_torque")
     effects = {effect["name"]: effect for effect in told("show", file)["effects"]}
     assert effects["gyroscopic_torque"]["compensated"] is False
+    assert effects["gyroscopic_torque"]["how"] == "attitude feedback takes it"
 
 
 def test_an_effect_of_ones_own_comes_as_a_file(file):

@@ -7,7 +7,8 @@ import pytest
 
 import mapping
 import vehicle
-from flight import InputError, flight_log, project, silent, trajectory
+from flight import InputError, file_format, flight_log, project, silent, trajectory
+from gcs_web.job_process import Done, JobProcess
 from goshawk.station_jobs import next_flight
 from goshawk.station_jobs.next_flight import Arguments
 from planner import gate
@@ -15,6 +16,7 @@ from sysid.diagnosis import diagnose
 from sysid.diagnosis.findings import Verdict
 from sysid.diagnosis.next_flight import in_doubt
 from sysid.estimator.options import Options
+from tests.gcs_web.station_process import alive
 from vehicle import flights, manoeuvres
 
 
@@ -40,6 +42,33 @@ def test_a_taken_name_is_refused_before_the_queue(opened):
     with pytest.raises(InputError, match="escape"):
         next_flight.KIND.check(opened, Arguments(["a"], out="../escape"))
     path.unlink()
+
+
+def test_a_doubtful_map_is_taken_only_when_the_pilot_accepts_it(opened, tmp_path):
+    folder = shutil.copytree(opened.folder, tmp_path / "doubtful")
+    path = folder / "map" / "map.toml"
+    facts = file_format.read_toml(path, format="goshawk-map", version=1)
+    body = facts | {"verdict": "doubtful", "reasons": ["the walk is short"]}
+    file_format.write_toml(path, format="goshawk-map", version=1, body=body)
+    with pytest.raises(InputError, match=r"doubtful: the walk is short.*accept it"):
+        next_flight._run(folder, Arguments(["a"]), silent)
+    with pytest.raises(
+        InputError, match=r"gone\.parquet does not exist"
+    ):  # the map is taken, then the flights are read
+        next_flight._run(folder, Arguments(["gone"], accept_doubtful_map=True), silent)
+
+
+def test_a_cancelled_proposal_leaves_no_process_and_no_file(opened, tmp_path):
+    folder = shutil.copytree(opened.folder, tmp_path / "cancelled")
+    job = JobProcess(next_flight._run, folder, Arguments(["a"]), tmp_path / "job.log")
+    pid = job._process.pid
+
+    def cancel(stage: str, fraction: float) -> None:
+        job.cancel()
+
+    assert not isinstance(job.outcome(cancel), Done)
+    assert not alive(pid)
+    assert list((folder / "trajectories").glob("*")) == []
 
 
 @pytest.mark.slow

@@ -95,7 +95,7 @@ def test_parameters_follow_a_vehicle_file_and_single_values_override_it(link, fo
     answer = goshawk("params", "set", "--from", tmp_path / "heavier.toml", "kp_xy_1_s2=8", "--json", *link)
     document = json.loads(answer.stdout)
     assert document["set"]
-    assert document["changes"]["mass_kg"] == {"before": 0.7, "after": 0.81}
+    assert document["changes"]["mass_kg"] == {"before": 0.7, "after": 0.81, "unit": "kg"}
     assert document["changes"]["kp_xy_1_s2"]["after"] == 8.0
     assert parameters(link)["mass_kg"] == 0.81
     assert not json.loads(goshawk("params", "set", "--from", tmp_path / "heavier.toml", "--json", *link).stdout)["set"]

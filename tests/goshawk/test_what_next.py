@@ -41,12 +41,20 @@ def found(
     rivals: tuple[tuple[str, float], ...] = (),
     undecided: tuple[str, ...] = (),
     carried: tuple[bool, ...] = (),
+    against: tuple[str, ...] = (),
+    converged: bool = True,
 ) -> Diagnosis:
     """A diagnosis whose flights took up 4 m x 2 m x 1 m round (1, 0, 1.5), one axis hardly moved."""
     place = np.array([[-1.0, -1.0, 1.49], [3.0, 1.0, 1.51]])
     additions = tuple(s.name for s in candidates if s.verdict == "present")
+    fit = SimpleNamespace(
+        flights=[SimpleNamespace(position_world_m=place)],
+        verdict=fits.Verdict(against),
+        converged=converged,
+        solution=SimpleNamespace(record=[None] * 30),
+    )
     search = SimpleNamespace(
-        models=(SimpleNamespace(fit=SimpleNamespace(flights=[SimpleNamespace(position_world_m=place)])),),
+        models=(SimpleNamespace(fit=fit),),
         undecided=SimpleNamespace(between=undecided) if undecided else None,
         trials=[SimpleNamespace(candidate=SimpleNamespace(name=name), rivals=rivals) for name in additions],
     )
@@ -141,6 +149,15 @@ def test_a_confounded_addition_is_tested_against_the_model_without_it():
 
 def test_nothing_in_doubt_proposes_nothing():
     assert what_next.lines(found(candidate("angular_damping", "excluded", 0.4)), CALL) == []
+
+
+def test_a_fit_that_is_not_to_be_used_comes_before_all_else():
+    call = DiagnoseCall(CALL.flights, CALL.vehicle_file, CALL.held_out, auto=True)
+    remark, again = what_next.lines(found(against=("not converged",), converged=False), call)
+    assert remark.startswith("(the fit has not converged")
+    assert typed(again) == [*AGAIN, "--auto", "--steps", "60"]
+    (remark,) = what_next.lines(found(against=("absurd",)), CALL)
+    assert remark.startswith("(the fit is not to be used")
 
 
 def test_the_column_map_of_a_foreign_log_is_repeated():

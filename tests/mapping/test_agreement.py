@@ -10,7 +10,7 @@ import pytest
 
 from flight import frames, rotations
 from goshawk.rendered.world import default_rig
-from mapping.images import ImageSet
+from mapping.input.images import ImageSet
 from mapping.sparse import agreement, colmap
 
 INSTANTS = 6

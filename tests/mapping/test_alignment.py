@@ -7,7 +7,7 @@ import pytest
 
 from flight import FloatArray, FormatError, InputError, MapError, frames, rotations
 from mapping.camera.rig import Rig, forward_camera
-from mapping.images import ImageSet
+from mapping.input.images import ImageSet
 from mapping.sparse import alignment
 from mapping.sparse.alignment import Length, References
 

@@ -115,6 +115,19 @@ def test_a_planted_error_is_the_one_found(camera: str, kind: Kind, true: Rig, ho
     assert found.noise_px == pytest.approx(NOISE_PX, rel=0.1)
 
 
+def test_an_extended_unified_camera_is_tried_like_the_others() -> None:
+    """EUCM has no radial terms of its own; what is found of the focal length or the mount keeps the model."""
+    named = {number: np.array([*camera.params[:4], 0.63, 1.04]) for number, camera in enumerate(RIG)}
+    right = changed(changed(RIG, 0, model="EUCM", params=named[0]), 1, model="EUCM", params=named[1])
+    assert not tried(right, right).present
+    longer = changed(right, 0, params=named[0] * [1.01, 1.01, 1.0, 1.0, 1.0, 1.0])
+    for true, kind, size in ((longer, Kind.FOCAL, [0.01]), (turned(right, TURN_RAD), Kind.ROTATION, TURN_RAD)):
+        found = tried(true, right)
+        assert [finding.candidate.kind for finding in found.present] == [kind]
+        np.testing.assert_allclose(found.present[0].size, size, atol=1e-3)
+        assert {camera.model for camera in found.rig} == {"EUCM"}
+
+
 def test_both_cameras_share_a_rolling_shutter() -> None:
     found = tried(RIG, RIG, shutter_s=0.010)
     assert {str(f.candidate) for f in found.present} == {"front: rolling shutter", "down: rolling shutter"}

@@ -9,7 +9,7 @@ import pytest
 
 from flight import FormatError, InputError
 from mapping.camera.rig import Camera, Rig, forward_camera
-from mapping.images import read_folder, read_table
+from mapping.input.images import read_folder, read_table
 
 SINGLE = Rig((forward_camera("SIMPLE_RADIAL_FISHEYE", 64, 48, [40.0, 32.0, 24.0, 0.0]),))
 PAIR = Rig(

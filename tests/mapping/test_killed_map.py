@@ -24,6 +24,7 @@ pytestmark = pytest.mark.slow
 
 MOMENTS = (
     "checking images",
+    "looking at the images",
     "finding features",
     "matching features",
     "placing images",

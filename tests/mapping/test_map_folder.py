@@ -16,7 +16,7 @@ from flight import FlightError, FloatArray, FormatError, InputError, MapError, f
 from mapping import map_folder, stages
 from mapping.camera import rig as rigs
 from mapping.camera.trial import Trial
-from mapping.images import ImageSet
+from mapping.input.images import ImageSet
 from mapping.localization import relocalization
 from mapping.map_folder import MapOptions
 from mapping.sparse import colmap, localization_map, reconstruction
@@ -177,7 +177,7 @@ def test_interrupt_leaves_the_old_map(tmp_path: Path) -> None:
         mapping.build_map(images, RIG, out, options, overwrite=True, progress=interrupted)
     assert mapping.open_map(out).images == ("a.png", "c.png")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["images", "map", "map.work"]
-    assert stages.finished(tmp_path / "map.work", map_folder.STAGES) == ["features"]
+    assert stages.finished(tmp_path / "map.work", map_folder.STAGES) == ["check", "features"]
 
 
 def interrupted_work(out: Path, replaced: bool) -> None:

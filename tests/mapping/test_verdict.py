@@ -11,7 +11,7 @@ from goshawk.rendered import world as rendered_world
 from mapping import map_folder, verdict
 from mapping.camera.errors import Candidate, Kind
 from mapping.camera.trial import Finding, Trial, Verdict
-from mapping.images import ImageSet
+from mapping.input.images import ImageSet
 from mapping.sparse.alignment import Alignment, ScaleWitness
 from mapping.sparse.reconstruction import SparseMap
 from mapping.verdict import Standing

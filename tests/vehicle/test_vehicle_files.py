@@ -5,6 +5,7 @@ import pytest
 
 import vehicle
 from flight import FormatError, InputError
+from flight.frames import GRAVITY_M_S2
 
 
 @pytest.mark.parametrize("name", ["rigter2019", "hummingbird"])
@@ -25,6 +26,39 @@ def test_the_hash_follows_the_values_but_not_the_notes():
     assert vehicle.vehicle_hash(noted) == vehicle.vehicle_hash(base)
     assert vehicle.vehicle_hash(base.with_value("mass_kg", 0.71)) != vehicle.vehicle_hash(base)
     assert vehicle.vehicle_hash(base.with_limits(speed_m_s=3.0)) != vehicle.vehicle_hash(base)
+
+
+def test_gravity_is_kept_and_standard_where_a_file_does_not_give_it(tmp_path):
+    base, file = vehicle.example(), tmp_path / "v.toml"
+    for write in (vehicle.save, vehicle.commented.write):
+        write(file, base.with_gravity(9.78))
+        assert vehicle.load(file).gravity_m_s2 == 9.78
+    vehicle.save(file, base)
+    file.write_text("".join(line for line in file.read_text().splitlines(True) if not line.startswith("gravity")))
+    assert vehicle.load(file).gravity_m_s2 == GRAVITY_M_S2
+    assert vehicle.vehicle_hash(vehicle.load(file)) == vehicle.vehicle_hash(base)
+    assert vehicle.vehicle_hash(base.with_gravity(9.78)) != vehicle.vehicle_hash(base), "a plan must be checked again"
+    for wrong in (981.0, 0.0, float("nan")):
+        with pytest.raises(InputError, match=r"between 9\.76 and 9\.84 m/s2"):
+            base.with_gravity(wrong)
+
+
+def test_hover_plan_and_simulation_follow_gravity():
+    """Squared rotor speeds in hover are in proportion to it, and at these speeds a vehicle sinks where it is larger."""
+    low, high = (vehicle.example().with_gravity(g) for g in (9.765, 9.835))
+    ratio = 9.835 / 9.765
+    simple = [v.without_effect("thrust_bem").with_effect("thrust_quadratic", k_n_s2=2e-6) for v in (low, high)]
+    hover = [vehicle.invert.hover(v) for v in simple]
+    np.testing.assert_allclose((hover[1] / hover[0]) ** 2, ratio, rtol=1e-9)
+    still = np.zeros((1, 3))
+    held = [vehicle.flatness.attitudes(v, still, still, np.zeros(1), still)[1] for v in simple]
+    np.testing.assert_allclose(held, np.stack(hover)[:, None], rtol=1e-6)
+    falls = []
+    for v in simple:
+        fleet = vehicle.simulate.Fleet(v, [vehicle.simulate.hovering(simple[0], np.zeros(3))])
+        fleet.step(hover[0][None], 0.5)
+        falls.append(fleet.velocity_world_m_s[0, 2])
+    assert falls[1] - falls[0] == pytest.approx(-0.5 * (9.835 - 9.765), rel=0.02)
 
 
 def test_the_papers_vehicle_hovers_at_the_papers_rotor_speed():

@@ -1,19 +1,25 @@
 """The catalogue: every effect a vehicle model may contain, one file each; and effects of the user's own."""
 
 import difflib
+import hashlib
 import importlib
 import importlib.util
+import os
 import pkgutil
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
 from flight import FormatError, InputError
 from vehicle.effects.base import Effect
 
-__all__ = ["Effect", "catalogue", "find", "load_file", "register"]
+__all__ = ["Effect", "catalogue", "find", "load_file", "register", "run_any", "run_only", "text_hash"]
 
 _NOT_EFFECTS = ("base",)
 _registered: dict[str, Effect] = {}
+_AGREED = "GOSHAWK_AGREED_EFFECT_FILES"
+"""Environment variable, so that processes started from this one obey it too: SHA-256 of the files that may be run, with
+spaces between them. Unset: any."""
 _origins: dict[str, tuple[Path, bytes]] = {}
 """File and text of each of the user's own effects."""
 
@@ -60,29 +66,42 @@ def register(effect: Effect) -> Effect:
     return effect
 
 
+def run_only(agreed: Iterable[str]) -> None:
+    """From now on run no other effect files than those of these SHA-256, here and in processes started from here."""
+    os.environ[_AGREED] = " ".join(sorted(agreed))
+
+
+def run_any() -> None:
+    """Run effect files without asking, as the command line does."""
+    os.environ.pop(_AGREED, None)
+
+
 def load_file(path: Path) -> Effect:
     """Read one Python file that defines `EFFECT`, and register it.
 
     Raises:
-        InputError: there is no such file, or another file already defines an effect of that name in another way.
+        InputError: there is no such file, nobody agreed to run it (`run_only`), or another file already defines an
+            effect of that name in another way.
         FormatError: it does not run, or defines no `EFFECT`.
     """
     path = Path(path).resolve()
     if not path.is_file():
         raise InputError(f"effect file {path} does not exist")
+    text = path.read_bytes()  # once: what is hashed is what runs
+    _check_agreed(path, text)
     spec = importlib.util.spec_from_file_location(f"goshawk_effect_{path.stem}", path)
     if spec is None:
         raise FormatError(f"effect file {path} is not a Python file")
     module = importlib.util.module_from_spec(spec)
     try:
         # not exec_module, which leaves compiled files beside the user's
-        exec(compile(path.read_bytes(), path, "exec"), module.__dict__)
+        exec(compile(text, path, "exec"), module.__dict__)
     except Exception as error:
         raise FormatError(f"effect file {path} does not run: {error}") from error
     effect = getattr(module, "EFFECT", None)
     if not isinstance(effect, Effect):
         raise FormatError(f"effect file {path} defines no EFFECT = Effect(...)")
-    _check_origin(effect, path)
+    _check_origin(effect, path, text)
     return register(effect)
 
 
@@ -91,9 +110,23 @@ def origin(name: str) -> Path | None:
     return _origins[name][0] if name in _registered and name in _origins else None
 
 
-def _check_origin(effect: Effect, path: Path) -> None:
+def text_hash(name: str) -> str:
+    """SHA-256 of the text that defined one of the user's own effects; empty for the catalogue's."""
+    return hashlib.sha256(_origins[name][1]).hexdigest() if origin(name) is not None else ""
+
+
+def _check_agreed(path: Path, text: bytes) -> None:
+    agreed = os.environ.get(_AGREED)
+    digest = hashlib.sha256(text).hexdigest()
+    if agreed is not None and digest not in agreed.split():
+        raise InputError(
+            f"effect file {path} (SHA-256 {digest[:12]}) is code, and nobody has agreed to run it; read it on the "
+            "ground station's page and agree there"
+        )
+
+
+def _check_origin(effect: Effect, path: Path, text: bytes) -> None:
     """Vehicle files refer to effects by name: two different ones of one name would be confused without a message."""
-    text = path.read_bytes()
     known, known_text = _origins.get(effect.name, (path, text))
     if known != path and known_text != text:
         raise InputError(f"{path} defines effect {effect.name!r}, and so does {known}, differently; rename one")

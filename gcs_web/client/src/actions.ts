@@ -3,7 +3,7 @@
 import { effect, signal } from "@preact/signals";
 import { edit, submit, send } from "./socket";
 import type { EditToSend } from "./socket";
-import { aborting, announce, doc, inControl, selected } from "./store";
+import { aborting, announce, cursor_s, doc, inControl, selected, series, waypointAtCursor } from "./store";
 import type { Order, Reply } from "./protocol";
 
 /** Send a change and put a refusal into the notice. */
@@ -25,6 +25,27 @@ export function insertAfterSelected(): void {
 
 export function deleteSelected(): void {
   void change({ type: "delete", waypoints: selectedInOrder() });
+}
+
+/** Insert a waypoint where the path is at the cursor, after the one that was passed last. */
+export function splitAtCursor(): void {
+  const after = waypointAtCursor.value;
+  const shown = series.value;
+  const time_s = cursor_s.value;
+  if (after === null || shown === null || time_s === null) return;
+  const at = shown.time_s.findLastIndex((each) => each <= time_s);
+  const place = (values: readonly number[]): number => Number((values[at] ?? 0).toFixed(3));
+  void change({ type: "insert", after, x_m: place(shown.x_m), y_m: place(shown.y_m), z_m: place(shown.z_m) });
+}
+
+/** The selected waypoints, or all of them where none is. */
+export function selectedOrAll(): number[] {
+  const chosen = selectedInOrder();
+  return chosen.length > 0 ? chosen : (doc.value?.waypoints ?? []).map(({ id }) => id);
+}
+
+export function randomYaw(): void {
+  void change({ type: "random_yaw", waypoints: selectedOrAll() });
 }
 
 export function reverse(): void {

@@ -6,6 +6,7 @@ import { Palette } from "./components/Palette";
 import { Resizer, drawerHeight } from "./components/Resizer";
 import { Compare } from "./panels/Compare";
 import { Drawer } from "./panels/Drawer";
+import { EffectFileConsent } from "./panels/EffectFiles";
 import { FlightDrawer } from "./panels/FlightDrawer";
 import { FlightList } from "./panels/FlightList";
 import { Fly } from "./panels/Fly";
@@ -13,11 +14,12 @@ import { Learn } from "./panels/Learn";
 import { Map } from "./panels/Map";
 import { ModelInspector, Versions } from "./panels/Model";
 import { Plan } from "./panels/Plan";
+import { ProjectList } from "./panels/ProjectList";
 import { SaveForm } from "./panels/SaveForm";
 import { Scene } from "./panels/Scene";
 import { StatusBar } from "./panels/StatusBar";
 import { TopBar } from "./panels/TopBar";
-import { connected, paletteOpen, step } from "./store";
+import { connected, paletteOpen, projectsOpen, step } from "./store";
 import { phone } from "./theme";
 
 interface Panels {
@@ -67,6 +69,8 @@ export function App() {
       <StatusBar />
       {paletteOpen.value && <Palette />}
       {saveFormOpen.value && <SaveForm />}
+      <EffectFileConsent />
+      {projectsOpen.value && <ProjectList />}
     </div>
   );
 }

@@ -6,15 +6,30 @@ import {
   giveOrder,
   insertAfterSelected,
   openUpload,
+  randomYaw,
   reverse,
   saveFormOpen,
   shiftSelected,
+  splitAtCursor,
 } from "./actions";
 import { playing, select, togglePlaying } from "./cursor";
-import { cancel, draft } from "./map";
+import { cancel, draft, painting } from "./map";
 import { TOOLS } from "./mapTools";
 import { submit } from "./socket";
-import { connected, doc, inControl, paletteOpen, selected, series, step, vehicle, verdict, welcome } from "./store";
+import {
+  connected,
+  doc,
+  inControl,
+  paletteOpen,
+  projectsOpen,
+  selected,
+  series,
+  step,
+  vehicle,
+  verdict,
+  waypointAtCursor,
+  welcome,
+} from "./store";
 import { nextTheme } from "./theme";
 
 export interface PageCommand {
@@ -40,6 +55,8 @@ const canEdit = (): boolean => connected.value && doc.value !== null;
 const editsSelection = (): boolean => canEdit() && step.value === 2 && selected.value.size > 0;
 const inFlight = (): boolean => connected.value && step.value === 3 && inControl.value && vehicle.value?.armed === true;
 
+/** Whether the cursor is on the path of these waypoints, between two of them. */
+export const canSplit = (): boolean => canEdit() && verdict.value === "checked" && waypointAtCursor.value !== null;
 export const canSave = (): boolean => verdict.value === "checked";
 export const canUpload = (): boolean => canSave() && welcome.value?.vehicle === true;
 
@@ -99,6 +116,9 @@ export const COMMANDS: readonly PageCommand[] = [
   { name: "Compare with the vehicle and upload", enabled: canUpload, run: openUpload },
   { name: "Insert a waypoint after", keys: ["Insert", "+"], enabled: canEdit, run: insertAfterSelected },
   { name: "Delete the selected waypoints", keys: ["Delete"], enabled: editsSelection, run: deleteSelected },
+  { name: "Split the path at the cursor", enabled: canSplit, run: splitAtCursor },
+  { name: "Random headings, to learn the vehicle from", enabled: canEdit, run: randomYaw },
+  { name: "Open another project", enabled: () => connected.value, run: () => (projectsOpen.value = true) },
   { name: "Reverse the order of the waypoints", enabled: canEdit, run: reverse },
   {
     name: "Select all waypoints",
@@ -129,6 +149,6 @@ export const COMMANDS: readonly PageCommand[] = [
     enabled: () => canEdit() && step.value === 1,
     run,
   })),
-  { name: "Map: cancel the edit", enabled: () => step.value === 1 && draft.value !== null, run: cancel },
+  { name: "Map: cancel the edit", enabled: () => step.value === 1 && (draft.value !== null || painting.value), run: cancel },
   ...shifts,
 ];

@@ -3,7 +3,7 @@
 import { batch, computed, effect, signal } from "@preact/signals";
 import { latest, send, submit } from "./socket";
 import { announce, comparison, connected, flightCursor_s, flights, step } from "./store";
-import type { FlightCard, Incoming, OpenedFlight, Scatter, ShowFlights, Stream, StreamPart } from "./protocol";
+import type { Finding, FlightCard, Incoming, OpenedFlight, Scatter, ShowFlights, Stream, StreamPart } from "./protocol";
 
 export type Channel = NonNullable<ShowFlights["colour"]>;
 
@@ -34,6 +34,15 @@ export const plotWidth_px = signal(800);
 export const cards = computed<readonly FlightCard[]>(() => flights.value?.flights ?? []);
 export const LETTERS = "ABCDEFGH";
 export const MOST_OPEN = 4;
+
+/** Flights that learn or judge and have gaps in their logs. */
+export const gapped = computed<readonly string[]>(() =>
+  cards.value
+    .filter(({ role, findings }) => role !== "leave" && findings.some(({ what }) => what === "gap"))
+    .map(({ name }) => name),
+);
+/** Whether the pieces between gaps are taken as flights of their own; a log with gaps is refused otherwise. */
+export const splitGaps = signal(true);
 
 /** From the first beginning to the last end of what is open. */
 export const whole = computed<readonly [number, number]>(() => {
@@ -190,10 +199,14 @@ effect(() => {
   if (isLooking.value && wanted.length > 0) void readStreams();
 });
 
+let lookedAt = "";
+
 effect(() => {
   const wanted = chosen.value;
   const state = comparison.value?.state;
-  bin.value = null;
+  const cell = wanted === null ? "" : `${wanted.channel}|${wanted.variable}`;
+  if (lookedAt !== "" && cell !== lookedAt) bin.value = null;
+  if (cell !== "") lookedAt = cell;
   if (!connected.value || wanted === null || state === undefined || state === "none") {
     scatter.value = null;
     return;
@@ -245,6 +258,46 @@ export const moments = computed<readonly { flight: string; from_s: number; to_s:
   });
   return spans;
 });
+
+const markIn3D = latest((stretches: { flight: string; from_s: number; to_s: number }[]) => ({
+  type: "show_moments",
+  stretches,
+}));
+let isMarked = false;
+
+/** The same moments on the paths. */
+effect(() => {
+  const wanted = isLooking.value ? [...moments.value] : [];
+  if (!connected.value || (wanted.length === 0 && !isMarked)) return;
+  isMarked = wanted.length > 0;
+  markIn3D(wanted);
+});
+/** A stretch of a flight where a check found something, at the time it is shown at. */
+export interface Mark {
+  flight: string;
+  finding: Finding;
+  from_s: number;
+  to_s: number;
+}
+
+export const marks = computed<readonly Mark[]>(() =>
+  opened.value.flatMap(({ name, shift_s }) => {
+    const by_s = (moved_s.value.get(name) ?? 0) - shift_s;
+    const findings = cards.value.find((card) => card.name === name)?.findings ?? [];
+    return findings.flatMap((finding) =>
+      finding.spans_s.map(([from_s, to_s]) => ({ flight: name, finding, from_s: from_s + by_s, to_s: to_s + by_s })),
+    );
+  }),
+);
+
+/** Show a mark in the middle of a stretch of which it takes a quarter, at least a second long. */
+export function goToMark({ from_s, to_s }: Mark): void {
+  const [first_s, last_s] = whole.value;
+  const half_s = Math.max(2 * (to_s - from_s), 0.5);
+  const middle_s = 0.5 * (from_s + to_s);
+  goTo(middle_s);
+  stretch.value = [Math.max(first_s, middle_s - half_s), Math.min(last_s, middle_s + half_s)];
+}
 
 // --- logs ---
 

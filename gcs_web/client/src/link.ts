@@ -1,7 +1,7 @@
 /** The view in the page's address, so that a link restores it. */
 
 import { effect } from "@preact/signals";
-import { chosen, open, pathColour, streamKeys, stretch } from "./flights";
+import { bin, chosen, moved_s, open, pathColour, streamKeys, stretch } from "./flights";
 import type { Channel } from "./flights";
 import { announce, flightCursor_s, step } from "./store";
 
@@ -21,6 +21,13 @@ function restore(): void {
   if (time_s !== null && Number.isFinite(Number(time_s))) flightCursor_s.value = Number(time_s);
   const [channel, variable] = (found.get("cell") ?? "").split("|");
   if (channel !== undefined && channel !== "" && variable !== undefined) chosen.value = { channel, variable };
+  const [low, high] = (found.get("bin") ?? "").split("|").map(Number);
+  if (low !== undefined && high !== undefined && low <= high) bin.value = [low, high];
+  const moved = (found.get("moved") ?? "").split("|").flatMap((by, i): [string, number][] => {
+    const [name, by_s] = [open.value[i], Number(by)];
+    return name !== undefined && Number.isFinite(by_s) && by_s !== 0 ? [[name, by_s]] : [];
+  });
+  if (moved.length > 0) moved_s.value = new Map(moved);
   const colour = COLOURS.find((each) => each === found.get("colour"));
   if (colour !== undefined) pathColour.value = colour;
 }
@@ -33,6 +40,9 @@ function written(): string {
     if (stretch.value !== null) words.set("from_to", stretch.value.map((time_s) => time_s.toFixed(3)).join("|"));
     if (flightCursor_s.value !== null) words.set("time", flightCursor_s.value.toFixed(3));
     if (chosen.value !== null) words.set("cell", `${chosen.value.channel}|${chosen.value.variable}`);
+    if (bin.value !== null) words.set("bin", bin.value.join("|"));
+    const moved = open.value.map((name) => moved_s.value.get(name) ?? 0);
+    if (moved.some((by_s) => by_s !== 0)) words.set("moved", moved.join("|"));
     if (pathColour.value !== "") words.set("colour", pathColour.value);
   }
   return `#${words.toString()}`;

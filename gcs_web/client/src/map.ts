@@ -6,7 +6,7 @@ import { announce, doc, mapPreview, mapShown, measured, welcome } from "./store"
 import type { MapEdit, MapShown, Shape, Slice } from "./protocol";
 
 export type Layer = MapShown["layers"][number];
-export type Form = Exclude<Shape["form"], "other">;
+export type Form = Exclude<Shape["form"], "other" | "stroke">;
 type Action = MapEdit["action"];
 
 /** An edit of the map before it is made. */
@@ -22,6 +22,8 @@ export interface Draft {
 
 export const draft = signal<Draft | null>(null);
 export const draftRefusal = signal("");
+/** Whether drags over the mesh paint. */
+export const painting = signal(false);
 
 export const ACTIONS: readonly { key: Action; name: string; says: string }[] = [
   { key: "no-fly", name: "No-fly zone", says: "counts as an obstacle; nothing else frees it" },
@@ -68,6 +70,15 @@ const sendPreview = latest((wanted: Draft | null) => ({
   edit: wanted?.edit ?? null,
 }));
 
+const BRUSH_M = 0.2;
+
+/** Begin to paint: drags over the mesh become strokes, and the last one a draft. */
+export async function beginStroke(): Promise<void> {
+  const { action = "no-fly" } = draft.value ?? {};
+  cancel();
+  if (await submit({ type: "paint", active: true, action, radius_m: BRUSH_M })) painting.value = true;
+}
+
 /** Begin a new edit: at the measured point or in the middle of the map, a metre large. */
 export function begin(form: Form): void {
   const shown = mapShown.value;
@@ -84,6 +95,7 @@ export function begin(form: Form): void {
       [x + 0.5, y + 0.5],
       [x - 0.5, y + 0.5],
     ],
+    points_m: [],
   };
   const { action = "no-fly", name = "" } = draft.value ?? {};
   setDraft({ edit: null, revision: revisionNow(), action, name, shape });
@@ -112,7 +124,12 @@ function setDraft(next: Draft): void {
 export function cancel(): void {
   draft.value = null;
   draftRefusal.value = "";
-  sendPreview(null);
+  if (painting.value) {
+    painting.value = false;
+    void submit({ type: "paint", active: false });
+  } else {
+    sendPreview(null);
+  }
 }
 
 export async function apply(): Promise<void> {
@@ -138,6 +155,11 @@ export async function drop(id: number): Promise<void> {
 effect(() => {
   const { author, shape, edit: number } = mapPreview.value;
   const now = draft.peek();
+  if (author === welcome.peek()?.you && shape?.form === "stroke" && number === null && painting.peek()) {
+    const { action, name } = now ?? { action: "no-fly" as const, name: "" };
+    draft.value = { edit: null, revision: revisionNow(), action, name, shape };
+    return;
+  }
   if (author !== welcome.peek()?.you || shape === null || now === null || now.edit !== number) return;
   if (now.shape.form === shape.form) draft.value = { ...now, shape };
 });

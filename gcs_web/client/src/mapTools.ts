@@ -1,6 +1,6 @@
 /** The tools of the step Map, for the toolbar, the keys and the palette. */
 
-import { begin, cancel, draft, toggleMeasuring } from "./map";
+import { begin, beginStroke, cancel, draft, painting, toggleMeasuring } from "./map";
 import type { Form } from "./map";
 import { measured } from "./store";
 
@@ -21,5 +21,6 @@ export const TOOLS: readonly Tool[] = [
   shapeTool("Box", "b", "box"),
   shapeTool("Prism", "r", "prism"),
   shapeTool("Sphere", "o", "sphere"),
+  { name: "Brush", key: "h", active: () => painting.value, run: () => (painting.value ? cancel() : void beginStroke()) },
   { name: "Measure", key: "m", active: () => measured.value.active, run: toggleMeasuring },
 ];

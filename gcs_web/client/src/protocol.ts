@@ -1,7 +1,7 @@
 // Written by tools/page_types.py from gcs_web/protocol.py. Do not edit.
 
 
-export const PROTOCOL = 3;
+export const PROTOCOL = 4;
 
 export interface Person {
   id: string;
@@ -47,11 +47,12 @@ export interface Mission {
 }
 
 export interface Shape {
-  form: "box" | "sphere" | "prism" | "other";
+  form: "box" | "sphere" | "prism" | "stroke" | "other";
   centre_m: [number, number, number];
   size_m: [number, number, number];
   radius_m: number;
   corners_m: [number, number][];
+  points_m: [number, number, number][];
 }
 
 export interface MapEdit {
@@ -63,9 +64,11 @@ export interface MapEdit {
 }
 
 export interface Slice {
-  axis: "x" | "y" | "z";
+  axis: "x" | "y" | "z" | "oblique";
   at_m: number;
   of: "distance" | "unknown" | "could_hide";
+  heading_deg: number;
+  tilt_deg: number;
 }
 
 export interface MapFacts {
@@ -74,6 +77,7 @@ export interface MapFacts {
   reprojection_px: number | null;
   free_m3: number;
   standing: string;
+  doubt: string;
 }
 
 export interface Settings {
@@ -206,12 +210,64 @@ export interface Edit {
   revision: number;
 }
 
+export interface Place {
+  type: "place";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+  positions_m: [number, number, number][];
+  label: string;
+}
+
+export interface Snap {
+  type: "snap";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+  to: "grid" | "height" | "clearance";
+  by_m: number;
+}
+
+export interface RandomYaw {
+  type: "random_yaw";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+}
+
+export interface RecordedPath {
+  source: string;
+  positions: number;
+  left_out: number;
+  waypoints: number;
+}
+
+export interface ThinPath {
+  type: "thin_path";
+  serial: number;
+  source: string;
+  tolerance_m: number;
+}
+
+export interface DropPath {
+  type: "drop_path";
+  serial: number;
+}
+
+export interface TakePath {
+  type: "take_path";
+  serial: number;
+  source: string;
+  tolerance_m: number;
+}
+
 export interface Finding {
   level: "warning" | "error";
   sentence: string;
   fix: string;
   fixable: boolean;
   spans_s: [number, number][];
+  what: string;
 }
 
 export interface FlightCard {
@@ -376,6 +432,8 @@ export interface OutsideCurve {
   y: number[];
   band: number[];
   probability: number;
+  effect: string;
+  advice: string;
 }
 
 export interface Tried {
@@ -505,6 +563,18 @@ export interface ShowFlights {
   colour?: "" | "F_x" | "F_y" | "F_z" | "M_x" | "M_y" | "M_z";
 }
 
+export interface Stretch {
+  flight: string;
+  from_s: number;
+  to_s: number;
+}
+
+export interface ShowMoments {
+  type: "show_moments";
+  serial: number;
+  stretches: Stretch[];
+}
+
 export interface LookAtFlight {
   type: "look_at_flight";
   serial: number;
@@ -560,6 +630,44 @@ export interface ReturnTo {
   version: number;
 }
 
+export interface Identified {
+  name: string;
+  words: string;
+  unit: string;
+  start: number;
+  value: number;
+  sigma: number;
+  status: string;
+}
+
+export interface ConfoundedPair {
+  first: string;
+  second: string;
+  correlation: number;
+}
+
+export interface Trial {
+  flight: string;
+  values: number[];
+  sigmas: number[];
+}
+
+export interface Identification {
+  type: "identification";
+  state: "none" | "current" | "old";
+  verdict: string;
+  reasons: string[];
+  flights: string[];
+  parameters: Identified[];
+  free: string[];
+  correlation: number[][];
+  confounded: ConfoundedPair[];
+  trials: Trial[];
+  written: string[];
+  vehicle: string;
+  logs: string;
+}
+
 export interface Jobs {
   type: "jobs";
   jobs: Job[];
@@ -568,6 +676,13 @@ export interface Jobs {
 
 export interface StartJob {
   type: "start_job";
+  serial: number;
+  kind: string;
+  arguments: Record<string, string | number | boolean | string[]>;
+}
+
+export interface ForeseeJob {
+  type: "foresee_job";
   serial: number;
   kind: string;
   arguments: Record<string, string | number | boolean | string[]>;
@@ -631,6 +746,14 @@ export interface Measure {
   active: boolean;
 }
 
+export interface Paint {
+  type: "paint";
+  serial: number;
+  active: boolean;
+  action?: "add" | "no-fly" | "clear" | "remove";
+  radius_m?: number;
+}
+
 export interface PreviewMapEdit {
   type: "preview_map_edit";
   serial: number;
@@ -665,12 +788,99 @@ export interface DropMapEdits {
   edits: number[];
 }
 
+export interface ProjectEntry {
+  folder: string;
+  name: string;
+  current: boolean;
+  trajectories: number;
+  flights: number;
+  problem: string;
+}
+
+export interface Projects {
+  type: "projects";
+  projects: ProjectEntry[];
+}
+
+export interface ListProjects {
+  type: "list_projects";
+  serial: number;
+}
+
+export interface OpenProject {
+  type: "open_project";
+  serial: number;
+  folder: string;
+}
+
+export interface ControllerParameter {
+  name: string;
+  unit: string;
+  flies_with: number;
+  model: number;
+  in_flight: boolean;
+}
+
+export interface NotCompensated {
+  title: string;
+  why: string;
+}
+
+export interface Compensation {
+  vehicle: string;
+  version: number;
+  parameters: ControllerParameter[];
+  not_compensated: NotCompensated[];
+}
+
+export interface PrepareCompensation {
+  type: "prepare_compensation";
+  serial: number;
+}
+
+export interface SendCompensation {
+  type: "send_compensation";
+  serial: number;
+  nonce: string;
+}
+
+export interface EffectFile {
+  name: string;
+  path: string;
+  sha256: string;
+  text: string;
+  needed: boolean;
+  agreed: boolean;
+  changed: boolean;
+  problem: string;
+}
+
+export interface EffectFiles {
+  type: "effect_files";
+  files: EffectFile[];
+}
+
+export interface AgreeToEffectFile {
+  type: "agree_to_effect_file";
+  serial: number;
+  path: string;
+  sha256: string;
+}
+
+export interface DraftEffect {
+  type: "draft_effect";
+  serial: number;
+  name: string;
+  form?: "spline" | "polynomial";
+}
+
 export interface Welcome {
   type: "welcome";
   protocol: number;
   you: string;
   project: string;
   vehicle: boolean;
+  station: string;
 }
 
 export interface Document {
@@ -771,7 +981,10 @@ export interface Reply {
   parts: StreamPart[];
   scatter: Scatter | null;
   incoming: Incoming | null;
+  compensation: Compensation | null;
   plans: PlanSummary[];
+  words: string;
+  recorded_path: RecordedPath | null;
 }
 
 export interface Move {
@@ -1012,6 +1225,6 @@ export interface Abort {
   serial: number;
 }
 
-export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment;
+export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply | Projects | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment | EffectFiles | Identification;
 
-export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | SetGate | ClearGate | SetTube | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | ShowMap | Measure | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits | StartJob | CancelJob | ForgetJob | ListJobs | ListFlights | SetRole | OpenFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo;
+export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | SetGate | ClearGate | SetTube | Snap | RandomYaw | ThinPath | DropPath | TakePath | ListProjects | OpenProject | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | ShowMap | Measure | Paint | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits | StartJob | ForeseeJob | CancelJob | ForgetJob | ListJobs | ListFlights | SetRole | OpenFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo | PrepareCompensation | SendCompensation | AgreeToEffectFile | DraftEffect | ShowMoments;

@@ -58,12 +58,15 @@ function refusal(number: number, error: string): Reply {
     nonce: "",
     here: null,
     there: null,
+    compensation: null,
     name: "",
     flights: [],
     parts: [],
     scatter: null,
     incoming: null,
     plans: [],
+    words: "",
+    recorded_path: null,
   };
 }
 
@@ -91,7 +94,10 @@ export function edit(change: EditToSend, revision = doc.value?.revision ?? 0): P
 }
 
 /** A sender with at most one command on its way: of those that come meanwhile the last one wins. */
-export function latest<T>(build: (value: T) => CommandToSend): (value: T) => void {
+export function latest<T>(
+  build: (value: T) => CommandToSend,
+  onReply: (reply: Reply) => void = () => {},
+): (value: T) => void {
   let next: { value: T } | null = null;
   let busy = false;
   const pump = async (): Promise<void> => {
@@ -99,7 +105,7 @@ export function latest<T>(build: (value: T) => CommandToSend): (value: T) => voi
     while (next !== null) {
       const { value } = next;
       next = null;
-      await send(build(value));
+      onReply(await send(build(value)));
     }
     busy = false;
   };

@@ -7,8 +7,10 @@ import type {
   Comparison,
   Diagnosis,
   Document,
+  EffectFile,
   Files,
   Flights,
+  Identification,
   Jobs,
   MapPreview,
   MapShown,
@@ -17,6 +19,7 @@ import type {
   Notice,
   People,
   Plan,
+  Projects,
   Show,
   ToPage,
   Vehicle,
@@ -35,6 +38,8 @@ export const figures = signal<Plan | null>(null);
 export const vehicle = signal<Vehicle | null>(null);
 export const people = signal<People>({ type: "people", people: [], in_control: "" });
 export const files = signal<Files>({ type: "files", trajectories: [], flights: [], bin: [] });
+/** Those in the folder that this one is in. */
+export const projects = signal<Projects>({ type: "projects", projects: [] });
 export const mapShown = signal<MapShown | null>(null);
 export const measured = signal<Measured>({
   type: "measured",
@@ -58,7 +63,10 @@ export const jobs = signal<Jobs>({ type: "jobs", jobs: [], kinds: [] });
 export const flights = signal<Flights | null>(null);
 export const comparison = signal<Comparison | null>(null);
 export const diagnosis = signal<Diagnosis | null>(null);
+export const identification = signal<Identification | null>(null);
 export const model = signal<Model | null>(null);
+/** Effect files of the user's own that the vehicle file names. */
+export const effectFiles = signal<readonly EffectFile[]>([]);
 export const notice = signal<Notice>({ type: "notice", text: "", level: "fact", undo: false });
 
 /** Tracking errors as they were heard, of the last minute. */
@@ -85,6 +93,7 @@ export const view = signal<Required<Pick<Show, "colour">>>({ colour: "clearance"
 export const step = signal(2);
 export const aborting = signal(false);
 export const paletteOpen = signal(false);
+export const projectsOpen = signal(false);
 
 /** Waypoints another person changed within the last second, with that person's initials. */
 export const touched = signal<ReadonlyMap<number, string>>(new Map());
@@ -166,6 +175,8 @@ export function receive(message: Exclude<ToPage, { type: "reply" }>): void {
   batch(() => {
     switch (message.type) {
       case "welcome":
+        // Another project was opened in the place of this one: nothing that is shown holds any more.
+        if (welcome.value !== null && welcome.value.station !== message.station) location.reload();
         welcome.value = message;
         connection.value = message.protocol === PROTOCOL ? "open" : "outdated";
         break;
@@ -184,6 +195,9 @@ export function receive(message: Exclude<ToPage, { type: "reply" }>): void {
       case "files":
         files.value = message;
         break;
+      case "projects":
+        projects.value = message;
+        break;
       case "jobs":
         jobs.value = message;
         break;
@@ -198,6 +212,12 @@ export function receive(message: Exclude<ToPage, { type: "reply" }>): void {
         break;
       case "model":
         model.value = message;
+        break;
+      case "identification":
+        identification.value = message;
+        break;
+      case "effect_files":
+        effectFiles.value = message.files;
         break;
       case "flight_moment":
         flightCursor_s.value = message.time_s;

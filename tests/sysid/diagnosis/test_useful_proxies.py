@@ -7,11 +7,11 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from sysid.diagnosis import search
+from sysid.diagnosis import examined, search
 from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.confirm import CostReduction
 from sysid.diagnosis.findings import JudgedBy, Outcome
-from sysid.diagnosis.search import Trial
+from sysid.diagnosis.trial import Trial
 
 CURVE = cast("Any", SimpleNamespace(channel="F_z", variable="v_z"))
 
@@ -44,11 +44,12 @@ def helpful(monkeypatch: pytest.MonkeyPatch) -> set[str]:
     fell = CostReduction(np.array([8.0, 9.0, 10.0]))
 
     def fitted(logs: Any, model: Any, one: Candidate, options: Any) -> Any:
-        fit = SimpleNamespace(holds=(*model.holds, one.name))
+        vehicle = SimpleNamespace(value=lambda name: 0.04 if name == "c.x" else 0.06)
+        fit = SimpleNamespace(holds=(*model.holds, one.name), vehicle=vehicle)
         return SimpleNamespace(candidate=one, fit=fit, reduction=fell)
 
     def examined(fit: Any) -> Any:
-        return SimpleNamespace(holds=fit.holds, scores={n: None for n in "abc" if n not in fit.holds})
+        return SimpleNamespace(holds=fit.holds, scores={n: None for n in "abcd" if n not in fit.holds})
 
     monkeypatch.setattr(search, "_fitted", fitted)
     monkeypatch.setattr(search, "examine", examined)
@@ -57,7 +58,7 @@ def helpful(monkeypatch: pytest.MonkeyPatch) -> set[str]:
 
 
 def added(trials: list[Trial]) -> list[tuple[Trial, Any]]:
-    model = cast("Any", SimpleNamespace(holds=(), scores=dict.fromkeys("abc")))
+    model = cast("Any", SimpleNamespace(holds=(), scores=dict.fromkeys("abcd")))
     return search._useful_proxies((), model, trials, "", cast("Any", None))
 
 
@@ -76,7 +77,26 @@ def test_every_proxy_that_still_helps_is_added_to_the_one_before(helpful):
 def test_what_held_out_flights_did_not_prefer_is_no_useful_proxy(helpful):
     helpful |= {"a", "b"}
     assert added([outdone("a", confirmed=False)]) == []
-    assert added([outdone("c")]) == []
+    assert added([outdone("d")]) == []
+
+
+def test_a_proxy_of_no_consequence_is_not_added_whatever_held_out_flights_prefer(helpful):
+    helpful |= {"a", "c"}
+    assert [trial.candidate.name for trial, _ in added([outdone("c"), outdone("a")])] == ["a"]
+
+
+@pytest.mark.parametrize(("size", "half90", "goes"), [(0.07, 0.02, True), (-0.07, 0.02, True), (0.2, 0.2, False)])
+def test_beside_a_stated_curve_a_name_too_small_to_matter_goes(monkeypatch, size: float, half90: float, goes: bool):
+    """Usual size 1; without a curve an effect is named however small."""
+    estimate = SimpleNamespace(value=size, interval90=half90)
+    model = cast("Any", SimpleNamespace(fit=SimpleNamespace(estimate=lambda name: estimate)))
+    one = candidate("a", between_flights=True)
+    for curve in (CURVE, None):
+        monkeypatch.setattr(search, "stated_curve", lambda model, curve=curve: curve)
+        assert search._small_beside_curve(model, [one]) == (one if goes and curve else None)
+    removed = replace(outdone("a"), outcome=Outcome.REMOVED)
+    assert "a free curve of F_z against v_z is needed" in removed.sentence
+    assert "a later addition" in replace(removed, proxy_for=None).sentence
 
 
 def test_a_load_between_flights_is_no_proxy_and_nothing_is_added_twice(helpful):
@@ -87,7 +107,7 @@ def test_a_load_between_flights_is_no_proxy_and_nothing_is_added_twice(helpful):
 
 def test_what_fell_too_little_is_said_so():
     fell = outdone("a")
-    for total, words in ((12.0, "fell, but not significantly"), (-12.0, "did not help")):
+    for total, words in ((12.0, "fell, but not surely enough"), (-12.0, "did not help")):
         judged = CostReduction(np.full(3, total / 3.0))
         refused = Trial(
             fell.candidate, Outcome.NOT_CONFIRMED, judged, judged, JudgedBy.HELD_OUT, "", False, 0.1, (), None, fell.fit
@@ -102,3 +122,11 @@ def test_what_fell_too_little_is_said_so():
 def test_a_size_below_a_twentieth_of_the_usual_one_is_of_no_consequence(size: float, expected):
     fit = SimpleNamespace(vehicle=SimpleNamespace(value={"a.x": size}.__getitem__))
     assert search._matters(cast("Any", SimpleNamespace(candidate=candidate("a"), fit=fit))) is expected
+
+
+@pytest.mark.parametrize(("moments", "kept"), [((60.0, 50.0), {"M_x", "M_y", "M_z"}), ((60.0, 45.0), None)])
+def test_a_curve_of_thrust_must_explain_more_than_its_channels_together(moments: tuple[float, float], kept):
+    gains = {"T": 100.0, "T_0": 90.0, "M_x": moments[0], "M_y": moments[1], "M_z": 80.0}
+    scores = {c: SimpleNamespace(gain_unseen=gain, dispersion=2.0) for c, gain in gains.items()}
+    found = [cast("Any", SimpleNamespace(channel=c, score=one)) for c, one in scores.items()]
+    assert {curve.channel for curve in examined._apart_from_thrust(found)} == (kept or set(gains))

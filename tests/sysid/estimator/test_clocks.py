@@ -54,6 +54,11 @@ def test_delays_of_rotor_speed_and_gyro_are_recovered_flight_by_flight(fitted):
         assert clock.std_robust < (2e-3 if clock.flight == "flight 1" else 5e-4)  # the vertical one hardly turns
 
 
+def test_no_delay_is_estimated_where_one_clock_is_said_to_stamp_all_streams(fitted):
+    assert nuisances(fitted.flights, "pose", fitted.vehicle)[0].delay
+    assert nuisances(fitted.flights, "common", fitted.vehicle)[0].delay == ()
+
+
 def test_clocks_that_are_off_are_spoken_of_and_written_down(fitted):
     told = [finding for finding in fitted.findings if "against the pose" in finding]
     assert any("flight 2: rotor speed is" in finding and "early" in finding for finding in told)

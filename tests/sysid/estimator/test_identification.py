@@ -41,18 +41,18 @@ def test_a_flight_more_takes_little_more_memory(campaign, truth):
     assert peak(pieces) < 2.3 * peak(pieces[1:3])
 
 
-def test_thrust_is_in_proportion_to_the_gravity_that_is_given(campaign, truth):
+def test_thrust_is_in_proportion_to_the_vehicles_gravity(campaign, truth):
     simple = truth.without_effect("thrust_bem").with_effect("thrust_quadratic", k_n_s2=2.1e-6)
     name, given = "thrust_quadratic.k_n_s2", (9.77, 9.83)
     low, high = (
-        sysid.identify(campaign[:1], simple, sysid.Options(free=(name,), gusts="white", gravity_m_s2=g)) for g in given
+        sysid.identify(campaign[:1], simple.with_gravity(g), sysid.Options(free=(name,), gusts="white")) for g in given
     )
     ratio = high.estimate(name).value / low.estimate(name).value
     assert ratio - 1.0 == pytest.approx(given[1] / given[0] - 1.0, rel=0.2)  # turning, by a held inertia, says 0
-    assert any("gravity was given as 9.77 m/s2" in finding for finding in low.findings)
-    for wrong in (981.0, 0.0, float("nan")):
-        with pytest.raises(InputError, match=r"between 9\.76 and 9\.84 m/s2"):
-            sysid.Options(gravity_m_s2=wrong)
+    assert any("gravity is 9.77 m/s2" in finding for finding in low.findings)
+    assert low.vehicle.gravity_m_s2 == 9.77, "what follows uses the same"
+    with pytest.raises(InputError, match=r"gravity is 9\.77 m/s2 for \w+ and 9\.83 for \w+"):
+        sysid.compare(campaign[:1], {"low": low.vehicle, "high": high.vehicle})
 
 
 def test_pose_sensor_and_centre_of_mass_are_found(fitted, truth):

@@ -56,6 +56,15 @@ def with_force(one: Residual, slope: float) -> Residual:
     return replace(one, wrench=wrench)
 
 
+def test_a_short_piece_of_a_flight_is_not_the_one_shown_over_time(compared):
+    first, second = compared.residuals["lacking"]
+    loud = replace(second, wrench=100.0 * second.wrench)
+    assert residual_plots.loudest([first, loud]) == 1
+    brief = replace(loud, time_s=loud.time_s[:200], wrench=loud.wrench[:200])
+    assert np.ptp(brief.time_s) < 0.5 * np.ptp(first.time_s)
+    assert residual_plots.loudest([first, brief]) == 0
+
+
 def test_a_share_counts_only_on_flights_that_the_curve_was_not_drawn_through(compared):
     """What follows a variable upwards in one flight and downwards in the other is no law, and explains nothing."""
     first, second = compared.residuals["lacking"]

@@ -64,6 +64,8 @@ def test_every_effect_and_parameter_of_the_catalogue_has_a_name_in_words():
         assert not any("_" in name for name in names)
     assert words.effect("weak_rotor[2]") == "weak rotor (rotor 2)"
     assert words.parameter("parasitic_drag.drag_xy_kg_m") == "drag xy"
+    assert words.parameter("air_density_kg_m3") == words.parameter_in_full("air_density_kg_m3") == "air density"
+    assert words.parameter_in_full("centre_of_mass.x_m") == "centre of mass, x"
 
 
 def test_sentences_name_effects_in_words_and_leave_the_rest_alone():

@@ -9,6 +9,7 @@ import {
   LETTERS,
   drawn,
   goTo,
+  marks,
   moments,
   moved_s,
   offered,
@@ -26,6 +27,7 @@ import {
   whole,
 } from "../flights";
 import { copyLink } from "../link";
+import { FindingMarks, MARKS_PX } from "./FindingMarks";
 import { plotHeight } from "../plots";
 import { flightCursor_s } from "../store";
 import { isLight, phone, token } from "../theme";
@@ -55,13 +57,14 @@ export function FlightDrawer({ height }: { height?: number }) {
     return () => observer.disconnect();
   }, [margins]);
   const rows = drawn.value;
-  const room = (height ?? 0) - HEAD_PX - AXIS_PX;
+  const room = (height ?? 0) - HEAD_PX - AXIS_PX - (marks.value.length > 0 ? MARKS_PX : 0);
   const row_px = phone.value ? PHONE_ROW_PX : Math.max(SMALLEST_ROW_PX, Math.floor(room / Math.max(1, rows.length)));
   return (
     <div class="drawer">
       <DrawerHead />
       <div class="plots" ref={box} role="group" aria-label="Plots" tabIndex={0} onKeyDown={byKey}>
         {opened.value.length === 0 && <p class="empty">Open a flight to see it over time.</p>}
+        {width.value > 0 && <FindingMarks width={width.value} margins={margins} />}
         {width.value > 0 &&
           rows.map((stream, index) => (
             <Row
@@ -243,9 +246,9 @@ function Row({ stream, width, row_px, hasTimeAxis, margins }: RowProps) {
   useSignalEffect(() => {
     const [min, max] = shown.value;
     const now = curvesOf(stream);
-    const shaded = moments.value;
+    const shaded = [moments.value, marks.value];
     const made = plot.current;
-    if (made === null || now.length === 0 || made.series.length !== now.length + 1 || shaded === undefined) return;
+    if (made === null || now.length === 0 || made.series.length !== now.length + 1 || shaded.length === 0) return;
     made.setData(joined(now), false);
     made.setScale("x", { min, max });
   });
@@ -345,7 +348,7 @@ function drawRow(
   );
 }
 
-/** The moments of the chosen bin, and the band of white noise, behind the curves. */
+/** The moments of the chosen bin, where checks found something, and the band of white noise, behind the curves. */
 function shade(made: uPlot, curves: readonly Drawn[]): void {
   const { ctx, bbox } = made;
   ctx.save();
@@ -358,6 +361,12 @@ function shade(made: uPlot, curves: readonly Drawn[]): void {
     const by_s = moved_s.peek().get(flight) ?? 0;
     const x = made.valToPos(from_s + by_s, "x", true);
     ctx.fillRect(x, bbox.top, Math.max(2, made.valToPos(to_s + by_s, "x", true) - x), bbox.height);
+  }
+  ctx.globalAlpha = 0.2;
+  for (const { finding, from_s, to_s } of marks.peek()) {
+    ctx.fillStyle = token(finding.level === "error" ? "danger" : "caution");
+    const x = made.valToPos(from_s, "x", true);
+    ctx.fillRect(x, bbox.top, Math.max(2, made.valToPos(to_s, "x", true) - x), bbox.height);
   }
   const band = curves[0]?.band ?? null;
   if (band !== null) {

@@ -9,8 +9,12 @@ import {
   cards,
   discardFlight,
   fixFlight,
+  gapped,
+  goToMark,
   incoming,
+  marks,
   open,
+  splitGaps,
   takeFile,
   takeLog,
   toggleOpen,
@@ -47,10 +51,28 @@ export function FlightList() {
       </div>
       {incoming.value !== null && <ColumnMap log={incoming.value} />}
       <List />
+      <Gaps />
       <div class="spring" />
       <UndoLine />
       <p class="drop-zone">Drop CSV, ULog, MCAP or Parquet</p>
     </section>
+  );
+}
+
+function Gaps() {
+  if (gapped.value.length === 0) return null;
+  return (
+    <label class="switch gaps">
+      <input
+        type="checkbox"
+        checked={splitGaps.value}
+        onChange={(event) => (splitGaps.value = event.currentTarget.checked)}
+      />
+      <span>
+        {gapped.value.join(", ")}: gaps. Take the pieces between them as flights of their own{" "}
+        {!splitGaps.value && <span class="caution-text">, or these logs are refused</span>}
+      </span>
+    </label>
   );
 }
 
@@ -194,7 +216,7 @@ function Findings({ card }: { card: FlightCard }) {
   return (
     <div class="flight-note">
       {card.findings.map((finding) => (
-        <FindingLine key={finding.sentence} finding={finding} />
+        <FindingLine key={finding.sentence} finding={finding} flight={card.name} />
       ))}
       {card.inconclusive.map((sentence) => (
         <p key={sentence} class="quiet">
@@ -220,11 +242,17 @@ function Findings({ card }: { card: FlightCard }) {
   );
 }
 
-function FindingLine({ finding }: { finding: Finding }) {
+function FindingLine({ finding, flight }: { finding: Finding; flight: string }) {
+  const first = marks.value.find((mark) => mark.flight === flight && mark.finding.sentence === finding.sentence);
   return (
     <p>
       <span class={finding.level === "error" ? "danger-text" : "caution-text"}>{finding.sentence}.</span>{" "}
-      <span class="quiet">{finding.fix}</span>
+      <span class="quiet">{finding.fix}</span>{" "}
+      {first !== undefined && (
+        <button type="button" class="link small" onClick={() => goToMark(first)}>
+          Go there
+        </button>
+      )}
     </p>
   );
 }

@@ -45,13 +45,13 @@ function Now() {
     <section class={`verdict live ${state}`} aria-label="Vehicle">
       <div class="block-head">
         <h2>{title(last)}</h2>
-        <Badge tone={state === "lost" ? "danger" : state === "stale" ? "caution" : last.armed ? "accent" : "neutral"}>
-          {state === "fresh"
-            ? last.armed
-              ? "Armed"
-              : "Disarmed"
-            : `${state === "lost" ? "Link lost" : "Stale"}, ${age(age_s)}`}
-        </Badge>
+        {state === "fresh" ? (
+          last.armed && <Badge tone="accent">Armed</Badge>
+        ) : (
+          <Badge tone={state === "lost" ? "danger" : "caution"}>
+            {state === "lost" ? "Link lost" : "Stale"}, {age(age_s)}
+          </Badge>
+        )}
       </div>
       <dl class="figures">
         <Figure name="Error now" value={inMillimetres(last.error_m)} unit="mm" />

@@ -1,7 +1,7 @@
 /** Background work of the station: what runs, waits and ended, and a form to start more. */
 
-import { useSignal } from "@preact/signals";
-import { useId } from "preact/hooks";
+import { signal, useSignal } from "@preact/signals";
+import { useEffect, useId, useRef } from "preact/hooks";
 import { parse, sentenceCase, span } from "../format";
 import { send, submit } from "../socket";
 import { connected, jobs } from "../store";
@@ -9,10 +9,13 @@ import type { Job, JobField, JobKind, StartJob } from "../protocol";
 
 type Value = StartJob["arguments"][string];
 
+/** Kind of the job whose form is open; null: none is. */
+export const chosenKind = signal<string | null>(null);
+
 /** A list of jobs; `kinds` are those that can be started here and are listed, all of them where it is left out. */
 export function Jobs({ kinds }: { kinds?: readonly string[] }) {
-  const open = useSignal(false);
   const offered = jobs.value.kinds.filter(({ name }) => kinds === undefined || kinds.includes(name));
+  const open = offered.some(({ name }) => name === chosenKind.value);
   return (
     <section class="block" aria-labelledby="jobs-title">
       <div class="block-head">
@@ -20,20 +23,20 @@ export function Jobs({ kinds }: { kinds?: readonly string[] }) {
         <span class="quiet">continue when the page is closed</span>
       </div>
       <JobRows {...(kinds === undefined ? {} : { kinds })} />
-      {offered.length > 0 && !open.value && (
+      {offered.length > 0 && !open && (
         <button
           type="button"
           class="control"
           disabled={!connected.value}
           onClick={() => {
             void submit({ type: "list_jobs" }); // files may have come since
-            open.value = true;
+            chosenKind.value = offered[0]?.name ?? null;
           }}
         >
           New job
         </button>
       )}
-      {open.value && <JobForm kinds={offered} onDone={() => (open.value = false)} />}
+      {open && <JobForm kinds={offered} onDone={() => (chosenKind.value = null)} />}
     </section>
   );
 }
@@ -104,23 +107,43 @@ function detail({ state, stage, share, words, author }: Job): string {
 
 // --- starting one ---
 
+const ASKED_AFTER_MS = 300;
+
 function JobForm({ kinds, onDone }: { kinds: readonly JobKind[]; onDone: () => void }) {
-  const name = useSignal(kinds[0]?.name ?? "");
   const given = useSignal<Readonly<Record<string, Value>>>({});
   const refusal = useSignal("");
+  const foreseen = useSignal("");
+  const form = useRef<HTMLFormElement>(null);
   const id = useId();
-  const kind = kinds.find((each) => each.name === name.value) ?? kinds[0];
+  const kind = kinds.find((each) => each.name === chosenKind.value);
+  const fields = kind?.fields.map((field): [string, Value] => [field.name, given.value[field.name] ?? field.default]);
+  const wanted = JSON.stringify([kind?.name, fields]);
+  useEffect(() => form.current?.scrollIntoView({ block: "nearest" }), [kind?.name]);
+  useEffect(() => {
+    foreseen.value = "";
+    if (kind === undefined || fields === undefined) return undefined;
+    let current = true;
+    const ask = setTimeout(async () => {
+      const { words, error } = await send({ type: "foresee_job", kind: kind.name, arguments: Object.fromEntries(fields) });
+      if (current) foreseen.value = words || error;
+    }, ASKED_AFTER_MS);
+    return () => {
+      current = false;
+      clearTimeout(ask);
+    };
+  }, [wanted]);
   if (kind === undefined) return null;
   const lacking = kind.fields.find(({ form, choices }) => (form === "choice" || form === "several") && !choices.length);
   const start = async (): Promise<void> => {
-    const fields = kind.fields.map((field): [string, Value] => [field.name, given.value[field.name] ?? field.default]);
-    const reply = await send({ type: "start_job", kind: kind.name, arguments: Object.fromEntries(fields) });
+    const reply = await send({ type: "start_job", kind: kind.name, arguments: Object.fromEntries(fields ?? []) });
     refusal.value = reply.error;
     if (reply.error === "") onDone();
   };
   return (
     <form
+      ref={form}
       class="job-form"
+      aria-label="New job"
       onSubmit={(event) => {
         event.preventDefault();
         void start();
@@ -133,7 +156,7 @@ function JobForm({ kinds, onDone }: { kinds: readonly JobKind[]; onDone: () => v
             id={id}
             value={kind.name}
             onChange={(event) => {
-              name.value = event.currentTarget.value;
+              chosenKind.value = event.currentTarget.value;
               given.value = {};
               refusal.value = "";
             }}
@@ -157,6 +180,11 @@ function JobForm({ kinds, onDone }: { kinds: readonly JobKind[]; onDone: () => v
       {lacking !== undefined && (
         <p class="quiet">
           {lacking.title}: the project has none. {lacking.says}
+        </p>
+      )}
+      {foreseen.value !== "" && (
+        <p class="quiet" role="status">
+          {sentenceCase(foreseen.value)}
         </p>
       )}
       {refusal.value !== "" && (

@@ -10,6 +10,7 @@ import { connected, diagnosis, model } from "../store";
 import type { Candidate, Diagnosis, EffectSize, Evidence, Tried } from "../protocol";
 import { JobRows } from "./Jobs";
 import { NextFlight } from "./NextFlight";
+import { EffectOfCurve, OwnEffects } from "./OwnEffects";
 import { SaveReport } from "./SaveReport";
 import { Named, isRunning, namesOf, startOnFlights } from "./WhereItFails";
 
@@ -42,6 +43,7 @@ export function Learn() {
       </div>
       {busy && <JobRows kinds={[...WORKING]} />}
       {has && <Cards found={found} />}
+      <OwnEffects />
       {has && <NextFlight />}
       {has && <SaveReport of="diagnosis" />}
     </main>
@@ -406,6 +408,7 @@ function Outside({ found }: { found: Diagnosis }) {
         <Named name={curve.channel} />, {curve.unit}, against {curve.variable.words}
         {curve.variable.unit !== "" && `, ${curve.variable.unit.replace("2", "²")}`}; band: 95 %
       </p>
+      <EffectOfCurve key={curve.effect} curve={curve} isCurrent={found.state === "current"} />
     </section>
   );
 }

@@ -1,9 +1,10 @@
 /** The map step: how good the map is, slices and layers, edits, and background jobs. */
 
 import { Badge } from "../components/Badge";
+import { submit } from "../socket";
 import { number } from "../format";
-import { mapShown, step } from "../store";
-import { Jobs } from "./Jobs";
+import { connected, jobs, mapShown, step } from "../store";
+import { Jobs, chosenKind } from "./Jobs";
 import { MapEdits } from "./MapEdits";
 import { Layers, Slices } from "./Slices";
 
@@ -17,12 +18,23 @@ export function Map() {
       <Jobs />
       <div class="spring" />
       <div class="acts">
+        {jobs.value.kinds.some(({ name }) => name === "map") && (
+          <button type="button" class="control" disabled={!connected.value} onClick={importImages}>
+            Import images
+          </button>
+        )}
         <button type="button" class="control primary grow" onClick={() => (step.value = 2)}>
           Plan on this map
         </button>
       </div>
     </>
   );
+}
+
+/** Open the form of the job that makes the map. */
+function importImages(): void {
+  void submit({ type: "list_jobs" }); // files may have come since
+  chosenKind.value = "map";
 }
 
 function Facts() {
@@ -40,9 +52,11 @@ function Facts() {
     <section class="verdict">
       <div class="block-head">
         <h2>Map</h2>
-        <Badge tone={standing === "doubtful" ? "caution" : "neutral"}>
-          {images > 0 ? `${images_placed} of ${images} images placed` : standing}
-        </Badge>
+        {images > 0 && (
+          <Badge tone={standing === "doubtful" ? "caution" : "neutral"}>
+            {images_placed} of {images} images placed
+          </Badge>
+        )}
       </div>
       <dl class="map-facts">
         <div>

@@ -2,7 +2,19 @@
 
 import { Coordinates } from "../components/Coordinates";
 import { number, plural } from "../format";
-import { ACTIONS, ACTION_NAMES, apply, cancel, change, draft, draftRefusal, drop, open, reshape } from "../map";
+import {
+  ACTIONS,
+  ACTION_NAMES,
+  apply,
+  cancel,
+  change,
+  draft,
+  draftRefusal,
+  drop,
+  open,
+  painting,
+  reshape,
+} from "../map";
 import type { Draft } from "../map";
 import { connected, doc, mapPreview } from "../store";
 import type { MapEdit } from "../protocol";
@@ -19,7 +31,12 @@ export function MapEdits() {
         <span class="quiet">applied over the map, all undoable</span>
       </div>
       {listed.length === 0 && !isNew && (
-        <p class="quiet">None. Draw a box, a prism or a sphere with the tools over the 3D view.</p>
+        <p class="quiet">None. Draw a box, a prism, a sphere or a stroke with the tools over the 3D view.</p>
+      )}
+      {painting.value && (
+        <p class="quiet" role="status">
+          Drag over the mesh to draw a stroke; a drag beside it turns the view. Another drag begins anew.
+        </p>
       )}
       {listed.length > 0 && (
         <ol class="map-edits">
@@ -131,6 +148,17 @@ function Numbers({ wanted, off }: { wanted: Draft; off: boolean }) {
   const { form, centre_m, size_m, radius_m, corners_m } = wanted.shape;
   const [x, y, z] = centre_m;
   if (form === "other") return null;
+  if (form === "stroke") {
+    return (
+      <Coordinates
+        label="Radius, m"
+        axes={["r"]}
+        values={[radius_m]}
+        disabled={off}
+        onChange={([r = 0]) => reshape({ radius_m: r })}
+      />
+    );
+  }
   if (form === "prism") {
     return (
       <>

@@ -5,6 +5,9 @@ import { dayAndTime, sentenceCase, short } from "../format";
 import { submit } from "../socket";
 import { connected, diagnosis, model } from "../store";
 import type { ParameterRow, Stair, Tried, VehicleVersion } from "../protocol";
+import { Compensation } from "./Compensation";
+import { EffectFilesWaiting } from "./EffectFiles";
+import { Identified } from "./Identified";
 import { figure } from "./Learn";
 import { namesOf } from "./WhereItFails";
 
@@ -126,9 +129,17 @@ function NotAdded() {
 
 export function ModelInspector() {
   const now = model.value;
-  if (now === null) return <p class="empty">The vehicle file is not read yet.</p>;
+  if (now === null) {
+    return (
+      <>
+        <p class="empty">The vehicle file is not read yet.</p>
+        <EffectFilesWaiting />
+      </>
+    );
+  }
   return (
     <>
+      <EffectFilesWaiting />
       {now.tried !== null && <BeforeAndAfter tried={now.tried} />}
       <section class="verdict">
         <h2>Parameters</h2>
@@ -137,6 +148,8 @@ export function ModelInspector() {
         </p>
       </section>
       <Parameters rows={now.parameters} tried={now.tried} />
+      <Identified />
+      <Compensation />
     </>
   );
 }
@@ -194,7 +207,7 @@ function Bars({ quantity, unit, values }: { quantity: string; unit: string; valu
 
 function Parameters({ rows, tried }: { rows: readonly ParameterRow[]; tried: Tried | null }) {
   return (
-    <div class="table-scroll">
+    <div class="table-scroll all-parameters">
       <table class="table parameters">
         <colgroup>
           <col style={{ width: "34%" }} />
@@ -215,9 +228,8 @@ function Parameters({ rows, tried }: { rows: readonly ParameterRow[]; tried: Tri
         <tbody>
           {rows.map((row) => (
             <tr key={row.name} class={tried?.changes.some((line) => line.includes(`${row.name}:`)) ? "touched" : ""}>
-              <td class="words" title={row.name}>
+              <td class="words whole" title={row.name}>
                 {row.words}
-                {row.name.includes(".") && <span class="quiet"> {row.name.split(".")[0]}</span>}
               </td>
               <td>{figure(row.value)}</td>
               <td>{row.sigma > 0 ? figure(row.sigma) : "exact"}</td>

@@ -1,7 +1,8 @@
-/** The flight that would answer what is still open, fitted into the map: asked for, seen coming, opened on the Plan step. */
+/** The flight that would answer what is still open, fitted into the map: asked for, seen coming, opened as it is. */
 
+import { signal } from "@preact/signals";
 import { submit } from "../socket";
-import { connected, files, step } from "../store";
+import { connected, files, jobs, mapShown, step } from "../store";
 import { JobRows } from "./Jobs";
 import { isRunning, startOnFlights } from "./WhereItFails";
 
@@ -9,7 +10,11 @@ const KIND = "next_flight";
 const NAME = /^next-flight(-\d+)?$/;
 const PLAN_STEP = 2;
 
+/** Whether the pilot takes the map although it is doubtful. */
+const accepted = signal(false);
+
 export function NextFlight() {
+  const doubt = mapShown.value?.facts.doubt ?? "";
   const proposed = files.value.trajectories.filter(({ name }) => NAME.test(name));
   return (
     <section class="card" aria-label="Next flight">
@@ -18,17 +23,29 @@ export function NextFlight() {
         <button
           type="button"
           class="control"
-          disabled={!connected.value || isRunning(KIND)}
-          onClick={() => void startOnFlights(KIND, { out: freeName(proposed.map(({ name }) => name)) })}
+          disabled={!connected.value || isRunning(KIND) || (doubt !== "" && !accepted.value)}
+          onClick={() => void propose(proposed.map(({ name }) => name))}
         >
           Propose next flight
         </button>
       </div>
       <p class="dim">
         The manoeuvre that tells most of what is still open, with place, heading and size searched for in this map and
-        checked. Sent to the vehicle as it is, it flies as it was simulated; opened, its waypoints are planned again.
+        checked. It opens on the Plan step as it is, and flies as it was simulated.
       </p>
-      <JobRows kinds={[KIND]} />
+      {doubt !== "" && (
+        <label class="switch">
+          <input
+            type="checkbox"
+            checked={accepted.value}
+            onChange={(event) => (accepted.value = event.currentTarget.checked)}
+          />
+          <span>
+            <span class="caution-text">{doubt}</span> Propose in it all the same
+          </span>
+        </label>
+      )}
+      {jobs.value.jobs.some(({ kind }) => kind === KIND) && <JobRows kinds={[KIND]} />}
       {proposed.map(({ name, checked }) => (
         <div class="acts-row" key={name}>
           <span>
@@ -47,6 +64,10 @@ export function NextFlight() {
       ))}
     </section>
   );
+}
+
+async function propose(taken: readonly string[]): Promise<void> {
+  await startOnFlights(KIND, { out: freeName(taken), accept_doubtful_map: accepted.value });
 }
 
 async function open(name: string): Promise<void> {

@@ -54,7 +54,7 @@ export function Plan() {
           title={whyNoUpload()}
           onClick={openUpload}
         >
-          Compare with vehicle and upload
+          Compare and upload
         </button>
       </div>
     </>

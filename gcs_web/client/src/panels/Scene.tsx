@@ -1,6 +1,7 @@
 /** The 3D view, and over it the scale of the path's colours. */
 
 import type { ComponentChildren } from "preact";
+import { useEffect, useRef } from "preact/hooks";
 import { show } from "../cursor";
 import { number, short } from "../format";
 import { listenIn } from "../keys";
@@ -8,6 +9,7 @@ import { LETTERS, opened, pathColour } from "../flights";
 import type { Channel } from "../flights";
 import { CIVIDIS, CLEARANCE, CLEARANCE_SPAN_M, COULD_HIDE_SPAN_MM, SIGNED } from "../scales";
 import { figures, mapShown, series, step, view } from "../store";
+import { isLight, token } from "../theme";
 import type { Series, Show } from "../protocol";
 import { MapTools, MeasureReadout } from "./MapTools";
 
@@ -22,14 +24,19 @@ const COLOURS: readonly { key: Colour; name: string; unit: string }[] = [
 ];
 
 export function Scene() {
+  const frame = useRef<HTMLIFrameElement>(null);
+  const light = isLight.value;
+  useEffect(() => paintBackground(frame.current), [light]);
   return (
     <main class="scene">
       <iframe
+        ref={frame}
         src="/viser/"
         title="3D view of map and path"
         onLoad={(event) => {
           const inside = event.currentTarget.contentWindow;
           if (inside !== null) listenIn(inside);
+          paintBackground(event.currentTarget);
         }}
       />
       <div class="legends">
@@ -40,6 +47,11 @@ export function Scene() {
       {step.value === 1 && <MapTools />}
     </main>
   );
+}
+
+/** Give the 3D view the page's colour behind everything; its canvas is transparent there. */
+function paintBackground(frame: HTMLIFrameElement | null): void {
+  frame?.contentDocument?.documentElement?.style.setProperty("--scene", token("bg"));
 }
 
 function PathLegend() {
@@ -110,7 +122,7 @@ function FlightLegend() {
 function SliceLegend() {
   const slice = mapShown.value?.slice ?? null;
   if (slice === null) return null;
-  const where = `${slice.axis} = ${number(slice.at_m, 2)}`;
+  const where = slice.axis === "oblique" ? "oblique" : `${slice.axis} = ${number(slice.at_m, 2)}`;
   if (slice.of === "unknown") {
     return (
       <Legend unit="" colours={[]} ends={["hatched: unknown", "pale: obstacle"]}>

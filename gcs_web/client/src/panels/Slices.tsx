@@ -2,13 +2,15 @@
 
 import { NumberField } from "../components/NumberField";
 import { showMap, toggleLayer } from "../map";
-import { connected, mapShown } from "../store";
+import { connected, mapShown, measured } from "../store";
 import type { Layer } from "../map";
 import type { Slice } from "../protocol";
 
 type Axis = Slice["axis"];
 
-const AXES: readonly Axis[] = ["x", "y", "z"];
+const AXES = ["x", "y", "z"] as const;
+const CHOICES: readonly Axis[] = [...AXES, "oblique"];
+const FIRST_HEADING_DEG = 45;
 const STEP_M = 0.05;
 
 export const SLICE_OF: readonly { key: Slice["of"]; name: string }[] = [
@@ -21,18 +23,18 @@ export function Slices() {
   const shown = mapShown.value;
   if (shown === null) return null;
   const { slice, low_m, high_m } = shown;
-  const range = (axis: Axis): [number, number] => [low_m[AXES.indexOf(axis)] ?? 0, high_m[AXES.indexOf(axis)] ?? 0];
   const choose = (axis: Axis): void => {
     if (slice?.axis === axis) return showMap({ slice: null });
-    const [low, high] = range(axis);
-    showMap({ slice: { axis, at_m: Number(((low + high) / 2).toFixed(2)), of: slice?.of ?? "distance" } });
+    const next = { axis, at_m: 0, of: slice?.of ?? "distance", heading_deg: FIRST_HEADING_DEG, tilt_deg: 0 } as const;
+    const [low, high] = reach(next, low_m, high_m);
+    showMap({ slice: { ...next, at_m: Number(((low + high) / 2).toFixed(2)) } });
   };
   return (
     <section class="block" aria-labelledby="slice-title">
       <div class="block-head">
         <h3 id="slice-title">Slice</h3>
         <div class="segments" role="group" aria-label="Axis of the slice">
-          {AXES.map((axis) => (
+          {CHOICES.map((axis) => (
             <button
               key={axis}
               type="button"
@@ -45,8 +47,71 @@ export function Slices() {
           ))}
         </div>
       </div>
-      {slice !== null && <SlicePlace slice={slice} range={range(slice.axis)} />}
+      {slice !== null && <SlicePlace slice={slice} range={reach(slice, low_m, high_m)} />}
     </section>
+  );
+}
+
+type Vector = [number, number, number];
+
+/** As `gcs_web.slices.normal`. */
+function normal({ axis, heading_deg, tilt_deg }: Slice): Vector {
+  if (axis !== "oblique") return AXES.map((each) => (each === axis ? 1 : 0)) as Vector;
+  const [heading, tilt] = [(heading_deg * Math.PI) / 180, (tilt_deg * Math.PI) / 180];
+  return [Math.cos(tilt) * Math.cos(heading), Math.cos(tilt) * Math.sin(heading), Math.sin(tilt)];
+}
+
+/** Between which places along its normal a slice meets the mapped box. */
+function reach(slice: Slice, low: Vector, high: Vector): [number, number] {
+  const parts = normal(slice).map((n, i) => [n * (low[i] ?? 0), n * (high[i] ?? 0)]);
+  return [
+    parts.reduce((sum, ends) => sum + Math.min(...ends), 0),
+    parts.reduce((sum, ends) => sum + Math.max(...ends), 0),
+  ];
+}
+
+/** The upright slice through two points. */
+function through([a, b]: readonly Vector[], slice: Slice): Slice | null {
+  if (a === undefined || b === undefined) return null;
+  const [dx, dy] = [b[0] - a[0], b[1] - a[1]];
+  if (Math.hypot(dx, dy) < 1e-3) return null;
+  const upright = { ...slice, heading_deg: Number(((Math.atan2(dx, -dy) * 180) / Math.PI).toFixed(2)), tilt_deg: 0 };
+  const at_m = normal(upright).reduce((sum, n, i) => sum + n * (a[i] ?? 0), 0);
+  return { ...upright, at_m: Number(at_m.toFixed(3)) };
+}
+
+const ANGLES = [
+  { key: "heading_deg", label: "Normal’s heading, from x towards y" },
+  { key: "tilt_deg", label: "Normal’s tilt, upwards" },
+] as const;
+
+function Oblique({ slice }: { slice: Slice }) {
+  const both = through(measured.value.points_m, slice);
+  return (
+    <>
+      {ANGLES.map(({ key, label }) => (
+        <NumberField
+          key={key}
+          label={label}
+          unit="°"
+          value={slice[key]}
+          disabled={!connected.value}
+          onCommit={async (value) => {
+            showMap({ slice: { ...slice, [key]: value } });
+            return "";
+          }}
+        />
+      ))}
+      <button
+        type="button"
+        class="control"
+        disabled={!connected.value || both === null}
+        title="Measure two points first"
+        onClick={() => both !== null && showMap({ slice: both })}
+      >
+        Through the two measured points
+      </button>
+    </>
   );
 }
 
@@ -77,7 +142,7 @@ function SlicePlace({ slice, range }: { slice: Slice; range: [number, number] })
         onInput={(event) => showMap({ slice: { ...slice, at_m: event.currentTarget.valueAsNumber } })}
       />
       <NumberField
-        label={slice.axis === "z" ? "Height" : `Place along ${slice.axis}`}
+        label={slice.axis === "z" ? "Height" : `Place along ${slice.axis === "oblique" ? "its normal" : slice.axis}`}
         unit="m"
         value={slice.at_m}
         disabled={!connected.value}
@@ -86,6 +151,7 @@ function SlicePlace({ slice, range }: { slice: Slice; range: [number, number] })
           return "";
         }}
       />
+      {slice.axis === "oblique" && <Oblique slice={slice} />}
     </div>
   );
 }

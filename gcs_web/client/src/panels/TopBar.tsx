@@ -5,7 +5,18 @@ import { Icon } from "../components/Icon";
 import { Keys } from "../components/Keys";
 import { STEPS } from "../commands";
 import { age, checksum, number } from "../format";
-import { aborting, connected, connection, holdsAnother, link, plan, step, vehicle, verdict, welcome } from "../store";
+import { aborting,
+  connected,
+  connection,
+  holdsAnother,
+  link,
+  plan,
+  projectsOpen,
+  step,
+  vehicle,
+  verdict,
+  welcome,
+} from "../store";
 
 export function TopBar() {
   return (
@@ -13,7 +24,17 @@ export function TopBar() {
       <div class="brand">
         <Icon name="goshawk" />
         <h1>Goshawk</h1>
-        <span class="project">{welcome.value?.project ?? ""}</span>
+        {welcome.value !== null && (
+          <button
+            type="button"
+            class="project"
+            aria-haspopup="dialog"
+            title="Projects"
+            onClick={() => (projectsOpen.value = true)}
+          >
+            {welcome.value.project} <Icon name="down" />
+          </button>
+        )}
       </div>
       <StepBar />
       <VehicleLine />

@@ -1,12 +1,14 @@
 /** The waypoints as a table: edited in place, alone or many together. */
 
 import { signal, useComputed } from "@preact/signals";
-import { deleteSelected, insertAfterSelected, reverse } from "../actions";
+import { deleteSelected, insertAfterSelected, reverse, splitAtCursor } from "../actions";
+import { canSplit } from "../commands";
 import { Cell, active, columns, focusCell, refused, shownColumns } from "../components/WaypointCell";
 import { goTo, select } from "../cursor";
 import { number } from "../format";
 import { clearanceColour } from "../scales";
 import { connected, doc, figures, figuresAreOld, plan, selected, touched, waypointAtCursor } from "../store";
+import { Arrange } from "./Arrange";
 import { Velocity } from "./Velocity";
 import type { Waypoint } from "../protocol";
 import { Gate } from "./Gate";
@@ -19,8 +21,9 @@ export function Waypoints() {
   if (waypoints.length === 0) {
     return (
       <div class="empty">
-        <p>No waypoints yet. Insert the first one, or open a saved trajectory.</p>
+        <p>No waypoints yet. Insert the first one, open a saved trajectory, or take those of a recorded path.</p>
         <Buttons count={0} />
+        <Arrange />
       </div>
     );
   }
@@ -61,6 +64,7 @@ export function Waypoints() {
       {shownColumns.value === "requests" && <Velocity />}
       <Gate />
       <Buttons count={waypoints.length} />
+      <Arrange />
     </>
   );
 }
@@ -105,6 +109,15 @@ function Buttons({ count }: { count: number }) {
     <div class="table-buttons">
       <button type="button" class="control" disabled={!connected.value} onClick={insertAfterSelected}>
         Insert after
+      </button>
+      <button
+        type="button"
+        class="control"
+        disabled={!canSplit()}
+        title="A waypoint on the path at the cursor"
+        onClick={splitAtCursor}
+      >
+        Split
       </button>
       <button type="button" class="control" disabled={!connected.value || chosen === 0} onClick={deleteSelected}>
         Delete

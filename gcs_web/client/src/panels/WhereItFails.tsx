@@ -5,7 +5,7 @@ import { signal } from "@preact/signals";
 import { Badge } from "../components/Badge";
 import { ScatterPlot } from "../components/ScatterPlot";
 import { editable, number, sentenceCase, short } from "../format";
-import { bin, cards, chosen, goTo, moments, opened, pathColour, scatter, streamKeys } from "../flights";
+import { bin, cards, chosen, gapped, goTo, moments, opened, pathColour, scatter, splitGaps, streamKeys } from "../flights";
 import type { Channel } from "../flights";
 import { send } from "../socket";
 import { announce, comparison, connected, jobs, model, step } from "../store";
@@ -16,19 +16,24 @@ const NOTABLE = 0.05;
 const FIRST_ROWS = 9;
 const allVariables = signal(false);
 
-/** The flights of a role that can be read. */
+/** The flights of a role; one whose checks are still made can be read all the same. */
 export function namesOf(role: "learn" | "hold_out"): string[] {
   return cards.value
-    .filter((card) => card.role === role && card.state === "ready")
+    .filter((card) => card.role === role && card.state !== "unreadable")
     .map(({ name }) => name)
     .sort();
 }
 
-export async function startOnFlights(kind: string, more: Record<string, string> = {}): Promise<boolean> {
+export async function startOnFlights(kind: string, more: Record<string, string | boolean> = {}): Promise<boolean> {
   const reply = await send({
     type: "start_job",
     kind,
-    arguments: { learn: namesOf("learn"), held_out: namesOf("hold_out"), ...more },
+    arguments: {
+      learn: namesOf("learn"),
+      held_out: namesOf("hold_out"),
+      split_gaps: splitGaps.value && gapped.value.length > 0,
+      ...more,
+    },
   });
   if (reply.error !== "") announce(reply.error, "danger");
   return reply.error === "";
@@ -125,8 +130,9 @@ function best(channel: ChannelResidual, row: RowOfMap): { share: number; index: 
   return found;
 }
 
-/** By how much a variable explains more than a constant, in the channel where that is most. */
+/** By how much a variable explains more than a constant, in the channel where that is most; a constant, more than nothing. */
 function gainOf(found: Comparison, row: RowOfMap): number {
+  if (row.name === "constant") return Math.max(...found.channels.map((channel) => best(channel, row).share));
   const constant = found.variables.findIndex(({ name }) => name === "constant");
   return Math.max(...found.channels.map((channel) => best(channel, row).share - (channel.shares[constant] ?? 0)));
 }
@@ -146,7 +152,9 @@ function HeatMap({ found }: { found: Comparison }) {
               <th key={channel} scope="col">
                 <Named name={channel} />
                 <span class="unit">
-                  {editable(Number(rms.toPrecision(2)))} {unit}
+                  {editable(Number(rms.toPrecision(2)))}
+                  <br />
+                  {unit}
                 </span>
               </th>
             ))}
@@ -254,7 +262,7 @@ function Against({ found }: { found: Scatter }) {
         what={what}
         height={236}
         label={`Residual ${found.channel} in ${found.unit} against ${variable.words}`}
-        onPick={(x) => pick(found, x)}
+        onPick={(x) => choose(found, nearest(found, x))}
       />
       <p class="quiet scatter-axes">
         <span>
@@ -273,12 +281,16 @@ function Against({ found }: { found: Scatter }) {
   );
 }
 
-/** Choose the bin whose centre is nearest, up to half-way to its neighbours. */
-function pick(found: Scatter, x: number): void {
-  const at = found.bin_x.reduce((nearest, centre, i) => {
-    const before = found.bin_x[nearest] ?? 0;
-    return Math.abs(centre - x) < Math.abs(before - x) ? i : nearest;
+/** The bin whose centre is nearest. */
+function nearest(found: Scatter, x: number): number {
+  return found.bin_x.reduce((best, centre, i) => {
+    const before = found.bin_x[best] ?? 0;
+    return Math.abs(centre - x) < Math.abs(before - x) ? i : best;
   }, 0);
+}
+
+/** Choose a bin: its points, up to half-way to its neighbours. */
+function choose(found: Scatter, at: number): void {
   const centre = found.bin_x[at];
   if (centre === undefined) return;
   const low = at === 0 ? -Infinity : 0.5 * (centre + (found.bin_x[at - 1] ?? centre));
@@ -295,18 +307,37 @@ function pick(found: Scatter, x: number): void {
   if (first !== undefined) goTo(0.5 * (first.from_s + first.to_s));
 }
 
+/** The bin beside the chosen one, by keys; the first or the last one where none is. */
+function BinButton({ found, by, words }: { found: Scatter; by: 1 | -1; words: string }) {
+  const range = bin.value;
+  const last = found.bin_x.length - 1;
+  const next = range === null ? (by > 0 ? 0 : last) : nearest(found, 0.5 * (range[0] + range[1])) + by;
+  return (
+    <button type="button" class="link small" disabled={next < 0 || next > last} onClick={() => choose(found, next)}>
+      {words}
+    </button>
+  );
+}
+
 function MomentList({ found }: { found: Scatter }) {
   const range = bin.value;
-  if (range === null) return <p class="quiet">Click a bin to see its moments on the timeline.</p>;
   const here = moments.value.filter(({ flight }) => opened.value.some(({ name }) => name === flight));
   const total_s = here.reduce((sum, { from_s, to_s }) => sum + to_s - from_s, 0);
   return (
     <p class="quiet">
-      {found.variable.name} from {number(range[0], 2)} to {number(range[1], 2)}: {number(total_s, 1)} s of the open
-      flights, shaded.{" "}
-      <button type="button" class="link small" onClick={() => (bin.value = null)}>
-        Clear
-      </button>
+      {range === null
+        ? "Click a bin to see its moments on the timeline and on the path. "
+        : `${found.variable.name} from ${number(range[0], 2)} to ${number(range[1], 2)}: ` +
+          `${number(total_s, 1)} s of the open flights, shaded, and violet on the path. `}
+      <span class="acts-row">
+        <BinButton found={found} by={-1} words="Bin before" />
+        <BinButton found={found} by={1} words="Next bin" />
+        {range !== null && (
+          <button type="button" class="link small" onClick={() => (bin.value = null)}>
+            Clear
+          </button>
+        )}
+      </span>
     </p>
   );
 }

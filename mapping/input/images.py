@@ -5,19 +5,18 @@ Optional beside the images: `times.csv` (image,time_s) and `references.csv` (see
 """
 
 import csv
+import dataclasses
 import math
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from flight import FloatArray, FormatError, InputError, Progress, cells, silent
+from flight import FloatArray, FormatError, InputError, Progress, cells, file_format, silent
 from mapping.camera.rig import Camera, Rig
+from mapping.input import depth_images, image_file, masks
+from mapping.input.depth_images import DepthFolder
 
-MOST_PIXELS = 1 << 28
-"""Larger images are refused before memory is set aside for them; OpenCV asks for it when it is first imported."""
-os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MOST_PIXELS))
 SUFFIXES = (".jpg", ".jpeg", ".png", ".pgm", ".tif", ".tiff", ".bmp")
 
 
@@ -35,6 +34,10 @@ class ImageSet:
     """(instants, cameras) bool: whether that camera has an image of that instant."""
     time_s: FloatArray
     """(instants,) NaN where no `times.csv` gave one."""
+    masks: Path | None = None
+    """Folder of the masks, see `masks`."""
+    depths: DepthFolder | None = None
+    """What a depth camera measured with each image."""
 
     @property
     def count(self) -> int:
@@ -54,7 +57,54 @@ class ImageSet:
         Raises:
             InputError: the file is not a whole image of this camera's size.
         """
-        return _gray(self.path(instant, camera), self.rig.cameras[camera])
+        import cv2
+
+        path, expected = self.path(instant, camera), self.rig.cameras[camera]
+        image = image_file.decode(path, cv2.IMREAD_GRAYSCALE)
+        height, width = image.shape
+        if (width, height) != (expected.width, expected.height):
+            raise InputError(
+                f"{path} is {width}x{height} pixels; camera {expected.name!r} of the camera file has "
+                f"{expected.width}x{expected.height}; use the camera file of these images"
+            )
+        return np.asarray(image, dtype=np.uint8)
+
+    def mask_path(self, instant: int, camera: int) -> Path | None:
+        """The file of an image's mask; None if all of the image is used."""
+        if self.masks is None:
+            return None
+        return masks.of_image(self.masks, self.relative(instant, camera), self.rig.cameras[camera])
+
+    def used(self, instant: int, camera: int) -> np.ndarray | None:
+        """(height, width) bool: pixels that are not masked; None if all of the image is used."""
+        path = self.mask_path(instant, camera)
+        return None if path is None else masks.read(path, self.rig.cameras[camera])
+
+    def depth_m(self, instant: int, camera: int) -> FloatArray:
+        """(height, width) metres along the optical axis, 0 where a depth camera measured nothing or a mask lies."""
+        assert self.depths is not None
+        depth_m = self.depths.read(self.relative(instant, camera), self.rig.cameras[camera])
+        used = self.used(instant, camera)
+        return depth_m if used is None else np.where(used, depth_m, 0.0)
+
+    def digests(self) -> list[object]:
+        """What the set is: names, times, and the content of images, masks and depth images."""
+        files = [self.path(*shot) for shot in self.pairs()]
+        files += sorted({path for shot in self.pairs() if (path := self.mask_path(*shot)) is not None})
+        if self.depths is not None:
+            files += [self.depths.path(self.relative(*shot)) for shot in self.pairs()]
+        shots = [self.relative(*shot) for shot in self.pairs()]
+        unit_m = self.depths.unit_m if self.depths is not None else None
+        return [self.time_s.tobytes(), shots, unit_m, *((f.name, file_format.file_hash(f)) for f in files)]
+
+    def only(self, instants: np.ndarray) -> "ImageSet":
+        """The set with some of its instants; `instants` are their numbers, in order."""
+        return dataclasses.replace(
+            self,
+            instants=tuple(self.instants[k] for k in instants),
+            present=self.present[instants],
+            time_s=self.time_s[instants],
+        )
 
     def pixels(self, instant: int, camera: int) -> np.ndarray:
         """(height, width, 3) RGB, or (height, width) if the image is grey."""
@@ -70,30 +120,58 @@ class ImageSet:
         return [(int(i), int(c)) for i, c in np.argwhere(self.present)]
 
 
-def read_folder(folder: Path, rig: Rig, *, minimum: int = 2, progress: Progress = silent) -> ImageSet:
-    """List and check the images of `folder`.
+def read_folder(
+    folder: Path,
+    rig: Rig,
+    *,
+    minimum: int = 2,
+    masks: Path | None = None,
+    depths: DepthFolder | None = None,
+    progress: Progress = silent,
+) -> ImageSet:
+    """List and check the images of `folder`, and what belongs to them.
 
     Every file is decoded once: a cut-off image among a hundred is named here, not after ten minutes of work.
 
+    Args:
+        masks: folder of masks, see `masks`.
+        depths: folder of depth images, see `depth_images`.
+
     Raises:
         InputError: no such folder, fewer than `minimum` instants, a damaged image, or one of another size than its
-            camera's.
+            camera's; a mask or a depth image that is missing or does not fit.
     """
     folder = Path(folder)
-    if not folder.is_dir():
-        raise InputError(f"{folder} is not a folder of images: it does not exist or is a file")
+    for place in (folder, masks, depths and depths.folder):
+        if place is not None and not place.is_dir():
+            raise InputError(f"{place} is not a folder of images: it does not exist or is a file")
+    if depths is not None:
+        depth_images.require_camera(rig.cameras)
     listed = [_names(folder, camera) for camera in rig]
     instants = tuple(sorted(set().union(*listed)))
     if len(instants) < minimum:
         found = "no image" if not instants else "one image" if len(instants) == 1 else f"{len(instants)} images"
         raise InputError(f"{folder} has {found}; at least {minimum} are needed")
     present = np.array([[name in names for names in listed] for name in instants])
-    images = ImageSet(folder, rig, instants, present, _times(folder, instants))
-    for step, (instant, camera) in enumerate(images.pairs()):
-        progress("checking images", step / images.count)
-        images.gray(instant, camera)
-    progress("checking images", 1.0)
+    images = ImageSet(folder, rig, instants, present, _times(folder, instants), masks, depths)
+    _decode_all(images, progress)
     return images
+
+
+def _decode_all(images: ImageSet, progress: Progress) -> None:
+    measured = images.depths is None
+    masked = images.masks is None
+    for step, shot in enumerate(images.pairs()):
+        progress("checking images", step / images.count)
+        images.gray(*shot)
+        masked = images.used(*shot) is not None or masked
+        measured = (images.depths is not None and bool(images.depth_m(*shot).any())) or measured
+    if not masked:
+        names = ", ".join(f"{camera.name}.png" for camera in images.rig)
+        raise InputError(f"{images.masks} has no mask of these images: it should hold {names} or masks of their names")
+    if images.depths is not None and not measured:
+        raise InputError(f"{images.depths.folder}: all depths are 0; no depth image has measured anything")
+    progress("checking images", 1.0)
 
 
 def _names(folder: Path, camera: Camera) -> set[str]:
@@ -104,35 +182,6 @@ def _names(folder: Path, camera: Camera) -> set[str]:
     if not names:
         raise InputError(f"{where} has no image ({', '.join(SUFFIXES)})")
     return names
-
-
-def _gray(path: Path, camera: Camera) -> np.ndarray:
-    import cv2
-
-    data = np.fromfile(path, dtype=np.uint8)
-    whole = data.size and not _cut_off(data)  # checked first: decoders write to stderr about a truncated file
-    try:
-        image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if whole else None
-    except cv2.error as error:
-        said = error.err if hasattr(error, "err") else str(error)
-        raise InputError(f"{path} cannot be decoded ({said}); an image has at most {MOST_PIXELS:.2g} pixels") from None
-    if image is None:
-        raise InputError(f"{path} is damaged: it cannot be decoded as a whole image; restore it or take it out")
-    height, width = image.shape
-    if (width, height) != (camera.width, camera.height):
-        raise InputError(
-            f"{path} is {width}x{height} pixels; camera {camera.name!r} of the camera file has "
-            f"{camera.width}x{camera.height}; use the camera file of these images"
-        )
-    return np.asarray(image, dtype=np.uint8)
-
-
-def _cut_off(data: np.ndarray) -> bool:
-    """Whether a JPEG or PNG lacks its end mark: decoders fill the missing part with grey and report no error."""
-    head, tail = data[:4].tobytes(), data[-64:].tobytes()
-    if head.startswith(b"\xff\xd8"):
-        return b"\xff\xd9" not in tail
-    return head == b"\x89PNG" and b"IEND" not in tail
 
 
 def _times(folder: Path, instants: tuple[str, ...]) -> FloatArray:

@@ -1,0 +1,40 @@
+"""The controller's compensation: compared with the kept model, and sent. Needs control and a nonce, as all orders."""
+
+from collections.abc import Callable
+from typing import Any
+
+from flight.file_format import file_hash
+from gcs_web import compensation, protocol
+from gcs_web.desk import Desk
+
+
+def _prepare(desk: Desk, person: protocol.Person, wanted: protocol.PrepareCompensation) -> protocol.Reply:
+    found = compensation.read(desk.require_control(person), desk.project)
+    nonce = desk.new_nonce(person, compensation.purpose(found))
+    return protocol.Reply(wanted.serial, nonce=nonce, compensation=found)
+
+
+def _send(desk: Desk, person: protocol.Person, wanted: protocol.SendCompensation) -> protocol.Reply:
+    watch = desk.require_control(person)
+    shown = compensation.read(watch, desk.project)
+    changed = compensation.changes(shown)
+    now: list[protocol.Compensation] = []
+
+    def send() -> None:
+        desk.require_control(person)  # reading takes a while
+        desk.use_nonce(wanted.nonce, person, compensation.purpose(shown))
+        now.append(compensation.send(watch, desk.project, shown))
+
+    about = {"version": shown.version, "vehicle_sha256": file_hash(desk.project.vehicle), "changes": changed}
+    desk.audited(person, "compensation", send, about)
+    desk.notice(
+        f"{person.name} set {len(changed)} parameters of the controller from {shown.vehicle}, version {shown.version}: "
+        "all or none, read back and equal."
+    )
+    return protocol.Reply(wanted.serial, compensation=now[0])
+
+
+HANDLERS: dict[type, Callable[[Desk, protocol.Person, Any], protocol.Reply | None]] = {
+    protocol.PrepareCompensation: _prepare,
+    protocol.SendCompensation: _send,
+}
