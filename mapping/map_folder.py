@@ -15,7 +15,7 @@ import dataclasses
 import glob
 import shutil
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -37,14 +37,12 @@ from flight import (
     rotations,
     silent,
 )
-from mapping import stages, verdict
+from mapping import placed_views, stages, verdict
 from mapping.camera import rig as rigs
 from mapping.camera.rig import Rig
 from mapping.dense import depth_files, mesh_file, resolution, surface
 from mapping.dense.depth_files import DepthFiles
-from mapping.dense.stereo import DepthImage
 from mapping.dense.surface import DenseOptions
-from mapping.dense.views import ImageView
 from mapping.input import source
 from mapping.input.depth_images import DepthFolder
 from mapping.input.images import ImageSet, read_table
@@ -66,7 +64,7 @@ DEPTH = "depth"
 STAGES = (source.FRAMES, source.CHECK, colmap.FEATURES, colmap.MATCHES, colmap.POSES, reconstruction.CALIBRATION, DEPTH)
 """Stages whose results survive an interrupted work, in order."""
 MEASURED_SEEN_THROUGH = 1
-"""Depth images of a sensor that must have seen through a voxel before it is free: it measures, where images must agree."""
+"""Depth images of a sensor that must have seen through a voxel before it is free, as one measurement is enough."""
 _REPLACED = "replaced"
 """File of a work: inode of the earlier map, which is moved aside for the new one."""
 _POSE_COLUMNS = ("image", "time_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz")
@@ -318,14 +316,18 @@ def _build(
         images, options.sparse, length=options.length, references=options.references, work=work, progress=progress
     )
     started_s = time.process_time()
-    seen = views(placed)
+    seen = placed_views.views(placed)
     stereo = options.dense.stereo
     depth_work = work.on(options.sparse, options.length, _references(images, options.references), stereo)
 
     def find_depth(folder: Path) -> None:
         measured = images.depths is not None
-        found = _measured(placed, seen, progress) if measured else surface.depth_images(seen, stereo, progress=progress)
-        depth_files.write(folder, _unmasked(placed, found))
+        found = (
+            placed_views.measured(placed, seen, progress)
+            if measured
+            else surface.depth_images(seen, stereo, progress=progress)
+        )
+        depth_files.write(folder, placed_views.unmasked(placed, found))
 
     depths = DepthFiles(depth_work.stage(DEPTH, find_depth))
     needed = MEASURED_SEEN_THROUGH if images.depths is not None else options.dense.least_seen_through
@@ -364,43 +366,6 @@ def _references(images: ImageSet, path: Path | None) -> bytes:
 
 def _is_map(folder: Path) -> bool:
     return (folder / "map.toml").exists()
-
-
-def views(placed: SparseMap) -> list[ImageView]:
-    """The placed images as dense reconstruction takes them, nearest and farthest range from the sparse points."""
-    result: list[ImageView] = []
-    for instant, camera in _placed_shots(placed):
-        ranges = placed.ranges_m(instant, camera)
-        near, far = np.percentile(ranges, [2.0, 98.0]) if len(ranges) >= 20 else (None, None)
-        result.append(
-            ImageView(
-                placed.rig.cameras[camera],
-                placed.T_world_camera(instant, camera),
-                placed.images.pixels(instant, camera),
-                near_m=None if near is None else 0.6 * float(near),
-                far_m=None if far is None else 1.5 * float(far),
-            )
-        )
-    return result
-
-
-def _placed_shots(placed: SparseMap) -> list[tuple[int, int]]:
-    """(instant, camera) of the images that are in the map."""
-    return [(instant, camera) for instant, camera in placed.images.pairs() if placed.registered[instant, camera]]
-
-
-def _measured(placed: SparseMap, seen: Sequence[ImageView], progress: Progress) -> Iterator[DepthImage]:
-    """What the depth camera measured, image by image."""
-    for number, (shot, view) in enumerate(zip(_placed_shots(placed), seen, strict=True), start=1):
-        yield surface.depth_from_sensor(view, placed.images.depth_m(*shot))
-        progress("measured depth", number / len(seen))
-
-
-def _unmasked(placed: SparseMap, depths: Iterator[DepthImage | None]) -> Iterator[DepthImage | None]:
-    """The depth images without what masks leave out."""
-    for shot, depth in zip(_placed_shots(placed), depths, strict=True):
-        used = placed.images.used(*shot)
-        yield depth if depth is None or used is None else depth.where(used)
 
 
 def _report(placed: SparseMap, surface: surface.Reconstruction, hash: str, cpu_s: dict[str, float]) -> MapReport:
