@@ -9,9 +9,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from esdf import Grid
+from esdf import FREE, UNKNOWN, Grid
+from esdf.visibility import Visibility
 from flight import FloatArray, InputError, MapError, Progress, silent
-from mapping.dense import fusion, stereo
+from mapping.dense import fusion, resolution, stereo
 from mapping.dense.fusion import Volume
 from mapping.dense.stereo import DepthImage, StereoOptions, depth_from_sensor
 from mapping.dense.views import ImageView
@@ -40,7 +41,12 @@ class DenseOptions:
     farthest_m: float = 8.0
     """Depths beyond this do not enter the volume."""
     least_weight: float = 0.6
-    """Least weight of an observed voxel: a measurement good to one voxel has weight 1, a precise near one up to 25."""
+    """Least weight of a voxel that the mesh passes through: a measurement good to one voxel has weight 1, a precise
+    near one up to 25."""
+    least_seen_through: int = 3
+    """Images that must have seen through a voxel, over its whole width, before it is free."""
+    thinnest_m: float = 0.0
+    """Space is not free where an obstacle this thick could be missing (`resolution`); with 0 that is not asked."""
     skin_voxels: float = 0.87
     """Voxels this close in front of a surface are occupied; with sqrt(3) / 2 no wall has a hole."""
     flown_radius_m: float = 0.20
@@ -86,6 +92,8 @@ class Reconstruction:
     """(nx, ny, nz) `esdf.UNKNOWN`, `FREE` or `OCCUPIED`."""
     grid: Grid
     """Where the voxels of `state` are."""
+    seen: Visibility
+    """The thinnest object that the images resolve."""
     statistics: DepthStatistics
     """Of the depth images."""
 
@@ -151,10 +159,11 @@ def fuse(
         truncation_m=truncation_m,
         channels=3 if all(view.pixels.ndim == 3 for view in images) else 1,
     )
+    margin_m = options.skin_voxels * options.voxel_m
     for number, (view, depth) in enumerate(zip(images, depths, strict=True)):
         if depth is not None:
             volume.integrate(view, depth.inverse_range, depth.deviation, depth.facing, farthest_m=options.farthest_m)
-            volume.carve(view, depth.bound, farthest_m=options.farthest_m)
+            volume.carve(view, depth.bound, margin_m=margin_m, farthest_m=options.farthest_m)
         progress("fuse depth", (number + 1) / len(images))
     return volume
 
@@ -168,11 +177,14 @@ def extract(
     )
     if not len(faces):
         raise MapError("the depth images hold no surface: their poses or lenses may be wrong")
-    state = volume.occupancy(least_weight=options.least_weight, skin_voxels=options.skin_voxels)
+    state = volume.occupancy(least_seen_through=options.least_seen_through, skin_voxels=options.skin_voxels)
+    seen = resolution.visibility(state, volume.grid, [(view.camera, view.T_world_camera) for view in images])
+    if options.thinnest_m > 0.0:
+        state[(state == FREE) & (resolution.finest_of_voxels(seen, volume.grid) > options.thinnest_m)] = UNKNOWN
     path = flown_path(images, 0.5 * options.voxel_m, longest_gap_m=2.0 * options.flown_radius_m)
     fusion.carve_tube(state, volume.grid, path, options.flown_radius_m)
     fusion.unreached_is_unknown(state, volume.grid, path)
-    return Reconstruction(vertices, faces, colours, state, volume.grid, depth_statistics(depths))
+    return Reconstruction(vertices, faces, colours, state, volume.grid, seen, depth_statistics(depths))
 
 
 def flown_path(images: Sequence[ImageView], step_m: float, *, longest_gap_m: float) -> FloatArray:
