@@ -139,6 +139,10 @@ class MapReport:
     """Space known to be empty."""
     occupied_m3: float
     """Space known to be filled."""
+    carrier_radius_m: float
+    """Radius about each camera within which what carried it is evidence of free space."""
+    swept_occupied_m3: float
+    """Space within that radius that stays occupied, because the images show a surface there."""
     resolved_m: dict[str, float]
     """Thickness of the thinnest obstacle that is resolved in half, and in nine tenths, of the free space."""
     depth: dict[str, float]
@@ -336,7 +340,7 @@ def _build(
     progress("distance field", 0.0)
     distances = esdf.build(dense.state, dense.grid, cap_m=options.cap_m)
     cpu_s = {**placed.cpu_s, "dense": round(time.process_time() - started_s, 2)}
-    report = _report(placed, dense, distances.hash, cpu_s)
+    report = _report(placed, dense, options.dense.carrier_radius_m, distances.hash, cpu_s)
     with results.new_folder(out, overwrite=overwrite, ours=_is_map, within=work.folder) as placing:
         new = placing.temporary
         esdf.save(new / "esdf", distances)
@@ -368,7 +372,9 @@ def _is_map(folder: Path) -> bool:
     return (folder / "map.toml").exists()
 
 
-def _report(placed: SparseMap, surface: surface.Reconstruction, hash: str, cpu_s: dict[str, float]) -> MapReport:
+def _report(
+    placed: SparseMap, surface: surface.Reconstruction, carrier_radius_m: float, hash: str, cpu_s: dict[str, float]
+) -> MapReport:
     voxel_m3 = float(np.prod(surface.grid.voxel_m))
     judged = verdict.judge(placed)
     path = placed.T_world_body[placed.placed, :3, 3]
@@ -394,6 +400,8 @@ def _report(placed: SparseMap, surface: surface.Reconstruction, hash: str, cpu_s
         mesh_faces=len(surface.faces),
         free_m3=float((surface.state == esdf.FREE).sum()) * voxel_m3,
         occupied_m3=float((surface.state == esdf.OCCUPIED).sum()) * voxel_m3,
+        carrier_radius_m=carrier_radius_m,
+        swept_occupied_m3=surface.swept_occupied_m3,
         resolved_m=resolution.thickness_quantiles_m(surface.seen, surface.grid, surface.state == esdf.FREE),
         depth=dataclasses.asdict(surface.statistics),
         hash=hash,
@@ -412,6 +420,7 @@ def _facts(report: MapReport) -> dict[str, Any]:
         "images_placed",
         "reprojection_error_px",
         "path_length_m",
+        "carrier_radius_m",
     )
     return {name: getattr(report, name) for name in names}
 

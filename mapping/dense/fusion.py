@@ -153,15 +153,17 @@ def unreached_is_unknown(state: NDArray[np.uint8], grid: Grid, path_world_m: Flo
     state[(pieces > 0) & ~np.isin(pieces, reached[reached > 0])] = UNKNOWN
 
 
-def carve_tube(state: NDArray[np.uint8], grid: Grid, path_world_m: FloatArray, radius_m: float) -> None:
-    """Mark as FREE, in place, what lies within `radius_m` of the points (n, 3): the vehicle was there itself."""
+def within(grid: Grid, path_world_m: FloatArray, radius_m: float) -> NDArray[np.bool_]:
+    """(nx, ny, nz) which voxels have their centre within `radius_m` of one of the points (n, 3)."""
+    near = np.zeros(grid.shape, bool)
     reach = int(np.ceil(radius_m / min(grid.voxel_m)))
     steps = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     for point in path_world_m:
         cells = grid.index(point) + steps
         inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
         inside &= np.linalg.norm(grid.centre(cells) - point, axis=1) <= radius_m
-        state[tuple(cells[inside].T)] = FREE
+        near[tuple(cells[inside].T)] = True
+    return near
 
 
 def _resized(pixels: NDArray[np.uint8], width: int, height: int, channels: int) -> NDArray[np.uint8]:

@@ -187,16 +187,16 @@ def test_a_near_edge_bounds_the_pixels_around_it_too() -> None:
 
 
 def test_a_vehicle_smaller_than_a_voxel_is_refused_because_nothing_would_be_reached() -> None:
-    with pytest.raises(InputError, match="flown_radius_m"):
-        DenseOptions(flown_radius_m=0.0)
+    with pytest.raises(InputError, match="carrier_radius_m"):
+        DenseOptions(carrier_radius_m=0.0)
     with pytest.raises(InputError, match=r"0\.23"):
         DenseOptions(voxel_m=0.25)
 
 
-def test_the_way_between_images_is_free_only_where_the_bodies_touch() -> None:
+def test_the_way_between_two_images_is_free_only_if_they_are_near_each_other() -> None:
     places = [(0.0, 0.0, 0.0), (0.3, 0.0, 0.0), (1.2, 0.0, 0.0)]
-    path = surface.flown_path([view_from(place) for place in places], 0.05, longest_gap_m=0.4)
+    path = surface.carried_path([view_from(place) for place in places], 0.05)
     np.testing.assert_allclose(sorted({round(x, 3) for x in path[:, 0]}), [*np.linspace(0.0, 0.3, 7), 1.2], atol=1e-9)
     other = dataclasses.replace(PINHOLE, name="backward")
     pair = [view_from(), dataclasses.replace(view_from((0.3, 1.0, 1.0)), camera=other)]
-    assert len(surface.flown_path(pair, 0.05, longest_gap_m=0.4)) == 2
+    assert len(surface.carried_path(pair, 0.05)) == 2
