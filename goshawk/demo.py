@@ -45,7 +45,7 @@ SHOWN = (
 
 _SPEED_M_S, _ACCELERATION_M_S2 = 5.0, 8.0  # brisk for a room of 10 by 8 m
 MARGIN_M = 0.20
-"""Between vehicle and obstacles: with a first model, whose thrust is a guess, the vehicle is up to 16 cm off its path."""
+"""Between vehicle and obstacles: with the first model, whose thrust is a guess, the vehicle is 16 cm off its path."""
 
 
 def run(out: Path, *, pairs: int = 60, progress: Progress) -> dict[str, Any]:
