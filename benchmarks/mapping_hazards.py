@@ -6,6 +6,7 @@ import numpy as np
 import report
 
 from esdf import FREE, OCCUPIED
+from esdf.solids import Cylinder
 from flight import FloatArray
 from goshawk.rendered import safety
 from goshawk.rendered import scene as rendered_room
@@ -21,7 +22,7 @@ WIDTHS_PX = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 14.0)
 
 def rows() -> list[report.Row]:
     """Thin rods, a cable and a plain wall: what a map of images shows of them, and what it calls free."""
-    views = hazardous_views()
+    views = hazardous_views(rendered_room.RODS)
     started_s = time.process_time()
     result = surface.reconstruct(views)
     cpu_s = time.process_time() - started_s
@@ -53,13 +54,22 @@ def rows() -> list[report.Row]:
             "0",
             found.overstated_unexplained == 0.0,
         ),
-        *by_width(result, cameras),
+        *by_width("rods", rendered_room.RODS, result, cameras),
+        *other_rods(),
     ]
 
 
-def hazardous_views() -> list[ImageView]:
+def other_rods() -> list[report.Row]:
+    """The same room with rods in other places, on which no bound was chosen."""
+    views = hazardous_views(rendered_room.OTHER_RODS)
+    result = surface.reconstruct(views)
+    cameras = [(view.camera, view.T_world_camera) for view in views]
+    return by_width("other rods", rendered_room.OTHER_RODS, result, cameras)
+
+
+def hazardous_views(rods: tuple[Cylinder, ...]) -> list[ImageView]:
     """Images of the hazardous room with their true poses."""
-    scene, rig = rendered_room.hazardous(), rendered_world.default_rig()
+    scene, rig = rendered_room.hazardous(rods), rendered_world.default_rig()
     flight = rendered_world.loop_flight(INSTANTS, share=SHARE)
     return [
         ImageView(
@@ -78,11 +88,13 @@ def hazardous_views() -> list[ImageView]:
     ]
 
 
-def by_width(result: surface.Reconstruction, cameras: list[tuple[Camera, FloatArray]]) -> list[report.Row]:
+def by_width(
+    name: str, rods: tuple[Cylinder, ...], result: surface.Reconstruction, cameras: list[tuple[Camera, FloatArray]]
+) -> list[report.Row]:
     """Share of the rods called free, by how many pixels wide the best image with a line of sight shows them."""
     one_pixel = resolution.visibility(result.state, result.grid, cameras, pixels=1.0)
     width_px, free, occupied = [], [], []
-    for rod in rendered_room.RODS:
+    for rod in rods:
         points = safety.axis(rod)
         inside = result.grid.contains(points)
         state = result.state[tuple(result.grid.index(points[inside]).T)]
@@ -94,9 +106,9 @@ def by_width(result: surface.Reconstruction, cameras: list[tuple[Camera, FloatAr
     for low, high in zip(WIDTHS_PX, (*WIDTHS_PX[1:], np.inf), strict=True):
         chosen = (width >= low) & (width < high)
         if chosen.sum() >= 50:
-            name = f"rods {low:g} to {high:g} px wide ({chosen.sum()} cm)"
-            table.append(report.row(f"{name}: free", 100 * free[chosen].mean(), "%"))
-            table.append(report.row(f"{name}: occupied", 100 * occupied[chosen].mean(), "%"))
+            which = f"{name} {low:g} to {high:g} px wide ({chosen.sum()} cm)"
+            table.append(report.row(f"{which}: free", 100 * free[chosen].mean(), "%"))
+            table.append(report.row(f"{which}: occupied", 100 * occupied[chosen].mean(), "%"))
     return table
 
 

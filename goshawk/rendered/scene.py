@@ -86,15 +86,21 @@ RODS = (
     _rod(0.050, 0.6, 1.1), _rod(0.050, 4.0, 2.1),
 )  # fmt: skip
 """Upright from floor to ceiling in the half x > 0, some .9 to 1.9 m from the path; the first is "the pole"."""
+OTHER_RODS = (
+    _rod(0.030, 4.69, -1.08), _rod(0.020, 1.64, -0.94), _rod(0.030, 2.23, 0.79), _rod(0.040, 1.51, 3.57),
+    _rod(0.040, 4.75, 0.12), _rod(0.050, 1.13, -0.40), _rod(0.050, 4.27, 1.05), _rod(0.060, 3.73, -1.75),
+    _rod(0.030, 2.41, -0.81), _rod(0.040, 1.95, 0.36),
+)  # fmt: skip
+"""At random places beside the path, instead of `RODS`."""
 CABLE = Box((0.1, 0.794, 1.994), (4.9, 0.806, 2.006))
 """12 mm thick, across that half."""
 PLAIN_WALL = Box((4.96, -3.0, 0.0), (5.0, 2.4, 3.2))
 """In front of the wall x = 5, without any texture."""
 
 
-def hazardous() -> RenderedScene:
+def hazardous(upright: tuple[Cylinder, ...] = RODS) -> RenderedScene:
     """The furnished room with what a map of images misses most easily: thin rods, a cable, a plain stretch of wall."""
-    rods = [(rod, ("metal", "cloth", "plaster", "wood")[number % 4]) for number, rod in enumerate(RODS)]
+    rods = [(rod, ("metal", "cloth", "plaster", "wood")[number % 4]) for number, rod in enumerate(upright)]
     return RenderedScene((*furnished().painted, *rods, (CABLE, "cloth"), (PLAIN_WALL, "plain")))
 
 
