@@ -16,8 +16,7 @@ from flight import FloatArray, FormatError, InputError, Progress, cells, file_fo
 from mapping.camera.rig import Camera, Rig
 from mapping.input import depth_images, image_file, masks
 from mapping.input.depth_images import DepthFolder
-
-SUFFIXES = (".jpg", ".jpeg", ".png", ".pgm", ".tif", ".tiff", ".bmp")
+from mapping.input.image_file import SUFFIXES
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,6 +160,8 @@ def read_folder(
 def _decode_all(images: ImageSet, progress: Progress) -> None:
     measured = images.depths is None
     masked = images.masks is None
+    if images.masks is not None:
+        masks.require_known(images.masks, images.rig)
     for step, shot in enumerate(images.pairs()):
         progress("checking images", step / images.count)
         images.gray(*shot)
