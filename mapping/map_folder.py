@@ -47,6 +47,7 @@ from mapping.input import source
 from mapping.input.depth_images import DepthFolder
 from mapping.input.images import ImageSet, read_table
 from mapping.input.selection import SelectionOptions
+from mapping.input.trajectory import Kind
 from mapping.sparse import alignment, colmap, localization_map, reconstruction
 from mapping.sparse.alignment import Length
 from mapping.sparse.colmap import SparseOptions
@@ -79,6 +80,10 @@ class MapOptions:
     """A measured length that gives the scale."""
     references: Path | None = None
     """Recorded positions and gravity; `references.csv` beside the images by default."""
+    poses: Path | None = None
+    """Recorded poses that do not drift, in TUM's or EuRoC's format: scale, world frame and pairs to match."""
+    odometry: Path | None = None
+    """Recorded odometry, likewise: scale, shape and pairs to match."""
     depths: DepthFolder | None = None
     """Depth images of the images' names: they place the images, and give scale and surfaces."""
     masks: Path | None = None
@@ -116,6 +121,8 @@ class MapReport:
     """This scale divided by the scale from recorded positions alone, if there are any."""
     scale_witnesses: list[dict[str, Any]]
     """Every source of scale: its name, the map's scale divided by its, and its relative standard deviation."""
+    motions: list[dict[str, Any]]
+    """How recorded poses and odometry fit the map, see `mapping.sparse.motion.MotionCheck`."""
     verdict: str
     """"good", "doubtful" or "refused"; see `verdict`."""
     reasons: list[str]
@@ -230,7 +237,8 @@ def build_map(
     interrupted = work_folder(out).exists()
     if not interrupted:
         results.require_free_folder(out, overwrite=overwrite, ours=_is_map)
-    alignment.require_scale(Path(images), rig, options.length, options.references, has_depth=options.depths is not None)
+    has_other = options.depths is not None or bool(_motions(options))
+    alignment.require_scale(Path(images), rig, options.length, options.references, has_other=has_other)
     again = STAGES[STAGES.index(again_from) :] if again_from else ()
     given = source.Source(Path(images), rig, options.masks, options.depths, options.selection)
     if not given.is_video:
@@ -241,6 +249,7 @@ def build_map(
         _put_back(out, begun)
         if given.is_video:
             checked = given.frames(begun, progress=progress)
+        checked = checked.beside(_motions(options))
         work = begun.on(rigs.fingerprint(rig), *checked.digests())
         source.require_usable(work, checked, progress=progress)
         report = _placed_before(out, _all_inputs(checked, options, work)) if interrupted else None
@@ -277,7 +286,7 @@ def _put_back(out: Path, work: Work) -> None:
 def _all_inputs(images: ImageSet, options: MapOptions, work: Work) -> str:
     """Hash of everything that the map depends on."""
     return work.on(
-        options.sparse, options.length, _references(images, options.references), options.dense, options.cap_m
+        options.sparse, options.length, _recorded(images, options), options.dense, options.cap_m
     ).depends.hex()
 
 
@@ -302,7 +311,7 @@ def _build(
     started_s = time.process_time()
     seen = views(placed)
     stereo = options.dense.stereo
-    depth_work = work.on(options.sparse, options.length, _references(images, options.references), stereo)
+    depth_work = work.on(options.sparse, options.length, _recorded(images, options), stereo)
 
     def find_depth(folder: Path) -> None:
         measured = images.depths is not None
@@ -336,9 +345,16 @@ def _build(
     return report
 
 
-def _references(images: ImageSet, path: Path | None) -> bytes:
-    path = path or images.folder / "references.csv"
-    return path.read_bytes() if path.is_file() else b""
+def _motions(options: MapOptions) -> dict[Kind, Path]:
+    given = {Kind.POSES: options.poses, Kind.ODOMETRY: options.odometry}
+    return {kind: path for kind, path in given.items() if path is not None}
+
+
+def _recorded(images: ImageSet, options: MapOptions) -> list[object]:
+    """What scale and world frame depend on besides the images."""
+    path = options.references or images.folder / "references.csv"
+    motions = [(m.kind, file_format.file_hash(m.trajectory.path)) for m in images.motions]
+    return [path.read_bytes() if path.is_file() else b"", motions]
 
 
 def _is_map(folder: Path) -> bool:
@@ -398,6 +414,7 @@ def _report(placed: SparseMap, surface: surface.Reconstruction, hash: str, cpu_s
         position_residual_m=placed.alignment.position_residual_m,
         scale_ratio_to_positions=placed.alignment.scale_ratio_to_positions,
         scale_witnesses=[dataclasses.asdict(witness) for witness in placed.alignment.witnesses],
+        motions=[dataclasses.asdict(check) for check in placed.alignment.motions],
         verdict=judged.standing,
         reasons=list(judged.reasons),
         corrections=list(judged.corrections),

@@ -95,6 +95,7 @@ def reconstruct(images: ImageSet, options: SparseOptions, work: Work, *, progres
     work = work.on(options)
     extracted = work.stage(FEATURES, lambda folder: _features(folder, images, options, progress))
     watch.lap("features")
+    work = work.on(pairing.near_in_space(images, options.window))
     matched = work.stage(MATCHES, lambda folder: _matches(folder, extracted, images, options, progress))
     watch.lap("matches")
     database = matched / _DATABASE
@@ -227,7 +228,8 @@ def match(
     import pycolmap
 
     progress(_MATCHES, 0.0)
-    pairs = pairing.choose(images.pairs(), signatures, window=options.window, similar=options.similar)
+    near = pairing.near_in_space(images, options.window)
+    pairs = pairing.choose(images.pairs(), signatures, window=options.window, similar=options.similar, near=near)
     matching = pycolmap.FeatureMatchingOptions()
     matching.use_gpu = False
     verification = pycolmap.TwoViewGeometryOptions()

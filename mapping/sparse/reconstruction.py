@@ -13,7 +13,7 @@ from mapping import child, stages
 from mapping.camera.rig import Rig
 from mapping.camera.trial import Trial
 from mapping.input.images import ImageSet
-from mapping.sparse import alignment, colmap, model_files
+from mapping.sparse import alignment, colmap, model_files, pairing
 from mapping.sparse.alignment import Alignment, Length
 from mapping.sparse.colmap import SparseOptions
 from mapping.sparse.localization_map import LocalizationMap
@@ -106,7 +106,8 @@ def reconstruct(
             )
             model_files.write(folder, model)
 
-        model = model_files.read(kept.on(options).stage(CALIBRATION, place))
+        near = pairing.near_in_space(images, options.window)
+        model = model_files.read(kept.on(options, near).stage(CALIBRATION, place))
     placed = np.isfinite(model.T_world_body[:, 0, 0])
     if placed.mean() < _LEAST_SHARE:
         raise MapError(
