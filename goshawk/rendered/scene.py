@@ -32,6 +32,8 @@ class RenderedScene:
 
     painted: tuple[Painted, ...]
     """Boxes, rooms, spheres and upright cylinders, each with the name of its paint; their union is matter."""
+    period_m: float = 0.0
+    """The paint repeats after this distance along x, y and z, as tiles and wallpaper do; 0: it does not."""
 
     @property
     def scene(self) -> Scene:
@@ -47,8 +49,9 @@ class RenderedScene:
         return np.array([[*_shape(solid), float(number)] for number, (solid, _) in enumerate(self.painted)])
 
     def material_table(self) -> FloatArray:
-        """(n, 6) rows for the kernel: albedo, patch size and contrast, noise size and contrast, seed."""
-        return np.array([[*_PAINT[paint], 7919.0 * (number + 1)] for number, (_, paint) in enumerate(self.painted)])
+        """(n, 7) rows for the kernel: albedo, patch size and contrast, noise size and contrast, seed, period."""
+        rows = enumerate(self.painted)
+        return np.array([[*_PAINT[paint], 7919.0 * (number + 1), self.period_m] for number, (_, paint) in rows])
 
 
 def _shape(solid: Solid) -> list[float]:
@@ -69,6 +72,12 @@ def furnished() -> RenderedScene:
     """The 10 x 8 x 3.2 m room that the demo, the examples and the accuracy tests use."""
     room = Room((-SIZE_M[0] / 2, -SIZE_M[1] / 2, 0.0), (SIZE_M[0] / 2, SIZE_M[1] / 2, SIZE_M[2]))
     return RenderedScene(((room, "plaster"), *_dividing_wall(), *_tables(), *_shelves(), *_loose_things()))
+
+
+def tiled(period_m: float = 0.5) -> RenderedScene:
+    """The same room without furniture, papered and tiled: one place looks like the other half a metre on."""
+    room = Room((-SIZE_M[0] / 2, -SIZE_M[1] / 2, 0.0), (SIZE_M[0] / 2, SIZE_M[1] / 2, SIZE_M[2]))
+    return RenderedScene(((room, "plaster"), *_dividing_wall()), period_m)
 
 
 def _dividing_wall() -> list[Painted]:
