@@ -10,10 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight import FloatArray
-from mapping.camera.errors import Kind
+from mapping.camera.errors import OF_THE_LENS, Kind
 from mapping.camera.trial import SIGMAS90, Finding, Verdict
 from mapping.input.trajectory import Kind as Recorded
 from mapping.sparse.alignment import ScaleWitness
+from mapping.sparse.colmap import MOST_REPEATED
 from mapping.sparse.motion import MotionCheck
 from mapping.sparse.reconstruction import SparseMap
 
@@ -32,6 +33,8 @@ SHAPE_DOUBT = 0.10
 """Recorded motion of the same flight fits the map better than these."""
 TILT_DOUBT_RAD = float(np.radians(60.0))
 """No vehicle flies like this for half of its images."""
+OTHER_LENS = 0.02
+"""The same for what is wrong with a lens, as a share of the image's width: lenses of one make differ by less."""
 SHIFT_DOUBT_PX = 1.0
 """An error that could be this large without the matches showing it is a reason for doubt."""
 
@@ -66,6 +69,11 @@ def judge(placed: SparseMap) -> MapVerdict:
         doubts.append(
             f"{placed.images.count - int(placed.registered.sum())} of {placed.images.count} images could not be placed"
         )
+    if placed.repeated > MOST_REPEATED:
+        doubts.append(
+            f"repeated texture: {placed.repeated:.0%} of the features look like others of the same image, so images "
+            "may lie where another copy of the texture is"
+        )
     trial = placed.trial
     if trial.noise_px > LARGEST_NOISE_PX:
         doubts.append(
@@ -73,9 +81,13 @@ def judge(placed: SparseMap) -> MapVerdict:
             "model does not fit these images, or things moved"
         )
     for finding in trial.present:
-        if finding.shift_px > OTHER_CAMERA_PX:
+        width = placed.rig[finding.candidate.camera].width
+        is_lens = finding.candidate.kind in OF_THE_LENS
+        if finding.shift_px > OTHER_CAMERA_PX or (is_lens and finding.shift_px > OTHER_LENS * width):
             refusals.append(
-                f"{finding.candidate} is off by {size_text(finding)}: the camera file belongs to other images"
+                f"{finding.candidate} is off by {size_text(finding)} (moves the image by {finding.shift_px:.0f} px): "
+                "the camera file is that of another lens, image size or other images. If it is not, keep the "
+                "calibration found here (goshawk camera add) and make the map again"
             )
         elif placed.images.depths is not None and finding.shift_px > SHIFT_DOUBT_PX:
             doubts.append(

@@ -1,10 +1,11 @@
 """The steps that COLMAP runs: features, matches, incremental mapping. Runs in a child process only (see `child`)."""
 
+import contextlib
 import dataclasses
 import logging
 import shutil
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Generator, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,11 +28,14 @@ _MAPPING = "placing images"
 _REFINING = "refining"
 _TRYING = "trying the calibration"
 _DATABASE = "database.db"
-_SIGNATURES = "signatures.npz"
+_SIGNATURES, _REPEATED = "signatures.npz", "repeated.npy"
 _CHUNK = 100
 
 _REPAIRS = 4
 
+MOST_REPEATED = 0.25
+"""`features.repeated_share` of a quarter of the images beyond which matches are likely to be between other copies."""
+_LEAST_IMAGES = 2
 _OUTLIER_PX = 3.0
 """Observations with a larger reprojection error are dropped; 4 keeps moving leaves, 2 drops good ones."""
 
@@ -77,6 +81,8 @@ class SparseModel:
     """Mean over all observations."""
     least_agreement: float
     """Of the placed instants, see `agreement`."""
+    repeated: float
+    """Upper quartile over the images of `features.repeated_share`."""
     trial: Trial
     """Of the camera file's calibration, by the matches."""
     cpu_s: dict[str, float]
@@ -99,24 +105,52 @@ def reconstruct(images: ImageSet, options: SparseOptions, work: Work, *, progres
     matched = work.stage(MATCHES, lambda folder: _matches(folder, extracted, images, options, progress))
     watch.lap("matches")
     database = matched / _DATABASE
-    placed = work.stage(POSES, lambda folder: _placed(folder, database, images, options, progress))
-    watch.lap("placing")
-    model = pycolmap.Reconstruction(placed)
-    progress(_TRYING, 0.0)
-    trial = calibration_trial.hold(_observations(model, images))
-    watch.lap("trial of the calibration")
-    if trial.present and images.depths is None:
-        images = dataclasses.replace(images, rig=trial.rig)
-        _write_back(model, images, trial)
-        if not trial.inexpressible:  # COLMAP does not model those and would move the poses back
-            refine(database, model, dataclasses.replace(trial.rig, refine_intrinsics=False), options, progress)
-        watch.lap("refining with the corrected calibration")
-    return _read_out(database, model, images, trial, watch)
+    repeated = float(np.percentile(np.load(extracted / _REPEATED), 75.0))
+    with _explained(repeated):
+        placed = work.stage(POSES, lambda folder: _placed(folder, database, images, options, progress))
+        watch.lap("placing")
+        model = pycolmap.Reconstruction(placed)
+        progress(_TRYING, 0.0)
+        trial = calibration_trial.hold(_observations(model, images))
+        watch.lap("trial of the calibration")
+        if trial.present and images.depths is None:
+            images = dataclasses.replace(images, rig=trial.rig)
+            _write_back(model, images, trial)
+            if not trial.inexpressible:  # COLMAP does not model those and would move the poses back
+                refine(database, model, dataclasses.replace(trial.rig, refine_intrinsics=False), options, progress)
+            watch.lap("refining with the corrected calibration")
+        return _read_out(database, model, images, trial, repeated, watch)
+
+
+@contextlib.contextmanager
+def _explained(repeated: float) -> Generator[None]:
+    """Say in our words that no map was found, and what the images show that may be the cause.
+
+    Raises:
+        MapError: instead of COLMAP's own errors, which name its numbers of rigs and images.
+    """
+    cause = (
+        f"; {repeated:.0%} of the features look like others of the same image (repeated texture, as of tiles or "
+        "wallpaper): fly where there is other texture, or give --poses or --odometry"
+        if repeated > MOST_REPEATED
+        else ""
+    )
+    try:
+        yield
+    except MapError as error:
+        raise MapError(f"{error}{cause}") from error
+    except (RuntimeError, IndexError, ValueError) as error:  # COLMAP's exceptions, as pybind11 translates them
+        logger.info("COLMAP: %s", error)
+        raise MapError(
+            "no map: COLMAP found no positions of the images that fit each other; check that the camera file is that "
+            f"of these images, and that they overlap{cause}"
+        ) from error
 
 
 def _features(folder: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> None:
-    signatures = extract(folder / _DATABASE, images, options, progress)
+    signatures, repeated = extract(folder / _DATABASE, images, options, progress)
     np.savez(folder / _SIGNATURES, *signatures)
+    np.save(folder / _REPEATED, repeated)
 
 
 def _matches(folder: Path, extracted: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> None:
@@ -155,15 +189,19 @@ class _Stopwatch:
         self._last_s = now_s
 
 
-def extract(database: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> list[np.ndarray]:
+def extract(
+    database: Path, images: ImageSet, options: SparseOptions, progress: Progress
+) -> tuple[list[np.ndarray], list[float]]:
     """Write cameras, rig, instants and the features of all images to `database`.
 
     Returns:
-        For each image the descriptors of its largest features, as unit vectors, for image retrieval.
+        For each image the descriptors of its largest features, as unit vectors, for image retrieval; and its
+        `features.repeated_share`.
     """
     import pycolmap
 
     signatures: list[np.ndarray] = []
+    repeated: list[float] = []
     with pycolmap.Database.open(database) as opened, pycolmap.DatabaseTransaction(opened):
         _write_rig(opened, images.rig)
         instants = [pycolmap.Frame(rig_id=1) for _ in images.instants]
@@ -180,9 +218,10 @@ def extract(database: Path, images: ImageSet, options: SparseOptions, progress: 
             instants[instant].add_data_id(pycolmap.data_t(sensor, image_id))
             largest = np.argsort(-image.size_px, kind="stable")[: pairing.SIGNATURE_SIZE]
             signatures.append(features.unit(image.descriptors[largest]))
+            repeated.append(features.repeated_share(image))
         for frame in instants:
             opened.write_frame(frame)
-    return signatures
+    return signatures, repeated
 
 
 def _write_rig(opened: Any, rig: Rig) -> None:
@@ -258,8 +297,15 @@ def place(database: Path, images: ImageSet, options: SparseOptions, progress: Pr
             return model
         logger.info("placing %d images again", len(wrong))
         _take_out(model, wrong)
+        if model.num_reg_images() < _LEAST_IMAGES:
+            break
         model = _grow(database, images, options, model, progress)
     _take_out(model, _wrong_instants(database, images, model))
+    if model.num_reg_images() < _LEAST_IMAGES:
+        raise MapError(
+            "no map: the matches between the images contradict each other; check that the camera file is that of these "
+            "images"
+        )
     return model
 
 
@@ -421,7 +467,9 @@ def _write_back(model: Any, images: ImageSet, trial: Trial) -> None:
         model.point3D(point_id).xyz = xyz
 
 
-def _read_out(database: Path, model: Any, images: ImageSet, trial: Trial, watch: _Stopwatch) -> SparseModel:
+def _read_out(
+    database: Path, model: Any, images: ImageSet, trial: Trial, repeated: float, watch: _Stopwatch
+) -> SparseModel:
     import pycolmap
 
     T_world_body, registered, rig = _poses(model, images)
@@ -447,6 +495,7 @@ def _read_out(database: Path, model: Any, images: ImageSet, trial: Trial, watch:
         pixels=seen.pixels,
         reprojection_error_px=float(model.compute_mean_reprojection_error()),
         least_agreement=float(np.nanmin(agreed, initial=1.0)),
+        repeated=repeated,
         trial=trial,
         cpu_s=watch.cpu_s,
     )

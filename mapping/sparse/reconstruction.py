@@ -46,6 +46,8 @@ class SparseMap:
     """Mean over all observations."""
     least_agreement: float
     """The worst placed image's share of matches that agree with the map."""
+    repeated: float
+    """Share of the features that look like others of the same image; a quarter of the images has more."""
     trial: Trial
     """What the matches say of the camera file; its poses and points are COLMAP's, not the world's."""
     alignment: Alignment
@@ -133,6 +135,7 @@ def reconstruct(
         pixels=model.pixels,
         reprojection_error_px=model.reprojection_error_px,
         least_agreement=model.least_agreement,
+        repeated=model.repeated,
         trial=model.trial,
         alignment=aligned,
         cpu_s=model.cpu_s,
