@@ -185,10 +185,10 @@ def blind(count: int, seed: int) -> None:
         expected.append(found.scale_std / right.scale_std)
         errors.append((off_m, clean_m))
         missed, more = sorted(drawn.planted - present), sorted(present - drawn.planted)
+        said = f"{'; MISSED ' + ', '.join(missed) if missed else ''}{'; INVENTED ' + ', '.join(more) if more else ''}"
         print(
             f"{number:3d} {form:8s} {1000 * off_m:6.1f} mm, clean {1000 * clean_m:6.1f} mm, "
-            f"scale std {found.scale_std:.4f}, clean {right.scale_std:.4f}, {cpu_s:4.1f} CPU s{'; MISSED ' + ', '.join(missed) if missed else ''}"
-            f"{'; INVENTED ' + ', '.join(more) if more else ''}",
+            f"scale std {found.scale_std:.4f}, clean {right.scale_std:.4f}, {cpu_s:4.1f} CPU s{said}",
             flush=True,
         )
     print(f"named {named} of {planted}; invented {inventions} in {count} cameras")

@@ -9,7 +9,6 @@ poses.csv       where each image was taken (body in world)
 report.json     all figures of the run
 """
 
-import csv
 import dataclasses
 import glob
 import shutil
@@ -30,12 +29,10 @@ from flight import (
     InputError,
     Progress,
     file_format,
-    frames,
     results,
-    rotations,
     silent,
 )
-from mapping import stages, verdict
+from mapping import poses_file, stages, verdict
 from mapping.camera import rig as rigs
 from mapping.camera.rig import Rig
 from mapping.dense import depth_files, mesh_file, surface
@@ -45,9 +42,9 @@ from mapping.dense.surface import DenseOptions
 from mapping.dense.views import ImageView
 from mapping.input import source
 from mapping.input.depth_images import DepthFolder
-from mapping.input.images import ImageSet, read_table
+from mapping.input.images import ImageSet
 from mapping.input.selection import SelectionOptions
-from mapping.input.trajectory import Kind
+from mapping.input.trajectory import MotionKind
 from mapping.sparse import alignment, colmap, localization_map, reconstruction
 from mapping.sparse.alignment import Length
 from mapping.sparse.colmap import SparseOptions
@@ -65,7 +62,6 @@ STAGES = (source.FRAMES, source.CHECK, colmap.FEATURES, colmap.MATCHES, colmap.P
 """Stages whose results survive an interrupted work, in order."""
 _REPLACED = "replaced"
 """File of a work: inode of the earlier map, which is moved aside for the new one."""
-_POSE_COLUMNS = ("image", "time_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz")
 
 
 @dataclass(frozen=True, slots=True)
@@ -331,7 +327,7 @@ def _build(
         mesh_file.save(new / "mesh.ply", dense.vertices_world_m, dense.faces, dense.colours)
         localization_map.save(new / "localization", placed.localization_map())
         rigs.save(new / "camera.toml", placed.rig)
-        write_poses(new / "poses.csv", placed.images.instants, placed.images.time_s, placed.T_world_body)
+        poses_file.write_poses(new / "poses.csv", placed.images.instants, placed.images.time_s, placed.T_world_body)
         file_format.write_json(new / "report.json", format=REPORT_FORMAT, version=VERSION, body=report.as_dict())
         file_format.write_toml(
             new / "map.toml",
@@ -345,8 +341,8 @@ def _build(
     return report
 
 
-def _motions(options: MapOptions) -> dict[Kind, Path]:
-    given = {Kind.POSES: options.poses, Kind.ODOMETRY: options.odometry}
+def _motions(options: MapOptions) -> dict[MotionKind, Path]:
+    given = {MotionKind.POSES: options.poses, MotionKind.ODOMETRY: options.odometry}
     return {kind: path for kind, path in given.items() if path is not None}
 
 
@@ -452,20 +448,6 @@ def _keep_edits(old: Path, new: Path) -> None:
         shutil.copy(edits, new / "esdf" / EDITS)
 
 
-def write_poses(path: Path, images: Sequence[str], time_s: FloatArray, T_world_body: FloatArray) -> None:
-    """Write a `poses.csv`; instants without a pose (NaN) are left out.
-
-    Args:
-        images: (n,) names; time_s: (n,) NaN where unknown; T_world_body: (n, 4, 4).
-    """
-    with file_format.atomic_file(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(_POSE_COLUMNS)
-        for k in map(int, np.flatnonzero(np.isfinite(T_world_body[:, 0, 0]))):
-            numbers = [time_s[k], *T_world_body[k, :3, 3], *rotations.from_matrix(T_world_body[k, :3, :3])]
-            writer.writerow([images[k], *(f"{v:.9g}" for v in numbers)])
-
-
 def open_map(folder: Path) -> Map:
     """Open a map folder.
 
@@ -478,7 +460,7 @@ def open_map(folder: Path) -> Map:
         raise InputError(f"{folder} is not a map: it has no map.toml; `goshawk map` makes one")
     facts = file_format.read_toml(folder / "map.toml", format=FORMAT, version=VERSION)
     _standing(facts, folder)  # a verdict that cannot be read must not pass for none
-    images, time_s, T_world_body = read_poses(folder / "poses.csv")
+    images, time_s, T_world_body = poses_file.read_poses(folder / "poses.csv")
     rig = rigs.load(folder / "camera.toml")
     return Map(folder, esdf.load(folder / "esdf"), rig, images, time_s, T_world_body, facts)
 
@@ -494,16 +476,3 @@ def _standing(facts: dict[str, Any], folder: Path) -> Standing:
     if not isinstance(reasons, list) or not all(isinstance(reason, str) for reason in reasons):
         raise FormatError(f"{folder / 'map.toml'}: the reasons are {reasons!r}; a list of sentences is expected")
     return Standing(given)
-
-
-def read_poses(path: Path) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
-    """Names, times (n,) and poses (n, 4, 4) of a `poses.csv`.
-
-    Raises:
-        FormatError: it is missing or damaged.
-    """
-    if not path.is_file():
-        raise FormatError(f"{path} is missing; build the map again")
-    table = read_table(path, _POSE_COLUMNS)
-    values = np.array(list(table.values()), dtype=np.float64).reshape(-1, 8)
-    return tuple(table), values[:, 0], frames.transform(rotations.normalise(values[:, 4:]), values[:, 1:4])

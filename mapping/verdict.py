@@ -12,9 +12,9 @@ import numpy as np
 from flight import FloatArray
 from mapping.camera.errors import OF_THE_LENS, Kind
 from mapping.camera.trial import SIGMAS90, Finding, Verdict
-from mapping.input.trajectory import Kind as Recorded
+from mapping.input.trajectory import MotionKind
+from mapping.sparse import repetition
 from mapping.sparse.alignment import ScaleWitness
-from mapping.sparse.colmap import MOST_REPEATED
 from mapping.sparse.motion import MotionCheck
 from mapping.sparse.reconstruction import SparseMap
 
@@ -69,7 +69,7 @@ def judge(placed: SparseMap) -> MapVerdict:
         doubts.append(
             f"{placed.images.count - int(placed.registered.sum())} of {placed.images.count} images could not be placed"
         )
-    if placed.repeated > MOST_REPEATED:
+    if placed.repeated > repetition.MOST:
         doubts.append(
             f"repeated texture: {placed.repeated:.0%} of the features look like others of the same image, so images "
             "may lie where another copy of the texture is"
@@ -111,7 +111,7 @@ def judge(placed: SparseMap) -> MapVerdict:
         _weigh(placed.alignment.witnesses[0], witness, doubts, refusals)
     for check in placed.alignment.motions:
         doubts += _motion_doubts(check)
-    if placed.alignment.up_source == Recorded.POSES:
+    if placed.alignment.up_source == MotionKind.POSES:
         doubts += _tilt_doubts(placed.T_world_body[placed.placed])
     standing = Standing.REFUSED if refusals else Standing.DOUBTFUL if doubts else Standing.GOOD
     corrected = [] if placed.images.depths else [f for f in trial.present if f not in trial.inexpressible]

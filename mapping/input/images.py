@@ -18,7 +18,7 @@ from mapping.camera.rig import Camera, Rig
 from mapping.input import depth_images, image_file, masks, trajectory
 from mapping.input.depth_images import DepthFolder
 from mapping.input.image_file import SUFFIXES
-from mapping.input.trajectory import Kind, Motion
+from mapping.input.trajectory import Motion, MotionKind
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,7 +100,7 @@ class ImageSet:
         unit_m = self.depths.unit_m if self.depths is not None else None
         return [self.time_s.tobytes(), shots, unit_m, *((f.name, file_format.file_hash(f)) for f in files)]
 
-    def beside(self, recorded: Mapping[Kind, Path]) -> "ImageSet":
+    def beside(self, recorded: Mapping[MotionKind, Path]) -> "ImageSet":
         """The set with motion that was recorded while the images were taken, one file of each kind.
 
         Raises:

@@ -24,7 +24,7 @@ _COLUMNS = 8
 _NS_PER_S = 1_000_000_000
 
 
-class Kind(enum.StrEnum):
+class MotionKind(enum.StrEnum):
     """What a recorded motion is worth."""
 
     POSES = "recorded poses"
@@ -63,11 +63,11 @@ class Trajectory:
 class Motion:
     """A recorded motion, and what it is worth."""
 
-    kind: Kind
+    kind: MotionKind
     trajectory: Trajectory
 
 
-def read_motion(kind: Kind, path: Path, time_s: FloatArray) -> Motion:
+def read_motion(kind: MotionKind, path: Path, time_s: FloatArray) -> Motion:
     """A recorded motion for images taken at the times (instants,), NaN where unknown.
 
     Raises:

@@ -18,7 +18,7 @@ import numpy as np
 from flight import FloatArray, FormatError, InputError, MapError, frames, rotations
 from mapping.camera.rig import Rig
 from mapping.input.images import ImageSet, read_table
-from mapping.input.trajectory import Kind
+from mapping.input.trajectory import MotionKind
 from mapping.sparse import motion
 from mapping.sparse.motion import MotionCheck
 
@@ -135,7 +135,7 @@ def read_references(images: ImageSet, path: Path | None = None) -> References:
     groups = [columns for columns in (_POSITION, _UP) if columns[0] in header]
     if not groups:
         raise FormatError(f"{path} has neither {','.join(_POSITION)} nor {','.join(_UP)} in its first line")
-    if _POSITION in groups and any(m.kind is Kind.POSES for m in images.motions):
+    if _POSITION in groups and any(m.kind is MotionKind.POSES for m in images.motions):
         raise InputError(f"--poses and {path} both say where the images were taken; leave the positions of one out")
     values = {columns: _column_group(path, columns, images.instants) for columns in groups}
     if all(np.isnan(v).any(axis=1).all() for v in values.values()):
@@ -206,7 +206,7 @@ def align(
     known = np.asarray(np.isfinite(positions).all(axis=1))
     checks = [(m, motion.check(m, images.time_s, T_old_body)) for m in images.motions]
     for recorded, found in checks:
-        if recorded.kind is Kind.POSES and found is not None:
+        if recorded.kind is MotionKind.POSES and found is not None:
             references = _with_poses(references, recorded.trajectory.at(images.time_s), T_old_body, found.scale)
     R_level, up_source, up_spread_rad = _level(T_old_body, references, known)
     level = positions @ R_level.T
@@ -222,7 +222,11 @@ def align(
     if fit is not None:
         std = fit.scale_std(level[usable], references.position_m[usable])
         sources.append((references.position_source, fit.scale, std))
-    sources += [(Kind.ODOMETRY, c.scale, c.scale_std) for m, c in checks if c is not None and m.kind is Kind.ODOMETRY]
+    sources += [
+        (MotionKind.ODOMETRY, c.scale, c.scale_std)
+        for m, c in checks
+        if c is not None and m.kind is MotionKind.ODOMETRY
+    ]
     if not sources:
         raise MapError(NO_SCALE)
     source, scale, _ = sources[0]
@@ -261,8 +265,8 @@ def _with_poses(references: References, T_start_body: FloatArray, T_old_body: Fl
         not np.isfinite(up_body).any()
         and (up := motion.up_old(T_start_body[both], T_old_body[both], scale)) is not None
     ):
-        up_body, up_source = np.einsum("nji,j->ni", T_old_body[:, :3, :3], up), Kind.POSES
-    return References(T_start_body[:, :3, 3], up_body, Kind.POSES, up_source)
+        up_body, up_source = np.einsum("nji,j->ni", T_old_body[:, :3, :3], up), MotionKind.POSES
+    return References(T_start_body[:, :3, 3], up_body, MotionKind.POSES, up_source)
 
 
 def _level(T_old_body: FloatArray, references: References, known: np.ndarray) -> tuple[FloatArray, str, float | None]:

@@ -1,11 +1,10 @@
 """The steps that COLMAP runs: features, matches, incremental mapping. Runs in a child process only (see `child`)."""
 
-import contextlib
 import dataclasses
 import logging
 import shutil
 import tempfile
-from collections.abc import Generator, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,7 @@ from mapping.camera.adjustment import Observations
 from mapping.camera.rig import Camera, Rig
 from mapping.camera.trial import Trial
 from mapping.input.images import ImageSet
-from mapping.sparse import agreement, features, pairing, rgbd
+from mapping.sparse import agreement, features, pairing, repetition, rgbd
 from mapping.stages import Work
 
 logger = logging.getLogger(__name__)
@@ -33,8 +32,6 @@ _CHUNK = 100
 
 _REPAIRS = 4
 
-MOST_REPEATED = 0.25
-"""`features.repeated_share` of a quarter of the images beyond which matches are likely to be between other copies."""
 _LEAST_IMAGES = 2
 _OUTLIER_PX = 3.0
 """Observations with a larger reprojection error are dropped; 4 keeps moving leaves, 2 drops good ones."""
@@ -82,7 +79,7 @@ class SparseModel:
     least_agreement: float
     """Of the placed instants, see `agreement`."""
     repeated: float
-    """Upper quartile over the images of `features.repeated_share`."""
+    """Upper quartile over the images of `repetition.share`."""
     trial: Trial
     """Of the camera file's calibration, by the matches."""
     cpu_s: dict[str, float]
@@ -106,7 +103,7 @@ def reconstruct(images: ImageSet, options: SparseOptions, work: Work, *, progres
     watch.lap("matches")
     database = matched / _DATABASE
     repeated = float(np.percentile(np.load(extracted / _REPEATED), 75.0))
-    with _explained(repeated):
+    with repetition.explained(repeated):
         placed = work.stage(POSES, lambda folder: _placed(folder, database, images, options, progress))
         watch.lap("placing")
         model = pycolmap.Reconstruction(placed)
@@ -120,31 +117,6 @@ def reconstruct(images: ImageSet, options: SparseOptions, work: Work, *, progres
                 refine(database, model, dataclasses.replace(trial.rig, refine_intrinsics=False), options, progress)
             watch.lap("refining with the corrected calibration")
         return _read_out(database, model, images, trial, repeated, watch)
-
-
-@contextlib.contextmanager
-def _explained(repeated: float) -> Generator[None]:
-    """Say in our words that no map was found, and what the images show that may be the cause.
-
-    Raises:
-        MapError: instead of COLMAP's own errors, which name its numbers of rigs and images.
-    """
-    cause = (
-        f"; {repeated:.0%} of the features look like others of the same image (repeated texture, as of tiles or "
-        "wallpaper): fly where there is other texture, or give --poses or --odometry"
-        if repeated > MOST_REPEATED
-        else ""
-    )
-    try:
-        yield
-    except MapError as error:
-        raise MapError(f"{error}{cause}") from error
-    except (RuntimeError, IndexError, ValueError) as error:  # COLMAP's exceptions, as pybind11 translates them
-        logger.info("COLMAP: %s", error)
-        raise MapError(
-            "no map: COLMAP found no positions of the images that fit each other; check that the camera file is that "
-            f"of these images, and that they overlap{cause}"
-        ) from error
 
 
 def _features(folder: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> None:
@@ -196,7 +168,7 @@ def extract(
 
     Returns:
         For each image the descriptors of its largest features, as unit vectors, for image retrieval; and its
-        `features.repeated_share`.
+        `repetition.share`.
     """
     import pycolmap
 
@@ -218,7 +190,7 @@ def extract(
             instants[instant].add_data_id(pycolmap.data_t(sensor, image_id))
             largest = np.argsort(-image.size_px, kind="stable")[: pairing.SIGNATURE_SIZE]
             signatures.append(features.unit(image.descriptors[largest]))
-            repeated.append(features.repeated_share(image))
+            repeated.append(repetition.share(image))
         for frame in instants:
             opened.write_frame(frame)
     return signatures, repeated

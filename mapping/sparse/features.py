@@ -18,8 +18,6 @@ from mapping.input.images import ImageSet
 _CELL_PX = 64
 _RIM_PX = 7
 _STAGE = "finding features"
-_TWIN, _TWIN_APART_PX = 0.93, 8.0
-"""Cosine of the descriptors, and distance, of two features of one image that no descriptor tells apart."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,20 +73,6 @@ def unit(descriptors: np.ndarray) -> np.ndarray:
     """(n, 128) descriptors as float32 of unit length."""
     values = np.asarray(descriptors, dtype=np.float32)
     return values / np.maximum(np.linalg.norm(values, axis=1, keepdims=True), 1e-6)
-
-
-def repeated_share(found: Features) -> float:
-    """Share of an image's features that look like another one of the same image, as tiles and wallpaper do.
-
-    Measured (medians of the images): .02 a rendered room, .05 a street, .06 an office; .35 to .75 a tiled room.
-    """
-    if not len(found.pixels):
-        return 0.0
-    descriptors = unit(found.descriptors)
-    alike = descriptors @ descriptors.T > _TWIN
-    x, y = found.pixels.T
-    apart = np.hypot(x[:, None] - x, y[:, None] - y) > _TWIN_APART_PX
-    return float((alike & apart).any(axis=1).mean())
 
 
 def _spread(corners: Sequence[Any], count: int) -> list[Any]:

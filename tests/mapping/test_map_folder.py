@@ -48,7 +48,7 @@ def made_map(folder: Path) -> Path:
         esdf.save(new / "esdf", field)
         localization_map.save(new / "localization", placed.localization_map())
         rigs.save(new / "camera.toml", RIG)
-        map_folder.write_poses(new / "poses.csv", placed.images.instants, placed.images.time_s, placed.T_world_body)
+        mapping.write_poses(new / "poses.csv", placed.images.instants, placed.images.time_s, placed.T_world_body)
         file_format.write_toml(new / "map.toml", format=map_folder.FORMAT, version=1, body={"hash": field.hash})
     return folder
 

@@ -14,7 +14,7 @@ from mapping.camera import rig_export
 from mapping.camera.rig import R_BODY_CAMERA_FORWARD, Rig, forward_camera
 from mapping.input import trajectory
 from mapping.input.images import ImageSet
-from mapping.input.trajectory import Kind
+from mapping.input.trajectory import MotionKind
 from mapping.sparse import alignment, pairing
 from mapping.sparse.alignment import Alignment, Length, References
 
@@ -59,7 +59,7 @@ def write_euroc(path: Path, time_s: FloatArray, T: FloatArray) -> Path:
     return path
 
 
-def beside(kind: Kind, path: Path) -> ImageSet:
+def beside(kind: MotionKind, path: Path) -> ImageSet:
     names = tuple(f"{k:03d}.jpg" for k in range(COUNT))
     images = ImageSet(path.parent, RIG, names, np.ones((COUNT, 1), bool), IMAGES_S)
     return images.beside({kind: path})
@@ -78,7 +78,7 @@ def doubts(found: Alignment) -> list[str]:
 def test_recorded_poses_give_scale_frame_and_up(tmp_path: Path, write: Callable[..., Path], axes: FloatArray) -> None:
     recorded = pose(RECORDED_S)
     recorded[:, :3, :3] = recorded[:, :3, :3] @ axes  # a tracker may state the axes of the camera
-    found = aligned(beside(Kind.POSES, write(tmp_path / "p", RECORDED_S, recorded)), old())
+    found = aligned(beside(MotionKind.POSES, write(tmp_path / "p", RECORDED_S, recorded)), old())
     assert (found.scale_source, found.up_source) == ("recorded poses", "recorded poses")
     assert found.scale == pytest.approx(OLD_SCALE, rel=1e-3)
     np.testing.assert_allclose(found.poses(old()), TRUTH, atol=0.01)
@@ -89,7 +89,7 @@ def test_odometry_in_any_frame_that_drifts_gives_the_scale(tmp_path: Path) -> No
     t = RECORDED_S - RECORDED_S[0]
     drift = frames.transform(rotations.exp(np.outer(t, [0.0, 0.0, 0.01])), np.outer(t, [0.02, -0.02, 0.01]))
     recorded = frames.transform(rotations.exp([1.0, 2.0, -0.5]), [9.0, 9.0, 9.0]) @ drift @ pose(RECORDED_S)
-    found = aligned(beside(Kind.ODOMETRY, write_tum(tmp_path / "o", RECORDED_S, recorded)), old())
+    found = aligned(beside(MotionKind.ODOMETRY, write_tum(tmp_path / "o", RECORDED_S, recorded)), old())
     assert found.scale_source == "odometry"
     assert abs(found.scale / OLD_SCALE - 1.0) < 3.0 * found.witnesses[0].std < 0.1
     assert doubts(found) == []
@@ -99,7 +99,7 @@ def test_a_map_of_the_wrong_size_is_shown_by_both(tmp_path: Path) -> None:
     """A third too large, as a turned camera makes it: each source of scale is laid beside the one in use."""
     path = write_tum(tmp_path / "p", RECORDED_S, pose(RECORDED_S))
     length = Length(1.3 * float(np.linalg.norm(np.diff(TRUTH[:, :3, 3], axis=0), axis=1).sum()))
-    for kind in Kind:
+    for kind in MotionKind:
         used, other = aligned(beside(kind, path), old(), length=length).witnesses
         assert other.source == kind
         reasons: tuple[list[str], list[str]] = [], []
@@ -113,14 +113,14 @@ def test_a_bent_map_is_shown_by_odometry(tmp_path: Path) -> None:
     grown = np.exp(np.linspace(-0.25, 0.25, COUNT - 1))[:, None]
     bent = TRUTH.copy()
     bent[1:, :3, 3] = TRUTH[0, :3, 3] + np.cumsum(grown * np.diff(TRUTH[:, :3, 3], axis=0), axis=0)
-    found = aligned(beside(Kind.ODOMETRY, write_tum(tmp_path / "o", RECORDED_S, pose(RECORDED_S))), old(bent))
+    found = aligned(beside(MotionKind.ODOMETRY, write_tum(tmp_path / "o", RECORDED_S, pose(RECORDED_S))), old(bent))
     assert any("differ in shape" in text for text in doubts(found))
 
 
 @pytest.mark.parametrize("late_s", [-0.35, 0.03, 0.8])
 def test_a_clock_that_is_off_is_named(tmp_path: Path, late_s: float) -> None:
     path = write_tum(tmp_path / "p", RECORDED_S + late_s, pose(RECORDED_S))
-    (check,) = aligned(beside(Kind.POSES, path), old()).motions
+    (check,) = aligned(beside(MotionKind.POSES, path), old()).motions
     assert check.late_s == pytest.approx(late_s, abs=0.01)
     said = [text for text in verdict._motion_doubts(check) if "against the images" in text]
     assert f"{abs(check.late_s or 0.0):.3f}" in said[0]
@@ -129,13 +129,13 @@ def test_a_clock_that_is_off_is_named(tmp_path: Path, late_s: float) -> None:
 
 def test_poses_of_another_flight_do_not_fit(tmp_path: Path) -> None:
     other = pose(50.0 - 1.7 * (RECORDED_S - 50.0))
-    found = aligned(beside(Kind.POSES, write_tum(tmp_path / "p", RECORDED_S, other)), old())
+    found = aligned(beside(MotionKind.POSES, write_tum(tmp_path / "p", RECORDED_S, other)), old())
     assert any("another flight" in text for text in doubts(found))
 
 
 def test_poses_whose_z_is_not_up_are_named(tmp_path: Path) -> None:
     tipped = frames.transform(rotations.exp([0.5 * np.pi, 0.0, 0.0]), np.zeros(3)) @ pose(RECORDED_S)
-    found = aligned(beside(Kind.POSES, write_tum(tmp_path / "p", RECORDED_S, tipped)), old())
+    found = aligned(beside(MotionKind.POSES, write_tum(tmp_path / "p", RECORDED_S, tipped)), old())
     assert found.scale == pytest.approx(OLD_SCALE, rel=1e-3)
     assert "z axis is hardly up" in verdict._tilt_doubts(found.poses(old()))[0]
     assert verdict._tilt_doubts(TRUTH) == []
@@ -145,7 +145,7 @@ def test_poses_along_a_straight_line_do_not_say_what_is_up(tmp_path: Path) -> No
     def straight(t_s: FloatArray) -> FloatArray:
         return frames.transform(np.tile([1.0, 0.0, 0.0, 0.0], (len(t_s), 1)), np.outer(t_s - 50.0, [1.0, 0.2, 0.0]))
 
-    images = beside(Kind.POSES, write_tum(tmp_path / "p", RECORDED_S, straight(RECORDED_S)))
+    images = beside(MotionKind.POSES, write_tum(tmp_path / "p", RECORDED_S, straight(RECORDED_S)))
     found = aligned(images, old(straight(IMAGES_S)))
     assert found.up_source == "first image taken as level"
     assert found.motions[0].late_s is None
@@ -153,7 +153,7 @@ def test_poses_along_a_straight_line_do_not_say_what_is_up(tmp_path: Path) -> No
 
 def test_places_that_were_passed_twice_are_matched(tmp_path: Path) -> None:
     path = write_tum(tmp_path / "o", RECORDED_S, pose(RECORDED_S))
-    images = beside(Kind.ODOMETRY, path)
+    images = beside(MotionKind.ODOMETRY, path)
     near = pairing.near_in_space(images, 4)
     assert near
     assert all(b - a > 4 for a, b in near)
@@ -193,7 +193,7 @@ def test_each_fault_of_the_file_is_named(tmp_path: Path, change: Callable, said:
     change(rows)
     path.write_text("\n".join([head, *(" ".join(row) for row in rows)]))
     with pytest.raises((InputError, FormatError)) as raised:
-        beside(Kind.POSES, path)
+        beside(MotionKind.POSES, path)
     assert said in str(raised.value)
     assert str(path) in str(raised.value)
 
@@ -208,13 +208,13 @@ def test_files_that_hold_no_poses_and_images_without_times_are_refused(tmp_path:
     with pytest.raises(FormatError, match="has 0 poses"):
         trajectory.read(tmp_path / "empty")
     path = write_tum(tmp_path / "p", RECORDED_S, pose(RECORDED_S))
-    untimed = dataclasses.replace(beside(Kind.POSES, path), time_s=np.full(COUNT, np.nan))
+    untimed = dataclasses.replace(beside(MotionKind.POSES, path), time_s=np.full(COUNT, np.nan))
     with pytest.raises(InputError, match="have no times"):
-        untimed.beside({Kind.POSES: path})
+        untimed.beside({MotionKind.POSES: path})
 
 
 def test_positions_are_not_given_twice(tmp_path: Path) -> None:
-    images = beside(Kind.POSES, write_tum(tmp_path / "p", RECORDED_S, pose(RECORDED_S)))
+    images = beside(MotionKind.POSES, write_tum(tmp_path / "p", RECORDED_S, pose(RECORDED_S)))
     (tmp_path / "references.csv").write_text("image,x_m,y_m,z_m\n003.jpg,1,2,3\n")
     with pytest.raises(InputError, match="leave the positions of one out"):
         alignment.read_references(images)
